@@ -1,0 +1,3 @@
+//! Rules of this workspace that a program can check.
+#[test]
+fn placeholder() {}

@@ -1,0 +1,2 @@
+//! Set-up, demo, tests and measurements of the workspace.
+fn main() {}
