@@ -1,3 +1,21 @@
-//! Core of a control stack for discretely actuated arms.
+//! Core of a control stack for discretely actuated arms: the same source on the chip and on the host.
+//!
+//! `no_std`, no heap, no panic on input. Modules, lowest first; imports run downward only:
+//!
+//! | module        | holds                                                                                     |
+//! |---------------|-------------------------------------------------------------------------------------------|
+//! | [`units`]     | what travels or is easily swapped: time, words, identities                                |
+//! | [`output`]    | how coils, switches and servos are wired, and the limits that no sender can exceed         |
+//! | [`table`]     | a program of timed rows, valid by construction                                            |
+//! | [`sequencer`] | the state machine `step(now, seen) -> outputs` that runs a table                          |
+//! | [`wire`]      | the protocol between host and board                                                       |
+//!
+//! SI units and radians; time in microseconds on the board's clock.
 #![no_std]
 #![forbid(unsafe_code)]
+
+pub mod output;
+pub mod sequencer;
+pub mod table;
+pub mod units;
+pub mod wire;

@@ -1,0 +1,483 @@
+//! Runs a table: a pure state machine that looks, decides and says what the outputs are to be. It owns every limit.
+//!
+//! ```text
+//!            play              servos are there            end, stop
+//!   Idle ───────────► Approaching ───────────► Playing ───────────► Idle
+//!    │  ▲ stop             │                      │
+//!    ▼  │                  │ a limit breaks,      │
+//!   Manual ────────────────┴── a switch or servo ─┴──► Safe ──clear──► Idle
+//!                              contradicts
+//! ```
+//!
+//! `Safe` is latched: all coils without current, servos held where they are, until somebody clears it.
+//! [`Sequencer::step`] is called once a millisecond with what the board sees and returns what the board drives.
+
+mod coils;
+mod fault;
+
+use crate::output::{MAX_SERVOS, ServoWiring};
+use crate::table::{Row, ServoAngles, Table};
+use crate::units::{Micros, Word};
+use coils::Coils;
+pub use fault::{Fault, FaultKind};
+use serde::{Deserialize, Serialize};
+
+/// What the board sees in one tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Seen {
+    /// Limit switches: bit `i` is input `i`, high when closed.
+    pub switches: u32,
+    /// What each servo answered last.
+    pub servos: [ServoSeen; MAX_SERVOS],
+}
+
+/// The last answer of one servo.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ServoSeen {
+    /// Joint angle.
+    pub angle_rad: f32,
+    /// Load as a share of the servo's own torque, 0 to 1.
+    pub load: f32,
+    /// Error bits of its status byte, 0 when it is well.
+    pub error: u8,
+    /// When it answered; `None` before its first answer.
+    pub answered: Option<Micros>,
+}
+
+/// What the board drives until the next tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Outputs {
+    /// Lines of the output chain: bit `i` is line `i`.
+    pub lines: u64,
+    /// Output enable of the chain; without it no line carries current.
+    pub enabled: bool,
+    /// Where each servo is to go; `None` leaves it without torque.
+    pub servos: [Option<ServoTarget>; MAX_SERVOS],
+}
+
+/// Where one servo is to go, and how.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ServoTarget {
+    /// Joint angle.
+    pub angle_rad: f32,
+    /// Speed on the way.
+    pub speed_rad_s: f32,
+    /// Largest torque as a share of the servo's own, 0 to 1.
+    pub torque: f32,
+}
+
+/// What the sequencer does now.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Phase {
+    /// No coil carries current.
+    Idle,
+    /// Coils, words or servos are set by hand.
+    Manual,
+    /// The servos go to the first row, slowly.
+    Approaching {
+        /// Since when.
+        since: Micros,
+    },
+    /// Rows run.
+    Playing {
+        /// When the program started.
+        started: Micros,
+        /// The row that is due next.
+        next: u16,
+    },
+    /// Latched after a fault.
+    Safe(Fault),
+}
+
+/// What a person or a host asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Command {
+    /// Run the table from its first row.
+    Play,
+    /// All coils off, at once.
+    Stop,
+    /// Leave the safe state.
+    Clear,
+    /// One coil on for so long; 0 ms switches it off.
+    Coil {
+        /// Number of the coil.
+        coil: u8,
+        /// How long.
+        on_ms: u32,
+    },
+    /// All actuators to these digits, as fast as the supply can feed them.
+    Word(Word),
+    /// One servo to this angle.
+    Servo {
+        /// Index of the servo joint.
+        servo: u8,
+        /// Joint angle.
+        angle_rad: f32,
+    },
+}
+
+/// Why a command is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum CommandError {
+    /// No table is loaded.
+    NoTable,
+    /// The safe state is latched; clear it first.
+    Safe,
+    /// A program runs; stop it first.
+    Playing,
+    /// There is no such coil, servo or word.
+    NotWired,
+    /// The coil may not be on for so long.
+    OnTooLong {
+        /// How long it may be on.
+        max_ms: u32,
+    },
+    /// The angle is out of the joint's range.
+    ServoRange {
+        /// Smallest angle.
+        min_rad: f32,
+        /// Largest angle.
+        max_rad: f32,
+    },
+}
+
+impl core::fmt::Display for CommandError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::NoTable => f.write_str("no table is loaded; upload one first"),
+            Self::Safe => f.write_str("a fault is latched; look at it, then clear it"),
+            Self::Playing => f.write_str("a program runs; stop it first"),
+            Self::NotWired => f.write_str("no such coil, servo or word in the loaded wiring"),
+            Self::OnTooLong { max_ms } => write!(f, "this coil may be on for at most {max_ms} ms"),
+            Self::ServoRange { min_rad, max_rad } => {
+                write!(f, "this joint goes from {:.1} to {:.1} deg", min_rad.to_degrees(), max_rad.to_degrees())
+            }
+        }
+    }
+}
+
+impl core::error::Error for CommandError {}
+
+/// What happened.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Event {
+    /// The board started.
+    Booted,
+    /// A program started.
+    Started,
+    /// A row went out to the coils.
+    Row {
+        /// Its index.
+        row: u16,
+        /// Its word.
+        word: Word,
+    },
+    /// The program ran to its end.
+    Finished,
+    /// Somebody stopped it.
+    Stopped,
+    /// The safe state was latched.
+    Fault(Fault),
+    /// The safe state was cleared.
+    Cleared,
+}
+
+/// The servos get this share of their speed on the way to the first row.
+const APPROACH_SPEED: f32 = 0.25;
+/// A servo has reached the first row when it is this near.
+const APPROACH_TOLERANCE_RAD: f32 = 0.01;
+/// The approach may take so long.
+const APPROACH_TIMEOUT: Micros = Micros::from_millis(30_000);
+/// A servo may be seen this far out of its range before that is a fault: overshoot and resolution.
+const RANGE_MARGIN_RAD: f32 = 0.02;
+
+/// The state machine. It borrows the table, so that the board can hand it over without copying it.
+#[derive(Debug)]
+pub struct Sequencer<'t> {
+    table: Option<&'t mut Table>,
+    phase: Phase,
+    coils: Coils,
+    enabled: bool,
+    servos: [Option<ServoTarget>; MAX_SERVOS],
+    now: Micros,
+    events: heapless::Deque<(Micros, Event), 8>,
+}
+
+impl<'t> Default for Sequencer<'t> {
+    fn default() -> Self {
+        Self {
+            table: None,
+            phase: Phase::Idle,
+            coils: Coils::default(),
+            enabled: false,
+            servos: [None; MAX_SERVOS],
+            now: Micros(0),
+            events: heapless::Deque::new(),
+        }
+    }
+}
+
+impl<'t> Sequencer<'t> {
+    /// Takes a table to run. The sequencer must be idle; the table comes back if it is not.
+    pub fn load(&mut self, table: &'t mut Table) -> Result<(), &'t mut Table> {
+        if !self.is_idle() || self.table.is_some() {
+            return Err(table);
+        }
+        self.coils.load(table.wiring());
+        self.table = Some(table);
+        Ok(())
+    }
+
+    /// Gives the table back, to be filled anew. Nothing while a program runs or a coil is on by hand.
+    pub fn unload(&mut self) -> Option<&'t mut Table> {
+        if self.is_idle() { self.table.take() } else { None }
+    }
+
+    /// True when nothing runs; the safe state counts, no coil carries current in it.
+    pub fn is_idle(&self) -> bool {
+        matches!(self.phase, Phase::Idle | Phase::Safe(_))
+    }
+
+    /// What it does now.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// The word that the coils hold now.
+    pub fn word(&self) -> Word {
+        self.coils.word()
+    }
+
+    /// The loaded table.
+    pub fn table(&self) -> Option<&Table> {
+        self.table.as_deref()
+    }
+
+    /// The next thing that happened, in order.
+    pub fn next_event(&mut self) -> Option<(Micros, Event)> {
+        self.events.pop_front()
+    }
+
+    /// Looks at what the board sees, decides, and says what the outputs are until the next call.
+    pub fn step(&mut self, now: Micros, seen: &Seen) -> Outputs {
+        let span = now - self.now;
+        self.now = now;
+        if !matches!(self.phase, Phase::Safe(_))
+            && let Err(kind) = self.look(span, seen).and_then(|()| self.advance(seen))
+        {
+            self.enter_safe(kind, seen);
+        }
+        let wired = self.table.as_deref().filter(|_| self.enabled);
+        let lines = wired.map_or(0, |table| self.coils.lines(now, table.wiring()));
+        Outputs { lines, enabled: self.enabled, servos: self.servos }
+    }
+
+    /// Does what is asked or says why not. Outputs change with the next [`step`](Self::step).
+    pub fn command(&mut self, command: Command) -> Result<(), CommandError> {
+        match command {
+            Command::Stop => {
+                self.stop();
+                Ok(())
+            }
+            Command::Clear => {
+                self.clear();
+                Ok(())
+            }
+            Command::Play => self.play(),
+            Command::Coil { .. } | Command::Word(_) | Command::Servo { .. } => self.by_hand(command),
+        }
+    }
+
+    fn play(&mut self) -> Result<(), CommandError> {
+        self.check_free()?;
+        if self.table.as_deref().and_then(Table::end).is_none() {
+            return Err(CommandError::NoTable);
+        }
+        self.coils.rest();
+        self.enabled = true;
+        self.phase = Phase::Approaching { since: self.now };
+        Ok(())
+    }
+
+    fn stop(&mut self) {
+        if matches!(self.phase, Phase::Safe(_)) {
+            return;
+        }
+        if !matches!(self.phase, Phase::Idle) {
+            self.note(Event::Stopped);
+        }
+        self.rest();
+    }
+
+    fn clear(&mut self) {
+        if matches!(self.phase, Phase::Safe(_)) {
+            self.note(Event::Cleared);
+            self.rest();
+        }
+    }
+
+    /// All coils off, nothing runs.
+    fn rest(&mut self) {
+        self.coils.rest();
+        self.phase = Phase::Idle;
+    }
+
+    fn check_free(&self) -> Result<(), CommandError> {
+        match self.phase {
+            Phase::Safe(_) => Err(CommandError::Safe),
+            Phase::Playing { .. } | Phase::Approaching { .. } => Err(CommandError::Playing),
+            Phase::Idle | Phase::Manual => Ok(()),
+        }
+    }
+
+    fn by_hand(&mut self, command: Command) -> Result<(), CommandError> {
+        self.check_free()?;
+        let wiring = self.table.as_deref().ok_or(CommandError::NoTable)?.wiring();
+        match command {
+            Command::Coil { coil, on_ms } => self.coils.pulse(self.now, coil, on_ms, wiring)?,
+            Command::Word(word) => self.coils.want(word, wiring)?,
+            Command::Servo { servo, angle_rad } => {
+                let joint = wiring.servos.get(usize::from(servo)).ok_or(CommandError::NotWired)?;
+                if !(joint.min_rad..=joint.max_rad).contains(&angle_rad) {
+                    return Err(CommandError::ServoRange { min_rad: joint.min_rad, max_rad: joint.max_rad });
+                }
+                self.servos[usize::from(servo)] = Some(target(joint, angle_rad, APPROACH_SPEED));
+            }
+            Command::Play | Command::Stop | Command::Clear => {}
+        }
+        self.enabled = true;
+        self.phase = Phase::Manual;
+        Ok(())
+    }
+
+    /// Everything that must hold before anything moves.
+    fn look(&mut self, span: Micros, seen: &Seen) -> Result<(), FaultKind> {
+        let Some(table) = self.table.as_deref() else {
+            return Ok(());
+        };
+        let wiring = table.wiring();
+        self.coils.pass(self.now, span, wiring)?;
+        if matches!(self.phase, Phase::Playing { .. } | Phase::Manual) {
+            self.coils.check_switches(self.now, seen.switches, wiring)?;
+        }
+        for (index, joint) in wiring.servos.iter().enumerate() {
+            if self.servos[index].is_some() {
+                check_servo(self.now, index as u8, joint, &seen.servos[index])?;
+            }
+        }
+        Ok(())
+    }
+
+    fn advance(&mut self, seen: &Seen) -> Result<(), FaultKind> {
+        match self.phase {
+            Phase::Idle | Phase::Safe(_) => Ok(()),
+            Phase::Manual => {
+                if let Some(table) = self.table.as_deref() {
+                    self.coils.release(self.now, table.wiring());
+                }
+                Ok(())
+            }
+            Phase::Approaching { since } => self.approach(since, seen),
+            Phase::Playing { started, next } => self.run_row(started, next),
+        }
+    }
+
+    fn approach(&mut self, since: Micros, seen: &Seen) -> Result<(), FaultKind> {
+        let Some(first) = self.table.as_deref().and_then(|table| table.rows().first()).cloned() else {
+            return Ok(self.begin());
+        };
+        self.aim(&first.servos, APPROACH_SPEED);
+        let away = first.servos.iter().zip(&seen.servos).position(|(&angle, servo)| {
+            servo.answered.is_none() || (servo.angle_rad - angle).abs() > APPROACH_TOLERANCE_RAD
+        });
+        match away {
+            None => Ok(self.begin()),
+            Some(servo) if self.now - since > APPROACH_TIMEOUT => Err(FaultKind::ServoStalled { servo: servo as u8 }),
+            Some(_) => Ok(()),
+        }
+    }
+
+    fn begin(&mut self) {
+        self.note(Event::Started);
+        self.phase = Phase::Playing { started: self.now, next: 0 };
+        self.coils.begin(self.now);
+    }
+
+    /// At most one row a tick: rows that became due together still go out in their order.
+    fn run_row(&mut self, started: Micros, next: u16) -> Result<(), FaultKind> {
+        let Some(table) = self.table.as_deref() else {
+            return Ok(());
+        };
+        let elapsed = self.now - started;
+        if let Some(row) = table.rows().get(usize::from(next)) {
+            if row.at <= elapsed {
+                let Row { at, word, servos } = row.clone();
+                self.coils.switch(self.now, started + at, word, table.wiring())?;
+                self.aim(&servos, 1.0);
+                self.note(Event::Row { row: next, word });
+                self.phase = Phase::Playing { started, next: next + 1 };
+            }
+        } else if table.end().is_none_or(|end| end <= elapsed) {
+            self.note(Event::Finished);
+            self.rest();
+        }
+        Ok(())
+    }
+
+    fn aim(&mut self, angles: &ServoAngles, speed: f32) {
+        let Some(table) = self.table.as_deref() else {
+            return;
+        };
+        for ((joint, &angle), servo) in table.wiring().servos.iter().zip(angles).zip(&mut self.servos) {
+            *servo = Some(target(joint, angle, speed));
+        }
+    }
+
+    fn enter_safe(&mut self, kind: FaultKind, seen: &Seen) {
+        let row = match self.phase {
+            Phase::Playing { next, .. } => next.checked_sub(1),
+            Phase::Idle | Phase::Manual | Phase::Approaching { .. } | Phase::Safe(_) => None,
+        };
+        let fault = Fault { at: self.now, row, kind };
+        self.note(Event::Fault(fault));
+        self.coils.rest();
+        self.enabled = false;
+        for (servo, now) in self.servos.iter_mut().zip(&seen.servos) {
+            if let Some(servo) = servo {
+                servo.angle_rad = now.angle_rad;
+            }
+        }
+        self.phase = Phase::Safe(fault);
+    }
+
+    /// The owner drains the events after every step, which makes at most three.
+    fn note(&mut self, event: Event) {
+        let _ = self.events.push_back((self.now, event));
+    }
+}
+
+fn target(joint: &ServoWiring, angle_rad: f32, speed: f32) -> ServoTarget {
+    ServoTarget { angle_rad, speed_rad_s: joint.max_speed_rad_s * speed, torque: joint.max_torque }
+}
+
+fn check_servo(now: Micros, servo: u8, joint: &ServoWiring, seen: &ServoSeen) -> Result<(), FaultKind> {
+    let timeout = Micros::from_millis(u32::from(joint.timeout_ms));
+    let Some(answered) = seen.answered else {
+        return Ok(());
+    };
+    let range = joint.min_rad - RANGE_MARGIN_RAD..=joint.max_rad + RANGE_MARGIN_RAD;
+    if now - answered > timeout {
+        Err(FaultKind::ServoSilent { servo })
+    } else if seen.error != 0 {
+        Err(FaultKind::ServoError { servo, bits: seen.error })
+    } else if seen.load > joint.max_torque {
+        Err(FaultKind::ServoTorque { servo, load: seen.load })
+    } else if !range.contains(&seen.angle_rad) {
+        Err(FaultKind::ServoRange { servo, angle_rad: seen.angle_rad })
+    } else {
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

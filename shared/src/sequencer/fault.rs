@@ -1,0 +1,111 @@
+//! What latches the safe state.
+
+use core::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::units::{ActuatorId, Micros};
+
+/// Why, when and in which row the safe state was latched.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fault {
+    /// On the board's clock.
+    pub at: Micros,
+    /// The row that ran, if one ran.
+    pub row: Option<u16>,
+    /// What was wrong.
+    pub kind: FaultKind,
+}
+
+/// What was wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum FaultKind {
+    /// A coil was on for longer than it may.
+    CoilOnTooLong {
+        /// Number of the coil.
+        coil: u8,
+    },
+    /// A coil was on for more than its share of the window.
+    CoilDuty {
+        /// Number of the coil.
+        coil: u8,
+    },
+    /// More coils would have gone on at once than the supply can feed.
+    TooManyCoils,
+    /// A limit switch contradicts the word after the time of travel.
+    Switch {
+        /// Which actuator.
+        actuator: ActuatorId,
+        /// What the word says.
+        expected_closed: bool,
+        /// What the switch says.
+        seen_closed: bool,
+    },
+    /// A servo did not reach the first row in time.
+    ServoStalled {
+        /// Index of the servo joint.
+        servo: u8,
+    },
+    /// A servo stopped answering.
+    ServoSilent {
+        /// Index of the servo joint.
+        servo: u8,
+    },
+    /// A servo reports an error.
+    ServoError {
+        /// Index of the servo joint.
+        servo: u8,
+        /// Its status byte.
+        bits: u8,
+    },
+    /// A servo bears more than it may.
+    ServoTorque {
+        /// Index of the servo joint.
+        servo: u8,
+        /// Load as a share of its own torque.
+        load: f32,
+    },
+    /// A servo was seen out of its range.
+    ServoRange {
+        /// Index of the servo joint.
+        servo: u8,
+        /// Where it was seen.
+        angle_rad: f32,
+    },
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} at {}", self.kind, self.at)?;
+        self.row.map_or(Ok(()), |row| write!(f, ", row {row}"))
+    }
+}
+
+impl fmt::Display for FaultKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let closed = |is: bool| if is { "closed" } else { "open" };
+        match *self {
+            Self::CoilOnTooLong { coil } => write!(f, "coil {coil} was on for longer than it may"),
+            Self::CoilDuty { coil } => write!(f, "coil {coil} was on for more than its share of the window"),
+            Self::TooManyCoils => f.write_str("more coils would have gone on at once than the supply can feed"),
+            Self::Switch { actuator, expected_closed, seen_closed } => write!(
+                f,
+                "actuator {}: limit switch expected {}, seen {}",
+                actuator.0,
+                closed(expected_closed),
+                closed(seen_closed)
+            ),
+            Self::ServoStalled { servo } => write!(f, "servo {servo} did not reach the first row"),
+            Self::ServoSilent { servo } => write!(f, "servo {servo} stopped answering"),
+            Self::ServoError { servo, bits } => {
+                write!(f, "servo {servo} reports error bits {bits:#04x}")
+            }
+            Self::ServoTorque { servo, load } => {
+                write!(f, "servo {servo} bears {:.0} % of its torque", load * 100.0)
+            }
+            Self::ServoRange { servo, angle_rad } => {
+                write!(f, "servo {servo} was seen out of its range at {:.1} deg", angle_rad.to_degrees())
+            }
+        }
+    }
+}

@@ -1,0 +1,1 @@
+//! Bench experiments on the state machine.

@@ -1,0 +1,224 @@
+//! What travels between host and board or is easily swapped: time, actuator numbers, words, identities.
+
+use core::fmt;
+use core::ops::{Add, Sub};
+use core::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+/// A moment or a span on the board's own clock, in microseconds. The core reads no clock: time comes in as an argument.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Micros(pub u64);
+
+impl Micros {
+    /// A span of whole milliseconds.
+    pub const fn from_millis(millis: u32) -> Self {
+        Self(millis as u64 * 1000)
+    }
+}
+
+impl Add for Micros {
+    type Output = Self;
+    fn add(self, span: Self) -> Self {
+        Self(self.0.saturating_add(span.0))
+    }
+}
+
+/// Saturates at zero: a span is never negative.
+impl Sub for Micros {
+    type Output = Self;
+    fn sub(self, earlier: Self) -> Self {
+        Self(self.0.saturating_sub(earlier.0))
+    }
+}
+
+impl fmt::Display for Micros {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}.{:03} s", self.0 / 1_000_000, self.0 / 1000 % 1000)
+    }
+}
+
+/// Number of a discrete actuator, counted along the chain from the base; it is also the index of its digit in a [`Word`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct ActuatorId(pub u8);
+
+/// Fingerprint of the model that a table or a calibration was made for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ModelHash(pub u64);
+
+impl fmt::Display for ModelHash {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:016x}", self.0)
+    }
+}
+
+/// The chip's 96-bit unique number: the serial number of a device.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DeviceId(pub [u8; 12]);
+
+impl fmt::Display for DeviceId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+/// The digits of all discrete actuators: digit `i` is the state of actuator `i`, 0 (contracted) to 3.
+///
+/// Two bits a digit, digit 0 in the lowest bits, so a word is copied and compared as one number.
+#[derive(Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Word {
+    len: u8,
+    bits: u128,
+}
+
+/// Why digits do not make a [`Word`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WordError {
+    /// More digits than [`Word::MAX_LEN`].
+    TooLong {
+        /// How many digits were given.
+        len: usize,
+    },
+    /// A digit above [`Word::MAX_DIGIT`], or a character that is no digit.
+    Digit {
+        /// Index of the digit.
+        at: usize,
+    },
+}
+
+impl fmt::Display for WordError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TooLong { len } => {
+                write!(f, "a word has at most {} digits, not {len}", Word::MAX_LEN)
+            }
+            Self::Digit { at } => write!(f, "digit {} of the word is not one of 0 to {}", at + 1, Word::MAX_DIGIT),
+        }
+    }
+}
+
+impl core::error::Error for WordError {}
+
+impl Word {
+    /// Most digits that a word can hold.
+    pub const MAX_LEN: usize = 64;
+    /// Largest digit: actuators have up to four states.
+    pub const MAX_DIGIT: u8 = 3;
+
+    /// The word with these digits, base first.
+    pub fn new(digits: &[u8]) -> Result<Self, WordError> {
+        let mut word = Self::zeros(u8::try_from(digits.len()).unwrap_or(u8::MAX))
+            .ok_or(WordError::TooLong { len: digits.len() })?;
+        for (at, &digit) in digits.iter().enumerate() {
+            if digit > Self::MAX_DIGIT {
+                return Err(WordError::Digit { at });
+            }
+            word.bits |= u128::from(digit) << (2 * at);
+        }
+        Ok(word)
+    }
+
+    /// The word of `len` zeros, every actuator contracted; `None` if it would be too long.
+    pub const fn zeros(len: u8) -> Option<Self> {
+        if len as usize > Self::MAX_LEN { None } else { Some(Self { len, bits: 0 }) }
+    }
+
+    /// Number of digits.
+    pub const fn len(&self) -> usize {
+        self.len as usize
+    }
+
+    /// True of the word without digits.
+    pub const fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Digit of actuator `index`; 0 beyond the end.
+    pub const fn digit(&self, index: usize) -> u8 {
+        if index < self.len as usize { (self.bits >> (2 * index)) as u8 & Self::MAX_DIGIT } else { 0 }
+    }
+
+    /// The same word with one digit changed; unchanged where index or digit do not exist.
+    #[must_use]
+    pub const fn with_digit(mut self, index: usize, digit: u8) -> Self {
+        if index < self.len as usize && digit <= Self::MAX_DIGIT {
+            self.bits &= !((Self::MAX_DIGIT as u128) << (2 * index));
+            self.bits |= (digit as u128) << (2 * index);
+        }
+        self
+    }
+
+    /// The digits, base first.
+    pub fn iter(&self) -> impl Iterator<Item = u8> + use<> {
+        let word = *self;
+        (0..word.len()).map(move |index| word.digit(index))
+    }
+
+    /// True when no digit can have come from damaged bytes: nothing stands beyond the last digit.
+    pub const fn is_canonical(&self) -> bool {
+        let len = self.len as usize;
+        len == Self::MAX_LEN || (len < Self::MAX_LEN && self.bits >> (2 * len) == 0)
+    }
+}
+
+impl fmt::Display for Word {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.iter().try_for_each(|digit| write!(f, "{digit}"))
+    }
+}
+
+impl fmt::Debug for Word {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Word({self})")
+    }
+}
+
+/// Reads digits; commas, blanks and underscores between them are for the eye.
+impl FromStr for Word {
+    type Err = WordError;
+    fn from_str(text: &str) -> Result<Self, WordError> {
+        let mut digits = [0; Self::MAX_LEN];
+        let mut len = 0;
+        for character in text.chars().filter(|c| !matches!(c, ',' | ' ' | '_')) {
+            let digit = character.to_digit(u32::from(Self::MAX_DIGIT) + 1).ok_or(WordError::Digit { at: len })?;
+            *digits.get_mut(len).ok_or(WordError::TooLong { len: text.len() })? = digit as u8;
+            len += 1;
+        }
+        Self::new(&digits[..len])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    extern crate std;
+    use std::string::ToString;
+
+    #[test]
+    fn text_and_digits_are_inverse() {
+        let word: Word = "000,101,320,001".parse().unwrap();
+        assert_eq!(word.to_string(), "000101320001");
+        assert_eq!(Word::new(&word.iter().collect::<std::vec::Vec<_>>()), Ok(word));
+        assert_eq!(word.digit(6), 3);
+    }
+
+    #[test]
+    fn a_changed_digit_changes_only_itself() {
+        let word: Word = "0123".parse().unwrap();
+        assert_eq!(word.with_digit(2, 1).to_string(), "0113");
+        assert_eq!(word.with_digit(4, 1), word);
+        assert_eq!(word.with_digit(0, 4), word);
+    }
+
+    #[test]
+    fn bad_text_is_told_by_place() {
+        assert_eq!("014".parse::<Word>(), Err(WordError::Digit { at: 2 }));
+        assert_eq!(Word::new(&[0; 65]), Err(WordError::TooLong { len: 65 }));
+    }
+
+    #[test]
+    fn longest_word_keeps_every_digit() {
+        let word = Word::new(&[3; 64]).unwrap();
+        assert!(word.is_canonical() && word.iter().all(|digit| digit == 3));
+    }
+}

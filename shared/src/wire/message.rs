@@ -1,0 +1,226 @@
+//! The messages of protocol version [`crate::wire::PROTOCOL`]: postcard under tag 10 and 90.
+//!
+//! | request     | answer      | runs  | meaning                                                                 |
+//! |-------------|-------------|-------|-------------------------------------------------------------------------|
+//! | `Hello`     | `Hello`     | often | opens a connection; says what is loaded                                 |
+//! | `Status`    | `Status`    | often | what the board does now                                                 |
+//! | `Events`    | `Events`    | often | what happened, from a number on                                         |
+//! | `Begin`     | `Upload`    | often | starts the upload of a table, or resumes the same one where it broke off |
+//! | `Chunk`     | `Upload`    | often | bytes at an offset; the answer says which offset is wanted next          |
+//! | `Commit`    | `Committed` | once  | checks the table, stores it whole and loads it                          |
+//! | `Command`   | `Done`      | once  | play, stop, clear, a coil, a word, a servo                              |
+//! | `Calibrate` | `Done`      | once  | stores the servos' zero offsets                                         |
+//! | `Calibration` | `Calibration` | often | the stored offsets                                                  |
+
+use core::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::output::MAX_SERVOS;
+use crate::sequencer::{Command, CommandError, Event, Phase, ServoSeen};
+use crate::table::TableError;
+use crate::units::{DeviceId, Micros, ModelHash, Word};
+
+/// Tag of requests.
+pub const REQUEST: u8 = 0x10;
+/// Tag of replies.
+pub const REPLY: u8 = 0x90;
+/// Bytes of a table in one chunk, at most.
+pub const CHUNK: usize = 256;
+/// Events in one answer, at most.
+pub const EVENTS: usize = 8;
+
+/// What a host asks.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Request<'a> {
+    /// Opens a connection.
+    Hello {
+        /// Version that the host speaks.
+        protocol: u16,
+    },
+    /// What do you do now?
+    Status,
+    /// What happened since?
+    Events {
+        /// Number of the first event wanted.
+        from: u32,
+    },
+    /// A table follows.
+    Begin(Image),
+    /// A piece of the table.
+    Chunk {
+        /// Where it stands in the image.
+        offset: u32,
+        /// At most [`CHUNK`] bytes.
+        bytes: &'a [u8],
+    },
+    /// Check the table, store it, load it.
+    Commit(Image),
+    /// Do something.
+    Command(Command),
+    /// Store the servos' zero offsets.
+    Calibrate(Calibration),
+    /// Tell the stored offsets.
+    Calibration,
+}
+
+impl Request<'_> {
+    /// True of requests that may run as often as they come.
+    pub const fn is_repeatable(&self) -> bool {
+        !matches!(self, Self::Commit(_) | Self::Command(_) | Self::Calibrate(_))
+    }
+}
+
+/// Which table image an upload carries: the list of [`crate::table::Record`]s, one postcard after the other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Image {
+    /// Its length in bytes.
+    pub len: u32,
+    /// Its CRC-32, as of frames.
+    pub crc: u32,
+    /// The model that it was made for.
+    pub model: ModelHash,
+}
+
+/// Zero offsets of the servos, measured once and kept on the board: joint angle = servo angle − offset.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Calibration {
+    /// The model that they were measured with.
+    pub model: ModelHash,
+    /// Offset of each servo joint, in radians.
+    pub offsets_rad: [f32; MAX_SERVOS],
+}
+
+/// What the board answers: its own time, and the answer or why it refuses.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Reply {
+    /// The board's clock when it answered.
+    pub at: Micros,
+    /// The answer.
+    pub result: Result<Answer, Refusal>,
+}
+
+/// An answer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Answer {
+    /// To `Hello`.
+    Hello(Hello),
+    /// To `Status`.
+    Status(Status),
+    /// To `Events`.
+    Events(Events),
+    /// To `Begin` and `Chunk`: the offset that is wanted next.
+    Upload {
+        /// Bytes that have arrived in order.
+        next: u32,
+    },
+    /// To `Commit`.
+    Committed {
+        /// Rows of the table that is now stored and loaded.
+        rows: u16,
+    },
+    /// It is done.
+    Done,
+    /// To `Calibration`.
+    Calibration(Option<Calibration>),
+}
+
+/// Who answers, and what it holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Hello {
+    /// Version that the board speaks.
+    pub protocol: u16,
+    /// The chip's unique number.
+    pub device: DeviceId,
+    /// The model of the loaded table.
+    pub model: Option<ModelHash>,
+    /// How often the board has started.
+    pub boots: u32,
+    /// Number that the next event will have.
+    pub next_event: u32,
+}
+
+/// What the board does now.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Status {
+    /// What the sequencer does.
+    pub phase: Phase,
+    /// The word that the coils hold.
+    pub word: Word,
+    /// Rows of the loaded table.
+    pub rows: u16,
+    /// The model of the loaded table.
+    pub model: Option<ModelHash>,
+    /// Limit switches as seen.
+    pub switches: u32,
+    /// Servos as seen, as many as are wired.
+    pub servos: heapless::Vec<ServoSeen, MAX_SERVOS>,
+    /// Frames that could not be read since the start.
+    pub bad_frames: u32,
+    /// Latest start of a control tick since the start, in microseconds after its time.
+    pub worst_lateness_us: u32,
+}
+
+/// What happened, in order.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Events {
+    /// Number of the first event in the list; larger than asked for when older ones are lost.
+    pub first: u32,
+    /// The events with the board's time.
+    pub list: heapless::Vec<(Micros, Event), EVENTS>,
+}
+
+/// Why the board does not do what was asked.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Refusal {
+    /// Another host has connected, or the board has started anew: say `Hello`.
+    NotConnected,
+    /// The board speaks another version.
+    Protocol {
+        /// Version that it speaks.
+        board: u16,
+    },
+    /// The request is not known.
+    Unknown,
+    /// A program runs or a coil is on: stop first.
+    Busy,
+    /// There is no upload, or another one.
+    NoUpload,
+    /// The image is longer than a slot.
+    TooLong {
+        /// Longest image in bytes.
+        max: u32,
+    },
+    /// The bytes that arrived are not those that were announced.
+    Damaged,
+    /// The table breaks a limit.
+    Table(TableError),
+    /// The command cannot be done.
+    Command(CommandError),
+    /// The calibration is not for the loaded model.
+    OtherModel,
+    /// The flash could not be written.
+    Storage,
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotConnected => f.write_str("another host is connected or the board has started anew; connect again"),
+            Self::Protocol { board } => write!(f, "the board speaks protocol version {board}; update host or firmware"),
+            Self::Unknown => f.write_str("the request is not known to this firmware"),
+            Self::Busy => f.write_str("a program runs or a coil is on; stop it first"),
+            Self::NoUpload => f.write_str("no upload of this table has begun; start it again"),
+            Self::TooLong { max } => {
+                write!(f, "the table is longer than the {max} bytes of a slot")
+            }
+            Self::Damaged => f.write_str("the bytes that arrived are not the table; upload it again"),
+            Self::Table(error) => error.fmt(f),
+            Self::Command(error) => error.fmt(f),
+            Self::OtherModel => f.write_str("the calibration is for another model than the loaded table"),
+            Self::Storage => f.write_str("the flash could not be written; the old table is still there"),
+        }
+    }
+}
+
+impl core::error::Error for Refusal {}

@@ -1,0 +1,35 @@
+//! The protocol between host and board.
+//!
+//! # Frames
+//!
+//! A frame on the line is `00 COBS(body) 00`; what stands outside frames is text. A body is
+//!
+//! | bytes     | field     | meaning                                                                  |
+//! |-----------|-----------|--------------------------------------------------------------------------|
+//! | 1         | `tag`     | what the payload is, see below                                           |
+//! | 4, LE     | `link`    | random number of the host's connection; 0 in the bootstrap set           |
+//! | 2, LE     | `number`  | counts the requests of a connection; an answer repeats it                |
+//! | 0 to 300  | `payload` |                                                                          |
+//! | 4, LE     | `crc`     | CRC-32 (ISO HDLC) of all bytes before it                                 |
+//!
+//! A body that is damaged, too long or of unknown tag is dropped and counted: the board never answers what it cannot read.
+//!
+//! # Tags
+//!
+//! | request | answer | set                                        | payload                              |
+//! |---------|--------|--------------------------------------------|--------------------------------------|
+//! | 01..05  | 81..85 | bootstrap: never changes, [`bootstrap`]    | fixed bytes                          |
+//! | 10      | 90     | protocol version [`PROTOCOL`], [`message`] | postcard of [`message::Request`], [`message::Reply`] |
+//!
+//! # Exactly once
+//!
+//! A host opens a connection with `Hello` under a new random `link`. A request that changes something runs once: when its
+//! `number` comes again the board repeats the answer; an older one is dropped. Requests that only ask, and the chunks of
+//! an upload, which carry their offset, run as often as they come.
+
+pub mod bootstrap;
+pub mod frame;
+pub mod message;
+
+/// Version of the messages under tag 10. A host of another version can still use the bootstrap set.
+pub const PROTOCOL: u16 = 1;
