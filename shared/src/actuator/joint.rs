@@ -51,14 +51,8 @@ impl<T: Real> Axis<T> {
     /// How the top moves per unit of the value: the same told in the base and in the top.
     pub fn twist(&self) -> Twist<T> {
         match self.kind {
-            JointKind::Revolute => Twist {
-                angular: self.direction,
-                linear: Vec3::zeros(),
-            },
-            JointKind::Prismatic => Twist {
-                angular: Vec3::zeros(),
-                linear: self.direction,
-            },
+            JointKind::Revolute => Twist { angular: self.direction, linear: Vec3::zeros() },
+            JointKind::Prismatic => Twist { angular: Vec3::zeros(), linear: self.direction },
         }
     }
 
@@ -73,9 +67,6 @@ impl<T: Real> Axis<T> {
 
 impl Axis<f64> {
     pub(super) fn cast<U: Real>(&self) -> Axis<U> {
-        Axis {
-            kind: self.kind,
-            direction: cast(&self.direction),
-        }
+        Axis { kind: self.kind, direction: cast(&self.direction) }
     }
 }

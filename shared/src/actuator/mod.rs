@@ -36,11 +36,7 @@ pub type Settings<T> = [Setting<T>; MAX_LEGS];
 impl<T: Real> Setting<T> {
     /// The setting of a joint.
     pub fn of_joint(value: T) -> Self {
-        Self {
-            base: Vec3::zeros(),
-            top: Vec3::zeros(),
-            value,
-        }
+        Self { base: Vec3::zeros(), top: Vec3::zeros(), value }
     }
 }
 
@@ -57,10 +53,7 @@ pub enum Part {
 
 /// One stage of an arm.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[allow(
-    clippy::large_enum_variant,
-    reason = "there is no heap to put the six legs on"
-)]
+#[allow(clippy::large_enum_variant, reason = "there is no heap to put the six legs on")]
 pub enum Stage<T: Real> {
     /// A rigid link: the pose of its top in its base.
     Link(Pose<T>),
@@ -129,9 +122,7 @@ impl<T: Real> Stage<T> {
             return None;
         }
         match self {
-            Self::Discrete(joint) => {
-                Some(Setting::of_joint(*joint.values.get(usize::from(digit))?))
-            }
+            Self::Discrete(joint) => Some(Setting::of_joint(*joint.values.get(usize::from(digit))?)),
             _ => self.leg(leg)?.setting(digit),
         }
     }
@@ -148,13 +139,7 @@ impl<T: Real> Stage<T> {
     }
 
     /// How the top moves, told in its own frame, per unit of one number of actuator `leg` (of a servo joint: leg 0).
-    pub fn twist(
-        &self,
-        settings: &Settings<T>,
-        pose: &Pose<T>,
-        leg: usize,
-        part: Part,
-    ) -> Twist<T> {
+    pub fn twist(&self, settings: &Settings<T>, pose: &Pose<T>, leg: usize, part: Part) -> Twist<T> {
         match (self, part) {
             (Self::Planar(platform), _) => platform.twist(settings, pose, leg, part),
             (Self::Spatial(platform), _) => platform.twist(settings, pose, leg, part),
@@ -194,10 +179,7 @@ impl Stage<f64> {
                 values: joint.values.map(real),
                 states: joint.states,
             }),
-            Self::Servo(joint) => Stage::Servo(ServoJoint {
-                axis: joint.axis.cast(),
-                offset: real(joint.offset),
-            }),
+            Self::Servo(joint) => Stage::Servo(ServoJoint { axis: joint.axis.cast(), offset: real(joint.offset) }),
         }
     }
 }

@@ -94,21 +94,14 @@ pub enum PlatformError {
 impl<T: Real> Leg<T> {
     pub(super) fn setting(&self, digit: u8) -> Option<Setting<T>> {
         let value = *self.length_m.get(usize::from(digit))?;
-        Some(Setting {
-            base: self.base,
-            top: self.top,
-            value,
-        })
+        Some(Setting { base: self.base, top: self.top, value })
     }
 }
 
 impl<T: Real, const LEGS: usize> Platform<T, LEGS> {
     /// Where the motions that the legs govern begin among (ω, v): with ω_z in the plane.
     const FIRST: usize = {
-        assert!(
-            LEGS == 3 || LEGS == 6,
-            "a platform has 3 legs in the plane or 6 in space"
-        );
+        assert!(LEGS == 3 || LEGS == 6, "a platform has 3 legs in the plane or 6 in space");
         if LEGS == 3 { 2 } else { 0 }
     };
 
@@ -117,10 +110,7 @@ impl<T: Real, const LEGS: usize> Platform<T, LEGS> {
         let mut pose = self.home;
         let mut home = None;
         let mut miss = T::zero();
-        let longest = legs
-            .iter()
-            .take(LEGS)
-            .fold(T::default_epsilon(), |most, leg| most.max(leg.value));
+        let longest = legs.iter().take(LEGS).fold(T::default_epsilon(), |most, leg| most.max(leg.value));
         for iterations in 1..=MAX_ITERATIONS {
             let (rows, missing) = Self::rows(legs, &pose);
             let lu = Lu::new(rows);
@@ -136,35 +126,19 @@ impl<T: Real, const LEGS: usize> Platform<T, LEGS> {
                 return in_mode(lu.determinant, home).map(|()| Assembly { pose, iterations });
             }
         }
-        Err(PlatformError::NotAssembled {
-            miss_m: to_f32(miss),
-        })
+        Err(PlatformError::NotAssembled { miss_m: to_f32(miss) })
     }
 
     /// How the top moves, told in its own frame, per unit of one number of `leg`, with all others held.
-    pub(super) fn twist(
-        &self,
-        legs: &[Setting<T>; MAX_LEGS],
-        pose: &Pose<T>,
-        leg: usize,
-        part: Part,
-    ) -> Twist<T> {
+    pub(super) fn twist(&self, legs: &[Setting<T>; MAX_LEGS], pose: &Pose<T>, leg: usize, part: Part) -> Twist<T> {
         let Some(setting) = legs.get(leg) else {
             return Twist::zero();
         };
         let (direction, _) = line(setting, pose);
         let growth = match part {
             Part::Value => T::one(),
-            Part::Base(axis) => direction
-                .get(usize::from(axis))
-                .copied()
-                .unwrap_or(T::zero()),
-            Part::Top(axis) => -pose
-                .rotation
-                .tr_mul(&direction)
-                .get(usize::from(axis))
-                .copied()
-                .unwrap_or(T::zero()),
+            Part::Base(axis) => direction.get(usize::from(axis)).copied().unwrap_or(T::zero()),
+            Part::Top(axis) => -pose.rotation.tr_mul(&direction).get(usize::from(axis)).copied().unwrap_or(T::zero()),
         };
         let growths = core::array::from_fn(|k| if k == leg { growth } else { T::zero() });
         Self::to_twist(&Lu::new(Self::rows(legs, pose).0).solve(&growths))
@@ -172,12 +146,7 @@ impl<T: Real, const LEGS: usize> Platform<T, LEGS> {
 
     /// What each leg pushes with, N, when `load` acts on the top, told in the top's frame. In the plane the part of
     /// the load out of the plane is borne by guides.
-    pub(super) fn loads(
-        &self,
-        legs: &[Setting<T>; MAX_LEGS],
-        pose: &Pose<T>,
-        load: &Wrench<T>,
-    ) -> [T; MAX_LEGS] {
+    pub(super) fn loads(&self, legs: &[Setting<T>; MAX_LEGS], pose: &Pose<T>, load: &Wrench<T>) -> [T; MAX_LEGS] {
         let forces = Lu::new(Self::rows(legs, pose).0).solve_transposed(&Self::governed(&-*load));
         core::array::from_fn(|k| forces.get(k).copied().unwrap_or(T::zero()))
     }
@@ -188,10 +157,7 @@ impl<T: Real, const LEGS: usize> Platform<T, LEGS> {
         let mut missing = [T::zero(); LEGS];
         for ((row, missing), leg) in rows.iter_mut().zip(&mut missing).zip(legs) {
             let (direction, length) = line(leg, pose);
-            *row = Self::governed(&Wrench::of_force(
-                pose.rotation.tr_mul(&direction),
-                &leg.top,
-            ));
+            *row = Self::governed(&Wrench::of_force(pose.rotation.tr_mul(&direction), &leg.top));
             *missing = leg.value - length;
         }
         (rows, missing)
@@ -210,20 +176,14 @@ impl<T: Real, const LEGS: usize> Platform<T, LEGS> {
             *component = *motion;
         }
         let [x, y, z, vx, vy, vz] = six;
-        Twist {
-            angular: Vec3::new(x, y, z),
-            linear: Vec3::new(vx, vy, vz),
-        }
+        Twist { angular: Vec3::new(x, y, z), linear: Vec3::new(vx, vy, vz) }
     }
 }
 
 impl<const LEGS: usize> Platform<f64, LEGS> {
     /// The same platform in numbers of type `U`.
     pub fn cast<U: Real>(&self) -> Platform<U, LEGS> {
-        Platform {
-            legs: self.legs.map(|leg| leg.cast()),
-            home: self.home.cast(),
-        }
+        Platform { legs: self.legs.map(|leg| leg.cast()), home: self.home.cast() }
     }
 }
 
@@ -257,46 +217,29 @@ fn tolerance<T: Real>() -> T {
 
 /// A long step shortened, so that the iteration cannot jump into another assembly mode.
 fn limited<T: Real>(step: Twist<T>, length: T) -> Twist<T> {
-    let square = step
-        .angular
-        .norm_squared()
-        .max(step.linear.norm_squared() / (length * length));
-    if square > real(MAX_STEP * MAX_STEP) {
-        step * (real::<T>(MAX_STEP) / square.sqrt())
-    } else {
-        step
-    }
+    let square = step.angular.norm_squared().max(step.linear.norm_squared() / (length * length));
+    if square > real(MAX_STEP * MAX_STEP) { step * (real::<T>(MAX_STEP) / square.sqrt()) } else { step }
 }
 
 fn checked<T: Real>(determinant: T) -> Result<(), PlatformError> {
     if determinant.abs() > real(MIN_DETERMINANT) {
         return Ok(());
     }
-    Err(PlatformError::NearSingular {
-        determinant: to_f32(determinant),
-        least: MIN_DETERMINANT as f32,
-    })
+    Err(PlatformError::NearSingular { determinant: to_f32(determinant), least: MIN_DETERMINANT as f32 })
 }
 
 fn in_mode<T: Real>(determinant: T, home: T) -> Result<(), PlatformError> {
     if determinant * home > T::zero() {
         return Ok(());
     }
-    Err(PlatformError::OtherMode {
-        determinant: to_f32(determinant),
-        home: to_f32(home),
-    })
+    Err(PlatformError::OtherMode { determinant: to_f32(determinant), home: to_f32(home) })
 }
 
 impl fmt::Display for PlatformError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotAssembled { miss_m } => {
-                write!(
-                    f,
-                    "the legs cannot be assembled: one is missed by {:.3} mm",
-                    miss_m * 1e3
-                )
+                write!(f, "the legs cannot be assembled: one is missed by {:.3} mm", miss_m * 1e3)
             }
             Self::NearSingular { determinant, least } => {
                 write!(
@@ -305,10 +248,7 @@ impl fmt::Display for PlatformError {
                 )
             }
             Self::OtherMode { determinant, home } => {
-                write!(
-                    f,
-                    "the platform left its assembly mode: determinant {determinant:.3}, at home {home:.3}"
-                )
+                write!(f, "the platform left its assembly mode: determinant {determinant:.3}, at home {home:.3}")
             }
         }
     }

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::arms::{planar_module, spatial_module};
+use crate::arms::{planar_module, seeded, spatial_module};
 use crate::real::real;
 
 fn settings<const LEGS: usize>(platform: &Platform<f64, LEGS>, shares: &[f64]) -> Settings<f64> {
@@ -12,23 +12,18 @@ fn settings<const LEGS: usize>(platform: &Platform<f64, LEGS>, shares: &[f64]) -
             return Setting::of_joint(0.0);
         };
         let [short, long, ..] = leg.length_m;
-        Setting {
-            base: leg.base,
-            top: leg.top,
-            value: short + shares[k] * (long - short),
-        }
+        Setting { base: leg.base, top: leg.top, value: short + shares[k] * (long - short) }
     })
 }
 
 /// The farthest that a leg is from its length, m.
 fn miss<const LEGS: usize>(legs: &Settings<f64>, pose: &Pose<f64>) -> f64 {
-    legs.iter()
-        .take(LEGS)
-        .map(|leg| ((*pose * leg.top - leg.base).norm() - leg.value).abs())
-        .fold(0.0, f64::max)
+    legs.iter().take(LEGS).map(|leg| ((*pose * leg.top - leg.base).norm() - leg.value).abs()).fold(0.0, f64::max)
 }
 
 proptest! {
+    #![proptest_config(seeded(256))]
+
     #[test]
     fn planar_legs_have_their_lengths(shares in prop::array::uniform3(-0.1..1.1)) {
         let module = planar_module();
@@ -110,16 +105,8 @@ fn the_contracted_module_stands_at_home() {
 #[test]
 fn legs_too_short_cannot_be_assembled() {
     let module = planar_module();
-    let error = module
-        .assemble(&settings(&module, &[-3.0, -3.0, 0.0]))
-        .unwrap_err();
-    assert!(
-        matches!(
-            error,
-            PlatformError::NotAssembled { .. } | PlatformError::NearSingular { .. }
-        ),
-        "{error}"
-    );
+    let error = module.assemble(&settings(&module, &[-3.0, -3.0, 0.0])).unwrap_err();
+    assert!(matches!(error, PlatformError::NotAssembled { .. } | PlatformError::NearSingular { .. }), "{error}");
 }
 
 #[test]
@@ -129,10 +116,7 @@ fn three_parallel_legs_are_singular() {
     module.legs[1].top.x = 0.0;
     module.legs[1].length_m = [1.0, 1.25, 0.0, 0.0];
     let error = module.assemble(&settings(&module, &[0.0; 3])).unwrap_err();
-    assert!(
-        matches!(error, PlatformError::NearSingular { .. }),
-        "{error}"
-    );
+    assert!(matches!(error, PlatformError::NearSingular { .. }), "{error}");
 }
 
 #[test]

@@ -91,7 +91,7 @@ impl<T: Real, const N: usize> Default for Scratch<T, N> {
             stages: [Pose::identity(); N],
             tops: [Pose::identity(); N],
             pose_base_tool: Pose::identity(),
-            word: Word::zeros(0),
+            word: Word::default(),
         }
     }
 }
@@ -119,16 +119,12 @@ impl<T: Real, const N: usize> Chain<T, N> {
 
     /// The stage of each actuator and its number within that stage, in the order of the digits.
     pub fn actuators(&self) -> impl Iterator<Item = (usize, usize)> {
-        self.stages
-            .iter()
-            .enumerate()
-            .flat_map(|(stage, kind)| (0..kind.n_actuators()).map(move |leg| (stage, leg)))
+        self.stages.iter().enumerate().flat_map(|(stage, kind)| (0..kind.n_actuators()).map(move |leg| (stage, leg)))
     }
 
     /// How many states an actuator has; 0 past the last.
     pub fn n_states(&self, actuator: usize) -> usize {
-        self.actuator(actuator)
-            .map_or(0, |(stage, leg)| self.stages[stage].n_states(leg))
+        self.actuator(actuator).map_or(0, |(stage, leg)| self.stages[stage].n_states(leg))
     }
 
     /// Pose of the tool in the base for `word` and the positions of the `servos`, rad or m.
@@ -143,22 +139,14 @@ impl<T: Real, const N: usize> Chain<T, N> {
     }
 
     /// Writes what each actuator is set to, and leaves the poses of `scratch` as they were.
-    pub fn configure(
-        &self,
-        word: &Word,
-        servos: &[T],
-        scratch: &mut Scratch<T, N>,
-    ) -> Result<(), ChainError> {
+    pub fn configure(&self, word: &Word, servos: &[T], scratch: &mut Scratch<T, N>) -> Result<(), ChainError> {
         let (actuators, digits) = (self.n_actuators(), word.len());
         if actuators != digits {
             return Err(ChainError::WordLength { actuators, digits });
         }
         let (servo_joints, positions) = (self.n_servos(), servos.len());
         if servo_joints != positions {
-            return Err(ChainError::ServoCount {
-                servos: servo_joints,
-                positions,
-            });
+            return Err(ChainError::ServoCount { servos: servo_joints, positions });
         }
         let (mut actuator, mut servos) = (0, servos.iter());
         for (stage, settings) in self.stages.iter().zip(&mut scratch.settings) {
@@ -184,12 +172,7 @@ impl<T: Real, const N: usize> Chain<T, N> {
         let mut T_base_top = self.mount;
         for (index, stage) in self.stages.iter().enumerate() {
             let pose =
-                stage
-                    .pose(&scratch.settings[index])
-                    .map_err(|reason| ChainError::Platform {
-                        stage: index,
-                        reason,
-                    })?;
+                stage.pose(&scratch.settings[index]).map_err(|reason| ChainError::Platform { stage: index, reason })?;
             T_base_top = T_base_top * pose;
             scratch.stages[index] = pose;
             scratch.tops[index] = T_base_top;
@@ -199,11 +182,7 @@ impl<T: Real, const N: usize> Chain<T, N> {
     }
 
     fn servo_stages(&self) -> impl Iterator<Item = usize> {
-        self.stages
-            .iter()
-            .enumerate()
-            .filter(|(_, stage)| matches!(stage, Stage::Servo(_)))
-            .map(|(index, _)| index)
+        self.stages.iter().enumerate().filter(|(_, stage)| matches!(stage, Stage::Servo(_))).map(|(index, _)| index)
     }
 }
 
@@ -222,26 +201,13 @@ impl fmt::Display for ChainError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::WordLength { actuators, digits } => {
-                write!(
-                    f,
-                    "the word has {digits} digits, the arm has {actuators} actuators"
-                )
+                write!(f, "the word has {digits} digits, the arm has {actuators} actuators")
             }
             Self::ServoCount { servos, positions } => {
-                write!(
-                    f,
-                    "{positions} servo positions are given, the arm has {servos} servo joints"
-                )
+                write!(f, "{positions} servo positions are given, the arm has {servos} servo joints")
             }
-            Self::NoSuchState {
-                actuator,
-                digit,
-                states,
-            } => {
-                write!(
-                    f,
-                    "digit {digit} is no state of actuator {actuator}, which has {states}"
-                )
+            Self::NoSuchState { actuator, digit, states } => {
+                write!(f, "digit {digit} is no state of actuator {actuator}, which has {states}")
             }
             Self::Platform { stage, reason } => write!(f, "stage {stage}: {reason}"),
         }

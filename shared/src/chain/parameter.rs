@@ -68,16 +68,10 @@ impl<T: Real, const N: usize> Chain<T, N> {
         match parameter {
             Parameter::Stop { actuator, state } => {
                 let (stage, leg) = self.actuator(actuator.into())?;
-                self.stages[stage]
-                    .setting(leg, state)
-                    .map(|setting| setting.value)
+                self.stages[stage].setting(leg, state).map(|setting| setting.value)
             }
-            Parameter::BaseAnchor { actuator, axis } => {
-                self.leg(actuator)?.base.get(usize::from(axis)).copied()
-            }
-            Parameter::TopAnchor { actuator, axis } => {
-                self.leg(actuator)?.top.get(usize::from(axis)).copied()
-            }
+            Parameter::BaseAnchor { actuator, axis } => self.leg(actuator)?.base.get(usize::from(axis)).copied(),
+            Parameter::TopAnchor { actuator, axis } => self.leg(actuator)?.top.get(usize::from(axis)).copied(),
             Parameter::ServoOffset { servo } => match self.stages.get(self.servo(servo)?)? {
                 Stage::Servo(joint) => Some(joint.offset),
                 _ => None,
@@ -94,12 +88,12 @@ impl<T: Real, const N: usize> Chain<T, N> {
     /// Gives a parameter another value.
     pub fn set(&mut self, parameter: Parameter, value: T) -> Result<(), NoSuchParameter> {
         let done = match parameter {
-            Parameter::Link { component, .. }
-            | Parameter::Mount { component }
-            | Parameter::Tool { component } => self.pose_mut(parameter).and_then(|pose| {
-                *pose = pose.with_coordinate(component, value)?;
-                Some(())
-            }),
+            Parameter::Link { component, .. } | Parameter::Mount { component } | Parameter::Tool { component } => {
+                self.pose_mut(parameter).and_then(|pose| {
+                    *pose = pose.with_coordinate(component, value)?;
+                    Some(())
+                })
+            }
             _ => self.number_mut(parameter).map(|number| *number = value),
         };
         done.ok_or(NoSuchParameter(parameter))
@@ -111,29 +105,19 @@ impl<T: Real, const N: usize> Chain<T, N> {
     /// Zero for a number that has no part in this posture, such as a stop that the word does not use.
     pub fn derivative(&self, parameter: Parameter, scratch: &Scratch<T, N>) -> Twist<T> {
         self.moved_frame(parameter, scratch)
-            .map_or(Twist::zero(), |(T_base_top, twist)| {
-                T_base_top
-                    .to(&scratch.pose_base_tool)
-                    .adjoint_inverse(&twist)
-            })
+            .map_or(Twist::zero(), |(T_base_top, twist)| T_base_top.to(&scratch.pose_base_tool).adjoint_inverse(&twist))
     }
 
     /// The columns of the Jacobian: how the tool moves, told in its own frame, per unit of each servo's position.
     pub fn servo_jacobian(&self, scratch: &Scratch<T, N>) -> impl Iterator<Item = Twist<T>> {
         self.servo_stages().map(|stage| {
             let twist = self.stage_twist(scratch, stage, 0, Part::Value);
-            scratch.tops[stage]
-                .to(&scratch.pose_base_tool)
-                .adjoint_inverse(&twist)
+            scratch.tops[stage].to(&scratch.pose_base_tool).adjoint_inverse(&twist)
         })
     }
 
     /// The frame next after a parameter, in the base, and how it moves, told in itself.
-    fn moved_frame(
-        &self,
-        parameter: Parameter,
-        scratch: &Scratch<T, N>,
-    ) -> Option<(Pose<T>, Twist<T>)> {
+    fn moved_frame(&self, parameter: Parameter, scratch: &Scratch<T, N>) -> Option<(Pose<T>, Twist<T>)> {
         let (actuator, part) = match parameter {
             Parameter::Stop { actuator, state } => {
                 let index = usize::from(actuator);
@@ -146,10 +130,7 @@ impl<T: Real, const N: usize> Chain<T, N> {
             Parameter::TopAnchor { actuator, axis } => (actuator, Part::Top(axis)),
             Parameter::ServoOffset { servo } => {
                 let stage = self.servo(servo)?;
-                return Some((
-                    *scratch.tops.get(stage)?,
-                    self.stage_twist(scratch, stage, 0, Part::Value),
-                ));
+                return Some((*scratch.tops.get(stage)?, self.stage_twist(scratch, stage, 0, Part::Value)));
             }
             Parameter::Link { stage, component } => {
                 let stage = usize::from(stage);
@@ -162,26 +143,14 @@ impl<T: Real, const N: usize> Chain<T, N> {
                 return Some((self.mount, self.mount.coordinate_twist(component)));
             }
             Parameter::Tool { component } => {
-                return Some((
-                    scratch.pose_base_tool,
-                    self.tool.coordinate_twist(component),
-                ));
+                return Some((scratch.pose_base_tool, self.tool.coordinate_twist(component)));
             }
         };
         let (stage, leg) = self.actuator(actuator.into())?;
-        Some((
-            scratch.tops[stage],
-            self.stage_twist(scratch, stage, leg, part),
-        ))
+        Some((scratch.tops[stage], self.stage_twist(scratch, stage, leg, part)))
     }
 
-    fn stage_twist(
-        &self,
-        scratch: &Scratch<T, N>,
-        stage: usize,
-        leg: usize,
-        part: Part,
-    ) -> Twist<T> {
+    fn stage_twist(&self, scratch: &Scratch<T, N>, stage: usize, leg: usize, part: Part) -> Twist<T> {
         self.stages[stage].twist(&scratch.settings[stage], &scratch.stages[stage], leg, part)
     }
 
@@ -202,12 +171,8 @@ impl<T: Real, const N: usize> Chain<T, N> {
     fn number_mut(&mut self, parameter: Parameter) -> Option<&mut T> {
         match parameter {
             Parameter::Stop { actuator, state } => self.stop_mut(actuator, state),
-            Parameter::BaseAnchor { actuator, axis } => {
-                self.leg_mut(actuator)?.base.get_mut(usize::from(axis))
-            }
-            Parameter::TopAnchor { actuator, axis } => {
-                self.leg_mut(actuator)?.top.get_mut(usize::from(axis))
-            }
+            Parameter::BaseAnchor { actuator, axis } => self.leg_mut(actuator)?.base.get_mut(usize::from(axis)),
+            Parameter::TopAnchor { actuator, axis } => self.leg_mut(actuator)?.top.get_mut(usize::from(axis)),
             Parameter::ServoOffset { servo } => {
                 let stage = self.servo(servo)?;
                 match &mut self.stages[stage] {

@@ -35,34 +35,22 @@ pub struct Pose<T: Real> {
 impl<T: Real> Pose<T> {
     /// The pose of a frame in itself.
     pub fn identity() -> Self {
-        Self {
-            rotation: Matrix3::identity(),
-            position: Vector3::zeros(),
-        }
+        Self { rotation: Matrix3::identity(), position: Vector3::zeros() }
     }
 
     /// A frame with its origin at `position`, turned by `rotation_vector` (axis times angle, rad).
     pub fn new(rotation_vector: &Vec3<T>, position: Vec3<T>) -> Self {
-        Self {
-            rotation: rotation_exp(rotation_vector),
-            position,
-        }
+        Self { rotation: rotation_exp(rotation_vector), position }
     }
 
     /// A frame with its origin at `position`, not turned.
     pub fn at(position: Vec3<T>) -> Self {
-        Self {
-            rotation: Matrix3::identity(),
-            position,
-        }
+        Self { rotation: Matrix3::identity(), position }
     }
 
     /// The pose `T_b_a` of this `T_a_b`.
     pub fn inverse(&self) -> Self {
-        Self {
-            rotation: self.rotation.transpose(),
-            position: -self.rotation.tr_mul(&self.position),
-        }
+        Self { rotation: self.rotation.transpose(), position: -self.rotation.tr_mul(&self.position) }
     }
 
     /// `self⁻¹ · other`: the pose of `other` as seen from `self`.
@@ -78,10 +66,7 @@ impl<T: Real> Pose<T> {
         let w = &twist.angular;
         let f = Factors::of(w);
         let turn = w.cross(&twist.linear);
-        Self {
-            rotation: f.rotation(w),
-            position: twist.linear + turn * f.versine + w.cross(&turn) * f.excess,
-        }
+        Self { rotation: f.rotation(w), position: twist.linear + turn * f.versine + w.cross(&turn) * f.excess }
     }
 
     /// The twist with the least rotation whose [`exp`](Self::exp) is this pose; the angle is within 0..=π.
@@ -95,19 +80,14 @@ impl<T: Real> Pose<T> {
     /// The motion `twist`, told in the moving frame, told in the frame of reference: Ad(T)·V.
     pub fn adjoint(&self, twist: &Twist<T>) -> Twist<T> {
         let angular = self.rotation * twist.angular;
-        Twist {
-            angular,
-            linear: self.rotation * twist.linear + self.position.cross(&angular),
-        }
+        Twist { angular, linear: self.rotation * twist.linear + self.position.cross(&angular) }
     }
 
     /// The motion `twist`, told in the frame of reference, told in the moving frame: Ad(T⁻¹)·V.
     pub fn adjoint_inverse(&self, twist: &Twist<T>) -> Twist<T> {
         Twist {
             angular: self.rotation.tr_mul(&twist.angular),
-            linear: self
-                .rotation
-                .tr_mul(&(twist.linear - self.position.cross(&twist.angular))),
+            linear: self.rotation.tr_mul(&(twist.linear - self.position.cross(&twist.angular))),
         }
     }
 
@@ -115,9 +95,7 @@ impl<T: Real> Pose<T> {
     /// Ad(T)ᵀ·F, so that the power of a load is the same in both frames.
     pub fn wrench_inverse(&self, wrench: &Wrench<T>) -> Wrench<T> {
         Wrench {
-            moment: self
-                .rotation
-                .tr_mul(&(wrench.moment - self.position.cross(&wrench.force))),
+            moment: self.rotation.tr_mul(&(wrench.moment - self.position.cross(&wrench.force))),
             force: self.rotation.tr_mul(&wrench.force),
         }
     }
@@ -139,9 +117,7 @@ impl<T: Real> Pose<T> {
     /// One of the six numbers of the pose: of its rotation vector (0, 1, 2; rad) or position (3, 4, 5; m).
     pub fn coordinate(&self, component: u8) -> Option<T> {
         match component {
-            0..3 => rotation_log(&self.rotation)
-                .get(usize::from(component))
-                .copied(),
+            0..3 => rotation_log(&self.rotation).get(usize::from(component)).copied(),
             _ => self.position.get(usize::from(component) - 3).copied(),
         }
     }
@@ -162,15 +138,7 @@ impl<T: Real> Pose<T> {
     /// How the pose moves, told in its own frame, per unit of one of its six numbers.
     pub fn coordinate_twist(&self, component: u8) -> Twist<T> {
         let mut twist = Twist::zero();
-        let unit = |axis: u8| {
-            Vec3::from_fn(|row, _| {
-                if row == usize::from(axis) {
-                    T::one()
-                } else {
-                    T::zero()
-                }
-            })
-        };
+        let unit = |axis: u8| Vec3::from_fn(|row, _| if row == usize::from(axis) { T::one() } else { T::zero() });
         if component < 3 {
             twist.angular = rotation_jacobian(&rotation_log(&self.rotation)) * unit(component);
         } else {
@@ -188,10 +156,7 @@ impl<T: Real> Pose<T> {
 impl Pose<f64> {
     /// The same pose in numbers of type `U`.
     pub fn cast<U: Real>(&self) -> Pose<U> {
-        Pose {
-            rotation: self.rotation.map(real),
-            position: cast(&self.position),
-        }
+        Pose { rotation: self.rotation.map(real), position: cast(&self.position) }
     }
 }
 
@@ -201,10 +166,7 @@ impl<T: Real> Mul for Pose<T> {
     /// `T_a_b * T_b_c = T_a_c`.
     #[inline]
     fn mul(self, next: Self) -> Self {
-        Self {
-            rotation: self.rotation * next.rotation,
-            position: self.rotation * next.position + self.position,
-        }
+        Self { rotation: self.rotation * next.rotation, position: self.rotation * next.position + self.position }
     }
 }
 
@@ -235,21 +197,13 @@ impl<T: Real> Factors<T> {
     fn of(w: &Vec3<T>) -> Self {
         let square = w.norm_squared();
         if square < real(SERIES_BELOW) {
-            return Self {
-                sine: sine(square),
-                versine: versine(square),
-                excess: series(square, &EXCESS),
-            };
+            return Self { sine: sine(square), versine: versine(square), excess: series(square, &EXCESS) };
         }
         let angle = square.sqrt();
         // Half angles: 1 − cos θ would lose half of an f32's digits at small angles.
         let (s, c) = (angle * real(0.5)).sin_cos();
         let sine = (s + s) * c / angle;
-        Self {
-            sine,
-            versine: (s + s) * s / square,
-            excess: (T::one() - sine) / square,
-        }
+        Self { sine, versine: (s + s) * s / square, excess: (T::one() - sine) / square }
     }
 
     /// exp \[ω\] = I + sin θ/θ \[ω\] + (1 − cos θ)/θ² \[ω\]² (Rodrigues).
@@ -258,24 +212,10 @@ impl<T: Real> Factors<T> {
     }
 }
 
-const SINE: [f64; 7] = [
-    1.0,
-    -1.0 / 6.0,
-    1.0 / 120.0,
-    -1.0 / 5040.0,
-    1.0 / 362_880.0,
-    -1.0 / 39_916_800.0,
-    1.0 / 6_227_020_800.0,
-];
-const VERSINE: [f64; 7] = [
-    0.5,
-    -1.0 / 24.0,
-    1.0 / 720.0,
-    -1.0 / 40_320.0,
-    1.0 / 3_628_800.0,
-    -1.0 / 479_001_600.0,
-    1.0 / 87_178_291_200.0,
-];
+const SINE: [f64; 7] =
+    [1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0, -1.0 / 39_916_800.0, 1.0 / 6_227_020_800.0];
+const VERSINE: [f64; 7] =
+    [0.5, -1.0 / 24.0, 1.0 / 720.0, -1.0 / 40_320.0, 1.0 / 3_628_800.0, -1.0 / 479_001_600.0, 1.0 / 87_178_291_200.0];
 const EXCESS: [f64; 7] = [
     1.0 / 6.0,
     -1.0 / 120.0,
@@ -298,10 +238,7 @@ const INVERSE_EXCESS: [f64; 7] = [
 
 #[inline]
 fn series<T: Real>(square: T, coefficients: &[f64; 7]) -> T {
-    coefficients
-        .iter()
-        .rev()
-        .fold(T::zero(), |sum, c| sum * square + real(*c))
+    coefficients.iter().rev().fold(T::zero(), |sum, c| sum * square + real(*c))
 }
 
 #[inline]
@@ -372,9 +309,7 @@ fn quaternion<T: Real>(rotation: &Mat3<T>) -> (T, Vec3<T>) {
     ];
     let odd = Vec3::new(r.m32 - r.m23, r.m13 - r.m31, r.m21 - r.m12);
     let (xy, xz, yz) = (r.m12 + r.m21, r.m13 + r.m31, r.m23 + r.m32);
-    let largest = fours
-        .iter()
-        .fold(T::zero(), |a, b| if *b > a { *b } else { a });
+    let largest = fours.iter().fold(T::zero(), |a, b| if *b > a { *b } else { a });
     let (w, v) = if largest == fours[0] {
         (fours[0], odd)
     } else if largest == fours[1] {

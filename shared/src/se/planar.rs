@@ -17,34 +17,22 @@ pub struct Pose2<T: Real> {
 impl<T: Real> Pose2<T> {
     /// The pose of a frame in itself.
     pub fn identity() -> Self {
-        Self {
-            position: Vec2::zeros(),
-            angle_rad: T::zero(),
-        }
+        Self { position: Vec2::zeros(), angle_rad: T::zero() }
     }
 
     /// The pose at (x, y) turned by `angle_rad`.
     pub fn new(x_m: T, y_m: T, angle_rad: T) -> Self {
-        Self {
-            position: Vec2::new(x_m, y_m),
-            angle_rad,
-        }
+        Self { position: Vec2::new(x_m, y_m), angle_rad }
     }
 
     /// The part of `pose` in the xy-plane: x, y, and where its x-axis points. The angle is within −π..=π.
     pub fn projection(pose: &Pose<T>) -> Self {
-        Self {
-            position: pose.position.xy(),
-            angle_rad: pose.rotation.m21.atan2(pose.rotation.m11),
-        }
+        Self { position: pose.position.xy(), angle_rad: pose.rotation.m21.atan2(pose.rotation.m11) }
     }
 
     /// The pose `T_b_a` of this `T_a_b`.
     pub fn inverse(&self) -> Self {
-        Self {
-            position: -turned(&self.position, -self.angle_rad),
-            angle_rad: -self.angle_rad,
-        }
+        Self { position: -turned(&self.position, -self.angle_rad), angle_rad: -self.angle_rad }
     }
 
     /// `self⁻¹ · other`: the pose of `other` as seen from `self`.
@@ -61,10 +49,7 @@ impl<T: Real> Pose2<T> {
             angular: Vec3::new(T::zero(), T::zero(), twist.x),
             linear: Vec3::new(twist.y, twist.z, T::zero()),
         });
-        Self {
-            position: whole.position.xy(),
-            angle_rad: twist.x,
-        }
+        Self { position: whole.position.xy(), angle_rad: twist.x }
     }
 
     /// The twist (ω, v_x, v_y) with the least rotation whose [`exp`](Self::exp) is this pose up to whole turns.
@@ -76,11 +61,7 @@ impl<T: Real> Pose2<T> {
     /// The motion (ω, v_x, v_y), told in the moving frame, told in the frame of reference.
     pub fn adjoint(&self, twist: &Vec3<T>) -> Vec3<T> {
         let v = turned(&Vec2::new(twist.y, twist.z), self.angle_rad);
-        Vec3::new(
-            twist.x,
-            v.x + self.position.y * twist.x,
-            v.y - self.position.x * twist.x,
-        )
+        Vec3::new(twist.x, v.x + self.position.y * twist.x, v.y - self.position.x * twist.x)
     }
 
     /// d² = |Δp|² + ℓ²θ² between two poses, with one radian held equal to `length_scale_m` = ℓ. Left invariant.
@@ -93,10 +74,7 @@ impl<T: Real> Pose2<T> {
 impl Pose2<f64> {
     /// The same pose in numbers of type `U`.
     pub fn cast<U: Real>(&self) -> Pose2<U> {
-        Pose2 {
-            position: self.position.map(real),
-            angle_rad: real(self.angle_rad),
-        }
+        Pose2 { position: self.position.map(real), angle_rad: real(self.angle_rad) }
     }
 }
 
@@ -117,10 +95,7 @@ impl<T: Real> From<Pose2<T>> for Pose<T> {
     fn from(pose: Pose2<T>) -> Self {
         let (x, y) = (pose.position.x, pose.position.y);
         let turn = Vec3::new(T::zero(), T::zero(), pose.angle_rad);
-        Pose {
-            rotation: super::rotation_exp(&turn),
-            position: Vec3::new(x, y, T::zero()),
-        }
+        Pose { rotation: super::rotation_exp(&turn), position: Vec3::new(x, y, T::zero()) }
     }
 }
 

@@ -25,10 +25,7 @@ pub struct Wrench<T: Real> {
 impl<T: Real> Twist<T> {
     /// Rest.
     pub fn zero() -> Self {
-        Self {
-            angular: Vec3::zeros(),
-            linear: Vec3::zeros(),
-        }
+        Self { angular: Vec3::zeros(), linear: Vec3::zeros() }
     }
 
     /// The six numbers, ω first.
@@ -39,10 +36,7 @@ impl<T: Real> Twist<T> {
 
     /// The twist of six numbers, ω first.
     pub fn from_vector(six: &Vec6<T>) -> Self {
-        Self {
-            angular: Vec3::new(six[0], six[1], six[2]),
-            linear: Vec3::new(six[3], six[4], six[5]),
-        }
+        Self { angular: Vec3::new(six[0], six[1], six[2]), linear: Vec3::new(six[3], six[4], six[5]) }
     }
 
     /// √(|v|² + ℓ²|ω|²) with one radian held equal to `length_scale_m` = ℓ.
@@ -54,18 +48,12 @@ impl<T: Real> Twist<T> {
 impl<T: Real> Wrench<T> {
     /// No load.
     pub fn zero() -> Self {
-        Self {
-            moment: Vec3::zeros(),
-            force: Vec3::zeros(),
-        }
+        Self { moment: Vec3::zeros(), force: Vec3::zeros() }
     }
 
     /// The force `force` acting at `point`, about the origin.
     pub fn of_force(force: Vec3<T>, point: &Vec3<T>) -> Self {
-        Self {
-            moment: point.cross(&force),
-            force,
-        }
+        Self { moment: point.cross(&force), force }
     }
 
     /// The power of this load on a body moving with `twist`, told in the same frame, W.
@@ -79,40 +67,28 @@ macro_rules! linear {
         impl<T: Real> Add for $screw<T> {
             type Output = Self;
             fn add(self, other: Self) -> Self {
-                Self {
-                    $angular: self.$angular + other.$angular,
-                    $linear: self.$linear + other.$linear,
-                }
+                Self { $angular: self.$angular + other.$angular, $linear: self.$linear + other.$linear }
             }
         }
 
         impl<T: Real> Sub for $screw<T> {
             type Output = Self;
             fn sub(self, other: Self) -> Self {
-                Self {
-                    $angular: self.$angular - other.$angular,
-                    $linear: self.$linear - other.$linear,
-                }
+                Self { $angular: self.$angular - other.$angular, $linear: self.$linear - other.$linear }
             }
         }
 
         impl<T: Real> Neg for $screw<T> {
             type Output = Self;
             fn neg(self) -> Self {
-                Self {
-                    $angular: -self.$angular,
-                    $linear: -self.$linear,
-                }
+                Self { $angular: -self.$angular, $linear: -self.$linear }
             }
         }
 
         impl<T: Real> Mul<T> for $screw<T> {
             type Output = Self;
             fn mul(self, factor: T) -> Self {
-                Self {
-                    $angular: self.$angular * factor,
-                    $linear: self.$linear * factor,
-                }
+                Self { $angular: self.$angular * factor, $linear: self.$linear * factor }
             }
         }
     };

@@ -6,6 +6,7 @@ use nalgebra::{Vector2, Vector3};
 use proptest::prelude::*;
 
 use super::*;
+use crate::arms::seeded;
 
 fn vector(size: f64) -> impl Strategy<Value = Vec3<f64>> {
     prop::array::uniform3(-size..size).prop_map(Vec3::from)
@@ -27,6 +28,8 @@ fn close(a: &Pose<f64>, b: &Pose<f64>) -> bool {
 }
 
 proptest! {
+    #![proptest_config(seeded(256))]
+
     #[test]
     fn log_undoes_exp(v in twist()) {
         // |ω| ≤ 1.8·√3 = 3.12 < π, so that the least twist is the one given.
