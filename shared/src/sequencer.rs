@@ -384,14 +384,18 @@ impl<'t> Sequencer<'t> {
 
     fn approach(&mut self, since: Micros, seen: &Seen) -> Result<(), FaultKind> {
         let Some(first) = self.table.as_deref().and_then(|table| table.rows().first()).cloned() else {
-            return Ok(self.begin());
+            self.begin();
+            return Ok(());
         };
         self.aim(&first.servos, APPROACH_SPEED);
         let away = first.servos.iter().zip(&seen.servos).position(|(&angle, servo)| {
             servo.answered.is_none() || (servo.angle_rad - angle).abs() > APPROACH_TOLERANCE_RAD
         });
         match away {
-            None => Ok(self.begin()),
+            None => {
+                self.begin();
+                Ok(())
+            }
             Some(servo) if self.now - since > APPROACH_TIMEOUT => Err(FaultKind::ServoStalled { servo: servo as u8 }),
             Some(_) => Ok(()),
         }
