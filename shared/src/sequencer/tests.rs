@@ -243,7 +243,8 @@ fn rows_wait_until_the_servos_have_come_slowly_to_the_first() {
 
 #[test]
 fn a_silent_overloaded_or_faulty_servo_latches_the_safe_state() {
-    let faults: [(fn(&mut ServoSeen), FaultKind); 3] = [
+    type Break = fn(&mut ServoSeen);
+    let faults: [(Break, FaultKind); 3] = [
         (|_| {}, FaultKind::ServoSilent { servo: 0 }),
         (|seen| seen.load = 0.9, FaultKind::ServoTorque { servo: 0, load: 0.9 }),
         (|seen| seen.error = 4, FaultKind::ServoError { servo: 0, bits: 4 }),
