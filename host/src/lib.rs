@@ -1,1 +1,3 @@
 //! Host tools of discretely actuated arms.
+
+pub mod arm;
