@@ -1,2 +1,8 @@
 //! Firmware of discretely actuated arms: everything that has no chip in it.
-#![no_std]
+#![cfg_attr(not(test), no_std)]
+
+#[cfg(feature = "chip")]
+pub mod board;
+pub mod pipe;
+pub mod solenoid;
+pub mod store;

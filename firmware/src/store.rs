@@ -1,0 +1,3 @@
+//! tmp
+/// x
+pub const FLASH_BYTES: usize = 144 * 1024;
