@@ -40,7 +40,7 @@ mod count {
     }
 
     pub(super) fn end() {
-        let cycles = super::super::time::cycles_between(BEGAN.load(Ordering::Relaxed), SYST::get_current());
+        let cycles = crate::board::time::cycles_between(BEGAN.load(Ordering::Relaxed), SYST::get_current());
         if cycles > LONGEST.load(Ordering::Relaxed) {
             LONGEST.store(cycles, Ordering::Relaxed);
         }

@@ -10,6 +10,7 @@
 //! | `flash`    | bank 2 as NOR flash; a file of the host in QEMU                   |
 //! | `watchdog` | resets the chip when the control tick stops                       |
 //! | `death`    | panic and fault: outputs off, a record for the next boot, reset   |
+//! | `restart`  | reset into the firmware or into the chip's loader                 |
 //! | `mask`     | the critical section; counts its instructions in the bench image  |
 //!
 //! Priorities, most urgent first: SysTick, control executor, USARTs, the executor of all else.
@@ -19,6 +20,7 @@ pub mod flash;
 pub mod gpio;
 mod mask;
 pub mod pins;
+pub mod restart;
 pub mod time;
 pub mod uart;
 pub mod watchdog;
@@ -26,6 +28,7 @@ pub mod watchdog;
 #[cfg(feature = "bench")]
 pub use mask::longest_masked_cycles;
 
+use darm_core::units::DeviceId;
 use stm32_metapac::{FLASH, Interrupt, UID};
 
 /// Interrupt that the control executor borrows; its peripheral (touch sensing) is not used.
@@ -38,13 +41,19 @@ pub fn emulated() -> bool {
     FLASH.optr().read().0 == 0
 }
 
-/// The chip's own number, folded to 64 bits; 0 in QEMU.
-pub fn serial_number() -> u64 {
+/// Name of the board as it identifies itself.
+pub const NAME: &str = "B-L475E-IOT01A";
+
+/// The chip's unique number; QEMU has none, and there it spells what it is.
+pub fn device() -> DeviceId {
     if emulated() {
-        return 0;
+        return DeviceId(*b"qemu-stm32l4");
     }
-    let [x, y, z] = [0, 1, 2].map(|word| UID.uid(word).read());
-    (u64::from(x ^ z) << 32) | u64::from(y)
+    let mut id = DeviceId::default();
+    for (bytes, word) in id.0.chunks_exact_mut(4).zip(0..) {
+        bytes.copy_from_slice(&UID.uid(word).read().to_le_bytes());
+    }
+    id
 }
 
 /// Sets the priorities of all interrupts in use. Call once, before any of them is unmasked.

@@ -9,10 +9,13 @@ use core::task::Waker;
 use cortex_m::peripheral::{SCB, SYST};
 use cortex_m_rt::exception;
 use critical_section::Mutex;
+use darm_core::units::Micros;
+use embassy_time::{Instant, Timer};
 use embassy_time_driver::Driver;
 use embassy_time_queue_utils::Queue;
 
 use super::clocks::HCLK_HZ;
+use crate::clock::Clock;
 
 /// Grain of alarms; a divisor of the control tick.
 pub const TICK_US: u32 = 500;
@@ -104,6 +107,26 @@ pub fn start() {
 /// Microseconds since [`start`].
 pub fn now_us() -> u64 {
     TIME.now_us()
+}
+
+/// The clock of the tasks.
+#[derive(Clone, Copy)]
+pub struct BoardClock;
+
+impl Clock for BoardClock {
+    fn now(&self) -> Micros {
+        Micros(now_us())
+    }
+
+    async fn wait_until(&self, at: Micros) {
+        Timer::at(Instant::from_micros(at.0)).await;
+    }
+}
+
+/// Core cycles from one reading of the counter to a later one, less than [`TICK_US`] apart.
+#[cfg(feature = "bench")]
+pub(super) fn cycles_between(earlier: u32, later: u32) -> u32 {
+    if earlier >= later { earlier - later } else { earlier + RELOAD - later }
 }
 
 #[exception]
