@@ -1,5 +1,6 @@
 //! Host tools of discretely actuated arms.
 
+pub mod arm;
 pub mod client;
 pub mod clock;
 pub mod link;

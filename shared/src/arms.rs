@@ -1,17 +1,30 @@
 //! Arms that tests use, and the seed of their cases.
 
+extern crate std;
+
 use core::array::from_fn;
 
+use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed};
 
 use crate::actuator::{Axis, DiscreteJoint, JointKind, Leg, Platform, ServoJoint, Stage};
 use crate::chain::Chain;
 use crate::real::Vec3;
 use crate::se::{Pose, Pose2};
+use crate::units::Word;
 
 /// So many cases, the same ones in every run.
 pub(crate) fn seeded(cases: u32) -> Config {
     Config { cases, rng_seed: RngSeed::Fixed(0xda23), failure_persistence: None, ..Config::default() }
+}
+
+/// Any word of an arm.
+pub(crate) fn word<const N: usize>(chain: Chain<f64, N>) -> impl Strategy<Value = Word> {
+    prop::collection::vec(0u8..4, chain.n_actuators()).prop_map(move |digits| {
+        let states = (0..digits.len()).map(|k| chain.n_states(k) as u8);
+        let digits: std::vec::Vec<_> = digits.iter().zip(states).map(|(digit, states)| digit % states).collect();
+        Word::new(&digits).unwrap()
+    })
 }
 
 /// One module of the planar base-line arm: legs left, diagonal, right between 1 m plates, 25 % stroke.

@@ -62,11 +62,14 @@ pub(super) struct Arrival {
     received_s: f64,
 }
 
+/// Who hears the text that comes outside frames.
+pub(super) type OnText = Box<dyn FnMut(&[u8]) + Send>;
+
 /// The line with its numbering.
 pub(super) struct Exchange {
     link: Box<dyn Link>,
     reader: Reader,
-    on_text: Box<dyn FnMut(&[u8]) + Send>,
+    on_text: OnText,
     connection: u32,
     number: u16,
     clock: BoardClock,
@@ -104,7 +107,7 @@ impl Exchange {
         self.counts
     }
 
-    pub(super) fn set_on_text(&mut self, on_text: Box<dyn FnMut(&[u8]) + Send>) {
+    pub(super) fn set_on_text(&mut self, on_text: OnText) {
         self.on_text = on_text;
     }
 

@@ -10,7 +10,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::actuator::Stage;
-use crate::arms::{mixed_arm, planar_arm, seeded};
+use crate::arms::{mixed_arm, planar_arm, seeded, word};
 use crate::real::Vec3;
 use crate::se::{Pose2, Twist};
 
@@ -57,15 +57,6 @@ fn check_derivatives<const N: usize>(chain: &Chain<f64, N>, word: &Word, servos:
         let error = (by_hand - expected).size(1.0);
         assert!(error < 1e-10, "{parameter:?}: {error:e} of {}", expected.size(1.0));
     }
-}
-
-/// Any word of an arm.
-fn word<const N: usize>(chain: Chain<f64, N>) -> impl Strategy<Value = Word> {
-    prop::collection::vec(0u8..4, chain.n_actuators()).prop_map(move |digits| {
-        let states = (0..digits.len()).map(|k| chain.n_states(k) as u8);
-        let digits: List<_> = digits.iter().zip(states).map(|(digit, states)| digit % states).collect();
-        Word::new(&digits).unwrap()
-    })
 }
 
 proptest! {
