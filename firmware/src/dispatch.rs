@@ -71,13 +71,7 @@ pub type Frame = heapless::Vec<u8, MAX_FRAME>;
 
 impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
     /// Opens the store, loads the valid table and hands it to the control tick, which must be running.
-    pub async fn open(
-        board: Board,
-        flash: Option<F>,
-        table: &'t mut Table,
-        clock: C,
-        shared: &'s Shared<'t>,
-    ) -> Self {
+    pub async fn open(board: Board, flash: Option<F>, table: &'t mut Table, clock: C, shared: &'s Shared<'t>) -> Self {
         let store = match flash {
             Some(flash) => Store::open(flash).await.ok(),
             None => None,
@@ -138,9 +132,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
     async fn bootstrap(&mut self, request: bootstrap::Request) -> Payload {
         match request {
             bootstrap::Request::Identify => payload(&self.board.identity.encode()),
-            bootstrap::Request::Version => {
-                payload(&Version { protocol: PROTOCOL, firmware: FIRMWARE }.encode())
-            }
+            bootstrap::Request::Version => payload(&Version { protocol: PROTOCOL, firmware: FIRMWARE }.encode()),
             bootstrap::Request::Stop => {
                 self.shared.ask(Order::Command(Command::Stop)).await;
                 payload(&[0])

@@ -100,7 +100,7 @@ fn main() -> ! {
     restart::enter_loader_if_asked();
     let death = death::take();
     if let Err(error) = clocks::start() {
-        panic!("the clock does not start: {error:?}");
+        death::give_up(format_args!("the clock does not start: {error:?}"));
     }
     time::start();
     board::prioritise();
@@ -116,7 +116,7 @@ fn main() -> ! {
             common.spawn(console);
             common.spawn(servos);
         }
-        _ => panic!("a task was started twice"),
+        _ => death::give_up(format_args!("a task was started twice")),
     }
     loop {
         cortex_m::asm::wfi();
