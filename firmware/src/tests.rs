@@ -49,10 +49,9 @@ impl Bench {
             cells,
         };
         let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("bench").unwrap() };
-        let flash = Some(bench.cells.flash(u32::MAX));
-        let opening =
-            Desk::open(Board { identity, death: None }, flash, Box::leak(Box::default()), bench.clock, bench.shared);
-        let desk = run(opening, || bench.tick());
+        let mut desk = Desk::new(Board { identity, death: None }, bench.clock, bench.shared);
+        let opening = desk.open(Some(bench.cells.flash(u32::MAX)), Box::leak(Box::default()));
+        run(opening, || bench.tick());
         *bench.desk.borrow_mut() = Some(desk);
         bench
     }
