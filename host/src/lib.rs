@@ -1,3 +1,4 @@
 //! Host tools of discretely actuated arms.
 
 pub mod arm;
+pub mod synthesis;
