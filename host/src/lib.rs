@@ -1,4 +1,5 @@
 //! Host tools of discretely actuated arms.
 
 pub mod arm;
+pub mod plan;
 pub mod synthesis;
