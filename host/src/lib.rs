@@ -2,4 +2,6 @@
 
 pub mod arm;
 pub mod plan;
+pub mod reach;
+pub mod stops;
 pub mod synthesis;
