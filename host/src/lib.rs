@@ -1,7 +1,12 @@
-//! Host tools of discretely actuated arms.
+//! Host tools of discretely actuated arms: from an arm file to words on a board, and from measured poses back to the arm.
 
 pub mod arm;
+pub mod client;
+pub mod clock;
+pub mod link;
 pub mod plan;
 pub mod reach;
 pub mod stops;
+pub mod plant;
+pub mod qemu;
 pub mod synthesis;
