@@ -5,6 +5,8 @@ pub mod client;
 pub mod clock;
 pub mod link;
 pub mod plan;
+pub mod reach;
+pub mod stops;
 pub mod plant;
 pub mod qemu;
 pub mod synthesis;
