@@ -1,1 +1,8 @@
 //! Host tools of discretely actuated arms.
+
+pub mod arm;
+pub mod clock;
+pub mod link;
+pub mod measurement;
+pub mod plant;
+pub mod qemu;
