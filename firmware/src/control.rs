@@ -19,7 +19,8 @@ use darm_core::table::Table;
 use darm_core::units::{Micros, ModelHash, Word};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::channel::Channel;
+
+use crate::ring::Ring;
 
 /// Time from one control tick to the next.
 pub const TICK: Micros = Micros::from_millis(1);
@@ -139,11 +140,11 @@ type Raw = CriticalSectionRawMutex;
 
 /// What the tasks share.
 pub struct Shared<'t> {
-    orders: Channel<Raw, Order<'t>, 1>,
-    outcomes: Channel<Raw, Outcome<'t>, 1>,
+    orders: Ring<Order<'t>, 1>,
+    outcomes: Ring<Outcome<'t>, 1>,
     /// What happened, for the desk.
-    pub events: Channel<Raw, Numbered, WAITING_EVENTS>,
-    seen: Mutex<Raw, Cell<[ServoSeen; MAX_SERVOS]>>,
+    pub events: Ring<Numbered, WAITING_EVENTS>,
+    seen: [Mutex<Raw, Cell<ServoSeen>>; MAX_SERVOS],
     joints: Mutex<Raw, Cell<Joints>>,
     offsets_rad: Mutex<Raw, Cell<[f32; MAX_SERVOS]>>,
 }
@@ -153,10 +154,10 @@ impl<'t> Shared<'t> {
     pub const fn new() -> Self {
         const UNSEEN: ServoSeen = ServoSeen { angle_rad: 0.0, load: 0.0, error: 0, answered: None };
         Self {
-            orders: Channel::new(),
-            outcomes: Channel::new(),
-            events: Channel::new(),
-            seen: Mutex::new(Cell::new([UNSEEN; MAX_SERVOS])),
+            orders: Ring::new(),
+            outcomes: Ring::new(),
+            events: Ring::new(),
+            seen: [const { Mutex::new(Cell::new(UNSEEN)) }; MAX_SERVOS],
             joints: Mutex::new(Cell::new([None; MAX_SERVOS])),
             offsets_rad: Mutex::new(Cell::new([0.0; MAX_SERVOS])),
         }
@@ -164,8 +165,9 @@ impl<'t> Shared<'t> {
 
     /// Asks the control tick and waits for its answer. One task only may ask.
     pub async fn ask(&self, order: Order<'t>) -> Outcome<'t> {
-        self.orders.send(order).await;
-        self.outcomes.receive().await
+        // The control tick has taken the last order before it answered, so there is room.
+        let _ = self.orders.put(order);
+        self.outcomes.next().await
     }
 
     /// What the servo bus is to do.
@@ -178,20 +180,16 @@ impl<'t> Shared<'t> {
         self.joints.lock(|cell| cell.set(joints));
     }
 
-    /// What every servo answered last.
-    pub fn servos_seen(&self) -> [ServoSeen; MAX_SERVOS] {
-        self.seen.lock(Cell::get)
+    /// What a servo answered last.
+    pub fn servo_seen(&self, index: usize) -> ServoSeen {
+        self.seen.get(index).map(|seen| seen.lock(Cell::get)).unwrap_or_default()
     }
 
     /// Tells what a servo answered.
     pub fn see_servo(&self, index: usize, answer: ServoSeen) {
-        self.seen.lock(|cell| {
-            let mut seen = cell.get();
-            if let Some(slot) = seen.get_mut(index) {
-                *slot = answer;
-            }
-            cell.set(seen);
-        });
+        if let Some(seen) = self.seen.get(index) {
+            seen.lock(|cell| cell.set(answer));
+        }
     }
 
     /// Zero offsets of the servos: joint angle = servo angle − offset.
@@ -241,10 +239,14 @@ impl<'t> Control<'t> {
     /// `due` is when the tick should have started.
     pub fn tick(&mut self, now: Micros, due: Micros, switches: u32, shared: &Shared<'t>) -> Outputs {
         self.worst_lateness = self.worst_lateness.max(now - due);
-        self.seen = Seen { switches, servos: shared.servos_seen() };
-        if let Ok(order) = shared.orders.try_receive() {
+        self.seen.switches = switches;
+        for (index, seen) in self.seen.servos.iter_mut().enumerate().filter(|(index, _)| self.joints[*index].is_some())
+        {
+            *seen = shared.servo_seen(index);
+        }
+        if let Some(order) = shared.orders.take() {
             // The desk has fetched the last outcome before it asked again, so there is room.
-            let _ = shared.outcomes.try_send(self.obey(order));
+            let _ = shared.outcomes.put(self.obey(order));
         }
         let outputs = self.sequencer.step(now, &self.seen);
         while let Some((at, event)) = self.sequencer.next_event() {
@@ -311,7 +313,7 @@ impl<'t> Control<'t> {
         let number = self.next_event;
         self.next_event += 1;
         // When the desk is too slow the event is lost, and the gap in the numbers tells.
-        let _ = shared.events.try_send(Numbered { number, at, event });
+        let _ = shared.events.put(Numbered { number, at, event });
     }
 
     fn aim(&mut self, outputs: &Outputs, shared: &Shared<'t>) {

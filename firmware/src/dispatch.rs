@@ -345,7 +345,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
 
     /// Fetches the events that wait.
     pub(crate) fn catch_up(&mut self) {
-        while let Ok(event) = self.shared.events.try_receive() {
+        while let Some(event) = self.shared.events.take() {
             self.log.push(event);
         }
     }
