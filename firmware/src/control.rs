@@ -86,9 +86,7 @@ pub struct Snapshot {
     pub model: Option<ModelHash>,
     /// Limit switches as seen.
     pub switches: u32,
-    /// Servos as seen.
-    pub servos: [ServoSeen; MAX_SERVOS],
-    /// How many of them are wired.
+    /// Servos that are wired; [`Shared::servo_seen`] tells what they answer.
     pub n_servos: u8,
     /// Latest start of a tick so far, after its time.
     pub worst_lateness: Micros,
@@ -217,6 +215,8 @@ pub struct Control<'t> {
     seen: Seen,
     worst_lateness: Micros,
     next_event: u32,
+    /// An order may wait since the last tick.
+    waited: bool,
 }
 
 impl<'t> Control<'t> {
@@ -229,12 +229,14 @@ impl<'t> Control<'t> {
             seen: Seen::default(),
             worst_lateness: Micros(0),
             next_event: 0,
+            waited: false,
         };
         control.tell(now, Event::Booted, shared);
         control
     }
 
-    /// One tick: obeys at most one order, looks, decides, and returns what the outputs are until the next tick.
+    /// One tick: looks, decides, and returns what the outputs are until the next tick. Obeys at most one order, which
+    /// shows in the outputs of the next tick.
     ///
     /// `due` is when the tick should have started.
     pub fn tick(&mut self, now: Micros, due: Micros, switches: u32, shared: &Shared<'t>) -> Outputs {
@@ -244,16 +246,25 @@ impl<'t> Control<'t> {
         {
             *seen = shared.servo_seen(index);
         }
-        if let Some(order) = shared.orders.take() {
-            // The desk has fetched the last outcome before it asked again, so there is room.
-            let _ = shared.outcomes.put(self.obey(order));
-        }
         let outputs = self.sequencer.step(now, &self.seen);
+        let events_before = self.next_event;
         while let Some((at, event)) = self.sequencer.next_event() {
             self.tell(at, event, shared);
         }
         self.aim(&outputs, shared);
+        // A tick that switched coils has done enough; the order waits for the next one, and never longer.
+        self.waited = self.next_event != events_before && !self.waited;
+        if !self.waited {
+            self.attend(shared);
+        }
         outputs
+    }
+
+    fn attend(&mut self, shared: &Shared<'t>) {
+        if let Some(order) = shared.orders.take() {
+            // The desk has fetched the last outcome before it asked again, so there is room.
+            let _ = shared.outcomes.put(self.obey(order));
+        }
     }
 
     /// Chips in the solenoid chain, as long as a table was ever loaded.
@@ -303,7 +314,6 @@ impl<'t> Control<'t> {
             rows: table.map_or(0, |table| table.rows().len() as u16),
             model: table.map(Table::model),
             switches: self.seen.switches,
-            servos: self.seen.servos,
             n_servos: table.map_or(0, |table| table.wiring().servos.len() as u8),
             worst_lateness: self.worst_lateness,
         }

@@ -355,17 +355,17 @@ pub struct CoilClock {
 impl CoilClock {
     /// Lets `span` pass with the coil carrying current or not, and reports the first limit that it broke.
     pub fn pass(&mut self, span: Micros, on: bool, limit: &CoilLimit) -> Result<(), CoilBreach> {
-        self.on_us = if on { self.on_us.saturating_add(span.0) } else { 0 };
         self.duty.pass(span, on, limit);
+        if !on {
+            self.on_us = 0;
+            return Ok(());
+        }
+        self.on_us = self.on_us.saturating_add(span.0);
         if self.on_us > u64::from(limit.max_on_ms) * 1000 {
             return Err(CoilBreach::OnTooLong);
         }
         let allowed_us = u64::from(limit.window_ms) * 10 * u64::from(limit.duty_percent);
-        if on && limit.duty_percent < 100 && u64::from(self.duty.on_us) > allowed_us {
-            Err(CoilBreach::Duty)
-        } else {
-            Ok(())
-        }
+        if limit.duty_percent < 100 && u64::from(self.duty.on_us) > allowed_us { Err(CoilBreach::Duty) } else { Ok(()) }
     }
 }
 
