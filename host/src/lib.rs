@@ -1,10 +1,15 @@
-//! Host tools of discretely actuated arms.
+//! Host tools of discretely actuated arms: from an arm file to words on a board, and from measured poses back to the arm.
 
 pub mod arm;
+pub mod client;
 pub mod clock;
 pub mod diagnose;
 pub mod link;
 pub mod measurement;
+pub mod plan;
 pub mod plant;
 pub mod programme;
 pub mod qemu;
+pub mod reach;
+pub mod stops;
+pub mod synthesis;
