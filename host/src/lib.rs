@@ -1,1 +1,6 @@
 //! Host tools of discretely actuated arms.
+
+pub mod clock;
+pub mod link;
+pub mod plant;
+pub mod qemu;
