@@ -10,6 +10,7 @@
 //!
 //! The machine is created stopped and started by [`Qemu::resume`], so that no edge and no byte is lost.
 
+pub mod board;
 pub mod qmp;
 pub mod qtest;
 

@@ -1,0 +1,354 @@
+//! Feetech STS servos on a half-duplex bus, as the board sees them: bytes in, bytes out, angles that turn with time.
+//!
+//! | packet  | bytes                                              |
+//! |---------|----------------------------------------------------|
+//! | request | `FF FF id len instruction parameters… check`       |
+//! | answer  | `FF FF id len status parameters… check`            |
+//!
+//! `len` counts what follows it, `check` is the inverted sum of all bytes after `FF FF`. Two-byte registers are little
+//! endian. Position 2048 of 4096 steps a turn is servo angle 0. A servo turns at constant speed; its inertia is left out.
+//! Source: Feetech, "Communication Protocol Manual" and the memory table of the STS3215.
+
+use std::f32::consts::TAU;
+use std::ops::Range;
+
+/// The registers that matter to the motion.
+mod register {
+    pub(super) const ID: usize = 5;
+    pub(super) const TORQUE_ENABLE: usize = 40;
+    pub(super) const GOAL_POSITION: usize = 42;
+    pub(super) const GOAL_SPEED: usize = 46;
+    pub(super) const TORQUE_LIMIT: usize = 48;
+    pub(super) const PRESENT_POSITION: usize = 56;
+    pub(super) const PRESENT_SPEED: usize = 58;
+    pub(super) const PRESENT_LOAD: usize = 60;
+    pub(super) const VOLTAGE: usize = 62;
+    pub(super) const TEMPERATURE: usize = 63;
+    pub(super) const STATUS: usize = 65;
+    pub(super) const MOVING: usize = 66;
+    pub(super) const COUNT: usize = 71;
+}
+
+mod instruction {
+    pub(super) const PING: u8 = 1;
+    pub(super) const READ: u8 = 2;
+    pub(super) const WRITE: u8 = 3;
+    pub(super) const SYNC_READ: u8 = 0x82;
+    pub(super) const SYNC_WRITE: u8 = 0x83;
+}
+
+/// All servos listen to this address and none answers.
+const BROADCAST: u8 = 0xFE;
+/// Registers that a host may write.
+const WRITABLE: Range<usize> = 5..56;
+const STEPS_PER_TURN: f32 = 4096.0;
+/// Position register at servo angle 0.
+const CENTRE: f32 = 2048.0;
+/// Speed without a limit, steps/s: that of an STS3215 at 7.4 V.
+const TOP_SPEED: f32 = 3400.0;
+/// Load while turning freely and while blocked is a share of 1000.
+const FREE_LOAD: u16 = 60;
+/// In the load register this bit is the sign.
+const LOAD_SIGN: u16 = 1 << 10;
+
+/// One servo.
+#[derive(Clone, Debug)]
+struct Servo {
+    registers: [u8; register::COUNT],
+    /// Joint angle = servo angle − offset.
+    offset_rad: f32,
+    position: f32,
+    blocked: bool,
+    silent: bool,
+}
+
+impl Servo {
+    fn new(id: u8, offset_rad: f32) -> Self {
+        let position = CENTRE + offset_rad * STEPS_PER_TURN / TAU;
+        let mut registers = [0; register::COUNT];
+        registers[..6].copy_from_slice(&[3, 10, 0, 9, 3, id]);
+        registers[register::VOLTAGE] = 74;
+        registers[register::TEMPERATURE] = 30;
+        let mut servo = Self { registers, offset_rad, position, blocked: false, silent: false };
+        servo.set(register::TORQUE_LIMIT, 1000);
+        servo.set(register::GOAL_POSITION, position as u16);
+        servo.show(0.0);
+        servo
+    }
+
+    fn id(&self) -> u8 {
+        self.registers[register::ID]
+    }
+
+    fn get(&self, at: usize) -> u16 {
+        u16::from_le_bytes([self.registers[at], self.registers[at + 1]])
+    }
+
+    fn set(&mut self, at: usize, value: u16) {
+        self.registers[at..at + 2].copy_from_slice(&value.to_le_bytes());
+    }
+
+    /// Steps to go; 0 without torque.
+    fn away(&self) -> f32 {
+        let torque = self.registers[register::TORQUE_ENABLE] == 1;
+        if torque { f32::from(self.get(register::GOAL_POSITION)) - self.position } else { 0.0 }
+    }
+
+    fn is_moving(&self) -> bool {
+        self.away() != 0.0 && !self.blocked
+    }
+
+    fn advance(&mut self, span_s: f64) {
+        let limit = match self.get(register::GOAL_SPEED) & 0x7FFF {
+            0 => TOP_SPEED,
+            limit => f32::from(limit).min(TOP_SPEED),
+        };
+        let step = limit * span_s as f32;
+        let turned = if self.blocked { 0.0 } else { self.away().clamp(-step, step) };
+        self.position += turned;
+        self.show(if self.is_moving() { limit.copysign(turned) } else { 0.0 });
+    }
+
+    /// Brings the readable registers up to date.
+    fn show(&mut self, speed: f32) {
+        let away = self.away();
+        let load = match (away != 0.0, self.blocked) {
+            (false, _) => 0,
+            (true, false) => FREE_LOAD,
+            (true, true) => self.get(register::TORQUE_LIMIT).min(1000),
+        };
+        let sign = |negative: bool, bit: u16| if negative { bit } else { 0 };
+        self.set(register::PRESENT_POSITION, self.position.round().clamp(0.0, 4095.0) as u16);
+        self.set(register::PRESENT_SPEED, speed.abs() as u16 | sign(speed < 0.0, 1 << 15));
+        self.set(register::PRESENT_LOAD, load | sign(away < 0.0, LOAD_SIGN));
+        self.registers[register::MOVING] = u8::from(self.is_moving());
+    }
+
+    fn angle_rad(&self) -> f32 {
+        (self.position - CENTRE) * TAU / STEPS_PER_TURN - self.offset_rad
+    }
+
+    fn read(&self, at: u8, count: u8) -> Option<&[u8]> {
+        self.registers.get(usize::from(at)..usize::from(at) + usize::from(count))
+    }
+
+    fn write(&mut self, at: u8, bytes: &[u8]) {
+        for (register, &byte) in (usize::from(at)..).zip(bytes) {
+            if WRITABLE.contains(&register) {
+                self.registers[register] = byte;
+            }
+        }
+    }
+}
+
+/// The servos on the bus, along the chain of joints.
+#[derive(Clone, Debug)]
+pub struct ServoBus {
+    servos: Vec<Servo>,
+    /// Bytes of a packet that is not whole.
+    pending: Vec<u8>,
+    now_s: f64,
+}
+
+impl ServoBus {
+    /// Servos with these addresses, each at joint angle 0; a missing offset is 0.
+    pub fn new(ids: impl Iterator<Item = u8>, offsets_rad: &[f32]) -> Self {
+        let offsets = offsets_rad.iter().copied().chain(std::iter::repeat(0.0));
+        let servos = ids.zip(offsets).map(|(id, offset_rad)| Servo::new(id, offset_rad)).collect();
+        Self { servos, pending: Vec::new(), now_s: 0.0 }
+    }
+
+    /// Lets the servos turn until `now_s`.
+    pub fn advance(&mut self, now_s: f64) {
+        let span_s = (now_s - self.now_s).max(0.0);
+        self.now_s = self.now_s.max(now_s);
+        self.servos.iter_mut().for_each(|servo| servo.advance(span_s));
+    }
+
+    /// Takes bytes from the board and returns what the servos answer.
+    pub fn receive(&mut self, now_s: f64, bytes: &[u8]) -> Vec<u8> {
+        self.advance(now_s);
+        self.pending.extend(bytes);
+        let mut answers = Vec::new();
+        while let Some(packet) = next_packet(&mut self.pending) {
+            self.obey(&packet, &mut answers);
+        }
+        answers
+    }
+
+    /// Joint angles.
+    pub fn angles_rad(&self) -> Vec<f32> {
+        self.servos.iter().map(Servo::angle_rad).collect()
+    }
+
+    /// Whether a servo turns.
+    pub fn is_moving(&self) -> bool {
+        self.servos.iter().any(Servo::is_moving)
+    }
+
+    /// Bit `i` of each mask breaks servo joint `i`.
+    pub fn set_broken(&mut self, silent: u8, blocked: u8) {
+        for (index, servo) in self.servos.iter_mut().enumerate() {
+            servo.silent = silent >> index & 1 == 1;
+            servo.blocked = blocked >> index & 1 == 1;
+        }
+    }
+
+    fn servo(&mut self, id: u8) -> Option<&mut Servo> {
+        self.servos.iter_mut().find(|servo| servo.id() == id && !servo.silent)
+    }
+
+    fn obey(&mut self, packet: &Packet, answers: &mut Vec<u8>) {
+        match (packet.instruction, packet.parameters.as_slice()) {
+            (instruction::PING, []) => self.answer(packet.id, answers, |_| Some(&[])),
+            (instruction::READ, &[at, count]) => self.answer(packet.id, answers, |servo| servo.read(at, count)),
+            (instruction::WRITE, [at, bytes @ ..]) if packet.id == BROADCAST => {
+                self.servos.iter_mut().for_each(|servo| servo.write(*at, bytes));
+            }
+            (instruction::WRITE, [at, bytes @ ..]) => self.answer(packet.id, answers, |servo| {
+                servo.write(*at, bytes);
+                Some(&[])
+            }),
+            (instruction::SYNC_READ, [at, count, ids @ ..]) => {
+                for &id in ids {
+                    self.answer(id, answers, |servo| servo.read(*at, *count));
+                }
+            }
+            (instruction::SYNC_WRITE, [at, count, rest @ ..]) => {
+                for part in rest.chunks_exact(1 + usize::from(*count)) {
+                    if let Some(servo) = self.servo(part[0]) {
+                        servo.write(*at, &part[1..]);
+                    }
+                }
+            }
+            _ => {}
+        }
+        self.servos.iter_mut().for_each(|servo| servo.advance(0.0));
+    }
+
+    /// Lets the servo of this address do something and answer.
+    fn answer(&mut self, id: u8, answers: &mut Vec<u8>, act: impl FnOnce(&mut Servo) -> Option<&[u8]>) {
+        let Some(servo) = self.servo(id) else {
+            return;
+        };
+        let status = servo.registers[register::STATUS];
+        if let Some(bytes) = act(servo) {
+            answers.extend(packet(id, status, bytes));
+        }
+    }
+}
+
+/// What a whole request says.
+struct Packet {
+    id: u8,
+    instruction: u8,
+    parameters: Vec<u8>,
+}
+
+/// Takes the first whole packet out; bytes that begin none are dropped.
+fn next_packet(pending: &mut Vec<u8>) -> Option<Packet> {
+    loop {
+        let start = pending.windows(2).position(|pair| pair == [0xFF, 0xFF]);
+        // The last byte may be the first of a header.
+        pending.drain(..start.unwrap_or(pending.len().saturating_sub(1)));
+        let len = usize::from(*pending.get(3)?);
+        let end = 4 + len;
+        if pending[2] == 0xFF || len < 2 {
+            pending.drain(..1);
+            continue;
+        }
+        let body = pending.get(2..end)?;
+        if check(&body[..body.len() - 1]) != body[body.len() - 1] {
+            pending.drain(..1);
+            continue;
+        }
+        let packet = Packet { id: body[0], instruction: body[2], parameters: body[3..body.len() - 1].to_vec() };
+        pending.drain(..end);
+        return Some(packet);
+    }
+}
+
+/// A packet with its header and checksum.
+fn packet(id: u8, kind: u8, parameters: &[u8]) -> Vec<u8> {
+    let mut bytes = vec![0xFF, 0xFF, id, parameters.len() as u8 + 2, kind];
+    bytes.extend(parameters);
+    bytes.push(check(&bytes[2..]));
+    bytes
+}
+
+fn check(body: &[u8]) -> u8 {
+    !body.iter().fold(0u8, |sum, &byte| sum.wrapping_add(byte))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{ServoBus, instruction, packet};
+
+    fn bus() -> ServoBus {
+        ServoBus::new([1, 2].into_iter(), &[])
+    }
+
+    /// Torque on and a goal of 2048 + 1024 steps, a quarter turn, at 1024 steps/s.
+    fn quarter_turn(bus: &mut ServoBus) {
+        bus.receive(0.0, &packet(1, instruction::WRITE, &[40, 1]));
+        bus.receive(0.0, &packet(1, instruction::WRITE, &[42, 0, 12, 0, 0, 0, 4]));
+    }
+
+    #[test]
+    fn ping_is_answered_as_the_manual_says() {
+        // "FF FF 01 02 01 FB" and "FF FF 01 02 00 FC": the manual's own example.
+        let ping = [0xFF, 0xFF, 1, 2, 1, 0xFB];
+        assert_eq!(bus().receive(0.0, &ping), [0xFF, 0xFF, 1, 2, 0, 0xFC]);
+        assert!(bus().receive(0.0, &packet(9, instruction::PING, &[])).is_empty());
+    }
+
+    #[test]
+    fn a_servo_turns_at_its_speed() {
+        let mut bus = bus();
+        quarter_turn(&mut bus);
+        bus.advance(0.5);
+        assert!(bus.is_moving());
+        assert_eq!(bus.receive(0.5, &packet(1, instruction::READ, &[56, 2]))[5..7], (2048u16 + 512).to_le_bytes());
+        bus.advance(1.01);
+        assert!(!bus.is_moving());
+        assert!((bus.angles_rad()[0] - std::f32::consts::FRAC_PI_2).abs() < 1e-6);
+        assert_eq!(bus.angles_rad()[1], 0.0);
+    }
+
+    #[test]
+    fn noise_and_damaged_packets_are_passed_over() {
+        let mut bus = bus();
+        let mut bytes = vec![0x00, 0xFF, 0x13];
+        let mut damaged = packet(1, instruction::PING, &[]);
+        damaged[5] ^= 1;
+        bytes.extend(damaged);
+        bytes.extend(packet(2, instruction::PING, &[]));
+        let answers: Vec<u8> = bytes.iter().flat_map(|&byte| bus.receive(0.0, &[byte])).collect();
+        assert_eq!(answers, packet(2, 0, &[]));
+    }
+
+    #[test]
+    fn all_servos_answer_in_turn() {
+        let answers = bus().receive(0.0, &packet(0xFE, instruction::SYNC_READ, &[56, 2, 2, 1]));
+        assert_eq!(answers, [packet(2, 0, &[0, 8]), packet(1, 0, &[0, 8])].concat());
+    }
+
+    #[test]
+    fn a_blocked_servo_bears_its_torque_and_a_silent_one_is_silent() {
+        let mut bus = bus();
+        quarter_turn(&mut bus);
+        bus.set_broken(0b10, 0b01);
+        bus.advance(1.0);
+        assert_eq!(bus.angles_rad()[0], 0.0);
+        assert_eq!(bus.receive(1.0, &packet(1, instruction::READ, &[60, 2]))[5..7], 1000u16.to_le_bytes());
+        assert!(bus.receive(1.0, &packet(2, instruction::PING, &[])).is_empty());
+    }
+
+    #[test]
+    fn without_torque_nothing_turns() {
+        let mut bus = bus();
+        bus.receive(0.0, &packet(1, instruction::WRITE, &[42, 0, 12]));
+        bus.advance(1.0);
+        assert!(!bus.is_moving() && bus.angles_rad()[0] == 0.0);
+    }
+}
