@@ -5,6 +5,7 @@ mod console;
 mod failure;
 mod firmware_image;
 mod port;
+mod state_folder;
 mod voice;
 
 use std::process::ExitCode;

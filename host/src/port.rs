@@ -1,12 +1,17 @@
 //! Which port a command uses: the one that was named, or the only one that there is.
 
+use std::os::unix::fs::FileTypeExt as _;
+use std::os::unix::net::UnixStream;
+
 use darm::client::Client;
 use darm::link;
+
+use crate::state_folder;
 
 /// Where the board is.
 #[derive(clap::Args, Debug)]
 pub(crate) struct PortArgs {
-    /// Port of the board: /dev/ttyACM0, unix:PATH or tcp:HOST:PORT; may be left out when exactly one serial port is there
+    /// Port of the board: /dev/ttyACM0, unix:PATH or tcp:HOST:PORT; may be left out when there is only one
     #[arg(long, short, env = "DARM_PORT", value_name = "PORT")]
     pub(crate) port: Option<String>,
 }
@@ -16,11 +21,11 @@ pub(crate) struct PortArgs {
 pub(crate) enum PortError {
     /// There is none.
     #[error(
-        "no serial port found; plug the board in, or start one in the emulator with `darm plant` and give its port with --port"
+        "no board found; plug one in, start one in the emulator with `darm plant`, or name its port with --port"
     )]
     None,
     /// There are several.
-    #[error("several serial ports found ({}); choose one with --port or DARM_PORT", .0.join(", "))]
+    #[error("several boards found ({}); choose one with --port or DARM_PORT", .0.join(", "))]
     Several(Vec<String>),
 }
 
@@ -29,7 +34,7 @@ impl PortArgs {
     pub(crate) fn name(&self) -> Result<String, PortError> {
         match self.port.as_deref() {
             Some(port) if !port.is_empty() => Ok(port.to_owned()),
-            _ => only(board_ports()),
+            _ => only(candidates()),
         }
     }
 
@@ -37,6 +42,22 @@ impl PortArgs {
     pub(crate) fn connect(&self) -> anyhow::Result<Client> {
         Ok(Client::connect(link::open(&self.name()?)?)?)
     }
+}
+
+/// Every port that a board may be at: those of cables, and that of the emulated board if it runs.
+fn candidates() -> Vec<String> {
+    let mut ports = board_ports();
+    ports.extend(emulated_port());
+    ports
+}
+
+/// The port of the board that `darm plant` has started; `None` when it does not run.
+pub(crate) fn emulated_port() -> Option<String> {
+    let folder = state_folder::board().ok()?;
+    UnixStream::connect(state_folder::camera(&folder)).ok()?;
+    let port = state_folder::port(&folder);
+    let is_socket = port.metadata().ok()?.file_type().is_socket();
+    Some(format!("{}{}", if is_socket { "unix:" } else { "" }, port.display()))
 }
 
 /// Serial ports that a board's cable makes; a PC's own ports are not among them.

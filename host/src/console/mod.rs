@@ -15,8 +15,8 @@ use rustyline::history::DefaultHistory;
 use rustyline::{Config, Editor, ExternalPrinter as _};
 
 use crate::commands::table_file::TableFile;
-use crate::failure;
 use crate::voice::Voice;
+use crate::{failure, state_folder};
 use pump::{Pump, Show};
 use words::{Local, Words};
 
@@ -156,11 +156,9 @@ fn upload(port: &str, file: &Path, voice: Voice) -> anyhow::Result<String> {
     Ok(format!("{rows} rows stored; `play` runs them"))
 }
 
-/// Lines typed earlier, in the user's folder for such state.
+/// Lines typed earlier.
 fn history_file() -> Option<PathBuf> {
-    let home = || std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".local/state"));
-    let state = std::env::var_os("XDG_STATE_HOME").map(PathBuf::from).or_else(home)?;
-    Some(state.join("darm/history"))
+    state_folder::path().map(|folder| folder.join("history"))
 }
 
 /// A history that cannot be kept is not worth an error.
