@@ -4,6 +4,12 @@
 //!
 //! | module        | holds                                                                                     |
 //! |---------------|-------------------------------------------------------------------------------------------|
+//! | [`real`]      | the scalar of all kinematics, and its vectors                                             |
+//! | [`se`]        | rigid motions: poses, twists, wrenches                                                    |
+//! | [`actuator`]  | one stage of an arm: platform with discrete legs, discrete joint, servo joint, link       |
+//! | [`chain`]     | the stages of an arm: where its tool stands, and how it moves with each parameter         |
+//! | [`effect`]    | the physical effects that move an arm off its ideal geometry, one law per file            |
+//! | [`model`]     | geometry, masses and effects under one number: where the tool is under given conditions   |
 //! | [`units`]     | what travels or is easily swapped: time, words, identities                                |
 //! | [`output`]    | how coils, switches and servos are wired, and the limits that no sender can exceed         |
 //! | [`table`]     | a program of timed rows, valid by construction                                            |
@@ -14,7 +20,15 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod actuator;
+#[cfg(test)]
+mod arms;
+pub mod chain;
+pub mod effect;
+pub mod model;
 pub mod output;
+pub mod real;
+pub mod se;
 pub mod sequencer;
 pub mod table;
 pub mod units;

@@ -384,27 +384,24 @@ impl<'t> Sequencer<'t> {
 
     fn approach(&mut self, since: Micros, seen: &Seen) -> Result<(), FaultKind> {
         let Some(first) = self.table.as_deref().and_then(|table| table.rows().first()).cloned() else {
-            self.begin();
-            return Ok(());
+            return self.begin();
         };
         self.aim(&first.servos, APPROACH_SPEED);
         let away = first.servos.iter().zip(&seen.servos).position(|(&angle, servo)| {
             servo.answered.is_none() || (servo.angle_rad - angle).abs() > APPROACH_TOLERANCE_RAD
         });
         match away {
-            None => {
-                self.begin();
-                Ok(())
-            }
+            None => self.begin(),
             Some(servo) if self.now - since > APPROACH_TIMEOUT => Err(FaultKind::ServoStalled { servo: servo as u8 }),
             Some(_) => Ok(()),
         }
     }
 
-    fn begin(&mut self) {
+    fn begin(&mut self) -> Result<(), FaultKind> {
         self.note(Event::Started);
         self.phase = Phase::Playing { started: self.now, next: 0 };
         self.coils.begin(self.now);
+        self.run_row(self.now, 0)
     }
 
     /// At most one row a tick: rows that became due together still go out in their order.

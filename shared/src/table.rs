@@ -416,3 +416,6 @@ impl Table {
         self.checker.model
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,3 +1,164 @@
-//! Rules of this workspace that a program can check.
+//! Rules of this workspace that a program can check: layers, lengths, first lines, words that do not belong.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Modules of the core, lowest first: a module imports only from those before it.
+const LAYERS: [&str; 17] = [
+    "real",
+    "trig",
+    "units",
+    "se",
+    "actuator",
+    "chain",
+    "tree",
+    "dynamics",
+    "ik",
+    "odometry",
+    "effect",
+    "model",
+    "nearest",
+    "output",
+    "table",
+    "sequencer",
+    "wire",
+];
+const LONGEST_FILE: usize = 600;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ lies in the workspace").to_path_buf()
+}
+
+/// Every Rust source of the packages, with its path from the root.
+fn sources() -> Vec<(String, String)> {
+    let mut found = Vec::new();
+    let mut folders: Vec<_> = ["shared", "firmware", "host", "tests", "xtask"].map(|name| root().join(name)).into();
+    while let Some(folder) = folders.pop() {
+        for path in fs::read_dir(folder).expect("a folder of the workspace").flatten().map(|entry| entry.path()) {
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                let name = path.strip_prefix(root()).expect("inside the workspace").display().to_string();
+                found.push((name, fs::read_to_string(&path).expect("a readable source")));
+            }
+        }
+    }
+    found.sort();
+    assert!(found.len() > 20, "the sources were not found");
+    found
+}
+
+/// Fails with every line that breaks a rule at once.
+fn none(broken: Vec<String>) {
+    assert!(broken.is_empty(), "\n{}", broken.join("\n"));
+}
+
+/// The module of a file of the core: `se` of `shared/src/se/screw.rs`.
+fn core_module(file: &str) -> Option<&str> {
+    let inside = file.strip_prefix("shared/src/")?;
+    let module = inside.split('/').next()?;
+    Some(module.strip_suffix(".rs").unwrap_or(module))
+}
+
 #[test]
-fn placeholder() {}
+fn every_file_says_what_it_is() {
+    let broken = sources().into_iter().filter(|(_, text)| !text.starts_with("//! "));
+    none(broken.map(|(file, _)| format!("{file}: the first line must say what it is (`//! …`)")).collect());
+}
+
+#[test]
+fn no_file_is_too_long() {
+    let lines = sources().into_iter().map(|(file, text)| (file, text.lines().count()));
+    none(lines.filter(|(_, n)| *n > LONGEST_FILE).map(|(file, n)| format!("{file}: {n} lines")).collect());
+}
+
+#[test]
+fn the_core_imports_downward_only() {
+    let level = |module: &str| LAYERS.iter().position(|layer| *layer == module);
+    let mut broken = Vec::new();
+    for (file, text) in sources() {
+        let Some(module) = core_module(&file).filter(|module| !matches!(*module, "lib" | "arms")) else { continue };
+        let Some(own) = level(module) else {
+            broken.push(format!("{file}: module `{module}` has no layer in this test"));
+            continue;
+        };
+        let code = text.split("#[cfg(test)]").next().unwrap_or(&text);
+        if file.ends_with("/tests.rs") {
+            continue;
+        }
+        for line in code.lines().filter(|line| !line.trim_start().starts_with("//")) {
+            for used in line.split("crate::").skip(1) {
+                let used: String = used.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+                if level(&used).is_some_and(|used| used > own) {
+                    broken.push(format!("{file}: `{module}` imports `{used}` from above"));
+                }
+            }
+        }
+    }
+    none(broken);
+}
+
+#[test]
+fn packages_depend_downward_only() {
+    let manifest = |package: &str| fs::read_to_string(root().join(package).join("Cargo.toml")).expect("a manifest");
+    let forbidden = [
+        ("shared", ["darm-firmware", "darm.workspace", "xtask"]),
+        ("firmware", ["darm.workspace", "darm-tests", "xtask"]),
+        ("host", ["darm-tests", "xtask", "darm-tests.workspace"]),
+    ];
+    let broken = forbidden.iter().flat_map(|(package, names)| {
+        let text = manifest(package);
+        names.iter().filter(move |name| text.contains(*name)).map(move |name| format!("{package} depends on {name}"))
+    });
+    none(broken.collect());
+}
+
+#[test]
+fn the_core_and_the_firmware_do_not_panic_on_input() {
+    let mut broken = Vec::new();
+    for (file, text) in sources().into_iter().filter(|(file, _)| {
+        (file.starts_with("shared/src") || file.starts_with("firmware/src"))
+            && !file.ends_with("tests.rs")
+            && !file.contains("/tests/")
+            && !file.ends_with("arms.rs")
+    }) {
+        let code = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or(&text);
+        for (number, line) in code.lines().enumerate().filter(|(_, line)| !line.trim_start().starts_with("//")) {
+            if [".unwrap()", ".expect(", "panic!(", "todo!", "unimplemented!", "unreachable!"]
+                .iter()
+                .any(|w| line.contains(w))
+            {
+                broken.push(format!("{file}:{}: {}", number + 1, line.trim()));
+            }
+        }
+    }
+    none(broken);
+}
+
+#[test]
+fn only_real_names_libm() {
+    let named = sources().into_iter().filter(|(file, text)| {
+        file.starts_with("shared/src")
+            && !file.ends_with("real.rs")
+            && !file.ends_with("trig.rs")
+            && text.contains("libm::")
+    });
+    none(named.map(|(file, _)| format!("{file}: libm is named in `real` alone")).collect());
+}
+
+#[test]
+fn nothing_is_left_undone() {
+    let banned = [concat!("TO", "DO"), concat!("FIX", "ME"), concat!("#[ig", "nore]"), concat!("#[should_", "panic]")];
+    let mut broken = Vec::new();
+    for (file, text) in sources() {
+        let found = banned.iter().filter(|word| text.contains(**word));
+        broken.extend(found.map(|word| format!("{file}: {word}")));
+        broken.extend(
+            text.lines()
+                .enumerate()
+                .filter(|(_, line)| line.ends_with([' ', '\t']))
+                .map(|(number, _)| format!("{file}:{}: blanks at the end of the line", number + 1)),
+        );
+    }
+    none(broken);
+}

@@ -1,1 +1,268 @@
-//! Bench experiments on the state machine.
+//! Bench experiments on the state machine: a board is wired up, time passes, lines and switches are looked at.
+
+extern crate std;
+use std::boxed::Box;
+use std::vec::Vec;
+
+use super::{Command, CommandError, Event, FaultKind, Outputs, Phase, Seen, Sequencer, ServoSeen};
+use crate::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, ServoWiring, SwitchLimit};
+use crate::table::{Record, Row, Table};
+use crate::units::{ActuatorId, Micros, ModelHash, Word};
+
+const MS: u64 = 1000;
+
+struct Bench {
+    sequencer: Sequencer<'static>,
+    now: Micros,
+    seen: Seen,
+    outputs: Outputs,
+    /// Switches follow the lines, as an arm without faults does.
+    follows: bool,
+}
+
+impl Bench {
+    fn new(records: &[Record]) -> Self {
+        let table = Box::leak(Box::<Table>::default());
+        records.iter().for_each(|record| table.push(record, None).expect("the test's own table is valid"));
+        let mut sequencer = Sequencer::default();
+        sequencer.load(table).expect("a new sequencer is idle");
+        Self { sequencer, now: Micros(0), seen: Seen::default(), outputs: Outputs::default(), follows: true }
+    }
+
+    /// Lets so many milliseconds pass, in ticks of one.
+    fn run(&mut self, millis: u64) -> &mut Self {
+        for _ in 0..millis {
+            self.now = self.now + Micros(MS);
+            self.outputs = self.sequencer.step(self.now, &self.seen);
+            if self.follows {
+                self.seen.switches = self.outputs.lines as u32;
+            }
+        }
+        self
+    }
+
+    fn command(&mut self, command: Command) -> Result<(), CommandError> {
+        self.sequencer.command(command)
+    }
+
+    fn events(&mut self) -> Vec<Event> {
+        core::iter::from_fn(|| self.sequencer.next_event()).map(|(_, event)| event).collect()
+    }
+
+    fn fault(&self) -> Option<FaultKind> {
+        match self.sequencer.phase() {
+            Phase::Safe(fault) => Some(fault.kind),
+            _ => None,
+        }
+    }
+}
+
+fn start() -> Record {
+    Record::Start { model: ModelHash(1), device: None, switch_limit: SwitchLimit { new_coils: 2, window_ms: 5 } }
+}
+
+fn coil(drive: Drive) -> Record {
+    let limit = CoilLimit { max_on_ms: 100, duty_percent: 60, window_ms: 1600 };
+    Record::Coil(Coil { drive, limit })
+}
+
+fn actuator(input: u8) -> Record {
+    let switch = Some(LimitSwitch { input, closed_in: 0b10 });
+    Record::Actuator(ActuatorWiring { states: 2, switch, travel_ms: 10 })
+}
+
+fn word(text: &str) -> Word {
+    text.parse().expect("the test's own word is valid")
+}
+
+fn row(at_ms: u32, digits: &str) -> Record {
+    Record::Row(Row { at: Micros::from_millis(at_ms), word: word(digits), servos: heapless::Vec::new() })
+}
+
+fn end(at_ms: u32) -> Record {
+    Record::End { at: Micros::from_millis(at_ms) }
+}
+
+fn two_valves(rows: &[Record]) -> Vec<Record> {
+    let wiring = [start(), coil(Drive::Hold { line: 0 }), coil(Drive::Hold { line: 1 }), actuator(0), actuator(1)];
+    wiring.into_iter().chain(rows.iter().cloned()).collect()
+}
+
+#[test]
+fn rows_go_out_at_their_time_and_the_end_rests() {
+    let mut bench = Bench::new(&two_valves(&[row(0, "10"), row(20, "11"), row(40, "01"), end(60)]));
+    bench.command(Command::Play).unwrap();
+    assert_eq!(bench.run(2).outputs.lines, 0b01);
+    assert_eq!(bench.run(18).outputs.lines, 0b01);
+    assert_eq!(bench.run(1).outputs.lines, 0b11);
+    assert_eq!(bench.run(20).outputs.lines, 0b10);
+    assert_eq!(bench.run(20).outputs.lines, 0);
+    assert_eq!(bench.sequencer.phase(), Phase::Idle);
+    let rows: Vec<_> = bench.events().into_iter().filter(|event| matches!(event, Event::Row { .. })).collect();
+    assert_eq!(rows.len(), 3);
+}
+
+#[test]
+fn nothing_is_enabled_before_the_first_command() {
+    let mut bench = Bench::new(&two_valves(&[end(10)]));
+    assert_eq!(bench.run(5).outputs, Outputs::default());
+}
+
+#[test]
+fn a_switch_that_contradicts_latches_the_safe_state() {
+    let mut bench = Bench::new(&two_valves(&[row(0, "10"), row(20, "11"), end(90)]));
+    bench.follows = false;
+    bench.seen.switches = 0b01;
+    bench.command(Command::Play).unwrap();
+    bench.run(25);
+    assert_eq!(bench.fault(), None, "actuator 1 still travels");
+    bench.run(20);
+    let expected = FaultKind::Switch { actuator: ActuatorId(1), expected_closed: true, seen_closed: false };
+    assert_eq!(bench.fault(), Some(expected));
+    assert_eq!((bench.outputs.lines, bench.outputs.enabled), (0, false));
+    assert_eq!(bench.command(Command::Play), Err(CommandError::Safe));
+    bench.command(Command::Clear).unwrap();
+    bench.command(Command::Play).unwrap();
+}
+
+#[test]
+fn a_bounce_of_two_ticks_is_no_fault() {
+    let mut bench = Bench::new(&two_valves(&[row(0, "10"), end(90)]));
+    bench.command(Command::Play).unwrap();
+    bench.run(30).follows = false;
+    bench.seen.switches = 0;
+    bench.run(1).follows = true;
+    assert_eq!(bench.run(40).fault(), None);
+}
+
+#[test]
+fn a_coil_left_on_by_hand_is_switched_off_at_its_limit() {
+    let mut bench = Bench::new(&two_valves(&[end(10)]));
+    bench.run(1).command(Command::Word(word("10"))).unwrap();
+    assert_eq!(bench.run(100).outputs.lines, 0b01);
+    bench.run(2);
+    assert_eq!(bench.fault(), Some(FaultKind::CoilOnTooLong { coil: 0 }));
+    assert_eq!(bench.outputs.lines, 0);
+}
+
+#[test]
+fn a_coil_by_hand_goes_off_by_itself() {
+    let mut bench = Bench::new(&two_valves(&[end(10)]));
+    bench.run(1).command(Command::Coil { coil: 1, on_ms: 20 }).unwrap();
+    assert_eq!(bench.run(19).outputs.lines, 0b10);
+    assert_eq!(bench.run(1).outputs.lines, 0);
+    let too_long = bench.command(Command::Coil { coil: 1, on_ms: 101 });
+    assert_eq!(too_long, Err(CommandError::OnTooLong { max_ms: 100 }));
+    assert_eq!(bench.command(Command::Coil { coil: 2, on_ms: 1 }), Err(CommandError::NotWired));
+}
+
+#[test]
+fn a_word_by_hand_is_fed_as_the_supply_allows() {
+    let wiring = (0..4).map(|line| coil(Drive::Hold { line }));
+    let records: Vec<_> = core::iter::once(start()).chain(wiring).chain((0..4).map(actuator)).collect();
+    let mut bench = Bench::new(&[&records[..], &[end(10)]].concat());
+    bench.run(1).command(Command::Word(word("1111"))).unwrap();
+    assert_eq!(bench.run(1).outputs.lines, 0b0011);
+    assert_eq!(bench.run(5).outputs.lines, 0b1111);
+}
+
+#[test]
+fn peak_then_hold() {
+    let drive = Drive::PeakHold { pull: 3, hold: 5, peak_ms: 8 };
+    let mut bench = Bench::new(&[start(), coil(drive), actuator(5), row(0, "1"), end(50)]);
+    bench.command(Command::Play).unwrap();
+    assert_eq!(bench.run(2).outputs.lines, 0b10_1000);
+    assert_eq!(bench.run(8).outputs.lines, 0b10_0000);
+    assert_eq!(bench.run(50).outputs.lines, 0);
+}
+
+#[test]
+fn a_latch_gets_pulses_and_is_set_whatever_it_was() {
+    let drive = Drive::Latch { set: 0, reset: 1, pulse_ms: 5 };
+    let quiet = Record::Actuator(ActuatorWiring { states: 2, switch: None, travel_ms: 5 });
+    let mut bench = Bench::new(&[start(), coil(drive), quiet, row(0, "0"), row(20, "1"), end(40)]);
+    bench.command(Command::Play).unwrap();
+    assert_eq!(bench.run(2).outputs.lines, 0b10, "nobody knows how the latch stands");
+    assert_eq!(bench.run(5).outputs.lines, 0);
+    assert_eq!(bench.run(15).outputs.lines, 0b01);
+    assert_eq!(bench.run(5).outputs.lines, 0, "no current between");
+}
+
+#[test]
+fn stop_switches_off_at_once_and_a_fault_survives_it() {
+    let mut bench = Bench::new(&two_valves(&[row(0, "11"), end(90)]));
+    bench.command(Command::Play).unwrap();
+    bench.run(5).command(Command::Stop).unwrap();
+    assert_eq!(bench.run(1).outputs.lines, 0);
+    assert!(bench.events().contains(&Event::Stopped));
+    bench.command(Command::Play).unwrap();
+    bench.follows = false;
+    bench.seen.switches = 0;
+    bench.run(30).command(Command::Stop).unwrap();
+    assert!(bench.fault().is_some());
+}
+
+#[test]
+fn without_a_table_nothing_plays() {
+    let mut sequencer = Sequencer::default();
+    assert_eq!(sequencer.command(Command::Play), Err(CommandError::NoTable));
+    assert_eq!(sequencer.command(Command::Coil { coil: 0, on_ms: 1 }), Err(CommandError::NoTable));
+}
+
+fn servo_arm() -> Bench {
+    let servo =
+        ServoWiring { id: 1, min_rad: -1.0, max_rad: 1.0, max_speed_rad_s: 2.0, max_torque: 0.5, timeout_ms: 20 };
+    let at = |at_ms, angle| {
+        let servos = heapless::Vec::from_slice(&[angle]).expect("one fits");
+        Record::Row(Row { at: Micros::from_millis(at_ms), word: Word::default(), servos })
+    };
+    Bench::new(&[start(), Record::Servo(servo), at(0, 0.5), at(500, -0.4), end(900)])
+}
+
+impl Bench {
+    fn servo(&mut self, angle_rad: f32) -> &mut Self {
+        self.seen.servos[0] = ServoSeen { angle_rad, load: 0.1, error: 0, answered: Some(self.now) };
+        self
+    }
+}
+
+#[test]
+fn rows_wait_until_the_servos_have_come_slowly_to_the_first() {
+    let mut bench = servo_arm();
+    bench.command(Command::Play).unwrap();
+    for _ in 0..50 {
+        bench.servo(0.0).run(1);
+    }
+    let target = bench.outputs.servos[0].unwrap();
+    assert_eq!((target.angle_rad, target.speed_rad_s), (0.5, 0.5));
+    assert!(matches!(bench.sequencer.phase(), Phase::Approaching { .. }));
+    bench.servo(0.495).run(2);
+    assert!(matches!(bench.sequencer.phase(), Phase::Playing { .. }));
+    assert_eq!(bench.outputs.servos[0].unwrap().speed_rad_s, 2.0);
+}
+
+#[test]
+fn a_silent_overloaded_or_faulty_servo_latches_the_safe_state() {
+    type Break = fn(&mut ServoSeen);
+    let faults: [(Break, FaultKind); 3] = [
+        (|_| {}, FaultKind::ServoSilent { servo: 0 }),
+        (|seen| seen.load = 0.9, FaultKind::ServoTorque { servo: 0, load: 0.9 }),
+        (|seen| seen.error = 4, FaultKind::ServoError { servo: 0, bits: 4 }),
+    ];
+    for (break_it, expected) in faults {
+        let mut bench = servo_arm();
+        bench.command(Command::Play).unwrap();
+        bench.servo(0.5).run(5);
+        break_it(&mut bench.seen.servos[0]);
+        assert_eq!(bench.run(25).fault(), Some(expected));
+        assert_eq!(bench.outputs.servos[0].unwrap().angle_rad, 0.5, "it holds where it was seen");
+    }
+}
+
+#[test]
+fn a_table_is_handed_over_only_at_rest() {
+    let mut bench = Bench::new(&two_valves(&[row(0, "10"), end(50)]));
+    bench.command(Command::Play).unwrap();
+    assert!(bench.run(5).sequencer.unload().is_none());
+    assert!(bench.run(60).sequencer.unload().is_some());
+}

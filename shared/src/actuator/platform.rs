@@ -1,0 +1,257 @@
+//! A parallel platform: a top plate carried by discrete legs on a base plate, three in a plane or six in space.
+//!
+//! # Model
+//!
+//! |p + R·t_k − b_k| = l_k for each leg k
+//!
+//! | symbol | field      | unit | meaning                                            |
+//! |--------|------------|------|----------------------------------------------------|
+//! | R, p   | `pose`     | 1, m | pose of the top plate in the base plate's frame    |
+//! | b_k    | `base`     | m    | anchor on the base plate, in its frame             |
+//! | t_k    | `top`      | m    | anchor on the top plate, in its frame              |
+//! | l_k    | `length_m` | m    | distance of the two anchors                        |
+//! | u_k    |            | 1    | unit vector from b_k to t_k, told in the top plate |
+//!
+//! A leg grows by l̇ = u·(v + ω × t) with the twist (ω, v) of the top told in its own frame: one row of the matrix D.
+//! Newton's method on the group starts at `home`, which names the assembly mode, and solves D·(ω, v) = l − |…|.
+//! As the row is the wrench of a unit force along the leg, Dᵀ·f = −w gives the forces that carry a load w.
+//!
+//! Valid while the legs do not pass a singular posture on the way from `home`: there det D changes its sign, and the
+//! platform may fall into another of its assembly modes (four in the plane, up to forty in space).
+//! Source: Merlet, Parallel Robots, Springer, 2006, chapters 4 to 6.
+
+use core::fmt;
+
+use super::lu::Lu;
+use super::{MAX_LEGS, MAX_STATES, Part, Setting};
+use crate::real::{Real, Vec3, real, to_f32};
+use crate::se::{Pose, Twist, Wrench, rotation_exp};
+
+/// Steps of Newton's method before a platform counts as impossible to assemble.
+pub const MAX_ITERATIONS: u8 = 30;
+
+/// A platform with less than this |det D|, over the largest entry of each column, stands too near a singular posture.
+pub const MIN_DETERMINANT: f64 = 1e-4;
+
+/// A step turns the plate by this many radians at most, and moves it by this share of the longest leg.
+const MAX_STEP: f64 = 0.5;
+
+/// A leg that is driven onto one of a few stops.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Leg<T: Real> {
+    /// Anchor on the base plate, in its frame, m.
+    pub base: Vec3<T>,
+    /// Anchor on the top plate, in its frame, m.
+    pub top: Vec3<T>,
+    /// Distance of the anchors in each state, m; state 0 is the contracted one.
+    pub length_m: [T; MAX_STATES],
+    /// How many of the lengths count.
+    pub states: u8,
+}
+
+/// A top plate on `LEGS` discrete legs: 3 in the xy-plane, 6 in space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Platform<T: Real, const LEGS: usize> {
+    /// The legs in the order of their digits; in the plane left, diagonal, right.
+    pub legs: [Leg<T>; LEGS],
+    /// A pose of the top in the base near those that are meant.
+    pub home: Pose<T>,
+}
+
+/// A platform put together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Assembly<T: Real> {
+    /// Pose of the top in the base.
+    pub pose: Pose<T>,
+    /// Steps that it took.
+    pub iterations: u8,
+}
+
+/// Why a platform has no pose that can be trusted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PlatformError {
+    /// No pose gives the legs their lengths: the nearest one seen still misses one of them.
+    NotAssembled {
+        /// By how much the worst leg is missed, m.
+        miss_m: f32,
+    },
+    /// The platform gives way: some motion of the top changes no leg.
+    NearSingular {
+        /// The scaled determinant of D.
+        determinant: f32,
+        /// What it has to exceed.
+        least: f32,
+    },
+    /// The legs fit together, but the wrong way round.
+    OtherMode {
+        /// The scaled determinant of D.
+        determinant: f32,
+        /// The same at home: of the other sign.
+        home: f32,
+    },
+}
+
+impl<T: Real> Leg<T> {
+    pub(super) fn setting(&self, digit: u8) -> Option<Setting<T>> {
+        let value = *self.length_m.get(usize::from(digit))?;
+        Some(Setting { base: self.base, top: self.top, value })
+    }
+}
+
+impl<T: Real, const LEGS: usize> Platform<T, LEGS> {
+    /// Where the motions that the legs govern begin among (ω, v): with ω_z in the plane.
+    const FIRST: usize = {
+        assert!(LEGS == 3 || LEGS == 6, "a platform has 3 legs in the plane or 6 in space");
+        if LEGS == 3 { 2 } else { 0 }
+    };
+
+    /// The pose of the top whose legs are as `legs` says, in the assembly mode of `home`.
+    pub fn assemble(&self, legs: &[Setting<T>; MAX_LEGS]) -> Result<Assembly<T>, PlatformError> {
+        let mut pose = self.home;
+        let mut home = None;
+        let mut miss = T::zero();
+        let longest = legs.iter().take(LEGS).fold(T::default_epsilon(), |most, leg| most.max(leg.value));
+        for iterations in 1..=MAX_ITERATIONS {
+            let (rows, missing) = Self::rows(legs, &pose);
+            let lu = Lu::new(rows);
+            let home = *home.get_or_insert(lu.determinant);
+            checked(lu.determinant)?;
+            let step = limited(Self::to_twist(&lu.solve(&missing)), longest);
+            pose = Pose {
+                rotation: pose.rotation * rotation_exp(&step.angular),
+                position: pose.position + pose.rotation * step.linear,
+            };
+            miss = missing.iter().fold(T::zero(), |most, m| most.max(m.abs()));
+            if miss < tolerance::<T>() * longest {
+                return in_mode(lu.determinant, home).map(|()| Assembly { pose, iterations });
+            }
+        }
+        Err(PlatformError::NotAssembled { miss_m: to_f32(miss) })
+    }
+
+    /// How the top moves, told in its own frame, per unit of one number of `leg`, with all others held.
+    pub(super) fn twist(&self, legs: &[Setting<T>; MAX_LEGS], pose: &Pose<T>, leg: usize, part: Part) -> Twist<T> {
+        let Some(setting) = legs.get(leg) else {
+            return Twist::zero();
+        };
+        let (direction, _) = line(setting, pose);
+        let growth = match part {
+            Part::Value => T::one(),
+            Part::Base(axis) => direction.get(usize::from(axis)).copied().unwrap_or(T::zero()),
+            Part::Top(axis) => -pose.rotation.tr_mul(&direction).get(usize::from(axis)).copied().unwrap_or(T::zero()),
+        };
+        let growths = core::array::from_fn(|k| if k == leg { growth } else { T::zero() });
+        Self::to_twist(&Lu::new(Self::rows(legs, pose).0).solve(&growths))
+    }
+
+    /// What each leg pushes with, N, when `load` acts on the top, told in the top's frame. In the plane the part of
+    /// the load out of the plane is borne by guides.
+    pub(super) fn loads(&self, legs: &[Setting<T>; MAX_LEGS], pose: &Pose<T>, load: &Wrench<T>) -> [T; MAX_LEGS] {
+        let forces = Lu::new(Self::rows(legs, pose).0).solve_transposed(&Self::governed(&-*load));
+        core::array::from_fn(|k| forces.get(k).copied().unwrap_or(T::zero()))
+    }
+
+    /// The rows of D, and by how much each leg is short of its length, m.
+    fn rows(legs: &[Setting<T>; MAX_LEGS], pose: &Pose<T>) -> ([[T; LEGS]; LEGS], [T; LEGS]) {
+        let mut rows = [[T::zero(); LEGS]; LEGS];
+        let mut missing = [T::zero(); LEGS];
+        for ((row, missing), leg) in rows.iter_mut().zip(&mut missing).zip(legs) {
+            let (direction, length) = line(leg, pose);
+            *row = Self::governed(&Wrench::of_force(pose.rotation.tr_mul(&direction), &leg.top));
+            *missing = leg.value - length;
+        }
+        (rows, missing)
+    }
+
+    /// The components of a wrench that the legs bear.
+    fn governed(wrench: &Wrench<T>) -> [T; LEGS] {
+        let (m, f) = (&wrench.moment, &wrench.force);
+        let six = [m.x, m.y, m.z, f.x, f.y, f.z];
+        core::array::from_fn(|k| six[k + Self::FIRST])
+    }
+
+    fn to_twist(motions: &[T; LEGS]) -> Twist<T> {
+        let mut six = [T::zero(); 6];
+        for (component, motion) in six.iter_mut().skip(Self::FIRST).zip(motions) {
+            *component = *motion;
+        }
+        let [x, y, z, vx, vy, vz] = six;
+        Twist { angular: Vec3::new(x, y, z), linear: Vec3::new(vx, vy, vz) }
+    }
+}
+
+impl<const LEGS: usize> Platform<f64, LEGS> {
+    /// The same platform in numbers of type `U`.
+    pub fn cast<U: Real>(&self) -> Platform<U, LEGS> {
+        Platform { legs: self.legs.map(|leg| leg.cast()), home: self.home.cast() }
+    }
+}
+
+impl Leg<f64> {
+    /// The same leg in numbers of type `U`.
+    pub fn cast<U: Real>(&self) -> Leg<U> {
+        Leg {
+            base: self.base.map(real),
+            top: self.top.map(real),
+            length_m: self.length_m.map(real),
+            states: self.states,
+        }
+    }
+}
+
+/// The unit vector from the base anchor to the top anchor, in the base frame, and their distance.
+#[inline]
+fn line<T: Real>(leg: &Setting<T>, pose: &Pose<T>) -> (Vec3<T>, T) {
+    let across = *pose * leg.top - leg.base;
+    let length = across.norm();
+    (across / length, length)
+}
+
+/// ε^¾: the share of the longest leg that may be missed before the last step, which squares it.
+///
+/// A derivative carried along by a dual number only shrinks to this share in that step, hence not √ε.
+fn tolerance<T: Real>() -> T {
+    let root = T::default_epsilon().sqrt();
+    root * root.sqrt()
+}
+
+/// A long step shortened, so that the iteration cannot jump into another assembly mode.
+fn limited<T: Real>(step: Twist<T>, length: T) -> Twist<T> {
+    let square = step.angular.norm_squared().max(step.linear.norm_squared() / (length * length));
+    if square > real(MAX_STEP * MAX_STEP) { step * (real::<T>(MAX_STEP) / square.sqrt()) } else { step }
+}
+
+fn checked<T: Real>(determinant: T) -> Result<(), PlatformError> {
+    if determinant.abs() > real(MIN_DETERMINANT) {
+        return Ok(());
+    }
+    Err(PlatformError::NearSingular { determinant: to_f32(determinant), least: MIN_DETERMINANT as f32 })
+}
+
+fn in_mode<T: Real>(determinant: T, home: T) -> Result<(), PlatformError> {
+    if determinant * home > T::zero() {
+        return Ok(());
+    }
+    Err(PlatformError::OtherMode { determinant: to_f32(determinant), home: to_f32(home) })
+}
+
+impl fmt::Display for PlatformError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotAssembled { miss_m } => {
+                write!(f, "the legs cannot be assembled: one is missed by {:.3} mm", miss_m * 1e3)
+            }
+            Self::NearSingular { determinant, least } => {
+                write!(
+                    f,
+                    "the platform is near a singular posture: determinant {determinant:.1e} of at least {least:.0e}"
+                )
+            }
+            Self::OtherMode { determinant, home } => {
+                write!(f, "the platform left its assembly mode: determinant {determinant:.3}, at home {home:.3}")
+            }
+        }
+    }
+}
+
+impl core::error::Error for PlatformError {}

@@ -1,0 +1,169 @@
+//! Each limit broken by one row, and the records that cannot stand where they stand.
+
+extern crate std;
+use std::vec::Vec;
+
+use super::{Checker, Record, Row, RowError, ServoAngles, Table, TableError};
+use crate::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, ServoWiring, SwitchLimit, WiringError};
+use crate::units::{ActuatorId, DeviceId, Micros, ModelHash, Word};
+
+const START: Record = Record::Start {
+    model: ModelHash(7),
+    device: Some(DeviceId([1; 12])),
+    switch_limit: SwitchLimit { new_coils: 2, window_ms: 5 },
+};
+
+fn coil(line: u8) -> Record {
+    let limit = CoilLimit { max_on_ms: 100, duty_percent: 50, window_ms: 1600 };
+    Record::Coil(Coil { drive: Drive::Hold { line }, limit })
+}
+
+fn actuator(states: u8) -> Record {
+    Record::Actuator(ActuatorWiring { states, switch: None, travel_ms: 10 })
+}
+
+fn row_with(at_ms: u32, digits: &str, servos: &[f32]) -> Record {
+    let word = digits.parse().expect("the test's own word is valid");
+    let servos = ServoAngles::from_slice(servos).expect("few servos");
+    Record::Row(Row { at: Micros::from_millis(at_ms), word, servos })
+}
+
+fn row(at_ms: u32, digits: &str) -> Record {
+    row_with(at_ms, digits, &[])
+}
+
+fn end(at_ms: u32) -> Record {
+    Record::End { at: Micros::from_millis(at_ms) }
+}
+
+/// Admits all records; the first refusal ends it.
+fn check(records: &[Record]) -> Result<Checker, TableError> {
+    let mut checker = Checker::default();
+    records.iter().try_for_each(|record| checker.admit(record, None))?;
+    Ok(checker)
+}
+
+fn three_valves(rows: &[Record]) -> Result<Checker, TableError> {
+    let wiring = [START, coil(0), coil(1), coil(2), actuator(2), actuator(2), actuator(2)];
+    check(&[&wiring, rows].concat())
+}
+
+fn refused(rows: &[Record]) -> (u16, RowError) {
+    match three_valves(rows) {
+        Err(TableError::Row { row, error }) => (row, error),
+        other => panic!("not refused for a row: {other:?}"),
+    }
+}
+
+#[test]
+fn a_good_table_is_complete_at_its_end() {
+    let checker = three_valves(&[row(0, "100"), row(50, "010"), end(100)]).unwrap();
+    assert!(checker.is_complete());
+    assert!(!three_valves(&[row(0, "100")]).unwrap().is_complete());
+}
+
+#[test]
+fn each_breach_names_its_row() {
+    assert_eq!(refused(&[row(5, "100"), row(5, "000")]), (1, RowError::Time));
+    assert_eq!(refused(&[row(0, "10")]), (0, RowError::Word));
+    assert_eq!(refused(&[row(0, "200")]), (0, RowError::Word));
+    assert_eq!(refused(&[row(0, "111")]), (0, RowError::TooManyCoils));
+    assert_eq!(refused(&[row(0, "001"), end(101)]), (1, RowError::CoilOnTooLong { coil: 2 }));
+    assert_eq!(refused(&[row(0, "100"), row(9, "000")]), (1, RowError::Travel { actuator: ActuatorId(0) }));
+    assert_eq!(refused(&[row_with(0, "000", &[0.1])]), (0, RowError::Servo { servo: 0 }));
+}
+
+#[test]
+fn duty_is_counted_along_the_rows() {
+    let rows: Vec<_> = (0..40).map(|i| row(50 * i + i / 2 * 20, if i % 2 == 0 { "100" } else { "000" })).collect();
+    let slow = three_valves(&rows).map(|_| ());
+    assert_eq!(slow, Ok(()), "50 of 120 ms is less than half");
+    let rows: Vec<_> = (0..60)
+        .map(|i| row(if i % 2 == 0 { 40 * i } else { 40 * i + 20 }, if i % 2 == 0 { "100" } else { "000" }))
+        .collect();
+    assert_eq!(refused(&rows).1, RowError::CoilDuty { coil: 0 }, "60 of 80 ms is more than half");
+}
+
+#[test]
+fn servos_keep_their_range_and_speed() {
+    let servo =
+        ServoWiring { id: 1, min_rad: -1.0, max_rad: 1.0, max_speed_rad_s: 2.0, max_torque: 0.5, timeout_ms: 20 };
+    let with = |rows: &[Record]| check(&[&[START, Record::Servo(servo)], rows].concat()).map(|_| ());
+    let error = |row, error| Err(TableError::Row { row, error });
+    assert_eq!(with(&[row_with(0, "", &[0.0]), row_with(500, "", &[0.9])]), Ok(()));
+    assert_eq!(with(&[row_with(0, "", &[1.1])]), error(0, RowError::Servo { servo: 0 }));
+    assert_eq!(with(&[row_with(0, "", &[f32::NAN])]), error(0, RowError::Servo { servo: 0 }));
+    let fast = [row_with(0, "", &[0.0]), row_with(500, "", &[-1.0]), row_with(900, "", &[0.0])];
+    assert_eq!(with(&fast), error(2, RowError::ServoSpeed { servo: 0 }));
+}
+
+#[test]
+fn records_stand_in_their_order() {
+    assert_eq!(check(&[coil(0)]).err(), Some(TableError::Order));
+    assert_eq!(three_valves(&[row(0, "000"), coil(3)]).err(), Some(TableError::Order));
+    assert_eq!(three_valves(&[end(1), row(2, "000")]).err(), Some(TableError::Order));
+}
+
+#[test]
+fn unsafe_wirings_are_refused() {
+    let wiring = |records: &[Record]| match check(&[&[START], records, &[end(1)]].concat()) {
+        Err(TableError::Wiring(error)) => error,
+        other => panic!("not refused for the wiring: {other:?}"),
+    };
+    assert_eq!(wiring(&[coil(0), coil(0), actuator(2), actuator(2)]), WiringError::Line { line: 0 });
+    assert_eq!(wiring(&[coil(64), actuator(2)]), WiringError::Line { line: 64 });
+    assert_eq!(wiring(&[coil(0), actuator(3)]), WiringError::CoilCount { coil: 1 });
+    assert_eq!(wiring(&[coil(0), actuator(5)]), WiringError::States { actuator: ActuatorId(0) });
+    let with_input = |input| {
+        let switch = Some(LimitSwitch { input, closed_in: 2 });
+        Record::Actuator(ActuatorWiring { states: 2, switch, travel_ms: 1 })
+    };
+    assert_eq!(wiring(&[coil(0), coil(1), with_input(3), with_input(3)]), WiringError::Input { input: 3 });
+    assert_eq!(wiring(&[coil(0), with_input(32)]), WiringError::Input { input: 32 });
+    let limit = CoilLimit { max_on_ms: 0, duty_percent: 50, window_ms: 1600 };
+    let dead = Record::Coil(Coil { drive: Drive::Hold { line: 0 }, limit });
+    assert_eq!(wiring(&[dead, actuator(2)]), WiringError::CoilLimit { coil: 0 });
+}
+
+#[test]
+fn a_table_for_another_device_is_refused() {
+    let mut table = Table::default();
+    assert_eq!(table.push(&START, Some(DeviceId([2; 12]))), Err(TableError::OtherDevice));
+    assert_eq!(table.push(&START, Some(DeviceId([1; 12]))), Ok(()));
+}
+
+#[test]
+fn after_a_refusal_the_table_is_empty() {
+    let mut table = Table::default();
+    for record in [START, coil(0), actuator(2), row(0, "1")] {
+        table.push(&record, None).unwrap();
+    }
+    assert!(table.push(&row(0, "1"), None).is_err());
+    assert!(table.rows().is_empty() && table.end().is_none());
+    assert_eq!(table.push(&row(5, "1"), None), Err(TableError::Order));
+}
+
+#[test]
+fn no_record_is_longer_than_its_buffer() {
+    let servos = ServoAngles::from_slice(&[f32::MAX; 4]).unwrap();
+    let longest = [
+        Record::Row(Row { at: Micros(u64::MAX), word: Word::new(&[3; 64]).unwrap(), servos }),
+        Record::Servo(ServoWiring {
+            id: 255,
+            min_rad: -1.0,
+            max_rad: 1.0,
+            max_speed_rad_s: 1.0,
+            max_torque: 1.0,
+            timeout_ms: u16::MAX,
+        }),
+        Record::Start {
+            model: ModelHash(u64::MAX),
+            device: Some(DeviceId([255; 12])),
+            switch_limit: SwitchLimit { new_coils: 255, window_ms: u16::MAX },
+        },
+    ];
+    for record in longest {
+        let mut bytes = [0; Record::MAX_BYTES];
+        assert!(postcard::to_slice(&record, &mut bytes).is_ok(), "{record:?}");
+    }
+}
