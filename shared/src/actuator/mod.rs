@@ -5,7 +5,7 @@
 //! actuator bears.
 
 mod joint;
-mod lu;
+mod linear;
 mod platform;
 
 use crate::real::{Real, Vec3, real};

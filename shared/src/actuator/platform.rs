@@ -10,11 +10,12 @@
 //! | b_k    | `base`     | m    | anchor on the base plate, in its frame             |
 //! | t_k    | `top`      | m    | anchor on the top plate, in its frame              |
 //! | l_k    | `length_m` | m    | distance of the two anchors                        |
-//! | u_k    |            | 1    | unit vector from b_k to t_k, told in the top plate |
+//! | u_k    |            | 1    | unit vector from b_k to p + R·t_k                  |
 //!
-//! A leg grows by l̇ = u·(v + ω × t) with the twist (ω, v) of the top told in its own frame: one row of the matrix D.
+//! A leg grows by l̇ = u·(v + ω × R·t) when the top turns with ω and its origin moves with v: one row of the matrix D.
 //! Newton's method on the group starts at `home`, which names the assembly mode, and solves D·(ω, v) = l − |…|.
 //! As the row is the wrench of a unit force along the leg, Dᵀ·f = −w gives the forces that carry a load w.
+//! Both are told in the axes of the base plate, about the origin of the top.
 //!
 //! Valid while the legs do not pass a singular posture on the way from `home`: there det D changes its sign, and the
 //! platform may fall into another of its assembly modes (four in the plane, up to forty in space).
@@ -22,7 +23,7 @@
 
 use core::fmt;
 
-use super::lu::Lu;
+use super::linear::{solve, transposed};
 use super::{MAX_LEGS, MAX_STATES, Part, Setting};
 use crate::real::{Real, Vec3, real, to_f32};
 use crate::se::{Pose, Twist, Wrench, rotation_exp};
@@ -30,7 +31,8 @@ use crate::se::{Pose, Twist, Wrench, rotation_exp};
 /// Steps of Newton's method before a platform counts as impossible to assemble.
 pub const MAX_ITERATIONS: u8 = 30;
 
-/// A platform with less than this |det D|, over the largest entry of each column, stands too near a singular posture.
+/// A platform with less than this |det D|, over the largest entry of each column at home, stands too near a singular
+/// posture.
 pub const MIN_DETERMINANT: f64 = 1e-4;
 
 /// A step turns the plate by this many radians at most, and moves it by this share of the longest leg.
@@ -113,17 +115,15 @@ impl<T: Real, const LEGS: usize> Platform<T, LEGS> {
         let longest = legs.iter().take(LEGS).fold(T::default_epsilon(), |most, leg| most.max(leg.value));
         for iterations in 1..=MAX_ITERATIONS {
             let (rows, missing) = Self::rows(legs, &pose);
-            let lu = Lu::new(rows);
-            let home = *home.get_or_insert(lu.determinant);
-            checked(lu.determinant)?;
-            let step = limited(Self::to_twist(&lu.solve(&missing)), longest);
-            pose = Pose {
-                rotation: pose.rotation * rotation_exp(&step.angular),
-                position: pose.position + pose.rotation * step.linear,
-            };
+            let (motions, determinant) = solve(&rows, &missing);
+            let (home, scale) = *home.get_or_insert_with(|| (determinant, column_scale(&rows)));
+            checked(determinant / scale)?;
+            let step = limited(Self::to_twist(&motions), longest);
+            pose =
+                Pose { rotation: rotation_exp(&step.angular) * pose.rotation, position: pose.position + step.linear };
             miss = missing.iter().fold(T::zero(), |most, m| most.max(m.abs()));
             if miss < tolerance::<T>() * longest {
-                return in_mode(lu.determinant, home).map(|()| Assembly { pose, iterations });
+                return in_mode(determinant / scale, home / scale).map(|()| Assembly { pose, iterations });
             }
         }
         Err(PlatformError::NotAssembled { miss_m: to_f32(miss) })
@@ -131,23 +131,22 @@ impl<T: Real, const LEGS: usize> Platform<T, LEGS> {
 
     /// How the top moves, told in its own frame, per unit of one number of `leg`, with all others held.
     pub(super) fn twist(&self, legs: &[Setting<T>; MAX_LEGS], pose: &Pose<T>, leg: usize, part: Part) -> Twist<T> {
-        let Some(setting) = legs.get(leg) else {
-            return Twist::zero();
-        };
-        let (direction, _) = line(setting, pose);
+        let Some(setting) = legs.get(leg) else { return Twist::zero() };
         let growth = match part {
             Part::Value => T::one(),
-            Part::Base(axis) => direction.get(usize::from(axis)).copied().unwrap_or(T::zero()),
-            Part::Top(axis) => -pose.rotation.tr_mul(&direction).get(usize::from(axis)).copied().unwrap_or(T::zero()),
+            Part::Base(axis) => coordinate(&line(setting, pose).direction, axis),
+            Part::Top(axis) => -coordinate(&pose.rotation.tr_mul(&line(setting, pose).direction), axis),
         };
         let growths = core::array::from_fn(|k| if k == leg { growth } else { T::zero() });
-        Self::to_twist(&Lu::new(Self::rows(legs, pose).0).solve(&growths))
+        let in_base = Self::to_twist(&solve(&Self::rows(legs, pose).0, &growths).0);
+        Twist { angular: pose.rotation.tr_mul(&in_base.angular), linear: pose.rotation.tr_mul(&in_base.linear) }
     }
 
     /// What each leg pushes with, N, when `load` acts on the top, told in the top's frame. In the plane the part of
     /// the load out of the plane is borne by guides.
     pub(super) fn loads(&self, legs: &[Setting<T>; MAX_LEGS], pose: &Pose<T>, load: &Wrench<T>) -> [T; MAX_LEGS] {
-        let forces = Lu::new(Self::rows(legs, pose).0).solve_transposed(&Self::governed(&-*load));
+        let in_base = Wrench { moment: pose.rotation * -load.moment, force: pose.rotation * -load.force };
+        let (forces, _) = solve(&transposed(&Self::rows(legs, pose).0), &Self::governed(&in_base));
         core::array::from_fn(|k| forces.get(k).copied().unwrap_or(T::zero()))
     }
 
@@ -156,8 +155,8 @@ impl<T: Real, const LEGS: usize> Platform<T, LEGS> {
         let mut rows = [[T::zero(); LEGS]; LEGS];
         let mut missing = [T::zero(); LEGS];
         for ((row, missing), leg) in rows.iter_mut().zip(&mut missing).zip(legs) {
-            let (direction, length) = line(leg, pose);
-            *row = Self::governed(&Wrench::of_force(pose.rotation.tr_mul(&direction), &leg.top));
+            let Line { arm, direction, length } = line(leg, pose);
+            *row = Self::governed(&Wrench::of_force(direction, &arm));
             *missing = leg.value - length;
         }
         (rows, missing)
@@ -199,12 +198,26 @@ impl Leg<f64> {
     }
 }
 
-/// The unit vector from the base anchor to the top anchor, in the base frame, and their distance.
+/// A leg in some posture, told in the axes of the base plate.
+struct Line<T: Real> {
+    /// From the origin of the top to the top anchor, m.
+    arm: Vec3<T>,
+    /// From the base anchor to the top anchor, a unit vector.
+    direction: Vec3<T>,
+    /// Their distance, m.
+    length: T,
+}
+
 #[inline]
-fn line<T: Real>(leg: &Setting<T>, pose: &Pose<T>) -> (Vec3<T>, T) {
-    let across = *pose * leg.top - leg.base;
+fn line<T: Real>(leg: &Setting<T>, pose: &Pose<T>) -> Line<T> {
+    let arm = pose.rotation * leg.top;
+    let across = arm + pose.position - leg.base;
     let length = across.norm();
-    (across / length, length)
+    Line { arm, direction: across * (T::one() / length), length }
+}
+
+fn coordinate<T: Real>(vector: &Vec3<T>, axis: u8) -> T {
+    vector.get(usize::from(axis)).copied().unwrap_or(T::zero())
 }
 
 /// ε^¾: the share of the longest leg that may be missed before the last step, which squares it.
@@ -219,6 +232,12 @@ fn tolerance<T: Real>() -> T {
 fn limited<T: Real>(step: Twist<T>, length: T) -> Twist<T> {
     let square = step.angular.norm_squared().max(step.linear.norm_squared() / (length * length));
     if square > real(MAX_STEP * MAX_STEP) { step * (real::<T>(MAX_STEP) / square.sqrt()) } else { step }
+}
+
+/// The product of the largest entries by columns: what a determinant is told over, so that it has no unit.
+fn column_scale<T: Real, const LEGS: usize>(rows: &[[T; LEGS]; LEGS]) -> T {
+    let largest = |column: usize| rows.iter().fold(T::default_epsilon(), |most, row| most.max(row[column].abs()));
+    (0..LEGS).fold(T::one(), |product, column| product * largest(column))
 }
 
 fn checked<T: Real>(determinant: T) -> Result<(), PlatformError> {

@@ -66,7 +66,7 @@ impl<T: Real> Pose<T> {
         let w = &twist.angular;
         let f = Factors::of(w);
         let turn = w.cross(&twist.linear);
-        Self { rotation: f.rotation(w), position: twist.linear + turn * f.versine + w.cross(&turn) * f.excess }
+        Self { rotation: f.rotation(w), position: twist.linear + turn * f.versine + w.cross(&turn) * f.excess() }
     }
 
     /// The twist with the least rotation whose [`exp`](Self::exp) is this pose; the angle is within 0..=π.
@@ -182,31 +182,41 @@ impl<T: Real> Mul<Vec3<T>> for Pose<T> {
 
 /// The factors of \[ω\] and \[ω\]² in the exponential maps, for one rotation vector of length θ.
 struct Factors<T> {
+    /// θ²
+    square: T,
     /// sin θ / θ
     sine: T,
     /// (1 − cos θ) / θ²
     versine: T,
-    /// (θ − sin θ) / θ³
-    excess: T,
 }
 
 /// Below this θ² the series are exact to the last bit of an `f64`, and need no root, sine or cosine.
 const SERIES_BELOW: f64 = 0.25;
 
 impl<T: Real> Factors<T> {
+    #[inline]
     fn of(w: &Vec3<T>) -> Self {
         let square = w.norm_squared();
         if square < real(SERIES_BELOW) {
-            return Self { sine: sine(square), versine: versine(square), excess: series(square, &EXCESS) };
+            return Self { square, sine: series(square, &SINE), versine: series(square, &VERSINE) };
         }
         let angle = square.sqrt();
         // Half angles: 1 − cos θ would lose half of an f32's digits at small angles.
         let (s, c) = (angle * real(0.5)).sin_cos();
-        let sine = (s + s) * c / angle;
-        Self { sine, versine: (s + s) * s / square, excess: (T::one() - sine) / square }
+        Self { square, sine: (s + s) * c / angle, versine: (s + s) * s / square }
+    }
+
+    /// (θ − sin θ) / θ³
+    fn excess(&self) -> T {
+        if self.square < real(SERIES_BELOW) {
+            series(self.square, &EXCESS)
+        } else {
+            (T::one() - self.sine) / self.square
+        }
     }
 
     /// exp \[ω\] = I + sin θ/θ \[ω\] + (1 − cos θ)/θ² \[ω\]² (Rodrigues).
+    #[inline]
     fn rotation(&self, w: &Vec3<T>) -> Mat3<T> {
         rodrigues(w, self.sine, self.versine)
     }
@@ -241,16 +251,6 @@ fn series<T: Real>(square: T, coefficients: &[f64; 7]) -> T {
     coefficients.iter().rev().fold(T::zero(), |sum, c| sum * square + real(*c))
 }
 
-#[inline]
-fn sine<T: Real>(square: T) -> T {
-    series(square, &SINE)
-}
-
-#[inline]
-fn versine<T: Real>(square: T) -> T {
-    series(square, &VERSINE)
-}
-
 /// I + a·\[w\] + b·\[w\]².
 #[inline]
 fn rodrigues<T: Real>(w: &Vec3<T>, a: T, b: T) -> Mat3<T> {
@@ -277,7 +277,7 @@ pub fn rotation_exp<T: Real>(w: &Vec3<T>) -> Mat3<T> {
 /// How the rotation exp \[w\] turns, told in its own frame, when w grows: the right Jacobian of SO(3).
 pub fn rotation_jacobian<T: Real>(w: &Vec3<T>) -> Mat3<T> {
     let f = Factors::of(w);
-    rodrigues(w, -f.versine, f.excess)
+    rodrigues(w, -f.versine, f.excess())
 }
 
 /// The rotation vector of `rotation`, of a length within 0..=π, rad.

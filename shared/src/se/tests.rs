@@ -115,7 +115,7 @@ fn series_meets_the_closed_form() {
     let above = Factors::of(&Vector3::new(0.0, 0.0, 0.5));
     assert!((below.sine - above.sine).abs() < 1e-15);
     assert!((below.versine - above.versine).abs() < 1e-15);
-    assert!((below.excess - above.excess).abs() < 1e-15);
+    assert!((below.excess() - above.excess()).abs() < 1e-15);
     let below = inverse_excess(&Vector3::new(0.0, 0.5f64.next_down(), 0.0));
     assert!((below - inverse_excess(&Vector3::new(0.0, 0.5, 0.0))).abs() < 1e-15);
 }
