@@ -1,8 +1,10 @@
 //! The subcommands of `darm`, one file each: arguments, one function that runs it, what it says.
 
+mod camera;
 mod console;
 mod doctor;
 mod flash;
+mod plant;
 mod play;
 mod status;
 mod stop;
@@ -47,6 +49,7 @@ pub(crate) enum Command {
     Status(status::Status),
     Console(console::Console),
     Flash(flash::Flash),
+    Plant(plant::Plant),
     Doctor(doctor::Doctor),
 }
 
@@ -60,6 +63,7 @@ impl Command {
             Self::Status(command) => command.run(voice),
             Self::Console(command) => command.run(voice),
             Self::Flash(command) => command.run(voice),
+            Self::Plant(command) => command.run(voice),
             Self::Doctor(command) => command.run(voice),
         }
     }
