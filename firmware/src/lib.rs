@@ -1,2 +1,18 @@
 //! Firmware of discretely actuated arms: everything that has no chip in it.
-#![no_std]
+#![cfg_attr(not(test), no_std)]
+
+pub mod app;
+#[cfg(feature = "chip")]
+pub mod board;
+pub mod clock;
+pub mod control;
+pub mod dispatch;
+#[cfg(test)]
+mod fakes;
+pub mod log;
+pub mod pipe;
+pub mod port;
+pub mod servo;
+pub mod solenoid;
+pub mod store;
+pub mod text;

@@ -1,5 +1,7 @@
 //! Host tools of discretely actuated arms.
 
+pub mod arm;
+pub mod client;
 pub mod clock;
 pub mod link;
 pub mod plant;

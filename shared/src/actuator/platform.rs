@@ -33,7 +33,7 @@ pub const MAX_ITERATIONS: u8 = 30;
 
 /// A platform with less than this |det D|, over the largest entry of each column at home, stands too near a singular
 /// posture.
-pub const MIN_DETERMINANT: f64 = 1e-4;
+pub const MIN_DETERMINANT: f64 = 1e-2;
 
 /// A step turns the plate by this many radians at most, and moves it by this share of the longest leg.
 const MAX_STEP: f64 = 0.5;
@@ -72,9 +72,9 @@ pub struct Assembly<T: Real> {
 /// Why a platform has no pose that can be trusted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PlatformError {
-    /// No pose gives the legs their lengths: the nearest one seen still misses one of them.
+    /// No pose was found that gives the legs their lengths.
     NotAssembled {
-        /// By how much the worst leg is missed, m.
+        /// By how much the last pose tried misses the worst leg, m.
         miss_m: f32,
     },
     /// The platform gives way: some motion of the top changes no leg.

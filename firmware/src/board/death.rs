@@ -1,0 +1,139 @@
+//! Panic and hard fault: outputs to their default in one edge, a record in memory that the reset leaves alone, reset.
+use core::fmt::{self, Write};
+use core::mem::MaybeUninit;
+use core::panic::PanicInfo;
+use core::ptr::addr_of_mut;
+
+use cortex_m::peripheral::SCB;
+use cortex_m_rt::{ExceptionFrame, exception};
+use darm_core::wire::bootstrap::{Death, DeathKind, MAX_TEXT};
+
+use super::{pins, time, watchdog};
+
+const MAGIC: u32 = 0x6461_726d;
+
+#[derive(Clone, Copy)]
+#[repr(C)]
+struct Record {
+    magic: u32,
+    panicked: u32,
+    uptime_us: u64,
+    pc: u32,
+    lr: u32,
+    len: u32,
+    message: [u8; MAX_TEXT],
+    check: u32,
+}
+
+/// Start-up code neither clears nor fills this section, so it outlives a reset. After power-on it holds noise.
+#[unsafe(link_section = ".uninit.DEATH")]
+static mut RECORD: MaybeUninit<Record> = MaybeUninit::uninit();
+
+impl Record {
+    fn new(panicked: bool, pc: u32, lr: u32, message: fmt::Arguments) -> Self {
+        let mut record = Self {
+            magic: MAGIC,
+            panicked: panicked.into(),
+            uptime_us: time::now_us(),
+            pc,
+            lr,
+            len: 0,
+            message: [0; MAX_TEXT],
+            check: 0,
+        };
+        // A message that does not fit is cut; there is nobody to tell.
+        let _ = record.write_fmt(message);
+        record.check = record.sum();
+        record
+    }
+
+    /// A plain sum is enough to tell a record from noise.
+    fn sum(&self) -> u32 {
+        let head = [self.magic, self.panicked, self.uptime_us as u32, self.pc, self.lr, self.len];
+        let text = self.message.iter().fold(1u32, |sum, byte| sum.wrapping_mul(31).wrapping_add(u32::from(*byte)));
+        head.iter().fold(text, |sum, word| sum.rotate_left(5).wrapping_add(*word))
+    }
+}
+
+impl Write for Record {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        let at = self.len as usize;
+        let free = self.message.get_mut(at..).unwrap_or_default();
+        let n = text.len().min(free.len());
+        free[..n].copy_from_slice(&text.as_bytes()[..n]);
+        self.len += n as u32;
+        Ok(())
+    }
+}
+
+/// How the start before this one ended, if it did not end by power. Reading it forgets it.
+pub fn take() -> Option<Death> {
+    let bitten = watchdog::take_bite();
+    let slot = addr_of_mut!(RECORD).cast::<Record>();
+    // SAFETY: every bit pattern is a `Record`; only this function at start and the handlers, which never return, touch it.
+    let record = unsafe { slot.read_volatile() };
+    // SAFETY: as above; a zero magic makes the record unreadable.
+    unsafe { addr_of_mut!((*slot).magic).write_volatile(0) };
+    if record.magic == MAGIC && record.check == record.sum() {
+        let bytes = record.message.get(..record.len as usize).unwrap_or(&record.message);
+        let text = bytes.utf8_chunks().next().map_or("", |chunk| chunk.valid());
+        return Some(Death {
+            kind: if record.panicked == 1 { DeathKind::Panic } else { DeathKind::HardFault },
+            uptime_us: record.uptime_us,
+            pc: record.pc,
+            lr: record.lr,
+            text: heapless::String::try_from(text).unwrap_or_default(),
+        });
+    }
+    bitten.then(|| Death { kind: DeathKind::Watchdog, uptime_us: 0, pc: 0, lr: 0, text: heapless::String::new() })
+}
+
+/// One edge: output enable of the chain goes high. Before start it is an input with a pull-up, and stays so.
+fn outputs_off() {
+    let enable = pins::CHAIN_ENABLE;
+    enable.port.bsrr().write(|w| w.set_bs(usize::from(enable.index), true));
+}
+
+fn die(record: Record) -> ! {
+    // SAFETY: interrupts are masked or of lower priority; nothing reads the record before the reset.
+    unsafe { addr_of_mut!(RECORD).cast::<Record>().write_volatile(record) };
+    SCB::sys_reset()
+}
+
+#[panic_handler]
+fn panic(info: &PanicInfo) -> ! {
+    outputs_off();
+    cortex_m::interrupt::disable();
+    die(match info.location() {
+        Some(place) => {
+            Record::new(true, 0, 0, format_args!("{}:{}: {}", short(place.file()), place.line(), info.message()))
+        }
+        None => Record::new(true, 0, 0, format_args!("{}", info.message())),
+    })
+}
+
+/// The end of a path: the start is the same for all files of a crate.
+fn short(path: &str) -> &str {
+    path.get(path.len().saturating_sub(18)..).unwrap_or(path)
+}
+
+#[exception]
+unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
+    outputs_off();
+    // SAFETY: reads of fault registers.
+    let (cfsr, hfsr) = unsafe { ((*SCB::PTR).cfsr.read(), (*SCB::PTR).hfsr.read()) };
+    die(Record::new(false, frame.pc(), frame.lr(), format_args!("cfsr {cfsr:#010x}, hfsr {hfsr:#010x}")))
+}
+
+/// An interrupt that nobody handles.
+#[exception]
+unsafe fn DefaultHandler(number: i16) -> ! {
+    outputs_off();
+    die(Record::new(false, 0, 0, format_args!("unexpected interrupt {number}")))
+}
+
+/// A non-maskable interrupt that is no flash error.
+pub(super) fn die_of_nmi() -> ! {
+    outputs_off();
+    die(Record::new(false, 0, 0, format_args!("non-maskable interrupt")))
+}

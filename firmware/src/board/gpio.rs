@@ -1,0 +1,83 @@
+//! Pins as the drivers want them: outputs of the solenoid chain, limit switches as one number.
+use core::convert::Infallible;
+
+use embedded_hal::digital::{ErrorType, OutputPin};
+use stm32_metapac::gpio::Gpio;
+use stm32_metapac::gpio::vals::{Moder, Ot, Pupdr};
+
+use super::pins::{Pin, SWITCHES};
+
+/// A push-pull output.
+pub struct Output(Pin);
+
+impl Output {
+    /// Takes over a pin at the given level, without a glitch: the level is set before the direction.
+    pub fn new(pin: Pin, high: bool) -> Self {
+        let mut output = Self(pin);
+        output.drive(high);
+        let n = usize::from(pin.index);
+        pin.port.otyper().modify(|w| w.set_ot(n, Ot::PUSH_PULL));
+        pin.port.moder().modify(|w| w.set_moder(n, Moder::OUTPUT));
+        output
+    }
+
+    fn drive(&mut self, high: bool) {
+        let n = usize::from(self.0.index);
+        self.0.port.bsrr().write(|w| if high { w.set_bs(n, true) } else { w.set_br(n, true) });
+        // A 74HC595 at 3.3 V wants a clock pulse of about 40 ns; two stores follow each other in 25 ns.
+        cortex_m::asm::nop();
+        cortex_m::asm::nop();
+    }
+}
+
+impl ErrorType for Output {
+    type Error = Infallible;
+}
+impl OutputPin for Output {
+    fn set_low(&mut self) -> Result<(), Infallible> {
+        self.drive(false);
+        Ok(())
+    }
+    fn set_high(&mut self) -> Result<(), Infallible> {
+        self.drive(true);
+        Ok(())
+    }
+}
+
+/// The limit switches of [`SWITCHES`] with their pull-downs.
+pub struct Switches(());
+
+impl Switches {
+    /// Makes the pins inputs that read open when nothing is connected.
+    pub fn new() -> Self {
+        for Pin { port, index } in SWITCHES {
+            let n = usize::from(index);
+            port.pupdr().modify(|w| w.set_pupdr(n, Pupdr::PULL_DOWN));
+            port.moder().modify(|w| w.set_moder(n, Moder::INPUT));
+        }
+        Self(())
+    }
+
+    /// Closed switches, bit by bit in the order of the table.
+    pub fn read(&self) -> u32 {
+        SWITCHES.iter().enumerate().fold(0, |closed, (bit, pin)| {
+            let level = pin.port.idr().read().0 >> pin.index & 1;
+            closed | level << bit
+        })
+    }
+}
+
+impl Default for Switches {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Hands a pin to its alternate function.
+pub(super) fn alternate(pin: Pin, function: u8, kind: Ot, pull: Pupdr) {
+    let (port, n): (Gpio, usize) = (pin.port, usize::from(pin.index));
+    port.otyper().modify(|w| w.set_ot(n, kind));
+    port.pupdr().modify(|w| w.set_pupdr(n, pull));
+    port.afr(n / 8).modify(|w| w.set_afr(n % 8, function));
+    port.moder().modify(|w| w.set_moder(n, Moder::ALTERNATE));
+}

@@ -1,0 +1,40 @@
+//! Starting anew: into the firmware, or into the loader in the chip's system memory.
+use core::mem::MaybeUninit;
+use core::ptr::addr_of_mut;
+
+use cortex_m::peripheral::SCB;
+use darm_core::wire::bootstrap::Into;
+
+/// Vector table of the system memory (AN2606).
+const SYSTEM_MEMORY: u32 = 0x1FFF_0000;
+const MAGIC: u32 = 0x6c6f_6164;
+
+/// Outlives the reset; start-up code leaves this section alone.
+#[unsafe(link_section = ".uninit.LOADER")]
+static mut WISH: MaybeUninit<u32> = MaybeUninit::uninit();
+
+/// Resets the chip; output pins go back to their pull-ups, which hold the outputs off.
+pub fn restart(into: Into) -> ! {
+    let wish = match into {
+        Into::Application => 0,
+        Into::Loader => MAGIC,
+    };
+    // SAFETY: one word that only this file touches.
+    unsafe { addr_of_mut!(WISH).cast::<u32>().write_volatile(wish) };
+    SCB::sys_reset()
+}
+
+/// Goes on into the loader when the last [`restart`] asked for it. Call first of all, while the chip is as after reset.
+///
+/// QEMU has no loader: there the firmware starts.
+pub fn enter_loader_if_asked() {
+    let slot = addr_of_mut!(WISH).cast::<u32>();
+    // SAFETY: one word that only this file touches; any value of it is valid.
+    let asked = unsafe { slot.read_volatile() } == MAGIC;
+    // SAFETY: as above.
+    unsafe { slot.write_volatile(0) };
+    if asked && !super::emulated() {
+        // SAFETY: nothing has started yet, and the loader's vector table lies at this address on every chip of the line.
+        unsafe { cortex_m::asm::bootload(SYSTEM_MEMORY as *const u32) }
+    }
+}

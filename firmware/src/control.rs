@@ -1,0 +1,341 @@
+//! The control tick and what it shares with the slower tasks.
+//!
+//! ```text
+//!   desk (console) ──order──► ┌──────────────┐ ──lines──► solenoid chain
+//!                  ◄─outcome─ │ Control::tick │ ◄─switches
+//!                  ◄─events── └──────────────┘
+//!                               │ joints  ▲ seen
+//!                               ▼         │
+//!                             servo bus task
+//! ```
+//!
+//! The tick waits for nobody: orders are fetched when they are there, at most one a tick, and everything that is
+//! handed over is small or a reference. A table changes hands as `&mut`, so it is never copied and never shared.
+use core::cell::Cell;
+
+use darm_core::output::{Coil, MAX_SERVOS, ServoWiring, SwitchLimit};
+use darm_core::sequencer::{Command, CommandError, Event, Outputs, Phase, Seen, Sequencer, ServoSeen, ServoTarget};
+use darm_core::table::Table;
+use darm_core::units::{Micros, ModelHash, Word};
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::channel::Channel;
+
+/// Time from one control tick to the next.
+pub const TICK: Micros = Micros::from_millis(1);
+/// Events that wait for the desk; beyond that the newest are lost, and their numbers show it.
+const WAITING_EVENTS: usize = 64;
+
+/// What the desk asks of the control tick.
+pub enum Order<'t> {
+    /// Do what a person or a host asks for.
+    Command(Command),
+    /// Tell what you do now.
+    Status,
+    /// Tell what is loaded.
+    Summary,
+    /// Tell how one coil is wired.
+    Coil(u8),
+    /// Tell how one servo joint is wired.
+    Servo(u8),
+    /// Take this table.
+    Load(&'t mut Table),
+    /// Give the table back.
+    Unload,
+}
+
+/// What the control tick answers to an [`Order`], variant by variant.
+pub enum Outcome<'t> {
+    /// To `Command`.
+    Command(Result<(), CommandError>),
+    /// To `Status`.
+    Status(Snapshot),
+    /// To `Summary`; `None` without a table.
+    Summary(Option<Summary>),
+    /// To `Coil`; `None` when it is not wired.
+    Coil(Option<Coil>),
+    /// To `Servo`; `None` when it is not wired.
+    Servo(Option<ServoWiring>),
+    /// To `Load`: the table comes back when it cannot be taken now.
+    Load(Option<&'t mut Table>),
+    /// To `Unload`.
+    Unload(Unloaded<'t>),
+}
+
+/// What became of the wish to have the table back.
+pub enum Unloaded<'t> {
+    /// Here it is.
+    Table(&'t mut Table),
+    /// There is none.
+    Empty,
+    /// A program runs or a coil is on by hand.
+    Busy,
+}
+
+/// What the board does in one moment.
+#[derive(Clone, Copy, Debug)]
+pub struct Snapshot {
+    /// What the sequencer does.
+    pub phase: Phase,
+    /// The word that the coils hold.
+    pub word: Word,
+    /// Rows of the loaded table.
+    pub rows: u16,
+    /// The model of the loaded table.
+    pub model: Option<ModelHash>,
+    /// Limit switches as seen.
+    pub switches: u32,
+    /// Servos as seen.
+    pub servos: [ServoSeen; MAX_SERVOS],
+    /// How many of them are wired.
+    pub n_servos: u8,
+    /// Latest start of a tick so far, after its time.
+    pub worst_lateness: Micros,
+}
+
+/// A loaded table in numbers.
+#[derive(Clone, Copy, Debug)]
+pub struct Summary {
+    /// The model that it was made with.
+    pub model: ModelHash,
+    /// Rows.
+    pub rows: u16,
+    /// When the program ends.
+    pub end: Micros,
+    /// Discrete actuators.
+    pub actuators: u8,
+    /// Coils.
+    pub coils: u8,
+    /// Servo joints.
+    pub servos: u8,
+    /// What the supply can feed.
+    pub switch_limit: SwitchLimit,
+}
+
+/// An event with its number since the start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Numbered {
+    /// Counts all events; a gap means that events were lost.
+    pub number: u32,
+    /// When it happened.
+    pub at: Micros,
+    /// What happened.
+    pub event: Event,
+}
+
+/// What the servo bus is to do with one joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Joint {
+    /// Address of the servo.
+    pub id: u8,
+    /// Where it is to go; `None` leaves it without torque.
+    pub target: Option<ServoTarget>,
+}
+
+/// All joints of the loaded table.
+pub type Joints = [Option<Joint>; MAX_SERVOS];
+
+type Raw = CriticalSectionRawMutex;
+
+/// What the tasks share.
+pub struct Shared<'t> {
+    orders: Channel<Raw, Order<'t>, 1>,
+    outcomes: Channel<Raw, Outcome<'t>, 1>,
+    /// What happened, for the desk.
+    pub events: Channel<Raw, Numbered, WAITING_EVENTS>,
+    seen: Mutex<Raw, Cell<[ServoSeen; MAX_SERVOS]>>,
+    joints: Mutex<Raw, Cell<Joints>>,
+    offsets_rad: Mutex<Raw, Cell<[f32; MAX_SERVOS]>>,
+}
+
+impl<'t> Shared<'t> {
+    /// Nothing asked, nothing seen.
+    pub const fn new() -> Self {
+        const UNSEEN: ServoSeen = ServoSeen { angle_rad: 0.0, load: 0.0, error: 0, answered: None };
+        Self {
+            orders: Channel::new(),
+            outcomes: Channel::new(),
+            events: Channel::new(),
+            seen: Mutex::new(Cell::new([UNSEEN; MAX_SERVOS])),
+            joints: Mutex::new(Cell::new([None; MAX_SERVOS])),
+            offsets_rad: Mutex::new(Cell::new([0.0; MAX_SERVOS])),
+        }
+    }
+
+    /// Asks the control tick and waits for its answer. One task only may ask.
+    pub async fn ask(&self, order: Order<'t>) -> Outcome<'t> {
+        self.orders.send(order).await;
+        self.outcomes.receive().await
+    }
+
+    /// What the servo bus is to do.
+    pub fn joints(&self) -> Joints {
+        self.joints.lock(Cell::get)
+    }
+
+    /// Tells the servo bus what it is to do.
+    pub fn set_joints(&self, joints: Joints) {
+        self.joints.lock(|cell| cell.set(joints));
+    }
+
+    /// What every servo answered last.
+    pub fn servos_seen(&self) -> [ServoSeen; MAX_SERVOS] {
+        self.seen.lock(Cell::get)
+    }
+
+    /// Tells what a servo answered.
+    pub fn see_servo(&self, index: usize, answer: ServoSeen) {
+        self.seen.lock(|cell| {
+            let mut seen = cell.get();
+            if let Some(slot) = seen.get_mut(index) {
+                *slot = answer;
+            }
+            cell.set(seen);
+        });
+    }
+
+    /// Zero offsets of the servos: joint angle = servo angle − offset.
+    pub fn offsets_rad(&self) -> [f32; MAX_SERVOS] {
+        self.offsets_rad.lock(Cell::get)
+    }
+
+    /// Sets the zero offsets of the servos.
+    pub fn set_offsets_rad(&self, offsets_rad: [f32; MAX_SERVOS]) {
+        self.offsets_rad.lock(|cell| cell.set(offsets_rad));
+    }
+}
+
+impl Default for Shared<'_> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The control tick's own state.
+pub struct Control<'t> {
+    sequencer: Sequencer<'t>,
+    joints: Joints,
+    chips: Option<usize>,
+    seen: Seen,
+    worst_lateness: Micros,
+    next_event: u32,
+}
+
+impl<'t> Control<'t> {
+    /// Idle, without a table. `Booted` is the first event.
+    pub fn new(now: Micros, shared: &Shared<'t>) -> Self {
+        let mut control = Self {
+            sequencer: Sequencer::default(),
+            joints: [None; MAX_SERVOS],
+            chips: None,
+            seen: Seen::default(),
+            worst_lateness: Micros(0),
+            next_event: 0,
+        };
+        control.tell(now, Event::Booted, shared);
+        control
+    }
+
+    /// One tick: obeys at most one order, looks, decides, and returns what the outputs are until the next tick.
+    ///
+    /// `due` is when the tick should have started.
+    pub fn tick(&mut self, now: Micros, due: Micros, switches: u32, shared: &Shared<'t>) -> Outputs {
+        self.worst_lateness = self.worst_lateness.max(now - due);
+        self.seen = Seen { switches, servos: shared.servos_seen() };
+        if let Ok(order) = shared.orders.try_receive() {
+            // The desk has fetched the last outcome before it asked again, so there is room.
+            let _ = shared.outcomes.try_send(self.obey(order));
+        }
+        let outputs = self.sequencer.step(now, &self.seen);
+        while let Some((at, event)) = self.sequencer.next_event() {
+            self.tell(at, event, shared);
+        }
+        self.aim(&outputs, shared);
+        outputs
+    }
+
+    /// Chips in the solenoid chain, as long as a table was ever loaded.
+    pub fn chips(&self) -> Option<usize> {
+        self.chips
+    }
+
+    fn obey(&mut self, order: Order<'t>) -> Outcome<'t> {
+        match order {
+            Order::Command(command) => Outcome::Command(self.sequencer.command(command)),
+            Order::Status => Outcome::Status(self.snapshot()),
+            Order::Summary => Outcome::Summary(self.sequencer.table().and_then(summary)),
+            Order::Coil(coil) => {
+                let wired = self.sequencer.table().and_then(|table| table.wiring().coils.get(usize::from(coil)));
+                Outcome::Coil(wired.copied())
+            }
+            Order::Servo(servo) => {
+                let wired = self.sequencer.table().and_then(|table| table.wiring().servos.get(usize::from(servo)));
+                Outcome::Servo(wired.copied())
+            }
+            Order::Load(table) => Outcome::Load(self.load(table)),
+            Order::Unload => Outcome::Unload(self.unload()),
+        }
+    }
+
+    fn load(&mut self, table: &'t mut Table) -> Option<&'t mut Table> {
+        let chips = table.wiring().chips();
+        let back = self.sequencer.load(table).err();
+        if back.is_none() {
+            self.chips = Some(chips);
+        }
+        back
+    }
+
+    fn unload(&mut self) -> Unloaded<'t> {
+        if self.sequencer.table().is_none() {
+            return Unloaded::Empty;
+        }
+        self.sequencer.unload().map_or(Unloaded::Busy, Unloaded::Table)
+    }
+
+    fn snapshot(&self) -> Snapshot {
+        let table = self.sequencer.table();
+        Snapshot {
+            phase: self.sequencer.phase(),
+            word: self.sequencer.word(),
+            rows: table.map_or(0, |table| table.rows().len() as u16),
+            model: table.map(Table::model),
+            switches: self.seen.switches,
+            servos: self.seen.servos,
+            n_servos: table.map_or(0, |table| table.wiring().servos.len() as u8),
+            worst_lateness: self.worst_lateness,
+        }
+    }
+
+    fn tell(&mut self, at: Micros, event: Event, shared: &Shared<'t>) {
+        let number = self.next_event;
+        self.next_event += 1;
+        // When the desk is too slow the event is lost, and the gap in the numbers tells.
+        let _ = shared.events.try_send(Numbered { number, at, event });
+    }
+
+    fn aim(&mut self, outputs: &Outputs, shared: &Shared<'t>) {
+        let wired = self.sequencer.table().map_or(&[][..], |table| &table.wiring().servos);
+        let mut joints = [None; MAX_SERVOS];
+        for ((joint, wiring), target) in joints.iter_mut().zip(wired).zip(outputs.servos) {
+            *joint = Some(Joint { id: wiring.id, target });
+        }
+        if joints != self.joints {
+            self.joints = joints;
+            shared.set_joints(joints);
+        }
+    }
+}
+
+fn summary(table: &Table) -> Option<Summary> {
+    let wiring = table.wiring();
+    Some(Summary {
+        model: table.model(),
+        rows: table.rows().len() as u16,
+        end: table.end()?,
+        actuators: wiring.actuators.len() as u8,
+        coils: wiring.coils.len() as u8,
+        servos: wiring.servos.len() as u8,
+        switch_limit: wiring.switch_limit,
+    })
+}

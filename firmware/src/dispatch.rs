@@ -1,0 +1,396 @@
+//! The desk: takes frames, runs what they ask for, and gives the frame that answers.
+//!
+//! An order that changes something runs once: the answer to the last one is kept, and a repeated number gets it again.
+//! What cannot be read is counted and never answered. Text commands ([`crate::text`]) go through the same desk.
+use darm_core::sequencer::{Command, Phase};
+use darm_core::table::Table;
+use darm_core::units::DeviceId;
+use darm_core::wire::PROTOCOL;
+use darm_core::wire::bootstrap::{self, ANSWER, Death, Identity, Version};
+use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
+use darm_core::wire::message::{Answer, Calibration, Hello, Image, REQUEST, Refusal, Reply, Request, Status};
+use embedded_storage_async::nor_flash::NorFlash;
+
+use crate::clock::Clock;
+use crate::control::{Numbered, Order, Outcome, Shared, Snapshot, Unloaded};
+use crate::log::EventLog;
+use crate::store::{LoadError, SLOT_BYTES, Store, UploadError};
+
+/// Version of this firmware: major, minor, patch.
+pub const FIRMWARE: [u8; 3] = [
+    decimal(env!("CARGO_PKG_VERSION_MAJOR")),
+    decimal(env!("CARGO_PKG_VERSION_MINOR")),
+    decimal(env!("CARGO_PKG_VERSION_PATCH")),
+];
+
+const fn decimal(text: &str) -> u8 {
+    let (digits, mut value, mut i) = (text.as_bytes(), 0, 0);
+    while i < digits.len() {
+        value = value * 10 + (digits[i] - b'0');
+        i += 1;
+    }
+    value
+}
+
+/// What the desk knows of the board when it opens.
+pub struct Board {
+    /// Number and name.
+    pub identity: Identity,
+    /// How the start before ended.
+    pub death: Option<Death>,
+}
+
+/// Answers to the host.
+pub struct Desk<'s, 't, F: NorFlash, C> {
+    pub(crate) board: Board,
+    pub(crate) clock: C,
+    pub(crate) shared: &'s Shared<'t>,
+    pub(crate) log: EventLog,
+    /// Set when the board is to start anew, once the answer has left.
+    pub(crate) reboot: Option<bootstrap::Into>,
+    /// `None` when the flash does not answer.
+    store: Option<Store<F>>,
+    /// The table while the control tick does not have it.
+    table: Option<&'t mut Table>,
+    boots: u32,
+    bad_frames: u32,
+    /// The connection that may ask for more than the bootstrap set.
+    link: Option<u32>,
+    last: Option<Answered>,
+}
+
+/// The last request that changed something, and its answer.
+struct Answered {
+    number: u16,
+    reply: Payload,
+}
+
+type Payload = heapless::Vec<u8, MAX_PAYLOAD>;
+/// A whole frame on the line.
+pub type Frame = heapless::Vec<u8, MAX_FRAME>;
+
+impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
+    /// Opens the store, loads the valid table and hands it to the control tick, which must be running.
+    pub async fn open(
+        board: Board,
+        flash: Option<F>,
+        table: &'t mut Table,
+        clock: C,
+        shared: &'s Shared<'t>,
+    ) -> Self {
+        let store = match flash {
+            Some(flash) => Store::open(flash).await.ok(),
+            None => None,
+        };
+        let mut desk = Self {
+            board,
+            clock,
+            shared,
+            log: EventLog::default(),
+            reboot: None,
+            store,
+            table: None,
+            boots: 0,
+            bad_frames: 0,
+            link: None,
+            last: None,
+        };
+        if let Some(store) = &mut desk.store {
+            desk.boots = store.count_boot().await.unwrap_or(0);
+        }
+        desk.restore(table).await;
+        desk
+    }
+
+    /// Whether the flash answers: without it no table can be stored.
+    pub fn has_store(&self) -> bool {
+        self.store.is_some()
+    }
+
+    /// Something came that is neither frame nor text.
+    pub fn note_bad(&mut self) {
+        self.bad_frames = self.bad_frames.saturating_add(1);
+    }
+
+    /// Keeps an event for the host.
+    pub fn note(&mut self, event: Numbered) {
+        self.log.push(event);
+    }
+
+    /// Answers what stood between two zero bytes. `None`: it was no frame, or a late copy of an old one.
+    pub async fn answer(&mut self, encoded: &mut [u8]) -> Option<Frame> {
+        let Ok((header, payload)) = frame::decode(encoded) else {
+            self.note_bad();
+            return None;
+        };
+        let reply = if header.tag == REQUEST {
+            self.request(header, payload).await?
+        } else if let Some(request) = bootstrap::Request::decode(header.tag, payload) {
+            self.bootstrap(request).await
+        } else {
+            self.note_bad();
+            return None;
+        };
+        let tag = header.tag | ANSWER;
+        encode(Header { tag, ..header }, &reply)
+    }
+
+    async fn bootstrap(&mut self, request: bootstrap::Request) -> Payload {
+        match request {
+            bootstrap::Request::Identify => payload(&self.board.identity.encode()),
+            bootstrap::Request::Version => {
+                payload(&Version { protocol: PROTOCOL, firmware: FIRMWARE }.encode())
+            }
+            bootstrap::Request::Stop => {
+                self.shared.ask(Order::Command(Command::Stop)).await;
+                payload(&[0])
+            }
+            bootstrap::Request::ReadFault => payload(&Death::encode(self.board.death.as_ref())),
+            bootstrap::Request::Reboot(into) => {
+                self.reboot = Some(into);
+                payload(&[0])
+            }
+        }
+    }
+
+    /// Repeats, drops or runs a request of the versioned set.
+    async fn request(&mut self, header: Header, bytes: &[u8]) -> Option<Payload> {
+        let request = match postcard::take_from_bytes::<Request>(bytes) {
+            Ok((request, [])) => request,
+            _ => return Some(self.reply(Err(Refusal::Unknown))),
+        };
+        if let Request::Hello { protocol } = request {
+            let result = self.hello(header.link, protocol).await;
+            return Some(self.reply(result));
+        }
+        if self.link != Some(header.link) {
+            return Some(self.reply(Err(Refusal::NotConnected)));
+        }
+        if request.is_repeatable() {
+            let result = self.run(request).await;
+            return Some(self.reply(result));
+        }
+        if let Some(last) = &self.last {
+            match header.number.wrapping_sub(last.number) as i16 {
+                0 => return Some(last.reply.clone()),
+                ..0 => return None,
+                1.. => {}
+            }
+        }
+        let result = self.run(request).await;
+        let reply = self.reply(result);
+        self.last = Some(Answered { number: header.number, reply: reply.clone() });
+        Some(reply)
+    }
+
+    /// A repeated `Hello` changes nothing: what its connection has done stays done once.
+    async fn hello(&mut self, link: u32, protocol: u16) -> Result<Answer, Refusal> {
+        if protocol != PROTOCOL {
+            return Err(Refusal::Protocol { board: PROTOCOL });
+        }
+        if self.link != Some(link) {
+            self.link = Some(link);
+            self.last = None;
+        }
+        self.catch_up();
+        Ok(Answer::Hello(Hello {
+            protocol: PROTOCOL,
+            device: self.device(),
+            model: self.snapshot().await?.model,
+            boots: self.boots,
+            next_event: self.log.next(),
+        }))
+    }
+
+    async fn run(&mut self, request: Request<'_>) -> Result<Answer, Refusal> {
+        match request {
+            Request::Hello { .. } => Err(Refusal::Unknown),
+            Request::Status => self.status().await.map(Answer::Status),
+            Request::Events { from } => {
+                self.catch_up();
+                Ok(Answer::Events(self.log.from(from)))
+            }
+            Request::Begin(image) => self.begin(image).await,
+            Request::Chunk { offset, bytes } => self.chunk(offset, bytes).await,
+            Request::Commit(image) => self.commit(image).await,
+            Request::Command(command) => self.command(command).await.map(|()| Answer::Done),
+            Request::Calibrate(calibration) => self.calibrate(calibration).await,
+            Request::Calibration => {
+                let stored = self.store()?.calibration().await.map_err(|_| Refusal::Storage)?;
+                Ok(Answer::Calibration(stored))
+            }
+        }
+    }
+
+    /// Does what a person or a host asks for, or says why not.
+    pub(crate) async fn command(&mut self, command: Command) -> Result<(), Refusal> {
+        match self.shared.ask(Order::Command(command)).await {
+            Outcome::Command(result) => result.map_err(Refusal::Command),
+            _ => Err(Refusal::Unknown),
+        }
+    }
+
+    pub(crate) async fn snapshot(&self) -> Result<Snapshot, Refusal> {
+        match self.shared.ask(Order::Status).await {
+            Outcome::Status(snapshot) => Ok(snapshot),
+            _ => Err(Refusal::Unknown),
+        }
+    }
+
+    async fn status(&mut self) -> Result<Status, Refusal> {
+        let now = self.snapshot().await?;
+        Ok(Status {
+            phase: now.phase,
+            word: now.word,
+            rows: now.rows,
+            model: now.model,
+            switches: now.switches,
+            servos: now.servos.into_iter().take(usize::from(now.n_servos)).collect(),
+            bad_frames: self.bad_frames,
+            worst_lateness_us: u32::try_from(now.worst_lateness.0).unwrap_or(u32::MAX),
+        })
+    }
+
+    async fn begin(&mut self, image: Image) -> Result<Answer, Refusal> {
+        self.require_idle().await?;
+        let next = self.store()?.begin(image).map_err(refuse_upload)?;
+        Ok(Answer::Upload { next })
+    }
+
+    async fn chunk(&mut self, offset: u32, bytes: &[u8]) -> Result<Answer, Refusal> {
+        self.require_idle().await?;
+        let next = self.store()?.chunk(offset, bytes).await.map_err(refuse_upload)?;
+        Ok(Answer::Upload { next })
+    }
+
+    /// Fills the one table in memory from the new image, and only then makes the image valid.
+    async fn commit(&mut self, image: Image) -> Result<Answer, Refusal> {
+        if !self.store()?.is_whole(image) {
+            return Err(Refusal::NoUpload);
+        }
+        let table = self.take_table().await?;
+        let result = self.check_and_commit(table).await;
+        match result {
+            Ok(()) => {
+                let rows = table.rows().len() as u16;
+                self.hand_over(table).await;
+                Ok(Answer::Committed { rows })
+            }
+            Err(refusal) => {
+                self.restore(table).await;
+                Err(refusal)
+            }
+        }
+    }
+
+    async fn check_and_commit(&mut self, table: &mut Table) -> Result<(), Refusal> {
+        let device = self.device();
+        let store = self.store()?;
+        store.load_upload(table, device).await.map_err(refuse_load)?;
+        store.commit().await.map_err(refuse_upload)
+    }
+
+    async fn calibrate(&mut self, calibration: Calibration) -> Result<Answer, Refusal> {
+        self.require_idle().await?;
+        if self.snapshot().await?.model != Some(calibration.model) {
+            return Err(Refusal::OtherModel);
+        }
+        if !calibration.offsets_rad.iter().all(|offset| offset.is_finite()) {
+            return Err(Refusal::Damaged);
+        }
+        self.store()?.set_calibration(calibration).await.map_err(|_| Refusal::Storage)?;
+        self.shared.set_offsets_rad(calibration.offsets_rad);
+        Ok(Answer::Done)
+    }
+
+    /// Takes the table out of the control tick's hands.
+    async fn take_table(&mut self) -> Result<&'t mut Table, Refusal> {
+        if let Some(table) = self.table.take() {
+            return Ok(table);
+        }
+        match self.shared.ask(Order::Unload).await {
+            Outcome::Unload(Unloaded::Table(table)) => Ok(table),
+            _ => Err(Refusal::Busy),
+        }
+    }
+
+    /// Loads the valid table, if there is one, and hands it over; else keeps the empty table.
+    async fn restore(&mut self, table: &'t mut Table) {
+        let device = self.device();
+        let loaded = match &mut self.store {
+            Some(store) => store.load_valid(table, device).await.unwrap_or(false),
+            None => false,
+        };
+        if loaded { self.hand_over(table).await } else { self.table = Some(table) }
+    }
+
+    /// Gives the table, with the offsets measured for its model, to the control tick.
+    async fn hand_over(&mut self, table: &'t mut Table) {
+        let model = table.model();
+        let stored = match &mut self.store {
+            Some(store) => store.calibration().await.unwrap_or(None),
+            None => None,
+        };
+        let fits = stored.filter(|calibration| calibration.model == model).unwrap_or_default();
+        self.shared.set_offsets_rad(fits.offsets_rad);
+        if let Outcome::Load(back) = self.shared.ask(Order::Load(table)).await {
+            self.table = back;
+        }
+    }
+
+    async fn require_idle(&self) -> Result<(), Refusal> {
+        match self.snapshot().await?.phase {
+            Phase::Idle | Phase::Safe(_) => Ok(()),
+            Phase::Manual | Phase::Approaching { .. } | Phase::Playing { .. } => Err(Refusal::Busy),
+        }
+    }
+
+    fn store(&mut self) -> Result<&mut Store<F>, Refusal> {
+        self.store.as_mut().ok_or(Refusal::Storage)
+    }
+
+    /// Fetches the events that wait.
+    pub(crate) fn catch_up(&mut self) {
+        while let Ok(event) = self.shared.events.try_receive() {
+            self.log.push(event);
+        }
+    }
+
+    pub(crate) fn device(&self) -> DeviceId {
+        self.board.identity.device
+    }
+
+    fn reply(&self, result: Result<Answer, Refusal>) -> Payload {
+        let mut bytes = [0; MAX_PAYLOAD];
+        let reply = Reply { at: self.clock.now(), result };
+        postcard::to_slice(&reply, &mut bytes).map_or_else(|_| Payload::new(), |used| payload(used))
+    }
+}
+
+fn refuse_upload(error: UploadError) -> Refusal {
+    match error {
+        UploadError::TooLong => Refusal::TooLong { max: SLOT_BYTES as u32 },
+        UploadError::NoUpload => Refusal::NoUpload,
+        UploadError::Storage => Refusal::Storage,
+    }
+}
+
+fn refuse_load(error: LoadError) -> Refusal {
+    match error {
+        LoadError::Damaged => Refusal::Damaged,
+        LoadError::Table(error) => Refusal::Table(error),
+        LoadError::Storage => Refusal::Storage,
+    }
+}
+
+fn payload(bytes: &[u8]) -> Payload {
+    bytes.iter().copied().take(MAX_PAYLOAD).collect()
+}
+
+fn encode(header: Header, payload: &[u8]) -> Option<Frame> {
+    let mut frame = Frame::new();
+    frame.resize_default(MAX_FRAME).ok()?;
+    let len = frame::encode(header, payload, &mut frame).ok()?;
+    frame.truncate(len);
+    Some(frame)
+}

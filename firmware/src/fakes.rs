@@ -1,0 +1,169 @@
+//! Stand-ins for the board in tests: a clock moved by hand, a flash stricter than the part.
+use core::cell::{Cell, RefCell};
+use core::future::{Future, poll_fn};
+use core::pin::pin;
+use core::task::{Context, Poll, Waker};
+use std::rc::Rc;
+
+use darm_core::units::Micros;
+use embedded_storage_async::nor_flash::{
+    ErrorType, MultiwriteNorFlash, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+
+use crate::clock::Clock;
+use crate::store::FLASH_BYTES;
+
+/// Time that moves when nothing else can go on.
+#[derive(Default)]
+pub(crate) struct HandClock(pub(crate) Cell<u64>);
+
+impl Clock for HandClock {
+    fn now(&self) -> Micros {
+        Micros(self.0.get())
+    }
+
+    fn wait_until(&self, at: Micros) -> impl Future<Output = ()> {
+        poll_fn(move |_| if self.now() >= at { Poll::Ready(()) } else { Poll::Pending })
+    }
+}
+
+/// Runs a future to its end; `step` is called whenever it waits.
+pub(crate) fn run<T>(future: impl Future<Output = T>, mut step: impl FnMut()) -> T {
+    let mut future = pin!(future);
+    for _ in 0..10_000_000 {
+        if let Poll::Ready(value) = future.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
+            return value;
+        }
+        step();
+    }
+    panic!("the future waits for ever");
+}
+
+pub(crate) const PAGE: usize = 2048;
+pub(crate) const WORD: usize = 8;
+
+/// The bytes of a flash, which outlive a power cut.
+#[derive(Clone)]
+pub(crate) struct Cells(Rc<RefCell<Vec<u8>>>);
+
+/// Flash that is stricter than the part: a written word takes nothing but zeros, and power goes after a number of
+/// written or erased words, in the middle of one.
+pub(crate) struct MockFlash {
+    cells: Cells,
+    /// Words until the power goes.
+    pub(crate) words_left: u32,
+    noise: u32,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum MockError {
+    Bounds,
+    NotErased,
+    PowerLost,
+}
+
+impl NorFlashError for MockError {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+impl Cells {
+    pub(crate) fn erased() -> Self {
+        Self(Rc::new(RefCell::new(vec![0xff; FLASH_BYTES])))
+    }
+
+    pub(crate) fn copy(&self) -> Self {
+        Self(Rc::new(RefCell::new(self.0.borrow().clone())))
+    }
+
+    /// The device on these cells, with power for so many words.
+    pub(crate) fn flash(&self, words_left: u32) -> MockFlash {
+        MockFlash { cells: self.clone(), words_left, noise: words_left.wrapping_mul(2_654_435_761) | 1 }
+    }
+}
+
+impl MockFlash {
+    fn random(&mut self) -> u32 {
+        self.noise ^= self.noise << 13;
+        self.noise ^= self.noise >> 17;
+        self.noise ^= self.noise << 5;
+        self.noise
+    }
+
+    /// Takes the power for one word; when it is the last, says so.
+    fn spend(&mut self) -> Result<bool, MockError> {
+        self.words_left = self.words_left.checked_sub(1).ok_or(MockError::PowerLost)?;
+        Ok(self.words_left == 0)
+    }
+}
+
+fn range(offset: u32, len: usize, grain: usize) -> Result<core::ops::Range<usize>, MockError> {
+    let start = offset as usize;
+    let fits = start + len <= FLASH_BYTES && start.is_multiple_of(grain) && len.is_multiple_of(grain);
+    if fits { Ok(start..start + len) } else { Err(MockError::Bounds) }
+}
+
+impl ErrorType for MockFlash {
+    type Error = MockError;
+}
+
+impl ReadNorFlash for MockFlash {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), MockError> {
+        if self.words_left == 0 {
+            return Err(MockError::PowerLost);
+        }
+        bytes.copy_from_slice(&self.cells.0.borrow()[range(offset, bytes.len(), 1)?]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        FLASH_BYTES
+    }
+}
+
+impl NorFlash for MockFlash {
+    const WRITE_SIZE: usize = WORD;
+    const ERASE_SIZE: usize = PAGE;
+
+    /// Power lost in an erase leaves noise in the rest of the page.
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), MockError> {
+        for word in range(from, (to - from) as usize, PAGE)?.step_by(WORD) {
+            let last = self.spend()?;
+            let noise = self.random().to_le_bytes();
+            let cells = &mut self.cells.0.borrow_mut()[word..];
+            cells[..WORD].fill(0xff);
+            if last {
+                let rest = PAGE - word % PAGE;
+                cells[..rest].iter_mut().zip(noise.iter().cycle()).for_each(|(cell, noise)| *cell |= noise);
+                return Err(MockError::PowerLost);
+            }
+        }
+        Ok(())
+    }
+
+    /// Power lost in a write leaves some bits of the word unwritten.
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), MockError> {
+        let range = range(offset, bytes.len(), WORD)?;
+        for (at, word) in range.step_by(WORD).zip(bytes.chunks_exact(WORD)) {
+            let last = self.spend()?;
+            let noise = u64::from(self.random()) << 32 | u64::from(self.random());
+            let cells = &mut self.cells.0.borrow_mut()[at..at + WORD];
+            if cells.iter().any(|byte| *byte != 0xff) && word.iter().any(|byte| *byte != 0) {
+                return Err(MockError::NotErased);
+            }
+            let unwritten = if last { noise.to_le_bytes() } else { [0; WORD] };
+            for ((cell, byte), keep) in cells.iter_mut().zip(word).zip(unwritten) {
+                *cell &= byte | keep;
+            }
+            if last {
+                return Err(MockError::PowerLost);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl MultiwriteNorFlash for MockFlash {}

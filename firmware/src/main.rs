@@ -1,0 +1,124 @@
+//! The image that is flashed: starts the board, then three tasks.
+//!
+//! | task      | executor              | does                                             |
+//! |-----------|-----------------------|--------------------------------------------------|
+//! | `control` | [`board::CONTROL`]    | looks, decides and drives, once a millisecond    |
+//! | `console` | [`board::COMMON`]     | frames and text on USART1, storage               |
+//! | `servos`  | [`board::COMMON`]     | the servo bus on USART2                          |
+//!
+//! The main thread sleeps: everything runs in interrupts, so that one priority order rules all.
+#![no_std]
+#![no_main]
+
+use darm_core::table::Table;
+use darm_core::units::Micros;
+use darm_core::wire::bootstrap::{Death, Identity};
+use darm_firmware::app::serve;
+use darm_firmware::board::flash::Flash;
+use darm_firmware::board::gpio::{Output, Switches};
+use darm_firmware::board::time::BoardClock;
+use darm_firmware::board::{self, clocks, death, pins, restart, time, uart, watchdog};
+use darm_firmware::clock::Clock;
+use darm_firmware::control::{Control, Shared, TICK};
+use darm_firmware::dispatch::{Board, Desk};
+use darm_firmware::servo::Bus;
+use darm_firmware::solenoid::{Pins, Solenoids};
+use defmt_rtt as _;
+use embassy_executor::InterruptExecutor;
+use static_cell::StaticCell;
+use stm32_metapac::interrupt;
+
+static CONTROL: InterruptExecutor = InterruptExecutor::new();
+static COMMON: InterruptExecutor = InterruptExecutor::new();
+static SHARED: Shared<'static> = Shared::new();
+static TABLE: StaticCell<Table> = StaticCell::new();
+
+#[interrupt]
+unsafe fn TSC() {
+    // SAFETY: this is the interrupt of the control executor, unmasked when that starts.
+    unsafe { CONTROL.on_interrupt() }
+}
+
+#[interrupt]
+unsafe fn SWPMI1() {
+    // SAFETY: this is the interrupt of the common executor, unmasked when that starts.
+    unsafe { COMMON.on_interrupt() }
+}
+
+/// Looks, decides and drives. What drives the pins cannot fail on this board.
+#[embassy_executor::task]
+async fn control() -> ! {
+    let switches = Switches::new();
+    let Ok(mut solenoids) = Solenoids::new(Pins {
+        data: Output::new(pins::CHAIN_DATA, false),
+        clock: Output::new(pins::CHAIN_CLOCK, false),
+        latch: Output::new(pins::CHAIN_LATCH, false),
+        enable: Output::new(pins::CHAIN_ENABLE, true),
+    });
+    let mut control = Control::new(BoardClock.now(), &SHARED);
+    watchdog::start();
+    loop {
+        // On whole milliseconds, when SysTick comes; what was missed, by a debugger say, is not made up for.
+        let due = Micros((BoardClock.now().0 / TICK.0 + 1) * TICK.0);
+        BoardClock.wait_until(due).await;
+        let now = BoardClock.now();
+        let outputs = control.tick(now, due, switches.read(), &SHARED);
+        if let Some(chips) = control.chips() {
+            solenoids.set_chips(chips);
+        }
+        let Ok(()) = solenoids.apply(outputs.lines, outputs.enabled);
+        watchdog::feed();
+    }
+}
+
+#[embassy_executor::task]
+async fn console(death: Option<Death>) {
+    let (mut receiver, mut sender) = uart::start_console();
+    let flash = Flash::open();
+    if let Err(error) = &flash {
+        defmt::error!("no storage: {}", defmt::Debug2Format(error));
+    }
+    let board = Board { identity: identity(), death };
+    let mut desk = Desk::open(board, flash.ok(), TABLE.init_with(Table::default), BoardClock, &SHARED).await;
+    defmt::info!("storage {=bool}", desk.has_store());
+    let into = serve(&mut desk, &mut receiver, &mut sender).await;
+    restart::restart(into)
+}
+
+#[embassy_executor::task]
+async fn servos() -> ! {
+    let (receiver, sender) = uart::start_servo_bus();
+    Bus::new(receiver, sender, BoardClock).run(&SHARED).await
+}
+
+fn identity() -> Identity {
+    Identity { device: board::device(), board: heapless::String::try_from(board::NAME).unwrap_or_default() }
+}
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    restart::enter_loader_if_asked();
+    let death = death::take();
+    if let Err(error) = clocks::start() {
+        panic!("the clock does not start: {error:?}");
+    }
+    time::start();
+    board::prioritise();
+    defmt::info!("start of {=str}, emulated {=bool}", board::NAME, board::emulated());
+    if let Some(death) = &death {
+        defmt::error!("the last start died after {=u64} us: {=str}", death.uptime_us, death.text.as_str());
+    }
+    let urgent = CONTROL.start(board::CONTROL);
+    let common = COMMON.start(board::COMMON);
+    match (control(), console(death), servos()) {
+        (Ok(control), Ok(console), Ok(servos)) => {
+            urgent.spawn(control);
+            common.spawn(console);
+            common.spawn(servos);
+        }
+        _ => panic!("a task was started twice"),
+    }
+    loop {
+        cortex_m::asm::wfi();
+    }
+}

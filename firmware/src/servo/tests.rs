@@ -1,0 +1,154 @@
+//! A servo in memory answers the bus.
+use core::cell::{Cell, RefCell};
+use core::convert::Infallible;
+use core::future::poll_fn;
+use core::task::Poll;
+use std::collections::VecDeque;
+
+use embedded_io_async::ErrorType;
+
+use super::*;
+use crate::fakes::{HandClock, run};
+
+/// Registers of one servo with address 1, and what it does with the bytes it gets.
+struct Fake {
+    registers: RefCell<[u8; 80]>,
+    out: RefCell<VecDeque<u8>>,
+    mute: Cell<bool>,
+    error: Cell<u8>,
+    writes: Cell<u32>,
+}
+
+impl Fake {
+    fn new() -> Self {
+        Self {
+            registers: RefCell::new([0; 80]),
+            out: RefCell::default(),
+            mute: Cell::new(false),
+            error: Cell::new(0),
+            writes: Cell::new(0),
+        }
+    }
+
+    fn take(&self, request: &Packet) {
+        let [first, values @ ..] = request.parameters() else { return };
+        let first = usize::from(*first);
+        let mut registers = self.registers.borrow_mut();
+        let mut answer = Packet::answer(1, self.error.get(), &[]);
+        if request.code == 3 {
+            self.writes.set(self.writes.get() + 1);
+            registers[first..first + values.len()].copy_from_slice(values);
+            registers.copy_within(42..44, 56);
+        } else {
+            answer = Packet::answer(1, self.error.get(), &registers[first..first + usize::from(values[0])]);
+        }
+        if !self.mute.get() {
+            self.out.borrow_mut().extend(answer.encode());
+        }
+    }
+}
+
+impl ErrorType for &Fake {
+    type Error = Infallible;
+}
+
+impl Read for &Fake {
+    async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
+        poll_fn(|_| {
+            let mut out = self.out.borrow_mut();
+            let n = out.len().min(bytes.len()).min(5);
+            bytes.iter_mut().zip(out.drain(..n)).for_each(|(to, from)| *to = from);
+            if n > 0 { Poll::Ready(Ok(n)) } else { Poll::Pending }
+        })
+        .await
+    }
+}
+
+impl Write for &Fake {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        let mut parser = Parser::default();
+        bytes.iter().filter_map(|byte| parser.push(*byte)).for_each(|packet| self.take(&packet));
+        Ok(bytes.len())
+    }
+
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+fn joint(angle_rad: f32) -> Option<Joint> {
+    Some(Joint { id: 1, target: Some(ServoTarget { angle_rad, speed_rad_s: 1.0, torque: 0.5 }) })
+}
+
+/// Visits the joints so often and returns what was seen of the first.
+fn visit(fake: &Fake, shared: &Shared, clock: &HandClock, times: u32) -> ServoSeen {
+    let mut bus = Bus::new(fake, fake, clock);
+    let visits = async {
+        for _ in 0..times {
+            bus.visit_all(shared).await;
+        }
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+    shared.servos_seen()[0]
+}
+
+#[test]
+fn a_target_becomes_a_position_and_comes_back() {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    shared.set_joints([joint(0.5), None, None, None]);
+    shared.set_offsets_rad([0.1, 0.0, 0.0, 0.0]);
+    let seen = visit(&fake, &shared, &clock, 1);
+    let registers = *fake.registers.borrow();
+    // (0.5 + 0.1) rad of 4096 steps a turn is 391.1 steps; 1 rad/s is 651.9 steps/s; half the torque is 500.
+    assert_eq!(registers[40..50], [1, 0, 0x87, 0x09, 0, 0, 0x8b, 0x02, 0xf4, 0x01]);
+    assert!((seen.angle_rad - 0.5).abs() < TAU / STEPS_PER_TURN);
+    assert_eq!(seen.answered, Some(Micros(0)));
+}
+
+#[test]
+fn an_unchanged_target_is_written_again_only_now_and_then() {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    shared.set_joints([joint(0.5), None, None, None]);
+    visit(&fake, &shared, &clock, 1 + u32::from(REWRITE_VISITS));
+    assert_eq!(fake.writes.get(), 1);
+    visit(&fake, &shared, &clock, 2 + u32::from(REWRITE_VISITS));
+    assert_eq!(fake.writes.get(), 3);
+}
+
+#[test]
+fn no_target_is_no_torque() {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    fake.registers.borrow_mut()[40] = 1;
+    shared.set_joints([Some(Joint { id: 1, target: None }), None, None, None]);
+    visit(&fake, &shared, &clock, 1);
+    assert_eq!(fake.registers.borrow()[40], 0);
+}
+
+#[test]
+fn a_silent_servo_keeps_its_old_answer() {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    shared.set_joints([joint(0.5), None, None, None]);
+    let before = visit(&fake, &shared, &clock, 1);
+    fake.mute.set(true);
+    assert_eq!(visit(&fake, &shared, &clock, 3), before);
+    assert!(clock.now() >= Micros(3 * ANSWER_TIMEOUT.0));
+}
+
+#[test]
+fn error_bits_and_load_are_told() {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    fake.error.set(0x20);
+    fake.registers.borrow_mut()[60..62].copy_from_slice(&(LOAD_SIGN | 250).to_le_bytes());
+    shared.set_joints([joint(0.0), None, None, None]);
+    let seen = visit(&fake, &shared, &clock, 1);
+    assert_eq!((seen.error, seen.load), (0x20, 0.25));
+}
+
+#[test]
+fn positions_and_angles_are_inverse() {
+    for register in 0..4096 {
+        assert_eq!(steps(angle_rad(register)), register);
+    }
+    assert_eq!((steps(-4.0), steps(4.0)), (0, 4095));
+    assert!((angle_rad(POSITION_SIGN | 10) - angle_rad(0) + 10.0 * TAU / STEPS_PER_TURN).abs() < 1e-5);
+}

@@ -1,0 +1,204 @@
+//! Solenoid outputs on a chain of 74HC595 shift registers.
+//!
+//! Lines leave highest first, so that line 0 ends at the first output of the first chip. The outputs follow the
+//! latch, never the shifting. Output enable is active low: high puts all lines off in one edge, whatever they hold.
+use darm_core::output::MAX_LINES;
+use embedded_hal::digital::OutputPin;
+
+/// Lines of one 74HC595.
+const LINES_PER_CHIP: usize = 8;
+/// Chips in the longest chain.
+const MAX_CHIPS: usize = MAX_LINES / LINES_PER_CHIP;
+/// Chips in the chain while no table says how many there are.
+const DEFAULT_CHIPS: usize = 2;
+/// Unchanged lines are shifted again after so many ticks, so that a disturbed register does not stay wrong.
+const REFRESH_TICKS: u8 = 100;
+
+/// The four pins of the chain.
+pub struct Pins<D, C, L, E> {
+    /// Serial data of the first chip.
+    pub data: D,
+    /// Shift clock of all chips: takes the data at its rising edge.
+    pub clock: C,
+    /// Latch of all chips: the outputs take the shifted lines at its rising edge.
+    pub latch: L,
+    /// Output enable of all chips, active low.
+    pub enable: E,
+}
+
+/// Driver of the chain.
+pub struct Solenoids<D, C, L, E> {
+    pins: Pins<D, C, L, E>,
+    chips: usize,
+    /// Lines that the latch holds; `None` before the first time.
+    held: Option<u64>,
+    enabled: bool,
+    age_ticks: u8,
+}
+
+impl<D, C, L, E, Error> Solenoids<D, C, L, E>
+where
+    D: OutputPin<Error = Error>,
+    C: OutputPin<Error = Error>,
+    L: OutputPin<Error = Error>,
+    E: OutputPin<Error = Error>,
+{
+    /// Takes the pins and switches all outputs off.
+    pub fn new(pins: Pins<D, C, L, E>) -> Result<Self, Error> {
+        let mut solenoids = Self { pins, chips: DEFAULT_CHIPS, held: None, enabled: true, age_ticks: 0 };
+        solenoids.safe()?;
+        Ok(solenoids)
+    }
+
+    /// Makes the chain so many chips long.
+    pub fn set_chips(&mut self, chips: usize) {
+        let chips = chips.min(MAX_CHIPS);
+        if chips != self.chips {
+            self.chips = chips;
+            self.held = None;
+        }
+    }
+
+    /// Drives the lines. Shifts only what changed or is due for a refresh. Call once a tick.
+    ///
+    /// Off comes before the new lines, on after them: no line carries current that was not asked for.
+    pub fn apply(&mut self, lines: u64, enabled: bool) -> Result<(), Error> {
+        if !enabled {
+            self.safe()?;
+        }
+        self.age_ticks = self.age_ticks.saturating_add(1);
+        if self.held != Some(lines) || self.age_ticks >= REFRESH_TICKS {
+            self.shift(lines)?;
+        }
+        if enabled && !self.enabled {
+            self.pins.enable.set_low()?;
+            self.enabled = true;
+        }
+        Ok(())
+    }
+
+    /// All lines off, in one edge.
+    pub fn safe(&mut self) -> Result<(), Error> {
+        if self.enabled {
+            self.pins.enable.set_high()?;
+            self.enabled = false;
+        }
+        Ok(())
+    }
+
+    fn shift(&mut self, lines: u64) -> Result<(), Error> {
+        for line in (0..self.chips * LINES_PER_CHIP).rev() {
+            if lines >> line & 1 == 1 {
+                self.pins.data.set_high()?
+            } else {
+                self.pins.data.set_low()?
+            }
+            self.pins.clock.set_high()?;
+            self.pins.clock.set_low()?;
+        }
+        self.pins.latch.set_high()?;
+        self.pins.latch.set_low()?;
+        self.held = Some(lines);
+        self.age_ticks = 0;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Pins, REFRESH_TICKS, Solenoids};
+    use core::cell::Cell;
+    use core::convert::Infallible;
+    use embedded_hal::digital::{ErrorType, OutputPin};
+
+    /// What a chain of 74HC595 does with the four wires.
+    #[derive(Default)]
+    struct Chain {
+        levels: [Cell<bool>; 4],
+        shifted: Cell<u64>,
+        latched: Cell<u64>,
+        edges: Cell<u32>,
+    }
+
+    impl Chain {
+        fn edge(&self, wire: usize, high: bool) {
+            let rises = !self.levels[wire].replace(high) && high;
+            self.edges.set(self.edges.get() + 1);
+            if wire == 1 && rises {
+                self.shifted.set(self.shifted.get() << 1 | u64::from(self.levels[0].get()));
+            }
+            if wire == 2 && rises {
+                self.latched.set(self.shifted.get());
+            }
+        }
+
+        fn outputs(&self, lines: u32) -> u64 {
+            if self.levels[3].get() { 0 } else { self.latched.get() & (u64::MAX >> (64 - lines)) }
+        }
+    }
+
+    struct Wire<'a>(&'a Chain, usize);
+    impl ErrorType for Wire<'_> {
+        type Error = Infallible;
+    }
+    impl OutputPin for Wire<'_> {
+        fn set_low(&mut self) -> Result<(), Infallible> {
+            self.0.edge(self.1, false);
+            Ok(())
+        }
+        fn set_high(&mut self) -> Result<(), Infallible> {
+            self.0.edge(self.1, true);
+            Ok(())
+        }
+    }
+
+    type OnChain<'a> = Solenoids<Wire<'a>, Wire<'a>, Wire<'a>, Wire<'a>>;
+
+    fn solenoids(chain: &Chain) -> OnChain<'_> {
+        let wire = |index| Wire(chain, index);
+        let Ok(solenoids) = Solenoids::new(Pins { data: wire(0), clock: wire(1), latch: wire(2), enable: wire(3) });
+        solenoids
+    }
+
+    #[test]
+    fn lines_come_out_where_they_belong() {
+        let chain = Chain::default();
+        let mut solenoids = solenoids(&chain);
+        solenoids.apply(0xa5_3c, true).unwrap();
+        assert_eq!(chain.outputs(16), 0xa5_3c);
+        solenoids.set_chips(8);
+        solenoids.apply(0x8000_0000_0000_0001, true).unwrap();
+        assert_eq!(chain.outputs(64), 0x8000_0000_0000_0001);
+    }
+
+    #[test]
+    fn nothing_is_driven_before_it_is_enabled() {
+        let chain = Chain::default();
+        let mut solenoids = solenoids(&chain);
+        solenoids.apply(0xff, false).unwrap();
+        assert_eq!((chain.outputs(16), chain.latched.get() & 0xff), (0, 0xff));
+    }
+
+    #[test]
+    fn safe_takes_one_edge() {
+        let chain = Chain::default();
+        let mut solenoids = solenoids(&chain);
+        solenoids.apply(0xff, true).unwrap();
+        let before = chain.edges.get();
+        solenoids.safe().unwrap();
+        assert_eq!((chain.edges.get() - before, chain.outputs(16)), (1, 0));
+    }
+
+    #[test]
+    fn unchanged_lines_are_shifted_only_for_a_refresh() {
+        let chain = Chain::default();
+        let mut solenoids = solenoids(&chain);
+        solenoids.apply(1, true).unwrap();
+        chain.shifted.set(u64::MAX);
+        let before = chain.edges.get();
+        (1..REFRESH_TICKS).for_each(|_| solenoids.apply(1, true).unwrap());
+        assert_eq!(chain.edges.get(), before);
+        solenoids.apply(1, true).unwrap();
+        assert_eq!(chain.outputs(16), 1);
+    }
+}

@@ -1,0 +1,344 @@
+//! Commands that a person types: the same operations as the messages, under the same limits.
+//!
+//! Every line of an answer that is not a result starts with `?`; a line that starts with no letter is no command, so
+//! a terminal that echoes what it receives does not start a conversation of the board with itself.
+use core::fmt;
+
+use darm_core::output::{Coil, Drive, MAX_COILS, MAX_SERVOS, ServoWiring};
+use darm_core::sequencer::{Command, Event, Phase};
+use darm_core::units::{Micros, Word, WordError};
+use darm_core::wire::PROTOCOL;
+use darm_core::wire::bootstrap::{Death, DeathKind, Into};
+use embedded_io_async::Write;
+use embedded_storage_async::nor_flash::NorFlash;
+
+use crate::clock::Clock;
+use crate::control::{Order, Outcome};
+use crate::dispatch::{Desk, FIRMWARE};
+
+const HELP: &[&str] = &[
+    "help             this list",
+    "id               board, device number, versions",
+    "status           what runs, coils, switches, servos, faults",
+    "limits           limits of every coil and servo",
+    "table            the table that is loaded",
+    "play             run the table from its first row",
+    "stop             all coils off, at once",
+    "coil N on MS     coil N on for MS milliseconds (coil N off: off now)",
+    "word DIGITS      all actuators to these digits, base first: word 010,110",
+    "servo N DEG      servo joint N to an angle in degrees",
+    "fault            the latched fault, and how the last start ended",
+    "clear            leave the safe state after a fault",
+    "log              the last events",
+    "reboot           start anew (reboot loader: into the chip's loader)",
+];
+
+/// What a line asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Words {
+    Help,
+    Id,
+    Status,
+    Limits,
+    Table,
+    Fault,
+    Log,
+    Reboot(Into),
+    Do(Command),
+}
+
+/// Why a line is no command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum ParseError {
+    Unknown,
+    Usage(&'static str),
+    Word(WordError),
+}
+
+impl fmt::Display for ParseError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unknown => f.write_str("no such command; type help"),
+            Self::Usage(usage) => write!(f, "usage: {usage}"),
+            Self::Word(error) => write!(f, "{error}; usage: word DIGITS, as in word 010,110"),
+        }
+    }
+}
+
+fn parse(line: &str) -> Result<Words, ParseError> {
+    let mut parts = line.split_ascii_whitespace();
+    let name = parts.next().unwrap_or_default();
+    let is = |word: &str| name.eq_ignore_ascii_case(word);
+    if is("word") {
+        let digits = line.get(name.len()..).unwrap_or_default();
+        let word: Word = digits.parse().map_err(ParseError::Word)?;
+        return if word.is_empty() {
+            Err(ParseError::Usage("word DIGITS, as in word 010,110"))
+        } else {
+            Ok(Words::Do(Command::Word(word)))
+        };
+    }
+    let (first, second, third) = (parts.next(), parts.next(), parts.next());
+    if is("coil") && parts.next().is_none() {
+        return coil(first, second, third);
+    }
+    if is("servo") && third.is_none() {
+        return servo(first, second);
+    }
+    match first {
+        None if is("help") => Ok(Words::Help),
+        None if is("id") => Ok(Words::Id),
+        None if is("status") => Ok(Words::Status),
+        None if is("limits") => Ok(Words::Limits),
+        None if is("table") => Ok(Words::Table),
+        None if is("play") => Ok(Words::Do(Command::Play)),
+        None if is("stop") => Ok(Words::Do(Command::Stop)),
+        None if is("clear") => Ok(Words::Do(Command::Clear)),
+        None if is("fault") => Ok(Words::Fault),
+        None if is("log") => Ok(Words::Log),
+        None if is("reboot") => Ok(Words::Reboot(Into::Application)),
+        Some(into) if is("reboot") && into.eq_ignore_ascii_case("loader") => Ok(Words::Reboot(Into::Loader)),
+        _ => Err(ParseError::Unknown),
+    }
+}
+
+fn coil(number: Option<&str>, on: Option<&str>, millis: Option<&str>) -> Result<Words, ParseError> {
+    let usage = ParseError::Usage("coil N on MS, as in coil 3 on 200, or coil N off");
+    let coil = number.and_then(|text| text.parse().ok()).ok_or(usage)?;
+    let on_ms = match (on, millis) {
+        (Some(on), Some(millis)) if on.eq_ignore_ascii_case("on") => millis.parse().map_err(|_| usage)?,
+        (Some(off), None) if off.eq_ignore_ascii_case("off") => 0,
+        _ => return Err(usage),
+    };
+    Ok(Words::Do(Command::Coil { coil, on_ms }))
+}
+
+fn servo(number: Option<&str>, angle: Option<&str>) -> Result<Words, ParseError> {
+    let usage = ParseError::Usage("servo N DEG, as in servo 0 -12.5");
+    let servo = number.and_then(|text| text.parse().ok()).ok_or(usage)?;
+    let angle_deg: f32 = angle.and_then(|text| text.parse().ok()).ok_or(usage)?;
+    Ok(Words::Do(Command::Servo { servo, angle_rad: angle_deg.to_radians() }))
+}
+
+/// One line to the terminal. Longer lines are cut.
+async fn say<W: Write>(writer: &mut W, line: fmt::Arguments<'_>) -> Result<(), W::Error> {
+    let mut text = Line::default();
+    // The text is cut where it does not fit.
+    let _ = fmt::write(&mut text, line);
+    writer.write_all(text.0.as_bytes()).await?;
+    writer.write_all(b"\r\n").await
+}
+
+#[derive(Default)]
+struct Line(heapless::String<160>);
+
+impl fmt::Write for Line {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        text.chars().try_for_each(|character| self.0.push(character)).map_err(|_| fmt::Error)
+    }
+}
+
+impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
+    /// Does what a line says and writes the answer.
+    pub async fn obey<W: Write>(&mut self, line: &str, out: &mut W) -> Result<(), W::Error> {
+        if !line.starts_with(|first: char| first.is_ascii_alphabetic()) {
+            return Ok(());
+        }
+        match parse(line) {
+            Err(error) => say(out, format_args!("? {line}: {error}")).await,
+            Ok(Words::Help) => {
+                for line in HELP {
+                    say(out, format_args!("{line}")).await?;
+                }
+                Ok(())
+            }
+            Ok(Words::Id) => self.say_id(out).await,
+            Ok(Words::Status) => self.say_status(out).await,
+            Ok(Words::Limits) => self.say_limits(out).await,
+            Ok(Words::Table) => self.say_table(out).await,
+            Ok(Words::Fault) => self.say_fault(out).await,
+            Ok(Words::Log) => self.say_log(out).await,
+            Ok(Words::Reboot(into)) => {
+                self.reboot = Some(into);
+                say(out, format_args!("ok, starting anew")).await
+            }
+            Ok(Words::Do(command)) => match self.command(command).await {
+                Ok(()) => say(out, format_args!("ok")).await,
+                Err(refusal) => say(out, format_args!("? {refusal}")).await,
+            },
+        }
+    }
+
+    async fn say_id<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
+        let [major, minor, patch] = FIRMWARE;
+        let identity = &self.board.identity;
+        say(out, format_args!("board {}, device {}", identity.board, identity.device)).await?;
+        say(out, format_args!("firmware {major}.{minor}.{patch}, protocol {PROTOCOL}")).await
+    }
+
+    async fn say_status<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
+        let now = match self.snapshot().await {
+            Ok(now) => now,
+            Err(refusal) => return say(out, format_args!("? {refusal}")).await,
+        };
+        match now.phase {
+            Phase::Idle => say(out, format_args!("idle")).await?,
+            Phase::Manual => say(out, format_args!("by hand")).await?,
+            Phase::Approaching { .. } => say(out, format_args!("approaching the first row")).await?,
+            Phase::Playing { next, .. } => {
+                say(out, format_args!("playing, row {next} of {} is next", now.rows)).await?;
+            }
+            Phase::Safe(fault) => say(out, format_args!("safe state: {fault}; type clear to leave it")).await?,
+        }
+        match now.model {
+            Some(model) => say(out, format_args!("table of {} rows, model {model}", now.rows)).await?,
+            None => say(out, format_args!("no table")).await?,
+        }
+        say(out, format_args!("word {}, switches {:013b}", now.word, now.switches)).await?;
+        for (index, servo) in now.servos.iter().take(usize::from(now.n_servos)).enumerate() {
+            match servo.answered {
+                Some(_) => {
+                    let (angle_deg, load) = (servo.angle_rad.to_degrees(), servo.load * 100.0);
+                    say(out, format_args!("servo {index}: {angle_deg:.2} deg, load {load:.0} %")).await?;
+                }
+                None => say(out, format_args!("servo {index}: no answer yet")).await?,
+            }
+        }
+        say(out, format_args!("up {}, latest tick {} us late", self.clock.now(), now.worst_lateness.0)).await
+    }
+
+    async fn say_limits<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
+        let Outcome::Summary(Some(table)) = self.shared.ask(Order::Summary).await else {
+            return say(out, format_args!("? no table is loaded; upload one first")).await;
+        };
+        let limit = table.switch_limit;
+        say(out, format_args!("at most {} coils go on within {} ms", limit.new_coils, limit.window_ms)).await?;
+        for index in 0..MAX_COILS as u8 {
+            if let Outcome::Coil(Some(coil)) = self.shared.ask(Order::Coil(index)).await {
+                say(out, format_args!("coil {index}: {}", CoilText(&coil))).await?;
+            }
+        }
+        for index in 0..MAX_SERVOS as u8 {
+            if let Outcome::Servo(Some(servo)) = self.shared.ask(Order::Servo(index)).await {
+                say(out, format_args!("servo {index}: {}", ServoText(&servo))).await?;
+            }
+        }
+        Ok(())
+    }
+
+    async fn say_table<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
+        let Outcome::Summary(Some(table)) = self.shared.ask(Order::Summary).await else {
+            return say(out, format_args!("? no table is loaded; upload one first")).await;
+        };
+        say(out, format_args!("{} rows in {}, model {}", table.rows, table.end, table.model)).await?;
+        let (actuators, coils, servos) = (table.actuators, table.coils, table.servos);
+        say(out, format_args!("{actuators} actuators on {coils} coils, {servos} servos")).await
+    }
+
+    async fn say_fault<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
+        match self.snapshot().await.map(|now| now.phase) {
+            Ok(Phase::Safe(fault)) => say(out, format_args!("{fault}; type clear to leave the safe state")).await?,
+            _ => say(out, format_args!("no fault is latched")).await?,
+        }
+        match &self.board.death {
+            Some(death) => say(out, format_args!("the last start ended by {}", DeathText(death))).await,
+            None => say(out, format_args!("the last start ended without a fault")).await,
+        }
+    }
+
+    async fn say_log<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
+        self.catch_up();
+        let mut number = self.log.first();
+        while number != self.log.next() {
+            let events = self.log.from(number);
+            for (at, event) in &events.list {
+                say(out, format_args!("{number} {at} {}", EventText(event))).await?;
+                number = number.wrapping_add(1);
+            }
+        }
+        Ok(())
+    }
+}
+
+struct CoilText<'a>(&'a Coil);
+
+impl fmt::Display for CoilText<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let limit = &self.0.limit;
+        match self.0.drive {
+            Drive::Hold { line } => write!(f, "line {line}")?,
+            Drive::PeakHold { pull, hold, peak_ms } => write!(f, "pull line {pull} {peak_ms} ms, hold line {hold}")?,
+            Drive::Latch { set, reset, pulse_ms } => write!(f, "set line {set}, reset line {reset}, {pulse_ms} ms")?,
+        }
+        write!(f, "; on for {} ms, {} % of {} ms", limit.max_on_ms, limit.duty_percent, limit.window_ms)
+    }
+}
+
+struct ServoText<'a>(&'a ServoWiring);
+
+impl fmt::Display for ServoText<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ServoWiring { id, min_rad, max_rad, max_speed_rad_s, max_torque, timeout_ms } = *self.0;
+        let (min_deg, max_deg) = (min_rad.to_degrees(), max_rad.to_degrees());
+        write!(f, "address {id}, {min_deg:.1} to {max_deg:.1} deg, {:.1} deg/s", max_speed_rad_s.to_degrees())?;
+        write!(f, ", {:.0} % torque, answers within {timeout_ms} ms", max_torque * 100.0)
+    }
+}
+
+struct DeathText<'a>(&'a Death);
+
+impl fmt::Display for DeathText<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Death { kind, uptime_us, pc, lr, text } = self.0;
+        match kind {
+            DeathKind::Panic => write!(f, "a panic after {}: {text}", Micros(*uptime_us)),
+            DeathKind::HardFault => {
+                write!(f, "a hard fault after {} at {pc:#010x} from {lr:#010x}: {text}", Micros(*uptime_us))
+            }
+            DeathKind::Watchdog => f.write_str("the watchdog: the control tick had stopped"),
+        }
+    }
+}
+
+struct EventText<'a>(&'a Event);
+
+impl fmt::Display for EventText<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Event::Booted => f.write_str("booted"),
+            Event::Started => f.write_str("program started"),
+            Event::Row { row, word } => write!(f, "row {row}: {word}"),
+            Event::Finished => f.write_str("program finished"),
+            Event::Stopped => f.write_str("stopped"),
+            Event::Fault(fault) => write!(f, "fault: {fault}"),
+            Event::Cleared => f.write_str("safe state left"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{ParseError, Words, parse};
+    use darm_core::sequencer::Command;
+    use darm_core::wire::bootstrap::Into;
+
+    #[test]
+    fn lines_are_commands() {
+        assert_eq!(parse("coil 3 on 200"), Ok(Words::Do(Command::Coil { coil: 3, on_ms: 200 })));
+        assert_eq!(parse("Coil 3 OFF"), Ok(Words::Do(Command::Coil { coil: 3, on_ms: 0 })));
+        assert_eq!(parse("word 010,1 1"), Ok(Words::Do(Command::Word("01011".parse().unwrap()))));
+        assert_eq!(parse("servo 1 -90"), Ok(Words::Do(Command::Servo { servo: 1, angle_rad: -90f32.to_radians() })));
+        assert_eq!(parse("REBOOT loader"), Ok(Words::Reboot(Into::Loader)));
+        assert_eq!(parse("play"), Ok(Words::Do(Command::Play)));
+    }
+
+    #[test]
+    fn what_is_wrong_is_said() {
+        assert_eq!(parse("dance"), Err(ParseError::Unknown));
+        assert_eq!(parse("play now"), Err(ParseError::Unknown));
+        for line in ["coil", "coil 3", "coil 3 on", "coil 300 on 5", "coil 1 on -5", "coil 1 on 5 6", "servo 1", "servo x 3", "word"] {
+            assert!(matches!(parse(line), Err(ParseError::Usage(_) | ParseError::Unknown)), "{line}");
+        }
+        assert!(matches!(parse("word 0140"), Err(ParseError::Word(_))));
+    }
+}

@@ -1,0 +1,97 @@
+//! Effects by the names of their laws: the only list of laws that the arm file needs.
+
+use darm_core::actuator::MAX_STATES;
+use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
+use darm_core::effect::gravity_sag::GravitySag;
+use darm_core::effect::play::Play;
+use darm_core::effect::stroke_loss::StrokeLoss;
+use darm_core::effect::supply_stroke::SupplyStroke;
+use darm_core::effect::thermal_growth::ThermalGrowth;
+use darm_core::effect::{Effect, Place, Quantity};
+use darm_core::real::Vec3;
+
+use super::ArmFault;
+use super::ArmModel;
+use super::raw::{RawEffect, RawPlate};
+
+const LAWS: [&str; 6] = ["stroke-loss", "anchor-offset", "gravity-sag", "play", "supply-stroke", "thermal-growth"];
+
+/// The effect that `raw` describes, in the arm of `model`.
+pub(super) fn effect(raw: &RawEffect, model: &ArmModel) -> Result<Effect<f64>, ArmFault> {
+    let at = place(raw);
+    check_place(at, model)?;
+    let actuator = || raw.actuator.ok_or(ArmFault::Missing { key: "actuator", of: "an effect on one actuator" });
+    let mut effect: Effect<f64> = match raw.law.get_ref().as_str() {
+        "stroke-loss" => {
+            let state = raw.state.ok_or(ArmFault::Missing { key: "state", of: "a stroke loss" })?;
+            let actuator = actuator()?;
+            if usize::from(state) >= model.chain.n_states(actuator.into()).min(MAX_STATES) {
+                return Err(ArmFault::NoSuchPlace);
+            }
+            StrokeLoss { actuator, state, loss_m: 0.0 }.into()
+        }
+        "anchor-offset" => {
+            let plate = match raw.plate.ok_or(ArmFault::Missing { key: "plate", of: "an anchor offset" })? {
+                RawPlate::Base => Plate::Base,
+                RawPlate::Top => Plate::Top,
+            };
+            AnchorOffset { actuator: actuator()?, plate, offset: Vec3::zeros() }.into()
+        }
+        "gravity-sag" => GravitySag { at, compliance_m_per_n: 0.0 }.into(),
+        "play" => Play { at, width_m: 0.0 }.into(),
+        "supply-stroke" => SupplyStroke { at, gain: 0.0 }.into(),
+        "thermal-growth" => ThermalGrowth { at, expansion_per_k: 0.0 }.into(),
+        found => return Err(ArmFault::UnknownLaw { found: found.into(), known: LAWS.to_vec() }),
+    };
+    let law = effect.law_mut();
+    let keys: Vec<String> = law.quantities().iter().map(value_key).collect();
+    let given = raw.values.get_ref();
+    if given.len() != keys.len() || !keys.iter().all(|key| given.contains_key(key)) {
+        return Err(ArmFault::EffectValues { expected: keys });
+    }
+    law.values_mut().iter_mut().zip(&keys).for_each(|(value, key)| *value = given[key].0);
+    Ok(effect)
+}
+
+/// The key of a value: its name and its unit, `loss_m`, `compliance_m_per_n`, `expansion_per_k`, `gain`.
+pub(super) fn value_key(quantity: &Quantity) -> String {
+    let unit = quantity.unit.to_lowercase().replace('/', "_per_");
+    match unit.trim_start_matches('1') {
+        "" => quantity.name.into(),
+        unit => format!("{}_{}", quantity.name, unit.trim_start_matches('_')),
+    }
+}
+
+/// The keys of an effect beside its law and values.
+pub(super) fn place_keys(effect: &Effect<f64>) -> String {
+    let place = match effect.law().place() {
+        Place::Actuator(actuator) => format!("actuator = {actuator}\n"),
+        Place::Module(module) => format!("module = {module}\n"),
+        Place::Arm => String::new(),
+    };
+    match effect {
+        Effect::StrokeLoss(law) => format!("{place}state = {}\n", law.state),
+        Effect::AnchorOffset(law) => match law.plate {
+            Plate::Base => format!("{place}plate = \"base\"\n"),
+            Plate::Top => format!("{place}plate = \"top\"\n"),
+        },
+        _ => place,
+    }
+}
+
+fn place(raw: &RawEffect) -> Place {
+    match (raw.actuator, raw.module) {
+        (Some(actuator), _) => Place::Actuator(actuator),
+        (None, Some(module)) => Place::Module(module),
+        (None, None) => Place::Arm,
+    }
+}
+
+fn check_place(at: Place, model: &ArmModel) -> Result<(), ArmFault> {
+    let exists = match at {
+        Place::Actuator(actuator) => usize::from(actuator) < model.chain.n_actuators(),
+        Place::Module(module) => usize::from(module) < model.chain.stages.len(),
+        Place::Arm => true,
+    };
+    if exists { Ok(()) } else { Err(ArmFault::NoSuchPlace) }
+}

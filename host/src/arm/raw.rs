@@ -1,0 +1,189 @@
+//! The arm file as it stands in TOML, before it is checked.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+use toml::Spanned;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawArm {
+    pub(super) format: Spanned<u32>,
+    pub(super) name: String,
+    #[serde(default)]
+    pub(super) model: u32,
+    #[serde(default = "default_length_scale")]
+    pub(super) length_scale_m: Spanned<Number>,
+    pub(super) conditions: Option<RawConditions>,
+    pub(super) mount: Option<Spanned<RawPose>>,
+    pub(super) tool: Option<Spanned<RawTool>>,
+    pub(super) switch_limit: Option<Spanned<RawSwitchLimit>>,
+    #[serde(default)]
+    pub(super) stage: Vec<Spanned<RawStage>>,
+    #[serde(default)]
+    pub(super) effect: Vec<Spanned<RawEffect>>,
+}
+
+/// A number that is neither infinite nor NaN, both of which TOML can write.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(try_from = "f64")]
+pub(crate) struct Number(pub(crate) f64);
+
+impl TryFrom<f64> for Number {
+    type Error = &'static str;
+    fn try_from(value: f64) -> Result<Self, Self::Error> {
+        if value.is_finite() { Ok(Self(value)) } else { Err("the number has to be finite") }
+    }
+}
+
+fn default_length_scale() -> Spanned<Number> {
+    Spanned::new(0..0, Number(0.5))
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawConditions {
+    pub(super) gravity_m_s2: Option<[Number; 3]>,
+    pub(super) supply_bar: Option<Spanned<Number>>,
+    pub(super) temperature_c: Option<Number>,
+}
+
+#[derive(Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RawPose {
+    pub(crate) position_m: Vec<Number>,
+    pub(crate) angle_deg: Option<Number>,
+    pub(crate) rotation_deg: Option<[Number; 3]>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawTool {
+    pub(super) pose: Option<Spanned<RawPose>>,
+    pub(super) mass_kg: Option<Spanned<Number>>,
+    pub(super) center_m: Option<[Number; 3]>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawSwitchLimit {
+    pub(super) new_coils: u8,
+    pub(super) window_ms: u16,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum RawKind {
+    Link,
+    PlanarPlatform,
+    SpatialPlatform,
+    DiscreteJoint,
+    Servo,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum RawMotion {
+    Revolute,
+    Prismatic,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawStage {
+    pub(super) kind: Spanned<RawKind>,
+    pub(super) name: Option<String>,
+    pub(super) mass_kg: Option<Spanned<Number>>,
+    pub(super) center_m: Option<[Number; 3]>,
+    /// Of a link.
+    pub(super) pose: Option<Spanned<RawPose>>,
+    /// Of a platform.
+    pub(super) home: Option<Spanned<RawPose>>,
+    #[serde(default)]
+    pub(super) leg: Vec<Spanned<RawLeg>>,
+    /// Of a joint.
+    pub(super) motion: Option<RawMotion>,
+    pub(super) axis: Option<Spanned<[Number; 3]>>,
+    pub(super) value_m: Option<Spanned<Vec<Number>>>,
+    pub(super) value_deg: Option<Spanned<Vec<Number>>>,
+    pub(super) coil: Option<Spanned<RawCoil>>,
+    pub(super) coils: Option<Vec<Spanned<RawCoil>>>,
+    pub(super) switch: Option<Spanned<RawSwitch>>,
+    pub(super) travel_ms: Option<u16>,
+    /// Of a servo.
+    pub(super) offset_deg: Option<Number>,
+    pub(super) bus: Option<Spanned<RawServo>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawLeg {
+    pub(super) name: Option<String>,
+    pub(super) base_m: Spanned<Vec<Number>>,
+    pub(super) top_m: Spanned<Vec<Number>>,
+    pub(super) length_m: Spanned<Vec<Number>>,
+    pub(super) coil: Option<Spanned<RawCoil>>,
+    pub(super) coils: Option<Vec<Spanned<RawCoil>>>,
+    pub(super) switch: Option<Spanned<RawSwitch>>,
+    pub(super) travel_ms: Option<u16>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum RawDrive {
+    Hold,
+    PeakHold,
+    Latch,
+}
+
+#[derive(Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawCoil {
+    pub(super) drive: Spanned<RawDrive>,
+    pub(super) line: Option<u8>,
+    pub(super) pull: Option<u8>,
+    pub(super) hold: Option<u8>,
+    pub(super) peak_ms: Option<u16>,
+    pub(super) set: Option<u8>,
+    pub(super) reset: Option<u8>,
+    pub(super) pulse_ms: Option<u16>,
+    pub(super) max_on_ms: Option<u32>,
+    pub(super) duty_percent: Option<u8>,
+    pub(super) window_ms: Option<u32>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawSwitch {
+    pub(super) input: u8,
+    pub(super) closed_in: Vec<u8>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawServo {
+    pub(super) id: u8,
+    pub(super) min_deg: Number,
+    pub(super) max_deg: Number,
+    pub(super) max_speed_deg_s: Number,
+    pub(super) max_torque: Number,
+    pub(super) timeout_ms: u16,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawEffect {
+    pub(super) law: Spanned<String>,
+    pub(super) actuator: Option<u8>,
+    pub(super) module: Option<u8>,
+    pub(super) state: Option<u8>,
+    pub(super) plate: Option<RawPlate>,
+    pub(super) values: Spanned<BTreeMap<String, Number>>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum RawPlate {
+    Base,
+    Top,
+}

@@ -1,0 +1,96 @@
+//! The text of a TOML file, and errors that name its file, line and column.
+
+use std::fmt;
+use std::io;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use serde::de::DeserializeOwned;
+
+/// A TOML file in memory.
+pub(crate) struct Source {
+    path: PathBuf,
+    text: String,
+}
+
+/// Where in a file something stands; both count from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// The line.
+    pub line: usize,
+    /// The column, in characters.
+    pub column: usize,
+}
+
+/// What is wrong with a file, and where: `FILE:LINE:COLUMN: what is wrong`.
+#[derive(Debug)]
+pub struct FileError<F> {
+    /// The file.
+    pub path: PathBuf,
+    /// Where in it; `None` of the file as a whole.
+    pub place: Option<Place>,
+    /// What is wrong.
+    pub fault: Fault<F>,
+}
+
+/// What is wrong with a file.
+#[derive(Debug)]
+pub enum Fault<F> {
+    /// It cannot be read or written.
+    Io(io::Error),
+    /// It is no TOML, or a key is missing, unknown or of the wrong type.
+    Toml(String),
+    /// It says what cannot be.
+    Content(F),
+}
+
+impl Source {
+    pub(crate) fn read<F>(path: &Path) -> Result<Self, FileError<F>> {
+        match std::fs::read_to_string(path) {
+            Ok(text) => Ok(Self { path: path.into(), text }),
+            Err(error) => Err(FileError { path: path.into(), place: None, fault: Fault::Io(error) }),
+        }
+    }
+
+    pub(crate) fn of_text(path: &Path, text: &str) -> Self {
+        Self { path: path.into(), text: text.into() }
+    }
+
+    pub(crate) fn parse<T: DeserializeOwned, F>(&self) -> Result<T, FileError<F>> {
+        toml::from_str(&self.text).map_err(|error| {
+            let message = error.message().trim_end().replace('\n', ", ");
+            self.error(error.span(), Fault::Toml(message))
+        })
+    }
+
+    /// The error that `content` is wrong at `span`.
+    pub(crate) fn wrong<F>(&self, span: Range<usize>, content: F) -> FileError<F> {
+        self.error(Some(span), Fault::Content(content))
+    }
+
+    fn error<F>(&self, span: Option<Range<usize>>, fault: Fault<F>) -> FileError<F> {
+        FileError { path: self.path.clone(), place: span.map(|span| self.place(span.start)), fault }
+    }
+
+    fn place(&self, offset: usize) -> Place {
+        let before = self.text.get(..offset).unwrap_or(&self.text);
+        let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        Place { line: before.matches('\n').count() + 1, column: before[line_start..].chars().count() + 1 }
+    }
+}
+
+impl<F: fmt::Display> fmt::Display for FileError<F> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:", self.path.display())?;
+        if let Some(Place { line, column }) = self.place {
+            write!(f, "{line}:{column}:")?;
+        }
+        match &self.fault {
+            Fault::Io(error) => write!(f, " {error}"),
+            Fault::Toml(message) => write!(f, " {message}"),
+            Fault::Content(content) => write!(f, " {content}"),
+        }
+    }
+}
+
+impl<F: fmt::Debug + fmt::Display> std::error::Error for FileError<F> {}

@@ -1,0 +1,203 @@
+//! The canonical text of an arm file.
+
+use std::fmt::{self, Write};
+
+use darm_core::actuator::{Axis, JointKind, Leg, Stage};
+use darm_core::model::Mass;
+use darm_core::output::{Coil, Drive, ServoWiring};
+use darm_core::real::Vec3;
+use darm_core::se::{Pose, Pose2};
+
+use super::{Arm, FORMAT, effects};
+
+/// Every key in one order; what is read back and written again is the same text.
+pub(super) fn toml(arm: &Arm) -> String {
+    let mut text = String::new();
+    // A string takes whatever is written to it.
+    let _ = write_arm(&mut text, arm);
+    text
+}
+
+fn write_arm(w: &mut String, arm: &Arm) -> fmt::Result {
+    let model = &arm.model;
+    writeln!(w, "format = {FORMAT}\nname = {}\nmodel = {}", quoted(&arm.name), model.number)?;
+    writeln!(w, "length_scale_m = {:?}\n", arm.length_scale_m)?;
+    writeln!(w, "[conditions]\ngravity_m_s2 = {}", list(model.gravity.as_slice()))?;
+    writeln!(w, "supply_bar = {:?}", tidy(model.nominal_supply / 1e5))?;
+    writeln!(w, "temperature_c = {:?}\n", tidy(model.reference_temperature_k - 273.15))?;
+    writeln!(w, "[mount]\n{}\n", pose_lines(&model.chain.mount))?;
+    writeln!(w, "[tool]\npose = {}", pose(&model.chain.tool))?;
+    write_mass(w, &model.payload)?;
+    let limit = arm.wiring.switch_limit;
+    writeln!(w, "\n[switch_limit]\nnew_coils = {}\nwindow_ms = {}", limit.new_coils, limit.window_ms)?;
+    let mut parts = Wired { arm, actuator: 0, servo: 0 };
+    for index in 0..model.chain.stages.len() {
+        parts.write_stage(w, index)?;
+    }
+    for effect in &model.effects {
+        let law = effect.law();
+        write!(w, "\n[[effect]]\nlaw = \"{}\"\n{}", law.name(), effects::place_keys(effect))?;
+        let pairs = law.quantities().iter().zip(law.values());
+        let values: Vec<_> =
+            pairs.map(|(quantity, value)| format!("{} = {value:?}", effects::value_key(quantity))).collect();
+        writeln!(w, "values = {{ {} }}", values.join(", "))?;
+    }
+    Ok(())
+}
+
+/// The arm, and the actuator and servo that come next.
+struct Wired<'a> {
+    arm: &'a Arm,
+    actuator: usize,
+    servo: usize,
+}
+
+impl Wired<'_> {
+    fn write_stage(&mut self, w: &mut String, index: usize) -> fmt::Result {
+        let stage = &self.arm.model.chain.stages[index];
+        let kind = match stage {
+            Stage::Link(_) => "link",
+            Stage::Planar(_) => "planar-platform",
+            Stage::Spatial(_) => "spatial-platform",
+            Stage::Discrete(_) => "discrete-joint",
+            Stage::Servo(_) => "servo",
+        };
+        writeln!(w, "\n[[stage]]\nkind = \"{kind}\"\nname = {}", quoted(&self.arm.stage_name(index)))?;
+        write_mass(w, &self.arm.model.masses[index])?;
+        match stage {
+            Stage::Link(link) => writeln!(w, "pose = {}", pose(link)),
+            Stage::Planar(platform) => {
+                writeln!(w, "home = {}", pose(&platform.home))?;
+                platform.legs.iter().try_for_each(|leg| self.write_leg(w, leg, 2))
+            }
+            Stage::Spatial(platform) => {
+                writeln!(w, "home = {}", pose(&platform.home))?;
+                platform.legs.iter().try_for_each(|leg| self.write_leg(w, leg, 3))
+            }
+            Stage::Discrete(joint) => {
+                let values = &joint.values[..joint.states.into()];
+                match joint.axis.kind {
+                    JointKind::Revolute => writeln!(w, "motion = \"revolute\"\nvalue_deg = {}", degrees(values))?,
+                    JointKind::Prismatic => writeln!(w, "motion = \"prismatic\"\nvalue_m = {}", list(values))?,
+                }
+                write_axis(w, &joint.axis)?;
+                self.write_wiring(w)
+            }
+            Stage::Servo(joint) => {
+                write_axis(w, &joint.axis)?;
+                writeln!(w, "offset_deg = {:?}", tidy(joint.offset.to_degrees()))?;
+                let bus = self.arm.wiring.servos.get(self.servo);
+                self.servo += 1;
+                bus.map_or(Ok(()), |bus| writeln!(w, "bus = {}", servo(bus)))
+            }
+        }
+    }
+
+    fn write_leg(&mut self, w: &mut String, leg: &Leg<f64>, dimension: usize) -> fmt::Result {
+        let name = self.arm.labels.actuators.get(self.actuator).map_or("", String::as_str);
+        writeln!(w, "\n[[stage.leg]]\nname = {}", quoted(name))?;
+        writeln!(w, "base_m = {}", list(&leg.base.as_slice()[..dimension]))?;
+        writeln!(w, "top_m = {}", list(&leg.top.as_slice()[..dimension]))?;
+        writeln!(w, "length_m = {}", list(&leg.length_m[..leg.states.into()]))?;
+        self.write_wiring(w)
+    }
+
+    fn write_wiring(&mut self, w: &mut String) -> fmt::Result {
+        let wiring = &self.arm.wiring;
+        let Some(actuator) = wiring.actuators.get(self.actuator) else { return Ok(()) };
+        let first = wiring.first_coil(self.actuator);
+        let coils: Vec<_> = wiring.coils.iter().skip(first).take(actuator.coils()).map(coil).collect();
+        self.actuator += 1;
+        match coils.as_slice() {
+            [one] => writeln!(w, "coil = {one}")?,
+            more => writeln!(w, "coils = [{}]", more.join(", "))?,
+        }
+        if let Some(switch) = actuator.switch {
+            let closed_in: Vec<_> = (0..actuator.states).filter(|&state| switch.closed(state)).collect();
+            writeln!(w, "switch = {{ input = {}, closed_in = {closed_in:?} }}", switch.input)?;
+        }
+        writeln!(w, "travel_ms = {}", actuator.travel_ms)
+    }
+}
+
+fn write_mass(w: &mut String, mass: &Mass<f64>) -> fmt::Result {
+    if *mass == Mass::none() {
+        return Ok(());
+    }
+    writeln!(w, "mass_kg = {:?}\ncenter_m = {}", mass.mass_kg, list(mass.center.as_slice()))
+}
+
+fn write_axis(w: &mut String, axis: &Axis<f64>) -> fmt::Result {
+    if axis.direction == Vec3::z() {
+        return Ok(());
+    }
+    writeln!(w, "axis = {}", list(axis.direction.as_slice()))
+}
+
+fn coil(coil: &Coil) -> String {
+    let drive = match coil.drive {
+        Drive::Hold { line } => format!("drive = \"hold\", line = {line}"),
+        Drive::PeakHold { pull, hold, peak_ms } => {
+            format!("drive = \"peak-hold\", pull = {pull}, hold = {hold}, peak_ms = {peak_ms}")
+        }
+        Drive::Latch { set, reset, pulse_ms } => {
+            format!("drive = \"latch\", set = {set}, reset = {reset}, pulse_ms = {pulse_ms}")
+        }
+    };
+    let limit = &coil.limit;
+    format!(
+        "{{ {drive}, max_on_ms = {}, duty_percent = {}, window_ms = {} }}",
+        limit.max_on_ms, limit.duty_percent, limit.window_ms
+    )
+}
+
+fn servo(bus: &ServoWiring) -> String {
+    // Coarser than the steps of an f32, so that 90 degrees read are 90 degrees written.
+    let degrees = |angle_rad: f32| rounded(f64::from(angle_rad).to_degrees(), 4);
+    format!(
+        "{{ id = {}, min_deg = {:?}, max_deg = {:?}, max_speed_deg_s = {:?}, max_torque = {:?}, timeout_ms = {} }}",
+        bus.id,
+        degrees(bus.min_rad),
+        degrees(bus.max_rad),
+        degrees(bus.max_speed_rad_s),
+        bus.max_torque,
+        bus.timeout_ms
+    )
+}
+
+/// The pose as an inline table.
+pub(super) fn pose(pose: &Pose<f64>) -> String {
+    format!("{{ {} }}", pose_lines(pose).replace('\n', ", "))
+}
+
+fn pose_lines(pose: &Pose<f64>) -> String {
+    if pose.is_planar() {
+        let flat = Pose2::projection(pose);
+        let angle_deg = tidy(flat.angle_rad.to_degrees());
+        return format!("position_m = {}\nangle_deg = {angle_deg:?}", list(flat.position.as_slice()));
+    }
+    let rotation = pose.log().angular;
+    format!("position_m = {}\nrotation_deg = {}", list(pose.position.as_slice()), degrees(rotation.as_slice()))
+}
+
+fn list(numbers: &[f64]) -> String {
+    let numbers: Vec<_> = numbers.iter().map(|number| format!("{:?}", number + 0.0)).collect();
+    format!("[{}]", numbers.join(", "))
+}
+
+fn degrees(angles_rad: &[f64]) -> String {
+    list(&angles_rad.iter().map(|angle| tidy(angle.to_degrees())).collect::<Vec<_>>())
+}
+
+/// Rounded to 10⁻¹², coarser than what a conversion of units loses: so the text of what was read does not change.
+fn tidy(value: f64) -> f64 {
+    rounded(value, 12)
+}
+
+fn rounded(value: f64, decimals: usize) -> f64 {
+    format!("{value:.decimals$}").parse::<f64>().unwrap_or(value) + 0.0
+}
+
+fn quoted(text: &str) -> String {
+    toml::Value::String(text.into()).to_string()
+}
