@@ -1,6 +1,6 @@
 //! `darm doctor`: looks at everything between this computer and a board, and says how to mend what is wrong.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use darm::client::Client;
@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::flash;
 use crate::firmware_image;
-use crate::port::{PortArgs, board_ports};
+use crate::port::{PortArgs, board_ports, emulated_port};
 use crate::voice::{Answer, Voice};
 
 const EXAMPLES: &str = "\
@@ -125,6 +125,9 @@ fn board(client: &Client) -> Check {
 
 fn ports() -> Vec<Check> {
     let ports = board_ports();
+    if let (true, Some(port)) = (ports.is_empty(), emulated_port()) {
+        return vec![Check::good("port", format!("no USB serial port; `darm plant` runs a board at {port}"))];
+    }
     if ports.is_empty() {
         let fix = "plug the board's ST-LINK connector (CN7) in; without a board `darm plant` starts one in the emulator";
         return vec![Check::missing("port", "no USB serial port", fix)];
@@ -157,7 +160,8 @@ fn emulator() -> Check {
 }
 
 fn image() -> Check {
-    match firmware_image::find(None) {
+    let named = std::env::var_os(firmware_image::VARIABLE).map(PathBuf::from);
+    match firmware_image::find(named.as_deref()) {
         Ok(path) => Check::good("firmware", path.display().to_string()),
         Err(_) => Check::missing("firmware", "no image is built here", "`cargo xtask image`"),
     }

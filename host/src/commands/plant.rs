@@ -172,7 +172,9 @@ fn name_port(folder: &Path, port: &str) -> anyhow::Result<String> {
 /// Until Ctrl-C or the emulator's end.
 fn wait(qemu: &mut Qemu) -> anyhow::Result<()> {
     let (interrupted, interrupt) = channel();
-    ctrlc::set_handler(move || drop(interrupted.send(()))).context("cannot wait for Ctrl-C")?;
+    // Nobody waits any more once the board has ended.
+    let interrupt_handler = move || interrupted.send(()).unwrap_or_default();
+    ctrlc::set_handler(interrupt_handler).context("cannot wait for Ctrl-C")?;
     loop {
         match interrupt.recv_timeout(LOOK) {
             Ok(()) | Err(RecvTimeoutError::Disconnected) => return Ok(()),

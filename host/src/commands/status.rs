@@ -42,7 +42,7 @@ struct Report {
     bad_frames: u32,
     worst_lateness_us: u32,
     died: Option<String>,
-    clock: Option<ClockReport>,
+    up_s: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -58,13 +58,6 @@ struct ServoReport {
     load_percent: f32,
     error_bits: u8,
     answered_s: Option<f64>,
-}
-
-/// How far the host's clock is ahead of the board's.
-#[derive(Serialize)]
-struct ClockReport {
-    offset_s: f64,
-    uncertainty_s: f64,
 }
 
 impl Status {
@@ -100,10 +93,7 @@ fn report(client: &Client, status: &message::Status, died: Option<String>) -> Re
         bad_frames: status.bad_frames,
         worst_lateness_us: status.worst_lateness_us,
         died,
-        clock: client
-            .clock()
-            .offset()
-            .map(|offset| ClockReport { offset_s: offset.offset_s, uncertainty_s: offset.uncertainty_s }),
+        up_s: client.clock().offset().map(|offset| client.now_s() - offset.offset_s),
     }
 }
 
@@ -161,7 +151,7 @@ impl Answer for Report {
     fn text(&self) -> String {
         let closed: Vec<String> = self.switches_closed.iter().map(u8::to_string).collect();
         let mut lines = vec![
-            format!("board     {} {}, firmware {}, start {}", self.board, self.device, self.firmware, self.boots),
+            format!("board     {} {}, firmware {}", self.board, self.device, self.firmware),
             format!("port      {}", self.port),
             format!("doing     {}", self.doing()),
             match &self.model {
@@ -174,17 +164,11 @@ impl Answer for Report {
         lines.extend(self.servos.iter().enumerate().map(|(index, servo)| {
             format!("servo {index}   {:.2} deg, load {:.0} %{}", servo.angle_deg, servo.load_percent, servo.trouble())
         }));
+        let up = self.up_s.map_or(String::new(), |up_s| format!("up {up_s:.1} s after start {}, ", self.boots));
         lines.push(format!(
-            "health    {} bad frames, latest control tick {} us late",
+            "health    {up}{} bad frames, latest control tick {} us late",
             self.bad_frames, self.worst_lateness_us
         ));
-        if let Some(clock) = &self.clock {
-            lines.push(format!(
-                "clock     host is {:.4} s ahead of the board, known to {:.1} ms",
-                clock.offset_s,
-                1e3 * clock.uncertainty_s
-            ));
-        }
         lines.extend(self.died.iter().map(|died| format!("died      {died}")));
         lines.join("\n")
     }

@@ -8,6 +8,9 @@ use darm_core::units::{DeviceId, Micros, ModelHash};
 
 /// A table read from a file and checked against its own limits.
 pub(crate) struct TableFile {
+    path: PathBuf,
+    /// The board that it was made for, if for one.
+    device: Option<DeviceId>,
     /// All records, in order.
     pub(crate) records: Vec<Record>,
     /// What travels.
@@ -41,6 +44,16 @@ pub(crate) enum TableFileError {
         /// Which limit.
         source: TableError,
     },
+    /// The table binds to another board.
+    #[error("{path} was made for the board {device}, this is {board}; make it again with `darm table --port`")]
+    OtherDevice {
+        /// The file.
+        path: PathBuf,
+        /// The board it was made for.
+        device: DeviceId,
+        /// The board that is there.
+        board: DeviceId,
+    },
     /// The last record is missing.
     #[error("{path}: the table is cut off after {rows} rows; make it again with `darm table`")]
     CutOff {
@@ -52,21 +65,31 @@ pub(crate) enum TableFileError {
 }
 
 impl TableFile {
-    /// Reads and checks; `device` is the board it is meant for, where that is known.
-    pub(crate) fn read(path: &Path, device: Option<DeviceId>) -> Result<Self, TableFileError> {
+    /// Reads and checks against the limits that it carries.
+    pub(crate) fn read(path: &Path) -> Result<Self, TableFileError> {
         let bytes = std::fs::read(path).map_err(|source| TableFileError::Read { path: path.into(), source })?;
         let records = records(&bytes)
             .map_err(|offset| TableFileError::Bytes { path: path.into(), offset })
-            .and_then(|records| check(path, records, device))?;
-        let model = model(&records);
+            .and_then(|records| check(path, records))?;
+        let (model, device) = start(&records);
         let image = TableImage::new(&records, model)
             .map_err(|source| TableFileError::Refused { path: path.into(), source })?;
-        Ok(Self { records, image })
+        Ok(Self { path: path.into(), device, records, image })
     }
 
     /// Number of rows.
     pub(crate) fn rows(&self) -> usize {
         rows(&self.records)
+    }
+
+    /// Refuses a board that the table was not made for.
+    pub(crate) fn check_device(&self, board: DeviceId) -> Result<(), TableFileError> {
+        match self.device {
+            Some(device) if device != board => {
+                Err(TableFileError::OtherDevice { path: self.path.clone(), device, board })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// How long the program lasts.
@@ -87,11 +110,11 @@ fn records(bytes: &[u8]) -> Result<Vec<Record>, usize> {
     Ok(records)
 }
 
-fn check(path: &Path, records: Vec<Record>, device: Option<DeviceId>) -> Result<Vec<Record>, TableFileError> {
+fn check(path: &Path, records: Vec<Record>) -> Result<Vec<Record>, TableFileError> {
     let mut checker = Checker::default();
     for record in &records {
         checker
-            .admit(record, device)
+            .admit(record, None)
             .map_err(|source| TableFileError::Refused { path: path.into(), source })?;
     }
     match checker.is_complete() {
@@ -104,9 +127,12 @@ fn rows(records: &[Record]) -> usize {
     records.iter().filter(|record| matches!(record, Record::Row(_))).count()
 }
 
-fn model(records: &[Record]) -> ModelHash {
-    let model = |record: &Record| if let Record::Start { model, .. } = record { Some(*model) } else { None };
-    records.iter().find_map(model).unwrap_or_default()
+fn start(records: &[Record]) -> (ModelHash, Option<DeviceId>) {
+    let start = |record: &Record| match record {
+        Record::Start { model, device, .. } => Some((*model, *device)),
+        _ => None,
+    };
+    records.iter().find_map(start).unwrap_or_default()
 }
 
 #[cfg(test)]

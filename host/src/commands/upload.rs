@@ -52,8 +52,9 @@ impl Answer for Uploaded {
 
 impl Upload {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+        let file = TableFile::read(&self.table)?;
         let mut client = self.port.connect()?;
-        let file = TableFile::read(&self.table, Some(client.identity().device))?;
+        file.check_device(client.identity().device)?;
         let image = file.image.image();
         let bar = voice.bar("uploading", u64::from(image.len), "bytes");
         let start = Instant::now();

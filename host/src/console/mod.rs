@@ -137,8 +137,15 @@ impl<'a> Session<'a> {
 
     /// Lends the port to an upload. A table that the board refuses does not end the console.
     fn upload(&mut self, file: &Path) -> anyhow::Result<()> {
+        let table = match TableFile::read(file) {
+            Ok(table) => table,
+            Err(error) => {
+                self.voice.note(&error.to_string());
+                return Ok(());
+            }
+        };
         self.pump.stop()?;
-        match upload(self.port, file, self.voice) {
+        match upload(self.port, &table, self.voice) {
             Ok(said) => self.voice.note(&said),
             Err(error) => self.voice.note(&failure::sentence(&error)),
         }
@@ -147,9 +154,9 @@ impl<'a> Session<'a> {
     }
 }
 
-fn upload(port: &str, file: &Path, voice: Voice) -> anyhow::Result<String> {
+fn upload(port: &str, file: &TableFile, voice: Voice) -> anyhow::Result<String> {
     let mut client = Client::connect(link::open(port)?)?;
-    let file = TableFile::read(file, Some(client.identity().device))?;
+    file.check_device(client.identity().device)?;
     let bar = voice.bar("uploading", u64::from(file.image.image().len), "bytes");
     let rows = client.upload(&file.image, &mut |progress| bar.set_position(u64::from(progress.done)))?;
     bar.finish_and_clear();
