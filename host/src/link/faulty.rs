@@ -1,7 +1,7 @@
 //! A link that drops, corrupts, duplicates, reorders and delays: for tests, seeded, so that every run can be repeated.
 //!
-//! A fault strikes a *piece*: the bytes up to and including a zero byte, which is a frame of the protocol, or what is
-//! left of one call without a zero. Both directions suffer alike.
+//! A fault strikes a *piece*: a frame of the protocol with its zero bytes, or what one call brings of it. Both directions
+//! suffer alike.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -171,9 +171,16 @@ impl<L: Link> Faulty<L> {
     }
 }
 
-/// Cuts after every zero byte.
-fn pieces(bytes: &[u8]) -> impl Iterator<Item = Vec<u8>> + '_ {
-    bytes.split_inclusive(|&byte| byte == 0).map(<[u8]>::to_vec)
+/// Cuts after every zero byte that ends something.
+fn pieces(bytes: &[u8]) -> Vec<Vec<u8>> {
+    let mut pieces: Vec<Vec<u8>> = Vec::new();
+    for part in bytes.split_inclusive(|&byte| byte == 0) {
+        match pieces.last_mut() {
+            Some(last) if *last == [0] => last.extend(part),
+            _ => pieces.push(part.to_vec()),
+        }
+    }
+    pieces
 }
 
 impl<L: Link> Link for Faulty<L> {

@@ -65,7 +65,8 @@ impl Camera {
     pub fn look(&mut self, now_s: f64, plant: &Plant) {
         if now_s >= self.due_s {
             self.film.push(Frame { at_s: now_s, state: plant.state() });
-            self.due_s = (self.due_s + PERIOD_S).max(now_s);
+            let late = now_s > self.due_s + PERIOD_S;
+            self.due_s = PERIOD_S + if late { now_s } else { self.due_s };
         }
     }
 }

@@ -90,7 +90,7 @@ mod tests {
     #[test]
     fn what_is_shifted_out_of_the_last_chip_is_lost() {
         let mut chain = Chain::new(PINS, 1, 0);
-        shift(&mut chain, 0xA5A5_0F, 24);
+        shift(&mut chain, 0x00A5_A50F, 24);
         assert_eq!(chain.lines(), 0x0F);
     }
 

@@ -1,0 +1,275 @@
+//! One request and its answer: numbered, sent again until the answer comes.
+
+use std::time::Duration;
+
+use darm_core::wire::bootstrap;
+use darm_core::wire::frame::{self, FrameError, Header, MAX_FRAME};
+use darm_core::wire::message::{Answer, REPLY, REQUEST, Reply, Request};
+
+use super::error::{AnswerError, ClientError, TransportError};
+use super::reader::{Piece, Reader};
+use crate::clock::{BoardClock, RoundTrip};
+use crate::link::Link;
+
+/// First wait for an answer: a long frame and its answer take 50 ms at 115200 baud, a flash page 25 ms.
+const FIRST_WAIT_S: f64 = 0.15;
+/// Every further wait is twice as long, up to this.
+const LONGEST_WAIT_S: f64 = 1.0;
+/// Without an answer for so long the board is not there.
+pub(super) const PATIENCE_S: f64 = 8.0;
+/// Storing a table erases a slot and writes it.
+pub(super) const STORE_PATIENCE_S: f64 = 30.0;
+
+/// What has gone over the line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Frames sent, those that were sent again included.
+    pub sent: u32,
+    /// Frames that were sent again.
+    pub again: u32,
+    /// Frames that arrived whole.
+    pub received: u32,
+    /// Frames that arrived damaged.
+    pub damaged: u32,
+}
+
+/// Waits that grow: the back-off between two attempts.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Backoff {
+    wait_s: f64,
+}
+
+impl Default for Backoff {
+    fn default() -> Self {
+        Self { wait_s: FIRST_WAIT_S }
+    }
+}
+
+impl Backoff {
+    /// The wait of this attempt; the next is longer.
+    pub(super) fn next_s(&mut self) -> f64 {
+        let wait_s = self.wait_s;
+        self.wait_s = (2.0 * wait_s).min(LONGEST_WAIT_S);
+        wait_s
+    }
+}
+
+/// A reply with the time at which it came.
+#[derive(Clone, Debug)]
+pub(super) struct Arrival {
+    pub(super) number: u16,
+    pub(super) payload: Vec<u8>,
+    received_s: f64,
+}
+
+/// Who hears the text that comes outside frames.
+pub(super) type OnText = Box<dyn FnMut(&[u8]) + Send>;
+
+/// The line with its numbering.
+pub(super) struct Exchange {
+    link: Box<dyn Link>,
+    reader: Reader,
+    on_text: OnText,
+    connection: u32,
+    number: u16,
+    clock: BoardClock,
+    counts: Counts,
+    last_damage: Option<FrameError>,
+    /// Frames that were read and not yet looked at.
+    arrived: std::collections::VecDeque<(Header, Arrival)>,
+}
+
+impl Exchange {
+    pub(super) fn new(link: Box<dyn Link>, connection: u32) -> Self {
+        Self {
+            link,
+            reader: Reader::default(),
+            on_text: Box::new(|_| {}),
+            connection,
+            // Answers to an earlier host's last requests may still be on the line.
+            number: connection as u16,
+            clock: BoardClock::default(),
+            counts: Counts::default(),
+            last_damage: None,
+            arrived: std::collections::VecDeque::new(),
+        }
+    }
+
+    pub(super) fn link(&self) -> &dyn Link {
+        &*self.link
+    }
+
+    pub(super) fn clock(&self) -> BoardClock {
+        self.clock
+    }
+
+    pub(super) fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    pub(super) fn set_on_text(&mut self, on_text: OnText) {
+        self.on_text = on_text;
+    }
+
+    pub(super) fn replace_link(&mut self, link: Box<dyn Link>) {
+        self.link = link;
+        self.reader = Reader::default();
+        self.arrived.clear();
+    }
+
+    /// Takes another number for the connection. 0 is the bootstrap set's.
+    pub(super) fn new_connection(&mut self) {
+        // A step of an odd constant never meets an earlier number of this host within 2³² connections.
+        self.connection = self.connection.wrapping_add(0x9E37_79B9).max(1);
+    }
+
+    pub(super) fn send_raw(&mut self, bytes: &[u8]) -> Result<(), ClientError> {
+        Ok(self.link.send(bytes)?)
+    }
+
+    pub(super) fn listen(&mut self, for_s: f64) -> Result<(), ClientError> {
+        let end_s = self.link.now_s() + for_s;
+        while self.link.now_s() < end_s {
+            self.pump(end_s)?;
+        }
+        self.arrived.clear();
+        Ok(())
+    }
+
+    /// Asks a question of the bootstrap set; the answer's payload.
+    pub(super) fn ask_bootstrap(
+        &mut self,
+        name: &'static str,
+        request: bootstrap::Request,
+    ) -> Result<Vec<u8>, ClientError> {
+        let header = Header { tag: request.tag(), link: 0, number: self.next_number() };
+        let answered = Header { tag: request.tag() | bootstrap::ANSWER, ..header };
+        let bytes = encode(header, request.payload())?;
+        let (arrival, _) = self.exchange(&bytes, answered, PATIENCE_S)?;
+        if arrival.payload.is_empty() {
+            Err(AnswerError::Payload { request: name }.into())
+        } else {
+            Ok(arrival.payload)
+        }
+    }
+
+    /// Asks a question of the protocol.
+    pub(super) fn ask(&mut self, name: &'static str, request: &Request<'_>) -> Result<Answer, ClientError> {
+        let patience_s = if request.is_repeatable() { PATIENCE_S } else { STORE_PATIENCE_S };
+        let (header, bytes) = self.prepare(request)?;
+        let answered = Header { tag: REPLY, ..header };
+        let (arrival, sent_s) = self.exchange(&bytes, answered, patience_s)?;
+        self.open(name, &arrival, sent_s)
+    }
+
+    /// Numbers and encodes a request.
+    pub(super) fn prepare(&mut self, request: &Request<'_>) -> Result<(Header, Vec<u8>), ClientError> {
+        let header = Header { tag: REQUEST, link: self.connection, number: self.next_number() };
+        let mut payload = [0; frame::MAX_PAYLOAD];
+        let used = postcard::to_slice(request, &mut payload).map_err(|_| AnswerError::Request(FrameError::TooLong))?;
+        let bytes = encode(header, used)?;
+        Ok((header, bytes))
+    }
+
+    /// Reads a reply whose request was first sent at `sent_s`.
+    pub(super) fn open(&mut self, name: &'static str, arrival: &Arrival, sent_s: f64) -> Result<Answer, ClientError> {
+        let reply: Reply =
+            postcard::from_bytes(&arrival.payload).map_err(|_| AnswerError::Payload { request: name })?;
+        let board_s = 1e-6 * reply.at.0 as f64;
+        self.clock.observe(RoundTrip { sent_s, board_s, received_s: arrival.received_s });
+        reply.result.map_err(ClientError::Refused)
+    }
+
+    /// Sends a whole frame.
+    pub(super) fn send(&mut self, frame: &[u8], again: bool) -> Result<(), ClientError> {
+        self.counts.sent += 1;
+        self.counts.again += u32::from(again);
+        self.send_raw(frame)
+    }
+
+    /// The next reply of this connection, until host time `end_s`.
+    pub(super) fn next_reply(&mut self, end_s: f64) -> Result<Option<Arrival>, ClientError> {
+        let connection = self.connection;
+        self.next_arrival(end_s, |header| header.tag == REPLY && header.link == connection)
+    }
+
+    /// Why no answer came.
+    pub(super) fn silence(&self, attempts: u32, waited_s: f64, damaged_before: u32) -> ClientError {
+        let port = self.link.name().to_owned();
+        match self.last_damage {
+            Some(last) if self.counts.damaged > damaged_before => {
+                AnswerError::Damaged { port, count: self.counts.damaged - damaged_before, last }.into()
+            }
+            _ => TransportError::Silent { port, attempts, waited_s }.into(),
+        }
+    }
+
+    /// Sends a frame until its answer comes; the answer and the time of the first sending.
+    fn exchange(&mut self, bytes: &[u8], answered: Header, patience_s: f64) -> Result<(Arrival, f64), ClientError> {
+        let sent_s = self.link.now_s();
+        let damaged_before = self.counts.damaged;
+        let mut backoff = Backoff::default();
+        let mut attempts = 0;
+        loop {
+            self.send(bytes, attempts > 0)?;
+            attempts += 1;
+            let end_s = self.link.now_s() + backoff.next_s();
+            if let Some(arrival) = self.next_arrival(end_s, |header| *header == answered)? {
+                return Ok((arrival, sent_s));
+            }
+            let waited_s = self.link.now_s() - sent_s;
+            if waited_s > patience_s {
+                return Err(self.silence(attempts, waited_s, damaged_before));
+            }
+        }
+    }
+
+    fn next_arrival(&mut self, end_s: f64, wanted: impl Fn(&Header) -> bool) -> Result<Option<Arrival>, ClientError> {
+        loop {
+            while let Some((header, arrival)) = self.arrived.pop_front() {
+                if wanted(&header) {
+                    return Ok(Some(arrival));
+                }
+            }
+            if self.link.now_s() >= end_s {
+                return Ok(None);
+            }
+            self.pump(end_s)?;
+        }
+    }
+
+    /// Reads what the link has, waiting until `end_s` at most.
+    fn pump(&mut self, end_s: f64) -> Result<(), ClientError> {
+        let mut buffer = [0; 1024];
+        // Less than a clock tick would never pass in virtual time.
+        let wait_s = (end_s - self.link.now_s()).max(1e-5);
+        let count = self.link.receive(&mut buffer, Duration::from_secs_f64(wait_s))?;
+        let received_s = self.link.now_s();
+        for piece in self.reader.read(received_s, &buffer[..count]) {
+            match piece {
+                Piece::Text(text) => (self.on_text)(&text),
+                Piece::Damaged(error) => {
+                    self.counts.damaged += 1;
+                    self.last_damage = Some(error);
+                }
+                Piece::Frame(header, payload) => {
+                    self.counts.received += 1;
+                    let arrival = Arrival { number: header.number, payload, received_s };
+                    self.arrived.push_back((header, arrival));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn next_number(&mut self) -> u16 {
+        self.number = self.number.wrapping_add(1);
+        self.number
+    }
+}
+
+fn encode(header: Header, payload: &[u8]) -> Result<Vec<u8>, ClientError> {
+    let mut bytes = [0; MAX_FRAME];
+    let len = frame::encode(header, payload, &mut bytes).map_err(AnswerError::Request)?;
+    Ok(bytes[..len].to_vec())
+}

@@ -1,0 +1,172 @@
+//! Upload of a table: a few chunks under way at a time, resumed where the board says.
+//!
+//! The board takes only the chunk that it waits for and answers every chunk with the offset that it wants next. So the
+//! host needs no account of single chunks: it sends ahead up to [`WINDOW`], and when an answer shows a gap, or no answer
+//! comes, it goes back to the wanted offset.
+
+use std::collections::VecDeque;
+
+use darm_core::table::{Record, TableError};
+use darm_core::units::ModelHash;
+use darm_core::wire::frame::CRC;
+use darm_core::wire::message::{Answer, CHUNK, Image, Refusal, Request};
+
+use super::exchange::{Backoff, PATIENCE_S};
+use super::{AnswerError, Client, ClientError};
+
+/// Chunks under way: together they fit the board's receive buffer of 1 KiB.
+const WINDOW: usize = 3;
+/// An upload that the board has forgotten or found damaged starts anew so many times.
+const RESTARTS: u32 = 8;
+
+/// A table as it travels.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TableImage {
+    image: Image,
+    bytes: Vec<u8>,
+}
+
+impl TableImage {
+    /// The image of a table's records, made for `model`.
+    pub fn new(records: &[Record], model: ModelHash) -> Result<Self, TableError> {
+        let mut bytes = Vec::new();
+        for record in records {
+            bytes = postcard::to_extend(record, bytes).map_err(|_| TableError::Malformed)?;
+        }
+        let image = Image { len: bytes.len() as u32, crc: CRC.checksum(&bytes), model };
+        Ok(Self { image, bytes })
+    }
+
+    /// Length, checksum and model.
+    pub fn image(&self) -> Image {
+        self.image
+    }
+
+    /// The records, one after the other.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+}
+
+/// How far an upload is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Progress {
+    /// Bytes that the board has.
+    pub done: u32,
+    /// Bytes of the table.
+    pub total: u32,
+}
+
+/// A chunk under way.
+struct Sent {
+    number: u16,
+    offset: u32,
+    at_s: f64,
+}
+
+/// See [`Client::upload`].
+pub(super) fn upload(
+    client: &mut Client,
+    image: &TableImage,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<u16, ClientError> {
+    let mut restarts = 0;
+    loop {
+        match attempt(client, image, progress) {
+            Err(ClientError::Refused(Refusal::NotConnected)) if restarts < RESTARTS => drop(client.say_hello()?),
+            Err(ClientError::Refused(Refusal::NoUpload | Refusal::Damaged)) if restarts < RESTARTS => {}
+            end => return end,
+        }
+        restarts += 1;
+    }
+}
+
+fn attempt(client: &mut Client, image: &TableImage, progress: &mut dyn FnMut(Progress)) -> Result<u16, ClientError> {
+    let next = wanted(&client.exchange.ask("begin", &Request::Begin(image.image))?)?;
+    send_chunks(client, image, next, progress)?;
+    match client.exchange.ask("commit", &Request::Commit(image.image))? {
+        Answer::Committed { rows } => Ok(rows),
+        _ => Err(AnswerError::Payload { request: "commit" }.into()),
+    }
+}
+
+/// Sends from offset `next` on until the board has all.
+fn send_chunks(
+    client: &mut Client,
+    image: &TableImage,
+    mut next: u32,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<(), ClientError> {
+    let total = image.image.len;
+    let damaged_before = client.counts().damaged;
+    let mut ahead = next;
+    let mut under_way: VecDeque<Sent> = VecDeque::new();
+    let mut backoff = Backoff::default();
+    let (mut silent_since_s, mut attempts) = (client.now_s(), 0);
+    progress(Progress { done: next, total });
+    while next < total {
+        while under_way.len() < WINDOW && ahead < total {
+            under_way.push_back(send_chunk(client, image, ahead, attempts > 0)?);
+            ahead = (ahead + CHUNK as u32).min(total);
+        }
+        let end_s = client.now_s() + backoff.next_s();
+        let Some((sent, board_wants)) = next_answer(client, &mut under_way, end_s)? else {
+            attempts += 1;
+            let waited_s = client.now_s() - silent_since_s;
+            if waited_s > PATIENCE_S {
+                return Err(client.exchange.silence(attempts, waited_s, damaged_before));
+            }
+            under_way.clear();
+            ahead = next;
+            continue;
+        };
+        (backoff, attempts, silent_since_s) = (Backoff::default(), 0, client.now_s());
+        // A chunk that came ahead of the wanted one was not taken: the ones between are lost, and so are those behind.
+        let gap = sent.offset > board_wants;
+        if board_wants > next {
+            progress(Progress { done: board_wants, total });
+        }
+        next = board_wants;
+        if gap {
+            under_way.clear();
+            ahead = next;
+        }
+        ahead = ahead.max(next);
+    }
+    Ok(())
+}
+
+fn send_chunk(client: &mut Client, image: &TableImage, offset: u32, again: bool) -> Result<Sent, ClientError> {
+    let rest = &image.bytes[offset as usize..];
+    let bytes = &rest[..rest.len().min(CHUNK)];
+    let (header, frame) = client.exchange.prepare(&Request::Chunk { offset, bytes })?;
+    let at_s = client.now_s();
+    client.exchange.send(&frame, again)?;
+    Ok(Sent { number: header.number, offset, at_s })
+}
+
+/// The next answer to a chunk under way, and the offset that it wants. Chunks that were sent before it and have no answer
+/// have lost theirs on the way.
+fn next_answer(
+    client: &mut Client,
+    under_way: &mut VecDeque<Sent>,
+    end_s: f64,
+) -> Result<Option<(Sent, u32)>, ClientError> {
+    while let Some(arrival) = client.exchange.next_reply(end_s)? {
+        let Some(at) = under_way.iter().position(|sent| sent.number == arrival.number) else {
+            continue;
+        };
+        if let Some(sent) = under_way.drain(..=at).next_back() {
+            let answer = client.exchange.open("chunk", &arrival, sent.at_s)?;
+            return Ok(Some((sent, wanted(&answer)?)));
+        }
+    }
+    Ok(None)
+}
+
+fn wanted(answer: &Answer) -> Result<u32, ClientError> {
+    match answer {
+        Answer::Upload { next } => Ok(*next),
+        _ => Err(AnswerError::Payload { request: "upload" }.into()),
+    }
+}
