@@ -4,5 +4,7 @@ pub mod arm;
 pub mod client;
 pub mod clock;
 pub mod link;
+pub mod plan;
 pub mod plant;
 pub mod qemu;
+pub mod synthesis;

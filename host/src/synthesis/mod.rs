@@ -1,0 +1,227 @@
+//! Kinematic synthesis: the lengths at which the legs have to stop, so that the arm reaches desired frames.
+//!
+//! # Problem
+//!
+//! log(T_k(a)⁻¹ · T_k*) = 0 for every desired frame k, with |a − a₀| as small as it can be
+//!
+//! | symbol | meaning                                                                                      |
+//! |--------|----------------------------------------------------------------------------------------------|
+//! | a      | the unknowns: every stop of every discrete actuator (m, rad), the servo angles of each frame |
+//! | a₀     | the same of the base-line arm                                                                |
+//! | T_k(a) | where the model, with its effects, predicts the tool for the word of frame k                 |
+//! | T_k*   | the desired frame k                                                                          |
+//!
+//! Rows in rad are weighted by the arm's length scale. How many frames can be met is told by ranks, see [`Case`].
+//!
+//! - [`Method::Newton`] (default): Gauss–Newton on the group with analytic derivatives, damped where a full step does
+//!   not help, along the way from the base-line's own frames where that fails, from several starts after that. Bounds
+//!   hold all the way.
+//! - [`Method::Paper`]: the incremental scheme of the paper, for comparison.
+//!
+//! Source: Miyahara, Chirikjian, General Kinematic Synthesis Method for a Discretely Actuated Robotic Manipulator.
+
+mod case;
+mod newton;
+mod paper;
+mod problem;
+
+use std::fmt;
+use std::time::{Duration, Instant};
+
+use darm_core::chain::ChainError;
+use darm_core::se::Pose;
+use darm_core::units::Word;
+
+use crate::arm::frames::{self, DesiredFrame};
+use crate::arm::{Arm, FrameFault};
+pub use case::{Case, CaseKind};
+use problem::Problem;
+
+/// How to look for the geometry.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// The scheme.
+    pub method: Method,
+    /// What the stops may be set to.
+    pub bounds: Bounds,
+    /// How many starts are tried, the base-line included, before the nearest is returned.
+    pub starts: u32,
+    /// Seed of the starts.
+    pub seed: u64,
+}
+
+/// The scheme of a synthesis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Gauss–Newton on the group, analytic derivatives.
+    Newton,
+    /// The paper's: frames interpolated in so many steps, derivatives by differences, the actual frame fed back.
+    Paper {
+        /// n_div of the paper.
+        steps: u32,
+    },
+}
+
+/// What the stops may be set to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Shortest length of a leg, as a share of its shortest length in the base-line arm.
+    pub shortest: f64,
+    /// Longest length of a leg, as a share of its longest length in the base-line arm.
+    pub longest: f64,
+    /// Least difference of a state and the one before it, m (rad of a revolute joint).
+    pub stroke: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        let bounds = Bounds { shortest: 0.5, longest: 2.0, stroke: 0.0 };
+        Self { method: Method::Newton, bounds, starts: 8, seed: 1 }
+    }
+}
+
+/// The geometry that was found.
+#[derive(Clone, Debug)]
+pub struct Synthesis {
+    /// The arm with this geometry; its model has the next number.
+    pub arm: Arm,
+    /// Whether every frame is met.
+    pub status: Status,
+    /// Whether the frames are few enough to be met.
+    pub case: Case,
+    /// What became of each desired frame.
+    pub frames: Vec<Reached>,
+    /// Steps taken, over all starts.
+    pub iterations: u32,
+    /// Starts that were needed.
+    pub starts: u32,
+    /// How long it took.
+    pub time: Duration,
+    /// Root of the sum of squares of what the stops were altered by, m (a radian weighs as the arm's length scale).
+    pub alteration_m: f64,
+}
+
+/// How a search ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// Every frame is met to [`REACHED_M`] and [`REACHED_RAD`].
+    Reached,
+    /// The frames cannot be met, or were not: the nearest that was found.
+    Closest,
+}
+
+/// A frame is met when the tool is as near as this, m.
+pub const REACHED_M: f64 = 1e-9;
+/// A frame is met when the tool is turned as little as this, rad.
+pub const REACHED_RAD: f64 = 1e-9;
+
+/// One desired frame after the synthesis.
+#[derive(Clone, Debug)]
+pub struct Reached {
+    /// The frame, with the servo angles that were found.
+    pub frame: DesiredFrame,
+    /// Where the tool is predicted.
+    pub pose_base_tool: Pose<f64>,
+    /// Distance of the positions, m.
+    pub error_m: f64,
+    /// Angle between the orientations, rad.
+    pub error_rad: f64,
+    /// Distance of the positions with the base-line arm, m.
+    pub error_before_m: f64,
+    /// Angle between the orientations with the base-line arm, rad.
+    pub error_before_rad: f64,
+}
+
+/// Why there is nothing to start from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SynthesisError {
+    /// A desired frame does not fit the arm.
+    Frame {
+        /// The frame's name.
+        frame: String,
+        /// What is wrong with it.
+        fault: FrameFault,
+    },
+    /// The base-line arm, or the arm on the paper's way, has no pose for the word of a frame.
+    NoPose {
+        /// The frame's name.
+        frame: String,
+        /// Its word.
+        word: Word,
+        /// The module at fault.
+        module: String,
+        /// Why.
+        reason: ChainError,
+    },
+}
+
+impl fmt::Display for SynthesisError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Frame { frame, fault } => write!(f, "{frame}: {fault}"),
+            Self::NoPose { frame, word, module, reason } => write!(
+                f,
+                "{frame}: {module} has no pose for the word {word}: {reason}; change its leg lengths, or the word"
+            ),
+        }
+    }
+}
+
+impl std::error::Error for SynthesisError {}
+
+/// Looks for the geometry with which `base_line` reaches `desired`.
+pub fn synthesize(base_line: &Arm, desired: &[DesiredFrame], options: &Options) -> Result<Synthesis, SynthesisError> {
+    let started = Instant::now();
+    frames::check(desired, base_line).map_err(|(index, fault)| SynthesisError::Frame {
+        frame: desired.get(index).map_or_else(|| "the list of frames".into(), |frame| frame.name.clone()),
+        fault,
+    })?;
+    let mut problem = Problem::new(base_line, desired, options.bounds);
+    let before = problem.start();
+    let before_poses = problem.poses(&before)?;
+    let case = case::of(&mut problem, &before)?;
+    let found = match options.method {
+        Method::Newton => newton::solve(&mut problem, options)?,
+        Method::Paper { steps } => paper::solve(&mut problem, steps)?,
+    };
+    let poses = problem.poses(&found.unknowns)?;
+    let frames: Vec<Reached> = desired
+        .iter()
+        .enumerate()
+        .map(|(index, frame)| {
+            let servos_rad = problem.servos(&found.unknowns, index).to_vec();
+            let frame = DesiredFrame { servos_rad, ..frame.clone() };
+            reached(frame, &before_poses[index], poses[index])
+        })
+        .collect();
+    let met = frames.iter().all(|frame| frame.error_m <= REACHED_M && frame.error_rad <= REACHED_RAD);
+    Ok(Synthesis {
+        arm: problem.arm(&found.unknowns),
+        status: if met { Status::Reached } else { Status::Closest },
+        case,
+        frames,
+        iterations: found.iterations,
+        starts: found.starts,
+        time: started.elapsed(),
+        alteration_m: problem.alteration(&found.unknowns),
+    })
+}
+
+fn reached(frame: DesiredFrame, before: &Pose<f64>, pose: Pose<f64>) -> Reached {
+    let apart = |pose: &Pose<f64>| {
+        let apart = pose.to(&frame.pose_base_tool);
+        (apart.position.norm(), apart.angle_rad())
+    };
+    let ((error_m, error_rad), (error_before_m, error_before_rad)) = (apart(&pose), apart(before));
+    Reached { frame, pose_base_tool: pose, error_m, error_rad, error_before_m, error_before_rad }
+}
+
+/// Where a scheme ended.
+struct Found {
+    unknowns: nalgebra::DVector<f64>,
+    iterations: u32,
+    starts: u32,
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,298 @@
+//! Gauss–Newton on the group, within bounds, from the base-line on.
+//!
+//! A step d is the smallest with J·d = r, found by singular values. Where it breaks bounds, those are kept as
+//! equations and the step is taken in what is left; where it does not lower |r|, it is damped.
+//! When all frames are met, the alteration is made small in the directions that they leave free.
+
+use nalgebra::{DMatrix, DVector};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Normal};
+
+use super::case::RANK_TOLERANCE;
+use super::problem::{Bound, Problem};
+use super::{Found, Options, SynthesisError};
+use darm_core::se::Pose;
+
+/// Steps from one start to one set of frames.
+const MAX_STEPS: u32 = 60;
+/// A residual as small as this is rounding.
+const EXACT: f64 = 2e-15;
+/// Frames on the way to the desired ones count as met at this residual.
+const ON_THE_WAY: f64 = 1e-6;
+/// A residual below this is a solution that the last steps will make exact.
+const SOLVED: f64 = 1e-9;
+/// The least share of the way that is worth a step.
+const LEAST_ADVANCE: f64 = 1.0 / 256.0;
+/// Steps towards the least alteration.
+const TIDY_STEPS: u32 = 30;
+/// Standard deviation of the other starts, as a share of the lengths.
+const SCATTER: f64 = 0.05;
+
+pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, SynthesisError> {
+    let base_line = within(problem, problem.start());
+    let mut search = Search { problem, iterations: 0 };
+    let mut best: Option<(f64, DVector<f64>)> = None;
+    let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+    let mut starts = 0;
+    while starts < options.starts.max(1) {
+        let start = if starts == 0 { base_line.clone() } else { scattered(search.problem, &base_line, &mut rng) };
+        starts += 1;
+        for found in [search.descend(&start, EXACT), search.follow(&start)] {
+            // A start that cannot be assembled is no start; the base-line's own failure is told.
+            let Ok((error, unknowns)) = found else { continue };
+            if best.as_ref().is_none_or(|(least, _)| error < *least) {
+                best = Some((error, unknowns));
+            }
+            if error < SOLVED {
+                break;
+            }
+        }
+        // More equations than rank: other starts find the same compromise.
+        if best.as_ref().is_some_and(|(error, _)| *error < SOLVED) || search.is_insufficient(&base_line)? {
+            break;
+        }
+    }
+    let Some((error, mut unknowns)) = best else {
+        search.problem.residual(&base_line)?;
+        return Ok(Found { unknowns: base_line, iterations: search.iterations, starts });
+    };
+    if error < SOLVED {
+        unknowns = search.tidy(unknowns);
+    }
+    Ok(Found { unknowns, iterations: search.iterations, starts })
+}
+
+struct Search<'p, 'a> {
+    problem: &'p mut Problem<'a>,
+    iterations: u32,
+}
+
+impl Search<'_, '_> {
+    /// Lowers the residual from `start` until it is below `enough` or does not fall any more.
+    fn descend(&mut self, start: &DVector<f64>, enough: f64) -> Result<(f64, DVector<f64>), SynthesisError> {
+        let mut unknowns = start.clone();
+        let mut residual = self.problem.residual(&unknowns)?;
+        let mut damping = 0.0;
+        for _ in 0..MAX_STEPS {
+            if residual.amax() < enough {
+                break;
+            }
+            let jacobian = self.problem.jacobian(&unknowns)?;
+            self.iterations += 1;
+            let step = self.step(&jacobian, &residual, &unknowns, None, damping);
+            let next = &unknowns + &step;
+            let lower = self.problem.residual(&next).ok().filter(|next| next.norm() < residual.norm());
+            let Some(lower) = lower else {
+                if damping > 10.0 || residual.amax() < SOLVED {
+                    break;
+                }
+                damping = (damping * 8.0).max(1e-3);
+                continue;
+            };
+            let fallen = residual.norm() - lower.norm();
+            let settled = fallen < 1e-12 * residual.norm() && damping == 0.0;
+            (unknowns, residual) = (next, lower);
+            damping = if damping > 1e-4 { damping / 16.0 } else { 0.0 };
+            if settled {
+                break;
+            }
+        }
+        Ok((residual.amax(), unknowns))
+    }
+
+    /// Leads the frames from where the arm at `start` holds them to where they are desired.
+    fn follow(&mut self, start: &DVector<f64>) -> Result<(f64, DVector<f64>), SynthesisError> {
+        let from = self.problem.poses(start)?;
+        let to: Vec<Pose<f64>> = self.problem.targets.iter().map(|target| target.pose).collect();
+        let mut unknowns = start.clone();
+        let (mut done, mut advance) = (0.0, 0.25);
+        while done < 1.0 && advance >= LEAST_ADVANCE {
+            let share = f64::min(done + advance, 1.0);
+            for ((target, from), to) in self.problem.targets.iter_mut().zip(&from).zip(&to) {
+                target.pose = *from * Pose::exp(&(from.to(to).log() * share));
+            }
+            match self.descend(&unknowns, ON_THE_WAY) {
+                Ok((error, next)) if error < ON_THE_WAY => {
+                    unknowns = next;
+                    done = share;
+                    advance *= 2.0;
+                }
+                _ => advance /= 2.0,
+            }
+        }
+        self.problem.targets.iter_mut().zip(&to).for_each(|(target, to)| target.pose = *to);
+        self.descend(&unknowns, EXACT)
+    }
+
+    /// Makes the alteration small where the frames leave it free, and the residual exact again.
+    fn tidy(&mut self, solved: DVector<f64>) -> DVector<f64> {
+        let anchor = self.problem.start();
+        let mut unknowns = solved.clone();
+        for _ in 0..TIDY_STEPS {
+            let (Ok(residual), Ok(jacobian)) = (self.problem.residual(&unknowns), self.problem.jacobian(&unknowns))
+            else {
+                return solved;
+            };
+            self.iterations += 1;
+            let step = self.step(&jacobian, &residual, &unknowns, Some(&anchor), 0.0);
+            unknowns += &step;
+            if step.norm() < 1e-9 {
+                break;
+            }
+        }
+        match self.descend(&unknowns, EXACT) {
+            Ok((error, tidied))
+                if error < SOLVED && self.altered(&tidied, &anchor) <= self.altered(&solved, &anchor) + 1e-12 =>
+            {
+                tidied
+            }
+            _ => solved,
+        }
+    }
+
+    fn altered(&self, unknowns: &DVector<f64>, anchor: &DVector<f64>) -> f64 {
+        (unknowns - anchor).component_mul(self.problem.weights()).norm()
+    }
+
+    fn is_insufficient(&mut self, unknowns: &DVector<f64>) -> Result<bool, SynthesisError> {
+        let jacobian = self.problem.jacobian(unknowns)?;
+        Ok(jacobian.rank(RANK_TOLERANCE * jacobian.amax()) < jacobian.nrows())
+    }
+
+    /// The step from `unknowns` that takes the residual away within the bounds; the smallest one, or the one that ends
+    /// nearest to `anchor`.
+    fn step(
+        &self,
+        jacobian: &DMatrix<f64>,
+        residual: &DVector<f64>,
+        unknowns: &DVector<f64>,
+        anchor: Option<&DVector<f64>>,
+        damping: f64,
+    ) -> DVector<f64> {
+        let weights = self.problem.weights();
+        let mut scaled = jacobian.clone();
+        for (mut column, weight) in scaled.column_iter_mut().zip(weights.iter()) {
+            column /= *weight;
+        }
+        let away = anchor.map(|anchor| (unknowns - anchor).component_mul(weights));
+        let mut active: Vec<usize> = Vec::new();
+        let bounds = &self.problem.bounds;
+        loop {
+            let kept: Vec<&Bound> = active.iter().map(|&index| &bounds[index]).collect();
+            let step = least_step(&scaled, residual, away.as_ref(), &Face::new(&kept, unknowns, weights), damping)
+                .component_div(weights);
+            let next = unknowns + &step;
+            let n_active = active.len();
+            active.extend((0..bounds.len()).filter(|&index| bounds[index].slack(&next) < -1e-12));
+            active.sort_unstable();
+            active.dedup();
+            if active.len() == n_active {
+                return step * allowed_share(bounds, &active, unknowns, &next);
+            }
+        }
+    }
+}
+
+/// The directions that bounds kept as equations leave, in scaled unknowns, and the step onto those bounds.
+struct Face {
+    /// Columns are orthonormal directions; `None` where no bound is kept and all are free.
+    free: Option<DMatrix<f64>>,
+    onto: DVector<f64>,
+}
+
+impl Face {
+    fn new(kept: &[&Bound], unknowns: &DVector<f64>, weights: &DVector<f64>) -> Self {
+        let n = unknowns.len();
+        if kept.is_empty() {
+            return Self { free: None, onto: DVector::zeros(n) };
+        }
+        // Square, so that the right singular vectors span all directions.
+        let mut rows = DMatrix::zeros(n.max(kept.len()), n);
+        let mut lacking = DVector::zeros(n.max(kept.len()));
+        for (row, bound) in kept.iter().enumerate() {
+            lacking[row] = -bound.slack(unknowns);
+            bound.terms.iter().for_each(|&(index, factor)| rows[(row, index)] = factor / weights[index]);
+        }
+        let svd = rows.svd(true, true);
+        let tolerance = RANK_TOLERANCE * svd.singular_values.max();
+        let free: Vec<usize> = (0..n).filter(|&k| svd.singular_values[k] <= tolerance).collect();
+        let free = svd.v_t.as_ref().map(|v_t| v_t.select_rows(&free).transpose());
+        let onto = svd.solve(&lacking, tolerance).unwrap_or_else(|_| DVector::zeros(n));
+        Self { free, onto }
+    }
+}
+
+/// The step on a face that takes the residual away: min |away + step| over `jacobian · step = residual`.
+fn least_step(
+    jacobian: &DMatrix<f64>,
+    residual: &DVector<f64>,
+    away: Option<&DVector<f64>>,
+    face: &Face,
+    damping: f64,
+) -> DVector<f64> {
+    let on_face = face.free.as_ref().map(|free| jacobian * free);
+    let on_face = on_face.as_ref().unwrap_or(jacobian);
+    let project = |full: DVector<f64>| face.free.as_ref().map_or(full.clone(), |free| free.tr_mul(&full));
+    let pull = away.map(|away| project(away + &face.onto));
+    let mut wanted = residual - jacobian * &face.onto;
+    if let Some(pull) = &pull {
+        wanted += on_face * pull;
+    }
+    let mut step = damped_inverse(on_face, &wanted, damping);
+    if let Some(pull) = &pull {
+        step -= pull;
+    }
+    &face.onto + face.free.as_ref().map_or(step.clone(), |free| free * &step)
+}
+
+/// The smallest x that makes |matrix · x − right|² + damping²·σ²·|x|² least, with σ the largest singular value.
+pub(super) fn damped_inverse(matrix: &DMatrix<f64>, right: &DVector<f64>, damping: f64) -> DVector<f64> {
+    if matrix.ncols() == 0 {
+        return DVector::zeros(0);
+    }
+    let svd = matrix.clone().svd(true, true);
+    let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else {
+        return DVector::zeros(matrix.ncols());
+    };
+    let largest = svd.singular_values.max();
+    let mut along = u.tr_mul(right);
+    for (component, &value) in along.iter_mut().zip(svd.singular_values.iter()) {
+        let floor = value > RANK_TOLERANCE * largest;
+        *component *= if floor { value / (value * value + (damping * largest).powi(2)) } else { 0.0 };
+    }
+    v_t.tr_mul(&along)
+}
+
+/// The share of the step that breaks none of the bounds that are not kept as equations.
+fn allowed_share(bounds: &[Bound], kept: &[usize], unknowns: &DVector<f64>, next: &DVector<f64>) -> f64 {
+    let shares = bounds.iter().enumerate().filter(|(index, _)| !kept.contains(index)).map(|(_, bound)| {
+        let (before, after) = (bound.slack(unknowns).max(0.0), bound.slack(next));
+        if after < -1e-12 { before / (before - after) } else { 1.0 }
+    });
+    shares.fold(1.0, f64::min)
+}
+
+/// The unknowns moved inside the bounds.
+fn within(problem: &Problem, mut unknowns: DVector<f64>) -> DVector<f64> {
+    for bound in &problem.bounds {
+        let slack = bound.slack(&unknowns);
+        if slack < 0.0 {
+            let (index, factor) = bound.terms[0];
+            unknowns[index] -= slack / factor;
+        }
+    }
+    unknowns
+}
+
+fn scattered(problem: &Problem, base_line: &DVector<f64>, rng: &mut ChaCha8Rng) -> DVector<f64> {
+    let mut unknowns = base_line.clone();
+    let n_stops = problem.n_stops();
+    for (index, value) in unknowns.iter_mut().enumerate() {
+        let size = if index < n_stops { value.abs().max(0.1) } else { 1.0 };
+        if let Ok(normal) = Normal::new(0.0, SCATTER * size) {
+            *value += normal.sample(rng);
+        }
+    }
+    within(problem, unknowns)
+}
