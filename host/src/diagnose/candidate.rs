@@ -1,0 +1,90 @@
+//! What may be the matter: every effect law of `darm-core` at every place where it can act.
+
+use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
+use darm_core::effect::gravity_sag::GravitySag;
+use darm_core::effect::play::Play;
+use darm_core::effect::stroke_loss::StrokeLoss;
+use darm_core::effect::supply_stroke::SupplyStroke;
+use darm_core::effect::thermal_growth::ThermalGrowth;
+use darm_core::effect::{Effect, Place};
+use darm_core::real::Vec3;
+
+use crate::arm::{Arm, ArmModel};
+
+/// Laws that act on an actuator, on a module or on the whole arm.
+const ANYWHERE: [fn(Place) -> Effect<f64>; 4] = [
+    |at| GravitySag { at, compliance_m_per_n: 0.0 }.into(),
+    |at| Play { at, width_m: 0.0 }.into(),
+    |at| SupplyStroke { at, gain: 0.0 }.into(),
+    |at| ThermalGrowth { at, expansion_per_k: 0.0 }.into(),
+];
+
+/// All effects that may be there, with their values at zero: each law at each place.
+pub fn all(model: &ArmModel) -> Vec<Effect<f64>> {
+    let everywhere = places(model);
+    let mut effects: Vec<Effect<f64>> =
+        ANYWHERE.iter().flat_map(|law| everywhere.iter().map(|&place| law(place))).collect();
+    for (index, (stage, leg)) in model.chain.actuators().enumerate() {
+        let actuator = index as u8;
+        let states = 0..model.chain.n_states(index) as u8;
+        effects.extend(states.map(|state| Effect::from(StrokeLoss { actuator, state, loss_m: 0.0 })));
+        if model.chain.stages[stage].leg(leg).is_some() {
+            let offset = |plate| AnchorOffset { actuator, plate, offset: Vec3::zeros() };
+            effects.extend([Plate::Base, Plate::Top].map(|plate| Effect::from(offset(plate))));
+        }
+    }
+    effects
+}
+
+/// The arm, its modules and its actuators; what has one actuator only is named once.
+fn places(model: &ArmModel) -> Vec<Place> {
+    let stages = model.chain.stages.iter().enumerate();
+    let modules: Vec<u8> = stages.filter(|(_, stage)| stage.n_actuators() > 1).map(|(k, _)| k as u8).collect();
+    let n_actuators = model.chain.n_actuators();
+    let mut places: Vec<Place> = (0..n_actuators as u8).map(Place::Actuator).collect();
+    if modules.len() > 1 || modules.len() == 1 && model.chain.n_actuators() > model.chain.stages[modules[0] as usize].n_actuators() {
+        places.extend(modules.into_iter().map(Place::Module));
+    }
+    if n_actuators > 1 {
+        places.push(Place::Arm);
+    }
+    places
+}
+
+/// Whether two effects are the same law at the same place, whatever their values.
+pub fn same(a: &Effect<f64>, b: &Effect<f64>) -> bool {
+    zeroed(a) == zeroed(b)
+}
+
+/// The effect with all its values at zero.
+fn zeroed(effect: &Effect<f64>) -> Effect<f64> {
+    let mut zero = *effect;
+    zero.law_mut().values_mut().fill(0.0);
+    zero
+}
+
+/// Where an effect acts, as short as it can be told exactly: `actuator 4, state 1`.
+pub fn place_code(effect: &Effect<f64>) -> String {
+    let part = match effect {
+        Effect::StrokeLoss(law) => format!(", state {}", law.state),
+        Effect::AnchorOffset(law) => match law.plate {
+            Plate::Base => ", base anchor".into(),
+            Plate::Top => ", top anchor".into(),
+        },
+        _ => String::new(),
+    };
+    match effect.law().place() {
+        Place::Actuator(actuator) => format!("actuator {actuator}{part}"),
+        Place::Module(module) => format!("module {module}"),
+        Place::Arm => "arm".into(),
+    }
+}
+
+/// Where an effect acts, as a person would call it.
+pub fn place_name(arm: &Arm, effect: &Effect<f64>) -> String {
+    match effect.law().place() {
+        Place::Actuator(actuator) => arm.actuator_name(actuator.into()),
+        Place::Module(module) => arm.stage_name(module.into()),
+        Place::Arm => "the whole arm".into(),
+    }
+}

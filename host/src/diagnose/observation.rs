@@ -1,0 +1,239 @@
+//! Measurements beside predictions: residuals in units of the noise, and how they change with a model's values.
+//!
+//! A residual is predicted minus measured on the group of motions: the twist log(`T_base_measured`⁻¹ · `T_base_predicted`),
+//! told in the measured tool frame. It does not depend on where the base frame is put. Each axis is divided by the
+//! noise of that axis, so a residual of an exact model has three (six) components of size 1.
+
+use darm_core::chain::ChainError;
+use darm_core::model::Condition;
+use darm_core::se::Pose;
+use darm_core::units::Word;
+use nalgebra::DMatrix;
+
+use crate::arm::{Arm, ArmModel, ArmScratch};
+use crate::measurement::{Run, Sample};
+
+/// Components of a twist that a planar arm moves along.
+const PLANAR: [usize; 3] = [2, 3, 4];
+const SPATIAL: [usize; 6] = [0, 1, 2, 3, 4, 5];
+
+/// How far a derivative's step moves the tool, m: far above rounding, far below curvature.
+const STEP_M: f64 = 1e-6;
+
+/// A value of an effect in a model: the number of the effect and of the value.
+pub type Value = (usize, usize);
+
+/// One measured pose and what was commanded.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// Index of the sample in the run.
+    pub sample: usize,
+    /// Number of the word among the words of these observations: rows of one word stay together.
+    pub group: usize,
+    word: Word,
+    previous: Option<Word>,
+    servos: Vec<f64>,
+    supply: f64,
+    temperature_k: f64,
+    inverse: Pose<f64>,
+}
+
+/// Some rows of a run, and the noise that their residuals are told in.
+#[derive(Clone, Debug)]
+pub struct Observations {
+    /// The rows.
+    pub rows: Vec<Row>,
+    /// How many different words they have.
+    pub n_groups: usize,
+    axes: &'static [usize],
+    sigma: [f64; 6],
+    length_scale_m: f64,
+}
+
+/// The model has no pose for a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoPose {
+    /// Index of the sample.
+    pub sample: usize,
+    /// Why.
+    pub error: ChainError,
+}
+
+/// The components of a twist that an arm moves along, ω first.
+pub fn axes(arm: &Arm) -> &'static [usize] {
+    if arm.model.chain.is_planar() { &PLANAR } else { &SPATIAL }
+}
+
+impl Observations {
+    /// The samples that `choose` takes; `sigma` is the noise of each component of a twist.
+    pub fn new(arm: &Arm, run: &Run, sigma: [f64; 6], choose: impl Fn(&Sample) -> bool) -> Self {
+        let mut words: Vec<Word> = run.samples.iter().filter(|s| choose(s)).map(|s| s.word).collect();
+        words.sort();
+        words.dedup();
+        let row = |(sample, s): (usize, &Sample)| Row {
+            sample,
+            group: words.binary_search(&s.word).unwrap_or_default(),
+            word: s.word,
+            previous: s.previous,
+            servos: s.servos_rad.clone(),
+            supply: s.supply.unwrap_or(arm.model.nominal_supply),
+            temperature_k: s.temperature_c.map_or(arm.model.reference_temperature_k, |c| c + 273.15),
+            inverse: s.pose.inverse(),
+        };
+        let rows = run.samples.iter().enumerate().filter(|(_, s)| choose(s)).map(row).collect();
+        Self { rows, n_groups: words.len(), axes: axes(arm), sigma, length_scale_m: arm.length_scale_m }
+    }
+
+    /// Components of one residual.
+    pub fn n_axes(&self) -> usize {
+        self.axes.len()
+    }
+
+    /// The same rows told in another noise.
+    pub fn with_noise(mut self, sigma: [f64; 6]) -> Self {
+        self.sigma = sigma;
+        self
+    }
+
+    /// The residuals of all rows, one after the other, in units of the noise.
+    pub fn residuals(&self, model: &ArmModel, scratch: &mut ArmScratch) -> Result<Vec<f64>, NoPose> {
+        let mut all = Vec::with_capacity(self.rows.len() * self.axes.len());
+        for row in &self.rows {
+            let twist = self.twist(row, model, scratch)?;
+            all.extend(self.axes.iter().map(|&axis| twist[axis] / self.sigma[axis]));
+        }
+        Ok(all)
+    }
+
+    /// The columns of the residuals' derivative with respect to some values of the model's effects; `None` for a
+    /// value that changes nothing.
+    pub fn jacobian(
+        &self,
+        model: &ArmModel,
+        at: &[f64],
+        values: &[Value],
+        scratch: &mut ArmScratch,
+    ) -> Result<Vec<Option<Vec<f64>>>, NoPose> {
+        let mut moved = model.clone();
+        values.iter().map(|&value| self.column(&mut moved, at, value, scratch)).collect()
+    }
+
+    fn column(
+        &self,
+        model: &mut ArmModel,
+        at: &[f64],
+        value: Value,
+        scratch: &mut ArmScratch,
+    ) -> Result<Option<Vec<f64>>, NoPose> {
+        let Some(step) = self.step(model, at, value, scratch)? else {
+            return Ok(None);
+        };
+        let moved = self.residuals_with(model, value, step, scratch)?;
+        Ok(Some(moved.iter().zip(at).map(|(moved, at)| (moved - at) / step).collect()))
+    }
+
+    /// The step of a value that moves the tool by about [`STEP_M`]; `None` where no step does.
+    fn step(
+        &self,
+        model: &mut ArmModel,
+        at: &[f64],
+        value: Value,
+        scratch: &mut ArmScratch,
+    ) -> Result<Option<f64>, NoPose> {
+        // Laws differ in their units: a trial tells how far this one moves the tool. A few rows tell it mostly.
+        let trial = STEP_M;
+        let few = Self { rows: self.rows.iter().step_by(self.rows.len() / 24 + 1).cloned().collect(), ..self.empty() };
+        let mut at_few = Vec::new();
+        for row in (0..self.rows.len()).step_by(self.rows.len() / 24 + 1) {
+            at_few.extend_from_slice(&at[row * self.axes.len()..(row + 1) * self.axes.len()]);
+        }
+        let mut moved_m = few.moved_m(&at_few, &few.residuals_with(model, value, trial, scratch)?);
+        if moved_m < 1e-6 * trial {
+            moved_m = self.moved_m(at, &self.residuals_with(model, value, trial, scratch)?);
+        }
+        Ok((moved_m >= 1e-6 * trial).then(|| trial * STEP_M / moved_m))
+    }
+
+    fn residuals_with(
+        &self,
+        model: &mut ArmModel,
+        (effect, value): Value,
+        step: f64,
+        scratch: &mut ArmScratch,
+    ) -> Result<Vec<f64>, NoPose> {
+        let before = model.effects[effect].law().values()[value];
+        model.effects[effect].law_mut().values_mut()[value] = before + step;
+        let moved = self.residuals(model, scratch);
+        model.effects[effect].law_mut().values_mut()[value] = before;
+        moved
+    }
+
+    /// The largest motion of the tool between two sets of residuals, m.
+    fn moved_m(&self, from: &[f64], to: &[f64]) -> f64 {
+        let n = self.axes.len();
+        let size = |row: usize| {
+            let parts = self.axes.iter().enumerate().map(|(k, &axis)| {
+                let part = (to[row * n + k] - from[row * n + k]) * self.sigma[axis];
+                if axis < 3 { part * self.length_scale_m } else { part }
+            });
+            parts.map(|part| part * part).sum::<f64>()
+        };
+        (0..to.len() / n).map(size).fold(0.0, f64::max).sqrt()
+    }
+
+    fn empty(&self) -> Self {
+        Self { rows: Vec::new(), n_groups: 0, ..*self }
+    }
+
+    fn twist(&self, row: &Row, model: &ArmModel, scratch: &mut ArmScratch) -> Result<[f64; 6], NoPose> {
+        let condition = Condition {
+            word: row.word,
+            previous: row.previous,
+            servos: &row.servos,
+            supply: row.supply,
+            temperature_k: row.temperature_k,
+        };
+        let predicted =
+            model.predict(&condition, scratch).map_err(|error| NoPose { sample: row.sample, error })?;
+        Ok((row.inverse * predicted).log().to_vector().into())
+    }
+
+    /// The residual of each row as a distance d, m, from residuals in units of the noise.
+    pub fn distances_m(&self, residuals: &[f64]) -> Vec<f64> {
+        let size = |row: &[f64]| {
+            let parts = row.iter().zip(self.axes).map(|(part, &axis)| {
+                let part = part * self.sigma[axis];
+                if axis < 3 { part * self.length_scale_m } else { part }
+            });
+            parts.map(|part| part * part).sum::<f64>().sqrt()
+        };
+        residuals.chunks(self.axes.len()).map(size).collect()
+    }
+
+    /// The root of the mean square of each component, rad and m.
+    pub fn rms(&self, residuals: &[f64]) -> Vec<f64> {
+        let n = self.axes.len();
+        let of_axis = |(k, &axis): (usize, &usize)| {
+            let squares: f64 = residuals.iter().skip(k).step_by(n).map(|r| r * r).sum();
+            (squares / (residuals.len() / n).max(1) as f64).sqrt() * self.sigma[axis]
+        };
+        self.axes.iter().enumerate().map(of_axis).collect()
+    }
+
+    /// Word, word before and conditions of a row.
+    pub fn condition<'a>(&self, row: &'a Row) -> Condition<'a, f64> {
+        Condition {
+            word: row.word,
+            previous: row.previous,
+            servos: &row.servos,
+            supply: row.supply,
+            temperature_k: row.temperature_k,
+        }
+    }
+}
+
+/// Columns put side by side.
+pub fn matrix(columns: &[Vec<f64>]) -> DMatrix<f64> {
+    let rows = columns.first().map_or(0, Vec::len);
+    DMatrix::from_fn(rows, columns.len(), |row, column| columns[column][row])
+}

@@ -1,0 +1,250 @@
+//! What a diagnosis says: plain data in the shape of the JSON report.
+//!
+//! Numbers are in SI units and radians; every number stands beside its unit or carries it in its name.
+
+use darm_core::effect::Effect;
+use serde::Serialize;
+
+use super::noise::Repeatability;
+use super::structure::Structure;
+use crate::arm::Arm;
+
+/// What was found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Diagnosis {
+    /// What was observed: `tool-pose`.
+    pub kind: &'static str,
+    /// Number of the model that was diagnosed.
+    pub model: u32,
+    /// How many rows there were.
+    pub rows: Rows,
+    /// Scatter of repeated conditions; `None` where nothing was repeated.
+    pub repeatability: Option<Repeatability>,
+    /// Predicted minus measured, of the model as it was and with the effects found.
+    pub error: BeforeAfter,
+    /// The verdict.
+    pub verdict: Verdict,
+    /// The effects that are named.
+    pub effects: Vec<Found>,
+    /// What explains the measurements as well as an effect found does.
+    pub alternatives: Vec<Alternative>,
+    /// Values that no row of these measurements tells anything of.
+    pub unobservable: Vec<String>,
+    /// Rows that fit nothing.
+    pub outliers: Vec<Outlier>,
+    /// On what the residual depends before any effect is added.
+    pub structure: Structure,
+    /// On what it depends with the effects found.
+    pub remaining: Structure,
+    /// Everything that was tried.
+    pub ladder: Vec<Rung>,
+    /// Condition number of the information about all values found, each scaled to its own.
+    pub condition: f64,
+    /// What to measure to tell alternatives apart; `None` where there is nothing to tell apart.
+    pub next_measurement: Option<NextMeasurement>,
+    /// The same for a person, a sentence each.
+    pub plain: Vec<String>,
+    /// Of the shuffling of words into folds.
+    pub seed: u64,
+    /// Of this program.
+    pub version: &'static str,
+    /// Residual of each row before and after, for plots.
+    pub points: Vec<Point>,
+    /// The effects found, as the model holds them, after those that it had.
+    #[serde(skip)]
+    pub(super) model_effects: Vec<Effect<f64>>,
+}
+
+/// The answer in one word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// The effects named explain what was beyond the noise.
+    EffectFound,
+    /// There is nothing beyond the noise.
+    NoEffect,
+    /// There is something beyond the noise that no law explains.
+    UnexplainedStructure,
+    /// Several explanations are as good as each other: none of them is named.
+    NotIdentifiable,
+}
+
+/// Numbers of rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Rows {
+    /// That the fit saw.
+    pub train: usize,
+    /// That it did not.
+    pub heldout: usize,
+}
+
+/// Errors of two models.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BeforeAfter {
+    /// Of the model as it was.
+    pub before: Errors,
+    /// With the effects found.
+    pub after: Errors,
+}
+
+/// Errors of one model.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Errors {
+    /// On the rows that the fit saw.
+    pub train: ErrorFigure,
+    /// On the rows that it did not see; `None` where none were held out.
+    pub heldout: Option<ErrorFigure>,
+}
+
+/// Root mean squares of an error.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ErrorFigure {
+    /// Of each axis of the tool frame.
+    pub axes: Vec<AxisFigure>,
+    /// As a distance d between poses, m.
+    pub distance_m: f64,
+    /// The largest distance, m.
+    pub largest_m: f64,
+}
+
+/// One number of one axis.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AxisFigure {
+    /// `x`, `y`, `z` or a turn about one of them.
+    pub axis: &'static str,
+    /// The number.
+    pub value: f64,
+    /// Its unit.
+    pub unit: &'static str,
+}
+
+/// An effect that is named.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Found {
+    /// The law.
+    pub law: &'static str,
+    /// Where it acts: `actuator 4, state 1`.
+    #[serde(rename = "where")]
+    pub place: String,
+    /// The same as a person would call it.
+    pub place_name: String,
+    /// Its values.
+    pub parameters: Vec<Parameter>,
+    /// By how much the held-out error would be larger without it, as a distance d, m.
+    pub heldout_gain_m: Option<f64>,
+}
+
+/// One value of an effect.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Parameter {
+    /// Its name.
+    pub name: &'static str,
+    /// The value.
+    pub value: f64,
+    /// Its unit.
+    pub unit: &'static str,
+    /// With 95 % confidence it lies in here.
+    pub ci95: [f64; 2],
+}
+
+/// Another explanation.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Alternative {
+    /// Number of the effect, among those that explain the measurements best, whose place it could take.
+    pub instead_of: usize,
+    /// The law.
+    pub law: &'static str,
+    /// Where it acts.
+    #[serde(rename = "where")]
+    pub place: String,
+    /// The same as a person would call it.
+    pub place_name: String,
+    /// Cross-validated error, as a distance d, m.
+    pub cross_validated_m: f64,
+    /// Confidence that it is worse than the best one.
+    pub worse_with: f64,
+}
+
+/// A row that fits nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Outlier {
+    /// Its line in the file, the header being 1.
+    pub line: usize,
+    /// How far it is off, as a distance d, m.
+    pub distance_m: f64,
+    /// The same in units of the noise.
+    pub sigmas: f64,
+}
+
+/// One model that was tried.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Rung {
+    /// How many effects had been found before.
+    pub step: usize,
+    /// The law that was added.
+    pub law: &'static str,
+    /// Where.
+    #[serde(rename = "where")]
+    pub place: String,
+    /// How many values it has that these measurements tell something of.
+    pub values: usize,
+    /// Cross-validated error with it, as a distance d, m.
+    pub cross_validated_m: f64,
+    /// The same without it.
+    pub without_m: f64,
+    /// Chance of such a gain where there is none, times the number of effects tried.
+    pub p: f64,
+    /// Whether it was fitted in full; the others were judged by their linear fit.
+    pub refined: bool,
+    /// Whether it was kept.
+    pub kept: bool,
+}
+
+/// A measurement that would tell more.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NextMeasurement {
+    /// Words to visit in this order.
+    pub words: Vec<String>,
+    /// What they tell apart.
+    pub tells: String,
+}
+
+/// One row in the plots.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Point {
+    /// When.
+    pub time_s: f64,
+    /// The word.
+    pub word: String,
+    /// Supply, in the unit of the model.
+    pub supply: Option<f64>,
+    /// Temperature.
+    pub temperature_c: Option<f64>,
+    /// Whether the fit did not see it.
+    pub held_out: bool,
+    /// Error of the model as it was, m.
+    pub before_m: f64,
+    /// Error with the effects found, m.
+    pub after_m: f64,
+    /// The residual's components before: turn (rad) and shift (m), in the order of the error's axes.
+    pub before: Vec<f64>,
+    /// The same after.
+    pub after: Vec<f64>,
+}
+
+impl Diagnosis {
+    /// The arm with the effects that were found, and the next model number; the same arm where none is named.
+    pub fn corrected(&self, arm: &Arm) -> Arm {
+        let mut corrected = arm.clone();
+        if self.verdict == Verdict::EffectFound {
+            corrected.model.effects = self.model_effects.iter().copied().collect();
+            corrected.model.number += 1;
+        }
+        corrected
+    }
+}
+
+/// Name and unit of a component of a twist, ω first.
+pub(super) fn axis_name(axis: usize) -> (&'static str, &'static str) {
+    [("about x", "rad"), ("about y", "rad"), ("about z", "rad"), ("x", "m"), ("y", "m"), ("z", "m")][axis]
+}

@@ -1,0 +1,213 @@
+//! The search for what is missing: effects are added one at a time, each the one that predicts unseen words best.
+//!
+//! All candidates are judged by their linear fit first, cross-validated over words; the best few are fitted in full and
+//! judged again. The best is kept when its gain is no chance ([`DISCOVERY_LEVEL`], over all that were tried) and the
+//! held-out error falls by more than its uncertainty. After each addition those found before have to prove themselves
+//! again.
+
+use darm_core::effect::Effect;
+use darm_core::model::MAX_EFFECTS;
+
+use super::candidate;
+use super::fit::{Fit, cross_validated, fit, losses_by_word};
+use super::observation::{NoPose, Observations, Value};
+use super::outcome::Rung;
+use super::significance::{CONFIRMATION_LEVEL, DISCOVERY_LEVEL, Gain, RIVAL_LEVEL, gain, quantile_975};
+use crate::arm::{ArmModel, ArmScratch};
+
+/// Candidates of each step that are fitted in full.
+const REFINED: usize = 8;
+
+/// What a search works on.
+pub struct Search {
+    /// Rows that fits see.
+    pub training: Observations,
+    /// Rows that judge; may be none.
+    pub heldout: Observations,
+    /// The fold of each word.
+    pub folds: Vec<usize>,
+    /// Room to compute in.
+    pub scratch: ArmScratch,
+    /// Everything tried.
+    pub ladder: Vec<Rung>,
+}
+
+/// One model tried: an effect beside those that a model has.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    /// The effect.
+    pub effect: Effect<f64>,
+    /// The model with it.
+    pub fit: Fit,
+    /// Cross-validated loss of each word.
+    pub losses: Vec<f64>,
+    /// Cross-validated error as a distance d, root mean square, m.
+    pub error_m: f64,
+}
+
+impl Trial {
+    fn loss(&self) -> f64 {
+        self.losses.iter().sum()
+    }
+}
+
+/// The values of all effects of a model.
+pub fn values(model: &ArmModel) -> Vec<Value> {
+    let effects = model.effects.iter().enumerate();
+    effects.flat_map(|(k, effect)| (0..effect.law().values().len()).map(move |value| (k, value))).collect()
+}
+
+impl Search {
+    /// The model with all effects that prove themselves, and for the last one what else was fitted in full.
+    pub fn run(&mut self, model: &ArmModel) -> Result<(Trial, Vec<Trial>), NoPose> {
+        let mut best = self.refined(model, None)?;
+        let n_known = model.effects.len();
+        let mut rivals = Vec::new();
+        while best.fit.model.effects.len() < MAX_EFFECTS {
+            let mut tried = self.step(&best, best.fit.model.effects.len() - n_known)?;
+            if tried.is_empty() || !self.proves_itself(&best, &tried[0])? {
+                break;
+            }
+            if let Some(rung) = self.ladder.iter_mut().rev().find(|rung| rung.refined && same_rung(rung, &tried[0])) {
+                rung.kept = true;
+            }
+            best = tried.remove(0);
+            rivals = tried;
+            while let Some(without) = self.superfluous(&best, n_known)? {
+                best = without;
+                rivals.clear();
+            }
+        }
+        Ok((best, rivals))
+    }
+
+    /// The best candidates beside the effects of `current`, fitted in full, the best first.
+    pub fn step(&mut self, current: &Trial, step: usize) -> Result<Vec<Trial>, NoPose> {
+        let candidates: Vec<Effect<f64>> = candidate::all(&current.fit.model)
+            .into_iter()
+            .filter(|effect| !current.fit.model.effects.iter().any(|known| candidate::same(known, effect)))
+            .collect();
+        let mut screened = Vec::new();
+        for effect in &candidates {
+            screened.extend(self.screened(current, effect)?);
+        }
+        screened.sort_by(|a, b| a.loss().total_cmp(&b.loss()));
+        let mut tried = Vec::new();
+        for trial in screened.iter().take(REFINED) {
+            tried.push(self.refined(&trial.fit.model, Some(trial.effect))?);
+        }
+        tried.sort_by(|a, b| a.loss().total_cmp(&b.loss()));
+        let n_tried = screened.len();
+        let rung = |trial: &Trial, refined| Rung {
+            step,
+            law: trial.effect.law().name(),
+            place: candidate::place_code(&trial.effect),
+            values: trial.fit.values.len() - current.fit.values.len(),
+            cross_validated_m: trial.error_m,
+            without_m: current.error_m,
+            p: (gain(&current.losses, &trial.losses).p * n_tried as f64).min(1.0),
+            refined,
+            kept: false,
+        };
+        self.ladder.extend(tried.iter().map(|trial| rung(trial, true)));
+        self.ladder.extend(screened.iter().skip(REFINED).map(|trial| rung(trial, false)));
+        Ok(tried)
+    }
+
+    /// A candidate by its linear fit; `None` where it changes nothing in these rows.
+    fn screened(&mut self, current: &Trial, effect: &Effect<f64>) -> Result<Option<Trial>, NoPose> {
+        let mut model = current.fit.model.clone();
+        let new = model.effects.len();
+        if model.effects.push(*effect).is_err() {
+            return Ok(None);
+        }
+        let values: Vec<Value> = (0..effect.law().values().len()).map(|value| (new, value)).collect();
+        let columns = self.training.jacobian(&model, &current.fit.residuals, &values, &mut self.scratch)?;
+        let mut fit = Fit { model, ..current.fit.clone() };
+        for (value, column) in values.into_iter().zip(columns) {
+            if let Some(column) = column {
+                fit.values.push(value);
+                fit.columns.push(column);
+            }
+        }
+        if fit.values.len() == current.fit.values.len() {
+            return Ok(None);
+        }
+        Ok(Some(self.judged(fit, *effect)))
+    }
+
+    /// A model with all its values fitted in full. `effect` is the one that is on trial.
+    pub fn refined(&mut self, model: &ArmModel, effect: Option<Effect<f64>>) -> Result<Trial, NoPose> {
+        let fit = fit(model, &self.training, &values(model), &mut self.scratch)?;
+        let none = || fit.model.effects.last().copied();
+        let effect = effect.or_else(none).unwrap_or(super::NOTHING);
+        Ok(self.judged(fit, effect))
+    }
+
+    fn judged(&self, fit: Fit, effect: Effect<f64>) -> Trial {
+        let predicted = cross_validated(&fit.columns, &fit.residuals, &self.training, &self.folds);
+        let losses = losses_by_word(&predicted, &self.training);
+        let error_m = root_mean_square(&self.training.distances_m(&predicted));
+        Trial { effect, fit, losses, error_m }
+    }
+
+    /// Whether an effect predicts what it was not fitted to.
+    fn proves_itself(&mut self, without: &Trial, with: &Trial) -> Result<bool, NoPose> {
+        let n_tried = self.ladder.iter().filter(|rung| rung.step == self.ladder.last().map_or(0, |last| last.step)).count();
+        let discovered = gain(&without.losses, &with.losses).p * (n_tried as f64) < DISCOVERY_LEVEL;
+        Ok(discovered && self.confirmed(&without.fit.model, &with.fit.model)?)
+    }
+
+    /// Whether the held-out error falls by more than its uncertainty, word by word and as a whole.
+    fn confirmed(&mut self, without: &ArmModel, with: &ArmModel) -> Result<bool, NoPose> {
+        if self.heldout.rows.is_empty() {
+            return Ok(true);
+        }
+        let before = self.heldout.residuals(without, &mut self.scratch)?;
+        let after = self.heldout.residuals(with, &mut self.scratch)?;
+        let by_word = |residuals: &[f64]| losses_by_word(residuals, &self.heldout);
+        let Gain { p, .. } = gain(&by_word(&before), &by_word(&after));
+        let (mean_after, uncertainty) = mean_loss(&by_word(&after));
+        let fall = mean_loss(&by_word(&before)).0 - mean_after;
+        Ok(p < CONFIRMATION_LEVEL && fall > uncertainty)
+    }
+
+    /// The model without the effect that is least missed, where it is not missed at all.
+    fn superfluous(&mut self, best: &Trial, n_known: usize) -> Result<Option<Trial>, NoPose> {
+        let n = best.fit.model.effects.len();
+        if n < n_known + 2 {
+            return Ok(None);
+        }
+        for dropped in n_known..n - 1 {
+            let without = self.without(best, dropped)?;
+            if gain(&without.losses, &best.losses).p > RIVAL_LEVEL {
+                return Ok(Some(without));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The model without one of its effects, fitted anew.
+    pub fn without(&mut self, best: &Trial, dropped: usize) -> Result<Trial, NoPose> {
+        let mut model = best.fit.model.clone();
+        model.effects.remove(dropped);
+        self.refined(&model, None)
+    }
+}
+
+fn same_rung(rung: &Rung, trial: &Trial) -> bool {
+    rung.law == trial.effect.law().name() && rung.place == candidate::place_code(&trial.effect)
+}
+
+/// The mean loss of a word, and how far it may be off with 95 % confidence.
+fn mean_loss(losses: &[f64]) -> (f64, f64) {
+    let n = losses.len() as f64;
+    let mean = losses.iter().sum::<f64>() / n.max(1.0);
+    let variance = losses.iter().map(|loss| (loss - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+    (mean, quantile_975(losses.len().saturating_sub(1)) * (variance / n.max(1.0)).sqrt())
+}
+
+/// √(mean of squares).
+pub fn root_mean_square(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
+}

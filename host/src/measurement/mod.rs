@@ -1,0 +1,112 @@
+//! Measurements: where the tool stood in each visit of a word, under what conditions; read from and written to CSV.
+//!
+//! # Columns
+//!
+//! The header names quantity and unit. Columns may stand in any order; a file that ends in `.gz` is compressed.
+//!
+//! | column | meaning |
+//! | --- | --- |
+//! | `time_s` | when the pose was taken, on the board's clock |
+//! | `word` | digits of all discrete actuators, base first |
+//! | `previous` ? | the word before; without this column that of the row before in the same run; empty: not known |
+//! | `servo1_deg`, `servo2_deg`, … | positions of the servo joints, as many as the arm has |
+//! | `x_m`, `y_m`, `angle_deg` | pose of the tool in the base, of a planar arm |
+//! | `x_m`, `y_m`, `z_m`, `rx_deg`, `ry_deg`, `rz_deg` | the same of any arm, with a rotation vector |
+//! | `supply_bar`, `temperature_c` ? | supply and temperature of the arm |
+//! | `run` ?, `visit` ? | number of the run and of the visit; without them 0 and the row's number |
+//! | `held_out` ? | 1 where no fit may see the row, 0 elsewhere |
+//!
+//! Columns marked `?` may be missing, other columns are left unread and told.
+
+mod check;
+mod csv;
+
+use std::fmt;
+
+use darm_core::se::Pose;
+use darm_core::units::Word;
+
+pub use check::check;
+pub use csv::{ReadError, read, read_text, write, write_text};
+
+/// The pose of the tool in one visit of a word.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// When the pose was taken, on the board's clock.
+    pub time_s: f64,
+    /// The digits of all discrete actuators.
+    pub word: Word,
+    /// The word before; `None` where it is not known.
+    pub previous: Option<Word>,
+    /// Positions of the servo joints.
+    pub servos_rad: Vec<f64>,
+    /// Measured pose of the tool in the base.
+    pub pose: Pose<f64>,
+    /// Supply, in the unit of the model's nominal supply; `None` where it was not measured.
+    pub supply: Option<f64>,
+    /// Temperature of the arm, °C; `None` where it was not measured.
+    pub temperature_c: Option<f64>,
+    /// Number of the run.
+    pub run: u32,
+    /// Number of the visit.
+    pub visit: u32,
+    /// Whether no fit may see this sample.
+    pub held_out: bool,
+}
+
+/// The samples of one measurement, in the order of the file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Run {
+    /// The samples.
+    pub samples: Vec<Sample>,
+    /// The line of the file that each sample stood in, the header being 1; empty when they come from no file.
+    pub lines: Vec<usize>,
+}
+
+impl Run {
+    /// The line of the file that a sample stands in, or will when it is written.
+    pub fn line(&self, sample: usize) -> usize {
+        self.lines.get(sample).copied().unwrap_or(sample + 2)
+    }
+
+    /// The samples that a fit may see, with their indices.
+    pub fn training(&self) -> impl Iterator<Item = (usize, &Sample)> {
+        self.samples.iter().enumerate().filter(|(_, sample)| !sample.held_out)
+    }
+
+    /// The median supply and temperature (°C) of the last fifth of the samples: the conditions that the arm has
+    /// settled to. `None` where they were not measured.
+    pub fn settled(&self) -> (Option<f64>, Option<f64>) {
+        let last = &self.samples[self.samples.len() - self.samples.len().div_ceil(5)..];
+        (median(last.iter().filter_map(|s| s.supply)), median(last.iter().filter_map(|s| s.temperature_c)))
+    }
+}
+
+/// Something about a file of measurements that its owner should know.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finding {
+    /// Line of the file, the header being 1; `None` of the file as a whole.
+    pub line: Option<usize>,
+    /// What there is, in words.
+    pub what: String,
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.line {
+            Some(line) => write!(f, "line {line}: {}", self.what),
+            None => f.write_str(&self.what),
+        }
+    }
+}
+
+/// The middle one of some numbers.
+pub(crate) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    if values.is_empty() {
+        return None;
+    }
+    values.sort_by(f64::total_cmp);
+    let (low, high) = ((values.len() - 1) / 2, values.len() / 2);
+    Some((values[low] + values[high]) / 2.0)
+}
