@@ -60,6 +60,13 @@ pub(crate) fn emulated_port() -> Option<String> {
     Some(format!("{}{}", if is_socket { "unix:" } else { "" }, port.display()))
 }
 
+/// The camera of the board that `darm plant` has started; `None` when it does not run.
+pub(crate) fn emulated_camera() -> Option<String> {
+    let camera = state_folder::camera(&state_folder::board().ok()?);
+    UnixStream::connect(&camera).ok()?;
+    Some(format!("unix:{}", camera.display()))
+}
+
 /// Serial ports that a board's cable makes; a PC's own ports are not among them.
 pub(crate) fn board_ports() -> Vec<String> {
     let makes_one = |name: &String| ["ACM", "USB", "usb", "COM"].iter().any(|part| name.contains(part));

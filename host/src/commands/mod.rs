@@ -6,10 +6,13 @@ mod doctor;
 mod flash;
 mod plant;
 mod play;
+mod record;
 mod status;
 mod stop;
+mod synth;
 pub(crate) mod table_file;
 mod upload;
+mod visits;
 
 use crate::voice::Voice;
 
@@ -43,10 +46,12 @@ Exit codes: 0 done, 1 failed, 2 bad usage, 3 the board refused or is in its safe
 /// What to do.
 #[derive(clap::Subcommand, Debug)]
 pub(crate) enum Command {
+    Synth(synth::Synth),
     Upload(upload::Upload),
     Play(play::Play),
     Stop(stop::Stop),
     Status(status::Status),
+    Record(record::Record),
     Console(console::Console),
     Flash(flash::Flash),
     Plant(plant::Plant),
@@ -57,10 +62,12 @@ impl Command {
     /// Runs the command and says what came of it.
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
         match self {
+            Self::Synth(command) => command.run(voice),
             Self::Upload(command) => command.run(voice),
             Self::Play(command) => command.run(voice),
             Self::Stop(command) => command.run(voice),
             Self::Status(command) => command.run(voice),
+            Self::Record(command) => command.run(voice),
             Self::Console(command) => command.run(voice),
             Self::Flash(command) => command.run(voice),
             Self::Plant(command) => command.run(voice),

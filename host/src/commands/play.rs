@@ -88,6 +88,17 @@ pub(crate) enum End {
     Fault(Fault),
 }
 
+impl End {
+    /// One word for it.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Finished => "finished",
+            Self::Stopped => "stopped",
+            Self::Fault(_) => "fault",
+        }
+    }
+}
+
 /// Follows the events of one program.
 pub(crate) struct Watch {
     next_event: u32,
@@ -147,11 +158,7 @@ impl Watch {
             Some(End::Finished | End::Stopped) | None => None,
         };
         voice.tell(&Played {
-            end: match self.end {
-                Some(End::Finished) => "finished",
-                Some(End::Fault(_)) => "fault",
-                Some(End::Stopped) | None => "stopped",
-            },
+            end: self.end.map_or("stopped", End::name),
             rows,
             rows_played: self.rows_played,
             took_s: self.started_s.zip(self.ended_s).map(|(from_s, to_s)| to_s - from_s),

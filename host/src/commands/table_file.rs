@@ -45,7 +45,7 @@ pub(crate) enum TableFileError {
         source: TableError,
     },
     /// The table binds to another board.
-    #[error("{path} was made for the board {device}, this is {board}; make it again with `darm table --port`")]
+    #[error("{path} was made for the board {device}, this is {board}; make it again with `darm table --bind`")]
     OtherDevice {
         /// The file.
         path: PathBuf,
