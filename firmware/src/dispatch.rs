@@ -70,36 +70,32 @@ type Payload = heapless::Vec<u8, MAX_PAYLOAD>;
 pub type Frame = heapless::Vec<u8, MAX_FRAME>;
 
 impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
-    /// Opens the store, loads the valid table and hands it to the control tick, which must be running.
-    pub async fn open(
-        board: Board,
-        flash: Option<F>,
-        table: &'t mut Table,
-        clock: C,
-        shared: &'s Shared<'t>,
-    ) -> Self {
-        let store = match flash {
-            Some(flash) => Store::open(flash).await.ok(),
-            None => None,
-        };
-        let mut desk = Self {
+    /// A desk that knows nothing yet; [`Desk::open`] it before it answers.
+    pub fn new(board: Board, clock: C, shared: &'s Shared<'t>) -> Self {
+        Self {
             board,
             clock,
             shared,
             log: EventLog::default(),
             reboot: None,
-            store,
+            store: None,
             table: None,
             boots: 0,
             bad_frames: 0,
             link: None,
             last: None,
-        };
-        if let Some(store) = &mut desk.store {
-            desk.boots = store.count_boot().await.unwrap_or(0);
         }
-        desk.restore(table).await;
-        desk
+    }
+
+    /// Opens the store, loads the valid table and hands it to the control tick, which must be running.
+    pub async fn open(&mut self, flash: Option<F>, table: &'t mut Table) {
+        if let Some(flash) = flash {
+            self.store = Store::open(flash).await.ok();
+        }
+        if let Some(store) = &mut self.store {
+            self.boots = store.count_boot().await.unwrap_or(0);
+        }
+        self.restore(table).await;
     }
 
     /// Whether the flash answers: without it no table can be stored.
@@ -138,9 +134,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
     async fn bootstrap(&mut self, request: bootstrap::Request) -> Payload {
         match request {
             bootstrap::Request::Identify => payload(&self.board.identity.encode()),
-            bootstrap::Request::Version => {
-                payload(&Version { protocol: PROTOCOL, firmware: FIRMWARE }.encode())
-            }
+            bootstrap::Request::Version => payload(&Version { protocol: PROTOCOL, firmware: FIRMWARE }.encode()),
             bootstrap::Request::Stop => {
                 self.shared.ask(Order::Command(Command::Stop)).await;
                 payload(&[0])

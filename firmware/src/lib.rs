@@ -7,8 +7,6 @@ pub mod board;
 pub mod clock;
 pub mod control;
 pub mod dispatch;
-#[cfg(test)]
-mod fakes;
 pub mod log;
 pub mod pipe;
 pub mod port;
@@ -16,3 +14,6 @@ pub mod servo;
 pub mod solenoid;
 pub mod store;
 pub mod text;
+
+#[cfg(test)]
+mod tests;

@@ -78,7 +78,7 @@ mod tests {
     #[test]
     fn a_gap_is_not_papered_over() {
         let mut log = EventLog::default();
-        [0, 1, 5].map(|number| log.push(event(number)));
+        [0, 1, 5].into_iter().for_each(|number| log.push(event(number)));
         assert_eq!((log.from(0).first, log.from(0).list.len()), (5, 1));
     }
 }

@@ -31,7 +31,13 @@ use stm32_metapac::interrupt;
 static CONTROL: InterruptExecutor = InterruptExecutor::new();
 static COMMON: InterruptExecutor = InterruptExecutor::new();
 static SHARED: Shared<'static> = Shared::new();
+
+/// The large ones are built before the tasks run: a task that builds them needs their room on the stack for ever.
 static TABLE: StaticCell<Table> = StaticCell::new();
+static TICKS: StaticCell<Control<'static>> = StaticCell::new();
+static DESK: StaticCell<OnBoard> = StaticCell::new();
+
+type OnBoard = Desk<'static, 'static, Flash, BoardClock>;
 
 #[interrupt]
 unsafe fn TSC() {
@@ -47,7 +53,7 @@ unsafe fn SWPMI1() {
 
 /// Looks, decides and drives. What drives the pins cannot fail on this board.
 #[embassy_executor::task]
-async fn control() -> ! {
+async fn control(control: &'static mut Control<'static>) -> ! {
     let switches = Switches::new();
     let Ok(mut solenoids) = Solenoids::new(Pins {
         data: Output::new(pins::CHAIN_DATA, false),
@@ -55,7 +61,6 @@ async fn control() -> ! {
         latch: Output::new(pins::CHAIN_LATCH, false),
         enable: Output::new(pins::CHAIN_ENABLE, true),
     });
-    let mut control = Control::new(BoardClock.now(), &SHARED);
     watchdog::start();
     loop {
         // On whole milliseconds, when SysTick comes; what was missed, by a debugger say, is not made up for.
@@ -72,16 +77,15 @@ async fn control() -> ! {
 }
 
 #[embassy_executor::task]
-async fn console(death: Option<Death>) {
+async fn console(desk: &'static mut OnBoard, table: &'static mut Table) {
     let (mut receiver, mut sender) = uart::start_console();
     let flash = Flash::open();
     if let Err(error) = &flash {
         defmt::error!("no storage: {}", defmt::Debug2Format(error));
     }
-    let board = Board { identity: identity(), death };
-    let mut desk = Desk::open(board, flash.ok(), TABLE.init_with(Table::default), BoardClock, &SHARED).await;
+    desk.open(flash.ok(), table).await;
     defmt::info!("storage {=bool}", desk.has_store());
-    let into = serve(&mut desk, &mut receiver, &mut sender).await;
+    let into = serve(desk, &mut receiver, &mut sender).await;
     restart::restart(into)
 }
 
@@ -100,7 +104,7 @@ fn main() -> ! {
     restart::enter_loader_if_asked();
     let death = death::take();
     if let Err(error) = clocks::start() {
-        panic!("the clock does not start: {error:?}");
+        death::give_up(format_args!("the clock does not start: {error:?}"));
     }
     time::start();
     board::prioritise();
@@ -108,17 +112,26 @@ fn main() -> ! {
     if let Some(death) = &death {
         defmt::error!("the last start died after {=u64} us: {=str}", death.uptime_us, death.text.as_str());
     }
-    let urgent = CONTROL.start(board::CONTROL);
-    let common = COMMON.start(board::COMMON);
-    match (control(), console(death), servos()) {
+    start(death);
+    loop {
+        cortex_m::asm::wfi();
+    }
+}
+
+/// Builds what the tasks own and starts them. Its stack is free again when they run.
+#[inline(never)]
+fn start(death: Option<Death>) {
+    let control = control(TICKS.init_with(|| Control::new(BoardClock.now(), &SHARED)));
+    let board = Board { identity: identity(), death };
+    let desk = DESK.init_with(|| Desk::new(board, BoardClock, &SHARED));
+    let console = console(desk, TABLE.init_with(Table::default));
+    match (control, console, servos()) {
         (Ok(control), Ok(console), Ok(servos)) => {
-            urgent.spawn(control);
+            let common = COMMON.start(board::COMMON);
+            CONTROL.start(board::CONTROL).spawn(control);
             common.spawn(console);
             common.spawn(servos);
         }
-        _ => panic!("a task was started twice"),
-    }
-    loop {
-        cortex_m::asm::wfi();
+        _ => death::give_up(format_args!("a task was started twice")),
     }
 }

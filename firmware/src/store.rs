@@ -33,8 +33,8 @@ const KEY_VALID: u8 = 1;
 const KEY_CALIBRATION: u8 = 2;
 const KEY_BOOTS: u8 = 3;
 
-/// Largest write unit of a flash that this store can use.
-const MAX_WORD: usize = 8;
+/// Bytes of an upload that are written at once: a multiple of the flash's word, a divisor of its page.
+const BLOCK: usize = 256;
 /// Bytes of the image in memory while it is checked: what one record can need, and a read of a useful size.
 const WINDOW: usize = 256;
 
@@ -83,8 +83,24 @@ struct Upload {
     slot: Slot,
     /// Bytes that have arrived, in order.
     next: u32,
-    /// The last of them, not yet a whole word of flash.
-    tail: [u8; MAX_WORD],
+    /// The last of them, not yet in flash; the block starts at a multiple of its length.
+    block: [u8; BLOCK],
+}
+
+impl Upload {
+    /// Takes what fits the block; the rest.
+    fn take<'b>(&mut self, bytes: &'b [u8]) -> &'b [u8] {
+        let at = self.next as usize % BLOCK;
+        let n = bytes.len().min(BLOCK - at);
+        self.block[at..at + n].copy_from_slice(&bytes[..n]);
+        self.next += n as u32;
+        &bytes[n..]
+    }
+
+    /// The block is full, or the image is.
+    fn is_due(&self) -> bool {
+        (self.next as usize).is_multiple_of(BLOCK) || self.next == self.image.len
+    }
 }
 
 /// The flash could not be read or written.
@@ -129,7 +145,8 @@ pub struct Store<F: NorFlash> {
 impl<F: NorFlash> Store<F> {
     /// Opens the store and finds which slot is valid.
     pub async fn open(flash: F) -> Result<Self, StorageError> {
-        const { assert!(F::READ_SIZE == 1 && F::WRITE_SIZE <= MAX_WORD && SLOT_BYTES.is_multiple_of(F::ERASE_SIZE)) };
+        const { assert!(F::READ_SIZE == 1 && BLOCK.is_multiple_of(F::WRITE_SIZE)) };
+        const { assert!(SLOT_BYTES.is_multiple_of(F::ERASE_SIZE) && F::ERASE_SIZE.is_multiple_of(BLOCK)) };
         let records = MapStorage::new(flash, const { MapConfig::new(RECORDS) }, Cache::new_uncached());
         let mut store = Self { records, valid: None, upload: None };
         store.valid = store.fetch(KEY_VALID).await?;
@@ -162,7 +179,7 @@ impl<F: NorFlash> Store<F> {
             Some(upload) if upload.image == image => Ok(upload.next),
             _ => {
                 let slot = self.valid.map_or(Slot::A, |valid| valid.slot.other());
-                self.upload = Some(Upload { image, slot, next: 0, tail: [0xff; MAX_WORD] });
+                self.upload = Some(Upload { image, slot, next: 0, block: [0xff; BLOCK] });
                 Ok(0)
             }
         }
@@ -177,14 +194,11 @@ impl<F: NorFlash> Store<F> {
         }
         // Until all bytes are in flash the upload counts as lost: a failed write must not be resumed in mid-word.
         self.upload = None;
-        for &byte in bytes {
-            let in_word = upload.next as usize % F::WRITE_SIZE;
-            upload.tail[in_word] = byte;
-            upload.next += 1;
-            if in_word + 1 == F::WRITE_SIZE || upload.next == upload.image.len {
-                let word_start = upload.next - 1 - in_word as u32;
-                self.write_word(upload.slot, word_start, &upload.tail[..F::WRITE_SIZE]).await?;
-                upload.tail = [0xff; MAX_WORD];
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            rest = upload.take(rest);
+            if upload.is_due() {
+                self.write_block(&mut upload).await?;
             }
         }
         self.upload = Some(upload);
@@ -270,13 +284,18 @@ impl<F: NorFlash> Store<F> {
         self.records.flash().read(slot.start() + offset, bytes).await.map_err(|_| LoadError::Storage)
     }
 
-    async fn write_word(&mut self, slot: Slot, offset: u32, word: &[u8]) -> Result<(), StorageError> {
-        let at = slot.start() + offset;
+    /// Writes the block that ends the upload so far, and erases the page that it begins.
+    async fn write_block(&mut self, upload: &mut Upload) -> Result<(), StorageError> {
+        let start = (upload.next - 1) / BLOCK as u32 * BLOCK as u32;
+        let used = ((upload.next - start) as usize).next_multiple_of(F::WRITE_SIZE);
+        let at = upload.slot.start() + start;
         let flash = self.records.flash();
         if at.is_multiple_of(F::ERASE_SIZE as u32) {
             flash.erase(at, at + F::ERASE_SIZE as u32).await.map_err(|_| StorageError)?;
         }
-        flash.write(at, word).await.map_err(|_| StorageError)
+        flash.write(at, &upload.block[..used]).await.map_err(|_| StorageError)?;
+        upload.block = [0xff; BLOCK];
+        Ok(())
     }
 
     async fn fetch<V>(&mut self, key: u8) -> Result<Option<V>, StorageError>

@@ -336,7 +336,17 @@ mod tests {
     fn what_is_wrong_is_said() {
         assert_eq!(parse("dance"), Err(ParseError::Unknown));
         assert_eq!(parse("play now"), Err(ParseError::Unknown));
-        for line in ["coil", "coil 3", "coil 3 on", "coil 300 on 5", "coil 1 on -5", "coil 1 on 5 6", "servo 1", "servo x 3", "word"] {
+        for line in [
+            "coil",
+            "coil 3",
+            "coil 3 on",
+            "coil 300 on 5",
+            "coil 1 on -5",
+            "coil 1 on 5 6",
+            "servo 1",
+            "servo x 3",
+            "word",
+        ] {
             assert!(matches!(parse(line), Err(ParseError::Usage(_) | ParseError::Unknown)), "{line}");
         }
         assert!(matches!(parse("word 0140"), Err(ParseError::Word(_))));

@@ -1,4 +1,4 @@
-//! Host tools of discretely actuated arms.
+//! Host tools of discretely actuated arms: from an arm file to words on a board, and from measured poses back to the arm.
 
 pub mod arm;
 pub mod client;

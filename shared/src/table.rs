@@ -217,8 +217,7 @@ impl Checker {
                 if device.is_some() && here.is_some() && *device != here {
                     return Err(TableError::OtherDevice);
                 }
-                *self = Self { stage: Stage::Wiring, model: *model, ..Self::default() };
-                self.wiring.switch_limit = *switch_limit;
+                self.begin(*model, *switch_limit);
                 Ok(())
             }
             (Stage::Wiring, Record::Coil(coil)) => push(&mut self.wiring.coils, *coil),
@@ -239,6 +238,21 @@ impl Checker {
             }
             _ => Err(TableError::Order),
         }
+    }
+
+    /// Starts anew in place: a fresh checker would need room on the stack of the board.
+    fn begin(&mut self, model: ModelHash, switch_limit: SwitchLimit) {
+        self.stage = Stage::Wiring;
+        self.wiring.coils.clear();
+        self.wiring.actuators.clear();
+        self.wiring.servos.clear();
+        self.wiring.switch_limit = switch_limit;
+        self.model = model;
+        self.clocks.fill(CoilClock::default());
+        self.switched = SwitchClock::default();
+        self.rows = 0;
+        self.last = None;
+        self.moved_us.fill(0);
     }
 
     fn admit_row(&mut self, row: &Row) -> Result<(), RowError> {

@@ -94,6 +94,12 @@ fn outputs_off() {
     enable.port.bsrr().write(|w| w.set_bs(usize::from(enable.index), true));
 }
 
+/// Ends a start that cannot go on, as a panic does.
+pub fn give_up(why: fmt::Arguments) -> ! {
+    outputs_off();
+    die(Record::new(true, 0, 0, why))
+}
+
 fn die(record: Record) -> ! {
     // SAFETY: interrupts are masked or of lower priority; nothing reads the record before the reset.
     unsafe { addr_of_mut!(RECORD).cast::<Record>().write_volatile(record) };

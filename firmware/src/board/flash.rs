@@ -1,4 +1,4 @@
-//! Flash bank 2 as NOR flash: pages of 2 KiB, words of 8 bytes, each word read back after it is written.
+//! Flash bank 2 as NOR flash: pages of 2 KiB, words of 8 bytes, all that is written is read back.
 //!
 //! The code runs from bank 1, so nothing stalls while bank 2 erases (RM0351, 3.3.5). A word torn by a power cut
 //! may fail its error check: that raises the NMI, which notes it; the reader then gets the bytes as they are,
@@ -20,6 +20,8 @@ use crate::store::FLASH_BYTES;
 const BANK_2: usize = 0x0808_0000;
 const PAGE_BYTES: usize = 2048;
 const WORD_BYTES: usize = 8;
+/// Bytes that are compared at once after writing.
+const READ_BACK: usize = 64;
 /// All error flags of the status register: OPERR, PROGERR, WRPERR, PGAERR, SIZERR, PGSERR, MISERR, FASTERR, RDERR, OPTVERR.
 const SR_ERRORS: u32 = 0xC3FA;
 
@@ -37,7 +39,7 @@ pub enum FlashError {
     },
     /// What was written does not read back.
     ReadBack {
-        /// Offset of the word.
+        /// About here.
         offset: u32,
     },
     /// The emulator's file cannot be opened, read or written.
@@ -138,13 +140,17 @@ impl NorFlash for Flash {
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
         let start = check(offset, bytes.len(), WORD_BYTES)?;
-        for (word, at) in bytes.chunks_exact(WORD_BYTES).zip((start..).step_by(WORD_BYTES)) {
-            match self.0 {
-                Backend::Silicon => program(at, word).await?,
-                Backend::File { handle } => write_file(handle, at, word)?,
+        match self.0 {
+            Backend::Silicon => {
+                for (word, at) in bytes.chunks_exact(WORD_BYTES).zip((start..).step_by(WORD_BYTES)) {
+                    program(at, word).await?;
+                }
             }
-            let mut back = [0; WORD_BYTES];
-            self.read_now(at, &mut back)?;
+            Backend::File { handle } => write_file(handle, start, bytes)?,
+        }
+        for (word, at) in bytes.chunks(READ_BACK).zip((start..).step_by(READ_BACK)) {
+            let back = &mut [0; READ_BACK][..word.len()];
+            self.read_now(at, back)?;
             if back != word {
                 return Err(FlashError::ReadBack { offset: at as u32 });
             }

@@ -89,6 +89,9 @@ impl Port {
         let enabled = self.registers.cr1().read();
         if enabled.txeie() && status.txe() {
             self.transmit();
+        } else if enabled.txeie() {
+            // QEMU leaves the interrupt raised when its host does not read; writing the register makes it look again.
+            self.registers.cr1().write_value(enabled);
         } else if enabled.tcie() && status.tc() {
             self.registers.cr1().modify(|w| {
                 w.set_tcie(false);

@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use embedded_io_async::ErrorType;
 
 use super::*;
-use crate::fakes::{HandClock, run};
+use crate::tests::fakes::{HandClock, run};
 
 /// Registers of one servo with address 1, and what it does with the bytes it gets.
 struct Fake {

@@ -101,7 +101,7 @@ pub struct Reply {
 }
 
 /// An answer.
-#[expect(clippy::large_enum_variant, reason = "there is no heap to box the events on")]
+#[allow(clippy::large_enum_variant, reason = "there is no heap to box the events on")]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Answer {
     /// To `Hello`.

@@ -5,13 +5,54 @@ use core::pin::pin;
 use core::task::{Context, Poll, Waker};
 use std::rc::Rc;
 
-use darm_core::units::Micros;
+use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, ServoWiring, SwitchLimit};
+use darm_core::table::{Record, Row};
+use darm_core::units::{Micros, ModelHash, Word};
+use darm_core::wire::frame::CRC;
+use darm_core::wire::message::Image;
 use embedded_storage_async::nor_flash::{
     ErrorType, MultiwriteNorFlash, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
 use crate::clock::Clock;
 use crate::store::FLASH_BYTES;
+
+/// A small arm: two valves with a limit switch each and, where asked for, a servo; one row every 100 ms.
+pub(crate) fn table(model: u64, rows: u64, servo: bool) -> (Image, Vec<u8>) {
+    let limit = CoilLimit { max_on_ms: 5_000, duty_percent: 90, window_ms: 60_000 };
+    let (model, device) = (ModelHash(model), None);
+    let mut records = vec![Record::Start { model, device, switch_limit: SwitchLimit::default() }];
+    for index in 0..2 {
+        let switch = Some(LimitSwitch { input: index, closed_in: 0b10 });
+        records.push(Record::Coil(Coil { drive: Drive::Hold { line: index }, limit }));
+        records.push(Record::Actuator(ActuatorWiring { states: 2, switch, travel_ms: 50 }));
+    }
+    if servo {
+        let range = (-1.5, 1.5);
+        let joint = ServoWiring {
+            id: 1,
+            min_rad: range.0,
+            max_rad: range.1,
+            max_speed_rad_s: 3.0,
+            max_torque: 0.5,
+            timeout_ms: 200,
+        };
+        records.push(Record::Servo(joint));
+    }
+    for row in 0..rows {
+        let word = Word::new(&[(row & 1) as u8, (row >> 1 & 1) as u8]).unwrap();
+        let servos = servo.then_some(0.1).into_iter().collect();
+        records.push(Record::Row(Row { at: Micros(row * 100_000), word, servos }));
+    }
+    records.push(Record::End { at: Micros(rows * 100_000) });
+    let bytes: Vec<u8> = records.iter().flat_map(encoded).collect();
+    (Image { len: bytes.len() as u32, crc: CRC.checksum(&bytes), model }, bytes)
+}
+
+fn encoded(record: &Record) -> Vec<u8> {
+    let mut bytes = [0; Record::MAX_BYTES];
+    postcard::to_slice(record, &mut bytes).unwrap().to_vec()
+}
 
 /// Time that moves when nothing else can go on.
 #[derive(Default)]

@@ -1,0 +1,393 @@
+//! The whole board in a process: console bytes in and out, lines and switches, flash in memory.
+pub(crate) mod fakes;
+
+use core::cell::{Cell, RefCell};
+
+use darm_core::sequencer::{Command, Event, FaultKind, Outputs, Phase};
+use darm_core::units::{ActuatorId, DeviceId, Micros};
+use darm_core::wire::PROTOCOL;
+use darm_core::wire::bootstrap::{self, Identity};
+use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
+use darm_core::wire::message::{Answer, CHUNK, Calibration, Image, REQUEST, Refusal, Reply, Request, Status};
+
+use crate::app::serve;
+use crate::control::{Control, Shared, TICK};
+use crate::dispatch::{Board, Desk};
+use crate::pipe::{Pipe, PipeReader, PipeWriter};
+use crate::port::{Item, Port};
+use fakes::{Cells, HandClock, MockFlash, run, table};
+
+const LINK: u32 = 77;
+
+type OnBench = Desk<'static, 'static, MockFlash, &'static HandClock>;
+
+/// A board, and an arm that follows its lines at once.
+struct Bench {
+    cells: Cells,
+    clock: &'static HandClock,
+    shared: &'static Shared<'static>,
+    control: RefCell<Control<'static>>,
+    outputs: Cell<Outputs>,
+    /// Switches that do not follow: the bits are what they show instead.
+    stuck: Cell<Option<u32>>,
+    desk: RefCell<Option<OnBench>>,
+    number: Cell<u16>,
+}
+
+impl Bench {
+    fn new(cells: Cells) -> Self {
+        let shared: &'static Shared = Box::leak(Box::default());
+        let clock: &'static HandClock = Box::leak(Box::default());
+        let bench = Self {
+            clock,
+            shared,
+            control: RefCell::new(Control::new(Micros(0), shared)),
+            outputs: Cell::default(),
+            stuck: Cell::default(),
+            desk: RefCell::default(),
+            number: Cell::new(0),
+            cells,
+        };
+        let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("bench").unwrap() };
+        let mut desk = Desk::new(Board { identity, death: None }, bench.clock, bench.shared);
+        let opening = desk.open(Some(bench.cells.flash(u32::MAX)), Box::leak(Box::default()));
+        run(opening, || bench.tick());
+        *bench.desk.borrow_mut() = Some(desk);
+        bench
+    }
+
+    fn tick(&self) {
+        let now = self.clock.0.get() + TICK.0;
+        self.clock.0.set(now);
+        let switches = self.stuck.get().unwrap_or(self.outputs.get().lines as u32);
+        self.outputs.set(self.control.borrow_mut().tick(Micros(now), Micros(now), switches, self.shared));
+    }
+
+    fn pass_ms(&self, millis: u32) {
+        (0..millis).for_each(|_| self.tick());
+    }
+
+    /// Sends a body as it stands; the answer's payload.
+    fn send(&self, header: Header, payload: &[u8]) -> Option<Vec<u8>> {
+        let mut encoded = [0; MAX_FRAME];
+        let len = frame::encode(header, payload, &mut encoded).unwrap();
+        self.frame(&mut encoded[1..len - 1])
+    }
+
+    fn frame(&self, encoded: &mut [u8]) -> Option<Vec<u8>> {
+        let mut desk = self.desk.borrow_mut();
+        let mut answer = run(desk.as_mut().unwrap().answer(encoded), || self.tick())?;
+        let len = answer.len();
+        Some(frame::decode(&mut answer[1..len - 1]).unwrap().1.to_vec())
+    }
+
+    fn ask_as(&self, link: u32, number: u16, request: Request) -> Option<Result<Answer, Refusal>> {
+        let mut bytes = [0; MAX_PAYLOAD];
+        let payload = postcard::to_slice(&request, &mut bytes).unwrap();
+        let answer = self.send(Header { tag: REQUEST, link, number }, payload)?;
+        Some(postcard::from_bytes::<Reply>(&answer).unwrap().result)
+    }
+
+    fn ask(&self, request: Request) -> Result<Answer, Refusal> {
+        self.number.set(self.number.get().wrapping_add(1));
+        self.ask_as(LINK, self.number.get(), request).unwrap()
+    }
+
+    fn command(&self, command: Command) -> Result<Answer, Refusal> {
+        self.ask(Request::Command(command))
+    }
+
+    fn connect(&self) {
+        assert!(matches!(self.ask(Request::Hello { protocol: PROTOCOL }), Ok(Answer::Hello(_))));
+    }
+
+    fn status(&self) -> Status {
+        match self.ask(Request::Status) {
+            Ok(Answer::Status(status)) => status,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn upload(&self, (image, bytes): &(Image, Vec<u8>)) -> Result<Answer, Refusal> {
+        self.ask(Request::Begin(*image))?;
+        for (chunk, offset) in bytes.chunks(CHUNK).zip((0u32..).step_by(CHUNK)) {
+            self.ask(Request::Chunk { offset, bytes: chunk })?;
+        }
+        self.ask(Request::Commit(*image))
+    }
+
+    fn events(&self) -> Vec<Event> {
+        let mut events = vec![];
+        while let Ok(Answer::Events(next)) = self.ask(Request::Events { from: events.len() as u32 }) {
+            if next.list.is_empty() {
+                break;
+            }
+            events.extend(next.list.iter().map(|(_, event)| *event));
+        }
+        events
+    }
+
+    /// What the board prints for a line.
+    fn type_line(&self, line: &str) -> String {
+        let pipe = Pipe::<4096>::new();
+        let mut desk = self.desk.borrow_mut();
+        run(desk.as_mut().unwrap().obey(line, &mut PipeWriter(&pipe)), || self.tick()).unwrap();
+        core::iter::from_fn(|| pipe.pop()).map(char::from).collect()
+    }
+}
+
+/// A board with a table of ten rows.
+fn loaded() -> Bench {
+    let bench = Bench::new(Cells::erased());
+    bench.connect();
+    assert_eq!(bench.upload(&table(1, 10, false)), Ok(Answer::Committed { rows: 10 }));
+    bench
+}
+
+#[test]
+fn a_table_is_uploaded_played_and_still_there_after_a_start() {
+    let bench = loaded();
+    assert_eq!(bench.command(Command::Play), Ok(Answer::Done));
+    bench.pass_ms(1100);
+    let rows = bench.events().iter().filter(|event| matches!(event, Event::Row { .. })).count();
+    assert_eq!((rows, bench.events().last()), (10, Some(&Event::Finished)));
+    let again = Bench::new(bench.cells);
+    again.connect();
+    assert_eq!(again.status().rows, 10);
+}
+
+#[test]
+fn rows_reach_the_lines() {
+    let bench = loaded();
+    bench.command(Command::Play).unwrap();
+    let lines: Vec<_> = (0..4)
+        .map(|_| {
+            bench.pass_ms(100);
+            bench.outputs.get().lines
+        })
+        .collect();
+    assert_eq!(lines, [1, 2, 3, 0]);
+}
+
+#[test]
+fn a_switch_that_contradicts_latches_the_safe_state_and_both_languages_say_so() {
+    let bench = loaded();
+    bench.command(Command::Play).unwrap();
+    bench.stuck.set(Some(0));
+    bench.pass_ms(300);
+    let Phase::Safe(fault) = bench.status().phase else { panic!("not safe") };
+    let actuator = ActuatorId(0);
+    assert_eq!(fault.kind, FaultKind::Switch { actuator, expected_closed: true, seen_closed: false });
+    assert!(!bench.outputs.get().enabled);
+    let text = bench.type_line("status");
+    assert!(text.contains("safe state: actuator 0: limit switch expected closed, seen open at 0."), "{text}");
+    assert_eq!(bench.type_line("play"), "? a fault is latched; look at it, then clear it\r\n");
+    assert_eq!(bench.type_line("clear"), "ok\r\n");
+    assert_eq!(bench.status().phase, Phase::Idle);
+}
+
+#[test]
+fn a_change_runs_once() {
+    let bench = loaded();
+    let play = Request::Command(Command::Play);
+    assert_eq!(bench.ask_as(LINK, 1000, play), Some(Ok(Answer::Done)));
+    bench.pass_ms(200);
+    assert_eq!(bench.ask_as(LINK, 1001, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
+    assert_eq!(bench.ask_as(LINK, 1000, play), None);
+    assert_eq!(bench.ask_as(LINK, 1001, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
+    bench.ask_as(LINK, 900, Request::Hello { protocol: PROTOCOL });
+    assert_eq!(bench.ask_as(LINK, 1000, play), None);
+    assert_eq!(bench.status().phase, Phase::Idle);
+    assert_eq!(bench.events().iter().filter(|event| **event == Event::Started).count(), 1);
+}
+
+#[test]
+fn only_the_host_that_connected_last_is_heard() {
+    let bench = loaded();
+    let stop = Request::Command(Command::Stop);
+    assert_eq!(bench.ask_as(1, 1, stop), Some(Err(Refusal::NotConnected)));
+    assert!(bench.ask_as(1, 2, Request::Hello { protocol: PROTOCOL }).unwrap().is_ok());
+    assert_eq!(bench.ask_as(1, 3, stop), Some(Ok(Answer::Done)));
+    assert_eq!(bench.ask(stop), Err(Refusal::NotConnected));
+    let other = bench.ask_as(5, 4, Request::Hello { protocol: PROTOCOL + 1 });
+    assert_eq!(other, Some(Err(Refusal::Protocol { board: PROTOCOL })));
+}
+
+#[test]
+fn nothing_is_stored_while_a_program_runs() {
+    let bench = loaded();
+    bench.command(Command::Play).unwrap();
+    bench.pass_ms(10);
+    assert_eq!(bench.upload(&table(2, 4, false)), Err(Refusal::Busy));
+    let calibration = Calibration { model: table(1, 10, false).0.model, ..Calibration::default() };
+    assert_eq!(bench.ask(Request::Calibrate(calibration)), Err(Refusal::Busy));
+    bench.command(Command::Stop).unwrap();
+    assert_eq!(bench.ask(Request::Calibrate(calibration)), Ok(Answer::Done));
+    assert_eq!(bench.ask(Request::Calibration), Ok(Answer::Calibration(Some(calibration))));
+}
+
+#[test]
+fn a_refused_table_leaves_the_old_one_loaded() {
+    let bench = loaded();
+    let (image, bytes) = table(2, 4, false);
+    let damaged = (Image { crc: image.crc ^ 1, ..image }, bytes);
+    assert_eq!(bench.upload(&damaged), Err(Refusal::Damaged));
+    assert_eq!(bench.status().model, Some(table(1, 10, false).0.model));
+    assert_eq!(bench.ask(Request::Commit(image)), Err(Refusal::NoUpload));
+    assert_eq!(bench.command(Command::Play), Ok(Answer::Done));
+}
+
+#[test]
+fn the_bootstrap_set_needs_no_connection() {
+    let bench = loaded();
+    bench.command(Command::Play).unwrap();
+    bench.pass_ms(150);
+    assert_ne!(bench.outputs.get().lines, 0);
+    let send = |request: bootstrap::Request| {
+        bench.send(Header { tag: request.tag(), link: 0, number: 9 }, request.payload()).unwrap()
+    };
+    assert_eq!(send(bootstrap::Request::Stop), [0]);
+    bench.tick();
+    assert_eq!(bench.outputs.get().lines, 0);
+    assert_eq!(Identity::decode(&send(bootstrap::Request::Identify)).unwrap().board, "bench");
+    assert_eq!(bootstrap::Version::decode(&send(bootstrap::Request::Version)).unwrap().protocol, PROTOCOL);
+    assert_eq!(bootstrap::Death::decode(&send(bootstrap::Request::ReadFault)), Some(None));
+}
+
+#[test]
+fn typed_commands_act_under_the_same_limits() {
+    let bench = loaded();
+    assert_eq!(bench.type_line("coil 1 on 6000"), "? this coil may be on for at most 5000 ms\r\n");
+    assert_eq!(bench.type_line("coil 1 on 100"), "ok\r\n");
+    bench.pass_ms(50);
+    assert_eq!(bench.outputs.get().lines, 2);
+    bench.pass_ms(60);
+    assert_eq!(bench.outputs.get().lines, 0);
+    assert_eq!(bench.type_line("word 11"), "ok\r\n");
+    bench.pass_ms(5);
+    assert_eq!(bench.outputs.get().lines, 3);
+    assert_eq!(bench.type_line("word 111"), "? no such coil, servo or word in the loaded wiring\r\n");
+    assert!(bench.type_line("log").contains("booted"));
+    assert!(bench.type_line("limits").contains("coil 1: line 1; on for 5000 ms, 90 % of 60000 ms"));
+    assert!(bench.type_line("table").contains("10 rows in 1.000 s"));
+    assert!(bench.type_line("help").lines().count() > 12);
+    assert_eq!(bench.type_line("? ok"), "");
+}
+
+#[test]
+fn the_console_serves_both_languages_until_it_starts_anew() {
+    let bench = loaded();
+    let (input, output) = (Pipe::<1024>::new(), Pipe::<1024>::new());
+    input.push_slice(b"\0\x01garbage\0id\rreboot\rid\r");
+    let mut desk = bench.desk.borrow_mut();
+    let served = async {
+        let into = serve(desk.as_mut().unwrap(), &mut PipeReader(&input), &mut PipeWriter(&output)).await;
+        assert_eq!(into, bootstrap::Into::Application);
+    };
+    let text = RefCell::new(String::new());
+    run(served, || {
+        bench.tick();
+        text.borrow_mut().extend(core::iter::from_fn(|| output.pop()).map(char::from));
+    });
+    assert!(text.borrow().starts_with("board bench, device 0707") && text.borrow().ends_with("ok, starting anew\r\n"));
+}
+
+/// Feeds bytes as they come from the line.
+fn feed(bench: &Bench, port: &mut Port, bytes: &[u8]) {
+    for byte in bytes {
+        match port.push(*byte, Micros(bench.clock.0.get())) {
+            Some(Item::Frame(encoded)) => drop(bench.frame(encoded)),
+            Some(Item::Line(line)) => drop(bench.type_line(line)),
+            Some(Item::Dropped) | None => {}
+        }
+    }
+}
+
+/// What an invalid frame must not change.
+fn state(bench: &Bench) -> (Status, Result<Answer, Refusal>) {
+    let status = Status { bad_frames: 0, ..bench.status() };
+    (status, bench.ask(Request::Begin(table(2, 20, false).0)))
+}
+
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as usize % n
+    }
+}
+
+/// A real frame of any kind.
+fn any_frame(random: &mut Random) -> Vec<u8> {
+    let (image, bytes) = table(2, 20, false);
+    let chunk = bytes.chunks(CHUNK).next().unwrap();
+    let requests = [
+        Request::Status,
+        Request::Events { from: random.below(99) as u32 },
+        Request::Begin(image),
+        Request::Chunk { offset: random.below(300) as u32, bytes: chunk },
+        Request::Commit(image),
+        Request::Command(Command::Play),
+        Request::Command(Command::Coil { coil: random.below(9) as u8, on_ms: 10 }),
+        Request::Calibration,
+    ];
+    let mut payload = [0; MAX_PAYLOAD];
+    let payload = postcard::to_slice(&requests[random.below(requests.len())], &mut payload).unwrap();
+    let mut frame = [0; MAX_FRAME];
+    let number = random.below(1 << 16) as u16;
+    let len = frame::encode(Header { tag: REQUEST, link: LINK, number }, payload, &mut frame).unwrap();
+    frame[..len].to_vec()
+}
+
+#[test]
+fn damaged_frames_change_nothing() {
+    let bench = loaded();
+    let mut random = Random(1);
+    let before = state(&bench);
+    for round in 0..20_000 {
+        let mut bytes = any_frame(&mut random);
+        // CRC-32 finds every burst of up to 32 bits; COBS may spread one byte over two.
+        let at = 1 + random.below(bytes.len() - 2);
+        bytes[at] ^= 1 + random.below(255) as u8;
+        let len = bytes.len();
+        if !bytes[1..len - 1].contains(&0) {
+            assert_eq!(bench.frame(&mut bytes[1..len - 1]), None, "round {round}");
+        }
+        if round % 100 == 0 {
+            assert_eq!(state(&bench), before, "round {round}");
+        }
+    }
+    assert!(bench.status().bad_frames > 15_000);
+}
+
+#[test]
+fn noise_frames_and_lines_do_not_panic() {
+    let bench = loaded();
+    let (mut port, mut random) = (Port::default(), Random(2));
+    let words =
+        ["coil", "word", "servo", "on", "off", "99999999999", "-1", "nan", "0101", "status", "log", "limits", "stop"];
+    for _ in 0..20_000 {
+        match random.below(4) {
+            0 => {
+                let noise: Vec<u8> = (0..random.below(40)).map(|_| random.below(256) as u8).collect();
+                feed(&bench, &mut port, &noise);
+            }
+            1 => {
+                let line: Vec<_> = (0..random.below(5)).map(|_| words[random.below(words.len())]).collect();
+                feed(&bench, &mut port, line.join(" ").as_bytes());
+                feed(&bench, &mut port, b"\r");
+            }
+            2 => feed(&bench, &mut port, &any_frame(&mut random)),
+            _ => {
+                let mut bytes = any_frame(&mut random);
+                bytes.truncate(random.below(bytes.len()) + 1);
+                feed(&bench, &mut port, &bytes);
+            }
+        }
+    }
+    feed(&bench, &mut port, b"\0\0");
+    bench.pass_ms(200);
+    assert!(bench.ask_as(5, 1, Request::Hello { protocol: PROTOCOL }).unwrap().is_ok());
+    assert_eq!(bench.ask_as(5, 2, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
+}
