@@ -53,8 +53,7 @@ impl Follower {
             return Err(FollowError::Input { input });
         }
         let (mut qtest, edges) = Qtest::connect(&qemu.pins_socket())?;
-        qtest.intercept_outputs(board::CHAIN_BANK)?;
-        let levels = qtest.read_u32(board::CHAIN_LEVELS)? as u16;
+        let levels = board::intercept_chain(&mut qtest)?;
         let camera = Camera::default();
         let film = camera.film();
         let bus = qemu.connect_servo_bus()?;

@@ -216,7 +216,7 @@ impl Qemu {
     }
 
     /// Cuts the board's power: the emulator gets no chance to tidy up.
-    pub fn kill(mut self) {
+    pub fn cut_power(&mut self) {
         end(&mut self.child);
     }
 

@@ -1,0 +1,236 @@
+//! An emulated board with a plant at its pins, as the tests need it.
+
+use std::fs::File;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use darm::client::{Client, Happening, TableImage};
+use darm::link::{Link, LinkError};
+use darm::plant::Plant;
+use darm::plant::camera::Film;
+use darm::plant::follow::Follower;
+use darm::qemu::{self, Console, Machine, Qemu};
+use darm_core::output::{ActuatorWiring, Coil, Drive, LimitSwitch, ServoWiring, Wiring};
+use darm_core::sequencer::Event;
+use darm_core::table::{Record, Row};
+use darm_core::units::{Micros, ModelHash, Word};
+
+/// Longest wait for anything: a loaded machine is slow, not wrong.
+const LIMIT: Duration = Duration::from_secs(60);
+/// Time from one row to the next.
+const ROW_MS: u32 = 300;
+/// A motion takes 40 ms of plant and the delays of the emulator.
+pub const SETTLE_S: f64 = 0.1;
+
+/// A running board.
+pub struct Bench {
+    pub qemu: Qemu,
+    pub follower: Follower,
+    pub wiring: Wiring,
+    machine: Machine,
+    _folder: tempfile::TempDir,
+    _lock: File,
+}
+
+impl Bench {
+    /// Boots a blank board with twelve valves, and one servo if wanted. `None`, said loudly, where it cannot run.
+    pub fn start(console: Console, servo: bool) -> Option<Self> {
+        let elf =
+            PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../target/thumbv7em-none-eabihf/firmware/darm-firmware");
+        if let Err(error) = qemu::find() {
+            eprintln!("SKIPPED: {error}");
+            return None;
+        }
+        if !elf.exists() {
+            eprintln!("SKIPPED: no image at {}", elf.display());
+            return None;
+        }
+        // One emulator at a time: two would make each other slow.
+        let lock = File::create(std::env::temp_dir().join("darm-qemu-tests.lock")).unwrap();
+        lock.lock().unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let machine = Machine { elf, folder: folder.path().to_owned(), console };
+        let wiring = wiring(servo);
+        let (qemu, follower) = boot(&machine, &wiring, Plant::new(&wiring, &[]));
+        Some(Self { qemu, follower, wiring, machine, _folder: folder, _lock: lock })
+    }
+
+    /// Kills the emulator and starts another one on the same flash.
+    pub fn power_cycle(&mut self) {
+        let (qemu, follower) = {
+            let mut fresh = Plant::new(&self.wiring, &[]);
+            fresh.advance(darm::clock::host_now_s());
+            self.qemu.cut_power();
+            boot(&self.machine, &self.wiring, fresh)
+        };
+        (self.qemu, self.follower) = (qemu, follower);
+    }
+
+    /// Opens the board's port.
+    pub fn link(&self) -> Box<dyn Link> {
+        darm::link::open(self.qemu.console_port()).unwrap()
+    }
+
+    /// Connects as a host does.
+    pub fn connect(&self) -> Client {
+        Client::connect(self.link()).unwrap()
+    }
+
+    /// What the camera takes.
+    pub fn film(&self) -> Film {
+        self.follower.film()
+    }
+}
+
+fn boot(machine: &Machine, wiring: &Wiring, plant: Plant) -> (Qemu, Follower) {
+    let mut qemu = Qemu::start(machine).unwrap();
+    let follower = Follower::start(&qemu, wiring, plant).unwrap();
+    qemu.resume().unwrap();
+    (qemu, follower)
+}
+
+fn wiring(servo: bool) -> Wiring {
+    let mut wiring = Wiring::default();
+    for index in 0..12 {
+        let drive = Drive::Hold { line: index };
+        let switch = Some(LimitSwitch { input: index, closed_in: 0b10 });
+        wiring.coils.push(Coil { drive, limit: drive.default_limit() }).unwrap();
+        wiring.actuators.push(ActuatorWiring { states: 2, switch, travel_ms: 200 }).unwrap();
+    }
+    if servo {
+        let (max_speed_rad_s, max_torque, timeout_ms) = (2.0, 0.8, 500);
+        let joint = ServoWiring { id: 1, min_rad: -1.5, max_rad: 1.5, max_speed_rad_s, max_torque, timeout_ms };
+        wiring.servos.push(joint).unwrap();
+    }
+    wiring
+}
+
+/// Words whose neighbours differ by one or two digits; the first is not the word at rest.
+pub fn stepped(count: u32) -> Vec<Word> {
+    let gray = |n: u32| n ^ n >> 1;
+    let digits = |bits: u32| (0..12).map(|bit| (bits >> bit & 1) as u8).collect::<Vec<_>>();
+    (1..=count).map(|n| Word::new(&digits(gray(n))).unwrap()).collect()
+}
+
+/// Angle of the servo in row `row`.
+pub fn servo_angle_rad(row: usize) -> f32 {
+    0.1 * row as f32
+}
+
+/// A table with these words in rows of [`ROW_MS`].
+pub fn table(wiring: &Wiring, words: &[Word], model: ModelHash) -> TableImage {
+    let at = |row: usize| Micros::from_millis(ROW_MS * row as u32);
+    let mut records = vec![Record::Start { model, device: None, switch_limit: wiring.switch_limit }];
+    records.extend(wiring.coils.iter().copied().map(Record::Coil));
+    records.extend(wiring.actuators.iter().copied().map(Record::Actuator));
+    records.extend(wiring.servos.iter().copied().map(Record::Servo));
+    for (row, &word) in words.iter().enumerate() {
+        let servos = wiring.servos.iter().map(|_| servo_angle_rad(row % 10)).collect();
+        records.push(Record::Row(Row { at: at(row), word, servos }));
+    }
+    records.push(Record::End { at: at(words.len()) });
+    TableImage::new(&records, model).unwrap()
+}
+
+/// Waits for something to become true.
+#[track_caller]
+pub fn wait(what: &str, mut is_so: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !is_so() {
+        assert!(start.elapsed() < LIMIT, "waited in vain for {what}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// All events since the board's start until one of a kind has come.
+#[track_caller]
+pub fn events_until(client: &mut Client, is_last: impl Fn(Event) -> bool) -> Vec<Happening> {
+    let mut happened: Vec<Happening> = Vec::new();
+    wait("the last event", || {
+        let from = happened.last().map_or(0, |last| last.number + 1);
+        happened.extend(client.events(from).unwrap());
+        happened.iter().any(|happening| is_last(happening.event))
+    });
+    happened
+}
+
+/// The words of the rows that went out.
+pub fn row_words(happened: &[Happening]) -> Vec<Word> {
+    happened.iter().filter_map(|h| if let Event::Row { word, .. } = h.event { Some(word) } else { None }).collect()
+}
+
+/// When a row went out, and the word before.
+#[derive(Clone, Copy)]
+pub struct RowTime {
+    pub at_s: f64,
+    pub word: Word,
+    pub previous: Word,
+}
+
+/// Start and end of every row but the last, in host time.
+pub fn rows_in_host_time(client: &Client, happened: &[Happening]) -> Vec<(RowTime, RowTime)> {
+    let mut previous = Word::zeros(12).unwrap();
+    let mut rows = Vec::new();
+    for happening in happened {
+        if let Event::Row { word, .. } = happening.event {
+            let (at_s, _) = client.clock().host_time(1e-6 * happening.at.0 as f64, client.now_s()).unwrap();
+            rows.push(RowTime { at_s, word, previous });
+            previous = word;
+        }
+    }
+    rows.windows(2).map(|pair| (pair[0], pair[1])).collect()
+}
+
+/// Types a line and listens until the answer holds a text.
+pub fn type_and_hear(client: &mut Client, line: &str, wanted: &str) -> String {
+    let heard = Arc::new(Mutex::new(Vec::new()));
+    let ear = heard.clone();
+    client.set_on_text(move |text| ear.lock().unwrap().extend_from_slice(text));
+    client.type_line(line).unwrap();
+    let text = || String::from_utf8_lossy(&heard.lock().unwrap()).into_owned();
+    wait(wanted, || {
+        client.listen(0.05).unwrap();
+        text().contains(wanted)
+    });
+    text()
+}
+
+/// A link whose cable is pulled after so many bytes from the host.
+struct Cut {
+    inner: Box<dyn Link>,
+    left: usize,
+}
+
+impl Link for Cut {
+    fn send(&mut self, bytes: &[u8]) -> Result<(), LinkError> {
+        match self.left.checked_sub(bytes.len()) {
+            Some(left) => {
+                self.left = left;
+                self.inner.send(bytes)
+            }
+            None => {
+                self.inner.send(&bytes[..self.left])?;
+                self.left = 0;
+                Err(LinkError::Closed { port: self.name().to_owned() })
+            }
+        }
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize, LinkError> {
+        self.inner.receive(buffer, timeout)
+    }
+
+    fn now_s(&self) -> f64 {
+        self.inner.now_s()
+    }
+
+    fn name(&self) -> &str {
+        self.inner.name()
+    }
+}
+
+/// Pulls a link's cable after so many bytes from the host.
+pub fn cut_after(inner: Box<dyn Link>, bytes: usize) -> Box<dyn Link> {
+    Box::new(Cut { inner, left: bytes })
+}

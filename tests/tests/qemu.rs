@@ -1,0 +1,162 @@
+//! The real image in the emulator, with a plant at its pins: what a user with a board on the desk would see.
+//!
+//! Where the emulator or the image is missing the tests say so and pass: `cargo xtask test` installs and builds both.
+
+mod bench;
+
+use std::time::Duration;
+
+use bench::{Bench, SETTLE_S, row_words, stepped, table, wait};
+use darm::link::Link;
+use darm::plant::Broken;
+use darm::qemu::Console;
+use darm_core::sequencer::{Command, Event, FaultKind, Phase};
+use darm_core::units::{ActuatorId, ModelHash};
+
+#[test]
+fn a_table_is_uploaded_and_played_by_the_pins() {
+    let Some(bench) = Bench::start(Console::Socket, false) else { return };
+    let mut client = bench.connect();
+    assert_eq!(client.identity().board, "B-L475E-IOT01A");
+    assert_eq!(client.last_death().unwrap(), None);
+    let words = stepped(8);
+    let image = table(&bench.wiring, &words, ModelHash(1));
+    assert_eq!(usize::from(client.upload(&image, &mut |_| {}).unwrap()), words.len());
+    assert_eq!(client.status().unwrap().model, Some(ModelHash(1)));
+    bench.film().take();
+    client.command(Command::Play).unwrap();
+    let happened = bench::events_until(&mut client, |event| event == Event::Finished);
+    assert_eq!(row_words(&happened), words);
+    for (start, end) in bench::rows_in_host_time(&client, &happened) {
+        let frame =
+            bench.film().at_rest_between(start.at_s + SETTLE_S, end.at_s).expect("a frame at rest in every row");
+        assert_eq!(frame.state.reached, start.word, "row at {:.3} s", start.at_s);
+        assert_eq!(frame.state.previous, start.previous);
+    }
+    wait("all coils off", || bench.follower.state().reached == words[0].with_digit(0, 0));
+}
+
+#[test]
+fn a_program_runs_on_without_its_cable() {
+    let Some(bench) = Bench::start(Console::Socket, false) else { return };
+    let mut client = bench.connect();
+    let words = stepped(6);
+    client.upload(&table(&bench.wiring, &words, ModelHash(2)), &mut |_| {}).unwrap();
+    client.command(Command::Play).unwrap();
+    wait("the second row", || bench.follower.state().reached == words[1]);
+    drop(client);
+    wait("the last row", || bench.follower.state().reached == words[5]);
+    let mut client = bench.connect();
+    let happened = bench::events_until(&mut client, |event| event == Event::Finished);
+    assert_eq!(row_words(&happened), words);
+}
+
+#[test]
+fn an_upload_without_its_cable_leaves_the_old_table_and_resumes() {
+    let Some(bench) = Bench::start(Console::Socket, false) else { return };
+    let old = table(&bench.wiring, &stepped(3), ModelHash(3));
+    let new = table(&bench.wiring, &stepped(200), ModelHash(4));
+    bench.connect().upload(&old, &mut |_| {}).unwrap();
+    let cut = bench::cut_after(bench.link(), new.bytes().len() / 2);
+    let mut client = darm::client::Client::connect_as(cut, 5).unwrap();
+    client.upload(&new, &mut |_| {}).unwrap_err();
+    drop(client);
+    let mut client = bench.connect();
+    assert_eq!(client.status().unwrap().model, Some(ModelHash(3)));
+    let mut first = None;
+    client
+        .upload(&new, &mut |progress| {
+            first.get_or_insert(progress.done);
+        })
+        .unwrap();
+    assert!(first > Some(0), "the upload began anew");
+    assert_eq!(client.status().unwrap().model, Some(ModelHash(4)));
+}
+
+#[test]
+fn a_stuck_output_latches_the_safe_state_and_is_named() {
+    let Some(bench) = Bench::start(Console::Socket, false) else { return };
+    let mut client = bench.connect();
+    client.upload(&table(&bench.wiring, &stepped(8), ModelHash(5)), &mut |_| {}).unwrap();
+    bench.follower.set_broken(Broken { lines_low: 1 << 3, ..Broken::default() });
+    client.command(Command::Play).unwrap();
+    wait("the safe state", || matches!(client.status().unwrap().phase, Phase::Safe(_)));
+    let Phase::Safe(fault) = client.status().unwrap().phase else { unreachable!("the safe state is latched") };
+    let actuator = ActuatorId(3);
+    assert_eq!(fault.kind, FaultKind::Switch { actuator, expected_closed: true, seen_closed: false });
+    wait("all coils off", || bench.follower.state().reached.iter().all(|digit| digit == 0));
+    let heard = bench::type_and_hear(&mut client, "status", "seen open");
+    assert!(heard.contains("actuator 3") && heard.contains("expected closed"), "{heard}");
+    bench.follower.set_broken(Broken::default());
+    client.command(Command::Clear).unwrap();
+    assert_eq!(client.status().unwrap().phase, Phase::Idle);
+}
+
+#[test]
+fn a_person_types_at_a_serial_port() {
+    let Some(bench) = Bench::start(Console::Pty, false) else { return };
+    let mut client = bench.connect();
+    client.upload(&table(&bench.wiring, &stepped(3), ModelHash(6)), &mut |_| {}).unwrap();
+    drop(client);
+    let mut port = darm::link::open(bench.qemu.console_port()).unwrap();
+    let mut say = |line: &str, answer: &str| {
+        port.send(format!("{line}\r").as_bytes()).unwrap();
+        let mut heard = Vec::new();
+        wait(&format!("{answer:?} after {line:?}"), || {
+            let mut bytes = [0; 256];
+            let count = port.receive(&mut bytes, Duration::from_millis(100)).unwrap();
+            heard.extend_from_slice(&bytes[..count]);
+            String::from_utf8_lossy(&heard).contains(answer)
+        });
+    };
+    say("help", "reboot");
+    say("id", "B-L475E-IOT01A");
+    say("table", "rows");
+    say("coil 2 on 400", "\n");
+    wait("coil 2 pulled", || bench.follower.state().reached.digit(2) == 1);
+    wait("coil 2 let go", || bench.follower.state().reached.digit(2) == 0);
+    say("word 110000000001", "\n");
+    wait("the word", || bench.follower.state().reached.to_string() == "110000000001");
+    say("stop", "\n");
+    wait("all coils off", || bench.follower.state().reached.iter().all(|digit| digit == 0));
+    say("coil 99 on 10", "?");
+    say("dance", "help");
+}
+
+#[test]
+fn a_servo_goes_where_the_rows_say_and_its_silence_is_a_fault() {
+    let Some(bench) = Bench::start(Console::Socket, true) else { return };
+    let mut client = bench.connect();
+    let words = stepped(4);
+    client.upload(&table(&bench.wiring, &words, ModelHash(7)), &mut |_| {}).unwrap();
+    client.command(Command::Play).unwrap();
+    let happened = bench::events_until(&mut client, |event| event == Event::Finished);
+    assert_eq!(row_words(&happened), words);
+    let angle_rad = bench.follower.state().servos_rad[0];
+    assert!((angle_rad - bench::servo_angle_rad(3)).abs() < 2e-3, "{angle_rad} rad");
+    client.command(Command::Play).unwrap();
+    bench.follower.set_broken(Broken { servos_silent: 1, ..Broken::default() });
+    wait("the safe state", || matches!(client.status().unwrap().phase, Phase::Safe(_)));
+    let Phase::Safe(fault) = client.status().unwrap().phase else { unreachable!("the safe state is latched") };
+    assert_eq!(fault.kind, FaultKind::ServoSilent { servo: 0 });
+}
+
+#[test]
+fn power_cuts_leave_the_old_or_the_new_table() {
+    let Some(mut bench) = Bench::start(Console::Socket, false) else { return };
+    let images = [11, 12].map(|model| table(&bench.wiring, &stepped(100), ModelHash(model)));
+    bench.connect().upload(&images[0], &mut |_| {}).unwrap();
+    let mut loaded = ModelHash(11);
+    for cut in 0..5 {
+        let next = &images[usize::from(loaded == ModelHash(11))];
+        let mut client = bench.connect();
+        // Cuts spread over the whole upload, some of them within the commit.
+        let at = next.bytes().len() * (cut + 1) / 5;
+        let cut_link = bench::cut_after(bench.link(), at + 900 * cut);
+        drop(client.replug(cut_link).and_then(|()| client.upload(next, &mut |_| {})));
+        bench.power_cycle();
+        let model = bench.connect().status().unwrap().model.expect("a table is there");
+        assert!([loaded, next.image().model].contains(&model), "{model}");
+        loaded = model;
+    }
+}
