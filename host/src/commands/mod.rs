@@ -2,6 +2,7 @@
 
 mod camera;
 mod console;
+mod diagnose;
 mod doctor;
 mod flash;
 mod plant;
@@ -9,7 +10,9 @@ mod play;
 mod record;
 mod status;
 mod stop;
+mod stops;
 mod synth;
+mod table;
 pub(crate) mod table_file;
 mod upload;
 mod visits;
@@ -23,7 +26,7 @@ use crate::voice::Voice;
 ///   darm synth base.toml frames.toml -o arm.toml       geometry that reaches the frames
 ///   darm table arm.toml frames.toml -o visits.darm     timed rows, checked against the limits
 ///   darm upload visits.darm && darm play               the board runs them on its own clock
-///   darm record arm.toml --camera unix:cam -o run.csv  play and measure
+///   darm record visits.darm -o run.csv                 play and measure
 ///   darm diagnose arm.toml run.csv -o arm2.toml        which effect the model lacks
 ///   darm stops arm.toml arm2.toml                      by how many mm each stop is to be turned
 ///
@@ -47,11 +50,14 @@ Exit codes: 0 done, 1 failed, 2 bad usage, 3 the board refused or is in its safe
 #[derive(clap::Subcommand, Debug)]
 pub(crate) enum Command {
     Synth(synth::Synth),
+    Stops(stops::Stops),
+    Table(table::Table),
     Upload(upload::Upload),
     Play(play::Play),
     Stop(stop::Stop),
     Status(status::Status),
     Record(record::Record),
+    Diagnose(diagnose::Diagnose),
     Console(console::Console),
     Flash(flash::Flash),
     Plant(plant::Plant),
@@ -63,11 +69,14 @@ impl Command {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
         match self {
             Self::Synth(command) => command.run(voice),
+            Self::Stops(command) => command.run(voice),
+            Self::Table(command) => command.run(voice),
             Self::Upload(command) => command.run(voice),
             Self::Play(command) => command.run(voice),
             Self::Stop(command) => command.run(voice),
             Self::Status(command) => command.run(voice),
             Self::Record(command) => command.run(voice),
+            Self::Diagnose(command) => command.run(voice),
             Self::Console(command) => command.run(voice),
             Self::Flash(command) => command.run(voice),
             Self::Plant(command) => command.run(voice),

@@ -1,6 +1,7 @@
 //! `darm plant`: a board to play with. The firmware's image runs in the emulator; an arm hangs on its pins.
 
 mod film;
+mod hidden;
 
 use std::os::unix::fs::symlink;
 use std::os::unix::net::UnixListener;
@@ -11,19 +12,27 @@ use std::time::Duration;
 use anyhow::Context as _;
 use darm::arm::Arm;
 use darm::plant::follow::Follower;
+use darm::plant::truth::{Sealed, Truth};
 use darm::plant::{Broken, Plant as Metal};
 use darm::qemu::{self, Console, Machine, Qemu};
+use darm::stops::differences;
 use serde::Serialize;
 
 use crate::failure::Usage;
 use crate::voice::{Answer, Voice};
 use crate::{firmware_image, state_folder};
 use film::Projector;
+use hidden::Effect;
 
 const EXAMPLES: &str = "\
 Examples:
   darm plant arm.toml                     a board with this arm; in another terminal: darm console
   darm plant arm.toml --pty               its port as a pseudo terminal, for any terminal program
+  darm plant arm.toml --effect any --seed 7
+                                          something is wrong with this arm: measure, diagnose, then
+                                          Ctrl-C tells what it was
+  darm plant arm2.toml --before arm.toml --effect any --seed 7
+                                          the same arm after its stops were turned
   darm plant arm.toml --line-low 4        output line 4 is broken: the board notices by the limit switch
 
 While it runs every command finds the board without --port, unless a real one is plugged in.
@@ -49,6 +58,16 @@ pub(crate) struct Plant {
     /// Make the port a pseudo terminal, for any terminal program
     #[arg(long)]
     pty: bool,
+    /// Effect in the arm that its file does not declare: none, any, stroke-loss, anchor-offset, gravity-sag, play,
+    /// supply-stroke or thermal-growth
+    #[arg(long, value_name = "KIND", default_value = "none")]
+    effect: Effect,
+    /// Seed of the effect's place and size, and of the camera's noise
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Arm that the effect is drawn for, where its stops have been turned since
+    #[arg(long, value_name = "OLD.toml")]
+    before: Option<PathBuf>,
     /// Output line that is stuck low; may be given several times
     #[arg(long, value_name = "LINE")]
     line_low: Vec<u8>,
@@ -92,6 +111,22 @@ impl Answer for Running {
     }
 }
 
+/// What was hidden in the arm.
+#[derive(Serialize)]
+struct Ended {
+    effect: Sealed,
+}
+
+impl Answer for Ended {
+    fn text(&self) -> String {
+        let Sealed { effect, place, size, unit, .. } = &self.effect;
+        if place.is_empty() {
+            return "\nthe arm was as its file says".to_owned();
+        }
+        format!("\nhidden in the arm was: {effect} at {place}, {size:.6} {unit}")
+    }
+}
+
 /// Why the board ended or did not start.
 #[derive(Debug, thiserror::Error)]
 enum PlantError {
@@ -105,6 +140,7 @@ impl Plant {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
         let arm = Arm::read(&self.arm)?;
         let broken = self.broken()?;
+        let truth = self.truth(&arm)?;
         let elf = firmware_image::find(self.firmware.as_deref())?;
         let folder = self.folder.clone().map_or_else(state_folder::board, Ok)?;
         let listener = claim(&folder)?;
@@ -113,7 +149,7 @@ impl Plant {
         let mut qemu = Qemu::start(&Machine { elf: elf.clone(), folder: folder.clone(), console })?;
         let follower = Follower::start(&qemu, &arm.wiring, Metal::new(&arm.wiring, &[]))?;
         follower.set_broken(broken);
-        let projector = Projector::start(listener, arm.clone(), follower.film())?;
+        let projector = Projector::start(listener, truth.clone(), arm.model.chain.is_planar(), follower.film())?;
         qemu.resume()?;
         let port = name_port(&folder, qemu.console_port())?;
         voice.tell(&Running {
@@ -127,7 +163,16 @@ impl Plant {
         })?;
         let end = wait(&mut qemu);
         projector.stop();
+        voice.tell(&Ended { effect: truth.unseal().clone() })?;
         end
+    }
+
+    /// The true arm: with the effect of the arm before, if there is one.
+    fn truth(&self, arm: &Arm) -> anyhow::Result<Truth> {
+        let Some(before) = &self.before else { return Ok(self.effect.draw(arm, self.seed)?) };
+        let before = Arm::read(before)?;
+        differences(&before, arm)?;
+        Ok(self.effect.draw(&before, self.seed)?.with_geometry(arm))
     }
 
     fn broken(&self) -> Result<Broken, Usage> {

@@ -77,11 +77,6 @@ impl TableFile {
         Ok(Self { path: path.into(), device, records, image })
     }
 
-    /// Number of rows.
-    pub(crate) fn rows(&self) -> usize {
-        rows(&self.records)
-    }
-
     /// Refuses a board that the table was not made for.
     pub(crate) fn check_device(&self, board: DeviceId) -> Result<(), TableFileError> {
         match self.device {

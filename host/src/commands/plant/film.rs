@@ -7,8 +7,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use darm::arm::{Arm, ArmScratch};
+use darm::clock::host_now_s;
 use darm::plant::camera::{Film, Frame};
+use darm::plant::truth::{TrueState, Truth};
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
 
 use crate::commands::camera::{Picture, header, unix_less_host_s};
 
@@ -25,11 +28,12 @@ pub(crate) struct Projector {
 
 impl Projector {
     /// Starts to show.
-    pub(crate) fn start(listener: UnixListener, arm: Arm, film: Film) -> std::io::Result<Self> {
+    pub(crate) fn start(listener: UnixListener, truth: Truth, planar: bool, film: Film) -> std::io::Result<Self> {
         listener.set_nonblocking(true)?;
         let end = Arc::new(AtomicBool::new(false));
         let seen = Arc::clone(&end);
-        let mut eye = Eye { planar: arm.model.chain.is_planar(), arm, scratch: ArmScratch::default() };
+        let rng = ChaCha8Rng::seed_from_u64(truth.unseal().seed);
+        let mut eye = Eye { truth, planar, started_s: host_now_s(), rng };
         let thread = thread::Builder::new().name("camera".into()).spawn(move || {
             let mut clients = Vec::new();
             while !seen.load(Ordering::Relaxed) {
@@ -68,22 +72,34 @@ fn accept(listener: &UnixListener, planar: bool) -> Vec<UnixStream> {
     }
 }
 
-/// Turns where the actuators are into where the tool is.
+/// Turns where the actuators are into what the camera tells of the tool.
 struct Eye {
-    arm: Arm,
+    truth: Truth,
     planar: bool,
-    scratch: ArmScratch,
+    started_s: f64,
+    rng: ChaCha8Rng,
 }
 
 impl Eye {
-    /// The line of a frame; none where the arm cannot be assembled.
+    /// The line of a frame; none while something moves, for that is blurred, or where the arm cannot be assembled.
     fn line(&mut self, frame: &Frame) -> Option<String> {
-        let servos: Vec<f64> = frame.state.servos_rad.iter().map(|&angle| angle.into()).collect();
-        let mut condition = self.arm.model.nominal(frame.state.reached, &servos);
-        condition.previous = Some(frame.state.previous);
-        let pose = self.arm.model.predict(&condition, &mut self.scratch).ok()?;
-        let time_s = frame.at_s + unix_less_host_s();
-        let picture = Picture { time_s, pose, supply: None, temperature_c: None };
+        if frame.state.moving {
+            return None;
+        }
+        let servos_rad: Vec<f64> = frame.state.servos_rad.iter().map(|&angle| angle.into()).collect();
+        let state = TrueState {
+            word: frame.state.reached,
+            previous: Some(frame.state.previous),
+            servos_rad: &servos_rad,
+            time_s: frame.at_s - self.started_s,
+        };
+        let seen = self.truth.observe(&state, &mut self.rng).ok()?;
+        let picture = Picture {
+            time_s: frame.at_s + unix_less_host_s(),
+            pose: seen.pose,
+            supply: Some(seen.supply),
+            temperature_c: Some(seen.temperature_c),
+        };
         Some(picture.line(self.planar) + "\n")
     }
 }
