@@ -16,6 +16,9 @@ use darm::clock::host_now_s;
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, Pose2};
 
+/// One bar in the unit of the model's supply, Pa.
+pub(crate) const BAR: f64 = 1e5;
+
 /// One picture.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Picture {
@@ -23,8 +26,8 @@ pub(crate) struct Picture {
     pub(crate) time_s: f64,
     /// Pose of the tool in the base.
     pub(crate) pose: Pose<f64>,
-    /// Supply, in bar.
-    pub(crate) supply: Option<f64>,
+    /// Supply.
+    pub(crate) supply_bar: Option<f64>,
     /// Temperature, in °C.
     pub(crate) temperature_c: Option<f64>,
 }
@@ -62,7 +65,7 @@ impl Picture {
             // A string takes whatever is written.
             let _ = write!(line, ",{number:.7}");
         }
-        for value in [self.supply, self.temperature_c] {
+        for value in [self.supply_bar, self.temperature_c] {
             line += &value.map_or(",".to_owned(), |value| format!(",{value:.4}"));
         }
         line
@@ -112,7 +115,7 @@ impl Columns {
         let seen = time_s.is_finite() && pose.position.iter().chain(pose.rotation.iter()).all(|n| n.is_finite());
         let optional = |column| self.number(&cells, column).ok().filter(|n| n.is_finite());
         let picture =
-            Picture { time_s, pose, supply: optional("supply_bar"), temperature_c: optional("temperature_c") };
+            Picture { time_s, pose, supply_bar: optional("supply_bar"), temperature_c: optional("temperature_c") };
         Ok(seen.then_some(picture))
     }
 
@@ -148,15 +151,15 @@ mod tests {
         let columns = Columns::parse(&header(planar)).unwrap();
         let read = columns.picture(&picture.line(planar)).unwrap().unwrap();
         assert!(read.pose.distance(&picture.pose, 0.5) < 1e-6);
-        assert_eq!((read.time_s, read.supply, read.temperature_c), (picture.time_s, picture.supply, picture.temperature_c));
+        assert_eq!((read.time_s, read.supply_bar, read.temperature_c), (picture.time_s, picture.supply_bar, picture.temperature_c));
     }
 
     #[test]
     fn lines_and_pictures_are_inverse() {
         let pose = Pose::from(Pose2::new(1.0, -2.0, 0.3));
-        round_trip(&Picture { time_s: 1.75e9, pose, supply: Some(6.0), temperature_c: None }, true);
+        round_trip(&Picture { time_s: 1.75e9, pose, supply_bar: Some(6.0), temperature_c: None }, true);
         let pose = Pose::new(&Vec3::new(0.1, 0.2, -0.3), Vec3::new(1.0, 2.0, 3.0));
-        round_trip(&Picture { time_s: 1.75e9, pose, supply: None, temperature_c: Some(21.5) }, false);
+        round_trip(&Picture { time_s: 1.75e9, pose, supply_bar: None, temperature_c: Some(21.5) }, false);
     }
 
     #[test]

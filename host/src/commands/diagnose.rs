@@ -83,7 +83,8 @@ impl Answer for Report {
 fn effect(found: &Found) -> String {
     let values = found.parameters.iter().map(|parameter| {
         let [low, high] = parameter.ci95;
-        format!("{} {:.6} {} (95 %: {low:.6} to {high:.6})", parameter.name, parameter.value, parameter.unit)
+        let unit = if parameter.unit == "1" { String::new() } else { format!(" {}", parameter.unit) };
+        format!("{} {:.6}{unit} (95 %: {low:.6} to {high:.6})", parameter.name, parameter.value)
     });
     format!("  {}, {}: {}", found.law, found.place_name, values.collect::<Vec<_>>().join(", "))
 }

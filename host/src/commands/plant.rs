@@ -123,7 +123,8 @@ impl Answer for Ended {
         if place.is_empty() {
             return "\nthe arm was as its file says".to_owned();
         }
-        format!("\nhidden in the arm was: {effect} at {place}, {size:.6} {unit}")
+        let unit = if *unit == "1" { String::new() } else { format!(" {unit}") };
+        format!("\nhidden in the arm was: {effect} at {place}, {size:.6}{unit}")
     }
 }
 

@@ -9,7 +9,7 @@ use anyhow::Context as _;
 use darm::arm::Arm;
 use darm::client::{Client, Happening};
 use darm::clock::Offset;
-use darm::measurement::{Run, check, write_text};
+use darm::measurement::{Finding, Run, check, write_text};
 use darm_core::sequencer::{Command, Event};
 use darm_core::units::ModelHash;
 use flate2::Compression;
@@ -23,6 +23,7 @@ use super::visits::{Visits, beside};
 use crate::failure::Safe;
 use crate::port::{PortArgs, emulated_camera};
 use crate::voice::{Answer, Voice};
+use join::Mark;
 use source::Camera;
 
 const EXAMPLES: &str = "\
@@ -41,6 +42,8 @@ The offset of the board's clock and its uncertainty stand in the comment lines o
 
 /// Time between two questions to the board.
 const POLL: std::time::Duration = std::time::Duration::from_millis(50);
+/// A quartz clock departs by less in any program.
+const DEPARTURE_S: f64 = 0.02;
 /// Questions that tell the board's time before the program starts.
 const ROUND_TRIPS: u32 = 20;
 
@@ -121,9 +124,7 @@ impl Record {
         let played = play(&mut client, &visits, voice)?;
         let pictures = camera.stop()?;
         let clock = client.clock().offset().ok_or(RecordError::NothingPlayed)?;
-        // Board time of the program's start on the camera's clock.
-        let start_unix_s = played.start_s + clock.offset_s + unix_less_host_s();
-        let mut samples = join::join(&visits, start_unix_s, played.lasted_s, &pictures);
+        let mut samples = join::join(&visits, &played.marks, &pictures);
         for sample in &mut samples {
             sample.run = self.run;
             sample.time_s += played.start_s;
@@ -133,7 +134,22 @@ impl Record {
         }
         let run = Run { samples, lines: Vec::new() };
         write(&self.output, &header(&visits, clock, client.identity().device.to_string().as_str()), &run)?;
-        self.tell(voice, arm.as_ref(), &visits, &run, pictures.len(), clock, played.end)
+        let mut findings = arm.map(|arm| check(&arm, &run)).unwrap_or_default();
+        findings.extend(uneven(join::departure_s(&played.marks)));
+        voice.tell(&Recorded {
+            output: self.output.clone(),
+            rows: run.samples.len(),
+            visits: visits.rests.len(),
+            pictures: pictures.len(),
+            clock_offset_s: clock.offset_s,
+            clock_uncertainty_s: clock.uncertainty_s,
+            findings: findings.iter().map(ToString::to_string).collect(),
+            end: played.end.name(),
+        })?;
+        match played.end {
+            End::Fault(fault) => Err(Safe(fault.to_string()).into()),
+            End::Finished | End::Stopped => Ok(()),
+        }
     }
 
     fn check_table(&self, client: &mut Client, visits: &Visits) -> anyhow::Result<()> {
@@ -145,42 +161,23 @@ impl Record {
             Some(_) => Ok(()),
         }
     }
+}
 
-    #[expect(clippy::too_many_arguments, reason = "the parts of one report")]
-    fn tell(
-        &self,
-        voice: Voice,
-        arm: Option<&Arm>,
-        visits: &Visits,
-        run: &Run,
-        pictures: usize,
-        clock: Offset,
-        end: End,
-    ) -> anyhow::Result<()> {
-        let findings = arm.map(|arm| check(arm, run)).unwrap_or_default();
-        voice.tell(&Recorded {
-            output: self.output.clone(),
-            rows: run.samples.len(),
-            visits: visits.rests.len(),
-            pictures,
-            clock_offset_s: clock.offset_s,
-            clock_uncertainty_s: clock.uncertainty_s,
-            findings: findings.iter().map(ToString::to_string).collect(),
-            end: end.name(),
-        })?;
-        match end {
-            End::Fault(fault) => Err(Safe(fault.to_string()).into()),
-            End::Finished | End::Stopped => Ok(()),
-        }
-    }
+/// What the owner should know of a board's clock that did not keep time.
+fn uneven(departure_s: f64) -> Option<Finding> {
+    let what = format!(
+        "the board's clock departed by {departure_s:.3} s while the program ran, as an emulator's does on a busy \
+         computer; visits that it makes doubtful are left out"
+    );
+    (departure_s > DEPARTURE_S).then_some(Finding { line: None, what })
 }
 
 /// What the board did.
 struct Played {
     /// When row 0 went out, on the board's clock.
     start_s: f64,
-    /// How long the program ran after it.
-    lasted_s: f64,
+    /// Every event of the program on the camera's clock, with the relation of the clocks as it was then.
+    marks: Vec<Mark>,
     end: End,
 }
 
@@ -190,10 +187,17 @@ fn play(client: &mut Client, visits: &Visits, voice: Voice) -> anyhow::Result<Pl
     let mut watch = Watch::new(client.say_hello()?.next_event);
     client.command(Command::Play)?;
     let bar = voice.bar("recording", visits.rests.len() as u64, "visits");
-    let mut happenings: Vec<Happening> = Vec::new();
+    let (mut start_s, mut marks) = (None, Vec::new());
     let end = loop {
         std::thread::sleep(POLL);
-        happenings.extend(watch.look(client)?);
+        let happenings = watch.look(client)?;
+        if start_s.is_none() {
+            let first = happenings.iter().find(|happening| row_of(happening) == Some(0));
+            start_s = first.map(|happening| seconds(happening.at));
+        }
+        if let (Some(start_s), Some(clock)) = (start_s, client.clock().offset()) {
+            marks.extend(happenings.iter().map(|happening| mark(happening, start_s, clock)));
+        }
         let done = |row: u16| visits.rests.iter().take_while(|rest| rest.row <= row).count();
         if let Some(row) = happenings.iter().rev().find_map(row_of) {
             bar.set_position(done(row) as u64);
@@ -203,10 +207,18 @@ fn play(client: &mut Client, visits: &Visits, voice: Voice) -> anyhow::Result<Pl
         }
     };
     bar.finish_and_clear();
-    let start = happenings.iter().find(|happening| row_of(happening) == Some(0));
-    let start_s = start.map(|happening| seconds(happening.at)).ok_or(RecordError::NothingPlayed)?;
-    let ended_s = happenings.last().map_or(start_s, |happening| seconds(happening.at));
-    Ok(Played { start_s, lasted_s: ended_s - start_s, end })
+    let start_s = start_s.ok_or(RecordError::NothingPlayed)?;
+    marks.retain(|mark| mark.program_s >= 0.0);
+    Ok(Played { start_s, marks, end })
+}
+
+fn mark(happening: &Happening, start_s: f64, clock: Offset) -> Mark {
+    let board_s = seconds(happening.at);
+    Mark {
+        program_s: board_s - start_s,
+        offset_s: start_s + clock.offset_s + unix_less_host_s(),
+        uncertainty_s: clock.uncertainty_s,
+    }
 }
 
 fn row_of(happening: &Happening) -> Option<u16> {

@@ -213,7 +213,8 @@ fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
 
 impl Answer for Made {
     fn text(&self) -> String {
-        let mut rows = vec![["row", "time", "word", "servos", "visit"].map(str::to_owned).to_vec()];
+        let head = if self.rows.iter().all(|row| row.servos_deg.is_empty()) { "" } else { "servos" };
+        let mut rows = vec![["row", "time", "word", head, "visit"].map(str::to_owned).to_vec()];
         rows.extend(self.rows.iter().take(self.shown).enumerate().map(|(index, row)| {
             let servos: Vec<_> = row.servos_deg.iter().map(|angle| format!("{angle:.2} deg")).collect();
             let visit = row.visit.clone().unwrap_or_default();

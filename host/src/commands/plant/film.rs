@@ -13,7 +13,7 @@ use darm::plant::truth::{TrueState, Truth};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
-use crate::commands::camera::{Picture, header, unix_less_host_s};
+use crate::commands::camera::{BAR, Picture, header, unix_less_host_s};
 
 /// How often the film is looked at.
 const LOOK: Duration = Duration::from_millis(10);
@@ -97,7 +97,7 @@ impl Eye {
         let picture = Picture {
             time_s: frame.at_s + unix_less_host_s(),
             pose: seen.pose,
-            supply: Some(seen.supply),
+            supply_bar: Some(seen.supply / BAR),
             temperature_c: Some(seen.temperature_c),
         };
         Some(picture.line(self.planar) + "\n")
