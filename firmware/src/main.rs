@@ -1,103 +1,11 @@
-//! The image that is flashed: starts the board, then three tasks.
+//! The image that is flashed: starts the board and its tasks, then sleeps.
 //!
-//! | task      | executor              | does                                             |
-//! |-----------|-----------------------|--------------------------------------------------|
-//! | `control` | [`board::CONTROL`]    | looks, decides and drives, once a millisecond    |
-//! | `console` | [`board::COMMON`]     | frames and text on USART1, storage               |
-//! | `servos`  | [`board::COMMON`]     | the servo bus on USART2                          |
-//!
-//! The main thread sleeps: everything runs in interrupts, so that one priority order rules all.
+//! Everything runs in interrupts, so that one order of priorities rules all; see [`board`].
 #![no_std]
 #![no_main]
 
-use darm_core::table::Table;
-use darm_core::units::Micros;
-use darm_core::wire::bootstrap::{Death, Identity};
-use darm_firmware::app::serve;
-use darm_firmware::board::flash::Flash;
-use darm_firmware::board::gpio::{Output, Switches};
-use darm_firmware::board::time::BoardClock;
-use darm_firmware::board::{self, clocks, death, pins, restart, time, uart, watchdog};
-use darm_firmware::clock::Clock;
-use darm_firmware::control::{Control, Shared, TICK};
-use darm_firmware::dispatch::{Board, Desk};
-use darm_firmware::servo::Bus;
-use darm_firmware::solenoid::{Pins, Solenoids};
+use darm_firmware::board::{self, clocks, death, restart, tasks, time};
 use defmt_rtt as _;
-use embassy_executor::InterruptExecutor;
-use static_cell::StaticCell;
-use stm32_metapac::interrupt;
-
-static CONTROL: InterruptExecutor = InterruptExecutor::new();
-static COMMON: InterruptExecutor = InterruptExecutor::new();
-static SHARED: Shared<'static> = Shared::new();
-
-/// The large ones are built before the tasks run: a task that builds them needs their room on the stack for ever.
-static TABLE: StaticCell<Table> = StaticCell::new();
-static TICKS: StaticCell<Control<'static>> = StaticCell::new();
-static DESK: StaticCell<OnBoard> = StaticCell::new();
-
-type OnBoard = Desk<'static, 'static, Flash, BoardClock>;
-
-#[interrupt]
-unsafe fn TSC() {
-    // SAFETY: this is the interrupt of the control executor, unmasked when that starts.
-    unsafe { CONTROL.on_interrupt() }
-}
-
-#[interrupt]
-unsafe fn SWPMI1() {
-    // SAFETY: this is the interrupt of the common executor, unmasked when that starts.
-    unsafe { COMMON.on_interrupt() }
-}
-
-/// Looks, decides and drives. What drives the pins cannot fail on this board.
-#[embassy_executor::task]
-async fn control(control: &'static mut Control<'static>) -> ! {
-    let switches = Switches::new();
-    let Ok(mut solenoids) = Solenoids::new(Pins {
-        data: Output::new(pins::CHAIN_DATA, false),
-        clock: Output::new(pins::CHAIN_CLOCK, false),
-        latch: Output::new(pins::CHAIN_LATCH, false),
-        enable: Output::new(pins::CHAIN_ENABLE, true),
-    });
-    watchdog::start();
-    loop {
-        // On whole milliseconds, when SysTick comes; what was missed, by a debugger say, is not made up for.
-        let due = Micros((BoardClock.now().0 / TICK.0 + 1) * TICK.0);
-        BoardClock.wait_until(due).await;
-        let now = BoardClock.now();
-        let outputs = control.tick(now, due, switches.read(), &SHARED);
-        if let Some(chips) = control.chips() {
-            solenoids.set_chips(chips);
-        }
-        let Ok(()) = solenoids.apply(outputs.lines, outputs.enabled);
-        watchdog::feed();
-    }
-}
-
-#[embassy_executor::task]
-async fn console(desk: &'static mut OnBoard, table: &'static mut Table) {
-    let (mut receiver, mut sender) = uart::start_console();
-    let flash = Flash::open();
-    if let Err(error) = &flash {
-        defmt::error!("no storage: {}", defmt::Debug2Format(error));
-    }
-    desk.open(flash.ok(), table).await;
-    defmt::info!("storage {=bool}", desk.has_store());
-    let into = serve(desk, &mut receiver, &mut sender).await;
-    restart::restart(into)
-}
-
-#[embassy_executor::task]
-async fn servos() -> ! {
-    let (receiver, sender) = uart::start_servo_bus();
-    Bus::new(receiver, sender, BoardClock).run(&SHARED).await
-}
-
-fn identity() -> Identity {
-    Identity { device: board::device(), board: heapless::String::try_from(board::NAME).unwrap_or_default() }
-}
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
@@ -112,26 +20,8 @@ fn main() -> ! {
     if let Some(death) = &death {
         defmt::error!("the last start died after {=u64} us: {=str}", death.uptime_us, death.text.as_str());
     }
-    start(death);
+    tasks::start(death);
     loop {
         cortex_m::asm::wfi();
-    }
-}
-
-/// Builds what the tasks own and starts them. Its stack is free again when they run.
-#[inline(never)]
-fn start(death: Option<Death>) {
-    let control = control(TICKS.init_with(|| Control::new(BoardClock.now(), &SHARED)));
-    let board = Board { identity: identity(), death };
-    let desk = DESK.init_with(|| Desk::new(board, BoardClock, &SHARED));
-    let console = console(desk, TABLE.init_with(Table::default));
-    match (control, console, servos()) {
-        (Ok(control), Ok(console), Ok(servos)) => {
-            let common = COMMON.start(board::COMMON);
-            CONTROL.start(board::CONTROL).spawn(control);
-            common.spawn(console);
-            common.spawn(servos);
-        }
-        _ => death::give_up(format_args!("a task was started twice")),
     }
 }

@@ -3,9 +3,13 @@
 pub mod arm;
 pub mod client;
 pub mod clock;
+pub mod diagnose;
 pub mod link;
 pub mod measurement;
 pub mod plan;
 pub mod plant;
+pub mod programme;
 pub mod qemu;
+pub mod reach;
+pub mod stops;
 pub mod synthesis;

@@ -1,2 +1,40 @@
-//! Set-up, demo, tests and measurements of the workspace.
-fn main() {}
+//! `cargo xtask`: the set-up, the demo, the tests and the measurements of this workspace.
+
+mod image;
+mod setup;
+mod step;
+mod test;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Set-up, demo, tests and measurements. Each command does the set-up that it needs and says what it does.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask")]
+struct Arguments {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// All tests: format, lints, documentation, unit and system tests, the image in the emulator
+    Test,
+    /// Builds the firmware image and prints its path
+    Image,
+}
+
+fn main() -> ExitCode {
+    let result = match Arguments::parse().task {
+        Task::Test => test::run(),
+        Task::Image => image::build().map(|path| println!("{}", path.display())),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

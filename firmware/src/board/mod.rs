@@ -11,7 +11,9 @@
 //! | `watchdog` | resets the chip when the control tick stops                       |
 //! | `death`    | panic and fault: outputs off, a record for the next boot, reset   |
 //! | `restart`  | reset into the firmware or into the chip's loader                 |
-//! | `mask`     | the critical section; counts its instructions in the bench image  |
+//! | `tasks`    | the three tasks and what they own                                 |
+//! | `mask`     | the critical section                                              |
+//! | `measure`  | longest tick and longest masked stretch, in the bench image only  |
 //!
 //! Priorities, most urgent first: SysTick, control executor, USARTs, the executor of all else.
 pub mod clocks;
@@ -19,14 +21,14 @@ pub mod death;
 pub mod flash;
 pub mod gpio;
 mod mask;
+#[cfg(feature = "bench")]
+pub mod measure;
 pub mod pins;
 pub mod restart;
+pub mod tasks;
 pub mod time;
 pub mod uart;
 pub mod watchdog;
-
-#[cfg(feature = "bench")]
-pub use mask::longest_masked_cycles;
 
 use darm_core::units::DeviceId;
 use stm32_metapac::{FLASH, Interrupt, UID};

@@ -123,10 +123,16 @@ impl Clock for BoardClock {
     }
 }
 
-/// Core cycles from one reading of the counter to a later one, less than [`TICK_US`] apart.
+/// Core cycles since [`start`], modulo 2³².
 #[cfg(feature = "bench")]
-pub(super) fn cycles_between(earlier: u32, later: u32) -> u32 {
-    if earlier >= later { earlier - later } else { earlier + RELOAD - later }
+pub(super) fn cycles() -> u32 {
+    let before = TIME.ticks.load(Ordering::Acquire);
+    let left = SYST::get_current();
+    let (ticks, left) = if pending() { (before + 1, SYST::get_current()) } else { (before, left) };
+    if TIME.ticks.load(Ordering::Acquire) != before {
+        return cycles();
+    }
+    ticks.wrapping_mul(RELOAD).wrapping_add(RELOAD - 1 - left)
 }
 
 #[exception]
@@ -134,6 +140,8 @@ fn SysTick() {
     if TIME.ticks.fetch_add(1, Ordering::AcqRel) == u32::MAX {
         TIME.wraps.fetch_add(1, Ordering::AcqRel);
     }
+    #[cfg(feature = "bench")]
+    let began = cycles();
     let now = TIME.ticks() * u64::from(TICK_US);
     critical_section::with(|cs| {
         let sleeping = &mut *TIME.sleeping.borrow(cs).borrow_mut();
@@ -141,6 +149,8 @@ fn SysTick() {
             sleeping.next_us = sleeping.queue.next_expiration(now);
         }
     });
+    #[cfg(feature = "bench")]
+    super::measure::end_handler(began);
 }
 
 defmt::timestamp!("{=u64:us}", now_us());

@@ -42,7 +42,9 @@ fn places(model: &ArmModel) -> Vec<Place> {
     let modules: Vec<u8> = stages.filter(|(_, stage)| stage.n_actuators() > 1).map(|(k, _)| k as u8).collect();
     let n_actuators = model.chain.n_actuators();
     let mut places: Vec<Place> = (0..n_actuators as u8).map(Place::Actuator).collect();
-    if modules.len() > 1 || modules.len() == 1 && model.chain.n_actuators() > model.chain.stages[modules[0] as usize].n_actuators() {
+    if modules.len() > 1
+        || modules.len() == 1 && model.chain.n_actuators() > model.chain.stages[modules[0] as usize].n_actuators()
+    {
         places.extend(modules.into_iter().map(Place::Module));
     }
     if n_actuators > 1 {

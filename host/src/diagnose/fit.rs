@@ -96,6 +96,9 @@ pub fn solve(information: &DMatrix<f64>, gradient: &DVector<f64>) -> DVector<f64
 
 /// The inverse of an information matrix, zero along what it does not tell; scaled first, so that units do not matter.
 pub fn pseudo_inverse(information: &DMatrix<f64>) -> DMatrix<f64> {
+    if information.is_empty() {
+        return information.clone();
+    }
     let scale = information.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
     let scaled = DMatrix::from_fn(scale.len(), scale.len(), |a, b| information[(a, b)] * scale[a] * scale[b]);
     let eigen = scaled.symmetric_eigen();
@@ -188,7 +191,7 @@ pub fn fit(
     let all = vec![1.0; observations.rows.len()];
     let mut best = at(model.clone(), observations, values, scratch)?;
     let mut loss: f64 = losses(&best.residuals, n_axes).iter().sum();
-    for _ in 0..STEPS {
+    for _ in 0..if best.values.is_empty() { 0 } else { STEPS } {
         let step = linear_step(&best.columns, &best.residuals, n_axes, &all, &all);
         let Some((model, lower)) = descend(&best, step, loss, observations, scratch) else {
             break;
@@ -228,12 +231,7 @@ fn descend(
 }
 
 /// Residuals and derivatives of a model as it stands.
-fn at(
-    model: ArmModel,
-    observations: &Observations,
-    values: &[Value],
-    scratch: &mut ArmScratch,
-) -> Result<Fit, NoPose> {
+fn at(model: ArmModel, observations: &Observations, values: &[Value], scratch: &mut ArmScratch) -> Result<Fit, NoPose> {
     let residuals = observations.residuals(&model, scratch)?;
     let columns = observations.jacobian(&model, &residuals, values, scratch)?;
     let (values, columns) = values.iter().zip(columns).filter_map(|(&value, column)| Some((value, column?))).unzip();
@@ -248,7 +246,7 @@ pub fn covariance(fit: &Fit, observations: &Observations) -> DMatrix<f64> {
     let (information, _) = normal(&fit.columns, &fit.residuals, &row_weights);
     let inverse = pseudo_inverse(&information);
     let (p, groups) = (fit.columns.len(), observations.n_groups);
-    let mut scores = DMatrix::zeros(p, groups);
+    let mut scores = DMatrix::<f64>::zeros(p, groups);
     for (index, (row, weight)) in observations.rows.iter().zip(&row_weights).enumerate() {
         for k in index * n_axes..(index + 1) * n_axes {
             for (a, column) in fit.columns.iter().enumerate() {

@@ -78,7 +78,9 @@ fn anywhere<'a>(samples: &[&'a Sample]) -> Vec<Vec<&'a Sample>> {
     let mut sorted = samples.to_vec();
     sorted.sort_by(|a, b| {
         let servos = || a.servos_rad.iter().zip(&b.servos_rad).map(|(a, b)| a.total_cmp(b)).find(|o| o.is_ne());
-        (a.run, a.word, a.previous).cmp(&(b.run, b.word, b.previous)).then_with(|| servos().unwrap_or(a.time_s.total_cmp(&b.time_s)))
+        (a.run, a.word, a.previous)
+            .cmp(&(b.run, b.word, b.previous))
+            .then_with(|| servos().unwrap_or(a.time_s.total_cmp(&b.time_s)))
     });
     successive(&sorted)
 }

@@ -20,6 +20,12 @@ const SPATIAL: [usize; 6] = [0, 1, 2, 3, 4, 5];
 /// How far a derivative's step moves the tool, m: far above rounding, far below curvature.
 const STEP_M: f64 = 1e-6;
 
+/// The first step of a value, in its own unit, to learn how far it moves the tool.
+const TRIAL: f64 = 1e-8;
+
+/// A value whose trial moves the tool by less than this, m, is taken to change nothing: it is rounding.
+const UNMOVED_M: f64 = 1e-13;
+
 /// A value of an effect in a model: the number of the effect and of the value.
 pub type Value = (usize, usize);
 
@@ -89,10 +95,16 @@ impl Observations {
         self.axes.len()
     }
 
-    /// The same rows told in another noise.
-    pub fn with_noise(mut self, sigma: [f64; 6]) -> Self {
-        self.sigma = sigma;
+    /// The same rows told in the noise of other observations.
+    pub fn like(mut self, other: &Self) -> Self {
+        self.sigma = other.sigma;
         self
+    }
+
+    /// The components of the residual of one row, rad and m.
+    pub fn components(&self, residuals: &[f64], row: usize) -> Vec<f64> {
+        let n = self.axes.len();
+        self.axes.iter().enumerate().map(|(k, &axis)| residuals[row * n + k] * self.sigma[axis]).collect()
     }
 
     /// The residuals of all rows, one after the other, in units of the noise.
@@ -141,17 +153,16 @@ impl Observations {
         scratch: &mut ArmScratch,
     ) -> Result<Option<f64>, NoPose> {
         // Laws differ in their units: a trial tells how far this one moves the tool. A few rows tell it mostly.
-        let trial = STEP_M;
         let few = Self { rows: self.rows.iter().step_by(self.rows.len() / 24 + 1).cloned().collect(), ..self.empty() };
         let mut at_few = Vec::new();
         for row in (0..self.rows.len()).step_by(self.rows.len() / 24 + 1) {
             at_few.extend_from_slice(&at[row * self.axes.len()..(row + 1) * self.axes.len()]);
         }
-        let mut moved_m = few.moved_m(&at_few, &few.residuals_with(model, value, trial, scratch)?);
-        if moved_m < 1e-6 * trial {
-            moved_m = self.moved_m(at, &self.residuals_with(model, value, trial, scratch)?);
+        let mut moved_m = few.moved_m(&at_few, &few.residuals_with(model, value, TRIAL, scratch)?);
+        if moved_m < UNMOVED_M {
+            moved_m = self.moved_m(at, &self.residuals_with(model, value, TRIAL, scratch)?);
         }
-        Ok((moved_m >= 1e-6 * trial).then(|| trial * STEP_M / moved_m))
+        Ok((moved_m >= UNMOVED_M).then(|| TRIAL * STEP_M / moved_m))
     }
 
     fn residuals_with(
@@ -193,8 +204,7 @@ impl Observations {
             supply: row.supply,
             temperature_k: row.temperature_k,
         };
-        let predicted =
-            model.predict(&condition, scratch).map_err(|error| NoPose { sample: row.sample, error })?;
+        let predicted = model.predict(&condition, scratch).map_err(|error| NoPose { sample: row.sample, error })?;
         Ok((row.inverse * predicted).log().to_vector().into())
     }
 

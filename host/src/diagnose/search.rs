@@ -89,12 +89,13 @@ impl Search {
             .collect();
         let mut screened = Vec::new();
         for effect in &candidates {
-            screened.extend(self.screened(current, effect)?);
+            screened.extend(self.screened(current, effect).unwrap_or_default());
         }
         screened.sort_by(|a, b| a.loss().total_cmp(&b.loss()));
         let mut tried = Vec::new();
         for trial in screened.iter().take(REFINED) {
-            tried.push(self.refined(&trial.fit.model, Some(trial.effect))?);
+            // An effect that leaves the arm without a pose somewhere is not the one.
+            tried.extend(self.refined(&trial.fit.model, Some(trial.effect)).ok());
         }
         tried.sort_by(|a, b| a.loss().total_cmp(&b.loss()));
         let n_tried = screened.len();
@@ -153,7 +154,8 @@ impl Search {
 
     /// Whether an effect predicts what it was not fitted to.
     fn proves_itself(&mut self, without: &Trial, with: &Trial) -> Result<bool, NoPose> {
-        let n_tried = self.ladder.iter().filter(|rung| rung.step == self.ladder.last().map_or(0, |last| last.step)).count();
+        let n_tried =
+            self.ladder.iter().filter(|rung| rung.step == self.ladder.last().map_or(0, |last| last.step)).count();
         let discovered = gain(&without.losses, &with.losses).p * (n_tried as f64) < DISCOVERY_LEVEL;
         Ok(discovered && self.confirmed(&without.fit.model, &with.fit.model)?)
     }

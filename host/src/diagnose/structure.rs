@@ -110,7 +110,8 @@ fn variables(arm: &Arm, run: &Run, observations: &Observations) -> Vec<(String, 
 /// constant or too many.
 fn dependence(columns: &[Vec<f64>], residuals: &[f64], n_axes: usize) -> Option<(f64, f64)> {
     let n = residuals.len() / n_axes;
-    let centred: Vec<Vec<f64>> = columns.iter().map(|column| centre(column)).filter(|c| c.iter().any(|x| x.abs() > 1e-12)).collect();
+    let centred: Vec<Vec<f64>> =
+        columns.iter().map(|column| centre(column)).filter(|c| c.iter().any(|x| x.abs() > 1e-12)).collect();
     let k = centred.len();
     if k == 0 || n < k + 2 {
         return None;

@@ -175,8 +175,10 @@ impl Columns {
             let present = header.iter().collect::<Vec<_>>().join(", ");
             return Err(ReadError::NoColumn { path: path.into(), column: (*missing).into(), present });
         }
-        let servos: Vec<String> = (1..).map(|k| format!("servo{k}_deg")).take_while(|name| at.contains_key(name)).collect();
-        let known = |name: &str| OTHERS.contains(&name) || pose.contains(&name) || servos.iter().any(|servo| servo == name);
+        let servos: Vec<String> =
+            (1..).map(|k| format!("servo{k}_deg")).take_while(|name| at.contains_key(name)).collect();
+        let known =
+            |name: &str| OTHERS.contains(&name) || pose.contains(&name) || servos.iter().any(|servo| servo == name);
         let unread: Vec<&str> = header.iter().filter(|name| !known(name)).collect();
         let mut findings = Vec::new();
         if !unread.is_empty() {
@@ -213,7 +215,12 @@ impl Row<'_> {
         } else {
             before.filter(|before| before.run == run).map(|before| before.word)
         };
-        let servos_rad: Vec<f64> = self.columns.servos.iter().map(|name| self.required::<f64>(name, "a number").map(f64::to_radians)).collect::<Result<_, _>>()?;
+        let servos_rad: Vec<f64> = self
+            .columns
+            .servos
+            .iter()
+            .map(|name| self.required::<f64>(name, "a number").map(f64::to_radians))
+            .collect::<Result<_, _>>()?;
         if !time_s.is_finite() || servos_rad.iter().any(|angle| !angle.is_finite()) {
             return Ok(Err(self.finding("time or servo position is not a number, the row is left out".into())));
         }

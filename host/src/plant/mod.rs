@@ -15,6 +15,7 @@ pub mod chain;
 mod coil;
 pub mod follow;
 pub mod servo_bus;
+pub mod truth;
 
 use darm_core::output::Wiring;
 use darm_core::units::Word;

@@ -10,8 +10,8 @@
 //! | c      | `compliance_m_per_n`  | m/N  | shortening per force, ≥ 0                            |
 //! | F      | argument `force`      | N    | what the leg pushes with; positive in compression    |
 //!
-//! Frame: a scalar along the actuator. F carries all masses further out, by statics in the posture without sag.
-//! Valid while the sag is small: what it changes of F is of second order and left out. A revolute joint does not sag.
+//! Frame: a scalar along the actuator. F carries all masses further out, by statics in the posture with sag.
+//! Valid while the sag is small against the levers of the weights. A revolute joint does not sag.
 //! Source: Merlet, Parallel Robots, Springer, 2006, chapter 9 (stiffness).
 //!
 //! # Example

@@ -10,7 +10,9 @@ const HEADER: &str = "time_s,word,previous,x_m,y_m,angle_deg,supply_bar,temperat
 
 #[test]
 fn what_is_written_is_read() {
-    let text = format!("{HEADER}0.250000,010,,1.5000000,-0.2500000,90.000000,5.9000,21.5000,0,0,0\n0.500000,110,010,1.4000000,0.1000000,-3.500000,,,0,1,1\n");
+    let text = format!(
+        "{HEADER}0.250000,010,,1.5000000,-0.2500000,90.000000,5.9000,21.5000,0,0,0\n0.500000,110,010,1.4000000,0.1000000,-3.500000,,,0,1,1\n"
+    );
     let (run, findings) = read(&text).unwrap();
     assert_eq!((write_text(&run), findings), (text, vec![]));
 }

@@ -1,0 +1,125 @@
+//! How long the control tick takes and interrupts are masked, in core cycles of the emulated SysTick.
+//!
+//! Under `-icount shift=6` an instruction lasts 64 ns, 5.12 cycles at 80 MHz, so cycles give exact instructions.
+//! SysTick alone preempts the control tick; what its handler takes is not counted as the tick's.
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+use darm_core::sequencer::Outputs;
+
+use super::time::cycles;
+
+static TICK: Longest = Longest::new();
+static MASKED: Longest = Longest::new();
+static HANDLER: Longest = Longest::new();
+static MASKED_FROM: AtomicU32 = AtomicU32::new(0);
+/// Cycles spent in the SysTick handler so far.
+static PREEMPTED: AtomicU32 = AtomicU32::new(0);
+static LINES_SEEN: AtomicU32 = AtomicU32::new(0);
+static ENABLED: AtomicBool = AtomicBool::new(false);
+
+struct Longest(AtomicU32);
+
+impl Longest {
+    const fn new() -> Self {
+        Self(AtomicU32::new(0))
+    }
+
+    fn note(&self, cycles: u32) {
+        if cycles > self.0.load(Ordering::Relaxed) {
+            self.0.store(cycles, Ordering::Relaxed);
+        }
+    }
+}
+
+/// The longest of each so far, in instructions.
+#[derive(Clone, Copy, Debug)]
+pub struct Measured {
+    /// Control tick.
+    pub tick: u32,
+    /// Stretch with masked interrupts.
+    pub masked: u32,
+    /// SysTick handler.
+    pub handler: u32,
+    /// Lines 0 to 31 that were high at some time.
+    pub lines_seen: u32,
+    /// Output enable after the last tick; without it a fault is latched.
+    pub enabled: bool,
+}
+
+/// Reads the longest of each and starts anew.
+pub fn take() -> Measured {
+    let instructions = |longest: &Longest| (longest.0.swap(0, Ordering::Relaxed) * 25 + 64) / 128;
+    Measured {
+        tick: instructions(&TICK),
+        masked: instructions(&MASKED),
+        handler: instructions(&HANDLER),
+        lines_seen: LINES_SEEN.swap(0, Ordering::Relaxed),
+        enabled: ENABLED.load(Ordering::Relaxed),
+    }
+}
+
+/// Start of a tick: the time, and what preemption took before.
+pub(super) fn begin_tick() -> (u32, u32) {
+    (cycles(), PREEMPTED.load(Ordering::Relaxed))
+}
+
+pub(super) fn end_tick((began, preempted): (u32, u32), outputs: &Outputs) {
+    let taken = PREEMPTED.load(Ordering::Relaxed).wrapping_sub(preempted);
+    TICK.note(cycles().wrapping_sub(began).wrapping_sub(taken));
+    LINES_SEEN.fetch_or(outputs.lines as u32, Ordering::Relaxed);
+    ENABLED.store(outputs.enabled, Ordering::Relaxed);
+}
+
+pub(super) fn begin_masked() {
+    MASKED_FROM.store(cycles(), Ordering::Relaxed);
+}
+
+pub(super) fn end_masked() {
+    MASKED.note(cycles().wrapping_sub(MASKED_FROM.load(Ordering::Relaxed)));
+}
+
+/// The SysTick handler ran from `began` to now.
+pub(super) fn end_handler(began: u32) {
+    let taken = cycles().wrapping_sub(began);
+    HANDLER.note(taken);
+    PREEMPTED.fetch_add(taken, Ordering::Relaxed);
+}
+
+/// The stack, painted below where it stands at start.
+pub struct Stack {
+    bottom: *mut u32,
+    top: *mut u32,
+}
+
+const PAINT: u32 = 0x5ca1_ab1e;
+
+impl Stack {
+    /// Paints what is free. Call first of all.
+    #[inline(always)]
+    pub fn paint() -> Self {
+        unsafe extern "C" {
+            static mut _stack_end: u32;
+            static mut _stack_start: u32;
+        }
+        let stack = Self { bottom: &raw mut _stack_end, top: &raw mut _stack_start };
+        // What is in use lies above this; 64 words leave room for what is pushed meanwhile.
+        let free_to = (cortex_m::register::msp::read() as *mut u32).wrapping_sub(64);
+        let mut word = stack.bottom;
+        while word < free_to {
+            // SAFETY: from the bottom of the stack's memory to below the stack pointer nothing is in use.
+            unsafe { word.write_volatile(PAINT) };
+            word = word.wrapping_add(1);
+        }
+        stack
+    }
+
+    /// Bytes that were ever in use.
+    pub fn used(&self) -> usize {
+        let mut word = self.bottom;
+        // SAFETY: reads inside the stack's memory.
+        while word < self.top && unsafe { word.read_volatile() } == PAINT {
+            word = word.wrapping_add(1);
+        }
+        self.top as usize - word as usize
+    }
+}

@@ -1,0 +1,238 @@
+//! Diagnosis: what a model lacks, traced from predicted minus measured, and how sure that is.
+//!
+//! ```text
+//! samples ─► noise (repeats) ─► residual ─► structure: is there more than noise?
+//!                                  │
+//!            candidates ─► linear fits, cross-validated over words ─► the best in full ─► proven on held-out words
+//!                                  ▲                                                          │ kept
+//!                                  └──────────────── residual again ◄─────────────────────────┘
+//! ```
+//!
+//! A cause is named only when no other explains the measurements as well, and only when it takes up most of what is
+//! beyond the noise. The levels of all tests stand in [`significance`].
+
+pub mod candidate;
+pub mod design;
+pub mod fit;
+pub mod noise;
+pub mod observation;
+pub mod outcome;
+pub mod search;
+pub mod significance;
+pub mod structure;
+mod summary;
+mod words;
+
+use std::fmt;
+
+use darm_core::chain::ChainError;
+use darm_core::effect::Effect;
+use darm_core::effect::stroke_loss::StrokeLoss;
+
+use crate::arm::{Arm, ArmScratch};
+use crate::measurement::{Run, check};
+use fit::{condition, folds};
+use noise::Noise;
+use observation::{NoPose, Observations};
+use outcome::{Alternative, Diagnosis, Verdict};
+use search::{Search, Trial};
+use significance::{RIVAL_LEVEL, gain};
+use structure::{Structure, structure};
+
+pub use words::effect_sentence;
+
+/// Share of what is beyond the noise that a named effect may leave.
+pub const UNEXPLAINED_SHARE: f64 = 0.1;
+/// Training words without which nothing can be said.
+const FEWEST_WORDS: usize = 2 * fit::FOLDS;
+
+/// An effect without values, where there is none on trial.
+pub(crate) const NOTHING: Effect<f64> =
+    Effect::StrokeLoss(StrokeLoss { actuator: u8::MAX, state: u8::MAX, loss_m: 0.0 });
+
+/// How a diagnosis is made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Shuffles the words into folds.
+    pub seed: u64,
+    /// How many words a proposed measurement has.
+    pub next_words: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { seed: 1, next_words: 12 }
+    }
+}
+
+/// Why there is no diagnosis.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum DiagnoseError {
+    /// A row does not fit the arm.
+    #[error("line {line}: {what}")]
+    Row {
+        /// Line of the file, the header being 1.
+        line: usize,
+        /// What is wrong.
+        what: String,
+    },
+    /// The model has no pose for a row.
+    #[error("line {line}: the model has no pose for this row: {error}")]
+    NoPose {
+        /// Line of the file, the header being 1.
+        line: usize,
+        /// Why.
+        error: ChainError,
+    },
+    /// Too few words to hold any of them out.
+    #[error(
+        "{words} words are not enough to tell an effect from chance: measure at least {FEWEST_WORDS} that are not held out"
+    )]
+    TooFewWords {
+        /// Words that a fit may see.
+        words: usize,
+    },
+}
+
+/// What `run` tells about what `arm`'s model lacks.
+pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Diagnosis, DiagnoseError> {
+    fits_arm(arm, run)?;
+    let no_pose = |NoPose { sample, error }| DiagnoseError::NoPose { line: run.line(sample), error };
+    let repeats = noise::repeated(arm, run);
+    let mut search = search(arm, run, repeats.as_ref(), options).map_err(no_pose)?;
+    let words = search.training.n_groups;
+    if words < FEWEST_WORDS {
+        return Err(DiagnoseError::TooFewWords { words });
+    }
+    conclude(arm, run, &mut search, repeats, options).map_err(no_pose)
+}
+
+/// The first thing that makes the run unfit for the arm.
+fn fits_arm(arm: &Arm, run: &Run) -> Result<(), DiagnoseError> {
+    let fatal = |what: &str| ["digit", "the word", "servo positions"].iter().any(|start| what.contains(start));
+    match check(arm, run).into_iter().find(|finding| finding.line.is_some() && fatal(&finding.what)) {
+        Some(finding) => Err(DiagnoseError::Row { line: finding.line.unwrap_or_default(), what: finding.what }),
+        None => Ok(()),
+    }
+}
+
+fn search(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Options) -> Result<Search, NoPose> {
+    let mut scratch = ArmScratch::default();
+    let sigma = match repeats {
+        Some(noise) => noise.sigma,
+        None => scatter(arm, run, &mut scratch)?.sigma,
+    };
+    let training = Observations::new(arm, run, sigma, |sample| !sample.held_out);
+    let heldout = Observations::new(arm, run, sigma, |sample| sample.held_out);
+    let folds = folds(training.n_groups, options.seed);
+    Ok(Search { training, heldout, folds, scratch, ladder: Vec::new() })
+}
+
+/// Without repeats: the residual's own scatter about its median size, as the noise to weigh the axes by.
+fn scatter(arm: &Arm, run: &Run, scratch: &mut ArmScratch) -> Result<Noise, NoPose> {
+    let plain = Observations::new(arm, run, [1.0; 6], |sample| !sample.held_out);
+    let residuals = plain.residuals(&arm.model, scratch)?;
+    let mut variance = [0.0; 6];
+    for (k, &axis) in observation::axes(arm).iter().enumerate() {
+        let sizes = residuals.iter().skip(k).step_by(plain.n_axes()).map(|r| r.abs());
+        let median = crate::measurement::median(sizes).unwrap_or_default();
+        // The median of |x| of a normal x is 0.6745 of its standard deviation.
+        variance[axis] = (median / 0.6745).powi(2);
+    }
+    Ok(noise::of_variance(arm, variance, 0))
+}
+
+fn conclude(
+    arm: &Arm,
+    run: &Run,
+    search: &mut Search,
+    repeats: Option<Noise>,
+    options: &Options,
+) -> Result<Diagnosis, NoPose> {
+    let n_known = arm.model.effects.len();
+    let before = search.refined(&arm.model, None)?;
+    let (best, rivals) = search.run(&arm.model)?;
+    let found = best.fit.model.effects.len() - n_known;
+    let look = |search: &Search, trial: &Trial| {
+        structure(arm, run, &search.training, &trial.fit.residuals, trial.fit.values.len(), repeats.as_ref())
+    };
+    let (structure, remaining) = (look(search, &before), look(search, &best));
+    let alternatives = alternatives(arm, search, &best, rivals, n_known)?;
+    let effects: Vec<Effect<f64>> = best.fit.model.effects.iter().skip(n_known).copied().collect();
+    let ambiguous = alternatives.iter().any(|other| !same_part(other, &effects));
+    let verdict = verdict(found, ambiguous, &structure, &remaining);
+    let condition = condition(&best.fit, &search.training);
+    let summary = summary::Summary { arm, run, search, before: &before, best: &best, n_known };
+    let mut diagnosis = summary.diagnosis(verdict, repeats, (structure, remaining), alternatives, options)?;
+    diagnosis.condition = condition;
+    diagnosis.plain = words::sentences(arm, &diagnosis, &effects);
+    Ok(diagnosis)
+}
+
+/// Whether an alternative is the effect that it could replace, up to which end of the part it names.
+fn same_part(other: &Alternative, effects: &[Effect<f64>]) -> bool {
+    let effect = &effects[other.instead_of];
+    let part = |place: &str| place.split(',').next().map(str::to_string);
+    other.law == effect.law().name() && part(&other.place) == part(&candidate::place_code(effect))
+}
+
+fn verdict(found: usize, ambiguous: bool, before: &Structure, after: &Structure) -> Verdict {
+    let excess = |structure: &Structure| structure.ratio.map_or(0.0, |ratio| ratio - 1.0).max(0.0);
+    let left = excess(after) > UNEXPLAINED_SHARE * excess(before) && after.beyond_noise;
+    match found {
+        0 if before.beyond_noise => Verdict::UnexplainedStructure,
+        0 => Verdict::NoEffect,
+        _ if ambiguous => Verdict::NotIdentifiable,
+        _ if left => Verdict::UnexplainedStructure,
+        _ => Verdict::EffectFound,
+    }
+}
+
+/// For every effect found: what else explains the measurements as well in its place.
+fn alternatives(
+    arm: &Arm,
+    search: &mut Search,
+    best: &Trial,
+    last_rivals: Vec<Trial>,
+    n_known: usize,
+) -> Result<Vec<Alternative>, NoPose> {
+    let n = best.fit.model.effects.len();
+    let mut all = Vec::new();
+    for effect in n_known..n {
+        let rivals = if effect + 1 == n && !last_rivals.is_empty() {
+            last_rivals.clone()
+        } else {
+            let without = search.without(best, effect)?;
+            let step = search.ladder.len();
+            let rivals = search.step(&without, effect)?;
+            search.ladder.truncate(step);
+            rivals
+        };
+        let own = best.fit.model.effects[effect];
+        for rival in rivals.iter().filter(|rival| !candidate::same(&rival.effect, &own)) {
+            let worse = gain(&rival.losses, &best.losses).p;
+            if worse > RIVAL_LEVEL {
+                all.push(Alternative {
+                    instead_of: effect - n_known,
+                    law: rival.effect.law().name(),
+                    place: candidate::place_code(&rival.effect),
+                    place_name: candidate::place_name(arm, &rival.effect),
+                    cross_validated_m: rival.error_m,
+                    worse_with: 1.0 - worse,
+                });
+            }
+        }
+    }
+    Ok(all)
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::EffectFound => "effect-found",
+            Self::NoEffect => "no-effect",
+            Self::UnexplainedStructure => "unexplained-structure",
+            Self::NotIdentifiable => "not-identifiable",
+        })
+    }
+}

@@ -1,0 +1,263 @@
+//! A search's result put in the shape of a [`Diagnosis`].
+
+use nalgebra::DMatrix;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::Options;
+use super::candidate::{all, place_code, place_name, same};
+use super::design::most_informative;
+use super::fit::{covariance, normal, pseudo_inverse, size, weights};
+use super::noise::{Noise, Repeatability};
+use super::observation::{NoPose, Observations, Value, axes};
+use super::outcome::{
+    Alternative, AxisFigure, BeforeAfter, Diagnosis, ErrorFigure, Errors, Found, NextMeasurement, Outlier, Parameter,
+    Point, Rows, Verdict, axis_name,
+};
+use super::search::{Search, Trial, root_mean_square, values};
+use super::significance::quantile_975;
+use super::structure::Structure;
+use crate::arm::{Arm, ArmModel};
+use crate::measurement::{Run, median};
+
+/// Chance that any row of a run without outliers is called one.
+const OUTLIER_LEVEL: f64 = 0.01;
+
+/// What a summary draws on.
+pub(super) struct Summary<'a> {
+    pub(super) arm: &'a Arm,
+    pub(super) run: &'a Run,
+    pub(super) search: &'a mut Search,
+    pub(super) before: &'a Trial,
+    pub(super) best: &'a Trial,
+    pub(super) n_known: usize,
+}
+
+impl Summary<'_> {
+    pub(super) fn diagnosis(
+        mut self,
+        verdict: Verdict,
+        repeats: Option<Noise>,
+        (structure, remaining): (Structure, Structure),
+        alternatives: Vec<Alternative>,
+        options: &Options,
+    ) -> Result<Diagnosis, NoPose> {
+        let named = verdict == Verdict::EffectFound;
+        let error = BeforeAfter {
+            before: self.errors(&self.before.fit.model.clone())?,
+            after: self.errors(&self.best.fit.model.clone())?,
+        };
+        let effects = if named { self.found(&error)? } else { Vec::new() };
+        let next_measurement = match verdict {
+            Verdict::NotIdentifiable => self.next_measurement(&alternatives, options)?,
+            _ => None,
+        };
+        Ok(Diagnosis {
+            kind: "tool-pose",
+            model: self.arm.model.number,
+            rows: Rows { train: self.search.training.rows.len(), heldout: self.search.heldout.rows.len() },
+            repeatability: repeats.map(|noise| self.repeatability(&noise)),
+            error,
+            verdict,
+            effects,
+            alternatives: self.with_best(verdict, alternatives),
+            unobservable: self.unobservable(),
+            outliers: self.outliers(),
+            structure,
+            remaining,
+            ladder: self.search.ladder.clone(),
+            condition: 1.0,
+            next_measurement,
+            plain: Vec::new(),
+            seed: options.seed,
+            version: env!("CARGO_PKG_VERSION"),
+            points: self.points()?,
+            model_effects: self.best.fit.model.effects.iter().copied().collect(),
+        })
+    }
+
+    fn repeatability(&self, noise: &Noise) -> Repeatability {
+        let axes = axes(self.arm).iter().map(|&axis| axis_figure(axis, noise.sigma[axis])).collect();
+        Repeatability { distance_m: noise.distance_m, axes, dof: noise.dof }
+    }
+
+    fn errors(&mut self, model: &ArmModel) -> Result<Errors, NoPose> {
+        let Search { training, heldout, scratch, .. } = &mut *self.search;
+        let train = error_figure(self.arm, training, &training.residuals(model, scratch)?);
+        let heldout = match heldout.rows.is_empty() {
+            true => None,
+            false => Some(error_figure(self.arm, heldout, &heldout.residuals(model, scratch)?)),
+        };
+        Ok(Errors { train, heldout })
+    }
+
+    /// The effects found, with intervals of their values.
+    fn found(&mut self, error: &BeforeAfter) -> Result<Vec<Found>, NoPose> {
+        let fit = &self.best.fit;
+        let covariance = covariance(fit, &self.search.training);
+        let wide = quantile_975(self.search.training.n_groups.saturating_sub(fit.values.len()));
+        let mut found = Vec::new();
+        for (index, effect) in fit.model.effects.iter().enumerate().skip(self.n_known) {
+            let law = effect.law();
+            let parameter = |(column, &(_, value)): (usize, &Value)| {
+                let half = wide * covariance[(column, column)].max(0.0).sqrt();
+                let (quantity, value) = (law.quantities()[value], law.values()[value]);
+                Parameter { name: quantity.name, value, unit: quantity.unit, ci95: [value - half, value + half] }
+            };
+            let of_effect = fit.values.iter().enumerate().filter(|(_, (owner, _))| *owner == index);
+            found.push(Found {
+                law: law.name(),
+                place: place_code(effect),
+                place_name: place_name(self.arm, effect),
+                parameters: of_effect.map(parameter).collect(),
+                heldout_gain_m: self.heldout_gain(index, error)?,
+            });
+        }
+        Ok(found)
+    }
+
+    /// By how much the held-out error is larger without one of the effects.
+    fn heldout_gain(&mut self, effect: usize, error: &BeforeAfter) -> Result<Option<f64>, NoPose> {
+        let Some(after) = &error.after.heldout else {
+            return Ok(None);
+        };
+        let without = if self.best.fit.model.effects.len() == self.n_known + 1 {
+            error.before.heldout.as_ref().map(|figure| figure.distance_m)
+        } else {
+            let model = self.search.without(self.best, effect)?.fit.model;
+            self.errors(&model)?.heldout.map(|figure| figure.distance_m)
+        };
+        Ok(without.map(|without| without - after.distance_m))
+    }
+
+    /// Values of the effects found that no row tells anything of; on a planar arm, offsets out of the plane say.
+    fn unobservable(&self) -> Vec<String> {
+        let told = &self.best.fit.values;
+        let all = values(&self.best.fit.model);
+        all.iter()
+            .filter(|value| !told.contains(value))
+            .map(|&(effect, value)| {
+                let effect = &self.best.fit.model.effects[effect];
+                format!(
+                    "{} of {} at {}",
+                    effect.law().quantities()[value].name,
+                    effect.law().name(),
+                    place_code(effect)
+                )
+            })
+            .collect()
+    }
+
+    /// Of several effects that explain the measurements as well, the best one stands among the alternatives too.
+    fn with_best(&self, verdict: Verdict, alternatives: Vec<Alternative>) -> Vec<Alternative> {
+        if verdict != Verdict::NotIdentifiable {
+            return alternatives;
+        }
+        let own =
+            self.best.fit.model.effects.iter().skip(self.n_known).enumerate().map(|(instead_of, effect)| Alternative {
+                instead_of,
+                law: effect.law().name(),
+                place: place_code(effect),
+                place_name: place_name(self.arm, effect),
+                cross_validated_m: self.best.error_m,
+                worse_with: 0.0,
+            });
+        own.chain(alternatives).collect()
+    }
+
+    fn outliers(&self) -> Vec<Outlier> {
+        let training = &self.search.training;
+        let (n_axes, residuals) = (training.n_axes(), &self.best.fit.residuals);
+        let Ok(chi) = ChiSquared::new(n_axes as f64) else {
+            return Vec::new();
+        };
+        let squares: Vec<f64> = residuals.chunks(n_axes).map(|row| size(row).powi(2)).collect();
+        let usual = median(squares.iter().copied()).unwrap_or(1.0) / chi.inverse_cdf(0.5);
+        let limit = chi.inverse_cdf(1.0 - OUTLIER_LEVEL / squares.len().max(1) as f64) * usual.max(1.0);
+        let distances = training.distances_m(residuals);
+        let far = squares.iter().enumerate().filter(|(_, square)| **square > limit);
+        far.map(|(row, square)| Outlier {
+            line: self.run.line(training.rows[row].sample),
+            distance_m: distances[row],
+            sigmas: square.sqrt(),
+        })
+        .collect()
+    }
+
+    /// Words that tell the best effects and their alternatives apart, by D-optimality over all their values together.
+    fn next_measurement(
+        &mut self,
+        alternatives: &[Alternative],
+        options: &Options,
+    ) -> Result<Option<NextMeasurement>, NoPose> {
+        let mut model = self.best.fit.model.clone();
+        for effect in all(&self.arm.model) {
+            let meant = alternatives.iter().any(|a| a.law == effect.law().name() && a.place == place_code(&effect));
+            if meant && !model.effects.iter().any(|known| same(known, &effect)) && model.effects.push(effect).is_err() {
+                break;
+            }
+        }
+        let fit = super::fit::fit(&model, &self.search.training, &values(&model), &mut self.search.scratch)?;
+        let (information, _) =
+            normal(&fit.columns, &fit.residuals, &weights(&fit.residuals, self.search.training.n_axes()));
+        // A little of everything is taken as known, so that what is not told at all counts most, but finitely.
+        let floor = information.diagonal().map(|d| 1e-6 * d.max(f64::MIN_POSITIVE));
+        let covariance = pseudo_inverse(&(information + DMatrix::from_diagonal(&floor)));
+        let programme = crate::programme::candidates(self.arm, options.seed);
+        let proposed = crate::programme::as_run(self.arm, &programme);
+        let observations = Observations::new(self.arm, &proposed, [1.0; 6], |_| true).like(&self.search.training);
+        let at = observations.residuals(&fit.model, &mut self.search.scratch)?;
+        let columns = observations.jacobian(&fit.model, &at, &fit.values, &mut self.search.scratch)?;
+        let n_axes = observations.n_axes();
+        let entry =
+            |row: usize, axis: usize, column: usize| columns[column].as_ref().map_or(0.0, |c| c[row * n_axes + axis]);
+        let measurements: Vec<DMatrix<f64>> = (0..observations.rows.len())
+            .map(|row| DMatrix::from_fn(n_axes, columns.len(), |axis, column| entry(row, axis, column)))
+            .collect();
+        let chosen = most_informative(covariance, &measurements, options.next_words);
+        let words =
+            chosen.iter().map(|&row| observations.condition(&observations.rows[row]).word.to_string()).collect();
+        let names: Vec<String> = alternatives.iter().map(|a| format!("{} at {}", a.law, a.place_name)).collect();
+        Ok(Some(NextMeasurement { words, tells: format!("apart {}", names.join(" and ")) }))
+    }
+
+    fn points(&mut self) -> Result<Vec<Point>, NoPose> {
+        let mut points = Vec::new();
+        let Search { training, heldout, scratch, .. } = &mut *self.search;
+        for (held_out, observations) in [(false, &*training), (true, &*heldout)] {
+            let before = observations.residuals(&self.before.fit.model, scratch)?;
+            let after = observations.residuals(&self.best.fit.model, scratch)?;
+            let (before_m, after_m) = (observations.distances_m(&before), observations.distances_m(&after));
+            for (k, row) in observations.rows.iter().enumerate() {
+                let sample = &self.run.samples[row.sample];
+                points.push(Point {
+                    time_s: sample.time_s,
+                    word: sample.word.to_string(),
+                    supply: sample.supply,
+                    temperature_c: sample.temperature_c,
+                    held_out,
+                    before_m: before_m[k],
+                    after_m: after_m[k],
+                    before: observations.components(&before, k),
+                    after: observations.components(&after, k),
+                });
+            }
+        }
+        points.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        Ok(points)
+    }
+}
+
+fn error_figure(arm: &Arm, observations: &Observations, residuals: &[f64]) -> ErrorFigure {
+    let distances = observations.distances_m(residuals);
+    let axes = axes(arm).iter().zip(observations.rms(residuals)).map(|(&axis, rms)| axis_figure(axis, rms)).collect();
+    ErrorFigure {
+        axes,
+        distance_m: root_mean_square(&distances),
+        largest_m: distances.iter().copied().fold(0.0, f64::max),
+    }
+}
+
+fn axis_figure(axis: usize, value: f64) -> AxisFigure {
+    let (axis, unit) = axis_name(axis);
+    AxisFigure { axis, value, unit }
+}

@@ -1,0 +1,105 @@
+//! A diagnosis in plain words, for a person with a screwdriver.
+
+use darm_core::effect::Effect;
+use darm_core::effect::anchor_offset::Plate;
+
+use super::candidate::place_name;
+use super::outcome::{Diagnosis, Verdict};
+use crate::arm::Arm;
+
+/// The sentences.
+pub(super) fn sentences(arm: &Arm, diagnosis: &Diagnosis, effects: &[Effect<f64>]) -> Vec<String> {
+    let mut told = vec![verdict(diagnosis)];
+    if diagnosis.verdict == Verdict::EffectFound {
+        told.extend(effects.iter().map(|effect| effect_sentence(arm, effect)));
+        told.push(error_sentence(diagnosis));
+    }
+    if diagnosis.verdict == Verdict::NotIdentifiable {
+        for other in &diagnosis.alternatives {
+            told.push(format!("It may be {} at {}.", other.law, other.place_name));
+        }
+    }
+    if diagnosis.verdict == Verdict::UnexplainedStructure {
+        let names: Vec<&str> = diagnosis.remaining.depends_on.iter().take(3).map(|d| d.variable.as_str()).collect();
+        if !names.is_empty() {
+            told.push(format!("It depends on: {}.", names.join("; ")));
+        }
+    }
+    if let Some(next) = &diagnosis.next_measurement {
+        told.push(format!("Measure next the words {}: they tell {}.", next.words.join(" "), next.tells));
+    }
+    if !diagnosis.outliers.is_empty() {
+        let lines: Vec<String> = diagnosis.outliers.iter().take(8).map(|outlier| outlier.line.to_string()).collect();
+        told.push(format!(
+            "{} rows fit nothing and were given little weight: lines {}.",
+            diagnosis.outliers.len(),
+            lines.join(", ")
+        ));
+    }
+    told
+}
+
+fn verdict(diagnosis: &Diagnosis) -> String {
+    match diagnosis.verdict {
+        Verdict::EffectFound => "The model lacks an effect, and it was found.".into(),
+        Verdict::NoEffect => "The model predicts as well as the measurement repeats: nothing is missing.".into(),
+        Verdict::UnexplainedStructure => {
+            "The arm departs from its model by more than the noise, and no effect that is known here explains it."
+                .into()
+        }
+        Verdict::NotIdentifiable => {
+            "Something is missing, but these measurements cannot tell which of several effects it is.".into()
+        }
+    }
+}
+
+fn error_sentence(diagnosis: &Diagnosis) -> String {
+    let of = |errors: &super::outcome::Errors| errors.heldout.as_ref().unwrap_or(&errors.train).distance_m * 1e3;
+    let (before, after) = (of(&diagnosis.error.before), of(&diagnosis.error.after));
+    let noise = match &diagnosis.repeatability {
+        Some(repeatability) => format!("; the measurement repeats to {:.2} mm", repeatability.distance_m * 1e3),
+        None => String::new(),
+    };
+    let rows =
+        if diagnosis.error.after.heldout.is_some() { "On words that no fit saw" } else { "On the rows of the fit" };
+    format!("{rows}, the error falls from {before:.2} mm to {after:.2} mm{noise}.")
+}
+
+/// One effect: which part, which way, how much.
+pub fn effect_sentence(arm: &Arm, effect: &Effect<f64>) -> String {
+    let place = place_name(arm, effect);
+    match effect {
+        Effect::StrokeLoss(law) => {
+            let way = if law.loss_m > 0.0 { "short of" } else { "beyond" };
+            format!("{place}: in state {} it stops {:.2} mm {way} its stop.", law.state, law.loss_m.abs() * 1e3)
+        }
+        Effect::AnchorOffset(law) => {
+            let plate = match law.plate {
+                Plate::Base => "lower",
+                Plate::Top => "upper",
+            };
+            let d = law.offset * 1e3;
+            let depth = if arm.model.chain.is_planar() { String::new() } else { format!(", {:+.2} mm in z", d.z) };
+            format!(
+                "{place}: its anchor on the {plate} plate sits {:+.2} mm in x, {:+.2} mm in y{depth} from its place.",
+                d.x, d.y
+            )
+        }
+        Effect::GravitySag(law) => {
+            format!("{place}: the legs give way under load by {:.3} mm for each 100 N.", law.compliance_m_per_n * 1e5)
+        }
+        Effect::Play(law) => {
+            format!("{place}: an actuator that was not moved stands {:.2} mm off its stop.", law.width_m * 1e3)
+        }
+        Effect::SupplyStroke(law) => {
+            let way = if law.gain > 0.0 { "shorter" } else { "longer" };
+            format!(
+                "{place}: the stroke gets {:.2} % {way} for each 10 % of supply that is missing.",
+                law.gain.abs() * 10.0
+            )
+        }
+        Effect::ThermalGrowth(law) => {
+            format!("{place}: the legs grow by {:.1} µm per metre and kelvin.", law.expansion_per_k * 1e6)
+        }
+    }
+}

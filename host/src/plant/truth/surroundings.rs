@@ -1,0 +1,79 @@
+//! Supply and temperature of the true arm as they go with time: slow, seeded, and never nominal.
+//!
+//! The temperature rises from 0.8 of its settled rise with one time constant while the coils warm the arm, and swings
+//! by a twentieth. The supply stands low, lower still while its reservoir fills, swings, and drops with the number of
+//! coils that are fed.
+
+use std::f64::consts::TAU;
+
+use darm_core::units::Word;
+use rand::{Rng, RngExt};
+use rand_distr::{Distribution, StandardNormal};
+
+/// Standard deviation of the supply sensor, share of nominal supply.
+const SUPPLY_SENSOR: f64 = 5e-4;
+/// Standard deviation of the thermometer, K.
+const THERMOMETER_K: f64 = 0.05;
+
+/// How supply and temperature go.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Surroundings {
+    nominal_supply: f64,
+    reference_temperature_k: f64,
+    rise_k: f64,
+    warming_s: f64,
+    droop: f64,
+    filling_s: f64,
+    swing: f64,
+    load_drop: f64,
+    period_s: f64,
+    phase: f64,
+}
+
+/// Supply and temperature at one moment, away from nominal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Moment {
+    /// Supply over nominal supply.
+    pub(super) supply_ratio: f64,
+    /// Temperature less reference temperature, K.
+    pub(super) rise_k: f64,
+}
+
+impl Surroundings {
+    pub(super) fn draw(rng: &mut impl Rng, nominal_supply: f64, reference_temperature_k: f64) -> Self {
+        Self {
+            nominal_supply,
+            reference_temperature_k,
+            rise_k: rng.random_range(10.0..18.0),
+            warming_s: rng.random_range(25.0..45.0),
+            droop: rng.random_range(0.07..0.10),
+            filling_s: rng.random_range(15.0..35.0),
+            swing: rng.random_range(0.008..0.012),
+            load_drop: 0.02,
+            period_s: rng.random_range(23.0..41.0),
+            phase: rng.random_range(0.0..TAU),
+        }
+    }
+
+    pub(super) fn at(&self, time_s: f64, word: &Word) -> Moment {
+        let turn = (TAU * time_s / self.period_s + self.phase).sin();
+        let moment = self.settled(word);
+        let warming = 1.0 - 0.2 * (-time_s / self.warming_s).exp() + 0.05 * turn;
+        let filling = 0.25 * self.droop * (-time_s / self.filling_s).exp();
+        Moment { supply_ratio: moment.supply_ratio - filling + self.swing * turn, rise_k: moment.rise_k * warming }
+    }
+
+    /// What it all comes to in the mean.
+    pub(super) fn settled(&self, word: &Word) -> Moment {
+        let fed = word.iter().filter(|&digit| digit > 0).count() as f64 / word.len().max(1) as f64;
+        Moment { supply_ratio: 1.0 - self.droop - self.load_drop * (fed - 0.5), rise_k: self.rise_k }
+    }
+
+    /// Supply and temperature (K) as the sensors tell them.
+    pub(super) fn told(&self, time_s: f64, word: &Word, rng: &mut impl Rng) -> (f64, f64) {
+        let moment = self.at(time_s, word);
+        let mut normal = || -> f64 { StandardNormal.sample(rng) };
+        let supply = self.nominal_supply * (moment.supply_ratio + SUPPLY_SENSOR * normal());
+        (supply, self.reference_temperature_k + moment.rise_k + THERMOMETER_K * normal())
+    }
+}

@@ -1,0 +1,118 @@
+//! The diagnosis against true arms drawn by seed: right name, right place, no false alarm.
+//!
+//! `DARM_SEEDS=20` draws that many arms for each effect and three times as many without; a default run draws a few.
+#![allow(missing_docs)]
+
+use std::path::Path;
+use std::time::Instant;
+
+use darm::arm::frames::DesiredFrame;
+use darm::arm::{Arm, ArmScratch};
+use darm::diagnose::outcome::{Diagnosis, Verdict};
+use darm::diagnose::{Options, diagnose};
+use darm::plant::truth::{Kind, Sealed, Truth};
+use darm::programme::{self, Step, programme};
+
+const WORDS: [&str; 5] = ["000000000000", "111000000000", "000111000000", "000000111000", "000000000111"];
+
+fn arm(text: &str) -> Arm {
+    Arm::parse(Path::new("arm.toml"), text).unwrap()
+}
+
+fn frames(arm: &Arm) -> Vec<DesiredFrame> {
+    let frame = |text: &&str| {
+        let (word, servos_rad) = (text.parse().unwrap(), vec![0.0; arm.n_servos()]);
+        let pose = arm.model.chain.pose_base_tool(&word, &servos_rad, &mut ArmScratch::default()).unwrap();
+        DesiredFrame { name: String::new(), word, previous: arm.rest(), servos_rad, pose_base_tool: pose }
+    };
+    WORDS.iter().map(frame).collect()
+}
+
+fn seeds() -> u64 {
+    std::env::var("DARM_SEEDS").ok().and_then(|text| text.parse().ok()).unwrap_or(2)
+}
+
+struct Case {
+    diagnosis: Diagnosis,
+    sealed: Sealed,
+}
+
+fn case(arm: &Arm, steps: &[Step], kind: Kind, seed: u64) -> Case {
+    let truth = Truth::draw(arm, &frames(arm), seed, Some(kind)).unwrap();
+    let run = truth.measure(steps, 0.0, seed).unwrap();
+    let started = Instant::now();
+    let diagnosis = diagnose(arm, &run, &Options { seed, ..Options::default() }).unwrap();
+    let case = Case { diagnosis, sealed: truth.unseal().clone() };
+    eprintln!("{} ({:.2} s)", case.line(), started.elapsed().as_secs_f64());
+    case
+}
+
+impl Case {
+    fn named(&self) -> bool {
+        self.diagnosis.verdict == Verdict::EffectFound
+            && self.diagnosis.effects.len() == 1
+            && self.diagnosis.effects[0].law == self.sealed.effect
+    }
+
+    fn placed(&self) -> bool {
+        let part = |place: &str| place.split(',').next().unwrap_or_default().to_string();
+        self.named() && part(&self.diagnosis.effects[0].place) == part(&self.sealed.place)
+    }
+
+    fn ratio(&self) -> f64 {
+        let after = self.diagnosis.error.after.heldout.as_ref().unwrap().distance_m;
+        after / self.diagnosis.repeatability.as_ref().unwrap().distance_m
+    }
+
+    fn line(&self) -> String {
+        let effects: Vec<String> = self.diagnosis.effects.iter().map(|e| format!("{} at {}", e.law, e.place)).collect();
+        let alternatives: Vec<String> =
+            self.diagnosis.alternatives.iter().map(|a| format!("{} at {}", a.law, a.place)).collect();
+        let rungs = self.diagnosis.ladder.iter();
+        let kept: Vec<String> = rungs.filter(|r| r.kept).map(|r| format!("{} at {}", r.law, r.place)).collect();
+        let sealed = &self.sealed;
+        format!(
+            "seed {}: {} at {} ({:.0} x): {} {effects:?}, alternatives {alternatives:?}, kept {kept:?}, after/repeatability {:.2}{}",
+            sealed.seed,
+            sealed.effect,
+            sealed.place,
+            sealed.times_scatter,
+            self.diagnosis.verdict,
+            self.ratio(),
+            if self.placed() || sealed.effect == "none" && self.diagnosis.effects.is_empty() {
+                ""
+            } else {
+                "  <-- WRONG"
+            },
+        )
+    }
+}
+
+fn sweep(arm: &Arm) {
+    let started = Instant::now();
+    let steps = programme(arm, &programme::Options::default());
+    eprintln!("programme in {:.1} s", started.elapsed().as_secs_f64());
+    for kind in Kind::EFFECTS {
+        let cases: Vec<Case> = (0..seeds()).map(|seed| case(arm, &steps, kind, seed)).collect();
+        let count = |right: &dyn Fn(&Case) -> bool| cases.iter().filter(|case| right(case)).count();
+        let (named, placed, fine) = (count(&Case::named), count(&Case::placed), count(&|case| case.ratio() < 1.3));
+        eprintln!("== {kind}: named {named}, placed {placed}, at the noise {fine} of {}", cases.len());
+        assert!(named * 20 >= 19 * cases.len() && placed * 20 >= 19 * cases.len(), "{kind}: {named} {placed}");
+        assert!(fine == cases.len(), "{kind}: {fine}");
+    }
+    let clean: Vec<Case> = (0..3 * seeds()).map(|seed| case(arm, &steps, Kind::Nothing, seed)).collect();
+    let false_names = clean.iter().filter(|case| !case.diagnosis.effects.is_empty()).count();
+    let quiet = clean.iter().filter(|case| case.diagnosis.verdict == Verdict::NoEffect).count();
+    eprintln!("== none: {false_names} false names, {quiet} quiet of {}", clean.len());
+    assert!(false_names * 50 <= clean.len());
+}
+
+#[test]
+fn planar_arm() {
+    sweep(&arm(include_str!("../../examples/planar4.toml")));
+}
+
+#[test]
+fn hybrid_arm() {
+    sweep(&arm(include_str!("../../examples/planar4-hybrid.toml")));
+}
