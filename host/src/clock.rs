@@ -1,10 +1,17 @@
-//! Board time and host time: offset and uncertainty from round trips.
+//! Board time and host time: what round trips tell, and how uncertain it is.
 //!
 //! # Model
 //!
-//! A request leaves at host time `a`, the board stamps it at its own time `b`, the answer arrives at `c`. The stamp was
-//! taken somewhere between: `b` on the board is host time `(a + c)/2 ± (c − a)/2`. The round trip with the smallest
-//! bound counts; a bound grows with its age by [`DRIFT`], for two quartz clocks part.
+//! A request leaves at host time a, the board stamps it at its own time b, the answer arrives at c: the stamp was taken
+//! at a host time between a and c. A board's clock never runs ahead of the host's by more than [`DRIFT`], but it may fall
+//! behind: an emulator that does not get the processor loses ticks. So for any board time t
+//!
+//! a + (t − b)·(1 − DRIFT) ≤ host time of t, from every round trip with b ≤ t,
+//!
+//! host time of t ≤ c − (b − t)·(1 − DRIFT), from every round trip with b ≥ t.
+//!
+//! The tightest of these bounds count; their middle is the estimate and half their distance its uncertainty. Before the
+//! first and after the last round trip, where one side has no bound, the clock is taken to lose nothing.
 //!
 //! # Example
 //!
@@ -12,10 +19,11 @@
 //! use darm::clock::{BoardClock, RoundTrip};
 //! let mut clock = BoardClock::default();
 //! clock.observe(RoundTrip { sent_s: 10.0, board_s: 3.0, received_s: 10.2 });
-//! let (host_s, uncertainty_s) = clock.host_time(3.5, 10.2).unwrap();
-//! assert!((host_s - 10.6).abs() < 1e-12 && uncertainty_s < 0.1001);
+//! let host = clock.host_time(3.5).unwrap();
+//! assert!((host.at_s - 10.6).abs() < 1e-3 && host.uncertainty_s < 0.101);
 //! ```
 
+use std::collections::VecDeque;
 use std::sync::OnceLock;
 use std::time::Instant;
 
@@ -39,63 +47,57 @@ pub struct RoundTrip {
     pub received_s: f64,
 }
 
-/// Offset of host time over board time, and how far it can be wrong.
+/// A host time and how far it can be wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Offset {
-    /// Host time minus board time.
-    pub offset_s: f64,
-    /// Bound of the error at `at_s`.
-    pub uncertainty_s: f64,
-    /// Host time of the observation.
+pub struct HostTime {
+    /// The estimate.
     pub at_s: f64,
+    /// Bound of its error.
+    pub uncertainty_s: f64,
 }
 
-impl Offset {
-    /// The bound of the error at a host time.
-    pub fn uncertainty_at_s(&self, host_s: f64) -> f64 {
-        self.uncertainty_s + DRIFT * (host_s - self.at_s).abs()
-    }
-}
+/// Round trips that are kept: a minute of ten a second.
+const KEPT: usize = 600;
 
-impl From<RoundTrip> for Offset {
-    fn from(trip: RoundTrip) -> Self {
-        Offset {
-            offset_s: 0.5 * (trip.sent_s + trip.received_s) - trip.board_s,
-            uncertainty_s: 0.5 * (trip.received_s - trip.sent_s),
-            at_s: trip.received_s,
-        }
-    }
-}
-
-/// Best known relation between the board's clock and the host's.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// What is known of the relation between the board's clock and the host's.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct BoardClock {
-    best: Option<Offset>,
+    /// In order of board time.
+    trips: VecDeque<RoundTrip>,
 }
 
 impl BoardClock {
-    /// Takes in a round trip; keeps the older one where that is still the better. A board that has started anew, or a
-    /// virtual time that jumped, contradicts the old offset and replaces it.
+    /// Takes in a round trip. A board whose time went back has started anew; what was known before is forgotten.
     pub fn observe(&mut self, trip: RoundTrip) {
-        let new = Offset::from(trip);
-        let keep = self.best.is_some_and(|old| {
-            let old_uncertainty_s = old.uncertainty_at_s(new.at_s);
-            let agree = (old.offset_s - new.offset_s).abs() <= old_uncertainty_s + new.uncertainty_s;
-            agree && old_uncertainty_s <= new.uncertainty_s
-        });
-        if !keep {
-            self.best = Some(new);
+        if self.trips.back().is_some_and(|last| trip.board_s < last.board_s) {
+            self.trips.clear();
         }
+        if self.trips.len() == KEPT {
+            self.trips.pop_front();
+        }
+        self.trips.push_back(trip);
     }
 
-    /// The best offset, if any round trip was seen.
-    pub fn offset(&self) -> Option<Offset> {
-        self.best
+    /// Host time of a board time, if any round trip was seen.
+    pub fn host_time(&self, board_s: f64) -> Option<HostTime> {
+        let passed = |trip: &RoundTrip, rate: f64| (board_s - trip.board_s) * rate;
+        let (fast, slow) = (1.0 - DRIFT, 1.0 + DRIFT);
+        let lower =
+            self.trips.iter().filter(|trip| trip.board_s <= board_s).map(|trip| trip.sent_s + passed(trip, fast));
+        let upper =
+            self.trips.iter().filter(|trip| trip.board_s >= board_s).map(|trip| trip.received_s + passed(trip, fast));
+        let first = self.trips.front()?;
+        let last = self.trips.back()?;
+        let lower_s = lower.reduce(f64::max).unwrap_or(first.sent_s + passed(first, slow));
+        let upper_s = upper.reduce(f64::min).unwrap_or(last.received_s + passed(last, slow));
+        let (at_s, uncertainty_s) = (0.5 * (lower_s + upper_s), 0.5 * (upper_s - lower_s).max(0.0));
+        Some(HostTime { at_s, uncertainty_s })
     }
 
-    /// Host time of a board time and the bound of its error, told at host time `now_s`.
-    pub fn host_time(&self, board_s: f64, now_s: f64) -> Option<(f64, f64)> {
-        self.best.map(|best| (board_s + best.offset_s, best.uncertainty_at_s(now_s)))
+    /// Host time minus board time at the last round trip, and how far it can be wrong.
+    pub fn offset(&self) -> Option<HostTime> {
+        let board_s = self.trips.back()?.board_s;
+        self.host_time(board_s).map(|host| HostTime { at_s: host.at_s - board_s, ..host })
     }
 }
 
@@ -108,20 +110,22 @@ mod tests {
     }
 
     #[test]
-    fn the_shorter_round_trip_counts() {
+    fn short_round_trips_on_both_sides_bound_what_lies_between() {
         let mut clock = BoardClock::default();
         clock.observe(trip(1.0, 0.0, 1.001));
-        let good = clock.offset();
-        clock.observe(trip(2.0, 1.004, 2.1));
-        assert_eq!(clock.offset(), good);
+        clock.observe(trip(1.5, 0.51, 1.9));
+        clock.observe(trip(2.0, 1.0005, 2.001));
+        let host = clock.host_time(0.7).unwrap();
+        assert!((host.at_s - 1.7).abs() < 1e-3 && host.uncertainty_s < 1e-3, "{host:?}");
     }
 
     #[test]
-    fn an_old_bound_grows_until_a_new_one_is_better() {
+    fn lost_ticks_widen_the_bound() {
         let mut clock = BoardClock::default();
-        clock.observe(trip(0.0, 0.0, 0.002));
-        clock.observe(trip(100.0, 100.001, 100.004));
-        assert_eq!(clock.offset().unwrap().at_s, 100.004);
+        clock.observe(trip(1.0, 1.0, 1.001));
+        clock.observe(trip(3.0, 2.5, 3.001));
+        let host = clock.host_time(2.0).unwrap();
+        assert!(host.at_s - host.uncertainty_s <= 2.0 && host.at_s + host.uncertainty_s >= 2.5, "{host:?}");
     }
 
     #[test]
@@ -129,18 +133,21 @@ mod tests {
         let mut clock = BoardClock::default();
         clock.observe(trip(50.0, 50.0, 50.001));
         clock.observe(trip(51.0, 0.1, 51.1));
-        assert!((clock.offset().unwrap().offset_s - 50.95).abs() < 1e-9);
+        assert!((clock.offset().unwrap().at_s - 50.95).abs() < 1e-9);
     }
 
     #[test]
     fn the_true_time_is_within_the_bound() {
         let mut clock = BoardClock::default();
+        let board_s = |host_s: f64| 0.99995 * host_s - 5.0;
         for n in 0..50u32 {
             let sent_s = f64::from(n);
             let (out_s, back_s) = (0.001 * f64::from(n % 7), 0.002 * f64::from(n % 3) + 1e-4);
-            clock.observe(trip(sent_s, sent_s + out_s - 5.0, sent_s + out_s + back_s));
-            let (host_s, bound_s) = clock.host_time(sent_s - 5.0, sent_s).unwrap();
-            assert!((host_s - sent_s).abs() <= bound_s + 1e-12);
+            clock.observe(trip(sent_s, board_s(sent_s + out_s), sent_s + out_s + back_s));
+            for asked_s in [0.3 * sent_s, 0.9 * sent_s] {
+                let host = clock.host_time(board_s(asked_s)).unwrap();
+                assert!((host.at_s - asked_s).abs() <= host.uncertainty_s + 1e-12);
+            }
         }
     }
 }

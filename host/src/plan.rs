@@ -13,6 +13,7 @@ use darm_core::units::{DeviceId, Micros, Word};
 
 use crate::arm::frames::check_word;
 use crate::arm::{Arm, FrameFault};
+use crate::client::TableImage;
 
 /// Time that the arm is given to come to rest after the last actuator can have reached its stop.
 pub const SETTLE: Micros = Micros::from_millis(50);
@@ -45,8 +46,8 @@ pub struct Plan {
     pub end: Micros,
     /// From when to when the arm rests at each visit.
     pub windows: Vec<(Micros, Micros)>,
-    /// The table as it is uploaded: one record after the other.
-    pub image: Vec<u8>,
+    /// The table as it is uploaded.
+    pub image: TableImage,
 }
 
 /// Why visits make no program.
@@ -257,7 +258,7 @@ fn travel(millis: u16) -> Micros {
 }
 
 /// The table's bytes, every record passed by the board's own checker.
-fn encode(arm: &Arm, rows: &[Row], end: Micros, device: Option<DeviceId>) -> Result<Vec<u8>, TableError> {
+fn encode(arm: &Arm, rows: &[Row], end: Micros, device: Option<DeviceId>) -> Result<TableImage, TableError> {
     let wiring = &arm.wiring;
     let start = Record::Start { model: arm.hash(), device, switch_limit: wiring.switch_limit };
     let records = std::iter::once(start)
@@ -266,13 +267,10 @@ fn encode(arm: &Arm, rows: &[Row], end: Micros, device: Option<DeviceId>) -> Res
         .chain(wiring.servos.iter().map(|servo| Record::Servo(*servo)))
         .chain(rows.iter().map(|row| Record::Row(row.clone())))
         .chain([Record::End { at: end }]);
+    let records: Vec<Record> = records.collect();
     let mut checker = Checker::default();
-    let mut image = Vec::new();
-    for record in records {
-        checker.admit(&record, device)?;
-        image = postcard::to_extend(&record, image).map_err(|_| TableError::Malformed)?;
-    }
-    Ok(image)
+    records.iter().try_for_each(|record| checker.admit(record, device))?;
+    TableImage::new(&records, arm.hash())
 }
 
 #[cfg(test)]

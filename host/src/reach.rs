@@ -2,7 +2,7 @@
 //!
 //! Every word is looked at: the stages' poses are tabulated once, and the words share the products of the stages that
 //! they have in common, so that the last stage costs one product a word. Servo joints are solved continuously for each
-//! word. The nearest words of the ideal geometry are then judged again by the model with its effects, under nominal
+//! word. The nearest words of the ideal geometry are then judged again by the model with its effects, under working
 //! conditions: what effects move has to be small against the distance of the first and the last of them.
 //!
 //! Distance: d² = |Δp|² + ℓ²θ² with the arm's length scale ℓ.
@@ -11,7 +11,6 @@ use std::fmt;
 
 use darm_core::actuator::{MAX_LEGS, Setting, Stage};
 use darm_core::chain::ChainError;
-use darm_core::model::Condition;
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, Twist};
 use darm_core::units::Word;
@@ -229,7 +228,7 @@ fn judge(
     scratch: &mut ArmScratch,
 ) -> Result<Candidate, ChainError> {
     let mut predict = |servos: &[f64]| {
-        let condition = Condition { previous: Some(*previous), ..arm.model.nominal(word, servos) };
+        let condition = arm.model.working(word, *previous, servos);
         let pose = arm.model.predict(&condition, scratch)?;
         Ok((pose, arm.model.chain.servo_jacobian(scratch).collect::<Vec<_>>()))
     };
@@ -341,7 +340,7 @@ mod tests {
     }
 
     fn predicted(arm: &Arm, word: &Word, servos: &[f64]) -> Pose<f64> {
-        let condition = Condition { previous: Some(arm.rest()), ..arm.model.nominal(*word, servos) };
+        let condition = arm.model.working(*word, arm.rest(), servos);
         arm.model.predict(&condition, &mut ArmScratch::default()).unwrap()
     }
 
@@ -354,7 +353,7 @@ mod tests {
             let target = predicted(&arm, &word, &[]) * Pose::from(Pose2::new(2e-3, -1e-3, 0.004));
             let all = (0..4096u16).filter_map(|bits| {
                 let word = format!("{bits:012b}").parse().ok()?;
-                let condition = Condition { previous: Some(arm.rest()), ..arm.model.nominal(word, &[]) };
+                let condition = arm.model.working(word, arm.rest(), &[]);
                 let pose = arm.model.predict(&condition, &mut ArmScratch::default()).ok()?;
                 Some(pose.distance(&target, arm.length_scale_m))
             });

@@ -36,6 +36,10 @@ pub struct Model<T: Real, const N: usize> {
     pub nominal_supply: T,
     /// The temperature that the geometry was measured at, K.
     pub reference_temperature_k: T,
+    /// The supply that the arm works at; tables and syntheses are made for it.
+    pub working_supply: T,
+    /// The temperature that the arm works at, K.
+    pub working_temperature_k: T,
     /// What makes the arm depart from its geometry, in the order in which they act.
     pub effects: Vec<Effect<T>, MAX_EFFECTS>,
 }
@@ -76,6 +80,8 @@ impl<T: Real, const N: usize> Model<T, N> {
             gravity: Vec3::new(T::zero(), real(-9.81), T::zero()),
             nominal_supply: T::one(),
             reference_temperature_k: real(293.15),
+            working_supply: T::one(),
+            working_temperature_k: real(293.15),
             effects: Vec::new(),
         }
     }
@@ -89,6 +95,12 @@ impl<T: Real, const N: usize> Model<T, N> {
             supply: self.nominal_supply,
             temperature_k: self.reference_temperature_k,
         }
+    }
+
+    /// The condition that the arm works under when it comes from another word.
+    pub fn working<'a>(&self, word: Word, previous: Word, servos: &'a [T]) -> Condition<'a, T> {
+        let (supply, temperature_k) = (self.working_supply, self.working_temperature_k);
+        Condition { word, previous: Some(previous), servos, supply, temperature_k }
     }
 
     /// Pose of the tool in the base under `condition`, with all effects; the posture is left in `scratch`.
@@ -186,6 +198,8 @@ impl<const N: usize> Model<f64, N> {
             gravity: cast(&self.gravity),
             nominal_supply: real(self.nominal_supply),
             reference_temperature_k: real(self.reference_temperature_k),
+            working_supply: real(self.working_supply),
+            working_temperature_k: real(self.working_temperature_k),
             effects: self.effects.iter().map(Effect::cast).collect(),
         }
     }

@@ -28,9 +28,10 @@ fn a_table_is_uploaded_and_played_by_the_pins() {
     let happened = bench::events_until(&mut client, |event| event == Event::Finished);
     assert_eq!(row_words(&happened), words);
     for (start, end) in bench::rows_in_host_time(&client, &happened) {
-        let frame =
-            bench.film().at_rest_between(start.at_s + SETTLE_S, end.at_s).expect("a frame at rest in every row");
-        assert_eq!(frame.state.reached, start.word, "row at {:.3} s", start.at_s);
+        let from_s = start.at.at_s + start.at.uncertainty_s + SETTLE_S;
+        let frame = bench.film().at_rest_between(from_s, end.at.at_s - end.at.uncertainty_s);
+        let frame = frame.unwrap_or_else(|| panic!("no frame at rest between {:?} and {:?}", start.at, end.at));
+        assert_eq!(frame.state.reached, start.word, "row at {:?}", start.at);
         assert_eq!(frame.state.previous, start.previous);
     }
     wait("all coils off", || bench.follower.state().reached == words[0].with_digit(0, 0));
@@ -55,7 +56,7 @@ fn a_program_runs_on_without_its_cable() {
 fn an_upload_without_its_cable_leaves_the_old_table_and_resumes() {
     let Some(bench) = Bench::start(Console::Socket, false) else { return };
     let old = table(&bench.wiring, &stepped(3), ModelHash(3));
-    let new = table(&bench.wiring, &stepped(200), ModelHash(4));
+    let new = table(&bench.wiring, &stepped(900), ModelHash(4));
     bench.connect().upload(&old, &mut |_| {}).unwrap();
     let cut = bench::cut_after(bench.link(), new.bytes().len() / 2);
     let mut client = darm::client::Client::connect_as(cut, 5).unwrap();

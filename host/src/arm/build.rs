@@ -84,6 +84,7 @@ fn model(raw: &RawArm, parts: &mut Parts) -> Checked<ArmModel> {
 
 fn conditions(model: &mut ArmModel, raw: Option<&RawConditions>) -> Checked<()> {
     model.nominal_supply = 6.0 * BAR;
+    model.working_supply = model.nominal_supply;
     let Some(raw) = raw else { return Ok(()) };
     if let Some(gravity) = &raw.gravity_m_s2 {
         model.gravity = vector(gravity);
@@ -94,6 +95,12 @@ fn conditions(model: &mut ArmModel, raw: Option<&RawConditions>) -> Checked<()> 
     if let Some(celsius) = raw.temperature_c {
         model.reference_temperature_k = celsius.0 + ZERO_CELSIUS;
     }
+    model.working_supply = match &raw.working_supply_bar {
+        Some(supply) => positive("working_supply_bar", supply)? * BAR,
+        None => model.nominal_supply,
+    };
+    model.working_temperature_k =
+        raw.working_temperature_c.map_or(model.reference_temperature_k, |celsius| celsius.0 + ZERO_CELSIUS);
     Ok(())
 }
 

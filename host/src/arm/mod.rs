@@ -13,6 +13,7 @@
 //! | `length_scale_m` ? | ℓ, 0.5: one radian weighs as much as this length |
 //! | `conditions.gravity_m_s2` ? | gravity in the base frame, \[0, −9.81, 0\]: y points up |
 //! | `conditions.supply_bar`, `.temperature_c` ? | supply and temperature that the geometry was measured at, 6 and 20 |
+//! | `conditions.working_supply_bar`, `.working_temperature_c` ? | those that the arm works at; the same where left out |
 //! | `mount` ? | pose of the first stage in the base |
 //! | `tool.pose`, `.mass_kg`, `.center_m` ? | pose of the tool in the last stage; what it carries, told in its frame |
 //! | `switch_limit.new_coils`, `.window_ms` ? | so many coils may go on within so long, 6 in 10 ms |

@@ -46,6 +46,8 @@ pub(super) struct RawConditions {
     pub(super) gravity_m_s2: Option<[Number; 3]>,
     pub(super) supply_bar: Option<Spanned<Number>>,
     pub(super) temperature_c: Option<Number>,
+    pub(super) working_supply_bar: Option<Spanned<Number>>,
+    pub(super) working_temperature_c: Option<Number>,
 }
 
 #[derive(Clone, Deserialize)]

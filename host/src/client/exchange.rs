@@ -7,14 +7,11 @@ use darm_core::wire::frame::{self, FrameError, Header, MAX_FRAME};
 use darm_core::wire::message::{Answer, REPLY, REQUEST, Reply, Request};
 
 use super::error::{AnswerError, ClientError, TransportError};
+use super::patience::Patience;
 use super::reader::{Piece, Reader};
 use crate::clock::{BoardClock, RoundTrip};
 use crate::link::Link;
 
-/// First wait for an answer: a long frame and its answer take 50 ms at 115200 baud, a flash page 25 ms.
-const FIRST_WAIT_S: f64 = 0.15;
-/// Every further wait is twice as long, up to this.
-const LONGEST_WAIT_S: f64 = 1.0;
 /// Without an answer for so long the board is not there.
 pub(super) const PATIENCE_S: f64 = 8.0;
 /// Storing a table erases a slot and writes it.
@@ -33,33 +30,12 @@ pub struct Counts {
     pub damaged: u32,
 }
 
-/// Waits that grow: the back-off between two attempts.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Backoff {
-    wait_s: f64,
-}
-
-impl Default for Backoff {
-    fn default() -> Self {
-        Self { wait_s: FIRST_WAIT_S }
-    }
-}
-
-impl Backoff {
-    /// The wait of this attempt; the next is longer.
-    pub(super) fn next_s(&mut self) -> f64 {
-        let wait_s = self.wait_s;
-        self.wait_s = (2.0 * wait_s).min(LONGEST_WAIT_S);
-        wait_s
-    }
-}
-
 /// A reply with the time at which it came.
 #[derive(Clone, Debug)]
 pub(super) struct Arrival {
     pub(super) number: u16,
     pub(super) payload: Vec<u8>,
-    received_s: f64,
+    pub(super) received_s: f64,
 }
 
 /// Who hears the text that comes outside frames.
@@ -73,6 +49,7 @@ pub(super) struct Exchange {
     connection: u32,
     number: u16,
     clock: BoardClock,
+    patience: Patience,
     counts: Counts,
     last_damage: Option<FrameError>,
     /// Frames that were read and not yet looked at.
@@ -89,6 +66,7 @@ impl Exchange {
             // Answers to an earlier host's last requests may still be on the line.
             number: connection as u16,
             clock: BoardClock::default(),
+            patience: Patience::default(),
             counts: Counts::default(),
             last_damage: None,
             arrived: std::collections::VecDeque::new(),
@@ -99,12 +77,17 @@ impl Exchange {
         &*self.link
     }
 
-    pub(super) fn clock(&self) -> BoardClock {
-        self.clock
+    pub(super) fn clock(&self) -> &BoardClock {
+        &self.clock
     }
 
     pub(super) fn counts(&self) -> Counts {
         self.counts
+    }
+
+    /// How long the line takes to answer.
+    pub(super) fn patience(&mut self) -> &mut Patience {
+        &mut self.patience
     }
 
     pub(super) fn set_on_text(&mut self, on_text: OnText) {
@@ -208,15 +191,19 @@ impl Exchange {
     fn exchange(&mut self, bytes: &[u8], answered: Header, patience_s: f64) -> Result<(Arrival, f64), ClientError> {
         let sent_s = self.link.now_s();
         let damaged_before = self.counts.damaged;
-        let mut backoff = Backoff::default();
         let mut attempts = 0;
         loop {
             self.send(bytes, attempts > 0)?;
             attempts += 1;
-            let end_s = self.link.now_s() + backoff.next_s();
+            let end_s = self.link.now_s() + self.patience.wait_s();
             if let Some(arrival) = self.next_arrival(end_s, |header| *header == answered)? {
+                // Which of several requests an answer belongs to cannot be told (RFC 6298, section 3).
+                if attempts == 1 {
+                    self.patience.on_answer(arrival.received_s - sent_s);
+                }
                 return Ok((arrival, sent_s));
             }
+            self.patience.on_silence();
             let waited_s = self.link.now_s() - sent_s;
             if waited_s > patience_s {
                 return Err(self.silence(attempts, waited_s, damaged_before));

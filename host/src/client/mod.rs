@@ -14,6 +14,7 @@ mod error;
 mod exchange;
 #[cfg(test)]
 mod fake;
+mod patience;
 mod reader;
 mod upload;
 
@@ -115,7 +116,7 @@ impl Client {
     }
 
     /// Board time against host time; every answer makes it better.
-    pub fn clock(&self) -> BoardClock {
+    pub fn clock(&self) -> &BoardClock {
         self.exchange.clock()
     }
 
@@ -175,7 +176,7 @@ impl Client {
     }
 
     /// Asks a few times for the status, so that the board's time is known as well as the line allows.
-    pub fn set_clock(&mut self, round_trips: u32) -> Result<BoardClock, ClientError> {
+    pub fn set_clock(&mut self, round_trips: u32) -> Result<&BoardClock, ClientError> {
         for _ in 0..round_trips {
             self.status()?;
         }

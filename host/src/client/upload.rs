@@ -11,7 +11,7 @@ use darm_core::units::ModelHash;
 use darm_core::wire::frame::CRC;
 use darm_core::wire::message::{Answer, CHUNK, Image, Refusal, Request};
 
-use super::exchange::{Backoff, PATIENCE_S};
+use super::exchange::PATIENCE_S;
 use super::{AnswerError, Client, ClientError};
 
 /// Chunks under way: together they fit the board's receive buffer of 1 KiB.
@@ -101,37 +101,36 @@ fn send_chunks(
     let damaged_before = client.counts().damaged;
     let mut ahead = next;
     let mut under_way: VecDeque<Sent> = VecDeque::new();
-    let mut backoff = Backoff::default();
-    let (mut silent_since_s, mut attempts) = (client.now_s(), 0);
+    let (mut heard_s, mut attempts) = (client.now_s(), 0);
     progress(Progress { done: next, total });
     while next < total {
         while under_way.len() < WINDOW && ahead < total {
             under_way.push_back(send_chunk(client, image, ahead, attempts > 0)?);
             ahead = (ahead + CHUNK as u32).min(total);
         }
-        let end_s = client.now_s() + backoff.next_s();
-        let Some((sent, board_wants)) = next_answer(client, &mut under_way, end_s)? else {
-            attempts += 1;
-            let waited_s = client.now_s() - silent_since_s;
-            if waited_s > PATIENCE_S {
-                return Err(client.exchange.silence(attempts, waited_s, damaged_before));
+        match next_answer(client, &mut under_way)? {
+            Some(answer) => {
+                (attempts, heard_s) = (0, client.now_s());
+                if answer.wanted > next {
+                    progress(Progress { done: answer.wanted, total });
+                }
+                next = answer.wanted;
+                if answer.gap {
+                    under_way.clear();
+                    ahead = next;
+                }
+                ahead = ahead.max(next);
             }
-            under_way.clear();
-            ahead = next;
-            continue;
-        };
-        (backoff, attempts, silent_since_s) = (Backoff::default(), 0, client.now_s());
-        // A chunk that came ahead of the wanted one was not taken: the ones between are lost, and so are those behind.
-        let gap = sent.offset > board_wants;
-        if board_wants > next {
-            progress(Progress { done: board_wants, total });
+            None => {
+                attempts += 1;
+                let waited_s = client.now_s() - heard_s;
+                if waited_s > PATIENCE_S {
+                    return Err(client.exchange.silence(attempts, waited_s, damaged_before));
+                }
+                under_way.clear();
+                ahead = next;
+            }
         }
-        next = board_wants;
-        if gap {
-            under_way.clear();
-            ahead = next;
-        }
-        ahead = ahead.max(next);
     }
     Ok(())
 }
@@ -145,22 +144,28 @@ fn send_chunk(client: &mut Client, image: &TableImage, offset: u32, again: bool)
     Ok(Sent { number: header.number, offset, at_s })
 }
 
-/// The next answer to a chunk under way, and the offset that it wants. Chunks that were sent before it and have no answer
-/// have lost theirs on the way.
-fn next_answer(
-    client: &mut Client,
-    under_way: &mut VecDeque<Sent>,
-    end_s: f64,
-) -> Result<Option<(Sent, u32)>, ClientError> {
+/// An answer to a chunk.
+struct Wanted {
+    /// The offset that the board wants next.
+    wanted: u32,
+    /// The chunk came ahead of the wanted one and was not taken: the ones between are lost, and so are those behind.
+    gap: bool,
+}
+
+/// The next answer to a chunk, if one comes in time. Chunks that were sent before it and have no answer have lost theirs.
+fn next_answer(client: &mut Client, under_way: &mut VecDeque<Sent>) -> Result<Option<Wanted>, ClientError> {
+    let end_s = client.now_s() + client.exchange.patience().wait_s();
     while let Some(arrival) = client.exchange.next_reply(end_s)? {
         let Some(at) = under_way.iter().position(|sent| sent.number == arrival.number) else {
             continue;
         };
         if let Some(sent) = under_way.drain(..=at).next_back() {
-            let answer = client.exchange.open("chunk", &arrival, sent.at_s)?;
-            return Ok(Some((sent, wanted(&answer)?)));
+            let wanted = wanted(&client.exchange.open("chunk", &arrival, sent.at_s)?)?;
+            client.exchange.patience().on_answer(arrival.received_s - sent.at_s);
+            return Ok(Some(Wanted { wanted, gap: sent.offset > wanted }));
         }
     }
+    client.exchange.patience().on_silence();
     Ok(None)
 }
 

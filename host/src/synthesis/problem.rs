@@ -2,7 +2,6 @@
 
 use darm_core::actuator::{JointKind, Stage};
 use darm_core::chain::{ChainError, Parameter};
-use darm_core::model::Condition;
 use darm_core::se::{Pose, Twist};
 use darm_core::units::Word;
 use nalgebra::{DMatrix, DVector};
@@ -202,10 +201,7 @@ impl<'a> Problem<'a> {
 
     fn pose(&mut self, unknowns: &DVector<f64>, index: usize) -> Result<Pose<f64>, SynthesisError> {
         let target = &self.targets[index];
-        let condition = Condition {
-            previous: Some(target.previous),
-            ..self.model.nominal(target.word, self.servos(unknowns, index))
-        };
+        let condition = self.model.working(target.word, target.previous, self.servos(unknowns, index));
         self.model.predict(&condition, &mut self.scratch).map_err(|reason| SynthesisError::NoPose {
             frame: target.name.clone(),
             word: target.word,

@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use darm::client::{Client, Happening, TableImage};
+use darm::clock::HostTime;
 use darm::link::{Link, LinkError};
 use darm::plant::Plant;
 use darm::plant::camera::Film;
@@ -20,14 +21,14 @@ use darm_core::units::{Micros, ModelHash, Word};
 const LIMIT: Duration = Duration::from_secs(60);
 /// Time from one row to the next.
 const ROW_MS: u32 = 300;
-/// A motion takes 40 ms of plant and the delays of the emulator.
-pub const SETTLE_S: f64 = 0.1;
+/// A motion takes 50 ms of plant and the delays of the emulator.
+pub(crate) const SETTLE_S: f64 = 0.1;
 
 /// A running board.
-pub struct Bench {
-    pub qemu: Qemu,
-    pub follower: Follower,
-    pub wiring: Wiring,
+pub(crate) struct Bench {
+    pub(crate) qemu: Qemu,
+    pub(crate) follower: Follower,
+    pub(crate) wiring: Wiring,
     machine: Machine,
     _folder: tempfile::TempDir,
     _lock: File,
@@ -35,7 +36,7 @@ pub struct Bench {
 
 impl Bench {
     /// Boots a blank board with twelve valves, and one servo if wanted. `None`, said loudly, where it cannot run.
-    pub fn start(console: Console, servo: bool) -> Option<Self> {
+    pub(crate) fn start(console: Console, servo: bool) -> Option<Self> {
         let elf =
             PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../target/thumbv7em-none-eabihf/firmware/darm-firmware");
         if let Err(error) = qemu::find() {
@@ -57,7 +58,7 @@ impl Bench {
     }
 
     /// Kills the emulator and starts another one on the same flash.
-    pub fn power_cycle(&mut self) {
+    pub(crate) fn power_cycle(&mut self) {
         let (qemu, follower) = {
             let mut fresh = Plant::new(&self.wiring, &[]);
             fresh.advance(darm::clock::host_now_s());
@@ -68,17 +69,17 @@ impl Bench {
     }
 
     /// Opens the board's port.
-    pub fn link(&self) -> Box<dyn Link> {
+    pub(crate) fn link(&self) -> Box<dyn Link> {
         darm::link::open(self.qemu.console_port()).unwrap()
     }
 
     /// Connects as a host does.
-    pub fn connect(&self) -> Client {
+    pub(crate) fn connect(&self) -> Client {
         Client::connect(self.link()).unwrap()
     }
 
     /// What the camera takes.
-    pub fn film(&self) -> Film {
+    pub(crate) fn film(&self) -> Film {
         self.follower.film()
     }
 }
@@ -107,19 +108,19 @@ fn wiring(servo: bool) -> Wiring {
 }
 
 /// Words whose neighbours differ by one or two digits; the first is not the word at rest.
-pub fn stepped(count: u32) -> Vec<Word> {
+pub(crate) fn stepped(count: u32) -> Vec<Word> {
     let gray = |n: u32| n ^ n >> 1;
     let digits = |bits: u32| (0..12).map(|bit| (bits >> bit & 1) as u8).collect::<Vec<_>>();
     (1..=count).map(|n| Word::new(&digits(gray(n))).unwrap()).collect()
 }
 
 /// Angle of the servo in row `row`.
-pub fn servo_angle_rad(row: usize) -> f32 {
+pub(crate) fn servo_angle_rad(row: usize) -> f32 {
     0.1 * row as f32
 }
 
 /// A table with these words in rows of [`ROW_MS`].
-pub fn table(wiring: &Wiring, words: &[Word], model: ModelHash) -> TableImage {
+pub(crate) fn table(wiring: &Wiring, words: &[Word], model: ModelHash) -> TableImage {
     let at = |row: usize| Micros::from_millis(ROW_MS * row as u32);
     let mut records = vec![Record::Start { model, device: None, switch_limit: wiring.switch_limit }];
     records.extend(wiring.coils.iter().copied().map(Record::Coil));
@@ -135,7 +136,7 @@ pub fn table(wiring: &Wiring, words: &[Word], model: ModelHash) -> TableImage {
 
 /// Waits for something to become true.
 #[track_caller]
-pub fn wait(what: &str, mut is_so: impl FnMut() -> bool) {
+pub(crate) fn wait(what: &str, mut is_so: impl FnMut() -> bool) {
     let start = Instant::now();
     while !is_so() {
         assert!(start.elapsed() < LIMIT, "waited in vain for {what}");
@@ -145,7 +146,7 @@ pub fn wait(what: &str, mut is_so: impl FnMut() -> bool) {
 
 /// All events since the board's start until one of a kind has come.
 #[track_caller]
-pub fn events_until(client: &mut Client, is_last: impl Fn(Event) -> bool) -> Vec<Happening> {
+pub(crate) fn events_until(client: &mut Client, is_last: impl Fn(Event) -> bool) -> Vec<Happening> {
     let mut happened: Vec<Happening> = Vec::new();
     wait("the last event", || {
         let from = happened.last().map_or(0, |last| last.number + 1);
@@ -156,26 +157,26 @@ pub fn events_until(client: &mut Client, is_last: impl Fn(Event) -> bool) -> Vec
 }
 
 /// The words of the rows that went out.
-pub fn row_words(happened: &[Happening]) -> Vec<Word> {
+pub(crate) fn row_words(happened: &[Happening]) -> Vec<Word> {
     happened.iter().filter_map(|h| if let Event::Row { word, .. } = h.event { Some(word) } else { None }).collect()
 }
 
-/// When a row went out, and the word before.
+/// A row that went out, and the word before it.
 #[derive(Clone, Copy)]
-pub struct RowTime {
-    pub at_s: f64,
-    pub word: Word,
-    pub previous: Word,
+pub(crate) struct RowTime {
+    pub(crate) at: HostTime,
+    pub(crate) word: Word,
+    pub(crate) previous: Word,
 }
 
 /// Start and end of every row but the last, in host time.
-pub fn rows_in_host_time(client: &Client, happened: &[Happening]) -> Vec<(RowTime, RowTime)> {
+pub(crate) fn rows_in_host_time(client: &Client, happened: &[Happening]) -> Vec<(RowTime, RowTime)> {
     let mut previous = Word::zeros(12).unwrap();
     let mut rows = Vec::new();
     for happening in happened {
         if let Event::Row { word, .. } = happening.event {
-            let (at_s, _) = client.clock().host_time(1e-6 * happening.at.0 as f64, client.now_s()).unwrap();
-            rows.push(RowTime { at_s, word, previous });
+            let at = client.clock().host_time(1e-6 * happening.at.0 as f64).unwrap();
+            rows.push(RowTime { at, word, previous });
             previous = word;
         }
     }
@@ -183,7 +184,7 @@ pub fn rows_in_host_time(client: &Client, happened: &[Happening]) -> Vec<(RowTim
 }
 
 /// Types a line and listens until the answer holds a text.
-pub fn type_and_hear(client: &mut Client, line: &str, wanted: &str) -> String {
+pub(crate) fn type_and_hear(client: &mut Client, line: &str, wanted: &str) -> String {
     let heard = Arc::new(Mutex::new(Vec::new()));
     let ear = heard.clone();
     client.set_on_text(move |text| ear.lock().unwrap().extend_from_slice(text));
@@ -231,6 +232,6 @@ impl Link for Cut {
 }
 
 /// Pulls a link's cable after so many bytes from the host.
-pub fn cut_after(inner: Box<dyn Link>, bytes: usize) -> Box<dyn Link> {
+pub(crate) fn cut_after(inner: Box<dyn Link>, bytes: usize) -> Box<dyn Link> {
     Box::new(Cut { inner, left: bytes })
 }
