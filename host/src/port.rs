@@ -20,9 +20,7 @@ pub(crate) struct PortArgs {
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub(crate) enum PortError {
     /// There is none.
-    #[error(
-        "no board found; plug one in, start one in the emulator with `darm plant`, or name its port with --port"
-    )]
+    #[error("no board found; plug one in, start one in the emulator with `darm plant`, or name its port with --port")]
     None,
     /// There are several.
     #[error("several boards found ({}); choose one with --port or DARM_PORT", .0.join(", "))]

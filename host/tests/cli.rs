@@ -88,7 +88,11 @@ fn without_a_board_the_code_is_four() {
         assert_eq!(output.status.code(), Some(4), "{command}");
         assert!(text(&output.stderr).starts_with("darm: no port unix:/nonexistent/board; "), "{command}");
     }
-    home.fails("status -p ttyACM0", 4, "darm: \"ttyACM0\" names no port; write /dev/ttyACM0, unix:PATH or tcp:HOST:PORT");
+    home.fails(
+        "status -p ttyACM0",
+        4,
+        "darm: \"ttyACM0\" names no port; write /dev/ttyACM0, unix:PATH or tcp:HOST:PORT",
+    );
     let refused = home.json(&format!("status --port {missing}"));
     assert_eq!(refused["error"]["exit"], 4);
 }
@@ -105,11 +109,7 @@ fn bad_usage_has_the_code_two() {
         2,
         "darm: --words 0104: digit 4 of the word is not one of 0 to 3",
     );
-    home.fails(
-        &format!("plant {arm} --line-low 64"),
-        2,
-        "darm: no line 64; they go from 0 to 63",
-    );
+    home.fails(&format!("plant {arm} --line-low 64"), 2, "darm: no line 64; they go from 0 to 63");
 }
 
 #[test]

@@ -36,7 +36,9 @@ pub(crate) struct Picture {
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub(crate) enum LineError {
     /// The header lacks a column.
-    #[error("the camera's header has no column {0}; it needs time_s and x_m,y_m,angle_deg or x_m,y_m,z_m,rx_deg,ry_deg,rz_deg")]
+    #[error(
+        "the camera's header has no column {0}; it needs time_s and x_m,y_m,angle_deg or x_m,y_m,z_m,rx_deg,ry_deg,rz_deg"
+    )]
     NoColumn(&'static str),
     /// A cell holds no number.
     #[error("the camera's column {column} holds {text:?}, no number")]
@@ -151,7 +153,10 @@ mod tests {
         let columns = Columns::parse(&header(planar)).unwrap();
         let read = columns.picture(&picture.line(planar)).unwrap().unwrap();
         assert!(read.pose.distance(&picture.pose, 0.5) < 1e-6);
-        assert_eq!((read.time_s, read.supply_bar, read.temperature_c), (picture.time_s, picture.supply_bar, picture.temperature_c));
+        assert_eq!(
+            (read.time_s, read.supply_bar, read.temperature_c),
+            (picture.time_s, picture.supply_bar, picture.temperature_c)
+        );
     }
 
     #[test]

@@ -52,7 +52,8 @@ impl Diagnose {
         let wheel = voice.wheel("diagnosing");
         let diagnosis = diagnose(&arm, &run, &Options { seed: self.seed, ..Options::default() });
         wheel.finish_and_clear();
-        let diagnosis = diagnosis.map_err(|error| anyhow::Error::new(error).context(self.data.display().to_string()))?;
+        let diagnosis =
+            diagnosis.map_err(|error| anyhow::Error::new(error).context(self.data.display().to_string()))?;
         let output = match (&self.output, diagnosis.verdict) {
             (Some(path), Verdict::EffectFound) => {
                 diagnosis.corrected(&arm).write(path)?;
@@ -103,7 +104,8 @@ impl Report {
             optional(&error.before.heldout),
             optional(&error.after.heldout),
         ];
-        let repeats = repeatability.as_ref().map_or("not measured".to_owned(), |r| format!("{:.3} mm", 1e3 * r.distance_m));
+        let repeats =
+            repeatability.as_ref().map_or("not measured".to_owned(), |r| format!("{:.3} mm", 1e3 * r.distance_m));
         format!("{}\nrepeatability: {repeats}", columns(&[head, fitted, heldout]))
     }
 }

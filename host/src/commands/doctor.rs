@@ -119,7 +119,11 @@ fn board(client: &Client) -> Check {
     if client.hello().is_some() {
         Check::good("board", found)
     } else {
-        Check::wrong("board", found, "this tool speaks another protocol; bring the firmware up to date with `darm flash`")
+        Check::wrong(
+            "board",
+            found,
+            "this tool speaks another protocol; bring the firmware up to date with `darm flash`",
+        )
     }
 }
 
@@ -129,7 +133,8 @@ fn ports() -> Vec<Check> {
         return vec![Check::good("port", format!("no USB serial port; `darm plant` runs a board at {port}"))];
     }
     if ports.is_empty() {
-        let fix = "plug the board's ST-LINK connector (CN7) in; without a board `darm plant` starts one in the emulator";
+        let fix =
+            "plug the board's ST-LINK connector (CN7) in; without a board `darm plant` starts one in the emulator";
         return vec![Check::missing("port", "no USB serial port", fix)];
     }
     ports.iter().map(|port| permission(port)).collect()

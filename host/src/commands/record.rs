@@ -1,5 +1,6 @@
 //! `darm record`: plays the board's table and measures: events of the board and pictures of a camera, joined by time.
 
+mod follow;
 mod join;
 mod source;
 
@@ -7,23 +8,22 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use darm::arm::Arm;
-use darm::client::{Client, Happening};
-use darm::clock::Offset;
+use darm::client::Client;
+use darm::clock::HostTime;
 use darm::measurement::{Finding, Run, check, write_text};
-use darm_core::sequencer::{Command, Event};
+use darm_core::sequencer::Command;
 use darm_core::units::ModelHash;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use serde::Serialize;
 
-use super::camera::unix_less_host_s;
 use super::play::{End, Watch};
-use super::status::seconds;
 use super::visits::{Visits, beside};
 use crate::failure::Safe;
 use crate::port::{PortArgs, emulated_camera};
 use crate::voice::{Answer, Voice};
-use join::Mark;
+use follow::Follow;
+use join::Span;
 use source::Camera;
 
 const EXAMPLES: &str = "\
@@ -124,7 +124,7 @@ impl Record {
         let played = play(&mut client, &visits, voice)?;
         let pictures = camera.stop()?;
         let clock = client.clock().offset().ok_or(RecordError::NothingPlayed)?;
-        let mut samples = join::join(&visits, &played.marks, &pictures);
+        let mut samples = join::join(&visits, &played.spans, &pictures);
         for sample in &mut samples {
             sample.run = self.run;
             sample.time_s += played.start_s;
@@ -135,13 +135,13 @@ impl Record {
         let run = Run { samples, lines: Vec::new() };
         write(&self.output, &header(&visits, clock, client.identity().device.to_string().as_str()), &run)?;
         let mut findings = arm.map(|arm| check(&arm, &run)).unwrap_or_default();
-        findings.extend(uneven(join::departure_s(&played.marks)));
+        findings.extend(uneven(played.departure_s));
         voice.tell(&Recorded {
             output: self.output.clone(),
             rows: run.samples.len(),
             visits: visits.rests.len(),
             pictures: pictures.len(),
-            clock_offset_s: clock.offset_s,
+            clock_offset_s: clock.at_s,
             clock_uncertainty_s: clock.uncertainty_s,
             findings: findings.iter().map(ToString::to_string).collect(),
             end: played.end.name(),
@@ -176,8 +176,10 @@ fn uneven(departure_s: f64) -> Option<Finding> {
 struct Played {
     /// When row 0 went out, on the board's clock.
     start_s: f64,
-    /// Every event of the program on the camera's clock, with the relation of the clocks as it was then.
-    marks: Vec<Mark>,
+    /// When the arm rested at each visit that was completed, on the camera's clock.
+    spans: Vec<Span>,
+    /// How far the board's clock and the host's departed from each other.
+    departure_s: f64,
     end: End,
 }
 
@@ -187,52 +189,26 @@ fn play(client: &mut Client, visits: &Visits, voice: Voice) -> anyhow::Result<Pl
     let mut watch = Watch::new(client.say_hello()?.next_event);
     client.command(Command::Play)?;
     let bar = voice.bar("recording", visits.rests.len() as u64, "visits");
-    let (mut start_s, mut marks) = (None, Vec::new());
+    let mut follow = Follow::new(visits);
     let end = loop {
         std::thread::sleep(POLL);
         let happenings = watch.look(client)?;
-        if start_s.is_none() {
-            let first = happenings.iter().find(|happening| row_of(happening) == Some(0));
-            start_s = first.map(|happening| seconds(happening.at));
-        }
-        if let (Some(start_s), Some(clock)) = (start_s, client.clock().offset()) {
-            marks.extend(happenings.iter().map(|happening| mark(happening, start_s, clock)));
-        }
-        let done = |row: u16| visits.rests.iter().take_while(|rest| rest.row <= row).count();
-        if let Some(row) = happenings.iter().rev().find_map(row_of) {
-            bar.set_position(done(row) as u64);
-        }
+        follow.look(&happenings, watch.end, client.clock(), client.now_s());
+        bar.set_position(follow.spans.len() as u64);
         if let Some(end) = watch.end {
             break end;
         }
     };
     bar.finish_and_clear();
-    let start_s = start_s.ok_or(RecordError::NothingPlayed)?;
-    marks.retain(|mark| mark.program_s >= 0.0);
-    Ok(Played { start_s, marks, end })
-}
-
-fn mark(happening: &Happening, start_s: f64, clock: Offset) -> Mark {
-    let board_s = seconds(happening.at);
-    Mark {
-        program_s: board_s - start_s,
-        offset_s: start_s + clock.offset_s + unix_less_host_s(),
-        uncertainty_s: clock.uncertainty_s,
-    }
-}
-
-fn row_of(happening: &Happening) -> Option<u16> {
-    match happening.event {
-        Event::Row { row, .. } => Some(row),
-        _ => None,
-    }
+    let start_s = follow.start_s.ok_or(RecordError::NothingPlayed)?;
+    Ok(Played { start_s, departure_s: follow.departure_s(), spans: follow.spans, end })
 }
 
 /// Comment lines before the table.
-fn header(visits: &Visits, clock: Offset, device: &str) -> String {
+fn header(visits: &Visits, clock: HostTime, device: &str) -> String {
     format!(
         "# model {}\n# board {device}\n# clock_offset_s {:.6}\n# clock_uncertainty_s {:.6}\n",
-        visits.model, clock.offset_s, clock.uncertainty_s
+        visits.model, clock.at_s, clock.uncertainty_s
     )
 }
 

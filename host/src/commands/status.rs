@@ -93,7 +93,7 @@ fn report(client: &Client, status: &message::Status, died: Option<String>) -> Re
         bad_frames: status.bad_frames,
         worst_lateness_us: status.worst_lateness_us,
         died,
-        up_s: client.clock().offset().map(|offset| client.now_s() - offset.offset_s),
+        up_s: client.clock().offset().map(|offset| client.now_s() - offset.at_s),
     }
 }
 
@@ -159,7 +159,10 @@ impl Answer for Report {
                 None => "table     none; make one with `darm table`, then `darm upload` it".to_owned(),
             },
             format!("word      {}", if self.word.is_empty() { "none" } else { &self.word }),
-            format!("switches  {}", if closed.is_empty() { "none closed".into() } else { closed.join(" ") + " closed" }),
+            format!(
+                "switches  {}",
+                if closed.is_empty() { "none closed".into() } else { closed.join(" ") + " closed" }
+            ),
         ];
         lines.extend(self.servos.iter().enumerate().map(|(index, servo)| {
             format!("servo {index}   {:.2} deg, load {:.0} %{}", servo.angle_deg, servo.load_percent, servo.trouble())

@@ -83,6 +83,9 @@ impl Answer for Report {
                 line.direction.to_owned(),
             ]
         }));
-        format!("{}\n\n`out` makes an actuator longer, `in` shorter; anchors go forward along their axis or back", columns(&rows))
+        format!(
+            "{}\n\n`out` makes an actuator longer, `in` shorter; anchors go forward along their axis or back",
+            columns(&rows)
+        )
     }
 }

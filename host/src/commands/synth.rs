@@ -117,7 +117,8 @@ impl Synth {
         found.arm.write(&self.output)?;
         if let Some(path) = &self.frames_out {
             let frames: Vec<_> = found.frames.iter().map(|reached| reached.frame.clone()).collect();
-            std::fs::write(path, frames::to_toml(&frames)).with_context(|| format!("cannot write {}", path.display()))?;
+            std::fs::write(path, frames::to_toml(&frames))
+                .with_context(|| format!("cannot write {}", path.display()))?;
         } else if base.n_servos() > 0 {
             voice.note("the servo angles that were found are not kept; --frames-out FILE.toml keeps them");
         }

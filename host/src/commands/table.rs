@@ -110,7 +110,7 @@ impl Table {
         let visits: Vec<Visit> = stops.iter().map(|stop| stop.visit.clone()).collect();
         let plan = plan(&arm, &visits, device)?;
         let file = visits_of(&arm, &stops, &plan);
-        write(&self.output, &plan.image)?;
+        write(&self.output, plan.image.bytes())?;
         write(&beside(&self.output), file.to_text().as_bytes())?;
         voice.tell(&self.report(&file, &plan, device))
     }
@@ -177,7 +177,7 @@ impl Table {
             visits_file: beside(&self.output),
             model: file.model.to_string(),
             device: device.map(|device| device.to_string()),
-            bytes: plan.image.len(),
+            bytes: plan.image.bytes().len(),
             end_s: plan.end.0 as f64 * 1e-6,
             visits: file.rests.len(),
             held_out: file.rests.iter().filter(|rest| rest.held_out).count(),

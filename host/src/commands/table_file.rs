@@ -72,8 +72,8 @@ impl TableFile {
             .map_err(|offset| TableFileError::Bytes { path: path.into(), offset })
             .and_then(|records| check(path, records))?;
         let (model, device) = start(&records);
-        let image = TableImage::new(&records, model)
-            .map_err(|source| TableFileError::Refused { path: path.into(), source })?;
+        let image =
+            TableImage::new(&records, model).map_err(|source| TableFileError::Refused { path: path.into(), source })?;
         Ok(Self { path: path.into(), device, records, image })
     }
 
@@ -108,9 +108,7 @@ fn records(bytes: &[u8]) -> Result<Vec<Record>, usize> {
 fn check(path: &Path, records: Vec<Record>) -> Result<Vec<Record>, TableFileError> {
     let mut checker = Checker::default();
     for record in &records {
-        checker
-            .admit(record, None)
-            .map_err(|source| TableFileError::Refused { path: path.into(), source })?;
+        checker.admit(record, None).map_err(|source| TableFileError::Refused { path: path.into(), source })?;
     }
     match checker.is_complete() {
         true => Ok(records),

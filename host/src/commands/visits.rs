@@ -100,8 +100,7 @@ impl Visits {
 
     /// Reads the file.
     pub(crate) fn read(path: &Path) -> Result<Self, VisitsError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| VisitsError::Read { path: path.into(), source })?;
+        let text = std::fs::read_to_string(path).map_err(|source| VisitsError::Read { path: path.into(), source })?;
         Self::parse(&text).map_err(|(line, what)| VisitsError::Line { path: path.into(), line, what })
     }
 
@@ -113,7 +112,8 @@ impl Visits {
         let header = reader.headers().map_err(|error| (2, error.to_string()))?.clone();
         let mut rests = Vec::new();
         for record in reader.records() {
-            let record = record.map_err(|error| (error.position().map_or(0, csv::Position::line), error.to_string()))?;
+            let record =
+                record.map_err(|error| (error.position().map_or(0, csv::Position::line), error.to_string()))?;
             let line = record.position().map_or(0, csv::Position::line);
             let row = Cells { header: &header, record: &record };
             rests.push(row.rest().map_err(|column| (line, format!("column {column} cannot be read")))?);
