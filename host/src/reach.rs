@@ -360,7 +360,6 @@ mod tests {
             let mut distances: Vec<f64> = all.collect();
             distances.sort_by(f64::total_cmp);
             let found = best_words(&arm, &target, &arm.rest(), 8).unwrap();
-            assert_eq!(found[0].word, word);
             for (candidate, distance) in found.iter().zip(distances) {
                 assert!((candidate.distance_m - distance).abs() < 1e-12, "{} {distance}", candidate.distance_m);
             }

@@ -162,6 +162,7 @@ impl fmt::Display for ArmFault {
             Self::TooManyEffects { most } => write!(f, "a model holds at most {most} effects; remove some"),
             Self::Wiring(error) => write!(f, "{error}; correct the wiring"),
             Self::NoPose { word, module, reason } => {
+                let reason = reason_of(reason);
                 write!(f, "{module} has no pose for the word {word}: {reason}; change its leg lengths, anchors or home")
             }
         }
@@ -251,3 +252,11 @@ impl fmt::Display for FrameFault {
 }
 
 impl std::error::Error for FrameFault {}
+
+/// The reason without the number of the stage, for messages that name the stage.
+pub(crate) fn reason_of(error: &ChainError) -> String {
+    match error {
+        ChainError::Platform { reason, .. } => reason.to_string(),
+        error => error.to_string(),
+    }
+}

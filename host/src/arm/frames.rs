@@ -93,6 +93,9 @@ pub fn check(frames: &[DesiredFrame], arm: &Arm) -> Result<(), (usize, FrameFaul
             let fault = FrameFault::ServoCount { servos: arm.n_servos(), found: frame.servos_rad.len() };
             return Err((index, fault));
         }
+        if arm.model.chain.is_planar() && !frame.pose_base_tool.is_planar() {
+            return Err((index, FrameFault::Coordinates { expected: 2, found: 3 }));
+        }
         if let Some(other) = frames[..index].iter().find(|other| other.word == frame.word) {
             return Err((index, FrameFault::SameWord { word: frame.word, other: other.name.clone() }));
         }
@@ -128,6 +131,7 @@ fn frames(source: &Source, arm: &Arm) -> Result<Vec<DesiredFrame>, FramesError> 
     check(&frames, arm).map_err(|(index, fault)| {
         let span = match (raw.frame.get(index), &fault) {
             (Some(raw), FrameFault::ServoCount { .. }) => raw.servo_deg.as_ref().map_or(raw.word.span(), Spanned::span),
+            (Some(raw), FrameFault::Coordinates { .. }) => raw.pose.span(),
             (Some(raw), _) => raw.word.span(),
             (None, _) => raw.format.span(),
         };

@@ -59,6 +59,7 @@ use darm_core::output::Wiring;
 use darm_core::units::{ModelHash, Word};
 use sha2::{Digest, Sha256};
 
+pub(crate) use fault::reason_of;
 pub use fault::{ArmFault, FrameFault};
 pub use source::{Fault, FileError, Place};
 

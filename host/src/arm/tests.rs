@@ -113,31 +113,99 @@ fn files_read_and_write() {
 #[test]
 fn mistakes_are_told_by_line_and_column() {
     let cases = [
-        ("format = 1", "format = 2", "the file has format 2, this program reads format 1"),
-        ("model = 0", "model = ", "string values must be quoted, expected literal string"),
-        ("model = 0", "modle = 0", "unknown field"),
-        ("[1.0, 1.25]", "[1.0, 0.75]", ""),
-        ("[1.0, 1.25]", "[1.0, nan]", ""),
-        ("[1.0, 1.25]", "[1.0]", ""),
-        ("base_m = [-0.5, 0.0]", "base_m = [-0.5, 0.0, 0.0]", ""),
-        ("line = 1 }", "line = 0 }", ""),
-        ("input = 3,", "input = 2,", ""),
-        ("line = 4 }", "line = 4, duty_percent = 120 }", ""),
-        ("closed_in = [1]", "closed_in = [2]", ""),
-        ("new_coils = 6", "new_coils = 0", ""),
-        ("kind = \"planar-platform\"", "kind = \"spatial-platform\"", ""),
-        ("kind = \"planar-platform\"", "kind = \"link\"", ""),
-        ("top_m = [0.5, 0.0]\nlength_m = [1.4", "top_m = [-0.5, 0.0]\nlength_m = [1.0", ""),
-        ("1.25]", "9.0]", ""),
+        ("format = 1", "format = 2", "5:10: the file has format 2, this program reads format 1"),
+        ("model = 0", "model = ", "7:9: string values must be quoted, expected literal string"),
+        (
+            "model = 0",
+            "modle = 0",
+            "7:1: unknown field `modle`, expected one of `format`, `name`, `model`, `length_scale_m`, `conditions`, \
+             `mount`, `tool`, `switch_limit`, `stage`, `effect`",
+        ),
+        (
+            "[1.0, 1.25]",
+            "[1.0, 0.75]",
+            "32:12: state 1 at 0.75 is below state 0 at 1: a stroke below zero; give the states in growing order",
+        ),
+        ("[1.0, 1.25]", "[1.0, nan]", "32:12: the number has to be finite"),
+        ("[1.0, 1.25]", "[1.0]", "32:12: the actuator has 1 states; give 2 to 4, digit 0 first"),
+        ("[-0.5, 0.0]", "[-0.5, 0.0, 0.0]", "30:10: 3 coordinates are given; give 2, in metres"),
+        ("line = 1 }", "line = 0 }", "42:8: line 0 is used twice or is not one of 0 to 63; correct the wiring"),
+        ("input = 3,", "input = 2,", "67:10: switch input 2 is used twice or does not exist; correct the wiring"),
+        (
+            "line = 4 }",
+            "line = 4, duty_percent = 120 }",
+            "75:8: the limits of coil 4 are zero, above 100 % or shorter than its pulse; correct the wiring",
+        ),
+        (
+            "closed_in = [1]",
+            "closed_in = [2]",
+            "34:10: the switch is closed in state 2, which the actuator does not have; correct `closed_in`",
+        ),
+        (
+            "new_coils = 6",
+            "new_coils = 0",
+            "18:1: the coils that may switch at once must be 1 to 16; correct the wiring",
+        ),
+        ("planar-platform", "link", "23:8: a link has no key `home`; remove it"),
     ];
     for (from, to, expected) in cases {
-        println!("{to:?}\n    {} ({expected})", message(from, to));
+        assert_eq!(message(from, to), format!("arm.toml:{expected}"));
     }
-    println!("{}", parse(&format!("{PLANAR4}\n[[effect]]\nlaw = \"sag\"\nvalues = {{}}\n")).unwrap_err());
-    println!("{}", parse(&format!("{PLANAR4}\n[[effect]]\nlaw = \"play\"\nvalues = {{ w = 1.0 }}\n")).unwrap_err());
-    println!(
-        "{}",
-        parse(&format!("{PLANAR4}\n[[effect]]\nlaw = \"play\"\nmodule = 4\nvalues = {{ width_m = 1.0 }}\n"))
-            .unwrap_err()
+}
+
+#[test]
+fn a_base_line_that_does_not_stand_is_told_by_module_and_word() {
+    let parallel = message("top_m = [0.5, 0.0]\nlength_m = [1.4", "top_m = [-0.5, 0.0]\nlength_m = [1.0");
+    assert_eq!(
+        parallel,
+        "arm.toml:23:8: module 1 has no pose for the word 000000000000: the platform is near a singular posture: \
+         determinant -0.0e0 of at least 1e-2; change its leg lengths, anchors or home"
     );
+    let too_long = message("1.25]", "9.0]");
+    assert!(too_long.starts_with("arm.toml:23:8: module 1 has no pose for the word 111111111111: "), "{too_long}");
+}
+
+#[test]
+fn effects_that_cannot_be_are_told() {
+    let message = |effect: &str| parse(&format!("{PLANAR4}\n[[effect]]\nlaw = {effect}\n")).unwrap_err().to_string();
+    assert_eq!(
+        message("\"sag\"\nvalues = {}"),
+        "arm.toml:155:7: there is no law `sag`; the laws are stroke-loss, anchor-offset, gravity-sag, play, \
+         supply-stroke, thermal-growth"
+    );
+    assert_eq!(message("\"play\"\nvalues = { w = 1.0 }"), "arm.toml:155:7: the values of this law are width_m");
+    assert_eq!(
+        message("\"play\"\nmodule = 4\nvalues = { width_m = 1.0 }"),
+        "arm.toml:155:7: the effect acts on an actuator, module or state that is missing or does not exist; both \
+         count from 0 at the base"
+    );
+}
+
+#[test]
+fn frames_that_cannot_be_are_told() {
+    let arm = parse(PLANAR4).unwrap();
+    let good = include_str!("../../../examples/planar4-frames.toml");
+    let message = |from: &str, to: &str| {
+        assert!(good.contains(from), "{from}");
+        frames::parse(Path::new("frames.toml"), &good.replacen(from, to, 1), &arm).unwrap_err().to_string()
+    };
+    assert_eq!(
+        message("111,111,000,000", "111,000,000,000"),
+        "frames.toml:18:8: the word 111000000000 serves B already; one word reaches one frame, give another word"
+    );
+    assert_eq!(
+        message("111,111,000,000", "111,111,000"),
+        "frames.toml:18:8: the word 111111000 has 9 digits; give 12, one for each actuator"
+    );
+    assert_eq!(
+        message("111,111,000,000", "111,211,000,000"),
+        "frames.toml:18:8: the word 111211000000 asks for a state that module 2, left leg does not have; its digits \
+         are 0 to 1"
+    );
+    assert_eq!(
+        message("[0.04, 3.97]", "[0.04, 3.97, 0.0]"),
+        "frames.toml:9:8: the position has 3 coordinates; give 2, in metres"
+    );
+    let frames = frames::parse(Path::new("frames.toml"), good, &arm).unwrap();
+    assert_eq!(frames::parse(Path::new("again.toml"), &frames::to_toml(&frames), &arm).unwrap(), frames);
 }

@@ -31,9 +31,10 @@ use std::time::{Duration, Instant};
 use darm_core::chain::ChainError;
 use darm_core::se::Pose;
 use darm_core::units::Word;
+use serde::Serialize;
 
 use crate::arm::frames::{self, DesiredFrame};
-use crate::arm::{Arm, FrameFault};
+use crate::arm::{Arm, FrameFault, reason_of};
 pub use case::{Case, CaseKind};
 use problem::Problem;
 
@@ -102,7 +103,8 @@ pub struct Synthesis {
 }
 
 /// How a search ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Status {
     /// Every frame is met to [`REACHED_M`] and [`REACHED_RAD`].
     Reached,
@@ -161,7 +163,8 @@ impl fmt::Display for SynthesisError {
             Self::Frame { frame, fault } => write!(f, "{frame}: {fault}"),
             Self::NoPose { frame, word, module, reason } => write!(
                 f,
-                "{frame}: {module} has no pose for the word {word}: {reason}; change its leg lengths, or the word"
+                "{frame}: {module} has no pose for the word {word}: {}; change its leg lengths, or the word",
+                reason_of(reason)
             ),
         }
     }
@@ -179,9 +182,9 @@ pub fn synthesize(base_line: &Arm, desired: &[DesiredFrame], options: &Options) 
     let mut problem = Problem::new(base_line, desired, options.bounds);
     let before = problem.start();
     let before_poses = problem.poses(&before)?;
-    let case = case::of(&mut problem, &before)?;
+    let case = case::of(&problem)?;
     let found = match options.method {
-        Method::Newton => newton::solve(&mut problem, options)?,
+        Method::Newton => newton::solve(&mut problem, options, case.kind == CaseKind::Insufficient)?,
         Method::Paper { steps } => paper::solve(&mut problem, steps)?,
     };
     let poses = problem.poses(&found.unknowns)?;

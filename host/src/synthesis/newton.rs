@@ -26,10 +26,12 @@ const SOLVED: f64 = 1e-9;
 const LEAST_ADVANCE: f64 = 1.0 / 256.0;
 /// Steps towards the least alteration.
 const TIDY_STEPS: u32 = 30;
+/// The least ratio of pivots at which the normal equations lose no more digits than a later step brings back.
+const WELL_POSED: f64 = 1e-4;
 /// Standard deviation of the other starts, as a share of the lengths.
 const SCATTER: f64 = 0.05;
 
-pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, SynthesisError> {
+pub(super) fn solve(problem: &mut Problem, options: &Options, insufficient: bool) -> Result<Found, SynthesisError> {
     let base_line = within(problem, problem.start());
     let mut search = Search { problem, iterations: 0 };
     let mut best: Option<(f64, DVector<f64>)> = None;
@@ -49,7 +51,7 @@ pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, S
             }
         }
         // More equations than rank: other starts find the same compromise.
-        if best.as_ref().is_some_and(|(error, _)| *error < SOLVED) || search.is_insufficient(&base_line)? {
+        if insufficient || best.as_ref().is_some_and(|(error, _)| *error < SOLVED) {
             break;
         }
     }
@@ -155,11 +157,6 @@ impl Search<'_, '_> {
         (unknowns - anchor).component_mul(self.problem.weights()).norm()
     }
 
-    fn is_insufficient(&mut self, unknowns: &DVector<f64>) -> Result<bool, SynthesisError> {
-        let jacobian = self.problem.jacobian(unknowns)?;
-        Ok(jacobian.rank(RANK_TOLERANCE * jacobian.amax()) < jacobian.nrows())
-    }
-
     /// The step from `unknowns` that takes the residual away within the bounds; the smallest one, or the one that ends
     /// nearest to `anchor`.
     fn step(
@@ -246,20 +243,35 @@ fn least_step(
     &face.onto + face.free.as_ref().map_or(step.clone(), |free| free * &step)
 }
 
-/// The smallest x that makes |matrix · x − right|² + damping²·σ²·|x|² least, with σ the largest singular value.
+/// The smallest x that makes |matrix · x − right|² + damping²·|matrix|²·|x|² least.
 pub(super) fn damped_inverse(matrix: &DMatrix<f64>, right: &DVector<f64>, damping: f64) -> DVector<f64> {
+    let floor = damping * matrix.norm();
+    well_posed_inverse(matrix, right, floor).unwrap_or_else(|| truncated_inverse(matrix, right, floor))
+}
+
+/// Aᵀ(A·Aᵀ + f²)⁻¹ right, where A has more columns than rows and its rows are far from dependent.
+fn well_posed_inverse(matrix: &DMatrix<f64>, right: &DVector<f64>, floor: f64) -> Option<DVector<f64>> {
+    if matrix.ncols() < matrix.nrows() {
+        return None;
+    }
+    let mut gram = matrix * matrix.transpose();
+    (0..gram.nrows()).for_each(|k| gram[(k, k)] += floor * floor);
+    let cholesky = gram.cholesky()?;
+    let pivots = cholesky.l_dirty().diagonal();
+    (pivots.min() > WELL_POSED * pivots.max()).then(|| matrix.tr_mul(&cholesky.solve(right)))
+}
+
+/// The same by singular values, those of rounding size left out.
+fn truncated_inverse(matrix: &DMatrix<f64>, right: &DVector<f64>, floor: f64) -> DVector<f64> {
     if matrix.ncols() == 0 {
         return DVector::zeros(0);
     }
     let svd = matrix.clone().svd(true, true);
-    let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else {
-        return DVector::zeros(matrix.ncols());
-    };
-    let largest = svd.singular_values.max();
+    let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else { return DVector::zeros(matrix.ncols()) };
+    let least = RANK_TOLERANCE * svd.singular_values.max();
     let mut along = u.tr_mul(right);
     for (component, &value) in along.iter_mut().zip(svd.singular_values.iter()) {
-        let floor = value > RANK_TOLERANCE * largest;
-        *component *= if floor { value / (value * value + (damping * largest).powi(2)) } else { 0.0 };
+        *component *= if value > least { value / (value * value + floor * floor) } else { 0.0 };
     }
     v_t.tr_mul(&along)
 }

@@ -104,7 +104,6 @@ impl<'a> Problem<'a> {
         &self.weights
     }
 
-    /// How many states an actuator of the arm has.
     pub(super) fn base_line(&self) -> &Arm {
         self.base_line
     }
@@ -175,19 +174,22 @@ impl<'a> Problem<'a> {
         if self.planar { [w.z, v.x, v.y, 0.0, 0.0, 0.0] } else { [w.x, w.y, w.z, v.x, v.y, v.z] }
     }
 
-    /// Replaces the frames by other words, from rest and with the first frame's servo angles; where they are to go
-    /// does not matter.
-    pub(super) fn with_words(&self, words: &[Word]) -> Problem<'a> {
-        let servos_rad = self.start.as_slice()[self.n_stops()..].iter().take(self.n_servos).copied().collect();
-        let frame = DesiredFrame {
-            name: String::new(),
-            word: self.base_line.rest(),
+    /// The same arm without effects and bounds for other words, from rest and with the first frame's servo angles;
+    /// where the frames are to go does not matter.
+    pub(super) fn ideal(&self, words: &[Word]) -> Problem<'a> {
+        let servos_rad: Vec<f64> = self.start.iter().skip(self.n_stops()).take(self.n_servos).copied().collect();
+        let frame = |word: &Word| DesiredFrame {
+            name: word.to_string(),
+            word: *word,
             previous: self.base_line.rest(),
-            servos_rad,
+            servos_rad: servos_rad.clone(),
             pose_base_tool: self.targets.first().map_or(Pose::identity(), |target| target.pose),
         };
-        let frames: Vec<_> = words.iter().map(|&word| DesiredFrame { word, ..frame.clone() }).collect();
-        Problem::new(self.base_line, &frames, Bounds { shortest: 0.0, longest: f64::INFINITY, stroke: 0.0 })
+        let frames: Vec<_> = words.iter().map(frame).collect();
+        let unbounded = Bounds { shortest: 0.0, longest: f64::INFINITY, stroke: f64::NEG_INFINITY };
+        let mut ideal = Problem::new(self.base_line, &frames, unbounded);
+        ideal.model.effects.clear();
+        ideal
     }
 
     fn take(&mut self, unknowns: &DVector<f64>) {
