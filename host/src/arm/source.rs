@@ -41,7 +41,7 @@ pub enum Fault<F> {
     /// It is no TOML, or a key is missing, unknown or of the wrong type.
     Toml(String),
     /// It says what cannot be.
-    Content(F),
+    Content(Box<F>),
 }
 
 impl Source {
@@ -65,7 +65,7 @@ impl Source {
 
     /// The error that `content` is wrong at `span`.
     pub(crate) fn wrong<F>(&self, span: Range<usize>, content: F) -> FileError<F> {
-        self.error(Some(span), Fault::Content(content))
+        self.error(Some(span), Fault::Content(Box::new(content)))
     }
 
     fn error<F>(&self, span: Option<Range<usize>>, fault: Fault<F>) -> FileError<F> {
