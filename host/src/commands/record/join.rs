@@ -91,8 +91,12 @@ mod tests {
     #[test]
     fn a_visit_is_the_mean_of_its_pictures() {
         let visits = Visits { model: ModelHash(1), rests: vec![rest(1.0, 2.0), rest(3.0, 4.0), rest(5.0, 6.0)] };
-        let pictures =
-            [picture(100.5, 9.0, 0.0), picture(101.2, 1.999, 0.199), picture(101.4, 2.001, 0.201), picture(105.5, 0.0, 0.0)];
+        let pictures = [
+            picture(100.5, 9.0, 0.0),
+            picture(101.2, 1.999, 0.199),
+            picture(101.4, 2.001, 0.201),
+            picture(105.5, 0.0, 0.0),
+        ];
         let span = |from_s, to_s| Span { from_s, to_s };
         let samples = join(&visits, &[span(101.0, 102.0), span(103.0, 104.0)], &pictures);
         assert_eq!(samples.len(), 1, "the second was not seen, the third not completed");
