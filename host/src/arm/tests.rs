@@ -13,7 +13,7 @@ use super::*;
 
 const PLANAR4: &str = include_str!("../../../examples/planar4.toml");
 
-/// A link, a spatial platform, both kinds of discrete joints, all drives.
+/// A link, both kinds of discrete joints, a servo, all drives.
 const MIXED: &str = r#"
 format = 1
 name = "mixed \"arm\""
@@ -72,6 +72,26 @@ fn what_is_written_reads_as_it_was() {
     }
     let arm = parse(PLANAR4).unwrap();
     assert_eq!(parse(&arm.to_toml()).unwrap(), arm);
+}
+
+#[test]
+fn a_platform_in_space_reads_as_it_was() {
+    let mut text = String::from("format = 1\nname = \"hexapod\"\n\n[[stage]]\nkind = \"spatial-platform\"\n");
+    text += "home = { position_m = [0.0, 0.0, 0.6], rotation_deg = [0.0, 0.0, 0.0] }\n";
+    for leg in 0..6 {
+        let on_circle = |radius: f64, degrees: f64| {
+            let angle = (120.0 * f64::from(leg / 2) + if leg % 2 == 0 { -degrees } else { degrees }).to_radians();
+            Vec3::new(radius * angle.cos(), radius * angle.sin(), 0.0)
+        };
+        let (base, top) = (on_circle(0.5, 15.0), on_circle(0.35, 45.0));
+        let length = (top + Vec3::new(0.0, 0.0, 0.6) - base).norm();
+        text +=
+            &format!("[[stage.leg]]\nbase_m = [{}, {}, 0.0]\ntop_m = [{}, {}, 0.0]\n", base.x, base.y, top.x, top.y);
+        text += &format!("length_m = [{length}, {}]\ncoil = {{ drive = \"hold\", line = {leg} }}\n", 1.25 * length);
+    }
+    let arm = parse(&text).unwrap();
+    assert_eq!((arm.n_actuators(), arm.model.chain.is_planar()), (6, false));
+    assert_round_trip(&arm);
 }
 
 #[test]
