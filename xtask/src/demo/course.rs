@@ -22,7 +22,7 @@ use super::rig::Rig;
 use crate::progress::Progress;
 
 /// How long the arm rests in each visit once it has settled: two pictures of the camera and some time to spare.
-const DWELL_S: f64 = 0.05;
+const DWELL_S: f64 = 0.045;
 /// Each desired frame is visited so often.
 const FRAME_VISITS: usize = 3;
 /// A person turns a stop or an anchor to within this, one standard deviation.
