@@ -11,7 +11,7 @@ mod packet;
 
 use core::f32::consts::TAU;
 
-use darm_core::output::MAX_SERVOS;
+use darm_core::output::{MAX_SERVOS, SERVO_STEPS_PER_TURN};
 use darm_core::sequencer::{ServoSeen, ServoTarget};
 use darm_core::units::Micros;
 use embassy_futures::select::{Either, select};
@@ -30,7 +30,6 @@ const QUIET: Micros = Micros::from_millis(2);
 /// A target is written again after so many visits even if it did not change: the servo may have lost power.
 const REWRITE_VISITS: u8 = 50;
 
-const STEPS_PER_TURN: f32 = 4096.0;
 const MIDDLE: f32 = 2048.0;
 
 /// First of: torque on, acceleration, goal position, time, speed, torque limit.
@@ -195,7 +194,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
 fn goal(target: &ServoTarget, offset_rad: f32) -> [u8; 10] {
     let position = steps(target.angle_rad + offset_rad).to_le_bytes();
     // A speed of 0 means the servo's own maximum.
-    let speed = (target.speed_rad_s * (STEPS_PER_TURN / TAU)).clamp(1.0, 32_767.0) as u16;
+    let speed = (target.speed_rad_s * (SERVO_STEPS_PER_TURN / TAU)).clamp(1.0, 32_767.0) as u16;
     let speed = speed.to_le_bytes();
     let torque = ((target.torque * 1000.0).clamp(0.0, 1000.0) as u16).to_le_bytes();
     [1, 0, position[0], position[1], 0, 0, speed[0], speed[1], torque[0], torque[1]]
@@ -203,14 +202,14 @@ fn goal(target: &ServoTarget, offset_rad: f32) -> [u8; 10] {
 
 /// Position register of a servo angle; nearest step within one turn.
 fn steps(servo_rad: f32) -> u16 {
-    (servo_rad * (STEPS_PER_TURN / TAU) + MIDDLE + 0.5).clamp(0.0, STEPS_PER_TURN - 1.0) as u16
+    (servo_rad * (SERVO_STEPS_PER_TURN / TAU) + MIDDLE + 0.5).clamp(0.0, SERVO_STEPS_PER_TURN - 1.0) as u16
 }
 
 /// Servo angle of a position register.
 fn angle_rad(register: u16) -> f32 {
     let magnitude = f32::from(register & (POSITION_SIGN - 1));
     let steps = if register & POSITION_SIGN == 0 { magnitude } else { -magnitude };
-    (steps - MIDDLE) * (TAU / STEPS_PER_TURN)
+    (steps - MIDDLE) * (TAU / SERVO_STEPS_PER_TURN)
 }
 
 #[cfg(test)]

@@ -26,6 +26,9 @@ pub const MAX_SWITCHES: usize = 32;
 /// Servo joints on the bus.
 pub const MAX_SERVOS: usize = 4;
 
+/// Positions of a servo in one turn (Feetech STS).
+pub const SERVO_STEPS_PER_TURN: f32 = 4096.0;
+
 /// How a coil uses its lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Drive {

@@ -9,6 +9,7 @@
 //! endian. Position 2048 of 4096 steps a turn is servo angle 0. A servo turns at constant speed; its inertia is left out.
 //! Source: Feetech, "Communication Protocol Manual" and the memory table of the STS3215.
 
+use darm_core::output::SERVO_STEPS_PER_TURN;
 use std::f32::consts::TAU;
 use std::ops::Range;
 
@@ -41,7 +42,6 @@ mod instruction {
 const BROADCAST: u8 = 0xFE;
 /// Registers that a host may write.
 const WRITABLE: Range<usize> = 5..56;
-const STEPS_PER_TURN: f32 = 4096.0;
 /// Position register at servo angle 0.
 const CENTRE: f32 = 2048.0;
 /// Speed without a limit, steps/s: that of an STS3215 at 7.4 V.
@@ -64,7 +64,7 @@ struct Servo {
 
 impl Servo {
     fn new(id: u8, offset_rad: f32) -> Self {
-        let position = CENTRE + offset_rad * STEPS_PER_TURN / TAU;
+        let position = CENTRE + offset_rad * SERVO_STEPS_PER_TURN / TAU;
         let mut registers = [0; register::COUNT];
         registers[..6].copy_from_slice(&[3, 10, 0, 9, 3, id]);
         registers[register::VOLTAGE] = 74;
@@ -125,7 +125,7 @@ impl Servo {
     }
 
     fn angle_rad(&self) -> f32 {
-        (self.position - CENTRE) * TAU / STEPS_PER_TURN - self.offset_rad
+        (self.position - CENTRE) * TAU / SERVO_STEPS_PER_TURN - self.offset_rad
     }
 
     fn read(&self, at: u8, count: u8) -> Option<&[u8]> {

@@ -18,6 +18,9 @@
 //!   hold all the way.
 //! - [`Method::Paper`]: the incremental scheme of the paper, for comparison.
 //!
+//! Servo angles are free at first; then each is held at the nearest angle that the servo can keep, and the stops take up
+//! what that leaves.
+//!
 //! Source: Miyahara, Chirikjian, General Kinematic Synthesis Method for a Discretely Actuated Robotic Manipulator.
 
 mod case;
@@ -29,6 +32,7 @@ use std::fmt;
 use std::time::{Duration, Instant};
 
 use darm_core::chain::ChainError;
+use darm_core::output::SERVO_STEPS_PER_TURN;
 use darm_core::se::Pose;
 use darm_core::units::Word;
 use serde::Serialize;
@@ -179,7 +183,33 @@ pub fn synthesize(base_line: &Arm, desired: &[DesiredFrame], options: &Options) 
         frame: desired.get(index).map_or_else(|| "the list of frames".into(), |frame| frame.name.clone()),
         fault,
     })?;
+    let mut best = solve(base_line, desired, options, false)?;
+    if base_line.n_servos() > 0 && best.status == Status::Reached {
+        let held: Vec<DesiredFrame> = best.frames.iter().map(|reached| on_steps(&reached.frame)).collect();
+        let stepped = solve(base_line, &held, options, true)?;
+        if stepped.status == Status::Reached {
+            best = Synthesis { case: best.case, iterations: best.iterations + stepped.iterations, ..stepped };
+        }
+    }
+    Ok(Synthesis { time: started.elapsed(), ..best })
+}
+
+/// A frame with the servo angles that the servos can hold, nearest to those asked for.
+fn on_steps(frame: &DesiredFrame) -> DesiredFrame {
+    let step_rad = std::f64::consts::TAU / f64::from(SERVO_STEPS_PER_TURN);
+    let servos_rad = frame.servos_rad.iter().map(|angle| (angle / step_rad).round() * step_rad).collect();
+    DesiredFrame { servos_rad, ..frame.clone() }
+}
+
+/// One search, with the servo angles free or held as the frames say.
+fn solve(
+    base_line: &Arm,
+    desired: &[DesiredFrame],
+    options: &Options,
+    servos_held: bool,
+) -> Result<Synthesis, SynthesisError> {
     let mut problem = Problem::new(base_line, desired, options.bounds);
+    problem.servos_held = servos_held;
     let before = problem.start();
     let before_poses = problem.poses(&before)?;
     let case = case::of(&problem)?;
@@ -205,7 +235,7 @@ pub fn synthesize(base_line: &Arm, desired: &[DesiredFrame], options: &Options) 
         frames,
         iterations: found.iterations,
         starts: found.starts,
-        time: started.elapsed(),
+        time: Duration::ZERO,
         alteration_m: problem.alteration(&found.unknowns),
     })
 }

@@ -42,6 +42,8 @@ pub(super) struct Problem<'a> {
     model: ArmModel,
     scratch: ArmScratch,
     n_servos: usize,
+    /// Whether the servo angles stay as they are.
+    pub(super) servos_held: bool,
     planar: bool,
 }
 
@@ -74,6 +76,7 @@ impl<'a> Problem<'a> {
             model: base_line.model.clone(),
             scratch: ArmScratch::default(),
             n_servos,
+            servos_held: false,
             planar: chain.is_planar() && desired.iter().all(|frame| frame.pose_base_tool.is_planar()),
             stops,
         };
@@ -160,7 +163,9 @@ impl<'a> Problem<'a> {
             let stops = self.stops.iter().enumerate().filter(|(_, stop)| is_used(stop, &word));
             let stops = stops.map(|(column, stop)| (column, chain.derivative(*stop, &self.scratch)));
             let first = self.n_stops() + index * self.n_servos;
-            let servos = chain.servo_jacobian(&self.scratch).enumerate().map(|(servo, twist)| (first + servo, twist));
+            let free = if self.servos_held { 0 } else { self.n_servos };
+            let servos =
+                chain.servo_jacobian(&self.scratch).take(free).enumerate().map(|(servo, twist)| (first + servo, twist));
             for (column, twist) in stops.chain(servos) {
                 jacobian.view_mut((index * n, column), (n, 1)).copy_from_slice(&self.row(&twist)[..n]);
             }
