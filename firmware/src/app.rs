@@ -22,7 +22,7 @@ pub async fn serve<F: NorFlash, C: Clock>(
     let mut bytes = [0; 64];
     loop {
         // Both futures may be dropped half-way: neither takes anything before it is ready.
-        let received = match select(reader.read(&mut bytes), desk.shared.events.receive()).await {
+        let received = match select(reader.read(&mut bytes), desk.shared.events.next()).await {
             Either::First(Ok(n)) => bytes.get(..n).unwrap_or_default(),
             Either::First(Err(_)) => &[],
             Either::Second(event) => {

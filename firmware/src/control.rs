@@ -19,7 +19,8 @@ use darm_core::table::Table;
 use darm_core::units::{Micros, ModelHash, Word};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::channel::Channel;
+
+use crate::ring::Ring;
 
 /// Time from one control tick to the next.
 pub const TICK: Micros = Micros::from_millis(1);
@@ -85,9 +86,7 @@ pub struct Snapshot {
     pub model: Option<ModelHash>,
     /// Limit switches as seen.
     pub switches: u32,
-    /// Servos as seen.
-    pub servos: [ServoSeen; MAX_SERVOS],
-    /// How many of them are wired.
+    /// Servos that are wired; [`Shared::servo_seen`] tells what they answer.
     pub n_servos: u8,
     /// Latest start of a tick so far, after its time.
     pub worst_lateness: Micros,
@@ -139,11 +138,11 @@ type Raw = CriticalSectionRawMutex;
 
 /// What the tasks share.
 pub struct Shared<'t> {
-    orders: Channel<Raw, Order<'t>, 1>,
-    outcomes: Channel<Raw, Outcome<'t>, 1>,
+    orders: Ring<Order<'t>, 1>,
+    outcomes: Ring<Outcome<'t>, 1>,
     /// What happened, for the desk.
-    pub events: Channel<Raw, Numbered, WAITING_EVENTS>,
-    seen: Mutex<Raw, Cell<[ServoSeen; MAX_SERVOS]>>,
+    pub events: Ring<Numbered, WAITING_EVENTS>,
+    seen: [Mutex<Raw, Cell<ServoSeen>>; MAX_SERVOS],
     joints: Mutex<Raw, Cell<Joints>>,
     offsets_rad: Mutex<Raw, Cell<[f32; MAX_SERVOS]>>,
 }
@@ -153,10 +152,10 @@ impl<'t> Shared<'t> {
     pub const fn new() -> Self {
         const UNSEEN: ServoSeen = ServoSeen { angle_rad: 0.0, load: 0.0, error: 0, answered: None };
         Self {
-            orders: Channel::new(),
-            outcomes: Channel::new(),
-            events: Channel::new(),
-            seen: Mutex::new(Cell::new([UNSEEN; MAX_SERVOS])),
+            orders: Ring::new(),
+            outcomes: Ring::new(),
+            events: Ring::new(),
+            seen: [const { Mutex::new(Cell::new(UNSEEN)) }; MAX_SERVOS],
             joints: Mutex::new(Cell::new([None; MAX_SERVOS])),
             offsets_rad: Mutex::new(Cell::new([0.0; MAX_SERVOS])),
         }
@@ -164,8 +163,9 @@ impl<'t> Shared<'t> {
 
     /// Asks the control tick and waits for its answer. One task only may ask.
     pub async fn ask(&self, order: Order<'t>) -> Outcome<'t> {
-        self.orders.send(order).await;
-        self.outcomes.receive().await
+        // The control tick has taken the last order before it answered, so there is room.
+        let _ = self.orders.put(order);
+        self.outcomes.next().await
     }
 
     /// What the servo bus is to do.
@@ -178,20 +178,16 @@ impl<'t> Shared<'t> {
         self.joints.lock(|cell| cell.set(joints));
     }
 
-    /// What every servo answered last.
-    pub fn servos_seen(&self) -> [ServoSeen; MAX_SERVOS] {
-        self.seen.lock(Cell::get)
+    /// What a servo answered last.
+    pub fn servo_seen(&self, index: usize) -> ServoSeen {
+        self.seen.get(index).map(|seen| seen.lock(Cell::get)).unwrap_or_default()
     }
 
     /// Tells what a servo answered.
     pub fn see_servo(&self, index: usize, answer: ServoSeen) {
-        self.seen.lock(|cell| {
-            let mut seen = cell.get();
-            if let Some(slot) = seen.get_mut(index) {
-                *slot = answer;
-            }
-            cell.set(seen);
-        });
+        if let Some(seen) = self.seen.get(index) {
+            seen.lock(|cell| cell.set(answer));
+        }
     }
 
     /// Zero offsets of the servos: joint angle = servo angle − offset.
@@ -219,6 +215,8 @@ pub struct Control<'t> {
     seen: Seen,
     worst_lateness: Micros,
     next_event: u32,
+    /// An order may wait since the last tick.
+    waited: bool,
 }
 
 impl<'t> Control<'t> {
@@ -231,27 +229,42 @@ impl<'t> Control<'t> {
             seen: Seen::default(),
             worst_lateness: Micros(0),
             next_event: 0,
+            waited: false,
         };
         control.tell(now, Event::Booted, shared);
         control
     }
 
-    /// One tick: obeys at most one order, looks, decides, and returns what the outputs are until the next tick.
+    /// One tick: looks, decides, and returns what the outputs are until the next tick. Obeys at most one order, which
+    /// shows in the outputs of the next tick.
     ///
     /// `due` is when the tick should have started.
     pub fn tick(&mut self, now: Micros, due: Micros, switches: u32, shared: &Shared<'t>) -> Outputs {
         self.worst_lateness = self.worst_lateness.max(now - due);
-        self.seen = Seen { switches, servos: shared.servos_seen() };
-        if let Ok(order) = shared.orders.try_receive() {
-            // The desk has fetched the last outcome before it asked again, so there is room.
-            let _ = shared.outcomes.try_send(self.obey(order));
+        self.seen.switches = switches;
+        for (index, seen) in self.seen.servos.iter_mut().enumerate().filter(|(index, _)| self.joints[*index].is_some())
+        {
+            *seen = shared.servo_seen(index);
         }
         let outputs = self.sequencer.step(now, &self.seen);
+        let events_before = self.next_event;
         while let Some((at, event)) = self.sequencer.next_event() {
             self.tell(at, event, shared);
         }
         self.aim(&outputs, shared);
+        // A tick that switched coils has done enough; the order waits for the next one, and never longer.
+        self.waited = self.next_event != events_before && !self.waited;
+        if !self.waited {
+            self.attend(shared);
+        }
         outputs
+    }
+
+    fn attend(&mut self, shared: &Shared<'t>) {
+        if let Some(order) = shared.orders.take() {
+            // The desk has fetched the last outcome before it asked again, so there is room.
+            let _ = shared.outcomes.put(self.obey(order));
+        }
     }
 
     /// Chips in the solenoid chain, as long as a table was ever loaded.
@@ -301,7 +314,6 @@ impl<'t> Control<'t> {
             rows: table.map_or(0, |table| table.rows().len() as u16),
             model: table.map(Table::model),
             switches: self.seen.switches,
-            servos: self.seen.servos,
             n_servos: table.map_or(0, |table| table.wiring().servos.len() as u8),
             worst_lateness: self.worst_lateness,
         }
@@ -311,7 +323,7 @@ impl<'t> Control<'t> {
         let number = self.next_event;
         self.next_event += 1;
         // When the desk is too slow the event is lost, and the gap in the numbers tells.
-        let _ = shared.events.try_send(Numbered { number, at, event });
+        let _ = shared.events.put(Numbered { number, at, event });
     }
 
     fn aim(&mut self, outputs: &Outputs, shared: &Shared<'t>) {

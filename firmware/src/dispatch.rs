@@ -239,7 +239,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
             rows: now.rows,
             model: now.model,
             switches: now.switches,
-            servos: now.servos.into_iter().take(usize::from(now.n_servos)).collect(),
+            servos: (0..usize::from(now.n_servos)).map(|index| self.shared.servo_seen(index)).collect(),
             bad_frames: self.bad_frames,
             worst_lateness_us: u32::try_from(now.worst_lateness.0).unwrap_or(u32::MAX),
         })
@@ -345,7 +345,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
 
     /// Fetches the events that wait.
     pub(crate) fn catch_up(&mut self) {
-        while let Ok(event) = self.shared.events.try_receive() {
+        while let Some(event) = self.shared.events.take() {
             self.log.push(event);
         }
     }

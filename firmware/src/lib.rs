@@ -10,6 +10,7 @@ pub mod dispatch;
 pub mod log;
 pub mod pipe;
 pub mod port;
+pub mod ring;
 pub mod servo;
 pub mod solenoid;
 pub mod store;

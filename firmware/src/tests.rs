@@ -160,6 +160,7 @@ fn a_table_is_uploaded_played_and_still_there_after_a_start() {
 fn rows_reach_the_lines() {
     let bench = loaded();
     bench.command(Command::Play).unwrap();
+    bench.tick();
     let lines: Vec<_> = (0..4)
         .map(|_| {
             bench.pass_ms(100);

@@ -195,7 +195,8 @@ impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
             None => say(out, format_args!("no table")).await?,
         }
         say(out, format_args!("word {}, switches {:013b}", now.word, now.switches)).await?;
-        for (index, servo) in now.servos.iter().take(usize::from(now.n_servos)).enumerate() {
+        for index in 0..usize::from(now.n_servos) {
+            let servo = self.shared.servo_seen(index);
             match servo.answered {
                 Some(_) => {
                     let (angle_deg, load) = (servo.angle_rad.to_degrees(), servo.load * 100.0);

@@ -6,26 +6,22 @@
 use std::path::Path;
 use std::time::Instant;
 
-use darm::arm::frames::DesiredFrame;
-use darm::arm::{Arm, ArmScratch};
+use darm::arm::Arm;
+use darm::arm::frames::{self, DesiredFrame};
 use darm::diagnose::outcome::{Diagnosis, Verdict};
 use darm::diagnose::{Options, diagnose};
 use darm::plant::truth::{Kind, Sealed, Truth};
 use darm::programme::{self, Step, programme};
+use darm::synthesis::{self, synthesize};
 
-const WORDS: [&str; 5] = ["000000000000", "111000000000", "000111000000", "000000111000", "000000000111"];
-
-fn arm(text: &str) -> Arm {
-    Arm::parse(Path::new("arm.toml"), text).unwrap()
-}
-
-fn frames(arm: &Arm) -> Vec<DesiredFrame> {
-    let frame = |text: &&str| {
-        let (word, servos_rad) = (text.parse().unwrap(), vec![0.0; arm.n_servos()]);
-        let pose = arm.model.chain.pose_base_tool(&word, &servos_rad, &mut ArmScratch::default()).unwrap();
-        DesiredFrame { name: String::new(), word, previous: arm.rest(), servos_rad, pose_base_tool: pose }
-    };
-    WORDS.iter().map(frame).collect()
+/// The arm synthesized for the example's frames, and these frames.
+fn arm(text: &str) -> (Arm, Vec<DesiredFrame>) {
+    let base = Arm::parse(Path::new("arm.toml"), text).unwrap();
+    let frames = include_str!("../../examples/planar4-frames.toml");
+    let desired = frames::parse(Path::new("frames.toml"), frames, &base).unwrap();
+    let found = synthesize(&base, &desired, &synthesis::Options::default()).unwrap();
+    let desired = found.frames.into_iter().map(|reached| reached.frame).collect();
+    (found.arm, desired)
 }
 
 fn seeds() -> u64 {
@@ -37,8 +33,8 @@ struct Case {
     sealed: Sealed,
 }
 
-fn case(arm: &Arm, steps: &[Step], kind: Kind, seed: u64) -> Case {
-    let truth = Truth::draw(arm, &frames(arm), seed, Some(kind)).unwrap();
+fn case((arm, desired): &(Arm, Vec<DesiredFrame>), steps: &[Step], kind: Kind, seed: u64) -> Case {
+    let truth = Truth::draw(arm, desired, seed, Some(kind)).unwrap();
     let run = truth.measure(steps, 0.0, seed).unwrap();
     let started = Instant::now();
     let diagnosis = diagnose(arm, &run, &Options { seed, ..Options::default() }).unwrap();
@@ -88,19 +84,19 @@ impl Case {
     }
 }
 
-fn sweep(arm: &Arm) {
+fn sweep(drawn: &(Arm, Vec<DesiredFrame>)) {
     let started = Instant::now();
-    let steps = programme(arm, &programme::Options::default());
+    let steps = programme(&drawn.0, &programme::Options::default());
     eprintln!("programme in {:.1} s", started.elapsed().as_secs_f64());
     for kind in Kind::EFFECTS {
-        let cases: Vec<Case> = (0..seeds()).map(|seed| case(arm, &steps, kind, seed)).collect();
+        let cases: Vec<Case> = (0..seeds()).map(|seed| case(drawn, &steps, kind, seed)).collect();
         let count = |right: &dyn Fn(&Case) -> bool| cases.iter().filter(|case| right(case)).count();
         let (named, placed, fine) = (count(&Case::named), count(&Case::placed), count(&|case| case.ratio() < 1.3));
         eprintln!("== {kind}: named {named}, placed {placed}, at the noise {fine} of {}", cases.len());
         assert!(named * 20 >= 19 * cases.len() && placed * 20 >= 19 * cases.len(), "{kind}: {named} {placed}");
         assert!(fine == cases.len(), "{kind}: {fine}");
     }
-    let clean: Vec<Case> = (0..3 * seeds()).map(|seed| case(arm, &steps, Kind::Nothing, seed)).collect();
+    let clean: Vec<Case> = (0..3 * seeds()).map(|seed| case(drawn, &steps, Kind::Nothing, seed)).collect();
     let false_names = clean.iter().filter(|case| !case.diagnosis.effects.is_empty()).count();
     let quiet = clean.iter().filter(|case| case.diagnosis.verdict == Verdict::NoEffect).count();
     eprintln!("== none: {false_names} false names, {quiet} quiet of {}", clean.len());

@@ -150,12 +150,17 @@ impl<T: Real, const N: usize> Model<T, N> {
 
     /// Calls `act` with every effect at every actuator that it acts on: the site, and its number in the stage.
     fn each_effect(&self, condition: &Condition<T>, mut act: impl FnMut(&Effect<T>, &Site<T>, usize)) {
-        for (actuator, (stage, leg)) in self.chain.actuators().enumerate() {
-            let site = self.site(condition, actuator, stage, leg);
+        for (site, leg) in self.sites(condition) {
             for effect in self.effects.iter().filter(|effect| effect.law().place().holds(&site)) {
                 act(effect, &site, leg);
             }
         }
+    }
+
+    /// What every actuator stands under, in the order of the digits, each with its number in the stage.
+    pub fn sites(&self, condition: &Condition<T>) -> impl Iterator<Item = (Site<T>, usize)> {
+        let actuators = self.chain.actuators().enumerate();
+        actuators.map(|(actuator, (stage, leg))| (self.site(condition, actuator, stage, leg), leg))
     }
 
     fn site(&self, condition: &Condition<T>, actuator: usize, stage: usize, leg: usize) -> Site<T> {

@@ -355,17 +355,17 @@ pub struct CoilClock {
 impl CoilClock {
     /// Lets `span` pass with the coil carrying current or not, and reports the first limit that it broke.
     pub fn pass(&mut self, span: Micros, on: bool, limit: &CoilLimit) -> Result<(), CoilBreach> {
-        self.on_us = if on { self.on_us.saturating_add(span.0) } else { 0 };
         self.duty.pass(span, on, limit);
+        if !on {
+            self.on_us = 0;
+            return Ok(());
+        }
+        self.on_us = self.on_us.saturating_add(span.0);
         if self.on_us > u64::from(limit.max_on_ms) * 1000 {
             return Err(CoilBreach::OnTooLong);
         }
         let allowed_us = u64::from(limit.window_ms) * 10 * u64::from(limit.duty_percent);
-        if on && limit.duty_percent < 100 && u64::from(self.duty.on_us) > allowed_us {
-            Err(CoilBreach::Duty)
-        } else {
-            Ok(())
-        }
+        if limit.duty_percent < 100 && u64::from(self.duty.on_us) > allowed_us { Err(CoilBreach::Duty) } else { Ok(()) }
     }
 }
 
@@ -387,20 +387,29 @@ impl DutyWindow {
 
     fn pass(&mut self, span: Micros, on: bool, limit: &CoilLimit) {
         let bucket_us = (u64::from(limit.window_ms) * 125 / 2) as u32;
+        if span.0 < u64::from(bucket_us - self.filled_us) {
+            self.fill(span.0 as u32, on);
+            return;
+        }
         // Nothing older than one window and a bucket can matter.
         let mut left_us = span.0.min(u64::from(bucket_us) * (Self::BUCKETS as u64 + 2));
         while left_us > 0 {
             let step = left_us.min(u64::from(bucket_us - self.filled_us)) as u32;
-            if on {
-                self.buckets_us[usize::from(self.current)] += step;
-                self.on_us += step;
-            }
-            self.filled_us += step;
+            self.fill(step, on);
             left_us -= u64::from(step);
             if self.filled_us == bucket_us {
                 self.begin_bucket();
             }
         }
+    }
+
+    /// A span that ends in the current bucket.
+    fn fill(&mut self, span_us: u32, on: bool) {
+        if on {
+            self.buckets_us[usize::from(self.current)] += span_us;
+            self.on_us += span_us;
+        }
+        self.filled_us += span_us;
     }
 
     fn begin_bucket(&mut self) {

@@ -134,8 +134,14 @@ impl Word {
     }
 
     /// Digit of actuator `index`; 0 beyond the end.
+    ///
+    /// Four digits a byte: a shift of all 128 bits would cost the chip a hundred instructions.
     pub const fn digit(&self, index: usize) -> u8 {
-        if index < self.len as usize { (self.bits >> (2 * index)) as u8 & Self::MAX_DIGIT } else { 0 }
+        if index < self.len as usize {
+            self.bits.to_le_bytes()[index / 4] >> (2 * (index % 4)) & Self::MAX_DIGIT
+        } else {
+            0
+        }
     }
 
     /// The same word with one digit changed; unchanged where index or digit do not exist.

@@ -1,6 +1,8 @@
 //! `cargo xtask`: the set-up, the demo, the tests and the measurements of this workspace.
 
+mod demo;
 mod image;
+mod progress;
 mod setup;
 mod step;
 mod test;
@@ -19,6 +21,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Task {
+    Demo(demo::Demo),
     /// All tests: format, lints, documentation, unit and system tests, the image in the emulator
     Test,
     /// Builds the firmware image and prints its path
@@ -27,6 +30,7 @@ enum Task {
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().task {
+        Task::Demo(demo) => demo.run(),
         Task::Test => test::run(),
         Task::Image => image::build().map(|path| println!("{}", path.display())),
     };

@@ -89,7 +89,7 @@ fn visit(fake: &Fake, shared: &Shared, clock: &HandClock, times: u32) -> ServoSe
         }
     };
     run(visits, || clock.0.set(clock.0.get() + 100));
-    shared.servos_seen()[0]
+    shared.servo_seen(0)
 }
 
 #[test]

@@ -17,12 +17,15 @@ use rand_chacha::ChaCha8Rng;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::observation::{NoPose, Observations, Value};
+use super::sensitivity::Sensitivity;
 use crate::arm::{ArmModel, ArmScratch};
 
 /// Tenths of the words.
 pub const FOLDS: usize = 10;
 /// Re-weightings within one linear fit.
 const REWEIGHTINGS: usize = 6;
+/// The same where the weights are nearly known.
+const FEW_REWEIGHTINGS: usize = 2;
 /// Gauss–Newton steps at most.
 const STEPS: usize = 12;
 /// Directions with less than this share of the largest eigenvalue of the scaled information are left alone.
@@ -109,10 +112,17 @@ pub fn pseudo_inverse(information: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// The change of the values that fits the residuals best as far as they are linear; `counts` says which rows count.
-fn linear_step(columns: &[Vec<f64>], residuals: &[f64], n_axes: usize, counts: &[f64], first: &[f64]) -> DVector<f64> {
+fn linear_step(
+    columns: &[Vec<f64>],
+    residuals: &[f64],
+    n_axes: usize,
+    counts: &[f64],
+    first: &[f64],
+    reweightings: usize,
+) -> DVector<f64> {
     let mut row_weights: Vec<f64> = first.iter().zip(counts).map(|(w, c)| w * c).collect();
     let mut step = DVector::zeros(columns.len());
-    for _ in 0..REWEIGHTINGS {
+    for _ in 0..reweightings {
         let (information, gradient) = normal(columns, residuals, &row_weights);
         let next = -solve(&information, &gradient);
         let change = (&next - &step).component_mul(&information.diagonal().map(f64::sqrt)).amax();
@@ -154,13 +164,14 @@ pub fn cross_validated(
         return residuals.to_vec();
     }
     let all = vec![1.0; observations.rows.len()];
-    let whole = linear_step(columns, residuals, n_axes, &all, &all);
+    let whole = linear_step(columns, residuals, n_axes, &all, &all, REWEIGHTINGS);
     let first = weights(&moved(columns, residuals, &whole), n_axes);
     let mut predicted = residuals.to_vec();
     for fold in 0..FOLDS {
         let counts: Vec<f64> =
             observations.rows.iter().map(|row| if folds[row.group] == fold { 0.0 } else { 1.0 }).collect();
-        let after = moved(columns, residuals, &linear_step(columns, residuals, n_axes, &counts, &first));
+        let after =
+            moved(columns, residuals, &linear_step(columns, residuals, n_axes, &counts, &first, FEW_REWEIGHTINGS));
         for (row, _) in counts.iter().enumerate().filter(|(_, counts)| **counts == 0.0) {
             let range = row * n_axes..(row + 1) * n_axes;
             predicted[range.clone()].copy_from_slice(&after[range]);
@@ -192,7 +203,7 @@ pub fn fit(
     let mut best = at(model.clone(), observations, values, scratch)?;
     let mut loss: f64 = losses(&best.residuals, n_axes).iter().sum();
     for _ in 0..if best.values.is_empty() { 0 } else { STEPS } {
-        let step = linear_step(&best.columns, &best.residuals, n_axes, &all, &all);
+        let step = linear_step(&best.columns, &best.residuals, n_axes, &all, &all, REWEIGHTINGS);
         let Some((model, lower)) = descend(&best, step, loss, observations, scratch) else {
             break;
         };
@@ -233,8 +244,16 @@ fn descend(
 /// Residuals and derivatives of a model as it stands.
 fn at(model: ArmModel, observations: &Observations, values: &[Value], scratch: &mut ArmScratch) -> Result<Fit, NoPose> {
     let residuals = observations.residuals(&model, scratch)?;
-    let columns = observations.jacobian(&model, &residuals, values, scratch)?;
-    let (values, columns) = values.iter().zip(columns).filter_map(|(&value, column)| Some((value, column?))).unzip();
+    let (values, columns) = if values.is_empty() {
+        Default::default()
+    } else {
+        let sensitivity = Sensitivity::new(&model, observations, scratch)?;
+        let told = values.iter().filter_map(|&(effect, value)| {
+            let column = sensitivity.column(&model.effects[effect], value)?;
+            Some(((effect, value), column))
+        });
+        told.unzip()
+    };
     Ok(Fit { model, values, residuals, columns })
 }
 

@@ -18,6 +18,7 @@ pub mod noise;
 pub mod observation;
 pub mod outcome;
 pub mod search;
+pub mod sensitivity;
 pub mod significance;
 pub mod structure;
 mod summary;

@@ -8,7 +8,6 @@ use darm_core::chain::ChainError;
 use darm_core::model::Condition;
 use darm_core::se::Pose;
 use darm_core::units::Word;
-use nalgebra::DMatrix;
 
 use crate::arm::{Arm, ArmModel, ArmScratch};
 use crate::measurement::{Run, Sample};
@@ -16,15 +15,6 @@ use crate::measurement::{Run, Sample};
 /// Components of a twist that a planar arm moves along.
 const PLANAR: [usize; 3] = [2, 3, 4];
 const SPATIAL: [usize; 6] = [0, 1, 2, 3, 4, 5];
-
-/// How far a derivative's step moves the tool, m: far above rounding, far below curvature.
-const STEP_M: f64 = 1e-6;
-
-/// The first step of a value, in its own unit, to learn how far it moves the tool.
-const TRIAL: f64 = 1e-8;
-
-/// A value whose trial moves the tool by less than this, m, is taken to change nothing: it is rounding.
-const UNMOVED_M: f64 = 1e-13;
 
 /// A value of an effect in a model: the number of the effect and of the value.
 pub type Value = (usize, usize);
@@ -51,8 +41,10 @@ pub struct Observations {
     pub rows: Vec<Row>,
     /// How many different words they have.
     pub n_groups: usize,
-    axes: &'static [usize],
-    sigma: [f64; 6],
+    /// The components of a twist that the arm moves along.
+    pub axes: &'static [usize],
+    /// The noise of each component of a twist, rad and m.
+    pub sigma: [f64; 6],
     length_scale_m: f64,
 }
 
@@ -117,94 +109,9 @@ impl Observations {
         Ok(all)
     }
 
-    /// The columns of the residuals' derivative with respect to some values of the model's effects; `None` for a
-    /// value that changes nothing.
-    pub fn jacobian(
-        &self,
-        model: &ArmModel,
-        at: &[f64],
-        values: &[Value],
-        scratch: &mut ArmScratch,
-    ) -> Result<Vec<Option<Vec<f64>>>, NoPose> {
-        let mut moved = model.clone();
-        values.iter().map(|&value| self.column(&mut moved, at, value, scratch)).collect()
-    }
-
-    fn column(
-        &self,
-        model: &mut ArmModel,
-        at: &[f64],
-        value: Value,
-        scratch: &mut ArmScratch,
-    ) -> Result<Option<Vec<f64>>, NoPose> {
-        let Some(step) = self.step(model, at, value, scratch)? else {
-            return Ok(None);
-        };
-        let moved = self.residuals_with(model, value, step, scratch)?;
-        Ok(Some(moved.iter().zip(at).map(|(moved, at)| (moved - at) / step).collect()))
-    }
-
-    /// The step of a value that moves the tool by about [`STEP_M`]; `None` where no step does.
-    fn step(
-        &self,
-        model: &mut ArmModel,
-        at: &[f64],
-        value: Value,
-        scratch: &mut ArmScratch,
-    ) -> Result<Option<f64>, NoPose> {
-        // Laws differ in their units: a trial tells how far this one moves the tool. A few rows tell it mostly.
-        let few = Self { rows: self.rows.iter().step_by(self.rows.len() / 24 + 1).cloned().collect(), ..self.empty() };
-        let mut at_few = Vec::new();
-        for row in (0..self.rows.len()).step_by(self.rows.len() / 24 + 1) {
-            at_few.extend_from_slice(&at[row * self.axes.len()..(row + 1) * self.axes.len()]);
-        }
-        let mut moved_m = few.moved_m(&at_few, &few.residuals_with(model, value, TRIAL, scratch)?);
-        if moved_m < UNMOVED_M {
-            moved_m = self.moved_m(at, &self.residuals_with(model, value, TRIAL, scratch)?);
-        }
-        Ok((moved_m >= UNMOVED_M).then(|| TRIAL * STEP_M / moved_m))
-    }
-
-    fn residuals_with(
-        &self,
-        model: &mut ArmModel,
-        (effect, value): Value,
-        step: f64,
-        scratch: &mut ArmScratch,
-    ) -> Result<Vec<f64>, NoPose> {
-        let before = model.effects[effect].law().values()[value];
-        model.effects[effect].law_mut().values_mut()[value] = before + step;
-        let moved = self.residuals(model, scratch);
-        model.effects[effect].law_mut().values_mut()[value] = before;
-        moved
-    }
-
-    /// The largest motion of the tool between two sets of residuals, m.
-    fn moved_m(&self, from: &[f64], to: &[f64]) -> f64 {
-        let n = self.axes.len();
-        let size = |row: usize| {
-            let parts = self.axes.iter().enumerate().map(|(k, &axis)| {
-                let part = (to[row * n + k] - from[row * n + k]) * self.sigma[axis];
-                if axis < 3 { part * self.length_scale_m } else { part }
-            });
-            parts.map(|part| part * part).sum::<f64>()
-        };
-        (0..to.len() / n).map(size).fold(0.0, f64::max).sqrt()
-    }
-
-    fn empty(&self) -> Self {
-        Self { rows: Vec::new(), n_groups: 0, ..*self }
-    }
-
     fn twist(&self, row: &Row, model: &ArmModel, scratch: &mut ArmScratch) -> Result<[f64; 6], NoPose> {
-        let condition = Condition {
-            word: row.word,
-            previous: row.previous,
-            servos: &row.servos,
-            supply: row.supply,
-            temperature_k: row.temperature_k,
-        };
-        let predicted = model.predict(&condition, scratch).map_err(|error| NoPose { sample: row.sample, error })?;
+        let predicted =
+            model.predict(&self.condition(row), scratch).map_err(|error| NoPose { sample: row.sample, error })?;
         Ok((row.inverse * predicted).log().to_vector().into())
     }
 
@@ -240,10 +147,4 @@ impl Observations {
             temperature_k: row.temperature_k,
         }
     }
-}
-
-/// Columns put side by side.
-pub fn matrix(columns: &[Vec<f64>]) -> DMatrix<f64> {
-    let rows = columns.first().map_or(0, Vec::len);
-    DMatrix::from_fn(rows, columns.len(), |row, column| columns[column][row])
 }

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::noise::Repeatability;
 use super::structure::Structure;
 use crate::arm::Arm;
+use crate::measurement::Run;
 
 /// What was found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -233,12 +234,17 @@ pub struct Point {
 }
 
 impl Diagnosis {
-    /// The arm with the effects that were found, and the next model number; the same arm where none is named.
-    pub fn corrected(&self, arm: &Arm) -> Arm {
+    /// The arm with the effects that were found, the next model number and the conditions that it had settled to at the
+    /// end of `run`; the same arm where no effect is named.
+    pub fn corrected(&self, arm: &Arm, run: &Run) -> Arm {
         let mut corrected = arm.clone();
         if self.verdict == Verdict::EffectFound {
             corrected.model.effects = self.model_effects.iter().copied().collect();
             corrected.model.number += 1;
+            let (supply, temperature_c) = run.settled();
+            corrected.model.working_supply = supply.unwrap_or(corrected.model.working_supply);
+            let temperature_k = temperature_c.map(|celsius| celsius + 273.15);
+            corrected.model.working_temperature_k = temperature_k.unwrap_or(corrected.model.working_temperature_k);
         }
         corrected
     }

@@ -12,6 +12,7 @@ use super::candidate;
 use super::fit::{Fit, cross_validated, fit, losses_by_word};
 use super::observation::{NoPose, Observations, Value};
 use super::outcome::Rung;
+use super::sensitivity::Sensitivity;
 use super::significance::{CONFIRMATION_LEVEL, DISCOVERY_LEVEL, Gain, RIVAL_LEVEL, gain, quantile_975};
 use crate::arm::{ArmModel, ArmScratch};
 
@@ -87,10 +88,9 @@ impl Search {
             .into_iter()
             .filter(|effect| !current.fit.model.effects.iter().any(|known| candidate::same(known, effect)))
             .collect();
-        let mut screened = Vec::new();
-        for effect in &candidates {
-            screened.extend(self.screened(current, effect).unwrap_or_default());
-        }
+        let sensitivity = Sensitivity::new(&current.fit.model, &self.training, &mut self.scratch)?;
+        let mut screened: Vec<Trial> =
+            candidates.iter().filter_map(|effect| self.screened(current, effect, &sensitivity)).collect();
         screened.sort_by(|a, b| a.loss().total_cmp(&b.loss()));
         let mut tried = Vec::new();
         for trial in screened.iter().take(REFINED) {
@@ -116,25 +116,18 @@ impl Search {
     }
 
     /// A candidate by its linear fit; `None` where it changes nothing in these rows.
-    fn screened(&mut self, current: &Trial, effect: &Effect<f64>) -> Result<Option<Trial>, NoPose> {
+    fn screened(&self, current: &Trial, effect: &Effect<f64>, sensitivity: &Sensitivity) -> Option<Trial> {
         let mut model = current.fit.model.clone();
         let new = model.effects.len();
-        if model.effects.push(*effect).is_err() {
-            return Ok(None);
-        }
-        let values: Vec<Value> = (0..effect.law().values().len()).map(|value| (new, value)).collect();
-        let columns = self.training.jacobian(&model, &current.fit.residuals, &values, &mut self.scratch)?;
+        model.effects.push(*effect).ok()?;
         let mut fit = Fit { model, ..current.fit.clone() };
-        for (value, column) in values.into_iter().zip(columns) {
-            if let Some(column) = column {
-                fit.values.push(value);
+        for value in 0..effect.law().values().len() {
+            if let Some(column) = sensitivity.column(effect, value) {
+                fit.values.push((new, value));
                 fit.columns.push(column);
             }
         }
-        if fit.values.len() == current.fit.values.len() {
-            return Ok(None);
-        }
-        Ok(Some(self.judged(fit, *effect)))
+        (fit.values.len() > current.fit.values.len()).then(|| self.judged(fit, *effect))
     }
 
     /// A model with all its values fitted in full. `effect` is the one that is on trial.

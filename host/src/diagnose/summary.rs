@@ -14,6 +14,7 @@ use super::outcome::{
     Point, Rows, Verdict, axis_name,
 };
 use super::search::{Search, Trial, root_mean_square, values};
+use super::sensitivity::Sensitivity;
 use super::significance::quantile_975;
 use super::structure::Structure;
 use crate::arm::{Arm, ArmModel};
@@ -205,8 +206,9 @@ impl Summary<'_> {
         let programme = crate::programme::candidates(self.arm, options.seed);
         let proposed = crate::programme::as_run(self.arm, &programme);
         let observations = Observations::new(self.arm, &proposed, [1.0; 6], |_| true).like(&self.search.training);
-        let at = observations.residuals(&fit.model, &mut self.search.scratch)?;
-        let columns = observations.jacobian(&fit.model, &at, &fit.values, &mut self.search.scratch)?;
+        let sensitivity = Sensitivity::new(&fit.model, &observations, &mut self.search.scratch)?;
+        let column = |&(effect, value): &Value| sensitivity.column(&fit.model.effects[effect], value);
+        let columns: Vec<Option<Vec<f64>>> = fit.values.iter().map(column).collect();
         let n_axes = observations.n_axes();
         let entry =
             |row: usize, axis: usize, column: usize| columns[column].as_ref().map_or(0.0, |c| c[row * n_axes + axis]);

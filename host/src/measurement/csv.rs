@@ -134,7 +134,7 @@ pub fn write_text(run: &Run) -> String {
             sample.time_s,
             sample.word,
             pose_text(&sample.pose, planar),
-            optional(sample.supply),
+            optional(sample.supply.map(|supply_pa| supply_pa / PA_PER_BAR)),
             optional(sample.temperature_c),
             sample.run,
             sample.visit,
@@ -164,6 +164,9 @@ struct Columns {
 
 const PLANAR: [&str; 3] = ["x_m", "y_m", "angle_deg"];
 const SPATIAL: [&str; 6] = ["x_m", "y_m", "z_m", "rx_deg", "ry_deg", "rz_deg"];
+/// Files hold bar, samples Pa.
+const PA_PER_BAR: f64 = 1e5;
+
 const OTHERS: [&str; 8] = ["time_s", "word", "previous", "supply_bar", "temperature_c", "run", "visit", "held_out"];
 
 impl Columns {
@@ -230,7 +233,10 @@ impl Row<'_> {
             previous,
             servos_rad,
             pose: self.pose(&numbers),
-            supply: self.optional("supply_bar", "a number")?.filter(|value: &f64| value.is_finite()),
+            supply: self
+                .optional("supply_bar", "a number")?
+                .filter(|value: &f64| value.is_finite())
+                .map(|bar| bar * PA_PER_BAR),
             temperature_c: self.optional("temperature_c", "a number")?.filter(|value: &f64| value.is_finite()),
             run,
             visit: self.optional("visit", "a whole number")?.unwrap_or(index as u32),

@@ -42,7 +42,7 @@ pub struct Sample {
     pub servos_rad: Vec<f64>,
     /// Measured pose of the tool in the base.
     pub pose: Pose<f64>,
-    /// Supply, in the unit of the model's nominal supply; `None` where it was not measured.
+    /// Supply, Pa; `None` where it was not measured.
     pub supply: Option<f64>,
     /// Temperature of the arm, °C; `None` where it was not measured.
     pub temperature_c: Option<f64>,

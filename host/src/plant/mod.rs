@@ -7,7 +7,7 @@
 //! ```
 //!
 //! [`Plant`] knows nothing of the emulator: [`follow`] drives it by the pins of the real image in real time, and
-//! `in_process` by the firmware library in virtual time. Time comes in as an argument.
+//! [`crate::in_process`] by the firmware library in virtual time. Time comes in as an argument.
 
 mod actuator;
 pub mod camera;

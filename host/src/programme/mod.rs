@@ -21,6 +21,7 @@ use crate::arm::{Arm, ArmScratch};
 use crate::diagnose::candidate;
 use crate::diagnose::design::most_informative;
 use crate::diagnose::observation::Observations;
+use crate::diagnose::sensitivity::Sensitivity;
 use crate::measurement::{Run, Sample};
 
 /// Words that compete for a place in a programme.
@@ -152,20 +153,12 @@ fn informative_words(arm: &Arm, options: &Options) -> Vec<Word> {
 /// The derivatives with respect to the values of all candidates, each scaled to the size that is thought likely.
 fn candidate_columns(arm: &Arm, observations: &Observations) -> Vec<Vec<f64>> {
     let mut scratch = ArmScratch::default();
-    let Ok(at) = observations.residuals(&arm.model, &mut scratch) else {
+    let Ok(sensitivity) = Sensitivity::new(&arm.model, observations, &mut scratch) else {
         return Vec::new();
     };
-    let mut columns = Vec::new();
-    for effect in candidate::all(&arm.model) {
-        let mut model = arm.model.clone();
-        let values: Vec<_> = (0..effect.law().values().len()).map(|value| (model.effects.len(), value)).collect();
-        if model.effects.push(effect).is_ok()
-            && let Ok(found) = observations.jacobian(&model, &at, &values, &mut scratch)
-        {
-            columns.extend(found.into_iter().flatten().map(likely));
-        }
-    }
-    columns
+    let effects = candidate::all(&arm.model);
+    let values = effects.iter().flat_map(|effect| (0..effect.law().values().len()).map(move |value| (effect, value)));
+    values.filter_map(|(effect, value)| sensitivity.column(effect, value)).map(likely).collect()
 }
 
 fn likely(column: Vec<f64>) -> Vec<f64> {

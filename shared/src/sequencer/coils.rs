@@ -79,20 +79,27 @@ impl Coils {
         self.on &= self.latches;
         self.pulsing = 0;
         self.off_at = None;
-        self.switches = [Expected::default(); MAX_ACTUATORS];
+        self.expect(None);
     }
 
     /// A program starts: its first word sets every latch, and every switch must show its digit after the travel.
     pub(super) fn begin(&mut self, now: Micros) {
         self.unknown = self.latches;
-        self.switches = [Expected { since: Some(now), contradictions: 0 }; MAX_ACTUATORS];
+        self.expect(Some(now));
+    }
+
+    /// What the switches must show counts from `since` on.
+    fn expect(&mut self, since: Option<Micros>) {
+        let wired = self.word.len();
+        self.switches.iter_mut().take(wired).for_each(|switch| *switch = Expected { since, contradictions: 0 });
     }
 
     /// Lets time pass and finds the coil that carries current for too long.
     pub(super) fn pass(&mut self, now: Micros, span: Micros, wiring: &Wiring) -> Result<(), FaultKind> {
-        let fed = self.on & !self.latches | self.pulsing;
+        let mut fed = self.on & !self.latches | self.pulsing;
         for (index, coil) in wiring.coils.iter().enumerate() {
-            let passed = self.clocks[index].pass(span, fed >> index & 1 == 1, &coil.limit);
+            let passed = self.clocks[index].pass(span, fed & 1 == 1, &coil.limit);
+            fed >>= 1;
             passed.map_err(|breach| match breach {
                 CoilBreach::OnTooLong => FaultKind::CoilOnTooLong { coil: index as u8 },
                 CoilBreach::Duty => FaultKind::CoilDuty { coil: index as u8 },
@@ -219,21 +226,26 @@ impl Coils {
     }
 
     /// Levels of the output lines.
+    ///
+    /// Bits are shifted along one by one: a shift of 64 bits by a variable costs the chip ten times as much.
     pub(super) fn lines(&self, now: Micros, wiring: &Wiring) -> u64 {
-        wiring.coils.iter().enumerate().fold(0, |lines, (index, coil)| {
-            let on = self.on >> index & 1 == 1;
-            let pulsing = self.pulsing >> index & 1 == 1;
-            lines
-                | match coil.drive {
-                    Drive::Hold { line } => u64::from(on) << line,
-                    Drive::PeakHold { pull, hold, peak_ms } => {
-                        let peak = on && now - self.changed[index] < Micros::from_millis(u32::from(peak_ms));
-                        u64::from(peak) << pull | u64::from(on) << hold
-                    }
-                    Drive::Latch { set, reset, .. } => {
-                        u64::from(pulsing && on) << set | u64::from(pulsing && !on) << reset
-                    }
+        let (mut on_bits, mut pulsing_bits) = (self.on, self.pulsing);
+        let mut lines = 0;
+        for (coil, &changed) in wiring.coils.iter().zip(&self.changed) {
+            let (on, pulsing) = (on_bits & 1 == 1, pulsing_bits & 1 == 1);
+            (on_bits, pulsing_bits) = (on_bits >> 1, pulsing_bits >> 1);
+            if !on && !pulsing {
+                continue;
+            }
+            lines |= match coil.drive {
+                Drive::Hold { line } => u64::from(on) << line,
+                Drive::PeakHold { pull, hold, peak_ms } => {
+                    let peak = on && now - changed < Micros::from_millis(u32::from(peak_ms));
+                    u64::from(peak) << pull | u64::from(on) << hold
                 }
-        })
+                Drive::Latch { set, reset, .. } => u64::from(pulsing && on) << set | u64::from(pulsing && !on) << reset,
+            };
+        }
+        lines
     }
 }

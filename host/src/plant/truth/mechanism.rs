@@ -6,7 +6,7 @@
 //! | anchor offset | a hole is drilled beside its mark | the leg is anchored there |
 //! | gravity sag | legs are springs | least energy: Σ (l − l₀)²/2c + V(l), found by iterating l = l₀ − c·∂V/∂l |
 //! | play | a pawl with clearance; a blow seats it, a hold lets it creep back | s = w·(1 − e^−6) after one hold |
-//! | supply | a pad at the end of the stroke, compressed by the piston | Δl = k·ln(p/p₀)·stroke |
+//! | supply | a pad that the piston presses into, F ∝ x² | Δl = 2·k·(√(p/p₀) − 1)·stroke |
 //! | thermal growth | legs of warm metal | dl = α·l·dϑ, so l = l₀·exp(α·Δϑ) |
 
 use std::fmt;
@@ -242,7 +242,7 @@ impl Mechanism {
                 setting.value += if digit == 0 { crept } else { -crept };
             }
             Self::Pad { part, softness } if part.holds(actuator, stage) => {
-                setting.value += softness * moment.supply_ratio.ln() * stroke;
+                setting.value += 2.0 * softness * (moment.supply_ratio.sqrt() - 1.0) * stroke;
             }
             Self::Metal { part, expansion_per_k } if part.holds(actuator, stage) => {
                 setting.value *= (expansion_per_k * moment.rise_k).exp();

@@ -11,7 +11,7 @@ use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 
 /// Standard deviation of the supply sensor, share of nominal supply.
-const SUPPLY_SENSOR: f64 = 5e-4;
+const SUPPLY_SENSOR: f64 = 2e-4;
 /// Standard deviation of the thermometer, K.
 const THERMOMETER_K: f64 = 0.05;
 

@@ -1,0 +1,86 @@
+//! The subcommands of `darm`, one file each: arguments, one function that runs it, what it says.
+
+mod camera;
+mod console;
+mod diagnose;
+mod doctor;
+mod flash;
+mod plant;
+mod play;
+mod record;
+mod status;
+mod stop;
+mod stops;
+mod synth;
+mod table;
+pub(crate) mod table_file;
+mod upload;
+mod visits;
+
+use crate::voice::Voice;
+
+/// Discretely actuated arms: synthesis, tables, upload, play, measurement, diagnosis, console
+///
+/// A new arm goes this way:
+///
+///   darm synth base.toml frames.toml -o arm.toml       geometry that reaches the frames
+///   darm table arm.toml frames.toml -o visits.darm     timed rows, checked against the limits
+///   darm upload visits.darm && darm play               the board runs them on its own clock
+///   darm record visits.darm -o run.csv                 play and measure
+///   darm diagnose arm.toml run.csv -o arm2.toml        which effect the model lacks
+///   darm stops arm.toml arm2.toml                      by how many mm each stop is to be turned
+///
+/// Without hardware: `darm plant arm.toml` starts a board in the emulator and says its port.
+#[derive(clap::Parser, Debug)]
+#[command(name = "darm", version, verbatim_doc_comment, after_help = EXIT_CODES)]
+pub(crate) struct Cli {
+    /// JSON on the standard output, one object a line, for programs
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+    /// What to do
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+const EXIT_CODES: &str = "\
+Exit codes: 0 done, 1 failed, 2 bad usage, 3 the board refused or is in its safe state, 4 no connection.
+`darm COMMAND --help` shows examples.";
+
+/// What to do.
+#[derive(clap::Subcommand, Debug)]
+pub(crate) enum Command {
+    Synth(synth::Synth),
+    Stops(stops::Stops),
+    Table(table::Table),
+    Upload(upload::Upload),
+    Play(play::Play),
+    Stop(stop::Stop),
+    Status(status::Status),
+    Record(record::Record),
+    Diagnose(diagnose::Diagnose),
+    Console(console::Console),
+    Flash(flash::Flash),
+    Plant(plant::Plant),
+    Doctor(doctor::Doctor),
+}
+
+impl Command {
+    /// Runs the command and says what came of it.
+    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+        match self {
+            Self::Synth(command) => command.run(voice),
+            Self::Stops(command) => command.run(voice),
+            Self::Table(command) => command.run(voice),
+            Self::Upload(command) => command.run(voice),
+            Self::Play(command) => command.run(voice),
+            Self::Stop(command) => command.run(voice),
+            Self::Status(command) => command.run(voice),
+            Self::Record(command) => command.run(voice),
+            Self::Diagnose(command) => command.run(voice),
+            Self::Console(command) => command.run(voice),
+            Self::Flash(command) => command.run(voice),
+            Self::Plant(command) => command.run(voice),
+            Self::Doctor(command) => command.run(voice),
+        }
+    }
+}

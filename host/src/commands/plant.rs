@@ -1,0 +1,231 @@
+//! `darm plant`: a board to play with. The firmware's image runs in the emulator; an arm hangs on its pins.
+
+mod film;
+mod hidden;
+
+use std::os::unix::fs::symlink;
+use std::os::unix::net::UnixListener;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+use anyhow::Context as _;
+use darm::arm::Arm;
+use darm::plant::follow::Follower;
+use darm::plant::truth::{Sealed, Truth};
+use darm::plant::{Broken, Plant as Metal};
+use darm::qemu::{self, Console, Machine, Qemu};
+use darm::stops::differences;
+use serde::Serialize;
+
+use crate::failure::Usage;
+use crate::voice::{Answer, Voice};
+use crate::{firmware_image, state_folder};
+use film::Projector;
+use hidden::Effect;
+
+const EXAMPLES: &str = "\
+Examples:
+  darm plant arm.toml                     a board with this arm; in another terminal: darm console
+  darm plant arm.toml --pty               its port as a pseudo terminal, for any terminal program
+  darm plant arm.toml --effect any --seed 7
+                                          something is wrong with this arm: measure, diagnose, then
+                                          Ctrl-C tells what it was
+  darm plant arm2.toml --before arm.toml --effect any --seed 7
+                                          the same arm after its stops were turned
+  darm plant arm.toml --line-low 4        output line 4 is broken: the board notices by the limit switch
+
+While it runs every command finds the board without --port, unless a real one is plugged in.
+The camera's lines (CSV, 50 a second) are served on a socket for `darm record --camera`.
+The board's flash is a file in --folder: its table is there again the next time.";
+
+/// How often the emulator is looked after.
+const LOOK: Duration = Duration::from_millis(200);
+
+/// Start a board in the emulator, with an arm on its pins and a camera
+#[derive(clap::Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Plant {
+    /// The arm on the board's pins
+    #[arg(value_name = "ARM.toml")]
+    arm: PathBuf,
+    /// ELF of the firmware; that of this workspace where it is left out
+    #[arg(long, value_name = "ELF", env = firmware_image::VARIABLE)]
+    firmware: Option<PathBuf>,
+    /// Folder of the board's flash, port and camera socket
+    #[arg(long, value_name = "FOLDER")]
+    folder: Option<PathBuf>,
+    /// Make the port a pseudo terminal, for any terminal program
+    #[arg(long)]
+    pty: bool,
+    /// Effect in the arm that its file does not declare: none, any, stroke-loss, anchor-offset, gravity-sag, play,
+    /// supply-stroke or thermal-growth
+    #[arg(long, value_name = "KIND", default_value = "none")]
+    effect: Effect,
+    /// Seed of the effect's place and size, and of the camera's noise
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Arm that the effect is drawn for, where its stops have been turned since
+    #[arg(long, value_name = "OLD.toml")]
+    before: Option<PathBuf>,
+    /// Output line that is stuck low; may be given several times
+    #[arg(long, value_name = "LINE")]
+    line_low: Vec<u8>,
+    /// Output line that is stuck high
+    #[arg(long, value_name = "LINE")]
+    line_high: Vec<u8>,
+    /// Limit switch that never closes
+    #[arg(long, value_name = "INPUT")]
+    switch_open: Vec<u8>,
+    /// Limit switch that never opens
+    #[arg(long, value_name = "INPUT")]
+    switch_closed: Vec<u8>,
+}
+
+/// Where everything is.
+#[derive(Serialize)]
+struct Running {
+    arm: String,
+    actuators: usize,
+    servos: usize,
+    firmware: PathBuf,
+    folder: PathBuf,
+    port: String,
+    camera: String,
+}
+
+impl Answer for Running {
+    fn text(&self) -> String {
+        let servos = if self.servos == 0 { String::new() } else { format!(", {} servo joints", self.servos) };
+        format!(
+            "board    {} in {}\nflash    {}\narm      {}, {} actuators{servos}\nport     {}\ncamera   {}\n\n\
+             In another terminal: `darm console`, `darm status`, `darm upload TABLE.darm`; Ctrl-C ends the board",
+            self.firmware.display(),
+            qemu::PROGRAM,
+            self.folder.join(qemu::FLASH_FILE).display(),
+            self.arm,
+            self.actuators,
+            self.port,
+            self.camera,
+        )
+    }
+}
+
+/// What was hidden in the arm.
+#[derive(Serialize)]
+struct Ended {
+    effect: Sealed,
+}
+
+impl Answer for Ended {
+    fn text(&self) -> String {
+        let Sealed { effect, place, size, unit, .. } = &self.effect;
+        if place.is_empty() {
+            return "\nthe arm was as its file says".to_owned();
+        }
+        let unit = if *unit == "1" { String::new() } else { format!(" {unit}") };
+        format!("\nhidden in the arm was: {effect} at {place}, {size:.6}{unit}")
+    }
+}
+
+/// Why the board ended or did not start.
+#[derive(Debug, thiserror::Error)]
+enum PlantError {
+    #[error("another board already runs in {0}; end it, or choose another --folder")]
+    Taken(PathBuf),
+    #[error("the emulator ended: {0}")]
+    Ended(String),
+}
+
+impl Plant {
+    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+        let arm = Arm::read(&self.arm)?;
+        let broken = self.broken()?;
+        let truth = self.truth(&arm)?;
+        let elf = firmware_image::find(self.firmware.as_deref())?;
+        let folder = self.folder.clone().map_or_else(state_folder::board, Ok)?;
+        let listener = claim(&folder)?;
+
+        let console = if self.pty { Console::Pty } else { Console::Socket };
+        let mut qemu = Qemu::start(&Machine { elf: elf.clone(), folder: folder.clone(), console })?;
+        let follower = Follower::start(&qemu, &arm.wiring, Metal::new(&arm.wiring, &[]))?;
+        follower.set_broken(broken);
+        let projector = Projector::start(listener, truth.clone(), arm.model.chain.is_planar(), follower.film())?;
+        qemu.resume()?;
+        let port = name_port(&folder, qemu.console_port())?;
+        voice.tell(&Running {
+            arm: arm.name.clone(),
+            actuators: arm.n_actuators(),
+            servos: arm.n_servos(),
+            firmware: elf,
+            camera: format!("unix:{}", state_folder::camera(&folder).display()),
+            folder,
+            port,
+        })?;
+        let end = wait(&mut qemu);
+        projector.stop();
+        voice.tell(&Ended { effect: truth.unseal().clone() })?;
+        end
+    }
+
+    /// The true arm: with the effect of the arm before, if there is one.
+    fn truth(&self, arm: &Arm) -> anyhow::Result<Truth> {
+        let Some(before) = &self.before else { return Ok(self.effect.draw(arm, self.seed)?) };
+        let before = Arm::read(before)?;
+        differences(&before, arm)?;
+        Ok(self.effect.draw(&before, self.seed)?.with_geometry(arm))
+    }
+
+    fn broken(&self) -> Result<Broken, Usage> {
+        Ok(Broken {
+            lines_low: bits(&self.line_low, 64, "line")?,
+            lines_high: bits(&self.line_high, 64, "line")?,
+            switches_open: bits(&self.switch_open, 32, "input")? as u32,
+            switches_closed: bits(&self.switch_closed, 32, "input")? as u32,
+            ..Broken::default()
+        })
+    }
+}
+
+fn bits(numbers: &[u8], count: u8, what: &str) -> Result<u64, Usage> {
+    match numbers.iter().find(|&&number| number >= count) {
+        Some(number) => Err(Usage(format!("no {what} {number}; they go from 0 to {}", count - 1))),
+        None => Ok(numbers.iter().fold(0, |bits, number| bits | 1 << number)),
+    }
+}
+
+/// Makes the folder and opens the camera's socket in it; refuses a folder in which another board runs.
+fn claim(folder: &Path) -> anyhow::Result<UnixListener> {
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    let socket = state_folder::camera(folder);
+    if std::os::unix::net::UnixStream::connect(&socket).is_ok() {
+        return Err(PlantError::Taken(folder.into()).into());
+    }
+    let _ = std::fs::remove_file(&socket);
+    UnixListener::bind(&socket).with_context(|| format!("cannot open the camera's socket {}", socket.display()))
+}
+
+/// Gives the emulator's port a name that stays the same from one start to the next.
+fn name_port(folder: &Path, port: &str) -> anyhow::Result<String> {
+    let name = state_folder::port(folder);
+    let (prefix, target) = port.split_once(':').map_or(("", port), |(_, path)| ("unix:", path));
+    // There may be none.
+    let _ = std::fs::remove_file(&name);
+    symlink(target, &name).with_context(|| format!("cannot name the port {}", name.display()))?;
+    Ok(format!("{prefix}{}", name.display()))
+}
+
+/// Until Ctrl-C or the emulator's end.
+fn wait(qemu: &mut Qemu) -> anyhow::Result<()> {
+    let (interrupted, interrupt) = channel();
+    // Nobody waits any more once the board has ended.
+    let interrupt_handler = move || interrupted.send(()).unwrap_or_default();
+    ctrlc::set_handler(interrupt_handler).context("cannot wait for Ctrl-C")?;
+    loop {
+        match interrupt.recv_timeout(LOOK) {
+            Ok(()) | Err(RecvTimeoutError::Disconnected) => return Ok(()),
+            Err(RecvTimeoutError::Timeout) if qemu.is_running() => {}
+            Err(RecvTimeoutError::Timeout) => return Err(PlantError::Ended(qemu.complaints()).into()),
+        }
+    }
+}

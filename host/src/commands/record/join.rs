@@ -1,0 +1,104 @@
+//! Joins visits and pictures by time: one sample for each visit that the board completed and the camera saw.
+
+use darm::measurement::Sample;
+use darm_core::real::Vec3;
+use darm_core::se::{Pose, Twist};
+
+use crate::commands::camera::{BAR, Picture};
+use crate::commands::visits::{Rest, Visits};
+
+/// When the arm surely rested at a visit, on the camera's clock.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Span {
+    /// Latest start, Unix time.
+    pub(crate) from_s: f64,
+    /// Earliest end, Unix time.
+    pub(crate) to_s: f64,
+}
+
+/// The samples, their times after the start of the program; visits that the camera did not surely see have none.
+///
+/// `spans` are those of the visits that the program completed, in their order.
+pub(crate) fn join(visits: &Visits, spans: &[Span], pictures: &[Picture]) -> Vec<Sample> {
+    let mut samples = Vec::new();
+    for (visit, (rest, span)) in visits.rests.iter().zip(spans).enumerate() {
+        let seen = between(pictures, span);
+        if !seen.is_empty() {
+            let sample = sample(rest, visit, seen);
+            samples.push(Sample { time_s: rest.from_s + sample.time_s - span.from_s, ..sample });
+        }
+    }
+    samples
+}
+
+/// The pictures of a span; a camera sends them in order of time.
+fn between<'p>(pictures: &'p [Picture], span: &Span) -> &'p [Picture] {
+    let from = pictures.partition_point(|picture| picture.time_s < span.from_s);
+    let to = pictures.partition_point(|picture| picture.time_s < span.to_s);
+    pictures.get(from..to).unwrap_or_default()
+}
+
+fn sample(rest: &Rest, visit: usize, seen: &[Picture]) -> Sample {
+    Sample {
+        time_s: mean(seen.iter().map(|picture| picture.time_s)).unwrap_or_default(),
+        word: rest.word,
+        previous: Some(rest.previous),
+        servos_rad: rest.servos_rad.clone(),
+        pose: mean_pose(seen),
+        supply: mean(seen.iter().filter_map(|picture| picture.supply_bar)).map(|bar| BAR * bar),
+        temperature_c: mean(seen.iter().filter_map(|picture| picture.temperature_c)),
+        run: 0,
+        visit: visit as u32,
+        held_out: rest.held_out,
+    }
+}
+
+/// The mean of poses that are close together: of their twists from the first.
+fn mean_pose(seen: &[Picture]) -> Pose<f64> {
+    let Some(first) = seen.first() else { return Pose::identity() };
+    let twists = seen.iter().map(|picture| first.pose.to(&picture.pose).log());
+    let count = seen.len() as f64;
+    let sum = twists.fold(Twist { angular: Vec3::zeros(), linear: Vec3::zeros() }, |sum, twist| Twist {
+        angular: sum.angular + twist.angular / count,
+        linear: sum.linear + twist.linear / count,
+    });
+    first.pose * Pose::exp(&sum)
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0u32), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
+}
+
+#[cfg(test)]
+mod tests {
+    use darm_core::se::{Pose, Pose2};
+    use darm_core::units::ModelHash;
+
+    use super::{Span, join};
+    use crate::commands::camera::Picture;
+    use crate::commands::visits::{Rest, Visits};
+
+    fn rest(from_s: f64, to_s: f64) -> Rest {
+        let word = "01".parse().unwrap();
+        Rest { label: "A".into(), from_s, to_s, row: 0, word, previous: word, servos_rad: vec![], held_out: false }
+    }
+
+    fn picture(time_s: f64, x_m: f64, angle_rad: f64) -> Picture {
+        Picture { time_s, pose: Pose2::new(x_m, 0.0, angle_rad).into(), supply_bar: Some(6.0), temperature_c: None }
+    }
+
+    #[test]
+    fn a_visit_is_the_mean_of_its_pictures() {
+        let visits = Visits { model: ModelHash(1), rests: vec![rest(1.0, 2.0), rest(3.0, 4.0), rest(5.0, 6.0)] };
+        let pictures =
+            [picture(100.5, 9.0, 0.0), picture(101.2, 1.0, 0.1), picture(101.4, 3.0, 0.3), picture(105.5, 0.0, 0.0)];
+        let span = |from_s, to_s| Span { from_s, to_s };
+        let samples = join(&visits, &[span(101.0, 102.0), span(103.0, 104.0)], &pictures);
+        assert_eq!(samples.len(), 1, "the second was not seen, the third not completed");
+        assert!((samples[0].time_s - 1.3).abs() < 1e-9);
+        assert_eq!((samples[0].supply, samples[0].temperature_c), (Some(6e5), None));
+        let mean = Pose::from(Pose2::new(2.0, 0.0, 0.2));
+        assert!(samples[0].pose.distance(&mean, 0.5) < 0.05, "{:?}", samples[0].pose);
+    }
+}

@@ -1,0 +1,182 @@
+//! Visit files: where a program rests, from when to when. `darm table` writes one beside the table, `darm record` reads it.
+//!
+//! Comma-separated text behind a comment line that holds the model's hash. Times are after the start of the program.
+//!
+//! | column                  | meaning                                                   |
+//! |-------------------------|-----------------------------------------------------------|
+//! | `visit`, `label`        | number from 0, name                                       |
+//! | `from_s`, `to_s`        | when the arm rests there                                  |
+//! | `row`                   | the row of the table that completes the word              |
+//! | `word`, `previous`      | digits, and those of the visit before                     |
+//! | `servo1_deg`, …         | positions of the servo joints                             |
+//! | `held_out`              | 1 where no fit may see the measurement                    |
+
+use std::path::{Path, PathBuf};
+
+use darm_core::units::{ModelHash, Word};
+
+/// One rest of a program.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Rest {
+    /// Its name.
+    pub(crate) label: String,
+    /// From when, in seconds after the start.
+    pub(crate) from_s: f64,
+    /// To when.
+    pub(crate) to_s: f64,
+    /// The row that completes the word.
+    pub(crate) row: u16,
+    /// The word.
+    pub(crate) word: Word,
+    /// The word of the visit before.
+    pub(crate) previous: Word,
+    /// Positions of the servo joints.
+    pub(crate) servos_rad: Vec<f64>,
+    /// Whether no fit may see it.
+    pub(crate) held_out: bool,
+}
+
+/// A visit file.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Visits {
+    /// The model that the table was made for.
+    pub(crate) model: ModelHash,
+    /// In order of time.
+    pub(crate) rests: Vec<Rest>,
+}
+
+/// Why a file gives no visits.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum VisitsError {
+    /// The file cannot be read.
+    #[error("cannot read {path}: {source}; `darm table` writes it beside the table")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// It is not what `darm table` writes.
+    #[error("{path}: line {line}: {what}; make the file again with `darm table`")]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// Line, the first being 1.
+        line: u64,
+        /// What is wrong.
+        what: String,
+    },
+}
+
+const MODEL: &str = "# model ";
+
+/// The visit file of a table file: `a.darm` has `a.visits.csv`.
+pub(crate) fn beside(table: &Path) -> PathBuf {
+    table.with_extension("visits.csv")
+}
+
+impl Visits {
+    /// The text of the file.
+    pub(crate) fn to_text(&self) -> String {
+        let n_servos = self.rests.first().map_or(0, |rest| rest.servos_rad.len());
+        let servos: String = (1..=n_servos).map(|number| format!("servo{number}_deg,")).collect();
+        let mut text = format!("{MODEL}{}\n", self.model);
+        text += &format!("visit,label,from_s,to_s,row,word,previous,{servos}held_out\n");
+        for (visit, rest) in self.rests.iter().enumerate() {
+            let servos: String = rest.servos_rad.iter().map(|angle| format!("{:.4},", angle.to_degrees())).collect();
+            text += &format!(
+                "{visit},{},{:.6},{:.6},{},{},{},{servos}{}\n",
+                rest.label.replace([',', '"', '\n', '#'], " "),
+                rest.from_s,
+                rest.to_s,
+                rest.row,
+                rest.word,
+                rest.previous,
+                u8::from(rest.held_out)
+            );
+        }
+        text
+    }
+
+    /// Reads the file.
+    pub(crate) fn read(path: &Path) -> Result<Self, VisitsError> {
+        let text = std::fs::read_to_string(path).map_err(|source| VisitsError::Read { path: path.into(), source })?;
+        Self::parse(&text).map_err(|(line, what)| VisitsError::Line { path: path.into(), line, what })
+    }
+
+    fn parse(text: &str) -> Result<Self, (u64, String)> {
+        let hash = text.lines().next().and_then(|line| line.strip_prefix(MODEL));
+        let model = hash.and_then(|hash| u64::from_str_radix(hash.trim(), 16).ok());
+        let model = ModelHash(model.ok_or_else(|| (1, format!("expected `{MODEL}` and a hash")))?);
+        let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
+        let header = reader.headers().map_err(|error| (2, error.to_string()))?.clone();
+        let mut rests = Vec::new();
+        for record in reader.records() {
+            let record =
+                record.map_err(|error| (error.position().map_or(0, csv::Position::line), error.to_string()))?;
+            let line = record.position().map_or(0, csv::Position::line);
+            let row = Cells { header: &header, record: &record };
+            rests.push(row.rest().map_err(|column| (line, format!("column {column} cannot be read")))?);
+        }
+        Ok(Self { model, rests })
+    }
+}
+
+struct Cells<'a> {
+    header: &'a csv::StringRecord,
+    record: &'a csv::StringRecord,
+}
+
+impl Cells<'_> {
+    fn rest(&self) -> Result<Rest, String> {
+        let servos = self.header.iter().filter(|name| name.starts_with("servo"));
+        Ok(Rest {
+            label: self.cell("label")?,
+            from_s: self.cell("from_s")?,
+            to_s: self.cell("to_s")?,
+            row: self.cell("row")?,
+            word: self.cell("word")?,
+            previous: self.cell("previous")?,
+            servos_rad: servos.map(|name| self.cell(name).map(f64::to_radians)).collect::<Result<_, _>>()?,
+            held_out: self.cell::<u8>("held_out")? != 0,
+        })
+    }
+
+    fn cell<T: std::str::FromStr>(&self, column: &str) -> Result<T, String> {
+        let at = self.header.iter().position(|name| name == column);
+        let text = at.and_then(|at| self.record.get(at));
+        text.and_then(|text| text.parse().ok()).ok_or_else(|| column.to_owned())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Rest, Visits};
+    use darm_core::units::ModelHash;
+
+    fn visits() -> Visits {
+        let rest = Rest {
+            label: "A".into(),
+            from_s: 0.15,
+            to_s: 0.45,
+            row: 1,
+            word: "0101".parse().unwrap(),
+            previous: "0000".parse().unwrap(),
+            servos_rad: vec![0.5f64.to_radians()],
+            held_out: true,
+        };
+        Visits { model: ModelHash(0x0123_4567_89ab_cdef), rests: vec![rest.clone(), Rest { held_out: false, ..rest }] }
+    }
+
+    #[test]
+    fn text_and_visits_are_inverse() {
+        assert_eq!(Visits::parse(&visits().to_text()), Ok(visits()));
+    }
+
+    #[test]
+    fn a_bad_cell_is_told_by_line_and_column() {
+        let text = visits().to_text().replace("0.45", "soon");
+        assert_eq!(Visits::parse(&text), Err((3, "column to_s cannot be read".into())));
+        assert_eq!(Visits::parse("visit\n").unwrap_err().0, 1);
+    }
+}

@@ -1,0 +1,39 @@
+//! Derivatives are those of the predictions.
+
+use std::path::Path;
+
+use super::*;
+use crate::arm::Arm;
+use crate::diagnose::candidate;
+use crate::programme::{as_run, candidates};
+
+#[test]
+fn columns_are_differences_of_residuals() {
+    let text = include_str!("../../../../examples/planar4.toml");
+    let arm = Arm::parse(Path::new("planar4.toml"), text).unwrap();
+    let steps: Vec<_> = candidates(&arm, 3).into_iter().take(20).collect();
+    let observations = Observations::new(&arm, &as_run(&arm, &steps), [1.0; 6], |_| true);
+    let mut scratch = ArmScratch::default();
+    let sensitivity = Sensitivity::new(&arm.model, &observations, &mut scratch).unwrap();
+    for effect in candidate::all(&arm.model) {
+        let mut model = arm.model.clone();
+        model.effects.push(effect).unwrap();
+        for value in 0..effect.law().values().len() {
+            let mut at = |step: f64| {
+                model.effects[0].law_mut().values_mut()[value] = step;
+                observations.residuals(&model, &mut scratch).unwrap()
+            };
+            // Forces are some 100 N, so this compliance sags as far as the other laws' steps move the tool.
+            let step = if effect.law().bears_load() { 1e-9 } else { 1e-6 };
+            let (up, down) = (at(step), at(-step));
+            let zeros = vec![0.0; up.len()];
+            let column = sensitivity.column(&effect, value).unwrap_or(zeros);
+            let scale = column.iter().fold(1e-3, |most: f64, slope| most.max(slope.abs()));
+            for (k, slope) in column.iter().enumerate() {
+                let difference = (up[k] - down[k]) / (2.0 * step);
+                // Rounding of 1e-15 over a step of 2e-6, and curvature of second order in the step.
+                assert!((slope - difference).abs() < 1e-5 * scale, "{effect:?} {value}: {slope} {difference}");
+            }
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! The board of the demo with its plant: the image in the emulator, or the firmware library in this process.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use darm::arm::Arm;
+use darm::client::Client;
+use darm::in_process::{InProcess, MemoryFlash};
+use darm::link;
+use darm::plant::Plant;
+use darm::plant::camera::Film;
+use darm::plant::follow::Follower;
+use darm::qemu::{Console, Machine, Qemu};
+
+/// A board that can be talked to, and a camera that looks at what hangs on its pins.
+pub(crate) struct Rig {
+    /// The host's end of the wire.
+    pub(crate) client: Client,
+    /// What the camera takes.
+    pub(crate) film: Film,
+    /// What it is, in a few words.
+    pub(crate) what: String,
+    _board: Board,
+}
+
+/// Keeps the board alive. The emulator ends with it.
+enum Board {
+    Emulated { _follower: Follower, _qemu: Qemu },
+    InProcess { _board: InProcess },
+}
+
+impl Rig {
+    /// Boots the image at `elf` in the emulator; the plant follows its pins. The flash lives in `folder`.
+    pub(crate) fn emulated(elf: PathBuf, folder: &Path, arm: &Arm) -> Result<Self> {
+        let machine = Machine { elf, folder: folder.to_path_buf(), console: Console::Socket };
+        let mut qemu = Qemu::start(&machine)?;
+        let follower = Follower::start(&qemu, &arm.wiring, Plant::new(&arm.wiring, &[]))?;
+        qemu.resume()?;
+        let client = Client::connect(link::open(qemu.console_port())?).context("the emulated board does not answer")?;
+        let film = follower.film();
+        let what = "the firmware image in QEMU b-l475e-iot01a".to_owned();
+        Ok(Self { client, film, what, _board: Board::Emulated { _follower: follower, _qemu: qemu } })
+    }
+
+    /// Runs the firmware library in this process, in virtual time.
+    pub(crate) fn in_process(arm: &Arm) -> Result<Self> {
+        let board = InProcess::boot(Plant::new(&arm.wiring, &[]), MemoryFlash::default())?;
+        let client = Client::connect_as(board.link(), 1).context("the board in this process does not answer")?;
+        let film = board.film();
+        let what = "the firmware library in this process, in virtual time".to_owned();
+        Ok(Self { client, film, what, _board: Board::InProcess { _board: board } })
+    }
+}
