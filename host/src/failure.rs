@@ -63,8 +63,8 @@ fn code_of_cause(cause: &(dyn Error + 'static)) -> Option<u8> {
 pub(crate) fn sentence(error: &anyhow::Error) -> String {
     let mut sentence = String::new();
     for part in error.chain().map(ToString::to_string) {
-        // A transparent cause repeats its source's words.
-        if !sentence.ends_with(&part) {
+        // Many an error tells its source's words within its own.
+        if !sentence.contains(&part) {
             sentence.push_str(if sentence.is_empty() { "" } else { ": " });
             sentence.push_str(part.trim_end_matches('.'));
         }

@@ -1,8 +1,9 @@
 //! The tool `darm` as a user meets it: help with examples, messages and exit codes, JSON, and the way from a base-line
-//! to a table.
+//! to a table that a board plays, is watched at and is measured. The board is the firmware's library in a process.
 
+use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 
 const COMMANDS: [&str; 13] = [
     "synth", "stops", "table", "upload", "play", "stop", "status", "record", "diagnose", "console", "plant", "flash",
@@ -25,16 +26,22 @@ impl Home {
         std::fs::write(self.path(name), text).unwrap();
     }
 
-    /// Runs `darm` with these words on its command line, and nothing else around it.
+    /// `darm` with these words on its command line, and nothing else around it.
+    fn command(&self, line: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_darm"));
+        command.args(line.split_whitespace()).current_dir(self.0.path()).env_clear().env("HOME", self.0.path());
+        command
+    }
+
     fn darm(&self, line: &str) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_darm"))
-            .args(line.split_whitespace())
-            .current_dir(self.0.path())
-            .env_clear()
-            .env("HOME", self.0.path())
-            .stdin(Stdio::null())
-            .output()
-            .unwrap()
+        self.command(line).stdin(Stdio::null()).output().unwrap()
+    }
+
+    /// Runs `darm` with this text on its standard input.
+    fn types(&self, line: &str, typed: &str) -> String {
+        let mut child = self.command(line).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        child.stdin.take().unwrap().write_all(typed.as_bytes()).unwrap();
+        text(&child.wait_with_output().unwrap().stdout)
     }
 
     #[track_caller]
@@ -55,6 +62,31 @@ impl Home {
     fn json(&self, line: &str) -> serde_json::Value {
         let said = text(&self.darm(&format!("--json {line}")).stdout);
         serde_json::from_str(&said).unwrap_or_else(|error| panic!("darm --json {line}: {error}: {said}"))
+    }
+}
+
+/// A board of `darm plant` in this home; commands reach it by `self.port`.
+struct Board {
+    child: Child,
+    port: String,
+}
+
+impl Board {
+    /// Starts a board and waits until it has said where it is.
+    fn start(home: &Home, line: &str) -> Self {
+        let mut command = home.command(&format!("--json plant --in-process {line}"));
+        let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).spawn().unwrap();
+        let mut said = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut said).unwrap();
+        let said: serde_json::Value = serde_json::from_str(&said).unwrap();
+        Self { port: format!("--port {}", said["port"].as_str().unwrap()), child }
+    }
+}
+
+impl Drop for Board {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }
 
@@ -167,5 +199,60 @@ fn the_doctor_speaks_json() {
     let report = home.json("doctor");
     for check in report["checks"].as_array().unwrap() {
         assert!(check["state"] == "good" || check["fix"].is_string(), "{check}");
+    }
+}
+
+#[test]
+fn a_table_is_uploaded_played_and_measured() {
+    let home = Home::new();
+    let (arm, frames) = (example("planar4.toml"), example("planar4-frames.toml"));
+    home.succeeds(&format!("table {arm} {frames} --dwell 0.3 -o visits.darm"));
+    let board = Board::start(&home, &arm);
+    let port = &board.port;
+    home.fails(&format!("play {port}"), 3, "darm: the board refused: no table is loaded; upload one first");
+    assert_eq!(home.json(&format!("upload visits.darm {port}"))["rows"], 5);
+
+    let played = home.json(&format!("play {port}"));
+    assert_eq!((&played["end"], &played["rows_played"]), (&"finished".into(), &5.into()));
+    let status = home.json(&format!("status {port}"));
+    assert_eq!((&status["phase"], &status["rows"]), (&"idle".into(), &5.into()));
+
+    let recorded = home.json(&format!("record visits.darm --arm {arm} -o run.csv {port}"));
+    assert_eq!((&recorded["rows"], &recorded["findings"]), (&5.into(), &serde_json::json!([])));
+    let run = std::fs::read_to_string(home.path("run.csv")).unwrap();
+    assert_eq!(run.lines().filter(|line| !line.starts_with('#')).count(), 6);
+    assert!(run.contains("# clock_uncertainty_s "), "{run}");
+    let few = "darm: run.csv: 5 words are not enough to tell an effect from chance: ";
+    let output = home.darm(&format!("diagnose {arm} run.csv"));
+    assert!(text(&output.stderr).starts_with(few), "{}", text(&output.stderr));
+}
+
+#[test]
+fn a_stuck_output_is_an_exit_code_and_a_sentence() {
+    let home = Home::new();
+    let arm = example("planar4.toml");
+    home.succeeds(&format!("table {arm} --words 000010000000 -o one.darm"));
+    let board = Board::start(&home, &format!("{arm} --line-low 4"));
+    let port = &board.port;
+    home.succeeds(&format!("upload one.darm {port}"));
+    let played = home.darm(&format!("play {port}"));
+    assert_eq!(played.status.code(), Some(3));
+    let said = text(&played.stderr);
+    let expected = "darm: the board is in its safe state: actuator 4: limit switch expected closed, seen open at ";
+    assert!(said.starts_with(expected) && said.contains(", row 0; mend the cause"), "{said}");
+    assert_eq!(home.darm(&format!("status {port}")).status.code(), Some(3));
+    assert!(home.succeeds(&format!("stop --clear {port}")).contains("cleared: actuator 4"));
+    assert_eq!(home.json(&format!("status {port}"))["phase"], "idle");
+}
+
+#[test]
+fn the_console_speaks_the_words_of_the_board() {
+    let home = Home::new();
+    let board = Board::start(&home, &example("planar4.toml"));
+    let said = home.types(&format!("console {}", board.port), "id\nhelp\ndance\nquit\n");
+    assert!(said.starts_with("board "), "{said}");
+    assert!(said.contains("? dance: no such command; type help"), "{said}");
+    for word in ["status", "limits", "table", "play", "stop", "coil N", "word DIGITS", "servo N DEG", "fault", "log"] {
+        assert!(said.contains(&format!("\n{word}")), "{word} is not in {said}");
     }
 }

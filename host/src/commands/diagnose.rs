@@ -56,7 +56,7 @@ impl Diagnose {
             diagnosis.map_err(|error| anyhow::Error::new(error).context(self.data.display().to_string()))?;
         let output = match (&self.output, diagnosis.verdict) {
             (Some(path), Verdict::EffectFound) => {
-                diagnosis.corrected(&arm).write(path)?;
+                diagnosis.corrected(&arm, &run).write(path)?;
                 Some(path.clone())
             }
             (Some(_), _) => {

@@ -1,9 +1,10 @@
-//! `darm plant`: a board to play with. The firmware's image runs in the emulator; an arm hangs on its pins.
+//! `darm plant`: a board to play with. The firmware runs in the emulator or in this process; an arm hangs on its pins.
 
+mod board;
+mod bridge;
 mod film;
 mod hidden;
 
-use std::os::unix::fs::symlink;
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -11,16 +12,16 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use darm::arm::Arm;
-use darm::plant::follow::Follower;
+use darm::plant::Broken;
 use darm::plant::truth::{Sealed, Truth};
-use darm::plant::{Broken, Plant as Metal};
-use darm::qemu::{self, Console, Machine, Qemu};
+use darm::qemu::{self, Console, QemuError};
 use darm::stops::differences;
 use serde::Serialize;
 
 use crate::failure::Usage;
 use crate::voice::{Answer, Voice};
 use crate::{firmware_image, state_folder};
+use board::{Board, Emulator};
 use film::Projector;
 use hidden::Effect;
 
@@ -28,6 +29,7 @@ const EXAMPLES: &str = "\
 Examples:
   darm plant arm.toml                     a board with this arm; in another terminal: darm console
   darm plant arm.toml --pty               its port as a pseudo terminal, for any terminal program
+  darm plant arm.toml --in-process        the firmware's library instead of its image in the emulator
   darm plant arm.toml --effect any --seed 7
                                           something is wrong with this arm: measure, diagnose, then
                                           Ctrl-C tells what it was
@@ -39,10 +41,10 @@ While it runs every command finds the board without --port, unless a real one is
 The camera's lines (CSV, 50 a second) are served on a socket for `darm record --camera`.
 The board's flash is a file in --folder: its table is there again the next time.";
 
-/// How often the emulator is looked after.
+/// How often the board is looked after.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// Start a board in the emulator, with an arm on its pins and a camera
+/// Start a board without hardware, with an arm on its pins and a camera
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Plant {
@@ -58,6 +60,9 @@ pub(crate) struct Plant {
     /// Make the port a pseudo terminal, for any terminal program
     #[arg(long)]
     pty: bool,
+    /// Run the firmware's library in this process; so it is done where the emulator is not installed
+    #[arg(long, conflicts_with_all = ["pty", "firmware"])]
+    in_process: bool,
     /// Effect in the arm that its file does not declare: none, any, stroke-loss, anchor-offset, gravity-sag, play,
     /// supply-stroke or thermal-growth
     #[arg(long, value_name = "KIND", default_value = "none")]
@@ -85,28 +90,26 @@ pub(crate) struct Plant {
 /// Where everything is.
 #[derive(Serialize)]
 struct Running {
+    board: String,
+    flash: String,
     arm: String,
     actuators: usize,
     servos: usize,
-    firmware: PathBuf,
-    folder: PathBuf,
     port: String,
     camera: String,
 }
 
 impl Answer for Running {
     fn text(&self) -> String {
-        let servos = if self.servos == 0 { String::new() } else { format!(", {} servo joints", self.servos) };
+        let servos = match self.servos {
+            0 => String::new(),
+            1 => ", 1 servo joint".to_owned(),
+            count => format!(", {count} servo joints"),
+        };
         format!(
-            "board    {} in {}\nflash    {}\narm      {}, {} actuators{servos}\nport     {}\ncamera   {}\n\n\
+            "board    {}\nflash    {}\narm      {}, {} actuators{servos}\nport     {}\ncamera   {}\n\n\
              In another terminal: `darm console`, `darm status`, `darm upload TABLE.darm`; Ctrl-C ends the board",
-            self.firmware.display(),
-            qemu::PROGRAM,
-            self.folder.join(qemu::FLASH_FILE).display(),
-            self.arm,
-            self.actuators,
-            self.port,
-            self.camera,
+            self.board, self.flash, self.arm, self.actuators, self.port, self.camera,
         )
     }
 }
@@ -133,7 +136,7 @@ impl Answer for Ended {
 enum PlantError {
     #[error("another board already runs in {0}; end it, or choose another --folder")]
     Taken(PathBuf),
-    #[error("the emulator ended: {0}")]
+    #[error("the board ended: {0}")]
     Ended(String),
 }
 
@@ -142,30 +145,41 @@ impl Plant {
         let arm = Arm::read(&self.arm)?;
         let broken = self.broken()?;
         let truth = self.truth(&arm)?;
-        let elf = firmware_image::find(self.firmware.as_deref())?;
         let folder = self.folder.clone().map_or_else(state_folder::board, Ok)?;
         let listener = claim(&folder)?;
-
-        let console = if self.pty { Console::Pty } else { Console::Socket };
-        let mut qemu = Qemu::start(&Machine { elf: elf.clone(), folder: folder.clone(), console })?;
-        let follower = Follower::start(&qemu, &arm.wiring, Metal::new(&arm.wiring, &[]))?;
-        follower.set_broken(broken);
-        let projector = Projector::start(listener, truth.clone(), arm.model.chain.is_planar(), follower.film())?;
-        qemu.resume()?;
-        let port = name_port(&folder, qemu.console_port())?;
+        let mut board = match self.emulator(voice)? {
+            Some(emulator) => Board::emulated(emulator, &folder, &arm, broken)?,
+            None => Board::in_process(&folder, &arm, broken)?,
+        };
+        let planar = arm.model.chain.is_planar();
+        let projector = Projector::start(listener, truth.clone(), planar, board.film())?;
         voice.tell(&Running {
+            board: board.what.clone(),
+            flash: board.flash.clone(),
             arm: arm.name.clone(),
             actuators: arm.n_actuators(),
             servos: arm.n_servos(),
-            firmware: elf,
             camera: format!("unix:{}", state_folder::camera(&folder).display()),
-            folder,
-            port,
+            port: board.port.clone(),
         })?;
-        let end = wait(&mut qemu);
+        let end = wait(&mut board);
         projector.stop();
+        board.stop();
         voice.tell(&Ended { effect: truth.unseal().clone() })?;
         end
+    }
+
+    /// How to start the emulator; `None` where the library is to run in this process.
+    fn emulator(&self, voice: Voice) -> anyhow::Result<Option<Emulator>> {
+        if self.in_process {
+            return Ok(None);
+        }
+        if let Err(error @ QemuError::Missing) = qemu::find() {
+            voice.note(&format!("{error}; the firmware's library runs in this process meanwhile"));
+            return Ok(None);
+        }
+        let elf = firmware_image::find(self.firmware.as_deref())?;
+        Ok(Some(Emulator { elf, console: if self.pty { Console::Pty } else { Console::Socket } }))
     }
 
     /// The true arm: with the effect of the arm before, if there is one.
@@ -205,18 +219,8 @@ fn claim(folder: &Path) -> anyhow::Result<UnixListener> {
     UnixListener::bind(&socket).with_context(|| format!("cannot open the camera's socket {}", socket.display()))
 }
 
-/// Gives the emulator's port a name that stays the same from one start to the next.
-fn name_port(folder: &Path, port: &str) -> anyhow::Result<String> {
-    let name = state_folder::port(folder);
-    let (prefix, target) = port.split_once(':').map_or(("", port), |(_, path)| ("unix:", path));
-    // There may be none.
-    let _ = std::fs::remove_file(&name);
-    symlink(target, &name).with_context(|| format!("cannot name the port {}", name.display()))?;
-    Ok(format!("{prefix}{}", name.display()))
-}
-
-/// Until Ctrl-C or the emulator's end.
-fn wait(qemu: &mut Qemu) -> anyhow::Result<()> {
+/// Until Ctrl-C or the board's end.
+fn wait(board: &mut Board) -> anyhow::Result<()> {
     let (interrupted, interrupt) = channel();
     // Nobody waits any more once the board has ended.
     let interrupt_handler = move || interrupted.send(()).unwrap_or_default();
@@ -224,8 +228,11 @@ fn wait(qemu: &mut Qemu) -> anyhow::Result<()> {
     loop {
         match interrupt.recv_timeout(LOOK) {
             Ok(()) | Err(RecvTimeoutError::Disconnected) => return Ok(()),
-            Err(RecvTimeoutError::Timeout) if qemu.is_running() => {}
-            Err(RecvTimeoutError::Timeout) => return Err(PlantError::Ended(qemu.complaints()).into()),
+            Err(RecvTimeoutError::Timeout) => {
+                if let Some(words) = board.ended() {
+                    return Err(PlantError::Ended(words).into());
+                }
+            }
         }
     }
 }

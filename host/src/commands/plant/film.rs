@@ -27,13 +27,18 @@ pub(crate) struct Projector {
 }
 
 impl Projector {
-    /// Starts to show.
-    pub(crate) fn start(listener: UnixListener, truth: Truth, planar: bool, film: Film) -> std::io::Result<Self> {
+    /// Starts to show the film, whose time 0 is at the host time that stands with it.
+    pub(crate) fn start(
+        listener: UnixListener,
+        truth: Truth,
+        planar: bool,
+        (film, film_start_s): (Film, f64),
+    ) -> std::io::Result<Self> {
         listener.set_nonblocking(true)?;
         let end = Arc::new(AtomicBool::new(false));
         let seen = Arc::clone(&end);
         let rng = ChaCha8Rng::seed_from_u64(truth.unseal().seed);
-        let mut eye = Eye { truth, planar, started_s: host_now_s(), rng };
+        let mut eye = Eye { truth, planar, film_start_s, started_s: host_now_s(), rng };
         let thread = thread::Builder::new().name("camera".into()).spawn(move || {
             let mut clients = Vec::new();
             while !seen.load(Ordering::Relaxed) {
@@ -76,6 +81,9 @@ fn accept(listener: &UnixListener, planar: bool) -> Vec<UnixStream> {
 struct Eye {
     truth: Truth,
     planar: bool,
+    /// Host time of the film's time 0.
+    film_start_s: f64,
+    /// Host time at which the arm was switched on.
     started_s: f64,
     rng: ChaCha8Rng,
 }
@@ -86,16 +94,17 @@ impl Eye {
         if frame.state.moving {
             return None;
         }
+        let at_s = self.film_start_s + frame.at_s;
         let servos_rad: Vec<f64> = frame.state.servos_rad.iter().map(|&angle| angle.into()).collect();
         let state = TrueState {
             word: frame.state.reached,
             previous: Some(frame.state.previous),
             servos_rad: &servos_rad,
-            time_s: frame.at_s - self.started_s,
+            time_s: (at_s - self.started_s).max(0.0),
         };
         let seen = self.truth.observe(&state, &mut self.rng).ok()?;
         let picture = Picture {
-            time_s: frame.at_s + unix_less_host_s(),
+            time_s: at_s + unix_less_host_s(),
             pose: seen.pose,
             supply_bar: Some(seen.supply / BAR),
             temperature_c: Some(seen.temperature_c),

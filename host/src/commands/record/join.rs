@@ -91,14 +91,18 @@ mod tests {
     #[test]
     fn a_visit_is_the_mean_of_its_pictures() {
         let visits = Visits { model: ModelHash(1), rests: vec![rest(1.0, 2.0), rest(3.0, 4.0), rest(5.0, 6.0)] };
-        let pictures =
-            [picture(100.5, 9.0, 0.0), picture(101.2, 1.0, 0.1), picture(101.4, 3.0, 0.3), picture(105.5, 0.0, 0.0)];
+        let pictures = [
+            picture(100.5, 9.0, 0.0),
+            picture(101.2, 1.999, 0.199),
+            picture(101.4, 2.001, 0.201),
+            picture(105.5, 0.0, 0.0),
+        ];
         let span = |from_s, to_s| Span { from_s, to_s };
         let samples = join(&visits, &[span(101.0, 102.0), span(103.0, 104.0)], &pictures);
         assert_eq!(samples.len(), 1, "the second was not seen, the third not completed");
         assert!((samples[0].time_s - 1.3).abs() < 1e-9);
         assert_eq!((samples[0].supply, samples[0].temperature_c), (Some(6e5), None));
         let mean = Pose::from(Pose2::new(2.0, 0.0, 0.2));
-        assert!(samples[0].pose.distance(&mean, 0.5) < 0.05, "{:?}", samples[0].pose);
+        assert!(samples[0].pose.distance(&mean, 0.5) < 1e-6, "{:?}", samples[0].pose);
     }
 }

@@ -1,0 +1,110 @@
+//! The board that runs: the firmware's image in the emulator, or its library in this process.
+
+use std::os::unix::fs::symlink;
+use std::os::unix::net::UnixListener;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use darm::arm::Arm;
+use darm::plant::camera::Film;
+use darm::plant::follow::Follower;
+use darm::plant::{Broken, Plant};
+use darm::qemu::{self, Console, Machine, Qemu};
+
+use super::bridge::Bridge;
+use crate::state_folder;
+
+/// A running board with its plant.
+pub(crate) struct Board {
+    kind: Kind,
+    /// What it is, for people.
+    pub(crate) what: String,
+    /// Its port.
+    pub(crate) port: String,
+    /// What it keeps its tables in, for people.
+    pub(crate) flash: String,
+}
+
+enum Kind {
+    Emulated { qemu: Qemu, follower: Follower },
+    InProcess(Bridge),
+}
+
+/// How to start the emulator.
+pub(crate) struct Emulator {
+    /// The firmware's image.
+    pub(crate) elf: PathBuf,
+    /// What stands behind the port.
+    pub(crate) console: Console,
+}
+
+impl Board {
+    /// Starts the image in the emulator.
+    pub(crate) fn emulated(emulator: Emulator, folder: &Path, arm: &Arm, broken: Broken) -> anyhow::Result<Self> {
+        let Emulator { elf, console } = emulator;
+        let what = format!("{} in {} {}", elf.display(), qemu::PROGRAM, qemu::find()?);
+        let mut qemu = Qemu::start(&Machine { elf, folder: folder.into(), console })?;
+        let follower = Follower::start(&qemu, &arm.wiring, Plant::new(&arm.wiring, &[]))?;
+        follower.set_broken(broken);
+        qemu.resume()?;
+        Ok(Self {
+            port: name_port(folder, qemu.console_port())?,
+            kind: Kind::Emulated { qemu, follower },
+            what,
+            flash: folder.join(qemu::FLASH_FILE).display().to_string(),
+        })
+    }
+
+    /// Starts the firmware's library in this process.
+    pub(crate) fn in_process(folder: &Path, arm: &Arm, broken: Broken) -> anyhow::Result<Self> {
+        let port = state_folder::port(folder);
+        // There may be none.
+        let _ = std::fs::remove_file(&port);
+        let listener = UnixListener::bind(&port).with_context(|| format!("cannot open the port {}", port.display()))?;
+        let mut plant = Plant::new(&arm.wiring, &[]);
+        plant.set_broken(0.0, broken);
+        Ok(Self {
+            kind: Kind::InProcess(Bridge::start(listener, plant)?),
+            what: "the firmware's library in this process".into(),
+            port: format!("unix:{}", port.display()),
+            flash: "in memory, blank at every start".into(),
+        })
+    }
+
+    /// What the camera takes, and the host time of its time 0.
+    pub(crate) fn film(&self) -> (Film, f64) {
+        match &self.kind {
+            Kind::Emulated { follower, .. } => (follower.film(), 0.0),
+            Kind::InProcess(bridge) => (bridge.film(), bridge.started_s),
+        }
+    }
+
+    /// Why the board has ended, if it has.
+    pub(crate) fn ended(&mut self) -> Option<String> {
+        match &mut self.kind {
+            Kind::Emulated { qemu, .. } => (!qemu.is_running()).then(|| qemu.complaints()),
+            Kind::InProcess(bridge) => (!bridge.is_running()).then(|| "the firmware's library panicked".into()),
+        }
+    }
+
+    /// Ends the board.
+    pub(crate) fn stop(self) {
+        match self.kind {
+            Kind::Emulated { qemu, follower } => {
+                drop(follower.stop());
+                drop(qemu);
+            }
+            Kind::InProcess(bridge) => bridge.stop(),
+        }
+    }
+}
+
+/// Gives the emulator's port a name that stays the same from one start to the next.
+fn name_port(folder: &Path, port: &str) -> anyhow::Result<String> {
+    let name = state_folder::port(folder);
+    let (prefix, target) = port.split_once(':').map_or(("", port), |(_, path)| ("unix:", path));
+    // There may be none.
+    let _ = std::fs::remove_file(&name);
+    symlink(target, &name).with_context(|| format!("cannot name the port {}", name.display()))?;
+    Ok(format!("{prefix}{}", name.display()))
+}

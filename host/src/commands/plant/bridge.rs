@@ -1,0 +1,116 @@
+//! The firmware's library as a board at a socket, in real time: for computers without the emulator.
+
+use std::io::{ErrorKind, Read as _, Write as _};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use darm::clock::host_now_s;
+use darm::in_process::{InProcess, MemoryFlash};
+use darm::link::Link;
+use darm::plant::Plant;
+use darm::plant::camera::Film;
+
+/// How often the board's time is brought up to the host's.
+const STEP: Duration = Duration::from_millis(1);
+/// A host that takes nothing for so long is let go.
+const SLOW: Duration = Duration::from_millis(500);
+
+/// The board and the thread that runs it.
+pub(crate) struct Bridge {
+    board: InProcess,
+    /// Host time of the board's start.
+    pub(crate) started_s: f64,
+    end: Arc<AtomicBool>,
+    thread: JoinHandle<()>,
+}
+
+impl Bridge {
+    /// Starts a board with blank flash behind `port`.
+    pub(crate) fn start(port: UnixListener, plant: Plant) -> std::io::Result<Self> {
+        port.set_nonblocking(true)?;
+        let board = InProcess::boot(plant, MemoryFlash::default())?;
+        let (started_s, end) = (host_now_s(), Arc::new(AtomicBool::new(false)));
+        let (link, seen) = (board.link(), Arc::clone(&end));
+        let thread = thread::Builder::new().name("bridge".into()).spawn(move || {
+            let mut cable = Cable { port, host: None, link, started_s };
+            while !seen.load(Ordering::Relaxed) && cable.step() {
+                thread::sleep(STEP);
+            }
+        })?;
+        Ok(Self { board, started_s, end, thread })
+    }
+
+    /// What the camera takes, on the board's time.
+    pub(crate) fn film(&self) -> Film {
+        self.board.film()
+    }
+
+    /// Whether the board still runs.
+    pub(crate) fn is_running(&self) -> bool {
+        !self.thread.is_finished()
+    }
+
+    /// Ends the board.
+    pub(crate) fn stop(self) {
+        self.end.store(true, Ordering::Relaxed);
+        // A panic of the thread has been printed already.
+        let _ = self.thread.join();
+    }
+}
+
+/// Between the board and the one host that holds the port.
+struct Cable {
+    port: UnixListener,
+    host: Option<UnixStream>,
+    link: Box<dyn Link>,
+    started_s: f64,
+}
+
+impl Cable {
+    /// Brings the board's time up to the host's and moves bytes both ways; false once the board has ended.
+    fn step(&mut self) -> bool {
+        if self.host.is_none() {
+            self.host = self.port.accept().ok().and_then(|(host, _)| plugged(host));
+        }
+        let mut bytes = [0; 1024];
+        if let Some(received) = self.host.as_mut().map(|host| host.read(&mut bytes)) {
+            match received {
+                Ok(0) => self.host = None,
+                Ok(count) if self.link.send(&bytes[..count]).is_err() => return false,
+                Err(error) if !matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {
+                    self.host = None;
+                }
+                Ok(_) | Err(_) => {}
+            }
+        }
+        self.catch_up(&mut bytes)
+    }
+
+    fn catch_up(&mut self, bytes: &mut [u8]) -> bool {
+        loop {
+            let behind_s = host_now_s() - self.started_s - self.link.now_s();
+            let Ok(wait) = Duration::try_from_secs_f64(behind_s) else { return true };
+            let Ok(count) = self.link.receive(bytes, wait) else { return false };
+            if count == 0 {
+                return true;
+            }
+            if self.host.as_mut().is_some_and(|host| write(host, &bytes[..count]).is_err()) {
+                self.host = None;
+            }
+        }
+    }
+}
+
+fn plugged(host: UnixStream) -> Option<UnixStream> {
+    host.set_write_timeout(Some(SLOW)).and_then(|()| host.set_nonblocking(true)).ok()?;
+    Some(host)
+}
+
+fn write(host: &mut UnixStream, bytes: &[u8]) -> std::io::Result<()> {
+    host.set_nonblocking(false)?;
+    host.write_all(bytes)?;
+    host.set_nonblocking(true)
+}
