@@ -12,5 +12,6 @@ pub mod plant;
 pub mod programme;
 pub mod qemu;
 pub mod reach;
+pub mod report;
 pub mod stops;
 pub mod synthesis;

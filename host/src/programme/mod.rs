@@ -54,7 +54,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { words: 96, visits: 3, repeated_words: 12, repeats: 4, hold_out: 0.25, seed: 1 }
+        Self { words: 96, visits: 3, repeated_words: 12, repeats: 7, hold_out: 0.25, seed: 1 }
     }
 }
 

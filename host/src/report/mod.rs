@@ -18,7 +18,7 @@ use crate::arm::frames::DesiredFrame;
 use crate::arm::{Arm, ArmScratch};
 use crate::diagnose::outcome::Diagnosis;
 use crate::plant::truth::Sealed;
-pub use drawing::{Posture, posture};
+pub use drawing::{Line, Posture, posture};
 pub use html::page;
 pub use terminal::table;
 

@@ -4,8 +4,7 @@ use std::collections::BTreeMap;
 
 use maud::{Markup, PreEscaped};
 use plotters::prelude::{
-    ChartBuilder, Circle, EmptyElement, IntoDrawingArea, IntoLogRange, LineSeries, PathElement, RGBColor, Rectangle,
-    SVGBackend, Color, WHITE,
+    ChartBuilder, Circle, Color, EmptyElement, IntoDrawingArea, IntoLogRange, LineSeries, RGBColor, SVGBackend, WHITE,
 };
 use plotters::style::{IntoFont, ShapeStyle, TextStyle};
 
@@ -108,14 +107,21 @@ impl Plot {
             .y_label_area_size(58)
             .build_cartesian_2d(self.x_range.clone(), self.y_range().log_scale())?;
         let mut mesh = chart.configure_mesh();
-        mesh.label_style(font()).axis_desc_style(font()).axis_style(NOISE).bold_line_style(GRID).light_line_style(WHITE);
+        mesh.label_style(font())
+            .axis_desc_style(font())
+            .axis_style(NOISE)
+            .bold_line_style(GRID)
+            .light_line_style(WHITE);
         mesh.x_desc(self.x).y_desc("error d, mm").y_label_formatter(&|y| short(*y)).disable_x_mesh();
         if !self.x_numbers {
             mesh.x_labels(0);
         }
         mesh.x_label_formatter(&|x| short(*x)).draw()?;
         if let Some(noise) = self.noise_mm {
-            chart.draw_series(LineSeries::new([(self.x_range.start, noise), (self.x_range.end, noise)], NOISE.stroke_width(2)))?;
+            chart.draw_series(LineSeries::new(
+                [(self.x_range.start, noise), (self.x_range.end, noise)],
+                NOISE.stroke_width(2),
+            ))?;
         }
         for (marks, color) in [(&self.before, BEFORE), (&self.after, AFTER)] {
             chart.draw_series(marks.iter().map(|mark| {
@@ -143,6 +149,12 @@ fn scalable(svg: &str, (width, height): (u32, u32)) -> String {
 
 /// A number as short as it can be.
 fn short(value: f64) -> String {
-    let text = if value.abs() < 0.1 { format!("{value:.2}") } else if value.abs() < 10.0 { format!("{value:.1}") } else { format!("{value:.0}") };
+    let text = if value.abs() < 0.1 {
+        format!("{value:.2}")
+    } else if value.abs() < 10.0 {
+        format!("{value:.1}")
+    } else {
+        format!("{value:.0}")
+    };
     text.strip_suffix(".0").map_or(text.clone(), str::to_string)
 }
