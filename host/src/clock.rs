@@ -56,8 +56,8 @@ pub struct HostTime {
     pub uncertainty_s: f64,
 }
 
-/// Round trips that are kept: a minute of ten a second.
-const KEPT: usize = 600;
+/// Round trips that are kept: a quarter of an hour of forty a second.
+const KEPT: usize = 36_000;
 
 /// What is known of the relation between the board's clock and the host's.
 #[derive(Clone, Debug, Default, PartialEq)]

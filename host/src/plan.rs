@@ -16,7 +16,7 @@ use crate::arm::{Arm, FrameFault};
 use crate::client::TableImage;
 
 /// Time that the arm is given to come to rest after the last actuator can have reached its stop.
-pub const SETTLE: Micros = Micros::from_millis(50);
+pub const SETTLE: Micros = Micros::from_millis(20);
 
 /// Rows are at least so far apart: the board runs at most one row a tick.
 const ROW_SPACING: Micros = Micros::from_millis(2);
@@ -334,7 +334,7 @@ mod tests {
             [(Micros(0), "111111000000".into()), (Micros::from_millis(10), "111111110000".into())],
             "six coils may go on within 10 ms"
         );
-        assert_eq!(plan.windows[0].0, Micros::from_millis(160), "100 ms to travel and 50 ms to settle");
+        assert_eq!(plan.windows[0].0, Micros::from_millis(180), "150 ms to travel and 20 ms to settle");
     }
 
     #[test]

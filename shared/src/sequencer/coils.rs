@@ -79,17 +79,17 @@ impl Coils {
         self.on &= self.latches;
         self.pulsing = 0;
         self.off_at = None;
-        self.expect(None);
+        self.expect_from(None);
     }
 
     /// A program starts: its first word sets every latch, and every switch must show its digit after the travel.
     pub(super) fn begin(&mut self, now: Micros) {
         self.unknown = self.latches;
-        self.expect(Some(now));
+        self.expect_from(Some(now));
     }
 
     /// What the switches must show counts from `since` on.
-    fn expect(&mut self, since: Option<Micros>) {
+    fn expect_from(&mut self, since: Option<Micros>) {
         let wired = self.word.len();
         self.switches.iter_mut().take(wired).for_each(|switch| *switch = Expected { since, contradictions: 0 });
     }

@@ -22,7 +22,7 @@ use super::rig::Rig;
 use crate::progress::Progress;
 
 /// How long the arm rests in each visit once it has settled: two pictures of the camera and some time to spare.
-const DWELL_S: f64 = 0.05;
+const DWELL_S: f64 = 0.045;
 /// Each desired frame is visited so often.
 const FRAME_VISITS: usize = 3;
 /// A person turns a stop or an anchor to within this, one standard deviation.
@@ -236,9 +236,10 @@ fn split(run: Run, n_frame_stops: u32) -> (Run, Run) {
 fn errors(arm: &Arm, frames: &[DesiredFrame], run: &Run) -> FrameErrors {
     let distance_m = |pose: &Pose<f64>, frame: &DesiredFrame| pose.distance(&frame.pose_base_tool, arm.length_scale_m);
     let each_m = frames.iter().enumerate().map(|(index, frame)| {
-        let there = run.samples.iter().filter(|sample| {
-            sample.visit.checked_sub(1).is_some_and(|visit| visit as usize % frames.len() == index)
-        });
+        let there = run
+            .samples
+            .iter()
+            .filter(|sample| sample.visit.checked_sub(1).is_some_and(|visit| visit as usize % frames.len() == index));
         rms(there.map(|sample| distance_m(&sample.pose, frame)))
     });
     FrameErrors { each_m: each_m.collect() }

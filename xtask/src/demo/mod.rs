@@ -3,6 +3,7 @@
 mod course;
 mod measure;
 mod rig;
+mod sweep;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,6 +11,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use clap::ValueEnum;
 use darm::measurement;
+use darm::plant::truth::Kind;
 
 use crate::image;
 use crate::progress::Progress;
@@ -26,6 +28,15 @@ pub(crate) struct Demo {
     /// Seed of everything that is drawn: the hidden effect, the noise, the words
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Effect that the true arm hides; drawn by the seed where it is left out
+    #[arg(long, value_name = "LAW")]
+    effect: Option<Kind>,
+    /// Run the firmware library in this process, in virtual time, in place of the image in the emulator
+    #[arg(long)]
+    in_process: bool,
+    /// Run the loop for so many seeds in this process, and print one table
+    #[arg(long, value_name = "SEEDS")]
+    sweep: Option<u64>,
     /// Where the report and all files go
     #[arg(long, default_value = "target/demo")]
     out: PathBuf,
@@ -53,24 +64,46 @@ impl Kin {
 
 impl Demo {
     pub(crate) fn run(&self) -> Result<()> {
-        let emulator = setup::emulator();
-        let elf = image::build()?;
+        match self.sweep {
+            Some(seeds) => sweep::run(self, seeds),
+            None => self.once(),
+        }
+    }
+
+    /// One course on the emulated board, with a report.
+    fn once(&self) -> Result<()> {
+        let emulated = if self.in_process { None } else { emulated_image()? };
         fs::create_dir_all(&self.out).with_context(|| format!("{} cannot be made", self.out.display()))?;
         let progress = Progress::shown();
-        let [arm, frames] = self.arm.files();
-        let task = Task::read(&arm, &frames, self.seed, None)?;
+        let task = self.task(self.seed)?;
         progress.say("synthesis");
         let synthesis = task.synthesis()?;
-        let mut rig = match emulator {
-            Emulator::Ready => Rig::emulated(elf, &self.out, &synthesis.arm)?,
-            Emulator::Absent(why) => anyhow::bail!("{why}"),
+        let mut rig = match emulated {
+            Some(elf) => Rig::emulated(elf, &self.out, &synthesis.arm)?,
+            None => Rig::in_process(&synthesis.arm)?,
         };
-        progress.say(format!("board: {}, {}", rig.what, rig.client.identity().device));
+        progress.say(format!("board: {}, device {}", rig.what, rig.client.identity().device));
         let mut keep = |name: &str, what: Keep| keep(&self.out.join(name), what);
         let course = course::run(&task, synthesis, &mut rig, &progress, &mut keep)?;
         print(&course);
         progress.say("done");
         Ok(())
+    }
+
+    fn task(&self, seed: u64) -> Result<Task> {
+        let [arm, frames] = self.arm.files();
+        Task::read(&arm, &frames, seed, self.effect)
+    }
+}
+
+/// The image for the emulator; `None` on a machine that has no emulator and cannot get one.
+fn emulated_image() -> Result<Option<PathBuf>> {
+    match setup::emulator() {
+        Emulator::Ready => image::build().map(Some),
+        Emulator::Absent(why) => {
+            eprintln!("NO EMULATOR: the firmware's library runs in this process instead. {why}");
+            Ok(None)
+        }
     }
 }
 

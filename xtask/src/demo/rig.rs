@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use darm::arm::Arm;
 use darm::client::Client;
+use darm::in_process::{InProcess, MemoryFlash};
 use darm::link;
 use darm::plant::Plant;
 use darm::plant::camera::Film;
@@ -25,6 +26,7 @@ pub(crate) struct Rig {
 /// Keeps the board alive. The emulator ends with it.
 enum Board {
     Emulated { _follower: Follower, _qemu: Qemu },
+    InProcess { _board: InProcess },
 }
 
 impl Rig {
@@ -38,5 +40,14 @@ impl Rig {
         let film = follower.film();
         let what = "the firmware image in QEMU b-l475e-iot01a".to_owned();
         Ok(Self { client, film, what, _board: Board::Emulated { _follower: follower, _qemu: qemu } })
+    }
+
+    /// Runs the firmware library in this process, in virtual time.
+    pub(crate) fn in_process(arm: &Arm) -> Result<Self> {
+        let board = InProcess::boot(Plant::new(&arm.wiring, &[]), MemoryFlash::default())?;
+        let client = Client::connect_as(board.link(), 1).context("the board in this process does not answer")?;
+        let film = board.film();
+        let what = "the firmware library in this process, in virtual time".to_owned();
+        Ok(Self { client, film, what, _board: Board::InProcess { _board: board } })
     }
 }
