@@ -55,7 +55,7 @@ mod tests {
     #[test]
     fn what_is_known_already_is_chosen_last() {
         let measurement = |a: f64, b: f64| DMatrix::from_row_slice(1, 2, &[a, b]);
-        let known = DMatrix::from_diagonal(&nalgebra::dvector![0.01, 1.0]);
+        let known = DMatrix::from_diagonal(&nalgebra::DVector::from_row_slice(&[0.01, 1.0]));
         let order = most_informative(known, &[measurement(1.0, 0.0), measurement(0.0, 1.0), measurement(0.0, 0.9)], 3);
         assert_eq!(order, [1, 2, 0]);
     }
