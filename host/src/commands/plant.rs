@@ -61,7 +61,7 @@ pub(crate) struct Plant {
     #[arg(long)]
     pty: bool,
     /// Run the firmware's library in this process; so it is done where the emulator is not installed
-    #[arg(long, conflicts_with_all = ["pty", "firmware"])]
+    #[arg(long, conflicts_with = "pty")]
     in_process: bool,
     /// Effect in the arm that its file does not declare: none, any, stroke-loss, anchor-offset, gravity-sag, play,
     /// supply-stroke or thermal-growth
@@ -147,12 +147,12 @@ impl Plant {
         let truth = self.truth(&arm)?;
         let folder = self.folder.clone().map_or_else(state_folder::board, Ok)?;
         let listener = claim(&folder)?;
-        let mut board = match self.emulator(voice)? {
+        let (mut board, frames) = match self.emulator(voice)? {
             Some(emulator) => Board::emulated(emulator, &folder, &arm, broken)?,
             None => Board::in_process(&folder, &arm, broken)?,
         };
         let planar = arm.model.chain.is_planar();
-        let projector = Projector::start(listener, truth.clone(), planar, board.film())?;
+        let projector = Projector::start(listener, truth.clone(), planar, frames)?;
         voice.tell(&Running {
             board: board.what.clone(),
             flash: board.flash.clone(),

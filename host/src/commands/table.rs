@@ -28,7 +28,7 @@ which visits are held out of every fit; `darm record` reads it.";
 const SHOWN: usize = 12;
 /// How long the arm rests at a frame or word, where it is not said.
 const DWELL_S: f64 = 1.0;
-/// The same at a word of the measurement programme: long enough for ten pictures.
+/// The same at a word of the measurement programme: long enough for eight pictures.
 const PROGRAMME_DWELL_S: f64 = 0.2;
 
 /// Make timed rows from frames, words or a measurement programme, checked against the limits

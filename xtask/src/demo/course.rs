@@ -1,5 +1,6 @@
 //! One course of the loop: synthesis, table, board, measurement, diagnosis, and both ways to close it.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use anyhow::{Context, Result};
@@ -8,8 +9,9 @@ use darm::diagnose::{self, diagnose, outcome::Diagnosis, outcome::Verdict};
 use darm::measurement::Run;
 use darm::plan::Visit;
 use darm::plant::truth::{Kind, Sealed, Truth, scatter_m};
-use darm::programme::{self, programme};
+use darm::programme::{self, Step, programme};
 use darm::reach::best_words;
+use darm::report::ProgrammeFigures;
 use darm::stops::{self, Setting};
 use darm::synthesis::{self, Synthesis, synthesize};
 use darm_core::se::Pose;
@@ -17,7 +19,7 @@ use darm_core::units::Word;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::measure::{Stop, measure};
+use super::measure::{Measured, Stop, measure};
 use super::rig::Rig;
 use crate::progress::Progress;
 
@@ -77,8 +79,8 @@ pub(crate) struct Closed {
     pub(crate) settings: Vec<Setting>,
     /// Errors with the stops set anew.
     pub(crate) restopped: FrameErrors,
-    /// Words that model n+1 chose for the metal as it was.
-    pub(crate) words: Vec<Visit>,
+    /// The desired frames with the words that model n+1 chose for the metal as it was.
+    pub(crate) words: Vec<DesiredFrame>,
     /// Errors with these words.
     pub(crate) table_only: FrameErrors,
 }
@@ -87,8 +89,10 @@ pub(crate) struct Closed {
 pub(crate) struct Course {
     /// The synthesis that the metal was made by.
     pub(crate) synthesis: Synthesis,
-    /// The measurement.
-    pub(crate) run: Run,
+    /// The desired frames, with the servo angles that it found.
+    pub(crate) wanted: Vec<DesiredFrame>,
+    /// The measurement programme in numbers.
+    pub(crate) programme: ProgrammeFigures,
     /// Errors at the desired frames before anything is known.
     pub(crate) before: FrameErrors,
     /// What the diagnosis says; it was made without a look at the truth.
@@ -139,8 +143,9 @@ pub(crate) fn run(
             .iter()
             .map(|step| Stop { visit: visit(step.word, &step.servos_rad, "programme"), held_out: step.held_out }),
     );
-    let run = measure(rig, &arm, &truth, &stops, &mut rng, progress)?;
-    let (at_frames, run) = split(run, n_frame_stops as u32);
+    let measured = measure(rig, &arm, &truth, &stops, &mut rng, progress)?;
+    let programme = figures(&steps, &measured);
+    let (at_frames, run) = split(measured.run, n_frame_stops as u32);
     let before = errors(&arm, &wanted, &at_frames);
     keep("run.csv", Keep::Run(&run))?;
 
@@ -151,12 +156,14 @@ pub(crate) fn run(
         Verdict::EffectFound => {
             let corrected = diagnosis.corrected(&arm, &run);
             keep("arm-corrected.toml", Keep::Arm(&corrected))?;
-            Some(close(task, &corrected, &wanted, &truth, rig, &mut rng, progress)?)
+            let closed = close(task, &corrected, &wanted, &truth, rig, &mut rng, progress)?;
+            keep("arm-stops.toml", Keep::Arm(&closed.arm))?;
+            Some(closed)
         }
         _ => None,
     };
     let sealed = truth.unseal().clone();
-    Ok(Course { synthesis, run, before, diagnosis, sealed, closed, scatter_m: scatter_m(&arm) })
+    Ok(Course { synthesis, wanted, programme, before, diagnosis, sealed, closed, scatter_m: scatter_m(&arm) })
 }
 
 /// A result to keep.
@@ -185,14 +192,14 @@ fn close(
     let settings = stops::differences(corrected, &again.arm)?;
     let metal = stops::apply(corrected, &settings, SETTING_ERROR_M, task.seed)?;
     let reached: Vec<DesiredFrame> = again.frames.iter().map(|reached| reached.frame.clone()).collect();
-    let run = measure(rig, &again.arm, &truth.with_geometry(&metal), &frame_visits(&reached), rng, progress)?;
-    let restopped = errors(corrected, &reached, &run);
+    let there = truth.with_geometry(&metal);
+    let measured = measure(rig, &again.arm, &there, &frame_visits(&reached), rng, progress)?;
+    let restopped = errors(corrected, &reached, &measured.run);
 
     progress.say("closing by the table: better words for the metal as it is");
     let words = best_table(corrected, wanted)?;
-    let run = measure(rig, corrected, truth, &frame_visits(&words), rng, progress)?;
-    let table_only = errors(corrected, &words, &run);
-    let words = words.iter().map(|frame| visit(frame.word, &frame.servos_rad, &frame.name)).collect();
+    let measured = measure(rig, corrected, truth, &frame_visits(&words), rng, progress)?;
+    let table_only = errors(corrected, &words, &measured.run);
     Ok(Closed { arm: again.arm, settings, restopped, words, table_only })
 }
 
@@ -224,6 +231,22 @@ fn visit(word: Word, servos_rad: &[f64], label: &str) -> Visit {
 fn frame_visits(frames: &[DesiredFrame]) -> Vec<Stop> {
     let rounds = frames.iter().last().into_iter().chain((0..FRAME_VISITS).flat_map(|_| frames));
     rounds.map(|frame| Stop { visit: visit(frame.word, &frame.servos_rad, &frame.name), held_out: false }).collect()
+}
+
+/// What was measured, in numbers.
+fn figures(steps: &[Step], measured: &Measured) -> ProgrammeFigures {
+    let words: BTreeSet<Word> = steps.iter().map(|step| step.word).collect();
+    let held_out: BTreeSet<Word> = steps.iter().filter(|step| step.held_out).map(|step| step.word).collect();
+    let repeats = steps.iter().filter(|step| step.repeat).count();
+    ProgrammeFigures {
+        words: words.len(),
+        held_out: held_out.len(),
+        visits: (steps.len() - repeats) / words.len().max(1),
+        repeats,
+        rows: measured.run.samples.len(),
+        table_rows: measured.table_rows,
+        time_s: measured.time_s,
+    }
 }
 
 /// The samples at the desired frames, and those of the programme.

@@ -24,6 +24,16 @@ pub(crate) struct Stop {
     pub(crate) held_out: bool,
 }
 
+/// What was measured.
+pub(crate) struct Measured {
+    /// The samples.
+    pub(crate) run: Run,
+    /// Rows of the table that was played.
+    pub(crate) table_rows: usize,
+    /// How long it was played.
+    pub(crate) time_s: f64,
+}
+
 /// Uploads and plays the visits on the board; the camera looks at the true arm in each of them.
 ///
 /// The samples come in the order of the visits, one for each that the camera took a picture of in time.
@@ -34,7 +44,7 @@ pub(crate) fn measure(
     stops: &[Stop],
     rng: &mut ChaCha8Rng,
     progress: &Progress,
-) -> Result<Run> {
+) -> Result<Measured> {
     let visits: Vec<Visit> = stops.iter().map(|stop| stop.visit.clone()).collect();
     let plan = plan(arm, &visits, Some(rig.client.identity().device))?;
     let bar = progress.bar("uploading", plan.image.image().len.into());
@@ -77,7 +87,8 @@ pub(crate) fn measure(
     if missed > 0 {
         progress.say(format!("the camera came too late in {missed} of {} visits", stops.len()));
     }
-    Ok(run)
+    let time_s = plan.end.0 as f64 * 1e-6;
+    Ok(Measured { run, table_rows: plan.rows.len(), time_s })
 }
 
 /// Plays the loaded table to its end; when its first row went out, on the board's clock.

@@ -3,6 +3,7 @@
 mod course;
 mod measure;
 mod rig;
+mod summary;
 mod sweep;
 
 use std::fs;
@@ -16,7 +17,7 @@ use darm::plant::truth::Kind;
 use crate::image;
 use crate::progress::Progress;
 use crate::setup::{self, Emulator};
-use course::{Course, Keep, Task};
+use course::{Keep, Task};
 use rig::Rig;
 
 /// The whole loop: synthesis, table, upload, play, measure, diagnose, close; writes a report
@@ -85,8 +86,10 @@ impl Demo {
         progress.say(format!("board: {}, device {}", rig.what, rig.client.identity().device));
         let mut keep = |name: &str, what: Keep| keep(&self.out.join(name), what);
         let course = course::run(&task, synthesis, &mut rig, &progress, &mut keep)?;
-        print(&course);
-        progress.say("done");
+        let report = summary::report(&task, course, &rig.what, progress.elapsed_s())?;
+        report.write(&self.out).with_context(|| format!("{} cannot be written", self.out.display()))?;
+        println!("{}", darm::report::table(&report));
+        progress.say(format!("report: {}", self.out.join("report.html").display()));
         Ok(())
     }
 
@@ -114,20 +117,4 @@ fn keep(path: &Path, what: Keep) -> Result<()> {
         Keep::Arm(arm) => arm.to_toml(),
     };
     fs::write(path, text).with_context(|| format!("{} cannot be written", path.display()))
-}
-
-fn print(course: &Course) {
-    println!("verdict {:?}", course.diagnosis.verdict);
-    for line in &course.diagnosis.plain {
-        println!("  {line}");
-    }
-    println!("truth {:?}", course.sealed);
-    println!("before {:.3} mm, scatter {:.3} mm", course.before.rms_m() * 1e3, course.scatter_m * 1e3);
-    if let Some(closed) = &course.closed {
-        println!(
-            "restopped {:.3} mm, table only {:.3} mm",
-            closed.restopped.rms_m() * 1e3,
-            closed.table_only.rms_m() * 1e3
-        );
-    }
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use darm::arm::Arm;
-use darm::plant::camera::Film;
+use darm::plant::camera::Frame;
 use darm::plant::follow::Follower;
 use darm::plant::{Broken, Plant};
 use darm::qemu::{self, Console, Machine, Qemu};
@@ -25,6 +25,9 @@ pub(crate) struct Board {
     pub(crate) flash: String,
 }
 
+/// Gives the frames that the camera has taken since the last call, with the host's time.
+pub(crate) type Frames = Box<dyn FnMut() -> Vec<Frame> + Send>;
+
 enum Kind {
     Emulated { qemu: Qemu, follower: Follower },
     InProcess(Bridge),
@@ -40,43 +43,44 @@ pub(crate) struct Emulator {
 
 impl Board {
     /// Starts the image in the emulator.
-    pub(crate) fn emulated(emulator: Emulator, folder: &Path, arm: &Arm, broken: Broken) -> anyhow::Result<Self> {
+    pub(crate) fn emulated(
+        emulator: Emulator,
+        folder: &Path,
+        arm: &Arm,
+        broken: Broken,
+    ) -> anyhow::Result<(Self, Frames)> {
         let Emulator { elf, console } = emulator;
         let what = format!("{} in {} {}", elf.display(), qemu::PROGRAM, qemu::find()?);
         let mut qemu = Qemu::start(&Machine { elf, folder: folder.into(), console })?;
         let follower = Follower::start(&qemu, &arm.wiring, Plant::new(&arm.wiring, &[]))?;
         follower.set_broken(broken);
         qemu.resume()?;
-        Ok(Self {
+        let film = follower.film();
+        let board = Self {
             port: name_port(folder, qemu.console_port())?,
             kind: Kind::Emulated { qemu, follower },
             what,
             flash: folder.join(qemu::FLASH_FILE).display().to_string(),
-        })
+        };
+        Ok((board, Box::new(move || film.take())))
     }
 
     /// Starts the firmware's library in this process.
-    pub(crate) fn in_process(folder: &Path, arm: &Arm, broken: Broken) -> anyhow::Result<Self> {
+    pub(crate) fn in_process(folder: &Path, arm: &Arm, broken: Broken) -> anyhow::Result<(Self, Frames)> {
         let port = state_folder::port(folder);
         // There may be none.
         let _ = std::fs::remove_file(&port);
         let listener = UnixListener::bind(&port).with_context(|| format!("cannot open the port {}", port.display()))?;
         let mut plant = Plant::new(&arm.wiring, &[]);
         plant.set_broken(0.0, broken);
-        Ok(Self {
-            kind: Kind::InProcess(Bridge::start(listener, plant)?),
+        let (bridge, frames) = Bridge::start(listener, plant)?;
+        let board = Self {
+            kind: Kind::InProcess(bridge),
             what: "the firmware's library in this process".into(),
             port: format!("unix:{}", port.display()),
             flash: "in memory, blank at every start".into(),
-        })
-    }
-
-    /// What the camera takes, and the host time of its time 0.
-    pub(crate) fn film(&self) -> (Film, f64) {
-        match &self.kind {
-            Kind::Emulated { follower, .. } => (follower.film(), 0.0),
-            Kind::InProcess(bridge) => (bridge.film(), bridge.started_s),
-        }
+        };
+        Ok((board, Box::new(move || frames.try_iter().collect())))
     }
 
     /// Why the board has ended, if it has.

@@ -4,6 +4,7 @@ use std::io::{ErrorKind, Read as _, Write as _};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -11,41 +12,37 @@ use darm::clock::host_now_s;
 use darm::in_process::{InProcess, MemoryFlash};
 use darm::link::Link;
 use darm::plant::Plant;
-use darm::plant::camera::Film;
+use darm::plant::camera::{Film, Frame};
 
 /// How often the board's time is brought up to the host's.
 const STEP: Duration = Duration::from_millis(1);
 /// A host that takes nothing for so long is let go.
 const SLOW: Duration = Duration::from_millis(500);
 
+/// A board that falls further behind has lost the time: its clock may fall behind the host's, never run ahead of it.
+const BEHIND_S: f64 = 0.01;
+
 /// The board and the thread that runs it.
 pub(crate) struct Bridge {
-    board: InProcess,
-    /// Host time of the board's start.
-    pub(crate) started_s: f64,
     end: Arc<AtomicBool>,
     thread: JoinHandle<()>,
 }
 
 impl Bridge {
-    /// Starts a board with blank flash behind `port`.
-    pub(crate) fn start(port: UnixListener, plant: Plant) -> std::io::Result<Self> {
+    /// Starts a board with blank flash behind `port`; what its camera takes comes with the host's time.
+    pub(crate) fn start(port: UnixListener, plant: Plant) -> std::io::Result<(Self, Receiver<Frame>)> {
         port.set_nonblocking(true)?;
         let board = InProcess::boot(plant, MemoryFlash::default())?;
-        let (started_s, end) = (host_now_s(), Arc::new(AtomicBool::new(false)));
-        let (link, seen) = (board.link(), Arc::clone(&end));
+        let end = Arc::new(AtomicBool::new(false));
+        let (link, film, seen) = (board.link(), board.film(), Arc::clone(&end));
+        let (frames, taken) = channel();
         let thread = thread::Builder::new().name("bridge".into()).spawn(move || {
-            let mut cable = Cable { port, host: None, link, started_s };
+            let mut cable = Cable { port, host: None, link, film, frames, started_s: host_now_s() };
             while !seen.load(Ordering::Relaxed) && cable.step() {
                 thread::sleep(STEP);
             }
         })?;
-        Ok(Self { board, started_s, end, thread })
-    }
-
-    /// What the camera takes, on the board's time.
-    pub(crate) fn film(&self) -> Film {
-        self.board.film()
+        Ok((Self { end, thread }, taken))
     }
 
     /// Whether the board still runs.
@@ -66,6 +63,9 @@ struct Cable {
     port: UnixListener,
     host: Option<UnixStream>,
     link: Box<dyn Link>,
+    film: Film,
+    frames: Sender<Frame>,
+    /// Host time of the board's time 0; later where the board has lost time.
     started_s: f64,
 }
 
@@ -86,7 +86,14 @@ impl Cable {
                 Ok(_) | Err(_) => {}
             }
         }
-        self.catch_up(&mut bytes)
+        let lost_s = host_now_s() - self.started_s - self.link.now_s() - BEHIND_S;
+        self.started_s += lost_s.max(0.0);
+        let running = self.catch_up(&mut bytes);
+        for frame in self.film.take() {
+            // Nobody looks any more once the board is to end.
+            let _ = self.frames.send(Frame { at_s: frame.at_s + self.started_s, ..frame });
+        }
+        running
     }
 
     fn catch_up(&mut self, bytes: &mut [u8]) -> bool {

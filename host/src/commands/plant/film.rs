@@ -8,14 +8,15 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use darm::clock::host_now_s;
-use darm::plant::camera::{Film, Frame};
+use darm::plant::camera::Frame;
 use darm::plant::truth::{TrueState, Truth};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
+use super::board::Frames;
 use crate::commands::camera::{BAR, Picture, header, unix_less_host_s};
 
-/// How often the film is looked at.
+/// How often new frames are looked for.
 const LOOK: Duration = Duration::from_millis(10);
 /// A client that takes nothing for so long is let go.
 const SLOW: Duration = Duration::from_millis(200);
@@ -27,23 +28,23 @@ pub(crate) struct Projector {
 }
 
 impl Projector {
-    /// Starts to show the film, whose time 0 is at the host time that stands with it.
+    /// Starts to show the arm's frames.
     pub(crate) fn start(
         listener: UnixListener,
         truth: Truth,
         planar: bool,
-        (film, film_start_s): (Film, f64),
+        mut frames: Frames,
     ) -> std::io::Result<Self> {
         listener.set_nonblocking(true)?;
         let end = Arc::new(AtomicBool::new(false));
         let seen = Arc::clone(&end);
         let rng = ChaCha8Rng::seed_from_u64(truth.unseal().seed);
-        let mut eye = Eye { truth, planar, film_start_s, started_s: host_now_s(), rng };
+        let mut eye = Eye { truth, planar, started_s: host_now_s(), rng };
         let thread = thread::Builder::new().name("camera".into()).spawn(move || {
             let mut clients = Vec::new();
             while !seen.load(Ordering::Relaxed) {
                 clients.extend(accept(&listener, eye.planar));
-                let lines: String = film.take().iter().filter_map(|frame| eye.line(frame)).collect();
+                let lines: String = frames().iter().filter_map(|frame| eye.line(frame)).collect();
                 clients.retain_mut(|client: &mut UnixStream| client.write_all(lines.as_bytes()).is_ok());
                 thread::sleep(LOOK);
             }
@@ -81,8 +82,6 @@ fn accept(listener: &UnixListener, planar: bool) -> Vec<UnixStream> {
 struct Eye {
     truth: Truth,
     planar: bool,
-    /// Host time of the film's time 0.
-    film_start_s: f64,
     /// Host time at which the arm was switched on.
     started_s: f64,
     rng: ChaCha8Rng,
@@ -94,17 +93,16 @@ impl Eye {
         if frame.state.moving {
             return None;
         }
-        let at_s = self.film_start_s + frame.at_s;
         let servos_rad: Vec<f64> = frame.state.servos_rad.iter().map(|&angle| angle.into()).collect();
         let state = TrueState {
             word: frame.state.reached,
             previous: Some(frame.state.previous),
             servos_rad: &servos_rad,
-            time_s: (at_s - self.started_s).max(0.0),
+            time_s: (frame.at_s - self.started_s).max(0.0),
         };
         let seen = self.truth.observe(&state, &mut self.rng).ok()?;
         let picture = Picture {
-            time_s: at_s + unix_less_host_s(),
+            time_s: frame.at_s + unix_less_host_s(),
             pose: seen.pose,
             supply_bar: Some(seen.supply / BAR),
             temperature_c: Some(seen.temperature_c),

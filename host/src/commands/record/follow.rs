@@ -12,6 +12,8 @@ use crate::commands::visits::Visits;
 
 /// So long after a visit the round trips that bound its end from above have been made.
 const BEHIND_S: f64 = 1.0;
+/// A picture is exposed for so long: what was taken so near to a motion may be blurred.
+const EXPOSURE_S: f64 = 0.02;
 /// The board ends a program at most two ticks before its time.
 const TICK_S: f64 = 2e-3;
 
@@ -62,7 +64,10 @@ impl<'a> Follow<'a> {
 fn span(clock: &BoardClock, from_s: f64, to_s: f64) -> Option<Span> {
     let (from, to) = (clock.host_time(from_s)?, clock.host_time(to_s)?);
     let to_unix_s = unix_less_host_s();
-    Some(Span { from_s: from.at_s + from.uncertainty_s + to_unix_s, to_s: to.at_s - to.uncertainty_s + to_unix_s })
+    Some(Span {
+        from_s: from.at_s + from.uncertainty_s + EXPOSURE_S + to_unix_s,
+        to_s: to.at_s - to.uncertainty_s - EXPOSURE_S + to_unix_s,
+    })
 }
 
 #[cfg(test)]
@@ -100,7 +105,7 @@ mod tests {
         follow.look(&[happening(6_700, Event::Stopped)], Some(End::Stopped), &clock, 9.9);
         assert_eq!(follow.spans.len(), 1, "stopped before the end of the second visit");
         let length_s = follow.spans[0].to_s - follow.spans[0].from_s;
-        assert!(length_s > 0.59 && length_s < 0.6, "{length_s}");
+        assert!(length_s > 0.55 && length_s < 0.56, "{length_s}");
         assert!(follow.departure_s() < 1e-6);
     }
 }
