@@ -54,7 +54,11 @@ fn figure(line: &str) -> Result<Figure> {
     let mut words: Vec<&str> = line.split_whitespace().collect();
     let unit = words.pop().with_context(|| format!("{line:?} has no unit"))?;
     let value = words.pop().and_then(|value| value.parse().ok());
-    Figure::new(&words.join(" ").replace('_', " "), value.with_context(|| format!("{line:?} has no value"))?, unit)
+    Figure::new(
+        &words.join(" ").replace('_', " ").replace('.', ": "),
+        value.with_context(|| format!("{line:?} has no value"))?,
+        unit,
+    )
 }
 
 /// Flash and RAM of the image, from the section headers of its ELF.
