@@ -169,7 +169,7 @@ fn power_cuts_leave_the_old_or_the_new_table() {
         random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         // Some of the moments lie within the commit at the end, some after it.
         std::thread::sleep(std::time::Duration::from_secs_f64(
-            1.1 * whole_s * (random >> 33) as f64 / f64::from(1 << 31),
+            1.1 * whole_s * (random >> 33) as f64 / f64::from(1u32 << 31),
         ));
         bench.power_cycle();
         let acknowledged = uploading.join().unwrap();
