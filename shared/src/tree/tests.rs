@@ -1,0 +1,3 @@
+//! Trees in postures that can be checked by hand.
+
+extern crate std;
