@@ -5,7 +5,7 @@ use nalgebra::SMatrix;
 use super::{MassMoment, Vec3};
 use crate::actuator::JointKind;
 use crate::real::Real;
-use crate::tree::{Frames, Tree};
+use crate::tree::{Frames, Tree, add_scaled, cross, dot};
 
 /// Mass and mass moment of every link with all that it carries, told in the base, and of the whole tree.
 #[inline(always)]
@@ -17,7 +17,7 @@ pub(super) fn carried<T: Real, const N: usize>(
     let mut moments = [Vec3::zeros(); N];
     for (((mass, moment), link), frame) in masses.iter_mut().zip(&mut moments).zip(&tree.links).zip(frames.links()) {
         *mass = link.body.mass;
-        *moment = frame.origin * link.body.mass + frame.turn(&link.body.moment);
+        *moment = add_scaled(&frame.turn(&link.body.moment), &frame.origin, link.body.mass);
     }
     let mut whole = MassMoment { mass: T::zero(), moment: Vec3::zeros() };
     for (index, link) in tree.links.iter().enumerate().rev() {
@@ -37,7 +37,7 @@ pub fn center_of_mass<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frame
     let (mut mass, mut moment) = (T::zero(), Vec3::zeros());
     for (link, frame) in tree.links.iter().zip(frames.links()) {
         mass += link.body.mass;
-        moment += frame.origin * link.body.mass + frame.turn(&link.body.moment);
+        moment += add_scaled(&frame.turn(&link.body.moment), &frame.origin, link.body.mass);
     }
     if mass > T::zero() { (mass, moment / mass) } else { (mass, Vec3::zeros()) }
 }
@@ -65,7 +65,7 @@ pub fn com_jacobian<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<
 /// −Jᵀ m g with the Jacobian of the centre of mass.
 pub fn gravity<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<T, N>) -> [T; N] {
     let (masses, moments, _) = carried(tree, frames);
-    columns(tree, frames, &masses, &moments).map(|column| -column.dot(&tree.gravity))
+    columns(tree, frames, &masses, &moments).map(|column| -dot(&column, &tree.gravity))
 }
 
 /// ∂(m c)/∂q: how the mass moment of the tree changes with each joint.
@@ -81,7 +81,7 @@ pub(super) fn columns<T: Real, const N: usize>(
         columns.iter_mut().zip(&tree.links).zip(frames.links()).zip(masses).zip(moments)
     {
         *column = match link.kind {
-            JointKind::Revolute => frame.z.cross(&(moment - frame.origin * *mass)),
+            JointKind::Revolute => cross(&frame.z, &add_scaled(moment, &frame.origin, -*mass)),
             JointKind::Prismatic => frame.z * *mass,
         };
     }

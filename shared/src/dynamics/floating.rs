@@ -7,8 +7,8 @@
 use nalgebra::SMatrix;
 
 use super::com::{carried, columns};
-use super::mass::{composites, mass_matrix};
-use super::newton_euler::{Motion, inward, outward};
+use super::mass::{composites, mass_of_joints, momenta};
+use super::newton_euler::{Motion, inward, outward_loads};
 use super::{MassMoment, Vec3};
 use crate::real::{Mat6, Real};
 use crate::se::{Pose, Twist, Wrench};
@@ -61,8 +61,8 @@ pub fn inverse_dynamics<T: Real, const N: usize>(
     let (w, v) = (&base.twist.angular, &base.twist.linear);
     let fall = base.pose.rotation.tr_mul(&tree.gravity);
     let moving = Motion::new(*w, base.twist_rate.angular, base.twist_rate.linear + w.cross(v) - fall);
-    let motions = outward(tree, &moving, [q, qd, qdd], &turns);
-    let (torques, carried) = inward(tree, &motions, loads, q, &turns);
+    let of_motion = outward_loads::<T, N, false>(tree, &moving, [q, qd, qdd], &turns);
+    let (torques, carried) = inward(tree, of_motion, loads, q, &turns);
     (carried + moving.load(&tree.base), torques)
 }
 
@@ -81,13 +81,13 @@ pub fn gravity<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<T, N>
 
 /// M of base and joints in the posture of `frames`.
 pub fn mass<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<T, N>) -> FloatingMass<T, N> {
-    let (bodies, links) = composites(tree, frames);
+    let (bodies, links) = composites::<T, N, true>(tree, frames.positions(), frames.turns());
     let base = frames.base();
     let in_base = |about: &Vec3<T>, along: &Vec3<T>| {
         let (n, f) = (base.turn_back(&(about - base.origin.cross(along))), base.turn_back(along));
         [n.x, n.y, n.z, f.x, f.y, f.z]
     };
-    let whole = links.joined(&tree.base.in_base(base));
+    let whole = links.joined(&tree.base).in_base(base);
     let mut block = Mat6::zeros();
     for (column, axis) in
         block.data.0.iter_mut().zip([base.x, base.y, base.z, base.x, base.y, base.z].iter().enumerate())
@@ -98,13 +98,10 @@ pub fn mass<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<T, N>) -
         *column = in_base(&about, &along);
     }
     let mut coupling = SMatrix::zeros();
-    for (((column, link), frame), body) in coupling.data.0.iter_mut().zip(&tree.links).zip(frames.links()).zip(&bodies)
-    {
-        let (angular, linear) = link.screw(frame);
-        let (about, along) = body.momentum(&angular, &linear);
+    for (column, (about, along)) in coupling.data.0.iter_mut().zip(momenta(tree, frames, &bodies)) {
         *column = in_base(&about, &along);
     }
-    FloatingMass { base: block, coupling, joints: mass_matrix(tree, frames) }
+    FloatingMass { base: block, coupling, joints: mass_of_joints(tree, frames.positions(), frames.turns()) }
 }
 
 /// Centre of mass and its Jacobian in the posture of `frames`; zeros when there is no mass.

@@ -9,7 +9,7 @@
 //! | τ of a motion, Newton–Euler                | [`inverse_dynamics`]              | q, q̇, q̈          |
 //! | V, centrifugal and Coriolis                | [`velocity_torque`]               | q, q̇             |
 //! | C with V = C q̇ and Ṁ = C + Cᵀ              | [`coriolis_matrix`]               | frames, q̇        |
-//! | M, composite bodies                        | [`mass_matrix`]                   | frames           |
+//! | M, composite bodies                        | [`mass_matrix`]                   | q                |
 //! | G                                          | [`gravity`]                       | frames           |
 //! | all of the equation at once                | [`state_space`]                   | q, q̇             |
 //! | q̈ of torques                               | [`forward_dynamics`]              | q, q̇, τ          |
@@ -77,11 +77,7 @@ pub struct StateSpace<T: Real, const N: usize> {
 pub fn state_space<T: Real, const N: usize>(tree: &Tree<T, N>, q: &[T; N], qd: &[T; N]) -> StateSpace<T, N> {
     let mut frames = Frames::default();
     tree.place(q, &mut frames);
-    StateSpace {
-        mass: mass_matrix(tree, &frames),
-        velocity: velocity_torque(tree, q, qd),
-        gravity: gravity(tree, &frames),
-    }
+    StateSpace { mass: mass_matrix(tree, q), velocity: velocity_torque(tree, q, qd), gravity: gravity(tree, &frames) }
 }
 
 /// q̈ = M⁻¹ (τ − V − G): the accelerations that `torque` causes at positions `q` and velocities `qd`.
@@ -94,13 +90,11 @@ pub fn forward_dynamics<T: Real, const N: usize>(
     qd: &[T; N],
     torque: &[T; N],
 ) -> Option<[T; N]> {
-    let mut frames = Frames::default();
-    tree.place(q, &mut frames);
     let mut rest = *torque;
     for (rest, held) in rest.iter_mut().zip(inverse_dynamics(tree, q, qd, &[T::zero(); N], None)) {
         *rest -= held;
     }
-    solve(&mass_matrix(tree, &frames), &rest)
+    solve(&mass_matrix(tree, q), &rest)
 }
 
 /// Mass of a whole tree (kg) and mass times position of its centre of mass (kg·m), told in the base.

@@ -9,7 +9,7 @@ use super::Vec3;
 use super::newton_euler::{Motion, outward};
 use crate::actuator::JointKind;
 use crate::real::Real;
-use crate::tree::{Frame, Frames, Tree};
+use crate::tree::{Frame, Frames, Tree, cross, dot, fused};
 
 /// Y, by joint, link and parameter: N × N × 10; zero where the joint does not carry the link.
 pub type Regressor<T, const N: usize> = [[[T; 10]; N]; N];
@@ -22,7 +22,7 @@ pub fn regressor<T: Real, const N: usize>(
     into: &mut Regressor<T, N>,
 ) {
     let base = Motion::new(Vec3::zeros(), Vec3::zeros(), -tree.gravity);
-    let motions = outward(tree, &base, [q, qd, qdd], &tree.turns(q));
+    let motions = outward::<T, N, true>(tree, &base, [q, qd, qdd], frames.turns(), |_, _, _| ());
     *into = [[[T::zero(); 10]; N]; N];
     for (index, motion) in motions.iter().enumerate() {
         let (Some(link), Some(frame)) = (tree.links.get(index), frames.links().get(index)) else { continue };
@@ -34,9 +34,8 @@ pub fn regressor<T: Real, const N: usize>(
             let (Some(carrier), Some(at)) = (tree.links.get(joint), frames.links().get(joint)) else { break };
             if let Some(ten) = into.get_mut(joint).and_then(|row| row.get_mut(index)) {
                 *ten = match carrier.kind {
-                    JointKind::Revolute => {
-                        given.turning(&axes.turn_back(&at.z), &axes.turn_back(&at.z.cross(&(frame.origin - at.origin))))
-                    }
+                    JointKind::Revolute => given
+                        .turning(&axes.turn_back(&at.z), &axes.turn_back(&cross(&at.z, &(frame.origin - at.origin)))),
                     JointKind::Prismatic => given.sliding(&axes.turn_back(&at.z)),
                 };
             }
@@ -73,20 +72,20 @@ impl<T: Real> Motion<T> {
     /// Power of the link's load, per parameter, along a motion (ω, v) told in the link's frame at its origin.
     #[inline(always)]
     fn turning(&self, w: &Vec3<T>, v: &Vec3<T>) -> [T; 10] {
-        let (a, r, u) = (&self.angular, &self.angular_rate, w.cross(&self.angular));
+        let (a, r, u) = (&self.angular, &self.angular_rate, cross(w, &self.angular));
         let [_, x, y, z, ..] = self.sliding(v);
-        let h = Vec3::new(x, y, z) + self.linear_rate.cross(w);
+        let h = Vec3::new(x, y, z) + cross(&self.linear_rate, w);
         [
-            v.dot(&self.linear_rate),
+            dot(v, &self.linear_rate),
             h.x,
             h.y,
             h.z,
-            w.x * r.x + u.x * a.x,
-            w.x * r.y + w.y * r.x + u.x * a.y + u.y * a.x,
-            w.y * r.y + u.y * a.y,
-            w.x * r.z + w.z * r.x + u.x * a.z + u.z * a.x,
-            w.y * r.z + w.z * r.y + u.y * a.z + u.z * a.y,
-            w.z * r.z + u.z * a.z,
+            fused(w.x, r.x, u.x * a.x),
+            fused(w.x, r.y, fused(w.y, r.x, fused(u.x, a.y, u.y * a.x))),
+            fused(w.y, r.y, u.y * a.y),
+            fused(w.x, r.z, fused(w.z, r.x, fused(u.x, a.z, u.z * a.x))),
+            fused(w.y, r.z, fused(w.z, r.y, fused(u.y, a.z, u.z * a.y))),
+            fused(w.z, r.z, u.z * a.z),
         ]
     }
 
@@ -96,6 +95,6 @@ impl<T: Real> Motion<T> {
         let zero = T::zero();
         let [x, y, z] = &self.spin;
         let h = x * v.x + y * v.y + z * v.z;
-        [v.dot(&self.linear_rate), h.x, h.y, h.z, zero, zero, zero, zero, zero, zero]
+        [dot(v, &self.linear_rate), h.x, h.y, h.z, zero, zero, zero, zero, zero, zero]
     }
 }

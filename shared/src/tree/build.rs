@@ -159,7 +159,15 @@ fn split<T: Real>(rotation: &Mat3<T>, kind: JointKind) -> (Turn<T>, T) {
         return (Turn::Full(*r), T::zero());
     }
     let (cosine, sine) = (r.m33, -r.m23);
-    let turn = if cosine == T::one() { Turn::None } else { Turn::AboutX { cosine, sine } };
+    let turn = if (sine.abs() <= tiny) && cosine > T::zero() {
+        Turn::None
+    } else if cosine.abs() > tiny {
+        Turn::AboutX { cosine, sine }
+    } else if sine > T::zero() {
+        Turn::Quarter
+    } else {
+        Turn::QuarterBack
+    };
     // What is left after the turn about x is a turn about z.
     let angle = trig::atan2(cosine * r.m21 + sine * r.m31, r.m11);
     match kind {

@@ -1,6 +1,7 @@
 //! A pose held as three axes and an origin: what the recursions along a tree turn and shift.
 
 use super::Turn;
+use super::kernel::{add_scaled, dot, rotated};
 use crate::real::{Mat3, Real, Vec3};
 use crate::se::Pose;
 
@@ -34,25 +35,29 @@ impl<T: Real> Frame<T> {
     /// A direction of this frame, told in the base.
     #[inline(always)]
     pub(crate) fn turn(&self, v: &Vec3<T>) -> Vec3<T> {
-        self.x * v.x + self.y * v.y + self.z * v.z
+        add_scaled(&add_scaled(&(self.x * v.x), &self.y, v.y), &self.z, v.z)
     }
 
     /// A direction of the base, told in this frame.
     #[inline(always)]
     pub(crate) fn turn_back(&self, v: &Vec3<T>) -> Vec3<T> {
-        Vec3::new(self.x.dot(v), self.y.dot(v), self.z.dot(v))
+        Vec3::new(dot(&self.x, v), dot(&self.y, v), dot(&self.z, v))
     }
 
     /// A point of this frame, told in the base.
     #[inline(always)]
     pub(crate) fn point(&self, p: &Vec3<T>) -> Vec3<T> {
-        self.origin + self.turn(p)
+        add_scaled(&add_scaled(&add_scaled(&self.origin, &self.x, p.x), &self.y, p.y), &self.z, p.z)
     }
 
     /// Turned about its own z.
     #[inline(always)]
     pub(crate) fn about_z(self, sine: T, cosine: T) -> Self {
-        Self { x: self.x * cosine + self.y * sine, y: self.y * cosine - self.x * sine, ..self }
+        Self {
+            x: add_scaled(&(self.x * cosine), &self.y, sine),
+            y: add_scaled(&(self.y * cosine), &self.x, -sine),
+            ..self
+        }
     }
 
     /// The base turned by a constant rotation: nothing is multiplied by the base's ones and zeros.
@@ -61,6 +66,8 @@ impl<T: Real> Frame<T> {
         let zero = T::zero();
         match turn {
             Turn::None => Self::identity(),
+            Turn::Quarter => Self { y: Vec3::z(), z: -Vec3::y(), ..Self::identity() },
+            Turn::QuarterBack => Self { y: -Vec3::z(), z: Vec3::y(), ..Self::identity() },
             Turn::AboutX { cosine, sine } => {
                 Self { y: Vec3::new(zero, *cosine, *sine), z: Vec3::new(zero, -*sine, *cosine), ..Self::identity() }
             }
@@ -78,9 +85,13 @@ impl<T: Real> Frame<T> {
     pub(crate) fn turned(&self, turn: &Turn<T>) -> Self {
         match turn {
             Turn::None => *self,
-            Turn::AboutX { cosine, sine } => {
-                Self { y: self.y * *cosine + self.z * *sine, z: self.z * *cosine - self.y * *sine, ..*self }
-            }
+            Turn::Quarter => Self { y: self.z, z: -self.y, ..*self },
+            Turn::QuarterBack => Self { y: -self.z, z: self.y, ..*self },
+            Turn::AboutX { cosine, sine } => Self {
+                y: add_scaled(&(self.y * *cosine), &self.z, *sine),
+                z: add_scaled(&(self.z * *cosine), &self.y, -*sine),
+                ..*self
+            },
             Turn::Full(r) => Self {
                 x: self.turn(&Vec3::new(r.m11, r.m21, r.m31)),
                 y: self.turn(&Vec3::new(r.m12, r.m22, r.m32)),
@@ -97,27 +108,36 @@ impl<T: Real> Turn<T> {
     pub(crate) fn outward(&self, v: &Vec3<T>) -> Vec3<T> {
         match self {
             Self::None => *v,
-            Self::AboutX { cosine: c, sine: s } => Vec3::new(v.x, v.y * *c - v.z * *s, v.y * *s + v.z * *c),
+            Self::Quarter => Vec3::new(v.x, -v.z, v.y),
+            Self::QuarterBack => Vec3::new(v.x, v.z, -v.y),
+            Self::AboutX { cosine, sine } => {
+                let (y, z) = rotated(v.y, v.z, *sine, *cosine);
+                Vec3::new(v.x, y, z)
+            }
             Self::Full(r) => {
-                Vec3::new(row(r.m11, r.m12, r.m13, v), row(r.m21, r.m22, r.m23, v), row(r.m31, r.m32, r.m33, v))
+                let rows =
+                    [Vec3::new(r.m11, r.m12, r.m13), Vec3::new(r.m21, r.m22, r.m23), Vec3::new(r.m31, r.m32, r.m33)];
+                Vec3::from(rows.map(|row| dot(&row, v)))
             }
         }
     }
 
-    /// A direction before the turn, told after it.
+    /// Directions before the turn, told after it.
     #[inline(always)]
-    pub(crate) fn inward(&self, v: &Vec3<T>) -> Vec3<T> {
+    pub(crate) fn inward<const K: usize>(&self, vectors: &[Vec3<T>; K]) -> [Vec3<T>; K] {
         match self {
-            Self::None => *v,
-            Self::AboutX { cosine: c, sine: s } => Vec3::new(v.x, v.y * *c + v.z * *s, v.z * *c - v.y * *s),
+            Self::None => *vectors,
+            Self::Quarter => vectors.map(|v| Vec3::new(v.x, v.z, -v.y)),
+            Self::QuarterBack => vectors.map(|v| Vec3::new(v.x, -v.z, v.y)),
+            Self::AboutX { cosine, sine } => vectors.map(|v| {
+                let (y, z) = rotated(v.y, v.z, -*sine, *cosine);
+                Vec3::new(v.x, y, z)
+            }),
             Self::Full(r) => {
-                Vec3::new(row(r.m11, r.m21, r.m31, v), row(r.m12, r.m22, r.m32, v), row(r.m13, r.m23, r.m33, v))
+                let columns =
+                    [Vec3::new(r.m11, r.m21, r.m31), Vec3::new(r.m12, r.m22, r.m32), Vec3::new(r.m13, r.m23, r.m33)];
+                vectors.map(|v| Vec3::from(columns.map(|column| dot(&column, &v))))
             }
         }
     }
-}
-
-#[inline(always)]
-fn row<T: Real>(a: T, b: T, c: T, v: &Vec3<T>) -> T {
-    a * v.x + b * v.y + c * v.z
 }

@@ -1,6 +1,7 @@
 //! Mass distribution of a rigid body: mass, centre of mass, moments of inertia, and how they change with the frame.
 
 use super::Body;
+use super::kernel::dot;
 use crate::real::{Mat3, Real, Vec3};
 
 /// A body's mass distribution as data sheets and CAD give it.
@@ -127,9 +128,9 @@ impl<T: Real> Symmetric<T> {
     #[inline(always)]
     pub fn times(&self, v: &Vec3<T>) -> Vec3<T> {
         Vec3::new(
-            self.xx * v.x + self.xy * v.y + self.xz * v.z,
-            self.xy * v.x + self.yy * v.y + self.yz * v.z,
-            self.xz * v.x + self.yz * v.y + self.zz * v.z,
+            dot(&Vec3::new(self.xx, self.xy, self.xz), v),
+            dot(&Vec3::new(self.xy, self.yy, self.yz), v),
+            dot(&Vec3::new(self.xz, self.yz, self.zz), v),
         )
     }
 }

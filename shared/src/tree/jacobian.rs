@@ -2,6 +2,7 @@
 
 use nalgebra::SMatrix;
 
+use super::kernel::cross;
 use super::{Frame, Frames, Link, LinkFrame, Tree};
 use crate::actuator::JointKind;
 use crate::real::{Real, Vec3};
@@ -13,7 +14,7 @@ impl<T: Real> Link<T> {
     #[inline(always)]
     pub(crate) fn column(&self, frame: &Frame<T>, point: &Vec3<T>) -> (Vec3<T>, Vec3<T>) {
         match self.kind {
-            JointKind::Revolute => (frame.z, frame.z.cross(&(point - frame.origin))),
+            JointKind::Revolute => (frame.z, cross(&frame.z, &(point - frame.origin))),
             JointKind::Prismatic => (Vec3::zeros(), frame.z),
         }
     }

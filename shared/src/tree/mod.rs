@@ -45,6 +45,7 @@ pub mod euler;
 mod frame;
 mod inertia;
 pub mod jacobian;
+mod kernel;
 pub mod singular;
 
 use crate::actuator::{Axis, JointKind};
@@ -55,6 +56,7 @@ use crate::trig;
 pub use build::TreeError;
 pub(crate) use frame::Frame;
 pub use inertia::{Inertia, Symmetric};
+pub(crate) use kernel::{add_cross, add_scaled, cross, dot, fused, rotated};
 
 /// No link is its parent: the joint stands on the base.
 pub const BASE: u8 = u8::MAX;
@@ -77,6 +79,10 @@ pub struct Joint<T: Real> {
 pub enum Turn<T: Real> {
     /// None.
     None,
+    /// About x by +π/2: exact, and nothing to multiply.
+    Quarter,
+    /// About x by −π/2.
+    QuarterBack,
     /// About x by an angle with this cosine and sine.
     AboutX {
         /// cos α
@@ -143,6 +149,9 @@ pub struct LinkFrame<T: Real> {
 pub struct Frames<T: Real, const N: usize> {
     base: Frame<T>,
     links: [Frame<T>; N],
+    positions: [T; N],
+    /// Sines and cosines of the joints' angles.
+    turns: ([T; N], [T; N]),
 }
 
 impl<T: Real> Joint<T> {
@@ -159,7 +168,12 @@ impl<T: Real> Joint<T> {
 
 impl<T: Real, const N: usize> Default for Frames<T, N> {
     fn default() -> Self {
-        Self { base: Frame::identity(), links: [Frame::identity(); N] }
+        Self {
+            base: Frame::identity(),
+            links: [Frame::identity(); N],
+            positions: [T::zero(); N],
+            turns: ([T::zero(); N], [T::one(); N]),
+        }
     }
 }
 
@@ -184,7 +198,9 @@ impl<T: Real, const N: usize> Tree<T, N> {
     #[inline]
     pub fn place(&self, q: &[T; N], frames: &mut Frames<T, N>) {
         frames.base = Frame::identity();
-        let (sines, cosines) = self.turns(q);
+        frames.positions = *q;
+        frames.turns = self.turns(q);
+        let (sines, cosines) = &frames.turns;
         for (i, link) in self.links.iter().enumerate() {
             let stand = match frames.links.get(usize::from(link.parent)) {
                 Some(parent) => link.stand_on(parent),
@@ -201,7 +217,9 @@ impl<T: Real, const N: usize> Tree<T, N> {
     /// Places every link for the joints' positions `q` (rad or m) and the pose of a floating base in the world.
     pub fn place_floating(&self, base: &Pose<T>, q: &[T; N], frames: &mut Frames<T, N>) {
         frames.base = Frame::of(base);
-        let (sines, cosines) = self.turns(q);
+        frames.positions = *q;
+        frames.turns = self.turns(q);
+        let (sines, cosines) = &frames.turns;
         for (i, link) in self.links.iter().enumerate() {
             let parent = frames.links.get(usize::from(link.parent)).unwrap_or(&frames.base);
             let stand = link.stand_on(parent);
@@ -247,6 +265,18 @@ impl<T: Real, const N: usize> Frames<T, N> {
         &self.links
     }
 
+    /// The positions of the joints.
+    #[inline(always)]
+    pub(crate) fn positions(&self) -> &[T; N] {
+        &self.positions
+    }
+
+    /// Sines and cosines of the joints' angles.
+    #[inline(always)]
+    pub(crate) fn turns(&self) -> &([T; N], [T; N]) {
+        &self.turns
+    }
+
     /// The frame of the base.
     #[inline(always)]
     pub(crate) fn base(&self) -> &Frame<T> {
@@ -272,7 +302,7 @@ impl<T: Real> Link<T> {
     fn moved(&self, stand: Frame<T>, q: T, sine: T, cosine: T) -> Frame<T> {
         match self.kind {
             JointKind::Revolute => stand.about_z(sine, cosine),
-            JointKind::Prismatic => Frame { origin: stand.origin + stand.z * q, ..stand },
+            JointKind::Prismatic => Frame { origin: add_scaled(&stand.origin, &stand.z, q), ..stand },
         }
     }
 }
