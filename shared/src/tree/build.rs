@@ -69,7 +69,7 @@ impl<T: Real> Joint<T> {
         }
         let length = self.axis.direction.norm();
         let off = length - T::one();
-        if !(off * off < real(1e-10)) {
+        if (off * off).partial_cmp(&real(1e-10)) != Some(core::cmp::Ordering::Less) {
             return Err(TreeError::Axis { joint, length: crate::real::to_f32(length) });
         }
         Ok(())

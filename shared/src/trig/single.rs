@@ -7,10 +7,10 @@ const LARGEST: f32 = 8192.0;
 /// 1.5·2²³: adding it rounds to the nearest integer, which then stands in the low bits.
 const ROUND: f32 = 12_582_912.0;
 /// π/2 in three parts: k times the first two is exact for |k| < 2¹³.
-const HALF_PI: [f32; 3] = [1.570_312_5, 4.837_512_97e-4, 7.549_79e-8];
-const SINE: [f32; 3] = [-1.666_665_46e-1, 8.332_160_87e-3, -1.951_529_59e-4];
-const COSINE: [f32; 3] = [4.166_664_57e-2, -1.388_731_63e-3, 2.443_315_71e-5];
-const ATAN: [f32; 4] = [-3.333_294_9e-1, 1.997_771_1e-1, -1.387_768_6e-1, 8.053_744_6e-2];
+const HALF_PI: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
+const SINE: [f32; 3] = [-1.666_665_5e-1, 8.332_161e-3, -1.951_529_6e-4];
+const COSINE: [f32; 3] = [4.166_664_6e-2, -1.388_731_6e-3, 2.443_315_7e-5];
+const ATAN: [f32; 4] = [-3.333_295e-1, 1.997_771_1e-1, -1.387_768_6e-1, 8.053_744_6e-2];
 /// tan π/8: an arc tangent beyond it is taken from π/4.
 const TAN_PI_8: f32 = 0.414_213_57;
 
