@@ -107,9 +107,9 @@ impl<T: Real> Body<T> {
 /// R·A·Rᵀ for the symmetric A of two by two and the rotation R of this sine and cosine.
 #[inline(always)]
 fn rotated_square<T: Real>(a: T, b: T, c: T, sine: T, cosine: T) -> (T, T, T) {
-    let turned = fused(sine, a - c, (b + b) * cosine);
-    let moved = sine * turned;
-    (a - moved, fused(cosine, turned, -b), c + moved)
+    let (apart, mixed, square) = (a - c, sine * cosine, sine * sine);
+    let moved = fused(square, apart, (mixed + mixed) * b);
+    (a - moved, fused(mixed, apart, (T::one() - (square + square)) * b), c + moved)
 }
 
 impl<T: Real> Link<T> {
