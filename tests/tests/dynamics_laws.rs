@@ -314,7 +314,7 @@ fn a_floating_base_obeys_the_same_equation() {
         let (load, torque) = floating::inverse_dynamics(&case.tree, &base, [&q, &qd, &qdd], None);
         let still = floating::BaseMotion { twist_rate: Twist::zero(), ..base };
         let (bias, rest) = floating::inverse_dynamics(&case.tree, &still, [&q, &qd, &[0.0; N]], None);
-        let mass = floating::mass(&case.tree, &case.frames);
+        let mass = floating::mass(&case.tree, &case.frames, &q);
         near(&mass.base, &mass.base.transpose(), mass.base.amax());
         let rate = base.twist_rate.to_vector();
         let six = |wrench: Wrench<f64>| Twist { angular: wrench.moment, linear: wrench.force }.to_vector();

@@ -79,9 +79,10 @@ pub fn gravity<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<T, N>
     (load, columns(tree, frames, &masses, &moments).map(|column| -column.dot(&tree.gravity)))
 }
 
-/// M of base and joints in the posture of `frames`.
-pub fn mass<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<T, N>) -> FloatingMass<T, N> {
-    let (bodies, links) = composites::<T, N, true>(tree, frames.positions(), frames.turns());
+/// M of base and joints at the joints' positions `q`, to which `frames` belong.
+pub fn mass<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<T, N>, q: &[T; N]) -> FloatingMass<T, N> {
+    let turns = tree.turns(q);
+    let (bodies, links) = composites::<T, N, true>(tree, q, &turns);
     let base = frames.base();
     let in_base = |about: &Vec3<T>, along: &Vec3<T>| {
         let (n, f) = (base.turn_back(&(about - base.origin.cross(along))), base.turn_back(along));
@@ -101,7 +102,7 @@ pub fn mass<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<T, N>) -
     for (column, (about, along)) in coupling.data.0.iter_mut().zip(momenta(tree, frames, &bodies)) {
         *column = in_base(&about, &along);
     }
-    FloatingMass { base: block, coupling, joints: mass_of_joints(tree, frames.positions(), frames.turns()) }
+    FloatingMass { base: block, coupling, joints: mass_of_joints(tree, q, &turns) }
 }
 
 /// Centre of mass and its Jacobian in the posture of `frames`; zeros when there is no mass.

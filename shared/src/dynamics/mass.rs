@@ -137,9 +137,9 @@ impl<T: Real> Link<T> {
     /// A body told in the link's frame, told in the parent's.
     #[inline(always)]
     fn body_on_parent(&self, body: &Body<T>, q: T, sine: T, cosine: T) -> Body<T> {
-        let (body, at) = match self.kind {
-            JointKind::Revolute => (body.about_z(sine, cosine), self.origin),
-            JointKind::Prismatic => (*body, self.origin + self.turn.outward(&Vec3::new(T::zero(), T::zero(), q))),
+        let body = match self.kind {
+            JointKind::Revolute => body.about_z(sine, cosine),
+            JointKind::Prismatic => *body,
         };
         match &self.turn {
             Turn::None => body,
@@ -148,7 +148,7 @@ impl<T: Real> Link<T> {
             Turn::AboutX { cosine, sine } => body.about_x(*sine, *cosine),
             Turn::Full(r) => body.turned(r),
         }
-        .shifted(&at)
+        .shifted(&self.origin_at(q))
     }
 
     /// The joint's unit motion, told along the axes of the base about the base's origin.

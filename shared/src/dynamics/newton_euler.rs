@@ -54,15 +54,28 @@ impl<T: Real> Motion<T> {
 }
 
 impl<T: Real> Link<T> {
-    /// A direction of the link's frame, told in the parent's.
+    /// Directions of the link's frame, told in the parent's.
     #[inline(always)]
-    fn outward(&self, v: &Vec3<T>, sine: T, cosine: T) -> Vec3<T> {
-        match self.kind {
-            JointKind::Revolute => {
+    fn outward(&self, vectors: [Vec3<T>; 2], sine: T, cosine: T) -> [Vec3<T>; 2] {
+        let turned = match self.kind {
+            JointKind::Revolute => vectors.map(|v| {
                 let (x, y) = rotated(v.x, v.y, sine, cosine);
-                self.turn.outward(&Vec3::new(x, y, v.z))
+                Vec3::new(x, y, v.z)
+            }),
+            JointKind::Prismatic => vectors,
+        };
+        self.turn.outward(&turned)
+    }
+
+    /// Where the link's origin is, told in the parent's frame.
+    #[inline(always)]
+    pub(super) fn origin_at(&self, q: T) -> Vec3<T> {
+        match self.kind {
+            JointKind::Revolute => self.origin,
+            JointKind::Prismatic => {
+                let [slid] = self.turn.outward(&[Vec3::new(T::zero(), T::zero(), q)]);
+                self.origin + slid
             }
-            JointKind::Prismatic => self.turn.outward(v),
         }
     }
 
@@ -120,12 +133,8 @@ impl<T: Real> Link<T> {
     /// A load on the link about its origin, told in the parent's frame about the parent's.
     #[inline(always)]
     pub(super) fn load_on_parent(&self, load: &Wrench<T>, q: T, sine: T, cosine: T) -> Wrench<T> {
-        let force = self.outward(&load.force, sine, cosine);
-        let at = match self.kind {
-            JointKind::Revolute => self.origin,
-            JointKind::Prismatic => self.origin + self.turn.outward(&Vec3::new(T::zero(), T::zero(), q)),
-        };
-        Wrench { moment: add_cross(&self.outward(&load.moment, sine, cosine), &at, &force), force }
+        let [moment, force] = self.outward([load.moment, load.force], sine, cosine);
+        Wrench { moment: add_cross(&moment, &self.origin_at(q), &force), force }
     }
 }
 

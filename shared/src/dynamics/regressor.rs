@@ -22,7 +22,7 @@ pub fn regressor<T: Real, const N: usize>(
     into: &mut Regressor<T, N>,
 ) {
     let base = Motion::new(Vec3::zeros(), Vec3::zeros(), -tree.gravity);
-    let motions = outward::<T, N, true>(tree, &base, [q, qd, qdd], frames.turns(), |_, _, _| ());
+    let motions = outward::<T, N, true>(tree, &base, [q, qd, qdd], &tree.turns(q), |_, _, _| ());
     *into = [[[T::zero(); 10]; N]; N];
     for (index, motion) in motions.iter().enumerate() {
         let (Some(link), Some(frame)) = (tree.links.get(index), frames.links().get(index)) else { continue };

@@ -103,21 +103,21 @@ impl<T: Real> Frame<T> {
 }
 
 impl<T: Real> Turn<T> {
-    /// A direction after the turn, told before it.
+    /// Directions after the turn, told before it.
     #[inline(always)]
-    pub(crate) fn outward(&self, v: &Vec3<T>) -> Vec3<T> {
+    pub(crate) fn outward<const K: usize>(&self, vectors: &[Vec3<T>; K]) -> [Vec3<T>; K] {
         match self {
-            Self::None => *v,
-            Self::Quarter => Vec3::new(v.x, -v.z, v.y),
-            Self::QuarterBack => Vec3::new(v.x, v.z, -v.y),
-            Self::AboutX { cosine, sine } => {
+            Self::None => *vectors,
+            Self::Quarter => vectors.map(|v| Vec3::new(v.x, -v.z, v.y)),
+            Self::QuarterBack => vectors.map(|v| Vec3::new(v.x, v.z, -v.y)),
+            Self::AboutX { cosine, sine } => vectors.map(|v| {
                 let (y, z) = rotated(v.y, v.z, *sine, *cosine);
                 Vec3::new(v.x, y, z)
-            }
+            }),
             Self::Full(r) => {
                 let rows =
                     [Vec3::new(r.m11, r.m12, r.m13), Vec3::new(r.m21, r.m22, r.m23), Vec3::new(r.m31, r.m32, r.m33)];
-                Vec3::from(rows.map(|row| dot(&row, v)))
+                vectors.map(|v| Vec3::from(rows.map(|row| dot(&row, &v))))
             }
         }
     }

@@ -27,22 +27,20 @@ const COSINE: [f64; 6] = [
 
 #[inline(always)]
 pub(super) fn sin_cos(x: f64) -> (f64, f64) {
-    if x.abs() < LARGEST { reduced(x) } else { (libm(x).0, libm(x).1) }
+    if x.abs() < LARGEST { reduced(x) } else { libm(x) }
 }
 
 #[inline(always)]
-pub(super) fn sin_cos_all<const N: usize>(angles: &[f64; N]) -> ([f64; N], [f64; N]) {
-    let (mut sines, mut cosines) = (*angles, *angles);
+pub(super) fn sin_cos_all<const N: usize>(angles: &mut [f64; N], cosines: &mut [f64; N]) {
     if angles.iter().all(|x| x.abs() < LARGEST) {
-        for (sine, cosine) in sines.iter_mut().zip(&mut cosines) {
-            (*sine, *cosine) = reduced(*sine);
+        for (angle, cosine) in angles.iter_mut().zip(cosines) {
+            (*angle, *cosine) = reduced(*angle);
         }
     } else {
-        for (sine, cosine) in sines.iter_mut().zip(&mut cosines) {
-            (*sine, *cosine) = libm(*sine);
+        for (angle, cosine) in angles.iter_mut().zip(cosines) {
+            (*angle, *cosine) = libm(*angle);
         }
     }
-    (sines, cosines)
 }
 
 #[cold]

@@ -34,19 +34,19 @@ pub fn sin_cos<T: Real>(angle_rad: T) -> (T, T) {
     angle_rad.sin_cos()
 }
 
-/// The sines and the cosines of many angles at once, which a host computes side by side.
+/// Replaces many angles by their sines and returns their cosines: a host computes them side by side.
 #[inline(always)]
-pub fn sin_cos_all<T: Real, const N: usize>(angles_rad: &[T; N]) -> ([T; N], [T; N]) {
-    let x: &dyn Any = angles_rad;
-    if let Some(x) = x.downcast_ref::<[f64; N]>() {
-        let (sines, cosines) = double::sin_cos_all(x);
-        return (same(sines).unwrap_or(*angles_rad), same(cosines).unwrap_or(*angles_rad));
+pub fn sin_cos_all<T: Real, const N: usize>(angles_rad: &mut [T; N]) -> [T; N] {
+    let mut cosines = [T::zero(); N];
+    let (x, y): (&mut dyn Any, &mut dyn Any) = (angles_rad, &mut cosines);
+    if let (Some(x), Some(y)) = (x.downcast_mut::<[f64; N]>(), y.downcast_mut::<[f64; N]>()) {
+        double::sin_cos_all(x, y);
+        return cosines;
     }
-    let (mut sines, mut cosines) = (*angles_rad, *angles_rad);
-    for (sine, cosine) in sines.iter_mut().zip(&mut cosines) {
-        (*sine, *cosine) = sin_cos(*sine);
+    for (angle, cosine) in angles_rad.iter_mut().zip(&mut cosines) {
+        (*angle, *cosine) = sin_cos(*angle);
     }
-    (sines, cosines)
+    cosines
 }
 
 /// The angle of the point (x, y) from the x-axis, within −π..=π; 0 at the origin.
