@@ -1,7 +1,7 @@
 //! Errors of the elementary functions against `f64`: the bounds in the module's table.
 //!
 //! Of the `f32` within ±π/4 every 97th, which meets every exponent and, as 97 divides no power of two, all parts of the
-//! mantissa; every one of them when `DARM_EXHAUSTIVE` is set in the environment (a minute with `--release`).
+//! mantissa; every one of them when `DARM_EXHAUSTIVE` is set in the environment (about two minutes).
 
 extern crate std;
 
