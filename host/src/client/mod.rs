@@ -6,7 +6,8 @@
 //! ```no_run
 //! use darm::client::Client;
 //! let mut client = Client::connect(darm::link::open("/dev/ttyACM0")?)?;
-//! println!("{} with {} rows", client.identity().device, client.status()?.rows);
+//! let rows = client.status()?.rows;
+//! println!("{} with {rows} rows", client.identity().device);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
