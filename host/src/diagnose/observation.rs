@@ -87,9 +87,14 @@ impl Observations {
         self.axes.len()
     }
 
-    /// The same rows told in the noise of other observations.
-    pub fn like(mut self, other: &Self) -> Self {
-        self.sigma = other.sigma;
+    /// The word of each row, as a number.
+    pub fn groups(&self) -> Vec<usize> {
+        self.rows.iter().map(|row| row.group).collect()
+    }
+
+    /// The same rows told in another noise.
+    pub fn with_noise(mut self, sigma: [f64; 6]) -> Self {
+        self.sigma = sigma;
         self
     }
 
