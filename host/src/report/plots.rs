@@ -52,7 +52,7 @@ pub(super) fn by_word(diagnosis: &Diagnosis) -> Markup {
 pub(super) fn over(diagnosis: &Diagnosis, name: &'static str, of: fn(&Point) -> Option<f64>) -> Option<Markup> {
     let xs: Vec<f64> = diagnosis.points.iter().filter_map(of).collect();
     let (low, high) = xs.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
-    if !(high - low > 1e-9) {
+    if xs.is_empty() || high - low <= 1e-9 {
         return None;
     }
     let marks = |error: fn(&Point) -> f64| -> Vec<Mark> {
