@@ -341,12 +341,17 @@ fn any_frame(random: &mut Random) -> Vec<u8> {
     frame[..len].to_vec()
 }
 
+/// How many frames and lines the hostile tests send: 20 000, or as many as the environment variable `DARM_FRAMES` says.
+fn rounds() -> usize {
+    std::env::var("DARM_FRAMES").ok().and_then(|count| count.parse().ok()).unwrap_or(20_000)
+}
+
 #[test]
 fn damaged_frames_change_nothing() {
     let bench = loaded();
     let mut random = Random(1);
     let before = state(&bench);
-    for round in 0..20_000 {
+    for round in 0..rounds() {
         let mut bytes = any_frame(&mut random);
         // CRC-32 finds every burst of up to 32 bits; COBS may spread one byte over two.
         let at = 1 + random.below(bytes.len() - 2);
@@ -359,7 +364,9 @@ fn damaged_frames_change_nothing() {
             assert_eq!(state(&bench), before, "round {round}");
         }
     }
-    assert!(bench.status().bad_frames > 15_000);
+    let dropped = bench.status().bad_frames as usize;
+    assert!(dropped > rounds() / 4 * 3);
+    println!("FIGURE damaged frames dropped without a change of state = {dropped} frames");
 }
 
 #[test]
@@ -368,7 +375,7 @@ fn noise_frames_and_lines_do_not_panic() {
     let (mut port, mut random) = (Port::default(), Random(2));
     let words =
         ["coil", "word", "servo", "on", "off", "99999999999", "-1", "nan", "0101", "status", "log", "limits", "stop"];
-    for _ in 0..20_000 {
+    for _ in 0..rounds() {
         match random.below(4) {
             0 => {
                 let noise: Vec<u8> = (0..random.below(40)).map(|_| random.below(256) as u8).collect();
@@ -391,4 +398,5 @@ fn noise_frames_and_lines_do_not_panic() {
     bench.pass_ms(200);
     assert!(bench.ask_as(5, 1, Request::Hello { protocol: PROTOCOL }).unwrap().is_ok());
     assert_eq!(bench.ask_as(5, 2, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
+    println!("FIGURE random and mutated frames and lines without a panic = {} pieces", rounds());
 }

@@ -5,9 +5,13 @@
 //! | module        | holds                                                                                     |
 //! |---------------|-------------------------------------------------------------------------------------------|
 //! | [`real`]      | the scalar of all kinematics, and its vectors                                             |
+//! | [`trig`]      | sine, cosine, arc tangent and root, fast on the chip                                       |
 //! | [`se`]        | rigid motions: poses, twists, wrenches                                                    |
 //! | [`actuator`]  | one stage of an arm: platform with discrete legs, discrete joint, servo joint, link       |
 //! | [`chain`]     | the stages of an arm: where its tool stands, and how it moves with each parameter         |
+//! | [`tree`]      | trees of joints on a fixed or floating base: where links stand, Jacobians                 |
+//! | [`dynamics`]  | torques of a motion, mass matrix, gravity, centre of mass, regressor                      |
+//! | [`odometry`]  | differential drive: from wheel encoders to a pose and its covariance                      |
 //! | [`effect`]    | the physical effects that move an arm off its ideal geometry, one law per file            |
 //! | [`model`]     | geometry, masses and effects under one number: where the tool is under given conditions   |
 //! | [`units`]     | what travels or is easily swapped: time, words, identities                                |
@@ -24,12 +28,16 @@ pub mod actuator;
 #[cfg(test)]
 mod arms;
 pub mod chain;
+pub mod dynamics;
 pub mod effect;
 pub mod model;
+pub mod odometry;
 pub mod output;
 pub mod real;
 pub mod se;
 pub mod sequencer;
 pub mod table;
+pub mod tree;
+pub mod trig;
 pub mod units;
 pub mod wire;

@@ -12,6 +12,7 @@ use darm::plant::Broken;
 use darm::qemu::Console;
 use darm_core::sequencer::{Command, Event, FaultKind, Phase};
 use darm_core::units::{ActuatorId, ModelHash};
+use darm_core::wire::message::Calibration;
 
 #[test]
 fn a_table_is_uploaded_and_played_by_the_pins() {
@@ -142,22 +143,45 @@ fn a_servo_goes_where_the_rows_say_and_its_silence_is_a_fault() {
     assert_eq!(fault.kind, FaultKind::ServoSilent { servo: 0 });
 }
 
+/// How many times the power is cut: 5, or as many as the environment variable `DARM_KILLS` says.
+fn kills() -> u64 {
+    std::env::var("DARM_KILLS").ok().and_then(|count| count.parse().ok()).unwrap_or(5)
+}
+
 #[test]
 fn power_cuts_leave_the_old_or_the_new_table() {
     let Some(mut bench) = Bench::start(Console::Socket, false) else { return };
     let images = [11, 12].map(|model| table(&bench.wiring, &stepped(100), ModelHash(model)));
     bench.connect().upload(&images[0], &mut |_| {}).unwrap();
-    let mut loaded = ModelHash(11);
-    for cut in 0..5 {
-        let next = &images[usize::from(loaded == ModelHash(11))];
-        let mut client = bench.connect();
-        // Cuts spread over the whole upload, some of them within the commit.
-        let at = next.bytes().len() * (cut + 1) / 5;
-        let cut_link = bench::cut_after(bench.link(), at + 900 * cut);
-        drop(client.replug(cut_link).and_then(|()| client.upload(next, &mut |_| {})));
+    let calibration = Calibration { model: ModelHash(11), offsets_rad: [0.25, 0.0, 0.0, 0.0] };
+    bench.connect().calibrate(calibration).unwrap();
+    let start = std::time::Instant::now();
+    bench.connect().upload(&images[1], &mut |_| {}).unwrap();
+    let whole_s = start.elapsed().as_secs_f64();
+    let (mut loaded, mut new, mut random) = (ModelHash(12), 0, 0x5eed_u64);
+    for kill in 0..kills() {
+        let next = images[usize::from(loaded == ModelHash(11))].clone();
+        let model = next.image().model;
+        let link = bench.link();
+        let uploading = std::thread::spawn(move || {
+            darm::client::Client::connect(link).is_ok_and(|mut client| client.upload(&next, &mut |_| {}).is_ok())
+        });
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        // Some of the moments lie within the commit at the end, some after it.
+        std::thread::sleep(std::time::Duration::from_secs_f64(
+            1.1 * whole_s * (random >> 33) as f64 / f64::from(1u32 << 31),
+        ));
         bench.power_cycle();
-        let model = bench.connect().status().unwrap().model.expect("a table is there");
-        assert!([loaded, next.image().model].contains(&model), "{model}");
-        loaded = model;
+        let acknowledged = uploading.join().unwrap();
+        let mut client = bench.connect();
+        let found = client.status().unwrap().model.expect("a table is there");
+        assert!([loaded, model].contains(&found), "kill {kill}: {found}");
+        assert!(!acknowledged || found == model, "kill {kill}: an acknowledged table was lost");
+        assert_eq!(client.calibration().unwrap(), Some(calibration), "kill {kill}");
+        new += u64::from(found == model);
+        loaded = found;
     }
+    println!("FIGURE power cuts with the old table whole = {} cuts", kills() - new);
+    println!("FIGURE power cuts with the new table whole = {new} cuts");
+    println!("FIGURE power cuts with a mixture or a lost calibration = 0 cuts");
 }

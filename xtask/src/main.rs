@@ -1,6 +1,9 @@
 //! `cargo xtask`: the set-up, the demo, the tests and the measurements of this workspace.
 
+mod bench;
 mod demo;
+mod faults;
+mod figures;
 mod image;
 mod progress;
 mod setup;
@@ -22,6 +25,8 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Task {
     Demo(demo::Demo),
+    Bench(bench::Bench),
+    Faults(faults::Faults),
     /// All tests: format, lints, documentation, unit and system tests, the image in the emulator
     Test,
     /// Builds the firmware image and prints its path
@@ -31,6 +36,8 @@ enum Task {
 fn main() -> ExitCode {
     let result = match Arguments::parse().task {
         Task::Demo(demo) => demo.run(),
+        Task::Bench(bench) => bench.run(),
+        Task::Faults(faults) => faults.run(),
         Task::Test => test::run(),
         Task::Image => image::build().map(|path| println!("{}", path.display())),
     };

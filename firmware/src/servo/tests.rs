@@ -101,7 +101,7 @@ fn a_target_becomes_a_position_and_comes_back() {
     let registers = *fake.registers.borrow();
     // (0.5 + 0.1) rad of 4096 steps a turn is 391.1 steps; 1 rad/s is 651.9 steps/s; half the torque is 500.
     assert_eq!(registers[40..50], [1, 0, 0x87, 0x09, 0, 0, 0x8b, 0x02, 0xf4, 0x01]);
-    assert!((seen.angle_rad - 0.5).abs() < TAU / STEPS_PER_TURN);
+    assert!((seen.angle_rad - 0.5).abs() < TAU / SERVO_STEPS_PER_TURN);
     assert_eq!(seen.answered, Some(Micros(0)));
 }
 
@@ -150,5 +150,5 @@ fn positions_and_angles_are_inverse() {
         assert_eq!(steps(angle_rad(register)), register);
     }
     assert_eq!((steps(-4.0), steps(4.0)), (0, 4095));
-    assert!((angle_rad(POSITION_SIGN | 10) - angle_rad(0) + 10.0 * TAU / STEPS_PER_TURN).abs() < 1e-5);
+    assert!((angle_rad(POSITION_SIGN | 10) - angle_rad(0) + 10.0 * TAU / SERVO_STEPS_PER_TURN).abs() < 1e-5);
 }

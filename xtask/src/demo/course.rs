@@ -27,6 +27,10 @@ use crate::progress::Progress;
 const DWELL_S: f64 = 0.045;
 /// Each desired frame is visited so often.
 const FRAME_VISITS: usize = 3;
+/// What may be left of the error at the desired frames, as a share of what it was.
+const SHARE_LEFT: f64 = 0.2;
+/// The same in units of the repeatability: what a measurement cannot tell from nothing.
+const REPEATS_LEFT: f64 = 1.3;
 /// A person turns a stop or an anchor to within this, one standard deviation.
 const SETTING_ERROR_M: f64 = 20e-6;
 
@@ -113,6 +117,12 @@ impl Course {
             Verdict::NoEffect => self.sealed.effect == Kind::Nothing.law(),
             Verdict::UnexplainedStructure | Verdict::NotIdentifiable => false,
         }
+    }
+
+    /// What may be left of the error at the desired frames, root mean square, m.
+    pub(crate) fn goal_m(&self) -> f64 {
+        let repeats_m = self.diagnosis.repeatability.as_ref().map_or(self.scatter_m, |repeats| repeats.distance_m);
+        (SHARE_LEFT * self.before.rms_m()).max(REPEATS_LEFT * repeats_m)
     }
 
     /// Whether the place was named rightly as well.

@@ -38,6 +38,9 @@ pub(crate) struct Demo {
     /// Run the loop for so many seeds in this process, and print one table
     #[arg(long, value_name = "SEEDS")]
     sweep: Option<u64>,
+    /// Write the figures of a sweep as JSON
+    #[arg(long, value_name = "FILE", requires = "sweep")]
+    json: Option<PathBuf>,
     /// Where the report and all files go
     #[arg(long, default_value = "target/demo")]
     out: PathBuf,

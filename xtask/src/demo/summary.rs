@@ -12,10 +12,6 @@ use super::course::{Course, FrameErrors, Task};
 
 /// Steps of the paper's own scheme: as many as the paper took.
 const PAPER_STEPS: u32 = 1000;
-/// What has to be left of the error at the desired frames at most, as a share of what it was.
-const SHARE_LEFT: f64 = 0.2;
-/// The same, in units of the repeatability: what a measurement cannot tell from nothing.
-const REPEATS_LEFT: f64 = 1.3;
 
 /// The report of a course that ran on `board` and took `time_s`.
 pub(super) fn report(task: &Task, course: Course, board: &str, time_s: f64) -> Result<LoopReport> {
@@ -71,8 +67,7 @@ fn stop_figure(setting: &Setting) -> StopFigure {
 
 fn closures(course: &Course) -> Vec<Closure> {
     let Some(closed) = &course.closed else { return Vec::new() };
-    let repeats_m = course.diagnosis.repeatability.as_ref().map_or(course.scatter_m, |repeats| repeats.distance_m);
-    let goal_m = (SHARE_LEFT * course.before.rms_m()).max(REPEATS_LEFT * repeats_m);
+    let goal_m = course.goal_m();
     let closure = |name: &str, note: &str, words: &[DesiredFrame], after: &FrameErrors| Closure {
         name: name.to_owned(),
         note: note.to_owned(),

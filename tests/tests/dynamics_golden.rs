@@ -1,0 +1,471 @@
+//! Reference values of Pinocchio 4.1.0 and Robotics Toolbox 1.5 (`data/golden/README.md`): kinematics and dynamics agree.
+//!
+//! In `f64` to 1e-12 of the largest entry. In `f32` to [`ROUNDINGS`] roundings a joint of the largest term that is summed:
+//! on the way to any entry each joint adds a rotation by an angle that is itself rounded, and a handful of products.
+
+use std::array::from_fn;
+use std::io::Read;
+use std::path::Path;
+
+use darm_core::actuator::{Axis, JointKind};
+use darm_core::dynamics::{self, floating};
+use darm_core::real::{Mat3, Real, Vec3, real};
+use darm_core::se::{Pose, Twist, Wrench};
+use darm_core::tree::jacobian::{statics, twist};
+use darm_core::tree::{Body, Frames, Inertia, Joint, LinkFrame, Tree, dh, singular};
+use serde_json::Value;
+
+const F64: f64 = 1e-12;
+const ROUNDINGS: f64 = 24.0;
+
+fn golden(name: &str) -> Value {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("data/golden/{name}.json.gz"));
+    let mut text = String::new();
+    let file = std::fs::File::open(path).expect("a golden file");
+    flate2::read::GzDecoder::new(file).read_to_string(&mut text).expect("gzip");
+    serde_json::from_str(&text).expect("JSON")
+}
+
+fn list(value: &Value) -> Vec<f64> {
+    value.as_array().expect("numbers").iter().map(|x| x.as_f64().expect("a number")).collect()
+}
+
+fn array<const N: usize>(value: &Value) -> [f64; N] {
+    list(value).try_into().expect("as many numbers as joints")
+}
+
+fn column(value: &Value) -> Vec3<f64> {
+    Vec3::from_column_slice(&list(value))
+}
+
+/// Rows of rows, flattened.
+fn flat(value: &Value) -> Vec<f64> {
+    value.as_array().expect("rows").iter().flat_map(list).collect()
+}
+
+fn square(value: &Value) -> Mat3<f64> {
+    Mat3::from_row_slice(&flat(value))
+}
+
+/// Angular rows before linear ones.
+fn angular_first(rows: &Value) -> Vec<f64> {
+    let rows: Vec<_> = rows.as_array().expect("rows").iter().map(list).collect();
+    [3, 4, 5, 0, 1, 2].iter().flat_map(|row| rows[*row].clone()).collect()
+}
+
+fn pose(value: &Value) -> Pose<f64> {
+    let rows: Vec<_> = value.as_array().expect("rows").iter().map(list).collect();
+    Pose { rotation: Mat3::from_fn(|row, column| rows[row][column]), position: Vec3::from_fn(|row, _| rows[row][3]) }
+}
+
+fn placement(value: &Value) -> Pose<f64> {
+    Pose { rotation: square(&value["R"]), position: column(&value["p"]) }
+}
+
+fn inertia(link: &Value) -> Inertia<f64> {
+    Inertia { mass: link["m"].as_f64().expect("a mass"), com: column(&link["com"]), about_com: square(&link["I_com"]) }
+}
+
+fn joint(value: &Value, links_before: i64) -> Joint<f64> {
+    let kind = match value["type"].as_str() {
+        Some("revolute") => JointKind::Revolute,
+        Some("prismatic") => JointKind::Prismatic,
+        other => panic!("{other:?} is no joint"),
+    };
+    let parent = value["parent"].as_i64().expect("a parent") - links_before;
+    Joint {
+        parent: usize::try_from(parent).ok(),
+        axis: Axis { kind, direction: column(&value["axis"]) },
+        placement: placement(&value["placement"]),
+        inertia: inertia(&value["link"]),
+    }
+}
+
+fn joints<const N: usize>(file: &Value) -> [Joint<f64>; N] {
+    from_fn(|k| joint(&file["joints"][k], 0))
+}
+
+fn gravity(file: &Value) -> Vec3<f64> {
+    column(&file["gravity_field"])
+}
+
+/// Compares numbers, and says which sample and quantity differ.
+struct Check<'a> {
+    place: &'a str,
+    /// Allowed error as a part of the largest term.
+    part: f64,
+}
+
+impl Check<'_> {
+    fn near<T: Real>(&self, what: &str, ours: impl IntoIterator<Item = T>, theirs: &[f64], largest: f64) {
+        let ours: Vec<f64> = ours.into_iter().map(|x| nalgebra::convert_unchecked(x)).collect();
+        assert_eq!(ours.len(), theirs.len(), "{}: {what}", self.place);
+        let scale = theirs.iter().fold(largest, |scale, x| scale.max(x.abs()));
+        for (index, (a, b)) in ours.iter().zip(theirs).enumerate() {
+            let error = (a - b).abs();
+            assert!(
+                error <= self.part * scale,
+                "{}: {what}[{index}]: {a} is not {b}, off by {error:e} of {scale}",
+                self.place
+            );
+        }
+    }
+}
+
+/// Row by row, as the golden files are.
+fn by_rows<T: Real, const R: usize, const C: usize>(matrix: &nalgebra::SMatrix<T, R, C>) -> Vec<T> {
+    (0..R).flat_map(|row| (0..C).map(move |column| matrix[(row, column)])).collect()
+}
+
+fn numbers<T: Real>(pose: &Pose<T>) -> Vec<T> {
+    by_rows(&pose.rotation).into_iter().chain(pose.position.iter().copied()).collect()
+}
+
+/// An arm in numbers of type `T` and the largest sizes that its sums run through.
+struct Arm<T: Real, const N: usize> {
+    tree: Tree<T, N>,
+    tool: LinkFrame<T>,
+    reach: f64,
+}
+
+impl<T: Real, const N: usize> Arm<T, N> {
+    fn new(joints: &[Joint<f64>; N], tool: &Pose<f64>, gravity: &Vec3<f64>) -> Self {
+        let reach = joints.iter().map(|joint| joint.placement.position.norm()).sum::<f64>() + tool.position.norm();
+        let tree = Tree::new(&joints.map(|joint| cast(&joint)), gravity.map(real)).expect("a tree");
+        Self { tool: tree.frame(N - 1, &tool.cast()), tree, reach }
+    }
+}
+
+fn cast<T: Real>(joint: &Joint<f64>) -> Joint<T> {
+    Joint {
+        parent: joint.parent,
+        axis: Axis { kind: joint.axis.kind, direction: joint.axis.direction.map(real) },
+        placement: joint.placement.cast(),
+        inertia: Inertia {
+            mass: real(joint.inertia.mass),
+            com: joint.inertia.com.map(real),
+            about_com: joint.inertia.about_com.map(real),
+        },
+    }
+}
+
+fn numbers_of<T: Real, const N: usize>(sample: &Value, key: &str) -> [T; N] {
+    array::<N>(&sample[key]).map(real)
+}
+
+fn kinematics<T: Real, const N: usize>(arm: &Arm<T, N>, sample: &Value, check: &Check<'_>) {
+    let (q, qd) = (numbers_of(sample, "q"), numbers_of(sample, "qd"));
+    let mut frames = Frames::default();
+    arm.tree.place(&q, &mut frames);
+    check.near("pose", numbers(&frames.pose(&arm.tool)), &numbers(&pose(&sample["T"])), 1.0 + arm.reach);
+    check.near("pose alone", numbers(&arm.tree.pose(&arm.tool, &q)), &numbers(&pose(&sample["T"])), 1.0 + arm.reach);
+    let jacobian = arm.tree.jacobian_base(&arm.tool, &frames);
+    check.near("J", by_rows(&jacobian), &angular_first(&sample["J_world_aligned"]), 1.0 + arm.reach);
+    let tool = arm.tree.jacobian_tool(&arm.tool, &frames);
+    check.near("J tool", by_rows(&tool), &angular_first(&sample["J_body"]), 1.0 + arm.reach);
+    let rate = arm.tree.jacobian_rate(&arm.tool, &qd, &frames);
+    let speed = array::<N>(&sample["qd"]).iter().map(|x| x.abs()).sum::<f64>();
+    check.near("J rate", by_rows(&rate), &angular_first(&sample["Jdot_world_aligned"]), speed * (1.0 + arm.reach));
+    let v = list(&sample["ee_velocity"]);
+    let moving = twist(&jacobian, &qd).to_vector();
+    check.near("V", moving.iter().copied(), &[v[3], v[4], v[5], v[0], v[1], v[2]], speed * (1.0 + arm.reach));
+    let linear = singular::rows(&jacobian, &[3, 4, 5]);
+    let size = (1.0 + arm.reach).powi(3);
+    if N >= 3 {
+        check.near(
+            "w of v",
+            [singular::manipulability(&linear)],
+            &[sample["manipulability_translation"].as_f64().unwrap_or(0.0)],
+            size,
+        );
+    }
+    if let Some(expected) = sample["manipulability"].as_f64() {
+        let ours = if N >= 6 {
+            singular::manipulability(&jacobian)
+        } else {
+            singular::manipulability(&singular::rows(&jacobian, &[3, 4]))
+        };
+        check.near("w", [ours], &[expected], size);
+    }
+}
+
+fn forces<T: Real, const N: usize>(arm: &Arm<T, N>, sample: &Value, check: &Check<'_>) {
+    let tree = &arm.tree;
+    let [q, qd, qdd]: [[T; N]; 3] = ["q", "qd", "qdd"].map(|key| numbers_of(sample, key));
+    let mut frames = Frames::default();
+    tree.place(&q, &mut frames);
+    let largest =
+        |keys: &[&str]| keys.iter().flat_map(|key| list(&sample[*key])).fold(0.0, |most: f64, x| most.max(x.abs()));
+    let torque = largest(&["tau_rnea", "gravity", "coriolis_times_qd"]).max(heaviest(arm));
+    let tau = dynamics::inverse_dynamics(tree, &q, &qd, &qdd, None);
+    check.near("tau", tau, &list(&sample["tau_rnea"]), torque);
+    check.near("M", by_rows(&dynamics::mass_matrix(tree, &q)), &flat(&sample["M"]), 0.0);
+    check.near("G", dynamics::gravity(tree, &frames), &list(&sample["gravity"]), torque);
+    check.near("V", dynamics::velocity_torque(tree, &q, &qd), &list(&sample["coriolis_times_qd"]), torque);
+    let coriolis = dynamics::coriolis_matrix(tree, &frames, &qd) * nalgebra::SVector::from(qd);
+    check.near("C qd", coriolis.iter().copied(), &list(&sample["coriolis_times_qd"]), torque);
+    let kinetic = sample["kinetic_energy"].as_f64().expect("an energy");
+    check.near("kinetic", [dynamics::kinetic_energy(tree, &frames, &qd)], &[kinetic], 0.0);
+    let potential = sample["potential_energy"].as_f64().expect("an energy");
+    check.near("potential", [dynamics::potential_energy(tree, &frames)], &[potential], torque);
+    let (com, jacobian) = dynamics::com_jacobian(tree, &frames);
+    check.near("com", com.iter().copied(), &list(&sample["com"]), arm.reach);
+    check.near("com", dynamics::center_of_mass(tree, &frames).1.iter().copied(), &list(&sample["com"]), arm.reach);
+    check.near("J com", by_rows(&jacobian), &flat(&sample["J_com"]), arm.reach);
+    let w = list(&sample["ee_wrench_world_aligned"]);
+    let load = Wrench { moment: Vec3::new(w[3], w[4], w[5]).map(real), force: Vec3::new(w[0], w[1], w[2]).map(real) };
+    let by_load = statics(&tree.jacobian_base(&arm.tool, &frames), &load);
+    let with: [T; N] = from_fn(|k| tau[k] - by_load[k]);
+    check.near("tau with load", with, &list(&sample["tau_rnea_with_wrench"]), torque + 20.0 * (1.0 + arm.reach));
+}
+
+/// A torque that no entry of the sums exceeds by much: all weight at the whole reach.
+fn heaviest<T: Real, const N: usize>(arm: &Arm<T, N>) -> f64 {
+    let mass: f64 = arm.tree.links.iter().map(|link| nalgebra::convert_unchecked::<T, f64>(link.body.mass)).sum();
+    9.81 * mass * arm.reach
+}
+
+fn regressor<const N: usize>(arm: &Arm<f64, N>, file: &Value, sample: &Value, check: &Check<'_>) {
+    let tree = &arm.tree;
+    let [q, qd, qdd]: [[f64; N]; 3] = ["q", "qd", "qdd"].map(|key| numbers_of(sample, key));
+    let mut frames = Frames::default();
+    tree.place(&q, &mut frames);
+    let mut y = [[[0.0; 10]; N]; N];
+    dynamics::regressor(tree, &frames, [&q, &qd, &qdd], &mut y);
+    check.near("Y", y.iter().flatten().flatten().copied(), &flat(&sample["torque_regressor"]), 0.0);
+    let phi: [[f64; 10]; N] = from_fn(|k| tree.parameters(k));
+    check.near("phi", phi.iter().flatten().copied(), &list(&file["phi"]), 0.0);
+    check.near("Y phi", dynamics::torque_of(&y, &phi), &list(&sample["tau_rnea"]), heaviest(arm));
+}
+
+/// A tool's load given to the recursion itself, and the motion of given torques: ill-conditioned, so in `f64` alone.
+fn loads_and_motion<const N: usize>(arm: &Arm<f64, N>, tool: &Pose<f64>, sample: &Value, check: &Check<'_>) {
+    let tree = &arm.tree;
+    let [q, qd, qdd]: [[f64; N]; 3] = ["q", "qd", "qdd"].map(|key| numbers_of(sample, key));
+    let w = list(&sample["ee_wrench_world_aligned"]);
+    let axes = pose(&sample["T"]).rotation;
+    let force = tool.rotation * axes.tr_mul(&Vec3::new(w[0], w[1], w[2]));
+    let moment = tool.rotation * axes.tr_mul(&Vec3::new(w[3], w[4], w[5])) + tool.position.cross(&force);
+    let mut loads = [Wrench::zero(); N];
+    loads[N - 1] = Wrench { moment, force };
+    let tau = dynamics::inverse_dynamics(tree, &q, &qd, &qdd, Some(&loads));
+    check.near("tau with load", tau, &list(&sample["tau_rnea_with_wrench"]), heaviest(arm) + 20.0 * (1.0 + arm.reach));
+    let torque = array::<N>(&sample["tau_fd"]);
+    let accelerations = dynamics::forward_dynamics(tree, &q, &qd, &torque).expect("a regular mass matrix");
+    let wanted = dynamics::inverse_dynamics(tree, &q, &qd, &accelerations, None);
+    check.near("forward and back", wanted, &torque, heaviest(arm));
+    let mut frames = Frames::default();
+    tree.place(&q, &mut frames);
+    let values = singular::singular_values(&dynamics::mass_matrix(tree, &q));
+    let condition = values[0] / values[N - 1];
+    let loose = Check { place: check.place, part: 4.0 * f64::EPSILON * condition + F64 };
+    loose.near("qdd", accelerations, &list(&sample["qdd_aba"]), 0.0);
+}
+
+fn check_arm<const N: usize>(name: &str) {
+    let file = golden(name);
+    let tool = placement(&file["ee"]);
+    let joints = joints::<N>(&file);
+    let exact = Arm::<f64, N>::new(&joints, &tool, &gravity(&file));
+    let single = Arm::<f32, N>::new(&joints, &tool, &gravity(&file));
+    for (number, sample) in file["samples"].as_array().expect("samples").iter().enumerate() {
+        let place = format!("{name}, sample {number}, f64");
+        let check = Check { place: &place, part: F64 };
+        kinematics(&exact, sample, &check);
+        forces(&exact, sample, &check);
+        regressor(&exact, &file, sample, &check);
+        loads_and_motion(&exact, &tool, sample, &check);
+        let place = format!("{name}, sample {number}, f32");
+        let check = Check { place: &place, part: ROUNDINGS * N as f64 * f64::from(f32::EPSILON) };
+        kinematics(&single, sample, &check);
+        forces(&single, sample, &check);
+    }
+}
+
+#[test]
+fn planar_arms() {
+    check_arm::<2>("planar2r");
+    check_arm::<4>("planar4r");
+}
+
+#[test]
+fn arms_with_prismatic_joints() {
+    check_arm::<4>("scara_dh");
+    check_arm::<6>("stanford_dh");
+}
+
+#[test]
+fn industrial_arms() {
+    check_arm::<6>("puma560_dh");
+    check_arm::<6>("puma560_mdh");
+    check_arm::<6>("ur10_urdf");
+}
+
+#[test]
+fn redundant_arms() {
+    check_arm::<7>("panda_mdh");
+    check_arm::<7>("panda_urdf");
+}
+
+fn row(value: &Value) -> dh::Row<f64> {
+    let number = |key: &str| value[key].as_f64().expect("a number");
+    let kind = if value["type"] == "R" { JointKind::Revolute } else { JointKind::Prismatic };
+    let inertia = Inertia { mass: number("m"), com: column(&value["r"]), about_com: square(&value["I"]) };
+    dh::Row {
+        kind,
+        theta_rad: number("theta"),
+        d_m: number("d"),
+        a_m: number("a"),
+        alpha_rad: number("alpha"),
+        inertia,
+    }
+}
+
+fn check_table<const N: usize>(name: &str) {
+    let file = golden(name);
+    let rows: [dh::Row<f64>; N] = from_fn(|k| row(&file["dh_rows"][k]));
+    let (tree, tool) = if file["dh_convention"] == "standard" {
+        dh::standard(&rows, gravity(&file)).expect("a tree")
+    } else {
+        (dh::modified(&rows, gravity(&file)).expect("a tree"), Pose::identity())
+    };
+    let arm = Arm { tool: tree.frame(N - 1, &tool), tree, reach: 1.0 };
+    for (number, sample) in file["samples"].as_array().expect("samples").iter().enumerate() {
+        let place = format!("{name} by its table, sample {number}");
+        kinematics(&arm, sample, &Check { place: &place, part: F64 });
+        forces(&arm, sample, &Check { place: &place, part: F64 });
+    }
+}
+
+#[test]
+fn tables_of_denavit_and_hartenberg() {
+    check_table::<2>("planar2r");
+    check_table::<4>("planar4r");
+    check_table::<4>("scara_dh");
+    check_table::<6>("stanford_dh");
+    check_table::<6>("puma560_dh");
+    check_table::<6>("puma560_mdh");
+    check_table::<7>("panda_mdh");
+}
+
+/// Joints of the humanoid without its base.
+const HUMANOID: usize = 29;
+
+fn humanoid(file: &Value) -> Tree<f64, HUMANOID> {
+    let joints: [Joint<f64>; HUMANOID] = from_fn(|k| joint(&file["joints"][k + 1], 1));
+    let mut tree = Tree::new(&joints, gravity(file)).expect("a tree");
+    tree.base = Body::from(&inertia(&file["joints"][0]["link"]));
+    tree
+}
+
+fn base_motion(sample: &Value) -> floating::BaseMotion<f64> {
+    let [q, qd, qdd] = ["q", "qd", "qdd"].map(|key| list(&sample[key]));
+    let six = |x: &[f64]| Twist { angular: Vec3::new(x[3], x[4], x[5]), linear: Vec3::new(x[0], x[1], x[2]) };
+    let turn = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(q[6], q[3], q[4], q[5]));
+    let pose = Pose { rotation: turn.to_rotation_matrix().into_inner(), position: Vec3::new(q[0], q[1], q[2]) };
+    floating::BaseMotion { pose, twist: six(&qd), twist_rate: six(&qdd) }
+}
+
+/// The base's load with its linear part first, then the torques, as the golden file has them.
+fn with_load((load, torques): &(Wrench<f64>, [f64; HUMANOID])) -> Vec<f64> {
+    load.force.iter().chain(load.moment.iter()).chain(torques).copied().collect()
+}
+
+#[test]
+fn humanoid_on_a_floating_base() {
+    let file = golden("simple_humanoid_floating");
+    let tree = humanoid(&file);
+    for (number, sample) in file["samples"].as_array().expect("samples").iter().enumerate() {
+        let place = format!("humanoid, sample {number}");
+        let check = Check { place: &place, part: F64 };
+        let base = base_motion(sample);
+        let q: [f64; HUMANOID] = list(&sample["q"])[7..].try_into().expect("29 joints");
+        let [qd, qdd]: [[f64; HUMANOID]; 2] =
+            ["qd", "qdd"].map(|key| list(&sample[key])[6..].try_into().expect("29 joints"));
+        let mut frames = Frames::default();
+        tree.place_floating(&base.pose, &q, &mut frames);
+        let tau = floating::inverse_dynamics(&tree, &base, [&q, &qd, &qdd], None);
+        check.near("tau", with_load(&tau), &list(&sample["tau_rnea"]), 0.0);
+        let at_rest = [0.0; HUMANOID];
+        let steady =
+            floating::BaseMotion { twist_rate: Twist { angular: Vec3::zeros(), linear: Vec3::zeros() }, ..base };
+        let bias = floating::inverse_dynamics(&tree, &steady, [&q, &qd, &at_rest], None);
+        check.near("bias", with_load(&bias), &list(&sample["nle"]), 0.0);
+        check.near("G", with_load(&floating::gravity(&tree, &frames)), &list(&sample["gravity"]), 0.0);
+        check_floating_mass(&tree, &frames, &q, sample, &check);
+        check_floating_com(&tree, &frames, &base, &qd, sample, &check);
+        check_limbs(&file, &tree, &frames, &base, sample, &check);
+    }
+}
+
+fn check_floating_mass(
+    tree: &Tree<f64, HUMANOID>,
+    frames: &Frames<f64, HUMANOID>,
+    q: &[f64; HUMANOID],
+    sample: &Value,
+    check: &Check<'_>,
+) {
+    let mass = floating::mass(tree, frames, q);
+    let reorder = [3, 4, 5, 0, 1, 2];
+    let ours = reorder.iter().flat_map(|row| {
+        let base = reorder.iter().map(|column| mass.base[(*row, *column)]);
+        let joints = (0..HUMANOID).map(|column| mass.coupling[(*row, column)]);
+        base.chain(joints).collect::<Vec<_>>()
+    });
+    check.near("M, first rows", ours, &flat(&sample["M_diag_and_first6rows"][1]), 0.0);
+    let diagonal = list(&sample["M_diag_and_first6rows"][0]);
+    check.near("M, diagonal", (0..HUMANOID).map(|k| mass.joints[(k, k)]), &diagonal[6..], 0.0);
+}
+
+fn check_floating_com(
+    tree: &Tree<f64, HUMANOID>,
+    frames: &Frames<f64, HUMANOID>,
+    base: &floating::BaseMotion<f64>,
+    qd: &[f64; HUMANOID],
+    sample: &Value,
+    check: &Check<'_>,
+) {
+    let com = floating::com_jacobian(tree, frames);
+    check.near("com", com.position.iter().copied(), &list(&sample["com"]), 1.0);
+    let ours = (0..3).flat_map(|row| {
+        let base = [3, 4, 5, 0, 1, 2].map(|column| com.base[(row, column)]);
+        base.into_iter().chain((0..HUMANOID).map(move |column| com.joints[(row, column)])).collect::<Vec<_>>()
+    });
+    check.near("J com", ours, &flat(&sample["J_com"]), 0.0);
+    let velocity = com.base * base.twist.to_vector() + com.joints * nalgebra::SVector::from(*qd);
+    check.near("v com", velocity.iter().copied(), &list(&sample["com_velocity"]), 1.0);
+    let axes = base.pose.rotation;
+    let moving = Twist { angular: axes * base.twist.angular, linear: axes * base.twist.linear };
+    let momentum = dynamics::momentum(tree, frames, &moving, qd);
+    let ours = momentum.linear.iter().chain(momentum.angular.iter()).copied();
+    check.near("momentum", ours, &list(&sample["centroidal_momentum"]), 0.0);
+}
+
+fn check_limbs(
+    file: &Value,
+    tree: &Tree<f64, HUMANOID>,
+    frames: &Frames<f64, HUMANOID>,
+    base: &floating::BaseMotion<f64>,
+    sample: &Value,
+    check: &Check<'_>,
+) {
+    for (name, limb) in file["frames"].as_object().expect("frames") {
+        let link = limb["parent"].as_u64().expect("a link") as usize - 1;
+        let frame = tree.frame(link, &placement(limb));
+        let expected = pose(&sample["frames"][name]["T"]);
+        check.near(name, numbers(&frames.pose(&frame)), &numbers(&expected), 1.0);
+        let jacobian = tree.jacobian_base(&frame, frames);
+        let axes = base.pose.rotation;
+        let away = expected.position - base.pose.position;
+        let ours = (0..6).flat_map(|row| {
+            let linear = (0..3).map(|k| if row < 3 { 0.0 } else { axes[(row - 3, k)] }).collect::<Vec<_>>();
+            let angular = (0..3).map(|k| {
+                let axis = Vec3::from(axes.column(k));
+                if row < 3 { axis[row] } else { axis.cross(&away)[row - 3] }
+            });
+            let joints = (0..HUMANOID).map(|column| jacobian[(row, column)]);
+            linear.into_iter().chain(angular).chain(joints).collect::<Vec<_>>()
+        });
+        check.near(name, ours, &angular_first(&sample["frames"][name]["J_world_aligned"]), 1.0);
+    }
+}
