@@ -243,17 +243,17 @@ fn descend(
 
 /// Residuals and derivatives of a model as it stands.
 fn at(model: ArmModel, observations: &Observations, values: &[Value], scratch: &mut ArmScratch) -> Result<Fit, NoPose> {
-    let residuals = observations.residuals(&model, scratch)?;
-    let (values, columns) = if values.is_empty() {
-        Default::default()
-    } else {
-        let sensitivity = Sensitivity::new(&model, observations, scratch)?;
-        let told = values.iter().filter_map(|&(effect, value)| {
-            let column = sensitivity.column(&model.effects[effect], value)?;
-            Some(((effect, value), column))
-        });
-        told.unzip()
-    };
+    if values.is_empty() {
+        let residuals = observations.residuals(&model, scratch)?;
+        return Ok(Fit { model, values: Vec::new(), residuals, columns: Vec::new() });
+    }
+    let sensitivity = Sensitivity::new(&model, observations, scratch)?;
+    let told = values.iter().filter_map(|&(effect, value)| {
+        let column = sensitivity.column(&model.effects[effect], value)?;
+        Some(((effect, value), column))
+    });
+    let (values, columns) = told.unzip();
+    let residuals = sensitivity.into_residuals();
     Ok(Fit { model, values, residuals, columns })
 }
 

@@ -1,9 +1,9 @@
 //! The search for what is missing: effects are added one at a time, each the one that predicts unseen words best.
 //!
-//! All candidates are judged by their linear fit first, cross-validated over words; the best few are fitted in full and
-//! judged again. The best is kept when its gain is no chance ([`DISCOVERY_LEVEL`], over all that were tried) and the
-//! held-out error falls by more than its uncertainty. After each addition those found before have to prove themselves
-//! again.
+//! All candidates are judged by their linear fit first, cross-validated over words; the best few, if they gain anything
+//! that may be more than chance, are fitted in full and judged again. The best is kept when its gain is no chance
+//! ([`DISCOVERY_LEVEL`], over all that were tried) and the held-out error falls by more than its uncertainty. After each
+//! addition those found before have to prove themselves again.
 
 use darm_core::effect::Effect;
 use darm_core::model::MAX_EFFECTS;
@@ -88,13 +88,16 @@ impl Search {
         let mut screened: Vec<Trial> =
             candidates.iter().filter_map(|effect| self.screened(current, effect, &sensitivity)).collect();
         screened.sort_by(|a, b| a.loss.total_cmp(&b.loss));
+        let (n_tried, groups) = (screened.len(), self.training.groups());
+        let p = |trial: &Trial| (fall(&current.predicted, &trial.predicted, &groups).p * n_tried as f64).min(1.0);
+        let (promising, others): (Vec<_>, Vec<_>) = screened.iter().partition(|trial| p(trial) < 1.0);
+        let (promising, more) = promising.split_at(REFINED.min(promising.len()));
         let mut tried = Vec::new();
-        for trial in screened.iter().take(REFINED) {
+        for trial in promising {
             // An effect that leaves the arm without a pose somewhere is not the one.
             tried.extend(self.refined(&trial.fit.model, Some(trial.effect)).ok());
         }
         tried.sort_by(|a, b| a.loss.total_cmp(&b.loss));
-        let (n_tried, groups) = (screened.len(), self.training.groups());
         let rung = |trial: &Trial, refined| Rung {
             step,
             law: trial.effect.law().name(),
@@ -102,12 +105,12 @@ impl Search {
             values: trial.fit.values.len() - current.fit.values.len(),
             cross_validated_m: trial.error_m,
             without_m: current.error_m,
-            p: (fall(&current.predicted, &trial.predicted, &groups).p * n_tried as f64).min(1.0),
+            p: p(trial),
             refined,
             kept: false,
         };
         self.ladder.extend(tried.iter().map(|trial| rung(trial, true)));
-        self.ladder.extend(screened.iter().skip(REFINED).map(|trial| rung(trial, false)));
+        self.ladder.extend(more.iter().copied().chain(others).map(|trial| rung(trial, false)));
         Ok(tried)
     }
 
