@@ -15,9 +15,11 @@ use crate::units::Word;
 /// Effects that one model can hold.
 pub const MAX_EFFECTS: usize = 8;
 
-/// How often the loads are computed anew in the posture that they bend the arm to. A sag of 3 % of a lever changes the
-/// loads by as much, so three times leave (3 %)³ of the sag.
-const SETTLINGS: usize = 3;
+/// How often at most the loads are computed anew in the posture that they bend the arm to. A sag of 3 % of a lever
+/// changes the loads by as much, so each time leaves 3 % of what the last one left; near a singular posture it is more.
+const MAX_SETTLINGS: usize = 12;
+/// The arm has settled when no actuator moves by more than this, m or rad; 16 ε of the scalar come on top.
+const SETTLED: f64 = 1e-8;
 
 /// An arm of at most `N` stages with everything that decides where its tool stands.
 #[derive(Clone, Debug, PartialEq)]
@@ -118,13 +120,21 @@ impl<T: Real, const N: usize> Model<T, N> {
             return Ok(unloaded);
         }
         let unloaded_settings = scratch.settings;
-        for _ in 0..SETTLINGS {
+        let settled = real::<T>(SETTLED) + T::default_epsilon() * real(16.0);
+        for _ in 0..MAX_SETTLINGS {
             let loads = self.loads(scratch);
-            scratch.settings = unloaded_settings;
+            let mut moved = T::zero();
+            let before = core::mem::replace(&mut scratch.settings, unloaded_settings);
             self.each_effect(condition, |effect, site, leg| {
                 scratch.settings[site.stage][leg].value += effect.law().deflection(site, loads[site.stage][leg]);
             });
+            for (stage, leg) in self.chain.actuators() {
+                moved = moved.max((scratch.settings[stage][leg].value - before[stage][leg].value).abs());
+            }
             self.chain.assemble(scratch)?;
+            if moved < settled {
+                break;
+            }
         }
         Ok(scratch.pose_base_tool)
     }

@@ -243,17 +243,17 @@ fn descend(
 
 /// Residuals and derivatives of a model as it stands.
 fn at(model: ArmModel, observations: &Observations, values: &[Value], scratch: &mut ArmScratch) -> Result<Fit, NoPose> {
-    let residuals = observations.residuals(&model, scratch)?;
-    let (values, columns) = if values.is_empty() {
-        Default::default()
-    } else {
-        let sensitivity = Sensitivity::new(&model, observations, scratch)?;
-        let told = values.iter().filter_map(|&(effect, value)| {
-            let column = sensitivity.column(&model.effects[effect], value)?;
-            Some(((effect, value), column))
-        });
-        told.unzip()
-    };
+    if values.is_empty() {
+        let residuals = observations.residuals(&model, scratch)?;
+        return Ok(Fit { model, values: Vec::new(), residuals, columns: Vec::new() });
+    }
+    let sensitivity = Sensitivity::new(&model, observations, scratch)?;
+    let told = values.iter().filter_map(|&(effect, value)| {
+        let column = sensitivity.column(&model.effects[effect], value)?;
+        Some(((effect, value), column))
+    });
+    let (values, columns) = told.unzip();
+    let residuals = sensitivity.into_residuals();
     Ok(Fit { model, values, residuals, columns })
 }
 
@@ -277,15 +277,19 @@ pub fn covariance(fit: &Fit, observations: &Observations) -> DMatrix<f64> {
     &inverse * (&scores * scores.transpose()) * &inverse * few
 }
 
-/// The condition number of the information about the fitted values, each scaled to its own.
+/// The condition number of the information about the fitted values.
 pub fn condition(fit: &Fit, observations: &Observations) -> f64 {
     let row_weights = weights(&fit.residuals, observations.n_axes());
-    let (information, _) = normal(&fit.columns, &fit.residuals, &row_weights);
-    let scale = information.diagonal().map(|d| d.max(f64::MIN_POSITIVE).sqrt());
-    let scaled = DMatrix::from_fn(scale.len(), scale.len(), |a, b| information[(a, b)] / (scale[a] * scale[b]));
-    if scaled.is_empty() {
+    condition_of(&normal(&fit.columns, &fit.residuals, &row_weights).0)
+}
+
+/// The condition number of an information matrix, each value scaled to its own.
+pub fn condition_of(information: &DMatrix<f64>) -> f64 {
+    if information.is_empty() {
         return 1.0;
     }
+    let scale = information.diagonal().map(|d| d.max(f64::MIN_POSITIVE).sqrt());
+    let scaled = DMatrix::from_fn(scale.len(), scale.len(), |a, b| information[(a, b)] / (scale[a] * scale[b]));
     let eigenvalues = scaled.symmetric_eigenvalues();
     eigenvalues.max() / eigenvalues.min().max(f64::MIN_POSITIVE)
 }

@@ -14,6 +14,7 @@
 pub mod candidate;
 pub mod design;
 pub mod fit;
+mod next;
 pub mod noise;
 pub mod observation;
 pub mod outcome;
@@ -37,7 +38,7 @@ use noise::Noise;
 use observation::{NoPose, Observations};
 use outcome::{Alternative, Diagnosis, Verdict};
 use search::{Search, Trial};
-use significance::{RIVAL_LEVEL, gain};
+use significance::RIVAL_LEVEL;
 use structure::{Structure, structure};
 
 pub use words::effect_sentence;
@@ -105,6 +106,9 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Diagnosis, Di
     if words < FEWEST_WORDS {
         return Err(DiagnoseError::TooFewWords { words });
     }
+    if repeats.is_none() {
+        search = rescaled(arm, search).map_err(no_pose)?;
+    }
     conclude(arm, run, &mut search, repeats, options).map_err(no_pose)
 }
 
@@ -129,18 +133,20 @@ fn search(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Options) -> R
     Ok(Search { training, heldout, folds, scratch, ladder: Vec::new() })
 }
 
-/// Without repeats: the residual's own scatter about its median size, as the noise to weigh the axes by.
+/// Without repeats: the model's own residuals tell the noise to weigh the axes by, though they hold more than noise.
 fn scatter(arm: &Arm, run: &Run, scratch: &mut ArmScratch) -> Result<Noise, NoPose> {
     let plain = Observations::new(arm, run, [1.0; 6], |sample| !sample.held_out);
     let residuals = plain.residuals(&arm.model, scratch)?;
-    let mut variance = [0.0; 6];
-    for (k, &axis) in observation::axes(arm).iter().enumerate() {
-        let sizes = residuals.iter().skip(k).step_by(plain.n_axes()).map(|r| r.abs());
-        let median = crate::measurement::median(sizes).unwrap_or_default();
-        // The median of |x| of a normal x is 0.6745 of its standard deviation.
-        variance[axis] = (median / 0.6745).powi(2);
-    }
-    Ok(noise::of_variance(arm, variance, 0))
+    Ok(noise::of_residuals(arm, &plain, &residuals))
+}
+
+/// The same search in the noise that the residuals tell once the effects that are found first are taken out.
+fn rescaled(arm: &Arm, mut search: Search) -> Result<Search, NoPose> {
+    let (best, _) = search.run(&arm.model)?;
+    let sigma = noise::of_residuals(arm, &search.training, &best.fit.residuals).sigma;
+    let Search { training, heldout, folds, scratch, .. } = search;
+    let (training, heldout) = (training.with_noise(sigma), heldout.with_noise(sigma));
+    Ok(Search { training, heldout, folds, scratch, ladder: Vec::new() })
 }
 
 fn conclude(
@@ -151,19 +157,20 @@ fn conclude(
     options: &Options,
 ) -> Result<Diagnosis, NoPose> {
     let n_known = arm.model.effects.len();
-    let before = search.refined(&arm.model, None)?;
+    let before = search.training.residuals(&arm.model, &mut search.scratch)?;
     let (best, rivals) = search.run(&arm.model)?;
     let found = best.fit.model.effects.len() - n_known;
-    let look = |search: &Search, trial: &Trial| {
-        structure(arm, run, &search.training, &trial.fit.residuals, trial.fit.values.len(), repeats.as_ref())
+    let look = |search: &Search, residuals: &[f64], fitted: usize| {
+        structure(arm, run, &search.training, residuals, fitted, repeats.as_ref())
     };
-    let (structure, remaining) = (look(search, &before), look(search, &best));
+    let structure = look(search, &before, 0);
+    let remaining = look(search, &best.fit.residuals, best.fit.values.len());
     let alternatives = alternatives(arm, search, &best, rivals, n_known)?;
     let effects: Vec<Effect<f64>> = best.fit.model.effects.iter().skip(n_known).copied().collect();
     let ambiguous = alternatives.iter().any(|other| !same_part(other, &effects));
     let verdict = verdict(found, ambiguous, &structure, &remaining);
     let condition = condition(&best.fit, &search.training);
-    let summary = summary::Summary { arm, run, search, before: &before, best: &best, n_known };
+    let summary = summary::Summary { arm, run, search, best: &best, n_known };
     let mut diagnosis = summary.diagnosis(verdict, repeats, (structure, remaining), alternatives, options)?;
     diagnosis.condition = condition;
     diagnosis.plain = words::sentences(arm, &diagnosis, &effects);
@@ -211,7 +218,7 @@ fn alternatives(
         };
         let own = best.fit.model.effects[effect];
         for rival in rivals.iter().filter(|rival| !candidate::same(&rival.effect, &own)) {
-            let worse = gain(&rival.losses, &best.losses).p;
+            let worse = search.fall(rival, best);
             if worse > RIVAL_LEVEL {
                 all.push(Alternative {
                     instead_of: effect - n_known,
@@ -237,3 +244,6 @@ impl fmt::Display for Verdict {
         })
     }
 }
+
+#[cfg(test)]
+mod tests;

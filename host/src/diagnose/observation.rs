@@ -87,9 +87,14 @@ impl Observations {
         self.axes.len()
     }
 
-    /// The same rows told in the noise of other observations.
-    pub fn like(mut self, other: &Self) -> Self {
-        self.sigma = other.sigma;
+    /// The word of each row, as a number.
+    pub fn groups(&self) -> Vec<usize> {
+        self.rows.iter().map(|row| row.group).collect()
+    }
+
+    /// The same rows told in another noise.
+    pub fn with_noise(mut self, sigma: [f64; 6]) -> Self {
+        self.sigma = sigma;
         self
     }
 
@@ -103,16 +108,17 @@ impl Observations {
     pub fn residuals(&self, model: &ArmModel, scratch: &mut ArmScratch) -> Result<Vec<f64>, NoPose> {
         let mut all = Vec::with_capacity(self.rows.len() * self.axes.len());
         for row in &self.rows {
-            let twist = self.twist(row, model, scratch)?;
-            all.extend(self.axes.iter().map(|&axis| twist[axis] / self.sigma[axis]));
+            let predicted =
+                model.predict(&self.condition(row), scratch).map_err(|error| NoPose { sample: row.sample, error })?;
+            all.extend(self.residual(row, &predicted));
         }
         Ok(all)
     }
 
-    fn twist(&self, row: &Row, model: &ArmModel, scratch: &mut ArmScratch) -> Result<[f64; 6], NoPose> {
-        let predicted =
-            model.predict(&self.condition(row), scratch).map_err(|error| NoPose { sample: row.sample, error })?;
-        Ok((row.inverse * predicted).log().to_vector().into())
+    /// The residual of one row, in units of the noise, when the tool is predicted there.
+    pub fn residual(&self, row: &Row, predicted: &Pose<f64>) -> impl Iterator<Item = f64> {
+        let twist = (row.inverse * *predicted).log().to_vector();
+        self.axes.iter().map(move |&axis| twist[axis] / self.sigma[axis])
     }
 
     /// The residual of each row as a distance d, m, from residuals in units of the noise.

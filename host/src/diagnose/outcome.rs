@@ -206,6 +206,8 @@ pub struct Rung {
 pub struct NextMeasurement {
     /// Words to visit in this order.
     pub words: Vec<String>,
+    /// Under which conditions, where those of this measurement would not do.
+    pub conditions: Option<String>,
     /// What they tell apart.
     pub tells: String,
 }
@@ -217,7 +219,7 @@ pub struct Point {
     pub time_s: f64,
     /// The word.
     pub word: String,
-    /// Supply, in the unit of the model.
+    /// Supply, Pa.
     pub supply: Option<f64>,
     /// Temperature.
     pub temperature_c: Option<f64>,

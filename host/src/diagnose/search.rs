@@ -1,19 +1,19 @@
 //! The search for what is missing: effects are added one at a time, each the one that predicts unseen words best.
 //!
-//! All candidates are judged by their linear fit first, cross-validated over words; the best few are fitted in full and
-//! judged again. The best is kept when its gain is no chance ([`DISCOVERY_LEVEL`], over all that were tried) and the
-//! held-out error falls by more than its uncertainty. After each addition those found before have to prove themselves
-//! again.
+//! All candidates are judged by their linear fit first, cross-validated over words; the best few, if they gain anything
+//! that may be more than chance, are fitted in full and judged again. The best is kept when its gain is no chance
+//! ([`DISCOVERY_LEVEL`], over all that were tried) and the held-out error falls by more than its uncertainty. After each
+//! addition those found before have to prove themselves again.
 
 use darm_core::effect::Effect;
 use darm_core::model::MAX_EFFECTS;
 
 use super::candidate;
-use super::fit::{Fit, cross_validated, fit, losses_by_word};
+use super::fit::{Fit, cross_validated, fit, losses, losses_by_word};
 use super::observation::{NoPose, Observations, Value};
 use super::outcome::Rung;
 use super::sensitivity::Sensitivity;
-use super::significance::{CONFIRMATION_LEVEL, DISCOVERY_LEVEL, Gain, RIVAL_LEVEL, gain, quantile_975};
+use super::significance::{CONFIRMATION_LEVEL, DISCOVERY_LEVEL, RIVAL_LEVEL, fall, quantile_975};
 use crate::arm::{ArmModel, ArmScratch};
 
 /// Candidates of each step that are fitted in full.
@@ -40,16 +40,12 @@ pub struct Trial {
     pub effect: Effect<f64>,
     /// The model with it.
     pub fit: Fit,
-    /// Cross-validated loss of each word.
-    pub losses: Vec<f64>,
+    /// Cross-validated residuals.
+    pub predicted: Vec<f64>,
+    /// Their loss.
+    pub loss: f64,
     /// Cross-validated error as a distance d, root mean square, m.
     pub error_m: f64,
-}
-
-impl Trial {
-    fn loss(&self) -> f64 {
-        self.losses.iter().sum()
-    }
 }
 
 /// The values of all effects of a model.
@@ -91,14 +87,17 @@ impl Search {
         let sensitivity = Sensitivity::new(&current.fit.model, &self.training, &mut self.scratch)?;
         let mut screened: Vec<Trial> =
             candidates.iter().filter_map(|effect| self.screened(current, effect, &sensitivity)).collect();
-        screened.sort_by(|a, b| a.loss().total_cmp(&b.loss()));
+        screened.sort_by(|a, b| a.loss.total_cmp(&b.loss));
+        let (n_tried, groups) = (screened.len(), self.training.groups());
+        let p = |trial: &Trial| (fall(&current.predicted, &trial.predicted, &groups).p * n_tried as f64).min(1.0);
+        let (promising, others): (Vec<_>, Vec<_>) = screened.iter().partition(|trial| p(trial) < 1.0);
+        let (promising, more) = promising.split_at(REFINED.min(promising.len()));
         let mut tried = Vec::new();
-        for trial in screened.iter().take(REFINED) {
+        for trial in promising {
             // An effect that leaves the arm without a pose somewhere is not the one.
             tried.extend(self.refined(&trial.fit.model, Some(trial.effect)).ok());
         }
-        tried.sort_by(|a, b| a.loss().total_cmp(&b.loss()));
-        let n_tried = screened.len();
+        tried.sort_by(|a, b| a.loss.total_cmp(&b.loss));
         let rung = |trial: &Trial, refined| Rung {
             step,
             law: trial.effect.law().name(),
@@ -106,12 +105,12 @@ impl Search {
             values: trial.fit.values.len() - current.fit.values.len(),
             cross_validated_m: trial.error_m,
             without_m: current.error_m,
-            p: (gain(&current.losses, &trial.losses).p * n_tried as f64).min(1.0),
+            p: p(trial),
             refined,
             kept: false,
         };
         self.ladder.extend(tried.iter().map(|trial| rung(trial, true)));
-        self.ladder.extend(screened.iter().skip(REFINED).map(|trial| rung(trial, false)));
+        self.ladder.extend(more.iter().copied().chain(others).map(|trial| rung(trial, false)));
         Ok(tried)
     }
 
@@ -140,16 +139,17 @@ impl Search {
 
     fn judged(&self, fit: Fit, effect: Effect<f64>) -> Trial {
         let predicted = cross_validated(&fit.columns, &fit.residuals, &self.training, &self.folds);
-        let losses = losses_by_word(&predicted, &self.training);
+        let loss = losses(&predicted, self.training.n_axes()).iter().sum();
         let error_m = root_mean_square(&self.training.distances_m(&predicted));
-        Trial { effect, fit, losses, error_m }
+        Trial { effect, fit, predicted, loss, error_m }
     }
 
     /// Whether an effect predicts what it was not fitted to.
     fn proves_itself(&mut self, without: &Trial, with: &Trial) -> Result<bool, NoPose> {
         let n_tried =
             self.ladder.iter().filter(|rung| rung.step == self.ladder.last().map_or(0, |last| last.step)).count();
-        let discovered = gain(&without.losses, &with.losses).p * (n_tried as f64) < DISCOVERY_LEVEL;
+        let p = self.fall(without, with);
+        let discovered = p * (n_tried as f64) < DISCOVERY_LEVEL;
         Ok(discovered && self.confirmed(&without.fit.model, &with.fit.model)?)
     }
 
@@ -160,11 +160,15 @@ impl Search {
         }
         let before = self.heldout.residuals(without, &mut self.scratch)?;
         let after = self.heldout.residuals(with, &mut self.scratch)?;
-        let by_word = |residuals: &[f64]| losses_by_word(residuals, &self.heldout);
-        let Gain { p, .. } = gain(&by_word(&before), &by_word(&after));
-        let (mean_after, uncertainty) = mean_loss(&by_word(&after));
-        let fall = mean_loss(&by_word(&before)).0 - mean_after;
-        Ok(p < CONFIRMATION_LEVEL && fall > uncertainty)
+        let p = fall(&before, &after, &self.heldout.groups()).p;
+        let (mean_before, _) = mean_loss(&losses_by_word(&before, &self.heldout));
+        let (mean_after, uncertainty) = mean_loss(&losses_by_word(&after, &self.heldout));
+        Ok(p < CONFIRMATION_LEVEL && mean_before - mean_after > uncertainty)
+    }
+
+    /// Chance that one model predicts unseen words as much better than another by chance.
+    pub fn fall(&self, before: &Trial, after: &Trial) -> f64 {
+        fall(&before.predicted, &after.predicted, &self.training.groups()).p
     }
 
     /// The model without the effect that is least missed, where it is not missed at all.
@@ -175,7 +179,7 @@ impl Search {
         }
         for dropped in n_known..n - 1 {
             let without = self.without(best, dropped)?;
-            if gain(&without.losses, &best.losses).p > RIVAL_LEVEL {
+            if self.fall(&without, best) > RIVAL_LEVEL {
                 return Ok(Some(without));
             }
         }

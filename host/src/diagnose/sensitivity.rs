@@ -22,6 +22,7 @@ pub struct Sensitivity<'a> {
     model: &'a ArmModel,
     observations: &'a Observations,
     postures: Vec<Posture>,
+    residuals: Vec<f64>,
 }
 
 /// The arm in one posture.
@@ -39,9 +40,11 @@ struct Posture {
 impl<'a> Sensitivity<'a> {
     /// The postures of `model` under the conditions of all rows.
     pub fn new(model: &'a ArmModel, observations: &'a Observations, scratch: &mut ArmScratch) -> Result<Self, NoPose> {
+        let mut residuals = Vec::new();
         let posture = |row| {
             let condition = observations.condition(row);
             let pose = model.predict(&condition, scratch).map_err(|error| NoPose { sample: row.sample, error })?;
+            residuals.extend(observations.residual(row, &pose));
             let n = model.chain.stages.len();
             let sites: Vec<(Site<f64>, usize)> = model.sites(&condition).collect();
             let loads = model.loads(scratch);
@@ -55,7 +58,12 @@ impl<'a> Sensitivity<'a> {
             })
         };
         let postures = observations.rows.iter().map(posture).collect::<Result<_, NoPose>>()?;
-        Ok(Self { model, observations, postures })
+        Ok(Self { model, observations, postures, residuals })
+    }
+
+    /// The residuals, in units of the noise.
+    pub fn into_residuals(self) -> Vec<f64> {
+        self.residuals
     }
 
     /// The derivative of all residuals with respect to one value of an effect; `None` where it changes nothing.

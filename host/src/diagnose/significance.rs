@@ -3,11 +3,15 @@
 //! | question | test | level |
 //! | --- | --- | --- |
 //! | is there more than noise? | residuals against repeats: F, one-sided | [`STRUCTURE_LEVEL`] |
-//! | does an effect predict words that it was not fitted to? | gain of the cross-validated loss, word by word: t, one-sided, times the number of effects tried (Bonferroni) | [`DISCOVERY_LEVEL`] |
+//! | does an effect predict words that it was not fitted to? | fall of the cross-validated squares, word by word: t, one-sided, times the number of effects tried (Bonferroni) | [`DISCOVERY_LEVEL`] |
 //! | does it predict held-out words? | the same on the held-out words, once | [`CONFIRMATION_LEVEL`] |
-//! | is another effect as good? | gain against the best, word by word: t, one-sided | [`RIVAL_LEVEL`] |
+//! | is another effect as good? | fall from it to the best, word by word: t, one-sided | [`RIVAL_LEVEL`] |
+
+use std::collections::BTreeMap;
 
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
+
+use super::fit::weights;
 
 /// Chance to see structure in pure noise.
 pub const STRUCTURE_LEVEL: f64 = 1e-3;
@@ -18,32 +22,39 @@ pub const CONFIRMATION_LEVEL: f64 = 0.025;
 /// An effect worse than the best one with at least this confidence is not its rival.
 pub const RIVAL_LEVEL: f64 = 0.05;
 
-/// The mean of some gains, word by word, and how sure it is.
+/// By how much one model's residuals are larger than another's, and how sure it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Gain {
-    /// The mean gain.
-    pub mean: f64,
-    /// Its standard error.
+pub struct Fall {
+    /// Σ w·(|before|² − |after|²).
+    pub sum: f64,
+    /// Its standard error, by the noise that is in `after`.
     pub error: f64,
-    /// Chance of at least this mean where there is no gain.
+    /// Chance of at least this fall where there is none.
     pub p: f64,
 }
 
-/// By how much `after` is lower than `before`, pair by pair.
-pub fn gain(before: &[f64], after: &[f64]) -> Gain {
-    let n = before.len() as f64;
-    let differences: Vec<f64> = before.iter().zip(after).map(|(b, a)| b - a).collect();
-    let mean = differences.iter().sum::<f64>() / n.max(1.0);
-    if differences.len() < 2 {
-        return Gain { mean, error: f64::INFINITY, p: 1.0 };
+/// The fall from the residuals `before` to those `after`; `groups` tells the word of each row.
+///
+/// With Δ = before − after it is Σ w·(|Δ|² + 2·after·Δ); what of it is chance is the second part, whose terms are
+/// independent from word to word. A row far off by `after` has the weight w that a fit gives it.
+pub fn fall(before: &[f64], after: &[f64], groups: &[usize]) -> Fall {
+    let n_axes = after.len() / groups.len().max(1);
+    let row_weights = weights(after, n_axes.max(1));
+    let mut cross: BTreeMap<usize, f64> = BTreeMap::new();
+    let mut sum = 0.0;
+    for (row, (group, weight)) in groups.iter().zip(row_weights).enumerate() {
+        let range = row * n_axes..(row + 1) * n_axes;
+        for (b, a) in before[range.clone()].iter().zip(&after[range]) {
+            sum += weight * (b * b - a * a);
+            *cross.entry(*group).or_default() += 2.0 * weight * a * (b - a);
+        }
     }
-    let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    let error = (variance / n).sqrt();
-    if error == 0.0 {
-        return Gain { mean, error, p: if mean > 0.0 { 0.0 } else { 1.0 } };
+    let error = cross.values().map(|c| c * c).sum::<f64>().sqrt();
+    if error == 0.0 || cross.len() < 2 {
+        return Fall { sum, error, p: if sum > 0.0 && cross.len() > 1 { 0.0 } else { 1.0 } };
     }
-    let p = StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |t| t.sf(mean / error));
-    Gain { mean, error, p }
+    let p = StudentsT::new(0.0, 1.0, cross.len() as f64 - 1.0).map_or(1.0, |t| t.sf(sum / error));
+    Fall { sum, error, p }
 }
 
 /// Chance that a mean square this many times the noise's is noise.
@@ -64,13 +75,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_gain_everywhere_is_certain() {
-        assert_eq!(gain(&[3.0, 4.0, 5.0], &[1.0, 2.0, 3.0]), Gain { mean: 2.0, error: 0.0, p: 0.0 });
+    fn a_fall_to_nothing_is_certain() {
+        assert_eq!(fall(&[1.0, 2.0], &[0.0, 0.0], &[0, 1]), Fall { sum: 5.0, error: 0.0, p: 0.0 });
     }
 
     #[test]
-    fn no_gain_is_chance() {
-        assert!((gain(&[1.0, 0.0], &[0.0, 1.0]).p - 0.5).abs() < 1e-12);
+    fn no_fall_is_chance() {
+        assert!((fall(&[1.0, 0.5], &[0.5, 1.0], &[0, 1]).p - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_fall_in_one_word_counts() {
+        // Nine words as before, and one in which five times the noise goes: 25 of 2·5 standard errors.
+        let (mut before, after, groups) = ([1.0; 10], [1.0; 10], [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
+        before[3] = 6.0;
+        let fall = fall(&before, &after, &groups);
+        assert_eq!((fall.sum, fall.error), (35.0, 10.0));
+        assert!(fall.p < 0.01);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! (memory of the word before), supply, temperature, time, servo position, and the word as a whole. Each is an F test
 //! on all axes together; chances are multiplied by the number of variables. Rows that fit nothing are drawn in first.
 
+use darm_core::actuator::MAX_STATES;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
@@ -91,8 +92,10 @@ fn variables(arm: &Arm, run: &Run, observations: &Observations) -> Vec<(String, 
         let stayed = of_rows(&|row| {
             let condition = observations.condition(row);
             let stays = condition.previous.is_some_and(|previous| previous.digit(k) == condition.word.digit(k));
-            f64::from(u8::from(stays)) * if condition.word.digit(k) == 0 { 1.0 } else { -1.0 }
+            f64::from(u8::from(stays))
         });
+        let digits: Vec<u8> = rows.iter().map(|row| observations.condition(row).word.digit(k)).collect();
+        let stayed = beside_digit(&stayed, &digits);
         all.push((format!("word before, at {name}"), vec![stayed]));
     }
     for k in 0..arm.n_servos() {
@@ -104,6 +107,18 @@ fn variables(arm: &Arm, run: &Run, observations: &Observations) -> Vec<(String, 
     let word = |group| of_rows(&|row| f64::from(u8::from(row.group == group)));
     all.push(("word".into(), (1..observations.n_groups).map(word).collect()));
     all
+}
+
+/// A variable less its mean among the rows with the same digit, and of the other sign where the digit is 0: actuators
+/// come off their two stops in opposite directions.
+fn beside_digit(values: &[f64], digits: &[u8]) -> Vec<f64> {
+    let mean = |digit: u8| {
+        let same = || values.iter().zip(digits).filter(|(_, other)| **other == digit);
+        same().map(|(value, _)| value).sum::<f64>() / same().count().max(1) as f64
+    };
+    let means: Vec<f64> = (0..MAX_STATES as u8).map(mean).collect();
+    let sign = |digit: u8| if digit == 0 { 1.0 } else { -1.0 };
+    values.iter().zip(digits).map(|(value, &digit)| sign(digit) * (value - means[usize::from(digit)])).collect()
 }
 
 /// Share of the residual that the columns take up beside an offset, and the chance of it; `None` where the columns are

@@ -1,22 +1,19 @@
 //! A search's result put in the shape of a [`Diagnosis`].
 
-use nalgebra::DMatrix;
-use statrs::distribution::{ChiSquared, ContinuousCDF};
+use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
-use super::Options;
-use super::candidate::{all, place_code, place_name, same};
-use super::design::most_informative;
-use super::fit::{covariance, normal, pseudo_inverse, size, weights};
+use super::candidate::{place_code, place_name};
+use super::fit::{covariance, size};
 use super::noise::{Noise, Repeatability};
 use super::observation::{NoPose, Observations, Value, axes};
 use super::outcome::{
-    Alternative, AxisFigure, BeforeAfter, Diagnosis, ErrorFigure, Errors, Found, NextMeasurement, Outlier, Parameter,
-    Point, Rows, Verdict, axis_name,
+    Alternative, AxisFigure, BeforeAfter, Diagnosis, ErrorFigure, Errors, Found, Outlier, Parameter, Point, Rows,
+    Verdict, axis_name,
 };
 use super::search::{Search, Trial, root_mean_square, values};
-use super::sensitivity::Sensitivity;
 use super::significance::quantile_975;
 use super::structure::Structure;
+use super::{Options, next};
 use crate::arm::{Arm, ArmModel};
 use crate::measurement::{Run, median};
 
@@ -28,7 +25,6 @@ pub(super) struct Summary<'a> {
     pub(super) arm: &'a Arm,
     pub(super) run: &'a Run,
     pub(super) search: &'a mut Search,
-    pub(super) before: &'a Trial,
     pub(super) best: &'a Trial,
     pub(super) n_known: usize,
 }
@@ -42,14 +38,17 @@ impl Summary<'_> {
         alternatives: Vec<Alternative>,
         options: &Options,
     ) -> Result<Diagnosis, NoPose> {
+        let alternatives = self.with_best(verdict, alternatives);
+        let per_axis = repeats.as_ref().map_or(self.search.training.rows.len(), |noise| noise.dof);
+        let noise_dof = (per_axis * self.search.training.n_axes()) as f64;
         let named = verdict == Verdict::EffectFound;
-        let error = BeforeAfter {
-            before: self.errors(&self.before.fit.model.clone())?,
-            after: self.errors(&self.best.fit.model.clone())?,
-        };
+        let error =
+            BeforeAfter { before: self.errors(&self.arm.model)?, after: self.errors(&self.best.fit.model.clone())? };
         let effects = if named { self.found(&error)? } else { Vec::new() };
         let next_measurement = match verdict {
-            Verdict::NotIdentifiable => self.next_measurement(&alternatives, options)?,
+            Verdict::NotIdentifiable => {
+                Some(next::proposal(self.arm, self.run, self.search, self.best, &alternatives, options)?)
+            }
             _ => None,
         };
         Ok(Diagnosis {
@@ -60,9 +59,9 @@ impl Summary<'_> {
             error,
             verdict,
             effects,
-            alternatives: self.with_best(verdict, alternatives),
+            alternatives,
             unobservable: self.unobservable(),
-            outliers: self.outliers(),
+            outliers: self.outliers(noise_dof),
             structure,
             remaining,
             ladder: self.search.ladder.clone(),
@@ -165,15 +164,17 @@ impl Summary<'_> {
         own.chain(alternatives).collect()
     }
 
-    fn outliers(&self) -> Vec<Outlier> {
+    /// Rows that are farther off than the noise, itself known by so many degrees of freedom only, would ever be.
+    fn outliers(&self, noise_dof: f64) -> Vec<Outlier> {
         let training = &self.search.training;
         let (n_axes, residuals) = (training.n_axes(), &self.best.fit.residuals);
-        let Ok(chi) = ChiSquared::new(n_axes as f64) else {
+        let (Ok(chi), Ok(f)) = (ChiSquared::new(n_axes as f64), FisherSnedecor::new(n_axes as f64, noise_dof)) else {
             return Vec::new();
         };
         let squares: Vec<f64> = residuals.chunks(n_axes).map(|row| size(row).powi(2)).collect();
         let usual = median(squares.iter().copied()).unwrap_or(1.0) / chi.inverse_cdf(0.5);
-        let limit = chi.inverse_cdf(1.0 - OUTLIER_LEVEL / squares.len().max(1) as f64) * usual.max(1.0);
+        let rare = 1.0 - OUTLIER_LEVEL / squares.len().max(1) as f64;
+        let limit = n_axes as f64 * f.inverse_cdf(rare) * usual.max(1.0);
         let distances = training.distances_m(residuals);
         let far = squares.iter().enumerate().filter(|(_, square)| **square > limit);
         far.map(|(row, square)| Outlier {
@@ -184,49 +185,11 @@ impl Summary<'_> {
         .collect()
     }
 
-    /// Words that tell the best effects and their alternatives apart, by D-optimality over all their values together.
-    fn next_measurement(
-        &mut self,
-        alternatives: &[Alternative],
-        options: &Options,
-    ) -> Result<Option<NextMeasurement>, NoPose> {
-        let mut model = self.best.fit.model.clone();
-        for effect in all(&self.arm.model) {
-            let meant = alternatives.iter().any(|a| a.law == effect.law().name() && a.place == place_code(&effect));
-            if meant && !model.effects.iter().any(|known| same(known, &effect)) && model.effects.push(effect).is_err() {
-                break;
-            }
-        }
-        let fit = super::fit::fit(&model, &self.search.training, &values(&model), &mut self.search.scratch)?;
-        let (information, _) =
-            normal(&fit.columns, &fit.residuals, &weights(&fit.residuals, self.search.training.n_axes()));
-        // A little of everything is taken as known, so that what is not told at all counts most, but finitely.
-        let floor = information.diagonal().map(|d| 1e-6 * d.max(f64::MIN_POSITIVE));
-        let covariance = pseudo_inverse(&(information + DMatrix::from_diagonal(&floor)));
-        let programme = crate::programme::candidates(self.arm, options.seed);
-        let proposed = crate::programme::as_run(self.arm, &programme);
-        let observations = Observations::new(self.arm, &proposed, [1.0; 6], |_| true).like(&self.search.training);
-        let sensitivity = Sensitivity::new(&fit.model, &observations, &mut self.search.scratch)?;
-        let column = |&(effect, value): &Value| sensitivity.column(&fit.model.effects[effect], value);
-        let columns: Vec<Option<Vec<f64>>> = fit.values.iter().map(column).collect();
-        let n_axes = observations.n_axes();
-        let entry =
-            |row: usize, axis: usize, column: usize| columns[column].as_ref().map_or(0.0, |c| c[row * n_axes + axis]);
-        let measurements: Vec<DMatrix<f64>> = (0..observations.rows.len())
-            .map(|row| DMatrix::from_fn(n_axes, columns.len(), |axis, column| entry(row, axis, column)))
-            .collect();
-        let chosen = most_informative(covariance, &measurements, options.next_words);
-        let words =
-            chosen.iter().map(|&row| observations.condition(&observations.rows[row]).word.to_string()).collect();
-        let names: Vec<String> = alternatives.iter().map(|a| format!("{} at {}", a.law, a.place_name)).collect();
-        Ok(Some(NextMeasurement { words, tells: format!("apart {}", names.join(" and ")) }))
-    }
-
     fn points(&mut self) -> Result<Vec<Point>, NoPose> {
         let mut points = Vec::new();
         let Search { training, heldout, scratch, .. } = &mut *self.search;
         for (held_out, observations) in [(false, &*training), (true, &*heldout)] {
-            let before = observations.residuals(&self.before.fit.model, scratch)?;
+            let before = observations.residuals(&self.arm.model, scratch)?;
             let after = observations.residuals(&self.best.fit.model, scratch)?;
             let (before_m, after_m) = (observations.distances_m(&before), observations.distances_m(&after));
             for (k, row) in observations.rows.iter().enumerate() {

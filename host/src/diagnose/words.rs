@@ -11,7 +11,7 @@ use crate::arm::Arm;
 pub(super) fn sentences(arm: &Arm, diagnosis: &Diagnosis, effects: &[Effect<f64>]) -> Vec<String> {
     let mut told = vec![verdict(diagnosis)];
     if diagnosis.verdict == Verdict::EffectFound {
-        told.extend(effects.iter().map(|effect| effect_sentence(arm, effect)));
+        told.extend(effects.iter().map(|effect| capitalised(&effect_sentence(arm, effect))));
         told.push(error_sentence(diagnosis));
     }
     if diagnosis.verdict == Verdict::NotIdentifiable {
@@ -26,7 +26,9 @@ pub(super) fn sentences(arm: &Arm, diagnosis: &Diagnosis, effects: &[Effect<f64>
         }
     }
     if let Some(next) = &diagnosis.next_measurement {
-        told.push(format!("Measure next the words {}: they tell {}.", next.words.join(" "), next.tells));
+        let conditions = next.conditions.as_ref().map_or(String::new(), |conditions| format!(" {conditions}"));
+        let words = next.words.join(" ");
+        told.push(format!("Measure next{conditions}, in this order: {words}. That tells {}.", next.tells));
     }
     if !diagnosis.outliers.is_empty() {
         let lines: Vec<String> = diagnosis.outliers.iter().take(8).map(|outlier| outlier.line.to_string()).collect();
@@ -37,6 +39,12 @@ pub(super) fn sentences(arm: &Arm, diagnosis: &Diagnosis, effects: &[Effect<f64>
         ));
     }
     told
+}
+
+/// The sentence with its first letter large.
+fn capitalised(sentence: &str) -> String {
+    let mut letters = sentence.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
 
 fn verdict(diagnosis: &Diagnosis) -> String {

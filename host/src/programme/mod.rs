@@ -140,7 +140,7 @@ fn informative_words(arm: &Arm, options: &Options) -> Vec<Word> {
     if steps.len() <= options.words {
         return steps.into_iter().map(|step| step.word).collect();
     }
-    let observations = Observations::new(arm, &as_run(arm, &steps), NOISE, |_| true);
+    let observations = Observations::new(arm, &as_run_away(arm, &steps), NOISE, |_| true);
     let columns = candidate_columns(arm, &observations);
     let n_axes = observations.n_axes();
     let measurements: Vec<DMatrix<f64>> = (0..observations.rows.len())
@@ -166,11 +166,9 @@ fn likely(column: Vec<f64>) -> Vec<f64> {
     column.into_iter().map(|x| x * LIKELY / rms.max(f64::MIN_POSITIVE)).collect()
 }
 
-/// The steps as an exact measurement of the arm as its model has it, away from nominal supply and temperature.
-pub fn as_run(arm: &Arm, steps: &[Step]) -> Run {
+/// The steps as an exact measurement of the arm as its model has it, at this supply and temperature.
+pub fn as_run(arm: &Arm, steps: &[Step], supply: f64, temperature_k: f64) -> Run {
     let mut scratch = ArmScratch::default();
-    let supply = arm.model.nominal_supply * AWAY.0;
-    let temperature_k = arm.model.reference_temperature_k + AWAY.1;
     let sample = |(visit, step): (usize, &Step)| {
         let previous = Some(step.previous);
         let condition = Condition { word: step.word, previous, servos: &step.servos_rad, supply, temperature_k };
@@ -188,6 +186,11 @@ pub fn as_run(arm: &Arm, steps: &[Step]) -> Run {
         })
     };
     Run { samples: steps.iter().enumerate().filter_map(sample).collect(), lines: Vec::new() }
+}
+
+/// The same away from nominal supply and temperature, so that effects of either show.
+fn as_run_away(arm: &Arm, steps: &[Step]) -> Run {
+    as_run(arm, steps, AWAY.0 * arm.model.nominal_supply, arm.model.reference_temperature_k + AWAY.1)
 }
 
 /// Where the servos stand in a round: in the middle of their range, then to one side and to the other.

@@ -185,7 +185,7 @@ fn diagnosis(report: &LoopReport) -> Markup {
 fn suspects(d: &Diagnosis) -> Vec<Markup> {
     let plots = [
         plots::over(d, "time, s", |p| Some(p.time_s)),
-        plots::over(d, "supply, bar", |p| p.supply.map(|supply_pa| supply_pa * 1e-5)),
+        plots::over(d, "supply, bar", |p| p.supply.map(|supply_pa| supply_pa / 1e5)),
         plots::over(d, "temperature, °C", |p| p.temperature_c),
         plots::over(d, "number of actuators extended", |p| Some(p.word.chars().filter(|c| *c != '0').count() as f64)),
     ];

@@ -52,7 +52,7 @@ pub(super) fn by_word(diagnosis: &Diagnosis) -> Markup {
 pub(super) fn over(diagnosis: &Diagnosis, name: &'static str, of: fn(&Point) -> Option<f64>) -> Option<Markup> {
     let xs: Vec<f64> = diagnosis.points.iter().filter_map(of).collect();
     let (low, high) = xs.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
-    if (high - low).is_nan() || high - low <= 1e-9 {
+    if xs.is_empty() || high - low <= 1e-9 {
         return None;
     }
     let marks = |error: fn(&Point) -> f64| -> Vec<Mark> {
@@ -100,7 +100,7 @@ impl Plot {
     fn draw_into(&self, svg: &mut String) -> Result<(), Box<dyn std::error::Error>> {
         let area = SVGBackend::with_string(svg, self.size).into_drawing_area();
         area.fill(&WHITE)?;
-        let font = || TextStyle::from(("sans-serif", 13).into_font()).color(&INK);
+        let font = || TextStyle::from(("sans-serif", 14).into_font()).color(&INK);
         let mut chart = ChartBuilder::on(&area)
             .margin(8)
             .x_label_area_size(38)
@@ -116,7 +116,8 @@ impl Plot {
         if !self.x_numbers {
             mesh.x_labels(0);
         }
-        mesh.x_label_formatter(&|x| short(*x)).draw()?;
+        let span = self.x_range.end - self.x_range.start;
+        mesh.x_label_formatter(&|x| number(*x, span)).draw()?;
         if let Some(noise) = self.noise_mm {
             chart.draw_series(LineSeries::new(
                 [(self.x_range.start, noise), (self.x_range.end, noise)],
@@ -147,14 +148,14 @@ fn scalable(svg: &str, (width, height): (u32, u32)) -> String {
     svg.replacen(&fixed, "<svg role=\"img\"", 1)
 }
 
-/// A number as short as it can be.
+/// A number with as many decimals as tell marks apart that are a fifth of `span` apart.
+fn number(value: f64, span: f64) -> String {
+    let decimals = (1.0 - span.log10().floor()).clamp(0.0, 6.0) as usize;
+    let text = format!("{value:.decimals$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_string() } else { text }
+}
+
+/// A number with one digit or two, for a logarithmic scale.
 fn short(value: f64) -> String {
-    let text = if value.abs() < 0.1 {
-        format!("{value:.2}")
-    } else if value.abs() < 10.0 {
-        format!("{value:.1}")
-    } else {
-        format!("{value:.0}")
-    };
-    text.strip_suffix(".0").map_or(text.clone(), str::to_string)
+    number(value, value.abs().max(1e-6) * 10.0)
 }

@@ -19,13 +19,6 @@ fn report() -> LoopReport {
     let steps = programme(&found.arm, &programme::Options::default());
     let run = truth.measure(&steps, 0.0, 4).unwrap();
     let diagnosis = diagnose(&found.arm, &run, &Options::default()).unwrap();
-    let frame = |reached: &synthesis::Reached| FrameFigure {
-        name: reached.frame.name.clone(),
-        word: reached.frame.word.to_string(),
-        before_m: reached.error_before_m,
-        error_m: reached.error_m,
-        error_rad: reached.error_rad,
-    };
     let closed = |frame: &frames::DesiredFrame| ClosedFrame {
         name: frame.name.clone(),
         word_before: frame.word.to_string(),
@@ -39,15 +32,7 @@ fn report() -> LoopReport {
         version: env!("CARGO_PKG_VERSION").into(),
         board: "no board".into(),
         time_s: 61.0,
-        synthesis: SynthesisFigures {
-            case: "sufficient".into(),
-            iterations: found.iterations,
-            time_s: found.time.as_secs_f64(),
-            alteration_m: found.alteration_m,
-            frames: found.frames.iter().map(frame).collect(),
-            paper: PAPER,
-            paper_method: None,
-        },
+        synthesis: synthesis_figures(&found),
         programme: ProgrammeFigures {
             words: 96,
             held_out: 24,
@@ -74,6 +59,25 @@ fn report() -> LoopReport {
             goal_m: 1.2e-3,
         }],
         drawing: Drawing::of(&base, &found.arm, &desired),
+    }
+}
+
+fn synthesis_figures(found: &synthesis::Synthesis) -> SynthesisFigures {
+    let frame = |reached: &synthesis::Reached| FrameFigure {
+        name: reached.frame.name.clone(),
+        word: reached.frame.word.to_string(),
+        before_m: reached.error_before_m,
+        error_m: reached.error_m,
+        error_rad: reached.error_rad,
+    };
+    SynthesisFigures {
+        case: "sufficient".into(),
+        iterations: found.iterations,
+        time_s: found.time.as_secs_f64(),
+        alteration_m: found.alteration_m,
+        frames: found.frames.iter().map(frame).collect(),
+        paper: PAPER,
+        paper_method: None,
     }
 }
 

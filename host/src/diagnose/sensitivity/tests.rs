@@ -12,7 +12,7 @@ fn columns_are_differences_of_residuals() {
     let text = include_str!("../../../../examples/planar4.toml");
     let arm = Arm::parse(Path::new("planar4.toml"), text).unwrap();
     let steps: Vec<_> = candidates(&arm, 3).into_iter().take(20).collect();
-    let observations = Observations::new(&arm, &as_run(&arm, &steps), [1.0; 6], |_| true);
+    let observations = Observations::new(&arm, &as_run(&arm, &steps, 5.4e5, 303.15), [1.0; 6], |_| true);
     let mut scratch = ArmScratch::default();
     let sensitivity = Sensitivity::new(&arm.model, &observations, &mut scratch).unwrap();
     for effect in candidate::all(&arm.model) {

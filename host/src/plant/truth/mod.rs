@@ -33,6 +33,8 @@ pub const CAMERA_RAD: f64 = 0.02 * std::f64::consts::PI / 180.0;
 const TIMES_SCATTER: std::ops::Range<f64> = 13.0..32.0;
 /// Places drawn before a kind of effect is held to be impossible in an arm.
 const DRAWS: usize = 64;
+/// Random words that an arm has to stand in with its effect.
+const STANDS_IN: usize = 256;
 /// Time that one step takes in a [`Truth::measure`]d programme; a repeat takes a third of it.
 const STEP_S: f64 = 0.3;
 
@@ -143,6 +145,10 @@ impl Truth {
             let Some(unit) = unit else { break };
             if let Some(size) = truth.size_for(&unit, desired, times * scatter_m)? {
                 truth.mechanism = unit.scaled(size);
+                if !truth.stands(&mut rng) {
+                    truth.mechanism = Mechanism::Nothing;
+                    continue;
+                }
                 truth.sealed.size = size;
                 truth.sealed.unit = kind.unit();
                 truth.sealed.place = unit.place();
@@ -235,6 +241,21 @@ impl Truth {
             if error_of(middle) < error_m { low = middle } else { high = middle }
         }
         Ok(Some(high))
+    }
+
+    /// Whether the arm has a pose in random words wherever its drawing has one: no effect is to break it.
+    fn stands(&self, rng: &mut impl Rng) -> bool {
+        let mut scratch = ArmScratch::default();
+        let chain = &self.body.chain;
+        let servos_rad = vec![0.0; chain.n_servos()];
+        (0..STANDS_IN).all(|_| {
+            let mut digit = |k| rng.random_range(0..chain.n_states(k).max(1) as u8);
+            let digits: Vec<u8> = (0..chain.n_actuators()).map(&mut digit).collect();
+            let word = Word::new(&digits).unwrap_or_default();
+            let state = TrueState { word, previous: None, servos_rad: &servos_rad, time_s: 0.0 };
+            chain.pose_base_tool(&word, &servos_rad, &mut scratch).is_err()
+                || self.mechanism.pose(&self.body, &state, self.surroundings.settled(&word), &mut scratch).is_ok()
+        })
     }
 
     /// The distance d from the nominal arm at the desired frames in settled surroundings, root mean square, m.
