@@ -1,35 +1,23 @@
-//! Measurements. On the chip: exact instruction counts of a bench image in the emulator, and the sizes of the image.
+//! On the chip: exact instruction counts of a bench image in the emulator, and the sizes of the image.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail};
 use darm::qemu;
 
-use crate::figures::{Figure, tell};
+use crate::figures::Figure;
 use crate::image;
 use crate::setup::{self, Emulator};
 
-/// Measures, and prints a table beside the goals
-#[derive(clap::Args)]
-pub(crate) struct Bench {
-    /// Instruction counts and sizes of the firmware
-    #[arg(long, required = true)]
-    chip: bool,
-    /// Write the figures as JSON
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-}
-
-impl Bench {
-    pub(crate) fn run(&self) -> Result<()> {
-        if let Emulator::Absent(why) = setup::emulator() {
-            bail!("instructions are counted in the emulator, and there is none: {why}");
-        }
-        let mut figures = counts(&image::build_bench()?)?;
-        figures.extend(sizes(&image::build()?)?);
-        tell(&figures, 1, self.json.as_deref())
+/// Counts and sizes.
+pub(super) fn measure() -> Result<Vec<Figure>> {
+    if let Emulator::Absent(why) = setup::emulator() {
+        bail!("instructions are counted in the emulator, and there is none: {why}");
     }
+    let mut figures = counts(&image::build_bench()?)?;
+    figures.extend(sizes(&image::build()?)?);
+    Ok(figures)
 }
 
 /// Runs the bench image with 64 ns of virtual time an instruction; it prints `name value unit`, a line each.

@@ -1,0 +1,38 @@
+//! Measurements, one file each; each prints its figures beside the goals.
+
+mod chip;
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+
+use crate::figures::tell;
+
+/// Measures, and prints a table beside the goals
+#[derive(clap::Args)]
+pub(crate) struct Bench {
+    #[command(flatten)]
+    what: What,
+    /// Write the figures as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// What to measure.
+#[derive(clap::Args)]
+#[group(required = true, multiple = true)]
+struct What {
+    /// Instruction counts and sizes of the firmware
+    #[arg(long)]
+    chip: bool,
+}
+
+impl Bench {
+    pub(crate) fn run(&self) -> Result<()> {
+        let mut figures = Vec::new();
+        if self.what.chip {
+            figures.extend(chip::measure()?);
+        }
+        tell(&figures, 1, self.json.as_deref())
+    }
+}
