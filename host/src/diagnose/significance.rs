@@ -57,6 +57,20 @@ pub fn fall(before: &[f64], after: &[f64], groups: &[usize]) -> Fall {
     Fall { sum, error, p }
 }
 
+/// The same where each group's fall of the loss is given: t over the groups. It holds where what remains has structure
+/// of its own in every group.
+pub fn paired(falls: &[f64]) -> Fall {
+    let n = falls.len() as f64;
+    let sum = falls.iter().sum::<f64>();
+    let variance = falls.iter().map(|fall| (fall - sum / n).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+    let error = (n * variance).sqrt();
+    if error == 0.0 || falls.len() < 2 {
+        return Fall { sum, error, p: if sum > 0.0 && falls.len() > 1 { 0.0 } else { 1.0 } };
+    }
+    let p = StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |t| t.sf(sum / error));
+    Fall { sum, error, p }
+}
+
 /// Chance that a mean square this many times the noise's is noise.
 pub fn f_test(ratio: f64, dof: usize, noise_dof: usize) -> f64 {
     if dof == 0 || noise_dof == 0 {
