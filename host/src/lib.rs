@@ -13,5 +13,7 @@ pub mod programme;
 pub mod qemu;
 pub mod reach;
 pub mod report;
+pub mod robot;
 pub mod stops;
 pub mod synthesis;
+pub mod urdf;
