@@ -99,16 +99,10 @@ struct Report {
 
 impl Diagnose {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        match self.channel_model()? {
+        match Model::read(&self.model)? {
             Some(model) => self.channels(&model, voice),
             None => self.poses(voice),
         }
-    }
-
-    /// The model of a table of channels; `None` where the file is that of an arm of words.
-    fn channel_model(&self) -> anyhow::Result<Option<Model>> {
-        let is_one = std::fs::read_to_string(&self.model).is_ok_and(|text| Model::is_one(&text));
-        Ok(if is_one { Some(Model::read(&self.model)?) } else { None })
     }
 
     fn channels(&self, model: &Model, voice: Voice) -> anyhow::Result<()> {

@@ -26,6 +26,11 @@ pub trait Kind {
     /// The most effects that a model holds.
     fn most(&self) -> usize;
 
+    /// Whether an effect found may give its place to another when nothing more can be added: where laws overlap.
+    fn exchanges(&self) -> bool {
+        false
+    }
+
     /// The law and the place of an effect.
     fn name(&self, effect: &Self::Effect) -> (&'static str, String);
 

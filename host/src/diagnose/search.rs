@@ -11,6 +11,8 @@ use super::significance::{DISCOVERY_LEVEL, RIVAL_LEVEL};
 
 /// Candidates of each step that are fitted in full.
 const REFINED: usize = 8;
+/// Exchanges of one effect for another in one search.
+const MOST_EXCHANGES: usize = 12;
 
 /// A search and what it has tried.
 #[derive(Debug)]
@@ -31,11 +33,17 @@ impl<K: Kind> Search<K> {
     pub fn run(&mut self, start: Trial<K>) -> Result<(Trial<K>, Vec<Trial<K>>), K::Error> {
         let n_known = self.kind.n_effects(&start.fit);
         let mut best = self.kind.settled(start)?;
-        let mut rivals = Vec::new();
+        let (mut rivals, mut exchanges) = (Vec::new(), 0);
         while self.kind.n_effects(&best.fit) < self.kind.most() {
             let mut tried = self.step(&best, self.kind.n_effects(&best.fit) - n_known)?;
             if tried.is_empty() || !self.proves_itself(&best, &tried[0])? {
-                break;
+                match self.exchanged(&best, n_known)? {
+                    Some(better) if exchanges < MOST_EXCHANGES => best = self.kind.settled(better)?,
+                    _ => break,
+                }
+                exchanges += 1;
+                rivals.clear();
+                continue;
             }
             self.keep(&tried[0]);
             best = tried.remove(0);
@@ -103,6 +111,21 @@ impl<K: Kind> Search<K> {
         let n_tried = self.ladder.iter().filter(|rung| rung.step == last).count();
         let discovered = self.kind.fall(without, with).p * (n_tried as f64) < DISCOVERY_LEVEL;
         Ok(discovered && self.kind.confirmed(without, with)?)
+    }
+
+    /// The best model in which one effect found gives its place to another, where that predicts unseen rows better.
+    fn exchanged(&mut self, best: &Trial<K>, n_known: usize) -> Result<Option<Trial<K>>, K::Error> {
+        let mut better: Option<Trial<K>> = None;
+        if !self.kind.exchanges() {
+            return Ok(None);
+        }
+        for effect in n_known..self.kind.n_effects(&best.fit) {
+            let without = self.kind.without(best, effect)?;
+            let tried = self.kind.screened(&without)?.into_iter().min_by(|a, b| a.loss.total_cmp(&b.loss));
+            let least = better.as_ref().map_or(best.loss, |better| better.loss);
+            better = tried.filter(|trial| trial.loss < least && self.kind.fall(best, trial).p < RIVAL_LEVEL).or(better);
+        }
+        Ok(better)
     }
 
     /// The model without the effect that is least missed, where it is not missed at all.

@@ -26,7 +26,7 @@ const CREEP: [f64; 3] = [0.05, 0.2, 0.5];
 /// v_s over the root mean square of v.
 const STRIBECK: [f64; 3] = [0.1, 0.3, 1.0];
 /// d over the range of x.
-const PRESLIDING: [f64; 6] = [0.002, 0.005, 0.01, 0.03, 0.1, 0.3];
+const PRESLIDING: [f64; 5] = [0.002, 0.005, 0.01, 0.03, 0.1];
 
 /// One coordinate along the rows of a measurement.
 pub struct Coordinate<'a> {
@@ -55,16 +55,20 @@ pub struct Law {
 }
 
 impl Law {
-    fn new(name: &'static str, value: &'static str, unit: String, column: Vec<f64>) -> Self {
+    /// A law without a shape.
+    pub fn new(name: &'static str, value: &'static str, unit: String, column: Vec<f64>) -> Self {
         Self { name, shape: None, value: (value, unit), column }
     }
 
     /// The law at a place, acting on one of several axes.
     pub fn on_axis(&self, place: &str, axis: usize, n_axes: usize) -> Candidate {
-        let mut column = vec![0.0; self.column.len() * n_axes];
-        for (row, number) in self.column.iter().enumerate() {
-            column[row * n_axes + axis] = *number;
-        }
+        let shares: Vec<f64> = (0..n_axes).map(|k| f64::from(u8::from(k == axis))).collect();
+        self.on_axes(place, &shares)
+    }
+
+    /// The law at a place, acting on each axis by its share.
+    pub fn on_axes(&self, place: &str, shares: &[f64]) -> Candidate {
+        let column = self.column.iter().flat_map(|number| shares.iter().map(move |share| share * number)).collect();
         let mut candidate = Candidate::one(self.name, place, (self.value.0, &self.value.1), column);
         candidate.shape = self.shape;
         candidate

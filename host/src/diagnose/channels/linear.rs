@@ -2,8 +2,8 @@
 //!
 //! # Method
 //!
-//! At the model as it stands the residuals are scaled by the noise of their axes (that of the residuals themselves, by
-//! their median) and rows far off are given less weight (Huber). The products of all columns are summed once for each
+//! At the model as it stands the residuals are scaled by the noise of their axes (that of the residuals themselves,
+//! less the farthest hundredth) and what is far off are given less weight (Huber). The products of all columns are summed once for each
 //! fold; then any set of effects is a small system of equations. The information counts by 1/τ, with τ how many rows
 //! repeat each other (the integral of the residuals' autocorrelation), against the priors of the values. Unseen rows
 //! are those of a fold: a value of the column that is held out, or a tenth of the pieces of time.
@@ -16,16 +16,17 @@ use super::groups::Groups;
 use crate::diagnose::fit::{losses, weights};
 use crate::diagnose::kind::{Kind, Trial};
 use crate::diagnose::significance::{Fall, paired};
-use crate::measurement::median;
 
 /// The most effects of one model.
 const MOST: usize = 60;
 /// Rounds of weights and noise until they settle.
 const ROUNDS: usize = 2;
+/// Candidates times folds up to which exchanges are worth their time.
+const MOST_TO_EXCHANGE: usize = 1200;
 /// Share of the information that is added to each value's own, so that what is not told stays small.
 const LEAST: f64 = 1e-9;
-/// The median of |x| of a normal x, in units of its standard deviation.
-const MEDIAN_OF_NORMAL: f64 = 0.6745;
+/// One row in as many, the farthest off, does not count in the noise.
+const TRIMMED: usize = 100;
 
 /// A model: which candidates are in it, and its values.
 #[derive(Clone, Debug, PartialEq)]
@@ -153,17 +154,17 @@ impl Channels {
     }
 
     /// Sums of products for each fold under these row weights; the residual is told at the values zero.
-    fn accumulate(&mut self, row_weights: &[f64]) {
+    fn accumulate(&mut self, entry_weights: &[f64]) {
         let n_axes = self.sigma.len();
         let zero = self.linear(&vec![0.0; self.n_values]);
         let p = self.n_values;
         let of_fold = |fold: usize| {
-            let rows: Vec<usize> = (0..row_weights.len()).filter(|&row| self.groups.folds[row] == fold).collect();
+            let rows: Vec<usize> = (0..self.groups.folds.len()).filter(|&row| self.groups.folds[row] == fold).collect();
             let mut transposed = DMatrix::zeros(p + 1, rows.len() * n_axes);
             for (at, &row) in rows.iter().enumerate() {
-                let root = row_weights[row].sqrt();
                 for axis in 0..n_axes {
                     let k = row * n_axes + axis;
+                    let root = entry_weights[k].sqrt();
                     let mut entry = transposed.column_mut(at * n_axes + axis);
                     for (value, column) in self.columns.iter().enumerate() {
                         entry[value] = root * column[k];
@@ -214,7 +215,7 @@ impl Channels {
                 }
             }
         }
-        let loss = losses(&predicted, n_axes).iter().sum();
+        let loss = losses(&predicted, 1).iter().sum();
         let error = self.norm(&predicted);
         Trial { effect, fit: Fit { active, values }, predicted, loss, error }
     }
@@ -231,10 +232,12 @@ impl Channels {
     fn rescale(&mut self, residuals: &[f64]) {
         let n_axes = self.sigma.len();
         for axis in 0..n_axes {
-            let of_axis = || residuals.iter().skip(axis).step_by(n_axes).map(|r| r * self.sigma[axis]);
-            let usual = median(of_axis().map(f64::abs)).unwrap_or_default() / MEDIAN_OF_NORMAL;
-            let rms = (of_axis().map(|r| r * r).sum::<f64>() * n_axes as f64 / residuals.len().max(1) as f64).sqrt();
-            self.sigma[axis] = usual.max(0.5 * rms).max(1e-12);
+            let of_axis = residuals.iter().skip(axis).step_by(n_axes);
+            let mut squares: Vec<f64> = of_axis.map(|r| (r * self.sigma[axis]).powi(2)).collect();
+            squares.sort_unstable_by(f64::total_cmp);
+            squares.truncate(squares.len() - squares.len() / TRIMMED);
+            let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+            self.sigma[axis] = mean.sqrt().max(1e-12);
         }
         self.repeats = self.groups.repeats(residuals, n_axes);
     }
@@ -272,6 +275,10 @@ impl Kind for Channels {
         MOST
     }
 
+    fn exchanges(&self) -> bool {
+        self.experiment.candidates.len() * self.groups.n_folds < MOST_TO_EXCHANGE
+    }
+
     fn name(&self, effect: &usize) -> (&'static str, String) {
         let candidate = &self.experiment.candidates[*effect];
         let shape = candidate.shape.map_or(String::new(), |(name, value, unit)| format!(", {name} {value:.3} {unit}"));
@@ -285,7 +292,7 @@ impl Kind for Channels {
             self.rescale(&residuals);
             self.linearise(&best.fit.values);
             let residuals = self.training_residuals(&best.fit);
-            self.accumulate(&weights(&residuals, self.sigma.len()));
+            self.accumulate(&weights(&residuals, 1));
             best = self.judged(best.fit.active, best.effect);
         }
         Ok(best)
@@ -315,12 +322,15 @@ impl Kind for Channels {
 
     fn fall(&self, before: &Trial<Self>, after: &Trial<Self>) -> Fall {
         let n_axes = self.sigma.len();
-        let mut falls = vec![0.0; self.groups.n_blocks];
-        let pairs = losses(&before.predicted, n_axes).into_iter().zip(losses(&after.predicted, n_axes));
-        for ((before, after), block) in pairs.zip(&self.groups.blocks) {
-            falls[*block] += before - after;
+        let mut cells = vec![[0.0; 2]; self.groups.n_blocks * n_axes];
+        let pairs = losses(&before.predicted, 1).into_iter().zip(losses(&after.predicted, 1));
+        for (k, (before, after)) in pairs.enumerate() {
+            let cell = &mut cells[self.groups.blocks[k / n_axes] * n_axes + k % n_axes];
+            cell[0] += before;
+            cell[1] += after;
         }
-        paired(&falls)
+        cells.retain(|[before, after]| before != after);
+        paired(&cells)
     }
 
     /// Rows that are held out take no part, so that the error told on them is of rows that nothing saw.

@@ -10,6 +10,8 @@
 //! No law is tied to a set of data: a kind of experiment lists the laws that can act on what it observes. Rows that are
 //! held out are seen by nothing before the errors are told.
 
+pub mod bodies;
+pub mod closure;
 pub mod experiment;
 mod force;
 pub mod groups;
@@ -22,6 +24,8 @@ pub mod prepared;
 mod remaining;
 pub mod signal;
 mod summary;
+pub mod torque;
+mod wrench;
 
 use std::path::Path;
 
@@ -139,8 +143,13 @@ fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) ->
 
 fn experiment(model: &Model, data: &Prepared) -> Result<Experiment, ChannelError> {
     Ok(match model {
-        Model::Cylinder { bore_mm } => force::experiment(data, bore_mm * 1e-3)?,
-        Model::Servo {} => position::experiment(data)?,
+        Model::Cylinder { bore_m } => force::experiment(data, *bore_m)?,
+        Model::Servo => position::experiment(data)?,
+        Model::Torque(robot, transmission) => torque::experiment(data, robot, transmission.as_ref())?,
+        Model::Wrench(robot) => wrench::experiment(data, robot)?,
+        Model::Closure(robot, points) => closure::experiment(data, robot, points)?,
+        Model::Any(robot) if data.raw("fz").is_some() => wrench::experiment(data, robot)?,
+        Model::Any(robot) => torque::experiment(data, robot, None)?,
     })
 }
 
@@ -156,7 +165,16 @@ fn always(experiment: &Experiment, laws: &[String]) -> Result<Vec<usize>, Channe
             known.dedup();
             return Err(ChannelError::NoLaw { law: law.clone(), known: known.join(", ") });
         }
-        active.extend(all);
+        // Of a law with several shapes the first is taken.
+        let other_shape = |k: &usize, of: &[usize]| {
+            let place = |k: usize| &experiment.candidates[k].place;
+            of.iter().any(|other| experiment.candidates[*other].law == law && place(*other) == place(*k))
+        };
+        for k in all {
+            if !other_shape(&k, &active) {
+                active.push(k);
+            }
+        }
     }
     Ok(active)
 }

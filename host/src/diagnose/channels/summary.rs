@@ -122,12 +122,11 @@ fn deviations(kind: &Channels, best: &Trial<Channels>, indices: &[usize]) -> Vec
     let inverse = pseudo_inverse(&information);
     let residuals = kind.training_residuals(&best.fit);
     let n_axes = kind.sigma.len();
-    let row_weights = weights(&residuals, n_axes);
+    let entry_weights = weights(&residuals, 1);
     let mut scores = DMatrix::<f64>::zeros(indices.len(), kind.groups.n_blocks);
     for (a, &value) in indices.iter().enumerate() {
         for (k, slope) in kind.column(value).iter().enumerate() {
-            let row = k / n_axes;
-            scores[(a, kind.groups.blocks[row])] += row_weights[row] * slope * residuals[k] / kind.repeats;
+            scores[(a, kind.groups.blocks[k / n_axes])] += entry_weights[k] * slope * residuals[k] / kind.repeats;
         }
     }
     let sandwich = &inverse * (&scores * scores.transpose()) * &inverse;
