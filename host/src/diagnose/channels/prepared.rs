@@ -35,8 +35,10 @@ pub struct Preparation {
     pub hold_out: HoldOut,
     /// Columns whose values part the rows into stretches.
     pub within: Vec<String>,
-    /// Rows a second that are kept, as near as whole steps come; `None`: all.
+    /// Rows a second, where the table has no time.
     pub rate_hz: Option<f64>,
+    /// Rows a second that are kept, as near as whole steps come; `None`: all.
+    pub thin_hz: Option<f64>,
     /// Corner of the low-pass on all channels.
     pub lowpass_hz: Option<f64>,
     /// A column that is 0 where a row only repeats the one before.
@@ -93,10 +95,13 @@ impl Prepared {
         }
         constant(&table, &mut findings);
         let time = table.quantity("time").map(|column| column.numbers.clone());
-        let time_s = time.unwrap_or_else(|| (0..table.lines.len()).map(|row| row as f64).collect());
+        let time_s = time.unwrap_or_else(|| {
+            let step_s = how.rate_hz.map_or(1.0, |hz| 1.0 / hz);
+            (0..table.lines.len()).map(|row| row as f64 * step_s).collect()
+        });
         let (held, held_out, keys) = held_out(&table, &how.hold_out, each)?;
         let series = series(&table, &how.within, &time_s, &held, &mut findings)?;
-        let every = how.rate_hz.map_or(1, |hz| (rate_hz(&time_s, &series) / hz).round().max(1.0) as usize);
+        let every = how.thin_hz.map_or(1, |hz| (rate_hz(&time_s, &series) / hz).round().max(1.0) as usize);
         let thinned = |stretch: std::ops::Range<usize>| stretch.step_by(every);
         let mut kept: Vec<usize> = stretches(&series).into_iter().flat_map(thinned).collect();
         if let Some(settled_s) = how.settled_s {
