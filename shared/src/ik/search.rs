@@ -83,13 +83,14 @@ impl<T: Real> Default for Options<T> {
 }
 
 impl<T: Real> Options<T> {
-    fn accepts(&self, error: &Twist<T>) -> bool {
+    /// Whether an error (rad, m) is within both tolerances.
+    pub fn accepts(&self, error: &Twist<T>) -> bool {
         error.linear.norm_squared() <= self.position_m * self.position_m
             && error.angular.norm_squared() <= self.orientation_rad * self.orientation_rad
     }
 
-    /// What the angular and the linear part of an error are multiplied by; zero when they do not count.
-    fn weights(&self) -> [T; 2] {
+    /// What the angular and the linear part of an error are multiplied by, (ℓ, 1); zero for a part that does not count.
+    pub fn weights(&self) -> [T; 2] {
         let counts = |tolerance: T, weight| if tolerance.is_finite() { weight } else { T::zero() };
         [counts(self.orientation_rad, self.length_scale_m), counts(self.position_m, T::one())]
     }
