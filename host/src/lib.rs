@@ -4,6 +4,7 @@ pub mod arm;
 pub mod client;
 pub mod clock;
 pub mod diagnose;
+pub mod ik;
 pub mod in_process;
 pub mod link;
 pub mod measurement;

@@ -38,6 +38,20 @@ impl<T: Real, const N: usize> Tree<T, N> {
         }
     }
 
+    /// Where the first joint below `frame` stands (m, base), and a length (m) from there that the frame's origin never exceeds
+    /// while sliding joints keep these limits: that of all links together.
+    pub fn reach(&self, frame: &LinkFrame<T>, limits: &[[T; 2]; N]) -> (Vec3<T>, T) {
+        let (mut first, mut length) = (frame.pose.position, T::zero());
+        self.along(frame, |index, link| {
+            length += first.norm();
+            if let (JointKind::Prismatic, Some([low, high])) = (link.kind, limits.get(index)) {
+                length += low.abs().max(high.abs());
+            }
+            first = link.origin;
+        });
+        (first, length)
+    }
+
     /// ⁰J, 6 × N: the twist of `frame`, told along the axes of the base at the frame's origin, per unit of each joint.
     ///
     /// Column i is what the lecture's recursion ωᵢ₊₁ = ωᵢ + θ̇ẑ, vᵢ₊₁ = vᵢ + ωᵢ × pᵢ₊₁ carries from joint i to the
