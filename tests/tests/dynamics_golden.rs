@@ -9,6 +9,7 @@ use std::path::Path;
 
 use darm_core::actuator::{Axis, JointKind};
 use darm_core::dynamics::{self, floating};
+use darm_core::ik;
 use darm_core::real::{Mat3, Real, Vec3, real};
 use darm_core::se::{Pose, Twist, Wrench};
 use darm_core::tree::jacobian::{statics, twist};
@@ -499,4 +500,33 @@ fn check_limbs(
         });
         check.near(name, ours, &angular_first(&sample["frames"][name]["J_world_aligned"]), 1.0);
     }
+}
+
+/// Success on the targets of `ik_targets_*`: each reached within the limits, to 1e-5 m and 1e-5 rad by forward kinematics.
+fn check_targets<const N: usize>(name: &str) {
+    let file = golden(name);
+    let tree = Tree::new(&joints::<N>(&file), gravity(&file)).expect("a tree");
+    let tool = tree.frame(N - 1, &placement(&file["ee"]));
+    let targets = golden(&format!("ik_targets_{name}"));
+    let [low, high] = [&targets["limits"][0], &targets["limits"][1]].map(array::<N>);
+    let limits = from_fn(|joint| [low[joint], high[joint]]);
+    let arm = ik::Arm { tree: &tree, tool: &tool, limits: &limits };
+    let rows = targets["targets"].as_array().expect("targets");
+    assert_eq!(rows.len(), 1000);
+    for row in rows.iter().map(list) {
+        let (start, six) = row.split_first_chunk::<N>().expect("a start");
+        let target = Pose::new(&Vec3::from_column_slice(&six[..3]), Vec3::from_column_slice(&six[3..]));
+        let found = ik::solve(&arm, &target, start, &ik::Options::default());
+        let stands = tree.pose(&tool, &found.q).to(&target);
+        assert_eq!(found.status, ik::Status::Reached, "{name} {row:?}: {found:?}");
+        assert!(stands.position.norm() <= 1e-5 && stands.angle_rad() <= 1e-5, "{name} {row:?}");
+        assert!(found.q.iter().zip(&limits).all(|(q, [low, high])| (low..=high).contains(&q)), "{name} {row:?}");
+    }
+}
+
+#[test]
+fn inverse_kinematics_reaches_every_target() {
+    check_targets::<7>("panda_urdf");
+    check_targets::<6>("ur10_urdf");
+    check_targets::<6>("puma560_dh");
 }

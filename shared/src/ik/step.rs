@@ -7,6 +7,7 @@ use nalgebra::SMatrix;
 
 use crate::real::{Real, real};
 use crate::se::Twist;
+use crate::tree::fused;
 use crate::tree::singular::manipulability_ellipsoid;
 
 /// ε_Θ = J⁻¹ ε (rad or m); `None` when J has no inverse.
@@ -90,16 +91,18 @@ pub fn transpose_step<T: Real, const N: usize>(jacobian: &SMatrix<T, 6, N>, erro
 /// ε_Θ = Jᵀ (J Jᵀ + μ 1)⁻¹ ε (rad or m): the step that makes |J ε_Θ − ε|² + μ |ε_Θ|² least, with μ = `damping` above zero.
 #[inline]
 pub fn damped_step<T: Real, const N: usize>(jacobian: &SMatrix<T, 6, N>, error: &Twist<T>, damping: T) -> [T; N] {
+    let columns = &jacobian.data.0;
+    let product = |i: usize, j: usize| {
+        let of = |column: &[T; 6]| (column[i], column[j]);
+        let first = columns.first().map(of).map_or(T::zero(), |(a, b)| a * b);
+        columns.iter().skip(1).map(of).fold(first, |sum, (a, b)| fused(a, b, sum))
+    };
     let mut matrix = [[T::zero(); 6]; 6];
-    for (k, row) in matrix.iter_mut().enumerate() {
-        row[k] = damping;
-    }
-    for column in &jacobian.data.0 {
-        for (k, (row, entry)) in matrix.iter_mut().zip(column).enumerate() {
-            for (sum, other) in row.iter_mut().zip(column).take(k + 1) {
-                *sum += *entry * *other;
-            }
+    for (i, row) in matrix.iter_mut().enumerate() {
+        for (j, entry) in row.iter_mut().enumerate().take(i + 1) {
+            *entry = product(i, j);
         }
+        row[i] += damping;
     }
     transposed(jacobian, &solved(matrix, six(error), damping))
 }
@@ -113,16 +116,16 @@ fn solved<T: Real>(mut a: [[T; 6]; 6], mut b: [T; 6], least: T) -> [T; 6] {
         inverse[k] = T::one() / pivot;
         for i in k + 1..6 {
             let factor = a[i][k] * inverse[k];
-            for j in k + 1..=i {
-                a[i][j] -= factor * a[j][k];
+            for j in k + 1..i + 1 {
+                a[i][j] = fused(-factor, a[j][k], a[i][j]);
             }
-            b[i] -= factor * b[k];
+            b[i] = fused(-factor, b[k], b[i]);
         }
     }
     for k in (0..6).rev() {
         b[k] *= inverse[k];
         for i in k + 1..6 {
-            b[k] -= a[i][k] * inverse[k] * b[i];
+            b[k] = fused(-(a[i][k] * inverse[k]), b[i], b[k]);
         }
     }
     b
@@ -146,5 +149,5 @@ fn six<T: Real>(twist: &Twist<T>) -> [T; 6] {
 
 #[inline(always)]
 fn dot<T: Real>(a: &[T; 6], b: &[T; 6]) -> T {
-    a.iter().zip(b).fold(T::zero(), |sum, (a, b)| sum + *a * *b)
+    a.iter().zip(b).fold(T::zero(), |sum, (a, b)| fused(*a, *b, sum))
 }

@@ -1,6 +1,7 @@
 //! Measurements, one file each; each prints its figures beside the goals.
 
 mod chip;
+mod peers;
 
 use std::path::PathBuf;
 
@@ -25,6 +26,9 @@ struct What {
     /// Instruction counts and sizes of the firmware
     #[arg(long)]
     chip: bool,
+    /// Kinematics and dynamics beside Pinocchio and the crate `k`: what they take is built once, in minutes
+    #[arg(long)]
+    peers: bool,
 }
 
 impl Bench {
@@ -32,6 +36,9 @@ impl Bench {
         let mut figures = Vec::new();
         if self.what.chip {
             figures.extend(chip::measure()?);
+        }
+        if self.what.peers {
+            figures.extend(peers::measure()?);
         }
         tell(&figures, 1, self.json.as_deref())
     }
