@@ -5,7 +5,7 @@ use darm_core::real::Vec3;
 use serde::Serialize;
 
 use super::subject::{Given, Posture, Subject, csv_line};
-use crate::voice::{Answer, Voice, columns};
+use crate::voice::{Answer, Voice, columns, number};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -102,7 +102,7 @@ impl Answer for Report {
         }
         let head = ["posture", "x, mm", "y, mm", "z, mm"].map(str::to_owned).to_vec();
         let rows = self.postures.iter().enumerate().map(|(index, row)| {
-            std::iter::once((index + 1).to_string()).chain(row.com_m.map(|x| format!("{:.3}", 1e3 * x))).collect()
+            std::iter::once((index + 1).to_string()).chain(row.com_m.map(|x| number(1e3 * x, 3))).collect()
         });
         let table = columns(&std::iter::once(head).chain(rows).collect::<Vec<_>>());
         let mut text = format!("{:.4} kg, centre of mass in the base\n{table}", self.mass_kg);
@@ -111,7 +111,7 @@ impl Answer for Report {
         {
             let head = ["joint", "x", "y", "z"].map(str::to_owned).to_vec();
             let rows = self.joints.iter().enumerate().map(|(k, joint)| {
-                let numbers = jacobian.iter().map(|row| format!("{:.5}", row.get(k).copied().unwrap_or(0.0)));
+                let numbers = jacobian.iter().map(|row| number(row.get(k).copied().unwrap_or(0.0), 5));
                 std::iter::once(joint.clone()).chain(numbers).collect::<Vec<_>>()
             });
             let table = columns(&std::iter::once(head).chain(rows).collect::<Vec<_>>());

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::jacobian::wrench;
 use super::subject::{Coordinate, Given, Posture, Subject, csv_line, frame_of, listed};
 use crate::failure::Usage;
-use crate::voice::{Answer, Voice, columns};
+use crate::voice::{Answer, Voice, columns, number};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -257,17 +257,17 @@ impl Report {
         }
         let mut rows = vec![head.into_iter().map(str::to_owned).collect::<Vec<_>>()];
         for (k, joint) in self.shown.iter().enumerate() {
-            let of = |numbers: &[f64]| format!("{:.4}", numbers.get(k).copied().unwrap_or(0.0));
+            let of = |numbers: &[f64]| number(numbers.get(k).copied().unwrap_or(0.0), 4);
             let mut row = vec![joint.name.clone(), of(&state.torque), of(&state.gravity), of(&state.velocity_torque)];
             row.push(joint.load_unit().to_owned());
             if let Some(qdd) = state.acceleration.as_ref().and_then(|qdd| qdd.get(k)) {
-                row.push(format!("{:.3} {}/s²", joint.shown(*qdd), joint.unit()));
+                row.push(format!("{} {}/s²", number(joint.shown(*qdd), 3), joint.unit()));
             }
             rows.push(row);
         }
         text += &columns(&rows);
         let matrix = |rows: &[Vec<f64>]| {
-            columns(&rows.iter().map(|row| row.iter().map(|x| format!("{x:.4}")).collect()).collect::<Vec<_>>())
+            columns(&rows.iter().map(|row| row.iter().map(|x| number(*x, 4)).collect()).collect::<Vec<_>>())
         };
         text += &format!("\n\nmass matrix M, per rad or m\n{}", matrix(&state.mass_matrix));
         if state.velocity_torque.iter().any(|torque| *torque != 0.0) {

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::subject::{Given, PoseReport, Subject, csv_line};
-use crate::voice::{Answer, Voice, columns};
+use crate::voice::{Answer, Voice, columns, number};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -90,7 +90,7 @@ impl Answer for Report {
         }
         let head = ["posture", "frame", "x, mm", "y, mm", "z, mm", "about z, deg", "y", "x"];
         let rows = self.poses.iter().map(|row| {
-            let numbers = cells(row, 1e3).into_iter().map(|x| format!("{x:.3}"));
+            let numbers = cells(row, 1e3).into_iter().map(|x| number(x, 3));
             [row.posture.to_string(), row.frame.clone()].into_iter().chain(numbers).collect()
         });
         columns(&std::iter::once(head.map(str::to_owned).to_vec()).chain(rows).collect::<Vec<_>>())

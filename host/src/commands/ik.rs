@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use super::subject::{Coordinate, Given, PoseReport, csv_line, frame_of};
 use crate::failure::Usage;
-use crate::voice::{Answer, Voice, columns};
+use crate::voice::{Answer, Voice, columns, number};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -98,7 +98,8 @@ struct Found {
     status: &'static str,
     q: Vec<f64>,
     error_m: f64,
-    error_rad: f64,
+    /// Where the orientation counts.
+    error_rad: Option<f64>,
     steps: usize,
     starts: usize,
     pose: PoseReport,
@@ -122,7 +123,7 @@ impl Ik {
             let start = postures.get(index).or(postures.first()).map_or(&[][..], |posture| &posture.q);
             for method in &methods {
                 let inverse = self.solve(&robot, frame, target, *method, start)?;
-                answers.push(found(index, *method, &inverse));
+                answers.push(found(index, target, *method, &inverse));
                 if index == 0 {
                     drawn.push((*method, inverse.history));
                 }
@@ -220,7 +221,7 @@ fn read(path: &Path) -> anyhow::Result<Vec<Target>> {
     if targets.is_empty() { Err(Usage(format!("{shown}: no rows")).into()) } else { Ok(targets) }
 }
 
-fn found(index: usize, method: Method, inverse: &Inverse) -> Found {
+fn found(index: usize, target: &Target, method: Method, inverse: &Inverse) -> Found {
     let status = match inverse.status {
         Status::Reached => "reached",
         Status::OutOfReach => "out-of-reach",
@@ -232,7 +233,7 @@ fn found(index: usize, method: Method, inverse: &Inverse) -> Found {
         status,
         q: inverse.q.clone(),
         error_m: inverse.error_m,
-        error_rad: inverse.error_rad,
+        error_rad: target.is_oriented.then_some(inverse.error_rad),
         steps: inverse.steps,
         starts: inverse.starts,
         pose: (&inverse.pose).into(),
@@ -247,7 +248,8 @@ impl Answer for Report {
             let head = csv_line(head.chain(["error_mm", "error_deg", "steps", "starts"].map(str::to_owned)));
             let rows = self.answers.iter().map(|found| {
                 let q = found.q.iter().zip(&self.shown).map(|(q, joint)| format!("{:?}", joint.shown(*q)));
-                let errors = [1e3 * found.error_m, found.error_rad.to_degrees()].map(|error| format!("{error:e}"));
+                let angle = found.error_rad.map_or(String::new(), |error| format!("{:e}", error.to_degrees()));
+                let errors = [format!("{:e}", 1e3 * found.error_m), angle];
                 let head = [found.target.to_string(), found.method.to_owned(), found.status.to_owned()];
                 let counts = [found.steps.to_string(), found.starts.to_string()];
                 csv_line(head.into_iter().chain(q).chain(errors).chain(counts))
@@ -257,13 +259,13 @@ impl Answer for Report {
         let units = self.shown.iter().map(|joint| format!("{}, {}", joint.name, joint.unit()));
         let head = ["target", "method", "", "error", "", "steps", "starts"].into_iter().map(str::to_owned);
         let rows = self.answers.iter().map(|found| {
-            let q = found.q.iter().zip(&self.shown).map(|(q, joint)| format!("{:.3}", joint.shown(*q)));
+            let q = found.q.iter().zip(&self.shown).map(|(q, joint)| number(joint.shown(*q), 3));
             let told = [
                 found.target.to_string(),
                 found.method.to_owned(),
                 found.status.to_owned(),
                 format!("{:.1e} mm", 1e3 * found.error_m),
-                format!("{:.1e} deg", found.error_rad.to_degrees()),
+                found.error_rad.map_or(String::new(), |error| format!("{:.1e} deg", error.to_degrees())),
                 found.steps.to_string(),
                 found.starts.to_string(),
             ];

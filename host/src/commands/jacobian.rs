@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::subject::{Coordinate, Given, csv_line};
 use crate::failure::Usage;
-use crate::voice::{Answer, Voice, columns};
+use crate::voice::{Answer, Voice, columns, number};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -184,7 +184,7 @@ impl Report {
             let head = std::iter::once(String::new()).chain(self.columns.iter().cloned()).collect();
             let rows = matrix.iter().zip(["ωx", "ωy", "ωz", "vx", "vy", "vz"]);
             let rows = rows.map(|(row, name)| {
-                std::iter::once(name.to_owned()).chain(row.iter().map(|x| format!("{x:.4}"))).collect::<Vec<_>>()
+                std::iter::once(name.to_owned()).chain(row.iter().map(|x| number(*x, 4))).collect::<Vec<_>>()
             });
             let table: Vec<_> = std::iter::once(head).chain(rows).collect();
             text +=
@@ -194,7 +194,7 @@ impl Report {
             ["", "rank", "manipulability", "least singular value", "singular values"].map(str::to_owned).to_vec();
         let parts = [("angular, rad", &row.angular), ("linear, m", &row.linear), ("both", &row.whole)];
         let parts = parts.map(|(name, part)| {
-            let values = part.singular_values.iter().map(|x| format!("{x:.4}")).collect::<Vec<_>>().join(" ");
+            let values = part.singular_values.iter().map(|x| number(*x, 4)).collect::<Vec<_>>().join(" ");
             let (w, least) = (format!("{:.4e}", part.manipulability), format!("{:.4e}", part.distance_to_singularity));
             vec![name.to_owned(), part.rank.to_string(), w, least, values]
         });
@@ -202,7 +202,7 @@ impl Report {
         text += "\n\nhalf axes of the ellipsoid of velocities, m, and of forces, N\n";
         let axes = row.linear.ellipsoid_axes.iter().zip(&row.linear.singular_values).zip(&row.linear.force_half_axes);
         let axes = axes.map(|((axis, length), force)| {
-            let direction = axis.iter().map(|x| format!("{x:.3}")).collect::<Vec<_>>().join(" ");
+            let direction = axis.iter().map(|x| number(*x, 3)).collect::<Vec<_>>().join(" ");
             let force = force.map_or("any".to_owned(), |force| format!("{force:.4}"));
             vec![format!("along {direction}"), format!("{length:.4}"), force]
         });
@@ -211,7 +211,9 @@ impl Report {
             text += "\n\nwhat holds the load: τ = Jᵀ F\n";
             let rows = self.shown.iter().zip(torques);
             text += &columns(
-                &rows.map(|(c, t)| vec![c.name.clone(), format!("{t:.4} {}", c.load_unit())]).collect::<Vec<_>>(),
+                &rows
+                    .map(|(c, t)| vec![c.name.clone(), format!("{} {}", number(*t, 4), c.load_unit())])
+                    .collect::<Vec<_>>(),
             );
         }
         text

@@ -115,7 +115,8 @@ impl Scene {
                 digits.by_ref().take(stage.n_actuators()).for_each(drop);
                 scene.line(Part::Link, below.position, top.position);
             }
-            scene.labels.push((arm.stage_name(index), top.position));
+            let outermost = settings.iter().map(|setting| top * setting.top).max_by(|a, b| a.x.total_cmp(&b.x));
+            scene.labels.push((arm.stage_name(index), outermost.unwrap_or(top.position)));
             below = top;
         }
         scene.line(Part::Link, below.position, scratch.pose_base_tool.position);

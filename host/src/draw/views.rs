@@ -5,7 +5,7 @@ use maud::{Markup, PreEscaped, html};
 
 use super::{Part, Scene};
 
-const STYLE: &str = "text{font:12px sans-serif;fill:#333d45}.name{font-size:11px;fill:#5d6a73}\
+const STYLE: &str = "text{font:12px sans-serif;fill:#333d45;paint-order:stroke;stroke:#fff;stroke-width:3px}.name{font-size:11px;fill:#5d6a73}\
 .view{fill:none;stroke:#e0e5e8}.ground{stroke:#b3bcc2;stroke-width:1.5;stroke-dasharray:5 4}\
 line{stroke-linecap:round}.link{stroke:#333d45;stroke-width:4}.plate{stroke:#333d45;stroke-width:4}\
 .contracted{stroke:#7a868f;stroke-width:2.5}.extended{stroke:#1f6f8b;stroke-width:2.5}\
@@ -77,7 +77,9 @@ impl View {
         html! {
             rect.view x=(left + 4.0) y=(top + 4.0) width=(width - 8.0) height=(height - 8.0) {}
             text x=(left + 14.0) y=(top + 22.0) { (self.title) }
-            line.ground x1=(n(left + 20.0)) x2=(n(left + width - 20.0)) y1=(n(origin[1])) y2=(n(origin[1])) {}
+            @if self.up.z > 0.0 || scene.is_planar {
+                line.ground x1=(n(left + 20.0)) x2=(n(left + width - 20.0)) y1=(n(origin[1])) y2=(n(origin[1])) {}
+            }
             @for line in lines {
                 @let ([ax, ay], [bx, by]) = (at(&line.from), at(&line.to));
                 line class=(class(line.part)) x1=(n(ax)) y1=(n(ay)) x2=(n(bx)) y2=(n(by)) {}
@@ -87,7 +89,7 @@ impl View {
                 line x1=(n(x - 5.0)) x2=(n(x + 5.0)) y1=(n(y)) y2=(n(y)) stroke="#333d45" {}
                 line x1=(n(x)) x2=(n(x)) y1=(n(y - 5.0)) y2=(n(y + 5.0)) stroke="#333d45" {}
             }
-            @if has_names { (names(scene, &at)) }
+            @if has_names { (names(scene, &at, left + 0.75 * width)) }
             (place.bar(left + 16.0, top + height - 16.0))
         }
     }
@@ -107,8 +109,8 @@ impl View {
     }
 }
 
-/// Names beside their points; of points that coincide on the paper, one under the other.
-fn names(scene: &Scene, at: &impl Fn(&Vec3<f64>) -> [f64; 2]) -> Markup {
+/// Names right of their points, left of those past `turning`; of points that coincide on the paper, one under the other.
+fn names(scene: &Scene, at: &impl Fn(&Vec3<f64>) -> [f64; 2], turning: f64) -> Markup {
     let mut taken: Vec<[f64; 2]> = Vec::new();
     let placed: Vec<_> = scene
         .labels
@@ -119,10 +121,11 @@ fn names(scene: &Scene, at: &impl Fn(&Vec3<f64>) -> [f64; 2]) -> Markup {
                 y += 13.0;
             }
             taken.push([x, y]);
-            (name, x + 12.0, y + 4.0)
+            let (x, anchor) = if x > turning { (x - 12.0, "end") } else { (x + 12.0, "start") };
+            (name, x, y + 4.0, anchor)
         })
         .collect();
-    html! { @for (name, x, y) in placed { text.name x=(n(x)) y=(n(y)) { (name) } } }
+    html! { @for (name, x, y, anchor) in placed { text.name x=(n(x)) y=(n(y)) text-anchor=(anchor) { (name) } } }
 }
 
 /// Where metres come to lie on the paper.
@@ -145,7 +148,7 @@ impl Place {
         let text = if length >= 1.0 { format!("{length:.0} m") } else { format!("{:.0} mm", 1e3 * length) };
         html! {
             line.bar x1=(n(x)) x2=(n(x + length * self.scale)) y1=(n(y)) y2=(n(y)) {}
-            text x=(n(x)) y=(n(y - 6.0)) { (text) }
+            text x=(n(x + length * self.scale + 6.0)) y=(n(y + 4.0)) { (text) }
         }
     }
 }

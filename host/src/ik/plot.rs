@@ -63,7 +63,13 @@ fn draw(
             .label(method.name())
             .legend(move |(x, y)| plotters::prelude::Rectangle::new([(x, y - 2), (x + 18, y + 2)], color.filled()));
     }
-    chart.configure_series_labels().label_font(font()).background_style(WHITE).border_style(GRID).draw()?;
+    chart
+        .configure_series_labels()
+        .position(plotters::prelude::SeriesLabelPosition::UpperRight)
+        .label_font(font())
+        .background_style(WHITE)
+        .border_style(GRID)
+        .draw()?;
     area.present()?;
     Ok(())
 }

@@ -117,3 +117,6 @@ impl RobotFrame {
         tree.frame(self.joint.unwrap_or(usize::MAX), &self.pose)
     }
 }
+
+#[cfg(test)]
+mod tests;
