@@ -44,8 +44,11 @@ pub(crate) struct Synth {
     /// Steps of the paper's scheme
     #[arg(long, value_name = "N", default_value_t = 100)]
     steps: u32,
+    /// Tikhonov's parameter of the paper's scheme, for more frames than can be met
+    #[arg(long, value_name = "SHARE", default_value_t = 1e-3)]
+    regularisation: f64,
     /// Starts that are tried before the nearest geometry is taken
-    #[arg(long, value_name = "N", default_value_t = 8)]
+    #[arg(long, value_name = "N", default_value_t = 16)]
     starts: u32,
     /// Seed of the starts
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -106,9 +109,10 @@ struct NotMet {
 impl Synth {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
         let base = Arm::read(&self.base)?;
-        let desired = frames::read(&self.frames, &base)?;
+        let task = frames::read_task(&self.frames, &base)?;
         let wheel = voice.wheel("synthesising");
-        let found = synthesize(&base, &desired, &self.options()?);
+        let options = Options { ranges: task.ranges, ..self.options()? };
+        let found = synthesize(&base, &task.frames, &options);
         wheel.finish_and_clear();
         let found = found?;
         if found.status == Status::Closest && !self.closest {
@@ -131,11 +135,11 @@ impl Synth {
         }
         let method = match self.method {
             Scheme::Newton => Method::Newton,
-            Scheme::Paper => Method::Paper { steps: self.steps },
+            Scheme::Paper => Method::Paper { steps: self.steps, regularisation: self.regularisation },
         };
         let bounds =
             Bounds { shortest: self.shortest / 100.0, longest: self.longest / 100.0, ..Options::default().bounds };
-        Ok(Options { method, bounds, starts: self.starts, seed: self.seed })
+        Ok(Options { method, bounds, starts: self.starts, seed: self.seed, ..Options::default() })
     }
 
     fn report(&self, found: &Synthesis) -> Synthesised {

@@ -24,9 +24,11 @@
 //! Source: Miyahara, Chirikjian, General Kinematic Synthesis Method for a Discretely Actuated Robotic Manipulator.
 
 mod case;
+mod lift;
 mod newton;
 mod paper;
 mod problem;
+mod search;
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -37,18 +39,20 @@ use darm_core::se::Pose;
 use darm_core::units::Word;
 use serde::Serialize;
 
-use crate::arm::frames::{self, DesiredFrame};
+use crate::arm::frames::{self, DesiredFrame, StopRange};
 use crate::arm::{Arm, FrameFault, reason_of};
-pub use case::{Case, CaseKind};
+pub use case::{BoundFrame, Case, CaseKind, WholeModules};
 use problem::Problem;
 
 /// How to look for the geometry.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// The scheme.
     pub method: Method,
     /// What the stops may be set to.
     pub bounds: Bounds,
+    /// What the stops of single actuators may be set to besides.
+    pub ranges: Vec<StopRange>,
     /// How many starts are tried, the base-line included, before the nearest is returned.
     pub starts: u32,
     /// Seed of the starts.
@@ -56,14 +60,18 @@ pub struct Options {
 }
 
 /// The scheme of a synthesis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
-    /// Gauss–Newton on the group, analytic derivatives.
+    /// Gauss–Newton on the group, analytic derivatives, several ways and starts.
     Newton,
+    /// Undamped Gauss–Newton from the base-line, without bounds and other starts: what the rest is measured by.
+    Plain,
     /// The paper's: frames interpolated in so many steps, derivatives by differences, the actual frame fed back.
     Paper {
         /// n_div of the paper.
         steps: u32,
+        /// Tikhonov's parameter in the insufficient case, as a share of the Jacobian's norm.
+        regularisation: f64,
     },
 }
 
@@ -76,12 +84,26 @@ pub struct Bounds {
     pub longest: f64,
     /// Least difference of a state and the one before it, m (rad of a revolute joint).
     pub stroke: f64,
+    /// A revolute joint stops within plus and minus this angle, rad.
+    pub turn_rad: f64,
+}
+
+impl Bounds {
+    /// Any number goes.
+    pub fn none() -> Self {
+        Self { shortest: f64::NEG_INFINITY, longest: f64::INFINITY, stroke: f64::NEG_INFINITY, turn_rad: f64::INFINITY }
+    }
+}
+
+impl Default for Bounds {
+    fn default() -> Self {
+        Self { shortest: 0.5, longest: 2.0, stroke: 0.0, turn_rad: std::f64::consts::PI }
+    }
 }
 
 impl Default for Options {
     fn default() -> Self {
-        let bounds = Bounds { shortest: 0.5, longest: 2.0, stroke: 0.0 };
-        Self { method: Method::Newton, bounds, starts: 8, seed: 1 }
+        Self { method: Method::Newton, bounds: Bounds::default(), ranges: Vec::new(), starts: 16, seed: 1 }
     }
 }
 
@@ -92,6 +114,8 @@ pub struct Synthesis {
     pub arm: Arm,
     /// Whether every frame is met.
     pub status: Status,
+    /// Whether the stops keep all bounds, as they do but for the paper's and the plain scheme.
+    pub kept: bool,
     /// Whether the frames are few enough to be met.
     pub case: Case,
     /// What became of each desired frame.
@@ -121,6 +145,9 @@ pub const REACHED_M: f64 = 1e-9;
 /// A frame is met when the tool is turned as little as this, rad.
 pub const REACHED_RAD: f64 = 1e-9;
 
+/// A bound missed by more than this, m or rad, is broken.
+const BROKEN: f64 = 1e-9;
+
 /// One desired frame after the synthesis.
 #[derive(Clone, Debug)]
 pub struct Reached {
@@ -136,6 +163,14 @@ pub struct Reached {
     pub error_before_m: f64,
     /// Angle between the orientations with the base-line arm, rad.
     pub error_before_rad: f64,
+}
+
+impl Reached {
+    /// Whether the frame is met, a free orientation in any case.
+    pub fn is_met(&self) -> bool {
+        let free = self.frame.weights.orientation == 0.0;
+        self.error_m <= REACHED_M && (free || self.error_rad <= REACHED_RAD)
+    }
 }
 
 /// Why there is nothing to start from.
@@ -208,14 +243,18 @@ fn solve(
     options: &Options,
     servos_held: bool,
 ) -> Result<Synthesis, SynthesisError> {
-    let mut problem = Problem::new(base_line, desired, options.bounds);
+    let mut problem = Problem::new(base_line, desired, &options.bounds, &options.ranges);
     problem.servos_held = servos_held;
     let before = problem.start();
     let before_poses = problem.poses(&before)?;
     let case = case::of(&problem)?;
     let found = match options.method {
-        Method::Newton => newton::solve(&mut problem, options, case.kind == CaseKind::Insufficient)?,
-        Method::Paper { steps } => paper::solve(&mut problem, steps)?,
+        Method::Newton => search::solve(&mut problem, options, case.kind == CaseKind::Insufficient)?,
+        Method::Plain => search::plain(&mut problem),
+        Method::Paper { steps, regularisation } => {
+            let damping = if case.kind == CaseKind::Insufficient { regularisation } else { 0.0 };
+            paper::solve(&mut problem, steps, damping)?
+        }
     };
     let poses = problem.poses(&found.unknowns)?;
     let frames: Vec<Reached> = desired
@@ -227,10 +266,11 @@ fn solve(
             reached(frame, &before_poses[index], poses[index])
         })
         .collect();
-    let met = frames.iter().all(|frame| frame.error_m <= REACHED_M && frame.error_rad <= REACHED_RAD);
+    let met = frames.iter().all(Reached::is_met);
     Ok(Synthesis {
         arm: problem.arm(&found.unknowns),
         status: if met { Status::Reached } else { Status::Closest },
+        kept: problem.bounds.iter().all(|bound| bound.slack(&found.unknowns) > -BROKEN),
         case,
         frames,
         iterations: found.iterations,

@@ -42,6 +42,7 @@ fn own_frames(arm: &Arm, words: &[&str]) -> Vec<DesiredFrame> {
             previous: arm.rest(),
             servos_rad: servos_rad.clone(),
             pose_base_tool,
+            weights: Default::default(),
         }
     };
     words.iter().map(&mut frame).collect()
@@ -156,7 +157,7 @@ fn the_papers_error_falls_with_the_square_of_its_steps() {
     let arm = planar4();
     let desired = moved(own_frames(&arm, &WORDS), 0.1, 1);
     let worst = |steps| {
-        let options = Options { method: Method::Paper { steps }, ..Options::default() };
+        let options = Options { method: Method::Paper { steps, regularisation: 1e-3 }, ..Options::default() };
         let found = synthesize(&arm, &desired, &options).unwrap();
         found.frames.iter().fold(0.0, |worst: f64, frame| worst.max(frame.error_m))
     };

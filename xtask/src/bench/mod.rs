@@ -1,6 +1,8 @@
 //! Measurements, one file each; each prints its figures beside the goals.
 
 mod chip;
+mod synthesis;
+mod synthesis_sweep;
 
 use std::path::PathBuf;
 
@@ -25,6 +27,12 @@ struct What {
     /// Instruction counts and sizes of the firmware
     #[arg(long)]
     chip: bool,
+    /// The examples of the synthesis paper, by its method and by ours
+    #[arg(long)]
+    synthesis: bool,
+    /// In how many of 200 draws a synthesis is exact, as the desired frames move away
+    #[arg(long)]
+    synthesis_sweep: bool,
 }
 
 impl Bench {
@@ -32,6 +40,12 @@ impl Bench {
         let mut figures = Vec::new();
         if self.what.chip {
             figures.extend(chip::measure()?);
+        }
+        if self.what.synthesis {
+            figures.extend(synthesis::measure()?);
+        }
+        if self.what.synthesis_sweep {
+            figures.extend(synthesis_sweep::measure()?);
         }
         tell(&figures, 1, self.json.as_deref())
     }
