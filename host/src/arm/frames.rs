@@ -242,9 +242,8 @@ fn range(raw: &RawBound, arm: &Arm) -> Result<StopRange, (Range<usize>, FrameFau
     }
     let [least, most, least_stroke, most_stroke] =
         given.map(|value| value.map(|value| if turns { value.0.to_radians() } else { value.0 }));
-    let pair = |least: Option<f64>, most: Option<f64>| {
-        (least.unwrap_or(f64::NEG_INFINITY), most.unwrap_or(f64::INFINITY))
-    };
+    let pair =
+        |least: Option<f64>, most: Option<f64>| (least.unwrap_or(f64::NEG_INFINITY), most.unwrap_or(f64::INFINITY));
     let range = StopRange { actuator, value: pair(least, most), stroke: pair(least_stroke, most_stroke) };
     if range.value.0 > range.value.1 || range.stroke.0 > range.stroke.1 {
         return Err(wrong(FrameFault::EmptyBound { actuator: arm.actuator_name(actuator) }));

@@ -15,8 +15,6 @@ use super::problem::Problem;
 pub(super) const RANK_TOLERANCE: f64 = 1e-9;
 /// A row that points out of the span of others by less than this share of the size of all counts as dependent.
 const INDEPENDENT: f64 = 1e-8;
-/// So many mixed words in a row that add nothing to the rank end the search for more.
-const IN_VAIN: usize = 3;
 
 /// Whether desired frames are few enough to be met, in the paper's terms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -43,7 +41,8 @@ pub struct Case {
     pub equations: usize,
     /// Rank of the derivatives of all desired frames.
     pub rank: usize,
-    /// The rank with as many more frames as one likes, of words that set each module as a desired word does.
+    /// The rank with as many more frames as one likes: of words that switch whole modules where the desired ones do, else
+    /// of words that set each module as a desired word does.
     pub most: usize,
     /// Stops, and servo angles of the frames.
     pub unknowns: usize,
@@ -100,7 +99,11 @@ impl fmt::Display for Case {
         }
         for BoundFrame { index, equations, open } in &self.bound {
             let missing = equations - open;
-            write!(f, "; missing: {missing} of {equations} directions of frame {}, which follow from those before it", index + 1)?;
+            write!(
+                f,
+                "; missing: {missing} of {equations} directions of frame {}, which follow from those before it",
+                index + 1
+            )?;
         }
         match (self.kind, self.whole_modules) {
             (CaseKind::Insufficient, Some(WholeModules { modules, states, frames })) => write!(
@@ -120,20 +123,41 @@ impl fmt::Display for Case {
 /// The case of the frames of `problem`: of the ideal arm, where effects do not blur what the modules share.
 pub(super) fn of(problem: &Problem) -> Result<Case, SynthesisError> {
     let desired = problem.words();
-    let jacobian = problem.ideal_jacobian()?;
+    let module_of = modules(problem, &desired);
+    let whole = whole_modules(problem, &desired, &module_of);
+    let more: Vec<Word> = match whole {
+        Some(whole) => switched(problem, &module_of, whole),
+        None => mixed(problem, &desired, &module_of),
+    };
+    let more: Vec<Word> = more.into_iter().filter(|word| !desired.contains(word)).collect();
+    // One of more words may have no pose: then only the desired ones are known to count.
+    let (jacobian, more) = match problem.ideal_jacobian(&more) {
+        Ok(jacobian) => (jacobian, more.len()),
+        Err(_) => (problem.ideal_jacobian(&[])?, 0),
+    };
+    let own = problem.n_stops() + problem.n_servos() * desired.len();
     let mut span = Span::new(jacobian.norm());
     let mut bound = Vec::new();
     let mut first = 0;
     for (index, target) in problem.targets.iter().enumerate() {
         let equations = target.rows.len();
-        let open = (first..first + equations).filter(|&row| span.grows(jacobian.row(row).transpose())).count();
+        let rows = first..first + equations;
+        let open = rows
+            .filter(|&row| span.grows(jacobian.row(row).columns(0, own).transpose().column(0).into_owned()))
+            .count();
         if open < equations {
             bound.push(BoundFrame { index, equations, open });
         }
         first += equations;
     }
     let (equations, rank) = (problem.n_rows(), span.rank());
-    let most = most(problem, &desired, span);
+    let per_frame = if problem.is_planar() { 3 } else { 6 };
+    for row in first..first + more * per_frame {
+        // The servos of such words are held.
+        let stops = jacobian.row(row).columns(0, problem.n_stops()).transpose().column(0).into_owned();
+        span.grows(stops.resize_vertically(own, 0.0));
+    }
+    let most = span.rank();
     let kind = if rank < equations {
         CaseKind::Insufficient
     } else if rank < most {
@@ -141,19 +165,20 @@ pub(super) fn of(problem: &Problem) -> Result<Case, SynthesisError> {
     } else {
         CaseKind::Sufficient
     };
-    let unused = jacobian.columns(0, problem.n_stops()).column_iter().filter(|column| column.amax() == 0.0).count();
-    let per_frame = if problem.is_planar() { 3 } else { 6 };
-    let whole_modules = whole_modules(problem, &desired).filter(|whole| whole.frames * per_frame == most);
-    Ok(Case { kind, equations, rank, most, unknowns: jacobian.ncols(), unused, whole_modules, bound })
+    let unused = problem.n_stops() - problem.n_used_stops();
+    let whole_modules = whole.filter(|whole| whole.frames * per_frame == most);
+    Ok(Case { kind, equations, rank, most, unknowns: own, unused, whole_modules, bound })
 }
 
-/// The module of each actuator: neighbouring stages whose actuators have one digit in every word count as one.
+/// The module of each actuator: a platform, or neighbouring joints that have one digit in every word.
 fn modules(problem: &Problem, words: &[Word]) -> Vec<usize> {
-    let stages: Vec<usize> = problem.base_line().model.chain.actuators().map(|(stage, _)| stage).collect();
+    let chain = &problem.base_line().model.chain;
+    let stages: Vec<usize> = chain.actuators().map(|(stage, _)| stage).collect();
     let mut module = 0;
     let number = |k: usize| {
-        if k > 0 && stages[k] != stages[k - 1] && !alike(words, k) {
-            module += 1;
+        if k > 0 && stages[k] != stages[k - 1] {
+            let joints = [k - 1, k].iter().all(|&k| chain.stages[stages[k]].leg(0).is_none());
+            module += usize::from(!(joints && alike(words, k)));
         }
         module
     };
@@ -166,37 +191,39 @@ fn alike(words: &[Word], actuator: usize) -> bool {
 }
 
 /// The modules, where every word gives all actuators of a module one digit.
-fn whole_modules(problem: &Problem, words: &[Word]) -> Option<WholeModules> {
-    let module_of = modules(problem, words);
+fn whole_modules(problem: &Problem, words: &[Word], module_of: &[usize]) -> Option<WholeModules> {
     let whole = (1..module_of.len()).all(|k| module_of[k] != module_of[k - 1] || alike(words, k));
     let modules = module_of.last()? + 1;
-    let states = words.iter().flat_map(Word::iter).max().map_or(1, |digit| usize::from(digit) + 1);
+    let chain = &problem.base_line().model.chain;
+    let states = (0..module_of.len()).map(|actuator| chain.n_states(actuator)).min()?;
     whole.then_some(WholeModules { modules, states, frames: (states - 1) * modules + 1 })
 }
 
-/// The rank that any number of frames can have whose words set each module as one of the desired words does, their
-/// servos held; `span` holds what the desired frames feel.
-fn most(problem: &Problem, desired: &[Word], mut span: Span) -> usize {
-    let modules = modules(problem, desired);
+/// The word at rest, and those that switch one module: every other word of whole modules follows from them.
+fn switched(problem: &Problem, module_of: &[usize], WholeModules { modules, states, .. }: WholeModules) -> Vec<Word> {
+    let rest = problem.base_line().rest();
+    let switch = |switched: usize, digit: usize| {
+        let actuators = module_of.iter().enumerate().filter(|&(_, &module)| module == switched);
+        actuators.fold(rest, |word, (actuator, _)| word.with_digit(actuator, digit as u8))
+    };
+    let words = (0..modules).flat_map(|module| (1..states).map(move |digit| (module, digit)));
+    std::iter::once(rest).chain(words.map(|(module, digit)| switch(module, digit))).collect()
+}
+
+/// Words that set each module as one of the desired words does.
+fn mixed(problem: &Problem, desired: &[Word], module_of: &[usize]) -> Vec<Word> {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
-    let mut in_vain = 0;
-    let columns = problem.n_stops() + problem.n_servos() * desired.len();
-    while in_vain < IN_VAIN {
-        let choices: Vec<usize> = modules.iter().map(|_| rng.random_range(0..desired.len())).collect();
-        let mix = |word: Word, (actuator, &module): (usize, &usize)| {
+    let per_frame = if problem.is_planar() { 3 } else { 6 };
+    let word = |_| {
+        let choices: Vec<usize> = module_of.iter().map(|_| rng.random_range(0..desired.len())).collect();
+        module_of.iter().enumerate().fold(problem.base_line().rest(), |word, (actuator, &module)| {
             word.with_digit(actuator, desired[choices[module]].digit(actuator))
-        };
-        let word = modules.iter().enumerate().fold(problem.base_line().rest(), mix);
-        let before = span.rank();
-        // A mixed word may have no pose: then it does not count.
-        if let Ok((_, jacobian)) = problem.ideal(&[word]).linearise_start() {
-            for row in jacobian.columns(0, problem.n_stops()).row_iter() {
-                span.grows(row.transpose().resize_vertically(columns, 0.0));
-            }
-        }
-        in_vain = if span.rank() > before { 0 } else { in_vain + 1 };
-    }
-    span.rank()
+        })
+    };
+    let mut words: Vec<Word> = (0..2 * problem.n_stops() / per_frame + 2).map(word).collect();
+    words.sort_unstable();
+    words.dedup();
+    words
 }
 
 /// The rows met so far, made orthonormal one after the other (Gram–Schmidt, twice).

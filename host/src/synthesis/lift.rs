@@ -288,7 +288,8 @@ impl<'p, 'a> Lift<'p, 'a> {
     /// Every place gives a leg the length that its stop has.
     fn add_shared_legs(&self, rows: &mut Rows) {
         for (place, legs) in self.places.iter().map(|place| &place.legs).enumerate() {
-            for (leg, &stop) in legs.iter().enumerate().filter(|&(leg, &stop)| self.owners[stop] != Some((place, leg))) {
+            for (leg, &stop) in legs.iter().enumerate().filter(|&(leg, &stop)| self.owners[stop] != Some((place, leg)))
+            {
                 let (length, slopes) = self.length(place, leg);
                 let mut slope = DVector::zeros(self.n_columns);
                 self.add_motion(place, &slopes, 1.0, &mut slope);

@@ -24,11 +24,16 @@
 //! Source: Miyahara, Chirikjian, General Kinematic Synthesis Method for a Discretely Actuated Robotic Manipulator.
 
 mod case;
+mod catalogue;
 mod lift;
 mod newton;
 mod paper;
 mod problem;
+mod repair;
 mod search;
+mod tolerance;
+mod watch;
+mod words;
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -42,10 +47,15 @@ use serde::Serialize;
 use crate::arm::frames::{self, DesiredFrame, StopRange};
 use crate::arm::{Arm, FrameFault, reason_of};
 pub use case::{BoundFrame, Case, CaseKind, WholeModules};
+pub use catalogue::{Bought, CatalogueError, Part, buy, read_catalogue};
 use problem::Problem;
+pub use repair::{Cost, Dead, repair};
+pub use tolerance::{Expected, Tolerance, expected, least_sensitive};
+pub use watch::Watch;
+pub use words::choose_words;
 
 /// How to look for the geometry.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Options {
     /// The scheme.
     pub method: Method,
@@ -57,6 +67,8 @@ pub struct Options {
     pub starts: u32,
     /// Seed of the starts.
     pub seed: u64,
+    /// Shows how far the search is, and ends it early.
+    pub watch: Watch,
 }
 
 /// The scheme of a synthesis.
@@ -103,7 +115,14 @@ impl Default for Bounds {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { method: Method::Newton, bounds: Bounds::default(), ranges: Vec::new(), starts: 16, seed: 1 }
+        Self {
+            method: Method::Newton,
+            bounds: Bounds::default(),
+            ranges: Vec::new(),
+            starts: 16,
+            seed: 1,
+            watch: Watch::default(),
+        }
     }
 }
 
@@ -194,6 +213,13 @@ pub enum SynthesisError {
         /// Why.
         reason: ChainError,
     },
+    /// There are not as many words that bring the tool near the frames.
+    NoWords {
+        /// Desired frames.
+        frames: usize,
+        /// Words that were looked at.
+        words: usize,
+    },
 }
 
 impl fmt::Display for SynthesisError {
@@ -205,6 +231,12 @@ impl fmt::Display for SynthesisError {
                 "{frame}: {module} has no pose for the word {word}: {}; change its leg lengths, or the word",
                 reason_of(reason)
             ),
+            Self::NoWords { frames, words } => {
+                write!(
+                    f,
+                    "{words} words cannot serve {frames} frames; ask for fewer frames, or give the arm more states"
+                )
+            }
         }
     }
 }
@@ -256,6 +288,17 @@ fn solve(
             paper::solve(&mut problem, steps, damping)?
         }
     };
+    answer(&mut problem, desired, &before_poses, case, &found)
+}
+
+/// What a search found, told frame by frame.
+fn answer(
+    problem: &mut Problem,
+    desired: &[DesiredFrame],
+    before: &[Pose<f64>],
+    case: Case,
+    found: &Found,
+) -> Result<Synthesis, SynthesisError> {
     let poses = problem.poses(&found.unknowns)?;
     let frames: Vec<Reached> = desired
         .iter()
@@ -263,13 +306,12 @@ fn solve(
         .map(|(index, frame)| {
             let servos_rad = problem.servos(&found.unknowns, index).to_vec();
             let frame = DesiredFrame { servos_rad, ..frame.clone() };
-            reached(frame, &before_poses[index], poses[index])
+            reached(frame, &before[index], poses[index])
         })
         .collect();
-    let met = frames.iter().all(Reached::is_met);
     Ok(Synthesis {
         arm: problem.arm(&found.unknowns),
-        status: if met { Status::Reached } else { Status::Closest },
+        status: if frames.iter().all(Reached::is_met) { Status::Reached } else { Status::Closest },
         kept: problem.bounds.iter().all(|bound| bound.slack(&found.unknowns) > -BROKEN),
         case,
         frames,
@@ -278,6 +320,28 @@ fn solve(
         time: Duration::ZERO,
         alteration_m: problem.alteration(&found.unknowns),
     })
+}
+
+impl Synthesis {
+    /// The sum of squares of what all frames lack, m²; a radian weighs as the arm's length scale, a free one nothing.
+    pub fn lacking_m2(&self) -> f64 {
+        let turn_m = |reached: &Reached| match reached.frame.weights.orientation {
+            0.0 => 0.0,
+            _ => reached.error_rad * self.arm.length_scale_m,
+        };
+        self.frames.iter().map(|reached| reached.error_m.powi(2) + turn_m(reached).powi(2)).sum()
+    }
+
+    /// Whether this one lacks less than another.
+    fn is_nearer(&self, other: &Self) -> bool {
+        self.lacking_m2() < other.lacking_m2()
+    }
+
+    /// Stops that differ from those of another arm by more than a micrometre or microradian.
+    fn stops_turned(&self, from: &Arm) -> usize {
+        let (here, there) = (Problem::values(&self.arm), Problem::values(from));
+        here.iter().zip(&there).filter(|(here, there)| (*here - *there).abs() > 1e-6).count()
+    }
 }
 
 fn reached(frame: DesiredFrame, before: &Pose<f64>, pose: Pose<f64>) -> Reached {

@@ -35,11 +35,7 @@ pub(super) struct Search<'p, 'a> {
 
 impl Search<'_, '_> {
     /// Lowers the residual from `start` until it is below `enough` or does not fall any more.
-    pub(super) fn descend(
-        &mut self,
-        start: &DVector<f64>,
-        enough: f64,
-    ) -> Result<(f64, DVector<f64>), SynthesisError> {
+    pub(super) fn descend(&mut self, start: &DVector<f64>, enough: f64) -> Result<(f64, DVector<f64>), SynthesisError> {
         let mut unknowns = start.clone();
         let (mut residual, mut jacobian) = self.problem.linearise(&unknowns)?;
         let mut damping = 0.0;
@@ -112,6 +108,17 @@ impl Search<'_, '_> {
             }
             _ => solved,
         }
+    }
+
+    /// The unknowns nearest to `wanted` that the frames do not tell from `unknowns`, to first order.
+    pub(super) fn nearest(
+        &mut self,
+        unknowns: &DVector<f64>,
+        wanted: &DVector<f64>,
+    ) -> Result<DVector<f64>, SynthesisError> {
+        let (residual, jacobian) = self.problem.linearise(unknowns)?;
+        self.iterations += 1;
+        Ok(unknowns + self.step(&jacobian, &residual, unknowns, Some(wanted), 0.0))
     }
 
     fn altered(&self, unknowns: &DVector<f64>, anchor: &DVector<f64>) -> f64 {

@@ -58,7 +58,7 @@ impl<'a> Problem<'a> {
         let chain = &base_line.model.chain;
         let n_servos = chain.n_servos();
         let stops = stops(base_line);
-        let mut start: Vec<f64> = stops.iter().map(|stop| chain.get(*stop).unwrap_or(0.0)).collect();
+        let mut start = Self::values(base_line);
         let mut weights: Vec<f64> =
             stops.iter().map(|stop| if turns(base_line, stop) { base_line.length_scale_m } else { 1.0 }).collect();
         for frame in desired {
@@ -96,6 +96,18 @@ impl<'a> Problem<'a> {
     /// The unknowns of the base-line arm.
     pub(super) fn start(&self) -> DVector<f64> {
         self.start.clone()
+    }
+
+    /// The values of all stops of an arm.
+    pub(super) fn values(arm: &Arm) -> Vec<f64> {
+        stops(arm).iter().map(|stop| arm.model.chain.get(*stop).unwrap_or(0.0)).collect()
+    }
+
+    /// The unknowns of another arm of this kind, its servos as the frames have them.
+    pub(super) fn unknowns_of(&self, arm: &Arm) -> DVector<f64> {
+        let mut unknowns = self.start();
+        unknowns.iter_mut().zip(Self::values(arm)).for_each(|(unknown, value)| *unknown = value);
+        unknowns
     }
 
     /// Equations of all frames.
@@ -196,8 +208,7 @@ impl<'a> Problem<'a> {
     /// Whether the tool moves with one unknown in one frame.
     fn feels(&self, frame: usize, column: usize) -> bool {
         let own = self.first_servo(frame);
-        (own..own + self.n_servos).contains(&column)
-            || self.targets[frame].used.iter().any(|&(used, _)| used == column)
+        (own..own + self.n_servos).contains(&column) || self.targets[frame].used.iter().any(|&(used, _)| used == column)
     }
 
     /// What each frame lacks, told in the tool's frame, each row by its weight.
@@ -260,13 +271,21 @@ impl<'a> Problem<'a> {
         ideal
     }
 
-    /// The derivatives at the base-line arm without its effects.
-    pub(super) fn ideal_jacobian(&self) -> Result<DMatrix<f64>, SynthesisError> {
-        let mut ideal = self.ideal(&self.words());
+    /// The derivatives at the base-line arm without its effects: the rows of the desired frames, then those of `more`
+    /// words.
+    pub(super) fn ideal_jacobian(&self, more: &[Word]) -> Result<DMatrix<f64>, SynthesisError> {
+        let words: Vec<Word> = self.words().iter().chain(more).copied().collect();
+        let mut ideal = self.ideal(&words);
         for (ideal, own) in ideal.targets.iter_mut().zip(&self.targets) {
             ideal.rows.clone_from(&own.rows);
         }
         Ok(ideal.linearise_start()?.1)
+    }
+
+    /// Stops that some desired word uses.
+    pub(super) fn n_used_stops(&self) -> usize {
+        let uses = |stop: &usize| self.targets.iter().any(|target| target.used.iter().any(|(used, _)| used == stop));
+        (0..self.n_stops()).filter(uses).count()
     }
 
     /// [`linearise`](Self::linearise) at the base-line arm.
@@ -348,11 +367,7 @@ impl Target {
     /// Writes what the frame lacks when the tool stands at `pose`; how many rows that is.
     pub(super) fn lacking(&self, pose: &Pose<f64>, into: &mut [f64]) -> usize {
         let apart = pose.to(&self.pose);
-        let six = if self.free_orientation {
-            Twist { linear: apart.position, ..Twist::zero() }
-        } else {
-            apart.log()
-        };
+        let six = if self.free_orientation { Twist { linear: apart.position, ..Twist::zero() } } else { apart.log() };
         let six = numbers(&six);
         for (row, &(component, weight)) in into.iter_mut().zip(&self.rows) {
             *row = weight * six[component];

@@ -1,7 +1,8 @@
 //! Several ways from several starts, until one meets all frames.
 //!
-//! From each start: Gauss–Newton on the stops; the same along the way from the start's own frames to the desired ones;
-//! and the platforms' poses as unknowns (see [`lift`](super::lift)), where the other two end at a singular platform.
+//! From the base-line: Gauss–Newton on the stops, then the same along the way from its own frames to the desired ones. From
+//! there and from every other start with the platforms' poses as unknowns (see [`lift`](super::lift)), where Gauss–Newton
+//! ends at a singular platform.
 
 use nalgebra::DVector;
 use rand::SeedableRng;
@@ -20,6 +21,7 @@ const SCATTER: [(f64, f64); 4] = [(0.05, 0.2), (0.1, 0.5), (0.2, 1.0), (0.05, 2.
 
 pub(super) fn solve(problem: &mut Problem, options: &Options, insufficient: bool) -> Result<Found, SynthesisError> {
     let base_line = within(problem, problem.start());
+    let platforms = (0..problem.n_stops()).any(|stop| problem.is_leg(stop));
     let mut search = Search { problem, iterations: 0 };
     let mut best: Option<(f64, DVector<f64>)> = None;
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
@@ -30,7 +32,14 @@ pub(super) fn solve(problem: &mut Problem, options: &Options, insufficient: bool
             n => scattered(search.problem, &base_line, SCATTER[n as usize % SCATTER.len()], &mut rng),
         };
         starts += 1;
-        for way in [descend, follow, lift] {
+        options.watch.count();
+        let ways: &[fn(&mut Search, &DVector<f64>) -> Way] = match (starts, platforms) {
+            (1, true) => &[descend, follow, lift],
+            (1, false) => &[descend, follow],
+            (_, true) => &[descend, lift],
+            (_, false) => &[descend],
+        };
+        for way in ways {
             // A start that cannot be assembled is no start; the base-line's own failure is told.
             let Ok((error, unknowns)) = way(&mut search, &start) else { continue };
             if best.as_ref().is_none_or(|(least, _)| error < *least) {
@@ -41,7 +50,7 @@ pub(super) fn solve(problem: &mut Problem, options: &Options, insufficient: bool
             }
         }
         // More equations than rank: other starts find the same compromise.
-        if insufficient || best.as_ref().is_some_and(|(error, _)| *error < SOLVED) {
+        if insufficient || options.watch.is_ended() || best.as_ref().is_some_and(|(error, _)| *error < SOLVED) {
             break;
         }
     }

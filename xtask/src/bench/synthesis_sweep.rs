@@ -6,9 +6,10 @@
 use anyhow::{Context, Result};
 use darm::arm::frames::DesiredFrame;
 use darm::arm::{Arm, ArmScratch};
-use darm::synthesis::{Bounds, Method, Options, Status, synthesize};
+use darm::synthesis::{Bounds, Method, Options, Status, choose_words, synthesize};
 use darm_core::se::{Pose, Twist};
 use nalgebra::Vector3;
+use rand::seq::index::sample;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::{IntoParallelIterator, ParallelIterator};
@@ -18,6 +19,9 @@ use crate::progress::Progress;
 use crate::setup;
 
 const DRAWS: u64 = 200;
+/// Draws of frames that any words may serve, and how many frames.
+const CHOICES: u64 = 100;
+const CHOSEN: usize = 8;
 /// Starts of one synthesis.
 const STARTS: u32 = 64;
 const PLANAR_WORDS: [&str; 5] = ["000000000000", "111000000000", "000111000000", "000000111000", "000000000111"];
@@ -30,12 +34,15 @@ pub(super) fn measure() -> Result<Vec<Figure>> {
     let wide = Bounds { shortest: 1e-3, ..Bounds::none() };
     let planar = own_frames("planar4.toml", &PLANAR_WORDS)?;
     let serial = own_frames("serial12.toml", &SERIAL_WORDS)?;
+    figures.extend(chosen_words(&progress)?);
     for (bounds, note) in [(wide, ""), (Bounds::default(), ", stroke >= 0, bounded")] {
         for (name, frames, sizes) in
             [("planar", &planar, &[0.1, 0.3, 0.5, 0.8][..]), ("serial", &serial, &[0.1, 0.3, 1.0][..])]
         {
             for &size in sizes {
-                let share = |method, starts| exact_share(frames, size, Options { method, bounds, starts, ..Options::default() });
+                let share = |method, starts| {
+                    exact_share(frames, size, Options { method, bounds, starts, ..Options::default() })
+                };
                 let plain = share(Method::Plain, 1)?;
                 let ours = share(Method::Newton, STARTS)?;
                 let name = format!("{name} synthesis exact at {size}{note}");
@@ -46,6 +53,33 @@ pub(super) fn measure() -> Result<Vec<Figure>> {
         }
     }
     Ok(figures)
+}
+
+/// In how many of 100 draws eight frames of any eight words, moved by s = 0.1, are met: words chosen, and words as drawn.
+fn chosen_words(progress: &Progress) -> Result<Vec<Figure>> {
+    let arm = Arm::read(&setup::root().join("examples/planar4.toml"))?;
+    let exact = |seed: u64| -> Result<(bool, bool)> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let words: Vec<String> = sample(&mut rng, 1 << arm.n_actuators(), CHOSEN)
+            .iter()
+            .map(|word| format!("{word:0width$b}", width = arm.n_actuators()))
+            .collect();
+        let words: Vec<&str> = words.iter().map(String::as_str).collect();
+        let own = own_frames("planar4.toml", &words)?;
+        let desired = moved(&own.frames, 0.1, true, seed);
+        let chosen = choose_words(&arm, &desired, &Options::default(), &|_| true)?;
+        let fixed = synthesize(&arm, &desired, &Options::default())?;
+        Ok((chosen.status == Status::Reached, fixed.status == Status::Reached))
+    };
+    let exact = (0..CHOICES).into_par_iter().map(exact).collect::<Result<Vec<_>>>()?;
+    let share = |exact: usize| 100.0 * exact as f64 / CHOICES as f64;
+    let chosen = share(exact.iter().filter(|(chosen, _)| *chosen).count());
+    let fixed = share(exact.iter().filter(|(_, fixed)| *fixed).count());
+    progress.say(format!("eight frames: {chosen} % with chosen words, {fixed} % with the words as drawn"));
+    Ok(vec![
+        Figure::new("eight frames exact, words chosen", chosen, "%")?,
+        Figure::new("eight frames exact, words as drawn", fixed, "%")?,
+    ])
 }
 
 /// An arm and its own frames for some words.
@@ -79,8 +113,7 @@ fn exact_share(own: &Own, size: f64, options: Options) -> Result<f64> {
     let exact = |seed: u64| -> Result<bool> {
         let found = synthesize(&own.arm, &moved(&own.frames, size, planar, seed), &options)?;
         // What a plain search ends at may break the bounds: then it counts as not found.
-        let kept = found.kept;
-        Ok(found.status == Status::Reached && kept)
+        Ok(found.status == Status::Reached && found.kept)
     };
     let exact = (0..DRAWS).into_par_iter().map(exact).collect::<Result<Vec<bool>>>()?;
     Ok(100.0 * exact.iter().filter(|&&exact| exact).count() as f64 / DRAWS as f64)
