@@ -2,6 +2,8 @@
 
 mod chip;
 mod peers;
+mod synthesis;
+mod synthesis_sweep;
 
 use std::path::PathBuf;
 
@@ -29,6 +31,12 @@ struct What {
     /// Kinematics and dynamics beside Pinocchio and the crate `k`: what they take is built once, in minutes
     #[arg(long)]
     peers: bool,
+    /// The examples of the synthesis paper, by its method and by ours
+    #[arg(long)]
+    synthesis: bool,
+    /// In how many of 200 draws a synthesis is exact, as the desired frames move away
+    #[arg(long)]
+    synthesis_sweep: bool,
 }
 
 impl Bench {
@@ -39,6 +47,12 @@ impl Bench {
         }
         if self.what.peers {
             figures.extend(peers::measure()?);
+        }
+        if self.what.synthesis {
+            figures.extend(synthesis::measure()?);
+        }
+        if self.what.synthesis_sweep {
+            figures.extend(synthesis_sweep::measure()?);
         }
         tell(&figures, 1, self.json.as_deref())
     }
