@@ -7,6 +7,11 @@
 //!
 //! Distance: d² = |Δp|² + ℓ²θ² with the arm's length scale ℓ.
 
+pub mod exact;
+mod frames;
+pub mod map;
+mod tree;
+
 use std::fmt;
 
 use darm_core::actuator::{MAX_LEGS, Setting, Stage};
@@ -57,12 +62,23 @@ pub enum ReachError {
     },
     /// No word puts the arm together.
     NoPose(ChainError),
+    /// The cells of a map are too small for its extent.
+    TooFine,
+    /// None of the allowed settings puts a stage together.
+    NoSetting {
+        /// Index of the stage.
+        stage: usize,
+    },
 }
 
 impl fmt::Display for ReachError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::TooManyWords { digits } => write!(f, "words of {digits} digits are more than {MAX_WORDS}: too many"),
+            Self::TooFine => write!(f, "the cells are too small for the arm: take larger ones"),
+            Self::NoSetting { stage } => {
+                write!(f, "stage {stage} cannot be assembled in any of its allowed states: change its legs or free an actuator")
+            }
             Self::NoPose(reason) => write!(f, "no word gives the arm a pose: {reason}"),
         }
     }
