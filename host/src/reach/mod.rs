@@ -10,6 +10,8 @@
 pub mod exact;
 mod frames;
 pub mod map;
+pub mod path;
+pub mod servo;
 mod tree;
 
 use std::fmt;

@@ -16,7 +16,7 @@
 //!
 //! A product is a number of its two factors, 4 bytes, in the order of the leaves; its point is computed when it is
 //! looked at. The upper splits come from a sample, so that all products are sorted into buckets in one pass; each
-//! bucket is then split at its medians down to the leaves, one bucket in the cache at a time.
+//! bucket is then split near its medians down to the leaves, one bucket in the cache at a time.
 
 use darm_core::se::Pose;
 use nalgebra::{Rotation3, UnitQuaternion};
@@ -31,13 +31,15 @@ pub(super) const DIMS: usize = 7;
 pub(super) type Point = [f32; DIMS];
 
 /// Most products in a leaf.
-const LEAF: usize = 24;
+const LEAF: usize = 32;
 /// Products in a bucket, about: what fits the cache of a core as points.
 const BUCKET: usize = 4096;
 /// Products of the sample for one bucket.
-const SAMPLES: usize = 16;
-/// Points that a split looks at to find the widest dimension.
-const LOOKS: usize = 16;
+const SAMPLES: usize = 32;
+/// Points that a split looks at to find its dimension and place.
+const LOOKS: usize = 32;
+/// Products that are sorted into buckets side by side.
+const ABREAST: usize = 16;
 
 /// What a node of the tree is.
 #[derive(Clone, Copy, Debug)]
@@ -77,6 +79,13 @@ pub(super) struct Tree {
     order: Vec<u32>,
     low: Point,
     high: Point,
+}
+
+/// A split above the buckets.
+#[derive(Clone, Copy, Debug)]
+struct Upper {
+    dim: u32,
+    at: f32,
 }
 
 /// A product while the tree grows.
@@ -155,11 +164,17 @@ impl Tree {
         let (left, right) = self.factors(product);
         let (left, right) = (&self.lefts[left], &self.rights[right]);
         let p = left.carry(&right.position);
-        let q = hamilton(&left.quaternion, &right.quaternion);
+        let q = self.signed(hamilton(&left.quaternion, &right.quaternion));
+        [p[0], p[1], p[2], q[0], q[1], q[2], q[3]]
+    }
+
+    /// 2ℓ times the quaternion, of its two signs the one nearer to the reference.
+    #[inline]
+    fn signed(&self, q: [f32; 4]) -> [f32; 4] {
         let r = &self.reference;
         let same = q[0] * r[0] + q[1] * r[1] + q[2] * r[2] + q[3] * r[3];
-        let s = if same < 0.0 { -self.chord_scale } else { self.chord_scale };
-        [p[0], p[1], p[2], s * q[0], s * q[1], s * q[2], s * q[3]]
+        let scale = if same < 0.0 { -self.chord_scale } else { self.chord_scale };
+        q.map(|q| scale * q)
     }
 
     fn entry(&self, product: u32) -> Entry {
@@ -188,22 +203,20 @@ impl Tree {
     }
 
     /// The splits down to `buckets`, level by level, from a sample.
-    fn upper_splits(&self, buckets: usize) -> Vec<(usize, f32)> {
-        // Odd, so that a sample does not share its few right factors where their count is a power of two.
-        let stride = (self.len() / (buckets * SAMPLES)).max(1) | 1;
-        let mut sample: Vec<_> = (0..self.len()).step_by(stride).map(|index| self.entry(self.product(index))).collect();
+    fn upper_splits(&self, buckets: usize) -> Vec<Upper> {
+        // Multiples of the golden ratio: a stride would fall in step with the factors.
+        let spread = |k: usize| ((k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as usize * self.len() >> 32;
+        let count = self.len().min(buckets * SAMPLES);
+        let mut sample: Vec<_> = (0..count).map(|k| self.entry(self.product(spread(k)))).collect();
         let mut upper = Vec::with_capacity(buckets - 1);
         let mut level: Vec<&mut [Entry]> = vec![&mut sample];
         while level.len() < buckets {
             let mut next = Vec::with_capacity(2 * level.len());
             for part in level {
-                let (dim, middle) = (widest(part), part.len() / 2);
-                if middle == 0 {
-                    upper.push((dim, part.first().map_or(0.0, |entry| entry.point[dim])));
-                } else {
-                    upper.push((dim, median(part, dim)));
-                }
-                let (left, right) = part.split_at_mut(middle);
+                let (dim, _) = cut(part);
+                let at = if part.is_empty() { 0.0 } else { median(part, dim) };
+                upper.push(Upper { dim: dim as u32, at });
+                let (left, right) = part.split_at_mut(part.len() / 2);
                 next.extend([left, right]);
             }
             level = next;
@@ -212,19 +225,14 @@ impl Tree {
     }
 
     /// All products sorted by bucket, and where each bucket begins.
-    fn in_buckets(&self, upper: &[(usize, f32)], buckets: usize) -> (Vec<u32>, Vec<usize>) {
-        let bucket = |point: &Point| {
-            let mut at = 0;
-            while let Some(&(dim, split)) = upper.get(at) {
-                at = 2 * at + 1 + usize::from(point[dim] >= split);
-            }
-            (at - upper.len()) as u32
-        };
+    fn in_buckets(&self, upper: &[Upper], buckets: usize) -> (Vec<u32>, Vec<usize>) {
         let mut keys = vec![0; self.len()];
         let rows = keys.par_chunks_mut(self.rights.len()).enumerate();
         rows.for_each(|(left, keys)| {
             let first = (left << self.right_bits) as u32;
-            keys.iter_mut().zip(first..).for_each(|(key, product)| *key = bucket(&self.point(product)));
+            for (block, keys) in keys.chunks_mut(ABREAST).enumerate() {
+                self.sort_into(upper, first + (block * ABREAST) as u32, keys);
+            }
         });
         let mut starts = vec![0; buckets + 1];
         keys.iter().for_each(|key| starts[*key as usize + 1] += 1);
@@ -252,6 +260,23 @@ impl Tree {
         (order, starts)
     }
 
+    /// The buckets of a few products, from `first` on: level by level for all, so that none waits for another.
+    fn sort_into(&self, upper: &[Upper], first: u32, keys: &mut [u32]) {
+        let mut points = [[0.0; DIMS + 1]; ABREAST];
+        let count = keys.len() as u32;
+        for (point, product) in points.iter_mut().zip(first..first + count) {
+            point[..DIMS].copy_from_slice(&self.point(product));
+        }
+        keys.fill(0);
+        for _ in 0..upper.len().count_ones() {
+            for (key, point) in keys.iter_mut().zip(&points) {
+                let Upper { dim, at } = upper[*key as usize];
+                *key = 2 * *key + 1 + u32::from(point[dim as usize % (DIMS + 1)] >= at);
+            }
+        }
+        keys.iter_mut().for_each(|key| *key -= upper.len() as u32);
+    }
+
     /// Puts the products of one bucket in order: its nodes, numbered from 0, and the corners of its box.
     fn bucket(&self, first: u32, products: &mut [u32]) -> (Vec<Node>, (Point, Point)) {
         let mut entries: Vec<_> = products.iter().map(|product| self.entry(*product)).collect();
@@ -264,8 +289,8 @@ impl Tree {
     }
 
     /// Appends the nodes below the upper split `at`.
-    fn assemble(&mut self, at: usize, upper: &[(usize, f32)], grown: &[(Vec<Node>, (Point, Point))]) {
-        let Some(&(dim, split)) = upper.get(at) else {
+    fn assemble(&mut self, at: usize, upper: &[Upper], grown: &[(Vec<Node>, (Point, Point))]) {
+        let Some(&Upper { dim, at: split }) = upper.get(at) else {
             let offset = self.nodes.len() as u32;
             let moved = |node: &Node| match *node {
                 Node::Split { dim, at, right } => Node::Split { dim, at, right: right + offset },
@@ -282,36 +307,54 @@ impl Tree {
     }
 }
 
-/// Splits at medians down to the leaves.
+/// Splits near the medians down to the leaves.
 fn split(entries: &mut [Entry], first: u32, nodes: &mut Vec<Node>) {
     if entries.len() <= LEAF {
         nodes.push(Node::Leaf { len: entries.len() as u8, first });
         return;
     }
-    let dim = widest(entries);
-    let at = median(entries, dim);
+    let (dim, mut at) = cut(entries);
+    let mut middle = parted(entries, dim, at);
+    if middle == 0 || middle == entries.len() {
+        // Many points in one place: any order serves, both halves touch the cut.
+        middle = entries.len() / 2;
+        at = median(entries, dim);
+    }
     let index = nodes.len();
     nodes.push(Node::Leaf { len: 0, first });
-    let (left, right) = entries.split_at_mut(entries.len() / 2);
-    let middle = first + left.len() as u32;
+    let (left, right) = entries.split_at_mut(middle);
     split(left, first, nodes);
     nodes[index] = Node::Split { dim: dim as u8, at, right: nodes.len() as u32 };
-    split(right, middle, nodes);
+    split(right, first + middle as u32, nodes);
 }
 
-/// Puts the smaller half first and returns the least of the larger half, all by one dimension.
+/// Puts the lower half of the points first, and returns where the upper half begins; there is one point at least.
 fn median(entries: &mut [Entry], dim: usize) -> f32 {
     let middle = entries.len() / 2;
     entries.select_nth_unstable_by(middle, |a, b| a.point[dim].total_cmp(&b.point[dim])).1.point[dim]
 }
 
-/// The dimension that some of the points differ most in.
-fn widest(entries: &[Entry]) -> usize {
+/// Puts the points below `at` first, and returns how many they are. Each is moved, so that no branch is guessed.
+fn parted(entries: &mut [Entry], dim: usize, at: f32) -> usize {
+    let mut below = 0;
+    for index in 0..entries.len() {
+        let is_below = entries[index].point[dim] < at;
+        entries.swap(index, below);
+        below += usize::from(is_below);
+    }
+    below
+}
+
+/// Where to cut points in two: the dimension that a sample of them differs most in, and the sample's median in it.
+fn cut(entries: &[Entry]) -> (usize, f32) {
     let (mut low, mut high) = ([f32::INFINITY; DIMS], [f32::NEG_INFINITY; DIMS]);
-    let stride = (entries.len() / LOOKS).max(1);
-    entries.iter().step_by(stride).for_each(|entry| widen(&mut low, &mut high, &entry.point));
-    let spread = |dim: &usize| high[*dim] - low[*dim];
-    (0..DIMS).max_by(|a, b| spread(a).total_cmp(&spread(b))).unwrap_or(0)
+    let sample = || entries.iter().step_by((entries.len() / LOOKS).max(1)).take(LOOKS);
+    sample().for_each(|entry| widen(&mut low, &mut high, &entry.point));
+    let dim = (0..DIMS).max_by(|a, b| (high[*a] - low[*a]).total_cmp(&(high[*b] - low[*b]))).unwrap_or(0);
+    let mut along = [f32::INFINITY; LOOKS];
+    along.iter_mut().zip(sample()).for_each(|(x, entry)| *x = entry.point[dim]);
+    let middle = entries.len().min(LOOKS) / 2;
+    (dim, *along.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
 #[inline]
@@ -434,14 +477,22 @@ impl<'a> Probe<'a> {
 
     #[inline]
     fn leaf(&self, first: usize, len: usize, reach: &mut f32, look: &mut dyn FnMut(u32) -> f32) {
-        let c = &self.center;
-        for &product in &self.tree.order[first..first + len] {
-            let x = self.tree.point(product);
-            let square = |dim: usize| (x[dim] - c[dim]) * (x[dim] - c[dim]);
-            let position = square(0) + square(1) + square(2);
-            if position <= *reach && position + (square(3) + square(4)) + (square(5) + square(6)) <= *reach {
+        let (tree, c) = (self.tree, &self.center);
+        for &product in tree.order.get(first..first + len).unwrap_or_default() {
+            let (left, right) = tree.factors(product);
+            let (Some(left), Some(right)) = (tree.lefts.get(left), tree.rights.get(right)) else { continue };
+            let p = left.carry(&right.position);
+            let (x, y, z) = (p[0] - c[0], p[1] - c[1], p[2] - c[2]);
+            let apart = x * x + y * y + z * z;
+            if apart <= *reach && apart + self.chord_squared(left, right) <= *reach {
                 *reach = look(product);
             }
         }
+    }
+
+    /// The square of the orientation's part of the distance.
+    fn chord_squared(&self, left: &Left, right: &Right) -> f32 {
+        let q = self.tree.signed(hamilton(&left.quaternion, &right.quaternion));
+        q.iter().zip(&self.center[3..]).map(|(q, c)| (q - c) * (q - c)).sum()
     }
 }
