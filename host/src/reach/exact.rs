@@ -95,7 +95,8 @@ impl Index {
         }
         let (left, right) = tail.split_at(frames::middle(tail));
         let (left, right) = (frames::product(left, rest), frames::product(right, rest));
-        let farthest = |frames: &Frames| frames.poses.iter().fold(0.0, |most: f64, pose| most.max(pose.position.norm()));
+        let farthest =
+            |frames: &Frames| frames.poses.iter().fold(0.0, |most: f64, pose| most.max(pose.position.norm()));
         let extent = stages.iter().map(farthest).sum::<f64>() + options.length_scale_m;
         Ok(Self {
             outer: frames::product(outer, rest),

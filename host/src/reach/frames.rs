@@ -80,12 +80,7 @@ pub(super) fn of_stages(
     Ok(stages)
 }
 
-fn of_poses(
-    poses: Vec<(Vec<u8>, Pose<f64>)>,
-    first: usize,
-    rest: Word,
-    allowed: impl Fn(usize, u8) -> bool,
-) -> Frames {
+fn of_poses(poses: Vec<(Vec<u8>, Pose<f64>)>, first: usize, rest: Word, allowed: impl Fn(usize, u8) -> bool) -> Frames {
     let mut frames = Frames { poses: Vec::new(), words: Vec::new(), digits: 0 };
     for (digits, pose) in poses {
         let placed = || digits.iter().enumerate().map(|(leg, &digit)| (first + leg, digit));

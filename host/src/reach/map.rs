@@ -4,27 +4,40 @@
 //!
 //! The frames of stages i to n are those of stage i times those behind it: their density is a convolution on the
 //! group. It is carried from the tool to the base on cells: a cell is a cube of positions times a cube of rotation
-//! vectors, stands for all frames in it by its centre, and holds how many words end there, a whole number. A stage
-//! with s poses sends each cell to s cells, so the work grows with cells and poses, not with words.
+//! vectors, stands for all frames in it by its centre, and holds how many words end there, a whole number. The cells of
+//! one orientation are a layer; a pose in front of a layer turns it rigidly into one other layer, so that the cells of
+//! a new layer are counted in one box of memory, by one thread. The work grows with cells and poses, not with words.
+//!
+//! Where a pose in front takes a position does not depend on the orientation there, nor the reverse: the densities over
+//! positions alone and over orientations alone are convolutions of their own, and cost little. They are always there;
+//! the joint density is carried as long as a convolution of it takes seconds. 64⁶ words at 20 mm and 10° would be some
+//! 10⁸ to 10⁹ cells.
 //!
 //! # Error
 //!
-//! A convolution moves a frame to its cell's centre: by δ ≤ h√3/2 for cells of size h. What comes before it is a rigid
-//! motion and does not stretch δ, and the centre's orientation does not act on its position; after n stages a position
-//! is off by (n − 1)·h√3/2 at most, and likewise the orientation. Words change places only where they lie as near to
-//! a wall: told on coarser cells of fixed size H, the L1 distance of the density falls with h in the first order. Words
-//! are neither lost nor made: counts are whole numbers below 2⁵³, which an `f64` adds without error.
+//! The last stages, up to 2¹⁸ frames, are exact. A convolution moves a frame to its cell's centre: by δ ≤ h√3/2 for
+//! cells of size h. What comes before it is a rigid motion and does not stretch δ, and the centre's orientation does not
+//! act on its position; after m convolutions a position is off by m·h√3/2 at most, and likewise the orientation. Words
+//! change places only where they lie as near to a wall: told on coarser cells of fixed size H, the L1 distance of the
+//! density falls with h in the first order. Words are neither lost nor made: counts are whole numbers below 2⁵³, which
+//! an `f64` adds without error.
 
-use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
-use std::hash::{BuildHasherDefault, Hasher};
+use std::collections::{BTreeMap, HashSet, VecDeque};
 
-use darm_core::real::Vec3;
+use darm_core::real::{Mat3, Vec3};
 use darm_core::se::{Pose, rotation_exp, rotation_log};
 use rayon::prelude::*;
 
 use super::ReachError;
 use super::frames::{self, Frames};
 use crate::arm::Arm;
+
+/// Most frames of the last stages that are formed one by one.
+const MAX_EXACT: usize = 1 << 18;
+/// Most words of cells, by poses in front, that one convolution of the joint density may move.
+const MAX_MOVED: usize = 1 << 27;
+/// Bits of a cell's number along one axis of its layer.
+const BITS: u32 = 10;
 
 /// A cell by its number along each axis; that around 0 is 0.
 pub type Place = [i16; 3];
@@ -38,15 +51,18 @@ pub struct Resolution {
     pub cell_rad: f64,
 }
 
-/// Frames of about one position and orientation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cell {
-    /// Where, in cells of positions.
-    pub position: Place,
-    /// Which of [`Map::orientations`].
-    orientation: u16,
-    /// How many words.
-    pub words: f64,
+/// The cells of one orientation that words end in.
+#[derive(Clone, Debug, PartialEq)]
+struct Layer {
+    /// The rotation vector, in cells.
+    orientation: Place,
+    /// The least number of a position along each axis, and how many there are.
+    low: Place,
+    size: [usize; 3],
+    /// Numbers of positions above the least ones, packed.
+    positions: Vec<u32>,
+    /// How many words end at each.
+    words: Vec<f64>,
 }
 
 /// The density of an arm's frames.
@@ -54,10 +70,12 @@ pub struct Cell {
 pub struct Map {
     /// How finely frames are told apart.
     pub resolution: Resolution,
-    /// The cells that words end in.
-    pub cells: Vec<Cell>,
-    /// The rotation vectors that occur, in cells.
-    pub orientations: Vec<Place>,
+    /// The joint density; nothing where it would be too large.
+    layers: Vec<Layer>,
+    /// The density over positions, whatever the orientation.
+    positions: Layer,
+    /// The density over rotation vectors, in cells, whatever the position.
+    pub orientations: BTreeMap<Place, f64>,
 }
 
 /// The positions of one cell.
@@ -65,116 +83,218 @@ pub struct Map {
 pub struct Spot {
     /// Words that end there.
     pub words: f64,
-    /// In how many cells of orientations.
-    pub orientations: usize,
+    /// In how many cells of orientations; `None` without the joint density.
+    pub orientations: Option<usize>,
 }
 
 impl Map {
     /// The density of the frames of `arm` with its servos at `servos_rad`; `done` hears the share of the stages behind.
     ///
-    /// Fails where the arm has no pose, or more orientations or a longer reach in cells than 2¹⁵.
+    /// Fails where the arm has no pose, or where cells are so small that a layer is longer than 2¹⁰ of them.
     pub fn new(
         arm: &Arm,
         servos_rad: &[f64],
         resolution: Resolution,
+        done: impl FnMut(f64),
+    ) -> Result<Self, ReachError> {
+        Self::with_exact(arm, servos_rad, resolution, MAX_EXACT, done)
+    }
+
+    /// The same with at most so many frames of the last stages formed one by one, of one stage at least.
+    pub fn with_exact(
+        arm: &Arm,
+        servos_rad: &[f64],
+        resolution: Resolution,
+        max_exact: usize,
         mut done: impl FnMut(f64),
     ) -> Result<Self, ReachError> {
         let stages = frames::of_stages(arm, servos_rad, |_, _| true)?;
-        let start = Cell { position: [0; 3], orientation: 0, words: 1.0 };
-        let mut map = Self { resolution, cells: vec![start], orientations: vec![[0; 3]] };
-        for (behind, stage) in stages.iter().rev().enumerate() {
-            map = if behind == 0 { map.exact(stage)? } else { map.after(stage)? };
-            done((behind + 1) as f64 / stages.len() as f64);
+        let mut frames = 1;
+        let last = stages.iter().rev().take_while(|stage| {
+            frames *= stage.len();
+            frames <= max_exact
+        });
+        let (before, last) = stages.split_at(stages.len() - last.count().max(1));
+        let mut map = Self::exact(&frames::product(last, arm.rest()), resolution)?;
+        for (convolved, stage) in before.iter().rev().enumerate() {
+            done((last.len() + convolved) as f64 / stages.len() as f64);
+            map = map.after(stage)?;
         }
         Ok(map)
     }
 
     /// How many words the arm has.
     pub fn words(&self) -> f64 {
-        self.cells.iter().map(|cell| cell.words).sum()
+        self.positions.words.iter().sum()
     }
 
-    /// The frame amid a cell.
-    pub fn center(&self, cell: &Cell) -> Pose<f64> {
-        let turn = self.orientations[usize::from(cell.orientation)];
-        let rotation = rotation_exp(&amid(&turn, self.resolution.cell_rad));
-        Pose { rotation, position: amid(&cell.position, self.resolution.cell_m) }
+    /// How many cells of position and orientation words end in; `None` without the joint density.
+    pub fn n_cells(&self) -> Option<usize> {
+        (!self.layers.is_empty()).then(|| self.layers.iter().map(|layer| layer.words.len()).sum())
+    }
+
+    /// Every cell that words end in: its position, its rotation vector, and how many words; none without the joint
+    /// density.
+    pub fn cells(&self) -> impl Iterator<Item = (Place, Place, f64)> {
+        let cells = |layer| Layer::cells(layer).map(|(position, words)| (position, layer.orientation, words));
+        self.layers.iter().flat_map(cells)
     }
 
     /// What ends at each position, in the order of the positions.
     pub fn spots(&self) -> BTreeMap<Place, Spot> {
-        let mut spots: BTreeMap<Place, Spot> = BTreeMap::new();
-        for cell in &self.cells {
-            let spot = spots.entry(cell.position).or_default();
-            spot.words += cell.words;
-            spot.orientations += 1;
+        let orientations = (!self.layers.is_empty()).then_some(0);
+        let spot = |(place, words)| (place, Spot { words, orientations });
+        let mut spots: BTreeMap<Place, Spot> = self.positions.cells().map(spot).collect();
+        for (position, _, _) in self.cells() {
+            if let Some(count) = spots.get_mut(&position).and_then(|spot| spot.orientations.as_mut()) {
+                *count += 1;
+            }
         }
         spots
     }
 
-    /// The density of the frames of the last stage alone, each of which stands where it is.
-    fn exact(&self, stage: &Frames) -> Result<Self, ReachError> {
-        let mut counts = Counts::default();
-        for pose in &stage.poses {
-            *counts.entry(self.key(pose)?).or_default() += 1.0;
+    /// The density of frames that stand where they are.
+    fn exact(frames: &Frames, resolution: Resolution) -> Result<Self, ReachError> {
+        let mut layers: BTreeMap<Place, BTreeMap<Place, f64>> = BTreeMap::new();
+        let (mut positions, mut orientations) = (BTreeMap::new(), BTreeMap::new());
+        for pose in &frames.poses {
+            let position = place(&pose.position, resolution.cell_m).ok_or(ReachError::TooFine)?;
+            let turn = rotation_log(&pose.rotation);
+            let orientation = place(&turn, resolution.cell_rad).ok_or(ReachError::TooFine)?;
+            *layers.entry(orientation).or_default().entry(position).or_default() += 1.0;
+            *positions.entry(position).or_default() += 1.0;
+            *orientations.entry(orientation).or_default() += 1.0;
         }
-        self.of_counts(vec![counts])
+        let layer = |(orientation, cells): (Place, BTreeMap<Place, f64>)| {
+            let low = cells.keys().fold([i16::MAX; 3], |low, place| each(low, *place, i16::min));
+            let high = cells.keys().fold([i16::MIN; 3], |high, place| each(high, *place, i16::max));
+            let mut counts = Counts::new(orientation, low, each(high, low, |high, low| high - low + 1))?;
+            for (place, words) in cells {
+                let [x, y, z] = std::array::from_fn(|axis| (place[axis] - low[axis]) as usize);
+                *counts.at(x, y, z) += words;
+            }
+            Ok(counts.into_layer())
+        };
+        let positions = layer(([0; 3], positions))?;
+        let layers = layers.into_iter().map(layer).collect::<Result<_, ReachError>>()?;
+        Ok(Self { resolution, layers, positions, orientations })
     }
 
     /// The density of the frames of `stage` times those of this map.
     fn after(&self, stage: &Frames) -> Result<Self, ReachError> {
-        let turned = self.turned(stage)?;
-        let parts = rayon::current_num_threads().next_power_of_two();
-        let counts = (0..parts).into_par_iter().map(|part| {
-            let mut counts = Counts::with_capacity_and_hasher(self.cells.len() / parts, BuildHasherDefault::default());
-            for (pose, turned) in stage.poses.iter().zip(turned.chunks(self.orientations.len())) {
-                for cell in &self.cells {
-                    let position = place(&(*pose * amid(&cell.position, self.resolution.cell_m)), self.resolution.cell_m);
-                    let position = position.ok_or(ReachError::TooFine)?;
-                    // A position belongs to one part, so that no two threads count in one map.
-                    if (position[0] as usize ^ position[1] as usize ^ position[2] as usize) % parts == part {
-                        let key = Key { position, orientation: turned[usize::from(cell.orientation)] };
-                        *counts.entry(key).or_default() += cell.words;
-                    }
-                }
-            }
-            Ok(counts)
-        });
-        self.of_counts(counts.collect::<Result<_, ReachError>>()?)
-    }
-
-    /// The orientations of this map after each pose of `stage`, pose by pose.
-    fn turned(&self, stage: &Frames) -> Result<Vec<Place>, ReachError> {
         let size = self.resolution.cell_rad;
-        let rotations: Vec<_> = self.orientations.iter().map(|turn| rotation_exp(&amid(turn, size))).collect();
-        let pairs = stage.poses.iter().flat_map(|pose| rotations.iter().map(|rotation| pose.rotation * rotation));
-        let places: Option<_> = pairs.map(|rotation| place(&rotation_log(&rotation), size)).collect();
-        places.ok_or(ReachError::TooFine)
-    }
-
-    fn key(&self, pose: &Pose<f64>) -> Result<Key, ReachError> {
-        let position = place(&pose.position, self.resolution.cell_m).ok_or(ReachError::TooFine)?;
-        let orientation = place(&rotation_log(&pose.rotation), self.resolution.cell_rad).ok_or(ReachError::TooFine)?;
-        Ok(Key { position, orientation })
-    }
-
-    fn of_counts(&self, counts: Vec<Counts>) -> Result<Self, ReachError> {
-        let mut orientations = Vec::new();
-        let mut numbers = HashMap::new();
-        let mut cells = Vec::with_capacity(counts.iter().map(HashMap::len).sum());
-        // Part by part, so that no cell is held twice for long.
-        for part in counts {
-            for (key, words) in part {
-                let number = *numbers.entry(key.orientation).or_insert_with(|| {
-                    orientations.push(key.orientation);
-                    orientations.len() - 1
-                });
-                let orientation = u16::try_from(number).map_err(|_| ReachError::TooFine)?;
-                cells.push(Cell { position: key.position, orientation, words });
+        let turned = |pose: &Pose<f64>, rotation: &Mat3<f64>| {
+            place(&rotation_log(&(pose.rotation * rotation)), size).ok_or(ReachError::TooFine)
+        };
+        let mut orientations = BTreeMap::new();
+        for (turn, words) in &self.orientations {
+            let rotation = rotation_exp(&amid(turn, size));
+            for pose in &stage.poses {
+                *orientations.entry(turned(pose, &rotation)?).or_default() += words;
             }
         }
-        Ok(Self { resolution: self.resolution, cells, orientations })
+        let positions: Vec<_> = stage.poses.iter().map(|pose| (pose, &self.positions)).collect();
+        let positions = self.layer([0; 3], &positions)?;
+        let mut sources: BTreeMap<Place, Vec<(&Pose<f64>, &Layer)>> = BTreeMap::new();
+        let moved = self.n_cells().unwrap_or(0) * stage.len();
+        for layer in self.layers.iter().filter(|_| moved <= MAX_MOVED) {
+            let rotation = rotation_exp(&amid(&layer.orientation, size));
+            for pose in &stage.poses {
+                sources.entry(turned(pose, &rotation)?).or_default().push((pose, layer));
+            }
+        }
+        let sources: Vec<_> = sources.into_iter().collect();
+        let layers = sources.par_iter().map(|(orientation, sources)| self.layer(*orientation, sources));
+        let layers = layers.collect::<Result<_, _>>()?;
+        Ok(Self { resolution: self.resolution, layers, positions, orientations })
     }
+
+    /// One layer: every source layer behind its pose.
+    fn layer(&self, orientation: Place, sources: &[(&Pose<f64>, &Layer)]) -> Result<Layer, ReachError> {
+        let cell_m = self.resolution.cell_m;
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for (pose, layer) in sources {
+            for corner in 0..8 {
+                let along = |axis: usize| layer.low[axis] + (corner >> axis & 1) * (layer.size[axis] as i16 - 1);
+                let moved =
+                    pose.position / cell_m + pose.rotation * Vec3::new(along(0), along(1), along(2)).map(f64::from);
+                (low, high) = (each(low, moved.into(), f64::min), each(high, moved.into(), f64::max));
+            }
+        }
+        if low.iter().chain(&high).any(|number| number.abs() > f64::from(i16::MAX) - 3.0) {
+            return Err(ReachError::TooFine);
+        }
+        // One cell of room on all sides for rounding.
+        let low = low.map(|number| number.round() as i16 - 1);
+        let mut counts =
+            Counts::new(orientation, low, each(high.map(|number| number.round() as i16), low, |h, l| h - l + 2))?;
+        for (pose, layer) in sources {
+            let start = pose.position / cell_m + pose.rotation * Vec3::from(layer.low).map(f64::from);
+            let start = (start - Vec3::from(low).map(f64::from)).map(|number| (number + 0.5) as f32);
+            let turn = pose.rotation.map(|entry| entry as f32);
+            for (packed, words) in layer.positions.iter().zip(&layer.words) {
+                let above = Vec3::from(unpacked(*packed)).map(|number| number as f32);
+                let at = start + turn * above;
+                *counts.at(at.x as i32 as usize, at.y as i32 as usize, at.z as i32 as usize) += words;
+            }
+        }
+        Ok(counts.into_layer())
+    }
+}
+
+impl Layer {
+    /// Every position that words end at, and how many.
+    fn cells(&self) -> impl Iterator<Item = (Place, f64)> {
+        self.positions.iter().zip(&self.words).map(|(packed, words)| {
+            let above = unpacked(*packed);
+            (std::array::from_fn(|axis| self.low[axis] + above[axis] as i16), *words)
+        })
+    }
+}
+
+/// A layer while it is counted: every position of its box.
+struct Counts {
+    orientation: Place,
+    low: Place,
+    size: [usize; 3],
+    words: Vec<f64>,
+}
+
+impl Counts {
+    fn new(orientation: Place, low: Place, size: Place) -> Result<Self, ReachError> {
+        let size = size.map(|length| length.max(0) as usize);
+        if size.iter().any(|length| *length > 1 << BITS) {
+            return Err(ReachError::TooFine);
+        }
+        Ok(Self { orientation, low, size, words: vec![0.0; size.iter().product()] })
+    }
+
+    #[inline]
+    fn at(&mut self, x: usize, y: usize, z: usize) -> &mut f64 {
+        &mut self.words[(x * self.size[1] + y) * self.size[2] + z]
+    }
+
+    fn into_layer(self) -> Layer {
+        let Self { orientation, low, size, words } = self;
+        let reached = words.iter().filter(|words| **words > 0.0).count();
+        let (mut positions, mut counts) = (Vec::with_capacity(reached), Vec::with_capacity(reached));
+        for (row, words) in words.chunks(size[2]).enumerate() {
+            let (x, y) = (row / size[1], row % size[1]);
+            for (z, words) in words.iter().enumerate().filter(|(_, words)| **words > 0.0) {
+                positions.push((((x << BITS) | y) << BITS | z) as u32);
+                counts.push(*words);
+            }
+        }
+        Layer { orientation, low, size, positions, words: counts }
+    }
+}
+
+fn unpacked(packed: u32) -> [u16; 3] {
+    [packed >> (2 * BITS), packed >> BITS, packed].map(|number| (number & ((1 << BITS) - 1)) as u16)
+}
+
+fn each<T: Copy>(a: [T; 3], b: [T; 3], pick: impl Fn(T, T) -> T) -> [T; 3] {
+    std::array::from_fn(|axis| pick(a[axis], b[axis]))
 }
 
 /// Cells of positions within the reach that no word ends in and that no way leads to from outside.
@@ -198,7 +318,12 @@ pub fn holes(spots: &BTreeMap<Place, Spot>, planar: bool) -> Vec<Place> {
         }
     }
     let [x, y, z] = bounds;
-    let all = x.flat_map(|x| y.clone().flat_map({ let z = z.clone(); move |y| z.clone().map(move |z| [x, y, z]) }));
+    let all = x.flat_map(|x| {
+        y.clone().flat_map({
+            let z = z.clone();
+            move |y| z.clone().map(move |z| [x, y, z])
+        })
+    });
     all.filter(|place| !spots.contains_key(place) && !outside.contains(place)).collect()
 }
 
@@ -214,43 +339,9 @@ fn place(vector: &Vec3<f64>, size: f64) -> Option<Place> {
     within.then(|| [cells.x, cells.y, cells.z].map(|number| number.round() as i16))
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Key {
-    position: Place,
-    orientation: Place,
-}
-
-impl std::hash::Hash for Key {
-    fn hash<H: Hasher>(&self, state: &mut H) {
-        let pack = |place: &Place| place.iter().fold(0, |bits: u64, number| bits << 16 | u64::from(*number as u16));
-        state.write_u64(pack(&self.position));
-        state.write_u64(pack(&self.orientation));
-    }
-}
-
-type Counts = HashMap<Key, f64, BuildHasherDefault<Mixer>>;
-
-/// Mixes the few bits of a key by two multiplications: the default hasher of the library would cost most of the time.
-#[derive(Default)]
-struct Mixer(u64);
-
-impl Hasher for Mixer {
-    fn finish(&self) -> u64 {
-        self.0
-    }
-
-    fn write(&mut self, bytes: &[u8]) {
-        bytes.iter().for_each(|byte| self.write_u64(u64::from(*byte)));
-    }
-
-    fn write_u64(&mut self, number: u64) {
-        let mixed = (self.0 ^ number).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        self.0 = mixed ^ mixed >> 29;
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use std::collections::HashMap;
     use std::path::Path;
 
     use super::*;
@@ -274,9 +365,10 @@ mod tests {
         let mut apart = Vec::new();
         for cell_m in [0.1, 0.02, 0.004] {
             let resolution = Resolution { cell_m, cell_rad: 10.0 * cell_m };
-            let map = Map::new(&arm, &[], resolution, |_| ()).unwrap();
-            assert_eq!(map.words(), 4096.0);
-            let found = coarse(map.cells.iter().map(|cell| (map.center(cell).position, cell.words)));
+            let map = Map::with_exact(&arm, &[], resolution, 1, |_| ()).unwrap();
+            assert_eq!((map.words(), map.orientations.values().sum()), (4096.0, 4096.0));
+            assert_eq!(map.cells().map(|(_, _, words)| words).sum::<f64>(), 4096.0);
+            let found = coarse(map.cells().map(|(at, _, words)| (amid(&at, cell_m), words)));
             let squares: HashSet<_> = exact.keys().chain(found.keys()).collect();
             let of = |squares: &HashMap<Place, f64>, at: &Place| squares.get(at).copied().unwrap_or(0.0);
             apart.push(squares.iter().map(|at| (of(&exact, at) - of(&found, at)).abs()).sum::<f64>());

@@ -79,7 +79,10 @@ impl fmt::Display for ReachError {
             Self::TooManyWords { digits } => write!(f, "words of {digits} digits are more than {MAX_WORDS}: too many"),
             Self::TooFine => write!(f, "the cells are too small for the arm: take larger ones"),
             Self::NoSetting { stage } => {
-                write!(f, "stage {stage} cannot be assembled in any of its allowed states: change its legs or free an actuator")
+                write!(
+                    f,
+                    "stage {stage} cannot be assembled in any of its allowed states: change its legs or free an actuator"
+                )
             }
             Self::NoPose(reason) => write!(f, "no word gives the arm a pose: {reason}"),
         }

@@ -127,10 +127,7 @@ impl Tree {
 
     /// Bytes that the tree takes.
     pub(super) fn bytes(&self) -> usize {
-        size_of_val(&*self.nodes)
-            + size_of_val(&*self.order)
-            + size_of_val(&*self.lefts)
-            + size_of_val(&*self.rights)
+        size_of_val(&*self.nodes) + size_of_val(&*self.order) + size_of_val(&*self.lefts) + size_of_val(&*self.rights)
     }
 
     /// Left and right factor of a product.
@@ -418,7 +415,10 @@ impl<'a> Probe<'a> {
         let signs: &[f64] = if tree.chord_scale > 0.0 { &[1.0, -1.0] } else { &[1.0] };
         signs.iter().map(move |sign| {
             let scale = sign * f64::from(tree.chord_scale);
-            Self { tree, center: [p.x, p.y, p.z, scale * q[0], scale * q[1], scale * q[2], scale * q[3]].map(|x| x as f32) }
+            Self {
+                tree,
+                center: [p.x, p.y, p.z, scale * q[0], scale * q[1], scale * q[2], scale * q[3]].map(|x| x as f32),
+            }
         })
     }
 

@@ -127,9 +127,8 @@ impl<T: Real, const WIDTH: usize> Beam<T, WIDTH> {
                 if self.next.is_full() && worst.is_some_and(|(_, worst)| score >= worst) {
                     continue;
                 }
-                let word = (0..usize::from(module.actuators)).fold(choice.word, |word, leg| {
-                    word.with_digit(first + leg, (frame.digits >> (2 * leg) & 3) as u8)
-                });
+                let word = (0..usize::from(module.actuators))
+                    .fold(choice.word, |word, leg| word.with_digit(first + leg, (frame.digits >> (2 * leg) & 3) as u8));
                 let next = Choice { score, remaining: frame.pose.to(&choice.remaining), word };
                 match (self.next.push(next), worst) {
                     (Err(next), Some((at, _))) => {

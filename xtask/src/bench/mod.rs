@@ -1,6 +1,7 @@
 //! Measurements, one file each; each prints its figures beside the goals.
 
 mod chip;
+mod map;
 mod reach;
 
 use std::path::PathBuf;
@@ -29,6 +30,9 @@ struct What {
     /// The exact nearest word out of 64^6: time and memory, beside a beam search and a genetic algorithm
     #[arg(long)]
     reach: bool,
+    /// The density of frames beside enumeration and beside random words
+    #[arg(long)]
+    map: bool,
 }
 
 /// Seed of the arms and targets that a measurement draws.
@@ -42,6 +46,9 @@ impl Bench {
         }
         if self.what.reach {
             figures.extend(reach::measure(SEED)?);
+        }
+        if self.what.map {
+            figures.extend(map::measure(SEED)?);
         }
         tell(&figures, SEED, self.json.as_deref())
     }
