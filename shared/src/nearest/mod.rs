@@ -35,7 +35,7 @@ pub struct Frame<T: Real> {
 /// A module as a table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Module<'a, T: Real> {
-    /// Every pose that it can take.
+    /// Every pose that it can take, in the order of their digits.
     pub frames: &'a [Frame<T>],
     /// How many actuators it has.
     pub actuators: u8,
@@ -82,7 +82,8 @@ pub fn pose_base_tool<T: Real>(modules: &[Module<T>], word: &Word) -> Option<Pos
     for module in modules {
         let actuators = usize::from(module.actuators);
         let digits = (0..actuators).fold(0, |bits, k| bits | u16::from(word.digit(first + k)) << (2 * k));
-        pose = pose * module.frames.iter().find(|frame| frame.digits == digits)?.pose;
+        let at = module.frames.binary_search_by_key(&digits, |frame| frame.digits).ok()?;
+        pose = pose * module.frames.get(at)?.pose;
         first += actuators;
     }
     (first == word.len()).then_some(pose)
@@ -155,7 +156,7 @@ fn trace<T: Real>(a: &Mat3<T>, b: &Mat3<T>) -> T {
 }
 
 /// The frames that `stage` can take, with `before` in front of each and `after` behind it: those of settings that
-/// cannot be assembled are left out.
+/// cannot be assembled are left out. In the order of their digits.
 pub fn frames<'a, T: Real>(
     stage: &'a Stage<T>,
     before: &'a Pose<T>,
