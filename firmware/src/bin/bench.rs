@@ -32,6 +32,8 @@ use defmt_rtt as _;
 const ARMS: [(&str, usize, usize); 2] = [("arm_12", 12, 0), ("arm_full", MAX_ACTUATORS, MAX_SERVOS)];
 const ROWS: u32 = 40;
 const ROW_MS: u32 = 20;
+/// Uploads that only fill the flash.
+const STORES: u32 = 10;
 /// Actuators that change in one row.
 const CHANGING: usize = 16;
 /// What 115 200 baud carry between two wake-ups of the main thread, 500 µs.
@@ -136,7 +138,7 @@ impl Host {
         }
     }
 
-    fn upload_and_play(&mut self, table: &Recorded) {
+    fn upload(&mut self, table: &Recorded) {
         let image = table.image();
         self.send(Request::Hello { protocol: PROTOCOL });
         self.send(Request::Begin(image));
@@ -145,6 +147,9 @@ impl Host {
         }
         self.send(Request::Commit(image));
         self.watch(100);
+    }
+
+    fn play(&mut self) {
         self.send(Request::Command(Command::Play));
         self.watch(ROWS * ROW_MS + 200);
     }
@@ -159,7 +164,7 @@ fn wait_a_wake() {
     cortex_m::asm::wfi();
 }
 
-fn tell(arm: &str, name: &str, value: impl Display, unit: &str) {
+fn tell(arm: &str, name: impl Display, value: impl Display, unit: &str) {
     hprintln!("{}.{} {} {}", arm, name, value, unit);
 }
 
@@ -211,7 +216,8 @@ fn measure_all(stack: &Stack) {
         let table = record(actuators, servos);
         host.watch(50);
         measure::take();
-        host.upload_and_play(&table);
+        host.upload(&table);
+        host.play();
         let measured = measure::take();
         check("every coil was driven", measured.lines_seen.count_ones() as usize >= actuators.min(32));
         check("no fault was latched", measured.enabled);
@@ -219,7 +225,21 @@ fn measure_all(stack: &Stack) {
         tell(name, "masked", measured.masked.saturating_sub(overhead), "instructions");
         tell(name, "systick_handler", measured.handler, "instructions");
     }
+    let [.., (_, actuators, servos)] = ARMS;
+    let table = record(actuators, servos);
+    (0..STORES).for_each(|_| host.upload(&table));
     tell("board", "stack", stack.used(), "bytes");
+    tell_lateness();
+}
+
+/// Percentiles of how late ticks started, which mean something in free-running QEMU.
+fn tell_lateness() {
+    for (when, lateness) in ["outside_stores", "during_a_store"].into_iter().zip(&measure::LATENESS) {
+        tell("lateness", format_args!("{when}_count"), lateness.ticks(), "ticks");
+        for percent in [50, 99, 100] {
+            tell("lateness", format_args!("{when}_{percent}_%"), lateness.percentile(percent).0, "us");
+        }
+    }
 }
 
 #[cortex_m_rt::entry]
