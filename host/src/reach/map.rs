@@ -36,8 +36,10 @@ use crate::arm::Arm;
 const MAX_EXACT: usize = 1 << 18;
 /// Most words of cells, by poses in front, that one convolution of the joint density may move.
 const MAX_MOVED: usize = 1 << 27;
-/// Bits of a cell's number along one axis of its layer.
-const BITS: u32 = 10;
+/// Bits of a cell's number along each axis of its layer.
+const BITS: [u32; 3] = [11, 11, 10];
+/// Most cells of a layer's box.
+const MAX_BOX: usize = 1 << 28;
 
 /// A cell by its number along each axis; that around 0 is 0.
 pub type Place = [i16; 3];
@@ -90,7 +92,7 @@ pub struct Spot {
 impl Map {
     /// The density of the frames of `arm` with its servos at `servos_rad`; `done` hears the share of the stages behind.
     ///
-    /// Fails where the arm has no pose, or where cells are so small that a layer is longer than 2¹⁰ of them.
+    /// Fails where the arm has no pose, or where cells are so small that the arm is some thousand of them long.
     pub fn new(
         arm: &Arm,
         servos_rad: &[f64],
@@ -263,7 +265,7 @@ struct Counts {
 impl Counts {
     fn new(orientation: Place, low: Place, size: Place) -> Result<Self, ReachError> {
         let size = size.map(|length| length.max(0) as usize);
-        if size.iter().any(|length| *length > 1 << BITS) {
+        if size.iter().zip(BITS).any(|(length, bits)| *length > 1 << bits) || size.iter().product::<usize>() > MAX_BOX {
             return Err(ReachError::TooFine);
         }
         Ok(Self { orientation, low, size, words: vec![0.0; size.iter().product()] })
@@ -281,7 +283,7 @@ impl Counts {
         for (row, words) in words.chunks(size[2]).enumerate() {
             let (x, y) = (row / size[1], row % size[1]);
             for (z, words) in words.iter().enumerate().filter(|(_, words)| **words > 0.0) {
-                positions.push((((x << BITS) | y) << BITS | z) as u32);
+                positions.push(((x << BITS[1] | y) << BITS[2] | z) as u32);
                 counts.push(*words);
             }
         }
@@ -290,7 +292,8 @@ impl Counts {
 }
 
 fn unpacked(packed: u32) -> [u16; 3] {
-    [packed >> (2 * BITS), packed >> BITS, packed].map(|number| (number & ((1 << BITS) - 1)) as u16)
+    let low = |number: u32, bits: u32| (number & ((1 << bits) - 1)) as u16;
+    [(packed >> (BITS[1] + BITS[2])) as u16, low(packed >> BITS[2], BITS[1]), low(packed, BITS[2])]
 }
 
 fn each<T: Copy>(a: [T; 3], b: [T; 3], pick: impl Fn(T, T) -> T) -> [T; 3] {

@@ -6,6 +6,8 @@
 //! conditions: what effects move has to be small against the distance of the first and the last of them.
 //!
 //! Distance: d² = |Δp|² + ℓ²θ² with the arm's length scale ℓ.
+//!
+//! Arms with more words: [`exact`], with servo joints [`servo`]; where an arm reaches: [`map`]; from word to word: [`path`].
 
 pub mod exact;
 mod frames;
@@ -76,7 +78,7 @@ pub enum ReachError {
 impl fmt::Display for ReachError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::TooManyWords { digits } => write!(f, "words of {digits} digits are more than {MAX_WORDS}: too many"),
+            Self::TooManyWords { digits } => write!(f, "words of {digits} digits are too many"),
             Self::TooFine => write!(f, "the cells are too small for the arm: take larger ones"),
             Self::NoSetting { stage } => {
                 write!(
