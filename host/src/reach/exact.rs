@@ -5,7 +5,7 @@
 //! The stages are cut in two: the arm's frames are the products A·B of a head A and a tail B. The distance
 //! d² = |Δp|² + ℓ²θ² is left invariant, so d(A·B, T) = d(B, A⁻¹T): for each head the tail nearest to the fixed pose
 //! A⁻¹T is sought among the same frames, and what one head finds bounds the search of all others. The tails stand in
-//! a k-d tree whose bound is proven in [`tree`](super::tree); a larger tail makes fewer, hardly longer searches, until
+//! a k-d tree whose bound is proven in `tree`; a larger tail makes fewer, hardly longer searches, until
 //! its tree outgrows the memory. The bound is computed in `f32` with room for rounding, and each word that it leaves
 //! is measured in `f64`: the answer is that of looking at all words, without looking at them.
 

@@ -202,7 +202,7 @@ impl Tree {
     /// The splits down to `buckets`, level by level, from a sample.
     fn upper_splits(&self, buckets: usize) -> Vec<Upper> {
         // Multiples of the golden ratio: a stride would fall in step with the factors.
-        let spread = |k: usize| ((k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as usize * self.len() >> 32;
+        let spread = |k: usize| (((k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as usize * self.len()) >> 32;
         let count = self.len().min(buckets * SAMPLES);
         let mut sample: Vec<_> = (0..count).map(|k| self.entry(self.product(spread(k)))).collect();
         let mut upper = Vec::with_capacity(buckets - 1);
