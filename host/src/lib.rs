@@ -3,7 +3,10 @@
 pub mod arm;
 pub mod client;
 pub mod clock;
+pub mod dh;
 pub mod diagnose;
+pub mod draw;
+pub mod ik;
 pub mod in_process;
 pub mod link;
 pub mod measurement;

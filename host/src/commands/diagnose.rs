@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use anyhow::Context as _;
 use darm::arm::Arm;
 use darm::diagnose::channels::model::Model;
 use darm::diagnose::channels::prepared::{HoldOut, Preparation};
@@ -44,6 +45,9 @@ pub(crate) struct Diagnose {
     /// Seed of the cross-validation
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// A page with tables and plots, of a table of channels
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
     #[command(flatten)]
     rows: RowOptions,
 }
@@ -118,6 +122,10 @@ impl Diagnose {
         wheel.finish_and_clear();
         let diagnosis =
             diagnosis.map_err(|error| anyhow::Error::new(error).context(self.data.display().to_string()))?;
+        if let Some(path) = &self.report {
+            let page = darm::report::channels_page(&diagnosis).into_string();
+            std::fs::write(path, page).with_context(|| format!("{} cannot be written", path.display()))?;
+        }
         voice.tell(&ChannelReport(diagnosis))
     }
 

@@ -3,9 +3,12 @@
 //!
 //! Everything is drawn from one plain value, [`LoopReport`]; nothing is computed on the way.
 
+pub mod density;
+mod channels;
 mod drawing;
 mod html;
 mod plots;
+mod sketch;
 mod terminal;
 
 use std::io;
@@ -18,8 +21,10 @@ use crate::arm::frames::DesiredFrame;
 use crate::arm::{Arm, ArmScratch};
 use crate::diagnose::outcome::Diagnosis;
 use crate::plant::truth::Sealed;
+pub use channels::channels_page;
 pub use drawing::{Line, Posture, posture};
 pub use html::page;
+pub use sketch::sketch;
 pub use terminal::table;
 
 /// What the paper says of its synthesis: errors of 1e-7 m and 1e-9 degrees after 10² s.

@@ -1,10 +1,18 @@
 //! A robot of joints and links with the names, limits and frames that its file gives them: a [`Tree`] for people.
 //!
-//! It is read from a URDF ([`urdf`](crate::urdf)). [`Robot::tree`] makes the [`Tree`] that computes.
+//! It is read from a URDF ([`urdf`](crate::urdf)) or a table of Denavit and Hartenberg ([`dh`](crate::dh)). [`Robot::tree`]
+//! makes the [`Tree`] that computes; [`Robot::kinematics`], [`Robot::dynamics`], [`Robot::com`] and [`Robot::inverse`] do it.
+
+pub mod base_parameters;
+mod inverse;
+mod state;
 
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_core::tree::{Body, Inertia, Joint, LinkFrame, Tree, TreeError};
+
+pub use inverse::Inverse;
+pub use state::{Com, Dynamics, FloatingBase, Jacobian, Kinematics, Motion};
 
 /// Joints that one robot can have.
 pub const MAX_JOINTS: usize = 64;
@@ -109,3 +117,6 @@ impl RobotFrame {
         tree.frame(self.joint.unwrap_or(usize::MAX), &self.pose)
     }
 }
+
+#[cfg(test)]
+mod tests;
