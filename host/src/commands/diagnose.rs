@@ -114,7 +114,9 @@ impl Diagnose {
 
     fn channels(&self, model: &Model, voice: Voice) -> anyhow::Result<()> {
         if self.output.is_some() {
-            return Err(Usage("effects of channels cannot be written into a model yet; --json tells them".into()).into());
+            return Err(
+                Usage("effects of channels cannot be written into a model yet; --json tells them".into()).into()
+            );
         }
         let (names, options) = (self.rows.names()?, self.rows.options(self.seed)?);
         let wheel = voice.wheel("diagnosing");
@@ -189,7 +191,9 @@ impl RowOptions {
 
 fn positive(option: &str, number: Option<f64>) -> anyhow::Result<Option<f64>> {
     match number {
-        Some(number) if !(number > 0.0 && number.is_finite()) => Err(Usage(format!("{option} {number}: must be more than 0")).into()),
+        Some(number) if !(number > 0.0 && number.is_finite()) => {
+            Err(Usage(format!("{option} {number}: must be more than 0")).into())
+        }
         number => Ok(number),
     }
 }
@@ -222,9 +226,7 @@ impl Answer for ChannelReport {
             });
             [vec![name.to_owned(), n.to_string(), unit.to_owned()], numbers].concat()
         };
-        let names = error.before.train.axes.iter().map(|axis| {
-            format!("{}, {}", axis.axis, readable(0.0, axis.unit).1)
-        });
+        let names = error.before.train.axes.iter().map(|axis| format!("{}, {}", axis.axis, readable(0.0, axis.unit).1));
         let head: Vec<String> =
             ["error (RMS)", "rows", ""].map(str::to_owned).into_iter().chain(names).chain(["norm".into()]).collect();
         lines.push(columns(&[

@@ -118,6 +118,14 @@ mod tests {
     }
 
     #[test]
+    fn a_small_fall_everywhere_is_no_chance_and_one_here_and_there_is() {
+        let falls = |shares: &[f64]| paired(&shares.iter().map(|share| [100.0, 100.0 * share]).collect::<Vec<_>>()).p;
+        assert!(falls(&[0.9, 0.91, 0.89, 0.9, 0.92, 0.88, 0.9, 0.9]) < 1e-6);
+        assert!(falls(&[0.9, 1.1, 0.8, 1.15, 0.9, 1.05, 0.95, 1.1]) > 0.2);
+        assert_eq!(falls(&[1.0, 1.1]), 1.0);
+    }
+
+    #[test]
     fn table_values() {
         // Fisher's tables: F(0.99; 4, 10) = 5.994, t(0.975; 10) = 2.228.
         assert!((f_test(5.994, 4, 10) - 0.01).abs() < 1e-5);

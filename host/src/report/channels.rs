@@ -72,7 +72,9 @@ fn errors(diagnosis: &Diagnosis) -> Markup {
 
 fn effects(diagnosis: &Diagnosis) -> Markup {
     let interval = |parameter: &Parameter| match parameter.ci95 {
-        Some([low, high]) => format!("{} ({} to {}) {}", short(parameter.value), short(low), short(high), parameter.unit),
+        Some([low, high]) => {
+            format!("{} ({} to {}) {}", short(parameter.value), short(low), short(high), parameter.unit)
+        }
         None => format!("{} {}", short(parameter.value), parameter.unit),
     };
     html! {
@@ -109,7 +111,8 @@ fn plot(points: &[Point], axis: usize) -> Markup {
     let thinned: Vec<&Point> = points.iter().step_by(points.len().div_ceil(MOST_POINTS).max(1)).collect();
     let at = |values: &[f64]| values.get(axis).copied().unwrap_or(0.0);
     let most = thinned.iter().map(|p| at(&p.before).abs().max(at(&p.after).abs())).fold(f64::MIN_POSITIVE, f64::max);
-    let place = |k: usize, value: f64| (width * k as f64 / thinned.len().max(1) as f64, 0.5 * height * (1.0 - value / most));
+    let place =
+        |k: usize, value: f64| (width * k as f64 / thinned.len().max(1) as f64, 0.5 * height * (1.0 - value / most));
     let view = format!("0 0 {width} {height}");
     let mark = |k: usize, value: f64, color: &str, filled: bool| {
         let (x, y) = place(k, value);

@@ -49,7 +49,7 @@ const PRESSURE: &[Told] = &[Axis(0, 1e3, "mm"), Axis(1, 1e3, "mm"), Norm(1e3, "m
 const FORCE: &[Told] = &[Norm(1.0, "N")];
 const COUNTS: &[Told] = &[Norm(1.0, "count")];
 /// What is always identified of an arm: its bodies and the plainest friction.
-const ARM: &str = "mass-distribution,rotor-inertia,viscous-friction,coulomb-friction,stribeck-friction,force-offset,spring";
+const ARM: &str = "mass-distribution,rotor-inertia,viscous-friction,coulomb-friction,force-offset";
 /// What is always identified of a geometry.
 const GEOMETRY: &str = "tool-frame,joint-offset,axis-error,link-error,joint-compliance,link-compliance";
 
@@ -81,21 +81,53 @@ const fn plate(split: &'static str, options: &'static [&'static str]) -> Case {
 const MAP: &str = "position_count=pos,target_count=target,load=duty";
 
 const CASES: &[Case] = &[
-    torque("A", ("tx40.urdf", "tx40_joint_200hz.csv.gz"), &["--split", "heldout", "--always", ARM]),
-    torque("B", ("tx40.urdf", "tx40_joint_200hz.csv.gz"), &["--hold-out", "t >= 4.5", "--always", ARM]),
-    balls("panda_1", "panda.toml", &["--where", "robot = panda_1", "--hold-out-each", "tool_position", "--always", GEOMETRY]),
-    balls("panda_2", "panda.toml", &["--where", "robot = panda_2", "--hold-out-each", "tool_position", "--always", GEOMETRY]),
-    balls("panda_4", "panda.toml", &["--where", "robot = panda_4", "--hold-out-each", "tool_position", "--always", GEOMETRY]),
-    balls("panda_6", "panda.toml", &["--where", "robot = panda_6", "--hold-out-each", "tool_position", "--always", GEOMETRY]),
-    balls("kuka_14", "iiwa14.toml", &["--where", "robot = kuka_14", "--hold-out-each", "tool_position", "--always", GEOMETRY]),
+    torque("A", ("tx40.toml", "tx40_joint_200hz.csv.gz"), &["--split", "heldout", "--always", ARM]),
+    torque("B", ("tx40.toml", "tx40_joint_200hz.csv.gz"), &["--hold-out", "t >= 4.5", "--always", ARM]),
+    balls(
+        "panda_1",
+        "panda.toml",
+        &["--where", "robot = panda_1", "--hold-out-each", "tool_position", "--always", GEOMETRY],
+    ),
+    balls(
+        "panda_2",
+        "panda.toml",
+        &["--where", "robot = panda_2", "--hold-out-each", "tool_position", "--always", GEOMETRY],
+    ),
+    balls(
+        "panda_4",
+        "panda.toml",
+        &["--where", "robot = panda_4", "--hold-out-each", "tool_position", "--always", GEOMETRY],
+    ),
+    balls(
+        "panda_6",
+        "panda.toml",
+        &["--where", "robot = panda_6", "--hold-out-each", "tool_position", "--always", GEOMETRY],
+    ),
+    balls(
+        "kuka_14",
+        "iiwa14.toml",
+        &["--where", "robot = kuka_14", "--hold-out-each", "tool_position", "--always", GEOMETRY],
+    ),
     plate("A", &["--split", "heldout", "--interpolate", "fresh", "--lowpass", "3", "--always", "mass-distribution"]),
-    plate("B", &["--hold-out-last", "0.3", "--interpolate", "fresh", "--lowpass", "3", "--always", "mass-distribution"]),
+    plate(
+        "B",
+        &["--hold-out-last", "0.3", "--interpolate", "fresh", "--lowpass", "3", "--always", "mass-distribution"],
+    ),
     cylinder("O-ring", &["--where", "seal = O-ring", "--hold-out", "set_bar = 5"]),
     cylinder("NAPN", &["--where", "seal = NAPN", "--hold-out", "set_bar = 5"]),
     cylinder("NAP310", &["--where", "seal = NAP310", "--hold-out", "set_bar = 5"]),
-    servo("single_sts3215", &["--map", MAP, "--settled", "0.8", "--where", "test = single_sts3215", "--hold-out-last", "0.5"]),
-    servo("dual_nocomp_m1", &["--map", MAP, "--settled", "0.8", "--where", "test = dual_nocomp_m1", "--hold-out-last", "0.5"]),
-    servo("dual_pretension_m1", &["--map", MAP, "--settled", "0.8", "--where", "test = dual_pretension_m1", "--hold-out-last", "0.5"]),
+    servo(
+        "single_sts3215",
+        &["--map", MAP, "--settled", "0.8", "--where", "test = single_sts3215", "--hold-out-last", "0.5"],
+    ),
+    servo(
+        "dual_nocomp_m1",
+        &["--map", MAP, "--settled", "0.8", "--where", "test = dual_nocomp_m1", "--hold-out-last", "0.5"],
+    ),
+    servo(
+        "dual_pretension_m1",
+        &["--map", MAP, "--settled", "0.8", "--where", "test = dual_pretension_m1", "--hold-out-last", "0.5"],
+    ),
     Case {
         figures: &[Norm(1.0, "N·m")],
         ..torque(
@@ -118,7 +150,8 @@ pub(super) fn measure(folder: Option<&Path>) -> Result<Vec<Figure>> {
         };
         let model = setup::root().join("tests/data/measured").join(case.model);
         let started = Instant::now();
-        let output = Command::new(&program).args(["--json", "diagnose"]).arg(&model).arg(&data).args(case.options).output()?;
+        let output =
+            Command::new(&program).args(["--json", "diagnose"]).arg(&model).arg(&data).args(case.options).output()?;
         let time_s = started.elapsed().as_secs_f64();
         if !output.status.success() {
             bail!("{name}: {}", String::from_utf8_lossy(&output.stderr));
@@ -155,7 +188,8 @@ impl Told {
             let value = told.pointer(&format!("/error/{when}/heldout/{pointer}/value")).and_then(Value::as_f64);
             value.map(|value| value * factor).with_context(|| format!("{name}: no error {when}"))
         };
-        let axis = told.pointer(&format!("/error/after/heldout/{pointer}/axis")).and_then(Value::as_str).unwrap_or("norm");
+        let axis =
+            told.pointer(&format!("/error/after/heldout/{pointer}/axis")).and_then(Value::as_str).unwrap_or("norm");
         println!("  {axis}: {:.3} -> {:.3} {unit}", number("before")?, number("after")?);
         Figure::new(&format!("{name}, {axis}"), (number("after")? * 1000.0).round() / 1000.0, unit)
     }
@@ -177,7 +211,8 @@ fn quoted(options: &[&str]) -> String {
 
 fn build() -> Result<PathBuf> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let status = Command::new(cargo).current_dir(setup::root()).args(["build", "-q", "-p", "darm", "--bin", "darm"]).status()?;
+    let status =
+        Command::new(cargo).current_dir(setup::root()).args(["build", "-q", "-p", "darm", "--bin", "darm"]).status()?;
     if !status.success() {
         bail!("darm did not build");
     }

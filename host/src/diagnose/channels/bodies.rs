@@ -131,7 +131,13 @@ pub fn of_joint(robot: &Robot, joint: usize, at: &Moving, load: &Load) -> [f64; 
 ///
 /// Half its mass; its first moment by half its radius of gyration; its inertia by as much as it has. What has nearly no mass
 /// of its own may have a hundredth of the whole robot's.
-pub fn candidate(index: usize, link: &str, ten: &[f64; 10], whole_kg: f64, columns: [Vec<f64>; 10]) -> (Candidate, Mass) {
+pub fn candidate(
+    index: usize,
+    link: &str,
+    ten: &[f64; 10],
+    whole_kg: f64,
+    columns: [Vec<f64>; 10],
+) -> (Candidate, Mass) {
     let mass = ten[0].max(0.01 * whole_kg);
     let inertia = ten[4].max(ten[6]).max(ten[9]).max(mass * 0.0025);
     let radius_m = (inertia / mass).sqrt();
@@ -209,7 +215,8 @@ mod tests {
         let text = include_str!("../../../../tests/data/measured/tx40.urdf");
         let robot = parse(Path::new("tx40.urdf"), text, &Locks::new()).unwrap();
         let tree = robot.tree::<6>().unwrap();
-        let [q, v, a] = [[0.3, -0.5, 0.7, 1.1, -0.4, 0.2], [1.0, -2.0, 0.5, 3.0, -1.0, 2.0], [4.0, 1.0, -3.0, 2.0, 5.0, -6.0]];
+        let [q, v, a] =
+            [[0.3, -0.5, 0.7, 1.1, -0.4, 0.2], [1.0, -2.0, 0.5, 3.0, -1.0, 2.0], [4.0, 1.0, -3.0, 2.0, 5.0, -6.0]];
         let expected = inverse_dynamics(&tree, &q, &v, &a, None);
         let moving = links(&robot, &Moving::resting(&robot.gravity), [&q, &v, &a]);
         for joint in 0..6 {

@@ -116,21 +116,8 @@ impl Prepared {
             held_out: held[row],
         };
         let rows: Vec<Row> = kept.iter().map(row).collect();
-        let filter = match how.lowpass_hz {
-            Some(corner) => {
-                let hz = rate_hz(&time_s, &series);
-                let none = || PrepareError::Nothing(format!("a low-pass at {corner} Hz needs more than {} rows a second, there are {hz:.1}", 2.0 * corner));
-                Some((LowPass::new(corner, hz).ok_or_else(none)?, (hz / corner).ceil() as usize * 2))
-            }
-            None => None,
-        };
-        let fresh = match &how.interpolate {
-            Some(name) => {
-                let none = || SelectError::NoColumn { column: name.clone(), present: present(&table) };
-                Some(table.column(name).ok_or_else(none)?.numbers.iter().map(|flag| *flag != 0.0).collect())
-            }
-            None => None,
-        };
+        let filter = how.lowpass_hz.map(|corner| low_pass(corner, rate_hz(&time_s, &series))).transpose()?;
+        let fresh = how.interpolate.as_deref().map(|name| flags(&table, name)).transpose()?;
         let pick = |values: &[f64]| kept.iter().map(|&row| values[row]).collect();
         let (kept_time, kept_series) = (pick(&time_s), kept.iter().map(|&row| series[row]).collect());
         Ok(Self {
@@ -237,7 +224,8 @@ fn leave_out_gaps(table: &mut Table, findings: &mut Vec<Finding>) {
             continue;
         }
         for (row, number) in column.numbers.iter().enumerate().filter(|(_, number)| !number.is_finite()) {
-            let what = format!("{} holds `{}`, no number ({number}): the row is left out", column.name, column.words[row]);
+            let what =
+                format!("{} holds `{}`, no number ({number}): the row is left out", column.name, column.words[row]);
             findings.push(Finding { line: Some(table.lines[row]), what });
             keep[row] = false;
         }
@@ -255,22 +243,37 @@ fn constant(table: &Table, findings: &mut Vec<Finding>) {
     }
 }
 
+/// A low-pass with this corner, and how many rows it settles in.
+fn low_pass(corner_hz: f64, rate_hz: f64) -> Result<(LowPass, usize), PrepareError> {
+    let none = || {
+        let least = 2.0 * corner_hz;
+        let what =
+            format!("a low-pass at {corner_hz} Hz needs more than {least} rows a second, there are {rate_hz:.1}");
+        PrepareError::Nothing(what)
+    };
+    Ok((LowPass::new(corner_hz, rate_hz).ok_or_else(none)?, 2 * (rate_hz / corner_hz).ceil() as usize))
+}
+
+/// Where a column is not 0.
+fn flags(table: &Table, name: &str) -> Result<Vec<bool>, PrepareError> {
+    let none = || SelectError::NoColumn { column: name.into(), present: present(table) };
+    let column = table.column(name).or_else(|| table.quantity(name)).ok_or_else(none)?;
+    Ok(column.numbers.iter().map(|flag| *flag != 0.0).collect())
+}
+
 type Held = (Vec<bool>, String, Option<Vec<usize>>);
 
 fn held_out(table: &Table, how: &HoldOut, each: Option<&str>) -> Result<Held, PrepareError> {
     let n = table.lines.len();
-    let flags = |name: &str| -> Result<Vec<bool>, PrepareError> {
-        let none = || SelectError::NoColumn { column: name.into(), present: present(table) };
-        let column = table.column(name).or_else(|| table.quantity(name)).ok_or_else(none)?;
-        Ok(column.numbers.iter().map(|flag| *flag != 0.0).collect())
-    };
     match how {
-        HoldOut::Own if table.quantity("held_out").is_some() => Ok((flags("held_out")?, "the column held_out".into(), None)),
+        HoldOut::Own if table.quantity("held_out").is_some() => {
+            Ok((flags(table, "held_out")?, "the column held_out".into(), None))
+        }
         HoldOut::Own => {
             let block = |row: usize| (row * BLOCKS / n.max(1)) % 4 == 3;
             Ok(((0..n).map(block).collect(), "every fourth of 16 blocks of rows".into(), None))
         }
-        HoldOut::Column(name) => Ok((flags(name)?, format!("the column {name}"), None)),
+        HoldOut::Column(name) => Ok((flags(table, name)?, format!("the column {name}"), None)),
         HoldOut::Last(share) => {
             let first = ((1.0 - share) * n as f64).round() as usize;
             Ok(((0..n).map(|row| row >= first).collect(), format!("the last {:.0} %", 100.0 * share), None))
@@ -282,7 +285,8 @@ fn held_out(table: &Table, how: &HoldOut, each: Option<&str>) -> Result<Held, Pr
         HoldOut::Each(name) => {
             values_of(table, name)?;
             let column = table.column(name).map(|column| &column.words);
-            let held = column.map_or(Vec::new(), |words| words.iter().map(|word| Some(word.as_str()) == each).collect());
+            let held =
+                column.map_or(Vec::new(), |words| words.iter().map(|word| Some(word.as_str()) == each).collect());
             Ok((held, format!("each {name} in turn"), keys(table, name)))
         }
     }

@@ -76,7 +76,10 @@ fn nothing_is_named_where_nothing_is_missing_and_an_offset_where_one_is() {
     let offset = diagnose_table(&model("cylinder.toml"), &cylinder(|_, _, _| 5.0), &options).unwrap();
     let [found] = &offset.effects[..] else { panic!("{:?}", offset.plain) };
     let [low, high] = found.parameters[0].ci95.unwrap();
-    assert!(found.law == "force-offset" && low < -5.0 + 0.1 && high > -5.0 - 0.1 || low < 5.1 && high > 4.9, "{found:?}");
+    assert!(
+        found.law == "force-offset" && low < -5.0 + 0.1 && high > -5.0 - 0.1 || low < 5.1 && high > 4.9,
+        "{found:?}"
+    );
 }
 
 #[test]
