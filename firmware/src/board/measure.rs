@@ -59,6 +59,15 @@ pub fn take() -> Measured {
     }
 }
 
+/// How many instructions `work` takes, the SysTick handler left out; no other interrupt may be at work.
+pub fn instructions(work: impl FnOnce()) -> u32 {
+    let (began, preempted) = begin_tick();
+    work();
+    let taken = PREEMPTED.load(Ordering::Relaxed).wrapping_sub(preempted);
+    let cycles = cycles().wrapping_sub(began).wrapping_sub(taken);
+    (u64::from(cycles) * 25 / 128) as u32
+}
+
 /// Start of a tick: the time, and what preemption took before.
 pub(super) fn begin_tick() -> (u32, u32) {
     (cycles(), PREEMPTED.load(Ordering::Relaxed))

@@ -11,7 +11,10 @@ mod fk;
 mod flash;
 mod ik;
 mod jacobian;
+mod map;
 mod model;
+mod nearest;
+mod path;
 mod plant;
 mod play;
 mod record;
@@ -61,6 +64,9 @@ Exit codes: 0 done, 1 failed, 2 bad usage, 3 the board refused or is in its safe
 pub(crate) enum Command {
     Synth(synth::Synth),
     Stops(stops::Stops),
+    Nearest(nearest::Nearest),
+    Map(map::Map),
+    Path(path::Path),
     Table(table::Table),
     Upload(upload::Upload),
     Play(play::Play),
@@ -87,6 +93,9 @@ impl Command {
         match self {
             Self::Synth(command) => command.run(voice),
             Self::Stops(command) => command.run(voice),
+            Self::Nearest(command) => command.run(voice),
+            Self::Map(command) => command.run(voice),
+            Self::Path(command) => command.run(voice),
             Self::Table(command) => command.run(voice),
             Self::Upload(command) => command.run(voice),
             Self::Play(command) => command.run(voice),

@@ -46,6 +46,7 @@ mod frame;
 mod inertia;
 pub mod jacobian;
 mod kernel;
+pub mod puma560;
 pub mod singular;
 
 use crate::actuator::{Axis, JointKind};
