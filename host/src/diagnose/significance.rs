@@ -68,14 +68,18 @@ pub fn paired(losses: &[[f64; 2]]) -> Fall {
     let relative: Vec<f64> =
         losses.iter().map(|[before, after]| (before - after) / (before + after).max(f64::MIN_POSITIVE)).collect();
     let absolute: Vec<f64> = losses.iter().map(|[before, after]| before - after).collect();
-    if losses.len() < 2 || sum <= 0.0 {
+    if losses.len() < 2 || !sum.is_finite() || sum <= 0.0 {
         return Fall { sum, error: 0.0, p: 1.0 };
     }
     let chance = |falls: &[f64]| {
         let mean = falls.iter().sum::<f64>() / n;
         let variance = falls.iter().map(|fall| (fall - mean).powi(2)).sum::<f64>() / (n - 1.0);
         let error = (variance / n).sqrt();
-        if error == 0.0 { 0.0 } else { StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |t| t.sf(mean / error)) }
+        match mean / error {
+            _ if error == 0.0 => 0.0,
+            size if !size.is_finite() => 1.0,
+            size => StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |t| t.sf(size)),
+        }
     };
     Fall { sum, error: 0.0, p: (2.0 * chance(&relative).min(chance(&absolute))).min(1.0) }
 }

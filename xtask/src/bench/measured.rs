@@ -50,6 +50,8 @@ const FORCE: &[Told] = &[Norm(1.0, "N")];
 const COUNTS: &[Told] = &[Norm(1.0, "count")];
 /// What is always identified of an arm: its bodies and the plainest friction.
 const ARM: &str = "mass-distribution,rotor-inertia,viscous-friction,coulomb-friction,force-offset";
+/// What is always identified of an actuator: offset, area and the plainest friction.
+const ACTUATOR: &str = "force-offset,effective-area,load-dependent-friction,presliding-friction,viscous-friction";
 /// What is always identified of a geometry.
 const GEOMETRY: &str = "tool-frame,joint-offset,axis-error,link-error,joint-compliance,link-compliance";
 
@@ -113,9 +115,9 @@ const CASES: &[Case] = &[
         "B",
         &["--hold-out-last", "0.3", "--interpolate", "fresh", "--lowpass", "3", "--always", "mass-distribution"],
     ),
-    cylinder("O-ring", &["--where", "seal = O-ring", "--hold-out", "set_bar = 5"]),
-    cylinder("NAPN", &["--where", "seal = NAPN", "--hold-out", "set_bar = 5"]),
-    cylinder("NAP310", &["--where", "seal = NAP310", "--hold-out", "set_bar = 5"]),
+    cylinder("O-ring", &["--where", "seal = O-ring", "--hold-out", "set_bar = 5", "--always", ACTUATOR]),
+    cylinder("NAPN", &["--where", "seal = NAPN", "--hold-out", "set_bar = 5", "--always", ACTUATOR]),
+    cylinder("NAP310", &["--where", "seal = NAP310", "--hold-out", "set_bar = 5", "--always", ACTUATOR]),
     servo(
         "single_sts3215",
         &["--map", MAP, "--settled", "0.8", "--where", "test = single_sts3215", "--hold-out-last", "0.5"],

@@ -161,43 +161,32 @@ pub fn candidate(
     (candidate, Mass { candidate: index, ten: *ten })
 }
 
-/// The radius that makes moments of inertia and masses comparable, m.
-const RADIUS_M: f64 = 0.1;
-/// The least eigenvalue of a pseudo-inertia, as a share of its trace.
-const LEAST_SHARE: f64 = 1e-4;
+/// The least mass as a share of what the body was said to have, and the least second moment as a share of their sum.
+const LEAST: (f64, f64) = (0.1, 1e-4);
 
-/// The nearest ten parameters of a body that can be.
+/// The nearest ten parameters of a body that can be, with its mass and first moment as they are; one with hardly any
+/// mass left becomes the `nominal` one with all ten scaled to the least mass.
 ///
-/// A body is possible when its pseudo-inertia, [½tr(I)·1 − I, m·c; (m·c)ᵀ, m], is positive definite; eigenvalues below that
-/// are raised. Source: P. M. Wensing, S. Kim, J.-J. Slotine, IEEE Robotics and Automation Letters 3 (2018) 60.
-pub fn possible(ten: &[f64; 10]) -> [f64; 10] {
-    let [m, x, y, z, xx, xy, yy, xz, yz, zz] = *ten;
-    let (half, r) = (0.5 * (xx + yy + zz), RADIUS_M);
-    let square = r * r;
-    let [x, y, z] = [x / r, y / r, z / r];
-    let [a, b, c] = [(half - xx) / square, (half - yy) / square, (half - zz) / square];
-    let [d, e, f] = [-xy / square, -xz / square, -yz / square];
-    let mut eigen = nalgebra::Matrix4::new(a, d, e, x, d, b, f, y, e, f, c, z, x, y, z, m).symmetric_eigen();
-    let least = LEAST_SHARE * eigen.eigenvalues.iter().map(|l| l.abs()).sum::<f64>();
+/// A body is possible when its pseudo-inertia, [Σ, m·c; (m·c)ᵀ, m] with Σ = ½tr(I)·1 − I, is positive definite, which is
+/// m > 0 and a positive definite Σ − m·c·cᵀ: eigenvalues of that below a least one are raised. Source: P. M. Wensing, S.
+/// Kim, J.-J. Slotine, IEEE Robotics and Automation Letters 3 (2018) 60.
+pub fn possible(ten: &[f64; 10], nominal: &[f64; 10]) -> [f64; 10] {
+    let [mass, x, y, z, xx, xy, yy, xz, yz, zz] = *ten;
+    if mass < LEAST.0 * nominal[0] || mass <= 0.0 {
+        return nominal.map(|parameter| LEAST.0 * parameter);
+    }
+    let (moment, half) = (Vec3::new(x, y, z), 0.5 * (xx + yy + zz));
+    let second = Mat3::new(half - xx, -xy, -xz, -xy, half - yy, -yz, -xz, -yz, half - zz);
+    let offset = moment * moment.transpose() / mass;
+    let mut eigen = (second - offset).symmetric_eigen();
+    let least = LEAST.1 * eigen.eigenvalues.iter().map(|l| l.abs()).sum::<f64>();
     if eigen.eigenvalues.min() >= least {
         return *ten;
     }
     eigen.eigenvalues.apply(|l| *l = l.max(least));
-    let j = eigen.recompose();
-    let of = |row: usize, column: usize| j[(row, column)] * square;
-    let [sxx, syy, szz] = [of(0, 0), of(1, 1), of(2, 2)];
-    [
-        j[(3, 3)],
-        j[(0, 3)] * r,
-        j[(1, 3)] * r,
-        j[(2, 3)] * r,
-        syy + szz,
-        -of(0, 1),
-        sxx + szz,
-        -of(0, 2),
-        -of(1, 2),
-        sxx + syy,
-    ]
+    let s = eigen.recompose() + offset;
+    let [a, b, c] = [s.m22 + s.m33, s.m11 + s.m33, s.m11 + s.m22];
+    [mass, x, y, z, a, -s.m12, b, -s.m13, -s.m23, c]
 }
 
 #[cfg(test)]
@@ -234,8 +223,9 @@ mod tests {
     #[test]
     fn a_possible_body_stays_and_an_impossible_one_becomes_possible() {
         let ball = [2.0, 0.0, 0.0, 0.1, 0.02, 0.0, 0.02, 0.0, 0.0, 0.02];
-        assert_eq!(possible(&ball), ball);
-        let far = possible(&[1.0, 0.5, 0.0, 0.0, 0.01, 0.0, 0.01, 0.0, 0.0, 0.01]);
+        assert_eq!(possible(&ball, &ball), ball);
+        let far = possible(&[1.0, 0.5, 0.0, 0.0, 0.01, 0.0, 0.01, 0.0, 0.0, 0.01], &ball);
         assert!(far[0] > 0.0 && far[0] * far[6] > far[1] * far[1], "{far:?}");
+        assert_eq!(possible(&[-1.0; 10], &ball)[0], 0.2);
     }
 }

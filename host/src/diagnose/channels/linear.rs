@@ -217,6 +217,17 @@ impl Channels {
         Trial { effect, fit: Fit { active, values }, predicted, loss, error }
     }
 
+    /// Fits the values of a model anew, beside those that are held where they are.
+    pub fn refit(&self, fit: &mut Fit, held: &[usize]) {
+        let indices = self.indices(&fit.active);
+        let (information, gradient) = self.system(&self.whole, &indices);
+        let (fixed, free): (Vec<usize>, Vec<usize>) = (0..indices.len()).partition(|&k| held.contains(&indices[k]));
+        let of_fixed = |a: usize| fixed.iter().map(|&b| information[(a, b)] * fit.values[indices[b]]).sum::<f64>();
+        let rest = DVector::from_iterator(free.len(), free.iter().map(|&a| gradient[a] + of_fixed(a)));
+        let solved = -solve(information.select_rows(&free).select_columns(&free), &rest);
+        free.iter().zip(solved.iter()).for_each(|(&k, value)| fit.values[indices[k]] = *value);
+    }
+
     /// Root mean square of the norm of scaled residuals, in its unit.
     pub fn norm(&self, scaled: &[f64]) -> f64 {
         let (n_axes, n_norm) = (self.sigma.len(), self.experiment.n_norm);

@@ -43,6 +43,8 @@ use prepared::{HoldOut, Preparation, PrepareError, Prepared, values_of};
 /// Pieces of rows without which nothing can be said.
 const FEWEST_PIECES: usize = 8;
 
+/// Rounds in which impossible bodies are made possible and the rest is fitted anew.
+const POSSIBLE_ROUNDS: usize = 12;
 /// Slopes and residuals from here on are no measurement.
 const LARGEST: f64 = 1e100;
 
@@ -195,13 +197,29 @@ fn check(experiment: &Experiment) -> Result<(), ChannelError> {
     }
 }
 
-/// Bodies that came out impossible become the nearest possible ones.
+/// Bodies that came out impossible become the nearest possible ones; everything else is fitted anew beside them.
 fn possible(kind: &Channels, best: &mut Trial<Channels>) {
-    for mass in kind.experiment.masses.iter().filter(|mass| best.fit.active.contains(&mass.candidate)) {
-        let indices = kind.indices(&[mass.candidate]);
-        let fitted = std::array::from_fn(|k| mass.ten[k] + indices.get(k).map_or(0.0, |&at| best.fit.values[at]));
-        let nearest = bodies::possible(&fitted);
-        indices.iter().zip(nearest.iter().zip(&mass.ten)).for_each(|(&at, (new, old))| best.fit.values[at] = new - old);
+    let mut held: Vec<usize> = Vec::new();
+    for round in 0..=POSSIBLE_ROUNDS {
+        let mut changed = false;
+        for mass in kind.experiment.masses.iter().filter(|mass| best.fit.active.contains(&mass.candidate)) {
+            let indices = kind.indices(&[mass.candidate]);
+            let fitted = std::array::from_fn(|k| mass.ten[k] + indices.get(k).map_or(0.0, |&at| best.fit.values[at]));
+            let nearest = bodies::possible(&fitted, &mass.ten);
+            if nearest != fitted {
+                changed = true;
+                indices
+                    .iter()
+                    .zip(nearest.iter().zip(&mass.ten))
+                    .for_each(|(&at, (new, old))| best.fit.values[at] = new - old);
+                let moved = (0..10).filter(|&k| k > 3 || nearest[k] != fitted[k]).map(|k| indices[k]);
+                held.extend(moved.filter(|at| !held.contains(at)).collect::<Vec<_>>());
+            }
+        }
+        if !changed || round == POSSIBLE_ROUNDS {
+            return;
+        }
+        kind.refit(&mut best.fit, &held);
     }
 }
 
