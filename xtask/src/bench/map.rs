@@ -17,8 +17,8 @@ use crate::setup;
 
 /// Random words beside the map of 64⁶.
 const SAMPLES: usize = 10_000_000;
-/// Edge of the cubes that densities are compared on, m: 2¹⁵ words leave few to a smaller one.
-const COARSE_M: f64 = 0.5;
+/// Edge of the cubes that densities are compared on, m: whole cells, and 2¹⁵ words leave few to a smaller one.
+const COARSE_M: f64 = 0.4;
 /// The same for 64⁶ words.
 const COARSE_SPATIAL_M: f64 = 0.1;
 
@@ -34,8 +34,9 @@ pub(super) fn measure(seed: u64) -> Result<Vec<Figure>> {
 struct Shares(HashMap<[i32; 3], f64>);
 
 impl Shares {
-    fn add(&mut self, position: &Vec3<f64>, edge_m: f64, share: f64) {
-        let cube = position.map(|x| (x / edge_m).floor() as i32);
+    /// Cells of `cell_m` lie around whole multiples of it; the walls of the cubes are walls of cells.
+    fn add(&mut self, position: &Vec3<f64>, edge_m: f64, cell_m: f64, share: f64) {
+        let cube = position.map(|x| ((x + 0.5 * cell_m) / edge_m).floor() as i32);
         *self.0.entry(cube.into()).or_default() += share;
     }
 
@@ -51,7 +52,7 @@ fn of_map(map: &Map, edge_m: f64) -> Shares {
     let (mut shares, words) = (Shares::default(), map.words());
     for (place, spot) in map.spots() {
         let position = Vec3::from(place).map(|number| f64::from(number) * map.resolution.cell_m);
-        shares.add(&position, edge_m, spot.words / words);
+        shares.add(&position, edge_m, map.resolution.cell_m, spot.words / words);
     }
     shares
 }
@@ -61,17 +62,19 @@ fn planar() -> Result<Vec<Figure>> {
     let mut arm = Arm::read(&setup::root().join("examples/planar4.toml"))?;
     let module = arm.model.chain.stages[0];
     arm.model.chain.stages.push(module).ok().context("the arm has too many stages")?;
-    let (mut exact, mut scratch) = (Shares::default(), ArmScratch::default());
+    let (mut positions, mut scratch) = (Vec::new(), ArmScratch::default());
     let words = 1u32 << arm.n_actuators();
     for bits in 0..words {
         let digits: Vec<u8> = (0..arm.n_actuators()).map(|k| (bits >> k & 1) as u8).collect();
         let pose = arm.model.chain.pose_base_tool(&Word::new(&digits)?, &[], &mut scratch)?;
-        exact.add(&pose.position, COARSE_M, 1.0 / f64::from(words));
+        positions.push(pose.position);
     }
     let mut figures = Vec::new();
     for cell_mm in [80.0, 40.0, 20.0] {
         let resolution = Resolution { cell_m: 1e-3 * cell_mm, cell_rad: 2e-3 * cell_mm };
         let map = Map::with_exact(&arm, &[], resolution, 1, |_| ())?;
+        let mut exact = Shares::default();
+        positions.iter().for_each(|at| exact.add(at, COARSE_M, resolution.cell_m, 1.0 / f64::from(words)));
         let name = format!("map, 2^15 planar words, cells of {cell_mm} mm");
         figures.push(Figure::new(&format!("{name}: words lost or made"), (map.words() - f64::from(words)).abs(), "")?);
         figures.push(Figure::new(&format!("{name}: L1 distance"), of_map(&map, COARSE_M).distance(&exact), "")?);
@@ -92,7 +95,7 @@ fn spatial_map(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
         let frame =
             |module: &darm_core::nearest::Module<f64>| module.frames[random.random_range(0..module.frames.len())].pose;
         let pose = modules.iter().map(frame).fold(Pose::identity(), |pose, next| pose * next);
-        sampled.add(&pose.position, COARSE_SPATIAL_M, 1.0 / SAMPLES as f64);
+        sampled.add(&pose.position, COARSE_SPATIAL_M, resolution.cell_m, 1.0 / SAMPLES as f64);
     }
     let density = of_map(&map, COARSE_SPATIAL_M);
     // The mean absolute deviation of a share p counted n times is √(2p(1 − p)/(πn)).
