@@ -11,6 +11,7 @@
 //! | [`chain`]     | the stages of an arm: where its tool stands, and how it moves with each parameter         |
 //! | [`tree`]      | trees of joints on a fixed or floating base: where links stand, Jacobians                 |
 //! | [`dynamics`]  | torques of a motion, mass matrix, gravity, centre of mass, regressor                      |
+//! | [`ik`]        | joint positions that bring a tool to a pose                                               |
 //! | [`nearest`]   | frame look-ups of modules, a beam search for a near word in bounded memory                |
 //! | [`odometry`]  | differential drive: from wheel encoders to a pose and its covariance                      |
 //! | [`effect`]    | the physical effects that move an arm off its ideal geometry, one law per file            |
@@ -31,6 +32,7 @@ mod arms;
 pub mod chain;
 pub mod dynamics;
 pub mod effect;
+pub mod ik;
 pub mod model;
 pub mod nearest;
 pub mod odometry;

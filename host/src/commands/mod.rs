@@ -1,11 +1,18 @@
 //! The subcommands of `darm`, one file each: arguments, one function that runs it, what it says.
 
 mod camera;
+mod com;
 mod console;
 mod diagnose;
 mod doctor;
+mod draw;
+mod dynamics;
+mod fk;
 mod flash;
+mod ik;
+mod jacobian;
 mod map;
+mod model;
 mod nearest;
 mod path;
 mod plant;
@@ -14,6 +21,7 @@ mod record;
 mod status;
 mod stop;
 mod stops;
+mod subject;
 mod synth;
 mod table;
 pub(crate) mod table_file;
@@ -32,6 +40,8 @@ use crate::voice::Voice;
 ///   darm record visits.darm -o run.csv                 play and measure
 ///   darm diagnose arm.toml run.csv -o arm2.toml        which effect the model lacks
 ///   darm stops arm.toml arm2.toml                      by how many mm each stop is to be turned
+///
+/// Any arm, robot as URDF or table of Denavit and Hartenberg: `darm fk`, `jacobian`, `ik`, `dynamics`, `com`, `model`, `draw`.
 ///
 /// Without hardware: `darm plant arm.toml` starts a board in the emulator and says its port.
 #[derive(clap::Parser, Debug)]
@@ -67,6 +77,13 @@ pub(crate) enum Command {
     Console(console::Console),
     Flash(flash::Flash),
     Plant(plant::Plant),
+    Fk(fk::Fk),
+    Jacobian(jacobian::Jacobian),
+    Ik(ik::Ik),
+    Dynamics(dynamics::Dynamics),
+    Com(com::Com),
+    Model(model::Model),
+    Draw(draw::Draw),
     Doctor(doctor::Doctor),
 }
 
@@ -89,6 +106,13 @@ impl Command {
             Self::Console(command) => command.run(voice),
             Self::Flash(command) => command.run(voice),
             Self::Plant(command) => command.run(voice),
+            Self::Fk(command) => command.run(voice),
+            Self::Jacobian(command) => command.run(voice),
+            Self::Ik(command) => command.run(voice),
+            Self::Dynamics(command) => command.run(voice),
+            Self::Com(command) => command.run(voice),
+            Self::Model(command) => command.run(voice),
+            Self::Draw(command) => command.run(voice),
             Self::Doctor(command) => command.run(voice),
         }
     }

@@ -2,7 +2,10 @@
 
 mod chip;
 mod map;
+mod peers;
 mod reach;
+mod synthesis;
+mod synthesis_sweep;
 
 use std::path::PathBuf;
 
@@ -27,6 +30,15 @@ struct What {
     /// Instruction counts and sizes of the firmware
     #[arg(long)]
     chip: bool,
+    /// Kinematics and dynamics beside Pinocchio and the crate `k`: what they take is built once, in minutes
+    #[arg(long)]
+    peers: bool,
+    /// The examples of the synthesis paper, by its method and by ours
+    #[arg(long)]
+    synthesis: bool,
+    /// In how many of 200 draws a synthesis is exact, as the desired frames move away
+    #[arg(long)]
+    synthesis_sweep: bool,
     /// The exact nearest word out of 64^6: time and memory, beside a beam search and a genetic algorithm
     #[arg(long)]
     reach: bool,
@@ -43,6 +55,15 @@ impl Bench {
         let mut figures = Vec::new();
         if self.what.chip {
             figures.extend(chip::measure()?);
+        }
+        if self.what.peers {
+            figures.extend(peers::measure()?);
+        }
+        if self.what.synthesis {
+            figures.extend(synthesis::measure()?);
+        }
+        if self.what.synthesis_sweep {
+            figures.extend(synthesis_sweep::measure()?);
         }
         if self.what.reach {
             figures.extend(reach::measure(SEED)?);

@@ -1,10 +1,13 @@
-//! Exact instruction counts of the real tasks in QEMU: the longest control tick, the longest masked stretch, the stack.
+//! Exact instruction counts in QEMU: kinematics and dynamics; of the real tasks the longest control tick, the longest masked
+//! stretch, the stack.
 //!
 //! The tasks are those of the flashed image. A recorded upload in memory is fed into the console's receive queue as the
 //! line would, 12 bytes a millisecond, then the table is played. Started with `-icount shift=6,sleep=off` the counts are
 //! the same in every run. Prints `name value unit`, one a line, through semihosting.
 #![no_std]
 #![no_main]
+
+mod kinematics;
 
 use core::fmt::Display;
 
@@ -246,6 +249,7 @@ fn tell_lateness() {
 fn main() -> ! {
     let stack = Stack::paint();
     check("the clock starts", clocks::start().is_ok());
+    kinematics::measure(&stack);
     time::start();
     board::prioritise();
     measure_nearest();
