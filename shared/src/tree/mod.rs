@@ -205,7 +205,7 @@ impl<T: Real, const N: usize> Tree<T, N> {
     /// Pose of `frame` in a fixed base at the joints' positions `q` (rad or m), when nothing else of the posture is asked for.
     ///
     /// Carried from the frame inwards, link by link, which needs no [`Frames`] and fewer products than [`place`](Self::place).
-    #[inline]
+    #[inline(always)]
     pub fn pose(&self, frame: &LinkFrame<T>, q: &[T; N]) -> Pose<T> {
         let turns = self.turns(q);
         let mut at = Frame::of(&frame.pose);
