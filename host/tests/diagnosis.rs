@@ -6,7 +6,7 @@
 use std::path::Path;
 use std::time::Instant;
 
-use darm::arm::frames::{self, DesiredFrame};
+use darm::arm::frames::{self, DesiredFrame, Weights};
 use darm::arm::{Arm, ArmScratch};
 use darm::diagnose::outcome::{Diagnosis, Verdict};
 use darm::diagnose::{Options, diagnose};
@@ -125,7 +125,14 @@ fn spatial_arm() -> (Arm, Vec<DesiredFrame>) {
     let frame = |text: &&str| {
         let word = text.parse().unwrap();
         let pose = arm.model.chain.pose_base_tool(&word, &[], &mut ArmScratch::default()).unwrap();
-        DesiredFrame { name: String::new(), word, previous: arm.rest(), servos_rad: vec![], pose_base_tool: pose }
+        DesiredFrame {
+            name: String::new(),
+            word,
+            previous: arm.rest(),
+            servos_rad: vec![],
+            pose_base_tool: pose,
+            weights: Weights::default(),
+        }
     };
     let frames = ["000000000000", "111111000000", "000000111111", "010101101010"].iter().map(frame).collect();
     (arm, frames)

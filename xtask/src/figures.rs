@@ -46,7 +46,7 @@ pub(crate) fn tell(figures: &[Figure], seed: u64, json: Option<&Path>) -> Result
             Some(false) => "MISSED",
             None => "",
         };
-        println!("{name:55} {value:>12} {unit:13} {:10} {verdict}", goal.as_deref().unwrap_or_default());
+        println!("{name:55} {:>12} {unit:13} {:10} {verdict}", short(*value), goal.as_deref().unwrap_or_default());
     }
     if let Some(path) = json {
         let rows = Rows { rows: figures, seed, versions: Versions { darm: env!("CARGO_PKG_VERSION") } };
@@ -54,6 +54,17 @@ pub(crate) fn tell(figures: &[Figure], seed: u64, json: Option<&Path>) -> Result
         std::fs::write(path, text).with_context(|| format!("{} cannot be written", path.display()))?;
     }
     Ok(())
+}
+
+/// Counts as they are, small numbers with two digits, others with four.
+fn short(value: f64) -> String {
+    if value.fract() == 0.0 {
+        format!("{value}")
+    } else if value.abs() < 1e-2 {
+        format!("{value:.1e}")
+    } else {
+        format!("{value:.3}")
+    }
 }
 
 fn goal(name: &str) -> Result<Option<String>> {

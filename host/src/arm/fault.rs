@@ -218,6 +218,27 @@ pub enum FrameFault {
         /// Angles given.
         found: usize,
     },
+    /// A weight has to be above zero.
+    Weight(f64),
+    /// A bound names an actuator that the arm does not have.
+    NoSuchActuator {
+        /// Its number.
+        actuator: usize,
+        /// Actuators of the arm.
+        actuators: usize,
+    },
+    /// A bound is given in the wrong unit.
+    BoundUnit {
+        /// The actuator, by its name.
+        actuator: String,
+        /// Whether it turns.
+        turns: bool,
+    },
+    /// A bound leaves nothing.
+    EmptyBound {
+        /// The actuator, by its name.
+        actuator: String,
+    },
     /// There is no frame.
     Empty,
 }
@@ -245,6 +266,19 @@ impl fmt::Display for FrameFault {
             }
             Self::ServoCount { servos, found } => {
                 write!(f, "{found} servo angles are given; give {servos}, one for each servo joint")
+            }
+            Self::Weight(weight) => {
+                write!(f, "the weight is {weight}; give a number above zero, or `orientation = \"free\"`")
+            }
+            Self::NoSuchActuator { actuator, actuators } => {
+                write!(f, "there is no actuator {actuator}; give 0 to {}, counted from the base", actuators - 1)
+            }
+            Self::BoundUnit { actuator, turns } => {
+                let unit = if *turns { "deg" } else { "m" };
+                write!(f, "bounds of {actuator} are in {unit}; give keys that end in _{unit}")
+            }
+            Self::EmptyBound { actuator } => {
+                write!(f, "the least bound of {actuator} is above the most; exchange them")
             }
             Self::Empty => write!(f, "there is no frame; add a [[frame]]"),
         }

@@ -47,12 +47,13 @@ mod build;
 mod effects;
 mod fault;
 pub mod frames;
-mod raw;
+pub(crate) mod raw;
 pub(crate) mod source;
 mod write;
 
 use std::path::Path;
 
+use darm_core::actuator::{JointKind, Stage};
 use darm_core::chain::Scratch;
 use darm_core::model::Model;
 use darm_core::output::Wiring;
@@ -142,6 +143,12 @@ impl Arm {
     /// How many servo joints it has.
     pub fn n_servos(&self) -> usize {
         self.model.chain.n_servos()
+    }
+
+    /// Whether a discrete actuator turns: its states are angles, not lengths.
+    pub fn turns(&self, actuator: usize) -> bool {
+        let stage = self.model.chain.actuator(actuator).map(|(stage, _)| &self.model.chain.stages[stage]);
+        matches!(stage, Some(Stage::Discrete(joint)) if joint.axis.kind == JointKind::Revolute)
     }
 
     /// The word at rest: every actuator contracted, no coil fed.

@@ -1,23 +1,35 @@
 //! `darm synth`: the geometry with which an arm reaches desired frames.
 
-use std::path::PathBuf;
+mod answer;
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::Context as _;
-use darm::arm::{Arm, frames};
-use darm::synthesis::{Bounds, Method, Options, Reached, Status, Synthesis, synthesize};
-use serde::Serialize;
+use darm::arm::frames::{self, DesiredFrame};
+use darm::arm::{Arm, ArmModel};
+use darm::report::sketch;
+use darm::synthesis::{
+    Bounds, Dead, Method, Options, Status, Synthesis, Tolerance, Watch, buy, choose_words, expected, least_sensitive,
+    read_catalogue, repair, synthesize,
+};
 
 use crate::failure::Usage;
-use crate::voice::{Answer, Voice, columns};
+use crate::voice::Voice;
+use answer::{Extras, Synthesised, not_met};
 
 const EXAMPLES: &str = "\
 Examples:
   darm synth planar4.toml planar4-frames.toml -o arm.toml
   darm synth hybrid.toml frames.toml -o arm.toml --frames-out found.toml   servo angles found, too
-  darm synth planar4.toml frames.toml --method paper --steps 100 -o arm.toml
+  darm synth planar4.toml frames.toml -o arm.toml --choose-words --frames-out found.toml
+  darm synth planar4.toml frames.toml -o arm.toml --catalogue cylinders.csv
+  darm synth planar4.toml frames.toml -o arm.toml --tolerance 0.05,0.1     mm of stops and anchors
+  darm synth arm.toml frames.toml -o mended.toml --repair 4=0              actuator 4 stays in state 0
+  darm synth planar4.toml frames.toml --method paper --steps 100 -o arm.toml --draw pictures
 
-Lengths in the files are in m, angles in degrees. `darm stops planar4.toml arm.toml` then says by
-how many mm each stop is to be turned.";
+Lengths in the files are in m, angles in degrees. Ctrl-C takes the nearest geometry so far. `darm stops
+planar4.toml arm.toml` then says by how many mm each stop is to be turned.";
 
 /// Find the geometry with which an arm reaches desired frames
 #[derive(clap::Args, Debug)]
@@ -32,20 +44,38 @@ pub(crate) struct Synth {
     /// The new arm
     #[arg(short, long, value_name = "NEW.toml")]
     output: PathBuf,
-    /// The frames with the servo angles that were found
+    /// The frames with the servo angles and words that were found
     #[arg(long, value_name = "FILE.toml")]
     frames_out: Option<PathBuf>,
+    /// Draw the new arm in each frame: one SVG a frame
+    #[arg(long, value_name = "FOLDER")]
+    draw: Option<PathBuf>,
     /// Take the nearest geometry where the frames cannot all be met
     #[arg(long)]
     closest: bool,
+    /// Choose the words as well: those in FRAMES.toml do not matter
+    #[arg(long, group = "task")]
+    choose_words: bool,
+    /// Take the legs from a list of parts: part,stroke_mm,retracted_mm,force_n,price
+    #[arg(long, value_name = "FILE.csv", group = "task")]
+    catalogue: Option<PathBuf>,
+    /// Make the frames least sensitive to errors of stops and anchors of this size, mm
+    #[arg(long, value_name = "STOP[,ANCHOR]", value_parser = tolerance, group = "task")]
+    tolerance: Option<Tolerance>,
+    /// Synthesis again around an actuator that stays in one state; actuators count from 0 at the base
+    #[arg(long, value_name = "ACTUATOR=STATE", value_parser = dead, group = "task")]
+    repair: Option<Dead>,
     /// Scheme
     #[arg(long, value_enum, default_value_t = Scheme::Newton)]
     method: Scheme,
     /// Steps of the paper's scheme
     #[arg(long, value_name = "N", default_value_t = 100)]
     steps: u32,
+    /// Tikhonov's parameter of the paper's scheme, for more frames than can be met
+    #[arg(long, value_name = "SHARE", default_value_t = 1e-3)]
+    regularisation: f64,
     /// Starts that are tried before the nearest geometry is taken
-    #[arg(long, value_name = "N", default_value_t = 8)]
+    #[arg(long, value_name = "N", default_value_t = 16)]
     starts: u32,
     /// Seed of the starts
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -67,144 +97,139 @@ enum Scheme {
     Paper,
 }
 
-#[derive(Serialize)]
-struct Synthesised {
-    output: PathBuf,
-    model: String,
-    reached: bool,
-    case: String,
-    iterations: u32,
-    starts: u32,
-    took_s: f64,
-    alteration_m: f64,
-    frames: Vec<FrameReport>,
+/// Two lengths in mm, the second the same as the first where it is left out.
+fn tolerance(text: &str) -> Result<Tolerance, String> {
+    let (stop, anchor) = text.split_once(',').unwrap_or((text, text));
+    let metres = |text: &str| match text.trim().parse::<f64>() {
+        Ok(mm) if mm.is_finite() && mm >= 0.0 => Ok(1e-3 * mm),
+        _ => Err(format!("{text:?} is no length; give mm, such as 0.05 or 0.05,0.1")),
+    };
+    let stop_m = metres(stop)?;
+    // A stop of a joint acts at a lever of about a metre.
+    Ok(Tolerance { stop_m, stop_rad: stop_m, anchor_m: metres(anchor)? })
 }
 
-#[derive(Serialize)]
-struct FrameReport {
-    name: String,
-    word: String,
-    servos_deg: Vec<f64>,
-    before_m: f64,
-    before_rad: f64,
-    error_m: f64,
-    error_rad: f64,
-}
-
-/// Frames that are not met.
-#[derive(Debug, thiserror::Error)]
-#[error(
-    "not met: {frames} (up to {worst_mm:.3} mm, {worst_deg:.3} deg); {case}; ask for fewer or nearer frames, or take the nearest geometry with --closest"
-)]
-struct NotMet {
-    frames: String,
-    worst_mm: f64,
-    worst_deg: f64,
-    case: String,
+fn dead(text: &str) -> Result<Dead, String> {
+    let parts = text.split_once('=').and_then(|(actuator, state)| Some((actuator.parse().ok()?, state.parse().ok()?)));
+    let (actuator, state) = parts.ok_or("give an actuator and its state, such as 4=0")?;
+    Ok(Dead { actuator, state })
 }
 
 impl Synth {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
         let base = Arm::read(&self.base)?;
-        let desired = frames::read(&self.frames, &base)?;
+        let task = frames::read_task(&self.frames, &base)?;
+        let watch = Watch::default();
+        let options = Options { ranges: task.ranges, watch: watch.clone(), ..self.options()? };
+        let ended = watch.clone();
+        ctrlc::set_handler(move || ended.end()).context("cannot wait for Ctrl-C")?;
         let wheel = voice.wheel("synthesising");
-        let found = synthesize(&base, &desired, &self.options()?);
+        let (found, extras) = std::thread::scope(|scope| {
+            let search = scope.spawn(|| self.search(&base, &task.frames, &options));
+            while !search.is_finished() {
+                wheel.set_message(format!("synthesising, start {}", watch.starts()));
+                std::thread::sleep(Duration::from_millis(20));
+            }
+            search.join().map_err(|_| anyhow::anyhow!("the search ended by itself; this is an error of darm"))?
+        })?;
         wheel.finish_and_clear();
-        let found = found?;
-        if found.status == Status::Closest && !self.closest {
+        if watch.is_ended() {
+            voice.note("interrupted: this is the nearest geometry so far");
+        }
+        if found.status == Status::Closest && !self.closest && !watch.is_ended() {
             return Err(not_met(&found).into());
         }
+        self.keep(&base.model, &found, voice)?;
+        voice.tell(&Synthesised::of(&found, &self.output, extras))
+    }
+
+    /// The search that is asked for, and what it tells beside the geometry.
+    fn search(&self, base: &Arm, desired: &[DesiredFrame], options: &Options) -> anyhow::Result<(Synthesis, Extras)> {
+        let mut extras = Extras::default();
+        let found = if self.choose_words {
+            choose_words(base, desired, options, &|_| true)?
+        } else if let Some(path) = &self.catalogue {
+            let (found, parts) = buy(base, desired, &read_catalogue(path)?, options)?;
+            extras.price = Some(parts.iter().map(|part| part.price).sum());
+            extras.parts = parts;
+            found
+        } else if let Some(dead) = self.repair {
+            check(base, dead)?;
+            let (found, cost) = repair(base, desired, dead, options)?;
+            extras.repair = Some(cost);
+            found
+        } else {
+            synthesize(base, desired, options)?
+        };
+        let Some(tolerance) = self.tolerance.filter(|_| found.status == Status::Reached) else {
+            return Ok((found, extras));
+        };
+        let reached = |found: &Synthesis| -> Vec<DesiredFrame> {
+            found.frames.iter().map(|reached| reached.frame.clone()).collect()
+        };
+        extras.expected_before = expected(&found.arm, &reached(&found), &tolerance, self.seed);
+        let found = least_sensitive(base, &found, &tolerance, options)?;
+        extras.expected = expected(&found.arm, &reached(&found), &tolerance, self.seed);
+        Ok((found, extras))
+    }
+
+    /// Writes the files that are asked for.
+    fn keep(&self, base: &ArmModel, found: &Synthesis, voice: Voice) -> anyhow::Result<()> {
         found.arm.write(&self.output)?;
+        let frames: Vec<_> = found.frames.iter().map(|reached| reached.frame.clone()).collect();
+        if let Some(folder) = &self.draw {
+            draw(&found.arm, &frames, folder)?;
+        }
         if let Some(path) = &self.frames_out {
-            let frames: Vec<_> = found.frames.iter().map(|reached| reached.frame.clone()).collect();
-            std::fs::write(path, frames::to_toml(&frames))
-                .with_context(|| format!("cannot write {}", path.display()))?;
-        } else if base.n_servos() > 0 {
+            return std::fs::write(path, frames::to_toml(&frames))
+                .with_context(|| format!("cannot write {}", path.display()));
+        }
+        if base.chain.n_servos() > 0 {
             voice.note("the servo angles that were found are not kept; --frames-out FILE.toml keeps them");
         }
-        voice.tell(&self.report(&found))
+        if self.choose_words || self.repair.is_some() {
+            voice.note("the words that were found are not kept; --frames-out FILE.toml keeps them");
+        }
+        Ok(())
     }
 
     fn options(&self) -> Result<Options, Usage> {
         if !(self.shortest > 0.0 && self.longest >= self.shortest) {
             return Err(Usage("--shortest must be above 0 and --longest not below it, in percent".into()));
         }
+        if self.steps == 0 || !(self.regularisation >= 0.0 && self.regularisation.is_finite()) {
+            return Err(Usage("--steps must be above 0, and --regularisation a number that is not below 0".into()));
+        }
         let method = match self.method {
             Scheme::Newton => Method::Newton,
-            Scheme::Paper => Method::Paper { steps: self.steps },
+            Scheme::Paper => Method::Paper { steps: self.steps, regularisation: self.regularisation },
         };
         let bounds =
             Bounds { shortest: self.shortest / 100.0, longest: self.longest / 100.0, ..Options::default().bounds };
-        Ok(Options { method, bounds, starts: self.starts, seed: self.seed })
+        Ok(Options { method, bounds, starts: self.starts, seed: self.seed, ..Options::default() })
     }
+}
 
-    fn report(&self, found: &Synthesis) -> Synthesised {
-        Synthesised {
-            output: self.output.clone(),
-            model: found.arm.hash().to_string(),
-            reached: found.status == Status::Reached,
-            case: found.case.to_string(),
-            iterations: found.iterations,
-            starts: found.starts,
-            took_s: found.time.as_secs_f64(),
-            alteration_m: found.alteration_m,
-            frames: found.frames.iter().map(frame_report).collect(),
+/// Refuses an actuator or state that the arm does not have.
+fn check(arm: &Arm, Dead { actuator, state }: Dead) -> Result<(), Usage> {
+    let states = arm.model.chain.n_states(actuator);
+    if usize::from(state) < states {
+        return Ok(());
+    }
+    Err(Usage(format!(
+        "--repair {actuator}={state}: the arm has actuators 0 to {}; this one has {states} states, counted from 0",
+        arm.n_actuators().saturating_sub(1)
+    )))
+}
+
+/// One SVG a frame, named by its number.
+fn draw(arm: &Arm, frames: &[DesiredFrame], folder: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    for (index, frame) in frames.iter().enumerate() {
+        let path = folder.join(format!("frame-{:02}-{}.svg", index + 1, frame.word));
+        if let Some(svg) = sketch(arm, frame) {
+            std::fs::write(&path, svg).with_context(|| format!("cannot write {}", path.display()))?;
         }
     }
-}
-
-fn frame_report(reached: &Reached) -> FrameReport {
-    FrameReport {
-        name: reached.frame.name.clone(),
-        word: reached.frame.word.to_string(),
-        servos_deg: reached.frame.servos_rad.iter().map(|angle| angle.to_degrees()).collect(),
-        before_m: reached.error_before_m,
-        before_rad: reached.error_before_rad,
-        error_m: reached.error_m,
-        error_rad: reached.error_rad,
-    }
-}
-
-fn not_met(found: &Synthesis) -> NotMet {
-    let missed = |reached: &&Reached| {
-        reached.error_m > darm::synthesis::REACHED_M || reached.error_rad > darm::synthesis::REACHED_RAD
-    };
-    let worst = |error: fn(&Reached) -> f64| found.frames.iter().map(error).fold(0.0, f64::max);
-    let names: Vec<_> = found.frames.iter().filter(missed).map(|reached| reached.frame.name.as_str()).collect();
-    NotMet {
-        frames: names.join(", "),
-        worst_mm: 1e3 * worst(|reached| reached.error_m),
-        worst_deg: worst(|reached| reached.error_rad).to_degrees(),
-        case: found.case.to_string(),
-    }
-}
-
-impl Answer for Synthesised {
-    fn text(&self) -> String {
-        let mut rows = vec![["frame", "word", "before", "", "after", ""].map(str::to_owned).to_vec()];
-        rows.extend(self.frames.iter().map(|frame| {
-            vec![
-                frame.name.clone(),
-                frame.word.clone(),
-                format!("{:.1} mm", 1e3 * frame.before_m),
-                format!("{:.2} deg", frame.before_rad.to_degrees()),
-                format!("{:.1e} m", frame.error_m),
-                format!("{:.1e} rad", frame.error_rad),
-            ]
-        }));
-        format!(
-            "{}\n\n{}\n{} in {:.3} s: {} iterations, {} start{}; stops altered by {:.1} mm (root of the sum of squares)\n\
-             model {} in {}",
-            columns(&rows),
-            self.case,
-            if self.reached { "every frame is met" } else { "the nearest geometry" },
-            self.took_s,
-            self.iterations,
-            self.starts,
-            if self.starts == 1 { "" } else { "s" },
-            1e3 * self.alteration_m,
-            self.model,
-            self.output.display()
-        )
-    }
+    Ok(())
 }

@@ -18,6 +18,8 @@
 //! assert!(slow.history.len() > fast.history.len());
 //! ```
 
+pub mod plot;
+
 use std::fmt;
 use std::str::FromStr;
 

@@ -3,9 +3,11 @@
 //!
 //! Everything is drawn from one plain value, [`LoopReport`]; nothing is computed on the way.
 
+pub mod density;
 mod drawing;
 mod html;
 mod plots;
+mod sketch;
 mod terminal;
 
 use std::io;
@@ -20,6 +22,7 @@ use crate::diagnose::outcome::Diagnosis;
 use crate::plant::truth::Sealed;
 pub use drawing::{Line, Posture, posture};
 pub use html::page;
+pub use sketch::sketch;
 pub use terminal::table;
 
 /// What the paper says of its synthesis: errors of 1e-7 m and 1e-9 degrees after 10² s.

@@ -24,9 +24,16 @@
 //! Source: Miyahara, Chirikjian, General Kinematic Synthesis Method for a Discretely Actuated Robotic Manipulator.
 
 mod case;
+mod catalogue;
+mod lift;
 mod newton;
 mod paper;
 mod problem;
+mod repair;
+mod search;
+mod tolerance;
+mod watch;
+mod words;
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -37,33 +44,46 @@ use darm_core::se::Pose;
 use darm_core::units::Word;
 use serde::Serialize;
 
-use crate::arm::frames::{self, DesiredFrame};
+use crate::arm::frames::{self, DesiredFrame, StopRange};
 use crate::arm::{Arm, FrameFault, reason_of};
-pub use case::{Case, CaseKind};
+pub use case::{BoundFrame, Case, CaseKind, WholeModules};
+pub use catalogue::{Bought, CatalogueError, Part, buy, read_catalogue};
 use problem::Problem;
+pub use repair::{Cost, Dead, repair};
+pub use tolerance::{Expected, Tolerance, expected, least_sensitive};
+pub use watch::Watch;
+pub use words::choose_words;
 
 /// How to look for the geometry.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Options {
     /// The scheme.
     pub method: Method,
     /// What the stops may be set to.
     pub bounds: Bounds,
+    /// What the stops of single actuators may be set to besides.
+    pub ranges: Vec<StopRange>,
     /// How many starts are tried, the base-line included, before the nearest is returned.
     pub starts: u32,
     /// Seed of the starts.
     pub seed: u64,
+    /// Shows how far the search is, and ends it early.
+    pub watch: Watch,
 }
 
 /// The scheme of a synthesis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
-    /// Gauss–Newton on the group, analytic derivatives.
+    /// Gauss–Newton on the group, analytic derivatives, several ways and starts.
     Newton,
+    /// Undamped Gauss–Newton from the base-line, without bounds and other starts: what the rest is measured by.
+    Plain,
     /// The paper's: frames interpolated in so many steps, derivatives by differences, the actual frame fed back.
     Paper {
         /// n_div of the paper.
         steps: u32,
+        /// Tikhonov's parameter in the insufficient case, as a share of the Jacobian's norm.
+        regularisation: f64,
     },
 }
 
@@ -76,12 +96,33 @@ pub struct Bounds {
     pub longest: f64,
     /// Least difference of a state and the one before it, m (rad of a revolute joint).
     pub stroke: f64,
+    /// A revolute joint stops within plus and minus this angle, rad.
+    pub turn_rad: f64,
+}
+
+impl Bounds {
+    /// Any number goes.
+    pub fn none() -> Self {
+        Self { shortest: f64::NEG_INFINITY, longest: f64::INFINITY, stroke: f64::NEG_INFINITY, turn_rad: f64::INFINITY }
+    }
+}
+
+impl Default for Bounds {
+    fn default() -> Self {
+        Self { shortest: 0.5, longest: 2.0, stroke: 0.0, turn_rad: std::f64::consts::PI }
+    }
 }
 
 impl Default for Options {
     fn default() -> Self {
-        let bounds = Bounds { shortest: 0.5, longest: 2.0, stroke: 0.0 };
-        Self { method: Method::Newton, bounds, starts: 8, seed: 1 }
+        Self {
+            method: Method::Newton,
+            bounds: Bounds::default(),
+            ranges: Vec::new(),
+            starts: 16,
+            seed: 1,
+            watch: Watch::default(),
+        }
     }
 }
 
@@ -92,6 +133,8 @@ pub struct Synthesis {
     pub arm: Arm,
     /// Whether every frame is met.
     pub status: Status,
+    /// Whether the stops keep all bounds, as they do but for the paper's and the plain scheme.
+    pub kept: bool,
     /// Whether the frames are few enough to be met.
     pub case: Case,
     /// What became of each desired frame.
@@ -121,6 +164,9 @@ pub const REACHED_M: f64 = 1e-9;
 /// A frame is met when the tool is turned as little as this, rad.
 pub const REACHED_RAD: f64 = 1e-9;
 
+/// A bound missed by more than this, m or rad, is broken.
+const BROKEN: f64 = 1e-9;
+
 /// One desired frame after the synthesis.
 #[derive(Clone, Debug)]
 pub struct Reached {
@@ -136,6 +182,14 @@ pub struct Reached {
     pub error_before_m: f64,
     /// Angle between the orientations with the base-line arm, rad.
     pub error_before_rad: f64,
+}
+
+impl Reached {
+    /// Whether the frame is met, a free orientation in any case.
+    pub fn is_met(&self) -> bool {
+        let free = self.frame.weights.orientation == 0.0;
+        self.error_m <= REACHED_M && (free || self.error_rad <= REACHED_RAD)
+    }
 }
 
 /// Why there is nothing to start from.
@@ -159,6 +213,13 @@ pub enum SynthesisError {
         /// Why.
         reason: ChainError,
     },
+    /// There are not as many words that bring the tool near the frames.
+    NoWords {
+        /// Desired frames.
+        frames: usize,
+        /// Words that were looked at.
+        words: usize,
+    },
 }
 
 impl fmt::Display for SynthesisError {
@@ -170,6 +231,12 @@ impl fmt::Display for SynthesisError {
                 "{frame}: {module} has no pose for the word {word}: {}; change its leg lengths, or the word",
                 reason_of(reason)
             ),
+            Self::NoWords { frames, words } => {
+                write!(
+                    f,
+                    "{words} words cannot serve {frames} frames; ask for fewer frames, or give the arm more states"
+                )
+            }
         }
     }
 }
@@ -208,15 +275,30 @@ fn solve(
     options: &Options,
     servos_held: bool,
 ) -> Result<Synthesis, SynthesisError> {
-    let mut problem = Problem::new(base_line, desired, options.bounds);
+    let mut problem = Problem::new(base_line, desired, &options.bounds, &options.ranges);
     problem.servos_held = servos_held;
     let before = problem.start();
     let before_poses = problem.poses(&before)?;
     let case = case::of(&problem)?;
     let found = match options.method {
-        Method::Newton => newton::solve(&mut problem, options, case.kind == CaseKind::Insufficient)?,
-        Method::Paper { steps } => paper::solve(&mut problem, steps)?,
+        Method::Newton => search::solve(&mut problem, options, case.kind == CaseKind::Insufficient)?,
+        Method::Plain => search::plain(&mut problem),
+        Method::Paper { steps, regularisation } => {
+            let damping = if case.kind == CaseKind::Insufficient { regularisation } else { 0.0 };
+            paper::solve(&mut problem, steps, damping)?
+        }
     };
+    answer(&mut problem, desired, &before_poses, case, &found)
+}
+
+/// What a search found, told frame by frame.
+fn answer(
+    problem: &mut Problem,
+    desired: &[DesiredFrame],
+    before: &[Pose<f64>],
+    case: Case,
+    found: &Found,
+) -> Result<Synthesis, SynthesisError> {
     let poses = problem.poses(&found.unknowns)?;
     let frames: Vec<Reached> = desired
         .iter()
@@ -224,13 +306,13 @@ fn solve(
         .map(|(index, frame)| {
             let servos_rad = problem.servos(&found.unknowns, index).to_vec();
             let frame = DesiredFrame { servos_rad, ..frame.clone() };
-            reached(frame, &before_poses[index], poses[index])
+            reached(frame, &before[index], poses[index])
         })
         .collect();
-    let met = frames.iter().all(|frame| frame.error_m <= REACHED_M && frame.error_rad <= REACHED_RAD);
     Ok(Synthesis {
         arm: problem.arm(&found.unknowns),
-        status: if met { Status::Reached } else { Status::Closest },
+        status: if frames.iter().all(Reached::is_met) { Status::Reached } else { Status::Closest },
+        kept: problem.bounds.iter().all(|bound| bound.slack(&found.unknowns) > -BROKEN),
         case,
         frames,
         iterations: found.iterations,
@@ -238,6 +320,28 @@ fn solve(
         time: Duration::ZERO,
         alteration_m: problem.alteration(&found.unknowns),
     })
+}
+
+impl Synthesis {
+    /// The sum of squares of what all frames lack, m²; a radian weighs as the arm's length scale, a free one nothing.
+    pub fn lacking_m2(&self) -> f64 {
+        let turn_m = |reached: &Reached| match reached.frame.weights.orientation {
+            0.0 => 0.0,
+            _ => reached.error_rad * self.arm.length_scale_m,
+        };
+        self.frames.iter().map(|reached| reached.error_m.powi(2) + turn_m(reached).powi(2)).sum()
+    }
+
+    /// Whether this one lacks less than another.
+    fn is_nearer(&self, other: &Self) -> bool {
+        self.lacking_m2() < other.lacking_m2()
+    }
+
+    /// Stops that differ from those of another arm by more than a micrometre or microradian.
+    fn stops_turned(&self, from: &Arm) -> usize {
+        let (here, there) = (Problem::values(&self.arm), Problem::values(from));
+        here.iter().zip(&there).filter(|(here, there)| (*here - *there).abs() > 1e-6).count()
+    }
 }
 
 fn reached(frame: DesiredFrame, before: &Pose<f64>, pose: Pose<f64>) -> Reached {

@@ -1,100 +1,60 @@
-//! Gauss–Newton on the group, within bounds, from the base-line on.
+//! Gauss–Newton on the group, within bounds, from one start.
 //!
 //! A step d is the smallest with J·d = r, found by singular values. Where it breaks bounds, those are kept as
 //! equations and the step is taken in what is left; where it does not lower |r|, it is damped.
 //! When all frames are met, the alteration is made small in the directions that they leave free.
 
 use nalgebra::{DMatrix, DVector};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, Normal};
 
+use super::SynthesisError;
 use super::case::RANK_TOLERANCE;
 use super::problem::{Bound, Problem};
-use super::{Found, Options, SynthesisError};
 use darm_core::se::Pose;
 
 /// Steps from one start to one set of frames.
 const MAX_STEPS: u32 = 60;
 /// A residual as small as this is rounding.
-const EXACT: f64 = 2e-15;
+pub(super) const EXACT: f64 = 2e-15;
 /// Frames on the way to the desired ones count as met at this residual.
 const ON_THE_WAY: f64 = 1e-6;
 /// A residual below this is a solution that the last steps will make exact.
-const SOLVED: f64 = 1e-9;
+pub(super) const SOLVED: f64 = 1e-9;
 /// The least share of the way that is worth a step.
-const LEAST_ADVANCE: f64 = 1.0 / 256.0;
+const LEAST_ADVANCE: f64 = 1.0 / 64.0;
 /// Steps towards the least alteration.
-const TIDY_STEPS: u32 = 30;
+const TIDY_STEPS: u32 = 8;
+/// A step as small as this changes the alteration by its square only.
+const TIDY: f64 = 1e-5;
 /// The least ratio of pivots at which the normal equations lose no more digits than a later step brings back.
 const WELL_POSED: f64 = 1e-4;
-/// Standard deviation of the other starts, as a share of the lengths.
-const SCATTER: f64 = 0.05;
 
-pub(super) fn solve(problem: &mut Problem, options: &Options, insufficient: bool) -> Result<Found, SynthesisError> {
-    let base_line = within(problem, problem.start());
-    let mut search = Search { problem, iterations: 0 };
-    let mut best: Option<(f64, DVector<f64>)> = None;
-    let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
-    let mut starts = 0;
-    while starts < options.starts.max(1) {
-        let start = if starts == 0 { base_line.clone() } else { scattered(search.problem, &base_line, &mut rng) };
-        starts += 1;
-        for found in [search.descend(&start, EXACT), search.follow(&start)] {
-            // A start that cannot be assembled is no start; the base-line's own failure is told.
-            let Ok((error, unknowns)) = found else { continue };
-            if best.as_ref().is_none_or(|(least, _)| error < *least) {
-                best = Some((error, unknowns));
-            }
-            if error < SOLVED {
-                break;
-            }
-        }
-        // More equations than rank: other starts find the same compromise.
-        if insufficient || best.as_ref().is_some_and(|(error, _)| *error < SOLVED) {
-            break;
-        }
-    }
-    let Some((error, mut unknowns)) = best else {
-        search.problem.residual(&base_line)?;
-        return Ok(Found { unknowns: base_line, iterations: search.iterations, starts });
-    };
-    if error < SOLVED {
-        unknowns = search.tidy(unknowns);
-    }
-    Ok(Found { unknowns, iterations: search.iterations, starts })
-}
-
-struct Search<'p, 'a> {
-    problem: &'p mut Problem<'a>,
-    iterations: u32,
+pub(super) struct Search<'p, 'a> {
+    pub(super) problem: &'p mut Problem<'a>,
+    pub(super) iterations: u32,
 }
 
 impl Search<'_, '_> {
     /// Lowers the residual from `start` until it is below `enough` or does not fall any more.
-    fn descend(&mut self, start: &DVector<f64>, enough: f64) -> Result<(f64, DVector<f64>), SynthesisError> {
+    pub(super) fn descend(&mut self, start: &DVector<f64>, enough: f64) -> Result<(f64, DVector<f64>), SynthesisError> {
         let mut unknowns = start.clone();
-        let mut residual = self.problem.residual(&unknowns)?;
+        let (mut residual, mut jacobian) = self.problem.linearise(&unknowns)?;
         let mut damping = 0.0;
         for _ in 0..MAX_STEPS {
             if residual.amax() < enough {
                 break;
             }
-            let jacobian = self.problem.jacobian(&unknowns)?;
             self.iterations += 1;
-            let step = self.step(&jacobian, &residual, &unknowns, None, damping);
-            let next = &unknowns + &step;
-            let lower = self.problem.residual(&next).ok().filter(|next| next.norm() < residual.norm());
-            let Some(lower) = lower else {
+            let next = &unknowns + self.step(&jacobian, &residual, &unknowns, None, damping);
+            let lower = self.problem.linearise(&next).ok().filter(|(next, _)| next.norm() < residual.norm());
+            let Some((lower, steeper)) = lower else {
                 if damping > 10.0 || residual.amax() < SOLVED {
                     break;
                 }
                 damping = (damping * 8.0).max(1e-3);
                 continue;
             };
-            let fallen = residual.norm() - lower.norm();
-            let settled = fallen < 1e-12 * residual.norm() && damping == 0.0;
-            (unknowns, residual) = (next, lower);
+            let settled = residual.norm() - lower.norm() < 1e-12 * residual.norm() && damping == 0.0;
+            (unknowns, residual, jacobian) = (next, lower, steeper);
             damping = if damping > 1e-4 { damping / 16.0 } else { 0.0 };
             if settled {
                 break;
@@ -104,7 +64,7 @@ impl Search<'_, '_> {
     }
 
     /// Leads the frames from where the arm at `start` holds them to where they are desired.
-    fn follow(&mut self, start: &DVector<f64>) -> Result<(f64, DVector<f64>), SynthesisError> {
+    pub(super) fn follow(&mut self, start: &DVector<f64>) -> Result<(f64, DVector<f64>), SynthesisError> {
         let from = self.problem.poses(start)?;
         let to: Vec<Pose<f64>> = self.problem.targets.iter().map(|target| target.pose).collect();
         let mut unknowns = start.clone();
@@ -128,18 +88,15 @@ impl Search<'_, '_> {
     }
 
     /// Makes the alteration small where the frames leave it free, and the residual exact again.
-    fn tidy(&mut self, solved: DVector<f64>) -> DVector<f64> {
+    pub(super) fn tidy(&mut self, solved: DVector<f64>) -> DVector<f64> {
         let anchor = self.problem.start();
         let mut unknowns = solved.clone();
         for _ in 0..TIDY_STEPS {
-            let (Ok(residual), Ok(jacobian)) = (self.problem.residual(&unknowns), self.problem.jacobian(&unknowns))
-            else {
-                return solved;
-            };
+            let Ok((residual, jacobian)) = self.problem.linearise(&unknowns) else { return solved };
             self.iterations += 1;
             let step = self.step(&jacobian, &residual, &unknowns, Some(&anchor), 0.0);
             unknowns += &step;
-            if step.norm() < 1e-9 {
+            if step.norm() < TIDY {
                 break;
             }
         }
@@ -151,6 +108,17 @@ impl Search<'_, '_> {
             }
             _ => solved,
         }
+    }
+
+    /// The unknowns nearest to `wanted` that the frames do not tell from `unknowns`, to first order.
+    pub(super) fn nearest(
+        &mut self,
+        unknowns: &DVector<f64>,
+        wanted: &DVector<f64>,
+    ) -> Result<DVector<f64>, SynthesisError> {
+        let (residual, jacobian) = self.problem.linearise(unknowns)?;
+        self.iterations += 1;
+        Ok(unknowns + self.step(&jacobian, &residual, unknowns, Some(wanted), 0.0))
     }
 
     fn altered(&self, unknowns: &DVector<f64>, anchor: &DVector<f64>) -> f64 {
@@ -168,17 +136,13 @@ impl Search<'_, '_> {
         damping: f64,
     ) -> DVector<f64> {
         let weights = self.problem.weights();
-        let mut scaled = jacobian.clone();
-        for (mut column, weight) in scaled.column_iter_mut().zip(weights.iter()) {
-            column /= *weight;
-        }
         let away = anchor.map(|anchor| (unknowns - anchor).component_mul(weights));
         let mut active: Vec<usize> = Vec::new();
         let bounds = &self.problem.bounds;
         loop {
             let kept: Vec<&Bound> = active.iter().map(|&index| &bounds[index]).collect();
-            let step = least_step(&scaled, residual, away.as_ref(), &Face::new(&kept, unknowns, weights), damping)
-                .component_div(weights);
+            let face = Face::new(&kept, unknowns, weights);
+            let step = least_step(jacobian, residual, away.as_ref(), &face, damping).component_div(weights);
             let next = unknowns + &step;
             let n_active = active.len();
             active.extend((0..bounds.len()).filter(|&index| bounds[index].slack(&next) < -1e-12));
@@ -286,7 +250,7 @@ fn allowed_share(bounds: &[Bound], kept: &[usize], unknowns: &DVector<f64>, next
 }
 
 /// The unknowns moved inside the bounds.
-fn within(problem: &Problem, mut unknowns: DVector<f64>) -> DVector<f64> {
+pub(super) fn within(problem: &Problem, mut unknowns: DVector<f64>) -> DVector<f64> {
     for bound in &problem.bounds {
         let slack = bound.slack(&unknowns);
         if slack < 0.0 {
@@ -295,16 +259,4 @@ fn within(problem: &Problem, mut unknowns: DVector<f64>) -> DVector<f64> {
         }
     }
     unknowns
-}
-
-fn scattered(problem: &Problem, base_line: &DVector<f64>, rng: &mut ChaCha8Rng) -> DVector<f64> {
-    let mut unknowns = base_line.clone();
-    let n_stops = problem.n_stops();
-    for (index, value) in unknowns.iter_mut().enumerate() {
-        let size = if index < n_stops { value.abs().max(0.1) } else { 1.0 };
-        if let Ok(normal) = Normal::new(0.0, SCATTER * size) {
-            *value += normal.sample(rng);
-        }
-    }
-    within(problem, unknowns)
 }

@@ -2,8 +2,8 @@
 //!
 //! The end frames are led to the desired ones in n_div equal steps along the screws that join them (Rodrigues). At
 //! step d the frame that the arm really has is fed back: δx_k = (H_k⁻¹·H_k(d+1) − I)ᵛ, eq. (11); δa = G†·δx, eq. (13),
-//! with the Jacobian G by central differences and G† by singular values, those of rounding size left out (the
-//! paper's regularisation).
+//! with the Jacobian G by central differences. G† is the weighted generalized inverse: of all exact steps it takes the one
+//! with the least ‖δa‖ (redundant case), and Tikhonov's where there is none (insufficient case).
 
 use darm_core::se::{Pose, Twist};
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -15,7 +15,7 @@ use super::{Found, SynthesisError};
 /// Half the interval of the differences, in units of the unknowns.
 const HALF_INTERVAL: f64 = 1e-6;
 
-pub(super) fn solve(problem: &mut Problem, steps: u32) -> Result<Found, SynthesisError> {
+pub(super) fn solve(problem: &mut Problem, steps: u32, damping: f64) -> Result<Found, SynthesisError> {
     let mut unknowns = problem.start();
     let from = problem.poses(&unknowns)?;
     let ways: Vec<Twist<f64>> = from.iter().zip(&problem.targets).map(|(from, t)| from.to(&t.pose).log()).collect();
@@ -25,7 +25,7 @@ pub(super) fn solve(problem: &mut Problem, steps: u32) -> Result<Found, Synthesi
         let goals = from.iter().zip(&ways).map(|(from, way)| *from * Pose::exp(&(*way * share)));
         let apart: Vec<Twist<f64>> = poses.iter().zip(goals).map(|(pose, goal)| vee(&pose.to(&goal))).collect();
         let jacobian = differences(problem, &unknowns, &poses)?;
-        unknowns += damped_inverse(&jacobian, &stacked(problem, &apart), 0.0).component_div(problem.weights());
+        unknowns += damped_inverse(&jacobian, &stacked(problem, &apart), damping).component_div(problem.weights());
     }
     Ok(Found { unknowns, iterations: steps, starts: 1 })
 }
@@ -38,30 +38,31 @@ fn vee(motion: &Pose<f64>) -> Twist<f64> {
 }
 
 fn stacked(problem: &Problem, twists: &[Twist<f64>]) -> DVector<f64> {
-    let n = problem.n_rows();
-    DVector::from_iterator(twists.len() * n, twists.iter().flat_map(|twist| problem.row(twist).into_iter().take(n)))
+    let rows = problem.targets.iter().zip(twists).flat_map(|(target, twist)| target.weighted(twist));
+    DVector::from_iterator(problem.n_rows(), rows)
 }
 
-/// G of eq. (12), its columns in the scale of the unknowns' weights.
+/// G of eq. (12), its columns in the scale of the unknowns' weights. A stop is moved in the frames whose word uses it.
 fn differences(
     problem: &mut Problem,
     unknowns: &DVector<f64>,
     poses: &[Pose<f64>],
 ) -> Result<DMatrix<f64>, SynthesisError> {
-    let mut jacobian = DMatrix::zeros(poses.len() * problem.n_rows(), unknowns.len());
+    let mut jacobian = DMatrix::zeros(problem.n_rows(), unknowns.len());
+    let mut unknowns = unknowns.clone();
     for column in 0..unknowns.len() {
-        let mut moved = |by: f64| {
-            let mut unknowns = unknowns.clone();
-            unknowns[column] += by;
-            problem.poses(&unknowns)
-        };
-        let (above, below) = (moved(HALF_INTERVAL)?, moved(-HALF_INTERVAL)?);
-        let twists: Vec<Twist<f64>> = poses
-            .iter()
-            .zip(above.iter().zip(&below))
-            .map(|(pose, (above, below))| vee(&pose.to(above)) - vee(&pose.to(below)))
-            .collect();
+        let here = unknowns[column];
         let scale = 2.0 * HALF_INTERVAL * problem.weights()[column];
+        unknowns[column] = here + HALF_INTERVAL;
+        let above = problem.poses_with(&unknowns, column)?;
+        unknowns[column] = here - HALF_INTERVAL;
+        let below = problem.poses_with(&unknowns, column)?;
+        unknowns[column] = here;
+        let moved = |index: usize| match (above[index], below[index]) {
+            (Some(above), Some(below)) => vee(&poses[index].to(&above)) - vee(&poses[index].to(&below)),
+            _ => Twist::zero(),
+        };
+        let twists: Vec<Twist<f64>> = (0..poses.len()).map(moved).collect();
         jacobian.set_column(column, &(stacked(problem, &twists) / scale));
     }
     Ok(jacobian)

@@ -1,13 +1,13 @@
 //! The equations of a synthesis: unknowns, residual, derivatives and bounds.
 
-use darm_core::actuator::{JointKind, Stage};
+use darm_core::actuator::Stage;
 use darm_core::chain::{ChainError, Parameter};
 use darm_core::se::{Pose, Twist};
 use darm_core::units::Word;
 use nalgebra::{DMatrix, DVector};
 
 use super::{Bounds, SynthesisError};
-use crate::arm::frames::DesiredFrame;
+use crate::arm::frames::{DesiredFrame, StopRange};
 use crate::arm::{Arm, ArmModel, ArmScratch};
 
 /// A servo is turned rather than metal altered: one radian weighs as this share of the arm's length scale.
@@ -19,6 +19,12 @@ pub(super) struct Target {
     pub(super) word: Word,
     previous: Word,
     pub(super) pose: Pose<f64>,
+    /// Components of (ω, v) that the frame is judged by, and what each weighs.
+    pub(super) rows: Vec<(usize, f64)>,
+    /// Whether the tool may be turned as it likes.
+    free_orientation: bool,
+    /// The stops that its word uses, with their columns.
+    pub(super) used: Vec<(usize, Parameter)>,
 }
 
 /// What one linear inequality on the unknowns says: the sum of the terms is at least this.
@@ -29,12 +35,12 @@ pub(super) struct Bound {
     pub(super) least: f64,
 }
 
-/// The unknowns are the stops in the order of actuators and states, then the servo angles frame by frame. They are
-/// scaled, so that the sum of squares of an alteration is what is to be small.
+/// The unknowns are the stops in the order of actuators and states, then the servo angles frame by frame. Derivatives
+/// are scaled, so that the sum of squares of an alteration is what is to be small.
 pub(super) struct Problem<'a> {
     base_line: &'a Arm,
     pub(super) targets: Vec<Target>,
-    stops: Vec<Parameter>,
+    pub(super) stops: Vec<Parameter>,
     /// Metres that one unit of an unknown weighs.
     weights: DVector<f64>,
     start: DVector<f64>,
@@ -48,24 +54,26 @@ pub(super) struct Problem<'a> {
 }
 
 impl<'a> Problem<'a> {
-    pub(super) fn new(base_line: &'a Arm, desired: &[DesiredFrame], bounds: Bounds) -> Self {
+    pub(super) fn new(base_line: &'a Arm, desired: &[DesiredFrame], bounds: &Bounds, ranges: &[StopRange]) -> Self {
         let chain = &base_line.model.chain;
         let n_servos = chain.n_servos();
         let stops = stops(base_line);
-        let mut start: Vec<f64> = stops.iter().map(|stop| chain.get(*stop).unwrap_or(0.0)).collect();
-        let mut weights: Vec<f64> = stops
-            .iter()
-            .map(|stop| if is_leg(base_line, stop) { 1.0 } else { joint_weight(base_line, stop) })
-            .collect();
+        let mut start = Self::values(base_line);
+        let mut weights: Vec<f64> =
+            stops.iter().map(|stop| if turns(base_line, stop) { base_line.length_scale_m } else { 1.0 }).collect();
         for frame in desired {
             start.extend(&frame.servos_rad);
             weights.resize(start.len(), SERVO_WEIGHT * base_line.length_scale_m);
         }
+        let planar = chain.is_planar() && desired.iter().all(|frame| frame.pose_base_tool.is_planar());
         let target = |frame: &DesiredFrame| Target {
             name: frame.name.clone(),
             word: frame.word,
             previous: frame.previous,
             pose: frame.pose_base_tool,
+            rows: rows(frame, planar, base_line.length_scale_m),
+            free_orientation: frame.weights.orientation == 0.0,
+            used: stops.iter().copied().enumerate().filter(|(_, stop)| is_used(stop, &frame.word)).collect(),
         };
         let mut problem = Self {
             base_line,
@@ -77,10 +85,10 @@ impl<'a> Problem<'a> {
             scratch: ArmScratch::default(),
             n_servos,
             servos_held: false,
-            planar: chain.is_planar() && desired.iter().all(|frame| frame.pose_base_tool.is_planar()),
+            planar,
             stops,
         };
-        problem.bound_stops(bounds);
+        problem.bound_stops(bounds, ranges);
         problem.bound_servos();
         problem
     }
@@ -90,9 +98,25 @@ impl<'a> Problem<'a> {
         self.start.clone()
     }
 
-    /// Equations that one frame gives: 3 in the plane, 6 in space.
+    /// The values of all stops of an arm.
+    pub(super) fn values(arm: &Arm) -> Vec<f64> {
+        stops(arm).iter().map(|stop| arm.model.chain.get(*stop).unwrap_or(0.0)).collect()
+    }
+
+    /// The unknowns of another arm of this kind, its servos as the frames have them.
+    pub(super) fn unknowns_of(&self, arm: &Arm) -> DVector<f64> {
+        let mut unknowns = self.start();
+        unknowns.iter_mut().zip(Self::values(arm)).for_each(|(unknown, value)| *unknown = value);
+        unknowns
+    }
+
+    /// Equations of all frames.
     pub(super) fn n_rows(&self) -> usize {
-        if self.planar { 3 } else { 6 }
+        self.targets.iter().map(|target| target.rows.len()).sum()
+    }
+
+    pub(super) fn n_frames(&self) -> usize {
+        self.targets.len()
     }
 
     pub(super) fn n_stops(&self) -> usize {
@@ -101,6 +125,20 @@ impl<'a> Problem<'a> {
 
     pub(super) fn n_servos(&self) -> usize {
         self.n_servos
+    }
+
+    pub(super) fn is_planar(&self) -> bool {
+        self.planar
+    }
+
+    /// Whether an unknown is the length of a leg.
+    pub(super) fn is_leg(&self, unknown: usize) -> bool {
+        self.stops.get(unknown).is_some_and(|stop| is_leg(self.base_line, stop))
+    }
+
+    /// Whether an unknown is an angle.
+    pub(super) fn is_angle(&self, unknown: usize) -> bool {
+        self.stops.get(unknown).is_none_or(|stop| turns(self.base_line, stop))
     }
 
     pub(super) fn weights(&self) -> &DVector<f64> {
@@ -113,8 +151,13 @@ impl<'a> Problem<'a> {
 
     /// The servo angles of one frame.
     pub(super) fn servos<'x>(&self, unknowns: &'x DVector<f64>, frame: usize) -> &'x [f64] {
-        let first = self.n_stops() + frame * self.n_servos;
+        let first = self.first_servo(frame);
         &unknowns.as_slice()[first..first + self.n_servos]
+    }
+
+    /// The column of the first servo angle of one frame.
+    pub(super) fn first_servo(&self, frame: usize) -> usize {
+        self.n_stops() + frame * self.n_servos
     }
 
     /// The arm with these stops, under the next number.
@@ -135,48 +178,79 @@ impl<'a> Problem<'a> {
     /// Where the tool stands in each frame.
     pub(super) fn poses(&mut self, unknowns: &DVector<f64>) -> Result<Vec<Pose<f64>>, SynthesisError> {
         self.take(unknowns);
-        (0..self.targets.len()).map(|index| self.pose(unknowns, index)).collect()
+        (0..self.n_frames()).map(|index| self.pose(unknowns, index)).collect()
     }
 
-    /// What each frame lacks, told in the tool's frame, the angles weighted by the length scale.
+    /// The poses of all stages, each in its own base, in each frame.
+    pub(super) fn postures(&mut self, unknowns: &DVector<f64>) -> Result<Vec<Vec<Pose<f64>>>, SynthesisError> {
+        self.take(unknowns);
+        let n_stages = self.model.chain.stages.len();
+        let n_frames = self.n_frames();
+        let posture = |index| {
+            self.pose(unknowns, index)?;
+            Ok(self.scratch.stages[..n_stages].to_vec())
+        };
+        (0..n_frames).map(posture).collect()
+    }
+
+    /// Where the tool stands in the frames that feel one unknown; `None` for the others.
+    pub(super) fn poses_with(
+        &mut self,
+        unknowns: &DVector<f64>,
+        column: usize,
+    ) -> Result<Vec<Option<Pose<f64>>>, SynthesisError> {
+        self.take(unknowns);
+        let n_frames = self.n_frames();
+        let pose = |index| if self.feels(index, column) { self.pose(unknowns, index).map(Some) } else { Ok(None) };
+        (0..n_frames).map(pose).collect()
+    }
+
+    /// Whether the tool moves with one unknown in one frame.
+    fn feels(&self, frame: usize, column: usize) -> bool {
+        let own = self.first_servo(frame);
+        (own..own + self.n_servos).contains(&column) || self.targets[frame].used.iter().any(|&(used, _)| used == column)
+    }
+
+    /// What each frame lacks, told in the tool's frame, each row by its weight.
     pub(super) fn residual(&mut self, unknowns: &DVector<f64>) -> Result<DVector<f64>, SynthesisError> {
-        let poses = self.poses(unknowns)?;
-        let n = self.n_rows();
-        let mut residual = DVector::zeros(poses.len() * n);
-        for (index, (pose, target)) in poses.iter().zip(&self.targets).enumerate() {
-            let row = self.row(&pose.to(&target.pose).log());
-            residual.rows_mut(index * n, n).copy_from_slice(&row[..n]);
+        self.take(unknowns);
+        let mut residual = DVector::zeros(self.n_rows());
+        let mut first = 0;
+        for index in 0..self.targets.len() {
+            let pose = self.pose(unknowns, index)?;
+            first += self.targets[index].lacking(&pose, &mut residual.as_mut_slice()[first..]);
         }
         Ok(residual)
     }
 
-    /// How the rows of the residual fall with each unknown, to first order in the residual. Exact but for what effects
-    /// add: those bend a stop's influence by a share as small as they are.
-    pub(super) fn jacobian(&mut self, unknowns: &DVector<f64>) -> Result<DMatrix<f64>, SynthesisError> {
+    /// The residual, and how it falls with each scaled unknown, to first order in the residual. Exact but for what
+    /// effects add: those bend a stop's influence by a share as small as they are.
+    pub(super) fn linearise(
+        &mut self,
+        unknowns: &DVector<f64>,
+    ) -> Result<(DVector<f64>, DMatrix<f64>), SynthesisError> {
         self.take(unknowns);
-        let n = self.n_rows();
-        let mut jacobian = DMatrix::zeros(self.targets.len() * n, self.start.len());
+        let mut residual = DVector::zeros(self.n_rows());
+        let mut jacobian = DMatrix::zeros(residual.len(), self.start.len());
+        let mut first = 0;
         for index in 0..self.targets.len() {
-            self.pose(unknowns, index)?;
-            let word = self.targets[index].word;
+            let pose = self.pose(unknowns, index)?;
+            let target = &self.targets[index];
+            let n = target.lacking(&pose, &mut residual.as_mut_slice()[first..]);
             let chain = &self.model.chain;
-            let stops = self.stops.iter().enumerate().filter(|(_, stop)| is_used(stop, &word));
-            let stops = stops.map(|(column, stop)| (column, chain.derivative(*stop, &self.scratch)));
-            let first = self.n_stops() + index * self.n_servos;
+            let stops = target.used.iter().map(|&(column, stop)| (column, chain.derivative(stop, &self.scratch)));
             let free = if self.servos_held { 0 } else { self.n_servos };
-            let servos =
-                chain.servo_jacobian(&self.scratch).take(free).enumerate().map(|(servo, twist)| (first + servo, twist));
+            let servos = self.first_servo(index)..;
+            let servos = servos.zip(chain.servo_jacobian(&self.scratch).take(free));
             for (column, twist) in stops.chain(servos) {
-                jacobian.view_mut((index * n, column), (n, 1)).copy_from_slice(&self.row(&twist)[..n]);
+                let twist = target.seen(&twist, &pose);
+                for (row, &(component, weight)) in target.rows.iter().enumerate() {
+                    jacobian[(first + row, column)] = weight * twist[component] / self.weights[column];
+                }
             }
+            first += n;
         }
-        Ok(jacobian)
-    }
-
-    /// The components of a twist that a frame is judged by.
-    pub(super) fn row(&self, twist: &Twist<f64>) -> [f64; 6] {
-        let (w, v) = (twist.angular * self.base_line.length_scale_m, twist.linear);
-        if self.planar { [w.z, v.x, v.y, 0.0, 0.0, 0.0] } else { [w.x, w.y, w.z, v.x, v.y, v.z] }
+        Ok((residual, jacobian))
     }
 
     /// The same arm without effects and bounds for other words, from rest and with the first frame's servo angles;
@@ -189,12 +263,40 @@ impl<'a> Problem<'a> {
             previous: self.base_line.rest(),
             servos_rad: servos_rad.clone(),
             pose_base_tool: self.targets.first().map_or(Pose::identity(), |target| target.pose),
+            weights: Default::default(),
         };
         let frames: Vec<_> = words.iter().map(frame).collect();
-        let unbounded = Bounds { shortest: 0.0, longest: f64::INFINITY, stroke: f64::NEG_INFINITY };
-        let mut ideal = Problem::new(self.base_line, &frames, unbounded);
+        let mut ideal = Problem::new(self.base_line, &frames, &Bounds::none(), &[]);
         ideal.model.effects.clear();
         ideal
+    }
+
+    /// The derivatives at the base-line arm without its effects: the rows of the desired frames, then those of `more`
+    /// words.
+    pub(super) fn ideal_jacobian(&self, more: &[Word]) -> Result<DMatrix<f64>, SynthesisError> {
+        let words: Vec<Word> = self.words().iter().chain(more).copied().collect();
+        let mut ideal = self.ideal(&words);
+        for (ideal, own) in ideal.targets.iter_mut().zip(&self.targets) {
+            ideal.rows.clone_from(&own.rows);
+        }
+        Ok(ideal.linearise_start()?.1)
+    }
+
+    /// Stops that some desired word uses.
+    pub(super) fn n_used_stops(&self) -> usize {
+        let uses = |stop: &usize| self.targets.iter().any(|target| target.used.iter().any(|(used, _)| used == stop));
+        (0..self.n_stops()).filter(uses).count()
+    }
+
+    /// [`linearise`](Self::linearise) at the base-line arm.
+    pub(super) fn linearise_start(&mut self) -> Result<(DVector<f64>, DMatrix<f64>), SynthesisError> {
+        let start = self.start();
+        self.linearise(&start)
+    }
+
+    /// The word of each desired frame.
+    pub(super) fn words(&self) -> Vec<Word> {
+        self.targets.iter().map(|target| target.word).collect()
     }
 
     fn take(&mut self, unknowns: &DVector<f64>) {
@@ -218,23 +320,35 @@ impl<'a> Problem<'a> {
         })
     }
 
-    fn bound_stops(&mut self, bounds: Bounds) {
+    fn bound_stops(&mut self, bounds: &Bounds, ranges: &[StopRange]) {
         for (index, stop) in self.stops.iter().enumerate() {
             let Parameter::Stop { actuator, state } = *stop else { continue };
-            let mut bound = |terms, least| self.bounds.push(Bound { terms, least });
+            let states = self.base_line.model.chain.n_states(actuator.into());
+            let (least, most) = if turns(self.base_line, stop) {
+                (-bounds.turn_rad, bounds.turn_rad)
+            } else if is_leg(self.base_line, stop) {
+                let (short, long) = (index - usize::from(state), index - usize::from(state) + states - 1);
+                (bounds.shortest * self.start[short], bounds.longest * self.start[long])
+            } else {
+                (f64::NEG_INFINITY, f64::INFINITY)
+            };
+            let own = ranges.iter().filter(|range| range.actuator == usize::from(actuator));
+            let (mut value, mut stroke) = ((least, most), (bounds.stroke, f64::INFINITY));
+            for range in own {
+                value = (value.0.max(range.value.0), value.1.min(range.value.1));
+                stroke = (stroke.0.max(range.stroke.0), stroke.1.min(range.stroke.1));
+            }
+            let mut bound = |terms: &[(usize, f64)], least: f64| {
+                if least.is_finite() {
+                    self.bounds.push(Bound { terms: terms.to_vec(), least });
+                }
+            };
             if state > 0 {
-                bound(vec![(index, 1.0), (index - 1, -1.0)], bounds.stroke);
+                bound(&[(index, 1.0), (index - 1, -1.0)], stroke.0);
+                bound(&[(index - 1, 1.0), (index, -1.0)], -stroke.1);
             }
-            if !is_leg(self.base_line, stop) {
-                continue;
-            }
-            if state == 0 {
-                bound(vec![(index, 1.0)], bounds.shortest * self.start[index]);
-            }
-            let last = usize::from(state) + 1 == self.base_line.model.chain.n_states(actuator.into());
-            if last && bounds.longest.is_finite() {
-                bound(vec![(index, -1.0)], -bounds.longest * self.start[index]);
-            }
+            bound(&[(index, 1.0)], value.0);
+            bound(&[(index, -1.0)], -value.1);
         }
     }
 
@@ -249,11 +363,58 @@ impl<'a> Problem<'a> {
     }
 }
 
+impl Target {
+    /// Writes what the frame lacks when the tool stands at `pose`; how many rows that is.
+    pub(super) fn lacking(&self, pose: &Pose<f64>, into: &mut [f64]) -> usize {
+        let apart = pose.to(&self.pose);
+        let six = if self.free_orientation { Twist { linear: apart.position, ..Twist::zero() } } else { apart.log() };
+        let six = numbers(&six);
+        for (row, &(component, weight)) in into.iter_mut().zip(&self.rows) {
+            *row = weight * six[component];
+        }
+        self.rows.len()
+    }
+
+    /// The rows that the frame is judged by, of one twist.
+    pub(super) fn weighted(&self, twist: &Twist<f64>) -> impl Iterator<Item = f64> {
+        let six = numbers(twist);
+        self.rows.iter().map(move |&(component, weight)| weight * six[component])
+    }
+
+    /// How what the frame lacks falls, row by row, when the tool at `pose` moves with `twist`.
+    pub(super) fn seen(&self, twist: &Twist<f64>, pose: &Pose<f64>) -> [f64; 6] {
+        let mut twist = *twist;
+        if self.free_orientation {
+            twist.linear += twist.angular.cross(&pose.to(&self.pose).position);
+        }
+        numbers(&twist)
+    }
+}
+
 impl Bound {
     /// By how much the bound is kept; below zero it is broken.
     pub(super) fn slack(&self, unknowns: &DVector<f64>) -> f64 {
         self.terms.iter().map(|&(index, factor)| factor * unknowns[index]).sum::<f64>() - self.least
     }
+}
+
+fn numbers(twist: &Twist<f64>) -> [f64; 6] {
+    let (w, v) = (&twist.angular, &twist.linear);
+    [w.x, w.y, w.z, v.x, v.y, v.z]
+}
+
+/// The components that a frame is judged by.
+fn rows(frame: &DesiredFrame, planar: bool, length_scale_m: f64) -> Vec<(usize, f64)> {
+    let components: &[usize] = match (planar, frame.weights.orientation == 0.0) {
+        (true, false) => &[2, 3, 4],
+        (true, true) => &[3, 4],
+        (false, false) => &[0, 1, 2, 3, 4, 5],
+        (false, true) => &[3, 4, 5],
+    };
+    let weight = |component| {
+        if component < 3 { frame.weights.orientation * length_scale_m } else { frame.weights.position }
+    };
+    components.iter().map(|&component| (component, weight(component))).collect()
 }
 
 /// Every stop of every discrete actuator.
@@ -271,13 +432,8 @@ fn is_leg(arm: &Arm, stop: &Parameter) -> bool {
     matches!(stage, Some(Stage::Planar(_) | Stage::Spatial(_)))
 }
 
-fn joint_weight(arm: &Arm, stop: &Parameter) -> f64 {
-    let Parameter::Stop { actuator, .. } = *stop else { return 1.0 };
-    let stage = arm.model.chain.actuator(actuator.into()).map(|(stage, _)| &arm.model.chain.stages[stage]);
-    match stage {
-        Some(Stage::Discrete(joint)) if joint.axis.kind == JointKind::Revolute => arm.length_scale_m,
-        _ => 1.0,
-    }
+fn turns(arm: &Arm, stop: &Parameter) -> bool {
+    matches!(*stop, Parameter::Stop { actuator, .. } if arm.turns(actuator.into()))
 }
 
 fn is_used(stop: &Parameter, word: &Word) -> bool {

@@ -42,6 +42,7 @@ fn own_frames(arm: &Arm, words: &[&str]) -> Vec<DesiredFrame> {
             previous: arm.rest(),
             servos_rad: servos_rad.clone(),
             pose_base_tool,
+            weights: Default::default(),
         }
     };
     words.iter().map(&mut frame).collect()
@@ -156,12 +157,210 @@ fn the_papers_error_falls_with_the_square_of_its_steps() {
     let arm = planar4();
     let desired = moved(own_frames(&arm, &WORDS), 0.1, 1);
     let worst = |steps| {
-        let options = Options { method: Method::Paper { steps }, ..Options::default() };
+        let options = Options { method: Method::Paper { steps, regularisation: 1e-3 }, ..Options::default() };
         let found = synthesize(&arm, &desired, &options).unwrap();
         found.frames.iter().fold(0.0, |worst: f64, frame| worst.max(frame.error_m))
     };
     let (coarse, fine) = (worst(20), worst(80));
     assert!(fine < coarse / 10.0 && coarse < 1e-3, "{coarse} {fine}");
+}
+
+/// Frames that are given in `examples/`, and the bounds beside them.
+fn task(name: &str, arm: &Arm) -> (Vec<DesiredFrame>, Options) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples").join(name);
+    let task = frames::read_task(&path, arm).unwrap();
+    (task.frames, Options { ranges: task.ranges, ..Options::default() })
+}
+
+#[test]
+fn the_papers_examples_are_met_and_their_cases_are_told() {
+    let examples = [
+        ("platform3", "platform3-frames", CaseKind::Sufficient),
+        ("platform3", "platform3-all", CaseKind::Insufficient),
+        ("serial2", "serial2-frames", CaseKind::Sufficient),
+        ("spatial3", "spatial3-sufficient", CaseKind::Sufficient),
+        ("spatial3", "spatial3-redundant", CaseKind::Redundant),
+        ("serial12", "serial12-frames", CaseKind::Sufficient),
+        ("hybrid6", "hybrid6-frames", CaseKind::Sufficient),
+    ];
+    for (arm, frames, kind) in examples {
+        let arm = example(&format!("{arm}.toml"));
+        let (desired, options) = task(&format!("{frames}.toml"), &arm);
+        let found = synthesize(&arm, &desired, &options).unwrap();
+        assert_eq!((found.status, found.case.kind), (Status::Reached, kind), "{frames}: {}", found.case);
+        assert!(found.kept, "{frames}");
+        let worst = found.frames.iter().fold(0.0, |worst: f64, frame| worst.max(frame.error_m));
+        assert!(worst < 1e-12, "{frames}: {worst}");
+    }
+}
+
+#[test]
+fn one_frame_too_many_is_explained() {
+    let arm = example("spatial3.toml");
+    let (desired, options) = task("spatial3-insufficient.toml", &arm);
+    let found = synthesize(&arm, &desired, &options).unwrap();
+    assert_eq!((found.status, found.case.kind), (Status::Closest, CaseKind::Insufficient));
+    assert_eq!(found.case.whole_modules, Some(WholeModules { modules: 3, states: 2, frames: 4 }));
+    assert_eq!(found.case.bound, [BoundFrame { index: 4, equations: 6, open: 0 }]);
+    let text = found.case.to_string();
+    assert!(text.contains("(2 - 1) x 3 + 1 = 4 frames"), "{text}");
+}
+
+#[test]
+fn legs_have_the_lengths_of_the_word_at_the_synthesised_pose() {
+    for (arm, frames) in [("planar4", "planar4-frames"), ("spatial3", "spatial3-sufficient")] {
+        let arm = example(&format!("{arm}.toml"));
+        let (desired, options) = task(&format!("{frames}.toml"), &arm);
+        let made = synthesize(&arm, &desired, &options).unwrap().arm.model.chain;
+        let mut scratch = ArmScratch::default();
+        for frame in &desired {
+            made.pose_base_tool(&frame.word, &[], &mut scratch).unwrap();
+            for (actuator, (stage, leg)) in made.actuators().enumerate() {
+                let of = made.stages[stage].leg(leg).unwrap();
+                let length = (scratch.stages[stage] * of.top - of.base).norm();
+                let state = frame.word.digit(actuator);
+                assert!((length - of.length_m[usize::from(state)]).abs() < 1e-12, "{frames} {actuator}");
+            }
+        }
+    }
+}
+
+#[test]
+fn frames_of_an_arm_in_space_change_nothing_and_move_with_its_base() {
+    for name in ["spatial3.toml", "serial12.toml"] {
+        let arm = example(name);
+        let n = arm.n_actuators();
+        let words: Vec<String> = [0, n / 3, n / 2].iter().map(|&k| "1".repeat(k) + &"0".repeat(n - k)).collect();
+        let words: Vec<&str> = words.iter().map(String::as_str).collect();
+        let own = own_frames(&arm, &words);
+        let found = synthesize(&arm, &own, &Options::default()).unwrap();
+        assert!(found.status == Status::Reached && found.alteration_m < 1e-12, "{name}: {}", found.alteration_m);
+        let by = Pose::exp(&darm_core::se::Twist { angular: [0.3, -0.7, 1.1].into(), linear: [0.5, 0.2, -0.4].into() });
+        let nudge =
+            Pose::exp(&darm_core::se::Twist { angular: [0.0, 0.02, 0.01].into(), linear: [0.01, 0.0, 0.02].into() });
+        let mut elsewhere = arm.clone();
+        elsewhere.model.chain.mount = by * arm.model.chain.mount;
+        let carried = |by: Pose<f64>| -> Vec<DesiredFrame> {
+            own.iter()
+                .map(|frame| DesiredFrame { pose_base_tool: by * frame.pose_base_tool * nudge, ..frame.clone() })
+                .collect()
+        };
+        let here = synthesize(&arm, &carried(Pose::identity()), &Options::default()).unwrap();
+        let there = synthesize(&elsewhere, &carried(by), &Options::default()).unwrap();
+        for (here, there) in Problem::values(&here.arm).iter().zip(Problem::values(&there.arm)) {
+            assert!((here - there).abs() < 1e-9, "{name}: {here} {there}");
+        }
+    }
+}
+
+#[test]
+fn far_frames_are_met_by_way_of_the_platforms_poses() {
+    let arm = planar4();
+    let wide = Bounds { shortest: 1e-3, ..Bounds::none() };
+    let exact = |method| {
+        let options = Options { method, bounds: wide, ..Options::default() };
+        let reached = |seed: &u64| {
+            let found = synthesize(&arm, &moved(own_frames(&arm, &WORDS), 0.8, *seed), &options).unwrap();
+            found.status == Status::Reached && found.kept
+        };
+        (0..20).filter(reached).count()
+    };
+    let (plain, ours) = (exact(Method::Plain), exact(Method::Newton));
+    assert!(ours == 20 && plain < 20, "{ours} {plain}");
+}
+
+#[test]
+fn what_is_out_of_reach_gives_the_nearest() {
+    let arm = planar4();
+    let mut desired = own_frames(&arm, &WORDS);
+    desired[2].pose_base_tool.position.x += 40.0;
+    let found = synthesize(&arm, &desired, &Options { starts: 2, ..Options::default() }).unwrap();
+    assert!(found.status == Status::Closest && found.kept);
+    assert!(found.frames.iter().all(|frame| frame.error_m.is_finite() && frame.error_rad.is_finite()));
+    assert!(found.lacking_m2() < 40f64.powi(2));
+}
+
+#[test]
+fn bounds_of_single_actuators_hold() {
+    let arm = planar4();
+    let desired = moved(own_frames(&arm, &WORDS), 0.05, 5);
+    let free = synthesize(&arm, &desired[..3], &Options::default()).unwrap();
+    let stop = Parameter::Stop { actuator: 4, state: 0 };
+    let most = free.arm.model.chain.get(stop).unwrap() - 0.01;
+    let range = StopRange { actuator: 4, value: (0.5, most), stroke: (0.1, 0.9) };
+    let options = Options { ranges: vec![range], ..Options::default() };
+    let found = synthesize(&arm, &desired[..3], &options).unwrap();
+    assert!(found.status == Status::Reached && found.kept);
+    assert!(found.arm.model.chain.get(stop).unwrap() <= most + 1e-9);
+    assert!(found.alteration_m > free.alteration_m);
+}
+
+#[test]
+fn chosen_words_meet_frames_that_no_whole_modules_could() {
+    let arm = planar4();
+    let words = ["010110011101", "000111000000", "101010101010", "111000000111", "001001001001", "110110110110"];
+    let desired = moved(own_frames(&arm, &words), 0.1, 2);
+    let found = choose_words(&arm, &desired, &Options::default(), &|_| true).unwrap();
+    assert!(found.status == Status::Reached && found.kept);
+    let mut words: Vec<_> = found.frames.iter().map(|reached| reached.frame.word).collect();
+    words.sort_unstable();
+    words.dedup();
+    assert_eq!(words.len(), 6);
+}
+
+#[test]
+fn a_dead_actuator_is_worked_around() {
+    let arm = planar4();
+    let desired = moved(own_frames(&arm, &WORDS), 0.05, 5);
+    let dead = Dead { actuator: 4, state: 0 };
+    let (found, cost) = repair(&arm, &desired, dead, &Options::default()).unwrap();
+    assert_eq!((found.status, cost.frames_met), (Status::Reached, 5));
+    assert!(found.frames.iter().all(|reached| reached.frame.word.digit(4) == 0));
+    assert!(cost.stops_turned > 0 && cost.alteration_m > 0.0 && cost.words_left == 0.5);
+}
+
+#[test]
+fn expected_errors_agree_with_drawn_arms_and_fall() {
+    let arm = planar4();
+    let desired = moved(own_frames(&arm, &WORDS), 0.05, 5);
+    let tolerance = Tolerance { stop_m: 5e-5, stop_rad: 5e-5, anchor_m: 1e-4 };
+    let found = synthesize(&arm, &desired, &Options::default()).unwrap();
+    let calm = least_sensitive(&arm, &found, &tolerance, &Options::default()).unwrap();
+    assert!(calm.status == Status::Reached && calm.kept);
+    let sum = |found: &Synthesis| {
+        let expected = expected(&found.arm, &desired, &tolerance, 1);
+        for frame in &expected {
+            assert!((frame.sampled_m / frame.linear_m - 1.0).abs() < 0.15, "{frame:?}");
+            assert!((frame.sampled_rad / frame.linear_rad - 1.0).abs() < 0.15, "{frame:?}");
+        }
+        expected.iter().map(|frame| frame.linear_m.powi(2) + (0.5 * frame.linear_rad).powi(2)).sum::<f64>()
+    };
+    assert!(sum(&calm) < sum(&found));
+}
+
+#[test]
+fn legs_are_bought_from_a_list() {
+    let arm = planar4();
+    let desired = moved(own_frames(&arm, &WORDS), 0.05, 5);
+    let part = |part: &str, stroke_mm, retracted_mm, price| Part {
+        part: part.into(),
+        stroke_mm,
+        retracted_mm,
+        force_n: 5000.0,
+        price,
+    };
+    let parts = [part("A", 400.0, 900.0, 30.0), part("B", 600.0, 800.0, 60.0), part("C", 700.0, 1200.0, 80.0)];
+    let (found, bought) = buy(&arm, &desired, &parts, &Options::default()).unwrap();
+    assert!(found.status == Status::Reached && found.kept && bought.len() == 12);
+    for bought in &bought {
+        assert!(
+            bought.lengths_m.0 <= bought.stops_m.0 + 1e-9 && bought.stops_m.1 <= bought.lengths_m.1 + 1e-9,
+            "{bought:?}"
+        );
+    }
+    let weak = [Part { force_n: 0.1, ..part("D", 900.0, 500.0, 1.0) }];
+    let error = buy(&arm, &desired, &weak, &Options::default()).unwrap_err().to_string();
+    assert!(error.contains("more than any part of the list"), "{error}");
 }
 
 #[test]

@@ -129,6 +129,27 @@ impl<T: Real, const LEGS: usize> Platform<T, LEGS> {
         Err(PlatformError::NotAssembled { miss_m: to_f32(miss) })
     }
 
+    /// det D over the largest entry of each column, with the top at `pose`: zero in a singular posture, and of one sign
+    /// throughout an assembly mode.
+    pub fn determinant(&self, pose: &Pose<T>) -> T {
+        let (rows, _) = Self::rows(&self.anchors(), pose);
+        solve(&rows, &[T::zero(); LEGS]).1 / column_scale(&rows)
+    }
+
+    /// The lengths that put the top at `pose`, m.
+    pub fn lengths(&self, pose: &Pose<T>) -> [T; LEGS] {
+        let legs = self.anchors();
+        core::array::from_fn(|k| line(&legs[k], pose).length)
+    }
+
+    fn anchors(&self) -> [Setting<T>; MAX_LEGS] {
+        let mut anchors = [Setting::of_joint(T::zero()); MAX_LEGS];
+        for (anchor, leg) in anchors.iter_mut().zip(&self.legs) {
+            (anchor.base, anchor.top) = (leg.base, leg.top);
+        }
+        anchors
+    }
+
     /// How the top moves, told in its own frame, per unit of one number of `leg`, with all others held.
     pub(super) fn twist(&self, legs: &[Setting<T>; MAX_LEGS], pose: &Pose<T>, leg: usize, part: Part) -> Twist<T> {
         let Some(setting) = legs.get(leg) else { return Twist::zero() };

@@ -34,7 +34,10 @@ pub(super) fn report(task: &Task, course: Course, board: &str, time_s: f64) -> R
 }
 
 fn synthesis_figures(task: &Task, synthesis: &Synthesis) -> Result<SynthesisFigures> {
-    let options = synthesis::Options { method: Method::Paper { steps: PAPER_STEPS }, ..synthesis::Options::default() };
+    let options = synthesis::Options {
+        method: Method::Paper { steps: PAPER_STEPS, regularisation: 1e-3 },
+        ..synthesis::Options::default()
+    };
     let paper = synthesize(&task.base_line, &task.desired, &options)?;
     Ok(SynthesisFigures {
         case: synthesis.case.to_string(),

@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use darm::arm::frames::DesiredFrame;
+use darm::arm::frames::{DesiredFrame, Weights};
 use darm::arm::{Arm, ArmScratch};
 use darm::plant::truth::{Kind, Truth, TruthError};
 use darm::programme::candidates;
@@ -49,6 +49,7 @@ fn frames(arm: &Arm, seed: u64) -> Vec<DesiredFrame> {
             previous: step.previous,
             servos_rad: step.servos_rad,
             pose_base_tool: pose,
+            weights: Weights::default(),
         })
     };
     candidates(arm, seed).into_iter().take(WORDS).filter_map(frame).collect()

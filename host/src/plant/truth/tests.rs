@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::*;
+use crate::arm::frames::Weights;
 
 fn arm() -> Arm {
     Arm::parse(Path::new("planar4.toml"), include_str!("../../../../examples/planar4.toml")).unwrap()
@@ -14,7 +15,14 @@ fn frames(arm: &Arm) -> Vec<DesiredFrame> {
     let frame = |text: &&str| {
         let word: Word = text.parse().unwrap();
         let pose = arm.model.chain.pose_base_tool(&word, &[], &mut ArmScratch::default()).unwrap();
-        DesiredFrame { name: String::new(), word, previous: arm.rest(), servos_rad: vec![], pose_base_tool: pose }
+        DesiredFrame {
+            name: String::new(),
+            word,
+            previous: arm.rest(),
+            servos_rad: vec![],
+            pose_base_tool: pose,
+            weights: Weights::default(),
+        }
     };
     words.iter().map(frame).collect()
 }

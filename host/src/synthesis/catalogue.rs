@@ -1,0 +1,190 @@
+//! Actuators from a list of parts that can be bought; stops shorten their strokes.
+//!
+//! # Format
+//!
+//! CSV with the header `part,stroke_mm,retracted_mm,force_n,price`. A part can be a leg when the leg's shortest stop is no
+//! shorter than the retracted part, its longest no longer than part and stroke, and the force bears what the leg bears in
+//! the desired frames at rest. Joints are not bought.
+//!
+//! # Method
+//!
+//! Each leg takes the cheapest part that fits the synthesis as it stands. Where none fits, the part that fits but for the
+//! least change of its stops gives the leg's bounds, and the synthesis is done again within the bounds of all parts.
+
+use std::path::Path;
+
+use darm_core::chain::Parameter;
+use serde::{Deserialize, Serialize};
+
+use super::{Options, Status, Synthesis, SynthesisError, synthesize};
+use crate::arm::frames::{DesiredFrame, StopRange};
+use crate::arm::{Arm, ArmScratch};
+
+/// Rounds of choosing parts and synthesis within their bounds.
+const ROUNDS: usize = 6;
+/// A stop may be off its bound by as much as rounding, m.
+const ROUNDING_M: f64 = 1e-9;
+
+/// A part that can be bought.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Part {
+    /// What to order.
+    pub part: String,
+    /// Its stroke, mm.
+    pub stroke_mm: f64,
+    /// Distance of its ends when retracted, mm.
+    pub retracted_mm: f64,
+    /// The most that it bears, N.
+    pub force_n: f64,
+    /// What it costs, in the list's own currency.
+    pub price: f64,
+}
+
+/// The part of one leg.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Bought {
+    /// The actuator, by its name.
+    pub actuator: String,
+    /// What to order.
+    pub part: String,
+    /// What it costs.
+    pub price: f64,
+    /// Its lengths from retracted to extended, m.
+    pub lengths_m: (f64, f64),
+    /// The stops in it, m.
+    pub stops_m: (f64, f64),
+    /// What it bears at most in the desired frames, N.
+    pub load_n: f64,
+}
+
+/// Why a list of parts serves no purpose.
+#[derive(Debug, thiserror::Error)]
+pub enum CatalogueError {
+    /// The list cannot be read.
+    #[error("{path}: {reason}; the header is part,stroke_mm,retracted_mm,force_n,price")]
+    List {
+        /// The file.
+        path: String,
+        /// Why.
+        reason: csv::Error,
+    },
+    /// A part's numbers make no sense.
+    #[error("{path}: line {line}: the part {part} needs a stroke, a length and a force above zero")]
+    Part {
+        /// The file.
+        path: String,
+        /// The line.
+        line: usize,
+        /// The part.
+        part: String,
+    },
+    /// No part of the list bears what a leg bears.
+    #[error("{actuator} bears {load_n:.1} N in the desired frames, more than any part of the list")]
+    TooWeak {
+        /// The leg.
+        actuator: String,
+        /// What it bears.
+        load_n: f64,
+    },
+    /// There is no synthesis to begin with.
+    #[error(transparent)]
+    Synthesis(#[from] SynthesisError),
+}
+
+/// Reads a list of parts.
+pub fn read_catalogue(path: &Path) -> Result<Vec<Part>, CatalogueError> {
+    let list = |reason| CatalogueError::List { path: path.display().to_string(), reason };
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(list)?;
+    let mut parts = Vec::new();
+    for (index, part) in reader.deserialize::<Part>().enumerate() {
+        let part = part.map_err(list)?;
+        let sound = |value: f64| value.is_finite() && value > 0.0;
+        if !(sound(part.stroke_mm) && sound(part.retracted_mm) && sound(part.force_n) && part.price.is_finite()) {
+            return Err(CatalogueError::Part { path: path.display().to_string(), line: index + 2, part: part.part });
+        }
+        parts.push(part);
+    }
+    Ok(parts)
+}
+
+/// Synthesis with legs of the list: the geometry, and the part of every leg. Where the frames cannot be met with such
+/// parts, the nearest geometry.
+pub fn buy(
+    base_line: &Arm,
+    desired: &[DesiredFrame],
+    parts: &[Part],
+    options: &Options,
+) -> Result<(Synthesis, Vec<Bought>), CatalogueError> {
+    let mut found = synthesize(base_line, desired, options)?;
+    let mut round = 0;
+    loop {
+        let chosen = choose(&found, desired, parts)?;
+        let fits = chosen.iter().all(|(_, bought)| fits(bought));
+        if (fits && found.status == Status::Reached) || round == ROUNDS || options.watch.is_ended() {
+            return Ok((found, chosen.into_iter().map(|(_, bought)| bought).collect()));
+        }
+        let own = chosen.iter().map(|(actuator, bought)| StopRange {
+            actuator: *actuator,
+            value: bought.lengths_m,
+            stroke: (f64::NEG_INFINITY, f64::INFINITY),
+        });
+        let ranges = options.ranges.iter().copied().chain(own).collect();
+        found = synthesize(base_line, desired, &Options { ranges, ..options.clone() })?;
+        round += 1;
+    }
+}
+
+/// For each leg its number and the part that fits it best: without change of its stops the cheapest.
+fn choose(found: &Synthesis, desired: &[DesiredFrame], parts: &[Part]) -> Result<Vec<(usize, Bought)>, CatalogueError> {
+    let arm = &found.arm;
+    let loads = loads(arm, desired);
+    let mut chosen = Vec::new();
+    for (actuator, (stage, leg)) in arm.model.chain.actuators().enumerate() {
+        if arm.model.chain.stages[stage].leg(leg).is_none() {
+            continue;
+        }
+        let stop = |state| arm.model.chain.get(Parameter::Stop { actuator: actuator as u8, state }).unwrap_or(0.0);
+        let states = (0..arm.model.chain.n_states(actuator) as u8).map(stop);
+        let stops_m = states.fold((f64::INFINITY, 0.0), |(least, most): (f64, f64), at| (least.min(at), most.max(at)));
+        let bought = parts.iter().filter(|part| part.force_n >= loads[actuator]).map(|part| Bought {
+            actuator: arm.actuator_name(actuator),
+            part: part.part.clone(),
+            price: part.price,
+            lengths_m: (1e-3 * part.retracted_mm, 1e-3 * (part.retracted_mm + part.stroke_mm)),
+            stops_m,
+            load_n: loads[actuator],
+        });
+        let rank = |bought: &Bought| if fits(bought) { (0.0, bought.price) } else { (lacking(bought), bought.price) };
+        let best = bought.min_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(std::cmp::Ordering::Equal));
+        let too_weak = || CatalogueError::TooWeak { actuator: arm.actuator_name(actuator), load_n: loads[actuator] };
+        chosen.push((actuator, best.ok_or_else(too_weak)?));
+    }
+    Ok(chosen)
+}
+
+fn fits(bought: &Bought) -> bool {
+    lacking(bought) < ROUNDING_M
+}
+
+/// By how much the stops lie outside the part, m.
+fn lacking(Bought { lengths_m, stops_m, .. }: &Bought) -> f64 {
+    (lengths_m.0 - stops_m.0).max(0.0) + (stops_m.1 - lengths_m.1).max(0.0)
+}
+
+/// The most that each actuator bears at rest in the desired frames, N.
+fn loads(arm: &Arm, desired: &[DesiredFrame]) -> Vec<f64> {
+    let mut most = vec![0.0; arm.n_actuators()];
+    let mut scratch = ArmScratch::default();
+    for frame in desired {
+        let condition = arm.model.working(frame.word, frame.previous, &frame.servos_rad);
+        if arm.model.predict(&condition, &mut scratch).is_err() {
+            continue;
+        }
+        let loads = arm.model.loads(&scratch);
+        for (most, (stage, leg)) in most.iter_mut().zip(arm.model.chain.actuators()) {
+            *most = f64::max(*most, loads[stage][leg].abs());
+        }
+    }
+    most
+}

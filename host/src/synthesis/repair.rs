@@ -1,0 +1,75 @@
+//! Synthesis again around an actuator that is dead in one state, and what that costs.
+
+use darm_core::units::Word;
+use serde::Serialize;
+
+use super::words::choose_words;
+use super::{Options, Status, Synthesis, SynthesisError, synthesize};
+use crate::arm::Arm;
+use crate::arm::frames::DesiredFrame;
+
+/// An actuator that stays in one state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Dead {
+    /// Its number.
+    pub actuator: usize,
+    /// The state that it stays in.
+    pub state: u8,
+}
+
+/// What a repair costs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Cost {
+    /// Frames that need another word than the one with the dead digit put in.
+    pub words_changed: usize,
+    /// Frames that are met.
+    pub frames_met: usize,
+    /// Frames that were asked for.
+    pub frames: usize,
+    /// Stops that have to be turned, by more than a micrometre or microradian.
+    pub stops_turned: usize,
+    /// Root of the sum of squares of what they are turned by, m.
+    pub alteration_m: f64,
+    /// Words that the arm has left, as a share of all.
+    pub words_left: f64,
+}
+
+/// Looks for stops of `arm` with which its frames are met although one actuator is dead: with the same words but for the
+/// dead digit where they stay distinct and suffice, with other words where not.
+pub fn repair(
+    arm: &Arm,
+    desired: &[DesiredFrame],
+    dead: Dead,
+    options: &Options,
+) -> Result<(Synthesis, Cost), SynthesisError> {
+    let Dead { actuator, state } = dead;
+    let stuck: Vec<DesiredFrame> = desired
+        .iter()
+        .map(|frame| DesiredFrame { word: frame.word.with_digit(actuator, state), ..frame.clone() })
+        .collect();
+    let distinct = stuck.iter().enumerate().all(|(index, frame)| stuck[..index].iter().all(|f| f.word != frame.word));
+    let same_words = if distinct { synthesize(arm, &stuck, options).ok() } else { None };
+    let found = match same_words {
+        Some(found) if found.status == Status::Reached => found,
+        nearest => {
+            let chosen = choose_words(arm, &stuck, options, &|word: &Word| word.digit(actuator) == state);
+            match (chosen, nearest) {
+                (Ok(chosen), Some(nearest)) if nearest.is_nearer(&chosen) => nearest,
+                (Ok(chosen), _) => chosen,
+                (Err(_), Some(nearest)) => nearest,
+                (Err(error), None) => return Err(error),
+            }
+        }
+    };
+    let words_changed =
+        found.frames.iter().zip(&stuck).filter(|(reached, frame)| reached.frame.word != frame.word).count();
+    let cost = Cost {
+        words_changed,
+        frames_met: found.frames.iter().filter(|reached| reached.is_met()).count(),
+        frames: desired.len(),
+        stops_turned: found.stops_turned(arm),
+        alteration_m: found.alteration_m,
+        words_left: 1.0 / arm.model.chain.n_states(actuator).max(1) as f64,
+    };
+    Ok((found, cost))
+}

@@ -1,0 +1,194 @@
+//! Which word serves which frame, found together with the geometry.
+//!
+//! # Method
+//!
+//! Of all assignments of distinct words, the one is sought whose frames are met, to first order, by the least alteration:
+//!
+//! cost = rᵀ·(J·Jᵀ + μ²)⁻¹·r
+//!
+//! | symbol | meaning |
+//! | --- | --- |
+//! | r | what the base-line lacks in each frame with its word, weighted as everywhere |
+//! | J | derivatives of these words' end frames with respect to the stops |
+//! | μ | [`SOFT`] of |J|: directions weaker than this count as missing, so ill-conditioned sets of words cost much |
+//!
+//! One frame's word is exchanged at a time, as long as the cost falls, from several first assignments; the cheapest are
+//! then solved exactly, within the bounds, until one succeeds.
+
+use darm_core::units::Word;
+use nalgebra::{DMatrix, DVector};
+use rand::seq::IndexedRandom;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::{Options, Status, Synthesis, SynthesisError, problem::Problem, synthesize};
+use crate::arm::frames::DesiredFrame;
+use crate::arm::{Arm, ArmScratch};
+
+/// Singular directions below this share of the Jacobian's size count as missing.
+const SOFT: f64 = 0.02;
+/// Words that are looked at for one frame: those that bring the base-line's tool nearest.
+const CANDIDATES: usize = 48;
+/// First assignments.
+const ASSIGNMENTS: u64 = 48;
+/// Words that are looked at in an arm with more than these.
+const MOST_WORDS: usize = 1 << 14;
+
+/// A word that may serve a frame.
+#[derive(Clone)]
+struct Candidate {
+    word: Word,
+    residual: DVector<f64>,
+    jacobian: DMatrix<f64>,
+}
+
+/// Looks for distinct words, one for each desired frame, and the geometry with which they reach the frames. The words in
+/// `desired` do not matter; only words that `allowed` takes are chosen.
+pub fn choose_words(
+    base_line: &Arm,
+    desired: &[DesiredFrame],
+    options: &Options,
+    allowed: &dyn Fn(&Word) -> bool,
+) -> Result<Synthesis, SynthesisError> {
+    let words = words(base_line, options.seed, allowed);
+    let candidates = candidates(base_line, desired, &words, options)?;
+    let mut assignments: Vec<(f64, Vec<usize>)> =
+        (0..ASSIGNMENTS).filter_map(|seed| assign(&candidates, options.seed.wrapping_add(seed))).collect();
+    assignments.sort_by(|a, b| a.0.total_cmp(&b.0));
+    assignments.dedup_by(|a, b| a.1 == b.1);
+    let mut best: Option<Synthesis> = None;
+    let one_start = Options { starts: 2, ..options.clone() };
+    for (_, choice) in &assignments {
+        let frames: Vec<DesiredFrame> = desired
+            .iter()
+            .zip(choice.iter().zip(&candidates))
+            .map(|(frame, (&chosen, candidates))| DesiredFrame { word: candidates[chosen].word, ..frame.clone() })
+            .collect();
+        let Ok(found) = synthesize(base_line, &frames, &one_start) else { continue };
+        if best.as_ref().is_none_or(|best| found.is_nearer(best)) {
+            best = Some(found);
+        }
+        if best.as_ref().is_some_and(|best| best.status == Status::Reached) || options.watch.is_ended() {
+            break;
+        }
+    }
+    best.ok_or(SynthesisError::NoWords { frames: desired.len(), words: words.len() })
+}
+
+/// All words that may serve, or as many drawn ones as are looked at.
+fn words(arm: &Arm, seed: u64, allowed: &dyn Fn(&Word) -> bool) -> Vec<Word> {
+    let states: Vec<u8> = (0..arm.n_actuators()).map(|actuator| arm.model.chain.n_states(actuator) as u8).collect();
+    let count = states.iter().try_fold(1usize, |count, &states| count.checked_mul(states.into()));
+    let mut words: Vec<Word> = match count.filter(|&count| count <= MOST_WORDS) {
+        Some(count) => (0..count)
+            .map(|mut number| {
+                states.iter().enumerate().fold(arm.rest(), |word, (actuator, &states)| {
+                    let digit = number % usize::from(states);
+                    number /= usize::from(states);
+                    word.with_digit(actuator, digit as u8)
+                })
+            })
+            .collect(),
+        None => {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let mut word = |_| {
+                let digits = states.iter().enumerate();
+                digits.fold(arm.rest(), |word, (actuator, &states)| {
+                    word.with_digit(actuator, rng.random_range(0..states))
+                })
+            };
+            (0..MOST_WORDS).map(&mut word).collect()
+        }
+    };
+    words.sort_unstable();
+    words.dedup();
+    words.retain(allowed);
+    words
+}
+
+/// For each frame the words that bring the tool of the base-line nearest, with their equations.
+fn candidates(
+    arm: &Arm,
+    desired: &[DesiredFrame],
+    words: &[Word],
+    options: &Options,
+) -> Result<Vec<Vec<Candidate>>, SynthesisError> {
+    let mut scratch = ArmScratch::default();
+    let mut of_frame = |frame: &DesiredFrame| {
+        let mut near: Vec<(f64, Word)> = words
+            .iter()
+            .filter_map(|&word| {
+                let condition = arm.model.working(word, frame.previous, &frame.servos_rad);
+                let pose = arm.model.predict(&condition, &mut scratch).ok()?;
+                Some((pose.distance(&frame.pose_base_tool, arm.length_scale_m), word))
+            })
+            .collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        near.truncate(CANDIDATES.max(desired.len()));
+        let candidate = |(_, word): (f64, Word)| {
+            let frame = [DesiredFrame { word, ..frame.clone() }];
+            let mut problem = Problem::new(arm, &frame, &options.bounds, &options.ranges);
+            let (residual, jacobian) = problem.linearise_start()?;
+            let jacobian = jacobian.columns(0, problem.n_stops()).into_owned();
+            Ok(Candidate { word, residual, jacobian })
+        };
+        near.into_iter().map(candidate).collect()
+    };
+    desired.iter().map(&mut of_frame).collect()
+}
+
+/// One assignment that no exchange of a single word makes cheaper, and its cost.
+fn assign(candidates: &[Vec<Candidate>], seed: u64) -> Option<(f64, Vec<usize>)> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut choice = Vec::new();
+    for of_frame in candidates {
+        let free: Vec<usize> =
+            (0..of_frame.len()).filter(|&k| is_free(candidates, &choice, &of_frame[k].word)).collect();
+        choice.push(*free.choose(&mut rng)?);
+    }
+    let mut least = cost(candidates, &choice);
+    loop {
+        let before = least;
+        for frame in 0..candidates.len() {
+            for chosen in 0..candidates[frame].len() {
+                let word = candidates[frame][chosen].word;
+                if !is_free(candidates, &choice, &word) {
+                    continue;
+                }
+                let old = std::mem::replace(&mut choice[frame], chosen);
+                let cost = cost(candidates, &choice);
+                if cost < least {
+                    least = cost;
+                } else {
+                    choice[frame] = old;
+                }
+            }
+        }
+        if least > 0.99 * before {
+            return Some((least, choice));
+        }
+    }
+}
+
+fn is_free(candidates: &[Vec<Candidate>], choice: &[usize], word: &Word) -> bool {
+    choice.iter().zip(candidates).all(|(&chosen, candidates)| candidates[chosen].word != *word)
+}
+
+fn cost(candidates: &[Vec<Candidate>], choice: &[usize]) -> f64 {
+    let chosen = || choice.iter().zip(candidates).map(|(&chosen, candidates)| &candidates[chosen]);
+    let n_rows = chosen().map(|candidate| candidate.residual.len()).sum();
+    let n_columns = candidates.first().and_then(|first| first.first()).map_or(0, |first| first.jacobian.ncols());
+    let mut jacobian = DMatrix::zeros(n_rows, n_columns);
+    let mut residual = DVector::zeros(n_rows);
+    let mut first = 0;
+    for candidate in chosen() {
+        let n = candidate.residual.len();
+        jacobian.rows_mut(first, n).copy_from(&candidate.jacobian);
+        residual.rows_mut(first, n).copy_from(&candidate.residual);
+        first += n;
+    }
+    let soft = SOFT * jacobian.norm();
+    let mut gram = &jacobian * jacobian.transpose();
+    (0..n_rows).for_each(|k| gram[(k, k)] += soft * soft);
+    gram.cholesky().map_or(f64::INFINITY, |cholesky| residual.dot(&cholesky.solve(&residual)))
+}

@@ -1,0 +1,138 @@
+//! In how many draws a synthesis is exact, as the desired frames move away from the base-line's own.
+//!
+//! Each desired frame is moved in its own coordinates by exp(v): in the plane v_xy uniform in ±s m and v_θ in ±s/2 rad,
+//! in space every component of v_p in ±s m and of v_ω in ±s/3 rad.
+
+use anyhow::{Context, Result};
+use darm::arm::frames::DesiredFrame;
+use darm::arm::{Arm, ArmScratch};
+use darm::synthesis::{Bounds, Method, Options, Status, choose_words, synthesize};
+use darm_core::se::{Pose, Twist};
+use nalgebra::Vector3;
+use rand::seq::index::sample;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::{IntoParallelIterator, ParallelIterator};
+
+use crate::figures::Figure;
+use crate::progress::Progress;
+use crate::setup;
+
+const DRAWS: u64 = 200;
+/// Draws of frames that any words may serve, and how many frames.
+const CHOICES: u64 = 100;
+const CHOSEN: usize = 8;
+/// Starts of one synthesis.
+const STARTS: u32 = 64;
+const PLANAR_WORDS: [&str; 5] = ["000000000000", "111000000000", "000111000000", "000000111000", "000000000111"];
+const SERIAL_WORDS: [&str; 3] = ["000000000000", "111111000000", "000000111111"];
+
+pub(super) fn measure() -> Result<Vec<Figure>> {
+    let progress = Progress::shown();
+    let mut figures = Vec::new();
+    // Leg lengths above zero; a joint turns as it likes.
+    let wide = Bounds { shortest: 1e-3, ..Bounds::none() };
+    let planar = own_frames("planar4.toml", &PLANAR_WORDS)?;
+    let serial = own_frames("serial12.toml", &SERIAL_WORDS)?;
+    figures.extend(chosen_words(&progress)?);
+    for (bounds, note) in [(wide, ""), (Bounds::default(), ", stroke >= 0, bounded")] {
+        for (name, frames, sizes) in
+            [("planar", &planar, &[0.1, 0.3, 0.5, 0.8][..]), ("serial", &serial, &[0.1, 0.3, 1.0][..])]
+        {
+            for &size in sizes {
+                let share = |method, starts| {
+                    exact_share(frames, size, Options { method, bounds, starts, ..Options::default() })
+                };
+                let plain = share(Method::Plain, 1)?;
+                let ours = share(Method::Newton, STARTS)?;
+                let name = format!("{name} synthesis exact at {size}{note}");
+                progress.say(format!("{name}: {ours} %, plain Gauss-Newton {plain} %"));
+                figures.push(Figure::new(&format!("{name}, plain Gauss-Newton"), plain, "%")?);
+                figures.push(Figure::new(&name, ours, "%")?);
+            }
+        }
+    }
+    Ok(figures)
+}
+
+/// In how many of 100 draws eight frames of any eight words, moved by s = 0.1, are met: words chosen, and words as drawn.
+fn chosen_words(progress: &Progress) -> Result<Vec<Figure>> {
+    let arm = Arm::read(&setup::root().join("examples/planar4.toml"))?;
+    let exact = |seed: u64| -> Result<(bool, bool)> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let words: Vec<String> = sample(&mut rng, 1 << arm.n_actuators(), CHOSEN)
+            .iter()
+            .map(|word| format!("{word:0width$b}", width = arm.n_actuators()))
+            .collect();
+        let words: Vec<&str> = words.iter().map(String::as_str).collect();
+        let own = own_frames("planar4.toml", &words)?;
+        let desired = moved(&own.frames, 0.1, true, seed);
+        let chosen = choose_words(&arm, &desired, &Options::default(), &|_| true)?;
+        let fixed = synthesize(&arm, &desired, &Options::default())?;
+        Ok((chosen.status == Status::Reached, fixed.status == Status::Reached))
+    };
+    let exact = (0..CHOICES).into_par_iter().map(exact).collect::<Result<Vec<_>>>()?;
+    let share = |exact: usize| 100.0 * exact as f64 / CHOICES as f64;
+    let chosen = share(exact.iter().filter(|(chosen, _)| *chosen).count());
+    let fixed = share(exact.iter().filter(|(_, fixed)| *fixed).count());
+    progress.say(format!("eight frames: {chosen} % with chosen words, {fixed} % with the words as drawn"));
+    Ok(vec![
+        Figure::new("eight frames exact, words chosen", chosen, "%")?,
+        Figure::new("eight frames exact, words as drawn", fixed, "%")?,
+    ])
+}
+
+/// An arm and its own frames for some words.
+struct Own {
+    arm: Arm,
+    frames: Vec<DesiredFrame>,
+}
+
+fn own_frames(file: &str, words: &[&str]) -> Result<Own> {
+    let arm = Arm::read(&setup::root().join("examples").join(file))?;
+    let mut scratch = ArmScratch::default();
+    let mut frames = Vec::new();
+    for text in words {
+        let word = text.parse().with_context(|| format!("{text} is no word"))?;
+        let pose_base_tool = arm.model.chain.pose_base_tool(&word, &[], &mut scratch)?;
+        frames.push(DesiredFrame {
+            name: (*text).to_owned(),
+            word,
+            previous: arm.rest(),
+            servos_rad: Vec::new(),
+            pose_base_tool,
+            weights: Default::default(),
+        });
+    }
+    Ok(Own { arm, frames })
+}
+
+/// In how many of a hundred draws all frames are met.
+fn exact_share(own: &Own, size: f64, options: Options) -> Result<f64> {
+    let planar = own.arm.model.chain.is_planar();
+    let exact = |seed: u64| -> Result<bool> {
+        let found = synthesize(&own.arm, &moved(&own.frames, size, planar, seed), &options)?;
+        // What a plain search ends at may break the bounds: then it counts as not found.
+        Ok(found.status == Status::Reached && found.kept)
+    };
+    let exact = (0..DRAWS).into_par_iter().map(exact).collect::<Result<Vec<bool>>>()?;
+    Ok(100.0 * exact.iter().filter(|&&exact| exact).count() as f64 / DRAWS as f64)
+}
+
+fn moved(frames: &[DesiredFrame], size: f64, planar: bool, seed: u64) -> Vec<DesiredFrame> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut within = |most: f64| rng.random_range(-most..most);
+    let mut motion = || {
+        if planar {
+            let linear = Vector3::new(within(size), within(size), 0.0);
+            return Twist { angular: Vector3::new(0.0, 0.0, within(size / 2.0)), linear };
+        }
+        let linear = Vector3::from_fn(|_, _| within(size));
+        Twist { angular: Vector3::from_fn(|_, _| within(size / 3.0)), linear }
+    };
+    let moved = |frame: &DesiredFrame| {
+        let pose_base_tool = frame.pose_base_tool * Pose::exp(&motion());
+        DesiredFrame { pose_base_tool, ..frame.clone() }
+    };
+    frames.iter().map(moved).collect()
+}
