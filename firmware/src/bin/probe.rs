@@ -12,6 +12,8 @@ use darm_core::ik;
 use darm_core::real::Mat6;
 use darm_core::tree::puma560::{self, LIMITS_RAD, SAMPLE};
 use darm_core::tree::{Frames, Tree};
+// The interrupt vectors.
+use stm32_metapac as _;
 
 /// Never linked where nothing panics.
 #[panic_handler]

@@ -249,9 +249,7 @@ impl<T: Real, const N: usize> Frames<T, N> {
     #[inline]
     pub fn pose(&self, frame: &LinkFrame<T>) -> Pose<T> {
         let link = self.link(frame.link);
-        let turn = &frame.pose.rotation;
-        let columns =
-            [turn.column(0).into(), turn.column(1).into(), turn.column(2).into()].map(|v: Vec3<T>| link.turn(&v));
+        let columns = frame.pose.rotation.data.0.map(|column| link.turn(&Vec3::from(column)));
         Pose { rotation: Mat3::from_columns(&columns), position: link.point(&frame.pose.position) }
     }
 
