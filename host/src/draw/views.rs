@@ -89,7 +89,7 @@ impl View {
                 line x1=(n(x - 5.0)) x2=(n(x + 5.0)) y1=(n(y)) y2=(n(y)) stroke="#333d45" {}
                 line x1=(n(x)) x2=(n(x)) y1=(n(y - 5.0)) y2=(n(y + 5.0)) stroke="#333d45" {}
             }
-            @if has_names { (names(scene, &at, left + 0.75 * width)) }
+            @if has_names { (names(scene, &at, left + 0.85 * width)) }
             (place.bar(left + 16.0, top + height - 16.0))
         }
     }
