@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use anyhow::Context as _;
 use darm::arm::Arm;
 use darm::diagnose::channels::model::Model;
 use darm::diagnose::channels::prepared::{HoldOut, Preparation};
@@ -22,7 +23,7 @@ Examples:
   darm --json diagnose arm.toml run.csv.gz       everything that was tried
   darm diagnose cylinder.toml force.csv --hold-out \"set_bar = 5\"
                                                  which friction a cylinder has, told at a pressure that no fit saw
-  darm diagnose arm.urdf motion.csv --lowpass 20 --rate 200
+  darm diagnose arm.urdf motion.csv --lowpass 20 --thin 40
                                                  what the torques of a serial arm lack
 
 Rows that are held out are never fitted: the error after is told on them. The columns that tables of channels may have,
@@ -44,6 +45,9 @@ pub(crate) struct Diagnose {
     /// Seed of the cross-validation
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// A page with tables and plots, of a table of channels
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
     #[command(flatten)]
     rows: RowOptions,
 }
@@ -69,9 +73,12 @@ struct RowOptions {
     /// Columns whose values part the rows into stretches
     #[arg(long, value_name = "COLUMN,…", value_delimiter = ',')]
     within: Vec<String>,
-    /// Keep about this many rows a second
+    /// Rows a second, where the table has no time
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
+    /// Keep about this many rows a second
+    #[arg(long, value_name = "HZ")]
+    thin: Option<f64>,
     /// Low-pass without delay on all channels
     #[arg(long, value_name = "HZ")]
     lowpass: Option<f64>,
@@ -117,6 +124,10 @@ impl Diagnose {
         wheel.finish_and_clear();
         let diagnosis =
             diagnosis.map_err(|error| anyhow::Error::new(error).context(self.data.display().to_string()))?;
+        if let Some(path) = &self.report {
+            let page = darm::report::channels_page(&diagnosis).into_string();
+            std::fs::write(path, page).with_context(|| format!("{} cannot be written", path.display()))?;
+        }
         voice.tell(&ChannelReport(diagnosis))
     }
 
@@ -168,12 +179,31 @@ impl RowOptions {
             keep: self.keep.clone(),
             hold_out,
             within: self.within.clone(),
-            rate_hz: self.rate,
-            lowpass_hz: self.lowpass,
+            rate_hz: positive("--rate", self.rate)?,
+            thin_hz: positive("--thin", self.thin)?,
+            lowpass_hz: positive("--lowpass", self.lowpass)?,
             interpolate: self.interpolate.clone(),
             settled_s: self.settled,
         };
         Ok(channels::Options { preparation, always: self.always.clone(), seed })
+    }
+}
+
+fn positive(option: &str, number: Option<f64>) -> anyhow::Result<Option<f64>> {
+    match number {
+        Some(number) if !(number > 0.0 && number.is_finite()) => {
+            Err(Usage(format!("{option} {number}: must be more than 0")).into())
+        }
+        number => Ok(number),
+    }
+}
+
+/// A number as people read it: lengths in mm, angles in degrees.
+fn readable(value: f64, unit: &str) -> (f64, String) {
+    match unit {
+        "m" => (1e3 * value, "mm".into()),
+        "rad" => (value.to_degrees(), "°".into()),
+        other => (value, other.into()),
     }
 }
 
@@ -190,12 +220,13 @@ impl Answer for ChannelReport {
         lines.push(String::new());
         let cells = |name: &str, n: usize, figure: Option<&Figure>, unit: &str| {
             let numbers = figure.map_or(Vec::new(), |figure| {
-                let axes = figure.axes.iter().map(|axis| format!("{:.4}", axis.value));
-                axes.chain([format!("{:.4} {}", figure.norm.value, figure.norm.unit)]).collect()
+                let axes = figure.axes.iter().map(|axis| format!("{:.3}", readable(axis.value, axis.unit).0));
+                let (norm, unit) = readable(figure.norm.value, &figure.norm.unit);
+                axes.chain([format!("{norm:.3} {unit}")]).collect()
             });
             [vec![name.to_owned(), n.to_string(), unit.to_owned()], numbers].concat()
         };
-        let names = error.before.train.axes.iter().map(|axis| format!("{}, {}", axis.axis, axis.unit));
+        let names = error.before.train.axes.iter().map(|axis| format!("{}, {}", axis.axis, readable(0.0, axis.unit).1));
         let head: Vec<String> =
             ["error (RMS)", "rows", ""].map(str::to_owned).into_iter().chain(names).chain(["norm".into()]).collect();
         lines.push(columns(&[

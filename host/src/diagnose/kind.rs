@@ -26,6 +26,11 @@ pub trait Kind {
     /// The most effects that a model holds.
     fn most(&self) -> usize;
 
+    /// Whether laws overlap, so that another than the best may be the one that proves itself.
+    fn overlaps(&self) -> bool {
+        false
+    }
+
     /// Whether an effect found may give its place to another when nothing more can be added: where laws overlap.
     fn exchanges(&self) -> bool {
         false

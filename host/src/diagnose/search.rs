@@ -36,7 +36,7 @@ impl<K: Kind> Search<K> {
         let (mut rivals, mut exchanges) = (Vec::new(), 0);
         while self.kind.n_effects(&best.fit) < self.kind.most() {
             let mut tried = self.step(&best, self.kind.n_effects(&best.fit) - n_known)?;
-            if tried.is_empty() || !self.proves_itself(&best, &tried[0])? {
+            let Some(proven) = self.proven(&best, &tried)? else {
                 match self.exchanged(&best, n_known)? {
                     Some(better) if exchanges < MOST_EXCHANGES => best = self.kind.settled(better)?,
                     _ => break,
@@ -44,9 +44,9 @@ impl<K: Kind> Search<K> {
                 exchanges += 1;
                 rivals.clear();
                 continue;
-            }
-            self.keep(&tried[0]);
-            best = tried.remove(0);
+            };
+            self.keep(&tried[proven]);
+            best = tried.remove(proven);
             rivals = tried;
             while let Some(without) = self.superfluous(&best, n_known)? {
                 best = without;
@@ -103,6 +103,17 @@ impl<K: Kind> Search<K> {
         if let Some(rung) = self.ladder.iter_mut().rev().find(same) {
             rung.kept = true;
         }
+    }
+
+    /// The first that proves itself; where laws do not overlap only the best may.
+    fn proven(&mut self, best: &Trial<K>, tried: &[Trial<K>]) -> Result<Option<usize>, K::Error> {
+        let most = if self.kind.overlaps() { tried.len() } else { tried.len().min(1) };
+        for (k, trial) in tried.iter().enumerate().take(most) {
+            if self.proves_itself(best, trial)? {
+                return Ok(Some(k));
+            }
+        }
+        Ok(None)
     }
 
     /// Whether an effect predicts what it was not fitted to.

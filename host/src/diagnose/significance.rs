@@ -57,7 +57,8 @@ pub fn fall(before: &[f64], after: &[f64], groups: &[usize]) -> Fall {
     Fall { sum, error, p }
 }
 
-/// The same by the losses of each group before and after: t over the groups' relative falls, which lie within ±1.
+/// The same by the losses of each group before and after: t over the groups' falls and over their relative falls, which
+/// lie within ±1; the smaller chance counts twice.
 ///
 /// It holds where groups differ in size and what remains has structure of its own in every group. What does not lower the
 /// sum is no fall.
@@ -66,17 +67,17 @@ pub fn paired(losses: &[[f64; 2]]) -> Fall {
     let sum: f64 = losses.iter().map(|[before, after]| before - after).sum();
     let relative: Vec<f64> =
         losses.iter().map(|[before, after]| (before - after) / (before + after).max(f64::MIN_POSITIVE)).collect();
-    let mean = relative.iter().sum::<f64>() / n.max(1.0);
-    let variance = relative.iter().map(|fall| (fall - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-    let error = (variance / n.max(1.0)).sqrt();
+    let absolute: Vec<f64> = losses.iter().map(|[before, after]| before - after).collect();
     if losses.len() < 2 || sum <= 0.0 {
-        return Fall { sum, error, p: 1.0 };
+        return Fall { sum, error: 0.0, p: 1.0 };
     }
-    if error == 0.0 {
-        return Fall { sum, error, p: 0.0 };
-    }
-    let p = StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |t| t.sf(mean / error));
-    Fall { sum, error, p }
+    let chance = |falls: &[f64]| {
+        let mean = falls.iter().sum::<f64>() / n;
+        let variance = falls.iter().map(|fall| (fall - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        let error = (variance / n).sqrt();
+        if error == 0.0 { 0.0 } else { StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |t| t.sf(mean / error)) }
+    };
+    Fall { sum, error: 0.0, p: (2.0 * chance(&relative).min(chance(&absolute))).min(1.0) }
 }
 
 /// Chance that a mean square this many times the noise's is noise.
@@ -114,6 +115,14 @@ mod tests {
         let fall = fall(&before, &after, &groups);
         assert_eq!((fall.sum, fall.error), (35.0, 10.0));
         assert!(fall.p < 0.01);
+    }
+
+    #[test]
+    fn a_small_fall_everywhere_is_no_chance_and_one_here_and_there_is() {
+        let falls = |shares: &[f64]| paired(&shares.iter().map(|share| [100.0, 100.0 * share]).collect::<Vec<_>>()).p;
+        assert!(falls(&[0.9, 0.91, 0.89, 0.9, 0.92, 0.88, 0.9, 0.9]) < 1e-6);
+        assert!(falls(&[0.9, 1.1, 0.8, 1.15, 0.9, 1.05, 0.95, 1.1]) > 0.2);
+        assert_eq!(falls(&[1.0, 1.1]), 1.0);
     }
 
     #[test]

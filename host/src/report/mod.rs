@@ -3,6 +3,7 @@
 //!
 //! Everything is drawn from one plain value, [`LoopReport`]; nothing is computed on the way.
 
+mod channels;
 pub mod density;
 mod drawing;
 mod html;
@@ -20,6 +21,7 @@ use crate::arm::frames::DesiredFrame;
 use crate::arm::{Arm, ArmScratch};
 use crate::diagnose::outcome::Diagnosis;
 use crate::plant::truth::Sealed;
+pub use channels::channels_page;
 pub use drawing::{Line, Posture, posture};
 pub use html::page;
 pub use sketch::sketch;

@@ -2,6 +2,7 @@
 
 mod chip;
 mod map;
+mod measured;
 mod peers;
 mod reach;
 mod synthesis;
@@ -18,6 +19,9 @@ use crate::figures::tell;
 pub(crate) struct Bench {
     #[command(flatten)]
     what: What,
+    /// A folder with measured data that may not be copied into this project
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
     /// Write the figures as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -45,6 +49,9 @@ struct What {
     /// The density of frames beside enumeration and beside random words
     #[arg(long)]
     map: bool,
+    /// Real measurements: the error of each set before and after a diagnosis
+    #[arg(long)]
+    measured: bool,
 }
 
 /// Seed of the arms and targets that a measurement draws.
@@ -55,6 +62,9 @@ impl Bench {
         let mut figures = Vec::new();
         if self.what.chip {
             figures.extend(chip::measure()?);
+        }
+        if self.what.measured {
+            figures.extend(measured::measure(self.data.as_deref())?);
         }
         if self.what.peers {
             figures.extend(peers::measure()?);

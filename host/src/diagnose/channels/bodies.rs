@@ -160,3 +160,82 @@ pub fn candidate(
     };
     (candidate, Mass { candidate: index, ten: *ten })
 }
+
+/// The radius that makes moments of inertia and masses comparable, m.
+const RADIUS_M: f64 = 0.1;
+/// The least eigenvalue of a pseudo-inertia, as a share of its trace.
+const LEAST_SHARE: f64 = 1e-4;
+
+/// The nearest ten parameters of a body that can be.
+///
+/// A body is possible when its pseudo-inertia, [½tr(I)·1 − I, m·c; (m·c)ᵀ, m], is positive definite; eigenvalues below that
+/// are raised. Source: P. M. Wensing, S. Kim, J.-J. Slotine, IEEE Robotics and Automation Letters 3 (2018) 60.
+pub fn possible(ten: &[f64; 10]) -> [f64; 10] {
+    let [m, x, y, z, xx, xy, yy, xz, yz, zz] = *ten;
+    let (half, r) = (0.5 * (xx + yy + zz), RADIUS_M);
+    let square = r * r;
+    let [x, y, z] = [x / r, y / r, z / r];
+    let [a, b, c] = [(half - xx) / square, (half - yy) / square, (half - zz) / square];
+    let [d, e, f] = [-xy / square, -xz / square, -yz / square];
+    let mut eigen = nalgebra::Matrix4::new(a, d, e, x, d, b, f, y, e, f, c, z, x, y, z, m).symmetric_eigen();
+    let least = LEAST_SHARE * eigen.eigenvalues.iter().map(|l| l.abs()).sum::<f64>();
+    if eigen.eigenvalues.min() >= least {
+        return *ten;
+    }
+    eigen.eigenvalues.apply(|l| *l = l.max(least));
+    let j = eigen.recompose();
+    let of = |row: usize, column: usize| j[(row, column)] * square;
+    let [sxx, syy, szz] = [of(0, 0), of(1, 1), of(2, 2)];
+    [
+        j[(3, 3)],
+        j[(0, 3)] * r,
+        j[(1, 3)] * r,
+        j[(2, 3)] * r,
+        syy + szz,
+        -of(0, 1),
+        sxx + szz,
+        -of(0, 2),
+        -of(1, 2),
+        sxx + syy,
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use darm_core::dynamics::inverse_dynamics;
+    use darm_core::tree::Body;
+
+    use super::*;
+    use crate::urdf::{Locks, parse};
+
+    #[test]
+    fn columns_times_parameters_are_inverse_dynamics() {
+        let text = include_str!("../../../../tests/data/measured/tx40.urdf");
+        let robot = parse(Path::new("tx40.urdf"), text, &Locks::new()).unwrap();
+        let tree = robot.tree::<6>().unwrap();
+        let [q, v, a] =
+            [[0.3, -0.5, 0.7, 1.1, -0.4, 0.2], [1.0, -2.0, 0.5, 3.0, -1.0, 2.0], [4.0, 1.0, -3.0, 2.0, 5.0, -6.0]];
+        let expected = inverse_dynamics(&tree, &q, &v, &a, None);
+        let moving = links(&robot, &Moving::resting(&robot.gravity), [&q, &v, &a]);
+        for joint in 0..6 {
+            let torque: f64 = (joint..6)
+                .map(|link| {
+                    let ten = Body::from(&robot.joints[link].joint.inertia).parameters();
+                    let row = of_joint(&robot, joint, &moving[joint], &load(&moving[link]));
+                    row.iter().zip(&ten).map(|(y, p)| y * p).sum::<f64>()
+                })
+                .sum();
+            assert!((torque - expected[joint]).abs() < 1e-9, "joint {joint}: {torque} {}", expected[joint]);
+        }
+    }
+
+    #[test]
+    fn a_possible_body_stays_and_an_impossible_one_becomes_possible() {
+        let ball = [2.0, 0.0, 0.0, 0.1, 0.02, 0.0, 0.02, 0.0, 0.0, 0.02];
+        assert_eq!(possible(&ball), ball);
+        let far = possible(&[1.0, 0.5, 0.0, 0.0, 0.01, 0.0, 0.01, 0.0, 0.0, 0.01]);
+        assert!(far[0] > 0.0 && far[0] * far[6] > far[1] * far[1], "{far:?}");
+    }
+}

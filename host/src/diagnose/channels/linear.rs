@@ -47,8 +47,6 @@ pub struct Channels {
     pub sigma: Vec<f64>,
     /// How many rows repeat each other.
     pub repeats: f64,
-    /// Factors of the priors' information, one a value.
-    pub stiffness: Vec<f64>,
     offsets: Vec<usize>,
     n_values: usize,
     /// Scaled residuals and columns of the training rows, where all values are `origin`.
@@ -69,7 +67,6 @@ impl Channels {
             groups,
             sigma,
             repeats: 1.0,
-            stiffness: vec![1.0; n_values],
             offsets,
             n_values,
             residuals: Vec::new(),
@@ -113,8 +110,8 @@ impl Channels {
 
     /// 1/σ² of the prior of a value.
     pub fn prior(&self, value: usize) -> f64 {
-        let all = self.experiment.candidates.iter().flat_map(|candidate| &candidate.values);
-        all.skip(value).next().map_or(0.0, |v| self.stiffness[value] / (v.prior * v.prior))
+        let mut all = self.experiment.candidates.iter().flat_map(|candidate| &candidate.values);
+        all.nth(value).map_or(0.0, |v| 1.0 / (v.prior * v.prior))
     }
 
     fn scaled(&self, all: &[f64]) -> Vec<f64> {
@@ -273,6 +270,10 @@ impl Kind for Channels {
 
     fn most(&self) -> usize {
         MOST
+    }
+
+    fn overlaps(&self) -> bool {
+        true
     }
 
     fn exchanges(&self) -> bool {

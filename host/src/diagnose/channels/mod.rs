@@ -29,7 +29,7 @@ mod wrench;
 
 use std::path::Path;
 
-use super::kind::{Kind as _, Trial};
+use super::kind::Trial;
 use super::search::Search;
 use crate::measurement::table::{Names, Table};
 use crate::measurement::{Finding, ReadError};
@@ -42,8 +42,9 @@ use prepared::{HoldOut, Preparation, PrepareError, Prepared, values_of};
 
 /// Pieces of rows without which nothing can be said.
 const FEWEST_PIECES: usize = 8;
-/// Rounds in which possible masses are looked for.
-const POSSIBLE_ROUNDS: usize = 12;
+
+/// Slopes and residuals from here on are no measurement.
+const LARGEST: f64 = 1e100;
 
 /// How a diagnosis of channels is made.
 #[derive(Clone, Debug, PartialEq)]
@@ -128,8 +129,13 @@ struct Ended {
 
 fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) -> Result<Ended, ChannelError> {
     let data = Prepared::new(table.clone(), &options.preparation, each)?;
-    let experiment = experiment(model, &data)?;
+    let mut experiment = experiment(model, &data)?;
     check(&experiment)?;
+    // A column that overflows tells nothing.
+    let values = experiment.candidates.iter_mut().flat_map(|candidate| &mut candidate.values);
+    for value in values.filter(|value| value.column.iter().any(|slope| !(slope.abs() < LARGEST))) {
+        value.column.fill(0.0);
+    }
     let groups = Groups::new(&experiment.rows);
     if groups.n_blocks < FEWEST_PIECES {
         return Err(ChannelError::TooFew { rows: groups.training.len(), pieces: groups.n_blocks });
@@ -139,7 +145,7 @@ fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) ->
     let mut search = Search::new(Channels::new(experiment, groups));
     let start = search.kind.start(always);
     let Ok((mut best, rivals)) = search.run(start);
-    possible(&mut search.kind, &mut best);
+    possible(&search.kind, &mut best);
     Ok(Ended { search, best, rivals, n_known, held_out: data.held_out, findings: data.findings })
 }
 
@@ -183,23 +189,21 @@ fn always(experiment: &Experiment, laws: &[String]) -> Result<Vec<usize>, Channe
 
 fn check(experiment: &Experiment) -> Result<(), ChannelError> {
     let n_axes = experiment.axes.len();
-    match experiment.residuals.iter().position(|residual| !residual.is_finite()) {
+    match experiment.residuals.iter().position(|residual| !(residual.abs() < LARGEST)) {
         Some(at) => Err(ChannelError::NoNumber { line: experiment.rows[at / n_axes].line }),
         None => Ok(()),
     }
 }
 
-/// Bodies that came out impossible are held more firmly to what they were, until all are possible.
-fn possible(kind: &mut Channels, best: &mut Trial<Channels>) {
-    for _ in 0..POSSIBLE_ROUNDS {
-        let impossible = summary::impossible(kind, best);
-        if impossible.is_empty() {
-            return;
-        }
-        for value in kind.indices(&impossible) {
-            kind.stiffness[value] *= 4.0;
-        }
-        let Ok(settled) = kind.settled(best.clone());
-        *best = settled;
+/// Bodies that came out impossible become the nearest possible ones.
+fn possible(kind: &Channels, best: &mut Trial<Channels>) {
+    for mass in kind.experiment.masses.iter().filter(|mass| best.fit.active.contains(&mass.candidate)) {
+        let indices = kind.indices(&[mass.candidate]);
+        let fitted = std::array::from_fn(|k| mass.ten[k] + indices.get(k).map_or(0.0, |&at| best.fit.values[at]));
+        let nearest = bodies::possible(&fitted);
+        indices.iter().zip(nearest.iter().zip(&mass.ten)).for_each(|(&at, (new, old))| best.fit.values[at] = new - old);
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -35,8 +35,10 @@ pub struct Preparation {
     pub hold_out: HoldOut,
     /// Columns whose values part the rows into stretches.
     pub within: Vec<String>,
-    /// Rows a second that are kept, as near as whole steps come; `None`: all.
+    /// Rows a second, where the table has no time.
     pub rate_hz: Option<f64>,
+    /// Rows a second that are kept, as near as whole steps come; `None`: all.
+    pub thin_hz: Option<f64>,
     /// Corner of the low-pass on all channels.
     pub lowpass_hz: Option<f64>,
     /// A column that is 0 where a row only repeats the one before.
@@ -93,10 +95,13 @@ impl Prepared {
         }
         constant(&table, &mut findings);
         let time = table.quantity("time").map(|column| column.numbers.clone());
-        let time_s = time.unwrap_or_else(|| (0..table.lines.len()).map(|row| row as f64).collect());
+        let time_s = time.unwrap_or_else(|| {
+            let step_s = how.rate_hz.map_or(1.0, |hz| 1.0 / hz);
+            (0..table.lines.len()).map(|row| row as f64 * step_s).collect()
+        });
         let (held, held_out, keys) = held_out(&table, &how.hold_out, each)?;
         let series = series(&table, &how.within, &time_s, &held, &mut findings)?;
-        let every = how.rate_hz.map_or(1, |hz| (rate_hz(&time_s, &series) / hz).round().max(1.0) as usize);
+        let every = how.thin_hz.map_or(1, |hz| (rate_hz(&time_s, &series) / hz).round().max(1.0) as usize);
         let thinned = |stretch: std::ops::Range<usize>| stretch.step_by(every);
         let mut kept: Vec<usize> = stretches(&series).into_iter().flat_map(thinned).collect();
         if let Some(settled_s) = how.settled_s {
@@ -111,26 +116,8 @@ impl Prepared {
             held_out: held[row],
         };
         let rows: Vec<Row> = kept.iter().map(row).collect();
-        let filter = match how.lowpass_hz {
-            Some(corner) => {
-                let hz = rate_hz(&time_s, &series);
-                let none = || {
-                    PrepareError::Nothing(format!(
-                        "a low-pass at {corner} Hz needs more than {} rows a second, there are {hz:.1}",
-                        2.0 * corner
-                    ))
-                };
-                Some((LowPass::new(corner, hz).ok_or_else(none)?, (hz / corner).ceil() as usize * 2))
-            }
-            None => None,
-        };
-        let fresh = match &how.interpolate {
-            Some(name) => {
-                let none = || SelectError::NoColumn { column: name.clone(), present: present(&table) };
-                Some(table.column(name).ok_or_else(none)?.numbers.iter().map(|flag| *flag != 0.0).collect())
-            }
-            None => None,
-        };
+        let filter = how.lowpass_hz.map(|corner| low_pass(corner, rate_hz(&time_s, &series))).transpose()?;
+        let fresh = how.interpolate.as_deref().map(|name| flags(&table, name)).transpose()?;
         let pick = |values: &[f64]| kept.iter().map(|&row| values[row]).collect();
         let (kept_time, kept_series) = (pick(&time_s), kept.iter().map(|&row| series[row]).collect());
         Ok(Self {
@@ -256,24 +243,37 @@ fn constant(table: &Table, findings: &mut Vec<Finding>) {
     }
 }
 
+/// A low-pass with this corner, and how many rows it settles in.
+fn low_pass(corner_hz: f64, rate_hz: f64) -> Result<(LowPass, usize), PrepareError> {
+    let none = || {
+        let least = 2.0 * corner_hz;
+        let what =
+            format!("a low-pass at {corner_hz} Hz needs more than {least} rows a second, there are {rate_hz:.1}");
+        PrepareError::Nothing(what)
+    };
+    Ok((LowPass::new(corner_hz, rate_hz).ok_or_else(none)?, 2 * (rate_hz / corner_hz).ceil() as usize))
+}
+
+/// Where a column is not 0.
+fn flags(table: &Table, name: &str) -> Result<Vec<bool>, PrepareError> {
+    let none = || SelectError::NoColumn { column: name.into(), present: present(table) };
+    let column = table.column(name).or_else(|| table.quantity(name)).ok_or_else(none)?;
+    Ok(column.numbers.iter().map(|flag| *flag != 0.0).collect())
+}
+
 type Held = (Vec<bool>, String, Option<Vec<usize>>);
 
 fn held_out(table: &Table, how: &HoldOut, each: Option<&str>) -> Result<Held, PrepareError> {
     let n = table.lines.len();
-    let flags = |name: &str| -> Result<Vec<bool>, PrepareError> {
-        let none = || SelectError::NoColumn { column: name.into(), present: present(table) };
-        let column = table.column(name).or_else(|| table.quantity(name)).ok_or_else(none)?;
-        Ok(column.numbers.iter().map(|flag| *flag != 0.0).collect())
-    };
     match how {
         HoldOut::Own if table.quantity("held_out").is_some() => {
-            Ok((flags("held_out")?, "the column held_out".into(), None))
+            Ok((flags(table, "held_out")?, "the column held_out".into(), None))
         }
         HoldOut::Own => {
             let block = |row: usize| (row * BLOCKS / n.max(1)) % 4 == 3;
             Ok(((0..n).map(block).collect(), "every fourth of 16 blocks of rows".into(), None))
         }
-        HoldOut::Column(name) => Ok((flags(name)?, format!("the column {name}"), None)),
+        HoldOut::Column(name) => Ok((flags(table, name)?, format!("the column {name}"), None)),
         HoldOut::Last(share) => {
             let first = ((1.0 - share) * n as f64).round() as usize;
             Ok(((0..n).map(|row| row >= first).collect(), format!("the last {:.0} %", 100.0 * share), None))

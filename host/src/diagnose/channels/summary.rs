@@ -232,28 +232,6 @@ fn points(experiment: &Experiment, after: &[f64]) -> Vec<Point> {
     experiment.rows.iter().enumerate().step_by(every).map(point).collect()
 }
 
-/// The candidates whose bodies have no positive mass or no possible inertia with these values.
-///
-/// A body is possible when its pseudo-inertia, [½tr(I)·1 − I, m·c; (m·c)ᵀ, m], is positive definite; P. M. Wensing, S.
-/// Kim, J.-J. Slotine, IEEE Robotics and Automation Letters 3 (2018) 60.
-pub(super) fn impossible(kind: &Channels, best: &Trial<Channels>) -> Vec<usize> {
-    let changed = |mass: &&super::experiment::Mass| {
-        if !best.fit.active.contains(&mass.candidate) {
-            return false;
-        }
-        let change: Vec<f64> = kind.indices(&[mass.candidate]).iter().map(|&k| best.fit.values[k]).collect();
-        let ten: [f64; 10] = std::array::from_fn(|k| mass.ten[k] + change.get(k).copied().unwrap_or(0.0));
-        pseudo_inertia(&ten).symmetric_eigenvalues().min() <= 0.0
-    };
-    kind.experiment.masses.iter().filter(changed).map(|mass| mass.candidate).collect()
-}
-
-fn pseudo_inertia(ten: &[f64; 10]) -> nalgebra::Matrix4<f64> {
-    let [m, x, y, z, xx, xy, yy, xz, yz, zz] = *ten;
-    let half = 0.5 * (xx + yy + zz);
-    nalgebra::Matrix4::new(half - xx, -xy, -xz, x, -xy, half - yy, -yz, y, -xz, -yz, half - zz, z, x, y, z, m)
-}
-
 fn plain(diagnosis: &Diagnosis) -> Vec<String> {
     let mut told = vec![match diagnosis.verdict {
         Verdict::EffectFound => "The model lacks what is named here.".to_string(),
@@ -265,8 +243,11 @@ fn plain(diagnosis: &Diagnosis) -> Vec<String> {
     let (before, after) = (&diagnosis.error.before, &diagnosis.error.after);
     if let (Some(b), Some(a)) = (&before.heldout, &after.heldout) {
         told.push(format!(
-            "On rows that nothing saw ({}) the error falls from {:.4} to {:.4} {}.",
-            diagnosis.held_out, b.norm.value, a.norm.value, a.norm.unit
+            "On rows that nothing saw ({}) the error falls from {} to {} {}.",
+            diagnosis.held_out,
+            short(b.norm.value),
+            short(a.norm.value),
+            a.norm.unit
         ));
     }
     if !diagnosis.unobservable.is_empty() {
@@ -290,11 +271,17 @@ fn plain(diagnosis: &Diagnosis) -> Vec<String> {
     told
 }
 
+/// Four digits.
+fn short(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 || (1e-3..1e5).contains(&size) { format!("{value:.4}") } else { format!("{value:.3e}") }
+}
+
 fn effect_sentence(found: &Found) -> String {
-    let value = |parameter: &Parameter| format!("{} {:.4} {}", parameter.name, parameter.value, parameter.unit);
+    let value = |parameter: &Parameter| format!("{} {} {}", parameter.name, short(parameter.value), parameter.unit);
     let values: Vec<String> = found.parameters.iter().map(value).collect();
     let gain = match found.heldout_gain {
-        Some(gain) if gain > 0.0 => format!("; without it the error of unseen rows grows by {gain:.4}"),
+        Some(gain) if gain > 0.0 => format!("; without it the error of unseen rows grows by {}", short(gain)),
         _ => String::new(),
     };
     format!("{} at {}: {}{gain}.", found.law, found.place, values.join(", "))

@@ -34,8 +34,8 @@ pub(super) fn experiment(
 ) -> Result<Experiment, PrepareError> {
     let n = robot.joints.len();
     let motion = match transmission {
-        Some(transmission) => of_motors(data, transmission, n)?,
-        None => of_joints(data, n)?,
+        Some(transmission) if data.raw("qm1").is_some() => of_motors(data, transmission, n)?,
+        _ => of_joints(data, n)?,
     };
     let rows = data.rows.len();
     let (nominal, regressor) = regressor(robot, &motion, rows);

@@ -1,0 +1,138 @@
+//! Diagnoses of real measurements, and of files that are none.
+
+use std::path::Path;
+
+use super::*;
+use crate::diagnose::outcome::Verdict;
+
+fn options(hold_out: HoldOut, keep: Option<&str>, always: &[&str]) -> Options {
+    let preparation = Preparation {
+        keep: keep.map(|text| text.parse().unwrap()),
+        hold_out,
+        within: Vec::new(),
+        rate_hz: None,
+        thin_hz: None,
+        lowpass_hz: None,
+        interpolate: None,
+        settled_s: None,
+    };
+    Options { preparation, always: always.iter().map(ToString::to_string).collect(), seed: 1 }
+}
+
+fn measured(name: &str) -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/measured").join(name)
+}
+
+fn model(name: &str) -> Model {
+    Model::read(&measured(name)).unwrap().unwrap()
+}
+
+fn heldout(errors: &outcome::Errors) -> &outcome::Figure {
+    errors.heldout.as_ref().unwrap()
+}
+
+#[test]
+fn the_nominal_torques_of_a_real_arm_are_those_that_another_program_gives() {
+    let options = options(HoldOut::Column("heldout".into()), None, &["mass-distribution", "viscous-friction"]);
+    let names = Names::new();
+    let found = diagnose(&model("tx40.urdf"), &measured("tx40_joint_200hz.csv.gz"), &names, &options).unwrap();
+    let expected = [30.7, 21.4, 12.7, 6.48, 9.02, 5.47];
+    for (axis, expected) in heldout(&found.error.before).axes.iter().zip(expected) {
+        assert!((axis.value / expected - 1.0).abs() < 2e-3, "{axis:?}");
+    }
+    assert!(heldout(&found.error.after).norm.value < 0.5 * heldout(&found.error.before).norm.value);
+}
+
+#[test]
+fn friction_of_a_real_cylinder_is_found_and_told_at_a_pressure_that_no_fit_saw() {
+    let options = options(HoldOut::Where("set_bar = 5".parse().unwrap()), Some("seal = NAP310"), &[]);
+    let data = measured("cylinder_friction_20hz.csv.gz");
+    let found = diagnose(&model("cylinder.toml"), &data, &Names::new(), &options).unwrap();
+    assert!((heldout(&found.error.before).norm.value - 6.78).abs() < 0.01);
+    assert!(heldout(&found.error.after).norm.value < 0.87, "{:?}", found.plain);
+    assert!(found.effects.iter().any(|effect| effect.law.contains("friction")));
+}
+
+/// A cylinder's table with a law in its force and noise that follows no pattern.
+fn cylinder(force: impl Fn(f64, f64, f64) -> f64) -> Table {
+    let mut text = "t_s,x_mm,p_bar,F_N\n".to_string();
+    let mut noise = 1u64;
+    for k in 0..1200 {
+        noise = noise.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        let (t, chance) = (f64::from(k) * 0.05, (noise >> 40) as f64 / f64::from(1 << 24) - 0.5);
+        let (x, v) = (20.0 * (0.5 * t).sin(), 10.0 * (0.5 * t).cos());
+        let p = 3.0 + (0.11 * t).sin();
+        let f = p * 1e5 * std::f64::consts::FRAC_PI_4 * 0.025f64.powi(2) + force(x, v, p) + chance;
+        text += &format!("{t:.3},{x:.5},{p:.5},{f:.5}\n");
+    }
+    Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0
+}
+
+#[test]
+fn nothing_is_named_where_nothing_is_missing_and_an_offset_where_one_is() {
+    let options = options(HoldOut::Own, None, &[]);
+    let clean = diagnose_table(&model("cylinder.toml"), &cylinder(|_, _, _| 0.0), &options).unwrap();
+    assert_eq!((clean.verdict, clean.effects.len()), (Verdict::NoEffect, 0), "{:?}", clean.plain);
+    let offset = diagnose_table(&model("cylinder.toml"), &cylinder(|_, _, _| 5.0), &options).unwrap();
+    let [found] = &offset.effects[..] else { panic!("{:?}", offset.plain) };
+    let [low, high] = found.parameters[0].ci95.unwrap();
+    assert!(
+        found.law == "force-offset" && low < -5.0 + 0.1 && high > -5.0 - 0.1 || low < 5.1 && high > 4.9,
+        "{found:?}"
+    );
+}
+
+#[test]
+fn the_same_table_gives_the_same_numbers() {
+    let (table, options) = (cylinder(|_, v, _| 0.3 * v), options(HoldOut::Last(0.3), None, &[]));
+    let told = || serde_json::to_string(&diagnose_table(&model("cylinder.toml"), &table, &options).unwrap()).unwrap();
+    assert_eq!(told(), told());
+}
+
+#[test]
+fn damaged_files_are_told_and_nothing_panics() {
+    let rows = |n: usize, row: &dyn Fn(usize) -> String| (0..n).map(row).collect::<Vec<_>>().join("\n");
+    let good = rows(200, &|k| format!("{},{},{},{}", k as f64 * 0.1, (k % 20) as f64, 2.0, 98.0 + (k % 7) as f64));
+    let head = "t_s,x_mm,p_bar,F_N\n";
+    let damaged: Vec<String> = vec![
+        String::new(),
+        "\n".into(),
+        head.into(),
+        "t_s,x_mm,p_bar\n1,2,3\n".into(),
+        "a,b\n1,2\n".into(),
+        format!("{head}1,2,3\n"),
+        format!("{head}1,2,3,4,5\n"),
+        format!("{head}1,2,3,4\n"),
+        format!("{head}{}", rows(200, &|_| "nan,nan,nan,nan".into())),
+        format!("{head}{}", rows(200, &|k| format!("{k},{k},inf,1"))),
+        format!("{head}{}", rows(200, &|_| "x,y,z,w".into())),
+        format!("{head}{}", rows(200, &|_| "1,1,1,1".into())),
+        format!("{head}{}", rows(200, &|_| "0,0,0,0".into())),
+        format!("{head}{}", rows(200, &|k| format!("{},1,2,98", 200 - k))),
+        format!("{head}{}", rows(200, &|k| format!("{},{k},2,98", k % 2))),
+        format!("{head}{}", rows(200, &|k| format!("{k},{k},2,1e308"))),
+        format!("{head}{}", rows(200, &|k| format!("{k},{k},1e300,1e300"))),
+        format!("{head}{}", rows(200, &|k| format!("{k},1e-320,{k},1e-320"))),
+        format!("{head}{good}\n,,,"),
+        format!("{head}{good}\n1,2,3"),
+        format!("{head}# only a comment"),
+        format!("{head}{}", rows(5, &|k| format!("{k},{k},{k},{k}"))),
+        format!("t_s,x_mm,p_bar,F_N,run\n{}", rows(200, &|k| format!("{k},{k},2,98,{k}"))),
+        format!("t_s,x_mm,p_bar,F_N,held_out\n{}", rows(200, &|k| format!("{k},{k},2,98,1"))),
+        format!("t_s,x_mm,p_bar,F_N,held_out\n{}", rows(200, &|k| format!("{k},{k},2,98,maybe"))),
+        format!("t_s,x_mm,p_bar,F_N,F_N\n{}", rows(200, &|k| format!("{k},{k},2,98,97"))),
+        format!("t_ms,x_m,p_pa,F_N\n{good}"),
+        format!("{head}{good}\n\u{0}\u{0},1,1,1"),
+        "\u{feff}t_s;x_mm;p_bar;F_N\n1;2;3;4\n".into(),
+        format!("{head}{}", "9".repeat(5000)),
+        format!("{head}\"1,2,3,4\n5,6,7,8\n"),
+    ];
+    for (number, text) in damaged.iter().enumerate() {
+        for model in [&model("cylinder.toml"), &model("tx40.urdf"), &model("panda.toml"), &Model::Servo] {
+            let Ok((table, _)) = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()) else { continue };
+            if let Err(error) = diagnose_table(model, &table, &options(HoldOut::Own, None, &[])) {
+                assert!(error.to_string().len() > 20, "{number}: {error}");
+            }
+        }
+    }
+}
