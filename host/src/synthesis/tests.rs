@@ -248,7 +248,7 @@ fn frames_of_an_arm_in_space_change_nothing_and_move_with_its_base() {
         let here = synthesize(&arm, &carried(Pose::identity()), &Options::default()).unwrap();
         let there = synthesize(&elsewhere, &carried(by), &Options::default()).unwrap();
         for (here, there) in Problem::values(&here.arm).iter().zip(Problem::values(&there.arm)) {
-            assert!((here - there).abs() < 1e-9, "{name}: {here} {there}");
+            assert!((here - there).abs() < 1e-8, "{name}: {here} {there}");
         }
     }
 }
@@ -285,7 +285,7 @@ fn bounds_of_single_actuators_hold() {
     let arm = planar4();
     let desired = moved(own_frames(&arm, &WORDS), 0.05, 5);
     let free = synthesize(&arm, &desired[..3], &Options::default()).unwrap();
-    let stop = Parameter::Stop { actuator: 4, state: 0 };
+    let stop = Parameter::Stop { actuator: 4, state: 1 };
     let most = free.arm.model.chain.get(stop).unwrap() - 0.01;
     let range = StopRange { actuator: 4, value: (0.5, most), stroke: (0.1, 0.9) };
     let options = Options { ranges: vec![range], ..Options::default() };
