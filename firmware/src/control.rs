@@ -142,7 +142,7 @@ pub struct Shared<'t> {
     outcomes: Ring<Outcome<'t>, 1>,
     /// What happened, for the desk.
     pub events: Ring<Numbered, WAITING_EVENTS>,
-    seen: [Mutex<Raw, Cell<ServoSeen>>; MAX_SERVOS],
+    seen: Mutex<Raw, Cell<[ServoSeen; MAX_SERVOS]>>,
     joints: Mutex<Raw, Cell<Joints>>,
     offsets_rad: Mutex<Raw, Cell<[f32; MAX_SERVOS]>>,
 }
@@ -155,7 +155,7 @@ impl<'t> Shared<'t> {
             orders: Ring::new(),
             outcomes: Ring::new(),
             events: Ring::new(),
-            seen: [const { Mutex::new(Cell::new(UNSEEN)) }; MAX_SERVOS],
+            seen: Mutex::new(Cell::new([UNSEEN; MAX_SERVOS])),
             joints: Mutex::new(Cell::new([None; MAX_SERVOS])),
             offsets_rad: Mutex::new(Cell::new([0.0; MAX_SERVOS])),
         }
@@ -180,14 +180,18 @@ impl<'t> Shared<'t> {
 
     /// What a servo answered last.
     pub fn servo_seen(&self, index: usize) -> ServoSeen {
-        self.seen.get(index).map(|seen| seen.lock(Cell::get)).unwrap_or_default()
+        self.seen.lock(Cell::get).get(index).copied().unwrap_or_default()
     }
 
     /// Tells what a servo answered.
     pub fn see_servo(&self, index: usize, answer: ServoSeen) {
-        if let Some(seen) = self.seen.get(index) {
-            seen.lock(|cell| cell.set(answer));
-        }
+        self.seen.lock(|cell| {
+            let mut seen = cell.get();
+            if let Some(seen) = seen.get_mut(index) {
+                *seen = answer;
+            }
+            cell.set(seen);
+        });
     }
 
     /// Zero offsets of the servos: joint angle = servo angle − offset.
@@ -242,10 +246,7 @@ impl<'t> Control<'t> {
     pub fn tick(&mut self, now: Micros, due: Micros, switches: u32, shared: &Shared<'t>) -> Outputs {
         self.worst_lateness = self.worst_lateness.max(now - due);
         self.seen.switches = switches;
-        for (index, seen) in self.seen.servos.iter_mut().enumerate().filter(|(index, _)| self.joints[*index].is_some())
-        {
-            *seen = shared.servo_seen(index);
-        }
+        self.seen.servos = shared.seen.lock(Cell::get);
         let outputs = self.sequencer.step(now, &self.seen);
         let events_before = self.next_event;
         while let Some((at, event)) = self.sequencer.next_event() {

@@ -87,14 +87,16 @@ where
     }
 
     fn shift(&mut self, lines: u64) -> Result<(), Error> {
-        for line in (0..self.chips * LINES_PER_CHIP).rev() {
-            if lines >> line & 1 == 1 {
-                self.pins.data.set_high()?
-            } else {
-                self.pins.data.set_low()?
+        for chip in lines.to_le_bytes().into_iter().take(self.chips).rev() {
+            for line in (0..LINES_PER_CHIP).rev() {
+                if chip >> line & 1 == 1 {
+                    self.pins.data.set_high()?
+                } else {
+                    self.pins.data.set_low()?
+                }
+                self.pins.clock.set_high()?;
+                self.pins.clock.set_low()?;
             }
-            self.pins.clock.set_high()?;
-            self.pins.clock.set_low()?;
         }
         self.pins.latch.set_high()?;
         self.pins.latch.set_low()?;

@@ -90,7 +90,7 @@ impl BoardClock {
         let last = self.trips.back()?;
         let lower_s = lower.reduce(f64::max).unwrap_or(first.sent_s + passed(first, slow));
         let upper_s = upper.reduce(f64::min).unwrap_or(last.received_s + passed(last, slow));
-        let (at_s, uncertainty_s) = (0.5 * (lower_s + upper_s), 0.5 * (upper_s - lower_s).max(0.0));
+        let (at_s, uncertainty_s) = (0.5 * (lower_s + upper_s), 0.5 * (upper_s - lower_s).abs());
         Some(HostTime { at_s, uncertainty_s })
     }
 

@@ -3,7 +3,10 @@
 pub mod arm;
 pub mod client;
 pub mod clock;
+pub mod dh;
 pub mod diagnose;
+pub mod draw;
+pub mod ik;
 pub mod in_process;
 pub mod link;
 pub mod measurement;
@@ -13,5 +16,7 @@ pub mod programme;
 pub mod qemu;
 pub mod reach;
 pub mod report;
+pub mod robot;
 pub mod stops;
 pub mod synthesis;
+pub mod urdf;

@@ -61,6 +61,18 @@ impl Voice {
     }
 }
 
+/// A number with so many decimals, in figures of its own where these would hide it; rounding about zero is zero.
+pub(crate) fn number(value: f64, decimals: usize) -> String {
+    let least = 0.5 * 10f64.powi(-(decimals as i32));
+    if value.abs() < 1e-12 {
+        format!("{:.decimals$}", 0.0)
+    } else if value.abs() < least {
+        format!("{value:.1e}")
+    } else {
+        format!("{value:.decimals$}")
+    }
+}
+
 /// Rows of cells in columns as wide as their widest cell; empty cells of the first row leave their column without a head.
 pub(crate) fn columns(rows: &[Vec<String>]) -> String {
     let count = rows.iter().map(Vec::len).max().unwrap_or(0);
@@ -75,11 +87,13 @@ pub(crate) fn columns(rows: &[Vec<String>]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::columns;
+    use super::{columns, number};
 
     #[test]
-    fn columns_are_as_wide_as_their_widest_cell() {
+    fn columns_are_as_wide_as_their_widest_cell_and_numbers_show_what_they_are() {
         let row = |cells: [&str; 2]| cells.map(str::to_owned).to_vec();
+        assert_eq!(number(-1e-17, 3), "0.000");
+        assert_eq!((number(-1.2345, 3), number(4.56e-5, 3)), ("-1.234".to_owned(), "4.6e-5".to_owned()));
         assert_eq!(columns(&[row(["a", "b"]), row(["long", ""]), row(["µm", "c"])]), "a     b\nlong\nµm    c");
     }
 }

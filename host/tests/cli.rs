@@ -5,9 +5,9 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
-const COMMANDS: [&str; 13] = [
+const COMMANDS: [&str; 20] = [
     "synth", "stops", "table", "upload", "play", "stop", "status", "record", "diagnose", "console", "plant", "flash",
-    "doctor",
+    "doctor", "fk", "jacobian", "ik", "dynamics", "com", "model", "draw",
 ];
 
 /// A user's empty home, and the folder the commands run in.
@@ -255,4 +255,92 @@ fn the_console_speaks_the_words_of_the_board() {
     for word in ["status", "limits", "table", "play", "stop", "coil N", "word DIGITS", "servo N DEG", "fault", "log"] {
         assert!(said.contains(&format!("\n{word}")), "{word} is not in {said}");
     }
+}
+
+/// A robot in the tests' data.
+fn robot(name: &str) -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/urdf").join(name).display().to_string()
+}
+
+#[test]
+fn poses_of_a_table_lead_back_to_postures() {
+    let (home, puma) = (Home::new(), example("puma560.toml"));
+    home.write(
+        "run.csv",
+        "q1_deg,q2_deg,elbow_rad,q4_deg,q5_deg,flange_deg\n10,20,-1.2,40,50,60\n-30,80,-0.5,10,-40,0\n",
+    );
+    let poses = home.succeeds(&format!("fk {puma} --postures run.csv --csv"));
+    home.write("poses.csv", &poses);
+    let found = home.json(&format!("ik {puma} --targets poses.csv"));
+    for (answer, row) in found["answers"].as_array().unwrap().iter().zip(poses.lines().skip(1)) {
+        assert_eq!(answer["status"], "reached");
+        let x: f64 = row.split(',').nth(2).unwrap().parse().unwrap();
+        assert!((answer["pose"]["position_m"][0].as_f64().unwrap() - x).abs() < 1e-5);
+    }
+    assert!(
+        home.succeeds(&format!("ik {puma} --to 400,150,900 --compare --plot plot.svg"))
+            .contains("pseudo-inverse  reached")
+    );
+    assert!(std::fs::read_to_string(home.path("plot.svg")).unwrap().contains("transpose"));
+    let far = home.json(&format!("ik {puma} --to 4000,0,0"));
+    assert_eq!(far["answers"][0]["status"], "out-of-reach");
+}
+
+#[test]
+fn kinematics_and_dynamics_agree_on_the_command_line() {
+    let (home, puma) = (Home::new(), example("puma560.toml"));
+    let held = home.json(&format!("dynamics {puma} --q 0,45,-90,0,0,0"));
+    let torque = held["states"][0]["torque"].as_array().unwrap();
+    let listed: Vec<_> = torque.iter().map(|torque| torque.to_string()).collect();
+    let still = home.json(&format!("dynamics {puma} --q 0,45,-90,0,0,0 --torque {}", listed.join(",")));
+    assert!(still["states"][0]["acceleration"].as_array().unwrap().iter().all(|x| x.as_f64().unwrap().abs() < 1e-9));
+    let loaded = home.json(&format!("dynamics {puma} --q 0,45,-90,0,0,0 --wrench 0,0,0,0,0,10"));
+    let statics = home.json(&format!("jacobian {puma} --q 0,45,-90,0,0,0 --wrench 0,0,0,0,0,10"));
+    for joint in 0..6 {
+        let of = |report: &serde_json::Value| report["states"][0]["torque"][joint].as_f64().unwrap();
+        let by_load = statics["postures"][0]["statics"][joint].as_f64().unwrap();
+        assert!((of(&held) - of(&loaded) - by_load).abs() < 1e-12);
+    }
+    let said = home.succeeds(&format!("dynamics {} --word 010110011101", example("planar4.toml")));
+    assert!(said.contains("module 1, right leg     133.871  N"), "{said}");
+    let legs = home.json(&format!("jacobian {} --word 010110011101", example("planar4.toml")));
+    assert_eq!((legs["columns"].as_array().unwrap().len(), &legs["postures"][0]["whole"]["rank"]), (12, &3.into()));
+    let whole = home.json(&format!("com {} --floating", robot("simple_humanoid.urdf")));
+    assert!((whole["mass_kg"].as_f64().unwrap() - 130.8).abs() < 1e-9);
+}
+
+#[test]
+fn a_file_is_told_and_drawn() {
+    let (home, panda) = (Home::new(), robot("panda.urdf"));
+    let said = home.succeeds(&format!("model {panda}"));
+    assert!(said.contains("warning: joint `panda_finger_joint2` mimics `panda_finger_joint1`"), "{said}");
+    let said = home.succeeds(&format!("model {} --base-parameters", example("planar2.toml")));
+    assert!(said.contains("\n  Izz link 1 + 0.25 m link 2\n"), "{said}");
+    for (file, posture, views) in [(panda.as_str(), "", 4), (&example("planar4.toml"), "--word 010110011101", 1)] {
+        assert_eq!(home.json(&format!("draw {file} {posture} -o arm.svg"))["views"], views);
+        assert!(std::fs::read_to_string(home.path("arm.svg")).unwrap().starts_with("<svg"));
+    }
+}
+
+#[test]
+fn a_posture_that_makes_no_sense_is_told() {
+    let (home, puma) = (Home::new(), example("puma560.toml"));
+    home.fails(
+        &format!("fk {} --q 1,2", example("planar2.toml").replace("planar2", "planar4")),
+        2,
+        "darm: --q has 2 numbers, there must be 0: none: nothing here is moved by a number",
+    );
+    home.fails(
+        &format!("fk {puma} --q 1,2,3,4,5,6mm"),
+        2,
+        "darm: `6mm` of flange: `mm` is no unit here, there are deg or rad",
+    );
+    home.write("run.csv", "q1_deg\n1\n");
+    let message = "darm: run.csv: no column shoulder_deg (or q2_deg); the file has q1_deg";
+    home.fails(&format!("fk {puma} --postures run.csv"), 2, message);
+    home.write("run.csv", "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n1,2,x,4,5,6\n");
+    let message = "darm: run.csv: line 2: column q3_deg holds `x`, expected a number";
+    home.fails(&format!("fk {puma} --postures run.csv"), 2, message);
+    let message = "darm: there is no frame `hand`; there are base, link 1, link 2, link 3, link 4, link 5, link 6";
+    home.fails(&format!("fk {puma} --frame hand"), 2, message);
 }

@@ -11,6 +11,8 @@
 //! | [`chain`]     | the stages of an arm: where its tool stands, and how it moves with each parameter         |
 //! | [`tree`]      | trees of joints on a fixed or floating base: where links stand, Jacobians                 |
 //! | [`dynamics`]  | torques of a motion, mass matrix, gravity, centre of mass, regressor                      |
+//! | [`ik`]        | joint positions that bring a tool to a pose                                               |
+//! | [`nearest`]   | frame look-ups of modules, a beam search for a near word in bounded memory                |
 //! | [`odometry`]  | differential drive: from wheel encoders to a pose and its covariance                      |
 //! | [`effect`]    | the physical effects that move an arm off its ideal geometry, one law per file            |
 //! | [`model`]     | geometry, masses and effects under one number: where the tool is under given conditions   |
@@ -30,7 +32,9 @@ mod arms;
 pub mod chain;
 pub mod dynamics;
 pub mod effect;
+pub mod ik;
 pub mod model;
+pub mod nearest;
 pub mod odometry;
 pub mod output;
 pub mod real;

@@ -390,17 +390,18 @@ impl DutyWindow {
 
     fn pass(&mut self, span: Micros, on: bool, limit: &CoilLimit) {
         let bucket_us = (u64::from(limit.window_ms) * 125 / 2) as u32;
-        if span.0 < u64::from(bucket_us - self.filled_us) {
+        if span.0 < u64::from(bucket_us.saturating_sub(self.filled_us)) {
             self.fill(span.0 as u32, on);
             return;
         }
         // Nothing older than one window and a bucket can matter.
         let mut left_us = span.0.min(u64::from(bucket_us) * (Self::BUCKETS as u64 + 2));
         while left_us > 0 {
-            let step = left_us.min(u64::from(bucket_us - self.filled_us)) as u32;
+            let step = left_us.min(u64::from(bucket_us.saturating_sub(self.filled_us))) as u32;
             self.fill(step, on);
             left_us -= u64::from(step);
-            if self.filled_us == bucket_us {
+            // A new table may have brought a shorter window than the bucket was begun for.
+            if self.filled_us >= bucket_us {
                 self.begin_bucket();
             }
         }
@@ -424,20 +425,28 @@ impl DutyWindow {
     }
 }
 
-/// When coils went on lately: the memory that the [`SwitchLimit`] needs.
+/// When coils went on lately, and how many: the memory that the [`SwitchLimit`] needs.
 #[derive(Clone, Debug, Default)]
 pub struct SwitchClock {
-    recent: heapless::Deque<Micros, { SwitchLimit::MAX_COILS }>,
+    recent: heapless::Deque<(Micros, u8), { SwitchLimit::MAX_COILS }>,
 }
 
 impl SwitchClock {
-    /// Notes that a coil goes on at `now`; false when that is one more than the limit allows.
-    pub fn admit(&mut self, now: Micros, limit: &SwitchLimit) -> bool {
+    /// How many coils may go on at `now`.
+    pub fn room(&mut self, now: Micros, limit: &SwitchLimit) -> u8 {
         let window = Micros::from_millis(u32::from(limit.window_ms));
-        while self.recent.front().is_some_and(|&then| now - then >= window) {
+        while self.recent.front().is_some_and(|&(then, _)| now - then >= window) {
             self.recent.pop_front();
         }
-        self.recent.len() < usize::from(limit.new_coils) && self.recent.push_back(now).is_ok()
+        self.recent.iter().fold(limit.new_coils, |room, &(_, coils)| room.saturating_sub(coils))
+    }
+
+    /// Notes that so many coils, no more than there was [`room`](Self::room) for, went on at `now`.
+    pub fn note(&mut self, now: Micros, coils: u8) {
+        if coils > 0 {
+            // Each note takes room of at least one, so there are never more notes than a limit allows coils.
+            let _ = self.recent.push_back((now, coils));
+        }
     }
 }
 
@@ -484,11 +493,23 @@ mod tests {
     }
 
     #[test]
+    fn a_shorter_window_forgets_what_the_longer_counted() {
+        let mut clock = CoilClock::default();
+        assert_eq!(clock.pass(Micros::from_millis(90), true, &LIMIT), Ok(()));
+        let shorter = CoilLimit { window_ms: 160, ..LIMIT };
+        assert_eq!(clock.pass(Micros::from_millis(1), true, &shorter), Err(CoilBreach::Duty));
+        assert_eq!(clock.pass(Micros::from_millis(200), false, &shorter), Ok(()));
+        assert_eq!(clock.pass(Micros::from_millis(50), true, &shorter), Ok(()));
+    }
+
+    #[test]
     fn so_many_coils_at_once_and_no_more() {
         let limit = SwitchLimit { new_coils: 2, window_ms: 10 };
         let mut clock = SwitchClock::default();
-        assert!(clock.admit(Micros(0), &limit) && clock.admit(Micros(9_999), &limit));
-        assert!(!clock.admit(Micros(9_999), &limit));
-        assert!(clock.admit(Micros(10_000), &limit));
+        clock.note(Micros(0), 1);
+        assert_eq!(clock.room(Micros(9_999), &limit), 1);
+        clock.note(Micros(9_999), 1);
+        assert_eq!(clock.room(Micros(9_999), &limit), 0);
+        assert_eq!(clock.room(Micros(10_000), &limit), 1);
     }
 }

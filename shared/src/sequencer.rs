@@ -1,7 +1,7 @@
 //! Runs a table: a pure state machine that looks, decides and says what the outputs are to be. It owns every limit.
 //!
 //! ```text
-//!            play              servos are there            end, stop
+//!            play         servos and latches are there      end, stop
 //!   Idle ───────────► Approaching ───────────► Playing ───────────► Idle
 //!    │  ▲ stop             │                      │
 //!    ▼  │                  │ a limit breaks,      │
@@ -14,6 +14,7 @@
 
 mod coils;
 mod fault;
+mod switches;
 
 use crate::output::{MAX_SERVOS, ServoWiring};
 use crate::table::{Row, ServoAngles, Table};
@@ -21,6 +22,7 @@ use crate::units::{Micros, Word};
 use coils::Coils;
 pub use fault::{Fault, FaultKind};
 use serde::{Deserialize, Serialize};
+use switches::Switches;
 
 /// What the board sees in one tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -73,7 +75,7 @@ pub enum Phase {
     Idle,
     /// Coils, words or servos are set by hand.
     Manual,
-    /// The servos go to the first row, slowly.
+    /// The servos go to the first row, slowly; the latches are set as it says, no more at once than the supply feeds.
     Approaching {
         /// Since when.
         since: Micros,
@@ -159,6 +161,9 @@ impl core::fmt::Display for CommandError {
 impl core::error::Error for CommandError {}
 
 /// What happened.
+///
+/// A tag of a whole word keeps what follows it aligned: the chip copies it several times in a tick.
+#[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Event {
     /// The board started.
@@ -197,6 +202,7 @@ pub struct Sequencer<'t> {
     table: Option<&'t mut Table>,
     phase: Phase,
     coils: Coils,
+    switches: Switches,
     enabled: bool,
     servos: [Option<ServoTarget>; MAX_SERVOS],
     now: Micros,
@@ -209,6 +215,7 @@ impl<'t> Default for Sequencer<'t> {
             table: None,
             phase: Phase::Idle,
             coils: Coils::default(),
+            switches: Switches::default(),
             enabled: false,
             servos: [None; MAX_SERVOS],
             now: Micros(0),
@@ -223,7 +230,8 @@ impl<'t> Sequencer<'t> {
         if !self.is_idle() || self.table.is_some() {
             return Err(table);
         }
-        self.coils.load(table.wiring());
+        self.coils.load(self.now, table.wiring());
+        self.switches.load(table.wiring());
         self.table = Some(table);
         Ok(())
     }
@@ -260,15 +268,13 @@ impl<'t> Sequencer<'t> {
 
     /// Looks at what the board sees, decides, and says what the outputs are until the next call.
     pub fn step(&mut self, now: Micros, seen: &Seen) -> Outputs {
-        let span = now - self.now;
         self.now = now;
         if !matches!(self.phase, Phase::Safe(_))
-            && let Err(kind) = self.look(span, seen).and_then(|()| self.advance(seen))
+            && let Err(kind) = self.look(seen).and_then(|()| self.advance(seen))
         {
             self.enter_safe(kind, seen);
         }
-        let wired = self.table.as_deref().filter(|_| self.enabled);
-        let lines = wired.map_or(0, |table| self.coils.lines(now, table.wiring()));
+        let lines = if self.enabled { self.coils.lines() } else { 0 };
         Outputs { lines, enabled: self.enabled, servos: self.servos }
     }
 
@@ -293,7 +299,8 @@ impl<'t> Sequencer<'t> {
         if self.table.as_deref().and_then(Table::end).is_none() {
             return Err(CommandError::NoTable);
         }
-        self.coils.rest();
+        self.rest();
+        self.coils.forget();
         self.enabled = true;
         self.phase = Phase::Approaching { since: self.now };
         Ok(())
@@ -318,7 +325,10 @@ impl<'t> Sequencer<'t> {
 
     /// All coils off, nothing runs.
     fn rest(&mut self) {
-        self.coils.rest();
+        if let Some(table) = self.table.as_deref() {
+            self.coils.rest(self.now, table.wiring());
+        }
+        self.switches.rest();
         self.phase = Phase::Idle;
     }
 
@@ -351,15 +361,13 @@ impl<'t> Sequencer<'t> {
     }
 
     /// Everything that must hold before anything moves.
-    fn look(&mut self, span: Micros, seen: &Seen) -> Result<(), FaultKind> {
+    fn look(&mut self, seen: &Seen) -> Result<(), FaultKind> {
         let Some(table) = self.table.as_deref() else {
             return Ok(());
         };
         let wiring = table.wiring();
-        self.coils.pass(self.now, span, wiring)?;
-        if matches!(self.phase, Phase::Playing { .. } | Phase::Manual) {
-            self.coils.check_switches(self.now, seen.switches, wiring)?;
-        }
+        self.coils.pass(self.now, wiring)?;
+        self.switches.check(self.now, seen.switches, &self.coils.word(), wiring)?;
         for (index, joint) in wiring.servos.iter().enumerate() {
             if self.servos[index].is_some() {
                 check_servo(self.now, index as u8, joint, &seen.servos[index])?;
@@ -371,27 +379,37 @@ impl<'t> Sequencer<'t> {
     fn advance(&mut self, seen: &Seen) -> Result<(), FaultKind> {
         match self.phase {
             Phase::Idle | Phase::Safe(_) => Ok(()),
-            Phase::Manual => {
-                if let Some(table) = self.table.as_deref() {
-                    self.coils.release(self.now, table.wiring());
-                }
-                Ok(())
-            }
+            Phase::Manual => self.release(),
             Phase::Approaching { since } => self.approach(since, seen),
             Phase::Playing { started, next } => self.run_row(started, next),
         }
     }
 
+    fn release(&mut self) -> Result<(), FaultKind> {
+        let Some(table) = self.table.as_deref() else {
+            return Ok(());
+        };
+        let before = self.coils.word();
+        self.coils.release(self.now, table.wiring())?;
+        self.switches.travel(self.now, self.coils.word().differing(&before));
+        Ok(())
+    }
+
     fn approach(&mut self, since: Micros, seen: &Seen) -> Result<(), FaultKind> {
-        let Some(first) = self.table.as_deref().and_then(|table| table.rows().first()).cloned() else {
+        let Some(table) = self.table.as_deref() else {
+            return Ok(());
+        };
+        let Some(first) = table.rows().first().cloned() else {
             return self.begin();
         };
+        let latched = self.coils.set_latches(self.now, first.word, table.wiring())?;
         self.aim(&first.servos, APPROACH_SPEED);
         let away = first.servos.iter().zip(&seen.servos).position(|(&angle, servo)| {
             servo.answered.is_none() || (servo.angle_rad - angle).abs() > APPROACH_TOLERANCE_RAD
         });
         match away {
-            None => self.begin(),
+            None if latched => self.begin(),
+            None => Ok(()),
             Some(servo) if self.now - since > APPROACH_TIMEOUT => Err(FaultKind::ServoStalled { servo: servo as u8 }),
             Some(_) => Ok(()),
         }
@@ -400,7 +418,7 @@ impl<'t> Sequencer<'t> {
     fn begin(&mut self) -> Result<(), FaultKind> {
         self.note(Event::Started);
         self.phase = Phase::Playing { started: self.now, next: 0 };
-        self.coils.begin(self.now);
+        self.switches.begin(self.now);
         self.run_row(self.now, 0)
     }
 
@@ -413,7 +431,9 @@ impl<'t> Sequencer<'t> {
         if let Some(row) = table.rows().get(usize::from(next)) {
             if row.at <= elapsed {
                 let Row { at, word, servos } = row.clone();
+                let before = self.coils.word();
                 self.coils.switch(self.now, started + at, word, table.wiring())?;
+                self.switches.travel(self.now, word.differing(&before));
                 self.aim(&servos, 1.0);
                 self.note(Event::Row { row: next, word });
                 self.phase = Phase::Playing { started, next: next + 1 };
@@ -441,7 +461,7 @@ impl<'t> Sequencer<'t> {
         };
         let fault = Fault { at: self.now, row, kind };
         self.note(Event::Fault(fault));
-        self.coils.rest();
+        self.rest();
         self.enabled = false;
         for (servo, now) in self.servos.iter_mut().zip(&seen.servos) {
             if let Some(servo) = servo {

@@ -320,27 +320,33 @@ impl Checker {
         Ok(())
     }
 
-    /// Counts the coils that this row newly feeds, and the pulses of latches.
+    /// Counts the coils that this row newly feeds, and the pulses of latches. Before the first row the board sets each
+    /// latch, in its own time.
     fn switch_coils(&mut self, row: &Row) -> Result<(), RowError> {
         let rest = Word::zeros(self.wiring.actuators.len() as u8).unwrap_or_default();
+        let is_first = self.last.is_none();
         let before = self.last.as_ref().map_or(rest, |last| last.word);
         self.check_travel(row, &before)?;
         let (fed, feeding) = (self.wiring.coils_on(&before), self.wiring.coils_on(&row.word));
+        let room = self.switched.room(row.at, &self.wiring.switch_limit);
+        let mut newly_fed = 0;
         for (index, coil) in self.wiring.coils.iter().enumerate() {
             let (was, is) = (fed >> index & 1 == 1, feeding >> index & 1 == 1);
-            let feeds = match coil.drive {
-                Drive::Hold { .. } | Drive::PeakHold { .. } => is && !was,
-                Drive::Latch { .. } => is != was || self.last.is_none(),
-            };
-            if feeds && !self.switched.admit(row.at, &self.wiring.switch_limit) {
-                return Err(RowError::TooManyCoils);
-            }
-            if let (true, Drive::Latch { pulse_ms, .. }) = (feeds, coil.drive) {
-                let pulse = Micros::from_millis(u32::from(pulse_ms));
-                let passed = self.clocks[index].pass(pulse, true, &coil.limit);
-                passed.map_err(|_| RowError::CoilDuty { coil: index as u8 })?;
+            match coil.drive {
+                Drive::Hold { .. } | Drive::PeakHold { .. } => newly_fed += u8::from(is && !was),
+                Drive::Latch { .. } if is == was && !is_first => {}
+                Drive::Latch { pulse_ms, .. } => {
+                    newly_fed += u8::from(!is_first);
+                    let pulse = Micros::from_millis(u32::from(pulse_ms));
+                    let passed = self.clocks[index].pass(pulse, true, &coil.limit);
+                    passed.map_err(|_| RowError::CoilDuty { coil: index as u8 })?;
+                }
             }
         }
+        if newly_fed > room {
+            return Err(RowError::TooManyCoils);
+        }
+        self.switched.note(row.at, newly_fed);
         Ok(())
     }
 

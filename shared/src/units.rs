@@ -160,11 +160,32 @@ impl Word {
         (0..word.len()).map(move |index| word.digit(index))
     }
 
+    /// The digits that differ from those of another word: bit `i` for digit `i`. Digits beyond an end are 0.
+    ///
+    /// Sixteen digits at a time: the chip has 32 bits.
+    pub const fn differing(&self, other: &Self) -> u64 {
+        let differing = self.bits ^ other.bits;
+        let (low, high) = (differing as u64, (differing >> 64) as u64);
+        any_of_pairs(low as u32) as u64
+            | (any_of_pairs((low >> 32) as u32) as u64) << 16
+            | (any_of_pairs(high as u32) as u64) << 32
+            | (any_of_pairs((high >> 32) as u32) as u64) << 48
+    }
+
     /// True when no digit can have come from damaged bytes: nothing stands beyond the last digit.
     pub const fn is_canonical(&self) -> bool {
         let len = self.len as usize;
         len == Self::MAX_LEN || (len < Self::MAX_LEN && self.bits >> (2 * len) == 0)
     }
+}
+
+/// One bit for each pair of bits: whether either is set.
+const fn any_of_pairs(pairs: u32) -> u32 {
+    let mut bits = (pairs | pairs >> 1) & 0x5555_5555;
+    bits = (bits | bits >> 1) & 0x3333_3333;
+    bits = (bits | bits >> 2) & 0x0f0f_0f0f;
+    bits = (bits | bits >> 4) & 0x00ff_00ff;
+    (bits | bits >> 8) & 0xffff
 }
 
 impl fmt::Display for Word {
@@ -214,6 +235,17 @@ mod tests {
         assert_eq!(word.with_digit(2, 1).to_string(), "0113");
         assert_eq!(word.with_digit(4, 1), word);
         assert_eq!(word.with_digit(0, 4), word);
+    }
+
+    #[test]
+    fn differing_digits_are_those_that_change() {
+        let rest = Word::zeros(64).unwrap();
+        for index in 0..64 {
+            for digit in 1..=Word::MAX_DIGIT {
+                assert_eq!(rest.with_digit(index, digit).differing(&rest), 1 << index);
+            }
+        }
+        assert_eq!(rest.differing(&rest), 0);
     }
 
     #[test]

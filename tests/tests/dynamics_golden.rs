@@ -9,6 +9,7 @@ use std::path::Path;
 
 use darm_core::actuator::{Axis, JointKind};
 use darm_core::dynamics::{self, floating};
+use darm_core::ik;
 use darm_core::real::{Mat3, Real, Vec3, real};
 use darm_core::se::{Pose, Twist, Wrench};
 use darm_core::tree::jacobian::{statics, twist};
@@ -260,6 +261,8 @@ fn loads_and_motion<const N: usize>(arm: &Arm<f64, N>, tool: &Pose<f64>, sample:
     let condition = values[0] / values[N - 1];
     let loose = Check { place: check.place, part: 4.0 * f64::EPSILON * condition + F64 };
     loose.near("qdd", accelerations, &list(&sample["qdd_aba"]), 0.0);
+    let articulated = dynamics::articulated_dynamics(tree, [&q, &qd, &torque]).expect("every joint moves mass");
+    loose.near("qdd by articulated bodies", articulated, &list(&sample["qdd_aba"]), 0.0);
 }
 
 fn check_arm<const N: usize>(name: &str) {
@@ -392,10 +395,39 @@ fn humanoid_on_a_floating_base() {
         let bias = floating::inverse_dynamics(&tree, &steady, [&q, &qd, &at_rest], None);
         check.near("bias", with_load(&bias), &list(&sample["nle"]), 0.0);
         check.near("G", with_load(&floating::gravity(&tree, &frames)), &list(&sample["gravity"]), 0.0);
+        check_floating_motion(&tree, &base, [&q, &qd, &qdd], sample, &check);
         check_floating_mass(&tree, &frames, &q, sample, &check);
         check_floating_com(&tree, &frames, &base, &qd, sample, &check);
         check_limbs(&file, &tree, &frames, &base, sample, &check);
     }
+}
+
+/// The torques of a motion bring that motion about: to 4 ε of the condition of the whole mass matrix, as in a fixed tree.
+fn check_floating_motion(
+    tree: &Tree<f64, HUMANOID>,
+    base: &floating::BaseMotion<f64>,
+    [q, qd, qdd]: [&[f64; HUMANOID]; 3],
+    sample: &Value,
+    check: &Check<'_>,
+) {
+    const ALL: usize = HUMANOID + 6;
+    let tau = list(&sample["tau_rnea"]);
+    let on_base = Wrench { moment: Vec3::new(tau[3], tau[4], tau[5]), force: Vec3::new(tau[0], tau[1], tau[2]) };
+    let torque = array::<HUMANOID>(&Value::from(tau[6..].to_vec()));
+    let (rate, joints) =
+        floating::forward_dynamics(tree, (&base.pose, &base.twist), [q, qd, &torque], &on_base, None).expect("mass");
+    let mut frames = Frames::default();
+    tree.place_floating(&base.pose, q, &mut frames);
+    let mass = floating::mass(tree, &frames, q);
+    let mut all = nalgebra::SMatrix::<f64, ALL, ALL>::zeros();
+    all.fixed_view_mut::<6, 6>(0, 0).copy_from(&mass.base);
+    all.fixed_view_mut::<6, HUMANOID>(0, 6).copy_from(&mass.coupling);
+    all.fixed_view_mut::<HUMANOID, 6>(6, 0).copy_from(&mass.coupling.transpose());
+    all.fixed_view_mut::<HUMANOID, HUMANOID>(6, 6).copy_from(&mass.joints);
+    let values = singular::singular_values(&all);
+    let loose = Check { place: check.place, part: 4.0 * f64::EPSILON * values[0] / values[ALL - 1] + F64 };
+    let expected: Vec<f64> = base.twist_rate.to_vector().iter().chain(qdd).copied().collect();
+    loose.near("motion", rate.to_vector().iter().copied().chain(joints), &expected, 0.0);
 }
 
 fn check_floating_mass(
@@ -468,4 +500,33 @@ fn check_limbs(
         });
         check.near(name, ours, &angular_first(&sample["frames"][name]["J_world_aligned"]), 1.0);
     }
+}
+
+/// Success on the targets of `ik_targets_*`: each reached within the limits, to 1e-5 m and 1e-5 rad by forward kinematics.
+fn check_targets<const N: usize>(name: &str) {
+    let file = golden(name);
+    let tree = Tree::new(&joints::<N>(&file), gravity(&file)).expect("a tree");
+    let tool = tree.frame(N - 1, &placement(&file["ee"]));
+    let targets = golden(&format!("ik_targets_{name}"));
+    let [low, high] = [&targets["limits"][0], &targets["limits"][1]].map(array::<N>);
+    let limits = from_fn(|joint| [low[joint], high[joint]]);
+    let arm = ik::Arm { tree: &tree, tool: &tool, limits: &limits };
+    let rows = targets["targets"].as_array().expect("targets");
+    assert_eq!(rows.len(), 1000);
+    for row in rows.iter().map(list) {
+        let (start, six) = row.split_first_chunk::<N>().expect("a start");
+        let target = Pose::new(&Vec3::from_column_slice(&six[..3]), Vec3::from_column_slice(&six[3..]));
+        let found = ik::solve(&arm, &target, start, &ik::Options::default());
+        let stands = tree.pose(&tool, &found.q).to(&target);
+        assert_eq!(found.status, ik::Status::Reached, "{name} {row:?}: {found:?}");
+        assert!(stands.position.norm() <= 1e-5 && stands.angle_rad() <= 1e-5, "{name} {row:?}");
+        assert!(found.q.iter().zip(&limits).all(|(q, [low, high])| (low..=high).contains(&q)), "{name} {row:?}");
+    }
+}
+
+#[test]
+fn inverse_kinematics_reaches_every_target() {
+    check_targets::<7>("panda_urdf");
+    check_targets::<6>("ur10_urdf");
+    check_targets::<6>("puma560_dh");
 }

@@ -96,6 +96,19 @@ fn install_emulator() -> Result<()> {
     step::run("installing qemu-system-arm (about 15 s)", &mut install, Duration::from_secs(600), BY_HAND)
 }
 
+/// Installs packages of the distribution.
+pub(crate) fn install(packages: &[&str], by_hand: &str) -> Result<()> {
+    let apt = |arguments: &[&str]| {
+        let mut command = as_root("apt-get");
+        command.env("DEBIAN_FRONTEND", "noninteractive").args(arguments);
+        command
+    };
+    step::run("reading the package lists", &mut apt(&["update"]), Duration::from_secs(180), by_hand)?;
+    let mut install = apt(&["install", "-y", "--no-install-recommends"]);
+    let what = format!("installing {}", packages.join(", "));
+    step::run(&what, install.args(packages), Duration::from_secs(600), by_hand)
+}
+
 /// Root runs the program itself; another user through `sudo` where that asks for no password.
 fn as_root(program: &str) -> Command {
     let is_root = Command::new("id").arg("-u").output().is_ok_and(|output| output.stdout.trim_ascii() == b"0");

@@ -14,6 +14,8 @@ use embedded_storage_async::nor_flash::{
 };
 use stm32_metapac::FLASH;
 
+#[cfg(feature = "bench")]
+use crate::clock::Clock as _;
 use crate::store::FLASH_BYTES;
 
 /// First byte of bank 2.
@@ -127,6 +129,7 @@ impl NorFlash for Flash {
     const ERASE_SIZE: usize = PAGE_BYTES;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
+        let _storing = Storing::begin();
         let len = to.checked_sub(from).ok_or(FlashError::Bounds)? as usize;
         let start = check(from, len, PAGE_BYTES)?;
         for offset in (start..start + len).step_by(PAGE_BYTES) {
@@ -139,6 +142,7 @@ impl NorFlash for Flash {
     }
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
+        let _storing = Storing::begin();
         let start = check(offset, bytes.len(), WORD_BYTES)?;
         match self.0 {
             Backend::Silicon => {
@@ -156,6 +160,24 @@ impl NorFlash for Flash {
             }
         }
         Ok(())
+    }
+}
+
+/// Tells the measurement from when to when the flash is written or erased.
+struct Storing;
+
+impl Storing {
+    fn begin() -> Self {
+        #[cfg(feature = "bench")]
+        super::measure::storing(true, super::time::BoardClock.now());
+        Self
+    }
+}
+
+impl Drop for Storing {
+    fn drop(&mut self) {
+        #[cfg(feature = "bench")]
+        super::measure::storing(false, super::time::BoardClock.now());
     }
 }
 

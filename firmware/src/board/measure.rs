@@ -1,10 +1,11 @@
-//! How long the control tick takes and interrupts are masked, in core cycles of the emulated SysTick.
+//! How long the control tick takes and interrupts are masked, in core cycles of the emulated SysTick; how late ticks are.
 //!
 //! Under `-icount shift=6` an instruction lasts 64 ns, 5.12 cycles at 80 MHz, so cycles give exact instructions.
 //! SysTick alone preempts the control tick; what its handler takes is not counted as the tick's.
-use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
 
 use darm_core::sequencer::Outputs;
+use darm_core::units::Micros;
 
 use super::time::cycles;
 
@@ -58,6 +59,15 @@ pub fn take() -> Measured {
     }
 }
 
+/// How many instructions `work` takes, the SysTick handler left out; no other interrupt may be at work.
+pub fn instructions(work: impl FnOnce()) -> u32 {
+    let (began, preempted) = begin_tick();
+    work();
+    let taken = PREEMPTED.load(Ordering::Relaxed).wrapping_sub(preempted);
+    let cycles = cycles().wrapping_sub(began).wrapping_sub(taken);
+    (u64::from(cycles) * 25 / 128) as u32
+}
+
 /// Start of a tick: the time, and what preemption took before.
 pub(super) fn begin_tick() -> (u32, u32) {
     (cycles(), PREEMPTED.load(Ordering::Relaxed))
@@ -83,6 +93,58 @@ pub(super) fn end_handler(began: u32) {
     let taken = cycles().wrapping_sub(began);
     HANDLER.note(taken);
     PREEMPTED.fetch_add(taken, Ordering::Relaxed);
+}
+
+/// How late ticks were, outside stores and during them.
+pub static LATENESS: [Lateness; 2] = [const { Lateness::new() }; 2];
+static STORING: AtomicBool = AtomicBool::new(false);
+/// When the last store ended, in wrapping microseconds.
+static STORED: AtomicU32 = AtomicU32::new(0);
+
+/// Counts of ticks by their lateness.
+pub struct Lateness([AtomicU16; Self::BINS]);
+
+impl Lateness {
+    const BINS: usize = 1000;
+    const BIN_US: u64 = 10;
+
+    const fn new() -> Self {
+        Self([const { AtomicU16::new(0) }; Self::BINS])
+    }
+
+    fn note(&self, late: Micros) {
+        let bin = (late.0 / Self::BIN_US) as usize;
+        self.0[bin.min(Self::BINS - 1)].fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Ticks that were counted.
+    pub fn ticks(&self) -> u32 {
+        self.0.iter().map(|bin| u32::from(bin.load(Ordering::Relaxed))).sum()
+    }
+
+    /// So many percent of the ticks were no later than this, to 10 µs; what is later than 10 ms counts as 10 ms.
+    pub fn percentile(&self, percent: u32) -> Micros {
+        let wanted = (self.ticks() * percent).div_ceil(100);
+        let mut seen = 0;
+        let bin = self.0.iter().position(|bin| {
+            seen += u32::from(bin.load(Ordering::Relaxed));
+            seen >= wanted
+        });
+        Micros((bin.unwrap_or(0) as u64 + 1) * Self::BIN_US)
+    }
+}
+
+/// A tick that was due then starts now. One that was due before a store ended counts as during it.
+pub(super) fn note_lateness(due: Micros, now: Micros) {
+    let due_before_its_end = STORED.load(Ordering::Relaxed).wrapping_sub(due.0 as u32) < 1 << 31;
+    let during = STORING.load(Ordering::Relaxed) || due_before_its_end;
+    LATENESS[usize::from(during)].note(now - due);
+}
+
+/// The flash is written or erased from now on, or no more.
+pub(super) fn storing(begins: bool, now: Micros) {
+    STORED.store(now.0 as u32, Ordering::Relaxed);
+    STORING.store(begins, Ordering::Relaxed);
 }
 
 /// The stack, painted below where it stands at start.

@@ -65,6 +65,8 @@ async fn control(control: &'static mut Control<'static>) -> ! {
         #[cfg(feature = "bench")]
         let began = super::measure::begin_tick();
         let now = BoardClock.now();
+        #[cfg(feature = "bench")]
+        super::measure::note_lateness(due, now);
         let outputs = control.tick(now, due, switches.read(), &SHARED);
         if let Some(chips) = control.chips() {
             solenoids.set_chips(chips);

@@ -47,7 +47,7 @@ mod build;
 mod effects;
 mod fault;
 pub mod frames;
-mod raw;
+pub(crate) mod raw;
 pub(crate) mod source;
 mod write;
 

@@ -1,4 +1,4 @@
-//! The text of a TOML file, and errors that name its file, line and column.
+//! The text of a file that describes an arm or robot, and errors that name its file, line and column.
 
 use std::fmt;
 use std::io;
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
-/// A TOML file in memory.
+/// A file in memory.
 pub(crate) struct Source {
     path: PathBuf,
     text: String,
@@ -38,8 +38,8 @@ pub struct FileError<F> {
 pub enum Fault<F> {
     /// It cannot be read or written.
     Io(io::Error),
-    /// It is no TOML, or a key is missing, unknown or of the wrong type.
-    Toml(String),
+    /// It is no TOML or XML, or a key is missing, unknown or of the wrong type.
+    Syntax(String),
     /// It says what cannot be.
     Content(Box<F>),
 }
@@ -59,8 +59,12 @@ impl Source {
     pub(crate) fn parse<T: DeserializeOwned, F>(&self) -> Result<T, FileError<F>> {
         toml::from_str(&self.text).map_err(|error| {
             let message = error.message().trim_end().replace('\n', ", ");
-            self.error(error.span(), Fault::Toml(message))
+            self.error(error.span(), Fault::Syntax(message))
         })
+    }
+
+    pub(crate) fn text(&self) -> &str {
+        &self.text
     }
 
     /// The error that `content` is wrong at `span`.
@@ -68,7 +72,8 @@ impl Source {
         self.error(Some(span), Fault::Content(Box::new(content)))
     }
 
-    fn error<F>(&self, span: Option<Range<usize>>, fault: Fault<F>) -> FileError<F> {
+    /// The error that `fault` stands at `span`, or in the file as a whole.
+    pub(crate) fn error<F>(&self, span: Option<Range<usize>>, fault: Fault<F>) -> FileError<F> {
         FileError { path: self.path.clone(), place: span.map(|span| self.place(span.start)), fault }
     }
 
@@ -87,7 +92,7 @@ impl<F: fmt::Display> fmt::Display for FileError<F> {
         }
         match &self.fault {
             Fault::Io(error) => write!(f, " {error}"),
-            Fault::Toml(message) => write!(f, " {message}"),
+            Fault::Syntax(message) => write!(f, " {message}"),
             Fault::Content(content) => write!(f, " {content}"),
         }
     }

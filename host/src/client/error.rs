@@ -44,7 +44,8 @@ pub enum TransportError {
     Link(#[from] LinkError),
     /// No answer, however often asked.
     #[error(
-        "{port}: no answer to {attempts} requests in {waited_s:.1} s; is this the board's port, is the board running?"
+        "{port}: no answer to {attempts} requests in {waited_s:.1} s; is this the board's port, does the board run, does \
+         another program hold the port?"
     )]
     Silent {
         /// The port.

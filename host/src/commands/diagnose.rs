@@ -3,11 +3,16 @@
 use std::path::PathBuf;
 
 use darm::arm::Arm;
+use darm::diagnose::channels::model::Model;
+use darm::diagnose::channels::prepared::{HoldOut, Preparation};
+use darm::diagnose::channels::{self, outcome::Diagnosis as ChannelDiagnosis, outcome::Figure};
 use darm::diagnose::outcome::{Diagnosis, ErrorFigure, Found, Verdict};
 use darm::diagnose::{Options, diagnose};
+use darm::measurement::select::Selection;
 use darm::measurement::{self, check};
 use serde::Serialize;
 
+use crate::failure::Usage;
 use crate::voice::{Answer, Voice, columns};
 
 const EXAMPLES: &str = "\
@@ -15,18 +20,23 @@ Examples:
   darm diagnose arm.toml run.csv                 the verdict, and what it rests on
   darm diagnose arm.toml run.csv -o arm2.toml    and the model with the effect in it, for the next table
   darm --json diagnose arm.toml run.csv.gz       everything that was tried
+  darm diagnose cylinder.toml force.csv --hold-out \"set_bar = 5\"
+                                                 which friction a cylinder has, told at a pressure that no fit saw
+  darm diagnose arm.urdf motion.csv --lowpass 20 --rate 200
+                                                 what the torques of a serial arm lack
 
-Rows that are held out (column held_out) are never fitted: the error after is told on them.";
+Rows that are held out are never fitted: the error after is told on them. The columns that tables of channels may have,
+and their units, stand in the documentation of `darm::measurement::table`.";
 
 /// Find which effect the model lacks, where, how large, and how sure that is
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Diagnose {
-    /// The model that predicted
-    #[arg(value_name = "ARM.toml")]
-    arm: PathBuf,
+    /// The model that predicted: an arm file, a URDF, or a small TOML that names its kind
+    #[arg(value_name = "MODEL")]
+    model: PathBuf,
     /// Measurements: what `darm record` writes, or any CSV with its columns; may end in .gz
-    #[arg(value_name = "RUN.csv")]
+    #[arg(value_name = "DATA")]
     data: PathBuf,
     /// The model with the effects that were found
     #[arg(short, long, value_name = "NEW.toml")]
@@ -34,6 +44,49 @@ pub(crate) struct Diagnose {
     /// Seed of the cross-validation
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    #[command(flatten)]
+    rows: RowOptions,
+}
+
+/// Which rows of a table of channels count, and how.
+#[derive(clap::Args, Debug)]
+struct RowOptions {
+    /// Only rows where this holds, as `seal = NAPN, t >= 4.5`
+    #[arg(long = "where", value_name = "EXPR")]
+    keep: Option<Selection>,
+    /// Hold out the rows where this holds
+    #[arg(long, value_name = "EXPR", group = "held")]
+    hold_out: Option<Selection>,
+    /// Hold out this share of the rows, from the end
+    #[arg(long, value_name = "FRACTION", group = "held")]
+    hold_out_last: Option<f64>,
+    /// Hold out each value of a column in turn
+    #[arg(long, value_name = "COLUMN", group = "held")]
+    hold_out_each: Option<String>,
+    /// Hold out the rows where a column is not 0
+    #[arg(long, value_name = "COLUMN", group = "held")]
+    split: Option<String>,
+    /// Columns whose values part the rows into stretches
+    #[arg(long, value_name = "COLUMN,…", value_delimiter = ',')]
+    within: Vec<String>,
+    /// Keep about this many rows a second
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
+    /// Low-pass without delay on all channels
+    #[arg(long, value_name = "HZ")]
+    lowpass: Option<f64>,
+    /// Interpolate the posture between the rows where this column is not 0
+    #[arg(long, value_name = "FLAG")]
+    interpolate: Option<String>,
+    /// Leave out rows sooner than this after a change of target
+    #[arg(long, value_name = "SECONDS")]
+    settled: Option<f64>,
+    /// Laws that are in the model from the start
+    #[arg(long, value_name = "LAW,…", value_delimiter = ',')]
+    always: Vec<String>,
+    /// What columns hold whose own names do not say it, as `load=duty,position_count=pos`
+    #[arg(long, value_name = "NAME=COLUMN,…", value_delimiter = ',')]
+    map: Vec<String>,
 }
 
 #[derive(Serialize)]
@@ -46,7 +99,27 @@ struct Report {
 
 impl Diagnose {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        let arm = Arm::read(&self.arm)?;
+        match Model::read(&self.model)? {
+            Some(model) => self.channels(&model, voice),
+            None => self.poses(voice),
+        }
+    }
+
+    fn channels(&self, model: &Model, voice: Voice) -> anyhow::Result<()> {
+        if self.output.is_some() {
+            return Err(Usage("effects of channels cannot be written into a model yet; --json tells them".into()).into());
+        }
+        let (names, options) = (self.rows.names()?, self.rows.options(self.seed)?);
+        let wheel = voice.wheel("diagnosing");
+        let diagnosis = channels::diagnose(model, &self.data, &names, &options);
+        wheel.finish_and_clear();
+        let diagnosis =
+            diagnosis.map_err(|error| anyhow::Error::new(error).context(self.data.display().to_string()))?;
+        voice.tell(&ChannelReport(diagnosis))
+    }
+
+    fn poses(&self, voice: Voice) -> anyhow::Result<()> {
+        let arm = Arm::read(&self.model)?;
         let (run, mut findings) = measurement::read(&self.data)?;
         findings.extend(check(&arm, &run));
         let wheel = voice.wheel("diagnosing");
@@ -66,6 +139,71 @@ impl Diagnose {
             (None, _) => None,
         };
         voice.tell(&Report { findings: findings.iter().map(ToString::to_string).collect(), diagnosis, output })
+    }
+}
+
+impl RowOptions {
+    fn names(&self) -> anyhow::Result<measurement::table::Names> {
+        let pair = |text: &String| {
+            let parts = text.split_once('=').map(|(name, column)| (name.trim().to_string(), column.trim().to_string()));
+            parts.ok_or_else(|| Usage(format!("--map {text}: write NAME=COLUMN")).into())
+        };
+        self.map.iter().map(pair).collect()
+    }
+
+    fn options(&self, seed: u64) -> anyhow::Result<channels::Options> {
+        let hold_out = match (&self.hold_out, self.hold_out_last, &self.hold_out_each, &self.split) {
+            (Some(selection), ..) => HoldOut::Where(selection.clone()),
+            (_, Some(share), ..) if !(share > 0.0 && share < 1.0) => {
+                return Err(Usage(format!("--hold-out-last {share}: a share lies between 0 and 1")).into());
+            }
+            (_, Some(share), ..) => HoldOut::Last(share),
+            (.., Some(column), _) => HoldOut::Each(column.clone()),
+            (.., Some(column)) => HoldOut::Column(column.clone()),
+            _ => HoldOut::Own,
+        };
+        let preparation = Preparation {
+            keep: self.keep.clone(),
+            hold_out,
+            within: self.within.clone(),
+            rate_hz: self.rate,
+            lowpass_hz: self.lowpass,
+            interpolate: self.interpolate.clone(),
+            settled_s: self.settled,
+        };
+        Ok(channels::Options { preparation, always: self.always.clone(), seed })
+    }
+}
+
+/// What a diagnosis of channels says.
+#[derive(Serialize)]
+#[serde(transparent)]
+struct ChannelReport(ChannelDiagnosis);
+
+impl Answer for ChannelReport {
+    fn text(&self) -> String {
+        let ChannelDiagnosis { rows, error, plain, findings, .. } = &self.0;
+        let mut lines: Vec<String> = findings.iter().take(20).map(|finding| format!("note: {finding}")).collect();
+        lines.extend(plain.clone());
+        lines.push(String::new());
+        let cells = |name: &str, n: usize, figure: Option<&Figure>, unit: &str| {
+            let numbers = figure.map_or(Vec::new(), |figure| {
+                let axes = figure.axes.iter().map(|axis| format!("{:.4}", axis.value));
+                axes.chain([format!("{:.4} {}", figure.norm.value, figure.norm.unit)]).collect()
+            });
+            [vec![name.to_owned(), n.to_string(), unit.to_owned()], numbers].concat()
+        };
+        let names = error.before.train.axes.iter().map(|axis| format!("{}, {}", axis.axis, axis.unit));
+        let head: Vec<String> =
+            ["error (RMS)", "rows", ""].map(str::to_owned).into_iter().chain(names).chain(["norm".into()]).collect();
+        lines.push(columns(&[
+            head,
+            cells("fitted", rows.train, Some(&error.before.train), "before"),
+            cells("", rows.train, Some(&error.after.train), "after"),
+            cells("held out", rows.heldout, error.before.heldout.as_ref(), "before"),
+            cells("", rows.heldout, error.after.heldout.as_ref(), "after"),
+        ]));
+        lines.join("\n")
     }
 }
 

@@ -1,16 +1,27 @@
 //! The subcommands of `darm`, one file each: arguments, one function that runs it, what it says.
 
 mod camera;
+mod com;
 mod console;
 mod diagnose;
 mod doctor;
+mod draw;
+mod dynamics;
+mod fk;
 mod flash;
+mod ik;
+mod jacobian;
+mod map;
+mod model;
+mod nearest;
+mod path;
 mod plant;
 mod play;
 mod record;
 mod status;
 mod stop;
 mod stops;
+mod subject;
 mod synth;
 mod table;
 pub(crate) mod table_file;
@@ -29,6 +40,8 @@ use crate::voice::Voice;
 ///   darm record visits.darm -o run.csv                 play and measure
 ///   darm diagnose arm.toml run.csv -o arm2.toml        which effect the model lacks
 ///   darm stops arm.toml arm2.toml                      by how many mm each stop is to be turned
+///
+/// Any arm, robot as URDF or table of Denavit and Hartenberg: `darm fk`, `jacobian`, `ik`, `dynamics`, `com`, `model`, `draw`.
 ///
 /// Without hardware: `darm plant arm.toml` starts a board in the emulator and says its port.
 #[derive(clap::Parser, Debug)]
@@ -51,6 +64,9 @@ Exit codes: 0 done, 1 failed, 2 bad usage, 3 the board refused or is in its safe
 pub(crate) enum Command {
     Synth(synth::Synth),
     Stops(stops::Stops),
+    Nearest(nearest::Nearest),
+    Map(map::Map),
+    Path(path::Path),
     Table(table::Table),
     Upload(upload::Upload),
     Play(play::Play),
@@ -61,6 +77,13 @@ pub(crate) enum Command {
     Console(console::Console),
     Flash(flash::Flash),
     Plant(plant::Plant),
+    Fk(fk::Fk),
+    Jacobian(jacobian::Jacobian),
+    Ik(ik::Ik),
+    Dynamics(dynamics::Dynamics),
+    Com(com::Com),
+    Model(model::Model),
+    Draw(draw::Draw),
     Doctor(doctor::Doctor),
 }
 
@@ -70,6 +93,9 @@ impl Command {
         match self {
             Self::Synth(command) => command.run(voice),
             Self::Stops(command) => command.run(voice),
+            Self::Nearest(command) => command.run(voice),
+            Self::Map(command) => command.run(voice),
+            Self::Path(command) => command.run(voice),
             Self::Table(command) => command.run(voice),
             Self::Upload(command) => command.run(voice),
             Self::Play(command) => command.run(voice),
@@ -80,6 +106,13 @@ impl Command {
             Self::Console(command) => command.run(voice),
             Self::Flash(command) => command.run(voice),
             Self::Plant(command) => command.run(voice),
+            Self::Fk(command) => command.run(voice),
+            Self::Jacobian(command) => command.run(voice),
+            Self::Ik(command) => command.run(voice),
+            Self::Dynamics(command) => command.run(voice),
+            Self::Com(command) => command.run(voice),
+            Self::Model(command) => command.run(voice),
+            Self::Draw(command) => command.run(voice),
             Self::Doctor(command) => command.run(voice),
         }
     }

@@ -12,8 +12,10 @@
 //! beyond the noise. The levels of all tests stand in [`significance`].
 
 pub mod candidate;
+pub mod channels;
 pub mod design;
 pub mod fit;
+pub mod kind;
 mod next;
 pub mod noise;
 pub mod observation;
@@ -23,13 +25,13 @@ pub mod sensitivity;
 pub mod significance;
 pub mod structure;
 mod summary;
+pub mod tool_pose;
 mod words;
 
 use std::fmt;
 
 use darm_core::chain::ChainError;
 use darm_core::effect::Effect;
-use darm_core::effect::stroke_loss::StrokeLoss;
 
 use crate::arm::{Arm, ArmScratch};
 use crate::measurement::{Run, check};
@@ -37,9 +39,10 @@ use fit::{condition, folds};
 use noise::Noise;
 use observation::{NoPose, Observations};
 use outcome::{Alternative, Diagnosis, Verdict};
-use search::{Search, Trial};
-use significance::RIVAL_LEVEL;
+use kind::Trial;
+use search::Search;
 use structure::{Structure, structure};
+use tool_pose::ToolPose;
 
 pub use words::effect_sentence;
 
@@ -47,10 +50,6 @@ pub use words::effect_sentence;
 pub const UNEXPLAINED_SHARE: f64 = 0.1;
 /// Training words without which nothing can be said.
 const FEWEST_WORDS: usize = 2 * fit::FOLDS;
-
-/// An effect without values, where there is none on trial.
-pub(crate) const NOTHING: Effect<f64> =
-    Effect::StrokeLoss(StrokeLoss { actuator: u8::MAX, state: u8::MAX, loss_m: 0.0 });
 
 /// How a diagnosis is made.
 #[derive(Clone, Debug, PartialEq)]
@@ -102,7 +101,7 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Diagnosis, Di
     let no_pose = |NoPose { sample, error }| DiagnoseError::NoPose { line: run.line(sample), error };
     let repeats = noise::repeated(arm, run);
     let mut search = search(arm, run, repeats.as_ref(), options).map_err(no_pose)?;
-    let words = search.training.n_groups;
+    let words = search.kind.training.n_groups;
     if words < FEWEST_WORDS {
         return Err(DiagnoseError::TooFewWords { words });
     }
@@ -121,7 +120,7 @@ fn fits_arm(arm: &Arm, run: &Run) -> Result<(), DiagnoseError> {
     }
 }
 
-fn search(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Options) -> Result<Search, NoPose> {
+fn search(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Options) -> Result<Search<ToolPose>, NoPose> {
     let mut scratch = ArmScratch::default();
     let sigma = match repeats {
         Some(noise) => noise.sigma,
@@ -130,7 +129,7 @@ fn search(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Options) -> R
     let training = Observations::new(arm, run, sigma, |sample| !sample.held_out);
     let heldout = Observations::new(arm, run, sigma, |sample| sample.held_out);
     let folds = folds(training.n_groups, options.seed);
-    Ok(Search { training, heldout, folds, scratch, ladder: Vec::new() })
+    Ok(Search::new(ToolPose { training, heldout, folds, scratch }))
 }
 
 /// Without repeats: the model's own residuals tell the noise to weigh the axes by, though they hold more than noise.
@@ -141,27 +140,29 @@ fn scatter(arm: &Arm, run: &Run, scratch: &mut ArmScratch) -> Result<Noise, NoPo
 }
 
 /// The same search in the noise that the residuals tell once the effects that are found first are taken out.
-fn rescaled(arm: &Arm, mut search: Search) -> Result<Search, NoPose> {
-    let (best, _) = search.run(&arm.model)?;
-    let sigma = noise::of_residuals(arm, &search.training, &best.fit.residuals).sigma;
-    let Search { training, heldout, folds, scratch, .. } = search;
+fn rescaled(arm: &Arm, mut search: Search<ToolPose>) -> Result<Search<ToolPose>, NoPose> {
+    let start = search.kind.fitted(&arm.model)?;
+    let (best, _) = search.run(start)?;
+    let sigma = noise::of_residuals(arm, &search.kind.training, &best.fit.residuals).sigma;
+    let ToolPose { training, heldout, folds, scratch } = search.kind;
     let (training, heldout) = (training.with_noise(sigma), heldout.with_noise(sigma));
-    Ok(Search { training, heldout, folds, scratch, ladder: Vec::new() })
+    Ok(Search::new(ToolPose { training, heldout, folds, scratch }))
 }
 
 fn conclude(
     arm: &Arm,
     run: &Run,
-    search: &mut Search,
+    search: &mut Search<ToolPose>,
     repeats: Option<Noise>,
     options: &Options,
 ) -> Result<Diagnosis, NoPose> {
     let n_known = arm.model.effects.len();
-    let before = search.training.residuals(&arm.model, &mut search.scratch)?;
-    let (best, rivals) = search.run(&arm.model)?;
+    let before = search.kind.training.residuals(&arm.model, &mut search.kind.scratch)?;
+    let start = search.kind.fitted(&arm.model)?;
+    let (best, rivals) = search.run(start)?;
     let found = best.fit.model.effects.len() - n_known;
-    let look = |search: &Search, residuals: &[f64], fitted: usize| {
-        structure(arm, run, &search.training, residuals, fitted, repeats.as_ref())
+    let look = |search: &Search<ToolPose>, residuals: &[f64], fitted: usize| {
+        structure(arm, run, &search.kind.training, residuals, fitted, repeats.as_ref())
     };
     let structure = look(search, &before, 0);
     let remaining = look(search, &best.fit.residuals, best.fit.values.len());
@@ -169,7 +170,7 @@ fn conclude(
     let effects: Vec<Effect<f64>> = best.fit.model.effects.iter().skip(n_known).copied().collect();
     let ambiguous = alternatives.iter().any(|other| !same_part(other, &effects));
     let verdict = verdict(found, ambiguous, &structure, &remaining);
-    let condition = condition(&best.fit, &search.training);
+    let condition = condition(&best.fit, &search.kind.training);
     let summary = summary::Summary { arm, run, search, best: &best, n_known };
     let mut diagnosis = summary.diagnosis(verdict, repeats, (structure, remaining), alternatives, options)?;
     diagnosis.condition = condition;
@@ -199,36 +200,26 @@ fn verdict(found: usize, ambiguous: bool, before: &Structure, after: &Structure)
 /// For every effect found: what else explains the measurements as well in its place.
 fn alternatives(
     arm: &Arm,
-    search: &mut Search,
-    best: &Trial,
-    last_rivals: Vec<Trial>,
+    search: &mut Search<ToolPose>,
+    best: &Trial<ToolPose>,
+    last_rivals: Vec<Trial<ToolPose>>,
     n_known: usize,
 ) -> Result<Vec<Alternative>, NoPose> {
     let n = best.fit.model.effects.len();
     let mut all = Vec::new();
     for effect in n_known..n {
-        let rivals = if effect + 1 == n && !last_rivals.is_empty() {
-            last_rivals.clone()
-        } else {
-            let without = search.without(best, effect)?;
-            let step = search.ladder.len();
-            let rivals = search.step(&without, effect)?;
-            search.ladder.truncate(step);
-            rivals
-        };
+        let known = (effect + 1 == n && !last_rivals.is_empty()).then(|| last_rivals.clone());
         let own = best.fit.model.effects[effect];
-        for rival in rivals.iter().filter(|rival| !candidate::same(&rival.effect, &own)) {
-            let worse = search.fall(rival, best);
-            if worse > RIVAL_LEVEL {
-                all.push(Alternative {
-                    instead_of: effect - n_known,
-                    law: rival.effect.law().name(),
-                    place: candidate::place_code(&rival.effect),
-                    place_name: candidate::place_name(arm, &rival.effect),
-                    cross_validated_m: rival.error_m,
-                    worse_with: 1.0 - worse,
-                });
-            }
+        for (rival, worse_with) in search.rivals(best, effect, effect, known)? {
+            let Some(other) = rival.effect.filter(|other| !candidate::same(other, &own)) else { continue };
+            all.push(Alternative {
+                instead_of: effect - n_known,
+                law: other.law().name(),
+                place: candidate::place_code(&other),
+                place_name: candidate::place_name(arm, &other),
+                cross_validated: rival.error,
+                worse_with,
+            });
         }
     }
     Ok(all)

@@ -9,7 +9,9 @@ use super::design::most_informative;
 use super::fit::{condition_of, fit, normal, pseudo_inverse, weights};
 use super::observation::{NoPose, Observations, Value};
 use super::outcome::{Alternative, NextMeasurement};
-use super::search::{Search, Trial, values};
+use super::kind::Trial;
+use super::search::Search;
+use super::tool_pose::{ToolPose, values};
 use super::sensitivity::Sensitivity;
 use crate::arm::{Arm, ArmModel};
 use crate::measurement::Run;
@@ -33,21 +35,21 @@ struct Conditions {
 pub(super) fn proposal(
     arm: &Arm,
     run: &Run,
-    search: &mut Search,
-    best: &Trial,
+    search: &mut Search<ToolPose>,
+    best: &Trial<ToolPose>,
     alternatives: &[Alternative],
     options: &Options,
 ) -> Result<NextMeasurement, NoPose> {
     let model = together(arm, best, alternatives);
-    let fit = fit(&model, &search.training, &values(&model), &mut search.scratch)?;
-    let row_weights = weights(&fit.residuals, search.training.n_axes());
+    let fit = fit(&model, &search.kind.training, &values(&model), &mut search.kind.scratch)?;
+    let row_weights = weights(&fit.residuals, search.kind.training.n_axes());
     let (information, _) = normal(&fit.columns, &fit.residuals, &row_weights);
     let steps = candidates(arm, options.seed);
     let mut nearest: Option<(f64, NextMeasurement)> = None;
     for conditions in conditions(arm, run) {
         let run = as_run(arm, &steps, conditions.supply, conditions.temperature_k);
-        let observations = Observations::new(arm, &run, search.training.sigma, |_| true);
-        let sensitivity = Sensitivity::new(&fit.model, &observations, &mut search.scratch)?;
+        let observations = Observations::new(arm, &run, search.kind.training.sigma, |_| true);
+        let sensitivity = Sensitivity::new(&fit.model, &observations, &mut search.kind.scratch)?;
         let measurements = measurements(&sensitivity, &observations, &fit.model, &fit.values);
         let floor = DMatrix::from_diagonal(&information.diagonal().map(|d| FLOOR * d.max(f64::MIN_POSITIVE)));
         let covariance = pseudo_inverse(&(&information + floor));
@@ -77,7 +79,7 @@ fn tells(alternatives: &[Alternative]) -> String {
 }
 
 /// The best model with all alternatives in it, as many as it holds.
-fn together(arm: &Arm, best: &Trial, alternatives: &[Alternative]) -> ArmModel {
+fn together(arm: &Arm, best: &Trial<ToolPose>, alternatives: &[Alternative]) -> ArmModel {
     let mut model = best.fit.model.clone();
     for effect in all(&arm.model) {
         let meant = alternatives.iter().any(|a| a.law == effect.law().name() && a.place == place_code(&effect));

@@ -160,8 +160,8 @@ pub struct Alternative {
     pub place: String,
     /// The same as a person would call it.
     pub place_name: String,
-    /// Cross-validated error, as a distance d, m.
-    pub cross_validated_m: f64,
+    /// Cross-validated error, in the unit of the observation's norm.
+    pub cross_validated: f64,
     /// Confidence that it is worse than the best one.
     pub worse_with: f64,
 }
@@ -189,10 +189,10 @@ pub struct Rung {
     pub place: String,
     /// How many values it has that these measurements tell something of.
     pub values: usize,
-    /// Cross-validated error with it, as a distance d, m.
-    pub cross_validated_m: f64,
+    /// Cross-validated error with it, in the unit of the observation's norm.
+    pub cross_validated: f64,
     /// The same without it.
-    pub without_m: f64,
+    pub without: f64,
     /// Chance of such a gain where there is none, times the number of effects tried.
     pub p: f64,
     /// Whether it was fitted in full; the others were judged by their linear fit.

@@ -10,7 +10,9 @@ use super::outcome::{
     Alternative, AxisFigure, BeforeAfter, Diagnosis, ErrorFigure, Errors, Found, Outlier, Parameter, Point, Rows,
     Verdict, axis_name,
 };
-use super::search::{Search, Trial, root_mean_square, values};
+use super::kind::{Kind, Trial};
+use super::search::Search;
+use super::tool_pose::{ToolPose, root_mean_square, values};
 use super::significance::quantile_975;
 use super::structure::Structure;
 use super::{Options, next};
@@ -24,8 +26,8 @@ const OUTLIER_LEVEL: f64 = 0.01;
 pub(super) struct Summary<'a> {
     pub(super) arm: &'a Arm,
     pub(super) run: &'a Run,
-    pub(super) search: &'a mut Search,
-    pub(super) best: &'a Trial,
+    pub(super) search: &'a mut Search<ToolPose>,
+    pub(super) best: &'a Trial<ToolPose>,
     pub(super) n_known: usize,
 }
 
@@ -39,8 +41,8 @@ impl Summary<'_> {
         options: &Options,
     ) -> Result<Diagnosis, NoPose> {
         let alternatives = self.with_best(verdict, alternatives);
-        let per_axis = repeats.as_ref().map_or(self.search.training.rows.len(), |noise| noise.dof);
-        let noise_dof = (per_axis * self.search.training.n_axes()) as f64;
+        let per_axis = repeats.as_ref().map_or(self.search.kind.training.rows.len(), |noise| noise.dof);
+        let noise_dof = (per_axis * self.search.kind.training.n_axes()) as f64;
         let named = verdict == Verdict::EffectFound;
         let error =
             BeforeAfter { before: self.errors(&self.arm.model)?, after: self.errors(&self.best.fit.model.clone())? };
@@ -54,7 +56,7 @@ impl Summary<'_> {
         Ok(Diagnosis {
             kind: "tool-pose",
             model: self.arm.model.number,
-            rows: Rows { train: self.search.training.rows.len(), heldout: self.search.heldout.rows.len() },
+            rows: Rows { train: self.search.kind.training.rows.len(), heldout: self.search.kind.heldout.rows.len() },
             repeatability: repeats.map(|noise| self.repeatability(&noise)),
             error,
             verdict,
@@ -81,7 +83,7 @@ impl Summary<'_> {
     }
 
     fn errors(&mut self, model: &ArmModel) -> Result<Errors, NoPose> {
-        let Search { training, heldout, scratch, .. } = &mut *self.search;
+        let ToolPose { training, heldout, scratch, .. } = &mut self.search.kind;
         let train = error_figure(self.arm, training, &training.residuals(model, scratch)?);
         let heldout = match heldout.rows.is_empty() {
             true => None,
@@ -93,8 +95,8 @@ impl Summary<'_> {
     /// The effects found, with intervals of their values.
     fn found(&mut self, error: &BeforeAfter) -> Result<Vec<Found>, NoPose> {
         let fit = &self.best.fit;
-        let covariance = covariance(fit, &self.search.training);
-        let wide = quantile_975(self.search.training.n_groups.saturating_sub(fit.values.len()));
+        let covariance = covariance(fit, &self.search.kind.training);
+        let wide = quantile_975(self.search.kind.training.n_groups.saturating_sub(fit.values.len()));
         let mut found = Vec::new();
         for (index, effect) in fit.model.effects.iter().enumerate().skip(self.n_known) {
             let law = effect.law();
@@ -123,7 +125,7 @@ impl Summary<'_> {
         let without = if self.best.fit.model.effects.len() == self.n_known + 1 {
             error.before.heldout.as_ref().map(|figure| figure.distance_m)
         } else {
-            let model = self.search.without(self.best, effect)?.fit.model;
+            let model = self.search.kind.without(self.best, effect)?.fit.model;
             self.errors(&model)?.heldout.map(|figure| figure.distance_m)
         };
         Ok(without.map(|without| without - after.distance_m))
@@ -158,7 +160,7 @@ impl Summary<'_> {
                 law: effect.law().name(),
                 place: place_code(effect),
                 place_name: place_name(self.arm, effect),
-                cross_validated_m: self.best.error_m,
+                cross_validated: self.best.error,
                 worse_with: 0.0,
             });
         own.chain(alternatives).collect()
@@ -166,7 +168,7 @@ impl Summary<'_> {
 
     /// Rows that are farther off than the noise, itself known by so many degrees of freedom only, would ever be.
     fn outliers(&self, noise_dof: f64) -> Vec<Outlier> {
-        let training = &self.search.training;
+        let training = &self.search.kind.training;
         let (n_axes, residuals) = (training.n_axes(), &self.best.fit.residuals);
         let (Ok(chi), Ok(f)) = (ChiSquared::new(n_axes as f64), FisherSnedecor::new(n_axes as f64, noise_dof)) else {
             return Vec::new();
@@ -187,7 +189,7 @@ impl Summary<'_> {
 
     fn points(&mut self) -> Result<Vec<Point>, NoPose> {
         let mut points = Vec::new();
-        let Search { training, heldout, scratch, .. } = &mut *self.search;
+        let ToolPose { training, heldout, scratch, .. } = &mut self.search.kind;
         for (held_out, observations) in [(false, &*training), (true, &*heldout)] {
             let before = observations.residuals(&self.arm.model, scratch)?;
             let after = observations.residuals(&self.best.fit.model, scratch)?;

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use darm_core::effect::stroke_loss::StrokeLoss;
 use darm_core::effect::supply_stroke::SupplyStroke;
 use darm_core::effect::thermal_growth::ThermalGrowth;
 use darm_core::effect::{Law, Place};

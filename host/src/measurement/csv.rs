@@ -70,6 +70,11 @@ pub enum ReadError {
 ///
 /// Rows in which the pose is not a number are left out and told.
 pub fn read(path: &Path) -> Result<(Run, Vec<Finding>), ReadError> {
+    read_text(path, &bytes(path)?)
+}
+
+/// What is in a file, expanded when its name ends in `.gz`.
+pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
     let io = |error| ReadError::Io { path: path.into(), error };
     let mut file = File::open(path).map_err(io)?;
     let mut bytes = Vec::new();
@@ -78,7 +83,7 @@ pub fn read(path: &Path) -> Result<(Run, Vec<Finding>), ReadError> {
     } else {
         file.read_to_end(&mut bytes).map_err(io)?;
     }
-    read_text(path, &bytes)
+    Ok(bytes)
 }
 
 /// The same of text that is in memory; `path` only serves messages.

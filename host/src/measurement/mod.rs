@@ -20,6 +20,8 @@
 
 mod check;
 mod csv;
+pub mod select;
+pub mod table;
 
 use std::fmt;
 

@@ -290,20 +290,20 @@ fn depends(d: &Diagnosis) -> Markup {
 
 fn ladder(d: &Diagnosis) -> Markup {
     let steps = d.ladder.iter().map(|rung| rung.step + 1).max().unwrap_or(0);
-    let worst = d.ladder.iter().map(|rung| rung.without_m).fold(f64::MIN_POSITIVE, f64::max);
+    let worst = d.ladder.iter().map(|rung| rung.without).fold(f64::MIN_POSITIVE, f64::max);
     html! {
         h3 { "What was tried" }
         p { "Cross-validated error over words with each effect added; the best of each step, of all that were tried." }
         @for step in 0..steps {
             @let rungs: Vec<_> = d.ladder.iter().filter(|rung| rung.step == step).collect();
-            h4 { "step " (step + 1) ", " (rungs.len()) " tried; without any " (rungs.first().map_or(String::new(), |r| mm(r.without_m))) }
+            h4 { "step " (step + 1) ", " (rungs.len()) " tried; without any " (rungs.first().map_or(String::new(), |r| mm(r.without))) }
             table.ladder {
                 @for rung in rungs.iter().take(8) {
                     tr.kept[rung.kept] {
                         td { (rung.law) }
                         td { (rung.place) }
-                        td.num { (mm(rung.cross_validated_m)) }
-                        td.bar { div style={ "width:" (format!("{:.1}", 100.0 * (rung.cross_validated_m / worst).min(1.0))) "%" } {} }
+                        td.num { (mm(rung.cross_validated)) }
+                        td.bar { div style={ "width:" (format!("{:.1}", 100.0 * (rung.cross_validated / worst).min(1.0))) "%" } {} }
                         td.num { @if rung.kept { "kept" } @else { "p " (chance(rung.p)) } }
                     }
                 }

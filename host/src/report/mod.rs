@@ -3,6 +3,7 @@
 //!
 //! Everything is drawn from one plain value, [`LoopReport`]; nothing is computed on the way.
 
+pub mod density;
 mod drawing;
 mod html;
 mod plots;

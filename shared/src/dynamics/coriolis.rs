@@ -26,14 +26,14 @@ fn skew<T: Real>(v: &Vec3<T>) -> Mat3<T> {
 }
 
 /// Spatial inertia, angular part first.
-fn spatial<T: Real>(body: &Body<T>) -> Mat6<T> {
+pub(super) fn spatial<T: Real>(body: &Body<T>) -> Mat6<T> {
     let h = skew(&body.moment);
     let mass = Mat3::from_diagonal_element(body.mass);
     quarters(&body.inertia.to_matrix(), &h, &-h, &mass)
 }
 
 /// \[V ×\]: the rate of a twist that moves with V.
-fn cross<T: Real>(twist: &Twist<T>) -> Mat6<T> {
+pub(super) fn cross<T: Real>(twist: &Twist<T>) -> Mat6<T> {
     let (w, v) = (skew(&twist.angular), skew(&twist.linear));
     quarters(&w, &Mat3::zeros(), &v, &w)
 }

@@ -6,6 +6,7 @@
 
 use nalgebra::SMatrix;
 
+use super::articulated::on_floating_base;
 use super::com::{carried, columns};
 use super::mass::{composites, mass_of_joints, momenta};
 use super::newton_euler::{Motion, inward, outward_loads};
@@ -64,6 +65,24 @@ pub fn inverse_dynamics<T: Real, const N: usize>(
     let of_motion = outward_loads::<T, N, false>(tree, &moving, [q, qd, qdd], &turns);
     let (torques, carried) = inward(tree, of_motion, loads, q, &turns);
     (carried + moving.load(&tree.base), torques)
+}
+
+/// The motion of torques: the rate of the base's twist, told in its frame, and q̈.
+///
+/// Given are the pose of the base in the world and its twist told in its own frame; the joints' positions, velocities and
+/// torques (N·m or N). `on_base` is the load on the base, told
+/// in its frame, and `loads` what the environment exerts on each link, as in
+/// [`inverse_dynamics`](super::inverse_dynamics). Articulated bodies (Featherstone, table 9.4). `None` when a joint moves
+/// no mass, or the whole tree has none.
+pub fn forward_dynamics<T: Real, const N: usize>(
+    tree: &Tree<T, N>,
+    (pose, twist): (&Pose<T>, &Twist<T>),
+    state: [&[T; N]; 3],
+    on_base: &Wrench<T>,
+    loads: Option<&[Wrench<T>; N]>,
+) -> Option<(Twist<T>, [T; N])> {
+    let gravity = pose.rotation.tr_mul(&tree.gravity);
+    on_floating_base(tree, (twist, &gravity), state, on_base, loads)
 }
 
 /// Gravity alone: the load on the base (told in its frame) and the joint torques that hold the tree still.

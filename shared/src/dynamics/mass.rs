@@ -169,7 +169,7 @@ impl<T: Real> Link<T> {
 pub(super) fn composites<T: Real, const N: usize, const WHOLE: bool>(
     tree: &Tree<T, N>,
     q: &[T; N],
-    (sines, cosines): &Turns<T, N>,
+    turns: &Turns<T, N>,
 ) -> ([Body<T>; N], Body<T>) {
     let mut bodies = [Body::none(); N];
     for (body, link) in bodies.iter_mut().zip(&tree.links) {
@@ -177,8 +177,8 @@ pub(super) fn composites<T: Real, const N: usize, const WHOLE: bool>(
     }
     let mut whole = Body::none();
     for (index, link) in tree.links.iter().enumerate().rev() {
-        if let (Some(body), Some(q), Some(sine), Some(cosine)) =
-            (bodies.get(index).copied(), q.get(index), sines.get(index), cosines.get(index))
+        if let (Some(body), Some(q), Some((sine, cosine))) =
+            (bodies.get(index).copied(), q.get(index), turns.get(index))
         {
             let carrier = match bodies.get_mut(usize::from(link.parent)) {
                 Some(carrier) => carrier,
@@ -221,7 +221,6 @@ pub(super) fn mass_of_joints<T: Real, const N: usize>(
     turns: &Turns<T, N>,
 ) -> SMatrix<T, N, N> {
     let (bodies, _) = composites::<T, N, false>(tree, q, turns);
-    let (sines, cosines) = turns;
     let mut columns = [[T::zero(); N]; N];
     for (j, (body, column)) in bodies.iter().zip(&mut columns).enumerate() {
         let Some(link) = tree.links.get(j) else { continue };
@@ -232,9 +231,7 @@ pub(super) fn mass_of_joints<T: Real, const N: usize>(
                 *entry = link.along(&momentum);
             }
             let parent = usize::from(link.parent);
-            let (Some(next), Some(q), Some(sine), Some(cosine)) =
-                (tree.links.get(parent), q.get(i), sines.get(i), cosines.get(i))
-            else {
+            let (Some(next), Some(q), Some((sine, cosine))) = (tree.links.get(parent), q.get(i), turns.get(i)) else {
                 break;
             };
             momentum = link.load_on_parent(&momentum, *q, *sine, *cosine);

@@ -13,6 +13,7 @@
 //! | G                                          | [`gravity`]                       | frames           |
 //! | all of the equation at once                | [`state_space`]                   | q, q̇             |
 //! | q̈ of torques                               | [`forward_dynamics`]              | q, q̇, τ          |
+//! | the same by articulated bodies             | [`articulated_dynamics`]          | q, q̇, τ          |
 //! | centre of mass, its Jacobian               | [`center_of_mass`], [`com_jacobian`] | frames        |
 //! | kinetic and potential energy, momentum     | [`kinetic_energy`], [`potential_energy`], [`momentum`] | frames, q̇ |
 //! | Y with τ = Y φ, φ the inertial parameters  | [`regressor`]                     | frames, q, q̇, q̈  |
@@ -42,6 +43,7 @@
 //! R. Featherstone, Rigid Body Dynamics Algorithms, 2008, chapters 5 and 6 (composite bodies, trees).
 #![allow(non_snake_case)]
 
+mod articulated;
 mod com;
 mod coriolis;
 mod energy;
@@ -55,6 +57,7 @@ use nalgebra::SMatrix;
 use crate::real::{Real, Vec3};
 use crate::tree::{Frames, Tree};
 
+pub use articulated::articulated_dynamics;
 pub use com::{center_of_mass, com_jacobian, gravity};
 pub use coriolis::coriolis_matrix;
 pub use energy::{Momentum, kinetic_energy, momentum, potential_energy};

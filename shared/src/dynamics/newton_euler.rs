@@ -20,7 +20,7 @@ pub(crate) struct Motion<T: Real> {
 }
 
 /// Sine and cosine of the angles of all joints.
-pub(crate) type Turns<T, const N: usize> = ([T; N], [T; N]);
+pub(crate) type Turns<T, const N: usize> = [(T, T); N];
 
 impl<T: Real> Motion<T> {
     #[inline(always)]
@@ -172,13 +172,13 @@ pub(super) fn outward<T: Real, const N: usize, const STILL: bool>(
     tree: &Tree<T, N>,
     base: &Motion<T>,
     [q, qd, qdd]: [&[T; N]; 3],
-    (sines, cosines): &Turns<T, N>,
+    turns: &Turns<T, N>,
     mut visit: impl FnMut(usize, &Link<T>, &Motion<T>),
 ) -> [Motion<T>; N] {
     let mut motions = [*base; N];
     for (index, link) in tree.links.iter().enumerate() {
-        let (Some(q), Some(qd), Some(qdd), Some(sine), Some(cosine)) =
-            (q.get(index), qd.get(index), qdd.get(index), sines.get(index), cosines.get(index))
+        let (Some(q), Some(qd), Some(qdd), Some((sine, cosine))) =
+            (q.get(index), qd.get(index), qdd.get(index), turns.get(index))
         else {
             continue;
         };
@@ -219,7 +219,7 @@ pub(super) fn inward<T: Real, const N: usize>(
     mut loads: [Wrench<T>; N],
     external: Option<&[Wrench<T>; N]>,
     q: &[T; N],
-    (sines, cosines): &Turns<T, N>,
+    turns: &Turns<T, N>,
 ) -> ([T; N], Wrench<T>) {
     if let Some(external) = external {
         for ((load, given), link) in loads.iter_mut().zip(external).zip(&tree.links) {
@@ -232,7 +232,7 @@ pub(super) fn inward<T: Real, const N: usize>(
     for (index, link) in tree.links.iter().enumerate().rev() {
         let (Some(load), Some(torque)) = (loads.get(index).copied(), torques.get_mut(index)) else { continue };
         *torque = link.along(&load);
-        if let (Some(q), Some(sine), Some(cosine)) = (q.get(index), sines.get(index), cosines.get(index)) {
+        if let (Some(q), Some((sine, cosine))) = (q.get(index), turns.get(index)) {
             let carried = loads.get_mut(usize::from(link.parent)).unwrap_or(&mut on_base);
             *carried = *carried + link.load_on_parent(&load, *q, *sine, *cosine);
         }

@@ -184,8 +184,24 @@ fn a_latch_gets_pulses_and_is_set_whatever_it_was() {
     bench.command(Command::Play).unwrap();
     assert_eq!(bench.run(2).outputs.lines, 0b10, "nobody knows how the latch stands");
     assert_eq!(bench.run(5).outputs.lines, 0);
-    assert_eq!(bench.run(15).outputs.lines, 0b01);
+    assert_eq!(bench.run(20).outputs.lines, 0b01);
     assert_eq!(bench.run(5).outputs.lines, 0, "no current between");
+}
+
+#[test]
+fn more_latches_than_the_supply_feeds_at_once_are_set_before_the_first_row() {
+    let latch = |index: u8| coil(Drive::Latch { set: 2 * index, reset: 2 * index + 1, pulse_ms: 3 });
+    let quiet = |_| Record::Actuator(ActuatorWiring { states: 2, switch: None, travel_ms: 5 });
+    let records: Vec<_> = core::iter::once(start()).chain((0..5).map(latch)).chain((0..5).map(quiet)).collect();
+    let mut bench = Bench::new(&[&records[..], &[row(0, "10101"), end(20)]].concat());
+    bench.command(Command::Play).unwrap();
+    assert_eq!(bench.run(1).outputs.lines, 0b00_00_00_10_01);
+    assert_eq!(bench.run(5).outputs.lines, 0b00_10_01_00_00, "two every 5 ms");
+    assert_eq!(bench.run(5).outputs.lines, 0b01_00_00_00_00);
+    assert_eq!(bench.sequencer.phase(), Phase::Approaching { since: Micros(0) });
+    bench.run(5);
+    assert!(bench.events().contains(&Event::Started));
+    assert_eq!(bench.run(30).fault(), None);
 }
 
 #[test]

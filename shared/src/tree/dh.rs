@@ -32,31 +32,39 @@ pub struct Row<T: Real> {
 }
 
 /// A serial arm in the standard notation, and the frame of its last row in its last link.
-///
-/// The link frames of the tree stand at the joints; the inertias of the rows are brought there.
 pub fn standard<T: Real, const N: usize>(
     rows: &[Row<T>; N],
     gravity: Vec3<T>,
 ) -> Result<(Tree<T, N>, Pose<T>), TreeError> {
-    let mut far_end = Pose::identity();
-    let joints = core::array::from_fn(|index| match rows.get(index) {
-        Some(row) => {
-            let placement = far_end * row.along_z();
-            far_end = row.along_x();
-            row.joint(index, placement, row.inertia.placed(&far_end.rotation, &far_end.position))
-        }
-        None => Joint::revolute(None, Vec3::z(), Pose::identity(), Inertia::none()),
-    });
-    Ok((Tree::new(&joints, gravity)?, far_end))
+    let far_end = rows.last().map_or(Pose::identity(), Row::far_end);
+    Ok((Tree::new(&collected(standard_joints(rows)), gravity)?, far_end))
 }
 
 /// A serial arm in the modified notation; the frame of its last row is that of its last link.
 pub fn modified<T: Real, const N: usize>(rows: &[Row<T>; N], gravity: Vec3<T>) -> Result<Tree<T, N>, TreeError> {
-    let joints = core::array::from_fn(|index| match rows.get(index) {
-        Some(row) => row.joint(index, row.along_x() * row.along_z(), row.inertia),
-        None => Joint::revolute(None, Vec3::z(), Pose::identity(), Inertia::none()),
-    });
-    Tree::new(&joints, gravity)
+    Tree::new(&collected(modified_joints(rows)), gravity)
+}
+
+/// The joints of a table in the standard notation.
+///
+/// Their link frames stand at the joints, and the inertias of the rows are brought there; the frame of a row is its
+/// [far end](Row::far_end).
+pub fn standard_joints<T: Real>(rows: &[Row<T>]) -> impl Iterator<Item = Joint<T>> {
+    rows.iter().enumerate().scan(Pose::identity(), |far_end, (index, row)| {
+        let placement = *far_end * row.along_z();
+        *far_end = row.far_end();
+        Some(row.joint(index, placement, row.inertia.placed(&far_end.rotation, &far_end.position)))
+    })
+}
+
+/// The joints of a table in the modified notation, whose link frames are those of the rows.
+pub fn modified_joints<T: Real>(rows: &[Row<T>]) -> impl Iterator<Item = Joint<T>> {
+    rows.iter().enumerate().map(|(index, row)| row.joint(index, row.far_end() * row.along_z(), row.inertia))
+}
+
+fn collected<T: Real, const N: usize>(mut joints: impl Iterator<Item = Joint<T>>) -> [Joint<T>; N] {
+    let none = || Joint::revolute(None, Vec3::z(), Pose::identity(), Inertia::none());
+    core::array::from_fn(|_| joints.next().unwrap_or_else(none))
 }
 
 impl<T: Real> Row<T> {
@@ -76,8 +84,8 @@ impl<T: Real> Row<T> {
         Pose { rotation, position: Vec3::new(zero, zero, self.d_m) }
     }
 
-    /// Trans_x(a)·Rot_x(α).
-    fn along_x(&self) -> Pose<T> {
+    /// Trans_x(a)·Rot_x(α): in the standard notation the row's frame in the link that stands at its joint.
+    pub fn far_end(&self) -> Pose<T> {
         let (one, zero) = (T::one(), T::zero());
         let (s, c) = trig::sin_cos(self.alpha_rad);
         let rotation = Mat3::new(one, zero, zero, zero, c, -s, zero, s, c);

@@ -38,6 +38,20 @@ impl<T: Real, const N: usize> Tree<T, N> {
         }
     }
 
+    /// Where the first joint below `frame` stands (m, base), and a length (m) from there that the frame's origin never exceeds
+    /// while sliding joints keep these limits: that of all links together.
+    pub fn reach(&self, frame: &LinkFrame<T>, limits: &[[T; 2]; N]) -> (Vec3<T>, T) {
+        let (mut first, mut length) = (frame.pose.position, T::zero());
+        self.along(frame, |index, link| {
+            length += first.norm();
+            if let (JointKind::Prismatic, Some([low, high])) = (link.kind, limits.get(index)) {
+                length += low.abs().max(high.abs());
+            }
+            first = link.origin;
+        });
+        (first, length)
+    }
+
     /// ⁰J, 6 × N: the twist of `frame`, told along the axes of the base at the frame's origin, per unit of each joint.
     ///
     /// Column i is what the lecture's recursion ωᵢ₊₁ = ωᵢ + θ̇ẑ, vᵢ₊₁ = vᵢ + ωᵢ × pᵢ₊₁ carries from joint i to the
@@ -45,15 +59,27 @@ impl<T: Real, const N: usize> Tree<T, N> {
     /// between the base and the frame.
     #[inline]
     pub fn jacobian_base(&self, frame: &LinkFrame<T>, frames: &Frames<T, N>) -> SMatrix<T, 6, N> {
-        let point = frames.link(frame.link).point(&frame.pose.position);
         let mut jacobian = SMatrix::zeros();
-        self.along(frame, |index, link| {
-            if let (Some(column), Some(at)) = (jacobian.data.0.get_mut(index), frames.links().get(index)) {
+        self.jacobian_base_into(frame, frames, &mut jacobian);
+        jacobian
+    }
+
+    /// As [`jacobian_base`](Self::jacobian_base), into a matrix that the caller owns: nothing is cleared or copied.
+    #[inline]
+    pub fn jacobian_base_into(&self, frame: &LinkFrame<T>, frames: &Frames<T, N>, jacobian: &mut SMatrix<T, 6, N>) {
+        let point = frames.link(frame.link).point(&frame.pose.position);
+        let mut next = usize::from(frame.link);
+        for (index, (column, (link, at))) in
+            jacobian.data.0.iter_mut().zip(self.links.iter().zip(frames.links())).enumerate().rev()
+        {
+            if index == next {
                 let (angular, linear) = link.column(at, &point);
                 *column = six(&angular, &linear);
+                next = usize::from(link.parent);
+            } else {
+                *column = [T::zero(); 6];
             }
-        });
-        jacobian
+        }
     }
 
     /// ᵉJ, 6 × N: as [`jacobian_base`](Self::jacobian_base), told along the axes of the frame itself.

@@ -46,6 +46,7 @@ mod frame;
 mod inertia;
 pub mod jacobian;
 mod kernel;
+pub mod puma560;
 pub mod singular;
 
 use crate::actuator::{Axis, JointKind};
@@ -190,13 +191,11 @@ impl<T: Real, const N: usize> Tree<T, N> {
     #[inline]
     pub fn place(&self, q: &[T; N], frames: &mut Frames<T, N>) {
         frames.base = Frame::identity();
-        let (sines, cosines) = self.turns(q);
+        let turns = self.turns(q);
         let mut before = Frame::identity();
         for (i, link) in self.links.iter().enumerate() {
             let stand = if link.parent == BASE { link.stand() } else { link.stand_on(&frames.parent(link, i, before)) };
-            if let (Some(frame), Some(q), Some(s), Some(c)) =
-                (frames.links.get_mut(i), q.get(i), sines.get(i), cosines.get(i))
-            {
+            if let (Some(frame), Some(q), Some((s, c))) = (frames.links.get_mut(i), q.get(i), turns.get(i)) {
                 before = link.moved(stand, *q, *s, *c);
                 *frame = before;
             }
@@ -208,13 +207,11 @@ impl<T: Real, const N: usize> Tree<T, N> {
     /// Carried from the frame inwards, link by link, which needs no [`Frames`] and fewer products than [`place`](Self::place).
     #[inline]
     pub fn pose(&self, frame: &LinkFrame<T>, q: &[T; N]) -> Pose<T> {
-        let (sines, cosines) = self.turns(q);
+        let turns = self.turns(q);
         let mut at = Frame::of(&frame.pose);
         let mut next = usize::from(frame.link);
         for _ in 0..N {
-            let (Some(link), Some(q), Some(s), Some(c)) =
-                (self.links.get(next), q.get(next), sines.get(next), cosines.get(next))
-            else {
+            let (Some(link), Some(q), Some((s, c))) = (self.links.get(next), q.get(next), turns.get(next)) else {
                 break;
             };
             at = link.inward(at, *q, *s, *c);
@@ -226,13 +223,11 @@ impl<T: Real, const N: usize> Tree<T, N> {
     /// Places every link for the joints' positions `q` (rad or m) and the pose of a floating base in the world.
     pub fn place_floating(&self, base: &Pose<T>, q: &[T; N], frames: &mut Frames<T, N>) {
         frames.base = Frame::of(base);
-        let (sines, cosines) = self.turns(q);
+        let turns = self.turns(q);
         let mut before = frames.base;
         for (i, link) in self.links.iter().enumerate() {
             let stand = link.stand_on(&frames.parent(link, i, before));
-            if let (Some(frame), Some(q), Some(s), Some(c)) =
-                (frames.links.get_mut(i), q.get(i), sines.get(i), cosines.get(i))
-            {
+            if let (Some(frame), Some(q), Some((s, c))) = (frames.links.get_mut(i), q.get(i), turns.get(i)) {
                 before = link.moved(stand, *q, *s, *c);
                 *frame = before;
             }
@@ -241,13 +236,11 @@ impl<T: Real, const N: usize> Tree<T, N> {
 
     /// Sine and cosine of the angle of every joint; of a prismatic joint's position too, which nobody asks for.
     #[inline(always)]
-    pub(crate) fn turns(&self, q: &[T; N]) -> ([T; N], [T; N]) {
-        let mut sines = *q;
-        for (angle, link) in sines.iter_mut().zip(&self.links) {
-            *angle += link.offset;
-        }
-        let cosines = trig::sin_cos_all(&mut sines);
-        (sines, cosines)
+    pub(crate) fn turns(&self, q: &[T; N]) -> [(T, T); N] {
+        trig::sin_cos_all(|k| match (q.get(k), self.links.get(k)) {
+            (Some(q), Some(link)) => *q + link.offset,
+            _ => T::zero(),
+        })
     }
 }
 

@@ -93,6 +93,27 @@ fn puma_wrist_is_the_lectures() {
     }
 }
 
+/// p, t and a of the lecture are the angles about z, the new y and the newest z. Its formulas are Craig's (3.14) with slips of
+/// the pen: `s14s5` is s₁s₄s₅; in t the inner arc tangent is p; in a the numerator's c₄c₅s₆ has the sign + and its last
+/// factor is s₆.
+#[test]
+fn puma_orientation_is_the_lectures() {
+    let tree = puma(0.4318, 0.0203, 0.1245, 0.4318);
+    for q in [[0.3, -0.7, 0.9, 1.0, -1.2, 0.4], [-2.0, 1.1, 2.5, -0.3, 0.8, 3.0]] {
+        let rotation = placed(&tree, &q).pose(&tree.frame(5, &Pose::identity())).rotation;
+        let [s1, s23, s4, s5, s6] = [q[0], q[1] + q[2], q[3], q[4], q[5]].map(f64::sin);
+        let [c1, c23, c4, c5, c6] = [q[0], q[1] + q[2], q[3], q[4], q[5]].map(f64::cos);
+        let across = c23 * c4 * s5 + s23 * c5;
+        let p = (-(s1 * across - c1 * s4 * s5)).atan2(-(c1 * across + s1 * s4 * s5));
+        let t = ((-s1 * across + c1 * s4 * s5) / p.sin()).atan2(s23 * c4 * s5 - c23 * c5);
+        let a =
+            (s23 * (s4 * c6 + c4 * c5 * s6) + c23 * s5 * s6).atan2(-(s23 * (s4 * s6 - c4 * c5 * c6) - c23 * s5 * c6));
+        let about = |axis: Vec3<f64>, angle: f64| crate::se::rotation_exp(&(axis * angle));
+        let lecture = about(Vec3::z(), p) * about(Vec3::y(), t) * about(Vec3::z(), a);
+        assert!((rotation - lecture).norm() < 1e-14, "{rotation} {lecture}");
+    }
+}
+
 #[test]
 fn a_wrist_with_two_axes_in_line_is_singular() {
     let tree = puma(0.4318, 0.0203, 0.1245, 0.4318);

@@ -31,16 +31,8 @@ pub(super) fn sin_cos(x: f64) -> (f64, f64) {
 }
 
 #[inline(always)]
-pub(super) fn sin_cos_all<const N: usize>(angles: &mut [f64; N], cosines: &mut [f64; N]) {
-    if angles.iter().all(|x| x.abs() < LARGEST) {
-        for (angle, cosine) in angles.iter_mut().zip(cosines) {
-            (*angle, *cosine) = reduced(*angle);
-        }
-    } else {
-        for (angle, cosine) in angles.iter_mut().zip(cosines) {
-            (*angle, *cosine) = libm(*angle);
-        }
-    }
+pub(super) fn sin_cos_all<const N: usize>(angles: &[f64; N]) -> [(f64, f64); N] {
+    if angles.iter().all(|x| x.abs() < LARGEST) { angles.map(reduced) } else { angles.map(libm) }
 }
 
 #[cold]

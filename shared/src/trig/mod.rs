@@ -15,7 +15,8 @@
 mod double;
 mod single;
 
-use core::any::Any;
+use core::any::{Any, TypeId};
+use core::array::from_fn;
 
 use crate::real::Real;
 
@@ -34,19 +35,17 @@ pub fn sin_cos<T: Real>(angle_rad: T) -> (T, T) {
     angle_rad.sin_cos()
 }
 
-/// Replaces many angles by their sines and returns their cosines: a host computes them side by side.
+/// (sin x, cos x) of many angles, angle k being `angle_rad(k)`: a host computes them side by side.
 #[inline(always)]
-pub fn sin_cos_all<T: Real, const N: usize>(angles_rad: &mut [T; N]) -> [T; N] {
-    let mut cosines = [T::zero(); N];
-    let (x, y): (&mut dyn Any, &mut dyn Any) = (angles_rad, &mut cosines);
-    if let (Some(x), Some(y)) = (x.downcast_mut::<[f64; N]>(), y.downcast_mut::<[f64; N]>()) {
-        double::sin_cos_all(x, y);
-        return cosines;
+pub fn sin_cos_all<T: Real, const N: usize>(angle_rad: impl Fn(usize) -> T) -> [(T, T); N] {
+    if TypeId::of::<T>() != TypeId::of::<f64>() {
+        return from_fn(|k| sin_cos(angle_rad(k)));
     }
-    for (angle, cosine) in angles_rad.iter_mut().zip(&mut cosines) {
-        (*angle, *cosine) = sin_cos(*angle);
-    }
-    cosines
+    let angles = from_fn(|k| same(angle_rad(k)).unwrap_or_default());
+    double::sin_cos_all::<N>(&angles).map(|(sine, cosine)| {
+        let pair = (same(sine), same(cosine));
+        (pair.0.unwrap_or(T::zero()), pair.1.unwrap_or(T::zero()))
+    })
 }
 
 /// The angle of the point (x, y) from the x-axis, within −π..=π; 0 at the origin.

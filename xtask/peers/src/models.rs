@@ -1,4 +1,4 @@
-//! The arms that are timed, and random postures of them, as our trees and as the numbers that the other side reads.
+//! The arms that are timed, random postures and targets of them, as our trees and as the numbers that the other side reads.
 
 use std::array::from_fn;
 use std::io::{Error, Read};
@@ -18,8 +18,16 @@ pub(crate) struct Arm<const N: usize> {
     pub(crate) name: String,
     pub(crate) tree: Tree<f64, N>,
     pub(crate) tool: LinkFrame<f64>,
+    /// As the file has them, for other libraries.
+    pub(crate) joints: [Joint<f64>; N],
+    /// The tool in the last link.
+    pub(crate) end: Pose<f64>,
+    /// Lowest and highest position of each joint.
+    pub(crate) limits: [[f64; 2]; N],
     /// Positions, velocities and accelerations.
     pub(crate) postures: Vec<[[f64; N]; 3]>,
+    /// Starts and poses of inverse kinematics.
+    pub(crate) targets: Vec<([f64; N], Pose<f64>)>,
     /// The same for the other side.
     pub(crate) text: String,
 }
@@ -56,19 +64,36 @@ fn pose(value: &Value) -> Pose<f64> {
     Pose { rotation: matrix(&value["R"]), position: vector(&value["p"]) }
 }
 
-/// Reads an arm of N joints from the golden data in `folder`.
-pub(crate) fn read<const N: usize>(folder: &Path, name: &str, seed: u64) -> Result<Arm<N>, Error> {
+fn json(path: &Path) -> Result<Value, Error> {
     let mut text = String::new();
-    let file = std::fs::File::open(folder.join(format!("{name}.json.gz")))?;
-    flate2::read::GzDecoder::new(file).read_to_string(&mut text)?;
-    let file: Value = serde_json::from_str(&text)?;
+    flate2::read::GzDecoder::new(std::fs::File::open(path)?).read_to_string(&mut text)?;
+    Ok(serde_json::from_str(&text)?)
+}
+
+/// Reads an arm of N joints and its targets from the golden data in `folder`.
+pub(crate) fn read<const N: usize>(folder: &Path, name: &str, seed: u64) -> Result<Arm<N>, Error> {
+    let file = json(&folder.join(format!("{name}.json.gz")))?;
     let joints: [Joint<f64>; N] = from_fn(|k| joint(&file["joints"][k]));
     let gravity = vector(&file["gravity_field"]);
     let tree = Tree::new(&joints, gravity).map_err(Error::other)?;
     let end = pose(&file["ee"]);
     let postures = postures(seed);
-    let text = numbers(name, &joints, &gravity, &end, &postures);
-    Ok(Arm { name: name.to_owned(), tool: tree.frame(N - 1, &end), tree, postures, text })
+    let file = json(&folder.join(format!("ik_targets_{name}.json.gz")))?;
+    let [low, high] = [0, 1].map(|side| list(&file["limits"][side]));
+    let limits = from_fn(|k| [low[k], high[k]]);
+    let targets: Vec<_> = file["targets"].as_array().into_iter().flatten().map(target).collect();
+    let text = numbers(name, &joints, &gravity, &end, &postures) + &targets_text(&limits, &targets);
+    Ok(Arm { name: name.to_owned(), tool: tree.frame(N - 1, &end), tree, joints, end, limits, postures, targets, text })
+}
+
+/// A start, a rotation vector and a position.
+fn target<const N: usize>(row: &Value) -> ([f64; N], Pose<f64>) {
+    let row = list(row);
+    (from_fn(|k| row[k]), Pose::new(&vector_of(&row[N..]), vector_of(&row[N + 3..])))
+}
+
+fn vector_of(numbers: &[f64]) -> Vec3<f64> {
+    Vec3::from_iterator(numbers.iter().copied().take(3))
 }
 
 /// Positions within ±3, velocities and accelerations within ±1.
@@ -106,6 +131,20 @@ fn numbers<const N: usize>(
     put(end.position.as_slice());
     put(&[postures.len() as f64]);
     postures.iter().flatten().for_each(|numbers| put(numbers));
+    text.push('\n');
+    text
+}
+
+fn targets_text<const N: usize>(limits: &[[f64; 2]; N], targets: &[([f64; N], Pose<f64>)]) -> String {
+    let mut text = format!("{} ", targets.len());
+    let mut put = |values: &[f64]| text.extend(values.iter().map(|x| format!("{x:e} ")));
+    put(&limits.map(|[low, _]| low));
+    put(&limits.map(|[_, high]| high));
+    for (start, pose) in targets {
+        put(start);
+        put(pose.rotation.transpose().as_slice());
+        put(pose.position.as_slice());
+    }
     text.push('\n');
     text
 }

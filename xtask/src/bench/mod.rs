@@ -1,6 +1,9 @@
 //! Measurements, one file each; each prints its figures beside the goals.
 
 mod chip;
+mod map;
+mod peers;
+mod reach;
 mod synthesis;
 mod synthesis_sweep;
 
@@ -27,13 +30,25 @@ struct What {
     /// Instruction counts and sizes of the firmware
     #[arg(long)]
     chip: bool,
+    /// Kinematics and dynamics beside Pinocchio and the crate `k`: what they take is built once, in minutes
+    #[arg(long)]
+    peers: bool,
     /// The examples of the synthesis paper, by its method and by ours
     #[arg(long)]
     synthesis: bool,
     /// In how many of 200 draws a synthesis is exact, as the desired frames move away
     #[arg(long)]
     synthesis_sweep: bool,
+    /// The exact nearest word out of 64^6: time and memory, beside a beam search and a genetic algorithm
+    #[arg(long)]
+    reach: bool,
+    /// The density of frames beside enumeration and beside random words
+    #[arg(long)]
+    map: bool,
 }
+
+/// Seed of the arms and targets that a measurement draws.
+const SEED: u64 = 1;
 
 impl Bench {
     pub(crate) fn run(&self) -> Result<()> {
@@ -41,12 +56,21 @@ impl Bench {
         if self.what.chip {
             figures.extend(chip::measure()?);
         }
+        if self.what.peers {
+            figures.extend(peers::measure()?);
+        }
         if self.what.synthesis {
             figures.extend(synthesis::measure()?);
         }
         if self.what.synthesis_sweep {
             figures.extend(synthesis_sweep::measure()?);
         }
-        tell(&figures, 1, self.json.as_deref())
+        if self.what.reach {
+            figures.extend(reach::measure(SEED)?);
+        }
+        if self.what.map {
+            figures.extend(map::measure(SEED)?);
+        }
+        tell(&figures, SEED, self.json.as_deref())
     }
 }

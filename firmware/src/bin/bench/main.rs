@@ -1,4 +1,5 @@
-//! Exact instruction counts of the real tasks in QEMU: the longest control tick, the longest masked stretch, the stack.
+//! Exact instruction counts in QEMU: kinematics and dynamics; of the real tasks the longest control tick, the longest masked
+//! stretch, the stack.
 //!
 //! The tasks are those of the flashed image. A recorded upload in memory is fed into the console's receive queue as the
 //! line would, 12 bytes a millisecond, then the table is played. Started with `-icount shift=6,sleep=off` the counts are
@@ -6,12 +7,18 @@
 #![no_std]
 #![no_main]
 
+mod kinematics;
+
 use core::fmt::Display;
 
 use cortex_m_semihosting::{debug, hprintln};
+use darm_core::actuator::{Leg, Platform, Stage};
+use darm_core::nearest::{self, Beam, Frame, Module};
 use darm_core::output::{
     ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, MAX_ACTUATORS, MAX_LINES, MAX_SERVOS, ServoWiring, SwitchLimit,
 };
+use darm_core::real::Vec3;
+use darm_core::se::Pose;
 use darm_core::sequencer::{Command, ServoSeen};
 use darm_core::table::{Record, Row};
 use darm_core::units::{Micros, ModelHash, Word};
@@ -28,11 +35,18 @@ use defmt_rtt as _;
 const ARMS: [(&str, usize, usize); 2] = [("arm_12", 12, 0), ("arm_full", MAX_ACTUATORS, MAX_SERVOS)];
 const ROWS: u32 = 40;
 const ROW_MS: u32 = 20;
+/// Uploads that only fill the flash.
+const STORES: u32 = 10;
 /// Actuators that change in one row.
 const CHANGING: usize = 16;
 /// What 115 200 baud carry between two wake-ups of the main thread, 500 µs.
 const BYTES_PER_WAKE: usize = 6;
 const SERVO_RAD: f32 = 0.2;
+
+/// Choices that the search for a near word keeps.
+const WIDTH: usize = 16;
+/// Modules with six binary legs of the arm that it is asked for.
+const MODULES: usize = 6;
 
 fn check(what: &str, holds: bool) {
     if !holds {
@@ -127,7 +141,7 @@ impl Host {
         }
     }
 
-    fn upload_and_play(&mut self, table: &Recorded) {
+    fn upload(&mut self, table: &Recorded) {
         let image = table.image();
         self.send(Request::Hello { protocol: PROTOCOL });
         self.send(Request::Begin(image));
@@ -136,6 +150,9 @@ impl Host {
         }
         self.send(Request::Commit(image));
         self.watch(100);
+    }
+
+    fn play(&mut self) {
         self.send(Request::Command(Command::Play));
         self.watch(ROWS * ROW_MS + 200);
     }
@@ -150,8 +167,46 @@ fn wait_a_wake() {
     cortex_m::asm::wfi();
 }
 
-fn tell(arm: &str, name: &str, value: impl Display, unit: &str) {
+fn tell(arm: &str, name: impl Display, value: impl Display, unit: &str) {
     hprintln!("{}.{} {} {}", arm, name, value, unit);
+}
+
+/// A six-legged module: pairs of anchors on circles of 0.25 m and 0.18 m, turned by 60°, plates 0.3 m apart.
+fn six_legs() -> Stage<f32> {
+    let on_circle = |radius: f32, (cosine, sine): (f32, f32)| Vec3::new(radius * cosine, radius * sine, 0.0);
+    // Cosine and sine of −15°, 15°, 105°, 135°, 225°, 255° for the base, of −45°, 45°, 75°, 165°, 195°, 285° for the top.
+    const BASE: [(f32, f32); 6] =
+        [(0.966, -0.259), (0.966, 0.259), (-0.259, 0.966), (-0.707, 0.707), (-0.707, -0.707), (-0.259, -0.966)];
+    const TOP: [(f32, f32); 6] =
+        [(0.707, -0.707), (0.707, 0.707), (0.259, 0.966), (-0.966, 0.259), (-0.966, -0.259), (0.259, -0.966)];
+    let home = Pose::at(Vec3::new(0.0, 0.0, 0.3));
+    let legs = core::array::from_fn(|k| {
+        let (base, top) = (on_circle(0.25, BASE[k]), on_circle(0.18, TOP[k]));
+        let length = (home * top - base).norm();
+        Leg { base, top, length_m: [length, 1.25 * length, 0.0, 0.0], states: 2 }
+    });
+    Stage::Spatial(Platform { legs, home })
+}
+
+/// The end frame of a word by look-ups, and the nearest word out of 64⁶ by a beam search.
+#[inline(never)]
+fn measure_nearest() {
+    let (stage, one) = (six_legs(), Pose::identity());
+    let frames: heapless::Vec<Frame<f32>, 64> = nearest::frames(&stage, &one, &one).collect();
+    check("a module has 64 frames", frames.len() == 64);
+    let module = Module { frames: &frames, actuators: 6, typical: nearest::typical(&frames) };
+    let modules = [module; MODULES];
+    let word = (0..36).step_by(2).fold(Word::zeros(36).unwrap_or_default(), |word, leg| word.with_digit(leg, 1));
+    let (mut target, mut found) = (None, None);
+    let look_up = measure::instructions(|| target = nearest::pose_base_tool(&modules, &word));
+    let target = target.unwrap_or(one);
+    let mut beam = Beam::<f32, WIDTH>::default();
+    let search = measure::instructions(|| found = nearest::nearest(&modules, &target, 0.5, &mut beam));
+    tell("nearest", "end_frame_of_six_modules", look_up, "instructions");
+    tell("nearest", "beam_of_16_out_of_64^6", search, "instructions");
+    tell("nearest", "beam", size_of_val(&beam), "bytes");
+    tell("nearest", "frames_of_a_module", size_of_val(&*frames), "bytes");
+    tell("nearest", "distance", found.map_or(-1.0, |found| 1e3 * found.distance_m), "mm");
 }
 
 #[inline(never)]
@@ -164,7 +219,8 @@ fn measure_all(stack: &Stack) {
         let table = record(actuators, servos);
         host.watch(50);
         measure::take();
-        host.upload_and_play(&table);
+        host.upload(&table);
+        host.play();
         let measured = measure::take();
         check("every coil was driven", measured.lines_seen.count_ones() as usize >= actuators.min(32));
         check("no fault was latched", measured.enabled);
@@ -172,15 +228,31 @@ fn measure_all(stack: &Stack) {
         tell(name, "masked", measured.masked.saturating_sub(overhead), "instructions");
         tell(name, "systick_handler", measured.handler, "instructions");
     }
+    let [.., (_, actuators, servos)] = ARMS;
+    let table = record(actuators, servos);
+    (0..STORES).for_each(|_| host.upload(&table));
     tell("board", "stack", stack.used(), "bytes");
+    tell_lateness();
+}
+
+/// Percentiles of how late ticks started, which mean something in free-running QEMU.
+fn tell_lateness() {
+    for (when, lateness) in ["outside_stores", "during_a_store"].into_iter().zip(&measure::LATENESS) {
+        tell("lateness", format_args!("{when}_count"), lateness.ticks(), "ticks");
+        for percent in [50, 99, 100] {
+            tell("lateness", format_args!("{when}_{percent}_%"), lateness.percentile(percent).0, "us");
+        }
+    }
 }
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
     let stack = Stack::paint();
     check("the clock starts", clocks::start().is_ok());
+    kinematics::measure(&stack);
     time::start();
     board::prioritise();
+    measure_nearest();
     tasks::start(death::take());
     measure_all(&stack);
     debug::exit(debug::EXIT_SUCCESS);

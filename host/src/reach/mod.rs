@@ -6,6 +6,15 @@
 //! conditions: what effects move has to be small against the distance of the first and the last of them.
 //!
 //! Distance: d² = |Δp|² + ℓ²θ² with the arm's length scale ℓ.
+//!
+//! Arms with more words: [`exact`], with servo joints [`servo`]; where an arm reaches: [`map`]; from word to word: [`path`].
+
+pub mod exact;
+mod frames;
+pub mod map;
+pub mod path;
+pub mod servo;
+mod tree;
 
 use std::fmt;
 
@@ -57,12 +66,26 @@ pub enum ReachError {
     },
     /// No word puts the arm together.
     NoPose(ChainError),
+    /// The cells of a map are too small for its extent.
+    TooFine,
+    /// None of the allowed settings puts a stage together.
+    NoSetting {
+        /// Index of the stage.
+        stage: usize,
+    },
 }
 
 impl fmt::Display for ReachError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::TooManyWords { digits } => write!(f, "words of {digits} digits are more than {MAX_WORDS}: too many"),
+            Self::TooManyWords { digits } => write!(f, "words of {digits} digits are too many"),
+            Self::TooFine => write!(f, "the cells are too small for the arm: take larger ones"),
+            Self::NoSetting { stage } => {
+                write!(
+                    f,
+                    "stage {stage} cannot be assembled in any of its allowed states: change its legs or free an actuator"
+                )
+            }
             Self::NoPose(reason) => write!(f, "no word gives the arm a pose: {reason}"),
         }
     }

@@ -1,0 +1,140 @@
+//! Instructions of kinematics and dynamics for arms of six joints in `f32`, and whether the values are the host's.
+//!
+//! Before the tasks start nothing interrupts, and SysTick counts freely.
+use core::hint::black_box;
+
+use cortex_m::peripheral::SYST;
+use cortex_m::peripheral::syst::SystClkSource;
+use darm_core::dynamics::{inverse_dynamics, mass_matrix};
+use darm_core::ik;
+use darm_core::real::{Mat6, Vec3};
+use darm_core::se::{Pose, Twist};
+use darm_core::tree::puma560::{self, SAMPLE};
+use darm_core::tree::{Frames, Inertia, Joint, LinkFrame, Tree};
+use darm_firmware::board::measure::Stack;
+
+use crate::{check, tell};
+
+const RUNS: u32 = 200;
+/// The host and Pinocchio have these in `f64`: a few roundings of the largest term.
+const NEAR_M: f32 = 2e-6;
+const NEAR_NM: f32 = 5e-5;
+
+/// Instructions of one call: an instruction lasts 5.12 cycles, and so does one of the empty loop.
+#[inline(always)]
+fn count<R>(mut work: impl FnMut() -> R) -> u32 {
+    let start = SYST::get_current();
+    (0..RUNS).for_each(|_| black_box(()));
+    let middle = SYST::get_current();
+    (0..RUNS).for_each(|_| {
+        black_box(&work());
+    });
+    let end = SYST::get_current();
+    let cycles = |from: u32, to: u32| from.wrapping_sub(to) & 0xff_ffff;
+    (cycles(middle, end) - cycles(start, middle)) * 25 / 128 / RUNS
+}
+
+#[inline(never)]
+fn forward(tree: &Tree<f32, 6>, tool: &LinkFrame<f32>, q: &[f32; 6]) -> Pose<f32> {
+    tree.pose(tool, q)
+}
+
+#[inline(never)]
+fn forward_and_jacobian(
+    tree: &Tree<f32, 6>,
+    tool: &LinkFrame<f32>,
+    q: &[f32; 6],
+    (frames, jacobian): (&mut Frames<f32, 6>, &mut Mat6<f32>),
+) -> Pose<f32> {
+    tree.place(q, frames);
+    tree.jacobian_base_into(tool, frames, jacobian);
+    frames.pose(tool)
+}
+
+#[inline(never)]
+fn damped(jacobian: &Mat6<f32>, error: &Twist<f32>) -> [f32; 6] {
+    ik::damped_step(jacobian, error, 0.01)
+}
+
+#[inline(never)]
+fn torques(tree: &Tree<f32, 6>, [q, qd, qdd]: &[[f32; 6]; 3]) -> [f32; 6] {
+    inverse_dynamics(tree, q, qd, qdd, None)
+}
+
+#[inline(never)]
+fn mass(tree: &Tree<f32, 6>, q: &[f32; 6]) -> Mat6<f32> {
+    mass_matrix(tree, q)
+}
+
+/// The instructions of one arm, as `name`s beside them.
+#[inline(never)]
+fn counts(tree: &Tree<f32, 6>, tool: &LinkFrame<f32>, motion: &[[f32; 6]; 3]) -> [(&'static str, u32); 6] {
+    let (mut frames, mut jacobian) = (Frames::default(), Mat6::zeros());
+    let [q, ..] = motion;
+    let error = Twist { angular: Vec3::repeat(0.01), linear: Vec3::repeat(0.01) };
+    let pose = count(|| forward(black_box(tree), black_box(tool), black_box(q)));
+    let both =
+        count(|| forward_and_jacobian(black_box(tree), black_box(tool), black_box(q), (&mut frames, &mut jacobian)));
+    let step = count(|| damped(black_box(&jacobian), black_box(&error)));
+    let limits = [[-3.0, 3.0]; 6];
+    let arm = ik::Arm { tree, tool, limits: &limits };
+    let target = tree.pose(tool, &q.map(|q| q + 0.1));
+    let whole = count(|| ik::iterate(black_box(&arm), black_box(&target), &mut q.clone(), 1, (0.5, 1e-3)));
+    let inverse = count(|| torques(black_box(tree), black_box(motion)));
+    let matrix = count(|| mass(black_box(tree), black_box(q)));
+    [
+        ("forward_kinematics", pose),
+        ("forward_kinematics_and_Jacobian", both),
+        ("damped_least_squares_step", step),
+        ("whole_step_of_inverse_kinematics_and_check", whole),
+        ("inverse_dynamics", inverse),
+        ("mass_matrix", matrix),
+    ]
+}
+
+/// Joints that turn about z and y in turn, each 0.1 m ahead and 0.2 m above the one before.
+fn alternating() -> Option<Tree<f32, 6>> {
+    let body = Inertia::none();
+    let joint = |index: usize| {
+        let axis = if index % 2 == 0 { Vec3::z() } else { Vec3::y() };
+        Joint::revolute(index.checked_sub(1), axis, Pose::at(Vec3::new(0.1, 0.0, 0.2)), body)
+    };
+    Tree::new(&core::array::from_fn(joint), Vec3::new(0.0, 0.0, -9.81)).ok()
+}
+
+/// The chip's values are those of the doctest and of the host's test.
+fn check_values(tree: &Tree<f32, 6>, tool: &LinkFrame<f32>, motion: &[[f32; 6]; 3]) {
+    let [q, ..] = motion;
+    let away = tree.pose(tool, q).position - SAMPLE.tool().map(|x| x as f32);
+    check("the tool is where the host has it", away.norm() < NEAR_M);
+    let near = |(ours, theirs): (&f32, &f64)| (*ours - *theirs as f32).abs() < NEAR_NM;
+    check("the torques are the host's", torques(tree, motion).iter().zip(&SAMPLE.torque).all(near));
+    let arm = ik::Arm { tree, tool, limits: &puma560::LIMITS_RAD.map(|limits| limits.map(|q| q as f32)) };
+    let target = tree.pose(tool, q);
+    let options = ik::Options { position_m: 1e-5, orientation_rad: 1e-5, ..ik::Options::default() };
+    let found = ik::solve(&arm, &target, &q.map(|q| q + 0.2), &options);
+    check("the inverse leads back", found.status == ik::Status::Reached);
+}
+
+/// Counts, checks and tells; the stack is what all of this needs.
+pub(crate) fn measure(stack: &Stack) {
+    // SAFETY: nothing else uses the counter before the tasks start.
+    let mut timer = unsafe { cortex_m::Peripherals::steal() }.SYST;
+    timer.set_clock_source(SystClkSource::Core);
+    timer.set_reload(0xff_ffff);
+    timer.clear_current();
+    timer.enable_counter();
+    let motion = [SAMPLE.q, SAMPLE.qd, SAMPLE.qdd].map(|row| row.map(|x| x as f32));
+    let (Ok((puma, tool)), Some(plain)) = (puma560::arm::<f32>(), alternating()) else {
+        return check("both arms are arms", false);
+    };
+    check_values(&puma, &tool, &motion);
+    let of_puma = counts(&puma, &tool, &motion);
+    let of_plain = counts(&plain, &plain.frame(5, &Pose::identity()), &motion);
+    let used = stack.used();
+    timer.disable_counter();
+    for (arm, counts) in [("z_y_arm", of_plain), ("Puma_560", of_puma)] {
+        counts.iter().for_each(|(name, count)| tell(arm, name, count, "instructions"));
+    }
+    tell("kinematics", "stack", used, "bytes");
+}

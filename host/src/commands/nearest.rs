@@ -1,0 +1,219 @@
+//! `darm nearest`: which words bring the tool nearest to a pose, proven.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use darm::arm::Arm;
+use darm::reach::exact::{Index, Near, Options, Pattern, switches};
+use darm::reach::servo::{Gap, with_servos};
+use darm_core::real::Vec3;
+use darm_core::se::{Pose, Pose2};
+use darm_core::units::Word;
+use serde::Serialize;
+
+use super::path::{servos_rad, word};
+use crate::failure::Usage;
+use crate::voice::{Answer, Voice, columns};
+
+const EXAMPLES: &str = "\
+Examples:
+  darm nearest planar4.toml 0.3,4.2,10                    x, y in m, angle in degrees
+  darm nearest spatial6.toml 0.1,0.2,1.9,0,15,0 --k 5     x, y, z in m, rotation vector in degrees
+  darm nearest spatial6.toml 0.1,0.2,1.9 --position-only
+  darm nearest planar4.toml 0.3,4.2,10 --dead 4=0 --forbid '111,***,***,***'
+  darm nearest planar4.toml 0.3,4.2,10 --from 000,000,000,000 --within 150
+  darm nearest hybrid.toml 0.3,4.2,10 --gap 5             servo angles found, too, to 5 mm
+
+d^2 = |dp|^2 + (l theta)^2 with l from the arm file. The words are the nearest of all words by the
+arm's geometry, not the best of a sample; effects of the model are left out.";
+
+/// Find the words that bring the tool nearest to a pose, out of all words of the arm
+#[derive(clap::Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Nearest {
+    /// The arm
+    #[arg(value_name = "ARM.toml")]
+    arm: PathBuf,
+    /// Wanted pose of the tool: x,y,angle or x,y,z,rx,ry,rz; in m and degrees
+    #[arg(value_name = "POSE", allow_hyphen_values = true)]
+    pose: String,
+    /// How many words
+    #[arg(short, long, value_name = "N", default_value_t = 1)]
+    k: usize,
+    /// Words not to be used: digits, * for any
+    #[arg(long, value_name = "PATTERN", num_args = 1..)]
+    forbid: Vec<String>,
+    /// Actuators that stand still, counted from 0, and where: 4=0
+    #[arg(long, value_name = "ACTUATOR=DIGIT", num_args = 1..)]
+    dead: Vec<String>,
+    /// Of the words within --within the one that switches the fewest actuators from this word
+    #[arg(long, value_name = "WORD", requires = "within")]
+    from: Option<String>,
+    /// How near a word has to be with --from, in mm
+    #[arg(long, value_name = "MM", requires = "from")]
+    within: Option<f64>,
+    /// Leave the orientation out
+    #[arg(long)]
+    position_only: bool,
+    /// Hold the servos at these angles, in degrees
+    #[arg(long, value_name = "DEG", num_args = 1.., allow_negative_numbers = true)]
+    servos: Vec<f64>,
+    /// Find servo angles, too, until no word can be nearer by more than this, in mm
+    #[arg(long, value_name = "MM", conflicts_with_all = ["servos", "from"])]
+    gap: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Found {
+    words_of_the_arm: f64,
+    took_s: f64,
+    index_mb: f64,
+    servos_deg: Vec<f64>,
+    lower_bound_mm: f64,
+    nearest: Vec<Line>,
+}
+
+#[derive(Serialize)]
+struct Line {
+    word: String,
+    distance_mm: f64,
+    error_mm: f64,
+    error_deg: f64,
+    switches: Option<usize>,
+}
+
+impl Nearest {
+    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+        let arm = Arm::read(&self.arm)?;
+        let target = pose(&arm, &self.pose, self.position_only)?;
+        let forbidden = self.forbidden(&arm)?;
+        let from = self.from.as_ref().map(|from| word(&arm, from)).transpose()?;
+        if self.k == 0 || [self.within, self.gap].iter().flatten().any(|mm| mm.is_nan() || *mm <= 0.0) {
+            return Err(Usage("--k, --within and --gap have to be more than 0".to_owned()).into());
+        }
+        let mut options = Options {
+            dead: self.dead.iter().map(|dead| stuck(&arm, dead)).collect::<Result<_, _>>()?,
+            servos_rad: servos_rad(&arm, &self.servos)?,
+            ..Options::of(&arm)
+        };
+        if self.position_only {
+            options.length_scale_m = 0.0;
+        }
+        let wheel = voice.wheel("looking for the nearest word");
+        let start = Instant::now();
+        let (index, near, lower_m) = match self.gap {
+            Some(gap) => {
+                let found = with_servos(&arm, &target, &options, &forbidden, self.k, &Gap::of_m(1e-3 * gap))?;
+                options.servos_rad = found.servos_rad;
+                (Index::new(&arm, &options)?, found.nearest, found.lower_bound_m)
+            }
+            None => {
+                let index = Index::new(&arm, &options)?;
+                let near = match (&from, self.within) {
+                    (Some(from), Some(within)) => {
+                        index.fewest_switches(&target, 1e-3 * within, from, &forbidden).into_iter().collect()
+                    }
+                    _ => index.nearest(&target, self.k, &forbidden),
+                };
+                let lower_m = near.first().map_or(0.0, |near: &Near| near.distance_m);
+                (index, near, lower_m)
+            }
+        };
+        wheel.finish_and_clear();
+        if near.is_empty() {
+            anyhow::bail!("no word is left: allow more words, or take a larger --within");
+        }
+        voice.tell(&Found {
+            words_of_the_arm: index.words(),
+            took_s: start.elapsed().as_secs_f64(),
+            index_mb: 1e-6 * index.bytes() as f64,
+            servos_deg: options.servos_rad.iter().map(|angle| angle.to_degrees()).collect(),
+            lower_bound_mm: 1e3 * lower_m,
+            nearest: near.iter().map(|near| line(near, &target, from.as_ref())).collect(),
+        })
+    }
+
+    fn forbidden(&self, arm: &Arm) -> Result<Vec<Pattern>, Usage> {
+        let pattern = |text: &String| {
+            let pattern: Pattern = text.parse().map_err(|error| Usage(format!("--forbid {text}: {error}")))?;
+            let (given, wanted) = (pattern.digits(), arm.n_actuators());
+            if given != wanted {
+                return Err(Usage(format!("--forbid {text}: the arm has {wanted} actuators, not {given}")));
+            }
+            Ok(pattern)
+        };
+        self.forbid.iter().map(pattern).collect()
+    }
+}
+
+fn line(near: &Near, target: &Pose<f64>, from: Option<&Word>) -> Line {
+    let apart = near.pose_base_tool.to(target);
+    Line {
+        word: near.word.to_string(),
+        distance_mm: 1e3 * near.distance_m,
+        error_mm: 1e3 * apart.position.norm(),
+        error_deg: apart.angle_rad().to_degrees(),
+        switches: from.map(|from| switches(&near.word, from, near.word.len())),
+    }
+}
+
+/// The pose that a person typed.
+fn pose(arm: &Arm, text: &str, position_only: bool) -> Result<Pose<f64>, Usage> {
+    let planar = arm.model.chain.is_planar();
+    let wrong = |what: &str| {
+        let form = if planar { "x,y,angle" } else { "x,y,z,rx,ry,rz" };
+        Usage(format!("the pose {text}: {what}; give {form} in m and degrees, the position alone with --position-only"))
+    };
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|number| number.trim().parse().ok().filter(|number: &f64| number.is_finite()))
+        .collect::<Option<_>>()
+        .ok_or_else(|| wrong("not all are numbers"))?;
+    match (planar, numbers.as_slice()) {
+        (true, &[x, y, angle]) => Ok(Pose2::new(x, y, angle.to_radians()).into()),
+        (true, &[x, y]) if position_only => Ok(Pose2::new(x, y, 0.0).into()),
+        (false, &[x, y, z, a, b, c]) => Ok(Pose::new(&Vec3::new(a, b, c).map(f64::to_radians), Vec3::new(x, y, z))),
+        (false, &[x, y, z]) if position_only => Ok(Pose::at(Vec3::new(x, y, z))),
+        _ => Err(wrong(&format!("{} numbers", numbers.len()))),
+    }
+}
+
+/// An actuator that stands still: `4=0`.
+fn stuck(arm: &Arm, text: &str) -> Result<(usize, u8), Usage> {
+    let wrong = || Usage(format!("--dead {text}: give the number of an actuator and its digit, 4=0"));
+    let (actuator, digit) = text.split_once('=').ok_or_else(wrong)?;
+    let (actuator, digit) = (actuator.parse().map_err(|_| wrong())?, digit.parse::<u8>().map_err(|_| wrong())?);
+    if usize::from(digit) >= arm.model.chain.n_states(actuator) {
+        return Err(Usage(format!("--dead {text}: the arm has no actuator {actuator} with a state {digit}")));
+    }
+    Ok((actuator, digit))
+}
+
+impl Answer for Found {
+    fn text(&self) -> String {
+        let counted = self.nearest.iter().any(|line| line.switches.is_some());
+        let mut head = ["word", "d", "position", "orientation"].map(str::to_owned).to_vec();
+        head.extend(counted.then(|| "switches".to_owned()));
+        let mut rows = vec![head];
+        rows.extend(self.nearest.iter().map(|line| {
+            let mut row = vec![
+                line.word.clone(),
+                format!("{:.4} mm", line.distance_mm),
+                format!("{:.4} mm", line.error_mm),
+                format!("{:.4} deg", line.error_deg),
+            ];
+            row.extend(line.switches.map(|count| count.to_string()));
+            row
+        }));
+        let servos: Vec<_> = self.servos_deg.iter().map(|angle| format!("{angle:.3}")).collect();
+        let servos = if servos.is_empty() { String::new() } else { format!("servos at {} deg; ", servos.join(", ")) };
+        format!(
+            "{}\n\n{servos}out of {:.0} words, none nearer than {:.4} mm; {:.2} s, index of {:.1} MB",
+            columns(&rows),
+            self.words_of_the_arm,
+            self.lower_bound_mm,
+            self.took_s,
+            self.index_mb
+        )
+    }
+}

@@ -1,0 +1,203 @@
+//! Diagnosis of channels: force, position, torque, wrench or closure, row by row, against a model that predicts them.
+//!
+//! ```text
+//! table ─► prepared rows ─► experiment: residuals, and a column for each value of each law that may be missing
+//!                                │
+//!                                ▼
+//!       search (the same as for tool poses) ─► values, intervals, what is not told ─► what remains
+//! ```
+//!
+//! No law is tied to a set of data: a kind of experiment lists the laws that can act on what it observes. Rows that are
+//! held out are seen by nothing before the errors are told.
+
+pub mod bodies;
+pub mod closure;
+pub mod experiment;
+mod force;
+pub mod groups;
+pub mod laws;
+pub mod linear;
+pub mod model;
+pub mod outcome;
+mod position;
+pub mod prepared;
+mod remaining;
+pub mod signal;
+mod summary;
+pub mod torque;
+mod wrench;
+
+use std::path::Path;
+
+use super::kind::{Kind as _, Trial};
+use super::search::Search;
+use crate::measurement::table::{Names, Table};
+use crate::measurement::{Finding, ReadError};
+use experiment::Experiment;
+use groups::Groups;
+use linear::Channels;
+use model::Model;
+use outcome::Diagnosis;
+use prepared::{HoldOut, Preparation, PrepareError, Prepared, values_of};
+
+/// Pieces of rows without which nothing can be said.
+const FEWEST_PIECES: usize = 8;
+/// Rounds in which possible masses are looked for.
+const POSSIBLE_ROUNDS: usize = 12;
+
+/// How a diagnosis of channels is made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// How the table is made ready.
+    pub preparation: Preparation,
+    /// Laws that are in the model from the start, each at all its places.
+    pub always: Vec<String>,
+    /// Told in the report.
+    pub seed: u64,
+}
+
+/// Why there is no diagnosis.
+#[derive(Debug, thiserror::Error)]
+pub enum ChannelError {
+    /// The table is not fit.
+    #[error(transparent)]
+    Prepare(#[from] PrepareError),
+    /// A column is missing.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// Too few rows.
+    #[error("{rows} rows in {pieces} pieces are not enough to tell an effect from chance: measure at least {FEWEST_PIECES} pieces that are not held out")]
+    TooFew {
+        /// Rows that a fit may see.
+        rows: usize,
+        /// Pieces that they make.
+        pieces: usize,
+    },
+    /// A law that is not among those of this kind.
+    #[error("no law {law} here; there are {known}")]
+    NoLaw {
+        /// The law.
+        law: String,
+        /// Those that there are.
+        known: String,
+    },
+    /// A number came out that is none.
+    #[error("the model predicts no number in line {line}: is this the right model, are these its units?")]
+    NoNumber {
+        /// Line of the file.
+        line: usize,
+    },
+}
+
+/// Reads a table and tells what `model` lacks.
+pub fn diagnose(model: &Model, data: &Path, names: &Names, options: &Options) -> Result<Diagnosis, ChannelError> {
+    let (table, findings) = Table::read(data, names)?;
+    let mut diagnosis = diagnose_table(model, &table, options)?;
+    diagnosis.findings.splice(0..0, findings.iter().map(Finding::to_string));
+    Ok(diagnosis)
+}
+
+/// What a table tells about what `model` lacks.
+pub fn diagnose_table(model: &Model, table: &Table, options: &Options) -> Result<Diagnosis, ChannelError> {
+    let HoldOut::Each(column) = &options.preparation.hold_out else {
+        let found = found(model, table, options, None)?;
+        return Ok(summary::diagnosis(&found, None, options));
+    };
+    let mut kept = table.clone();
+    if let Some(keep) = &options.preparation.keep {
+        kept.retain(&keep.rows(table).map_err(PrepareError::from)?);
+    }
+    let mut pooled = summary::HeldOut::default();
+    for value in values_of(&kept, column).map_err(PrepareError::from)? {
+        pooled.add(&found(model, table, options, Some(&value))?);
+    }
+    Ok(summary::diagnosis(&found(model, table, options, None)?, Some(pooled), options))
+}
+
+/// A search that has ended.
+struct Ended {
+    search: Search<Channels>,
+    best: Trial<Channels>,
+    rivals: Vec<Trial<Channels>>,
+    n_known: usize,
+    held_out: String,
+    findings: Vec<Finding>,
+}
+
+fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) -> Result<Ended, ChannelError> {
+    let data = Prepared::new(table.clone(), &options.preparation, each)?;
+    let experiment = experiment(model, &data)?;
+    check(&experiment)?;
+    let groups = Groups::new(&experiment.rows);
+    if groups.n_blocks < FEWEST_PIECES {
+        return Err(ChannelError::TooFew { rows: groups.training.len(), pieces: groups.n_blocks });
+    }
+    let always = always(&experiment, &options.always)?;
+    let n_known = always.len();
+    let mut search = Search::new(Channels::new(experiment, groups));
+    let start = search.kind.start(always);
+    let Ok((mut best, rivals)) = search.run(start);
+    possible(&mut search.kind, &mut best);
+    Ok(Ended { search, best, rivals, n_known, held_out: data.held_out, findings: data.findings })
+}
+
+fn experiment(model: &Model, data: &Prepared) -> Result<Experiment, ChannelError> {
+    Ok(match model {
+        Model::Cylinder { bore_m } => force::experiment(data, *bore_m)?,
+        Model::Servo => position::experiment(data)?,
+        Model::Torque(robot, transmission) => torque::experiment(data, robot, transmission.as_ref())?,
+        Model::Wrench(robot) => wrench::experiment(data, robot)?,
+        Model::Closure(robot, points) => closure::experiment(data, robot, points)?,
+        Model::Any(robot) if data.raw("fz").is_some() => wrench::experiment(data, robot)?,
+        Model::Any(robot) => torque::experiment(data, robot, None)?,
+    })
+}
+
+/// The candidates of the laws that are always in the model.
+fn always(experiment: &Experiment, laws: &[String]) -> Result<Vec<usize>, ChannelError> {
+    let mut active = Vec::new();
+    for law in laws {
+        let of_law = |k: &usize| experiment.candidates[*k].law == law;
+        let all: Vec<usize> = (0..experiment.candidates.len()).filter(of_law).collect();
+        if all.is_empty() {
+            let mut known: Vec<&str> = experiment.candidates.iter().map(|candidate| candidate.law).collect();
+            known.sort_unstable();
+            known.dedup();
+            return Err(ChannelError::NoLaw { law: law.clone(), known: known.join(", ") });
+        }
+        // Of a law with several shapes the first is taken.
+        let other_shape = |k: &usize, of: &[usize]| {
+            let place = |k: usize| &experiment.candidates[k].place;
+            of.iter().any(|other| experiment.candidates[*other].law == law && place(*other) == place(*k))
+        };
+        for k in all {
+            if !other_shape(&k, &active) {
+                active.push(k);
+            }
+        }
+    }
+    Ok(active)
+}
+
+fn check(experiment: &Experiment) -> Result<(), ChannelError> {
+    let n_axes = experiment.axes.len();
+    match experiment.residuals.iter().position(|residual| !residual.is_finite()) {
+        Some(at) => Err(ChannelError::NoNumber { line: experiment.rows[at / n_axes].line }),
+        None => Ok(()),
+    }
+}
+
+/// Bodies that came out impossible are held more firmly to what they were, until all are possible.
+fn possible(kind: &mut Channels, best: &mut Trial<Channels>) {
+    for _ in 0..POSSIBLE_ROUNDS {
+        let impossible = summary::impossible(kind, best);
+        if impossible.is_empty() {
+            return;
+        }
+        for value in kind.indices(&impossible) {
+            kind.stiffness[value] *= 4.0;
+        }
+        let Ok(settled) = kind.settled(best.clone());
+        *best = settled;
+    }
+}

@@ -1,0 +1,184 @@
+//! What a diagnosis of channels says: plain data in the shape of the JSON report.
+//!
+//! | key | meaning |
+//! | --- | --- |
+//! | `kind` | what was observed: `actuator-force`, `joint-position`, `joint-torque`, `contact-wrench`, `closure` |
+//! | `rows.train`, `rows.heldout` | rows that fits saw, and rows that nothing saw |
+//! | `held_out`, `left_out` | how the latter were chosen; what cross-validation leaves out together |
+//! | `repeatability` | scatter of repeated conditions, or null |
+//! | `error.before`, `error.after` | root mean square of predicted minus measured on `train` and `heldout`: each axis, and the norm |
+//! | `verdict` | `effect-found`, `no-effect`, `unexplained-structure`, `not-identifiable` |
+//! | `effects` | law, where, values with unit and 95 % interval, by how much the held-out norm grows without it |
+//! | `alternatives` | what would do as well in an effect's place |
+//! | `unobservable` | values that these rows do not tell: no number is given |
+//! | `remaining` | terms that still lower the error of unseen rows, fitted, with no law behind them |
+//! | `outliers` | rows that fit nothing, by line |
+//! | `next_measurement` | what would tell alternatives apart, or null |
+
+use serde::Serialize;
+
+use crate::diagnose::outcome::{Rows, Rung, Verdict};
+
+/// What was found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Diagnosis {
+    /// What was observed.
+    pub kind: &'static str,
+    /// How many rows there were.
+    pub rows: Rows,
+    /// How held-out rows were chosen.
+    pub held_out: String,
+    /// What cross-validation leaves out together.
+    pub left_out: &'static str,
+    /// Scatter of repeated conditions: root mean square of the norm.
+    pub repeatability: Option<Number>,
+    /// Predicted minus measured, of the model as it was and with the effects found.
+    pub error: BeforeAfter,
+    /// The verdict.
+    pub verdict: Verdict,
+    /// The effects found, in the order in which they were.
+    pub effects: Vec<Found>,
+    /// What would do as well in their place.
+    pub alternatives: Vec<Alternative>,
+    /// Values that these rows do not tell.
+    pub unobservable: Vec<String>,
+    /// Terms without a law that still lower the error.
+    pub remaining: Vec<Term>,
+    /// Rows that fit nothing.
+    pub outliers: Vec<Outlier>,
+    /// What to measure next.
+    pub next_measurement: Option<String>,
+    /// The same for a person, a sentence each.
+    pub plain: Vec<String>,
+    /// What the owner of the data should know.
+    pub findings: Vec<String>,
+    /// Everything that was tried.
+    pub ladder: Vec<Rung>,
+    /// Residuals of each row for plots.
+    pub points: Vec<Point>,
+    /// Of whatever is drawn by chance; nothing is.
+    pub seed: u64,
+    /// Of this program.
+    pub version: &'static str,
+}
+
+/// A number with its unit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Number {
+    /// The number.
+    pub value: f64,
+    /// Its unit.
+    pub unit: String,
+}
+
+/// Errors of two models.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BeforeAfter {
+    /// Of the model as it was.
+    pub before: Errors,
+    /// With the effects found.
+    pub after: Errors,
+}
+
+/// Errors of one model.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Errors {
+    /// On the rows that fits saw.
+    pub train: Figure,
+    /// On the rows that nothing saw; `None` where none were held out.
+    pub heldout: Option<Figure>,
+}
+
+/// Root mean squares of an error.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Figure {
+    /// Of each axis.
+    pub axes: Vec<AxisFigure>,
+    /// Of the axes that share the first one's unit, together.
+    pub norm: Number,
+}
+
+/// One number of one axis.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AxisFigure {
+    /// The axis.
+    pub axis: String,
+    /// The number.
+    pub value: f64,
+    /// Its unit.
+    pub unit: &'static str,
+}
+
+/// An effect found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Found {
+    /// The law.
+    pub law: &'static str,
+    /// Where it acts.
+    #[serde(rename = "where")]
+    pub place: String,
+    /// Its values that these rows tell.
+    pub parameters: Vec<Parameter>,
+    /// By how much the held-out norm is larger without it.
+    pub heldout_gain: Option<f64>,
+}
+
+/// One value.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Parameter {
+    /// Its name.
+    pub name: String,
+    /// The value.
+    pub value: f64,
+    /// Its unit.
+    pub unit: String,
+    /// With 95 % confidence it lies in here; `None` of a number that was chosen and not fitted.
+    pub ci95: Option<[f64; 2]>,
+}
+
+/// Another explanation.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Alternative {
+    /// Number of the effect whose place it could take.
+    pub instead_of: usize,
+    /// The law.
+    pub law: &'static str,
+    /// Where it acts.
+    #[serde(rename = "where")]
+    pub place: String,
+    /// Confidence that it is worse.
+    pub worse_with: f64,
+}
+
+/// A fitted term.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Term {
+    /// The axis of the residual.
+    pub axis: String,
+    /// What it depends on, and how.
+    pub term: String,
+    /// Share of the remaining mean square of unseen rows that it takes up.
+    pub share: f64,
+}
+
+/// A row that fits nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Outlier {
+    /// Its line in the file, the header being 1.
+    pub line: usize,
+    /// How far it is off, in units of the noise.
+    pub sigmas: f64,
+}
+
+/// One row in the plots.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Point {
+    /// When.
+    pub time_s: f64,
+    /// Whether the fit did not see it.
+    pub held_out: bool,
+    /// The residual's axes before.
+    pub before: Vec<f64>,
+    /// The same after.
+    pub after: Vec<f64>,
+}

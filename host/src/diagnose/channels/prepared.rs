@@ -1,0 +1,334 @@
+//! A table made ready: rows chosen, borders found, rows held out, channels filtered and thinned; what was found is told.
+
+use super::experiment::Row;
+use super::signal::{LowPass, interpolated, rate, rate_hz, stretches, unwrapped};
+use crate::measurement::select::{SelectError, Selection};
+use crate::measurement::table::Table;
+use crate::measurement::{Finding, ReadError};
+
+/// Values of a held-out column up to which each of them is a group.
+const FEW: usize = 24;
+/// Blocks of time that are held out where nothing is said: every fourth of these.
+const BLOCKS: usize = 16;
+
+/// Which rows no fit may see.
+#[derive(Clone, Debug, PartialEq)]
+pub enum HoldOut {
+    /// Where the column `held_out` is not 0; without that column every fourth block of rows.
+    Own,
+    /// Where this holds.
+    Where(Selection),
+    /// The last share of the rows.
+    Last(f64),
+    /// Each value of this column in turn.
+    Each(String),
+    /// Where this column is not 0.
+    Column(String),
+}
+
+/// How a table is made ready.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Preparation {
+    /// Rows that count; `None`: all.
+    pub keep: Option<Selection>,
+    /// Rows that no fit may see.
+    pub hold_out: HoldOut,
+    /// Columns whose values part the rows into stretches.
+    pub within: Vec<String>,
+    /// Rows a second that are kept, as near as whole steps come; `None`: all.
+    pub rate_hz: Option<f64>,
+    /// Corner of the low-pass on all channels.
+    pub lowpass_hz: Option<f64>,
+    /// A column that is 0 where a row only repeats the one before.
+    pub interpolate: Option<String>,
+    /// Rows sooner than this after a change of target do not count, s.
+    pub settled_s: Option<f64>,
+}
+
+/// Why a table gives no experiment.
+#[derive(Debug, thiserror::Error)]
+pub enum PrepareError {
+    /// A column is missing.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// A selection makes no sense.
+    #[error(transparent)]
+    Select(#[from] SelectError),
+    /// Nothing is left.
+    #[error("{0}")]
+    Nothing(String),
+}
+
+/// A table made ready. Channels have one number a row that is kept.
+pub struct Prepared {
+    /// The rows that are kept.
+    pub rows: Vec<Row>,
+    /// When, s.
+    pub time_s: Vec<f64>,
+    /// The stretch of each row.
+    pub series: Vec<usize>,
+    /// How the held-out rows were chosen, in words.
+    pub held_out: String,
+    /// What the owner of the data should know.
+    pub findings: Vec<Finding>,
+    table: Table,
+    all_time_s: Vec<f64>,
+    all_series: Vec<usize>,
+    fresh: Option<Vec<bool>>,
+    filter: Option<(LowPass, usize)>,
+    kept: Vec<usize>,
+}
+
+impl Prepared {
+    /// Makes a table ready; with `each` the rows of that value of the column are held out.
+    pub fn new(mut table: Table, how: &Preparation, each: Option<&str>) -> Result<Self, PrepareError> {
+        let mut findings = Vec::new();
+        if let Some(keep) = &how.keep {
+            let keep = keep.rows(&table)?;
+            table.retain(&keep);
+        }
+        leave_out_gaps(&mut table, &mut findings);
+        if table.lines.is_empty() {
+            return Err(PrepareError::Nothing("no row is left, there is nothing to diagnose".into()));
+        }
+        constant(&table, &mut findings);
+        let time = table.quantity("time").map(|column| column.numbers.clone());
+        let time_s = time.unwrap_or_else(|| (0..table.lines.len()).map(|row| row as f64).collect());
+        let (held, held_out, keys) = held_out(&table, &how.hold_out, each)?;
+        let series = series(&table, &how.within, &time_s, &held, &mut findings)?;
+        let every = how.rate_hz.map_or(1, |hz| (rate_hz(&time_s, &series) / hz).round().max(1.0) as usize);
+        let thinned = |stretch: std::ops::Range<usize>| stretch.step_by(every);
+        let mut kept: Vec<usize> = stretches(&series).into_iter().flat_map(thinned).collect();
+        if let Some(settled_s) = how.settled_s {
+            let since = since_change(&table.required("target")?.numbers, &time_s);
+            kept.retain(|&row| since[row] >= settled_s);
+        }
+        let row = |&row: &usize| Row {
+            line: table.lines[row],
+            time_s: time_s[row],
+            series: series[row],
+            key: keys.as_ref().map(|keys| keys[row]),
+            held_out: held[row],
+        };
+        let rows: Vec<Row> = kept.iter().map(row).collect();
+        let filter = match how.lowpass_hz {
+            Some(corner) => {
+                let hz = rate_hz(&time_s, &series);
+                let none = || PrepareError::Nothing(format!("a low-pass at {corner} Hz needs more than {} rows a second, there are {hz:.1}", 2.0 * corner));
+                Some((LowPass::new(corner, hz).ok_or_else(none)?, (hz / corner).ceil() as usize * 2))
+            }
+            None => None,
+        };
+        let fresh = match &how.interpolate {
+            Some(name) => {
+                let none = || SelectError::NoColumn { column: name.clone(), present: present(&table) };
+                Some(table.column(name).ok_or_else(none)?.numbers.iter().map(|flag| *flag != 0.0).collect())
+            }
+            None => None,
+        };
+        let pick = |values: &[f64]| kept.iter().map(|&row| values[row]).collect();
+        let (kept_time, kept_series) = (pick(&time_s), kept.iter().map(|&row| series[row]).collect());
+        Ok(Self {
+            rows,
+            time_s: kept_time,
+            series: kept_series,
+            held_out,
+            findings,
+            table,
+            all_time_s: time_s,
+            all_series: series,
+            fresh,
+            filter,
+            kept,
+        })
+    }
+
+    /// The channel of a quantity.
+    pub fn channel(&self, quantity: &str) -> Result<Vec<f64>, ReadError> {
+        Ok(self.thin(&self.full(&self.table.required(quantity)?.numbers, false)))
+    }
+
+    /// The same where there is one.
+    pub fn optional(&self, quantity: &str) -> Option<Vec<f64>> {
+        self.table.quantity(quantity).map(|column| self.thin(&self.full(&column.numbers, false)))
+    }
+
+    /// Position, velocity and acceleration from one channel; `posture`: it is interpolated between fresh rows, and an angle.
+    pub fn motion(&self, quantity: &str, posture: bool) -> Result<[Vec<f64>; 3], ReadError> {
+        let position = self.full(&self.table.required(quantity)?.numbers, posture);
+        Ok(self.rates(position))
+    }
+
+    /// A channel of every row with its rates, thinned.
+    pub fn rates(&self, position: Vec<f64>) -> [Vec<f64>; 3] {
+        let velocity = rate(&position, &self.all_time_s, &self.all_series);
+        let acceleration = rate(&velocity, &self.all_time_s, &self.all_series);
+        [position, velocity, acceleration].map(|channel| self.thin(&channel))
+    }
+
+    /// A channel of every row as it stands in the table; `None` without that quantity.
+    pub fn raw(&self, quantity: &str) -> Option<&[f64]> {
+        self.table.quantity(quantity).map(|column| &column.numbers[..])
+    }
+
+    /// A channel of every row, interpolated when it is a posture, filtered.
+    pub fn full(&self, numbers: &[f64], posture: bool) -> Vec<f64> {
+        let mut values = numbers.to_vec();
+        if posture {
+            values = unwrapped(&values);
+            if let Some(fresh) = &self.fresh {
+                values = interpolated(&values, &self.all_time_s, fresh);
+            }
+        }
+        if let Some((filter, settle)) = &self.filter {
+            filter.apply(&mut values, &self.all_series, *settle);
+        }
+        values
+    }
+
+    /// A channel of the kept rows through the low-pass once more; as it is where rows were thinned or nothing is filtered.
+    pub fn again(&self, values: &mut [f64]) {
+        if let (Some((filter, settle)), true) = (&self.filter, self.kept.len() == self.all_time_s.len()) {
+            filter.apply(values, &self.series, *settle);
+        }
+    }
+
+    /// The words of a column at the kept rows.
+    pub fn words(&self, name: &str) -> Result<Vec<&str>, PrepareError> {
+        let none = || SelectError::NoColumn { column: name.into(), present: present(&self.table) };
+        let column = self.table.column(name).ok_or_else(none)?;
+        Ok(self.kept.iter().map(|&row| column.words[row].as_str()).collect())
+    }
+
+    /// The unit of a quantity.
+    pub fn unit(&self, quantity: &str) -> &'static str {
+        self.table.quantity(quantity).map_or("", |column| column.unit)
+    }
+
+    fn thin(&self, values: &[f64]) -> Vec<f64> {
+        self.kept.iter().map(|&row| values[row]).collect()
+    }
+}
+
+fn present(table: &Table) -> String {
+    table.columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", ")
+}
+
+/// The different values of a column, in order.
+pub fn values_of(table: &Table, name: &str) -> Result<Vec<String>, SelectError> {
+    let none = || SelectError::NoColumn { column: name.into(), present: present(table) };
+    let mut values = table.column(name).ok_or_else(none)?.words.clone();
+    values.sort();
+    values.dedup();
+    Ok(values)
+}
+
+/// Leaves out rows in which a column of numbers has none; says which.
+fn leave_out_gaps(table: &mut Table, findings: &mut Vec<Finding>) {
+    let mut keep = vec![true; table.lines.len()];
+    for column in &table.columns {
+        let numbers = column.numbers.iter().filter(|number| number.is_finite()).count();
+        if 2 * numbers <= column.numbers.len() {
+            continue;
+        }
+        for (row, number) in column.numbers.iter().enumerate().filter(|(_, number)| !number.is_finite()) {
+            let what = format!("{} holds `{}`, no number ({number}): the row is left out", column.name, column.words[row]);
+            findings.push(Finding { line: Some(table.lines[row]), what });
+            keep[row] = false;
+        }
+    }
+    if keep.contains(&false) {
+        table.retain(&keep);
+    }
+}
+
+fn constant(table: &Table, findings: &mut Vec<Finding>) {
+    for column in table.columns.iter().filter(|column| column.numbers.len() > 10) {
+        if column.numbers.windows(2).all(|pair| pair[0] == pair[1]) {
+            findings.push(Finding { line: None, what: format!("{} never changes", column.name) });
+        }
+    }
+}
+
+type Held = (Vec<bool>, String, Option<Vec<usize>>);
+
+fn held_out(table: &Table, how: &HoldOut, each: Option<&str>) -> Result<Held, PrepareError> {
+    let n = table.lines.len();
+    let flags = |name: &str| -> Result<Vec<bool>, PrepareError> {
+        let none = || SelectError::NoColumn { column: name.into(), present: present(table) };
+        let column = table.column(name).or_else(|| table.quantity(name)).ok_or_else(none)?;
+        Ok(column.numbers.iter().map(|flag| *flag != 0.0).collect())
+    };
+    match how {
+        HoldOut::Own if table.quantity("held_out").is_some() => Ok((flags("held_out")?, "the column held_out".into(), None)),
+        HoldOut::Own => {
+            let block = |row: usize| (row * BLOCKS / n.max(1)) % 4 == 3;
+            Ok(((0..n).map(block).collect(), "every fourth of 16 blocks of rows".into(), None))
+        }
+        HoldOut::Column(name) => Ok((flags(name)?, format!("the column {name}"), None)),
+        HoldOut::Last(share) => {
+            let first = ((1.0 - share) * n as f64).round() as usize;
+            Ok(((0..n).map(|row| row >= first).collect(), format!("the last {:.0} %", 100.0 * share), None))
+        }
+        HoldOut::Where(selection) => {
+            let keys = selection.columns().next().and_then(|name| keys(table, name));
+            Ok((selection.rows(table)?, "the rows that --hold-out names".into(), keys))
+        }
+        HoldOut::Each(name) => {
+            values_of(table, name)?;
+            let column = table.column(name).map(|column| &column.words);
+            let held = column.map_or(Vec::new(), |words| words.iter().map(|word| Some(word.as_str()) == each).collect());
+            Ok((held, format!("each {name} in turn"), keys(table, name)))
+        }
+    }
+}
+
+/// The number of each row's value in a column that has few.
+fn keys(table: &Table, name: &str) -> Option<Vec<usize>> {
+    let values = values_of(table, name).ok().filter(|values| values.len() <= FEW)?;
+    let words = &table.column(name)?.words;
+    Some(words.iter().map(|word| values.binary_search(word).unwrap_or_default()).collect())
+}
+
+/// The stretch of each row: a new one where a column of `within` changes, where rows begin or end to be held out, where
+/// time runs back, and where rows are missing.
+fn series(
+    table: &Table,
+    within: &[String],
+    time_s: &[f64],
+    held: &[bool],
+    findings: &mut Vec<Finding>,
+) -> Result<Vec<usize>, PrepareError> {
+    let mut parts = Vec::new();
+    for name in within.iter().map(String::as_str).chain(table.quantity("run").map(|column| column.name.as_str())) {
+        let none = || SelectError::NoColumn { column: name.into(), present: present(table) };
+        parts.push(&table.column(name).ok_or_else(none)?.words);
+    }
+    let usual = rate_hz(time_s, &vec![0; time_s.len()]);
+    let mut series = vec![0; time_s.len()];
+    for row in 1..time_s.len() {
+        let step = time_s[row] - time_s[row - 1];
+        let told = parts.iter().any(|words| words[row] != words[row - 1]);
+        if step < 0.0 && !told {
+            let what = "time runs back here: rows before and after are not joined".into();
+            findings.push(Finding { line: Some(table.lines[row]), what });
+        }
+        let gap = usual > 0.0 && step * usual > 5.0;
+        let border = told || step < 0.0 || gap || held[row] != held[row - 1];
+        series[row] = series[row - 1] + usize::from(border);
+    }
+    Ok(series)
+}
+
+/// Time since a channel last changed, s.
+fn since_change(values: &[f64], time_s: &[f64]) -> Vec<f64> {
+    let mut changed = time_s.first().copied().unwrap_or_default();
+    let mut since = Vec::with_capacity(values.len());
+    for (row, time) in time_s.iter().enumerate() {
+        if row > 0 && (values[row] != values[row - 1] || *time < time_s[row - 1]) {
+            changed = *time;
+        }
+        since.push(time - changed);
+    }
+    since
+}

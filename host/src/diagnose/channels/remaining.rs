@@ -1,0 +1,82 @@
+//! What remains when no law helps any more: terms of a dictionary over the channels that still predict unseen rows.
+//!
+//! The dictionary holds each channel c, c², |c|, sign(c) and, of few channels, their products; each is a candidate of
+//! the same search, which adds one at a time while the gain is no chance.
+
+use super::experiment::{Candidate, Experiment};
+use super::linear::Channels;
+use super::outcome::Term;
+use crate::diagnose::kind::Trial;
+use crate::diagnose::search::Search;
+
+/// Channels up to which their products are tried.
+const FEW: usize = 6;
+/// Columns that are tried at most, all axes together.
+const MOST_COLUMNS: usize = 120;
+
+/// The terms that help, with the share of the remaining mean square that each takes up, of rows it was not fitted to.
+pub(super) fn terms(kind: &Channels, best: &Trial<Channels>) -> Vec<Term> {
+    let experiment = &kind.experiment;
+    let candidates = dictionary(experiment);
+    if candidates.is_empty() {
+        return Vec::new();
+    }
+    let left = Experiment {
+        kind: experiment.kind,
+        axes: experiment.axes.clone(),
+        n_norm: experiment.n_norm,
+        rows: experiment.rows.clone(),
+        residuals: experiment.at(&best.fit.values),
+        candidates,
+        channels: Vec::new(),
+        masses: Vec::new(),
+        relinearise: None,
+    };
+    let mut search = Search::new(Channels::new(left, kind.groups.clone()));
+    let start = search.kind.start(Vec::new());
+    let Ok((found, _)) = search.run(start);
+    let kept = search.ladder.iter().filter(|rung| rung.kept);
+    let share = |rung: &crate::diagnose::outcome::Rung| 1.0 - (rung.cross_validated / rung.without.max(f64::MIN_POSITIVE)).powi(2);
+    let still = |place: &str| found.fit.active.iter().any(|k| search.kind.experiment.candidates[*k].place == place);
+    let term = |rung: &crate::diagnose::outcome::Rung| {
+        let (axis, term) = rung.place.split_once(": ").unwrap_or(("", &rung.place));
+        Term { axis: axis.into(), term: term.into(), share: share(rung) }
+    };
+    kept.filter(|rung| still(&rung.place)).map(term).collect()
+}
+
+fn dictionary(experiment: &Experiment) -> Vec<Candidate> {
+    let n_axes = experiment.axes.len();
+    let mut shapes: Vec<(String, Vec<f64>)> = Vec::new();
+    for (name, channel) in &experiment.channels {
+        let mean = channel.iter().sum::<f64>() / channel.len().max(1) as f64;
+        let spread = (channel.iter().map(|c| (c - mean).powi(2)).sum::<f64>() / channel.len().max(1) as f64).sqrt();
+        if spread <= 1e-12 {
+            continue;
+        }
+        let of = |shape: &dyn Fn(f64) -> f64| channel.iter().map(|c| shape(c / spread)).collect::<Vec<f64>>();
+        shapes.push((name.clone(), of(&|c| c)));
+        shapes.push((format!("{name} squared"), of(&|c| c * c)));
+        shapes.push((format!("|{name}|"), of(&f64::abs)));
+        shapes.push((format!("sign of {name}"), of(&|c| (c / 0.05).tanh())));
+    }
+    let linear: Vec<usize> = (0..shapes.len()).step_by(4).collect();
+    if linear.len() <= FEW {
+        for (k, &a) in linear.iter().enumerate() {
+            for &b in &linear[k + 1..] {
+                let product = shapes[a].1.iter().zip(&shapes[b].1).map(|(a, b)| a * b).collect();
+                shapes.push((format!("{} times {}", shapes[a].0, shapes[b].0), product));
+            }
+        }
+    }
+    let per_axis = MOST_COLUMNS / n_axes.max(1);
+    let mut candidates = Vec::new();
+    for (axis, of) in experiment.axes.iter().enumerate() {
+        for (name, numbers) in shapes.iter().take(per_axis) {
+            let mut column = vec![0.0; numbers.len() * n_axes];
+            numbers.iter().enumerate().for_each(|(row, number)| column[row * n_axes + axis] = *number);
+            candidates.push(Candidate::one("fitted-term", &format!("{}: {name}", of.name), ("size", of.unit), column));
+        }
+    }
+    candidates
+}

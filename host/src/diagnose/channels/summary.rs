@@ -1,0 +1,291 @@
+//! A search's result put in the shape of a [`Diagnosis`], with intervals, what is not told, and plain words.
+
+use nalgebra::DMatrix;
+
+use super::experiment::Experiment;
+use super::linear::Channels;
+use super::outcome::{
+    Alternative, AxisFigure, BeforeAfter, Diagnosis, Errors, Figure, Found, Number, Outlier, Parameter, Point,
+};
+use super::{Ended, Options, remaining};
+use crate::diagnose::UNEXPLAINED_SHARE;
+use crate::diagnose::fit::{pseudo_inverse, size, weights};
+use crate::diagnose::kind::{Kind as _, Trial};
+use crate::diagnose::outcome::{Rows, Verdict};
+use crate::diagnose::significance::quantile_975;
+
+/// A value whose uncertainty these rows lower to no less than this share of what was known before is not told by them.
+const NOT_TOLD: f64 = 0.7;
+/// A value is not told where all but this share of its column is that of others.
+const OWN_SHARE: f64 = 1e-6;
+/// Rows this many times farther off than usual are listed.
+const FAR: f64 = 8.0;
+/// Rows that are listed or plotted at most.
+const MOST_ROWS: usize = 4000;
+
+/// Squares of held-out residuals, of one search or of several that each held out other rows.
+#[derive(Clone, Debug, Default)]
+pub(super) struct HeldOut {
+    before: Vec<f64>,
+    after: Vec<f64>,
+}
+
+impl HeldOut {
+    /// Adds what a search did not see.
+    pub(super) fn add(&mut self, ended: &Ended) {
+        let experiment = &ended.search.kind.experiment;
+        self.before.extend(of_rows(experiment, &experiment.residuals, true));
+        self.after.extend(of_rows(experiment, &experiment.at(&ended.best.fit.values), true));
+    }
+}
+
+/// The residuals of the rows that are held out, or of the others.
+fn of_rows(experiment: &Experiment, residuals: &[f64], held_out: bool) -> Vec<f64> {
+    let n_axes = experiment.axes.len();
+    let rows = experiment.rows.iter().enumerate().filter(|(_, row)| row.held_out == held_out);
+    rows.flat_map(|(row, _)| residuals[row * n_axes..(row + 1) * n_axes].iter().copied()).collect()
+}
+
+fn figure(experiment: &Experiment, residuals: &[f64]) -> Option<Figure> {
+    let n_axes = experiment.axes.len();
+    let rows = residuals.len() / n_axes;
+    let mean = |axis: usize| residuals.iter().skip(axis).step_by(n_axes).map(|r| r * r).sum::<f64>() / rows as f64;
+    let axes: Vec<AxisFigure> = experiment
+        .axes
+        .iter()
+        .enumerate()
+        .map(|(k, axis)| AxisFigure { axis: axis.name.clone(), value: mean(k).sqrt(), unit: axis.unit })
+        .collect();
+    let norm = (0..experiment.n_norm).map(mean).sum::<f64>().sqrt();
+    let unit = experiment.axes.first().map_or("", |axis| axis.unit).into();
+    (rows > 0).then_some(Figure { axes, norm: Number { value: norm, unit } })
+}
+
+fn errors(experiment: &Experiment, residuals: &[f64], heldout: Option<&[f64]>) -> Errors {
+    let empty = Figure { axes: Vec::new(), norm: Number { value: 0.0, unit: String::new() } };
+    let own = of_rows(experiment, residuals, true);
+    Errors {
+        train: figure(experiment, &of_rows(experiment, residuals, false)).unwrap_or(empty),
+        heldout: figure(experiment, heldout.unwrap_or(&own)),
+    }
+}
+
+/// The diagnosis; `pooled` has the held-out residuals of other searches where each held out other rows.
+pub(super) fn diagnosis(ended: &Ended, pooled: Option<HeldOut>, options: &Options) -> Diagnosis {
+    let kind = &ended.search.kind;
+    let experiment = &kind.experiment;
+    let after = experiment.at(&ended.best.fit.values);
+    let pooled = pooled.as_ref();
+    let error = BeforeAfter {
+        before: errors(experiment, &experiment.residuals, pooled.map(|p| &p.before[..])),
+        after: errors(experiment, &after, pooled.map(|p| &p.after[..])),
+    };
+    let (effects, unobservable) = effects(ended);
+    let remaining = remaining::terms(kind, &ended.best);
+    let left: f64 = remaining.iter().map(|term| term.share).sum();
+    let share = (error.after.train.norm.value / error.before.train.norm.value.max(f64::MIN_POSITIVE)).powi(2);
+    let verdict = match (effects.is_empty(), left > 0.0) {
+        (true, false) => Verdict::NoEffect,
+        (true, true) => Verdict::UnexplainedStructure,
+        (false, _) if left * share > UNEXPLAINED_SHARE => Verdict::UnexplainedStructure,
+        (false, _) => Verdict::EffectFound,
+    };
+    let heldout = pooled.map_or(of_rows(experiment, &after, true).len(), |p| p.after.len()) / experiment.axes.len();
+    let mut diagnosis = Diagnosis {
+        kind: experiment.kind,
+        rows: Rows { train: kind.groups.training.len(), heldout },
+        held_out: ended.held_out.clone(),
+        left_out: kind.groups.left_out,
+        repeatability: None,
+        error,
+        verdict,
+        effects,
+        alternatives: alternatives(ended),
+        unobservable,
+        remaining,
+        outliers: outliers(kind, &ended.best),
+        next_measurement: None,
+        plain: Vec::new(),
+        findings: ended.findings.iter().map(ToString::to_string).collect(),
+        ladder: ended.search.ladder.clone(),
+        points: points(experiment, &after),
+        seed: options.seed,
+        version: env!("CARGO_PKG_VERSION"),
+    };
+    diagnosis.plain = plain(&diagnosis);
+    diagnosis
+}
+
+/// Covariance of fitted values: of independent rows with their priors, or by pieces of rows (sandwich), whichever is wider.
+fn deviations(kind: &Channels, best: &Trial<Channels>, indices: &[usize]) -> Vec<f64> {
+    let information = kind.information(indices);
+    let inverse = pseudo_inverse(&information);
+    let residuals = kind.training_residuals(&best.fit);
+    let n_axes = kind.sigma.len();
+    let entry_weights = weights(&residuals, 1);
+    let mut scores = DMatrix::<f64>::zeros(indices.len(), kind.groups.n_blocks);
+    for (a, &value) in indices.iter().enumerate() {
+        for (k, slope) in kind.column(value).iter().enumerate() {
+            scores[(a, kind.groups.blocks[k / n_axes])] += entry_weights[k] * slope * residuals[k] / kind.repeats;
+        }
+    }
+    let sandwich = &inverse * (&scores * scores.transpose()) * &inverse;
+    (0..indices.len()).map(|k| sandwich[(k, k)].max(inverse[(k, k)]).max(0.0).sqrt()).collect()
+}
+
+/// The effects with the values that these rows tell, and the names of those that they do not.
+fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
+    let (kind, best) = (&ended.search.kind, &ended.best);
+    let indices = kind.indices(&best.fit.active);
+    let deviations = deviations(kind, best, &indices);
+    let information = kind.information(&indices);
+    let inverse = pseudo_inverse(&information);
+    let wide = quantile_975(kind.groups.n_blocks.saturating_sub(1));
+    let (mut found, mut unobservable, mut next) = (Vec::new(), Vec::new(), 0);
+    for (order, &candidate) in best.fit.active.iter().enumerate() {
+        let law = &kind.experiment.candidates[candidate];
+        let shape = law.shape.map(|(name, value, unit)| Parameter { name: name.into(), value, unit: unit.into(), ci95: None });
+        let mut parameters: Vec<Parameter> = shape.into_iter().collect();
+        let n_shape = parameters.len();
+        for value in &law.values {
+            let (index, deviation) = (indices[next], deviations[next]);
+            let own = 1.0 / (information[(next, next)] * inverse[(next, next)]).max(f64::MIN_POSITIVE);
+            next += 1;
+            let told = if value.prior.is_finite() { inverse[(next - 1, next - 1)].sqrt() < NOT_TOLD * value.prior } else { own > OWN_SHARE };
+            if !told {
+                unobservable.push(format!("{} of {} at {}", value.name, law.law, law.place));
+                continue;
+            }
+            let (at, half) = (best.fit.values[index], wide * deviation);
+            let ci95 = Some([at - half, at + half]);
+            parameters.push(Parameter { name: value.name.clone(), value: at, unit: value.unit.clone(), ci95 });
+        }
+        if parameters.len() > n_shape {
+            let heldout_gain = heldout_gain(ended, order);
+            found.push(Found { law: law.law, place: law.place.clone(), parameters, heldout_gain });
+        }
+    }
+    (found, unobservable)
+}
+
+/// By how much the held-out norm is larger without an effect.
+fn heldout_gain(ended: &Ended, order: usize) -> Option<f64> {
+    let kind = &ended.search.kind;
+    let mut active = ended.best.fit.active.clone();
+    active.remove(order);
+    let without = kind.judged(active, None);
+    let norm = |values: &[f64]| {
+        let residuals = of_rows(&kind.experiment, &kind.experiment.at(values), true);
+        figure(&kind.experiment, &residuals).map(|figure| figure.norm.value)
+    };
+    Some(norm(&without.fit.values)? - norm(&ended.best.fit.values)?)
+}
+
+/// For the last effect: what else was as good in its place.
+fn alternatives(ended: &Ended) -> Vec<Alternative> {
+    let kind = &ended.search.kind;
+    let Some(&last) = ended.best.fit.active.last().filter(|_| ended.best.fit.active.len() > ended.n_known) else {
+        return Vec::new();
+    };
+    let own = &kind.experiment.candidates[last];
+    let mut all: Vec<Alternative> = Vec::new();
+    for rival in &ended.rivals {
+        let Some(candidate) = rival.effect.map(|effect| &kind.experiment.candidates[effect]) else { continue };
+        let as_good = kind.fall(rival, &ended.best).p;
+        let known = all.iter().any(|other| other.law == candidate.law && other.place == candidate.place);
+        let same = candidate.law == own.law && candidate.place == own.place;
+        if as_good > crate::diagnose::significance::RIVAL_LEVEL && !same && !known {
+            all.push(Alternative {
+                instead_of: ended.best.fit.active.len() - 1,
+                law: candidate.law,
+                place: candidate.place.clone(),
+                worse_with: 1.0 - as_good,
+            });
+        }
+    }
+    all
+}
+
+fn outliers(kind: &Channels, best: &Trial<Channels>) -> Vec<Outlier> {
+    let n_axes = kind.sigma.len();
+    let residuals = kind.training_residuals(&best.fit);
+    let sizes = residuals.chunks(n_axes).map(|row| size(row) / (n_axes as f64).sqrt());
+    let far = sizes.enumerate().filter(|(_, sigmas)| *sigmas > FAR);
+    let line = |row: usize| kind.experiment.rows[kind.groups.training[row]].line;
+    far.take(MOST_ROWS).map(|(row, sigmas)| Outlier { line: line(row), sigmas }).collect()
+}
+
+fn points(experiment: &Experiment, after: &[f64]) -> Vec<Point> {
+    let n_axes = experiment.axes.len();
+    let every = experiment.rows.len().div_ceil(MOST_ROWS).max(1);
+    let point = |(k, row): (usize, &super::experiment::Row)| Point {
+        time_s: row.time_s,
+        held_out: row.held_out,
+        before: experiment.residuals[k * n_axes..(k + 1) * n_axes].to_vec(),
+        after: after[k * n_axes..(k + 1) * n_axes].to_vec(),
+    };
+    experiment.rows.iter().enumerate().step_by(every).map(point).collect()
+}
+
+/// The candidates whose bodies have no positive mass or no possible inertia with these values.
+///
+/// A body is possible when its pseudo-inertia, [½tr(I)·1 − I, m·c; (m·c)ᵀ, m], is positive definite; P. M. Wensing, S.
+/// Kim, J.-J. Slotine, IEEE Robotics and Automation Letters 3 (2018) 60.
+pub(super) fn impossible(kind: &Channels, best: &Trial<Channels>) -> Vec<usize> {
+    let changed = |mass: &&super::experiment::Mass| {
+        if !best.fit.active.contains(&mass.candidate) {
+            return false;
+        }
+        let change: Vec<f64> = kind.indices(&[mass.candidate]).iter().map(|&k| best.fit.values[k]).collect();
+        let ten: [f64; 10] = std::array::from_fn(|k| mass.ten[k] + change.get(k).copied().unwrap_or(0.0));
+        pseudo_inertia(&ten).symmetric_eigenvalues().min() <= 0.0
+    };
+    kind.experiment.masses.iter().filter(changed).map(|mass| mass.candidate).collect()
+}
+
+fn pseudo_inertia(ten: &[f64; 10]) -> nalgebra::Matrix4<f64> {
+    let [m, x, y, z, xx, xy, yy, xz, yz, zz] = *ten;
+    let half = 0.5 * (xx + yy + zz);
+    nalgebra::Matrix4::new(half - xx, -xy, -xz, x, -xy, half - yy, -yz, y, -xz, -yz, half - zz, z, x, y, z, m)
+}
+
+fn plain(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut told = vec![match diagnosis.verdict {
+        Verdict::EffectFound => "The model lacks what is named here.".to_string(),
+        Verdict::NoEffect => "Nothing that was tried predicts unseen rows better than the model does.".into(),
+        Verdict::UnexplainedStructure => "There is more than the laws that are known here explain.".into(),
+        Verdict::NotIdentifiable => "Something is missing, but these rows cannot tell what.".into(),
+    }];
+    told.extend(diagnosis.effects.iter().map(effect_sentence));
+    let (before, after) = (&diagnosis.error.before, &diagnosis.error.after);
+    if let (Some(b), Some(a)) = (&before.heldout, &after.heldout) {
+        told.push(format!(
+            "On rows that nothing saw ({}) the error falls from {:.4} to {:.4} {}.",
+            diagnosis.held_out, b.norm.value, a.norm.value, a.norm.unit
+        ));
+    }
+    if !diagnosis.unobservable.is_empty() {
+        told.push(format!("These rows do not tell: {}.", diagnosis.unobservable.join("; ")));
+    }
+    for other in &diagnosis.alternatives {
+        told.push(format!("In place of the last it may be {} at {}.", other.law, other.place));
+    }
+    for term in &diagnosis.remaining {
+        told.push(format!("What remains of {} depends on {} ({:.0} % of it).", term.axis, term.term, 100.0 * term.share));
+    }
+    if !diagnosis.outliers.is_empty() {
+        let lines: Vec<String> = diagnosis.outliers.iter().take(8).map(|outlier| outlier.line.to_string()).collect();
+        told.push(format!("{} rows fit nothing: lines {}.", diagnosis.outliers.len(), lines.join(", ")));
+    }
+    told
+}
+
+fn effect_sentence(found: &Found) -> String {
+    let value = |parameter: &Parameter| format!("{} {:.4} {}", parameter.name, parameter.value, parameter.unit);
+    let values: Vec<String> = found.parameters.iter().map(value).collect();
+    let gain = match found.heldout_gain {
+        Some(gain) if gain > 0.0 => format!("; without it the error of unseen rows grows by {gain:.4}"),
+        _ => String::new(),
+    };
+    format!("{} at {}: {}{gain}.", found.law, found.place, values.join(", "))
+}

@@ -1,0 +1,143 @@
+//! Tool poses of an arm of words, as a kind of observation: whole words are left out, and the held-out words confirm.
+
+use darm_core::effect::Effect;
+use darm_core::model::MAX_EFFECTS;
+
+use super::candidate;
+use super::fit::{Fit, cross_validated, fit, losses, losses_by_word};
+use super::kind::{Kind, Trial};
+use super::observation::{NoPose, Observations, Value};
+use super::sensitivity::Sensitivity;
+use super::significance::{CONFIRMATION_LEVEL, Fall, fall, quantile_975};
+use crate::arm::{ArmModel, ArmScratch};
+
+/// Poses that fits see, poses that judge, and room to compute in.
+#[derive(Debug)]
+pub struct ToolPose {
+    /// Rows that fits see.
+    pub training: Observations,
+    /// Rows that judge; may be none.
+    pub heldout: Observations,
+    /// The fold of each word.
+    pub folds: Vec<usize>,
+    /// Room to compute in.
+    pub scratch: ArmScratch,
+}
+
+/// The values of all effects of a model.
+pub fn values(model: &ArmModel) -> Vec<Value> {
+    let effects = model.effects.iter().enumerate();
+    effects.flat_map(|(k, effect)| (0..effect.law().values().len()).map(move |value| (k, value))).collect()
+}
+
+impl ToolPose {
+    /// A model with all its values fitted in full.
+    pub fn fitted(&mut self, model: &ArmModel) -> Result<Trial<Self>, NoPose> {
+        let fit = fit(model, &self.training, &values(model), &mut self.scratch)?;
+        let last = fit.model.effects.last().copied();
+        Ok(self.judged(fit, last))
+    }
+
+    /// A candidate by its linear fit; `None` where it changes nothing in these rows.
+    fn candidate(
+        &self,
+        current: &Trial<Self>,
+        effect: &Effect<f64>,
+        sensitivity: &Sensitivity,
+    ) -> Option<Trial<Self>> {
+        let mut model = current.fit.model.clone();
+        let new = model.effects.len();
+        model.effects.push(*effect).ok()?;
+        let mut fit = Fit { model, ..current.fit.clone() };
+        for value in 0..effect.law().values().len() {
+            if let Some(column) = sensitivity.column(effect, value) {
+                fit.values.push((new, value));
+                fit.columns.push(column);
+            }
+        }
+        (fit.values.len() > current.fit.values.len()).then(|| self.judged(fit, Some(*effect)))
+    }
+
+    fn judged(&self, fit: Fit, effect: Option<Effect<f64>>) -> Trial<Self> {
+        let predicted = cross_validated(&fit.columns, &fit.residuals, &self.training, &self.folds);
+        let loss = losses(&predicted, self.training.n_axes()).iter().sum();
+        let error = root_mean_square(&self.training.distances_m(&predicted));
+        Trial { effect, fit, predicted, loss, error }
+    }
+}
+
+impl Kind for ToolPose {
+    type Effect = Effect<f64>;
+    type Fit = Fit;
+    type Error = NoPose;
+
+    fn n_effects(&self, fit: &Fit) -> usize {
+        fit.model.effects.len()
+    }
+
+    fn n_values(&self, fit: &Fit) -> usize {
+        fit.values.len()
+    }
+
+    fn most(&self) -> usize {
+        MAX_EFFECTS
+    }
+
+    fn name(&self, effect: &Effect<f64>) -> (&'static str, String) {
+        (effect.law().name(), candidate::place_code(effect))
+    }
+
+    fn settled(&mut self, current: Trial<Self>) -> Result<Trial<Self>, NoPose> {
+        Ok(current)
+    }
+
+    fn screened(&mut self, current: &Trial<Self>) -> Result<Vec<Trial<Self>>, NoPose> {
+        let candidates: Vec<Effect<f64>> = candidate::all(&current.fit.model)
+            .into_iter()
+            .filter(|effect| !current.fit.model.effects.iter().any(|known| candidate::same(known, effect)))
+            .collect();
+        let sensitivity = Sensitivity::new(&current.fit.model, &self.training, &mut self.scratch)?;
+        Ok(candidates.iter().filter_map(|effect| self.candidate(current, effect, &sensitivity)).collect())
+    }
+
+    fn refined(&mut self, trial: &Trial<Self>) -> Result<Trial<Self>, NoPose> {
+        let refined = self.fitted(&trial.fit.model)?;
+        Ok(Trial { effect: trial.effect, ..refined })
+    }
+
+    fn without(&mut self, best: &Trial<Self>, dropped: usize) -> Result<Trial<Self>, NoPose> {
+        let mut model = best.fit.model.clone();
+        model.effects.remove(dropped);
+        self.fitted(&model)
+    }
+
+    fn fall(&self, before: &Trial<Self>, after: &Trial<Self>) -> Fall {
+        fall(&before.predicted, &after.predicted, &self.training.groups())
+    }
+
+    /// Whether the held-out error falls by more than its uncertainty, word by word and as a whole.
+    fn confirmed(&mut self, without: &Trial<Self>, with: &Trial<Self>) -> Result<bool, NoPose> {
+        if self.heldout.rows.is_empty() {
+            return Ok(true);
+        }
+        let before = self.heldout.residuals(&without.fit.model, &mut self.scratch)?;
+        let after = self.heldout.residuals(&with.fit.model, &mut self.scratch)?;
+        let p = fall(&before, &after, &self.heldout.groups()).p;
+        let (mean_before, _) = mean_loss(&losses_by_word(&before, &self.heldout));
+        let (mean_after, uncertainty) = mean_loss(&losses_by_word(&after, &self.heldout));
+        Ok(p < CONFIRMATION_LEVEL && mean_before - mean_after > uncertainty)
+    }
+}
+
+/// The mean loss of a word, and how far it may be off with 95 % confidence.
+fn mean_loss(losses: &[f64]) -> (f64, f64) {
+    let n = losses.len() as f64;
+    let mean = losses.iter().sum::<f64>() / n.max(1.0);
+    let variance = losses.iter().map(|loss| (loss - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+    (mean, quantile_975(losses.len().saturating_sub(1)) * (variance / n.max(1.0)).sqrt())
+}
+
+/// √(mean of squares).
+pub fn root_mean_square(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
+}

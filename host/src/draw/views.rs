@@ -1,0 +1,183 @@
+//! The views of a scene as SVG: one of a planar arm; isometric, from the front, the side and the top of any other.
+
+use darm_core::real::Vec3;
+use maud::{Markup, PreEscaped, html};
+
+use super::{Part, Scene};
+
+const STYLE: &str = "text{font:12px sans-serif;fill:#333d45;paint-order:stroke;stroke:#fff;stroke-width:3px}.name{font-size:11px;fill:#5d6a73}\
+.view{fill:none;stroke:#e0e5e8}.ground{stroke:#b3bcc2;stroke-width:1.5;stroke-dasharray:5 4}\
+line{stroke-linecap:round}.link{stroke:#333d45;stroke-width:4}.plate{stroke:#333d45;stroke-width:4}\
+.contracted{stroke:#7a868f;stroke-width:2.5}.extended{stroke:#1f6f8b;stroke-width:2.5}\
+.revolute{stroke:#d15b2c;stroke-width:7}.prismatic{stroke:#1f6f8b;stroke-width:7}\
+.x{stroke:#c0392b;stroke-width:2.5}.y{stroke:#2e8b57;stroke-width:2.5}.z{stroke:#2d5fbf;stroke-width:2.5}\
+.com{fill:#fff;stroke:#333d45;stroke-width:2}.bar{stroke:#333d45;stroke-width:2}";
+
+/// Room around a view for names and the title, pixels.
+const MARGIN: f64 = 34.0;
+
+/// How a view looks at the scene: the directions that point right and up on the paper.
+struct View {
+    title: &'static str,
+    right: Vec3<f64>,
+    up: Vec3<f64>,
+    /// Left, top, width and height on the paper, pixels.
+    area: [f64; 4],
+}
+
+/// The scene as one SVG, with the names of joints or stages where they are asked for.
+pub fn svg(scene: &Scene, has_names: bool) -> String {
+    let (x, y, z) = (Vec3::x(), Vec3::y(), Vec3::z());
+    let (views, size) = if scene.is_planar {
+        (vec![View { title: "x, y", right: x, up: y, area: [0.0, 30.0, 640.0, 640.0] }], [640.0, 670.0])
+    } else {
+        let (a, e) = (-55f64.to_radians(), 24f64.to_radians());
+        let (right, up) =
+            (Vec3::new(-a.sin(), a.cos(), 0.0), Vec3::new(-a.cos() * e.sin(), -a.sin() * e.sin(), e.cos()));
+        let small = |row: f64| [600.0, 30.0 + 240.0 * row, 320.0, 240.0];
+        let views = vec![
+            View { title: "isometric", right, up, area: [0.0, 30.0, 600.0, 720.0] },
+            View { title: "front: x, z", right: x, up: z, area: small(0.0) },
+            View { title: "side: y, z", right: y, up: z, area: small(1.0) },
+            View { title: "top: x, y", right: x, up: y, area: small(2.0) },
+        ];
+        (views, [920.0, 750.0])
+    };
+    let [width, height] = size;
+    let picture = html! {
+        svg xmlns="http://www.w3.org/2000/svg" viewBox={ "0 0 " (width) " " (height) } width=(width) height=(height) role="img" aria-label=(scene.title) {
+            style { (PreEscaped(STYLE)) }
+            rect width="100%" height="100%" fill="#fff" {}
+            text x="12" y="21" style="font-weight:bold;font-size:14px" { (scene.title) }
+            @for (index, view) in views.iter().enumerate() { (view.draw(scene, has_names && index == 0)) }
+        }
+    };
+    picture.into_string()
+}
+
+impl View {
+    /// A point on the paper of a plane through the base's origin, m.
+    fn flat(&self, point: &Vec3<f64>) -> [f64; 2] {
+        [self.right.dot(point), self.up.dot(point)]
+    }
+
+    /// Nearer lines come later.
+    fn depth(&self, point: &Vec3<f64>) -> f64 {
+        self.right.cross(&self.up).dot(point)
+    }
+
+    fn draw(&self, scene: &Scene, has_names: bool) -> Markup {
+        let [left, top, width, height] = self.area;
+        let place = self.place(scene);
+        let at = |point: &Vec3<f64>| place.at(self.flat(point));
+        let mut lines: Vec<_> = scene.lines.iter().collect();
+        let depth = |line: &super::Line| self.depth(&((line.from + line.to) * 0.5)) + f64::from(rank(line.part));
+        lines.sort_by(|a, b| depth(a).total_cmp(&depth(b)));
+        let origin = at(&Vec3::zeros());
+        html! {
+            rect.view x=(left + 4.0) y=(top + 4.0) width=(width - 8.0) height=(height - 8.0) {}
+            text x=(left + 14.0) y=(top + 22.0) { (self.title) }
+            @if self.up.z > 0.0 || scene.is_planar {
+                line.ground x1=(n(left + 20.0)) x2=(n(left + width - 20.0)) y1=(n(origin[1])) y2=(n(origin[1])) {}
+            }
+            @for line in lines {
+                @let ([ax, ay], [bx, by]) = (at(&line.from), at(&line.to));
+                line class=(class(line.part)) x1=(n(ax)) y1=(n(ay)) x2=(n(bx)) y2=(n(by)) {}
+            }
+            @if let Some([x, y]) = scene.com.as_ref().map(at) {
+                circle.com cx=(n(x)) cy=(n(y)) r="5" {}
+                line x1=(n(x - 5.0)) x2=(n(x + 5.0)) y1=(n(y)) y2=(n(y)) stroke="#333d45" {}
+                line x1=(n(x)) x2=(n(x)) y1=(n(y - 5.0)) y2=(n(y + 5.0)) stroke="#333d45" {}
+            }
+            @if has_names { (names(scene, &at, left + 0.75 * width)) }
+            (place.bar(left + 16.0, top + height - 16.0))
+        }
+    }
+
+    /// The largest scale at which everything fits, in the middle of the area.
+    fn place(&self, scene: &Scene) -> Place {
+        let ends = scene.lines.iter().flat_map(|line| [line.from, line.to]).chain([Vec3::zeros()]);
+        let infinite = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+        let [x0, y0, x1, y1] = ends
+            .map(|point| self.flat(&point))
+            .fold(infinite, |[x0, y0, x1, y1], [x, y]| [x0.min(x), y0.min(y), x1.max(x), y1.max(y)]);
+        let [left, top, width, height] = self.area;
+        let fit = |span: f64, room: f64| (room - 2.0 * MARGIN) / span.max(1e-3);
+        let scale = fit(x1 - x0, width).min(fit(y1 - y0, height));
+        let middle = [left + width / 2.0, top + height / 2.0 + 4.0];
+        Place { scale, shift: [middle[0] - scale * (x0 + x1) / 2.0, middle[1] + scale * (y0 + y1) / 2.0] }
+    }
+}
+
+/// Names right of their points, left of those past `turning`; of points that coincide on the paper, one under the other.
+fn names(scene: &Scene, at: &impl Fn(&Vec3<f64>) -> [f64; 2], turning: f64) -> Markup {
+    let mut taken: Vec<[f64; 2]> = Vec::new();
+    let placed: Vec<_> = scene
+        .labels
+        .iter()
+        .map(|(name, point)| {
+            let [x, mut y] = at(point);
+            while taken.iter().any(|[a, b]| (a - x).abs() < 90.0 && (b - y).abs() < 12.0) {
+                y += 13.0;
+            }
+            taken.push([x, y]);
+            let (x, anchor) = if x > turning { (x - 12.0, "end") } else { (x + 12.0, "start") };
+            (name, x, y + 4.0, anchor)
+        })
+        .collect();
+    html! { @for (name, x, y, anchor) in placed { text.name x=(n(x)) y=(n(y)) text-anchor=(anchor) { (name) } } }
+}
+
+/// Where metres come to lie on the paper.
+struct Place {
+    scale: f64,
+    shift: [f64; 2],
+}
+
+impl Place {
+    fn at(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [self.shift[0] + self.scale * x, self.shift[1] - self.scale * y]
+    }
+
+    /// A bar of 1, 2 or 5 times a power of ten that is at most 80 pixels long.
+    fn bar(&self, x: f64, y: f64) -> Markup {
+        let longest = 80.0 / self.scale;
+        let power = 10f64.powf(longest.log10().floor());
+        let length = [5.0, 2.0, 1.0].map(|factor| factor * power).into_iter().find(|length| *length <= longest);
+        let length = length.unwrap_or(power);
+        let text = if length >= 1.0 { format!("{length:.0} m") } else { format!("{:.0} mm", 1e3 * length) };
+        html! {
+            line.bar x1=(n(x)) x2=(n(x + length * self.scale)) y1=(n(y)) y2=(n(y)) {}
+            text x=(n(x + length * self.scale + 6.0)) y=(n(y + 4.0)) { (text) }
+        }
+    }
+}
+
+/// Joints lie on links, and the tool's axes on everything.
+fn rank(part: Part) -> u16 {
+    match part {
+        Part::Link | Part::Plate => 0,
+        Part::Contracted | Part::Extended => 0,
+        Part::Revolute | Part::Prismatic => 100,
+        Part::ToolAxis(_) => 200,
+    }
+}
+
+fn class(part: Part) -> &'static str {
+    match part {
+        Part::Link => "link",
+        Part::Plate => "plate",
+        Part::Contracted => "contracted",
+        Part::Extended => "extended",
+        Part::Revolute => "revolute",
+        Part::Prismatic => "prismatic",
+        Part::ToolAxis(0) => "x",
+        Part::ToolAxis(1) => "y",
+        Part::ToolAxis(_) => "z",
+    }
+}
+
+/// A coordinate in an SVG.
+fn n(value: f64) -> String {
+    format!("{value:.1}")
+}

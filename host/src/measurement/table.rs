@@ -1,0 +1,191 @@
+//! Tables of channels as comma-separated text: whatever was measured, one quantity a column.
+//!
+//! # Columns
+//!
+//! The header names quantity and unit, as `pressure_bar`: what follows the last `_` is the unit where it is one of those
+//! below, and numbers become SI units and radians when they are read. Upper and lower case are the same in a quantity.
+//!
+//! | unit | meaning | unit | meaning |
+//! | --- | --- | --- | --- |
+//! | `s`, `ms`, `us` | time | `n`, `nm` | force, torque |
+//! | `m`, `mm`, `um` | length | `bar`, `pa`, `kpa` | pressure over the surroundings' |
+//! | `rad`, `deg` | angle | `a`, `v` | current, voltage |
+//! | `c`, `k` | temperature | `count` | steps of an encoder |
+//!
+//! | quantity | names |
+//! | --- | --- |
+//! | time | `time`, `t` |
+//! | position, target | `position`, `pos`, `x`; `target` |
+//! | pressure, force, load | `pressure`, `p`; `force`, `f`; `load` |
+//! | temperature, supply | `temperature`, `temp`; `supply` |
+//! | joint position, velocity, acceleration, torque | `q1`…, `v1`…, `a1`…, `tau1`… or the joints' names |
+//! | motor position, torque | `qm1`…, `taum1`… |
+//! | wrench on the base's surroundings | `Fx`, `Fy`, `Fz`, `Mx`, `My`, `Mz` |
+//! | pose of a floating base | `px`, `py`, `pz`, `qx`, `qy`, `qz`, `qw` |
+//! | rows whose posture is new | `fresh` |
+//! | held out | `held_out`, `heldout` |
+//!
+//! Cells that are no numbers are words: any column may group, select or hold out rows.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use super::Finding;
+use super::csv::{ReadError, bytes};
+
+/// Factors to SI by the unit that a column's name ends in, and the unit that comes of it.
+const UNITS: [(&str, f64, &str); 20] = [
+    ("s", 1.0, "s"),
+    ("ms", 1e-3, "s"),
+    ("us", 1e-6, "s"),
+    ("m", 1.0, "m"),
+    ("mm", 1e-3, "m"),
+    ("um", 1e-6, "m"),
+    ("rad", 1.0, "rad"),
+    ("deg", std::f64::consts::PI / 180.0, "rad"),
+    ("n", 1.0, "N"),
+    ("nm", 1.0, "N·m"),
+    ("bar", 1e5, "Pa"),
+    ("pa", 1.0, "Pa"),
+    ("kpa", 1e3, "Pa"),
+    ("a", 1.0, "A"),
+    ("v", 1.0, "V"),
+    ("k", 1.0, "K"),
+    ("c", 1.0, "°C"),
+    ("count", 1.0, "count"),
+    ("rad/s", 1.0, "rad/s"),
+    ("m/s", 1.0, "m/s"),
+];
+
+/// Other names of quantities.
+const ALIASES: [(&str, &str); 8] = [
+    ("t", "time"),
+    ("pos", "position"),
+    ("x", "position"),
+    ("p", "pressure"),
+    ("f", "force"),
+    ("temp", "temperature"),
+    ("heldout", "held_out"),
+    ("held", "held_out"),
+];
+
+/// One column.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Column {
+    /// Its name in the file.
+    pub name: String,
+    /// What it holds, in small letters.
+    pub quantity: String,
+    /// In what unit the numbers are, after the change to SI; empty where the name has none.
+    pub unit: &'static str,
+    /// The numbers; NaN where a cell is empty or a word.
+    pub numbers: Vec<f64>,
+    /// The cells as they are.
+    pub words: Vec<String>,
+}
+
+/// A table.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Table {
+    /// The file.
+    pub path: PathBuf,
+    /// The columns, in the order of the file.
+    pub columns: Vec<Column>,
+    /// The line of each row, the header being 1.
+    pub lines: Vec<usize>,
+}
+
+/// Names given to columns: quantity (with its unit, if any) to the column's name in the file.
+pub type Names = BTreeMap<String, String>;
+
+/// Quantity and unit that a name tells.
+fn named(name: &str) -> (String, f64, &'static str) {
+    let small = name.trim().to_lowercase();
+    let split = small.rsplit_once('_').and_then(|(quantity, unit)| {
+        let (_, factor, si) = UNITS.iter().find(|(known, ..)| *known == unit)?;
+        Some((quantity.to_string(), *factor, *si))
+    });
+    let (quantity, factor, unit) = split.unwrap_or((small, 1.0, ""));
+    let other = ALIASES.iter().find(|(alias, _)| *alias == quantity).map(|(_, meant)| (*meant).to_string());
+    (other.unwrap_or(quantity), factor, unit)
+}
+
+impl Table {
+    /// Reads a table; `names` tell what columns hold whose own names do not.
+    pub fn read(path: &Path, names: &Names) -> Result<(Self, Vec<Finding>), ReadError> {
+        Self::read_text(path, &bytes(path)?, names)
+    }
+
+    /// The same of text that is in memory; `path` only serves messages.
+    pub fn read_text(path: &Path, text: &[u8], names: &Names) -> Result<(Self, Vec<Finding>), ReadError> {
+        let wrong = |error| ReadError::Table { path: path.into(), error };
+        let mut file = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text);
+        let header = file.headers().map_err(wrong)?.clone();
+        if let Some(missing) = names.values().find(|column| !header.iter().any(|name| name == column.as_str())) {
+            let present = header.iter().collect::<Vec<_>>().join(", ");
+            return Err(ReadError::NoColumn { path: path.into(), column: missing.clone(), present });
+        }
+        let given = |name: &str| names.iter().find(|(_, column)| column.as_str() == name).map(|(key, _)| named(key));
+        let kinds: Vec<_> = header.iter().map(|name| given(name).unwrap_or_else(|| named(name))).collect();
+        let mut columns: Vec<Column> = header
+            .iter()
+            .zip(&kinds)
+            .map(|(name, (quantity, _, unit))| Column {
+                name: name.into(),
+                quantity: quantity.clone(),
+                unit,
+                numbers: Vec::new(),
+                words: Vec::new(),
+            })
+            .collect();
+        let (mut lines, mut findings, mut before) = (Vec::new(), Vec::new(), None);
+        for record in file.records() {
+            let record = record.map_err(wrong)?;
+            let line = record.position().map_or(0, |position| position.line() as usize);
+            if before.as_ref() == Some(&record) {
+                findings.push(Finding { line: Some(line), what: "the row repeats the one before".into() });
+            }
+            for (column, (cell, (_, factor, _))) in columns.iter_mut().zip(record.iter().zip(&kinds)) {
+                column.numbers.push(cell.parse::<f64>().map_or(f64::NAN, |number| number * factor));
+                column.words.push(cell.into());
+            }
+            lines.push(line);
+            before = Some(record);
+        }
+        if lines.is_empty() {
+            return Err(ReadError::Empty { path: path.into() });
+        }
+        Ok((Self { path: path.into(), columns, lines }, findings))
+    }
+
+    /// The column with this name in the file.
+    pub fn column(&self, name: &str) -> Option<&Column> {
+        self.columns.iter().find(|column| column.name == name)
+    }
+
+    /// The column that holds this quantity.
+    pub fn quantity(&self, quantity: &str) -> Option<&Column> {
+        let small = quantity.to_lowercase();
+        self.columns.iter().find(|column| column.quantity == small)
+    }
+
+    /// The same, or what is missing.
+    pub fn required(&self, quantity: &str) -> Result<&Column, ReadError> {
+        self.quantity(quantity).ok_or_else(|| ReadError::NoColumn {
+            path: self.path.clone(),
+            column: format!("{quantity} (a column can be given that meaning with --map {quantity}=COLUMN)"),
+            present: self.columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", "),
+        })
+    }
+
+    /// The rows that `keep` tells, the others are left out.
+    pub fn retain(&mut self, keep: &[bool]) {
+        let kept = |k: &usize| keep.get(*k).copied().unwrap_or(false);
+        let rows: Vec<usize> = (0..self.lines.len()).filter(kept).collect();
+        for column in &mut self.columns {
+            column.numbers = rows.iter().map(|&row| column.numbers[row]).collect();
+            column.words = rows.iter().map(|&row| std::mem::take(&mut column.words[row])).collect();
+        }
+        self.lines = rows.iter().map(|&row| self.lines[row]).collect();
+    }
+}

@@ -1,0 +1,115 @@
+//! Limit switches: after the time of travel each must show its actuator's digit.
+
+use super::FaultKind;
+use super::coils::Bits;
+use crate::output::{MAX_ACTUATORS, MAX_SWITCHES, Wiring};
+use crate::units::{ActuatorId, Micros, Word};
+
+/// A switch must contradict in so many ticks in a row before that is a fault: contacts bounce.
+const BOUNCE_TICKS: u8 = 3;
+
+/// What the switches must show. A tick touches the actuators that travel and the switches that contradict.
+#[derive(Debug)]
+pub(super) struct Switches {
+    /// Actuators that have a switch, bit `a` for actuator `a`, and the bit of its input.
+    watched: u64,
+    input: [u32; MAX_ACTUATORS],
+    /// Actuators that may still travel.
+    travelling: u64,
+    since: [Micros; MAX_ACTUATORS],
+    /// Inputs whose actuators have arrived, bit `i` for input `i`.
+    arrived: u32,
+    /// Inputs that must be closed, of those.
+    closed: u32,
+    /// Inputs that contradicted in the last tick, and in how many ticks in a row.
+    contradicting: u32,
+    ticks: [u8; MAX_SWITCHES],
+}
+
+impl Default for Switches {
+    fn default() -> Self {
+        Self {
+            watched: 0,
+            input: [0; MAX_ACTUATORS],
+            travelling: 0,
+            since: [Micros(0); MAX_ACTUATORS],
+            arrived: 0,
+            closed: 0,
+            contradicting: 0,
+            ticks: [0; MAX_SWITCHES],
+        }
+    }
+}
+
+impl Switches {
+    /// Takes over another wiring, and expects nothing.
+    pub(super) fn load(&mut self, wiring: &Wiring) {
+        self.watched = 0;
+        for (index, (actuator, input)) in wiring.actuators.iter().zip(&mut self.input).enumerate() {
+            *input = actuator.switch.map_or(0, |switch| 1 << switch.input);
+            self.watched |= u64::from(actuator.switch.is_some()) << index;
+        }
+        self.rest();
+    }
+
+    /// Nothing is expected of any switch.
+    pub(super) fn rest(&mut self) {
+        self.travelling = 0;
+        self.arrived = 0;
+        self.contradicting = 0;
+    }
+
+    /// All actuators may travel from `now` on.
+    pub(super) fn begin(&mut self, now: Micros) {
+        self.rest();
+        self.travelling = self.watched;
+        self.since = [now; MAX_ACTUATORS];
+    }
+
+    /// These actuators, bit `a` for actuator `a`, travel from `now` on.
+    pub(super) fn travel(&mut self, now: Micros, actuators: u64) {
+        let actuators = actuators & self.watched;
+        self.travelling |= actuators;
+        for (index, _) in Bits(actuators) {
+            self.since[index] = now;
+            self.arrived &= !self.input[index];
+        }
+    }
+
+    /// Finds the switch that contradicts its actuator's digit after the time of travel. `seen`: bit `i` is input `i`.
+    pub(super) fn check(&mut self, now: Micros, seen: u32, word: &Word, wiring: &Wiring) -> Result<(), FaultKind> {
+        for (index, bit) in Bits(self.travelling) {
+            let Some(actuator) = wiring.actuators.get(index) else {
+                continue;
+            };
+            if now - self.since[index] < Micros::from_millis(u32::from(actuator.travel_ms)) {
+                continue;
+            }
+            self.travelling &= !bit;
+            if let Some(switch) = actuator.switch {
+                let input = 1 << switch.input;
+                self.arrived |= input;
+                self.closed &= !input;
+                self.closed |= u32::from(switch.closed(word.digit(index))) << switch.input;
+            }
+        }
+        let before = self.contradicting;
+        self.contradicting = (seen ^ self.closed) & self.arrived;
+        for (input, _) in Bits(u64::from(self.contradicting)) {
+            let ticks = if before >> input & 1 == 1 { self.ticks[input] + 1 } else { 1 };
+            self.ticks[input] = ticks;
+            if ticks >= BOUNCE_TICKS {
+                return self.fault(input, seen, wiring);
+            }
+        }
+        Ok(())
+    }
+
+    fn fault(&self, input: usize, seen: u32, wiring: &Wiring) -> Result<(), FaultKind> {
+        let at = |switch: crate::output::LimitSwitch| usize::from(switch.input) == input;
+        let actuator = wiring.actuators.iter().position(|actuator| actuator.switch.is_some_and(at));
+        let [expected_closed, seen_closed] = [self.closed, seen].map(|closed| closed >> input & 1 == 1);
+        let actuator = ActuatorId(actuator.unwrap_or_default() as u8);
+        Err(FaultKind::Switch { actuator, expected_closed, seen_closed })
+    }
+}

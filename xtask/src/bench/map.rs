@@ -1,0 +1,108 @@
+//! The density of frames beside enumeration and beside random words.
+
+use std::collections::HashMap;
+
+use anyhow::{Context, Result};
+use darm::arm::{Arm, ArmScratch};
+use darm::reach::map::{Map, Resolution};
+use darm_core::real::Vec3;
+use darm_core::se::Pose;
+use darm_core::units::Word;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+use super::reach::{Tables, best_of, spatial};
+use crate::figures::Figure;
+use crate::setup;
+
+/// Random words beside the map of 64⁶.
+const SAMPLES: usize = 10_000_000;
+/// Edge of the cubes that densities are compared on, m: 2¹⁵ words leave few to a smaller one.
+const COARSE_M: f64 = 0.5;
+/// The same for 64⁶ words.
+const COARSE_SPATIAL_M: f64 = 0.1;
+
+/// Counts, times and distances.
+pub(super) fn measure(seed: u64) -> Result<Vec<Figure>> {
+    let mut figures = planar()?;
+    figures.extend(spatial_map(&mut ChaCha8Rng::seed_from_u64(seed))?);
+    Ok(figures)
+}
+
+/// Shares of all words by cubes.
+#[derive(Default)]
+struct Shares(HashMap<[i32; 3], f64>);
+
+impl Shares {
+    fn add(&mut self, position: &Vec3<f64>, edge_m: f64, share: f64) {
+        let cube = position.map(|x| (x / edge_m).floor() as i32);
+        *self.0.entry(cube.into()).or_default() += share;
+    }
+
+    /// The L1 distance of two densities: 0 of equal ones, 2 of those that share nothing.
+    fn distance(&self, other: &Self) -> f64 {
+        let of = |shares: &Self, cube: &[i32; 3]| shares.0.get(cube).copied().unwrap_or(0.0);
+        let both: f64 = self.0.iter().map(|(cube, share)| (share - of(other, cube)).abs()).sum();
+        both + other.0.iter().filter(|(cube, _)| !self.0.contains_key(*cube)).map(|(_, share)| share).sum::<f64>()
+    }
+}
+
+fn of_map(map: &Map, edge_m: f64) -> Shares {
+    let (mut shares, words) = (Shares::default(), map.words());
+    for (place, spot) in map.spots() {
+        let position = Vec3::from(place).map(|number| f64::from(number) * map.resolution.cell_m);
+        shares.add(&position, edge_m, spot.words / words);
+    }
+    shares
+}
+
+/// Five planar modules: 2¹⁵ words, enumerated.
+fn planar() -> Result<Vec<Figure>> {
+    let mut arm = Arm::read(&setup::root().join("examples/planar4.toml"))?;
+    let module = arm.model.chain.stages[0];
+    arm.model.chain.stages.push(module).ok().context("the arm has too many stages")?;
+    let (mut exact, mut scratch) = (Shares::default(), ArmScratch::default());
+    let words = 1u32 << arm.n_actuators();
+    for bits in 0..words {
+        let digits: Vec<u8> = (0..arm.n_actuators()).map(|k| (bits >> k & 1) as u8).collect();
+        let pose = arm.model.chain.pose_base_tool(&Word::new(&digits)?, &[], &mut scratch)?;
+        exact.add(&pose.position, COARSE_M, 1.0 / f64::from(words));
+    }
+    let mut figures = Vec::new();
+    for cell_mm in [80.0, 40.0, 20.0] {
+        let resolution = Resolution { cell_m: 1e-3 * cell_mm, cell_rad: 2e-3 * cell_mm };
+        let map = Map::with_exact(&arm, &[], resolution, 1, |_| ())?;
+        let name = format!("map, 2^15 planar words, cells of {cell_mm} mm");
+        figures.push(Figure::new(&format!("{name}: words lost or made"), (map.words() - f64::from(words)).abs(), "")?);
+        figures.push(Figure::new(&format!("{name}: L1 distance"), of_map(&map, COARSE_M).distance(&exact), "")?);
+    }
+    Ok(figures)
+}
+
+/// 64⁶ words at 20 mm and 10°, beside random words.
+fn spatial_map(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
+    let arm = spatial(random)?;
+    let resolution = Resolution { cell_m: 0.02, cell_rad: 10f64.to_radians() };
+    let (map, took_ms) = best_of(1, || Map::new(&arm, &[], resolution, |_| ()));
+    let map = map?;
+    let tables = Tables::new(&arm);
+    let modules = tables.modules();
+    let mut sampled = Shares::default();
+    for _ in 0..SAMPLES {
+        let frame =
+            |module: &darm_core::nearest::Module<f64>| module.frames[random.random_range(0..module.frames.len())].pose;
+        let pose = modules.iter().map(frame).fold(Pose::identity(), |pose, next| pose * next);
+        sampled.add(&pose.position, COARSE_SPATIAL_M, 1.0 / SAMPLES as f64);
+    }
+    let density = of_map(&map, COARSE_SPATIAL_M);
+    // The mean absolute deviation of a share p counted n times is √(2p(1 − p)/(πn)).
+    let by_chance = |share: &f64| (2.0 * share * (1.0 - share) / (std::f64::consts::PI * SAMPLES as f64)).sqrt();
+    let lost = (map.words() / 64f64.powi(6) - 1.0).abs();
+    Ok(vec![
+        Figure::new("map of 64^6: time", took_ms * 1e-3, "s")?,
+        Figure::new("map of 64^6: words lost or made, relative", lost, "")?,
+        Figure::new("map of 64^6: positions reached", map.spots().len() as f64, "")?,
+        Figure::new("map of 64^6: L1 distance to random words", density.distance(&sampled), "")?,
+        Figure::new("map of 64^6: L1 distance by chance alone", density.0.values().map(by_chance).sum(), "")?,
+    ])
+}
