@@ -107,9 +107,7 @@ impl Diagnose {
 
     fn channels(&self, model: &Model, voice: Voice) -> anyhow::Result<()> {
         if self.output.is_some() {
-            return Err(
-                Usage("effects of channels cannot be written into a model yet; --json tells them".into()).into()
-            );
+            return Err(Usage("effects of channels cannot be written into a model yet; --json tells them".into()).into());
         }
         let (names, options) = (self.rows.names()?, self.rows.options(self.seed)?);
         let wheel = voice.wheel("diagnosing");

@@ -4,17 +4,17 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::candidate::{place_code, place_name};
 use super::fit::{covariance, size};
-use super::kind::{Kind, Trial};
 use super::noise::{Noise, Repeatability};
 use super::observation::{NoPose, Observations, Value, axes};
 use super::outcome::{
     Alternative, AxisFigure, BeforeAfter, Diagnosis, ErrorFigure, Errors, Found, Outlier, Parameter, Point, Rows,
     Verdict, axis_name,
 };
+use super::kind::{Kind, Trial};
 use super::search::Search;
+use super::tool_pose::{ToolPose, root_mean_square, values};
 use super::significance::quantile_975;
 use super::structure::Structure;
-use super::tool_pose::{ToolPose, root_mean_square, values};
 use super::{Options, next};
 use crate::arm::{Arm, ArmModel};
 use crate::measurement::{Run, median};

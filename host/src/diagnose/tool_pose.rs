@@ -39,7 +39,12 @@ impl ToolPose {
     }
 
     /// A candidate by its linear fit; `None` where it changes nothing in these rows.
-    fn candidate(&self, current: &Trial<Self>, effect: &Effect<f64>, sensitivity: &Sensitivity) -> Option<Trial<Self>> {
+    fn candidate(
+        &self,
+        current: &Trial<Self>,
+        effect: &Effect<f64>,
+        sensitivity: &Sensitivity,
+    ) -> Option<Trial<Self>> {
         let mut model = current.fit.model.clone();
         let new = model.effects.len();
         model.effects.push(*effect).ok()?;

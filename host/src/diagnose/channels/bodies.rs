@@ -131,13 +131,7 @@ pub fn of_joint(robot: &Robot, joint: usize, at: &Moving, load: &Load) -> [f64; 
 ///
 /// Half its mass; its first moment by half its radius of gyration; its inertia by as much as it has. What has nearly no mass
 /// of its own may have a hundredth of the whole robot's.
-pub fn candidate(
-    index: usize,
-    link: &str,
-    ten: &[f64; 10],
-    whole_kg: f64,
-    columns: [Vec<f64>; 10],
-) -> (Candidate, Mass) {
+pub fn candidate(index: usize, link: &str, ten: &[f64; 10], whole_kg: f64, columns: [Vec<f64>; 10]) -> (Candidate, Mass) {
     let mass = ten[0].max(0.01 * whole_kg);
     let inertia = ten[4].max(ten[6]).max(ten[9]).max(mass * 0.0025);
     let radius_m = (inertia / mass).sqrt();

@@ -90,8 +90,7 @@ pub(super) fn experiment(data: &Prepared, robot: &Robot, points: &Points) -> Res
     if points.pair.is_some() {
         axes.push(Axis { name: "distance of points".into(), unit: "m" });
     }
-    let channels =
-        q.into_iter().enumerate().map(|(k, channel)| (format!("position of joint {}", k + 1), channel)).collect();
+    let channels = q.into_iter().enumerate().map(|(k, channel)| (format!("position of joint {}", k + 1), channel)).collect();
     let relinearise: Relinearise = Box::new(move |values| closure.at(values));
     Ok(Experiment {
         kind: "closure",

@@ -45,15 +45,7 @@ impl Groups {
         if keys.len() == training.len() && different.len() >= 3 {
             let folds = keys.iter().map(|key| different.binary_search(key).unwrap_or_default()).collect();
             let n_folds = different.len();
-            return Self {
-                training,
-                folds,
-                n_folds,
-                blocks,
-                n_blocks,
-                left_out: "values of the held-out column",
-                follows,
-            };
+            return Self { training, folds, n_folds, blocks, n_blocks, left_out: "values of the held-out column", follows };
         }
         let folds = blocks.iter().map(|block| block % FOLDS).collect();
         Self { training, folds, n_folds: FOLDS, blocks, n_blocks, left_out: "pieces of time", follows }
@@ -62,8 +54,7 @@ impl Groups {
     /// How many rows repeat each other: the integral of the autocorrelation of these residuals.
     pub fn repeats(&self, residuals: &[f64], n_axes: usize) -> f64 {
         let n = self.training.len();
-        let variance =
-            residuals.iter().map(|r| r * r).sum::<f64>().max(f64::MIN_POSITIVE) / residuals.len().max(1) as f64;
+        let variance = residuals.iter().map(|r| r * r).sum::<f64>().max(f64::MIN_POSITIVE) / residuals.len().max(1) as f64;
         let mut unbroken: Vec<usize> = vec![0; n];
         for k in 1..n {
             unbroken[k] = if self.follows[k] { unbroken[k - 1] + 1 } else { 0 };

@@ -112,8 +112,7 @@ impl Coordinate<'_> {
         let per = |unit: &str| format!("{force}/{unit}");
         let creep = |share: f64| -> Vec<f64> { self.velocity.iter().map(|v| (v / (share * usual)).tanh()).collect() };
         let unit_of_speed = if length == "m" { "m/s" } else { "rad/s" };
-        let mut laws =
-            vec![Law::new("viscous-friction", "coefficient", format!("{force}/({speed})"), self.velocity.to_vec())];
+        let mut laws = vec![Law::new("viscous-friction", "coefficient", format!("{force}/({speed})"), self.velocity.to_vec())];
         let mut shaped = |name, shape, value, unit: String, column| {
             laws.push(Law { shape: Some(shape), ..Law::new(name, value, unit, column) });
         };

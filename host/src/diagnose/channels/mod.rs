@@ -66,9 +66,7 @@ pub enum ChannelError {
     #[error(transparent)]
     Read(#[from] ReadError),
     /// Too few rows.
-    #[error(
-        "{rows} rows in {pieces} pieces are not enough to tell an effect from chance: measure at least {FEWEST_PIECES} pieces that are not held out"
-    )]
+    #[error("{rows} rows in {pieces} pieces are not enough to tell an effect from chance: measure at least {FEWEST_PIECES} pieces that are not held out")]
     TooFew {
         /// Rows that a fit may see.
         rows: usize,

@@ -111,9 +111,7 @@ impl Model {
         let raw: Raw = toml::from_str(&text).map_err(|error| ModelError::Toml(name.clone(), error))?;
         let wrong = |what: &str| ModelError::Value(name.clone(), what.into());
         Ok(Some(match raw {
-            Raw::Cylinder { bore_mm } if bore_mm > 0.0 && bore_mm.is_finite() => {
-                Self::Cylinder { bore_m: bore_mm * 1e-3 }
-            }
+            Raw::Cylinder { bore_mm } if bore_mm > 0.0 && bore_mm.is_finite() => Self::Cylinder { bore_m: bore_mm * 1e-3 },
             Raw::Cylinder { .. } => return Err(wrong("bore_mm must be more than 0")),
             Raw::Servo {} => Self::Servo,
             Raw::Robot { urdf, observed, transmission, offset_deg, point, pair, distance_mm, tool } => {

@@ -63,19 +63,23 @@ fn of_load(load: &[f64], data: &Prepared, unit: &'static str, place: &str) -> Ve
     let mut candidates = vec![Candidate::one("joint-compliance", place, ("compliance", &per_load), load.to_vec())];
     for share in [0.01, 0.05] {
         let column = sign(share);
-        candidates.push(Candidate::one("backlash-by-load", place, ("half width", unit), column).shaped(
-            "load that seats",
-            share * width,
-            "load",
-        ));
+        candidates.push(
+            Candidate::one("backlash-by-load", place, ("half width", unit), column).shaped(
+                "load that seats",
+                share * width,
+                "load",
+            ),
+        );
     }
     for share in WIDTHS {
         let column = play(load, &data.series, share * width);
-        candidates.push(Candidate::one("hysteresis", place, ("compliance", &per_load), column).shaped(
-            "half width",
-            share * width,
-            "load",
-        ));
+        candidates.push(
+            Candidate::one("hysteresis", place, ("compliance", &per_load), column).shaped(
+                "half width",
+                share * width,
+                "load",
+            ),
+        );
     }
     candidates
 }

@@ -114,12 +114,7 @@ impl Prepared {
         let filter = match how.lowpass_hz {
             Some(corner) => {
                 let hz = rate_hz(&time_s, &series);
-                let none = || {
-                    PrepareError::Nothing(format!(
-                        "a low-pass at {corner} Hz needs more than {} rows a second, there are {hz:.1}",
-                        2.0 * corner
-                    ))
-                };
+                let none = || PrepareError::Nothing(format!("a low-pass at {corner} Hz needs more than {} rows a second, there are {hz:.1}", 2.0 * corner));
                 Some((LowPass::new(corner, hz).ok_or_else(none)?, (hz / corner).ceil() as usize * 2))
             }
             None => None,
@@ -237,8 +232,7 @@ fn leave_out_gaps(table: &mut Table, findings: &mut Vec<Finding>) {
             continue;
         }
         for (row, number) in column.numbers.iter().enumerate().filter(|(_, number)| !number.is_finite()) {
-            let what =
-                format!("{} holds `{}`, no number ({number}): the row is left out", column.name, column.words[row]);
+            let what = format!("{} holds `{}`, no number ({number}): the row is left out", column.name, column.words[row]);
             findings.push(Finding { line: Some(table.lines[row]), what });
             keep[row] = false;
         }
@@ -266,9 +260,7 @@ fn held_out(table: &Table, how: &HoldOut, each: Option<&str>) -> Result<Held, Pr
         Ok(column.numbers.iter().map(|flag| *flag != 0.0).collect())
     };
     match how {
-        HoldOut::Own if table.quantity("held_out").is_some() => {
-            Ok((flags("held_out")?, "the column held_out".into(), None))
-        }
+        HoldOut::Own if table.quantity("held_out").is_some() => Ok((flags("held_out")?, "the column held_out".into(), None)),
         HoldOut::Own => {
             let block = |row: usize| (row * BLOCKS / n.max(1)) % 4 == 3;
             Ok(((0..n).map(block).collect(), "every fourth of 16 blocks of rows".into(), None))
@@ -285,8 +277,7 @@ fn held_out(table: &Table, how: &HoldOut, each: Option<&str>) -> Result<Held, Pr
         HoldOut::Each(name) => {
             values_of(table, name)?;
             let column = table.column(name).map(|column| &column.words);
-            let held =
-                column.map_or(Vec::new(), |words| words.iter().map(|word| Some(word.as_str()) == each).collect());
+            let held = column.map_or(Vec::new(), |words| words.iter().map(|word| Some(word.as_str()) == each).collect());
             Ok((held, format!("each {name} in turn"), keys(table, name)))
         }
     }

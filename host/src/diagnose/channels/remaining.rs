@@ -36,9 +36,7 @@ pub(super) fn terms(kind: &Channels, best: &Trial<Channels>) -> Vec<Term> {
     let start = search.kind.start(Vec::new());
     let Ok((found, _)) = search.run(start);
     let kept = search.ladder.iter().filter(|rung| rung.kept);
-    let share = |rung: &crate::diagnose::outcome::Rung| {
-        1.0 - (rung.cross_validated / rung.without.max(f64::MIN_POSITIVE)).powi(2)
-    };
+    let share = |rung: &crate::diagnose::outcome::Rung| 1.0 - (rung.cross_validated / rung.without.max(f64::MIN_POSITIVE)).powi(2);
     let still = |place: &str| found.fit.active.iter().any(|k| search.kind.experiment.candidates[*k].place == place);
     let term = |rung: &crate::diagnose::outcome::Rung| {
         let (axis, term) = rung.place.split_once(": ").unwrap_or(("", &rung.place));

@@ -134,8 +134,7 @@ mod tests {
     #[test]
     fn a_slow_wave_passes_without_delay_and_a_fast_one_does_not() {
         let filter = LowPass::new(10.0, 1000.0).unwrap();
-        let wave =
-            |hz: f64| (0..2000).map(|k| (std::f64::consts::TAU * hz * f64::from(k) / 1000.0).sin()).collect::<Vec<_>>();
+        let wave = |hz: f64| (0..2000).map(|k| (std::f64::consts::TAU * hz * f64::from(k) / 1000.0).sin()).collect::<Vec<_>>();
         let (slow, series) = (wave(1.0), vec![0; 2000]);
         let mut mixed: Vec<f64> = slow.iter().zip(wave(100.0)).map(|(a, b)| a + b).collect();
         filter.apply(&mut mixed, &series, 300);

@@ -144,19 +144,14 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
     let (mut found, mut unobservable, mut next) = (Vec::new(), Vec::new(), 0);
     for (order, &candidate) in best.fit.active.iter().enumerate() {
         let law = &kind.experiment.candidates[candidate];
-        let shape =
-            law.shape.map(|(name, value, unit)| Parameter { name: name.into(), value, unit: unit.into(), ci95: None });
+        let shape = law.shape.map(|(name, value, unit)| Parameter { name: name.into(), value, unit: unit.into(), ci95: None });
         let mut parameters: Vec<Parameter> = shape.into_iter().collect();
         let n_shape = parameters.len();
         for value in &law.values {
             let (index, deviation) = (indices[next], deviations[next]);
             let own = 1.0 / (information[(next, next)] * inverse[(next, next)]).max(f64::MIN_POSITIVE);
             next += 1;
-            let told = if value.prior.is_finite() {
-                inverse[(next - 1, next - 1)].sqrt() < NOT_TOLD * value.prior
-            } else {
-                own > OWN_SHARE
-            };
+            let told = if value.prior.is_finite() { inverse[(next - 1, next - 1)].sqrt() < NOT_TOLD * value.prior } else { own > OWN_SHARE };
             if !told {
                 unobservable.push(format!("{} of {} at {}", value.name, law.law, law.place));
                 continue;
@@ -276,12 +271,7 @@ fn plain(diagnosis: &Diagnosis) -> Vec<String> {
         told.push(format!("In place of the last it may be {} at {}.", other.law, other.place));
     }
     for term in &diagnosis.remaining {
-        told.push(format!(
-            "What remains of {} depends on {} ({:.0} % of it).",
-            term.axis,
-            term.term,
-            100.0 * term.share
-        ));
+        told.push(format!("What remains of {} depends on {} ({:.0} % of it).", term.axis, term.term, 100.0 * term.share));
     }
     if !diagnosis.outliers.is_empty() {
         let lines: Vec<String> = diagnosis.outliers.iter().take(8).map(|outlier| outlier.line.to_string()).collect();

@@ -174,17 +174,7 @@ fn couplings(data: &Prepared, motion: &Motion, n: usize, transmission: Option<&T
         None => (1..n)
             .flat_map(|k| {
                 [(1.0, "with"), (-1.0, "against")].map(|(sign, word)| {
-                    let mix = (0..n)
-                        .map(|j| {
-                            if j == k - 1 {
-                                1.0
-                            } else if j == k {
-                                sign
-                            } else {
-                                0.0
-                            }
-                        })
-                        .collect();
+                    let mix = (0..n).map(|j| if j == k - 1 { 1.0 } else if j == k { sign } else { 0.0 }).collect();
                     (format!("joint {} {word} joint {k}", k + 1), mix)
                 })
             })
@@ -192,18 +182,10 @@ fn couplings(data: &Prepared, motion: &Motion, n: usize, transmission: Option<&T
     };
     for (place, mix) in mixes {
         let sum = |of: &[Vec<f64>]| -> Vec<f64> {
-            (0..data.rows.len())
-                .map(|row| mix.iter().zip(of).map(|(share, channel)| share * channel[row]).sum())
-                .collect()
+            (0..data.rows.len()).map(|row| mix.iter().zip(of).map(|(share, channel)| share * channel[row]).sum()).collect()
         };
         let (q, v, a) = (sum(&motion.q), sum(&motion.v), sum(&motion.a));
-        let coordinate = Coordinate {
-            position: &q,
-            velocity: &v,
-            time_s: &data.time_s,
-            series: &data.series,
-            units: ("rad", "N·m"),
-        };
+        let coordinate = Coordinate { position: &q, velocity: &v, time_s: &data.time_s, series: &data.series, units: ("rad", "N·m") };
         let mut laws = coordinate.friction(&[]);
         laws.retain(|law| ["coulomb-friction", "viscous-friction"].contains(&law.name));
         laws.push(Law::new("rotor-inertia", "inertia", "kg·m²".into(), a));

@@ -116,9 +116,7 @@ fn base(data: &Prepared, gravity: &Vec3<f64>) -> Result<Vec<Moving>, PrepareErro
     let place = [data.motion("px", true)?, data.motion("py", true)?, data.motion("pz", true)?];
     let mut turn = Vec::new();
     for name in ["qx", "qy", "qz", "qw"] {
-        let none = || {
-            PrepareError::Nothing(format!("no column {name}: the base's orientation is a quaternion qx, qy, qz, qw"))
-        };
+        let none = || PrepareError::Nothing(format!("no column {name}: the base's orientation is a quaternion qx, qy, qz, qw"));
         turn.push(data.raw(name).ok_or_else(none)?.to_vec());
     }
     one_sign(&mut turn);
