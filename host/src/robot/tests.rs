@@ -1,3 +1,5 @@
+//! The commands of a robot against reference values and laws: pose, torques, base parameters, inverse kinematics.
+
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 

@@ -1,3 +1,5 @@
+//! Robots of public URDF files against the values that Pinocchio computed from them, and files that are wrong.
+
 use std::io::Read as _;
 use std::path::PathBuf;
 
