@@ -17,6 +17,23 @@ pub(crate) fn build_bench() -> Result<PathBuf> {
     build_binary("bench", "bench")
 }
 
+/// Builds the image that does kinematics alone and fails when anything in it can panic: no code of that may be linked.
+pub(crate) fn check_that_kinematics_cannot_panic() -> Result<()> {
+    use object::{Object as _, ObjectSymbol as _};
+    let elf = build_binary("probe", "chip")?;
+    let bytes = std::fs::read(&elf).with_context(|| format!("{} cannot be read", elf.display()))?;
+    let file = object::File::parse(&*bytes).with_context(|| format!("{} is no ELF", elf.display()))?;
+    let names: Vec<&str> = file.symbols().filter_map(|symbol| symbol.name().ok()).collect();
+    if !names.iter().any(|name| name.contains("probe")) {
+        bail!("{} has no symbols: nothing can be looked for in it", elf.display());
+    }
+    let panics: Vec<&str> = names.into_iter().filter(|name| name.contains("panic")).collect();
+    if !panics.is_empty() {
+        bail!("kinematics can panic on the chip: {}", panics.join(", "));
+    }
+    Ok(())
+}
+
 /// Builds one of the firmware's binaries for the chip and returns its path.
 fn build_binary(name: &str, feature: &str) -> Result<PathBuf> {
     setup::rust()?;

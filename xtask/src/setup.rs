@@ -15,6 +15,8 @@ use crate::step;
 
 /// The chip's target.
 pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
+/// The smallest core that `darm-core` is built for.
+pub(crate) const SMALL_TARGET: &str = "thumbv6m-none-eabi";
 
 /// The root of the workspace.
 pub(crate) fn root() -> PathBuf {
@@ -30,18 +32,21 @@ fn toolchain() -> Result<String> {
     Ok(channel.with_context(|| format!("{} names no channel", path.display()))?.to_owned())
 }
 
-/// Adds the chip's target, and the parts that the tests call, to the pinned toolchain.
+/// Adds the chip's target, and the smallest that the tests build for, to the pinned toolchain.
 pub(crate) fn rust() -> Result<()> {
     let toolchain = toolchain()?;
     let installed = Command::new("rustup").args(["target", "list", "--installed", "--toolchain", &toolchain]).output();
-    if installed.is_ok_and(|output| String::from_utf8_lossy(&output.stdout).lines().any(|line| line == TARGET)) {
+    let has = |output: &std::process::Output, target: &str| {
+        String::from_utf8_lossy(&output.stdout).lines().any(|line| line == target)
+    };
+    if installed.is_ok_and(|output| has(&output, TARGET) && has(&output, SMALL_TARGET)) {
         return Ok(());
     }
     step::run(
-        &format!("adding the target {TARGET} to Rust {toolchain} (a few seconds)"),
-        Command::new("rustup").args(["target", "add", "--toolchain", &toolchain, TARGET]),
+        &format!("adding the targets {TARGET} and {SMALL_TARGET} to Rust {toolchain} (a few seconds)"),
+        Command::new("rustup").args(["target", "add", "--toolchain", &toolchain, TARGET, SMALL_TARGET]),
         Duration::from_secs(300),
-        &format!("run `rustup target add --toolchain {toolchain} {TARGET}` where there is a network"),
+        &format!("run `rustup target add --toolchain {toolchain} {TARGET} {SMALL_TARGET}` where there is a network"),
     )
 }
 

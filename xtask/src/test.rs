@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 
 use crate::image;
-use crate::setup::{self, Emulator, TARGET};
+use crate::setup::{self, Emulator, SMALL_TARGET, TARGET};
 
 /// Runs every check in turn and stops at the first that fails.
 pub(crate) fn run() -> Result<()> {
@@ -19,7 +19,11 @@ pub(crate) fn run() -> Result<()> {
     cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
     let chip = ["--package", "darm-firmware", "--features", "chip", "--target", TARGET];
     cargo(&[&["clippy"], &chip[..], &["--", "-D", "warnings"]].concat())?;
+    for target in [TARGET, SMALL_TARGET] {
+        cargo(&["build", "--package", "darm-core", "--target", target])?;
+    }
     image::build()?;
+    image::check_that_kinematics_cannot_panic()?;
     cargo(&["test", "--workspace"])?;
     cargo(&["doc", "--workspace", "--no-deps"])?;
     eprintln!("all tests passed in {:.0} s", start.elapsed().as_secs_f64());

@@ -13,7 +13,7 @@ use crate::voice::{Answer, Voice, columns};
 const EXAMPLES: &str = "\
 Examples:
   darm path arm.toml 000,000,000,000 111,000,111,000 --tube 200
-  darm path arm.toml 000,000,000,000 111,000,111,000 --at-once 2 --tube 150
+  darm path arm.toml 000,000,000,000 111,000,111,000 --at-once 2 --tube 400
   darm --json path arm.toml 000,000,000,000 111,000,111,000 --tube 200
 
 The tube is about the straight line between the two positions of the tool; only rests are asked, for

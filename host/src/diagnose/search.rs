@@ -23,6 +23,9 @@ pub struct Search<K: Kind> {
     pub ladder: Vec<Rung>,
 }
 
+/// The model that is taken, and for the effect added last what else was fitted in full.
+pub type Found<K> = (Trial<K>, Vec<Trial<K>>);
+
 impl<K: Kind> Search<K> {
     /// A search that has tried nothing.
     pub fn new(kind: K) -> Self {
@@ -30,7 +33,7 @@ impl<K: Kind> Search<K> {
     }
 
     /// The model with all effects that prove themselves, and for the last one what else was fitted in full.
-    pub fn run(&mut self, start: Trial<K>) -> Result<(Trial<K>, Vec<Trial<K>>), K::Error> {
+    pub fn run(&mut self, start: Trial<K>) -> Result<Found<K>, K::Error> {
         let n_known = self.kind.n_effects(&start.fit);
         let mut best = self.kind.settled(start)?;
         let (mut rivals, mut exchanges) = (Vec::new(), 0);

@@ -141,7 +141,7 @@ impl Tree {
     }
 
     fn product(&self, index: usize) -> u32 {
-        ((index / self.rights.len()) << self.right_bits | index % self.rights.len()) as u32
+        (((index / self.rights.len()) << self.right_bits) | (index % self.rights.len())) as u32
     }
 
     /// The rotation that the others lie around: the sum of a sample of quaternions, each with the sign of the first.

@@ -135,6 +135,8 @@ pub struct Synthesis {
     pub status: Status,
     /// Whether the stops keep all bounds, as they do but for the paper's and the plain scheme.
     pub kept: bool,
+    /// Actuators, by their names, whose bounds hold the nearest geometry back; empty where all frames are met.
+    pub held: Vec<String>,
     /// Whether the frames are few enough to be met.
     pub case: Case,
     /// What became of each desired frame.
@@ -166,6 +168,9 @@ pub const REACHED_RAD: f64 = 1e-9;
 
 /// A bound missed by more than this, m or rad, is broken.
 const BROKEN: f64 = 1e-9;
+
+/// A bound that is as near as this, m or rad, holds.
+const AT_A_BOUND: f64 = 1e-6;
 
 /// One desired frame after the synthesis.
 #[derive(Clone, Debug)]
@@ -309,9 +314,11 @@ fn answer(
             reached(frame, &before[index], poses[index])
         })
         .collect();
+    let met = frames.iter().all(Reached::is_met);
     Ok(Synthesis {
         arm: problem.arm(&found.unknowns),
-        status: if frames.iter().all(Reached::is_met) { Status::Reached } else { Status::Closest },
+        status: if met { Status::Reached } else { Status::Closest },
+        held: if met { Vec::new() } else { problem.held(&found.unknowns, AT_A_BOUND) },
         kept: problem.bounds.iter().all(|bound| bound.slack(&found.unknowns) > -BROKEN),
         case,
         frames,

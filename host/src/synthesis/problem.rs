@@ -103,6 +103,20 @@ impl<'a> Problem<'a> {
         stops(arm).iter().map(|stop| arm.model.chain.get(*stop).unwrap_or(0.0)).collect()
     }
 
+    /// The actuators, by their names, with a stop as near to a bound as `near`.
+    pub(super) fn held(&self, unknowns: &DVector<f64>, near: f64) -> Vec<String> {
+        let at_bound = self.bounds.iter().filter(|bound| bound.slack(unknowns) < near);
+        let mut actuators: Vec<u8> = at_bound
+            .filter_map(|bound| match self.stops.get(bound.terms.first()?.0)? {
+                Parameter::Stop { actuator, .. } => Some(*actuator),
+                _ => None,
+            })
+            .collect();
+        actuators.sort_unstable();
+        actuators.dedup();
+        actuators.into_iter().map(|actuator| self.base_line.actuator_name(actuator.into())).collect()
+    }
+
     /// The unknowns of another arm of this kind, its servos as the frames have them.
     pub(super) fn unknowns_of(&self, arm: &Arm) -> DVector<f64> {
         let mut unknowns = self.start();

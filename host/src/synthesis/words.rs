@@ -12,9 +12,10 @@
 //! | J | derivatives of these words' end frames with respect to the stops |
 //! | μ | [`SOFT`] of |J|: directions weaker than this count as missing, so ill-conditioned sets of words cost much |
 //!
-//! One frame's word is exchanged at a time, as long as the cost falls, from several first assignments; the cheapest are
-//! then solved exactly, within the bounds, until one succeeds.
+//! One frame's word is exchanged at a time, as long as the cost falls; what is then cheapest is solved exactly, within the
+//! bounds. Where that fails, another first assignment leads to another choice.
 
+use darm_core::se::Pose;
 use darm_core::units::Word;
 use nalgebra::{DMatrix, DVector};
 use rand::seq::IndexedRandom;
@@ -52,19 +53,19 @@ pub fn choose_words(
 ) -> Result<Synthesis, SynthesisError> {
     let words = words(base_line, options.seed, allowed);
     let candidates = candidates(base_line, desired, &words, options)?;
-    let mut assignments: Vec<(f64, Vec<usize>)> =
-        (0..ASSIGNMENTS).filter_map(|seed| assign(&candidates, options.seed.wrapping_add(seed))).collect();
-    assignments.sort_by(|a, b| a.0.total_cmp(&b.0));
-    assignments.dedup_by(|a, b| a.1 == b.1);
+    let few_starts = Options { starts: 2, ..options.clone() };
+    let mut tried: Vec<Vec<usize>> = Vec::new();
     let mut best: Option<Synthesis> = None;
-    let one_start = Options { starts: 2, ..options.clone() };
-    for (_, choice) in &assignments {
-        let frames: Vec<DesiredFrame> = desired
-            .iter()
-            .zip(choice.iter().zip(&candidates))
-            .map(|(frame, (&chosen, candidates))| DesiredFrame { word: candidates[chosen].word, ..frame.clone() })
-            .collect();
-        let Ok(found) = synthesize(base_line, &frames, &one_start) else { continue };
+    for seed in 0..ASSIGNMENTS {
+        let Some(choice) = assign(&candidates, options.seed.wrapping_add(seed)) else { break };
+        if tried.contains(&choice) {
+            continue;
+        }
+        let chosen = choice.iter().zip(&candidates).map(|(&chosen, of_frame)| of_frame[chosen].word);
+        let frames: Vec<DesiredFrame> =
+            desired.iter().zip(chosen).map(|(frame, word)| DesiredFrame { word, ..frame.clone() }).collect();
+        tried.push(choice);
+        let Ok(found) = synthesize(base_line, &frames, &few_starts) else { continue };
         if best.as_ref().is_none_or(|best| found.is_nearer(best)) {
             best = Some(found);
         }
@@ -114,15 +115,18 @@ fn candidates(
     options: &Options,
 ) -> Result<Vec<Vec<Candidate>>, SynthesisError> {
     let mut scratch = ArmScratch::default();
-    let mut of_frame = |frame: &DesiredFrame| {
-        let mut near: Vec<(f64, Word)> = words
-            .iter()
-            .filter_map(|&word| {
-                let condition = arm.model.working(word, frame.previous, &frame.servos_rad);
-                let pose = arm.model.predict(&condition, &mut scratch).ok()?;
-                Some((pose.distance(&frame.pose_base_tool, arm.length_scale_m), word))
-            })
-            .collect();
+    let poses: Vec<(Word, Pose<f64>)> = words
+        .iter()
+        .filter_map(|&word| {
+            // Near enough to choose by: the word before and the servos of the first frame.
+            let first = desired.first()?;
+            let condition = arm.model.working(word, first.previous, &first.servos_rad);
+            Some((word, arm.model.predict(&condition, &mut scratch).ok()?))
+        })
+        .collect();
+    let of_frame = |frame: &DesiredFrame| {
+        let apart = |pose: &Pose<f64>| pose.distance(&frame.pose_base_tool, arm.length_scale_m);
+        let mut near: Vec<(f64, Word)> = poses.iter().map(|(word, pose)| (apart(pose), *word)).collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
         near.truncate(CANDIDATES.max(desired.len()));
         let candidate = |(_, word): (f64, Word)| {
@@ -134,11 +138,11 @@ fn candidates(
         };
         near.into_iter().map(candidate).collect()
     };
-    desired.iter().map(&mut of_frame).collect()
+    desired.iter().map(of_frame).collect()
 }
 
-/// One assignment that no exchange of a single word makes cheaper, and its cost.
-fn assign(candidates: &[Vec<Candidate>], seed: u64) -> Option<(f64, Vec<usize>)> {
+/// One assignment that no exchange of a single word makes cheaper.
+fn assign(candidates: &[Vec<Candidate>], seed: u64) -> Option<Vec<usize>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut choice = Vec::new();
     for of_frame in candidates {
@@ -165,7 +169,7 @@ fn assign(candidates: &[Vec<Candidate>], seed: u64) -> Option<(f64, Vec<usize>)>
             }
         }
         if least > 0.99 * before {
-            return Some((least, choice));
+            return Some(choice);
         }
     }
 }

@@ -221,28 +221,21 @@ pub(super) fn mass_of_joints<T: Real, const N: usize>(
     turns: &Turns<T, N>,
 ) -> SMatrix<T, N, N> {
     let (bodies, _) = composites::<T, N, false>(tree, q, turns);
-    let mut columns = [[T::zero(); N]; N];
-    for (j, (body, column)) in bodies.iter().zip(&mut columns).enumerate() {
+    let mut matrix = SMatrix::<T, N, N>::zeros();
+    for (j, body) in bodies.iter().enumerate() {
         let Some(link) = tree.links.get(j) else { continue };
         let mut momentum = link.own_momentum(body);
         let (mut i, mut link) = (j, link);
         for _ in 0..N {
-            if let Some(entry) = column.get_mut(i) {
-                *entry = link.along(&momentum);
-            }
+            let entry = link.along(&momentum);
+            set(&mut matrix, i, j, entry);
+            set(&mut matrix, j, i, entry);
             let parent = usize::from(link.parent);
             let (Some(next), Some(q), Some((sine, cosine))) = (tree.links.get(parent), q.get(i), turns.get(i)) else {
                 break;
             };
             momentum = link.load_on_parent(&momentum, *q, *sine, *cosine);
             (i, link) = (parent, next);
-        }
-    }
-    let mut matrix = SMatrix::<T, N, N>::zeros();
-    for (j, column) in columns.iter().enumerate() {
-        for (i, entry) in column.iter().enumerate().take(j + 1) {
-            set(&mut matrix, i, j, *entry);
-            set(&mut matrix, j, i, *entry);
         }
     }
     matrix

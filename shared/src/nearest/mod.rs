@@ -131,13 +131,10 @@ impl<T: Real, const WIDTH: usize> Beam<T, WIDTH> {
                 let word = (0..usize::from(module.actuators))
                     .fold(choice.word, |word, leg| word.with_digit(first + leg, (frame.digits >> (2 * leg) & 3) as u8));
                 let next = Choice { score, remaining: frame.pose.to(&choice.remaining), word };
-                match (self.next.push(next), worst) {
-                    (Err(next), Some((at, _))) => {
-                        if let Some(place) = self.next.get_mut(at) {
-                            *place = next;
-                        }
-                    }
-                    _ => {}
+                let unplaced = self.next.push(next).err();
+                let place = worst.and_then(|(at, _)| self.next.get_mut(at));
+                if let (Some(next), Some(place)) = (unplaced, place) {
+                    *place = next;
                 }
                 if self.next.is_full() {
                     let scores = self.next.iter().map(|choice| choice.score).enumerate();

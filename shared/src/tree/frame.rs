@@ -22,8 +22,8 @@ impl<T: Real> Frame<T> {
 
     #[inline(always)]
     pub(crate) fn of(pose: &Pose<T>) -> Self {
-        let r = &pose.rotation;
-        Self { x: r.column(0).into(), y: r.column(1).into(), z: r.column(2).into(), origin: pose.position }
+        let [x, y, z] = pose.rotation.data.0.map(Vec3::from);
+        Self { x, y, z, origin: pose.position }
     }
 
     /// The axes as the columns of a matrix.

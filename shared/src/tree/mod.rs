@@ -205,7 +205,7 @@ impl<T: Real, const N: usize> Tree<T, N> {
     /// Pose of `frame` in a fixed base at the joints' positions `q` (rad or m), when nothing else of the posture is asked for.
     ///
     /// Carried from the frame inwards, link by link, which needs no [`Frames`] and fewer products than [`place`](Self::place).
-    #[inline]
+    #[inline(always)]
     pub fn pose(&self, frame: &LinkFrame<T>, q: &[T; N]) -> Pose<T> {
         let turns = self.turns(q);
         let mut at = Frame::of(&frame.pose);
@@ -249,9 +249,7 @@ impl<T: Real, const N: usize> Frames<T, N> {
     #[inline]
     pub fn pose(&self, frame: &LinkFrame<T>) -> Pose<T> {
         let link = self.link(frame.link);
-        let turn = &frame.pose.rotation;
-        let columns =
-            [turn.column(0).into(), turn.column(1).into(), turn.column(2).into()].map(|v: Vec3<T>| link.turn(&v));
+        let columns = frame.pose.rotation.data.0.map(|column| link.turn(&Vec3::from(column)));
         Pose { rotation: Mat3::from_columns(&columns), position: link.point(&frame.pose.position) }
     }
 

@@ -17,9 +17,16 @@ use super::{Inertia, LinkFrame, Tree, TreeError};
 use crate::actuator::JointKind;
 use crate::real::{Mat3, Real, Vec3, real};
 
+const DEG: f64 = core::f64::consts::PI / 180.0;
 /// Lowest and highest position of each joint, rad.
-pub const LIMITS_RAD: [[f64; 2]; 6] =
-    [[-2.7925, 2.7925], [-0.7854, 3.9270], [-3.9270, 0.7854], [-1.9199, 2.9671], [-1.7453, 1.7453], [-4.6426, 4.6426]];
+pub const LIMITS_RAD: [[f64; 2]; 6] = [
+    [-160.0 * DEG, 160.0 * DEG],
+    [-45.0 * DEG, 225.0 * DEG],
+    [-225.0 * DEG, 45.0 * DEG],
+    [-110.0 * DEG, 170.0 * DEG],
+    [-100.0 * DEG, 100.0 * DEG],
+    [-266.0 * DEG, 266.0 * DEG],
+];
 
 const QUARTER: f64 = core::f64::consts::FRAC_PI_2;
 /// d, a (m) and α (rad) of each row of the standard table.

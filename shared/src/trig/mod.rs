@@ -38,14 +38,15 @@ pub fn sin_cos<T: Real>(angle_rad: T) -> (T, T) {
 /// (sin x, cos x) of many angles, angle k being `angle_rad(k)`: a host computes them side by side.
 #[inline(always)]
 pub fn sin_cos_all<T: Real, const N: usize>(angle_rad: impl Fn(usize) -> T) -> [(T, T); N] {
+    if TypeId::of::<T>() == TypeId::of::<f32>() {
+        let pairs: [(f32, f32); N] = single::sin_cos_all(|k| same(angle_rad(k)).unwrap_or_default());
+        return same(pairs).unwrap_or([(T::zero(), T::zero()); N]);
+    }
     if TypeId::of::<T>() != TypeId::of::<f64>() {
         return from_fn(|k| sin_cos(angle_rad(k)));
     }
     let angles = from_fn(|k| same(angle_rad(k)).unwrap_or_default());
-    double::sin_cos_all::<N>(&angles).map(|(sine, cosine)| {
-        let pair = (same(sine), same(cosine));
-        (pair.0.unwrap_or(T::zero()), pair.1.unwrap_or(T::zero()))
-    })
+    same(double::sin_cos_all::<N>(&angles)).unwrap_or([(T::zero(), T::zero()); N])
 }
 
 /// The angle of the point (x, y) from the x-axis, within −π..=π; 0 at the origin.

@@ -2,8 +2,8 @@
 
 use core::f32::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, PI};
 
-/// Beyond this angle the remainder of the division by π/2 loses digits, rad.
-const LARGEST: f32 = 8192.0;
+/// Beyond so many quarter turns, 6434 rad, libm's: the remainder of the division by π/2 loses digits. A power of two.
+const MOST_QUARTERS: u32 = 1 << 12;
 /// 1.5·2²³: adding it rounds to the nearest integer, which then stands in the low bits.
 const ROUND: f32 = 12_582_912.0;
 /// π/2 in three parts: k times the first two is exact for |k| < 2¹³.
@@ -16,7 +16,23 @@ const TAN_PI_8: f32 = 0.414_213_57;
 
 #[inline(always)]
 pub(super) fn sin_cos(x: f32) -> (f32, f32) {
-    if x.abs() < LARGEST { reduced(x) } else { libm(x) }
+    let (pair, quarters) = reduced(x);
+    if quarters < 2 * MOST_QUARTERS { pair } else { libm(x) }
+}
+
+/// As [`sin_cos`] of each angle, with one look for angles that are too large.
+#[inline(always)]
+pub(super) fn sin_cos_all<const N: usize>(angle_rad: impl Fn(usize) -> f32) -> [(f32, f32); N] {
+    let mut all = 0;
+    let mut pairs = core::array::from_fn(|k| {
+        let (pair, quarters) = reduced(angle_rad(k));
+        all |= quarters;
+        pair
+    });
+    if all >= 2 * MOST_QUARTERS {
+        pairs.iter_mut().enumerate().for_each(|(k, pair)| *pair = sin_cos(angle_rad(k)));
+    }
+    pairs
 }
 
 #[cold]
@@ -25,9 +41,10 @@ fn libm(x: f32) -> (f32, f32) {
     nalgebra::ComplexField::sin_cos(x)
 }
 
-/// Reduces x = k·π/2 + r, |r| ≤ π/4, and turns the pair of r by k quarters.
+/// Reduces x = k·π/2 + r, |r| ≤ π/4, and turns the pair of r by k quarters; and k + [`MOST_QUARTERS`], which is below twice
+/// that where the pair holds.
 #[inline(always)]
-fn reduced(x: f32) -> (f32, f32) {
+fn reduced(x: f32) -> ((f32, f32), u32) {
     let rounded = x * FRAC_2_PI + ROUND;
     let quarters = rounded.to_bits();
     let k = rounded - ROUND;
@@ -40,7 +57,8 @@ fn reduced(x: f32) -> (f32, f32) {
     let (sine, cosine) = if quarters & 1 == 0 { (sine, cosine) } else { (cosine, sine) };
     let sine = sine.to_bits() ^ ((quarters & 2) << 30);
     let cosine = cosine.to_bits() ^ ((quarters.wrapping_add(1) & 2) << 30);
-    (f32::from_bits(sine), f32::from_bits(cosine))
+    let counted = quarters.wrapping_sub(ROUND.to_bits() - MOST_QUARTERS);
+    ((f32::from_bits(sine), f32::from_bits(cosine)), counted)
 }
 
 pub(super) fn atan2(y: f32, x: f32) -> f32 {

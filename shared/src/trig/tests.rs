@@ -81,5 +81,14 @@ fn single_root_of_every_size() {
     assert_eq!(sqrt(f32::INFINITY), f32::INFINITY);
 }
 
+#[test]
+fn many_single_ones_are_the_same_as_one_by_one() {
+    for angles in [[0.3f32, -2.0, 6000.0, -6000.0, -0.0], [0.3, 7000.0, 1e9, -2.0, -1e30]] {
+        assert_eq!(sin_cos_all(|k| angles[k]), angles.map(sin_cos));
+    }
+    let [(sine, cosine)] = sin_cos_all(|_| f32::NAN);
+    assert!(sine.is_nan() && cosine.is_nan());
+}
+
 /// Stated in the module's table.
 const SINE_BOUND: f64 = 1.2e-7;

@@ -17,15 +17,19 @@ use crate::setup;
 
 /// Random words beside the map of 64⁶.
 const SAMPLES: usize = 10_000_000;
-/// Edge of the cubes that densities are compared on, m: 2¹⁵ words leave few to a smaller one.
-const COARSE_M: f64 = 0.5;
+/// Edge of the cubes that densities are compared on, m: whole cells, and 2¹⁵ words leave few to a smaller one.
+const COARSE_M: f64 = 0.4;
 /// The same for 64⁶ words.
 const COARSE_SPATIAL_M: f64 = 0.1;
+/// Cells of the maps of planar arms, mm, and how many arms.
+const CELLS_MM: [f64; 3] = [80.0, 40.0, 20.0];
+const PLANAR_ARMS: usize = 8;
 
 /// Counts, times and distances.
 pub(super) fn measure(seed: u64) -> Result<Vec<Figure>> {
-    let mut figures = planar()?;
-    figures.extend(spatial_map(&mut ChaCha8Rng::seed_from_u64(seed))?);
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut figures = planar(&mut random)?;
+    figures.extend(spatial_map(&mut random)?);
     Ok(figures)
 }
 
@@ -34,8 +38,9 @@ pub(super) fn measure(seed: u64) -> Result<Vec<Figure>> {
 struct Shares(HashMap<[i32; 3], f64>);
 
 impl Shares {
-    fn add(&mut self, position: &Vec3<f64>, edge_m: f64, share: f64) {
-        let cube = position.map(|x| (x / edge_m).floor() as i32);
+    /// Cells of `cell_m` lie around whole multiples of it; the walls of the cubes are walls of cells.
+    fn add(&mut self, position: &Vec3<f64>, edge_m: f64, cell_m: f64, share: f64) {
+        let cube = position.map(|x| ((x + 0.5 * cell_m) / edge_m).floor() as i32);
         *self.0.entry(cube.into()).or_default() += share;
     }
 
@@ -51,32 +56,50 @@ fn of_map(map: &Map, edge_m: f64) -> Shares {
     let (mut shares, words) = (Shares::default(), map.words());
     for (place, spot) in map.spots() {
         let position = Vec3::from(place).map(|number| f64::from(number) * map.resolution.cell_m);
-        shares.add(&position, edge_m, spot.words / words);
+        shares.add(&position, edge_m, map.resolution.cell_m, spot.words / words);
     }
     shares
 }
 
-/// Five planar modules: 2¹⁵ words, enumerated.
-fn planar() -> Result<Vec<Figure>> {
+/// Five planar modules: 2¹⁵ words, enumerated; means of arms whose legs are a little off, for those of equal modules
+/// end on a lattice.
+fn planar(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
+    let (mut lost, mut apart) = (0.0, CELLS_MM.map(|_| 0.0));
+    for _ in 0..PLANAR_ARMS {
+        let arm = planar_arm(random)?;
+        let (mut positions, mut scratch) = (Vec::new(), ArmScratch::default());
+        let words = 1u32 << arm.n_actuators();
+        for bits in 0..words {
+            let digits: Vec<u8> = (0..arm.n_actuators()).map(|k| (bits >> k & 1) as u8).collect();
+            positions.push(arm.model.chain.pose_base_tool(&Word::new(&digits)?, &[], &mut scratch)?.position);
+        }
+        for (apart, cell_mm) in apart.iter_mut().zip(CELLS_MM) {
+            let resolution = Resolution { cell_m: 1e-3 * cell_mm, cell_rad: 2e-3 * cell_mm };
+            let map = Map::with_exact(&arm, &[], resolution, 1, |_| ())?;
+            let mut exact = Shares::default();
+            positions.iter().for_each(|at| exact.add(at, COARSE_M, resolution.cell_m, 1.0 / f64::from(words)));
+            lost += (map.words() - f64::from(words)).abs();
+            *apart += of_map(&map, COARSE_M).distance(&exact) / PLANAR_ARMS as f64;
+        }
+    }
+    let mut figures = vec![Figure::new("map, 2^15 planar words: words lost or made", lost, "")?];
+    for (apart, cell_mm) in apart.iter().zip(CELLS_MM) {
+        figures.push(Figure::new(&format!("map, 2^15 planar words, cells of {cell_mm} mm: L1 distance"), *apart, "")?);
+    }
+    Ok(figures)
+}
+
+fn planar_arm(random: &mut ChaCha8Rng) -> Result<Arm> {
     let mut arm = Arm::read(&setup::root().join("examples/planar4.toml"))?;
     let module = arm.model.chain.stages[0];
     arm.model.chain.stages.push(module).ok().context("the arm has too many stages")?;
-    let (mut exact, mut scratch) = (Shares::default(), ArmScratch::default());
-    let words = 1u32 << arm.n_actuators();
-    for bits in 0..words {
-        let digits: Vec<u8> = (0..arm.n_actuators()).map(|k| (bits >> k & 1) as u8).collect();
-        let pose = arm.model.chain.pose_base_tool(&Word::new(&digits)?, &[], &mut scratch)?;
-        exact.add(&pose.position, COARSE_M, 1.0 / f64::from(words));
+    for stage in &mut arm.model.chain.stages {
+        for leg in 0..3 {
+            let lengths = stage.leg_mut(leg).map(|leg| &mut leg.length_m).context("a module has three legs")?;
+            lengths.iter_mut().for_each(|length| *length += random.random_range(-0.03..0.03));
+        }
     }
-    let mut figures = Vec::new();
-    for cell_mm in [80.0, 40.0, 20.0] {
-        let resolution = Resolution { cell_m: 1e-3 * cell_mm, cell_rad: 2e-3 * cell_mm };
-        let map = Map::with_exact(&arm, &[], resolution, 1, |_| ())?;
-        let name = format!("map, 2^15 planar words, cells of {cell_mm} mm");
-        figures.push(Figure::new(&format!("{name}: words lost or made"), (map.words() - f64::from(words)).abs(), "")?);
-        figures.push(Figure::new(&format!("{name}: L1 distance"), of_map(&map, COARSE_M).distance(&exact), "")?);
-    }
-    Ok(figures)
+    Ok(arm)
 }
 
 /// 64⁶ words at 20 mm and 10°, beside random words.
@@ -92,7 +115,7 @@ fn spatial_map(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
         let frame =
             |module: &darm_core::nearest::Module<f64>| module.frames[random.random_range(0..module.frames.len())].pose;
         let pose = modules.iter().map(frame).fold(Pose::identity(), |pose, next| pose * next);
-        sampled.add(&pose.position, COARSE_SPATIAL_M, 1.0 / SAMPLES as f64);
+        sampled.add(&pose.position, COARSE_SPATIAL_M, resolution.cell_m, 1.0 / SAMPLES as f64);
     }
     let density = of_map(&map, COARSE_SPATIAL_M);
     // The mean absolute deviation of a share p counted n times is √(2p(1 − p)/(πn)).

@@ -126,7 +126,7 @@ fn genetic(modules: &[Module<f64>], target: &Pose<f64>, scale_m: f64, random: &m
             genes.iter().zip(modules).fold(Pose::identity(), |pose, (gene, module)| pose * module.frames[*gene].pose);
         pose.distance(target, scale_m)
     };
-    let mut born = |genes: Vec<usize>| (distance_m(&genes), genes);
+    let born = |genes: Vec<usize>| (distance_m(&genes), genes);
     let any = |module: &Module<f64>, random: &mut ChaCha8Rng| random.random_range(0..module.frames.len());
     let mut all: Vec<_> =
         (0..POPULATION).map(|_| born(modules.iter().map(|module| any(module, random)).collect())).collect();

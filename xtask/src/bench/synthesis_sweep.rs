@@ -22,8 +22,9 @@ const DRAWS: u64 = 200;
 /// Draws of frames that any words may serve, and how many frames.
 const CHOICES: u64 = 100;
 const CHOSEN: usize = 8;
-/// Starts of one synthesis.
+/// Starts of one synthesis, and of one within tight bounds, where most draws have no solution to be found.
 const STARTS: u32 = 64;
+const BOUNDED_STARTS: u32 = 6;
 const PLANAR_WORDS: [&str; 5] = ["000000000000", "111000000000", "000111000000", "000000111000", "000000000111"];
 const SERIAL_WORDS: [&str; 3] = ["000000000000", "111111000000", "000000111111"];
 
@@ -34,8 +35,8 @@ pub(super) fn measure() -> Result<Vec<Figure>> {
     let wide = Bounds { shortest: 1e-3, ..Bounds::none() };
     let planar = own_frames("planar4.toml", &PLANAR_WORDS)?;
     let serial = own_frames("serial12.toml", &SERIAL_WORDS)?;
-    figures.extend(chosen_words(&progress)?);
-    for (bounds, note) in [(wide, ""), (Bounds::default(), ", stroke >= 0, bounded")] {
+    let bounded = (Bounds::default(), BOUNDED_STARTS, ", stroke >= 0, bounded");
+    for (bounds, starts, note) in [(wide, STARTS, ""), bounded] {
         for (name, frames, sizes) in
             [("planar", &planar, &[0.1, 0.3, 0.5, 0.8][..]), ("serial", &serial, &[0.1, 0.3, 1.0][..])]
         {
@@ -44,7 +45,7 @@ pub(super) fn measure() -> Result<Vec<Figure>> {
                     exact_share(frames, size, Options { method, bounds, starts, ..Options::default() })
                 };
                 let plain = share(Method::Plain, 1)?;
-                let ours = share(Method::Newton, STARTS)?;
+                let ours = share(Method::Newton, starts)?;
                 let name = format!("{name} synthesis exact at {size}{note}");
                 progress.say(format!("{name}: {ours} %, plain Gauss-Newton {plain} %"));
                 figures.push(Figure::new(&format!("{name}, plain Gauss-Newton"), plain, "%")?);
@@ -52,6 +53,7 @@ pub(super) fn measure() -> Result<Vec<Figure>> {
             }
         }
     }
+    figures.extend(chosen_words(&progress)?);
     Ok(figures)
 }
 

@@ -58,13 +58,14 @@ struct FrameReport {
 /// Frames that are not met.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "not met: {frames} (up to {worst_mm:.3} mm, {worst_deg:.3} deg); {case}; ask for fewer or nearer frames, or take the nearest geometry with --closest"
+    "not met: {frames} (up to {worst_mm:.3} mm, {worst_deg:.3} deg); {case}; {why}; ask for fewer or nearer frames, or take the nearest geometry with --closest"
 )]
 pub(super) struct NotMet {
     frames: String,
     worst_mm: f64,
     worst_deg: f64,
     case: String,
+    why: String,
 }
 
 pub(super) fn not_met(found: &Synthesis) -> NotMet {
@@ -76,6 +77,12 @@ pub(super) fn not_met(found: &Synthesis) -> NotMet {
         worst_mm: 1e3 * worst(|reached| reached.error_m),
         worst_deg: worst(|reached| reached.error_rad).to_degrees(),
         case: found.case.to_string(),
+        why: match found.held.as_slice() {
+            [] => {
+                format!("no bound holds them back: they are out of reach, or need more --starts than {}", found.starts)
+            }
+            held => format!("bounds hold back {}: widen them", held.join(", ")),
+        },
     }
 }
 

@@ -135,7 +135,7 @@ fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) ->
     check(&experiment)?;
     // A column that overflows tells nothing.
     let values = experiment.candidates.iter_mut().flat_map(|candidate| &mut candidate.values);
-    for value in values.filter(|value| value.column.iter().any(|slope| !(slope.abs() < LARGEST))) {
+    for value in values.filter(|value| !value.column.iter().all(|slope| slope.abs() < LARGEST)) {
         value.column.fill(0.0);
     }
     let groups = Groups::new(&experiment.rows);
@@ -191,7 +191,7 @@ fn always(experiment: &Experiment, laws: &[String]) -> Result<Vec<usize>, Channe
 
 fn check(experiment: &Experiment) -> Result<(), ChannelError> {
     let n_axes = experiment.axes.len();
-    match experiment.residuals.iter().position(|residual| !(residual.abs() < LARGEST)) {
+    match experiment.residuals.iter().position(|residual| residual.is_nan() || residual.abs() >= LARGEST) {
         Some(at) => Err(ChannelError::NoNumber { line: experiment.rows[at / n_axes].line }),
         None => Ok(()),
     }
