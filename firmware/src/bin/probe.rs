@@ -18,12 +18,18 @@ use stm32_metapac as _;
 /// Never linked where nothing panics.
 #[panic_handler]
 fn panicked(_: &PanicInfo) -> ! {
-    loop {}
+    rest()
+}
+
+fn rest() -> ! {
+    loop {
+        cortex_m::asm::wfi();
+    }
 }
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let Ok((tree, tool)) = puma560::arm::<f32>() else { loop {} };
+    let Ok((tree, tool)) = puma560::arm::<f32>() else { rest() };
     let tree: Tree<f32, 6> = *black_box(&tree);
     let motion = [SAMPLE.q, SAMPLE.qd, SAMPLE.qdd].map(|row| row.map(|x| x as f32));
     let limits = LIMITS_RAD.map(|limits| limits.map(|q| q as f32));
