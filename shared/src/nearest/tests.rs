@@ -1,3 +1,5 @@
+//! The beam search beside trying every word, and what it refuses.
+
 extern crate std;
 
 use proptest::prelude::*;
