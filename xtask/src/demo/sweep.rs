@@ -42,8 +42,8 @@ pub(super) fn run(demo: &Demo, seeds: u64) -> Result<()> {
 }
 
 const HEADER: &str = "\
-seed  hidden effect    place                 verdict               named                      held-out error   at the frames, mm
-                                                                                              over repeats     before  stops  table";
+seed  hidden effect    place                       verdict                named                                     held-out error   at the frames, mm
+                                                                                                                      over repeats   before  stops  table";
 
 /// Held-out error with the effects found over the repeatability.
 fn ratio(course: &Course) -> Option<f64> {
@@ -60,7 +60,7 @@ fn row(seed: u64, course: &Course) -> String {
     });
     let right = if course.placed_rightly() { "" } else { "  <-" };
     format!(
-        "{seed:4}  {:15}  {:20}  {:20}  {:25}  {ratio:>14}   {:6.2} {closed}{right}",
+        "{seed:4}  {:15}  {:26}  {:21}  {:40}  {ratio:>14}   {:6.2} {closed}{right}",
         course.sealed.effect,
         course.sealed.place,
         format!("{:?}", diagnosis.verdict),
