@@ -81,20 +81,20 @@ pub struct Rows {
 
 /// Errors of two models.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct BeforeAfter {
+pub struct BeforeAfter<F = ErrorFigure> {
     /// Of the model as it was.
-    pub before: Errors,
+    pub before: Errors<F>,
     /// With the effects found.
-    pub after: Errors,
+    pub after: Errors<F>,
 }
 
 /// Errors of one model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Errors {
+pub struct Errors<F = ErrorFigure> {
     /// On the rows that the fit saw.
-    pub train: ErrorFigure,
+    pub train: F,
     /// On the rows that it did not see; `None` where none were held out.
-    pub heldout: Option<ErrorFigure>,
+    pub heldout: Option<F>,
 }
 
 /// Root mean squares of an error.

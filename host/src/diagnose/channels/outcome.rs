@@ -17,7 +17,7 @@
 
 use serde::Serialize;
 
-use crate::diagnose::outcome::{Rows, Rung, Verdict};
+use crate::diagnose::outcome::{self, Rows, Rung, Verdict};
 
 /// What was found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -71,23 +71,11 @@ pub struct Number {
     pub unit: String,
 }
 
-/// Errors of two models.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct BeforeAfter {
-    /// Of the model as it was.
-    pub before: Errors,
-    /// With the effects found.
-    pub after: Errors,
-}
+/// Errors of two models, axis by axis.
+pub type BeforeAfter = outcome::BeforeAfter<Figure>;
 
-/// Errors of one model.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Errors {
-    /// On the rows that fits saw.
-    pub train: Figure,
-    /// On the rows that nothing saw; `None` where none were held out.
-    pub heldout: Option<Figure>,
-}
+/// Errors of one model, axis by axis.
+pub type Errors = outcome::Errors<Figure>;
 
 /// Root mean squares of an error.
 #[derive(Clone, Debug, PartialEq, Serialize)]
