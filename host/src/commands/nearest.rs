@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use darm::arm::Arm;
+use darm::arm::{Arm, ArmScratch};
 use darm::reach::exact::{Index, Near, Options, Pattern, switches};
 use darm::reach::servo::{Gap, with_servos};
 use darm_core::real::Vec3;
@@ -13,16 +13,18 @@ use serde::Serialize;
 
 use super::path::{servos_rad, word};
 use crate::failure::Usage;
+use crate::port::PortArgs;
 use crate::voice::{Answer, Voice, columns};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm nearest planar4.toml 0.3,4.2,10                    x, y in m, angle in degrees
-  darm nearest spatial6.toml 0.1,0.2,1.9,0,15,0 --k 5     x, y, z in m, rotation vector in degrees
-  darm nearest spatial6.toml 0.1,0.2,1.9 --position-only
-  darm nearest planar4.toml 0.3,4.2,10 --dead 4=0 --forbid '111,***,***,***'
-  darm nearest planar4.toml 0.3,4.2,10 --from 000,000,000,000 --within 150
-  darm nearest hybrid.toml 0.3,4.2,10 --gap 5             servo angles found, too, to 5 mm
+  darm nearest planar4.toml 300,4200,10                   x, y in mm, angle in degrees
+  darm nearest spatial6.toml 100,200,1900,0,15,0 --k 5    x, y, z in mm, rotation vector in degrees
+  darm nearest spatial6.toml 100,200,1900 --position-only
+  darm nearest planar4.toml 300,4200,10 --dead 4=0 --forbid '111,***,***,***'
+  darm nearest planar4.toml 300,4200,10 --from 000,000,000,000 --within 150
+  darm nearest hybrid.toml 300,4200,10 --gap 5            servo angles found, too, to 5 mm
+  darm nearest planar4.toml 300,4200,10 --board           what the board answers by itself
 
 d^2 = |dp|^2 + (l theta)^2 with l from the arm file. The words are the nearest of all words by the
 arm's geometry, not the best of a sample; effects of the model are left out.";
@@ -34,7 +36,7 @@ pub(crate) struct Nearest {
     /// The arm
     #[arg(value_name = "ARM.toml")]
     arm: PathBuf,
-    /// Wanted pose of the tool: x,y,angle or x,y,z,rx,ry,rz; in m and degrees
+    /// Wanted pose of the tool: x,y,angle or x,y,z,rx,ry,rz; in mm and degrees
     #[arg(value_name = "POSE", allow_hyphen_values = true)]
     pose: String,
     /// How many words
@@ -61,6 +63,21 @@ pub(crate) struct Nearest {
     /// Find servo angles, too, until no word can be nearer by more than this, in mm
     #[arg(long, value_name = "MM", conflicts_with_all = ["servos", "from"])]
     gap: Option<f64>,
+    /// Ask the board, which searches the frames in its table (`darm table --nearest`): near, not proven
+    #[arg(long, conflicts_with_all = ["k", "forbid", "dead", "from", "position_only", "servos", "gap"])]
+    board: bool,
+    #[command(flatten)]
+    port: PortArgs,
+}
+
+#[derive(Serialize)]
+struct OnBoard {
+    board: String,
+    word: String,
+    distance_mm: f64,
+    error_mm: f64,
+    error_deg: f64,
+    took_s: f64,
 }
 
 #[derive(Serialize)]
@@ -86,6 +103,9 @@ impl Nearest {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
         let arm = Arm::read(&self.arm)?;
         let target = pose(&arm, &self.pose, self.position_only)?;
+        if self.board {
+            return voice.tell(&self.ask_board(&arm, &target)?);
+        }
         let forbidden = self.forbidden(&arm)?;
         let from = self.from.as_ref().map(|from| word(&arm, from)).transpose()?;
         if self.k == 0 || [self.within, self.gap].iter().flatten().any(|mm| mm.is_nan() || *mm <= 0.0) {
@@ -133,6 +153,33 @@ impl Nearest {
         })
     }
 
+    /// What the board answers; where its word brings the tool is told by the arm file.
+    fn ask_board(&self, arm: &Arm, target: &Pose<f64>) -> anyhow::Result<OnBoard> {
+        let mut client = self.port.connect()?;
+        let model = client.hello().and_then(|hello| hello.model);
+        if model != Some(arm.hash()) {
+            let held = model.map_or("no table".to_owned(), |model| format!("a table for model {model}"));
+            anyhow::bail!(
+                "the board holds {held}, {} is model {}; `darm table {0} … --nearest -o T.darm`, then `darm upload T.darm`",
+                self.arm.display(),
+                arm.hash()
+            );
+        }
+        let start = Instant::now();
+        let found = client.nearest(target)?;
+        let took_s = start.elapsed().as_secs_f64();
+        let pose = arm.model.chain.pose_base_tool(&found.word, &[], &mut ArmScratch::default())?;
+        let apart = pose.to(target);
+        Ok(OnBoard {
+            board: client.identity().board.to_string(),
+            word: found.word.to_string(),
+            distance_mm: 1e3 * pose.distance(target, arm.length_scale_m),
+            error_mm: 1e3 * apart.position.norm(),
+            error_deg: apart.angle_rad().to_degrees(),
+            took_s,
+        })
+    }
+
     fn forbidden(&self, arm: &Arm) -> Result<Vec<Pattern>, Usage> {
         let pattern = |text: &String| {
             let pattern: Pattern = text.parse().map_err(|error| Usage(format!("--forbid {text}: {error}")))?;
@@ -162,7 +209,9 @@ fn pose(arm: &Arm, text: &str, position_only: bool) -> Result<Pose<f64>, Usage> 
     let planar = arm.model.chain.is_planar();
     let wrong = |what: &str| {
         let form = if planar { "x,y,angle" } else { "x,y,z,rx,ry,rz" };
-        Usage(format!("the pose {text}: {what}; give {form} in m and degrees, the position alone with --position-only"))
+        Usage(format!(
+            "the pose {text}: {what}; give {form} in mm and degrees, the position alone with --position-only"
+        ))
     };
     let numbers: Vec<f64> = text
         .split(',')
@@ -170,10 +219,12 @@ fn pose(arm: &Arm, text: &str, position_only: bool) -> Result<Pose<f64>, Usage> 
         .collect::<Option<_>>()
         .ok_or_else(|| wrong("not all are numbers"))?;
     match (planar, numbers.as_slice()) {
-        (true, &[x, y, angle]) => Ok(Pose2::new(x, y, angle.to_radians()).into()),
-        (true, &[x, y]) if position_only => Ok(Pose2::new(x, y, 0.0).into()),
-        (false, &[x, y, z, a, b, c]) => Ok(Pose::new(&Vec3::new(a, b, c).map(f64::to_radians), Vec3::new(x, y, z))),
-        (false, &[x, y, z]) if position_only => Ok(Pose::at(Vec3::new(x, y, z))),
+        (true, &[x, y, angle]) => Ok(Pose2::new(1e-3 * x, 1e-3 * y, angle.to_radians()).into()),
+        (true, &[x, y]) if position_only => Ok(Pose2::new(1e-3 * x, 1e-3 * y, 0.0).into()),
+        (false, &[x, y, z, a, b, c]) => {
+            Ok(Pose::new(&Vec3::new(a, b, c).map(f64::to_radians), 1e-3 * Vec3::new(x, y, z)))
+        }
+        (false, &[x, y, z]) if position_only => Ok(Pose::at(1e-3 * Vec3::new(x, y, z))),
         _ => Err(wrong(&format!("{} numbers", numbers.len()))),
     }
 }
@@ -187,6 +238,16 @@ fn stuck(arm: &Arm, text: &str) -> Result<(usize, u8), Usage> {
         return Err(Usage(format!("--dead {text}: the arm has no actuator {actuator} with a state {digit}")));
     }
     Ok((actuator, digit))
+}
+
+impl Answer for OnBoard {
+    fn text(&self) -> String {
+        format!(
+            "{}  {:.4} mm  position {:.4} mm  orientation {:.4} deg\n\nfrom {} in {:.2} s: near, not proven to be the \
+             nearest; without --board it is",
+            self.word, self.distance_mm, self.error_mm, self.error_deg, self.board, self.took_s
+        )
+    }
 }
 
 impl Answer for Found {
