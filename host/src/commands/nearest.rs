@@ -6,6 +6,7 @@ use std::time::Instant;
 use darm::arm::{Arm, ArmScratch};
 use darm::reach::exact::{Index, Near, Options, Pattern, switches};
 use darm::reach::servo::{Gap, with_servos};
+use darm::reach::{ReachError, anytime};
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, Pose2};
 use darm_core::units::Word;
@@ -24,6 +25,7 @@ Examples:
   darm nearest planar4.toml 300,4200,10 --dead 4=0 --forbid '111,***,***,***'
   darm nearest planar4.toml 300,4200,10 --from 000,000,000,000 --within 150
   darm nearest hybrid.toml 300,4200,10 --gap 5            servo angles found, too, to 5 mm
+  darm nearest huge.toml 100,200,2900,0,15,0 --seconds 10 as near as 10 s lead, and what may be missed
   darm nearest planar4.toml 300,4200,10 --board           what the board answers by itself
 
 d^2 = |dp|^2 + (l theta)^2 with l from the arm file. The words are the nearest of all words by the
@@ -63,8 +65,11 @@ pub(crate) struct Nearest {
     /// Find servo angles, too, until no word can be nearer by more than this, in mm
     #[arg(long, value_name = "MM", conflicts_with_all = ["servos", "from"])]
     gap: Option<f64>,
+    /// Search for at most so long, of any number of words, and tell the distance that none can be nearer than
+    #[arg(long, value_name = "S", conflicts_with_all = ["from", "gap"])]
+    seconds: Option<f64>,
     /// Ask the board, which searches the frames in its table (`darm table --nearest`): near, not proven
-    #[arg(long, conflicts_with_all = ["k", "forbid", "dead", "from", "position_only", "servos", "gap"])]
+    #[arg(long, conflicts_with_all = ["k", "forbid", "dead", "from", "position_only", "servos", "gap", "seconds"])]
     board: bool,
     #[command(flatten)]
     port: PortArgs,
@@ -83,8 +88,11 @@ struct OnBoard {
 #[derive(Serialize)]
 struct Found {
     words_of_the_arm: f64,
+    /// Share of the words that were looked at or cannot be nearer.
+    settled: f64,
     took_s: f64,
-    index_mb: f64,
+    /// None of a search for a given time.
+    index_mb: Option<f64>,
     servos_deg: Vec<f64>,
     lower_bound_mm: f64,
     nearest: Vec<Line>,
@@ -108,8 +116,10 @@ impl Nearest {
         }
         let forbidden = self.forbidden(&arm)?;
         let from = self.from.as_ref().map(|from| word(&arm, from)).transpose()?;
-        if self.k == 0 || [self.within, self.gap].iter().flatten().any(|mm| mm.is_nan() || *mm <= 0.0) {
-            return Err(Usage("--k, --within and --gap have to be more than 0".to_owned()).into());
+        if self.k == 0
+            || [self.within, self.gap, self.seconds].iter().flatten().any(|number| number.is_nan() || *number <= 0.0)
+        {
+            return Err(Usage("--k, --within, --gap and --seconds have to be more than 0".to_owned()).into());
         }
         let mut options = Options {
             dead: self.dead.iter().map(|dead| stuck(&arm, dead)).collect::<Result<_, _>>()?,
@@ -120,36 +130,56 @@ impl Nearest {
             options.length_scale_m = 0.0;
         }
         let wheel = voice.wheel("looking for the nearest word");
-        let start = Instant::now();
-        let (index, near, lower_m) = match self.gap {
-            Some(gap) => {
-                let found = with_servos(&arm, &target, &options, &forbidden, self.k, &Gap::of_m(1e-3 * gap))?;
-                options.servos_rad = found.servos_rad;
-                (Index::new(&arm, &options)?, found.nearest, found.lower_bound_m)
-            }
-            None => {
-                let index = Index::new(&arm, &options)?;
-                let near = match (&from, self.within) {
-                    (Some(from), Some(within)) => {
-                        index.fewest_switches(&target, 1e-3 * within, from, &forbidden).into_iter().collect()
-                    }
-                    _ => index.nearest(&target, self.k, &forbidden),
-                };
-                let lower_m = near.first().map_or(0.0, |near: &Near| near.distance_m);
-                (index, near, lower_m)
-            }
-        };
+        let found = self.search(&arm, &target, options, &forbidden, from.as_ref())?;
         wheel.finish_and_clear();
-        if near.is_empty() {
-            anyhow::bail!("no word is left: allow more words, or take a larger --within");
+        if found.nearest.is_empty() {
+            anyhow::bail!("no word is left: allow more words, or take a larger --within or more --seconds");
         }
-        voice.tell(&Found {
-            words_of_the_arm: index.words(),
+        voice.tell(&found)
+    }
+
+    fn search(
+        &self,
+        arm: &Arm,
+        target: &Pose<f64>,
+        mut options: Options,
+        forbidden: &[Pattern],
+        from: Option<&Word>,
+    ) -> anyhow::Result<Found> {
+        let start = Instant::now();
+        let (words, settled, index_mb, near, lower_m) = if let Some(seconds) = self.seconds {
+            let go_on = || start.elapsed().as_secs_f64() < seconds;
+            let found = anytime::nearest(arm, target, &options, self.k, forbidden, go_on)?;
+            (found.words, found.settled, None, found.nearest, found.lower_bound_m)
+        } else {
+            let (mut gap_near, mut lower_m) = (None, None);
+            if let Some(gap) = self.gap {
+                let found = with_servos(arm, target, &options, forbidden, self.k, &Gap::of_m(1e-3 * gap))?;
+                options.servos_rad = found.servos_rad;
+                (gap_near, lower_m) = (Some(found.nearest), Some(found.lower_bound_m));
+            }
+            let index = Index::new(arm, &options).map_err(|error| match error {
+                ReachError::TooManyWords { .. } => anyhow::anyhow!("{error}; --seconds 10 looks at as many as it can"),
+                error => error.into(),
+            })?;
+            let near = match (gap_near, from, self.within) {
+                (Some(near), ..) => near,
+                (None, Some(from), Some(within)) => {
+                    index.fewest_switches(target, 1e-3 * within, from, forbidden).into_iter().collect()
+                }
+                _ => index.nearest(target, self.k, forbidden),
+            };
+            let nearest_m = near.first().map_or(0.0, |near: &Near| near.distance_m);
+            (index.words(), 1.0, Some(1e-6 * index.bytes() as f64), near, lower_m.unwrap_or(nearest_m))
+        };
+        Ok(Found {
+            words_of_the_arm: words,
+            settled,
             took_s: start.elapsed().as_secs_f64(),
-            index_mb: 1e-6 * index.bytes() as f64,
+            index_mb,
             servos_deg: options.servos_rad.iter().map(|angle| angle.to_degrees()).collect(),
             lower_bound_mm: 1e3 * lower_m,
-            nearest: near.iter().map(|near| line(near, &target, from.as_ref())).collect(),
+            nearest: near.iter().map(|near| line(near, target, from)).collect(),
         })
     }
 
@@ -268,13 +298,17 @@ impl Answer for Found {
         }));
         let servos: Vec<_> = self.servos_deg.iter().map(|angle| format!("{angle:.3}")).collect();
         let servos = if servos.is_empty() { String::new() } else { format!("servos at {} deg; ", servos.join(", ")) };
+        let settled = match self.settled {
+            1.0 => String::new(),
+            share => format!(" ({:.2} % of them looked at or ruled out)", 100.0 * share),
+        };
+        let index = self.index_mb.map_or(String::new(), |mb| format!(", index of {mb:.1} MB"));
         format!(
-            "{}\n\n{servos}out of {:.0} words, none nearer than {:.4} mm; {:.2} s, index of {:.1} MB",
+            "{}\n\n{servos}out of {:.0} words{settled}, none nearer than {:.4} mm; {:.2} s{index}",
             columns(&rows),
             self.words_of_the_arm,
             self.lower_bound_mm,
-            self.took_s,
-            self.index_mb
+            self.took_s
         )
     }
 }

@@ -7,9 +7,10 @@
 //!
 //! Distance: d² = |Δp|² + ℓ²θ² with the arm's length scale ℓ.
 //!
-//! Arms with more words: [`exact`], with servo joints [`servo`]; where an arm reaches: [`map`]; from word to word: [`path`];
+//! Arms with more words: [`exact`], with more than can be tabulated [`anytime`], with servo joints [`servo`]; where an arm reaches: [`map`]; from word to word: [`path`];
 //! what a board needs to answer by itself: [`board`].
 
+pub mod anytime;
 pub mod board;
 pub mod exact;
 mod frames;
