@@ -5,9 +5,9 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
-const COMMANDS: [&str; 20] = [
+const COMMANDS: [&str; 23] = [
     "synth", "stops", "table", "upload", "play", "stop", "status", "record", "diagnose", "console", "plant", "flash",
-    "doctor", "fk", "jacobian", "ik", "dynamics", "com", "model", "draw",
+    "doctor", "fk", "jacobian", "ik", "dynamics", "com", "model", "draw", "nearest", "map", "path",
 ];
 
 /// A user's empty home, and the folder the commands run in.
@@ -228,6 +228,31 @@ fn a_table_is_uploaded_played_and_measured() {
 }
 
 #[test]
+fn the_board_answers_which_word_is_nearest() {
+    let home = Home::new();
+    let arm = example("planar4.toml");
+    home.succeeds(&format!("table {arm} --words 000010000000 -o plain.darm"));
+    home.succeeds(&format!("table {arm} --words 000010000000 --nearest -o framed.darm"));
+    let board = Board::start(&home, &arm);
+    let port = &board.port;
+    let ask = format!("nearest {arm} 300,4200,10");
+    let none = home.darm(&format!("{ask} --board {port}"));
+    assert!(text(&none.stderr).contains("the board holds no table"), "{}", text(&none.stderr));
+    home.succeeds(&format!("upload plain.darm {port}"));
+    home.fails(
+        &format!("{ask} --board {port}"),
+        3,
+        "darm: the board refused: the table has no frames of modules; make it with darm table --nearest, upload it",
+    );
+    home.succeeds(&format!("upload framed.darm {port}"));
+    let (near, exact) = (home.json(&format!("{ask} --board {port}")), home.json(&ask));
+    assert_eq!(near["word"], exact["nearest"][0]["word"]);
+    let said = home.types(&format!("console {port}"), "nearest 300 4200 10\nquit\n");
+    assert!(said.contains(near["word"].as_str().unwrap()) && said.contains(" mm and "), "{said}");
+    assert!(home.succeeds(&format!("{ask} --seconds 5")).contains("out of 4096 words, none nearer than"));
+}
+
+#[test]
 fn a_stuck_output_is_an_exit_code_and_a_sentence() {
     let home = Home::new();
     let arm = example("planar4.toml");
@@ -252,7 +277,19 @@ fn the_console_speaks_the_words_of_the_board() {
     let said = home.types(&format!("console {}", board.port), "id\nhelp\ndance\nquit\n");
     assert!(said.starts_with("board "), "{said}");
     assert!(said.contains("? dance: no such command; type help"), "{said}");
-    for word in ["status", "limits", "table", "play", "stop", "coil N", "word DIGITS", "servo N DEG", "fault", "log"] {
+    for word in [
+        "status",
+        "limits",
+        "table",
+        "play",
+        "stop",
+        "coil N",
+        "word DIGITS",
+        "servo N DEG",
+        "nearest X Y A",
+        "fault",
+        "log",
+    ] {
         assert!(said.contains(&format!("\n{word}")), "{word} is not in {said}");
     }
 }

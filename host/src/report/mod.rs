@@ -8,7 +8,6 @@ pub mod density;
 mod drawing;
 mod html;
 mod plots;
-mod sketch;
 mod terminal;
 
 use std::io;
@@ -24,7 +23,6 @@ use crate::plant::truth::Sealed;
 pub use channels::channels_page;
 pub use drawing::{Line, Posture, posture};
 pub use html::page;
-pub use sketch::sketch;
 pub use terminal::table;
 
 /// What the paper says of its synthesis: errors of 1e-7 m and 1e-9 degrees after 10² s.
