@@ -1,6 +1,7 @@
 //! `cargo xtask`: the set-up, the demo, the tests and the measurements of this workspace.
 
 mod bench;
+mod blind;
 mod demo;
 mod faults;
 mod figures;
@@ -26,6 +27,7 @@ struct Arguments {
 enum Task {
     Demo(demo::Demo),
     Bench(bench::Bench),
+    Blind(blind::Blind),
     Faults(faults::Faults),
     /// All tests: format, lints, documentation, unit and system tests, the image in the emulator
     Test,
@@ -37,6 +39,7 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().task {
         Task::Demo(demo) => demo.run(),
         Task::Bench(bench) => bench.run(),
+        Task::Blind(blind) => blind.run(),
         Task::Faults(faults) => faults.run(),
         Task::Test => test::run(),
         Task::Image => image::build().map(|path| println!("{}", path.display())),

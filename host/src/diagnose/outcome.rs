@@ -236,6 +236,11 @@ pub struct Point {
 }
 
 impl Diagnosis {
+    /// The effects of the best model, whether they are named or not, after those that the model had.
+    pub fn best_effects(&self) -> &[Effect<f64>] {
+        &self.model_effects
+    }
+
     /// The arm with the effects that were found, the next model number and the conditions that it had settled to at the
     /// end of `run`; the same arm where no effect is named.
     pub fn corrected(&self, arm: &Arm, run: &Run) -> Arm {
