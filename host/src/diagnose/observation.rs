@@ -31,6 +31,8 @@ pub struct Row {
     servos: Vec<f64>,
     supply: f64,
     temperature_k: f64,
+    time_s: f64,
+    switches: Vec<f64>,
     inverse: Pose<f64>,
 }
 
@@ -68,7 +70,16 @@ impl Observations {
         let mut words: Vec<Word> = run.samples.iter().filter(|s| choose(s)).map(|s| s.word).collect();
         words.sort();
         words.dedup();
-        let row = |(sample, s): (usize, &Sample)| Row {
+        let start_s = run.start_s();
+        let mut switches = vec![0.0; arm.n_actuators()];
+        let mut count = |s: &Sample| {
+            let switched = |k: usize| s.previous.is_some_and(|previous| previous.digit(k) != s.word.digit(k));
+            switches.iter_mut().enumerate().filter(|(k, _)| switched(*k)).for_each(|(_, count)| *count += 1.0);
+            switches.clone()
+        };
+        let row = |((sample, s), switches): ((usize, &Sample), Vec<f64>)| Row {
+            time_s: s.time_s - start_s,
+            switches,
             sample,
             group: words.binary_search(&s.word).unwrap_or_default(),
             word: s.word,
@@ -78,8 +89,20 @@ impl Observations {
             temperature_k: s.temperature_c.map_or(arm.model.reference_temperature_k, |c| c + 273.15),
             inverse: s.pose.inverse(),
         };
-        let rows = run.samples.iter().enumerate().filter(|(_, s)| choose(s)).map(row).collect();
+        let counted = run.samples.iter().map(&mut count).collect::<Vec<_>>();
+        let chosen = run.samples.iter().enumerate().zip(counted).filter(|((_, s), _)| choose(s));
+        let rows = chosen.map(row).collect();
         Self { rows, n_groups: words.len(), axes: axes(arm), sigma, length_scale_m: arm.length_scale_m }
+    }
+
+    /// Time since the run began, s, and how often each actuator had switched, in the last row.
+    pub fn last(&self) -> (f64, Vec<f64>) {
+        self.rows.last().map_or_else(Default::default, |row| (row.time_s, row.switches.clone()))
+    }
+
+    /// Time of each row since the run began, s.
+    pub fn times_s(&self) -> impl Iterator<Item = f64> {
+        self.rows.iter().map(|row| row.time_s)
     }
 
     /// Components of one residual.
@@ -151,6 +174,8 @@ impl Observations {
             servos: &row.servos,
             supply: row.supply,
             temperature_k: row.temperature_k,
+            time_s: Some(row.time_s),
+            switches: &row.switches,
         }
     }
 }
