@@ -6,6 +6,7 @@
 
 use darm_core::chain::ChainError;
 use darm_core::model::Condition;
+use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_core::units::Word;
 
@@ -142,6 +143,29 @@ impl Observations {
     pub fn residual(&self, row: &Row, predicted: &Pose<f64>) -> impl Iterator<Item = f64> {
         let twist = (row.inverse * *predicted).log().to_vector();
         self.axes.iter().map(move |&axis| twist[axis] / self.sigma[axis])
+    }
+
+    /// Residuals, in units of the noise, told in the directions of the base in place of those of the tool.
+    pub fn in_base(&self, residuals: &[f64]) -> Vec<f64> {
+        self.turned(residuals, |row, v| row.inverse.rotation.transpose() * v)
+    }
+
+    /// The way back from [`in_base`](Self::in_base).
+    pub fn in_tool(&self, residuals: &[f64]) -> Vec<f64> {
+        self.turned(residuals, |row, v| row.inverse.rotation * v)
+    }
+
+    fn turned(&self, residuals: &[f64], turn: impl Fn(&Row, Vec3<f64>) -> Vec3<f64>) -> Vec<f64> {
+        let n = self.axes.len();
+        let of_row = |(row, parts): (&Row, &[f64])| {
+            let mut twist = [0.0; 6];
+            self.axes.iter().zip(parts).for_each(|(&axis, part)| twist[axis] = part * self.sigma[axis]);
+            let [a, b, c, x, y, z] = twist;
+            let (angular, linear) = (turn(row, Vec3::new(a, b, c)), turn(row, Vec3::new(x, y, z)));
+            let twist = [angular.x, angular.y, angular.z, linear.x, linear.y, linear.z];
+            self.axes.iter().map(|&axis| twist[axis] / self.sigma[axis]).collect::<Vec<_>>()
+        };
+        self.rows.iter().zip(residuals.chunks(n)).flat_map(of_row).collect()
     }
 
     /// The residual of each row as a distance d, m, from residuals in units of the noise.

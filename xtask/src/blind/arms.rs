@@ -1,4 +1,6 @@
-//! The arms that are measured blind, each with its programmes.
+//! The arms whose tool poses are measured blind, each with its programmes.
+
+use std::sync::OnceLock;
 
 use anyhow::Result;
 use darm::arm::Arm;
@@ -7,38 +9,37 @@ use darm::programme::{Options, Step, programme};
 use crate::setup;
 
 /// Programmes that the seeds of an arm share.
-const PROGRAMMES: u64 = 4;
+const PROGRAMMES: usize = 4;
 /// Weights of the spatial arm, whose file has none: its plates and what it carries, kg.
 const PLATE_KG: f64 = 1.5;
 const TOOL_KG: f64 = 0.5;
 
 /// An arm and what it plays.
 pub(super) struct Subject {
-    pub(super) name: &'static str,
     pub(super) arm: Arm,
-    programmes: Vec<Vec<Step>>,
+    programmes: [OnceLock<Vec<Step>>; PROGRAMMES],
 }
 
 impl Subject {
     /// What the arm plays for a seed.
     pub(super) fn steps(&self, seed: u64) -> &[Step] {
-        &self.programmes[(seed % PROGRAMMES) as usize]
+        let seed = seed % PROGRAMMES as u64;
+        let made = || programme(&self.arm, &Options { seed, ..Options::default() });
+        self.programmes[seed as usize].get_or_init(made)
     }
 }
 
-/// All arms.
-pub(super) fn subjects() -> Result<Vec<Subject>> {
-    ["planar4", "spatial3", "planar4-hybrid"].into_iter().map(subject).collect()
+/// The planar, the spatial and the hybrid arm.
+pub(super) fn subjects() -> Result<[Subject; 3]> {
+    Ok([subject("planar4")?, subject("spatial3")?, subject("planar4-hybrid")?])
 }
 
-fn subject(name: &'static str) -> Result<Subject> {
+fn subject(name: &str) -> Result<Subject> {
     let mut arm = Arm::read(&setup::root().join("examples").join(format!("{name}.toml")))?;
     if arm.model.payload.mass_kg == 0.0 {
         let n = arm.model.chain.stages.len();
         arm.model.masses.iter_mut().take(n).for_each(|mass| mass.mass_kg = PLATE_KG);
         arm.model.payload.mass_kg = TOOL_KG;
     }
-    let of_seed = |seed| programme(&arm, &Options { seed, ..Options::default() });
-    let programmes = (0..PROGRAMMES).map(of_seed).collect();
-    Ok(Subject { name, arm, programmes })
+    Ok(Subject { arm, programmes: Default::default() })
 }

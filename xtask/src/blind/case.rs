@@ -49,11 +49,6 @@ impl Class {
     }
 }
 
-/// The arm of a seed.
-pub(super) fn subject(subjects: &[Subject], seed: u64) -> &Subject {
-    &subjects[(seed / 10) as usize % subjects.len()]
-}
-
 /// The true arm of a seed; effects that it cannot have are drawn again.
 pub(super) fn draw(subject: &Subject, seed: u64) -> Result<Blind, TruthError> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xca5e_0000);

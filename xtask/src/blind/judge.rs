@@ -198,7 +198,7 @@ fn right_variable(arm: &Arm, blind: &Blind, diagnosis: &Diagnosis) -> bool {
         let place = &sealed.place;
         if let Some((_, actuators)) = place.split_once("actuators ") {
             let numbers = actuators.split(" and ").filter_map(|number| number.parse().ok());
-            return numbers.into_iter().any(|k: usize| first.variable.ends_with(&arm.actuator_name(k)));
+            return numbers.into_iter().any(|k: usize| first.variable.contains(&arm.actuator_name(k)));
         }
         match place.split_once(", at actuator ") {
             Some((memory, number)) => {

@@ -33,6 +33,23 @@
 //! | a valve remembers the word before the last | the word before the last, at its actuator |
 //! | a cable tilts the tool when two legs of different modules are both long | the digits of these two, either first |
 //!
+//! # Arms that are measured by channels
+//!
+//! | arm | mechanism | right law | right place |
+//! | --- | --- | --- | --- |
+//! | serial, torques | dry friction | `coulomb-friction` | joint |
+//! | | thick grease | `viscous-friction` | joint |
+//! | | a hose that pulls | `force-offset` | joint |
+//! | | a cable that winds up | `spring` | joint |
+//! | | a heavy motor | `rotor-inertia` | joint |
+//! | | a lump bolted to a link | `mass-distribution` | link |
+//! | | cogging | none | variable: position of that joint |
+//! | floating base, wrench | a backpack | `mass-distribution` | link |
+//! | | a plate that drifts | none | variable: time |
+//!
+//! Here the diagnosis has no sets that are tested for equal predictions: only the right law itself counts. There is one
+//! mechanism in a floating base, in seeds of two as well. The baselines are not asked.
+//!
 //! # What counts as right
 //!
 //! - **Named rightly**: the laws named are the right ones, no more and no less. Where the verdict is
