@@ -5,6 +5,8 @@
 //! test on all axes together, times the number of terms). Each is tried in the frame of the tool and in that of the base.
 //! Rows that fit nothing are drawn in first.
 
+use std::fmt;
+
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
@@ -45,6 +47,16 @@ pub struct Dependence {
     pub share: f64,
     /// Chance of such a share where there is none, times the number of terms tried.
     pub p: f64,
+}
+
+impl fmt::Display for Dependence {
+    /// The variable, and how where it is not straight: `time (waves)`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.shape {
+            "straight" => f.write_str(&self.variable),
+            shape => write!(f, "{} ({shape})", self.variable),
+        }
+    }
 }
 
 /// The structure in the residuals of some rows, after `fitted` values were fitted to them.

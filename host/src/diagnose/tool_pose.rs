@@ -127,6 +127,10 @@ impl Kind for ToolPose {
         MAX_EFFECTS
     }
 
+    fn exchanges(&self) -> bool {
+        true
+    }
+
     fn name(&self, effect: &Effect<f64>) -> (&'static str, String) {
         (effect.law().name(), candidate::place_code(effect))
     }

@@ -278,7 +278,7 @@ fn depends(d: &Diagnosis) -> Markup {
                     thead { tr { th { (side) } th.num { "share" } th.num { "chance" } } }
                     tbody {
                         @for one in structure.depends_on.iter().take(8) {
-                            tr { td { (one.variable) } td.num { (format!("{:.0} %", 100.0 * one.share)) } td.num { (chance(one.p)) } }
+                            tr { td { (one) } td.num { (format!("{:.0} %", 100.0 * one.share)) } td.num { (chance(one.p)) } }
                         }
                         @if structure.depends_on.is_empty() { tr { td colspan="3" { "on nothing that was measured" } } }
                     }

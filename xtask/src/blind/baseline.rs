@@ -23,7 +23,7 @@ use darm_core::effect::step::Step;
 use nalgebra::{DMatrix, DVector};
 
 use super::case::Class;
-use super::judge::{Mark, right};
+use super::judge::{Mark, pairs, part, right};
 
 /// Moments that a step may be at.
 const MOMENTS: usize = 6;
@@ -172,8 +172,8 @@ impl Dictionary {
             .map(|effect| (self.effects[effect].law().name(), place_code(&self.effects[effect])))
             .collect();
         named.dedup();
-        let names: Vec<(&str, &str)> = named.iter().map(|(law, place)| (*law, place.as_str())).collect();
-        let (mut is_named, mut placed) = right(blind.unseal(), &names);
+        let names: Vec<(&str, &str)> = named.iter().map(|(law, place)| (*law, part(place))).collect();
+        let (mut is_named, mut placed) = right(&pairs(blind.unseal()), &names);
         if class == Class::Outside {
             (is_named, placed) = (named.is_empty(), false);
         }

@@ -31,7 +31,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::case::Class;
-use super::judge::Mark;
+use super::judge::{Mark, right};
 use crate::setup;
 
 /// Rows a second of the serial arm, and how long it moves.
@@ -173,13 +173,9 @@ impl Bench {
 
     fn mark(&self, class: Class, diagnosis: &Diagnosis) -> Mark {
         let mut mark = Mark { ratio: self.ratio(diagnosis), answer: answer(diagnosis), ..Mark::default() };
-        let sorted = |mut names: Vec<(String, String)>| {
-            names.sort();
-            names
-        };
-        let pairs = sorted(diagnosis.effects.iter().map(|e| (e.law.to_string(), joint_of(&e.place))).collect());
-        let truth = sorted(self.added.iter().map(|a| (a.law.to_string(), a.place.clone())).collect());
-        let laws = |pairs: &[(String, String)]| pairs.iter().map(|(law, _)| law.clone()).collect::<Vec<_>>();
+        let named: Vec<(&str, &str)> = diagnosis.effects.iter().map(|e| (e.law, joint_of(&e.place))).collect();
+        let truth: Vec<(&str, &str)> = self.added.iter().map(|added| (added.law, added.place.as_str())).collect();
+        let found = diagnosis.verdict == Verdict::EffectFound;
         match class {
             Class::Clean => mark.named = diagnosis.verdict == Verdict::NoEffect,
             Class::Outside => {
@@ -188,8 +184,8 @@ impl Bench {
                 mark.variable = mark.named && first.is_some_and(|term| term.term.contains(&self.added[0].variable));
             }
             Class::One | Class::Two => {
-                mark.named = diagnosis.verdict == Verdict::EffectFound && laws(&pairs) == laws(&truth);
-                mark.placed = mark.named && pairs == truth;
+                let (laws, places) = right(&truth, &named);
+                (mark.named, mark.placed) = (found && laws, found && places);
             }
         }
         mark
@@ -208,8 +204,8 @@ impl Bench {
 }
 
 /// `joint 3` of `joint 3 (joint_3)`.
-fn joint_of(place: &str) -> String {
-    place.split(" (").next().unwrap_or(place).to_string()
+fn joint_of(place: &str) -> &str {
+    place.split(" (").next().unwrap_or(place)
 }
 
 fn answer(diagnosis: &Diagnosis) -> String {
@@ -287,8 +283,7 @@ fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Result<Bench> {
     let names = [vec!["time_s".to_string()], named("q", "_rad"), named("v", "_rad/s"), named("a", "")].concat();
     let noise: Vec<f64> = measured.iter().map(|channel| TORQUE_NOISE * rms(channel).max(1.0)).collect();
     let (norm_noise, axes) = (noise.clone(), named("tau", "_nm"));
-    let mut bench =
-        Bench { names, given, axes, measured, noise, spoiled: Vec::new(), added: Vec::new(), norm_noise };
+    let mut bench = Bench { names, given, axes, measured, noise, spoiled: Vec::new(), added: Vec::new(), norm_noise };
     let mechanisms: Vec<usize> = match class {
         Class::Clean => Vec::new(),
         Class::Outside => vec![6],
@@ -331,12 +326,7 @@ fn of_joint(mechanism: usize, joint: usize, n: usize, given: &[Vec<f64>]) -> (&'
 }
 
 /// Torques of a mass of 1 kg bolted to the frame of a joint's link, 0.1 m off its origin.
-fn lump(
-    robot: &Robot,
-    joint: usize,
-    times: &[f64],
-    state: &dyn Fn(f64) -> [Vec<f64>; 3],
-) -> Result<Vec<Vec<f64>>> {
+fn lump(robot: &Robot, joint: usize, times: &[f64], state: &dyn Fn(f64) -> [Vec<f64>; 3]) -> Result<Vec<Vec<f64>>> {
     let n = robot.joints.len();
     let link = &robot.joints[joint].link;
     let frame = robot.frame(link).context("a link without a frame")?;

@@ -37,7 +37,8 @@ pub(super) struct Mark {
 /// Marks a diagnosis.
 pub(super) fn mark(arm: &Arm, class: Class, blind: &Blind, diagnosis: &Diagnosis) -> Result<Mark> {
     let repeats_m = diagnosis.repeatability.as_ref().map_or(blind.scatter_m(), |repeats| repeats.distance_m);
-    let mut mark = Mark { ratio: heldout_m(blind, diagnosis) / repeats_m, answer: answer(diagnosis), ..Mark::default() };
+    let mut mark =
+        Mark { ratio: heldout_m(blind, diagnosis) / repeats_m, answer: answer(diagnosis), ..Mark::default() };
     match class {
         Class::Clean => mark.named = diagnosis.verdict == Verdict::NoEffect,
         Class::Outside => {
@@ -66,27 +67,28 @@ fn heldout_m(blind: &Blind, diagnosis: &Diagnosis) -> f64 {
 }
 
 /// A place without the end of an anchor or the state of a stop.
-fn part(place: &str) -> &str {
+pub(super) fn part(place: &str) -> &str {
     place.split(',').next().unwrap_or(place)
 }
 
 /// Whether the laws, and whether the places too, are those of the truth, each once.
 fn named(truth: &[Sealed], effects: &[Found]) -> (bool, bool) {
     let named: Vec<(&str, &str)> = effects.iter().map(|found| (found.law, part(&found.place))).collect();
-    right(truth, &named)
+    right(&pairs(truth), &named)
 }
 
-/// The same of laws with their parts.
-pub(super) fn right(truth: &[Sealed], named: &[(&str, &str)]) -> (bool, bool) {
-    let sorted = |mut names: Vec<(String, String)>| {
-        names.sort();
-        names
-    };
-    let mine = sorted(named.iter().map(|(law, place)| (law.to_string(), part(place).to_string())).collect());
-    let true_ones =
-        sorted(truth.iter().map(|sealed| (sealed.effect.to_string(), part(&sealed.place).to_string())).collect());
-    let laws = |names: &[(String, String)]| names.iter().map(|(law, _)| law.clone()).collect::<Vec<_>>();
-    (laws(&mine) == laws(&true_ones), mine == true_ones)
+/// Law and part of each secret.
+pub(super) fn pairs(truth: &[Sealed]) -> Vec<(&str, &str)> {
+    truth.iter().map(|sealed| (sealed.effect, part(&sealed.place))).collect()
+}
+
+/// Whether the laws, and whether the laws with their places, are the same on both sides, in any order.
+pub(super) fn right(truth: &[(&str, &str)], named: &[(&str, &str)]) -> (bool, bool) {
+    let [mut truth, mut named] = [truth.to_vec(), named.to_vec()];
+    truth.sort_unstable();
+    named.sort_unstable();
+    let laws = |pairs: &[(&str, &str)]| pairs.iter().map(|(law, _)| law.to_string()).collect::<Vec<_>>();
+    (laws(&truth) == laws(&named), truth == named)
 }
 
 /// Whether each true effect stands in the set of an effect of its own, and all members of the sets predict the same.

@@ -36,7 +36,7 @@ pub(crate) struct Blind {
     /// One arm only, in place of all in turn
     #[arg(long, value_enum)]
     arm: Option<Kin>,
-    /// Print a line for every seed that was marked wrong
+    /// Print a line for every seed that was marked wrong, as it comes
     #[arg(long)]
     wrong: bool,
     /// Write the figures as JSON
@@ -82,13 +82,14 @@ impl Blind {
                 let arm = self.arm.unwrap_or(Kin::of(seed));
                 let outcome = bench.outcome(arm, seed).with_context(|| format!("seed {seed}"));
                 bar.inc(1);
-                outcome
+                let outcome = outcome?;
+                if self.wrong && outcome.is_wrong() {
+                    println!("{}", outcome.line());
+                }
+                Ok(outcome)
             })
             .collect::<Result<_>>()?;
         bar.finish_and_clear();
-        if self.wrong {
-            outcomes.iter().filter(|outcome| outcome.is_wrong()).for_each(|outcome| println!("{}", outcome.line()));
-        }
         table::by_arm(&outcomes);
         let figures = table::figures(&outcomes)?;
         tell(&figures, self.first_seed, self.json.as_deref())
@@ -151,8 +152,45 @@ impl Outcome {
 
     fn line(&self) -> String {
         let Mark { named, placed, ratio, covered: [hits, n], answer, .. } = &self.darm;
-        let marks = format!("{}{} {ratio:.2} {hits}/{n}", if *named { "n" } else { "-" }, if *placed { "p" } else { "-" });
+        let marks =
+            format!("{}{} {ratio:.2} {hits}/{n}", if *named { "n" } else { "-" }, if *placed { "p" } else { "-" });
         let arm = format!("{:?}", self.arm);
         format!("{:5} {arm:8} {:7} {marks}  {}  ->  {answer}", self.seed, self.class.name(), self.truth)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use darm::plant::truth::{self, Kind};
+
+    use super::*;
+
+    const SEED: u64 = 1;
+
+    /// A mechanism in the planar arm; on a servo where it needs one.
+    fn mark(subjects: &[Subject; 3], kind: Kind) -> Mark {
+        let subject = if kind == Kind::JointOffset { &subjects[2] } else { &subjects[0] };
+        let blind = truth::Blind::draw(&subject.arm, subject.steps(SEED), &[kind], SEED).unwrap();
+        let diagnosis = diagnose(&subject.arm, blind.measured(), &diagnose::Options::default()).unwrap();
+        let class = if truth::Blind::INSIDE.contains(&kind) { Class::One } else { Class::Outside };
+        judge::mark(&subject.arm, class, &blind, &diagnosis).unwrap()
+    }
+
+    #[test]
+    fn each_mechanism_is_named_by_its_own_law_and_all_others_stay_out() {
+        let subjects = arms::subjects().unwrap();
+        truth::Blind::INSIDE.par_iter().for_each(|&kind| {
+            let mark = mark(&subjects, kind);
+            assert!(mark.placed, "{kind}: {}", mark.answer);
+        });
+    }
+
+    #[test]
+    fn what_no_law_knows_is_given_no_name() {
+        let subjects = arms::subjects().unwrap();
+        truth::Blind::OUTSIDE.par_iter().for_each(|&kind| {
+            let mark = mark(&subjects, kind);
+            assert!(mark.named, "{kind:?}: {}", mark.answer);
+        });
     }
 }
