@@ -11,6 +11,7 @@ pub mod ik;
 pub mod in_process;
 pub mod link;
 pub mod measurement;
+pub mod motion;
 pub mod plan;
 pub mod plant;
 pub mod programme;

@@ -23,7 +23,10 @@ mod missing;
 mod read;
 mod simulated;
 
+use darm_core::real::Vec3;
 use darm_core::se::Wrench;
+use nalgebra::DVector;
+use serde::{Deserialize, Serialize};
 
 use crate::diagnose::channels::bodies::Moving;
 use crate::robot::Robot;
@@ -101,6 +104,46 @@ impl Unknown {
             Self::Viscous(k) => format!("fv {}", joint(k)),
         }
     }
+}
+
+/// Mass and centre of mass of a link.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LinkMass {
+    /// The link.
+    pub link: String,
+    /// kg.
+    pub mass_kg: f64,
+    /// In the link's frame, m.
+    pub com_m: [f64; 3],
+}
+
+/// Masses of all links by these values of the unknowns; where single links cannot be told, one choice of many that act alike.
+pub fn link_masses(robot: &Robot, equations: &Equations, values: &DVector<f64>) -> Vec<LinkMass> {
+    let of = |joint: Option<usize>| {
+        let own = equations.of_body(joint);
+        let mass_kg = values[own[0]];
+        let com_m = std::array::from_fn(|k| if mass_kg > 0.0 { values[own[1 + k]] / mass_kg } else { 0.0 });
+        LinkMass { link: body_name(robot, joint), mass_kg, com_m }
+    };
+    bodies(robot).map(of).collect()
+}
+
+/// The robot with these masses; moments of inertia about the centres of mass grow with them. Links that are not named stay.
+pub fn with_masses(robot: &Robot, masses: &[LinkMass]) -> Robot {
+    let mut with = robot.clone();
+    for (joint, named) in
+        bodies(robot).filter_map(|j| Some((j, masses.iter().find(|m| m.link == body_name(robot, j))?)))
+    {
+        let inertia = match joint {
+            Some(joint) => &mut with.joints[joint].joint.inertia,
+            None => &mut with.base,
+        };
+        if inertia.mass > 0.0 {
+            inertia.about_com *= named.mass_kg / inertia.mass;
+        }
+        (inertia.mass, inertia.com) = (named.mass_kg, Vec3::from(named.com_m));
+    }
+    with
 }
 
 /// Name of a body: the base, or the link that a joint moves.

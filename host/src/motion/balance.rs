@@ -65,7 +65,7 @@ fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
 }
 
 /// The balance of a motion on its feet, and on the chair too before `lift_off` (a frame from 0).
-pub fn balance(
+pub(super) fn balance(
     wrench: &[SVector<f64, 6>],
     com: &[Vec3<f64>],
     (feet, chair): (&[[f64; 2]], &[[f64; 2]]),

@@ -59,7 +59,9 @@ pub enum CaptureError {
         present: String,
     },
     /// A marker is missing for too long.
-    #[error("marker {marker} is missing in {missing} of {frames} frames, first in frame {frame}: leave it out or mend it")]
+    #[error(
+        "marker {marker} is missing in {missing} of {frames} frames, first in frame {frame}: leave it out or mend it"
+    )]
     Missing {
         /// The marker.
         marker: String,

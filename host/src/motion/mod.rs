@@ -24,12 +24,12 @@ mod markers;
 pub mod person;
 mod placed;
 pub mod plot;
+pub mod setup;
 mod smooth;
 pub mod trajectory;
 
-pub use balance::{Balance, Polygon, balance};
+pub use balance::{Balance, Polygon};
 pub use markers::{Capture, CaptureError, Plate};
-pub use placed::{Dynamic, Placed, dynamic, wrench};
 
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, Twist, rotation_log};

@@ -9,6 +9,8 @@
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use nalgebra::{DMatrix, DVector, Matrix3};
+use rand::{Rng, RngExt as _};
+use rand_distr::StandardNormal;
 use serde::Serialize;
 
 use super::markers::Capture;
@@ -120,14 +122,14 @@ pub fn person(tree: &Robot, markers: &[Fixed], capture: &Capture) -> Result<Pers
 }
 
 /// Links that share their scales.
-struct Groups {
+pub(super) struct Groups {
     names: Vec<String>,
     /// The group of each body, the base first.
     of: Vec<usize>,
 }
 
 impl Groups {
-    fn new(tree: &Robot) -> Self {
+    pub(super) fn new(tree: &Robot) -> Self {
         let base = tree.frames.first().map_or("base", |frame| frame.name.as_str());
         let links = std::iter::once(base).chain(tree.joints.iter().map(|joint| joint.link.as_str()));
         let (mut names, mut of) = (Vec::<String>::new(), Vec::new());
@@ -144,12 +146,17 @@ impl Groups {
         Self { names, of }
     }
 
+    /// A scale for every group, drawn about 1.
+    pub(super) fn drawn(&self, random: &mut impl Rng, spread: f64) -> Vec<f64> {
+        self.names.iter().map(|_| 1.0 + spread * random.sample::<f64, _>(StandardNormal).clamp(-2.0, 2.0)).collect()
+    }
+
     fn body(&self, joint: Option<usize>) -> usize {
         self.of[joint.map_or(0, |joint| joint + 1)]
     }
 
     /// The tree with these lengths and masses of the groups.
-    fn scaled(&self, tree: &Robot, lengths: &[f64], masses: &[f64]) -> Robot {
+    pub(super) fn scaled(&self, tree: &Robot, lengths: &[f64], masses: &[f64]) -> Robot {
         let mut scaled = tree.clone();
         let grow = |inertia: &mut darm_core::tree::Inertia<f64>, group: usize| {
             inertia.mass *= masses[group];
@@ -164,7 +171,7 @@ impl Groups {
         scaled
     }
 
-    fn markers(&self, markers: &[Fixed], lengths: &[f64]) -> Vec<Fixed> {
+    pub(super) fn markers(&self, markers: &[Fixed], lengths: &[f64]) -> Vec<Fixed> {
         markers.iter().map(|m| Fixed { point: m.point * lengths[self.body(m.joint)], ..*m }).collect()
     }
 }
@@ -184,15 +191,20 @@ fn problem<'a>(
     targets: &'a [Vec<Option<Vec3<f64>>>],
     step_s: f64,
 ) -> Problem<'a> {
-    Problem { robot: tree, step_s, markers, targets, feet: &[], com: None, marker_m: MARKER_M, acceleration: ACCELERATION }
+    Problem {
+        robot: tree,
+        step_s,
+        markers,
+        targets,
+        feet: &[],
+        com: None,
+        marker_m: MARKER_M,
+        acceleration: ACCELERATION,
+    }
 }
 
 /// A posture for every frame, each from the one before; the walk begins at the end that fits the tree's zero posture better.
-fn walk(
-    tree: &Robot,
-    markers: &[Fixed],
-    targets: &[Vec<Option<Vec3<f64>>>],
-) -> Result<Vec<Posture>, TrajectoryError> {
+fn walk(tree: &Robot, markers: &[Fixed], targets: &[Vec<Option<Vec3<f64>>>]) -> Result<Vec<Posture>, TrajectoryError> {
     let one = |frame: usize, start: &Posture| {
         let alone = problem(tree, markers, &targets[frame..=frame], 1.0);
         solve(&alone, std::slice::from_ref(start))
@@ -294,8 +306,9 @@ fn lengthen(
         let columns: Vec<DVector<f64>> = others.iter_mut().map(|other| (points(other) - &here) / SMALL).collect();
         let slopes = DMatrix::from_columns(&columns);
         let seen = now.1.iter().zip(targets).filter(|(_, target)| target.is_some());
-        let moves: Vec<_> =
-            seen.map(|(marker, _)| now.0.jacobian(marker.joint, &Pose::at(marker.point)).rows(3, 3).into_owned()).collect();
+        let moves: Vec<_> = seen
+            .map(|(marker, _)| now.0.jacobian(marker.joint, &Pose::at(marker.point)).rows(3, 3).into_owned())
+            .collect();
         let mut jacobian = DMatrix::zeros(here.len(), 6 + posture.q.len());
         moves.iter().enumerate().for_each(|(k, rows)| jacobian.rows_mut(3 * k, 3).copy_from(rows));
         // What base and angles can follow is no matter of lengths.

@@ -144,7 +144,10 @@ fn split(off: &DVector<f64>, jacobian: &DMatrix<f64>, free: &[usize]) -> (DVecto
     let across = eigen.eigenvectors.select_columns(&held);
     let inverse = DVector::from_iterator(held.len(), held.iter().map(|&k| 1.0 / eigen.eigenvalues[k]));
     let step = -(&across * (across.tr_mul(&own.tr_mul(off))).component_mul(&inverse));
-    (spread(&DMatrix::from_column_slice(free.len(), 1, step.as_slice())).column(0).into_owned(), spread(&eigen.eigenvectors.select_columns(&left)))
+    (
+        spread(&DMatrix::from_column_slice(free.len(), 1, step.as_slice())).column(0).into_owned(),
+        spread(&eigen.eigenvectors.select_columns(&left)),
+    )
 }
 
 /// Moves joints that are beyond a limit onto it; tells which are at one.
@@ -225,9 +228,8 @@ fn bend(postures: &[Posture], k: usize) -> DVector<f64> {
 }
 
 fn cost(problem: &Problem<'_>, postures: &[Posture]) -> Result<f64, TreeError> {
-    let soft: Result<Vec<f64>, TreeError> = each(problem, postures, |placed, frame, posture| {
-        followed(problem, placed, frame, posture).0
-    });
+    let soft: Result<Vec<f64>, TreeError> =
+        each(problem, postures, |placed, frame, posture| followed(problem, placed, frame, posture).0);
     let weight = smoothness(problem);
     let bends: f64 = (1..postures.len().saturating_sub(1)).map(|k| bend(postures, k).norm_squared() * weight).sum();
     Ok(soft?.iter().sum::<f64>() + bends)
@@ -270,9 +272,7 @@ fn step(
     pinned: &[Vec<bool>],
     damping: f64,
 ) -> Option<Vec<DVector<f64>>> {
-    let free = |k: usize| -> Vec<usize> {
-        (0..6 + pinned[k].len()).filter(|&i| i < 6 || !pinned[k][i - 6]).collect()
-    };
+    let free = |k: usize| -> Vec<usize> { (0..6 + pinned[k].len()).filter(|&i| i < 6 || !pinned[k][i - 6]).collect() };
     let parts: Vec<(DVector<f64>, DMatrix<f64>)> =
         frames.par_iter().enumerate().map(|(k, frame)| split(&frame.off, &frame.jacobian, &free(k))).collect();
     let mut start = vec![0; parts.len() + 1];
@@ -282,7 +282,8 @@ fn step(
     let (mut matrix, mut right) = (Banded::zeros(n, width.saturating_sub(1).max(1)), DVector::zeros(n));
     let mut put = |(later, earlier): (usize, usize), block: &DMatrix<f64>| {
         for column in 0..block.ncols() {
-            (0..block.nrows()).for_each(|row| matrix.add(start[later] + row, start[earlier] + column, block[(row, column)]));
+            (0..block.nrows())
+                .for_each(|row| matrix.add(start[later] + row, start[earlier] + column, block[(row, column)]));
         }
     };
     for (k, ((p, z), frame)) in parts.iter().zip(frames).enumerate() {
@@ -346,7 +347,8 @@ pub fn solve(problem: &Problem<'_>, start: &[Posture]) -> Result<Trajectory, Tra
             continue;
         };
         let tried: Vec<Posture> = postures.iter().zip(&change).map(|(posture, change)| posture.moved(change)).collect();
-        let next = all_held(problem, &tried).ok().map(|next| cost(problem, &next).map(|cost| (next, cost))).transpose()?;
+        let next =
+            all_held(problem, &tried).ok().map(|next| cost(problem, &next).map(|cost| (next, cost))).transpose()?;
         match next {
             Some((next, lower)) if lower <= best => {
                 settled = best - lower <= SETTLED * best;
