@@ -25,7 +25,7 @@ mod remaining;
 pub mod signal;
 mod summary;
 pub mod torque;
-mod wrench;
+pub mod wrench;
 
 use std::path::Path;
 
