@@ -80,6 +80,11 @@ impl Run {
         self.samples.iter().enumerate().filter(|(_, sample)| !sample.held_out)
     }
 
+    /// When the first sample was taken, s.
+    pub fn start_s(&self) -> f64 {
+        self.samples.iter().map(|sample| sample.time_s).reduce(f64::min).unwrap_or_default()
+    }
+
     /// The median supply and temperature (°C) of the last fifth of the samples: the conditions that the arm has
     /// settled to. `None` where they were not measured.
     pub fn settled(&self) -> (Option<f64>, Option<f64>) {
