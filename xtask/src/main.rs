@@ -5,6 +5,7 @@ mod demo;
 mod faults;
 mod figures;
 mod image;
+mod papers;
 mod progress;
 mod setup;
 mod step;
@@ -26,6 +27,7 @@ struct Arguments {
 enum Task {
     Demo(demo::Demo),
     Bench(bench::Bench),
+    Papers(papers::Papers),
     Faults(faults::Faults),
     /// All tests: format, lints, documentation, unit and system tests, the image in the emulator
     Test,
@@ -37,6 +39,7 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().task {
         Task::Demo(demo) => demo.run(),
         Task::Bench(bench) => bench.run(),
+        Task::Papers(papers) => papers.run(),
         Task::Faults(faults) => faults.run(),
         Task::Test => test::run(),
         Task::Image => image::build().map(|path| println!("{}", path.display())),
