@@ -5,6 +5,7 @@ mod demo;
 mod faults;
 mod figures;
 mod image;
+mod papers;
 mod progress;
 mod setup;
 mod step;
@@ -27,6 +28,7 @@ enum Task {
     Demo(demo::Demo),
     Bench(bench::Bench),
     Faults(faults::Faults),
+    Papers(papers::Papers),
     /// All tests: format, lints, documentation, unit and system tests, the image in the emulator
     Test,
     /// Builds the firmware image and prints its path
@@ -38,6 +40,7 @@ fn main() -> ExitCode {
         Task::Demo(demo) => demo.run(),
         Task::Bench(bench) => bench.run(),
         Task::Faults(faults) => faults.run(),
+        Task::Papers(papers) => papers.run(),
         Task::Test => test::run(),
         Task::Image => image::build().map(|path| println!("{}", path.display())),
     };

@@ -9,6 +9,7 @@ mod draw;
 mod dynamics;
 mod fk;
 mod flash;
+mod grasp;
 mod ik;
 mod jacobian;
 mod map;
@@ -84,6 +85,7 @@ pub(crate) enum Command {
     Com(com::Com),
     Model(model::Model),
     Draw(draw::Draw),
+    Grasp(grasp::Grasp),
     Doctor(doctor::Doctor),
 }
 
@@ -113,6 +115,7 @@ impl Command {
             Self::Com(command) => command.run(voice),
             Self::Model(command) => command.run(voice),
             Self::Draw(command) => command.run(voice),
+            Self::Grasp(command) => command.run(voice),
             Self::Doctor(command) => command.run(voice),
         }
     }
