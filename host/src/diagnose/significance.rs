@@ -96,7 +96,8 @@ pub fn f_test(ratio: f64, dof: usize, noise_dof: usize) -> f64 {
 ///
 /// Source: C. J. Clopper, E. S. Pearson, Biometrika 26 (1934) 404.
 pub fn clopper_pearson(hits: usize, n: usize) -> [f64; 2] {
-    let quantile = |a: usize, b: usize, p: f64| Beta::new(a as f64, b as f64).map_or(f64::NAN, |beta| beta.inverse_cdf(p));
+    let quantile =
+        |a: usize, b: usize, p: f64| Beta::new(a as f64, b as f64).map_or(f64::NAN, |beta| beta.inverse_cdf(p));
     let misses = n.saturating_sub(hits);
     let low = if hits == 0 { 0.0 } else { quantile(hits, misses + 1, 0.025) };
     let high = if misses == 0 { 1.0 } else { quantile(hits + 1, misses, 0.975) };

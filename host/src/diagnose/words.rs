@@ -123,7 +123,9 @@ pub fn effect_sentence(arm: &Arm, effect: &Effect<f64>) -> String {
         }
         Effect::Crowding(law) => {
             let short_mm = law.short_m * 1e3;
-            format!("{place}: an actuator stays {short_mm:.2} mm short for each other that its module switches with it.")
+            format!(
+                "{place}: an actuator stays {short_mm:.2} mm short for each other that its module switches with it."
+            )
         }
         Effect::FrameOffset(law) => frame_sentence(&place, &law.values, arm.model.chain.is_planar()),
         Effect::Scale(law) => {

@@ -287,8 +287,7 @@ fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Result<Bench> {
     let names = [vec!["time_s".to_string()], named("q", "_rad"), named("v", "_rad/s"), named("a", "")].concat();
     let noise: Vec<f64> = measured.iter().map(|channel| TORQUE_NOISE * rms(channel).max(1.0)).collect();
     let (norm_noise, axes) = (noise.clone(), named("tau", "_nm"));
-    let mut bench =
-        Bench { names, given, axes, measured, noise, spoiled: Vec::new(), added: Vec::new(), norm_noise };
+    let mut bench = Bench { names, given, axes, measured, noise, spoiled: Vec::new(), added: Vec::new(), norm_noise };
     let mechanisms: Vec<usize> = match class {
         Class::Clean => Vec::new(),
         Class::Outside => vec![6],
@@ -331,12 +330,7 @@ fn of_joint(mechanism: usize, joint: usize, n: usize, given: &[Vec<f64>]) -> (&'
 }
 
 /// Torques of a mass of 1 kg bolted to the frame of a joint's link, 0.1 m off its origin.
-fn lump(
-    robot: &Robot,
-    joint: usize,
-    times: &[f64],
-    state: &dyn Fn(f64) -> [Vec<f64>; 3],
-) -> Result<Vec<Vec<f64>>> {
+fn lump(robot: &Robot, joint: usize, times: &[f64], state: &dyn Fn(f64) -> [Vec<f64>; 3]) -> Result<Vec<Vec<f64>>> {
     let n = robot.joints.len();
     let link = &robot.joints[joint].link;
     let frame = robot.frame(link).context("a link without a frame")?;

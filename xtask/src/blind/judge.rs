@@ -37,7 +37,8 @@ pub(super) struct Mark {
 /// Marks a diagnosis.
 pub(super) fn mark(arm: &Arm, class: Class, blind: &Blind, diagnosis: &Diagnosis) -> Result<Mark> {
     let repeats_m = diagnosis.repeatability.as_ref().map_or(blind.scatter_m(), |repeats| repeats.distance_m);
-    let mut mark = Mark { ratio: heldout_m(blind, diagnosis) / repeats_m, answer: answer(diagnosis), ..Mark::default() };
+    let mut mark =
+        Mark { ratio: heldout_m(blind, diagnosis) / repeats_m, answer: answer(diagnosis), ..Mark::default() };
     match class {
         Class::Clean => mark.named = diagnosis.verdict == Verdict::NoEffect,
         Class::Outside => {

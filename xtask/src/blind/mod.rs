@@ -151,7 +151,8 @@ impl Outcome {
 
     fn line(&self) -> String {
         let Mark { named, placed, ratio, covered: [hits, n], answer, .. } = &self.darm;
-        let marks = format!("{}{} {ratio:.2} {hits}/{n}", if *named { "n" } else { "-" }, if *placed { "p" } else { "-" });
+        let marks =
+            format!("{}{} {ratio:.2} {hits}/{n}", if *named { "n" } else { "-" }, if *placed { "p" } else { "-" });
         let arm = format!("{:?}", self.arm);
         format!("{:5} {arm:8} {:7} {marks}  {}  ->  {answer}", self.seed, self.class.name(), self.truth)
     }

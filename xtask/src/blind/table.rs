@@ -44,7 +44,8 @@ pub(super) fn by_arm(outcomes: &[Outcome]) {
     for arm in Kin::value_variants() {
         let own: Vec<&Outcome> = outcomes.iter().filter(|outcome| outcome.arm == *arm).collect();
         let cell = |choose: fn(&Outcome) -> bool, so: fn(&Mark) -> bool| {
-            let chosen: Vec<&Mark> = own.iter().filter(|outcome| choose(outcome)).map(|outcome| &outcome.darm).collect();
+            let chosen: Vec<&Mark> =
+                own.iter().filter(|outcome| choose(outcome)).map(|outcome| &outcome.darm).collect();
             format!("{} of {}", chosen.iter().filter(|mark| so(mark)).count(), chosen.len())
         };
         if !own.is_empty() {
@@ -77,10 +78,7 @@ fn common(outcomes: &[Outcome], of: Of) -> [(&'static str, [usize; 2]); 5] {
     [
         ("named rightly", count(outcomes, of, inside, |mark| mark.named)),
         ("place named rightly", count(outcomes, of, inside, |mark| mark.placed)),
-        (
-            "held-out error within 1.15 of the repeatability",
-            count(outcomes, of, inside, |mark| mark.ratio <= RATIO),
-        ),
+        ("held-out error within 1.15 of the repeatability", count(outcomes, of, inside, |mark| mark.ratio <= RATIO)),
         ("false alarms on clean arms", count(outcomes, of, clean, |mark| !mark.named)),
         ("false names outside the list", count(outcomes, of, outside, |mark| !mark.named)),
     ]

@@ -65,7 +65,13 @@ fn springs_take_up_what_the_weights_give() {
     body.chain.configure(&"010110011101".parse().unwrap(), &[], &mut scratch).unwrap();
     let unloaded = scratch.clone();
     let springs = Mechanism::Springs { part: mechanism::Part::Arm, compliance_m_per_n: compliance };
-    let state = TrueState { word: "010110011101".parse().unwrap(), previous: None, servos_rad: &[], time_s: 0.0, history: None };
+    let state = TrueState {
+        word: "010110011101".parse().unwrap(),
+        previous: None,
+        servos_rad: &[],
+        time_s: 0.0,
+        history: None,
+    };
     let surroundings = Surroundings::draw(&mut ChaCha8Rng::seed_from_u64(1), 6.0, 293.15);
     mechanism::pose(&[springs], &body, &state, surroundings.settled(&state.word), &mut scratch).unwrap();
     let energy = |scratch: &ArmScratch| {
