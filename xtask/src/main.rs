@@ -6,6 +6,7 @@ mod demo;
 mod faults;
 mod figures;
 mod image;
+mod papers;
 mod progress;
 mod setup;
 mod step;
@@ -27,6 +28,7 @@ struct Arguments {
 enum Task {
     Demo(demo::Demo),
     Bench(bench::Bench),
+    Papers(papers::Papers),
     Blind(blind::Blind),
     Faults(faults::Faults),
     /// All tests: format, lints, documentation, unit and system tests, the image in the emulator
@@ -39,6 +41,7 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().task {
         Task::Demo(demo) => demo.run(),
         Task::Bench(bench) => bench.run(),
+        Task::Papers(papers) => papers.run(),
         Task::Blind(blind) => blind.run(),
         Task::Faults(faults) => faults.run(),
         Task::Test => test::run(),

@@ -9,6 +9,7 @@
 //!
 //! A new law is one file and its line in the list below.
 
+pub mod along;
 pub mod anchor_offset;
 pub mod crowding;
 pub mod drift;

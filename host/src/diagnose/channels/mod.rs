@@ -24,12 +24,13 @@ pub mod prepared;
 mod remaining;
 pub mod signal;
 mod summary;
+mod thinned;
 pub mod torque;
-mod wrench;
+pub mod wrench;
 
 use std::path::Path;
 
-use super::kind::Trial;
+use super::kind::{Kind as _, Trial};
 use super::search::Search;
 use crate::measurement::table::{Names, Table};
 use crate::measurement::{Finding, ReadError};
@@ -146,7 +147,17 @@ fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) ->
     let n_known = always.len();
     let mut search = Search::new(Channels::new(experiment, groups));
     let start = search.kind.start(always);
-    let Ok((mut best, rivals)) = search.run(start);
+    let Ok((mut best, mut rivals)) = search.run(start.clone());
+    let (left, ladder) = thinned::thinned(&mut search.kind, &start);
+    let grown = search.kind.judged(best.fit.active.clone(), None);
+    if left.loss < grown.loss {
+        search.ladder = ladder;
+        let Ok(found) = search.run(left);
+        (best, rivals) = found;
+    } else {
+        let Ok(settled) = search.kind.settled(grown);
+        best = settled;
+    }
     possible(&search.kind, &mut best);
     Ok(Ended { search, best, rivals, n_known, held_out: data.held_out, findings: data.findings })
 }

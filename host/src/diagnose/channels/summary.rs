@@ -195,7 +195,8 @@ fn alternatives(ended: &Ended) -> Vec<Alternative> {
     let own = &kind.experiment.candidates[last];
     let mut all: Vec<Alternative> = Vec::new();
     for rival in &ended.rivals {
-        let Some(candidate) = rival.effect.map(|effect| &kind.experiment.candidates[effect]) else { continue };
+        let Some([one]) = rival.effect.map(|number| &kind.moves[number][..]) else { continue };
+        let candidate = &kind.experiment.candidates[*one];
         let as_good = kind.fall(rival, &ended.best).p;
         let known = all.iter().any(|other| other.law == candidate.law && other.place == candidate.place);
         let same = candidate.law == own.law && candidate.place == own.place;
