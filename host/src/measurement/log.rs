@@ -30,7 +30,9 @@ pub enum LogError {
     #[error("no MCAP log that can be read: {0}")]
     Mcap(#[from] McapError),
     /// A topic that cannot be read.
-    #[error("topic {topic} holds messages in the encoding `{encoding}`, only `json` is read: record it as JSON, or convert the log")]
+    #[error(
+        "topic {topic} holds messages in the encoding `{encoding}`, only `json` is read: record it as JSON, or convert the log"
+    )]
     Encoding {
         /// The topic.
         topic: String,

@@ -41,7 +41,8 @@ pub(super) fn thinned(kind: &mut Channels, start: &Trial<Channels>) -> (Trial<Ch
 /// One candidate for each law at each place, the middle one of its shapes, after those that are known.
 fn full(kind: &Channels, known: &[usize]) -> Vec<usize> {
     let candidates = &kind.experiment.candidates;
-    let same = |a: usize, b: usize| candidates[a].law == candidates[b].law && candidates[a].place == candidates[b].place;
+    let same =
+        |a: usize, b: usize| candidates[a].law == candidates[b].law && candidates[a].place == candidates[b].place;
     let mut active = known.to_vec();
     for k in 0..candidates.len() {
         if !active.iter().any(|&other| same(other, k)) {
@@ -78,7 +79,8 @@ fn sweep(kind: &Channels, best: &mut Trial<Channels>, n_known: usize, n_tried: u
         kind.judged(best.fit.active.iter().copied().filter(|k| *k != candidate).collect(), None)
     };
     let open = best.fit.active[n_known..].to_vec();
-    let mut order: Vec<(f64, usize)> = open.par_iter().map(|&candidate| (of(best, candidate).loss, candidate)).collect();
+    let mut order: Vec<(f64, usize)> =
+        open.par_iter().map(|&candidate| (of(best, candidate).loss, candidate)).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut ladder = Vec::new();
     for (_, candidate) in order {
