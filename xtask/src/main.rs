@@ -1,10 +1,12 @@
 //! `cargo xtask`: the set-up, the demo, the tests and the measurements of this workspace.
 
 mod bench;
+mod blind;
 mod demo;
 mod faults;
 mod figures;
 mod image;
+mod papers;
 mod progress;
 mod setup;
 mod step;
@@ -26,6 +28,8 @@ struct Arguments {
 enum Task {
     Demo(demo::Demo),
     Bench(bench::Bench),
+    Papers(papers::Papers),
+    Blind(blind::Blind),
     Faults(faults::Faults),
     /// All tests: format, lints, documentation, unit and system tests, the image in the emulator
     Test,
@@ -37,6 +41,8 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().task {
         Task::Demo(demo) => demo.run(),
         Task::Bench(bench) => bench.run(),
+        Task::Papers(papers) => papers.run(),
+        Task::Blind(blind) => blind.run(),
         Task::Faults(faults) => faults.run(),
         Task::Test => test::run(),
         Task::Image => image::build().map(|path| println!("{}", path.display())),

@@ -67,6 +67,7 @@ pub(crate) fn measure(
             previous: Some(frame.state.previous),
             servos_rad: &servos_rad,
             time_s: frame.at_s,
+            history: None,
         };
         let seen = truth.observe(&state, rng)?;
         let before = visits[..number].iter().rev().find(|before| before.word != stop.visit.word);

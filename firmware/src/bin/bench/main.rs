@@ -8,6 +8,7 @@
 #![no_main]
 
 mod kinematics;
+mod puma560;
 
 use core::fmt::Display;
 
