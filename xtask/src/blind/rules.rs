@@ -42,7 +42,7 @@
 //! | | a hose that pulls | `force-offset` | joint |
 //! | | a cable that winds up | `spring` | joint |
 //! | | a heavy motor | `rotor-inertia` | joint |
-//! | | a lump bolted to a link | `mass-distribution` | link |
+//! | | a lump bolted to a link past the first | `mass-distribution` | link |
 //! | | cogging | none | variable: position of that joint |
 //! | floating base, wrench | a backpack | `mass-distribution` | link |
 //! | | a plate that drifts | none | variable: time |
