@@ -17,6 +17,11 @@ use self::answer::{Found, Trained};
 use crate::failure::Usage;
 use crate::voice::Voice;
 
+const EXAMPLES: &str = "\
+Examples:
+  darm grasp solve allegro_hand.toml grasp-contacts.toml    a posture that makes the contacts
+  darm grasp train allegro_hand.toml --file training.txt    the sequence of starts for the paper's search";
+
 const SOLVE_EXAMPLES: &str = "\
 Examples:
   darm grasp solve allegro_hand.toml grasp-contacts.toml --picture grasp.svg
@@ -37,6 +42,7 @@ into the hand's file as `lambdas`.";
 
 /// Find how a hand makes four contacts with its fingertips
 #[derive(clap::Args, Debug)]
+#[command(after_help = EXAMPLES)]
 pub(crate) struct Grasp {
     #[command(subcommand)]
     task: GraspTask,

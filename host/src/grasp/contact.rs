@@ -101,8 +101,7 @@ impl Hand {
         pairs().find_map(|(a, b)| {
             let (apart, most) =
                 ((contacts[a].point - contacts[b].point).norm(), if is_assigned { most((a, b)) } else { best });
-            // Not even a number is as far as anything.
-            (!(apart <= most)).then_some((a, b, apart, most))
+            (apart > most || apart.is_nan()).then_some((a, b, apart, most))
         })
     }
 

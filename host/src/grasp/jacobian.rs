@@ -102,6 +102,10 @@ pub fn least_step(jacobian: &Jacobian, rows: &Rows) -> Step {
     {
         return jacobian.tr_mul(&factor.solve(rows));
     }
+    if !gram.trace().is_finite() {
+        // The decomposition would not end.
+        return Step::zeros();
+    }
     let svd = jacobian.svd(true, true);
     let cut = TRUNCATED * svd.singular_values.max();
     // It has both sides of the decomposition, which is all that it could lack.

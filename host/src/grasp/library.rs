@@ -11,11 +11,12 @@ use rand_chacha::ChaCha8Rng;
 use super::contact::{Contacts, across};
 use super::hand::{Angles, Hand, THUMB};
 use super::paper::Variables;
+use super::solve::RADIAN_M;
 
 /// Centres and directions of the three other contacts, told about the thumb's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Sight {
-    /// In the plane across the thumb's normal as (x, y), then along it: centres in m, directions in `RADIAN_M`.
+    /// In the plane across the thumb's normal as (x, y), then along it: centres in m, directions as long as they count.
     points: [Vec3<f64>; 2 * THUMB],
     /// Sum of their squares.
     size: f64,
@@ -26,9 +27,6 @@ struct Sight {
 pub struct Library {
     postures: Vec<(Sight, Angles)>,
 }
-
-/// What a difference of directions counts, m: as much as it does in the search.
-const RADIAN_M: f64 = 0.03;
 
 impl Library {
     /// `count` postures that the hand can take without a collision, drawn from a seed.

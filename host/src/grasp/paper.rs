@@ -141,6 +141,9 @@ impl Hand {
             }
             before = Some(world);
             let rows = self.paper_rows(&placed, &wanted) * settings.gain;
+            if !rows.iter().all(|row| row.is_finite()) {
+                return attempt(End::Stalled);
+            }
             let step = least_step(&jacobian(&placed), &rows);
             q.turn_rad += step[0];
             let angles = std::array::from_fn(|k: usize| q.angles[k] + step[1 + k]);

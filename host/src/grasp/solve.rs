@@ -88,7 +88,7 @@ const SLOW: f64 = 0.999;
 /// Of all orders of the contacts, so many times the starts of one are tried.
 const ORDERS_TRIED: usize = 6;
 /// Radians count as this many metres: about the length of a last phalanx.
-const RADIAN_M: f64 = 0.03;
+pub(super) const RADIAN_M: f64 = 0.03;
 
 impl Hand {
     /// The configuration that meets the contacts, from one start of the library after another.

@@ -97,14 +97,14 @@ fn the_least_step_is_that_of_the_truncated_pseudo_inverse_of_the_papers_jacobian
         let wanted = contacts.map(|contact| contact.seen_from(&palm));
         let short = jacobian(&placed);
         let (mut whole, mut change) = (SMatrix::<f64, 18, COLUMNS>::zeros(), nalgebra::SVector::<f64, 18>::zeros());
-        for i in 0..THUMB {
+        for (i, wanted) in wanted.iter().enumerate().take(THUMB) {
             let rho = hand.fingers[i].tip_radius_m;
             let moved = short.fixed_view::<3, COLUMNS>(5 * i, 0).into_owned();
             let turned = placed.tips[i].rotation.fixed_columns::<2>(0) * short.fixed_view::<2, COLUMNS>(5 * i + 3, 0);
             whole.fixed_view_mut::<3, COLUMNS>(6 * i, 0).copy_from(&(moved + turned * rho));
             whole.fixed_view_mut::<3, COLUMNS>(6 * i + 3, 0).copy_from(&moved);
-            let (r, r_wanted) = (placed.tips[i].position, wanted[i].center(rho));
-            change.fixed_rows_mut::<3>(6 * i).copy_from(&(wanted[i].point - r - placed.normal(i) * rho));
+            let (r, r_wanted) = (placed.tips[i].position, wanted.center(rho));
+            change.fixed_rows_mut::<3>(6 * i).copy_from(&(wanted.point - r - placed.normal(i) * rho));
             change.fixed_rows_mut::<3>(6 * i + 3).copy_from(&(r_wanted - r));
         }
         let svd = whole.svd(true, true);

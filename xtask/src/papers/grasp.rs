@@ -20,16 +20,19 @@ use crate::setup;
 /// Finding a hand's configuration for a grasp: Table 1, Figures 4 and 5, and the method to use
 #[derive(clap::Args)]
 pub(crate) struct Grasp {
-    /// Constraints, for the training and for the comparison each
+    /// Constraints of the training
     #[arg(long, default_value_t = 10_000)]
     n: usize,
+    /// Constraints of the comparison, which no training has seen
+    #[arg(long, default_value_t = 10_000)]
+    held_out: usize,
     /// Values of λ in the training
     #[arg(long, default_value_t = 100)]
     lambdas: usize,
 }
 
 const SEED: u64 = 1;
-/// Constraints of the comparison, which no training has seen.
+/// Of the comparison.
 const HELD_OUT_SEED: u64 = 2;
 const LIBRARY_SEED: u64 = 3;
 const LIBRARY: usize = 1000;
@@ -77,7 +80,7 @@ impl Grasp {
         }
         println!("Figures 4 and 5: {}\n", folder.display());
         progress.say("both methods on constraints that the training never saw");
-        let held_out = file.hand.draw_many(self.n, HELD_OUT_SEED);
+        let held_out = file.hand.draw_many(self.held_out, HELD_OUT_SEED);
         let lambdas: Vec<f64> = sequence.iter().map(|chosen| chosen.lambda).collect();
         let paper: Vec<_> =
             held_out.par_iter().map(|contacts| by_paper(&file, &lambdas, contacts)).collect::<Result<_>>()?;

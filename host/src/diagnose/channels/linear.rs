@@ -325,7 +325,8 @@ impl Kind for Channels {
     fn name(&self, effect: &usize) -> (&'static str, String) {
         let all = &self.moves[*effect];
         let candidate = &self.experiment.candidates[all[0]];
-        let shape = candidate.shape.map_or(String::new(), |(name, value, unit)| format!(", {name} {value:.3} {unit}"));
+        let shape =
+            candidate.shape.as_ref().map_or(String::new(), |(name, value, unit)| format!(", {name} {value:.3} {unit}"));
         let place = if all.len() > 1 { format!("{} places", all.len()) } else { candidate.place.clone() };
         (candidate.law, place + &shape)
     }

@@ -23,9 +23,9 @@
 //! ```
 
 use super::{Along, Constant, Memory, Moment, Per};
-use crate::real::{Real, real};
+use crate::real::Real;
 
-/// See the module's documentation.
+/// A position that lags behind its target by half a gap, whichever way it was reached.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Backlash<T: Real> {
     /// Memory of direction, m or rad.
@@ -41,18 +41,15 @@ impl<T: Real> Along<T> for Backlash<T> {
         &[]
     }
 
+    fn size(&self) -> &'static str {
+        "half width"
+    }
+
     fn constant(&self) -> Option<Constant<T>> {
         Some(Constant { name: "memory of direction", value: self.distance, per: Per::Length })
     }
 
     fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T {
         memory.turn(now.position, self.distance)
-    }
-}
-
-impl Backlash<f64> {
-    /// The same law in numbers of type `U`.
-    pub fn cast<U: Real>(&self) -> Backlash<U> {
-        Backlash { distance: real(self.distance) }
     }
 }

@@ -22,9 +22,9 @@
 //! ```
 
 use super::{Along, Constant, Memory, Moment, Per};
-use crate::real::{Real, real};
+use crate::real::Real;
 
-/// See the module's documentation.
+/// The joint lies at the side of its gap that the load presses it to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BacklashByLoad<T: Real> {
     /// Load that seats, in the unit of the load.
@@ -40,18 +40,15 @@ impl<T: Real> Along<T> for BacklashByLoad<T> {
         &[]
     }
 
+    fn size(&self) -> &'static str {
+        "half width"
+    }
+
     fn constant(&self) -> Option<Constant<T>> {
         Some(Constant { name: "load that seats", value: self.seating, per: Per::Load })
     }
 
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         (now.load / self.seating).tanh()
-    }
-}
-
-impl BacklashByLoad<f64> {
-    /// The same law in numbers of type `U`.
-    pub fn cast<U: Real>(&self) -> BacklashByLoad<U> {
-        BacklashByLoad { seating: real(self.seating) }
     }
 }

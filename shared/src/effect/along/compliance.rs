@@ -23,7 +23,7 @@
 use super::{Along, Memory, Moment, Per};
 use crate::real::Real;
 
-/// See the module's documentation.
+/// A joint that gives way to its load at once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compliance;
 
@@ -36,14 +36,11 @@ impl<T: Real> Along<T> for Compliance {
         &[Per::Load]
     }
 
+    fn size(&self) -> &'static str {
+        "compliance"
+    }
+
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         now.load
-    }
-}
-
-impl Compliance {
-    /// The same law: it has no number.
-    pub fn cast<U>(&self) -> Self {
-        *self
     }
 }

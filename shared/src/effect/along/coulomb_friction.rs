@@ -23,9 +23,9 @@
 //! ```
 
 use super::{Along, Constant, Memory, Moment, Per};
-use crate::real::{Real, real};
+use crate::real::Real;
 
-/// See the module's documentation.
+/// A force of one size against motion, which turns round over a creep speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoulombFriction<T: Real> {
     /// Creep speed, m/s or rad/s.
@@ -41,18 +41,15 @@ impl<T: Real> Along<T> for CoulombFriction<T> {
         &[]
     }
 
+    fn size(&self) -> &'static str {
+        "level"
+    }
+
     fn constant(&self) -> Option<Constant<T>> {
         Some(Constant { name: "creep speed", value: self.creep_speed, per: Per::Speed })
     }
 
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         (now.velocity / self.creep_speed).tanh()
-    }
-}
-
-impl CoulombFriction<f64> {
-    /// The same law in numbers of type `U`.
-    pub fn cast<U: Real>(&self) -> CoulombFriction<U> {
-        CoulombFriction { creep_speed: real(self.creep_speed) }
     }
 }

@@ -24,7 +24,7 @@
 use super::{Along, Memory, Moment, Per};
 use crate::real::Real;
 
-/// See the module's documentation.
+/// The measured channel comes late.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Delay;
 
@@ -37,14 +37,11 @@ impl<T: Real> Along<T> for Delay {
         &[Per::LoadRate]
     }
 
+    fn size(&self) -> &'static str {
+        "delay"
+    }
+
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         -now.load_rate
-    }
-}
-
-impl Delay {
-    /// The same law: it has no number.
-    pub fn cast<U>(&self) -> Self {
-        *self
     }
 }

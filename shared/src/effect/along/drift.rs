@@ -23,7 +23,7 @@
 use super::{Along, Memory, Moment, Per};
 use crate::real::Real;
 
-/// See the module's documentation.
+/// Something that grows evenly with time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drift;
 
@@ -36,14 +36,11 @@ impl<T: Real> Along<T> for Drift {
         &[Per::Time]
     }
 
+    fn size(&self) -> &'static str {
+        "rate"
+    }
+
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         now.time_s
-    }
-}
-
-impl Drift {
-    /// The same law: it has no number.
-    pub fn cast<U>(&self) -> Self {
-        *self
     }
 }

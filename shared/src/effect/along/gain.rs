@@ -24,7 +24,7 @@
 use super::{Along, Memory, Moment, Per};
 use crate::real::Real;
 
-/// See the module's documentation.
+/// A current-to-torque constant or a sensor's scale that is off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gain;
 
@@ -37,14 +37,11 @@ impl<T: Real> Along<T> for Gain {
         &[Per::Load]
     }
 
+    fn size(&self) -> &'static str {
+        "gain"
+    }
+
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         now.load
-    }
-}
-
-impl Gain {
-    /// The same law: it has no number.
-    pub fn cast<U>(&self) -> Self {
-        *self
     }
 }

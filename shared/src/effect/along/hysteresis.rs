@@ -23,9 +23,9 @@
 //! ```
 
 use super::{Along, Constant, Memory, Moment, Per};
-use crate::real::{Real, real};
+use crate::real::Real;
 
-/// See the module's documentation.
+/// A joint that follows its load with slack.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hysteresis<T: Real> {
     /// Half width, in the unit of the load.
@@ -41,18 +41,15 @@ impl<T: Real> Along<T> for Hysteresis<T> {
         &[Per::Load]
     }
 
+    fn size(&self) -> &'static str {
+        "compliance"
+    }
+
     fn constant(&self) -> Option<Constant<T>> {
         Some(Constant { name: "half width", value: self.half_width, per: Per::Load })
     }
 
     fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T {
         memory.play(now.load, self.half_width)
-    }
-}
-
-impl Hysteresis<f64> {
-    /// The same law in numbers of type `U`.
-    pub fn cast<U: Real>(&self) -> Hysteresis<U> {
-        Hysteresis { half_width: real(self.half_width) }
     }
 }

@@ -23,9 +23,9 @@
 //! ```
 
 use super::{Along, Constant, Memory, Moment, Per};
-use crate::real::{Real, real};
+use crate::real::Real;
 
-/// See the module's documentation.
+/// Presliding whose level grows with what presses on the contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoadDependentPresliding<T: Real> {
     /// Presliding distance, m or rad.
@@ -41,18 +41,15 @@ impl<T: Real> Along<T> for LoadDependentPresliding<T> {
         &[Per::Load]
     }
 
+    fn size(&self) -> &'static str {
+        "per load"
+    }
+
     fn constant(&self) -> Option<Constant<T>> {
         Some(Constant { name: "presliding distance", value: self.distance, per: Per::Length })
     }
 
     fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T {
         now.load.abs() * memory.turn(now.position, self.distance)
-    }
-}
-
-impl LoadDependentPresliding<f64> {
-    /// The same law in numbers of type `U`.
-    pub fn cast<U: Real>(&self) -> LoadDependentPresliding<U> {
-        LoadDependentPresliding { distance: real(self.distance) }
     }
 }

@@ -24,7 +24,7 @@
 use super::{Along, Memory, Moment, Per};
 use crate::real::Real;
 
-/// See the module's documentation.
+/// Viscous friction that grows with load.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoadDependentViscosity;
 
@@ -37,14 +37,11 @@ impl<T: Real> Along<T> for LoadDependentViscosity {
         &[Per::Speed, Per::Load]
     }
 
+    fn size(&self) -> &'static str {
+        "coefficient"
+    }
+
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         now.load * now.velocity
-    }
-}
-
-impl LoadDependentViscosity {
-    /// The same law: it has no number.
-    pub fn cast<U>(&self) -> Self {
-        *self
     }
 }

@@ -16,12 +16,12 @@ pub mod compliance;
 pub mod coulomb_friction;
 pub mod delay;
 pub mod drift;
-pub mod force_offset;
 pub mod gain;
 pub mod hysteresis;
 pub mod load_dependent_friction;
 pub mod load_dependent_presliding;
 pub mod load_dependent_viscosity;
+pub mod offset;
 pub mod periodic_cosine;
 pub mod periodic_sine;
 pub mod position_dependent_friction;
@@ -42,6 +42,9 @@ use crate::real::{Real, real};
 pub trait Along<T: Real> {
     /// The law's name, in kebab-case.
     fn name(&self) -> &'static str;
+
+    /// What the size is called.
+    fn size(&self) -> &'static str;
 
     /// The size's unit: that of the force (or of the position, where it is held), divided by these.
     fn per(&self) -> &'static [Per];
@@ -166,11 +169,11 @@ impl<T: Real> Memory<T> {
 }
 
 macro_rules! laws {
-    ($($law:ident in $file:ident $(with $constant:ident)?,)+) => {
+    ($($law:ident $(<$t:ident> { $constant:ident })? in $file:ident,)+) => {
         /// Any of the laws.
         #[derive(Clone, Copy, Debug, PartialEq)]
         pub enum Law<T: Real> {
-            $(#[doc = concat!("See [`", stringify!($file), "`].")] $law(laws!(@type T $file $law $($constant)?)),)+
+            $(#[doc = concat!("See [`", stringify!($file), "`].")] $law($file::$law $(<$t>)?),)+
         }
 
         impl<T: Real> Law<T> {
@@ -192,13 +195,15 @@ macro_rules! laws {
             /// The same law in numbers of type `U`.
             pub fn cast<U: Real>(&self) -> Law<U> {
                 match self {
-                    $(Self::$law(law) => Law::$law(law.cast::<U>()),)+
+                    $(Self::$law(law) => laws!(@cast law $file $law $($constant)?),)+
                 }
             }
         }
     };
-    (@type $t:ident $file:ident $law:ident) => { $file::$law };
-    (@type $t:ident $file:ident $law:ident $constant:ident) => { $file::$law<$t> };
+    (@cast $own:ident $file:ident $law:ident) => { Law::$law(*$own) };
+    (@cast $own:ident $file:ident $law:ident $constant:ident) => {
+        Law::$law($file::$law { $constant: real($own.$constant) })
+    };
     (@new $value:ident $file:ident $law:ident) => {
         match $value { None => Some(Law::$law($file::$law)), Some(_) => None }
     };
@@ -208,17 +213,17 @@ macro_rules! laws {
 }
 
 laws! {
-    ForceOffset in force_offset,
+    Offset in offset,
     Spring in spring,
     Drift in drift,
-    StepInTime in step_in_time with at_s,
+    StepInTime<T> { at_s } in step_in_time,
     ViscousFriction in viscous_friction,
-    CoulombFriction in coulomb_friction with creep_speed,
-    StribeckFriction in stribeck_friction with fall_speed,
-    PreslidingFriction in presliding_friction with distance,
-    PositionDependentFriction in position_dependent_friction with distance,
-    LoadDependentFriction in load_dependent_friction with creep_speed,
-    LoadDependentPresliding in load_dependent_presliding with distance,
+    CoulombFriction<T> { creep_speed } in coulomb_friction,
+    StribeckFriction<T> { fall_speed } in stribeck_friction,
+    PreslidingFriction<T> { distance } in presliding_friction,
+    PositionDependentFriction<T> { distance } in position_dependent_friction,
+    LoadDependentFriction<T> { creep_speed } in load_dependent_friction,
+    LoadDependentPresliding<T> { distance } in load_dependent_presliding,
     LoadDependentViscosity in load_dependent_viscosity,
     SpeedDependentOffset in speed_dependent_offset,
     RotorInertia in rotor_inertia,
@@ -226,13 +231,13 @@ laws! {
     Delay in delay,
     ThermalDrift in thermal_drift,
     ThermalViscosity in thermal_viscosity,
-    Wear in wear with creep_speed,
-    PeriodicSine in periodic_sine with per_turn,
-    PeriodicCosine in periodic_cosine with per_turn,
-    Backlash in backlash with distance,
-    BacklashByLoad in backlash_by_load with seating,
+    Wear<T> { creep_speed } in wear,
+    PeriodicSine<T> { per_turn } in periodic_sine,
+    PeriodicCosine<T> { per_turn } in periodic_cosine,
+    Backlash<T> { distance } in backlash,
+    BacklashByLoad<T> { seating } in backlash_by_load,
     Compliance in compliance,
-    Hysteresis in hysteresis with half_width,
+    Hysteresis<T> { half_width } in hysteresis,
 }
 
 /// A law with its size.
@@ -270,7 +275,7 @@ mod tests {
     use crate::arms::seeded;
 
     const NAMES: [&str; 26] = [
-        "force-offset",
+        "offset",
         "spring",
         "drift",
         "step-in-time",

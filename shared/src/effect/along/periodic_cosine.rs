@@ -22,9 +22,9 @@
 //! ```
 
 use super::{Along, Constant, Memory, Moment, Per};
-use crate::real::{Real, real};
+use crate::real::Real;
 
-/// See the module's documentation.
+/// Periodic error of a gear or an encoder, the part that is largest at position zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PeriodicCosine<T: Real> {
     /// Periods a turn, a plain number.
@@ -40,18 +40,15 @@ impl<T: Real> Along<T> for PeriodicCosine<T> {
         &[]
     }
 
+    fn size(&self) -> &'static str {
+        "cosine"
+    }
+
     fn constant(&self) -> Option<Constant<T>> {
         Some(Constant { name: "periods a turn", value: self.per_turn, per: Per::One })
     }
 
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         (now.position * self.per_turn).cos()
-    }
-}
-
-impl PeriodicCosine<f64> {
-    /// The same law in numbers of type `U`.
-    pub fn cast<U: Real>(&self) -> PeriodicCosine<U> {
-        PeriodicCosine { per_turn: real(self.per_turn) }
     }
 }

@@ -22,9 +22,9 @@
 //! ```
 
 use super::{Along, Constant, Memory, Moment, Per};
-use crate::real::{Real, real};
+use crate::real::Real;
 
-/// See the module's documentation.
+/// Periodic error of a gear or an encoder, the part that is zero at position zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PeriodicSine<T: Real> {
     /// Periods a turn, a plain number.
@@ -40,18 +40,15 @@ impl<T: Real> Along<T> for PeriodicSine<T> {
         &[]
     }
 
+    fn size(&self) -> &'static str {
+        "sine"
+    }
+
     fn constant(&self) -> Option<Constant<T>> {
         Some(Constant { name: "periods a turn", value: self.per_turn, per: Per::One })
     }
 
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         (now.position * self.per_turn).sin()
-    }
-}
-
-impl PeriodicSine<f64> {
-    /// The same law in numbers of type `U`.
-    pub fn cast<U: Real>(&self) -> PeriodicSine<U> {
-        PeriodicSine { per_turn: real(self.per_turn) }
     }
 }

@@ -23,9 +23,9 @@
 //! ```
 
 use super::{Along, Constant, Memory, Moment, Per};
-use crate::real::{Real, real};
+use crate::real::Real;
 
-/// See the module's documentation.
+/// Friction that changes along the stroke.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PositionDependentFriction<T: Real> {
     /// Presliding distance, m or rad.
@@ -41,18 +41,15 @@ impl<T: Real> Along<T> for PositionDependentFriction<T> {
         &[Per::Length]
     }
 
+    fn size(&self) -> &'static str {
+        "slope"
+    }
+
     fn constant(&self) -> Option<Constant<T>> {
         Some(Constant { name: "presliding distance", value: self.distance, per: Per::Length })
     }
 
     fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T {
         now.position * memory.turn(now.position, self.distance)
-    }
-}
-
-impl PositionDependentFriction<f64> {
-    /// The same law in numbers of type `U`.
-    pub fn cast<U: Real>(&self) -> PositionDependentFriction<U> {
-        PositionDependentFriction { distance: real(self.distance) }
     }
 }

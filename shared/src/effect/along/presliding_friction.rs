@@ -24,9 +24,9 @@
 //! ```
 
 use super::{Along, Constant, Memory, Moment, Per};
-use crate::real::{Real, real};
+use crate::real::Real;
 
-/// See the module's documentation.
+/// Friction that turns round over a distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PreslidingFriction<T: Real> {
     /// Presliding distance, m or rad.
@@ -42,18 +42,15 @@ impl<T: Real> Along<T> for PreslidingFriction<T> {
         &[]
     }
 
+    fn size(&self) -> &'static str {
+        "level"
+    }
+
     fn constant(&self) -> Option<Constant<T>> {
         Some(Constant { name: "presliding distance", value: self.distance, per: Per::Length })
     }
 
     fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T {
         memory.turn(now.position, self.distance)
-    }
-}
-
-impl PreslidingFriction<f64> {
-    /// The same law in numbers of type `U`.
-    pub fn cast<U: Real>(&self) -> PreslidingFriction<U> {
-        PreslidingFriction { distance: real(self.distance) }
     }
 }

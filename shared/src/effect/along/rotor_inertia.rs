@@ -24,7 +24,7 @@
 use super::{Along, Memory, Moment, Per};
 use crate::real::Real;
 
-/// See the module's documentation.
+/// What the motor's own rotor and gear ask when they speed up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RotorInertia;
 
@@ -37,14 +37,11 @@ impl<T: Real> Along<T> for RotorInertia {
         &[Per::Acceleration]
     }
 
+    fn size(&self) -> &'static str {
+        "inertia"
+    }
+
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         now.acceleration
-    }
-}
-
-impl RotorInertia {
-    /// The same law: it has no number.
-    pub fn cast<U>(&self) -> Self {
-        *self
     }
 }

@@ -23,7 +23,7 @@
 use super::{Along, Memory, Moment, Per};
 use crate::real::Real;
 
-/// See the module's documentation.
+/// An offset that grows with speed whichever way the motion goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedDependentOffset;
 
@@ -36,14 +36,11 @@ impl<T: Real> Along<T> for SpeedDependentOffset {
         &[Per::Speed]
     }
 
+    fn size(&self) -> &'static str {
+        "coefficient"
+    }
+
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         now.velocity.abs()
-    }
-}
-
-impl SpeedDependentOffset {
-    /// The same law: it has no number.
-    pub fn cast<U>(&self) -> Self {
-        *self
     }
 }

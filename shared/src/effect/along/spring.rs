@@ -24,7 +24,7 @@
 use super::{Along, Memory, Moment, Per};
 use crate::real::Real;
 
-/// See the module's documentation.
+/// A force that grows with position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spring;
 
@@ -37,14 +37,11 @@ impl<T: Real> Along<T> for Spring {
         &[Per::Length]
     }
 
+    fn size(&self) -> &'static str {
+        "stiffness"
+    }
+
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         now.position
-    }
-}
-
-impl Spring {
-    /// The same law: it has no number.
-    pub fn cast<U>(&self) -> Self {
-        *self
     }
 }

@@ -22,9 +22,9 @@
 //! ```
 
 use super::{Along, Constant, Memory, Moment, Per};
-use crate::real::{Real, real};
+use crate::real::Real;
 
-/// See the module's documentation.
+/// From one moment on something is off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepInTime<T: Real> {
     /// Time of the step, s.
@@ -40,18 +40,15 @@ impl<T: Real> Along<T> for StepInTime<T> {
         &[]
     }
 
+    fn size(&self) -> &'static str {
+        "step"
+    }
+
     fn constant(&self) -> Option<Constant<T>> {
         Some(Constant { name: "time of the step", value: self.at_s, per: Per::Time })
     }
 
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         if now.time_s < self.at_s { T::zero() } else { T::one() }
-    }
-}
-
-impl StepInTime<f64> {
-    /// The same law in numbers of type `U`.
-    pub fn cast<U: Real>(&self) -> StepInTime<U> {
-        StepInTime { at_s: real(self.at_s) }
     }
 }

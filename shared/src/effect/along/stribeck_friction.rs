@@ -25,7 +25,7 @@
 use super::{Along, Constant, Memory, Moment, Per};
 use crate::real::{Real, real};
 
-/// See the module's documentation.
+/// What friction has more at creep than at speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StribeckFriction<T: Real> {
     /// Speed of fall, m/s or rad/s.
@@ -41,18 +41,15 @@ impl<T: Real> Along<T> for StribeckFriction<T> {
         &[]
     }
 
+    fn size(&self) -> &'static str {
+        "level"
+    }
+
     fn constant(&self) -> Option<Constant<T>> {
         Some(Constant { name: "speed of fall", value: self.fall_speed, per: Per::Speed })
     }
 
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         (now.velocity * real(10.0) / self.fall_speed).tanh() * (-now.velocity.abs() / self.fall_speed).exp()
-    }
-}
-
-impl StribeckFriction<f64> {
-    /// The same law in numbers of type `U`.
-    pub fn cast<U: Real>(&self) -> StribeckFriction<U> {
-        StribeckFriction { fall_speed: real(self.fall_speed) }
     }
 }

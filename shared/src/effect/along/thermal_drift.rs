@@ -23,7 +23,7 @@
 use super::{Along, Memory, Moment, Per};
 use crate::real::Real;
 
-/// See the module's documentation.
+/// An offset that moves with temperature.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThermalDrift;
 
@@ -36,14 +36,11 @@ impl<T: Real> Along<T> for ThermalDrift {
         &[Per::Kelvin]
     }
 
+    fn size(&self) -> &'static str {
+        "slope"
+    }
+
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         now.temperature_rise_k
-    }
-}
-
-impl ThermalDrift {
-    /// The same law: it has no number.
-    pub fn cast<U>(&self) -> Self {
-        *self
     }
 }

@@ -24,7 +24,7 @@
 use super::{Along, Memory, Moment, Per};
 use crate::real::Real;
 
-/// See the module's documentation.
+/// Viscous friction that changes with temperature.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThermalViscosity;
 
@@ -37,14 +37,11 @@ impl<T: Real> Along<T> for ThermalViscosity {
         &[Per::Speed, Per::Kelvin]
     }
 
+    fn size(&self) -> &'static str {
+        "slope"
+    }
+
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         now.velocity * now.temperature_rise_k
-    }
-}
-
-impl ThermalViscosity {
-    /// The same law: it has no number.
-    pub fn cast<U>(&self) -> Self {
-        *self
     }
 }

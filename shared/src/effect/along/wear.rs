@@ -25,9 +25,9 @@
 //! ```
 
 use super::{Along, Constant, Memory, Moment, Per};
-use crate::real::{Real, real};
+use crate::real::Real;
 
-/// See the module's documentation.
+/// Friction that changes with the way that was gone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wear<T: Real> {
     /// Creep speed, m/s or rad/s.
@@ -43,18 +43,15 @@ impl<T: Real> Along<T> for Wear<T> {
         &[Per::Length]
     }
 
+    fn size(&self) -> &'static str {
+        "slope"
+    }
+
     fn constant(&self) -> Option<Constant<T>> {
         Some(Constant { name: "creep speed", value: self.creep_speed, per: Per::Speed })
     }
 
     fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T {
         memory.way(now.position) * (now.velocity / self.creep_speed).tanh()
-    }
-}
-
-impl Wear<f64> {
-    /// The same law in numbers of type `U`.
-    pub fn cast<U: Real>(&self) -> Wear<U> {
-        Wear { creep_speed: real(self.creep_speed) }
     }
 }

@@ -11,8 +11,8 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, force_offset::ForceOffset};
-//! let law = ForceOffset;
+//! use darm_core::effect::along::{Along, Memory, Moment, offset::Offset};
+//! let law = Offset;
 //! let now = Moment { velocity: 3.0, ..Moment::default() };
 //! assert!((law.shape(&now, &mut Memory::default()) - (1.0f64)).abs() < 1e-12);
 //! ```
@@ -20,27 +20,24 @@
 use super::{Along, Memory, Moment, Per};
 use crate::real::Real;
 
-/// See the module's documentation.
+/// A force or torque that is always there.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ForceOffset;
+pub struct Offset;
 
-impl<T: Real> Along<T> for ForceOffset {
+impl<T: Real> Along<T> for Offset {
     fn name(&self) -> &'static str {
-        "force-offset"
+        "offset"
     }
 
     fn per(&self) -> &'static [Per] {
         &[]
     }
 
+    fn size(&self) -> &'static str {
+        "offset"
+    }
+
     fn shape(&self, _now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         T::one()
-    }
-}
-
-impl ForceOffset {
-    /// The same law: it has no number.
-    pub fn cast<U>(&self) -> Self {
-        *self
     }
 }
