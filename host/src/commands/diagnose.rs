@@ -33,7 +33,7 @@ and their units, stand in the documentation of `darm::measurement::table`.";
 
 /// Rows that are told one by one.
 const MOST_NOTES: usize = 20;
-const NOTHING_TO_WRITE: &str = "no effect is named, so there is no better model to write";
+const NOTHING_TO_WRITE: &str = "no effect is named for sure, so there is no better model to write";
 
 /// Find which effect the model lacks, where, how large, and how sure that is
 #[derive(clap::Args, Debug)]
@@ -130,8 +130,8 @@ impl Diagnose {
             std::fs::write(path, page).with_context(|| format!("{} cannot be written", path.display()))?;
         }
         match &self.output {
-            Some(path) if diagnosis.effects.is_empty() => {
-                voice.note(&format!("{NOTHING_TO_WRITE}; {} is not written", path.display()))
+            Some(_) if diagnosis.effects.is_empty() || diagnosis.verdict == Verdict::NotIdentifiable => {
+                voice.note(NOTHING_TO_WRITE);
             }
             Some(path) => known::write(&self.model, path, &diagnosis)?,
             None => {}
