@@ -10,7 +10,7 @@
 use rand::RngExt as _;
 use rand_distr::StandardNormal;
 
-use super::search::{Point, Search, within};
+use super::search::{Point, Search};
 
 /// Steps of one walk.
 const STEPS: usize = 10;
@@ -25,7 +25,7 @@ pub(super) fn travel(search: &mut Search<'_>, from: &Point) -> Point {
         for (x, [low, high]) in x.iter_mut().zip(search.bounds) {
             *x += STEP * (high - low) * search.random.sample::<f64, _>(StandardNormal);
         }
-        let there = search.evaluate(within(search.bounds, x));
+        let there = search.evaluate(x);
         if there.value < record.value {
             record = there.clone();
             here = there;

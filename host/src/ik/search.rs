@@ -189,8 +189,10 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The value at `x`; the best is kept.
-    pub(super) fn evaluate(&mut self, x: Vec<f64>) -> Point {
+    /// The value at `x` brought within the bounds; the best is kept.
+    pub(super) fn evaluate(&mut self, mut x: Vec<f64>) -> Point {
+        // Not `clamp`, which panics where the bounds are no numbers.
+        x.iter_mut().zip(self.bounds).for_each(|(x, [low, high])| *x = x.max(*low).min(*high));
         let value = self.objective.value(&x);
         let point = Point { x, value: if value.is_nan() { f64::INFINITY } else { value } };
         self.evaluations += 1;
@@ -233,13 +235,6 @@ impl<'a> Search<'a> {
             history: self.history,
         }
     }
-}
-
-/// The point brought within the bounds.
-pub(super) fn within(bounds: &[[f64; 2]], mut x: Vec<f64>) -> Vec<f64> {
-    // Not `clamp`, which panics where the bounds are no numbers.
-    x.iter_mut().zip(bounds).for_each(|(x, [low, high])| *x = x.max(*low).min(*high));
-    x
 }
 
 /// The number of the best of some points; 0 of none.
