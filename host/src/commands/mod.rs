@@ -10,6 +10,7 @@ mod draw;
 mod dynamics;
 mod fk;
 mod flash;
+mod grasp;
 mod ik;
 mod jacobian;
 mod map;
@@ -86,6 +87,7 @@ pub(crate) enum Command {
     Com(com::Com),
     Model(model::Model),
     Draw(draw::Draw),
+    Grasp(grasp::Grasp),
     Doctor(doctor::Doctor),
 }
 
@@ -116,6 +118,7 @@ impl Command {
             Self::Com(command) => command.run(voice),
             Self::Model(command) => command.run(voice),
             Self::Draw(command) => command.run(voice),
+            Self::Grasp(command) => command.run(voice),
             Self::Doctor(command) => command.run(voice),
         }
     }

@@ -1,12 +1,14 @@
-//! The papers' tables and figures again, ours beside theirs, one file each.
+//! The papers: each by its own method, with its settings and tables, ours beside theirs.
 
+mod grasp;
 mod memr;
+mod stand;
 
 use std::path::PathBuf;
 
 use anyhow::Result;
 
-/// Repeats the tables and figures of a paper, and prints them beside the goals
+/// Reproduces a paper, and prints its tables, ours beside theirs
 #[derive(clap::Args)]
 pub(crate) struct Papers {
     #[command(subcommand)]
@@ -18,13 +20,18 @@ pub(crate) struct Papers {
 
 #[derive(clap::Subcommand)]
 enum Paper {
+    Grasp(grasp::Grasp),
     Memr(memr::Memr),
+    Stand(stand::Stand),
 }
 
 impl Papers {
     pub(crate) fn run(&self) -> Result<()> {
+        let json = self.json.as_deref();
         match &self.paper {
-            Paper::Memr(memr) => memr.run(self.json.as_deref()),
+            Paper::Grasp(grasp) => grasp.run(json),
+            Paper::Memr(memr) => memr.run(json),
+            Paper::Stand(stand) => stand.run(json),
         }
     }
 }
