@@ -19,7 +19,7 @@ use crate::voice::{Answer, Voice, columns};
 const EXAMPLES: &str = "\
 Examples:
   darm bench-ik                                              the tables of the paper on MEMR, its figures beside ours
-  darm bench-ik --link 200 --figures plots                   with the links that it prints, which reach two targets of five
+  darm bench-ik --link 200 --figures plots                   the links that it prints, too short for three targets
   darm bench-ik panda.urdf --frame panda_hand_tcp --lock panda_finger_joint1=0 --lock panda_finger_joint2=0 \\
                 --to 450,0,400 --angles 180,0,0 --plot panda.svg
   darm bench-ik --planar 300,300,300 --to 500,400,0 --methods lm,memr --runs 50
@@ -52,13 +52,13 @@ pub(crate) struct BenchIk {
     #[arg(long, value_delimiter = ',', default_value = "lm,em,memr,ga,de,cma-es", requires = "to")]
     methods: Vec<Method>,
     /// Runs of each method
-    #[arg(long, value_name = "N", default_value_t = paper::RUNS as u32, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = paper::RUNS as u32, value_parser = up_to(1, 100_000))]
     runs: u32,
     /// Iterations of a population
-    #[arg(long, value_name = "N", default_value_t = 1000, requires = "to", value_parser = clap::value_parser!(u32).range(..=10_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 1000, requires = "to", value_parser = up_to(0, 10_000_000))]
     iterations: u32,
     /// Points of a population
-    #[arg(long, value_name = "N", default_value_t = 50, requires = "to", value_parser = clap::value_parser!(u32).range(4..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 50, requires = "to", value_parser = up_to(4, 10_000))]
     population: u32,
     /// How much worse than the record a neighbour of MEMR may be, mm
     #[arg(long, value_name = "MM", default_value_t = 20.0, requires = "to")]
@@ -81,6 +81,11 @@ pub(crate) struct BenchIk {
     /// How the error falls, mean and band of eight tenths of the runs
     #[arg(long, value_name = "FILE.svg", requires = "to")]
     plot: Option<PathBuf>,
+}
+
+/// Numbers that a machine can bear.
+fn up_to(least: i64, most: i64) -> clap::builder::RangedI64ValueParser<u32> {
+    clap::value_parser!(u32).range(least..=most)
 }
 
 #[derive(Serialize)]

@@ -1,11 +1,13 @@
 //! Record-to-record travel: the local search of MEMR.
 //!
-//! A walk of random steps in which a step is taken when it beats the record or falls behind it by less than the deviation DV;
-//! the record, not the place where the walk ends, is what comes of it (Dueck 1993; the paper's Figures 5 to 7).
+//! A walk of random steps in which a step is taken when it beats the record or falls behind it by less than the
+//! deviation DV; the record, not the place where the walk ends, is what comes of it (Dueck 1993; the paper's Figures
+//! 5 to 7).
 //!
-//! The paper tells neither the law of the steps nor how many there are. Here each step is Gaussian in all variables, with a
-//! standard deviation of a thousandth of each range, and every point of the population takes ten of them in every iteration:
-//! an iteration of 50 points evaluates the objective 549 times, where one without local search does so 49 times.
+//! The paper tells neither the law of the steps nor how many there are. Here each step is Gaussian in all variables,
+//! with a standard deviation of a thousandth of each range, and every point of the population takes ten of them in
+//! every iteration: an iteration of 50 points evaluates the objective 549 times, where one without local search does
+//! so 49 times.
 
 use rand::RngExt as _;
 use rand_distr::StandardNormal;

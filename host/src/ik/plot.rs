@@ -63,8 +63,8 @@ pub fn convergence(histories: &[(Method, &[Residual])], length_scale_m: f64) -> 
     svg("step", "error, m", &histories.iter().map(curve).collect::<Vec<_>>())
 }
 
-/// The mean of the best values of many runs over the iterations, and the band that eight tenths of them lie in; times `factor`,
-/// which takes them to the unit of `label`.
+/// The mean of the best values of many runs over the iterations, and the band that eight tenths of them lie in; times
+/// `factor`, which takes them to the unit of `label`.
 pub fn bands(label: &str, factor: f64, all: &[Runs<'_>]) -> String {
     let curve = |runs: &Runs<'_>| {
         let histories = || runs.trials.runs.iter().map(|run| &run.history);

@@ -7,8 +7,9 @@
 //! | [`Algorithm::DifferentialEvolution`] | `differential` | Storn, Price 1997 |
 //! | [`Algorithm::CmaEs`] | `cma` | Hansen, The CMA Evolution Strategy: A Tutorial, arXiv 1604.00772 |
 //!
-//! The same seed gives the same run, save where time stops it. For the pose of a tool none of them is the one to take:
-//! [`ik::solve`](super::solve) with [`Method::LevenbergMarquardt`](super::Method) needs a thousandth of their evaluations.
+//! The same seed gives the same run, save where time stops it. For the pose of a tool none of them is the one to
+//! take: [`ik::solve`](super::solve) with [`Method::LevenbergMarquardt`](super::Method) needs less than a hundredth
+//! of their evaluations.
 //!
 //! ```
 //! use darm::ik::objective::Function;

@@ -1,4 +1,5 @@
-//! Inverse kinematics by electromagnetism-like search: Tables 1 to 3, Figures 8 to 11, and the methods that a user should take.
+//! Inverse kinematics by electromagnetism-like search: Tables 1 to 3, Figures 8 to 11, and the methods that a user
+//! should take.
 
 use std::f64::consts::PI;
 use std::io::Read as _;
