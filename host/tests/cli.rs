@@ -5,9 +5,9 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
-const COMMANDS: [&str; 24] = [
+const COMMANDS: [&str; 25] = [
     "synth", "stops", "table", "upload", "play", "stop", "status", "record", "diagnose", "console", "plant", "flash",
-    "doctor", "fk", "jacobian", "ik", "dynamics", "com", "model", "draw", "nearest", "map", "path", "grasp",
+    "doctor", "fk", "jacobian", "ik", "bench-ik", "dynamics", "com", "model", "draw", "nearest", "map", "path", "grasp",
 ];
 
 /// A user's empty home, and the folder the commands run in.
@@ -339,6 +339,35 @@ fn poses_of_a_table_lead_back_to_postures() {
     assert!(std::fs::read_to_string(home.path("plot.svg")).unwrap().contains("transpose"));
     let far = home.json(&format!("ik {puma} --to 4000,0,0"));
     assert_eq!(far["answers"][0]["status"], "out-of-reach");
+}
+
+#[test]
+fn postures_are_found_by_populations_and_all_of_them_are_told() {
+    let (home, puma) = (Home::new(), example("puma560.toml"));
+    let found = home.json(&format!("ik {puma} --to 400,150,900 --method cma-es --tolerance-mm 1"));
+    assert_eq!((&found["answers"][0]["method"], &found["answers"][0]["status"]), (&"cma-es".into(), &"reached".into()));
+    let all = home.json(&format!("ik {puma} --to 400,150,900 --angles 180,0,90 --all --picture all.svg"));
+    let postures = all["postures"].as_array().unwrap();
+    assert!(all["freedom"] == 0 && postures.len() > 1, "{all}");
+    assert!(std::fs::read_to_string(home.path("all.svg")).unwrap().starts_with("<svg"));
+    let sampled = home.succeeds(&format!("ik {puma} --to 400,150,900 --all --most 3 --starts 50"));
+    assert!(
+        sampled.starts_with("a sample of 3 postures: the arm can move in 3 ways without moving the frame"),
+        "{sampled}"
+    );
+    assert!(home.succeeds(&format!("ik {puma} --to 4000,0,0 --all --starts 9")).starts_with("no posture: none of 9"));
+    let bench = "bench-ik --planar 300,300,300 --to 500,400,0 --runs 3 --iterations 30";
+    let compared = home.json(&format!("{bench} --methods lm,memr --plot bench.svg"));
+    assert_eq!((&compared["methods"][0]["met"], &compared["methods"][1]["met"]), (&3.into(), &0.into()));
+    assert!(std::fs::read_to_string(home.path("bench.svg")).unwrap().contains("memr"));
+    home.fails("bench-ik --planar 300,nan --to 1,2,3", 2, "darm: --planar: NaN mm is no length");
+    home.fails(
+        "bench-ik --to 1,2,3",
+        2,
+        "darm: name a robot, or the links of an arm in the plane: --planar 300,300,300",
+    );
+    home.fails("bench-ik --link 0", 2, "darm: --link 0: a length above zero is needed");
+    assert_eq!(home.darm(&format!("{bench} --population 1000000000000")).status.code(), Some(2));
 }
 
 #[test]
