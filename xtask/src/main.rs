@@ -1,6 +1,7 @@
 //! `cargo xtask`: the set-up, the demo, the tests and the measurements of this workspace.
 
 mod bench;
+mod blind;
 mod demo;
 mod faults;
 mod figures;
@@ -27,8 +28,9 @@ struct Arguments {
 enum Task {
     Demo(demo::Demo),
     Bench(bench::Bench),
-    Faults(faults::Faults),
     Papers(papers::Papers),
+    Blind(blind::Blind),
+    Faults(faults::Faults),
     /// All tests: format, lints, documentation, unit and system tests, the image in the emulator
     Test,
     /// Builds the firmware image and prints its path
@@ -39,8 +41,9 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().task {
         Task::Demo(demo) => demo.run(),
         Task::Bench(bench) => bench.run(),
-        Task::Faults(faults) => faults.run(),
         Task::Papers(papers) => papers.run(),
+        Task::Blind(blind) => blind.run(),
+        Task::Faults(faults) => faults.run(),
         Task::Test => test::run(),
         Task::Image => image::build().map(|path| println!("{}", path.display())),
     };

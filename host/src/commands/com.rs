@@ -1,10 +1,14 @@
-//! `darm com`: the centre of mass, and how it moves with every joint.
+//! `darm com`: the centre of mass, and how it moves with every joint; masses identified, motions mapped.
+
+mod identify;
+mod map;
 
 use darm::arm::{Arm, ArmScratch};
 use darm_core::real::Vec3;
 use serde::Serialize;
 
 use super::subject::{Given, Posture, Subject, csv_line};
+use crate::failure::Usage;
 use crate::voice::{Answer, Voice, columns, number};
 
 const EXAMPLES: &str = "\
@@ -13,18 +17,29 @@ Examples:
   darm com humanoid.urdf --floating            of the whole, the base too
   darm com planar4.toml --word 010110011101    stages and what the tool carries
   darm com panda.urdf --postures run.csv --csv > com.csv
+  darm com identify humanoid.urdf postures.csv  masses from torques and contact wrenches
+  darm com map human.urdf humanoid.urdf stand.toml capture.csv  a person's motion on a robot
 
 The base of a robot that does not float is left out: it does not move.";
 
 /// Tell the centre of mass and its Jacobian
 #[derive(clap::Args, Debug)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(crate) struct Com {
+    #[command(subcommand)]
+    other: Option<Other>,
     #[command(flatten)]
-    given: Given,
+    given: Option<Given>,
     /// Comma-separated values on the standard output
     #[arg(long)]
     csv: bool,
+}
+
+/// What else is done with centres of mass.
+#[derive(clap::Subcommand, Debug)]
+enum Other {
+    Identify(identify::Identify),
+    Map(map::Map),
 }
 
 #[derive(Serialize)]
@@ -49,8 +64,17 @@ struct Row {
 
 impl Com {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        let subject = self.given.subject()?;
-        let (postures, notes) = self.given.postures(&subject)?;
+        match (&self.other, &self.given) {
+            (Some(Other::Identify(command)), _) => command.run(voice),
+            (Some(Other::Map(command)), _) => command.run(voice),
+            (None, Some(given)) => self.tell(given, voice),
+            (None, None) => Err(Usage("which robot? darm com ROBOT.urdf, or darm com identify | map".into()).into()),
+        }
+    }
+
+    fn tell(&self, given: &Given, voice: Voice) -> anyhow::Result<()> {
+        let subject = given.subject()?;
+        let (postures, notes) = given.postures(&subject)?;
         notes.iter().for_each(|note| voice.note(note));
         let (mut rows, mut mass_kg) = (Vec::new(), 0.0);
         for posture in &postures {

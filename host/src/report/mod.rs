@@ -7,6 +7,7 @@ mod channels;
 pub mod density;
 mod drawing;
 mod html;
+mod motion;
 mod plots;
 mod sketch;
 mod terminal;
@@ -24,6 +25,7 @@ use crate::plant::truth::Sealed;
 pub use channels::channels_page;
 pub use drawing::{Line, Posture, posture};
 pub use html::page;
+pub use motion::{MotionReport, along_time, motion_page, page as page_of, plain_page, sagittal};
 pub use sketch::sketch;
 pub use terminal::table;
 

@@ -119,7 +119,7 @@ impl Robot {
 }
 
 /// The first columns that are independent, and how the others depend on them.
-fn grouped(parameters: &[Inertial], columns: &DMatrix<f64>) -> BaseParameters {
+pub(crate) fn grouped(parameters: &[Inertial], columns: &DMatrix<f64>) -> BaseParameters {
     let largest = columns.column_iter().map(|column| column.norm()).fold(0.0, f64::max);
     let (mut base, mut without_effect) = (Vec::<BaseParameter>::new(), Vec::new());
     let mut axes: Vec<DVector<f64>> = Vec::new();

@@ -112,7 +112,7 @@ fn loads(data: &Prepared, robot: &Robot, base: &[Moving], joints: &[Vec<Vec<f64>
 }
 
 /// How the base moves.
-fn base(data: &Prepared, gravity: &Vec3<f64>) -> Result<Vec<Moving>, PrepareError> {
+pub fn base(data: &Prepared, gravity: &Vec3<f64>) -> Result<Vec<Moving>, PrepareError> {
     let place = [data.motion("px", true)?, data.motion("py", true)?, data.motion("pz", true)?];
     let mut turn = Vec::new();
     for name in ["qx", "qy", "qz", "qw"] {

@@ -1,0 +1,126 @@
+//! The report of a mapped motion: centre of mass and of pressure along time, and the centre of mass in the sagittal plane.
+
+use anyhow::Result;
+use darm_core::real::Vec3;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use crate::motion::execution::Executed;
+use crate::motion::mapping::Mapped;
+use crate::motion::person::{Person, com};
+use crate::motion::plot::{Curve, Figure};
+use crate::robot::Robot;
+
+const PERSON: [u8; 3] = [0x2a, 0x7f, 0x4f];
+const PLANNED: [u8; 3] = [0x1f, 0x6f, 0x8b];
+const EXECUTED: [u8; 3] = [0xb2, 0x3a, 0x2e];
+
+/// What a report of a motion shows.
+#[derive(Clone, Copy)]
+pub struct MotionReport<'a> {
+    /// The person.
+    pub person: &'a Person,
+    /// The plan.
+    pub mapped: &'a Mapped,
+    /// The robot as it is believed to be: its masses tell the centre of mass of what was executed.
+    pub robot: &'a Robot,
+    /// What came of it.
+    pub executed: Option<&'a Executed>,
+}
+
+/// Centre of mass and centre of pressure along time: the paper's figure 6.
+pub fn along_time(report: &MotionReport<'_>) -> Result<Figure> {
+    let mapped = report.mapped;
+    let over = |x: &dyn Fn(usize) -> f64| -> Vec<[f64; 2]> {
+        mapped.time_s.iter().enumerate().map(|(k, time)| [*time, x(k)]).collect()
+    };
+    let curve = |name: &str, color, dashed, points| Curve { name: name.into(), color, dashed, points, dot: None };
+    let mut curves = vec![
+        curve("person, scaled", PERSON, true, over(&|k| mapped.target[k].x)),
+        curve("planned", PLANNED, false, over(&|k| mapped.com[k].x)),
+    ];
+    if let Some(executed) = report.executed {
+        let own = com(report.robot, &executed.postures, &mapped.time_s[..executed.postures.len()])?;
+        let x = |k: usize| own.get(k).map_or(f64::NAN, |com| com.x);
+        let cop = |k: usize| executed.cop.get(k).map_or(f64::NAN, |cop| cop[0]);
+        curves.push(curve("executed, centre of mass", EXECUTED, false, over(&x)));
+        curves.push(curve("executed, centre of pressure of the feet", EXECUTED, true, over(&cop)));
+    }
+    let mark = mapped.time_s.get(mapped.lift_off).copied();
+    Ok(Figure { x: "time, s", y: "forward, m", mark, curves })
+}
+
+/// A path of the centre of mass in the sagittal plane, with a dot where the chair is left: a curve of the paper's figure 7.
+pub fn sagittal(name: &str, color: [u8; 3], com: &[Vec3<f64>], lift_off: usize) -> Curve {
+    let at = |com: &Vec3<f64>| [com.x, com.z];
+    Curve {
+        name: name.into(),
+        color,
+        dashed: false,
+        points: com.iter().map(at).collect(),
+        dot: com.get(lift_off).map(at),
+    }
+}
+
+/// The whole page.
+pub fn motion_page(robot: &str, report: &MotionReport<'_>) -> Result<String> {
+    let mapped = report.mapped;
+    let plane = Figure {
+        x: "forward, m",
+        y: "up, m",
+        mark: None,
+        curves: vec![sagittal("planned centre of mass", PLANNED, &mapped.com, mapped.lift_off)],
+    };
+    let number = |value: f64, digits: usize| format!("{value:.digits$}");
+    let rows = [
+        ("person's motion times", number(mapped.scale, 3)),
+        (
+            "person's centre of pressure, simulated less measured, worst, before, mm",
+            number(1e3 * report.person.before.worst_m, 1),
+        ),
+        ("the same after scaling, mm", number(1e3 * report.person.after.worst_m, 1)),
+        ("centre of mass less its target, worst, m", format!("{:.1e}", mapped.com_error_m)),
+        ("markers, RMS, mm", number(1e3 * mapped.trajectory.marker_rms_m, 1)),
+        ("zero-moment point, least margin, mm", number(1e3 * mapped.balance.zmp_margin_m, 1)),
+        ("centre of mass, least margin, mm", number(1e3 * mapped.balance.com_margin_m, 1)),
+    ];
+    let body = html! {
+        section {
+            h2 { "Centre of mass along time" }
+            p { "The line marks where the chair is left." }
+            (PreEscaped(along_time(report)?.svg()))
+        }
+        section { h2 { "Centre of mass in the sagittal plane" } (PreEscaped(plane.svg())) }
+        section {
+            h2 { "Figures" }
+            table { tbody { @for (name, value) in &rows { tr { td { (name) } td.num { (value) } } } } }
+            h3 { "Scales of the person" }
+            table {
+                thead { tr { th { "link" } th.num { "length" } th.num { "mass" } } }
+                tbody { @for scale in &report.person.scales { tr { td { (scale.link) } td.num { (number(scale.length, 3)) } td.num { (number(scale.mass, 3)) } } } }
+            }
+        }
+    };
+    Ok(page(&format!("A person's motion on {robot}"), &body))
+}
+
+/// A page of text as the terminal shows it.
+pub fn plain_page(title: &str, text: &str) -> String {
+    page(title, &html! { section { pre { (text) } } })
+}
+
+/// A page with these sections.
+pub fn page(title: &str, body: &Markup) -> String {
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { "darm: " (title) }
+                style { (PreEscaped(include_str!("style.css"))) }
+            }
+            body { main { header { h1 { (title) } } (body) footer { "darm " (env!("CARGO_PKG_VERSION")) } } }
+        }
+    };
+    page.into_string()
+}

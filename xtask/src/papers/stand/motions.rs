@@ -1,0 +1,171 @@
+//! Two motions: a person stands up as a healthy one and as an elderly one, the robot follows and executes.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::Result;
+use darm::motion::demonstration::{Demonstration, Style, demonstrate};
+use darm::motion::execution::{Gains, execute};
+use darm::motion::mapping::{Mapped, map};
+use darm::motion::person::{com, person};
+use darm::motion::plot::{Curve, Figure as Picture};
+use darm::motion::setup::Setup;
+use darm::motion::{Capture, Fixed};
+use darm::report::{MotionReport, along_time, sagittal};
+use darm::urdf::{self, Locks};
+use darm_core::real::Vec3;
+
+use super::figure;
+use super::postures::Robots;
+use crate::figures::Figure;
+use crate::setup;
+
+/// Colours of the paper's figure 7: natural and elderly, identified and CAD.
+const COLORS: [[[u8; 3]; 2]; 2] = [[[0xb2, 0x3a, 0x2e], [0x2a, 0x7f, 0x4f]], [[0x1b, 0x3f, 0x8b], [0x5f, 0xb0, 0xd6]]];
+
+/// Maps both motions; pictures with their titles.
+pub(super) fn map_both(
+    figures: &mut Vec<Figure>,
+    robots: &Robots,
+    seed: u64,
+    folder: &Path,
+) -> Result<Vec<(String, String)>> {
+    let root = setup::root();
+    let mut average = urdf::read(&root.join("tests/data/measured/human.urdf"), &Locks::new())?;
+    average.floating = true;
+    let setup = Setup::read(&root.join("tests/data/stand/stand.toml"), &average, &robots.cad)?;
+    let names: Vec<String> = setup.markers.iter().map(|marker| marker.name.clone()).collect();
+    let markers: Vec<Fixed> = setup.markers.iter().map(|marker| marker.on_person).collect();
+    let (mut pictures, mut plane) = (Vec::new(), Vec::<Curve>::new());
+    for (style, colors) in [Style::Natural, Style::Elderly].into_iter().zip(COLORS) {
+        let name = style.name();
+        let shown = demonstrate(&average, (&names, &markers), &setup.person_feet, style, seed)?;
+        fs::write(folder.join(format!("{name}.csv")), csv(&shown.capture))?;
+        let found = person(&average, &markers, &shown.capture)?;
+        figures.push(figure(
+            &format!("{name}: person's centre of pressure, worst, average masses"),
+            1e3 * found.before.worst_m,
+            "mm",
+        )?);
+        figures.push(figure(
+            &format!("{name}: person's centre of pressure, worst, scaled (paper 20)"),
+            1e3 * found.after.worst_m,
+            "mm",
+        )?);
+        figures.push(figure(
+            &format!("{name}: person's centre of mass against the truth, RMS"),
+            1e3 * apart(&found.com, &shown),
+            "mm",
+        )?);
+        let mapped = map(&robots.identified, &setup, &found, &shown.capture)?;
+        let executed = execute(&robots.real, &setup, &mapped, Gains::default())?;
+        tell(figures, name, &mapped)?;
+        let frames = executed.postures.len();
+        let real = com(&robots.real, &executed.postures, &mapped.time_s[..frames])?;
+        let off = real.iter().zip(&mapped.com).map(|(a, b)| (a.x - b.x).powi(2)).sum::<f64>() / frames.max(1) as f64;
+        figures.push(figure(
+            &format!("{name}: executed centre of mass forward less the plan, RMS"),
+            1e3 * off.sqrt(),
+            "mm",
+        )?);
+        figures.push(figure(&format!("{name}: fell"), f64::from(u8::from(executed.fell)), "")?);
+        let report =
+            MotionReport { person: &found, mapped: &mapped, robot: &robots.identified, executed: Some(&executed) };
+        pictures.push((
+            format!("{name}: centre of mass and of pressure (the paper's figure 6)"),
+            along_time(&report)?.svg(),
+        ));
+        let by_cad = com(&robots.cad, &mapped.trajectory.postures, &mapped.time_s)?;
+        plane.push(sagittal(&format!("{name}, identified"), colors[0], &mapped.com, mapped.lift_off));
+        plane.push(sagittal(&format!("{name}, CAD"), colors[1], &by_cad, mapped.lift_off));
+        let shift = mean(&mapped.com) - mean(&by_cad);
+        figures.push(figure(
+            &format!("{name}: identified less CAD centre of mass, forward (paper: to the rear)"),
+            1e3 * shift.x,
+            "mm",
+        )?);
+        figures.push(figure(
+            &format!("{name}: identified less CAD centre of mass, up (paper: lower)"),
+            1e3 * shift.z,
+            "mm",
+        )?);
+        let dip = mapped.com[0].z - mapped.com.iter().map(|com| com.z).fold(f64::INFINITY, f64::min);
+        figures.push(figure(&format!("{name}: centre of mass lowers before it rises"), 1e3 * dip, "mm")?);
+        by_cad_plan(figures, robots, &setup, (&found, &shown.capture), name)?;
+    }
+    let picture = Picture { x: "forward, m", y: "up, m", mark: None, curves: plane };
+    pictures.push(("centre of mass in the sagittal plane (the paper's figure 7)".into(), picture.svg()));
+    for (k, (_, svg)) in pictures.iter().enumerate() {
+        fs::write(folder.join(format!("figure{}.svg", ["6-natural", "6-elderly", "7"][k.min(2)])), svg)?;
+    }
+    let masses: Vec<_> = darm::identify::bodies(&robots.cad).map(|joint| mass(robots, joint)).collect();
+    fs::write(folder.join("masses.json"), serde_json::to_string_pretty(&masses)?)?;
+    Ok(pictures)
+}
+
+fn mass(robots: &Robots, joint: Option<usize>) -> darm::identify::LinkMass {
+    let inertia = joint.map_or(&robots.identified.base, |joint| &robots.identified.joints[joint].joint.inertia);
+    let link = darm::identify::body_name(&robots.identified, joint);
+    darm::identify::LinkMass { link, mass_kg: inertia.mass, com_m: inertia.com.into() }
+}
+
+fn tell(figures: &mut Vec<Figure>, name: &str, mapped: &Mapped) -> Result<()> {
+    figures.push(figure(&format!("{name}: centre of mass less its target, worst frame"), mapped.com_error_m, "m")?);
+    figures.push(figure(
+        &format!("{name}: feet and limits, worst frame"),
+        mapped.trajectory.worst_constraint,
+        "m or rad",
+    )?);
+    figures.push(figure(&format!("{name}: markers, RMS"), 1e3 * mapped.trajectory.marker_rms_m, "mm")?);
+    figures.push(figure(&format!("{name}: person's motion times"), mapped.scale, "")?);
+    figures.push(figure(&format!("{name}: zero-moment point, least margin"), 1e3 * mapped.balance.zmp_margin_m, "mm")?);
+    figures.push(figure(&format!("{name}: centre of mass, least margin"), 1e3 * mapped.balance.com_margin_m, "mm")?);
+    Ok(())
+}
+
+/// What a plan with the CAD masses would have come to.
+fn by_cad_plan(
+    figures: &mut Vec<Figure>,
+    robots: &Robots,
+    setup: &Setup,
+    (found, capture): (&darm::motion::person::Person, &Capture),
+    name: &str,
+) -> Result<()> {
+    let mapped = map(&robots.cad, setup, found, capture)?;
+    let real = com(&robots.real, &mapped.trajectory.postures, &mapped.time_s)?;
+    let off = real.iter().zip(&mapped.target).map(|(a, b)| (a.x - b.x).powi(2)).sum::<f64>() / real.len() as f64;
+    figures.push(figure(
+        &format!("{name}: planned with CAD masses, true centre of mass off, RMS"),
+        1e3 * off.sqrt(),
+        "mm",
+    )?);
+    let executed = execute(&robots.real, setup, &mapped, Gains::default())?;
+    figures.push(figure(&format!("{name}: planned with CAD masses, fell"), f64::from(u8::from(executed.fell)), "")?);
+    Ok(())
+}
+
+fn mean(path: &[Vec3<f64>]) -> Vec3<f64> {
+    path.iter().sum::<Vec3<f64>>() / path.len().max(1) as f64
+}
+
+fn apart(com: &[Vec3<f64>], shown: &Demonstration) -> f64 {
+    let square: f64 = com.iter().zip(&shown.com).map(|(a, b)| (a - b).norm_squared()).sum();
+    (square / com.len().max(1) as f64).sqrt()
+}
+
+/// A capture as `darm com map` reads it.
+fn csv(capture: &Capture) -> String {
+    let markers = capture.names.iter().flat_map(|name| ["x", "y", "z"].map(|axis| format!("{name}_{axis}")));
+    let head = std::iter::once("t_s".to_owned()).chain(markers).chain(["Fz_n", "Mx_nm", "My_nm"].map(str::to_owned));
+    let mut text = head.collect::<Vec<_>>().join(",") + "\n";
+    for ((time, places), plate) in capture.time_s.iter().zip(&capture.places).zip(&capture.plates) {
+        let place = |place: &Option<Vec3<f64>>| match place {
+            Some(place) => place.map(|x| format!("{x:.5}")).data.0[0].clone(),
+            None => [const { String::new() }; 3],
+        };
+        let wrench = [plate.force_n, plate.cop[1] * plate.force_n, -plate.cop[0] * plate.force_n];
+        let cells = std::iter::once(format!("{time:.4}")).chain(places.iter().flat_map(place));
+        text += &(cells.chain(wrench.iter().map(|x| format!("{x:.4}"))).collect::<Vec<_>>().join(",") + "\n");
+    }
+    text
+}
