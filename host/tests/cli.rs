@@ -120,7 +120,7 @@ fn a_hand_makes_contacts_or_says_which_it_cannot() {
     assert!(std::fs::read_to_string(home.path("grasp.svg")).unwrap().contains("front: y, z"));
     let text = std::fs::read_to_string(&contacts).unwrap();
     home.write("far.toml", &text.replace("[390, 24, 140]", "[-390, 24, 140]"));
-    let far = "darm: contacts of index and thumb are 838 mm apart, out of reach: stretched, the fingers bridge 373 mm";
+    let far = "darm: contacts index and thumb are 838 mm apart, out of reach: stretched, the fingers bridge 373 mm";
     home.fails(&format!("grasp solve {hand} far.toml"), 1, far);
     home.write("three.toml", text.rsplit_once("[[contact]]").unwrap().0);
     let three = "darm: three.toml:2:10: 3 contacts are given, there must be 4, each a [[contact]]";
