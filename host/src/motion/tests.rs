@@ -99,7 +99,12 @@ fn a_motion_is_mapped_with_the_centre_of_mass_held() {
     };
     capture.places[7][3] = None;
     let found = person(&human, &markers, &capture).unwrap();
-    assert!(found.after.rms_m < found.before.rms_m && found.after.worst_m < 0.02, "{:?} {:?}", found.before, found.after);
+    assert!(
+        found.after.rms_m < found.before.rms_m && found.after.worst_m < 0.02,
+        "{:?} {:?}",
+        found.before,
+        found.after
+    );
     let mapped = map(&robot, &setup, &found, &capture).unwrap();
     assert_eq!(mapped.axes, [true, false, true], "in the sagittal plane");
     assert!(mapped.com_error_m < 1e-6 && mapped.trajectory.worst_constraint < 1e-6, "{}", mapped.com_error_m);
