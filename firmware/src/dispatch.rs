@@ -2,6 +2,7 @@
 //!
 //! An order that changes something runs once: the answer to the last one is kept, and a repeated number gets it again.
 //! What cannot be read is counted and never answered. Text commands ([`crate::text`]) go through the same desk.
+use darm_core::nearest::{Coordinates, Found};
 use darm_core::sequencer::{Command, Phase};
 use darm_core::table::Table;
 use darm_core::units::DeviceId;
@@ -14,6 +15,7 @@ use embedded_storage_async::nor_flash::NorFlash;
 use crate::clock::Clock;
 use crate::control::{Numbered, Order, Outcome, Shared, Snapshot, Unloaded};
 use crate::log::EventLog;
+use crate::nearest::{self, Room};
 use crate::store::{LoadError, SLOT_BYTES, Store, UploadError};
 
 /// Version of this firmware: major, minor, patch.
@@ -57,6 +59,8 @@ pub struct Desk<'s, 't, F: NorFlash, C> {
     /// The connection that may ask for more than the bootstrap set.
     link: Option<u32>,
     last: Option<Answered>,
+    /// Where the nearest word is sought.
+    room: Room,
 }
 
 /// The last request that changed something, and its answer.
@@ -84,6 +88,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
             bad_frames: 0,
             link: None,
             last: None,
+            room: Room::default(),
         }
     }
 
@@ -213,7 +218,22 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
                 let stored = self.store()?.calibration().await.map_err(|_| Refusal::Storage)?;
                 Ok(Answer::Calibration(stored))
             }
+            Request::Nearest(target) => self.nearest(&target).await.map(Answer::Nearest),
         }
+    }
+
+    /// A word that brings the tool near a pose in the base, by the frames in the stored table.
+    pub(crate) async fn nearest(&mut self, target: &Coordinates) -> Result<Found<f32>, Refusal> {
+        if !target.is_sound() {
+            return Err(Refusal::NoPose);
+        }
+        let Outcome::Summary(Some(table)) = self.shared.ask(Order::Summary).await else {
+            return Err(Refusal::NoFrames);
+        };
+        let store = self.store.as_mut().ok_or(Refusal::Storage)?;
+        self.room.begin(&target.pose(), table.actuators.into());
+        store.records(|record| nearest::take(&mut self.room, record)).await.map_err(refuse_load)?;
+        self.room.found().ok_or(Refusal::NoFrames)
     }
 
     /// Does what a person or a host asks for, or says why not.

@@ -8,6 +8,7 @@ pub mod clock;
 pub mod control;
 pub mod dispatch;
 pub mod log;
+pub mod nearest;
 pub mod pipe;
 pub mod port;
 pub mod ring;

@@ -17,6 +17,7 @@ use darm_core::table::{Record, Table, TableError};
 use darm_core::units::DeviceId;
 use darm_core::wire::frame::CRC;
 use darm_core::wire::message::{Calibration, Image};
+use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 use sequential_storage::cache::{Cache, Uncached};
 use sequential_storage::map::{MapConfig, MapStorage, PostcardValue};
@@ -243,7 +244,8 @@ impl<F: NorFlash> Store<F> {
         if self.checksum(slot, image.len).await? != image.crc {
             return Err(LoadError::Damaged);
         }
-        self.fill(slot, image.len, table, device).await?;
+        let push = |record: &Record| table.push(record, Some(device)).map(|()| true).map_err(LoadError::Table);
+        self.each_record(slot, image.len, push).await?;
         if table.end().is_some() && table.model() == image.model {
             return Ok(());
         }
@@ -264,8 +266,21 @@ impl<F: NorFlash> Store<F> {
         Ok(crc.finalize())
     }
 
-    /// Pushes record after record; a record may lie across two reads.
-    async fn fill(&mut self, slot: Slot, len: u32, table: &mut Table, device: DeviceId) -> Result<(), LoadError> {
+    /// Hands the records of the valid image to `take`, in their order, until it says that it has enough; nothing without
+    /// a valid image.
+    pub async fn records(&mut self, mut take: impl FnMut(&Record) -> bool) -> Result<(), LoadError> {
+        let Some(Valid { slot, image }) = self.valid else { return Ok(()) };
+        self.each_record(slot, image.len, |record| Ok(take(record))).await
+    }
+
+    /// Hands record after record to `take` until it says that it has enough; a record may lie across two reads. Other
+    /// tasks run between two reads.
+    async fn each_record(
+        &mut self,
+        slot: Slot,
+        len: u32,
+        mut take: impl FnMut(&Record) -> Result<bool, LoadError>,
+    ) -> Result<(), LoadError> {
         let mut window = [0; WINDOW];
         let (mut filled, mut next) = (0, 0);
         while next < len {
@@ -273,9 +288,10 @@ impl<F: NorFlash> Store<F> {
             self.read(slot, next, &mut window[filled..filled + fresh]).await?;
             filled += fresh;
             next += fresh as u32;
-            let used = push_records(&window[..filled], next == len, table, device)?;
+            let Some(used) = take_records(&window[..filled], next == len, &mut take)? else { return Ok(()) };
             window.copy_within(used..filled, 0);
             filled -= used;
+            yield_now().await;
         }
         Ok(())
     }
@@ -315,16 +331,22 @@ impl<F: NorFlash> Store<F> {
     }
 }
 
-/// Pushes the records that stand whole in `bytes`; how many bytes they took.
-fn push_records(bytes: &[u8], last: bool, table: &mut Table, device: DeviceId) -> Result<usize, LoadError> {
+/// Takes the records that stand whole in `bytes`; how many bytes they took, or `None` when no more are wanted.
+fn take_records(
+    bytes: &[u8],
+    last: bool,
+    take: &mut impl FnMut(&Record) -> Result<bool, LoadError>,
+) -> Result<Option<usize>, LoadError> {
     let mut rest = bytes;
     while !rest.is_empty() && (last || rest.len() >= Record::MAX_BYTES) {
         let (record, after) =
             postcard::take_from_bytes::<Record>(rest).map_err(|_| LoadError::Table(TableError::Malformed))?;
-        table.push(&record, Some(device)).map_err(LoadError::Table)?;
+        if !take(&record)? {
+            return Ok(None);
+        }
         rest = after;
     }
-    Ok(bytes.len() - rest.len())
+    Ok(Some(bytes.len() - rest.len()))
 }
 
 #[cfg(test)]

@@ -3,7 +3,9 @@ pub(crate) mod fakes;
 
 use core::cell::{Cell, RefCell};
 
+use darm_core::nearest::{Coordinates, Found};
 use darm_core::sequencer::{Command, Event, FaultKind, Outputs, Phase};
+use darm_core::table::Record;
 use darm_core::units::{ActuatorId, DeviceId, Micros};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, Identity};
@@ -15,7 +17,7 @@ use crate::control::{Control, Shared, TICK};
 use crate::dispatch::{Board, Desk};
 use crate::pipe::{Pipe, PipeReader, PipeWriter};
 use crate::port::{Item, Port};
-use fakes::{Cells, HandClock, MockFlash, run, table};
+use fakes::{Cells, HandClock, MockFlash, run, table, table_with};
 
 const LINK: u32 = 77;
 
@@ -255,6 +257,41 @@ fn the_bootstrap_set_needs_no_connection() {
     assert_eq!(bootstrap::Death::decode(&send(bootstrap::Request::ReadFault)), Some(None));
 }
 
+fn along(x: f32, y: f32) -> Coordinates {
+    Coordinates { turn_rad: [0.0; 3], position_m: [x, y, 0.0] }
+}
+
+/// Two modules of one actuator: the first reaches 1 or 2 m along x, the second 1 or 3 m along y.
+fn two_modules() -> [Record; 6] {
+    let module = |behind| Record::Module { actuators: 1, length_scale_m: 0.5, behind };
+    let frame = |digits, pose| Record::Frame { digits, pose };
+    let [first, second] = [module(along(0.0, 2.0)), module(along(0.0, 0.0))];
+    let [right, left] = [
+        [frame(0, along(1.0, 0.0)), frame(1, along(2.0, 0.0))],
+        [1.0, 3.0].map(|y| frame(u16::from(y > 2.0), along(0.0, y))),
+    ];
+    [first, right[0].clone(), right[1].clone(), second, left[0].clone(), left[1].clone()]
+}
+
+#[test]
+fn the_board_answers_which_word_is_nearest_while_a_program_runs() {
+    let bench = loaded();
+    let ask = |x, y| bench.ask(Request::Nearest(along(x, y)));
+    assert_eq!(ask(2.0, 1.0), Err(Refusal::NoFrames));
+    bench.upload(&table_with(3, 10, false, &two_modules())).unwrap();
+    bench.command(Command::Play).unwrap();
+    let found = |word: &str, distance_m| {
+        let word = word.parse().unwrap();
+        Ok(Answer::Nearest(Found { word, distance_m, error_m: distance_m, error_rad: 0.0 }))
+    };
+    assert_eq!(ask(2.0, 1.0), found("10", 0.0));
+    assert_eq!(ask(1.0, 3.5), found("01", 0.5));
+    assert_eq!(ask(f32::NAN, 0.0), Err(Refusal::NoPose));
+    assert_eq!(bench.type_line("nearest 2250 3000 0"), "11: 250.0 mm and 0.00 deg off, d 250.0 mm\r\n");
+    assert!(bench.type_line("nearest 1e9 0 0").starts_with("? the pose has a number"));
+    assert!(matches!(bench.status().phase, Phase::Playing { .. }));
+}
+
 #[test]
 fn typed_commands_act_under_the_same_limits() {
     let bench = loaded();
@@ -332,6 +369,7 @@ fn any_frame(random: &mut Random) -> Vec<u8> {
         Request::Command(Command::Play),
         Request::Command(Command::Coil { coil: random.below(9) as u8, on_ms: 10 }),
         Request::Calibration,
+        Request::Nearest(along(random.below(9) as f32, f32::from_bits(random.below(1 << 32) as u32))),
     ];
     let mut payload = [0; MAX_PAYLOAD];
     let payload = postcard::to_slice(&requests[random.below(requests.len())], &mut payload).unwrap();
@@ -373,8 +411,22 @@ fn damaged_frames_change_nothing() {
 fn noise_frames_and_lines_do_not_panic() {
     let bench = loaded();
     let (mut port, mut random) = (Port::default(), Random(2));
-    let words =
-        ["coil", "word", "servo", "on", "off", "99999999999", "-1", "nan", "0101", "status", "log", "limits", "stop"];
+    let words = [
+        "coil",
+        "word",
+        "servo",
+        "on",
+        "off",
+        "99999999999",
+        "-1",
+        "nan",
+        "0101",
+        "status",
+        "log",
+        "limits",
+        "stop",
+        "nearest",
+    ];
     for _ in 0..rounds() {
         match random.below(4) {
             0 => {

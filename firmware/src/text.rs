@@ -4,6 +4,7 @@
 //! a terminal that echoes what it receives does not start a conversation of the board with itself.
 use core::fmt;
 
+use darm_core::nearest::{Coordinates, Found};
 use darm_core::output::{Coil, Drive, MAX_COILS, MAX_SERVOS, ServoWiring};
 use darm_core::sequencer::{Command, Event, Phase};
 use darm_core::units::{Micros, Word, WordError};
@@ -27,6 +28,8 @@ const HELP: &[&str] = &[
     "coil N on MS     coil N on for MS milliseconds (coil N off: off now)",
     "word DIGITS      all actuators to these digits, base first: word 010,110",
     "servo N DEG      servo joint N to an angle in degrees",
+    "nearest X Y A    a word that brings the tool near: mm and degrees;",
+    "                 in space nearest X Y Z RX RY RZ, with a rotation vector",
     "fault            the latched fault, and how the last start ended",
     "clear            leave the safe state after a fault",
     "log              the last events",
@@ -44,6 +47,7 @@ enum Words {
     Fault,
     Log,
     Reboot(Into),
+    Nearest(Coordinates),
     Do(Command),
 }
 
@@ -77,6 +81,9 @@ fn parse(line: &str) -> Result<Words, ParseError> {
         } else {
             Ok(Words::Do(Command::Word(word)))
         };
+    }
+    if is("nearest") {
+        return nearest(parts).map(Words::Nearest);
     }
     let (first, second, third) = (parts.next(), parts.next(), parts.next());
     if is("coil") && parts.next().is_none() {
@@ -118,6 +125,22 @@ fn servo(number: Option<&str>, angle: Option<&str>) -> Result<Words, ParseError>
     let servo = number.and_then(|text| text.parse().ok()).ok_or(usage)?;
     let angle_deg: f32 = angle.and_then(|text| text.parse().ok()).ok_or(usage)?;
     Ok(Words::Do(Command::Servo { servo, angle_rad: angle_deg.to_radians() }))
+}
+
+/// A pose in mm and degrees: x, y and the angle about z, or x, y, z and a rotation vector.
+fn nearest<'l>(parts: impl Iterator<Item = &'l str>) -> Result<Coordinates, ParseError> {
+    let usage = ParseError::Usage("nearest X Y ANGLE, as in nearest 300 4200 10, or nearest X Y Z RX RY RZ; mm, deg");
+    let (mut numbers, mut count) = ([0f32; 6], 0);
+    for part in parts {
+        *numbers.get_mut(count).ok_or(usage)? = part.parse().map_err(|_| usage)?;
+        count += 1;
+    }
+    let (position_mm, turn_deg) = match (count, numbers) {
+        (3, [x, y, angle, ..]) => ([x, y, 0.0], [0.0, 0.0, angle]),
+        (6, [x, y, z, rx, ry, rz]) => ([x, y, z], [rx, ry, rz]),
+        _ => return Err(usage),
+    };
+    Ok(Coordinates { turn_rad: turn_deg.map(f32::to_radians), position_m: position_mm.map(|mm| mm / 1e3) })
 }
 
 /// One line to the terminal. Longer lines are cut.
@@ -162,10 +185,23 @@ impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
                 self.reboot = Some(into);
                 say(out, format_args!("ok, starting anew")).await
             }
+            Ok(Words::Nearest(target)) => self.say_nearest(&target, out).await,
             Ok(Words::Do(command)) => match self.command(command).await {
                 Ok(()) => say(out, format_args!("ok")).await,
                 Err(refusal) => say(out, format_args!("? {refusal}")).await,
             },
+        }
+    }
+
+    async fn say_nearest<W: Write>(&mut self, target: &Coordinates, out: &mut W) -> Result<(), W::Error> {
+        match self.nearest(target).await {
+            Ok(Found { word, distance_m, error_m, error_rad }) => {
+                let (error_deg, [error_mm, distance_mm]) =
+                    (error_rad.to_degrees(), [error_m, distance_m].map(|m| 1e3 * m));
+                say(out, format_args!("{word}: {error_mm:.1} mm and {error_deg:.2} deg off, d {distance_mm:.1} mm"))
+                    .await
+            }
+            Err(refusal) => say(out, format_args!("? {refusal}")).await,
         }
     }
 
@@ -320,6 +356,7 @@ impl fmt::Display for EventText<'_> {
 #[cfg(test)]
 mod tests {
     use super::{ParseError, Words, parse};
+    use darm_core::nearest::Coordinates;
     use darm_core::sequencer::Command;
     use darm_core::wire::bootstrap::Into;
 
@@ -331,6 +368,10 @@ mod tests {
         assert_eq!(parse("servo 1 -90"), Ok(Words::Do(Command::Servo { servo: 1, angle_rad: -90f32.to_radians() })));
         assert_eq!(parse("REBOOT loader"), Ok(Words::Reboot(Into::Loader)));
         assert_eq!(parse("play"), Ok(Words::Do(Command::Play)));
+        let plane = Coordinates { turn_rad: [0.0, 0.0, 90f32.to_radians()], position_m: [-0.3, 4.2, 0.0] };
+        assert_eq!(parse("nearest -300 4200 90"), Ok(Words::Nearest(plane)));
+        let space = Coordinates { turn_rad: [0.0, 90f32.to_radians(), 0.0], position_m: [0.1, 0.2, 0.3] };
+        assert_eq!(parse("nearest 100 200 300 0 90 0"), Ok(Words::Nearest(space)));
     }
 
     #[test]
@@ -347,6 +388,10 @@ mod tests {
             "servo 1",
             "servo x 3",
             "word",
+            "nearest",
+            "nearest 1 2 3 4",
+            "nearest 1 2 x",
+            "nearest 1 2 3 4 5 6 7",
         ] {
             assert!(matches!(parse(line), Err(ParseError::Usage(_) | ParseError::Unknown)), "{line}");
         }

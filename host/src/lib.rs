@@ -6,6 +6,7 @@ pub mod clock;
 pub mod dh;
 pub mod diagnose;
 pub mod draw;
+pub mod grasp;
 pub mod identify;
 pub mod ik;
 pub mod in_process;

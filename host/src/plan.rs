@@ -104,8 +104,9 @@ impl fmt::Display for PlanError {
 
 impl std::error::Error for PlanError {}
 
-/// Plans the rows that take `arm` through `visits`, for one device or, with `None`, for any.
-pub fn plan(arm: &Arm, visits: &[Visit], device: Option<DeviceId>) -> Result<Plan, PlanError> {
+/// Plans the rows that take `arm` through `visits`, for one device or, with `None`, for any. `modules` are records of
+/// modules and frames ([`crate::reach::board`]) that the table brings along, or none.
+pub fn plan(arm: &Arm, visits: &[Visit], device: Option<DeviceId>, modules: &[Record]) -> Result<Plan, PlanError> {
     let mut timeline = Timeline { arm, rows: Vec::new(), served: Vec::new(), moved: vec![None; arm.n_actuators()] };
     let mut windows = Vec::new();
     let mut free = Micros(0);
@@ -122,7 +123,7 @@ pub fn plan(arm: &Arm, visits: &[Visit], device: Option<DeviceId>) -> Result<Pla
     if rows.len() > MAX_ROWS {
         return Err(PlanError::TooManyRows { rows: rows.len() });
     }
-    let image = encode(arm, &rows, free, device).map_err(|error| match error {
+    let image = encode(arm, &rows, free, device, modules).map_err(|error| match error {
         TableError::Row { row, error } => {
             let visit = served.get(usize::from(row)).or(served.last()).and_then(|&visit| visits.get(visit));
             PlanError::Row { visit: visit.map_or_else(String::new, |visit| visit.label.clone()), error }
@@ -258,13 +259,20 @@ fn travel(millis: u16) -> Micros {
 }
 
 /// The table's bytes, every record passed by the board's own checker.
-fn encode(arm: &Arm, rows: &[Row], end: Micros, device: Option<DeviceId>) -> Result<TableImage, TableError> {
+fn encode(
+    arm: &Arm,
+    rows: &[Row],
+    end: Micros,
+    device: Option<DeviceId>,
+    modules: &[Record],
+) -> Result<TableImage, TableError> {
     let wiring = &arm.wiring;
     let start = Record::Start { model: arm.hash(), device, switch_limit: wiring.switch_limit };
     let records = std::iter::once(start)
         .chain(wiring.coils.iter().map(|coil| Record::Coil(*coil)))
         .chain(wiring.actuators.iter().map(|actuator| Record::Actuator(*actuator)))
         .chain(wiring.servos.iter().map(|servo| Record::Servo(*servo)))
+        .chain(modules.iter().cloned())
         .chain(rows.iter().map(|row| Record::Row(row.clone())))
         .chain([Record::End { at: end }]);
     let records: Vec<Record> = records.collect();
@@ -315,7 +323,7 @@ mod tests {
                     Visit { dwell_s, ..visit(&format!("{bits:012b}"), Some(angle_rad)) }
                 })
                 .collect();
-            let plan = plan(&arm, &visits, None).unwrap();
+            let plan = plan(&arm, &visits, None, &[]).unwrap();
             prop_assert_eq!(plan.windows.len(), visits.len());
             for (visit, &(from, to)) in visits.iter().zip(&plan.windows) {
                 let last = plan.rows.iter().rfind(|row| row.at < to).unwrap();
@@ -327,7 +335,7 @@ mod tests {
 
     #[test]
     fn eight_coils_at_once_go_in_two_rows() {
-        let plan = plan(&arm("planar4.toml"), &[visit("111111110000", None)], None).unwrap();
+        let plan = plan(&arm("planar4.toml"), &[visit("111111110000", None)], None, &[]).unwrap();
         let words: Vec<_> = plan.rows.iter().map(|row| (row.at, row.word.to_string())).collect();
         assert_eq!(
             words,
@@ -340,7 +348,7 @@ mod tests {
     #[test]
     fn a_coil_that_would_be_on_too_long_is_told_by_its_visit() {
         let visits = [Visit { dwell_s: 301.0, ..visit("000000000001", None) }];
-        let error = plan(&arm("planar4.toml"), &visits, None).unwrap_err();
+        let error = plan(&arm("planar4.toml"), &visits, None, &[]).unwrap_err();
         assert_eq!(
             error.to_string(),
             "000000000001: coil 11 would be on for longer than it may; dwell for a shorter time, or put a rest between"

@@ -5,9 +5,9 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
-const COMMANDS: [&str; 20] = [
+const COMMANDS: [&str; 21] = [
     "synth", "stops", "table", "upload", "play", "stop", "status", "record", "diagnose", "console", "plant", "flash",
-    "doctor", "fk", "jacobian", "ik", "dynamics", "com", "model", "draw",
+    "doctor", "fk", "jacobian", "ik", "dynamics", "com", "model", "draw", "grasp",
 ];
 
 /// A user's empty home, and the folder the commands run in.
@@ -109,6 +109,24 @@ fn every_command_has_help_with_examples() {
         let longest = help.lines().map(|line| line.chars().count()).max().unwrap();
         assert!(longest <= 120, "{command}: a line of its help has {longest} characters");
     }
+}
+
+#[test]
+fn a_hand_makes_contacts_or_says_which_it_cannot() {
+    let home = Home::new();
+    let (hand, contacts) = (example("allegro_hand.toml"), example("grasp-contacts.toml"));
+    let found = home.json(&format!("grasp solve {hand} {contacts} --picture grasp.svg"));
+    assert!(found["error_m"].as_f64().unwrap() < 1e-6 && found["fingers"].as_array().unwrap().len() == 4);
+    assert!(std::fs::read_to_string(home.path("grasp.svg")).unwrap().contains("front: y, z"));
+    let text = std::fs::read_to_string(&contacts).unwrap();
+    home.write("far.toml", &text.replace("[390, 24, 140]", "[-390, 24, 140]"));
+    let far = "darm: contacts of index and thumb are 838 mm apart, out of reach: stretched, the fingers bridge 373 mm";
+    home.fails(&format!("grasp solve {hand} far.toml"), 1, far);
+    home.write("three.toml", text.rsplit_once("[[contact]]").unwrap().0);
+    let three = "darm: three.toml:2:10: 3 contacts are given, there must be 4, each a [[contact]]";
+    home.fails(&format!("grasp solve {hand} three.toml"), 1, three);
+    let trained = home.json(&format!("grasp train {hand} --n 5 --lambdas 3 --file training.txt"));
+    assert_eq!(trained, home.json(&format!("grasp train {hand} --n 5 --lambdas 3 --file training.txt")));
 }
 
 #[test]
@@ -316,6 +334,9 @@ fn a_file_is_told_and_drawn() {
     assert!(said.contains("warning: joint `panda_finger_joint2` mimics `panda_finger_joint1`"), "{said}");
     let said = home.succeeds(&format!("model {} --base-parameters", example("planar2.toml")));
     assert!(said.contains("\n  Izz link 1 + 0.25 m link 2\n"), "{said}");
+    let rust = home.succeeds(&format!("model {} --rust", example("puma560.toml")));
+    let bare = |text: &str| text.chars().filter(|c| !c.is_whitespace() && *c != ',').collect::<String>();
+    assert_eq!(bare(&rust), bare(include_str!("../../firmware/src/bin/bench/puma560.rs")));
     for (file, posture, views) in [(panda.as_str(), "", 4), (&example("planar4.toml"), "--word 010110011101", 1)] {
         assert_eq!(home.json(&format!("draw {file} {posture} -o arm.svg"))["views"], views);
         assert!(std::fs::read_to_string(home.path("arm.svg")).unwrap().starts_with("<svg"));

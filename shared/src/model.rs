@@ -7,7 +7,7 @@ use heapless::Vec;
 
 use crate::actuator::{DiscreteJoint, JointKind, MAX_LEGS, Stage};
 use crate::chain::{Chain, ChainError, Scratch};
-use crate::effect::{Effect, Site};
+use crate::effect::{Effect, Place, Site};
 use crate::real::{Real, Vec3, cast, real};
 use crate::se::{Pose, Wrench};
 use crate::units::Word;
@@ -68,6 +68,10 @@ pub struct Condition<'a, T: Real> {
     pub supply: T,
     /// The temperature of the arm, K.
     pub temperature_k: T,
+    /// Time since the measurement began, s; `None` outside of one.
+    pub time_s: Option<T>,
+    /// How often each actuator has switched since then; empty outside of one.
+    pub switches: &'a [T],
 }
 
 impl<T: Real, const N: usize> Model<T, N> {
@@ -96,16 +100,19 @@ impl<T: Real, const N: usize> Model<T, N> {
             servos,
             supply: self.nominal_supply,
             temperature_k: self.reference_temperature_k,
+            time_s: None,
+            switches: &[],
         }
     }
 
     /// The condition that the arm works under when it comes from another word.
     pub fn working<'a>(&self, word: Word, previous: Word, servos: &'a [T]) -> Condition<'a, T> {
         let (supply, temperature_k) = (self.working_supply, self.working_temperature_k);
-        Condition { word, previous: Some(previous), servos, supply, temperature_k }
+        Condition { previous: Some(previous), supply, temperature_k, ..self.nominal(word, servos) }
     }
 
-    /// Pose of the tool in the base under `condition`, with all effects; the posture is left in `scratch`.
+    /// Pose of the tool in the base under `condition`, with all effects; the posture is left in `scratch`, the tool where
+    /// the arm alone has it.
     pub fn predict(&self, condition: &Condition<T>, scratch: &mut Scratch<T, N>) -> Result<Pose<T>, ChainError> {
         self.chain.configure(&condition.word, condition.servos, scratch)?;
         if self.effects.is_empty() {
@@ -115,10 +122,34 @@ impl<T: Real, const N: usize> Model<T, N> {
         self.each_effect(condition, |effect, site, leg| {
             effect.law().disturb(site, &mut scratch.settings[site.stage][leg]);
         });
-        let unloaded = self.chain.assemble(scratch)?;
-        if !self.effects.iter().any(|effect| effect.law().bears_load()) {
-            return Ok(unloaded);
+        for effect in &self.effects {
+            if let Some(stage) = self.servo_stage(effect) {
+                effect.law().turn(&mut scratch.settings[stage][0]);
+            }
         }
+        let unloaded = self.chain.assemble(scratch)?;
+        if self.effects.iter().any(|effect| effect.law().bears_load()) {
+            self.settle(condition, scratch)?;
+            return Ok(self.seen(scratch.pose_base_tool));
+        }
+        Ok(self.seen(unloaded))
+    }
+
+    /// The stage of the servo joint that an effect acts on.
+    pub fn servo_stage(&self, effect: &Effect<T>) -> Option<usize> {
+        match effect.law().place() {
+            Place::Servo(servo) => self.chain.servo_stages().nth(servo.into()),
+            _ => None,
+        }
+    }
+
+    /// Where the tool is seen when the arm has it at `pose_base_tool`.
+    pub fn seen(&self, pose_base_tool: Pose<T>) -> Pose<T> {
+        self.effects.iter().fold(pose_base_tool, |pose, effect| effect.law().displace(pose))
+    }
+
+    /// Lets the loaded actuators give way until the arm stands still; `scratch` holds it without load.
+    fn settle(&self, condition: &Condition<T>, scratch: &mut Scratch<T, N>) -> Result<(), ChainError> {
         let unloaded_settings = scratch.settings;
         let settled = real::<T>(SETTLED) + T::default_epsilon() * real(16.0);
         for _ in 0..MAX_SETTLINGS {
@@ -136,7 +167,7 @@ impl<T: Real, const N: usize> Model<T, N> {
                 break;
             }
         }
-        Ok(scratch.pose_base_tool)
+        Ok(())
     }
 
     /// What each actuator of each stage bears by the weights further out, in the posture of `scratch`: see
@@ -180,6 +211,12 @@ impl<T: Real, const N: usize> Model<T, N> {
             _ => JointKind::Prismatic,
         };
         let value = |digit| self.chain.stages[stage].setting(leg, digit).map_or(T::zero(), |setting| setting.value);
+        let first = actuator - leg;
+        let switched = |other: &usize| {
+            condition.previous.is_some_and(|previous| previous.digit(*other) != condition.word.digit(*other))
+        };
+        let of_stage = first..first + self.chain.stages[stage].n_actuators();
+        let together = of_stage.filter(|other| *other != actuator && switched(other)).count() as u8;
         Site {
             stage,
             actuator,
@@ -189,6 +226,9 @@ impl<T: Real, const N: usize> Model<T, N> {
             stroke: value(digit) - value(0),
             supply_deviation: condition.supply / self.nominal_supply - T::one(),
             temperature_rise_k: condition.temperature_k - self.reference_temperature_k,
+            time_s: condition.time_s,
+            switches: condition.switches.get(actuator).copied(),
+            together,
         }
     }
 
@@ -241,7 +281,6 @@ mod tests {
 
     use super::*;
     use crate::arms::{planar_arm, seeded, word};
-    use crate::effect::Place;
     use crate::effect::gravity_sag::GravitySag;
     use crate::effect::play::Play;
     use crate::effect::stroke_loss::StrokeLoss;
@@ -297,10 +336,11 @@ mod tests {
         fn single_precision_predicts_as_well(word in word(planar_arm()), before in word(planar_arm())) {
             let model = disturbed();
             let fine = Condition { previous: Some(before), supply: 0.9, temperature_k: 300.0, ..model.nominal(word, &[]) };
+            let single = model.cast::<f32>();
             let coarse =
-                Condition::<f32> { word, previous: Some(before), servos: &[], supply: 0.9, temperature_k: 300.0 };
+                Condition { previous: Some(before), supply: 0.9, temperature_k: 300.0, ..single.nominal(word, &[]) };
             let fine = model.predict(&fine, &mut Scratch::default()).unwrap();
-            let coarse = model.cast::<f32>().predict(&coarse, &mut Scratch::default()).unwrap();
+            let coarse = single.predict(&coarse, &mut Scratch::default()).unwrap();
             // Four modules, each with leg lengths known to 4 ε · 1.8 m, turned into a pose by a D⁻¹ of norm below 5
             // and carried over a lever of at most 5 m: 4 · 7.2 ε · 5 · 5 = 720 ε = 8.6e-5.
             let apart = fine.cast::<f32>().distance(&coarse, 1.0);

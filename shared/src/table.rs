@@ -1,17 +1,22 @@
 //! A program for the board: what is wired, and the timed rows to run. Valid by construction.
 //!
 //! A table travels and is stored as a list of [`Record`]s, so that the board checks it while it arrives and never needs
-//! room for two. The order is fixed: one `Start`, the coils, actuators and servos, the rows in order of time, one `End`.
+//! room for two. The order is fixed: one `Start`, the coils, actuators and servos, where the board is to answer which
+//! word is nearest to a pose the modules with their frames, the rows in order of time, one `End`.
+
+mod modules;
 
 use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use crate::nearest::Coordinates;
 use crate::output::{
     ActuatorWiring, Coil, CoilBreach, CoilClock, CoilLimit, Drive, MAX_ACTUATORS, MAX_COILS, MAX_SERVOS, ServoWiring,
     SwitchClock, SwitchLimit, Wiring, WiringError,
 };
 use crate::units::{ActuatorId, DeviceId, Micros, ModelHash, Word};
+use modules::Modules;
 
 /// Rows that fit the board's memory.
 pub const MAX_ROWS: usize = 1024;
@@ -58,6 +63,22 @@ pub enum Record {
         /// Time after the start of the program.
         at: Micros,
     },
+    /// The next module from the base on, for the search of [`crate::nearest`]; its frames follow.
+    Module {
+        /// How many actuators it has, 1 to 8.
+        actuators: u8,
+        /// One radian of orientation is held equal to so much, m.
+        length_scale_m: f32,
+        /// What the modules after it typically do.
+        behind: Coordinates,
+    },
+    /// The next frame of the module, in the order of its digits.
+    Frame {
+        /// Two bits for each actuator of the module, the first in the lowest.
+        digits: u16,
+        /// Pose of the module's top in its base; the mount stands in the first module, the tool in the last.
+        pose: Coordinates,
+    },
 }
 
 impl Record {
@@ -85,6 +106,9 @@ pub enum TableError {
         /// What is wrong.
         error: RowError,
     },
+    /// The modules do not have each actuator once, or a frame has digits that its module does not have, is out of
+    /// order, or is no pose.
+    Modules,
 }
 
 /// Why a row is refused.
@@ -132,6 +156,7 @@ impl fmt::Display for TableError {
             Self::OtherDevice => f.write_str("the table was made for another device"),
             Self::TooManyRows => write!(f, "a table has at most {MAX_ROWS} rows"),
             Self::Row { row, error } => write!(f, "row {row}: {error}"),
+            Self::Modules => f.write_str("the frames of the modules do not fit the actuators"),
         }
     }
 }
@@ -180,6 +205,7 @@ pub struct Checker {
 enum Stage {
     Empty,
     Wiring,
+    Modules(Modules),
     Rows,
     Ended { at: Micros },
 }
@@ -223,8 +249,22 @@ impl Checker {
             (Stage::Wiring, Record::Coil(coil)) => push(&mut self.wiring.coils, *coil),
             (Stage::Wiring, Record::Actuator(actuator)) => push(&mut self.wiring.actuators, *actuator),
             (Stage::Wiring, Record::Servo(servo)) => push(&mut self.wiring.servos, *servo),
-            (Stage::Wiring, Record::Row(_) | Record::End { .. }) => {
+            (Stage::Wiring, Record::Row(_) | Record::End { .. } | Record::Module { .. }) => {
                 self.wiring.check().map_err(TableError::Wiring)?;
+                let modules = matches!(record, Record::Module { .. });
+                self.stage = if modules { Stage::Modules(Modules::default()) } else { Stage::Rows };
+                self.admit_in_order(record, here)
+            }
+            (Stage::Modules(modules), Record::Module { actuators, length_scale_m, behind }) => {
+                self.stage = Stage::Modules(modules.next(*actuators, *length_scale_m, behind, &self.wiring)?);
+                Ok(())
+            }
+            (Stage::Modules(modules), Record::Frame { digits, pose }) => {
+                self.stage = Stage::Modules(modules.with_frame(*digits, pose, &self.wiring)?);
+                Ok(())
+            }
+            (Stage::Modules(modules), Record::Row(_) | Record::End { .. }) => {
+                modules.check(&self.wiring)?;
                 self.stage = Stage::Rows;
                 self.admit_in_order(record, here)
             }
@@ -417,7 +457,7 @@ impl Table {
     pub fn end(&self) -> Option<Micros> {
         match self.checker.stage {
             Stage::Ended { at } => Some(at),
-            Stage::Empty | Stage::Wiring | Stage::Rows => None,
+            Stage::Empty | Stage::Wiring | Stage::Modules(_) | Stage::Rows => None,
         }
     }
 

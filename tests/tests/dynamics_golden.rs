@@ -10,9 +10,10 @@ use std::path::Path;
 use darm_core::actuator::{Axis, JointKind};
 use darm_core::dynamics::{self, floating};
 use darm_core::ik;
-use darm_core::real::{Mat3, Real, Vec3, real};
+use darm_core::real::{Mat3, Real, Vec3, real, to_f32};
 use darm_core::se::{Pose, Twist, Wrench};
 use darm_core::tree::jacobian::{statics, twist};
+use darm_core::tree::puma560::{self, NEAR_M, NEAR_NM, SAMPLE};
 use darm_core::tree::{Body, Frames, Inertia, Joint, LinkFrame, Tree, dh, singular};
 use serde_json::Value;
 
@@ -132,21 +133,8 @@ struct Arm<T: Real, const N: usize> {
 impl<T: Real, const N: usize> Arm<T, N> {
     fn new(joints: &[Joint<f64>; N], tool: &Pose<f64>, gravity: &Vec3<f64>) -> Self {
         let reach = joints.iter().map(|joint| joint.placement.position.norm()).sum::<f64>() + tool.position.norm();
-        let tree = Tree::new(&joints.map(|joint| cast(&joint)), gravity.map(real)).expect("a tree");
+        let tree = Tree::new(&joints.map(|joint| joint.cast()), gravity.map(real)).expect("a tree");
         Self { tool: tree.frame(N - 1, &tool.cast()), tree, reach }
-    }
-}
-
-fn cast<T: Real>(joint: &Joint<f64>) -> Joint<T> {
-    Joint {
-        parent: joint.parent,
-        axis: Axis { kind: joint.axis.kind, direction: joint.axis.direction.map(real) },
-        placement: joint.placement.cast(),
-        inertia: Inertia {
-            mass: real(joint.inertia.mass),
-            com: joint.inertia.com.map(real),
-            about_com: joint.inertia.about_com.map(real),
-        },
     }
 }
 
@@ -283,6 +271,23 @@ fn check_arm<const N: usize>(name: &str) {
         kinematics(&single, sample, &check);
         forces(&single, sample, &check);
     }
+}
+
+/// The values that the doctest of the Puma 560 and the chip's image have too.
+fn check_sample<T: Real>(near_m: f64, near_nm: f64) {
+    let (tree, tool) = puma560::arm::<T>().expect("the Puma is an arm");
+    let [q, qd, qdd] = [SAMPLE.q, SAMPLE.qd, SAMPLE.qdd].map(|row| row.map(real::<T>));
+    let away = tree.pose(&tool, &q).position - SAMPLE.tool().map(real);
+    assert!(to_f32(away.norm()) < near_m as f32, "{away}");
+    let torques = dynamics::inverse_dynamics(&tree, &q, &qd, &qdd, None);
+    let off = torques.iter().zip(&SAMPLE.torque).map(|(ours, theirs)| to_f32((*ours - real(*theirs)).abs()));
+    assert!(off.clone().all(|off| off < near_nm as f32), "{:?}", off.collect::<Vec<_>>());
+}
+
+#[test]
+fn the_sample_of_the_puma_in_both_precisions() {
+    check_sample::<f64>(1e-11, 1e-9);
+    check_sample::<f32>(NEAR_M, NEAR_NM);
 }
 
 #[test]

@@ -75,19 +75,6 @@ impl Draw {
     }
 }
 
-fn cast<T: Real>(joint: &Joint<f64>) -> Joint<T> {
-    Joint {
-        parent: joint.parent,
-        axis: Axis { kind: joint.axis.kind, direction: joint.axis.direction.map(real) },
-        placement: joint.placement.cast(),
-        inertia: Inertia {
-            mass: real(joint.inertia.mass),
-            com: joint.inertia.com.map(real),
-            about_com: joint.inertia.about_com.map(real),
-        },
-    }
-}
-
 /// A tree in a posture, in numbers of type `T`.
 struct Case<T: Real> {
     tree: Tree<T, N>,
@@ -98,7 +85,7 @@ struct Case<T: Real> {
 
 impl<T: Real> Case<T> {
     fn new(joints: &[Joint<f64>; N], tool: &Pose<f64>, q: &[T; N]) -> Self {
-        let tree = Tree::new(&joints.map(|joint| cast(&joint)), Vec3::new(0.3, -2.0, -9.81).map(real)).expect("a tree");
+        let tree = Tree::new(&joints.map(|joint| joint.cast()), Vec3::new(0.3, -2.0, -9.81).map(real)).expect("a tree");
         let mut frames = Frames::default();
         tree.place(q, &mut frames);
         Self { tool: tree.frame(N - 1, &tool.cast()), tree, frames, q: *q }

@@ -1,6 +1,7 @@
 //! `cargo xtask`: the set-up, the demo, the tests and the measurements of this workspace.
 
 mod bench;
+mod blind;
 mod demo;
 mod faults;
 mod figures;
@@ -28,6 +29,7 @@ enum Task {
     Demo(demo::Demo),
     Bench(bench::Bench),
     Papers(papers::Papers),
+    Blind(blind::Blind),
     Faults(faults::Faults),
     /// All tests: format, lints, documentation, unit and system tests, the image in the emulator
     Test,
@@ -40,6 +42,7 @@ fn main() -> ExitCode {
         Task::Demo(demo) => demo.run(),
         Task::Bench(bench) => bench.run(),
         Task::Papers(papers) => papers.run(),
+        Task::Blind(blind) => blind.run(),
         Task::Faults(faults) => faults.run(),
         Task::Test => test::run(),
         Task::Image => image::build().map(|path| println!("{}", path.display())),

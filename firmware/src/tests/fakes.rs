@@ -19,6 +19,11 @@ use crate::store::FLASH_BYTES;
 
 /// A small arm: two valves with a limit switch each and, where asked for, a servo; one row every 100 ms.
 pub(crate) fn table(model: u64, rows: u64, servo: bool) -> (Image, Vec<u8>) {
+    table_with(model, rows, servo, &[])
+}
+
+/// The same with records of modules and frames.
+pub(crate) fn table_with(model: u64, rows: u64, servo: bool, modules: &[Record]) -> (Image, Vec<u8>) {
     let limit = CoilLimit { max_on_ms: 5_000, duty_percent: 90, window_ms: 60_000 };
     let (model, device) = (ModelHash(model), None);
     let mut records = vec![Record::Start { model, device, switch_limit: SwitchLimit::default() }];
@@ -39,6 +44,7 @@ pub(crate) fn table(model: u64, rows: u64, servo: bool) -> (Image, Vec<u8>) {
         };
         records.push(Record::Servo(joint));
     }
+    records.extend_from_slice(modules);
     for row in 0..rows {
         let word = Word::new(&[(row & 1) as u8, (row >> 1 & 1) as u8]).unwrap();
         let servos = servo.then_some(0.1).into_iter().collect();

@@ -2,25 +2,48 @@
 
 use darm_core::actuator::MAX_STATES;
 use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
+use darm_core::effect::crowding::Crowding;
+use darm_core::effect::drift::Drift;
+use darm_core::effect::frame_offset::{Frame, FrameOffset};
 use darm_core::effect::gravity_sag::GravitySag;
+use darm_core::effect::joint_offset::JointOffset;
 use darm_core::effect::play::Play;
+use darm_core::effect::scale::Scale;
+use darm_core::effect::step::Step;
 use darm_core::effect::stroke_loss::StrokeLoss;
 use darm_core::effect::supply_stroke::SupplyStroke;
 use darm_core::effect::thermal_growth::ThermalGrowth;
+use darm_core::effect::wear::Wear;
 use darm_core::effect::{Effect, Place, Quantity};
 use darm_core::real::Vec3;
 
 use super::ArmFault;
 use super::ArmModel;
-use super::raw::{RawEffect, RawPlate};
+use super::raw::{Number, RawEffect, RawPlate};
 
-const LAWS: [&str; 6] = ["stroke-loss", "anchor-offset", "gravity-sag", "play", "supply-stroke", "thermal-growth"];
+const LAWS: [&str; 14] = [
+    "stroke-loss",
+    "anchor-offset",
+    "gravity-sag",
+    "play",
+    "supply-stroke",
+    "thermal-growth",
+    "step",
+    "drift",
+    "wear",
+    "crowding",
+    "base-offset",
+    "tool-offset",
+    "scale",
+    "joint-offset",
+];
 
 /// The effect that `raw` describes, in the arm of `model`.
 pub(super) fn effect(raw: &RawEffect, model: &ArmModel) -> Result<Effect<f64>, ArmFault> {
     let at = place(raw);
     check_place(at, model)?;
     let actuator = || raw.actuator.ok_or(ArmFault::Missing { key: "actuator", of: "an effect on one actuator" });
+    let number = |number: Option<Number>, key, of| number.map(|n| n.0).ok_or(ArmFault::Missing { key, of });
     let mut effect: Effect<f64> = match raw.law.get_ref().as_str() {
         "stroke-loss" => {
             let state = raw.state.ok_or(ArmFault::Missing { key: "state", of: "a stroke loss" })?;
@@ -41,6 +64,26 @@ pub(super) fn effect(raw: &RawEffect, model: &ArmModel) -> Result<Effect<f64>, A
         "play" => Play { at, width_m: 0.0 }.into(),
         "supply-stroke" => SupplyStroke { at, gain: 0.0 }.into(),
         "thermal-growth" => ThermalGrowth { at, expansion_per_k: 0.0 }.into(),
+        "step" => {
+            let since_s = number(raw.since_s, "since_s", "a step")?;
+            Step { actuator: actuator()?, since_s, shift_m: 0.0 }.into()
+        }
+        "drift" => Drift { at, until_s: number(raw.until_s, "until_s", "a drift")?, rate_m_per_s: 0.0 }.into(),
+        "wear" => {
+            let until_switches = number(raw.until_switches, "until_switches", "wear")?;
+            Wear { actuator: actuator()?, until_switches, per_switch_m: 0.0 }.into()
+        }
+        "crowding" => Crowding { at, short_m: 0.0 }.into(),
+        "base-offset" => FrameOffset { frame: Frame::Base, values: [0.0; 6] }.into(),
+        "tool-offset" => FrameOffset { frame: Frame::Tool, values: [0.0; 6] }.into(),
+        "scale" => Scale { stretch: 0.0 }.into(),
+        "joint-offset" => {
+            let servo = raw.servo.ok_or(ArmFault::Missing { key: "servo", of: "a joint offset" })?;
+            if usize::from(servo) >= model.chain.n_servos() {
+                return Err(ArmFault::NoSuchPlace);
+            }
+            JointOffset { servo, offset_rad: 0.0 }.into()
+        }
         found => return Err(ArmFault::UnknownLaw { found: found.into(), known: LAWS.to_vec() }),
     };
     let law = effect.law_mut();
@@ -67,7 +110,8 @@ pub(super) fn place_keys(effect: &Effect<f64>) -> String {
     let place = match effect.law().place() {
         Place::Actuator(actuator) => format!("actuator = {actuator}\n"),
         Place::Module(module) => format!("module = {module}\n"),
-        Place::Arm => String::new(),
+        Place::Servo(servo) => format!("servo = {servo}\n"),
+        Place::Arm | Place::Base | Place::Tool | Place::Camera => String::new(),
     };
     match effect {
         Effect::StrokeLoss(law) => format!("{place}state = {}\n", law.state),
@@ -75,6 +119,9 @@ pub(super) fn place_keys(effect: &Effect<f64>) -> String {
             Plate::Base => format!("{place}plate = \"base\"\n"),
             Plate::Top => format!("{place}plate = \"top\"\n"),
         },
+        Effect::Step(law) => format!("{place}since_s = {:?}\n", law.since_s),
+        Effect::Drift(law) => format!("{place}until_s = {:?}\n", law.until_s),
+        Effect::Wear(law) => format!("{place}until_switches = {:?}\n", law.until_switches),
         _ => place,
     }
 }
@@ -91,7 +138,7 @@ fn check_place(at: Place, model: &ArmModel) -> Result<(), ArmFault> {
     let exists = match at {
         Place::Actuator(actuator) => usize::from(actuator) < model.chain.n_actuators(),
         Place::Module(module) => usize::from(module) < model.chain.stages.len(),
-        Place::Arm => true,
+        Place::Servo(_) | Place::Arm | Place::Base | Place::Tool | Place::Camera => true,
     };
     if exists { Ok(()) } else { Err(ArmFault::NoSuchPlace) }
 }

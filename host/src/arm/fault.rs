@@ -181,6 +181,8 @@ pub enum FrameFault {
     },
     /// The text of a word is no word.
     Word(WordError),
+    /// A frame has no word.
+    NoWord,
     /// The word has not one digit for each actuator.
     WordLength {
         /// The word.
@@ -250,6 +252,9 @@ impl fmt::Display for FrameFault {
                 write!(f, "the file has format {found}, this program reads format {}", super::FORMAT)
             }
             Self::Word(error) => write!(f, "{error}; give one digit for each actuator, base first"),
+            Self::NoWord => {
+                write!(f, "the frame has no word; give one, or have it chosen by --choose-words of `darm synth`")
+            }
             Self::WordLength { word, actuators } => {
                 write!(f, "the word {word} has {} digits; give {actuators}, one for each actuator", word.len())
             }

@@ -7,7 +7,7 @@
 //! | `format` | version of this format: 1 |
 //! | `[[frame]]` | one frame |
 //! | `name` ? | its name |
-//! | `word` | the digits of all actuators, base first; commas between modules are for the eye |
+//! | `word` | the digits of all actuators, base first; commas between modules are for the eye; not needed where words are chosen |
 //! | `previous` ? | the word before it, where that matters; all zeros |
 //! | `pose` | of the tool in the base: `{ position_m = [x, y], angle_deg = a }`, in space `{ position_m = [x, y, z], rotation_deg = [..] }` |
 //! | `servo_deg` ? | where the servos start, all 0; a synthesis may turn them within their range |
@@ -91,7 +91,7 @@ struct RawFrames {
 #[serde(deny_unknown_fields)]
 struct RawFrame {
     name: Option<String>,
-    word: Spanned<String>,
+    word: Option<Spanned<String>>,
     previous: Option<Spanned<String>>,
     pose: Spanned<RawPose>,
     servo_deg: Option<Spanned<Vec<Number>>>,
@@ -137,12 +137,17 @@ pub fn read(path: &Path, arm: &Arm) -> Result<Vec<DesiredFrame>, FramesError> {
 
 /// Reads desired frames of an arm, and the bounds that stand beside them.
 pub fn read_task(path: &Path, arm: &Arm) -> Result<Task, FramesError> {
-    task(&Source::read(path)?, arm)
+    task(&Source::read(path)?, arm, Words::Given)
+}
+
+/// The same where words are still to be chosen: those in the file do not matter, the frames have that of rest.
+pub fn read_task_without_words(path: &Path, arm: &Arm) -> Result<Task, FramesError> {
+    task(&Source::read(path)?, arm, Words::Open)
 }
 
 /// The desired frames that `text` describes; `path` only serves messages.
 pub fn parse(path: &Path, text: &str, arm: &Arm) -> Result<Vec<DesiredFrame>, FramesError> {
-    Ok(task(&Source::of_text(path, text), arm)?.frames)
+    Ok(task(&Source::of_text(path, text), arm, Words::Given)?.frames)
 }
 
 /// The text of a frames file.
@@ -170,6 +175,10 @@ fn weight_lines(weights: &Weights) -> String {
 
 /// Refuses frames that do not fit the arm, with the index of the frame.
 pub fn check(frames: &[DesiredFrame], arm: &Arm) -> Result<(), (usize, FrameFault)> {
+    check_all(frames, arm, Words::Given)
+}
+
+fn check_all(frames: &[DesiredFrame], arm: &Arm, words: Words) -> Result<(), (usize, FrameFault)> {
     for (index, frame) in frames.iter().enumerate() {
         for word in [frame.word, frame.previous] {
             check_word(&word, arm).map_err(|fault| (index, fault))?;
@@ -181,7 +190,8 @@ pub fn check(frames: &[DesiredFrame], arm: &Arm) -> Result<(), (usize, FrameFaul
         if arm.model.chain.is_planar() && !frame.pose_base_tool.is_planar() {
             return Err((index, FrameFault::Coordinates { expected: 2, found: 3 }));
         }
-        if let Some(other) = frames[..index].iter().find(|other| other.word == frame.word) {
+        let same = frames[..index].iter().find(|other| other.word == frame.word);
+        if let Some(other) = same.filter(|_| words == Words::Given) {
             return Err((index, FrameFault::SameWord { word: frame.word, other: other.name.clone() }));
         }
     }
@@ -203,21 +213,28 @@ pub fn check_word(word: &Word, arm: &Arm) -> Result<(), FrameFault> {
     Ok(())
 }
 
-fn task(source: &Source, arm: &Arm) -> Result<Task, FramesError> {
+/// Whether frames have words.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Words {
+    Given,
+    Open,
+}
+
+fn task(source: &Source, arm: &Arm, words: Words) -> Result<Task, FramesError> {
     let raw: RawFrames = source.parse()?;
     if *raw.format.get_ref() != FORMAT {
         return Err(source.wrong(raw.format.span(), FrameFault::Format { found: *raw.format.get_ref() }));
     }
     let mut frames = Vec::new();
     for raw in &raw.frame {
-        let frame = frame(raw, frames.len(), arm).map_err(|(span, fault)| source.wrong(span, fault))?;
+        let frame = frame(raw, frames.len(), arm, words).map_err(|(span, fault)| source.wrong(span, fault))?;
         frames.push(frame);
     }
-    check(&frames, arm).map_err(|(index, fault)| {
+    check_all(&frames, arm, words).map_err(|(index, fault)| {
         let span = match (raw.frame.get(index), &fault) {
-            (Some(raw), FrameFault::ServoCount { .. }) => raw.servo_deg.as_ref().map_or(raw.word.span(), Spanned::span),
+            (Some(raw), FrameFault::ServoCount { .. }) => raw.servo_deg.as_ref().map_or(raw.pose.span(), Spanned::span),
             (Some(raw), FrameFault::Coordinates { .. }) => raw.pose.span(),
-            (Some(raw), _) => raw.word.span(),
+            (Some(raw), _) => raw.word.as_ref().map_or(raw.pose.span(), Spanned::span),
             (None, _) => raw.format.span(),
         };
         source.wrong(span, fault)
@@ -262,13 +279,17 @@ fn weights(raw: &RawFrame) -> Result<Weights, (Range<usize>, FrameFault)> {
     Ok(Weights { position: weight(&raw.position_weight)?, orientation: if free { 0.0 } else { orientation } })
 }
 
-fn frame(raw: &RawFrame, index: usize, arm: &Arm) -> Result<DesiredFrame, (Range<usize>, FrameFault)> {
+fn frame(raw: &RawFrame, index: usize, arm: &Arm, words: Words) -> Result<DesiredFrame, (Range<usize>, FrameFault)> {
     let word = |text: &Spanned<String>| text.get_ref().parse().map_err(|error| (text.span(), FrameFault::Word(error)));
     let servos =
         raw.servo_deg.as_ref().map(|servos| servos.get_ref().iter().map(|angle| angle.0.to_radians()).collect());
     Ok(DesiredFrame {
         name: raw.name.clone().unwrap_or_else(|| format!("frame {}", index + 1)),
-        word: word(&raw.word)?,
+        word: match (&raw.word, words) {
+            (_, Words::Open) => arm.rest(),
+            (Some(text), Words::Given) => word(text)?,
+            (None, Words::Given) => return Err((raw.pose.span(), FrameFault::NoWord)),
+        },
         previous: raw.previous.as_ref().map_or(Ok(arm.rest()), word)?,
         servos_rad: servos.unwrap_or_else(|| vec![0.0; arm.n_servos()]),
         pose_base_tool: pose(raw.pose.get_ref())

@@ -180,6 +180,10 @@ pub(super) struct RawEffect {
     pub(super) module: Option<u8>,
     pub(super) state: Option<u8>,
     pub(super) plate: Option<RawPlate>,
+    pub(super) servo: Option<u8>,
+    pub(super) since_s: Option<Number>,
+    pub(super) until_s: Option<Number>,
+    pub(super) until_switches: Option<Number>,
     pub(super) values: Spanned<BTreeMap<String, Number>>,
 }
 

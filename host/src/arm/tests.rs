@@ -1,11 +1,18 @@
 //! Round trips of the arm file, and what it says to files that are wrong.
 
 use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
+use darm_core::effect::crowding::Crowding;
+use darm_core::effect::drift::Drift;
+use darm_core::effect::frame_offset::{Frame, FrameOffset};
 use darm_core::effect::gravity_sag::GravitySag;
+use darm_core::effect::joint_offset::JointOffset;
 use darm_core::effect::play::Play;
+use darm_core::effect::scale::Scale;
+use darm_core::effect::step::Step;
 use darm_core::effect::stroke_loss::StrokeLoss;
 use darm_core::effect::supply_stroke::SupplyStroke;
 use darm_core::effect::thermal_growth::ThermalGrowth;
+use darm_core::effect::wear::Wear;
 use darm_core::effect::{Effect, Place as EffectPlace};
 use darm_core::real::Vec3;
 
@@ -96,18 +103,29 @@ fn a_platform_in_space_reads_as_it_was() {
 
 #[test]
 fn every_effect_reads_as_it_was() {
-    let mut arm = parse(PLANAR4).unwrap();
+    let hybrid = include_str!("../../../examples/planar4-hybrid.toml");
+    let mut arm = parse(hybrid).unwrap();
     let at = EffectPlace::Module(2);
-    let effects: [Effect<f64>; 6] = [
+    let effects: [Effect<f64>; 14] = [
         StrokeLoss { actuator: 4, state: 1, loss_m: 1.0 / 3.0 }.into(),
         AnchorOffset { actuator: 7, plate: Plate::Top, offset: Vec3::new(1e-3, -2e-3, 0.0) }.into(),
         GravitySag { at: EffectPlace::Arm, compliance_m_per_n: 1.2e-7 }.into(),
         Play { at, width_m: 1e-3 }.into(),
         SupplyStroke { at: EffectPlace::Actuator(3), gain: 0.1 }.into(),
         ThermalGrowth { at, expansion_per_k: 1.2e-5 }.into(),
+        Step { actuator: 2, since_s: 12.5, shift_m: -1e-3 }.into(),
+        Drift { at: EffectPlace::Arm, until_s: 80.0, rate_m_per_s: 1e-5 }.into(),
+        Wear { actuator: 11, until_switches: 150.0, per_switch_m: 1e-5 }.into(),
+        Crowding { at, short_m: 1e-3 }.into(),
+        FrameOffset { frame: Frame::Base, values: [0.0, 0.0, 1e-2, 1e-3, -2e-3, 0.0] }.into(),
+        FrameOffset { frame: Frame::Tool, values: [0.0, 0.0, 1e-2, 1e-3, -2e-3, 0.0] }.into(),
+        Scale { stretch: 1e-3 }.into(),
+        JointOffset { servo: 0, offset_rad: 0.01 }.into(),
     ];
-    arm.model.effects.extend(effects);
-    assert_eq!(parse(&arm.to_toml()).unwrap(), arm);
+    for effect in effects {
+        arm.model.effects = [effect].into_iter().collect();
+        assert_eq!(parse(&arm.to_toml()).unwrap(), arm);
+    }
 }
 
 #[test]
@@ -191,7 +209,7 @@ fn effects_that_cannot_be_are_told() {
     assert_eq!(
         message("\"sag\"\nvalues = {}"),
         "arm.toml:155:7: there is no law `sag`; the laws are stroke-loss, anchor-offset, gravity-sag, play, \
-         supply-stroke, thermal-growth"
+         supply-stroke, thermal-growth, step, drift, wear, crowding, base-offset, tool-offset, scale, joint-offset"
     );
     assert_eq!(message("\"play\"\nvalues = { w = 1.0 }"), "arm.toml:155:7: the values of this law are width_m");
     assert_eq!(

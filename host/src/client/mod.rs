@@ -19,6 +19,8 @@ mod patience;
 mod reader;
 mod upload;
 
+use darm_core::nearest::{Coordinates, Found};
+use darm_core::se::Pose;
 use darm_core::sequencer::{Command, Event};
 use darm_core::units::Micros;
 use darm_core::wire::PROTOCOL;
@@ -199,6 +201,14 @@ impl Client {
         match self.ask("calibration", &Request::Calibration)? {
             Answer::Calibration(calibration) => Ok(calibration),
             _ => Err(AnswerError::Payload { request: "calibration" }.into()),
+        }
+    }
+
+    /// A word that brings the tool near a pose in the base, sought by the board among the frames in its table.
+    pub fn nearest(&mut self, target: &Pose<f64>) -> Result<Found<f32>, ClientError> {
+        match self.ask("nearest", &Request::Nearest(Coordinates::of(target)))? {
+            Answer::Nearest(found) => Ok(found),
+            _ => Err(AnswerError::Payload { request: "nearest" }.into()),
         }
     }
 

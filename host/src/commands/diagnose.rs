@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Context as _;
 use darm::arm::Arm;
+use darm::diagnose::channels::known;
 use darm::diagnose::channels::model::Model;
 use darm::diagnose::channels::prepared::{HoldOut, Preparation};
 use darm::diagnose::channels::{self, outcome::Diagnosis as ChannelDiagnosis, outcome::Figure};
@@ -29,6 +30,8 @@ Examples:
 Rows that are held out are never fitted: the error after is told on them. The columns that tables of channels may have,
 and their units, stand in the documentation of `darm::measurement::table`.";
 
+const NOTHING_TO_WRITE: &str = "no effect is named, so there is no better model to write";
+
 /// Find which effect the model lacks, where, how large, and how sure that is
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
@@ -40,7 +43,7 @@ pub(crate) struct Diagnose {
     #[arg(value_name = "DATA")]
     data: PathBuf,
     /// The model with the effects that were found
-    #[arg(short, long, value_name = "NEW.toml")]
+    #[arg(short, long = "write-model", visible_alias = "output", value_name = "NEW.toml")]
     output: Option<PathBuf>,
     /// Seed of the cross-validation
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -113,11 +116,6 @@ impl Diagnose {
     }
 
     fn channels(&self, model: &Model, voice: Voice) -> anyhow::Result<()> {
-        if self.output.is_some() {
-            return Err(
-                Usage("effects of channels cannot be written into a model yet; --json tells them".into()).into()
-            );
-        }
         let (names, options) = (self.rows.names()?, self.rows.options(self.seed)?);
         let wheel = voice.wheel("diagnosing");
         let diagnosis = channels::diagnose(model, &self.data, &names, &options);
@@ -127,6 +125,13 @@ impl Diagnose {
         if let Some(path) = &self.report {
             let page = darm::report::channels_page(&diagnosis).into_string();
             std::fs::write(path, page).with_context(|| format!("{} cannot be written", path.display()))?;
+        }
+        match &self.output {
+            Some(path) if diagnosis.effects.is_empty() => {
+                voice.note(&format!("{NOTHING_TO_WRITE}; {} is not written", path.display()))
+            }
+            Some(path) => known::write(&self.model, path, &diagnosis)?,
+            None => {}
         }
         voice.tell(&ChannelReport(diagnosis))
     }
@@ -146,7 +151,7 @@ impl Diagnose {
                 Some(path.clone())
             }
             (Some(_), _) => {
-                voice.note("no effect is named, so there is no better model to write");
+                voice.note(NOTHING_TO_WRITE);
                 None
             }
             (None, _) => None,

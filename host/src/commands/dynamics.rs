@@ -1,8 +1,7 @@
 //! `darm dynamics`: the torques of a motion, the motion of torques, and the matrices between them.
 
 use darm::arm::{Arm, ArmScratch};
-use darm::robot::{Dynamics as Equation, Motion, Robot};
-use darm_core::tree::jacobian::statics;
+use darm::robot::{Accelerations, Dynamics as Equation, Motion, Robot};
 use serde::Serialize;
 
 use super::jacobian::wrench;
@@ -17,7 +16,7 @@ Examples:
   darm dynamics puma560.toml --q 0,45,-90,0,0,0 --torque 0,40,5,0,0,0       how it then accelerates
   darm dynamics panda.urdf --wrench 0,0,0,0,0,-50 --frame panda_hand_tcp    something pulls 50 N down
   darm dynamics tx40.urdf --postures run.csv --csv > torque.csv
-  darm dynamics humanoid.urdf --floating
+  darm dynamics humanoid.urdf --floating --torque 0,0,…                     how it falls
   darm dynamics planar4.toml --word 010110011101                            what each leg bears
 
 Columns of a table: JOINT_deg, JOINT_deg_s, JOINT_deg_s2 (mm for sliding joints; rad and m too), and
@@ -77,6 +76,9 @@ struct State {
     /// q̈ of the torques that were given, rad/s² or m/s².
     #[serde(skip_serializing_if = "Option::is_none")]
     acceleration: Option<Vec<f64>>,
+    /// Rate of the twist of a free base, angular first, told in its frame, rad/s² and m/s².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    base_acceleration: Option<[f64; 6]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     base: Option<Base>,
 }
@@ -148,33 +150,20 @@ impl Dynamics {
         let motion = Motion { state: [&posture.q, &posture.qd, &posture.qdd], load };
         let equation = robot.dynamics(&motion)?;
         let is_forward = self.torque.is_some() || self.forward;
-        let acceleration = if is_forward { Some(accelerations(robot, &motion, &equation, posture)?) } else { None };
+        let acceleration = if is_forward { Some(accelerations(robot, &motion, &posture.torque)?) } else { None };
         Ok(state(equation, acceleration))
     }
 }
 
-fn accelerations(
-    robot: &Robot,
-    motion: &Motion<'_>,
-    equation: &Equation,
-    posture: &Posture,
-) -> anyhow::Result<Vec<f64>> {
-    if robot.floating {
-        return Err(Usage("forward dynamics here is for a fixed base; leave out --floating".into()).into());
-    }
-    if posture.torque.is_empty() {
+fn accelerations(robot: &Robot, motion: &Motion<'_>, torque: &[f64]) -> anyhow::Result<Accelerations> {
+    if torque.is_empty() {
         return Err(Usage("the table has no torques: columns JOINT_nm or JOINT_n".into()).into());
     }
-    let mut held = vec![0.0; posture.torque.len()];
-    if let Some((frame, load)) = &motion.load {
-        let jacobian = robot.kinematics(frame, &posture.q)?.jacobian_base;
-        held.iter_mut().zip(statics(&jacobian, load)).for_each(|(to, from)| *to = from);
-    }
     let massless = || anyhow::anyhow!("the mass matrix is singular: a joint of {} moves no mass", robot.name);
-    equation.accelerations(&posture.torque, &held).ok_or_else(massless)
+    robot.accelerations(motion, torque)?.ok_or_else(massless)
 }
 
-fn state(equation: Equation, acceleration: Option<Vec<f64>>) -> State {
+fn state(equation: Equation, acceleration: Option<Accelerations>) -> State {
     let rows = |matrix: &nalgebra::DMatrix<f64>| -> Vec<Vec<f64>> {
         matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
     };
@@ -183,6 +172,7 @@ fn state(equation: Equation, acceleration: Option<Vec<f64>>) -> State {
         let mass = base.mass.row_iter().map(|row| row.iter().copied().collect()).collect();
         Base { load: [n.x, n.y, n.z, f.x, f.y, f.z], mass, coupling: rows(&base.coupling) }
     });
+    let (joints, of_base) = acceleration.map_or((None, None), |found| (Some(found.joints), found.base));
     State {
         mass_matrix: rows(&equation.mass),
         coriolis_matrix: rows(&equation.coriolis),
@@ -191,7 +181,8 @@ fn state(equation: Equation, acceleration: Option<Vec<f64>>) -> State {
         velocity_torque: equation.velocity_torque,
         kinetic_j: equation.kinetic_j,
         potential_j: equation.potential_j,
-        acceleration,
+        acceleration: joints,
+        base_acceleration: of_base.map(|rate| rate.to_vector().into()),
         base,
     }
 }
@@ -277,6 +268,10 @@ impl Report {
         if let Some(base) = &state.base {
             let [a, b, c, x, y, z] = base.load;
             text += &format!("\n\nload on the base that this takes: {a:.3} {b:.3} {c:.3} N m, {x:.3} {y:.3} {z:.3} N");
+        }
+        if let Some([a, b, c, x, y, z]) = state.base_acceleration {
+            let [a, b, c] = [a, b, c].map(f64::to_degrees);
+            text += &format!("\n\nthe free base accelerates by {a:.2} {b:.2} {c:.2} °/s², {x:.3} {y:.3} {z:.3} m/s²");
         }
         text
     }

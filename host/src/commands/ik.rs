@@ -1,5 +1,7 @@
 //! `darm ik`: joint positions that bring a frame of a robot to a pose.
 
+mod all;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
@@ -21,10 +23,15 @@ Examples:
   darm ik panda.urdf --frame panda_hand_tcp --to 450,0,400                 any orientation
   darm ik puma560.toml --to 400,150,900 --method transpose --steps 2000
   darm ik puma560.toml --to 400,150,900 --angles 180,0,90 --compare --plot convergence.svg
+  darm ik puma560.toml --to 400,150,900 --angles 180,0,90 --all --picture all.svg
   darm fk puma560.toml --postures run.csv --csv > targets.csv && darm ik puma560.toml --targets targets.csv --csv
 
 Positions are in mm, angles Z-Y-X Euler angles in deg, as `darm fk` tells them. --q is where the search starts. Limits are
 kept. A target that is not reached is no error: the status says so and the nearest posture is told.";
+
+/// Most starts, and those of a search for all postures.
+const STARTS: usize = 100;
+const ALL_STARTS: usize = 1000;
 
 /// Find joint positions that bring a frame to a pose: inverse kinematics
 #[derive(clap::Args, Debug)]
@@ -44,24 +51,34 @@ pub(crate) struct Ik {
     /// Frame of the robot: the name of a link
     #[arg(long, value_name = "LINK")]
     frame: Option<String>,
-    /// lm (damped, with restarts), inverse, pseudo-inverse, transpose or dls
+    /// lm (damped, with restarts: the one to take), inverse, pseudo-inverse, transpose, dls, or a population of points: em, memr,
+    /// ga, de, cma-es
     #[arg(long, default_value = "lm")]
     method: Method,
-    /// Every method from the same start
+    /// Every method that steps, from the same start
     #[arg(long, conflicts_with = "method")]
     compare: bool,
+    /// All postures that reach the target; a sample of them where the arm can move without moving the frame
+    #[arg(long, conflicts_with_all = ["method", "compare", "targets", "plot", "csv"])]
+    all: bool,
+    /// Most postures of such a sample
+    #[arg(long, value_name = "N", default_value_t = 12, requires = "all")]
+    most: usize,
+    /// A picture of all postures
+    #[arg(long, value_name = "FILE.svg", requires = "all")]
+    picture: Option<PathBuf>,
     /// Tolerance of the position, mm
     #[arg(long, value_name = "MM", default_value_t = 0.01)]
     tolerance_mm: f64,
     /// Tolerance of the orientation, deg
     #[arg(long, value_name = "DEG", default_value_t = 0.000_573)]
     tolerance_deg: f64,
-    /// Most steps from one start
-    #[arg(long, value_name = "N", default_value_t = 30)]
-    steps: usize,
-    /// Most starts of the method that restarts
-    #[arg(long, value_name = "N", default_value_t = 100)]
-    starts: usize,
+    /// Most steps from one start, 30 without it; iterations of a population, 1000 without it
+    #[arg(long, value_name = "N")]
+    steps: Option<usize>,
+    /// Most starts of the method that restarts, 100 without it; starts of --all, 1000 without it
+    #[arg(long, value_name = "N")]
+    starts: Option<usize>,
     /// Seed of the starts
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -74,9 +91,9 @@ pub(crate) struct Ik {
 }
 
 /// A pose to reach, whose orientation may not count.
-struct Target {
-    pose: Pose<f64>,
-    is_oriented: bool,
+pub(super) struct Target {
+    pub(super) pose: Pose<f64>,
+    pub(super) is_oriented: bool,
 }
 
 #[derive(Serialize)]
@@ -114,9 +131,13 @@ impl Ik {
         let frame = frame_of(&robot, self.frame.as_deref())?;
         let targets = match (&self.targets, &self.to) {
             (Some(path), _) => read(path)?,
-            (None, to) => vec![self.typed(to.as_deref().unwrap_or_default())?],
+            (None, to) => vec![Target::typed(to.as_deref().unwrap_or_default(), self.angles.as_deref())?],
         };
-        let methods = if self.compare { Method::ALL.to_vec() } else { vec![self.method] };
+        let methods = if self.compare { Method::STEPS.to_vec() } else { vec![self.method] };
+        if self.all {
+            let (Some(target), Some(posture)) = (targets.first(), postures.first()) else { return Ok(()) };
+            return self.tell_all(&robot, frame, target, &posture.q, shown, voice);
+        }
         let bar = voice.bar("solving", targets.len() as u64, "targets");
         let (mut answers, mut drawn) = (Vec::new(), Vec::new());
         for (index, target) in targets.iter().enumerate() {
@@ -156,24 +177,30 @@ impl Ik {
         method: Method,
         start: &[f64],
     ) -> anyhow::Result<Inverse> {
-        let orientation_rad = if target.is_oriented { self.tolerance_deg.to_radians() } else { f64::INFINITY };
-        let options = Options {
-            position_m: 1e-3 * self.tolerance_mm,
-            orientation_rad,
-            steps: self.steps,
-            starts: self.starts,
-            seed: self.seed,
-            ..Options::default()
-        };
+        let options = self.options(target, method.usual_steps(), STARTS);
         Ok(robot.inverse(method, frame, &target.pose, start, &options)?)
     }
 
-    fn typed(&self, to: &str) -> Result<Target, Usage> {
+    fn options(&self, target: &Target, steps: usize, starts: usize) -> Options<f64> {
+        Options {
+            position_m: 1e-3 * self.tolerance_mm,
+            orientation_rad: if target.is_oriented { self.tolerance_deg.to_radians() } else { f64::INFINITY },
+            steps: self.steps.unwrap_or(steps),
+            starts: self.starts.unwrap_or(starts),
+            seed: self.seed,
+            ..Options::default()
+        }
+    }
+}
+
+impl Target {
+    /// From what was typed: mm and deg.
+    pub(super) fn typed(to: &str, angles: Option<&str>) -> Result<Self, Usage> {
         let position = three(to, "--to")? * 1e-3;
-        let angles = self.angles.as_deref().map(|angles| three(angles, "--angles")).transpose()?;
+        let angles = angles.map(|angles| three(angles, "--angles")).transpose()?;
         let is_oriented = angles.is_some();
         let angles = angles.map_or(Vec3::zeros(), |angles| angles.map(f64::to_radians));
-        Ok(Target { pose: Pose::from(&PoseVector { angles, position }), is_oriented })
+        Ok(Self { pose: Pose::from(&PoseVector { angles, position }), is_oriented })
     }
 }
 

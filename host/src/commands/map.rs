@@ -21,7 +21,7 @@ Examples:
   darm map spatial6.toml --cell 50 --angle 20 --view yz --picture side.svg
 
 The CSV has a line for each position: x_m,y_m,z_m, words that end there, cells of orientations reached.
-The last is empty where position and orientation together make too many cells to be told one by one.";
+The last is empty where position and orientation together make too many cells to be counted.";
 
 /// Map the density of reachable frames over position and orientation, without forming every word
 #[derive(clap::Args, Debug)]
@@ -61,8 +61,8 @@ enum View {
 #[derive(Serialize)]
 struct Reached {
     words: f64,
-    /// Cells of position and orientation; null where they are too many to be told one by one.
-    cells: Option<usize>,
+    /// Cells of position and orientation; null where they are too many to be counted.
+    cells: Option<f64>,
     positions: usize,
     orientations: usize,
     low_m: [f64; 3],
@@ -143,8 +143,7 @@ fn write(path: &Path, text: &str) -> anyhow::Result<()> {
 
 impl Answer for Reached {
     fn text(&self) -> String {
-        let cells =
-            self.cells.map_or("more cells than are told one by one".to_owned(), |cells| format!("{cells} cells"));
+        let cells = self.cells.map_or("more cells than are counted".to_owned(), |cells| format!("{cells:.0} cells"));
         let unit = if self.planar { "m^2" } else { "m^3" };
         let corner = |corner: [f64; 3]| corner.map(|x| format!("{x:.2}")).join(", ");
         format!(

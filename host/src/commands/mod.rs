@@ -1,5 +1,6 @@
 //! The subcommands of `darm`, one file each: arguments, one function that runs it, what it says.
 
+mod bench_ik;
 mod camera;
 mod com;
 mod console;
@@ -9,6 +10,7 @@ mod draw;
 mod dynamics;
 mod fk;
 mod flash;
+mod grasp;
 mod ik;
 mod jacobian;
 mod map;
@@ -41,7 +43,7 @@ use crate::voice::Voice;
 ///   darm diagnose arm.toml run.csv -o arm2.toml        which effect the model lacks
 ///   darm stops arm.toml arm2.toml                      by how many mm each stop is to be turned
 ///
-/// Any arm, robot as URDF or table of Denavit and Hartenberg: `darm fk`, `jacobian`, `ik`, `dynamics`, `com`, `model`, `draw`.
+/// Any arm, robot as URDF or table of Denavit and Hartenberg: `darm fk`, `jacobian`, `ik`, `bench-ik`, `dynamics`, `com`, `model`, `draw`.
 ///
 /// Without hardware: `darm plant arm.toml` starts a board in the emulator and says its port.
 #[derive(clap::Parser, Debug)]
@@ -80,10 +82,12 @@ pub(crate) enum Command {
     Fk(fk::Fk),
     Jacobian(jacobian::Jacobian),
     Ik(ik::Ik),
+    BenchIk(bench_ik::BenchIk),
     Dynamics(dynamics::Dynamics),
     Com(com::Com),
     Model(model::Model),
     Draw(draw::Draw),
+    Grasp(grasp::Grasp),
     Doctor(doctor::Doctor),
 }
 
@@ -109,10 +113,12 @@ impl Command {
             Self::Fk(command) => command.run(voice),
             Self::Jacobian(command) => command.run(voice),
             Self::Ik(command) => command.run(voice),
+            Self::BenchIk(command) => command.run(voice),
             Self::Dynamics(command) => command.run(voice),
             Self::Com(command) => command.run(voice),
             Self::Model(command) => command.run(voice),
             Self::Draw(command) => command.run(voice),
+            Self::Grasp(command) => command.run(voice),
             Self::Doctor(command) => command.run(voice),
         }
     }

@@ -6,7 +6,7 @@ use darm::robot::base_parameters::BaseParameters;
 use darm_core::actuator::{JointKind, Stage};
 use serde::Serialize;
 
-use super::subject::{Coordinate, Given, Subject};
+use super::subject::{Coordinate, Given, Subject, frame_of};
 use crate::voice::{Answer, Voice, columns};
 
 const EXAMPLES: &str = "\
@@ -15,6 +15,7 @@ Examples:
   darm model panda.urdf
   darm model puma560.toml --base-parameters            what torques can tell of the masses, in words
   darm model humanoid.urdf --floating --base-parameters
+  darm model puma560.toml --rust > puma560.rs          a constant for firmware, in flash, in f32
 
 A base parameter is a sum of inertial parameters that torques show as one number: m mass, mx my mz mass
 times centre, Ixx … moments of inertia about the origin of the joint's frame. What is in one sum cannot
@@ -29,6 +30,12 @@ pub(crate) struct Model {
     /// Find the base parameters of a robot over random motions
     #[arg(long)]
     base_parameters: bool,
+    /// Write a robot as a constant of Rust, for firmware on `darm-core`
+    #[arg(long, conflicts_with = "base_parameters")]
+    rust: bool,
+    /// The frame that is the constant's tool; the end furthest out when left out
+    #[arg(long, value_name = "LINK", requires = "rust")]
+    frame: Option<String>,
     /// Seed of the motions
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -63,6 +70,11 @@ struct Part {
 }
 
 #[derive(Serialize)]
+struct Constant {
+    rust: String,
+}
+
+#[derive(Serialize)]
 struct Identifiable {
     of: usize,
     base: Vec<String>,
@@ -72,6 +84,11 @@ struct Identifiable {
 impl Model {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
         let subject = self.given.subject()?;
+        if self.rust {
+            let robot = subject.into_robot("model --rust")?;
+            let rust = robot.constant(frame_of(&robot, self.frame.as_deref())?)?;
+            return voice.tell(&Constant { rust });
+        }
         let report = match &subject {
             Subject::Arm(arm) => of_arm(arm),
             Subject::Robot(robot) => self.of_robot(robot, voice)?,
@@ -173,6 +190,12 @@ fn stroke(stage: &Stage<f64>) -> Option<[f64; 2]> {
     let values: Vec<f64> = states.map(|setting| 1e3 * setting.value).collect();
     let least = values.iter().copied().reduce(f64::min)?;
     Some([least, values.iter().copied().reduce(f64::max)?])
+}
+
+impl Answer for Constant {
+    fn text(&self) -> String {
+        self.rust.trim_end().to_owned()
+    }
 }
 
 impl Answer for Report {

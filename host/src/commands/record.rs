@@ -4,17 +4,15 @@ mod follow;
 mod join;
 mod source;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Context as _;
 use darm::arm::Arm;
 use darm::client::Client;
 use darm::clock::HostTime;
-use darm::measurement::{Finding, Run, check, write_text};
+use darm::measurement::{Finding, Run, check, write};
 use darm_core::sequencer::Command;
 use darm_core::units::ModelHash;
-use flate2::Compression;
-use flate2::write::GzEncoder;
 use serde::Serialize;
 
 use super::play::{End, Watch};
@@ -31,6 +29,7 @@ Examples:
   darm record measure.darm -o run.csv                                the board of `darm plant` and its camera
   darm record measure.darm --camera tcp:camera.local:7000 -o run.csv.gz
   darm record measure.darm --camera pictures.csv --run 2 -o run2.csv
+  darm record measure.darm -o run.mcap                               the same as a log, which `darm diagnose` reads too
 
 The camera sends lines of comma-separated text, the first of them the header:
   time_s,x_m,y_m,angle_deg[,supply_bar][,temperature_c]       in space x_m,y_m,z_m,rx_deg,ry_deg,rz_deg
@@ -57,7 +56,7 @@ pub(crate) struct Record {
     /// Where pictures come from: unix:PATH, tcp:HOST:PORT or a file; the camera of `darm plant` where it is left out
     #[arg(long, value_name = "CAMERA")]
     camera: Option<String>,
-    /// The measurements; compressed when the name ends in .gz
+    /// The measurements; compressed when the name ends in .gz, a log of MCAP when it ends in .mcap
     #[arg(short, long, value_name = "RUN.csv")]
     output: PathBuf,
     /// Look over the measurements as those of this arm
@@ -133,7 +132,8 @@ impl Record {
             return Err(RecordError::NoPictures { pictures: pictures.len() }.into());
         }
         let run = Run { samples, lines: Vec::new() };
-        write(&self.output, &header(&visits, clock, client.identity().device.to_string().as_str()), &run)?;
+        let about = about(&visits, clock, client.identity().device.to_string().as_str());
+        write(&self.output, &about, &run).with_context(|| format!("cannot write {}", self.output.display()))?;
         let mut findings = arm.map(|arm| check(&arm, &run)).unwrap_or_default();
         findings.extend(uneven(played.departure_s));
         voice.tell(&Recorded {
@@ -205,21 +205,9 @@ fn play(client: &mut Client, visits: &Visits, voice: Voice) -> anyhow::Result<Pl
 }
 
 /// Comment lines before the table.
-fn header(visits: &Visits, clock: HostTime, device: &str) -> String {
+fn about(visits: &Visits, clock: HostTime, device: &str) -> String {
     format!(
         "# model {}\n# board {device}\n# clock_offset_s {:.6}\n# clock_uncertainty_s {:.6}\n",
         visits.model, clock.at_s, clock.uncertainty_s
     )
-}
-
-fn write(path: &Path, header: &str, run: &Run) -> anyhow::Result<()> {
-    let text = header.to_owned() + &write_text(run);
-    let bytes = if path.extension().is_some_and(|end| end == "gz") { gz(&text)? } else { text.into_bytes() };
-    std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))
-}
-
-fn gz(text: &str) -> std::io::Result<Vec<u8>> {
-    let mut encoder = GzEncoder::new(Vec::new(), Compression::default());
-    std::io::Write::write_all(&mut encoder, text.as_bytes())?;
-    encoder.finish()
 }

@@ -38,7 +38,7 @@ pub(crate) struct Synth {
     /// Base-line arm
     #[arg(value_name = "BASE.toml")]
     base: PathBuf,
-    /// Desired frames: a word and a pose each
+    /// Desired frames: a word and a pose each; without words where they are chosen
     #[arg(value_name = "FRAMES.toml")]
     frames: PathBuf,
     /// The new arm
@@ -53,7 +53,7 @@ pub(crate) struct Synth {
     /// Take the nearest geometry where the frames cannot all be met
     #[arg(long)]
     closest: bool,
-    /// Choose the words as well: those in FRAMES.toml do not matter
+    /// Choose the words as well: FRAMES.toml needs none
     #[arg(long, group = "task")]
     choose_words: bool,
     /// Take the legs from a list of parts: part,stroke_mm,retracted_mm,force_n,price
@@ -62,6 +62,9 @@ pub(crate) struct Synth {
     /// Make the frames least sensitive to errors of stops and anchors of this size, mm
     #[arg(long, value_name = "STOP[,ANCHOR]", value_parser = tolerance, group = "task")]
     tolerance: Option<Tolerance>,
+    /// By how much the stops may be altered to halve those errors, root of the sum of squares, mm
+    #[arg(long, value_name = "MM", default_value_t = 1000.0, requires = "tolerance")]
+    worth: f64,
     /// Synthesis again around an actuator that stays in one state; actuators count from 0 at the base
     #[arg(long, value_name = "ACTUATOR=STATE", value_parser = dead, group = "task")]
     repair: Option<Dead>,
@@ -106,7 +109,7 @@ fn tolerance(text: &str) -> Result<Tolerance, String> {
     };
     let stop_m = metres(stop)?;
     // A stop of a joint acts at a lever of about a metre.
-    Ok(Tolerance { stop_m, stop_rad: stop_m, anchor_m: metres(anchor)? })
+    Ok(Tolerance { stop_m, stop_rad: stop_m, anchor_m: metres(anchor)?, worth_m: 1.0 })
 }
 
 fn dead(text: &str) -> Result<Dead, String> {
@@ -118,7 +121,8 @@ fn dead(text: &str) -> Result<Dead, String> {
 impl Synth {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
         let base = Arm::read(&self.base)?;
-        let task = frames::read_task(&self.frames, &base)?;
+        let read = if self.choose_words { frames::read_task_without_words } else { frames::read_task };
+        let task = read(&self.frames, &base)?;
         let watch = Watch::default();
         let options = Options { ranges: task.ranges, watch: watch.clone(), ..self.options()? };
         let ended = watch.clone();
@@ -164,9 +168,11 @@ impl Synth {
         let Some(tolerance) = self.tolerance.filter(|_| found.status == Status::Reached) else {
             return Ok((found, extras));
         };
+        let tolerance = Tolerance { worth_m: 1e-3 * self.worth, ..tolerance };
         let reached = |found: &Synthesis| -> Vec<DesiredFrame> {
             found.frames.iter().map(|reached| reached.frame.clone()).collect()
         };
+        extras.altered_before_m = Some(found.alteration_m);
         extras.expected_before = expected(&found.arm, &reached(&found), &tolerance, self.seed);
         let found = least_sensitive(base, &found, &tolerance, options)?;
         extras.expected = expected(&found.arm, &reached(&found), &tolerance, self.seed);
@@ -199,6 +205,9 @@ impl Synth {
         }
         if self.steps == 0 || !(self.regularisation >= 0.0 && self.regularisation.is_finite()) {
             return Err(Usage("--steps must be above 0, and --regularisation a number that is not below 0".into()));
+        }
+        if !(self.worth > 0.0 && self.worth.is_finite()) {
+            return Err(Usage("--worth must be above 0 mm".into()));
         }
         let method = match self.method {
             Scheme::Newton => Method::Newton,

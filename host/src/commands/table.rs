@@ -6,6 +6,7 @@ use anyhow::Context as _;
 use darm::arm::{Arm, frames};
 use darm::plan::{Plan, Visit, plan};
 use darm::programme::{self, programme};
+use darm::reach::board;
 use darm_core::units::{DeviceId, Word};
 use serde::Serialize;
 
@@ -20,6 +21,7 @@ Examples:
   darm table arm.toml --words 000,000,000,000 111,000,000,000 -o two.darm
   darm table arm.toml --programme -o measure.darm             96 words three times, to be measured
   darm table arm.toml --programme --bind -o measure.darm      for the connected board only
+  darm table arm.toml frames.toml --nearest -o visits.darm    the board answers `nearest` by itself, too
 
 Beside TABLE.darm a file TABLE.visits.csv says from when to when the arm rests at each visit, and
 which visits are held out of every fit; `darm record` reads it.";
@@ -63,6 +65,9 @@ pub(crate) struct Table {
     /// Bind the table to the connected board: others refuse it
     #[arg(long)]
     bind: bool,
+    /// Bring the frames of the modules along, so that the board answers by itself which word is nearest to a pose
+    #[arg(long)]
+    nearest: bool,
     /// The table
     #[arg(short, long, value_name = "TABLE.darm")]
     output: PathBuf,
@@ -108,7 +113,8 @@ impl Table {
         let stops = self.stops(&arm, voice)?;
         let device = if self.bind { Some(self.port.connect()?.identity().device) } else { None };
         let visits: Vec<Visit> = stops.iter().map(|stop| stop.visit.clone()).collect();
-        let plan = plan(&arm, &visits, device)?;
+        let modules = if self.nearest { board::records(&arm)? } else { Vec::new() };
+        let plan = plan(&arm, &visits, device, &modules)?;
         let file = visits_of(&arm, &stops, &plan);
         write(&self.output, plan.image.bytes())?;
         write(&beside(&self.output), file.to_text().as_bytes())?;

@@ -1,33 +1,50 @@
 //! What may be the matter: every effect law of `darm-core` at every place where it can act.
 
 use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
+use darm_core::effect::crowding::Crowding;
+use darm_core::effect::drift::Drift;
+use darm_core::effect::frame_offset::{Frame, FrameOffset};
 use darm_core::effect::gravity_sag::GravitySag;
+use darm_core::effect::joint_offset::JointOffset;
 use darm_core::effect::play::Play;
+use darm_core::effect::scale::Scale;
+use darm_core::effect::step::Step;
 use darm_core::effect::stroke_loss::StrokeLoss;
 use darm_core::effect::supply_stroke::SupplyStroke;
 use darm_core::effect::thermal_growth::ThermalGrowth;
+use darm_core::effect::wear::Wear;
 use darm_core::effect::{Effect, Place};
 use darm_core::real::Vec3;
 
 use crate::arm::{Arm, ArmModel};
 
 /// Laws that act on an actuator, on a module or on the whole arm.
-const ANYWHERE: [fn(Place) -> Effect<f64>; 4] = [
+const ANYWHERE: [fn(Place) -> Effect<f64>; 5] = [
     |at| GravitySag { at, compliance_m_per_n: 0.0 }.into(),
     |at| Play { at, width_m: 0.0 }.into(),
     |at| SupplyStroke { at, gain: 0.0 }.into(),
     |at| ThermalGrowth { at, expansion_per_k: 0.0 }.into(),
+    |at| Drift { at, until_s: 0.0, rate_m_per_s: 0.0 }.into(),
 ];
 
-/// All effects that may be there, with their values at zero: each law at each place.
+/// All effects that may be there, with their values at zero: each law at each place. A step is one that was there from
+/// the start: when it came is for a fit to say.
 pub fn all(model: &ArmModel) -> Vec<Effect<f64>> {
     let everywhere = places(model);
     let mut effects: Vec<Effect<f64>> =
         ANYWHERE.iter().flat_map(|law| everywhere.iter().map(|&place| law(place))).collect();
+    let together = everywhere.iter().filter(|place| !matches!(place, Place::Actuator(_)));
+    effects.extend(together.map(|&at| Effect::from(Crowding { at, short_m: 0.0 })));
+    effects.extend([Frame::Base, Frame::Tool].map(|frame| Effect::from(FrameOffset { frame, values: [0.0; 6] })));
+    effects.push(Scale { stretch: 0.0 }.into());
+    let servos = 0..model.chain.n_servos() as u8;
+    effects.extend(servos.map(|servo| Effect::from(JointOffset { servo, offset_rad: 0.0 })));
     for (index, (stage, leg)) in model.chain.actuators().enumerate() {
         let actuator = index as u8;
         let states = 0..model.chain.n_states(index) as u8;
         effects.extend(states.map(|state| Effect::from(StrokeLoss { actuator, state, loss_m: 0.0 })));
+        effects.push(Wear { actuator, until_switches: 0.0, per_switch_m: 0.0 }.into());
+        effects.push(Step { actuator, since_s: 0.0, shift_m: 0.0 }.into());
         if model.chain.stages[stage].leg(leg).is_some() {
             let offset = |plate| AnchorOffset { actuator, plate, offset: Vec3::zeros() };
             effects.extend([Plate::Base, Plate::Top].map(|plate| Effect::from(offset(plate))));
@@ -53,16 +70,9 @@ fn places(model: &ArmModel) -> Vec<Place> {
     places
 }
 
-/// Whether two effects are the same law at the same place, whatever their values.
+/// Whether two effects are the same law at the same place, whatever their values and moments.
 pub fn same(a: &Effect<f64>, b: &Effect<f64>) -> bool {
-    zeroed(a) == zeroed(b)
-}
-
-/// The effect with all its values at zero.
-fn zeroed(effect: &Effect<f64>) -> Effect<f64> {
-    let mut zero = *effect;
-    zero.law_mut().values_mut().fill(0.0);
-    zero
+    a.law().name() == b.law().name() && place_code(a) == place_code(b)
 }
 
 /// Where an effect acts, as short as it can be told exactly: `actuator 4, state 1`.
@@ -79,6 +89,10 @@ pub fn place_code(effect: &Effect<f64>) -> String {
         Place::Actuator(actuator) => format!("actuator {actuator}{part}"),
         Place::Module(module) => format!("module {module}"),
         Place::Arm => "arm".into(),
+        Place::Servo(servo) => format!("servo {servo}"),
+        Place::Base => "base".into(),
+        Place::Tool => "tool".into(),
+        Place::Camera => "camera".into(),
     }
 }
 
@@ -88,5 +102,9 @@ pub fn place_name(arm: &Arm, effect: &Effect<f64>) -> String {
         Place::Actuator(actuator) => arm.actuator_name(actuator.into()),
         Place::Module(module) => arm.stage_name(module.into()),
         Place::Arm => "the whole arm".into(),
+        Place::Servo(servo) => format!("servo {}", servo + 1),
+        Place::Base => "the base".into(),
+        Place::Tool => "the tool".into(),
+        Place::Camera => "the camera".into(),
     }
 }

@@ -14,6 +14,7 @@
 pub mod candidate;
 pub mod channels;
 pub mod design;
+pub mod dictionary;
 pub mod fit;
 pub mod kind;
 mod next;

@@ -6,6 +6,7 @@
 
 use darm_core::chain::ChainError;
 use darm_core::model::Condition;
+use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_core::units::Word;
 
@@ -31,6 +32,8 @@ pub struct Row {
     servos: Vec<f64>,
     supply: f64,
     temperature_k: f64,
+    time_s: f64,
+    switches: Vec<f64>,
     inverse: Pose<f64>,
 }
 
@@ -68,7 +71,16 @@ impl Observations {
         let mut words: Vec<Word> = run.samples.iter().filter(|s| choose(s)).map(|s| s.word).collect();
         words.sort();
         words.dedup();
-        let row = |(sample, s): (usize, &Sample)| Row {
+        let start_s = run.start_s();
+        let mut switches = vec![0.0; arm.n_actuators()];
+        let mut count = |s: &Sample| {
+            let switched = |k: usize| s.previous.is_some_and(|previous| previous.digit(k) != s.word.digit(k));
+            switches.iter_mut().enumerate().filter(|(k, _)| switched(*k)).for_each(|(_, count)| *count += 1.0);
+            switches.clone()
+        };
+        let row = |((sample, s), switches): ((usize, &Sample), Vec<f64>)| Row {
+            time_s: s.time_s - start_s,
+            switches,
             sample,
             group: words.binary_search(&s.word).unwrap_or_default(),
             word: s.word,
@@ -78,8 +90,20 @@ impl Observations {
             temperature_k: s.temperature_c.map_or(arm.model.reference_temperature_k, |c| c + 273.15),
             inverse: s.pose.inverse(),
         };
-        let rows = run.samples.iter().enumerate().filter(|(_, s)| choose(s)).map(row).collect();
+        let counted = run.samples.iter().map(&mut count).collect::<Vec<_>>();
+        let chosen = run.samples.iter().enumerate().zip(counted).filter(|((_, s), _)| choose(s));
+        let rows = chosen.map(row).collect();
         Self { rows, n_groups: words.len(), axes: axes(arm), sigma, length_scale_m: arm.length_scale_m }
+    }
+
+    /// Time since the run began, s, and how often each actuator had switched, in the last row.
+    pub fn last(&self) -> (f64, Vec<f64>) {
+        self.rows.last().map_or_else(Default::default, |row| (row.time_s, row.switches.clone()))
+    }
+
+    /// Time of each row since the run began, s.
+    pub fn times_s(&self) -> impl Iterator<Item = f64> {
+        self.rows.iter().map(|row| row.time_s)
     }
 
     /// Components of one residual.
@@ -121,6 +145,29 @@ impl Observations {
         self.axes.iter().map(move |&axis| twist[axis] / self.sigma[axis])
     }
 
+    /// Residuals, in units of the noise, told in the directions of the base in place of those of the tool.
+    pub fn in_base(&self, residuals: &[f64]) -> Vec<f64> {
+        self.turned(residuals, |row, v| row.inverse.rotation.transpose() * v)
+    }
+
+    /// The way back from [`in_base`](Self::in_base).
+    pub fn in_tool(&self, residuals: &[f64]) -> Vec<f64> {
+        self.turned(residuals, |row, v| row.inverse.rotation * v)
+    }
+
+    fn turned(&self, residuals: &[f64], turn: impl Fn(&Row, Vec3<f64>) -> Vec3<f64>) -> Vec<f64> {
+        let n = self.axes.len();
+        let of_row = |(row, parts): (&Row, &[f64])| {
+            let mut twist = [0.0; 6];
+            self.axes.iter().zip(parts).for_each(|(&axis, part)| twist[axis] = part * self.sigma[axis]);
+            let [a, b, c, x, y, z] = twist;
+            let (angular, linear) = (turn(row, Vec3::new(a, b, c)), turn(row, Vec3::new(x, y, z)));
+            let twist = [angular.x, angular.y, angular.z, linear.x, linear.y, linear.z];
+            self.axes.iter().map(|&axis| twist[axis] / self.sigma[axis]).collect::<Vec<_>>()
+        };
+        self.rows.iter().zip(residuals.chunks(n)).flat_map(of_row).collect()
+    }
+
     /// The residual of each row as a distance d, m, from residuals in units of the noise.
     pub fn distances_m(&self, residuals: &[f64]) -> Vec<f64> {
         let size = |row: &[f64]| {
@@ -151,6 +198,8 @@ impl Observations {
             servos: &row.servos,
             supply: row.supply,
             temperature_k: row.temperature_k,
+            time_s: Some(row.time_s),
+            switches: &row.switches,
         }
     }
 }

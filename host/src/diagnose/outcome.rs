@@ -3,9 +3,12 @@
 //! Numbers are in SI units and radians; every number stands beside its unit or carries it in its name.
 
 use darm_core::effect::Effect;
+use darm_core::effect::drift::Drift;
+use darm_core::effect::wear::Wear;
 use serde::Serialize;
 
 use super::noise::Repeatability;
+use super::observation::Observations;
 use super::structure::Structure;
 use crate::arm::Arm;
 use crate::measurement::Run;
@@ -236,12 +239,18 @@ pub struct Point {
 }
 
 impl Diagnosis {
+    /// The effects of the best model, whether they are named or not, after those that the model had.
+    pub fn best_effects(&self) -> &[Effect<f64>] {
+        &self.model_effects
+    }
+
     /// The arm with the effects that were found, the next model number and the conditions that it had settled to at the
     /// end of `run`; the same arm where no effect is named.
     pub fn corrected(&self, arm: &Arm, run: &Run) -> Arm {
         let mut corrected = arm.clone();
         if self.verdict == Verdict::EffectFound {
-            corrected.model.effects = self.model_effects.iter().copied().collect();
+            let last = Observations::new(arm, run, [1.0; 6], |_| true).last();
+            corrected.model.effects = self.model_effects.iter().map(|effect| lasting(effect, &last)).collect();
             corrected.model.number += 1;
             let (supply, temperature_c) = run.settled();
             corrected.model.working_supply = supply.unwrap_or(corrected.model.working_supply);
@@ -249,6 +258,18 @@ impl Diagnosis {
             corrected.model.working_temperature_k = temperature_k.unwrap_or(corrected.model.working_temperature_k);
         }
         corrected
+    }
+}
+
+/// The effect as it stands after a measurement that ended at this time, s, with so many switches of each actuator.
+fn lasting(effect: &Effect<f64>, (end_s, switches): &(f64, Vec<f64>)) -> Effect<f64> {
+    match *effect {
+        Effect::Drift(law) => Drift { until_s: *end_s, ..law }.into(),
+        Effect::Wear(law) => {
+            let counted = switches.get(usize::from(law.actuator)).copied();
+            Wear { until_switches: counted.unwrap_or_default(), ..law }.into()
+        }
+        other => other,
     }
 }
 

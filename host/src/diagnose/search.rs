@@ -136,6 +136,7 @@ impl<K: Kind> Search<K> {
         for effect in n_known..self.kind.n_effects(&best.fit) {
             let without = self.kind.without(best, effect)?;
             let tried = self.kind.screened(&without)?.into_iter().min_by(|a, b| a.loss.total_cmp(&b.loss));
+            let tried = tried.and_then(|trial| self.kind.refined(&trial).ok());
             let least = better.as_ref().map_or(best.loss, |better| better.loss);
             better = tried.filter(|trial| trial.loss < least && self.kind.fall(best, trial).p < RIVAL_LEVEL).or(better);
         }

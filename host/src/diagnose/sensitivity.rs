@@ -3,12 +3,12 @@
 //! A law changes what an actuator is set to; how the tool moves with that setting is known once for the posture. So the
 //! derivative with respect to a value of a law is Σ over its actuators of (∂setting/∂value) · (∂tool/∂setting), with the
 //! first by a small step of the law and the second in closed form. Of a law that bears load the change of the loads is
-//! left out; it is of second order.
+//! left out; it is of second order. A law that moves the tool as a whole acts on where the tool is seen.
 
 use std::cell::OnceCell;
 
 use darm_core::actuator::{Part, Settings};
-use darm_core::effect::{Effect, Law, Site};
+use darm_core::effect::{Effect, Law, Place, Site};
 use darm_core::se::{Pose, Twist};
 
 use super::observation::{NoPose, Observations};
@@ -16,6 +16,8 @@ use crate::arm::{ArmModel, ArmScratch};
 
 /// The step of a law's value; laws are smooth at this scale in all their units.
 const STEP: f64 = 1e-6;
+/// Slopes below this, in units of the noise per unit of the value, are rounding: a value of one unit would not be seen.
+const NO_SLOPE: f64 = 1e-3;
 
 /// A model in the postures of some observations.
 pub struct Sensitivity<'a> {
@@ -29,6 +31,9 @@ pub struct Sensitivity<'a> {
 struct Posture {
     settings: Vec<Settings<f64>>,
     stages: Vec<Pose<f64>>,
+    /// Where the arm has the tool, and where it is seen.
+    tool: Pose<f64>,
+    seen: Pose<f64>,
     /// Pose of the tool in the top of each stage.
     tools: Vec<Pose<f64>>,
     sites: Vec<(Site<f64>, usize)>,
@@ -51,7 +56,9 @@ impl<'a> Sensitivity<'a> {
             Ok(Posture {
                 settings: scratch.settings[..n].to_vec(),
                 stages: scratch.stages[..n].to_vec(),
-                tools: scratch.tops[..n].iter().map(|top| top.to(&pose)).collect(),
+                tool: scratch.pose_base_tool,
+                seen: pose,
+                tools: scratch.tops[..n].iter().map(|top| top.to(&scratch.pose_base_tool)).collect(),
                 loads: sites.iter().map(|(site, leg)| loads[site.stage][*leg]).collect(),
                 twists: sites.iter().map(|_| OnceCell::new()).collect(),
                 sites,
@@ -72,14 +79,52 @@ impl<'a> Sensitivity<'a> {
         *stepped.law_mut().values_mut().get_mut(value)? += STEP;
         let mut column = Vec::with_capacity(self.postures.len() * self.observations.n_axes());
         for posture in &self.postures {
-            let twist = self.twist(posture, effect.law(), stepped.law()).to_vector();
+            let twist = self.change(posture, effect, &stepped).to_vector();
             let noise = |axis: usize| self.observations.sigma[axis] * STEP;
             column.extend(self.observations.axes.iter().map(|&axis| twist[axis] / noise(axis)));
         }
-        column.iter().any(|slope| *slope != 0.0).then_some(column)
+        column.iter().any(|slope| slope.abs() > NO_SLOPE).then_some(column)
     }
 
-    /// How the tool moves, told in its own frame, when one law takes the place of another.
+    /// How the tool is seen to move, told in its own frame, when one effect takes the place of another.
+    fn change(&self, posture: &Posture, from: &Effect<f64>, to: &Effect<f64>) -> Twist<f64> {
+        match from.law().place() {
+            Place::Actuator(_) | Place::Module(_) | Place::Arm => {
+                self.as_seen(posture, self.twist(posture, from.law(), to.law()))
+            }
+            Place::Servo(_) => {
+                let Some(stage) = self.model.servo_stage(from) else { return Twist::zero() };
+                let (mut before, mut after) = (posture.settings[stage][0], posture.settings[stage][0]);
+                from.law().turn(&mut before);
+                to.law().turn(&mut after);
+                let unit = self.model.chain.stages[stage].twist(
+                    &posture.settings[stage],
+                    &posture.stages[stage],
+                    0,
+                    Part::Value,
+                );
+                let of_tool = posture.tools[stage].adjoint_inverse(&unit) * (after.value - before.value);
+                self.as_seen(posture, of_tool)
+            }
+            Place::Base | Place::Tool | Place::Camera => {
+                (from.law().displace(posture.seen).inverse() * to.law().displace(posture.seen)).log()
+            }
+        }
+    }
+
+    /// A small motion of the tool as it is seen.
+    fn as_seen(&self, posture: &Posture, of_tool: Twist<f64>) -> Twist<f64> {
+        let displaced = self.model.effects.iter().any(|effect| {
+            let place = effect.law().place();
+            matches!(place, Place::Base | Place::Tool | Place::Camera)
+        });
+        if !displaced {
+            return of_tool;
+        }
+        (posture.seen.inverse() * self.model.seen(posture.tool * Pose::exp(&of_tool))).log()
+    }
+
+    /// How the tool moves, told in its own frame, when one law of actuators takes the place of another.
     fn twist(&self, posture: &Posture, from: &dyn Law<f64>, to: &dyn Law<f64>) -> Twist<f64> {
         let mut sum = Twist::zero();
         for (actuator, (site, leg)) in posture.sites.iter().enumerate() {

@@ -9,7 +9,7 @@
 
 use std::collections::BTreeMap;
 
-use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
+use statrs::distribution::{Beta, ContinuousCDF, FisherSnedecor, StudentsT};
 
 use super::fit::weights;
 
@@ -92,6 +92,18 @@ pub fn f_test(ratio: f64, dof: usize, noise_dof: usize) -> f64 {
     FisherSnedecor::new(dof as f64, noise_dof as f64).map_or(1.0, |f| f.sf(ratio.max(0.0)))
 }
 
+/// The 95 % interval of a rate of which `hits` of `n` were seen.
+///
+/// Source: C. J. Clopper, E. S. Pearson, Biometrika 26 (1934) 404.
+pub fn clopper_pearson(hits: usize, n: usize) -> [f64; 2] {
+    let quantile =
+        |a: usize, b: usize, p: f64| Beta::new(a as f64, b as f64).map_or(f64::NAN, |beta| beta.inverse_cdf(p));
+    let misses = n.saturating_sub(hits);
+    let low = if hits == 0 { 0.0 } else { quantile(hits, misses + 1, 0.025) };
+    let high = if misses == 0 { 1.0 } else { quantile(hits + 1, misses, 0.975) };
+    [low, high]
+}
+
 /// How many standard errors wide 95 % of a mean's distribution reaches to one side.
 pub fn quantile_975(dof: usize) -> f64 {
     StudentsT::new(0.0, 1.0, dof.max(1) as f64).map_or(1.96, |t| t.inverse_cdf(0.975))
@@ -134,5 +146,9 @@ mod tests {
         // Fisher's tables: F(0.99; 4, 10) = 5.994, t(0.975; 10) = 2.228.
         assert!((f_test(5.994, 4, 10) - 0.01).abs() < 1e-5);
         assert!((quantile_975(10) - 2.228).abs() < 1e-3);
+        // Of ten tries: none, and nine; the exact bounds are 1 − 0.025^(1/10) = 0.3085 and 0.555, 0.9975.
+        assert!((clopper_pearson(0, 10)[1] - 0.3085).abs() < 1e-4);
+        let [low, high] = clopper_pearson(9, 10);
+        assert!((low - 0.5550).abs() < 1e-4 && (high - 0.9975).abs() < 1e-4);
     }
 }

@@ -1,19 +1,25 @@
 //! Is there anything beyond the noise, and what does it depend on?
 //!
-//! The residual is regressed on one variable at a time, with an offset: the digit of an actuator, whether it stayed
-//! (memory of the word before), supply, temperature, time, servo position, and the word as a whole. Each is an F test
-//! on all axes together; chances are multiplied by the number of variables. Rows that fit nothing are drawn in first.
+//! A sparse regression over the dictionary of [`dictionary`](super::dictionary): the term that explains most for the
+//! columns that it takes (Bayesian information criterion) is told and taken out, then the next, while each is no chance (F
+//! test on all axes together, times the number of terms). Each is tried in the frame of the tool and in that of the base.
+//! Rows that fit nothing are drawn in first.
 
-use darm_core::actuator::MAX_STATES;
+use std::fmt;
+
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
+use super::dictionary::{Term, dictionary};
 use super::fit::{pseudo_inverse, weights};
 use super::noise::Noise;
 use super::observation::Observations;
 use super::significance::{STRUCTURE_LEVEL, f_test};
 use crate::arm::Arm;
 use crate::measurement::Run;
+
+/// Terms that are told at most.
+const MOST_TERMS: usize = 4;
 
 /// What there is beyond the noise.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -24,7 +30,7 @@ pub struct Structure {
     pub p: Option<f64>,
     /// Whether there is more than noise.
     pub beyond_noise: bool,
-    /// What the residual depends on, the strongest first.
+    /// What the residual depends on, each beside those before it, the strongest first.
     pub depends_on: Vec<Dependence>,
 }
 
@@ -33,10 +39,24 @@ pub struct Structure {
 pub struct Dependence {
     /// The variable.
     pub variable: String,
+    /// How: `straight`, `square`, `waves`, `step`, `together`, `each word by itself`.
+    pub shape: &'static str,
+    /// Whether the residual depends on it as told in the frame of the tool, or in that of the base.
+    pub frame: &'static str,
     /// Share of the residual's mean square that it takes up.
     pub share: f64,
-    /// Chance of such a share where there is none, times the number of variables.
+    /// Chance of such a share where there is none, times the number of terms tried.
     pub p: f64,
+}
+
+impl fmt::Display for Dependence {
+    /// The variable, and how where it is not straight: `time (waves)`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.shape {
+            "straight" => f.write_str(&self.variable),
+            shape => write!(f, "{} ({shape})", self.variable),
+        }
+    }
 }
 
 /// The structure in the residuals of some rows, after `fitted` values were fitted to them.
@@ -53,8 +73,7 @@ pub fn structure(
     let dof = drawn_in.len().saturating_sub(fitted);
     let ratio = drawn_in.iter().map(|r| r * r).sum::<f64>() / dof.max(1) as f64;
     let p = noise.map(|noise| f_test(ratio, dof, noise.dof * n_axes));
-    let tested = dependences(arm, run, observations, &drawn_in);
-    let depends_on: Vec<Dependence> = tested.into_iter().filter(|d| d.p < STRUCTURE_LEVEL).collect();
+    let depends_on = dependences(arm, run, observations, &drawn_in);
     let beyond_noise = p.is_some_and(|p| p < STRUCTURE_LEVEL) || !depends_on.is_empty();
     Structure { ratio: noise.map(|_| ratio), p, beyond_noise, depends_on }
 }
@@ -66,87 +85,89 @@ fn drawn_in(residuals: &[f64], n_axes: usize) -> Vec<f64> {
 }
 
 fn dependences(arm: &Arm, run: &Run, observations: &Observations, residuals: &[f64]) -> Vec<Dependence> {
-    let variables = variables(arm, run, observations);
-    let n = variables.len() as f64;
-    let mut tested: Vec<Dependence> = variables
-        .into_iter()
-        .filter_map(|(variable, columns)| {
-            let (share, p) = dependence(&columns, residuals, observations.n_axes())?;
-            Some(Dependence { variable, share, p: (p * n).min(1.0) })
-        })
-        .collect();
-    tested.sort_by(|a, b| b.share.total_cmp(&a.share));
-    tested
-}
-
-/// The variables by name, each as columns with one number a row.
-fn variables(arm: &Arm, run: &Run, observations: &Observations) -> Vec<(String, Vec<Vec<f64>>)> {
-    let rows = &observations.rows;
-    let of_rows = |value: &dyn Fn(&super::observation::Row) -> f64| rows.iter().map(value).collect::<Vec<f64>>();
-    let mut all = Vec::new();
-    for k in 0..arm.n_actuators() {
-        let name = arm.actuator_name(k);
-        let states = 1..arm.model.chain.n_states(k) as u8;
-        let digit = |state| of_rows(&|row| f64::from(u8::from(observations.condition(row).word.digit(k) == state)));
-        all.push((format!("digit of {name}"), states.map(digit).collect()));
-        let stayed = of_rows(&|row| {
-            let condition = observations.condition(row);
-            let stays = condition.previous.is_some_and(|previous| previous.digit(k) == condition.word.digit(k));
-            f64::from(u8::from(stays))
+    let terms = dictionary(arm, run, observations);
+    let designs: Vec<Design> = terms.iter().filter_map(|term| Design::new(term, observations.rows.len())).collect();
+    let n_tried = 2.0 * designs.len() as f64;
+    let whole = square(residuals, observations.n_axes());
+    let mut told: Vec<Dependence> = Vec::new();
+    let mut left = residuals.to_vec();
+    while told.len() < MOST_TERMS {
+        let turned = observations.in_base(&left);
+        let tried = designs.iter().flat_map(|design| {
+            [("tool", &left), ("base", &turned)].map(|(frame, rows)| (frame, design, design.take(rows)))
         });
-        let digits: Vec<u8> = rows.iter().map(|row| observations.condition(row).word.digit(k)).collect();
-        let stayed = beside_digit(&stayed, &digits);
-        all.push((format!("word before, at {name}"), vec![stayed]));
+        let Some((frame, design, taken)) = tried.min_by(|a, b| a.2.criterion.total_cmp(&b.2.criterion)) else { break };
+        let p = (taken.p * n_tried).min(1.0);
+        if p >= STRUCTURE_LEVEL || taken.criterion >= 0.0 {
+            break;
+        }
+        left = if frame == "base" { observations.in_tool(&taken.left) } else { taken.left };
+        let Term { variable, shape, .. } = design.term;
+        let variable = variable.clone();
+        told.push(Dependence { variable, shape, frame, share: taken.square / whole, p });
     }
-    for k in 0..arm.n_servos() {
-        all.push((format!("position of servo {}", k + 1), vec![of_rows(&|row| observations.condition(row).servos[k])]));
-    }
-    all.push(("supply".into(), vec![of_rows(&|row| observations.condition(row).supply)]));
-    all.push(("temperature".into(), vec![of_rows(&|row| observations.condition(row).temperature_k)]));
-    all.push(("time".into(), vec![of_rows(&|row| run.samples[row.sample].time_s)]));
-    let word = |group| of_rows(&|row| f64::from(u8::from(row.group == group)));
-    all.push(("word".into(), (1..observations.n_groups).map(word).collect()));
-    all
+    told
 }
 
-/// A variable less its mean among the rows with the same digit, and of the other sign where the digit is 0: actuators
-/// come off their two stops in opposite directions.
-fn beside_digit(values: &[f64], digits: &[u8]) -> Vec<f64> {
-    let mean = |digit: u8| {
-        let same = || values.iter().zip(digits).filter(|(_, other)| **other == digit);
-        same().map(|(value, _)| value).sum::<f64>() / same().count().max(1) as f64
-    };
-    let means: Vec<f64> = (0..MAX_STATES as u8).map(mean).collect();
-    let sign = |digit: u8| if digit == 0 { 1.0 } else { -1.0 };
-    values.iter().zip(digits).map(|(value, &digit)| sign(digit) * (value - means[usize::from(digit)])).collect()
+/// A term made ready for regression.
+struct Design<'a> {
+    term: &'a Term,
+    columns: DMatrix<f64>,
+    inverse: DMatrix<f64>,
 }
 
-/// Share of the residual that the columns take up beside an offset, and the chance of it; `None` where the columns are
-/// constant or too many.
-fn dependence(columns: &[Vec<f64>], residuals: &[f64], n_axes: usize) -> Option<(f64, f64)> {
-    let n = residuals.len() / n_axes;
-    let centred: Vec<Vec<f64>> =
-        columns.iter().map(|column| centre(column)).filter(|c| c.iter().any(|x| x.abs() > 1e-12)).collect();
-    let k = centred.len();
-    if k == 0 || n < k + 2 {
-        return None;
-    }
-    let design = DMatrix::from_fn(n, k, |row, column| centred[column][row]);
-    let inverse = pseudo_inverse(&(design.transpose() * &design));
-    let (mut whole, mut taken) = (0.0, 0.0);
-    for axis in 0..n_axes {
-        let y = centre(&residuals.iter().skip(axis).step_by(n_axes).copied().collect::<Vec<_>>());
-        let y = DVector::from_vec(y);
-        let projected = design.transpose() * &y;
-        whole += y.norm_squared();
-        taken += projected.dot(&(&inverse * &projected));
-    }
-    let (dof, rest_dof) = (k * n_axes, (n - 1 - k) * n_axes);
-    let rest = (whole - taken).max(f64::MIN_POSITIVE);
-    Some((taken / whole, f_test(taken / dof as f64 / (rest / rest_dof as f64), dof, rest_dof)))
+/// What a term takes from some residuals.
+struct Taken {
+    /// Fall of the squares.
+    square: f64,
+    p: f64,
+    /// n·ln(share left) + k·ln n: below zero the term is worth its columns.
+    criterion: f64,
+    left: Vec<f64>,
 }
 
-fn centre(values: &[f64]) -> Vec<f64> {
+impl<'a> Design<'a> {
+    /// `None` where the columns are constant or too many.
+    fn new(term: &'a Term, n: usize) -> Option<Self> {
+        let centred: Vec<DVector<f64>> =
+            term.columns.iter().map(|column| centre(column)).filter(|c| c.iter().any(|x| x.abs() > 1e-12)).collect();
+        if centred.is_empty() || n < centred.len() + 2 {
+            return None;
+        }
+        let columns = DMatrix::from_columns(&centred);
+        let inverse = pseudo_inverse(&columns.tr_mul(&columns));
+        Some(Self { term, columns, inverse })
+    }
+
+    fn take(&self, residuals: &[f64]) -> Taken {
+        let (n, k) = self.columns.shape();
+        let n_axes = residuals.len() / n;
+        let (mut whole, mut square, mut left) = (0.0, 0.0, residuals.to_vec());
+        for axis in 0..n_axes {
+            let y = centre(&residuals.iter().skip(axis).step_by(n_axes).copied().collect::<Vec<_>>());
+            let along = self.columns.tr_mul(&y);
+            let slopes = &self.inverse * &along;
+            whole += y.norm_squared();
+            square += along.dot(&slopes);
+            let fitted = &self.columns * slopes;
+            left.iter_mut().skip(axis).step_by(n_axes).zip(fitted.iter()).for_each(|(left, fitted)| *left -= fitted);
+        }
+        let (dof, rest_dof) = (k * n_axes, (n - 1 - k) * n_axes);
+        let rest = (whole - square).max(f64::MIN_POSITIVE);
+        let p = f_test(square / dof as f64 / (rest / rest_dof as f64), dof, rest_dof);
+        let n = (n * n_axes) as f64;
+        let criterion = n * (rest / whole.max(f64::MIN_POSITIVE)).ln() + dof as f64 * n.ln();
+        Taken { square, p, criterion, left }
+    }
+}
+
+/// The squares of residuals about their mean, all axes together.
+fn square(residuals: &[f64], n_axes: usize) -> f64 {
+    let of_axis = |axis| centre(&residuals.iter().skip(axis).step_by(n_axes).copied().collect::<Vec<_>>());
+    (0..n_axes).map(|axis| of_axis(axis).norm_squared()).sum::<f64>().max(f64::MIN_POSITIVE)
+}
+
+fn centre(values: &[f64]) -> DVector<f64> {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
-    values.iter().map(|value| value - mean).collect()
+    DVector::from_iterator(values.len(), values.iter().map(|value| value - mean))
 }

@@ -47,7 +47,7 @@ fn measured(arm: &Arm, effects: &[Effect<f64>], surroundings: Surroundings) -> R
         let time_s = 0.3 * visit as f64;
         let (supply, temperature_k) = surroundings(time_s);
         let previous = Some(step.previous);
-        let condition = Condition { word: step.word, previous, servos: &[], supply, temperature_k };
+        let condition = Condition { previous, supply, temperature_k, ..model.nominal(step.word, &[]) };
         let pose = model.predict(&condition, &mut scratch).unwrap();
         let mut normal = |scale: f64| scale * <StandardNormal as Distribution<f64>>::sample(&StandardNormal, &mut rng);
         let linear = Vec3::new(normal(2e-4), normal(2e-4), 0.0);
@@ -171,7 +171,7 @@ fn a_run_that_says_too_little_or_does_not_fit_is_refused() {
 #[test]
 fn every_law_is_a_candidate() {
     let names: std::collections::BTreeSet<_> = candidate::all(&arm().model).iter().map(|e| e.law().name()).collect();
-    assert_eq!(names.len(), 6);
+    assert_eq!(names.len(), 12);
     let supply = Effect::from(SupplyStroke { at: Place::Arm, gain: 0.1 });
     assert!(candidate::all(&arm().model).iter().any(|effect| candidate::same(effect, &supply)));
     let law: &dyn Law<f64> = supply.law();

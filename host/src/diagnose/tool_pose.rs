@@ -1,10 +1,12 @@
 //! Tool poses of an arm of words, as a kind of observation: whole words are left out, and the held-out words confirm.
 
 use darm_core::effect::Effect;
+use darm_core::effect::step::Step;
 use darm_core::model::MAX_EFFECTS;
+use nalgebra::DVector;
 
 use super::candidate;
-use super::fit::{Fit, cross_validated, fit, losses, losses_by_word};
+use super::fit::{Fit, cross_validated, fit, losses, losses_by_word, moved, weights};
 use super::kind::{Kind, Trial};
 use super::observation::{NoPose, Observations, Value};
 use super::sensitivity::Sensitivity;
@@ -53,6 +55,53 @@ impl ToolPose {
         (fit.values.len() > current.fit.values.len()).then(|| self.judged(fit, Some(*effect)))
     }
 
+    /// A step at the moment that it explains most from; any other effect as it is.
+    fn timed(&self, effect: &Effect<f64>, residuals: &[f64], sensitivity: &Sensitivity) -> Effect<f64> {
+        let Effect::Step(step) = *effect else { return *effect };
+        let always = Step { since_s: f64::NEG_INFINITY, ..step };
+        let since_s = sensitivity.column(&always.into(), 0).and_then(|column| self.moment(&column, residuals));
+        Step { since_s: since_s.unwrap_or(step.since_s), ..step }.into()
+    }
+
+    /// The model with its steps at the moments that they explain most from, each beside all other effects; `None` where
+    /// they are there already.
+    fn timed_again(&mut self, fit: &Fit) -> Result<Option<ArmModel>, NoPose> {
+        let mut model = fit.model.clone();
+        if !model.effects.iter().any(|effect| matches!(effect, Effect::Step(_))) {
+            return Ok(None);
+        }
+        let sensitivity = Sensitivity::new(&fit.model, &self.training, &mut self.scratch)?;
+        for (k, effect) in fit.model.effects.iter().enumerate() {
+            let Effect::Step(step) = *effect else { continue };
+            let Some(own) = fit.values.iter().position(|&(of, _)| of == k) else { continue };
+            let without = moved(&fit.columns[own..=own], &fit.residuals, &DVector::from_element(1, -step.shift_m));
+            model.effects[k] = self.timed(effect, &without, &sensitivity);
+        }
+        Ok((model.effects != fit.model.effects).then_some(model))
+    }
+
+    /// The moment t₀ for which a column that acts from then on takes most from the residuals: the largest
+    /// (Σ w·c·r)² / Σ w·c², the sums over all rows from t₀ on.
+    fn moment(&self, column: &[f64], residuals: &[f64]) -> Option<f64> {
+        let n_axes = self.training.n_axes();
+        let row_weights = weights(residuals, n_axes);
+        let times: Vec<f64> = self.training.times_s().collect();
+        let mut order: Vec<usize> = (0..times.len()).collect();
+        order.sort_by(|&a, &b| times[b].total_cmp(&times[a]));
+        let (mut along, mut square, mut best) = (0.0, 0.0, (0.0, None));
+        for row in order {
+            for k in row * n_axes..(row + 1) * n_axes {
+                along += row_weights[row] * column[k] * residuals[k];
+                square += row_weights[row] * column[k] * column[k];
+            }
+            let gain = along * along / square;
+            if gain > best.0 {
+                best = (gain, Some(times[row]));
+            }
+        }
+        best.1
+    }
+
     fn judged(&self, fit: Fit, effect: Option<Effect<f64>>) -> Trial<Self> {
         let predicted = cross_validated(&fit.columns, &fit.residuals, &self.training, &self.folds);
         let loss = losses(&predicted, self.training.n_axes()).iter().sum();
@@ -78,6 +127,10 @@ impl Kind for ToolPose {
         MAX_EFFECTS
     }
 
+    fn exchanges(&self) -> bool {
+        true
+    }
+
     fn name(&self, effect: &Effect<f64>) -> (&'static str, String) {
         (effect.law().name(), candidate::place_code(effect))
     }
@@ -92,12 +145,19 @@ impl Kind for ToolPose {
             .filter(|effect| !current.fit.model.effects.iter().any(|known| candidate::same(known, effect)))
             .collect();
         let sensitivity = Sensitivity::new(&current.fit.model, &self.training, &mut self.scratch)?;
-        Ok(candidates.iter().filter_map(|effect| self.candidate(current, effect, &sensitivity)).collect())
+        let timed = candidates.iter().map(|effect| self.timed(effect, &current.fit.residuals, &sensitivity));
+        Ok(timed.filter_map(|effect| self.candidate(current, &effect, &sensitivity)).collect())
     }
 
+    /// A trial fitted in full; a step is timed again beside the other effects.
     fn refined(&mut self, trial: &Trial<Self>) -> Result<Trial<Self>, NoPose> {
         let refined = self.fitted(&trial.fit.model)?;
-        Ok(Trial { effect: trial.effect, ..refined })
+        let Some(model) = self.timed_again(&refined.fit)? else {
+            return Ok(Trial { effect: trial.effect, ..refined });
+        };
+        let again = self.fitted(&model)?;
+        let better = if again.loss < refined.loss { again } else { refined };
+        Ok(Trial { effect: better.fit.model.effects.last().copied(), ..better })
     }
 
     fn without(&mut self, best: &Trial<Self>, dropped: usize) -> Result<Trial<Self>, NoPose> {
@@ -110,7 +170,8 @@ impl Kind for ToolPose {
         fall(&before.predicted, &after.predicted, &self.training.groups())
     }
 
-    /// Whether the held-out error falls by more than its uncertainty, word by word and as a whole.
+    /// Whether the held-out error falls by more than its uncertainty, word by word and as a whole. Falls are taken word by
+    /// word, so that a row that is far off by both models does not hide them.
     fn confirmed(&mut self, without: &Trial<Self>, with: &Trial<Self>) -> Result<bool, NoPose> {
         if self.heldout.rows.is_empty() {
             return Ok(true);
@@ -118,9 +179,10 @@ impl Kind for ToolPose {
         let before = self.heldout.residuals(&without.fit.model, &mut self.scratch)?;
         let after = self.heldout.residuals(&with.fit.model, &mut self.scratch)?;
         let p = fall(&before, &after, &self.heldout.groups()).p;
-        let (mean_before, _) = mean_loss(&losses_by_word(&before, &self.heldout));
-        let (mean_after, uncertainty) = mean_loss(&losses_by_word(&after, &self.heldout));
-        Ok(p < CONFIRMATION_LEVEL && mean_before - mean_after > uncertainty)
+        let (before, after) = (losses_by_word(&before, &self.heldout), losses_by_word(&after, &self.heldout));
+        let falls: Vec<f64> = before.iter().zip(&after).map(|(before, after)| before - after).collect();
+        let (fall, uncertainty) = mean_loss(&falls);
+        Ok(p < CONFIRMATION_LEVEL && fall > uncertainty)
     }
 }
 

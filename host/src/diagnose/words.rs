@@ -20,7 +20,7 @@ pub(super) fn sentences(arm: &Arm, diagnosis: &Diagnosis, effects: &[Effect<f64>
         }
     }
     if diagnosis.verdict == Verdict::UnexplainedStructure {
-        let names: Vec<&str> = diagnosis.remaining.depends_on.iter().take(3).map(|d| d.variable.as_str()).collect();
+        let names: Vec<String> = diagnosis.remaining.depends_on.iter().take(3).map(ToString::to_string).collect();
         if !names.is_empty() {
             told.push(format!("It depends on: {}.", names.join("; ")));
         }
@@ -109,5 +109,48 @@ pub fn effect_sentence(arm: &Arm, effect: &Effect<f64>) -> String {
         Effect::ThermalGrowth(law) => {
             format!("{place}: the legs grow by {:.1} µm per metre and kelvin.", law.expansion_per_k * 1e6)
         }
+        Effect::Step(law) => {
+            let (way, since_s) = (longer(law.shift_m), law.since_s);
+            format!("{place}: since {since_s:.1} s after the start it is {:.2} mm {way}.", law.shift_m.abs() * 1e3)
+        }
+        Effect::Drift(law) => {
+            let way = longer(law.rate_m_per_s);
+            format!("{place}: it creeps {:.2} mm {way} in each minute.", law.rate_m_per_s.abs() * 6e4)
+        }
+        Effect::Wear(law) => {
+            let way = if law.per_switch_m > 0.0 { "farther" } else { "less far" };
+            format!("{place}: its stops let it {:.2} mm {way} for each 100 switches.", law.per_switch_m.abs() * 1e5)
+        }
+        Effect::Crowding(law) => {
+            let short_mm = law.short_m * 1e3;
+            format!(
+                "{place}: an actuator stays {short_mm:.2} mm short for each other that its module switches with it."
+            )
+        }
+        Effect::FrameOffset(law) => frame_sentence(&place, &law.values, arm.model.chain.is_planar()),
+        Effect::Scale(law) => {
+            let way = if law.stretch > 0.0 { "long" } else { "short" };
+            format!("{place}: it tells lengths {:.3} % too {way}.", law.stretch.abs() * 100.0)
+        }
+        Effect::JointOffset(law) => {
+            format!("{place}: its joint stands {:+.3}° from where the servo tells.", law.offset_rad.to_degrees())
+        }
     }
+}
+
+fn longer(growth: f64) -> &'static str {
+    if growth > 0.0 { "longer" } else { "shorter" }
+}
+
+/// Where a frame sits: turned by the first three (rad), shifted by the others (m).
+fn frame_sentence(place: &str, values: &[f64; 6], planar: bool) -> String {
+    let [rx, ry, rz] = [values[0], values[1], values[2]].map(f64::to_degrees);
+    let [x, y, z] = [values[3], values[4], values[5]].map(|shift| shift * 1e3);
+    if planar {
+        return format!("{place} sits {x:+.2} mm in x, {y:+.2} mm in y from its place, turned by {rz:+.3}°.");
+    }
+    format!(
+        "{place} sits {x:+.2} mm in x, {y:+.2} mm in y, {z:+.2} mm in z from its place, turned by {rx:+.3}°, {ry:+.3}° and \
+         {rz:+.3}° about them."
+    )
 }

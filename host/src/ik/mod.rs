@@ -1,5 +1,8 @@
 //! Inverse kinematics by a method of choice, with the error before every step, so that methods can be compared.
 //!
+//! Take [`Method::LevenbergMarquardt`]; the others are there to be learned from. [`configurations`] tells all postures that
+//! reach a target, [`search`] holds the searches by populations of points, [`paper`] the tables that they are known from.
+//!
 //! [`solve`] never fails: [`Solution::status`] tells how it ended, and [`Solution::q`] holds the nearest positions found.
 //!
 //! ```
@@ -18,7 +21,17 @@
 //! assert!(slow.history.len() > fast.history.len());
 //! ```
 
+mod cma;
+pub mod configurations;
+mod differential;
+mod em;
+mod genetic;
+mod memr;
+pub mod objective;
+pub mod paper;
 pub mod plot;
+pub mod search;
+pub mod trials;
 
 use std::fmt;
 use std::str::FromStr;
@@ -27,10 +40,12 @@ use darm_core::ik::{self, error, scale};
 use darm_core::se::{Pose, Twist};
 use darm_core::tree::Frames;
 use nalgebra::SMatrix;
+use objective::Distance;
+use search::{Algorithm, Settings, minimise};
 
 pub use darm_core::ik::{Arm, Options, Solution, Status};
 
-/// How the linearised arm is solved for a step.
+/// How joint positions are found: by steps that linearise the arm, or by a population of points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
     /// Damped steps within the limits, with restarts: [`darm_core::ik::solve`], the one to take.
@@ -44,6 +59,8 @@ pub enum Method {
     Transpose,
     /// Jᵀ(JJᵀ + μ1)⁻¹ with a constant μ of 1e-3 m².
     DampedLeastSquares,
+    /// A search by a population of points, which needs no Jacobian.
+    Population(Algorithm),
 }
 
 /// μ of [`Method::DampedLeastSquares`], m².
@@ -54,7 +71,8 @@ const DAMPING: f64 = 1e-3;
 pub struct Traced<const N: usize> {
     /// The nearest positions found, and how the search ended.
     pub solution: Solution<f64, N>,
-    /// The error before each step of the last start, and at its end.
+    /// The error before each step of the last start, and at its end. Of a population the least √(|Δp|² + ℓ²θ²) after each
+    /// iteration, told as a distance.
     pub history: Vec<Residual>,
 }
 
@@ -68,8 +86,8 @@ pub struct Residual {
 }
 
 impl Method {
-    /// All methods, the recommended one first.
-    pub const ALL: [Self; 5] =
+    /// The methods that step, the recommended one first.
+    pub const STEPS: [Self; 5] =
         [Self::LevenbergMarquardt, Self::Inverse, Self::PseudoInverse, Self::Transpose, Self::DampedLeastSquares];
 
     /// The name that a person types.
@@ -80,7 +98,18 @@ impl Method {
             Self::PseudoInverse => "pseudo-inverse",
             Self::Transpose => "transpose",
             Self::DampedLeastSquares => "dls",
+            Self::Population(algorithm) => algorithm.name(),
         }
+    }
+
+    /// All methods: those that step, then the searches by populations.
+    pub fn all() -> impl Iterator<Item = Self> {
+        Self::STEPS.into_iter().chain(Algorithm::ALL.map(Self::Population))
+    }
+
+    /// Steps from one start, or iterations, that are enough as a rule.
+    pub fn usual_steps(self) -> usize {
+        if let Self::Population(_) = self { Settings::default().iterations } else { Options::<f64>::default().steps }
     }
 
     /// A step of one of the lecture's methods; `None` where it does not exist.
@@ -90,6 +119,7 @@ impl Method {
             Self::PseudoInverse => Some(ik::pseudo_inverse_step(jacobian, error)),
             Self::Transpose => Some(ik::transpose_step(jacobian, error)),
             Self::LevenbergMarquardt | Self::DampedLeastSquares => Some(ik::damped_step(jacobian, error, DAMPING)),
+            Self::Population(_) => None,
         }
     }
 }
@@ -104,10 +134,17 @@ impl FromStr for Method {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        Self::ALL.into_iter().find(|method| method.name() == name).ok_or_else(|| {
-            let names = Self::ALL.map(Self::name).join(", ");
-            format!("no method is called {name:?}; there are {names}")
+        Self::all().find(|method| method.name() == name).ok_or_else(|| {
+            let names: Vec<_> = Self::all().map(Self::name).collect();
+            format!("no method is called {name:?}; there are {}", names.join(", "))
         })
+    }
+}
+
+impl Residual {
+    /// √(|Δp|² + ℓ²θ²), m, where one radian is held equal to ℓ metres.
+    pub fn distance_m(&self, length_scale_m: f64) -> f64 {
+        self.error_m.hypot(length_scale_m * self.error_rad)
     }
 }
 
@@ -121,7 +158,8 @@ impl From<&Twist<f64>> for Residual {
 ///
 /// The lecture's methods take up to `options.steps` steps from the one start, each joint kept within its limits, and end
 /// [`Status::NotConverged`] where the tool is not within the tolerances after them; only the recommended one restarts and
-/// tells what is out of reach.
+/// tells what is out of reach. A population is drawn within the limits, not about `q`, takes `options.steps` iterations with the
+/// settings of [`Settings::default`], and ends sooner when it is within the tolerances.
 pub fn solve<const N: usize>(
     method: Method,
     arm: &Arm<f64, N>,
@@ -130,6 +168,10 @@ pub fn solve<const N: usize>(
     options: &Options<f64>,
 ) -> Traced<N> {
     let mut history = Vec::new();
+    if let Method::Population(algorithm) = method {
+        let solution = by_population(algorithm, arm, target, options, &mut history);
+        return Traced { solution, history };
+    }
     if method != Method::LevenbergMarquardt {
         let solution = follow(method, arm, target, q, options, &mut history);
         return Traced { solution, history };
@@ -174,11 +216,39 @@ fn follow<const N: usize>(
         q.iter_mut().zip(&step).for_each(|(q, step)| *q += step);
         q = arm.within_limits(&q);
     }
-    let pose = arm.tree.pose(arm.tool, &best);
+    told(arm, target, options, best, history.len() - 1)
+}
+
+/// The best point of a population as a solution.
+fn by_population<const N: usize>(
+    algorithm: Algorithm,
+    arm: &Arm<f64, N>,
+    target: &Pose<f64>,
+    options: &Options<f64>,
+    history: &mut Vec<Residual>,
+) -> Solution<f64, N> {
+    let distance = Distance::new(arm, target, options);
+    let of_angle = options.orientation_rad * options.length_scale_m;
+    let enough = options.position_m.min(of_angle);
+    let settings = Settings { iterations: options.steps, seed: options.seed, enough, ..Settings::default() };
+    let run = minimise(algorithm, &distance, &settings);
+    history.extend(run.history.iter().map(|mark| Residual { error_m: mark.value, error_rad: 0.0 }));
+    told(arm, target, options, distance.positions(&run.x), history.len().saturating_sub(1))
+}
+
+/// What `q` comes to, by forward kinematics.
+fn told<const N: usize>(
+    arm: &Arm<f64, N>,
+    target: &Pose<f64>,
+    options: &Options<f64>,
+    q: [f64; N],
+    steps: usize,
+) -> Solution<f64, N> {
+    let pose = arm.tree.pose(arm.tool, &q);
     let error = error(target, &pose);
     let Residual { error_m, error_rad } = Residual::from(&error);
     let status = if options.accepts(&error) { Status::Reached } else { Status::NotConverged };
-    Solution { status, q: best, pose, error_m, error_rad, steps: history.len() - 1, starts: 1 }
+    Solution { status, q, pose, error_m, error_rad, steps, starts: 1 }
 }
 
 #[cfg(test)]

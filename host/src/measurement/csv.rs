@@ -13,6 +13,7 @@ use flate2::Compression;
 use flate2::read::MultiGzDecoder;
 use flate2::write::GzEncoder;
 
+use super::log::{self, LogError};
 use super::{Finding, Run, Sample};
 
 /// Why a file gives no measurements.
@@ -33,6 +34,14 @@ pub enum ReadError {
         path: PathBuf,
         /// What is wrong.
         error: csv::Error,
+    },
+    /// A log gives no table.
+    #[error("{}: {error}", path.display())]
+    Log {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        error: LogError,
     },
     /// A column that cannot be done without is missing.
     #[error("{}: no column {column}; the file has {present}; rename a column so that it carries this quantity and unit", path.display())]
@@ -73,15 +82,19 @@ pub fn read(path: &Path) -> Result<(Run, Vec<Finding>), ReadError> {
     read_text(path, &bytes(path)?)
 }
 
-/// What is in a file, expanded when its name ends in `.gz`.
+/// The table in a file, expanded when its name ends in `.gz`, as text when it ends in `.mcap`.
 pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
     let io = |error| ReadError::Io { path: path.into(), error };
     let mut file = File::open(path).map_err(io)?;
     let mut bytes = Vec::new();
-    if path.extension().is_some_and(|end| end == "gz") {
+    let ends_in = |end: &str| path.extension().is_some_and(|own| own == end);
+    if ends_in("gz") {
         MultiGzDecoder::new(file).read_to_end(&mut bytes).map_err(io)?;
     } else {
         file.read_to_end(&mut bytes).map_err(io)?;
+    }
+    if ends_in("mcap") {
+        return log::to_text(&bytes).map_err(|error| ReadError::Log { path: path.into(), error });
     }
     Ok(bytes)
 }
@@ -110,16 +123,18 @@ pub fn read_text(path: &Path, text: &[u8]) -> Result<(Run, Vec<Finding>), ReadEr
     Ok((run, findings))
 }
 
-/// Writes a file of measurements, compressed when its name ends in `.gz`.
-pub fn write(path: &Path, run: &Run) -> io::Result<()> {
-    let text = write_text(run);
-    let mut file = File::create(path)?;
-    if path.extension().is_some_and(|end| end == "gz") {
-        let mut encoder = GzEncoder::new(file, Compression::default());
-        encoder.write_all(text.as_bytes())?;
-        encoder.finish()?.flush()
-    } else {
-        file.write_all(text.as_bytes())
+/// Writes a file of measurements, compressed when its name ends in `.gz`, a log when it ends in `.mcap`; `about` are
+/// comment lines (`# key value`) that stand before the table.
+pub fn write(path: &Path, about: &str, run: &Run) -> io::Result<()> {
+    let text = about.to_owned() + &write_text(run);
+    match path.extension().and_then(|end| end.to_str()) {
+        Some("gz") => {
+            let mut encoder = GzEncoder::new(File::create(path)?, Compression::default());
+            encoder.write_all(text.as_bytes())?;
+            encoder.finish()?.flush()
+        }
+        Some("mcap") => std::fs::write(path, log::from_text(&text).map_err(io::Error::other)?),
+        _ => std::fs::write(path, text),
     }
 }
 

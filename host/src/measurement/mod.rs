@@ -1,8 +1,10 @@
-//! Measurements: where the tool stood in each visit of a word, under what conditions; read from and written to CSV.
+//! Measurements: where the tool stood in each visit of a word, under what conditions; read from and written to CSV, and
+//! logs in MCAP ([`log`]).
 //!
 //! # Columns
 //!
-//! The header names quantity and unit. Columns may stand in any order; a file that ends in `.gz` is compressed.
+//! The header names quantity and unit. Columns may stand in any order; a file that ends in `.gz` is compressed, one that
+//! ends in `.mcap` has the same columns as keys of its messages.
 //!
 //! | column | meaning |
 //! | --- | --- |
@@ -20,6 +22,8 @@
 
 mod check;
 mod csv;
+pub mod log;
+pub mod mcap;
 pub mod select;
 pub mod table;
 
@@ -74,6 +78,11 @@ impl Run {
     /// The samples that a fit may see, with their indices.
     pub fn training(&self) -> impl Iterator<Item = (usize, &Sample)> {
         self.samples.iter().enumerate().filter(|(_, sample)| !sample.held_out)
+    }
+
+    /// When the first sample was taken, s.
+    pub fn start_s(&self) -> f64 {
+        self.samples.iter().map(|sample| sample.time_s).reduce(f64::min).unwrap_or_default()
     }
 
     /// The median supply and temperature (°C) of the last fifth of the samples: the conditions that the arm has

@@ -98,8 +98,8 @@ pub struct Table {
 /// Names given to columns: quantity (with its unit, if any) to the column's name in the file.
 pub type Names = BTreeMap<String, String>;
 
-/// Quantity and unit that a name tells.
-fn named(name: &str) -> (String, f64, &'static str) {
+/// Quantity that a name tells, the factor that brings its numbers to SI, and the unit that comes of it.
+pub(super) fn named(name: &str) -> (String, f64, &'static str) {
     let small = name.trim().to_lowercase();
     let split = small.rsplit_once('_').and_then(|(quantity, unit)| {
         let (_, factor, si) = UNITS.iter().find(|(known, ..)| *known == unit)?;

@@ -171,7 +171,8 @@ pub fn as_run(arm: &Arm, steps: &[Step], supply: f64, temperature_k: f64) -> Run
     let mut scratch = ArmScratch::default();
     let sample = |(visit, step): (usize, &Step)| {
         let previous = Some(step.previous);
-        let condition = Condition { word: step.word, previous, servos: &step.servos_rad, supply, temperature_k };
+        let nominal = arm.model.nominal(step.word, &step.servos_rad);
+        let condition = Condition { previous, supply, temperature_k, ..nominal };
         Some(Sample {
             time_s: visit as f64,
             word: step.word,

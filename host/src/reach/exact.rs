@@ -67,9 +67,15 @@ pub struct Near {
 pub struct Index {
     outer: Frames,
     inner: Frames,
-    left: Frames,
-    right: Frames,
-    tails: Tree,
+    tails: Tails,
+}
+
+/// The frames of the tail, ready to be searched.
+#[derive(Debug)]
+pub(super) struct Tails {
+    pub(super) left: Frames,
+    pub(super) right: Frames,
+    tree: Tree,
     length_scale_m: f64,
     /// What `f32` may be wrong by in a distance between points, m.
     rounding_m: f64,
@@ -78,55 +84,34 @@ pub struct Index {
 impl Index {
     /// Forms the frames of the head and of the tail of `arm`, and sorts those of the tail.
     pub fn new(arm: &Arm, options: &Options) -> Result<Self, ReachError> {
-        let dead = |actuator: usize| options.dead.iter().find(|(dead, _)| *dead == actuator).map(|(_, digit)| *digit);
-        let allowed = |actuator: usize, digit: u8| dead(actuator).is_none_or(|at| at == digit);
-        let stages = frames::of_stages(arm, &options.servos_rad, allowed)?;
+        let stages = stages(arm, options)?;
         let rest = arm.rest();
-        let mut tails = 1;
-        let tail = stages.iter().rev().take_while(|stage| {
-            tails *= stage.len().next_power_of_two();
-            tails <= options.max_tails.max(stage.len().next_power_of_two())
-        });
-        let (head, tail) = stages.split_at(stages.len() - tail.count());
+        let (head, tail) = stages.split_at(cut(&stages, options.max_tails));
         let (outer, inner) = head.split_at(frames::middle(head));
         let size = |stages: &[Frames]| stages.iter().map(|stage| stage.len() as f64).product::<f64>();
         if size(outer).max(size(inner)) > MAX_FACTOR as f64 {
             return Err(ReachError::TooManyWords { digits: arm.n_actuators() });
         }
-        let (left, right) = tail.split_at(frames::middle(tail));
-        let (left, right) = (frames::product(left, rest), frames::product(right, rest));
-        let farthest =
-            |frames: &Frames| frames.poses.iter().fold(0.0, |most: f64, pose| most.max(pose.position.norm()));
-        let extent = stages.iter().map(farthest).sum::<f64>() + options.length_scale_m;
-        Ok(Self {
-            outer: frames::product(outer, rest),
-            inner: frames::product(inner, rest),
-            tails: Tree::new(&left, &right, options.length_scale_m),
-            left,
-            right,
-            length_scale_m: options.length_scale_m,
-            rounding_m: 64.0 * f64::from(f32::EPSILON) * extent,
-        })
+        let tails = Tails::new(tail, extent_m(&stages), options.length_scale_m, rest);
+        Ok(Self { outer: frames::product(outer, rest), inner: frames::product(inner, rest), tails })
     }
 
     /// How many words the index stands for.
     pub fn words(&self) -> f64 {
-        [&self.outer, &self.inner, &self.left, &self.right].iter().map(|frames| frames.len() as f64).product()
+        [&self.outer, &self.inner].iter().map(|frames| frames.len() as f64).product::<f64>() * self.tails.words()
     }
 
     /// Bytes that the index takes.
     pub fn bytes(&self) -> usize {
-        let frames = [&self.outer, &self.inner, &self.left, &self.right];
-        let poses = frames.iter().map(|frames| size_of_val(&*frames.poses) + size_of_val(&*frames.words));
-        self.tails.bytes() + poses.sum::<usize>()
+        self.outer.bytes() + self.inner.bytes() + self.tails.bytes()
     }
 
     /// The `count` words nearest to `target` that no pattern of `forbidden` names; nearest first.
     pub fn nearest(&self, target: &Pose<f64>, count: usize, forbidden: &[Pattern]) -> Vec<Near> {
         let mut seeker = Nearest { count, forbidden, best: Vec::with_capacity(count + 1) };
         if count > 0 {
-            self.pass(target, GLANCE_EVERY, |probe, reach, look| probe.glance(reach, look), &mut seeker);
-            self.pass(target, 1, |probe, reach, look| probe.search(reach, look), &mut seeker);
+            self.pass(target, GLANCE_EVERY, Look::Nearby, &mut seeker);
+            self.pass(target, 1, Look::Within, &mut seeker);
         }
         seeker.best
     }
@@ -142,42 +127,100 @@ impl Index {
     ) -> Option<Near> {
         let head = self.outer.digits + self.inner.digits;
         let mut seeker = FewestSwitches { tolerance_m, from, head, forbidden, best: None };
-        self.pass(target, 1, |probe, reach, look| probe.search(reach, look), &mut seeker);
+        self.pass(target, 1, Look::Within, &mut seeker);
         seeker.best.map(|(_, near)| near)
     }
 
-    /// Shows `seeker` words from every `step`-th head, found `by` a probe of the tails, within its reach.
-    fn pass<S: Seeker>(
+    /// Shows `seeker` words from every `step`-th head, as far as they are within its reach.
+    fn pass<S: Seeker>(&self, target: &Pose<f64>, step: usize, what: Look, seeker: &mut S) {
+        for (outer, outer_word) in self.outer.poses.iter().zip(&self.outer.words) {
+            let from_outer = outer.to(target);
+            for (inner, inner_word) in self.inner.poses.iter().zip(&self.inner.words).step_by(step) {
+                if seeker.wants(|| joined(outer_word, inner_word)) {
+                    let head = || (*outer * *inner, joined(outer_word, inner_word));
+                    self.tails.look(&inner.to(&from_outer), what, head, seeker);
+                }
+            }
+        }
+    }
+}
+
+/// What a search shows of the tails.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Look {
+    /// A few that lie nearby.
+    Nearby,
+    /// All that lie within reach.
+    Within,
+}
+
+/// The frames of the stages that `options` allow.
+pub(super) fn stages(arm: &Arm, options: &Options) -> Result<Vec<Frames>, ReachError> {
+    let dead = |actuator: usize| options.dead.iter().find(|(dead, _)| *dead == actuator).map(|(_, digit)| *digit);
+    frames::of_stages(arm, &options.servos_rad, |actuator, digit| dead(actuator).is_none_or(|at| at == digit))
+}
+
+/// Where the tail begins that has `max_tails` frames at most, or one stage.
+pub(super) fn cut(stages: &[Frames], max_tails: usize) -> usize {
+    let mut tails = 1;
+    let tail = stages.iter().rev().take_while(|stage| {
+        tails *= stage.len().next_power_of_two();
+        tails <= max_tails.max(stage.len().next_power_of_two())
+    });
+    stages.len() - tail.count()
+}
+
+/// The farthest that stages can reach, m.
+pub(super) fn extent_m(stages: &[Frames]) -> f64 {
+    let farthest = |frames: &Frames| frames.poses.iter().fold(0.0, |most: f64, pose| most.max(pose.position.norm()));
+    stages.iter().map(farthest).sum()
+}
+
+impl Tails {
+    /// Sorts the products of `stages`, of an arm that reaches as far as `extent_m`.
+    pub(super) fn new(stages: &[Frames], extent_m: f64, length_scale_m: f64, rest: Word) -> Self {
+        let (left, right) = stages.split_at(frames::middle(stages));
+        let (left, right) = (frames::product(left, rest), frames::product(right, rest));
+        let tree = Tree::new(&left, &right, length_scale_m);
+        let rounding_m = 64.0 * f64::from(f32::EPSILON) * (extent_m + length_scale_m);
+        Self { left, right, tree, length_scale_m, rounding_m }
+    }
+
+    /// How many words they have.
+    pub(super) fn words(&self) -> f64 {
+        self.left.len() as f64 * self.right.len() as f64
+    }
+
+    fn bytes(&self) -> usize {
+        self.left.bytes() + self.right.bytes() + self.tree.bytes()
+    }
+
+    /// Shows `seeker` words of one head, of which the tail is to stand at `wanted`, within its reach.
+    pub(super) fn look<S: Seeker>(
         &self,
-        target: &Pose<f64>,
-        step: usize,
-        by: impl Fn(&Probe, &mut f32, &mut dyn FnMut(u32) -> f32),
+        wanted: &Pose<f64>,
+        what: Look,
+        head: impl Fn() -> (Pose<f64>, Word),
         seeker: &mut S,
     ) {
         let square = |reach_m: f64| (reach_m + self.rounding_m).powi(2) as f32;
         let mut reach = square(seeker.reach_m());
-        for (outer, outer_word) in self.outer.poses.iter().zip(&self.outer.words) {
-            let from_outer = outer.to(target);
-            for (inner, inner_word) in self.inner.poses.iter().zip(&self.inner.words).step_by(step) {
-                if !seeker.wants(|| joined(outer_word, inner_word)) {
-                    continue;
-                }
-                let wanted = inner.to(&from_outer);
-                let mut look = |product: u32| {
-                    let (left, right) = self.tails.factors(product);
-                    let tail = self.left.poses[left] * self.right.poses[right];
-                    let distance_m = tail.distance(&wanted, self.length_scale_m);
-                    if distance_m <= seeker.reach_m() {
-                        let head = joined(outer_word, inner_word);
-                        let word = joined(&head, &joined(&self.left.words[left], &self.right.words[right]));
-                        seeker.see(Near { word, pose_base_tool: *outer * (*inner * tail), distance_m });
-                    }
-                    square(seeker.reach_m())
-                };
-                for probe in Probe::around(&self.tails, &wanted) {
-                    if probe.box_distance_squared() <= reach {
-                        by(&probe, &mut reach, &mut look);
-                    }
+        let mut look = |product: u32| {
+            let (left, right) = self.tree.factors(product);
+            let tail = self.left.poses[left] * self.right.poses[right];
+            let distance_m = tail.distance(wanted, self.length_scale_m);
+            if distance_m <= seeker.reach_m() {
+                let (pose, word) = head();
+                let word = joined(&word, &joined(&self.left.words[left], &self.right.words[right]));
+                seeker.see(Near { word, pose_base_tool: pose * tail, distance_m });
+            }
+            square(seeker.reach_m())
+        };
+        for probe in Probe::around(&self.tree, wanted) {
+            if probe.box_distance_squared() <= reach {
+                match what {
+                    Look::Nearby => probe.glance(&mut reach, &mut look),
+                    Look::Within => probe.search(&mut reach, &mut look),
                 }
             }
         }
@@ -185,7 +228,7 @@ impl Index {
 }
 
 /// Who looks for words.
-trait Seeker {
+pub(super) trait Seeker {
     /// Whether a head that begins with the word may be part of the answer.
     fn wants(&self, head: impl FnOnce() -> Word) -> bool;
     /// Words further away than this are of no use, m.
@@ -194,10 +237,12 @@ trait Seeker {
     fn see(&mut self, near: Near);
 }
 
-struct Nearest<'a> {
-    count: usize,
-    forbidden: &'a [Pattern],
-    best: Vec<Near>,
+/// Looks for the nearest words.
+#[derive(Clone)]
+pub(super) struct Nearest<'a> {
+    pub(super) count: usize,
+    pub(super) forbidden: &'a [Pattern],
+    pub(super) best: Vec<Near>,
 }
 
 impl Seeker for Nearest<'_> {

@@ -27,6 +27,11 @@ impl Frames {
         self.poses.len()
     }
 
+    /// Bytes that they take.
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(&*self.poses) + size_of_val(&*self.words)
+    }
+
     /// The frames of this run and the next one behind it, the next one's counting fastest.
     pub(super) fn times(&self, next: &Self) -> Self {
         let pairs = || (0..self.len()).flat_map(|i| (0..next.len()).map(move |j| (i, j)));

@@ -9,9 +9,9 @@
 //! a new layer are counted in one box of memory, by one thread. The work grows with cells and poses, not with words.
 //!
 //! Where a pose in front takes a position does not depend on the orientation there, nor the reverse: the densities over
-//! positions alone and over orientations alone are convolutions of their own, and cost little. They are always there;
-//! the joint density is carried as long as a convolution of it takes seconds. 64⁶ words at 20 mm and 10° would be some
-//! 10⁸ to 10⁹ cells.
+//! positions alone and over orientations alone are convolutions of their own, and cost little. They are always there.
+//! The joint density is carried as long as it fits: the last convolution is counted layer by layer, each shown and
+//! forgotten, where it is too large to be kept, so that the memory is that of the density of one stage less.
 //!
 //! # Error
 //!
@@ -23,9 +23,11 @@
 //! an `f64` adds without error.
 
 use std::collections::{BTreeMap, HashSet, VecDeque};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use darm_core::real::{Mat3, Vec3};
 use darm_core::se::{Pose, rotation_exp, rotation_log};
+use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use super::ReachError;
@@ -34,12 +36,20 @@ use crate::arm::Arm;
 
 /// Most frames of the last stages that are formed one by one.
 const MAX_EXACT: usize = 1 << 18;
-/// Most words of cells, by poses in front, that one convolution of the joint density may move.
-const MAX_MOVED: usize = 1 << 27;
+/// Most cells, by poses in front, that one convolution of the joint density may move: about a minute.
+const MAX_MOVED: usize = 1 << 34;
+/// Most cells of the joint density that are kept, 12 bytes each.
+const MAX_KEPT: usize = 3 << 26;
+/// Of the whole arm, which is kept only to be looked at once more.
+const MAX_KEPT_AT_LAST: usize = 1 << 24;
 /// Bits of a cell's number along each axis of its layer.
 const BITS: [u32; 3] = [11, 11, 10];
 /// Most cells of a layer's box.
 const MAX_BOX: usize = 1 << 28;
+/// Bits behind the point of a position in fractions of a cell: with 11 before it, three of them add up to an `i32`.
+const FRACTION: i32 = 18;
+/// Cells that are moved side by side.
+const ABREAST: usize = 64;
 
 /// A cell by its number along each axis; that around 0 is 0.
 pub type Place = [i16; 3];
@@ -55,9 +65,9 @@ pub struct Resolution {
 
 /// The cells of one orientation that words end in.
 #[derive(Clone, Debug, PartialEq)]
-struct Layer {
+pub struct Layer {
     /// The rotation vector, in cells.
-    orientation: Place,
+    pub orientation: Place,
     /// The least number of a position along each axis, and how many there are.
     low: Place,
     size: [usize; 3],
@@ -74,6 +84,8 @@ pub struct Map {
     pub resolution: Resolution,
     /// The joint density; nothing where it would be too large.
     layers: Vec<Layer>,
+    /// In how many orientations each position is reached, in place of words; `None` where that was not counted.
+    crowd: Option<Layer>,
     /// The density over positions, whatever the orientation.
     positions: Layer,
     /// The density over rotation vectors, in cells, whatever the position.
@@ -85,7 +97,7 @@ pub struct Map {
 pub struct Spot {
     /// Words that end there.
     pub words: f64,
-    /// In how many cells of orientations; `None` without the joint density.
+    /// In how many cells of orientations; `None` where the joint density was too large to be counted.
     pub orientations: Option<usize>,
 }
 
@@ -99,16 +111,18 @@ impl Map {
         resolution: Resolution,
         done: impl FnMut(f64),
     ) -> Result<Self, ReachError> {
-        Self::with_exact(arm, servos_rad, resolution, MAX_EXACT, done)
+        Self::with_layers(arm, servos_rad, resolution, MAX_EXACT, done, |_| ())
     }
 
-    /// The same with at most so many frames of the last stages formed one by one, of one stage at least.
-    pub fn with_exact(
+    /// The same with at most so many frames of the last stages formed one by one, of one stage at least. Where the joint
+    /// density is not too large `see` is shown each layer of it, in any order.
+    pub fn with_layers(
         arm: &Arm,
         servos_rad: &[f64],
         resolution: Resolution,
         max_exact: usize,
         mut done: impl FnMut(f64),
+        see: impl Fn(&Layer) + Sync,
     ) -> Result<Self, ReachError> {
         let stages = frames::of_stages(arm, servos_rad, |_, _| true)?;
         let mut frames = 1;
@@ -118,9 +132,13 @@ impl Map {
         });
         let (before, last) = stages.split_at(stages.len() - last.count().max(1));
         let mut map = Self::exact(&frames::product(last, arm.rest()), resolution)?;
-        for (convolved, stage) in before.iter().rev().enumerate() {
-            done((last.len() + convolved) as f64 / stages.len() as f64);
-            map = map.after(stage)?;
+        for (convolved, stage) in before.iter().enumerate().rev() {
+            done(1.0 - (convolved + 1) as f64 / stages.len() as f64);
+            map = if convolved == 0 { map.at_last(stage, &see)? } else { map.after(stage)? };
+        }
+        if before.is_empty() {
+            map.layers.iter().for_each(see);
+            map.crowd = Some(Tally::of(&map.positions, &map.layers).into_layer(&map.positions)?);
         }
         Ok(map)
     }
@@ -130,13 +148,13 @@ impl Map {
         self.positions.words.iter().sum()
     }
 
-    /// How many cells of position and orientation words end in; `None` without the joint density.
-    pub fn n_cells(&self) -> Option<usize> {
-        (!self.layers.is_empty()).then(|| self.layers.iter().map(|layer| layer.words.len()).sum())
+    /// How many cells of position and orientation words end in; `None` where they are too many to be counted.
+    pub fn n_cells(&self) -> Option<f64> {
+        self.crowd.as_ref().map(|crowd| crowd.words.iter().sum())
     }
 
-    /// Every cell that words end in: its position, its rotation vector, and how many words; none without the joint
-    /// density.
+    /// Every cell that words end in: its position, its rotation vector, and how many words; none where they are too many
+    /// to be kept.
     pub fn cells(&self) -> impl Iterator<Item = (Place, Place, f64)> {
         let cells = |layer| Layer::cells(layer).map(|(position, words)| (position, layer.orientation, words));
         self.layers.iter().flat_map(cells)
@@ -144,13 +162,11 @@ impl Map {
 
     /// What ends at each position, in the order of the positions.
     pub fn spots(&self) -> BTreeMap<Place, Spot> {
-        let orientations = (!self.layers.is_empty()).then_some(0);
-        let spot = |(place, words)| (place, Spot { words, orientations });
+        let spot = |(place, words)| (place, Spot { words, orientations: None });
         let mut spots: BTreeMap<Place, Spot> = self.positions.cells().map(spot).collect();
-        for (position, _, _) in self.cells() {
-            if let Some(count) = spots.get_mut(&position).and_then(|spot| spot.orientations.as_mut()) {
-                *count += 1;
-            }
+        for (position, count) in self.crowd.iter().flat_map(Layer::cells) {
+            // Rounded in another order a position of the joint density may lie one cell off that of the positions alone.
+            spots.entry(position).or_default().orientations = Some(count as usize);
         }
         spots
     }
@@ -170,49 +186,112 @@ impl Map {
         let layer = |(orientation, cells): (Place, BTreeMap<Place, f64>)| {
             let low = cells.keys().fold([i16::MAX; 3], |low, place| each(low, *place, i16::min));
             let high = cells.keys().fold([i16::MIN; 3], |high, place| each(high, *place, i16::max));
-            let mut counts = Counts::new(orientation, low, each(high, low, |high, low| high - low + 1))?;
+            let mut room = Vec::new();
+            let mut counts = Counts::new(orientation, low, each(high, low, |high, low| high - low + 1), &mut room)?;
             for (place, words) in cells {
                 let [x, y, z] = std::array::from_fn(|axis| (place[axis] - low[axis]) as usize);
                 *counts.at(x, y, z) += words;
             }
-            Ok(counts.into_layer())
+            Ok(counts.to_layer())
         };
         let positions = layer(([0; 3], positions))?;
         let layers = layers.into_iter().map(layer).collect::<Result<_, ReachError>>()?;
-        Ok(Self { resolution, layers, positions, orientations })
+        Ok(Self { resolution, layers, crowd: None, positions, orientations })
     }
 
-    /// The density of the frames of `stage` times those of this map.
+    /// The density of the frames of `stage` times those of this map, its layers kept.
     fn after(&self, stage: &Frames) -> Result<Self, ReachError> {
-        let size = self.resolution.cell_rad;
-        let turned = |pose: &Pose<f64>, rotation: &Mat3<f64>| {
-            place(&rotation_log(&(pose.rotation * rotation)), size).ok_or(ReachError::TooFine)
+        let map = self.apart_after(stage)?;
+        let sources = self.sources(stage)?;
+        let kept = AtomicUsize::new(0);
+        let layer = |room: &mut Vec<f64>, (orientation, sources): &(Place, Vec<_>)| {
+            if kept.load(Ordering::Relaxed) > MAX_KEPT {
+                return Ok(None);
+            }
+            let layer = self.layer(*orientation, sources, room)?;
+            kept.fetch_add(layer.words.len(), Ordering::Relaxed);
+            Ok(Some(layer))
         };
+        let layers: Vec<Option<Layer>> = sources.par_iter().map_init(Vec::new, layer).collect::<Result<_, _>>()?;
+        Ok(Self { layers: layers.into_iter().collect::<Option<_>>().unwrap_or_default(), ..map })
+    }
+
+    /// The same of the first stage: each layer is shown, and kept where all are few.
+    fn at_last(&self, stage: &Frames, see: &(impl Fn(&Layer) + Sync)) -> Result<Self, ReachError> {
+        let map = self.apart_after(stage)?;
+        let sources = self.sources(stage)?;
+        if sources.is_empty() {
+            return Ok(map);
+        }
+        let keep = self.moved(stage) <= MAX_KEPT_AT_LAST;
+        let start = || (Tally::of(&map.positions, &[]), Vec::new(), Vec::new());
+        let (tally, layers, _) = sources
+            .par_iter()
+            .try_fold(start, |(mut tally, mut layers, mut room), (orientation, sources)| {
+                let layer = self.layer(*orientation, sources, &mut room)?;
+                see(&layer);
+                tally.count(&layer);
+                layers.extend(keep.then_some(layer));
+                Ok((tally, layers, room))
+            })
+            .try_reduce(start, |(mut tally, mut layers, room), (other, more, _)| {
+                tally.add(&other);
+                layers.extend(more);
+                Ok((tally, layers, room))
+            })?;
+        let crowd = Some(tally.into_layer(&map.positions)?);
+        Ok(Self { layers, crowd, ..map })
+    }
+
+    /// Cells of the joint density by poses of a stage in front.
+    fn moved(&self, stage: &Frames) -> usize {
+        stage.len() * self.layers.iter().map(|layer| layer.words.len()).sum::<usize>()
+    }
+
+    /// For each layer of the next joint density the poses of `stage` and the layers behind them that make it; nothing
+    /// where that would be too much work.
+    #[allow(clippy::type_complexity, reason = "a list of layers, each with its poses and the layers behind them")]
+    fn sources<'a>(&'a self, stage: &'a Frames) -> Result<Vec<(Place, Vec<(&'a Pose<f64>, &'a Layer)>)>, ReachError> {
+        let mut sources: BTreeMap<Place, Vec<(&Pose<f64>, &Layer)>> = BTreeMap::new();
+        if self.moved(stage) > MAX_MOVED {
+            return Ok(Vec::new());
+        }
+        for layer in &self.layers {
+            let rotation = rotation_exp(&amid(&layer.orientation, self.resolution.cell_rad));
+            for pose in &stage.poses {
+                sources.entry(self.turned(pose, &rotation)?).or_default().push((pose, layer));
+            }
+        }
+        Ok(sources.into_iter().collect())
+    }
+
+    /// The cell of an orientation behind a pose.
+    fn turned(&self, pose: &Pose<f64>, rotation: &Mat3<f64>) -> Result<Place, ReachError> {
+        place(&rotation_log(&(pose.rotation * rotation)), self.resolution.cell_rad).ok_or(ReachError::TooFine)
+    }
+
+    /// The densities over positions alone and over orientations alone of the frames of `stage` times those of this map.
+    fn apart_after(&self, stage: &Frames) -> Result<Self, ReachError> {
+        let size = self.resolution.cell_rad;
         let mut orientations = BTreeMap::new();
         for (turn, words) in &self.orientations {
             let rotation = rotation_exp(&amid(turn, size));
             for pose in &stage.poses {
-                *orientations.entry(turned(pose, &rotation)?).or_default() += words;
+                *orientations.entry(self.turned(pose, &rotation)?).or_default() += words;
             }
         }
         let positions: Vec<_> = stage.poses.iter().map(|pose| (pose, &self.positions)).collect();
-        let positions = self.layer([0; 3], &positions)?;
-        let mut sources: BTreeMap<Place, Vec<(&Pose<f64>, &Layer)>> = BTreeMap::new();
-        let moved = self.n_cells().unwrap_or(0) * stage.len();
-        for layer in self.layers.iter().filter(|_| moved <= MAX_MOVED) {
-            let rotation = rotation_exp(&amid(&layer.orientation, size));
-            for pose in &stage.poses {
-                sources.entry(turned(pose, &rotation)?).or_default().push((pose, layer));
-            }
-        }
-        let sources: Vec<_> = sources.into_iter().collect();
-        let layers = sources.par_iter().map(|(orientation, sources)| self.layer(*orientation, sources));
-        let layers = layers.collect::<Result<_, _>>()?;
-        Ok(Self { resolution: self.resolution, layers, positions, orientations })
+        let positions = self.layer([0; 3], &positions, &mut Vec::new())?;
+        Ok(Self { resolution: self.resolution, layers: Vec::new(), crowd: None, positions, orientations })
     }
 
-    /// One layer: every source layer behind its pose.
-    fn layer(&self, orientation: Place, sources: &[(&Pose<f64>, &Layer)]) -> Result<Layer, ReachError> {
+    /// One layer: every source layer behind its pose, counted in `room`.
+    fn layer(
+        &self,
+        orientation: Place,
+        sources: &[(&Pose<f64>, &Layer)],
+        room: &mut Vec<f64>,
+    ) -> Result<Layer, ReachError> {
         let cell_m = self.resolution.cell_m;
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for (pose, layer) in sources {
@@ -228,25 +307,20 @@ impl Map {
         }
         // One cell of room on all sides for rounding.
         let low = low.map(|number| number.round() as i16 - 1);
-        let mut counts =
-            Counts::new(orientation, low, each(high.map(|number| number.round() as i16), low, |h, l| h - l + 2))?;
+        let size = each(high.map(|number| number.round() as i16), low, |h, l| h - l + 2);
+        let mut counts = Counts::new(orientation, low, size, room)?;
         for (pose, layer) in sources {
             let start = pose.position / cell_m + pose.rotation * Vec3::from(layer.low).map(f64::from);
-            let start = (start - Vec3::from(low).map(f64::from)).map(|number| (number + 0.5) as f32);
-            let turn = pose.rotation.map(|entry| entry as f32);
-            for (packed, words) in layer.positions.iter().zip(&layer.words) {
-                let above = Vec3::from(unpacked(*packed)).map(|number| number as f32);
-                let at = start + turn * above;
-                *counts.at(at.x as i32 as usize, at.y as i32 as usize, at.z as i32 as usize) += words;
-            }
+            let start = (start - Vec3::from(low).map(f64::from)).add_scalar(0.5);
+            counts.add(layer, start.map(fixed).into(), &pose.rotation.map(fixed));
         }
-        Ok(counts.into_layer())
+        Ok(counts.to_layer())
     }
 }
 
 impl Layer {
     /// Every position that words end at, and how many.
-    fn cells(&self) -> impl Iterator<Item = (Place, f64)> {
+    pub fn cells(&self) -> impl Iterator<Item = (Place, f64)> {
         self.positions.iter().zip(&self.words).map(|(packed, words)| {
             let above = unpacked(*packed);
             (std::array::from_fn(|axis| self.low[axis] + above[axis] as i16), *words)
@@ -255,20 +329,25 @@ impl Layer {
 }
 
 /// A layer while it is counted: every position of its box.
-struct Counts {
+struct Counts<'r> {
     orientation: Place,
     low: Place,
     size: [usize; 3],
-    words: Vec<f64>,
+    words: &'r mut [f64],
 }
 
-impl Counts {
-    fn new(orientation: Place, low: Place, size: Place) -> Result<Self, ReachError> {
+impl<'r> Counts<'r> {
+    /// Nothing yet, in a part of `room`.
+    fn new(orientation: Place, low: Place, size: Place, room: &'r mut Vec<f64>) -> Result<Self, ReachError> {
         let size = size.map(|length| length.max(0) as usize);
-        if size.iter().zip(BITS).any(|(length, bits)| *length > 1 << bits) || size.iter().product::<usize>() > MAX_BOX {
+        let cells = size.iter().product();
+        if size.iter().zip(BITS).any(|(length, bits)| *length > 1 << bits) || cells > MAX_BOX {
             return Err(ReachError::TooFine);
         }
-        Ok(Self { orientation, low, size, words: vec![0.0; size.iter().product()] })
+        room.resize(room.len().max(cells), 0.0);
+        let words = &mut room[..cells];
+        words.fill(0.0);
+        Ok(Self { orientation, low, size, words })
     }
 
     #[inline]
@@ -276,11 +355,28 @@ impl Counts {
         &mut self.words[(x * self.size[1] + y) * self.size[2] + z]
     }
 
-    fn into_layer(self) -> Layer {
-        let Self { orientation, low, size, words } = self;
+    /// Adds the words of a layer that is turned and begins at `start`, both in fractions of a cell: whole numbers, which
+    /// a processor works on side by side.
+    fn add(&mut self, layer: &Layer, start: [i32; 3], turn: &Matrix3<i32>) {
+        let [_, wide, deep] = self.size.map(|length| length as i32);
+        let row = |row: usize, x: i32, y: i32, z: i32| {
+            (start[row] + turn[(row, 0)] * x + turn[(row, 1)] * y + turn[(row, 2)] * z) >> FRACTION
+        };
+        let mut at = [0; ABREAST];
+        for (positions, words) in layer.positions.chunks(ABREAST).zip(layer.words.chunks(ABREAST)) {
+            for (at, packed) in at.iter_mut().zip(positions) {
+                let [x, y, z] = unpacked(*packed).map(i32::from);
+                *at = (row(0, x, y, z) * wide + row(1, x, y, z)) * deep + row(2, x, y, z);
+            }
+            at.iter().zip(words).for_each(|(at, words)| self.words[*at as usize] += words);
+        }
+    }
+
+    fn to_layer(&self) -> Layer {
+        let Self { orientation, low, size, ref words } = *self;
         let reached = words.iter().filter(|words| **words > 0.0).count();
         let (mut positions, mut counts) = (Vec::with_capacity(reached), Vec::with_capacity(reached));
-        for (row, words) in words.chunks(size[2]).enumerate() {
+        for (row, words) in words.chunks(size[2].max(1)).enumerate() {
             let (x, y) = (row / size[1], row % size[1]);
             for (z, words) in words.iter().enumerate().filter(|(_, words)| **words > 0.0) {
                 positions.push(((x << BITS[1] | y) << BITS[2] | z) as u32);
@@ -289,6 +385,47 @@ impl Counts {
         }
         Layer { orientation, low, size, positions, words: counts }
     }
+}
+
+/// How many layers have words at each position, in a box with a cell of room around the positions.
+struct Tally {
+    low: Place,
+    size: [usize; 3],
+    layers: Vec<u32>,
+}
+
+impl Tally {
+    fn of(positions: &Layer, layers: &[Layer]) -> Self {
+        let (low, size) = (positions.low.map(|low| low - 1), positions.size.map(|length| length + 2));
+        let mut tally = Self { low, size, layers: vec![0; size.iter().product()] };
+        layers.iter().for_each(|layer| tally.count(layer));
+        tally
+    }
+
+    fn count(&mut self, layer: &Layer) {
+        for (place, _) in layer.cells() {
+            let [x, y, z] = std::array::from_fn(|axis| (place[axis] - self.low[axis]) as usize);
+            if let Some(layers) = self.layers.get_mut((x * self.size[1] + y) * self.size[2] + z) {
+                *layers += 1;
+            }
+        }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.layers.iter_mut().zip(&other.layers).for_each(|(layers, more)| *layers += more);
+    }
+
+    fn into_layer(self, positions: &Layer) -> Result<Layer, ReachError> {
+        let mut words: Vec<f64> = self.layers.into_iter().map(f64::from).collect();
+        let counts = Counts { orientation: positions.orientation, low: self.low, size: self.size, words: &mut words };
+        let fits = self.size.iter().zip(BITS).all(|(length, bits)| *length <= 1 << bits);
+        if fits { Ok(counts.to_layer()) } else { Err(ReachError::TooFine) }
+    }
+}
+
+/// A number of cells in fractions of one.
+fn fixed(cells: f64) -> i32 {
+    (cells * f64::from(1 << FRACTION)).round() as i32
 }
 
 fn unpacked(packed: u32) -> [u16; 3] {
@@ -368,7 +505,7 @@ mod tests {
         let mut apart = Vec::new();
         for cell_m in [0.1, 0.02, 0.004] {
             let resolution = Resolution { cell_m, cell_rad: 10.0 * cell_m };
-            let map = Map::with_exact(&arm, &[], resolution, 1, |_| ()).unwrap();
+            let map = Map::with_layers(&arm, &[], resolution, 1, |_| (), |_| ()).unwrap();
             assert_eq!((map.words(), map.orientations.values().sum()), (4096.0, 4096.0));
             assert_eq!(map.cells().map(|(_, _, words)| words).sum::<f64>(), 4096.0);
             let found = coarse(map.cells().map(|(at, _, words)| (amid(&at, cell_m), words)));

@@ -7,8 +7,11 @@
 //!
 //! Distance: d² = |Δp|² + ℓ²θ² with the arm's length scale ℓ.
 //!
-//! Arms with more words: [`exact`], with servo joints [`servo`]; where an arm reaches: [`map`]; from word to word: [`path`].
+//! Arms with more words: [`exact`], with more than can be tabulated [`anytime`], with servo joints [`servo`]; where an arm reaches: [`map`]; from word to word: [`path`];
+//! what a board needs to answer by itself: [`board`].
 
+pub mod anytime;
+pub mod board;
 pub mod exact;
 mod frames;
 pub mod map;
@@ -68,6 +71,8 @@ pub enum ReachError {
     NoPose(ChainError),
     /// The cells of a map are too small for its extent.
     TooFine,
+    /// The arm has servo joints, and frames are wanted that hold for all of their angles.
+    Servos,
     /// None of the allowed settings puts a stage together.
     NoSetting {
         /// Index of the stage.
@@ -80,6 +85,9 @@ impl fmt::Display for ReachError {
         match self {
             Self::TooManyWords { digits } => write!(f, "words of {digits} digits are too many"),
             Self::TooFine => write!(f, "the cells are too small for the arm: take larger ones"),
+            Self::Servos => {
+                write!(f, "an arm with servo joints has other frames at every angle; the board cannot hold them")
+            }
             Self::NoSetting { stage } => {
                 write!(
                     f,

@@ -2,7 +2,8 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::diagnose::channels::outcome::{Diagnosis, Errors, Parameter, Point};
+use super::html::ladder;
+use crate::diagnose::channels::outcome::{Diagnosis, Errors, NextMeasurement, Parameter, Point};
 
 /// Width and height of a plot.
 const PLOT: (f64, f64) = (860.0, 180.0);
@@ -36,7 +37,7 @@ pub fn channels_page(diagnosis: &Diagnosis) -> Markup {
                             (plot(&diagnosis.points, axis))
                         }
                     }
-                    section { h2 { "What was tried" } (ladder(diagnosis)) }
+                    section { h2 { "What was tried" } (ladder(&diagnosis.ladder, &short)) }
                     footer { "darm " (diagnosis.version) }
                 }
             }
@@ -97,11 +98,24 @@ fn effects(diagnosis: &Diagnosis) -> Markup {
 
 fn rest(diagnosis: &Diagnosis) -> Markup {
     html! {
-        @if !diagnosis.alternatives.is_empty() { p { "As good in place of the last: " @for other in &diagnosis.alternatives { (other.law) " at " (other.place) "; " } } }
+        @if !diagnosis.alternatives.is_empty() { p { "These rows cannot tell apart: " @for other in &diagnosis.alternatives { (other.law) " at " (other.place) "; " } } }
+        @if let Some(next) = &diagnosis.next_measurement { (proposal(next)) }
         @if !diagnosis.unobservable.is_empty() { p { "These rows do not tell: " (diagnosis.unobservable.join("; ")) "." } }
         @for term in &diagnosis.remaining { p { "What remains of " (term.axis) " depends on " (term.term) ": " (format!("{:.0} %", 100.0 * term.share)) } }
         @if !diagnosis.outliers.is_empty() { p { (diagnosis.outliers.len()) " rows fit nothing: lines " @for row in diagnosis.outliers.iter().take(40) { (row.line) " " } } }
         @for finding in &diagnosis.findings { p { (finding) } }
+    }
+}
+
+/// The rows to measure once more.
+fn proposal(next: &NextMeasurement) -> Markup {
+    html! {
+        h3 { "Measure next" }
+        p { "Under the conditions of these rows, to tell " (next.tells) "." }
+        table {
+            thead { tr { th { "line" } @for name in next.rows.iter().take(1).flat_map(|row| row.conditions.keys()) { th.num { (name) } } } }
+            tbody { @for row in &next.rows { tr { td { (row.line) } @for value in row.conditions.values() { td.num { (short(*value)) } } } } }
+        }
     }
 }
 
@@ -126,26 +140,6 @@ fn plot(points: &[Point], axis: usize) -> Markup {
                 (mark(k, at(&point.after), "#1f6f8b", point.held_out))
             }
             text x="4" y="14" font-size="12" { "± " (short(most)) }
-        }
-    }
-}
-
-fn ladder(diagnosis: &Diagnosis) -> Markup {
-    let steps = diagnosis.ladder.iter().map(|rung| rung.step + 1).max().unwrap_or(0);
-    html! {
-        @for step in 0..steps {
-            @let rungs: Vec<_> = diagnosis.ladder.iter().filter(|rung| rung.step == step).collect();
-            h4 { "step " (step + 1) ", " (rungs.len()) " tried; without any " (rungs.first().map_or(String::new(), |r| short(r.without))) }
-            table.ladder {
-                @for rung in rungs.iter().take(6) {
-                    tr.kept[rung.kept] {
-                        td { (rung.law) }
-                        td { (rung.place) }
-                        td.num { (short(rung.cross_validated)) }
-                        td.num { @if rung.kept { "kept" } @else { "p " (format!("{:.1e}", rung.p)) } }
-                    }
-                }
-            }
         }
     }
 }

@@ -1,9 +1,11 @@
 //! The page.
 
+use std::collections::BTreeSet;
+
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::{Closure, LoopReport, PaperFigures, SynthesisFigures, drawing, plots};
-use crate::diagnose::outcome::{Diagnosis, ErrorFigure, Parameter, Verdict};
+use crate::diagnose::outcome::{Diagnosis, ErrorFigure, Parameter, Rung, Verdict};
 
 /// The whole page, with everything that it needs in it.
 pub fn page(report: &LoopReport) -> Markup {
@@ -177,7 +179,9 @@ fn diagnosis(report: &LoopReport) -> Markup {
                 @for plot in suspects(d) { div { (plot) } }
             }
             (depends(d))
-            (ladder(d))
+            h3 { "What was tried" }
+            p { "Cross-validated error over words with each effect added; the best of each step, of all that were tried." }
+            (ladder(&d.ladder, &mm))
         }
     }
 }
@@ -278,7 +282,7 @@ fn depends(d: &Diagnosis) -> Markup {
                     thead { tr { th { (side) } th.num { "share" } th.num { "chance" } } }
                     tbody {
                         @for one in structure.depends_on.iter().take(8) {
-                            tr { td { (one.variable) } td.num { (format!("{:.0} %", 100.0 * one.share)) } td.num { (chance(one.p)) } }
+                            tr { td { (one) } td.num { (format!("{:.0} %", 100.0 * one.share)) } td.num { (chance(one.p)) } }
                         }
                         @if structure.depends_on.is_empty() { tr { td colspan="3" { "on nothing that was measured" } } }
                     }
@@ -288,21 +292,20 @@ fn depends(d: &Diagnosis) -> Markup {
     }
 }
 
-fn ladder(d: &Diagnosis) -> Markup {
-    let steps = d.ladder.iter().map(|rung| rung.step + 1).max().unwrap_or(0);
-    let worst = d.ladder.iter().map(|rung| rung.without).fold(f64::MIN_POSITIVE, f64::max);
+/// What was tried, step by step, the best of each step; errors as `shown` writes them.
+pub(super) fn ladder(rungs: &[Rung], shown: &dyn Fn(f64) -> String) -> Markup {
+    let worst = rungs.iter().map(|rung| rung.without).fold(f64::MIN_POSITIVE, f64::max);
+    let steps: BTreeSet<usize> = rungs.iter().map(|rung| rung.step).collect();
     html! {
-        h3 { "What was tried" }
-        p { "Cross-validated error over words with each effect added; the best of each step, of all that were tried." }
-        @for step in 0..steps {
-            @let rungs: Vec<_> = d.ladder.iter().filter(|rung| rung.step == step).collect();
-            h4 { "step " (step + 1) ", " (rungs.len()) " tried; without any " (rungs.first().map_or(String::new(), |r| mm(r.without))) }
+        @for (number, step) in steps.iter().enumerate() {
+            @let tried: Vec<&Rung> = rungs.iter().filter(|rung| rung.step == *step).collect();
+            h4 { "step " (number + 1) ", " (tried.len()) " tried; without any " (tried.first().map_or(String::new(), |r| shown(r.without))) }
             table.ladder {
-                @for rung in rungs.iter().take(8) {
+                @for rung in tried.iter().take(8) {
                     tr.kept[rung.kept] {
                         td { (rung.law) }
                         td { (rung.place) }
-                        td.num { (mm(rung.cross_validated)) }
+                        td.num { (shown(rung.cross_validated)) }
                         td.bar { div style={ "width:" (format!("{:.1}", 100.0 * (rung.cross_validated / worst).min(1.0))) "%" } {} }
                         td.num { @if rung.kept { "kept" } @else { "p " (chance(rung.p)) } }
                     }

@@ -2,8 +2,10 @@
 //!
 //! It is read from a URDF ([`urdf`](crate::urdf)) or a table of Denavit and Hartenberg ([`dh`](crate::dh)). [`Robot::tree`]
 //! makes the [`Tree`] that computes; [`Robot::kinematics`], [`Robot::dynamics`], [`Robot::com`] and [`Robot::inverse`] do it.
+//! [`Robot::constant`] writes it for firmware.
 
 pub mod base_parameters;
+mod constant;
 mod inverse;
 mod state;
 
@@ -12,7 +14,7 @@ use darm_core::se::Pose;
 use darm_core::tree::{Body, Inertia, Joint, LinkFrame, Tree, TreeError};
 
 pub use inverse::Inverse;
-pub use state::{Com, Dynamics, FloatingBase, Jacobian, Kinematics, Motion};
+pub use state::{Accelerations, Com, Dynamics, FloatingBase, Jacobian, Kinematics, Motion};
 
 /// Joints that one robot can have.
 pub const MAX_JOINTS: usize = 64;

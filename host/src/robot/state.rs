@@ -4,7 +4,7 @@ use darm_core::dynamics::{self, floating};
 use darm_core::real::{Mat6, Vec3};
 use darm_core::se::{Pose, Twist, Wrench};
 use darm_core::tree::{Frames, Tree, TreeError};
-use nalgebra::{DMatrix, SMatrix};
+use nalgebra::{DMatrix, DVector, SMatrix};
 
 use super::{MAX_JOINTS, Robot, RobotFrame};
 
@@ -43,6 +43,15 @@ pub struct Dynamics {
     pub potential_j: f64,
     /// What the base bears, or, when it floats, takes to stay as it is: M of base and joints.
     pub base: Option<FloatingBase>,
+}
+
+/// How a robot accelerates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Accelerations {
+    /// q̈, rad/s² or m/s².
+    pub joints: Vec<f64>,
+    /// Rate of the twist of a floating base, told in its frame, rad/s² and m/s².
+    pub base: Option<Twist<f64>>,
 }
 
 /// What a floating base at rest adds.
@@ -135,6 +144,33 @@ impl Robot {
         floating::inverse_dynamics(tree, &still, state, None).0
     }
 
+    /// What `torque` (N·m or N) does at the positions and velocities of a state, whose accelerations do not count.
+    ///
+    /// M q̈ = τ − C q̇ − G + Jᵀ F; a floating base is at rest and free, and nothing but gravity and the load of the motion
+    /// acts on it. `None` when M is singular: a joint that moves no mass.
+    pub fn accelerations(&self, motion: &Motion<'_>, torque: &[f64]) -> Result<Option<Accelerations>, TreeError> {
+        let [q, qd, _] = motion.state;
+        let held = self.dynamics(&Motion { state: [q, qd, &[]], load: motion.load })?;
+        let (n, of_base) = (self.joints.len(), if self.floating { 6 } else { 0 });
+        let mut mass = DMatrix::zeros(of_base + n, of_base + n);
+        let mut right = DVector::zeros(of_base + n);
+        mass.view_mut((of_base, of_base), (n, n)).copy_from(&held.mass);
+        for (row, (torque, held)) in torque.iter().zip(&held.torque).enumerate() {
+            right[of_base + row] = torque - held;
+        }
+        if let Some(base) = &held.base {
+            mass.fixed_view_mut::<6, 6>(0, 0).copy_from(&base.mass);
+            mass.view_mut((0, 6), (6, n)).copy_from(&base.coupling);
+            mass.view_mut((6, 0), (n, 6)).copy_from(&base.coupling.transpose());
+            let Wrench { moment, force } = base.load;
+            right.fixed_rows_mut::<6>(0).copy_from(&-Twist { angular: moment, linear: force }.to_vector());
+        }
+        let Some(rates) = mass.cholesky().map(|factors| factors.solve(&right)) else { return Ok(None) };
+        let joints = rates.rows(of_base, n).iter().copied().collect();
+        let base = self.floating.then(|| Twist::from_vector(&rates.fixed_rows::<6>(0).into_owned()));
+        Ok(Some(Accelerations { joints, base }))
+    }
+
     /// Centre of mass and its Jacobian at the positions `q` (rad or m).
     pub fn com(&self, q: &[f64]) -> Result<Com, TreeError> {
         let (tree, frames) = self.placed(q)?;
@@ -153,20 +189,6 @@ impl Robot {
         let (tree, mut frames) = (self.tree()?, Frames::default());
         tree.place(&padded(q), &mut frames);
         Ok((tree, frames))
-    }
-}
-
-impl Dynamics {
-    /// q̈ that `torque` causes at this state, by M q̈ = τ − C q̇ − G; `held` is the part of a load's torque, Jᵀ F.
-    ///
-    /// `None` when the mass matrix is singular: a joint that moves no mass.
-    pub fn accelerations(&self, torque: &[f64], held: &[f64]) -> Option<Vec<f64>> {
-        let rest = torque.iter().zip(held).zip(self.velocity_torque.iter().zip(&self.gravity));
-        let rest = nalgebra::DVector::from_iterator(
-            torque.len(),
-            rest.map(|((torque, held), (velocity, gravity))| torque + held - velocity - gravity),
-        );
-        Some(self.mass.clone().cholesky()?.solve(&rest).iter().copied().collect())
     }
 }
 

@@ -68,8 +68,9 @@ fn the_table_of_the_puma_is_that_of_the_reference() {
         near(&[equation.kinetic_j], &[sample["kinetic_energy"].as_f64().unwrap()], 1e-12);
         // Solving loses as many digits as the condition of M has.
         let values = equation.mass.clone().singular_values();
-        let found = equation.accelerations(&list(&sample["tau_fd"]), &[0.0; 6]).unwrap();
-        near(&found, &list(&sample["qdd_aba"]), 4.0 * f64::EPSILON * values.max() / values.min() + 1e-12);
+        let free = Motion { load: None, ..motion };
+        let found = robot.accelerations(&free, &list(&sample["tau_fd"])).unwrap().unwrap();
+        near(&found.joints, &list(&sample["qdd_aba"]), 4.0 * f64::EPSILON * values.max() / values.min() + 1e-12);
         let com = robot.com(&q).unwrap();
         near(com.position.as_slice(), &list(&sample["com"]), 1e-12);
         near(&rows(&com.jacobian), &list(&sample["J_com"]), 1e-12);
@@ -158,6 +159,40 @@ fn base_parameters_alone_give_the_same_torques() {
         };
         near(&torques(&bare), &torques(&whole), 1e-8);
     }
+}
+
+/// A free base bears nothing, and each joint the torque that drives it.
+#[test]
+fn what_torques_do_takes_those_torques() {
+    let mut robot = puma();
+    robot.floating = true;
+    let about_com = nalgebra::Matrix3::from_diagonal(&Vec3::new(1.0, 0.8, 0.9));
+    robot.base = darm_core::tree::Inertia { mass: 20.0, com: Vec3::new(0.1, 0.2, -0.1), about_com };
+    let of = |k: usize| -> Vec<f64> { (0..6).map(|j| ((7 * k + 3 * j) as f64).sin()).collect() };
+    let (q, qd, torque) = (of(0), of(1), of(2));
+    let tool = robot.tool().unwrap();
+    let load = Wrench { moment: Vec3::new(1.0, -2.0, 3.0), force: Vec3::new(-20.0, 10.0, 30.0) };
+    let at_rest = Motion { state: [&q, &qd, &[]], load: Some((tool, load)) };
+    let found = robot.accelerations(&at_rest, &torque).unwrap().unwrap();
+    let base = darm_core::dynamics::floating::BaseMotion {
+        pose: Pose::identity(),
+        twist: darm_core::se::Twist::zero(),
+        twist_rate: found.base.unwrap(),
+    };
+    let tree = robot.tree::<6>().unwrap();
+    let [q, qd, qdd]: [[f64; 6]; 3] = [q, qd, found.joints].map(|list| list.try_into().unwrap());
+    let mut frames = darm_core::tree::Frames::default();
+    tree.place(&q, &mut frames);
+    let at = frames.pose(&tool.in_tree(&tree));
+    let on_link = Wrench { moment: at.rotation.tr_mul(&load.moment), force: at.rotation.tr_mul(&load.force) };
+    let moment = on_link.moment + tool.pose.position.cross(&(tool.pose.rotation * on_link.force));
+    assert_eq!(tool.pose.rotation, nalgebra::Matrix3::identity());
+    let mut loads = [Wrench::zero(); 6];
+    loads[5] = Wrench { moment, force: on_link.force };
+    let (left, torques) = darm_core::dynamics::floating::inverse_dynamics(&tree, &base, [&q, &qd, &qdd], Some(&loads));
+    near(left.moment.as_slice(), &[0.0; 3], 1e-11);
+    near(left.force.as_slice(), &[0.0; 3], 1e-11);
+    near(&torques, &torque, 1e-11);
 }
 
 #[test]

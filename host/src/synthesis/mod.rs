@@ -27,6 +27,7 @@ mod case;
 mod catalogue;
 mod lift;
 mod newton;
+mod obstacle;
 mod paper;
 mod problem;
 mod repair;
@@ -48,6 +49,7 @@ use crate::arm::frames::{self, DesiredFrame, StopRange};
 use crate::arm::{Arm, FrameFault, reason_of};
 pub use case::{BoundFrame, Case, CaseKind, WholeModules};
 pub use catalogue::{Bought, CatalogueError, Part, buy, read_catalogue};
+pub use obstacle::Obstacle;
 use problem::Problem;
 pub use repair::{Cost, Dead, repair};
 pub use tolerance::{Expected, Tolerance, expected, least_sensitive};
@@ -135,8 +137,8 @@ pub struct Synthesis {
     pub status: Status,
     /// Whether the stops keep all bounds, as they do but for the paper's and the plain scheme.
     pub kept: bool,
-    /// Actuators, by their names, whose bounds hold the nearest geometry back; empty where all frames are met.
-    pub held: Vec<String>,
+    /// What keeps the nearest geometry from the frames; `None` where all are met.
+    pub obstacle: Option<Obstacle>,
     /// Whether the frames are few enough to be met.
     pub case: Case,
     /// What became of each desired frame.
@@ -168,9 +170,6 @@ pub const REACHED_RAD: f64 = 1e-9;
 
 /// A bound missed by more than this, m or rad, is broken.
 const BROKEN: f64 = 1e-9;
-
-/// A bound that is as near as this, m or rad, holds.
-const AT_A_BOUND: f64 = 1e-6;
 
 /// One desired frame after the synthesis.
 #[derive(Clone, Debug)]
@@ -318,7 +317,7 @@ fn answer(
     Ok(Synthesis {
         arm: problem.arm(&found.unknowns),
         status: if met { Status::Reached } else { Status::Closest },
-        held: if met { Vec::new() } else { problem.held(&found.unknowns, AT_A_BOUND) },
+        obstacle: (!met).then(|| obstacle::of(problem, &found.unknowns)),
         kept: problem.bounds.iter().all(|bound| bound.slack(&found.unknowns) > -BROKEN),
         case,
         frames,

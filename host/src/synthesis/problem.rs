@@ -15,7 +15,7 @@ const SERVO_WEIGHT: f64 = 0.1;
 
 /// A desired frame, or any word, whose pose is part of the problem.
 pub(super) struct Target {
-    name: String,
+    pub(super) name: String,
     pub(super) word: Word,
     previous: Word,
     pub(super) pose: Pose<f64>,

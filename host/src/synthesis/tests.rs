@@ -278,6 +278,7 @@ fn what_is_out_of_reach_gives_the_nearest() {
     assert!(found.status == Status::Closest && found.kept);
     assert!(found.frames.iter().all(|frame| frame.error_m.is_finite() && frame.error_rad.is_finite()));
     assert!(found.lacking_m2() < 40f64.powi(2));
+    assert!(matches!(&found.obstacle, Some(Obstacle::Bounds(held)) if !held.is_empty()), "{:?}", found.obstacle);
 }
 
 #[test]
@@ -293,6 +294,27 @@ fn bounds_of_single_actuators_hold() {
     assert!(found.status == Status::Reached && found.kept);
     assert!(found.arm.model.chain.get(stop).unwrap() <= most + 1e-9);
     assert!(found.alteration_m > free.alteration_m);
+}
+
+#[test]
+fn frames_without_words_are_given_some() {
+    let arm = planar4();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/planar4-poses.toml");
+    let error = frames::read_task(&path, &arm).unwrap_err().to_string();
+    assert!(error.contains("the frame has no word"), "{error}");
+    let task = frames::read_task_without_words(&path, &arm).unwrap();
+    let found = choose_words(&arm, &task.frames, &Options::default(), &|_| true).unwrap();
+    assert_eq!(found.status, Status::Reached);
+}
+
+#[test]
+fn a_stretched_arm_is_told() {
+    let arm = example("serial12.toml");
+    let mut desired = own_frames(&arm, &["000000000000"]);
+    desired[0].pose_base_tool.position *= 3.0;
+    let options = Options { starts: 2, bounds: Bounds::none(), ..Options::default() };
+    let found = synthesize(&arm, &desired, &options).unwrap();
+    assert_eq!((found.status, found.obstacle), (Status::Closest, Some(Obstacle::OutOfReach)));
 }
 
 #[test]
@@ -323,10 +345,14 @@ fn a_dead_actuator_is_worked_around() {
 fn expected_errors_agree_with_drawn_arms_and_fall() {
     let arm = planar4();
     let desired = moved(own_frames(&arm, &WORDS), 0.05, 5);
-    let tolerance = Tolerance { stop_m: 5e-5, stop_rad: 5e-5, anchor_m: 1e-4 };
+    let tolerance = Tolerance { stop_m: 5e-5, stop_rad: 5e-5, anchor_m: 1e-4, worth_m: 3.0 };
     let found = synthesize(&arm, &desired, &Options::default()).unwrap();
-    let calm = least_sensitive(&arm, &found, &tolerance, &Options::default()).unwrap();
-    assert!(calm.status == Status::Reached && calm.kept);
+    let calm = |worth_m| {
+        let calm = least_sensitive(&arm, &found, &Tolerance { worth_m, ..tolerance }, &Options::default()).unwrap();
+        assert!(calm.status == Status::Reached && calm.kept);
+        calm
+    };
+    let (near, far) = (calm(3.0), calm(100.0));
     let sum = |found: &Synthesis| {
         let expected = expected(&found.arm, &desired, &tolerance, 1);
         for frame in &expected {
@@ -335,7 +361,8 @@ fn expected_errors_agree_with_drawn_arms_and_fall() {
         }
         expected.iter().map(|frame| frame.linear_m.powi(2) + (0.5 * frame.linear_rad).powi(2)).sum::<f64>()
     };
-    assert!(sum(&calm) < sum(&found));
+    assert!(sum(&far) < sum(&near) && sum(&near) < sum(&found));
+    assert!(found.alteration_m < near.alteration_m && near.alteration_m < far.alteration_m);
 }
 
 #[test]

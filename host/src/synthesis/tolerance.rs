@@ -9,8 +9,16 @@
 //! | a_i | every stop, every coordinate of every anchor, in the plane two of them |
 //! | σ_i | standard deviation of its error; the errors are independent |
 //!
-//! Linear propagation; [`Expected::sampled_m`] checks it by drawing arms. What is made least is the sum over the frames of
-//! E|Δp|² + ℓ²·E θ², along the directions in which the stops may be altered without a frame noticing.
+//! Linear propagation; [`Expected::sampled_m`] checks it by drawing arms. What is made least, along the directions in which
+//! the stops may be altered without a frame noticing, weighs the errors against the metal that is moved for them:
+//!
+//! log₂ √(S/S₀) + (A² − A₀²)/W²,  S = Σ_k E|Δp_k|² + ℓ²·E θ_k²
+//!
+//! | symbol | meaning |
+//! | --- | --- |
+//! | S₀, A₀ | of the geometry with the least alteration |
+//! | A | root of the sum of squares of what all stops were altered by, m |
+//! | W | the alteration that half the error is worth, [`Tolerance::worth_m`] |
 
 use darm_core::chain::Parameter;
 use nalgebra::DVector;
@@ -41,6 +49,8 @@ pub struct Tolerance {
     pub stop_rad: f64,
     /// Of each coordinate of an anchor, m.
     pub anchor_m: f64,
+    /// Stops may be altered by so much, as a root of the sum of squares, to halve the errors, m.
+    pub worth_m: f64,
 }
 
 /// The error of one frame that is to be expected, root mean square.
@@ -85,7 +95,8 @@ pub fn expected(arm: &Arm, frames: &[DesiredFrame], tolerance: &Tolerance, seed:
     frames.iter().zip(sampled).map(expected).collect()
 }
 
-/// Alters the stops that `found` leaves free, until its frames are the least sensitive to errors of manufacturing.
+/// Alters the stops that `found` leaves free, until its frames are as little sensitive to errors of manufacturing as is
+/// worth the alteration.
 pub fn least_sensitive(
     base_line: &Arm,
     found: &Synthesis,
@@ -98,7 +109,7 @@ pub fn least_sensitive(
     let before = problem.poses(&problem.start())?;
     let mut unknowns = problem.unknowns_of(&found.arm);
     let mut search = Search { problem: &mut problem, iterations: 0 };
-    let mut least = sensitivity(search.problem, &unknowns, &frames, tolerance);
+    let mut least = cost(search.problem, &unknowns, &frames, tolerance);
     let mut size = 0.05;
     for _ in 0..STEPS {
         if size < 1e-4 || options.watch.is_ended() {
@@ -108,8 +119,8 @@ pub fn least_sensitive(
         let wanted = &unknowns + downhill * size;
         let next = search.nearest(&unknowns, &wanted).and_then(|next| search.descend(&next, EXACT));
         let next = next.ok().filter(|(error, _)| *error < SOLVED);
-        let next = next.map(|(_, next)| (sensitivity(search.problem, &next, &frames, tolerance), next));
-        match next.filter(|(sensitivity, _)| *sensitivity < least) {
+        let next = next.map(|(_, next)| (cost(search.problem, &next, &frames, tolerance), next));
+        match next.filter(|(cost, _)| *cost < least) {
             Some((lower, next)) => {
                 (least, unknowns) = (lower, next);
                 size *= 1.5;
@@ -122,17 +133,23 @@ pub fn least_sensitive(
     Ok(Synthesis { time: found.time, ..answer })
 }
 
-/// The unit direction in which the sensitivity falls.
+/// The unit direction in which the cost falls.
 fn downhill(problem: &mut Problem, unknowns: &DVector<f64>, frames: &[DesiredFrame], of: &Tolerance) -> DVector<f64> {
-    let here = sensitivity(problem, unknowns, frames, of);
+    let here = cost(problem, unknowns, frames, of);
     let mut direction = DVector::zeros(unknowns.len());
     for stop in 0..problem.n_stops() {
         let mut moved = unknowns.clone();
         moved[stop] += INTERVAL;
-        direction[stop] = here - sensitivity(problem, &moved, frames, of);
+        direction[stop] = here - cost(problem, &moved, frames, of);
     }
     let length = direction.norm();
     if length.is_finite() && length > 0.0 { direction / length } else { DVector::zeros(unknowns.len()) }
+}
+
+/// What is to be made least, but for what does not change: errors halved, and alterations that are worth that.
+fn cost(problem: &mut Problem, unknowns: &DVector<f64>, frames: &[DesiredFrame], of: &Tolerance) -> f64 {
+    let altered = problem.alteration(unknowns) / of.worth_m;
+    0.5 * sensitivity(problem, unknowns, frames, of).log2() + altered * altered
 }
 
 /// The sum over the frames of the mean squares that are to be expected, m².

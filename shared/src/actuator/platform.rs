@@ -27,6 +27,7 @@ use super::linear::{solve, transposed};
 use super::{MAX_LEGS, MAX_STATES, Part, Setting};
 use crate::real::{Real, Vec3, real, to_f32};
 use crate::se::{Pose, Twist, Wrench, rotation_exp};
+use crate::trig;
 
 /// Steps of Newton's method before a platform counts as impossible to assemble.
 pub const MAX_ITERATIONS: u8 = 30;
@@ -233,7 +234,7 @@ struct Line<T: Real> {
 fn line<T: Real>(leg: &Setting<T>, pose: &Pose<T>) -> Line<T> {
     let arm = pose.rotation * leg.top;
     let across = arm + pose.position - leg.base;
-    let length = across.norm();
+    let length = trig::sqrt(across.norm_squared());
     Line { arm, direction: across * (T::one() / length), length }
 }
 
@@ -252,7 +253,7 @@ fn tolerance<T: Real>() -> T {
 /// A long step shortened, so that the iteration cannot jump into another assembly mode.
 fn limited<T: Real>(step: Twist<T>, length: T) -> Twist<T> {
     let square = step.angular.norm_squared().max(step.linear.norm_squared() / (length * length));
-    if square > real(MAX_STEP * MAX_STEP) { step * (real::<T>(MAX_STEP) / square.sqrt()) } else { step }
+    if square > real(MAX_STEP * MAX_STEP) { step * (real::<T>(MAX_STEP) / trig::sqrt(square)) } else { step }
 }
 
 /// The product of the largest entries by columns: what a determinant is told over, so that it has no unit.

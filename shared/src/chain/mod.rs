@@ -181,7 +181,7 @@ impl<T: Real, const N: usize> Chain<T, N> {
         Ok(scratch.pose_base_tool)
     }
 
-    fn servo_stages(&self) -> impl Iterator<Item = usize> {
+    pub(crate) fn servo_stages(&self) -> impl Iterator<Item = usize> {
         self.stages.iter().enumerate().filter(|(_, stage)| matches!(stage, Stage::Servo(_))).map(|(index, _)| index)
     }
 }

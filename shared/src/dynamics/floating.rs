@@ -101,7 +101,7 @@ pub fn gravity<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<T, N>
 /// M of base and joints at the joints' positions `q`, to which `frames` belong.
 pub fn mass<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<T, N>, q: &[T; N]) -> FloatingMass<T, N> {
     let turns = tree.turns(q);
-    let (bodies, links) = composites::<T, N, true>(tree, q, &turns);
+    let (bodies, links) = composites(tree, q, &turns);
     let base = frames.base();
     let in_base = |about: &Vec3<T>, along: &Vec3<T>| {
         let (n, f) = (base.turn_back(&(about - base.origin.cross(along))), base.turn_back(along));
@@ -121,7 +121,9 @@ pub fn mass<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<T, N>, q
     for (column, (about, along)) in coupling.data.0.iter_mut().zip(momenta(tree, frames, &bodies)) {
         *column = in_base(&about, &along);
     }
-    FloatingMass { base: block, coupling, joints: mass_of_joints(tree, q, &turns) }
+    let mut joints = SMatrix::zeros();
+    mass_of_joints(tree, q, &turns, &mut joints);
+    FloatingMass { base: block, coupling, joints }
 }
 
 /// Centre of mass and its Jacobian in the posture of `frames`; zeros when there is no mass.

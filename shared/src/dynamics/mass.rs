@@ -161,30 +161,30 @@ impl<T: Real> Link<T> {
     }
 }
 
-/// Every link with all that it carries as one rigid body, told in the link's frame; and, when the
-/// `WHOLE` is asked for, all links together, told in the base's.
+#[inline(always)]
+fn own_bodies<T: Real, const N: usize>(tree: &Tree<T, N>) -> [Body<T>; N] {
+    let mut bodies = [Body::none(); N];
+    bodies.iter_mut().zip(&tree.links).for_each(|(body, link)| *body = link.body);
+    bodies
+}
+
+/// Every link with all that it carries as one rigid body, told in the link's frame; and all links together, told in the
+/// base's.
 ///
 /// A body is carried to the next frame by two rotations about coordinate axes and one shift: no product of matrices.
 #[inline(always)]
-pub(super) fn composites<T: Real, const N: usize, const WHOLE: bool>(
+pub(super) fn composites<T: Real, const N: usize>(
     tree: &Tree<T, N>,
     q: &[T; N],
     turns: &Turns<T, N>,
 ) -> ([Body<T>; N], Body<T>) {
-    let mut bodies = [Body::none(); N];
-    for (body, link) in bodies.iter_mut().zip(&tree.links) {
-        *body = link.body;
-    }
+    let mut bodies = own_bodies(tree);
     let mut whole = Body::none();
     for (index, link) in tree.links.iter().enumerate().rev() {
         if let (Some(body), Some(q), Some((sine, cosine))) =
             (bodies.get(index).copied(), q.get(index), turns.get(index))
         {
-            let carrier = match bodies.get_mut(usize::from(link.parent)) {
-                Some(carrier) => carrier,
-                None if WHOLE => &mut whole,
-                None => continue,
-            };
+            let carrier = bodies.get_mut(usize::from(link.parent)).unwrap_or(&mut whole);
             *carrier = carrier.joined(&link.body_on_parent(&body, *q, *sine, *cosine));
         }
     }
@@ -210,26 +210,37 @@ pub(super) fn momenta<T: Real, const N: usize>(
 /// joint j moves by one unit; zero when neither carries the other.
 ///
 /// The composite-rigid-body algorithm in the frames of the links: it needs no [`Frames`].
+#[inline]
 pub fn mass_matrix<T: Real, const N: usize>(tree: &Tree<T, N>, q: &[T; N]) -> SMatrix<T, N, N> {
-    mass_of_joints(tree, q, &tree.turns(q))
+    let mut matrix = SMatrix::zeros();
+    mass_matrix_into(tree, q, &mut matrix);
+    matrix
 }
 
+/// [`mass_matrix`] into a matrix of the caller's.
+pub fn mass_matrix_into<T: Real, const N: usize>(tree: &Tree<T, N>, q: &[T; N], matrix: &mut SMatrix<T, N, N>) {
+    mass_of_joints(tree, q, &tree.turns(q), matrix);
+}
+
+/// Every column is walked from its joint inwards as soon as all that the joint carries is known: the machine overlaps
+/// the walk with carrying that body on.
 #[inline(always)]
 pub(super) fn mass_of_joints<T: Real, const N: usize>(
     tree: &Tree<T, N>,
     q: &[T; N],
     turns: &Turns<T, N>,
-) -> SMatrix<T, N, N> {
-    let (bodies, _) = composites::<T, N, false>(tree, q, turns);
-    let mut matrix = SMatrix::<T, N, N>::zeros();
-    for (j, body) in bodies.iter().enumerate() {
-        let Some(link) = tree.links.get(j) else { continue };
-        let mut momentum = link.own_momentum(body);
-        let (mut i, mut link) = (j, link);
+    matrix: &mut SMatrix<T, N, N>,
+) {
+    let columns = &mut matrix.data.0;
+    let mut bodies = own_bodies(tree);
+    for j in (0..N).rev() {
+        let (Some(first), Some(body)) = (tree.links.get(j), bodies.get(j).copied()) else { continue };
+        let (mut i, mut link, mut momentum) = (j, first, first.own_momentum(&body));
+        let mut column = [T::zero(); N];
         for _ in 0..N {
-            let entry = link.along(&momentum);
-            set(&mut matrix, i, j, entry);
-            set(&mut matrix, j, i, entry);
+            if let Some(entry) = column.get_mut(i) {
+                *entry = link.along(&momentum);
+            }
             let parent = usize::from(link.parent);
             let (Some(next), Some(q), Some((sine, cosine))) = (tree.links.get(parent), q.get(i), turns.get(i)) else {
                 break;
@@ -237,8 +248,15 @@ pub(super) fn mass_of_joints<T: Real, const N: usize>(
             momentum = link.load_on_parent(&momentum, *q, *sine, *cosine);
             (i, link) = (parent, next);
         }
+        if let Some(place) = columns.get_mut(j) {
+            *place = column;
+        }
+        let parent = usize::from(first.parent);
+        if let (Some(carrier), Some(q), Some((sine, cosine))) = (bodies.get_mut(parent), q.get(j), turns.get(j)) {
+            *carrier = carrier.joined(&first.body_on_parent(&body, *q, *sine, *cosine));
+        }
     }
-    matrix
+    matrix.fill_lower_triangle_with_upper_triangle();
 }
 
 #[inline(always)]

@@ -61,7 +61,7 @@ pub use articulated::articulated_dynamics;
 pub use com::{center_of_mass, com_jacobian, gravity};
 pub use coriolis::coriolis_matrix;
 pub use energy::{Momentum, kinetic_energy, momentum, potential_energy};
-pub use mass::{mass_matrix, solve};
+pub use mass::{mass_matrix, mass_matrix_into, solve};
 pub use newton_euler::{inverse_dynamics, velocity_torque};
 pub use regressor::{Regressor, regressor, torque_of};
 

@@ -1,22 +1,32 @@
 //! Physical effects that move an arm off its ideal geometry: one law per file, all behind one interface.
 //!
-//! A law acts through two hooks. Before the arm is assembled, [`Law::disturb`] changes what an actuator is set to (its
-//! anchors and its length) under the conditions at its [`Site`]. When the arm stands, [`Law::deflection`] tells by how
-//! much a loaded actuator gives way; then the arm is assembled anew. Effects add up in the order of their list.
+//! A law acts through one of four hooks. Before the arm is assembled, [`Law::disturb`] changes what an actuator is set to
+//! (its anchors and its length) under the conditions at its [`Site`], and [`Law::turn`] a servo joint. When the arm stands,
+//! [`Law::deflection`] tells by how much a loaded actuator gives way; then the arm is assembled anew. [`Law::displace`]
+//! moves the tool as a whole, as the camera sees it. Effects add up in the order of their list.
 //!
 //! A fitter treats all laws alike: by name, place, and values with names and units.
 //!
 //! A new law is one file and its line in the list below.
 
+pub mod along;
 pub mod anchor_offset;
+pub mod crowding;
+pub mod drift;
+pub mod frame_offset;
 pub mod gravity_sag;
+pub mod joint_offset;
 pub mod play;
+pub mod scale;
+pub mod step;
 pub mod stroke_loss;
 pub mod supply_stroke;
 pub mod thermal_growth;
+pub mod wear;
 
 use crate::actuator::{JointKind, Setting};
 use crate::real::Real;
+use crate::se::Pose;
 
 /// A law of how an actuator departs from what it is set to.
 pub trait Law<T: Real> {
@@ -44,21 +54,37 @@ pub trait Law<T: Real> {
         T::zero()
     }
 
+    /// Changes where the servo joint at [`place`](Self::place) stands.
+    fn turn(&self, _setting: &mut Setting<T>) {}
+
+    /// The pose of the tool in the base as it is seen, where the arm alone would have it `predicted`.
+    fn displace(&self, predicted: Pose<T>) -> Pose<T> {
+        predicted
+    }
+
     /// Whether the law has a [`deflection`](Self::deflection), so that the forces are worth computing.
     fn bears_load(&self) -> bool {
         false
     }
 }
 
-/// Which actuators a law acts on.
+/// What a law acts on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Place {
-    /// The one with this index.
+    /// The actuator with this index.
     Actuator(u8),
-    /// All of the stage with this index.
+    /// All actuators of the stage with this index.
     Module(u8),
-    /// All of the arm.
+    /// All actuators of the arm.
     Arm,
+    /// The servo joint with this index.
+    Servo(u8),
+    /// Where the arm stands.
+    Base,
+    /// What the last stage carries.
+    Tool,
+    /// What looks at the tool.
+    Camera,
 }
 
 /// What one value of a law is.
@@ -89,6 +115,12 @@ pub struct Site<T: Real> {
     pub supply_deviation: T,
     /// Temperature less reference temperature, K.
     pub temperature_rise_k: T,
+    /// Time since the measurement began, s; `None` where it is not known.
+    pub time_s: Option<T>,
+    /// How often the actuator has switched since then; `None` where it was not counted.
+    pub switches: Option<T>,
+    /// How many others of its stage have another digit than in the word before.
+    pub together: u8,
 }
 
 impl<T: Real> Default for Site<T> {
@@ -103,6 +135,9 @@ impl<T: Real> Default for Site<T> {
             stroke: T::zero(),
             supply_deviation: T::zero(),
             temperature_rise_k: T::zero(),
+            time_s: None,
+            switches: None,
+            together: 0,
         }
     }
 }
@@ -114,6 +149,7 @@ impl Place {
             Self::Actuator(actuator) => site.actuator == usize::from(*actuator),
             Self::Module(stage) => site.stage == usize::from(*stage),
             Self::Arm => true,
+            Self::Servo(_) | Self::Base | Self::Tool | Self::Camera => false,
         }
     }
 }
@@ -166,6 +202,13 @@ effects! {
     Play in play,
     SupplyStroke in supply_stroke,
     ThermalGrowth in thermal_growth,
+    Step in step,
+    Drift in drift,
+    Wear in wear,
+    Crowding in crowding,
+    FrameOffset in frame_offset,
+    Scale in scale,
+    JointOffset in joint_offset,
 }
 
 #[cfg(test)]
@@ -176,7 +219,7 @@ mod tests {
     use crate::actuator::Setting;
     use crate::real::Vec3;
 
-    fn one_of_each() -> [Effect<f64>; 6] {
+    fn one_of_each() -> [Effect<f64>; 14] {
         let at = Place::Module(1);
         [
             stroke_loss::StrokeLoss { actuator: 4, state: 1, loss_m: 1e-3 }.into(),
@@ -190,7 +233,24 @@ mod tests {
             play::Play { at, width_m: 1e-3 }.into(),
             supply_stroke::SupplyStroke { at, gain: 0.1 }.into(),
             thermal_growth::ThermalGrowth { at, expansion_per_k: 1e-5 }.into(),
+            step::Step { actuator: 4, since_s: 40.0, shift_m: 1e-3 }.into(),
+            drift::Drift { at, until_s: 100.0, rate_m_per_s: 1e-5 }.into(),
+            wear::Wear { actuator: 4, until_switches: 100.0, per_switch_m: 1e-5 }.into(),
+            crowding::Crowding { at, short_m: 1e-3 }.into(),
+            frame_offset::FrameOffset { frame: frame_offset::Frame::Base, values: [1e-3; 6] }.into(),
+            frame_offset::FrameOffset { frame: frame_offset::Frame::Tool, values: [1e-3; 6] }.into(),
+            scale::Scale { stretch: 1e-3 }.into(),
+            joint_offset::JointOffset { servo: 0, offset_rad: 1e-3 }.into(),
         ]
+    }
+
+    /// A place where the law of play acts and one where crowding does: the same actuator held, and switched with others.
+    fn sites() -> [Site<f64>; 2] {
+        [site(), Site { previous: Some(0), together: 2, ..site() }]
+    }
+
+    fn ideal() -> Pose<f64> {
+        Pose::at(Vec3::new(0.1, 2.0, 0.0))
     }
 
     fn site() -> Site<f64> {
@@ -202,29 +262,40 @@ mod tests {
             stroke: 0.25,
             supply_deviation: -0.1,
             temperature_rise_k: 10.0,
+            time_s: Some(50.0),
+            switches: Some(30.0),
             ..Site::default()
         }
+    }
+
+    /// Which of the hooks of an effect do something: disturb, turn, deflection, displace.
+    fn hooks(effect: &Effect<f64>) -> [bool; 4] {
+        let law = effect.law();
+        let joint = Setting::of_joint(1.25);
+        let disturbs = sites().iter().any(|site| {
+            let mut leg = joint;
+            law.disturb(site, &mut leg);
+            leg != joint
+        });
+        let mut turned = joint;
+        law.turn(&mut turned);
+        [disturbs, turned != joint, law.deflection(&site(), 100.0) != 0.0, law.displace(ideal()) != ideal()]
     }
 
     #[test]
     fn values_of_zero_do_nothing() {
         for mut effect in one_of_each() {
             effect.law_mut().values_mut().fill(0.0);
-            let (before, mut after) = (Setting::of_joint(1.25), Setting::of_joint(1.25));
-            effect.law().disturb(&site(), &mut after);
-            assert_eq!(after, before, "{}", effect.law().name());
-            assert_eq!(effect.law().deflection(&site(), 100.0), 0.0);
+            assert_eq!(hooks(&effect), [false; 4], "{}", effect.law().name());
         }
     }
 
     #[test]
     fn every_law_does_something_by_one_of_its_hooks() {
         for effect in one_of_each() {
-            let (before, mut after) = (Setting::of_joint(1.25), Setting::of_joint(1.25));
-            let law = effect.law();
-            law.disturb(&site(), &mut after);
-            assert!((after != before) ^ (law.deflection(&site(), 100.0) != 0.0), "{}", law.name());
-            assert_eq!(law.bears_load(), after == before);
+            let hooks = hooks(&effect);
+            assert_eq!(hooks.iter().filter(|acts| **acts).count(), 1, "{}", effect.law().name());
+            assert_eq!(effect.law().bears_load(), hooks[2]);
         }
     }
 
@@ -234,7 +305,9 @@ mod tests {
             let law = effect.law();
             assert_eq!(law.values().len(), law.quantities().len());
             assert!(law.name().chars().all(|c| c.is_ascii_lowercase() || c == '-'));
-            assert!(law.place().holds(&site()) && !law.place().holds(&Site::<f64>::default()));
+            let of_actuators = hooks(&effect)[0] || law.bears_load();
+            assert_eq!(law.place().holds(&site()), of_actuators);
+            assert!(!law.place().holds(&Site::<f64>::default()));
         }
     }
 }

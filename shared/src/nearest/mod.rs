@@ -13,15 +13,48 @@
 //! s² = |p_R' − p_K|² + ℓ²·(3 − tr(R_K⁻¹ R_R)), with p_R' − p_K told from the tool's end; 3 − tr = 2(1 − cos θ) ≈ θ²
 //! needs neither root nor arc. The word found is near, not proven to be the nearest: that takes the host, `darm nearest`.
 //!
-//! Memory and time are bounded: two beams of `WIDTH` entries, and `WIDTH` times the number of all frames of looks.
+//! Memory and time are bounded: two beams of `WIDTH` entries, and `WIDTH` times the number of all frames of looks. A
+//! frame is looked at once, so the frames may come one after the other from where they are stored: [`Beam::begin`], for
+//! each module from the base on [`Beam::module`] and its frames by [`Beam::offer`], and [`Beam::found`].
 #![allow(non_snake_case)]
 
 use heapless::Vec;
+use serde::{Deserialize, Serialize};
 
 use crate::actuator::{MAX_LEGS, Setting, Stage};
 use crate::real::{Mat3, Real, Vec3, real};
 use crate::se::Pose;
 use crate::units::Word;
+
+/// No coordinate of a pose that travels is larger than this, m or rad.
+const MOST: f32 = 1e3;
+
+/// A pose as it travels and is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Coordinates {
+    /// Rotation vector, rad.
+    pub turn_rad: [f32; 3],
+    /// Position, m.
+    pub position_m: [f32; 3],
+}
+
+impl Coordinates {
+    /// The coordinates of a pose.
+    pub fn of(pose: &Pose<f64>) -> Self {
+        let single = |x: &Vec3<f64>| [x.x, x.y, x.z].map(|x| x as f32);
+        Self { turn_rad: single(&pose.log().angular), position_m: single(&pose.position) }
+    }
+
+    /// Whether every coordinate is a number of a size that an arm may have: a kilometre, or as many radians.
+    pub fn is_sound(&self) -> bool {
+        self.turn_rad.iter().chain(&self.position_m).all(|x| x.abs() <= MOST)
+    }
+
+    /// The pose with these coordinates.
+    pub fn pose(&self) -> Pose<f32> {
+        Pose::new(&self.turn_rad.into(), self.position_m.into())
+    }
+}
 
 /// One pose of a module, and the digits that name it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,25 +86,47 @@ struct Choice<T: Real> {
     word: Word,
 }
 
-/// The room that a search needs.
+/// A search, and the room that it needs.
 #[derive(Clone, Debug)]
 pub struct Beam<T: Real, const WIDTH: usize> {
     choices: Vec<Choice<T>, WIDTH>,
     next: Vec<Choice<T>, WIDTH>,
+    /// The worst of the next choices and its place, once there is no room for more.
+    worst: Option<(usize, T)>,
+    /// Digits of the word, those of the modules so far, and those before the module whose frames come.
+    digits: usize,
+    placed: usize,
+    first: usize,
+    /// What the modules behind typically do.
+    behind: Pose<T>,
+    length_scale_m: T,
 }
 
 /// A word, and how near it brings the tool.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Found<T: Real> {
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Found<T> {
     /// The word.
     pub word: Word,
     /// Distance d of the tool from the target, m.
     pub distance_m: T,
+    /// Distance of the positions, m.
+    pub error_m: T,
+    /// Angle between the orientations, rad.
+    pub error_rad: T,
 }
 
 impl<T: Real, const WIDTH: usize> Default for Beam<T, WIDTH> {
     fn default() -> Self {
-        Self { choices: Vec::new(), next: Vec::new() }
+        Self {
+            choices: Vec::new(),
+            next: Vec::new(),
+            worst: None,
+            digits: 0,
+            placed: 0,
+            first: 0,
+            behind: Pose::identity(),
+            length_scale_m: T::zero(),
+        }
     }
 }
 
@@ -97,52 +152,73 @@ pub fn nearest<T: Real, const WIDTH: usize>(
     length_scale_m: T,
     beam: &mut Beam<T, WIDTH>,
 ) -> Option<Found<T>> {
-    let digits = modules.iter().map(|module| usize::from(module.actuators)).sum::<usize>();
-    let word = Word::zeros(u8::try_from(digits).ok()?)?;
-    beam.choices.clear();
-    beam.choices.push(Choice { score: T::zero(), remaining: *target, word }).ok()?;
-    let mut first = 0;
+    beam.begin(target, modules.iter().map(|module| usize::from(module.actuators)).sum());
     for (index, module) in modules.iter().enumerate() {
         let behind = modules.iter().skip(index + 1).fold(Pose::identity(), |tail, module| tail * module.typical);
-        beam.step(module, first, &behind, length_scale_m);
-        first += usize::from(module.actuators);
+        beam.module(module.actuators, &behind, length_scale_m);
+        module.frames.iter().for_each(|frame| beam.offer(frame));
     }
-    let distance_m = |choice: &Choice<T>| Pose::identity().distance(&choice.remaining, length_scale_m);
-    let found = beam.choices.iter().map(|choice| Found { word: choice.word, distance_m: distance_m(choice) });
-    found.reduce(|best, other| if other.distance_m < best.distance_m { other } else { best })
+    beam.found()
 }
 
 impl<T: Real, const WIDTH: usize> Beam<T, WIDTH> {
-    /// Tries every frame of `module` behind every choice, with `behind` what the modules after it typically do.
-    fn step(&mut self, module: &Module<T>, first: usize, behind: &Pose<T>, length_scale_m: T) {
+    /// Starts a search for a word of so many digits that brings the tool near `target`.
+    pub fn begin(&mut self, target: &Pose<T>, digits: usize) {
+        (self.digits, self.placed, self.first) = (digits, 0, 0);
         self.next.clear();
-        let turn = length_scale_m * length_scale_m;
-        let mut worst = None;
+        // A word of more digits than there can be is one that no search finds.
+        let word = u8::try_from(digits).ok().and_then(Word::zeros);
+        self.next.extend(word.map(|word| Choice { score: T::zero(), remaining: *target, word }));
+    }
+
+    /// The frames of the next module come now: so many actuators, with what the modules after it typically do `behind`,
+    /// and one radian held equal to `length_scale_m`.
+    pub fn module(&mut self, actuators: u8, behind: &Pose<T>, length_scale_m: T) {
+        core::mem::swap(&mut self.choices, &mut self.next);
+        self.next.clear();
+        self.worst = None;
+        self.first = self.placed;
+        self.placed += usize::from(actuators);
+        (self.behind, self.length_scale_m) = (*behind, length_scale_m);
+    }
+
+    /// Tries a frame of the module behind every choice.
+    pub fn offer(&mut self, frame: &Frame<T>) {
+        let turn = self.length_scale_m * self.length_scale_m;
+        let end = frame.pose * self.behind;
         for choice in &self.choices {
-            // R_M against the rotation that it had to have, and its place against the one that it had to have.
-            let wanted = choice.remaining.rotation * behind.rotation.transpose();
-            for frame in module.frames {
-                let place = frame.pose.rotation * behind.position + frame.pose.position;
-                let square = (place - choice.remaining.position).norm_squared();
-                let score = square + turn * (real::<T>(3.0) - trace(&frame.pose.rotation, &wanted));
-                if self.next.is_full() && worst.is_some_and(|(_, worst)| score >= worst) {
-                    continue;
-                }
-                let word = (0..usize::from(module.actuators))
-                    .fold(choice.word, |word, leg| word.with_digit(first + leg, (frame.digits >> (2 * leg) & 3) as u8));
-                let next = Choice { score, remaining: frame.pose.to(&choice.remaining), word };
-                let unplaced = self.next.push(next).err();
-                let place = worst.and_then(|(at, _)| self.next.get_mut(at));
-                if let (Some(next), Some(place)) = (unplaced, place) {
-                    *place = next;
-                }
-                if self.next.is_full() {
-                    let scores = self.next.iter().map(|choice| choice.score).enumerate();
-                    worst = scores.reduce(|a, b| if b.1 > a.1 { b } else { a });
-                }
+            let square = (end.position - choice.remaining.position).norm_squared();
+            let score = square + turn * (real::<T>(3.0) - trace(&end.rotation, &choice.remaining.rotation));
+            if self.worst.is_some_and(|(_, worst)| score >= worst) {
+                continue;
+            }
+            let word = (self.first..self.placed).fold((choice.word, frame.digits), |(word, digits), actuator| {
+                (word.with_digit(actuator, (digits & 3) as u8), digits >> 2)
+            });
+            let next = Choice { score, remaining: frame.pose.to(&choice.remaining), word: word.0 };
+            let unplaced = self.next.push(next).err();
+            let place = self.worst.and_then(|(at, _)| self.next.get_mut(at));
+            if let (Some(next), Some(place)) = (unplaced, place) {
+                *place = next;
+            }
+            if self.next.is_full() {
+                let scores = self.next.iter().map(|choice| choice.score).enumerate();
+                self.worst = scores.reduce(|a, b| if b.1 > a.1 { b } else { a });
             }
         }
-        core::mem::swap(&mut self.choices, &mut self.next);
+    }
+
+    /// The word that brings the tool nearest of those that are left; `None` before every digit has had its module, and
+    /// where a module has no frame, or there is none.
+    pub fn found(&self) -> Option<Found<T>> {
+        let of = |choice: &Choice<T>| Found {
+            word: choice.word,
+            distance_m: Pose::identity().distance(&choice.remaining, self.length_scale_m),
+            error_m: choice.remaining.position.norm(),
+            error_rad: choice.remaining.angle_rad(),
+        };
+        let left = self.next.iter().filter(|_| self.placed == self.digits && self.placed > 0);
+        left.map(of).reduce(|best, other| if other.distance_m < best.distance_m { other } else { best })
     }
 }
 

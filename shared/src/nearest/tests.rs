@@ -5,7 +5,7 @@ extern crate std;
 use proptest::prelude::*;
 use std::vec::Vec;
 
-use super::{Beam, Frame, Module, frames, nearest, pose_base_tool, typical};
+use super::{Beam, Coordinates, Frame, Module, frames, nearest, pose_base_tool, typical};
 use crate::arms::{planar_arm, seeded, word};
 use crate::chain::Scratch;
 use crate::se::Pose;
@@ -56,12 +56,25 @@ proptest! {
 }
 
 #[test]
+fn coordinates_are_those_of_the_pose_and_no_others_are_sound() {
+    let pose = Pose::new(&crate::real::Vec3::new(0.3, -0.2, 1.0), crate::real::Vec3::new(0.1, 2.0, -3.0));
+    let coordinates = Coordinates::of(&pose);
+    assert!(coordinates.pose().distance(&pose.cast(), 1.0) < 1e-6);
+    assert!(coordinates.is_sound());
+    for wrong in [f32::NAN, f32::INFINITY, -1e4] {
+        assert!(!Coordinates { turn_rad: [0.0, wrong, 0.0], ..coordinates }.is_sound());
+        assert!(!Coordinates { position_m: [0.0, 0.0, wrong], ..coordinates }.is_sound());
+    }
+}
+
+#[test]
 fn what_cannot_be_answered_is_none() {
     let tables = tables();
     let all = modules(&tables);
     assert_eq!(pose_base_tool(&all, &Word::zeros(11).unwrap()), None);
     let empty = [Module { frames: &[], ..all[0] }];
     assert_eq!(nearest(&empty, &Pose::identity(), 0.5, &mut Beam::<f32, 4>::default()), None);
+    assert_eq!(nearest(&[], &Pose::identity(), 0.5, &mut Beam::<f32, 4>::default()), None);
     let long = [Module { actuators: 65, ..all[0] }];
     assert_eq!(nearest(&long, &Pose::identity(), 0.5, &mut Beam::<f32, 4>::default()), None);
 }

@@ -20,6 +20,7 @@ use core::ops::Mul;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::real::{Mat3, Real, Vec3, cast, real};
+use crate::trig;
 pub use planar::Pose2;
 pub use screw::{Twist, Wrench};
 
@@ -102,7 +103,7 @@ impl<T: Real> Pose<T> {
 
     /// The angle of the rotation, within 0..=π, rad.
     pub fn angle_rad(&self) -> T {
-        rotation_log(&self.rotation).norm()
+        trig::sqrt(rotation_log(&self.rotation).norm_squared())
     }
 
     /// d² = |Δp|² + ℓ²θ² between two poses, with one radian held equal to `length_scale_m` = ℓ.
@@ -111,7 +112,7 @@ impl<T: Real> Pose<T> {
     pub fn distance(&self, other: &Self, length_scale_m: T) -> T {
         let apart = self.to(other);
         let turn_m = rotation_log(&apart.rotation) * length_scale_m;
-        (apart.position.norm_squared() + turn_m.norm_squared()).sqrt()
+        trig::sqrt(apart.position.norm_squared() + turn_m.norm_squared())
     }
 
     /// One of the six numbers of the pose: of its rotation vector (0, 1, 2; rad) or position (3, 4, 5; m).
@@ -200,9 +201,9 @@ impl<T: Real> Factors<T> {
         if square < real(SERIES_BELOW) {
             return Self { square, sine: series(square, &SINE), versine: series(square, &VERSINE) };
         }
-        let angle = square.sqrt();
+        let angle = trig::sqrt(square);
         // Half angles: 1 − cos θ would lose half of an f32's digits at small angles.
-        let (s, c) = (angle * real(0.5)).sin_cos();
+        let (s, c) = trig::sin_cos(angle * real(0.5));
         Self { square, sine: (s + s) * c / angle, versine: (s + s) * s / square }
     }
 
@@ -293,8 +294,8 @@ pub fn rotation_log<T: Real>(rotation: &Mat3<T>) -> Vec3<T> {
         let atan = T::one() - ratio * (real::<T>(1.0 / 3.0) - ratio * real(0.2));
         return v * (atan * real(2.0) / w);
     }
-    let sine = sine_squared.sqrt();
-    v * (sine.atan2(w) * real(2.0) / sine)
+    let sine = trig::sqrt(sine_squared);
+    v * (trig::atan2(sine, w) * real(2.0) / sine)
 }
 
 /// A unit quaternion of `rotation`: its real and its vector part, of either sign (Shepperd's method).
@@ -319,7 +320,7 @@ fn quaternion<T: Real>(rotation: &Mat3<T>) -> (T, Vec3<T>) {
     } else {
         (odd.z, Vec3::new(xz, yz, fours[3]))
     };
-    let scale = real::<T>(0.5) / largest.sqrt();
+    let scale = real::<T>(0.5) / trig::sqrt(largest);
     (w * scale, v * scale)
 }
 
@@ -329,8 +330,8 @@ fn inverse_excess<T: Real>(w: &Vec3<T>) -> T {
     if square < real(SERIES_BELOW) {
         return series(square, &INVERSE_EXCESS);
     }
-    let half = square.sqrt() * real(0.5);
-    let (s, c) = half.sin_cos();
+    let half = trig::sqrt(square) * real(0.5);
+    let (s, c) = trig::sin_cos(half);
     (T::one() - half * c / s) / square
 }
 

@@ -4,6 +4,7 @@ use core::ops::Mul;
 
 use super::Pose;
 use crate::real::{Real, Vec2, Vec3, real};
+use crate::trig;
 
 /// The pose of one frame in another, both in one plane: an element of SE(2).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,7 +28,7 @@ impl<T: Real> Pose2<T> {
 
     /// The part of `pose` in the xy-plane: x, y, and where its x-axis points. The angle is within −π..=π.
     pub fn projection(pose: &Pose<T>) -> Self {
-        Self { position: pose.position.xy(), angle_rad: pose.rotation.m21.atan2(pose.rotation.m11) }
+        Self { position: pose.position.xy(), angle_rad: trig::atan2(pose.rotation.m21, pose.rotation.m11) }
     }
 
     /// The pose `T_b_a` of this `T_a_b`.
@@ -67,7 +68,7 @@ impl<T: Real> Pose2<T> {
     /// d² = |Δp|² + ℓ²θ² between two poses, with one radian held equal to `length_scale_m` = ℓ. Left invariant.
     pub fn distance(&self, other: &Self, length_scale_m: T) -> T {
         let turn_m = wrapped(other.angle_rad - self.angle_rad) * length_scale_m;
-        ((other.position - self.position).norm_squared() + turn_m * turn_m).sqrt()
+        trig::sqrt((other.position - self.position).norm_squared() + turn_m * turn_m)
     }
 }
 
@@ -105,6 +106,6 @@ fn wrapped<T: Real>(angle_rad: T) -> T {
 }
 
 fn turned<T: Real>(vector: &Vec2<T>, angle_rad: T) -> Vec2<T> {
-    let (s, c) = angle_rad.sin_cos();
+    let (s, c) = trig::sin_cos(angle_rad);
     Vec2::new(c * vector.x - s * vector.y, s * vector.x + c * vector.y)
 }

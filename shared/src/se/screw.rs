@@ -3,6 +3,7 @@
 use core::ops::{Add, Mul, Neg, Sub};
 
 use crate::real::{Real, Vec3, Vec6};
+use crate::trig;
 
 /// The velocity of a frame, or a small motion of it: (ω, v).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,7 +42,7 @@ impl<T: Real> Twist<T> {
 
     /// √(|v|² + ℓ²|ω|²) with one radian held equal to `length_scale_m` = ℓ.
     pub fn size(&self, length_scale_m: T) -> T {
-        (self.linear.norm_squared() + (self.angular * length_scale_m).norm_squared()).sqrt()
+        trig::sqrt(self.linear.norm_squared() + (self.angular * length_scale_m).norm_squared())
     }
 }
 

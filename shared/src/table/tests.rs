@@ -4,6 +4,7 @@ extern crate std;
 use std::vec::Vec;
 
 use super::{Checker, Record, Row, RowError, ServoAngles, Table, TableError};
+use crate::nearest::Coordinates;
 use crate::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, ServoWiring, SwitchLimit, WiringError};
 use crate::units::{ActuatorId, DeviceId, Micros, ModelHash, Word};
 
@@ -166,4 +167,53 @@ fn no_record_is_longer_than_its_buffer() {
         let mut bytes = [0; Record::MAX_BYTES];
         assert!(postcard::to_slice(&record, &mut bytes).is_ok(), "{record:?}");
     }
+}
+
+/// Coordinates of a pose as far along x.
+fn at(x: f32) -> Coordinates {
+    Coordinates { turn_rad: [0.0; 3], position_m: [x, 0.0, 0.0] }
+}
+
+fn module(actuators: u8) -> Record {
+    Record::Module { actuators, length_scale_m: 0.5, behind: at(0.0) }
+}
+
+fn frame(digits: u16) -> Record {
+    Record::Frame { digits, pose: at(1.0) }
+}
+
+#[test]
+fn modules_have_every_actuator_and_their_frames_stand_in_order() {
+    let rows = [row(0, "100"), end(50)];
+    let of = |modules: &[Record]| three_valves(&[modules, &rows].concat()).map(|checker| checker.is_complete());
+    assert_eq!(of(&[module(2), frame(0), frame(0b0101), module(1), frame(1)]), Ok(true));
+    let wrong: [&[Record]; 12] = [
+        &[module(0), frame(0)],
+        &[module(2), frame(0)],
+        &[module(2), module(1), frame(0)],
+        &[module(2), frame(0), module(1)],
+        &[module(4), frame(0)],
+        &[module(2), frame(0), module(2), frame(0)],
+        &[module(3), frame(1), frame(1)],
+        &[module(3), frame(2)],
+        &[module(2), frame(0), module(1), frame(0b100)],
+        &[module(3), Record::Frame { digits: 0, pose: at(f32::NAN) }],
+        &[module(3), Record::Frame { digits: 0, pose: at(1e4) }],
+        &[Record::Module { actuators: 3, length_scale_m: f32::NAN, behind: at(0.0) }, frame(0)],
+    ];
+    wrong.iter().for_each(|records| assert_eq!(of(records), Err(TableError::Modules), "{records:?}"));
+    assert_eq!(of(&[frame(0)]), Err(TableError::Order));
+    assert_eq!(of(&[module(3), frame(0), coil(3)]), Err(TableError::Order));
+}
+
+#[test]
+fn modules_and_frames_are_these_bytes() {
+    let mut bytes = [0; Record::MAX_BYTES];
+    let module = postcard::to_slice(&module(6), &mut bytes).unwrap();
+    assert_eq!(module[..7], [6, 6, 0, 0, 0, 0x3f, 0]);
+    assert_eq!(module.len(), 30);
+    let frame = postcard::to_slice(&frame(0b0101_0101), &mut bytes).unwrap();
+    assert_eq!(frame[..3], [7, 0x55, 0]);
+    assert_eq!(frame[14..18], [0, 0, 0x80, 0x3f]);
+    assert_eq!(frame.len(), 26);
 }

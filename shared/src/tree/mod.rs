@@ -50,7 +50,7 @@ pub mod puma560;
 pub mod singular;
 
 use crate::actuator::{Axis, JointKind};
-use crate::real::{Mat3, Real, Vec3};
+use crate::real::{Mat3, Real, Vec3, cast, real};
 use crate::se::Pose;
 use crate::trig;
 
@@ -140,9 +140,9 @@ pub struct Tree<T: Real, const N: usize> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkFrame<T: Real> {
     /// The link; [`BASE`]: the base.
-    link: u8,
+    pub link: u8,
     /// In the turned frame of the link.
-    pose: Pose<T>,
+    pub pose: Pose<T>,
 }
 
 /// Where every link of a tree stands in one posture.
@@ -161,6 +161,19 @@ impl<T: Real> Joint<T> {
     /// A joint that slides along `axis`, a unit vector.
     pub fn prismatic(parent: Option<usize>, axis: Vec3<T>, placement: Pose<T>, inertia: Inertia<T>) -> Self {
         Self { parent, axis: Axis { kind: JointKind::Prismatic, direction: axis }, placement, inertia }
+    }
+}
+
+impl Joint<f64> {
+    /// The same joint in numbers of type `U`.
+    pub fn cast<U: Real>(&self) -> Joint<U> {
+        let Inertia { mass, com, about_com } = &self.inertia;
+        Joint {
+            parent: self.parent,
+            axis: Axis { kind: self.axis.kind, direction: cast(&self.axis.direction) },
+            placement: self.placement.cast(),
+            inertia: Inertia { mass: real(*mass), com: cast(com), about_com: about_com.map(real) },
+        }
     }
 }
 

@@ -100,6 +100,11 @@ pub const SAMPLE: Sample = Sample {
     ],
 };
 
+/// What the tool's position may be off in `f32`, m: a dozen roundings of the reach.
+pub const NEAR_M: f64 = 2e-6;
+/// What the torques may be off in `f32`, N·m: as many of the largest term, 60 N·m, and each term has several factors.
+pub const NEAR_NM: f64 = 5e-5;
+
 impl Sample {
     /// Position of the tool in the base, m.
     pub fn tool(&self) -> Vec3<f64> {

@@ -61,7 +61,7 @@ pub fn atan2<T: Real>(y: T, x: T) -> T {
     y.atan2(x)
 }
 
-/// √x; 0 for what is not positive.
+/// √x; 0 for what is negative.
 #[inline]
 pub fn sqrt<T: Real>(square: T) -> T {
     let x: &dyn Any = &square;
@@ -70,7 +70,7 @@ pub fn sqrt<T: Real>(square: T) -> T {
     {
         return root;
     }
-    if square > T::zero() { square.sqrt() } else { T::zero() }
+    if square <= T::zero() { T::zero() } else { square.sqrt() }
 }
 
 /// `value` as a `B` when `A` and `B` are one type.

@@ -11,11 +11,13 @@
 //! | `Command`   | `Done`      | once  | play, stop, clear, a coil, a word, a servo                              |
 //! | `Calibrate` | `Done`      | once  | stores the servos' zero offsets                                         |
 //! | `Calibration` | `Calibration` | often | the stored offsets                                                  |
+//! | `Nearest`   | `Nearest`   | often | which word brings the tool near a pose, by the frames in the table      |
 
 use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use crate::nearest::{Coordinates, Found};
 use crate::output::MAX_SERVOS;
 use crate::sequencer::{Command, CommandError, Event, Phase, ServoSeen};
 use crate::table::TableError;
@@ -62,6 +64,8 @@ pub enum Request<'a> {
     Calibrate(Calibration),
     /// Tell the stored offsets.
     Calibration,
+    /// Find a word that brings the tool near this pose in the base.
+    Nearest(Coordinates),
 }
 
 impl Request<'_> {
@@ -124,6 +128,8 @@ pub enum Answer {
     Done,
     /// To `Calibration`.
     Calibration(Option<Calibration>),
+    /// To `Nearest`: near, not proven to be the nearest.
+    Nearest(Found<f32>),
 }
 
 /// Who answers, and what it holds.
@@ -202,6 +208,10 @@ pub enum Refusal {
     OtherModel,
     /// The flash could not be written.
     Storage,
+    /// The loaded table has no frames of modules.
+    NoFrames,
+    /// The pose is not one of numbers, or farther away than any arm reaches.
+    NoPose,
 }
 
 impl fmt::Display for Refusal {
@@ -220,8 +230,42 @@ impl fmt::Display for Refusal {
             Self::Command(error) => error.fmt(f),
             Self::OtherModel => f.write_str("the calibration is for another model than the loaded table"),
             Self::Storage => f.write_str("the flash could not be written; the old table is still there"),
+            Self::NoFrames => {
+                f.write_str("the table has no frames of modules; make it with darm table --nearest, upload it")
+            }
+            Self::NoPose => f.write_str("the pose has a number that is none, or is larger than a kilometre"),
         }
     }
 }
 
 impl core::error::Error for Refusal {}
+
+#[cfg(test)]
+mod tests {
+    use super::{Answer, Calibration, Coordinates, Found, Refusal, Reply, Request};
+    use crate::units::Micros;
+
+    #[test]
+    fn what_has_come_since_changes_no_bytes_of_what_there_was() {
+        let mut bytes = [0; 64];
+        let mut first = |request: Request| postcard::to_slice(&request, &mut bytes).map(|bytes| bytes[0]);
+        assert_eq!((first(Request::Status), first(Request::Calibration)), (Ok(1), Ok(8)));
+        assert_eq!(first(Request::Calibrate(Calibration::default())), Ok(7));
+        let mut bytes = [0; 64];
+        let refused = Reply { at: Micros(0), result: Err(Refusal::Storage) };
+        assert_eq!(postcard::to_slice(&refused, &mut bytes).unwrap(), [0, 1, 10]);
+    }
+
+    #[test]
+    fn a_pose_and_its_word_are_these_bytes() {
+        let mut bytes = [0; 64];
+        let pose = Coordinates { turn_rad: [0.0, 0.0, 1.0], position_m: [2.0, 0.0, -0.5] };
+        let request = postcard::to_slice(&Request::Nearest(pose), &mut bytes).unwrap();
+        assert_eq!(request, [9, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x80, 0x3f, 0, 0, 0, 0x40, 0, 0, 0, 0, 0, 0, 0, 0xbf]);
+        let word = "1101".parse().unwrap();
+        let found = Found { word, distance_m: 1.0, error_m: 2.0, error_rad: 0.5 };
+        let reply = Reply { at: Micros(5), result: Ok(Answer::Nearest(found)) };
+        let reply = postcard::to_slice(&reply, &mut bytes).unwrap();
+        assert_eq!(reply, [5, 0, 7, 4, 0x45, 0, 0, 0x80, 0x3f, 0, 0, 0, 0x40, 0, 0, 0, 0x3f]);
+    }
+}

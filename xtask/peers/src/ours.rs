@@ -5,6 +5,7 @@ use std::hint::black_box;
 use darm_core::dynamics;
 use darm_core::ik::{self, Options, Status};
 use darm_core::tree::Frames;
+use nalgebra::SMatrix;
 
 use super::{Measured, time, time_inverse};
 use crate::models::Arm;
@@ -25,8 +26,10 @@ pub(crate) fn measure<const N: usize>(into: &mut Measured, arm: &Arm<N>) {
         tree.place(q, &mut frames);
         black_box(dynamics::gravity(tree, &frames)).iter().sum()
     });
+    let mut mass = SMatrix::<f64, N, N>::zeros();
     time(into, arm, "mass-matrix", |[q, ..]| {
-        let mass = black_box(dynamics::mass_matrix(tree, q));
+        dynamics::mass_matrix_into(tree, q, &mut mass);
+        let mass = black_box(&mass);
         mass[(0, 0)] + mass[(0, N - 1)] + mass[(N / 2, N / 2)]
     });
     time(into, arm, "com-jacobian", |[q, ..]| {

@@ -1,12 +1,13 @@
-//! The density of frames beside enumeration and beside random words.
+//! The density of frames beside enumeration and beside random words, of position and orientation together, too.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::sync::Mutex;
 
 use anyhow::{Context, Result};
 use darm::arm::{Arm, ArmScratch};
 use darm::reach::map::{Map, Resolution};
 use darm_core::real::Vec3;
-use darm_core::se::Pose;
+use darm_core::se::{Pose, rotation_log};
 use darm_core::units::Word;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -17,10 +18,15 @@ use crate::setup;
 
 /// Random words beside the map of 64⁶.
 const SAMPLES: usize = 10_000_000;
+/// Frames of the last stages that are formed one by one, as in `darm map`.
+const EXACT: usize = 1 << 18;
 /// Edge of the cubes that densities are compared on, m: whole cells, and 2¹⁵ words leave few to a smaller one.
 const COARSE_M: f64 = 0.4;
-/// The same for 64⁶ words.
+/// The same for 64⁶ words, and of position and orientation together, where the cubes of rotation vectors are of so many
+/// cells.
 const COARSE_SPATIAL_M: f64 = 0.1;
+const COARSE_JOINT_M: f64 = 0.2;
+const COARSE_JOINT_CELLS: i32 = 4;
 /// Cells of the maps of planar arms, mm, and how many arms.
 const CELLS_MM: [f64; 3] = [80.0, 40.0, 20.0];
 const PLANAR_ARMS: usize = 8;
@@ -52,6 +58,29 @@ impl Shares {
     }
 }
 
+/// Shares by cubes of positions, for each cube of rotation vectors.
+type Joint = BTreeMap<[i32; 3], Shares>;
+
+/// The cube of cells of rotation vectors.
+fn coarse(cell: [i32; 3]) -> [i32; 3] {
+    cell.map(|number| number.div_euclid(COARSE_JOINT_CELLS))
+}
+
+/// The L1 distance of two joint densities.
+fn apart(one: &Joint, other: &Joint) -> f64 {
+    let none = Shares::default();
+    let cubes: BTreeSet<_> = one.keys().chain(other.keys()).collect();
+    cubes.into_iter().map(|cube| one.get(cube).unwrap_or(&none).distance(other.get(cube).unwrap_or(&none))).sum()
+}
+
+/// The most memory that this process has had so far; 0 where the system does not tell.
+fn peak_memory_gib() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let kib = peak.and_then(|peak| peak.trim().trim_end_matches("kB").trim().parse::<f64>().ok());
+    kib.unwrap_or(0.0) / f64::from(1 << 20)
+}
+
 fn of_map(map: &Map, edge_m: f64) -> Shares {
     let (mut shares, words) = (Shares::default(), map.words());
     for (place, spot) in map.spots() {
@@ -75,7 +104,7 @@ fn planar(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
         }
         for (apart, cell_mm) in apart.iter_mut().zip(CELLS_MM) {
             let resolution = Resolution { cell_m: 1e-3 * cell_mm, cell_rad: 2e-3 * cell_mm };
-            let map = Map::with_exact(&arm, &[], resolution, 1, |_| ())?;
+            let map = Map::with_layers(&arm, &[], resolution, 1, |_| (), |_| ())?;
             let mut exact = Shares::default();
             positions.iter().for_each(|at| exact.add(at, COARSE_M, resolution.cell_m, 1.0 / f64::from(words)));
             lost += (map.words() - f64::from(words)).abs();
@@ -108,21 +137,56 @@ fn spatial_map(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
     let resolution = Resolution { cell_m: 0.02, cell_rad: 10f64.to_radians() };
     let (map, took_ms) = best_of(1, || Map::new(&arm, &[], resolution, |_| ()));
     let map = map?;
+    let memory_gib = peak_memory_gib();
     let tables = Tables::new(&arm);
     let modules = tables.modules();
-    let mut sampled = Shares::default();
+    let (mut sampled, mut joint_sampled) = (Shares::default(), Joint::default());
     for _ in 0..SAMPLES {
         let frame =
             |module: &darm_core::nearest::Module<f64>| module.frames[random.random_range(0..module.frames.len())].pose;
         let pose = modules.iter().map(frame).fold(Pose::identity(), |pose, next| pose * next);
         sampled.add(&pose.position, COARSE_SPATIAL_M, resolution.cell_m, 1.0 / SAMPLES as f64);
+        let turn = (rotation_log(&pose.rotation) / resolution.cell_rad).map(|cells| cells.round() as i32);
+        let shares = joint_sampled.entry(coarse(turn.into())).or_default();
+        shares.add(&pose.position, COARSE_JOINT_M, resolution.cell_m, 1.0 / SAMPLES as f64);
     }
+    let joint = Mutex::new(Joint::default());
+    Map::with_layers(
+        &arm,
+        &[],
+        resolution,
+        EXACT,
+        |_| (),
+        |layer| {
+            let mut own = Shares::default();
+            for (place, words) in layer.cells() {
+                let position = Vec3::from(place).map(|number| f64::from(number) * resolution.cell_m);
+                own.add(&position, COARSE_JOINT_M, resolution.cell_m, words / map.words());
+            }
+            if let Ok(mut joint) = joint.lock() {
+                let shares = joint.entry(coarse(layer.orientation.map(i32::from))).or_default();
+                own.0.into_iter().for_each(|(cube, share)| *shares.0.entry(cube).or_default() += share);
+            }
+        },
+    )?;
+    let joint = joint.into_inner().unwrap_or_default();
+    let joint_apart = apart(&joint, &joint_sampled);
+    let counted: f64 = joint.values().flat_map(|shares| shares.0.values()).sum();
     let density = of_map(&map, COARSE_SPATIAL_M);
     // The mean absolute deviation of a share p counted n times is √(2p(1 − p)/(πn)).
     let by_chance = |share: &f64| (2.0 * share * (1.0 - share) / (std::f64::consts::PI * SAMPLES as f64)).sqrt();
     let lost = (map.words() / 64f64.powi(6) - 1.0).abs();
     Ok(vec![
         Figure::new("map of 64^6: time", took_ms * 1e-3, "s")?,
+        Figure::new("map of 64^6: memory", memory_gib, "GiB")?,
+        Figure::new("map of 64^6: cells of position and orientation", map.n_cells().unwrap_or(0.0), "")?,
+        Figure::new("map of 64^6: words of the joint density lost or made, relative", (counted - 1.0).abs(), "")?,
+        Figure::new("map of 64^6: L1 distance of the joint density to random words", joint_apart, "")?,
+        Figure::new(
+            "map of 64^6: L1 distance of the joint density by chance alone",
+            joint.values().flat_map(|shares| shares.0.values()).map(by_chance).sum(),
+            "",
+        )?,
         Figure::new("map of 64^6: words lost or made, relative", lost, "")?,
         Figure::new("map of 64^6: positions reached", map.spots().len() as f64, "")?,
         Figure::new("map of 64^6: L1 distance to random words", density.distance(&sampled), "")?,

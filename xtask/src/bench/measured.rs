@@ -48,13 +48,6 @@ const BALLS: &[Told] = &[Norm(1e3, "mm"), Axis(3, 1e3, "mm")];
 const PRESSURE: &[Told] = &[Axis(0, 1e3, "mm"), Axis(1, 1e3, "mm"), Norm(1e3, "mm")];
 const FORCE: &[Told] = &[Norm(1.0, "N")];
 const COUNTS: &[Told] = &[Norm(1.0, "count")];
-/// What is always identified of an arm: its bodies and the plainest friction.
-const ARM: &str = "mass-distribution,rotor-inertia,viscous-friction,coulomb-friction,force-offset";
-/// What is always identified of an actuator: offset, area and the plainest friction.
-const ACTUATOR: &str = "force-offset,effective-area,load-dependent-friction,presliding-friction,viscous-friction";
-/// What is always identified of a geometry.
-const GEOMETRY: &str = "tool-frame,joint-offset,axis-error,link-error,joint-compliance,link-compliance";
-
 const fn torque(split: &'static str, data: (&'static str, &'static str), options: &'static [&'static str]) -> Case {
     let (model, data) = data;
     Case { set: "staubli_tx40", split, model, data, elsewhere: false, options, figures: TORQUE }
@@ -83,41 +76,18 @@ const fn plate(split: &'static str, options: &'static [&'static str]) -> Case {
 const MAP: &str = "position_count=pos,target_count=target,load=duty";
 
 const CASES: &[Case] = &[
-    torque("A", ("tx40.toml", "tx40_joint_200hz.csv.gz"), &["--split", "heldout", "--always", ARM]),
-    torque("B", ("tx40.toml", "tx40_joint_200hz.csv.gz"), &["--hold-out", "t >= 4.5", "--always", ARM]),
-    balls(
-        "panda_1",
-        "panda.toml",
-        &["--where", "robot = panda_1", "--hold-out-each", "tool_position", "--always", GEOMETRY],
-    ),
-    balls(
-        "panda_2",
-        "panda.toml",
-        &["--where", "robot = panda_2", "--hold-out-each", "tool_position", "--always", GEOMETRY],
-    ),
-    balls(
-        "panda_4",
-        "panda.toml",
-        &["--where", "robot = panda_4", "--hold-out-each", "tool_position", "--always", GEOMETRY],
-    ),
-    balls(
-        "panda_6",
-        "panda.toml",
-        &["--where", "robot = panda_6", "--hold-out-each", "tool_position", "--always", GEOMETRY],
-    ),
-    balls(
-        "kuka_14",
-        "iiwa14.toml",
-        &["--where", "robot = kuka_14", "--hold-out-each", "tool_position", "--always", GEOMETRY],
-    ),
-    plate("A", &["--split", "heldout", "--interpolate", "fresh", "--lowpass", "3", "--always", "mass-distribution"]),
-    plate(
-        "B",
-        &["--hold-out-last", "0.3", "--interpolate", "fresh", "--lowpass", "3", "--always", "mass-distribution"],
-    ),
-    cylinder("O-ring", &["--where", "seal = O-ring", "--hold-out", "set_bar = 5", "--always", ACTUATOR]),
-    cylinder("NAPN", &["--where", "seal = NAPN", "--hold-out", "set_bar = 5", "--always", ACTUATOR]),
-    cylinder("NAP310", &["--where", "seal = NAP310", "--hold-out", "set_bar = 5", "--always", ACTUATOR]),
+    torque("A", ("tx40.toml", "tx40_joint_200hz.csv.gz"), &["--split", "heldout"]),
+    torque("B", ("tx40.toml", "tx40_joint_200hz.csv.gz"), &["--hold-out", "t >= 4.5"]),
+    balls("panda_1", "panda.toml", &["--where", "robot = panda_1", "--hold-out-each", "tool_position"]),
+    balls("panda_2", "panda.toml", &["--where", "robot = panda_2", "--hold-out-each", "tool_position"]),
+    balls("panda_4", "panda.toml", &["--where", "robot = panda_4", "--hold-out-each", "tool_position"]),
+    balls("panda_6", "panda.toml", &["--where", "robot = panda_6", "--hold-out-each", "tool_position"]),
+    balls("kuka_14", "iiwa14.toml", &["--where", "robot = kuka_14", "--hold-out-each", "tool_position"]),
+    plate("A", &["--split", "heldout", "--interpolate", "fresh", "--lowpass", "3"]),
+    plate("B", &["--hold-out-last", "0.3", "--interpolate", "fresh", "--lowpass", "3"]),
+    cylinder("O-ring", &["--where", "seal = O-ring", "--hold-out", "set_bar = 5"]),
+    cylinder("NAPN", &["--where", "seal = NAPN", "--hold-out", "set_bar = 5"]),
+    cylinder("NAP310", &["--where", "seal = NAP310", "--hold-out", "set_bar = 5"]),
     servo(
         "single_sts3215",
         &["--map", MAP, "--settled", "0.8", "--where", "test = single_sts3215", "--hold-out-last", "0.5"],
@@ -135,7 +105,7 @@ const CASES: &[Case] = &[
         ..torque(
             "5 kHz",
             ("tx40.toml", "tx40_motor_5khz.csv.gz"),
-            &["--rate", "5000", "--lowpass", "100", "--thin", "200", "--hold-out-last", "0.5", "--always", ARM],
+            &["--rate", "5000", "--lowpass", "100", "--thin", "200", "--hold-out-last", "0.5"],
         )
     },
 ];

@@ -3,10 +3,12 @@
 //! Each desired frame is moved in its own coordinates by exp(v): in the plane v_xy uniform in ±s m and v_θ in ±s/2 rad,
 //! in space every component of v_p in ±s m and of v_ω in ±s/3 rad.
 
+use std::collections::BTreeMap;
+
 use anyhow::{Context, Result};
 use darm::arm::frames::DesiredFrame;
 use darm::arm::{Arm, ArmScratch};
-use darm::synthesis::{Bounds, Method, Options, Status, choose_words, synthesize};
+use darm::synthesis::{Bounds, Method, Obstacle, Options, Status, Synthesis, choose_words, synthesize};
 use darm_core::se::{Pose, Twist};
 use nalgebra::Vector3;
 use rand::seq::index::sample;
@@ -41,15 +43,15 @@ pub(super) fn measure() -> Result<Vec<Figure>> {
             [("planar", &planar, &[0.1, 0.3, 0.5, 0.8][..]), ("serial", &serial, &[0.1, 0.3, 1.0][..])]
         {
             for &size in sizes {
-                let share = |method, starts| {
-                    exact_share(frames, size, Options { method, bounds, starts, ..Options::default() })
-                };
-                let plain = share(Method::Plain, 1)?;
+                let share =
+                    |method, starts| outcome(frames, size, Options { method, bounds, starts, ..Options::default() });
+                let plain = share(Method::Plain, 1)?.exact;
                 let ours = share(Method::Newton, starts)?;
-                let name = format!("{name} synthesis exact at {size}{note}");
-                progress.say(format!("{name}: {ours} %, plain Gauss-Newton {plain} %"));
-                figures.push(Figure::new(&format!("{name}, plain Gauss-Newton"), plain, "%")?);
-                figures.push(Figure::new(&name, ours, "%")?);
+                let title = format!("{name} synthesis exact at {size}{note}");
+                progress.say(format!("{title}: {} %, plain Gauss-Newton {plain} %", ours.exact));
+                figures.push(Figure::new(&format!("{title}, plain Gauss-Newton"), plain, "%")?);
+                figures.push(Figure::new(&title, ours.exact, "%")?);
+                figures.extend(ours.explained(&title)?);
             }
         }
     }
@@ -109,16 +111,53 @@ fn own_frames(file: &str, words: &[&str]) -> Result<Own> {
     Ok(Own { arm, frames })
 }
 
-/// In how many of a hundred draws all frames are met.
-fn exact_share(own: &Own, size: f64, options: Options) -> Result<f64> {
+/// What became of the draws.
+struct Outcome {
+    /// Share with all frames met, %.
+    exact: f64,
+    /// Shares by what kept the nearest geometry from the frames, %.
+    obstacles: BTreeMap<&'static str, f64>,
+    /// Of each draw that is not exact the largest position error of the nearest geometry, mm.
+    nearest_mm: Vec<f64>,
+}
+
+impl Outcome {
+    /// Why the others are not exact, and how near the nearest geometry comes.
+    fn explained(&self, title: &str) -> Result<Vec<Figure>> {
+        let obstacle = |(obstacle, share): (&&str, &f64)| Figure::new(&format!("{title}: {obstacle}"), *share, "%");
+        let mut figures = self.obstacles.iter().map(obstacle).collect::<Result<Vec<_>>>()?;
+        let mut nearest_mm = self.nearest_mm.clone();
+        nearest_mm.sort_by(f64::total_cmp);
+        if let Some(median) = nearest_mm.get(nearest_mm.len() / 2) {
+            figures.push(Figure::new(&format!("{title}: largest error of the nearest, median"), *median, "mm")?);
+        }
+        Ok(figures)
+    }
+}
+
+/// In how many draws all frames are met, and why not in the others.
+fn outcome(own: &Own, size: f64, options: Options) -> Result<Outcome> {
     let planar = own.arm.model.chain.is_planar();
-    let exact = |seed: u64| -> Result<bool> {
-        let found = synthesize(&own.arm, &moved(&own.frames, size, planar, seed), &options)?;
-        // What a plain search ends at may break the bounds: then it counts as not found.
-        Ok(found.status == Status::Reached && found.kept)
+    let found = |seed: u64| -> Result<Synthesis> {
+        Ok(synthesize(&own.arm, &moved(&own.frames, size, planar, seed), &options)?)
     };
-    let exact = (0..DRAWS).into_par_iter().map(exact).collect::<Result<Vec<bool>>>()?;
-    Ok(100.0 * exact.iter().filter(|&&exact| exact).count() as f64 / DRAWS as f64)
+    let found = (0..DRAWS).into_par_iter().map(found).collect::<Result<Vec<_>>>()?;
+    // What a plain search ends at may break the bounds: then it counts as not found.
+    let (exact, missed): (Vec<_>, Vec<_>) =
+        found.iter().partition(|found| found.status == Status::Reached && found.kept);
+    let share = 100.0 / DRAWS as f64;
+    let mut obstacles = BTreeMap::new();
+    for missed in &missed {
+        let name = match &missed.obstacle {
+            Some(Obstacle::Bounds(_)) | None => "held back by bounds",
+            Some(Obstacle::Singular { .. }) => "stopped by a singular platform",
+            Some(Obstacle::OutOfReach) => "stretched, or in a hollow",
+            Some(Obstacle::Unsettled) => "not at its end",
+        };
+        *obstacles.entry(name).or_default() += share;
+    }
+    let largest_mm = |found: &&Synthesis| 1e3 * found.frames.iter().map(|frame| frame.error_m).fold(0.0, f64::max);
+    Ok(Outcome { exact: share * exact.len() as f64, obstacles, nearest_mm: missed.iter().map(largest_mm).collect() })
 }
 
 fn moved(frames: &[DesiredFrame], size: f64, planar: bool, seed: u64) -> Vec<DesiredFrame> {

@@ -46,7 +46,7 @@ pub(crate) fn measure(
     progress: &Progress,
 ) -> Result<Measured> {
     let visits: Vec<Visit> = stops.iter().map(|stop| stop.visit.clone()).collect();
-    let plan = plan(arm, &visits, Some(rig.client.identity().device))?;
+    let plan = plan(arm, &visits, Some(rig.client.identity().device), &[])?;
     let bar = progress.bar("uploading", plan.image.image().len.into());
     rig.client.upload(&plan.image, &mut |upload| bar.set_position(upload.done.into()))?;
     bar.finish_and_clear();
@@ -67,6 +67,7 @@ pub(crate) fn measure(
             previous: Some(frame.state.previous),
             servos_rad: &servos_rad,
             time_s: frame.at_s,
+            history: None,
         };
         let seen = truth.observe(&state, rng)?;
         let before = visits[..number].iter().rev().find(|before| before.word != stop.visit.word);

@@ -1,11 +1,12 @@
 //! The papers: each by its own method, with its settings and tables, ours beside theirs.
 
+mod grasp;
+mod memr;
 mod stand;
 
 use std::path::PathBuf;
 
 use anyhow::Result;
-use clap::Subcommand;
 
 /// Reproduces a paper, and prints its tables, ours beside theirs
 #[derive(clap::Args)]
@@ -17,15 +18,20 @@ pub(crate) struct Papers {
     json: Option<PathBuf>,
 }
 
-#[derive(Subcommand)]
+#[derive(clap::Subcommand)]
 enum Paper {
+    Grasp(grasp::Grasp),
+    Memr(memr::Memr),
     Stand(stand::Stand),
 }
 
 impl Papers {
     pub(crate) fn run(&self) -> Result<()> {
+        let json = self.json.as_deref();
         match &self.paper {
-            Paper::Stand(stand) => stand.run(self.json.as_deref()),
+            Paper::Grasp(grasp) => grasp.run(json),
+            Paper::Memr(memr) => memr.run(json),
+            Paper::Stand(stand) => stand.run(json),
         }
     }
 }

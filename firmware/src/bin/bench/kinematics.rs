@@ -9,16 +9,16 @@ use darm_core::dynamics::{inverse_dynamics, mass_matrix};
 use darm_core::ik;
 use darm_core::real::{Mat6, Vec3};
 use darm_core::se::{Pose, Twist};
-use darm_core::tree::puma560::{self, SAMPLE};
+use darm_core::tree::puma560::{NEAR_M, NEAR_NM, SAMPLE};
 use darm_core::tree::{Frames, Inertia, Joint, LinkFrame, Tree};
 use darm_firmware::board::measure::Stack;
 
-use crate::{check, tell};
+use crate::{check, puma560, tell};
 
 const RUNS: u32 = 200;
-/// The host and Pinocchio have these in `f64`: a few roundings of the largest term.
-const NEAR_M: f32 = 2e-6;
-const NEAR_NM: f32 = 5e-5;
+/// In flash.
+static PUMA: Tree<f32, 6> = puma560::TREE;
+static TOOL: LinkFrame<f32> = puma560::TOOL;
 
 /// Instructions of one call: an instruction lasts 5.12 cycles, and so does one of the empty loop.
 #[inline(always)]
@@ -106,10 +106,10 @@ fn alternating() -> Option<Tree<f32, 6>> {
 fn check_values(tree: &Tree<f32, 6>, tool: &LinkFrame<f32>, motion: &[[f32; 6]; 3]) {
     let [q, ..] = motion;
     let away = tree.pose(tool, q).position - SAMPLE.tool().map(|x| x as f32);
-    check("the tool is where the host has it", away.norm() < NEAR_M);
-    let near = |(ours, theirs): (&f32, &f64)| (*ours - *theirs as f32).abs() < NEAR_NM;
+    check("the tool is where the host has it", away.norm() < NEAR_M as f32);
+    let near = |(ours, theirs): (&f32, &f64)| (*ours - *theirs as f32).abs() < NEAR_NM as f32;
     check("the torques are the host's", torques(tree, motion).iter().zip(&SAMPLE.torque).all(near));
-    let arm = ik::Arm { tree, tool, limits: &puma560::LIMITS_RAD.map(|limits| limits.map(|q| q as f32)) };
+    let arm = ik::Arm { tree, tool, limits: &puma560::LIMITS };
     let target = tree.pose(tool, q);
     let options = ik::Options { position_m: 1e-5, orientation_rad: 1e-5, ..ik::Options::default() };
     let found = ik::solve(&arm, &target, &q.map(|q| q + 0.2), &options);
@@ -126,11 +126,9 @@ pub(crate) fn measure(stack: &Stack) {
     timer.clear_current();
     timer.enable_counter();
     let motion = [SAMPLE.q, SAMPLE.qd, SAMPLE.qdd].map(|row| row.map(|x| x as f32));
-    let (Ok((puma, tool)), Some(plain)) = (puma560::arm::<f32>(), alternating()) else {
-        return check("both arms are arms", false);
-    };
-    check_values(&puma, &tool, &motion);
-    let of_puma = counts(&puma, &tool, &motion);
+    let Some(plain) = alternating() else { return check("the arm is an arm", false) };
+    check_values(&PUMA, &TOOL, &motion);
+    let of_puma = counts(&PUMA, &TOOL, &motion);
     let of_plain = counts(&plain, &plain.frame(5, &Pose::identity()), &motion);
     let used = stack.used();
     timer.disable_counter();

@@ -8,12 +8,13 @@
 #![no_main]
 
 mod kinematics;
+mod puma560;
 
 use core::fmt::Display;
 
 use cortex_m_semihosting::{debug, hprintln};
 use darm_core::actuator::{Leg, Platform, Stage};
-use darm_core::nearest::{self, Beam, Frame, Module};
+use darm_core::nearest::{self, Beam, Coordinates, Frame, Module};
 use darm_core::output::{
     ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, MAX_ACTUATORS, MAX_LINES, MAX_SERVOS, ServoWiring, SwitchLimit,
 };
@@ -29,6 +30,7 @@ use darm_firmware::board::measure::Stack;
 use darm_firmware::board::tasks::SHARED;
 use darm_firmware::board::{self, clocks, death, measure, tasks, time, uart};
 use darm_firmware::clock::Clock;
+use darm_firmware::nearest::WIDTH;
 use defmt_rtt as _;
 
 /// The planar arm of four modules, and all that a board drives.
@@ -39,12 +41,12 @@ const ROW_MS: u32 = 20;
 const STORES: u32 = 10;
 /// Actuators that change in one row.
 const CHANGING: usize = 16;
+/// Most actuators of an arm whose modules the recorded upload has room for: it asks for the nearest word, too.
+const MODULED: usize = 12;
 /// What 115 200 baud carry between two wake-ups of the main thread, 500 µs.
 const BYTES_PER_WAKE: usize = 6;
 const SERVO_RAD: f32 = 0.2;
 
-/// Choices that the search for a near word keeps.
-const WIDTH: usize = 16;
 /// Modules with six binary legs of the arm that it is asked for.
 const MODULES: usize = 6;
 
@@ -95,8 +97,22 @@ fn record(actuators: usize, servos: usize) -> Recorded {
         let (min_rad, max_rad, max_speed_rad_s, max_torque) = (-1.5, 1.5, 3.0, 0.5);
         table.push(&Record::Servo(ServoWiring { id, min_rad, max_rad, max_speed_rad_s, max_torque, timeout_ms: 500 }));
     }
+    if actuators <= MODULED {
+        push_modules(&mut table, actuators);
+    }
     push_rows(&mut table, actuators, servos);
     table
+}
+
+/// Modules of two actuators, with as many frames as those have words.
+fn push_modules(table: &mut Recorded, actuators: usize) {
+    let at = |x: f32| Coordinates { turn_rad: [0.0, 0.0, 0.1 * x], position_m: [x, 1.0, 0.0] };
+    for left in (0..actuators / 2).rev() {
+        table.push(&Record::Module { actuators: 2, length_scale_m: 0.5, behind: at(0.2 * left as f32) });
+        for digits in [0b0000, 0b0001, 0b0100, 0b0101] {
+            table.push(&Record::Frame { digits, pose: at(0.1 * f32::from(digits)) });
+        }
+    }
 }
 
 fn push_rows(table: &mut Recorded, actuators: usize, servos: usize) {
@@ -137,6 +153,7 @@ impl Host {
         for _ in 0..millis / 50 {
             self.send(Request::Status);
             self.send(Request::Events { from: 0 });
+            self.send(Request::Nearest(Coordinates { turn_rad: [0.0; 3], position_m: [1.0, 5.0, 0.0] }));
             (0..80).for_each(|_| wait_a_wake());
         }
     }
@@ -203,7 +220,10 @@ fn measure_nearest() {
     let mut beam = Beam::<f32, WIDTH>::default();
     let search = measure::instructions(|| found = nearest::nearest(&modules, &target, 0.5, &mut beam));
     tell("nearest", "end_frame_of_six_modules", look_up, "instructions");
-    tell("nearest", "beam_of_16_out_of_64^6", search, "instructions");
+    tell("nearest", format_args!("beam_of_{WIDTH}_out_of_64^6"), search, "instructions");
+    beam.module(6, &one, 0.5);
+    let piece = measure::instructions(|| beam.offer(&frames[0]));
+    tell("nearest", "a_frame_behind_all_choices", piece, "instructions");
     tell("nearest", "beam", size_of_val(&beam), "bytes");
     tell("nearest", "frames_of_a_module", size_of_val(&*frames), "bytes");
     tell("nearest", "distance", found.map_or(-1.0, |found| 1e3 * found.distance_m), "mm");

@@ -178,8 +178,8 @@ impl Subject {
         match self {
             Self::Robot(robot) => Ok(*robot),
             Self::Arm(_) => Err(Usage(format!(
-                "darm {command} needs joints and links with inertia: a URDF or a table of Denavit and Hartenberg; an \
-                 arm file has stages that snap from stop to stop"
+                "darm {command} needs joints and links: a URDF or a table of Denavit and Hartenberg; an arm file has \
+                 stages that snap from stop to stop, whose words `darm nearest` and `darm path` find"
             ))),
         }
     }

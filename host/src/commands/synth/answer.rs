@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use darm::synthesis::{Bought, Case, Cost, Expected, Reached, Status, Synthesis};
+use darm::synthesis::{Bought, Case, Cost, Expected, Obstacle, Reached, Status, Synthesis};
 use serde::Serialize;
 
 use crate::voice::{Answer, columns};
@@ -15,6 +15,9 @@ pub(super) struct Synthesised {
     reached: bool,
     case: String,
     ranks: Case,
+    /// What keeps the nearest geometry from the frames, where not all are met.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    obstacle: Option<Obstacle>,
     iterations: u32,
     starts: u32,
     took_s: f64,
@@ -36,6 +39,9 @@ pub(super) struct Extras {
     /// What a repair costs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) repair: Option<Cost>,
+    /// By how much the geometry with the least alteration alters the stops, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) altered_before_m: Option<f64>,
     /// Errors to be expected of the geometry with the least alteration.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) expected_before: Vec<Expected>,
@@ -77,12 +83,7 @@ pub(super) fn not_met(found: &Synthesis) -> NotMet {
         worst_mm: 1e3 * worst(|reached| reached.error_m),
         worst_deg: worst(|reached| reached.error_rad).to_degrees(),
         case: found.case.to_string(),
-        why: match found.held.as_slice() {
-            [] => {
-                format!("no bound holds them back: they are out of reach, or need more --starts than {}", found.starts)
-            }
-            held => format!("bounds hold back {}: widen them", held.join(", ")),
-        },
+        why: found.obstacle.as_ref().map_or_else(String::new, Obstacle::to_string),
     }
 }
 
@@ -94,6 +95,7 @@ impl Synthesised {
             reached: found.status == Status::Reached,
             case: found.case.to_string(),
             ranks: found.case.clone(),
+            obstacle: found.obstacle.clone(),
             iterations: found.iterations,
             starts: found.starts,
             took_s: found.time.as_secs_f64(),
@@ -133,9 +135,12 @@ impl Answer for Synthesised {
             "{}\n\n{}{}\n{} in {:.3} s: {} iterations, {} start{}; stops altered by {:.1} mm (root of the sum of squares)\n\
              model {} in {}",
             columns(&rows),
-            self.extras.text(&self.frames),
+            self.extras.text(&self.frames, self.alteration_m),
             self.case,
-            if self.reached { "every frame is met" } else { "the nearest geometry" },
+            match &self.obstacle {
+                None => "every frame is met".to_owned(),
+                Some(obstacle) => format!("the nearest geometry: {obstacle};"),
+            },
             self.took_s,
             self.iterations,
             self.starts,
@@ -149,7 +154,7 @@ impl Answer for Synthesised {
 
 impl Extras {
     /// Paragraphs, each with an empty line after it.
-    fn text(&self, frames: &[FrameReport]) -> String {
+    fn text(&self, frames: &[FrameReport], alteration_m: f64) -> String {
         let mut text = String::new();
         if !self.parts.is_empty() {
             let mut rows = vec![["leg", "part", "price", "stops", "bears"].map(str::to_owned).to_vec()];
@@ -190,7 +195,16 @@ impl Extras {
                     format!("{:.4} deg", now.sampled_rad.to_degrees()),
                 ]);
             }
-            text += &format!("{}\n\n", columns(&rows));
+            let root = |of: &[Expected]| 1e3 * of.iter().map(|frame| frame.linear_m.powi(2)).sum::<f64>().sqrt();
+            text += &format!(
+                "{}\nof all frames together {:.3} mm, before {:.3} mm, for stops altered by {:.1} mm in place of {:.1} mm; \
+                 a larger --worth alters more\n\n",
+                columns(&rows),
+                root(&self.expected),
+                root(&self.expected_before),
+                1e3 * alteration_m,
+                1e3 * self.altered_before_m.unwrap_or(alteration_m)
+            );
         }
         text
     }

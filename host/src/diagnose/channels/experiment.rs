@@ -1,5 +1,7 @@
 //! One measured experiment in numbers: residuals of the model as it is, and how each effect that may be missing moves them.
 
+use super::prepared::Prepared;
+
 /// What one axis of a residual is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
@@ -45,7 +47,7 @@ pub struct Candidate {
     /// Where it acts.
     pub place: String,
     /// A number that the law has and no fit changes: its name, value and unit.
-    pub shape: Option<(&'static str, f64, &'static str)>,
+    pub shape: Option<(&'static str, f64, String)>,
     /// What a fit determines.
     pub values: Vec<Value>,
 }
@@ -90,15 +92,31 @@ impl Candidate {
         let value = Value { name: name.into(), unit: unit.into(), prior: f64::INFINITY, column };
         Self { law, place: place.into(), shape: None, values: vec![value] }
     }
-
-    /// The same with a number that no fit changes.
-    pub fn shaped(mut self, name: &'static str, value: f64, unit: &'static str) -> Self {
-        self.shape = Some((name, value, unit));
-        self
-    }
 }
 
 impl Experiment {
+    /// An experiment with one axis whose residuals are linear in all values.
+    pub(super) fn of_one(
+        kind: &'static str,
+        axis: Axis,
+        data: &Prepared,
+        residuals: Vec<f64>,
+        candidates: Vec<Candidate>,
+        channels: Vec<(String, Vec<f64>)>,
+    ) -> Self {
+        Self {
+            kind,
+            axes: vec![axis],
+            n_norm: 1,
+            rows: data.rows.clone(),
+            residuals,
+            candidates,
+            channels,
+            masses: Vec::new(),
+            relinearise: None,
+        }
+    }
+
     /// Where the values of each candidate begin among all values, and how many there are.
     pub fn offsets(&self) -> (Vec<usize>, usize) {
         let mut next = 0;

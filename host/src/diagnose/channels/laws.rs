@@ -1,25 +1,38 @@
-//! Laws of one actuator or joint that moves along one coordinate: how its force departs from the ideal.
+//! The laws of `darm_core::effect::along` as candidates: columns along the rows of a measurement.
 //!
-//! Shapes that no linear fit finds (the speed at which friction falls, the distance over which it turns round) are taken
+//! Constants that no linear fit finds (the speed at which friction falls, the distance over which it turns round) are taken
 //! from a few values spread over what the measurement covers, so that they have the measurement's own scale.
-//!
-//! | law | column | unit of the value |
-//! | --- | --- | --- |
-//! | `force-offset` | 1 | force |
-//! | `coulomb-friction` | tanh(v/v₀) | force |
-//! | `viscous-friction` | v | force per speed |
-//! | `stribeck-friction` | tanh(v/v₀)·exp(−\|v\|/v_s) | force |
-//! | `presliding-friction` | z, with dz = (sign(dx) − z)·\|dx\|/d | force |
-//! | `load-dependent-friction` | L·tanh(v/v₀), L·z | force per load |
-//! | `position-dependent-friction` | x·z | force per length |
-//! | `spring` | x | force per length |
-//! | `drift` | t | force per time |
-//!
-//! v₀, v_s in shares of the root mean square of v, d in shares of the range of x. The friction of presliding is Dahl's
-//! with the exponent 1, solved exactly from row to row. Sources: P. R. Dahl, A Solid Friction Model, 1968; B.
-//! Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30 (1994) 1083.
 
-use super::experiment::Candidate;
+use darm_core::effect::along::backlash::Backlash;
+use darm_core::effect::along::backlash_by_load::BacklashByLoad;
+use darm_core::effect::along::compliance::Compliance;
+use darm_core::effect::along::coulomb_friction::CoulombFriction;
+use darm_core::effect::along::delay::Delay;
+use darm_core::effect::along::drift::Drift;
+use darm_core::effect::along::gain::Gain;
+use darm_core::effect::along::hysteresis::Hysteresis;
+use darm_core::effect::along::load_dependent_friction::LoadDependentFriction;
+use darm_core::effect::along::load_dependent_presliding::LoadDependentPresliding;
+use darm_core::effect::along::load_dependent_viscosity::LoadDependentViscosity;
+use darm_core::effect::along::offset::Offset;
+use darm_core::effect::along::periodic_cosine::PeriodicCosine;
+use darm_core::effect::along::periodic_sine::PeriodicSine;
+use darm_core::effect::along::position_dependent_friction::PositionDependentFriction;
+use darm_core::effect::along::presliding_friction::PreslidingFriction;
+use darm_core::effect::along::rotor_inertia::RotorInertia;
+use darm_core::effect::along::speed_dependent_offset::SpeedDependentOffset;
+use darm_core::effect::along::spring::Spring;
+use darm_core::effect::along::step_in_time::StepInTime;
+use darm_core::effect::along::stribeck_friction::StribeckFriction;
+use darm_core::effect::along::thermal_drift::ThermalDrift;
+use darm_core::effect::along::thermal_viscosity::ThermalViscosity;
+use darm_core::effect::along::viscous_friction::ViscousFriction;
+use darm_core::effect::along::wear::Wear;
+use darm_core::effect::along::{Law, Memory, Moment, Per};
+
+use super::experiment::{Candidate, Value};
+use super::known::Known;
+use super::signal::rate;
 
 /// v₀ over the root mean square of v.
 const CREEP: [f64; 3] = [0.05, 0.2, 0.5];
@@ -27,52 +40,36 @@ const CREEP: [f64; 3] = [0.05, 0.2, 0.5];
 const STRIBECK: [f64; 3] = [0.1, 0.3, 1.0];
 /// d over the range of x.
 const PRESLIDING: [f64; 5] = [0.002, 0.005, 0.01, 0.03, 0.1];
+/// Half widths of hysteresis in shares of the load's range.
+const WIDTHS: [f64; 4] = [0.05, 0.1, 0.2, 0.4];
+/// Loads that seat a joint in its gap, in shares of the load's range.
+const SEATS: [f64; 2] = [0.01, 0.05];
+/// Distances of the memory of direction in shares of the target's range.
+const DISTANCES: [f64; 3] = [0.02, 0.1, 0.5];
+/// Moments of a step, as shares of the time from the first row to the last.
+const STEPS: [f64; 7] = [0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875];
+/// Periods a turn of a gear whose ratio is not known.
+const PERIODS: [f64; 2] = [2.0, 4.0];
 
 /// One coordinate along the rows of a measurement.
+#[derive(Clone, Copy)]
 pub struct Coordinate<'a> {
     /// Position, m or rad.
     pub position: &'a [f64],
     /// Its rate.
     pub velocity: &'a [f64],
+    /// The rate of that.
+    pub acceleration: &'a [f64],
+    /// What presses on it or drives it, where that is known.
+    pub load: Option<&'a [f64]>,
+    /// Temperature less its mean, K, where it was measured.
+    pub temperature: Option<&'a [f64]>,
     /// When, s.
     pub time_s: &'a [f64],
     /// The stretch of each row: memory does not reach over a border.
     pub series: &'a [usize],
-    /// Units of position and force: `m` and `N`, or `rad` and `N·m`.
-    pub units: (&'static str, &'static str),
-}
-
-/// A column of numbers, one a row, with the law that it belongs to.
-pub struct Law {
-    /// Its name.
-    pub name: &'static str,
-    /// A number that is not fitted.
-    pub shape: Option<(&'static str, f64, &'static str)>,
-    /// Name and unit of the value.
-    pub value: (&'static str, String),
-    /// One number a row.
-    pub column: Vec<f64>,
-}
-
-impl Law {
-    /// A law without a shape.
-    pub fn new(name: &'static str, value: &'static str, unit: String, column: Vec<f64>) -> Self {
-        Self { name, shape: None, value: (value, unit), column }
-    }
-
-    /// The law at a place, acting on one of several axes.
-    pub fn on_axis(&self, place: &str, axis: usize, n_axes: usize) -> Candidate {
-        let shares: Vec<f64> = (0..n_axes).map(|k| f64::from(u8::from(k == axis))).collect();
-        self.on_axes(place, &shares)
-    }
-
-    /// The law at a place, acting on each axis by its share.
-    pub fn on_axes(&self, place: &str, shares: &[f64]) -> Candidate {
-        let column = self.column.iter().flat_map(|number| shares.iter().map(move |share| share * number)).collect();
-        let mut candidate = Candidate::one(self.name, place, (self.value.0, &self.value.1), column);
-        candidate.shape = self.shape;
-        candidate
-    }
+    /// Units of position, force and load: `m`, `N` and `Pa`.
+    pub units: [&'static str; 3],
 }
 
 /// √(mean of squares).
@@ -86,73 +83,157 @@ pub fn range(values: &[f64]) -> f64 {
     (high - low).max(0.0)
 }
 
-fn times(a: &[f64], b: &[f64]) -> Vec<f64> {
-    a.iter().zip(b).map(|(a, b)| a * b).collect()
-}
-
-/// z along the rows: +1 after going up by several `distance`, −1 after going down, zero where a stretch begins.
-pub fn presliding(position: &[f64], series: &[usize], distance: f64) -> Vec<f64> {
-    let mut state = vec![0.0; position.len()];
-    for k in 1..position.len() {
-        if series[k] == series[k - 1] {
-            let step = position[k] - position[k - 1];
-            let way = if step == 0.0 { 0.0 } else { step.signum() };
-            state[k] = way + (state[k - 1] - way) * (-step.abs() / distance).exp();
-        }
-    }
-    state
-}
-
 impl Coordinate<'_> {
-    /// The laws of friction along this coordinate; friction may grow with each of the loads (name, unit, one number a row).
-    pub fn friction(&self, loads: &[(&'static str, &'static str, Vec<f64>)]) -> Vec<Law> {
-        let (length, force) = self.units;
-        let speed = format!("{length}/s");
+    /// Friction of all kinds.
+    pub fn friction(&self) -> Vec<Law<f64>> {
         let (usual, stroke) = (rms(self.velocity).max(1e-12), range(self.position).max(1e-12));
-        let per = |unit: &str| format!("{force}/{unit}");
-        let creep = |share: f64| -> Vec<f64> { self.velocity.iter().map(|v| (v / (share * usual)).tanh()).collect() };
-        let unit_of_speed = if length == "m" { "m/s" } else { "rad/s" };
-        let mut laws =
-            vec![Law::new("viscous-friction", "coefficient", format!("{force}/({speed})"), self.velocity.to_vec())];
-        let mut shaped = |name, shape, value, unit: String, column| {
-            laws.push(Law { shape: Some(shape), ..Law::new(name, value, unit, column) });
-        };
-        for share in CREEP {
-            let (column, shape) = (creep(share), ("creep speed", share * usual, unit_of_speed));
-            for (load, unit, size) in loads {
-                shaped("load-dependent-friction", shape, load, per(unit), times(&column, size));
-            }
-            shaped("coulomb-friction", shape, "level", force.into(), column);
+        let mut laws = vec![Law::ViscousFriction(ViscousFriction)];
+        laws.extend(CREEP.map(|share| Law::CoulombFriction(CoulombFriction { creep_speed: share * usual })));
+        laws.extend(STRIBECK.map(|share| Law::StribeckFriction(StribeckFriction { fall_speed: share * usual })));
+        let distances = PRESLIDING.map(|share| share * stroke);
+        laws.extend(distances.map(|distance| Law::PreslidingFriction(PreslidingFriction { distance })));
+        laws.extend(distances.map(|distance| Law::PositionDependentFriction(PositionDependentFriction { distance })));
+        laws.push(Law::Wear(Wear { creep_speed: CREEP[0] * usual }));
+        if self.load.is_some() {
+            laws.extend(
+                CREEP.map(|share| Law::LoadDependentFriction(LoadDependentFriction { creep_speed: share * usual })),
+            );
+            laws.extend(distances.map(|distance| Law::LoadDependentPresliding(LoadDependentPresliding { distance })));
+            laws.push(Law::LoadDependentViscosity(LoadDependentViscosity));
         }
-        for share in STRIBECK {
-            let falling = self.velocity.iter().map(|v| (-v.abs() / (share * usual)).exp()).collect::<Vec<_>>();
-            let shape = ("speed of fall", share * usual, unit_of_speed);
-            shaped("stribeck-friction", shape, "level", force.into(), times(&creep(CREEP[0]), &falling));
-        }
-        for share in PRESLIDING {
-            let column = presliding(self.position, self.series, share * stroke);
-            let shape = ("presliding distance", share * stroke, length);
-            for (load, unit, size) in loads {
-                shaped("load-dependent-friction", shape, load, per(unit), times(&column, size));
-            }
-            shaped("position-dependent-friction", shape, "slope", per(length), times(&column, self.position));
-            shaped("presliding-friction", shape, "level", force.into(), column);
+        if self.temperature.is_some() {
+            laws.push(Law::ThermalViscosity(ThermalViscosity));
         }
         laws
     }
 
-    /// The laws that are no friction.
-    pub fn others(&self) -> Vec<Law> {
-        let (length, force) = self.units;
-        let speed: Vec<f64> = self.velocity.iter().map(|v| v.abs()).collect();
-        let start = self.time_s.first().copied().unwrap_or_default();
-        vec![
-            Law::new("force-offset", "offset", force.into(), vec![1.0; self.position.len()]),
-            Law::new("spring", "stiffness", format!("{force}/{length}"), self.position.to_vec()),
-            Law::new("speed-dependent-offset", "coefficient", format!("{force}/({length}/s)"), speed),
-            Law::new("drift", "rate", format!("{force}/s"), self.time_s.iter().map(|t| t - start).collect()),
-        ]
+    /// The laws of a force that are no friction.
+    pub fn others(&self) -> Vec<Law<f64>> {
+        let mut laws = vec![Law::Offset(Offset), Law::Spring(Spring), Law::SpeedDependentOffset(SpeedDependentOffset)];
+        laws.extend(self.in_time());
+        if self.load.is_some() {
+            laws.extend([Law::Gain(Gain), Law::Delay(Delay)]);
+        }
+        laws
     }
+
+    /// Drift, a step, and what temperature moves.
+    pub fn in_time(&self) -> Vec<Law<f64>> {
+        let length_s = self.time_s.last().map_or(0.0, |last| last - self.start_s());
+        let mut laws = vec![Law::Drift(Drift)];
+        laws.extend(STEPS.map(|share| Law::StepInTime(StepInTime { at_s: share * length_s })));
+        if self.temperature.is_some() {
+            laws.push(Law::ThermalDrift(ThermalDrift));
+        }
+        laws
+    }
+
+    /// The laws of a motor and its gear, of this ratio where it is known.
+    pub fn of_motor(&self, ratio: Option<f64>) -> Vec<Law<f64>> {
+        let mut laws = vec![Law::RotorInertia(RotorInertia)];
+        for per_turn in ratio.map_or(PERIODS.to_vec(), |ratio| vec![ratio.abs()]) {
+            laws.push(Law::PeriodicSine(PeriodicSine { per_turn }));
+            laws.push(Law::PeriodicCosine(PeriodicCosine { per_turn }));
+        }
+        laws
+    }
+
+    /// The laws of a joint that holds a target: `position` is the target.
+    pub fn of_holding(&self) -> Vec<Law<f64>> {
+        let width = self.load.map_or(0.0, range).max(1e-12);
+        let mut laws = self.in_time();
+        laws.push(Law::Offset(Offset));
+        if range(self.position) > 0.0 {
+            laws.extend(DISTANCES.map(|share| Law::Backlash(Backlash { distance: share * range(self.position) })));
+        }
+        if self.load.is_some() {
+            laws.push(Law::Compliance(Compliance));
+            laws.extend(SEATS.map(|share| Law::BacklashByLoad(BacklashByLoad { seating: share * width })));
+            laws.extend(WIDTHS.map(|share| Law::Hysteresis(Hysteresis { half_width: share * width })));
+        }
+        laws
+    }
+
+    /// Laws at a place, acting on each axis by its share, and with the constants that the model's own effects have.
+    pub fn candidates(&self, mut laws: Vec<Law<f64>>, place: &str, shares: &[f64], known: &[Known]) -> Vec<Candidate> {
+        for effect in known.iter().filter(|effect| effect.place == place && effect.constant.is_some()) {
+            laws.extend(Law::named(&effect.law, effect.constant).filter(|law| !laws.contains(law)));
+        }
+        laws.iter().map(|law| self.candidate(law, place, shares)).collect()
+    }
+
+    /// A law at a place, acting on each axis by its share.
+    fn candidate(&self, law: &Law<f64>, place: &str, shares: &[f64]) -> Candidate {
+        let along = law.along();
+        let unit = self.unit(along.per());
+        let shape = along.constant().map(|constant| (constant.name, constant.value, self.dimension(constant.per)));
+        let numbers = self.column(law);
+        let column = numbers.iter().flat_map(|number| shares.iter().map(move |share| share * number)).collect();
+        let value = Value { name: along.size().into(), unit, prior: f64::INFINITY, column };
+        Candidate { law: along.name(), place: place.into(), shape, values: vec![value] }
+    }
+
+    /// What a size of one adds in each row.
+    pub fn column(&self, law: &Law<f64>) -> Vec<f64> {
+        let load_rate = self.load.map(|load| rate(load, self.time_s, self.series));
+        let mut memory = Memory::default();
+        let start_s = self.start_s();
+        let at = |k: usize| {
+            if k > 0 && self.series[k] != self.series[k - 1] {
+                memory = Memory::default();
+            }
+            let now = Moment {
+                position: self.position[k],
+                velocity: self.velocity[k],
+                acceleration: self.acceleration[k],
+                time_s: self.time_s[k] - start_s,
+                load: self.load.map_or(0.0, |load| load[k]),
+                load_rate: load_rate.as_ref().map_or(0.0, |rate| rate[k]),
+                temperature_rise_k: self.temperature.map_or(0.0, |temperature| temperature[k]),
+            };
+            law.along().shape(&now, &mut memory)
+        };
+        (0..self.position.len()).map(at).collect()
+    }
+
+    fn start_s(&self) -> f64 {
+        self.time_s.first().copied().unwrap_or_default()
+    }
+
+    fn dimension(&self, per: Per) -> String {
+        let [length, _, load] = self.units;
+        match per {
+            Per::One => "1".into(),
+            Per::Length => length.into(),
+            Per::Speed => format!("{length}/s"),
+            Per::Acceleration => format!("{length}/s²"),
+            Per::Time => "s".into(),
+            Per::Load => load.into(),
+            Per::LoadRate => format!("{load}/s"),
+            Per::Kelvin => "K".into(),
+        }
+    }
+
+    /// The unit of a size.
+    fn unit(&self, per: &[Per]) -> String {
+        let [length, force, load] = self.units;
+        let divided = |unit: &str, by: &str| match by.contains(['/', '·']) {
+            true => format!("{unit}/({by})"),
+            false => format!("{unit}/{by}"),
+        };
+        match per {
+            [Per::Acceleration] if (length, force) == ("rad", "N·m") => "kg·m²".into(),
+            [Per::LoadRate] if load == force => "s".into(),
+            [Per::Load] if load == force => "1".into(),
+            _ => per.iter().fold(force.to_string(), |unit, per| divided(&unit, &self.dimension(*per))),
+        }
+    }
+}
+
+/// A channel less its mean.
+pub fn less_mean(values: &[f64]) -> Vec<f64> {
+    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    values.iter().map(|value| value - mean).collect()
 }
 
 #[cfg(test)]
@@ -160,10 +241,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn presliding_turns_round_over_its_distance_and_forgets_at_a_border() {
+    fn memory_ends_at_a_border_and_units_are_told() {
         let position = [0.0, 0.1, 0.2, 0.19, 0.1, 0.5];
-        let state = presliding(&position, &[0, 0, 0, 0, 0, 1], 0.01);
+        let zero = [0.0; 6];
+        let coordinate = Coordinate {
+            position: &position,
+            velocity: &zero,
+            acceleration: &zero,
+            load: Some(&zero),
+            temperature: None,
+            time_s: &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0],
+            series: &[0, 0, 0, 0, 0, 1],
+            units: ["m", "N", "Pa"],
+        };
+        let law = Law::PreslidingFriction(PreslidingFriction { distance: 0.01 });
+        let state = coordinate.column(&law);
         assert!((state[2] - 1.0).abs() < 1e-4 && (state[4] + 1.0).abs() < 1e-2 && state[5] == 0.0);
-        assert!((state[3] - (2.0 * (-1.0f64).exp() - 1.0)).abs() < 1e-4);
+        let of = |law| coordinate.candidate(&law, "here", &[1.0]);
+        assert_eq!(of(law).shape, Some(("presliding distance", 0.01, "m".into())));
+        assert_eq!(of(Law::LoadDependentViscosity(LoadDependentViscosity)).values[0].unit, "N/(m/s)/Pa");
     }
 }

@@ -8,10 +8,12 @@
 //! repeat each other (the integral of the residuals' autocorrelation), against the priors of the values. Unseen rows
 //! are those of a fold: a value of the column that is held out, or a tenth of the pieces of time.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::{IntoParallelIterator as _, IntoParallelRefIterator as _, ParallelIterator as _};
 
-use super::experiment::Experiment;
+use super::experiment::{Candidate, Experiment};
 use super::groups::Groups;
 use crate::diagnose::fit::{losses, weights};
 use crate::diagnose::kind::{Kind, Trial};
@@ -47,6 +49,8 @@ pub struct Channels {
     pub sigma: Vec<f64>,
     /// How many rows repeat each other.
     pub repeats: f64,
+    /// What a step of the search may add: each candidate by itself, and each law at all its places together.
+    pub moves: Vec<Vec<usize>>,
     offsets: Vec<usize>,
     n_values: usize,
     /// Scaled residuals and columns of the training rows, where all values are `origin`.
@@ -67,6 +71,7 @@ impl Channels {
             groups,
             sigma,
             repeats: 1.0,
+            moves: moves(&experiment.candidates),
             offsets,
             n_values,
             residuals: Vec::new(),
@@ -217,6 +222,19 @@ impl Channels {
         Trial { effect, fit: Fit { active, values }, predicted, loss, error }
     }
 
+    /// The candidates that a move adds to a model; `None` where it adds nothing, or where another move adds the same.
+    fn added(&self, number: usize, fit: &Fit) -> Option<Vec<usize>> {
+        let all = &self.moves[number];
+        let place = |k: &usize| (self.experiment.candidates[*k].law, &self.experiment.candidates[*k].place);
+        let added: Vec<usize> = match &all[..] {
+            [one] => (!fit.active.contains(one)).then_some(*one).into_iter().collect(),
+            several => {
+                several.iter().filter(|k| !fit.active.iter().any(|other| place(other) == place(k))).copied().collect()
+            }
+        };
+        (added.len() >= all.len().min(2)).then_some(added)
+    }
+
     /// Fits the values of a model anew, beside those that are held where they are.
     pub fn refit(&self, fit: &mut Fit, held: &[usize]) {
         let indices = self.indices(&fit.active);
@@ -249,6 +267,19 @@ impl Channels {
         }
         self.repeats = self.groups.repeats(residuals, n_axes);
     }
+}
+
+/// Each candidate by itself, then each law that has several places at all of them; of a law with several shapes the first
+/// of each place together, the second, and so on.
+fn moves(candidates: &[Candidate]) -> Vec<Vec<usize>> {
+    let mut shapes: BTreeMap<(&str, usize), Vec<usize>> = BTreeMap::new();
+    for (k, candidate) in candidates.iter().enumerate() {
+        let alike = |other: &&Candidate| other.law == candidate.law && other.place == candidate.place;
+        let shape = candidates[..k].iter().filter(alike).count();
+        shapes.entry((candidate.law, shape)).or_default().push(k);
+    }
+    let single = (0..candidates.len()).map(|k| vec![k]);
+    single.chain(shapes.into_values().filter(|all| all.len() > 1)).collect()
 }
 
 /// x with A·x = b for an information matrix A, scaled to its diagonal and made safe by a share of [`LEAST`] of it.
@@ -288,13 +319,16 @@ impl Kind for Channels {
     }
 
     fn exchanges(&self) -> bool {
-        self.experiment.candidates.len() * self.groups.n_folds < MOST_TO_EXCHANGE
+        self.moves.len() * self.groups.n_folds < MOST_TO_EXCHANGE
     }
 
     fn name(&self, effect: &usize) -> (&'static str, String) {
-        let candidate = &self.experiment.candidates[*effect];
-        let shape = candidate.shape.map_or(String::new(), |(name, value, unit)| format!(", {name} {value:.3} {unit}"));
-        (candidate.law, candidate.place.clone() + &shape)
+        let all = &self.moves[*effect];
+        let candidate = &self.experiment.candidates[all[0]];
+        let shape =
+            candidate.shape.as_ref().map_or(String::new(), |(name, value, unit)| format!(", {name} {value:.3} {unit}"));
+        let place = if all.len() > 1 { format!("{} places", all.len()) } else { candidate.place.clone() };
+        (candidate.law, place + &shape)
     }
 
     fn settled(&mut self, current: Trial<Self>) -> Result<Trial<Self>, Self::Error> {
@@ -311,12 +345,10 @@ impl Kind for Channels {
     }
 
     fn screened(&mut self, current: &Trial<Self>) -> Result<Vec<Trial<Self>>, Self::Error> {
-        let open: Vec<usize> =
-            (0..self.experiment.candidates.len()).filter(|k| !current.fit.active.contains(k)).collect();
-        let with = |&candidate: &usize| {
-            let mut active = current.fit.active.clone();
-            active.push(candidate);
-            self.judged(active, Some(candidate))
+        let open: Vec<(usize, Vec<usize>)> =
+            (0..self.moves.len()).filter_map(|number| Some((number, self.added(number, &current.fit)?))).collect();
+        let with = |(number, added): &(usize, Vec<usize>)| {
+            self.judged([&current.fit.active[..], added].concat(), Some(*number))
         };
         Ok(open.par_iter().map(with).collect())
     }

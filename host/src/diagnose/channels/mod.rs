@@ -15,28 +15,31 @@ pub mod closure;
 pub mod experiment;
 mod force;
 pub mod groups;
+pub mod known;
 pub mod laws;
 pub mod linear;
 pub mod model;
+mod next;
 pub mod outcome;
 mod position;
 pub mod prepared;
 mod remaining;
 pub mod signal;
 mod summary;
+mod thinned;
 pub mod torque;
 pub mod wrench;
 
 use std::path::Path;
 
-use super::kind::Trial;
+use super::kind::{Kind as _, Trial};
 use super::search::Search;
 use crate::measurement::table::{Names, Table};
 use crate::measurement::{Finding, ReadError};
 use experiment::Experiment;
 use groups::Groups;
 use linear::Channels;
-use model::Model;
+use model::{Model, What};
 use outcome::Diagnosis;
 use prepared::{HoldOut, Preparation, PrepareError, Prepared, values_of};
 
@@ -86,6 +89,14 @@ pub enum ChannelError {
         /// Those that there are.
         known: String,
     },
+    /// An effect of the model that these rows have no place for.
+    #[error("the model has {law} at {place}, and this measurement has no such place: is this the right model?")]
+    NotHere {
+        /// The law.
+        law: String,
+        /// The place.
+        place: String,
+    },
     /// A number came out that is none.
     #[error("the model predicts no number in line {line}: is this the right model, are these its units?")]
     NoNumber {
@@ -106,7 +117,7 @@ pub fn diagnose(model: &Model, data: &Path, names: &Names, options: &Options) ->
 pub fn diagnose_table(model: &Model, table: &Table, options: &Options) -> Result<Diagnosis, ChannelError> {
     let HoldOut::Each(column) = &options.preparation.hold_out else {
         let found = found(model, table, options, None)?;
-        return Ok(summary::diagnosis(&found, None, options));
+        return Ok(summary::diagnosis(found, None, &model.effects, options));
     };
     let mut kept = table.clone();
     if let Some(keep) = &options.preparation.keep {
@@ -116,7 +127,7 @@ pub fn diagnose_table(model: &Model, table: &Table, options: &Options) -> Result
     for value in values_of(&kept, column).map_err(PrepareError::from)? {
         pooled.add(&found(model, table, options, Some(&value))?);
     }
-    Ok(summary::diagnosis(&found(model, table, options, None)?, Some(pooled), options))
+    Ok(summary::diagnosis(found(model, table, options, None)?, Some(pooled), &model.effects, options))
 }
 
 /// A search that has ended.
@@ -146,21 +157,34 @@ fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) ->
     let n_known = always.len();
     let mut search = Search::new(Channels::new(experiment, groups));
     let start = search.kind.start(always);
-    let Ok((mut best, rivals)) = search.run(start);
+    let Ok((mut best, mut rivals)) = search.run(start.clone());
+    let (left, ladder) = thinned::thinned(&mut search.kind, &start);
+    let grown = search.kind.judged(best.fit.active.clone(), None);
+    if left.loss < grown.loss {
+        search.ladder = ladder;
+        let Ok(found) = search.run(left);
+        (best, rivals) = found;
+    } else {
+        let Ok(settled) = search.kind.settled(grown);
+        best = settled;
+    }
     possible(&search.kind, &mut best);
     Ok(Ended { search, best, rivals, n_known, held_out: data.held_out, findings: data.findings })
 }
 
 fn experiment(model: &Model, data: &Prepared) -> Result<Experiment, ChannelError> {
-    Ok(match model {
-        Model::Cylinder { bore_m } => force::experiment(data, *bore_m)?,
-        Model::Servo => position::experiment(data)?,
-        Model::Torque(robot, transmission) => torque::experiment(data, robot, transmission.as_ref())?,
-        Model::Wrench(robot) => wrench::experiment(data, robot)?,
-        Model::Closure(robot, points) => closure::experiment(data, robot, points)?,
-        Model::Any(robot) if data.raw("fz").is_some() => wrench::experiment(data, robot)?,
-        Model::Any(robot) => torque::experiment(data, robot, None)?,
-    })
+    let known = &model.effects;
+    let mut experiment = match &model.what {
+        What::Cylinder { bore_m } => force::experiment(data, *bore_m, known)?,
+        What::Servo => position::experiment(data, known)?,
+        What::Torque(robot, transmission) => torque::experiment(data, robot, transmission.as_ref(), known)?,
+        What::Wrench(robot) => wrench::experiment(data, robot)?,
+        What::Closure(robot, points) => closure::experiment(data, robot, points)?,
+        What::Any(robot) if data.raw("fz").is_some() => wrench::experiment(data, robot)?,
+        What::Any(robot) => torque::experiment(data, robot, None, known)?,
+    };
+    known::apply(&mut experiment, known)?;
+    Ok(experiment)
 }
 
 /// The candidates of the laws that are always in the model.

@@ -18,6 +18,8 @@
 //! | closure | `pair`, `distance_mm` | the one of them in which two points differ that are so far apart |
 //! | closure | `tool` | the frame that touches; without it the robot's end |
 //!
+//! `number` and `[[effect]]` (see [`known`]) are what `darm diagnose --write-model` adds.
+//!
 //! A URDF alone is a robot whose torques are observed, or its contact wrench where the table has `Fz`.
 
 use std::path::{Path, PathBuf};
@@ -26,13 +28,23 @@ use nalgebra::DMatrix;
 use serde::Deserialize;
 
 use super::closure::Points;
+use super::known::{self, Known};
 use super::torque::Transmission;
 use crate::robot::Robot;
 use crate::urdf::{self, Locks};
 
-/// A model of an experiment.
+/// A model of an experiment: what predicts, and the effects known so far.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Model {
+pub struct Model {
+    /// What predicts.
+    pub what: What,
+    /// What was found before.
+    pub effects: Vec<Known>,
+}
+
+/// What predicts.
+#[derive(Clone, Debug, PartialEq)]
+pub enum What {
     /// One fluid actuator with this bore.
     Cylinder {
         /// Diameter of its piston, m.
@@ -100,40 +112,54 @@ impl Model {
     /// Reads a model; `None` where the file is an arm of words.
     pub fn read(path: &Path) -> Result<Option<Self>, ModelError> {
         if path.extension().is_some_and(|end| end == "urdf") {
-            return Ok(Some(Self::Any(urdf::read(path, &Locks::new())?)));
+            return Ok(Some(What::Any(urdf::read(path, &Locks::new())?).into()));
         }
         let name = path.display().to_string();
         let text = std::fs::read_to_string(path).map_err(|error| ModelError::Io(name.clone(), error))?;
-        let has_kind = text.parse::<toml::Table>().is_ok_and(|t| t.get("kind").is_some_and(toml::Value::is_str));
-        if !has_kind {
+        let Some(mut table) =
+            text.parse::<toml::Table>().ok().filter(|t| t.get("kind").is_some_and(toml::Value::is_str))
+        else {
             return Ok(None);
-        }
-        let raw: Raw = toml::from_str(&text).map_err(|error| ModelError::Toml(name.clone(), error))?;
-        let wrong = |what: &str| ModelError::Value(name.clone(), what.into());
-        Ok(Some(match raw {
-            Raw::Cylinder { bore_mm } if bore_mm > 0.0 && bore_mm.is_finite() => {
-                Self::Cylinder { bore_m: bore_mm * 1e-3 }
-            }
-            Raw::Cylinder { .. } => return Err(wrong("bore_mm must be more than 0")),
-            Raw::Servo {} => Self::Servo,
-            Raw::Robot { urdf, observed, transmission, offset_deg, point, pair, distance_mm, tool } => {
-                let robot = urdf::read(&path.parent().unwrap_or(Path::new("")).join(urdf), &Locks::new())?;
-                match observed {
-                    Observed::Torque => {
-                        let n = robot.joints.len();
-                        let transmission = transmission.map(|rows| matrix(&rows, n, offset_deg)).transpose();
-                        Self::Torque(robot, transmission.map_err(|what| wrong(&what))?)
-                    }
-                    Observed::Wrench => Self::Wrench(robot),
-                    Observed::Closure if point.is_empty() => return Err(wrong("point must name a column")),
-                    Observed::Closure => {
-                        let pair = pair.zip(distance_mm).map(|(column, mm)| (column, mm * 1e-3));
-                        Self::Closure(robot, Points { point, pair, tool })
-                    }
+        };
+        let effects = known::taken(&name, &mut table)?;
+        // Parsed from the text where that can be, so that a mistake is told with its line.
+        let raw: Result<Raw, _> =
+            if effects.is_empty() && !text.contains("number") { toml::from_str(&text) } else { table.try_into() };
+        let what = what(path, raw.map_err(|error| ModelError::Toml(name.clone(), error))?, &name)?;
+        Ok(Some(Self { what, effects }))
+    }
+}
+
+impl From<What> for Model {
+    fn from(what: What) -> Self {
+        Self { what, effects: Vec::new() }
+    }
+}
+
+/// What a file describes.
+fn what(path: &Path, raw: Raw, name: &str) -> Result<What, ModelError> {
+    let wrong = |what: &str| ModelError::Value(name.into(), what.into());
+    Ok(match raw {
+        Raw::Cylinder { bore_mm } if bore_mm > 0.0 && bore_mm.is_finite() => What::Cylinder { bore_m: bore_mm * 1e-3 },
+        Raw::Cylinder { .. } => return Err(wrong("bore_mm must be more than 0")),
+        Raw::Servo {} => What::Servo,
+        Raw::Robot { urdf, observed, transmission, offset_deg, point, pair, distance_mm, tool } => {
+            let robot = urdf::read(&path.parent().unwrap_or(Path::new("")).join(urdf), &Locks::new())?;
+            match observed {
+                Observed::Torque => {
+                    let n = robot.joints.len();
+                    let transmission = transmission.map(|rows| matrix(&rows, n, offset_deg)).transpose();
+                    What::Torque(robot, transmission.map_err(|what| wrong(&what))?)
+                }
+                Observed::Wrench => What::Wrench(robot),
+                Observed::Closure if point.is_empty() => return Err(wrong("point must name a column")),
+                Observed::Closure => {
+                    let pair = pair.zip(distance_mm).map(|(column, mm)| (column, mm * 1e-3));
+                    What::Closure(robot, Points { point, pair, tool })
                 }
             }
-        }))
-    }
+        }
+    })
 }
 
 fn matrix(rows: &[Vec<f64>], n: usize, offset_deg: Option<Vec<f64>>) -> Result<Transmission, String> {

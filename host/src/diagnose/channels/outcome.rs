@@ -13,10 +13,13 @@
 //! | `unobservable` | values that these rows do not tell: no number is given |
 //! | `remaining` | terms that still lower the error of unseen rows, fitted, with no law behind them |
 //! | `outliers` | rows that fit nothing, by line |
-//! | `next_measurement` | what would tell alternatives apart, or null |
+//! | `next_measurement` | `rows` (line of this file, `conditions` by channel) that would tell alternatives apart, and `tells`; or null |
+
+use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::known::Known;
 use crate::diagnose::outcome::{self, Rows, Rung, Verdict};
 
 /// What was found.
@@ -47,7 +50,7 @@ pub struct Diagnosis {
     /// Rows that fit nothing.
     pub outliers: Vec<Outlier>,
     /// What to measure next.
-    pub next_measurement: Option<String>,
+    pub next_measurement: Option<NextMeasurement>,
     /// The same for a person, a sentence each.
     pub plain: Vec<String>,
     /// What the owner of the data should know.
@@ -60,6 +63,27 @@ pub struct Diagnosis {
     pub seed: u64,
     /// Of this program.
     pub version: &'static str,
+    /// What the model holds with what was found: all values, those that are not told among them.
+    #[serde(skip)]
+    pub(super) model_effects: Vec<Known>,
+}
+
+/// Rows that would tell explanations apart.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NextMeasurement {
+    /// Conditions to measure once more, the most telling first.
+    pub rows: Vec<NextRow>,
+    /// What they tell apart.
+    pub tells: String,
+}
+
+/// One row to measure once more.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NextRow {
+    /// The line of this measurement that had the same conditions.
+    pub line: usize,
+    /// What the channels were, in SI units and radians.
+    pub conditions: BTreeMap<String, f64>,
 }
 
 /// A number with its unit.

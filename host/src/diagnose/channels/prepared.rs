@@ -8,6 +8,11 @@ use crate::measurement::{Finding, ReadError};
 
 /// Values of a held-out column up to which each of them is a group.
 const FEW: usize = 24;
+/// A joint that turns farther, rad, is taken for one in degrees; a position, m, for one in millimetres; a pressure that
+/// stays below, Pa, for one in bar.
+const LARGEST_ANGLE: f64 = 4.0 * std::f64::consts::PI;
+const LARGEST_LENGTH: f64 = 10.0;
+const LEAST_PRESSURE: f64 = 1e3;
 /// Blocks of time that are held out where nothing is said: every fourth of these.
 const BLOCKS: usize = 16;
 
@@ -94,6 +99,7 @@ impl Prepared {
             return Err(PrepareError::Nothing("no row is left, there is nothing to diagnose".into()));
         }
         constant(&table, &mut findings);
+        units(&table, &mut findings);
         let time = table.quantity("time").map(|column| column.numbers.clone());
         let time_s = time.unwrap_or_else(|| {
             let step_s = how.rate_hz.map_or(1.0, |hz| 1.0 / hz);
@@ -240,6 +246,26 @@ fn constant(table: &Table, findings: &mut Vec<Finding>) {
         if column.numbers.windows(2).all(|pair| pair[0] == pair[1]) {
             findings.push(Finding { line: None, what: format!("{} never changes", column.name) });
         }
+    }
+}
+
+/// Numbers that look like another unit than the one they are read in.
+fn units(table: &Table, findings: &mut Vec<Finding>) {
+    for column in &table.columns {
+        let largest = column.numbers.iter().filter(|number| number.is_finite()).fold(0.0f64, |most, n| most.max(n.abs()));
+        let joint = column.quantity.strip_prefix('q').is_some_and(|number| number.parse::<u8>().is_ok());
+        let doubt = match (column.quantity.as_str(), column.unit) {
+            (_, "" | "rad") if joint && largest > LARGEST_ANGLE => ("rad", "degrees", "_deg"),
+            ("position", "" | "m") if largest > LARGEST_LENGTH => ("m", "millimetres", "_mm"),
+            ("pressure", _) if largest > 0.0 && largest < LEAST_PRESSURE => ("Pa", "bar", "_bar"),
+            _ => continue,
+        };
+        let (read, meant, end) = doubt;
+        let what = format!(
+            "{} goes up to {largest} {read}: are these {meant}? a column whose name ends in {end} is read so",
+            column.name
+        );
+        findings.push(Finding { line: None, what });
     }
 }
 

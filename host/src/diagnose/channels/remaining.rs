@@ -32,7 +32,9 @@ pub(super) fn terms(kind: &Channels, best: &Trial<Channels>) -> Vec<Term> {
         masses: Vec::new(),
         relinearise: None,
     };
+    let n_terms = left.candidates.len();
     let mut search = Search::new(Channels::new(left, kind.groups.clone()));
+    search.kind.moves.truncate(n_terms);
     let start = search.kind.start(Vec::new());
     let Ok((found, _)) = search.run(start);
     let kept = search.ladder.iter().filter(|rung| rung.kept);

@@ -3,14 +3,15 @@
 use nalgebra::DMatrix;
 
 use super::experiment::Experiment;
+use super::known::{self, Known};
 use super::linear::Channels;
 use super::outcome::{
     Alternative, AxisFigure, BeforeAfter, Diagnosis, Errors, Figure, Found, Number, Outlier, Parameter, Point,
 };
-use super::{Ended, Options, remaining};
+use super::{Ended, Options, next, remaining};
 use crate::diagnose::UNEXPLAINED_SHARE;
 use crate::diagnose::fit::{pseudo_inverse, size, weights};
-use crate::diagnose::kind::{Kind as _, Trial};
+use crate::diagnose::kind::Trial;
 use crate::diagnose::outcome::{Rows, Verdict};
 use crate::diagnose::significance::quantile_975;
 
@@ -18,6 +19,8 @@ use crate::diagnose::significance::quantile_975;
 const NOT_TOLD: f64 = 0.7;
 /// A value is not told where all but this share of its column is that of others.
 const OWN_SHARE: f64 = 1e-6;
+/// Effects up to which each is compared with all others that could stand in its place.
+const MOST_COMPARED: usize = 3;
 /// Rows this many times farther off than usual are listed.
 const FAR: f64 = 8.0;
 /// Rows that are listed or plotted at most.
@@ -71,7 +74,9 @@ fn errors(experiment: &Experiment, residuals: &[f64], heldout: Option<&[f64]>) -
 }
 
 /// The diagnosis; `pooled` has the held-out residuals of other searches where each held out other rows.
-pub(super) fn diagnosis(ended: &Ended, pooled: Option<HeldOut>, options: &Options) -> Diagnosis {
+pub(super) fn diagnosis(mut ended: Ended, pooled: Option<HeldOut>, known: &[Known], options: &Options) -> Diagnosis {
+    let alternatives = alternatives(&mut ended);
+    let ended = &ended;
     let kind = &ended.search.kind;
     let experiment = &kind.experiment;
     let after = experiment.at(&ended.best.fit.values);
@@ -80,11 +85,18 @@ pub(super) fn diagnosis(ended: &Ended, pooled: Option<HeldOut>, options: &Option
         before: errors(experiment, &experiment.residuals, pooled.map(|p| &p.before[..])),
         after: errors(experiment, &after, pooled.map(|p| &p.after[..])),
     };
-    let (effects, unobservable) = effects(ended);
+    let ambiguous: Vec<usize> = alternatives.iter().map(|(order, _)| *order).collect();
+    let (mut effects, unobservable) = effects(ended);
+    let own = |order: usize| kind.experiment.candidates[ended.best.fit.active[order]].clone();
+    let doubtful = |found: &Found| ambiguous.iter().any(|&k| own(k).law == found.law && own(k).place == found.place);
+    effects.retain(|found| !doubtful(found));
+    let next_measurement =
+        (!alternatives.is_empty()).then(|| next::proposal(kind, &of_alternatives(ended, &alternatives)));
     let remaining = remaining::terms(kind, &ended.best);
     let left: f64 = remaining.iter().map(|term| term.share).sum();
     let share = (error.after.train.norm.value / error.before.train.norm.value.max(f64::MIN_POSITIVE)).powi(2);
     let verdict = match (effects.is_empty(), left > 0.0) {
+        _ if !alternatives.is_empty() => Verdict::NotIdentifiable,
         (true, false) => Verdict::NoEffect,
         (true, true) => Verdict::UnexplainedStructure,
         (false, _) if left * share > UNEXPLAINED_SHARE => Verdict::UnexplainedStructure,
@@ -100,17 +112,18 @@ pub(super) fn diagnosis(ended: &Ended, pooled: Option<HeldOut>, options: &Option
         error,
         verdict,
         effects,
-        alternatives: alternatives(ended),
+        alternatives: told(ended, &alternatives),
         unobservable,
         remaining,
         outliers: outliers(kind, &ended.best),
-        next_measurement: None,
+        next_measurement,
         plain: Vec::new(),
         findings: ended.findings.iter().map(ToString::to_string).collect(),
         ladder: ended.search.ladder.clone(),
         points: points(experiment, &after),
         seed: options.seed,
         version: env!("CARGO_PKG_VERSION"),
+        model_effects: known::together(known, in_model(ended)),
     };
     diagnosis.plain = plain(&diagnosis);
     diagnosis
@@ -144,9 +157,13 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
     let (mut found, mut unobservable, mut next) = (Vec::new(), Vec::new(), 0);
     for (order, &candidate) in best.fit.active.iter().enumerate() {
         let law = &kind.experiment.candidates[candidate];
-        let shape =
-            law.shape.map(|(name, value, unit)| Parameter { name: name.into(), value, unit: unit.into(), ci95: None });
-        let mut parameters: Vec<Parameter> = shape.into_iter().collect();
+        let shape = law.shape.iter().map(|(name, value, unit)| Parameter {
+            name: (*name).into(),
+            value: *value,
+            unit: unit.clone(),
+            ci95: None,
+        });
+        let mut parameters: Vec<Parameter> = shape.collect();
         let n_shape = parameters.len();
         for value in &law.values {
             let (index, deviation) = (indices[next], deviations[next]);
@@ -186,27 +203,68 @@ fn heldout_gain(ended: &Ended, order: usize) -> Option<f64> {
     Some(norm(&without.fit.values)? - norm(&ended.best.fit.values)?)
 }
 
-/// For the last effect: what else was as good in its place.
-fn alternatives(ended: &Ended) -> Vec<Alternative> {
-    let kind = &ended.search.kind;
-    let Some(&last) = ended.best.fit.active.last().filter(|_| ended.best.fit.active.len() > ended.n_known) else {
-        return Vec::new();
+/// The effects of the model that was found, with all their values.
+fn in_model(ended: &Ended) -> Vec<Known> {
+    let (kind, fit) = (&ended.search.kind, &ended.best.fit);
+    let of = |&candidate: &usize| {
+        let values: Vec<f64> = kind.indices(&[candidate]).iter().map(|&at| fit.values[at]).collect();
+        Known::of(&kind.experiment.candidates[candidate], &values)
     };
-    let own = &kind.experiment.candidates[last];
-    let mut all: Vec<Alternative> = Vec::new();
-    for rival in &ended.rivals {
-        let Some(candidate) = rival.effect.map(|effect| &kind.experiment.candidates[effect]) else { continue };
-        let as_good = kind.fall(rival, &ended.best).p;
-        let known = all.iter().any(|other| other.law == candidate.law && other.place == candidate.place);
-        let same = candidate.law == own.law && candidate.place == own.place;
-        if as_good > crate::diagnose::significance::RIVAL_LEVEL && !same && !known {
-            all.push(Alternative {
-                instead_of: ended.best.fit.active.len() - 1,
-                law: candidate.law,
-                place: candidate.place.clone(),
-                worse_with: 1.0 - as_good,
-            });
+    fit.active.iter().map(of).collect()
+}
+
+/// Number of an effect among those of the model, and a candidate that would do as well in its place, with the
+/// confidence that it is worse.
+type Rival = (usize, (usize, f64));
+
+/// What explains the rows as well in the place of an effect, where there are few of them.
+///
+/// Another shape of the same law at the same place is no other explanation, and neither is what stands beside it already.
+fn alternatives(ended: &mut Ended) -> Vec<Rival> {
+    let n_found = ended.best.fit.active.len() - ended.n_known;
+    if n_found == 0 || n_found > MOST_COMPARED {
+        return Vec::new();
+    }
+    let mut all: Vec<Rival> = Vec::new();
+    for order in ended.n_known..ended.best.fit.active.len() {
+        let Ok(rivals) = ended.search.rivals(&ended.best, order, order, None);
+        let kind = &ended.search.kind;
+        let place = |k: usize| (kind.experiment.candidates[k].law, &kind.experiment.candidates[k].place);
+        for (rival, worse_with) in rivals {
+            let Some(&[candidate]) = rival.effect.map(|number| &kind.moves[number][..]) else { continue };
+            let beside = ended.best.fit.active.iter().any(|&k| place(k) == place(candidate));
+            let known = all.iter().any(|(of, (other, _))| *of == order && place(*other) == place(candidate));
+            if !beside && !known {
+                all.push((order, (candidate, worse_with)));
+            }
         }
+    }
+    all
+}
+
+/// The effects that have rivals, and these, once each.
+fn of_alternatives(ended: &Ended, rivals: &[Rival]) -> Vec<usize> {
+    let mut all: Vec<usize> =
+        rivals.iter().flat_map(|(order, (rival, _))| [ended.best.fit.active[*order], *rival]).collect();
+    all.sort_unstable();
+    all.dedup();
+    all
+}
+
+/// Alternatives in words, the best one of each set first.
+fn told(ended: &Ended, rivals: &[Rival]) -> Vec<Alternative> {
+    let mut all = Vec::new();
+    let mut before = None;
+    for (order, (rival, worse_with)) in rivals {
+        let alternative = |candidate: usize, worse_with: f64| {
+            let of = &ended.search.kind.experiment.candidates[candidate];
+            Alternative { instead_of: order - ended.n_known, law: of.law, place: of.place.clone(), worse_with }
+        };
+        if before != Some(order) {
+            all.push(alternative(ended.best.fit.active[*order], 0.0));
+            before = Some(order);
+        }
+        all.push(alternative(*rival, *worse_with));
     }
     all
 }
@@ -253,8 +311,17 @@ fn plain(diagnosis: &Diagnosis) -> Vec<String> {
     if !diagnosis.unobservable.is_empty() {
         told.push(format!("These rows do not tell: {}.", diagnosis.unobservable.join("; ")));
     }
-    for other in &diagnosis.alternatives {
-        told.push(format!("In place of the last it may be {} at {}.", other.law, other.place));
+    if !diagnosis.alternatives.is_empty() {
+        let all: Vec<String> =
+            diagnosis.alternatives.iter().map(|other| format!("{} at {}", other.law, other.place)).collect();
+        told.push(format!("These rows cannot tell apart: {}.", all.join("; ")));
+    }
+    if let Some(next) = &diagnosis.next_measurement {
+        let lines: Vec<String> = next.rows.iter().map(|row| row.line.to_string()).collect();
+        told.push(format!(
+            "Measure once more under the conditions of lines {}: they tell most of it.",
+            lines.join(", ")
+        ));
     }
     for term in &diagnosis.remaining {
         told.push(format!(

@@ -1,11 +1,14 @@
 //! Joint torques along motions: predicted by inverse dynamics of the robot, beside the motors' torque at the joints.
 
+use darm_core::effect::along::Law;
+use darm_core::effect::along::rotor_inertia::RotorInertia;
 use darm_core::tree::Body;
 use nalgebra::DMatrix;
 
 use super::bodies::{Moving, candidate, links, load, of_joint};
 use super::experiment::{Axis, Candidate, Experiment, Mass};
-use super::laws::{Coordinate, Law};
+use super::known::Known;
+use super::laws::Coordinate;
 use super::prepared::{PrepareError, Prepared};
 use crate::robot::Robot;
 
@@ -31,6 +34,7 @@ pub(super) fn experiment(
     data: &Prepared,
     robot: &Robot,
     transmission: Option<&Transmission>,
+    known: &[Known],
 ) -> Result<Experiment, PrepareError> {
     let n = robot.joints.len();
     let motion = match transmission {
@@ -49,12 +53,15 @@ pub(super) fn experiment(
         masses.push(mass);
     }
     for joint in 0..n {
-        let at = |k: &usize| nominal[k * n + joint].abs();
-        let size: Vec<f64> = (0..rows).map(|row| at(&row)).collect();
+        let load: Vec<f64> = (0..rows).map(|row| nominal[row * n + joint]).collect();
         let place = format!("joint {} ({})", joint + 1, robot.joints[joint].name);
-        candidates.extend(of_joint_laws(data, &motion, joint, size).iter().map(|law| law.on_axis(&place, joint, n)));
+        let ratio = transmission.map(|transmission| transmission.matrix[(joint, joint)]);
+        let shares: Vec<f64> = (0..n).map(|k| f64::from(u8::from(k == joint))).collect();
+        let [q, v, a] = [&motion.q, &motion.v, &motion.a].map(|channels| &channels[joint][..]);
+        let coordinate = coordinate(data, [q, v, a], Some(&load));
+        candidates.extend(coordinate.candidates(of_joint_laws(&coordinate, ratio), &place, &shares, known));
     }
-    candidates.extend(couplings(data, &motion, n, transmission));
+    candidates.extend(couplings(data, &motion, transmission, known));
     let channel = |name: &str, of: &[Vec<f64>]| -> Vec<(String, Vec<f64>)> {
         of.iter().enumerate().map(|(k, values)| (format!("{name} of joint {}", k + 1), values.clone())).collect()
     };
@@ -142,25 +149,35 @@ fn regressor(robot: &Robot, motion: &Motion, rows: usize) -> (Vec<f64>, Vec<[Vec
     (nominal, columns)
 }
 
+fn coordinate<'a>(
+    data: &'a Prepared,
+    [position, velocity, acceleration]: [&'a [f64]; 3],
+    load: Option<&'a [f64]>,
+) -> Coordinate<'a> {
+    let (time_s, series) = (&data.time_s[..], &data.series[..]);
+    let units = ["rad", "N·m", "N·m"];
+    Coordinate { position, velocity, acceleration, load, temperature: None, time_s, series, units }
+}
+
 /// Friction, the motor's own inertia, springs and offsets of one joint.
-fn of_joint_laws(data: &Prepared, motion: &Motion, joint: usize, load: Vec<f64>) -> Vec<Law> {
-    let coordinate = Coordinate {
-        position: &motion.q[joint],
-        velocity: &motion.v[joint],
-        time_s: &data.time_s,
-        series: &data.series,
-        units: ("rad", "N·m"),
+fn of_joint_laws(coordinate: &Coordinate, ratio: Option<f64>) -> Vec<Law<f64>> {
+    let mut laws = coordinate.friction();
+    let of_seals = |law: &Law<f64>| {
+        matches!(
+            law,
+            Law::PositionDependentFriction(_) | Law::LoadDependentPresliding(_) | Law::LoadDependentViscosity(_)
+        )
     };
-    let mut laws = coordinate.friction(&[("per torque", "(N·m)", load)]);
-    laws.retain(|law| law.name != "position-dependent-friction");
+    laws.retain(|law| !of_seals(law));
     laws.extend(coordinate.others());
-    laws.push(Law::new("rotor-inertia", "inertia", "kg·m²".into(), motion.a[joint].clone()));
+    laws.extend(coordinate.of_motor(ratio));
     laws
 }
 
 /// Friction and inertia of a motor that turns with a sum of neighbouring joints: by the transmission where it is known,
 /// else the sum and the difference of each two.
-fn couplings(data: &Prepared, motion: &Motion, n: usize, transmission: Option<&Transmission>) -> Vec<Candidate> {
+fn couplings(data: &Prepared, motion: &Motion, transmission: Option<&Transmission>, known: &[Known]) -> Vec<Candidate> {
+    let n = motion.q.len();
     let mut candidates = Vec::new();
     let mixes: Vec<(String, Vec<f64>)> = match transmission {
         Some(transmission) => {
@@ -197,17 +214,11 @@ fn couplings(data: &Prepared, motion: &Motion, n: usize, transmission: Option<&T
                 .collect()
         };
         let (q, v, a) = (sum(&motion.q), sum(&motion.v), sum(&motion.a));
-        let coordinate = Coordinate {
-            position: &q,
-            velocity: &v,
-            time_s: &data.time_s,
-            series: &data.series,
-            units: ("rad", "N·m"),
-        };
-        let mut laws = coordinate.friction(&[]);
-        laws.retain(|law| ["coulomb-friction", "viscous-friction"].contains(&law.name));
-        laws.push(Law::new("rotor-inertia", "inertia", "kg·m²".into(), a));
-        candidates.extend(laws.iter().map(|law| law.on_axes(&place, &mix)));
+        let coordinate = coordinate(data, [&q, &v, &a], None);
+        let mut laws = coordinate.friction();
+        laws.retain(|law| matches!(law, Law::CoulombFriction(_) | Law::ViscousFriction(_)));
+        laws.push(Law::RotorInertia(RotorInertia));
+        candidates.extend(coordinate.candidates(laws, &place, &mix, known));
     }
     candidates
 }

@@ -64,7 +64,7 @@ fn a_compressed_file_is_read_as_it_was_written() {
     let (run, _) = read(&format!("{HEADER}0.25,010,,1.5,-0.25,90,5.9,21.5,0,0,0\n")).unwrap();
     for name in ["run.csv", "run.csv.gz"] {
         let path = folder.path().join(name);
-        write(&path, &run).unwrap();
+        write(&path, "", &run).unwrap();
         assert_eq!(super::read(&path).unwrap().0, run);
     }
 }

@@ -1,27 +1,28 @@
-//! The true arm: the nominal geometry with one effect in it that no model declares.
+//! The true arm: the nominal geometry with effects in it that no model declares.
 //!
 //! A seed draws the effect, its place and its size; nobody who diagnoses the arm can see them before [`Truth::unseal`].
 //! Its size is such that the tool misses the desired frames by 10 to 40 times what the camera scatters. The equations
 //! are its own (see `mechanism`), not those of the laws that a diagnosis tries.
 
+mod blind;
+mod camera;
 mod mechanism;
 mod surroundings;
 
 use darm_core::chain::{Chain, ChainError};
 use darm_core::model::Mass;
 use darm_core::real::Vec3;
-use darm_core::se::{Pose, Twist};
+use darm_core::se::Pose;
 use darm_core::units::Word;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 
 use crate::arm::frames::DesiredFrame;
 use crate::arm::{Arm, ArmScratch, MAX_STAGES};
-use crate::measurement::{Run, Sample};
-use crate::programme::Step;
+pub use blind::Blind;
 pub use mechanism::Kind;
 use mechanism::Mechanism;
+use surroundings::Moment;
 pub use surroundings::Surroundings;
 
 /// Standard deviation of a coordinate that the camera tells.
@@ -35,9 +36,6 @@ const TIMES_SCATTER: std::ops::Range<f64> = 13.0..32.0;
 const DRAWS: usize = 64;
 /// Random words that an arm has to stand in with its effect.
 const STANDS_IN: usize = 256;
-/// Time that one step takes in a [`Truth::measure`]d programme; a repeat takes a third of it.
-const STEP_S: f64 = 0.3;
-
 /// What the arm is told and when.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrueState<'a> {
@@ -49,6 +47,19 @@ pub struct TrueState<'a> {
     pub servos_rad: &'a [f64],
     /// Time since the arm was switched on.
     pub time_s: f64,
+    /// What happened to the arm before; nothing where it is not followed.
+    pub history: Option<&'a History>,
+}
+
+/// What happened to an arm before the word that it stands in.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct History {
+    /// Blows of each actuator on its stops, each in shares of one at nominal supply.
+    blows: Vec<f64>,
+    /// The word before the word before.
+    second_last: Option<Word>,
+    /// The word before.
+    last: Option<Word>,
 }
 
 /// What the instruments tell.
@@ -67,8 +78,15 @@ pub struct Observed {
 pub struct Truth {
     body: Body,
     surroundings: Surroundings,
-    mechanism: Mechanism,
+    mechanisms: Vec<Mechanism>,
     sealed: Sealed,
+}
+
+/// A state under its surroundings.
+#[derive(Clone, Copy, Debug)]
+struct Occasion<'a> {
+    state: TrueState<'a>,
+    moment: Moment,
 }
 
 /// The nominal arm, as far as physics goes.
@@ -92,7 +110,7 @@ pub struct Sealed {
     pub size: f64,
     /// Unit of the size.
     pub unit: &'static str,
-    /// Error at the desired frames that it was sized for, as a distance d, root mean square, m.
+    /// Error that it was sized for, at the desired frames or over a run, as a distance d, root mean square, m.
     pub desired_error_m: f64,
     /// The same in units of the camera's scatter.
     pub times_scatter: f64,
@@ -125,39 +143,50 @@ impl Truth {
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x7a11_ed00);
         let kind = kind.unwrap_or_else(|| Kind::EFFECTS[rng.random_range(0..Kind::EFFECTS.len())]);
         let surroundings = Surroundings::draw(&mut rng, arm.model.nominal_supply, arm.model.reference_temperature_k);
-        let sealed = Sealed {
-            effect: kind.law(),
-            place: String::new(),
-            size: 0.0,
-            unit: "",
-            desired_error_m: 0.0,
-            times_scatter: 0.0,
-            seed,
-        };
-        let mut truth = Self { body: Body::of(arm), surroundings, mechanism: Mechanism::Nothing, sealed };
+        let sealed = Sealed::nothing(seed);
+        let mut truth = Self { body: Body::of(arm), surroundings, mechanisms: Vec::new(), sealed };
         if kind == Kind::Nothing {
             return Ok(truth);
         }
-        let scatter_m = scatter_m(arm);
         let times = rng.random_range(TIMES_SCATTER);
+        let occasions: Vec<Occasion> = desired.iter().map(|frame| truth.settled(frame)).collect();
+        truth.sealed = truth.add(kind, times * scatter_m(arm), &occasions, seed, &mut rng)?;
+        Ok(truth)
+    }
+
+    /// Gives the arm one more effect, of a size that makes this error on these occasions by itself; what it is.
+    fn add(
+        &mut self,
+        kind: Kind,
+        error_m: f64,
+        occasions: &[Occasion],
+        seed: u64,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Sealed, TruthError> {
         for _ in 0..DRAWS {
-            let unit = Mechanism::draw(kind, &arm.model.chain, &mut rng);
+            let unit = Mechanism::draw(kind, &self.body.chain, rng);
             let Some(unit) = unit else { break };
-            if let Some(size) = truth.size_for(&unit, desired, times * scatter_m)? {
-                truth.mechanism = unit.scaled(size);
-                if !truth.stands(&mut rng) {
-                    truth.mechanism = Mechanism::Nothing;
+            if let Some(size) = self.size_for(&unit, occasions, error_m)? {
+                self.mechanisms.push(unit.scaled(size));
+                if !self.stands(rng) {
+                    self.mechanisms.pop();
                     continue;
                 }
-                truth.sealed.size = size;
-                truth.sealed.unit = kind.unit();
-                truth.sealed.place = unit.place();
-                truth.sealed.desired_error_m = truth.desired_error_m(desired)?;
-                truth.sealed.times_scatter = truth.sealed.desired_error_m / scatter_m;
-                return Ok(truth);
+                let desired_error_m = self.error_m(&[unit.scaled(size)], occasions)?;
+                let times_scatter = desired_error_m / scatter_of(self.body.chain.is_planar(), self.body.length_scale_m);
+                let (effect, place, unit) = (kind.law(), unit.place(), kind.unit());
+                return Ok(Sealed { effect, place, size, unit, desired_error_m, times_scatter, seed });
             }
         }
         Err(TruthError::TooWeak { kind })
+    }
+
+    /// A desired frame in settled surroundings.
+    fn settled<'a>(&self, frame: &'a DesiredFrame) -> Occasion<'a> {
+        let (word, servos_rad) = (frame.word, &frame.servos_rad[..]);
+        let state =
+            TrueState { word, previous: Some(frame.previous), servos_rad, time_s: f64::INFINITY, history: None };
+        Occasion { state, moment: self.surroundings.settled(&word) }
     }
 
     /// The same true arm after a person has set its stops and anchors to those of `arm`: the effect stays.
@@ -169,54 +198,7 @@ impl Truth {
     /// Pose of the tool in the base.
     pub fn pose(&self, state: &TrueState) -> Result<Pose<f64>, ChainError> {
         let surroundings = self.surroundings.at(state.time_s, &state.word);
-        self.mechanism.pose(&self.body, state, surroundings, &mut ArmScratch::default())
-    }
-
-    /// What camera, supply sensor and thermometer tell.
-    pub fn observe(&self, state: &TrueState, rng: &mut impl Rng) -> Result<Observed, ChainError> {
-        let pose = self.pose(state)?;
-        let (supply, temperature_k) = self.surroundings.told(state.time_s, &state.word, rng);
-        Ok(Observed { pose: self.seen(&pose, rng), supply, temperature_c: temperature_k - 273.15 })
-    }
-
-    /// A pose as the camera sees it.
-    fn seen(&self, pose: &Pose<f64>, rng: &mut impl Rng) -> Pose<f64> {
-        let mut normal = || -> f64 { StandardNormal.sample(rng) };
-        let mut error = Twist::<f64>::zero();
-        error.linear = Vec3::from_fn(|_, _| CAMERA_M * normal());
-        error.angular = Vec3::from_fn(|_, _| CAMERA_RAD * normal());
-        if self.body.chain.is_planar() {
-            error.linear.z = 0.0;
-            error.angular.x = 0.0;
-            error.angular.y = 0.0;
-        }
-        *pose * Pose::exp(&error)
-    }
-
-    /// The measurement of a whole programme that begins at `start_s`, with a camera seeded by `seed`.
-    pub fn measure(&self, steps: &[Step], start_s: f64, seed: u64) -> Result<Run, ChainError> {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xca3e_7a00);
-        let mut time_s = start_s;
-        let mut run = Run::default();
-        for (visit, step) in steps.iter().enumerate() {
-            time_s += if step.repeat { STEP_S / 3.0 } else { STEP_S };
-            let previous = Some(step.previous);
-            let state = TrueState { word: step.word, previous, servos_rad: &step.servos_rad, time_s };
-            let observed = self.observe(&state, &mut rng)?;
-            run.samples.push(Sample {
-                time_s,
-                word: step.word,
-                previous,
-                servos_rad: step.servos_rad.clone(),
-                pose: observed.pose,
-                supply: Some(observed.supply),
-                temperature_c: Some(observed.temperature_c),
-                run: 0,
-                visit: visit as u32,
-                held_out: step.held_out,
-            });
-        }
-        Ok(run)
+        mechanism::pose(&self.mechanisms, &self.body, state, surroundings, &mut ArmScratch::default())
     }
 
     /// The secret. To be asked for once the verdict is written.
@@ -224,14 +206,11 @@ impl Truth {
         &self.sealed
     }
 
-    /// The size of an effect of size one that gives this error at the desired frames, by bisection; `None` where no
-    /// sensible size does.
-    fn size_for(&self, unit: &Mechanism, desired: &[DesiredFrame], error_m: f64) -> Result<Option<f64>, TruthError> {
-        let error_of = |size: f64| {
-            let truth = Self { mechanism: unit.scaled(size), ..self.clone() };
-            truth.desired_error_m(desired).unwrap_or(f64::INFINITY)
-        };
-        self.desired_error_m(desired)?;
+    /// The size of an effect of size one that gives this error on these occasions, by bisection; `None` where no sensible
+    /// size does.
+    fn size_for(&self, unit: &Mechanism, occasions: &[Occasion], error_m: f64) -> Result<Option<f64>, TruthError> {
+        let error_of = |size: f64| self.error_m(&[unit.scaled(size)], occasions).unwrap_or(f64::INFINITY);
+        self.error_m(&[], occasions)?;
         let (mut low, mut high) = (0.0, unit.largest());
         if error_of(high) < error_m {
             return Ok(None);
@@ -252,26 +231,33 @@ impl Truth {
             let mut digit = |k| rng.random_range(0..chain.n_states(k).max(1) as u8);
             let digits: Vec<u8> = (0..chain.n_actuators()).map(&mut digit).collect();
             let word = Word::new(&digits).unwrap_or_default();
-            let state = TrueState { word, previous: None, servos_rad: &servos_rad, time_s: 0.0 };
+            let state = TrueState { word, previous: None, servos_rad: &servos_rad, time_s: 0.0, history: None };
+            let moment = self.surroundings.settled(&word);
             chain.pose_base_tool(&word, &servos_rad, &mut scratch).is_err()
-                || self.mechanism.pose(&self.body, &state, self.surroundings.settled(&word), &mut scratch).is_ok()
+                || mechanism::pose(&self.mechanisms, &self.body, &state, moment, &mut scratch).is_ok()
         })
     }
 
-    /// The distance d from the nominal arm at the desired frames in settled surroundings, root mean square, m.
-    fn desired_error_m(&self, desired: &[DesiredFrame]) -> Result<f64, TruthError> {
+    /// The distance d from the nominal arm that these effects make on these occasions, root mean square, m.
+    fn error_m(&self, mechanisms: &[Mechanism], occasions: &[Occasion]) -> Result<f64, TruthError> {
         let mut scratch = ArmScratch::default();
         let mut squares = 0.0;
-        for frame in desired {
-            let (word, servos_rad) = (frame.word, &frame.servos_rad[..]);
-            let no_pose = |error| TruthError::NoPose { word, error };
-            let state = TrueState { word, previous: Some(frame.previous), servos_rad, time_s: f64::INFINITY };
-            let surroundings = self.surroundings.settled(&word);
-            let nominal = self.body.chain.pose_base_tool(&word, servos_rad, &mut scratch).map_err(no_pose)?;
-            let own = self.mechanism.pose(&self.body, &state, surroundings, &mut scratch).map_err(no_pose)?;
+        for Occasion { state, moment } in occasions {
+            let no_pose = |error| TruthError::NoPose { word: state.word, error };
+            let nominal =
+                self.body.chain.pose_base_tool(&state.word, state.servos_rad, &mut scratch).map_err(no_pose)?;
+            let own = mechanism::pose(mechanisms, &self.body, state, *moment, &mut scratch).map_err(no_pose)?;
             squares += nominal.distance(&own, self.body.length_scale_m).powi(2);
         }
-        Ok((squares / desired.len().max(1) as f64).sqrt())
+        Ok((squares / occasions.len().max(1) as f64).sqrt())
+    }
+}
+
+impl Sealed {
+    /// No effect at all.
+    fn nothing(seed: u64) -> Self {
+        let effect = Kind::Nothing.law();
+        Self { effect, place: String::new(), size: 0.0, unit: "", desired_error_m: 0.0, times_scatter: 0.0, seed }
     }
 }
 
@@ -297,8 +283,12 @@ impl Body {
 
 /// The camera's scatter as a distance d, m.
 pub fn scatter_m(arm: &Arm) -> f64 {
-    let (linear, angular) = if arm.model.chain.is_planar() { (2.0, 1.0) } else { (3.0, 3.0) };
-    (linear * CAMERA_M.powi(2) + angular * (CAMERA_RAD * arm.length_scale_m).powi(2)).sqrt()
+    scatter_of(arm.model.chain.is_planar(), arm.length_scale_m)
+}
+
+fn scatter_of(planar: bool, length_scale_m: f64) -> f64 {
+    let (linear, angular) = if planar { (2.0, 1.0) } else { (3.0, 3.0) };
+    (linear * CAMERA_M.powi(2) + angular * (CAMERA_RAD * length_scale_m).powi(2)).sqrt()
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //!
 //! The temperature rises from 0.8 of its settled rise with one time constant while the coils warm the arm, and swings
 //! by a twentieth. The supply stands low, lower still while its reservoir fills, swings, and drops with the number of
-//! coils that are fed.
+//! coils that are fed. For a blind run both swing widely, each by itself.
 
 use std::f64::consts::TAU;
 
@@ -28,6 +28,9 @@ pub struct Surroundings {
     load_drop: f64,
     period_s: f64,
     phase: f64,
+    warm_swing: f64,
+    warm_period_s: f64,
+    warm_phase: f64,
 }
 
 /// Supply and temperature at one moment, away from nominal.
@@ -41,24 +44,47 @@ pub(super) struct Moment {
 
 impl Surroundings {
     pub(super) fn draw(rng: &mut impl Rng, nominal_supply: f64, reference_temperature_k: f64) -> Self {
+        let rise_k = rng.random_range(10.0..18.0);
+        let warming_s = rng.random_range(25.0..45.0);
+        let droop = rng.random_range(0.07..0.10);
+        let filling_s = rng.random_range(15.0..35.0);
+        let swing = rng.random_range(0.008..0.012);
+        let period_s = rng.random_range(23.0..41.0);
+        let phase = rng.random_range(0.0..TAU);
         Self {
             nominal_supply,
             reference_temperature_k,
-            rise_k: rng.random_range(10.0..18.0),
-            warming_s: rng.random_range(25.0..45.0),
-            droop: rng.random_range(0.07..0.10),
-            filling_s: rng.random_range(15.0..35.0),
-            swing: rng.random_range(0.008..0.012),
+            rise_k,
+            warming_s,
+            droop,
+            filling_s,
+            swing,
             load_drop: 0.02,
-            period_s: rng.random_range(23.0..41.0),
-            phase: rng.random_range(0.0..TAU),
+            period_s,
+            phase,
+            warm_swing: 0.05,
+            warm_period_s: period_s,
+            warm_phase: phase,
+        }
+    }
+
+    /// The same with wide swings of supply and temperature that have nothing to do with each other.
+    pub(super) fn draw_wide(rng: &mut impl Rng, nominal_supply: f64, reference_temperature_k: f64) -> Self {
+        let settled = Self::draw(rng, nominal_supply, reference_temperature_k);
+        Self {
+            swing: rng.random_range(0.03..0.05),
+            warm_swing: rng.random_range(0.3..0.5),
+            warm_period_s: rng.random_range(29.0..53.0),
+            warm_phase: rng.random_range(0.0..TAU),
+            ..settled
         }
     }
 
     pub(super) fn at(&self, time_s: f64, word: &Word) -> Moment {
         let turn = (TAU * time_s / self.period_s + self.phase).sin();
         let moment = self.settled(word);
-        let warming = 1.0 - 0.2 * (-time_s / self.warming_s).exp() + 0.05 * turn;
+        let warm_turn = (TAU * time_s / self.warm_period_s + self.warm_phase).sin();
+        let warming = 1.0 - 0.2 * (-time_s / self.warming_s).exp() + self.warm_swing * warm_turn;
         let filling = 0.25 * self.droop * (-time_s / self.filling_s).exp();
         Moment { supply_ratio: moment.supply_ratio - filling + self.swing * turn, rise_k: moment.rise_k * warming }
     }

@@ -1,0 +1,107 @@
+//! The second way of the search: from a model with every law at every place, what is not missed is taken away.
+//!
+//! Laws that only help together (an offset, an area and a friction, say) are never found one at a time. Here each law
+//! stands at each of its places once, in the shape that predicts unseen rows best, and goes when those rows do not miss
+//! it. Of m effects out of n that were tried each must be missed with a chance of at most [`FALSE_SHARE`]·m/n, so that
+//! this share of what is named is false (Y. Benjamini, Y. Hochberg, J. R. Statist. Soc. B 57 (1995) 289).
+
+use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
+
+use super::linear::Channels;
+use crate::diagnose::kind::{Kind as _, Trial};
+use crate::diagnose::outcome::Rung;
+use crate::diagnose::significance::DISCOVERY_LEVEL;
+
+/// Share of the effects named that may be false.
+const FALSE_SHARE: f64 = 0.05;
+/// Times that all effects left are looked at.
+const SWEEPS: usize = 8;
+
+/// The model that is left, and what went and what stayed; the first `n_known` candidates of `start` always stay.
+pub(super) fn thinned(kind: &mut Channels, start: &Trial<Channels>) -> (Trial<Channels>, Vec<Rung>) {
+    let known = start.fit.active.clone();
+    let Ok(empty) = kind.settled(start.clone());
+    let Ok(full) = kind.settled(kind.start(full(kind, &known)));
+    let shaped = shaped(kind, full, known.len());
+    let n_tried = shaped.fit.active.len() - known.len();
+    let (mut best, mut ladder) = (shaped, Vec::new());
+    for _ in 0..SWEEPS {
+        let Ok(settled) = kind.settled(best);
+        best = settled;
+        let n_before = best.fit.active.len();
+        ladder = sweep(kind, &mut best, known.len(), n_tried);
+        if best.fit.active.len() == n_before {
+            break;
+        }
+    }
+    let gain = kind.fall(&kind.judged(empty.fit.active.clone(), None), &best);
+    if gain.p < DISCOVERY_LEVEL { (best, ladder) } else { (empty, Vec::new()) }
+}
+
+/// One candidate for each law at each place, the middle one of its shapes, after those that are known.
+fn full(kind: &Channels, known: &[usize]) -> Vec<usize> {
+    let candidates = &kind.experiment.candidates;
+    let same =
+        |a: usize, b: usize| candidates[a].law == candidates[b].law && candidates[a].place == candidates[b].place;
+    let mut active = known.to_vec();
+    for k in 0..candidates.len() {
+        if !active.iter().any(|&other| same(other, k)) {
+            let shapes: Vec<usize> = (k..candidates.len()).filter(|&other| same(other, k)).collect();
+            active.push(shapes[shapes.len() / 2]);
+        }
+    }
+    active
+}
+
+/// The same with the shapes that predict best, one law after the other, all its places alike.
+fn shaped(kind: &Channels, mut best: Trial<Channels>, n_known: usize) -> Trial<Channels> {
+    let candidates = &kind.experiment.candidates;
+    for family in kind.moves.iter().filter(|family| candidates[family[0]].shape.is_some()) {
+        let place = |&k: &usize| (candidates[k].law, &candidates[k].place);
+        let other = |(position, k): (usize, &usize)| {
+            let shape = family.iter().find(|other| place(other) == place(k)).filter(|_| position >= n_known);
+            *shape.unwrap_or(k)
+        };
+        let active: Vec<usize> = best.fit.active.iter().enumerate().map(other).collect();
+        if active != best.fit.active {
+            let trial = kind.judged(active, None);
+            if trial.loss < best.loss {
+                best = trial;
+            }
+        }
+    }
+    best
+}
+
+/// Looks at every effect once, the least missed first, and takes away what is not missed.
+fn sweep(kind: &Channels, best: &mut Trial<Channels>, n_known: usize, n_tried: usize) -> Vec<Rung> {
+    let of = |best: &Trial<Channels>, candidate: usize| {
+        kind.judged(best.fit.active.iter().copied().filter(|k| *k != candidate).collect(), None)
+    };
+    let open = best.fit.active[n_known..].to_vec();
+    let mut order: Vec<(f64, usize)> =
+        open.par_iter().map(|&candidate| (of(best, candidate).loss, candidate)).collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut ladder = Vec::new();
+    for (_, candidate) in order {
+        let without = of(best, candidate);
+        let p = kind.fall(&without, best).p;
+        let (law, place) = kind.name(&candidate);
+        let level = FALSE_SHARE * (best.fit.active.len() - n_known) as f64 / n_tried as f64;
+        ladder.push(Rung {
+            step: 0,
+            law,
+            place,
+            values: kind.experiment.candidates[candidate].values.len(),
+            cross_validated: best.error,
+            without: without.error,
+            p,
+            refined: true,
+            kept: p <= level,
+        });
+        if p > level {
+            *best = without;
+        }
+    }
+    ladder
+}

@@ -1,0 +1,54 @@
+//! Backlash that a load decides: the joint lies at the side of its gap that the load presses it to.
+//!
+//! # Model
+//!
+//! e = h·tanh(L/L₀)
+//!
+//! | symbol | field | unit | meaning |
+//! |---|---|---|---|
+//! | L | `Moment::load` | its own | load, with its sign |
+//! | L₀ | `seating` | its own | load that presses the joint to 76 % of the way, > 0 |
+//!
+//! Valid where the load, not friction, moves the joint within its gap.
+//! Source: definition.
+//!
+//! # Example
+//!
+//! ```
+//! use darm_core::effect::along::{Along, Memory, Moment, backlash_by_load::BacklashByLoad};
+//! let law = BacklashByLoad { seating: 0.1 };
+//! let now = Moment { load: -9.0, ..Moment::default() };
+//! assert!((law.shape(&now, &mut Memory::default()) - (-1.0f64)).abs() < 1e-12);
+//! ```
+
+use super::{Along, Constant, Memory, Moment, Per};
+use crate::real::Real;
+
+/// The joint lies at the side of its gap that the load presses it to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BacklashByLoad<T: Real> {
+    /// Load that seats, in the unit of the load.
+    pub seating: T,
+}
+
+impl<T: Real> Along<T> for BacklashByLoad<T> {
+    fn name(&self) -> &'static str {
+        "backlash-by-load"
+    }
+
+    fn per(&self) -> &'static [Per] {
+        &[]
+    }
+
+    fn size(&self) -> &'static str {
+        "half width"
+    }
+
+    fn constant(&self) -> Option<Constant<T>> {
+        Some(Constant { name: "load that seats", value: self.seating, per: Per::Load })
+    }
+
+    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+        (now.load / self.seating).tanh()
+    }
+}

@@ -1,0 +1,55 @@
+//! Coulomb friction: a force of one size against motion, which turns round over a creep speed.
+//!
+//! # Model
+//!
+//! f = f_c·tanh(v/v₀)
+//!
+//! | symbol | field | unit | meaning |
+//! |---|---|---|---|
+//! | v | `Moment::velocity` | m/s or rad/s | velocity |
+//! | v₀ | `creep_speed` | m/s or rad/s | speed at which it has turned round to 76 %, > 0 |
+//!
+//! Valid in motion; at rest it tells no holding force (see `presliding_friction`).
+//! Source: C. A. Coulomb, Théorie des machines simples, 1785; smoothed as B. Armstrong-Hélouvry, P. Dupont, C.
+//! Canudas de Wit, Automatica 30 (1994) 1083.
+//!
+//! # Example
+//!
+//! ```
+//! use darm_core::effect::along::{Along, Memory, Moment, coulomb_friction::CoulombFriction};
+//! let law = CoulombFriction { creep_speed: 0.01 };
+//! let now = Moment { velocity: -1.0, ..Moment::default() };
+//! assert!((law.shape(&now, &mut Memory::default()) - (-1.0f64)).abs() < 1e-12);
+//! ```
+
+use super::{Along, Constant, Memory, Moment, Per};
+use crate::real::Real;
+
+/// A force of one size against motion, which turns round over a creep speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CoulombFriction<T: Real> {
+    /// Creep speed, m/s or rad/s.
+    pub creep_speed: T,
+}
+
+impl<T: Real> Along<T> for CoulombFriction<T> {
+    fn name(&self) -> &'static str {
+        "coulomb-friction"
+    }
+
+    fn per(&self) -> &'static [Per] {
+        &[]
+    }
+
+    fn size(&self) -> &'static str {
+        "level"
+    }
+
+    fn constant(&self) -> Option<Constant<T>> {
+        Some(Constant { name: "creep speed", value: self.creep_speed, per: Per::Speed })
+    }
+
+    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+        (now.velocity / self.creep_speed).tanh()
+    }
+}

@@ -1,0 +1,46 @@
+//! Drift: something that grows evenly with time.
+//!
+//! # Model
+//!
+//! f = r·t
+//!
+//! | symbol | field | unit | meaning |
+//! |---|---|---|---|
+//! | t | `Moment::time_s` | s | time since the measurement began |
+//!
+//! Valid over one measurement; it does not say what drifts.
+//! Source: definition.
+//!
+//! # Example
+//!
+//! ```
+//! use darm_core::effect::along::{Along, Memory, Moment, drift::Drift};
+//! let law = Drift;
+//! let now = Moment { time_s: 60.0, ..Moment::default() };
+//! assert!((law.shape(&now, &mut Memory::default()) - (60.0f64)).abs() < 1e-12);
+//! ```
+
+use super::{Along, Memory, Moment, Per};
+use crate::real::Real;
+
+/// Something that grows evenly with time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drift;
+
+impl<T: Real> Along<T> for Drift {
+    fn name(&self) -> &'static str {
+        "drift"
+    }
+
+    fn per(&self) -> &'static [Per] {
+        &[Per::Time]
+    }
+
+    fn size(&self) -> &'static str {
+        "rate"
+    }
+
+    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+        now.time_s
+    }
+}

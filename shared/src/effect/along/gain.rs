@@ -1,0 +1,47 @@
+//! Gain: a current-to-torque constant or a sensor's scale that is off.
+//!
+//! # Model
+//!
+//! f = g·L
+//!
+//! | symbol | field | unit | meaning |
+//! |---|---|---|---|
+//! | L | `Moment::load` | its own | ideal force or torque, with its sign |
+//! | g | size | 1 | share by which the true constant is larger |
+//!
+//! Valid where current and torque are in proportion; a motor near saturation is not.
+//! Source: definition of the torque constant.
+//!
+//! # Example
+//!
+//! ```
+//! use darm_core::effect::along::{Along, Memory, Moment, gain::Gain};
+//! let law = Gain;
+//! let now = Moment { load: -4.0, ..Moment::default() };
+//! assert!((law.shape(&now, &mut Memory::default()) - (-4.0f64)).abs() < 1e-12);
+//! ```
+
+use super::{Along, Memory, Moment, Per};
+use crate::real::Real;
+
+/// A current-to-torque constant or a sensor's scale that is off.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gain;
+
+impl<T: Real> Along<T> for Gain {
+    fn name(&self) -> &'static str {
+        "gain"
+    }
+
+    fn per(&self) -> &'static [Per] {
+        &[Per::Load]
+    }
+
+    fn size(&self) -> &'static str {
+        "gain"
+    }
+
+    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+        now.load
+    }
+}

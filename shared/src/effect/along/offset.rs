@@ -1,0 +1,43 @@
+//! Offset: a force or torque that is always there, as that of a load cell or a current sensor that is not zero at
+//! rest.
+//!
+//! # Model
+//!
+//! f = f₀
+//!
+//! Valid where the offset does not move with time or temperature; see `drift` and `thermal_drift` where it does.
+//! Source: definition.
+//!
+//! # Example
+//!
+//! ```
+//! use darm_core::effect::along::{Along, Memory, Moment, offset::Offset};
+//! let law = Offset;
+//! let now = Moment { velocity: 3.0, ..Moment::default() };
+//! assert!((law.shape(&now, &mut Memory::default()) - (1.0f64)).abs() < 1e-12);
+//! ```
+
+use super::{Along, Memory, Moment, Per};
+use crate::real::Real;
+
+/// A force or torque that is always there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Offset;
+
+impl<T: Real> Along<T> for Offset {
+    fn name(&self) -> &'static str {
+        "offset"
+    }
+
+    fn per(&self) -> &'static [Per] {
+        &[]
+    }
+
+    fn size(&self) -> &'static str {
+        "offset"
+    }
+
+    fn shape(&self, _now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+        T::one()
+    }
+}

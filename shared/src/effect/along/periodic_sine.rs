@@ -1,0 +1,54 @@
+//! Periodic error of a gear or an encoder, the part that is zero at position zero.
+//!
+//! # Model
+//!
+//! f = s·sin(n·q)
+//!
+//! | symbol | field | unit | meaning |
+//! |---|---|---|---|
+//! | q | `Moment::position` | rad | position |
+//! | n | `per_turn` | 1 | periods a turn, > 0 |
+//!
+//! Valid for one harmonic; with `periodic_cosine` for any phase.
+//! Source: Fourier.
+//!
+//! # Example
+//!
+//! ```
+//! use darm_core::effect::along::{Along, Memory, Moment, periodic_sine::PeriodicSine};
+//! let law = PeriodicSine { per_turn: 1.0 };
+//! let now = Moment { position: core::f64::consts::FRAC_PI_2, ..Moment::default() };
+//! assert!((law.shape(&now, &mut Memory::default()) - (1.0f64)).abs() < 1e-12);
+//! ```
+
+use super::{Along, Constant, Memory, Moment, Per};
+use crate::real::Real;
+
+/// Periodic error of a gear or an encoder, the part that is zero at position zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PeriodicSine<T: Real> {
+    /// Periods a turn, a plain number.
+    pub per_turn: T,
+}
+
+impl<T: Real> Along<T> for PeriodicSine<T> {
+    fn name(&self) -> &'static str {
+        "gear-periodic-sine"
+    }
+
+    fn per(&self) -> &'static [Per] {
+        &[]
+    }
+
+    fn size(&self) -> &'static str {
+        "sine"
+    }
+
+    fn constant(&self) -> Option<Constant<T>> {
+        Some(Constant { name: "periods a turn", value: self.per_turn, per: Per::One })
+    }
+
+    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+        (now.position * self.per_turn).sin()
+    }
+}

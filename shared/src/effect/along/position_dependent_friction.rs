@@ -1,0 +1,55 @@
+//! Friction that changes along the stroke, as in a bore that is not even.
+//!
+//! # Model
+//!
+//! f = c·x·z, z as in `presliding_friction`
+//!
+//! | symbol | field | unit | meaning |
+//! |---|---|---|---|
+//! | x | `Moment::position` | m or rad | position |
+//! | d | `distance` | m or rad | distance over which it turns round, > 0 |
+//!
+//! Valid for a friction that changes in proportion to position; beside `presliding_friction`.
+//! Source: definition.
+//!
+//! # Example
+//!
+//! ```
+//! use darm_core::effect::along::{Along, Memory, Moment, position_dependent_friction::PositionDependentFriction};
+//! let (law, mut memory) = (PositionDependentFriction { distance: 1.0 }, Memory::default());
+//! let mut at = |position: f64| law.shape(&Moment { position, ..Moment::default() }, &mut memory);
+//! let last = [0.0, 90.0, 3.0].map(&mut at)[2];
+//! assert!((last - (-3.0)).abs() < 1e-12);
+//! ```
+
+use super::{Along, Constant, Memory, Moment, Per};
+use crate::real::Real;
+
+/// Friction that changes along the stroke.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PositionDependentFriction<T: Real> {
+    /// Presliding distance, m or rad.
+    pub distance: T,
+}
+
+impl<T: Real> Along<T> for PositionDependentFriction<T> {
+    fn name(&self) -> &'static str {
+        "position-dependent-friction"
+    }
+
+    fn per(&self) -> &'static [Per] {
+        &[Per::Length]
+    }
+
+    fn size(&self) -> &'static str {
+        "slope"
+    }
+
+    fn constant(&self) -> Option<Constant<T>> {
+        Some(Constant { name: "presliding distance", value: self.distance, per: Per::Length })
+    }
+
+    fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T {
+        now.position * memory.turn(now.position, self.distance)
+    }
+}

@@ -1,0 +1,56 @@
+//! Presliding: friction that turns round over a distance, as bristles bend before they slide.
+//!
+//! # Model
+//!
+//! f = f_c·z,  dz = (sign(dx) − z)·|dx|/d
+//!
+//! | symbol | field | unit | meaning |
+//! |---|---|---|---|
+//! | x | `Moment::position` | m or rad | position |
+//! | z | `Memory::state` | 1 | −1 after going down by several d, +1 after going up; 0 at the start |
+//! | d | `distance` | m or rad | distance over which it turns round, > 0 |
+//!
+//! Valid from rest to slow motion; solved exactly for a motion that keeps its way between two moments.
+//! Source: P. R. Dahl, A Solid Friction Model, Aerospace Corporation, 1968, with the exponent 1.
+//!
+//! # Example
+//!
+//! ```
+//! use darm_core::effect::along::{Along, Memory, Moment, presliding_friction::PreslidingFriction};
+//! let (law, mut memory) = (PreslidingFriction { distance: 1.0 }, Memory::default());
+//! let mut at = |position: f64| law.shape(&Moment { position, ..Moment::default() }, &mut memory);
+//! let last = [0.0, 90.0, 3.0].map(&mut at)[2];
+//! assert!((last - (-1.0)).abs() < 1e-12);
+//! ```
+
+use super::{Along, Constant, Memory, Moment, Per};
+use crate::real::Real;
+
+/// Friction that turns round over a distance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PreslidingFriction<T: Real> {
+    /// Presliding distance, m or rad.
+    pub distance: T,
+}
+
+impl<T: Real> Along<T> for PreslidingFriction<T> {
+    fn name(&self) -> &'static str {
+        "presliding-friction"
+    }
+
+    fn per(&self) -> &'static [Per] {
+        &[]
+    }
+
+    fn size(&self) -> &'static str {
+        "level"
+    }
+
+    fn constant(&self) -> Option<Constant<T>> {
+        Some(Constant { name: "presliding distance", value: self.distance, per: Per::Length })
+    }
+
+    fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T {
+        memory.turn(now.position, self.distance)
+    }
+}

@@ -1,0 +1,46 @@
+//! Viscous friction: a force against motion that grows with speed.
+//!
+//! # Model
+//!
+//! f = b·v
+//!
+//! | symbol | field | unit | meaning |
+//! |---|---|---|---|
+//! | v | `Moment::velocity` | m/s or rad/s | velocity |
+//!
+//! Valid for lubricated contacts at one temperature; a real bearing's rises less than in proportion at high speed.
+//! Source: O. Reynolds, Phil. Trans. R. Soc. 177 (1886) 157, of a lubricant film.
+//!
+//! # Example
+//!
+//! ```
+//! use darm_core::effect::along::{Along, Memory, Moment, viscous_friction::ViscousFriction};
+//! let law = ViscousFriction;
+//! let now = Moment { velocity: -2.0, ..Moment::default() };
+//! assert!((law.shape(&now, &mut Memory::default()) - (-2.0f64)).abs() < 1e-12);
+//! ```
+
+use super::{Along, Memory, Moment, Per};
+use crate::real::Real;
+
+/// A force against motion that grows with speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ViscousFriction;
+
+impl<T: Real> Along<T> for ViscousFriction {
+    fn name(&self) -> &'static str {
+        "viscous-friction"
+    }
+
+    fn per(&self) -> &'static [Per] {
+        &[Per::Speed]
+    }
+
+    fn size(&self) -> &'static str {
+        "coefficient"
+    }
+
+    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+        now.velocity
+    }
+}

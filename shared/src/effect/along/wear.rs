@@ -1,0 +1,57 @@
+//! Wear: friction that changes with the way that was gone.
+//!
+//! # Model
+//!
+//! f = w·s·tanh(v/v₀), s = ∫|dx|
+//!
+//! | symbol | field | unit | meaning |
+//! |---|---|---|---|
+//! | x | `Moment::position` | m or rad | position |
+//! | v | `Moment::velocity` | m/s or rad/s | velocity |
+//! | s | `Memory::state` | m or rad | way gone since the measurement began |
+//! | v₀ | `creep_speed` | m/s or rad/s | speed at which it has turned round, > 0 |
+//!
+//! Valid beside `coulomb_friction`, whose level is that of the start.
+//! Source: J. F. Archard, J. Appl. Phys. 24 (1953) 981: worn volume in proportion to the way.
+//!
+//! # Example
+//!
+//! ```
+//! use darm_core::effect::along::{Along, Memory, Moment, wear::Wear};
+//! let (law, mut memory) = (Wear { creep_speed: 0.01 }, Memory::default());
+//! let mut at = |position: f64| law.shape(&Moment { position, velocity: 1.0, ..Moment::default() }, &mut memory);
+//! let last = [0.0, 2.0, -1.0].map(&mut at)[2];
+//! assert!((last - (5.0)).abs() < 1e-12);
+//! ```
+
+use super::{Along, Constant, Memory, Moment, Per};
+use crate::real::Real;
+
+/// Friction that changes with the way that was gone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wear<T: Real> {
+    /// Creep speed, m/s or rad/s.
+    pub creep_speed: T,
+}
+
+impl<T: Real> Along<T> for Wear<T> {
+    fn name(&self) -> &'static str {
+        "wear"
+    }
+
+    fn per(&self) -> &'static [Per] {
+        &[Per::Length]
+    }
+
+    fn size(&self) -> &'static str {
+        "slope"
+    }
+
+    fn constant(&self) -> Option<Constant<T>> {
+        Some(Constant { name: "creep speed", value: self.creep_speed, per: Per::Speed })
+    }
+
+    fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T {
+        memory.way(now.position) * (now.velocity / self.creep_speed).tanh()
+    }
+}
