@@ -252,7 +252,8 @@ fn constant(table: &Table, findings: &mut Vec<Finding>) {
 /// Numbers that look like another unit than the one they are read in.
 fn units(table: &Table, findings: &mut Vec<Finding>) {
     for column in &table.columns {
-        let largest = column.numbers.iter().filter(|number| number.is_finite()).fold(0.0f64, |most, n| most.max(n.abs()));
+        let largest =
+            column.numbers.iter().filter(|number| number.is_finite()).fold(0.0f64, |most, n| most.max(n.abs()));
         let joint = column.quantity.strip_prefix('q').is_some_and(|number| number.parse::<u8>().is_ok());
         let doubt = match (column.quantity.as_str(), column.unit) {
             (_, "" | "rad") if joint && largest > LARGEST_ANGLE => ("rad", "degrees", "_deg"),
