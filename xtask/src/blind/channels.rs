@@ -19,7 +19,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use darm::diagnose::channels::model::Model;
+use darm::diagnose::channels::model::{Model, What};
 use darm::diagnose::channels::outcome::Diagnosis;
 use darm::diagnose::channels::prepared::{HoldOut, Preparation};
 use darm::diagnose::channels::{Options, diagnose_table};
@@ -86,10 +86,11 @@ impl Robots {
     /// Draws, measures, diagnoses and marks one seed; the truth in words.
     pub(super) fn run(&self, which: Which, class: Class, seed: u64) -> Result<(Mark, String)> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xc4a1_0000);
-        let (model, mut bench) = match which {
-            Which::Serial => (Model::Torque(self.serial.clone(), None), serial(&self.serial, class, &mut rng)?),
-            Which::Floating => (Model::Wrench(self.floating.clone()), floating(&self.floating, class, &mut rng)?),
+        let (what, mut bench) = match which {
+            Which::Serial => (What::Torque(self.serial.clone(), None), serial(&self.serial, class, &mut rng)?),
+            Which::Floating => (What::Wrench(self.floating.clone()), floating(&self.floating, class, &mut rng)?),
         };
+        let model = Model::from(what);
         bench.spoil(&mut rng);
         let table = bench.table()?;
         let within = if which == Which::Floating { vec!["posture".to_string()] } else { Vec::new() };

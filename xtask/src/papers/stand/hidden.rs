@@ -1,7 +1,7 @@
 //! The loop closed on identification: a mass that nobody declared, on robots that are drawn, and a person on a force plate.
 
 use anyhow::{Context, Result};
-use darm::diagnose::channels::model::Model;
+use darm::diagnose::channels::model::{Model, What};
 use darm::diagnose::channels::prepared::{HoldOut, Preparation};
 use darm::diagnose::channels::{Options, diagnose};
 use darm::identify::{Kind, Missing, body_name, missing, separable};
@@ -122,7 +122,7 @@ pub(super) fn person(figures: &mut Vec<Figure>) -> Result<()> {
         settled_s: None,
     };
     let options = Options { preparation, always: vec!["mass-distribution".into()], seed: 1 };
-    let model = Model::Wrench(robot);
+    let model = Model::from(What::Wrench(robot));
     let diagnosis = diagnose(&model, &folder.join("human_wholebody_30hz.csv.gz"), &Names::new(), &options)?;
     let norm = |errors: &darm::diagnose::channels::outcome::Errors| {
         errors.heldout.as_ref().map_or(f64::NAN, |figure| 1e3 * figure.norm.value)
