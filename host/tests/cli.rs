@@ -7,7 +7,8 @@ use std::process::{Child, Command, Output, Stdio};
 
 const COMMANDS: [&str; 25] = [
     "synth", "stops", "table", "upload", "play", "stop", "status", "record", "diagnose", "console", "plant", "flash",
-    "doctor", "fk", "jacobian", "ik", "bench-ik", "dynamics", "com", "model", "draw", "nearest", "map", "path", "grasp",
+    "doctor", "fk", "jacobian", "ik", "bench-ik", "dynamics", "com", "model", "draw", "nearest", "map", "path",
+    "grasp",
 ];
 
 /// A user's empty home, and the folder the commands run in.
@@ -523,4 +524,54 @@ fn a_log_is_diagnosed_as_its_table_is() {
     assert_eq!(csv, log);
     let help = text(&home.darm("diagnose --help").stdout);
     assert!(help.contains("--write-model"));
+}
+
+/// The 88 golden postures as a table, each row changed by `change`.
+fn postures(change: impl Fn(&mut Vec<f64>)) -> String {
+    let packed = include_bytes!("../../tests/data/golden/planar5_sit_to_stand.json.gz");
+    let golden: serde_json::Value = serde_json::from_reader(flate2::read::GzDecoder::new(&packed[..])).unwrap();
+    let numbers = |value: &serde_json::Value| -> Vec<f64> {
+        value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
+    };
+    let joints = ["ankle", "knee", "hip", "torso_pitch"];
+    let head = joints.map(|joint| format!("{joint}_rad")).into_iter().chain(joints.map(|j| format!("tau_{j}_nm")));
+    let mut text = head.chain(["Fx_n", "Fz_n", "My_nm"].map(str::to_owned)).collect::<Vec<_>>().join(",") + "\n";
+    for posture in golden["postures"].as_array().unwrap() {
+        let (q, f) = (numbers(&posture["q"]), numbers(&posture["f"]));
+        let mut row = [&q[4..], &f[3..], &[f[0], f[1], -f[2]]].concat();
+        change(&mut row);
+        text += &(row.iter().map(f64::to_string).collect::<Vec<_>>().join(",") + "\n");
+    }
+    text
+}
+
+#[test]
+fn masses_are_identified_and_bad_postures_are_told() {
+    let (home, planar) = (Home::new(), robot("planar5.urdf"));
+    home.write("good.csv", &postures(|_| ()));
+    let told = home.json(&format!("com identify {planar} good.csv --splits 5 -o masses.json"));
+    assert_eq!((told["rank"].as_u64(), told["possible"].as_bool()), (Some(10), Some(true)));
+    assert!(told["held_out"]["identified_m"][0].as_f64().unwrap() < 1e-6, "{told}");
+    assert!(told["missing"]["named"].as_array().unwrap().is_empty(), "{told}");
+    assert!(std::fs::read_to_string(home.path("masses.json")).unwrap().contains("torso"));
+    let refused = |table: String| {
+        home.write("bad.csv", &table);
+        let output = home.darm(&format!("com identify {planar} bad.csv"));
+        assert_eq!(output.status.code(), Some(1));
+        text(&output.stderr)
+    };
+    let one = postures(|_| ()).lines().take(2).collect::<Vec<_>>().join("\n");
+    assert!(refused(one).contains("1 posture(s) tell"));
+    let reversed = refused(postures(|row| row[8..].iter_mut().for_each(|x| *x = -*x)));
+    assert!(reversed.contains("line 2: the contacts pull the robot down"), "{reversed}");
+    let human = example("../tests/data/measured/human.urdf");
+    let setup = example("../tests/data/stand/stand.toml");
+    home.write(
+        "capture.csv",
+        &(0..12).fold("t_s,LASI_x,LASI_y,LASI_z,Fz_n,Mx_nm,My_nm\n".to_owned(), |text, k| {
+            text + &format!("{},0,0,1,700,0,0\n", 0.02 * f64::from(k))
+        }),
+    );
+    let output = home.darm(&format!("com map {human} {planar} {setup} capture.csv"));
+    assert!(text(&output.stderr).contains("no marker C7"), "{}", text(&output.stderr));
 }

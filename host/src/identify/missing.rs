@@ -56,6 +56,12 @@ pub struct Missing {
     pub values: DVector<f64>,
 }
 
+/// Links that explain the rows as well as each other, and the chance of explaining as much without a mass.
+struct Chosen {
+    links: Vec<String>,
+    p: f64,
+}
+
 /// Rows, and what the masses that are named change.
 struct Search {
     columns: DMatrix<f64>,
@@ -73,13 +79,22 @@ pub fn missing(robot: &Robot, equations: &Equations, held_out: &[usize]) -> Miss
     let search = Search { rows: right.len(), columns, residual };
     let told = directions(&search.columns);
     let noise = search.noise(&told);
-    let (mut taken, mut named, mut values) = (Vec::<Option<usize>>::new(), Vec::new(), kept.nominal.clone());
-    while named.len() < MOST {
-        let Some((link, next)) = search.best(robot, &kept, &taken, noise) else { break };
+    let (mut taken, mut chosen) = (Vec::<Option<usize>>::new(), Vec::new());
+    while chosen.len() < MOST {
+        let Some((link, set)) = search.best(robot, &kept, &taken, noise) else { break };
         taken.push(link);
-        named.push(next);
-        values = &kept.nominal + search.fitted(&indices(&kept, &taken)).0;
+        chosen.push(set);
     }
+    // Masses that were named later change those that were named before.
+    let (change, covariance) = search.fitted(&indices(&kept, &taken));
+    let values = &kept.nominal + &change;
+    let mut first = 0;
+    let named = taken.iter().zip(chosen).map(|(link, set)| {
+        let own = kept.of_body(*link);
+        first += own.len();
+        search.named(&kept, (&own, first - own.len()), (&change, &covariance), set)
+    });
+    let named: Vec<Named> = named.collect();
     let told_on: Vec<usize> =
         if held_out.is_empty() { (0..equations.samples.len()).collect() } else { held_out.to_vec() };
     Missing {
@@ -134,6 +149,9 @@ impl Search {
 
     /// The change of all unknowns when these are free, and the covariance of these.
     fn fitted(&self, free: &[usize]) -> (DVector<f64>, DMatrix<f64>) {
+        if free.is_empty() {
+            return (DVector::zeros(self.columns.ncols()), DMatrix::zeros(0, 0));
+        }
         let svd = self.columns.select_columns(free).svd(true, true);
         let least = NOTHING * svd.singular_values.max();
         let mut change = DVector::zeros(self.columns.ncols());
@@ -154,7 +172,7 @@ impl Search {
         equations: &Equations,
         taken: &[Option<usize>],
         noise: f64,
-    ) -> Option<(Option<usize>, Named)> {
+    ) -> Option<(Option<usize>, Chosen)> {
         let known = indices(equations, taken);
         let (before, rank) = self.left(&known);
         let with =
@@ -178,18 +196,15 @@ impl Search {
         }
         let as_well = tried.iter().filter(|(_, left, _)| chance(left - least, 3) > LEFT_OUT);
         let links = as_well.map(|(link, ..)| body_name(robot, *link)).collect();
-        let free = with(&link);
-        let (change, covariance) = self.fitted(&free);
-        Some((link, self.named(equations, (&free[known.len()..], known.len()), &change, &covariance, (links, p))))
+        Some((link, Chosen { links, p }))
     }
 
     fn named(
         &self,
         equations: &Equations,
         (own, first): (&[usize], usize),
-        change: &DVector<f64>,
-        covariance: &DMatrix<f64>,
-        (links, p): (Vec<String>, f64),
+        (change, covariance): (&DVector<f64>, &DMatrix<f64>),
+        Chosen { links, p }: Chosen,
     ) -> Named {
         let mass_kg = own.first().map_or(0.0, |&k| change[k]);
         let mut place_m = [None; 3];

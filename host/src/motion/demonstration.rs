@@ -1,6 +1,6 @@
 //! A simulated person who stands up: where the truth is known, and where nobody has recorded one.
 //!
-//! The tree is that of `human.urdf` (links with x forward, y up, z to the right), with lengths and masses drawn about the
+//! The tree is that of `person.urdf` (links with x forward, y up, z to the right), with lengths and masses drawn about the
 //! average, markers that are not quite where they should be, and noise. The motion is made of absolute angles of shank, thigh,
 //! pelvis and trunk with the feet flat on the ground; the plates under feet and chair together measure what inverse dynamics
 //! tells. The elderly style bends deeper and longer before it lifts off, as Papa and Cappozzo (J. Biomechanics 33, 2000, 1113)
@@ -79,8 +79,8 @@ impl Style {
     /// How long it takes, s.
     fn lasts_s(self) -> f64 {
         match self {
-            Self::Natural => 3.0,
-            Self::Elderly => 5.0,
+            Self::Natural => 3.4,
+            Self::Elderly => 5.2,
         }
     }
 
@@ -88,16 +88,16 @@ impl Style {
     fn angles(self, time_s: f64) -> Angles {
         let turns = match self {
             Self::Natural => [
-                vec![turn(-18.0, -22.0, 0.4, 1.4), turn(0.0, 20.0, 1.3, 2.5)],
-                vec![turn(88.0, 2.0, 1.2, 2.6)],
-                vec![turn(-2.0, -34.0, 0.3, 1.35), turn(0.0, 33.0, 1.4, 2.6)],
-                vec![turn(-4.0, -22.0, 0.3, 1.35), turn(0.0, 21.0, 1.4, 2.6)],
+                vec![turn(-24.0, -28.0, 0.3, 1.3), turn(0.0, 27.0, 1.5, 2.7)],
+                vec![turn(88.0, 1.0, 1.25, 2.7)],
+                vec![turn(-2.0, -44.0, 0.3, 1.4), turn(0.0, 42.5, 1.5, 2.8)],
+                vec![turn(-4.0, -34.0, 0.3, 1.4), turn(0.0, 32.0, 1.5, 2.8)],
             ],
             Self::Elderly => [
-                vec![turn(-18.0, -23.0, 0.4, 2.0), turn(0.0, 22.0, 2.1, 3.7), turn(0.0, -1.0, 3.7, 4.6)],
-                vec![turn(88.0, 4.0, 2.0, 3.9)],
-                vec![turn(-2.0, -44.0, 0.3, 2.0), turn(0.0, 40.0, 2.4, 4.3)],
-                vec![turn(-6.0, -40.0, 0.3, 2.0), turn(0.0, 36.0, 2.4, 4.5)],
+                vec![turn(-24.0, -30.0, 0.4, 2.0), turn(0.0, 28.0, 2.2, 3.9), turn(0.0, 1.0, 3.9, 4.6)],
+                vec![turn(88.0, 4.0, 2.0, 4.1)],
+                vec![turn(-2.0, -56.0, 0.3, 2.0), turn(0.0, 50.0, 2.4, 4.4)],
+                vec![turn(-6.0, -46.0, 0.3, 2.0), turn(0.0, 40.0, 2.4, 4.5)],
             ],
         };
         let [shank, thigh, pelvis, trunk] = turns.map(|turns| turns.iter().map(|turn| turn.at(time_s)).sum::<f64>());

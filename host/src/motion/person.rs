@@ -36,7 +36,7 @@ const GOOD: (f64, f64) = (0.004, 0.01);
 const LENGTH_FRAMES: usize = 9;
 const LENGTH_ROUNDS: usize = 12;
 /// Rounds of masses.
-const MASS_ROUNDS: usize = 4;
+const MASS_ROUNDS: i32 = 5;
 /// No link is lighter than this share of the average one.
 const LIGHTEST: f64 = 0.3;
 
@@ -94,11 +94,12 @@ pub fn person(tree: &Robot, markers: &[Fixed], capture: &Capture) -> Result<Pers
     let mut masses = even;
     let mut scaled = groups.scaled(tree, &lengths, &masses);
     let mut now = simulated(&scaled, &groups, &motion, capture);
-    for _ in 0..MASS_ROUNDS {
-        if now.error.worst_m <= 0.5 * WITHIN_M {
+    // As near to the average as it can be: the masses get more room only while the centre of pressure is not met.
+    for round in 0..MASS_ROUNDS {
+        if now.error.worst_m <= WITHIN_M {
             break;
         }
-        let next = now.masses(&masses, capture);
+        let next = now.masses(&masses, capture, SPREAD.1 * 2f64.powi(round));
         let tree_next = groups.scaled(tree, &lengths, &next);
         let tried = simulated(&tree_next, &groups, &motion, capture);
         if tried.error.rms_m >= now.error.rms_m {
@@ -362,11 +363,11 @@ pub fn measured_cop(capture: &Capture) -> Vec<[f64; 2]> {
 
 impl Simulated {
     /// Scales of the masses, in those of the general tree, whose centre of pressure and weight are the measured ones.
-    fn masses(&self, now: &[f64], capture: &Capture) -> Vec<f64> {
+    fn masses(&self, now: &[f64], capture: &Capture, spread: f64) -> Vec<f64> {
         let g = now.len();
         let smooth = Smooth::new(&capture.time_s, CORNER_HZ);
         let forces = smooth.pass(capture.plates.iter().map(|plate| plate.force_n).collect());
-        let spread = SPREAD.1.powi(-2);
+        let spread = spread.powi(-2);
         let mut matrix = DMatrix::from_diagonal_element(g, g, spread);
         let mut right = DVector::from_element(g, spread);
         let share = (self.parts.len() as f64 / 10.0).max(1.0);

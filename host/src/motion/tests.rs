@@ -17,7 +17,7 @@ use crate::measurement::table::{Names, Table};
 use crate::robot::Robot;
 use crate::urdf::{Locks, parse};
 
-const HUMAN: &str = include_str!("../../../tests/data/measured/human.urdf");
+const HUMAN: &str = include_str!("../../../tests/data/stand/person.urdf");
 const PLANAR: &str = include_str!("../../../tests/data/urdf/planar5.urdf");
 const SETUP: &str = include_str!("../../../tests/data/stand/stand.toml");
 

@@ -30,13 +30,13 @@ use crate::robot::Robot;
 /// Constraints are held to this, m and rad.
 const HELD: f64 = 1e-10;
 /// Steps of the whole trajectory at most.
-const STEPS: usize = 60;
+const STEPS: usize = 40;
 /// Newton steps on the constraints of a frame at most.
 const CORRECTIONS: usize = 40;
 /// Singular values below this share of the largest constrain nothing more.
 const REDUNDANT: f64 = 1e-8;
 /// The cost falls by less than this share: done.
-const SETTLED: f64 = 1e-7;
+const SETTLED: f64 = 1e-5;
 
 /// A frame of a link that stands still.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -288,7 +288,8 @@ fn step(
     };
     for (k, ((p, z), frame)) in parts.iter().zip(frames).enumerate() {
         let soft = &frame.soft;
-        let mut own = z.tr_mul(&(&soft.matrix * z));
+        // Nothing is held: Z is the identity.
+        let mut own = if z.is_square() { soft.matrix.clone() } else { z.tr_mul(&(&soft.matrix * z)) };
         (0..own.nrows()).for_each(|i| own[(i, i)] += damping);
         put((k, k), &own);
         let pull = z.tr_mul(&(&soft.right - &soft.matrix * p));
@@ -302,7 +303,10 @@ fn step(
             let pull = parts[*a].1.tr_mul(&left) * (-weight * of_a);
             right.rows_mut(start[*a], pull.len()).add_assign(&pull);
             for (b, of_b) in &near[..=i] {
-                put((*a, *b), &(parts[*a].1.tr_mul(&parts[*b].1) * (weight * of_a * of_b)));
+                let (later, earlier) = (&parts[*a].1, &parts[*b].1);
+                let both = later.is_square() && earlier.is_square();
+                let shared = if both { later.clone() } else { later.tr_mul(earlier) };
+                put((*a, *b), &(shared * (weight * of_a * of_b)));
             }
         }
     }

@@ -128,7 +128,7 @@ pub(super) fn person(figures: &mut Vec<Figure>) -> Result<()> {
         errors.heldout.as_ref().map_or(f64::NAN, |figure| 1e3 * figure.norm.value)
     };
     figures.push(figure("person A, centre of pressure held out, tables", norm(&diagnosis.error.before), "mm")?);
-    let after = (10.0 * norm(&diagnosis.error.after)).round() / 10.0;
+    let after = (1e3 * norm(&diagnosis.error.after)).round() / 1e3;
     figures.push(figure("person A, centre of pressure held out, identified", after, "mm")?);
     Ok(())
 }

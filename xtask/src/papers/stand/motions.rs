@@ -31,7 +31,7 @@ pub(super) fn map_both(
     folder: &Path,
 ) -> Result<Vec<(String, String)>> {
     let root = setup::root();
-    let mut average = urdf::read(&root.join("tests/data/measured/human.urdf"), &Locks::new())?;
+    let mut average = urdf::read(&root.join("tests/data/stand/person.urdf"), &Locks::new())?;
     average.floating = true;
     let setup = Setup::read(&root.join("tests/data/stand/stand.toml"), &average, &robots.cad)?;
     let names: Vec<String> = setup.markers.iter().map(|marker| marker.name.clone()).collect();
