@@ -6,8 +6,8 @@
 use darm_core::nearest::{Beam, Frame};
 use darm_core::table::Record;
 
-/// Choices that the search keeps: each is tried with each frame of the next module.
-pub const WIDTH: usize = 32;
+/// Choices that the search keeps: each is tried with each frame of the next module. The RAM has room for a few more.
+pub const WIDTH: usize = 24;
 
 /// The room for a search.
 pub(crate) type Room = Beam<f32, WIDTH>;

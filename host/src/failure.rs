@@ -63,7 +63,10 @@ fn code_of_cause(cause: &(dyn Error + 'static)) -> Option<u8> {
 pub(crate) fn sentence(error: &anyhow::Error) -> String {
     let mut sentence = String::new();
     for part in error.chain().map(ToString::to_string) {
-        // Many an error tells its source's words within its own.
+        // Many an error tells its source's words within its own, or begins with the file that the context names.
+        if part.starts_with(&sentence) {
+            sentence.clear();
+        }
         if !sentence.contains(&part) {
             sentence.push_str(if sentence.is_empty() { "" } else { ": " });
             sentence.push_str(part.trim_end_matches('.'));

@@ -5,9 +5,10 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
-const COMMANDS: [&str; 21] = [
+const COMMANDS: [&str; 25] = [
     "synth", "stops", "table", "upload", "play", "stop", "status", "record", "diagnose", "console", "plant", "flash",
-    "doctor", "fk", "jacobian", "ik", "dynamics", "com", "model", "draw", "grasp",
+    "doctor", "fk", "jacobian", "ik", "bench-ik", "dynamics", "com", "model", "draw", "nearest", "map", "path",
+    "grasp",
 ];
 
 /// A user's empty home, and the folder the commands run in.
@@ -120,7 +121,7 @@ fn a_hand_makes_contacts_or_says_which_it_cannot() {
     assert!(std::fs::read_to_string(home.path("grasp.svg")).unwrap().contains("front: y, z"));
     let text = std::fs::read_to_string(&contacts).unwrap();
     home.write("far.toml", &text.replace("[390, 24, 140]", "[-390, 24, 140]"));
-    let far = "darm: contacts of index and thumb are 838 mm apart, out of reach: stretched, the fingers bridge 373 mm";
+    let far = "darm: contacts index and thumb are 838 mm apart, out of reach: stretched, the fingers bridge 373 mm";
     home.fails(&format!("grasp solve {hand} far.toml"), 1, far);
     home.write("three.toml", text.rsplit_once("[[contact]]").unwrap().0);
     let three = "darm: three.toml:2:10: 3 contacts are given, there must be 4, each a [[contact]]";
@@ -246,6 +247,31 @@ fn a_table_is_uploaded_played_and_measured() {
 }
 
 #[test]
+fn the_board_answers_which_word_is_nearest() {
+    let home = Home::new();
+    let arm = example("planar4.toml");
+    home.succeeds(&format!("table {arm} --words 000010000000 -o plain.darm"));
+    home.succeeds(&format!("table {arm} --words 000010000000 --nearest -o framed.darm"));
+    let board = Board::start(&home, &arm);
+    let port = &board.port;
+    let ask = format!("nearest {arm} 300,4200,10");
+    let none = home.darm(&format!("{ask} --board {port}"));
+    assert!(text(&none.stderr).contains("the board holds no table"), "{}", text(&none.stderr));
+    home.succeeds(&format!("upload plain.darm {port}"));
+    home.fails(
+        &format!("{ask} --board {port}"),
+        3,
+        "darm: the board refused: the table has no frames of modules; make it with darm table --nearest, upload it",
+    );
+    home.succeeds(&format!("upload framed.darm {port}"));
+    let (near, exact) = (home.json(&format!("{ask} --board {port}")), home.json(&ask));
+    assert_eq!(near["word"], exact["nearest"][0]["word"]);
+    let said = home.types(&format!("console {port}"), "nearest 300 4200 10\nquit\n");
+    assert!(said.contains(near["word"].as_str().unwrap()) && said.contains(" mm and "), "{said}");
+    assert!(home.succeeds(&format!("{ask} --seconds 5")).contains("out of 4096 words, none nearer than"));
+}
+
+#[test]
 fn a_stuck_output_is_an_exit_code_and_a_sentence() {
     let home = Home::new();
     let arm = example("planar4.toml");
@@ -270,7 +296,19 @@ fn the_console_speaks_the_words_of_the_board() {
     let said = home.types(&format!("console {}", board.port), "id\nhelp\ndance\nquit\n");
     assert!(said.starts_with("board "), "{said}");
     assert!(said.contains("? dance: no such command; type help"), "{said}");
-    for word in ["status", "limits", "table", "play", "stop", "coil N", "word DIGITS", "servo N DEG", "fault", "log"] {
+    for word in [
+        "status",
+        "limits",
+        "table",
+        "play",
+        "stop",
+        "coil N",
+        "word DIGITS",
+        "servo N DEG",
+        "nearest X Y A",
+        "fault",
+        "log",
+    ] {
         assert!(said.contains(&format!("\n{word}")), "{word} is not in {said}");
     }
 }
@@ -302,6 +340,35 @@ fn poses_of_a_table_lead_back_to_postures() {
     assert!(std::fs::read_to_string(home.path("plot.svg")).unwrap().contains("transpose"));
     let far = home.json(&format!("ik {puma} --to 4000,0,0"));
     assert_eq!(far["answers"][0]["status"], "out-of-reach");
+}
+
+#[test]
+fn postures_are_found_by_populations_and_all_of_them_are_told() {
+    let (home, puma) = (Home::new(), example("puma560.toml"));
+    let found = home.json(&format!("ik {puma} --to 400,150,900 --method cma-es --tolerance-mm 1"));
+    assert_eq!((&found["answers"][0]["method"], &found["answers"][0]["status"]), (&"cma-es".into(), &"reached".into()));
+    let all = home.json(&format!("ik {puma} --to 400,150,900 --angles 180,0,90 --all --picture all.svg"));
+    let postures = all["postures"].as_array().unwrap();
+    assert!(all["freedom"] == 0 && postures.len() > 1, "{all}");
+    assert!(std::fs::read_to_string(home.path("all.svg")).unwrap().starts_with("<svg"));
+    let sampled = home.succeeds(&format!("ik {puma} --to 400,150,900 --all --most 3 --starts 50"));
+    assert!(
+        sampled.starts_with("a sample of 3 postures: the arm can move in 3 ways without moving the frame"),
+        "{sampled}"
+    );
+    assert!(home.succeeds(&format!("ik {puma} --to 4000,0,0 --all --starts 9")).starts_with("no posture: none of 9"));
+    let bench = "bench-ik --planar 300,300,300 --to 500,400,0 --runs 3 --iterations 30";
+    let compared = home.json(&format!("{bench} --methods lm,memr --plot bench.svg"));
+    assert_eq!((&compared["methods"][0]["met"], &compared["methods"][1]["met"]), (&3.into(), &0.into()));
+    assert!(std::fs::read_to_string(home.path("bench.svg")).unwrap().contains("memr"));
+    home.fails("bench-ik --planar 300,nan --to 1,2,3", 2, "darm: --planar: NaN mm is no length");
+    home.fails(
+        "bench-ik --to 1,2,3",
+        2,
+        "darm: name a robot, or the links of an arm in the plane: --planar 300,300,300",
+    );
+    home.fails("bench-ik --link 0", 2, "darm: --link 0: a length above zero is needed");
+    assert_eq!(home.darm(&format!("{bench} --population 1000000000000")).status.code(), Some(2));
 }
 
 #[test]
@@ -364,6 +431,99 @@ fn a_posture_that_makes_no_sense_is_told() {
     home.fails(&format!("fk {puma} --postures run.csv"), 2, message);
     let message = "darm: there is no frame `hand`; there are base, link 1, link 2, link 3, link 4, link 5, link 6";
     home.fails(&format!("fk {puma} --frame hand"), 2, message);
+}
+
+/// Damaged measurements: name, model, text, exit code, and what the message or the note must say.
+fn damaged() -> Vec<(&'static str, &'static str, String, i32, &'static str)> {
+    const HEAD: &str = "t_s,x_mm,p_bar,F_N\n";
+    const POSES: &str = "time_s,word,x_m,y_m,angle_deg\n";
+    let (force, arm, robot) = ("cylinder.toml", "planar4.toml", "tx40.urdf");
+    let rows = |n: u32, row: &dyn Fn(u32) -> String| (0..n).map(|k| row(k) + "\n").collect::<String>();
+    let good = |n| rows(n, &|k| format!("{},{},2,{}", f64::from(k) * 0.1, k % 20, 98 + k % 7));
+    let wave = |k: u32, size: f64| size * (f64::from(k) / 9.0).sin();
+    let joints = (1..7).map(|k| format!(",q{k}")).chain((1..7).map(|k| format!(",tau{k}"))).collect::<String>();
+    let angles = rows(200, &|k| f64::from(k).to_string() + &format!(",{}", wave(k, 170.0)).repeat(6) + ",1,2,1,2,1,2");
+    let all = |cells: &str| HEAD.to_string() + &rows(60, &|_| cells.into());
+    let held = "t_s,x_mm,p_bar,F_N,held_out\n".to_string() + &rows(200, &|k| format!("{k},{k},2,98,1"));
+    let runs = "t_s,x_mm,p_bar,F_N,run\n".to_string() + &rows(4, &|k| format!("{k},{k},2,98,{k}"));
+    let pose = |word: &str, x: &str| POSES.to_string() + &rows(60, &|k| format!("{k},{word},{x},3.9,1"));
+    vec![
+        ("empty", force, String::new(), 1, "no rows"),
+        ("header-only", force, HEAD.into(), 1, "no rows"),
+        ("blank-lines", force, "\n\n".into(), 1, "no rows"),
+        ("no-header", force, "1,2,3,4\n5,6,7,8\n".into(), 1, "no column pressure"),
+        ("missing-column", force, "t_s,x_mm,p_bar\n1,2,3\n".into(), 1, "--map force=COLUMN"),
+        ("short-row", force, format!("{HEAD}1,2,3\n"), 1, "line: 2"),
+        ("long-row", force, format!("{HEAD}1,2,3,4,5\n"), 1, "line: 2"),
+        ("one-row", force, format!("{HEAD}1,2,3,4\n"), 1, "not enough"),
+        ("five-rows", force, HEAD.to_string() + &good(5), 1, "not enough"),
+        ("a-run-a-row", force, runs, 1, "not enough"),
+        ("all-held-out", force, held, 1, "not enough"),
+        ("no-numbers", force, all("nan,nan,nan,nan"), 1, "no number in line 2"),
+        ("words", force, all("x,y,z,w"), 1, "no number in line 2"),
+        ("overflow", force, all("1,2,1e300,1e300"), 1, "right model"),
+        ("control-characters", force, "\u{1}\n\u{2},\u{3}\n".into(), 1, "comma-separated"),
+        ("constant", force, all("1,1,1,1"), 0, "never changes"),
+        ("zeros", force, all("0,0,0,0"), 0, "repeats the one before"),
+        ("some-nan", force, HEAD.to_string() + &good(100) + "10,nan,2,98\n", 0, "line 102"),
+        ("two-time-bases", force, HEAD.to_string() + &good(100) + &good(100), 0, "line 102: time runs back"),
+        ("repeated-row", force, format!("{HEAD}0,1,2,98\n0,1,2,98\n{}", good(100)), 0, "line 3"),
+        ("bar-for-pascal", force, "t_s,x_mm,p,F_N\n".to_string() + &good(100), 0, "are these bar"),
+        (
+            "millimetres",
+            force,
+            "t_s,x,p_bar,F_N\n".to_string() + &rows(100, &|k| format!("{k},{},2,98", wave(k, 30.0))),
+            0,
+            "are these millimetres",
+        ),
+        ("degrees", robot, format!("t{joints}\n{angles}"), 0, "are these degrees"),
+        ("wrong-model", robot, HEAD.to_string() + &good(100), 1, "no column q1"),
+        ("other-columns", arm, HEAD.to_string() + &good(100), 1, "no column time_s"),
+        ("long-word", arm, pose("0101010101010", "0.1"), 1, "13 digits"),
+        ("letters", arm, pose("abc", "0.1"), 1, "digits 0 to 3"),
+        ("no-state", arm, pose("000000000003", "0.1"), 1, "no state"),
+        ("one-word", arm, pose("000000000000", "0.1"), 1, "not enough"),
+        ("poses-of-nan", arm, pose("000000000000", "nan"), 1, "not enough"),
+        ("poses-header-only", arm, POSES.into(), 1, "no rows"),
+        ("not-a-log.mcap", force, "abc".into(), 1, "does not begin as an MCAP log"),
+        ("cut.csv.gz", force, "\u{1f}".into(), 1, "cannot be read"),
+    ]
+}
+
+#[test]
+fn damaged_measurements_are_told_and_none_panics() {
+    let home = Home::new();
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    for model in ["tests/data/measured/cylinder.toml", "tests/data/measured/tx40.urdf", "examples/planar4.toml"] {
+        let name = Path::new(model).file_name().unwrap();
+        std::fs::copy(examples.join(model), home.0.path().join(name)).unwrap();
+    }
+    for (name, model, content, code, message) in damaged() {
+        let file = if name.contains('.') { name.to_string() } else { format!("{name}.csv") };
+        home.write(&file, &content);
+        let output = home.darm(&format!("diagnose {model} {file}"));
+        let told = text(&output.stdout) + &text(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{name}: {told}");
+        assert!(told.contains(message) && !told.contains("panicked") && !told.contains("NaN kg"), "{name}: {told}");
+    }
+}
+
+#[test]
+fn a_log_is_diagnosed_as_its_table_is() {
+    let home = Home::new();
+    let force = "kind = \"cylinder\"\nbore_mm = 25\n";
+    home.write("cylinder.toml", force);
+    let rows: String =
+        (0..200).map(|k| format!("{:.1},{},{},{}\n", f64::from(k) * 0.1, k % 20, 2 + k % 3, 98 + k % 7)).collect();
+    let table = format!("t_s,x_mm,p_bar,F_N\n{rows}");
+    home.write("run.csv", &table);
+    std::fs::write(home.path("run.mcap"), darm::measurement::log::from_text(&table).unwrap()).unwrap();
+    let [csv, log] =
+        ["run.csv", "run.mcap"].map(|file| text(&home.darm(&format!("--json diagnose cylinder.toml {file}")).stdout));
+    assert!(csv.len() > 1000);
+    assert_eq!(csv, log);
+    let help = text(&home.darm("diagnose --help").stdout);
+    assert!(help.contains("--write-model"));
 }
 
 /// The 88 golden postures as a table, each row changed by `change`.

@@ -19,7 +19,7 @@ use crate::voice::{Answer, Voice, columns};
 const EXAMPLES: &str = "\
 Examples:
   darm bench-ik                                              the tables of the paper on MEMR, its figures beside ours
-  darm bench-ik --link 200 --figures plots                   with the links that it prints, which reach two targets of five
+  darm bench-ik --link 200 --figures plots                   the links that it prints, too short for three targets
   darm bench-ik panda.urdf --frame panda_hand_tcp --lock panda_finger_joint1=0 --lock panda_finger_joint2=0 \\
                 --to 450,0,400 --angles 180,0,0 --plot panda.svg
   darm bench-ik --planar 300,300,300 --to 500,400,0 --methods lm,memr --runs 50
@@ -52,14 +52,14 @@ pub(crate) struct BenchIk {
     #[arg(long, value_delimiter = ',', default_value = "lm,em,memr,ga,de,cma-es", requires = "to")]
     methods: Vec<Method>,
     /// Runs of each method
-    #[arg(long, value_name = "N", default_value_t = paper::RUNS)]
-    runs: usize,
+    #[arg(long, value_name = "N", default_value_t = paper::RUNS as u32, value_parser = up_to(1, 100_000))]
+    runs: u32,
     /// Iterations of a population
-    #[arg(long, value_name = "N", default_value_t = 1000, requires = "to")]
-    iterations: usize,
+    #[arg(long, value_name = "N", default_value_t = 1000, requires = "to", value_parser = up_to(0, 10_000_000))]
+    iterations: u32,
     /// Points of a population
-    #[arg(long, value_name = "N", default_value_t = 50, requires = "to")]
-    population: usize,
+    #[arg(long, value_name = "N", default_value_t = 50, requires = "to", value_parser = up_to(4, 10_000))]
+    population: u32,
     /// How much worse than the record a neighbour of MEMR may be, mm
     #[arg(long, value_name = "MM", default_value_t = 20.0, requires = "to")]
     deviation: f64,
@@ -83,11 +83,16 @@ pub(crate) struct BenchIk {
     plot: Option<PathBuf>,
 }
 
+/// Numbers that a machine can bear.
+fn up_to(least: i64, most: i64) -> clap::builder::RangedI64ValueParser<u32> {
+    clap::value_parser!(u32).range(least..=most)
+}
+
 #[derive(Serialize)]
 struct Compared {
     name: String,
     frame: String,
-    runs: usize,
+    runs: u32,
     tolerance_m: f64,
     methods: Vec<Line>,
 }
@@ -105,7 +110,7 @@ struct Line {
 #[derive(Serialize)]
 struct Tables {
     link_m: f64,
-    runs: usize,
+    runs: u32,
     cells: Vec<TableCell>,
     #[serde(skip)]
     text: String,
@@ -126,9 +131,6 @@ struct TableCell {
 
 impl BenchIk {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        if self.runs == 0 {
-            return Err(Usage("--runs 0: at least one run is needed".into()).into());
-        }
         match &self.to {
             Some(to) => self.compare(to, voice),
             None => self.paper(voice),
@@ -165,8 +167,8 @@ impl BenchIk {
             ..default
         };
         let settings = Settings {
-            population: self.population,
-            iterations: self.iterations,
+            population: self.population as usize,
+            iterations: self.iterations as usize,
             deviation: 1e-3 * self.deviation,
             evaluations: self.evaluations.unwrap_or(usize::MAX),
             seed: self.seed,
@@ -176,7 +178,7 @@ impl BenchIk {
         let mut all: Vec<(Method, Trials)> = Vec::new();
         for method in &self.methods {
             let options = Options { steps: method.usual_steps(), ..options };
-            all.push((*method, robot.trials(*method, &frame, &target.pose, &options, &settings, self.runs)?));
+            all.push((*method, robot.trials(*method, &frame, &target.pose, &options, &settings, self.runs as usize)?));
             bar.inc(1);
         }
         bar.finish_and_clear();
@@ -204,7 +206,7 @@ impl BenchIk {
         let bar = voice.bar("repeating the paper", CELLS.len() as u64, "cells");
         let mut repeated = Vec::new();
         for cell in &CELLS {
-            repeated.push(Repeated::new(cell, link_m, self.runs, self.seed)?);
+            repeated.push(Repeated::new(cell, link_m, self.runs as usize, self.seed)?);
             bar.inc(1);
         }
         bar.finish_and_clear();

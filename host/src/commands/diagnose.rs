@@ -21,6 +21,7 @@ const EXAMPLES: &str = "\
 Examples:
   darm diagnose arm.toml run.csv                 the verdict, and what it rests on
   darm diagnose arm.toml run.csv -o arm2.toml    and the model with the effect in it, for the next table
+  darm diagnose arm.toml run.mcap                the same of a log in MCAP with messages of JSON
   darm --json diagnose arm.toml run.csv.gz       everything that was tried
   darm diagnose cylinder.toml force.csv --hold-out \"set_bar = 5\"
                                                  which friction a cylinder has, told at a pressure that no fit saw
@@ -30,7 +31,9 @@ Examples:
 Rows that are held out are never fitted: the error after is told on them. The columns that tables of channels may have,
 and their units, stand in the documentation of `darm::measurement::table`.";
 
-const NOTHING_TO_WRITE: &str = "no effect is named, so there is no better model to write";
+/// Rows that are told one by one.
+const MOST_NOTES: usize = 20;
+const NOTHING_TO_WRITE: &str = "no effect is named for sure, so there is no better model to write";
 
 /// Find which effect the model lacks, where, how large, and how sure that is
 #[derive(clap::Args, Debug)]
@@ -127,8 +130,8 @@ impl Diagnose {
             std::fs::write(path, page).with_context(|| format!("{} cannot be written", path.display()))?;
         }
         match &self.output {
-            Some(path) if diagnosis.effects.is_empty() => {
-                voice.note(&format!("{NOTHING_TO_WRITE}; {} is not written", path.display()))
+            Some(_) if diagnosis.effects.is_empty() || diagnosis.verdict == Verdict::NotIdentifiable => {
+                voice.note(NOTHING_TO_WRITE);
             }
             Some(path) => known::write(&self.model, path, &diagnosis)?,
             None => {}
@@ -220,7 +223,12 @@ struct ChannelReport(ChannelDiagnosis);
 impl Answer for ChannelReport {
     fn text(&self) -> String {
         let ChannelDiagnosis { rows, error, plain, findings, .. } = &self.0;
-        let mut lines: Vec<String> = findings.iter().take(20).map(|finding| format!("note: {finding}")).collect();
+        let (of_rows, of_file): (Vec<&String>, Vec<&String>) = findings.iter().partition(|f| f.starts_with("line "));
+        let told = of_file.into_iter().chain(of_rows.iter().copied().take(MOST_NOTES));
+        let mut lines: Vec<String> = told.map(|finding| format!("note: {finding}")).collect();
+        if of_rows.len() > MOST_NOTES {
+            lines.push(format!("note: and {} more rows, which --json tells", of_rows.len() - MOST_NOTES));
+        }
         lines.extend(plain.clone());
         lines.push(String::new());
         let cells = |name: &str, n: usize, figure: Option<&Figure>, unit: &str| {

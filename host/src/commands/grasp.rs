@@ -28,17 +28,17 @@ Examples:
   darm grasp solve allegro_hand.toml grasp-contacts.toml --method paper
   darm --json grasp solve allegro_hand.toml grasp-contacts.toml > posture.json
 
-The contacts name their fingers, all or none; where they do not, the assignment is found. The picture shows the hand
-before, during and after the search from three sides.";
+The contacts name their fingers, all or none; where they do not, the assignment is found.
+The picture shows the hand before, during and after the search from three sides.";
 
 const TRAIN_EXAMPLES: &str = "\
 Examples:
-  darm grasp train allegro_hand.toml --n 1000 --lambdas 26                  in half a minute
-  darm grasp train allegro_hand.toml --file training.txt --figures figures  the paper's training; stop it, and it goes on
-                                                                            where it was
+  darm grasp train allegro_hand.toml --n 1000 --lambdas 26    in less than a minute
+  darm grasp train allegro_hand.toml --file training.txt --figures figures
 
-The constraints are contacts of random postures without a collision. The sequence is for `--method paper` alone: put it
-into the hand's file as `lambdas`.";
+The second is the paper's training; stopped, it goes on where it was. The constraints are contacts
+of random postures without a collision. The sequence is for `--method paper` alone: put it into the
+hand's file as `lambdas`.";
 
 /// Find how a hand makes four contacts with its fingertips
 #[derive(clap::Args, Debug)]
@@ -195,8 +195,8 @@ impl Solve {
 fn reachable(hand: &Hand, task: &Task) -> anyhow::Result<()> {
     let Some((a, b, apart, most)) = hand.out_of_reach(&task.contacts, task.is_assigned) else { return Ok(()) };
     let name = |k: usize| match task.is_assigned {
-        true => format!("of {}", hand.fingers[k].name),
-        false => format!("{}", k + 1),
+        true => hand.fingers[k].name.clone(),
+        false => (k + 1).to_string(),
     };
     anyhow::bail!(
         "contacts {} and {} are {:.0} mm apart, out of reach: stretched, the fingers bridge {:.0} mm",

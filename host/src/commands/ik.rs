@@ -45,14 +45,15 @@ pub(crate) struct Ik {
     /// Its orientation: angles about z, the new y, the newest x, deg; any without it
     #[arg(long, value_name = "Z,Y,X", allow_hyphen_values = true, requires = "to")]
     angles: Option<String>,
-    /// A table of targets: columns x_m, y_m, z_m (or mm) and euler_z_deg, euler_y_deg, euler_x_deg, or without orientation
+    /// A table of targets: columns x_m, y_m, z_m (or mm) and euler_z_deg, euler_y_deg, euler_x_deg, or without
+    /// orientation
     #[arg(long, value_name = "FILE.csv", conflicts_with = "to")]
     targets: Option<PathBuf>,
     /// Frame of the robot: the name of a link
     #[arg(long, value_name = "LINK")]
     frame: Option<String>,
-    /// lm (damped, with restarts: the one to take), inverse, pseudo-inverse, transpose, dls, or a population of points: em, memr,
-    /// ga, de, cma-es
+    /// lm (damped, with restarts: the one to take), inverse, pseudo-inverse, transpose, dls, or a population of
+    /// points: em, memr, ga, de, cma-es
     #[arg(long, default_value = "lm")]
     method: Method,
     /// Every method that steps, from the same start

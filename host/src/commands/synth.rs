@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use darm::arm::frames::{self, DesiredFrame};
-use darm::arm::{Arm, ArmModel};
-use darm::report::sketch;
+use darm::arm::{Arm, ArmModel, ArmScratch};
+use darm::draw::{Scene, svg};
 use darm::synthesis::{
     Bounds, Dead, Method, Options, Status, Synthesis, Tolerance, Watch, buy, choose_words, expected, least_sensitive,
     read_catalogue, repair, synthesize,
@@ -231,14 +231,18 @@ fn check(arm: &Arm, Dead { actuator, state }: Dead) -> Result<(), Usage> {
     )))
 }
 
-/// One SVG a frame, named by its number.
+/// One SVG a frame, named by its number: the arm with its tool, and where that is wanted.
 fn draw(arm: &Arm, frames: &[DesiredFrame], folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    let mut scratch = ArmScratch::default();
     for (index, frame) in frames.iter().enumerate() {
         let path = folder.join(format!("frame-{:02}-{}.svg", index + 1, frame.word));
-        if let Some(svg) = sketch(arm, frame) {
-            std::fs::write(&path, svg).with_context(|| format!("cannot write {}", path.display()))?;
-        }
+        arm.model.predict(&arm.model.working(frame.word, frame.previous, &frame.servos_rad), &mut scratch)?;
+        let mut scene = Scene::of_arm(arm, &scratch, frame.word.iter());
+        scene.title = format!("{}, {}, word {}", arm.name, frame.name, frame.word);
+        scene.axes(&frame.pose_base_tool);
+        scene.labels.push(("wanted".to_owned(), frame.pose_base_tool.position));
+        std::fs::write(&path, svg(&scene, true)).with_context(|| format!("cannot write {}", path.display()))?;
     }
     Ok(())
 }

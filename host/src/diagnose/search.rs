@@ -143,7 +143,8 @@ impl<K: Kind> Search<K> {
         Ok(better)
     }
 
-    /// The model without the effect that is least missed, where it is not missed at all.
+    /// The model without an effect that is not missed: one that would not be discovered beside those that came later; where
+    /// laws overlap, one that is worth nothing at all.
     fn superfluous(&mut self, best: &Trial<K>, n_known: usize) -> Result<Option<Trial<K>>, K::Error> {
         let n = self.kind.n_effects(&best.fit);
         if n < n_known + 2 {
@@ -151,7 +152,11 @@ impl<K: Kind> Search<K> {
         }
         for dropped in n_known..n - 1 {
             let without = self.kind.without(best, dropped)?;
-            if self.kind.fall(&without, best).p > RIVAL_LEVEL {
+            let missed = match self.kind.overlaps() {
+                true => self.kind.fall(&without, best).p <= RIVAL_LEVEL,
+                false => self.proves_itself(&without, best)?,
+            };
+            if !missed {
                 return Ok(Some(without));
             }
         }

@@ -11,12 +11,12 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use super::dictionary::{Term, dictionary};
-use super::fit::{pseudo_inverse, weights};
+use super::fit::{pseudo_inverse, size, weights};
 use super::noise::Noise;
 use super::observation::Observations;
 use super::significance::{STRUCTURE_LEVEL, f_test};
 use crate::arm::Arm;
-use crate::measurement::Run;
+use crate::measurement::{Run, median};
 
 /// Terms that are told at most.
 const MOST_TERMS: usize = 4;
@@ -73,9 +73,18 @@ pub fn structure(
     let dof = drawn_in.len().saturating_sub(fitted);
     let ratio = drawn_in.iter().map(|r| r * r).sum::<f64>() / dof.max(1) as f64;
     let p = noise.map(|noise| f_test(ratio, dof, noise.dof * n_axes));
-    let depends_on = dependences(arm, run, observations, &drawn_in);
+    let depends_on = dependences(arm, run, observations, &drawn_in_by_own(residuals, n_axes));
     let beyond_noise = p.is_some_and(|p| p < STRUCTURE_LEVEL) || !depends_on.is_empty();
     Structure { ratio: noise.map(|_| ratio), p, beyond_noise, depends_on }
+}
+
+/// The residuals with those brought near that are far off among themselves: a residual much larger than the noise keeps its
+/// shape.
+fn drawn_in_by_own(residuals: &[f64], n_axes: usize) -> Vec<f64> {
+    let usual = median(residuals.chunks(n_axes).map(size)).unwrap_or(1.0) / (n_axes as f64).sqrt();
+    let scale = usual.max(1.0);
+    let scaled: Vec<f64> = residuals.iter().map(|r| r / scale).collect();
+    drawn_in(&scaled, n_axes).into_iter().map(|r| r * scale).collect()
 }
 
 /// The residuals with those that are far off brought near.

@@ -85,7 +85,7 @@ impl Scene {
         }
         let com = robot.com(q)?;
         scene.com = (com.mass_kg > 0.0).then_some(com.position);
-        scene.tool(&robot.kinematics(tool, q)?.pose_base_frame);
+        scene.axes(&robot.kinematics(tool, q)?.pose_base_frame);
         scene.is_planar = scene.lines.iter().filter(|line| line.part == Part::Link).all(Line::is_flat)
             && robot.joints.iter().zip(&poses).all(|(joint, pose)| {
                 let z = (pose.rotation * joint.joint.axis.direction).z;
@@ -120,7 +120,7 @@ impl Scene {
             below = top;
         }
         scene.line(Part::Link, below.position, scratch.pose_base_tool.position);
-        scene.tool(&scratch.pose_base_tool);
+        scene.axes(&scratch.pose_base_tool);
         scene
     }
 
@@ -142,7 +142,8 @@ impl Scene {
         }
     }
 
-    fn tool(&mut self, pose: &Pose<f64>) {
+    /// The axes of a frame, as those of the tool.
+    pub fn axes(&mut self, pose: &Pose<f64>) {
         let arm = 0.12 * self.size();
         for axis in 0..3 {
             let along = Vec3::from(pose.rotation.column(axis)) * arm;

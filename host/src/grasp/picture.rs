@@ -35,7 +35,7 @@ pub fn svg(hand: &Hand, stages: &[(String, Configuration)], contacts: &Contacts)
     let views: [View; 3] = [
         ("front: y, z", Vec3::y(), Vec3::z()),
         ("side: x, z", Vec3::x(), Vec3::z()),
-        ("top: y, x", Vec3::y(), Vec3::x()),
+        ("top: y, −x", Vec3::y(), -Vec3::x()),
     ];
     let palm = stages.last().map_or(Pose::identity(), |(_, configuration)| configuration.pose_world_palm);
     let strokes: Vec<_> = stages.iter().map(|(_, configuration)| strokes(hand, &palm, configuration)).collect();

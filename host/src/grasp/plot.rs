@@ -87,8 +87,10 @@ fn draw(
             .legend(move |(x, y)| plotters::prelude::Rectangle::new([(x, y - 2), (x + 18, y + 2)], color.filled()));
         chart.draw_series(curve.paper.iter().map(|point| Circle::new(*point, 6, color.stroke_width(2))))?;
     }
-    let paper = std::iter::once(Circle::new((-1.0, -1.0), 6, INK.stroke_width(2)));
-    chart.draw_series(paper)?.label("the paper").legend(|(x, y)| Circle::new((x + 9, y), 5, INK.stroke_width(2)));
+    chart
+        .draw_series(std::iter::empty::<Circle<(f64, f64), i32>>())?
+        .label("the paper")
+        .legend(|(x, y)| Circle::new((x + 9, y), 5, INK.stroke_width(2)));
     chart
         .configure_series_labels()
         .position(SeriesLabelPosition::LowerRight)

@@ -267,14 +267,14 @@ fn faults_of_a_hand_name_line_and_column() {
     };
     check("format = 1", "format = 2", "hand.toml:3:10: format 2 is not known");
     check("hand.urdf", "claw.urdf", "hand.toml:5:9: the robot cannot be read: ");
-    check("link_3.0_tip", "link_3_tip", "hand.toml:9:7: the robot has no link `link_3_tip`; it has palm_link, ");
-    check("link_3.0_tip", "link_2.0", "hand.toml:9:7: finger `index` has 3 joints between the palm and its tip");
-    check("link_7.0_tip", "link_3.0_tip", "hand.toml:12:1: fingers `medium` and `index` share a joint");
-    check("tip_radius_mm = 12", "tip_radius_mm = 0", "hand.toml:10:17: 0 mm; give a length above zero");
-    check("tip_radius_mm = 12", "tip_radius_mm = inf", "hand.toml:10:17: the number has to be finite");
-    check("tip_radius_mm = 12", "tip_radius_mm = 12\nbend_deg = [9, 0]", "hand.toml:11:12: the range 9 to 0 deg");
-    check("robot =", "lambdas = [0.5, 2]\nrobot =", "hand.toml:5:11: the lambdas must be");
-    check("link = \"palm_link\"", "link = \"palm\"", "hand.toml:30:8: the robot has no link `palm`");
+    check("link_3.0_tip", "link_3_tip", "hand.toml:11:7: the robot has no link `link_3_tip`; it has palm_link, ");
+    check("link_3.0_tip", "link_2.0", "hand.toml:11:7: finger `index` has 3 joints between the palm and its tip");
+    check("link_7.0_tip", "link_3.0_tip", "hand.toml:14:1: fingers `medium` and `index` share a joint");
+    check("tip_radius_mm = 12", "tip_radius_mm = 0", "hand.toml:12:17: 0 mm; give a length above zero");
+    check("tip_radius_mm = 12", "tip_radius_mm = inf", "hand.toml:12:17: the number has to be finite");
+    check("tip_radius_mm = 12", "tip_radius_mm = 12\nbend_deg = [9, 0]", "hand.toml:13:12: the range 9 to 0 deg");
+    check("lambdas = [0.5051", "lambdas = [1.5", "hand.toml:7:11: the lambdas must be");
+    check("link = \"palm_link\"", "link = \"palm\"", "hand.toml:32:8: the robot has no link `palm`");
     let three = "[[finger]]\nname = \"index\"\ntip = \"link_3.0_tip\"\ntip_radius_mm = 12\n";
     check(three, "", "hand.toml:3:10: the hand has 3 fingers");
 }

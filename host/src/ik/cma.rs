@@ -1,8 +1,8 @@
 //! Covariance matrix adaptation, (μ/μ_w, λ): Hansen, The CMA Evolution Strategy: A Tutorial, arXiv 1604.00772.
 //!
-//! Constants are the tutorial's defaults, variables are scaled to their ranges, σ begins at 0.3. A point outside its bounds
-//! is folded back at them, as a mirror would. A strategy whose steps or values no longer differ starts again elsewhere with
-//! twice as many points (Auger, Hansen 2005).
+//! Constants are the tutorial's defaults, variables are scaled to their ranges, σ begins at 0.3. A point outside its
+//! bounds is folded back at them, as a mirror would. A strategy whose steps or values no longer differ starts again
+//! elsewhere with twice as many points (Auger, Hansen 2005).
 //!
 //! Written here because the crate `cmaes` 0.2 would bring second, older copies of nalgebra, rand and statrs.
 

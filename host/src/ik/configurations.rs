@@ -1,12 +1,12 @@
 //! All postures that bring a tool to one target.
 //!
-//! The search of [`ik::solve`](super::solve) begins at many starts drawn within the limits, and every end that reaches the target
-//! is kept. With as many joints as the target binds directions (the rank of the Jacobian) postures are isolated: ends nearer
-//! to each other than [`SAME`] in every joint are one posture, and revolute joints that can turn by 360 degrees are told apart
-//! modulo a turn. How often each posture was met tells how likely one was missed.
+//! The search of [`ik::solve`](super::solve) begins at many starts drawn within the limits, and every end that
+//! reaches the target is kept. With as many joints as the target binds directions (the rank of the Jacobian) postures
+//! are isolated: ends nearer to each other than [`SAME`] in every joint are one posture, and revolute joints that can
+//! turn by 360 degrees are told apart modulo a turn. How often each posture was met tells how likely one was missed.
 //!
-//! With more joints the postures form manifolds, on which the arm moves without moving its tool (self-motion). Of those a
-//! sample is told: again and again the posture farthest from all that were chosen before.
+//! With more joints the postures form manifolds, on which the arm moves without moving its tool (self-motion). Of
+//! those a sample is told: again and again the posture farthest from all that were chosen before.
 
 use darm_core::actuator::JointKind;
 use darm_core::ik::{self, Arm, Options, Status, scale};
@@ -49,7 +49,8 @@ pub struct Posture {
 
 /// All postures that bring the tool to `target`, those nearest to `q` first: at most `most` of a self-motion.
 ///
-/// `options` are those of one search, [`Options::starts`] the number of starts; no posture where none reaches the target.
+/// `options` are those of one search, [`Options::starts`] the number of starts; no posture where none reaches the
+/// target.
 pub fn configurations<const N: usize>(
     arm: &Arm<f64, N>,
     target: &Pose<f64>,
@@ -94,8 +95,8 @@ pub fn configurations<const N: usize>(
     Configurations { freedom, postures, starts: options.starts, reached: ends.len() }
 }
 
-/// Up to `most` of the `ends`: that nearest to `q`, then again and again the farthest from all chosen, while it is farther
-/// than `reach`.
+/// Up to `most` of the `ends`: that nearest to `q`, then again and again the farthest from all chosen, while it is
+/// farther than `reach`.
 fn spread<const N: usize>(
     ends: &[[f64; N]],
     q: &[f64; N],

@@ -1,13 +1,12 @@
 //! Electromagnetism-like search: points attract and repel each other as charges do.
 //!
-//! Equations (6) to (9) of the paper. Of n variables, point i bears the charge
-//! qᵢ = exp(−n (fᵢ − f_best) / Σₖ (fₖ − f_best)), is drawn to better points and pushed by the others,
-//! Fᵢ = Σⱼ ± (xⱼ − xᵢ) qᵢ qⱼ / |xⱼ − xᵢ|², and moves by λ Fᵢ/|Fᵢ|, λ drawn from (0, 1), times its room up to the bound that
-//! each component points to.
+//! Equations (6) to (9) of the paper. Of n variables, point i bears the charge qᵢ = exp(−n (fᵢ − f_best) / Σₖ (fₖ −
+//! f_best)), is drawn to better points and pushed by the others, Fᵢ = Σⱼ ± (xⱼ − xᵢ) qᵢ qⱼ / |xⱼ − xᵢ|², and moves by
+//! λ Fᵢ/|Fᵢ|, λ drawn from (0, 1), times its room up to the bound that each component points to.
 //!
-//! What the paper leaves open is taken from Birbil, Fang, An electromagnetism-like mechanism for global optimization, J. Global
-//! Optim. 25 (2003): the best point does not move. Points that coincide exert no force, and where all values are equal all
-//! charges are 1: there the equations divide by zero.
+//! What the paper leaves open is taken from Birbil, Fang, An electromagnetism-like mechanism for global optimization,
+//! J. Global Optim. 25 (2003): the best point does not move. Points that coincide exert no force, and where all
+//! values are equal all charges are 1: there the equations divide by zero.
 
 use rand::RngExt as _;
 

@@ -1,8 +1,9 @@
 //! The paper's real-coded genetic algorithm: roulette wheel, arithmetic crossover, uniform mutation.
 //!
-//! Printed are a rate of 0.8 for crossover, 0.04 for mutation and 50 individuals. The rest is chosen here: the wheel's sectors
-//! are as wide as an individual is better than the worst; a pair's children are a·p₁ + (1 − a)·p₂ and (1 − a)·p₁ + a·p₂ with one
-//! a from (0, 1); each variable mutates by itself to any value within its bounds; the best individual survives.
+//! Printed are a rate of 0.8 for crossover, 0.04 for mutation and 50 individuals. The rest is chosen here: the
+//! wheel's sectors are as wide as an individual is better than the worst; a pair's children are a·p₁ + (1 − a)·p₂ and
+//! (1 − a)·p₁ + a·p₂ with one a from (0, 1); each variable mutates by itself to any value within its bounds; the best
+//! individual survives.
 
 use rand::RngExt as _;
 

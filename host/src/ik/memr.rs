@@ -1,16 +1,18 @@
 //! Record-to-record travel: the local search of MEMR.
 //!
-//! A walk of random steps in which a step is taken when it beats the record or falls behind it by less than the deviation DV;
-//! the record, not the place where the walk ends, is what comes of it (Dueck 1993; the paper's Figures 5 to 7).
+//! A walk of random steps in which a step is taken when it beats the record or falls behind it by less than the
+//! deviation DV; the record, not the place where the walk ends, is what comes of it (Dueck 1993; the paper's Figures
+//! 5 to 7).
 //!
-//! The paper tells neither the law of the steps nor how many there are. Here each step is Gaussian in all variables, with a
-//! standard deviation of a thousandth of each range, and every point of the population takes ten of them in every iteration:
-//! an iteration of 50 points evaluates the objective 549 times, where one without local search does so 49 times.
+//! The paper tells neither the law of the steps nor how many there are. Here each step is Gaussian in all variables,
+//! with a standard deviation of a thousandth of each range, and every point of the population takes ten of them in
+//! every iteration: an iteration of 50 points evaluates the objective 549 times, where one without local search does
+//! so 49 times.
 
 use rand::RngExt as _;
 use rand_distr::StandardNormal;
 
-use super::search::{Point, Search, within};
+use super::search::{Point, Search};
 
 /// Steps of one walk.
 const STEPS: usize = 10;
@@ -25,7 +27,7 @@ pub(super) fn travel(search: &mut Search<'_>, from: &Point) -> Point {
         for (x, [low, high]) in x.iter_mut().zip(search.bounds) {
             *x += STEP * (high - low) * search.random.sample::<f64, _>(StandardNormal);
         }
-        let there = search.evaluate(within(search.bounds, x));
+        let there = search.evaluate(x);
         if there.value < record.value {
             record = there.clone();
             here = there;

@@ -1,9 +1,11 @@
 //! Inverse kinematics by a method of choice, with the error before every step, so that methods can be compared.
 //!
-//! Take [`Method::LevenbergMarquardt`]; the others are there to be learned from. [`configurations`] tells all postures that
-//! reach a target, [`search`] holds the searches by populations of points, [`paper`] the tables that they are known from.
+//! Take [`Method::LevenbergMarquardt`]; the others are there to be learned from. [`configurations`] tells all
+//! postures that reach a target, [`search`] holds the searches by populations of points, [`paper`] the tables that
+//! they are known from.
 //!
-//! [`solve`] never fails: [`Solution::status`] tells how it ended, and [`Solution::q`] holds the nearest positions found.
+//! [`solve`] never fails: [`Solution::status`] tells how it ended, and [`Solution::q`] holds the nearest positions
+//! found.
 //!
 //! ```
 //! use darm::ik::{self, Arm, Method, Options, Status};
@@ -71,8 +73,8 @@ const DAMPING: f64 = 1e-3;
 pub struct Traced<const N: usize> {
     /// The nearest positions found, and how the search ended.
     pub solution: Solution<f64, N>,
-    /// The error before each step of the last start, and at its end. Of a population the least √(|Δp|² + ℓ²θ²) after each
-    /// iteration, told as a distance.
+    /// The error before each step of the last start, and at its end. Of a population the least √(|Δp|² + ℓ²θ²) after
+    /// each iteration, told as a distance.
     pub history: Vec<Residual>,
 }
 
@@ -156,10 +158,11 @@ impl From<&Twist<f64>> for Residual {
 
 /// Joint positions that bring the tool to `target`, or as near as was found, from the start `q`.
 ///
-/// The lecture's methods take up to `options.steps` steps from the one start, each joint kept within its limits, and end
-/// [`Status::NotConverged`] where the tool is not within the tolerances after them; only the recommended one restarts and
-/// tells what is out of reach. A population is drawn within the limits, not about `q`, takes `options.steps` iterations with the
-/// settings of [`Settings::default`], and ends sooner when it is within the tolerances.
+/// The lecture's methods take up to `options.steps` steps from the one start, each joint kept within its limits, and
+/// end [`Status::NotConverged`] where the tool is not within the tolerances after them; only the recommended one
+/// restarts and tells what is out of reach. A population is drawn within the limits, not about `q`, takes
+/// `options.steps` iterations with the settings of [`Settings::default`], and ends sooner when it is within the
+/// tolerances.
 pub fn solve<const N: usize>(
     method: Method,
     arm: &Arm<f64, N>,

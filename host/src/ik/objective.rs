@@ -1,4 +1,5 @@
-//! Functions of bounded variables that a search makes least: two test functions, and the distance of a tool from its target.
+//! Functions of bounded variables that a search makes least: two test functions, and the distance of a tool from its
+//! target.
 
 use darm_core::ik::{Arm, Options, error};
 use darm_core::se::{Pose, Twist};
@@ -53,7 +54,8 @@ impl Objective for Function {
     }
 }
 
-/// √(|Δp|² + ℓ²θ²), m, between a tool and its target: the paper's equation (5), and beyond it any chain and orientation.
+/// √(|Δp|² + ℓ²θ²), m, between a tool and its target: the paper's equation (5), and beyond it any chain and
+/// orientation.
 ///
 /// Variables are the joints that can move; where a limit is missing 2π (rad or m) are searched.
 #[derive(Clone, Debug)]

@@ -5,12 +5,13 @@
 //!
 //! - The number of variables of the test functions is not printed: 4 fits the spreads of Table 1.
 //! - A "best value" is the least of the 20 runs: it lies far below what the standard deviations allow for a mean.
-//! - Links of 20 cm cannot reach (100, 50), (80, 30) and (90, 30) cm, which lie farther away than 80 cm. With 28 cm all five
-//!   targets are within reach; 30 cm is taken beside what is printed.
-//! - Table 3 does not fit Table 2: EMW's five errors lie between 0.9e-2 and 5.4e-2 cm, where runs with Table 2's standard
-//!   deviations of 4e-2 cm have means of 8e-2 cm (the error of a random search for a point is spread by half its mean).
-//! - The law and number of the steps of a local search, whether the best point moves, and most of the genetic algorithm are
-//!   not printed: what was chosen stands in the files `memr`, `em` and `genetic`.
+//! - Links of 20 cm cannot reach (100, 50), (80, 30) and (90, 30) cm, which lie farther away than 80 cm. With 28 cm
+//!   all five targets are within reach; 30 cm is taken beside what is printed.
+//! - Table 3 does not fit Table 2: EMW's five errors lie between 0.9e-2 and 5.4e-2 cm, where runs with Table 2's
+//!   standard deviations of 4e-2 cm have means of 8e-2 cm (the error of a random search for a point is spread by half
+//!   its mean).
+//! - The law and number of the steps of a local search, whether the best point moves, and most of the genetic
+//!   algorithm are not printed: what was chosen stands in the files `memr`, `em` and `genetic`.
 
 use std::fmt::Write as _;
 
@@ -147,8 +148,8 @@ impl Printed {
 }
 
 impl Cell {
-    /// The paper's settings, for one seed: 50 points; 100 iterations and DV = 0.01 on De Jong's function, 1000 and 2 elsewhere,
-    /// in cm on targets.
+    /// The paper's settings, for one seed: 50 points; 100 iterations and DV = 0.01 on De Jong's function, 1000 and 2
+    /// elsewhere, in cm on targets.
     pub fn settings(&self, seed: u64) -> Settings {
         let (iterations, deviation) = match self.problem {
             Problem::DeJong => (100, 0.01),
@@ -158,7 +159,8 @@ impl Cell {
         Settings { iterations, deviation, seed, ..Settings::default() }
     }
 
-    /// The cell again: `runs` searches from `seed` on, targets with links of `link_m`. Values are in m where the paper has cm.
+    /// The cell again: `runs` searches from `seed` on, targets with links of `link_m`. Values are in m where the
+    /// paper has cm.
     pub fn repeat(&self, link_m: f64, runs: usize, seed: u64) -> Result<Trials, TreeError> {
         let settings = self.settings(seed);
         let on = |function: Function| {
@@ -186,8 +188,8 @@ pub fn reach(
     arm.trials(method, &tip, &target, &options, settings, runs)
 }
 
-/// An arm in the plane, equations (3) and (4), and its tip: revolute joints about z with links along x of these lengths (m),
-/// limits in rad. Links have no mass.
+/// An arm in the plane, equations (3) and (4), and its tip: revolute joints about z with links along x of these
+/// lengths (m), limits in rad. Links have no mass.
 pub fn planar_arm(lengths_m: &[f64], limits: &[[f64; 2]]) -> (Robot, RobotFrame) {
     let last = lengths_m.len().checked_sub(1);
     let before = |index: usize| index.checked_sub(1).and_then(|index| lengths_m.get(index)).copied().unwrap_or(0.0);
@@ -266,8 +268,8 @@ impl Repeated {
 
     /// How far the outcome lies from the paper's, as a part of its spread; up to 1 is within it.
     ///
-    /// Tables 1 and 2: distance of the best values over the printed standard deviation. Table 3: distance of the mean from the
-    /// middle of the five printed errors over half their range.
+    /// Tables 1 and 2: distance of the best values over the printed standard deviation. Table 3: distance of the mean
+    /// from the middle of the five printed errors over half their range.
     pub fn off(&self) -> f64 {
         let (summary, factor) = (self.trials.summary(), self.cell.problem.factor());
         match self.cell.printed {

@@ -1,13 +1,17 @@
 //! How methods converge, as SVG: the error over the steps, of one search or of many.
 
+use darm_core::tree::TreeError;
 use plotters::prelude::{
     ChartBuilder, DashedLineSeries, IntoDrawingArea, IntoLogRange, LineSeries, Polygon, RGBColor, Rectangle,
     SVGBackend, SeriesLabelPosition, WHITE,
 };
 use plotters::style::{Color, IntoFont, TextStyle};
 
+use super::configurations::Configurations;
 use super::trials::Trials;
 use super::{Method, Residual};
+use crate::draw::{self, Scene};
+use crate::robot::{Robot, RobotFrame};
 
 const SIZE: (u32, u32) = (760, 420);
 const INK: RGBColor = RGBColor(0x33, 0x3d, 0x45);
@@ -59,8 +63,8 @@ pub fn convergence(histories: &[(Method, &[Residual])], length_scale_m: f64) -> 
     svg("step", "error, m", &histories.iter().map(curve).collect::<Vec<_>>())
 }
 
-/// The mean of the best values of many runs over the iterations, and the band that eight tenths of them lie in; times `factor`,
-/// which takes them to the unit of `label`.
+/// The mean of the best values of many runs over the iterations, and the band that eight tenths of them lie in; times
+/// `factor`, which takes them to the unit of `label`.
 pub fn bands(label: &str, factor: f64, all: &[Runs<'_>]) -> String {
     let curve = |runs: &Runs<'_>| {
         let histories = || runs.trials.runs.iter().map(|run| &run.history);
@@ -80,14 +84,25 @@ pub fn bands(label: &str, factor: f64, all: &[Runs<'_>]) -> String {
     svg("iteration", label, &all.iter().map(curve).collect::<Vec<_>>())
 }
 
+/// All postures that were found in one picture.
+pub fn postures(robot: &Robot, tool: &RobotFrame, found: &Configurations) -> Result<String, TreeError> {
+    let mut scene = Scene { title: robot.name.clone(), is_planar: true, ..Scene::default() };
+    for posture in &found.postures {
+        let one = Scene::of_robot(robot, tool, &posture.q)?;
+        scene.is_planar &= one.is_planar;
+        scene.lines.extend(one.lines);
+    }
+    Ok(draw::svg(&scene, false))
+}
+
 fn svg(x: &str, y: &str, curves: &[Curve]) -> String {
     let mut svg = String::new();
     // Drawing into a string does not fail; a plot that cannot be drawn is left empty.
-    let _ = draw(&mut svg, x, y, curves);
+    let _ = plot(&mut svg, x, y, curves);
     svg
 }
 
-fn draw(svg: &mut String, x: &str, y: &str, curves: &[Curve]) -> Result<(), Box<dyn std::error::Error>> {
+fn plot(svg: &mut String, x: &str, y: &str, curves: &[Curve]) -> Result<(), Box<dyn std::error::Error>> {
     let bands = || curves.iter().flat_map(|curve| curve.band.iter().flat_map(|(_, low, high)| [*low, *high]));
     let lines = || curves.iter().flat_map(|curve| curve.points.iter().map(|point| point.1).chain(curve.beside));
     let low = lines().chain(bands()).fold(f64::INFINITY, f64::min).max(LEAST);

@@ -7,8 +7,9 @@
 //! | [`Algorithm::DifferentialEvolution`] | `differential` | Storn, Price 1997 |
 //! | [`Algorithm::CmaEs`] | `cma` | Hansen, The CMA Evolution Strategy: A Tutorial, arXiv 1604.00772 |
 //!
-//! The same seed gives the same run, save where time stops it. For the pose of a tool none of them is the one to take:
-//! [`ik::solve`](super::solve) with [`Method::LevenbergMarquardt`](super::Method) needs a thousandth of their evaluations.
+//! The same seed gives the same run, save where time stops it. For the pose of a tool none of them is the one to
+//! take: [`ik::solve`](super::solve) with [`Method::LevenbergMarquardt`](super::Method) needs less than a hundredth
+//! of their evaluations.
 //!
 //! ```
 //! use darm::ik::objective::Function;
@@ -189,8 +190,10 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The value at `x`; the best is kept.
-    pub(super) fn evaluate(&mut self, x: Vec<f64>) -> Point {
+    /// The value at `x` brought within the bounds; the best is kept.
+    pub(super) fn evaluate(&mut self, mut x: Vec<f64>) -> Point {
+        // Not `clamp`, which panics where the bounds are no numbers.
+        x.iter_mut().zip(self.bounds).for_each(|(x, [low, high])| *x = x.max(*low).min(*high));
         let value = self.objective.value(&x);
         let point = Point { x, value: if value.is_nan() { f64::INFINITY } else { value } };
         self.evaluations += 1;
@@ -233,13 +236,6 @@ impl<'a> Search<'a> {
             history: self.history,
         }
     }
-}
-
-/// The point brought within the bounds.
-pub(super) fn within(bounds: &[[f64; 2]], mut x: Vec<f64>) -> Vec<f64> {
-    // Not `clamp`, which panics where the bounds are no numbers.
-    x.iter_mut().zip(bounds).for_each(|(x, [low, high])| *x = x.max(*low).min(*high));
-    x
 }
 
 /// The number of the best of some points; 0 of none.

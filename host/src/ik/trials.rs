@@ -76,9 +76,11 @@ impl Trials {
     }
 }
 
-/// One run of any method to a target: a search by `settings`, or steps by `options` from a start drawn within the limits.
+/// One run of any method to a target: a search by `settings`, or steps by `options` from a start drawn within the
+/// limits.
 ///
-/// A linearisation gives the pose and one column of the Jacobian for each joint: of n joints it counts as 1 + n evaluations.
+/// A linearisation gives the pose and one column of the Jacobian for each joint: of n joints it counts as 1 + n
+/// evaluations.
 pub fn run<const N: usize>(
     method: Method,
     arm: &Arm<f64, N>,

@@ -372,17 +372,28 @@ impl<'r> Counts<'r> {
         }
     }
 
+    /// The positions that words end at, in the least box: a layer turned with room about it would grow and grow.
     fn to_layer(&self) -> Layer {
         let Self { orientation, low, size, ref words } = *self;
         let reached = words.iter().filter(|words| **words > 0.0).count();
         let (mut positions, mut counts) = (Vec::with_capacity(reached), Vec::with_capacity(reached));
+        let (mut least, mut most) = ([u16::MAX; 3], [0; 3]);
         for (row, words) in words.chunks(size[2].max(1)).enumerate() {
             let (x, y) = (row / size[1], row % size[1]);
             for (z, words) in words.iter().enumerate().filter(|(_, words)| **words > 0.0) {
-                positions.push(((x << BITS[1] | y) << BITS[2] | z) as u32);
+                let place = [x, y, z].map(|number| number as u16);
+                (least, most) = (each(least, place, u16::min), each(most, place, u16::max));
+                positions.push(packed(place));
                 counts.push(*words);
             }
         }
+        if positions.is_empty() {
+            return Layer { orientation, low, size: [0; 3], positions, words: counts };
+        }
+        let corner = packed(least);
+        positions.iter_mut().for_each(|place| *place -= corner);
+        let low = each(low, least.map(|number| number as i16), |low, least| low + least);
+        let size = each(most, least, |most, least| most - least + 1).map(usize::from);
         Layer { orientation, low, size, positions, words: counts }
     }
 }
@@ -426,6 +437,11 @@ impl Tally {
 /// A number of cells in fractions of one.
 fn fixed(cells: f64) -> i32 {
     (cells * f64::from(1 << FRACTION)).round() as i32
+}
+
+/// A position in its box as one number; those of two differ by that of what is between.
+fn packed([x, y, z]: [u16; 3]) -> u32 {
+    (u32::from(x) << BITS[1] | u32::from(y)) << BITS[2] | u32::from(z)
 }
 
 fn unpacked(packed: u32) -> [u16; 3] {

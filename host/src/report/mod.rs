@@ -9,7 +9,6 @@ mod drawing;
 mod html;
 mod motion;
 mod plots;
-mod sketch;
 mod terminal;
 
 use std::io;
@@ -26,7 +25,6 @@ pub use channels::channels_page;
 pub use drawing::{Line, Posture, posture};
 pub use html::page;
 pub use motion::{MotionReport, along_time, motion_page, page as page_of, plain_page, sagittal};
-pub use sketch::sketch;
 pub use terminal::table;
 
 /// What the paper says of its synthesis: errors of 1e-7 m and 1e-9 degrees after 10² s.

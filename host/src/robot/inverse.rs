@@ -9,8 +9,8 @@ use crate::ik::search::Settings;
 use crate::ik::trials::{self, Trials};
 use crate::ik::{self, Method, Options, Residual, Status};
 
-/// Calls a method of const size with the least size that there is: those of most arms in their own, which J⁻¹ needs and which
-/// is faster.
+/// Calls a method of const size with the least size that there is: those of most arms in their own, which J⁻¹ needs
+/// and which is faster.
 macro_rules! in_its_size {
     ($robot:ident.$call:ident($($argument:expr),*)) => {
         match $robot.joints.len() {
@@ -56,7 +56,8 @@ impl Robot {
         in_its_size!(self.inverse_of(method, frame, target, q, options))
     }
 
-    /// `runs` runs of a method with the seeds from `settings.seed` on, each from a start of its own: see [`trials::run`].
+    /// `runs` runs of a method with the seeds from `settings.seed` on, each from a start of its own: see
+    /// [`trials::run`].
     pub fn trials(
         &self,
         method: Method,
@@ -69,8 +70,8 @@ impl Robot {
         in_its_size!(self.trials_of(method, frame, target, (options, settings, runs)))
     }
 
-    /// All postures that bring `frame` to `target`, those nearest to `q` first: see [`configurations`]. Joints that do not
-    /// move the frame stay at `q`.
+    /// All postures that bring `frame` to `target`, those nearest to `q` first: see [`configurations`]. Joints that
+    /// do not move the frame stay at `q`.
     pub fn configurations(
         &self,
         frame: &RobotFrame,

@@ -31,7 +31,7 @@ pub enum Obstacle {
     /// No small change of any stop brings the tool nearer: the arm is stretched towards frames that are out of reach, or
     /// stands in a hollow that only another start leads out of.
     OutOfReach,
-    /// The search has not come to its end.
+    /// The search stopped where a small change of the stops still brings the tool nearer, but too little to be followed.
     Unsettled,
 }
 
@@ -47,7 +47,9 @@ impl fmt::Display for Obstacle {
                 "no bound holds them back and no small change of a stop brings the tool nearer: they are out of reach, or \
                  more --starts find another way"
             ),
-            Self::Unsettled => write!(f, "the search has not come to its end: give more --starts"),
+            Self::Unsettled => {
+                write!(f, "no bound holds them back, but no step leads on: they are too far off, or need more --starts")
+            }
         }
     }
 }

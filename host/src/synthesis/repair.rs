@@ -35,7 +35,7 @@ pub struct Cost {
 }
 
 /// Looks for stops of `arm` with which its frames are met although one actuator is dead: with the same words but for the
-/// dead digit where they stay distinct and suffice, with other words where not.
+/// dead digit, where those stay distinct, or with other words where that alters the stops less.
 pub fn repair(
     arm: &Arm,
     desired: &[DesiredFrame],
@@ -49,17 +49,12 @@ pub fn repair(
         .collect();
     let distinct = stuck.iter().enumerate().all(|(index, frame)| stuck[..index].iter().all(|f| f.word != frame.word));
     let same_words = if distinct { synthesize(arm, &stuck, options).ok() } else { None };
-    let found = match same_words {
-        Some(found) if found.status == Status::Reached => found,
-        nearest => {
-            let chosen = choose_words(arm, &stuck, options, &|word: &Word| word.digit(actuator) == state);
-            match (chosen, nearest) {
-                (Ok(chosen), Some(nearest)) if nearest.is_nearer(&chosen) => nearest,
-                (Ok(chosen), _) => chosen,
-                (Err(_), Some(nearest)) => nearest,
-                (Err(error), None) => return Err(error),
-            }
-        }
+    let chosen = choose_words(arm, &stuck, options, &|word: &Word| word.digit(actuator) == state);
+    let found = match (same_words, chosen) {
+        (Some(same), Ok(chosen)) if is_better(&same, &chosen) => same,
+        (_, Ok(chosen)) => chosen,
+        (Some(same), Err(_)) => same,
+        (None, Err(error)) => return Err(error),
     };
     let words_changed =
         found.frames.iter().zip(&stuck).filter(|(reached, frame)| reached.frame.word != frame.word).count();
@@ -72,4 +67,13 @@ pub fn repair(
         words_left: 1.0 / arm.model.chain.n_states(actuator).max(1) as f64,
     };
     Ok((found, cost))
+}
+
+/// Whether one geometry meets the frames with less alteration than another, or comes nearer where neither meets them.
+fn is_better(one: &Synthesis, other: &Synthesis) -> bool {
+    match (one.status, other.status) {
+        (Status::Reached, Status::Reached) => one.alteration_m <= other.alteration_m,
+        (Status::Closest, Status::Closest) => one.is_nearer(other),
+        (status, _) => status == Status::Reached,
+    }
 }

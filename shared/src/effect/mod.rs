@@ -7,7 +7,8 @@
 //!
 //! A fitter treats all laws alike: by name, place, and values with names and units.
 //!
-//! A new law is one file and its line in the list below.
+//! A new law is one file and its line in the list below. Laws of a joint's torque, an actuator's force or a held position
+//! stand in [`along`].
 
 pub mod along;
 pub mod anchor_offset;

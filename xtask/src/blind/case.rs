@@ -55,6 +55,10 @@ pub(super) fn draw(subject: &Subject, seed: u64) -> Result<Blind, TruthError> {
     let mut last = TruthError::TooWeak { kind: Kind::Nothing };
     for _ in 0..DRAWS {
         let kinds = Class::of(seed).kinds(&mut rng);
+        if [Kind::BaseOffset, Kind::JointOffset].iter().all(|kind| kinds.contains(kind)) {
+            // The servo stands at the base: both are one turn of it.
+            continue;
+        }
         match Blind::draw(&subject.arm, subject.steps(seed), &kinds, seed) {
             Ok(blind) => return Ok(blind),
             Err(error) => last = error,

@@ -52,7 +52,7 @@ pub(super) fn mark(arm: &Arm, class: Class, blind: &Blind, diagnosis: &Diagnosis
                 Verdict::NoEffect | Verdict::UnexplainedStructure => (false, false),
             };
             if mark.placed && diagnosis.verdict == Verdict::EffectFound {
-                mark.covered = covered(arm, blind, &diagnosis.effects)?;
+                mark.covered = covered(arm, blind, diagnosis)?;
             }
         }
     }
@@ -173,10 +173,9 @@ fn sigma(diagnosis: &Diagnosis) -> [f64; 6] {
 }
 
 /// How many intervals hold the value that the right laws take on the clean run, of how many.
-fn covered(arm: &Arm, blind: &Blind, effects: &[Found]) -> Result<[usize; 2]> {
-    let exact: Vec<Effect<f64>> =
-        effects.iter().filter_map(|found| candidate(arm, &[], found.law, &found.place)).collect();
-    let model = with_effects(arm, &exact);
+fn covered(arm: &Arm, blind: &Blind, diagnosis: &Diagnosis) -> Result<[usize; 2]> {
+    let effects = &diagnosis.effects;
+    let model = with_effects(arm, diagnosis.best_effects());
     let noise = blind.scatter_m();
     let clean = Observations::new(arm, blind.clean(), [noise; 6], |_| true);
     let truth = fit(&model, &clean, &values(&model), &mut ArmScratch::default()).map_err(|no_pose| no_pose.error)?;

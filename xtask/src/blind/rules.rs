@@ -42,7 +42,7 @@
 //! | | a hose that pulls | `force-offset` | joint |
 //! | | a cable that winds up | `spring` | joint |
 //! | | a heavy motor | `rotor-inertia` | joint |
-//! | | a lump bolted to a link | `mass-distribution` | link |
+//! | | a lump bolted to a link past the first | `mass-distribution` | link |
 //! | | cogging | none | variable: position of that joint |
 //! | floating base, wrench | a backpack | `mass-distribution` | link |
 //! | | a plate that drifts | none | variable: time |
@@ -68,6 +68,6 @@
 //! # What is drawn
 //!
 //! Shares of the seeds: 50 % clean, 20 % one mechanism, 20 % two, 10 % outside the list. Two mechanisms are of different
-//! kinds. Each is sized by itself to 8 to 32 times the camera's scatter, root mean square over the run. Every run has
+//! kinds, but never a base and a servo offset, which are one turn of the base. Each is sized by itself to 8 to 32 times the camera's scatter, root mean square over the run. Every run has
 //! noise, words repeated in a row, 2 % of outliers, and supply, temperature and time that change whether anything
 //! depends on them or not.

@@ -1,5 +1,7 @@
-//! Inverse kinematics by electromagnetism-like search: Tables 1 to 3, Figures 8 to 11, and the methods that a user should take.
+//! Inverse kinematics by electromagnetism-like search: Tables 1 to 3, Figures 8 to 11, and the methods that a user
+//! should take.
 
+use std::f64::consts::PI;
 use std::io::Read as _;
 use std::path::Path;
 use std::time::Duration;
@@ -8,7 +10,7 @@ use anyhow::{Context, Result};
 use darm::ik::paper::{self, CELLS, LINK_M, MET_M, PRINTED_LINK_M, RUNS, Repeated, TARGETS};
 use darm::ik::search::{Algorithm, Settings};
 use darm::ik::trials::{Summary, Trials};
-use darm::ik::{Method, Options, Status};
+use darm::ik::{Method, Options, Status, plot};
 use darm::robot::Robot;
 use darm::urdf;
 use darm_core::real::Vec3;
@@ -57,7 +59,8 @@ impl Memr {
                 figures.extend(within(&repeated)?);
             }
         }
-        println!("\nFigures 8 to 11, mean and band of eight tenths of the runs: {}\n", folder.display());
+        std::fs::write(folder.join("figure-02-configurations.svg"), several()?)?;
+        println!("\nFigures 2 and 8 to 11, mean and band of eight tenths of the runs: {}\n", folder.display());
         progress.say("other methods with as many evaluations, and in the same time");
         figures.extend(self.beside()?);
         progress.say("1000 targets of a Panda");
@@ -94,6 +97,15 @@ impl Memr {
     fn all(&self, method: Method, settings: &Settings) -> Result<Vec<Trials>> {
         TARGETS.iter().map(|target| Ok(paper::reach(LINK_M, method, *target, settings, RUNS)?)).collect()
     }
+}
+
+/// Some of the postures with which an arm of three links reaches one point: Figure 2.
+fn several() -> Result<String> {
+    let (arm, tip) = paper::planar_arm(&[LINK_M; 3], &[[-PI, PI]; 3]);
+    let target = Pose::at(Vec3::new(0.4, 0.3, 0.0));
+    let options = Options { orientation_rad: f64::INFINITY, starts: 500, ..Options::default() };
+    let found = arm.configurations(&tip, &target, &[], &options, 6)?;
+    Ok(plot::postures(&arm, &tip, &found)?)
 }
 
 /// How far our tables lie from the paper's: EMW and MEMR have a goal, GA has none.

@@ -1,15 +1,14 @@
 //! `darm ik --all`: every posture that reaches a target, told apart, and as one picture.
 
 use anyhow::Context as _;
-use darm::draw::{Scene, svg};
 use darm::ik::configurations::Configurations;
+use darm::ik::{Method, plot};
 use darm::robot::{Robot, RobotFrame};
 use serde::Serialize;
 
 use super::{ALL_STARTS, Ik, Target};
 use crate::commands::subject::Coordinate;
 use crate::voice::{Answer, Voice, columns, number};
-use darm::ik::Method;
 
 #[derive(Serialize)]
 struct All {
@@ -38,13 +37,8 @@ impl Ik {
         let found = robot.configurations(frame, &target.pose, q, &options, self.most)?;
         wheel.finish_and_clear();
         if let Some(path) = &self.picture {
-            let mut scene = Scene { title: robot.name.clone(), is_planar: true, ..Scene::default() };
-            for posture in &found.postures {
-                let one = Scene::of_robot(robot, frame, &posture.q)?;
-                scene.is_planar &= one.is_planar;
-                scene.lines.extend(one.lines);
-            }
-            std::fs::write(path, svg(&scene, false)).with_context(|| format!("cannot write {}", path.display()))?;
+            let svg = plot::postures(robot, frame, &found)?;
+            std::fs::write(path, svg).with_context(|| format!("cannot write {}", path.display()))?;
         }
         let joints = shown.iter().map(|joint| joint.name.clone()).collect();
         voice.tell(&All { name: robot.name.clone(), frame: frame.name.clone(), joints, found, shown })

@@ -134,7 +134,6 @@ pub fn diagnose_table(model: &Model, table: &Table, options: &Options) -> Result
 struct Ended {
     search: Search<Channels>,
     best: Trial<Channels>,
-    rivals: Vec<Trial<Channels>>,
     n_known: usize,
     held_out: String,
     findings: Vec<Finding>,
@@ -157,19 +156,19 @@ fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) ->
     let n_known = always.len();
     let mut search = Search::new(Channels::new(experiment, groups));
     let start = search.kind.start(always);
-    let Ok((mut best, mut rivals)) = search.run(start.clone());
+    let Ok((mut best, _)) = search.run(start.clone());
     let (left, ladder) = thinned::thinned(&mut search.kind, &start);
     let grown = search.kind.judged(best.fit.active.clone(), None);
     if left.loss < grown.loss {
         search.ladder = ladder;
-        let Ok(found) = search.run(left);
-        (best, rivals) = found;
+        let Ok((grown, _)) = search.run(left);
+        best = grown;
     } else {
         let Ok(settled) = search.kind.settled(grown);
         best = settled;
     }
     possible(&search.kind, &mut best);
-    Ok(Ended { search, best, rivals, n_known, held_out: data.held_out, findings: data.findings })
+    Ok(Ended { search, best, n_known, held_out: data.held_out, findings: data.findings })
 }
 
 fn experiment(model: &Model, data: &Prepared) -> Result<Experiment, ChannelError> {

@@ -1,7 +1,10 @@
 //! What remains when no law helps any more: terms of a dictionary over the channels that still predict unseen rows.
 //!
-//! The dictionary holds each channel c, c², |c|, sign(c) and, of few channels, their products; each is a candidate of
-//! the same search, which adds one at a time while the gain is no chance.
+//! The dictionary holds each channel c, c², |c|, sign(c), waves with up to [`WAVES`] periods in its range and, of few
+//! channels, their products; those that go with the residual of an axis most are candidates of the same search, which adds
+//! one at a time while the gain is no chance.
+
+use std::f64::consts::TAU;
 
 use super::experiment::{Candidate, Experiment};
 use super::linear::Channels;
@@ -13,11 +16,14 @@ use crate::diagnose::search::Search;
 const FEW: usize = 6;
 /// Columns that are tried at most, all axes together.
 const MOST_COLUMNS: usize = 120;
+/// Periods of a wave in the range of its channel.
+const WAVES: usize = 8;
 
 /// The terms that help, with the share of the remaining mean square that each takes up, of rows it was not fitted to.
 pub(super) fn terms(kind: &Channels, best: &Trial<Channels>) -> Vec<Term> {
     let experiment = &kind.experiment;
-    let candidates = dictionary(experiment);
+    let residuals = experiment.at(&best.fit.values);
+    let candidates = dictionary(experiment, &residuals);
     if candidates.is_empty() {
         return Vec::new();
     }
@@ -26,7 +32,7 @@ pub(super) fn terms(kind: &Channels, best: &Trial<Channels>) -> Vec<Term> {
         axes: experiment.axes.clone(),
         n_norm: experiment.n_norm,
         rows: experiment.rows.clone(),
-        residuals: experiment.at(&best.fit.values),
+        residuals,
         candidates,
         channels: Vec::new(),
         masses: Vec::new(),
@@ -49,7 +55,7 @@ pub(super) fn terms(kind: &Channels, best: &Trial<Channels>) -> Vec<Term> {
     kept.filter(|rung| still(&rung.place)).map(term).collect()
 }
 
-fn dictionary(experiment: &Experiment) -> Vec<Candidate> {
+fn dictionary(experiment: &Experiment, residuals: &[f64]) -> Vec<Candidate> {
     let n_axes = experiment.axes.len();
     let mut shapes: Vec<(String, Vec<f64>)> = Vec::new();
     for (name, channel) in &experiment.channels {
@@ -65,6 +71,7 @@ fn dictionary(experiment: &Experiment) -> Vec<Candidate> {
         shapes.push((format!("sign of {name}"), of(&|c| (c / 0.05).tanh())));
     }
     let linear: Vec<usize> = (0..shapes.len()).step_by(4).collect();
+    shapes.extend(experiment.channels.iter().flat_map(|(name, channel)| waves(name, channel)));
     if linear.len() <= FEW {
         for (k, &a) in linear.iter().enumerate() {
             for &b in &linear[k + 1..] {
@@ -76,11 +83,38 @@ fn dictionary(experiment: &Experiment) -> Vec<Candidate> {
     let per_axis = MOST_COLUMNS / n_axes.max(1);
     let mut candidates = Vec::new();
     for (axis, of) in experiment.axes.iter().enumerate() {
-        for (name, numbers) in shapes.iter().take(per_axis) {
+        let along = |numbers: &Vec<f64>| along(experiment, residuals, axis, numbers);
+        let mut sorted: Vec<(f64, &(String, Vec<f64>))> = shapes.iter().map(|shape| (along(&shape.1), shape)).collect();
+        sorted.sort_by(|a, b| b.0.total_cmp(&a.0));
+        for (_, (name, numbers)) in sorted.into_iter().take(per_axis) {
             let mut column = vec![0.0; numbers.len() * n_axes];
             numbers.iter().enumerate().for_each(|(row, number)| column[row * n_axes + axis] = *number);
             candidates.push(Candidate::one("fitted-term", &format!("{}: {name}", of.name), ("size", of.unit), column));
         }
     }
     candidates
+}
+
+/// sin and cos with whole numbers of periods in the range of a channel.
+fn waves(name: &str, channel: &[f64]) -> Vec<(String, Vec<f64>)> {
+    let (low, high) = channel.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), c| (l.min(*c), h.max(*c)));
+    if high - low <= 1e-12 {
+        return Vec::new();
+    }
+    let of = |shape: fn(f64) -> f64, k: usize| {
+        channel.iter().map(|c| shape(TAU * k as f64 * (c - low) / (high - low))).collect::<Vec<f64>>()
+    };
+    let both = |k| [of(f64::sin, k), of(f64::cos, k)].map(|column| (format!("wave {k} of {name}"), column));
+    (1..=WAVES).flat_map(both).collect()
+}
+
+/// How much a shape goes with the residual of an axis, in the rows that a fit may see: the cosine between the two.
+fn along(experiment: &Experiment, residuals: &[f64], axis: usize, numbers: &[f64]) -> f64 {
+    let n_axes = experiment.axes.len();
+    let rows = (0..numbers.len()).filter(|&row| !experiment.rows[row].held_out);
+    let sums = rows.fold([0.0; 3], |[xy, xx, yy], row| {
+        let (x, y) = (numbers[row], residuals[row * n_axes + axis]);
+        [xy + x * y, xx + x * x, yy + y * y]
+    });
+    (sums[0] / (sums[1] * sums[2]).sqrt().max(f64::MIN_POSITIVE)).abs()
 }

@@ -174,7 +174,7 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
             } else {
                 own > OWN_SHARE
             };
-            if !told {
+            if !told || !best.fit.values[index].is_finite() {
                 unobservable.push(format!("{} of {} at {}", value.name, law.law, law.place));
                 continue;
             }
