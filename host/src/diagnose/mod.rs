@@ -192,8 +192,8 @@ fn verdict(found: usize, ambiguous: bool, before: &Structure, after: &Structure)
     match found {
         0 if before.beyond_noise => Verdict::UnexplainedStructure,
         0 => Verdict::NoEffect,
-        _ if ambiguous => Verdict::NotIdentifiable,
         _ if left => Verdict::UnexplainedStructure,
+        _ if ambiguous => Verdict::NotIdentifiable,
         _ => Verdict::EffectFound,
     }
 }

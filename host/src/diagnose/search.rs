@@ -13,6 +13,8 @@ use super::significance::{DISCOVERY_LEVEL, RIVAL_LEVEL};
 const REFINED: usize = 8;
 /// Exchanges of one effect for another in one search.
 const MOST_EXCHANGES: usize = 12;
+/// Fall of the loss below which an exchange is rounding: the effect may have been exchanged for itself.
+const LEAST_GAIN: f64 = 1.0;
 
 /// A search and what it has tried.
 #[derive(Debug)]
@@ -138,7 +140,9 @@ impl<K: Kind> Search<K> {
             let tried = self.kind.screened(&without)?.into_iter().min_by(|a, b| a.loss.total_cmp(&b.loss));
             let tried = tried.and_then(|trial| self.kind.refined(&trial).ok());
             let least = better.as_ref().map_or(best.loss, |better| better.loss);
-            better = tried.filter(|trial| trial.loss < least && self.kind.fall(best, trial).p < RIVAL_LEVEL).or(better);
+            let worth =
+                |trial: &Trial<K>| trial.loss < least - LEAST_GAIN && self.kind.fall(best, trial).p < RIVAL_LEVEL;
+            better = tried.filter(worth).or(better);
         }
         Ok(better)
     }
