@@ -351,7 +351,8 @@ pub fn printed_name(algorithm: Algorithm) -> &'static str {
 
 #[cfg(test)]
 mod tests {
-    use super::{CELLS, LIMITS, LINK_M, PRINTED_LINK_M, Problem, Repeated, TARGETS, planar_arm};
+    use super::{CELLS, LIMITS, LINK_M, MET_M, Method, PRINTED_LINK_M, Problem, RUNS, Repeated, TARGETS};
+    use super::{planar_arm, reach};
     use crate::ik::search::Algorithm;
 
     /// Equations (3) and (4).
@@ -378,6 +379,17 @@ mod tests {
         // √(100² + 50²) − 80 = 31.8, √(80² + 30²) − 80 = 5.4, √(90² + 30²) − 80 = 14.9.
         assert_eq!(short(PRINTED_LINK_M), [31.8, 0.0, 0.0, 5.4, 14.9]);
         assert_eq!(short(LINK_M), [0.0; 5]);
+    }
+
+    /// MEMR takes 549 050 evaluations and meets none.
+    #[test]
+    fn the_recommended_method_meets_every_target_with_a_hundredth_of_the_evaluations() {
+        let settings = CELLS[6].settings(1);
+        for target in TARGETS {
+            let trials = reach(LINK_M, Method::LevenbergMarquardt, target, &settings, RUNS).unwrap();
+            assert_eq!(trials.within(MET_M), RUNS, "{target:?}");
+            assert!(trials.runs.iter().all(|run| run.evaluations <= 5490), "{target:?}");
+        }
     }
 
     #[test]

@@ -112,7 +112,9 @@ pub fn execute(robot: &Robot, setup: &Setup, plan: &Mapped, gains: Gains) -> Res
     let last = told.postures.last().map(|posture| apart(posture, &mut placed));
     let planned = postures.last().map(|posture| apart(posture, &mut placed));
     told.fell = told.postures.len() < plan.time_s.len()
-        || last.zip(planned).is_none_or(|(last, planned)| !((last - planned).norm() < FALLEN_M));
+        || last
+            .zip(planned)
+            .is_none_or(|(last, planned)| (last - planned).norm().is_nan() || (last - planned).norm() >= FALLEN_M);
     Ok(told)
 }
 

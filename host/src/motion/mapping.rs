@@ -144,12 +144,11 @@ fn lift_off(postures: &[Posture], scale: f64) -> usize {
     postures.iter().position(|posture| height(posture) > first + LIFTED_M).unwrap_or(postures.len())
 }
 
+/// Corners on the ground, x and y, m.
+type Corners = Vec<[f64; 2]>;
+
 /// The soles on the ground, and the seat in the first posture.
-pub(super) fn supports(
-    robot: &Robot,
-    setup: &Setup,
-    first: &Posture,
-) -> Result<(Vec<[f64; 2]>, Vec<[f64; 2]>), TreeError> {
+fn supports(robot: &Robot, setup: &Setup, first: &Posture) -> Result<(Corners, Corners), TreeError> {
     let mut placed = Placed::new(robot)?;
     placed.place(first);
     let flat = |fixed: &Fixed| {

@@ -165,7 +165,8 @@ impl Capture {
 /// Steps of time are even to a tenth.
 fn even(time_s: &[f64], lines: &[usize]) -> Result<(), CaptureError> {
     let mean = (time_s[time_s.len() - 1] - time_s[0]) / (time_s.len() - 1) as f64;
-    let uneven = |pair: &[f64]| !((pair[1] - pair[0] - mean).abs() <= 0.1 * mean);
+    let off = |pair: &[f64]| (pair[1] - pair[0] - mean).abs();
+    let uneven = |pair: &[f64]| mean <= 0.0 || off(pair).is_nan() || off(pair) > 0.1 * mean;
     match time_s.windows(2).position(uneven) {
         Some(frame) => Err(CaptureError::Time { frame: frame + 2, line: lines[frame + 1] }),
         None => Ok(()),

@@ -84,13 +84,13 @@ pub struct Person {
 /// Fits a tree with markers to a motion.
 pub fn person(tree: &Robot, markers: &[Fixed], capture: &Capture) -> Result<Person, TrajectoryError> {
     let groups = Groups::new(tree);
-    let (average, _) = follow(tree, markers, capture)?;
+    let average = follow(tree, markers, capture)?;
     let before = simulated(tree, &groups, &average, capture).error;
     let lengths = lengths(tree, markers, capture, &groups)?;
     let even = vec![1.0; groups.names.len()];
     let long = groups.scaled(tree, &lengths, &even);
     let placed_on = groups.markers(markers, &lengths);
-    let (motion, _) = follow(&long, &placed_on, capture)?;
+    let motion = follow(&long, &placed_on, capture)?;
     let mut masses = even;
     let mut scaled = groups.scaled(tree, &lengths, &masses);
     let mut now = simulated(&scaled, &groups, &motion, capture);
@@ -178,12 +178,10 @@ impl Groups {
 }
 
 /// The tree's motion by the markers, from a first frame that is found by itself.
-fn follow(tree: &Robot, markers: &[Fixed], capture: &Capture) -> Result<(Trajectory, Posture), TrajectoryError> {
+fn follow(tree: &Robot, markers: &[Fixed], capture: &Capture) -> Result<Trajectory, TrajectoryError> {
     let start = walk(tree, markers, &capture.places)?;
     let problem = problem(tree, markers, &capture.places, capture.step_s());
-    let motion = solve(&problem, &start)?;
-    let first = motion.postures[0].clone();
-    Ok((motion, first))
+    solve(&problem, &start)
 }
 
 fn problem<'a>(

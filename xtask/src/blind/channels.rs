@@ -80,7 +80,7 @@ struct Added {
 impl Robots {
     pub(super) fn read() -> Result<Self> {
         let read = |name: &str| urdf::read(&setup::root().join("tests/data/measured").join(name), &Locks::new());
-        Ok(Self { serial: read("tx40.urdf")?, floating: read("human.urdf")? })
+        Ok(Self { serial: read("tx40.urdf")?, floating: Robot { floating: true, ..read("human.urdf")? } })
     }
 
     /// Draws, measures, diagnoses and marks one seed; the truth in words.

@@ -68,6 +68,9 @@
 //! # What is drawn
 //!
 //! Shares of the seeds: 50 % clean, 20 % one mechanism, 20 % two, 10 % outside the list. Two mechanisms are of different
-//! kinds, but never a base and a servo offset, which are one turn of the base. Each is sized by itself to 8 to 32 times the camera's scatter, root mean square over the run. Every run has
-//! noise, words repeated in a row, 2 % of outliers, and supply, temperature and time that change whether anything
-//! depends on them or not.
+//! kinds, but never a base and a servo offset, which are one turn of the base. Each is sized by itself to 8 to 32 times the
+//! camera's scatter, root mean square over the run. Every run has noise, words repeated in a row, 2 % of outliers, and
+//! supply, temperature and time that change whether anything depends on them or not.
+//!
+//! Of these rules two lines were changed by first runs, on seeds from 9000 that no table reports: a lump on the first link
+//! is not drawn, since it is a heavy motor, nor are a base and a servo offset together.
