@@ -28,7 +28,8 @@ fn columns_are_differences_of_residuals() {
             let (up, down) = (at(step), at(-step));
             let zeros = vec![0.0; up.len()];
             let column = sensitivity.column(&effect, value).unwrap_or(zeros);
-            let scale = column.iter().fold(1e-3, |most: f64, slope| most.max(slope.abs()));
+            // Slopes are metres per metre or radian, or more; less is the rounding of a rotation's logarithm.
+            let scale = column.iter().fold(0.1, |most: f64, slope| most.max(slope.abs()));
             for (k, slope) in column.iter().enumerate() {
                 let difference = (up[k] - down[k]) / (2.0 * step);
                 // Rounding of 1e-15 over a step of 2e-6, and curvature of second order in the step.
