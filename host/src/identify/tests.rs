@@ -1,3 +1,5 @@
+//! Masses of the planar robot from its golden postures: ranks, held-out errors, undeclared masses.
+
 use std::path::Path;
 
 use darm_core::dynamics::floating;

@@ -1,3 +1,5 @@
+//! Markers, scaling, mapping and balance of a person who stands up, on the planar robot.
+
 use std::path::Path;
 
 use darm_core::real::Vec3;
