@@ -180,15 +180,6 @@ pub fn cross_validated(
     predicted
 }
 
-/// The sum of the losses over the rows of each word.
-pub fn losses_by_word(residuals: &[f64], observations: &Observations) -> Vec<f64> {
-    let mut sums = vec![0.0; observations.n_groups];
-    for (row, loss) in observations.rows.iter().zip(losses(residuals, observations.n_axes())) {
-        sums[row.group] += loss;
-    }
-    sums
-}
-
 /// The values of `model`'s effects that fit `observations` best, from where they stand.
 ///
 /// Values that change nothing in these observations keep what they have, and are not among the fit's.

@@ -6,11 +6,11 @@ use darm_core::model::MAX_EFFECTS;
 use nalgebra::DVector;
 
 use super::candidate;
-use super::fit::{Fit, cross_validated, fit, losses, losses_by_word, moved, weights};
+use super::fit::{Fit, cross_validated, fit, losses, moved, weights};
 use super::kind::{Kind, Trial};
 use super::observation::{NoPose, Observations, Value};
 use super::sensitivity::Sensitivity;
-use super::significance::{CONFIRMATION_LEVEL, Fall, fall, quantile_975};
+use super::significance::{CONFIRMATION_LEVEL, Fall, fall};
 use crate::arm::{ArmModel, ArmScratch};
 
 /// Poses that fits see, poses that judge, and room to compute in.
@@ -170,28 +170,16 @@ impl Kind for ToolPose {
         fall(&before.predicted, &after.predicted, &self.training.groups())
     }
 
-    /// Whether the held-out error falls by more than its uncertainty, word by word and as a whole. Falls are taken word by
-    /// word, so that a row that is far off by both models does not hide them.
+    /// Whether the held-out error falls by more than its uncertainty, by the noise that is left: a row that is far off by
+    /// both models does not hide the fall, nor do words on which the effect does not act.
     fn confirmed(&mut self, without: &Trial<Self>, with: &Trial<Self>) -> Result<bool, NoPose> {
         if self.heldout.rows.is_empty() {
             return Ok(true);
         }
         let before = self.heldout.residuals(&without.fit.model, &mut self.scratch)?;
         let after = self.heldout.residuals(&with.fit.model, &mut self.scratch)?;
-        let p = fall(&before, &after, &self.heldout.groups()).p;
-        let (before, after) = (losses_by_word(&before, &self.heldout), losses_by_word(&after, &self.heldout));
-        let falls: Vec<f64> = before.iter().zip(&after).map(|(before, after)| before - after).collect();
-        let (fall, uncertainty) = mean_loss(&falls);
-        Ok(p < CONFIRMATION_LEVEL && fall > uncertainty)
+        Ok(fall(&before, &after, &self.heldout.groups()).p < CONFIRMATION_LEVEL)
     }
-}
-
-/// The mean loss of a word, and how far it may be off with 95 % confidence.
-fn mean_loss(losses: &[f64]) -> (f64, f64) {
-    let n = losses.len() as f64;
-    let mean = losses.iter().sum::<f64>() / n.max(1.0);
-    let variance = losses.iter().map(|loss| (loss - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-    (mean, quantile_975(losses.len().saturating_sub(1)) * (variance / n.max(1.0)).sqrt())
 }
 
 /// √(mean of squares).
