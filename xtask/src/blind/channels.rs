@@ -321,7 +321,7 @@ fn of_joint(mechanism: usize, joint: usize, n: usize, given: &[Vec<f64>]) -> (&'
     match mechanism {
         0 => law("coulomb-friction", of(v, &|v| v / (v * v + CREEP_RAD_S.powi(2)).sqrt())),
         1 => law("viscous-friction", of(v, &|v| v / (1.0 + 0.1 * v.abs() / fastest))),
-        2 => law("force-offset", of(v, &|_| 1.0)),
+        2 => law("offset", of(v, &|_| 1.0)),
         3 => law("spring", of(q, &|q| q)),
         4 => law("rotor-inertia", of(a, &|a| a)),
         _ => ("", format!("position of joint {}", joint + 1), of(q, &|q| (7.0 * q).sin())),

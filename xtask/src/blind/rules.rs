@@ -39,7 +39,7 @@
 //! | --- | --- | --- | --- |
 //! | serial, torques | dry friction | `coulomb-friction` | joint |
 //! | | thick grease | `viscous-friction` | joint |
-//! | | a hose that pulls | `force-offset` | joint |
+//! | | a hose that pulls | `offset` | joint |
 //! | | a cable that winds up | `spring` | joint |
 //! | | a heavy motor | `rotor-inertia` | joint |
 //! | | a lump bolted to a link past the first | `mass-distribution` | link |
