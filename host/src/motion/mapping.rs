@@ -5,7 +5,7 @@
 //! 2. The robot sits: the posture nearest to its sitting one whose centre of mass is the person's first one.
 //! 3. The markers of the first frame are overlaid on it: each keeps its place in the link that follows it from there.
 //! 4. [`trajectory`](super::trajectory): centre of mass, feet and limits hard, markers soft, smooth in time.
-//! 5. The balance check of [`balance`](super::balance).
+//! 5. The balance check of `balance`.
 //!
 //! An axis along which the robot's centre of mass cannot move (sideways, of a robot in the sagittal plane) is left free and told.
 

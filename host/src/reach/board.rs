@@ -1,6 +1,6 @@
 //! What a board needs to answer by itself which word is nearest: the frames of the arm's modules as records of a table.
 //!
-//! A module here is a run of neighbouring stages with at most [`MAX_FRAMES`] frames together, or one stage of any number:
+//! A module here is a run of neighbouring stages with at most 64 frames together, or one stage of any number:
 //! few large modules are searched better than many small ones. What the modules behind one typically do is told beside
 //! it, so that the board looks at each frame once, in the order of the table; see [`darm_core::nearest`].
 
