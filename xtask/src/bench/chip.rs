@@ -4,7 +4,10 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail};
+use darm::arm::{Arm, ArmScratch};
 use darm::qemu;
+use darm_core::real::{Mat3, Vec3};
+use darm_core::se::Pose;
 
 use crate::figures::Figure;
 use crate::image;
@@ -17,8 +20,13 @@ pub(super) fn measure() -> Result<Vec<Figure>> {
     }
     let bench = image::build_bench()?;
     // What is exact, and what happens when the emulator runs as fast as the machine lets it.
-    let mut figures = run(&bench, &["-icount", "shift=6,sleep=off"], |name| !name.starts_with(LATENESS))?;
-    figures.extend(run(&bench, &[], |name| name.starts_with(LATENESS))?);
+    let exact = run(&bench, &["-icount", "shift=6,sleep=off"])?;
+    let (poses, exact): (Vec<&str>, Vec<&str>) =
+        exact.lines().filter(|line| !line.starts_with(LATENESS)).partition(|line| line.starts_with(POSE));
+    let mut figures = exact.into_iter().map(figure).collect::<Result<Vec<_>>>()?;
+    figures.extend(corrected(&poses)?);
+    let free = run(&bench, &[])?;
+    figures.extend(free.lines().filter(|line| line.starts_with(LATENESS)).map(figure).collect::<Result<Vec<_>>>()?);
     figures.extend(sizes(&image::build()?)?);
     Ok(figures)
 }
@@ -26,8 +34,36 @@ pub(super) fn measure() -> Result<Vec<Figure>> {
 /// How the names of those figures begin that mean something where the emulator runs freely, and only there.
 const LATENESS: &str = "lateness.";
 
+/// How the names of the poses begin that a corrected model predicts: `pose.WORD.INDEX`, the rotation by rows, the position.
+const POSE: &str = "pose.";
+
+/// How far the poses that the chip predicts in `f32` with the effects of a diagnosed arm are from the host's.
+fn corrected(lines: &[&str]) -> Result<Vec<Figure>> {
+    let arm = Arm::read(&setup::root().join("tests/data/corrected/corrected.toml"))?;
+    let (mut farthest_m, mut share): (f64, f64) = (0.0, 0.0);
+    for lines in lines.chunks(12) {
+        let numbers = lines.iter().map(|line| line.split(' ').nth(1).context("a pose has numbers")?.parse().context(*line));
+        let numbers: Vec<f64> = numbers.collect::<Result<_>>()?;
+        let pose = Pose {
+            rotation: Mat3::from_row_slice(numbers.get(..9).context("a pose is short")?),
+            position: Vec3::from_column_slice(numbers.get(9..12).context("a pose is short")?),
+        };
+        let word = lines.first().and_then(|line| line.split('.').nth(1)).context("a pose has a word")?.parse()?;
+        let condition = arm.model.working(word, arm.rest(), &[]);
+        let exact = arm.model.predict(&condition, &mut ArmScratch::default())?;
+        let away_m = exact.distance(&pose, arm.length_scale_m);
+        farthest_m = farthest_m.max(away_m);
+        share = share.max(away_m / arm.single_precision_bound_m(&condition)?);
+    }
+    Ok(vec![
+        Figure::new("corrected model: poses compared with the host's", lines.len() as f64 / 12.0, "")?,
+        Figure::new("corrected model: farthest from the host's", 1e6 * farthest_m, "um")?,
+        Figure::new("corrected model: the same over what rounding allows", share, "")?,
+    ])
+}
+
 /// Runs the bench image, with 64 ns of virtual time an instruction or freely; it prints `name value unit`, a line each.
-fn run(elf: &Path, clock: &[&str], wanted: impl Fn(&str) -> bool) -> Result<Vec<Figure>> {
+fn run(elf: &Path, clock: &[&str]) -> Result<String> {
     let folder = tempfile::tempdir()?;
     let output = Command::new(qemu::PROGRAM)
         .current_dir(folder.path())
@@ -42,7 +78,7 @@ fn run(elf: &Path, clock: &[&str], wanted: impl Fn(&str) -> bool) -> Result<Vec<
     if !output.status.success() {
         bail!("the bench image failed:\n{text}");
     }
-    text.lines().filter(|line| wanted(line)).map(figure).collect()
+    Ok(text)
 }
 
 fn figure(line: &str) -> Result<Figure> {

@@ -7,7 +7,9 @@
 #![no_std]
 #![no_main]
 
+mod corrected;
 mod kinematics;
+mod laws;
 mod puma560;
 
 use core::fmt::Display;
@@ -272,6 +274,7 @@ fn main() -> ! {
     kinematics::measure(&stack);
     time::start();
     board::prioritise();
+    laws::measure();
     measure_nearest();
     tasks::start(death::take());
     measure_all(&stack);
