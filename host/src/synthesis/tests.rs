@@ -393,35 +393,6 @@ fn legs_are_bought_from_a_list() {
 }
 
 #[test]
-fn anchors_move_where_stops_do_not_suffice() {
-    let arm = planar4();
-    let desired = moved(own_frames(&arm, &WORDS), 0.1, 5);
-    // Strokes that are too short for the frames.
-    let part = |part: &str, retracted_mm| Part {
-        part: part.into(),
-        stroke_mm: 300.0,
-        retracted_mm,
-        force_n: 5000.0,
-        price: 1.0,
-    };
-    let parts = [part("A", 980.0), part("B", 1400.0)];
-    let with = |anchor_m| Options { bounds: Bounds { anchor_m, ..Bounds::default() }, starts: 2, ..Options::default() };
-    let (found, _) = buy(&arm, &desired, &parts, &with(0.0)).unwrap();
-    assert_eq!((found.status, found.anchors_moved_m), (Status::Closest, 0.0));
-    let (found, bought) = buy(&arm, &desired, &parts, &with(0.2)).unwrap();
-    assert!(found.status == Status::Reached && found.kept, "{:?}", found.obstacle);
-    assert!(found.anchors_moved_m > 1e-3 && found.anchors_moved_m < 0.2 + 1e-9, "{}", found.anchors_moved_m);
-    for Bought { lengths_m, stops_m, .. } in &bought {
-        assert!(lengths_m.0 <= stops_m.0 + 1e-9 && stops_m.1 <= lengths_m.1 + 1e-9, "{lengths_m:?} {stops_m:?}");
-    }
-    let (here, there) = (&arm.model.chain.stages[0], &found.arm.model.chain.stages[0]);
-    assert!((0..3).all(|leg| here.leg(leg).unwrap().base.z == there.leg(leg).unwrap().base.z));
-    // Where stops suffice, anchors stay.
-    let found = synthesize(&arm, &desired, &with(0.2)).unwrap();
-    assert_eq!((found.status, found.anchors_moved_m), (Status::Reached, 0.0));
-}
-
-#[test]
 fn what_cannot_be_started_from_is_told_by_module_and_word() {
     let mut arm = planar4();
     let mut desired = own_frames(&arm, &WORDS);
