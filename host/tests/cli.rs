@@ -410,9 +410,16 @@ fn a_file_is_told_and_drawn() {
     assert!(said.contains("warning: joint `panda_finger_joint2` mimics `panda_finger_joint1`"), "{said}");
     let said = home.succeeds(&format!("model {} --base-parameters", example("planar2.toml")));
     assert!(said.contains("\n  Izz link 1 + 0.25 m link 2\n"), "{said}");
-    let rust = home.succeeds(&format!("model {} --rust", example("puma560.toml")));
-    let bare = |text: &str| text.chars().filter(|c| !c.is_whitespace() && *c != ',').collect::<String>();
-    assert_eq!(bare(&rust), bare(include_str!("../../firmware/src/bin/bench/puma560.rs")));
+    let corrected = example("../tests/data/corrected/corrected.toml");
+    let constants = [
+        (example("puma560.toml"), include_str!("../../firmware/src/bin/bench/puma560.rs")),
+        (corrected, include_str!("../../firmware/src/bin/bench/corrected.rs")),
+    ];
+    for (file, constant) in constants {
+        let rust = home.succeeds(&format!("model {file} --rust"));
+        let bare = |text: &str| text.chars().filter(|c| !c.is_whitespace() && *c != ',').collect::<String>();
+        assert_eq!(bare(&rust), bare(constant));
+    }
     for (file, posture, views) in [(panda.as_str(), "", 4), (&example("planar4.toml"), "--word 010110011101", 1)] {
         assert_eq!(home.json(&format!("draw {file} {posture} -o arm.svg"))["views"], views);
         assert!(std::fs::read_to_string(home.path("arm.svg")).unwrap().starts_with("<svg"));

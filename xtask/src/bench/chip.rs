@@ -42,8 +42,8 @@ fn corrected(lines: &[&str]) -> Result<Vec<Figure>> {
     let arm = Arm::read(&setup::root().join("tests/data/corrected/corrected.toml"))?;
     let (mut farthest_m, mut share): (f64, f64) = (0.0, 0.0);
     for lines in lines.chunks(12) {
-        let numbers = lines.iter().map(|line| line.split(' ').nth(1).context("a pose has numbers")?.parse().context(*line));
-        let numbers: Vec<f64> = numbers.collect::<Result<_>>()?;
+        let number = |line: &&str| line.split(' ').nth(1).and_then(|number| number.parse().ok());
+        let numbers: Vec<f64> = lines.iter().map(number).collect::<Option<_>>().context("a pose has numbers")?;
         let pose = Pose {
             rotation: Mat3::from_row_slice(numbers.get(..9).context("a pose is short")?),
             position: Vec3::from_column_slice(numbers.get(9..12).context("a pose is short")?),
