@@ -4,7 +4,7 @@
 //! [`Control`](crate::control::Control) that is ticked once a millisecond, [`serve`] on two byte pipes, and
 //! [`crate::servo::Bus`] on two more. All futures are polled by hand while a [`Clock`] is moved.
 use darm_core::wire::bootstrap;
-use embassy_futures::select::{Either, select};
+use embassy_futures::select::{Either3, select3};
 use embedded_io_async::{Read, Write};
 use embedded_storage_async::nor_flash::NorFlash;
 
@@ -21,12 +21,17 @@ pub async fn serve<F: NorFlash, C: Clock>(
     let mut port = Port::default();
     let mut bytes = [0; 64];
     loop {
-        // Both futures may be dropped half-way: neither takes anything before it is ready.
-        let received = match select(reader.read(&mut bytes), desk.shared.events.next()).await {
-            Either::First(Ok(n)) => bytes.get(..n).unwrap_or_default(),
-            Either::First(Err(_)) => &[],
-            Either::Second(event) => {
+        // All futures may be dropped half-way: none takes anything before it is ready.
+        let shared = desk.shared;
+        let received = match select3(reader.read(&mut bytes), shared.events.next(), desk.seek()).await {
+            Either3::First(Ok(n)) => bytes.get(..n).unwrap_or_default(),
+            Either3::First(Err(_)) => &[],
+            Either3::Second(event) => {
                 desk.note(event);
+                &[]
+            }
+            Either3::Third(answer) => {
+                let _ = writer.write_all(&answer).await;
                 &[]
             }
         };

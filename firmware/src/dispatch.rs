@@ -2,6 +2,8 @@
 //!
 //! An order that changes something runs once: the answer to the last one is kept, and a repeated number gets it again.
 //! What cannot be read is counted and never answered. Text commands ([`crate::text`]) go through the same desk.
+use core::future::pending;
+
 use darm_core::nearest::{Coordinates, Found};
 use darm_core::sequencer::{Command, Phase};
 use darm_core::table::Table;
@@ -10,6 +12,7 @@ use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, ANSWER, Death, Identity, Version};
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
 use darm_core::wire::message::{Answer, Calibration, Hello, Image, REQUEST, Refusal, Reply, Request, Status};
+use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
 use crate::clock::Clock;
@@ -60,7 +63,9 @@ pub struct Desk<'s, 't, F: NorFlash, C> {
     link: Option<u32>,
     last: Option<Answered>,
     /// Where the nearest word is sought.
-    room: Room,
+    room: &'s mut Room,
+    /// The request that waits for it.
+    pub(crate) sought: Option<Header>,
 }
 
 /// The last request that changed something, and its answer.
@@ -75,7 +80,7 @@ pub type Frame = heapless::Vec<u8, MAX_FRAME>;
 
 impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
     /// A desk that knows nothing yet; [`Desk::open`] it before it answers.
-    pub fn new(board: Board, clock: C, shared: &'s Shared<'t>) -> Self {
+    pub fn new(board: Board, clock: C, shared: &'s Shared<'t>, room: &'s mut Room) -> Self {
         Self {
             board,
             clock,
@@ -88,7 +93,8 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
             bad_frames: 0,
             link: None,
             last: None,
-            room: Room::default(),
+            room,
+            sought: None,
         }
     }
 
@@ -118,7 +124,8 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
         self.log.push(event);
     }
 
-    /// Answers what stood between two zero bytes. `None`: it was no frame, or a late copy of an old one.
+    /// Answers what stood between two zero bytes. `None`: it was no frame, or a late copy of an old one, or its answer is
+    /// still [sought](Self::seek).
     pub async fn answer(&mut self, encoded: &mut [u8]) -> Option<Frame> {
         let Ok((header, payload)) = frame::decode(encoded) else {
             self.note_bad();
@@ -165,6 +172,16 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
         if self.link != Some(header.link) {
             return Some(self.reply(Err(Refusal::NotConnected)));
         }
+        if let Request::Nearest(target) = request {
+            if self.sought != Some(header) {
+                self.sought = None;
+                match self.begin_nearest(&target).await {
+                    Ok(()) => self.sought = Some(header),
+                    Err(refusal) => return Some(self.reply(Err(refusal))),
+                }
+            }
+            return None;
+        }
         if request.is_repeatable() {
             let result = self.run(request).await;
             return Some(self.reply(result));
@@ -203,7 +220,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
 
     async fn run(&mut self, request: Request<'_>) -> Result<Answer, Refusal> {
         match request {
-            Request::Hello { .. } => Err(Refusal::Unknown),
+            Request::Hello { .. } | Request::Nearest(_) => Err(Refusal::Unknown),
             Request::Status => self.status().await.map(Answer::Status),
             Request::Events { from } => {
                 self.catch_up();
@@ -218,12 +235,21 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
                 let stored = self.store()?.calibration().await.map_err(|_| Refusal::Storage)?;
                 Ok(Answer::Calibration(stored))
             }
-            Request::Nearest(target) => self.nearest(&target).await.map(Answer::Nearest),
         }
     }
 
     /// A word that brings the tool near a pose in the base, by the frames in the stored table.
     pub(crate) async fn nearest(&mut self, target: &Coordinates) -> Result<Found<f32>, Refusal> {
+        self.sought = None;
+        self.begin_nearest(target).await?;
+        while self.room.step() {
+            yield_now().await;
+        }
+        self.room.found().ok_or(Refusal::NoFrames)
+    }
+
+    /// Reads the frames.
+    async fn begin_nearest(&mut self, target: &Coordinates) -> Result<(), Refusal> {
         if !target.is_sound() {
             return Err(Refusal::NoPose);
         }
@@ -232,8 +258,24 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
         };
         let store = self.store.as_mut().ok_or(Refusal::Storage)?;
         self.room.begin(&target.pose(), table.actuators.into());
-        store.records(|record| nearest::take(&mut self.room, record)).await.map_err(refuse_load)?;
-        self.room.found().ok_or(Refusal::NoFrames)
+        store.records(|record| nearest::take(self.room, record)).await.map_err(refuse_load)?;
+        self.room.found().map(|_| ()).ok_or(Refusal::NoFrames)
+    }
+
+    /// Searches on for the nearest word that was last asked for; the frame that answers, once it is found. Waits for ever
+    /// where there is nothing to seek. It may be dropped at any time, and goes on where it was.
+    pub async fn seek(&mut self) -> Frame {
+        while let Some(header) = self.sought {
+            if !self.room.step() {
+                self.sought = None;
+                let reply = self.reply(self.room.found().map(Answer::Nearest).ok_or(Refusal::NoFrames));
+                if let Some(frame) = encode(Header { tag: header.tag | ANSWER, ..header }, &reply) {
+                    return frame;
+                }
+            }
+            yield_now().await;
+        }
+        pending().await
     }
 
     /// Does what a person or a host asks for, or says why not.

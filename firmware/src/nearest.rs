@@ -1,16 +1,21 @@
 //! Which word is nearest to a pose, answered by the board: a search that is fed with the records of the stored table.
 //!
-//! The frames of the modules stay in flash and are looked at once each, a few at a time; between them the other tasks
-//! of the console's priority run, and the control tick comes before all of them.
+//! The frames of the modules are read from flash once, a few at a time, and kept small; then the search goes on in
+//! pieces. Between them the console is heard and the other tasks of its priority run, and the control tick comes before
+//! all of them.
 
-use darm_core::nearest::{Beam, Frame};
+use darm_core::nearest::{Frame, Search};
 use darm_core::table::Record;
 
-/// Choices that the search keeps: each is tried with each frame of the next module. The RAM has room for a few more.
-pub const WIDTH: usize = 24;
+/// Choices that the beam keeps: each is tried with each frame of the next module.
+const BEAM: usize = 24;
+/// Beginnings that the wider search keeps: the RAM has room for a few more.
+const WIDTH: usize = 256;
+/// Frames of all modules, 64 for each of six.
+const FRAMES: usize = 384;
 
 /// The room for a search.
-pub(crate) type Room = Beam<f32, WIDTH>;
+pub type Room = Search<BEAM, WIDTH, FRAMES>;
 
 /// Takes the next record of the table, of a search that has begun; whether those after it matter.
 pub(crate) fn take(room: &mut Room, record: &Record) -> bool {

@@ -12,6 +12,9 @@ use darm_core::wire::bootstrap::{self, Identity};
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
 use darm_core::wire::message::{Answer, CHUNK, Calibration, Image, REQUEST, Refusal, Reply, Request, Status};
 
+use embassy_futures::select::select;
+use embassy_futures::yield_now;
+
 use crate::app::serve;
 use crate::control::{Control, Shared, TICK};
 use crate::dispatch::{Board, Desk};
@@ -51,7 +54,7 @@ impl Bench {
             cells,
         };
         let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("bench").unwrap() };
-        let mut desk = Desk::new(Board { identity, death: None }, bench.clock, bench.shared);
+        let mut desk = Desk::new(Board { identity, death: None }, bench.clock, bench.shared, Box::leak(Box::default()));
         let opening = desk.open(Some(bench.cells.flash(u32::MAX)), Box::leak(Box::default()));
         run(opening, || bench.tick());
         *bench.desk.borrow_mut() = Some(desk);
@@ -78,7 +81,11 @@ impl Bench {
 
     fn frame(&self, encoded: &mut [u8]) -> Option<Vec<u8>> {
         let mut desk = self.desk.borrow_mut();
-        let mut answer = run(desk.as_mut().unwrap().answer(encoded), || self.tick())?;
+        let desk = desk.as_mut().unwrap();
+        let mut answer = match run(desk.answer(encoded), || self.tick()) {
+            None if desk.sought.is_some() => run(desk.seek(), || self.tick()),
+            answer => answer?,
+        };
         let len = answer.len();
         Some(frame::decode(&mut answer[1..len - 1]).unwrap().1.to_vec())
     }
@@ -290,6 +297,45 @@ fn the_board_answers_which_word_is_nearest_while_a_program_runs() {
     assert_eq!(bench.type_line("nearest 2250 3000 0"), "11: 250.0 mm and 0.00 deg off, d 250.0 mm\r\n");
     assert!(bench.type_line("nearest 1e9 0 0").starts_with("? the pose has a number"));
     assert!(matches!(bench.status().phase, Phase::Playing { .. }));
+}
+
+#[test]
+fn the_console_is_heard_while_the_board_searches() {
+    let bench = loaded();
+    bench.upload(&table_with(3, 10, false, &two_modules())).unwrap();
+    let (input, output) = (Pipe::<1024>::new(), Pipe::<1024>::new());
+    let asked = |number: u16, request: Request| {
+        let (mut payload, mut frame) = ([0; MAX_PAYLOAD], [0; MAX_FRAME]);
+        let payload = postcard::to_slice(&request, &mut payload).unwrap();
+        let len = frame::encode(Header { tag: REQUEST, link: LINK, number }, payload, &mut frame).unwrap();
+        assert_eq!(input.push_slice(&frame[..len]), len);
+    };
+    // The second copy of a request does not make the search begin anew.
+    [500, 500].into_iter().for_each(|number| asked(number, Request::Nearest(along(2.0, 1.0))));
+    asked(501, Request::Status);
+    let mut desk = bench.desk.borrow_mut();
+    let (mut reader, mut writer) = (PipeReader(&input), PipeWriter(&output));
+    let served = serve(desk.as_mut().unwrap(), &mut reader, &mut writer);
+    let numbers = RefCell::new(vec![]);
+    let mut bytes = vec![];
+    let heard = async {
+        while numbers.borrow().len() < 2 {
+            bytes.extend(core::iter::from_fn(|| output.pop()));
+            for frame in core::mem::take(&mut bytes).split_inclusive(|byte| *byte == 0) {
+                match frame {
+                    [0] => {}
+                    [encoded @ .., 0] => {
+                        let number = frame::decode(&mut encoded.to_vec()).unwrap().0.number;
+                        numbers.borrow_mut().push(number);
+                    }
+                    rest => bytes.extend_from_slice(rest),
+                }
+            }
+            yield_now().await;
+        }
+    };
+    run(select(served, heard), || bench.tick());
+    assert_eq!(*numbers.borrow(), [501, 500]);
 }
 
 #[test]

@@ -105,7 +105,7 @@ static STORED: AtomicU32 = AtomicU32::new(0);
 pub struct Lateness([AtomicU16; Self::BINS]);
 
 impl Lateness {
-    const BINS: usize = 1000;
+    const BINS: usize = 400;
     const BIN_US: u64 = 10;
 
     const fn new() -> Self {

@@ -5,6 +5,8 @@
 //! | `control` | [`super::CONTROL`]  | looks, decides and drives, once a millisecond    |
 //! | `console` | [`super::COMMON`]   | frames and text on USART1, storage               |
 //! | `servos`  | [`super::COMMON`]   | the servo bus on USART2                          |
+use core::mem::MaybeUninit;
+
 use darm_core::table::Table;
 use darm_core::units::Micros;
 use darm_core::wire::bootstrap::{Death, Identity};
@@ -20,6 +22,7 @@ use crate::app::serve;
 use crate::clock::Clock;
 use crate::control::{Control, Shared, TICK};
 use crate::dispatch::{Board, Desk};
+use crate::nearest::Room;
 use crate::servo::Bus;
 use crate::solenoid::{Pins, Solenoids};
 
@@ -30,8 +33,11 @@ pub static SHARED: Shared<'static> = Shared::new();
 
 /// The large ones are built before the tasks run: a task that builds them needs their room on the stack for ever.
 static TABLE: StaticCell<Table> = StaticCell::new();
-static TICKS: StaticCell<Control<'static>> = StaticCell::new();
 static DESK: StaticCell<OnBoard> = StaticCell::new();
+static ROOM: StaticCell<Room> = StaticCell::new();
+/// Where no flag says that it is in use, see `memory.x`.
+#[unsafe(link_section = ".above")]
+static mut TICKS: MaybeUninit<Control<'static>> = MaybeUninit::uninit();
 
 type OnBoard = Desk<'static, 'static, Flash, BoardClock>;
 
@@ -101,13 +107,25 @@ fn identity() -> Identity {
     Identity { device: super::device(), board: heapless::String::try_from(super::NAME).unwrap_or_default() }
 }
 
+/// What the console owns. Its stack is free again when the tasks begin, which is while they are started.
+#[inline(never)]
+fn desk(board: Board) -> &'static mut OnBoard {
+    let room = ROOM.init_with(Room::default);
+    DESK.init_with(|| Desk::new(board, BoardClock, &SHARED, room))
+}
+
+/// What the control tick owns: called once, and as what is built before can be built once only, once at most.
+#[inline(never)]
+fn ticks() -> &'static mut Control<'static> {
+    // SAFETY: nothing else refers to it, as it is called once.
+    unsafe { (*(&raw mut TICKS)).write(Control::new(BoardClock.now(), &SHARED)) }
+}
+
 /// Builds what the tasks own and starts them. Its stack is free again when they run.
 #[inline(never)]
 pub fn start(death: Option<Death>) {
-    let control = control(TICKS.init_with(|| Control::new(BoardClock.now(), &SHARED)));
-    let board = Board { identity: identity(), death };
-    let desk = DESK.init_with(|| Desk::new(board, BoardClock, &SHARED));
-    let console = console(desk, TABLE.init_with(Table::default));
+    let console = console(desk(Board { identity: identity(), death }), TABLE.init_with(Table::default));
+    let control = control(ticks());
     match (control, console, servos()) {
         (Ok(control), Ok(console), Ok(servos)) => {
             let common = COMMON.start(super::COMMON);

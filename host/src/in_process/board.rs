@@ -12,6 +12,7 @@ use darm_firmware::app::serve;
 use darm_firmware::clock::Clock;
 use darm_firmware::control::{Control, Shared, TICK};
 use darm_firmware::dispatch::{Board, Desk};
+use darm_firmware::nearest::Room;
 use darm_firmware::pipe::{Pipe, PipeReader, PipeWriter};
 use darm_firmware::servo::Bus;
 use embassy_futures::select::{Either3, select3};
@@ -55,11 +56,12 @@ pub(super) struct Wires {
 /// Runs the firmware from its start until somebody asks for a restart.
 pub(super) async fn run(wires: Arc<Wires>, flash: MemoryFlash) -> Into {
     let mut table = Box::<Table>::default();
+    let mut room = Box::<Room>::default();
     let shared = Shared::new();
     let console = async {
         let board = "in-process".parse().unwrap_or_default();
         let identity = Identity { device: DeviceId(*b"in-process!!"), board };
-        let mut desk = Desk::new(Board { identity, death: None }, &wires.clock, &shared);
+        let mut desk = Desk::new(Board { identity, death: None }, &wires.clock, &shared, &mut room);
         desk.open(Some(flash), &mut table).await;
         serve(&mut desk, &mut PipeReader(&wires.console_in), &mut PipeWriter(&wires.console_out)).await
     };

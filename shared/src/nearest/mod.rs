@@ -11,12 +11,15 @@
 //! From the base on, the `WIDTH` best choices are kept after each module (a beam search). A choice is as good as the
 //! pose that it leaves to be reached, R = (M_0 ⋯ M_i)⁻¹·T, is near to what the modules behind it typically do, K:
 //! s² = |p_R' − p_K|² + ℓ²·(3 − tr(R_K⁻¹ R_R)), with p_R' − p_K told from the tool's end; 3 − tr = 2(1 − cos θ) ≈ θ²
-//! needs neither root nor arc. The word found is near, not proven to be the nearest: that takes the host, `darm nearest`.
+//! needs neither root nor arc. A wider search follows: [`Search`]. The word found is near, not proven to be the nearest:
+//! that takes the host, `darm nearest`.
 //!
 //! Memory and time are bounded: two beams of `WIDTH` entries, and `WIDTH` times the number of all frames of looks. A
 //! frame is looked at once, so the frames may come one after the other from where they are stored: [`Beam::begin`], for
 //! each module from the base on [`Beam::module`] and its frames by [`Beam::offer`], and [`Beam::found`].
 #![allow(non_snake_case)]
+
+mod meeting;
 
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
@@ -25,6 +28,7 @@ use crate::actuator::{MAX_LEGS, Setting, Stage};
 use crate::real::{Mat3, Real, Vec3, real};
 use crate::se::Pose;
 use crate::units::Word;
+pub use meeting::Search;
 
 /// No coordinate of a pose that travels is larger than this, m or rad.
 const MOST: f32 = 1e3;

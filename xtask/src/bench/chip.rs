@@ -103,6 +103,6 @@ fn sizes(elf: &Path) -> Result<Vec<Figure>> {
     };
     Ok(vec![
         Figure::new("flash of the image", size(&[".vector_table", ".text", ".rodata", ".data"]), "bytes")?,
-        Figure::new("RAM of the image without its stack", size(&[".data", ".bss", ".uninit"]), "bytes")?,
+        Figure::new("RAM of the image without its stack", size(&[".data", ".bss", ".uninit", ".above"]), "bytes")?,
     ])
 }

@@ -6,7 +6,7 @@ use darm_core::chain::Scratch;
 use darm_core::model::Model;
 use darm_core::se::Pose;
 use darm_core::units::Word;
-use darm_firmware::board::measure;
+use darm_firmware::board::measure::{self, Stack};
 
 use crate::{check, corrected, tell};
 
@@ -32,7 +32,7 @@ fn predict(word: Word, scratch: &mut Scratch<f32, 6>) -> Option<Pose<f32>> {
 
 /// Tells the poses, by rows of the rotation and then the position, and what one of them takes.
 #[inline(never)]
-pub(crate) fn measure() {
+pub(crate) fn measure(stack: &Stack) {
     let mut scratch = Scratch::default();
     let (mut most, mut least) = (0, u32::MAX);
     for digits in WORDS {
@@ -48,4 +48,5 @@ pub(crate) fn measure() {
     }
     tell("corrected_model", "pose_of_a_word_at_least", least, "instructions");
     tell("corrected_model", "pose_of_a_word_at_most", most, "instructions");
+    tell("corrected_model", "stack", stack.used(), "bytes");
 }

@@ -16,7 +16,7 @@ use core::fmt::Display;
 
 use cortex_m_semihosting::{debug, hprintln};
 use darm_core::actuator::{Leg, Platform, Stage};
-use darm_core::nearest::{self, Beam, Coordinates, Frame, Module};
+use darm_core::nearest::{self, Coordinates, Frame, Module};
 use darm_core::output::{
     ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, MAX_ACTUATORS, MAX_LINES, MAX_SERVOS, ServoWiring, SwitchLimit,
 };
@@ -32,7 +32,7 @@ use darm_firmware::board::measure::Stack;
 use darm_firmware::board::tasks::SHARED;
 use darm_firmware::board::{self, clocks, death, measure, tasks, time, uart};
 use darm_firmware::clock::Clock;
-use darm_firmware::nearest::WIDTH;
+use darm_firmware::nearest::Room;
 use defmt_rtt as _;
 
 /// The planar arm of four modules, and all that a board drives.
@@ -207,28 +207,54 @@ fn six_legs() -> Stage<f32> {
     Stage::Spatial(Platform { legs, home })
 }
 
-/// The end frame of a word by look-ups, and the nearest word out of 64⁶ by a beam search.
+/// The end frame of a word by look-ups, and the nearest word out of 64⁶ by the board's search.
 #[inline(never)]
 fn measure_nearest() {
+    let (typical, target) = measure_look_up();
+    measure_search(&typical, &target);
+}
+
+/// A pose amid those of a module, and the pose that is looked up.
+#[inline(never)]
+fn measure_look_up() -> (Pose<f32>, Pose<f32>) {
     let (stage, one) = (six_legs(), Pose::identity());
     let frames: heapless::Vec<Frame<f32>, 64> = nearest::frames(&stage, &one, &one).collect();
     check("a module has 64 frames", frames.len() == 64);
     let module = Module { frames: &frames, actuators: 6, typical: nearest::typical(&frames) };
     let modules = [module; MODULES];
     let word = (0..36).step_by(2).fold(Word::zeros(36).unwrap_or_default(), |word, leg| word.with_digit(leg, 1));
-    let (mut target, mut found) = (None, None);
+    let mut target = None;
     let look_up = measure::instructions(|| target = nearest::pose_base_tool(&modules, &word));
-    let target = target.unwrap_or(one);
-    let mut beam = Beam::<f32, WIDTH>::default();
-    let search = measure::instructions(|| found = nearest::nearest(&modules, &target, 0.5, &mut beam));
     tell("nearest", "end_frame_of_six_modules", look_up, "instructions");
-    tell("nearest", format_args!("beam_of_{WIDTH}_out_of_64^6"), search, "instructions");
-    beam.module(6, &one, 0.5);
-    let piece = measure::instructions(|| beam.offer(&frames[0]));
+    tell("nearest", "room", size_of::<Room>(), "bytes");
+    (module.typical, target.unwrap_or(one))
+}
+
+#[inline(never)]
+fn measure_search(typical: &Pose<f32>, target: &Pose<f32>) {
+    let mut room = Room::default();
+    let (stage, one) = (six_legs(), Pose::identity());
+    let (mut piece, mut beam) = (0, 0);
+    room.begin(target, 6 * MODULES);
+    for behind in (0..MODULES).rev() {
+        room.module(6, &(0..behind).fold(one, |tail, _| tail * *typical), 0.5);
+        for frame in nearest::frames(&stage, &one, &one) {
+            let count = measure::instructions(|| room.offer(&frame));
+            (piece, beam) = (piece.max(count), beam + count);
+        }
+    }
+    let distance_mm = |room: &Room| room.found().map_or(-1.0, |found| 1e3 * found.distance_m);
     tell("nearest", "a_frame_behind_all_choices", piece, "instructions");
-    tell("nearest", "beam", size_of_val(&beam), "bytes");
-    tell("nearest", "frames_of_a_module", size_of_val(&*frames), "bytes");
-    tell("nearest", "distance", found.map_or(-1.0, |found| 1e3 * found.distance_m), "mm");
+    tell("nearest", "beam_out_of_64^6", beam, "instructions");
+    tell("nearest", "beam_distance", distance_mm(&room), "mm");
+    let (mut longest, mut whole, mut more) = (0, 0, true);
+    while more {
+        let count = measure::instructions(|| more = room.step());
+        (longest, whole) = (longest.max(count), whole + count);
+    }
+    tell("nearest", "longest_piece_of_the_wider_search", longest, "instructions");
+    tell("nearest", "wider_search_out_of_64^6", whole, "instructions");
+    tell("nearest", "distance", distance_mm(&room), "mm");
 }
 
 #[inline(never)]
@@ -274,8 +300,9 @@ fn main() -> ! {
     kinematics::measure(&stack);
     time::start();
     board::prioritise();
-    laws::measure();
+    laws::measure(&stack);
     measure_nearest();
+    tell("nearest", "stack", stack.used(), "bytes");
     tasks::start(death::take());
     measure_all(&stack);
     debug::exit(debug::EXIT_SUCCESS);

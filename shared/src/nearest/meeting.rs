@@ -1,0 +1,491 @@
+//! A wider search than a beam in little memory: the last two modules are tried whole behind thousands of beginnings.
+//!
+//! A beam chooses by the pose that the modules behind are nearest to on average, and its last choices are bound by the
+//! first. Here a beginning counts as good when the modules behind are likely to meet what it leaves: the pose x that
+//! remains to be reached, seen from K, what they typically do, is ξ = (2ℓ·vec q, p) of K⁻¹x, and the score is
+//! (ξ − μ)ᵀ·C⁻¹·(ξ − μ) with mean and covariance of what they do, both summed over the modules to first order:
+//! ξ of a module at the tool is Ad(B⁻¹) of its own, B what stands behind it. `WIDTH` beginnings are kept after each
+//! module; behind each, the best of the third last module are met with all pairs of the last two. Of the last one only
+//! those are looked at whose place along x is nearer than the best word so far, after a look at the box of their places.
+//!
+//! The search runs in pieces of at most some hundred thousand instructions: [`Search::step`]. Its room are `FRAMES`
+//! frames of 16 bytes, whose numbers of 16 bits are off by some 2·10⁻⁵ rad and of the module's size, and 12 bytes for
+//! each of `WIDTH`. Where the modules have more frames, or the last one more than 64, the beam alone answers; it always
+//! runs, so the word is never worse than the beam's.
+
+use heapless::Vec;
+use nalgebra::{Isometry3, Quaternion, Rotation3, Translation3, UnitQuaternion};
+
+use super::{Beam, Found, Frame, Module};
+use crate::real::{Mat6, Vec3, Vec6};
+use crate::se::Pose;
+use crate::trig;
+use crate::units::Word;
+
+/// Most modules.
+const MODULES: usize = 8;
+/// Most frames of the last module, and most choices of the third last behind one beginning.
+const LAST: usize = 64;
+/// Beginnings with the third last module, for each of the beginnings without.
+const FOLLOWED: usize = 24;
+/// The largest number of a stored frame.
+const FULL: f32 = i16::MAX as f32;
+/// Variance in every direction, as a share of the mean one: no direction counts as impossible.
+const LEAST_VARIANCE: f32 = 1e-4;
+
+type Motion = Isometry3<f32>;
+
+/// A frame of a module in 16 bytes.
+#[derive(Clone, Copy, Debug)]
+struct Small {
+    /// Quaternion, the real part first, of `FULL`.
+    turn: [i16; 4],
+    /// Position, `FULL` of the module's size.
+    at: [i16; 3],
+    digits: u16,
+}
+
+/// A module as it is kept.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    /// What the modules behind it typically do.
+    behind: Motion,
+    /// Its frames.
+    first: usize,
+    count: usize,
+    actuators: u8,
+    /// No coordinate of its frames is larger, m.
+    size_m: f32,
+    /// What the number of a frame counts in the number of a beginning.
+    stride: u32,
+}
+
+/// The best of many numbers by their scores.
+#[derive(Clone, Debug)]
+struct Shortlist<const N: usize> {
+    list: Vec<(f32, u32), N>,
+    /// The worst and its place, once there is no room for more.
+    worst: Option<(usize, f32)>,
+}
+
+/// What comes next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// The modules come.
+    Told,
+    /// What a module behind the present one does is added to the mean and the covariance.
+    Spread {
+        part: usize,
+    },
+    /// A beginning is followed by every frame of the present module.
+    Grow {
+        beginning: usize,
+    },
+    /// The best frames of the third last module behind a beginning are chosen.
+    Choose {
+        beginning: usize,
+    },
+    /// One of them is met with the pairs of the last two modules.
+    Meet {
+        beginning: usize,
+        kid: usize,
+    },
+    Done,
+}
+
+/// A search that begins with a beam of `BEAM` choices and goes on with `WIDTH` beginnings, and the room that it needs.
+#[derive(Clone, Debug)]
+pub struct Search<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> {
+    beam: Beam<f32, BEAM>,
+    frames: Vec<Small, FRAMES>,
+    parts: Vec<Part, MODULES>,
+    target: Motion,
+    digits: usize,
+    length_scale_m: f32,
+    /// Every module and frame has found room.
+    whole: bool,
+    phase: Phase,
+    /// The module that is chosen now.
+    level: usize,
+    beginnings: Vec<u32, WIDTH>,
+    next: Shortlist<WIDTH>,
+    kids: Shortlist<LAST>,
+    mean: Vec6<f32>,
+    /// The covariance, and its inverse once every module is in it.
+    spread: Mat6<f32>,
+    /// Places of the last module's frames, sorted along x, and the corners of their box, m.
+    ends: Vec<Vec3<f32>, LAST>,
+    corners: [Vec3<f32>; 2],
+    /// The least distance so far, m, and the numbers of a beginning and of the frames of the last three modules.
+    nearest_m: f32,
+    best: Option<(u32, [usize; 3])>,
+}
+
+impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Default for Search<BEAM, WIDTH, FRAMES> {
+    fn default() -> Self {
+        Self {
+            beam: Beam::default(),
+            frames: Vec::new(),
+            parts: Vec::new(),
+            target: Motion::identity(),
+            digits: 0,
+            length_scale_m: 0.0,
+            whole: true,
+            phase: Phase::Done,
+            level: 0,
+            beginnings: Vec::new(),
+            next: Shortlist::default(),
+            kids: Shortlist::default(),
+            mean: Vec6::zeros(),
+            spread: Mat6::zeros(),
+            ends: Vec::new(),
+            corners: [Vec3::zeros(); 2],
+            nearest_m: f32::MAX,
+            best: None,
+        }
+    }
+}
+
+impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WIDTH, FRAMES> {
+    /// Starts a search for a word of so many digits that brings the tool near `target`.
+    pub fn begin(&mut self, target: &Pose<f32>, digits: usize) {
+        self.beam.begin(target, digits);
+        self.frames.clear();
+        self.parts.clear();
+        (self.target, self.digits, self.whole) = (motion(target), digits, true);
+        (self.phase, self.best) = (Phase::Told, None);
+    }
+
+    /// The frames of the next module come now, from the base on: see [`Beam::module`].
+    pub fn module(&mut self, actuators: u8, behind: &Pose<f32>, length_scale_m: f32) {
+        self.beam.module(actuators, behind, length_scale_m);
+        self.length_scale_m = length_scale_m;
+        let stride = self.parts.last().map_or(Some(1), |part| part.stride.checked_mul(part.count as u32));
+        let part = Part {
+            behind: motion(behind),
+            first: self.frames.len(),
+            count: 0,
+            actuators,
+            size_m: 1.0 / 64.0,
+            stride: stride.unwrap_or(0),
+        };
+        self.whole &= self.parts.push(part).is_ok();
+    }
+
+    /// The next frame of the module.
+    pub fn offer(&mut self, frame: &Frame<f32>) {
+        self.beam.offer(frame);
+        let Some(part) = self.parts.last_mut() else { return };
+        let own = motion(&frame.pose);
+        let most_m = own.translation.vector.amax();
+        while part.size_m < most_m && part.size_m < f32::MAX / 4.0 {
+            part.size_m *= 2.0;
+            let earlier = self.frames.iter_mut().skip(part.first);
+            earlier.for_each(|frame| frame.at = frame.at.map(|number| number / 2));
+        }
+        part.count += 1;
+        self.whole &= self.frames.push(Small::of(&own, part.size_m, frame.digits)).is_ok();
+    }
+
+    /// Searches on for a while, once every frame has come; whether there is more to do.
+    pub fn step(&mut self) -> bool {
+        match self.phase {
+            Phase::Told => self.start(),
+            Phase::Spread { part } => self.add_spread(part),
+            Phase::Grow { beginning } => self.grow(beginning),
+            Phase::Choose { beginning } => self.choose(beginning),
+            Phase::Meet { beginning, kid } => self.meet(beginning, kid),
+            Phase::Done => {}
+        }
+        self.phase != Phase::Done
+    }
+
+    /// The word that brings the tool nearest of those that were looked at; `None` as of [`Beam::found`].
+    pub fn found(&self) -> Option<Found<f32>> {
+        let beam = self.beam.found()?;
+        match self.met() {
+            Some(met) if met.word != beam.word && met.distance_m < beam.distance_m => Some(met),
+            _ => Some(beam),
+        }
+    }
+
+    /// Searches in one go; see [`super::nearest`].
+    pub fn nearest(&mut self, modules: &[Module<f32>], target: &Pose<f32>, length_scale_m: f32) -> Option<Found<f32>> {
+        self.begin(target, modules.iter().map(|module| usize::from(module.actuators)).sum());
+        for (index, module) in modules.iter().enumerate() {
+            let behind = modules.iter().skip(index + 1).fold(Pose::identity(), |tail, module| tail * module.typical);
+            self.module(module.actuators, &behind, length_scale_m);
+            module.frames.iter().for_each(|frame| self.offer(frame));
+        }
+        while self.step() {}
+        self.found()
+    }
+
+    /// Prepares what is looked up, or leaves the answer to the beam.
+    fn start(&mut self) {
+        self.phase = Phase::Done;
+        let (Some(found), Some(last)) = (self.beam.found(), self.parts.last().copied()) else { return };
+        let numbered = self.parts.iter().all(|part| part.stride > 0);
+        if !self.whole || !numbered || self.parts.len() < 2 || last.count > LAST {
+            return;
+        }
+        let frames = self.frames.get_mut(last.first..).unwrap_or_default();
+        frames.sort_unstable_by_key(|frame| frame.at[0]);
+        self.ends = frames.iter().map(|frame| frame.motion(last.size_m).translation.vector).collect();
+        self.corners = [Vec3::repeat(f32::MAX), Vec3::repeat(f32::MIN)];
+        for end in &self.ends {
+            self.corners = [self.corners[0].inf(end), self.corners[1].sup(end)];
+        }
+        self.nearest_m = found.distance_m;
+        self.beginnings.clear();
+        let _ = self.beginnings.push(0);
+        self.kids.clear();
+        if self.parts.len() == 2 {
+            self.kids.offer(0.0, 0);
+            self.phase = Phase::Meet { beginning: 0, kid: 0 };
+        } else {
+            self.enter(0);
+        }
+    }
+
+    /// Goes on with the next module.
+    fn enter(&mut self, level: usize) {
+        self.level = level;
+        (self.mean, self.spread) = (Vec6::zeros(), Mat6::zeros());
+        self.next.clear();
+        self.phase = Phase::Spread { part: level + 1 };
+    }
+
+    fn add_spread(&mut self, index: usize) {
+        let (Some(before), Some(part)) = (self.parts.get(index - 1), self.parts.get(index)) else { return };
+        let typical = before.behind * part.behind.inverse();
+        let (mut sum, mut squares) = (Vec6::zeros(), Mat6::zeros());
+        for frame in self.frames.iter().skip(part.first).take(part.count) {
+            let own = self.coordinates(&typical, &frame.motion(part.size_m));
+            let (turn, linear) = (own.fixed_rows::<3>(0).into_owned(), own.fixed_rows::<3>(3).into_owned());
+            // Seen where the tool is.
+            let linear =
+                linear - part.behind.translation.vector.cross(&turn) / self.length_scale_m.max(f32::MIN_POSITIVE);
+            let back = part.behind.rotation.inverse();
+            let (turn, linear) = (back * turn, back * linear);
+            let there = Vec6::new(turn.x, turn.y, turn.z, linear.x, linear.y, linear.z);
+            sum += there;
+            squares += there * there.transpose();
+        }
+        let count = part.count as f32;
+        let mean = sum / count;
+        self.mean += mean;
+        self.spread += squares / count - mean * mean.transpose();
+        self.phase = Phase::Spread { part: index + 1 };
+        if index + 1 == self.parts.len() {
+            let least = LEAST_VARIANCE * self.spread.trace() / 6.0 + f32::MIN_POSITIVE;
+            let whole = self.spread + Mat6::identity() * least;
+            self.spread = whole.cholesky().map_or(Mat6::identity(), |factor| factor.inverse());
+            let grows = self.level + 3 < self.parts.len();
+            self.phase = if grows { Phase::Grow { beginning: 0 } } else { Phase::Choose { beginning: 0 } };
+        }
+    }
+
+    fn grow(&mut self, index: usize) {
+        let (Some(&beginning), Some(part)) = (self.beginnings.get(index), self.parts.get(self.level)) else { return };
+        let remaining = self.remaining(beginning, self.level);
+        for (number, frame) in self.frames.iter().skip(part.first).take(part.count).enumerate() {
+            let score = self.score(part, &frame.motion(part.size_m).inv_mul(&remaining));
+            self.next.offer(score, beginning + number as u32 * part.stride);
+        }
+        self.phase = Phase::Grow { beginning: index + 1 };
+        if index + 1 == self.beginnings.len() {
+            self.next.sort();
+            self.beginnings = self.next.list.iter().map(|(_, number)| *number).collect();
+            self.enter(self.level + 1);
+        }
+    }
+
+    fn choose(&mut self, index: usize) {
+        let Some(part) = self.parts.get(self.level) else { return };
+        self.kids.clear();
+        let Some(&beginning) = self.beginnings.get(index) else {
+            self.phase = Phase::Done;
+            return;
+        };
+        let remaining = self.remaining(beginning, self.level);
+        for (number, frame) in self.frames.iter().skip(part.first).take(part.count).enumerate() {
+            let score = self.score(part, &frame.motion(part.size_m).inv_mul(&remaining));
+            self.kids.offer(score, number as u32);
+        }
+        self.kids.sort();
+        self.kids.list.truncate((FOLLOWED * WIDTH / self.beginnings.len()).max(1));
+        self.phase = Phase::Meet { beginning: index, kid: 0 };
+    }
+
+    fn meet(&mut self, index: usize, kid: usize) {
+        let n = self.parts.len();
+        let (Some(&beginning), Some(&(_, number))) = (self.beginnings.get(index), self.kids.list.get(kid)) else {
+            self.phase = if n == 2 { Phase::Done } else { Phase::Choose { beginning: index + 1 } };
+            return;
+        };
+        self.phase = Phase::Meet { beginning: index, kid: kid + 1 };
+        let (Some(joint), Some(last)) = (self.parts.get(n - 2), self.parts.get(n - 1)) else { return };
+        let mut remaining = self.remaining(beginning, self.level.min(n - 2));
+        if n > 2 {
+            remaining = self.motion(n - 3, number as usize).inv_mul(&remaining);
+        }
+        for (second, frame) in self.frames.iter().skip(joint.first).take(joint.count).enumerate() {
+            let own = frame.motion(joint.size_m);
+            let at = own.rotation.inverse_transform_vector(&(remaining.translation.vector - own.translation.vector));
+            let reach = self.nearest_m;
+            let sides = self.corners[0].iter().zip(&self.corners[1]);
+            if at.iter().zip(sides).any(|(x, (low, high))| *x < low - reach || *x > high + reach) {
+                continue;
+            }
+            let turn = own.rotation.inverse() * remaining.rotation;
+            let from = self.ends.partition_point(|end| end.x < at.x - self.nearest_m);
+            for (third, end) in self.ends.iter().enumerate().skip(from) {
+                if end.x > at.x + self.nearest_m {
+                    break;
+                }
+                let square = (end - at).norm_squared();
+                if square >= self.nearest_m * self.nearest_m {
+                    continue;
+                }
+                let Some(frame) = self.frames.get(last.first + third) else { continue };
+                // θ² = 4·arcsin²(s), s the sine of half the angle, by its series in s².
+                let sine2 = (frame.turn().conjugate() * turn.into_inner()).imag().norm_squared();
+                let arc = 4.0 * sine2 * (1.0 + sine2 * (1.0 / 3.0 + sine2 * (8.0 / 45.0)));
+                let square = square + self.length_scale_m * self.length_scale_m * arc;
+                if square < self.nearest_m * self.nearest_m {
+                    self.nearest_m = trig::sqrt(square);
+                    self.best = Some((beginning, [number as usize, second, third]));
+                }
+            }
+        }
+    }
+
+    /// A frame of a module.
+    fn motion(&self, part: usize, number: usize) -> Motion {
+        let frame = self.parts.get(part).and_then(|part| Some((self.frames.get(part.first + number)?, part.size_m)));
+        frame.map_or(Motion::identity(), |(frame, size_m)| frame.motion(size_m))
+    }
+
+    /// The pose of the target behind the first modules of a beginning.
+    fn remaining(&self, beginning: u32, level: usize) -> Motion {
+        let parts = self.parts.iter().take(level).enumerate();
+        parts.fold(self.target, |rest, (index, part)| self.motion(index, part.number(beginning)).inv_mul(&rest))
+    }
+
+    /// ξ of a pose seen from `typical`.
+    fn coordinates(&self, typical: &Motion, pose: &Motion) -> Vec6<f32> {
+        let seen = typical.inv_mul(pose);
+        let sign = if seen.rotation.w < 0.0 { -1.0 } else { 1.0 };
+        let (turn, at) = (seen.rotation.imag() * (2.0 * sign * self.length_scale_m), seen.translation.vector);
+        Vec6::new(turn.x, turn.y, turn.z, at.x, at.y, at.z)
+    }
+
+    /// How unlikely it is that the modules behind `part` reach what remains.
+    fn score(&self, part: &Part, remaining: &Motion) -> f32 {
+        let off = self.coordinates(&part.behind, remaining) - self.mean;
+        (self.spread * off).dot(&off)
+    }
+
+    /// The best of the words that were met.
+    fn met(&self) -> Option<Found<f32>> {
+        let (beginning, numbers) = self.best?;
+        let (mut word, mut rest, mut actuator) = (Word::zeros(u8::try_from(self.digits).ok()?)?, self.target, 0);
+        let n = self.parts.len();
+        for (index, part) in self.parts.iter().enumerate() {
+            // The last three, or both of two.
+            let late = (index + 3).checked_sub(n).and_then(|late| numbers.get(late));
+            let number = late.map_or_else(|| part.number(beginning), |number| *number);
+            let frame = self.frames.get(part.first + number)?;
+            rest = frame.motion(part.size_m).inv_mul(&rest);
+            for leg in 0..usize::from(part.actuators) {
+                word = word.with_digit(actuator, (frame.digits >> (2 * leg) & 3) as u8);
+                actuator += 1;
+            }
+        }
+        let rotation = rest.rotation.to_rotation_matrix().into_inner();
+        let apart = Pose { rotation, position: rest.translation.vector };
+        Some(Found {
+            word,
+            distance_m: Pose::identity().distance(&apart, self.length_scale_m),
+            error_m: apart.position.norm(),
+            error_rad: apart.angle_rad(),
+        })
+    }
+}
+
+impl Part {
+    /// The number of its frame in a beginning.
+    fn number(&self, beginning: u32) -> usize {
+        beginning.checked_div(self.stride).unwrap_or(0) as usize % self.count.max(1)
+    }
+}
+
+impl Small {
+    fn of(motion: &Motion, size_m: f32, digits: u16) -> Self {
+        let turn = &motion.rotation;
+        let at = motion.translation.vector * (FULL / size_m);
+        Self {
+            turn: [turn.w, turn.i, turn.j, turn.k].map(|number| rounded(number * FULL)),
+            at: [at.x, at.y, at.z].map(rounded),
+            digits,
+        }
+    }
+
+    fn turn(&self) -> Quaternion<f32> {
+        let [w, i, j, k] = self.turn.map(|number| f32::from(number) / FULL);
+        Quaternion::new(w, i, j, k)
+    }
+
+    fn motion(&self, size_m: f32) -> Motion {
+        let [x, y, z] = self.at.map(|number| f32::from(number) * (size_m / FULL));
+        Motion::from_parts(Translation3::new(x, y, z), UnitQuaternion::new_unchecked(self.turn()))
+    }
+}
+
+impl<const N: usize> Default for Shortlist<N> {
+    fn default() -> Self {
+        Self { list: Vec::new(), worst: None }
+    }
+}
+
+impl<const N: usize> Shortlist<N> {
+    /// Empties the list.
+    fn clear(&mut self) {
+        self.list.clear();
+        self.worst = None;
+    }
+
+    fn offer(&mut self, score: f32, number: u32) {
+        match self.worst {
+            Some((_, worst)) if score >= worst => return,
+            Some((place, _)) => {
+                if let Some(place) = self.list.get_mut(place) {
+                    *place = (score, number);
+                }
+            }
+            None => _ = self.list.push((score, number)),
+        }
+        if self.list.is_full() {
+            let scores = self.list.iter().map(|(score, _)| *score).enumerate();
+            self.worst = scores.reduce(|a, b| if b.1 > a.1 { b } else { a });
+        }
+    }
+
+    /// The best first.
+    fn sort(&mut self) {
+        self.list.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    }
+}
+
+fn motion(pose: &Pose<f32>) -> Motion {
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(pose.rotation));
+    Motion::from_parts(Translation3::from(pose.position), rotation)
+}
+
+fn rounded(number: f32) -> i16 {
+    (number + if number < 0.0 { -0.5 } else { 0.5 }) as i16
+}
+
+#[cfg(test)]
+mod tests;
