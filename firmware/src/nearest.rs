@@ -18,7 +18,7 @@ const FRAMES: usize = 384;
 pub type Room = Search<BEAM, WIDTH, FRAMES>;
 
 /// Takes the next record of the table, of a search that has begun; whether those after it matter.
-pub(crate) fn take(room: &mut Room, record: &Record) -> bool {
+pub fn take(room: &mut Room, record: &Record) -> bool {
     match record {
         Record::Module { actuators, length_scale_m, behind } => {
             room.module(*actuators, &behind.pose(), *length_scale_m);

@@ -4,12 +4,16 @@
 
 mod bench;
 
+use std::path::Path;
 use std::time::Duration;
 
 use bench::{Bench, SETTLE_S, row_words, stepped, table, wait};
+use darm::arm::Arm;
 use darm::link::Link;
 use darm::plant::Broken;
 use darm::qemu::Console;
+use darm::reach::{best_words, board};
+use darm_core::se::Pose2;
 use darm_core::sequencer::{Command, Event, FaultKind, Phase};
 use darm_core::units::{ActuatorId, ModelHash};
 use darm_core::wire::message::Calibration;
@@ -141,6 +145,25 @@ fn a_servo_goes_where_the_rows_say_and_its_silence_is_a_fault() {
     wait("the safe state", || matches!(client.status().unwrap().phase, Phase::Safe(_)));
     let Phase::Safe(fault) = client.status().unwrap().phase else { unreachable!("the safe state is latched") };
     assert_eq!(fault.kind, FaultKind::ServoSilent { servo: 0 });
+}
+
+#[test]
+fn the_board_answers_which_word_is_nearest() {
+    let Some(bench) = Bench::start(Console::Socket, false) else { return };
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/planar4.toml");
+    let arm = Arm::read(&example).unwrap();
+    let modules = board::records(&arm).unwrap();
+    let mut client = bench.connect();
+    let image = bench::table_with(&bench.wiring, &stepped(3), ModelHash(8), &modules);
+    client.upload(&image, &mut |_| {}).unwrap();
+    for (x, y, angle) in [(0.3, 4.2, 0.2), (-0.5, 4.0, 0.0), (0.0, 4.6, -0.3)] {
+        let target = Pose2::new(x, y, angle).into();
+        let found = client.nearest(&target).unwrap();
+        let expected = board::nearest(&modules, 12, &target).unwrap();
+        assert!((found.distance_m - expected.distance_m).abs() < 1e-4, "{found:?}, in this process {expected:?}");
+        let all = best_words(&arm, &target, &arm.rest(), 1).unwrap();
+        assert!((f64::from(found.distance_m) - all[0].distance_m).abs() < 1e-3, "{found:?}, of all {all:?}");
+    }
 }
 
 /// How many times the power is cut: 5, or as many as the environment variable `DARM_KILLS` says.

@@ -6,7 +6,7 @@ use std::time::Instant;
 use darm::arm::{Arm, ArmScratch};
 use darm::reach::exact::{Index, Near, Options, Pattern, switches};
 use darm::reach::servo::{Gap, with_servos};
-use darm::reach::{ReachError, anytime};
+use darm::reach::{ReachError, anytime, corrected};
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, Pose2};
 use darm_core::units::Word;
@@ -26,10 +26,12 @@ Examples:
   darm nearest planar4.toml 300,4200,10 --from 000,000,000,000 --within 150
   darm nearest hybrid.toml 300,4200,10 --gap 5            servo angles found, too, to 5 mm
   darm nearest huge.toml 100,200,2900,0,15,0 --seconds 10 as near as 10 s lead, and what may be missed
+  darm nearest corrected.toml 300,4200,10 --effects       by the model with the effects that were found
   darm nearest planar4.toml 300,4200,10 --board           what the board answers by itself
 
 d^2 = |dp|^2 + (l theta)^2 with l from the arm file. The words are the nearest of all words by the
-arm's geometry, not the best of a sample; effects of the model are left out.";
+arm's geometry, not the best of a sample; effects of the model are left out. With --effects they are
+looked for by the model, coming from the word at rest: near, not proven to be the nearest.";
 
 /// Find the words that bring the tool nearest to a pose, out of all words of the arm
 #[derive(clap::Args, Debug)]
@@ -68,8 +70,11 @@ pub(crate) struct Nearest {
     /// Search for at most so long, of any number of words, and tell the distance that none can be nearer than
     #[arg(long, value_name = "S", conflicts_with_all = ["from", "gap"])]
     seconds: Option<f64>,
+    /// Judge words by the model with its effects: near, not proven to be the nearest
+    #[arg(long, conflicts_with_all = ["forbid", "from", "position_only", "gap", "seconds"])]
+    effects: bool,
     /// Ask the board, which searches the frames in its table (`darm table --nearest`): near, not proven
-    #[arg(long, conflicts_with_all = ["k", "forbid", "dead", "from", "position_only", "servos", "gap", "seconds"])]
+    #[arg(long, conflicts_with_all = ["k", "forbid", "dead", "from", "position_only", "servos", "gap", "seconds", "effects"])]
     board: bool,
     #[command(flatten)]
     port: PortArgs,
@@ -164,6 +169,11 @@ impl Nearest {
             })?;
             let near = match (gap_near, from, self.within) {
                 (Some(near), ..) => near,
+                _ if self.effects => {
+                    lower_m = Some(0.0);
+                    let found = corrected::nearest(arm, &index, target, &arm.rest(), self.k)?;
+                    found.into_iter().map(Near::from).collect()
+                }
                 (None, Some(from), Some(within)) => {
                     index.fewest_switches(target, 1e-3 * within, from, forbidden).into_iter().collect()
                 }

@@ -10,10 +10,11 @@
 
 use darm_core::effect::Place;
 use darm_core::model::Condition;
-use darm_core::nearest::{Coordinates, Frame, typical};
+use darm_core::nearest::{Coordinates, Found, Frame, typical};
 use darm_core::se::{Pose, Twist};
 use darm_core::table::Record;
 use darm_core::units::Word;
+use darm_firmware::nearest::{Room, take};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -63,6 +64,18 @@ pub fn records(arm: &Arm) -> Result<Vec<Record>, ReachError> {
         behind = typical(frames) * behind;
     }
     Ok(records)
+}
+
+/// What the board answers by these records, of an arm with so many actuators: a word near `target`, `None` where they
+/// hold no frames for each of its digits.
+pub fn nearest(records: &[Record], actuators: usize, target: &Pose<f64>) -> Option<Found<f32>> {
+    let mut room = Box::<Room>::default();
+    room.begin(&target.cast(), actuators);
+    for record in records {
+        take(&mut room, record);
+    }
+    while room.step() {}
+    room.found()
 }
 
 /// The arm with what moves the tool as a whole in its mount and its tool.
@@ -154,7 +167,6 @@ mod tests {
     use darm_core::effect::scale::Scale;
     use darm_core::effect::stroke_loss::StrokeLoss;
     use darm_core::effect::{Effect, Place as At};
-    use darm_core::nearest::Beam;
     use darm_core::table::{Checker, TableError};
 
     use super::*;
@@ -164,31 +176,14 @@ mod tests {
         Arm::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples").join(name)).unwrap()
     }
 
-    /// The word that the records lead to.
-    fn found(records: &[Record], digits: usize, target: &Pose<f64>) -> (Word, f32) {
-        let mut beam = Beam::<f32, 32>::default();
-        beam.begin(&target.cast(), digits);
-        for record in records {
-            match record {
-                Record::Module { actuators, length_scale_m, behind } => {
-                    beam.module(*actuators, &behind.pose(), *length_scale_m);
-                }
-                Record::Frame { digits, pose } => beam.offer(&Frame { digits: *digits, pose: pose.pose() }),
-                _ => {}
-            }
-        }
-        let found = beam.found().unwrap();
-        (found.word, found.distance_m)
-    }
-
     #[test]
     fn the_frames_lead_to_the_word_that_stands_there() {
         for (name, digits) in [("planar4.toml", "010110011101"), ("serial12.toml", "010110011101")] {
             let arm = arm(name);
             let word: Word = digits.parse().unwrap();
             let target = arm.model.chain.pose_base_tool(&word, &[], &mut ArmScratch::default()).unwrap();
-            let (found, distance_m) = found(&records(&arm).unwrap(), 12, &target);
-            assert!(found == word && distance_m < 1e-3, "{name}: {found} {distance_m}");
+            let found = nearest(&records(&arm).unwrap(), 12, &target).unwrap();
+            assert!(found.word == word && found.distance_m < 1e-3, "{name}: {found:?}");
         }
     }
 

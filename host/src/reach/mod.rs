@@ -12,6 +12,7 @@
 
 pub mod anytime;
 pub mod board;
+pub mod corrected;
 pub mod exact;
 mod frames;
 pub mod map;
@@ -86,7 +87,10 @@ impl fmt::Display for ReachError {
             Self::TooManyWords { digits } => write!(f, "words of {digits} digits are too many"),
             Self::TooFine => write!(f, "the cells are too small for the arm: take larger ones"),
             Self::Servos => {
-                write!(f, "an arm with servo joints has other frames at every angle; the board cannot hold them")
+                write!(
+                    f,
+                    "an arm with servo joints has other frames at every angle: no board holds them, and no search by effects"
+                )
             }
             Self::NoSetting { stage } => {
                 write!(

@@ -121,11 +121,17 @@ pub(crate) fn servo_angle_rad(row: usize) -> f32 {
 
 /// A table with these words in rows of [`ROW_MS`].
 pub(crate) fn table(wiring: &Wiring, words: &[Word], model: ModelHash) -> TableImage {
+    table_with(wiring, words, model, &[])
+}
+
+/// The same with the frames of the arm's modules.
+pub(crate) fn table_with(wiring: &Wiring, words: &[Word], model: ModelHash, modules: &[Record]) -> TableImage {
     let at = |row: usize| Micros::from_millis(ROW_MS * row as u32);
     let mut records = vec![Record::Start { model, device: None, switch_limit: wiring.switch_limit }];
     records.extend(wiring.coils.iter().copied().map(Record::Coil));
     records.extend(wiring.actuators.iter().copied().map(Record::Actuator));
     records.extend(wiring.servos.iter().copied().map(Record::Servo));
+    records.extend(modules.iter().cloned());
     for (row, &word) in words.iter().enumerate() {
         let servos = wiring.servos.iter().map(|_| servo_angle_rad(row % 10)).collect();
         records.push(Record::Row(Row { at: at(row), word, servos }));

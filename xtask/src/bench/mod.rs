@@ -5,6 +5,7 @@ mod map;
 mod measured;
 mod peers;
 mod reach;
+mod replan;
 mod synthesis;
 mod synthesis_sweep;
 

@@ -4,8 +4,8 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use darm::arm::{Arm, ArmScratch};
-use darm::reach::best_words;
 use darm::reach::exact::{Index, Options};
+use darm::reach::{best_words, board};
 use darm_core::actuator::{MAX_LEGS, Setting};
 use darm_core::nearest::{Beam, Frame, Module, frames, nearest, typical};
 use darm_core::se::Pose;
@@ -13,6 +13,7 @@ use darm_core::units::Word;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
+use super::replan;
 use crate::figures::Figure;
 use crate::progress::Progress;
 use crate::setup;
@@ -48,6 +49,7 @@ pub(super) fn measure(seed: u64) -> Result<Vec<Figure>> {
         let targets: Vec<_> = (0..TARGETS).map(|_| target(&arm, continuous, &mut random)).collect::<Result<_>>()?;
         figures.extend(searches(&arm, &index, kind, &targets, &mut random)?);
     }
+    figures.extend(replan::measure(&mut random)?);
     figures.push(Figure::new("reach: arms where trying all finds another distance", disagreements(&mut random)?, "")?);
     Ok(figures)
 }
@@ -65,7 +67,7 @@ pub(super) fn best_of<T>(runs: usize, mut run: impl FnMut() -> T) -> (T, f64) {
     })
 }
 
-/// Error and time of the three searches.
+/// Error and time of the searches; the board's own runs on this machine.
 fn searches(
     arm: &Arm,
     index: &Index,
@@ -77,14 +79,22 @@ fn searches(
     let modules = tables.modules();
     let mut beam = Beam::<f64, WIDTH>::default();
     let scale_m = arm.length_scale_m;
-    let mut rows: [(&str, Vec<f64>, Vec<f64>); 3] = ["exact", "beam 256", "genetic"].map(|name| (name, vec![], vec![]));
+    let records = board::records(arm)?;
+    let mut rows: [(&str, Vec<f64>, Vec<f64>); 4] =
+        ["exact", "beam 256", "genetic", "board"].map(|name| (name, vec![], vec![]));
     for target in targets {
         let (exact, exact_ms) = best_of(RUNS, || index.nearest(target, 1, &[]).first().map(|near| near.distance_m));
         let (beam, beam_ms) = best_of(1, || nearest(&modules, target, scale_m, &mut beam).map(|near| near.distance_m));
         let (genetic, genetic_ms) = best_of(1, || genetic(&modules, target, scale_m, random));
-        for (row, (error_m, ms)) in
-            rows.iter_mut().zip([(exact, exact_ms), (beam, beam_ms), (Some(genetic), genetic_ms)])
-        {
+        let (board, board_ms) = best_of(1, || board::nearest(&records, arm.n_actuators(), target));
+        let board = board.context("the board finds no word")?.word;
+        let board = arm.model.chain.pose_base_tool(&board, &[], &mut ArmScratch::default())?.distance(target, scale_m);
+        for (row, (error_m, ms)) in rows.iter_mut().zip([
+            (exact, exact_ms),
+            (beam, beam_ms),
+            (Some(genetic), genetic_ms),
+            (Some(board), board_ms),
+        ]) {
             row.1.push(1e3 * error_m.context("no word is found")?);
             row.2.push(ms);
         }
