@@ -235,8 +235,9 @@ fn joint_of(place: &str) -> &str {
 
 fn answer(diagnosis: &Diagnosis) -> String {
     let effects = diagnosis.effects.iter().map(|found| format!("{} {}", found.law, found.place));
+    let others = diagnosis.alternatives.iter().map(|o| format!("({}) {} {}", o.instead_of, o.law, o.place));
     let terms = diagnosis.remaining.iter().map(|term| format!("[{}: {}]", term.axis, term.term));
-    format!("{}: {}", diagnosis.verdict, effects.chain(terms).collect::<Vec<_>>().join(" + "))
+    format!("{}: {}", diagnosis.verdict, effects.chain(others).chain(terms).collect::<Vec<_>>().join(" + "))
 }
 
 pub(super) fn rms(values: &[f64]) -> f64 {

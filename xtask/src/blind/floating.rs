@@ -6,6 +6,7 @@ use anyhow::{Context, Result};
 use darm::diagnose::channels::outcome::Diagnosis;
 use darm::robot::{Robot, RobotFrame};
 use darm_core::real::Vec3;
+use darm_core::se::Pose;
 use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -23,6 +24,8 @@ const FORCE_NOISE_N: f64 = 0.3;
 /// many postures.
 const SAME: f64 = 0.5;
 const ELSEWHERE: usize = 500;
+/// What the diagnosis calls the link that the others hang on.
+const ROOT: &str = "the base";
 /// What a link carries: its mass and its first moment.
 const VALUES: usize = 4;
 
@@ -109,7 +112,8 @@ impl Postures {
         let of_one_effect = diagnosis.effects.is_empty() && set.iter().all(|other| other.instead_of == 0);
         let [(law, carrier)] = truth else { return Ok(false) };
         let holds_it = set.iter().any(|other| other.place == *carrier);
-        if !of_one_effect || !holds_it || set.iter().any(|other| other.law != *law) {
+        let is_link = |place: &str| place == ROOT || self.robot.frame(place).is_some();
+        if !of_one_effect || !holds_it || !set.iter().all(|other| other.law == *law && is_link(&other.place)) {
             return Ok(false);
         }
         let right = self.predicted(bench, carrier)?;
@@ -139,10 +143,12 @@ impl Postures {
 
     /// The wrench of 1 kg at the link's frame, and of 1 kg·m along each of its axes, in units of the noise.
     fn columns(&self, bench: &Bench, link: &str, postures: &[&Vec<f64>]) -> Result<DMatrix<f64>> {
-        let frame = frame(&self.robot, link)?;
         let mut columns = DMatrix::zeros(6 * postures.len(), VALUES);
         for (k, q) in postures.iter().enumerate() {
-            let pose = self.robot.kinematics(frame, q)?.pose_base_frame;
+            let pose = match link {
+                ROOT => Pose::identity(),
+                _ => self.robot.kinematics(frame(&self.robot, link)?, q)?.pose_base_frame,
+            };
             let at_frame = of_point(&self.robot, &pose.position);
             for value in 0..VALUES {
                 let mut wrench = at_frame;
