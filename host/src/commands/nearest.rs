@@ -29,8 +29,8 @@ Examples:
   darm nearest corrected.toml 300,4200,10 --effects       by the model with the effects that were found
   darm nearest planar4.toml 300,4200,10 --board           what the board answers by itself
 
-d^2 = |dp|^2 + (l theta)^2 with l from the arm file. The words are the nearest of all words by the
-arm's geometry, not the best of a sample; effects of the model are left out. With --effects they are
+d^2 = |dp|^2 + (l theta)^2 with l from the arm file. The words are the nearest of all words by the \
+arm's geometry, not the best of a sample; effects of the model are left out. With --effects they are \
 looked for by the model, coming from the word at rest: near, not proven to be the nearest.";
 
 /// Find the words that bring the tool nearest to a pose, out of all words of the arm

@@ -79,7 +79,7 @@ mod tests {
     use crate::reach::board;
     use crate::reach::exact::Options;
 
-    const TARGETS: usize = 4;
+    const TARGETS: usize = 3;
 
     fn read(file: &str) -> Arm {
         Arm::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(file)).unwrap()
@@ -133,7 +133,9 @@ mod tests {
         let target = stands(&arm, &"010110011101".parse().unwrap()) * Pose::at([2e-3, 1e-3, 0.0].into());
         let found = nearest(&arm, &index, &target, &arm.rest(), 3).unwrap();
         let near = index.nearest(&target, 3, &[]);
-        assert!(found.iter().zip(&near).all(|(a, b)| a.word == b.word && (a.distance_m - b.distance_m).abs() < 1e-9));
+        assert_eq!((found.len(), found[0].word), (3, near[0].word));
+        // Modules that are alike stand in the same pose in several orders.
+        assert!(found.iter().zip(&near).all(|(a, b)| (a.distance_m - b.distance_m).abs() < 1e-9), "{found:?} {near:?}");
         let hybrid = read("examples/planar4-hybrid.toml");
         assert_eq!(nearest(&hybrid, &index, &target, &hybrid.rest(), 1), Err(ReachError::Servos));
     }
