@@ -8,7 +8,7 @@
 //! module; behind each, the best of the third last module are met with all pairs of the last two. Of the last one only
 //! those are looked at whose place along x is nearer than the best word so far, after a look at the box of their places.
 //!
-//! The search runs in pieces of at most some hundred thousand instructions: [`Search::step`]. Its room are `FRAMES`
+//! The search runs in pieces of at most some hundred thousand instructions: [`Search::step`]. Its room is `FRAMES`
 //! frames of 16 bytes, whose numbers of 16 bits are off by some 2·10⁻⁵ rad and of the module's size, and 12 bytes for
 //! each of `WIDTH`. Where the modules have more frames, or the last one more than 64, the beam alone answers; it always
 //! runs, so the word is never worse than the beam's.
@@ -88,7 +88,7 @@ enum Phase {
     /// One of them is met with the pairs of the last two modules.
     Meet {
         beginning: usize,
-        kid: usize,
+        follower: usize,
     },
     Done,
 }
@@ -109,7 +109,7 @@ pub struct Search<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> {
     level: usize,
     beginnings: Vec<u32, WIDTH>,
     next: Shortlist<WIDTH>,
-    kids: Shortlist<LAST>,
+    followers: Shortlist<LAST>,
     mean: Vec6<f32>,
     /// The covariance, and its inverse once every module is in it.
     spread: Mat6<f32>,
@@ -135,7 +135,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Default for Sea
             level: 0,
             beginnings: Vec::new(),
             next: Shortlist::default(),
-            kids: Shortlist::default(),
+            followers: Shortlist::default(),
             mean: Vec6::zeros(),
             spread: Mat6::zeros(),
             ends: Vec::new(),
@@ -194,7 +194,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
             Phase::Spread { part } => self.add_spread(part),
             Phase::Grow { beginning } => self.grow(beginning),
             Phase::Choose { beginning } => self.choose(beginning),
-            Phase::Meet { beginning, kid } => self.meet(beginning, kid),
+            Phase::Meet { beginning, follower } => self.meet(beginning, follower),
             Phase::Done => {}
         }
         self.phase != Phase::Done
@@ -225,8 +225,10 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
     fn start(&mut self) {
         self.phase = Phase::Done;
         let (Some(found), Some(last)) = (self.beam.found(), self.parts.last().copied()) else { return };
-        let numbered = self.parts.iter().all(|part| part.stride > 0);
-        if !self.whole || !numbered || self.parts.len() < 2 || last.count > LAST {
+        let n = self.parts.len();
+        // Beginnings have the numbers below the stride of the module that follows them.
+        let numbered = self.parts.iter().take(n.saturating_sub(2)).all(|part| part.stride > 0);
+        if !self.whole || !numbered || n < 2 || last.count > LAST {
             return;
         }
         let frames = self.frames.get_mut(last.first..).unwrap_or_default();
@@ -239,10 +241,10 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         self.nearest_m = found.distance_m;
         self.beginnings.clear();
         let _ = self.beginnings.push(0);
-        self.kids.clear();
-        if self.parts.len() == 2 {
-            self.kids.offer(0.0, 0);
-            self.phase = Phase::Meet { beginning: 0, kid: 0 };
+        self.followers.clear();
+        if n == 2 {
+            self.followers.offer(0.0, 0);
+            self.phase = Phase::Meet { beginning: 0, follower: 0 };
         } else {
             self.enter(0);
         }
@@ -303,7 +305,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
 
     fn choose(&mut self, index: usize) {
         let Some(part) = self.parts.get(self.level) else { return };
-        self.kids.clear();
+        self.followers.clear();
         let Some(&beginning) = self.beginnings.get(index) else {
             self.phase = Phase::Done;
             return;
@@ -311,20 +313,21 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         let remaining = self.remaining(beginning, self.level);
         for (number, frame) in self.frames.iter().skip(part.first).take(part.count).enumerate() {
             let score = self.score(part, &frame.motion(part.size_m).inv_mul(&remaining));
-            self.kids.offer(score, number as u32);
+            self.followers.offer(score, number as u32);
         }
-        self.kids.sort();
-        self.kids.list.truncate((FOLLOWED * WIDTH / self.beginnings.len()).max(1));
-        self.phase = Phase::Meet { beginning: index, kid: 0 };
+        self.followers.sort();
+        self.followers.list.truncate((FOLLOWED * WIDTH / self.beginnings.len()).max(1));
+        self.phase = Phase::Meet { beginning: index, follower: 0 };
     }
 
-    fn meet(&mut self, index: usize, kid: usize) {
+    fn meet(&mut self, index: usize, follower: usize) {
         let n = self.parts.len();
-        let (Some(&beginning), Some(&(_, number))) = (self.beginnings.get(index), self.kids.list.get(kid)) else {
+        let (Some(&beginning), Some(&(_, number))) = (self.beginnings.get(index), self.followers.list.get(follower))
+        else {
             self.phase = if n == 2 { Phase::Done } else { Phase::Choose { beginning: index + 1 } };
             return;
         };
-        self.phase = Phase::Meet { beginning: index, kid: kid + 1 };
+        self.phase = Phase::Meet { beginning: index, follower: follower + 1 };
         let (Some(joint), Some(last)) = (self.parts.get(n - 2), self.parts.get(n - 1)) else { return };
         let mut remaining = self.remaining(beginning, self.level.min(n - 2));
         if n > 2 {
