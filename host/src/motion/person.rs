@@ -196,6 +196,7 @@ fn problem<'a>(
         markers,
         targets,
         feet: &[],
+        chair: None,
         com: None,
         marker_m: MARKER_M,
         acceleration: ACCELERATION,

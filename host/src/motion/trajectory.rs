@@ -5,7 +5,7 @@
 //! Over all frames k, with x_k the posture of base and joints and ⊖ the change between two postures:
 //!
 //! min Σ_k Σ_i ‖m_i(x_k) − m̂_ik‖²/σ_m² + Σ_k ‖(x_{k+1} ⊖ x_k) − (x_k ⊖ x_{k−1})‖²/(Δt⁴ σ_a²)
-//! subject to c(x_k) = 0 (feet, centre of mass) and q_min ≤ q_k ≤ q_max
+//! subject to c(x_k) = 0 (feet, centre of mass, and until it is left the chair) and q_min ≤ q_k ≤ q_max
 //!
 //! # Method
 //!
@@ -49,6 +49,17 @@ pub struct Foot {
     pub stands: Pose<f64>,
 }
 
+/// A chair on which something sits: its lowest point is at the height of the chair.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Chair<'a> {
+    /// Points that sit.
+    pub seat: &'a [Fixed],
+    /// Height of the chair, m.
+    pub height_m: f64,
+    /// In so many frames, the first ones.
+    pub frames: usize,
+}
+
 /// What a trajectory shall follow and hold.
 pub struct Problem<'a> {
     /// The tree.
@@ -61,6 +72,8 @@ pub struct Problem<'a> {
     pub targets: &'a [Vec<Option<Vec3<f64>>>],
     /// Links that stand still.
     pub feet: &'a [Foot],
+    /// What it sits on.
+    pub chair: Option<Chair<'a>>,
     /// Where the centre of mass shall be in every frame, and along which axes.
     pub com: Option<(&'a [Vec3<f64>], [bool; 3])>,
     /// σ_m, m.
@@ -92,7 +105,7 @@ pub enum TrajectoryError {
     Tree(#[from] TreeError),
     /// A frame has no posture that holds the constraints within the limits.
     #[error(
-        "frame {frame}: no posture within the limits holds feet and centre of mass, the nearest is {off_mm:.1} mm off; scale the motion or start from another posture"
+        "frame {frame}: no posture within the limits holds feet, chair and centre of mass, the nearest is {off_mm:.1} mm off; scale the motion or start from another posture"
     )]
     OutOfReach {
         /// The frame, from 1.
@@ -106,7 +119,8 @@ pub enum TrajectoryError {
 fn hard(problem: &Problem<'_>, placed: &Placed, frame: usize) -> (DVector<f64>, DMatrix<f64>) {
     let wide = 6 + problem.robot.joints.len();
     let axes: Vec<usize> = problem.com.map_or(Vec::new(), |(_, axes)| (0..3).filter(|&k| axes[k]).collect());
-    let rows = 6 * problem.feet.len() + axes.len();
+    let sits = problem.chair.filter(|chair| frame < chair.frames).and_then(|chair| chair.touched(placed));
+    let rows = 6 * problem.feet.len() + axes.len() + usize::from(sits.is_some());
     let (mut off, mut jacobian) = (DVector::zeros(rows), DMatrix::zeros(rows, wide));
     for (k, foot) in problem.feet.iter().enumerate() {
         let pose = placed.pose(foot.joint, &foot.pose);
@@ -122,7 +136,20 @@ fn hard(problem: &Problem<'_>, placed: &Placed, frame: usize) -> (DVector<f64>, 
             jacobian.row_mut(6 * problem.feet.len() + row).copy_from(&of_com.row(axis));
         }
     }
+    if let Some((above, lowest)) = sits {
+        off[rows - 1] = above;
+        let of_point = placed.jacobian(lowest.joint, &Pose::at(lowest.point));
+        jacobian.row_mut(rows - 1).copy_from(&of_point.row(5));
+    }
     (off, jacobian)
+}
+
+impl Chair<'_> {
+    /// The lowest point, and how far it is above the chair, m.
+    fn touched(&self, placed: &Placed) -> Option<(f64, Fixed)> {
+        let above = self.seat.iter().map(|at| (placed.point(at).z - self.height_m, *at));
+        above.min_by(|a, b| a.0.total_cmp(&b.0))
+    }
 }
 
 /// −J⁺ c, and an orthonormal basis of what J leaves free of these columns.

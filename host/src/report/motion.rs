@@ -35,8 +35,9 @@ pub fn along_time(report: &MotionReport<'_>) -> Result<Figure> {
     };
     let curve = |name: &str, color, dashed, points| Curve { name: name.into(), color, dashed, points, dot: None };
     let mut curves = vec![
-        curve("person, scaled", PERSON, true, over(&|k| mapped.target[k].x)),
+        curve("person, scaled", PERSON, true, over(&|k| mapped.person[k].x)),
         curve("planned", PLANNED, false, over(&|k| mapped.com[k].x)),
+        curve("planned, zero-moment point", PLANNED, true, over(&|k| mapped.balance.zmp_m[k][0])),
     ];
     if let Some(executed) = report.executed {
         let own = com(report.robot, &executed.postures, &mapped.time_s[..executed.postures.len()])?;
@@ -47,6 +48,15 @@ pub fn along_time(report: &MotionReport<'_>) -> Result<Figure> {
     }
     let mark = mapped.time_s.get(mapped.lift_off).copied();
     Ok(Figure { x: "time, s", y: "forward, m", mark, curves })
+}
+
+/// What the chair bears along time, of a motion that was executed.
+pub fn chair_along_time(report: &MotionReport<'_>) -> Option<Figure> {
+    let (mapped, executed) = (report.mapped, report.executed?);
+    let points = mapped.time_s.iter().zip(&executed.chair_n).map(|(time, force)| [*time, *force]).collect();
+    let curve = Curve { name: "on the chair".into(), color: EXECUTED, dashed: false, points, dot: None };
+    let mark = mapped.time_s.get(mapped.lift_off).copied();
+    Some(Figure { x: "time, s", y: "force, N", mark, curves: vec![curve] })
 }
 
 /// A path of the centre of mass in the sagittal plane, with a dot where the chair is left: a curve of the paper's figure 7.
@@ -79,6 +89,7 @@ pub fn motion_page(robot: &str, report: &MotionReport<'_>) -> Result<String> {
         ),
         ("the same after scaling, mm", number(1e3 * report.person.after.worst_m, 1)),
         ("centre of mass less its target, worst, m", format!("{:.1e}", mapped.com_error_m)),
+        ("the target moved off the person's, for balance, worst, mm", number(1e3 * mapped.moved_m, 1)),
         ("markers, RMS, mm", number(1e3 * mapped.trajectory.marker_rms_m, 1)),
         ("zero-moment point, least margin, mm", number(1e3 * mapped.balance.zmp_margin_m, 1)),
         ("centre of mass, least margin, mm", number(1e3 * mapped.balance.com_margin_m, 1)),
@@ -88,6 +99,9 @@ pub fn motion_page(robot: &str, report: &MotionReport<'_>) -> Result<String> {
             h2 { "Centre of mass along time" }
             p { "The line marks where the chair is left." }
             (PreEscaped(along_time(report)?.svg()))
+        }
+        @if let Some(chair) = chair_along_time(report) {
+            section { h2 { "What the chair bears" } (PreEscaped(chair.svg())) }
         }
         section { h2 { "Centre of mass in the sagittal plane" } (PreEscaped(plane.svg())) }
         section {
