@@ -34,7 +34,7 @@ const MOVES_M: f64 = 1e-3;
 /// Markers that were overlaid follow this well, m; accelerations of the robot, rad/s².
 const FOLLOWS: (f64, f64) = (0.02, 10.0);
 /// The person has left the chair when the middle link is this much higher than in the first frame, m.
-const LIFTED_M: f64 = 0.015;
+const LIFTED_M: f64 = 0.004;
 
 /// The centre of mass is moved in so many rounds at most, and until the zero-moment point lacks less than this of its margin, m.
 const ROUNDS: (usize, f64) = (8, 0.002);
