@@ -4,8 +4,9 @@
 //!    is a little higher than the person's highest one. (The paper's robot had a person's size: scale 1.)
 //! 2. The robot sits: the posture nearest to its sitting one whose centre of mass is the person's first one.
 //! 3. The markers of the first frame are overlaid on it: each keeps its place in the link that follows it from there.
-//! 4. [`trajectory`](super::trajectory): centre of mass, feet, limits and until lift-off the chair hard, markers soft, smooth in
-//!    time.
+//! 4. [`trajectory`](super::trajectory): centre of mass, feet, limits and until lift-off the seat hard, markers soft, smooth in
+//!    time. A robot that sits has its centre of mass as high as the chair lets it: the height is followed there, and what it
+//!    differs fades after lift-off.
 //! 5. Where the zero-moment point comes too near to the edge of what bears the robot, the centre of mass moves by the least
 //!    that brings it back (`balance`), and 4 once more. The paper leaves this undone: its dynamics are not considered. A
 //!    person's zero-moment point may be where the robot's cannot, for its feet and masses are others.
@@ -32,10 +33,16 @@ const REACHED: f64 = 0.985;
 /// The centre of mass can be moved along an axis when the joints move it by this at least, m/rad.
 const MOVES_M: f64 = 1e-3;
 /// Markers that were overlaid follow this well, m; accelerations of the robot, rad/s².
-const FOLLOWS: (f64, f64) = (0.02, 10.0);
-/// The person has left the chair when the middle link is this much higher than in the first frame, m.
-const LIFTED_M: f64 = 0.004;
+const FOLLOWS: (f64, f64) = (0.02, 3.0);
+/// The person stands up when the middle link is this much higher than in the first frame, m.
+const RISEN_M: f64 = 0.03;
+/// It left the chair when that link was this much higher than where it began to rise, m.
+const LIFTED_M: f64 = 0.003;
 
+/// After lift-off the height that the chair gave the centre of mass becomes the person's within this, s.
+const FADES_S: f64 = 1.0;
+/// Frames over which the speed at lift-off is told.
+const SLOPE: usize = 3;
 /// The centre of mass is moved in so many rounds at most, and until the zero-moment point lacks less than this of its margin, m.
 const ROUNDS: (usize, f64) = (8, 0.002);
 
@@ -50,10 +57,12 @@ pub struct Mapped {
     pub scale: f64,
     /// The person's centre of mass, scaled, m.
     pub person: Vec<Vec3<f64>>,
-    /// Where the robot's shall be: there, but for what its balance needs, m.
+    /// Where the robot's shall be: there, but for what its balance needs and the chair gives, m.
     pub target: Vec<Vec3<f64>>,
-    /// The largest distance between the two, m.
+    /// The largest distance between the two along the ground, which is for balance, m.
     pub moved_m: f64,
+    /// The largest distance in height, which is the chair's, m.
+    pub raised_m: f64,
     /// Where it is with the robot's masses, m.
     pub com: Vec<Vec3<f64>>,
     /// Axes along which it is held.
@@ -90,8 +99,8 @@ pub fn map(robot: &Robot, setup: &Setup, person: &Person, capture: &Capture) -> 
     let ground = Ground::new(robot, setup, &sitting, (lift_off, capture.step_s()))?;
     let on_robot: Vec<Fixed> = markers.iter().map(|(_, marker)| *marker).collect();
     let follow = Follow { standing: &standing, markers: &on_robot, targets: &targets, ground: &ground, axes };
-    let mut plan = follow.walk(&com, sitting)?;
     let mut target = com.clone();
+    let mut plan = follow.walk(&mut target, sitting)?;
     for _ in 0..ROUNDS.0 {
         let pulls = ground.support.pulls(&zero_moment(robot, &plan.postures, &capture.time_s), [axes[0], axes[1]]);
         if pulls.iter().flatten().all(|pull| pull.abs() < ROUNDS.1) {
@@ -129,7 +138,8 @@ struct Ground {
     chair: Vec<[f64; 2]>,
     support: Support,
     seat: Vec<Fixed>,
-    chair_m: f64,
+    /// Where the middle of the seat is, m.
+    middle: Vec3<f64>,
     lift_off: usize,
 }
 
@@ -146,9 +156,9 @@ impl Ground {
         let sole: Vec<[f64; 2]> = setup.soles().map(|sole| flat(placed.point(&sole))).collect();
         let seat: Vec<Vec3<f64>> = setup.seat.iter().map(|at| placed.point(at)).collect();
         let chair: Vec<[f64; 2]> = seat.iter().copied().map(flat).collect();
-        let chair_m = seat.iter().map(|point| point.z).fold(f64::INFINITY, f64::min);
+        let middle = seat.iter().sum::<Vec3<f64>>() / seat.len().max(1) as f64;
         let support = Support::new(&sole, &chair, lift_off, step_s);
-        Ok(Self { sole, chair, support, seat: setup.seat.clone(), chair_m, lift_off })
+        Ok(Self { sole, chair, support, seat: setup.seat.clone(), middle, lift_off })
     }
 }
 
@@ -168,19 +178,38 @@ impl Follow<'_> {
             markers: self.markers,
             targets: &self.targets[frames.clone()],
             com: Some((&com[frames], self.axes)),
-            chair: Some(Chair { seat: &self.ground.seat, height_m: self.ground.chair_m, frames: sits }),
+            chair: Some(Chair { seat: &self.ground.seat, at: self.ground.middle, frames: sits }),
             ..self.standing.problem()
         }
     }
 
-    /// The trajectory with the centre of mass there, first frame by frame.
-    fn walk(&self, com: &[Vec3<f64>], sitting: Posture) -> Result<Trajectory, TrajectoryError> {
+    /// The trajectory with the centre of mass there, first frame by frame: what the chair did to its height fades from lift-off.
+    fn walk(&self, com: &mut [Vec3<f64>], sitting: Posture) -> Result<Trajectory, TrajectoryError> {
         let mut postures = vec![sitting];
         for frame in 1..com.len() {
+            if frame == self.ground.lift_off && frame > SLOPE && self.axes[2] && !self.ground.seat.is_empty() {
+                let above = self.above(com, &postures[..frame])?;
+                com[frame..].iter_mut().zip(above).for_each(|(com, above)| com.z += above);
+            }
             let one = solve(&self.problem(com, frame..frame + 1), &postures[frame - 1..]);
             postures.extend(one.map_err(|error| at_frame(error, frame))?.postures);
         }
         self.whole(com, &postures)
+    }
+
+    /// How far the centre of mass shall be above the person's from lift-off on, m: as on the chair at first, in place and speed.
+    fn above(&self, com: &[Vec3<f64>], seated: &[Posture]) -> Result<impl Iterator<Item = f64> + use<>, TreeError> {
+        let mut placed = Placed::new(self.standing.robot)?;
+        let [last, before] = [1, 1 + SLOPE].map(|back| {
+            placed.place(&seated[seated.len() - back]);
+            placed.com().0.z - com[seated.len() - back].z
+        });
+        let (step, speed) = (self.standing.step_s / FADES_S, (last - before) / SLOPE as f64 / self.standing.step_s);
+        Ok((1..).map(move |k| {
+            let s = (f64::from(k) * step).min(1.0);
+            let left = (1.0 - s).powi(3);
+            left * (last * (1.0 + 3.0 * s + 6.0 * s * s) + speed * FADES_S * s * (1.0 + 3.0 * s))
+        }))
     }
 
     /// The same near a trajectory that there is.
@@ -200,7 +229,7 @@ fn at_frame(error: TrajectoryError, frame: usize) -> TrajectoryError {
 fn told(
     robot: &Robot,
     (capture, scale, axes): (&Capture, f64, [bool; 3]),
-    (person, target): (Vec<Vec3<f64>>, Vec<Vec3<f64>>),
+    (person, mut target): (Vec<Vec3<f64>>, Vec<Vec3<f64>>),
     (markers, trajectory): (Vec<(usize, Fixed)>, Trajectory),
     ground: Ground,
 ) -> Result<Mapped, TrajectoryError> {
@@ -210,12 +239,15 @@ fn told(
         placed.place(posture);
         own.push(placed.com().0);
     }
-    let apart = |a: &[Vec3<f64>]| {
-        let off =
-            |(a, b): (&Vec3<f64>, &Vec3<f64>)| (0..3).filter(|&k| axes[k]).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>();
-        a.iter().zip(&target).map(off).fold(0.0, f64::max).sqrt()
+    let sits = if ground.seat.is_empty() { 0 } else { ground.lift_off };
+    target.iter_mut().zip(&own).take(sits).for_each(|(target, own)| target.z = own.z);
+    let apart = |a: &[Vec3<f64>], of: std::ops::Range<usize>| {
+        let own = |(a, b): (&Vec3<f64>, &Vec3<f64>)| -> f64 {
+            of.clone().filter(|&k| axes[k]).map(|k| (a[k] - b[k]).powi(2)).sum()
+        };
+        a.iter().zip(&target).map(own).fold(0.0, f64::max).sqrt()
     };
-    let (com_error_m, moved_m) = (apart(&own), apart(&person));
+    let (com_error_m, moved_m, raised_m) = (apart(&own, 0..3), apart(&person, 0..2), apart(&person, 2..3));
     let smooth = com(robot, &trajectory.postures, &capture.time_s)?;
     Ok(Mapped {
         balance: ground.support.balance(zero_moment(robot, &trajectory.postures, &capture.time_s), &smooth),
@@ -225,6 +257,7 @@ fn told(
         person,
         target,
         moved_m,
+        raised_m,
         com: own,
         axes,
         com_error_m,
@@ -235,11 +268,12 @@ fn told(
     })
 }
 
-/// The first frame in which the base is off the chair; the last frame when it never is.
+/// The first frame in which the base is off the chair; the number of frames when it never is.
 fn lift_off(postures: &[Posture], scale: f64) -> usize {
-    let height = |posture: &Posture| scale * posture.base.position.z;
-    let first = postures.first().map_or(0.0, height);
-    postures.iter().position(|posture| height(posture) > first + LIFTED_M).unwrap_or(postures.len())
+    let height: Vec<f64> = postures.iter().map(|posture| scale * posture.base.position.z).collect();
+    let Some(risen) = height.iter().position(|z| *z > height[0] + RISEN_M) else { return height.len() };
+    let lowest = (1..=risen).rev().find(|&k| height[k - 1] >= height[k]).unwrap_or(0);
+    (lowest..risen).find(|&k| height[k] > height[lowest] + LIFTED_M).unwrap_or(risen)
 }
 
 /// Feet on the ground, each where the robot's zero posture has it and turned as there, with its sole at z = 0.

@@ -5,7 +5,7 @@
 //! | `person.feet` | links of the person that stand on the ground; the motion is told from the middle between them |
 //! | `person.markers.NAME` | `link` and `at` (m, in the link's frame) of a marker on the average person |
 //! | `robot.feet.LINK` | points of a link that touch the ground, m, in its frame: they stand at z = 0 |
-//! | `robot.seat.LINK` | points of a link that can touch the chair, m: the lowest one is on it until lift-off |
+//! | `robot.seat.LINK` | points of a link that touch the chair, m: their middle stays where it is until lift-off |
 //! | `robot.sitting_deg.JOINT` | joint positions near which the robot sits, deg or mm; 0 without |
 //! | `robot.links.LINK` | which link of the robot follows a link of the person |
 

@@ -66,8 +66,10 @@ struct Told {
     person_after: CopError,
     scales: Vec<Scale>,
     com_error_m: f64,
-    /// How far balance takes the target of the centre of mass off the person's.
+    /// How far balance takes the target of the centre of mass off the person's, along the ground.
     com_moved_m: f64,
+    /// How far the chair does, in height.
+    com_raised_m: f64,
     com_axes: Vec<&'static str>,
     marker_rms_m: f64,
     lift_off_s: Option<f64>,
@@ -156,6 +158,7 @@ impl Told {
             scales: person.scales.clone(),
             com_error_m: mapped.com_error_m,
             com_moved_m: mapped.moved_m,
+            com_raised_m: mapped.raised_m,
             com_axes: (0..3).filter(|k| mapped.axes[*k]).map(|k| ["x", "y", "z"][k]).collect(),
             marker_rms_m: mapped.trajectory.marker_rms_m,
             lift_off_s: mapped.time_s.get(mapped.lift_off).copied(),
@@ -190,12 +193,11 @@ impl Answer for Told {
         if let Some(lift_off) = self.lift_off_s {
             text += &format!("\noff the chair at {} s", number(lift_off, 2));
         }
-        if self.com_moved_m > 0.0 {
-            text += &format!(
-                "\nto keep its balance the robot's centre of mass leaves the person's by up to {} mm",
-                mm(self.com_moved_m)
-            );
-        }
+        text += &format!(
+            "\nits centre of mass leaves the person's by up to {} mm along the ground, for balance, and {} mm in height, on the chair",
+            mm(self.com_moved_m),
+            mm(self.com_raised_m)
+        );
         if self.balance.zmp_margin_m < 0.0 {
             text += &format!(
                 "\nthe zero-moment point leaves what bears the robot, most in frame {}: slow the motion down",

@@ -143,8 +143,13 @@ fn tell(figures: &mut Vec<Figure>, name: &str, mapped: &Mapped) -> Result<()> {
         "m or rad",
     )?);
     figures.push(figure(
-        &format!("{name}: target off the person's, for balance, worst frame"),
+        &format!("{name}: target off the person's along the ground, for balance, worst frame"),
         1e3 * mapped.moved_m,
+        "mm",
+    )?);
+    figures.push(figure(
+        &format!("{name}: target off the person's in height, on the chair, worst frame"),
+        1e3 * mapped.raised_m,
         "mm",
     )?);
     figures.push(figure(&format!("{name}: markers, RMS"), 1e3 * mapped.trajectory.marker_rms_m, "mm")?);
