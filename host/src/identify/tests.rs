@@ -215,6 +215,14 @@ fn bad_samples_are_told() {
     let mut opposite = samples.clone();
     opposite.iter_mut().for_each(|sample| sample.torque[1] = -sample.torque[1]);
     assert!(new(&opposite).contains("knee"), "{}", new(&opposite));
+    let equations = |samples: &[Sample]| Equations::new(&robot, samples, &rows(), NOISE, Kind::Static).unwrap();
+    let turned = |samples: &[Sample]| {
+        let equations = equations(samples);
+        equations.turned(&equations.fit(Kind::Static))
+    };
+    let mut moment = samples.clone();
+    moment.iter_mut().for_each(|sample| sample.contacts[0].wrench.moment.y *= -1.0);
+    assert_eq!(turned(&moment).map(|(component, _)| component), Some(4), "My");
     let mut lost = samples;
     lost[4].torque[0] = f64::NAN;
     assert!(new(&lost).starts_with("line 6:"), "{}", new(&lost));

@@ -221,7 +221,9 @@ impl Follow<'_> {
 /// An error of a problem of one frame, told with the frame's own number.
 fn at_frame(error: TrajectoryError, frame: usize) -> TrajectoryError {
     match error {
-        TrajectoryError::OutOfReach { off_mm, .. } => TrajectoryError::OutOfReach { frame: frame + 1, off_mm },
+        TrajectoryError::OutOfReach { what, off_mm, .. } => {
+            TrajectoryError::OutOfReach { frame: frame + 1, what, off_mm }
+        }
         other => other,
     }
 }

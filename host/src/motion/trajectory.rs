@@ -110,13 +110,27 @@ pub enum TrajectoryError {
     Tree(#[from] TreeError),
     /// A frame has no posture that holds the constraints within the limits.
     #[error(
-        "frame {frame}: no posture within the limits holds feet, chair and centre of mass, the nearest is {off_mm:.1} mm off; scale the motion or start from another posture"
+        "frame {frame}: no posture within the limits holds feet, seat and centre of mass, the nearest has {what} {off_mm:.1} mm off; scale the motion or start from another posture"
     )]
     OutOfReach {
         /// The frame, from 1.
         frame: usize,
+        /// What is farthest off.
+        what: String,
         /// How far off the nearest is, mm (or mrad).
         off_mm: f64,
+    },
+    /// The plates' moment has the wrong sign.
+    #[error(
+        "the plates' {column}: their centre of pressure is {off_mm:.0} mm off the person's, with the sign of {column} turned {turned_mm:.0} mm: it must be the moment that the ground exerts on the person, about the world's origin, z up"
+    )]
+    Turned {
+        /// Mx or My.
+        column: &'static str,
+        /// RMS distance as measured, mm.
+        off_mm: f64,
+        /// And with its sign turned.
+        turned_mm: f64,
     },
 }
 
@@ -124,8 +138,7 @@ pub enum TrajectoryError {
 fn hard(problem: &Problem<'_>, placed: &Placed, frame: usize) -> (DVector<f64>, DMatrix<f64>) {
     let wide = 6 + problem.robot.joints.len();
     let chair = problem.chair_of(frame);
-    let held = |k: usize, axes: [bool; 3]| axes[k] && !(k == 2 && chair.is_some());
-    let axes: Vec<usize> = problem.com.map_or(Vec::new(), |(_, axes)| (0..3).filter(|&k| held(k, axes)).collect());
+    let axes = problem.held_axes(frame);
     let seated = 6 * problem.feet.len() + axes.len();
     let rows = seated + if chair.is_some() { 3 } else { 0 };
     let (mut off, mut jacobian) = (DVector::zeros(rows), DMatrix::zeros(rows, wide));
@@ -159,6 +172,23 @@ impl Problem<'_> {
     /// The chair while it is sat on.
     fn chair_of(&self, frame: usize) -> Option<Chair<'_>> {
         self.chair.filter(|chair| frame < chair.frames && !chair.seat.is_empty())
+    }
+
+    /// Axes along which the centre of mass is held.
+    fn held_axes(&self, frame: usize) -> Vec<usize> {
+        let sits = self.chair_of(frame).is_some();
+        self.com.map_or(Vec::new(), |(_, axes)| (0..3).filter(|&k| axes[k] && !(k == 2 && sits)).collect())
+    }
+
+    /// What a row of the constraints holds, in words.
+    fn constraint(&self, row: usize, frame: usize) -> String {
+        if let Some(foot) = self.feet.get(row / 6) {
+            return format!("the foot {}", crate::identify::body_name(self.robot, foot.joint));
+        }
+        match self.held_axes(frame).get(row - 6 * self.feet.len()) {
+            Some(&axis) => format!("the centre of mass along {}", ["x", "y", "z"][axis]),
+            None => "the seat".into(),
+        }
     }
 
     /// How far the centre of mass is above its height on a chair, m, and the row of its Jacobian.
@@ -207,17 +237,21 @@ fn clamp(robot: &Robot, q: &mut [f64]) -> Vec<bool> {
     robot.joints.iter().zip(q).map(at).collect()
 }
 
+/// What the search of a posture ended with: the constraint that is farthest off, and by how much, m or rad.
+type Off = (usize, f64);
+
 /// The posture near this one that holds the constraints of a frame within the limits, or how far off the search ended.
-fn held(problem: &Problem<'_>, placed: &mut Placed, frame: usize, start: &Posture) -> Result<Posture, f64> {
+fn held(problem: &Problem<'_>, placed: &mut Placed, frame: usize, start: &Posture) -> Result<Posture, Off> {
     let mut posture = start.clone();
     let mut pinned = vec![false; posture.q.len()];
     clamp(problem.robot, &mut posture.q);
-    let mut worst = f64::INFINITY;
+    let mut worst = (0, f64::INFINITY);
     for _ in 0..CORRECTIONS {
         placed.place(&posture);
         let (off, jacobian) = hard(problem, placed, frame);
-        worst = if off.is_empty() { 0.0 } else { off.amax() };
-        if worst <= HELD {
+        let row = if off.is_empty() { 0 } else { off.iamax() };
+        worst = (row, off.get(row).map_or(0.0, |off| off.abs()));
+        if worst.1 <= HELD {
             return Ok(posture);
         }
         let free: Vec<usize> = (0..jacobian.ncols()).filter(|&k| k < 6 || !pinned[k - 6]).collect();
@@ -312,8 +346,11 @@ fn each<T: Send>(
 /// The postures that hold the constraints, each near its start.
 fn all_held(problem: &Problem<'_>, postures: &[Posture]) -> Result<Vec<Posture>, TrajectoryError> {
     let found = each(problem, postures, |placed, frame, posture| held(problem, placed, frame, posture))?;
-    let out = |(frame, found): (usize, Result<Posture, f64>)| {
-        found.map_err(|off| TrajectoryError::OutOfReach { frame: frame + 1, off_mm: 1e3 * off })
+    let out = |(frame, found): (usize, Result<Posture, Off>)| {
+        found.map_err(|(row, off)| {
+            let what = problem.constraint(row, frame);
+            TrajectoryError::OutOfReach { frame: frame + 1, what, off_mm: 1e3 * off }
+        })
     };
     found.into_iter().enumerate().map(out).collect()
 }

@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use darm::identify::{LinkMass, with_masses};
 use darm::motion::execution::{Executed, Gains, execute};
 use darm::motion::mapping::{Mapped, map};
-use darm::motion::person::{CopError, Person, Scale, person};
+use darm::motion::person::{CopError, Person, Scale, WITHIN_M, person};
 use darm::motion::setup::Setup;
 use darm::motion::{Balance, Capture, Fixed, feed_forward};
 use darm::report::{MotionReport, motion_page};
@@ -146,6 +146,13 @@ impl Told {
     fn of(robot: &Robot, (person, mapped): (&Person, &Mapped), fell: Option<bool>, capture: &Capture) -> Self {
         let free = |k: &usize| !mapped.axes[*k];
         let mut findings = capture.findings.clone();
+        if person.after.worst_m > WITHIN_M {
+            findings.push(format!(
+                "the person's centre of pressure stays {} mm off the measured one at worst, where {} mm are wanted: are all plates and markers in one frame and at one time?",
+                number(1e3 * person.after.worst_m, 0),
+                number(1e3 * WITHIN_M, 0)
+            ));
+        }
         findings.extend((0..3).filter(free).map(|k| {
             format!("the robot cannot move its centre of mass along {}: it is left free", ["x", "y", "z"][k])
         }));

@@ -82,7 +82,7 @@ pub(super) fn map_both(
         by_cad_plan(figures, robots, &followed)?;
         stand(figures, progress, drawn, &followed)?;
     }
-    let picture = Picture { x: "forward, m", y: "up, m", mark: None, curves: plane };
+    let picture = Picture { x: "forward, m", y: "up, m", mark: None, band: None, curves: plane };
     pictures.push(("centre of mass in the sagittal plane (the paper's figure 7)".into(), picture.svg()));
     for ((_, svg), name) in pictures.iter().zip(FILES) {
         fs::write(folder.join(format!("{name}.svg")), svg)?;
