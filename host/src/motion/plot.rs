@@ -1,13 +1,19 @@
-//! Curves as SVG: the two figures of the paper.
+//! Curves as SVG: the two figures of the paper. A curve alone has no legend.
 
+use plotters::chart::ChartContext;
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::{
-    ChartBuilder, Circle, DashedLineSeries, IntoDrawingArea, LineSeries, RGBColor, Rectangle, SVGBackend, WHITE,
+    Cartesian2d, ChartBuilder, Circle, DashedLineSeries, EmptyElement, IntoDrawingArea, LineSeries, RGBColor,
+    Rectangle, SVGBackend, WHITE,
 };
 use plotters::style::{Color, IntoFont, TextStyle};
 
 const SIZE: (u32, u32) = (820, 420);
 const INK: RGBColor = RGBColor(0x33, 0x3d, 0x45);
 const GRID: RGBColor = RGBColor(0xe7, 0xeb, 0xee);
+
+/// A chart with two axes of numbers.
+type Chart<'a> = ChartContext<'a, SVGBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
 /// A curve.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,9 +73,13 @@ impl Figure {
             .x_label_area_size(40)
             .y_label_area_size(62)
             .build_cartesian_2d(self.range(0), self.range(1))?;
+        // Rounded as a sum that has no -0.
+        let label = |at: &f64| format!("{}", (at * 1e6).round() / 1e6 + 0.0);
         chart
             .configure_mesh()
             .label_style(font())
+            .x_label_formatter(&label)
+            .y_label_formatter(&label)
             .axis_desc_style(font())
             .bold_line_style(GRID)
             .light_line_style(WHITE)
@@ -87,33 +97,40 @@ impl Figure {
             chart.draw_series(LineSeries::new([(at, y.start), (at, y.end)], INK.mix(0.4)))?;
         }
         for curve in &self.curves {
-            let color = RGBColor(curve.color[0], curve.color[1], curve.color[2]);
-            let points = curve.points.iter().filter(|p| p.iter().all(|x| x.is_finite())).map(|p| (p[0], p[1]));
-            let series = if curve.dashed {
-                chart.draw_series(DashedLineSeries::new(points, 7, 5, color.stroke_width(2)))?
-            } else {
-                chart.draw_series(LineSeries::new(points, color.stroke_width(2)))?
-            };
-            // A dashed line in the legend is two strokes.
-            let (end, again) = if curve.dashed { (7, 11) } else { (18, 18) };
-            let bar = move |x: i32, y: i32, from: i32, to: i32| {
-                Rectangle::new([(x + from, y - 1), (x + to, y + 1)], color.filled())
-            };
-            series.label(curve.name.as_str()).legend(move |(x, y)| {
-                plotters::prelude::EmptyElement::at((0, 0)) + bar(x, y, 0, end) + bar(x, y, again, 18)
-            });
-            if let Some(dot) = curve.dot {
-                chart.draw_series([Circle::new((dot[0], dot[1]), 5, color.filled())])?;
-            }
+            drawn(&mut chart, curve)?;
         }
-        chart
-            .configure_series_labels()
-            .position(plotters::prelude::SeriesLabelPosition::UpperLeft)
-            .label_font(font())
-            .background_style(WHITE.mix(0.85))
-            .border_style(GRID)
-            .draw()?;
+        if self.curves.len() > 1 {
+            chart
+                .configure_series_labels()
+                .position(plotters::prelude::SeriesLabelPosition::UpperLeft)
+                .label_font(font())
+                .background_style(WHITE.mix(0.85))
+                .border_style(GRID)
+                .draw()?;
+        }
         area.present()?;
         Ok(())
     }
+}
+
+/// One curve with its entry in the legend.
+fn drawn<'a>(chart: &mut Chart<'a>, curve: &Curve) -> Result<(), Box<dyn std::error::Error>> {
+    let color = RGBColor(curve.color[0], curve.color[1], curve.color[2]);
+    let points = curve.points.iter().filter(|p| p.iter().all(|x| x.is_finite())).map(|p| (p[0], p[1]));
+    let series = if curve.dashed {
+        chart.draw_series(DashedLineSeries::new(points, 7, 5, color.stroke_width(2)))?
+    } else {
+        chart.draw_series(LineSeries::new(points, color.stroke_width(2)))?
+    };
+    // A dashed line in the legend is two strokes.
+    let (end, again) = if curve.dashed { (7, 11) } else { (18, 18) };
+    let bar =
+        move |x: i32, y: i32, from: i32, to: i32| Rectangle::new([(x + from, y - 1), (x + to, y + 1)], color.filled());
+    series
+        .label(curve.name.as_str())
+        .legend(move |(x, y)| EmptyElement::at((0, 0)) + bar(x, y, 0, end) + bar(x, y, again, 18));
+    if let Some(dot) = curve.dot {
+        chart.draw_series([Circle::new((dot[0], dot[1]), 5, color.filled())])?;
+    }
+    Ok(())
 }

@@ -181,6 +181,17 @@ fn plates_whose_moment_is_turned_are_told() {
 }
 
 #[test]
+fn what_is_out_of_reach_is_told_with_its_frame_and_name() {
+    let setup = setup(SETUP).unwrap();
+    let (capture, found) = shown(&setup);
+    let mut stiff = floating(PLANAR);
+    // A knee that does not bend.
+    stiff.joints[1].limits = Some([-0.05, 0.3]);
+    let error = map(&stiff, &setup, found, capture).unwrap_err().to_string();
+    assert!(error.starts_with("frame 1: no posture within the limits") && error.contains("has the "), "{error}");
+}
+
+#[test]
 fn two_feet_bear_a_plan_together() {
     const LEGS: &str = r#"[robot.feet]
 l_ankle = [[-0.08, -0.05, -0.09], [0.16, -0.05, -0.09], [0.16, 0.05, -0.09], [-0.08, 0.05, -0.09]]

@@ -107,7 +107,11 @@ pub fn motion_page(robot: &str, report: &MotionReport<'_>) -> Result<String> {
         @if let Some(chair) = chair_along_time(report) {
             section { h2 { "What the chair bears" } (PreEscaped(chair.svg())) }
         }
-        section { h2 { "Centre of mass in the sagittal plane" } (PreEscaped(plane.svg())) }
+        section {
+            h2 { "Centre of mass in the sagittal plane" }
+            p { "The dot marks where the chair is left." }
+            (PreEscaped(plane.svg()))
+        }
         section {
             h2 { "Figures" }
             table { tbody { @for (name, value) in &rows { tr { td { (name) } td.num { (value) } } } } }

@@ -70,7 +70,7 @@ pub(super) fn map_both(
         let report =
             MotionReport { person: &found, mapped: &mapped, robot: &robots.identified, executed: Some(&executed) };
         pictures.push((
-            format!("{name}: centre of mass and of pressure (the paper's figure 6)"),
+            format!("{name}: centre of mass and of pressure, a line at lift-off (the paper's figure 6)"),
             along_time(&report)?.svg(),
         ));
         pictures.extend(chair_along_time(&report).map(|chair| (format!("{name}: what the chair bears"), chair.svg())));
@@ -83,7 +83,8 @@ pub(super) fn map_both(
         stand(figures, progress, drawn, &followed)?;
     }
     let picture = Picture { x: "forward, m", y: "up, m", mark: None, band: None, curves: plane };
-    pictures.push(("centre of mass in the sagittal plane (the paper's figure 7)".into(), picture.svg()));
+    pictures
+        .push(("centre of mass in the sagittal plane, dots at lift-off (the paper's figure 7)".into(), picture.svg()));
     for ((_, svg), name) in pictures.iter().zip(FILES) {
         fs::write(folder.join(format!("{name}.svg")), svg)?;
     }
