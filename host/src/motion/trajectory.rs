@@ -183,7 +183,7 @@ impl Problem<'_> {
     /// What a row of the constraints holds, in words.
     fn constraint(&self, row: usize, frame: usize) -> String {
         if let Some(foot) = self.feet.get(row / 6) {
-            return format!("the foot {}", crate::identify::body_name(self.robot, foot.joint));
+            return format!("the contact of {}", crate::identify::body_name(self.robot, foot.joint));
         }
         match self.held_axes(frame).get(row - 6 * self.feet.len()) {
             Some(&axis) => format!("the centre of mass along {}", ["x", "y", "z"][axis]),
