@@ -19,7 +19,7 @@ Examples:
   darm dynamics humanoid.urdf --floating --torque 0,0,…                     how it falls
   darm dynamics planar4.toml --word 010110011101                            what each leg bears
 
-Columns of a table: JOINT_deg, JOINT_deg_s, JOINT_deg_s2 (mm for sliding joints; rad and m too), and
+Columns of a table: JOINT_deg, JOINT_deg_s, JOINT_deg_s2 (mm for sliding joints; rad and m too), and \
 JOINT_nm or JOINT_n for --forward. Friction and the motors' own inertia are not in the equation.";
 
 /// Tell torques, mass matrix, Coriolis matrix, gravity and energies; or the accelerations of torques

@@ -24,6 +24,7 @@ pub mod outcome;
 mod position;
 pub mod prepared;
 mod remaining;
+mod ripple;
 pub mod signal;
 mod summary;
 mod thinned;
