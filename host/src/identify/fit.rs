@@ -11,6 +11,9 @@ const ROUNDS: usize = 500;
 /// The least mass of a body as a share of the nominal one, as for [`possible`].
 const LEAST_MASS: f64 = 0.1;
 
+/// Rows agree far better when the mean square of their residuals falls by this.
+const FAR: f64 = 25.0;
+
 /// Identified parameters.
 #[derive(Clone, Debug)]
 pub struct Fit {
@@ -69,6 +72,11 @@ impl<'a> Reduced<'a> {
     }
 }
 
+/// Sum of squared residuals over the rows less the rank.
+fn scatter((columns, right): (&DMatrix<f64>, &DVector<f64>), values: &DVector<f64>, rank: usize) -> f64 {
+    (right - columns * values).norm_squared() / right.len().saturating_sub(rank).max(1) as f64
+}
+
 impl Equations {
     /// The parameters that all samples tell, with bodies as possible as the rows leave them.
     pub fn fit(&self, kind: Kind) -> Fit {
@@ -77,12 +85,27 @@ impl Equations {
         let (fitted, covariance) = reduced.solve(&all);
         let rank = reduced.basis.ncols();
         let (columns, right) = self.stacked();
-        let scatter = |values: &DVector<f64>| {
-            (&right - &columns * values).norm_squared() / right.len().saturating_sub(rank).max(1) as f64
-        };
+        let scatter = |values: &DVector<f64>| scatter((&columns, &right), values, rank);
         let values = self.possible(&fitted, kind);
         let is_possible = scatter(&values) <= scatter(&fitted) * (1.0 + 1e-6) + 1e-12;
         Fit { scatter: scatter(&values), values, rank, covariance, is_possible }
+    }
+
+    /// The component of the contacts' wrench (0 to 5: Fx to Mz) with whose sign turned the rows agree far better, and the residual
+    /// over the noise that they then have. Contacts beyond joints are in those joints' rows too: what they hide is not seen.
+    pub fn turned(&self, fit: &Fit) -> Option<(usize, f64)> {
+        let all: Vec<usize> = (0..self.samples.len()).collect();
+        let turned = |row: usize| {
+            let mut other = self.clone();
+            other.samples.iter_mut().for_each(|sample| sample.right[row] = -sample.right[row]);
+            let (values, _) = Reduced::new(&other).solve(&all);
+            let (columns, right) = other.stacked();
+            scatter((&columns, &right), &values, fit.rank)
+        };
+        let measured = (0..6).filter(|&component| self.rows.wrench[component]).enumerate();
+        let far =
+            measured.map(|(row, component)| (component, turned(row))).filter(|(_, left)| left * FAR < fit.scatter);
+        far.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(component, left)| (component, left.sqrt()))
     }
 
     /// The nearest possible bodies, along what the rows do not tell as far as that goes: projections onto the one and the

@@ -9,8 +9,8 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-use super::{Contact, Equations, Kind, Noise, Robot, Rows, Sample, hold_out, missing};
-use crate::diagnose::channels::bodies::Moving;
+use super::{Contact, Equations, Kind, Noise, Robot, Rows, Sample, hold_out, missing, simulated};
+use crate::diagnose::channels::bodies::{Moving, links};
 use crate::urdf::{Locks, parse};
 use darm_core::real::Vec3;
 
@@ -137,6 +137,69 @@ fn a_hidden_mass_is_found_on_its_link_and_nothing_where_nothing_is() {
     assert!(found.after_m[0] < 4e-3 && found.before_m[0] > 8e-3, "{found:?}");
 }
 
+/// The wrench of one plate under the base, as two feet bear it: shares of it, and the joints' torques less what they feel of it.
+fn on_feet(robot: &Robot, sample: &mut Sample, feet: [usize; 2]) {
+    let [q, qd, qdd] = &sample.state;
+    let moving = links(robot, &sample.base, [q, qd, qdd]);
+    let whole = sample.contacts[0].wrench;
+    let contact = |(joint, share): (usize, f64)| {
+        let wrench = Wrench { moment: whole.moment * share, force: whole.force * share };
+        Contact { joint: Some(joint), wrench }
+    };
+    sample.contacts = feet.into_iter().zip([0.3, 0.7]).map(contact).collect();
+    for contact in &sample.contacts {
+        let parent = |joint: &usize| robot.joints[*joint].joint.parent;
+        for joint in std::iter::successors(contact.joint, parent) {
+            let pose = moving[joint].pose;
+            let axis = pose.rotation * robot.joints[joint].joint.axis.direction;
+            let moment = contact.wrench.moment - pose.position.cross(&contact.wrench.force);
+            sample.torque[joint] -= axis.dot(&moment);
+        }
+    }
+}
+
+#[test]
+fn two_feet_tell_as_much_as_one_plate() {
+    let text = include_str!("../../../tests/data/urdf/simple_humanoid.urdf");
+    let mut robot = parse(Path::new("simple_humanoid.urdf"), text, &Locks::new()).unwrap();
+    robot.floating = true;
+    let foot = |name: &str| robot.frame(name).and_then(|frame| frame.joint).unwrap();
+    let feet = [foot("l_ankle"), foot("r_ankle")];
+    let mut real = robot.clone();
+    let torso = robot.frame("torso").and_then(|frame| frame.joint).unwrap();
+    let pack =
+        darm_core::tree::Inertia { mass: 6.0, com: Vec3::new(-0.1, 0.05, 0.2), ..darm_core::tree::Inertia::none() };
+    real.joints[torso].joint.inertia = real.joints[torso].joint.inertia.joined(&pack);
+    let mut random = ChaCha8Rng::seed_from_u64(4);
+    let still = Noise { torque_nm: 0.0, force_n: 0.0, moment_nm: 0.0 };
+    let n = robot.joints.len();
+    let plate: Vec<Sample> = (0..14)
+        .map(|line| {
+            let mut base = Moving::resting(&robot.gravity);
+            let tilt = Vec3::from_fn(|_, _| random.random_range(-0.2..0.2));
+            base.pose = darm_core::se::Pose::new(&tilt, Vec3::new(0.1, 0.0, 0.9));
+            let q = (0..n).map(|_| random.random_range(-0.6..0.6)).collect();
+            Sample { line, ..simulated(&real, base, [q, vec![0.0; n], vec![0.0; n]], &still, &mut random) }
+        })
+        .collect();
+    let mut two = plate.clone();
+    two.iter_mut().for_each(|sample| on_feet(&robot, sample, feet));
+    let rows = Rows { wrench: [true; 6], torque: vec![true; n] };
+    let of = |samples: &[Sample]| Equations::new(&robot, samples, &rows, NOISE, Kind::Static).unwrap();
+    let (one, two) = (of(&plate), of(&two));
+    assert_eq!(one.directions().0, two.directions().0);
+    for (one, two) in one.samples.iter().zip(&two.samples) {
+        let apart = one.measured_cop().into_iter().zip(two.measured_cop());
+        assert!(apart.into_iter().all(|(a, b)| (a - b).abs() < 1e-12), "the centre of pressure of both feet together");
+    }
+    let fit = two.fit(Kind::Static);
+    assert!(fit.scatter < 1e-16, "{}", fit.scatter);
+    let held_out = hold_out(&two, 0.8, 3, 1);
+    for k in 0..2 {
+        assert!(held_out.identified_m[k].unwrap() < 0.2 * held_out.nominal_m[k].unwrap(), "{held_out:?}");
+    }
+}
+
 #[test]
 fn bad_samples_are_told() {
     let (robot, samples) = (robot(), samples());
@@ -152,6 +215,14 @@ fn bad_samples_are_told() {
     let mut opposite = samples.clone();
     opposite.iter_mut().for_each(|sample| sample.torque[1] = -sample.torque[1]);
     assert!(new(&opposite).contains("knee"), "{}", new(&opposite));
+    let equations = |samples: &[Sample]| Equations::new(&robot, samples, &rows(), NOISE, Kind::Static).unwrap();
+    let turned = |samples: &[Sample]| {
+        let equations = equations(samples);
+        equations.turned(&equations.fit(Kind::Static))
+    };
+    let mut moment = samples.clone();
+    moment.iter_mut().for_each(|sample| sample.contacts[0].wrench.moment.y *= -1.0);
+    assert_eq!(turned(&moment).map(|(component, _)| component), Some(4), "My");
     let mut lost = samples;
     lost[4].torque[0] = f64::NAN;
     assert!(new(&lost).starts_with("line 6:"), "{}", new(&lost));

@@ -32,12 +32,11 @@ impl Banded {
             for j in first..i {
                 let other = &done[j];
                 let from = first.max(j.saturating_sub(w));
-                let sum: f64 =
-                    row[from + w - i..j + w - i].iter().zip(&other[from + w - j..w]).map(|(a, b)| a * b).sum();
+                let sum = dot(&row[from + w - i..j + w - i], &other[from + w - j..w]);
                 row[j + w - i] = (row[j + w - i] - sum) / other[w];
             }
-            let square: f64 = row[first + w - i..w].iter().map(|a| a * a).sum();
-            let left = row[w] - square;
+            let known = &row[first + w - i..w];
+            let left = row[w] - dot(known, known);
             if left.is_nan() || left <= 0.0 {
                 return None;
             }
@@ -53,4 +52,15 @@ impl Banded {
         }
         Some(right)
     }
+}
+
+/// Products summed in eight lanes: one sum would wait for each of its additions.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let (a, b) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest: f64 = a.remainder().iter().zip(b.remainder()).map(|(a, b)| a * b).sum();
+    let mut lanes = [0.0; 8];
+    for (a, b) in a.zip(b) {
+        lanes.iter_mut().zip(a.iter().zip(b)).for_each(|(lane, (a, b))| *lane += a * b);
+    }
+    rest + lanes.iter().sum::<f64>()
 }

@@ -88,16 +88,16 @@ impl Style {
     fn angles(self, time_s: f64) -> Angles {
         let turns = match self {
             Self::Natural => [
-                vec![turn(-24.0, -28.0, 0.3, 1.3), turn(0.0, 27.0, 1.5, 2.7)],
+                vec![turn(-26.0, -32.0, 1.25, 1.8), turn(0.0, 31.0, 1.6, 2.7)],
                 vec![turn(88.0, 1.0, 1.25, 2.7)],
-                vec![turn(-2.0, -44.0, 0.3, 1.4), turn(0.0, 42.5, 1.5, 2.8)],
-                vec![turn(-4.0, -34.0, 0.3, 1.4), turn(0.0, 32.0, 1.5, 2.8)],
+                vec![turn(-2.0, -40.0, 0.3, 1.4), turn(0.0, 38.5, 1.5, 2.8)],
+                vec![turn(-4.0, -50.0, 0.3, 1.4), turn(0.0, 48.0, 1.5, 2.8)],
             ],
             Self::Elderly => [
-                vec![turn(-24.0, -30.0, 0.4, 2.0), turn(0.0, 28.0, 2.2, 3.9), turn(0.0, 1.0, 3.9, 4.6)],
+                vec![turn(-26.0, -34.0, 2.0, 2.8), turn(0.0, 32.0, 2.4, 3.9), turn(0.0, 1.0, 3.9, 4.6)],
                 vec![turn(88.0, 4.0, 2.0, 4.1)],
-                vec![turn(-2.0, -56.0, 0.3, 2.0), turn(0.0, 50.0, 2.4, 4.4)],
-                vec![turn(-6.0, -46.0, 0.3, 2.0), turn(0.0, 40.0, 2.4, 4.5)],
+                vec![turn(-2.0, -44.0, 0.3, 2.0), turn(0.0, 39.0, 2.4, 4.4)],
+                vec![turn(-6.0, -62.0, 0.3, 2.0), turn(0.0, 54.0, 2.4, 4.5)],
             ],
         };
         let [shank, thigh, pelvis, trunk] = turns.map(|turns| turns.iter().map(|turn| turn.at(time_s)).sum::<f64>());
@@ -169,8 +169,8 @@ fn stood(placed: &mut Placed, tree: &Robot, feet: &[Option<usize>], angles: &Ang
             "hip_Z" => angles.thigh - angles.pelvis,
             "knee" => angles.thigh - angles.shank,
             "ankle_Z" => -angles.shank,
-            "lumbar_Z" | "thoracic_Z" => 0.5 * angles.trunk,
-            "cervical_Z" => -0.5 * (angles.trunk + angles.pelvis),
+            "lumbar_Z" | "thoracic_Z" => 0.5 * (angles.trunk - angles.pelvis),
+            "cervical_Z" => -0.5 * angles.trunk,
             _ => 0.0,
         }
     };

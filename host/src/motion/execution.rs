@@ -1,7 +1,11 @@
-//! A planned motion executed by joint PD control on a simulated robot whose masses are its own.
+//! A planned motion executed by joint control on a simulated robot whose masses are its own.
+//!
+//! Each joint has a PD loop about its plan, as in the paper, and the plan's torque beforehand where it is given
+//! ([`feed_forward`](super::feed_forward)): without it a joint of 10 kN·m/rad sags by 0.05 rad under this robot's weight, and
+//! its centre of mass with it by half a foot. Nothing looks at the balance while the robot moves: what stands was planned so.
 //!
 //! The ground and the chair push at points: springs and dampers along the vertical, never pulling, with Coulomb friction about an
-//! anchor on the ground. Velocities step by the linearly implicit Euler method: stiffness and damping of controller and
+//! anchor on the ground. The chair is level, and any point of the seat can touch it. Velocities step by the linearly implicit Euler method: stiffness and damping of controller and
 //! contacts enter the matrix, so that steps of half a millisecond are stable. A robot that loses its balance falls.
 
 use darm_core::real::Vec3;
@@ -9,6 +13,7 @@ use darm_core::se::Pose;
 use darm_core::tree::TreeError;
 use nalgebra::{DMatrix, DVector};
 
+use super::balance::Polygon;
 use super::mapping::Mapped;
 use super::placed::Placed;
 use super::setup::Setup;
@@ -25,8 +30,6 @@ const GROUND: (f64, f64) = (4e5, 2e3);
 const CHAIR: (f64, f64) = (1e5, 2e3);
 /// Friction of sole and ground.
 const FRICTION: f64 = 0.8;
-/// Depth by which the chair carries at the start, m.
-const SUNK_M: f64 = 1e-3;
 /// It has fallen when its centre of mass ends this far from the plan, m.
 const FALLEN_M: f64 = 0.15;
 
@@ -53,6 +56,8 @@ pub struct Executed {
     pub postures: Vec<Posture>,
     /// Centre of pressure of the feet, m.
     pub cop: Vec<[f64; 2]>,
+    /// Its least distance from the edge of the soles after lift-off, m: 0 when the robot tips.
+    pub cop_margin_m: f64,
     /// What the chair bears, N.
     pub chair_n: Vec<f64>,
     /// Largest distance of a joint from its plan, rad.
@@ -79,16 +84,27 @@ struct Push {
     damping: Vec3<f64>,
 }
 
-/// Executes a plan on `robot`.
-pub fn execute(robot: &Robot, setup: &Setup, plan: &Mapped, gains: Gains) -> Result<Executed, TreeError> {
+/// Executes a plan on `robot`, with the joints' torques frame by frame, or none.
+pub fn execute(
+    robot: &Robot,
+    setup: &Setup,
+    plan: &Mapped,
+    (gains, torque): (Gains, &[Vec<f64>]),
+) -> Result<Executed, TreeError> {
     let mut placed = Placed::new(robot)?;
     let postures = &plan.trajectory.postures;
     placed.place(&postures[0]);
     let mut touches = touches(setup, &placed);
     let mut posture = postures[0].clone();
     let mut velocity = DVector::zeros(6 + posture.q.len());
-    let mut told =
-        Executed { postures: Vec::new(), cop: Vec::new(), chair_n: Vec::new(), worst_joint_rad: 0.0, fell: false };
+    let mut told = Executed {
+        postures: Vec::new(),
+        cop: Vec::new(),
+        cop_margin_m: f64::INFINITY,
+        chair_n: Vec::new(),
+        worst_joint_rad: 0.0,
+        fell: false,
+    };
     let start_s = plan.time_s[0] - SETTLE_S;
     let steps = ((plan.time_s[plan.time_s.len() - 1] - start_s) / STEP_S).round() as usize;
     for step in 0..=steps {
@@ -99,33 +115,34 @@ pub fn execute(robot: &Robot, setup: &Setup, plan: &Mapped, gains: Gains) -> Res
             let planned = &postures[told.postures.len()];
             tell(&mut told, &posture, &placed, (&touches, &pushes), planned);
         }
-        let (desired, rate) = desired(plan, time_s);
-        let next = advance(&placed, (&posture, &velocity), &pushes, (&desired, &rate), gains);
+        let next = advance(&placed, (&posture, &velocity), &pushes, &desired(plan, torque, time_s), gains);
         let Some(next) = next else { break };
         velocity = next;
         posture = posture.moved(&(&velocity * STEP_S));
     }
-    let apart = |posture: &Posture, placed: &mut Placed| {
-        placed.place(posture);
-        placed.com().0
-    };
-    let last = told.postures.last().map(|posture| apart(posture, &mut placed));
-    let planned = postures.last().map(|posture| apart(posture, &mut placed));
-    told.fell = told.postures.len() < plan.time_s.len()
-        || last
-            .zip(planned)
-            .is_none_or(|(last, planned)| (last - planned).norm().is_nan() || (last - planned).norm() >= FALLEN_M);
+    judge(&mut told, plan, &mut placed);
     Ok(told)
 }
 
+/// Whether it fell, and how near it came to tipping.
+fn judge(told: &mut Executed, plan: &Mapped, placed: &mut Placed) {
+    let mut com = |posture: &Posture| {
+        placed.place(posture);
+        placed.com().0
+    };
+    let ends = told.postures.last().zip(plan.trajectory.postures.last());
+    let apart = ends.map_or(f64::NAN, |(last, planned)| (com(last) - com(planned)).norm());
+    told.fell = told.postures.len() < plan.time_s.len() || apart.is_nan() || apart >= FALLEN_M;
+    let soles = Polygon::hull(&plan.sole);
+    let margins = told.cop.iter().skip(plan.lift_off).map(|cop| soles.margin(*cop));
+    // The feet in the air have no centre of pressure.
+    told.cop_margin_m = margins.map(|margin| if margin.is_nan() { 0.0 } else { margin }).fold(f64::INFINITY, f64::min);
+}
+
 fn touches(setup: &Setup, placed: &Placed) -> Vec<Touch> {
-    let soles =
-        setup.feet.iter().flat_map(|(joint, points)| points.iter().map(|&point| Fixed { joint: *joint, point }));
-    let feet = soles.map(|at| Touch { at, height: 0.0, spring: GROUND, is_foot: true, anchor: None });
-    let seat = setup.seat.iter().map(|at| {
-        let height = placed.point(at).z + SUNK_M;
-        Touch { at: *at, height, spring: CHAIR, is_foot: false, anchor: None }
-    });
+    let feet = setup.soles().map(|at| Touch { at, height: 0.0, spring: GROUND, is_foot: true, anchor: None });
+    let height = setup.seat.iter().map(|at| placed.point(at).z).fold(f64::INFINITY, f64::min);
+    let seat = setup.seat.iter().map(|at| Touch { at: *at, height, spring: CHAIR, is_foot: false, anchor: None });
     feet.chain(seat).collect()
 }
 
@@ -155,18 +172,27 @@ fn push(touch: &mut Touch, placed: &Placed, velocity: &DVector<f64>) -> Push {
     Push { force, jacobian, stiffness: stiff, damping: Vec3::repeat(damping) }
 }
 
-/// Planned positions and velocities of the joints, linear between frames.
-fn desired(plan: &Mapped, time_s: f64) -> (Vec<f64>, Vec<f64>) {
+/// What the joints shall do at one time.
+struct Desired {
+    q: Vec<f64>,
+    rate: Vec<f64>,
+    torque: Vec<f64>,
+}
+
+/// The plan at a time, linear between frames.
+fn desired(plan: &Mapped, torque: &[Vec<f64>], time_s: f64) -> Desired {
     let (times, postures) = (&plan.time_s, &plan.trajectory.postures);
-    let after = times.partition_point(|t| *t <= time_s);
-    let (Some(before), true) = (after.checked_sub(1), after < times.len()) else {
-        let end = if after == 0 { 0 } else { times.len() - 1 };
-        return (postures[end].q.clone(), vec![0.0; postures[end].q.len()]);
-    };
+    let last = times.len() - 1;
+    let after = times.partition_point(|t| *t <= time_s).min(last);
+    let before = after.saturating_sub(1);
     let span = times[after] - times[before];
-    let share = (time_s - times[before]) / span;
-    let pairs = || postures[before].q.iter().zip(&postures[after].q);
-    (pairs().map(|(a, b)| a + share * (b - a)).collect(), pairs().map(|(a, b)| (b - a) / span).collect())
+    let share = if span > 0.0 { ((time_s - times[before]) / span).clamp(0.0, 1.0) } else { 0.0 };
+    let between = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + share * (b - a)).collect();
+    let (a, b) = (&postures[before].q, &postures[after].q);
+    let moves = (times[0]..times[last]).contains(&time_s);
+    let rate = a.iter().zip(b).map(|(a, b)| if moves { (b - a) / span } else { 0.0 }).collect();
+    let torque = torque.get(before).zip(torque.get(after));
+    Desired { q: between(a, b), rate, torque: torque.map_or(vec![0.0; a.len()], |(a, b)| between(a, b)) }
 }
 
 /// Velocities one step later; `None` when the mass matrix is singular.
@@ -174,17 +200,18 @@ fn advance(
     placed: &Placed,
     (posture, velocity): (&Posture, &DVector<f64>),
     pushes: &[Push],
-    (desired, rate): (&[f64], &[f64]),
+    desired: &Desired,
     gains: Gains,
 ) -> Option<DVector<f64>> {
     let mut matrix = placed.mass(&posture.q);
     let bias = placed.bias(posture, velocity.as_slice());
     let mut load = -DVector::from_vec(bias);
     let h = STEP_S;
-    for (k, (wanted, rate)) in desired.iter().zip(rate).enumerate() {
+    for (k, q) in posture.q.iter().enumerate() {
         let row = 6 + k;
-        load[row] +=
-            gains.stiffness * (wanted - posture.q[k] - h * velocity[row]) + gains.damping * (rate - velocity[row]);
+        load[row] += desired.torque[k]
+            + gains.stiffness * (desired.q[k] - q - h * velocity[row])
+            + gains.damping * (desired.rate[k] - velocity[row]);
         matrix[(row, row)] += h * gains.damping + h * h * gains.stiffness;
     }
     for push in pushes.iter().filter(|push| push.force.z > 0.0) {

@@ -6,7 +6,7 @@
 //! markers overlaid on the robot's sitting posture ─► soft ─► trajectory of the robot ◄────────────────────┘
 //!                                                                   │  feet and limits hard, smooth
 //!                                                                   ▼
-//!                                                   balance check ─► execution by joint PD control
+//!                       balance: zero-moment point kept over the support ─► execution by joint PD control
 //! ```
 //!
 //! Everything is told in the world: z up, x forward, the ground at z = 0. The base of a tree moves by its twist, told in its own
@@ -19,6 +19,7 @@ mod balance;
 mod banded;
 pub mod demonstration;
 pub mod execution;
+mod forces;
 pub mod mapping;
 mod markers;
 pub mod person;
@@ -29,6 +30,7 @@ mod smooth;
 pub mod trajectory;
 
 pub use balance::{Balance, Polygon};
+pub use forces::feed_forward;
 pub use markers::{Capture, CaptureError, Plate};
 
 use darm_core::real::Vec3;

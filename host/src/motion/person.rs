@@ -37,6 +37,8 @@ const LENGTH_FRAMES: usize = 9;
 const LENGTH_ROUNDS: usize = 12;
 /// Rounds of masses.
 const MASS_ROUNDS: i32 = 5;
+/// A moment has the wrong sign when its centre of pressure is this far off, mm, and turned this share of it.
+const TURNED: (f64, f64) = (60.0, 0.3);
 /// No link is lighter than this share of the average one.
 const LIGHTEST: f64 = 0.3;
 
@@ -85,7 +87,9 @@ pub struct Person {
 pub fn person(tree: &Robot, markers: &[Fixed], capture: &Capture) -> Result<Person, TrajectoryError> {
     let groups = Groups::new(tree);
     let average = follow(tree, markers, capture)?;
-    let before = simulated(tree, &groups, &average, capture).error;
+    let simulated_before = simulated(tree, &groups, &average, capture);
+    simulated_before.agrees(capture)?;
+    let before = simulated_before.error;
     let lengths = lengths(tree, markers, capture, &groups)?;
     let even = vec![1.0; groups.names.len()];
     let long = groups.scaled(tree, &lengths, &even);
@@ -196,6 +200,7 @@ fn problem<'a>(
         markers,
         targets,
         feet: &[],
+        chair: None,
         com: None,
         marker_m: MARKER_M,
         acceleration: ACCELERATION,
@@ -360,6 +365,22 @@ pub fn measured_cop(capture: &Capture) -> Vec<[f64; 2]> {
 }
 
 impl Simulated {
+    /// Whether the plates' moments have the sign that the motion asks for.
+    fn agrees(&self, capture: &Capture) -> Result<(), TrajectoryError> {
+        let plates = measured_cop(capture);
+        for (axis, column) in ["My", "Mx"].into_iter().enumerate() {
+            let rms_mm = |sign: f64| {
+                let square: f64 = self.cop.iter().zip(&plates).map(|(a, b)| (a[axis] - sign * b[axis]).powi(2)).sum();
+                1e3 * (square / plates.len().max(1) as f64).sqrt()
+            };
+            let (off_mm, turned_mm) = (rms_mm(1.0), rms_mm(-1.0));
+            if off_mm > TURNED.0 && turned_mm < TURNED.1 * off_mm {
+                return Err(TrajectoryError::Turned { column, off_mm, turned_mm });
+            }
+        }
+        Ok(())
+    }
+
     /// Scales of the masses, in those of the general tree, whose centre of pressure and weight are the measured ones.
     fn masses(&self, now: &[f64], capture: &Capture, spread: f64) -> Vec<f64> {
         let g = now.len();

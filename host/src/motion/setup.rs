@@ -5,7 +5,7 @@
 //! | `person.feet` | links of the person that stand on the ground; the motion is told from the middle between them |
 //! | `person.markers.NAME` | `link` and `at` (m, in the link's frame) of a marker on the average person |
 //! | `robot.feet.LINK` | points of a link that touch the ground, m, in its frame: they stand at z = 0 |
-//! | `robot.seat.LINK` | points of a link that sit on the chair, m |
+//! | `robot.seat.LINK` | points of a link that touch the chair, m: their middle stays where it is until lift-off |
 //! | `robot.sitting_deg.JOINT` | joint positions near which the robot sits, deg or mm; 0 without |
 //! | `robot.links.LINK` | which link of the robot follows a link of the person |
 
@@ -17,7 +17,7 @@ use darm_core::real::Vec3;
 use serde::Deserialize;
 
 use super::Fixed;
-use crate::robot::Robot;
+use crate::robot::{Robot, RobotFrame};
 
 /// The file as it is written.
 #[derive(Clone, Debug, Deserialize)]
@@ -146,10 +146,9 @@ impl Setup {
         let raw: Raw = toml::from_str(text).map_err(syntax)?;
         let mut markers = Vec::new();
         for (name, marker) in &raw.person.markers {
-            let joint = link(person, "person.markers", &marker.link)?;
+            let on_person = fixed(link(person, "person.markers", &marker.link)?, marker.at);
             let followed = raw.robot.links.get(&marker.link);
-            let follower = followed.map(|name| link(robot, "robot.links", name)).transpose()?;
-            let on_person = Fixed { joint, point: marker.at.into() };
+            let follower = followed.map(|name| link(robot, "robot.links", name)).transpose()?.map(|link| link.joint);
             markers.push(Marker { name: name.clone(), on_person, follower });
         }
         for name in raw.robot.links.keys() {
@@ -160,17 +159,18 @@ impl Setup {
             return Err(SetupError::Followers { markers: followed });
         }
         let person_feet: Result<Vec<_>, _> =
-            raw.person.feet.iter().map(|name| link(person, "person.feet", name)).collect();
+            raw.person.feet.iter().map(|name| Ok(link(person, "person.feet", name)?.joint)).collect();
         let (mut feet, mut seat) = (Vec::new(), Vec::new());
         for (name, points) in &raw.robot.feet {
             if points.len() < 3 {
                 return Err(SetupError::Sole { link: name.clone(), points: points.len() });
             }
-            feet.push((link(robot, "robot.feet", name)?, points.iter().map(|point| (*point).into()).collect()));
+            let foot = link(robot, "robot.feet", name)?;
+            feet.push((foot.joint, points.iter().map(|point| fixed(foot, *point).point).collect()));
         }
         for (name, points) in &raw.robot.seat {
-            let joint = link(robot, "robot.seat", name)?;
-            seat.extend(points.iter().map(|point| Fixed { joint, point: (*point).into() }));
+            let sits = link(robot, "robot.seat", name)?;
+            seat.extend(points.iter().map(|point| fixed(sits, *point)));
         }
         let person_feet = person_feet?;
         for (key, none) in [("person.feet", person_feet.is_empty()), ("robot.feet", feet.is_empty())] {
@@ -179,6 +179,13 @@ impl Setup {
             }
         }
         Ok(Self { markers, person_feet, feet, seat, sitting: sitting(robot, &raw.robot.sitting_deg)? })
+    }
+}
+
+impl Setup {
+    /// The points that touch the ground.
+    pub fn soles(&self) -> impl Iterator<Item = Fixed> {
+        self.feet.iter().flat_map(|(joint, points)| points.iter().map(|&point| Fixed { joint: *joint, point }))
     }
 }
 
@@ -198,16 +205,15 @@ fn sitting(robot: &Robot, given: &BTreeMap<String, f64>) -> Result<Vec<f64>, Set
     Ok(q)
 }
 
-/// The joint that moves a link; `None`: the base.
-fn link(tree: &Robot, key: &'static str, name: &str) -> Result<Option<usize>, SetupError> {
-    let is_base = tree.frames.first().is_some_and(|frame| frame.name == name);
-    let joint = tree.joints.iter().position(|joint| joint.link == name);
-    if joint.is_none() && !is_base {
-        let base = tree.frames.first().map(|frame| frame.name.as_str());
-        let known = base.into_iter().chain(tree.joints.iter().map(|joint| joint.link.as_str()));
-        let known = known.collect::<Vec<_>>().join(", ");
-        let (tree, name) = (tree.name.clone(), name.to_owned());
-        return Err(SetupError::Unknown { key, tree, what: "link", name, known });
-    }
-    Ok(joint)
+/// A link by its name: the joint that moves it, and its frame there.
+fn link<'a>(tree: &'a Robot, key: &'static str, name: &str) -> Result<&'a RobotFrame, SetupError> {
+    tree.frame(name).ok_or_else(|| {
+        let known = tree.frames.iter().map(|frame| frame.name.as_str()).collect::<Vec<_>>().join(", ");
+        SetupError::Unknown { key, tree: tree.name.clone(), what: "link", name: name.to_owned(), known }
+    })
+}
+
+/// A point of a link.
+fn fixed(link: &RobotFrame, point: [f64; 3]) -> Fixed {
+    Fixed { joint: link.joint, point: link.pose * Vec3::from(point) }
 }

@@ -5,7 +5,10 @@
 //! Over all frames k, with x_k the posture of base and joints and ⊖ the change between two postures:
 //!
 //! min Σ_k Σ_i ‖m_i(x_k) − m̂_ik‖²/σ_m² + Σ_k ‖(x_{k+1} ⊖ x_k) − (x_k ⊖ x_{k−1})‖²/(Δt⁴ σ_a²)
-//! subject to c(x_k) = 0 (feet, centre of mass) and q_min ≤ q_k ≤ q_max
+//! subject to c(x_k) = 0 (feet, centre of mass, and until it is left the chair) and q_min ≤ q_k ≤ q_max
+//!
+//! While a chair is sat on it tells how high the centre of mass can be: its height z is then followed, (z − ẑ)²/σ_z² in the
+//! sum, and not held.
 //!
 //! # Method
 //!
@@ -33,10 +36,12 @@ const HELD: f64 = 1e-10;
 const STEPS: usize = 40;
 /// Newton steps on the constraints of a frame at most.
 const CORRECTIONS: usize = 40;
+/// The height of the centre of mass above a chair is followed to this, m.
+const SEATED_M: f64 = 0.002;
 /// Singular values below this share of the largest constrain nothing more.
 const REDUNDANT: f64 = 1e-8;
-/// The cost falls by less than this share: done.
-const SETTLED: f64 = 1e-5;
+/// The cost falls by less than this share: done; of a frame alone, which is a start for all together, by less than the second.
+const SETTLED: (f64, f64) = (1e-5, 1e-3);
 
 /// A frame of a link that stands still.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,6 +52,17 @@ pub struct Foot {
     pub pose: Pose<f64>,
     /// Where it stands in the world.
     pub stands: Pose<f64>,
+}
+
+/// A chair on which something sits still.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Chair<'a> {
+    /// Points that sit.
+    pub seat: &'a [Fixed],
+    /// Where their middle is, m.
+    pub at: Vec3<f64>,
+    /// In so many frames, the first ones.
+    pub frames: usize,
 }
 
 /// What a trajectory shall follow and hold.
@@ -61,7 +77,9 @@ pub struct Problem<'a> {
     pub targets: &'a [Vec<Option<Vec3<f64>>>],
     /// Links that stand still.
     pub feet: &'a [Foot],
-    /// Where the centre of mass shall be in every frame, and along which axes.
+    /// What it sits on.
+    pub chair: Option<Chair<'a>>,
+    /// Where the centre of mass shall be in every frame, and along which axes; its height only off the chair.
     pub com: Option<(&'a [Vec3<f64>], [bool; 3])>,
     /// σ_m, m.
     pub marker_m: f64,
@@ -92,21 +110,37 @@ pub enum TrajectoryError {
     Tree(#[from] TreeError),
     /// A frame has no posture that holds the constraints within the limits.
     #[error(
-        "frame {frame}: no posture within the limits holds feet and centre of mass, the nearest is {off_mm:.1} mm off; scale the motion or start from another posture"
+        "frame {frame}: no posture within the limits holds feet, seat and centre of mass, the nearest has {what} {off_mm:.1} mm off; scale the motion or start from another posture"
     )]
     OutOfReach {
         /// The frame, from 1.
         frame: usize,
+        /// What is farthest off.
+        what: String,
         /// How far off the nearest is, mm (or mrad).
         off_mm: f64,
+    },
+    /// The plates' moment has the wrong sign.
+    #[error(
+        "the plates' {column}: their centre of pressure is {off_mm:.0} mm off the person's, with the sign of {column} turned {turned_mm:.0} mm: it must be the moment that the ground exerts on the person, about the world's origin, z up"
+    )]
+    Turned {
+        /// Mx or My.
+        column: &'static str,
+        /// RMS distance as measured, mm.
+        off_mm: f64,
+        /// And with its sign turned.
+        turned_mm: f64,
     },
 }
 
 /// Constraints of a frame and their Jacobian.
 fn hard(problem: &Problem<'_>, placed: &Placed, frame: usize) -> (DVector<f64>, DMatrix<f64>) {
     let wide = 6 + problem.robot.joints.len();
-    let axes: Vec<usize> = problem.com.map_or(Vec::new(), |(_, axes)| (0..3).filter(|&k| axes[k]).collect());
-    let rows = 6 * problem.feet.len() + axes.len();
+    let chair = problem.chair_of(frame);
+    let axes = problem.held_axes(frame);
+    let seated = 6 * problem.feet.len() + axes.len();
+    let rows = seated + if chair.is_some() { 3 } else { 0 };
     let (mut off, mut jacobian) = (DVector::zeros(rows), DMatrix::zeros(rows, wide));
     for (k, foot) in problem.feet.iter().enumerate() {
         let pose = placed.pose(foot.joint, &foot.pose);
@@ -122,7 +156,48 @@ fn hard(problem: &Problem<'_>, placed: &Placed, frame: usize) -> (DVector<f64>, 
             jacobian.row_mut(6 * problem.feet.len() + row).copy_from(&of_com.row(axis));
         }
     }
+    if let Some(chair) = chair {
+        let share = 1.0 / chair.seat.len() as f64;
+        off.fixed_rows_mut::<3>(seated).copy_from(&-chair.at);
+        for at in chair.seat {
+            off.fixed_rows_mut::<3>(seated).add_assign(&(placed.point(at) * share));
+            let of_point = placed.jacobian(at.joint, &Pose::at(at.point));
+            jacobian.rows_mut(seated, 3).add_assign(&(of_point.rows(3, 3) * share));
+        }
+    }
     (off, jacobian)
+}
+
+impl Problem<'_> {
+    /// The chair while it is sat on.
+    fn chair_of(&self, frame: usize) -> Option<Chair<'_>> {
+        self.chair.filter(|chair| frame < chair.frames && !chair.seat.is_empty())
+    }
+
+    /// Axes along which the centre of mass is held.
+    fn held_axes(&self, frame: usize) -> Vec<usize> {
+        let sits = self.chair_of(frame).is_some();
+        self.com.map_or(Vec::new(), |(_, axes)| (0..3).filter(|&k| axes[k] && !(k == 2 && sits)).collect())
+    }
+
+    /// What a row of the constraints holds, in words.
+    fn constraint(&self, row: usize, frame: usize) -> String {
+        if let Some(foot) = self.feet.get(row / 6) {
+            return format!("the contact of {}", crate::identify::body_name(self.robot, foot.joint));
+        }
+        match self.held_axes(frame).get(row - 6 * self.feet.len()) {
+            Some(&axis) => format!("the centre of mass along {}", ["x", "y", "z"][axis]),
+            None => "the seat".into(),
+        }
+    }
+
+    /// How far the centre of mass is above its height on a chair, m, and the row of its Jacobian.
+    fn height(&self, placed: &Placed, frame: usize) -> Option<(f64, DVector<f64>)> {
+        self.chair_of(frame)?;
+        let (targets, _) = self.com.filter(|(_, axes)| axes[2])?;
+        let (com, of_com) = placed.com();
+        Some((com.z - targets[frame].z, of_com.row(2).transpose()))
+    }
 }
 
 /// −J⁺ c, and an orthonormal basis of what J leaves free of these columns.
@@ -162,17 +237,21 @@ fn clamp(robot: &Robot, q: &mut [f64]) -> Vec<bool> {
     robot.joints.iter().zip(q).map(at).collect()
 }
 
+/// What the search of a posture ended with: the constraint that is farthest off, and by how much, m or rad.
+type Off = (usize, f64);
+
 /// The posture near this one that holds the constraints of a frame within the limits, or how far off the search ended.
-fn held(problem: &Problem<'_>, placed: &mut Placed, frame: usize, start: &Posture) -> Result<Posture, f64> {
+fn held(problem: &Problem<'_>, placed: &mut Placed, frame: usize, start: &Posture) -> Result<Posture, Off> {
     let mut posture = start.clone();
     let mut pinned = vec![false; posture.q.len()];
     clamp(problem.robot, &mut posture.q);
-    let mut worst = f64::INFINITY;
+    let mut worst = (0, f64::INFINITY);
     for _ in 0..CORRECTIONS {
         placed.place(&posture);
         let (off, jacobian) = hard(problem, placed, frame);
-        worst = if off.is_empty() { 0.0 } else { off.amax() };
-        if worst <= HELD {
+        let row = if off.is_empty() { 0 } else { off.iamax() };
+        worst = (row, off.get(row).map_or(0.0, |off| off.abs()));
+        if worst.1 <= HELD {
             return Ok(posture);
         }
         let free: Vec<usize> = (0..jacobian.ncols()).filter(|&k| k < 6 || !pinned[k - 6]).collect();
@@ -200,14 +279,20 @@ struct Linear {
 fn linear(problem: &Problem<'_>, placed: &mut Placed, frame: usize, posture: &Posture) -> Linear {
     placed.place(posture);
     let wide = 6 + posture.q.len();
-    let mut soft = Soft { matrix: DMatrix::zeros(wide, wide), right: DVector::zeros(wide) };
     let weight = problem.marker_m.powi(-2);
-    for (marker, target) in problem.markers.iter().zip(&problem.targets[frame]) {
-        let Some(target) = target else { continue };
-        let jacobian = placed.jacobian(marker.joint, &Pose::at(marker.point));
-        let moved = jacobian.rows(3, 3);
-        soft.matrix += moved.tr_mul(&moved) * weight;
-        soft.right -= moved.tr_mul(&(placed.point(marker) - target)) * weight;
+    let seen: Vec<_> =
+        problem.markers.iter().zip(&problem.targets[frame]).filter_map(|(m, t)| Some((m, (*t)?))).collect();
+    let (mut rows, mut left) = (DMatrix::zeros(3 * seen.len(), wide), DVector::zeros(3 * seen.len()));
+    for (k, (marker, target)) in seen.iter().enumerate() {
+        rows.rows_mut(3 * k, 3).copy_from(&placed.jacobian(marker.joint, &Pose::at(marker.point)).rows(3, 3));
+        left.fixed_rows_mut::<3>(3 * k).copy_from(&(target - placed.point(marker)));
+    }
+    let transposed = rows.transpose() * weight;
+    let mut soft = Soft { matrix: &transposed * rows, right: transposed * left };
+    if let Some((above, row)) = problem.height(placed, frame) {
+        let weight = SEATED_M.powi(-2);
+        soft.matrix.ger(weight, &row, &row, 1.0);
+        soft.right.axpy(-weight * above, &row, 1.0);
     }
     let (off, jacobian) = hard(problem, placed, frame);
     Linear { soft, off, jacobian }
@@ -228,8 +313,10 @@ fn bend(postures: &[Posture], k: usize) -> DVector<f64> {
 }
 
 fn cost(problem: &Problem<'_>, postures: &[Posture]) -> Result<f64, TreeError> {
-    let soft: Result<Vec<f64>, TreeError> =
-        each(problem, postures, |placed, frame, posture| followed(problem, placed, frame, posture).0);
+    let soft: Result<Vec<f64>, TreeError> = each(problem, postures, |placed, frame, posture| {
+        let markers = followed(problem, placed, frame, posture).0;
+        markers + problem.height(placed, frame).map_or(0.0, |(above, _)| (above / SEATED_M).powi(2))
+    });
     let weight = smoothness(problem);
     let bends: f64 = (1..postures.len().saturating_sub(1)).map(|k| bend(postures, k).norm_squared() * weight).sum();
     Ok(soft?.iter().sum::<f64>() + bends)
@@ -259,8 +346,11 @@ fn each<T: Send>(
 /// The postures that hold the constraints, each near its start.
 fn all_held(problem: &Problem<'_>, postures: &[Posture]) -> Result<Vec<Posture>, TrajectoryError> {
     let found = each(problem, postures, |placed, frame, posture| held(problem, placed, frame, posture))?;
-    let out = |(frame, found): (usize, Result<Posture, f64>)| {
-        found.map_err(|off| TrajectoryError::OutOfReach { frame: frame + 1, off_mm: 1e3 * off })
+    let out = |(frame, found): (usize, Result<Posture, Off>)| {
+        found.map_err(|(row, off)| {
+            let what = problem.constraint(row, frame);
+            TrajectoryError::OutOfReach { frame: frame + 1, what, off_mm: 1e3 * off }
+        })
     };
     found.into_iter().enumerate().map(out).collect()
 }
@@ -289,7 +379,7 @@ fn step(
     for (k, ((p, z), frame)) in parts.iter().zip(frames).enumerate() {
         let soft = &frame.soft;
         // Nothing is held: Z is the identity.
-        let mut own = if z.is_square() { soft.matrix.clone() } else { z.tr_mul(&(&soft.matrix * z)) };
+        let mut own = if z.is_square() { soft.matrix.clone() } else { z.transpose() * (&soft.matrix * z) };
         (0..own.nrows()).for_each(|i| own[(i, i)] += damping);
         put((k, k), &own);
         let pull = z.tr_mul(&(&soft.right - &soft.matrix * p));
@@ -305,7 +395,7 @@ fn step(
             for (b, of_b) in &near[..=i] {
                 let (later, earlier) = (&parts[*a].1, &parts[*b].1);
                 let both = later.is_square() && earlier.is_square();
-                let shared = if both { later.clone() } else { later.tr_mul(earlier) };
+                let shared = if both { later.clone() } else { later.transpose() * earlier };
                 put((*a, *b), &(shared * (weight * of_a * of_b)));
             }
         }
@@ -343,6 +433,7 @@ fn limited(problem: &Problem<'_>, postures: &[Posture], frames: &[Linear], dampi
 pub fn solve(problem: &Problem<'_>, start: &[Posture]) -> Result<Trajectory, TrajectoryError> {
     let mut postures = all_held(problem, start)?;
     let (mut best, mut damping, mut steps, mut settled) = (cost(problem, &postures)?, 1e-3, 0, false);
+    let enough = if start.len() == 1 { SETTLED.1 } else { SETTLED.0 };
     while steps < STEPS && !settled && damping < 1e12 {
         let frames = each(problem, &postures, |placed, frame, posture| linear(problem, placed, frame, posture))?;
         steps += 1;
@@ -355,7 +446,7 @@ pub fn solve(problem: &Problem<'_>, start: &[Posture]) -> Result<Trajectory, Tra
             all_held(problem, &tried).ok().map(|next| cost(problem, &next).map(|cost| (next, cost))).transpose()?;
         match next {
             Some((next, lower)) if lower <= best => {
-                settled = best - lower <= SETTLED * best;
+                settled = best - lower <= enough * best;
                 (postures, best, damping) = (next, lower, (damping / 10.0).max(1e-9));
             }
             _ => damping *= 30.0,

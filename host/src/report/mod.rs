@@ -24,7 +24,7 @@ use crate::plant::truth::Sealed;
 pub use channels::channels_page;
 pub use drawing::{Line, Posture, posture};
 pub use html::page;
-pub use motion::{MotionReport, along_time, motion_page, page as page_of, plain_page, sagittal};
+pub use motion::{MotionReport, along_time, chair_along_time, motion_page, page as page_of, plain_page, sagittal};
 pub use terminal::table;
 
 /// What the paper says of its synthesis: errors of 1e-7 m and 1e-9 degrees after 10² s.

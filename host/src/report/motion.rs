@@ -35,8 +35,9 @@ pub fn along_time(report: &MotionReport<'_>) -> Result<Figure> {
     };
     let curve = |name: &str, color, dashed, points| Curve { name: name.into(), color, dashed, points, dot: None };
     let mut curves = vec![
-        curve("person, scaled", PERSON, true, over(&|k| mapped.target[k].x)),
+        curve("person, scaled", PERSON, true, over(&|k| mapped.person[k].x)),
         curve("planned", PLANNED, false, over(&|k| mapped.com[k].x)),
+        curve("planned, zero-moment point", PLANNED, true, over(&|k| mapped.balance.zmp_m[k][0])),
     ];
     if let Some(executed) = report.executed {
         let own = com(report.robot, &executed.postures, &mapped.time_s[..executed.postures.len()])?;
@@ -46,7 +47,18 @@ pub fn along_time(report: &MotionReport<'_>) -> Result<Figure> {
         curves.push(curve("executed, centre of pressure of the feet", EXECUTED, true, over(&cop)));
     }
     let mark = mapped.time_s.get(mapped.lift_off).copied();
-    Ok(Figure { x: "time, s", y: "forward, m", mark, curves })
+    let along = || mapped.sole.iter().map(|corner| corner[0]);
+    let band = Some(("the soles", [along().fold(f64::INFINITY, f64::min), along().fold(f64::NEG_INFINITY, f64::max)]));
+    Ok(Figure { x: "time, s", y: "forward, m", mark, band, curves })
+}
+
+/// What the chair bears along time, of a motion that was executed.
+pub fn chair_along_time(report: &MotionReport<'_>) -> Option<Figure> {
+    let (mapped, executed) = (report.mapped, report.executed?);
+    let points = mapped.time_s.iter().zip(&executed.chair_n).map(|(time, force)| [*time, *force]).collect();
+    let curve = Curve { name: "on the chair".into(), color: EXECUTED, dashed: false, points, dot: None };
+    let mark = mapped.time_s.get(mapped.lift_off).copied();
+    Some(Figure { x: "time, s", y: "force, N", mark, band: None, curves: vec![curve] })
 }
 
 /// A path of the centre of mass in the sagittal plane, with a dot where the chair is left: a curve of the paper's figure 7.
@@ -68,6 +80,7 @@ pub fn motion_page(robot: &str, report: &MotionReport<'_>) -> Result<String> {
         x: "forward, m",
         y: "up, m",
         mark: None,
+        band: None,
         curves: vec![sagittal("planned centre of mass", PLANNED, &mapped.com, mapped.lift_off)],
     };
     let number = |value: f64, digits: usize| format!("{value:.digits$}");
@@ -79,6 +92,8 @@ pub fn motion_page(robot: &str, report: &MotionReport<'_>) -> Result<String> {
         ),
         ("the same after scaling, mm", number(1e3 * report.person.after.worst_m, 1)),
         ("centre of mass less its target, worst, m", format!("{:.1e}", mapped.com_error_m)),
+        ("target off the person's along the ground, for balance, worst, mm", number(1e3 * mapped.moved_m, 1)),
+        ("target off the person's in height, on the chair, worst, mm", number(1e3 * mapped.raised_m, 1)),
         ("markers, RMS, mm", number(1e3 * mapped.trajectory.marker_rms_m, 1)),
         ("zero-moment point, least margin, mm", number(1e3 * mapped.balance.zmp_margin_m, 1)),
         ("centre of mass, least margin, mm", number(1e3 * mapped.balance.com_margin_m, 1)),
@@ -89,7 +104,14 @@ pub fn motion_page(robot: &str, report: &MotionReport<'_>) -> Result<String> {
             p { "The line marks where the chair is left." }
             (PreEscaped(along_time(report)?.svg()))
         }
-        section { h2 { "Centre of mass in the sagittal plane" } (PreEscaped(plane.svg())) }
+        @if let Some(chair) = chair_along_time(report) {
+            section { h2 { "What the chair bears" } (PreEscaped(chair.svg())) }
+        }
+        section {
+            h2 { "Centre of mass in the sagittal plane" }
+            p { "The dot marks where the chair is left." }
+            (PreEscaped(plane.svg()))
+        }
         section {
             h2 { "Figures" }
             table { tbody { @for (name, value) in &rows { tr { td { (name) } td.num { (value) } } } } }

@@ -6,6 +6,7 @@
 mod hidden;
 mod motions;
 mod postures;
+mod robots;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -30,6 +31,9 @@ pub(crate) struct Stand {
     /// Robots with an undeclared mass, and as many complete ones
     #[arg(long, default_value_t = 100)]
     robots: u64,
+    /// Robots of other masses that stand up
+    #[arg(long, default_value_t = 20)]
+    standing: u64,
     /// Folder of the report and of the tables that `darm com` reads
     #[arg(long, value_name = "DIR")]
     output: Option<PathBuf>,
@@ -49,8 +53,9 @@ impl Stand {
         hidden::search(&mut figures, &progress, self.robots, self.seed)?;
         progress.say("a person on a force plate");
         hidden::person(&mut figures)?;
-        progress.say("two motions on the robot");
-        let pictures = motions::map_both(&mut figures, &robots, self.seed, &folder)?;
+        progress.say(format!("two motions on the robot, and on {} of other masses", self.standing));
+        let drawn = robots::draw(&robots.cad, self.standing.max(1), self.seed)?;
+        let pictures = motions::map_both(&mut figures, &progress, (&robots, &drawn), self.seed, &folder)?;
         let body = html! { @for (title, svg) in &pictures { section { h2 { (title) } (maud::PreEscaped(svg)) } } };
         fs::write(folder.join("report.html"), page_of("Sit to stand", &body))?;
         progress.say(format!("pictures and tables are in {}", folder.display()));

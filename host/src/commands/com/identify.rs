@@ -74,6 +74,11 @@ struct Identified {
     findings: Vec<String>,
 }
 
+/// Components of a wrench.
+const COMPONENTS: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
+/// A residual beyond this share of the noise is told.
+const TOO_FAR: f64 = 3.0;
+
 #[derive(Serialize)]
 struct BaseRow {
     words: String,
@@ -99,6 +104,14 @@ impl Identify {
         let equations = Equations::new(&robot, &read.samples, &read.rows, noise, kind)?;
         let wheel = voice.wheel("fitting");
         let fit = equations.fit(kind);
+        if let Some((component, left)) = equations.turned(&fit) {
+            anyhow::bail!(
+                "{}: with its sign turned the residual falls from {} to {} of the noise: it must be what the ground exerts on the robot, about the world's origin, z up",
+                COMPONENTS[component],
+                number(fit.scatter.sqrt(), 1),
+                number(left, 1)
+            );
+        }
         let held_out = identify::hold_out(&equations, 0.9, self.splits.max(1), self.seed);
         let tenth: Vec<usize> = if read.held_out.is_empty() {
             (0..equations.samples.len()).step_by(10).collect()
@@ -110,6 +123,12 @@ impl Identify {
         let mut findings = read.findings;
         if kind == Kind::Static && robot.joints.iter().zip(&read.rows.torque).any(|(_, measured)| !measured) {
             findings.push("joints without a torque column tell no row".into());
+        }
+        if fit.scatter.sqrt() > TOO_FAR {
+            findings.push(format!(
+                "the residual is {} of the noise: a frame, a unit or a sign is wrong, or --noise too small",
+                number(fit.scatter.sqrt(), 1)
+            ));
         }
         let identified = Identified {
             robot: robot.name.clone(),

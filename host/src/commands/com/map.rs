@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use darm::identify::{LinkMass, with_masses};
-use darm::motion::execution::{Gains, execute};
+use darm::motion::execution::{Executed, Gains, execute};
 use darm::motion::mapping::{Mapped, map};
-use darm::motion::person::{CopError, Person, Scale, person};
+use darm::motion::person::{CopError, Person, Scale, WITHIN_M, person};
 use darm::motion::setup::Setup;
-use darm::motion::{Balance, Capture, Fixed};
+use darm::motion::{Balance, Capture, Fixed, feed_forward};
 use darm::report::{MotionReport, motion_page};
 use darm::robot::Robot;
 use darm::urdf::{self, Locks};
@@ -21,7 +21,7 @@ const EXAMPLES: &str = "\
 Examples:
   darm com map human.urdf robot.urdf stand.toml capture.csv -o motion.csv --report motion.html
   darm com map human.urdf robot.urdf stand.toml capture.csv --masses masses.json   with identified masses
-  darm com map human.urdf robot.urdf stand.toml capture.csv --execute              on a simulated robot, joint PD
+  darm com map human.urdf robot.urdf stand.toml capture.csv --execute              on a simulated robot
 
 The capture: t_s, MARKER_x MARKER_y MARKER_z (m, empty where not seen) and Fx_n … Mz_nm of all plates together, z up. \
 stand.toml says where the markers are, what stands and sits, which link follows which: host/src/motion/setup.rs.";
@@ -51,7 +51,7 @@ pub(crate) struct Map {
     /// Write a report for people
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// Execute it by joint PD control on the simulated robot
+    /// Execute it on the simulated robot: joint PD control about the plan, with the plan's torques beforehand
     #[arg(long)]
     execute: bool,
 }
@@ -66,6 +66,10 @@ struct Told {
     person_after: CopError,
     scales: Vec<Scale>,
     com_error_m: f64,
+    /// How far balance takes the target of the centre of mass off the person's, along the ground.
+    com_moved_m: f64,
+    /// How far the chair does, in height.
+    com_raised_m: f64,
     com_axes: Vec<&'static str>,
     marker_rms_m: f64,
     lift_off_s: Option<f64>,
@@ -87,7 +91,7 @@ impl Map {
         wheel.set_message("mapping the motion");
         let mapped = map(&robot, &setup, &found, &capture)?;
         wheel.set_message("executing it");
-        let executed = self.execute.then(|| execute(&robot, &setup, &mapped, Gains::default())).transpose()?;
+        let executed = self.execute.then(|| executed(&robot, &setup, &mapped)).transpose()?;
         wheel.finish_and_clear();
         if let Some(path) = &self.output {
             write(path, &motion_csv(&robot, &mapped))?;
@@ -107,6 +111,11 @@ impl Map {
             .with_context(|| format!("{} holds no masses: darm com identify -o writes them", path.display()))?;
         Ok(with_masses(&robot, &masses))
     }
+}
+
+fn executed(robot: &Robot, setup: &Setup, mapped: &Mapped) -> anyhow::Result<Executed> {
+    let torque = feed_forward(robot, setup, mapped)?;
+    Ok(execute(robot, setup, mapped, (Gains::default(), &torque))?)
 }
 
 fn floating(path: &Path) -> anyhow::Result<Robot> {
@@ -137,6 +146,13 @@ impl Told {
     fn of(robot: &Robot, (person, mapped): (&Person, &Mapped), fell: Option<bool>, capture: &Capture) -> Self {
         let free = |k: &usize| !mapped.axes[*k];
         let mut findings = capture.findings.clone();
+        if person.after.worst_m > WITHIN_M {
+            findings.push(format!(
+                "the person's centre of pressure stays {} mm off the measured one at worst, where {} mm are wanted: are all plates and markers in one frame and at one time?",
+                number(1e3 * person.after.worst_m, 0),
+                number(1e3 * WITHIN_M, 0)
+            ));
+        }
         findings.extend((0..3).filter(free).map(|k| {
             format!("the robot cannot move its centre of mass along {}: it is left free", ["x", "y", "z"][k])
         }));
@@ -148,6 +164,8 @@ impl Told {
             person_after: person.after,
             scales: person.scales.clone(),
             com_error_m: mapped.com_error_m,
+            com_moved_m: mapped.moved_m,
+            com_raised_m: mapped.raised_m,
             com_axes: (0..3).filter(|k| mapped.axes[*k]).map(|k| ["x", "y", "z"][k]).collect(),
             marker_rms_m: mapped.trajectory.marker_rms_m,
             lift_off_s: mapped.time_s.get(mapped.lift_off).copied(),
@@ -182,8 +200,16 @@ impl Answer for Told {
         if let Some(lift_off) = self.lift_off_s {
             text += &format!("\noff the chair at {} s", number(lift_off, 2));
         }
+        text += &format!(
+            "\nits centre of mass leaves the person's by up to {} mm along the ground, for balance, and {} mm in height, on the chair",
+            mm(self.com_moved_m),
+            mm(self.com_raised_m)
+        );
         if self.balance.zmp_margin_m < 0.0 {
-            text += "\nthe zero-moment point leaves what bears the robot: slow the motion down";
+            text += &format!(
+                "\nthe zero-moment point leaves what bears the robot, most in frame {}: slow the motion down",
+                self.balance.zmp_frame
+            );
         }
         match self.fell {
             Some(true) => text += "\nexecuted: it falls",

@@ -5,28 +5,34 @@ use std::path::Path;
 
 use anyhow::Result;
 use darm::motion::demonstration::{Demonstration, Style, demonstrate};
-use darm::motion::execution::{Executed, Gains, execute};
+use darm::motion::execution::Executed;
 use darm::motion::mapping::{Mapped, map};
 use darm::motion::person::{com, person};
 use darm::motion::plot::{Curve, Figure as Picture};
 use darm::motion::setup::Setup;
 use darm::motion::{Capture, Fixed};
-use darm::report::{MotionReport, along_time, sagittal};
+use darm::report::{MotionReport, along_time, chair_along_time, sagittal};
 use darm::urdf::{self, Locks};
 use darm_core::real::Vec3;
 
 use super::figure;
 use super::postures::Robots;
+use super::robots::{Followed, executed, stand};
 use crate::figures::Figure;
+use crate::progress::Progress;
 use crate::setup;
 
 /// Colours of the paper's figure 7: natural and elderly, identified and CAD.
 const COLORS: [[[u8; 3]; 2]; 2] = [[[0xb2, 0x3a, 0x2e], [0x2a, 0x7f, 0x4f]], [[0x1b, 0x3f, 0x8b], [0x5f, 0xb0, 0xd6]]];
 
+/// Files of the pictures.
+const FILES: [&str; 5] = ["figure6-natural", "chair-natural", "figure6-elderly", "chair-elderly", "figure7"];
+
 /// Maps both motions; pictures with their titles.
 pub(super) fn map_both(
     figures: &mut Vec<Figure>,
-    robots: &Robots,
+    progress: &Progress,
+    (robots, drawn): (&Robots, &[Robots]),
     seed: u64,
     folder: &Path,
 ) -> Result<Vec<(String, String)>> {
@@ -58,25 +64,29 @@ pub(super) fn map_both(
             "mm",
         )?);
         let mapped = map(&robots.identified, &setup, &found, &shown.capture)?;
-        let executed = execute(&robots.real, &setup, &mapped, Gains::default())?;
+        let executed = executed(&robots.real, &robots.identified, &setup, &mapped)?;
         tell(figures, name, &mapped)?;
         tell_executed(figures, robots, name, &mapped, &executed)?;
         let report =
             MotionReport { person: &found, mapped: &mapped, robot: &robots.identified, executed: Some(&executed) };
         pictures.push((
-            format!("{name}: centre of mass and of pressure (the paper's figure 6)"),
+            format!("{name}: centre of mass and of pressure, a line at lift-off (the paper's figure 6)"),
             along_time(&report)?.svg(),
         ));
+        pictures.extend(chair_along_time(&report).map(|chair| (format!("{name}: what the chair bears"), chair.svg())));
         let by_cad = com(&robots.cad, &mapped.trajectory.postures, &mapped.time_s)?;
         plane.push(sagittal(&format!("{name}, identified"), colors[0], &mapped.com, mapped.lift_off));
         plane.push(sagittal(&format!("{name}, CAD"), colors[1], &by_cad, mapped.lift_off));
         tell_plane(figures, name, &mapped.com, &by_cad)?;
-        by_cad_plan(figures, robots, &setup, (&found, &shown.capture), name)?;
+        let followed = Followed { name, setup: &setup, person: &found, capture: &shown.capture };
+        by_cad_plan(figures, robots, &followed)?;
+        stand(figures, progress, drawn, &followed)?;
     }
-    let picture = Picture { x: "forward, m", y: "up, m", mark: None, curves: plane };
-    pictures.push(("centre of mass in the sagittal plane (the paper's figure 7)".into(), picture.svg()));
-    for (k, (_, svg)) in pictures.iter().enumerate() {
-        fs::write(folder.join(format!("figure{}.svg", ["6-natural", "6-elderly", "7"][k.min(2)])), svg)?;
+    let picture = Picture { x: "forward, m", y: "up, m", mark: None, band: None, curves: plane };
+    pictures
+        .push(("centre of mass in the sagittal plane, dots at lift-off (the paper's figure 7)".into(), picture.svg()));
+    for ((_, svg), name) in pictures.iter().zip(FILES) {
+        fs::write(folder.join(format!("{name}.svg")), svg)?;
     }
     let masses: Vec<_> = darm::identify::bodies(&robots.cad).map(|joint| mass(robots, joint)).collect();
     fs::write(folder.join("masses.json"), serde_json::to_string_pretty(&masses)?)?;
@@ -133,6 +143,16 @@ fn tell(figures: &mut Vec<Figure>, name: &str, mapped: &Mapped) -> Result<()> {
         mapped.trajectory.worst_constraint,
         "m or rad",
     )?);
+    figures.push(figure(
+        &format!("{name}: target off the person's along the ground, for balance, worst frame"),
+        1e3 * mapped.moved_m,
+        "mm",
+    )?);
+    figures.push(figure(
+        &format!("{name}: target off the person's in height, on the chair, worst frame"),
+        1e3 * mapped.raised_m,
+        "mm",
+    )?);
     figures.push(figure(&format!("{name}: markers, RMS"), 1e3 * mapped.trajectory.marker_rms_m, "mm")?);
     figures.push(figure(&format!("{name}: person's motion times"), mapped.scale, "")?);
     figures.push(figure(&format!("{name}: zero-moment point, least margin"), 1e3 * mapped.balance.zmp_margin_m, "mm")?);
@@ -141,14 +161,9 @@ fn tell(figures: &mut Vec<Figure>, name: &str, mapped: &Mapped) -> Result<()> {
 }
 
 /// What a plan with the CAD masses would have come to.
-fn by_cad_plan(
-    figures: &mut Vec<Figure>,
-    robots: &Robots,
-    setup: &Setup,
-    (found, capture): (&darm::motion::person::Person, &Capture),
-    name: &str,
-) -> Result<()> {
-    let mapped = map(&robots.cad, setup, found, capture)?;
+fn by_cad_plan(figures: &mut Vec<Figure>, robots: &Robots, followed: &Followed<'_>) -> Result<()> {
+    let Followed { name, setup, person, capture } = *followed;
+    let mapped = map(&robots.cad, setup, person, capture)?;
     let real = com(&robots.real, &mapped.trajectory.postures, &mapped.time_s)?;
     let off = real.iter().zip(&mapped.target).map(|(a, b)| (a.x - b.x).powi(2)).sum::<f64>() / real.len() as f64;
     figures.push(figure(
@@ -156,7 +171,7 @@ fn by_cad_plan(
         1e3 * off.sqrt(),
         "mm",
     )?);
-    let executed = execute(&robots.real, setup, &mapped, Gains::default())?;
+    let executed = executed(&robots.real, &robots.cad, setup, &mapped)?;
     figures.push(figure(&format!("{name}: planned with CAD masses, fell"), f64::from(u8::from(executed.fell)), "")?);
     Ok(())
 }

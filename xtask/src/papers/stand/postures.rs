@@ -35,6 +35,9 @@ const UNDECLARED: [(&str, f64, [f64; 3]); 4] = [
     ("torso", 26.0, [-0.22, 0.0, 0.26]),
 ];
 
+/// How far masses (as a share) and their places (m) are drawn from these.
+const DRAWN: (f64, f64) = (0.4, 0.03);
+
 /// The robot as its file has it, as it is, and as it was identified.
 pub(super) struct Robots {
     pub(super) cad: Robot,
@@ -90,6 +93,22 @@ pub(super) fn measured(robot: &Robot, postures: &[Vec<f64>], tilt: f64, random: 
 pub(super) fn equations(robot: &Robot, samples: &[Sample], kind: Kind) -> Result<Equations> {
     let rows = Rows { wrench: PLANE, torque: vec![true; robot.joints.len()] };
     Ok(Equations::new(robot, samples, &rows, NOISE, kind)?)
+}
+
+/// A robot whose undeclared masses are drawn about [`UNDECLARED`], identified from the golden postures.
+pub(super) fn drawn(cad: &Robot, seed: u64) -> Result<Robots> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut real = cad.clone();
+    for (link, mass, at) in UNDECLARED {
+        let joint = real.joints.iter().position(|joint| joint.link == link);
+        let aside = Vec3::new(random.random_range(-DRAWN.1..DRAWN.1), 0.0, random.random_range(-DRAWN.1..DRAWN.1));
+        carry(&mut real, joint, mass * random.random_range(1.0 - DRAWN.0..1.0 + DRAWN.0), Vec3::from(at) + aside);
+    }
+    let samples = measured(&real, &golden()?.0, 0.0, &mut random);
+    let equations = equations(cad, &samples, Kind::Static)?;
+    let fit = equations.fit(Kind::Static);
+    let identified = identify::with_masses(cad, &identify::link_masses(cad, &equations, &fit.values));
+    Ok(Robots { cad: cad.clone(), real, identified })
 }
 
 pub(super) fn identify(figures: &mut Vec<Figure>, seed: u64, folder: &Path) -> Result<Robots> {
