@@ -12,7 +12,9 @@
 
 pub mod bodies;
 pub mod closure;
+mod design;
 pub mod experiment;
+mod factored;
 mod force;
 pub mod groups;
 pub mod known;

@@ -6,6 +6,8 @@ use crate::measurement::select::{SelectError, Selection};
 use crate::measurement::table::Table;
 use crate::measurement::{Finding, ReadError};
 
+/// Rows up to which all are looked at where nothing is said.
+const MOST_ROWS: usize = 10_000;
 /// Values of a held-out column up to which each of them is a group.
 const FEW: usize = 24;
 /// A joint that turns farther, rad, is taken for one in degrees; a position, m, for one in millimetres; a pressure that
@@ -42,7 +44,8 @@ pub struct Preparation {
     pub within: Vec<String>,
     /// Rows a second, where the table has no time.
     pub rate_hz: Option<f64>,
-    /// Rows a second that are kept, as near as whole steps come; `None`: all.
+    /// Rows a second that are kept, as near as whole steps come; `None`: all of them up to 10 000, and of more about as
+    /// many.
     pub thin_hz: Option<f64>,
     /// Corner of the low-pass on all channels.
     pub lowpass_hz: Option<f64>,
@@ -107,7 +110,12 @@ impl Prepared {
         });
         let (held, held_out, keys) = held_out(&table, &how.hold_out, each)?;
         let series = series(&table, &how.within, &time_s, &held, &mut findings)?;
-        let every = how.thin_hz.map_or(1, |hz| (rate_hz(&time_s, &series) / hz).round().max(1.0) as usize);
+        let steps = |hz: f64| (rate_hz(&time_s, &series) / hz).round().max(1.0) as usize;
+        let every = how.thin_hz.map_or(table.lines.len().div_ceil(MOST_ROWS), steps);
+        if how.thin_hz.is_none() && every > 1 {
+            let what = format!("one row in {every} is looked at, of {}: --thin tells another rate", table.lines.len());
+            findings.push(Finding { line: None, what });
+        }
         let thinned = |stretch: std::ops::Range<usize>| stretch.step_by(every);
         let mut kept: Vec<usize> = stretches(&series).into_iter().flat_map(thinned).collect();
         if let Some(settled_s) = how.settled_s {

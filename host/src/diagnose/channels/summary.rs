@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::experiment::Experiment;
+use super::factored::Factored;
 use super::known::{self, Known};
 use super::linear::Channels;
 use super::outcome::{
@@ -154,8 +155,9 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
     let information = kind.information(&indices);
     let inverse = pseudo_inverse(&information);
     let wide = quantile_975(kind.groups.n_blocks.saturating_sub(1));
+    let model = Factored::new(kind, best.fit.active.clone());
     let (mut found, mut unobservable, mut next) = (Vec::new(), Vec::new(), 0);
-    for (order, &candidate) in best.fit.active.iter().enumerate() {
+    for &candidate in &best.fit.active {
         let law = &kind.experiment.candidates[candidate];
         let shape = law.shape.iter().map(|(name, value, unit)| Parameter {
             name: (*name).into(),
@@ -183,7 +185,7 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
             parameters.push(Parameter { name: value.name.clone(), value: at, unit: value.unit.clone(), ci95 });
         }
         if parameters.len() > n_shape {
-            let heldout_gain = heldout_gain(ended, order);
+            let heldout_gain = heldout_gain(ended, &model, candidate);
             found.push(Found { law: law.law, place: law.place.clone(), parameters, heldout_gain });
         }
     }
@@ -191,11 +193,9 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
 }
 
 /// By how much the held-out norm is larger without an effect.
-fn heldout_gain(ended: &Ended, order: usize) -> Option<f64> {
+fn heldout_gain(ended: &Ended, model: &Factored, candidate: usize) -> Option<f64> {
     let kind = &ended.search.kind;
-    let mut active = ended.best.fit.active.clone();
-    active.remove(order);
-    let without = kind.judged(active, None);
+    let without = model.without(kind, &[candidate]);
     let norm = |values: &[f64]| {
         let residuals = of_rows(&kind.experiment, &kind.experiment.at(values), true);
         figure(&kind.experiment, &residuals).map(|figure| figure.norm.value)

@@ -7,6 +7,7 @@
 
 use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
 
+use super::factored::Factored;
 use super::linear::Channels;
 use crate::diagnose::kind::{Kind as _, Trial};
 use crate::diagnose::outcome::Rung;
@@ -75,16 +76,13 @@ fn shaped(kind: &Channels, mut best: Trial<Channels>, n_known: usize) -> Trial<C
 
 /// Looks at every effect once, the least missed first, and takes away what is not missed.
 fn sweep(kind: &Channels, best: &mut Trial<Channels>, n_known: usize, n_tried: usize) -> Vec<Rung> {
-    let of = |best: &Trial<Channels>, candidate: usize| {
-        kind.judged(best.fit.active.iter().copied().filter(|k| *k != candidate).collect(), None)
-    };
-    let open = best.fit.active[n_known..].to_vec();
-    let mut order: Vec<(f64, usize)> =
-        open.par_iter().map(|&candidate| (of(best, candidate).loss, candidate)).collect();
+    let mut model = Factored::new(kind, best.fit.active.clone());
+    let loss = |candidate: &usize| (model.without(kind, &[*candidate]).loss, *candidate);
+    let mut order: Vec<(f64, usize)> = best.fit.active[n_known..].par_iter().map(loss).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut ladder = Vec::new();
     for (_, candidate) in order {
-        let without = of(best, candidate);
+        let without = model.without(kind, &[candidate]);
         let p = kind.fall(&without, best).p;
         let (law, place) = kind.name(&candidate);
         let level = FALSE_SHARE * (best.fit.active.len() - n_known) as f64 / n_tried as f64;
@@ -101,6 +99,7 @@ fn sweep(kind: &Channels, best: &mut Trial<Channels>, n_known: usize, n_tried: u
         });
         if p > level {
             *best = without;
+            model = Factored::new(kind, best.fit.active.clone());
         }
     }
     ladder
