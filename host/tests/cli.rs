@@ -119,6 +119,11 @@ fn a_hand_makes_contacts_or_says_which_it_cannot() {
     let found = home.json(&format!("grasp solve {hand} {contacts} --picture grasp.svg"));
     assert!(found["error_m"].as_f64().unwrap() < 1e-6 && found["fingers"].as_array().unwrap().len() == 4);
     assert!(std::fs::read_to_string(home.path("grasp.svg")).unwrap().contains("front: y, z"));
+    let bare = example("allegro_hand.urdf");
+    let found = home.json(&format!("grasp solve {bare} {contacts}"));
+    assert!(found["error_m"].as_f64().unwrap() < 1e-6);
+    let arm = home.darm(&format!("grasp solve {} {contacts}", example("../tests/data/urdf/ur10.urdf")));
+    assert!(text(&arm.stderr).contains("name four by --tips INDEX,MEDIUM,RING,THUMB"), "{}", text(&arm.stderr));
     let text = std::fs::read_to_string(&contacts).unwrap();
     home.write("far.toml", &text.replace("[390, 24, 140]", "[-390, 24, 140]"));
     let far = "darm: contacts index and thumb are 838 mm apart, out of reach: stretched, the fingers bridge 373 mm";

@@ -44,10 +44,12 @@
 //! [`Drive::default_limit`]: darm_core::output::Drive::default_limit
 
 mod build;
+mod constant;
 mod effects;
 mod fault;
 pub mod frames;
 pub(crate) mod raw;
+pub mod rounding;
 pub(crate) mod source;
 mod write;
 

@@ -5,6 +5,7 @@ mod answer;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use darm::grasp::bare::{Fingers, read_bare_hand};
 use darm::grasp::contact::{Configuration, Contacts};
 use darm::grasp::file::{HandFile, Task, read_contacts, read_hand};
 use darm::grasp::hand::{FINGERS, Hand};
@@ -20,15 +21,19 @@ use crate::voice::Voice;
 const EXAMPLES: &str = "\
 Examples:
   darm grasp solve allegro_hand.toml grasp-contacts.toml    a posture that makes the contacts
+  darm grasp solve allegro_hand.urdf grasp-contacts.toml    the fingers found in a bare URDF
   darm grasp train allegro_hand.toml --file training.txt    the sequence of starts for the paper's search";
 
 const SOLVE_EXAMPLES: &str = "\
 Examples:
   darm grasp solve allegro_hand.toml grasp-contacts.toml --picture grasp.svg
   darm grasp solve allegro_hand.toml grasp-contacts.toml --method paper
+  darm grasp solve hand.urdf contacts.toml --tips index_tip,middle_tip,ring_tip,thumb_tip --tip-radius-mm 12
   darm --json grasp solve allegro_hand.toml grasp-contacts.toml > posture.json
 
 The contacts name their fingers, all or none; where they do not, the assignment is found.
+A bare URDF is a hand too: its base is the palm, its fingers are the leaf links on four joints, and its shapes capsules as
+thick as the fingertips. A hand's file (host/src/grasp/file.rs) says the shapes better.
 The picture shows the hand before, during and after the search from three sides.";
 
 const TRAIN_EXAMPLES: &str = "\
@@ -54,13 +59,49 @@ enum GraspTask {
     Train(Train),
 }
 
+/// Which hand.
+#[derive(clap::Args, Debug)]
+struct HandGiven {
+    /// The hand: its file, or its URDF alone
+    #[arg(value_name = "HAND.toml|HAND.urdf")]
+    hand: PathBuf,
+    /// Fingertips of a URDF: links at the middle of index, medium, ring and thumb, in this order; found without
+    #[arg(long, value_name = "LINK,LINK,LINK,LINK", value_delimiter = ',')]
+    tips: Vec<String>,
+    /// Radius of the fingertips of a URDF; 12 without
+    #[arg(long, value_name = "MM")]
+    tip_radius_mm: Option<f64>,
+}
+
+impl HandGiven {
+    fn read(&self, voice: Voice) -> anyhow::Result<HandFile> {
+        if !self.hand.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("urdf")) {
+            if !self.tips.is_empty() || self.tip_radius_mm.is_some() {
+                return Err(Usage("--tips and --tip-radius-mm are for a URDF; a hand's file says them".into()).into());
+            }
+            return Ok(read_hand(&self.hand)?);
+        }
+        let radius_mm = self.tip_radius_mm.unwrap_or(TIP_RADIUS_MM);
+        if !(radius_mm > 0.0 && radius_mm.is_finite()) {
+            return Err(Usage(format!("--tip-radius-mm {radius_mm}: a length above zero")).into());
+        }
+        let file = read_bare_hand(&self.hand, &Fingers { tips: self.tips.clone(), tip_radius_m: 1e-3 * radius_mm })?;
+        let tips = file.referee.tips.iter().zip(&file.hand.fingers);
+        let tips: Vec<_> = tips.map(|(tip, finger)| format!("{} {}", finger.name, tip.name)).collect();
+        voice.note(&format!("fingers: {}; their tips have {radius_mm} mm", tips.join(", ")));
+        Ok(file)
+    }
+}
+
+/// Radius of a fingertip where nobody says another, mm.
+const TIP_RADIUS_MM: f64 = 12.0;
+
 /// Find the posture that makes the contacts, without a collision
 #[derive(clap::Args, Debug)]
 #[command(after_help = SOLVE_EXAMPLES)]
 struct Solve {
-    /// The hand
-    #[arg(value_name = "HAND.toml")]
-    hand: PathBuf,
+    #[command(flatten)]
+    hand: HandGiven,
     /// The contacts
     #[arg(value_name = "CONTACTS.toml")]
     contacts: PathBuf,
@@ -89,9 +130,8 @@ enum Method {
 #[derive(clap::Args, Debug)]
 #[command(after_help = TRAIN_EXAMPLES)]
 struct Train {
-    /// The hand
-    #[arg(value_name = "HAND.toml")]
-    hand: PathBuf,
+    #[command(flatten)]
+    hand: HandGiven,
     /// Constraints to train with
     #[arg(long, value_name = "COUNT", default_value_t = 10_000)]
     n: usize,
@@ -138,7 +178,7 @@ impl Solve {
         if self.starts == 0 || self.library == 0 {
             return Err(Usage("--starts and --library have to be above zero".to_owned()).into());
         }
-        let file = read_hand(&self.hand)?;
+        let file = self.hand.read(voice)?;
         let task = read_contacts(&self.contacts, &file.hand)?;
         reachable(&file.hand, &task)?;
         let search = match self.method {
@@ -235,7 +275,7 @@ impl Train {
         if self.n == 0 || self.lambdas == 0 {
             return Err(Usage("--n and --lambdas have to be above zero".to_owned()).into());
         }
-        let hand = read_hand(&self.hand)?.hand;
+        let hand = self.hand.read(voice)?.hand;
         let settings = paper::Settings::default();
         let training = Training { count: self.n, lambdas: self.lambdas, seed: self.seed, settings };
         let bar = voice.bar("training", self.n as u64, "constraints");

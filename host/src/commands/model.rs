@@ -16,6 +16,7 @@ Examples:
   darm model puma560.toml --base-parameters            what torques can tell of the masses, in words
   darm model humanoid.urdf --floating --base-parameters
   darm model puma560.toml --rust > puma560.rs          a constant for firmware, in flash, in f32
+  darm model corrected.toml --rust > corrected.rs      an arm with the effects that `darm diagnose` found
 
 A base parameter is a sum of inertial parameters that torques show as one number: m mass, mx my mz mass
 times centre, Ixx … moments of inertia about the origin of the joint's frame. What is in one sum cannot
@@ -30,7 +31,7 @@ pub(crate) struct Model {
     /// Find the base parameters of a robot over random motions
     #[arg(long)]
     base_parameters: bool,
-    /// Write a robot as a constant of Rust, for firmware on `darm-core`
+    /// Write a robot, or an arm with its effects, as a constant of Rust, for firmware on `darm-core`
     #[arg(long, conflicts_with = "base_parameters")]
     rust: bool,
     /// The frame that is the constant's tool; the end furthest out when left out
@@ -84,6 +85,9 @@ struct Identifiable {
 impl Model {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
         let subject = self.given.subject()?;
+        if let (true, Subject::Arm(arm)) = (self.rust, &subject) {
+            return voice.tell(&Constant { rust: arm.constant() });
+        }
         if self.rust {
             let robot = subject.into_robot("model --rust")?;
             let rust = robot.constant(frame_of(&robot, self.frame.as_deref())?)?;

@@ -183,7 +183,7 @@ impl Nearest {
         })
     }
 
-    /// What the board answers; where its word brings the tool is told by the arm file.
+    /// What the board answers; where its word brings the tool from rest is told by the arm file, effects and all.
     fn ask_board(&self, arm: &Arm, target: &Pose<f64>) -> anyhow::Result<OnBoard> {
         let mut client = self.port.connect()?;
         let model = client.hello().and_then(|hello| hello.model);
@@ -198,7 +198,8 @@ impl Nearest {
         let start = Instant::now();
         let found = client.nearest(target)?;
         let took_s = start.elapsed().as_secs_f64();
-        let pose = arm.model.chain.pose_base_tool(&found.word, &[], &mut ArmScratch::default())?;
+        let condition = arm.model.working(found.word, arm.rest(), &[]);
+        let pose = arm.model.predict(&condition, &mut ArmScratch::default())?;
         let apart = pose.to(target);
         Ok(OnBoard {
             board: client.identity().board.to_string(),

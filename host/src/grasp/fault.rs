@@ -25,6 +25,25 @@ pub enum HandFault {
         /// How many there are.
         found: usize,
     },
+    /// A robot on which four fingers cannot be found.
+    #[error(
+        "a hand needs four leaf links on four joints of the base, {} are found{}; its leaf links are {}: name four by --tips INDEX,MEDIUM,RING,THUMB, or write a hand's file as examples/allegro_hand.toml",
+        found.len(), if found.is_empty() { String::new() } else { format!(" ({})", found.join(", ")) }, ends.join(", ")
+    )]
+    Leaves {
+        /// Leaf links on four joints.
+        found: Vec<String>,
+        /// All leaf links, with their joints.
+        ends: Vec<String>,
+    },
+    /// A leaf link that is no fingertip.
+    #[error(
+        "link `{link}` is no fingertip: its origin is on its last joint or on that joint's axis; name by --tips a link that is fixed at the fingertip's middle"
+    )]
+    NoTip {
+        /// The link.
+        link: String,
+    },
     /// A finger has not four joints.
     #[error("finger `{finger}` has {found} joints between the palm and its tip, there must be 4")]
     Joints {

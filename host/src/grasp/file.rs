@@ -123,12 +123,15 @@ struct RawContact {
 type Wrong<F> = (Range<usize>, F);
 
 /// A finger, its joints' limits, and where it is in the robot.
-struct Read {
-    finger: Finger,
+pub(super) struct Read {
+    pub(super) finger: Finger,
     limits: [[f64; 2]; COORDINATES],
     tip: RobotFrame,
     path: [usize; JOINTS],
 }
+
+/// Ranges of the virtual joints φ₅ and φ₆ where nobody says others, deg.
+pub(super) const VIRTUAL_DEG: [[f64; 2]; 2] = [[0.0, 90.0], [-45.0, 45.0]];
 
 /// Reads a hand.
 pub fn read_hand(path: &Path) -> Result<HandFile, HandError> {
@@ -150,11 +153,8 @@ fn hand_file(raw: &RawHand, robot: Robot) -> Result<HandFile, Wrong<HandFault>> 
     let Ok(read): Result<[Read; FINGERS], _> = fingers.try_into() else {
         return Err((raw.format.span(), HandFault::Fingers { found }));
     };
-    for (i, finger) in read.iter().enumerate() {
-        if let Some(other) = read[..i].iter().find(|other| other.path.iter().any(|joint| finger.path.contains(joint))) {
-            let fault = HandFault::Shared { finger: finger.finger.name.clone(), other: other.finger.name.clone() };
-            return Err((raw.finger[i].span(), fault));
-        }
+    if let Some((i, fault)) = shared(&read) {
+        return Err((raw.finger[i].span(), fault));
     }
     let capsules = raw.capsule.iter().map(|capsule| read_capsule(capsule, &robot, &read)).collect::<Result<_, _>>()?;
     let lambdas = match &raw.lambdas {
@@ -167,40 +167,86 @@ fn hand_file(raw: &RawHand, robot: Robot) -> Result<HandFile, Wrong<HandFault>> 
             numbers
         }
     };
-    let limits: [[f64; 2]; ANGLES] = std::array::from_fn(|k| read[k / COORDINATES].limits[k % COORDINATES]);
-    let joints = std::array::from_fn(|i| read[i].path);
-    let tips = std::array::from_fn(|i| read[i].tip.clone());
-    let hand = Hand::new(raw.name.clone(), read.map(|finger| finger.finger), limits, capsules);
+    assembled(raw.name.clone(), read, capsules, lambdas, robot).map_err(|fault| (raw.format.span(), fault))
+}
+
+/// The first finger that shares a joint with one before it.
+fn shared(fingers: &[Read; FINGERS]) -> Option<(usize, HandFault)> {
+    fingers.iter().enumerate().find_map(|(i, finger)| {
+        let other = fingers[..i].iter().find(|other| other.path.iter().any(|joint| finger.path.contains(joint)))?;
+        let (finger, other) = (finger.finger.name.clone(), other.finger.name.clone());
+        Some((i, HandFault::Shared { finger, other }))
+    })
+}
+
+/// Least and greatest of every angle, rad.
+pub(super) fn limits(fingers: &[Read; FINGERS]) -> [[f64; 2]; ANGLES] {
+    std::array::from_fn(|k| fingers[k / COORDINATES].limits[k % COORDINATES])
+}
+
+/// The hand of four fingers, none of which share a joint.
+pub(super) fn assembled(
+    name: String,
+    fingers: [Read; FINGERS],
+    capsules: Vec<Capsule>,
+    lambdas: Vec<f64>,
+    robot: Robot,
+) -> Result<HandFile, HandFault> {
+    if let Some((_, fault)) = shared(&fingers) {
+        return Err(fault);
+    }
+    let joints = std::array::from_fn(|i| fingers[i].path);
+    let tips = std::array::from_fn(|i| fingers[i].tip.clone());
+    let limits = limits(&fingers);
+    let hand = Hand::new(name, fingers.map(|finger| finger.finger), limits, capsules);
     Ok(HandFile { hand, referee: Referee { robot, joints, tips }, lambdas })
 }
 
 fn read_finger(raw: &Spanned<RawFinger>, robot: &Robot) -> Result<Read, Wrong<HandFault>> {
     let RawFinger { name, tip, tip_radius_mm, bend_deg, lateral_deg } = raw.get_ref();
     let tip_frame = robot.frame(tip.get_ref()).ok_or_else(|| (tip.span(), unknown_link(robot, tip.get_ref())))?;
-    let path = robot.path(tip_frame);
-    let on_palm = |found: usize| (tip.span(), HandFault::Joints { finger: name.clone(), found });
-    let path: [usize; JOINTS] = path[..].try_into().map_err(|_| on_palm(path.len()))?;
+    let mut virtual_deg = VIRTUAL_DEG;
+    for (own, range) in virtual_deg.iter_mut().zip([bend_deg, lateral_deg]) {
+        let Some(range) = range else { continue };
+        let [low, high] = range.get_ref().map(|number| number.0);
+        if !(-180.0 <= low && low <= high && high <= 180.0) {
+            return Err((range.span(), HandFault::Range { low, high }));
+        }
+        *own = [low, high];
+    }
+    finger_at(robot, name, tip_frame.clone(), virtual_deg, length_m(tip_radius_mm)?).map_err(|fault| match fault {
+        HandFault::Joints { .. } => (tip.span(), fault),
+        _ => (raw.span(), fault),
+    })
+}
+
+/// The finger with this tip.
+pub(super) fn finger_at(
+    robot: &Robot,
+    name: &str,
+    tip: RobotFrame,
+    virtual_deg: [[f64; 2]; 2],
+    tip_radius_m: f64,
+) -> Result<Read, HandFault> {
+    let path = robot.path(&tip);
+    let found = path.len();
+    let path: [usize; JOINTS] = path.try_into().map_err(|_| HandFault::Joints { finger: name.into(), found })?;
     let mut limits = [[0.0; 2]; COORDINATES];
     for (limits, joint) in limits.iter_mut().zip(path.map(|joint| &robot.joints[joint])) {
         *limits = joint
             .limits
             .filter(|_| joint.joint.axis.kind == JointKind::Revolute)
-            .ok_or_else(|| (raw.span(), HandFault::Unlimited { joint: joint.name.clone() }))?;
+            .ok_or_else(|| HandFault::Unlimited { joint: joint.name.clone() })?;
     }
-    for (k, range, default) in [(JOINTS, bend_deg, [0.0, 90.0]), (JOINTS + 1, lateral_deg, [-45.0, 45.0])] {
-        let [low, high] = range.as_ref().map_or(default, |range| range.get_ref().map(|number| number.0));
-        if !(-180.0 <= low && low <= high && high <= 180.0) {
-            return Err((range.as_ref().map_or(raw.span(), Spanned::span), HandFault::Range { low, high }));
-        }
-        limits[k] = [low.to_radians(), high.to_radians()];
+    for (limits, range) in limits.iter_mut().skip(JOINTS).zip(virtual_deg) {
+        *limits = range.map(f64::to_radians);
     }
     let joints = path.map(|joint| {
         let joint = &robot.joints[joint].joint;
         FingerJoint { placement: joint.placement, axis: joint.axis.direction }
     });
-    let tip_radius_m = length_m(tip_radius_mm)?;
-    let finger = Finger { name: name.clone(), joints, tip: tip_frame.pose, tip_radius_m };
-    Ok(Read { finger, limits, tip: tip_frame.clone(), path })
+    let finger = Finger { name: name.to_owned(), joints, tip: tip.pose, tip_radius_m };
+    Ok(Read { finger, limits, tip, path })
 }
 
 fn read_capsule(

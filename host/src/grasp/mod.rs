@@ -11,6 +11,7 @@
 //! The paper leaves unsaid: the dimensions of its hand (the Allegro hand stands in), the range of the virtual joints (a
 //! quarter of a turn each, here), and how much of the rank of its 18 × 25 Jacobian there is (15).
 
+pub mod bare;
 pub mod collision;
 pub mod contact;
 pub mod fault;

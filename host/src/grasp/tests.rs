@@ -7,6 +7,7 @@ use darm_core::real::Vec3;
 use nalgebra::SMatrix;
 use proptest::prelude::{prop_assert, proptest};
 
+use super::bare::{Fingers, read_bare_hand};
 use super::contact::{Configuration, Contact, Contacts};
 use super::file::{HandFile, parse_contacts, read_hand};
 use super::hand::{COORDINATES, FINGERS, Hand, JOINTS, THUMB};
@@ -277,6 +278,32 @@ fn faults_of_a_hand_name_line_and_column() {
     check("link = \"palm_link\"", "link = \"palm\"", "hand.toml:32:8: the robot has no link `palm`");
     let three = "[[finger]]\nname = \"index\"\ntip = \"link_3.0_tip\"\ntip_radius_mm = 12\n";
     check(three, "", "hand.toml:3:10: the hand has 3 fingers");
+}
+
+#[test]
+fn a_bare_urdf_is_the_hand_of_its_file_but_for_the_shapes() {
+    let urdf = root().join("examples/allegro_hand.urdf");
+    let bare = |tips: &[&str]| {
+        let tips = tips.iter().map(|tip| (*tip).to_owned()).collect();
+        read_bare_hand(&urdf, &Fingers { tips, tip_radius_m: 0.012 })
+    };
+    let (found, file) = (bare(&[]).unwrap().hand, allegro().hand);
+    assert_eq!(found.limits, file.limits);
+    for (found, file) in found.fingers.iter().zip(&file.fingers) {
+        assert_eq!((&found.name, &found.joints), (&file.name, &file.joints));
+        assert!(found.tip.distance(&file.tip, 1.0) < 1e-12, "{}", found.name);
+    }
+    let turned = ["link_7.0_tip", "link_3.0_tip", "link_11.0_tip", "link_15.0_tip"];
+    assert_eq!(bare(&turned).unwrap().hand.fingers[0].joints, file.fingers[1].joints);
+    let message = |tips: &[&str]| bare(tips).err().unwrap().to_string();
+    assert!(message(&turned[..3]).contains("needs four leaf links"), "{}", message(&turned[..3]));
+    assert!(message(&["tip", "b", "c", "d"]).contains("no link `tip`; it has palm_link"));
+    assert!(message(&["link_3.0", "b", "c", "d"]).contains("no link `b`"));
+    assert!(message(&["link_3.0", turned[0], turned[2], turned[3]]).contains("`link_3.0` is no fingertip"));
+    assert!(message(&[turned[0]; 4]).contains("share a joint"), "{}", message(&[turned[0]; 4]));
+    let arm =
+        read_bare_hand(&root().join("tests/data/urdf/panda.urdf"), &Fingers { tips: Vec::new(), tip_radius_m: 0.01 });
+    assert!(arm.err().unwrap().to_string().contains("0 are found; its leaf links are "));
 }
 
 #[test]

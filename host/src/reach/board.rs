@@ -3,29 +3,40 @@
 //! A module here is a run of neighbouring stages with at most 64 frames together, or one stage of any number:
 //! few large modules are searched better than many small ones. What the modules behind one typically do is told beside
 //! it, so that the board looks at each frame once, in the order of the table; see [`darm_core::nearest`].
+//!
+//! The frames are those of the model with its effects, under working conditions. What an effect does to a stage may
+//! depend on the others, by the weights further out, or on the word before: a frame is the mean over some words and words
+//! before, so that of sag, play and crowding the board knows what they do on average.
 
+use darm_core::effect::Place;
+use darm_core::model::Condition;
 use darm_core::nearest::{Coordinates, Frame, typical};
-use darm_core::se::Pose;
+use darm_core::se::{Pose, Twist};
 use darm_core::table::Record;
 use darm_core::units::Word;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
-use super::ReachError;
 use super::frames::{self, Frames};
-use crate::arm::Arm;
+use super::{ReachError, Step, tabulate};
+use crate::arm::{Arm, ArmScratch};
 
 /// Most frames of stages that make a module together.
 const MAX_FRAMES: usize = 64;
 /// Most actuators of a module: two bits each.
 const MAX_ACTUATORS: usize = 8;
+/// Words, each with a word before, that a frame is the mean over where effects look further than at one stage.
+const WORDS: usize = 16;
 
-/// The modules of `arm` and their frames, by its geometry without effects.
+/// The modules of `arm` and their frames, effects and all.
 ///
 /// Fails where a stage cannot be assembled, and for an arm with servo joints: its frames depend on their angles.
 pub fn records(arm: &Arm) -> Result<Vec<Record>, ReachError> {
     if arm.n_servos() > 0 {
         return Err(ReachError::Servos);
     }
-    let modules = modules(frames::of_stages(arm, &[], |_, _| true)?);
+    let arm = &displaced(arm);
+    let modules = modules(frames::of_steps(arm, with_effects(arm), &[], |_, _| true)?);
     let mut first = 0;
     let framed = modules.iter().map(|module| {
         let mut frames: Vec<Frame<f64>> = module
@@ -54,6 +65,65 @@ pub fn records(arm: &Arm) -> Result<Vec<Record>, ReachError> {
     Ok(records)
 }
 
+/// The arm with what moves the tool as a whole in its mount and its tool.
+fn displaced(arm: &Arm) -> Arm {
+    let mut displaced = arm.clone();
+    let chain = &mut displaced.model.chain;
+    for effect in &arm.model.effects {
+        let law = effect.law();
+        match law.place() {
+            Place::Base => chain.mount = law.displace(chain.mount),
+            Place::Tool => chain.tool = law.displace(chain.tool),
+            // A length told too long is too long in every frame.
+            Place::Camera => {
+                [&mut chain.mount, &mut chain.tool].into_iter().for_each(|pose| *pose = law.displace(*pose))
+            }
+            _ => {}
+        }
+    }
+    displaced
+}
+
+/// The poses of each stage for each setting of its actuators, with the effects of the model.
+fn with_effects(arm: &Arm) -> Vec<Step> {
+    let mut steps = tabulate(arm);
+    if arm.model.effects.is_empty() {
+        return steps;
+    }
+    let mut random = ChaCha8Rng::seed_from_u64(0);
+    let mut word = || -> Vec<u8> {
+        (0..arm.n_actuators()).map(|k| random.random_range(0..arm.model.chain.n_states(k)) as u8).collect()
+    };
+    let others: Vec<[Vec<u8>; 2]> = (0..WORDS).map(|_| [word(), word()]).collect();
+    let mut first = 0;
+    for (stage, step) in steps.iter_mut().enumerate() {
+        if let Step::Poses(poses) = step {
+            poses.iter_mut().for_each(|(digits, pose)| *pose = mean(arm, stage, first, digits, *pose, &others));
+        }
+        first += arm.model.chain.stages[stage].n_actuators();
+    }
+    steps
+}
+
+/// The pose of a stage with these digits, its actuators counted from `first`: the mean over what the `others` do.
+fn mean(arm: &Arm, stage: usize, first: usize, digits: &[u8], ideal: Pose<f64>, others: &[[Vec<u8>; 2]]) -> Pose<f64> {
+    let (model, mut scratch) = (&arm.model, ArmScratch::default());
+    let (mut sum, mut count) = (Twist::zero(), 0.0);
+    for [word, previous] in others {
+        let mut word = word.clone();
+        word[first..first + digits.len()].copy_from_slice(digits);
+        let (Ok(word), Ok(previous)) = (Word::new(&word), Word::new(previous)) else { continue };
+        let condition: Condition<f64> = model.working(word, previous, &[]);
+        if model.predict(&condition, &mut scratch).is_ok() {
+            sum = sum + ideal.to(&scratch.stages[stage]).log();
+            count += 1.0;
+        }
+    }
+    let camera = model.effects.iter().filter(|effect| effect.law().place() == Place::Camera);
+    let pose = if count > 0.0 { ideal * Pose::exp(&(sum * (1.0 / count))) } else { ideal };
+    camera.fold(pose, |pose, effect| effect.law().displace(pose))
+}
+
 /// Neighbouring stages together.
 fn modules(stages: Vec<Frames>) -> Vec<Frames> {
     let mut modules: Vec<Frames> = Vec::new();
@@ -77,11 +147,17 @@ fn packed(word: &Word, first: usize, digits: usize) -> u16 {
 mod tests {
     use std::path::Path;
 
+    use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
+    use darm_core::effect::frame_offset::{Frame as End, FrameOffset};
+    use darm_core::effect::gravity_sag::GravitySag;
+    use darm_core::effect::play::Play;
+    use darm_core::effect::scale::Scale;
+    use darm_core::effect::stroke_loss::StrokeLoss;
+    use darm_core::effect::{Effect, Place as At};
     use darm_core::nearest::Beam;
     use darm_core::table::{Checker, TableError};
 
     use super::*;
-    use crate::arm::ArmScratch;
     use crate::plan::{Visit, plan};
 
     fn arm(name: &str) -> Arm {
@@ -127,6 +203,66 @@ mod tests {
         let mut checker = Checker::default();
         let module = modules[0].clone();
         assert_eq!(checker.admit(&module, None), Err(TableError::Order));
+    }
+
+    /// Root mean square distance of the frames' products from the model, over 64 words, m.
+    fn off(modules: &Arm, model: &Arm) -> f64 {
+        let records = records(modules).unwrap();
+        let mut random = ChaCha8Rng::seed_from_u64(7);
+        let mut squares = 0.0;
+        for _ in 0..64 {
+            let [word, previous] = [(); 2].map(|()| {
+                let digits: Vec<u8> = (0..12).map(|_| random.random_range(0..2)).collect();
+                Word::new(&digits).unwrap()
+            });
+            let there = model.model.predict(&model.model.working(word, previous, &[]), &mut ArmScratch::default());
+            squares += told(&records, &word).distance(&there.unwrap(), 0.5).powi(2);
+        }
+        (squares / 64.0).sqrt()
+    }
+
+    /// Where the records have the tool for a word.
+    fn told(records: &[Record], word: &Word) -> Pose<f64> {
+        let (mut pose, mut wanted, mut next) = (Pose::identity(), 0, 0);
+        for record in records {
+            match record {
+                Record::Module { actuators, .. } => {
+                    wanted = packed(word, next, usize::from(*actuators));
+                    next += usize::from(*actuators);
+                }
+                Record::Frame { digits, pose: frame } if *digits == wanted => {
+                    let (turn, position) = (frame.turn_rad.map(f64::from), frame.position_m.map(f64::from));
+                    pose = pose * Pose::new(&turn.into(), position.into());
+                }
+                _ => {}
+            }
+        }
+        pose
+    }
+
+    #[test]
+    fn the_frames_have_the_effects_of_the_model() {
+        let ideal = arm("planar4.toml");
+        let with = |effects: &[Effect<f64>]| {
+            let mut arm = ideal.clone();
+            arm.model.effects.extend(effects.iter().copied());
+            arm
+        };
+        let fixed: [Effect<f64>; 4] = [
+            StrokeLoss { actuator: 4, state: 1, loss_m: 5e-3 }.into(),
+            AnchorOffset { actuator: 7, plate: Plate::Top, offset: [3e-3, -2e-3, 0.0].into() }.into(),
+            FrameOffset { frame: End::Base, values: [0.0, 0.0, 0.01, 0.02, -0.01, 0.0] }.into(),
+            FrameOffset { frame: End::Tool, values: [0.0, 0.0, -0.02, 0.01, 0.03, 0.0] }.into(),
+        ];
+        let arm = with(&fixed);
+        assert!(off(&arm, &arm) < 1e-6 && off(&ideal, &arm) > 5e-3, "{} {}", off(&arm, &arm), off(&ideal, &arm));
+        let arm = with(&[Scale { stretch: 2e-3 }.into()]);
+        assert!(off(&arm, &arm) < 1e-6 && off(&ideal, &arm) > 5e-3, "{} {}", off(&arm, &arm), off(&ideal, &arm));
+        // The mean over words and words before takes away what is common to them.
+        let arm = with(&[GravitySag { at: At::Arm, compliance_m_per_n: 1e-4 }.into()]);
+        assert!(off(&arm, &arm) < 0.7 * off(&ideal, &arm), "{} {}", off(&arm, &arm), off(&ideal, &arm));
+        let arm = with(&[Play { at: At::Arm, width_m: 2e-3 }.into()]);
+        assert!(off(&arm, &arm) < 0.9 * off(&ideal, &arm), "{} {}", off(&arm, &arm), off(&ideal, &arm));
     }
 
     #[test]

@@ -55,10 +55,20 @@ pub(super) fn of_stages(
     servos_rad: &[f64],
     allowed: impl Fn(usize, u8) -> bool,
 ) -> Result<Vec<Frames>, ReachError> {
+    of_steps(arm, tabulate(arm), servos_rad, allowed)
+}
+
+/// The same of stages that are tabulated already.
+pub(super) fn of_steps(
+    arm: &Arm,
+    steps: Vec<Step>,
+    servos_rad: &[f64],
+    allowed: impl Fn(usize, u8) -> bool,
+) -> Result<Vec<Frames>, ReachError> {
     let rest = arm.rest();
     let mut stages = vec![Frames::one(arm.model.chain.mount, rest)];
     let (mut actuator, mut servos) = (0, servos_rad.iter());
-    for (index, step) in tabulate(arm).into_iter().enumerate() {
+    for (index, step) in steps.into_iter().enumerate() {
         let frames = match step {
             Step::Servo { axis, offset } => {
                 let angle = offset + servos.next().copied().unwrap_or(0.0);

@@ -74,11 +74,11 @@ fn body(body: &Body<f64>) -> String {
     format!("Body {{ mass: {}, moment: {}, inertia: {inertia} }}", number(body.mass), vector(&body.moment))
 }
 
-fn pose(pose: &Pose<f64>) -> String {
+pub(crate) fn pose(pose: &Pose<f64>) -> String {
     format!("Pose {{ rotation: {}, position: {} }}", matrix(&pose.rotation), vector(&pose.position))
 }
 
-fn vector(v: &Vec3<f64>) -> String {
+pub(crate) fn vector(v: &Vec3<f64>) -> String {
     format!("Vec3::new({}, {}, {})", number(v.x), number(v.y), number(v.z))
 }
 
@@ -88,12 +88,12 @@ fn matrix(m: &Mat3<f64>) -> String {
     format!("Mat3::new({})", rows.join(", "))
 }
 
-fn numbers(list: &[f64]) -> String {
+pub(crate) fn numbers(list: &[f64]) -> String {
     format!("[{}]", list.iter().map(|x| number(*x)).collect::<Vec<_>>().join(", "))
 }
 
 /// The nearest `f32`, with as many digits as tell it.
-fn number(x: f64) -> String {
+pub(crate) fn number(x: f64) -> String {
     match to_f32(x) {
         x if x.is_finite() => format!("{x:?}"),
         x if x > 0.0 => "f32::INFINITY".into(),

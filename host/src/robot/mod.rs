@@ -5,7 +5,7 @@
 //! [`Robot::constant`] writes it for firmware.
 
 pub mod base_parameters;
-mod constant;
+pub(crate) mod constant;
 mod inverse;
 mod state;
 
