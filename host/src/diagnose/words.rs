@@ -1,7 +1,7 @@
 //! A diagnosis in plain words, for a person with a screwdriver.
 
 use darm_core::effect::Effect;
-use darm_core::effect::anchor_offset::Plate;
+use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
 
 use super::candidate::place_name;
 use super::outcome::{Diagnosis, Verdict};
@@ -81,18 +81,7 @@ pub fn effect_sentence(arm: &Arm, effect: &Effect<f64>) -> String {
             let way = if law.loss_m > 0.0 { "short of" } else { "beyond" };
             format!("{place}: in state {} it stops {:.2} mm {way} its stop.", law.state, law.loss_m.abs() * 1e3)
         }
-        Effect::AnchorOffset(law) => {
-            let plate = match law.plate {
-                Plate::Base => "lower",
-                Plate::Top => "upper",
-            };
-            let d = law.offset * 1e3;
-            let depth = if arm.model.chain.is_planar() { String::new() } else { format!(", {:+.2} mm in z", d.z) };
-            format!(
-                "{place}: its anchor on the {plate} plate sits {:+.2} mm in x, {:+.2} mm in y{depth} from its place.",
-                d.x, d.y
-            )
-        }
+        Effect::AnchorOffset(law) => anchor_sentence(&place, law, arm.model.chain.is_planar()),
         Effect::GravitySag(law) => {
             format!("{place}: the legs give way under load by {:.3} mm for each 100 N.", law.compliance_m_per_n * 1e5)
         }
@@ -136,6 +125,19 @@ pub fn effect_sentence(arm: &Arm, effect: &Effect<f64>) -> String {
             format!("{place}: its joint stands {:+.3}° from where the servo tells.", law.offset_rad.to_degrees())
         }
     }
+}
+
+fn anchor_sentence(place: &str, law: &AnchorOffset<f64>, is_planar: bool) -> String {
+    let plate = match law.plate {
+        Plate::Base => "lower",
+        Plate::Top => "upper",
+    };
+    let d = law.offset * 1e3;
+    let depth = if is_planar { String::new() } else { format!(", {:+.2} mm in z", d.z) };
+    format!(
+        "{place}: its anchor on the {plate} plate sits {:+.2} mm in x, {:+.2} mm in y{depth} from its place.",
+        d.x, d.y
+    )
 }
 
 fn longer(growth: f64) -> &'static str {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use darm::motion::demonstration::{Demonstration, Style, demonstrate};
-use darm::motion::execution::{Gains, execute};
+use darm::motion::execution::{Executed, Gains, execute};
 use darm::motion::mapping::{Mapped, map};
 use darm::motion::person::{com, person};
 use darm::motion::plot::{Curve, Figure as Picture};
@@ -60,15 +60,7 @@ pub(super) fn map_both(
         let mapped = map(&robots.identified, &setup, &found, &shown.capture)?;
         let executed = execute(&robots.real, &setup, &mapped, Gains::default())?;
         tell(figures, name, &mapped)?;
-        let frames = executed.postures.len();
-        let real = com(&robots.real, &executed.postures, &mapped.time_s[..frames])?;
-        let off = real.iter().zip(&mapped.com).map(|(a, b)| (a.x - b.x).powi(2)).sum::<f64>() / frames.max(1) as f64;
-        figures.push(figure(
-            &format!("{name}: executed centre of mass forward less the plan, RMS"),
-            1e3 * off.sqrt(),
-            "mm",
-        )?);
-        figures.push(figure(&format!("{name}: fell"), f64::from(u8::from(executed.fell)), "")?);
+        tell_executed(figures, robots, name, &mapped, &executed)?;
         let report =
             MotionReport { person: &found, mapped: &mapped, robot: &robots.identified, executed: Some(&executed) };
         pictures.push((
@@ -78,19 +70,7 @@ pub(super) fn map_both(
         let by_cad = com(&robots.cad, &mapped.trajectory.postures, &mapped.time_s)?;
         plane.push(sagittal(&format!("{name}, identified"), colors[0], &mapped.com, mapped.lift_off));
         plane.push(sagittal(&format!("{name}, CAD"), colors[1], &by_cad, mapped.lift_off));
-        let shift = mean(&mapped.com) - mean(&by_cad);
-        figures.push(figure(
-            &format!("{name}: identified less CAD centre of mass, forward (paper: to the rear)"),
-            1e3 * shift.x,
-            "mm",
-        )?);
-        figures.push(figure(
-            &format!("{name}: identified less CAD centre of mass, up (paper: lower)"),
-            1e3 * shift.z,
-            "mm",
-        )?);
-        let dip = mapped.com[0].z - mapped.com.iter().map(|com| com.z).fold(f64::INFINITY, f64::min);
-        figures.push(figure(&format!("{name}: centre of mass lowers before it rises"), 1e3 * dip, "mm")?);
+        tell_plane(figures, name, &mapped.com, &by_cad)?;
         by_cad_plan(figures, robots, &setup, (&found, &shown.capture), name)?;
     }
     let picture = Picture { x: "forward, m", y: "up, m", mark: None, curves: plane };
@@ -101,6 +81,43 @@ pub(super) fn map_both(
     let masses: Vec<_> = darm::identify::bodies(&robots.cad).map(|joint| mass(robots, joint)).collect();
     fs::write(folder.join("masses.json"), serde_json::to_string_pretty(&masses)?)?;
     Ok(pictures)
+}
+
+fn tell_executed(
+    figures: &mut Vec<Figure>,
+    robots: &Robots,
+    name: &str,
+    mapped: &Mapped,
+    executed: &Executed,
+) -> Result<()> {
+    let frames = executed.postures.len();
+    let real = com(&robots.real, &executed.postures, &mapped.time_s[..frames])?;
+    let off = real.iter().zip(&mapped.com).map(|(a, b)| (a.x - b.x).powi(2)).sum::<f64>() / frames.max(1) as f64;
+    figures.push(figure(
+        &format!("{name}: executed centre of mass forward less the plan, RMS"),
+        1e3 * off.sqrt(),
+        "mm",
+    )?);
+    figures.push(figure(&format!("{name}: fell"), f64::from(u8::from(executed.fell)), "")?);
+    Ok(())
+}
+
+/// The plan's centre of mass, as the identified and as the CAD masses have it.
+fn tell_plane(figures: &mut Vec<Figure>, name: &str, com: &[Vec3<f64>], by_cad: &[Vec3<f64>]) -> Result<()> {
+    let shift = mean(com) - mean(by_cad);
+    figures.push(figure(
+        &format!("{name}: identified less CAD centre of mass, forward (paper: to the rear)"),
+        1e3 * shift.x,
+        "mm",
+    )?);
+    figures.push(figure(
+        &format!("{name}: identified less CAD centre of mass, up (paper: lower)"),
+        1e3 * shift.z,
+        "mm",
+    )?);
+    let dip = com[0].z - com.iter().map(|com| com.z).fold(f64::INFINITY, f64::min);
+    figures.push(figure(&format!("{name}: centre of mass lowers before it rises"), 1e3 * dip, "mm")?);
+    Ok(())
 }
 
 fn mass(robots: &Robots, joint: Option<usize>) -> darm::identify::LinkMass {
