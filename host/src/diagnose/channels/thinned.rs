@@ -21,7 +21,7 @@ const SWEEPS: usize = 8;
 /// The model that is left, and what went and what stayed; the first `n_known` candidates of `start` always stay.
 pub(super) fn thinned(kind: &mut Channels, start: &Trial<Channels>) -> (Trial<Channels>, Vec<Rung>) {
     let known = start.fit.active.clone();
-    let Ok(empty) = kind.settled(start.clone());
+    let Ok(_) = kind.settled(start.clone());
     let Ok(full) = kind.settled(kind.start(full(kind, &known)));
     let shaped = shaped(kind, full, known.len());
     let n_tried = shaped.fit.active.len() - known.len();
@@ -35,8 +35,8 @@ pub(super) fn thinned(kind: &mut Channels, start: &Trial<Channels>) -> (Trial<Ch
             break;
         }
     }
-    let gain = kind.fall(&kind.judged(empty.fit.active.clone(), None), &best);
-    if gain.p < DISCOVERY_LEVEL { (best, ladder) } else { (empty, Vec::new()) }
+    let empty = kind.judged(known, None);
+    if kind.fall(&empty, &best).p < DISCOVERY_LEVEL { (best, ladder) } else { (empty, Vec::new()) }
 }
 
 /// One candidate for each law at each place, the middle one of its shapes, after those that are known.
