@@ -9,7 +9,7 @@ use super::linear::Channels;
 use super::outcome::{
     Alternative, AxisFigure, BeforeAfter, Diagnosis, Errors, Figure, Found, Number, Outlier, Parameter, Point,
 };
-use super::{Ended, Options, next, remaining};
+use super::{Ended, Options, next, remaining, simplified};
 use crate::diagnose::UNEXPLAINED_SHARE;
 use crate::diagnose::fit::{pseudo_inverse, size, weights};
 use crate::diagnose::kind::Trial;
@@ -156,8 +156,9 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
     let inverse = pseudo_inverse(&information);
     let wide = quantile_975(kind.groups.n_blocks.saturating_sub(1));
     let model = Factored::new(kind, best.fit.active.clone());
-    let (mut found, mut unobservable, mut next) = (Vec::new(), Vec::new(), 0);
-    for &candidate in &best.fit.active {
+    let (mut found, mut unobservable, mut next): (Vec<Found>, _, _) = (Vec::new(), Vec::new(), 0);
+    let forms = simplified::forms(kind, best, &inverse);
+    for (&candidate, is_form) in best.fit.active.iter().zip(forms) {
         let law = &kind.experiment.candidates[candidate];
         let shape = law.shape.iter().map(|(name, value, unit)| Parameter {
             name: (*name).into(),
@@ -184,7 +185,11 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
             let ci95 = Some([at - half, at + half]);
             parameters.push(Parameter { name: value.name.clone(), value: at, unit: value.unit.clone(), ci95 });
         }
-        if parameters.len() > n_shape {
+        if is_form {
+            unobservable.push(format!("{} at {} beside what else acts there", law.law, law.place));
+        } else if let Some(same) = found.iter_mut().find(|found| found.law == law.law && found.place == law.place) {
+            same.parameters.extend(parameters);
+        } else if parameters.len() > n_shape {
             let heldout_gain = heldout_gain(ended, &model, candidate);
             found.push(Found { law: law.law, place: law.place.clone(), parameters, heldout_gain });
         }
