@@ -26,6 +26,7 @@ pub mod outcome;
 mod position;
 pub mod prepared;
 mod remaining;
+mod repeats;
 pub mod signal;
 mod simplified;
 mod summary;

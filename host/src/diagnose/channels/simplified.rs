@@ -108,3 +108,73 @@ pub(super) fn forms(kind: &Channels, best: &Trial<Channels>, inverse: &DMatrix<f
     };
     (0..active.len()).map(is_form).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::channels::experiment::{Axis, Candidate, Experiment, Row};
+    use crate::diagnose::channels::groups::Groups;
+    use crate::diagnose::fit::pseudo_inverse;
+
+    const ROWS: usize = 600;
+
+    /// Two joints whose speeds wave, each candidate with what it adds on both, and a residual.
+    fn channels(
+        candidates: &[(&'static str, &str, &dyn Fn([f64; 2]) -> [f64; 2])],
+        residual: impl Fn([f64; 2]) -> [f64; 2],
+    ) -> Channels {
+        let speeds = |k: usize| [(k as f64 * 0.11).sin(), (k as f64 * 0.07 + 1.0).cos()];
+        let noise = |k: usize| 0.02 * ((k * 7919 % 1013) as f64 / 1013.0 - 0.5);
+        let column = |of: &dyn Fn([f64; 2]) -> [f64; 2]| (0..ROWS).flat_map(|k| of(speeds(k))).collect::<Vec<f64>>();
+        let row = |k: usize| Row { line: k, time_s: k as f64, series: 0, motion: 0, key: None, held_out: false };
+        let all = candidates.iter().map(|(law, place, of)| Candidate::one(law, place, ("size", "N·m"), column(of)));
+        let residuals: Vec<f64> = column(&residual).iter().enumerate().map(|(k, r)| noise(k) - r).collect();
+        let experiment = Experiment {
+            kind: "joint-torque",
+            axes: ["1", "2"].map(|name| Axis { name: name.into(), unit: "N·m" }).into(),
+            n_norm: 2,
+            rows: (0..ROWS).map(row).collect(),
+            residuals,
+            candidates: all.collect(),
+            channels: Vec::new(),
+            masses: Vec::new(),
+            relinearise: None,
+        };
+        let groups = Groups::new(&experiment.rows);
+        Channels::new(experiment, groups)
+    }
+
+    #[test]
+    fn three_effects_that_hold_one_other_give_it_their_place() {
+        let mut kind = channels(
+            &[
+                ("friction", "1", &|[v, _]| [v, 0.0]),
+                ("friction", "2", &|[_, w]| [0.0, w]),
+                ("friction", "both", &|[v, w]| [v + w, v + w]),
+                ("friction", "difference", &|[v, w]| [v - w, w - v]),
+            ],
+            |[v, _]| [0.8 * v, 0.0],
+        );
+        let Ok(model) = kind.settled(kind.start(vec![1, 2, 3]));
+        assert_eq!(simplified(&kind, model.clone(), 0).fit.active, [0]);
+        // What is known stays, and with it nothing smaller is left.
+        assert_eq!(simplified(&kind, model, 3).fit.active, [1, 2, 3]);
+    }
+
+    #[test]
+    fn what_the_form_of_a_law_leaves_is_not_told_from_it() {
+        let laws: [(&'static str, &str, &dyn Fn([f64; 2]) -> [f64; 2]); 3] = [
+            ("viscous", "1", &|[v, _]| [v, 0.0]),
+            ("dry", "1", &|[v, _]| [(v / 0.05).tanh(), 0.0]),
+            ("dry", "2", &|[_, w]| [0.0, (w / 0.05).tanh()]),
+        ];
+        let told = |residual: &dyn Fn([f64; 2]) -> [f64; 2]| {
+            let mut kind = channels(&laws, residual);
+            let Ok(model) = kind.settled(kind.start(vec![0, 1, 2]));
+            let inverse = pseudo_inverse(&kind.information(&kind.indices(&model.fit.active)));
+            forms(&kind, &model, &inverse)
+        };
+        assert_eq!(told(&|[v, w]| [v / (1.0 + 0.1 * v.abs()), 0.05 * (w / 0.05).tanh()]), [false, true, false]);
+        assert_eq!(told(&|[v, w]| [v + 0.5 * (v / 0.05).tanh(), 0.05 * w.signum()]), [false, false, false]);
+    }
+}

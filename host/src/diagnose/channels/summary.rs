@@ -6,14 +6,12 @@ use super::experiment::Experiment;
 use super::factored::Factored;
 use super::known::{self, Known};
 use super::linear::Channels;
-use super::outcome::{
-    Alternative, AxisFigure, BeforeAfter, Diagnosis, Errors, Figure, Found, Number, Outlier, Parameter, Point,
-};
-use super::{Ended, Options, next, remaining, simplified};
+use super::outcome::{Alternative, BeforeAfter, Diagnosis, Errors, Figure, Found, Number, Outlier, Parameter, Point};
+use super::{Ended, Options, next, remaining, repeats, simplified};
 use crate::diagnose::UNEXPLAINED_SHARE;
 use crate::diagnose::fit::{pseudo_inverse, size, weights};
 use crate::diagnose::kind::Trial;
-use crate::diagnose::outcome::{Rows, Verdict};
+use crate::diagnose::outcome::{AxisFigure, Rows, Verdict};
 use crate::diagnose::significance::quantile_975;
 
 /// A value whose uncertainty these rows lower to no less than this share of what was known before is not told by them.
@@ -109,7 +107,7 @@ pub(super) fn diagnosis(mut ended: Ended, pooled: Option<HeldOut>, known: &[Know
         rows: Rows { train: kind.groups.training.len(), heldout },
         held_out: ended.held_out.clone(),
         left_out: kind.groups.left_out,
-        repeatability: None,
+        repeatability: repeats::scatter(experiment),
         error,
         verdict,
         effects,
@@ -230,8 +228,11 @@ fn alternatives(ended: &mut Ended) -> Vec<Rival> {
     if n_found == 0 || n_found > MOST_COMPARED {
         return Vec::new();
     }
+    let (kind, best) = (&ended.search.kind, &ended.best);
+    let inverse = pseudo_inverse(&kind.information(&kind.indices(&best.fit.active)));
+    let forms = simplified::forms(kind, best, &inverse);
     let mut all: Vec<Rival> = Vec::new();
-    for order in ended.n_known..ended.best.fit.active.len() {
+    for order in (ended.n_known..forms.len()).filter(|&order| !forms[order]) {
         let Ok(rivals) = ended.search.rivals(&ended.best, order, order, None);
         let kind = &ended.search.kind;
         let place = |k: usize| (kind.experiment.candidates[k].law, &kind.experiment.candidates[k].place);
