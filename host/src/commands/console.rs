@@ -10,7 +10,7 @@ Examples:
   darm console -p unix:board.sock       a board in the emulator
   printf 'id\\nstatus\\n' | darm console  a script
 
-The words are the board's own and work from any terminal program at 115200 baud; `help` lists them.
+The words are the board's own and work from any terminal program at 115200 baud; `help` lists them. \
 Arrow keys bring back earlier lines, Tab completes. `quit` or Ctrl-D leaves; the board goes on.";
 
 /// Type to the board: line editing, history, completion, help

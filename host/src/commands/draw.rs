@@ -17,7 +17,7 @@ Examples:
   darm draw panda.urdf --q 0,30,0,-90,0,120,45,20,20 --frame panda_hand_tcp -o panda.svg
   darm draw puma560.toml --q 0,45,-90,0,30,0 --no-names -o puma.svg
 
-Legs are blue when they are extended, joints orange when they turn and blue when they slide; the circle is
+Legs are blue when they are extended, joints orange when they turn and blue when they slide; the circle is \
 the centre of mass, red, green and blue the axes of the tool. A planar arm has one view, any other four.";
 
 /// Draw an arm or robot as SVG

@@ -21,9 +21,9 @@ Examples:
   darm dynamics humanoid.urdf --floating --torque 0,0,…                     how it falls
   darm dynamics planar4.toml --word 010110011101                            what each leg bears
 
-Columns of a table: JOINT_deg, JOINT_deg_s, JOINT_deg_s2 (mm for sliding joints; rad and m too), and
-JOINT_nm or JOINT_n for --forward. Friction and the motors' own inertia are in the equation only where a model has
-them: one that `darm diagnose --write-model` wrote. Its rows are one motion, at the times of a column t_s.";
+Columns of a table: JOINT_deg, JOINT_deg_s, JOINT_deg_s2 (mm for sliding joints; rad and m too), and \
+ JOINT_nm or JOINT_n for --forward. Friction and the motors' own inertia are in the equation only where a model has \
+ them: one that `darm diagnose --write-model` wrote. Its rows are one motion, at the times of a column t_s.";
 
 /// Tell torques, mass matrix, Coriolis matrix, gravity and energies; or the accelerations of torques
 #[derive(clap::Args, Debug)]

@@ -21,7 +21,7 @@ Examples:
   cargo xtask image && darm flash       build the image, bring it onto the board
   darm flash darm-firmware              an image that was built elsewhere
 
-The board's own ST-LINK (USB connector CN7) is the probe. Tables and calibrations stay: they are
+The board's own ST-LINK (USB connector CN7) is the probe. Tables and calibrations stay: they are \
 in the other flash bank.";
 
 /// Bring the firmware onto the board, through probe-rs

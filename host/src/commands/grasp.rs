@@ -31,9 +31,9 @@ Examples:
   darm grasp solve hand.urdf contacts.toml --tips index_tip,middle_tip,ring_tip,thumb_tip --tip-radius-mm 12
   darm --json grasp solve allegro_hand.toml grasp-contacts.toml > posture.json
 
-The contacts name their fingers, all or none; where they do not, the assignment is found.
-A bare URDF is a hand too: its base is the palm, its fingers are the leaf links on four joints, and its shapes capsules as
-thick as the fingertips. A hand's file (host/src/grasp/file.rs) says the shapes better.
+The contacts name their fingers, all or none; where they do not, the assignment is found. \
+A bare URDF is a hand too: its base is the palm, its fingers are the leaf links on four joints, and its \
+shapes capsules as thick as the fingertips. A hand's file (host/src/grasp/file.rs) says the shapes better. \
 The picture shows the hand before, during and after the search from three sides.";
 
 const TRAIN_EXAMPLES: &str = "\
@@ -41,8 +41,8 @@ Examples:
   darm grasp train allegro_hand.toml --n 1000 --lambdas 26    in less than a minute
   darm grasp train allegro_hand.toml --file training.txt --figures figures
 
-The second is the paper's training; stopped, it goes on where it was. The constraints are contacts
-of random postures without a collision. The sequence is for `--method paper` alone: put it into the
+The second is the paper's training; stopped, it goes on where it was. The constraints are contacts \
+of random postures without a collision. The sequence is for `--method paper` alone: put it into the \
 hand's file as `lambdas`.";
 
 /// Find how a hand makes four contacts with its fingertips

@@ -26,7 +26,7 @@ Examples:
   darm ik puma560.toml --to 400,150,900 --angles 180,0,90 --all --picture all.svg
   darm fk puma560.toml --postures run.csv --csv > targets.csv && darm ik puma560.toml --targets targets.csv --csv
 
-Positions are in mm, angles Z-Y-X Euler angles in deg, as `darm fk` tells them. --q is where the search starts. Limits are
+Positions are in mm, angles Z-Y-X Euler angles in deg, as `darm fk` tells them. --q is where the search starts. Limits are \
 kept. A target that is not reached is no error: the status says so and the nearest posture is told.";
 
 /// Most starts, and those of a search for all postures.

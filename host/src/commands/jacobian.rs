@@ -17,7 +17,7 @@ Examples:
   darm jacobian planar4.toml --word 010110011101                            per mm of each leg
   darm jacobian panda.urdf --postures run.csv --csv > singular.csv
 
-Rows are angular first. A discrete actuator's column is the rate per unit of its length or angle.
+Rows are angular first. A discrete actuator's column is the rate per unit of its length or angle. \
 Lengths and angles have different units: the parts of the Jacobian have singular values of their own.";
 
 /// A singular value below this part of the largest counts as zero.

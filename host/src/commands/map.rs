@@ -20,7 +20,7 @@ Examples:
   darm map spatial6.toml --picture map.svg --csv map.csv
   darm map spatial6.toml --cell 50 --angle 20 --view yz --picture side.svg
 
-The CSV has a line for each position: x_m,y_m,z_m, words that end there, cells of orientations reached.
+The CSV has a line for each position: x_m,y_m,z_m, words that end there, cells of orientations reached. \
 The last is empty where position and orientation together make too many cells to be counted.";
 
 /// Map the density of reachable frames over position and orientation, without forming every word

@@ -18,8 +18,8 @@ Examples:
   darm model puma560.toml --rust > puma560.rs          a constant for firmware, in flash, in f32
   darm model corrected.toml --rust > corrected.rs      an arm with the effects that `darm diagnose` found
 
-A base parameter is a sum of inertial parameters that torques show as one number: m mass, mx my mz mass
-times centre, Ixx … moments of inertia about the origin of the joint's frame. What is in one sum cannot
+A base parameter is a sum of inertial parameters that torques show as one number: m mass, mx my mz mass \
+times centre, Ixx … moments of inertia about the origin of the joint's frame. What is in one sum cannot \
 be told apart by any motion.";
 
 /// Show what a file holds: stages or joints, masses, limits, warnings, base parameters

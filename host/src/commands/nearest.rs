@@ -28,7 +28,7 @@ Examples:
   darm nearest huge.toml 100,200,2900,0,15,0 --seconds 10 as near as 10 s lead, and what may be missed
   darm nearest planar4.toml 300,4200,10 --board           what the board answers by itself
 
-d^2 = |dp|^2 + (l theta)^2 with l from the arm file. The words are the nearest of all words by the
+d^2 = |dp|^2 + (l theta)^2 with l from the arm file. The words are the nearest of all words by the \
 arm's geometry, not the best of a sample; effects of the model are left out.";
 
 /// Find the words that bring the tool nearest to a pose, out of all words of the arm

@@ -16,7 +16,7 @@ Examples:
   darm path arm.toml 000,000,000,000 111,000,111,000 --at-once 2 --tube 400
   darm --json path arm.toml 000,000,000,000 111,000,111,000 --tube 200
 
-The tube is about the straight line between the two positions of the tool; only rests are asked, for
+The tube is about the straight line between the two positions of the tool; only rests are asked, for \
 between two words the arm snaps. Every actuator that differs is switched once.";
 
 /// Find an order of switching between two words with the tool in a tube and the fewest words between

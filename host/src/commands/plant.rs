@@ -37,8 +37,8 @@ Examples:
                                           the same arm after its stops were turned
   darm plant arm.toml --line-low 4        output line 4 is broken: the board notices by the limit switch
 
-While it runs every command finds the board without --port, unless a real one is plugged in.
-The camera's lines (CSV, 50 a second) are served on a socket for `darm record --camera`.
+While it runs every command finds the board without --port, unless a real one is plugged in. \
+The camera's lines (CSV, 50 a second) are served on a socket for `darm record --camera`. \
 The board's flash is a file in --folder: its table is there again the next time.";
 
 /// How often the board is looked after.

@@ -16,7 +16,7 @@ Examples:
   darm play                     run the stored table and watch it to its end
   darm play --detach            start it and come back at once
 
-The board runs the rows on its own clock: Ctrl-C or a pulled cable ends the watching, not the
+The board runs the rows on its own clock: Ctrl-C or a pulled cable ends the watching, not the \
 program. `darm stop` ends the program.";
 
 /// Time between two questions.

@@ -33,10 +33,10 @@ Examples:
 
 The camera sends lines of comma-separated text, the first of them the header:
   time_s,x_m,y_m,angle_deg[,supply_bar][,temperature_c]       in space x_m,y_m,z_m,rx_deg,ry_deg,rz_deg
-time_s is Unix time, the pose that of the tool in the base. A file is read when the program has
+time_s is Unix time, the pose that of the tool in the base. A file is read when the program has \
 ended; another program may write it meanwhile.
 
-Every visit gives one row: the mean of the pictures that were taken while the arm rested there.
+Every visit gives one row: the mean of the pictures that were taken while the arm rested there. \
 The offset of the board's clock and its uncertainty stand in the comment lines of the file.";
 
 /// Time between two questions to the board.

@@ -28,7 +28,7 @@ Examples:
   darm synth arm.toml frames.toml -o mended.toml --repair 4=0              actuator 4 stays in state 0
   darm synth planar4.toml frames.toml --method paper --steps 100 -o arm.toml --draw pictures
 
-Lengths in the files are in m, angles in degrees. Ctrl-C takes the nearest geometry so far. `darm stops
+Lengths in the files are in m, angles in degrees. Ctrl-C takes the nearest geometry so far. `darm stops \
 planar4.toml arm.toml` then says by how many mm each stop is to be turned.";
 
 /// Find the geometry with which an arm reaches desired frames

@@ -23,7 +23,7 @@ Examples:
   darm table arm.toml --programme --bind -o measure.darm      for the connected board only
   darm table arm.toml frames.toml --nearest -o visits.darm    the board answers `nearest` by itself, too
 
-Beside TABLE.darm a file TABLE.visits.csv says from when to when the arm rests at each visit, and
+Beside TABLE.darm a file TABLE.visits.csv says from when to when the arm rests at each visit, and \
 which visits are held out of every fit; `darm record` reads it.";
 
 /// Rows that are shown without --all.

@@ -15,7 +15,7 @@ Examples:
   darm upload visits.darm -p /dev/ttyACM0       this one
   darm upload visits.darm -p unix:board.sock    a board in the emulator
 
-An upload that breaks off goes on where it stopped when the command is given again.
+An upload that breaks off goes on where it stopped when the command is given again. \
 Until the last byte is stored and checked the board keeps its old table.";
 
 /// Bring a table to the board; the board stores it whole or keeps the old one

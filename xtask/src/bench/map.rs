@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 use anyhow::{Context, Result};
 use darm::arm::{Arm, ArmScratch};
-use darm::reach::map::{Map, Resolution};
+use darm::reach::map::{Map, Place, Resolution};
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, rotation_log};
 use darm_core::units::Word;
@@ -46,8 +46,21 @@ struct Shares(HashMap<[i32; 3], f64>);
 impl Shares {
     /// Cells of `cell_m` lie around whole multiples of it; the walls of the cubes are walls of cells.
     fn add(&mut self, position: &Vec3<f64>, edge_m: f64, cell_m: f64, share: f64) {
-        let cube = position.map(|x| ((x + 0.5 * cell_m) / edge_m).floor() as i32);
-        *self.0.entry(cube.into()).or_default() += share;
+        *self.0.entry(cube(position, edge_m, cell_m)).or_default() += share;
+    }
+
+    /// The same of cells, of which a thousand million are looked up by runs in one cube, not each.
+    fn add_cells(&mut self, cells: impl Iterator<Item = (Place, f64)>, edge_m: f64, cell_m: f64, words: f64) {
+        let mut run: Option<([i32; 3], f64)> = None;
+        let mut add = |(cube, count): ([i32; 3], f64)| *self.0.entry(cube).or_default() += count / words;
+        for (place, count) in cells {
+            let cube = cube(&Vec3::from(place).map(|number| f64::from(number) * cell_m), edge_m, cell_m);
+            match &mut run {
+                Some((at, sum)) if *at == cube => *sum += count,
+                _ => run.replace((cube, count)).into_iter().for_each(&mut add),
+            }
+        }
+        run.into_iter().for_each(add);
     }
 
     /// The L1 distance of two densities: 0 of equal ones, 2 of those that share nothing.
@@ -56,6 +69,10 @@ impl Shares {
         let both: f64 = self.0.iter().map(|(cube, share)| (share - of(other, cube)).abs()).sum();
         both + other.0.iter().filter(|(cube, _)| !self.0.contains_key(*cube)).map(|(_, share)| share).sum::<f64>()
     }
+}
+
+fn cube(position: &Vec3<f64>, edge_m: f64, cell_m: f64) -> [i32; 3] {
+    position.map(|x| ((x + 0.5 * cell_m) / edge_m).floor() as i32).into()
 }
 
 /// Shares by cubes of positions, for each cube of rotation vectors.
@@ -82,11 +99,9 @@ fn peak_memory_gib() -> f64 {
 }
 
 fn of_map(map: &Map, edge_m: f64) -> Shares {
-    let (mut shares, words) = (Shares::default(), map.words());
-    for (place, spot) in map.spots() {
-        let position = Vec3::from(place).map(|number| f64::from(number) * map.resolution.cell_m);
-        shares.add(&position, edge_m, map.resolution.cell_m, spot.words / words);
-    }
+    let mut shares = Shares::default();
+    let cells = map.spots().into_iter().map(|(place, spot)| (place, spot.words));
+    shares.add_cells(cells, edge_m, map.resolution.cell_m, map.words());
     shares
 }
 
@@ -150,7 +165,7 @@ fn spatial_map(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
         let shares = joint_sampled.entry(coarse(turn.into())).or_default();
         shares.add(&pose.position, COARSE_JOINT_M, resolution.cell_m, 1.0 / SAMPLES as f64);
     }
-    let joint = Mutex::new(Joint::default());
+    let (joint, words) = (Mutex::new(Joint::default()), map.words());
     Map::with_layers(
         &arm,
         &[],
@@ -159,10 +174,7 @@ fn spatial_map(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
         |_| (),
         |layer| {
             let mut own = Shares::default();
-            for (place, words) in layer.cells() {
-                let position = Vec3::from(place).map(|number| f64::from(number) * resolution.cell_m);
-                own.add(&position, COARSE_JOINT_M, resolution.cell_m, words / map.words());
-            }
+            own.add_cells(layer.cells(), COARSE_JOINT_M, resolution.cell_m, words);
             if let Ok(mut joint) = joint.lock() {
                 let shares = joint.entry(coarse(layer.orientation.map(i32::from))).or_default();
                 own.0.into_iter().for_each(|(cube, share)| *shares.0.entry(cube).or_default() += share);

@@ -11,7 +11,8 @@
 //! | a cable that winds up | k·q |
 //! | a heavy motor | J·a |
 //! | a lump bolted to a link | m·(p̈ − g) by virtual work, p̈ by differences of the forward kinematics |
-//! | cogging, outside the list | c·sin(7·q) |
+//! | cogging | c·sin(7·q) |
+//! | a hose that another joint pulls taut, outside the list | c·max(q of the other less the middle of its range, 0)² |
 //! | a backpack on a link, held postures | weight of a point, by statics |
 //! | a plate that drifts, outside the list | Δ(cop x) = c·sin(2πt/P) |
 
@@ -31,19 +32,15 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::case::Class;
+use super::floating::{Postures, floating};
 use super::judge::{Mark, right};
 use crate::setup;
 
 /// Rows a second of the serial arm, and how long it moves.
 const RATE_HZ: f64 = 20.0;
 const MOTION_S: f64 = 40.0;
-/// Held postures of the floating base, and rows of each.
-const POSTURES: usize = 64;
-const HELD: usize = 6;
-/// Noise: share of the root mean square of a torque; shift of the centre of pressure, m; forces, N; moments, N·m.
+/// Noise: share of the root mean square of a torque.
 const TORQUE_NOISE: f64 = 0.02;
-const COP_NOISE_M: f64 = 0.2e-3;
-const FORCE_NOISE_N: f64 = 0.3;
 /// Outliers: share of the rows, in units of the noise.
 const OUTLIERS: f64 = 0.02;
 const OUTLIER_NOISES: f64 = 60.0;
@@ -52,9 +49,14 @@ const TIMES_NOISE: std::ops::Range<f64> = 8.0..32.0;
 /// Step of the differences, s.
 const STEP_S: f64 = 1e-3;
 /// Postures and motions reach so far from the middle of each joint's range, rad.
-const SWING_RAD: f64 = 0.7;
+pub(super) const SWING_RAD: f64 = 0.7;
 /// Speed below which dry friction falls, rad/s.
 const CREEP_RAD_S: f64 = 0.02;
+/// Mechanisms of a serial arm inside the list, the lump among them.
+const MECHANISMS: usize = 7;
+const LUMP: usize = 5;
+/// Error of a gear, as a sine, a cosine or both.
+const PERIODIC: &str = "gear-periodic";
 
 /// A robot that is measured by channels.
 pub(super) struct Robots {
@@ -70,7 +72,7 @@ pub(super) enum Which {
 }
 
 /// What was added, and where; `law` is empty where none is right.
-struct Added {
+pub(super) struct Added {
     law: &'static str,
     place: String,
     /// What the residual depends on where no law is right.
@@ -105,23 +107,25 @@ impl Robots {
             settled_s: None,
         };
         let diagnosis = diagnose_table(&model, &table, &Options { preparation, always: Vec::new(), seed })?;
-        Ok((bench.mark(class, &diagnosis), bench.truth()))
+        Ok((bench.mark(class, &diagnosis)?, bench.truth()))
     }
 }
 
 /// One measurement that is being made.
-struct Bench {
+pub(super) struct Bench {
     /// Columns of the table that are not measured with noise.
-    names: Vec<String>,
-    given: Vec<Vec<f64>>,
+    pub(super) names: Vec<String>,
+    pub(super) given: Vec<Vec<f64>>,
     /// Those that are, with their noise.
-    axes: Vec<String>,
-    measured: Vec<Vec<f64>>,
-    noise: Vec<f64>,
-    spoiled: Vec<usize>,
-    added: Vec<Added>,
+    pub(super) axes: Vec<String>,
+    pub(super) measured: Vec<Vec<f64>>,
+    pub(super) noise: Vec<f64>,
+    pub(super) spoiled: Vec<usize>,
+    pub(super) added: Vec<Added>,
     /// Axes of the diagnosis that make the norm, and their noise.
-    norm_noise: Vec<f64>,
+    pub(super) norm_noise: Vec<f64>,
+    /// Of a floating base: where it stood.
+    pub(super) postures: Option<Postures>,
 }
 
 impl Bench {
@@ -162,7 +166,14 @@ impl Bench {
     }
 
     /// Adds a mechanism of a drawn size: `shape` tells it on each axis.
-    fn add(&mut self, law: &'static str, place: String, variable: String, shape: Vec<Vec<f64>>, rng: &mut ChaCha8Rng) {
+    pub(super) fn add(
+        &mut self,
+        law: &'static str,
+        place: String,
+        variable: String,
+        shape: Vec<Vec<f64>>,
+        rng: &mut ChaCha8Rng,
+    ) {
         let noises = shape.iter().zip(&self.noise).map(|(column, noise)| rms(column) / noise);
         let largest = noises.fold(f64::MIN_POSITIVE, f64::max);
         let size = rng.random_range(TIMES_NOISE) / largest;
@@ -172,11 +183,13 @@ impl Bench {
         self.added.push(Added { law, place, variable });
     }
 
-    fn mark(&self, class: Class, diagnosis: &Diagnosis) -> Mark {
+    fn mark(&self, class: Class, diagnosis: &Diagnosis) -> Result<Mark> {
         let mut mark = Mark { ratio: self.ratio(diagnosis), answer: answer(diagnosis), ..Mark::default() };
-        let named: Vec<(&str, &str)> = diagnosis.effects.iter().map(|e| (e.law, joint_of(&e.place))).collect();
+        let mut named: Vec<(&str, &str)> =
+            diagnosis.effects.iter().map(|e| (law_of(e.law), joint_of(&e.place))).collect();
+        named.sort_unstable();
+        named.dedup_by(|a, b| a == b && a.0 == PERIODIC);
         let truth: Vec<(&str, &str)> = self.added.iter().map(|added| (added.law, added.place.as_str())).collect();
-        let found = diagnosis.verdict == Verdict::EffectFound;
         match class {
             Class::Clean => mark.named = diagnosis.verdict == Verdict::NoEffect,
             Class::Outside => {
@@ -185,11 +198,17 @@ impl Bench {
                 mark.variable = mark.named && first.is_some_and(|term| term.term.contains(&self.added[0].variable));
             }
             Class::One | Class::Two => {
-                let (laws, places) = right(&truth, &named);
-                (mark.named, mark.placed) = (found && laws, found && places);
+                (mark.named, mark.placed) = match (diagnosis.verdict, &self.postures) {
+                    (Verdict::EffectFound, _) => right(&truth, &named),
+                    (Verdict::NotIdentifiable, Some(postures)) => {
+                        let is_set = postures.is_set(self, &truth, diagnosis)?;
+                        (is_set, is_set)
+                    }
+                    _ => (false, false),
+                };
             }
         }
-        mark
+        Ok(mark)
     }
 
     /// Held-out error on rows that were not spoiled, over the noise that was put in.
@@ -204,6 +223,11 @@ impl Bench {
     }
 }
 
+/// The law, of whatever phase where it is periodic.
+fn law_of(name: &'static str) -> &'static str {
+    if name.starts_with(PERIODIC) { PERIODIC } else { name }
+}
+
 /// `joint 3` of `joint 3 (joint_3)`.
 fn joint_of(place: &str) -> &str {
     place.split(" (").next().unwrap_or(place)
@@ -211,11 +235,12 @@ fn joint_of(place: &str) -> &str {
 
 fn answer(diagnosis: &Diagnosis) -> String {
     let effects = diagnosis.effects.iter().map(|found| format!("{} {}", found.law, found.place));
+    let others = diagnosis.alternatives.iter().map(|o| format!("({}) {} {}", o.instead_of, o.law, o.place));
     let terms = diagnosis.remaining.iter().map(|term| format!("[{}: {}]", term.axis, term.term));
-    format!("{}: {}", diagnosis.verdict, effects.chain(terms).collect::<Vec<_>>().join(" + "))
+    format!("{}: {}", diagnosis.verdict, effects.chain(others).chain(terms).collect::<Vec<_>>().join(" + "))
 }
 
-fn rms(values: &[f64]) -> f64 {
+pub(super) fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
@@ -257,7 +282,7 @@ impl Swing {
     }
 }
 
-fn middle(limits: Option<[f64; 2]>) -> f64 {
+pub(super) fn middle(limits: Option<[f64; 2]>) -> f64 {
     limits.map_or(0.0, |[low, high]| 0.5 * (low + high))
 }
 
@@ -284,18 +309,27 @@ fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Result<Bench> {
     let names = [vec!["time_s".to_string()], named("q", "_rad"), named("v", "_rad/s"), named("a", "")].concat();
     let noise: Vec<f64> = measured.iter().map(|channel| TORQUE_NOISE * rms(channel).max(1.0)).collect();
     let (norm_noise, axes) = (noise.clone(), named("tau", "_nm"));
-    let mut bench = Bench { names, given, axes, measured, noise, spoiled: Vec::new(), added: Vec::new(), norm_noise };
+    let (spoiled, added) = (Vec::new(), Vec::new());
+    let mut bench = Bench { names, given, axes, measured, noise, spoiled, added, norm_noise, postures: None };
     let mechanisms: Vec<usize> = match class {
         Class::Clean => Vec::new(),
-        Class::Outside => vec![6],
-        Class::One => vec![rng.random_range(0..6)],
+        Class::Outside => {
+            let pulled = rng.random_range(0..n);
+            let puller = (pulled + rng.random_range(1..n)) % n;
+            let middle = middle(robot.joints[puller].limits);
+            let mut shape = vec![vec![0.0; times.len()]; n];
+            shape[pulled] = bench.given[1 + puller].iter().map(|q| (q - middle).max(0.0).powi(2)).collect();
+            bench.add("", String::new(), format!("position of joint {}", puller + 1), shape, rng);
+            Vec::new()
+        }
+        Class::One => vec![rng.random_range(0..MECHANISMS)],
         Class::Two => {
-            let first = rng.random_range(0..6);
-            vec![first, (first + rng.random_range(1..6)) % 6]
+            let first = rng.random_range(0..MECHANISMS);
+            vec![first, (first + rng.random_range(1..MECHANISMS)) % MECHANISMS]
         }
     };
     for mechanism in mechanisms {
-        if mechanism == 5 {
+        if mechanism == LUMP {
             // On the first link, whose axis is upright, a lump is a heavy motor.
             let joint = rng.random_range(1..n);
             let shape = lump(robot, joint, &times, &state)?;
@@ -303,28 +337,26 @@ fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Result<Bench> {
             continue;
         }
         let joint = rng.random_range(0..n);
-        let (law, variable, column) = of_joint(mechanism, joint, n, &bench.given);
+        let (law, column) = of_joint(mechanism, joint, n, &bench.given);
         let mut shape = vec![vec![0.0; times.len()]; n];
         shape[joint] = column;
-        let place = if variable.is_empty() { format!("joint {}", joint + 1) } else { String::new() };
-        bench.add(law, place, variable, shape, rng);
+        bench.add(law, format!("joint {}", joint + 1), String::new(), shape, rng);
     }
     Ok(bench)
 }
 
-/// The law that is right, the variable where none is, and the shape of a mechanism at one joint.
-fn of_joint(mechanism: usize, joint: usize, n: usize, given: &[Vec<f64>]) -> (&'static str, String, Vec<f64>) {
+/// The law that is right, and the shape of a mechanism at one joint.
+fn of_joint(mechanism: usize, joint: usize, n: usize, given: &[Vec<f64>]) -> (&'static str, Vec<f64>) {
     let [q, v, a] = [0, 1, 2].map(|order| &given[1 + order * n + joint]);
     let fastest = v.iter().fold(1e-9, |most: f64, v| most.max(v.abs()));
     let of = |channel: &[f64], shape: &dyn Fn(f64) -> f64| channel.iter().map(|&x| shape(x)).collect::<Vec<f64>>();
-    let law = |name, column| (name, String::new(), column);
     match mechanism {
-        0 => law("coulomb-friction", of(v, &|v| v / (v * v + CREEP_RAD_S.powi(2)).sqrt())),
-        1 => law("viscous-friction", of(v, &|v| v / (1.0 + 0.1 * v.abs() / fastest))),
-        2 => law("offset", of(v, &|_| 1.0)),
-        3 => law("spring", of(q, &|q| q)),
-        4 => law("rotor-inertia", of(a, &|a| a)),
-        _ => ("", format!("position of joint {}", joint + 1), of(q, &|q| (7.0 * q).sin())),
+        0 => ("coulomb-friction", of(v, &|v| v / (v * v + CREEP_RAD_S.powi(2)).sqrt())),
+        1 => ("viscous-friction", of(v, &|v| v / (1.0 + 0.1 * v.abs() / fastest))),
+        2 => ("offset", of(v, &|_| 1.0)),
+        3 => ("spring", of(q, &|q| q)),
+        4 => ("rotor-inertia", of(a, &|a| a)),
+        _ => (PERIODIC, of(q, &|q| (7.0 * q).sin())),
     }
 }
 
@@ -348,64 +380,4 @@ fn lump(robot: &Robot, joint: usize, times: &[f64], state: &dyn Fn(f64) -> [Vec<
         }
     }
     Ok(torques)
-}
-
-fn floating(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Result<Bench> {
-    let n = robot.joints.len();
-    let rows = POSTURES * HELD;
-    let mut given = vec![Vec::new(); 9 + n];
-    let mut wrench = vec![Vec::new(); 6];
-    let heavy: Vec<usize> = (0..n).filter(|&k| robot.joints[k].joint.inertia.mass > 1.0).collect();
-    let carrier = heavy[rng.random_range(0..heavy.len())];
-    let frame = robot.frame(&robot.joints[carrier].link).context("a link without a frame")?;
-    let mut backpack = vec![Vec::new(); 6];
-    for row in 0..rows {
-        if row % HELD == 0 {
-            let joint = |k: usize, rng: &mut ChaCha8Rng| {
-                let limits = robot.joints[k].limits;
-                let half = limits.map_or(SWING_RAD, |[low, high]| (0.4 * (high - low)).min(SWING_RAD));
-                middle(limits) + rng.random_range(-half..=half)
-            };
-            let q: Vec<f64> = (0..n).map(|k| joint(k, rng)).collect();
-            let com = robot.com(&q)?;
-            let of_point = |mass: f64, at: darm_core::real::Vec3<f64>| {
-                let force = -robot.gravity * mass;
-                let moment = at.cross(&force);
-                [force.x, force.y, force.z, moment.x, moment.y, moment.z]
-            };
-            let body = of_point(com.mass_kg, com.position);
-            let lump = of_point(1.0, robot.kinematics(frame, &q)?.pose_base_frame.position);
-            for _ in 0..HELD {
-                let number = given[0].len() as f64;
-                let base = [number * 0.1, (number / HELD as f64).floor(), 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-                let all = base.into_iter().chain(q.iter().copied());
-                given.iter_mut().zip(all).for_each(|(channel, number)| channel.push(number));
-                wrench.iter_mut().zip(body).for_each(|(channel, part)| channel.push(part));
-                backpack.iter_mut().zip(lump).for_each(|(channel, part)| channel.push(part));
-            }
-        }
-    }
-    let fixed = ["time_s", "posture", "px_m", "py_m", "pz_m", "qx", "qy", "qz", "qw"].map(str::to_string);
-    let names = fixed.into_iter().chain(robot.joints.iter().map(|joint| format!("{}_rad", joint.name))).collect();
-    let axes = ["Fx_n", "Fy_n", "Fz_n", "Mx_nm", "My_nm", "Mz_nm"].map(str::to_string).to_vec();
-    let weight_n = robot.mass() * robot.gravity.norm();
-    let moment = COP_NOISE_M * weight_n;
-    let noise = vec![FORCE_NOISE_N, FORCE_NOISE_N, FORCE_NOISE_N, moment, moment, moment];
-    let norm_noise = vec![COP_NOISE_M, COP_NOISE_M];
-    let mut bench =
-        Bench { names, given, axes, measured: wrench, noise, spoiled: Vec::new(), added: Vec::new(), norm_noise };
-    match class {
-        Class::Clean => {}
-        Class::One | Class::Two => {
-            let place = robot.joints[carrier].link.clone();
-            bench.add("mass-distribution", place, String::new(), backpack, rng);
-        }
-        Class::Outside => {
-            let wave = |row: usize| (TAU * 3.0 * row as f64 / rows as f64).sin();
-            let mut shape = vec![vec![0.0; rows]; 6];
-            shape[4] = (0..rows).map(wave).collect();
-            bench.add("", String::new(), "time".into(), shape, rng);
-        }
-    }
-    Ok(bench)
 }

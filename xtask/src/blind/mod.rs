@@ -6,6 +6,7 @@ mod arms;
 mod baseline;
 mod case;
 mod channels;
+mod floating;
 mod judge;
 mod rules;
 mod table;

@@ -43,19 +43,21 @@
 //! | | a cable that winds up | `spring` | joint |
 //! | | a heavy motor | `rotor-inertia` | joint |
 //! | | a lump bolted to a link past the first | `mass-distribution` | link |
-//! | | cogging | none | variable: position of that joint |
+//! | | cogging | `gear-periodic-sine`, `gear-periodic-cosine` or both: a phase | joint |
+//! | | a hose that another joint pulls taut | none | variable: position of the other joint |
 //! | floating base, wrench | a backpack | `mass-distribution` | link |
 //! | | a plate that drifts | none | variable: time |
 //!
-//! Here the diagnosis has no sets that are tested for equal predictions: only the right law itself counts. There is one
-//! mechanism in a floating base, in seeds of two as well. The baselines are not asked.
+//! There is one mechanism in a floating base, in seeds of two as well. The baselines are not asked.
 //!
 //! # What counts as right
 //!
 //! - **Named rightly**: the laws named are the right ones, no more and no less. Where the verdict is
 //!   `not-identifiable`, every right law must stand in the set of one of the effects, and every member of each set,
 //!   fitted, must predict the same on all words: within half the repeatability, root mean square over random words under
-//!   the conditions of the run; else it counts as wrong. `unexplained-structure` counts as wrong inside the list.
+//!   the conditions of the run; else it counts as wrong. Under a floating base every link of the set, its mass and first
+//!   moment fitted to the same rows, must give the same wrench as the right one: within half the noise, root mean square
+//!   over random postures. A set counts as wrong in a serial arm. `unexplained-structure` counts as wrong inside the list.
 //! - **Place**: as above, and each place is the right one up to the end of an anchor and the state of a stop. In a set one
 //!   member at the right place is enough, since the members predict the same.
 //! - **False alarm**: any verdict but `no-effect` on a clean arm.
@@ -73,4 +75,7 @@
 //! supply, temperature and time that change whether anything depends on them or not.
 //!
 //! Of these rules two lines were changed by first runs, on seeds from 9000 that no table reports: a lump on the first link
-//! is not drawn, since it is a heavy motor, nor are a base and a servo offset together.
+//! is not drawn, since it is a heavy motor, nor are a base and a servo offset together. Two more were changed after the
+//! seeds from 2000 to 2099 had been marked, and count from 3000 on: under a floating base only the link itself was right,
+//! though a weight at a joint's centre hangs on either link alike; and cogging stood outside the list, where by now there
+//! is a law for it, so that the hose took its place.

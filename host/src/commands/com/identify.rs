@@ -18,7 +18,7 @@ Examples:
   darm com identify humanoid.urdf postures.csv -o masses.json  for `darm com map --masses`
   darm com identify humanoid.urdf motion.csv --motion --lowpass 5
 
-The table: JOINT_rad (or _deg) and tau_JOINT_nm of every joint, Fx_n … Mz_nm that the ground exerts on the base (z up, about the
+The table: JOINT_rad (or _deg) and tau_JOINT_nm of every joint, Fx_n … Mz_nm that the ground exerts on the base (z up, about the \
 world's origin; in the sagittal plane Fx, Fz and My), LINK_Fx_n … on other links. What is not measured tells no row.";
 
 /// Identify masses and centres of mass from postures or motions

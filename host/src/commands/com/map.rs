@@ -23,7 +23,7 @@ Examples:
   darm com map human.urdf robot.urdf stand.toml capture.csv --masses masses.json   with identified masses
   darm com map human.urdf robot.urdf stand.toml capture.csv --execute              on a simulated robot, joint PD
 
-The capture: t_s, MARKER_x MARKER_y MARKER_z (m, empty where not seen) and Fx_n … Mz_nm of all plates together, z up.
+The capture: t_s, MARKER_x MARKER_y MARKER_z (m, empty where not seen) and Fx_n … Mz_nm of all plates together, z up. \
 stand.toml says where the markers are, what stands and sits, which link follows which: host/src/motion/setup.rs.";
 
 /// Map a person's motion on a robot: the centre of mass exactly, the markers as well as they can be followed

@@ -48,8 +48,6 @@ const SEATS: [f64; 2] = [0.01, 0.05];
 const DISTANCES: [f64; 3] = [0.02, 0.1, 0.5];
 /// Moments of a step, as shares of the time from the first row to the last.
 const STEPS: [f64; 7] = [0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875];
-/// Periods a turn of a gear whose ratio is not known.
-const PERIODS: [f64; 2] = [2.0, 4.0];
 
 /// One coordinate along the rows of a measurement.
 #[derive(Clone, Copy)]
@@ -75,7 +73,7 @@ pub struct Coordinate<'a> {
 }
 
 /// √(mean of squares).
-fn rms(values: &[f64]) -> f64 {
+pub fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
@@ -130,10 +128,10 @@ impl Coordinate<'_> {
         laws
     }
 
-    /// The laws of a motor and its gear, of this ratio where it is known.
-    pub fn of_motor(&self, ratio: Option<f64>) -> Vec<Law<f64>> {
+    /// The laws of a motor and its gear, with errors of so many periods a turn of the joint.
+    pub fn of_motor(&self, periods_a_turn: &[f64]) -> Vec<Law<f64>> {
         let mut laws = vec![Law::RotorInertia(RotorInertia)];
-        for per_turn in ratio.map_or(PERIODS.to_vec(), |ratio| vec![ratio.abs()]) {
+        for &per_turn in periods_a_turn {
             laws.push(Law::PeriodicSine(PeriodicSine { per_turn }));
             laws.push(Law::PeriodicCosine(PeriodicCosine { per_turn }));
         }

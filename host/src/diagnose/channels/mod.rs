@@ -27,6 +27,7 @@ mod position;
 pub mod prepared;
 mod remaining;
 mod repeats;
+mod ripple;
 pub mod signal;
 mod simplified;
 mod summary;

@@ -118,11 +118,11 @@ mod tests {
 
     const ROWS: usize = 600;
 
-    /// Two joints whose speeds wave, each candidate with what it adds on both, and a residual.
-    fn channels(
-        candidates: &[(&'static str, &str, &dyn Fn([f64; 2]) -> [f64; 2])],
-        residual: impl Fn([f64; 2]) -> [f64; 2],
-    ) -> Channels {
+    /// A law, its place, and what it adds on both joints at their speeds.
+    type Added<'a> = (&'static str, &'a str, &'a dyn Fn([f64; 2]) -> [f64; 2]);
+
+    /// Two joints whose speeds wave, candidates, and a residual.
+    fn channels(candidates: &[Added<'_>], residual: impl Fn([f64; 2]) -> [f64; 2]) -> Channels {
         let speeds = |k: usize| [(k as f64 * 0.11).sin(), (k as f64 * 0.07 + 1.0).cos()];
         let noise = |k: usize| 0.02 * ((k * 7919 % 1013) as f64 / 1013.0 - 0.5);
         let column = |of: &dyn Fn([f64; 2]) -> [f64; 2]| (0..ROWS).flat_map(|k| of(speeds(k))).collect::<Vec<f64>>();
@@ -163,7 +163,7 @@ mod tests {
 
     #[test]
     fn what_the_form_of_a_law_leaves_is_not_told_from_it() {
-        let laws: [(&'static str, &str, &dyn Fn([f64; 2]) -> [f64; 2]); 3] = [
+        let laws: [Added<'_>; 3] = [
             ("viscous", "1", &|[v, _]| [v, 0.0]),
             ("dry", "1", &|[v, _]| [(v / 0.05).tanh(), 0.0]),
             ("dry", "2", &|[_, w]| [0.0, (w / 0.05).tanh()]),

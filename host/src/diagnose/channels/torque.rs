@@ -11,7 +11,11 @@ use super::experiment::{Axis, Candidate, Experiment, Mass, Row};
 use super::known::{self, Known};
 use super::laws::Coordinate;
 use super::prepared::{PrepareError, Prepared};
+use super::ripple::periods_a_turn;
 use crate::robot::Robot;
+
+/// Ripples of a torque that are tried where no gear ratio tells their periods.
+const RIPPLES: usize = 2;
 
 /// How the motors drive the joints.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,7 +90,7 @@ fn of_motion(
     let n = robot.joints.len();
     let clock = Clock::new(&rows);
     let (nominal, regressor) = regressor(robot, motion, rows.len());
-    let residuals = (0..rows.len() * n).map(|k| nominal[k] - motion.tau[k % n][k / n]).collect();
+    let residuals: Vec<f64> = (0..rows.len() * n).map(|k| nominal[k] - motion.tau[k % n][k / n]).collect();
     let whole_kg = robot.mass();
     let (mut candidates, mut masses): (Vec<Candidate>, Vec<Mass>) = (Vec::new(), Vec::new());
     for (joint, columns) in robot.joints.iter().zip(regressor) {
@@ -98,11 +102,17 @@ fn of_motion(
     for joint in 0..n {
         let load: Vec<f64> = (0..rows.len()).map(|row| nominal[row * n + joint]).collect();
         let place = format!("joint {} ({})", joint + 1, robot.joints[joint].name);
-        let ratio = transmission.map(|transmission| transmission.matrix[(joint, joint)]);
         let shares: Vec<f64> = (0..n).map(|k| f64::from(u8::from(k == joint))).collect();
         let [q, v, a] = [&motion.q, &motion.v, &motion.a].map(|channels| &channels[joint][..]);
         let coordinate = clock.coordinate([q, v, a], Some(&load));
-        candidates.extend(coordinate.candidates(of_joint_laws(&coordinate, ratio), &place, &shares, known));
+        let periods = match transmission {
+            Some(transmission) => vec![transmission.matrix[(joint, joint)].abs()],
+            None => {
+                let own: Vec<f64> = residuals.iter().skip(joint).step_by(n).copied().collect();
+                periods_a_turn(&coordinate, &own, |row| !rows[row].held_out, RIPPLES)
+            }
+        };
+        candidates.extend(coordinate.candidates(of_joint_laws(&coordinate, &periods), &place, &shares, known));
     }
     candidates.extend(couplings(&clock, motion, transmission, known));
     let channel = |name: &str, of: &[Vec<f64>]| -> Vec<(String, Vec<f64>)> {
@@ -218,7 +228,7 @@ impl Clock {
 }
 
 /// Friction, the motor's own inertia, springs and offsets of one joint.
-fn of_joint_laws(coordinate: &Coordinate, ratio: Option<f64>) -> Vec<Law<f64>> {
+fn of_joint_laws(coordinate: &Coordinate, periods_a_turn: &[f64]) -> Vec<Law<f64>> {
     let mut laws = coordinate.friction();
     let of_seals = |law: &Law<f64>| {
         matches!(
@@ -228,7 +238,7 @@ fn of_joint_laws(coordinate: &Coordinate, ratio: Option<f64>) -> Vec<Law<f64>> {
     };
     laws.retain(|law| !of_seals(law));
     laws.extend(coordinate.others());
-    laws.extend(coordinate.of_motor(ratio));
+    laws.extend(coordinate.of_motor(periods_a_turn));
     laws
 }
 

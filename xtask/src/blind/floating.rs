@@ -1,0 +1,164 @@
+//! A floating base in held postures: what is measured under it, and links that carry a weight alike.
+
+use std::f64::consts::TAU;
+
+use anyhow::{Context, Result};
+use darm::diagnose::channels::outcome::Diagnosis;
+use darm::robot::{Robot, RobotFrame};
+use darm_core::real::Vec3;
+use darm_core::se::Pose;
+use nalgebra::{DMatrix, DVector};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::case::Class;
+use super::channels::{Bench, SWING_RAD, middle};
+
+/// Held postures, and rows of each.
+const POSTURES: usize = 64;
+const HELD: usize = 6;
+/// Noise: shift of the centre of pressure, m; forces, N.
+const COP_NOISE_M: f64 = 0.2e-3;
+const FORCE_NOISE_N: f64 = 0.3;
+/// Links carry a weight alike where the wrenches differ by no more than this share of the noise, root mean square over so
+/// many postures.
+const SAME: f64 = 0.5;
+const ELSEWHERE: usize = 500;
+/// What the diagnosis calls the link that the others hang on.
+const ROOT: &str = "the base";
+/// What a link carries: its mass and its first moment.
+const VALUES: usize = 4;
+
+/// Where a floating base stood, and where else it could.
+pub(super) struct Postures {
+    robot: Robot,
+    held: Vec<Vec<f64>>,
+    elsewhere: Vec<Vec<f64>>,
+}
+
+/// Measures one floating base; the mechanism is not yet spoiled by noise.
+pub(super) fn floating(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Result<Bench> {
+    let n = robot.joints.len();
+    let heavy: Vec<usize> = (0..n).filter(|&k| robot.joints[k].joint.inertia.mass > 1.0).collect();
+    let carrier = &robot.joints[heavy[rng.random_range(0..heavy.len())]].link;
+    let held: Vec<Vec<f64>> = (0..POSTURES).map(|_| posture(robot, rng)).collect();
+    let (mut given, mut wrench, mut backpack) = (vec![Vec::new(); 9 + n], vec![Vec::new(); 6], vec![Vec::new(); 6]);
+    for (posture, q) in held.iter().enumerate() {
+        let com = robot.com(q)?;
+        let body = of_point(robot, &com.position).map(|part| com.mass_kg * part);
+        let lump = of_point(robot, &robot.kinematics(frame(robot, carrier)?, q)?.pose_base_frame.position);
+        for k in 0..HELD {
+            let time_s = (posture * HELD + k) as f64 * 0.1;
+            let base = [time_s, posture as f64, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+            let all = base.into_iter().chain(q.iter().copied());
+            given.iter_mut().zip(all).for_each(|(channel, number)| channel.push(number));
+            wrench.iter_mut().zip(body).for_each(|(channel, part)| channel.push(part));
+            backpack.iter_mut().zip(lump).for_each(|(channel, part)| channel.push(part));
+        }
+    }
+    let fixed = ["time_s", "posture", "px_m", "py_m", "pz_m", "qx", "qy", "qz", "qw"].map(str::to_string);
+    let moment = COP_NOISE_M * robot.mass() * robot.gravity.norm();
+    let mut bench = Bench {
+        names: fixed.into_iter().chain(robot.joints.iter().map(|joint| format!("{}_rad", joint.name))).collect(),
+        given,
+        axes: ["Fx_n", "Fy_n", "Fz_n", "Mx_nm", "My_nm", "Mz_nm"].map(str::to_string).to_vec(),
+        measured: wrench,
+        noise: vec![FORCE_NOISE_N, FORCE_NOISE_N, FORCE_NOISE_N, moment, moment, moment],
+        spoiled: Vec::new(),
+        added: Vec::new(),
+        norm_noise: vec![COP_NOISE_M, COP_NOISE_M],
+        postures: None,
+    };
+    match class {
+        Class::Clean => {}
+        Class::One | Class::Two => bench.add("mass-distribution", carrier.clone(), String::new(), backpack, rng),
+        Class::Outside => {
+            let rows = POSTURES * HELD;
+            let wave = |row: usize| (TAU * 3.0 * row as f64 / rows as f64).sin();
+            let mut shape = vec![vec![0.0; rows]; 6];
+            shape[4] = (0..rows).map(wave).collect();
+            bench.add("", String::new(), "time".into(), shape, rng);
+        }
+    }
+    let elsewhere = (0..ELSEWHERE).map(|_| posture(robot, rng)).collect();
+    bench.postures = Some(Postures { robot: robot.clone(), held, elsewhere });
+    Ok(bench)
+}
+
+/// Joint angles within their limits, rad.
+fn posture(robot: &Robot, rng: &mut ChaCha8Rng) -> Vec<f64> {
+    let mut joint = |limits: Option<[f64; 2]>| {
+        let half = limits.map_or(SWING_RAD, |[low, high]| (0.4 * (high - low)).min(SWING_RAD));
+        middle(limits) + rng.random_range(-half..=half)
+    };
+    robot.joints.iter().map(|of| joint(of.limits)).collect()
+}
+
+/// Force and moment that hold a mass of 1 kg at a point, N and N·m.
+fn of_point(robot: &Robot, at: &Vec3<f64>) -> [f64; 6] {
+    let force = -robot.gravity;
+    let moment = at.cross(&force);
+    [force.x, force.y, force.z, moment.x, moment.y, moment.z]
+}
+
+fn frame<'r>(robot: &'r Robot, link: &str) -> Result<&'r RobotFrame> {
+    robot.frame(link).context("a link without a frame")
+}
+
+impl Postures {
+    /// Whether what is named is a set of links, the one that carries the weight among them, that carry it alike anywhere.
+    pub(super) fn is_set(&self, bench: &Bench, truth: &[(&str, &str)], diagnosis: &Diagnosis) -> Result<bool> {
+        let set = &diagnosis.alternatives;
+        let of_one_effect = diagnosis.effects.is_empty() && set.iter().all(|other| other.instead_of == 0);
+        let [(law, carrier)] = truth else { return Ok(false) };
+        let holds_it = set.iter().any(|other| other.place == *carrier);
+        let is_link = |place: &str| place == ROOT || self.robot.frame(place).is_some();
+        if !of_one_effect || !holds_it || !set.iter().all(|other| other.law == *law && is_link(&other.place)) {
+            return Ok(false);
+        }
+        let right = self.predicted(bench, carrier)?;
+        for other in set {
+            let apart = self.predicted(bench, &other.place)? - &right;
+            if (apart.norm_squared() / apart.len() as f64).sqrt() > SAME {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// What a link's mass and first moment, fitted to the rows that nothing spoiled, add elsewhere, in units of the noise.
+    fn predicted(&self, bench: &Bench, link: &str) -> Result<DVector<f64>> {
+        let good: Vec<usize> = (0..POSTURES * HELD).filter(|row| !bench.spoiled.contains(row)).collect();
+        let measured = |row: usize| -> Result<[f64; 6]> {
+            let com = self.robot.com(&self.held[row / HELD])?;
+            let body = of_point(&self.robot, &com.position).map(|part| com.mass_kg * part);
+            Ok(std::array::from_fn(|axis| (bench.measured[axis][row] - body[axis]) / bench.noise[axis]))
+        };
+        let wanted: Vec<f64> = good.iter().map(|row| measured(*row)).collect::<Result<Vec<_>>>()?.concat();
+        let of_rows: Vec<&Vec<f64>> = good.iter().map(|row| &self.held[row / HELD]).collect();
+        let columns = self.columns(bench, link, &of_rows)?;
+        let values = columns.svd(true, true).solve(&DVector::from_vec(wanted), 1e-9).map_err(anyhow::Error::msg)?;
+        Ok(self.columns(bench, link, &self.elsewhere.iter().collect::<Vec<_>>())? * values)
+    }
+
+    /// The wrench of 1 kg at the link's frame, and of 1 kg·m along each of its axes, in units of the noise.
+    fn columns(&self, bench: &Bench, link: &str, postures: &[&Vec<f64>]) -> Result<DMatrix<f64>> {
+        let mut columns = DMatrix::zeros(6 * postures.len(), VALUES);
+        for (k, q) in postures.iter().enumerate() {
+            let pose = match link {
+                ROOT => Pose::identity(),
+                _ => self.robot.kinematics(frame(&self.robot, link)?, q)?.pose_base_frame,
+            };
+            let at_frame = of_point(&self.robot, &pose.position);
+            for value in 0..VALUES {
+                let mut wrench = at_frame;
+                if let Some(axis) = value.checked_sub(1) {
+                    let further = of_point(&self.robot, &(pose.position + pose.rotation.column(axis)));
+                    wrench = std::array::from_fn(|k| further[k] - at_frame[k]);
+                }
+                (0..6).for_each(|axis| columns[(6 * k + axis, value)] = wrench[axis] / bench.noise[axis]);
+            }
+        }
+        Ok(columns)
+    }
+}
