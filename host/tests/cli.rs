@@ -404,6 +404,41 @@ fn kinematics_and_dynamics_agree_on_the_command_line() {
 }
 
 #[test]
+fn torques_are_told_with_what_a_diagnosis_found() {
+    let home = Home::new();
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/data/measured");
+    let effect = |law: &str, place: &str, values: &str| {
+        format!("[[effect]]\nlaw = \"{law}\"\nwhere = \"{place}\"\nvalues = {{ {values} }}\n")
+    };
+    let robot = format!("kind = \"robot\"\nurdf = \"{folder}/tx40.urdf\"\nobserved = \"torque\"\n");
+    let found = effect("viscous-friction", "joint 3 (joint_3)", "coefficient = 2.0")
+        + &effect("mass-distribution", "link_1", "m = 5.0, Izz = 0.25");
+    home.write("found.toml", &format!("{robot}number = 1\n{found}"));
+    home.write("run.csv", "t_s,q1_rad,q2_rad,q3_rad,q4_rad,q5_rad,q6_rad,q3_rad_s,q1_rad_s2\n0,0,1,0,0,0,0,0.5,2\n");
+    let torque = |file: &str| home.json(&format!("dynamics {file} --postures run.csv"))["states"][0].clone();
+    let (with, without) = (torque("found.toml"), torque(&format!("{folder}/tx40.urdf")));
+    for (joint, more) in [0.5, 0.0, 1.0, 0.0, 0.0, 0.0].into_iter().enumerate() {
+        let of = |state: &serde_json::Value, key: &str| state[key][joint].as_f64().unwrap();
+        assert!((of(&with, "torque") - of(&without, "torque") - more).abs() < 1e-9, "joint {joint}: {with}");
+        assert!((of(&with, "of_effects") - more).abs() < 1e-9);
+    }
+    assert!(without["of_effects"].is_null());
+    let said = home.succeeds("dynamics found.toml --postures run.csv");
+    assert!(said.contains("of effects"), "{said}");
+    home.write("lost.toml", &(robot + &effect("offset", "joint 9", "offset = 1.0")));
+    home.fails(
+        "dynamics lost.toml",
+        1,
+        "darm: the model has offset at joint 9, and this measurement has no such place: is this the right model?",
+    );
+    home.fails(
+        "dynamics found.toml --torque 0,0,0,0,0,0",
+        2,
+        "darm: --torque and --forward: of a model with effects only the torques of a motion",
+    );
+}
+
+#[test]
 fn a_file_is_told_and_drawn() {
     let (home, panda) = (Home::new(), robot("panda.urdf"));
     let said = home.succeeds(&format!("model {panda}"));

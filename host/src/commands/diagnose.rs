@@ -222,7 +222,7 @@ struct ChannelReport(ChannelDiagnosis);
 
 impl Answer for ChannelReport {
     fn text(&self) -> String {
-        let ChannelDiagnosis { rows, error, plain, findings, .. } = &self.0;
+        let ChannelDiagnosis { rows, error, plain, findings, repeatability, .. } = &self.0;
         let (of_rows, of_file): (Vec<&String>, Vec<&String>) = findings.iter().partition(|f| f.starts_with("line "));
         let told = of_file.into_iter().chain(of_rows.iter().copied().take(MOST_NOTES));
         let mut lines: Vec<String> = told.map(|finding| format!("note: {finding}")).collect();
@@ -249,6 +249,10 @@ impl Answer for ChannelReport {
             cells("held out", rows.heldout, error.before.heldout.as_ref(), "before"),
             cells("", rows.heldout, error.after.heldout.as_ref(), "after"),
         ]));
+        lines.extend(repeatability.as_ref().map(|scatter| {
+            let (value, unit) = readable(scatter.value, &scatter.unit);
+            format!("repeatability: {value:.3} {unit}")
+        }));
         lines.join("\n")
     }
 }

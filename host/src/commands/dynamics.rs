@@ -1,11 +1,12 @@
 //! `darm dynamics`: the torques of a motion, the motion of torques, and the matrices between them.
 
 use darm::arm::{Arm, ArmScratch};
+use darm::diagnose::channels::torque;
 use darm::robot::{Accelerations, Dynamics as Equation, Motion, Robot};
 use serde::Serialize;
 
 use super::jacobian::wrench;
-use super::subject::{Coordinate, Given, Posture, Subject, csv_line, frame_of, listed};
+use super::subject::{Coordinate, Effects, Given, Posture, Subject, csv_line, frame_of, listed};
 use crate::failure::Usage;
 use crate::voice::{Answer, Voice, columns, number};
 
@@ -16,11 +17,13 @@ Examples:
   darm dynamics puma560.toml --q 0,45,-90,0,0,0 --torque 0,40,5,0,0,0       how it then accelerates
   darm dynamics panda.urdf --wrench 0,0,0,0,0,-50 --frame panda_hand_tcp    something pulls 50 N down
   darm dynamics tx40.urdf --postures run.csv --csv > torque.csv
+  darm dynamics tx40-2.toml --postures run.csv --csv                        with what `darm diagnose` found
   darm dynamics humanoid.urdf --floating --torque 0,0,…                     how it falls
   darm dynamics planar4.toml --word 010110011101                            what each leg bears
 
 Columns of a table: JOINT_deg, JOINT_deg_s, JOINT_deg_s2 (mm for sliding joints; rad and m too), and \
-JOINT_nm or JOINT_n for --forward. Friction and the motors' own inertia are not in the equation.";
+ JOINT_nm or JOINT_n for --forward. Friction and the motors' own inertia are in the equation only where a model has \
+ them: one that `darm diagnose --write-model` wrote. Its rows are one motion, at the times of a column t_s.";
 
 /// Tell torques, mass matrix, Coriolis matrix, gravity and energies; or the accelerations of torques
 #[derive(clap::Args, Debug)]
@@ -69,6 +72,9 @@ struct State {
     /// What each joint bears of gravity alone.
     gravity: Vec<f64>,
     velocity_torque: Vec<f64>,
+    /// What the effects of a model add, in `torque` too.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    of_effects: Option<Vec<f64>>,
     mass_matrix: Vec<Vec<f64>>,
     coriolis_matrix: Vec<Vec<f64>>,
     kinetic_j: f64,
@@ -107,7 +113,10 @@ struct ActuatorLoad {
 
 impl Dynamics {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        let subject = self.given.subject()?;
+        let (subject, effects) = match self.given.model()? {
+            Some((robot, effects)) => (Subject::Robot(Box::new(robot)), (!effects.known.is_empty()).then_some(effects)),
+            None => (self.given.subject()?, None),
+        };
         let (mut postures, notes) = self.given.postures(&subject)?;
         notes.iter().for_each(|note| voice.note(note));
         if let (Subject::Arm(arm), [posture]) = (&subject, &postures[..]) {
@@ -118,9 +127,30 @@ impl Dynamics {
         if let [posture] = &mut postures[..] {
             self.complete(posture, &shown)?;
         }
-        let states: Result<Vec<_>, _> = postures.iter().map(|posture| self.state(&robot, posture)).collect();
+        let mut states =
+            postures.iter().map(|posture| self.state(&robot, posture)).collect::<anyhow::Result<Vec<State>>>()?;
+        if let Some(effects) = &effects {
+            self.add(effects, &robot, &postures, &mut states)?;
+        }
         let joints = shown.iter().map(|joint| joint.name.clone()).collect();
-        voice.tell(&Report { name: robot.name.clone(), joints, states: states?, shown, csv: self.csv })
+        voice.tell(&Report { name: robot.name.clone(), joints, states, shown, csv: self.csv })
+    }
+
+    /// Adds what the effects of a model do.
+    fn add(&self, effects: &Effects, robot: &Robot, postures: &[Posture], states: &mut [State]) -> anyhow::Result<()> {
+        if self.torque.is_some() || self.forward {
+            return Err(
+                Usage("--torque and --forward: of a model with effects only the torques of a motion".into()).into()
+            );
+        }
+        let motion: Vec<[&[f64]; 3]> = postures.iter().map(|p| [&p.q[..], &p.qd, &p.qdd]).collect();
+        let times_s: Vec<f64> = postures.iter().map(|posture| posture.time_s).collect();
+        let more = torque::added(robot, effects.transmission.as_ref(), &effects.known, &motion, &times_s)?;
+        for (state, more) in states.iter_mut().zip(more) {
+            state.torque.iter_mut().zip(&more).for_each(|(torque, more)| *torque += more);
+            state.of_effects = Some(more);
+        }
+        Ok(())
     }
 
     /// What the command line says of the motion.
@@ -177,6 +207,7 @@ fn state(equation: Equation, acceleration: Option<Accelerations>) -> State {
         mass_matrix: rows(&equation.mass),
         coriolis_matrix: rows(&equation.coriolis),
         torque: equation.torque,
+        of_effects: None,
         gravity: equation.gravity,
         velocity_torque: equation.velocity_torque,
         kinetic_j: equation.kinetic_j,
@@ -242,7 +273,9 @@ impl Report {
         if self.states.len() > 1 {
             text += &format!("posture {}\n", index + 1);
         }
-        let mut head = vec!["joint", "torque", "of gravity", "of velocity", ""];
+        let mut head = vec!["joint", "torque", "of gravity", "of velocity"];
+        head.extend(state.of_effects.as_ref().map(|_| "of effects"));
+        head.push("");
         if state.acceleration.is_some() {
             head.push("acceleration of the torques");
         }
@@ -250,6 +283,7 @@ impl Report {
         for (k, joint) in self.shown.iter().enumerate() {
             let of = |numbers: &[f64]| number(numbers.get(k).copied().unwrap_or(0.0), 4);
             let mut row = vec![joint.name.clone(), of(&state.torque), of(&state.gravity), of(&state.velocity_torque)];
+            row.extend(state.of_effects.as_ref().map(|more| of(more)));
             row.push(joint.load_unit().to_owned());
             if let Some(qdd) = state.acceleration.as_ref().and_then(|qdd| qdd.get(k)) {
                 row.push(format!("{} {}/s²", number(joint.shown(*qdd), 3), joint.unit()));

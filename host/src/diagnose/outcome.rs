@@ -114,8 +114,8 @@ pub struct ErrorFigure {
 /// One number of one axis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AxisFigure {
-    /// `x`, `y`, `z` or a turn about one of them.
-    pub axis: &'static str,
+    /// Its name: of a tool pose `x`, `y`, `z` or a turn about one of them.
+    pub axis: String,
     /// The number.
     pub value: f64,
     /// Its unit.

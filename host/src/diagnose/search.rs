@@ -11,6 +11,8 @@ use super::significance::{DISCOVERY_LEVEL, RIVAL_LEVEL};
 
 /// Candidates of each step that are fitted in full.
 const REFINED: usize = 8;
+/// Effects that one search adds at most: some may take each other's place again and again.
+const MOST_STEPS: usize = 80;
 /// Exchanges of one effect for another in one search.
 const MOST_EXCHANGES: usize = 12;
 /// Fall of the loss below which an exchange is rounding: the effect may have been exchanged for itself.
@@ -38,8 +40,9 @@ impl<K: Kind> Search<K> {
     pub fn run(&mut self, start: Trial<K>) -> Result<Found<K>, K::Error> {
         let n_known = self.kind.n_effects(&start.fit);
         let mut best = self.kind.settled(start)?;
-        let (mut rivals, mut exchanges) = (Vec::new(), 0);
-        while self.kind.n_effects(&best.fit) < self.kind.most() {
+        let (mut rivals, mut exchanges, mut steps) = (Vec::new(), 0, 0);
+        while self.kind.n_effects(&best.fit) < self.kind.most() && steps < MOST_STEPS {
+            steps += 1;
             let mut tried = self.step(&best, self.kind.n_effects(&best.fit) - n_known)?;
             let Some(proven) = self.proven(&best, &tried)? else {
                 match self.exchanged(&best, n_known)? {

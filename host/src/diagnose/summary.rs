@@ -226,5 +226,5 @@ fn error_figure(arm: &Arm, observations: &Observations, residuals: &[f64]) -> Er
 
 fn axis_figure(axis: usize, value: f64) -> AxisFigure {
     let (axis, unit) = axis_name(axis);
-    AxisFigure { axis, value, unit }
+    AxisFigure { axis: axis.into(), value, unit }
 }

@@ -6,6 +6,9 @@ use std::path::PathBuf;
 
 use anyhow::Context as _;
 use darm::arm::{Arm, ArmScratch};
+use darm::diagnose::channels::known::Known;
+use darm::diagnose::channels::model::{Model, What};
+use darm::diagnose::channels::torque::Transmission;
 use darm::robot::{Jacobian, Kinematics, Robot, RobotFrame};
 use darm::urdf::{self, Locks};
 use darm_core::actuator::{JointKind, Stage};
@@ -97,7 +100,28 @@ impl Coordinate {
     }
 }
 
+/// What a model of torques has beside its robot.
+pub(crate) struct Effects {
+    pub(crate) transmission: Option<Transmission>,
+    pub(crate) known: Vec<Known>,
+}
+
 impl Given {
+    /// The robot of a model whose torques `darm diagnose` observes, and its effects; `None` where the file is none.
+    pub(crate) fn model(&self) -> anyhow::Result<Option<(Robot, Effects)>> {
+        let is_toml = self.file.extension().is_some_and(|end| end == "toml");
+        let Some(model) = is_toml.then(|| Model::read(&self.file)).transpose()?.flatten() else { return Ok(None) };
+        let What::Torque(robot, transmission) = model.what else {
+            let shown = self.file.display();
+            let what = format!("{shown}: a model whose torques are not observed; write observed = \"torque\" in it");
+            return Err(Usage(what).into());
+        };
+        if self.floating || !self.locks.is_empty() {
+            return Err(Usage("--floating and --lock are for a URDF".into()).into());
+        }
+        Ok(Some((robot, Effects { transmission, known: model.effects })))
+    }
+
     /// Reads the file.
     pub(crate) fn subject(&self) -> anyhow::Result<Subject> {
         let path = &self.file;

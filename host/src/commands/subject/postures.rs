@@ -22,12 +22,15 @@ pub(crate) struct Posture {
     pub(crate) qdd: Vec<f64>,
     /// Torques (N·m) or forces (N); empty where none are given.
     pub(crate) torque: Vec<f64>,
+    /// When, s; the number of its row where the table has no time.
+    pub(crate) time_s: f64,
 }
 
 /// What a column of a table holds.
 #[derive(Clone, Copy)]
 enum Column {
     Word,
+    Time,
     /// Of this coordinate: position, velocity, acceleration or torque, times the factor.
     Number(usize, Quantity, f64),
 }
@@ -40,6 +43,8 @@ enum Quantity {
     Torque,
 }
 
+/// Headers of the time.
+const TIMES: [&str; 3] = ["t", "t_s", "time_s"];
 /// Endings of the headers, and what they mean: the longest first.
 const ENDINGS: [(&str, JointKind, Quantity, f64); 14] = {
     use JointKind::{Prismatic, Revolute};
@@ -71,7 +76,7 @@ impl Posture {
             Subject::Arm(arm) => arm.rest(),
             Subject::Robot(_) => Word::default(),
         };
-        Self { word, q: zeros.clone(), qd: zeros.clone(), qdd: zeros, torque: Vec::new() }
+        Self { word, q: zeros.clone(), qd: zeros.clone(), qdd: zeros, torque: Vec::new(), time_s: 0.0 }
     }
 }
 
@@ -156,14 +161,14 @@ fn read(path: &Path, subject: &Subject) -> anyhow::Result<Vec<Posture>> {
     let mut postures = Vec::new();
     for (row, record) in table.records().enumerate() {
         let record = record.with_context(|| format!("{shown}"))?;
-        let mut posture = Posture::rest(subject);
+        let mut posture = Posture { time_s: row as f64, ..Posture::rest(subject) };
         for ((cell, column), name) in record.iter().zip(&columns).zip(&header) {
             let wrong = |what: &str| Usage(format!("{shown}: line {}: column {name} holds `{cell}`, {what}", row + 2));
             match column {
                 Some(Column::Word) => posture.word = word_of(cell, subject).map_err(|error| wrong(&error.0))?,
+                Some(Column::Time) => posture.time_s = finite(cell).ok_or_else(|| wrong("expected a number"))?,
                 Some(Column::Number(index, quantity, factor)) => {
-                    let number = cell.parse::<f64>().ok().filter(|number| number.is_finite());
-                    let number = number.ok_or_else(|| wrong("expected a number"))? * factor;
+                    let number = finite(cell).ok_or_else(|| wrong("expected a number"))? * factor;
                     posture.put(*index, *quantity, number);
                 }
                 None => {}
@@ -175,6 +180,10 @@ fn read(path: &Path, subject: &Subject) -> anyhow::Result<Vec<Posture>> {
         return Err(Usage(format!("{shown}: no rows")).into());
     }
     Ok(postures)
+}
+
+fn finite(cell: &str) -> Option<f64> {
+    cell.parse::<f64>().ok().filter(|number| number.is_finite())
 }
 
 impl Posture {
@@ -198,6 +207,9 @@ impl Posture {
 fn column(header: &str, coordinates: &[Coordinate]) -> Option<Column> {
     if header == "word" {
         return Some(Column::Word);
+    }
+    if TIMES.contains(&header) {
+        return Some(Column::Time);
     }
     ENDINGS.iter().find_map(|(ending, kind, quantity, factor)| {
         let name = header.strip_suffix(ending)?;

@@ -24,6 +24,7 @@ pub(super) fn experiment(data: &Prepared, bore_m: f64, known: &[Known]) -> Resul
         temperature: temperature.as_deref(),
         time_s: &data.time_s,
         series: &data.series,
+        motion: &data.motions,
         units: ["m", "N", "Pa"],
     };
     let place = "the actuator";

@@ -64,8 +64,10 @@ pub struct Coordinate<'a> {
     pub temperature: Option<&'a [f64]>,
     /// When, s.
     pub time_s: &'a [f64],
-    /// The stretch of each row: memory does not reach over a border.
+    /// The stretch of each row: rates do not reach over a border.
     pub series: &'a [usize],
+    /// The motion of each row: memory does not reach beyond it.
+    pub motion: &'a [usize],
     /// Units of position, force and load: `m`, `N` and `Pa`.
     pub units: [&'static str; 3],
 }
@@ -177,7 +179,7 @@ impl Coordinate<'_> {
         let mut memory = Memory::default();
         let start_s = self.start_s();
         let at = |k: usize| {
-            if k > 0 && self.series[k] != self.series[k - 1] {
+            if k > 0 && self.motion[k] != self.motion[k - 1] {
                 memory = Memory::default();
             }
             let now = Moment {
@@ -249,7 +251,8 @@ mod tests {
             load: Some(&zero),
             temperature: None,
             time_s: &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0],
-            series: &[0, 0, 0, 0, 0, 1],
+            series: &[0, 0, 1, 1, 1, 2],
+            motion: &[0, 0, 0, 0, 0, 1],
             units: ["m", "N", "Pa"],
         };
         let law = Law::PreslidingFriction(PreslidingFriction { distance: 0.01 });

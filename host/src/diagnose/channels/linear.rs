@@ -4,16 +4,19 @@
 //!
 //! At the model as it stands the residuals are scaled by the noise of their axes (that of the residuals themselves,
 //! less the farthest hundredth) and what is far off are given less weight (Huber). The products of all columns are summed once for each
-//! fold; then any set of effects is a small system of equations. The information counts by 1/τ, with τ how many rows
-//! repeat each other (the integral of the residuals' autocorrelation), against the priors of the values. Unseen rows
-//! are those of a fold: a value of the column that is held out, or a tenth of the pieces of time.
+//! fold; then any set of effects is a small system of equations, and sets that differ by few effects are solved together
+//! ([`factored`](super::factored)). The information counts by 1/τ, with τ how many rows repeat each other (the integral of
+//! the residuals' autocorrelation), against the priors of the values. Unseen rows are those of a fold: a value of the
+//! column that is held out, or a tenth of the pieces of time.
 
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::{IntoParallelIterator as _, IntoParallelRefIterator as _, ParallelIterator as _};
 
+use super::design::Design;
 use super::experiment::{Candidate, Experiment};
+use super::factored::Factored;
 use super::groups::Groups;
 use crate::diagnose::fit::{losses, weights};
 use crate::diagnose::kind::{Kind, Trial};
@@ -51,34 +54,62 @@ pub struct Channels {
     pub repeats: f64,
     /// What a step of the search may add: each candidate by itself, and each law at all its places together.
     pub moves: Vec<Vec<usize>>,
+    /// Columns of the training rows.
+    pub(super) design: Design,
+    /// All normal equations: without each fold, then of all rows.
+    pub(super) systems: Vec<System>,
+    /// How many values all candidates have together.
+    pub(super) n_values: usize,
     offsets: Vec<usize>,
-    n_values: usize,
-    /// Scaled residuals and columns of the training rows, where all values are `origin`.
-    residuals: Vec<f64>,
-    columns: Vec<Vec<f64>>,
-    origin: Vec<f64>,
-    /// Sums of weighted products of columns, the residual last, for each fold, and of all.
-    folds: Vec<DMatrix<f64>>,
+    /// 1/σ² of the prior of each value.
+    priors: Vec<f64>,
+    /// Residuals of the training rows where all values are zero, as far as they are linear.
+    zero: Vec<f64>,
+    /// Sums of weighted products of columns over all training rows, the residual last.
     whole: DMatrix<f64>,
+    /// The model that was looked at last.
+    last: Option<Factored>,
+}
+
+/// The normal equations A·x = −g of all values, each scaled by its own information and made safe by a share of [`LEAST`].
+pub(super) struct System {
+    /// A, its diagonal about 1.
+    pub(super) matrix: DMatrix<f64>,
+    /// g.
+    pub(super) gradient: DVector<f64>,
+    /// What x is multiplied by to be in the values' units.
+    pub(super) scale: DVector<f64>,
+}
+
+impl System {
+    /// All values in their units, from those with these numbers.
+    pub(super) fn unscaled(&self, indices: &[usize], values: &DVector<f64>) -> Vec<f64> {
+        let mut all = vec![0.0; self.scale.len()];
+        indices.iter().zip(values.iter()).for_each(|(&k, value)| all[k] = value * self.scale[k]);
+        all
+    }
 }
 
 impl Channels {
     /// The experiment, with its groups.
     pub fn new(experiment: Experiment, groups: Groups) -> Self {
         let (offsets, n_values) = experiment.offsets();
-        let sigma = vec![1.0; experiment.axes.len()];
+        let n_axes = experiment.axes.len();
+        let values = || experiment.candidates.iter().flat_map(|candidate| &candidate.values);
+        let columns: Vec<&[f64]> = values().map(|value| &value.column[..]).collect();
         Self {
+            design: Design::new(&groups, n_axes, &columns),
+            systems: Vec::new(),
+            n_values,
+            offsets,
+            priors: values().map(|value| 1.0 / (value.prior * value.prior)).collect(),
+            zero: training(&groups, n_axes, &experiment.residuals),
+            whole: DMatrix::zeros(0, 0),
+            last: None,
             groups,
-            sigma,
+            sigma: vec![1.0; n_axes],
             repeats: 1.0,
             moves: moves(&experiment.candidates),
-            offsets,
-            n_values,
-            residuals: Vec::new(),
-            columns: Vec::new(),
-            origin: Vec::new(),
-            folds: Vec::new(),
-            whole: DMatrix::zeros(0, 0),
             experiment,
         }
     }
@@ -100,126 +131,111 @@ impl Channels {
 
     /// Residuals of the training rows in units of the noise, of a model.
     pub fn training_residuals(&self, fit: &Fit) -> Vec<f64> {
-        self.scaled(&self.experiment.at(&fit.values))
+        self.in_noise(training(&self.groups, self.sigma.len(), &self.experiment.at(&fit.values)))
     }
 
-    /// Columns of these values over the training rows, in units of the noise.
-    pub fn column(&self, value: usize) -> &[f64] {
-        &self.columns[value]
+    /// Column of a value over the training rows, in units of the noise.
+    pub fn column(&self, value: usize) -> Vec<f64> {
+        self.in_noise(self.design.column(value))
     }
 
     /// Information of these values: what the rows tell, of independent rows, and the priors.
     pub fn information(&self, indices: &[usize]) -> DMatrix<f64> {
-        self.system(&self.whole, indices).0
+        self.equations(indices).0
     }
 
-    /// 1/σ² of the prior of a value.
-    pub fn prior(&self, value: usize) -> f64 {
-        let mut all = self.experiment.candidates.iter().flat_map(|candidate| &candidate.values);
-        all.nth(value).map_or(0.0, |v| 1.0 / (v.prior * v.prior))
-    }
-
-    fn scaled(&self, all: &[f64]) -> Vec<f64> {
-        let n = self.sigma.len();
-        let of_row = |row: usize| (0..n).map(move |axis| (row * n + axis, axis));
-        self.groups.training.iter().copied().flat_map(of_row).map(|(k, axis)| all[k] / self.sigma[axis]).collect()
-    }
-
-    /// Columns at these values, and what the residuals would be at zero if they were linear.
-    fn linearise(&mut self, values: &[f64]) {
-        let (residuals, columns) = match &self.experiment.relinearise {
-            Some(relinearise) => relinearise(values),
-            None => {
-                let all = self.experiment.candidates.iter().flat_map(|candidate| &candidate.values);
-                let columns: Vec<Vec<f64>> = all.map(|value| self.scaled(&value.column)).collect();
-                self.residuals = self.scaled(&self.experiment.residuals);
-                self.columns = columns;
-                self.origin = vec![0.0; self.n_values];
-                return;
-            }
-        };
-        self.residuals = self.scaled(&residuals);
-        self.columns = columns.iter().map(|column| self.scaled(column)).collect();
-        self.origin = values.to_vec();
-    }
-
-    /// Residuals after a model's values, as far as they are linear.
-    fn linear(&self, values: &[f64]) -> Vec<f64> {
-        let mut after = self.residuals.clone();
-        for (k, column) in self.columns.iter().enumerate() {
-            let step = values[k] - self.origin[k];
-            if step != 0.0 {
-                after.iter_mut().zip(column).for_each(|(after, slope)| *after += slope * step);
-            }
+    /// Numbers of rows × axes in units of the noise.
+    fn in_noise(&self, mut numbers: Vec<f64>) -> Vec<f64> {
+        for row in numbers.chunks_mut(self.sigma.len()) {
+            row.iter_mut().zip(&self.sigma).for_each(|(number, sigma)| *number /= sigma);
         }
-        after
+        numbers
     }
 
-    /// Sums of products for each fold under these row weights; the residual is told at the values zero.
-    fn accumulate(&mut self, entry_weights: &[f64]) {
+    /// Residuals of the training rows at these values, in their units; what is not linear is told anew there.
+    fn linearise(&mut self, values: &[f64]) -> Vec<f64> {
         let n_axes = self.sigma.len();
-        let zero = self.linear(&vec![0.0; self.n_values]);
-        let p = self.n_values;
-        let of_fold = |fold: usize| {
-            let rows: Vec<usize> = (0..self.groups.folds.len()).filter(|&row| self.groups.folds[row] == fold).collect();
-            let mut transposed = DMatrix::zeros(p + 1, rows.len() * n_axes);
-            for (at, &row) in rows.iter().enumerate() {
-                for axis in 0..n_axes {
-                    let k = row * n_axes + axis;
-                    let root = entry_weights[k].sqrt();
-                    let mut entry = transposed.column_mut(at * n_axes + axis);
-                    for (value, column) in self.columns.iter().enumerate() {
-                        entry[value] = root * column[k];
-                    }
-                    entry[p] = root * zero[k];
-                }
-            }
-            &transposed * transposed.transpose()
-        };
-        self.folds = (0..self.groups.n_folds).into_par_iter().map(of_fold).collect();
-        self.whole = self.folds.iter().fold(DMatrix::zeros(p + 1, p + 1), |sum, fold| sum + fold);
-    }
-
-    fn system(&self, sums: &DMatrix<f64>, indices: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
-        let n = indices.len();
-        let mut information = DMatrix::from_fn(n, n, |a, b| sums[(indices[a], indices[b])] / self.repeats);
-        for (k, &value) in indices.iter().enumerate() {
-            information[(k, k)] += self.prior(value);
+        let at = self.experiment.relinearise.as_ref().map(|relinearise| relinearise(values));
+        let own = at.map(|(residuals, columns)| {
+            let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+            self.design = Design::new(&self.groups, n_axes, &columns);
+            training(&self.groups, n_axes, &residuals)
+        });
+        let mut moved = vec![0.0; self.zero.len()];
+        for fold in 0..self.design.n_folds() {
+            self.design.put(fold, &self.design.moved(fold, values), &mut moved);
         }
-        let gradient = DVector::from_fn(n, |a, _| sums[(indices[a], self.n_values)] / self.repeats);
-        (information, gradient)
+        match own {
+            Some(own) => {
+                self.zero = own.iter().zip(&moved).map(|(own, moved)| own - moved).collect();
+                own
+            }
+            None => self.zero.iter().zip(&moved).map(|(zero, moved)| zero + moved).collect(),
+        }
     }
 
-    fn solved(&self, sums: &DMatrix<f64>, indices: &[usize]) -> DVector<f64> {
-        let (information, gradient) = self.system(sums, indices);
-        -solve(information, &gradient)
+    /// The equations of all values, with the weights that these residuals give the rows.
+    fn accumulate(&mut self, residuals: &[f64]) {
+        let n_axes = self.sigma.len();
+        let of = |(k, weight): (usize, &f64)| weight / (self.sigma[k % n_axes] * self.sigma[k % n_axes]);
+        let weights: Vec<f64> = weights(residuals, 1).iter().enumerate().map(of).collect();
+        let n_folds = self.design.n_folds();
+        let sums = |fold: usize| self.design.sums(fold, &weights, &self.zero);
+        let folds: Vec<DMatrix<f64>> = (0..n_folds).into_par_iter().map(sums).collect();
+        let n = self.n_values + 1;
+        self.whole = folds.iter().fold(DMatrix::zeros(n, n), |sum, fold| sum + fold);
+        self.systems = folds.par_iter().map(|fold| self.system(&self.whole - fold)).collect();
+        self.systems.push(self.system(self.whole.clone()));
+        self.last = None;
+    }
+
+    fn system(&self, mut sums: DMatrix<f64>) -> System {
+        let n = self.n_values;
+        sums /= self.repeats;
+        self.priors.iter().enumerate().for_each(|(k, prior)| sums[(k, k)] += prior);
+        let scale = DVector::from_fn(n, |k, _| if sums[(k, k)] > 0.0 { 1.0 / sums[(k, k)].sqrt() } else { 0.0 });
+        let least = |k: usize| if scale[k] > 0.0 { LEAST } else { 1.0 };
+        let matrix =
+            DMatrix::from_fn(n, n, |a, b| sums[(a, b)] * scale[a] * scale[b] + if a == b { least(a) } else { 0.0 });
+        let gradient = DVector::from_fn(n, |k, _| sums[(k, n)] * scale[k]);
+        System { matrix, gradient, scale }
+    }
+
+    /// A and g of these values over all training rows, in their units.
+    fn equations(&self, indices: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
+        let n = indices.len();
+        let mut information = DMatrix::from_fn(n, n, |a, b| self.whole[(indices[a], indices[b])] / self.repeats);
+        indices.iter().enumerate().for_each(|(k, &value)| information[(k, k)] += self.priors[value]);
+        let gradient = DVector::from_fn(n, |a, _| self.whole[(indices[a], self.n_values)] / self.repeats);
+        (information, gradient)
     }
 
     /// A model with these candidates, fitted and cross-validated.
     pub fn judged(&self, active: Vec<usize>, effect: Option<usize>) -> Trial<Self> {
-        let indices = self.indices(&active);
-        let mut values = vec![0.0; self.n_values];
-        let solved = self.solved(&self.whole, &indices);
-        indices.iter().zip(solved.iter()).for_each(|(&k, value)| values[k] = *value);
-        let n_axes = self.sigma.len();
-        let mut predicted = self.residuals.clone();
-        for (&k, column) in self.origin.iter().zip(&self.columns).filter(|(value, _)| **value != 0.0) {
-            predicted.iter_mut().zip(column).for_each(|(p, slope)| *p -= slope * k);
-        }
-        for (fold, sums) in self.folds.iter().enumerate() {
-            let of_others = self.solved(&(&self.whole - sums), &indices);
-            for row in (0..self.groups.folds.len()).filter(|&row| self.groups.folds[row] == fold) {
-                for (&k, value) in indices.iter().zip(of_others.iter()) {
-                    let column = &self.columns[k];
-                    for at in row * n_axes..(row + 1) * n_axes {
-                        predicted[at] += column[at] * value;
-                    }
-                }
-            }
-        }
+        Factored::new(self, active).trial(self, effect)
+    }
+
+    /// A model with its values, and what those of the other folds add in the rows of each.
+    pub(super) fn trial(
+        &self,
+        active: Vec<usize>,
+        effect: Option<usize>,
+        values: Vec<f64>,
+        moved: &[&[f64]],
+    ) -> Trial<Self> {
+        let mut predicted = vec![0.0; self.zero.len()];
+        moved.iter().enumerate().for_each(|(fold, moved)| self.design.put(fold, moved, &mut predicted));
+        predicted.iter_mut().zip(&self.zero).for_each(|(moved, zero)| *moved += zero);
+        let predicted = self.in_noise(predicted);
         let loss = losses(&predicted, 1).iter().sum();
         let error = self.norm(&predicted);
         Trial { effect, fit: Fit { active, values }, predicted, loss, error }
+    }
+
+    /// The model with these candidates, factorised; taken from where it was kept.
+    fn factored(&mut self, active: &[usize]) -> Factored {
+        let last = self.last.take().filter(|last| last.active == active);
+        last.unwrap_or_else(|| Factored::new(self, active.to_vec()))
     }
 
     /// The candidates that a move adds to a model; `None` where it adds nothing, or where another move adds the same.
@@ -238,7 +254,7 @@ impl Channels {
     /// Fits the values of a model anew, beside those that are held where they are.
     pub fn refit(&self, fit: &mut Fit, held: &[usize]) {
         let indices = self.indices(&fit.active);
-        let (information, gradient) = self.system(&self.whole, &indices);
+        let (information, gradient) = self.equations(&indices);
         let (fixed, free): (Vec<usize>, Vec<usize>) = (0..indices.len()).partition(|&k| held.contains(&indices[k]));
         let of_fixed = |a: usize| fixed.iter().map(|&b| information[(a, b)] * fit.values[indices[b]]).sum::<f64>();
         let rest = DVector::from_iterator(free.len(), free.iter().map(|&a| gradient[a] + of_fixed(a)));
@@ -254,19 +270,25 @@ impl Channels {
         (scaled.chunks(n_axes).map(square).sum::<f64>() / rows).sqrt()
     }
 
-    /// Noise of the axes and repeats of the rows as these residuals tell them.
-    fn rescale(&mut self, residuals: &[f64]) {
+    /// Noise of the axes and repeats of the rows as these residuals tell them; the residuals in units of that noise.
+    fn rescale(&mut self, residuals: Vec<f64>) -> Vec<f64> {
         let n_axes = self.sigma.len();
         for axis in 0..n_axes {
-            let of_axis = residuals.iter().skip(axis).step_by(n_axes);
-            let mut squares: Vec<f64> = of_axis.map(|r| (r * self.sigma[axis]).powi(2)).collect();
+            let mut squares: Vec<f64> = residuals.iter().skip(axis).step_by(n_axes).map(|r| r * r).collect();
             squares.sort_unstable_by(f64::total_cmp);
             squares.truncate(squares.len() - squares.len() / TRIMMED);
             let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
             self.sigma[axis] = mean.sqrt().max(1e-12);
         }
-        self.repeats = self.groups.repeats(residuals, n_axes);
+        let residuals = self.in_noise(residuals);
+        self.repeats = self.groups.repeats(&residuals, n_axes);
+        residuals
     }
+}
+
+/// The numbers of the training rows, of those of all rows × axes.
+fn training(groups: &Groups, n_axes: usize, all: &[f64]) -> Vec<f64> {
+    groups.training.iter().flat_map(|row| &all[row * n_axes..(row + 1) * n_axes]).copied().collect()
 }
 
 /// Each candidate by itself, then each law that has several places at all of them; of a law with several shapes the first
@@ -334,12 +356,12 @@ impl Kind for Channels {
     fn settled(&mut self, current: Trial<Self>) -> Result<Trial<Self>, Self::Error> {
         let mut best = current;
         for _ in 0..ROUNDS {
-            let residuals = self.training_residuals(&best.fit);
-            self.rescale(&residuals);
-            self.linearise(&best.fit.values);
-            let residuals = self.training_residuals(&best.fit);
-            self.accumulate(&weights(&residuals, 1));
-            best = self.judged(best.fit.active, best.effect);
+            let residuals = self.linearise(&best.fit.values);
+            let residuals = self.rescale(residuals);
+            self.accumulate(&residuals);
+            let model = Factored::new(self, best.fit.active);
+            best = model.trial(self, best.effect);
+            self.last = Some(model);
         }
         Ok(best)
     }
@@ -347,10 +369,10 @@ impl Kind for Channels {
     fn screened(&mut self, current: &Trial<Self>) -> Result<Vec<Trial<Self>>, Self::Error> {
         let open: Vec<(usize, Vec<usize>)> =
             (0..self.moves.len()).filter_map(|number| Some((number, self.added(number, &current.fit)?))).collect();
-        let with = |(number, added): &(usize, Vec<usize>)| {
-            self.judged([&current.fit.active[..], added].concat(), Some(*number))
-        };
-        Ok(open.par_iter().map(with).collect())
+        let model = self.factored(&current.fit.active);
+        let trials = model.with(self, &open);
+        self.last = Some(model);
+        Ok(trials)
     }
 
     fn refined(&mut self, trial: &Trial<Self>) -> Result<Trial<Self>, Self::Error> {
@@ -358,10 +380,11 @@ impl Kind for Channels {
     }
 
     fn without(&mut self, best: &Trial<Self>, dropped: usize) -> Result<Trial<Self>, Self::Error> {
-        let mut active = best.fit.active.clone();
-        active.remove(dropped);
-        let last = active.last().copied();
-        Ok(self.judged(active, last))
+        let model = self.factored(&best.fit.active);
+        let mut without = model.without(self, &[best.fit.active[dropped]]);
+        without.effect = without.fit.active.last().copied();
+        self.last = Some(model);
+        Ok(without)
     }
 
     fn fall(&self, before: &Trial<Self>, after: &Trial<Self>) -> Fall {

@@ -12,7 +12,9 @@
 
 pub mod bodies;
 pub mod closure;
+mod design;
 pub mod experiment;
+mod factored;
 mod force;
 pub mod groups;
 pub mod known;
@@ -24,8 +26,10 @@ pub mod outcome;
 mod position;
 pub mod prepared;
 mod remaining;
+mod repeats;
 mod ripple;
 pub mod signal;
+mod simplified;
 mod summary;
 mod thinned;
 pub mod torque;
@@ -160,7 +164,7 @@ fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) ->
     let Ok((mut best, _)) = search.run(start.clone());
     let (left, ladder) = thinned::thinned(&mut search.kind, &start);
     let grown = search.kind.judged(best.fit.active.clone(), None);
-    if left.loss < grown.loss {
+    if simplified::better(&search.kind, grown.clone(), left.clone()).fit.active == left.fit.active {
         search.ladder = ladder;
         let Ok((grown, _)) = search.run(left);
         best = grown;
@@ -168,6 +172,8 @@ fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) ->
         let Ok(settled) = search.kind.settled(grown);
         best = settled;
     }
+    let Ok(settled) = search.kind.settled(simplified::simplified(&search.kind, best, n_known));
+    best = settled;
     possible(&search.kind, &mut best);
     Ok(Ended { search, best, n_known, held_out: data.held_out, findings: data.findings })
 }

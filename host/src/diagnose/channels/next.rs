@@ -22,9 +22,9 @@ pub(super) fn proposal(kind: &Channels, candidates: &[usize]) -> NextMeasurement
     let floor = DMatrix::from_diagonal(&information.diagonal().map(|d| FLOOR * d.max(f64::MIN_POSITIVE)));
     let rows: Vec<usize> =
         (0..kind.groups.training.len()).step_by(kind.groups.training.len().div_ceil(LOOKED_AT).max(1)).collect();
-    let measurement = |&row: &usize| {
-        DMatrix::from_fn(n_axes, indices.len(), |axis, value| kind.column(indices[value])[row * n_axes + axis])
-    };
+    let columns: Vec<Vec<f64>> = indices.iter().map(|&value| kind.column(value)).collect();
+    let measurement =
+        |&row: &usize| DMatrix::from_fn(n_axes, indices.len(), |axis, value| columns[value][row * n_axes + axis]);
     let measurements: Vec<DMatrix<f64>> = rows.iter().map(measurement).collect();
     let chosen = most_informative(pseudo_inverse(&(information + floor)), &measurements, ROWS);
     let row = |&k: &usize| {

@@ -5,7 +5,7 @@
 //! | `kind` | what was observed: `actuator-force`, `joint-position`, `joint-torque`, `contact-wrench`, `closure` |
 //! | `rows.train`, `rows.heldout` | rows that fits saw, and rows that nothing saw |
 //! | `held_out`, `left_out` | how the latter were chosen; what cross-validation leaves out together |
-//! | `repeatability` | scatter of repeated conditions, or null |
+//! | `repeatability` | scatter of rows under the very same conditions, or null where there are few of them |
 //! | `error.before`, `error.after` | root mean square of predicted minus measured on `train` and `heldout`: each axis, and the norm |
 //! | `verdict` | `effect-found`, `no-effect`, `unexplained-structure`, `not-identifiable` |
 //! | `effects` | law, where, values with unit and 95 % interval, by how much the held-out norm grows without it |
@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::known::Known;
-use crate::diagnose::outcome::{self, Rows, Rung, Verdict};
+use crate::diagnose::outcome::{self, AxisFigure, Rows, Rung, Verdict};
 
 /// What was found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -33,7 +33,7 @@ pub struct Diagnosis {
     pub held_out: String,
     /// What cross-validation leaves out together.
     pub left_out: &'static str,
-    /// Scatter of repeated conditions: root mean square of the norm.
+    /// Scatter of rows under the very same conditions: root mean square of the norm.
     pub repeatability: Option<Number>,
     /// Predicted minus measured, of the model as it was and with the effects found.
     pub error: BeforeAfter,
@@ -108,17 +108,6 @@ pub struct Figure {
     pub axes: Vec<AxisFigure>,
     /// Of the axes that share the first one's unit, together.
     pub norm: Number,
-}
-
-/// One number of one axis.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct AxisFigure {
-    /// The axis.
-    pub axis: String,
-    /// The number.
-    pub value: f64,
-    /// Its unit.
-    pub unit: &'static str,
 }
 
 /// An effect found.

@@ -22,6 +22,7 @@ pub(super) fn experiment(data: &Prepared, known: &[Known]) -> Result<Experiment,
         temperature: temperature.as_deref(),
         time_s: &data.time_s,
         series: &data.series,
+        motion: &data.motions,
         units: [unit, unit, "load"],
     };
     let place = "the joint";

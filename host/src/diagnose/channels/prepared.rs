@@ -6,6 +6,8 @@ use crate::measurement::select::{SelectError, Selection};
 use crate::measurement::table::Table;
 use crate::measurement::{Finding, ReadError};
 
+/// Rows up to which all are looked at where nothing is said.
+const MOST_ROWS: usize = 10_000;
 /// Values of a held-out column up to which each of them is a group.
 const FEW: usize = 24;
 /// A joint that turns farther, rad, is taken for one in degrees; a position, m, for one in millimetres; a pressure that
@@ -42,7 +44,8 @@ pub struct Preparation {
     pub within: Vec<String>,
     /// Rows a second, where the table has no time.
     pub rate_hz: Option<f64>,
-    /// Rows a second that are kept, as near as whole steps come; `None`: all.
+    /// Rows a second that are kept, as near as whole steps come; `None`: all of them up to 10 000, and of more about as
+    /// many.
     pub thin_hz: Option<f64>,
     /// Corner of the low-pass on all channels.
     pub lowpass_hz: Option<f64>,
@@ -74,6 +77,8 @@ pub struct Prepared {
     pub time_s: Vec<f64>,
     /// The stretch of each row.
     pub series: Vec<usize>,
+    /// The motion of each row: what a joint remembers of its way does not end where rows are held out.
+    pub motions: Vec<usize>,
     /// How the held-out rows were chosen, in words.
     pub held_out: String,
     /// What the owner of the data should know.
@@ -106,8 +111,13 @@ impl Prepared {
             (0..table.lines.len()).map(|row| row as f64 * step_s).collect()
         });
         let (held, held_out, keys) = held_out(&table, &how.hold_out, each)?;
-        let series = series(&table, &how.within, &time_s, &held, &mut findings)?;
-        let every = how.thin_hz.map_or(1, |hz| (rate_hz(&time_s, &series) / hz).round().max(1.0) as usize);
+        let (series, motions) = series(&table, &how.within, &time_s, &held, &mut findings)?;
+        let steps = |hz: f64| (rate_hz(&time_s, &series) / hz).round().max(1.0) as usize;
+        let every = how.thin_hz.map_or(table.lines.len().div_ceil(MOST_ROWS), steps);
+        if how.thin_hz.is_none() && every > 1 {
+            let what = format!("one row in {every} is looked at, of {}: --thin tells another rate", table.lines.len());
+            findings.push(Finding { line: None, what });
+        }
         let thinned = |stretch: std::ops::Range<usize>| stretch.step_by(every);
         let mut kept: Vec<usize> = stretches(&series).into_iter().flat_map(thinned).collect();
         if let Some(settled_s) = how.settled_s {
@@ -118,6 +128,7 @@ impl Prepared {
             line: table.lines[row],
             time_s: time_s[row],
             series: series[row],
+            motion: motions[row],
             key: keys.as_ref().map(|keys| keys[row]),
             held_out: held[row],
         };
@@ -125,11 +136,14 @@ impl Prepared {
         let filter = how.lowpass_hz.map(|corner| low_pass(corner, rate_hz(&time_s, &series))).transpose()?;
         let fresh = how.interpolate.as_deref().map(|name| flags(&table, name)).transpose()?;
         let pick = |values: &[f64]| kept.iter().map(|&row| values[row]).collect();
-        let (kept_time, kept_series) = (pick(&time_s), kept.iter().map(|&row| series[row]).collect());
+        let kept_time = pick(&time_s);
+        let [kept_series, kept_motions] =
+            [&series, &motions].map(|stretches| kept.iter().map(|&row| stretches[row]).collect());
         Ok(Self {
             rows,
             time_s: kept_time,
             series: kept_series,
+            motions: kept_motions,
             held_out,
             findings,
             table,
@@ -326,22 +340,22 @@ fn keys(table: &Table, name: &str) -> Option<Vec<usize>> {
     Some(words.iter().map(|word| values.binary_search(word).unwrap_or_default()).collect())
 }
 
-/// The stretch of each row: a new one where a column of `within` changes, where rows begin or end to be held out, where
-/// time runs back, and where rows are missing.
+/// The stretch and the motion of each row: a new one where a column of `within` changes, where time runs back, and where
+/// rows are missing; a new stretch also where rows begin or end to be held out.
 fn series(
     table: &Table,
     within: &[String],
     time_s: &[f64],
     held: &[bool],
     findings: &mut Vec<Finding>,
-) -> Result<Vec<usize>, PrepareError> {
+) -> Result<(Vec<usize>, Vec<usize>), PrepareError> {
     let mut parts = Vec::new();
     for name in within.iter().map(String::as_str).chain(table.quantity("run").map(|column| column.name.as_str())) {
         let none = || SelectError::NoColumn { column: name.into(), present: present(table) };
         parts.push(&table.column(name).ok_or_else(none)?.words);
     }
     let usual = rate_hz(time_s, &vec![0; time_s.len()]);
-    let mut series = vec![0; time_s.len()];
+    let (mut series, mut motions) = (vec![0; time_s.len()], vec![0; time_s.len()]);
     for row in 1..time_s.len() {
         let step = time_s[row] - time_s[row - 1];
         let told = parts.iter().any(|words| words[row] != words[row - 1]);
@@ -350,10 +364,11 @@ fn series(
             findings.push(Finding { line: Some(table.lines[row]), what });
         }
         let gap = usual > 0.0 && step * usual > 5.0;
-        let border = told || step < 0.0 || gap || held[row] != held[row - 1];
-        series[row] = series[row - 1] + usize::from(border);
+        let border = told || step < 0.0 || gap;
+        motions[row] = motions[row - 1] + usize::from(border);
+        series[row] = series[row - 1] + usize::from(border || held[row] != held[row - 1]);
     }
-    Ok(series)
+    Ok((series, motions))
 }
 
 /// Time since a channel last changed, s.

@@ -139,6 +139,7 @@ mod tests {
             temperature: None,
             time_s: &time_s,
             series: &[0; 800],
+            motion: &[0; 800],
             units: ["rad", "N·m", "N·m"],
         };
         let ripple = |q: f64| (13.0 * q + 0.4).sin();

@@ -3,16 +3,15 @@
 use nalgebra::DMatrix;
 
 use super::experiment::Experiment;
+use super::factored::Factored;
 use super::known::{self, Known};
 use super::linear::Channels;
-use super::outcome::{
-    Alternative, AxisFigure, BeforeAfter, Diagnosis, Errors, Figure, Found, Number, Outlier, Parameter, Point,
-};
-use super::{Ended, Options, next, remaining};
+use super::outcome::{Alternative, BeforeAfter, Diagnosis, Errors, Figure, Found, Number, Outlier, Parameter, Point};
+use super::{Ended, Options, next, remaining, repeats, simplified};
 use crate::diagnose::UNEXPLAINED_SHARE;
 use crate::diagnose::fit::{pseudo_inverse, size, weights};
 use crate::diagnose::kind::Trial;
-use crate::diagnose::outcome::{Rows, Verdict};
+use crate::diagnose::outcome::{AxisFigure, Rows, Verdict};
 use crate::diagnose::significance::quantile_975;
 
 /// A value whose uncertainty these rows lower to no less than this share of what was known before is not told by them.
@@ -108,7 +107,7 @@ pub(super) fn diagnosis(mut ended: Ended, pooled: Option<HeldOut>, known: &[Know
         rows: Rows { train: kind.groups.training.len(), heldout },
         held_out: ended.held_out.clone(),
         left_out: kind.groups.left_out,
-        repeatability: None,
+        repeatability: repeats::scatter(experiment),
         error,
         verdict,
         effects,
@@ -154,8 +153,10 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
     let information = kind.information(&indices);
     let inverse = pseudo_inverse(&information);
     let wide = quantile_975(kind.groups.n_blocks.saturating_sub(1));
-    let (mut found, mut unobservable, mut next) = (Vec::new(), Vec::new(), 0);
-    for (order, &candidate) in best.fit.active.iter().enumerate() {
+    let model = Factored::new(kind, best.fit.active.clone());
+    let (mut found, mut unobservable, mut next): (Vec<Found>, _, _) = (Vec::new(), Vec::new(), 0);
+    let forms = simplified::forms(kind, best, &inverse);
+    for (&candidate, is_form) in best.fit.active.iter().zip(forms) {
         let law = &kind.experiment.candidates[candidate];
         let shape = law.shape.iter().map(|(name, value, unit)| Parameter {
             name: (*name).into(),
@@ -182,8 +183,12 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
             let ci95 = Some([at - half, at + half]);
             parameters.push(Parameter { name: value.name.clone(), value: at, unit: value.unit.clone(), ci95 });
         }
-        if parameters.len() > n_shape {
-            let heldout_gain = heldout_gain(ended, order);
+        if is_form {
+            unobservable.push(format!("{} at {} beside what else acts there", law.law, law.place));
+        } else if let Some(same) = found.iter_mut().find(|found| found.law == law.law && found.place == law.place) {
+            same.parameters.extend(parameters);
+        } else if parameters.len() > n_shape {
+            let heldout_gain = heldout_gain(ended, &model, candidate);
             found.push(Found { law: law.law, place: law.place.clone(), parameters, heldout_gain });
         }
     }
@@ -191,11 +196,9 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
 }
 
 /// By how much the held-out norm is larger without an effect.
-fn heldout_gain(ended: &Ended, order: usize) -> Option<f64> {
+fn heldout_gain(ended: &Ended, model: &Factored, candidate: usize) -> Option<f64> {
     let kind = &ended.search.kind;
-    let mut active = ended.best.fit.active.clone();
-    active.remove(order);
-    let without = kind.judged(active, None);
+    let without = model.without(kind, &[candidate]);
     let norm = |values: &[f64]| {
         let residuals = of_rows(&kind.experiment, &kind.experiment.at(values), true);
         figure(&kind.experiment, &residuals).map(|figure| figure.norm.value)
@@ -225,8 +228,11 @@ fn alternatives(ended: &mut Ended) -> Vec<Rival> {
     if n_found == 0 || n_found > MOST_COMPARED {
         return Vec::new();
     }
+    let (kind, best) = (&ended.search.kind, &ended.best);
+    let inverse = pseudo_inverse(&kind.information(&kind.indices(&best.fit.active)));
+    let forms = simplified::forms(kind, best, &inverse);
     let mut all: Vec<Rival> = Vec::new();
-    for order in ended.n_known..ended.best.fit.active.len() {
+    for order in (ended.n_known..forms.len()).filter(|&order| !forms[order]) {
         let Ok(rivals) = ended.search.rivals(&ended.best, order, order, None);
         let kind = &ended.search.kind;
         let place = |k: usize| (kind.experiment.candidates[k].law, &kind.experiment.candidates[k].place);

@@ -111,6 +111,58 @@ fn what_cannot_be_told_apart_is_not_named_and_the_rows_that_would_are_proposed()
 }
 
 #[test]
+fn models_with_more_and_with_fewer_effects_follow_from_one_that_is_factorised() {
+    let table = cylinder(|x, v, p| 0.4 * v + 3.0 + 0.01 * x * p);
+    let prepared = Prepared::new(table, &options(HoldOut::Last(0.3), None, &[]).preparation, None).unwrap();
+    let experiment = experiment(&model("cylinder.toml"), &prepared).unwrap();
+    let groups = Groups::new(&experiment.rows);
+    let mut kind = Channels::new(experiment, groups);
+    let Ok(base) = kind.settled(kind.start(vec![0, 4, 20]));
+    let same = |a: &Trial<Channels>, b: &Trial<Channels>| {
+        assert_eq!(a.fit.active, b.fit.active);
+        assert!((a.loss / b.loss - 1.0).abs() < 1e-6, "{:?}: {} {}", a.fit.active, a.loss, b.loss);
+        let apart = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-5 * (a.abs() + b.abs()) + 1e-9;
+        assert!(a.fit.values.iter().zip(&b.fit.values).all(apart), "{:?}", a.fit.active);
+    };
+    let Ok(screened) = kind.screened(&base);
+    assert!(screened.len() > 20);
+    for trial in &screened {
+        same(trial, &kind.judged(trial.fit.active.clone(), trial.effect));
+    }
+    let factored = factored::Factored::new(&kind, vec![0, 4, 20, 7]);
+    for dropped in [&[4][..], &[0, 7], &[20, 0, 4, 7]] {
+        let without = factored.without(&kind, dropped);
+        same(&without, &kind.judged(without.fit.active.clone(), None));
+    }
+}
+
+#[test]
+fn of_very_many_rows_one_in_several_is_looked_at_and_that_is_told() {
+    let rows: String = (0..25_000).map(|k| format!("{},{},2,98\n", f64::from(k) * 1e-3, k % 20)).collect();
+    let table = Table::read_text(Path::new("a.csv"), format!("t_s,x_mm,p_bar,F_N\n{rows}").as_bytes(), &Names::new());
+    let prepared = Prepared::new(table.unwrap().0, &options(HoldOut::Own, None, &[]).preparation, None).unwrap();
+    assert!((8_000..=10_000).contains(&prepared.rows.len()), "{}", prepared.rows.len());
+    assert!(prepared.findings.iter().any(|finding| finding.what.starts_with("one row in 3")));
+}
+
+#[test]
+fn repeatability_is_the_scatter_of_rows_under_the_same_conditions() {
+    // Two targets, each with the same two readings 2 counts apart again and again: 1 about the mean, less what that takes.
+    let rows: String =
+        (0..200).map(|k| format!("{k},{},{}\n", 100 * (k / 2 % 2), 100 * (k / 2 % 2) + 2 * (k % 2))).collect();
+    let table = Table::read_text(
+        Path::new("a.csv"),
+        format!("t_s,target_count,position_count\n{rows}").as_bytes(),
+        &Names::new(),
+    );
+    let found = diagnose_table(&What::Servo.into(), &table.unwrap().0, &options(HoldOut::Own, None, &[])).unwrap();
+    let told = found.repeatability.unwrap();
+    assert!((told.value - (200.0f64 / 198.0).sqrt()).abs() < 1e-9 && told.unit == "count", "{told:?}");
+    let moving = diagnose_table(&model("cylinder.toml"), &cylinder(|_, _, _| 0.0), &options(HoldOut::Own, None, &[]));
+    assert_eq!(moving.unwrap().repeatability, None);
+}
+
+#[test]
 fn the_same_table_gives_the_same_numbers() {
     let (table, options) = (cylinder(|_, v, _| 0.3 * v), options(HoldOut::Last(0.3), None, &[]));
     let told = || serde_json::to_string(&diagnose_table(&model("cylinder.toml"), &table, &options).unwrap()).unwrap();

@@ -7,6 +7,7 @@
 
 use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
 
+use super::factored::Factored;
 use super::linear::Channels;
 use crate::diagnose::kind::{Kind as _, Trial};
 use crate::diagnose::outcome::Rung;
@@ -20,7 +21,7 @@ const SWEEPS: usize = 8;
 /// The model that is left, and what went and what stayed; the first `n_known` candidates of `start` always stay.
 pub(super) fn thinned(kind: &mut Channels, start: &Trial<Channels>) -> (Trial<Channels>, Vec<Rung>) {
     let known = start.fit.active.clone();
-    let Ok(empty) = kind.settled(start.clone());
+    let Ok(_) = kind.settled(start.clone());
     let Ok(full) = kind.settled(kind.start(full(kind, &known)));
     let shaped = shaped(kind, full, known.len());
     let n_tried = shaped.fit.active.len() - known.len();
@@ -34,8 +35,8 @@ pub(super) fn thinned(kind: &mut Channels, start: &Trial<Channels>) -> (Trial<Ch
             break;
         }
     }
-    let gain = kind.fall(&kind.judged(empty.fit.active.clone(), None), &best);
-    if gain.p < DISCOVERY_LEVEL { (best, ladder) } else { (empty, Vec::new()) }
+    let empty = kind.judged(known, None);
+    if kind.fall(&empty, &best).p < DISCOVERY_LEVEL { (best, ladder) } else { (empty, Vec::new()) }
 }
 
 /// One candidate for each law at each place, the middle one of its shapes, after those that are known.
@@ -75,16 +76,13 @@ fn shaped(kind: &Channels, mut best: Trial<Channels>, n_known: usize) -> Trial<C
 
 /// Looks at every effect once, the least missed first, and takes away what is not missed.
 fn sweep(kind: &Channels, best: &mut Trial<Channels>, n_known: usize, n_tried: usize) -> Vec<Rung> {
-    let of = |best: &Trial<Channels>, candidate: usize| {
-        kind.judged(best.fit.active.iter().copied().filter(|k| *k != candidate).collect(), None)
-    };
-    let open = best.fit.active[n_known..].to_vec();
-    let mut order: Vec<(f64, usize)> =
-        open.par_iter().map(|&candidate| (of(best, candidate).loss, candidate)).collect();
+    let mut model = Factored::new(kind, best.fit.active.clone());
+    let loss = |candidate: &usize| (model.without(kind, &[*candidate]).loss, *candidate);
+    let mut order: Vec<(f64, usize)> = best.fit.active[n_known..].par_iter().map(loss).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut ladder = Vec::new();
     for (_, candidate) in order {
-        let without = of(best, candidate);
+        let without = model.without(kind, &[candidate]);
         let p = kind.fall(&without, best).p;
         let (law, place) = kind.name(&candidate);
         let level = FALSE_SHARE * (best.fit.active.len() - n_known) as f64 / n_tried as f64;
@@ -101,6 +99,7 @@ fn sweep(kind: &Channels, best: &mut Trial<Channels>, n_known: usize, n_tried: u
         });
         if p > level {
             *best = without;
+            model = Factored::new(kind, best.fit.active.clone());
         }
     }
     ladder

@@ -5,9 +5,10 @@ use darm_core::effect::along::rotor_inertia::RotorInertia;
 use darm_core::tree::Body;
 use nalgebra::DMatrix;
 
+use super::ChannelError;
 use super::bodies::{Moving, candidate, links, load, of_joint};
-use super::experiment::{Axis, Candidate, Experiment, Mass};
-use super::known::Known;
+use super::experiment::{Axis, Candidate, Experiment, Mass, Row};
+use super::known::{self, Known};
 use super::laws::Coordinate;
 use super::prepared::{PrepareError, Prepared};
 use super::ripple::periods_a_turn;
@@ -45,9 +46,51 @@ pub(super) fn experiment(
         Some(transmission) if data.raw("qm1").is_some() => of_motors(data, transmission, n)?,
         _ => of_joints(data, n)?,
     };
-    let rows = data.rows.len();
-    let (nominal, regressor) = regressor(robot, &motion, rows);
-    let residuals: Vec<f64> = (0..rows * n).map(|k| nominal[k] - motion.tau[k % n][k / n]).collect();
+    Ok(of_motion(data.rows.clone(), robot, transmission, known, &motion))
+}
+
+/// What effects add to the torques of a robot along a motion, N·m or N: for each row of it one number a joint.
+///
+/// `states` has positions, velocities and accelerations of each row, rad or m; what remembers its way begins with the first.
+///
+/// # Errors
+///
+/// An effect that the robot has no place for.
+pub fn added(
+    robot: &Robot,
+    transmission: Option<&Transmission>,
+    known: &[Known],
+    states: &[[&[f64]; 3]],
+    times_s: &[f64],
+) -> Result<Vec<Vec<f64>>, ChannelError> {
+    let n = robot.joints.len();
+    let [q, v, a] = [0, 1, 2].map(|order| {
+        let channel = |joint: usize| states.iter().map(|state| state[order][joint]).collect();
+        (0..n).map(channel).collect()
+    });
+    let row =
+        |(k, &time_s): (usize, &f64)| Row { line: k + 1, time_s, series: 0, motion: 0, key: None, held_out: false };
+    let rows: Vec<Row> = times_s.iter().enumerate().map(row).collect();
+    let motion = Motion { q, v, a, tau: vec![vec![0.0; rows.len()]; n] };
+    let mut experiment = of_motion(rows, robot, transmission, known, &motion);
+    let nominal = experiment.residuals.clone();
+    known::apply(&mut experiment, known)?;
+    let more: Vec<f64> = experiment.residuals.iter().zip(&nominal).map(|(with, without)| with - without).collect();
+    Ok(more.chunks(n.max(1)).map(<[f64]>::to_vec).collect())
+}
+
+/// The experiment of a motion.
+fn of_motion(
+    rows: Vec<Row>,
+    robot: &Robot,
+    transmission: Option<&Transmission>,
+    known: &[Known],
+    motion: &Motion,
+) -> Experiment {
+    let n = robot.joints.len();
+    let clock = Clock::new(&rows);
+    let (nominal, regressor) = regressor(robot, motion, rows.len());
+    let residuals: Vec<f64> = (0..rows.len() * n).map(|k| nominal[k] - motion.tau[k % n][k / n]).collect();
     let whole_kg = robot.mass();
     let (mut candidates, mut masses): (Vec<Candidate>, Vec<Mass>) = (Vec::new(), Vec::new());
     for (joint, columns) in robot.joints.iter().zip(regressor) {
@@ -57,36 +100,36 @@ pub(super) fn experiment(
         masses.push(mass);
     }
     for joint in 0..n {
-        let load: Vec<f64> = (0..rows).map(|row| nominal[row * n + joint]).collect();
+        let load: Vec<f64> = (0..rows.len()).map(|row| nominal[row * n + joint]).collect();
         let place = format!("joint {} ({})", joint + 1, robot.joints[joint].name);
         let shares: Vec<f64> = (0..n).map(|k| f64::from(u8::from(k == joint))).collect();
         let [q, v, a] = [&motion.q, &motion.v, &motion.a].map(|channels| &channels[joint][..]);
-        let coordinate = coordinate(data, [q, v, a], Some(&load));
+        let coordinate = clock.coordinate([q, v, a], Some(&load));
         let periods = match transmission {
             Some(transmission) => vec![transmission.matrix[(joint, joint)].abs()],
             None => {
                 let own: Vec<f64> = residuals.iter().skip(joint).step_by(n).copied().collect();
-                periods_a_turn(&coordinate, &own, |row| !data.rows[row].held_out, RIPPLES)
+                periods_a_turn(&coordinate, &own, |row| !rows[row].held_out, RIPPLES)
             }
         };
         candidates.extend(coordinate.candidates(of_joint_laws(&coordinate, &periods), &place, &shares, known));
     }
-    candidates.extend(couplings(data, &motion, transmission, known));
+    candidates.extend(couplings(&clock, motion, transmission, known));
     let channel = |name: &str, of: &[Vec<f64>]| -> Vec<(String, Vec<f64>)> {
         of.iter().enumerate().map(|(k, values)| (format!("{name} of joint {}", k + 1), values.clone())).collect()
     };
     let channels = [channel("position", &motion.q), channel("velocity", &motion.v), channel("acceleration", &motion.a)];
-    Ok(Experiment {
+    Experiment {
         kind: "joint-torque",
         axes: (1..=n).map(|k| Axis { name: format!("joint {k}"), unit: "N·m" }).collect(),
         n_norm: n,
-        rows: data.rows.clone(),
+        rows,
         residuals,
         candidates,
         channels: channels.concat(),
         masses,
         relinearise: None,
-    })
+    }
 }
 
 fn of_joints(data: &Prepared, n: usize) -> Result<Motion, PrepareError> {
@@ -159,14 +202,29 @@ fn regressor(robot: &Robot, motion: &Motion, rows: usize) -> (Vec<f64>, Vec<[Vec
     (nominal, columns)
 }
 
-fn coordinate<'a>(
-    data: &'a Prepared,
-    [position, velocity, acceleration]: [&'a [f64]; 3],
-    load: Option<&'a [f64]>,
-) -> Coordinate<'a> {
-    let (time_s, series) = (&data.time_s[..], &data.series[..]);
-    let units = ["rad", "N·m", "N·m"];
-    Coordinate { position, velocity, acceleration, load, temperature: None, time_s, series, units }
+/// When the rows were, and how they hang together.
+struct Clock {
+    time_s: Vec<f64>,
+    series: Vec<usize>,
+    motion: Vec<usize>,
+}
+
+impl Clock {
+    fn new(rows: &[Row]) -> Self {
+        let [series, motion] =
+            [|row: &Row| row.series, |row: &Row| row.motion].map(|of| rows.iter().map(of).collect::<Vec<usize>>());
+        Self { time_s: rows.iter().map(|row| row.time_s).collect(), series, motion }
+    }
+
+    fn coordinate<'a>(
+        &'a self,
+        [position, velocity, acceleration]: [&'a [f64]; 3],
+        load: Option<&'a [f64]>,
+    ) -> Coordinate<'a> {
+        let (time_s, series, motion) = (&self.time_s[..], &self.series[..], &self.motion[..]);
+        let units = ["rad", "N·m", "N·m"];
+        Coordinate { position, velocity, acceleration, load, temperature: None, time_s, series, motion, units }
+    }
 }
 
 /// Friction, the motor's own inertia, springs and offsets of one joint.
@@ -186,7 +244,7 @@ fn of_joint_laws(coordinate: &Coordinate, periods_a_turn: &[f64]) -> Vec<Law<f64
 
 /// Friction and inertia of a motor that turns with a sum of neighbouring joints: by the transmission where it is known,
 /// else the sum and the difference of each two.
-fn couplings(data: &Prepared, motion: &Motion, transmission: Option<&Transmission>, known: &[Known]) -> Vec<Candidate> {
+fn couplings(clock: &Clock, motion: &Motion, transmission: Option<&Transmission>, known: &[Known]) -> Vec<Candidate> {
     let n = motion.q.len();
     let mut candidates = Vec::new();
     let mixes: Vec<(String, Vec<f64>)> = match transmission {
@@ -219,12 +277,12 @@ fn couplings(data: &Prepared, motion: &Motion, transmission: Option<&Transmissio
     };
     for (place, mix) in mixes {
         let sum = |of: &[Vec<f64>]| -> Vec<f64> {
-            (0..data.rows.len())
+            (0..clock.time_s.len())
                 .map(|row| mix.iter().zip(of).map(|(share, channel)| share * channel[row]).sum())
                 .collect()
         };
         let (q, v, a) = (sum(&motion.q), sum(&motion.v), sum(&motion.a));
-        let coordinate = coordinate(data, [&q, &v, &a], None);
+        let coordinate = clock.coordinate([&q, &v, &a], None);
         let mut laws = coordinate.friction();
         laws.retain(|law| matches!(law, Law::CoulombFriction(_) | Law::ViscousFriction(_)));
         laws.push(Law::RotorInertia(RotorInertia));
