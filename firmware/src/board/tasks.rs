@@ -117,8 +117,9 @@ fn desk(board: Board) -> &'static mut OnBoard {
 /// What the control tick owns: called once, and as what is built before can be built once only, once at most.
 #[inline(never)]
 fn ticks() -> &'static mut Control<'static> {
+    let ticks = &raw mut TICKS;
     // SAFETY: nothing else refers to it, as it is called once.
-    unsafe { (*(&raw mut TICKS)).write(Control::new(BoardClock.now(), &SHARED)) }
+    unsafe { (*ticks).write(Control::new(BoardClock.now(), &SHARED)) }
 }
 
 /// Builds what the tasks own and starts them. Its stack is free again when they run.
