@@ -2,9 +2,9 @@
 //!
 //! The tree is that of `person.urdf` (links with x forward, y up, z to the right), with lengths and masses drawn about the
 //! average, markers that are not quite where they should be, and noise. The motion is made of absolute angles of shank, thigh,
-//! pelvis and trunk with the feet flat on the ground; the plates under feet and chair together measure what inverse dynamics
-//! tells. The elderly style bends deeper and longer before it lifts off, as Papa and Cappozzo (J. Biomechanics 33, 2000, 1113)
-//! describe, and sways back at the end.
+//! pelvis and trunk with the feet flat on the ground, shanks and thighs at rest until the chair is left; the plates under feet
+//! and chair together measure what inverse dynamics tells. The elderly style bends deeper and longer before it lifts off, as
+//! Papa and Cappozzo (J. Biomechanics 33, 2000, 1113) describe, and sways back at the end.
 
 use darm_core::real::{Mat3, Vec3};
 use darm_core::se::{Pose, rotation_exp};

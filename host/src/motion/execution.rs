@@ -1,12 +1,13 @@
 //! A planned motion executed by joint control on a simulated robot whose masses are its own.
 //!
 //! Each joint has a PD loop about its plan, as in the paper, and the plan's torque beforehand where it is given
-//! ([`feed_forward`](super::feed_forward)): without it a joint of 10 kN·m/rad sags by 0.05 rad under this robot's weight, and
-//! its centre of mass with it by half a foot. Nothing looks at the balance while the robot moves: what stands was planned so.
+//! ([`feed_forward`](super::feed_forward)): without it a joint of 10 kN·m/rad sags by 0.04 rad under this robot's weight, and it
+//! rocks on the edges of its soles or falls. Nothing looks at the balance while the robot moves: what stands was planned so.
 //!
 //! The ground and the chair push at points: springs and dampers along the vertical, never pulling, with Coulomb friction about an
-//! anchor on the ground. The chair is level, and any point of the seat can touch it. Velocities step by the linearly implicit Euler method: stiffness and damping of controller and
-//! contacts enter the matrix, so that steps of half a millisecond are stable. A robot that loses its balance falls.
+//! anchor on the ground. The chair is level, and any point of the seat can touch it. Velocities step by the linearly implicit
+//! Euler method: stiffness and damping of controller and contacts enter the matrix, so that steps of half a millisecond are
+//! stable. A robot that loses its balance falls.
 
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
