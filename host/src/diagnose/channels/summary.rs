@@ -155,7 +155,7 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
     let wide = quantile_975(kind.groups.n_blocks.saturating_sub(1));
     let model = Factored::new(kind, best.fit.active.clone());
     let (mut found, mut unobservable, mut next): (Vec<Found>, _, _) = (Vec::new(), Vec::new(), 0);
-    let forms = simplified::forms(kind, best, &inverse);
+    let forms = simplified::forms(kind, best, ended.n_known);
     for (&candidate, is_form) in best.fit.active.iter().zip(forms) {
         let law = &kind.experiment.candidates[candidate];
         let shape = law.shape.iter().map(|(name, value, unit)| Parameter {
@@ -229,8 +229,7 @@ fn alternatives(ended: &mut Ended) -> Vec<Rival> {
         return Vec::new();
     }
     let (kind, best) = (&ended.search.kind, &ended.best);
-    let inverse = pseudo_inverse(&kind.information(&kind.indices(&best.fit.active)));
-    let forms = simplified::forms(kind, best, &inverse);
+    let forms = simplified::forms(kind, best, ended.n_known);
     let mut all: Vec<Rival> = Vec::new();
     for order in (ended.n_known..forms.len()).filter(|&order| !forms[order]) {
         let Ok(rivals) = ended.search.rivals(&ended.best, order, order, None);
