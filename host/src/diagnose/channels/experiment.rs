@@ -119,9 +119,10 @@ impl Experiment {
         }
     }
 
-    /// Whether all values have priors, so that all candidates can stand in one model.
+    /// Whether all values are small errors with priors, so that all candidates can stand in one model; a body's mass is none.
     pub fn is_held_by_priors(&self) -> bool {
-        self.candidates.iter().flat_map(|candidate| &candidate.values).all(|value| value.prior.is_finite())
+        self.masses.is_empty()
+            && self.candidates.iter().flat_map(|candidate| &candidate.values).all(|value| value.prior.is_finite())
     }
 
     /// Where the values of each candidate begin among all values, and how many there are.

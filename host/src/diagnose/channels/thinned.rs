@@ -5,7 +5,7 @@
 //! it. Of m effects out of n that were tried each must be missed with a chance of at most [`FALSE_SHARE`]·m/n, so that
 //! this share of what is named is false (Y. Benjamini, Y. Hochberg, J. R. Statist. Soc. B 57 (1995) 289).
 //!
-//! Where all values have priors (closure), these keep small what is not needed, and a law's places share their work, so
+//! Where all values are small errors with priors (closure), these keep small what is not needed, and a law's places share their work, so
 //! that none of them is missed alone: there a law stays at all its places or at none, and stays while unseen rows are
 //! predicted better with it. Of its places those are named at which it differs from nothing.
 
@@ -78,7 +78,7 @@ fn shaped(kind: &Channels, mut best: Trial<Channels>, n_known: usize) -> Trial<C
     best
 }
 
-/// What stays or goes together: each effect alone, or where all values have priors each law.
+/// What stays or goes together: each effect alone, or where priors hold the whole model each law.
 fn units(kind: &Channels, active: &[usize]) -> Vec<Vec<usize>> {
     let law = |k: usize| kind.experiment.candidates[k].law;
     let mut units: Vec<Vec<usize>> = Vec::new();
