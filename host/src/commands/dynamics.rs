@@ -117,6 +117,10 @@ impl Dynamics {
             Some((robot, effects)) => (Subject::Robot(Box::new(robot)), (!effects.known.is_empty()).then_some(effects)),
             None => (self.given.subject()?, None),
         };
+        if effects.is_some() && (self.torque.is_some() || self.forward) {
+            let what = "--torque and --forward: of a model with effects only the torques of a motion";
+            return Err(Usage(what.into()).into());
+        }
         let (mut postures, notes) = self.given.postures(&subject)?;
         notes.iter().for_each(|note| voice.note(note));
         if let (Subject::Arm(arm), [posture]) = (&subject, &postures[..]) {
@@ -130,27 +134,10 @@ impl Dynamics {
         let mut states =
             postures.iter().map(|posture| self.state(&robot, posture)).collect::<anyhow::Result<Vec<State>>>()?;
         if let Some(effects) = &effects {
-            self.add(effects, &robot, &postures, &mut states)?;
+            add(effects, &robot, &postures, &mut states)?;
         }
         let joints = shown.iter().map(|joint| joint.name.clone()).collect();
         voice.tell(&Report { name: robot.name.clone(), joints, states, shown, csv: self.csv })
-    }
-
-    /// Adds what the effects of a model do.
-    fn add(&self, effects: &Effects, robot: &Robot, postures: &[Posture], states: &mut [State]) -> anyhow::Result<()> {
-        if self.torque.is_some() || self.forward {
-            return Err(
-                Usage("--torque and --forward: of a model with effects only the torques of a motion".into()).into()
-            );
-        }
-        let motion: Vec<[&[f64]; 3]> = postures.iter().map(|p| [&p.q[..], &p.qd, &p.qdd]).collect();
-        let times_s: Vec<f64> = postures.iter().map(|posture| posture.time_s).collect();
-        let more = torque::added(robot, effects.transmission.as_ref(), &effects.known, &motion, &times_s)?;
-        for (state, more) in states.iter_mut().zip(more) {
-            state.torque.iter_mut().zip(&more).for_each(|(torque, more)| *torque += more);
-            state.of_effects = Some(more);
-        }
-        Ok(())
     }
 
     /// What the command line says of the motion.
@@ -191,6 +178,18 @@ fn accelerations(robot: &Robot, motion: &Motion<'_>, torque: &[f64]) -> anyhow::
     }
     let massless = || anyhow::anyhow!("the mass matrix is singular: a joint of {} moves no mass", robot.name);
     robot.accelerations(motion, torque)?.ok_or_else(massless)
+}
+
+/// Adds what the effects of a model do.
+fn add(effects: &Effects, robot: &Robot, postures: &[Posture], states: &mut [State]) -> anyhow::Result<()> {
+    let motion: Vec<[&[f64]; 3]> = postures.iter().map(|p| [&p.q[..], &p.qd, &p.qdd]).collect();
+    let times_s: Vec<f64> = postures.iter().map(|posture| posture.time_s).collect();
+    let more = torque::added(robot, effects.transmission.as_ref(), &effects.known, &motion, &times_s)?;
+    for (state, more) in states.iter_mut().zip(more) {
+        state.torque.iter_mut().zip(&more).for_each(|(torque, more)| *torque += more);
+        state.of_effects = Some(more);
+    }
+    Ok(())
 }
 
 fn state(equation: Equation, acceleration: Option<Accelerations>) -> State {

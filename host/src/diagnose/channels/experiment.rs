@@ -119,6 +119,12 @@ impl Experiment {
         }
     }
 
+    /// Whether all values are small errors with priors, so that all candidates can stand in one model; a body's mass is none.
+    pub fn is_held_by_priors(&self) -> bool {
+        self.masses.is_empty()
+            && self.candidates.iter().flat_map(|candidate| &candidate.values).all(|value| value.prior.is_finite())
+    }
+
     /// Where the values of each candidate begin among all values, and how many there are.
     pub fn offsets(&self) -> (Vec<usize>, usize) {
         let mut next = 0;

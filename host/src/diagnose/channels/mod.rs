@@ -164,7 +164,8 @@ fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) ->
     let Ok((mut best, _)) = search.run(start.clone());
     let (left, ladder) = thinned::thinned(&mut search.kind, &start);
     let grown = search.kind.judged(best.fit.active.clone(), None);
-    if simplified::better(&search.kind, grown.clone(), left.clone()).fit.active == left.fit.active {
+    let whole = search.kind.experiment.is_held_by_priors() && left.fit.active.len() > n_known;
+    if whole || simplified::better(&search.kind, grown.clone(), left.clone()).fit.active == left.fit.active {
         search.ladder = ladder;
         let Ok((grown, _)) = search.run(left);
         best = grown;

@@ -136,12 +136,11 @@ impl Prepared {
         let filter = how.lowpass_hz.map(|corner| low_pass(corner, rate_hz(&time_s, &series))).transpose()?;
         let fresh = how.interpolate.as_deref().map(|name| flags(&table, name)).transpose()?;
         let pick = |values: &[f64]| kept.iter().map(|&row| values[row]).collect();
-        let kept_time = pick(&time_s);
         let [kept_series, kept_motions] =
             [&series, &motions].map(|stretches| kept.iter().map(|&row| stretches[row]).collect());
         Ok(Self {
             rows,
-            time_s: kept_time,
+            time_s: pick(&time_s),
             series: kept_series,
             motions: kept_motions,
             held_out,

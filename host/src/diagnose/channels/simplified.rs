@@ -9,17 +9,20 @@
 //! The form of a law is not exact: friction grows a little less than with the speed, and a second law at the same place
 //! takes what the first leaves. Such an effect stays in the model and is not named.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::factored::Factored;
 use super::linear::{Channels, Fit};
+use crate::diagnose::fit::pseudo_inverse;
 use crate::diagnose::kind::{Kind as _, Trial};
 use crate::diagnose::significance::RIVAL_LEVEL;
 
 /// Share of its information that an effect keeps beside a model which holds it already.
 const HELD: f64 = 1e-2;
-/// Share of what all laws at a place take up, below which a law that is missed there is the form of the others.
+/// Share of what laws that go together at a place take up, below which one of them is the form of the others.
 const FORM: f64 = 5e-3;
+/// Correlation of their columns from which on two laws go together.
+const TOGETHER: f64 = 0.5;
 
 /// Whether a candidate has values with priors.
 fn bounded(kind: &Channels, candidate: usize) -> bool {
@@ -83,30 +86,37 @@ fn replaced(kind: &Channels, best: &Trial<Channels>, n_known: usize, other: usiz
     (smaller && kind.fall(&now, best).p > RIVAL_LEVEL).then_some(now)
 }
 
-/// Of all effects of a model whether each is only the form of others at its place.
+/// Of all effects of a model whether each is only the form of others at its place; the first `n_known` are named anyway.
 ///
-/// What an effect takes up beside the others is xᵀ·C⁻¹·x of its values x with their covariance C.
-pub(super) fn forms(kind: &Channels, best: &Trial<Channels>, inverse: &DMatrix<f64>) -> Vec<bool> {
+/// What effects take up beside all others is xᵀ·C⁻¹·x of their values x with their covariance C.
+pub(super) fn forms(kind: &Channels, best: &Trial<Channels>, n_known: usize) -> Vec<bool> {
     let active = &best.fit.active;
     let candidates = &kind.experiment.candidates;
     let sizes: Vec<usize> = active.iter().map(|&k| candidates[k].values.len()).collect();
     let first = |order: usize| sizes[..order].iter().sum::<usize>();
     let indices = kind.indices(active);
+    let information = kind.information(&indices);
+    let inverse = pseudo_inverse(&information);
     let taken = |orders: &[usize]| {
         let at: Vec<usize> = orders.iter().flat_map(|&order| first(order)..first(order) + sizes[order]).collect();
-        let values = nalgebra::DVector::from_iterator(at.len(), at.iter().map(|&k| best.fit.values[indices[k]]));
+        let values = DVector::from_iterator(at.len(), at.iter().map(|&k| best.fit.values[indices[k]]));
         let own = inverse.select_rows(&at).select_columns(&at).cholesky();
         own.map_or(0.0, |root| values.dot(&root.solve(&values)))
     };
     let place = |order: usize| &candidates[active[order]].place;
     let law = |order: usize| candidates[active[order]].law;
+    let correlation = |a: usize, b: usize| information[(a, b)].powi(2) / (information[(a, a)] * information[(b, b)]);
+    let together = |one: usize, other: usize| {
+        let of = |order: usize| first(order)..first(order) + sizes[order];
+        place(one) == place(other) && of(one).any(|a| of(other).any(|b| correlation(a, b) > TOGETHER * TOGETHER))
+    };
     let is_form = |order: usize| {
-        let here: Vec<usize> = (0..active.len()).filter(|&other| place(other) == place(order)).collect();
+        let here: Vec<usize> = (0..active.len()).filter(|&other| together(order, other)).collect();
         // One law in several shapes is one effect.
         let own: Vec<usize> = here.iter().copied().filter(|&other| law(other) == law(order)).collect();
         !bounded(kind, active[order]) && own.len() < here.len() && taken(&own) < FORM * taken(&here)
     };
-    (0..active.len()).map(is_form).collect()
+    (0..active.len()).map(|order| order >= n_known && is_form(order)).collect()
 }
 
 #[cfg(test)]
@@ -114,7 +124,6 @@ mod tests {
     use super::*;
     use crate::diagnose::channels::experiment::{Axis, Candidate, Experiment, Row};
     use crate::diagnose::channels::groups::Groups;
-    use crate::diagnose::fit::pseudo_inverse;
 
     const ROWS: usize = 600;
 
@@ -171,8 +180,7 @@ mod tests {
         let told = |residual: &dyn Fn([f64; 2]) -> [f64; 2]| {
             let mut kind = channels(&laws, residual);
             let Ok(model) = kind.settled(kind.start(vec![0, 1, 2]));
-            let inverse = pseudo_inverse(&kind.information(&kind.indices(&model.fit.active)));
-            forms(&kind, &model, &inverse)
+            forms(&kind, &model, 0)
         };
         assert_eq!(told(&|[v, w]| [v / (1.0 + 0.1 * v.abs()), 0.05 * (w / 0.05).tanh()]), [false, true, false]);
         assert_eq!(told(&|[v, w]| [v + 0.5 * (v / 0.05).tanh(), 0.05 * w.signum()]), [false, false, false]);

@@ -155,8 +155,9 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
     let wide = quantile_975(kind.groups.n_blocks.saturating_sub(1));
     let model = Factored::new(kind, best.fit.active.clone());
     let (mut found, mut unobservable, mut next): (Vec<Found>, _, _) = (Vec::new(), Vec::new(), 0);
-    let forms = simplified::forms(kind, best, &inverse);
-    for (&candidate, is_form) in best.fit.active.iter().zip(forms) {
+    let forms = simplified::forms(kind, best, ended.n_known);
+    let held_by_priors = kind.experiment.is_held_by_priors();
+    for (order, &candidate) in best.fit.active.iter().enumerate() {
         let law = &kind.experiment.candidates[candidate];
         let shape = law.shape.iter().map(|(name, value, unit)| Parameter {
             name: (*name).into(),
@@ -183,10 +184,15 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
             let ci95 = Some([at - half, at + half]);
             parameters.push(Parameter { name: value.name.clone(), value: at, unit: value.unit.clone(), ci95 });
         }
-        if is_form {
+        let fitted = &parameters[n_shape..];
+        let may_be_nothing = |value: &Parameter| value.ci95.is_none_or(|[low, high]| low <= 0.0 && high >= 0.0);
+        if forms[order] {
             unobservable.push(format!("{} at {} beside what else acts there", law.law, law.place));
         } else if let Some(same) = found.iter_mut().find(|found| found.law == law.law && found.place == law.place) {
             same.parameters.extend(parameters);
+        } else if held_by_priors && order >= ended.n_known && fitted.iter().all(may_be_nothing) {
+            // Its prior keeps it small; it is in the model and not named.
+            continue;
         } else if parameters.len() > n_shape {
             let heldout_gain = heldout_gain(ended, &model, candidate);
             found.push(Found { law: law.law, place: law.place.clone(), parameters, heldout_gain });
@@ -229,8 +235,7 @@ fn alternatives(ended: &mut Ended) -> Vec<Rival> {
         return Vec::new();
     }
     let (kind, best) = (&ended.search.kind, &ended.best);
-    let inverse = pseudo_inverse(&kind.information(&kind.indices(&best.fit.active)));
-    let forms = simplified::forms(kind, best, &inverse);
+    let forms = simplified::forms(kind, best, ended.n_known);
     let mut all: Vec<Rival> = Vec::new();
     for order in (ended.n_known..forms.len()).filter(|&order| !forms[order]) {
         let Ok(rivals) = ended.search.rivals(&ended.best, order, order, None);

@@ -4,8 +4,12 @@
 //! stands at each of its places once, in the shape that predicts unseen rows best, and goes when those rows do not miss
 //! it. Of m effects out of n that were tried each must be missed with a chance of at most [`FALSE_SHARE`]·m/n, so that
 //! this share of what is named is false (Y. Benjamini, Y. Hochberg, J. R. Statist. Soc. B 57 (1995) 289).
+//!
+//! Where all values are small errors with priors (closure), these keep small what is not needed, and a law's places share their work, so
+//! that none of them is missed alone: there a law stays at all its places or at none, and stays while unseen rows are
+//! predicted better with it. Of its places those are named at which it differs from nothing.
 
-use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
+use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
 
 use super::factored::Factored;
 use super::linear::Channels;
@@ -24,7 +28,7 @@ pub(super) fn thinned(kind: &mut Channels, start: &Trial<Channels>) -> (Trial<Ch
     let Ok(_) = kind.settled(start.clone());
     let Ok(full) = kind.settled(kind.start(full(kind, &known)));
     let shaped = shaped(kind, full, known.len());
-    let n_tried = shaped.fit.active.len() - known.len();
+    let n_tried = units(kind, &shaped.fit.active[known.len()..]).len();
     let (mut best, mut ladder) = (shaped, Vec::new());
     for _ in 0..SWEEPS {
         let Ok(settled) = kind.settled(best);
@@ -74,31 +78,48 @@ fn shaped(kind: &Channels, mut best: Trial<Channels>, n_known: usize) -> Trial<C
     best
 }
 
+/// What stays or goes together: each effect alone, or where priors hold the whole model each law.
+fn units(kind: &Channels, active: &[usize]) -> Vec<Vec<usize>> {
+    let law = |k: usize| kind.experiment.candidates[k].law;
+    let mut units: Vec<Vec<usize>> = Vec::new();
+    for &k in active {
+        match units.iter_mut().find(|unit| kind.experiment.is_held_by_priors() && law(unit[0]) == law(k)) {
+            Some(unit) => unit.push(k),
+            None => units.push(vec![k]),
+        }
+    }
+    units
+}
+
 /// Looks at every effect once, the least missed first, and takes away what is not missed.
 fn sweep(kind: &Channels, best: &mut Trial<Channels>, n_known: usize, n_tried: usize) -> Vec<Rung> {
     let mut model = Factored::new(kind, best.fit.active.clone());
-    let loss = |candidate: &usize| (model.without(kind, &[*candidate]).loss, *candidate);
-    let mut order: Vec<(f64, usize)> = best.fit.active[n_known..].par_iter().map(loss).collect();
+    let open = units(kind, &best.fit.active[n_known..]);
+    let mut n_left = open.len();
+    let loss = |unit: Vec<usize>| (model.without(kind, &unit).loss, unit);
+    let mut order: Vec<(f64, Vec<usize>)> = open.into_par_iter().map(loss).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut ladder = Vec::new();
-    for (_, candidate) in order {
-        let without = model.without(kind, &[candidate]);
+    for (_, unit) in order {
+        let without = model.without(kind, &unit);
         let p = kind.fall(&without, best).p;
-        let (law, place) = kind.name(&candidate);
-        let level = FALSE_SHARE * (best.fit.active.len() - n_known) as f64 / n_tried as f64;
+        let (law, place) = kind.name(&unit[0]);
+        let level = FALSE_SHARE * n_left as f64 / n_tried as f64;
+        let kept = if kind.experiment.is_held_by_priors() { without.loss > best.loss } else { p <= level };
         ladder.push(Rung {
             step: 0,
             law,
-            place,
-            values: kind.experiment.candidates[candidate].values.len(),
+            place: if unit.len() > 1 { format!("{} places", unit.len()) } else { place },
+            values: kind.indices(&unit).len(),
             cross_validated: best.error,
             without: without.error,
             p,
             refined: true,
-            kept: p <= level,
+            kept,
         });
-        if p > level {
+        if !kept {
             *best = without;
+            n_left -= 1;
             model = Factored::new(kind, best.fit.active.clone());
         }
     }
