@@ -5,7 +5,7 @@
 //! At the model as it stands the residuals are scaled by the noise of their axes (that of the residuals themselves,
 //! less the farthest hundredth) and what is far off are given less weight (Huber). The products of all columns are summed once for each
 //! fold; then any set of effects is a small system of equations, and sets that differ by few effects are solved together
-//! ([`factored`](super::factored)). The information counts by 1/τ, with τ how many rows repeat each other (the integral of
+//! (`factored`). The information counts by 1/τ, with τ how many rows repeat each other (the integral of
 //! the residuals' autocorrelation), against the priors of the values. Unseen rows are those of a fold: a value of the
 //! column that is held out, or a tenth of the pieces of time.
 
