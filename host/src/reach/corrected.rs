@@ -123,7 +123,8 @@ mod tests {
         let [host, host_corrected, board, board_corrected] =
             squares.map(|square: f64| 1e3 * (square / TARGETS as f64).sqrt());
         assert!(host_corrected < 0.3 * host, "{host_corrected} {host}");
-        assert!(board_corrected < 0.7 * board, "{board_corrected} {board}");
+        // The board knows of sag only what it does on average.
+        assert!(board_corrected < board, "{board_corrected} {board}");
     }
 
     #[test]
