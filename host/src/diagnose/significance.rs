@@ -109,9 +109,33 @@ pub fn quantile_975(dof: usize) -> f64 {
     StudentsT::new(0.0, 1.0, dof.max(1) as f64).map_or(1.96, |t| t.inverse_cdf(0.975))
 }
 
+/// Chance that a mean which is zero lies at least so many standard errors off, to either side.
+pub fn chance_beyond(errors: f64, dof: usize) -> f64 {
+    StudentsT::new(0.0, 1.0, dof.max(1) as f64).map_or(1.0, |t| 2.0 * t.sf(errors.abs()))
+}
+
+/// Which of these chances are discoveries, so that `share` of those is false at most.
+///
+/// Source: Y. Benjamini, Y. Hochberg, J. R. Statist. Soc. B 57 (1995) 289.
+pub fn discoveries(chances: &[f64], share: f64) -> Vec<bool> {
+    let mut sorted = chances.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let level = |rank: usize| share * (rank + 1) as f64 / sorted.len() as f64;
+    let last = (0..sorted.len()).rev().find(|&rank| sorted[rank] <= level(rank));
+    chances.iter().map(|chance| last.is_some_and(|rank| *chance <= sorted[rank])).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn of_many_chances_few_are_discoveries() {
+        // Levels 0.0125, 0.025, 0.0375, 0.05: the third is below its own, the second only below the third's.
+        assert_eq!(discoveries(&[0.9, 0.001, 0.03, 0.035], 0.05), [false, true, true, true]);
+        assert_eq!(discoveries(&[0.9, 0.02, 0.04, 0.8], 0.05), [false; 4]);
+        assert!((chance_beyond(1.96, 100_000) - 0.05).abs() < 1e-4 && chance_beyond(-1.96, 100_000) < 0.051);
+    }
 
     #[test]
     fn a_fall_to_nothing_is_certain() {

@@ -7,12 +7,13 @@ use super::factored::Factored;
 use super::known::{self, Known};
 use super::linear::Channels;
 use super::outcome::{Alternative, BeforeAfter, Diagnosis, Errors, Figure, Found, Number, Outlier, Parameter, Point};
+use super::thinned::FALSE_SHARE;
 use super::{Ended, Options, next, remaining, repeats, simplified};
 use crate::diagnose::UNEXPLAINED_SHARE;
 use crate::diagnose::fit::{pseudo_inverse, size, weights};
 use crate::diagnose::kind::Trial;
 use crate::diagnose::outcome::{AxisFigure, Rows, Verdict};
-use crate::diagnose::significance::quantile_975;
+use crate::diagnose::significance::{chance_beyond, discoveries, quantile_975};
 
 /// A value whose uncertainty these rows lower to no less than this share of what was known before is not told by them.
 const NOT_TOLD: f64 = 0.7;
@@ -156,7 +157,7 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
     let model = Factored::new(kind, best.fit.active.clone());
     let (mut found, mut unobservable, mut next): (Vec<Found>, _, _) = (Vec::new(), Vec::new(), 0);
     let forms = simplified::forms(kind, best, ended.n_known);
-    let held_by_priors = kind.experiment.is_held_by_priors();
+    let named = differing(ended, &deviations);
     for (order, &candidate) in best.fit.active.iter().enumerate() {
         let law = &kind.experiment.candidates[candidate];
         let shape = law.shape.iter().map(|(name, value, unit)| Parameter {
@@ -184,21 +185,38 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
             let ci95 = Some([at - half, at + half]);
             parameters.push(Parameter { name: value.name.clone(), value: at, unit: value.unit.clone(), ci95 });
         }
-        let fitted = &parameters[n_shape..];
-        let may_be_nothing = |value: &Parameter| value.ci95.is_none_or(|[low, high]| low <= 0.0 && high >= 0.0);
         if forms[order] {
             unobservable.push(format!("{} at {} beside what else acts there", law.law, law.place));
         } else if let Some(same) = found.iter_mut().find(|found| found.law == law.law && found.place == law.place) {
             same.parameters.extend(parameters);
-        } else if held_by_priors && order >= ended.n_known && fitted.iter().all(may_be_nothing) {
-            // Its prior keeps it small; it is in the model and not named.
-            continue;
-        } else if parameters.len() > n_shape {
+        } else if parameters.len() > n_shape && named[order] {
             let heldout_gain = heldout_gain(ended, &model, candidate);
             found.push(Found { law: law.law, place: law.place.clone(), parameters, heldout_gain });
         }
     }
     (found, unobservable)
+}
+
+/// Which effects differ from nothing: all of a model that was chosen effect by effect; of a whole one those whose values
+/// do, the others are kept small by their priors and not named.
+fn differing(ended: &Ended, deviations: &[f64]) -> Vec<bool> {
+    let (kind, fit) = (&ended.search.kind, &ended.best.fit);
+    if !kind.experiment.is_held_by_priors() {
+        return vec![true; fit.active.len()];
+    }
+    let mut deviations = deviations.iter();
+    let chance = |candidate: &usize| {
+        let values = kind.indices(&[*candidate]);
+        let of_value = |(&index, deviation): (&usize, &f64)| {
+            chance_beyond(fit.values[index] / deviation.max(f64::MIN_POSITIVE), kind.groups.n_blocks.saturating_sub(1))
+        };
+        let least = values.iter().zip(deviations.by_ref()).map(of_value).fold(1.0, f64::min);
+        least * values.len() as f64
+    };
+    let chances: Vec<f64> = fit.active.iter().map(chance).collect();
+    let mut named = vec![true; ended.n_known];
+    named.extend(discoveries(&chances[ended.n_known..], FALSE_SHARE));
+    named
 }
 
 /// By how much the held-out norm is larger without an effect.

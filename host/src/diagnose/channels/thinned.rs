@@ -7,7 +7,8 @@
 //!
 //! Where all values are small errors with priors (closure), these keep small what is not needed, and a law's places share their work, so
 //! that none of them is missed alone: there a law stays at all its places or at none, and stays while unseen rows are
-//! predicted better with it. Of its places those are named at which it differs from nothing.
+//! predicted better with it. Of its places those are named at which it differs from nothing, as many as leave this share of
+//! false ones.
 
 use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
 
@@ -18,7 +19,7 @@ use crate::diagnose::outcome::Rung;
 use crate::diagnose::significance::DISCOVERY_LEVEL;
 
 /// Share of the effects named that may be false.
-const FALSE_SHARE: f64 = 0.05;
+pub(super) const FALSE_SHARE: f64 = 0.05;
 /// Times that all effects left are looked at.
 const SWEEPS: usize = 8;
 
