@@ -24,6 +24,7 @@ Examples:
   darm synth hybrid.toml frames.toml -o arm.toml --frames-out found.toml   servo angles found, too
   darm synth planar4.toml frames.toml -o arm.toml --choose-words --frames-out found.toml
   darm synth planar4.toml frames.toml -o arm.toml --catalogue cylinders.csv
+  darm synth planar4.toml frames.toml -o arm.toml --catalogue cylinders.csv --anchors 150
   darm synth planar4.toml frames.toml -o arm.toml --tolerance 0.05,0.1     mm of stops and anchors
   darm synth arm.toml frames.toml -o mended.toml --repair 4=0              actuator 4 stays in state 0
   darm synth planar4.toml frames.toml --method paper --steps 100 -o arm.toml --draw pictures
@@ -89,6 +90,9 @@ pub(crate) struct Synth {
     /// Longest length of a leg, in percent of its longest in the base-line
     #[arg(long, value_name = "PERCENT", default_value_t = 200.0)]
     longest: f64,
+    /// By how much each coordinate of an anchor may be moved where stops alone do not meet the frames, in mm
+    #[arg(long, value_name = "MM", default_value_t = 0.0, conflicts_with = "tolerance")]
+    anchors: f64,
 }
 
 /// Scheme of a synthesis.
@@ -209,12 +213,19 @@ impl Synth {
         if !(self.worth > 0.0 && self.worth.is_finite()) {
             return Err(Usage("--worth must be above 0 mm".into()));
         }
+        if !(self.anchors >= 0.0 && self.anchors.is_finite()) {
+            return Err(Usage("--anchors must not be below 0 mm".into()));
+        }
         let method = match self.method {
             Scheme::Newton => Method::Newton,
             Scheme::Paper => Method::Paper { steps: self.steps, regularisation: self.regularisation },
         };
-        let bounds =
-            Bounds { shortest: self.shortest / 100.0, longest: self.longest / 100.0, ..Options::default().bounds };
+        let bounds = Bounds {
+            shortest: self.shortest / 100.0,
+            longest: self.longest / 100.0,
+            anchor_m: 1e-3 * self.anchors,
+            ..Options::default().bounds
+        };
         Ok(Options { method, bounds, starts: self.starts, seed: self.seed, ..Options::default() })
     }
 }

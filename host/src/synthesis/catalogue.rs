@@ -9,7 +9,8 @@
 //! # Method
 //!
 //! Each leg takes the cheapest part that fits the synthesis as it stands. Where none fits, the part that fits but for the
-//! least change of its stops gives the leg's bounds, and the synthesis is done again within the bounds of all parts.
+//! least change of its stops gives the leg's bounds, and the synthesis is done again within the bounds of all parts: by
+//! the stops, and where those do not suffice by the anchors, as far as [`Bounds::anchor_m`](super::Bounds) lets them go.
 
 use std::path::Path;
 

@@ -11,6 +11,9 @@
 //! | T_k(a) | where the model, with its effects, predicts the tool for the word of frame k                 |
 //! | T_k*   | the desired frame k                                                                          |
 //!
+//! Where stops alone do not meet the frames, the coordinates of the legs' anchors join the unknowns, within
+//! [`Bounds::anchor_m`].
+//!
 //! Rows in rad are weighted by the arm's length scale. How many frames can be met is told by ranks, see [`Case`].
 //!
 //! - [`Method::Newton`] (default): Gauss–Newton on the group with analytic derivatives, damped where a full step does
@@ -100,18 +103,26 @@ pub struct Bounds {
     pub stroke: f64,
     /// A revolute joint stops within plus and minus this angle, rad.
     pub turn_rad: f64,
+    /// By how much each coordinate of an anchor may be moved where stops alone do not meet the frames, m; 0 keeps them.
+    pub anchor_m: f64,
 }
 
 impl Bounds {
     /// Any number goes.
     pub fn none() -> Self {
-        Self { shortest: f64::NEG_INFINITY, longest: f64::INFINITY, stroke: f64::NEG_INFINITY, turn_rad: f64::INFINITY }
+        Self {
+            shortest: f64::NEG_INFINITY,
+            longest: f64::INFINITY,
+            stroke: f64::NEG_INFINITY,
+            turn_rad: f64::INFINITY,
+            anchor_m: 0.0,
+        }
     }
 }
 
 impl Default for Bounds {
     fn default() -> Self {
-        Self { shortest: 0.5, longest: 2.0, stroke: 0.0, turn_rad: std::f64::consts::PI }
+        Self { shortest: 0.5, longest: 2.0, stroke: 0.0, turn_rad: std::f64::consts::PI, anchor_m: 0.0 }
     }
 }
 
@@ -149,8 +160,10 @@ pub struct Synthesis {
     pub starts: u32,
     /// How long it took.
     pub time: Duration,
-    /// Root of the sum of squares of what the stops were altered by, m (a radian weighs as the arm's length scale).
+    /// Root of the sum of squares of what stops and anchors were altered by, m (a radian weighs as the arm's length scale).
     pub alteration_m: f64,
+    /// The most that a coordinate of an anchor was moved by, m.
+    pub anchors_moved_m: f64,
 }
 
 /// How a search ended.
@@ -254,10 +267,17 @@ pub fn synthesize(base_line: &Arm, desired: &[DesiredFrame], options: &Options) 
         frame: desired.get(index).map_or_else(|| "the list of frames".into(), |frame| frame.name.clone()),
         fault,
     })?;
-    let mut best = solve(base_line, desired, options, false)?;
+    let by_stops = Options { bounds: Bounds { anchor_m: 0.0, ..options.bounds }, ..options.clone() };
+    let (mut best, mut by) = (solve(base_line, desired, &by_stops, false)?, &by_stops);
+    if best.status == Status::Closest && options.bounds.anchor_m > 0.0 && !options.watch.is_ended() {
+        let moved = solve(base_line, desired, options, false)?;
+        if moved.status == Status::Reached || moved.is_nearer(&best) {
+            (best, by) = (moved, options);
+        }
+    }
     if base_line.n_servos() > 0 && best.status == Status::Reached {
         let held: Vec<DesiredFrame> = best.frames.iter().map(|reached| on_steps(&reached.frame)).collect();
-        let stepped = solve(base_line, &held, options, true)?;
+        let stepped = solve(base_line, &held, by, true)?;
         if stepped.status == Status::Reached {
             best = Synthesis { case: best.case, iterations: best.iterations + stepped.iterations, ..stepped };
         }
@@ -325,6 +345,7 @@ fn answer(
         starts: found.starts,
         time: Duration::ZERO,
         alteration_m: problem.alteration(&found.unknowns),
+        anchors_moved_m: problem.anchors_moved_m(&found.unknowns),
     })
 }
 

@@ -35,11 +35,13 @@ pub(super) struct Bound {
     pub(super) least: f64,
 }
 
-/// The unknowns are the stops in the order of actuators and states, then the servo angles frame by frame. Derivatives
+/// The unknowns are the stops in the order of actuators and states, the coordinates of the anchors where those may be
+/// moved, then the servo angles frame by frame. Derivatives
 /// are scaled, so that the sum of squares of an alteration is what is to be small.
 pub(super) struct Problem<'a> {
     base_line: &'a Arm,
     pub(super) targets: Vec<Target>,
+    /// What a person sets: stops, then anchors.
     pub(super) stops: Vec<Parameter>,
     /// Metres that one unit of an unknown weighs.
     weights: DVector<f64>,
@@ -57,8 +59,11 @@ impl<'a> Problem<'a> {
     pub(super) fn new(base_line: &'a Arm, desired: &[DesiredFrame], bounds: &Bounds, ranges: &[StopRange]) -> Self {
         let chain = &base_line.model.chain;
         let n_servos = chain.n_servos();
-        let stops = stops(base_line);
-        let mut start = Self::values(base_line);
+        let mut stops = stops(base_line);
+        if bounds.anchor_m > 0.0 {
+            stops.extend(anchors(base_line));
+        }
+        let mut start = values(base_line, &stops);
         let mut weights: Vec<f64> =
             stops.iter().map(|stop| if turns(base_line, stop) { base_line.length_scale_m } else { 1.0 }).collect();
         for frame in desired {
@@ -100,7 +105,7 @@ impl<'a> Problem<'a> {
 
     /// The values of all stops of an arm.
     pub(super) fn values(arm: &Arm) -> Vec<f64> {
-        stops(arm).iter().map(|stop| arm.model.chain.get(*stop).unwrap_or(0.0)).collect()
+        values(arm, &stops(arm))
     }
 
     /// The actuators, by their names, with a stop as near to a bound as `near`.
@@ -108,7 +113,9 @@ impl<'a> Problem<'a> {
         let at_bound = self.bounds.iter().filter(|bound| bound.slack(unknowns) < near);
         let mut actuators: Vec<u8> = at_bound
             .filter_map(|bound| match self.stops.get(bound.terms.first()?.0)? {
-                Parameter::Stop { actuator, .. } => Some(*actuator),
+                Parameter::Stop { actuator, .. }
+                | Parameter::BaseAnchor { actuator, .. }
+                | Parameter::TopAnchor { actuator, .. } => Some(*actuator),
                 _ => None,
             })
             .collect();
@@ -120,7 +127,7 @@ impl<'a> Problem<'a> {
     /// The unknowns of another arm of this kind, its servos as the frames have them.
     pub(super) fn unknowns_of(&self, arm: &Arm) -> DVector<f64> {
         let mut unknowns = self.start();
-        unknowns.iter_mut().zip(Self::values(arm)).for_each(|(unknown, value)| *unknown = value);
+        unknowns.iter_mut().zip(values(arm, &self.stops)).for_each(|(unknown, value)| *unknown = value);
         unknowns
     }
 
@@ -148,6 +155,11 @@ impl<'a> Problem<'a> {
     /// Whether an unknown is the length of a leg.
     pub(super) fn is_leg(&self, unknown: usize) -> bool {
         self.stops.get(unknown).is_some_and(|stop| is_leg(self.base_line, stop))
+    }
+
+    /// Whether an unknown is a coordinate of an anchor.
+    pub(super) fn is_anchor(&self, unknown: usize) -> bool {
+        self.stops.get(unknown).is_some_and(|stop| !matches!(stop, Parameter::Stop { .. }))
     }
 
     /// Whether an unknown is an angle.
@@ -187,6 +199,12 @@ impl<'a> Problem<'a> {
     pub(super) fn alteration(&self, unknowns: &DVector<f64>) -> f64 {
         let n = self.n_stops();
         (unknowns - &self.start).rows(0, n).component_mul(&self.weights.rows(0, n)).norm()
+    }
+
+    /// The most that a coordinate of an anchor was moved by, m.
+    pub(super) fn anchors_moved_m(&self, unknowns: &DVector<f64>) -> f64 {
+        let anchors = (0..self.n_stops()).filter(|&unknown| self.is_anchor(unknown));
+        anchors.map(|anchor| (unknowns[anchor] - self.start[anchor]).abs()).fold(0.0, f64::max)
     }
 
     /// Where the tool stands in each frame.
@@ -280,7 +298,9 @@ impl<'a> Problem<'a> {
             weights: Default::default(),
         };
         let frames: Vec<_> = words.iter().map(frame).collect();
-        let mut ideal = Problem::new(self.base_line, &frames, &Bounds::none(), &[]);
+        let anchors = (0..self.n_stops()).any(|stop| self.is_anchor(stop));
+        let anchor_m = if anchors { f64::INFINITY } else { 0.0 };
+        let mut ideal = Problem::new(self.base_line, &frames, &Bounds { anchor_m, ..Bounds::none() }, &[]);
         ideal.model.effects.clear();
         ideal
     }
@@ -336,7 +356,13 @@ impl<'a> Problem<'a> {
 
     fn bound_stops(&mut self, bounds: &Bounds, ranges: &[StopRange]) {
         for (index, stop) in self.stops.iter().enumerate() {
-            let Parameter::Stop { actuator, state } = *stop else { continue };
+            let Parameter::Stop { actuator, state } = *stop else {
+                let here = self.start[index];
+                let sides = [1.0, -1.0].map(|side| (side, side * here - bounds.anchor_m));
+                let finite = sides.into_iter().filter(|(_, least)| least.is_finite());
+                self.bounds.extend(finite.map(|(side, least)| Bound { terms: vec![(index, side)], least }));
+                continue;
+            };
             let states = self.base_line.model.chain.n_states(actuator.into());
             let (least, most) = if turns(self.base_line, stop) {
                 (-bounds.turn_rad, bounds.turn_rad)
@@ -440,6 +466,21 @@ fn stops(arm: &Arm) -> Vec<Parameter> {
         .collect()
 }
 
+/// Every coordinate of every anchor, in the plane two of each.
+fn anchors(arm: &Arm) -> Vec<Parameter> {
+    let stages = &arm.model.chain.stages;
+    let legs = arm.model.chain.actuators().enumerate().filter(|(_, (stage, leg))| stages[*stage].leg(*leg).is_some());
+    legs.flat_map(|(actuator, (stage, _))| {
+        let (actuator, axes) = (actuator as u8, if stages[stage].is_planar() { 0..2 } else { 0..3 });
+        axes.flat_map(move |axis| [Parameter::BaseAnchor { actuator, axis }, Parameter::TopAnchor { actuator, axis }])
+    })
+    .collect()
+}
+
+fn values(arm: &Arm, parameters: &[Parameter]) -> Vec<f64> {
+    parameters.iter().map(|parameter| arm.model.chain.get(*parameter).unwrap_or(0.0)).collect()
+}
+
 fn is_leg(arm: &Arm, stop: &Parameter) -> bool {
     let Parameter::Stop { actuator, .. } = *stop else { return false };
     let stage = arm.model.chain.actuator(actuator.into()).map(|(stage, _)| &arm.model.chain.stages[stage]);
@@ -451,5 +492,8 @@ fn turns(arm: &Arm, stop: &Parameter) -> bool {
 }
 
 fn is_used(stop: &Parameter, word: &Word) -> bool {
-    matches!(*stop, Parameter::Stop { actuator, state } if word.digit(actuator.into()) == state)
+    match *stop {
+        Parameter::Stop { actuator, state } => word.digit(actuator.into()) == state,
+        _ => true,
+    }
 }

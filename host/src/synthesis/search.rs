@@ -106,7 +106,8 @@ fn scattered(
     rng: &mut ChaCha8Rng,
 ) -> DVector<f64> {
     let mut unknowns = base_line.clone();
-    for (index, value) in unknowns.iter_mut().enumerate() {
+    // The poses of the platforms are sought with the anchors where they are.
+    for (index, value) in unknowns.iter_mut().enumerate().filter(|(index, _)| !problem.is_anchor(*index)) {
         let size = if problem.is_angle(index) { angle_rad } else { length * value.abs().max(0.1) };
         if let Ok(normal) = Normal::new(0.0, size) {
             *value += normal.sample(rng);

@@ -22,6 +22,7 @@ pub(super) struct Synthesised {
     starts: u32,
     took_s: f64,
     alteration_m: f64,
+    anchors_moved_m: f64,
     frames: Vec<FrameReport>,
     #[serde(flatten)]
     extras: Extras,
@@ -100,6 +101,7 @@ impl Synthesised {
             starts: found.starts,
             took_s: found.time.as_secs_f64(),
             alteration_m: found.alteration_m,
+            anchors_moved_m: found.anchors_moved_m,
             frames: found.frames.iter().map(frame_report).collect(),
             extras,
         }
@@ -132,7 +134,7 @@ impl Answer for Synthesised {
             ]
         }));
         format!(
-            "{}\n\n{}{}\n{} in {:.3} s: {} iterations, {} start{}; stops altered by {:.1} mm (root of the sum of squares)\n\
+            "{}\n\n{}{}\n{} in {:.3} s: {} iterations, {} start{}; stops altered by {:.1} mm (root of the sum of squares){}\n\
              model {} in {}",
             columns(&rows),
             self.extras.text(&self.frames, self.alteration_m),
@@ -146,6 +148,10 @@ impl Answer for Synthesised {
             self.starts,
             if self.starts == 1 { "" } else { "s" },
             1e3 * self.alteration_m,
+            match self.anchors_moved_m {
+                0.0 => String::new(),
+                moved_m => format!(", anchors moved, too, by up to {:.1} mm: `darm stops` lists them", 1e3 * moved_m),
+            },
             self.model,
             self.output.display()
         )
