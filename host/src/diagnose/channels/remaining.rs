@@ -6,7 +6,7 @@
 
 use std::f64::consts::TAU;
 
-use super::experiment::{Candidate, Experiment};
+use super::experiment::{Axis, Candidate, Experiment};
 use super::linear::Channels;
 use super::outcome::Term;
 use crate::diagnose::kind::Trial;
@@ -18,6 +18,11 @@ const FEW: usize = 6;
 const MOST_COLUMNS: usize = 120;
 /// Periods of a wave in the range of its channel.
 const WAVES: usize = 8;
+/// Correlation of neighbouring rows from which on a residual is no noise, and how many pairs tell it at least.
+const GOES_ON: f64 = 0.5;
+const LEAST_PAIRS: f64 = 100.0;
+/// A residual counts as so many times the noise at most.
+const FAR: f64 = 4.0;
 
 /// The terms that help, with the share of the remaining mean square that each takes up, of rows it was not fitted to.
 pub(super) fn terms(kind: &Channels, best: &Trial<Channels>) -> Vec<Term> {
@@ -53,6 +58,30 @@ pub(super) fn terms(kind: &Channels, best: &Trial<Channels>) -> Vec<Term> {
         Term { axis: axis.into(), term: term.into(), share: share(rung) }
     };
     kept.filter(|rung| still(&rung.place)).map(term).collect()
+}
+
+/// Axes whose residual goes on from row to row as noise does not, where no effect and no term was found: something is
+/// missing, of a shape that is not in the dictionary. The share is that of the mean square which the row before foretells.
+pub(super) fn memory(kind: &Channels, best: &Trial<Channels>) -> Vec<Term> {
+    let (rows, n_axes) = (&kind.experiment.rows, kind.sigma.len());
+    let residuals = kind.training_residuals(&best.fit);
+    let of_axis = |(axis, of): (usize, &Axis)| {
+        let own: Vec<f64> =
+            residuals.iter().skip(axis).step_by(n_axes).map(|residual| residual.clamp(-FAR, FAR)).collect();
+        let training = kind.groups.training.windows(2).zip(own.windows(2));
+        let pairs = training.filter(|(at, _)| at[1] == at[0] + 1 && rows[at[0]].series == rows[at[1]].series);
+        let [both, before, after, count] = pairs.fold([0.0; 4], |[both, before, after, count], (_, r)| {
+            [both + r[0] * r[1], before + r[0] * r[0], after + r[1] * r[1], count + 1.0]
+        });
+        let correlation = both / (before * after).sqrt().max(f64::MIN_POSITIVE);
+        let goes_on = correlation > GOES_ON && count >= LEAST_PAIRS;
+        goes_on.then(|| Term {
+            axis: of.name.clone(),
+            term: "its own value a row before".into(),
+            share: correlation.powi(2),
+        })
+    };
+    kind.experiment.axes.iter().enumerate().filter_map(of_axis).collect()
 }
 
 fn dictionary(experiment: &Experiment, residuals: &[f64]) -> Vec<Candidate> {

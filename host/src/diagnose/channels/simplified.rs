@@ -113,8 +113,14 @@ pub(super) fn forms(kind: &Channels, best: &Trial<Channels>, n_known: usize) -> 
     let is_form = |order: usize| {
         let here: Vec<usize> = (0..active.len()).filter(|&other| together(order, other)).collect();
         // One law in several shapes is one effect.
-        let own: Vec<usize> = here.iter().copied().filter(|&other| law(other) == law(order)).collect();
-        !bounded(kind, active[order]) && own.len() < here.len() && taken(&own) < FORM * taken(&here)
+        let of_law = |named: usize| {
+            let own: Vec<usize> = here.iter().copied().filter(|&other| law(other) == law(named)).collect();
+            taken(&own)
+        };
+        // Where none takes up much beside the others the largest of them is named.
+        let own = of_law(order);
+        let is_less = here.iter().any(|&other| law(other) != law(order) && of_law(other) > own);
+        !bounded(kind, active[order]) && is_less && own < FORM * taken(&here)
     };
     (0..active.len()).map(|order| order >= n_known && is_form(order)).collect()
 }
@@ -184,5 +190,14 @@ mod tests {
         };
         assert_eq!(told(&|[v, w]| [v / (1.0 + 0.1 * v.abs()), 0.05 * (w / 0.05).tanh()]), [false, true, false]);
         assert_eq!(told(&|[v, w]| [v + 0.5 * (v / 0.05).tanh(), 0.05 * w.signum()]), [false, false, false]);
+    }
+
+    #[test]
+    fn of_laws_that_are_each_others_form_one_is_named() {
+        let laws: [Added<'_>; 2] =
+            [("viscous", "1", &|[v, _]| [v, 0.0]), ("dry", "1", &|[v, _]| [v / (1.0 + 0.05 * v.abs()), 0.0])];
+        let mut kind = channels(&laws, |[v, _]| [v + 0.5 * v / (1.0 + 0.05 * v.abs()), 0.0]);
+        let Ok(model) = kind.settled(kind.start(vec![0, 1]));
+        assert_eq!(forms(&kind, &model, 0).iter().filter(|is_form| **is_form).count(), 1);
     }
 }

@@ -92,7 +92,11 @@ pub(super) fn diagnosis(mut ended: Ended, pooled: Option<HeldOut>, known: &[Know
     effects.retain(|found| !doubtful(found));
     let next_measurement =
         (!alternatives.is_empty()).then(|| next::proposal(kind, &of_alternatives(ended, &alternatives)));
-    let remaining = remaining::terms(kind, &ended.best);
+    let mut remaining = remaining::terms(kind, &ended.best);
+    // Behind a filter noise goes on from row to row as well.
+    if effects.is_empty() && remaining.is_empty() && options.preparation.lowpass_hz.is_none() {
+        remaining = remaining::memory(kind, &ended.best);
+    }
     let left: f64 = remaining.iter().map(|term| term.share).sum();
     let share = (error.after.train.norm.value / error.before.train.norm.value.max(f64::MIN_POSITIVE)).powi(2);
     let verdict = match (effects.is_empty(), left > 0.0) {
