@@ -7,7 +7,7 @@ use anyhow::Result;
 use darm::motion::demonstration::{Demonstration, Style, demonstrate};
 use darm::motion::execution::Executed;
 use darm::motion::mapping::{Mapped, map};
-use darm::motion::person::{com, person};
+use darm::motion::person::{Person, com, person};
 use darm::motion::plot::{Curve, Figure as Picture};
 use darm::motion::setup::Setup;
 use darm::motion::{Capture, Fixed};
@@ -48,21 +48,7 @@ pub(super) fn map_both(
         let shown = demonstrate(&average, (&names, &markers), &setup.person_feet, style, seed)?;
         fs::write(folder.join(format!("{name}.csv")), csv(&shown.capture))?;
         let found = person(&average, &markers, &shown.capture)?;
-        figures.push(figure(
-            &format!("{name}: person's centre of pressure, worst, average masses"),
-            1e3 * found.before.worst_m,
-            "mm",
-        )?);
-        figures.push(figure(
-            &format!("{name}: person's centre of pressure, worst, scaled (paper 20)"),
-            1e3 * found.after.worst_m,
-            "mm",
-        )?);
-        figures.push(figure(
-            &format!("{name}: person's centre of mass against the truth, RMS"),
-            1e3 * apart(&found.com, &shown),
-            "mm",
-        )?);
+        tell_person(figures, name, &found, &shown)?;
         let mapped = map(&robots.identified, &setup, &found, &shown.capture)?;
         let executed = executed(&robots.real, &robots.identified, &setup, &mapped)?;
         tell(figures, name, &mapped)?;
@@ -91,6 +77,17 @@ pub(super) fn map_both(
     let masses: Vec<_> = darm::identify::bodies(&robots.cad).map(|joint| mass(robots, joint)).collect();
     fs::write(folder.join("masses.json"), serde_json::to_string_pretty(&masses)?)?;
     Ok(pictures)
+}
+
+fn tell_person(figures: &mut Vec<Figure>, name: &str, found: &Person, shown: &Demonstration) -> Result<()> {
+    for (what, off_m) in [
+        ("person's centre of pressure, worst, average masses", found.before.worst_m),
+        ("person's centre of pressure, worst, scaled (paper 20)", found.after.worst_m),
+        ("person's centre of mass against the truth, RMS", apart(&found.com, shown)),
+    ] {
+        figures.push(figure(&format!("{name}: {what}"), 1e3 * off_m, "mm")?);
+    }
+    Ok(())
 }
 
 fn tell_executed(
