@@ -68,12 +68,12 @@ pub(super) fn effect(raw: &RawEffect, model: &ArmModel) -> Result<Effect<f64>, A
             let since_s = number(raw.since_s, "since_s", "a step")?;
             Step { actuator: actuator()?, since_s, shift_m: 0.0 }.into()
         }
-        "drift" => Drift { at, until_s: number(raw.until_s, "until_s", "a drift")?, rate_m_per_s: 0.0 }.into(),
+        "drift" => Drift { at, until_s: number(raw.until_s, "until_s", "a drift")?, values: [0.0; 2] }.into(),
         "wear" => {
             let until_switches = number(raw.until_switches, "until_switches", "wear")?;
             Wear { actuator: actuator()?, until_switches, per_switch_m: 0.0 }.into()
         }
-        "crowding" => Crowding { at, short_m: 0.0 }.into(),
+        "crowding" => Crowding { at, values: [0.0; 2] }.into(),
         "base-offset" => FrameOffset { frame: Frame::Base, values: [0.0; 6] }.into(),
         "tool-offset" => FrameOffset { frame: Frame::Tool, values: [0.0; 6] }.into(),
         "scale" => Scale { stretch: 0.0 }.into(),
@@ -96,9 +96,9 @@ pub(super) fn effect(raw: &RawEffect, model: &ArmModel) -> Result<Effect<f64>, A
     Ok(effect)
 }
 
-/// The key of a value: its name and its unit, `loss_m`, `compliance_m_per_n`, `expansion_per_k`, `gain`.
+/// The key of a value: its name and its unit, `loss_m`, `compliance_m_per_n`, `rate_change_m_per_s2`, `gain`.
 pub(super) fn value_key(quantity: &Quantity) -> String {
-    let unit = quantity.unit.to_lowercase().replace('/', "_per_");
+    let unit = quantity.unit.to_lowercase().replace('/', "_per_").replace('²', "2");
     match unit.trim_start_matches('1') {
         "" => quantity.name.into(),
         unit => format!("{}_{}", quantity.name, unit.trim_start_matches('_')),

@@ -24,7 +24,7 @@ const ANYWHERE: [fn(Place) -> Effect<f64>; 5] = [
     |at| Play { at, width_m: 0.0 }.into(),
     |at| SupplyStroke { at, gain: 0.0 }.into(),
     |at| ThermalGrowth { at, expansion_per_k: 0.0 }.into(),
-    |at| Drift { at, until_s: 0.0, rate_m_per_s: 0.0 }.into(),
+    |at| Drift { at, until_s: 0.0, values: [0.0; 2] }.into(),
 ];
 
 /// All effects that may be there, with their values at zero: each law at each place. A step is one that was there from
@@ -34,7 +34,7 @@ pub fn all(model: &ArmModel) -> Vec<Effect<f64>> {
     let mut effects: Vec<Effect<f64>> =
         ANYWHERE.iter().flat_map(|law| everywhere.iter().map(|&place| law(place))).collect();
     let together = everywhere.iter().filter(|place| !matches!(place, Place::Actuator(_)));
-    effects.extend(together.map(|&at| Effect::from(Crowding { at, short_m: 0.0 })));
+    effects.extend(together.map(|&at| Effect::from(Crowding { at, values: [0.0; 2] })));
     effects.extend([Frame::Base, Frame::Tool].map(|frame| Effect::from(FrameOffset { frame, values: [0.0; 6] })));
     effects.push(Scale { stretch: 0.0 }.into());
     let servos = 0..model.chain.n_servos() as u8;

@@ -248,24 +248,30 @@ fn at(model: ArmModel, observations: &Observations, values: &[Value], scratch: &
     Ok(Fit { model, values, residuals, columns })
 }
 
-/// The covariance of fitted values: a sandwich with one term a word, so that what the rows of a word have in common is
-/// not counted as many times.
+/// The covariance of fitted values by the jackknife: how far they go when a word is left out, all its rows together, so
+/// that what the rows of a word have in common is not counted as many times.
+///
+/// Source: R. M. Bell, D. F. McCaffrey, Survey Methodology 28 (2002) 169.
 pub fn covariance(fit: &Fit, observations: &Observations) -> DMatrix<f64> {
     let n_axes = observations.n_axes();
     let row_weights = weights(&fit.residuals, n_axes);
     let (information, _) = normal(&fit.columns, &fit.residuals, &row_weights);
-    let inverse = pseudo_inverse(&information);
-    let (p, groups) = (fit.columns.len(), observations.n_groups);
-    let mut scores = DMatrix::<f64>::zeros(p, groups);
+    let (p, n_groups) = (fit.columns.len(), observations.n_groups);
+    let mut without = vec![information; n_groups];
+    let mut scores = vec![DVector::<f64>::zeros(p); n_groups];
     for (index, (row, weight)) in observations.rows.iter().zip(&row_weights).enumerate() {
         for k in index * n_axes..(index + 1) * n_axes {
-            for (a, column) in fit.columns.iter().enumerate() {
-                scores[(a, row.group)] += weight * column[k] * fit.residuals[k];
-            }
+            let slopes = DVector::from_iterator(p, fit.columns.iter().map(|column| column[k]));
+            without[row.group].ger(-weight, &slopes, &slopes, 1.0);
+            scores[row.group].axpy(weight * fit.residuals[k], &slopes, 1.0);
         }
     }
-    let few = groups as f64 / groups.saturating_sub(p).max(1) as f64;
-    &inverse * (&scores * scores.transpose()) * &inverse * few
+    let mut covariance = DMatrix::zeros(p, p);
+    for (without, score) in without.iter().zip(&scores) {
+        let gone = solve(without, score);
+        covariance.ger((n_groups as f64 - 1.0) / n_groups as f64, &gone, &gone, 1.0);
+    }
+    covariance
 }
 
 /// The condition number of the information about the fitted values.

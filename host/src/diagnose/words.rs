@@ -103,17 +103,24 @@ pub fn effect_sentence(arm: &Arm, effect: &Effect<f64>) -> String {
             format!("{place}: since {since_s:.1} s after the start it is {:.2} mm {way}.", law.shift_m.abs() * 1e3)
         }
         Effect::Drift(law) => {
-            let way = longer(law.rate_m_per_s);
-            format!("{place}: it creeps {:.2} mm {way} in each minute.", law.rate_m_per_s.abs() * 6e4)
+            let [rate, change] = [law.values[0] * 6e4, law.values[1] * 3.6e6];
+            let then = if rate * change < 0.0 { "less" } else { "more" };
+            format!(
+                "{place}: it creeps {:.2} mm {} in the first minute, and {:.2} mm {then} in each minute after.",
+                (rate + 0.5 * change).abs(),
+                longer(rate + 0.5 * change),
+                change.abs()
+            )
         }
         Effect::Wear(law) => {
             let way = if law.per_switch_m > 0.0 { "farther" } else { "less far" };
             format!("{place}: its stops let it {:.2} mm {way} for each 100 switches.", law.per_switch_m.abs() * 1e5)
         }
         Effect::Crowding(law) => {
-            let short_mm = law.short_m * 1e3;
+            let [short_mm, more_mm] = [law.values[0] * 1e3, law.values[1] * -1e2];
             format!(
-                "{place}: an actuator stays {short_mm:.2} mm short for each other that its module switches with it."
+                "{place}: an actuator stays {short_mm:.2} mm short for each other that its module switches with it, and \
+                 {more_mm:.2} mm more for each 10 % of supply that is missing."
             )
         }
         Effect::FrameOffset(law) => frame_sentence(&place, &law.values, arm.model.chain.is_planar()),

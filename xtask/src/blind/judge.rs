@@ -176,8 +176,7 @@ fn sigma(diagnosis: &Diagnosis) -> [f64; 6] {
 fn covered(arm: &Arm, blind: &Blind, diagnosis: &Diagnosis) -> Result<[usize; 2]> {
     let effects = &diagnosis.effects;
     let model = with_effects(arm, diagnosis.best_effects());
-    let noise = blind.scatter_m();
-    let clean = Observations::new(arm, blind.clean(), [noise; 6], |_| true);
+    let clean = Observations::new(arm, blind.clean(), sigma(diagnosis), |_| true);
     let truth = fit(&model, &clean, &values(&model), &mut ArmScratch::default()).map_err(|no_pose| no_pose.error)?;
     let mut counts = [0, 0];
     for (found, effect) in effects.iter().zip(truth.model.effects.iter()) {
