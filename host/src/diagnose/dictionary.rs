@@ -15,6 +15,7 @@ use darm_core::actuator::MAX_STATES;
 use darm_core::units::Word;
 
 use super::observation::{Observations, Row};
+use super::regression::Term;
 use crate::arm::Arm;
 use crate::measurement::Run;
 
@@ -22,16 +23,6 @@ use crate::measurement::Run;
 pub const WAVES: usize = 8;
 /// Moments that a step in time is looked for at.
 pub const MOMENTS: usize = 15;
-
-/// A term of the dictionary.
-pub struct Term {
-    /// The variable, as a person would call it.
-    pub variable: String,
-    /// How the residual may depend on it.
-    pub shape: &'static str,
-    /// One number a row in each.
-    pub columns: Vec<Vec<f64>>,
-}
 
 /// All terms for the rows of a run.
 pub fn dictionary(arm: &Arm, run: &Run, observations: &Observations) -> Vec<Term> {

@@ -21,6 +21,7 @@ mod next;
 pub mod noise;
 pub mod observation;
 pub mod outcome;
+pub mod regression;
 pub mod search;
 pub mod sensitivity;
 pub mod significance;

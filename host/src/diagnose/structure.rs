@@ -7,13 +7,13 @@
 
 use std::fmt;
 
-use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-use super::dictionary::{Term, dictionary};
-use super::fit::{pseudo_inverse, size, weights};
+use super::dictionary::dictionary;
+use super::fit::{size, weights};
 use super::noise::Noise;
 use super::observation::Observations;
+use super::regression::{Design, Term, centred, of_axis};
 use super::significance::{STRUCTURE_LEVEL, f_test};
 use crate::arm::Arm;
 use crate::measurement::{Run, median};
@@ -95,9 +95,10 @@ fn drawn_in(residuals: &[f64], n_axes: usize) -> Vec<f64> {
 
 fn dependences(arm: &Arm, run: &Run, observations: &Observations, residuals: &[f64]) -> Vec<Dependence> {
     let terms = dictionary(arm, run, observations);
-    let designs: Vec<Design> = terms.iter().filter_map(|term| Design::new(term, observations.rows.len())).collect();
+    let rows: Vec<usize> = (0..observations.rows.len()).collect();
+    let designs: Vec<Design> = terms.iter().filter_map(|term| Design::new(term, &rows)).collect();
     let n_tried = 2.0 * designs.len() as f64;
-    let whole = square(residuals, observations.n_axes());
+    let whole = square(residuals, observations.n_axes(), &rows);
     let mut told: Vec<Dependence> = Vec::new();
     let mut left = residuals.to_vec();
     while told.len() < MOST_TERMS {
@@ -106,7 +107,7 @@ fn dependences(arm: &Arm, run: &Run, observations: &Observations, residuals: &[f
             [("tool", &left), ("base", &turned)].map(|(frame, rows)| (frame, design, design.take(rows)))
         });
         let Some((frame, design, taken)) = tried.min_by(|a, b| a.2.criterion.total_cmp(&b.2.criterion)) else { break };
-        let p = (taken.p * n_tried).min(1.0);
+        let p = (taken.p(1.0) * n_tried).min(1.0);
         if p >= STRUCTURE_LEVEL || taken.criterion >= 0.0 {
             break;
         }
@@ -118,65 +119,8 @@ fn dependences(arm: &Arm, run: &Run, observations: &Observations, residuals: &[f
     told
 }
 
-/// A term made ready for regression.
-struct Design<'a> {
-    term: &'a Term,
-    columns: DMatrix<f64>,
-    inverse: DMatrix<f64>,
-}
-
-/// What a term takes from some residuals.
-struct Taken {
-    /// Fall of the squares.
-    square: f64,
-    p: f64,
-    /// n·ln(share left) + k·ln n: below zero the term is worth its columns.
-    criterion: f64,
-    left: Vec<f64>,
-}
-
-impl<'a> Design<'a> {
-    /// `None` where the columns are constant or too many.
-    fn new(term: &'a Term, n: usize) -> Option<Self> {
-        let centred: Vec<DVector<f64>> =
-            term.columns.iter().map(|column| centre(column)).filter(|c| c.iter().any(|x| x.abs() > 1e-12)).collect();
-        if centred.is_empty() || n < centred.len() + 2 {
-            return None;
-        }
-        let columns = DMatrix::from_columns(&centred);
-        let inverse = pseudo_inverse(&columns.tr_mul(&columns));
-        Some(Self { term, columns, inverse })
-    }
-
-    fn take(&self, residuals: &[f64]) -> Taken {
-        let (n, k) = self.columns.shape();
-        let n_axes = residuals.len() / n;
-        let (mut whole, mut square, mut left) = (0.0, 0.0, residuals.to_vec());
-        for axis in 0..n_axes {
-            let y = centre(&residuals.iter().skip(axis).step_by(n_axes).copied().collect::<Vec<_>>());
-            let along = self.columns.tr_mul(&y);
-            let slopes = &self.inverse * &along;
-            whole += y.norm_squared();
-            square += along.dot(&slopes);
-            let fitted = &self.columns * slopes;
-            left.iter_mut().skip(axis).step_by(n_axes).zip(fitted.iter()).for_each(|(left, fitted)| *left -= fitted);
-        }
-        let (dof, rest_dof) = (k * n_axes, (n - 1 - k) * n_axes);
-        let rest = (whole - square).max(f64::MIN_POSITIVE);
-        let p = f_test(square / dof as f64 / (rest / rest_dof as f64), dof, rest_dof);
-        let n = (n * n_axes) as f64;
-        let criterion = n * (rest / whole.max(f64::MIN_POSITIVE)).ln() + dof as f64 * n.ln();
-        Taken { square, p, criterion, left }
-    }
-}
-
 /// The squares of residuals about their mean, all axes together.
-fn square(residuals: &[f64], n_axes: usize) -> f64 {
-    let of_axis = |axis| centre(&residuals.iter().skip(axis).step_by(n_axes).copied().collect::<Vec<_>>());
-    (0..n_axes).map(|axis| of_axis(axis).norm_squared()).sum::<f64>().max(f64::MIN_POSITIVE)
-}
-
-fn centre(values: &[f64]) -> DVector<f64> {
-    let mean = values.iter().sum::<f64>() / values.len() as f64;
-    DVector::from_iterator(values.len(), values.iter().map(|value| value - mean))
+fn square(residuals: &[f64], n_axes: usize, rows: &[usize]) -> f64 {
+    let of = |axis| centred(&of_axis(residuals, n_axes, axis), rows).norm_squared();
+    (0..n_axes).map(of).sum::<f64>().max(f64::MIN_POSITIVE)
 }

@@ -161,8 +161,10 @@ pub fn candidate(
     (candidate, Mass { candidate: index, ten: *ten })
 }
 
-/// The least mass as a share of what the body was said to have, and the least second moment as a share of their sum.
-const LEAST: (f64, f64) = (0.1, 1e-4);
+/// The least mass as a share of what the body was said to have.
+pub const LEAST_MASS: f64 = 0.1;
+/// The least second moment as a share of their sum.
+const LEAST_MOMENT: f64 = 1e-4;
 
 /// The nearest ten parameters of a body that can be, with its mass and first moment as they are; one with hardly any
 /// mass left becomes the `nominal` one with all ten scaled to the least mass.
@@ -172,14 +174,14 @@ const LEAST: (f64, f64) = (0.1, 1e-4);
 /// Kim, J.-J. Slotine, IEEE Robotics and Automation Letters 3 (2018) 60.
 pub fn possible(ten: &[f64; 10], nominal: &[f64; 10]) -> [f64; 10] {
     let [mass, x, y, z, xx, xy, yy, xz, yz, zz] = *ten;
-    if mass < LEAST.0 * nominal[0] || mass <= 0.0 {
-        return nominal.map(|parameter| LEAST.0 * parameter);
+    if mass < LEAST_MASS * nominal[0] || mass <= 0.0 {
+        return nominal.map(|parameter| LEAST_MASS * parameter);
     }
     let (moment, half) = (Vec3::new(x, y, z), 0.5 * (xx + yy + zz));
     let second = Mat3::new(half - xx, -xy, -xz, -xy, half - yy, -yz, -xz, -yz, half - zz);
     let offset = moment * moment.transpose() / mass;
     let mut eigen = (second - offset).symmetric_eigen();
-    let least = LEAST.1 * eigen.eigenvalues.iter().map(|l| l.abs()).sum::<f64>();
+    let least = LEAST_MOMENT * eigen.eigenvalues.iter().map(|l| l.abs()).sum::<f64>();
     if eigen.eigenvalues.min() >= least {
         return *ten;
     }

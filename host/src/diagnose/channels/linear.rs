@@ -202,7 +202,7 @@ impl Channels {
     }
 
     /// A and g of these values over all training rows, in their units.
-    fn equations(&self, indices: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
+    pub(super) fn equations(&self, indices: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
         let n = indices.len();
         let mut information = DMatrix::from_fn(n, n, |a, b| self.whole[(indices[a], indices[b])] / self.repeats);
         indices.iter().enumerate().for_each(|(k, &value)| information[(k, k)] += self.priors[value]);
@@ -251,15 +251,13 @@ impl Channels {
         (added.len() >= all.len().min(2)).then_some(added)
     }
 
-    /// Fits the values of a model anew, beside those that are held where they are.
-    pub fn refit(&self, fit: &mut Fit, held: &[usize]) {
-        let indices = self.indices(&fit.active);
+    /// The values of a model that fit all training rows best.
+    pub(super) fn least_squares(&self, active: Vec<usize>) -> Fit {
+        let indices = self.indices(&active);
         let (information, gradient) = self.equations(&indices);
-        let (fixed, free): (Vec<usize>, Vec<usize>) = (0..indices.len()).partition(|&k| held.contains(&indices[k]));
-        let of_fixed = |a: usize| fixed.iter().map(|&b| information[(a, b)] * fit.values[indices[b]]).sum::<f64>();
-        let rest = DVector::from_iterator(free.len(), free.iter().map(|&a| gradient[a] + of_fixed(a)));
-        let solved = -solve(information.select_rows(&free).select_columns(&free), &rest);
-        free.iter().zip(solved.iter()).for_each(|(&k, value)| fit.values[indices[k]] = *value);
+        let mut values = vec![0.0; self.n_values];
+        indices.iter().zip(solve(information, &gradient).iter()).for_each(|(&index, value)| values[index] = -value);
+        Fit { active, values }
     }
 
     /// Root mean square of the norm of scaled residuals, in its unit.
@@ -305,7 +303,7 @@ fn moves(candidates: &[Candidate]) -> Vec<Vec<usize>> {
 }
 
 /// x with A·x = b for an information matrix A, scaled to its diagonal and made safe by a share of [`LEAST`] of it.
-fn solve(mut information: DMatrix<f64>, gradient: &DVector<f64>) -> DVector<f64> {
+pub(super) fn solve(mut information: DMatrix<f64>, gradient: &DVector<f64>) -> DVector<f64> {
     let scale = information.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
     for (column, by) in scale.iter().enumerate() {
         for (row, other) in scale.iter().enumerate() {

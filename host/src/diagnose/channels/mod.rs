@@ -23,6 +23,7 @@ pub mod linear;
 pub mod model;
 mod next;
 pub mod outcome;
+mod physical;
 mod position;
 pub mod prepared;
 mod remaining;
@@ -51,8 +52,6 @@ use prepared::{HoldOut, Preparation, PrepareError, Prepared, values_of};
 /// Pieces of rows without which nothing can be said.
 const FEWEST_PIECES: usize = 8;
 
-/// Rounds in which impossible bodies are made possible and the rest is fitted anew.
-const POSSIBLE_ROUNDS: usize = 12;
 /// Slopes and residuals from here on are no measurement.
 const LARGEST: f64 = 1e100;
 
@@ -174,8 +173,7 @@ fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) ->
         best = settled;
     }
     let Ok(settled) = search.kind.settled(simplified::simplified(&search.kind, best, n_known));
-    best = settled;
-    possible(&search.kind, &mut best);
+    let best = physical::physical(&search.kind, settled);
     Ok(Ended { search, best, n_known, held_out: data.held_out, findings: data.findings })
 }
 
@@ -225,32 +223,6 @@ fn check(experiment: &Experiment) -> Result<(), ChannelError> {
     match experiment.residuals.iter().position(|residual| residual.is_nan() || residual.abs() >= LARGEST) {
         Some(at) => Err(ChannelError::NoNumber { line: experiment.rows[at / n_axes].line }),
         None => Ok(()),
-    }
-}
-
-/// Bodies that came out impossible become the nearest possible ones; everything else is fitted anew beside them.
-fn possible(kind: &Channels, best: &mut Trial<Channels>) {
-    let mut held: Vec<usize> = Vec::new();
-    for round in 0..=POSSIBLE_ROUNDS {
-        let mut changed = false;
-        for mass in kind.experiment.masses.iter().filter(|mass| best.fit.active.contains(&mass.candidate)) {
-            let indices = kind.indices(&[mass.candidate]);
-            let fitted = std::array::from_fn(|k| mass.ten[k] + indices.get(k).map_or(0.0, |&at| best.fit.values[at]));
-            let nearest = bodies::possible(&fitted, &mass.ten);
-            if nearest != fitted {
-                changed = true;
-                indices
-                    .iter()
-                    .zip(nearest.iter().zip(&mass.ten))
-                    .for_each(|(&at, (new, old))| best.fit.values[at] = new - old);
-                let moved = (0..10).filter(|&k| k > 3 || nearest[k] != fitted[k]).map(|k| indices[k]);
-                held.extend(moved.filter(|at| !held.contains(at)).collect::<Vec<_>>());
-            }
-        }
-        if !changed || round == POSSIBLE_ROUNDS {
-            return;
-        }
-        kind.refit(&mut best.fit, &held);
     }
 }
 

@@ -11,7 +11,7 @@
 //! | `effects` | law, where, values with unit and 95 % interval, by how much the held-out norm grows without it |
 //! | `alternatives` | what would do as well in an effect's place |
 //! | `unobservable` | values that these rows do not tell: no number is given |
-//! | `remaining` | terms that still lower the error of unseen rows, fitted, with no law behind them |
+//! | `remaining` | channels that what remains of an axis depends on, and how, with no law behind them; `heldout_gain` is the fall of that axis's error |
 //! | `outliers` | rows that fit nothing, by line |
 //! | `next_measurement` | `rows` (line of this file, `conditions` by channel) that would tell alternatives apart, and `tells`; or null |
 
@@ -158,8 +158,10 @@ pub struct Term {
     pub axis: String,
     /// What it depends on, and how.
     pub term: String,
-    /// Share of the remaining mean square of unseen rows that it takes up.
+    /// Share of the remaining mean square of the axis that it takes up.
     pub share: f64,
+    /// By how much the held-out error of the axis is smaller with it.
+    pub heldout_gain: Option<f64>,
 }
 
 /// A row that fits nothing.

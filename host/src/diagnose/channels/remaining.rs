@@ -1,149 +1,184 @@
-//! What remains when no law helps any more: terms of a dictionary over the channels that still predict unseen rows.
+//! What remains when no law helps any more: on which channels each axis of the residual depends, and how.
 //!
-//! The dictionary holds each channel c, c², |c|, sign(c), waves with up to [`WAVES`] periods in its range and, of few
-//! channels, their products; those that go with the residual of an axis most are candidates of the same search, which adds
-//! one at a time while the gain is no chance.
+//! A sparse regression over a dictionary: each channel c, c², |c|, sign(c), waves with up to [`WAVES`] periods in its range,
+//! a smooth curve of any form and, of few channels, their products. The term that explains most of an axis for the columns
+//! that it takes (Bayesian information criterion) is told and taken out, then the next, while each is no chance (F test,
+//! times the number of terms tried, rows counting as many times as they do not repeat each other). Numbers that stand out
+//! between the rows beside them are drawn in first.
 
 use std::f64::consts::TAU;
 
-use super::experiment::{Axis, Candidate, Experiment};
+use super::experiment::{Axis, Experiment};
 use super::linear::Channels;
-use super::outcome::Term;
+use super::outcome::Term as Told;
 use crate::diagnose::kind::Trial;
-use crate::diagnose::search::Search;
+use crate::diagnose::regression::{Design, Term, centred, of_axis};
+use crate::diagnose::significance::STRUCTURE_LEVEL;
+use crate::measurement::median;
 
 /// Channels up to which their products are tried.
 const FEW: usize = 6;
-/// Columns that are tried at most, all axes together.
-const MOST_COLUMNS: usize = 120;
+/// Terms of one axis that are told at most.
+const MOST_TERMS: usize = 4;
 /// Periods of a wave in the range of its channel.
-const WAVES: usize = 8;
+const WAVES: [&str; 8] = ["1 wave", "2 waves", "3 waves", "4 waves", "5 waves", "6 waves", "7 waves", "8 waves"];
+/// Where the pieces of a curve meet, as shares of the rows below.
+///
+/// Source: F. E. Harrell, Regression Modeling Strategies, 2nd ed., Springer (2015), table 2.3.
+const KNOTS: [f64; 6] = [0.05, 0.23, 0.41, 0.59, 0.77, 0.95];
 /// Correlation of neighbouring rows from which on a residual is no noise, and how many pairs tell it at least.
 const GOES_ON: f64 = 0.5;
 const LEAST_PAIRS: f64 = 100.0;
 /// A residual counts as so many times the noise at most.
 const FAR: f64 = 4.0;
+/// Rows to either side that a number is held against, and how many times farther off than usual it is drawn in from.
+const BESIDE: usize = 2;
+const STANDS_OUT: f64 = 7.5;
 
-/// The terms that help, with the share of the remaining mean square that each takes up, of rows it was not fitted to.
-pub(super) fn terms(kind: &Channels, best: &Trial<Channels>) -> Vec<Term> {
-    let experiment = &kind.experiment;
-    let residuals = experiment.at(&best.fit.values);
-    let candidates = dictionary(experiment, &residuals);
-    if candidates.is_empty() {
-        return Vec::new();
+/// What remains, and how much of what there was before it is.
+pub(super) struct Remaining {
+    /// The terms, axis by axis.
+    pub(super) terms: Vec<Told>,
+    /// What they take up, as a share of the squares before anything was found, each axis in units of its own scatter.
+    pub(super) share: f64,
+}
+
+/// What the residual of a model depends on.
+pub(super) fn remaining(kind: &Channels, best: &Trial<Channels>) -> Remaining {
+    let (experiment, rows) = (&kind.experiment, &kind.groups.training);
+    let n_axes = experiment.axes.len();
+    let after = experiment.at(&best.fit.values);
+    let dictionary = dictionary(experiment);
+    let designs: Vec<Design> = dictionary.iter().filter_map(|term| Design::new(term, rows)).collect();
+    let mut terms = Vec::new();
+    let (mut taken, mut before) = (0.0, f64::MIN_POSITIVE);
+    for (axis, of) in experiment.axes.iter().enumerate() {
+        let (own, scatter) = drawn_in(&of_axis(&after, n_axes, axis));
+        let depends = dependences(kind, of, &designs, own);
+        let whole = |of: &[f64]| square(&drawn_in(&of_axis(of, n_axes, axis)).0, rows) / (scatter * scatter);
+        taken += depends.iter().map(|term| term.share).sum::<f64>() * whole(&after);
+        before += whole(&experiment.residuals);
+        terms.extend(depends);
     }
-    let left = Experiment {
-        kind: experiment.kind,
-        axes: experiment.axes.clone(),
-        n_norm: experiment.n_norm,
-        rows: experiment.rows.clone(),
-        residuals,
-        candidates,
-        channels: Vec::new(),
-        masses: Vec::new(),
-        relinearise: None,
-    };
-    let n_terms = left.candidates.len();
-    let mut search = Search::new(Channels::new(left, kind.groups.clone()));
-    search.kind.moves.truncate(n_terms);
-    let start = search.kind.start(Vec::new());
-    let Ok((found, _)) = search.run(start);
-    let kept = search.ladder.iter().filter(|rung| rung.kept);
-    let share = |rung: &crate::diagnose::outcome::Rung| {
-        1.0 - (rung.cross_validated / rung.without.max(f64::MIN_POSITIVE)).powi(2)
-    };
-    let still = |place: &str| found.fit.active.iter().any(|k| search.kind.experiment.candidates[*k].place == place);
-    let term = |rung: &crate::diagnose::outcome::Rung| {
-        let (axis, term) = rung.place.split_once(": ").unwrap_or(("", &rung.place));
-        Term { axis: axis.into(), term: term.into(), share: share(rung) }
-    };
-    kept.filter(|rung| still(&rung.place)).map(term).collect()
+    Remaining { terms, share: taken / before }
+}
+
+/// The terms of one axis, the strongest first. Rows repeat each other as far as what a term leaves goes on from row to row.
+fn dependences(kind: &Channels, axis: &Axis, designs: &[Design], own: Vec<f64>) -> Vec<Told> {
+    let (experiment, rows) = (&kind.experiment, &kind.groups.training);
+    let n_tried = (designs.len() * experiment.axes.len()) as f64;
+    let held_out: Vec<usize> = (0..experiment.rows.len()).filter(|&row| experiment.rows[row].held_out).collect();
+    let error = |of: &[f64]| (square(of, &held_out) / held_out.len() as f64).sqrt();
+    let whole = square(&own, rows).max(f64::MIN_POSITIVE);
+    let (mut told, mut left): (Vec<Told>, _) = (Vec::new(), own);
+    while told.len() < MOST_TERMS {
+        let tried = designs.iter().map(|design| (design, design.take(&left)));
+        let Some((design, taken)) = tried.min_by(|a, b| a.1.criterion.total_cmp(&b.1.criterion)) else { break };
+        let own = centred(&taken.left, rows);
+        let seen: Vec<f64> = rows.iter().map(|&row| own[row]).collect();
+        if taken.p(kind.groups.repeats(&seen, 1)) * n_tried >= STRUCTURE_LEVEL || taken.criterion >= 0.0 {
+            break;
+        }
+        told.push(Told {
+            axis: axis.name.clone(),
+            term: design.term.to_string(),
+            share: taken.square / whole,
+            heldout_gain: (!held_out.is_empty()).then(|| error(&left) - error(&taken.left)),
+        });
+        left = taken.left;
+    }
+    told
+}
+
+/// The sum of the squares of some rows about their mean.
+fn square(numbers: &[f64], rows: &[usize]) -> f64 {
+    let centred = centred(numbers, rows);
+    rows.iter().map(|&row| centred[row].powi(2)).sum()
+}
+
+/// Numbers with those brought back that stand out between the ones beside them, and the usual scatter about these.
+fn drawn_in(numbers: &[f64]) -> (Vec<f64>, f64) {
+    let beside = |k: usize| median(numbers[k.saturating_sub(BESIDE)..].iter().copied().take(2 * BESIDE + 1));
+    let near: Vec<f64> = (0..numbers.len()).map(|k| beside(k).unwrap_or(numbers[k])).collect();
+    let off = |k: usize| (numbers[k] - near[k]).abs();
+    let largest = numbers.iter().fold(f64::MIN_POSITIVE, |largest, number| largest.max(number.abs()));
+    let scatter = median((0..numbers.len()).map(off)).unwrap_or_default().max(1e-9 * largest);
+    let back = |k: usize| if off(k) > STANDS_OUT * scatter { near[k] } else { numbers[k] };
+    ((0..numbers.len()).map(back).collect(), scatter)
 }
 
 /// Axes whose residual goes on from row to row as noise does not, where no effect and no term was found: something is
 /// missing, of a shape that is not in the dictionary. The share is that of the mean square which the row before foretells.
-pub(super) fn memory(kind: &Channels, best: &Trial<Channels>) -> Vec<Term> {
+pub(super) fn memory(kind: &Channels, best: &Trial<Channels>) -> Vec<Told> {
     let (rows, n_axes) = (&kind.experiment.rows, kind.sigma.len());
     let residuals = kind.training_residuals(&best.fit);
-    let of_axis = |(axis, of): (usize, &Axis)| {
-        let own: Vec<f64> =
-            residuals.iter().skip(axis).step_by(n_axes).map(|residual| residual.clamp(-FAR, FAR)).collect();
+    let told = |(axis, of): (usize, &Axis)| {
+        let own: Vec<f64> = of_axis(&residuals, n_axes, axis).iter().map(|r| r.clamp(-FAR, FAR)).collect();
         let training = kind.groups.training.windows(2).zip(own.windows(2));
         let pairs = training.filter(|(at, _)| at[1] == at[0] + 1 && rows[at[0]].series == rows[at[1]].series);
         let [both, before, after, count] = pairs.fold([0.0; 4], |[both, before, after, count], (_, r)| {
             [both + r[0] * r[1], before + r[0] * r[0], after + r[1] * r[1], count + 1.0]
         });
         let correlation = both / (before * after).sqrt().max(f64::MIN_POSITIVE);
-        let goes_on = correlation > GOES_ON && count >= LEAST_PAIRS;
-        goes_on.then(|| Term {
+        (correlation > GOES_ON && count >= LEAST_PAIRS).then(|| Told {
             axis: of.name.clone(),
             term: "its own value a row before".into(),
             share: correlation.powi(2),
+            heldout_gain: None,
         })
     };
-    kind.experiment.axes.iter().enumerate().filter_map(of_axis).collect()
+    kind.experiment.axes.iter().enumerate().filter_map(told).collect()
 }
 
-fn dictionary(experiment: &Experiment, residuals: &[f64]) -> Vec<Candidate> {
-    let n_axes = experiment.axes.len();
-    let mut shapes: Vec<(String, Vec<f64>)> = Vec::new();
-    for (name, channel) in &experiment.channels {
+fn dictionary(experiment: &Experiment) -> Vec<Term> {
+    let mut terms = Vec::new();
+    let mut straight: Vec<(&String, Vec<f64>)> = Vec::new();
+    for (variable, channel) in &experiment.channels {
         let mean = channel.iter().sum::<f64>() / channel.len().max(1) as f64;
         let spread = (channel.iter().map(|c| (c - mean).powi(2)).sum::<f64>() / channel.len().max(1) as f64).sqrt();
         if spread <= 1e-12 {
             continue;
         }
-        let of = |shape: &dyn Fn(f64) -> f64| channel.iter().map(|c| shape(c / spread)).collect::<Vec<f64>>();
-        shapes.push((name.clone(), of(&|c| c)));
-        shapes.push((format!("{name} squared"), of(&|c| c * c)));
-        shapes.push((format!("|{name}|"), of(&f64::abs)));
-        shapes.push((format!("sign of {name}"), of(&|c| (c / 0.05).tanh())));
+        let scaled: Vec<f64> = channel.iter().map(|c| c / spread).collect();
+        let mut term = |shape, columns| terms.push(Term { variable: variable.clone(), shape, columns });
+        let of = |shape: &dyn Fn(f64) -> f64| scaled.iter().map(|c| shape(*c)).collect::<Vec<f64>>();
+        term("straight", vec![scaled.clone()]);
+        term("square", vec![of(&|c| c * c)]);
+        term("size", vec![of(&f64::abs)]);
+        term("sign", vec![of(&|c| (c / 0.05).tanh())]);
+        term("curve", curve(&scaled));
+        let (low, high) = scaled.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), c| (l.min(*c), h.max(*c)));
+        for (k, shape) in WAVES.into_iter().enumerate() {
+            let turn = |c: f64| TAU * (k + 1) as f64 * (c - low) / (high - low);
+            term(shape, vec![of(&|c| turn(c).sin()), of(&|c| turn(c).cos())]);
+        }
+        straight.push((variable, scaled));
     }
-    let linear: Vec<usize> = (0..shapes.len()).step_by(4).collect();
-    shapes.extend(experiment.channels.iter().flat_map(|(name, channel)| waves(name, channel)));
-    if linear.len() <= FEW {
-        for (k, &a) in linear.iter().enumerate() {
-            for &b in &linear[k + 1..] {
-                let product = shapes[a].1.iter().zip(&shapes[b].1).map(|(a, b)| a * b).collect();
-                shapes.push((format!("{} times {}", shapes[a].0, shapes[b].0), product));
+    if straight.len() <= FEW {
+        for (k, (name, a)) in straight.iter().enumerate() {
+            for (other, b) in &straight[k + 1..] {
+                let columns = vec![a.iter().zip(b).map(|(a, b)| a * b).collect()];
+                terms.push(Term { variable: format!("{name} with {other}"), shape: "together", columns });
             }
         }
     }
-    let per_axis = MOST_COLUMNS / n_axes.max(1);
-    let mut candidates = Vec::new();
-    for (axis, of) in experiment.axes.iter().enumerate() {
-        let along = |numbers: &Vec<f64>| along(experiment, residuals, axis, numbers);
-        let mut sorted: Vec<(f64, &(String, Vec<f64>))> = shapes.iter().map(|shape| (along(&shape.1), shape)).collect();
-        sorted.sort_by(|a, b| b.0.total_cmp(&a.0));
-        for (_, (name, numbers)) in sorted.into_iter().take(per_axis) {
-            let mut column = vec![0.0; numbers.len() * n_axes];
-            numbers.iter().enumerate().for_each(|(row, number)| column[row * n_axes + axis] = *number);
-            candidates.push(Candidate::one("fitted-term", &format!("{}: {name}", of.name), ("size", of.unit), column));
+    terms
+}
+
+/// The channel itself, and cubic pieces between knots that go on straight beyond the last ones.
+fn curve(channel: &[f64]) -> Vec<Vec<f64>> {
+    let mut sorted = channel.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let knots = KNOTS.map(|share| sorted[(share * (sorted.len() - 1) as f64) as usize]);
+    let [.., before, last] = knots;
+    let mut columns = vec![channel.to_vec()];
+    if before < last {
+        let cube = |c: f64, knot: f64| (c - knot).max(0.0).powi(3);
+        for knot in &knots[..4] {
+            let [of_before, of_last] = [last - knot, before - knot].map(|reach| reach / (last - before));
+            let piece = |c: &f64| cube(*c, *knot) - of_before * cube(*c, before) + of_last * cube(*c, last);
+            columns.push(channel.iter().map(piece).collect());
         }
     }
-    candidates
-}
-
-/// sin and cos with whole numbers of periods in the range of a channel.
-fn waves(name: &str, channel: &[f64]) -> Vec<(String, Vec<f64>)> {
-    let (low, high) = channel.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), c| (l.min(*c), h.max(*c)));
-    if high - low <= 1e-12 {
-        return Vec::new();
-    }
-    let of = |shape: fn(f64) -> f64, k: usize| {
-        channel.iter().map(|c| shape(TAU * k as f64 * (c - low) / (high - low))).collect::<Vec<f64>>()
-    };
-    let both = |k| [of(f64::sin, k), of(f64::cos, k)].map(|column| (format!("wave {k} of {name}"), column));
-    (1..=WAVES).flat_map(both).collect()
-}
-
-/// How much a shape goes with the residual of an axis, in the rows that a fit may see: the cosine between the two.
-fn along(experiment: &Experiment, residuals: &[f64], axis: usize, numbers: &[f64]) -> f64 {
-    let n_axes = experiment.axes.len();
-    let rows = (0..numbers.len()).filter(|&row| !experiment.rows[row].held_out);
-    let sums = rows.fold([0.0; 3], |[xy, xx, yy], row| {
-        let (x, y) = (numbers[row], residuals[row * n_axes + axis]);
-        [xy + x * y, xx + x * x, yy + y * y]
-    });
-    (sums[0] / (sums[1] * sums[2]).sqrt().max(f64::MIN_POSITIVE)).abs()
+    columns
 }

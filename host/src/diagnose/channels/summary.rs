@@ -7,6 +7,7 @@ use super::factored::Factored;
 use super::known::{self, Known};
 use super::linear::Channels;
 use super::outcome::{Alternative, BeforeAfter, Diagnosis, Errors, Figure, Found, Number, Outlier, Parameter, Point};
+use super::remaining::Remaining;
 use super::thinned::FALSE_SHARE;
 use super::{Ended, Options, next, remaining, repeats, simplified};
 use crate::diagnose::UNEXPLAINED_SHARE;
@@ -92,18 +93,16 @@ pub(super) fn diagnosis(mut ended: Ended, pooled: Option<HeldOut>, known: &[Know
     effects.retain(|found| !doubtful(found));
     let next_measurement =
         (!alternatives.is_empty()).then(|| next::proposal(kind, &of_alternatives(ended, &alternatives)));
-    let mut remaining = remaining::terms(kind, &ended.best);
+    let Remaining { terms: mut remaining, share: left } = remaining::remaining(kind, &ended.best);
     // Behind a filter noise goes on from row to row as well.
     if effects.is_empty() && remaining.is_empty() && options.preparation.lowpass_hz.is_none() {
         remaining = remaining::memory(kind, &ended.best);
     }
-    let left: f64 = remaining.iter().map(|term| term.share).sum();
-    let share = (error.after.train.norm.value / error.before.train.norm.value.max(f64::MIN_POSITIVE)).powi(2);
-    let verdict = match (effects.is_empty(), left > 0.0) {
+    let verdict = match (effects.is_empty(), !remaining.is_empty()) {
         _ if !alternatives.is_empty() => Verdict::NotIdentifiable,
         (true, false) => Verdict::NoEffect,
         (true, true) => Verdict::UnexplainedStructure,
-        (false, _) if left * share > UNEXPLAINED_SHARE => Verdict::UnexplainedStructure,
+        (false, _) if left > UNEXPLAINED_SHARE => Verdict::UnexplainedStructure,
         (false, _) => Verdict::EffectFound,
     };
     let heldout = pooled.map_or(of_rows(experiment, &after, true).len(), |p| p.after.len()) / experiment.axes.len();
