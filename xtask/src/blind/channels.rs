@@ -16,47 +16,36 @@
 //! | a backpack on a link, held postures | weight of a point, by statics |
 //! | a plate that drifts, outside the list | Δ(cop x) = c·sin(2πt/P) |
 
-use std::f64::consts::TAU;
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use darm::diagnose::channels::model::{Model, What};
 use darm::diagnose::channels::outcome::Diagnosis;
 use darm::diagnose::channels::prepared::{HoldOut, Preparation};
 use darm::diagnose::channels::{Options, diagnose_table};
 use darm::diagnose::outcome::Verdict;
 use darm::measurement::table::{Names, Table};
-use darm::robot::{Motion, Robot};
+use darm::robot::Robot;
 use darm::urdf::{self, Locks};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::case::Class;
-use super::floating::{Postures, floating};
+use super::floating::floating;
 use super::judge::{Mark, right};
+use super::serial::serial;
+use super::sets::{self, Elsewhere};
 use crate::setup;
 
-/// Rows a second of the serial arm, and how long it moves.
-const RATE_HZ: f64 = 20.0;
-const MOTION_S: f64 = 40.0;
-/// Noise: share of the root mean square of a torque.
-const TORQUE_NOISE: f64 = 0.02;
 /// Outliers: share of the rows, in units of the noise.
 const OUTLIERS: f64 = 0.02;
 const OUTLIER_NOISES: f64 = 60.0;
 /// Size of a mechanism on its axis, in units of the noise.
 const TIMES_NOISE: std::ops::Range<f64> = 8.0..32.0;
-/// Step of the differences, s.
-const STEP_S: f64 = 1e-3;
 /// Postures and motions reach so far from the middle of each joint's range, rad.
 pub(super) const SWING_RAD: f64 = 0.7;
-/// Speed below which dry friction falls, rad/s.
-const CREEP_RAD_S: f64 = 0.02;
-/// Mechanisms of a serial arm inside the list, the lump among them.
-const MECHANISMS: usize = 7;
-const LUMP: usize = 5;
 /// Error of a gear, as a sine, a cosine or both.
-const PERIODIC: &str = "gear-periodic";
+pub(super) const PERIODIC: &str = "gear-periodic";
 
 /// A robot that is measured by channels.
 pub(super) struct Robots {
@@ -73,10 +62,12 @@ pub(super) enum Which {
 
 /// What was added, and where; `law` is empty where none is right.
 pub(super) struct Added {
-    law: &'static str,
-    place: String,
+    pub(super) law: &'static str,
+    pub(super) place: String,
     /// What the residual depends on where no law is right.
     variable: String,
+    /// What it adds on each axis.
+    pub(super) shape: Vec<Vec<f64>>,
 }
 
 impl Robots {
@@ -124,11 +115,25 @@ pub(super) struct Bench {
     pub(super) added: Vec<Added>,
     /// Axes of the diagnosis that make the norm, and their noise.
     pub(super) norm_noise: Vec<f64>,
-    /// Of a floating base: where it stood.
-    pub(super) postures: Option<Postures>,
+    /// What the model predicts.
+    pub(super) nominal: Vec<Vec<f64>>,
+    /// What laws add under other conditions.
+    pub(super) elsewhere: Option<Box<dyn Elsewhere>>,
 }
 
 impl Bench {
+    /// A bench on which nothing is added yet: names and numbers of what is given, of what the model predicts, its noise,
+    /// and that of the axes that make the norm.
+    pub(super) fn new(
+        (names, given): (Vec<String>, Vec<Vec<f64>>),
+        (axes, nominal): (Vec<String>, Vec<Vec<f64>>),
+        noise: Vec<f64>,
+        norm_noise: Vec<f64>,
+    ) -> Self {
+        let (measured, spoiled, added) = (nominal.clone(), Vec::new(), Vec::new());
+        Self { names, given, axes, measured, noise, spoiled, added, norm_noise, nominal, elsewhere: None }
+    }
+
     fn rows(&self) -> usize {
         self.given.first().map_or(0, Vec::len)
     }
@@ -177,10 +182,11 @@ impl Bench {
         let noises = shape.iter().zip(&self.noise).map(|(column, noise)| rms(column) / noise);
         let largest = noises.fold(f64::MIN_POSITIVE, f64::max);
         let size = rng.random_range(TIMES_NOISE) / largest;
+        let shape: Vec<Vec<f64>> = shape.into_iter().map(|axis| axis.iter().map(|x| size * x).collect()).collect();
         for (channel, column) in self.measured.iter_mut().zip(&shape) {
-            channel.iter_mut().zip(column).for_each(|(value, more)| *value += size * more);
+            channel.iter_mut().zip(column).for_each(|(value, more)| *value += more);
         }
-        self.added.push(Added { law, place, variable });
+        self.added.push(Added { law, place, variable, shape });
     }
 
     fn mark(&self, class: Class, diagnosis: &Diagnosis) -> Result<Mark> {
@@ -198,11 +204,11 @@ impl Bench {
                 mark.variable = mark.named && first.is_some_and(|term| term.term.contains(&self.added[0].variable));
             }
             Class::One | Class::Two => {
-                (mark.named, mark.placed) = match (diagnosis.verdict, &self.postures) {
-                    (Verdict::EffectFound, _) => right(&truth, &named),
-                    (Verdict::NotIdentifiable, Some(postures)) => {
-                        let is_set = postures.is_set(self, &truth, diagnosis)?;
-                        (is_set, is_set)
+                (mark.named, mark.placed) = match diagnosis.verdict {
+                    Verdict::EffectFound => right(&truth, &named),
+                    Verdict::NotIdentifiable => {
+                        let are_sets = sets::are_right(self, &named, diagnosis)?;
+                        (are_sets, are_sets)
                     }
                     _ => (false, false),
                 };
@@ -224,12 +230,12 @@ impl Bench {
 }
 
 /// The law, of whatever phase where it is periodic.
-fn law_of(name: &'static str) -> &'static str {
+pub(super) fn law_of(name: &'static str) -> &'static str {
     if name.starts_with(PERIODIC) { PERIODIC } else { name }
 }
 
 /// `joint 3` of `joint 3 (joint_3)`.
-fn joint_of(place: &str) -> &str {
+pub(super) fn joint_of(place: &str) -> &str {
     place.split(" (").next().unwrap_or(place)
 }
 
@@ -255,129 +261,6 @@ fn normal(rng: &mut ChaCha8Rng) -> f64 {
     }
 }
 
-/// A smooth motion of one joint: position, velocity, acceleration.
-struct Swing {
-    middle: f64,
-    waves: Vec<[f64; 3]>,
-}
-
-impl Swing {
-    fn draw(limits: Option<[f64; 2]>, rng: &mut ChaCha8Rng) -> Self {
-        let waves = (1..=4).map(|k| {
-            let pulse = TAU * 0.07 * f64::from(k) * rng.random_range(0.8..1.2);
-            [SWING_RAD / 2.0 * rng.random_range(0.3..1.0), pulse, rng.random_range(0.0..TAU)]
-        });
-        Self { middle: middle(limits), waves: waves.collect() }
-    }
-
-    fn at(&self, time_s: f64) -> [f64; 3] {
-        let mut sums = [self.middle, 0.0, 0.0];
-        for [size, pulse, phase] in &self.waves {
-            let (sin, cos) = (pulse * time_s + phase).sin_cos();
-            sums[0] += size * sin;
-            sums[1] += size * pulse * cos;
-            sums[2] -= size * pulse * pulse * sin;
-        }
-        sums
-    }
-}
-
 pub(super) fn middle(limits: Option<[f64; 2]>) -> f64 {
     limits.map_or(0.0, |[low, high]| 0.5 * (low + high))
-}
-
-fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Result<Bench> {
-    let n = robot.joints.len();
-    let swings: Vec<Swing> = robot.joints.iter().map(|joint| Swing::draw(joint.limits, rng)).collect();
-    let times: Vec<f64> = (0..(RATE_HZ * MOTION_S) as usize).map(|row| row as f64 / RATE_HZ).collect();
-    let state = |time_s: f64| -> [Vec<f64>; 3] {
-        let all: Vec<[f64; 3]> = swings.iter().map(|swing| swing.at(time_s)).collect();
-        [0, 1, 2].map(|order| all.iter().map(|joint| joint[order]).collect())
-    };
-    let mut given = vec![times.clone()];
-    let mut measured = vec![Vec::new(); n];
-    let mut channels = vec![Vec::new(); 3 * n];
-    for &time_s in &times {
-        let [q, v, a] = state(time_s);
-        let torque = robot.dynamics(&Motion { state: [&q, &v, &a], load: None })?.torque;
-        measured.iter_mut().zip(torque).for_each(|(channel, torque)| channel.push(torque));
-        let all = q.into_iter().chain(v).chain(a);
-        channels.iter_mut().zip(all).for_each(|(channel, number)| channel.push(number));
-    }
-    given.extend(channels);
-    let named = |what: &str, unit: &str| (1..=n).map(|k| format!("{what}{k}{unit}")).collect::<Vec<_>>();
-    let names = [vec!["time_s".to_string()], named("q", "_rad"), named("v", "_rad/s"), named("a", "")].concat();
-    let noise: Vec<f64> = measured.iter().map(|channel| TORQUE_NOISE * rms(channel).max(1.0)).collect();
-    let (norm_noise, axes) = (noise.clone(), named("tau", "_nm"));
-    let (spoiled, added) = (Vec::new(), Vec::new());
-    let mut bench = Bench { names, given, axes, measured, noise, spoiled, added, norm_noise, postures: None };
-    let mechanisms: Vec<usize> = match class {
-        Class::Clean => Vec::new(),
-        Class::Outside => {
-            let pulled = rng.random_range(0..n);
-            let puller = (pulled + rng.random_range(1..n)) % n;
-            let middle = middle(robot.joints[puller].limits);
-            let mut shape = vec![vec![0.0; times.len()]; n];
-            shape[pulled] = bench.given[1 + puller].iter().map(|q| (q - middle).max(0.0).powi(2)).collect();
-            bench.add("", String::new(), format!("position of joint {}", puller + 1), shape, rng);
-            Vec::new()
-        }
-        Class::One => vec![rng.random_range(0..MECHANISMS)],
-        Class::Two => {
-            let first = rng.random_range(0..MECHANISMS);
-            vec![first, (first + rng.random_range(1..MECHANISMS)) % MECHANISMS]
-        }
-    };
-    for mechanism in mechanisms {
-        if mechanism == LUMP {
-            // On the first link, whose axis is upright, a lump is a heavy motor.
-            let joint = rng.random_range(1..n);
-            let shape = lump(robot, joint, &times, &state)?;
-            bench.add("mass-distribution", robot.joints[joint].link.clone(), String::new(), shape, rng);
-            continue;
-        }
-        let joint = rng.random_range(0..n);
-        let (law, column) = of_joint(mechanism, joint, n, &bench.given);
-        let mut shape = vec![vec![0.0; times.len()]; n];
-        shape[joint] = column;
-        bench.add(law, format!("joint {}", joint + 1), String::new(), shape, rng);
-    }
-    Ok(bench)
-}
-
-/// The law that is right, and the shape of a mechanism at one joint.
-fn of_joint(mechanism: usize, joint: usize, n: usize, given: &[Vec<f64>]) -> (&'static str, Vec<f64>) {
-    let [q, v, a] = [0, 1, 2].map(|order| &given[1 + order * n + joint]);
-    let fastest = v.iter().fold(1e-9, |most: f64, v| most.max(v.abs()));
-    let of = |channel: &[f64], shape: &dyn Fn(f64) -> f64| channel.iter().map(|&x| shape(x)).collect::<Vec<f64>>();
-    match mechanism {
-        0 => ("coulomb-friction", of(v, &|v| v / (v * v + CREEP_RAD_S.powi(2)).sqrt())),
-        1 => ("viscous-friction", of(v, &|v| v / (1.0 + 0.1 * v.abs() / fastest))),
-        2 => ("offset", of(v, &|_| 1.0)),
-        3 => ("spring", of(q, &|q| q)),
-        4 => ("rotor-inertia", of(a, &|a| a)),
-        _ => (PERIODIC, of(q, &|q| (7.0 * q).sin())),
-    }
-}
-
-/// Torques of a mass of 1 kg bolted to the frame of a joint's link, 0.1 m off its origin.
-fn lump(robot: &Robot, joint: usize, times: &[f64], state: &dyn Fn(f64) -> [Vec<f64>; 3]) -> Result<Vec<Vec<f64>>> {
-    let n = robot.joints.len();
-    let link = &robot.joints[joint].link;
-    let frame = robot.frame(link).context("a link without a frame")?;
-    let off = darm_core::real::Vec3::new(0.1, 0.05, 0.08);
-    let point = |q: &[f64]| robot.kinematics(frame, q).map(|k| k.pose_base_frame * off);
-    let mut torques = vec![Vec::new(); n];
-    for &time_s in times {
-        let at = |time_s: f64| point(&state(time_s)[0]);
-        let (before, now, after) = (at(time_s - STEP_S)?, at(time_s)?, at(time_s + STEP_S)?);
-        let force = (after - now * 2.0 + before) / STEP_S.powi(2) - robot.gravity;
-        let q = &state(time_s)[0];
-        for (k, torque) in torques.iter_mut().enumerate() {
-            let mut moved = q.clone();
-            moved[k] += STEP_S;
-            torque.push(force.dot(&(point(&moved)? - now)) / STEP_S);
-        }
-    }
-    Ok(torques)
 }

@@ -3,16 +3,16 @@
 use std::f64::consts::TAU;
 
 use anyhow::{Context, Result};
-use darm::diagnose::channels::outcome::Diagnosis;
 use darm::robot::{Robot, RobotFrame};
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::case::Class;
 use super::channels::{Bench, SWING_RAD, middle};
+use super::sets::Elsewhere;
 
 /// Held postures, and rows of each.
 const POSTURES: usize = 64;
@@ -20,9 +20,7 @@ const HELD: usize = 6;
 /// Noise: shift of the centre of pressure, m; forces, N.
 const COP_NOISE_M: f64 = 0.2e-3;
 const FORCE_NOISE_N: f64 = 0.3;
-/// Links carry a weight alike where the wrenches differ by no more than this share of the noise, root mean square over so
-/// many postures.
-const SAME: f64 = 0.5;
+/// Other postures.
 const ELSEWHERE: usize = 500;
 /// What the diagnosis calls the link that the others hang on.
 const ROOT: &str = "the base";
@@ -30,7 +28,7 @@ const ROOT: &str = "the base";
 const VALUES: usize = 4;
 
 /// Where a floating base stood, and where else it could.
-pub(super) struct Postures {
+struct Postures {
     robot: Robot,
     held: Vec<Vec<f64>>,
     elsewhere: Vec<Vec<f64>>,
@@ -58,17 +56,11 @@ pub(super) fn floating(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Res
     }
     let fixed = ["time_s", "posture", "px_m", "py_m", "pz_m", "qx", "qy", "qz", "qw"].map(str::to_string);
     let moment = COP_NOISE_M * robot.mass() * robot.gravity.norm();
-    let mut bench = Bench {
-        names: fixed.into_iter().chain(robot.joints.iter().map(|joint| format!("{}_rad", joint.name))).collect(),
-        given,
-        axes: ["Fx_n", "Fy_n", "Fz_n", "Mx_nm", "My_nm", "Mz_nm"].map(str::to_string).to_vec(),
-        measured: wrench,
-        noise: vec![FORCE_NOISE_N, FORCE_NOISE_N, FORCE_NOISE_N, moment, moment, moment],
-        spoiled: Vec::new(),
-        added: Vec::new(),
-        norm_noise: vec![COP_NOISE_M, COP_NOISE_M],
-        postures: None,
-    };
+    let names: Vec<String> =
+        fixed.into_iter().chain(robot.joints.iter().map(|joint| format!("{}_rad", joint.name))).collect();
+    let axes = ["Fx_n", "Fy_n", "Fz_n", "Mx_nm", "My_nm", "Mz_nm"].map(str::to_string).to_vec();
+    let noise = vec![FORCE_NOISE_N, FORCE_NOISE_N, FORCE_NOISE_N, moment, moment, moment];
+    let mut bench = Bench::new((names, given), (axes, wrench), noise, vec![COP_NOISE_M, COP_NOISE_M]);
     match class {
         Class::Clean => {}
         Class::One | Class::Two => bench.add("mass-distribution", carrier.clone(), String::new(), backpack, rng),
@@ -81,7 +73,7 @@ pub(super) fn floating(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Res
         }
     }
     let elsewhere = (0..ELSEWHERE).map(|_| posture(robot, rng)).collect();
-    bench.postures = Some(Postures { robot: robot.clone(), held, elsewhere });
+    bench.elsewhere = Some(Box::new(Postures { robot: robot.clone(), held, elsewhere }));
     Ok(bench)
 }
 
@@ -105,44 +97,14 @@ fn frame<'r>(robot: &'r Robot, link: &str) -> Result<&'r RobotFrame> {
     robot.frame(link).context("a link without a frame")
 }
 
-impl Postures {
-    /// Whether what is named is a set of links, the one that carries the weight among them, that carry it alike anywhere.
-    pub(super) fn is_set(&self, bench: &Bench, truth: &[(&str, &str)], diagnosis: &Diagnosis) -> Result<bool> {
-        let set = &diagnosis.alternatives;
-        let of_one_effect = diagnosis.effects.is_empty() && set.iter().all(|other| other.instead_of == 0);
-        let [(law, carrier)] = truth else { return Ok(false) };
-        let holds_it = set.iter().any(|other| other.place == *carrier);
-        let is_link = |place: &str| place == ROOT || self.robot.frame(place).is_some();
-        if !of_one_effect || !holds_it || !set.iter().all(|other| other.law == *law && is_link(&other.place)) {
-            return Ok(false);
+impl Elsewhere for Postures {
+    /// The wrench of 1 kg at the link's frame, and of 1 kg·m along each of its axes.
+    fn columns(&self, law: &str, link: &str, elsewhere: bool) -> Result<Option<DMatrix<f64>>> {
+        if law != "mass-distribution" {
+            return Ok(None);
         }
-        let right = self.predicted(bench, carrier)?;
-        for other in set {
-            let apart = self.predicted(bench, &other.place)? - &right;
-            if (apart.norm_squared() / apart.len() as f64).sqrt() > SAME {
-                return Ok(false);
-            }
-        }
-        Ok(true)
-    }
-
-    /// What a link's mass and first moment, fitted to the rows that nothing spoiled, add elsewhere, in units of the noise.
-    fn predicted(&self, bench: &Bench, link: &str) -> Result<DVector<f64>> {
-        let good: Vec<usize> = (0..POSTURES * HELD).filter(|row| !bench.spoiled.contains(row)).collect();
-        let measured = |row: usize| -> Result<[f64; 6]> {
-            let com = self.robot.com(&self.held[row / HELD])?;
-            let body = of_point(&self.robot, &com.position).map(|part| com.mass_kg * part);
-            Ok(std::array::from_fn(|axis| (bench.measured[axis][row] - body[axis]) / bench.noise[axis]))
-        };
-        let wanted: Vec<f64> = good.iter().map(|row| measured(*row)).collect::<Result<Vec<_>>>()?.concat();
-        let of_rows: Vec<&Vec<f64>> = good.iter().map(|row| &self.held[row / HELD]).collect();
-        let columns = self.columns(bench, link, &of_rows)?;
-        let values = columns.svd(true, true).solve(&DVector::from_vec(wanted), 1e-9).map_err(anyhow::Error::msg)?;
-        Ok(self.columns(bench, link, &self.elsewhere.iter().collect::<Vec<_>>())? * values)
-    }
-
-    /// The wrench of 1 kg at the link's frame, and of 1 kg·m along each of its axes, in units of the noise.
-    fn columns(&self, bench: &Bench, link: &str, postures: &[&Vec<f64>]) -> Result<DMatrix<f64>> {
+        let held = self.held.iter().flat_map(|q| std::iter::repeat_n(q, HELD));
+        let postures: Vec<&Vec<f64>> = if elsewhere { self.elsewhere.iter().collect() } else { held.collect() };
         let mut columns = DMatrix::zeros(6 * postures.len(), VALUES);
         for (k, q) in postures.iter().enumerate() {
             let pose = match link {
@@ -156,9 +118,9 @@ impl Postures {
                     let further = of_point(&self.robot, &(pose.position + pose.rotation.column(axis)));
                     wrench = std::array::from_fn(|k| further[k] - at_frame[k]);
                 }
-                (0..6).for_each(|axis| columns[(6 * k + axis, value)] = wrench[axis] / bench.noise[axis]);
+                (0..6).for_each(|axis| columns[(6 * k + axis, value)] = wrench[axis]);
             }
         }
-        Ok(columns)
+        Ok(Some(columns))
     }
 }

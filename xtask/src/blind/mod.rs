@@ -9,6 +9,8 @@ mod channels;
 mod floating;
 mod judge;
 mod rules;
+mod serial;
+mod sets;
 mod table;
 
 use std::path::PathBuf;

@@ -36,7 +36,7 @@ pub(super) fn physical(kind: &Channels, best: Trial<Channels>) -> Trial<Channels
             _ => break,
         }
     }
-    best
+    Trial { fit: best.fit.clone(), ..kind.judged(best.fit.active, best.effect) }
 }
 
 /// Effects that may stand beside bodies.

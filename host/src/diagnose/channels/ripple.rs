@@ -11,7 +11,7 @@ use super::laws::{Coordinate, range, rms};
 /// Steps of the periodogram for one period more in the range of the position.
 const STEPS: f64 = 8.0;
 /// Periods in the range, at least and at most: fewer are a spring, more are seldom told from noise.
-const PERIODS: [f64; 2] = [2.0, 40.0];
+const PERIODS: [f64; 2] = [1.5, 40.0];
 /// Rows that are looked at.
 const MOST_ROWS: usize = 4000;
 /// v₀ of the friction that is taken out, over the root mean square of v.
