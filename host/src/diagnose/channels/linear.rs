@@ -24,8 +24,10 @@ use crate::diagnose::significance::{Fall, paired};
 
 /// The most effects of one model.
 const MOST: usize = 60;
-/// Rounds of weights and noise until they settle.
-const ROUNDS: usize = 2;
+/// Rounds of weights and noise: until no axis's noise changes by more than this share.
+const LEAST_ROUNDS: usize = 2;
+const MOST_ROUNDS: usize = 20;
+const SETTLED: f64 = 0.01;
 /// Candidates times folds up to which exchanges are worth their time.
 const MOST_TO_EXCHANGE: usize = 1200;
 /// Share of the information that is added to each value's own, so that what is not told stays small.
@@ -274,8 +276,10 @@ impl Channels {
         for axis in 0..n_axes {
             let mut squares: Vec<f64> = residuals.iter().skip(axis).step_by(n_axes).map(|r| r * r).collect();
             squares.sort_unstable_by(f64::total_cmp);
+            let robust = squares[squares.len() / 2] / 0.4549;
             squares.truncate(squares.len() - squares.len() / TRIMMED);
-            let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+            let mut mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+            if self.experiment.is_held_by_priors() { mean = robust; }
             self.sigma[axis] = mean.sqrt().max(1e-12);
         }
         let residuals = self.in_noise(residuals);
@@ -353,9 +357,14 @@ impl Kind for Channels {
 
     fn settled(&mut self, current: Trial<Self>) -> Result<Trial<Self>, Self::Error> {
         let mut best = current;
-        for _ in 0..ROUNDS {
+        for round in 0..MOST_ROUNDS {
             let residuals = self.linearise(&best.fit.values);
+            let before = self.sigma.clone();
             let residuals = self.rescale(residuals);
+            let is_same = |(now, before): (&f64, &f64)| (now / before - 1.0).abs() < SETTLED;
+            if round >= LEAST_ROUNDS && self.sigma.iter().zip(&before).all(is_same) {
+                break;
+            }
             self.accumulate(&residuals);
             let model = Factored::new(self, best.fit.active);
             best = model.trial(self, best.effect);

@@ -160,21 +160,30 @@ fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) ->
     let n_known = always.len();
     let mut search = Search::new(Channels::new(experiment, groups));
     let start = search.kind.start(always);
-    let Ok((mut best, _)) = search.run(start.clone());
-    let (left, ladder) = thinned::thinned(&mut search.kind, &start);
-    let grown = search.kind.judged(best.fit.active.clone(), None);
-    let whole = search.kind.experiment.is_held_by_priors() && left.fit.active.len() > n_known;
-    if whole || simplified::better(&search.kind, grown.clone(), left.clone()).fit.active == left.fit.active {
+    let best = if search.kind.experiment.is_held_by_priors() {
+        let (whole, ladder) = thinned::thinned(&mut search.kind, &start);
         search.ladder = ladder;
-        let Ok((grown, _)) = search.run(left);
-        best = grown;
+        whole
     } else {
-        let Ok(settled) = search.kind.settled(grown);
-        best = settled;
-    }
+        chosen(&mut search, &start)
+    };
+    let Ok(best) = search.kind.settled(best);
     let Ok(settled) = search.kind.settled(simplified::simplified(&search.kind, best, n_known));
     let best = physical::physical(&search.kind, settled);
     Ok(Ended { search, best, n_known, held_out: data.held_out, findings: data.findings })
+}
+
+/// The better one of two models: that to which effects were added, and that from which they were taken away.
+fn chosen(search: &mut Search<Channels>, start: &Trial<Channels>) -> Trial<Channels> {
+    let Ok((grown, _)) = search.run(start.clone());
+    let (left, ladder) = thinned::thinned(&mut search.kind, start);
+    let grown = search.kind.judged(grown.fit.active, None);
+    if simplified::better(&search.kind, grown.clone(), left.clone()).fit.active != left.fit.active {
+        return grown;
+    }
+    search.ladder = ladder;
+    let Ok((grown, _)) = search.run(left);
+    grown
 }
 
 fn experiment(model: &Model, data: &Prepared) -> Result<Experiment, ChannelError> {

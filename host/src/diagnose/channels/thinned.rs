@@ -106,7 +106,7 @@ fn sweep(kind: &Channels, best: &mut Trial<Channels>, n_known: usize, n_tried: u
         let p = kind.fall(&without, best).p;
         let (law, place) = kind.name(&unit[0]);
         let level = FALSE_SHARE * n_left as f64 / n_tried as f64;
-        let kept = if kind.experiment.is_held_by_priors() { without.loss > best.loss } else { p <= level };
+        let kept = kind.experiment.is_held_by_priors() || p <= level;
         ladder.push(Rung {
             step: 0,
             law,
