@@ -161,7 +161,7 @@ fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) ->
     let mut search = Search::new(Channels::new(experiment, groups));
     let start = search.kind.start(always);
     let best = if search.kind.experiment.is_held_by_priors() {
-        let (whole, ladder) = thinned::thinned(&mut search.kind, &start);
+        let (whole, ladder) = thinned::whole(&mut search.kind, &start);
         search.ladder = ladder;
         whole
     } else {

@@ -5,10 +5,9 @@
 //! it. Of m effects out of n that were tried each must be missed with a chance of at most [`FALSE_SHARE`]·m/n, so that
 //! this share of what is named is false (Y. Benjamini, Y. Hochberg, J. R. Statist. Soc. B 57 (1995) 289).
 //!
-//! Where all values are small errors with priors (closure), these keep small what is not needed, and a law's places share their work, so
-//! that none of them is missed alone: there a law stays at all its places or at none, and stays while unseen rows are
-//! predicted better with it. Of its places those are named at which it differs from nothing, as many as leave this share of
-//! false ones.
+//! Where all values are small errors with priors (closure), these keep small what is not needed, and laws share their work, so
+//! that none of them is missed alone: there every law stays at all its places. Of these those are named at which it
+//! differs from nothing, as many as leave this share of false ones.
 
 use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
 
@@ -29,7 +28,7 @@ pub(super) fn thinned(kind: &mut Channels, start: &Trial<Channels>) -> (Trial<Ch
     let Ok(_) = kind.settled(start.clone());
     let Ok(full) = kind.settled(kind.start(full(kind, &known)));
     let shaped = shaped(kind, full, known.len());
-    let n_tried = units(kind, &shaped.fit.active[known.len()..]).len();
+    let n_tried = shaped.fit.active.len() - known.len();
     let (mut best, mut ladder) = (shaped, Vec::new());
     for _ in 0..SWEEPS {
         let Ok(settled) = kind.settled(best);
@@ -79,45 +78,53 @@ fn shaped(kind: &Channels, mut best: Trial<Channels>, n_known: usize) -> Trial<C
     best
 }
 
-/// What stays or goes together: each effect alone, or where priors hold the whole model each law.
-fn units(kind: &Channels, active: &[usize]) -> Vec<Vec<usize>> {
-    let law = |k: usize| kind.experiment.candidates[k].law;
-    let mut units: Vec<Vec<usize>> = Vec::new();
-    for &k in active {
-        match units.iter_mut().find(|unit| kind.experiment.is_held_by_priors() && law(unit[0]) == law(k)) {
-            Some(unit) => unit.push(k),
-            None => units.push(vec![k]),
+/// The model with every law at every place, and what each law gives; without any where they do not help together.
+pub(super) fn whole(kind: &mut Channels, start: &Trial<Channels>) -> (Trial<Channels>, Vec<Rung>) {
+    let known = start.fit.active.clone();
+    let Ok(best) = kind.settled(kind.start(full(kind, &known)));
+    let model = Factored::new(kind, best.fit.active.clone());
+    let mut laws: Vec<Vec<usize>> = Vec::new();
+    for &k in &best.fit.active[known.len()..] {
+        let law = |k: usize| kind.experiment.candidates[k].law;
+        match laws.iter_mut().find(|places| law(places[0]) == law(k)) {
+            Some(places) => places.push(k),
+            None => laws.push(vec![k]),
         }
     }
-    units
+    let rung = |places: &Vec<usize>| rung(kind, places, &best, &model.without(kind, places), true);
+    let ladder = laws.iter().map(rung).collect();
+    let empty = kind.judged(known, None);
+    if kind.fall(&empty, &best).p < DISCOVERY_LEVEL { (best, ladder) } else { (empty, Vec::new()) }
+}
+
+/// What the rows say of effects that the best model has.
+fn rung(kind: &Channels, effects: &[usize], best: &Trial<Channels>, without: &Trial<Channels>, kept: bool) -> Rung {
+    let (law, place) = kind.name(&effects[0]);
+    Rung {
+        step: 0,
+        law,
+        place: if effects.len() > 1 { format!("{} places", effects.len()) } else { place },
+        values: kind.indices(effects).len(),
+        cross_validated: best.error,
+        without: without.error,
+        p: kind.fall(without, best).p,
+        refined: true,
+        kept,
+    }
 }
 
 /// Looks at every effect once, the least missed first, and takes away what is not missed.
 fn sweep(kind: &Channels, best: &mut Trial<Channels>, n_known: usize, n_tried: usize) -> Vec<Rung> {
     let mut model = Factored::new(kind, best.fit.active.clone());
-    let open = units(kind, &best.fit.active[n_known..]);
-    let mut n_left = open.len();
-    let loss = |unit: Vec<usize>| (model.without(kind, &unit).loss, unit);
-    let mut order: Vec<(f64, Vec<usize>)> = open.into_par_iter().map(loss).collect();
+    let mut n_left = best.fit.active.len() - n_known;
+    let loss = |k: usize| (model.without(kind, &[k]).loss, k);
+    let mut order: Vec<(f64, usize)> = best.fit.active[n_known..].to_vec().into_par_iter().map(loss).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut ladder = Vec::new();
-    for (_, unit) in order {
-        let without = model.without(kind, &unit);
-        let p = kind.fall(&without, best).p;
-        let (law, place) = kind.name(&unit[0]);
-        let level = FALSE_SHARE * n_left as f64 / n_tried as f64;
-        let kept = kind.experiment.is_held_by_priors() || p <= level;
-        ladder.push(Rung {
-            step: 0,
-            law,
-            place: if unit.len() > 1 { format!("{} places", unit.len()) } else { place },
-            values: kind.indices(&unit).len(),
-            cross_validated: best.error,
-            without: without.error,
-            p,
-            refined: true,
-            kept,
-        });
+    for (_, effect) in order {
+        let without = model.without(kind, &[effect]);
+        let kept = kind.fall(&without, best).p <= FALSE_SHARE * n_left as f64 / n_tried as f64;
+        ladder.push(rung(kind, &[effect], best, &without, kept));
         if !kept {
             *best = without;
             n_left -= 1;
