@@ -25,6 +25,8 @@ Examples:
   darm --json diagnose arm.toml run.csv.gz       everything that was tried
   darm diagnose cylinder.toml force.csv --hold-out \"set_bar = 5\"
                                                  which friction a cylinder has, told at a pressure that no fit saw
+  darm diagnose cylinder.toml force.csv -o new.toml --keep-terms
+                                                 the same, and what no law explains as a curve
   darm diagnose arm.urdf motion.csv --lowpass 20 --thin 40
                                                  what the torques of a serial arm lack
 
@@ -48,6 +50,9 @@ pub(crate) struct Diagnose {
     /// The model with the effects that were found
     #[arg(short, long = "write-model", visible_alias = "output", value_name = "NEW.toml")]
     output: Option<PathBuf>,
+    /// Keep what no law explains in that model, as fitted terms of the channels it depends on
+    #[arg(long, requires = "output")]
+    keep_terms: bool,
     /// Seed of the cross-validation
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -123,14 +128,18 @@ impl Diagnose {
         let wheel = voice.wheel("diagnosing");
         let diagnosis = channels::diagnose(model, &self.data, &names, &options);
         wheel.finish_and_clear();
-        let diagnosis =
+        let mut diagnosis =
             diagnosis.map_err(|error| anyhow::Error::new(error).context(self.data.display().to_string()))?;
+        let kept = self.keep_terms && diagnosis.remaining.iter().any(|term| !term.curve.is_empty());
+        if kept {
+            diagnosis.keep_terms();
+        }
         if let Some(path) = &self.report {
             let page = darm::report::channels_page(&diagnosis).into_string();
             std::fs::write(path, page).with_context(|| format!("{} cannot be written", path.display()))?;
         }
         match &self.output {
-            Some(_) if diagnosis.effects.is_empty() || diagnosis.verdict == Verdict::NotIdentifiable => {
+            Some(_) if !kept && diagnosis.effects.is_empty() || diagnosis.verdict == Verdict::NotIdentifiable => {
                 voice.note(NOTHING_TO_WRITE);
             }
             Some(path) => known::write(&self.model, path, &diagnosis)?,
@@ -140,6 +149,11 @@ impl Diagnose {
     }
 
     fn poses(&self, voice: Voice) -> anyhow::Result<()> {
+        if self.keep_terms {
+            return Err(
+                Usage("--keep-terms: a term is kept of a table of channels only, an arm file has laws".into()).into()
+            );
+        }
         let arm = Arm::read(&self.model)?;
         let (run, mut findings) = measurement::read(&self.data)?;
         findings.extend(check(&arm, &run));

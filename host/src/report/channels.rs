@@ -3,7 +3,7 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::html::ladder;
-use crate::diagnose::channels::outcome::{Diagnosis, Errors, NextMeasurement, Parameter, Point};
+use crate::diagnose::channels::outcome::{Diagnosis, Errors, NextMeasurement, Parameter, Point, Term};
 
 /// Width and height of a plot.
 const PLOT: (f64, f64) = (860.0, 180.0);
@@ -101,7 +101,10 @@ fn rest(diagnosis: &Diagnosis) -> Markup {
         @if !diagnosis.alternatives.is_empty() { p { "These rows cannot tell apart: " @for other in &diagnosis.alternatives { (other.law) " at " (other.place) "; " } } }
         @if let Some(next) = &diagnosis.next_measurement { (proposal(next)) }
         @if !diagnosis.unobservable.is_empty() { p { "These rows do not tell: " (diagnosis.unobservable.join("; ")) "." } }
-        @for term in &diagnosis.remaining { p { "What remains of " (term.axis) " depends on " (term.term) ": " (format!("{:.0} %", 100.0 * term.share)) } }
+        @for term in &diagnosis.remaining {
+            p { "What remains of " (term.axis) " depends on " (term.term) ": " (format!("{:.0} %", 100.0 * term.share)) }
+            @if !term.curve.is_empty() { (curve(term)) }
+        }
         @if !diagnosis.outliers.is_empty() { p { (diagnosis.outliers.len()) " rows fit nothing: lines " @for row in diagnosis.outliers.iter().take(40) { (row.line) " " } } }
         @for finding in &diagnosis.findings { p { (finding) } }
     }
@@ -116,6 +119,26 @@ fn proposal(next: &NextMeasurement) -> Markup {
             thead { tr { th { "line" } @for name in next.rows.iter().take(1).flat_map(|row| row.conditions.keys()) { th.num { (name) } } } }
             tbody { @for row in &next.rows { tr { td { (row.line) } @for value in row.conditions.values() { td.num { (short(*value)) } } } } }
         }
+    }
+}
+
+/// What remains of an axis along a channel.
+fn curve(term: &Term) -> Markup {
+    let (width, height) = PLOT;
+    let ends = |k: usize| {
+        let of = term.curve.iter().map(|point| point[k]);
+        of.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), number| (low.min(number), high.max(number)))
+    };
+    let ((left, right), (low, high)) = (ends(0), ends(1));
+    let share = |number: f64, low: f64, high: f64| (number - low) / (high - low).max(f64::MIN_POSITIVE);
+    let place = |[x, y]: &[f64; 2]| {
+        format!("{:.1},{:.1} ", width * share(*x, left, right), height * (1.0 - share(*y, low, high)))
+    };
+    html! {
+        svg role="img" viewBox=(format!("0 0 {width} {height}")) {
+            polyline points=(term.curve.iter().map(place).collect::<String>()) fill="none" stroke="#1f6f8b" stroke-width="2" {}
+        }
+        p.sub { (term.term) " from " (short(left)) " to " (short(right)) " (SI units, rad), upwards from " (short(low)) " to " (short(high)) }
     }
 }
 

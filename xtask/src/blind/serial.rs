@@ -164,7 +164,7 @@ impl Elsewhere for Motions {
         let mut columns = Vec::new();
         for name in names {
             let values = BTreeMap::from([(name.to_string(), 1.0)]);
-            let one = Known { law: law.into(), place: place.into(), constant: None, values };
+            let one = Known { law: law.into(), place: place.into(), constant: None, values, points: Vec::new() };
             columns.push(DVector::from_vec(torque::added(&self.robot, None, &[one], &states, &times)?.concat()));
         }
         Ok(Some(DMatrix::from_columns(&columns)))

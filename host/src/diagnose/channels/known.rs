@@ -6,6 +6,11 @@
 //! where = "joint 3 (joint_3)"
 //! constant = 0.16          # of a law that has one, in SI units
 //! values = { level = 1.93 }
+//!
+//! [[effect]]
+//! law = "fitted-term"      # no law: what remained of an axis along a channel, straight between points
+//! where = "joint 6: position of joint 4"
+//! points = [[-0.7, 0.0], [0.1, 0.02], [0.9, 0.31]]
 //! ```
 
 use std::collections::BTreeMap;
@@ -16,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use super::ChannelError;
 use super::experiment::{Candidate, Experiment};
 use super::model::ModelError;
-use super::outcome::Diagnosis;
+use super::outcome::{Diagnosis, Term};
 
 /// One effect with all its values, in SI units and radians.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,8 +36,15 @@ pub struct Known {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub constant: Option<f64>,
     /// Its values by their names.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub values: BTreeMap<String, f64>,
+    /// Of a fitted term: the channel, and what it adds to the prediction there; held beyond the ends.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub points: Vec<[f64; 2]>,
 }
+
+/// The law of what has none.
+const FITTED_TERM: &str = "fitted-term";
 
 impl Known {
     /// The effect that a candidate becomes with these values.
@@ -42,6 +54,29 @@ impl Known {
             place: candidate.place.clone(),
             constant: candidate.shape.as_ref().map(|(_, constant, _)| *constant),
             values: candidate.values.iter().zip(values).map(|(value, size)| (value.name.clone(), *size)).collect(),
+            points: Vec::new(),
+        }
+    }
+
+    /// What takes a term out of the residual.
+    pub(super) fn fitted(term: &Term) -> Self {
+        let channel = term.term.split(" (").next().unwrap_or_default();
+        Self {
+            law: FITTED_TERM.into(),
+            place: format!("{}: {channel}", term.axis),
+            constant: None,
+            values: BTreeMap::new(),
+            points: term.curve.iter().map(|[at, remains]| [*at, -remains]).collect(),
+        }
+    }
+
+    /// What a fitted term adds at this value of its channel.
+    fn at(&self, channel: f64) -> f64 {
+        let above = self.points.partition_point(|[at, _]| *at < channel);
+        match (above.checked_sub(1).map(|below| self.points[below]), self.points.get(above)) {
+            (Some([low, a]), Some(&[high, b])) => a + (b - a) * (channel - low) / (high - low),
+            (Some([_, end]), None) | (None, Some(&[_, end])) => end,
+            (None, None) => 0.0,
         }
     }
 
@@ -60,6 +95,10 @@ pub(super) fn apply(experiment: &mut Experiment, known: &[Known]) -> Result<(), 
     let mut base = vec![0.0; n_values];
     for effect in known {
         let none = || ChannelError::NotHere { law: effect.law.clone(), place: effect.place.clone() };
+        if effect.law == FITTED_TERM {
+            add_fitted(experiment, effect).ok_or_else(none)?;
+            continue;
+        }
         let candidate = experiment.candidates.iter().position(|candidate| effect.is(candidate)).ok_or_else(none)?;
         for (k, value) in experiment.candidates[candidate].values.iter().enumerate() {
             base[offsets[candidate] + k] += effect.values.get(&value.name).copied().unwrap_or(0.0);
@@ -79,6 +118,16 @@ pub(super) fn apply(experiment: &mut Experiment, known: &[Known]) -> Result<(), 
         }));
     }
     Ok(())
+}
+
+/// Adds a fitted term to the prediction; `None` where there is no such axis or channel.
+fn add_fitted(experiment: &mut Experiment, term: &Known) -> Option<()> {
+    let (axis, channel) = term.place.split_once(": ")?;
+    let axis = experiment.axes.iter().position(|of| of.name == axis)?;
+    let (_, channel) = experiment.channels.iter().find(|(name, _)| name == channel)?;
+    let own = experiment.residuals.iter_mut().skip(axis).step_by(experiment.axes.len());
+    own.zip(channel).for_each(|(residual, channel)| *residual += term.at(*channel));
+    Some(())
 }
 
 /// Writes the model of a file with the effects of a diagnosis in it, and the next number; what a robot's file names stays

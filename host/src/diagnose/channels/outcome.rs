@@ -11,7 +11,7 @@
 //! | `effects` | law, where, values with unit and 95 % interval, by how much the held-out norm grows without it |
 //! | `alternatives` | what would do as well in an effect's place |
 //! | `unobservable` | values that these rows do not tell: no number is given |
-//! | `remaining` | channels that what remains of an axis depends on, and how, with no law behind them; `heldout_gain` is the fall of that axis's error |
+//! | `remaining` | channels that what remains of an axis depends on, and how, with no law behind them; `heldout_gain` is the fall of that axis's error, `curve` what remains along the channel |
 //! | `outliers` | rows that fit nothing, by line |
 //! | `next_measurement` | `rows` (line of this file, `conditions` by channel) that would tell alternatives apart, and `tells`; or null |
 
@@ -66,6 +66,13 @@ pub struct Diagnosis {
     /// What the model holds with what was found: all values, those that are not told among them.
     #[serde(skip)]
     pub(super) model_effects: Vec<Known>,
+}
+
+impl Diagnosis {
+    /// Keeps the terms without a law in the model, as what they are.
+    pub fn keep_terms(&mut self) {
+        self.model_effects.extend(self.remaining.iter().filter(|term| !term.curve.is_empty()).map(Known::fitted));
+    }
 }
 
 /// Rows that would tell explanations apart.
@@ -162,6 +169,8 @@ pub struct Term {
     pub share: f64,
     /// By how much the held-out error of the axis is smaller with it.
     pub heldout_gain: Option<f64>,
+    /// The channel, in SI units and radians, and what remains there; empty of a term of several channels.
+    pub curve: Vec<[f64; 2]>,
 }
 
 /// A row that fits nothing.

@@ -26,6 +26,8 @@ const WAVES: [&str; 8] = ["1 wave", "2 waves", "3 waves", "4 waves", "5 waves", 
 ///
 /// Source: F. E. Harrell, Regression Modeling Strategies, 2nd ed., Springer (2015), table 2.3.
 const KNOTS: [f64; 6] = [0.05, 0.23, 0.41, 0.59, 0.77, 0.95];
+/// Straight pieces of a term as it is told.
+const PIECES: usize = 128;
 /// Correlation of neighbouring rows from which on a residual is no noise, and how many pairs tell it at least.
 const GOES_ON: f64 = 0.5;
 const LEAST_PAIRS: f64 = 100.0;
@@ -70,6 +72,8 @@ fn dependences(kind: &Channels, axis: &Axis, designs: &[Design], own: Vec<f64>) 
     let held_out: Vec<usize> = (0..experiment.rows.len()).filter(|&row| experiment.rows[row].held_out).collect();
     let error = |of: &[f64]| (square(of, &held_out) / held_out.len() as f64).sqrt();
     let whole = square(&own, rows).max(f64::MIN_POSITIVE);
+    // The terms have no mean over the rows; the first one takes that of the residual with it.
+    let mut mean = rows.iter().map(|&row| own[row]).sum::<f64>() / rows.len().max(1) as f64;
     let (mut told, mut left): (Vec<Told>, _) = (Vec::new(), own);
     while told.len() < MOST_TERMS {
         let tried = designs.iter().map(|design| (design, design.take(&left)));
@@ -79,15 +83,29 @@ fn dependences(kind: &Channels, axis: &Axis, designs: &[Design], own: Vec<f64>) 
         if taken.p(kind.groups.repeats(&seen, 1)) * n_tried >= STRUCTURE_LEVEL || taken.criterion >= 0.0 {
             break;
         }
+        let fitted: Vec<f64> = left.iter().zip(&taken.left).map(|(before, after)| before - after + mean).collect();
+        mean = 0.0;
+        let channel = experiment.channels.iter().find(|(name, _)| *name == design.term.variable);
         told.push(Told {
             axis: axis.name.clone(),
             term: design.term.to_string(),
             share: taken.square / whole,
             heldout_gain: (!held_out.is_empty()).then(|| error(&left) - error(&taken.left)),
+            curve: channel.map_or(Vec::new(), |(_, channel)| curve_along(channel, &fitted)),
         });
         left = taken.left;
     }
     told
+}
+
+/// A term against its channel, in rising order.
+fn curve_along(channel: &[f64], fitted: &[f64]) -> Vec<[f64; 2]> {
+    let mut points: Vec<[f64; 2]> = channel.iter().zip(fitted).map(|(at, term)| [*at, *term]).collect();
+    points.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
+    points.dedup_by(|a, b| a[0] == b[0]);
+    let last = points.len().saturating_sub(1);
+    let pieces = last.min(PIECES);
+    (0..=pieces).filter_map(|k| points.get(k * last / pieces.max(1)).copied()).collect()
 }
 
 /// The sum of the squares of some rows about their mean.
@@ -125,6 +143,7 @@ pub(super) fn memory(kind: &Channels, best: &Trial<Channels>) -> Vec<Told> {
             term: "its own value a row before".into(),
             share: correlation.powi(2),
             heldout_gain: None,
+            curve: Vec::new(),
         })
     };
     kind.experiment.axes.iter().enumerate().filter_map(told).collect()

@@ -98,12 +98,13 @@ pub(super) fn diagnosis(mut ended: Ended, pooled: Option<HeldOut>, known: &[Know
     if effects.is_empty() && remaining.is_empty() && options.preparation.lowpass_hz.is_none() {
         remaining = remaining::memory(kind, &ended.best);
     }
-    let verdict = match (effects.is_empty(), !remaining.is_empty()) {
-        _ if !alternatives.is_empty() => Verdict::NotIdentifiable,
-        (true, false) => Verdict::NoEffect,
-        (true, true) => Verdict::UnexplainedStructure,
-        (false, _) if left > UNEXPLAINED_SHARE => Verdict::UnexplainedStructure,
-        (false, _) => Verdict::EffectFound,
+    let found = !effects.is_empty() || !alternatives.is_empty();
+    let verdict = match found {
+        false if remaining.is_empty() => Verdict::NoEffect,
+        false => Verdict::UnexplainedStructure,
+        true if left > UNEXPLAINED_SHARE => Verdict::UnexplainedStructure,
+        true if !alternatives.is_empty() => Verdict::NotIdentifiable,
+        true => Verdict::EffectFound,
     };
     let heldout = pooled.map_or(of_rows(experiment, &after, true).len(), |p| p.after.len()) / experiment.axes.len();
     let mut diagnosis = Diagnosis {
@@ -332,13 +333,11 @@ fn plain(diagnosis: &Diagnosis) -> Vec<String> {
     told.extend(diagnosis.effects.iter().map(effect_sentence));
     let (before, after) = (&diagnosis.error.before, &diagnosis.error.after);
     if let (Some(b), Some(a)) = (&before.heldout, &after.heldout) {
-        told.push(format!(
-            "On rows that nothing saw ({}) the error falls from {} to {} {}.",
-            diagnosis.held_out,
-            short(b.norm.value),
-            short(a.norm.value),
-            a.norm.unit
-        ));
+        let error = match diagnosis.effects.is_empty() && diagnosis.alternatives.is_empty() {
+            true => format!("is {}", short(b.norm.value)),
+            false => format!("falls from {} to {}", short(b.norm.value), short(a.norm.value)),
+        };
+        told.push(format!("On rows that nothing saw ({}) the error {error} {}.", diagnosis.held_out, a.norm.unit));
     }
     if !diagnosis.unobservable.is_empty() {
         told.push(format!("These rows do not tell: {}.", diagnosis.unobservable.join("; ")));

@@ -99,6 +99,22 @@ fn a_model_with_what_was_found_predicts_as_told_and_lacks_nothing() {
 }
 
 #[test]
+fn what_no_law_explains_is_told_by_its_channel_and_may_be_kept() {
+    let table = cylinder(|x, _, _| 6.0 * (0.785 * x).cos());
+    let how = options(HoldOut::Own, None, &[]);
+    let mut first = diagnose_table(&model("cylinder.toml"), &table, &how).unwrap();
+    assert_eq!((first.verdict, first.effects.len()), (Verdict::UnexplainedStructure, 0), "{:?}", first.plain);
+    let term = &first.remaining[0];
+    assert!(term.term.starts_with("position") && term.share > 0.9 && term.heldout_gain > Some(2.0), "{term:?}");
+    first.keep_terms();
+    let output = tempfile::NamedTempFile::with_suffix(".toml").unwrap();
+    known::write(&measured("cylinder.toml"), output.path(), &first).unwrap();
+    let second = diagnose_table(&Model::read(output.path()).unwrap().unwrap(), &table, &how).unwrap();
+    // Noise is even over 1 N: 0.29 N.
+    assert!(heldout(&first.error.before).norm.value > 3.0 && heldout(&second.error.before).norm.value < 0.35);
+}
+
+#[test]
 fn what_cannot_be_told_apart_is_not_named_and_the_rows_that_would_are_proposed() {
     // All rows at one speed each way: an offset against speed and one against friction differ nowhere.
     let (table, how) = (

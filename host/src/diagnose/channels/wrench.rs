@@ -2,7 +2,9 @@
 //!
 //! The axes are the centre of pressure first, which is linear in the masses when it is told against the measured force:
 //! (−M_y − x·F_z)/F_z and (M_x − y·F_z)/F_z with predicted moments and force above, measured x, y and F_z; then the
-//! forces and the moment about z. The plate's frame is the world: z up, moments about its origin.
+//! forces and the moment about z. The plate's frame is the world: z up, moments about its origin; what it is off by is the
+//! law `sensor-frame`: with d where its origin is and θ how it is turned, F' = F − θ×F and M' = M − d×F − θ×M, to first order
+//! and of the measured wrench.
 
 use darm_core::real::{Mat3, Vec3};
 use darm_core::se::Pose;
@@ -10,7 +12,7 @@ use darm_core::tree::Body;
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use super::bodies::{Load, Moving, candidate, links, load};
-use super::experiment::{Axis, Experiment};
+use super::experiment::{Axis, Candidate, Experiment, Value};
 use super::prepared::{PrepareError, Prepared};
 use super::signal::rate;
 use crate::robot::Robot;
@@ -52,6 +54,7 @@ pub(super) fn experiment(data: &Prepared, robot: &Robot) -> Result<Experiment, P
         candidates.push(candidate);
         masses.push(mass);
     }
+    candidates.push(sensor_frame(&measured, &axes));
     Ok(Experiment {
         kind: "contact-wrench",
         axes: AXES.iter().map(|(name, unit)| Axis { name: (*name).into(), unit }).collect(),
@@ -88,6 +91,23 @@ impl Axes<'_> {
         };
         (0..fz.len()).flat_map(row).collect()
     }
+}
+
+/// The plate stands elsewhere, or is turned.
+fn sensor_frame(measured: &[Vec<f64>], axes: &Axes) -> Candidate {
+    let value = |(k, (name, unit)): (usize, (&str, &str))| {
+        let about = Vec3::ith(k % 3, 1.0);
+        let wrench = |row: usize| {
+            let [force, moment] = [0, 3].map(|first| Vec3::from_fn(|axis, _| measured[first + axis][row]));
+            if k < 3 { (Vec3::zeros(), -about.cross(&force)) } else { (-about.cross(&force), -about.cross(&moment)) }
+        };
+        let part = |row: usize, part: usize| if part < 3 { wrench(row).0[part] } else { wrench(row).1[part - 3] };
+        Value { name: name.into(), unit: unit.into(), prior: f64::INFINITY, column: axes.column(part) }
+    };
+    let names =
+        [("x", "m"), ("y", "m"), ("z", "m"), ("turn about x", "rad"), ("turn about y", "rad"), ("turn about z", "rad")];
+    let values = names.into_iter().enumerate().map(value).collect();
+    Candidate { law: "sensor-frame", place: "the plate".into(), shape: None, values }
 }
 
 /// Each body's load per parameter and component of the wrench, along the rows: the base first.
