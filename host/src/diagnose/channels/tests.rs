@@ -45,6 +45,39 @@ fn the_nominal_torques_of_a_real_arm_are_those_that_another_program_gives() {
 }
 
 #[test]
+fn moving_a_plate_does_what_its_columns_say() {
+    let how = options(HoldOut::Column("heldout".into()), None, &[]).preparation;
+    let (table, _) = Table::read(&measured("human_wholebody_30hz.csv.gz"), &Names::new()).unwrap();
+    let numbers = |name: &str| table.quantity(name).unwrap().numbers.clone();
+    let [fx, fy, fz] = ["Fx", "Fy", "Fz"].map(numbers);
+    // Of a plate at d moments are M − d×F.
+    let d = [0.02, -0.03, 0.05];
+    let mut moved = table.clone();
+    for column in &mut moved.columns {
+        let arm = |row: usize| match &column.name[..] {
+            "Mx" => d[1] * fz[row] - d[2] * fy[row],
+            "My" => d[2] * fx[row] - d[0] * fz[row],
+            "Mz" => d[0] * fy[row] - d[1] * fx[row],
+            _ => 0.0,
+        };
+        let arms: Vec<f64> = (0..column.numbers.len()).map(arm).collect();
+        column.numbers.iter_mut().zip(arms).for_each(|(number, arm)| *number -= arm);
+    }
+    let [before, after] = [table, moved]
+        .map(|table| experiment(&model("human.urdf"), &Prepared::new(table, &how, None).unwrap()).unwrap());
+    let frame = after.candidates.iter().find(|candidate| candidate.law == "sensor-frame").unwrap();
+    for (row, fz) in fz.iter().enumerate() {
+        for axis in 0..2 {
+            let at = 6 * row + axis;
+            let column: f64 = frame.values.iter().zip(d).map(|(value, d)| value.column[at] * d).sum();
+            // The centre of pressure multiplies the predicted force, the column the measured one.
+            let expected = before.residuals[at] - column * before.residuals[6 * row + 4] / fz;
+            assert!((after.residuals[at] + column - expected).abs() < 1e-12, "{row} {axis}");
+        }
+    }
+}
+
+#[test]
 fn friction_of_a_real_cylinder_is_found_and_told_at_a_pressure_that_no_fit_saw() {
     let options = options(HoldOut::Where("set_bar = 5".parse().unwrap()), Some("seal = NAP310"), &[]);
     let data = measured("cylinder_friction_20hz.csv.gz");
