@@ -130,10 +130,7 @@ impl Diagnose {
         wheel.finish_and_clear();
         let mut diagnosis =
             diagnosis.map_err(|error| anyhow::Error::new(error).context(self.data.display().to_string()))?;
-        let kept = self.keep_terms && diagnosis.remaining.iter().any(|term| !term.curve.is_empty());
-        if kept {
-            diagnosis.keep_terms();
-        }
+        let kept = self.keep_terms && diagnosis.keep_terms();
         if let Some(path) = &self.report {
             let page = darm::report::channels_page(&diagnosis).into_string();
             std::fs::write(path, page).with_context(|| format!("{} cannot be written", path.display()))?;

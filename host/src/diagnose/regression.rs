@@ -1,7 +1,5 @@
 //! Terms that a residual may depend on, and what each of them takes from it.
 
-use std::fmt;
-
 use nalgebra::{DMatrix, DVector};
 
 use super::fit::pseudo_inverse;
@@ -17,14 +15,9 @@ pub struct Term {
     pub columns: Vec<Vec<f64>>,
 }
 
-impl fmt::Display for Term {
-    /// The variable, and how where it is not straight: `time (waves)`.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.shape {
-            "straight" => f.write_str(&self.variable),
-            shape => write!(f, "{} ({shape})", self.variable),
-        }
-    }
+/// A variable, and how something depends on it where that is not straight: `time (waves)`.
+pub fn in_words(variable: &str, shape: &str) -> String {
+    if shape == "straight" { variable.into() } else { format!("{variable} ({shape})") }
 }
 
 /// A term made ready for regression.
@@ -101,6 +94,12 @@ impl Taken {
 /// One axis of rows × axes.
 pub fn of_axis(numbers: &[f64], n_axes: usize, axis: usize) -> Vec<f64> {
     numbers.iter().skip(axis).step_by(n_axes).copied().collect()
+}
+
+/// The sum of the squares of some rows about their mean.
+pub fn squares(numbers: &[f64], rows: &[usize]) -> f64 {
+    let centred = centred(numbers, rows);
+    rows.iter().map(|&row| centred[row].powi(2)).sum()
 }
 
 /// Numbers less their mean over some rows.

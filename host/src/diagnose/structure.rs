@@ -13,7 +13,7 @@ use super::dictionary::dictionary;
 use super::fit::{size, weights};
 use super::noise::Noise;
 use super::observation::Observations;
-use super::regression::{Design, Term, centred, of_axis};
+use super::regression::{Design, Term, in_words, of_axis, squares};
 use super::significance::{STRUCTURE_LEVEL, f_test};
 use crate::arm::Arm;
 use crate::measurement::{Run, median};
@@ -52,10 +52,7 @@ pub struct Dependence {
 impl fmt::Display for Dependence {
     /// The variable, and how where it is not straight: `time (waves)`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.shape {
-            "straight" => f.write_str(&self.variable),
-            shape => write!(f, "{} ({shape})", self.variable),
-        }
+        f.write_str(&in_words(&self.variable, self.shape))
     }
 }
 
@@ -98,7 +95,9 @@ fn dependences(arm: &Arm, run: &Run, observations: &Observations, residuals: &[f
     let rows: Vec<usize> = (0..observations.rows.len()).collect();
     let designs: Vec<Design> = terms.iter().filter_map(|term| Design::new(term, &rows)).collect();
     let n_tried = 2.0 * designs.len() as f64;
-    let whole = square(residuals, observations.n_axes(), &rows);
+    let n_axes = observations.n_axes();
+    let of_axes = (0..n_axes).map(|axis| squares(&of_axis(residuals, n_axes, axis), &rows));
+    let whole = of_axes.sum::<f64>().max(f64::MIN_POSITIVE);
     let mut told: Vec<Dependence> = Vec::new();
     let mut left = residuals.to_vec();
     while told.len() < MOST_TERMS {
@@ -117,10 +116,4 @@ fn dependences(arm: &Arm, run: &Run, observations: &Observations, residuals: &[f
         told.push(Dependence { variable, shape, frame, share: taken.square / whole, p });
     }
     told
-}
-
-/// The squares of residuals about their mean, all axes together.
-fn square(residuals: &[f64], n_axes: usize, rows: &[usize]) -> f64 {
-    let of = |axis| centred(&of_axis(residuals, n_axes, axis), rows).norm_squared();
-    (0..n_axes).map(of).sum::<f64>().max(f64::MIN_POSITIVE)
 }

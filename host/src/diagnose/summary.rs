@@ -14,10 +14,10 @@ use super::outcome::{
 use super::search::Search;
 use super::significance::quantile_975;
 use super::structure::Structure;
-use super::tool_pose::{ToolPose, root_mean_square, values};
+use super::tool_pose::{ToolPose, values};
 use super::{Options, next};
 use crate::arm::{Arm, ArmModel};
-use crate::measurement::{Run, median};
+use crate::measurement::{Run, median, root_mean_square};
 
 /// Chance that any row of a run without outliers is called one.
 const OUTLIER_LEVEL: f64 = 0.01;

@@ -12,6 +12,7 @@ use super::observation::{NoPose, Observations, Value};
 use super::sensitivity::Sensitivity;
 use super::significance::{CONFIRMATION_LEVEL, Fall, fall};
 use crate::arm::{ArmModel, ArmScratch};
+use crate::measurement::root_mean_square;
 
 /// Poses that fits see, poses that judge, and room to compute in.
 #[derive(Debug)]
@@ -180,9 +181,4 @@ impl Kind for ToolPose {
         let after = self.heldout.residuals(&with.fit.model, &mut self.scratch)?;
         Ok(fall(&before, &after, &self.heldout.groups()).p < CONFIRMATION_LEVEL)
     }
-}
-
-/// √(mean of squares).
-pub fn root_mean_square(values: &[f64]) -> f64 {
-    (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }

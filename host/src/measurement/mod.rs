@@ -121,3 +121,8 @@ pub(crate) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (low, high) = ((values.len() - 1) / 2, values.len() / 2);
     Some((values[low] + values[high]) / 2.0)
 }
+
+/// √(mean of squares).
+pub fn root_mean_square(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
+}

@@ -16,7 +16,7 @@ use darm::diagnose::candidate::{all, place_code};
 use darm::diagnose::noise::{Noise, repeated};
 use darm::diagnose::observation::{NoPose, Observations};
 use darm::diagnose::sensitivity::Sensitivity;
-use darm::diagnose::tool_pose::root_mean_square;
+use darm::measurement::root_mean_square;
 use darm::plant::truth::Blind;
 use darm_core::effect::Effect;
 use darm_core::effect::step::Step;

@@ -24,6 +24,7 @@ use darm::diagnose::channels::outcome::Diagnosis;
 use darm::diagnose::channels::prepared::{HoldOut, Preparation};
 use darm::diagnose::channels::{Options, diagnose_table};
 use darm::diagnose::outcome::Verdict;
+use darm::measurement::root_mean_square;
 use darm::measurement::table::{Names, Table};
 use darm::robot::Robot;
 use darm::urdf::{self, Locks};
@@ -179,7 +180,7 @@ impl Bench {
         shape: Vec<Vec<f64>>,
         rng: &mut ChaCha8Rng,
     ) {
-        let noises = shape.iter().zip(&self.noise).map(|(column, noise)| rms(column) / noise);
+        let noises = shape.iter().zip(&self.noise).map(|(column, noise)| root_mean_square(column) / noise);
         let largest = noises.fold(f64::MIN_POSITIVE, f64::max);
         let size = rng.random_range(TIMES_NOISE) / largest;
         let shape: Vec<Vec<f64>> = shape.into_iter().map(|axis| axis.iter().map(|x| size * x).collect()).collect();
@@ -244,10 +245,6 @@ fn answer(diagnosis: &Diagnosis) -> String {
     let others = diagnosis.alternatives.iter().map(|o| format!("({}) {} {}", o.instead_of, o.law, o.place));
     let terms = diagnosis.remaining.iter().map(|term| format!("[{}: {}]", term.axis, term.term));
     format!("{}: {}", diagnosis.verdict, effects.chain(others).chain(terms).collect::<Vec<_>>().join(" + "))
-}
-
-pub(super) fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
 /// Standard normal, by the polar method.

@@ -7,6 +7,7 @@ use anyhow::{Context, Result};
 use darm::diagnose::channels::bodies::TEN;
 use darm::diagnose::channels::known::Known;
 use darm::diagnose::channels::torque;
+use darm::measurement::root_mean_square;
 use darm::robot::{Motion, Robot};
 use darm_core::effect::along::Law;
 use nalgebra::{DMatrix, DVector};
@@ -14,7 +15,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::case::Class;
-use super::channels::{Bench, PERIODIC, SWING_RAD, middle, rms};
+use super::channels::{Bench, PERIODIC, SWING_RAD, middle};
 use super::sets::Elsewhere;
 
 /// Rows a second, and how long the arm moves.
@@ -48,7 +49,7 @@ pub(super) fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Resul
     given.extend(channels);
     let named = |what: &str, unit: &str| (1..=n).map(|k| format!("{what}{k}{unit}")).collect::<Vec<_>>();
     let names = [vec!["time_s".to_string()], named("q", "_rad"), named("v", "_rad/s"), named("a", "")].concat();
-    let noise: Vec<f64> = nominal.iter().map(|channel| TORQUE_NOISE * rms(channel).max(1.0)).collect();
+    let noise: Vec<f64> = nominal.iter().map(|channel| TORQUE_NOISE * root_mean_square(channel).max(1.0)).collect();
     let norm_noise = noise.clone();
     let mut bench = Bench::new((names, given), (named("tau", "_nm"), nominal), noise, norm_noise);
     let mechanisms: Vec<usize> = match class {

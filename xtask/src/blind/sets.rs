@@ -2,9 +2,10 @@
 
 use anyhow::Result;
 use darm::diagnose::channels::outcome::Diagnosis;
+use darm::measurement::root_mean_square;
 use nalgebra::{DMatrix, DVector};
 
-use super::channels::{Added, Bench, joint_of, law_of, rms};
+use super::channels::{Added, Bench, joint_of, law_of};
 
 /// Members of a set are alike where what they add differs by no more than this share of the noise, root mean square.
 const SAME: f64 = 0.5;
@@ -63,7 +64,7 @@ fn alike(bench: &Bench, added: &Added, members: &[(&'static str, &str)]) -> Resu
     for (law, place) in members {
         let Some(there) = predicted(bench, law, place, &wanted)? else { return Ok(false) };
         let right = first.get_or_insert_with(|| there.clone());
-        if rms((there - &*right).as_slice()) > SAME {
+        if root_mean_square((there - &*right).as_slice()) > SAME {
             return Ok(false);
         }
     }

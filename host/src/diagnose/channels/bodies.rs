@@ -8,7 +8,7 @@
 use darm_core::actuator::JointKind;
 use darm_core::real::{Mat3, Vec3};
 use darm_core::se::{Pose, rotation_exp};
-use nalgebra::SMatrix;
+use nalgebra::{Matrix4, SMatrix};
 
 use super::experiment::{Candidate, Mass, Value};
 use crate::robot::Robot;
@@ -173,12 +173,12 @@ const LEAST_MOMENT: f64 = 1e-4;
 /// m > 0 and a positive definite Σ − m·c·cᵀ: eigenvalues of that below a least one are raised. Source: P. M. Wensing, S.
 /// Kim, J.-J. Slotine, IEEE Robotics and Automation Letters 3 (2018) 60.
 pub fn possible(ten: &[f64; 10], nominal: &[f64; 10]) -> [f64; 10] {
-    let [mass, x, y, z, xx, xy, yy, xz, yz, zz] = *ten;
+    let [mass, x, y, z, ..] = *ten;
     if mass < LEAST_MASS * nominal[0] || mass <= 0.0 {
         return nominal.map(|parameter| LEAST_MASS * parameter);
     }
-    let (moment, half) = (Vec3::new(x, y, z), 0.5 * (xx + yy + zz));
-    let second = Mat3::new(half - xx, -xy, -xz, -xy, half - yy, -yz, -xz, -yz, half - zz);
+    let moment = Vec3::new(x, y, z);
+    let second = pseudo_inertia(ten).fixed_view::<3, 3>(0, 0).into_owned();
     let offset = moment * moment.transpose() / mass;
     let mut eigen = (second - offset).symmetric_eigen();
     let least = LEAST_MOMENT * eigen.eigenvalues.iter().map(|l| l.abs()).sum::<f64>();
@@ -189,6 +189,12 @@ pub fn possible(ten: &[f64; 10], nominal: &[f64; 10]) -> [f64; 10] {
     let s = eigen.recompose() + offset;
     let [a, b, c] = [s.m22 + s.m33, s.m11 + s.m33, s.m11 + s.m22];
     [mass, x, y, z, a, -s.m12, b, -s.m13, -s.m23, c]
+}
+
+/// [Σ, m·c; (m·c)ᵀ, m] with Σ = ½tr(I)·1 − I, of m, m·c and I.
+pub fn pseudo_inertia(&[m, x, y, z, xx, xy, yy, xz, yz, zz]: &[f64; 10]) -> Matrix4<f64> {
+    let half = 0.5 * (xx + yy + zz);
+    Matrix4::new(half - xx, -xy, -xz, x, -xy, half - yy, -yz, y, -xz, -yz, half - zz, z, x, y, z, m)
 }
 
 #[cfg(test)]

@@ -60,10 +60,9 @@ impl Known {
 
     /// What takes a term out of the residual.
     pub(super) fn fitted(term: &Term) -> Self {
-        let channel = term.term.split(" (").next().unwrap_or_default();
         Self {
             law: FITTED_TERM.into(),
-            place: format!("{}: {channel}", term.axis),
+            place: format!("{}: {}", term.axis, term.channel),
             constant: None,
             values: BTreeMap::new(),
             points: term.curve.iter().map(|[at, remains]| [*at, -remains]).collect(),

@@ -33,6 +33,7 @@ use darm_core::effect::along::{Law, Memory, Moment, Per};
 use super::experiment::{Candidate, Value};
 use super::known::Known;
 use super::signal::rate;
+use crate::measurement::root_mean_square;
 
 /// v₀ over the root mean square of v.
 const CREEP: [f64; 3] = [0.05, 0.2, 0.5];
@@ -72,11 +73,6 @@ pub struct Coordinate<'a> {
     pub units: [&'static str; 3],
 }
 
-/// √(mean of squares).
-pub fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt()
-}
-
 /// Largest less smallest.
 pub fn range(values: &[f64]) -> f64 {
     let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
@@ -86,7 +82,7 @@ pub fn range(values: &[f64]) -> f64 {
 impl Coordinate<'_> {
     /// Friction of all kinds.
     pub fn friction(&self) -> Vec<Law<f64>> {
-        let (usual, stroke) = (rms(self.velocity).max(1e-12), range(self.position).max(1e-12));
+        let (usual, stroke) = (root_mean_square(self.velocity).max(1e-12), range(self.position).max(1e-12));
         let mut laws = vec![Law::ViscousFriction(ViscousFriction)];
         laws.extend(CREEP.map(|share| Law::CoulombFriction(CoulombFriction { creep_speed: share * usual })));
         laws.extend(STRIBECK.map(|share| Law::StribeckFriction(StribeckFriction { fall_speed: share * usual })));

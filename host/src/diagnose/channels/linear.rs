@@ -230,10 +230,14 @@ impl Channels {
         let mut predicted = vec![0.0; self.zero.len()];
         moved.iter().enumerate().for_each(|(fold, moved)| self.design.put(fold, moved, &mut predicted));
         predicted.iter_mut().zip(&self.zero).for_each(|(moved, zero)| *moved += zero);
-        let predicted = self.in_noise(predicted);
+        self.predicting(Fit { active, values }, effect, self.in_noise(predicted))
+    }
+
+    /// A model that predicts these residuals, in units of the noise.
+    pub(super) fn predicting(&self, fit: Fit, effect: Option<usize>, predicted: Vec<f64>) -> Trial<Self> {
         let loss = losses(&predicted, 1).iter().sum();
         let error = self.norm(&predicted);
-        Trial { effect, fit: Fit { active, values }, predicted, loss, error }
+        Trial { effect, fit, predicted, loss, error }
     }
 
     /// The model with these candidates, factorised; taken from where it was kept.

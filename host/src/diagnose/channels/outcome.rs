@@ -69,9 +69,11 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
-    /// Keeps the terms without a law in the model, as what they are.
-    pub fn keep_terms(&mut self) {
+    /// Keeps the terms without a law in the model, as what they are; whether there are any.
+    pub fn keep_terms(&mut self) -> bool {
+        let n_effects = self.model_effects.len();
         self.model_effects.extend(self.remaining.iter().filter(|term| !term.curve.is_empty()).map(Known::fitted));
+        self.model_effects.len() > n_effects
     }
 }
 
@@ -165,6 +167,9 @@ pub struct Term {
     pub axis: String,
     /// What it depends on, and how.
     pub term: String,
+    /// The channel of `curve`.
+    #[serde(skip)]
+    pub(super) channel: String,
     /// Share of the remaining mean square of the axis that it takes up.
     pub share: f64,
     /// By how much the held-out error of the axis is smaller with it.

@@ -8,7 +8,6 @@ use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, SVector};
 use super::bodies;
 use super::experiment::Mass;
 use super::linear::{Channels, Fit, solve};
-use crate::diagnose::fit::losses;
 use crate::diagnose::kind::{Kind as _, Trial};
 use crate::diagnose::significance::{DISCOVERY_LEVEL, RIVAL_LEVEL};
 
@@ -23,13 +22,15 @@ const INSIDE: f64 = 1e-2;
 
 /// The model with possible bodies, and with the effects beside them that this asks for.
 pub(super) fn physical(kind: &Channels, best: Trial<Channels>) -> Trial<Channels> {
-    let free = fitted(kind, best.fit.clone(), best.effect);
-    let mut best = fitted(kind, possible(kind, best.fit.clone()), best.effect);
+    let Some(held) = possible(kind, &best.fit) else { return best };
+    let free = fitted(kind, best.fit, best.effect);
+    let mut best = fitted(kind, held, best.effect);
     while kind.fall(&best, &free).p < RIVAL_LEVEL {
         let open: Vec<usize> = open(kind, &best.fit);
         let tried = open.iter().map(|&candidate| {
             let active = [&best.fit.active[..], &[candidate]].concat();
-            fitted(kind, possible(kind, kind.least_squares(active)), Some(candidate))
+            let free = kind.least_squares(active);
+            fitted(kind, possible(kind, &free).unwrap_or(free), Some(candidate))
         });
         match tried.min_by(|a, b| a.loss.total_cmp(&b.loss)) {
             Some(next) if kind.fall(&best, &next).p * (open.len() as f64) < DISCOVERY_LEVEL => best = next,
@@ -48,27 +49,26 @@ fn open(kind: &Channels, fit: &Fit) -> Vec<usize> {
 /// A model judged by the rows that it was fitted to.
 fn fitted(kind: &Channels, fit: Fit, effect: Option<usize>) -> Trial<Channels> {
     let predicted = kind.training_residuals(&fit);
-    let loss = losses(&predicted, 1).iter().sum();
-    let error = kind.norm(&predicted);
-    Trial { effect, fit, predicted, loss, error }
+    kind.predicting(fit, effect, predicted)
 }
 
-/// The values that fit best with bodies that can be; those of `fit` where its bodies can be already.
+/// The values that fit best with bodies that can be; `None` where those of `fit` can be already.
 ///
 /// A body can be when its pseudo-inertia is positive definite, which is linear in its ten numbers: the least squares are
 /// solved in the cone by an interior-point method, −μ·log det for each body, with μ falling until it does not matter.
 /// Source: P. M. Wensing, S. Kim, J.-J. Slotine, IEEE Robotics and Automation Letters 3 (2018) 60.
-fn possible(kind: &Channels, mut fit: Fit) -> Fit {
+fn possible(kind: &Channels, fit: &Fit) -> Option<Fit> {
     let indices = kind.indices(&fit.active);
     let of = |mass: &Mass| {
-        let first = indices.iter().position(|index| *index == kind.indices(&[mass.candidate])[0])?;
+        let own = kind.indices(&[mass.candidate])[0];
+        let first = indices.iter().position(|index| *index == own)?;
         Some(Cone { first, ten: mass.ten })
     };
     let masses = kind.experiment.masses.iter().filter(|mass| fit.active.contains(&mass.candidate));
     let cones: Vec<Cone> = masses.filter_map(of).collect();
     let mut values = DVector::from_iterator(indices.len(), indices.iter().map(|&index| fit.values[index]));
     if cones.iter().all(|cone| bodies::possible(&cone.body(&values), &cone.ten) == cone.body(&values)) {
-        return fit;
+        return None;
     }
     cones.iter().for_each(|cone| cone.start(&mut values));
     let (information, gradient) = kind.equations(&indices);
@@ -78,8 +78,9 @@ fn possible(kind: &Channels, mut fit: Fit) -> Fit {
             values = next;
         }
     }
+    let mut fit = fit.clone();
     indices.iter().zip(values.iter()).for_each(|(&index, value)| fit.values[index] = *value);
-    fit
+    Some(fit)
 }
 
 /// A body among the values of a model.
@@ -103,26 +104,33 @@ impl Cone {
         (0..10).for_each(|k| values[self.first + k] = body[k] - self.ten[k]);
     }
 
-    /// −log det of the pseudo-inertia −log of what the mass is above the least, with gradient and Hessian; `None` outside.
-    fn barrier(&self, values: &DVector<f64>) -> Option<(f64, SVector<f64, 10>, SMatrix<f64, 10, 10>)> {
+    /// −log det of the pseudo-inertia −log of what the mass is above the least; `None` outside.
+    fn barrier(&self, values: &DVector<f64>) -> Option<f64> {
         let body = self.body(values);
-        let root = pseudo_inertia(&body).cholesky()?;
-        let spare = body[0] - bodies::LEAST_MASS * self.ten[0];
-        let of_mass = (spare > 0.0).then(|| 1.0 / spare)?;
-        let unit = |k: usize| root.solve(&pseudo_inertia(&std::array::from_fn(|j| f64::from(u8::from(j == k)))));
+        let root = bodies::pseudo_inertia(&body).cholesky()?;
+        let spare = self.spare_kg(&body);
+        (spare > 0.0).then(|| -2.0 * root.l().diagonal().map(f64::ln).sum() - spare.ln())
+    }
+
+    /// Its gradient and Hessian.
+    fn slopes(&self, values: &DVector<f64>) -> Option<(SVector<f64, 10>, SMatrix<f64, 10, 10>)> {
+        let body = self.body(values);
+        let root = bodies::pseudo_inertia(&body).cholesky()?;
+        let of_mass = 1.0 / self.spare_kg(&body);
+        let unit =
+            |k: usize| root.solve(&bodies::pseudo_inertia(&std::array::from_fn(|j| f64::from(u8::from(j == k)))));
         let units: [Matrix4<f64>; 10] = std::array::from_fn(unit);
         let mut gradient = SVector::from_fn(|k, _| -units[k].trace());
         let mut hessian = SMatrix::from_fn(|a, b| (units[a] * units[b]).trace());
         gradient[0] -= of_mass;
         hessian[(0, 0)] += of_mass * of_mass;
-        Some((-2.0 * root.l().diagonal().map(f64::ln).sum() - spare.ln(), gradient, hessian))
+        Some((gradient, hessian))
     }
-}
 
-/// [Σ, m·c; (m·c)ᵀ, m] with Σ = ½tr(I)·1 − I, of m, m·c and I.
-fn pseudo_inertia(&[m, x, y, z, xx, xy, yy, xz, yz, zz]: &[f64; 10]) -> Matrix4<f64> {
-    let half = 0.5 * (xx + yy + zz);
-    Matrix4::new(half - xx, -xy, -xz, x, -xy, half - yy, -yz, y, -xz, -yz, half - zz, z, x, y, z, m)
+    /// By how much the mass is above the least, kg.
+    fn spare_kg(&self, body: &[f64; 10]) -> f64 {
+        body[0] - bodies::LEAST_MASS * self.ten[0]
+    }
 }
 
 /// One step of Newton's method on ½xᵀAx + gᵀx + μ·barriers, short enough to stay inside and to fall; `None` at the end.
@@ -134,10 +142,8 @@ fn newton(
     values: &DVector<f64>,
 ) -> Option<DVector<f64>> {
     let (mut slope, mut curvature) = (information * values + gradient, information.clone());
-    let mut height = 0.5 * (values.dot(&slope) + values.dot(gradient));
     for cone in cones {
-        let (barrier, of_slope, of_curvature) = cone.barrier(values)?;
-        height += weight * barrier;
+        let (of_slope, of_curvature) = cone.slopes(values)?;
         let mut slope = slope.fixed_rows_mut::<10>(cone.first);
         slope += of_slope * weight;
         let mut curvature = curvature.fixed_view_mut::<10, 10>(cone.first, cone.first);
@@ -145,13 +151,17 @@ fn newton(
     }
     let step = -solve(curvature, &slope);
     let fall = -slope.dot(&step);
+    if fall < LEAST_FALL {
+        return None;
+    }
     let at = |values: &DVector<f64>| -> Option<f64> {
-        let barriers: Option<f64> = cones.iter().map(|cone| Some(cone.barrier(values)?.0)).sum();
+        let barriers: Option<f64> = cones.iter().map(|cone| cone.barrier(values)).sum();
         Some(0.5 * values.dot(&(information * values)) + values.dot(gradient) + weight * barriers?)
     };
-    let steps = (0..SHORTEST).map(|k| (0.5f64.powi(k), values + &step * 0.5f64.powi(k)));
+    let height = at(values)?;
+    let mut steps = (0..SHORTEST).map(|k| (0.5f64.powi(k), values + &step * 0.5f64.powi(k)));
     let lower = |(share, next): &(f64, DVector<f64>)| at(next).is_some_and(|new| new < height - 0.1 * share * fall);
-    if fall < LEAST_FALL { None } else { steps.into_iter().find(lower).map(|(_, next)| next) }
+    steps.find(lower).map(|(_, next)| next)
 }
 
 #[cfg(test)]
@@ -176,6 +186,6 @@ mod tests {
         let body = cone.body(&values);
         // Nearest to (−1, 0.02, 0.02) with Iyy ≤ Ixx + Izz, Izz ≤ Ixx + Iyy and Ixx ≥ 0 is (0, 0.02, 0.02).
         assert!(body[4].abs() < 1e-4 && (body[6] - 0.02).abs() < 1e-4 && (body[9] - 0.02).abs() < 1e-4, "{body:?}");
-        assert!(pseudo_inertia(&body).cholesky().is_some());
+        assert!(bodies::pseudo_inertia(&body).cholesky().is_some());
     }
 }

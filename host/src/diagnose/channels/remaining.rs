@@ -12,7 +12,7 @@ use super::experiment::{Axis, Experiment};
 use super::linear::Channels;
 use super::outcome::Term as Told;
 use crate::diagnose::kind::Trial;
-use crate::diagnose::regression::{Design, Term, centred, of_axis};
+use crate::diagnose::regression::{Design, Term, centred, in_words, of_axis, squares};
 use crate::diagnose::significance::STRUCTURE_LEVEL;
 use crate::measurement::median;
 
@@ -56,10 +56,11 @@ pub(super) fn remaining(kind: &Channels, best: &Trial<Channels>) -> Remaining {
     let (mut taken, mut before) = (0.0, f64::MIN_POSITIVE);
     for (axis, of) in experiment.axes.iter().enumerate() {
         let (own, scatter) = drawn_in(&of_axis(&after, n_axes, axis));
+        let in_scatter = |own: &[f64]| squares(own, rows) / (scatter * scatter);
+        let whole = in_scatter(&own);
         let depends = dependences(kind, of, &designs, own);
-        let whole = |of: &[f64]| square(&drawn_in(&of_axis(of, n_axes, axis)).0, rows) / (scatter * scatter);
-        taken += depends.iter().map(|term| term.share).sum::<f64>() * whole(&after);
-        before += whole(&experiment.residuals);
+        taken += depends.iter().map(|term| term.share).sum::<f64>() * whole;
+        before += in_scatter(&drawn_in(&of_axis(&experiment.residuals, n_axes, axis)).0);
         terms.extend(depends);
     }
     Remaining { terms, share: taken / before }
@@ -70,8 +71,8 @@ fn dependences(kind: &Channels, axis: &Axis, designs: &[Design], own: Vec<f64>) 
     let (experiment, rows) = (&kind.experiment, &kind.groups.training);
     let n_tried = (designs.len() * experiment.axes.len()) as f64;
     let held_out: Vec<usize> = (0..experiment.rows.len()).filter(|&row| experiment.rows[row].held_out).collect();
-    let error = |of: &[f64]| (square(of, &held_out) / held_out.len() as f64).sqrt();
-    let whole = square(&own, rows).max(f64::MIN_POSITIVE);
+    let error = |of: &[f64]| (squares(of, &held_out) / held_out.len() as f64).sqrt();
+    let whole = squares(&own, rows).max(f64::MIN_POSITIVE);
     // The terms have no mean over the rows; the first one takes that of the residual with it.
     let mut mean = rows.iter().map(|&row| own[row]).sum::<f64>() / rows.len().max(1) as f64;
     let (mut told, mut left): (Vec<Told>, _) = (Vec::new(), own);
@@ -88,7 +89,8 @@ fn dependences(kind: &Channels, axis: &Axis, designs: &[Design], own: Vec<f64>) 
         let channel = experiment.channels.iter().find(|(name, _)| *name == design.term.variable);
         told.push(Told {
             axis: axis.name.clone(),
-            term: design.term.to_string(),
+            term: in_words(&design.term.variable, design.term.shape),
+            channel: channel.map_or(String::new(), |(name, _)| name.clone()),
             share: taken.square / whole,
             heldout_gain: (!held_out.is_empty()).then(|| error(&left) - error(&taken.left)),
             curve: channel.map_or(Vec::new(), |(_, channel)| curve_along(channel, &fitted)),
@@ -106,12 +108,6 @@ fn curve_along(channel: &[f64], fitted: &[f64]) -> Vec<[f64; 2]> {
     let last = points.len().saturating_sub(1);
     let pieces = last.min(PIECES);
     (0..=pieces).filter_map(|k| points.get(k * last / pieces.max(1)).copied()).collect()
-}
-
-/// The sum of the squares of some rows about their mean.
-fn square(numbers: &[f64], rows: &[usize]) -> f64 {
-    let centred = centred(numbers, rows);
-    rows.iter().map(|&row| centred[row].powi(2)).sum()
 }
 
 /// Numbers with those brought back that stand out between the ones beside them, and the usual scatter about these.
@@ -141,6 +137,7 @@ pub(super) fn memory(kind: &Channels, best: &Trial<Channels>) -> Vec<Told> {
         (correlation > GOES_ON && count >= LEAST_PAIRS).then(|| Told {
             axis: of.name.clone(),
             term: "its own value a row before".into(),
+            channel: String::new(),
             share: correlation.powi(2),
             heldout_gain: None,
             curve: Vec::new(),

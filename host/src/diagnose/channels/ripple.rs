@@ -6,7 +6,8 @@
 
 use std::f64::consts::TAU;
 
-use super::laws::{Coordinate, range, rms};
+use super::laws::{Coordinate, range};
+use crate::measurement::root_mean_square;
 
 /// Steps of the periodogram for one period more in the range of the position.
 const STEPS: f64 = 8.0;
@@ -59,7 +60,7 @@ struct Spectrum {
 
 impl Spectrum {
     fn new(position: &[f64], velocity: &[f64], acceleration: &[f64]) -> Self {
-        let creep = (CREEP * rms(velocity)).max(f64::MIN_POSITIVE);
+        let creep = (CREEP * root_mean_square(velocity)).max(f64::MIN_POSITIVE);
         let friction = velocity.iter().map(|v| (v / creep).tanh()).collect();
         let columns = [vec![1.0; position.len()], position.into(), velocity.into(), acceleration.into(), friction];
         let mut spectrum = Self { position: position.into(), plain: Vec::new() };

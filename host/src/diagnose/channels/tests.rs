@@ -139,7 +139,7 @@ fn what_no_law_explains_is_told_by_its_channel_and_may_be_kept() {
     assert_eq!((first.verdict, first.effects.len()), (Verdict::UnexplainedStructure, 0), "{:?}", first.plain);
     let term = &first.remaining[0];
     assert!(term.term.starts_with("position") && term.share > 0.9 && term.heldout_gain > Some(2.0), "{term:?}");
-    first.keep_terms();
+    assert!(first.keep_terms());
     let output = tempfile::NamedTempFile::with_suffix(".toml").unwrap();
     known::write(&measured("cylinder.toml"), output.path(), &first).unwrap();
     let second = diagnose_table(&Model::read(output.path()).unwrap().unwrap(), &table, &how).unwrap();

@@ -9,7 +9,7 @@
 //! that none of them is missed alone: there every law stays at all its places. Of these those are named at which it
 //! differs from nothing, as many as leave this share of false ones.
 
-use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
+use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
 
 use super::factored::Factored;
 use super::linear::Channels;
@@ -117,8 +117,8 @@ fn rung(kind: &Channels, effects: &[usize], best: &Trial<Channels>, without: &Tr
 fn sweep(kind: &Channels, best: &mut Trial<Channels>, n_known: usize, n_tried: usize) -> Vec<Rung> {
     let mut model = Factored::new(kind, best.fit.active.clone());
     let mut n_left = best.fit.active.len() - n_known;
-    let loss = |k: usize| (model.without(kind, &[k]).loss, k);
-    let mut order: Vec<(f64, usize)> = best.fit.active[n_known..].to_vec().into_par_iter().map(loss).collect();
+    let loss = |&k: &usize| (model.without(kind, &[k]).loss, k);
+    let mut order: Vec<(f64, usize)> = best.fit.active[n_known..].par_iter().map(loss).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut ladder = Vec::new();
     for (_, effect) in order {

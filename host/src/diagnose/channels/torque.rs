@@ -12,6 +12,7 @@ use super::known::{self, Known};
 use super::laws::Coordinate;
 use super::prepared::{PrepareError, Prepared};
 use super::ripple::periods_a_turn;
+use crate::diagnose::regression::of_axis;
 use crate::robot::Robot;
 
 /// Ripples of a torque that are tried where no gear ratio tells their periods.
@@ -108,7 +109,7 @@ fn of_motion(
         let periods = match transmission {
             Some(transmission) => vec![transmission.matrix[(joint, joint)].abs()],
             None => {
-                let own: Vec<f64> = residuals.iter().skip(joint).step_by(n).copied().collect();
+                let own: Vec<f64> = of_axis(&residuals, n, joint);
                 periods_a_turn(&coordinate, &own, |row| !rows[row].held_out, RIPPLES)
             }
         };

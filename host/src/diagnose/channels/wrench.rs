@@ -97,11 +97,14 @@ impl Axes<'_> {
 fn sensor_frame(measured: &[Vec<f64>], axes: &Axes) -> Candidate {
     let value = |(k, (name, unit)): (usize, (&str, &str))| {
         let about = Vec3::ith(k % 3, 1.0);
-        let wrench = |row: usize| {
-            let [force, moment] = [0, 3].map(|first| Vec3::from_fn(|axis, _| measured[first + axis][row]));
-            if k < 3 { (Vec3::zeros(), -about.cross(&force)) } else { (-about.cross(&force), -about.cross(&moment)) }
+        let part = |row: usize, part: usize| {
+            let turned = |first: usize| about.cross(&Vec3::from_fn(|axis, _| measured[first + axis][row]))[part % 3];
+            match (k < 3, part < 3) {
+                (true, true) => 0.0,
+                (true, false) | (false, true) => -turned(0),
+                (false, false) => -turned(3),
+            }
         };
-        let part = |row: usize, part: usize| if part < 3 { wrench(row).0[part] } else { wrench(row).1[part - 3] };
         Value { name: name.into(), unit: unit.into(), prior: f64::INFINITY, column: axes.column(part) }
     };
     let names =
