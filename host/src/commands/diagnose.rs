@@ -6,12 +6,16 @@ use anyhow::Context as _;
 use darm::arm::Arm;
 use darm::diagnose::channels::known;
 use darm::diagnose::channels::model::Model;
-use darm::diagnose::channels::prepared::{HoldOut, Preparation};
+use darm::diagnose::channels::prepared::Preparation;
 use darm::diagnose::channels::{self, outcome::Diagnosis as ChannelDiagnosis, outcome::Figure};
 use darm::diagnose::outcome::{Diagnosis, ErrorFigure, Found, Verdict};
 use darm::diagnose::{Options, diagnose};
+use darm::measurement::hold_out::HoldOut;
+use darm::measurement::poses::{self, Which};
 use darm::measurement::select::Selection;
 use darm::measurement::{self, check};
+use darm::report::{channels_page, diagnosis_page};
+use maud::Markup;
 use serde::Serialize;
 
 use crate::failure::Usage;
@@ -56,7 +60,7 @@ pub(crate) struct Diagnose {
     /// Seed of the cross-validation
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// A page with tables and plots, of a table of channels
+    /// A page with tables and plots
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
     #[command(flatten)]
@@ -131,10 +135,7 @@ impl Diagnose {
         let mut diagnosis =
             diagnosis.map_err(|error| anyhow::Error::new(error).context(self.data.display().to_string()))?;
         let kept = self.keep_terms && diagnosis.keep_terms();
-        if let Some(path) = &self.report {
-            let page = darm::report::channels_page(&diagnosis).into_string();
-            std::fs::write(path, page).with_context(|| format!("{} cannot be written", path.display()))?;
-        }
+        self.write_report(|| channels_page(&diagnosis))?;
         match &self.output {
             Some(_) if !kept && diagnosis.effects.is_empty() || diagnosis.verdict == Verdict::NotIdentifiable => {
                 voice.note(NOTHING_TO_WRITE);
@@ -151,8 +152,10 @@ impl Diagnose {
                 Usage("--keep-terms: a term is kept of a table of channels only, an arm file has laws".into()).into()
             );
         }
+        self.rows.refuse_those_of_channels()?;
         let arm = Arm::read(&self.model)?;
-        let (run, mut findings) = measurement::read(&self.data)?;
+        let which = Which { keep: self.rows.keep.clone(), hold_out: self.rows.held_out()? };
+        let (run, mut findings) = poses::read(&self.data, &self.rows.names()?, &which)?;
         findings.extend(check(&arm, &run));
         let wheel = voice.wheel("diagnosing");
         let diagnosis = diagnose(&arm, &run, &Options { seed: self.seed, ..Options::default() });
@@ -170,7 +173,14 @@ impl Diagnose {
             }
             (None, _) => None,
         };
-        voice.tell(&Report { findings: findings.iter().map(ToString::to_string).collect(), diagnosis, output })
+        let findings: Vec<String> = findings.iter().map(ToString::to_string).collect();
+        self.write_report(|| diagnosis_page(&diagnosis, &findings))?;
+        voice.tell(&Report { findings, diagnosis, output })
+    }
+
+    fn write_report(&self, page: impl FnOnce() -> Markup) -> anyhow::Result<()> {
+        let Some(path) = &self.report else { return Ok(()) };
+        std::fs::write(path, page().into_string()).with_context(|| format!("{} cannot be written", path.display()))
     }
 }
 
@@ -183,8 +193,8 @@ impl RowOptions {
         self.map.iter().map(pair).collect()
     }
 
-    fn options(&self, seed: u64) -> anyhow::Result<channels::Options> {
-        let hold_out = match (&self.hold_out, self.hold_out_last, &self.hold_out_each, &self.split) {
+    fn held_out(&self) -> anyhow::Result<HoldOut> {
+        Ok(match (&self.hold_out, self.hold_out_last, &self.hold_out_each, &self.split) {
             (Some(selection), ..) => HoldOut::Where(selection.clone()),
             (_, Some(share), ..) if !(share > 0.0 && share < 1.0) => {
                 return Err(Usage(format!("--hold-out-last {share}: a share lies between 0 and 1")).into());
@@ -193,10 +203,32 @@ impl RowOptions {
             (.., Some(column), _) => HoldOut::Each(column.clone()),
             (.., Some(column)) => HoldOut::Column(column.clone()),
             _ => HoldOut::Own,
-        };
+        })
+    }
+
+    /// Poses are visits, not a signal: what filters and thins means nothing there, and laws stand in the arm file.
+    fn refuse_those_of_channels(&self) -> anyhow::Result<()> {
+        let given = [
+            ("--within", !self.within.is_empty(), "visits are parted by their column `run`: --map run=COLUMN"),
+            ("--rate", self.rate.is_some(), "poses need a column of time"),
+            ("--thin", self.thin.is_some(), "each row is a visit of its own: --where chooses rows"),
+            ("--lowpass", self.lowpass.is_some(), "each row is a visit of its own, there is no signal to filter"),
+            ("--interpolate", self.interpolate.is_some(), "each row is a visit of its own"),
+            ("--settled", self.settled.is_some(), "each row is a visit of its own: --where chooses rows"),
+            ("--always", !self.always.is_empty(), "write the effect into the arm file, its values are fitted again"),
+        ];
+        match given.into_iter().find(|(_, given, _)| *given) {
+            Some((option, _, what)) => {
+                Err(Usage(format!("{option} is for tables of channels, not for an arm file: {what}")).into())
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn options(&self, seed: u64) -> anyhow::Result<channels::Options> {
         let preparation = Preparation {
             keep: self.keep.clone(),
-            hold_out,
+            hold_out: self.held_out()?,
             within: self.within.clone(),
             rate_hz: positive("--rate", self.rate)?,
             thin_hz: positive("--thin", self.thin)?,
@@ -305,6 +337,7 @@ impl Report {
         ];
         let repeats =
             repeatability.as_ref().map_or("not measured".to_owned(), |r| format!("{:.3} mm", 1e3 * r.distance_m));
-        format!("{}\nrepeatability: {repeats}", columns(&[head, fitted, heldout]))
+        let held_out = &self.diagnosis.held_out;
+        format!("{}\nheld out: {held_out}; repeatability: {repeats}", columns(&[head, fitted, heldout]))
     }
 }

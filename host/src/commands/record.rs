@@ -131,7 +131,7 @@ impl Record {
         if samples.is_empty() {
             return Err(RecordError::NoPictures { pictures: pictures.len() }.into());
         }
-        let run = Run { samples, lines: Vec::new() };
+        let run = Run { samples, ..Run::default() };
         let about = about(&visits, clock, client.identity().device.to_string().as_str());
         write(&self.output, &about, &run).with_context(|| format!("cannot write {}", self.output.display()))?;
         let mut findings = arm.map(|arm| check(&arm, &run)).unwrap_or_default();

@@ -8,7 +8,8 @@
 //! Gauss–Newton step; a step that does not lower the loss is halved.
 //!
 //! Cross-validation leaves whole words out: the rows of one word repeat each other, so any of them would give the
-//! others away. Each tenth of the words is predicted by the values that the other nine tenths give.
+//! others away. Each tenth of the words is predicted by the values that the other nine tenths give. Where the user says so
+//! it leaves out each value of a column in turn.
 
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
@@ -145,14 +146,15 @@ pub fn moved(columns: &[Vec<f64>], residuals: &[f64], step: &DVector<f64>) -> Ve
     after
 }
 
-/// Which fold each word belongs to.
-pub fn folds(n_groups: usize, seed: u64) -> Vec<usize> {
+/// Which fold each row belongs to: that of its group, which is a matter of chance.
+pub fn folds(groups: &[usize], seed: u64) -> Vec<usize> {
+    let n_groups = groups.iter().max().map_or(0, |last| last + 1);
     let mut folds: Vec<usize> = (0..n_groups).map(|group| group % FOLDS).collect();
     folds.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
-    folds
+    groups.iter().map(|&group| folds[group]).collect()
 }
 
-/// The residuals of each word as the fit to the other folds leaves them.
+/// The residuals of each row as the fit to the other folds leaves them.
 pub fn cross_validated(
     columns: &[Vec<f64>],
     residuals: &[f64],
@@ -167,9 +169,8 @@ pub fn cross_validated(
     let whole = linear_step(columns, residuals, n_axes, &all, &all, REWEIGHTINGS);
     let first = weights(&moved(columns, residuals, &whole), n_axes);
     let mut predicted = residuals.to_vec();
-    for fold in 0..FOLDS {
-        let counts: Vec<f64> =
-            observations.rows.iter().map(|row| if folds[row.group] == fold { 0.0 } else { 1.0 }).collect();
+    for fold in 0..=folds.iter().copied().max().unwrap_or_default() {
+        let counts: Vec<f64> = folds.iter().map(|own| if *own == fold { 0.0 } else { 1.0 }).collect();
         let after =
             moved(columns, residuals, &linear_step(columns, residuals, n_axes, &counts, &first, FEW_REWEIGHTINGS));
         for (row, _) in counts.iter().enumerate().filter(|(_, counts)| **counts == 0.0) {

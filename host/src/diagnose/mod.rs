@@ -50,6 +50,8 @@ pub use words::effect_sentence;
 
 /// Share of what is beyond the noise that a named effect may leave.
 pub const UNEXPLAINED_SHARE: f64 = 0.1;
+/// Values of a column up to which each of them is left out alone.
+const MOST_PARTS: usize = 24;
 /// Training words without which nothing can be said.
 const FEWEST_WORDS: usize = 2 * fit::FOLDS;
 
@@ -87,6 +89,12 @@ pub enum DiagnoseError {
         /// Why.
         error: ChainError,
     },
+    /// Nothing is left to fit when the only part is left out.
+    #[error("all rows that count are of one part ({told}): choose a column with several values")]
+    OnePart {
+        /// How the parts were chosen.
+        told: String,
+    },
     /// Too few words to hold any of them out.
     #[error(
         "{words} words are not enough to tell an effect from chance: measure at least {FEWEST_WORDS} that are not held out"
@@ -106,6 +114,9 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Diagnosis, Di
     let words = search.kind.training.n_groups;
     if words < FEWEST_WORDS {
         return Err(DiagnoseError::TooFewWords { words });
+    }
+    if search.kind.folds.iter().all(|fold| *fold == search.kind.folds[0]) {
+        return Err(DiagnoseError::OnePart { told: run.choice.told.clone() });
     }
     if repeats.is_none() {
         search = rescaled(arm, search).map_err(no_pose)?;
@@ -130,7 +141,13 @@ fn search(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Options) -> R
     };
     let training = Observations::new(arm, run, sigma, |sample| !sample.held_out);
     let heldout = Observations::new(arm, run, sigma, |sample| sample.held_out);
-    let folds = folds(training.n_groups, options.seed);
+    let parts: Option<Vec<usize>> =
+        run.choice.parts.as_ref().map(|parts| training.rows.iter().map(|row| parts[row.sample]).collect());
+    let folds = match parts {
+        Some(parts) if parts.iter().all(|part| *part < MOST_PARTS) => parts,
+        Some(parts) => folds(&parts, options.seed),
+        None => folds(&training.groups(), options.seed),
+    };
     Ok(Search::new(ToolPose { training, heldout, folds, scratch }))
 }
 

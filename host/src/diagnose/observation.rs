@@ -66,9 +66,10 @@ pub fn axes(arm: &Arm) -> &'static [usize] {
 }
 
 impl Observations {
-    /// The samples that `choose` takes; `sigma` is the noise of each component of a twist.
+    /// The samples that count and that `choose` takes; `sigma` is the noise of each component of a twist.
     pub fn new(arm: &Arm, run: &Run, sigma: [f64; 6], choose: impl Fn(&Sample) -> bool) -> Self {
-        let mut words: Vec<Word> = run.samples.iter().filter(|s| choose(s)).map(|s| s.word).collect();
+        let choose = |&(index, s): &(usize, &Sample)| run.counts(index) && choose(s);
+        let mut words: Vec<Word> = run.samples.iter().enumerate().filter(choose).map(|(_, s)| s.word).collect();
         words.sort();
         words.dedup();
         let start_s = run.start_s();
@@ -91,7 +92,7 @@ impl Observations {
             inverse: s.pose.inverse(),
         };
         let counted = run.samples.iter().map(&mut count).collect::<Vec<_>>();
-        let chosen = run.samples.iter().enumerate().zip(counted).filter(|((_, s), _)| choose(s));
+        let chosen = run.samples.iter().enumerate().zip(counted).filter(|(sample, _)| choose(sample));
         let rows = chosen.map(row).collect();
         Self { rows, n_groups: words.len(), axes: axes(arm), sigma, length_scale_m: arm.length_scale_m }
     }

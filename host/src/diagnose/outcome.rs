@@ -22,6 +22,8 @@ pub struct Diagnosis {
     pub model: u32,
     /// How many rows there were.
     pub rows: Rows,
+    /// How the rows were chosen that the fit did not see.
+    pub held_out: String,
     /// Scatter of repeated conditions; `None` where nothing was repeated.
     pub repeatability: Option<Repeatability>,
     /// Predicted minus measured, of the model as it was and with the effects found.

@@ -3,7 +3,7 @@
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::candidate::{place_code, place_name};
-use super::fit::{covariance, size};
+use super::fit::{FOLDS, covariance, size};
 use super::kind::{Kind, Trial};
 use super::noise::{Noise, Repeatability};
 use super::observation::{NoPose, Observations, Value, axes};
@@ -15,7 +15,7 @@ use super::search::Search;
 use super::significance::quantile_975;
 use super::structure::Structure;
 use super::tool_pose::{ToolPose, values};
-use super::{Options, next};
+use super::{MOST_PARTS, Options, next};
 use crate::arm::{Arm, ArmModel};
 use crate::measurement::{Run, median, root_mean_square};
 
@@ -44,8 +44,10 @@ impl Summary<'_> {
         let per_axis = repeats.as_ref().map_or(self.search.kind.training.rows.len(), |noise| noise.dof);
         let noise_dof = (per_axis * self.search.kind.training.n_axes()) as f64;
         let named = verdict == Verdict::EffectFound;
-        let error =
-            BeforeAfter { before: self.errors(&self.arm.model)?, after: self.errors(&self.best.fit.model.clone())? };
+        let nominal = self.search.kind.training.residuals(&self.arm.model, &mut self.search.kind.scratch)?;
+        let after = self.errors(&self.best.fit.model.clone(), &self.best.predicted.clone())?;
+        let error = BeforeAfter { before: self.errors(&self.arm.model, &nominal)?, after };
+        let (train, own) = (self.search.kind.training.rows.len(), self.search.kind.heldout.rows.len());
         let effects = if named { self.found(&error)? } else { Vec::new() };
         let next_measurement = match verdict {
             Verdict::NotIdentifiable => {
@@ -56,7 +58,8 @@ impl Summary<'_> {
         Ok(Diagnosis {
             kind: "tool-pose",
             model: self.arm.model.number,
-            rows: Rows { train: self.search.kind.training.rows.len(), heldout: self.search.kind.heldout.rows.len() },
+            rows: Rows { train, heldout: if own == 0 { train } else { own } },
+            held_out: self.held_out(),
             repeatability: repeats.map(|noise| self.repeatability(&noise)),
             error,
             verdict,
@@ -82,14 +85,27 @@ impl Summary<'_> {
         Repeatability { distance_m: noise.distance_m, axes, dof: noise.dof }
     }
 
-    fn errors(&mut self, model: &ArmModel) -> Result<Errors, NoPose> {
+    /// How the rows were chosen that the fit did not see.
+    fn held_out(&self) -> String {
+        let told = &self.run.choice.told;
+        match (self.search.kind.heldout.rows.is_empty(), &self.run.choice.parts) {
+            (false, _) if told.is_empty() => "the column held_out".into(),
+            (false, _) => told.clone(),
+            (true, Some(parts)) if parts.iter().all(|part| *part < MOST_PARTS) => told.clone(),
+            (true, Some(_)) => format!("{told}, in {FOLDS} parts"),
+            (true, None) => format!("each word in turn, in {FOLDS} parts"),
+        }
+    }
+
+    /// Errors of a model; `unseen` are its cross-validated residuals, which serve where nothing is held out for good.
+    fn errors(&mut self, model: &ArmModel, unseen: &[f64]) -> Result<Errors, NoPose> {
         let ToolPose { training, heldout, scratch, .. } = &mut self.search.kind;
         let train = error_figure(self.arm, training, &training.residuals(model, scratch)?);
         let heldout = match heldout.rows.is_empty() {
-            true => None,
-            false => Some(error_figure(self.arm, heldout, &heldout.residuals(model, scratch)?)),
+            true => error_figure(self.arm, training, unseen),
+            false => error_figure(self.arm, heldout, &heldout.residuals(model, scratch)?),
         };
-        Ok(Errors { train, heldout })
+        Ok(Errors { train, heldout: Some(heldout) })
     }
 
     /// The effects found, with intervals of their values.
@@ -125,8 +141,8 @@ impl Summary<'_> {
         let without = if self.best.fit.model.effects.len() == self.n_known + 1 {
             error.before.heldout.as_ref().map(|figure| figure.distance_m)
         } else {
-            let model = self.search.kind.without(self.best, effect)?.fit.model;
-            self.errors(&model)?.heldout.map(|figure| figure.distance_m)
+            let Trial { fit, predicted, .. } = self.search.kind.without(self.best, effect)?;
+            self.errors(&fit.model, &predicted)?.heldout.map(|figure| figure.distance_m)
         };
         Ok(without.map(|without| without - after.distance_m))
     }

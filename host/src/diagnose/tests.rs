@@ -65,7 +65,7 @@ fn measured(arm: &Arm, effects: &[Effect<f64>], surroundings: Surroundings) -> R
             held_out: step.held_out,
         }
     };
-    Run { samples: steps.iter().enumerate().map(&mut sample).collect(), lines: Vec::new() }
+    Run { samples: steps.iter().enumerate().map(&mut sample).collect(), ..Run::default() }
 }
 
 fn laws(diagnosis: &Diagnosis) -> Vec<&str> {
@@ -162,7 +162,7 @@ fn a_run_that_says_too_little_or_does_not_fit_is_refused() {
     let mut run = measured(&arm(), &[], changing);
     let few: std::collections::BTreeSet<_> = run.samples.iter().take(10).map(|sample| sample.word).collect();
     let little =
-        Run { samples: run.samples.iter().filter(|s| few.contains(&s.word)).cloned().collect(), lines: Vec::new() };
+        Run { samples: run.samples.iter().filter(|s| few.contains(&s.word)).cloned().collect(), ..Run::default() };
     assert!(matches!(diagnose(&arm(), &little, &Options::default()), Err(DiagnoseError::TooFewWords { .. })));
     run.samples[3].word = "0101".parse().unwrap();
     let error = diagnose(&arm(), &run, &Options::default()).unwrap_err();

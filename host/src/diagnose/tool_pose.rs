@@ -21,7 +21,7 @@ pub struct ToolPose {
     pub training: Observations,
     /// Rows that judge; may be none.
     pub heldout: Observations,
-    /// The fold of each word.
+    /// The fold of each training row.
     pub folds: Vec<usize>,
     /// Room to compute in.
     pub scratch: ArmScratch,

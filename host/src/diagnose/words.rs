@@ -68,9 +68,8 @@ fn error_sentence(diagnosis: &Diagnosis) -> String {
         Some(repeatability) => format!("; the measurement repeats to {:.2} mm", repeatability.distance_m * 1e3),
         None => String::new(),
     };
-    let rows =
-        if diagnosis.error.after.heldout.is_some() { "On words that no fit saw" } else { "On the rows of the fit" };
-    format!("{rows}, the error falls from {before:.2} mm to {after:.2} mm{noise}.")
+    let rows = &diagnosis.held_out;
+    format!("On rows that no fit saw ({rows}), the error falls from {before:.2} mm to {after:.2} mm{noise}.")
 }
 
 /// One effect: which part, which way, how much.

@@ -17,9 +17,10 @@ use darm_core::se::Wrench;
 use super::equations::Rows;
 use super::{Contact, Kind, Sample};
 use crate::diagnose::channels::bodies::Moving;
-use crate::diagnose::channels::prepared::{HoldOut, Preparation, PrepareError, Prepared};
+use crate::diagnose::channels::prepared::{Preparation, PrepareError, Prepared};
 use crate::diagnose::channels::wrench;
 use crate::measurement::ReadError;
+use crate::measurement::hold_out::HoldOut;
 use crate::measurement::table::{Names, Table};
 use crate::robot::Robot;
 

@@ -49,22 +49,15 @@ fn order(before: &Sample, sample: &Sample) -> Option<String> {
         .then(|| format!("time {} s is not after the {} s of the row before", sample.time_s, before.time_s))
 }
 
-/// Millimetres for metres, radians for degrees: told once for the file.
-fn units(arm: &Arm, run: &Run) -> Vec<Finding> {
-    let mut findings = Vec::new();
-    let mut tell = |what: &str| findings.push(Finding { line: None, what: what.into() });
-    if let Some(reach_m) = reach(arm, run) {
-        let farthest_m = run.samples.iter().map(|s| s.pose.position.norm()).fold(0.0, f64::max);
-        if farthest_m > TOO_FAR * reach_m {
-            tell("the positions are far out of the arm's reach: are they in mm? the columns are read as m");
-        }
-    }
-    let turned_deg = |s: &Sample| s.servos_rad.iter().fold(0f64, |most, angle| most.max(angle.to_degrees().abs()));
-    let most_deg = run.samples.iter().map(turned_deg).fold(0.0, f64::max);
-    if most_deg > 0.0 && most_deg < 3.2 && run.samples.len() > 10 {
-        tell("no servo turns by more than 3.2: are the positions in rad? the columns are read as degrees");
-    }
-    findings
+/// Millimetres for metres: told once for the file.
+fn units(arm: &Arm, run: &Run) -> Option<Finding> {
+    let reach_m = reach(arm, run)?;
+    let farthest_m = run.samples.iter().map(|s| s.pose.position.norm()).fold(0.0, f64::max);
+    let what = format!(
+        "the positions go {farthest_m:.0} m far and the arm reaches {reach_m:.1} m: are they in mm? a column whose name \
+         ends in _mm is read so"
+    );
+    (farthest_m > TOO_FAR * reach_m).then_some(Finding { line: None, what })
 }
 
 /// The largest distance from the base that the model gives the words of the run.

@@ -1,20 +1,17 @@
 //! Measurements as comma-separated text.
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
-use darm_core::real::Vec3;
 use darm_core::se::{Pose, Pose2};
-use darm_core::units::Word;
 use flate2::Compression;
 use flate2::read::MultiGzDecoder;
 use flate2::write::GzEncoder;
 
+use super::Run;
 use super::log::{self, LogError};
-use super::{Finding, Run, Sample};
+use super::select::SelectError;
 
 /// Why a file gives no measurements.
 #[derive(Debug, thiserror::Error)]
@@ -67,19 +64,20 @@ pub enum ReadError {
         /// What should.
         expected: &'static str,
     },
+    /// A selection of rows makes no sense.
+    #[error("{}: {error}", path.display())]
+    Select {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        error: SelectError,
+    },
     /// There is a header, or not even that, and no rows.
     #[error("{}: no rows, there is nothing to diagnose", path.display())]
     Empty {
         /// The file.
         path: PathBuf,
     },
-}
-
-/// Reads a file of measurements; says what its owner should know about it.
-///
-/// Rows in which the pose is not a number are left out and told.
-pub fn read(path: &Path) -> Result<(Run, Vec<Finding>), ReadError> {
-    read_text(path, &bytes(path)?)
 }
 
 /// The table in a file, expanded when its name ends in `.gz`, as text when it ends in `.mcap`.
@@ -97,30 +95,6 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
         return log::to_text(&bytes).map_err(|error| ReadError::Log { path: path.into(), error });
     }
     Ok(bytes)
-}
-
-/// The same of text that is in memory; `path` only serves messages.
-pub fn read_text(path: &Path, text: &[u8]) -> Result<(Run, Vec<Finding>), ReadError> {
-    let table_error = |error| ReadError::Table { path: path.into(), error };
-    let mut table = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text);
-    let columns = Columns::find(path, table.headers().map_err(table_error)?)?;
-    let (mut run, mut findings) = (Run::default(), columns.findings.clone());
-    for record in table.records() {
-        let record = record.map_err(table_error)?;
-        let line = record.position().map_or(0, |position| position.line() as usize);
-        let row = Row { path, line, record: &record, columns: &columns };
-        match row.sample(run.samples.last(), run.samples.len())? {
-            Ok(sample) => {
-                run.samples.push(sample);
-                run.lines.push(line);
-            }
-            Err(finding) => findings.push(finding),
-        }
-    }
-    if run.samples.is_empty() && findings.iter().all(|finding| finding.line.is_none()) {
-        return Err(ReadError::Empty { path: path.into() });
-    }
-    Ok((run, findings))
 }
 
 /// Writes a file of measurements, compressed when its name ends in `.gz`, a log when it ends in `.mcap`; `about` are
@@ -164,6 +138,9 @@ pub fn write_text(run: &Run) -> String {
     text
 }
 
+/// Files hold bar, samples Pa.
+const PA_PER_BAR: f64 = 1e5;
+
 fn pose_text(pose: &Pose<f64>, planar: bool) -> String {
     let p = &pose.position;
     if planar {
@@ -173,137 +150,3 @@ fn pose_text(pose: &Pose<f64>, planar: bool) -> String {
     let w = pose.log().angular.map(f64::to_degrees);
     format!("{:.7},{:.7},{:.7},{:.6},{:.6},{:.6}", p.x, p.y, p.z, w.x, w.y, w.z)
 }
-
-/// Where in a row each quantity stands.
-struct Columns {
-    at: BTreeMap<String, usize>,
-    servos: Vec<String>,
-    planar: bool,
-    findings: Vec<Finding>,
-}
-
-const PLANAR: [&str; 3] = ["x_m", "y_m", "angle_deg"];
-const SPATIAL: [&str; 6] = ["x_m", "y_m", "z_m", "rx_deg", "ry_deg", "rz_deg"];
-/// Files hold bar, samples Pa.
-const PA_PER_BAR: f64 = 1e5;
-
-const OTHERS: [&str; 8] = ["time_s", "word", "previous", "supply_bar", "temperature_c", "run", "visit", "held_out"];
-
-impl Columns {
-    fn find(path: &Path, header: &csv::StringRecord) -> Result<Self, ReadError> {
-        let at: BTreeMap<String, usize> = header.iter().enumerate().map(|(k, name)| (name.to_string(), k)).collect();
-        let planar = !at.contains_key("z_m");
-        let pose: &[&str] = if planar { &PLANAR } else { &SPATIAL };
-        if let Some(missing) = ["time_s", "word"].iter().chain(pose).find(|name| !at.contains_key(**name)) {
-            let present = header.iter().collect::<Vec<_>>().join(", ");
-            return Err(ReadError::NoColumn { path: path.into(), column: (*missing).into(), present });
-        }
-        let servos: Vec<String> =
-            (1..).map(|k| format!("servo{k}_deg")).take_while(|name| at.contains_key(name)).collect();
-        let known =
-            |name: &str| OTHERS.contains(&name) || pose.contains(&name) || servos.iter().any(|servo| servo == name);
-        let unread: Vec<&str> = header.iter().filter(|name| !known(name)).collect();
-        let mut findings = Vec::new();
-        if !unread.is_empty() {
-            findings.push(Finding { line: None, what: format!("columns left unread: {}", unread.join(", ")) });
-        }
-        Ok(Self { at, servos, planar, findings })
-    }
-}
-
-/// One row with what is needed to tell what is wrong with it.
-struct Row<'a> {
-    path: &'a Path,
-    line: usize,
-    record: &'a csv::StringRecord,
-    columns: &'a Columns,
-}
-
-impl Row<'_> {
-    /// The sample of this row, or why it is left out.
-    fn sample(&self, before: Option<&Sample>, index: usize) -> Result<Result<Sample, Finding>, ReadError> {
-        let pose_names: &[&str] = if self.columns.planar { &PLANAR } else { &SPATIAL };
-        let mut numbers = [0.0f64; 6];
-        for (number, name) in numbers.iter_mut().zip(pose_names) {
-            *number = self.required(name, "a number")?;
-            if !number.is_finite() {
-                return Ok(Err(self.finding(format!("{name} is not a number, the row is left out"))));
-            }
-        }
-        let time_s: f64 = self.required("time_s", "a number")?;
-        let word: Word = self.required("word", "digits 0 to 3")?;
-        let run = self.optional("run", "a whole number")?.unwrap_or(0);
-        let previous = if self.columns.at.contains_key("previous") {
-            self.optional("previous", "digits 0 to 3")?
-        } else {
-            before.filter(|before| before.run == run).map(|before| before.word)
-        };
-        let servos_rad: Vec<f64> = self
-            .columns
-            .servos
-            .iter()
-            .map(|name| self.required::<f64>(name, "a number").map(f64::to_radians))
-            .collect::<Result<_, _>>()?;
-        if !time_s.is_finite() || servos_rad.iter().any(|angle| !angle.is_finite()) {
-            return Ok(Err(self.finding("time or servo position is not a number, the row is left out".into())));
-        }
-        Ok(Ok(Sample {
-            time_s,
-            word,
-            previous,
-            servos_rad,
-            pose: self.pose(&numbers),
-            supply: self
-                .optional("supply_bar", "a number")?
-                .filter(|value: &f64| value.is_finite())
-                .map(|bar| bar * PA_PER_BAR),
-            temperature_c: self.optional("temperature_c", "a number")?.filter(|value: &f64| value.is_finite()),
-            run,
-            visit: self.optional("visit", "a whole number")?.unwrap_or(index as u32),
-            held_out: self.optional::<u8>("held_out", "0 or 1")?.unwrap_or(0) != 0,
-        }))
-    }
-
-    fn pose(&self, numbers: &[f64; 6]) -> Pose<f64> {
-        let [x, y, z, ..] = *numbers;
-        if self.columns.planar {
-            return Pose2::new(x, y, z.to_radians()).into();
-        }
-        let turn = Vec3::new(numbers[3], numbers[4], numbers[5]).map(f64::to_radians);
-        Pose::new(&turn, Vec3::new(x, y, z))
-    }
-
-    fn finding(&self, what: String) -> Finding {
-        Finding { line: Some(self.line), what }
-    }
-
-    fn required<T: FromStr>(&self, column: &str, expected: &'static str) -> Result<T, ReadError> {
-        let text = self.text(column);
-        text.parse().map_err(|_| self.cell(column, expected))
-    }
-
-    /// `None` of an empty cell or a missing column.
-    fn optional<T: FromStr>(&self, column: &str, expected: &'static str) -> Result<Option<T>, ReadError> {
-        match self.text(column) {
-            "" => Ok(None),
-            text => text.parse().map(Some).map_err(|_| self.cell(column, expected)),
-        }
-    }
-
-    fn text(&self, column: &str) -> &str {
-        self.columns.at.get(column).and_then(|&at| self.record.get(at)).unwrap_or("")
-    }
-
-    fn cell(&self, column: &str, expected: &'static str) -> ReadError {
-        ReadError::Cell {
-            path: self.path.into(),
-            line: self.line,
-            column: column.into(),
-            text: self.text(column).into(),
-            expected,
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests;

@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use serde_json::{Map, Value, json};
 
 use super::mcap::{Log, McapError, Writer};
-use super::table::named;
+use super::table::{meant, named};
 
 /// The topic of a log that is written.
 pub const TOPIC: &str = "/measurement";
@@ -85,7 +85,7 @@ fn table(log: &Log) -> Result<Vec<u8>, LogError> {
         1 => key.clone(),
         _ => format!("{}/{key}", topic.trim_start_matches('/')),
     };
-    let timed = columns.iter().any(|(_, key)| named(key).0 == "time");
+    let timed = columns.iter().any(|(_, key)| meant(&named(key).0) == "time");
     let mut text = csv::Writer::from_writer(Vec::new());
     let own = (!timed && !rows.is_empty()).then(|| "time_s".to_string());
     text.write_record(own.into_iter().chain(columns.iter().map(name)))?;
@@ -129,7 +129,7 @@ pub fn from_text(text: &str) -> Result<Vec<u8>, LogError> {
         let record = record?;
         let object: Map<String, Value> =
             header.iter().zip(&record).map(|(name, cell)| (name.to_string(), value(name, cell))).collect();
-        let time = header.iter().zip(&record).find(|(name, _)| named(name).0 == "time");
+        let time = header.iter().zip(&record).find(|(name, _)| meant(&named(name).0) == "time");
         let time_s = time.and_then(|(name, cell)| Some(cell.parse::<f64>().ok()? * named(name).1));
         log.message((time_s.unwrap_or(number as f64) * 1e9).round() as u64, &Value::Object(object).to_string());
     }
@@ -174,7 +174,7 @@ mod tests {
         // The keys of a JSON object stand in the order of the alphabet.
         assert_eq!(rows, [",NAPN,0.5,0011,1.25", "0011,NAPN,1.5,0100,", "previous,seal,time_s,word,x_m"]);
         let has = |text: &str| log.windows(text.len()).any(|part| part == text.as_bytes());
-        assert!(has(SCHEMA) && has("jsonschema") && has("model") && has("position, read as m"));
+        assert!(has(SCHEMA) && has("jsonschema") && has("model") && has("x, read as m"));
     }
 
     fn log_of(messages: &[(&str, &str, u64, &str)]) -> Log {

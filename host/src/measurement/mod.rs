@@ -3,8 +3,9 @@
 //!
 //! # Columns
 //!
-//! The header names quantity and unit. Columns may stand in any order; a file that ends in `.gz` is compressed, one that
-//! ends in `.mcap` has the same columns as keys of its messages.
+//! The header names quantity and unit; other units of the same kind serve as well, as `x_mm` or `angle_rad` (see
+//! [`table`]), and a column of another name can be given one of these. Columns may stand in any order; a file that ends in
+//! `.gz` is compressed, one that ends in `.mcap` has the same columns as keys of its messages.
 //!
 //! | column | meaning |
 //! | --- | --- |
@@ -22,8 +23,10 @@
 
 mod check;
 mod csv;
+pub mod hold_out;
 pub mod log;
 pub mod mcap;
+pub mod poses;
 pub mod select;
 pub mod table;
 
@@ -33,7 +36,7 @@ use darm_core::se::Pose;
 use darm_core::units::Word;
 
 pub use check::check;
-pub use csv::{ReadError, read, read_text, write, write_text};
+pub use csv::{ReadError, write, write_text};
 
 /// The pose of the tool in one visit of a word.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,9 +70,27 @@ pub struct Run {
     pub samples: Vec<Sample>,
     /// The line of the file that each sample stood in, the header being 1; empty when they come from no file.
     pub lines: Vec<usize>,
+    /// Which of them count.
+    pub choice: Choice,
+}
+
+/// Which samples of a run count, and how those that no fit sees are chosen.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Choice {
+    /// Samples that only tell what came before; empty where there are none.
+    pub unused: Vec<bool>,
+    /// The part that each sample is left out with in turn, where nothing is held out for good; `None`: words by seed.
+    pub parts: Option<Vec<usize>>,
+    /// How those were chosen that are held out, in words; empty where nothing was said.
+    pub told: String,
 }
 
 impl Run {
+    /// Whether a sample is fitted or judged, not only what came before.
+    pub fn counts(&self, sample: usize) -> bool {
+        !self.choice.unused.get(sample).is_some_and(|unused| *unused)
+    }
+
     /// The line of the file that a sample stands in, or will when it is written.
     pub fn line(&self, sample: usize) -> usize {
         self.lines.get(sample).copied().unwrap_or(sample + 2)
@@ -77,7 +98,7 @@ impl Run {
 
     /// The samples that a fit may see, with their indices.
     pub fn training(&self) -> impl Iterator<Item = (usize, &Sample)> {
-        self.samples.iter().enumerate().filter(|(_, sample)| !sample.held_out)
+        self.samples.iter().enumerate().filter(|(index, sample)| !sample.held_out && self.counts(*index))
     }
 
     /// When the first sample was taken, s.

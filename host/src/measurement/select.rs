@@ -43,6 +43,16 @@ pub enum SelectError {
         /// The columns that there are.
         present: String,
     },
+    /// A cell that says neither yes nor no.
+    #[error("line {line}: column {column} holds `{text}`, expected 0 or 1")]
+    NoFlag {
+        /// The column.
+        column: String,
+        /// Line of the file, the header being 1.
+        line: usize,
+        /// What stands there.
+        text: String,
+    },
     /// Words have no order.
     #[error("`{0}` is no number, and only numbers are less or greater")]
     NoNumber(String),
@@ -87,10 +97,7 @@ impl Selection {
     pub fn rows(&self, table: &Table) -> Result<Vec<bool>, SelectError> {
         let mut meant = vec![true; table.lines.len()];
         for comparison in &self.comparisons {
-            let column = table.column(&comparison.column).ok_or_else(|| SelectError::NoColumn {
-                column: comparison.column.clone(),
-                present: table.columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", "),
-            })?;
+            let column = table.chosen(&comparison.column)?;
             meant.iter_mut().zip(&column.words).for_each(|(meant, cell)| *meant &= comparison.holds(cell));
         }
         Ok(meant)

@@ -32,6 +32,7 @@ use std::path::{Path, PathBuf};
 
 use super::Finding;
 use super::csv::{ReadError, bytes};
+use super::select::SelectError;
 
 /// Factors to SI by the unit that a column's name ends in, and the unit that comes of it.
 const UNITS: [(&str, f64, &str); 20] = [
@@ -74,7 +75,7 @@ const ALIASES: [(&str, &str); 8] = [
 pub struct Column {
     /// Its name in the file.
     pub name: String,
-    /// What it holds, in small letters.
+    /// What it holds, in small letters, as its name says it.
     pub quantity: String,
     /// In what unit the numbers are, after the change to SI; empty where the name has none.
     pub unit: &'static str,
@@ -82,6 +83,13 @@ pub struct Column {
     pub numbers: Vec<f64>,
     /// The cells as they are.
     pub words: Vec<String>,
+}
+
+impl Column {
+    /// What it holds, by the name that the table of quantities has first.
+    pub fn meaning(&self) -> &str {
+        meant(&self.quantity)
+    }
 }
 
 /// A table.
@@ -105,9 +113,18 @@ pub(super) fn named(name: &str) -> (String, f64, &'static str) {
         let (_, factor, si) = UNITS.iter().find(|(known, ..)| *known == unit)?;
         Some((quantity.to_string(), *factor, *si))
     });
-    let (quantity, factor, unit) = split.unwrap_or((small, 1.0, ""));
-    let other = ALIASES.iter().find(|(alias, _)| *alias == quantity).map(|(_, meant)| (*meant).to_string());
-    (other.unwrap_or(quantity), factor, unit)
+    split.unwrap_or((small, 1.0, ""))
+}
+
+/// What a quantity means where it goes by one of its other names.
+pub(super) fn meant(quantity: &str) -> &str {
+    ALIASES.iter().find(|(alias, _)| *alias == quantity).map_or(quantity, |(_, meant)| meant)
+}
+
+/// The text with lines that end in `\n` alone, as the count of lines expects it.
+fn with_plain_ends(text: &[u8]) -> Vec<u8> {
+    let at = |k: &usize| !(text[*k] == b'\r' && text.get(k + 1) == Some(&b'\n'));
+    (0..text.len()).filter(at).map(|k| text[k]).collect()
 }
 
 impl Table {
@@ -119,7 +136,8 @@ impl Table {
     /// The same of text that is in memory; `path` only serves messages.
     pub fn read_text(path: &Path, text: &[u8], names: &Names) -> Result<(Self, Vec<Finding>), ReadError> {
         let wrong = |error| ReadError::Table { path: path.into(), error };
-        let mut file = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text);
+        let text = with_plain_ends(text);
+        let mut file = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(&text[..]);
         let header = file.headers().map_err(wrong)?.clone();
         if let Some(missing) = names.values().find(|column| !header.iter().any(|name| name == column.as_str())) {
             let present = header.iter().collect::<Vec<_>>().join(", ");
@@ -163,10 +181,11 @@ impl Table {
         self.columns.iter().find(|column| column.name == name)
     }
 
-    /// The column that holds this quantity.
+    /// The column that holds this quantity, by its own name or another.
     pub fn quantity(&self, quantity: &str) -> Option<&Column> {
         let small = quantity.to_lowercase();
-        self.columns.iter().find(|column| column.quantity == small)
+        let by = |name: fn(&Column) -> &str| self.columns.iter().find(|column| name(column) == small);
+        by(|column| &column.quantity).or_else(|| by(Column::meaning))
     }
 
     /// The same, or what is missing.
@@ -174,8 +193,39 @@ impl Table {
         self.quantity(quantity).ok_or_else(|| ReadError::NoColumn {
             path: self.path.clone(),
             column: format!("{quantity} (a column can be given that meaning with --map {quantity}=COLUMN)"),
-            present: self.columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", "),
+            present: self.present(),
         })
+    }
+
+    /// The column with this name in the file, or which there are.
+    pub fn chosen(&self, name: &str) -> Result<&Column, SelectError> {
+        self.column(name).ok_or_else(|| SelectError::NoColumn { column: name.into(), present: self.present() })
+    }
+
+    /// Where a column is not 0; what is empty is 0.
+    pub fn flags(&self, name: &str) -> Result<Vec<bool>, SelectError> {
+        let column = self.column(name).or_else(|| self.quantity(name)).map_or_else(|| self.chosen(name), Ok)?;
+        let flag = |(row, number): (usize, &f64)| match &column.words[row][..] {
+            "" => Ok(false),
+            text if number.is_nan() => {
+                Err(SelectError::NoFlag { column: name.into(), line: self.lines[row], text: text.into() })
+            }
+            _ => Ok(*number != 0.0),
+        };
+        column.numbers.iter().enumerate().map(flag).collect()
+    }
+
+    /// The different values of a column, in order.
+    pub fn values_of(&self, name: &str) -> Result<Vec<String>, SelectError> {
+        let mut values = self.chosen(name)?.words.clone();
+        values.sort();
+        values.dedup();
+        Ok(values)
+    }
+
+    /// The names of all columns.
+    pub(super) fn present(&self) -> String {
+        self.columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", ")
     }
 
     /// The rows that `keep` tells, the others are left out.

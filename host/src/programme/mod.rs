@@ -186,7 +186,7 @@ pub fn as_run(arm: &Arm, steps: &[Step], supply: f64, temperature_k: f64) -> Run
             held_out: step.held_out,
         })
     };
-    Run { samples: steps.iter().enumerate().filter_map(sample).collect(), lines: Vec::new() }
+    Run { samples: steps.iter().enumerate().filter_map(sample).collect(), ..Run::default() }
 }
 
 /// The same away from nominal supply and temperature, so that effects of either show.

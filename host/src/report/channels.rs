@@ -1,8 +1,9 @@
 //! The report of a diagnosis of channels: one page with everything in it.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 
-use super::html::ladder;
+use super::diagnosis::ladder;
+use super::skeleton::skeleton;
 use crate::diagnose::channels::outcome::{Diagnosis, Errors, NextMeasurement, Parameter, Point, Term};
 
 /// Width and height of a plot.
@@ -12,37 +13,25 @@ const MOST_POINTS: usize = 800;
 
 /// The whole page.
 pub fn channels_page(diagnosis: &Diagnosis) -> Markup {
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { "darm: " (diagnosis.kind) }
-                style { (PreEscaped(include_str!("style.css"))) }
-            }
-            body {
-                main {
-                    header {
-                        h1 { "What the model lacks" }
-                        p.sub { (diagnosis.kind) " · " (diagnosis.verdict) " · held out: " (diagnosis.held_out) " · left out together: " (diagnosis.left_out) }
-                    }
-                    section { h2 { "Error before and after" } (errors(diagnosis)) }
-                    section { h2 { "Effects" } (effects(diagnosis)) (rest(diagnosis)) }
-                    section {
-                        h2 { "Residuals along the rows" }
-                        p { "Orange before, blue after; held-out rows are filled." }
-                        @for (axis, figure) in diagnosis.error.before.train.axes.iter().enumerate() {
-                            h4 { (figure.axis) ", " (figure.unit) }
-                            (plot(&diagnosis.points, axis))
-                        }
-                    }
-                    section { h2 { "What was tried" } (ladder(&diagnosis.ladder, &short)) }
-                    footer { "darm " (diagnosis.version) }
-                }
+    let body = html! {
+        header {
+            h1 { "What the model lacks" }
+            p.sub { (diagnosis.kind) " · " (diagnosis.verdict) " · held out: " (diagnosis.held_out) " · left out together: " (diagnosis.left_out) }
+        }
+        section { h2 { "Error before and after" } (errors(diagnosis)) }
+        section { h2 { "Effects" } (effects(diagnosis)) (rest(diagnosis)) }
+        section {
+            h2 { "Residuals along the rows" }
+            p { "Orange before, blue after; held-out rows are filled." }
+            @for (axis, figure) in diagnosis.error.before.train.axes.iter().enumerate() {
+                h4 { (figure.axis) ", " (figure.unit) }
+                (plot(&diagnosis.points, axis))
             }
         }
-    }
+        section { h2 { "What was tried" } (ladder(&diagnosis.ladder, &short)) }
+        footer { "darm " (diagnosis.version) }
+    };
+    skeleton(diagnosis.kind, &body)
 }
 
 fn errors(diagnosis: &Diagnosis) -> Markup {

@@ -1,36 +1,24 @@
-//! The page.
+//! The page of one round through the loop.
 
-use std::collections::BTreeSet;
+use maud::{Markup, html};
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
-
-use super::{Closure, LoopReport, PaperFigures, SynthesisFigures, drawing, plots};
-use crate::diagnose::outcome::{Diagnosis, ErrorFigure, Parameter, Rung, Verdict};
+use super::diagnosis::{mm, tables_and_plots};
+use super::skeleton::skeleton;
+use super::{Closure, LoopReport, PaperFigures, SynthesisFigures, drawing};
+use crate::diagnose::outcome::Verdict;
 
 /// The whole page, with everything that it needs in it.
 pub fn page(report: &LoopReport) -> Markup {
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { "darm: " (report.arm) ", seed " (report.seed) }
-                style { (PreEscaped(include_str!("style.css"))) }
-            }
-            body {
-                main {
-                    (head(report))
-                    (figures(report))
-                    (synthesis(report))
-                    (programme(report))
-                    (diagnosis(report))
-                    (closing(report))
-                    footer { "darm " (report.version) " · seed " (report.seed) " · the same numbers are in report.json" }
-                }
-            }
-        }
-    }
+    let body = html! {
+        (head(report))
+        (figures(report))
+        (synthesis(report))
+        (programme(report))
+        (diagnosis(report))
+        (closing(report))
+        footer { "darm " (report.version) " · seed " (report.seed) " · the same numbers are in report.json" }
+    };
+    skeleton(&format!("{}, seed {}", report.arm, report.seed), &body)
 }
 
 fn head(report: &LoopReport) -> Markup {
@@ -169,148 +157,7 @@ fn diagnosis(report: &LoopReport) -> Markup {
                     "."
                 }
             }
-            (effects_table(d))
-            (errors_table(d))
-            h3 { "Error of each word" }
-            (legend(d))
-            (plots::by_word(d))
-            h3 { "Error against each suspect" }
-            div.plots {
-                @for plot in suspects(d) { div { (plot) } }
-            }
-            (depends(d))
-            h3 { "What was tried" }
-            p { "Cross-validated error over words with each effect added; the best of each step, of all that were tried." }
-            (ladder(&d.ladder, &mm))
-        }
-    }
-}
-
-fn suspects(d: &Diagnosis) -> Vec<Markup> {
-    let plots = [
-        plots::over(d, "time, s", |p| Some(p.time_s)),
-        plots::over(d, "supply, bar", |p| p.supply.map(|supply_pa| supply_pa / 1e5)),
-        plots::over(d, "temperature, °C", |p| p.temperature_c),
-        plots::over(d, "number of actuators extended", |p| Some(p.word.chars().filter(|c| *c != '0').count() as f64)),
-    ];
-    plots.into_iter().flatten().collect()
-}
-
-fn legend(d: &Diagnosis) -> Markup {
-    html! {
-        p.legend {
-            span.before { "●" } " model " (d.model) " "
-            span.after { "●" } " with the effects found "
-            span.noise { "━" } " repeatability · filled: held-out words"
-        }
-    }
-}
-
-fn effects_table(d: &Diagnosis) -> Markup {
-    html! {
-        @if !d.effects.is_empty() {
-            table {
-                thead { tr { th { "effect" } th { "where" } th { "value" } th.num { "estimate" } th.num { "95 % interval" } th.num { "held-out gain" } } }
-                tbody {
-                    @for effect in &d.effects {
-                        @for parameter in &effect.parameters {
-                            tr {
-                                td { b { (effect.law) } }
-                                td { (effect.place_name) " (" (effect.place) ")" }
-                                td { (parameter.name) }
-                                td.num { (shown(parameter, parameter.value)) }
-                                td.num { (shown(parameter, parameter.ci95[0])) " … " (shown(parameter, parameter.ci95[1])) }
-                                td.num { @if let Some(gain) = effect.heldout_gain_m { (mm(gain)) } @else { "–" } }
-                            }
-                        }
-                    }
-                }
-            }
-        }
-    }
-}
-
-fn errors_table(d: &Diagnosis) -> Markup {
-    let rows = [
-        ("before, training words", Some(&d.error.before.train)),
-        ("before, held-out words", d.error.before.heldout.as_ref()),
-        ("after, training words", Some(&d.error.after.train)),
-        ("after, held-out words", d.error.after.heldout.as_ref()),
-    ];
-    let axis = |value: f64, unit: &str| if unit == "rad" { degrees(value) } else { mm(value) };
-    html! {
-        table {
-            thead {
-                tr {
-                    th { "error, root mean square" }
-                    @for axis in &d.error.before.train.axes { th.num { (axis.axis) } }
-                    th.num { "d" }
-                    th.num { "largest d" }
-                }
-            }
-            tbody {
-                @for (name, figure) in rows {
-                    @if let Some(ErrorFigure { axes, distance_m, largest_m }) = figure {
-                        tr {
-                            td { (name) }
-                            @for a in axes { td.num { (axis(a.value, a.unit)) } }
-                            td.num { b { (mm(*distance_m)) } }
-                            td.num { (mm(*largest_m)) }
-                        }
-                    }
-                }
-                @if let Some(r) = &d.repeatability {
-                    tr.noise {
-                        td { "repeatability (" (r.dof) " degrees of freedom)" }
-                        @for a in &r.axes { td.num { (axis(a.value, a.unit)) } }
-                        td.num { b { (mm(r.distance_m)) } }
-                        td.num {}
-                    }
-                }
-            }
-        }
-    }
-}
-
-fn depends(d: &Diagnosis) -> Markup {
-    let sides = [("before", &d.structure), ("after", &d.remaining)];
-    html! {
-        h3 { "What the residual depends on" }
-        div.two {
-            @for (side, structure) in sides {
-                table {
-                    thead { tr { th { (side) } th.num { "share" } th.num { "chance" } } }
-                    tbody {
-                        @for one in structure.depends_on.iter().take(8) {
-                            tr { td { (one) } td.num { (format!("{:.0} %", 100.0 * one.share)) } td.num { (chance(one.p)) } }
-                        }
-                        @if structure.depends_on.is_empty() { tr { td colspan="3" { "on nothing that was measured" } } }
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// What was tried, step by step, the best of each step; errors as `shown` writes them.
-pub(super) fn ladder(rungs: &[Rung], shown: &dyn Fn(f64) -> String) -> Markup {
-    let worst = rungs.iter().map(|rung| rung.without).fold(f64::MIN_POSITIVE, f64::max);
-    let steps: BTreeSet<usize> = rungs.iter().map(|rung| rung.step).collect();
-    html! {
-        @for (number, step) in steps.iter().enumerate() {
-            @let tried: Vec<&Rung> = rungs.iter().filter(|rung| rung.step == *step).collect();
-            h4 { "step " (number + 1) ", " (tried.len()) " tried; without any " (tried.first().map_or(String::new(), |r| shown(r.without))) }
-            table.ladder {
-                @for rung in tried.iter().take(8) {
-                    tr.kept[rung.kept] {
-                        td { (rung.law) }
-                        td { (rung.place) }
-                        td.num { (shown(rung.cross_validated)) }
-                        td.bar { div style={ "width:" (format!("{:.1}", 100.0 * (rung.cross_validated / worst).min(1.0))) "%" } {} }
-                        td.num { @if rung.kept { "kept" } @else { "p " (chance(rung.p)) } }
-                    }
-                }
-            }
+            (tables_and_plots(d))
         }
     }
 }
@@ -376,25 +223,6 @@ impl SynthesisFigures {
     }
 }
 
-/// A value in the unit that a person reads.
-fn shown(parameter: &Parameter, value: f64) -> String {
-    match parameter.unit {
-        "m" => mm(value),
-        "m/N" => format!("{:.3} µm/N", value * 1e6),
-        "1/K" => format!("{:.2} µm/(m·K)", value * 1e6),
-        "1" => format!("{value:.4}"),
-        unit => format!("{value:.4e} {unit}"),
-    }
-}
-
-fn mm(length_m: f64) -> String {
-    format!("{:.3} mm", length_m * 1e3)
-}
-
-fn degrees(angle_rad: f64) -> String {
-    format!("{:.4}°", angle_rad.to_degrees())
-}
-
 /// A tiny angle.
 pub(super) fn angle(angle_rad: f64) -> String {
     format!("{:.0e}°", angle_rad.to_degrees())
@@ -406,14 +234,4 @@ fn power(value: f64, unit: &str) -> String {
 
 fn seconds(time_s: f64) -> String {
     if time_s < 1.0 { format!("{:.1} ms", time_s * 1e3) } else { format!("{time_s:.0} s") }
-}
-
-fn chance(p: f64) -> String {
-    if p < 1e-12 {
-        "< 1e-12".into()
-    } else if p < 0.01 {
-        format!("{p:.0e}")
-    } else {
-        format!("{p:.2}")
-    }
 }

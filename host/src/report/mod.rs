@@ -5,10 +5,12 @@
 
 mod channels;
 pub mod density;
+mod diagnosis;
 mod drawing;
 mod html;
 mod motion;
 mod plots;
+mod skeleton;
 mod terminal;
 
 use std::io;
@@ -22,6 +24,7 @@ use crate::arm::{Arm, ArmScratch};
 use crate::diagnose::outcome::Diagnosis;
 use crate::plant::truth::Sealed;
 pub use channels::channels_page;
+pub use diagnosis::diagnosis_page;
 pub use drawing::{Line, Posture, posture};
 pub use html::page;
 pub use motion::{MotionReport, along_time, chair_along_time, motion_page, page as page_of, plain_page, sagittal};

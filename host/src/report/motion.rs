@@ -2,8 +2,9 @@
 
 use anyhow::Result;
 use darm_core::real::Vec3;
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
 
+use super::skeleton::skeleton;
 use crate::motion::execution::Executed;
 use crate::motion::mapping::Mapped;
 use crate::motion::person::{Person, com};
@@ -132,17 +133,6 @@ pub fn plain_page(title: &str, text: &str) -> String {
 
 /// A page with these sections.
 pub fn page(title: &str, body: &Markup) -> String {
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { "darm: " (title) }
-                style { (PreEscaped(include_str!("style.css"))) }
-            }
-            body { main { header { h1 { (title) } } (body) footer { "darm " (env!("CARGO_PKG_VERSION")) } } }
-        }
-    };
-    page.into_string()
+    let body = html! { header { h1 { (title) } } (body) footer { "darm " (env!("CARGO_PKG_VERSION")) } };
+    skeleton(title, &body).into_string()
 }

@@ -2,6 +2,10 @@
 
 use std::path::Path;
 
+use darm::plant::truth::{Kind, Truth};
+use darm::programme::programme;
+use darm_core::se::Pose2;
+
 use super::{Home, example, robot, text};
 
 /// Damaged measurements: name, model, text, exit code, and what the message or the note must say.
@@ -49,7 +53,7 @@ fn damaged() -> Vec<(&'static str, &'static str, String, i32, &'static str)> {
         ),
         ("degrees", robot, format!("t{joints}\n{angles}"), 0, "are these degrees"),
         ("wrong-model", robot, HEAD.to_string() + &good(100), 1, "no column q1"),
-        ("other-columns", arm, HEAD.to_string() + &good(100), 1, "no column time_s"),
+        ("other-columns", arm, HEAD.to_string() + &good(100), 1, "no column word"),
         ("long-word", arm, pose("0101010101010", "0.1"), 1, "13 digits"),
         ("letters", arm, pose("abc", "0.1"), 1, "digits 0 to 3"),
         ("no-state", arm, pose("000000000003", "0.1"), 1, "no state"),
@@ -145,4 +149,57 @@ fn masses_are_identified_and_bad_postures_are_told() {
     );
     let output = home.darm(&format!("com map {human} {planar} {setup} capture.csv"));
     assert!(text(&output.stderr).contains("no marker C7"), "{}", text(&output.stderr));
+}
+
+/// Poses of an arm one leg of which stops short, as a table that nobody prepared: millimetres, no rows held out.
+fn poses_in_mm(home: &Home) {
+    let base = darm::arm::Arm::read(&home.path("planar4.toml")).unwrap();
+    let frames = include_str!("../../../examples/planar4-frames.toml");
+    let desired = darm::arm::frames::parse(Path::new("frames.toml"), frames, &base).unwrap();
+    let truth = Truth::draw(&base, &desired, 4, Some(Kind::StrokeLoss)).unwrap();
+    let run = truth.measure(&programme(&base, &Default::default()), 0.0, 4).unwrap();
+    let mut text = String::from("time_s,word,right_mm,up_mm,angle_deg,day\n");
+    for (k, sample) in run.samples.iter().enumerate() {
+        let (p, angle) = (sample.pose.position * 1e3, Pose2::projection(&sample.pose).angle_rad.to_degrees());
+        let [x, y, day] = [p.x, p.y, (k * 3 / run.samples.len()) as f64];
+        text += &format!("{:.6},{},{x:.4},{y:.4},{angle:.6},{day}\n", sample.time_s, sample.word);
+    }
+    home.write("run.csv", &text);
+}
+
+#[test]
+fn rows_of_poses_are_named_chosen_held_out_and_drawn() {
+    let home = Home::new();
+    std::fs::copy(example("planar4.toml"), home.path("planar4.toml")).unwrap();
+    poses_in_mm(&home);
+    let ask = "diagnose planar4.toml run.csv --map x_mm=right_mm,y_mm=up_mm";
+    let told = home.json(&format!("{ask} --report page.html"));
+    assert_eq!(told["held_out"], "each word in turn, in 10 parts");
+    assert_eq!((&told["verdict"], &told["effects"][0]["law"]), (&"effect-found".into(), &"stroke-loss".into()));
+    let [before, after] =
+        ["before", "after"].map(|when| told["error"][when]["heldout"]["distance_m"].as_f64().unwrap());
+    assert!(after < 0.2 * before, "{before} {after}");
+    let page = std::fs::read_to_string(home.path("page.html")).unwrap();
+    assert!(page.contains("What the model lacks") && page.contains("stroke-loss") && page.contains("<svg"));
+    let rows = told["rows"]["train"].as_u64().unwrap();
+    for (how, held_out, rows) in [
+        ("--hold-out-each day", "each day in turn", &rows.into()),
+        ("--hold-out-last 0.25", "the last 25 %", &(rows / 4).into()),
+    ] {
+        let told = home.json(&format!("{ask} {how}"));
+        assert_eq!((&told["held_out"], &told["rows"]["heldout"]), (&held_out.into(), rows));
+    }
+    let some = home.json(&format!("{ask} --where day!=1"));
+    assert!(some["rows"]["train"].as_u64() < Some(rows));
+    home.fails(
+        &format!("{ask} --lowpass 3"),
+        2,
+        "darm: --lowpass is for tables of channels, not for an arm file: each row is a visit of its own, there is no signal \
+         to filter",
+    );
+    home.fails(
+        &format!("{ask} --where day=1 --hold-out-each day"),
+        1,
+        "darm: run.csv: all rows that count are of one part (each day in turn): choose a column with several values",
+    );
 }

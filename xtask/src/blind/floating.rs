@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use anyhow::{Context, Result};
 use darm::robot::{Robot, RobotFrame};
 use darm_core::real::Vec3;
-use darm_core::se::Pose;
+use darm_core::se::{Pose, rotation_exp};
 use nalgebra::DMatrix;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -24,6 +24,11 @@ const FORCE_NOISE_N: f64 = 0.3;
 const ELSEWHERE: usize = 500;
 /// What the diagnosis calls the link that the others hang on.
 const ROOT: &str = "the base";
+/// What it calls the force plate.
+const PLATE: &str = "the plate";
+/// Chance that the one mechanism is in the plate, and the turn that it is drawn with before it is sized, rad.
+const ASKEW: f64 = 0.25;
+const ASKEW_RAD: f64 = 0.01;
 /// What a link carries: its mass and its first moment.
 const VALUES: usize = 4;
 
@@ -63,7 +68,16 @@ pub(super) fn floating(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Res
     let mut bench = Bench::new((names, given), (axes, wrench), noise, vec![COP_NOISE_M, COP_NOISE_M]);
     match class {
         Class::Clean => {}
-        Class::One | Class::Two => bench.add("mass-distribution", carrier.clone(), String::new(), backpack, rng),
+        Class::One | Class::Two => {
+            let askew = class == Class::Two || rng.random_bool(ASKEW);
+            if class == Class::Two || !askew {
+                bench.add("mass-distribution", carrier.clone(), String::new(), backpack, rng);
+            }
+            if askew {
+                let shape = seen_askew(&bench.measured, rng);
+                bench.add("sensor-frame", PLATE.into(), String::new(), shape, rng);
+            }
+        }
         Class::Outside => {
             let rows = POSTURES * HELD;
             let wave = |row: usize| (TAU * 3.0 * row as f64 / rows as f64).sin();
@@ -75,6 +89,21 @@ pub(super) fn floating(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Res
     let elsewhere = (0..ELSEWHERE).map(|_| posture(robot, rng)).collect();
     bench.elsewhere = Some(Box::new(Postures { robot: robot.clone(), held, elsewhere }));
     Ok(bench)
+}
+
+/// What a plate that stands askew about its middle tells more than one that stands well: force and moment in its own axes.
+fn seen_askew(wrench: &[Vec<f64>], rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
+    let turn = Vec3::from_fn(|_, _| rng.random_range(-1.0..=1.0)).normalize() * ASKEW_RAD;
+    let to_plate = rotation_exp(&turn).transpose();
+    let mut shape = vec![Vec::new(); 6];
+    for row in 0..wrench[0].len() {
+        for first in [0, 3] {
+            let part = Vec3::from_fn(|axis, _| wrench[first + axis][row]);
+            let more = to_plate * part - part;
+            (0..3).for_each(|axis| shape[first + axis].push(more[axis]));
+        }
+    }
+    shape
 }
 
 /// Joint angles within their limits, rad.
@@ -98,7 +127,7 @@ fn frame<'r>(robot: &'r Robot, link: &str) -> Result<&'r RobotFrame> {
 }
 
 impl Elsewhere for Postures {
-    /// The wrench of 1 kg at the link's frame, and of 1 kg·m along each of its axes.
+    /// The wrench of 1 kg at the link's frame, and of 1 kg·m along each of its axes; of the plate none.
     fn columns(&self, law: &str, link: &str, elsewhere: bool) -> Result<Option<DMatrix<f64>>> {
         if law != "mass-distribution" {
             return Ok(None);

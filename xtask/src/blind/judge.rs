@@ -142,14 +142,14 @@ fn anywhere(arm: &Arm, run: &Run, model: &ArmModel, scratch: &mut ArmScratch) ->
     for (step, under) in steps.iter().zip(run.samples.iter().cycle()) {
         let mut sample = under.clone();
         (sample.word, sample.previous) = (step.word, Some(step.previous));
-        let at = Run { samples: vec![sample.clone()], lines: Vec::new() };
+        let at = Run { samples: vec![sample.clone()], ..Run::default() };
         let row = Observations::new(arm, &at, [1.0; 6], |_| true);
         if let Ok(pose) = model.predict(&row.condition(&row.rows[0]), scratch) {
             sample.pose = pose;
             samples.push(sample);
         }
     }
-    Run { samples, lines: Vec::new() }
+    Run { samples, ..Run::default() }
 }
 
 fn with_effects(arm: &Arm, effects: &[Effect<f64>]) -> ArmModel {

@@ -262,7 +262,7 @@ fn figures(steps: &[Step], measured: &Measured) -> ProgrammeFigures {
 /// The samples at the desired frames, and those of the programme.
 fn split(run: Run, n_frame_stops: u32) -> (Run, Run) {
     let (frames, programme) = run.samples.into_iter().partition(|sample| sample.visit < n_frame_stops);
-    (Run { samples: frames, lines: Vec::new() }, Run { samples: programme, lines: Vec::new() })
+    (Run { samples: frames, ..Run::default() }, Run { samples: programme, ..Run::default() })
 }
 
 /// Distances of the measured poses from the desired ones; `run` holds the visits of [`frame_visits`].

@@ -40,6 +40,7 @@ use std::path::Path;
 
 use super::kind::{Kind as _, Trial};
 use super::search::Search;
+use crate::measurement::hold_out::HoldOut;
 use crate::measurement::table::{Names, Table};
 use crate::measurement::{Finding, ReadError};
 use experiment::Experiment;
@@ -47,7 +48,7 @@ use groups::Groups;
 use linear::Channels;
 use model::{Model, What};
 use outcome::Diagnosis;
-use prepared::{HoldOut, Preparation, PrepareError, Prepared, values_of};
+use prepared::{Preparation, PrepareError, Prepared};
 
 /// Pieces of rows without which nothing can be said.
 const FEWEST_PIECES: usize = 8;
@@ -128,7 +129,7 @@ pub fn diagnose_table(model: &Model, table: &Table, options: &Options) -> Result
         kept.retain(&keep.rows(table).map_err(PrepareError::from)?);
     }
     let mut pooled = summary::HeldOut::default();
-    for value in values_of(&kept, column).map_err(PrepareError::from)? {
+    for value in kept.values_of(column).map_err(PrepareError::from)? {
         pooled.add(&found(model, table, options, Some(&value))?);
     }
     Ok(summary::diagnosis(found(model, table, options, None)?, Some(pooled), &model.effects, options))

@@ -2,36 +2,18 @@
 
 use super::experiment::Row;
 use super::signal::{LowPass, interpolated, rate, rate_hz, stretches, unwrapped};
+use crate::measurement::hold_out::{HeldOut, HoldOut};
 use crate::measurement::select::{SelectError, Selection};
 use crate::measurement::table::Table;
 use crate::measurement::{Finding, ReadError};
 
 /// Rows up to which all are looked at where nothing is said.
 const MOST_ROWS: usize = 10_000;
-/// Values of a held-out column up to which each of them is a group.
-const FEW: usize = 24;
 /// A joint that turns farther, rad, is taken for one in degrees; a position, m, for one in millimetres; a pressure that
 /// stays below, Pa, for one in bar.
 const LARGEST_ANGLE: f64 = 4.0 * std::f64::consts::PI;
 const LARGEST_LENGTH: f64 = 10.0;
 const LEAST_PRESSURE: f64 = 1e3;
-/// Blocks of time that are held out where nothing is said: every fourth of these.
-const BLOCKS: usize = 16;
-
-/// Which rows no fit may see.
-#[derive(Clone, Debug, PartialEq)]
-pub enum HoldOut {
-    /// Where the column `held_out` is not 0; without that column every fourth block of rows.
-    Own,
-    /// Where this holds.
-    Where(Selection),
-    /// The last share of the rows.
-    Last(f64),
-    /// Each value of this column in turn.
-    Each(String),
-    /// Where this column is not 0.
-    Column(String),
-}
 
 /// How a table is made ready.
 #[derive(Clone, Debug, PartialEq)]
@@ -110,7 +92,7 @@ impl Prepared {
             let step_s = how.rate_hz.map_or(1.0, |hz| 1.0 / hz);
             (0..table.lines.len()).map(|row| row as f64 * step_s).collect()
         });
-        let (held, held_out, keys) = held_out(&table, &how.hold_out, each)?;
+        let HeldOut { rows: held, told: held_out, keys } = how.hold_out.rows(&table, each)?;
         let (series, motions) = series(&table, &how.within, &time_s, &held, &mut findings)?;
         let steps = |hz: f64| (rate_hz(&time_s, &series) / hz).round().max(1.0) as usize;
         let every = how.thin_hz.map_or(table.lines.len().div_ceil(MOST_ROWS), steps);
@@ -134,7 +116,7 @@ impl Prepared {
         };
         let rows: Vec<Row> = kept.iter().map(row).collect();
         let filter = how.lowpass_hz.map(|corner| low_pass(corner, rate_hz(&time_s, &series))).transpose()?;
-        let fresh = how.interpolate.as_deref().map(|name| flags(&table, name)).transpose()?;
+        let fresh = how.interpolate.as_deref().map(|name| table.flags(name)).transpose()?;
         let pick = |values: &[f64]| kept.iter().map(|&row| values[row]).collect();
         let [kept_series, kept_motions] =
             [&series, &motions].map(|stretches| kept.iter().map(|&row| stretches[row]).collect());
@@ -206,8 +188,7 @@ impl Prepared {
 
     /// The words of a column at the kept rows.
     pub fn words(&self, name: &str) -> Result<Vec<&str>, PrepareError> {
-        let none = || SelectError::NoColumn { column: name.into(), present: present(&self.table) };
-        let column = self.table.column(name).ok_or_else(none)?;
+        let column = self.table.chosen(name)?;
         Ok(self.kept.iter().map(|&row| column.words[row].as_str()).collect())
     }
 
@@ -219,19 +200,6 @@ impl Prepared {
     fn thin(&self, values: &[f64]) -> Vec<f64> {
         self.kept.iter().map(|&row| values[row]).collect()
     }
-}
-
-fn present(table: &Table) -> String {
-    table.columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", ")
-}
-
-/// The different values of a column, in order.
-pub fn values_of(table: &Table, name: &str) -> Result<Vec<String>, SelectError> {
-    let none = || SelectError::NoColumn { column: name.into(), present: present(table) };
-    let mut values = table.column(name).ok_or_else(none)?.words.clone();
-    values.sort();
-    values.dedup();
-    Ok(values)
 }
 
 /// Leaves out rows in which a column of numbers has none; says which.
@@ -268,7 +236,7 @@ fn units(table: &Table, findings: &mut Vec<Finding>) {
         let largest =
             column.numbers.iter().filter(|number| number.is_finite()).fold(0.0f64, |most, n| most.max(n.abs()));
         let joint = column.quantity.strip_prefix('q').is_some_and(|number| number.parse::<u8>().is_ok());
-        let doubt = match (column.quantity.as_str(), column.unit) {
+        let doubt = match (column.meaning(), column.unit) {
             (_, "" | "rad") if joint && largest > LARGEST_ANGLE => ("rad", "degrees", "_deg"),
             ("position", "" | "m") if largest > LARGEST_LENGTH => ("m", "millimetres", "_mm"),
             ("pressure", _) if largest > 0.0 && largest < LEAST_PRESSURE => ("Pa", "bar", "_bar"),
@@ -294,51 +262,6 @@ fn low_pass(corner_hz: f64, rate_hz: f64) -> Result<(LowPass, usize), PrepareErr
     Ok((LowPass::new(corner_hz, rate_hz).ok_or_else(none)?, 2 * (rate_hz / corner_hz).ceil() as usize))
 }
 
-/// Where a column is not 0.
-fn flags(table: &Table, name: &str) -> Result<Vec<bool>, PrepareError> {
-    let none = || SelectError::NoColumn { column: name.into(), present: present(table) };
-    let column = table.column(name).or_else(|| table.quantity(name)).ok_or_else(none)?;
-    Ok(column.numbers.iter().map(|flag| *flag != 0.0).collect())
-}
-
-type Held = (Vec<bool>, String, Option<Vec<usize>>);
-
-fn held_out(table: &Table, how: &HoldOut, each: Option<&str>) -> Result<Held, PrepareError> {
-    let n = table.lines.len();
-    match how {
-        HoldOut::Own if table.quantity("held_out").is_some() => {
-            Ok((flags(table, "held_out")?, "the column held_out".into(), None))
-        }
-        HoldOut::Own => {
-            let block = |row: usize| (row * BLOCKS / n.max(1)) % 4 == 3;
-            Ok(((0..n).map(block).collect(), "every fourth of 16 blocks of rows".into(), None))
-        }
-        HoldOut::Column(name) => Ok((flags(table, name)?, format!("the column {name}"), None)),
-        HoldOut::Last(share) => {
-            let first = ((1.0 - share) * n as f64).round() as usize;
-            Ok(((0..n).map(|row| row >= first).collect(), format!("the last {:.0} %", 100.0 * share), None))
-        }
-        HoldOut::Where(selection) => {
-            let keys = selection.columns().next().and_then(|name| keys(table, name));
-            Ok((selection.rows(table)?, "the rows that --hold-out names".into(), keys))
-        }
-        HoldOut::Each(name) => {
-            values_of(table, name)?;
-            let column = table.column(name).map(|column| &column.words);
-            let held =
-                column.map_or(Vec::new(), |words| words.iter().map(|word| Some(word.as_str()) == each).collect());
-            Ok((held, format!("each {name} in turn"), keys(table, name)))
-        }
-    }
-}
-
-/// The number of each row's value in a column that has few.
-fn keys(table: &Table, name: &str) -> Option<Vec<usize>> {
-    let values = values_of(table, name).ok().filter(|values| values.len() <= FEW)?;
-    let words = &table.column(name)?.words;
-    Some(words.iter().map(|word| values.binary_search(word).unwrap_or_default()).collect())
-}
-
 /// The stretch and the motion of each row: a new one where a column of `within` changes, where time runs back, and where
 /// rows are missing; a new stretch also where rows begin or end to be held out.
 fn series(
@@ -350,8 +273,7 @@ fn series(
 ) -> Result<(Vec<usize>, Vec<usize>), PrepareError> {
     let mut parts = Vec::new();
     for name in within.iter().map(String::as_str).chain(table.quantity("run").map(|column| column.name.as_str())) {
-        let none = || SelectError::NoColumn { column: name.into(), present: present(table) };
-        parts.push(&table.column(name).ok_or_else(none)?.words);
+        parts.push(&table.chosen(name)?.words);
     }
     let usual = rate_hz(time_s, &vec![0; time_s.len()]);
     let (mut series, mut motions) = (vec![0; time_s.len()], vec![0; time_s.len()]);

@@ -2,9 +2,10 @@
 
 use anyhow::{Context, Result};
 use darm::diagnose::channels::model::{Model, What};
-use darm::diagnose::channels::prepared::{HoldOut, Preparation};
+use darm::diagnose::channels::prepared::Preparation;
 use darm::diagnose::channels::{Options, diagnose};
 use darm::identify::{Kind, Missing, body_name, missing, separable};
+use darm::measurement::hold_out::HoldOut;
 use darm::measurement::table::Names;
 use darm::urdf::{self, Locks};
 use darm_core::real::Vec3;
