@@ -74,6 +74,21 @@ pub struct Condition<'a, T: Real> {
     pub switches: &'a [T],
 }
 
+impl<T: Real> Condition<'_, T> {
+    /// A word alone, of an arm without servos: no word before, a supply of 1 and 293.15 K as of an ideal arm.
+    pub fn of_word(word: Word) -> Self {
+        Self {
+            word,
+            previous: None,
+            servos: &[],
+            supply: T::one(),
+            temperature_k: real(293.15),
+            time_s: None,
+            switches: &[],
+        }
+    }
+}
+
 impl<T: Real, const N: usize> Model<T, N> {
     /// The ideal arm: without masses and effects, with the weight pointing down along −y and supply and temperature
     /// of 1 and 293.15 K.
@@ -94,15 +109,8 @@ impl<T: Real, const N: usize> Model<T, N> {
 
     /// The condition that the geometry was measured under, with no word before.
     pub fn nominal<'a>(&self, word: Word, servos: &'a [T]) -> Condition<'a, T> {
-        Condition {
-            word,
-            previous: None,
-            servos,
-            supply: self.nominal_supply,
-            temperature_k: self.reference_temperature_k,
-            time_s: None,
-            switches: &[],
-        }
+        let (supply, temperature_k) = (self.nominal_supply, self.reference_temperature_k);
+        Condition { servos, supply, temperature_k, ..Condition::of_word(word) }
     }
 
     /// The condition that the arm works under when it comes from another word.
@@ -130,9 +138,9 @@ impl<T: Real, const N: usize> Model<T, N> {
         let unloaded = self.chain.assemble(scratch)?;
         if self.effects.iter().any(|effect| effect.law().bears_load()) {
             self.settle(condition, scratch)?;
-            return Ok(self.seen(scratch.pose_base_tool));
+            return Ok(self.seen(scratch.pose_base_tool, condition));
         }
-        Ok(self.seen(unloaded))
+        Ok(self.seen(unloaded, condition))
     }
 
     /// The stage of the servo joint that an effect acts on.
@@ -144,8 +152,8 @@ impl<T: Real, const N: usize> Model<T, N> {
     }
 
     /// Where the tool is seen when the arm has it at `pose_base_tool`.
-    pub fn seen(&self, pose_base_tool: Pose<T>) -> Pose<T> {
-        self.effects.iter().fold(pose_base_tool, |pose, effect| effect.law().displace(pose))
+    pub fn seen(&self, pose_base_tool: Pose<T>, condition: &Condition<T>) -> Pose<T> {
+        self.effects.iter().fold(pose_base_tool, |pose, effect| effect.law().displace(pose, condition))
     }
 
     /// Lets the loaded actuators give way until the arm stands still; `scratch` holds it without load.

@@ -109,6 +109,7 @@ fn effect_text(effect: &Effect<f64>) -> (String, String) {
         .replace("at: ", "at: Place::")
         .replace("plate: ", &format!("plate: {file}::Plate::"))
         .replace("frame: ", &format!("frame: {file}::Frame::"))
+        .replace("of: ", &format!("of: {file}::Variable::"))
         .replace("[[", "Vec3::new(")
         .replace("]]", ")")
         .replacen('(', &format!("({file}::"), 1);
@@ -118,6 +119,7 @@ fn effect_text(effect: &Effect<f64>) -> (String, String) {
 #[cfg(test)]
 mod tests {
     use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
+    use darm_core::effect::fitted_term::{FittedTerm, Variable};
     use darm_core::effect::frame_offset::{Frame, FrameOffset};
     use darm_core::effect::gravity_sag::GravitySag;
     use darm_core::effect::stroke_loss::StrokeLoss;
@@ -128,7 +130,8 @@ mod tests {
     #[test]
     fn an_effect_is_told_with_its_paths() {
         let offset = [1e-3, -2e-3, 0.0].into();
-        let effects: [(Effect<f64>, &str); 4] = [
+        let of = Variable::Digits { first: (3, 1), second: Some((7, 0)) };
+        let effects: [(Effect<f64>, &str); 5] = [
             (
                 StrokeLoss { actuator: 4, state: 1, loss_m: 2e-3 }.into(),
                 "Effect::StrokeLoss(stroke_loss::StrokeLoss { actuator: 4, state: 1, loss_m: 0.002 })",
@@ -142,6 +145,11 @@ mod tests {
                 FrameOffset { frame: Frame::Base, values: [0.5; 6] }.into(),
                 "Effect::FrameOffset(frame_offset::FrameOffset { frame: frame_offset::Frame::Base, values: [0.5, 0.5, \
                  0.5, 0.5, 0.5, 0.5] })",
+            ),
+            (
+                FittedTerm { of, square: false, frame: Frame::Tool, values: [0.5; 6] }.into(),
+                "Effect::FittedTerm(fitted_term::FittedTerm { of: fitted_term::Variable::Digits { first: (3, 1), second: \
+                 Some((7, 0)) }, square: false, frame: fitted_term::Frame::Tool, values: [0.5, 0.5, 0.5, 0.5, 0.5, 0.5] })",
             ),
             (
                 GravitySag { at: Place::Module(1), compliance_m_per_n: 2e-5 }.into(),

@@ -4,6 +4,7 @@ use darm_core::actuator::MAX_STATES;
 use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
 use darm_core::effect::crowding::Crowding;
 use darm_core::effect::drift::Drift;
+use darm_core::effect::fitted_term::{FittedTerm, Variable};
 use darm_core::effect::frame_offset::{Frame, FrameOffset};
 use darm_core::effect::gravity_sag::GravitySag;
 use darm_core::effect::joint_offset::JointOffset;
@@ -19,9 +20,9 @@ use darm_core::real::Vec3;
 
 use super::ArmFault;
 use super::ArmModel;
-use super::raw::{Number, RawEffect, RawPlate};
+use super::raw::{Number, RawEffect, RawFrame, RawPlate, RawVariable};
 
-const LAWS: [&str; 14] = [
+const LAWS: [&str; 15] = [
     "stroke-loss",
     "anchor-offset",
     "gravity-sag",
@@ -36,6 +37,7 @@ const LAWS: [&str; 14] = [
     "tool-offset",
     "scale",
     "joint-offset",
+    "fitted-term",
 ];
 
 /// The effect that `raw` describes, in the arm of `model`.
@@ -84,6 +86,7 @@ pub(super) fn effect(raw: &RawEffect, model: &ArmModel) -> Result<Effect<f64>, A
             }
             JointOffset { servo, offset_rad: 0.0 }.into()
         }
+        "fitted-term" => fitted_term(raw, model)?.into(),
         found => return Err(ArmFault::UnknownLaw { found: found.into(), known: LAWS.to_vec() }),
     };
     let law = effect.law_mut();
@@ -94,6 +97,59 @@ pub(super) fn effect(raw: &RawEffect, model: &ArmModel) -> Result<Effect<f64>, A
     }
     law.values_mut().iter_mut().zip(&keys).for_each(|(value, key)| *value = given[key].0);
     Ok(effect)
+}
+
+/// A term with its values at zero.
+fn fitted_term(raw: &RawEffect, model: &ArmModel) -> Result<FittedTerm<f64>, ArmFault> {
+    let along = raw.along.ok_or(ArmFault::Missing { key: "along", of: "a fitted term" })?;
+    let frame = match raw.frame.ok_or(ArmFault::Missing { key: "frame", of: "a fitted term" })? {
+        RawFrame::Base => Frame::Base,
+        RawFrame::Tool => Frame::Tool,
+    };
+    let of = variable(along);
+    let state_exists = |(actuator, state): (u8, u8)| {
+        usize::from(actuator) < model.chain.n_actuators() && usize::from(state) < model.chain.n_states(actuator.into())
+    };
+    let (exists, span) = match of {
+        Variable::Supply { span, .. } | Variable::Temperature { span, .. } => (true, span),
+        Variable::Servo { servo, span, .. } => (usize::from(servo) < model.chain.n_servos(), span),
+        Variable::Digits { first, second } => (state_exists(first) && second.is_none_or(state_exists), 1.0),
+        Variable::Stayed { actuator, .. } => (usize::from(actuator) < model.chain.n_actuators(), 1.0),
+    };
+    match (exists, span > 0.0) {
+        (true, true) => Ok(FittedTerm { of, square: raw.square.unwrap_or(false), frame, values: [0.0; 6] }),
+        (true, false) => Err(ArmFault::NotPositive { key: "the span of a fitted term", value: span }),
+        (false, _) => Err(ArmFault::NoSuchPlace),
+    }
+}
+
+fn variable(raw: RawVariable) -> Variable<f64> {
+    match raw {
+        RawVariable::Supply { center_pa, span_pa } => Variable::Supply { center: center_pa.0, span: span_pa.0 },
+        RawVariable::Temperature { center_k, span_k } => Variable::Temperature { center: center_k.0, span: span_k.0 },
+        RawVariable::Servo { index, center, span } => Variable::Servo { servo: index, center: center.0, span: span.0 },
+        RawVariable::Digit(actuator, state) => Variable::Digits { first: (actuator, state), second: None },
+        RawVariable::Digits(first, second) => Variable::Digits { first, second: Some(second) },
+        RawVariable::Stayed { actuator, share } => Variable::Stayed { actuator, share: share.0 },
+    }
+}
+
+/// The keys of a fitted term beside its law and values.
+fn term_keys(term: &FittedTerm<f64>) -> String {
+    let along = match term.of {
+        Variable::Supply { center, span } => format!("supply = {{ center_pa = {center:?}, span_pa = {span:?} }}"),
+        Variable::Temperature { center, span } => {
+            format!("temperature = {{ center_k = {center:?}, span_k = {span:?} }}")
+        }
+        Variable::Servo { servo, center, span } => {
+            format!("servo = {{ index = {servo}, center = {center:?}, span = {span:?} }}")
+        }
+        Variable::Digits { first: (actuator, state), second: None } => format!("digit = [{actuator}, {state}]"),
+        Variable::Digits { first: (a, i), second: Some((b, j)) } => format!("digits = [[{a}, {i}], [{b}, {j}]]"),
+        Variable::Stayed { actuator, share } => format!("stayed = {{ actuator = {actuator}, share = {share:?} }}"),
+    };
+    let frame = if term.frame == Frame::Base { "base" } else { "tool" };
+    format!("along = {{ {along} }}\nsquare = {}\nframe = \"{frame}\"\n", term.square)
 }
 
 /// The key of a value: its name and its unit, `loss_m`, `compliance_m_per_n`, `rate_change_m_per_s2`, `gain`.
@@ -122,6 +178,7 @@ pub(super) fn place_keys(effect: &Effect<f64>) -> String {
         Effect::Step(law) => format!("{place}since_s = {:?}\n", law.since_s),
         Effect::Drift(law) => format!("{place}until_s = {:?}\n", law.until_s),
         Effect::Wear(law) => format!("{place}until_switches = {:?}\n", law.until_switches),
+        Effect::FittedTerm(term) => term_keys(term),
         _ => place,
     }
 }

@@ -184,7 +184,45 @@ pub(super) struct RawEffect {
     pub(super) since_s: Option<Number>,
     pub(super) until_s: Option<Number>,
     pub(super) until_switches: Option<Number>,
+    pub(super) along: Option<RawVariable>,
+    pub(super) square: Option<bool>,
+    pub(super) frame: Option<RawFrame>,
     pub(super) values: Spanned<BTreeMap<String, Number>>,
+}
+
+/// What a fitted term goes along, from 0 at the center to 1 at a span from there.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
+pub(super) enum RawVariable {
+    Supply {
+        center_pa: Number,
+        span_pa: Number,
+    },
+    Temperature {
+        center_k: Number,
+        span_k: Number,
+    },
+    /// In rad, of a sliding joint in m.
+    Servo {
+        index: u8,
+        center: Number,
+        span: Number,
+    },
+    /// Actuator and state.
+    Digit(u8, u8),
+    /// The same of two.
+    Digits((u8, u8), (u8, u8)),
+    Stayed {
+        actuator: u8,
+        share: Number,
+    },
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum RawFrame {
+    Base,
+    Tool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]

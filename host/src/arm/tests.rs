@@ -3,6 +3,7 @@
 use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
 use darm_core::effect::crowding::Crowding;
 use darm_core::effect::drift::Drift;
+use darm_core::effect::fitted_term::{FittedTerm, Variable};
 use darm_core::effect::frame_offset::{Frame, FrameOffset};
 use darm_core::effect::gravity_sag::GravitySag;
 use darm_core::effect::joint_offset::JointOffset;
@@ -106,6 +107,16 @@ fn every_effect_reads_as_it_was() {
     let hybrid = include_str!("../../../examples/planar4-hybrid.toml");
     let mut arm = parse(hybrid).unwrap();
     let at = EffectPlace::Module(2);
+    let variables = [
+        Variable::Supply { center: 5.5e5, span: 1e5 / 3.0 },
+        Variable::Temperature { center: 298.15, span: 5.0 },
+        Variable::Servo { servo: 0, center: 0.1, span: 0.2 },
+        Variable::Digits { first: (4, 1), second: None },
+        Variable::Digits { first: (4, 1), second: Some((7, 0)) },
+        Variable::Stayed { actuator: 11, share: 0.45 },
+    ];
+    let values = [0.0, 0.0, 1e-2, 1e-3, -2e-3, 0.0];
+    let terms = variables.map(|of| FittedTerm { of, square: true, frame: Frame::Base, values }.into());
     let effects: [Effect<f64>; 14] = [
         StrokeLoss { actuator: 4, state: 1, loss_m: 1.0 / 3.0 }.into(),
         AnchorOffset { actuator: 7, plate: Plate::Top, offset: Vec3::new(1e-3, -2e-3, 0.0) }.into(),
@@ -122,7 +133,7 @@ fn every_effect_reads_as_it_was() {
         Scale { stretch: 1e-3 }.into(),
         JointOffset { servo: 0, offset_rad: 0.01 }.into(),
     ];
-    for effect in effects {
+    for effect in effects.into_iter().chain(terms) {
         arm.model.effects = [effect].into_iter().collect();
         assert_eq!(parse(&arm.to_toml()).unwrap(), arm);
     }
@@ -209,7 +220,7 @@ fn effects_that_cannot_be_are_told() {
     assert_eq!(
         message("\"sag\"\nvalues = {}"),
         "arm.toml:155:7: there is no law `sag`; the laws are stroke-loss, anchor-offset, gravity-sag, play, \
-         supply-stroke, thermal-growth, step, drift, wear, crowding, base-offset, tool-offset, scale, joint-offset"
+         supply-stroke, thermal-growth, step, drift, wear, crowding, base-offset, tool-offset, scale, joint-offset, fitted-term"
     );
     assert_eq!(message("\"play\"\nvalues = { w = 1.0 }"), "arm.toml:155:7: the values of this law are width_m");
     assert_eq!(

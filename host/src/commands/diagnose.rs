@@ -31,6 +31,8 @@ Examples:
                                                  which friction a cylinder has, told at a pressure that no fit saw
   darm diagnose cylinder.toml force.csv -o new.toml --keep-terms
                                                  the same, and what no law explains as a curve
+  darm diagnose arm.toml run.csv --where \"run != 3\" --hold-out-each word --map x_mm=cam_x --report page.html
+                                                 poses in columns of other names, without one run, as a page
   darm diagnose arm.urdf motion.csv --lowpass 20 --thin 40
                                                  what the torques of a serial arm lack
 
@@ -54,7 +56,7 @@ pub(crate) struct Diagnose {
     /// The model with the effects that were found
     #[arg(short, long = "write-model", visible_alias = "output", value_name = "NEW.toml")]
     output: Option<PathBuf>,
-    /// Keep what no law explains in that model, as fitted terms of the channels it depends on
+    /// Keep what no law explains in that model, as fitted terms of what it depends on
     #[arg(long, requires = "output")]
     keep_terms: bool,
     /// Seed of the cross-validation
@@ -147,11 +149,6 @@ impl Diagnose {
     }
 
     fn poses(&self, voice: Voice) -> anyhow::Result<()> {
-        if self.keep_terms {
-            return Err(
-                Usage("--keep-terms: a term is kept of a table of channels only, an arm file has laws".into()).into()
-            );
-        }
         self.rows.refuse_those_of_channels()?;
         let arm = Arm::read(&self.model)?;
         let which = Which { keep: self.rows.keep.clone(), hold_out: self.rows.held_out()? };
@@ -160,18 +157,19 @@ impl Diagnose {
         let wheel = voice.wheel("diagnosing");
         let diagnosis = diagnose(&arm, &run, &Options { seed: self.seed, ..Options::default() });
         wheel.finish_and_clear();
-        let diagnosis =
+        let mut diagnosis =
             diagnosis.map_err(|error| anyhow::Error::new(error).context(self.data.display().to_string()))?;
-        let output = match (&self.output, diagnosis.verdict) {
-            (Some(path), Verdict::EffectFound) => {
+        let better = self.keep_terms && diagnosis.keep_terms() || diagnosis.verdict == Verdict::EffectFound;
+        let output = match &self.output {
+            Some(path) if better => {
                 diagnosis.corrected(&arm, &run).write(path)?;
                 Some(path.clone())
             }
-            (Some(_), _) => {
+            Some(_) => {
                 voice.note(NOTHING_TO_WRITE);
                 None
             }
-            (None, _) => None,
+            None => None,
         };
         let findings: Vec<String> = findings.iter().map(ToString::to_string).collect();
         self.write_report(|| diagnosis_page(&diagnosis, &findings))?;

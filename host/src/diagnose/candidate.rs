@@ -3,6 +3,7 @@
 use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
 use darm_core::effect::crowding::Crowding;
 use darm_core::effect::drift::Drift;
+use darm_core::effect::fitted_term::{FittedTerm, Variable};
 use darm_core::effect::frame_offset::{Frame, FrameOffset};
 use darm_core::effect::gravity_sag::GravitySag;
 use darm_core::effect::joint_offset::JointOffset;
@@ -83,6 +84,7 @@ pub fn place_code(effect: &Effect<f64>) -> String {
             Plate::Base => ", base anchor".into(),
             Plate::Top => ", top anchor".into(),
         },
+        Effect::FittedTerm(term) => format!(", along {}", along(term)),
         _ => String::new(),
     };
     match effect.law().place() {
@@ -91,9 +93,22 @@ pub fn place_code(effect: &Effect<f64>) -> String {
         Place::Arm => "arm".into(),
         Place::Servo(servo) => format!("servo {servo}"),
         Place::Base => "base".into(),
-        Place::Tool => "tool".into(),
+        Place::Tool => format!("tool{part}"),
         Place::Camera => "camera".into(),
     }
+}
+
+/// What a fitted term goes along: `the square of temperature`.
+pub fn along(term: &FittedTerm<f64>) -> String {
+    let variable = match term.of {
+        Variable::Supply { .. } => "supply".into(),
+        Variable::Temperature { .. } => "temperature".into(),
+        Variable::Servo { servo, .. } => format!("servo {servo}"),
+        Variable::Digits { first: (actuator, state), second: None } => format!("actuator {actuator} in state {state}"),
+        Variable::Digits { first: (a, i), second: Some((b, j)) } => format!("actuators {a} in state {i}, {b} in {j}"),
+        Variable::Stayed { actuator, .. } => format!("the state before of actuator {actuator}"),
+    };
+    if term.square { format!("the square of {variable}") } else { variable }
 }
 
 /// Where an effect acts, as a person would call it.

@@ -12,6 +12,7 @@
 use std::f64::consts::TAU;
 
 use darm_core::actuator::MAX_STATES;
+use darm_core::effect::fitted_term::Variable;
 use darm_core::units::Word;
 
 use super::observation::{Observations, Row};
@@ -32,7 +33,7 @@ pub fn dictionary(arm: &Arm, run: &Run, observations: &Observations) -> Vec<Term
     let rows = &observations.rows;
     let word = |group| rows.iter().map(|row| flag(row.group == group)).collect();
     let columns = (1..observations.n_groups).map(word).collect();
-    terms.push(Term { variable: "word".into(), shape: "each word by itself", columns });
+    terms.push(Term { variable: "word".into(), shape: "each word by itself", columns, kept: Vec::new() });
     terms
 }
 
@@ -40,35 +41,40 @@ fn flag(is: bool) -> f64 {
     f64::from(u8::from(is))
 }
 
-/// Numbers moved and scaled to ±1, so that their powers differ.
-fn scaled(values: Vec<f64>) -> Vec<f64> {
-    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
-    let half = (0.5 * (high - low)).max(f64::MIN_POSITIVE);
-    values.into_iter().map(|value| (value - 0.5 * (low + high)) / half).collect()
+/// Middle and half the range of some numbers: moved and scaled by these they lie within ±1, so that their powers differ.
+fn scale(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    (0.5 * (low + high), (0.5 * (high - low)).max(f64::MIN_POSITIVE))
 }
 
 fn surroundings(arm: &Arm, observations: &Observations) -> Vec<Term> {
-    let of_rows = |value: &dyn Fn(&Row) -> f64| scaled(observations.rows.iter().map(value).collect());
+    let range = |value: &dyn Fn(&Row) -> f64| scale(observations.rows.iter().map(value));
+    let (supply, span) = range(&|row| observations.condition(row).supply);
+    let (temperature, span_k) = range(&|row| observations.condition(row).temperature_k);
     let mut channels = vec![
-        ("supply".to_string(), of_rows(&|row| observations.condition(row).supply)),
-        ("temperature".to_string(), of_rows(&|row| observations.condition(row).temperature_k)),
+        ("supply".to_string(), Variable::Supply { center: supply, span }),
+        ("temperature".to_string(), Variable::Temperature { center: temperature, span: span_k }),
     ];
     for k in 0..arm.n_servos() {
-        channels.push((format!("position of servo {}", k + 1), of_rows(&|row| observations.condition(row).servos[k])));
+        let (center, span) = range(&|row| observations.condition(row).servos[k]);
+        channels.push((format!("position of servo {}", k + 1), Variable::Servo { servo: k as u8, center, span }));
     }
     let mut terms = Vec::new();
-    for (variable, values) in channels {
+    for (name, of) in channels {
+        let values: Vec<f64> = observations.rows.iter().map(|row| of.of(&observations.condition(row))).collect();
         let squares = values.iter().map(|value| value * value).collect();
-        terms.push(Term { variable: variable.clone(), shape: "straight", columns: vec![values.clone()] });
-        terms.push(Term { variable, shape: "square", columns: vec![values, squares] });
+        let term = |shape, columns, kept| Term { variable: name.clone(), shape, columns, kept };
+        terms.push(term("straight", vec![values.clone()], vec![(of, false)]));
+        terms.push(term("square", vec![values, squares], vec![(of, false), (of, true)]));
     }
-    terms.extend(time(scaled(observations.times_s().collect())));
+    let (middle_s, half_s) = scale(observations.times_s());
+    terms.extend(time(observations.times_s().map(|time_s| (time_s - middle_s) / half_s).collect()));
     terms
 }
 
 /// Terms of the time, given from −1 to 1.
 fn time(times: Vec<f64>) -> Vec<Term> {
-    let term = |shape, columns| Term { variable: "time".into(), shape, columns };
+    let term = |shape, columns| Term { variable: "time".into(), shape, columns, kept: Vec::new() };
     let of_times = |value: &dyn Fn(f64) -> f64| times.iter().map(|&t| value(t)).collect::<Vec<f64>>();
     let mut waves = vec![times.clone(), of_times(&|t| t * t)];
     for k in 1..=WAVES {
@@ -88,8 +94,9 @@ fn digits(arm: &Arm, observations: &Observations) -> Vec<Term> {
     let is = |k: usize, state: u8| -> Vec<f64> {
         observations.rows.iter().map(|row| flag(observations.condition(row).word.digit(k) == state)).collect()
     };
-    let columns: Vec<Vec<Vec<f64>>> =
-        (0..n).map(|k| (1..arm.model.chain.n_states(k) as u8).map(|state| is(k, state)).collect()).collect();
+    let states = |k: usize| 1..arm.model.chain.n_states(k) as u8;
+    let columns: Vec<Vec<Vec<f64>>> = (0..n).map(|k| states(k).map(|state| is(k, state)).collect()).collect();
+    let digits = |first, second| (Variable::Digits { first, second }, false);
     let mut terms = Vec::new();
     for a in 0..n {
         let variable = format!("digit of {}", arm.actuator_name(a));
@@ -97,9 +104,16 @@ fn digits(arm: &Arm, observations: &Observations) -> Vec<Term> {
             let product = |x: &Vec<f64>, y: &Vec<f64>| x.iter().zip(y).map(|(x, y)| x * y).collect();
             let products = columns[a].iter().flat_map(|x| columns[b].iter().map(move |y| product(x, y))).collect();
             let variable = format!("{variable} with digit of {}", arm.actuator_name(b));
-            terms.push(Term { variable, shape: "together", columns: products });
+            let both = |i| states(b).map(move |j| digits((a as u8, i), Some((b as u8, j))));
+            terms.push(Term {
+                variable,
+                shape: "together",
+                columns: products,
+                kept: states(a).flat_map(both).collect(),
+            });
         }
-        terms.push(Term { variable, shape: "straight", columns: columns[a].clone() });
+        let kept = states(a).map(|state| digits((a as u8, state), None)).collect();
+        terms.push(Term { variable, shape: "straight", columns: columns[a].clone(), kept });
     }
     terms
 }
@@ -111,16 +125,18 @@ fn memory(arm: &Arm, run: &Run, observations: &Observations) -> Vec<Term> {
     for k in 0..arm.n_actuators() {
         let name = arm.actuator_name(k);
         let own: Vec<u8> = observations.rows.iter().map(|row| observations.condition(row).word.digit(k)).collect();
-        let mut add = |what: &str, earlier: &dyn Fn(&Row) -> Option<Word>| {
-            let same = observations.rows.iter().zip(&own).map(|(row, digit)| {
-                let earlier = earlier(row);
-                flag(earlier.is_some_and(|word| word.digit(k) == *digit))
-            });
-            let columns = vec![beside_digit(&same.collect::<Vec<_>>(), &own)];
-            terms.push(Term { variable: format!("{what}, at {name}"), shape: "straight", columns });
+        let same = |earlier: &dyn Fn(&Row) -> Option<Word>| -> Vec<f64> {
+            let same = |(row, digit): (&Row, &u8)| flag(earlier(row).is_some_and(|word| word.digit(k) == *digit));
+            observations.rows.iter().zip(&own).map(same).collect()
         };
-        add("word before", &|row| observations.condition(row).previous);
-        add("word before the last", &|row| second_last[row.sample]);
+        let mut add = |what: &str, same: &[f64], kept| {
+            let (variable, columns) = (format!("{what}, at {name}"), vec![beside_digit(same, &own)]);
+            terms.push(Term { variable, shape: "straight", columns, kept });
+        };
+        let stayed = same(&|row| observations.condition(row).previous);
+        let share = stayed.iter().sum::<f64>() / stayed.len().max(1) as f64;
+        add("word before", &stayed, vec![(Variable::Stayed { actuator: k as u8, share }, false)]);
+        add("word before the last", &same(&|row| second_last[row.sample]), Vec::new());
     }
     terms
 }

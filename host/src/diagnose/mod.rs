@@ -27,6 +27,7 @@ pub mod sensitivity;
 pub mod significance;
 pub mod structure;
 mod summary;
+pub mod terms;
 pub mod tool_pose;
 mod words;
 
@@ -44,6 +45,7 @@ use observation::{NoPose, Observations};
 use outcome::{Alternative, Diagnosis, Verdict};
 use search::Search;
 use structure::{Structure, structure};
+use terms::WithTerms;
 use tool_pose::ToolPose;
 
 pub use words::effect_sentence;
@@ -178,21 +180,34 @@ fn conclude(
     let n_known = arm.model.effects.len();
     let before = search.kind.training.residuals(&arm.model, &mut search.kind.scratch)?;
     let start = search.kind.fitted(&arm.model)?;
-    let (best, rivals) = search.run(start)?;
+    let (best, rivals) = search.run(start.clone())?;
     let found = best.fit.model.effects.len() - n_known;
     let look = |search: &Search<ToolPose>, residuals: &[f64], fitted: usize| {
         structure(arm, run, &search.kind.training, residuals, fitted, repeats.as_ref())
     };
-    let structure = look(search, &before, 0);
-    let remaining = look(search, &best.fit.residuals, best.fit.values.len());
+    let left =
+        |search: &Search<ToolPose>, trial: &Trial<ToolPose>| look(search, &trial.fit.residuals, trial.fit.values.len());
+    let mut structure = look(search, &before, 0);
+    let mut remaining = left(search, &best);
     let alternatives = alternatives(arm, search, &best, rivals, n_known)?;
     let effects: Vec<Effect<f64>> = best.fit.model.effects.iter().skip(n_known).copied().collect();
     let ambiguous = alternatives.iter().any(|other| !same_part(other, &effects));
     let verdict = verdict(found, ambiguous, &structure, &remaining);
+    let mut with_terms = Vec::new();
+    if matches!(verdict, Verdict::EffectFound | Verdict::UnexplainedStructure) {
+        with_terms.extend(terms::kept(search, &best, &mut remaining, left)?);
+    }
+    if verdict == Verdict::UnexplainedStructure {
+        // What laws stand in for in the best model may be terms alone.
+        with_terms.extend(terms::kept(search, &start, &mut structure, left)?);
+    }
+    let with_terms = with_terms.into_iter().min_by(|a, b| a.loss.total_cmp(&b.loss));
+    let with_terms = with_terms.map(|with| WithTerms::of(search, &with)).transpose()?;
     let condition = condition(&best.fit, &search.kind.training);
     let summary = summary::Summary { arm, run, search, best: &best, n_known };
     let mut diagnosis = summary.diagnosis(verdict, repeats, (structure, remaining), alternatives, options)?;
     diagnosis.condition = condition;
+    diagnosis.with_terms = with_terms;
     diagnosis.plain = words::sentences(arm, &diagnosis, &effects);
     Ok(diagnosis)
 }

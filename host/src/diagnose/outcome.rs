@@ -10,6 +10,7 @@ use serde::Serialize;
 use super::noise::Repeatability;
 use super::observation::Observations;
 use super::structure::Structure;
+use super::terms::WithTerms;
 use crate::arm::Arm;
 use crate::measurement::Run;
 
@@ -59,6 +60,12 @@ pub struct Diagnosis {
     /// The effects found, as the model holds them, after those that it had.
     #[serde(skip)]
     pub(super) model_effects: Vec<Effect<f64>>,
+    /// The same with what no law explains as fitted terms; `None` where there is nothing to keep.
+    #[serde(skip)]
+    pub(super) with_terms: Option<WithTerms>,
+    /// Whether the terms are to be kept.
+    #[serde(skip)]
+    pub(super) keeps_terms: bool,
 }
 
 /// The answer in one word.
@@ -246,13 +253,24 @@ impl Diagnosis {
         &self.model_effects
     }
 
-    /// The arm with the effects that were found, the next model number and the conditions that it had settled to at the
-    /// end of `run`; the same arm where no effect is named.
+    /// Keeps what no law explains in the corrected arm, as what it is, beside the effects of the best model; whether there
+    /// is anything to keep.
+    pub fn keep_terms(&mut self) -> bool {
+        self.keeps_terms = self.with_terms.is_some();
+        self.keeps_terms
+    }
+
+    /// The arm with the effects that were found, with the fitted terms if these are to be kept, the next model number and
+    /// the conditions that it had settled to at the end of `run`; the same arm where there is neither.
     pub fn corrected(&self, arm: &Arm, run: &Run) -> Arm {
         let mut corrected = arm.clone();
-        if self.verdict == Verdict::EffectFound {
+        let kept = match &self.with_terms {
+            Some(with_terms) if self.keeps_terms => Some(&with_terms.effects),
+            _ => (self.verdict == Verdict::EffectFound).then_some(&self.model_effects),
+        };
+        if let Some(effects) = kept {
             let last = Observations::new(arm, run, [1.0; 6], |_| true).last();
-            corrected.model.effects = self.model_effects.iter().map(|effect| lasting(effect, &last)).collect();
+            corrected.model.effects = effects.iter().map(|effect| lasting(effect, &last)).collect();
             corrected.model.number += 1;
             let (supply, temperature_c) = run.settled();
             corrected.model.working_supply = supply.unwrap_or(corrected.model.working_supply);

@@ -1,5 +1,6 @@
 //! Terms that a residual may depend on, and what each of them takes from it.
 
+use darm_core::effect::fitted_term::Variable;
 use nalgebra::{DMatrix, DVector};
 
 use super::fit::pseudo_inverse;
@@ -13,6 +14,8 @@ pub struct Term {
     pub shape: &'static str,
     /// One number a row in each.
     pub columns: Vec<Vec<f64>>,
+    /// What an arm's model may keep of it: variables, and whether their squares. Empty of what does not come again, as a time.
+    pub kept: Vec<(Variable<f64>, bool)>,
 }
 
 /// A variable, and how something depends on it where that is not straight: `time (waves)`.

@@ -9,6 +9,7 @@ use std::cell::OnceCell;
 
 use darm_core::actuator::{Part, Settings};
 use darm_core::effect::{Effect, Law, Place, Site};
+use darm_core::model::Condition;
 use darm_core::se::{Pose, Twist};
 
 use super::observation::{NoPose, Observations};
@@ -23,12 +24,13 @@ const NO_SLOPE: f64 = 1e-3;
 pub struct Sensitivity<'a> {
     model: &'a ArmModel,
     observations: &'a Observations,
-    postures: Vec<Posture>,
+    postures: Vec<Posture<'a>>,
     residuals: Vec<f64>,
 }
 
 /// The arm in one posture.
-struct Posture {
+struct Posture<'a> {
+    condition: Condition<'a, f64>,
     settings: Vec<Settings<f64>>,
     stages: Vec<Pose<f64>>,
     /// Where the arm has the tool, and where it is seen.
@@ -54,6 +56,7 @@ impl<'a> Sensitivity<'a> {
             let sites: Vec<(Site<f64>, usize)> = model.sites(&condition).collect();
             let loads = model.loads(scratch);
             Ok(Posture {
+                condition,
                 settings: scratch.settings[..n].to_vec(),
                 stages: scratch.stages[..n].to_vec(),
                 tool: scratch.pose_base_tool,
@@ -107,7 +110,8 @@ impl<'a> Sensitivity<'a> {
                 self.as_seen(posture, of_tool)
             }
             Place::Base | Place::Tool | Place::Camera => {
-                (from.law().displace(posture.seen).inverse() * to.law().displace(posture.seen)).log()
+                let seen = |effect: &Effect<f64>| effect.law().displace(posture.seen, &posture.condition);
+                (seen(from).inverse() * seen(to)).log()
             }
         }
     }
@@ -121,7 +125,7 @@ impl<'a> Sensitivity<'a> {
         if !displaced {
             return of_tool;
         }
-        (posture.seen.inverse() * self.model.seen(posture.tool * Pose::exp(&of_tool))).log()
+        (posture.seen.inverse() * self.model.seen(posture.tool * Pose::exp(&of_tool), &posture.condition)).log()
     }
 
     /// How the tool moves, told in its own frame, when one law of actuators takes the place of another.

@@ -7,6 +7,7 @@
 
 use std::fmt;
 
+use darm_core::effect::fitted_term::Variable;
 use serde::Serialize;
 
 use super::dictionary::dictionary;
@@ -47,6 +48,12 @@ pub struct Dependence {
     pub share: f64,
     /// Chance of such a share where there is none, times the number of terms tried.
     pub p: f64,
+    /// By how much the error on unseen rows falls, as a distance d, m, when it is kept as a fitted term; `None` where it
+    /// is not worth it, or does not come again.
+    pub heldout_gain_m: Option<f64>,
+    /// What a model may keep of it.
+    #[serde(skip)]
+    pub(super) kept: Vec<(Variable<f64>, bool)>,
 }
 
 impl fmt::Display for Dependence {
@@ -111,9 +118,9 @@ fn dependences(arm: &Arm, run: &Run, observations: &Observations, residuals: &[f
             break;
         }
         left = if frame == "base" { observations.in_tool(&taken.left) } else { taken.left };
-        let Term { variable, shape, .. } = design.term;
-        let variable = variable.clone();
-        told.push(Dependence { variable, shape, frame, share: taken.square / whole, p });
+        let Term { variable, shape, kept, .. } = design.term;
+        let (variable, share, kept) = (variable.clone(), taken.square / whole, kept.clone());
+        told.push(Dependence { variable, shape, frame, share, p, heldout_gain_m: None, kept });
     }
     told
 }

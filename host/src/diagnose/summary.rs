@@ -77,6 +77,8 @@ impl Summary<'_> {
             version: env!("CARGO_PKG_VERSION"),
             points: self.points()?,
             model_effects: self.best.fit.model.effects.iter().copied().collect(),
+            with_terms: None,
+            keeps_terms: false,
         })
     }
 

@@ -129,6 +129,29 @@ fn a_drift_that_no_law_knows_is_not_given_a_name() {
 }
 
 #[test]
+fn what_no_law_explains_is_kept_as_fitted_terms() {
+    // A bracket of two metals, a cable between two legs: neither is any law's. What it shifts is told in mm by the row.
+    let bracket = |sample: &Sample| 3.0 * ((sample.temperature_c.unwrap() - 32.35) / 2.5).powi(2);
+    let cable = |sample: &Sample| if sample.word.digit(2) == 1 && sample.word.digit(9) == 1 { 4.0 } else { 0.0 };
+    for shift_mm in [&bracket as &dyn Fn(&Sample) -> f64, &cable] {
+        let mut run = measured(&arm(), &[], changing);
+        run.samples.iter_mut().for_each(|sample| sample.pose.position.x += 1e-3 * shift_mm(sample));
+        let mut diagnosis = diagnose(&arm(), &run, &Options::default()).unwrap();
+        assert_eq!(diagnosis.verdict, Verdict::UnexplainedStructure, "{:?}", diagnosis.plain);
+        assert_eq!(diagnosis.corrected(&arm(), &run).model.effects, []);
+        let term = &diagnosis.remaining.depends_on[0];
+        assert!(term.heldout_gain_m > Some(0.3e-3), "{:?} {:?}", diagnosis.plain, diagnosis.remaining);
+        assert!(diagnosis.keep_terms());
+        let kept = diagnosis.corrected(&arm(), &run);
+        assert!(kept.model.effects.iter().any(|effect| effect.law().name() == "fitted-term"));
+        let again = diagnose(&kept, &run, &Options::default()).unwrap();
+        assert_eq!(again.verdict, Verdict::NoEffect, "{:?} {:?}", again.plain, kept.model.effects);
+        let read = Arm::parse(Path::new("kept.toml"), &kept.to_toml()).unwrap();
+        assert_eq!(read.model.effects, kept.model.effects);
+    }
+}
+
+#[test]
 fn rows_that_are_far_off_are_listed_and_change_nothing() {
     let mut run = measured(&arm(), &[stroke_loss()], changing);
     let wrong: Vec<usize> = run.training().map(|(index, _)| index).step_by(60).collect();

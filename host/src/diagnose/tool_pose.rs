@@ -103,6 +103,15 @@ impl ToolPose {
         best.1
     }
 
+    /// Error on rows that no fit saw, held out for good or in turn, as a distance d, root mean square, m.
+    pub fn unseen_m(&mut self, trial: &Trial<Self>) -> Result<f64, NoPose> {
+        if self.heldout.rows.is_empty() {
+            return Ok(trial.error);
+        }
+        let residuals = self.heldout.residuals(&trial.fit.model, &mut self.scratch)?;
+        Ok(root_mean_square(&self.heldout.distances_m(&residuals)))
+    }
+
     fn judged(&self, fit: Fit, effect: Option<Effect<f64>>) -> Trial<Self> {
         let predicted = cross_validated(&fit.columns, &fit.residuals, &self.training, &self.folds);
         let loss = losses(&predicted, self.training.n_axes()).iter().sum();

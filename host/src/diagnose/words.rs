@@ -3,7 +3,7 @@
 use darm_core::effect::Effect;
 use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
 
-use super::candidate::place_name;
+use super::candidate::{along, place_name};
 use super::outcome::{Diagnosis, Verdict};
 use crate::arm::Arm;
 
@@ -24,6 +24,7 @@ pub(super) fn sentences(arm: &Arm, diagnosis: &Diagnosis, effects: &[Effect<f64>
         if !names.is_empty() {
             told.push(format!("It depends on: {}.", names.join("; ")));
         }
+        told.extend(terms_sentence(diagnosis));
     }
     if let Some(next) = &diagnosis.next_measurement {
         let conditions = next.conditions.as_ref().map_or(String::new(), |conditions| format!(" {conditions}"));
@@ -39,6 +40,23 @@ pub(super) fn sentences(arm: &Arm, diagnosis: &Diagnosis, effects: &[Effect<f64>
         ));
     }
     told
+}
+
+/// What fitted terms would gain.
+fn terms_sentence(diagnosis: &Diagnosis) -> Option<String> {
+    let with_terms = diagnosis.with_terms.as_ref()?;
+    let terms = with_terms.effects.iter().filter_map(|effect| match effect {
+        Effect::FittedTerm(term) => Some(along(term)),
+        _ => None,
+    });
+    let after = diagnosis.error.after.heldout.as_ref().unwrap_or(&diagnosis.error.after.train);
+    Some(format!(
+        "Kept in the model as fitted terms ({}), which tell nothing outside of what was measured, it leaves {:.2} mm on rows \
+         that no fit saw in place of {:.2} mm: --keep-terms writes them.",
+        terms.collect::<Vec<_>>().join("; "),
+        with_terms.unseen_m * 1e3,
+        after.distance_m * 1e3
+    ))
 }
 
 /// The sentence with its first letter large.
@@ -126,6 +144,10 @@ pub fn effect_sentence(arm: &Arm, effect: &Effect<f64>) -> String {
         Effect::Scale(law) => {
             let way = if law.stretch > 0.0 { "long" } else { "short" };
             format!("{place}: it tells lengths {:.3} % too {way}.", law.stretch.abs() * 100.0)
+        }
+        Effect::FittedTerm(term) => {
+            let along = along(term);
+            format!("{place}: it moves along {along}, which no law explains.")
         }
         Effect::JointOffset(law) => {
             format!("{place}: its joint stands {:+.3}° from where the servo tells.", law.offset_rad.to_degrees())

@@ -6,7 +6,8 @@
 //!
 //! The frames are those of the model with its effects, under working conditions. What an effect does to a stage may
 //! depend on the others, by the weights further out, or on the word before: a frame is the mean over some words and words
-//! before, so that of sag, play and crowding the board knows what they do on average.
+//! before, so that of sag, play and crowding the board knows what they do on average;
+//! of a fitted term it knows what it does to the word of zeros.
 
 use darm_core::effect::Place;
 use darm_core::model::Condition;
@@ -81,20 +82,28 @@ pub fn nearest(records: &[Record], actuators: usize, target: &Pose<f64>) -> Opti
 /// The arm with what moves the tool as a whole in its mount and its tool.
 fn displaced(arm: &Arm) -> Arm {
     let mut displaced = arm.clone();
+    let condition = resting(arm);
     let chain = &mut displaced.model.chain;
     for effect in &arm.model.effects {
         let law = effect.law();
         match law.place() {
-            Place::Base => chain.mount = law.displace(chain.mount),
-            Place::Tool => chain.tool = law.displace(chain.tool),
+            Place::Base => chain.mount = law.displace(chain.mount, &condition),
+            Place::Tool => chain.tool = law.displace(chain.tool, &condition),
             // A length told too long is too long in every frame.
             Place::Camera => {
-                [&mut chain.mount, &mut chain.tool].into_iter().for_each(|pose| *pose = law.displace(*pose))
+                [&mut chain.mount, &mut chain.tool].into_iter().for_each(|pose| *pose = law.displace(*pose, &condition))
             }
             _ => {}
         }
     }
     displaced
+}
+
+/// The word of zeros under working conditions, at rest: laws that move the tool as a whole look at no digit, but for fitted
+/// terms.
+fn resting(arm: &Arm) -> Condition<'_, f64> {
+    let word = Word::zeros(arm.n_actuators() as u8).unwrap_or_default();
+    arm.model.working(word, word, &[])
 }
 
 /// The poses of each stage for each setting of its actuators, with the effects of the model.
@@ -134,7 +143,7 @@ fn mean(arm: &Arm, stage: usize, first: usize, digits: &[u8], ideal: Pose<f64>, 
     }
     let camera = model.effects.iter().filter(|effect| effect.law().place() == Place::Camera);
     let pose = if count > 0.0 { ideal * Pose::exp(&(sum * (1.0 / count))) } else { ideal };
-    camera.fold(pose, |pose, effect| effect.law().displace(pose))
+    camera.fold(pose, |pose, effect| effect.law().displace(pose, &resting(arm)))
 }
 
 /// Neighbouring stages together.

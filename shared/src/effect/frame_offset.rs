@@ -19,16 +19,19 @@
 //!
 //! ```
 //! use darm_core::effect::{Law, frame_offset::{Frame, FrameOffset}};
+//! use darm_core::model::Condition;
 //! use darm_core::real::Vec3;
 //! use darm_core::se::Pose;
 //! let law = FrameOffset { frame: Frame::Tool, values: [0.0, 0.0, 0.0, 0.002, 0.0, 0.0] };
 //! let turned = Pose::new(&Vec3::new(0.0, 0.0, core::f64::consts::FRAC_PI_2), Vec3::new(1.0, 2.0, 0.0));
+//! let condition = Condition::of_word("01".parse().unwrap());
 //! // 2 mm along the tool's x, which points along y.
-//! let seen = law.displace(turned).position;
+//! let seen = law.displace(turned, &condition).position;
 //! assert!((seen - Vec3::new(1.0, 2.002, 0.0)).norm() < 1e-15);
 //! ```
 
 use super::{Law, Place, Quantity};
+use crate::model::Condition;
 use crate::real::{Real, Vec3, real};
 use crate::se::Pose;
 
@@ -84,7 +87,7 @@ impl<T: Real> Law<T> for FrameOffset<T> {
         &mut self.values
     }
 
-    fn displace(&self, predicted: Pose<T>) -> Pose<T> {
+    fn displace(&self, predicted: Pose<T>, _condition: &Condition<T>) -> Pose<T> {
         let [rx, ry, rz, x, y, z] = self.values;
         let displacement = Pose::new(&Vec3::new(rx, ry, rz), Vec3::new(x, y, z));
         match self.frame {

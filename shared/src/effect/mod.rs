@@ -3,7 +3,7 @@
 //! A law acts through one of four hooks. Before the arm is assembled, [`Law::disturb`] changes what an actuator is set to
 //! (its anchors and its length) under the conditions at its [`Site`], and [`Law::turn`] a servo joint. When the arm stands,
 //! [`Law::deflection`] tells by how much a loaded actuator gives way; then the arm is assembled anew. [`Law::displace`]
-//! moves the tool as a whole, as the camera sees it. Effects add up in the order of their list.
+//! moves the tool as a whole, as the camera sees it under a condition. Effects add up in the order of their list.
 //!
 //! A fitter treats all laws alike: by name, place, and values with names and units.
 //!
@@ -14,6 +14,7 @@ pub mod along;
 pub mod anchor_offset;
 pub mod crowding;
 pub mod drift;
+pub mod fitted_term;
 pub mod frame_offset;
 pub mod gravity_sag;
 pub mod joint_offset;
@@ -26,6 +27,7 @@ pub mod thermal_growth;
 pub mod wear;
 
 use crate::actuator::{JointKind, Setting};
+use crate::model::Condition;
 use crate::real::Real;
 use crate::se::Pose;
 
@@ -59,7 +61,7 @@ pub trait Law<T: Real> {
     fn turn(&self, _setting: &mut Setting<T>) {}
 
     /// The pose of the tool in the base as it is seen, where the arm alone would have it `predicted`.
-    fn displace(&self, predicted: Pose<T>) -> Pose<T> {
+    fn displace(&self, predicted: Pose<T>, _condition: &Condition<T>) -> Pose<T> {
         predicted
     }
 
@@ -208,6 +210,7 @@ effects! {
     Wear in wear,
     Crowding in crowding,
     FrameOffset in frame_offset,
+    FittedTerm in fitted_term,
     Scale in scale,
     JointOffset in joint_offset,
 }
@@ -220,7 +223,7 @@ mod tests {
     use crate::actuator::Setting;
     use crate::real::Vec3;
 
-    fn one_of_each() -> [Effect<f64>; 14] {
+    fn one_of_each() -> [Effect<f64>; 15] {
         let at = Place::Module(1);
         [
             stroke_loss::StrokeLoss { actuator: 4, state: 1, loss_m: 1e-3 }.into(),
@@ -240,6 +243,13 @@ mod tests {
             crowding::Crowding { at, values: [1e-3, 1e-3] }.into(),
             frame_offset::FrameOffset { frame: frame_offset::Frame::Base, values: [1e-3; 6] }.into(),
             frame_offset::FrameOffset { frame: frame_offset::Frame::Tool, values: [1e-3; 6] }.into(),
+            fitted_term::FittedTerm {
+                of: fitted_term::Variable::Supply { center: 1.0, span: 0.5 },
+                square: true,
+                frame: frame_offset::Frame::Base,
+                values: [1e-3; 6],
+            }
+            .into(),
             scale::Scale { stretch: 1e-3 }.into(),
             joint_offset::JointOffset { servo: 0, offset_rad: 1e-3 }.into(),
         ]
@@ -252,6 +262,10 @@ mod tests {
 
     fn ideal() -> Pose<f64> {
         Pose::at(Vec3::new(0.1, 2.0, 0.0))
+    }
+
+    fn condition() -> Condition<'static, f64> {
+        Condition { supply: 2.0, ..Condition::of_word("00001".parse().unwrap()) }
     }
 
     fn site() -> Site<f64> {
@@ -280,7 +294,12 @@ mod tests {
         });
         let mut turned = joint;
         law.turn(&mut turned);
-        [disturbs, turned != joint, law.deflection(&site(), 100.0) != 0.0, law.displace(ideal()) != ideal()]
+        [
+            disturbs,
+            turned != joint,
+            law.deflection(&site(), 100.0) != 0.0,
+            law.displace(ideal(), &condition()) != ideal(),
+        ]
     }
 
     #[test]

@@ -17,17 +17,20 @@
 //!
 //! ```
 //! use darm_core::effect::{Law, scale::Scale};
+//! use darm_core::model::Condition;
 //! use darm_core::real::Vec3;
 //! use darm_core::se::Pose;
 //! let law = Scale { stretch: 0.001 };
+//! let condition = Condition::of_word("01".parse().unwrap());
 //! // 2 m are told as 2.002 m.
-//! let told: Vec3<f64> = law.displace(Pose::at(Vec3::new(0.0, 2.0, 0.0))).position;
+//! let told: Vec3<f64> = law.displace(Pose::at(Vec3::new(0.0, 2.0, 0.0)), &condition).position;
 //! assert!((told.y - 2.002).abs() < 1e-15);
 //! ```
 
 use core::slice;
 
 use super::{Law, Place, Quantity};
+use crate::model::Condition;
 use crate::real::{Real, real};
 use crate::se::Pose;
 
@@ -59,7 +62,7 @@ impl<T: Real> Law<T> for Scale<T> {
         slice::from_mut(&mut self.stretch)
     }
 
-    fn displace(&self, predicted: Pose<T>) -> Pose<T> {
+    fn displace(&self, predicted: Pose<T>, _condition: &Condition<T>) -> Pose<T> {
         Pose { position: predicted.position * (T::one() + self.stretch), ..predicted }
     }
 }

@@ -95,12 +95,12 @@ pub(super) fn floating(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Res
 fn seen_askew(wrench: &[Vec<f64>], rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
     let turn = Vec3::from_fn(|_, _| rng.random_range(-1.0..=1.0)).normalize() * ASKEW_RAD;
     let to_plate = rotation_exp(&turn).transpose();
-    let mut shape = vec![Vec::new(); 6];
-    for row in 0..wrench[0].len() {
-        for first in [0, 3] {
-            let part = Vec3::from_fn(|axis, _| wrench[first + axis][row]);
-            let more = to_plate * part - part;
-            (0..3).for_each(|axis| shape[first + axis].push(more[axis]));
+    let mut shape = wrench.to_vec();
+    for part in shape.chunks_exact_mut(3) {
+        for row in 0..part[0].len() {
+            let seen = Vec3::from_fn(|axis, _| part[axis][row]);
+            let more = to_plate * seen - seen;
+            (0..3).for_each(|axis| part[axis][row] = more[axis]);
         }
     }
     shape

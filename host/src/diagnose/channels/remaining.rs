@@ -156,7 +156,8 @@ fn dictionary(experiment: &Experiment) -> Vec<Term> {
             continue;
         }
         let scaled: Vec<f64> = channel.iter().map(|c| c / spread).collect();
-        let mut term = |shape, columns| terms.push(Term { variable: variable.clone(), shape, columns });
+        let mut term =
+            |shape, columns| terms.push(Term { variable: variable.clone(), shape, columns, kept: Vec::new() });
         let of = |shape: &dyn Fn(f64) -> f64| scaled.iter().map(|c| shape(*c)).collect::<Vec<f64>>();
         term("straight", vec![scaled.clone()]);
         term("square", vec![of(&|c| c * c)]);
@@ -174,7 +175,8 @@ fn dictionary(experiment: &Experiment) -> Vec<Term> {
         for (k, (name, a)) in straight.iter().enumerate() {
             for (other, b) in &straight[k + 1..] {
                 let columns = vec![a.iter().zip(b).map(|(a, b)| a * b).collect()];
-                terms.push(Term { variable: format!("{name} with {other}"), shape: "together", columns });
+                let variable = format!("{name} with {other}");
+                terms.push(Term { variable, shape: "together", columns, kept: Vec::new() });
             }
         }
     }
