@@ -36,7 +36,8 @@ Examples:
   darm diagnose arm.urdf motion.csv --lowpass 20 --thin 40
                                                  what the torques of a serial arm lack
 
-Rows that are held out are never fitted: the error after is told on them. The columns that tables of channels may have, \
+Rows that are held out are never fitted: the error after is told on them. Where nothing says which, they are those of the \
+column held_out; without it every fourth block of rows, or of tool poses each word in turn. The columns that tables of channels may have, \
 and their units, stand in the documentation of `darm::measurement::table`.";
 
 /// Rows that are told one by one.

@@ -313,12 +313,15 @@ impl Answer for Found {
             1.0 => String::new(),
             share => format!(" ({:.2} % of them looked at or ruled out)", 100.0 * share),
         };
+        let bound = match self.lower_bound_mm {
+            0.0 => String::new(),
+            bound => format!(", none nearer than {bound:.4} mm"),
+        };
         let index = self.index_mb.map_or(String::new(), |mb| format!(", index of {mb:.1} MB"));
         format!(
-            "{}\n\n{servos}out of {:.0} words{settled}, none nearer than {:.4} mm; {:.2} s{index}",
+            "{}\n\n{servos}out of {:.0} words{settled}{bound}; {:.2} s{index}",
             columns(&rows),
             self.words_of_the_arm,
-            self.lower_bound_mm,
             self.took_s
         )
     }

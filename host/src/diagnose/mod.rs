@@ -37,6 +37,7 @@ use darm_core::chain::ChainError;
 use darm_core::effect::Effect;
 
 use crate::arm::{Arm, ArmScratch};
+use crate::measurement::hold_out::FEW;
 use crate::measurement::{Run, check};
 use fit::{condition, folds};
 use kind::Trial;
@@ -52,8 +53,6 @@ pub use words::effect_sentence;
 
 /// Share of what is beyond the noise that a named effect may leave.
 pub const UNEXPLAINED_SHARE: f64 = 0.1;
-/// Values of a column up to which each of them is left out alone.
-const MOST_PARTS: usize = 24;
 /// Training words without which nothing can be said.
 const FEWEST_WORDS: usize = 2 * fit::FOLDS;
 
@@ -146,7 +145,7 @@ fn search(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Options) -> R
     let parts: Option<Vec<usize>> =
         run.choice.parts.as_ref().map(|parts| training.rows.iter().map(|row| parts[row.sample]).collect());
     let folds = match parts {
-        Some(parts) if parts.iter().all(|part| *part < MOST_PARTS) => parts,
+        Some(parts) if parts.iter().all(|part| *part < FEW) => parts,
         Some(parts) => folds(&parts, options.seed),
         None => folds(&training.groups(), options.seed),
     };

@@ -231,6 +231,9 @@ pub struct Point {
     pub time_s: f64,
     /// The word.
     pub word: String,
+    /// Positions of the servo joints, rad or m.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub servos_rad: Vec<f64>,
     /// Supply, Pa.
     pub supply: Option<f64>,
     /// Temperature.

@@ -15,8 +15,9 @@ use super::search::Search;
 use super::significance::quantile_975;
 use super::structure::Structure;
 use super::tool_pose::{ToolPose, values};
-use super::{MOST_PARTS, Options, next};
+use super::{Options, next};
 use crate::arm::{Arm, ArmModel};
+use crate::measurement::hold_out::FEW;
 use crate::measurement::{Run, median, root_mean_square};
 
 /// Chance that any row of a run without outliers is called one.
@@ -93,7 +94,7 @@ impl Summary<'_> {
         match (self.search.kind.heldout.rows.is_empty(), &self.run.choice.parts) {
             (false, _) if told.is_empty() => "the column held_out".into(),
             (false, _) => told.clone(),
-            (true, Some(parts)) if parts.iter().all(|part| *part < MOST_PARTS) => told.clone(),
+            (true, Some(parts)) if parts.iter().all(|part| *part < FEW) => told.clone(),
             (true, Some(_)) => format!("{told}, in {FOLDS} parts"),
             (true, None) => format!("each word in turn, in {FOLDS} parts"),
         }
@@ -217,6 +218,7 @@ impl Summary<'_> {
                 points.push(Point {
                     time_s: sample.time_s,
                     word: sample.word.to_string(),
+                    servos_rad: sample.servos_rad.clone(),
                     supply: sample.supply,
                     temperature_c: sample.temperature_c,
                     held_out,

@@ -145,10 +145,7 @@ pub fn effect_sentence(arm: &Arm, effect: &Effect<f64>) -> String {
             let way = if law.stretch > 0.0 { "long" } else { "short" };
             format!("{place}: it tells lengths {:.3} % too {way}.", law.stretch.abs() * 100.0)
         }
-        Effect::FittedTerm(term) => {
-            let along = along(term);
-            format!("{place}: it moves along {along}, which no law explains.")
-        }
+        Effect::FittedTerm(term) => format!("{place}: it moves along {}, which no law explains.", along(term)),
         Effect::JointOffset(law) => {
             format!("{place}: its joint stands {:+.3}° from where the servo tells.", law.offset_rad.to_degrees())
         }

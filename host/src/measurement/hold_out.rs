@@ -4,7 +4,7 @@ use super::select::{SelectError, Selection};
 use super::table::Table;
 
 /// Values of a column up to which each of them is a group.
-const FEW: usize = 24;
+pub const FEW: usize = 24;
 /// Blocks of time that are held out where nothing is said: every fourth of these.
 const BLOCKS: usize = 16;
 

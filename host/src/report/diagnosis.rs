@@ -45,12 +45,16 @@ pub(super) fn tables_and_plots(d: &Diagnosis) -> Markup {
 }
 
 fn suspects(d: &Diagnosis) -> Vec<Markup> {
-    let plots = [
-        plots::over(d, "time, s", |p| Some(p.time_s)),
-        plots::over(d, "supply, bar", |p| p.supply.map(|supply_pa| supply_pa / 1e5)),
-        plots::over(d, "temperature, °C", |p| p.temperature_c),
-        plots::over(d, "number of actuators extended", |p| Some(p.word.chars().filter(|c| *c != '0').count() as f64)),
+    let mut plots = vec![
+        plots::over(d, "time, s", &|p| Some(p.time_s)),
+        plots::over(d, "supply, bar", &|p| p.supply.map(|supply_pa| supply_pa / 1e5)),
+        plots::over(d, "temperature, °C", &|p| p.temperature_c),
+        plots::over(d, "number of actuators extended", &|p| Some(p.word.chars().filter(|c| *c != '0').count() as f64)),
     ];
+    for k in 0..d.points.first().map_or(0, |point| point.servos_rad.len()) {
+        let name = format!("position of servo {}, rad or m", k + 1);
+        plots.push(plots::over(d, &name, &|p| p.servos_rad.get(k).copied()));
+    }
     plots.into_iter().flatten().collect()
 }
 
@@ -137,12 +141,19 @@ fn depends(d: &Diagnosis) -> Markup {
         div.two {
             @for (side, structure) in sides {
                 table {
-                    thead { tr { th { (side) } th.num { "share" } th.num { "chance" } } }
+                    @let kept = structure.depends_on.iter().any(|one| one.heldout_gain_m.is_some());
+                    thead { tr { th { (side) } th { "directions" } th.num { "share" } th.num { "chance" } @if kept { th.num { "gain if kept" } } } }
                     tbody {
                         @for one in structure.depends_on.iter().take(8) {
-                            tr { td { (one) } td.num { (format!("{:.0} %", 100.0 * one.share)) } td.num { (chance(one.p)) } }
+                            tr {
+                                td { (one) }
+                                td { "of the " (one.frame) }
+                                td.num { (format!("{:.0} %", 100.0 * one.share)) }
+                                td.num { (chance(one.p)) }
+                                @if kept { td.num { (one.heldout_gain_m.map_or("–".into(), mm)) } }
+                            }
                         }
-                        @if structure.depends_on.is_empty() { tr { td colspan="3" { "on nothing that was measured" } } }
+                        @if structure.depends_on.is_empty() { tr { td colspan="4" { "on nothing that was measured" } } }
                     }
                 }
             }

@@ -49,7 +49,7 @@ pub(super) fn by_word(diagnosis: &Diagnosis) -> Markup {
 }
 
 /// Error over one quantity; `None` where it was not measured or does not change.
-pub(super) fn over(diagnosis: &Diagnosis, name: &'static str, of: fn(&Point) -> Option<f64>) -> Option<Markup> {
+pub(super) fn over(diagnosis: &Diagnosis, name: &str, of: &dyn Fn(&Point) -> Option<f64>) -> Option<Markup> {
     let xs: Vec<f64> = diagnosis.points.iter().filter_map(of).collect();
     let (low, high) = xs.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
     if xs.is_empty() || high - low <= 1e-9 {
@@ -79,9 +79,9 @@ struct Mark {
 }
 
 /// Errors in mm over something, on a logarithmic scale.
-struct Plot {
+struct Plot<'a> {
     size: (u32, u32),
-    x: &'static str,
+    x: &'a str,
     x_range: std::ops::Range<f64>,
     x_numbers: bool,
     before: Vec<Mark>,
@@ -89,7 +89,7 @@ struct Plot {
     noise_mm: Option<f64>,
 }
 
-impl Plot {
+impl Plot<'_> {
     fn draw(&self) -> Markup {
         let mut svg = String::new();
         // Drawing into a string does not fail; a plot that cannot be drawn is left empty.

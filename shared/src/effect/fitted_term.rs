@@ -30,6 +30,7 @@
 //! ```
 
 pub use super::frame_offset::Frame;
+use super::frame_offset::OF_DISPLACEMENT;
 use super::{Law, Place, Quantity};
 use crate::model::Condition;
 use crate::real::{Real, Vec3, real};
@@ -141,14 +142,7 @@ impl<T: Real> Law<T> for FittedTerm<T> {
     }
 
     fn quantities(&self) -> &'static [Quantity] {
-        &[
-            Quantity { name: "turn_x", unit: "rad" },
-            Quantity { name: "turn_y", unit: "rad" },
-            Quantity { name: "turn_z", unit: "rad" },
-            Quantity { name: "x", unit: "m" },
-            Quantity { name: "y", unit: "m" },
-            Quantity { name: "z", unit: "m" },
-        ]
+        &OF_DISPLACEMENT
     }
 
     fn values(&self) -> &[T] {

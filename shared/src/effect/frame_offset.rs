@@ -53,6 +53,16 @@ pub enum Frame {
     Tool,
 }
 
+/// The values of a displacement.
+pub(super) const OF_DISPLACEMENT: [Quantity; 6] = [
+    Quantity { name: "turn_x", unit: "rad" },
+    Quantity { name: "turn_y", unit: "rad" },
+    Quantity { name: "turn_z", unit: "rad" },
+    Quantity { name: "x", unit: "m" },
+    Quantity { name: "y", unit: "m" },
+    Quantity { name: "z", unit: "m" },
+];
+
 impl<T: Real> Law<T> for FrameOffset<T> {
     fn name(&self) -> &'static str {
         match self.frame {
@@ -69,14 +79,7 @@ impl<T: Real> Law<T> for FrameOffset<T> {
     }
 
     fn quantities(&self) -> &'static [Quantity] {
-        &[
-            Quantity { name: "turn_x", unit: "rad" },
-            Quantity { name: "turn_y", unit: "rad" },
-            Quantity { name: "turn_z", unit: "rad" },
-            Quantity { name: "x", unit: "m" },
-            Quantity { name: "y", unit: "m" },
-            Quantity { name: "z", unit: "m" },
-        ]
+        &OF_DISPLACEMENT
     }
 
     fn values(&self) -> &[T] {
