@@ -69,9 +69,6 @@ impl From<Candidate> for Near {
 mod tests {
     use std::path::Path;
 
-    use darm_core::effect::Place;
-    use darm_core::effect::gravity_sag::GravitySag;
-    use darm_core::effect::stroke_loss::StrokeLoss;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
@@ -90,12 +87,7 @@ mod tests {
         let corrected = read("tests/data/corrected/corrected.toml");
         let mut nominal = corrected.clone();
         nominal.model.effects.clear();
-        let mut real = nominal.clone();
-        real.model.effects.extend([
-            StrokeLoss { actuator: 2, state: 1, loss_m: 4e-3 }.into(),
-            GravitySag { at: Place::Arm, compliance_m_per_n: 3e-5 }.into(),
-        ]);
-        [nominal, corrected, real]
+        [nominal, corrected, read("tests/data/corrected/real.toml")]
     }
 
     fn stands(arm: &Arm, word: &Word) -> Pose<f64> {

@@ -4,9 +4,6 @@ use anyhow::{Context, Result};
 use darm::arm::{Arm, ArmScratch};
 use darm::reach::exact::{Index, Options};
 use darm::reach::{board, corrected};
-use darm_core::effect::Place;
-use darm_core::effect::gravity_sag::GravitySag;
-use darm_core::effect::stroke_loss::StrokeLoss;
 use darm_core::se::{Pose, Twist};
 use darm_core::units::Word;
 use rand::RngExt as _;
@@ -22,14 +19,11 @@ const OFF: f64 = 0.02;
 
 /// Root mean square errors that are measured on the arm: see `tests/data/corrected`.
 pub(super) fn measure(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
-    let found = Arm::read(&setup::root().join("tests/data/corrected/corrected.toml"))?;
+    let [found, real] =
+        ["corrected", "real"].map(|name| setup::root().join(format!("tests/data/corrected/{name}.toml")));
+    let (found, real) = (Arm::read(&found)?, Arm::read(&real)?);
     let mut nominal = found.clone();
     nominal.model.effects.clear();
-    let mut real = nominal.clone();
-    real.model.effects.extend([
-        StrokeLoss { actuator: 2, state: 1, loss_m: 4e-3 }.into(),
-        GravitySag { at: Place::Arm, compliance_m_per_n: 3e-5 }.into(),
-    ]);
     let index = Index::new(&nominal, &Options::of(&nominal))?;
     let (flat, bent) = (board::records(&nominal)?, board::records(&found)?);
     let mut squares = [0.0; 4];
