@@ -33,7 +33,7 @@
 //! | `travel_ms` ? | longest time to the stop, 100 |
 //! | `offset_deg` ?, `bus` | of a servo: its angle at 0; `id`, `min_deg`, `max_deg`, `max_speed_deg_s`, `max_torque` (0 to 1), `timeout_ms` |
 //! | `pose` | of a link: pose of its top |
-//! | `[[effect]]` | `law`, `actuator`, `module` or `servo` (all of the arm without any), `state`, `plate`, `since_s` of a step, `until_s` of a drift, `until_switches` of wear, and `values` with their units |
+//! | `[[effect]]` | `law`, `actuator`, `module` or `servo` (all of the arm without any), `state`, `plate`, `since_s` of a step, `until_s` of a drift, `until_switches` of wear, `along`, `square` and `frame` of a fitted term, and `values` with their units |
 //!
 //! A pose is `{ position_m = [x, y], angle_deg = a }` in the plane, in space `{ position_m = [x, y, z], rotation_deg = [..] }`
 //! with a rotation vector.

@@ -37,8 +37,8 @@ Examples:
                                                  what the torques of a serial arm lack
 
 Rows that are held out are never fitted: the error after is told on them. Where nothing says which, they are those of the \
-column held_out; without it every fourth block of rows, or of tool poses each word in turn. The columns that tables of channels may have, \
-and their units, stand in the documentation of `darm::measurement::table`.";
+column held_out; without it every fourth block of rows, or of tool poses each word in turn. The columns that tables may have, \
+and their units, stand in the documentation of `darm::measurement` and its `table`.";
 
 /// Rows that are told one by one.
 const MOST_NOTES: usize = 20;
