@@ -1,5 +1,6 @@
 //! Which rows no fit may see.
 
+use super::Finding;
 use super::select::{SelectError, Selection};
 use super::table::Table;
 
@@ -64,6 +65,15 @@ impl HoldOut {
                 HeldOut { keys: keys(table, name), ..held(rows, format!("each {name} in turn")) }
             }
         })
+    }
+}
+
+impl HeldOut {
+    /// That no row is held out, where `how` was to choose some.
+    pub fn nothing(&self, how: &HoldOut) -> Option<Finding> {
+        let asked = matches!(how, HoldOut::Where(_) | HoldOut::Last(_) | HoldOut::Column(_));
+        let what = format!("no row is held out by {}", self.told);
+        (asked && !self.rows.contains(&true)).then_some(Finding { line: None, what })
     }
 }
 

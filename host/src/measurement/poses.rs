@@ -56,17 +56,19 @@ pub fn of_table(table: &Table, which: &Which) -> Result<(Run, Vec<Finding>), Rea
         }
     }
     let wrong = |error| ReadError::Select { path: table.path.clone(), error };
-    choose(&mut run, table, which).map_err(wrong)?;
+    findings.extend(choose(&mut run, table, which).map_err(wrong)?);
     Ok((run, findings))
 }
 
-/// Which samples count, and how unseen ones are told apart.
-fn choose(run: &mut Run, table: &Table, which: &Which) -> Result<(), SelectError> {
+/// Which samples count, and how unseen ones are told apart; that none is, where some should be.
+fn choose(run: &mut Run, table: &Table, which: &Which) -> Result<Option<Finding>, SelectError> {
     let mut kept = table.clone();
     if let Some(keep) = &which.keep {
         kept.retain(&keep.rows(table)?);
     }
-    let HeldOut { mut rows, told, .. } = which.hold_out.rows(&kept, None)?;
+    let held = which.hold_out.rows(&kept, None)?;
+    let nothing = held.nothing(&which.hold_out);
+    let HeldOut { mut rows, told, .. } = held;
     run.choice = Choice { told, ..Choice::default() };
     if which.hold_out == HoldOut::Own && kept.quantity("held_out").is_none() {
         rows.fill(false);
@@ -83,7 +85,7 @@ fn choose(run: &mut Run, table: &Table, which: &Which) -> Result<(), SelectError
     run.choice.parts = parts.map(|parts| at.iter().map(|row| row.map_or(0, |row| parts[row])).collect());
     let samples = run.samples.iter_mut().zip(&at);
     samples.for_each(|(sample, row)| sample.held_out = row.is_some_and(|row| rows[row]));
-    Ok(())
+    Ok(nothing)
 }
 
 /// The columns of a table that hold each quantity.

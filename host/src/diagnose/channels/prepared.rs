@@ -87,12 +87,10 @@ impl Prepared {
         }
         constant(&table, &mut findings);
         units(&table, &mut findings);
-        let time = table.quantity("time").map(|column| column.numbers.clone());
-        let time_s = time.unwrap_or_else(|| {
-            let step_s = how.rate_hz.map_or(1.0, |hz| 1.0 / hz);
-            (0..table.lines.len()).map(|row| row as f64 * step_s).collect()
-        });
-        let HeldOut { rows: held, told: held_out, keys } = how.hold_out.rows(&table, each)?;
+        let time_s = times_s(&table, how.rate_hz);
+        let chosen = how.hold_out.rows(&table, each)?;
+        findings.extend(chosen.nothing(&how.hold_out));
+        let HeldOut { rows: held, told: held_out, keys } = chosen;
         let (series, motions) = series(&table, &how.within, &time_s, &held, &mut findings)?;
         let steps = |hz: f64| (rate_hz(&time_s, &series) / hz).round().max(1.0) as usize;
         let every = how.thin_hz.map_or(table.lines.len().div_ceil(MOST_ROWS), steps);
@@ -200,6 +198,13 @@ impl Prepared {
     fn thin(&self, values: &[f64]) -> Vec<f64> {
         self.kept.iter().map(|&row| values[row]).collect()
     }
+}
+
+/// When each row was measured, s; without a column of time they follow each other at a rate.
+fn times_s(table: &Table, rate_hz: Option<f64>) -> Vec<f64> {
+    let step_s = rate_hz.map_or(1.0, |hz| 1.0 / hz);
+    let counted = || (0..table.lines.len()).map(|row| row as f64 * step_s).collect();
+    table.quantity("time").map_or_else(counted, |column| column.numbers.clone())
 }
 
 /// Leaves out rows in which a column of numbers has none; says which.

@@ -105,6 +105,9 @@ fn rows_are_held_out_as_asked() {
         (run.samples.iter().map(|sample| sample.held_out).collect::<Vec<_>>(), run.choice)
     };
     assert_eq!(held(HoldOut::Where("arm = b".parse().unwrap())).0, [false, true, true]);
+    let which = Which { hold_out: HoldOut::Where("arm = c".parse().unwrap()), ..Which::default() };
+    let (_, findings) = choosing(text, &Names::new(), &which).unwrap();
+    assert_eq!(findings.last().unwrap().to_string(), "no row is held out by the rows that --hold-out names");
     assert_eq!(held(HoldOut::Last(0.25)).0, [false, false, true]);
     let (none, choice) = held(HoldOut::Each("arm".into()));
     assert_eq!((none, choice.parts, &choice.told[..]), (vec![false; 3], Some(vec![0, 1, 1]), "each arm in turn"));
