@@ -20,7 +20,6 @@ use crate::diagnose::channels::bodies::Moving;
 use crate::diagnose::channels::prepared::{Preparation, PrepareError, Prepared};
 use crate::diagnose::channels::wrench;
 use crate::measurement::ReadError;
-use crate::measurement::hold_out::HoldOut;
 use crate::measurement::table::{Names, Table};
 use crate::robot::Robot;
 
@@ -61,16 +60,7 @@ pub enum ReadSamplesError {
 pub fn read(path: &Path, robot: &Robot, kind: Kind, lowpass_hz: Option<f64>) -> Result<Measurement, ReadSamplesError> {
     let (table, findings) = Table::read(path, &Names::new())?;
     let interpolate = table.quantity("fresh").map(|column| column.name.clone());
-    let preparation = Preparation {
-        keep: None,
-        hold_out: HoldOut::Own,
-        within: Vec::new(),
-        rate_hz: None,
-        thin_hz: None,
-        lowpass_hz,
-        interpolate,
-        settled_s: None,
-    };
+    let preparation = Preparation { lowpass_hz, interpolate, ..Preparation::default() };
     let names_own = table.quantity("held_out").is_some();
     let data = Prepared::new(table, &preparation, None)?;
     let motion = |own: String, numbered: String| {

@@ -24,7 +24,6 @@ use darm::diagnose::channels::outcome::Diagnosis;
 use darm::diagnose::channels::prepared::Preparation;
 use darm::diagnose::channels::{Options, diagnose_table};
 use darm::diagnose::outcome::Verdict;
-use darm::measurement::hold_out::HoldOut;
 use darm::measurement::root_mean_square;
 use darm::measurement::table::{Names, Table};
 use darm::robot::Robot;
@@ -89,16 +88,7 @@ impl Robots {
         bench.spoil(&mut rng);
         let table = bench.table()?;
         let within = if which == Which::Floating { vec!["posture".to_string()] } else { Vec::new() };
-        let preparation = Preparation {
-            keep: None,
-            hold_out: HoldOut::Own,
-            within,
-            rate_hz: None,
-            thin_hz: None,
-            lowpass_hz: None,
-            interpolate: None,
-            settled_s: None,
-        };
+        let preparation = Preparation { within, ..Preparation::default() };
         let diagnosis = diagnose_table(&model, &table, &Options { preparation, always: Vec::new(), seed })?;
         Ok((bench.mark(class, &diagnosis)?, bench.truth()))
     }

@@ -237,4 +237,6 @@ fn check(experiment: &Experiment) -> Result<(), ChannelError> {
 }
 
 #[cfg(test)]
+mod cases;
+#[cfg(test)]
 mod tests;

@@ -16,7 +16,7 @@ const LARGEST_LENGTH: f64 = 10.0;
 const LEAST_PRESSURE: f64 = 1e3;
 
 /// How a table is made ready.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Preparation {
     /// Rows that count; `None`: all.
     pub keep: Option<Selection>,

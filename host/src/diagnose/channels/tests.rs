@@ -6,16 +6,8 @@ use super::*;
 use crate::diagnose::outcome::Verdict;
 
 fn options(hold_out: HoldOut, keep: Option<&str>, always: &[&str]) -> Options {
-    let preparation = Preparation {
-        keep: keep.map(|text| text.parse().unwrap()),
-        hold_out,
-        within: Vec::new(),
-        rate_hz: None,
-        thin_hz: None,
-        lowpass_hz: None,
-        interpolate: None,
-        settled_s: None,
-    };
+    let keep = keep.map(|text| text.parse().unwrap());
+    let preparation = Preparation { keep, hold_out, ..Preparation::default() };
     Options { preparation, always: always.iter().map(ToString::to_string).collect(), seed: 1 }
 }
 

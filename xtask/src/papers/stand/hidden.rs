@@ -113,14 +113,10 @@ pub(super) fn person(figures: &mut Vec<Figure>) -> Result<()> {
     let folder = setup::root().join("tests/data/measured");
     let robot = urdf::read(&folder.join("human.urdf"), &Locks::new())?;
     let preparation = Preparation {
-        keep: None,
         hold_out: HoldOut::Column("heldout".into()),
-        within: Vec::new(),
-        rate_hz: None,
-        thin_hz: None,
         lowpass_hz: Some(3.0),
         interpolate: Some("fresh".into()),
-        settled_s: None,
+        ..Preparation::default()
     };
     let options = Options { preparation, always: vec!["mass-distribution".into()], seed: 1 };
     let model = Model::from(What::Wrench(robot));
