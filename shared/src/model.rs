@@ -7,6 +7,7 @@ use heapless::Vec;
 
 use crate::actuator::{DiscreteJoint, JointKind, MAX_LEGS, Stage};
 use crate::chain::{Chain, ChainError, Scratch};
+pub use crate::effect::Condition;
 use crate::effect::{Effect, Place, Site};
 use crate::real::{Real, Vec3, cast, real};
 use crate::se::{Pose, Wrench};
@@ -53,40 +54,6 @@ pub struct Mass<T: Real> {
     pub mass_kg: T,
     /// Centre of mass, m.
     pub center: Vec3<T>,
-}
-
-/// What is commanded, and what surrounds the arm.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Condition<'a, T: Real> {
-    /// The digits of all discrete actuators.
-    pub word: Word,
-    /// The word before it; `None` when the arm has just been switched on.
-    pub previous: Option<Word>,
-    /// The positions of the servo joints, rad or m.
-    pub servos: &'a [T],
-    /// The supply, in the unit of [`Model::nominal_supply`].
-    pub supply: T,
-    /// The temperature of the arm, K.
-    pub temperature_k: T,
-    /// Time since the measurement began, s; `None` outside of one.
-    pub time_s: Option<T>,
-    /// How often each actuator has switched since then; empty outside of one.
-    pub switches: &'a [T],
-}
-
-impl<T: Real> Condition<'_, T> {
-    /// A word alone, of an arm without servos: no word before, a supply of 1 and 293.15 K as of an ideal arm.
-    pub fn of_word(word: Word) -> Self {
-        Self {
-            word,
-            previous: None,
-            servos: &[],
-            supply: T::one(),
-            temperature_k: real(293.15),
-            time_s: None,
-            switches: &[],
-        }
-    }
 }
 
 impl<T: Real, const N: usize> Model<T, N> {

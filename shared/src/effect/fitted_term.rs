@@ -18,8 +18,7 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::{Law, fitted_term::{FittedTerm, Frame, Variable}};
-//! use darm_core::model::Condition;
+//! use darm_core::effect::{Condition, Law, fitted_term::{FittedTerm, Frame, Variable}};
 //! use darm_core::se::Pose;
 //! let warmth = Variable::Temperature { center: 298.15, span: 5.0 };
 //! let law = FittedTerm { of: warmth, square: true, frame: Frame::Base, values: [0.0, 0.0, 0.0, 0.0, 0.002, 0.0] };
@@ -31,8 +30,7 @@
 
 pub use super::frame_offset::Frame;
 use super::frame_offset::OF_DISPLACEMENT;
-use super::{Law, Place, Quantity};
-use crate::model::Condition;
+use super::{Condition, Law, Place, Quantity};
 use crate::real::{Real, Vec3, real};
 use crate::se::{Pose, Twist};
 

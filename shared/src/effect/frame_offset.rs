@@ -18,8 +18,7 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::{Law, frame_offset::{Frame, FrameOffset}};
-//! use darm_core::model::Condition;
+//! use darm_core::effect::{Condition, Law, frame_offset::{Frame, FrameOffset}};
 //! use darm_core::real::Vec3;
 //! use darm_core::se::Pose;
 //! let law = FrameOffset { frame: Frame::Tool, values: [0.0, 0.0, 0.0, 0.002, 0.0, 0.0] };
@@ -30,8 +29,7 @@
 //! assert!((seen - Vec3::new(1.0, 2.002, 0.0)).norm() < 1e-15);
 //! ```
 
-use super::{Law, Place, Quantity};
-use crate::model::Condition;
+use super::{Condition, Law, Place, Quantity};
 use crate::real::{Real, Vec3, real};
 use crate::se::Pose;
 

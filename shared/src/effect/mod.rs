@@ -27,9 +27,9 @@ pub mod thermal_growth;
 pub mod wear;
 
 use crate::actuator::{JointKind, Setting};
-use crate::model::Condition;
-use crate::real::Real;
+use crate::real::{Real, real};
 use crate::se::Pose;
+use crate::units::Word;
 
 /// A law of how an actuator departs from what it is set to.
 pub trait Law<T: Real> {
@@ -97,6 +97,40 @@ pub struct Quantity {
     pub name: &'static str,
     /// Its unit; `1` for a plain number.
     pub unit: &'static str,
+}
+
+/// What is commanded, and what surrounds the arm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Condition<'a, T: Real> {
+    /// The digits of all discrete actuators.
+    pub word: Word,
+    /// The word before it; `None` when the arm has just been switched on.
+    pub previous: Option<Word>,
+    /// The positions of the servo joints, rad or m.
+    pub servos: &'a [T],
+    /// The supply, in the unit of the model's nominal one.
+    pub supply: T,
+    /// The temperature of the arm, K.
+    pub temperature_k: T,
+    /// Time since the measurement began, s; `None` outside of one.
+    pub time_s: Option<T>,
+    /// How often each actuator has switched since then; empty outside of one.
+    pub switches: &'a [T],
+}
+
+impl<T: Real> Condition<'_, T> {
+    /// A word alone, of an arm without servos: no word before, a supply of 1 and 293.15 K as of an ideal arm.
+    pub fn of_word(word: Word) -> Self {
+        Self {
+            word,
+            previous: None,
+            servos: &[],
+            supply: T::one(),
+            temperature_k: real(293.15),
+            time_s: None,
+            switches: &[],
+        }
+    }
 }
 
 /// One actuator and the conditions that it stands under.

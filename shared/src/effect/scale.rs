@@ -16,8 +16,7 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::{Law, scale::Scale};
-//! use darm_core::model::Condition;
+//! use darm_core::effect::{Condition, Law, scale::Scale};
 //! use darm_core::real::Vec3;
 //! use darm_core::se::Pose;
 //! let law = Scale { stretch: 0.001 };
@@ -29,8 +28,7 @@
 
 use core::slice;
 
-use super::{Law, Place, Quantity};
-use crate::model::Condition;
+use super::{Condition, Law, Place, Quantity};
 use crate::real::{Real, real};
 use crate::se::Pose;
 
