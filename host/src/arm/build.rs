@@ -15,14 +15,13 @@ use super::raw::{
     RawSwitch,
 };
 use super::source::Source;
-use super::{Arm, ArmError, ArmFault, ArmModel, ArmScratch, FORMAT, Labels, MAX_STAGES, effects};
+use super::{Arm, ArmError, ArmFault, ArmModel, ArmScratch, FORMAT, Labels, MAX_STAGES, ZERO_CELSIUS, effects};
 
 /// What is wrong, and the bytes of the file where it stands.
 type Wrong = (Range<usize>, ArmFault);
 type Checked<T> = Result<T, Wrong>;
 
 const BAR: f64 = 1e5;
-const ZERO_CELSIUS: f64 = 273.15;
 const DEFAULT_TRAVEL_MS: u16 = 100;
 
 pub(super) fn arm(source: &Source) -> Result<Arm, ArmError> {

@@ -69,6 +69,9 @@ pub use source::{Fault, FileError, Place};
 /// The version of the file format.
 pub const FORMAT: u32 = 1;
 
+/// 0 °C, K: files tell °C, models hold K.
+pub const ZERO_CELSIUS: f64 = 273.15;
+
 /// Stages that one arm can have.
 pub const MAX_STAGES: usize = 24;
 

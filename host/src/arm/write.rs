@@ -8,7 +8,7 @@ use darm_core::output::{Coil, Drive, ServoWiring};
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, Pose2};
 
-use super::{Arm, FORMAT, effects};
+use super::{Arm, FORMAT, ZERO_CELSIUS, effects};
 
 /// Every key in one order; what is read back and written again is the same text.
 pub(super) fn toml(arm: &Arm) -> String {
@@ -24,9 +24,9 @@ fn write_arm(w: &mut String, arm: &Arm) -> fmt::Result {
     writeln!(w, "length_scale_m = {:?}\n", arm.length_scale_m)?;
     writeln!(w, "[conditions]\ngravity_m_s2 = {}", list(model.gravity.as_slice()))?;
     writeln!(w, "supply_bar = {:?}", tidy(model.nominal_supply / 1e5))?;
-    writeln!(w, "temperature_c = {:?}", tidy(model.reference_temperature_k - 273.15))?;
+    writeln!(w, "temperature_c = {:?}", tidy(model.reference_temperature_k - ZERO_CELSIUS))?;
     writeln!(w, "working_supply_bar = {:?}", tidy(model.working_supply / 1e5))?;
-    writeln!(w, "working_temperature_c = {:?}\n", tidy(model.working_temperature_k - 273.15))?;
+    writeln!(w, "working_temperature_c = {:?}\n", tidy(model.working_temperature_k - ZERO_CELSIUS))?;
     writeln!(w, "[mount]\n{}\n", pose_lines(&model.chain.mount))?;
     writeln!(w, "[tool]\npose = {}", pose(&model.chain.tool))?;
     write_mass(w, &model.payload)?;

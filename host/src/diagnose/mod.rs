@@ -37,7 +37,6 @@ use darm_core::chain::ChainError;
 use darm_core::effect::Effect;
 
 use crate::arm::{Arm, ArmScratch};
-use crate::measurement::hold_out::FEW;
 use crate::measurement::{Run, check};
 use fit::{condition, folds};
 use kind::Trial;
@@ -142,12 +141,11 @@ fn search(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Options) -> R
     };
     let training = Observations::new(arm, run, sigma, |sample| !sample.held_out);
     let heldout = Observations::new(arm, run, sigma, |sample| sample.held_out);
-    let parts: Option<Vec<usize>> =
-        run.choice.parts.as_ref().map(|parts| training.rows.iter().map(|row| parts[row.sample]).collect());
-    let folds = match parts {
-        Some(parts) if parts.iter().all(|part| *part < FEW) => parts,
-        Some(parts) => folds(&parts, options.seed),
-        None => folds(&training.groups(), options.seed),
+    let of_rows = |parts: &[usize]| -> Vec<usize> { training.rows.iter().map(|row| parts[row.sample]).collect() };
+    let folds = match (run.choice.parts_in_turn(), &run.choice.parts) {
+        (Some(parts), _) => of_rows(parts),
+        (None, Some(parts)) => folds(&of_rows(parts), options.seed),
+        (None, None) => folds(&training.groups(), options.seed),
     };
     Ok(Search::new(ToolPose { training, heldout, folds, scratch }))
 }

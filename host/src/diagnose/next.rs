@@ -13,7 +13,7 @@ use super::outcome::{Alternative, NextMeasurement};
 use super::search::Search;
 use super::sensitivity::Sensitivity;
 use super::tool_pose::{ToolPose, values};
-use crate::arm::{Arm, ArmModel};
+use crate::arm::{Arm, ArmModel, ZERO_CELSIUS};
 use crate::measurement::Run;
 use crate::programme::{Step, as_run, candidates};
 
@@ -95,12 +95,12 @@ fn together(arm: &Arm, best: &Trial<ToolPose>, alternatives: &[Alternative]) -> 
 fn conditions(arm: &Arm, run: &Run) -> [Conditions; 3] {
     let (supply, temperature_c) = run.settled();
     let supply = supply.unwrap_or(arm.model.nominal_supply);
-    let temperature_k = temperature_c.map_or(arm.model.reference_temperature_k, |celsius| celsius + 273.15);
+    let temperature_k = temperature_c.map_or(arm.model.reference_temperature_k, |celsius| celsius + ZERO_CELSIUS);
     let (less, warmer) = (0.85 * supply, temperature_k + 10.0);
     [
         Conditions { supply, temperature_k, told: None },
         Conditions { supply: less, temperature_k, told: Some(format!("at a supply of {:.2} bar", less / 1e5)) },
-        Conditions { supply, temperature_k: warmer, told: Some(format!("at {:.0} °C", warmer - 273.15)) },
+        Conditions { supply, temperature_k: warmer, told: Some(format!("at {:.0} °C", warmer - ZERO_CELSIUS)) },
     ]
 }
 

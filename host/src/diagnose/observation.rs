@@ -10,7 +10,7 @@ use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_core::units::Word;
 
-use crate::arm::{Arm, ArmModel, ArmScratch};
+use crate::arm::{Arm, ArmModel, ArmScratch, ZERO_CELSIUS};
 use crate::measurement::{Run, Sample};
 
 /// Components of a twist that a planar arm moves along.
@@ -88,7 +88,7 @@ impl Observations {
             previous: s.previous,
             servos: s.servos_rad.clone(),
             supply: s.supply.unwrap_or(arm.model.nominal_supply),
-            temperature_k: s.temperature_c.map_or(arm.model.reference_temperature_k, |c| c + 273.15),
+            temperature_k: s.temperature_c.map_or(arm.model.reference_temperature_k, |c| c + ZERO_CELSIUS),
             inverse: s.pose.inverse(),
         };
         let counted = run.samples.iter().map(&mut count).collect::<Vec<_>>();

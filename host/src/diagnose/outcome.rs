@@ -11,7 +11,7 @@ use super::noise::Repeatability;
 use super::observation::Observations;
 use super::structure::Structure;
 use super::terms::WithTerms;
-use crate::arm::Arm;
+use crate::arm::{Arm, ZERO_CELSIUS};
 use crate::measurement::Run;
 
 /// What was found.
@@ -107,6 +107,13 @@ pub struct Errors<F = ErrorFigure> {
     pub train: F,
     /// On the rows that it did not see; `None` where none were held out.
     pub heldout: Option<F>,
+}
+
+impl<F> Errors<F> {
+    /// On rows that no fit saw; on those that it saw where none were held out.
+    pub fn unseen(&self) -> &F {
+        self.heldout.as_ref().unwrap_or(&self.train)
+    }
 }
 
 /// Root mean squares of an error.
@@ -277,7 +284,7 @@ impl Diagnosis {
             corrected.model.number += 1;
             let (supply, temperature_c) = run.settled();
             corrected.model.working_supply = supply.unwrap_or(corrected.model.working_supply);
-            let temperature_k = temperature_c.map(|celsius| celsius + 273.15);
+            let temperature_k = temperature_c.map(|celsius| celsius + ZERO_CELSIUS);
             corrected.model.working_temperature_k = temperature_k.unwrap_or(corrected.model.working_temperature_k);
         }
         corrected

@@ -17,7 +17,6 @@ use super::structure::Structure;
 use super::tool_pose::{ToolPose, values};
 use super::{Options, next};
 use crate::arm::{Arm, ArmModel};
-use crate::measurement::hold_out::FEW;
 use crate::measurement::{Run, median, root_mean_square};
 
 /// Chance that any row of a run without outliers is called one.
@@ -90,12 +89,12 @@ impl Summary<'_> {
 
     /// How the rows were chosen that the fit did not see.
     fn held_out(&self) -> String {
-        let told = &self.run.choice.told;
-        match (self.search.kind.heldout.rows.is_empty(), &self.run.choice.parts) {
-            (false, _) if told.is_empty() => "the column held_out".into(),
-            (false, _) => told.clone(),
-            (true, Some(parts)) if parts.iter().all(|part| *part < FEW) => told.clone(),
-            (true, Some(_)) => format!("{told}, in {FOLDS} parts"),
+        let choice = &self.run.choice;
+        match (self.search.kind.heldout.rows.is_empty(), &choice.parts) {
+            (false, _) if choice.told.is_empty() => "the column held_out".into(),
+            (false, _) => choice.told.clone(),
+            (true, Some(_)) if choice.parts_in_turn().is_some() => choice.told.clone(),
+            (true, Some(_)) => format!("{}, in {FOLDS} parts", choice.told),
             (true, None) => format!("each word in turn, in {FOLDS} parts"),
         }
     }

@@ -49,13 +49,12 @@ fn terms_sentence(diagnosis: &Diagnosis) -> Option<String> {
         Effect::FittedTerm(term) => Some(along(term)),
         _ => None,
     });
-    let after = diagnosis.error.after.heldout.as_ref().unwrap_or(&diagnosis.error.after.train);
     Some(format!(
         "Kept in the model as fitted terms ({}), which tell nothing outside of what was measured, it leaves {:.2} mm on rows \
          that no fit saw in place of {:.2} mm: --keep-terms writes them.",
         terms.collect::<Vec<_>>().join("; "),
         with_terms.unseen_m * 1e3,
-        after.distance_m * 1e3
+        diagnosis.error.after.unseen().distance_m * 1e3
     ))
 }
 
@@ -80,8 +79,8 @@ fn verdict(diagnosis: &Diagnosis) -> String {
 }
 
 fn error_sentence(diagnosis: &Diagnosis) -> String {
-    let of = |errors: &super::outcome::Errors| errors.heldout.as_ref().unwrap_or(&errors.train).distance_m * 1e3;
-    let (before, after) = (of(&diagnosis.error.before), of(&diagnosis.error.after));
+    let [before, after] =
+        [&diagnosis.error.before, &diagnosis.error.after].map(|errors| errors.unseen().distance_m * 1e3);
     let noise = match &diagnosis.repeatability {
         Some(repeatability) => format!("; the measurement repeats to {:.2} mm", repeatability.distance_m * 1e3),
         None => String::new(),

@@ -5,7 +5,7 @@ use super::select::{SelectError, Selection};
 use super::table::Table;
 
 /// Values of a column up to which each of them is a group.
-pub const FEW: usize = 24;
+const FEW: usize = 24;
 /// Blocks of time that are held out where nothing is said: every fourth of these.
 const BLOCKS: usize = 16;
 
@@ -27,7 +27,7 @@ pub enum HoldOut {
 }
 
 /// The rows that a [`HoldOut`] means in one table.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct HeldOut {
     /// Whether each row is held out.
     pub rows: Vec<bool>,
@@ -77,9 +77,12 @@ impl HeldOut {
     }
 }
 
+/// Whether these numbers of values, counted from 0, are of so few that each of them is a group.
+pub fn are_few(numbers: &[usize]) -> bool {
+    numbers.iter().all(|number| *number < FEW)
+}
+
 /// The number of each row's value in a column that has few.
 fn keys(table: &Table, name: &str) -> Option<Vec<usize>> {
-    let values = table.values_of(name).ok().filter(|values| values.len() <= FEW)?;
-    let words = &table.column(name)?.words;
-    Some(words.iter().map(|word| values.binary_search(word).unwrap_or_default()).collect())
+    table.numbered(name).ok().filter(|numbers| are_few(numbers))
 }

@@ -85,6 +85,13 @@ pub struct Choice {
     pub told: String,
 }
 
+impl Choice {
+    /// The part of each sample where these are few enough to be left out one at a time.
+    pub fn parts_in_turn(&self) -> Option<&[usize]> {
+        self.parts.as_deref().filter(|parts| hold_out::are_few(parts))
+    }
+}
+
 impl Run {
     /// Whether a sample is fitted or judged, not only what came before.
     pub fn counts(&self, sample: usize) -> bool {

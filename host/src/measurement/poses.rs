@@ -1,6 +1,5 @@
 //! Poses of the tool read from a table: one visit of a word a row.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::str::FromStr;
 
@@ -13,9 +12,8 @@ use super::hold_out::{HeldOut, HoldOut};
 use super::select::{SelectError, Selection};
 use super::table::{Column, Names, Table};
 use super::{Choice, Finding, Run, Sample};
+use crate::arm::ZERO_CELSIUS;
 
-/// 0 °C, K.
-const ICE_K: f64 = 273.15;
 /// Servos that never turn by more than as many degrees are taken for told in radians.
 const HALF_TURN: f64 = 3.2;
 /// Rows from which on that is no chance.
@@ -66,25 +64,24 @@ fn choose(run: &mut Run, table: &Table, which: &Which) -> Result<Option<Finding>
     if let Some(keep) = &which.keep {
         kept.retain(&keep.rows(table)?);
     }
-    let held = which.hold_out.rows(&kept, None)?;
-    let nothing = held.nothing(&which.hold_out);
-    let HeldOut { mut rows, told, .. } = held;
-    run.choice = Choice { told, ..Choice::default() };
-    if which.hold_out == HoldOut::Own && kept.quantity("held_out").is_none() {
-        rows.fill(false);
-        run.choice.told.clear();
-    }
-    let mut parts = None;
-    if let HoldOut::Each(name) = &which.hold_out {
-        let (values, words) = (kept.values_of(name)?, &kept.chosen(name)?.words);
-        parts = Some(words.iter().map(|word| values.binary_search(word).unwrap_or_default()).collect::<Vec<_>>());
-    }
-    let of_line: BTreeMap<usize, usize> = kept.lines.iter().enumerate().map(|(row, line)| (*line, row)).collect();
-    let at: Vec<Option<usize>> = run.lines.iter().map(|line| of_line.get(line).copied()).collect();
-    run.choice.unused = at.iter().map(Option::is_none).collect();
-    run.choice.parts = parts.map(|parts| at.iter().map(|row| row.map_or(0, |row| parts[row])).collect());
+    let held = match &which.hold_out {
+        HoldOut::Own if kept.quantity("held_out").is_none() => HeldOut::default(),
+        how => how.rows(&kept, None)?,
+    };
+    let parts = match &which.hold_out {
+        HoldOut::Each(name) => Some(kept.numbered(name)?),
+        _ => None,
+    };
+    // The lines of a table rise.
+    let at: Vec<Option<usize>> = run.lines.iter().map(|line| kept.lines.binary_search(line).ok()).collect();
     let samples = run.samples.iter_mut().zip(&at);
-    samples.for_each(|(sample, row)| sample.held_out = row.is_some_and(|row| rows[row]));
+    samples.for_each(|(sample, row)| sample.held_out = row.is_some_and(|row| held.rows.get(row) == Some(&true)));
+    let nothing = held.nothing(&which.hold_out);
+    run.choice = Choice {
+        unused: at.iter().map(Option::is_none).collect(),
+        parts: parts.map(|parts| at.iter().map(|row| row.map_or(0, |row| parts[row])).collect()),
+        told: held.told,
+    };
     Ok(nothing)
 }
 
@@ -187,7 +184,9 @@ impl Row<'_> {
             servos_rad,
             pose: pose(&numbers[..columns.pose.len()]),
             supply: self.measured(columns.supply)?,
-            temperature_c: self.measured(columns.temperature)?.map(|t| if self.in_kelvin() { t - ICE_K } else { t }),
+            temperature_c: self
+                .measured(columns.temperature)?
+                .map(|t| if self.in_kelvin() { t - ZERO_CELSIUS } else { t }),
             run,
             visit: self.optional(columns.visit, "a whole number")?.unwrap_or(index as u32),
             held_out: false,

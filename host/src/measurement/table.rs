@@ -223,6 +223,12 @@ impl Table {
         Ok(values)
     }
 
+    /// The number of each row's value among the different ones of a column.
+    pub fn numbered(&self, name: &str) -> Result<Vec<usize>, SelectError> {
+        let (values, words) = (self.values_of(name)?, &self.chosen(name)?.words);
+        Ok(words.iter().map(|word| values.binary_search(word).unwrap_or_default()).collect())
+    }
+
     /// The names of all columns.
     pub(super) fn present(&self) -> String {
         self.columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", ")

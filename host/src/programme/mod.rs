@@ -17,7 +17,7 @@ use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::arm::{Arm, ArmScratch};
+use crate::arm::{Arm, ArmScratch, ZERO_CELSIUS};
 use crate::diagnose::candidate;
 use crate::diagnose::design::most_informative;
 use crate::diagnose::observation::Observations;
@@ -180,7 +180,7 @@ pub fn as_run(arm: &Arm, steps: &[Step], supply: f64, temperature_k: f64) -> Run
             servos_rad: step.servos_rad.clone(),
             pose: arm.model.predict(&condition, &mut scratch).ok()?,
             supply: Some(supply),
-            temperature_c: Some(temperature_k - 273.15),
+            temperature_c: Some(temperature_k - ZERO_CELSIUS),
             run: 0,
             visit: visit as u32,
             held_out: step.held_out,

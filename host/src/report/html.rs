@@ -35,7 +35,7 @@ fn head(report: &LoopReport) -> Markup {
 fn figures(report: &LoopReport) -> Markup {
     let (error_m, _) = report.synthesis.largest();
     let diagnosis = &report.diagnosis;
-    let heldout = diagnosis.error.after.heldout.as_ref().unwrap_or(&diagnosis.error.after.train);
+    let heldout = diagnosis.error.after.unseen();
     let ratio = diagnosis.repeatability.as_ref().map(|r| heldout.distance_m / r.distance_m);
     html! {
         div.cards {

@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::{CAMERA_M, CAMERA_RAD, History, Observed, TrueState, Truth};
+use crate::arm::ZERO_CELSIUS;
 use crate::measurement::{Run, Sample};
 use crate::programme::Step;
 
@@ -19,7 +20,7 @@ impl Truth {
     pub fn observe(&self, state: &TrueState, rng: &mut impl Rng) -> Result<Observed, ChainError> {
         let pose = self.pose(state)?;
         let (supply, temperature_k) = self.surroundings.told(state.time_s, &state.word, rng);
-        Ok(Observed { pose: self.seen(&pose, rng), supply, temperature_c: temperature_k - 273.15 })
+        Ok(Observed { pose: self.seen(&pose, rng), supply, temperature_c: temperature_k - ZERO_CELSIUS })
     }
 
     /// A pose as the camera sees it.
