@@ -13,7 +13,7 @@ use crate::arm::Arm;
 use crate::measurement::{Run, Sample, median};
 
 /// The median of |x| of a normal x, in units of its standard deviation.
-const MEDIAN_OF_NORMAL: f64 = 0.6745;
+pub(super) const MEDIAN_OF_NORMAL: f64 = 0.674_489_75;
 /// Chance that any repeat of a run without outliers is taken for one.
 const FAR_OFF: f64 = 0.01;
 

@@ -2,7 +2,8 @@
 //!
 //! The residual of a row is where the model puts the tool less the mean over all rows of the same point; where pairs of
 //! points are a known distance apart, a last axis holds the distance of their means less that. What moves all points
-//! alike cannot show.
+//! alike cannot show. Where no distance is known, an arm with all its lengths shorter closes better by itself: there the
+//! residual is told at the size that the model has, and the scale of the arm stays as it is.
 //!
 //! # Values
 //!
@@ -11,11 +12,12 @@
 //! | `joint-offset` | q + δ | rad |
 //! | `axis-error` | its frame turned about the two axes across its own, before it turns | rad |
 //! | `link-error` | its frame moved in the frame that it stands in | m |
-//! | `joint-compliance` | q + c·τ with τ the torque of 1 kg at each later joint and at the tool | rad/(N·m) |
+//! | `joint-compliance` | q + c·τ with τ the torque of the links' weight; where the robot has no masses, of 1 kg at each later joint and at the tool | rad/(N·m) |
 //! | `link-compliance` | its frame turned about the two axes across by their moments, alike | rad/(N·m) |
 //! | `encoder-periodic` | q + s·sin q + k·cos q | rad |
 //! | `tool-frame` | the tool moved in its link | m |
 
+use darm_core::actuator::JointKind;
 use darm_core::real::{Mat3, Vec3};
 use darm_core::se::{Pose, rotation_exp};
 
@@ -27,6 +29,10 @@ use crate::robot::Robot;
 const PRIORS: [f64; 4] = [0.02, 0.005, 1e-4, 0.005];
 /// Values of one joint: offset, two turns, three shifts, compliance, two of the link, sine and cosine.
 const PER_JOINT: usize = 11;
+
+/// Every row of a pair repeats the distance of its two points. These are means of n rows each with a noise σ along the way
+/// between them, their distance has σ·√(2/n): told 2n times, each time counts with this many σ.
+const PAIR_NOISE: f64 = 2.0;
 
 /// What is known of the points that are touched.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,7 +48,7 @@ pub struct Points {
 /// One posture.
 struct Posture {
     q: Vec<f64>,
-    /// Torque about each joint's axis and the two axes across, of unit masses.
+    /// Torque of the weight about each joint's axis and the two axes across.
     moments: Vec<Vec3<f64>>,
     point: usize,
 }
@@ -59,6 +65,8 @@ struct Closure {
     n_points: usize,
     pairs: Vec<Pair>,
     distance_m: f64,
+    /// How far from the axis of the first joint the model reaches as it is, where no distance tells its scale, m.
+    reach_m: Option<f64>,
 }
 
 pub(super) fn experiment(data: &Prepared, robot: &Robot, points: &Points) -> Result<Experiment, PrepareError> {
@@ -69,6 +77,13 @@ pub(super) fn experiment(data: &Prepared, robot: &Robot, points: &Points) -> Res
     let none = || PrepareError::Nothing("the robot has no such tool frame".into());
     let tool = tool.ok_or_else(none)?;
     let path = robot.path(tool);
+    let slides = path.iter().find(|&&joint| robot.joints[joint].joint.axis.kind == JointKind::Prismatic);
+    if let Some(&joint) = slides {
+        let name = &robot.joints[joint].name;
+        let why =
+            format!("joint {name} before the tool slides: only joints that turn are told from points that are touched");
+        return Err(PrepareError::Nothing(why));
+    }
     let mut q = Vec::new();
     for k in 1..=path.len() {
         q.push(data.channel(&format!("q{k}"))?);
@@ -81,14 +96,19 @@ pub(super) fn experiment(data: &Prepared, robot: &Robot, points: &Points) -> Res
     };
     let postures = (0..data.rows.len()).map(posture).collect();
     let distance_m = points.pair.as_ref().map_or(0.0, |(_, distance)| *distance);
-    let mut closure = Closure { robot: robot.clone(), path, tool: tool.pose, postures, n_points, pairs, distance_m };
-    closure.load();
-    let n_values = closure.path.len() * PER_JOINT + 3;
-    let (residuals, columns) = closure.at(&vec![0.0; n_values]);
+    let mut closure =
+        Closure { robot: robot.clone(), path, tool: tool.pose, postures, n_points, pairs, distance_m, reach_m: None };
+    let zero = vec![0.0; closure.path.len() * PER_JOINT + 3];
+    closure.load(&zero);
+    if points.pair.is_none() {
+        let reach = closure.reach(&closure.stands(&zero));
+        closure.reach_m = Some(reach).filter(|reach| *reach > 0.0);
+    }
+    let (residuals, columns) = closure.at(&zero);
     let candidates = candidates(&closure, columns);
-    let mut axes: Vec<Axis> = ["x", "y", "z"].map(|name| Axis { name: name.into(), unit: "m" }).into();
+    let mut axes: Vec<Axis> = ["x", "y", "z"].map(|name| Axis::new(name, "m")).into();
     if points.pair.is_some() {
-        axes.push(Axis { name: "distance of points".into(), unit: "m" });
+        axes.push(Axis { noise_if_repeated: Some(PAIR_NOISE), ..Axis::new("distance of points", "m") });
     }
     let channels =
         q.into_iter().enumerate().map(|(k, channel)| (format!("position of joint {}", k + 1), channel)).collect();
@@ -166,6 +186,13 @@ struct Stand {
     tool: Pose<f64>,
 }
 
+/// A mass, and the last joint that carries it.
+struct PointMass {
+    on: usize,
+    place: Vec3<f64>,
+    kg: f64,
+}
+
 impl Closure {
     fn stand(&self, posture: &Posture, values: &[f64]) -> Stand {
         let mut pose = Pose::identity();
@@ -188,16 +215,16 @@ impl Closure {
         Stand { before, tool: pose * self.tool * tool }
     }
 
-    /// Moments of unit masses at the later joints and the tool, in the nominal postures.
-    fn load(&mut self) {
-        let zero = vec![0.0; self.path.len() * PER_JOINT + 3];
+    /// Moments of what each joint carries in the nominal postures.
+    fn load(&mut self, zero: &[f64]) {
         let gravity = self.robot.gravity;
         for index in 0..self.postures.len() {
-            let stand = self.stand(&self.postures[index], &zero);
+            let stand = self.stand(&self.postures[index], zero);
+            let masses = self.masses(&self.postures[index], &stand);
             let moments = (0..self.path.len()).map(|k| {
                 let at = &stand.before[k];
-                let later = stand.before[k + 1..].iter().map(|pose| pose.position).chain([stand.tool.position]);
-                let moment: Vec3<f64> = later.map(|mass| (mass - at.position).cross(&gravity)).sum();
+                let carried = masses.iter().filter(|mass| mass.on >= k);
+                let moment: Vec3<f64> = carried.map(|mass| (mass.place - at.position).cross(&gravity) * mass.kg).sum();
                 let own = at.rotation.tr_mul(&moment);
                 let axis = self.robot.joints[self.path[k]].joint.axis.direction;
                 let [first, second] = across(&axis);
@@ -205,6 +232,21 @@ impl Closure {
             });
             self.postures[index].moments = moments.collect();
         }
+    }
+
+    /// The links up to the tool; of a robot that tells no masses 1 kg at each joint after the first and at the tool.
+    fn masses(&self, posture: &Posture, stand: &Stand) -> Vec<PointMass> {
+        let inertia = |k: usize| self.robot.joints[self.path[k]].joint.inertia;
+        if (0..self.path.len()).all(|k| inertia(k).mass == 0.0) {
+            let places = stand.before[1..].iter().map(|pose| pose.position).chain([stand.tool.position]);
+            return places.enumerate().map(|(on, place)| PointMass { on, place, kg: 1.0 }).collect();
+        }
+        let mass = |on: usize| {
+            let turn = self.robot.joints[self.path[on]].joint.axis.direction * posture.q[on];
+            let com = rotation_exp(&turn) * inertia(on).com;
+            PointMass { on, place: stand.before[on] * com, kg: inertia(on).mass }
+        };
+        (0..self.path.len()).map(mass).collect()
     }
 
     /// How the tool's place moves with each value.
@@ -228,24 +270,53 @@ impl Closure {
         slopes
     }
 
+    fn stands(&self, values: &[f64]) -> Vec<Stand> {
+        self.postures.iter().map(|posture| self.stand(posture, values)).collect()
+    }
+
+    /// From the axis of the first joint to the tool, square to it.
+    fn arm(&self, stand: &Stand) -> Vec3<f64> {
+        let first = &stand.before[0];
+        let axis = first.rotation * self.robot.joints[self.path[0]].joint.axis.direction;
+        let from_origin = stand.tool.position - first.position;
+        from_origin - axis * axis.dot(&from_origin)
+    }
+
+    /// The length of [`Closure::arm`], root mean square over all postures, m.
+    fn reach(&self, stands: &[Stand]) -> f64 {
+        let squares: f64 = stands.iter().map(|stand| self.arm(stand).norm_squared()).sum();
+        (squares / stands.len() as f64).sqrt()
+    }
+
     /// Residuals and columns at these values.
     fn at(&self, values: &[f64]) -> (Vec<f64>, Vec<Vec<f64>>) {
-        let stands: Vec<Stand> = self.postures.iter().map(|posture| self.stand(posture, values)).collect();
+        let stands = self.stands(values);
         let places: Vec<Vec3<f64>> = stands.iter().map(|stand| stand.tool.position).collect();
         let means = self.means(&places);
+        let reach = self.reach(&stands);
+        let size = self.reach_m.map_or(1.0, |reach_m| reach / reach_m);
         let apart = |(a, b): &Pair| means[*b] - means[*a];
         let distance = |pair: &Pair| apart(pair).norm() - self.distance_m;
-        let residuals = self.axes(&places, &means, &distance);
+        let mut residuals = self.axes(&places, &means, &distance);
+        residuals.iter_mut().for_each(|residual| *residual /= size);
         let slopes: Vec<Vec<Vec3<f64>>> = self.postures.iter().zip(&stands).map(|(p, s)| self.slopes(p, s)).collect();
         let column = |k: usize| {
             let moved: Vec<Vec3<f64>> = slopes.iter().map(|row| row[k]).collect();
             let mean = self.means(&moved);
-            self.axes(&moved, &mean, &|pair| {
+            let mut column = self.axes(&moved, &mean, &|pair| {
                 let way = apart(pair);
                 way.dot(&(mean[pair.1] - mean[pair.0])) / way.norm().max(1e-12)
-            })
+            });
+            // What moves the first joint itself takes the whole arm along.
+            if let Some(reach_m) = self.reach_m.filter(|_| k >= PER_JOINT) {
+                let outward: f64 = stands.iter().zip(&moved).map(|(stand, moved)| self.arm(stand).dot(moved)).sum();
+                let growth = outward / (stands.len() as f64 * reach * reach_m);
+                column.iter_mut().zip(&residuals).for_each(|(slope, residual)| *slope -= residual * growth);
+            }
+            column.iter_mut().for_each(|slope| *slope /= size);
+            column
         };
-        (residuals, (0..values.len()).map(column).collect())
+        (residuals.clone(), (0..values.len()).map(column).collect())
     }
 
     fn means(&self, places: &[Vec3<f64>]) -> Vec<Vec3<f64>> {
@@ -276,3 +347,6 @@ impl Closure {
         all
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -9,6 +9,9 @@ pub struct Axis {
     pub name: String,
     /// Its unit.
     pub unit: &'static str,
+    /// Of an axis whose rows repeat each other, its noise as so many times that of the axes of the norm; it is fitted, and
+    /// proves nothing by itself. `None`: each row is one of its own, and the residuals tell the noise.
+    pub noise_if_repeated: Option<f64>,
 }
 
 /// One row of the measurement.
@@ -86,6 +89,13 @@ pub struct Experiment {
     pub masses: Vec<Mass>,
     /// `None` where the residuals are linear in all values.
     pub relinearise: Option<Relinearise>,
+}
+
+impl Axis {
+    /// An axis whose rows are each one of its own.
+    pub fn new(name: impl Into<String>, unit: &'static str) -> Self {
+        Self { name: name.into(), unit, noise_if_repeated: None }
+    }
 }
 
 impl Candidate {

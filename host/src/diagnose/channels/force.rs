@@ -38,6 +38,6 @@ pub(super) fn experiment(data: &Prepared, bore_m: f64, known: &[Known]) -> Resul
         ("time".into(), data.time_s.clone()),
     ];
     channels.extend(temperature.map(|rise| ("temperature".into(), rise)));
-    let axis = Axis { name: "force".into(), unit: "N" };
+    let axis = Axis::new("force", "N");
     Ok(Experiment::of_one("actuator-force", axis, data, residuals, candidates, channels))
 }

@@ -20,6 +20,7 @@ use super::factored::Factored;
 use super::groups::Groups;
 use crate::diagnose::fit::{losses, weights};
 use crate::diagnose::kind::{Kind, Trial};
+use crate::diagnose::noise::MEDIAN_OF_NORMAL;
 use crate::diagnose::significance::{Fall, paired};
 
 /// The most effects of one model.
@@ -33,9 +34,8 @@ const MOST_TO_EXCHANGE: usize = 1200;
 /// Share of the information that is added to each value's own, so that what is not told stays small.
 const LEAST: f64 = 1e-9;
 /// One row in as many, the farthest off, does not count in the noise. Of a model that holds every law from the start the
-/// median tells it, of squares of a normal variable with mean 1: it leaves nothing that outliers could be mistaken for.
+/// median tells it: it leaves nothing that outliers could be mistaken for.
 const TRIMMED: usize = 100;
-const MEDIAN_OF_SQUARES: f64 = 0.454_936;
 
 /// A model: which candidates are in it, and its values.
 #[derive(Clone, Debug, PartialEq)]
@@ -283,12 +283,17 @@ impl Channels {
             let mut squares: Vec<f64> = residuals.iter().skip(axis).step_by(n_axes).map(|r| r * r).collect();
             squares.sort_unstable_by(f64::total_cmp);
             let mean = if self.experiment.is_held_by_priors() {
-                squares.get(squares.len() / 2).copied().unwrap_or_default() / MEDIAN_OF_SQUARES
+                squares.get(squares.len() / 2).copied().unwrap_or_default() / MEDIAN_OF_NORMAL.powi(2)
             } else {
                 squares.truncate(squares.len() - squares.len() / TRIMMED);
                 squares.iter().sum::<f64>() / squares.len().max(1) as f64
             };
             self.sigma[axis] = mean.sqrt().max(1e-12);
+        }
+        let of_norm = self.sigma.iter().take(self.experiment.n_norm).map(|sigma| sigma * sigma).sum::<f64>();
+        let of_norm = (of_norm / self.experiment.n_norm as f64).sqrt();
+        for (sigma, axis) in self.sigma.iter_mut().zip(&self.experiment.axes) {
+            *sigma = axis.noise_if_repeated.map_or(*sigma, |times| times * of_norm);
         }
         let residuals = self.in_noise(residuals);
         self.repeats = self.groups.repeats(&residuals, n_axes);
@@ -406,7 +411,8 @@ impl Kind for Channels {
         let n_axes = self.sigma.len();
         let mut cells = vec![[0.0; 2]; self.groups.n_blocks * n_axes];
         let pairs = losses(&before.predicted, 1).into_iter().zip(losses(&after.predicted, 1));
-        for (k, (before, after)) in pairs.enumerate() {
+        let is_own = |(k, _): &(usize, _)| self.experiment.axes[k % n_axes].noise_if_repeated.is_none();
+        for (k, (before, after)) in pairs.enumerate().filter(is_own) {
             let cell = &mut cells[self.groups.blocks[k / n_axes] * n_axes + k % n_axes];
             cell[0] += before;
             cell[1] += after;

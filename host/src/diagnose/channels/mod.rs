@@ -40,9 +40,11 @@ use std::path::Path;
 
 use super::kind::{Kind as _, Trial};
 use super::search::Search;
+use super::significance::RIVAL_LEVEL;
 use crate::measurement::hold_out::HoldOut;
 use crate::measurement::table::{Names, Table};
 use crate::measurement::{Finding, ReadError};
+use closure::Points;
 use experiment::Experiment;
 use groups::Groups;
 use linear::Channels;
@@ -162,16 +164,31 @@ fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) ->
     let mut search = Search::new(Channels::new(experiment, groups));
     let start = search.kind.start(always);
     let best = if search.kind.experiment.is_held_by_priors() {
-        let (whole, ladder) = thinned::whole(&mut search.kind, &start);
-        search.ladder = ladder;
-        whole
+        few_or_whole(&mut search, &start)
     } else {
         chosen(&mut search, &start)
     };
     let Ok(best) = search.kind.settled(best);
     let Ok(settled) = search.kind.settled(simplified::simplified(&search.kind, best, n_known));
     let best = physical::physical(&search.kind, settled);
-    Ok(Ended { search, best, n_known, held_out: data.held_out, findings: data.findings })
+    let mut findings = data.findings;
+    if let What::Closure(_, Points { pair: None, .. }) = &model.what {
+        let what = "no two points have a known distance (pair, distance_mm in the model), so the scale of the arm is taken from it";
+        findings.push(Finding { line: None, what: what.into() });
+    }
+    Ok(Ended { search, best, n_known, held_out: data.held_out, findings })
+}
+
+/// Where all values have priors: every law at every place, unless a few effects predict unseen rows as well.
+fn few_or_whole(search: &mut Search<Channels>, start: &Trial<Channels>) -> Trial<Channels> {
+    let (whole, ladder) = thinned::whole(&mut search.kind, start);
+    let Ok((few, _)) = search.run(start.clone());
+    let few = search.kind.judged(few.fit.active, None);
+    if search.kind.fall(&few, &whole).p > RIVAL_LEVEL {
+        return few;
+    }
+    search.ladder = ladder;
+    whole
 }
 
 /// The better one of two models: that to which effects were added, and that from which they were taken away.

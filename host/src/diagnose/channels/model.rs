@@ -153,6 +153,14 @@ fn what(path: &Path, raw: Raw, name: &str) -> Result<What, ModelError> {
                 }
                 Observed::Wrench => What::Wrench(robot),
                 Observed::Closure if point.is_empty() => return Err(wrong("point must name a column")),
+                Observed::Closure if pair.is_some() != distance_mm.is_some() => {
+                    return Err(wrong(
+                        "pair and distance_mm belong together: the column in which two points differ, and how far they are apart",
+                    ));
+                }
+                Observed::Closure if distance_mm.is_some_and(|mm| !(mm > 0.0 && mm.is_finite())) => {
+                    return Err(wrong("distance_mm must be more than 0"));
+                }
                 Observed::Closure => {
                     let pair = pair.zip(distance_mm).map(|(column, mm)| (column, mm * 1e-3));
                     What::Closure(robot, Points { point, pair, tool })

@@ -34,6 +34,6 @@ pub(super) fn experiment(data: &Prepared, known: &[Known]) -> Result<Experiment,
     channels.extend(temperature.map(|rise| ("temperature".into(), rise)));
     channels.extend(load.map(|load| ("load".into(), load)));
     channels.push(("target".into(), target));
-    let axis = Axis { name: "position".into(), unit };
+    let axis = Axis::new("position", unit);
     Ok(Experiment::of_one("joint-position", axis, data, residuals, candidates, channels))
 }

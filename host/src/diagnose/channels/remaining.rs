@@ -54,7 +54,7 @@ pub(super) fn remaining(kind: &Channels, best: &Trial<Channels>) -> Remaining {
     let designs: Vec<Design> = dictionary.iter().filter_map(|term| Design::new(term, rows)).collect();
     let mut terms = Vec::new();
     let (mut taken, mut before) = (0.0, f64::MIN_POSITIVE);
-    for (axis, of) in experiment.axes.iter().enumerate() {
+    for (axis, of) in own_axes(experiment) {
         let (own, scatter) = drawn_in(&of_axis(&after, n_axes, axis));
         let in_scatter = |own: &[f64]| squares(own, rows) / (scatter * scatter);
         let whole = in_scatter(&own);
@@ -143,7 +143,12 @@ pub(super) fn memory(kind: &Channels, best: &Trial<Channels>) -> Vec<Told> {
             curve: Vec::new(),
         })
     };
-    kind.experiment.axes.iter().enumerate().filter_map(told).collect()
+    own_axes(&kind.experiment).filter_map(told).collect()
+}
+
+/// The axes whose rows are each one of its own, with their numbers.
+fn own_axes(experiment: &Experiment) -> impl Iterator<Item = (usize, &Axis)> {
+    experiment.axes.iter().enumerate().filter(|(_, axis)| axis.noise_if_repeated.is_none())
 }
 
 fn dictionary(experiment: &Experiment) -> Vec<Term> {

@@ -146,7 +146,7 @@ mod tests {
         let residuals: Vec<f64> = column(&residual).iter().enumerate().map(|(k, r)| noise(k) - r).collect();
         let experiment = Experiment {
             kind: "joint-torque",
-            axes: ["1", "2"].map(|name| Axis { name: name.into(), unit: "N·m" }).into(),
+            axes: ["1", "2"].map(|name| Axis::new(name, "N·m")).into(),
             n_norm: 2,
             rows: (0..ROWS).map(row).collect(),
             residuals,

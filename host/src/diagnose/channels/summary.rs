@@ -89,22 +89,23 @@ pub(super) fn diagnosis(mut ended: Ended, pooled: Option<HeldOut>, known: &[Know
     let ambiguous: Vec<usize> = alternatives.iter().map(|(order, _)| *order).collect();
     let (mut effects, unobservable) = effects(ended);
     let own = |order: usize| kind.experiment.candidates[ended.best.fit.active[order]].clone();
-    let doubtful = |found: &Found| ambiguous.iter().any(|&k| own(k).law == found.law && own(k).place == found.place);
-    effects.retain(|found| !doubtful(found));
-    let next_measurement =
-        (!alternatives.is_empty()).then(|| next::proposal(kind, &of_alternatives(ended, &alternatives)));
+    let has_rivals = |found: &Found| ambiguous.iter().any(|&k| own(k).law == found.law && own(k).place == found.place);
+    effects.retain(|found| !has_rivals(found));
+    // Effects that help together, and none of them by itself.
+    let untold = effects.is_empty() && alternatives.is_empty() && ended.best.fit.active.len() > ended.n_known;
+    let doubtful = if untold { likeliest(ended) } else { of_alternatives(ended, &alternatives) };
+    let next_measurement = (!doubtful.is_empty()).then(|| next::proposal(kind, &doubtful));
     let Remaining { terms: mut remaining, share: left } = remaining::remaining(kind, &ended.best);
     // Behind a filter noise goes on from row to row as well.
     if effects.is_empty() && remaining.is_empty() && options.preparation.lowpass_hz.is_none() {
         remaining = remaining::memory(kind, &ended.best);
     }
-    let found = !effects.is_empty() || !alternatives.is_empty();
-    let verdict = match found {
-        false if remaining.is_empty() => Verdict::NoEffect,
-        false => Verdict::UnexplainedStructure,
-        true if left > UNEXPLAINED_SHARE => Verdict::UnexplainedStructure,
-        true if !alternatives.is_empty() => Verdict::NotIdentifiable,
-        true => Verdict::EffectFound,
+    let verdict = match effects.is_empty() && doubtful.is_empty() {
+        true if remaining.is_empty() => Verdict::NoEffect,
+        true => Verdict::UnexplainedStructure,
+        false if left > UNEXPLAINED_SHARE => Verdict::UnexplainedStructure,
+        false if !doubtful.is_empty() => Verdict::NotIdentifiable,
+        false => Verdict::EffectFound,
     };
     let heldout = pooled.map_or(of_rows(experiment, &after, true).len(), |p| p.after.len()) / experiment.axes.len();
     let mut diagnosis = Diagnosis {
@@ -161,7 +162,11 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
     let model = Factored::new(kind, best.fit.active.clone());
     let (mut found, mut unobservable, mut next): (Vec<Found>, _, _) = (Vec::new(), Vec::new(), 0);
     let forms = simplified::forms(kind, best, ended.n_known);
-    let named = differing(ended, &deviations);
+    let named = match kind.experiment.is_held_by_priors() {
+        true => [vec![true; ended.n_known], discoveries(&chances(ended, &deviations)[ended.n_known..], FALSE_SHARE)]
+            .concat(),
+        false => vec![true; best.fit.active.len()],
+    };
     for (order, &candidate) in best.fit.active.iter().enumerate() {
         let law = &kind.experiment.candidates[candidate];
         let shape = law.shape.iter().map(|(name, value, unit)| Parameter {
@@ -201,13 +206,12 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
     (found, unobservable)
 }
 
-/// Which effects differ from nothing: all of a model that was chosen effect by effect; of a whole one those whose values
-/// do, the others are kept small by their priors and not named.
-fn differing(ended: &Ended, deviations: &[f64]) -> Vec<bool> {
+/// The chance of each effect of the model to be nothing, by its values.
+///
+/// Effects of a whole model are named by it, the others are kept small by their priors and not named; one that was chosen
+/// effect by effect names them all.
+fn chances(ended: &Ended, deviations: &[f64]) -> Vec<f64> {
     let (kind, fit) = (&ended.search.kind, &ended.best.fit);
-    if !kind.experiment.is_held_by_priors() {
-        return vec![true; fit.active.len()];
-    }
     let mut deviations = deviations.iter();
     let chance = |candidate: &usize| {
         let values = kind.indices(&[*candidate]);
@@ -217,10 +221,16 @@ fn differing(ended: &Ended, deviations: &[f64]) -> Vec<bool> {
         let least = values.iter().zip(deviations.by_ref()).map(of_value).fold(1.0, f64::min);
         least * values.len() as f64
     };
-    let chances: Vec<f64> = fit.active.iter().map(chance).collect();
-    let mut named = vec![true; ended.n_known];
-    named.extend(discoveries(&chances[ended.n_known..], FALSE_SHARE));
-    named
+    fit.active.iter().map(chance).collect()
+}
+
+/// The effects of a model, a few at most, that are the least likely to be nothing.
+fn likeliest(ended: &Ended) -> Vec<usize> {
+    let (kind, active) = (&ended.search.kind, &ended.best.fit.active);
+    let chances = chances(ended, &deviations(kind, &ended.best, &kind.indices(active)));
+    let mut order: Vec<usize> = (ended.n_known..active.len()).collect();
+    order.sort_by(|&a, &b| chances[a].total_cmp(&chances[b]));
+    order.iter().take(MOST_COMPARED).map(|&order| active[order]).collect()
 }
 
 /// By how much the held-out norm is larger without an effect.
@@ -333,7 +343,7 @@ fn plain(diagnosis: &Diagnosis) -> Vec<String> {
     told.extend(diagnosis.effects.iter().map(effect_sentence));
     let (before, after) = (&diagnosis.error.before, &diagnosis.error.after);
     if let (Some(b), Some(a)) = (&before.heldout, &after.heldout) {
-        let error = match diagnosis.effects.is_empty() && diagnosis.alternatives.is_empty() {
+        let error = match b == a {
             true => format!("is {}", short(b.norm.value)),
             false => format!("falls from {} to {}", short(b.norm.value), short(a.norm.value)),
         };

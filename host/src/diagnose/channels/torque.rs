@@ -122,7 +122,7 @@ fn of_motion(
     let channels = [channel("position", &motion.q), channel("velocity", &motion.v), channel("acceleration", &motion.a)];
     Experiment {
         kind: "joint-torque",
-        axes: (1..=n).map(|k| Axis { name: format!("joint {k}"), unit: "N·m" }).collect(),
+        axes: (1..=n).map(|k| Axis::new(format!("joint {k}"), "N·m")).collect(),
         n_norm: n,
         rows,
         residuals,

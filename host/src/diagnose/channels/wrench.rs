@@ -57,7 +57,7 @@ pub(super) fn experiment(data: &Prepared, robot: &Robot) -> Result<Experiment, P
     candidates.push(sensor_frame(&measured, &axes));
     Ok(Experiment {
         kind: "contact-wrench",
-        axes: AXES.iter().map(|(name, unit)| Axis { name: (*name).into(), unit }).collect(),
+        axes: AXES.iter().map(|(name, unit)| Axis::new(*name, unit)).collect(),
         n_norm: 2,
         rows: data.rows.clone(),
         residuals,
