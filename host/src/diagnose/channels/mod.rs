@@ -181,8 +181,9 @@ fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) ->
 
 /// Where all values have priors: every law at every place, unless a few effects predict unseen rows as well.
 fn few_or_whole(search: &mut Search<Channels>, start: &Trial<Channels>) -> Trial<Channels> {
-    let (whole, ladder) = thinned::whole(&mut search.kind, start);
     let Ok((few, _)) = search.run(start.clone());
+    let (whole, ladder) = thinned::whole(&mut search.kind, start);
+    // In the same units of noise.
     let few = search.kind.judged(few.fit.active, None);
     if search.kind.fall(&few, &whole).p > RIVAL_LEVEL {
         return few;
