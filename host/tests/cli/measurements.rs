@@ -84,6 +84,34 @@ fn damaged_measurements_are_told_and_none_panics() {
 }
 
 #[test]
+fn points_that_make_no_sense_are_told() {
+    let home = Home::new();
+    let robot = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/measured/panda.urdf");
+    std::fs::copy(robot, home.path("panda.urdf")).unwrap();
+    let postures = (0..60).map(|k| format!("p{},{},0.1,0.2,0.3,-{k},0.5,0.6,0.7\n", k % 2, k % 3)).collect::<String>();
+    home.write("touched.csv", &format!("place,socket,q1,q2,q3,q4,q5,q6,q7\n{postures}"));
+    for (keys, message) in [
+        ("", "point must name"),
+        ("point = ['place']\npair = 'socket'", "pair and distance_mm go together"),
+        ("point = ['place']\npair = 'socket'\ndistance_mm = 50", "one of the columns of point"),
+        ("point = ['place', 'socket']\npair = 'socket'\ndistance_mm = 0", "more than 0"),
+        ("point = ['place']", "joint panda_finger_joint1 before the tool slides"),
+        (
+            "point = ['place', 'socket']\npair = 'socket'\ndistance_mm = 50\ntool = 'ball_link'",
+            "p0 has more than two values of socket",
+        ),
+        ("point = ['place']\ntool = 'hook'", "no frame hook; it has"),
+        ("point = ['where']\ntool = 'ball_link'", "no column where"),
+    ] {
+        home.write("model.toml", &format!("kind = 'robot'\nurdf = 'panda.urdf'\nobserved = 'closure'\n{keys}\n"));
+        let output = home.darm("diagnose model.toml touched.csv");
+        let told = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{keys}: {told}");
+        assert!(told.contains(message) && !told.contains("panicked"), "{keys}: {told}");
+    }
+}
+
+#[test]
 fn a_log_is_diagnosed_as_its_table_is() {
     let home = Home::new();
     let force = "kind = \"cylinder\"\nbore_mm = 25\n";

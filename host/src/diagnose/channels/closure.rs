@@ -71,10 +71,10 @@ struct Closure {
 
 pub(super) fn experiment(data: &Prepared, robot: &Robot, points: &Points) -> Result<Experiment, PrepareError> {
     let tool = match &points.tool {
-        Some(name) => robot.frame(name).or(None),
+        Some(name) => robot.frame(name),
         None => robot.tool(),
     };
-    let none = || PrepareError::Nothing("the robot has no such tool frame".into());
+    let none = || PrepareError::Nothing("the robot has no frame that touches: name it as tool in the model".into());
     let tool = tool.ok_or_else(none)?;
     let path = robot.path(tool);
     let slides = path.iter().find(|&&joint| robot.joints[joint].joint.axis.kind == JointKind::Prismatic);
@@ -139,10 +139,14 @@ fn named(data: &Prepared, points: &Points) -> Result<(Vec<usize>, usize, Vec<Pai
     known.sort();
     known.dedup();
     let of_row = names.iter().map(|name| known.binary_search(name).unwrap_or_default()).collect();
-    let pairs = match &points.pair {
-        Some(_) => (1..known.len()).filter(|&k| known[k].0 == known[k - 1].0).map(|k| (k - 1, k)).collect(),
-        None => Vec::new(),
-    };
+    let Some((column, _)) = &points.pair else { return Ok((of_row, known.len(), Vec::new())) };
+    let pairs: Vec<Pair> = (1..known.len()).filter(|&k| known[k].0 == known[k - 1].0).map(|k| (k - 1, k)).collect();
+    if let Some(both) = pairs.windows(2).find(|both| both[0].1 == both[1].0) {
+        let point = known[both[0].0].0.join(", ");
+        return Err(PrepareError::Nothing(format!(
+            "{point} has more than two values of {column}: a pair has two points"
+        )));
+    }
     Ok((of_row, known.len(), pairs))
 }
 

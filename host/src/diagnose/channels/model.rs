@@ -152,22 +152,42 @@ fn what(path: &Path, raw: Raw, name: &str) -> Result<What, ModelError> {
                     What::Torque(robot, transmission.map_err(|what| wrong(&what))?)
                 }
                 Observed::Wrench => What::Wrench(robot),
-                Observed::Closure if point.is_empty() => return Err(wrong("point must name a column")),
-                Observed::Closure if pair.is_some() != distance_mm.is_some() => {
-                    return Err(wrong(
-                        "pair and distance_mm belong together: the column in which two points differ, and how far they are apart",
-                    ));
-                }
-                Observed::Closure if distance_mm.is_some_and(|mm| !(mm > 0.0 && mm.is_finite())) => {
-                    return Err(wrong("distance_mm must be more than 0"));
-                }
                 Observed::Closure => {
-                    let pair = pair.zip(distance_mm).map(|(column, mm)| (column, mm * 1e-3));
-                    What::Closure(robot, Points { point, pair, tool })
+                    let points = points(&robot, point, (pair, distance_mm), tool);
+                    What::Closure(robot, points.map_err(|what| wrong(&what))?)
                 }
             }
         }
     })
+}
+
+fn points(
+    robot: &Robot,
+    point: Vec<String>,
+    pair: (Option<String>, Option<f64>),
+    tool: Option<String>,
+) -> Result<Points, String> {
+    let pair = match pair {
+        (None, None) => None,
+        (Some(column), Some(mm)) if mm > 0.0 && mm.is_finite() => Some((column, mm * 1e-3)),
+        (Some(_), Some(_)) => return Err("distance_mm must be more than 0".into()),
+        _ => {
+            return Err(
+                "pair and distance_mm go together: in which column two points differ, how far apart they are".into()
+            );
+        }
+    };
+    if point.is_empty() {
+        return Err("point must name the columns that name a point".into());
+    }
+    if let Some((column, _)) = pair.as_ref().filter(|(column, _)| !point.contains(column)) {
+        return Err(format!("pair = {column:?} must be one of the columns of point"));
+    }
+    if let Some(name) = tool.as_ref().filter(|name| robot.frame(name).is_none()) {
+        let frames: Vec<&str> = robot.frames.iter().map(|frame| frame.name.as_str()).collect();
+        return Err(format!("the robot has no frame {name}; it has {}", frames.join(", ")));
+    }
+    Ok(Points { point, pair, tool })
 }
 
 fn matrix(rows: &[Vec<f64>], n: usize, offset_deg: Option<Vec<f64>>) -> Result<Transmission, String> {

@@ -6,8 +6,8 @@
 //! this share of what is named is false (Y. Benjamini, Y. Hochberg, J. R. Statist. Soc. B 57 (1995) 289).
 //!
 //! Where all values are small errors with priors (closure), these keep small what is not needed, and laws share their work, so
-//! that none of them is missed alone: there every law stays at all its places. Of these those are named at which it
-//! differs from nothing, as many as leave this share of false ones.
+//! that none of them is missed alone: there every law stays at all its places, unless a few effects do as well. Those places
+//! are named at which it differs from nothing, as many as leave this share of false ones.
 
 use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
 

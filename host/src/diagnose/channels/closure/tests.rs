@@ -1,6 +1,7 @@
 //! Each law of a closure alone explains the case of its own fault. The arm that touches has the fault by its kinematics and
 //! dynamics, not by the law's columns.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use nalgebra::{DMatrix, DVector};
@@ -15,7 +16,6 @@ use super::super::{Options, diagnose_table};
 use super::*;
 use crate::diagnose::outcome::Verdict;
 use crate::measurement::table::{Names, Table};
-use crate::robot::Motion;
 
 /// Pairs of points, this far apart, m.
 const PAIRS: usize = 4;
@@ -45,8 +45,11 @@ enum Fault {
         turn: [f64; 3],
         shift: [f64; 3],
     },
-    /// It gives way by its own gravity torque, rad/(N·m).
-    Soft(f64),
+    /// What it carries turns it along its axis and bends it across, rad/(N·m).
+    Soft {
+        along: f64,
+        across: f64,
+    },
     /// The tool is moved, m.
     Tool([f64; 3]),
 }
@@ -67,20 +70,37 @@ impl Faulty {
         Self { robot, fault }
     }
 
+    /// The robot with the joint's frame turned by its moments, which are the slopes of the potential energy.
+    fn bent(&self, q: &[f64], along: f64, across: f64) -> Robot {
+        let turned = |turn: Vec3<f64>| {
+            let mut robot = self.robot.clone();
+            let placement = &mut robot.joints[JOINT].joint.placement;
+            *placement = *placement * Pose::new(&turn, Vec3::zeros());
+            robot
+        };
+        let falls = |turn| {
+            let com = turned(turn).com(q).unwrap();
+            com.mass_kg * self.robot.gravity.dot(&com.position)
+        };
+        let moment = Vec3::from_fn(|k, _| {
+            let step = Vec3::ith(k, 1e-4);
+            (falls(step) - falls(-step)) / 2e-4
+        });
+        let axis = self.robot.joints[JOINT].joint.axis.direction;
+        let own = axis * axis.dot(&moment);
+        turned(own * along + (moment - own) * across)
+    }
+
     /// Where it touches, and how that moves with each joint, nearly.
     fn touch(&self, told: &[f64]) -> (Vec3<f64>, DMatrix<f64>) {
-        let (mut q, mut tip) = (told.to_vec(), Vec3::zeros());
+        let (mut q, mut tip, mut robot) = (told.to_vec(), Vec3::zeros(), Cow::Borrowed(&self.robot));
         match self.fault {
             Fault::None | Fault::Frame { .. } => {}
             Fault::Told { offset, ripple } => q[JOINT] += offset + ripple * (q[JOINT] + 0.5).sin(),
-            Fault::Soft(compliance) => {
-                let still = vec![0.0; q.len()];
-                let motion = Motion { state: [told, &still, &still], load: None };
-                q[JOINT] -= compliance * self.robot.dynamics(&motion).unwrap().gravity[JOINT];
-            }
+            Fault::Soft { along, across } => robot = Cow::Owned(self.bent(told, along, across)),
             Fault::Tool(shift) => tip = shift.into(),
         }
-        let stands = self.robot.kinematics(self.robot.frame("ball_link").unwrap(), &q).unwrap();
+        let stands = robot.kinematics(self.robot.frame("ball_link").unwrap(), &q).unwrap();
         let moves = DMatrix::from_fn(3, JOINTS, |row, k| stands.jacobian_base[(3 + row, k)]);
         (stands.pose_base_frame * tip, moves)
     }
@@ -144,23 +164,22 @@ fn told(robot: &Robot, fault: Fault, pair: Option<(String, f64)>) -> String {
     let point = ["place", "socket"].map(String::from).to_vec();
     let model = Model::from(What::Closure(robot.clone(), Points { point, pair, tool: Some("ball_link".into()) }));
     let options = Options { preparation: Preparation::default(), always: Vec::new(), seed: 1 };
-    let found =
-        diagnose_table(&model, &table(robot, fault, SEED), &options)
-            .unwrap();
+    let found = diagnose_table(&model, &table(robot, fault, SEED), &options).unwrap();
     let effects =
         found.effects.iter().map(|effect| format!("{} {}", effect.law, effect.place.split(" (").next().unwrap()));
     let told = effects.collect::<Vec<_>>().join(" + ");
     if found.verdict == Verdict::EffectFound { told } else { format!("{} {told}", found.verdict) }
 }
 
-fn cases() -> [(&'static str, Fault); 7] {
+fn cases() -> [(&'static str, Fault); 8] {
     [
         ("no-effect ", Fault::None),
         ("joint-offset joint 4", Fault::Told { offset: 0.01, ripple: 0.0 }),
         ("encoder-periodic joint 4", Fault::Told { offset: 0.0, ripple: 0.005 }),
         ("axis-error joint 4", Fault::Frame { turn: [0.004, 0.003, 0.0], shift: [0.0; 3] }),
         ("link-error joint 4", Fault::Frame { turn: [0.0; 3], shift: [0.002, 0.003, 0.0] }),
-        ("joint-compliance joint 4", Fault::Soft(2e-4)),
+        ("joint-compliance joint 4", Fault::Soft { along: 2e-4, across: 0.0 }),
+        ("link-compliance joint 4", Fault::Soft { along: 0.0, across: 2e-4 }),
         ("tool-frame the tool", Fault::Tool([0.004, -0.003, 0.005])),
     ]
 }
