@@ -84,7 +84,9 @@ pub fn place_code(effect: &Effect<f64>) -> String {
             Plate::Base => ", base anchor".into(),
             Plate::Top => ", top anchor".into(),
         },
-        Effect::FittedTerm(term) => format!(", along {}", along(term)),
+        Effect::FittedTerm(term) => {
+            format!(", along {}", along(term, &|of| format!("actuator {of}"), &|of| format!("servo {of}")))
+        }
         _ => String::new(),
     };
     match effect.law().place() {
@@ -98,15 +100,20 @@ pub fn place_code(effect: &Effect<f64>) -> String {
     }
 }
 
-/// What a fitted term goes along: `the square of temperature`.
-pub fn along(term: &FittedTerm<f64>) -> String {
+/// What a fitted term goes along, as a person would call it: `the square of temperature`.
+pub fn along_name(arm: &Arm, term: &FittedTerm<f64>) -> String {
+    along(term, &|actuator| arm.actuator_name(actuator.into()), &|servo| format!("servo {}", servo + 1))
+}
+
+fn along(term: &FittedTerm<f64>, actuator: &dyn Fn(u8) -> String, servo: &dyn Fn(u8) -> String) -> String {
+    let digit = |(of, state): (u8, u8)| format!("{} in state {state}", actuator(of));
     let variable = match term.of {
         Variable::Supply { .. } => "supply".into(),
         Variable::Temperature { .. } => "temperature".into(),
-        Variable::Servo { servo, .. } => format!("servo {servo}"),
-        Variable::Digits { first: (actuator, state), second: None } => format!("actuator {actuator} in state {state}"),
-        Variable::Digits { first: (a, i), second: Some((b, j)) } => format!("actuators {a} in state {i}, {b} in {j}"),
-        Variable::Stayed { actuator, .. } => format!("the state before of actuator {actuator}"),
+        Variable::Servo { servo: of, .. } => servo(of),
+        Variable::Digits { first, second: None } => digit(first),
+        Variable::Digits { first, second: Some(second) } => format!("{} with {}", digit(first), digit(second)),
+        Variable::Stayed { actuator: of, .. } => format!("the state before of {}", actuator(of)),
     };
     if term.square { format!("the square of {variable}") } else { variable }
 }

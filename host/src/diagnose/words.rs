@@ -3,7 +3,7 @@
 use darm_core::effect::Effect;
 use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
 
-use super::candidate::{along, place_name};
+use super::candidate::{along_name, place_name};
 use super::outcome::{Diagnosis, Verdict};
 use crate::arm::Arm;
 
@@ -24,7 +24,7 @@ pub(super) fn sentences(arm: &Arm, diagnosis: &Diagnosis, effects: &[Effect<f64>
         if !names.is_empty() {
             told.push(format!("It depends on: {}.", names.join("; ")));
         }
-        told.extend(terms_sentence(diagnosis));
+        told.extend(terms_sentence(arm, diagnosis));
     }
     if let Some(next) = &diagnosis.next_measurement {
         let conditions = next.conditions.as_ref().map_or(String::new(), |conditions| format!(" {conditions}"));
@@ -43,10 +43,10 @@ pub(super) fn sentences(arm: &Arm, diagnosis: &Diagnosis, effects: &[Effect<f64>
 }
 
 /// What fitted terms would gain.
-fn terms_sentence(diagnosis: &Diagnosis) -> Option<String> {
+fn terms_sentence(arm: &Arm, diagnosis: &Diagnosis) -> Option<String> {
     let with_terms = diagnosis.with_terms.as_ref()?;
     let terms = with_terms.effects.iter().filter_map(|effect| match effect {
-        Effect::FittedTerm(term) => Some(along(term)),
+        Effect::FittedTerm(term) => Some(along_name(arm, term)),
         _ => None,
     });
     Some(format!(
@@ -144,7 +144,9 @@ pub fn effect_sentence(arm: &Arm, effect: &Effect<f64>) -> String {
             let way = if law.stretch > 0.0 { "long" } else { "short" };
             format!("{place}: it tells lengths {:.3} % too {way}.", law.stretch.abs() * 100.0)
         }
-        Effect::FittedTerm(term) => format!("{place}: it moves along {}, which no law explains.", along(term)),
+        Effect::FittedTerm(term) => {
+            format!("{place}: it moves along {}, which no law explains.", along_name(arm, term))
+        }
         Effect::JointOffset(law) => {
             format!("{place}: its joint stands {:+.3}° from where the servo tells.", law.offset_rad.to_degrees())
         }
