@@ -152,7 +152,9 @@ fn scalable(svg: &str, (width, height): (u32, u32)) -> String {
 fn number(value: f64, span: f64) -> String {
     let decimals = (1.0 - span.log10().floor()).clamp(0.0, 6.0) as usize;
     let text = format!("{value:.decimals$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_string() } else { text }
+    let short = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    // A tick at zero may be a little less.
+    if short == "-0" { "0".into() } else { short.to_string() }
 }
 
 /// A number with one digit or two, for a logarithmic scale.

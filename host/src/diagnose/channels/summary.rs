@@ -203,7 +203,24 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
             found.push(Found { law: law.law, place: law.place.clone(), parameters, heldout_gain });
         }
     }
+    if kind.experiment.is_held_by_priors() {
+        unobservable.extend(untold_beside(kind, &best.fit.active));
+    }
     (found, unobservable)
+}
+
+/// The values of the other candidates that these rows do not tell beside those of a model.
+fn untold_beside(kind: &Channels, active: &[usize]) -> Vec<String> {
+    let candidates = &kind.experiment.candidates;
+    let untold = |k: usize| {
+        let indices = kind.indices(&[active, &[k]].concat());
+        let inverse = pseudo_inverse(&kind.information(&indices));
+        let first = indices.len() - candidates[k].values.len();
+        let values = candidates[k].values.iter().enumerate();
+        let untold = values.filter(move |(n, value)| inverse[(first + n, first + n)].sqrt() >= NOT_TOLD * value.prior);
+        untold.map(move |(_, value)| format!("{} of {} at {}", value.name, candidates[k].law, candidates[k].place))
+    };
+    (0..candidates.len()).filter(|k| !active.contains(k)).flat_map(untold).collect()
 }
 
 /// The chance of each effect of the model to be nothing, by its values.

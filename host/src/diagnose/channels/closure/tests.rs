@@ -32,7 +32,7 @@ const SEED: u64 = 8;
 const JOINT: usize = 3;
 
 /// What is wrong with an arm.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 enum Fault {
     None,
     /// The joint stands elsewhere than told: by as much, and by as much times the sine of its angle a little further, rad.
@@ -165,6 +165,11 @@ fn told(robot: &Robot, fault: Fault, pair: Option<(String, f64)>) -> String {
     let model = Model::from(What::Closure(robot.clone(), Points { point, pair, tool: Some("ball_link".into()) }));
     let options = Options { preparation: Preparation::default(), always: Vec::new(), seed: 1 };
     let found = diagnose_table(&model, &table(robot, fault, SEED), &options).unwrap();
+    // What turns or moves all points alike.
+    for value in ["offset of joint-offset", "x of link-error"] {
+        let untold = format!("{value} at joint 1 (panda_joint1)");
+        assert!(found.unobservable.contains(&untold), "{fault:?}: {:?}", found.unobservable);
+    }
     let effects =
         found.effects.iter().map(|effect| format!("{} {}", effect.law, effect.place.split(" (").next().unwrap()));
     let told = effects.collect::<Vec<_>>().join(" + ");
