@@ -23,6 +23,7 @@ use darm_core::se::{Pose, rotation_exp};
 
 use super::experiment::{Axis, Candidate, Experiment, Relinearise, Value};
 use super::prepared::{PrepareError, Prepared};
+use crate::measurement::Finding;
 use crate::robot::Robot;
 
 /// How far each kind of value may be off before anything is measured.
@@ -124,6 +125,16 @@ pub(super) fn experiment(data: &Prepared, robot: &Robot, points: &Points) -> Res
         masses: Vec::new(),
         relinearise: Some(relinearise),
     })
+}
+
+/// What the owner of the model should know.
+pub(super) fn findings(robot: &Robot, points: &Points) -> Vec<Finding> {
+    let no_distance =
+        "no two points have a known distance (pair, distance_mm in the model): the scale of the arm is taken from it";
+    let no_masses = "the robot has no masses: its compliance is told as if it had 1 kg at each joint and at the tool";
+    let is_light = robot.joints.iter().all(|joint| joint.joint.inertia.mass == 0.0);
+    let told = [(points.pair.is_none(), no_distance), (is_light, no_masses)].into_iter().filter(|(holds, _)| *holds);
+    told.map(|(_, what)| Finding { line: None, what: what.into() }).collect()
 }
 
 /// The point of each row, how many there are, and which are pairs.

@@ -44,7 +44,6 @@ use super::significance::RIVAL_LEVEL;
 use crate::measurement::hold_out::HoldOut;
 use crate::measurement::table::{Names, Table};
 use crate::measurement::{Finding, ReadError};
-use closure::Points;
 use experiment::Experiment;
 use groups::Groups;
 use linear::Channels;
@@ -172,9 +171,8 @@ fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) ->
     let Ok(settled) = search.kind.settled(simplified::simplified(&search.kind, best, n_known));
     let best = physical::physical(&search.kind, settled);
     let mut findings = data.findings;
-    if let What::Closure(_, Points { pair: None, .. }) = &model.what {
-        let what = "no two points have a known distance (pair, distance_mm in the model), so the scale of the arm is taken from it";
-        findings.push(Finding { line: None, what: what.into() });
+    if let What::Closure(robot, points) = &model.what {
+        findings.extend(closure::findings(robot, points));
     }
     Ok(Ended { search, best, n_known, held_out: data.held_out, findings })
 }

@@ -1,5 +1,7 @@
 //! A search's result put in the shape of a [`Diagnosis`], with intervals, what is not told, and plain words.
 
+use std::cmp::Ordering;
+
 use nalgebra::DMatrix;
 
 use super::experiment::Experiment;
@@ -360,9 +362,11 @@ fn plain(diagnosis: &Diagnosis) -> Vec<String> {
     told.extend(diagnosis.effects.iter().map(effect_sentence));
     let (before, after) = (&diagnosis.error.before, &diagnosis.error.after);
     if let (Some(b), Some(a)) = (&before.heldout, &after.heldout) {
-        let error = match b == a {
-            true => format!("is {}", short(b.norm.value)),
-            false => format!("falls from {} to {}", short(b.norm.value), short(a.norm.value)),
+        let (before, after) = (b.norm.value, a.norm.value);
+        let error = match after.total_cmp(&before) {
+            Ordering::Equal => format!("is {}", short(before)),
+            Ordering::Less => format!("falls from {} to {}", short(before), short(after)),
+            Ordering::Greater => format!("rises from {} to {}", short(before), short(after)),
         };
         told.push(format!("On rows that nothing saw ({}) the error {error} {}.", diagnosis.held_out, a.norm.unit));
     }
