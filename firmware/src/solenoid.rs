@@ -203,4 +203,17 @@ mod tests {
         solenoids.apply(1, true).unwrap();
         assert_eq!(chain.outputs(16), 1);
     }
+
+    #[test]
+    fn no_line_beyond_the_table_ever_goes_high() {
+        let chain = Chain::default();
+        let mut solenoids = solenoids(&chain);
+        solenoids.set_chips(1);
+        (0..3).for_each(|_| {
+            solenoids.apply(0xff, true).unwrap();
+            solenoids.apply(0x00, true).unwrap();
+            solenoids.apply(0xff, true).unwrap();
+        });
+        assert_eq!(chain.outputs(24), 0xff, "a chain of three chips, a table of one");
+    }
 }

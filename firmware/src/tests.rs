@@ -4,7 +4,7 @@ pub(crate) mod fakes;
 use core::cell::{Cell, RefCell};
 
 use darm_core::nearest::{Coordinates, Found};
-use darm_core::sequencer::{Command, Event, FaultKind, Outputs, Phase};
+use darm_core::sequencer::{Command, Event, FaultKind, Outputs, Phase, ServoSeen};
 use darm_core::table::Record;
 use darm_core::units::{ActuatorId, DeviceId, Micros};
 use darm_core::wire::PROTOCOL;
@@ -374,6 +374,120 @@ fn the_console_serves_both_languages_until_it_starts_anew() {
         text.borrow_mut().extend(core::iter::from_fn(|| output.pop()).map(char::from));
     });
     assert!(text.borrow().starts_with("board bench, device 0707") && text.borrow().ends_with("ok, starting anew\r\n"));
+}
+
+#[test]
+fn a_word_that_is_none_does_not_reach_the_control_tick() {
+    let bench = loaded();
+    // Command, Word, 2 digits as the arm has actuators, and digit 63.
+    let mut payload = [0; MAX_PAYLOAD];
+    let used = postcard::to_slice(&(6u8, 4u8, 2u8, 3u128 << 126), &mut payload).unwrap();
+    let answer = bench.send(Header { tag: REQUEST, link: LINK, number: 999 }, used).unwrap();
+    assert_eq!(postcard::from_bytes::<Reply>(&answer).unwrap().result, Err(Refusal::Unknown));
+    bench.pass_ms(5);
+}
+
+#[test]
+fn a_command_after_many_questions_is_not_taken_for_an_old_one() {
+    let bench = loaded();
+    assert_eq!(bench.ask_as(LINK, 1000, Request::Command(Command::Play)), Some(Ok(Answer::Done)));
+    for number in 1001..=1000 + 33_000 {
+        assert!(bench.ask_as(LINK, number, Request::Status).is_some());
+    }
+    assert_eq!(bench.ask_as(LINK, 1000 + 33_001, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
+}
+
+/// A board with a table that has a servo, which stands at `angle_rad` on the bus.
+fn with_servo(angle_rad: f32) -> Bench {
+    let bench = Bench::new(Cells::erased());
+    bench.connect();
+    assert_eq!(bench.upload(&table(1, 4, true)), Ok(Answer::Committed { rows: 4 }));
+    bench.shared.see_servo(0, ServoSeen { angle_rad, answered: Some(Micros(1)), ..ServoSeen::default() });
+    bench
+}
+
+#[test]
+fn another_table_moves_no_servo() {
+    let bench = with_servo(0.0);
+    bench.command(Command::Servo { servo: 0, angle_rad: 0.3 }).unwrap();
+    bench.pass_ms(5);
+    bench.command(Command::Stop).unwrap();
+    assert_eq!(bench.upload(&table(2, 4, true)), Ok(Answer::Committed { rows: 4 }));
+    bench.pass_ms(5);
+    let target = bench.shared.joints()[0].and_then(|joint| joint.target);
+    assert_eq!(target, None, "the target is the one of the table before");
+}
+
+#[test]
+fn another_model_moves_no_servo() {
+    let bench = with_servo(0.0);
+    let calibration = Calibration { model: table(1, 4, true).0.model, offsets_rad: [0.5, 0.0, 0.0, 0.0] };
+    assert_eq!(bench.ask(Request::Calibrate(calibration)), Ok(Answer::Done));
+    let before = bench.shared.offsets_rad();
+    bench.upload(&table(2, 4, true)).unwrap();
+    assert_eq!(
+        bench.shared.offsets_rad(),
+        before,
+        "a horn does not turn on its shaft because the model is a better one"
+    );
+}
+
+#[test]
+fn a_store_that_cannot_be_read_can_be_used_again() {
+    let cells = Cells::erased();
+    cells.spoil_records();
+    let bench = Bench::new(cells);
+    bench.connect();
+    assert_ne!(bench.upload(&table(1, 4, false)), Err(Refusal::Storage), "for good");
+}
+
+#[test]
+fn nobody_restarts_a_board_whose_program_runs() {
+    let bench = loaded();
+    bench.command(Command::Play).unwrap();
+    bench.pass_ms(150);
+    assert!(bench.type_line("reboot").starts_with('?'));
+    let request = bootstrap::Request::Reboot(bootstrap::Into::Application);
+    bench.send(Header { tag: request.tag(), link: 0, number: 9 }, request.payload());
+    assert_eq!(bench.desk.borrow().as_ref().unwrap().reboot, None);
+}
+
+/// Serves the console for `ms` and drains its output as a line of 115 200 baud does; when each line of the answer ended.
+fn lines_printed(bench: &Bench, typed: &[u8], ms: u64) -> Vec<(u64, String)> {
+    let (input, output) = (Pipe::<1024>::new(), Pipe::<128>::new());
+    let mut desk = bench.desk.borrow_mut();
+    let (mut reader, mut writer) = (PipeReader(&input), PipeWriter(&output));
+    let served = serve(desk.as_mut().unwrap(), &mut reader, &mut writer);
+    let (lines, mut line) = (RefCell::new(vec![]), String::new());
+    let begun = bench.clock.0.get();
+    input.push_slice(typed);
+    let over = async {
+        while bench.clock.0.get() < begun + 1000 * ms {
+            yield_now().await;
+        }
+    };
+    run(select(served, over), || {
+        bench.tick();
+        for character in core::iter::from_fn(|| output.pop()).take(11).map(char::from) {
+            line.push(character);
+            if character == '\n' {
+                lines.borrow_mut().push((bench.clock.0.get() - begun, core::mem::take(&mut line)));
+            }
+        }
+    });
+    lines.into_inner()
+}
+
+#[test]
+fn a_typed_stop_is_answered_at_once_while_the_console_prints() {
+    for busy in ["log", "limits", "help"] {
+        let bench = loaded();
+        bench.command(Command::Play).unwrap();
+        bench.pass_ms(150);
+        let lines = lines_printed(&bench, format!("{busy}\rstop\r").as_bytes(), 2000);
+        let answered = lines.iter().find(|(_, line)| line == "ok\r\n").map(|(at_us, _)| *at_us);
+        assert!(answered.is_some_and(|at_us| at_us <= 20_000), "{busy}: stop answered after {answered:?} us");
+    }
 }
 
 /// Feeds bytes as they come from the line.

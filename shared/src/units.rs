@@ -259,4 +259,16 @@ mod tests {
         let word = Word::new(&[3; 64]).unwrap();
         assert!(word.is_canonical() && word.iter().all(|digit| digit == 3));
     }
+
+    #[test]
+    fn a_word_from_the_wire_is_valid_or_refused() {
+        // 48 digits announced, then bits of digit 63; 65 digits; a word as it is sent.
+        let mut bytes = [0; 24];
+        let sent = postcard::to_slice(&(48u8, 3u128 << 126), &mut bytes).unwrap();
+        assert!(postcard::from_bytes::<Word>(sent).is_err());
+        let mut bytes = [0; 24];
+        assert!(postcard::from_bytes::<Word>(postcard::to_slice(&(65u8, 0u128), &mut bytes).unwrap()).is_err());
+        let word: Word = "0123".parse().unwrap();
+        assert_eq!(postcard::from_bytes(postcard::to_slice(&word, &mut bytes).unwrap()), Ok(word));
+    }
 }

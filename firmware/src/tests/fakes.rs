@@ -124,6 +124,15 @@ impl Cells {
         Self(Rc::new(RefCell::new(self.0.borrow().clone())))
     }
 
+    /// Fills what the records lie in with items that end nowhere, as a failed part does.
+    pub(crate) fn spoil_records(&self) {
+        let mut cells = self.0.borrow_mut();
+        for page in cells[2 * crate::store::SLOT_BYTES..].chunks_mut(PAGE) {
+            page[..WORD].fill(0);
+            page[WORD..].fill(0x5a);
+        }
+    }
+
     /// The device on these cells, with power for so many words.
     pub(crate) fn flash(&self, words_left: u32) -> MockFlash {
         MockFlash { cells: self.clone(), words_left, noise: words_left.wrapping_mul(2_654_435_761) | 1 }

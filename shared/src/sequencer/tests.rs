@@ -79,6 +79,11 @@ fn row(at_ms: u32, digits: &str) -> Record {
     Record::Row(Row { at: Micros::from_millis(at_ms), word: word(digits), servos: heapless::Vec::new() })
 }
 
+fn row_with_servo(at_ms: u32, digits: &str, angle_rad: f32) -> Record {
+    let servos = [angle_rad].into_iter().collect();
+    Record::Row(Row { at: Micros::from_millis(at_ms), word: word(digits), servos })
+}
+
 fn end(at_ms: u32) -> Record {
     Record::End { at: Micros::from_millis(at_ms) }
 }
@@ -281,4 +286,94 @@ fn a_table_is_handed_over_only_at_rest() {
     bench.command(Command::Play).unwrap();
     assert!(bench.run(5).sequencer.unload().is_none());
     assert!(bench.run(60).sequencer.unload().is_some());
+}
+
+fn servo(id: u8) -> Record {
+    let (max_speed_rad_s, max_torque, timeout_ms) = (1.0, 0.5, 100);
+    Record::Servo(ServoWiring { id, min_rad: 0.5, max_rad: 1.5, max_speed_rad_s, max_torque, timeout_ms })
+}
+
+fn one_servo() -> Bench {
+    Bench::new(&[start(), servo(1), end(10)])
+}
+
+#[test]
+fn a_manual_coil_goes_off_at_its_own_time() {
+    let mut bench = Bench::new(&two_valves(&[end(10)]));
+    bench.command(Command::Coil { coil: 0, on_ms: 20 }).unwrap();
+    bench.run(5);
+    bench.command(Command::Coil { coil: 1, on_ms: 20 }).unwrap();
+    assert_eq!(bench.run(2).outputs.lines, 0b11);
+    assert_eq!(bench.run(16).outputs.lines, 0b10, "the second command has not touched the first coil");
+    assert_eq!(bench.run(10).outputs.lines, 0);
+}
+
+#[test]
+fn stop_ends_the_motion_of_a_servo() {
+    let mut bench = one_servo();
+    bench.seen.servos[0] = ServoSeen { angle_rad: 0.6, answered: Some(Micros(0)), ..ServoSeen::default() };
+    bench.command(Command::Servo { servo: 0, angle_rad: 1.4 }).unwrap();
+    bench.run(5);
+    bench.command(Command::Stop).unwrap();
+    let target = bench.run(1).outputs.servos[0];
+    assert!(target.is_none_or(|target| target.angle_rad < 1.4), "the servo drives on: {target:?}");
+}
+
+#[test]
+fn a_servo_that_never_answered_gets_no_target() {
+    let mut bench = one_servo();
+    bench.command(Command::Servo { servo: 0, angle_rad: 1.0 }).unwrap();
+    assert_eq!(bench.run(5).outputs.servos[0], None);
+}
+
+#[test]
+fn the_safe_state_has_no_target_out_of_range() {
+    let mut bench = Bench::new(&two_valves(&[servo(1), row_with_servo(0, "10", 1.0), end(90)]));
+    bench.follows = false;
+    bench.command(Command::Play).unwrap();
+    bench.run(31_000);
+    assert!(bench.fault().is_some());
+    let target = bench.outputs.servos[0];
+    assert!(target.is_none_or(|target| target.angle_rad >= 0.5), "out of the joint's range: {target:?}");
+}
+
+#[test]
+fn a_pulse_that_is_cut_leaves_its_latch_unknown() {
+    let mut bench = Bench::new(&[start(), coil(Drive::Latch { set: 0, reset: 1, pulse_ms: 20 }), actuator(0), end(10)]);
+    bench.follows = false;
+    bench.command(Command::Word(word("1"))).unwrap();
+    bench.run(5);
+    bench.command(Command::Stop).unwrap();
+    bench.run(1);
+    bench.command(Command::Word(word("1"))).unwrap();
+    assert_eq!(bench.run(2).outputs.lines, 0b01, "the latch is set again: nobody knows how it stands");
+}
+
+/// Two tables that use the same two lines, the second with the lines swapped.
+fn valves_on(lines: [u8; 2]) -> &'static mut Table {
+    let limit = CoilLimit { max_on_ms: 50_000, duty_percent: 50, window_ms: 100_000 };
+    let coil = |line| Record::Coil(Coil { drive: Drive::Hold { line }, limit });
+    let table = Box::leak(Box::<Table>::default());
+    let actuator = Record::Actuator(ActuatorWiring { states: 2, switch: None, travel_ms: 10 });
+    let records = [start(), coil(lines[0]), coil(lines[1]), actuator.clone(), actuator, end(10)];
+    records.iter().for_each(|record| table.push(record, None).expect("the test's own table is valid"));
+    table
+}
+
+#[test]
+fn a_line_has_its_limit_whatever_table_drives_it() {
+    let mut sequencer = Sequencer::default();
+    let (mut now, mut on_ms) = (Micros(0), 0);
+    for (lines, digits) in [([0, 1], "10"), ([1, 0], "01")] {
+        drop(sequencer.unload());
+        sequencer.load(valves_on(lines)).expect("nothing runs");
+        let _ = sequencer.command(Command::Word(word(digits)));
+        for _ in 0..45_000 {
+            now = now + Micros(MS);
+            on_ms += (sequencer.step(now, &Seen::default()).lines & 1) as u32;
+        }
+        let _ = sequencer.command(Command::Stop);
+        sequencer.step(now, &Seen::default());
+    }
+    assert!(on_ms <= 50_000, "line 0 may be on for 50 of 100 s, it was on for {on_ms} ms");
 }

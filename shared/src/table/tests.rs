@@ -217,3 +217,37 @@ fn modules_and_frames_are_these_bytes() {
     assert_eq!(frame[14..18], [0, 0, 0x80, 0x3f]);
     assert_eq!(frame.len(), 26);
 }
+
+/// A table with one coil of this drive and limit.
+fn with_limit(drive: Drive, limit: CoilLimit) -> Result<Checker, TableError> {
+    check(&[START, Record::Coil(Coil { drive, limit }), actuator(2), end(1)])
+}
+
+#[test]
+fn no_sender_sets_limits_that_are_none() {
+    let drive = Drive::Hold { line: 0 };
+    let limit = CoilLimit { max_on_ms: 100, duty_percent: 50, window_ms: 1600 };
+    assert!(with_limit(drive, limit).is_ok());
+    assert!(with_limit(drive, CoilLimit { max_on_ms: u32::MAX, ..limit }).is_err(), "on for 49 days");
+    assert!(with_limit(drive, CoilLimit { duty_percent: 100, ..limit }).is_err(), "no pause at all");
+    let latch = Drive::Latch { set: 0, reset: 1, pulse_ms: 65_000 };
+    assert!(with_limit(latch, CoilLimit { max_on_ms: 65_000, ..limit }).is_err(), "a pulse of 65 s");
+    let no_window = SwitchLimit { new_coils: 16, window_ms: 0 };
+    let start = Record::Start { model: ModelHash(7), device: None, switch_limit: no_window };
+    assert!(check(&[start, coil(0), actuator(2), end(1)]).is_err(), "all coils at once");
+}
+
+#[test]
+fn no_sender_wires_what_the_board_does_not_have() {
+    let servo = |id, max_speed_rad_s| {
+        let (max_torque, timeout_ms) = (0.5, 100);
+        Record::Servo(ServoWiring { id, min_rad: -1.0, max_rad: 1.0, max_speed_rad_s, max_torque, timeout_ms })
+    };
+    assert!(check(&[START, servo(1, 1.0), end(1)]).is_ok());
+    assert!(check(&[START, servo(254, 1.0), end(1)]).is_err(), "the broadcast address");
+    assert!(check(&[START, servo(1, f32::INFINITY), end(1)]).is_err(), "infinitely fast");
+    assert!(check(&[START, servo(1, 1.0), servo(1, 1.0), end(1)]).is_err(), "two joints on one servo");
+    let switch = Some(LimitSwitch { input: 31, closed_in: 0b10 });
+    let actuator = Record::Actuator(ActuatorWiring { states: 2, switch, travel_ms: 10 });
+    assert!(check(&[START, coil(0), actuator, end(1)]).is_err(), "an input that the board does not have");
+}
