@@ -18,6 +18,8 @@
 //! | [`model`]     | geometry, masses and effects under one number: where the tool is under given conditions   |
 //! | [`units`]     | what travels or is easily swapped: time, words, identities                                |
 //! | [`output`]    | how coils, switches and servos are wired, and the limits that no sender can exceed         |
+//! | [`duty`]      | how long current has flowed through each output                                            |
+//! | [`profile`]   | what is wired to one board, and the limits that no table can exceed                        |
 //! | [`table`]     | a program of timed rows, valid by construction                                            |
 //! | [`sequencer`] | the state machine `step(now, seen) -> outputs` that runs a table                          |
 //! | [`wire`]      | the protocol between host and board                                                       |
@@ -30,6 +32,7 @@ pub mod actuator;
 #[cfg(test)]
 mod arms;
 pub mod chain;
+pub mod duty;
 pub mod dynamics;
 pub mod effect;
 pub mod ik;
@@ -37,6 +40,7 @@ pub mod model;
 pub mod nearest;
 pub mod odometry;
 pub mod output;
+pub mod profile;
 pub mod real;
 pub mod se;
 pub mod sequencer;

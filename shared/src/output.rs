@@ -21,8 +21,8 @@ pub const MAX_LINES: usize = 64;
 pub const MAX_COILS: usize = 48;
 /// Discrete actuators of one arm.
 pub const MAX_ACTUATORS: usize = 48;
-/// Limit-switch inputs of the board.
-pub const MAX_SWITCHES: usize = 32;
+/// Inputs of the board: limit switches and an emergency stop.
+pub const MAX_INPUTS: usize = 13;
 /// Servo joints on the bus.
 pub const MAX_SERVOS: usize = 4;
 
@@ -67,12 +67,36 @@ impl Drive {
         }
     }
 
+    /// Whether this drive of a profile allows that of a table: the same lines, no longer peak or pulse.
+    pub const fn allows(&self, table: &Self) -> bool {
+        match (*self, *table) {
+            (Self::Hold { line }, Self::Hold { line: wanted }) => line == wanted,
+            (Self::PeakHold { pull, hold, peak_ms }, Self::PeakHold { pull: p, hold: h, peak_ms: wanted }) => {
+                pull == p && hold == h && wanted <= peak_ms
+            }
+            (Self::Latch { set, reset, pulse_ms }, Self::Latch { set: s, reset: r, pulse_ms: wanted }) => {
+                set == s && reset == r && wanted <= pulse_ms
+            }
+            _ => false,
+        }
+    }
+
     /// The limits of a coil whose owner gave none: safe for small solenoids and for valves.
     pub const fn default_limit(&self) -> CoilLimit {
         match self {
             Self::Hold { .. } => CoilLimit { max_on_ms: 300_000, duty_percent: 80, window_ms: 600_000 },
             Self::PeakHold { .. } => CoilLimit { max_on_ms: 60_000, duty_percent: 60, window_ms: 120_000 },
             Self::Latch { .. } => CoilLimit { max_on_ms: 200, duty_percent: 20, window_ms: 10_000 },
+        }
+    }
+}
+
+impl fmt::Display for Drive {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Hold { line } => write!(f, "line {line}"),
+            Self::PeakHold { pull, hold, peak_ms } => write!(f, "pull line {pull} for {peak_ms} ms, hold line {hold}"),
+            Self::Latch { set, reset, pulse_ms } => write!(f, "set line {set}, reset line {reset} for {pulse_ms} ms"),
         }
     }
 }
@@ -88,9 +112,50 @@ pub struct CoilLimit {
     pub window_ms: u32,
 }
 
-/// One coil: its lines and its limits.
+impl CoilLimit {
+    /// Shortest window over which duty is counted.
+    pub const MIN_WINDOW_MS: u32 = 16;
+    /// Longest window, and longest time on: their microseconds fit 32 bits.
+    pub const MAX_WINDOW_MS: u32 = 3_600_000;
+    /// Longest pulse of a latch.
+    pub const MAX_PULSE_MS: u16 = 1_000;
+    /// Longest peak.
+    pub const MAX_PEAK_MS: u16 = 10_000;
+
+    /// Whether these limits bound anything, and let the drive do what it is for.
+    pub fn is_sound(&self, drive: &Drive) -> bool {
+        let drive_fits = match *drive {
+            Drive::Latch { pulse_ms, .. } => {
+                (1..=Self::MAX_PULSE_MS).contains(&pulse_ms) && u32::from(pulse_ms) <= self.max_on_ms
+            }
+            Drive::PeakHold { peak_ms, .. } => peak_ms <= Self::MAX_PEAK_MS,
+            Drive::Hold { .. } => true,
+        };
+        drive_fits
+            && (Self::MIN_WINDOW_MS..=Self::MAX_WINDOW_MS).contains(&self.window_ms)
+            && (1..=Self::MAX_WINDOW_MS).contains(&self.max_on_ms)
+            && (1..=100).contains(&self.duty_percent)
+    }
+
+    /// Whether these limits of a profile allow those of a table: no looser, over the same window.
+    pub const fn allows(&self, table: &Self) -> bool {
+        table.max_on_ms <= self.max_on_ms
+            && table.duty_percent <= self.duty_percent
+            && table.window_ms == self.window_ms
+    }
+}
+
+impl fmt::Display for CoilLimit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "on for {} ms, {} % of {} ms", self.max_on_ms, self.duty_percent, self.window_ms)
+    }
+}
+
+/// One coil: its output, its lines and its limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Coil {
+    /// Number of the board's output that feeds it.
+    pub output: u8,
     /// How it uses its lines.
     pub drive: Drive,
     /// How long current may flow.
@@ -148,6 +213,39 @@ pub struct ServoWiring {
     pub timeout_ms: u16,
 }
 
+impl ServoWiring {
+    /// Largest angle of a servo's shaft, either way.
+    pub const MAX_RAD: f32 = 3.2;
+    /// Largest speed.
+    pub const MAX_SPEED_RAD_S: f32 = 50.0;
+    /// Longest time without an answer.
+    pub const MAX_TIMEOUT_MS: u16 = 5_000;
+    /// Largest address of one servo; 254 speaks to all.
+    pub const MAX_ID: u8 = 253;
+
+    /// Whether address, range, speed, torque and time-out make sense.
+    pub fn is_sound(&self) -> bool {
+        self.id <= Self::MAX_ID
+            && self.min_rad < self.max_rad
+            && self.min_rad >= -Self::MAX_RAD
+            && self.max_rad <= Self::MAX_RAD
+            && self.max_speed_rad_s > 0.0
+            && self.max_speed_rad_s <= Self::MAX_SPEED_RAD_S
+            && self.max_torque > 0.0
+            && self.max_torque <= 1.0
+            && (1..=Self::MAX_TIMEOUT_MS).contains(&self.timeout_ms)
+    }
+
+    /// Whether these limits of a profile allow those of a table: the same servo, no faster, stronger or more patient.
+    /// Ranges are compared when it moves, since a table's are those of the joint.
+    pub fn allows(&self, table: &Self) -> bool {
+        table.id == self.id
+            && table.max_speed_rad_s <= self.max_speed_rad_s
+            && table.max_torque <= self.max_torque
+            && table.timeout_ms <= self.timeout_ms
+    }
+}
+
 /// How many coils may go on within a window: what the supply can feed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SwitchLimit {
@@ -160,6 +258,26 @@ pub struct SwitchLimit {
 impl SwitchLimit {
     /// Most coils that a limit may allow in its window.
     pub const MAX_COILS: usize = 16;
+    /// Longest window.
+    pub const MAX_WINDOW_MS: u16 = 10_000;
+
+    /// Refuses a limit that bounds nothing.
+    pub fn check(&self) -> Result<(), WiringError> {
+        let sound = (1..=Self::MAX_COILS).contains(&usize::from(self.new_coils))
+            && (1..=Self::MAX_WINDOW_MS).contains(&self.window_ms);
+        if sound { Ok(()) } else { Err(WiringError::SwitchLimit) }
+    }
+
+    /// Whether this limit of a profile allows that of a table: no more coils, in no shorter a window.
+    pub const fn allows(&self, table: &Self) -> bool {
+        table.new_coils <= self.new_coils && table.window_ms >= self.window_ms
+    }
+}
+
+impl fmt::Display for SwitchLimit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "at most {} outputs on within {} ms", self.new_coils, self.window_ms)
+    }
 }
 
 impl Default for SwitchLimit {
@@ -206,10 +324,15 @@ pub enum WiringError {
         /// Which input.
         input: u8,
     },
-    /// A limit of a coil is zero, above 100 % or shorter than its own pulse.
+    /// A limit of an output is zero, beyond what the board can count, or shorter than its own pulse.
     CoilLimit {
-        /// Which coil.
-        coil: u8,
+        /// Which output.
+        output: u8,
+    },
+    /// The output does not exist or another coil uses it.
+    Output {
+        /// Which output.
+        output: u8,
     },
     /// The number of coils that may switch at once is 0 or above what the board counts.
     SwitchLimit,
@@ -235,13 +358,28 @@ impl fmt::Display for WiringError {
             Self::Input { input } => {
                 write!(f, "switch input {input} is used twice or does not exist")
             }
-            Self::CoilLimit { coil } => {
-                write!(f, "the limits of coil {coil} are zero, above 100 % or shorter than its pulse")
+            Self::CoilLimit { output } => write!(
+                f,
+                "output {output}: on-time and window must be {} to {} ms, duty 1 to 100 %, a pulse at most {} ms and \
+                 the on-time, a peak at most {} ms",
+                CoilLimit::MIN_WINDOW_MS,
+                CoilLimit::MAX_WINDOW_MS,
+                CoilLimit::MAX_PULSE_MS,
+                CoilLimit::MAX_PEAK_MS
+            ),
+            Self::Output { output } => {
+                write!(f, "output {output} is used twice or is not one of 0 to {}", MAX_COILS - 1)
             }
-            Self::SwitchLimit => {
-                write!(f, "the coils that may switch at once must be 1 to {}", SwitchLimit::MAX_COILS)
-            }
-            Self::Servo { servo } => write!(f, "range, speed, torque or time-out of servo {servo} make no sense"),
+            Self::SwitchLimit => write!(
+                f,
+                "1 to {} coils may switch within a window of 1 to {} ms",
+                SwitchLimit::MAX_COILS,
+                SwitchLimit::MAX_WINDOW_MS
+            ),
+            Self::Servo { servo } => write!(
+                f,
+                "servo {servo}: address, range, speed, torque or time-out are out of bounds, or its address is used twice"
+            ),
         }
     }
 }
@@ -249,15 +387,6 @@ impl fmt::Display for WiringError {
 impl core::error::Error for WiringError {}
 
 impl Wiring {
-    /// Number of 74HC595 needed for the highest line in use, at least one.
-    pub fn chips(&self) -> usize {
-        let highest = self.coils.iter().map(|coil| {
-            let (first, second) = coil.drive.lines();
-            first.max(second.unwrap_or(0))
-        });
-        usize::from(highest.max().unwrap_or(0)) / 8 + 1
-    }
-
     /// Index of the first coil of an actuator.
     pub fn first_coil(&self, actuator: usize) -> usize {
         self.actuators.iter().take(actuator).map(ActuatorWiring::coils).sum()
@@ -278,15 +407,13 @@ impl Wiring {
     pub fn check(&self) -> Result<(), WiringError> {
         self.check_actuators()?;
         self.check_coils()?;
-        for (servo, wiring) in (0u8..).zip(&self.servos) {
-            let range = wiring.min_rad < wiring.max_rad && wiring.min_rad >= -3.2 && wiring.max_rad <= 3.2;
-            let motion = wiring.max_speed_rad_s > 0.0 && wiring.max_torque > 0.0 && wiring.max_torque <= 1.0;
-            if !(range && motion && wiring.timeout_ms > 0) {
-                return Err(WiringError::Servo { servo });
+        for (index, servo) in self.servos.iter().enumerate() {
+            let is_new = self.servos.iter().take(index).all(|earlier| earlier.id != servo.id);
+            if !(servo.is_sound() && is_new) {
+                return Err(WiringError::Servo { servo: index as u8 });
             }
         }
-        let allowed = 1..=SwitchLimit::MAX_COILS;
-        if allowed.contains(&usize::from(self.switch_limit.new_coils)) { Ok(()) } else { Err(WiringError::SwitchLimit) }
+        self.switch_limit.check()
     }
 
     fn check_actuators(&self) -> Result<(), WiringError> {
@@ -297,7 +424,7 @@ impl Wiring {
             }
             if let Some(switch) = wiring.switch {
                 let bit = 1u32.checked_shl(u32::from(switch.input)).unwrap_or(0);
-                if bit == 0 || inputs & bit != 0 {
+                if usize::from(switch.input) >= MAX_INPUTS || inputs & bit != 0 {
                     return Err(WiringError::Input { input: switch.input });
                 }
                 inputs |= bit;
@@ -312,116 +439,39 @@ impl Wiring {
     }
 
     fn check_coils(&self) -> Result<(), WiringError> {
-        let mut lines = 0u64;
-        for (index, coil) in (0u8..).zip(&self.coils) {
-            let (first, second) = coil.drive.lines();
-            for line in core::iter::once(first).chain(second) {
-                let bit = 1u64.checked_shl(u32::from(line)).unwrap_or(0);
-                if bit == 0 || lines & bit != 0 {
-                    return Err(WiringError::Line { line });
-                }
-                lines |= bit;
+        let (mut lines, mut outputs) = (LineUse::default(), 0u64);
+        for coil in &self.coils {
+            let output = coil.output;
+            let bit = if usize::from(output) < MAX_COILS { 1 << output } else { 0 };
+            if bit == 0 || outputs & bit != 0 {
+                return Err(WiringError::Output { output });
             }
-            let limit = coil.limit;
-            let pulse_fits = match coil.drive {
-                Drive::Latch { pulse_ms, .. } => pulse_ms > 0 && u32::from(pulse_ms) <= limit.max_on_ms,
-                Drive::Hold { .. } | Drive::PeakHold { .. } => true,
-            };
-            let windows = DutyWindow::BUCKETS as u32..=DutyWindow::MAX_WINDOW_MS;
-            let window = windows.contains(&limit.window_ms) && limit.max_on_ms > 0;
-            if !(pulse_fits && window && (1..=100).contains(&limit.duty_percent)) {
-                return Err(WiringError::CoilLimit { coil: index });
+            outputs |= bit;
+            lines.take(&coil.drive)?;
+            if !coil.limit.is_sound(&coil.drive) {
+                return Err(WiringError::CoilLimit { output });
             }
         }
         Ok(())
     }
 }
 
-/// Which limit a coil would break.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum CoilBreach {
-    /// On for longer than `max_on_ms` without a pause.
-    OnTooLong,
-    /// On for more than its share of the window.
-    Duty,
-}
+/// Lines that are in use, bit `i` for line `i`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LineUse(u64);
 
-/// How long current has flowed in one coil: the memory that its limits need.
-///
-/// The same arithmetic checks a table when it is loaded and the coil when it runs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct CoilClock {
-    on_us: u64,
-    duty: DutyWindow,
-}
-
-impl CoilClock {
-    /// Lets `span` pass with the coil carrying current or not, and reports the first limit that it broke.
-    pub fn pass(&mut self, span: Micros, on: bool, limit: &CoilLimit) -> Result<(), CoilBreach> {
-        self.duty.pass(span, on, limit);
-        if !on {
-            self.on_us = 0;
-            return Ok(());
-        }
-        self.on_us = self.on_us.saturating_add(span.0);
-        if self.on_us > u64::from(limit.max_on_ms) * 1000 {
-            return Err(CoilBreach::OnTooLong);
-        }
-        let allowed_us = u64::from(limit.window_ms) * 10 * u64::from(limit.duty_percent);
-        if limit.duty_percent < 100 && u64::from(self.duty.on_us) > allowed_us { Err(CoilBreach::Duty) } else { Ok(()) }
-    }
-}
-
-/// On-time over a sliding window, in equal buckets and the one that is being filled: it never counts too little, and
-/// at most one bucket too much.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct DutyWindow {
-    buckets_us: [u32; Self::BUCKETS + 1],
-    current: u8,
-    filled_us: u32,
-    /// Sum of the buckets.
-    on_us: u32,
-}
-
-impl DutyWindow {
-    const BUCKETS: usize = 16;
-    /// Longest window whose microseconds fit the counters.
-    const MAX_WINDOW_MS: u32 = 3_600_000;
-
-    fn pass(&mut self, span: Micros, on: bool, limit: &CoilLimit) {
-        let bucket_us = (u64::from(limit.window_ms) * 125 / 2) as u32;
-        if span.0 < u64::from(bucket_us.saturating_sub(self.filled_us)) {
-            self.fill(span.0 as u32, on);
-            return;
-        }
-        // Nothing older than one window and a bucket can matter.
-        let mut left_us = span.0.min(u64::from(bucket_us) * (Self::BUCKETS as u64 + 2));
-        while left_us > 0 {
-            let step = left_us.min(u64::from(bucket_us.saturating_sub(self.filled_us))) as u32;
-            self.fill(step, on);
-            left_us -= u64::from(step);
-            // A new table may have brought a shorter window than the bucket was begun for.
-            if self.filled_us >= bucket_us {
-                self.begin_bucket();
+impl LineUse {
+    /// Takes the lines of a drive, or says which does not exist or is in use.
+    pub fn take(&mut self, drive: &Drive) -> Result<(), WiringError> {
+        let (first, second) = drive.lines();
+        for line in core::iter::once(first).chain(second) {
+            let bit = 1u64.checked_shl(u32::from(line)).unwrap_or(0);
+            if bit == 0 || self.0 & bit != 0 {
+                return Err(WiringError::Line { line });
             }
+            self.0 |= bit;
         }
-    }
-
-    /// A span that ends in the current bucket.
-    fn fill(&mut self, span_us: u32, on: bool) {
-        if on {
-            self.buckets_us[usize::from(self.current)] += span_us;
-            self.on_us += span_us;
-        }
-        self.filled_us += span_us;
-    }
-
-    fn begin_bucket(&mut self) {
-        self.current = (self.current + 1) % (Self::BUCKETS as u8 + 1);
-        let oldest = &mut self.buckets_us[usize::from(self.current)];
-        self.on_us -= *oldest;
-        *oldest = 0;
-        self.filled_us = 0;
+        Ok(())
     }
 }
 
@@ -453,54 +503,6 @@ impl SwitchClock {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const LIMIT: CoilLimit = CoilLimit { max_on_ms: 100, duty_percent: 50, window_ms: 1600 };
-
-    #[test]
-    fn a_coil_may_be_on_for_its_longest_time_and_no_longer() {
-        let mut clock = CoilClock::default();
-        assert_eq!(clock.pass(Micros::from_millis(100), true, &LIMIT), Ok(()));
-        assert_eq!(clock.pass(Micros(1), true, &LIMIT), Err(CoilBreach::OnTooLong));
-        assert_eq!(clock.pass(Micros(1), false, &LIMIT), Ok(()));
-        assert_eq!(clock.pass(Micros::from_millis(100), true, &LIMIT), Ok(()));
-    }
-
-    #[test]
-    fn duty_counts_over_a_sliding_window() {
-        let mut clock = CoilClock::default();
-        // 60 ms on, 40 ms off is 60 % of the window: refused when the window is half full of current.
-        let broke = (0..32).find(|_| {
-            let on = clock.pass(Micros::from_millis(60), true, &LIMIT);
-            clock.pass(Micros::from_millis(40), false, &LIMIT).unwrap();
-            on == Err(CoilBreach::Duty)
-        });
-        assert_eq!(broke, Some(13), "13 × 60 ms fill half of 1.6 s");
-        assert_eq!(clock.pass(Micros::from_millis(4000), false, &LIMIT), Ok(()));
-        assert_eq!(clock.pass(Micros::from_millis(60), true, &LIMIT), Ok(()), "the window forgets");
-    }
-
-    #[test]
-    fn one_long_span_equals_many_short_ones() {
-        let (mut long, mut short) = (CoilClock::default(), CoilClock::default());
-        for (millis, on) in [(37, true), (411, false), (90, true), (13, false), (5000, false), (77, true)] {
-            let _ = long.pass(Micros::from_millis(millis), on, &LIMIT);
-            (0..millis).for_each(|_| {
-                let _ = short.pass(Micros::from_millis(1), on, &LIMIT);
-            });
-        }
-        assert_eq!(long.duty.on_us, short.duty.on_us);
-        assert_eq!(long.on_us, short.on_us);
-    }
-
-    #[test]
-    fn a_shorter_window_forgets_what_the_longer_counted() {
-        let mut clock = CoilClock::default();
-        assert_eq!(clock.pass(Micros::from_millis(90), true, &LIMIT), Ok(()));
-        let shorter = CoilLimit { window_ms: 160, ..LIMIT };
-        assert_eq!(clock.pass(Micros::from_millis(1), true, &shorter), Err(CoilBreach::Duty));
-        assert_eq!(clock.pass(Micros::from_millis(200), false, &shorter), Ok(()));
-        assert_eq!(clock.pass(Micros::from_millis(50), true, &shorter), Ok(()));
-    }
 
     #[test]
     fn so_many_coils_at_once_and_no_more() {

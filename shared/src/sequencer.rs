@@ -9,14 +9,18 @@
 //!                              contradicts
 //! ```
 //!
-//! `Safe` is latched: all coils without current, servos held where they are, until somebody clears it.
+//! `Safe` is latched: all coils without current, servos as their fallback says, until somebody clears it. A stop leaves
+//! no coil with current and lets every servo hold the angle that it has. No servo moves unasked: not when a table or a
+//! calibration is loaded, and not before it has answered.
 //! [`Sequencer::step`] is called once a millisecond with what the board sees and returns what the board drives.
 
 mod coils;
 mod fault;
 mod switches;
 
+use crate::duty::DutyMeters;
 use crate::output::{MAX_SERVOS, ServoWiring};
+use crate::profile::{BUILT_IN, Fallback, Profile};
 use crate::table::{Row, ServoAngles, Table};
 use crate::units::{Micros, Word};
 use coils::Coils;
@@ -36,7 +40,7 @@ pub struct Seen {
 /// The last answer of one servo.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ServoSeen {
-    /// Joint angle.
+    /// Angle of its shaft; the joint's is this less the calibrated offset.
     pub angle_rad: f32,
     /// Load as a share of the servo's own torque, 0 to 1.
     pub load: f32,
@@ -53,14 +57,26 @@ pub struct Outputs {
     pub lines: u64,
     /// Output enable of the chain; without it no line carries current.
     pub enabled: bool,
-    /// Where each servo is to go; `None` leaves it without torque.
-    pub servos: [Option<ServoTarget>; MAX_SERVOS],
+    /// What each servo of the profile does.
+    pub servos: [ServoAction; MAX_SERVOS],
+}
+
+/// What one servo does.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum ServoAction {
+    /// Holds the angle that it has if it has torque, and stays without torque if it has none.
+    #[default]
+    Hold,
+    /// Has no torque.
+    Release,
+    /// Goes to a target.
+    Go(ServoTarget),
 }
 
 /// Where one servo is to go, and how.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ServoTarget {
-    /// Joint angle.
+    /// Angle of its shaft.
     pub angle_rad: f32,
     /// Speed on the way.
     pub speed_rad_s: f32,
@@ -100,9 +116,9 @@ pub enum Command {
     Stop,
     /// Leave the safe state.
     Clear,
-    /// One coil on for so long; 0 ms switches it off.
+    /// The coil of one output on for so long; 0 ms switches it off.
     Coil {
-        /// Number of the coil.
+        /// Number of the output.
         coil: u8,
         /// How long.
         on_ms: u32,
@@ -134,6 +150,22 @@ pub enum CommandError {
         /// How long it may be on.
         max_ms: u32,
     },
+    /// The output has been on for so long that its limit does not allow this now.
+    Recovering {
+        /// Its number.
+        output: u8,
+        /// How long it may still be on in its window.
+        left_ms: u32,
+        /// After so long without current all of its window is free.
+        wait_ms: u32,
+    },
+    /// The emergency stop is pressed.
+    EmergencyStop,
+    /// The servo has not answered, or not for longer than it may.
+    ServoSilent {
+        /// Index of the servo joint.
+        servo: u8,
+    },
     /// The angle is out of the joint's range.
     ServoRange {
         /// Smallest angle.
@@ -151,6 +183,12 @@ impl core::fmt::Display for CommandError {
             Self::Playing => f.write_str("a program runs; stop it first"),
             Self::NotWired => f.write_str("no such coil, servo or word in the loaded wiring"),
             Self::OnTooLong { max_ms } => write!(f, "this coil may be on for at most {max_ms} ms"),
+            Self::Recovering { output, left_ms, wait_ms } => write!(
+                f,
+                "output {output} may be on for {left_ms} ms more in its window; after {wait_ms} ms off all of it is free"
+            ),
+            Self::EmergencyStop => f.write_str("the emergency stop is pressed; release it first"),
+            Self::ServoSilent { servo } => write!(f, "servo {servo} does not answer; check its power and its cable"),
             Self::ServoRange { min_rad, max_rad } => {
                 write!(f, "this joint goes from {:.1} to {:.1} deg", min_rad.to_degrees(), max_rad.to_degrees())
             }
@@ -199,39 +237,67 @@ const RANGE_MARGIN_RAD: f32 = 0.02;
 /// The state machine. It borrows the table, so that the board can hand it over without copying it.
 #[derive(Debug)]
 pub struct Sequencer<'t> {
+    profile: &'t Profile,
     table: Option<&'t mut Table>,
     phase: Phase,
-    coils: Coils,
+    coils: Coils<'t>,
     switches: Switches,
     enabled: bool,
-    servos: [Option<ServoTarget>; MAX_SERVOS],
+    servos: [ServoAction; MAX_SERVOS],
+    /// Joint angle = shaft angle − offset.
+    offsets_rad: [f32; MAX_SERVOS],
+    /// When each servo answered last.
+    answered: [Option<Micros>; MAX_SERVOS],
+    emergency_stop: bool,
     now: Micros,
     events: heapless::Deque<(Micros, Event), 8>,
 }
 
-impl<'t> Default for Sequencer<'t> {
-    fn default() -> Self {
-        Self {
+impl<'t> Sequencer<'t> {
+    /// Idle, without a table, under the profile that is built in. `used` tells how long each output has been on, as far
+    /// as memory has kept it.
+    pub fn new(used: &'t mut DutyMeters) -> Self {
+        let mut sequencer = Self {
+            profile: &BUILT_IN,
             table: None,
             phase: Phase::Idle,
-            coils: Coils::default(),
+            coils: Coils::new(used),
             switches: Switches::default(),
             enabled: false,
-            servos: [None; MAX_SERVOS],
+            servos: [ServoAction::Hold; MAX_SERVOS],
+            offsets_rad: [0.0; MAX_SERVOS],
+            answered: [None; MAX_SERVOS],
+            emergency_stop: false,
             now: Micros(0),
             events: heapless::Deque::new(),
-        }
+        };
+        sequencer.fall_back();
+        sequencer
     }
-}
 
-impl<'t> Sequencer<'t> {
+    /// Puts a profile in force, once after a start: nothing is driven before.
+    pub fn configure(&mut self, now: Micros, profile: &'t Profile) {
+        self.profile = profile;
+        self.coils.configure(now, profile);
+        self.fall_back();
+    }
+
+    /// Takes zero offsets of the servos: joint angle = shaft angle − offset. No servo moves. The sequencer must be idle.
+    pub fn calibrate(&mut self, offsets_rad: [f32; MAX_SERVOS]) -> Result<(), CommandError> {
+        self.check_free()?;
+        self.hold_servos();
+        self.offsets_rad = offsets_rad;
+        Ok(())
+    }
+
     /// Takes a table to run. The sequencer must be idle; the table comes back if it is not.
     pub fn load(&mut self, table: &'t mut Table) -> Result<(), &'t mut Table> {
         if !self.is_idle() || self.table.is_some() {
             return Err(table);
         }
-        self.coils.load(self.now, table.wiring());
+        self.coils.load(self.now, table.wiring(), self.profile);
         self.switches.load(table.wiring());
+        self.hold_servos();
         self.table = Some(table);
         Ok(())
     }
@@ -256,6 +322,16 @@ impl<'t> Sequencer<'t> {
         self.coils.word()
     }
 
+    /// How long each output has been on.
+    pub fn used(&self) -> &DutyMeters {
+        self.coils.used()
+    }
+
+    /// The profile in force.
+    pub fn profile(&self) -> &'t Profile {
+        self.profile
+    }
+
     /// The loaded table.
     pub fn table(&self) -> Option<&Table> {
         self.table.as_deref()
@@ -269,10 +345,12 @@ impl<'t> Sequencer<'t> {
     /// Looks at what the board sees, decides, and says what the outputs are until the next call.
     pub fn step(&mut self, now: Micros, seen: &Seen) -> Outputs {
         self.now = now;
-        if !matches!(self.phase, Phase::Safe(_))
-            && let Err(kind) = self.look(seen).and_then(|()| self.advance(seen))
-        {
-            self.enter_safe(kind, seen);
+        self.emergency_stop = self.profile.emergency_stop.is_some_and(|stop| stop.is_pressed(seen.switches));
+        let is_safe = matches!(self.phase, Phase::Safe(_));
+        match self.look(seen).and_then(|()| self.advance(seen)) {
+            Err(kind) if !is_safe => self.enter_safe(kind),
+            // In the safe state the meters count on; what else is wrong changes nothing.
+            Ok(()) | Err(_) => {}
         }
         let lines = if self.enabled { self.coils.lines() } else { 0 };
         Outputs { lines, enabled: self.enabled, servos: self.servos }
@@ -285,10 +363,7 @@ impl<'t> Sequencer<'t> {
                 self.stop();
                 Ok(())
             }
-            Command::Clear => {
-                self.clear();
-                Ok(())
-            }
+            Command::Clear => self.clear(),
             Command::Play => self.play(),
             Command::Coil { .. } | Command::Word(_) | Command::Servo { .. } => self.by_hand(command),
         }
@@ -299,6 +374,7 @@ impl<'t> Sequencer<'t> {
         if self.table.as_deref().and_then(Table::end).is_none() {
             return Err(CommandError::NoTable);
         }
+        self.check_servo_spans()?;
         self.rest();
         self.coils.forget();
         self.enabled = true;
@@ -314,26 +390,50 @@ impl<'t> Sequencer<'t> {
             self.note(Event::Stopped);
         }
         self.rest();
+        self.hold_servos();
     }
 
-    fn clear(&mut self) {
+    fn clear(&mut self) -> Result<(), CommandError> {
+        if self.emergency_stop {
+            return Err(CommandError::EmergencyStop);
+        }
         if matches!(self.phase, Phase::Safe(_)) {
             self.note(Event::Cleared);
             self.rest();
         }
+        Ok(())
     }
 
-    /// All coils off, nothing runs.
+    /// All coils off, nothing runs. The servos go on as they are.
     fn rest(&mut self) {
-        if let Some(table) = self.table.as_deref() {
-            self.coils.rest(self.now, table.wiring());
-        }
+        self.coils.rest(self.now);
         self.switches.rest();
         self.phase = Phase::Idle;
     }
 
+    /// No servo goes on to its target.
+    fn hold_servos(&mut self) {
+        for action in &mut self.servos {
+            if matches!(action, ServoAction::Go(_)) {
+                *action = ServoAction::Hold;
+            }
+        }
+    }
+
+    /// Every servo does what its profile says for the safe state.
+    fn fall_back(&mut self) {
+        self.servos = [ServoAction::Hold; MAX_SERVOS];
+        for (action, servo) in self.servos.iter_mut().zip(&self.profile.servos) {
+            *action = match servo.fallback {
+                Fallback::Hold => ServoAction::Hold,
+                Fallback::Release => ServoAction::Release,
+            };
+        }
+    }
+
     fn check_free(&self) -> Result<(), CommandError> {
         match self.phase {
+            Phase::Safe(_) if self.emergency_stop => Err(CommandError::EmergencyStop),
             Phase::Safe(_) => Err(CommandError::Safe),
             Phase::Playing { .. } | Phase::Approaching { .. } => Err(CommandError::Playing),
             Phase::Idle | Phase::Manual => Ok(()),
@@ -344,15 +444,9 @@ impl<'t> Sequencer<'t> {
         self.check_free()?;
         let wiring = self.table.as_deref().ok_or(CommandError::NoTable)?.wiring();
         match command {
-            Command::Coil { coil, on_ms } => self.coils.pulse(self.now, coil, on_ms, wiring)?,
-            Command::Word(word) => self.coils.want(word, wiring)?,
-            Command::Servo { servo, angle_rad } => {
-                let joint = wiring.servos.get(usize::from(servo)).ok_or(CommandError::NotWired)?;
-                if !(joint.min_rad..=joint.max_rad).contains(&angle_rad) {
-                    return Err(CommandError::ServoRange { min_rad: joint.min_rad, max_rad: joint.max_rad });
-                }
-                self.servos[usize::from(servo)] = Some(target(joint, angle_rad, APPROACH_SPEED));
-            }
+            Command::Coil { coil, on_ms } => self.coils.pulse(self.now, coil, on_ms)?,
+            Command::Word(word) => self.coils.want(self.now, word, wiring)?,
+            Command::Servo { servo, angle_rad } => self.turn_servo(servo, angle_rad)?,
             Command::Play | Command::Stop | Command::Clear => {}
         }
         self.enabled = true;
@@ -360,17 +454,73 @@ impl<'t> Sequencer<'t> {
         Ok(())
     }
 
+    fn turn_servo(&mut self, servo: u8, angle_rad: f32) -> Result<(), CommandError> {
+        let index = usize::from(servo);
+        let wiring = self.table.as_deref().ok_or(CommandError::NoTable)?.wiring();
+        let joint = wiring.servos.get(index).ok_or(CommandError::NotWired)?;
+        let answered = self.answered.get(index).copied().flatten().ok_or(CommandError::ServoSilent { servo })?;
+        if self.now - answered > Micros::from_millis(joint.timeout_ms.into()) {
+            return Err(CommandError::ServoSilent { servo });
+        }
+        let (min_rad, max_rad) = self.range_rad(index, joint);
+        if !(min_rad..=max_rad).contains(&angle_rad) {
+            return Err(CommandError::ServoRange { min_rad, max_rad });
+        }
+        let target = self.target(index, joint, angle_rad, APPROACH_SPEED);
+        if let Some(action) = self.servos.get_mut(index) {
+            *action = ServoAction::Go(target);
+        }
+        Ok(())
+    }
+
+    /// Joint angles that both the table and the profile allow; empty where they allow none.
+    fn range_rad(&self, index: usize, joint: &ServoWiring) -> (f32, f32) {
+        let offset_rad = self.offset_rad(index);
+        let shaft = self.profile.servos.get(index).map_or((0.0, -1.0), |own| (own.limit.min_rad, own.limit.max_rad));
+        (joint.min_rad.max(shaft.0 - offset_rad), joint.max_rad.min(shaft.1 - offset_rad))
+    }
+
+    fn offset_rad(&self, index: usize) -> f32 {
+        self.offsets_rad.get(index).copied().unwrap_or(0.0)
+    }
+
+    /// Refuses a table whose rows would take a servo's shaft out of the profile's range.
+    fn check_servo_spans(&self) -> Result<(), CommandError> {
+        let Some(table) = self.table.as_deref() else { return Ok(()) };
+        for (index, joint) in table.wiring().servos.iter().enumerate() {
+            let (min_rad, max_rad) = self.range_rad(index, joint);
+            let fits = |(least, most): (f32, f32)| min_rad <= least && most <= max_rad;
+            if !table.servo_span_rad(index).is_none_or(fits) {
+                return Err(CommandError::ServoRange { min_rad, max_rad });
+            }
+        }
+        Ok(())
+    }
+
+    fn target(&self, index: usize, joint: &ServoWiring, angle_rad: f32, speed: f32) -> ServoTarget {
+        let (speed_rad_s, torque) = (joint.max_speed_rad_s * speed, joint.max_torque);
+        ServoTarget { angle_rad: angle_rad + self.offset_rad(index), speed_rad_s, torque }
+    }
+
     /// Everything that must hold before anything moves.
     fn look(&mut self, seen: &Seen) -> Result<(), FaultKind> {
+        for (answered, servo) in self.answered.iter_mut().zip(&seen.servos) {
+            *answered = servo.answered;
+        }
+        self.coils.pass(self.now)?;
+        if self.emergency_stop {
+            return Err(FaultKind::EmergencyStop);
+        }
         let Some(table) = self.table.as_deref() else {
             return Ok(());
         };
         let wiring = table.wiring();
-        self.coils.pass(self.now, wiring)?;
         self.switches.check(self.now, seen.switches, &self.coils.word(), wiring)?;
-        for (index, joint) in wiring.servos.iter().enumerate() {
-            if self.servos[index].is_some() {
-                check_servo(self.now, index as u8, joint, &seen.servos[index])?;
+        let servos = wiring.servos.iter().zip(&self.servos).zip(&seen.servos).zip(&self.offsets_rad);
+        for (index, (((joint, action), servo), offset_rad)) in servos.enumerate() {
+            if matches!(action, ServoAction::Go(_)) {
+                let angle_rad = servo.angle_rad - offset_rad;
+                check_servo(self.now, index as u8, joint, &ServoSeen { angle_rad, ..*servo })?;
             }
         }
         Ok(())
@@ -386,11 +536,8 @@ impl<'t> Sequencer<'t> {
     }
 
     fn release(&mut self) -> Result<(), FaultKind> {
-        let Some(table) = self.table.as_deref() else {
-            return Ok(());
-        };
         let before = self.coils.word();
-        self.coils.release(self.now, table.wiring())?;
+        self.coils.release(self.now)?;
         self.switches.travel(self.now, self.coils.word().differing(&before));
         Ok(())
     }
@@ -402,10 +549,10 @@ impl<'t> Sequencer<'t> {
         let Some(first) = table.rows().first().cloned() else {
             return self.begin();
         };
-        let latched = self.coils.set_latches(self.now, first.word, table.wiring())?;
+        let latched = self.coils.set_latches(self.now, first.word)?;
         self.aim(&first.servos, APPROACH_SPEED);
-        let away = first.servos.iter().zip(&seen.servos).position(|(&angle, servo)| {
-            servo.answered.is_none() || (servo.angle_rad - angle).abs() > APPROACH_TOLERANCE_RAD
+        let away = first.servos.iter().zip(&seen.servos).zip(&self.offsets_rad).position(|((angle, servo), offset)| {
+            servo.answered.is_none() || (servo.angle_rad - offset - angle).abs() > APPROACH_TOLERANCE_RAD
         });
         match away {
             None if latched => self.begin(),
@@ -432,11 +579,11 @@ impl<'t> Sequencer<'t> {
             if row.at <= elapsed {
                 let Row { at, word, servos } = row.clone();
                 let before = self.coils.word();
-                self.coils.switch(self.now, started + at, word, table.wiring())?;
+                self.coils.switch(self.now, started + at, word)?;
                 self.switches.travel(self.now, word.differing(&before));
                 self.aim(&servos, 1.0);
                 self.note(Event::Row { row: next, word });
-                self.phase = Phase::Playing { started, next: next + 1 };
+                self.phase = Phase::Playing { started, next: next.saturating_add(1) };
             }
         } else if table.end().is_none_or(|end| end <= elapsed) {
             self.note(Event::Finished);
@@ -445,16 +592,21 @@ impl<'t> Sequencer<'t> {
         Ok(())
     }
 
+    /// Sends the servos that have answered to these joint angles.
     fn aim(&mut self, angles: &ServoAngles, speed: f32) {
         let Some(table) = self.table.as_deref() else {
             return;
         };
-        for ((joint, &angle), servo) in table.wiring().servos.iter().zip(angles).zip(&mut self.servos) {
-            *servo = Some(target(joint, angle, speed));
+        for (index, (joint, &angle_rad)) in table.wiring().servos.iter().zip(angles).enumerate() {
+            let target = self.target(index, joint, angle_rad, speed);
+            let has_answered = self.answered.get(index).is_some_and(Option::is_some);
+            if let Some(action) = self.servos.get_mut(index).filter(|_| has_answered) {
+                *action = ServoAction::Go(target);
+            }
         }
     }
 
-    fn enter_safe(&mut self, kind: FaultKind, seen: &Seen) {
+    fn enter_safe(&mut self, kind: FaultKind) {
         let row = match self.phase {
             Phase::Playing { next, .. } => next.checked_sub(1),
             Phase::Idle | Phase::Manual | Phase::Approaching { .. } | Phase::Safe(_) => None,
@@ -463,11 +615,7 @@ impl<'t> Sequencer<'t> {
         self.note(Event::Fault(fault));
         self.rest();
         self.enabled = false;
-        for (servo, now) in self.servos.iter_mut().zip(&seen.servos) {
-            if let Some(servo) = servo {
-                servo.angle_rad = now.angle_rad;
-            }
-        }
+        self.fall_back();
         self.phase = Phase::Safe(fault);
     }
 
@@ -475,10 +623,6 @@ impl<'t> Sequencer<'t> {
     fn note(&mut self, event: Event) {
         let _ = self.events.push_back((self.now, event));
     }
-}
-
-fn target(joint: &ServoWiring, angle_rad: f32, speed: f32) -> ServoTarget {
-    ServoTarget { angle_rad, speed_rad_s: joint.max_speed_rad_s * speed, torque: joint.max_torque }
 }
 
 fn check_servo(now: Micros, servo: u8, joint: &ServoWiring, seen: &ServoSeen) -> Result<(), FaultKind> {

@@ -10,12 +10,14 @@ use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use crate::duty::{Breach, DutyMeter, DutyMeters};
 use crate::nearest::Coordinates;
 use crate::output::{
-    ActuatorWiring, Coil, CoilBreach, CoilClock, CoilLimit, Drive, MAX_ACTUATORS, MAX_COILS, MAX_SERVOS, ServoWiring,
-    SwitchClock, SwitchLimit, Wiring, WiringError,
+    ActuatorWiring, Coil, CoilLimit, Drive, MAX_ACTUATORS, MAX_COILS, MAX_SERVOS, ServoWiring, SwitchClock,
+    SwitchLimit, Wiring, WiringError,
 };
-use crate::units::{ActuatorId, DeviceId, Micros, ModelHash, Word};
+use crate::profile::{Mismatch, Profile};
+use crate::units::{ActuatorId, DeviceId, Digest, Micros, ModelHash, Word};
 use modules::Modules;
 
 /// Rows that fit the board's memory.
@@ -47,6 +49,8 @@ pub enum Record {
         model: ModelHash,
         /// The device that they were computed for; any device where `None`.
         device: Option<DeviceId>,
+        /// The profile of the board that they were computed for.
+        profile: Digest,
         /// What the supply can feed.
         switch_limit: SwitchLimit,
     },
@@ -97,6 +101,8 @@ pub enum TableError {
     Wiring(WiringError),
     /// The table was made for another device.
     OtherDevice,
+    /// The table asks for more than the board's profile allows.
+    Profile(Mismatch),
     /// More rows than [`MAX_ROWS`].
     TooManyRows,
     /// Something is wrong with a row.
@@ -128,15 +134,15 @@ pub enum RowError {
         /// Index of the servo.
         servo: u8,
     },
-    /// The coil would be on for longer than it may.
-    CoilOnTooLong {
-        /// Index of the coil.
-        coil: u8,
+    /// The output would be on for longer than it may.
+    OnTooLong {
+        /// Its number.
+        output: u8,
     },
-    /// The coil would be on for more than its share of the window.
-    CoilDuty {
-        /// Index of the coil.
-        coil: u8,
+    /// The output would be on for more than its share of the window.
+    Duty {
+        /// Its number.
+        output: u8,
     },
     /// The actuator would switch again before it can have reached its stop.
     Travel {
@@ -154,6 +160,7 @@ impl fmt::Display for TableError {
             Self::Malformed => f.write_str("the bytes of the table are no record"),
             Self::Wiring(error) => error.fmt(f),
             Self::OtherDevice => f.write_str("the table was made for another device"),
+            Self::Profile(mismatch) => mismatch.fmt(f),
             Self::TooManyRows => write!(f, "a table has at most {MAX_ROWS} rows"),
             Self::Row { row, error } => write!(f, "row {row}: {error}"),
             Self::Modules => f.write_str("the frames of the modules do not fit the actuators"),
@@ -170,10 +177,10 @@ impl fmt::Display for RowError {
             Self::ServoSpeed { servo } => {
                 write!(f, "servo {servo} would have to turn faster than it may")
             }
-            Self::CoilOnTooLong { coil } => {
-                write!(f, "coil {coil} would be on for longer than it may")
+            Self::OnTooLong { output } => {
+                write!(f, "output {output} would be on for longer than it may")
             }
-            Self::CoilDuty { coil } => write!(f, "coil {coil} would be on for more than its share of the window"),
+            Self::Duty { output } => write!(f, "output {output} would be on for more than its share of the window"),
             Self::Travel { actuator } => {
                 write!(f, "actuator {} would switch again before it can have reached its stop", actuator.0)
             }
@@ -185,6 +192,15 @@ impl fmt::Display for RowError {
 impl core::error::Error for TableError {}
 impl core::error::Error for RowError {}
 
+/// What a table is checked against.
+#[derive(Clone, Copy, Debug)]
+pub struct Board<'p> {
+    /// The device; a host that checks before it knows the device gives `None`.
+    pub device: Option<DeviceId>,
+    /// What is wired to it.
+    pub profile: &'p Profile,
+}
+
 /// Checks records in their order: what [`Table::push`] does without keeping the rows.
 ///
 /// The board streams a table from flash through it before the table is committed.
@@ -193,10 +209,14 @@ pub struct Checker {
     stage: Stage,
     wiring: Wiring,
     model: ModelHash,
-    clocks: [CoilClock; MAX_COILS],
+    profile: Digest,
+    /// On-times by index of the coil.
+    meters: [DutyMeter; MAX_COILS],
     switched: SwitchClock,
     rows: u16,
     last: Option<Row>,
+    /// Smallest and largest angle of each servo joint in the rows.
+    servo_span_rad: [(f32, f32); MAX_SERVOS],
     /// When each actuator switched last, in microseconds after the start.
     moved_us: [u64; MAX_ACTUATORS],
 }
@@ -210,16 +230,21 @@ enum Stage {
     Ended { at: Micros },
 }
 
+/// The span of no angle.
+const NO_SPAN: (f32, f32) = (f32::INFINITY, f32::NEG_INFINITY);
+
 impl Default for Checker {
     fn default() -> Self {
         Self {
             stage: Stage::Empty,
             wiring: Wiring::default(),
             model: ModelHash::default(),
-            clocks: [CoilClock::default(); MAX_COILS],
+            profile: Digest::default(),
+            meters: [DutyMeter::default(); MAX_COILS],
             switched: SwitchClock::default(),
             rows: 0,
             last: None,
+            servo_span_rad: [NO_SPAN; MAX_SERVOS],
             moved_us: [0; MAX_ACTUATORS],
         }
     }
@@ -227,33 +252,34 @@ impl Default for Checker {
 
 impl Checker {
     /// Accepts the next record or says why not; after an error nothing more is accepted than a new `Start`.
-    ///
-    /// `device` is the device that checks; a host that checks before it knows the device gives `None`.
-    pub fn admit(&mut self, record: &Record, device: Option<DeviceId>) -> Result<(), TableError> {
-        let result = self.admit_in_order(record, device);
+    pub fn admit(&mut self, record: &Record, board: &Board<'_>) -> Result<(), TableError> {
+        let result = self.admit_in_order(record, board);
         if result.is_err() {
             self.stage = Stage::Empty;
         }
         result
     }
 
-    fn admit_in_order(&mut self, record: &Record, here: Option<DeviceId>) -> Result<(), TableError> {
+    fn admit_in_order(&mut self, record: &Record, board: &Board<'_>) -> Result<(), TableError> {
         match (self.stage, record) {
-            (_, Record::Start { model, device, switch_limit }) => {
-                if device.is_some() && here.is_some() && *device != here {
+            (_, Record::Start { model, device, profile, switch_limit }) => {
+                if device.is_some() && board.device.is_some() && *device != board.device {
                     return Err(TableError::OtherDevice);
                 }
-                self.begin(*model, *switch_limit);
+                self.begin(*model, *profile, *switch_limit);
                 Ok(())
             }
-            (Stage::Wiring, Record::Coil(coil)) => push(&mut self.wiring.coils, *coil),
+            (Stage::Wiring, Record::Coil(coil)) => {
+                board.profile.check_coil(coil).map_err(TableError::Profile)?;
+                push(&mut self.wiring.coils, *coil)
+            }
             (Stage::Wiring, Record::Actuator(actuator)) => push(&mut self.wiring.actuators, *actuator),
             (Stage::Wiring, Record::Servo(servo)) => push(&mut self.wiring.servos, *servo),
             (Stage::Wiring, Record::Row(_) | Record::End { .. } | Record::Module { .. }) => {
-                self.wiring.check().map_err(TableError::Wiring)?;
+                self.check_wiring(board.profile)?;
                 let modules = matches!(record, Record::Module { .. });
                 self.stage = if modules { Stage::Modules(Modules::default()) } else { Stage::Rows };
-                self.admit_in_order(record, here)
+                self.admit_in_order(record, board)
             }
             (Stage::Modules(modules), Record::Module { actuators, length_scale_m, behind }) => {
                 self.stage = Stage::Modules(modules.next(*actuators, *length_scale_m, behind, &self.wiring)?);
@@ -266,7 +292,7 @@ impl Checker {
             (Stage::Modules(modules), Record::Row(_) | Record::End { .. }) => {
                 modules.check(&self.wiring)?;
                 self.stage = Stage::Rows;
-                self.admit_in_order(record, here)
+                self.admit_in_order(record, board)
             }
             (Stage::Rows, Record::Row(row)) => {
                 let number = self.rows;
@@ -280,17 +306,35 @@ impl Checker {
         }
     }
 
-    /// Starts anew in place: a fresh checker would need room on the stack of the board.
-    fn begin(&mut self, model: ModelHash, switch_limit: SwitchLimit) {
+    /// What differs is named before digests are compared.
+    fn check_wiring(&self, board: &Profile) -> Result<(), TableError> {
+        self.wiring.check().map_err(TableError::Wiring)?;
+        board.check_wiring(&self.wiring).map_err(TableError::Profile)?;
+        if self.profile == board.digest {
+            return Ok(());
+        }
+        let (table, profile) = (self.profile.short(), board.digest.short());
+        Err(TableError::Profile(Mismatch::Digest { table, profile }))
+    }
+
+    /// Starts again in place: a fresh checker would need room on the stack of the board.
+    fn begin(&mut self, model: ModelHash, profile: Digest, switch_limit: SwitchLimit) {
         self.stage = Stage::Wiring;
         self.wiring.coils.clear();
         self.wiring.actuators.clear();
         self.wiring.servos.clear();
         self.wiring.switch_limit = switch_limit;
         self.model = model;
-        self.clocks.fill(CoilClock::default());
-        self.switched = SwitchClock::default();
+        self.profile = profile;
+        self.meters.fill(DutyMeter::default());
+        self.servo_span_rad = [NO_SPAN; MAX_SERVOS];
         self.rows = 0;
+        self.rewind();
+    }
+
+    /// Back to the time before the first row.
+    fn rewind(&mut self) {
+        self.switched = SwitchClock::default();
         self.last = None;
         self.moved_us.fill(0);
     }
@@ -301,10 +345,16 @@ impl Checker {
         }
         check_word(&row.word, &self.wiring)?;
         self.check_servos(row)?;
+        self.pass_row(row)?;
+        self.rows = self.rows.saturating_add(1);
+        Ok(())
+    }
+
+    /// Lets time pass up to this row and switches as it says.
+    fn pass_row(&mut self, row: &Row) -> Result<(), RowError> {
         self.pass_until(row.at)?;
         self.switch_coils(row)?;
         self.last = Some(row.clone());
-        self.rows += 1;
         Ok(())
     }
 
@@ -317,12 +367,16 @@ impl Checker {
         Ok(())
     }
 
-    fn check_servos(&self, row: &Row) -> Result<(), RowError> {
+    fn check_servos(&mut self, row: &Row) -> Result<(), RowError> {
         for (index, wiring) in self.wiring.servos.iter().enumerate() {
             let servo = index as u8;
             let angle = *row.servos.get(index).ok_or(RowError::Servo { servo })?;
             if !(wiring.min_rad..=wiring.max_rad).contains(&angle) {
                 return Err(RowError::Servo { servo });
+            }
+            if let Some((least_rad, most_rad)) = self.servo_span_rad.get_mut(index) {
+                *least_rad = least_rad.min(angle);
+                *most_rad = most_rad.max(angle);
             }
             if let Some(last) = &self.last {
                 let span_s = (row.at - last.at).0 as f32 * 1e-6;
@@ -345,16 +399,16 @@ impl Checker {
         };
         let span = at - last.at;
         let fed = self.wiring.coils_on(&last.word);
-        for (index, coil) in self.wiring.coils.iter().enumerate() {
+        for (index, (coil, meter)) in self.wiring.coils.iter().zip(&mut self.meters).enumerate() {
             let on = match coil.drive {
                 Drive::Latch { .. } => false,
                 Drive::Hold { .. } | Drive::PeakHold { .. } => fed >> index & 1 == 1,
             };
             let limit = CoilLimit { max_on_ms: coil.limit.max_on_ms.saturating_sub(LATENESS_MS), ..coil.limit };
-            let passed = self.clocks[index].pass(span, on, &limit);
-            passed.map_err(|breach| match breach {
-                CoilBreach::OnTooLong => RowError::CoilOnTooLong { coil: index as u8 },
-                CoilBreach::Duty => RowError::CoilDuty { coil: index as u8 },
+            let output = coil.output;
+            meter.pass(span, on, &limit).map_err(|breach| match breach {
+                Breach::OnTooLong => RowError::OnTooLong { output },
+                Breach::Duty => RowError::Duty { output },
             })?;
         }
         Ok(())
@@ -370,7 +424,7 @@ impl Checker {
         let (fed, feeding) = (self.wiring.coils_on(&before), self.wiring.coils_on(&row.word));
         let room = self.switched.room(row.at, &self.wiring.switch_limit);
         let mut newly_fed = 0;
-        for (index, coil) in self.wiring.coils.iter().enumerate() {
+        for (index, (coil, meter)) in self.wiring.coils.iter().zip(&mut self.meters).enumerate() {
             let (was, is) = (fed >> index & 1 == 1, feeding >> index & 1 == 1);
             match coil.drive {
                 Drive::Hold { .. } | Drive::PeakHold { .. } => newly_fed += u8::from(is && !was),
@@ -378,8 +432,8 @@ impl Checker {
                 Drive::Latch { pulse_ms, .. } => {
                     newly_fed += u8::from(!is_first);
                     let pulse = Micros::from_millis(u32::from(pulse_ms));
-                    let passed = self.clocks[index].pass(pulse, true, &coil.limit);
-                    passed.map_err(|_| RowError::CoilDuty { coil: index as u8 })?;
+                    let output = coil.output;
+                    meter.pass(pulse, true, &coil.limit).map_err(|_| RowError::Duty { output })?;
                 }
             }
         }
@@ -396,11 +450,11 @@ impl Checker {
                 continue;
             }
             let travel = Micros::from_millis(u32::from(actuator.travel_ms));
-            let moved = self.moved_us[index];
-            if moved > 0 && row.at < Micros(moved) + travel {
+            let Some(moved_us) = self.moved_us.get_mut(index) else { continue };
+            if *moved_us > 0 && row.at < Micros(*moved_us) + travel {
                 return Err(RowError::Travel { actuator: ActuatorId(index as u8) });
             }
-            self.moved_us[index] = row.at.0.max(1);
+            *moved_us = row.at.0.max(1);
         }
         Ok(())
     }
@@ -411,13 +465,27 @@ impl Checker {
     }
 }
 
+/// The wiring that records describe, not yet checked.
+pub fn wiring<'r>(records: impl IntoIterator<Item = &'r Record>) -> Result<Wiring, TableError> {
+    let mut wiring = Wiring::default();
+    for record in records {
+        match record {
+            Record::Start { switch_limit, .. } => wiring.switch_limit = *switch_limit,
+            Record::Coil(coil) => push(&mut wiring.coils, *coil)?,
+            Record::Actuator(actuator) => push(&mut wiring.actuators, *actuator)?,
+            Record::Servo(servo) => push(&mut wiring.servos, *servo)?,
+            Record::Row(_) | Record::End { .. } | Record::Module { .. } | Record::Frame { .. } => {}
+        }
+    }
+    Ok(wiring)
+}
+
 fn push<T, const N: usize>(list: &mut heapless::Vec<T, N>, item: T) -> Result<(), TableError> {
     list.push(item).map_err(|_| TableError::Wiring(WiringError::TooMany))
 }
 
 fn check_word(word: &Word, wiring: &Wiring) -> Result<(), RowError> {
     let fits = word.len() == wiring.actuators.len()
-        && word.is_canonical()
         && wiring.actuators.iter().zip(word.iter()).all(|(actuator, digit)| digit < actuator.states);
     if fits { Ok(()) } else { Err(RowError::Word) }
 }
@@ -433,11 +501,11 @@ impl Table {
     /// Appends a record or says why not. A `Start` record empties the table first, so one place in memory serves all tables.
     ///
     /// After an error the table is empty.
-    pub fn push(&mut self, record: &Record, device: Option<DeviceId>) -> Result<(), TableError> {
+    pub fn push(&mut self, record: &Record, board: &Board<'_>) -> Result<(), TableError> {
         if matches!(record, Record::Start { .. }) {
             self.rows.clear();
         }
-        let mut result = self.checker.admit(record, device);
+        let mut result = self.checker.admit(record, board);
         if let (Ok(()), Record::Row(row)) = (&result, record) {
             result = self.rows.push(row.clone()).map_err(|_| TableError::TooManyRows);
         }
@@ -459,6 +527,35 @@ impl Table {
             Stage::Ended { at } => Some(at),
             Stage::Empty | Stage::Wiring | Stage::Modules(_) | Stage::Rows => None,
         }
+    }
+
+    /// Makes ready to [rehearse](Self::rehearse) the rows after what the outputs have already been on.
+    pub fn begin_rehearsal(&mut self, used: &DutyMeters) {
+        self.checker.rewind();
+        for (meter, coil) in self.checker.meters.iter_mut().zip(&self.checker.wiring.coils) {
+            *meter = used.meters.get(usize::from(coil.output)).copied().unwrap_or_default();
+        }
+    }
+
+    /// Lets the limits of all outputs judge these rows, and the end where `rows` reaches it. Nothing is driven.
+    pub fn rehearse(&mut self, rows: core::ops::Range<usize>) -> Result<(), TableError> {
+        let last = rows.end;
+        for number in rows {
+            let Some(row) = self.rows.get(number) else { break };
+            self.checker.pass_row(row).map_err(|error| TableError::Row { row: number as u16, error })?;
+        }
+        match self.end() {
+            Some(end) if last >= self.rows.len() => {
+                let row = self.rows.len() as u16;
+                self.checker.pass_until(end).map_err(|error| TableError::Row { row, error })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Smallest and largest angle of a servo joint in all rows; nothing without rows.
+    pub fn servo_span_rad(&self, servo: usize) -> Option<(f32, f32)> {
+        self.checker.servo_span_rad.get(servo).copied().filter(|(least, most)| least <= most)
     }
 
     /// The rows in order of time.

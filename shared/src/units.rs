@@ -62,13 +62,58 @@ impl fmt::Display for DeviceId {
     }
 }
 
+/// SHA-256 of a table's or profile's bytes: what binds program, model, profile and recording together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Digest(pub [u8; 32]);
+
+impl Digest {
+    /// Its first eight bytes.
+    pub const fn short(&self) -> ShortDigest {
+        let [a, b, c, d, e, f, g, h, ..] = self.0;
+        ShortDigest(u64::from_be_bytes([a, b, c, d, e, f, g, h]))
+    }
+}
+
+/// The first eight bytes of a [`Digest`], enough to tell two apart at a glance.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ShortDigest(pub u64);
+
+impl fmt::Display for ShortDigest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:016x}", self.0)
+    }
+}
+
+impl fmt::Display for Digest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
 /// The digits of all discrete actuators: digit `i` is the state of actuator `i`, 0 (contracted) to 3.
 ///
 /// Two bits a digit, digit 0 in the lowest bits, so a word is copied and compared as one number.
 #[derive(Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(try_from = "WordBytes")]
 pub struct Word {
     len: u8,
     bits: u128,
+}
+
+/// A word as it travels, before anybody has looked at it.
+#[derive(Deserialize)]
+struct WordBytes {
+    len: u8,
+    bits: u128,
+}
+
+impl TryFrom<WordBytes> for Word {
+    type Error = WordError;
+    fn try_from(WordBytes { len, bits }: WordBytes) -> Result<Self, WordError> {
+        let longest = Self::zeros(len).ok_or(WordError::TooLong { len: len.into() })?;
+        let is_within = len as usize == Self::MAX_LEN || bits >> (2 * len) == 0;
+        if is_within { Ok(Self { bits, ..longest }) } else { Err(WordError::Digit { at: len.into() }) }
+    }
 }
 
 /// Why digits do not make a [`Word`].
@@ -171,12 +216,6 @@ impl Word {
             | (any_of_pairs(high as u32) as u64) << 32
             | (any_of_pairs((high >> 32) as u32) as u64) << 48
     }
-
-    /// True when no digit can have come from damaged bytes: nothing stands beyond the last digit.
-    pub const fn is_canonical(&self) -> bool {
-        let len = self.len as usize;
-        len == Self::MAX_LEN || (len < Self::MAX_LEN && self.bits >> (2 * len) == 0)
-    }
 }
 
 /// One bit for each pair of bits: whether either is set.
@@ -257,7 +296,7 @@ mod tests {
     #[test]
     fn longest_word_keeps_every_digit() {
         let word = Word::new(&[3; 64]).unwrap();
-        assert!(word.is_canonical() && word.iter().all(|digit| digit == 3));
+        assert!(word.iter().all(|digit| digit == 3));
     }
 
     #[test]

@@ -1,17 +1,20 @@
 //! Coils of one board: which carry current, since when, and which lines that makes high.
 //!
-//! A tick touches what changes: coils that switch, peaks and pulses that end, and [`COILS_A_TICK`] clocks in turn.
+//! Coils are numbered by the output that feeds them. A tick touches what changes: coils that switch, peaks and pulses
+//! that end, and [`METERS_A_TICK`] meters in turn, also those of outputs that no table uses.
 
 use super::{CommandError, FaultKind};
-use crate::output::{CoilBreach, CoilClock, Drive, MAX_ACTUATORS, MAX_COILS, SwitchClock, Wiring};
+use crate::duty::{Breach, DutyMeter, DutyMeters};
+use crate::output::{CoilLimit, Drive, MAX_ACTUATORS, MAX_COILS, SwitchClock, SwitchLimit, Wiring};
+use crate::profile::Profile;
 use crate::units::{Micros, Word};
 
-/// So many coils have their limits looked at in one tick: each of the most there can be within 8 ms.
-const COILS_A_TICK: usize = 6;
+/// So many meters count in one tick: each of the most there can be within 8 ms.
+const METERS_A_TICK: usize = 6;
 
-/// State of all coils. Sets of coils are masks: bit `c` is coil `c`.
+/// State of all coils. Sets of coils are masks: bit `o` is the coil of output `o`.
 #[derive(Debug)]
-pub(super) struct Coils {
+pub(super) struct Coils<'t> {
     /// Digits that the coils hold.
     word: Word,
     /// Digits that are asked for.
@@ -20,10 +23,12 @@ pub(super) struct Coils {
     target: u64,
     /// Coils that are on.
     on: u64,
-    /// When each coil changed last.
-    changed: [Micros; MAX_COILS],
-    /// When a coil that is on by hand goes off.
-    off_at: Option<(u8, Micros)>,
+    /// Coils that a command by hand has switched on for a time.
+    timed: u64,
+    /// Coils that a command by hand concerns.
+    asked: u64,
+    /// Coils of the loaded table.
+    wired: u64,
     /// Coils that are latches.
     latches: u64,
     /// Coils that pull in with full current.
@@ -36,16 +41,32 @@ pub(super) struct Coils {
     peaking: u64,
     /// Levels of the output lines.
     lines: u64,
-    clocks: [CoilClock; MAX_COILS],
-    /// Until when each clock has counted.
-    counted: [Micros; MAX_COILS],
-    /// The coil whose clock counts next.
+    outputs: [Output; MAX_COILS],
+    /// Outputs of the profile, up to the last.
+    n_outputs: usize,
+    /// The output whose meter counts next.
     next: usize,
+    /// The meter of each output, which outlives table, stop and reset.
+    used: &'t mut DutyMeters,
+    supply: SwitchLimit,
     switched: SwitchClock,
     /// Coils of bits 0 and 1 of each actuator's digit.
     of_digit: [[u64; 2]; MAX_ACTUATORS],
-    /// Lines of each coil.
-    wires: [Wires; MAX_COILS],
+}
+
+/// One output: its lines, its limits and its times.
+#[derive(Clone, Copy, Debug)]
+struct Output {
+    wires: Wires,
+    limit: CoilLimit,
+    /// Length of its peak or pulse.
+    burst: Micros,
+    /// When it switched last.
+    changed: Micros,
+    /// When it goes off, where it is on by hand for a time.
+    off_at: Micros,
+    /// Until when its meter has counted.
+    counted: Micros,
 }
 
 /// Lines of one coil, as masks: a shift of 64 bits by a variable costs the chip ten instructions.
@@ -57,42 +78,58 @@ struct Wires {
     second: u64,
 }
 
-impl From<&Drive> for Wires {
-    fn from(drive: &Drive) -> Self {
-        match *drive {
-            Drive::Hold { line } => Self { first: 0, second: 1 << line },
-            Drive::PeakHold { pull, hold, .. } => Self { first: 1 << pull, second: 1 << hold },
-            Drive::Latch { set, reset, .. } => Self { first: 1 << set, second: 1 << reset },
-        }
+/// A limit that allows nothing and counts nothing: that of an output that the profile does not have.
+const NO_LIMIT: CoilLimit = CoilLimit { max_on_ms: 0, duty_percent: 0, window_ms: 0 };
+
+const NO_OUTPUT: Output = Output {
+    wires: Wires { first: 0, second: 0 },
+    limit: NO_LIMIT,
+    burst: Micros(0),
+    changed: Micros(0),
+    off_at: Micros(0),
+    counted: Micros(0),
+};
+
+impl Output {
+    fn wire(&mut self, drive: &Drive) {
+        let bit = |line: u8| 1u64.checked_shl(line.into()).unwrap_or(0);
+        let (first, second, burst_ms) = match *drive {
+            Drive::Hold { line } => (0, bit(line), 0),
+            Drive::PeakHold { pull, hold, peak_ms } => (bit(pull), bit(hold), peak_ms),
+            Drive::Latch { set, reset, pulse_ms } => (bit(set), bit(reset), pulse_ms),
+        };
+        self.wires = Wires { first, second };
+        self.burst = Micros::from_millis(burst_ms.into());
     }
 }
 
-impl Default for Coils {
-    fn default() -> Self {
+impl<'t> Coils<'t> {
+    /// No coil carries current, nothing is wired.
+    pub(super) fn new(used: &'t mut DutyMeters) -> Self {
         Self {
             word: Word::default(),
             wanted: Word::default(),
             target: 0,
             on: 0,
-            changed: [Micros(0); MAX_COILS],
-            off_at: None,
+            timed: 0,
+            asked: 0,
+            wired: 0,
             latches: 0,
             peaks: 0,
             unknown: 0,
             pulsing: 0,
             peaking: 0,
             lines: 0,
-            clocks: [CoilClock::default(); MAX_COILS],
-            counted: [Micros(0); MAX_COILS],
+            outputs: [NO_OUTPUT; MAX_COILS],
+            n_outputs: 0,
             next: 0,
+            used,
+            supply: SwitchLimit::default(),
             switched: SwitchClock::default(),
             of_digit: [[0; 2]; MAX_ACTUATORS],
-            wires: [Wires::default(); MAX_COILS],
         }
     }
-}
 
-impl Coils {
     pub(super) fn word(&self) -> Word {
         self.word
     }
@@ -102,43 +139,76 @@ impl Coils {
         self.lines
     }
 
-    /// Takes over another wiring, of whose latches nothing is known. No coil carries current.
-    pub(super) fn load(&mut self, now: Micros, wiring: &Wiring) {
-        self.latches = 0;
-        self.peaks = 0;
-        for (index, (coil, wires)) in wiring.coils.iter().zip(&mut self.wires).enumerate() {
-            *wires = Wires::from(&coil.drive);
-            match coil.drive {
-                Drive::Hold { .. } => {}
-                Drive::PeakHold { .. } => self.peaks |= 1 << index,
-                Drive::Latch { .. } => self.latches |= 1 << index,
-            }
-        }
-        let mut first = 0;
-        for (actuator, of_digit) in wiring.actuators.iter().zip(&mut self.of_digit) {
-            *of_digit = if actuator.coils() > 1 { [1 << first, 2 << first] } else { [1 << first, 0] };
-            first += actuator.coils();
-        }
-        self.next = 0;
-        self.on = 0;
-        self.word = Word::zeros(wiring.actuators.len() as u8).unwrap_or_default();
-        self.rest(now, wiring);
+    /// How long each output has been on.
+    pub(super) fn used(&self) -> &DutyMeters {
+        self.used
     }
 
-    /// No coil carries current; latches stay as they are. What has flowed so far stays counted.
-    pub(super) fn rest(&mut self, now: Micros, wiring: &Wiring) {
+    /// Takes over the outputs of a profile after a start. A meter that is not valid, or was another profile's, counts as
+    /// exhausted, and so does the supply: nobody knows what flowed just before.
+    pub(super) fn configure(&mut self, now: Micros, profile: &Profile) {
+        let same = self.used.profile == profile.digest.short().0;
+        self.used.profile = profile.digest.short().0;
+        self.n_outputs = 0;
+        let numbered = profile.outputs.iter().enumerate();
+        for ((number, wired), (output, meter)) in numbered.zip(self.outputs.iter_mut().zip(&mut self.used.meters)) {
+            *output = Output { limit: wired.map_or(NO_LIMIT, |wired| wired.limit), counted: now, ..NO_OUTPUT };
+            if wired.is_some() {
+                self.n_outputs = number.saturating_add(1);
+            }
+            if !(same && meter.is_valid()) {
+                meter.exhaust(&output.limit);
+            }
+        }
+        self.supply = profile.supply;
+        let room = self.switched.room(now, &self.supply);
+        self.switched.note(now, room);
+    }
+
+    /// Takes over another wiring, of whose latches nothing is known. No coil carries current.
+    pub(super) fn load(&mut self, now: Micros, wiring: &Wiring, profile: &Profile) {
+        self.rest(now);
+        (self.wired, self.latches, self.peaks, self.on) = (0, 0, 0, 0);
+        for (output, wired) in self.outputs.iter_mut().zip(&profile.outputs) {
+            output.wires = Wires::default();
+            output.limit = wired.map_or(NO_LIMIT, |wired| wired.limit);
+        }
+        for coil in &wiring.coils {
+            let Some(output) = self.outputs.get_mut(usize::from(coil.output)) else { continue };
+            output.wire(&coil.drive);
+            output.limit = coil.limit;
+            let bit = bit_of(coil.output);
+            self.wired |= bit;
+            match coil.drive {
+                Drive::Hold { .. } => {}
+                Drive::PeakHold { .. } => self.peaks |= bit,
+                Drive::Latch { .. } => self.latches |= bit,
+            }
+        }
+        let mut outputs = wiring.coils.iter().map(|coil| bit_of(coil.output));
+        for (actuator, of_digit) in wiring.actuators.iter().zip(&mut self.of_digit) {
+            let mut next = |wanted: bool| if wanted { outputs.next().unwrap_or(0) } else { 0 };
+            *of_digit = [next(true), next(actuator.coils() > 1)];
+        }
+        self.supply = wiring.switch_limit;
+        self.unknown = self.latches;
+        self.word = Word::zeros(wiring.actuators.len() as u8).unwrap_or_default();
+        self.wanted = self.word;
+    }
+
+    /// No coil carries current; latches stay as they are, and a latch whose pulse is cut is unknown. What has flowed so
+    /// far stays counted.
+    pub(super) fn rest(&mut self, now: Micros) {
         for (index, _) in Bits(self.fed()) {
             // That the coil was on for too long no longer matters: it goes off.
-            let _ = self.count(now, index, true, wiring);
+            let _ = self.count(now, index, true);
         }
         self.word = Word::zeros(self.word.len() as u8).unwrap_or_default();
         self.wanted = self.word;
         self.target = 0;
         self.on &= self.latches;
-        self.pulsing = 0;
-        self.peaking = 0;
-        self.lines = 0;
-        self.off_at = None;
+        self.unknown |= self.pulsing;
+        (self.pulsing, self.peaking, self.lines, self.timed, self.asked) = (0, 0, 0, 0, 0);
     }
 
     /// Nobody knows any more how the latches stand.
@@ -148,28 +218,25 @@ impl Coils {
 
     /// Sets the latches that nobody knows as a word says, no more at once than the supply can feed. True when they are
     /// set and the supply is ready for as many coils as it can ever feed.
-    pub(super) fn set_latches(&mut self, now: Micros, word: Word, wiring: &Wiring) -> Result<bool, FaultKind> {
+    pub(super) fn set_latches(&mut self, now: Micros, word: Word) -> Result<bool, FaultKind> {
         self.ask(word);
-        self.set_all(now, now, self.unknown, wiring)?;
-        let ready = self.switched.room(now, &wiring.switch_limit) == wiring.switch_limit.new_coils;
+        self.set_all(now, now, self.unknown)?;
+        let ready = self.switched.room(now, &self.supply) == self.supply.new_coils;
         Ok(ready && self.unknown | self.pulsing == 0)
     }
 
     /// Lets time pass: ends peaks and pulses, and finds the coil that carries current for too long.
-    pub(super) fn pass(&mut self, now: Micros, wiring: &Wiring) -> Result<(), FaultKind> {
+    pub(super) fn pass(&mut self, now: Micros) -> Result<(), FaultKind> {
         let fed = self.fed();
-        for _ in 0..COILS_A_TICK.min(wiring.coils.len()) {
-            self.count(now, self.next, fed >> self.next & 1 == 1, wiring)?;
-            self.next = if self.next + 1 < wiring.coils.len() { self.next + 1 } else { 0 };
+        for _ in 0..METERS_A_TICK.min(self.n_outputs) {
+            self.count(now, self.next, fed >> self.next & 1 == 1)?;
+            let next = self.next.wrapping_add(1);
+            self.next = if next < self.n_outputs { next } else { 0 };
         }
         for (index, bit) in Bits(self.pulsing | self.peaking) {
-            let long_ms = match wiring.coils.get(index).map(|coil| coil.drive) {
-                Some(Drive::PeakHold { peak_ms, .. }) => peak_ms,
-                Some(Drive::Latch { pulse_ms, .. }) => pulse_ms,
-                Some(Drive::Hold { .. }) | None => 0,
-            };
-            if now - self.changed[index] >= Micros::from_millis(u32::from(long_ms)) {
-                self.count(now, index, true, wiring)?;
+            let Some(output) = self.outputs.get(index) else { continue };
+            if now - output.changed >= output.burst {
+                self.count(now, index, true)?;
                 self.pulsing &= !bit;
                 self.peaking &= !bit;
                 self.show(index, bit);
@@ -183,24 +250,26 @@ impl Coils {
         self.on & !self.latches | self.pulsing
     }
 
-    /// Lets the clock of one coil, which was `fed` or not, count up to now.
-    fn count(&mut self, now: Micros, index: usize, fed: bool, wiring: &Wiring) -> Result<(), FaultKind> {
-        let Some(coil) = wiring.coils.get(index) else {
+    /// Lets the meter of one output, which was `fed` or not, count up to now.
+    fn count(&mut self, now: Micros, index: usize, fed: bool) -> Result<(), FaultKind> {
+        let Some((output, meter)) = self.outputs.get_mut(index).zip(self.used.meters.get_mut(index)) else {
             return Ok(());
         };
-        let span = now - self.counted[index];
-        self.counted[index] = now;
-        let passed = self.clocks[index].pass(span, fed, &coil.limit);
-        passed.map_err(|breach| match breach {
-            CoilBreach::OnTooLong => FaultKind::CoilOnTooLong { coil: index as u8 },
-            CoilBreach::Duty => FaultKind::CoilDuty { coil: index as u8 },
+        if output.limit.window_ms == 0 {
+            return Ok(());
+        }
+        let span = now - output.counted;
+        output.counted = now;
+        meter.pass(span, fed, &output.limit).map_err(|breach| match breach {
+            Breach::OnTooLong => FaultKind::OnTooLong { output: index as u8 },
+            Breach::Duty => FaultKind::Duty { output: index as u8 },
         })
     }
 
     /// Sets all digits at once, as a row says. The feed is counted at the row's own time `due`, which no late tick moves.
-    pub(super) fn switch(&mut self, now: Micros, due: Micros, word: Word, wiring: &Wiring) -> Result<(), FaultKind> {
+    pub(super) fn switch(&mut self, now: Micros, due: Micros, word: Word) -> Result<(), FaultKind> {
         self.ask(word);
-        if !self.set_all(now, due, self.on ^ self.target, wiring)? {
+        if !self.set_all(now, due, self.on ^ self.target)? {
             return Err(FaultKind::TooManyCoils);
         }
         self.word = word;
@@ -208,71 +277,115 @@ impl Coils {
     }
 
     /// Asks for a word by hand; [`Coils::release`] sets it as the supply allows.
-    pub(super) fn want(&mut self, word: Word, wiring: &Wiring) -> Result<(), CommandError> {
+    pub(super) fn want(&mut self, now: Micros, word: Word, wiring: &Wiring) -> Result<(), CommandError> {
         let fits = word.len() == wiring.actuators.len()
             && wiring.actuators.iter().zip(word.iter()).all(|(actuator, digit)| digit < actuator.states);
         if !fits {
             return Err(CommandError::NotWired);
         }
+        let target = self.target_of(&word);
+        let switching = target ^ self.on | self.unknown;
+        for (index, bit) in Bits(switching & (target | self.latches)) {
+            let least = if self.latches & bit == 0 { Micros(1) } else { self.burst(index) };
+            self.require(now, index, least)?;
+        }
         self.ask(word);
-        self.off_at = None;
+        self.timed = 0;
+        self.asked = self.wired;
         Ok(())
     }
 
     /// The wanted word, and the coils that are on in it.
     fn ask(&mut self, word: Word) {
-        for (index, _) in Bits(word.differing(&self.wanted)) {
-            let ([low, high], digit) = (self.of_digit[index], word.digit(index));
-            self.target &= !(low | high);
-            self.target |= if digit & 1 != 0 { low } else { 0 } | if digit & 2 != 0 { high } else { 0 };
-        }
+        self.target = self.target_of(&word);
         self.wanted = word;
     }
 
-    /// Switches one coil by hand: on for `on_ms`, or off.
-    pub(super) fn pulse(&mut self, now: Micros, coil: u8, on_ms: u32, wiring: &Wiring) -> Result<(), CommandError> {
-        let wired = wiring.coils.get(usize::from(coil)).ok_or(CommandError::NotWired)?;
-        if self.latches >> coil & 1 == 0 && on_ms > wired.limit.max_on_ms {
-            return Err(CommandError::OnTooLong { max_ms: wired.limit.max_on_ms });
+    fn target_of(&self, word: &Word) -> u64 {
+        let mut target = self.target;
+        for (index, _) in Bits(word.differing(&self.wanted)) {
+            let Some([low, high]) = self.of_digit.get(index) else { continue };
+            let digit = word.digit(index);
+            target &= !(low | high);
+            target |= if digit & 1 != 0 { *low } else { 0 } | if digit & 2 != 0 { *high } else { 0 };
         }
-        self.want_coil(coil, on_ms > 0, wiring);
-        self.off_at = (on_ms > 0).then_some((coil, now + Micros::from_millis(on_ms)));
+        target
+    }
+
+    /// Switches one coil by hand: on for `on_ms`, or off. A latch is set for so long, then reset.
+    pub(super) fn pulse(&mut self, now: Micros, number: u8, on_ms: u32) -> Result<(), CommandError> {
+        let (index, bit) = (usize::from(number), bit_of(number));
+        if self.wired & bit == 0 {
+            return Err(CommandError::NotWired);
+        }
+        if on_ms > 0 {
+            let on = Micros::from_millis(on_ms);
+            let flows = if self.latches & bit == 0 { on } else { self.burst(index) };
+            self.require(now, index, flows)?;
+            if let Some(output) = self.outputs.get_mut(index) {
+                output.off_at = now + on;
+            }
+            self.timed |= bit;
+        } else {
+            self.timed &= !bit;
+        }
+        self.asked |= bit;
+        self.want_coil(bit, on_ms > 0);
         Ok(())
     }
 
-    fn want_coil(&mut self, coil: u8, on: bool, wiring: &Wiring) {
-        let mask = 1 << coil;
-        for (index, [low, high]) in self.of_digit.into_iter().enumerate().take(wiring.actuators.len()) {
-            let bit = u8::from(mask == low) | u8::from(mask == high) << 1;
-            if bit == 0 {
-                continue;
-            }
-            let digit = self.wanted.digit(index);
-            self.ask(self.wanted.with_digit(index, if on { digit | bit } else { digit & !bit }));
+    fn burst(&self, index: usize) -> Micros {
+        self.outputs.get(index).map_or(Micros(0), |output| output.burst)
+    }
+
+    /// Refuses to let current flow for so long from now on where the output's limits do not allow it.
+    fn require(&mut self, now: Micros, index: usize, flows: Micros) -> Result<(), CommandError> {
+        let fed = self.fed() >> index & 1 == 1;
+        // A breach is found again by the next tick, which latches it.
+        let _ = self.count(now, index, fed);
+        let Some((output, meter)) = self.outputs.get(index).zip(self.used.meters.get(index)) else {
+            return Err(CommandError::NotWired);
+        };
+        let limit = &output.limit;
+        if flows > Micros::from_millis(limit.max_on_ms) {
+            return Err(CommandError::OnTooLong { max_ms: limit.max_on_ms });
         }
+        if flows <= Micros(DutyMeter::left_us(meter, limit).into()) {
+            return Ok(());
+        }
+        let left_ms = meter.left_us(limit) / 1000;
+        Err(CommandError::Recovering { output: index as u8, left_ms, wait_ms: meter.recovery_us(limit) / 1000 })
+    }
+
+    fn want_coil(&mut self, bit: u64, on: bool) {
+        let of = |[low, high]: &[u64; 2]| u8::from(bit == *low) | u8::from(bit == *high) << 1;
+        let own = self.of_digit.iter().take(self.wanted.len()).position(|masks| of(masks) != 0);
+        let Some((index, mask)) = own.and_then(|index| Some((index, of(self.of_digit.get(index)?)))) else { return };
+        let digit = self.wanted.digit(index);
+        self.ask(self.wanted.with_digit(index, if on { digit | mask } else { digit & !mask }));
     }
 
     /// Switches what is asked for by hand, no more coils at once than the supply can feed.
-    pub(super) fn release(&mut self, now: Micros, wiring: &Wiring) -> Result<(), FaultKind> {
-        if let Some((coil, off_at)) = self.off_at
-            && now >= off_at
-        {
-            self.want_coil(coil, false, wiring);
-            self.off_at = None;
+    pub(super) fn release(&mut self, now: Micros) -> Result<(), FaultKind> {
+        for (index, bit) in Bits(self.timed) {
+            if self.outputs.get(index).is_some_and(|output| now >= output.off_at) {
+                self.timed &= !bit;
+                self.want_coil(bit, false);
+            }
         }
-        if self.set_all(now, now, self.on ^ self.target, wiring)? {
+        if self.set_all(now, now, self.on ^ self.target | self.unknown & self.asked)? {
             self.word = self.wanted;
         }
         Ok(())
     }
 
     /// Switches coils to what is wanted; false when the supply cannot feed them all now.
-    fn set_all(&mut self, now: Micros, due: Micros, coils: u64, wiring: &Wiring) -> Result<bool, FaultKind> {
+    fn set_all(&mut self, now: Micros, due: Micros, coils: u64) -> Result<bool, FaultKind> {
         if coils == 0 {
             return Ok(true);
         }
         let feeding = coils & (self.target | self.latches);
-        let room = self.switched.room(due, &wiring.switch_limit);
+        let room = self.switched.room(due, &self.supply);
         let fed_now = first_of(feeding, room);
         self.switched.note(due, fed_now.count_ones() as u8);
         let complete = fed_now == feeding;
@@ -283,8 +396,10 @@ impl Coils {
         self.pulsing |= self.latches & coils;
         self.peaking = self.peaking & !coils | self.peaks & on;
         for (index, bit) in Bits(coils) {
-            self.count(now, index, fed & bit != 0, wiring)?;
-            self.changed[index] = now;
+            self.count(now, index, fed & bit != 0)?;
+            if let Some(output) = self.outputs.get_mut(index) {
+                output.changed = now;
+            }
             self.show(index, bit);
         }
         Ok(complete)
@@ -292,7 +407,7 @@ impl Coils {
 
     /// Makes the lines of one coil what its state says.
     fn show(&mut self, index: usize, bit: u64) {
-        let Wires { first, second } = self.wires[index];
+        let Some(Output { wires: Wires { first, second }, .. }) = self.outputs.get(index).copied() else { return };
         let (on, pulsing) = (self.on & bit != 0, self.pulsing & bit != 0);
         let levels = match (self.latches & bit != 0, on) {
             (true, _) if !pulsing => 0,
@@ -304,6 +419,11 @@ impl Coils {
         };
         self.lines = self.lines & !(first | second) | levels;
     }
+}
+
+/// The mask of one output; none where there is no such output.
+fn bit_of(number: u8) -> u64 {
+    if usize::from(number) < MAX_COILS { 1 << number } else { 0 }
 }
 
 /// So many of the bits that are set, lowest first.

@@ -20,15 +20,15 @@ pub struct Fault {
 /// What was wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum FaultKind {
-    /// A coil was on for longer than it may.
-    CoilOnTooLong {
-        /// Number of the coil.
-        coil: u8,
+    /// An output was on for longer than it may.
+    OnTooLong {
+        /// Its number.
+        output: u8,
     },
-    /// A coil was on for more than its share of the window.
-    CoilDuty {
-        /// Number of the coil.
-        coil: u8,
+    /// An output was on for more than its share of the window.
+    Duty {
+        /// Its number.
+        output: u8,
     },
     /// More coils would have gone on at once than the supply can feed.
     TooManyCoils,
@@ -72,6 +72,8 @@ pub enum FaultKind {
         /// Where it was seen.
         angle_rad: f32,
     },
+    /// The emergency stop was pressed.
+    EmergencyStop,
 }
 
 impl fmt::Display for Fault {
@@ -85,8 +87,8 @@ impl fmt::Display for FaultKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let closed = |is: bool| if is { "closed" } else { "open" };
         match *self {
-            Self::CoilOnTooLong { coil } => write!(f, "coil {coil} was on for longer than it may"),
-            Self::CoilDuty { coil } => write!(f, "coil {coil} was on for more than its share of the window"),
+            Self::OnTooLong { output } => write!(f, "output {output} was on for longer than it may"),
+            Self::Duty { output } => write!(f, "output {output} was on for more than its share of the window"),
             Self::TooManyCoils => f.write_str("more coils would have gone on at once than the supply can feed"),
             Self::Switch { actuator, expected_closed, seen_closed } => write!(
                 f,
@@ -106,6 +108,7 @@ impl fmt::Display for FaultKind {
             Self::ServoRange { servo, angle_rad } => {
                 write!(f, "servo {servo} was seen out of its range at {:.1} deg", angle_rad.to_degrees())
             }
+            Self::EmergencyStop => f.write_str("the emergency stop was pressed"),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::FaultKind;
 use super::coils::Bits;
-use crate::output::{MAX_ACTUATORS, MAX_SWITCHES, Wiring};
+use crate::output::{MAX_ACTUATORS, MAX_INPUTS, Wiring};
 use crate::units::{ActuatorId, Micros, Word};
 
 /// A switch must contradict in so many ticks in a row before that is a fault: contacts bounce.
@@ -23,7 +23,7 @@ pub(super) struct Switches {
     closed: u32,
     /// Inputs that contradicted in the last tick, and in how many ticks in a row.
     contradicting: u32,
-    ticks: [u8; MAX_SWITCHES],
+    ticks: [u8; MAX_INPUTS],
 }
 
 impl Default for Switches {
@@ -36,7 +36,7 @@ impl Default for Switches {
             arrived: 0,
             closed: 0,
             contradicting: 0,
-            ticks: [0; MAX_SWITCHES],
+            ticks: [0; MAX_INPUTS],
         }
     }
 }

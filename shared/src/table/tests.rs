@@ -3,20 +3,22 @@
 extern crate std;
 use std::vec::Vec;
 
-use super::{Checker, Record, Row, RowError, ServoAngles, Table, TableError};
+use super::{Board, Checker, Record, Row, RowError, ServoAngles, Table, TableError, wiring};
 use crate::nearest::Coordinates;
 use crate::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, ServoWiring, SwitchLimit, WiringError};
-use crate::units::{ActuatorId, DeviceId, Micros, ModelHash, Word};
+use crate::profile::{BUILT_IN, Mismatch, Profile};
+use crate::units::{ActuatorId, DeviceId, Digest, Micros, ModelHash, Word};
 
 const START: Record = Record::Start {
     model: ModelHash(7),
     device: Some(DeviceId([1; 12])),
+    profile: Digest([0; 32]),
     switch_limit: SwitchLimit { new_coils: 2, window_ms: 5 },
 };
 
 fn coil(line: u8) -> Record {
     let limit = CoilLimit { max_on_ms: 100, duty_percent: 50, window_ms: 1600 };
-    Record::Coil(Coil { drive: Drive::Hold { line }, limit })
+    Record::Coil(Coil { output: line, drive: Drive::Hold { line }, limit })
 }
 
 fn actuator(states: u8) -> Record {
@@ -37,11 +39,22 @@ fn end(at_ms: u32) -> Record {
     Record::End { at: Micros::from_millis(at_ms) }
 }
 
-/// Admits all records; the first refusal ends it.
-fn check(records: &[Record]) -> Result<Checker, TableError> {
+/// The profile that allows just what the records ask for.
+fn profile(records: &[Record]) -> Profile {
+    Profile::of(&wiring(records).expect("few coils"))
+}
+
+/// Admits all records under a profile; the first refusal ends it.
+fn check_under(profile: &Profile, records: &[Record]) -> Result<Checker, TableError> {
     let mut checker = Checker::default();
-    records.iter().try_for_each(|record| checker.admit(record, None))?;
+    let board = Board { device: None, profile };
+    records.iter().try_for_each(|record| checker.admit(record, &board))?;
     Ok(checker)
+}
+
+/// The same under the profile that allows just what they ask for.
+fn check(records: &[Record]) -> Result<Checker, TableError> {
+    check_under(&profile(records), records)
 }
 
 fn three_valves(rows: &[Record]) -> Result<Checker, TableError> {
@@ -69,7 +82,7 @@ fn each_breach_names_its_row() {
     assert_eq!(refused(&[row(0, "10")]), (0, RowError::Word));
     assert_eq!(refused(&[row(0, "200")]), (0, RowError::Word));
     assert_eq!(refused(&[row(0, "111")]), (0, RowError::TooManyCoils));
-    assert_eq!(refused(&[row(0, "001"), end(101)]), (1, RowError::CoilOnTooLong { coil: 2 }));
+    assert_eq!(refused(&[row(0, "001"), end(101)]), (1, RowError::OnTooLong { output: 2 }));
     assert_eq!(refused(&[row(0, "100"), row(9, "000")]), (1, RowError::Travel { actuator: ActuatorId(0) }));
     assert_eq!(refused(&[row_with(0, "000", &[0.1])]), (0, RowError::Servo { servo: 0 }));
 }
@@ -82,7 +95,7 @@ fn duty_is_counted_along_the_rows() {
     let rows: Vec<_> = (0..60)
         .map(|i| row(if i % 2 == 0 { 40 * i } else { 40 * i + 20 }, if i % 2 == 0 { "100" } else { "000" }))
         .collect();
-    assert_eq!(refused(&rows).1, RowError::CoilDuty { coil: 0 }, "60 of 80 ms is more than half");
+    assert_eq!(refused(&rows).1, RowError::Duty { output: 0 }, "60 of 80 ms is more than half");
 }
 
 #[test]
@@ -111,8 +124,7 @@ fn unsafe_wirings_are_refused() {
         Err(TableError::Wiring(error)) => error,
         other => panic!("not refused for the wiring: {other:?}"),
     };
-    assert_eq!(wiring(&[coil(0), coil(0), actuator(2), actuator(2)]), WiringError::Line { line: 0 });
-    assert_eq!(wiring(&[coil(64), actuator(2)]), WiringError::Line { line: 64 });
+    assert_eq!(wiring(&[coil(0), coil(0), actuator(2), actuator(2)]), WiringError::Output { output: 0 });
     assert_eq!(wiring(&[coil(0), actuator(3)]), WiringError::CoilCount { coil: 1 });
     assert_eq!(wiring(&[coil(0), actuator(5)]), WiringError::States { actuator: ActuatorId(0) });
     let with_input = |input| {
@@ -122,26 +134,30 @@ fn unsafe_wirings_are_refused() {
     assert_eq!(wiring(&[coil(0), coil(1), with_input(3), with_input(3)]), WiringError::Input { input: 3 });
     assert_eq!(wiring(&[coil(0), with_input(32)]), WiringError::Input { input: 32 });
     let limit = CoilLimit { max_on_ms: 0, duty_percent: 50, window_ms: 1600 };
-    let dead = Record::Coil(Coil { drive: Drive::Hold { line: 0 }, limit });
-    assert_eq!(wiring(&[dead, actuator(2)]), WiringError::CoilLimit { coil: 0 });
+    let dead = Record::Coil(Coil { output: 0, drive: Drive::Hold { line: 0 }, limit });
+    assert_eq!(wiring(&[dead, actuator(2)]), WiringError::CoilLimit { output: 0 });
 }
 
 #[test]
 fn a_table_for_another_device_is_refused() {
     let mut table = Table::default();
-    assert_eq!(table.push(&START, Some(DeviceId([2; 12]))), Err(TableError::OtherDevice));
-    assert_eq!(table.push(&START, Some(DeviceId([1; 12]))), Ok(()));
+    let on = |device| Board { device: Some(DeviceId([device; 12])), profile: &BUILT_IN };
+    assert_eq!(table.push(&START, &on(2)), Err(TableError::OtherDevice));
+    assert_eq!(table.push(&START, &on(1)), Ok(()));
 }
 
 #[test]
 fn after_a_refusal_the_table_is_empty() {
     let mut table = Table::default();
-    for record in [START, coil(0), actuator(2), row(0, "1")] {
-        table.push(&record, None).unwrap();
+    let records = [START, coil(0), actuator(2), row(0, "1")];
+    let profile = profile(&records);
+    let board = Board { device: None, profile: &profile };
+    for record in records {
+        table.push(&record, &board).unwrap();
     }
-    assert!(table.push(&row(0, "1"), None).is_err());
+    assert!(table.push(&row(0, "1"), &board).is_err());
     assert!(table.rows().is_empty() && table.end().is_none());
-    assert_eq!(table.push(&row(5, "1"), None), Err(TableError::Order));
+    assert_eq!(table.push(&row(5, "1"), &board), Err(TableError::Order));
 }
 
 #[test]
@@ -160,6 +176,7 @@ fn no_record_is_longer_than_its_buffer() {
         Record::Start {
             model: ModelHash(u64::MAX),
             device: Some(DeviceId([255; 12])),
+            profile: Digest([255; 32]),
             switch_limit: SwitchLimit { new_coils: 255, window_ms: u16::MAX },
         },
     ];
@@ -218,36 +235,69 @@ fn modules_and_frames_are_these_bytes() {
     assert_eq!(frame.len(), 26);
 }
 
-/// A table with one coil of this drive and limit.
+/// A table with one coil of this drive and limit, under a profile for a valve or a latch.
 fn with_limit(drive: Drive, limit: CoilLimit) -> Result<Checker, TableError> {
-    check(&[START, Record::Coil(Coil { drive, limit }), actuator(2), end(1)])
+    let of_profile = match drive {
+        Drive::Latch { set, reset, .. } => Drive::Latch { set, reset, pulse_ms: 50 },
+        other => other,
+    };
+    let coil = |drive, limit| Record::Coil(Coil { output: 0, drive, limit });
+    let profile = profile(&[START, coil(of_profile, LIMIT), actuator(2)]);
+    check_under(&profile, &[START, coil(drive, limit), actuator(2), end(1)])
 }
+
+const LIMIT: CoilLimit = CoilLimit { max_on_ms: 100, duty_percent: 50, window_ms: 1600 };
 
 #[test]
 fn no_sender_sets_limits_that_are_none() {
     let drive = Drive::Hold { line: 0 };
-    let limit = CoilLimit { max_on_ms: 100, duty_percent: 50, window_ms: 1600 };
-    assert!(with_limit(drive, limit).is_ok());
-    assert!(with_limit(drive, CoilLimit { max_on_ms: u32::MAX, ..limit }).is_err(), "on for 49 days");
-    assert!(with_limit(drive, CoilLimit { duty_percent: 100, ..limit }).is_err(), "no pause at all");
-    let latch = Drive::Latch { set: 0, reset: 1, pulse_ms: 65_000 };
-    assert!(with_limit(latch, CoilLimit { max_on_ms: 65_000, ..limit }).is_err(), "a pulse of 65 s");
-    let no_window = SwitchLimit { new_coils: 16, window_ms: 0 };
-    let start = Record::Start { model: ModelHash(7), device: None, switch_limit: no_window };
-    assert!(check(&[start, coil(0), actuator(2), end(1)]).is_err(), "all coils at once");
+    assert!(with_limit(drive, LIMIT).is_ok());
+    assert!(with_limit(drive, CoilLimit { max_on_ms: u32::MAX, ..LIMIT }).is_err(), "on for 49 days");
+    assert!(with_limit(drive, CoilLimit { duty_percent: 100, ..LIMIT }).is_err(), "no pause at all");
+    assert!(with_limit(drive, CoilLimit { window_ms: 3200, ..LIMIT }).is_err(), "counted over a longer window");
+    let latch = |pulse_ms| Drive::Latch { set: 0, reset: 1, pulse_ms };
+    assert!(with_limit(latch(50), LIMIT).is_ok());
+    assert!(with_limit(latch(65_000), LIMIT).is_err(), "a pulse of 65 s");
+    for window_ms in [0, 4] {
+        let records = [supply(2, window_ms), coil(0), actuator(2), end(1)];
+        assert!(check_under(&profile(&[START, coil(0), actuator(2)]), &records).is_err(), "more coils at once");
+    }
+}
+
+fn supply(new_coils: u8, window_ms: u16) -> Record {
+    let switch_limit = SwitchLimit { new_coils, window_ms };
+    Record::Start { model: ModelHash(7), device: None, profile: Digest::default(), switch_limit }
+}
+
+fn servo(id: u8, max_speed_rad_s: f32) -> Record {
+    let (max_torque, timeout_ms) = (0.5, 100);
+    Record::Servo(ServoWiring { id, min_rad: -1.0, max_rad: 1.0, max_speed_rad_s, max_torque, timeout_ms })
 }
 
 #[test]
 fn no_sender_wires_what_the_board_does_not_have() {
-    let servo = |id, max_speed_rad_s| {
-        let (max_torque, timeout_ms) = (0.5, 100);
-        Record::Servo(ServoWiring { id, min_rad: -1.0, max_rad: 1.0, max_speed_rad_s, max_torque, timeout_ms })
-    };
     assert!(check(&[START, servo(1, 1.0), end(1)]).is_ok());
     assert!(check(&[START, servo(254, 1.0), end(1)]).is_err(), "the broadcast address");
     assert!(check(&[START, servo(1, f32::INFINITY), end(1)]).is_err(), "infinitely fast");
     assert!(check(&[START, servo(1, 1.0), servo(1, 1.0), end(1)]).is_err(), "two joints on one servo");
+    let slow = profile(&[START, servo(1, 0.5)]);
+    assert!(check_under(&slow, &[START, servo(1, 1.0), end(1)]).is_err(), "faster than the profile allows");
+    assert!(check_under(&BUILT_IN, &[START, servo(1, 1.0), end(1)]).is_err(), "a servo without a profile");
     let switch = Some(LimitSwitch { input: 31, closed_in: 0b10 });
     let actuator = Record::Actuator(ActuatorWiring { states: 2, switch, travel_ms: 10 });
     assert!(check(&[START, coil(0), actuator, end(1)]).is_err(), "an input that the board does not have");
+}
+
+#[test]
+fn a_refusal_names_the_output_before_the_digest() {
+    let records = [START, coil(0), coil(1), actuator(2), actuator(2), end(1)];
+    let mut other = Profile { digest: Digest([9; 32]), ..profile(&records) };
+    let refused = |profile: &Profile| check_under(profile, &records).unwrap_err();
+    assert!(matches!(refused(&other), TableError::Profile(Mismatch::Digest { .. })));
+    other.outputs[1] = None;
+    assert_eq!(refused(&other), TableError::Profile(Mismatch::NoOutput { output: 1 }));
+    other = profile(&[START, coil(0), coil(1), actuator(2)]);
+    other.outputs[1] =
+        other.outputs[1].map(|output| crate::profile::Output { drive: Drive::Hold { line: 9 }, ..output });
+    assert!(matches!(refused(&other), TableError::Profile(Mismatch::Drive { output: 1, .. })));
 }

@@ -12,16 +12,21 @@
 //! | `Calibrate` | `Done`      | once  | stores the servos' zero offsets                                         |
 //! | `Calibration` | `Calibration` | often | the stored offsets                                                  |
 //! | `Nearest`   | `Nearest`   | often | which word brings the tool near a pose, by the frames in the table      |
+//! | `Outputs`   | `Outputs`   | often | how long outputs have been on, and how long they may be                 |
+//!
+//! `Begin`, `Chunk` and `Commit` also bring a profile; that is committed only while a person holds the board's button,
+//! and the board starts again with it.
 
 use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
 use crate::nearest::{Coordinates, Found};
-use crate::output::MAX_SERVOS;
+use crate::output::{CoilLimit, MAX_SERVOS};
+use crate::profile::ProfileError;
 use crate::sequencer::{Command, CommandError, Event, Phase, ServoSeen};
 use crate::table::TableError;
-use crate::units::{DeviceId, Micros, ModelHash, Word};
+use crate::units::{DeviceId, Digest, Micros, ModelHash, Word};
 
 /// Tag of requests.
 pub const REQUEST: u8 = 0x10;
@@ -31,6 +36,8 @@ pub const REPLY: u8 = 0x90;
 pub const CHUNK: usize = 256;
 /// Events in one answer, at most.
 pub const EVENTS: usize = 8;
+/// Outputs in one answer, at most.
+pub const OUTPUTS: usize = 12;
 
 /// What a host asks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -66,6 +73,11 @@ pub enum Request<'a> {
     Calibration,
     /// Find a word that brings the tool near this pose in the base.
     Nearest(Coordinates),
+    /// How long have the outputs been on, from this number on?
+    Outputs {
+        /// Number of the first output wanted.
+        from: u8,
+    },
 }
 
 impl Request<'_> {
@@ -75,24 +87,67 @@ impl Request<'_> {
     }
 }
 
-/// Which table image an upload carries: the list of [`crate::table::Record`]s, one postcard after the other.
+/// What an upload carries.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ImageKind {
+    /// A list of [`crate::table::Record`]s.
+    #[default]
+    Table,
+    /// A list of [`crate::profile::ProfileRecord`]s.
+    Profile,
+}
+
+/// Which image an upload carries: a list of records, one postcard after the other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Image {
+    /// What it is.
+    pub kind: ImageKind,
     /// Its length in bytes.
     pub len: u32,
-    /// Its CRC-32, as of frames.
-    pub crc: u32,
-    /// The model that it was made for.
+    /// Its SHA-256.
+    pub digest: Digest,
+    /// The model that it was made for; 0 for a profile.
     pub model: ModelHash,
 }
 
-/// Zero offsets of the servos, measured once and kept on the board: joint angle = servo angle − offset.
+/// Zero offsets of the servos, measured once and kept on the board: joint angle = shaft angle − offset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "[f32; MAX_SERVOS]", into = "[f32; MAX_SERVOS]")]
 pub struct Calibration {
-    /// The model that they were measured with.
-    pub model: ModelHash,
-    /// Offset of each servo joint, in radians.
-    pub offsets_rad: [f32; MAX_SERVOS],
+    offsets_rad: [f32; MAX_SERVOS],
+}
+
+/// An offset is not a number within half a turn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OffsetError;
+
+impl fmt::Display for OffsetError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the zero offset of a servo must be within 180 deg")
+    }
+}
+
+impl core::error::Error for OffsetError {}
+
+impl TryFrom<[f32; MAX_SERVOS]> for Calibration {
+    type Error = OffsetError;
+    fn try_from(offsets_rad: [f32; MAX_SERVOS]) -> Result<Self, OffsetError> {
+        let sound = offsets_rad.iter().all(|offset| offset.abs() <= core::f32::consts::PI);
+        if sound { Ok(Self { offsets_rad }) } else { Err(OffsetError) }
+    }
+}
+
+impl From<Calibration> for [f32; MAX_SERVOS] {
+    fn from(calibration: Calibration) -> Self {
+        calibration.offsets_rad
+    }
+}
+
+impl Calibration {
+    /// Offset of each servo joint, in radians, at most half a turn.
+    pub const fn offsets_rad(&self) -> [f32; MAX_SERVOS] {
+        self.offsets_rad
+    }
 }
 
 /// What the board answers: its own time, and the answer or why it refuses.
@@ -130,6 +185,21 @@ pub enum Answer {
     Calibration(Option<Calibration>),
     /// To `Nearest`: near, not proven to be the nearest.
     Nearest(Found<f32>),
+    /// To `Outputs`: up to [`OUTPUTS`] outputs of the profile, by number; none after the last.
+    Outputs(heapless::Vec<OutputState, OUTPUTS>),
+}
+
+/// How long an output has been on, and how long it may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct OutputState {
+    /// Its number.
+    pub output: u8,
+    /// The profile's limit.
+    pub limit: CoilLimit,
+    /// How long it may still be on in the present window.
+    pub left_ms: u32,
+    /// After so long without current all of its window is free.
+    pub recovery_ms: u32,
 }
 
 /// Who answers, and what it holds.
@@ -141,6 +211,10 @@ pub struct Hello {
     pub device: DeviceId,
     /// The model of the loaded table.
     pub model: Option<ModelHash>,
+    /// Digest of the loaded table.
+    pub table: Option<Digest>,
+    /// Digest of the profile in force; zeros for the one that is built in.
+    pub profile: Digest,
     /// How often the board has started.
     pub boots: u32,
     /// Number that the next event will have.
@@ -160,7 +234,7 @@ pub struct Status {
     pub model: Option<ModelHash>,
     /// Limit switches as seen.
     pub switches: u32,
-    /// Servos as seen, as many as are wired.
+    /// Servos as seen, with joint angles, as many as the table has.
     pub servos: heapless::Vec<ServoSeen, MAX_SERVOS>,
     /// Frames that could not be read since the start.
     pub bad_frames: u32,
@@ -204,8 +278,10 @@ pub enum Refusal {
     Table(TableError),
     /// The command cannot be done.
     Command(CommandError),
-    /// The calibration is not for the loaded model.
-    OtherModel,
+    /// A profile is written only while a person holds the board's user button.
+    NobodyPresent,
+    /// The profile cannot be run safely.
+    Profile(ProfileError),
     /// The flash could not be written.
     Storage,
     /// The loaded table has no frames of modules.
@@ -228,7 +304,8 @@ impl fmt::Display for Refusal {
             Self::Damaged => f.write_str("the bytes that arrived are not the table; upload it again"),
             Self::Table(error) => error.fmt(f),
             Self::Command(error) => error.fmt(f),
-            Self::OtherModel => f.write_str("the calibration is for another model than the loaded table"),
+            Self::NobodyPresent => f.write_str("hold the user button of the board while the profile is written"),
+            Self::Profile(error) => error.fmt(f),
             Self::Storage => f.write_str("the flash could not be written; the old table is still there"),
             Self::NoFrames => {
                 f.write_str("the table has no frames of modules; make it with darm table --nearest, upload it")
@@ -253,7 +330,7 @@ mod tests {
         assert_eq!(first(Request::Calibrate(Calibration::default())), Ok(7));
         let mut bytes = [0; 64];
         let refused = Reply { at: Micros(0), result: Err(Refusal::Storage) };
-        assert_eq!(postcard::to_slice(&refused, &mut bytes).unwrap(), [0, 1, 10]);
+        assert_eq!(postcard::to_slice(&refused, &mut bytes).unwrap(), [0, 1, 11]);
     }
 
     #[test]

@@ -32,4 +32,4 @@ pub mod frame;
 pub mod message;
 
 /// Version of the messages under tag 10. A host of another version can still use the bootstrap set.
-pub const PROTOCOL: u16 = 1;
+pub const PROTOCOL: u16 = 2;

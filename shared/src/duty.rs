@@ -1,0 +1,286 @@
+//! How long current has flowed through each output: the memory that limits of on-time and duty need.
+//!
+//! # Model
+//!
+//! The on-time of an output over a sliding window W is the sum of 16 closed buckets of W/16 and of the bucket that is
+//! being filled. A closed bucket keeps its on-time in 1/255 of a bucket, rounded up. So the meter never counts too
+//! little, and too much by at most one bucket and 1/255 of the window.
+//!
+//! One [`DutyMeter`] belongs to one output of the board, whatever table drives it. The board keeps its meters in memory
+//! that survives a reset; each has its own checksum, and one that is not valid counts as [exhausted](DutyMeter::exhaust).
+
+use serde::{Deserialize, Serialize};
+
+use crate::output::{CoilLimit, MAX_COILS};
+use crate::units::Micros;
+
+/// Which limit an output would exceed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Breach {
+    /// On for longer than `max_on_ms` without a pause.
+    OnTooLong,
+    /// On for more than its share of the window.
+    Duty,
+}
+
+/// On-time of one output over a sliding window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C)]
+pub struct DutyMeter {
+    /// On-time of each closed bucket, in 1/255 of a bucket.
+    closed: [u8; Self::BUCKETS],
+    /// Sum of the closed buckets.
+    closed_sum: u16,
+    /// The oldest closed bucket: the next to be replaced.
+    oldest: u8,
+    unused: u8,
+    /// Time in the bucket that is being filled.
+    filled_us: u32,
+    /// On-time in it.
+    filled_on_us: u32,
+    /// On-time since the last pause.
+    on_us: u32,
+    check: u32,
+}
+
+impl DutyMeter {
+    const BUCKETS: usize = 16;
+    /// On-time of a closed bucket that was on throughout.
+    const FULL: u8 = 255;
+
+    /// Lets `span` pass with the output on or off, and reports the first limit that was exceeded.
+    pub fn pass(&mut self, span: Micros, on: bool, limit: &CoilLimit) -> Result<(), Breach> {
+        self.advance(span, on, bucket_us(limit));
+        self.on_us = if on { self.on_us.saturating_add(clamp(span)) } else { 0 };
+        self.check = self.sum();
+        if !on {
+            return Ok(());
+        }
+        if self.on_us > limit.max_on_ms.saturating_mul(1000) {
+            return Err(Breach::OnTooLong);
+        }
+        if limit.duty_percent < 100 && self.used_us(limit) > allowed_us(limit) { Err(Breach::Duty) } else { Ok(()) }
+    }
+
+    /// On-time that is left in the present window, in microseconds.
+    pub fn left_us(&self, limit: &CoilLimit) -> u32 {
+        if limit.duty_percent < 100 { allowed_us(limit).saturating_sub(self.used_us(limit)) } else { allowed_us(limit) }
+    }
+
+    /// Longest time off after which nothing is counted any more, in microseconds.
+    pub fn recovery_us(&self, limit: &CoilLimit) -> u32 {
+        let bucket_us = bucket_us(limit);
+        if self.filled_on_us > 0 {
+            return bucket_us.saturating_mul(Self::BUCKETS as u32 + 1).saturating_sub(self.filled_us);
+        }
+        let newest_first =
+            (1..=Self::BUCKETS).map(|age| (usize::from(self.oldest) + Self::BUCKETS - age) % Self::BUCKETS);
+        let newest_in_use =
+            newest_first.enumerate().find(|&(_, index)| self.closed.get(index).is_some_and(|on| *on > 0));
+        newest_in_use
+            .map_or(0, |(age, _)| bucket_us.saturating_mul((Self::BUCKETS - age) as u32).saturating_sub(self.filled_us))
+    }
+
+    /// Counts as if the output had just been used to its limit.
+    pub fn exhaust(&mut self, limit: &CoilLimit) {
+        *self = Self::default();
+        let full = (Self::BUCKETS * usize::from(limit.duty_percent)).div_ceil(100);
+        for on in self.closed.iter_mut().rev().take(full) {
+            *on = Self::FULL;
+            self.closed_sum = self.closed_sum.saturating_add(Self::FULL.into());
+        }
+        self.check = self.sum();
+    }
+
+    /// Whether the bytes can be a meter's: after power-up they are noise.
+    pub fn is_valid(&self) -> bool {
+        let closed_sum: u16 = self.closed.iter().map(|on| u16::from(*on)).sum();
+        self.check == self.sum() && self.closed_sum == closed_sum && usize::from(self.oldest) < Self::BUCKETS
+    }
+
+    /// On-time in the present window, never too little.
+    fn used_us(&self, limit: &CoilLimit) -> u32 {
+        let unit_us = (bucket_us(limit) / u32::from(Self::FULL)).saturating_add(1);
+        u32::from(self.closed_sum).saturating_mul(unit_us).saturating_add(self.filled_on_us)
+    }
+
+    fn advance(&mut self, span: Micros, on: bool, bucket_us: u32) {
+        if span.0 < u64::from(bucket_us.saturating_sub(self.filled_us)) {
+            self.fill(clamp(span), on);
+            return;
+        }
+        // Nothing older than one window and a bucket can matter.
+        let longest = u64::from(bucket_us).saturating_mul(Self::BUCKETS as u64 + 2);
+        let mut left_us = span.0.min(longest);
+        while left_us > 0 {
+            let step_us = left_us.min(u64::from(bucket_us.saturating_sub(self.filled_us)));
+            self.fill(step_us as u32, on);
+            left_us = left_us.saturating_sub(step_us);
+            if self.filled_us >= bucket_us {
+                self.close_bucket(bucket_us);
+            }
+        }
+    }
+
+    /// A span that ends in the present bucket.
+    fn fill(&mut self, span_us: u32, on: bool) {
+        if on {
+            self.filled_on_us = self.filled_on_us.saturating_add(span_us);
+        }
+        self.filled_us = self.filled_us.saturating_add(span_us);
+    }
+
+    fn close_bucket(&mut self, bucket_us: u32) {
+        let on = (u64::from(self.filled_on_us) * u64::from(Self::FULL)).div_ceil(u64::from(bucket_us.max(1)));
+        let on = on.min(u64::from(Self::FULL)) as u8;
+        if let Some(oldest) = self.closed.get_mut(usize::from(self.oldest)) {
+            self.closed_sum = self.closed_sum.saturating_sub(u16::from(*oldest)).saturating_add(u16::from(on));
+            *oldest = on;
+        }
+        self.oldest = if usize::from(self.oldest) + 1 < Self::BUCKETS { self.oldest + 1 } else { 0 };
+        self.filled_us = 0;
+        self.filled_on_us = 0;
+    }
+
+    /// Checksum of everything else: enough to tell a meter from noise, cheap enough for every change.
+    fn sum(&self) -> u32 {
+        let [a, b, c, d] = words(&self.closed);
+        let rest = u32::from(self.closed_sum) << 16 | u32::from(self.oldest) << 8 | u32::from(self.unused);
+        [a, b, c, d, rest, self.filled_us, self.filled_on_us, self.on_us]
+            .iter()
+            .fold(0x6461_726d, |sum: u32, word| sum.rotate_left(5).wrapping_add(*word).wrapping_mul(0x9E37_79B1))
+    }
+}
+
+fn words(bytes: &[u8; DutyMeter::BUCKETS]) -> [u32; 4] {
+    let mut words = [0; 4];
+    for (word, four) in words.iter_mut().zip(bytes.as_chunks::<4>().0) {
+        *word = u32::from_le_bytes(*four);
+    }
+    words
+}
+
+fn clamp(span: Micros) -> u32 {
+    u32::try_from(span.0).unwrap_or(u32::MAX)
+}
+
+/// Length of a bucket: at most 225 s.
+fn bucket_us(limit: &CoilLimit) -> u32 {
+    (u64::from(limit.window_ms) * 125 / 2) as u32
+}
+
+/// On-time that a window allows: at most an hour.
+fn allowed_us(limit: &CoilLimit) -> u32 {
+    (u64::from(limit.window_ms) * 10 * u64::from(limit.duty_percent)) as u32
+}
+
+/// The meters of all outputs of a board, and the profile that their windows belong to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[repr(C)]
+pub struct DutyMeters {
+    /// The meter of output `o` is number `o`.
+    pub meters: [DutyMeter; MAX_COILS],
+    /// First bytes of the digest of the profile that was in force.
+    pub profile: u64,
+}
+
+impl Default for DutyMeters {
+    fn default() -> Self {
+        Self { meters: [DutyMeter::default(); MAX_COILS], profile: 0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    extern crate std;
+
+    const LIMIT: CoilLimit = CoilLimit { max_on_ms: 100, duty_percent: 50, window_ms: 1600 };
+
+    #[test]
+    fn an_output_may_be_on_for_its_longest_time_and_no_longer() {
+        let mut meter = DutyMeter::default();
+        assert_eq!(meter.pass(Micros::from_millis(100), true, &LIMIT), Ok(()));
+        assert_eq!(meter.pass(Micros(1), true, &LIMIT), Err(Breach::OnTooLong));
+        assert_eq!(meter.pass(Micros(1), false, &LIMIT), Ok(()));
+        assert_eq!(meter.pass(Micros::from_millis(100), true, &LIMIT), Ok(()));
+    }
+
+    #[test]
+    fn duty_counts_over_a_sliding_window() {
+        let mut meter = DutyMeter::default();
+        // 60 ms on, 40 ms off is 60 % of the window: too much when the window is half full of current.
+        let breach = (0..32).find(|_| {
+            let on = meter.pass(Micros::from_millis(60), true, &LIMIT);
+            meter.pass(Micros::from_millis(40), false, &LIMIT).unwrap();
+            on == Err(Breach::Duty)
+        });
+        assert_eq!(breach, Some(13), "13 × 60 ms fill half of 1.6 s");
+        assert_eq!(meter.pass(Micros::from_millis(4000), false, &LIMIT), Ok(()));
+        assert_eq!(meter.pass(Micros::from_millis(60), true, &LIMIT), Ok(()), "the window forgets");
+    }
+
+    #[test]
+    fn one_long_span_equals_many_short_ones() {
+        let (mut long, mut short) = (DutyMeter::default(), DutyMeter::default());
+        for (millis, on) in [(37, true), (411, false), (90, true), (13, false), (5000, false), (77, true)] {
+            let _ = long.pass(Micros::from_millis(millis), on, &LIMIT);
+            (0..millis).for_each(|_| {
+                let _ = short.pass(Micros::from_millis(1), on, &LIMIT);
+            });
+        }
+        assert_eq!(long, short);
+    }
+
+    #[test]
+    fn a_meter_counts_no_less_than_an_exact_one() {
+        let mut noise = 1u32;
+        let mut meter = DutyMeter::default();
+        let mut on_ms = std::vec::Vec::new();
+        for _ in 0..400 {
+            noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let (millis, on) = (1 + (noise >> 16) % 90, noise >> 31 == 1);
+            let _ = meter.pass(Micros::from_millis(millis), on, &LIMIT);
+            on_ms.extend((0..millis).map(|_| u32::from(on)));
+            let exact_us: u32 = on_ms.iter().rev().take(1600).sum::<u32>() * 1000;
+            let counted_us = meter.used_us(&LIMIT);
+            assert!(counted_us >= exact_us, "{counted_us} < {exact_us}");
+            assert!(counted_us <= exact_us + 100_000 + 1600 * 1000 / 255 + 4080, "{counted_us} > {exact_us}");
+        }
+    }
+
+    #[test]
+    fn an_exhausted_meter_recovers_within_its_window() {
+        let mut meter = DutyMeter::default();
+        meter.exhaust(&LIMIT);
+        assert!(meter.is_valid());
+        assert_eq!(meter.left_us(&LIMIT), 0);
+        assert_eq!(meter.pass(Micros::from_millis(10), true, &LIMIT), Err(Breach::Duty));
+        meter.exhaust(&LIMIT);
+        let recovery = Micros(meter.recovery_us(&LIMIT).into());
+        assert_eq!(recovery, Micros::from_millis(1600));
+        meter.pass(recovery, false, &LIMIT).unwrap();
+        assert_eq!((meter.left_us(&LIMIT), meter.recovery_us(&LIMIT)), (800_000, 0));
+    }
+
+    #[test]
+    fn any_flipped_bit_makes_a_meter_invalid() {
+        let mut meter = DutyMeter::default();
+        let _ = meter.pass(Micros::from_millis(333), true, &LIMIT);
+        assert!(meter.is_valid() && !DutyMeter::default().is_valid(), "memory of zeros is no meter");
+        for bit in 0..32 {
+            assert!(!DutyMeter { filled_us: meter.filled_us ^ 1 << bit, ..meter }.is_valid());
+            assert!(!DutyMeter { on_us: meter.on_us ^ 1 << bit, ..meter }.is_valid());
+            assert!(!DutyMeter { check: meter.check ^ 1 << bit, ..meter }.is_valid());
+        }
+    }
+
+    #[test]
+    fn the_longest_window_fits_the_counters() {
+        let limit = CoilLimit { max_on_ms: 3_600_000, duty_percent: 99, window_ms: CoilLimit::MAX_WINDOW_MS };
+        let mut meter = DutyMeter::default();
+        let hour = Micros::from_millis(3_600_000);
+        assert_eq!(meter.pass(Micros(hour.0 * 98 / 100), true, &limit), Ok(()));
+        assert_eq!(meter.pass(Micros(hour.0 / 50), true, &limit), Err(Breach::Duty));
+    }
+}
