@@ -2,6 +2,7 @@
 
 use darm_core::effect::Effect;
 use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
+use darm_core::effect::drift::Drift;
 
 use super::candidate::{along_name, place_name};
 use super::outcome::{Diagnosis, Verdict};
@@ -118,16 +119,7 @@ pub fn effect_sentence(arm: &Arm, effect: &Effect<f64>) -> String {
             let (way, since_s) = (longer(law.shift_m), law.since_s);
             format!("{place}: since {since_s:.1} s after the start it is {:.2} mm {way}.", law.shift_m.abs() * 1e3)
         }
-        Effect::Drift(law) => {
-            let [rate, change] = [law.values[0] * 6e4, law.values[1] * 3.6e6];
-            let then = if rate * change < 0.0 { "less" } else { "more" };
-            format!(
-                "{place}: it creeps {:.2} mm {} in the first minute, and {:.2} mm {then} in each minute after.",
-                (rate + 0.5 * change).abs(),
-                longer(rate + 0.5 * change),
-                change.abs()
-            )
-        }
+        Effect::Drift(law) => drift_sentence(&place, law),
         Effect::Wear(law) => {
             let way = if law.per_switch_m > 0.0 { "farther" } else { "less far" };
             format!("{place}: its stops let it {:.2} mm {way} for each 100 switches.", law.per_switch_m.abs() * 1e5)
@@ -151,6 +143,17 @@ pub fn effect_sentence(arm: &Arm, effect: &Effect<f64>) -> String {
             format!("{place}: its joint stands {:+.3}° from where the servo tells.", law.offset_rad.to_degrees())
         }
     }
+}
+
+fn drift_sentence(place: &str, law: &Drift<f64>) -> String {
+    let [rate, change] = [law.values[0] * 6e4, law.values[1] * 3.6e6];
+    let then = if rate * change < 0.0 { "less" } else { "more" };
+    format!(
+        "{place}: it creeps {:.2} mm {} in the first minute, and {:.2} mm {then} in each minute after.",
+        (rate + 0.5 * change).abs(),
+        longer(rate + 0.5 * change),
+        change.abs()
+    )
 }
 
 fn anchor_sentence(place: &str, law: &AnchorOffset<f64>, is_planar: bool) -> String {

@@ -98,6 +98,16 @@ impl Robot {
         ends.min_by_key(|frame| std::cmp::Reverse(self.path(frame).len()))
     }
 
+    /// The frame of this name, or [`Robot::tool`] without one.
+    pub fn frame_or_tool(&self, name: Option<&str>) -> Option<&RobotFrame> {
+        name.map_or_else(|| self.tool(), |name| self.frame(name))
+    }
+
+    /// The names of all frames, with commas between them.
+    pub fn frame_names(&self) -> String {
+        self.frames.iter().map(|frame| frame.name.as_str()).collect::<Vec<_>>().join(", ")
+    }
+
     /// The joints between the base and a frame, the innermost first.
     pub fn path(&self, frame: &RobotFrame) -> Vec<usize> {
         let parent = |joint: &usize| self.joints.get(*joint).and_then(|joint| joint.joint.parent);

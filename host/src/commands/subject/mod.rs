@@ -232,11 +232,8 @@ impl Subject {
 
 /// The frame of this name, or the one that most likely is the tool.
 pub(crate) fn frame_of<'a>(robot: &'a Robot, name: Option<&str>) -> Result<&'a RobotFrame, Usage> {
-    let frame = name.map_or_else(|| robot.tool(), |name| robot.frame(name));
-    frame.ok_or_else(|| {
-        let names: Vec<_> = robot.frames.iter().map(|frame| frame.name.as_str()).collect();
-        Usage(format!("there is no frame `{}`; there are {}", name.unwrap_or("tool"), names.join(", ")))
-    })
+    let none = || Usage(format!("there is no frame `{}`; there are {}", name.unwrap_or("tool"), robot.frame_names()));
+    robot.frame_or_tool(name).ok_or_else(none)
 }
 
 fn arm_kinematics(arm: &Arm, posture: &Posture) -> anyhow::Result<Kinematics> {

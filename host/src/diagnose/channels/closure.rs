@@ -23,7 +23,7 @@ use darm_core::se::{Pose, rotation_exp};
 
 use super::experiment::{Axis, Candidate, Experiment, Relinearise, Value};
 use super::prepared::{PrepareError, Prepared};
-use crate::measurement::Finding;
+use crate::measurement::{Finding, root_mean_square};
 use crate::robot::Robot;
 
 /// How far each kind of value may be off before anything is measured.
@@ -70,13 +70,10 @@ struct Closure {
     reach_m: Option<f64>,
 }
 
-pub(super) fn experiment(data: &Prepared, robot: &Robot, points: &Points) -> Result<Experiment, PrepareError> {
-    let tool = match &points.tool {
-        Some(name) => robot.frame(name),
-        None => robot.tool(),
-    };
+/// `data` is told what lengths and compliances rest on.
+pub(super) fn experiment(data: &mut Prepared, robot: &Robot, points: &Points) -> Result<Experiment, PrepareError> {
     let none = || PrepareError::Nothing("the robot has no frame that touches: name it as tool in the model".into());
-    let tool = tool.ok_or_else(none)?;
+    let tool = robot.frame_or_tool(points.tool.as_deref()).ok_or_else(none)?;
     let path = robot.path(tool);
     let slides = path.iter().find(|&&joint| robot.joints[joint].joint.axis.kind == JointKind::Prismatic);
     if let Some(&joint) = slides {
@@ -102,9 +99,10 @@ pub(super) fn experiment(data: &Prepared, robot: &Robot, points: &Points) -> Res
     let zero = vec![0.0; closure.path.len() * PER_JOINT + 3];
     closure.load(&zero);
     if points.pair.is_none() {
-        let reach = closure.reach(&closure.stands(&zero));
+        let reach = reach(&closure.arms(&closure.stands(&zero)));
         closure.reach_m = Some(reach).filter(|reach| *reach > 0.0);
     }
+    data.findings.extend(closure.findings());
     let (residuals, columns) = closure.at(&zero);
     let candidates = candidates(&closure, columns);
     let mut axes: Vec<Axis> = ["x", "y", "z"].map(|name| Axis::new(name, "m")).into();
@@ -125,16 +123,6 @@ pub(super) fn experiment(data: &Prepared, robot: &Robot, points: &Points) -> Res
         masses: Vec::new(),
         relinearise: Some(relinearise),
     })
-}
-
-/// What the owner of the model should know.
-pub(super) fn findings(robot: &Robot, points: &Points) -> Vec<Finding> {
-    let no_distance =
-        "no two points have a known distance (pair, distance_mm in the model): the scale of the arm is taken from it";
-    let no_masses = "the robot has no masses: its compliance is told as if it had 1 kg at each joint and at the tool";
-    let is_light = robot.joints.iter().all(|joint| joint.joint.inertia.mass == 0.0);
-    let told = [(points.pair.is_none(), no_distance), (is_light, no_masses)].into_iter().filter(|(holds, _)| *holds);
-    told.map(|(_, what)| Finding { line: None, what: what.into() }).collect()
 }
 
 /// The point of each row, how many there are, and which are pairs.
@@ -195,6 +183,11 @@ fn across(axis: &Vec3<f64>) -> [Vec3<f64>; 2] {
     [first, axis.cross(&first)]
 }
 
+/// The length of the arm, root mean square over all postures, m.
+fn reach(arms: &[Vec3<f64>]) -> f64 {
+    root_mean_square(&arms.iter().map(Vec3::norm).collect::<Vec<f64>>())
+}
+
 /// The frames along the arm in one posture: before each joint turns, and the tool.
 struct Stand {
     before: Vec<Pose<f64>>,
@@ -249,10 +242,25 @@ impl Closure {
         }
     }
 
+    /// What the owner of the model should know.
+    fn findings(&self) -> Vec<Finding> {
+        let no_distance = "no two points have a known distance (pair, distance_mm in the model): \
+                           the scale of the arm is taken from it";
+        let no_masses =
+            "the robot has no masses: its compliance is told as if it had 1 kg at each joint and at the tool";
+        let all = [(self.distance_m == 0.0, no_distance), (self.is_without_masses(), no_masses)];
+        let told = all.into_iter().filter(|(holds, _)| *holds);
+        told.map(|(_, what)| Finding { line: None, what: what.into() }).collect()
+    }
+
+    fn is_without_masses(&self) -> bool {
+        self.path.iter().all(|&joint| self.robot.joints[joint].joint.inertia.mass == 0.0)
+    }
+
     /// The links up to the tool; of a robot that tells no masses 1 kg at each joint after the first and at the tool.
     fn masses(&self, posture: &Posture, stand: &Stand) -> Vec<PointMass> {
         let inertia = |k: usize| self.robot.joints[self.path[k]].joint.inertia;
-        if (0..self.path.len()).all(|k| inertia(k).mass == 0.0) {
+        if self.is_without_masses() {
             let places = stand.before[1..].iter().map(|pose| pose.position).chain([stand.tool.position]);
             return places.enumerate().map(|(on, place)| PointMass { on, place, kg: 1.0 }).collect();
         }
@@ -289,18 +297,15 @@ impl Closure {
         self.postures.iter().map(|posture| self.stand(posture, values)).collect()
     }
 
-    /// From the axis of the first joint to the tool, square to it.
-    fn arm(&self, stand: &Stand) -> Vec3<f64> {
-        let first = &stand.before[0];
-        let axis = first.rotation * self.robot.joints[self.path[0]].joint.axis.direction;
-        let from_origin = stand.tool.position - first.position;
-        from_origin - axis * axis.dot(&from_origin)
-    }
-
-    /// The length of [`Closure::arm`], root mean square over all postures, m.
-    fn reach(&self, stands: &[Stand]) -> f64 {
-        let squares: f64 = stands.iter().map(|stand| self.arm(stand).norm_squared()).sum();
-        (squares / stands.len() as f64).sqrt()
+    /// From the axis of the first joint to the tool, square to it, in each posture.
+    fn arms(&self, stands: &[Stand]) -> Vec<Vec3<f64>> {
+        let arm = |stand: &Stand| {
+            let first = &stand.before[0];
+            let axis = first.rotation * self.robot.joints[self.path[0]].joint.axis.direction;
+            let from_origin = stand.tool.position - first.position;
+            from_origin - axis * axis.dot(&from_origin)
+        };
+        stands.iter().map(arm).collect()
     }
 
     /// Residuals and columns at these values.
@@ -308,7 +313,8 @@ impl Closure {
         let stands = self.stands(values);
         let places: Vec<Vec3<f64>> = stands.iter().map(|stand| stand.tool.position).collect();
         let means = self.means(&places);
-        let reach = self.reach(&stands);
+        let arms = self.arms(&stands);
+        let reach = reach(&arms);
         let size = self.reach_m.map_or(1.0, |reach_m| reach / reach_m);
         let apart = |(a, b): &Pair| means[*b] - means[*a];
         let distance = |pair: &Pair| apart(pair).norm() - self.distance_m;
@@ -324,14 +330,15 @@ impl Closure {
             });
             // What moves the first joint itself takes the whole arm along.
             if let Some(reach_m) = self.reach_m.filter(|_| k >= PER_JOINT) {
-                let outward: f64 = stands.iter().zip(&moved).map(|(stand, moved)| self.arm(stand).dot(moved)).sum();
-                let growth = outward / (stands.len() as f64 * reach * reach_m);
+                let outward: f64 = arms.iter().zip(&moved).map(|(arm, moved)| arm.dot(moved)).sum();
+                let growth = outward / (arms.len() as f64 * reach * reach_m);
                 column.iter_mut().zip(&residuals).for_each(|(slope, residual)| *slope -= residual * growth);
             }
             column.iter_mut().for_each(|slope| *slope /= size);
             column
         };
-        (residuals.clone(), (0..values.len()).map(column).collect())
+        let columns = (0..values.len()).map(column).collect();
+        (residuals, columns)
     }
 
     fn means(&self, places: &[Vec3<f64>]) -> Vec<Vec3<f64>> {

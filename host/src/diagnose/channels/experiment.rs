@@ -96,6 +96,11 @@ impl Axis {
     pub fn new(name: impl Into<String>, unit: &'static str) -> Self {
         Self { name: name.into(), unit, noise_if_repeated: None }
     }
+
+    /// Whether its rows prove something: each is one of its own.
+    pub fn proves(&self) -> bool {
+        self.noise_if_repeated.is_none()
+    }
 }
 
 impl Candidate {

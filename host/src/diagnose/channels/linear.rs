@@ -411,7 +411,7 @@ impl Kind for Channels {
         let n_axes = self.sigma.len();
         let mut cells = vec![[0.0; 2]; self.groups.n_blocks * n_axes];
         let pairs = losses(&before.predicted, 1).into_iter().zip(losses(&after.predicted, 1));
-        let is_own = |(k, _): &(usize, _)| self.experiment.axes[k % n_axes].noise_if_repeated.is_none();
+        let is_own = |(k, _): &(usize, _)| self.experiment.axes[k % n_axes].proves();
         for (k, (before, after)) in pairs.enumerate().filter(is_own) {
             let cell = &mut cells[self.groups.blocks[k / n_axes] * n_axes + k % n_axes];
             cell[0] += before;

@@ -146,8 +146,8 @@ struct Ended {
 }
 
 fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) -> Result<Ended, ChannelError> {
-    let data = Prepared::new(table.clone(), &options.preparation, each)?;
-    let mut experiment = experiment(model, &data)?;
+    let mut data = Prepared::new(table.clone(), &options.preparation, each)?;
+    let mut experiment = experiment(model, &mut data)?;
     check(&experiment)?;
     // A column that overflows tells nothing.
     let values = experiment.candidates.iter_mut().flat_map(|candidate| &mut candidate.values);
@@ -170,11 +170,7 @@ fn found(model: &Model, table: &Table, options: &Options, each: Option<&str>) ->
     let Ok(best) = search.kind.settled(best);
     let Ok(settled) = search.kind.settled(simplified::simplified(&search.kind, best, n_known));
     let best = physical::physical(&search.kind, settled);
-    let mut findings = data.findings;
-    if let What::Closure(robot, points) = &model.what {
-        findings.extend(closure::findings(robot, points));
-    }
-    Ok(Ended { search, best, n_known, held_out: data.held_out, findings })
+    Ok(Ended { search, best, n_known, held_out: data.held_out, findings: data.findings })
 }
 
 /// Where all values have priors: every law at every place, unless a few effects predict unseen rows as well.
@@ -203,7 +199,7 @@ fn chosen(search: &mut Search<Channels>, start: &Trial<Channels>) -> Trial<Chann
     grown
 }
 
-fn experiment(model: &Model, data: &Prepared) -> Result<Experiment, ChannelError> {
+fn experiment(model: &Model, data: &mut Prepared) -> Result<Experiment, ChannelError> {
     let known = &model.effects;
     let mut experiment = match &model.what {
         What::Cylinder { bore_m } => force::experiment(data, *bore_m, known)?,

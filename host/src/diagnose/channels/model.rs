@@ -184,8 +184,7 @@ fn points(
         return Err(format!("pair = {column:?} must be one of the columns of point"));
     }
     if let Some(name) = tool.as_ref().filter(|name| robot.frame(name).is_none()) {
-        let frames: Vec<&str> = robot.frames.iter().map(|frame| frame.name.as_str()).collect();
-        return Err(format!("the robot has no frame {name}; it has {}", frames.join(", ")));
+        return Err(format!("the robot has no frame {name}; it has {}", robot.frame_names()));
     }
     Ok(Points { point, pair, tool })
 }

@@ -146,9 +146,9 @@ pub(super) fn memory(kind: &Channels, best: &Trial<Channels>) -> Vec<Told> {
     own_axes(&kind.experiment).filter_map(told).collect()
 }
 
-/// The axes whose rows are each one of its own, with their numbers.
+/// The axes that prove something, with their numbers.
 fn own_axes(experiment: &Experiment) -> impl Iterator<Item = (usize, &Axis)> {
-    experiment.axes.iter().enumerate().filter(|(_, axis)| axis.noise_if_repeated.is_none())
+    experiment.axes.iter().enumerate().filter(|(_, axis)| axis.proves())
 }
 
 fn dictionary(experiment: &Experiment) -> Vec<Term> {

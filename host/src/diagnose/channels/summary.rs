@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 use nalgebra::DMatrix;
 
-use super::experiment::Experiment;
+use super::experiment::{Candidate, Experiment, Value};
 use super::factored::Factored;
 use super::known::{self, Known};
 use super::linear::Channels;
@@ -164,11 +164,7 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
     let model = Factored::new(kind, best.fit.active.clone());
     let (mut found, mut unobservable, mut next): (Vec<Found>, _, _) = (Vec::new(), Vec::new(), 0);
     let forms = simplified::forms(kind, best, ended.n_known);
-    let named = match kind.experiment.is_held_by_priors() {
-        true => [vec![true; ended.n_known], discoveries(&chances(ended, &deviations)[ended.n_known..], FALSE_SHARE)]
-            .concat(),
-        false => vec![true; best.fit.active.len()],
-    };
+    let named = named(ended, &deviations);
     for (order, &candidate) in best.fit.active.iter().enumerate() {
         let law = &kind.experiment.candidates[candidate];
         let shape = law.shape.iter().map(|(name, value, unit)| Parameter {
@@ -183,13 +179,10 @@ fn effects(ended: &Ended) -> (Vec<Found>, Vec<String>) {
             let (index, deviation) = (indices[next], deviations[next]);
             let own = 1.0 / (information[(next, next)] * inverse[(next, next)]).max(f64::MIN_POSITIVE);
             next += 1;
-            let told = if value.prior.is_finite() {
-                inverse[(next - 1, next - 1)].sqrt() < NOT_TOLD * value.prior
-            } else {
-                own > OWN_SHARE
-            };
+            let told =
+                if value.prior.is_finite() { narrows(value, inverse[(next - 1, next - 1)]) } else { own > OWN_SHARE };
             if !told || !best.fit.values[index].is_finite() {
-                unobservable.push(format!("{} of {} at {}", value.name, law.law, law.place));
+                unobservable.push(value_name(value, law));
                 continue;
             }
             let (at, half) = (best.fit.values[index], wide * deviation);
@@ -219,16 +212,33 @@ fn untold_beside(kind: &Channels, active: &[usize]) -> Vec<String> {
         let inverse = pseudo_inverse(&kind.information(&indices));
         let first = indices.len() - candidates[k].values.len();
         let values = candidates[k].values.iter().enumerate();
-        let untold = values.filter(move |(n, value)| inverse[(first + n, first + n)].sqrt() >= NOT_TOLD * value.prior);
-        untold.map(move |(_, value)| format!("{} of {} at {}", value.name, candidates[k].law, candidates[k].place))
+        let untold = values.filter(move |(n, value)| !narrows(value, inverse[(first + n, first + n)]));
+        untold.map(move |(_, value)| value_name(value, &candidates[k]))
     };
     (0..candidates.len()).filter(|k| !active.contains(k)).flat_map(untold).collect()
 }
 
+/// Whether the rows leave a value with a prior a variance that tells it.
+fn narrows(value: &Value, variance: f64) -> bool {
+    variance.sqrt() < NOT_TOLD * value.prior
+}
+
+fn value_name(value: &Value, of: &Candidate) -> String {
+    format!("{} of {} at {}", value.name, of.law, of.place)
+}
+
+/// Which effects are named: all of a model that was chosen effect by effect; of one that priors hold those that differ from
+/// nothing, the others are kept small.
+fn named(ended: &Ended, deviations: &[f64]) -> Vec<bool> {
+    let mut named = vec![true; ended.best.fit.active.len()];
+    if ended.search.kind.experiment.is_held_by_priors() {
+        let chances = &chances(ended, deviations)[ended.n_known..];
+        named.splice(ended.n_known.., discoveries(chances, FALSE_SHARE));
+    }
+    named
+}
+
 /// The chance of each effect of the model to be nothing, by its values.
-///
-/// Effects of a whole model are named by it, the others are kept small by their priors and not named; one that was chosen
-/// effect by effect names them all.
 fn chances(ended: &Ended, deviations: &[f64]) -> Vec<f64> {
     let (kind, fit) = (&ended.search.kind, &ended.best.fit);
     let mut deviations = deviations.iter();
