@@ -1,65 +1,239 @@
 //! The console task: bytes in, answers out, events kept. The same code runs on the chip and in a process on the PC.
 //!
+//! ```text
+//!   port ──bytes──► scan ──bytes──► inbox ──► work ──► answers
+//!                    │ a stop: counted at once, and what waits before it is dropped
+//!                    └──► control tick
+//! ```
+//!
+//! Two futures share the console. `scan` only receives: it knows a typed `stop` and the stop frame of the bootstrap set
+//! whatever `work` is doing, and the control tick obeys within a millisecond. `work` does one thing after the other; while
+//! one lasts a stop is answered at once, and what a typed command still has to print is dropped.
+//!
 //! A board in a process is built from the same parts as the image: a [`Shared`](crate::control::Shared), a
 //! [`Control`](crate::control::Control) that is ticked once a millisecond, [`serve`] on two byte pipes, and
 //! [`crate::servo::Bus`] on two more. All futures are polled by hand while a [`Clock`] is moved.
-use darm_core::wire::bootstrap;
-use embassy_futures::select::{Either3, select3};
-use embedded_io_async::{Read, Write};
+use core::cell::Cell;
+use core::future::Future;
+use core::pin::pin;
+
+use darm_core::wire::bootstrap::{self, ANSWER};
+use darm_core::wire::frame::{self, Header};
+use embassy_futures::join::join;
+use embassy_futures::select::{Either, Either4, select, select4};
+use embassy_futures::yield_now;
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::mutex::Mutex;
+use embassy_sync::signal::Signal;
+use embedded_io_async::{ErrorType, Read, Write};
 use embedded_storage_async::nor_flash::NorFlash;
 
 use crate::clock::Clock;
-use crate::dispatch::Desk;
-use crate::port::{Item, Port};
+use crate::control::Shared;
+use crate::dispatch::{Desk, Frame, encode};
+use crate::pipe::Pipe;
+use crate::port::{Item, Port, STOP_BYTES};
+
+/// Bytes that wait for `work`: three chunks of an upload.
+const INBOX: usize = 1152;
+
+/// What has been received and not yet looked at.
+struct Inbox {
+    bytes: Pipe<INBOX>,
+    stop: Signal<NoopRawMutex, Stop>,
+}
+
+/// A stop, in the language in which it came.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Stop {
+    Typed,
+    Framed(Header),
+}
 
 /// Serves the console until somebody asks for a restart; what the board is to start into.
-pub async fn serve<F: NorFlash, C: Clock>(
+pub async fn serve<F: NorFlash, C: Clock + Copy>(
     desk: &mut Desk<'_, '_, F, C>,
     reader: &mut impl Read,
     writer: &mut impl Write,
 ) -> bootstrap::Into {
-    let mut port = Port::default();
+    let inbox = Inbox { bytes: Pipe::new(), stop: Signal::new() };
+    let (shared, clock) = (desk.shared, desk.clock);
+    match select(scan(&inbox, shared, clock, reader), work(&inbox, desk, writer)).await {
+        Either::First(never) => never,
+        Either::Second(into) => into,
+    }
+}
+
+/// Receives. What does not fit the inbox is lost, and its sender asks again; a stop never is.
+async fn scan(inbox: &Inbox, shared: &Shared<'_>, clock: impl Clock, reader: &mut impl Read) -> ! {
+    let mut port = Port::<STOP_BYTES>::default();
     let mut bytes = [0; 64];
     loop {
-        // All futures may be dropped half-way: none takes anything before it is ready.
-        let shared = desk.shared;
-        let received = match select3(reader.read(&mut bytes), shared.events.next(), desk.seek()).await {
-            Either3::First(Ok(n)) => bytes.get(..n).unwrap_or_default(),
-            Either3::First(Err(_)) => &[],
-            Either3::Second(event) => {
-                desk.note(event);
-                &[]
+        let n = reader.read(&mut bytes).await.unwrap_or(0);
+        for &byte in bytes.iter().take(n) {
+            match port.push(byte, clock.now()).and_then(stop) {
+                Some(stop) => {
+                    shared.stop();
+                    while inbox.bytes.pop().is_some() {}
+                    inbox.stop.signal(stop);
+                }
+                None => {
+                    inbox.bytes.push_slice(&[byte]);
+                }
             }
-            Either3::Third(answer) => {
-                let _ = writer.write_all(&answer).await;
-                &[]
-            }
-        };
-        for &byte in received {
-            let now = desk.clock.now();
-            if let Some(item) = port.push(byte, now) {
-                take(desk, item, writer).await;
-            }
-            if let Some(into) = desk.reboot.take() {
-                // Whether the answer leaves or not, the board starts anew.
-                let _ = writer.flush().await;
-                return into;
-            }
+        }
+        if n == 0 {
+            yield_now().await;
         }
     }
 }
 
-/// A writer that fails has nobody behind it: there is nobody to tell.
-async fn take<F: NorFlash, C: Clock>(desk: &mut Desk<'_, '_, F, C>, item: Item<'_>, writer: &mut impl Write) {
+/// The stop that an item is, if it is one.
+fn stop(item: Item<'_>) -> Option<Stop> {
+    match item {
+        Item::Line(line) => line.eq_ignore_ascii_case("stop").then_some(Stop::Typed),
+        Item::Frame(encoded) => {
+            let (header, payload) = frame::decode(encoded).ok()?;
+            let request = bootstrap::Request::decode(header.tag, payload)?;
+            (request == bootstrap::Request::Stop).then_some(Stop::Framed(header))
+        }
+        Item::Dropped => None,
+    }
+}
+
+/// Does what comes, one thing after the other.
+async fn work<F: NorFlash, C: Clock>(
+    inbox: &Inbox,
+    desk: &mut Desk<'_, '_, F, C>,
+    writer: &mut impl Write,
+) -> bootstrap::Into {
+    let out = Out { writer: Mutex::new(writer), is_cut: Cell::new(false), cut: Signal::new() };
+    let mut port: Port = Port::default();
+    let mut bytes = [0; 64];
+    loop {
+        // All futures may be dropped half-way: none takes anything before it is ready.
+        let shared = desk.shared;
+        match select4(inbox.stop.wait(), inbox.bytes.read(&mut bytes), shared.events.next(), desk.seek()).await {
+            Either4::First(stop) => {
+                port = Port::default();
+                out.confirm(stop, shared).await;
+            }
+            Either4::Second(n) => {
+                for &byte in bytes.iter().take(n) {
+                    // What was received before a stop is not done after it.
+                    if inbox.stop.signaled() {
+                        break;
+                    }
+                    let Some(item) = port.push(byte, desk.clock.now()) else { continue };
+                    if take(inbox, desk, item, &out).await {
+                        port = Port::default();
+                        break;
+                    }
+                    if let Some(into) = desk.reboot.take() {
+                        // Whether the answer leaves or not, the board restarts.
+                        let _ = out.writer.lock().await.flush().await;
+                        return into;
+                    }
+                }
+            }
+            Either4::Third(event) => desk.note(event),
+            Either4::Fourth(answer) => out.send(&answer).await,
+        }
+    }
+}
+
+/// Does one thing; true when a stop came meanwhile, which drops what was received before it.
+async fn take<F: NorFlash, C: Clock, W: Write>(
+    inbox: &Inbox,
+    desk: &mut Desk<'_, '_, F, C>,
+    item: Item<'_>,
+    out: &Out<'_, W>,
+) -> bool {
+    let shared = desk.shared;
     match item {
         Item::Frame(encoded) => {
-            if let Some(answer) = desk.answer(encoded).await {
-                let _ = writer.write_all(&answer).await;
+            let (answer, stopped) = watch(inbox, shared, out, desk.answer(encoded)).await;
+            if let Some(answer) = answer {
+                out.send(&answer).await;
+            }
+            stopped
+        }
+        Item::Line(line) => watch(inbox, shared, out, desk.obey(line, &mut &*out)).await.1,
+        Item::Dropped => {
+            desk.note_bad();
+            false
+        }
+    }
+}
+
+/// Waits for the end of a piece of work, and meanwhile answers a stop; whether one came.
+async fn watch<T, W: Write>(
+    inbox: &Inbox,
+    shared: &Shared<'_>,
+    out: &Out<'_, W>,
+    work: impl Future<Output = T>,
+) -> (T, bool) {
+    let mut work = pin!(work);
+    match select(&mut work, inbox.stop.wait()).await {
+        Either::First(done) => (done, false),
+        Either::Second(stop) => {
+            out.is_cut.set(true);
+            out.cut.signal(());
+            let (done, ()) = join(work, out.confirm(stop, shared)).await;
+            out.is_cut.set(false);
+            out.cut.reset();
+            (done, true)
+        }
+    }
+}
+
+/// The way out, which a stop takes from the work that prints.
+struct Out<'w, W> {
+    writer: Mutex<NoopRawMutex, &'w mut W>,
+    /// What the work still has to print is dropped.
+    is_cut: Cell<bool>,
+    cut: Signal<NoopRawMutex, ()>,
+}
+
+impl<W: Write> Out<'_, W> {
+    /// Waits until the outputs are off, then says so.
+    async fn confirm(&self, stop: Stop, shared: &Shared<'_>) {
+        while !shared.has_stopped() {
+            yield_now().await;
+        }
+        match stop {
+            Stop::Typed => self.send(b"ok\r\n").await,
+            Stop::Framed(header) => {
+                let tag = header.tag | ANSWER;
+                let frame: Option<Frame> = encode(Header { tag, ..header }, &[0]);
+                self.send(frame.as_deref().unwrap_or_default()).await;
             }
         }
-        Item::Line(line) => {
-            let _ = desk.obey(line, writer).await;
+    }
+
+    /// A writer that fails has nobody behind it: there is nobody to tell.
+    async fn send(&self, bytes: &[u8]) {
+        let _ = self.writer.lock().await.write_all(bytes).await;
+    }
+}
+
+impl<W: Write> ErrorType for &Out<'_, W> {
+    type Error = W::Error;
+}
+
+impl<W: Write> Write for &Out<'_, W> {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, W::Error> {
+        if self.is_cut.get() {
+            return Ok(bytes.len());
         }
-        Item::Dropped => desk.note_bad(),
+        let write = async { self.writer.lock().await.write(bytes).await };
+        match select(self.cut.wait(), write).await {
+            Either::First(()) => Ok(bytes.len()),
+            Either::Second(written) => written,
+        }
+    }
+
+    async fn flush(&mut self) -> Result<(), W::Error> {
+        Ok(())
     }
 }

@@ -11,12 +11,19 @@
 //!
 //! The tick waits for nobody: orders are fetched when they are there, at most one a tick, and everything that is
 //! handed over is small or a reference. A table changes hands as `&mut`, so it is never copied and never shared.
+//!
+//! A stop goes past all orders: it is a counter that the tick looks at first. A command tells how many stops there were
+//! when it was asked for, and is refused when there has been another since.
 use core::cell::Cell;
+use core::sync::atomic::{AtomicU32, Ordering};
 
+use darm_core::duty::DutyMeters;
 use darm_core::output::{Coil, MAX_SERVOS, ServoWiring, SwitchLimit};
-use darm_core::sequencer::{Command, CommandError, Event, Outputs, Phase, Seen, Sequencer, ServoSeen, ServoTarget};
+use darm_core::profile::Profile;
+use darm_core::sequencer::{Command, CommandError, Event, Outputs, Phase, Seen, Sequencer, ServoAction, ServoSeen};
 use darm_core::table::Table;
 use darm_core::units::{Micros, ModelHash, Word};
+use darm_core::wire::message::{Calibration, OutputState};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 
@@ -30,24 +37,37 @@ const WAITING_EVENTS: usize = 64;
 /// What the desk asks of the control tick.
 pub enum Order<'t> {
     /// Do what a person or a host asks for.
-    Command(Command),
+    Command {
+        /// What.
+        command: Command,
+        /// How many [stops](Shared::stops) there were when it was asked for.
+        stops: u32,
+    },
     /// Tell what you do now.
     Status,
     /// Tell what is loaded.
     Summary,
-    /// Tell how one coil is wired.
+    /// Tell how the coil of one output is wired.
     Coil(u8),
+    /// Tell how long one output has been on.
+    Output(u8),
     /// Tell how one servo joint is wired.
     Servo(u8),
     /// Take this table.
     Load(&'t mut Table),
     /// Give the table back.
     Unload,
+    /// Give the table back, ready to rehearse its rows.
+    Rehearse,
+    /// Put this profile in force, once after a start.
+    Configure(&'t Profile),
+    /// Take the zero offsets of the servos.
+    Calibrate(Calibration),
 }
 
 /// What the control tick answers to an [`Order`], variant by variant.
 pub enum Outcome<'t> {
-    /// To `Command`.
+    /// To `Command` and `Calibrate`.
     Command(Result<(), CommandError>),
     /// To `Status`.
     Status(Snapshot),
@@ -55,11 +75,15 @@ pub enum Outcome<'t> {
     Summary(Option<Summary>),
     /// To `Coil`; `None` when it is not wired.
     Coil(Option<Coil>),
+    /// To `Output`; `None` when the profile does not have it.
+    Output(Option<OutputState>),
+    /// To `Configure`.
+    Configured,
     /// To `Servo`; `None` when it is not wired.
     Servo(Option<ServoWiring>),
     /// To `Load`: the table comes back when it cannot be taken now.
     Load(Option<&'t mut Table>),
-    /// To `Unload`.
+    /// To `Unload` and `Rehearse`.
     Unload(Unloaded<'t>),
 }
 
@@ -86,8 +110,10 @@ pub struct Snapshot {
     pub model: Option<ModelHash>,
     /// Limit switches as seen.
     pub switches: u32,
-    /// Servos that are wired; [`Shared::servo_seen`] tells what they answer.
+    /// Servo joints of the table; [`Shared::servo_seen`] tells what their servos answer.
     pub n_servos: u8,
+    /// Whether a person holds the board's button.
+    pub button: bool,
     /// Latest start of a tick so far, after its time.
     pub worst_lateness: Micros,
 }
@@ -122,17 +148,26 @@ pub struct Numbered {
     pub event: Event,
 }
 
-/// What the servo bus is to do with one joint.
+/// What one servo of the profile is to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Joint {
-    /// Address of the servo.
-    pub id: u8,
-    /// Where it is to go; `None` leaves it without torque.
-    pub target: Option<ServoTarget>,
+    /// Its limits; angles are those of its shaft.
+    pub limit: ServoWiring,
+    /// What it is to do.
+    pub action: ServoAction,
 }
 
-/// All joints of the loaded table.
+/// All servos of the profile.
 pub type Joints = [Option<Joint>; MAX_SERVOS];
+
+/// What the pins say.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Inputs {
+    /// Bit `i` is input `i`, high when closed.
+    pub switches: u32,
+    /// A person holds the button of the board.
+    pub button: bool,
+}
 
 type Raw = CriticalSectionRawMutex;
 
@@ -144,7 +179,9 @@ pub struct Shared<'t> {
     pub events: Ring<Numbered, WAITING_EVENTS>,
     seen: Mutex<Raw, Cell<[ServoSeen; MAX_SERVOS]>>,
     joints: Mutex<Raw, Cell<Joints>>,
-    offsets_rad: Mutex<Raw, Cell<[f32; MAX_SERVOS]>>,
+    /// Stops that were asked for, and those that have been done.
+    stops: AtomicU32,
+    stops_done: AtomicU32,
 }
 
 impl<'t> Shared<'t> {
@@ -157,7 +194,8 @@ impl<'t> Shared<'t> {
             events: Ring::new(),
             seen: Mutex::new(Cell::new([UNSEEN; MAX_SERVOS])),
             joints: Mutex::new(Cell::new([None; MAX_SERVOS])),
-            offsets_rad: Mutex::new(Cell::new([0.0; MAX_SERVOS])),
+            stops: AtomicU32::new(0),
+            stops_done: AtomicU32::new(0),
         }
     }
 
@@ -194,14 +232,19 @@ impl<'t> Shared<'t> {
         });
     }
 
-    /// Zero offsets of the servos: joint angle = servo angle − offset.
-    pub fn offsets_rad(&self) -> [f32; MAX_SERVOS] {
-        self.offsets_rad.lock(Cell::get)
+    /// How many stops were asked for.
+    pub fn stops(&self) -> u32 {
+        self.stops.load(Ordering::Acquire)
     }
 
-    /// Sets the zero offsets of the servos.
-    pub fn set_offsets_rad(&self, offsets_rad: [f32; MAX_SERVOS]) {
-        self.offsets_rad.lock(|cell| cell.set(offsets_rad));
+    /// All coils off with the next tick, before any order. One task only may ask.
+    pub fn stop(&self) {
+        self.stops.store(self.stops().wrapping_add(1), Ordering::Release);
+    }
+
+    /// Whether all stops that were asked for have been done.
+    pub fn has_stopped(&self) -> bool {
+        self.stops_done.load(Ordering::Acquire) == self.stops()
     }
 }
 
@@ -215,8 +258,8 @@ impl Default for Shared<'_> {
 pub struct Control<'t> {
     sequencer: Sequencer<'t>,
     joints: Joints,
-    chips: Option<usize>,
     seen: Seen,
+    button: bool,
     worst_lateness: Micros,
     next_event: u32,
     /// An order may wait since the last tick.
@@ -224,13 +267,13 @@ pub struct Control<'t> {
 }
 
 impl<'t> Control<'t> {
-    /// Idle, without a table. `Booted` is the first event.
-    pub fn new(now: Micros, shared: &Shared<'t>) -> Self {
+    /// Idle, without a table. `used` is what memory has kept of how long each output was on. `Booted` is the first event.
+    pub fn new(now: Micros, shared: &Shared<'t>, used: &'t mut DutyMeters) -> Self {
         let mut control = Self {
-            sequencer: Sequencer::default(),
+            sequencer: Sequencer::new(used),
             joints: [None; MAX_SERVOS],
-            chips: None,
             seen: Seen::default(),
+            button: false,
             worst_lateness: Micros(0),
             next_event: 0,
             waited: false,
@@ -243,9 +286,15 @@ impl<'t> Control<'t> {
     /// shows in the outputs of the next tick.
     ///
     /// `due` is when the tick should have started.
-    pub fn tick(&mut self, now: Micros, due: Micros, switches: u32, shared: &Shared<'t>) -> Outputs {
+    pub fn tick(&mut self, now: Micros, due: Micros, inputs: Inputs, shared: &Shared<'t>) -> Outputs {
         self.worst_lateness = self.worst_lateness.max(now - due);
-        self.seen.switches = switches;
+        self.seen.switches = inputs.switches;
+        self.button = inputs.button;
+        let stops = shared.stops();
+        if stops != shared.stops_done.load(Ordering::Relaxed) {
+            // Stop is never refused.
+            let _ = self.sequencer.command(Command::Stop);
+        }
         self.seen.servos = shared.seen.lock(Cell::get);
         let outputs = self.sequencer.step(now, &self.seen);
         let events_before = self.next_event;
@@ -253,6 +302,7 @@ impl<'t> Control<'t> {
             self.tell(at, event, shared);
         }
         self.aim(&outputs, shared);
+        shared.stops_done.store(stops, Ordering::Release);
         // A tick that switched coils has done enough; the order waits for the next one, and never longer.
         self.waited = self.next_event != events_before && !self.waited;
         if !self.waited {
@@ -264,40 +314,55 @@ impl<'t> Control<'t> {
     fn attend(&mut self, shared: &Shared<'t>) {
         if let Some(order) = shared.orders.take() {
             // The desk has fetched the last outcome before it asked again, so there is room.
-            let _ = shared.outcomes.put(self.obey(order));
+            let _ = shared.outcomes.put(self.obey(order, shared.stops()));
         }
     }
 
-    /// Chips in the solenoid chain, as long as a table was ever loaded.
-    pub fn chips(&self) -> Option<usize> {
-        self.chips
-    }
-
-    fn obey(&mut self, order: Order<'t>) -> Outcome<'t> {
+    fn obey(&mut self, order: Order<'t>, stops_now: u32) -> Outcome<'t> {
         match order {
-            Order::Command(command) => Outcome::Command(self.sequencer.command(command)),
+            Order::Command { stops, command } if stops != stops_now && command != Command::Stop => {
+                Outcome::Command(Err(CommandError::Stopped))
+            }
+            Order::Command { command, .. } => Outcome::Command(self.sequencer.command(command)),
             Order::Status => Outcome::Status(self.snapshot()),
             Order::Summary => Outcome::Summary(self.sequencer.table().and_then(summary)),
             Order::Coil(coil) => {
-                let wired = self.sequencer.table().and_then(|table| table.wiring().coils.get(usize::from(coil)));
+                let table = self.sequencer.table();
+                let wired = table.and_then(|table| table.wiring().coils.iter().find(|wired| wired.output == coil));
                 Outcome::Coil(wired.copied())
             }
+            Order::Output(number) => Outcome::Output(self.output(number)),
             Order::Servo(servo) => {
                 let wired = self.sequencer.table().and_then(|table| table.wiring().servos.get(usize::from(servo)));
                 Outcome::Servo(wired.copied())
             }
-            Order::Load(table) => Outcome::Load(self.load(table)),
+            Order::Load(table) => Outcome::Load(self.sequencer.load(table).err()),
             Order::Unload => Outcome::Unload(self.unload()),
+            Order::Rehearse => Outcome::Unload(self.rehearse()),
+            Order::Configure(profile) => {
+                self.sequencer.configure(profile);
+                Outcome::Configured
+            }
+            Order::Calibrate(calibration) => Outcome::Command(self.sequencer.calibrate(calibration.offsets_rad())),
         }
     }
 
-    fn load(&mut self, table: &'t mut Table) -> Option<&'t mut Table> {
-        let chips = table.wiring().chips();
-        let back = self.sequencer.load(table).err();
-        if back.is_none() {
-            self.chips = Some(chips);
+    fn rehearse(&mut self) -> Unloaded<'t> {
+        let unloaded = self.unload();
+        match unloaded {
+            Unloaded::Table(table) => {
+                table.begin_rehearsal(self.sequencer.used());
+                Unloaded::Table(table)
+            }
+            Unloaded::Empty | Unloaded::Busy => unloaded,
         }
-        back
+    }
+
+    fn output(&self, number: u8) -> Option<OutputState> {
+        let limit = self.sequencer.profile().output(number)?.limit;
+        let meter = self.sequencer.used().meters.get(usize::from(number))?;
+        let [left_ms, recovery_ms] = [meter.left_us(&limit), meter.recovery_us(&limit)].map(|us| us / 1000);
+        Some(OutputState { output: number, limit, left_ms, recovery_ms })
     }
 
     fn unload(&mut self) -> Unloaded<'t> {
@@ -316,22 +381,22 @@ impl<'t> Control<'t> {
             model: table.map(Table::model),
             switches: self.seen.switches,
             n_servos: table.map_or(0, |table| table.wiring().servos.len() as u8),
+            button: self.button,
             worst_lateness: self.worst_lateness,
         }
     }
 
     fn tell(&mut self, at: Micros, event: Event, shared: &Shared<'t>) {
         let number = self.next_event;
-        self.next_event += 1;
+        self.next_event = number.wrapping_add(1);
         // When the desk is too slow the event is lost, and the gap in the numbers tells.
         let _ = shared.events.put(Numbered { number, at, event });
     }
 
     fn aim(&mut self, outputs: &Outputs, shared: &Shared<'t>) {
-        let wired = self.sequencer.table().map_or(&[][..], |table| &table.wiring().servos);
         let mut joints = [None; MAX_SERVOS];
-        for ((joint, wiring), target) in joints.iter_mut().zip(wired).zip(outputs.servos) {
-            *joint = Some(Joint { id: wiring.id, target });
+        for ((joint, servo), action) in joints.iter_mut().zip(&self.sequencer.profile().servos).zip(outputs.servos) {
+            *joint = Some(Joint { limit: servo.limit, action });
         }
         if joints != self.joints {
             self.joints = joints;

@@ -5,13 +5,17 @@
 use core::future::pending;
 
 use darm_core::nearest::{Coordinates, Found};
-use darm_core::sequencer::{Command, Phase};
-use darm_core::table::Table;
-use darm_core::units::DeviceId;
+use darm_core::output::MAX_COILS;
+use darm_core::profile::{BUILT_IN, Profile};
+use darm_core::sequencer::{Command, Phase, ServoSeen};
+use darm_core::table::{self, RowError, Table, TableError};
+use darm_core::units::{DeviceId, Digest};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, ANSWER, Death, Identity, Version};
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
-use darm_core::wire::message::{Answer, Calibration, Hello, Image, REQUEST, Refusal, Reply, Request, Status};
+use darm_core::wire::message::{
+    Answer, Calibration, Hello, Image, ImageKind, OUTPUTS, OutputState, REQUEST, Refusal, Reply, Request, Status,
+};
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
@@ -19,7 +23,7 @@ use crate::clock::Clock;
 use crate::control::{Numbered, Order, Outcome, Shared, Snapshot, Unloaded};
 use crate::log::EventLog;
 use crate::nearest::{self, Room};
-use crate::store::{LoadError, SLOT_BYTES, Store, UploadError};
+use crate::store::{LoadError, Store, UploadError, slot_bytes};
 
 /// Version of this firmware: major, minor, patch.
 pub const FIRMWARE: [u8; 3] = [
@@ -37,6 +41,11 @@ const fn decimal(text: &str) -> u8 {
     value
 }
 
+/// A quarter of the circle of request numbers.
+const FAR: i16 = 0x4000;
+/// Rows that are rehearsed at once: the console is heard in between.
+const REHEARSED: usize = 16;
+
 /// What the desk knows of the board when it opens.
 pub struct Board {
     /// Number and name.
@@ -51,12 +60,19 @@ pub struct Desk<'s, 't, F: NorFlash, C> {
     pub(crate) clock: C,
     pub(crate) shared: &'s Shared<'t>,
     pub(crate) log: EventLog,
-    /// Set when the board is to start anew, once the answer has left.
+    /// Set when the board is to restart, once the answer has left.
     pub(crate) reboot: Option<bootstrap::Into>,
     /// `None` when the flash does not answer.
     store: Option<Store<F>>,
     /// The table while the control tick does not have it.
     table: Option<&'t mut Table>,
+    /// The profile in force.
+    profile: &'t Profile,
+    /// Why the stored table or profile is not in force.
+    rejected: Option<Refusal>,
+    calibration: Calibration,
+    /// How many stops there were when what is being done was begun.
+    stops: u32,
     boots: u32,
     bad_frames: u32,
     /// The connection that may ask for more than the bootstrap set.
@@ -89,6 +105,10 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
             reboot: None,
             store: None,
             table: None,
+            profile: &BUILT_IN,
+            rejected: None,
+            calibration: Calibration::default(),
+            stops: 0,
             boots: 0,
             bad_frames: 0,
             link: None,
@@ -98,20 +118,48 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
         }
     }
 
-    /// Opens the store, loads the valid table and hands it to the control tick, which must be running.
-    pub async fn open(&mut self, flash: Option<F>, table: &'t mut Table) {
+    /// Opens the store, puts the stored profile in force, loads the valid table and hands it to the control tick, which
+    /// must be running. Without a profile that can be read the one that is built in is in force.
+    pub async fn open(&mut self, flash: Option<F>, table: &'t mut Table, profile: &'t mut Profile) {
         if let Some(flash) = flash {
-            self.store = Store::open(flash).await.ok();
-        }
-        if let Some(store) = &mut self.store {
+            let mut store = Store::open(flash).await;
             self.boots = store.count_boot().await.unwrap_or(0);
+            match store.load_valid_profile(profile).await {
+                Ok(true) => self.profile = profile,
+                Ok(false) => {}
+                Err(error) => self.rejected = Some(refuse_load(error)),
+            }
+            self.calibration = store.calibration().await.ok().flatten().unwrap_or_default();
+            self.store = Some(store);
         }
+        self.shared.ask(Order::Configure(self.profile)).await;
+        self.shared.ask(Order::Calibrate(self.calibration)).await;
         self.restore(table).await;
+    }
+
+    /// Why the stored table or profile is not in force, if it is not.
+    pub fn rejected(&self) -> Option<Refusal> {
+        self.rejected
+    }
+
+    /// The profile in force.
+    pub fn profile(&self) -> &'t Profile {
+        self.profile
+    }
+
+    /// Whether the records of the store can be read.
+    pub fn is_store_readable(&self) -> bool {
+        self.store.as_ref().is_some_and(Store::is_readable)
     }
 
     /// Whether the flash answers: without it no table can be stored.
     pub fn has_store(&self) -> bool {
         self.store.is_some()
+    }
+
+    /// From here on a stop refuses what is asked.
+    pub(crate) fn begin_item(&mut self) {
+        self.stops = self.shared.stops();
     }
 
     /// Something came that is neither frame nor text.
@@ -127,6 +175,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
     /// Answers what stood between two zero bytes. `None`: it was no frame, or a late copy of an old one, or its answer is
     /// still [sought](Self::seek).
     pub async fn answer(&mut self, encoded: &mut [u8]) -> Option<Frame> {
+        self.begin_item();
         let Ok((header, payload)) = frame::decode(encoded) else {
             self.note_bad();
             return None;
@@ -148,14 +197,15 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
             bootstrap::Request::Identify => payload(&self.board.identity.encode()),
             bootstrap::Request::Version => payload(&Version { protocol: PROTOCOL, firmware: FIRMWARE }.encode()),
             bootstrap::Request::Stop => {
-                self.shared.ask(Order::Command(Command::Stop)).await;
+                let stop = Order::Command { command: Command::Stop, stops: self.stops };
+                self.shared.ask(stop).await;
                 payload(&[0])
             }
             bootstrap::Request::ReadFault => payload(&Death::encode(self.board.death.as_ref())),
-            bootstrap::Request::Reboot(into) => {
-                self.reboot = Some(into);
-                payload(&[0])
-            }
+            bootstrap::Request::Reboot(into) => match self.restart(into).await {
+                Ok(()) => payload(&[0]),
+                Err(_) => payload(&[1]),
+            },
         }
     }
 
@@ -183,6 +233,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
             return None;
         }
         if request.is_repeatable() {
+            self.forget_old_answer(header.number);
             let result = self.run(request).await;
             return Some(self.reply(result));
         }
@@ -199,6 +250,22 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
         Some(reply)
     }
 
+    /// Numbers count around: a change that lies a quarter of the circle back can have no copies on the line any more,
+    /// and if it were kept, a new one would be taken for an old one after half the circle.
+    fn forget_old_answer(&mut self, number: u16) {
+        let is_far = |last: &Answered| number.wrapping_sub(last.number) as i16 > FAR;
+        if self.last.as_ref().is_some_and(is_far) {
+            self.last = None;
+        }
+    }
+
+    /// Restarts the board where nothing runs.
+    pub(crate) async fn restart(&mut self, into: bootstrap::Into) -> Result<(), Refusal> {
+        self.require_idle().await?;
+        self.reboot = Some(into);
+        Ok(())
+    }
+
     /// A repeated `Hello` changes nothing: what its connection has done stays done once.
     async fn hello(&mut self, link: u32, protocol: u16) -> Result<Answer, Refusal> {
         if protocol != PROTOCOL {
@@ -209,10 +276,13 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
             self.last = None;
         }
         self.catch_up();
+        let model = self.snapshot().await?.model;
         Ok(Answer::Hello(Hello {
             protocol: PROTOCOL,
             device: self.device(),
-            model: self.snapshot().await?.model,
+            model,
+            table: model.and_then(|_| self.table_digest()),
+            profile: self.profile.digest,
             boots: self.boots,
             next_event: self.log.next(),
         }))
@@ -235,7 +305,26 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
                 let stored = self.store()?.calibration().await.map_err(|_| Refusal::Storage)?;
                 Ok(Answer::Calibration(stored))
             }
+            Request::Outputs { from } => Ok(Answer::Outputs(self.outputs(from).await)),
         }
+    }
+
+    async fn outputs(&self, from: u8) -> heapless::Vec<OutputState, OUTPUTS> {
+        let mut outputs = heapless::Vec::new();
+        for number in from..MAX_COILS as u8 {
+            if outputs.is_full() {
+                break;
+            }
+            if let Outcome::Output(Some(output)) = self.shared.ask(Order::Output(number)).await {
+                let _ = outputs.push(output);
+            }
+        }
+        outputs
+    }
+
+    /// Digest of the table that was loaded.
+    pub(crate) fn table_digest(&self) -> Option<Digest> {
+        self.store.as_ref().and_then(|store| store.digest(ImageKind::Table))
     }
 
     /// A word that brings the tool near a pose in the base, by the frames in the stored table.
@@ -280,9 +369,37 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
 
     /// Does what a person or a host asks for, or says why not.
     pub(crate) async fn command(&mut self, command: Command) -> Result<(), Refusal> {
-        match self.shared.ask(Order::Command(command)).await {
+        if command == Command::Play {
+            self.rehearse().await?;
+        }
+        match self.shared.ask(Order::Command { command, stops: self.stops }).await {
             Outcome::Command(result) => result.map_err(Refusal::Command),
             _ => Err(Refusal::Unknown),
+        }
+    }
+
+    /// Refuses a program that would exceed the limit of an output because of what has flowed before.
+    async fn rehearse(&mut self) -> Result<(), Refusal> {
+        match self.snapshot().await?.phase {
+            Phase::Idle => {}
+            Phase::Manual => {
+                self.shared.ask(Order::Command { command: Command::Stop, stops: self.stops }).await;
+            }
+            // The control tick refuses, and says why.
+            Phase::Approaching { .. } | Phase::Playing { .. } | Phase::Safe(_) => return Ok(()),
+        }
+        let Outcome::Unload(Unloaded::Table(table)) = self.shared.ask(Order::Rehearse).await else {
+            return Ok(());
+        };
+        let rehearsed = rehearse(table).await;
+        self.hand_over(table).await;
+        match rehearsed {
+            Err(TableError::Row { row, error: RowError::OnTooLong { output } | RowError::Duty { output } }) => {
+                let state = self.shared.ask(Order::Output(output)).await;
+                let wait_ms = if let Outcome::Output(Some(state)) = state { state.recovery_ms } else { 0 };
+                Err(Refusal::Recovering { row, output, wait_ms })
+            }
+            rehearsed => rehearsed.map_err(Refusal::Table),
         }
     }
 
@@ -301,21 +418,30 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
             rows: now.rows,
             model: now.model,
             switches: now.switches,
-            servos: (0..usize::from(now.n_servos)).map(|index| self.shared.servo_seen(index)).collect(),
+            servos: (0..usize::from(now.n_servos)).map(|index| self.joint_seen(index)).collect(),
             bad_frames: self.bad_frames,
             worst_lateness_us: u32::try_from(now.worst_lateness.0).unwrap_or(u32::MAX),
         })
     }
 
+    /// What a servo answered last, with the angle of its joint.
+    pub(crate) fn joint_seen(&self, index: usize) -> ServoSeen {
+        let seen = self.shared.servo_seen(index);
+        let offset_rad = self.calibration.offsets_rad().get(index).copied().unwrap_or(0.0);
+        ServoSeen { angle_rad: seen.angle_rad - offset_rad, ..seen }
+    }
+
     async fn begin(&mut self, image: Image) -> Result<Answer, Refusal> {
         self.require_idle().await?;
-        let next = self.store()?.begin(image).map_err(refuse_upload)?;
+        let max = slot_bytes(image.kind) as u32;
+        let next = self.store()?.begin(image).await.map_err(|error| refuse_upload(error, max))?;
         Ok(Answer::Upload { next })
     }
 
     async fn chunk(&mut self, offset: u32, bytes: &[u8]) -> Result<Answer, Refusal> {
         self.require_idle().await?;
-        let next = self.store()?.chunk(offset, bytes).await.map_err(refuse_upload)?;
+        let chunk = self.store()?.chunk(offset, bytes).await;
+        let next = chunk.map_err(|error| refuse_upload(error, 0))?;
         Ok(Answer::Upload { next })
     }
 
@@ -324,11 +450,15 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
         if !self.store()?.is_whole(image) {
             return Err(Refusal::NoUpload);
         }
+        if image.kind == ImageKind::Profile {
+            return self.commit_profile().await;
+        }
         let table = self.take_table().await?;
         let result = self.check_and_commit(table).await;
         match result {
             Ok(()) => {
                 let rows = table.rows().len() as u16;
+                self.rejected = None;
                 self.hand_over(table).await;
                 Ok(Answer::Committed { rows })
             }
@@ -340,23 +470,36 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
     }
 
     async fn check_and_commit(&mut self, table: &mut Table) -> Result<(), Refusal> {
-        let device = self.device();
+        let board = self.board_of_tables();
         let store = self.store()?;
-        store.load_upload(table, device).await.map_err(refuse_load)?;
-        store.commit().await.map_err(refuse_upload)
+        store.load_upload(table, &board).await.map_err(refuse_load)?;
+        store.commit().await.map_err(|error| refuse_upload(error, 0))
+    }
+
+    /// Stores a profile if a person is at the board, and restarts with it: nothing of the old one stays in force.
+    async fn commit_profile(&mut self) -> Result<Answer, Refusal> {
+        self.require_idle().await?;
+        let mut profile = Profile::empty();
+        self.store()?.load_profile_upload(&mut profile).await.map_err(refuse_load)?;
+        if !self.snapshot().await?.button {
+            return Err(Refusal::NobodyPresent);
+        }
+        self.store()?.commit().await.map_err(|error| refuse_upload(error, 0))?;
+        self.reboot = Some(bootstrap::Into::Application);
+        Ok(Answer::Done)
     }
 
     async fn calibrate(&mut self, calibration: Calibration) -> Result<Answer, Refusal> {
         self.require_idle().await?;
-        if self.snapshot().await?.model != Some(calibration.model) {
-            return Err(Refusal::OtherModel);
-        }
-        if !calibration.offsets_rad.iter().all(|offset| offset.is_finite()) {
-            return Err(Refusal::Damaged);
-        }
         self.store()?.set_calibration(calibration).await.map_err(|_| Refusal::Storage)?;
-        self.shared.set_offsets_rad(calibration.offsets_rad);
-        Ok(Answer::Done)
+        match self.shared.ask(Order::Calibrate(calibration)).await {
+            Outcome::Command(Ok(())) => {
+                self.calibration = calibration;
+                Ok(Answer::Done)
+            }
+            Outcome::Command(Err(error)) => Err(Refusal::Command(error)),
+            _ => Err(Refusal::Unknown),
+        }
     }
 
     /// Takes the table out of the control tick's hands.
@@ -372,23 +515,27 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
 
     /// Loads the valid table, if there is one, and hands it over; else keeps the empty table.
     async fn restore(&mut self, table: &'t mut Table) {
-        let device = self.device();
+        let board = self.board_of_tables();
         let loaded = match &mut self.store {
-            Some(store) => store.load_valid(table, device).await.unwrap_or(false),
-            None => false,
+            Some(store) => store.load_valid(table, &board).await,
+            None => Ok(false),
         };
-        if loaded { self.hand_over(table).await } else { self.table = Some(table) }
+        match loaded {
+            Ok(true) => self.hand_over(table).await,
+            Ok(false) => self.table = Some(table),
+            Err(error) => {
+                self.rejected.get_or_insert(refuse_load(error));
+                self.table = Some(table);
+            }
+        }
     }
 
-    /// Gives the table, with the offsets measured for its model, to the control tick.
+    fn board_of_tables(&self) -> table::Board<'t> {
+        table::Board { device: Some(self.device()), profile: self.profile }
+    }
+
+    /// Gives the table to the control tick.
     async fn hand_over(&mut self, table: &'t mut Table) {
-        let model = table.model();
-        let stored = match &mut self.store {
-            Some(store) => store.calibration().await.unwrap_or(None),
-            None => None,
-        };
-        let fits = stored.filter(|calibration| calibration.model == model).unwrap_or_default();
-        self.shared.set_offsets_rad(fits.offsets_rad);
         if let Outcome::Load(back) = self.shared.ask(Order::Load(table)).await {
             self.table = back;
         }
@@ -423,9 +570,19 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
     }
 }
 
-fn refuse_upload(error: UploadError) -> Refusal {
+/// Lets the limits of all outputs judge the rows, a few at a time.
+async fn rehearse(table: &mut Table) -> Result<(), TableError> {
+    let n_rows = table.rows().len();
+    for first in (0..n_rows.max(1)).step_by(REHEARSED) {
+        table.rehearse(first..(first + REHEARSED).min(n_rows))?;
+        yield_now().await;
+    }
+    Ok(())
+}
+
+fn refuse_upload(error: UploadError, max: u32) -> Refusal {
     match error {
-        UploadError::TooLong => Refusal::TooLong { max: SLOT_BYTES as u32 },
+        UploadError::TooLong => Refusal::TooLong { max },
         UploadError::NoUpload => Refusal::NoUpload,
         UploadError::Storage => Refusal::Storage,
     }
@@ -435,6 +592,7 @@ fn refuse_load(error: LoadError) -> Refusal {
     match error {
         LoadError::Damaged => Refusal::Damaged,
         LoadError::Table(error) => Refusal::Table(error),
+        LoadError::Profile(error) => Refusal::Profile(error),
         LoadError::Storage => Refusal::Storage,
     }
 }
@@ -443,7 +601,7 @@ fn payload(bytes: &[u8]) -> Payload {
     bytes.iter().copied().take(MAX_PAYLOAD).collect()
 }
 
-fn encode(header: Header, payload: &[u8]) -> Option<Frame> {
+pub(crate) fn encode(header: Header, payload: &[u8]) -> Option<Frame> {
     let mut frame = Frame::new();
     frame.resize_default(MAX_FRAME).ok()?;
     let len = frame::encode(header, payload, &mut frame).ok()?;

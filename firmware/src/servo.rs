@@ -1,18 +1,24 @@
 //! Servo joints on a half-duplex bus: Feetech STS servos, up to [`MAX_SERVOS`] of them.
 //!
-//! The bus task visits every wired servo once a [`CYCLE`]: it writes the target when that changed, reads position,
-//! load and status, and tells the control tick. It decides nothing: a servo that does not answer keeps its last
-//! answer's time, and the sequencer finds that too old.
+//! The bus task visits every servo of the profile once a [`CYCLE`]: it reads position, load and status, writes what the
+//! servo is to do when that changed, and tells the control tick. A servo that does not answer keeps its last answer's
+//! time, and the sequencer finds that too old. What is written is held to the profile's limits once more.
 //!
-//! Joint angle = servo angle − offset; the servo's own zero is its middle position, 2048 of 4096 steps a turn.
+//! | action    | written                                                                                    |
+//! |-----------|--------------------------------------------------------------------------------------------|
+//! | `Go`      | torque on, the target, its speed and torque                                                |
+//! | `Hold`    | the present position as the goal, once, and only where the servo has torque                 |
+//! | `Release` | torque off                                                                                 |
+//!
+//! Angles are those of the shaft; its zero is the servo's middle position, 2048 of 4096 steps a turn.
 //! Source: Feetech, STS3215 memory table.
 
 mod packet;
 
 use core::f32::consts::TAU;
 
-use darm_core::output::{MAX_SERVOS, SERVO_STEPS_PER_TURN};
-use darm_core::sequencer::{ServoSeen, ServoTarget};
+use darm_core::output::{MAX_SERVOS, SERVO_STEPS_PER_TURN, ServoWiring};
+use darm_core::sequencer::{ServoAction, ServoSeen, ServoTarget};
 use darm_core::units::Micros;
 use embassy_futures::select::{Either, select};
 use embedded_io_async::{Read, Write};
@@ -63,11 +69,10 @@ pub struct Bus<R, W, C> {
     failures: u32,
 }
 
-/// What a servo was told last.
+/// What was written to a servo last.
 #[derive(Clone, Copy, PartialEq)]
 struct Written {
     joint: Joint,
-    offset_rad: f32,
     visits: u8,
 }
 
@@ -100,60 +105,76 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
         self.failures
     }
 
-    /// Visits every wired joint once.
+    /// Visits every servo once.
     pub async fn visit_all(&mut self, shared: &Shared<'_>) {
-        let (joints, offsets_rad) = (shared.joints(), shared.offsets_rad());
-        for (index, (joint, offset_rad)) in joints.into_iter().zip(offsets_rad).enumerate() {
-            let Some(joint) = joint else {
-                self.written[index] = None;
-                continue;
+        for (index, joint) in shared.joints().into_iter().enumerate() {
+            let visited = match joint {
+                Some(joint) => self.visit(index, joint).await.map(Some),
+                None => Ok(None),
             };
-            match self.visit(index, joint, offset_rad).await {
-                Ok(present) => shared.see_servo(
-                    index,
-                    ServoSeen {
-                        angle_rad: present.angle_rad - offset_rad,
-                        load: present.load,
-                        error: present.error,
-                        answered: Some(self.clock.now()),
-                    },
-                ),
+            match visited {
+                Ok(Some(Present { angle_rad, load, error })) => {
+                    let answered = Some(self.clock.now());
+                    shared.see_servo(index, ServoSeen { angle_rad, load, error, answered });
+                }
+                Ok(None) => self.set_written(index, None),
                 Err(_) => {
                     self.failures = self.failures.saturating_add(1);
-                    self.written[index] = None;
+                    self.set_written(index, None);
                     self.settle().await;
                 }
             }
         }
     }
 
-    async fn visit(&mut self, index: usize, joint: Joint, offset_rad: f32) -> Result<Present, BusError> {
-        let visits = match self.written[index] {
-            Some(last) if last.joint == joint && last.offset_rad == offset_rad && last.visits < REWRITE_VISITS => {
-                last.visits + 1
-            }
+    fn set_written(&mut self, index: usize, written: Option<Written>) {
+        if let Some(slot) = self.written.get_mut(index) {
+            *slot = written;
+        }
+    }
+
+    /// Reads first: what is written may depend on where the servo is.
+    async fn visit(&mut self, index: usize, joint: Joint) -> Result<Present, BusError> {
+        let answer = self.ask(&Packet::read(joint.limit.id, PRESENT, PRESENT_LEN)).await?;
+        let &[p0, p1, _, _, l0, l1] = answer.parameters() else { return Err(BusError::Length) };
+        let position = u16::from_le_bytes([p0, p1]);
+        let visits = match self.written.get(index).copied().flatten() {
+            Some(last) if last.joint == joint && last.visits < REWRITE_VISITS => last.visits.saturating_add(1),
+            // The position that is held was written once; again it would creep.
+            Some(last) if last.joint == joint && joint.action == ServoAction::Hold => last.visits,
             _ => {
-                self.command(joint, offset_rad).await?;
+                self.act(&joint, position).await?;
                 0
             }
         };
-        self.written[index] = Some(Written { joint, offset_rad, visits });
-        let answer = self.ask(&Packet::read(joint.id, PRESENT, PRESENT_LEN)).await?;
-        let &[p0, p1, _, _, l0, l1] = answer.parameters() else { return Err(BusError::Length) };
+        self.set_written(index, Some(Written { joint, visits }));
         let load = u16::from_le_bytes([l0, l1]) & (LOAD_SIGN - 1);
-        Ok(Present {
-            angle_rad: angle_rad(u16::from_le_bytes([p0, p1])),
-            load: f32::from(load) * 1e-3,
-            error: answer.code,
-        })
+        Ok(Present { angle_rad: angle_rad(position), load: f32::from(load) * 1e-3, error: answer.code })
     }
 
-    async fn command(&mut self, joint: Joint, offset_rad: f32) -> Result<(), BusError> {
-        let packet = match joint.target {
-            Some(target) => Packet::write(joint.id, TORQUE_ENABLE, &goal(&target, offset_rad)),
-            None => Packet::write(joint.id, TORQUE_ENABLE, &[0]),
-        };
-        self.ask(&packet).await.map(drop)
+    async fn act(&mut self, joint: &Joint, position: u16) -> Result<(), BusError> {
+        let id = joint.limit.id;
+        match joint.action {
+            ServoAction::Go(target) => self.write(id, &goal(&target, &joint.limit)).await,
+            ServoAction::Release => self.write(id, &[0]).await,
+            ServoAction::Hold => {
+                let answer = self.ask(&Packet::read(id, TORQUE_ENABLE, 1)).await?;
+                match answer.parameters() {
+                    [0] => Ok(()),
+                    [_] => {
+                        let angle_rad = angle_rad(position);
+                        let (speed_rad_s, torque) = (joint.limit.max_speed_rad_s, joint.limit.max_torque);
+                        // Out of the range it holds too: to turn back would be a motion that nobody asked for.
+                        self.write(id, &registers(steps(angle_rad), speed_rad_s, torque)).await
+                    }
+                    _ => Err(BusError::Length),
+                }
+            }
+        }
+    }
+
+    async fn write(&mut self, id: u8, values: &[u8]) -> Result<(), BusError> {
+        self.ask(&Packet::write(id, TORQUE_ENABLE, values)).await.map(drop)
     }
 
     /// One request, and the answer of the servo it was meant for.
@@ -190,14 +211,20 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
     }
 }
 
+/// The registers of a target, no farther, faster or stronger than the limit.
+fn goal(target: &ServoTarget, limit: &ServoWiring) -> [u8; 10] {
+    let angle_rad = target.angle_rad.clamp(limit.min_rad, limit.max_rad);
+    let (speed_rad_s, torque) = (target.speed_rad_s.min(limit.max_speed_rad_s), target.torque.min(limit.max_torque));
+    registers(steps(angle_rad), speed_rad_s, torque)
+}
+
 /// The ten registers from [`TORQUE_ENABLE`] on.
-fn goal(target: &ServoTarget, offset_rad: f32) -> [u8; 10] {
-    let position = steps(target.angle_rad + offset_rad).to_le_bytes();
+fn registers(steps: u16, speed_rad_s: f32, torque: f32) -> [u8; 10] {
+    let [p0, p1] = steps.to_le_bytes();
     // A speed of 0 means the servo's own maximum.
-    let speed = (target.speed_rad_s * (SERVO_STEPS_PER_TURN / TAU)).clamp(1.0, 32_767.0) as u16;
-    let speed = speed.to_le_bytes();
-    let torque = ((target.torque * 1000.0).clamp(0.0, 1000.0) as u16).to_le_bytes();
-    [1, 0, position[0], position[1], 0, 0, speed[0], speed[1], torque[0], torque[1]]
+    let [s0, s1] = ((speed_rad_s * (SERVO_STEPS_PER_TURN / TAU)).clamp(1.0, 32_767.0) as u16).to_le_bytes();
+    let [t0, t1] = ((torque * 1000.0).clamp(0.0, 1000.0) as u16).to_le_bytes();
+    [1, 0, p0, p1, 0, 0, s0, s1, t0, t1]
 }
 
 /// Position register of a servo angle; nearest step within one turn.

@@ -1,16 +1,11 @@
 //! Solenoid outputs on a chain of 74HC595 shift registers.
 //!
-//! Lines leave highest first, so that line 0 ends at the first output of the first chip. The outputs follow the
-//! latch, never the shifting. Output enable is active low: high puts all lines off in one edge, whatever they hold.
-use darm_core::output::MAX_LINES;
+//! Lines leave highest first, so that line 0 ends at the first output of the first chip. All 64 lines are shifted each
+//! time, however short the chain is: what a shorter chain does not need falls off its end, and no chip of a longer one
+//! is left with what another shift had for another chip. The outputs follow the latch, never the shifting. Output enable
+//! is active low: high puts all lines off in one edge, whatever they hold.
 use embedded_hal::digital::OutputPin;
 
-/// Lines of one 74HC595.
-const LINES_PER_CHIP: usize = 8;
-/// Chips in the longest chain.
-const MAX_CHIPS: usize = MAX_LINES / LINES_PER_CHIP;
-/// Chips in the chain while no table says how many there are.
-const DEFAULT_CHIPS: usize = 2;
 /// Unchanged lines are shifted again after so many ticks, so that a disturbed register does not stay wrong.
 const REFRESH_TICKS: u8 = 100;
 
@@ -29,7 +24,6 @@ pub struct Pins<D, C, L, E> {
 /// Driver of the chain.
 pub struct Solenoids<D, C, L, E> {
     pins: Pins<D, C, L, E>,
-    chips: usize,
     /// Lines that the latch holds; `None` before the first time.
     held: Option<u64>,
     enabled: bool,
@@ -45,18 +39,9 @@ where
 {
     /// Takes the pins and switches all outputs off.
     pub fn new(pins: Pins<D, C, L, E>) -> Result<Self, Error> {
-        let mut solenoids = Self { pins, chips: DEFAULT_CHIPS, held: None, enabled: true, age_ticks: 0 };
+        let mut solenoids = Self { pins, held: None, enabled: true, age_ticks: 0 };
         solenoids.safe()?;
         Ok(solenoids)
-    }
-
-    /// Makes the chain so many chips long.
-    pub fn set_chips(&mut self, chips: usize) {
-        let chips = chips.min(MAX_CHIPS);
-        if chips != self.chips {
-            self.chips = chips;
-            self.held = None;
-        }
     }
 
     /// Drives the lines. Shifts only what changed or is due for a refresh. Call once a tick.
@@ -87,15 +72,18 @@ where
     }
 
     fn shift(&mut self, lines: u64) -> Result<(), Error> {
-        for chip in lines.to_le_bytes().into_iter().take(self.chips).rev() {
-            for line in (0..LINES_PER_CHIP).rev() {
-                if chip >> line & 1 == 1 {
+        // Halves, since a shift of 64 bits costs the chip several instructions.
+        for half in [(lines >> 32) as u32, lines as u32] {
+            let mut rest = half;
+            for _ in 0..u32::BITS {
+                if rest & 1 << 31 != 0 {
                     self.pins.data.set_high()?
                 } else {
                     self.pins.data.set_low()?
                 }
                 self.pins.clock.set_high()?;
                 self.pins.clock.set_low()?;
+                rest <<= 1;
             }
         }
         self.pins.latch.set_high()?;
@@ -168,7 +156,6 @@ mod tests {
         let mut solenoids = solenoids(&chain);
         solenoids.apply(0xa5_3c, true).unwrap();
         assert_eq!(chain.outputs(16), 0xa5_3c);
-        solenoids.set_chips(8);
         solenoids.apply(0x8000_0000_0000_0001, true).unwrap();
         assert_eq!(chain.outputs(64), 0x8000_0000_0000_0001);
     }
@@ -208,7 +195,6 @@ mod tests {
     fn no_line_beyond_the_table_ever_goes_high() {
         let chain = Chain::default();
         let mut solenoids = solenoids(&chain);
-        solenoids.set_chips(1);
         (0..3).for_each(|_| {
             solenoids.apply(0xff, true).unwrap();
             solenoids.apply(0x00, true).unwrap();

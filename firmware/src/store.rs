@@ -4,35 +4,57 @@
 //! |--------------------------------|----------------------------------------------------------------------|
 //! | 0 to 64 KiB                    | slot A: a table image                                                |
 //! | 64 to 128 KiB                  | slot B: a table image                                                |
-//! | 128 to 144 KiB                 | records: which slot is valid, calibration, number of starts          |
+//! | 128 to 144 KiB                 | records: which slots are valid, calibration, number of starts        |
+//! | 144 to 148 KiB                 | slots A and B of the board profile, a page each                      |
 //!
-//! An upload fills the slot that is not valid. Writing the record that names it is the commit: before, the old table
-//! is there, after it the new one, and the records survive a power cut at any byte. The record carries length,
-//! checksum and model of the image, so a slot is believed only when its bytes agree.
+//! An upload fills the slot that is not valid. Writing the record that names it is the commit: before, the old image
+//! is there, after it the new one, and the records survive a power cut at any byte. The record carries length, digest
+//! and model of the image, so a slot is believed only when its bytes agree.
+//!
+//! Records that cannot be read (a failed part, or what another program has left) are erased by the next upload. Until
+//! then there is no table and no profile; what is erased with them is the calibration.
 //!
 //! None of these futures may be dropped half-way: never put one into a `select!`.
 use core::ops::Range;
 
-use darm_core::table::{Record, Table, TableError};
-use darm_core::units::DeviceId;
-use darm_core::wire::frame::CRC;
-use darm_core::wire::message::{Calibration, Image};
+use darm_core::profile::{Profile, ProfileError, ProfileReader, ProfileRecord};
+use darm_core::table::{Board, Record, Table, TableError};
+use darm_core::units::Digest;
+use darm_core::wire::message::{Calibration, Image, ImageKind};
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 use sequential_storage::cache::{Cache, Uncached};
 use sequential_storage::map::{MapConfig, MapStorage, PostcardValue};
 use serde::{Deserialize, Serialize};
+use sha2::{Digest as _, Sha256};
 
 /// Bytes of one slot: the longest image.
 pub const SLOT_BYTES: usize = 64 * 1024;
 const RECORDS_BYTES: usize = 16 * 1024;
+const RECORDS: Range<u32> = 2 * SLOT_BYTES as u32..(2 * SLOT_BYTES + RECORDS_BYTES) as u32;
+/// Bytes of one slot of a profile.
+pub const PROFILE_BYTES: usize = 2 * 1024;
 /// Bytes of flash in use.
-pub const FLASH_BYTES: usize = 2 * SLOT_BYTES + RECORDS_BYTES;
-const RECORDS: Range<u32> = 2 * SLOT_BYTES as u32..FLASH_BYTES as u32;
+pub const FLASH_BYTES: usize = RECORDS.end as usize + 2 * PROFILE_BYTES;
 
-const KEY_VALID: u8 = 1;
-const KEY_CALIBRATION: u8 = 2;
+const KEY_CALIBRATION: u8 = 6;
 const KEY_BOOTS: u8 = 3;
+
+/// The record that names the valid slot. Keys 1 and 2 held records of protocol 1.
+const fn valid_key(kind: ImageKind) -> u8 {
+    match kind {
+        ImageKind::Table => 4,
+        ImageKind::Profile => 5,
+    }
+}
+
+/// Longest image of a kind.
+pub const fn slot_bytes(kind: ImageKind) -> usize {
+    match kind {
+        ImageKind::Table => SLOT_BYTES,
+        ImageKind::Profile => PROFILE_BYTES,
+    }
+}
 
 /// Bytes of an upload that are written at once: a multiple of the flash's word, a divisor of its page.
 const BLOCK: usize = 256;
@@ -47,10 +69,14 @@ enum Slot {
 }
 
 impl Slot {
-    fn start(self) -> u32 {
+    fn start(self, kind: ImageKind) -> u32 {
+        let first = match kind {
+            ImageKind::Table => 0,
+            ImageKind::Profile => RECORDS.end,
+        };
         match self {
-            Self::A => 0,
-            Self::B => SLOT_BYTES as u32,
+            Self::A => first,
+            Self::B => first + slot_bytes(kind) as u32,
         }
     }
 
@@ -91,11 +117,11 @@ struct Upload {
 impl Upload {
     /// Takes what fits the block; the rest.
     fn take<'b>(&mut self, bytes: &'b [u8]) -> &'b [u8] {
-        let at = self.next as usize % BLOCK;
-        let n = bytes.len().min(BLOCK - at);
-        self.block[at..at + n].copy_from_slice(&bytes[..n]);
-        self.next += n as u32;
-        &bytes[n..]
+        let free = self.block.get_mut(self.next as usize % BLOCK..).unwrap_or_default();
+        let (now, rest) = bytes.split_at(bytes.len().min(free.len()));
+        free.iter_mut().zip(now).for_each(|(to, from)| *to = *from);
+        self.next = self.next.saturating_add(now.len() as u32);
+        rest
     }
 
     /// The block is full, or the image is.
@@ -122,10 +148,12 @@ pub enum UploadError {
 /// Why an image is not a table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LoadError {
-    /// Length, checksum or model differ from what was announced.
+    /// Length, digest or model differ from what was announced.
     Damaged,
     /// The table breaks a limit.
     Table(TableError),
+    /// The profile cannot be run safely.
+    Profile(ProfileError),
     /// The flash could not be read.
     Storage,
 }
@@ -139,19 +167,52 @@ impl From<StorageError> for UploadError {
 /// The flash with its slots and records.
 pub struct Store<F: NorFlash> {
     records: MapStorage<u8, F, Cache<Uncached, Uncached, Uncached, u8>>,
-    valid: Option<Valid>,
+    table: Option<Valid>,
+    profile: Option<Valid>,
     upload: Option<Upload>,
+    /// The records could not be read: the next upload erases them.
+    unreadable: bool,
 }
 
 impl<F: NorFlash> Store<F> {
-    /// Opens the store and finds which slot is valid.
-    pub async fn open(flash: F) -> Result<Self, StorageError> {
+    /// Opens the store and finds which slots are valid.
+    pub async fn open(flash: F) -> Self {
         const { assert!(F::READ_SIZE == 1 && BLOCK.is_multiple_of(F::WRITE_SIZE)) };
         const { assert!(SLOT_BYTES.is_multiple_of(F::ERASE_SIZE) && F::ERASE_SIZE.is_multiple_of(BLOCK)) };
+        const { assert!(PROFILE_BYTES.is_multiple_of(F::ERASE_SIZE)) };
         let records = MapStorage::new(flash, const { MapConfig::new(RECORDS) }, Cache::new_uncached());
-        let mut store = Self { records, valid: None, upload: None };
-        store.valid = store.fetch(KEY_VALID).await?;
-        Ok(store)
+        let mut store = Self { records, table: None, profile: None, upload: None, unreadable: false };
+        for kind in [ImageKind::Table, ImageKind::Profile] {
+            match store.fetch(valid_key(kind)).await {
+                Ok(valid) => *store.valid_mut(kind) = valid,
+                Err(StorageError) => store.unreadable = true,
+            }
+        }
+        store
+    }
+
+    /// Whether the records can be read. If not, the next upload erases them.
+    pub fn is_readable(&self) -> bool {
+        !self.unreadable
+    }
+
+    fn valid(&self, kind: ImageKind) -> Option<Valid> {
+        match kind {
+            ImageKind::Table => self.table,
+            ImageKind::Profile => self.profile,
+        }
+    }
+
+    fn valid_mut(&mut self, kind: ImageKind) -> &mut Option<Valid> {
+        match kind {
+            ImageKind::Table => &mut self.table,
+            ImageKind::Profile => &mut self.profile,
+        }
+    }
+
+    /// Digest of the image in the valid slot.
+    pub fn digest(&self, kind: ImageKind) -> Option<Digest> {
+        self.valid(kind).map(|valid| valid.image.digest)
     }
 
     /// Counts this start and returns how many there were.
@@ -172,18 +233,28 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Starts an upload, or resumes the same one; the offset that is wanted next.
-    pub fn begin(&mut self, image: Image) -> Result<u32, UploadError> {
-        if image.len == 0 || image.len as usize > SLOT_BYTES {
+    pub async fn begin(&mut self, image: Image) -> Result<u32, UploadError> {
+        if image.len == 0 || image.len as usize > slot_bytes(image.kind) {
             return Err(UploadError::TooLong);
         }
         match self.upload {
             Some(upload) if upload.image == image => Ok(upload.next),
             _ => {
-                let slot = self.valid.map_or(Slot::A, |valid| valid.slot.other());
+                self.erase_unreadable().await?;
+                let slot = self.valid(image.kind).map_or(Slot::A, |valid| valid.slot.other());
                 self.upload = Some(Upload { image, slot, next: 0, block: [0xff; BLOCK] });
                 Ok(0)
             }
         }
+    }
+
+    async fn erase_unreadable(&mut self) -> Result<(), StorageError> {
+        if self.unreadable {
+            let erased = self.records.flash().erase(RECORDS.start, RECORDS.end).await;
+            erased.map_err(|_| StorageError)?;
+            self.unreadable = false;
+        }
+        Ok(())
     }
 
     /// Takes bytes of the image. What has arrived already, or comes too early, changes nothing; the offset wanted next.
@@ -212,83 +283,117 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Checks the whole image that has arrived and fills `table` from it. Nothing is committed yet.
-    pub async fn load_upload(&mut self, table: &mut Table, device: DeviceId) -> Result<(), LoadError> {
+    pub async fn load_upload(&mut self, table: &mut Table, board: &Board<'_>) -> Result<(), LoadError> {
         let Upload { slot, image, .. } = self.upload.ok_or(LoadError::Damaged)?;
-        let loaded = self.load(slot, image, table, device).await;
+        let loaded = self.load(slot, image, table, board).await;
         if loaded.is_err() {
             self.upload = None;
         }
         loaded
     }
 
-    /// Makes the uploaded image the valid one: the one write that replaces a table.
+    /// The same of a profile.
+    pub async fn load_profile_upload(&mut self, profile: &mut Profile) -> Result<(), LoadError> {
+        let Upload { slot, image, .. } = self.upload.ok_or(LoadError::Damaged)?;
+        let loaded = self.load_profile(slot, image, profile).await;
+        if loaded.is_err() {
+            self.upload = None;
+        }
+        loaded
+    }
+
+    /// Makes the uploaded image the valid one: the one write that replaces it.
     pub async fn commit(&mut self) -> Result<(), UploadError> {
         let upload = self.upload.take().ok_or(UploadError::NoUpload)?;
-        let valid = Valid { slot: upload.slot, image: upload.image };
-        let stored = self.put(KEY_VALID, &valid).await;
+        let kind = upload.image.kind;
+        let stored = self.put(valid_key(kind), &Valid { slot: upload.slot, image: upload.image }).await;
         // After an error only the flash knows whether the record stands.
-        self.valid = self.fetch(KEY_VALID).await?;
+        *self.valid_mut(kind) = self.fetch(valid_key(kind)).await?;
         stored?;
         Ok(())
     }
 
     /// Fills `table` from the valid slot; false, and an empty table, when there is none.
-    pub async fn load_valid(&mut self, table: &mut Table, device: DeviceId) -> Result<bool, LoadError> {
+    pub async fn load_valid(&mut self, table: &mut Table, board: &Board<'_>) -> Result<bool, LoadError> {
         table.clear();
-        let Some(Valid { slot, image }) = self.valid else { return Ok(false) };
-        self.load(slot, image, table, device).await.map(|()| true)
+        let Some(Valid { slot, image }) = self.table else { return Ok(false) };
+        self.load(slot, image, table, board).await.map(|()| true)
     }
 
-    async fn load(&mut self, slot: Slot, image: Image, table: &mut Table, device: DeviceId) -> Result<(), LoadError> {
+    /// Fills `profile` from its valid slot; false when there is none.
+    pub async fn load_valid_profile(&mut self, profile: &mut Profile) -> Result<bool, LoadError> {
+        let Some(Valid { slot, image }) = self.profile else { return Ok(false) };
+        self.load_profile(slot, image, profile).await.map(|()| true)
+    }
+
+    async fn load(&mut self, slot: Slot, image: Image, table: &mut Table, board: &Board<'_>) -> Result<(), LoadError> {
         table.clear();
-        if self.checksum(slot, image.len).await? != image.crc {
-            return Err(LoadError::Damaged);
-        }
-        let push = |record: &Record| table.push(record, Some(device)).map(|()| true).map_err(LoadError::Table);
-        self.each_record(slot, image.len, push).await?;
-        if table.end().is_some() && table.model() == image.model {
+        self.check_digest(slot, &image).await?;
+        let push = |record: &Record| table.push(record, board).map(|()| true).map_err(LoadError::Table);
+        let malformed = LoadError::Table(TableError::Malformed);
+        let read = self.each_record(slot, &image, malformed, push).await;
+        if read.is_ok() && table.end().is_some() && table.model() == image.model {
             return Ok(());
         }
         table.clear();
-        Err(LoadError::Damaged)
+        read.and(Err(LoadError::Damaged))
     }
 
-    async fn checksum(&mut self, slot: Slot, len: u32) -> Result<u32, LoadError> {
+    async fn load_profile(&mut self, slot: Slot, image: Image, profile: &mut Profile) -> Result<(), LoadError> {
+        self.check_digest(slot, &image).await?;
+        let mut reader = ProfileReader::default();
+        let push = |record: &ProfileRecord| match reader.push(record, profile) {
+            Ok(()) => Ok(true),
+            Err(error) => Err(LoadError::Profile(error)),
+        };
+        let malformed = LoadError::Profile(ProfileError::Malformed);
+        self.each_record(slot, &image, malformed, push).await?;
+        profile.digest = image.digest;
+        if reader.is_complete() { Ok(()) } else { Err(LoadError::Profile(ProfileError::Order)) }
+    }
+
+    async fn check_digest(&mut self, slot: Slot, image: &Image) -> Result<(), LoadError> {
         let mut window = [0; WINDOW];
-        let mut crc = CRC.digest();
+        let mut sha = Sha256::new();
         let mut next = 0;
-        while next < len {
-            let part = &mut window[..WINDOW.min((len - next) as usize)];
-            self.read(slot, next, part).await?;
-            crc.update(part);
-            next += part.len() as u32;
+        while next < image.len {
+            let len = WINDOW.min((image.len - next) as usize);
+            let part = window.get_mut(..len).unwrap_or_default();
+            self.read(slot, image.kind, next, part).await?;
+            sha.update(&*part);
+            next = next.saturating_add(len as u32);
+            yield_now().await;
         }
-        Ok(crc.finalize())
+        if sha.finalize()[..] == image.digest.0 { Ok(()) } else { Err(LoadError::Damaged) }
     }
 
-    /// Hands the records of the valid image to `take`, in their order, until it says that it has enough; nothing without
-    /// a valid image.
+    /// Hands the records of the valid table to `take`, in their order, until it says that it has enough; nothing without
+    /// a valid table.
     pub async fn records(&mut self, mut take: impl FnMut(&Record) -> bool) -> Result<(), LoadError> {
-        let Some(Valid { slot, image }) = self.valid else { return Ok(()) };
-        self.each_record(slot, image.len, |record| Ok(take(record))).await
+        let Some(Valid { slot, image }) = self.table else { return Ok(()) };
+        let malformed = LoadError::Table(TableError::Malformed);
+        self.each_record(slot, &image, malformed, |record| Ok(take(record))).await
     }
 
     /// Hands record after record to `take` until it says that it has enough; a record may lie across two reads. Other
     /// tasks run between two reads.
-    async fn each_record(
+    async fn each_record<R: for<'a> Deserialize<'a>>(
         &mut self,
         slot: Slot,
-        len: u32,
-        mut take: impl FnMut(&Record) -> Result<bool, LoadError>,
+        image: &Image,
+        malformed: LoadError,
+        mut take: impl FnMut(&R) -> Result<bool, LoadError>,
     ) -> Result<(), LoadError> {
         let mut window = [0; WINDOW];
         let (mut filled, mut next) = (0, 0);
-        while next < len {
-            let fresh = (WINDOW - filled).min((len - next) as usize);
-            self.read(slot, next, &mut window[filled..filled + fresh]).await?;
+        while next < image.len {
+            let fresh = (WINDOW - filled).min((image.len - next) as usize);
+            let free = window.get_mut(filled..filled + fresh).unwrap_or_default();
+            self.read(slot, image.kind, next, free).await?;
             filled += fresh;
             next += fresh as u32;
-            let Some(used) = take_records(&window[..filled], next == len, &mut take)? else { return Ok(()) };
+            let bytes = window.get(..filled).unwrap_or_default();
+            let Some(used) = take_records(bytes, next == image.len, malformed, &mut take)? else { return Ok(()) };
             window.copy_within(used..filled, 0);
             filled -= used;
             yield_now().await;
@@ -296,20 +401,21 @@ impl<F: NorFlash> Store<F> {
         Ok(())
     }
 
-    async fn read(&mut self, slot: Slot, offset: u32, bytes: &mut [u8]) -> Result<(), LoadError> {
-        self.records.flash().read(slot.start() + offset, bytes).await.map_err(|_| LoadError::Storage)
+    async fn read(&mut self, slot: Slot, kind: ImageKind, offset: u32, bytes: &mut [u8]) -> Result<(), LoadError> {
+        self.records.flash().read(slot.start(kind) + offset, bytes).await.map_err(|_| LoadError::Storage)
     }
 
     /// Writes the block that ends the upload so far, and erases the page that it begins.
     async fn write_block(&mut self, upload: &mut Upload) -> Result<(), StorageError> {
         let start = (upload.next - 1) / BLOCK as u32 * BLOCK as u32;
         let used = ((upload.next - start) as usize).next_multiple_of(F::WRITE_SIZE);
-        let at = upload.slot.start() + start;
+        let at = upload.slot.start(upload.image.kind) + start;
         let flash = self.records.flash();
         if at.is_multiple_of(F::ERASE_SIZE as u32) {
             flash.erase(at, at + F::ERASE_SIZE as u32).await.map_err(|_| StorageError)?;
         }
-        flash.write(at, &upload.block[..used]).await.map_err(|_| StorageError)?;
+        let due = upload.block.get(..used).unwrap_or_default();
+        flash.write(at, due).await.map_err(|_| StorageError)?;
         upload.block = [0xff; BLOCK];
         Ok(())
     }
@@ -331,16 +437,16 @@ impl<F: NorFlash> Store<F> {
     }
 }
 
-/// Takes the records that stand whole in `bytes`; how many bytes they took, or `None` when no more are wanted.
-fn take_records(
+/// Takes the records that are complete in `bytes`; how many bytes they took, or `None` when no more are wanted.
+fn take_records<R: for<'a> Deserialize<'a>>(
     bytes: &[u8],
     last: bool,
-    take: &mut impl FnMut(&Record) -> Result<bool, LoadError>,
+    malformed: LoadError,
+    take: &mut impl FnMut(&R) -> Result<bool, LoadError>,
 ) -> Result<Option<usize>, LoadError> {
     let mut rest = bytes;
     while !rest.is_empty() && (last || rest.len() >= Record::MAX_BYTES) {
-        let (record, after) =
-            postcard::take_from_bytes::<Record>(rest).map_err(|_| LoadError::Table(TableError::Malformed))?;
+        let (record, after) = postcard::take_from_bytes::<R>(rest).map_err(|_| malformed)?;
         if !take(&record)? {
             return Ok(None);
         }

@@ -4,23 +4,26 @@ pub(crate) mod fakes;
 use core::cell::{Cell, RefCell};
 
 use darm_core::nearest::{Coordinates, Found};
-use darm_core::sequencer::{Command, Event, FaultKind, Outputs, Phase, ServoSeen};
-use darm_core::table::Record;
-use darm_core::units::{ActuatorId, DeviceId, Micros};
+use darm_core::profile::{BUILT_IN, Mismatch, Profile};
+use darm_core::sequencer::{
+    Command, CommandError, Event, FaultKind, Outputs, Phase, ServoAction, ServoSeen, ServoTarget,
+};
+use darm_core::table::{Record, TableError};
+use darm_core::units::{ActuatorId, DeviceId, Digest, Micros};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, Identity};
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
-use darm_core::wire::message::{Answer, CHUNK, Calibration, Image, REQUEST, Refusal, Reply, Request, Status};
+use darm_core::wire::message::{Answer, CHUNK, Calibration, Hello, Image, REQUEST, Refusal, Reply, Request, Status};
 
 use embassy_futures::select::select;
 use embassy_futures::yield_now;
 
 use crate::app::serve;
-use crate::control::{Control, Shared, TICK};
+use crate::control::{Control, Inputs, Shared, TICK};
 use crate::dispatch::{Board, Desk};
 use crate::pipe::{Pipe, PipeReader, PipeWriter};
 use crate::port::{Item, Port};
-use fakes::{Cells, HandClock, MockFlash, run, table, table_with};
+use fakes::{Cells, HandClock, MockFlash, profile, profile_image, run, table, table_with};
 
 const LINK: u32 = 77;
 
@@ -35,27 +38,39 @@ struct Bench {
     outputs: Cell<Outputs>,
     /// Switches that do not follow: the bits are what they show instead.
     stuck: Cell<Option<u32>>,
+    /// A person holds the button.
+    button: Cell<bool>,
     desk: RefCell<Option<OnBench>>,
     number: Cell<u16>,
 }
 
 impl Bench {
+    /// A board that was switched on a minute ago.
     fn new(cells: Cells) -> Self {
+        let bench = Self::switched_on(cells);
+        bench.pass_ms(60_000);
+        bench
+    }
+
+    /// A board that was just switched on.
+    fn switched_on(cells: Cells) -> Self {
         let shared: &'static Shared = Box::leak(Box::default());
         let clock: &'static HandClock = Box::leak(Box::default());
         let bench = Self {
             clock,
             shared,
-            control: RefCell::new(Control::new(Micros(0), shared)),
+            control: RefCell::new(Control::new(Micros(0), shared, Box::leak(Box::default()))),
             outputs: Cell::default(),
             stuck: Cell::default(),
+            button: Cell::default(),
             desk: RefCell::default(),
             number: Cell::new(0),
             cells,
         };
         let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("bench").unwrap() };
         let mut desk = Desk::new(Board { identity, death: None }, bench.clock, bench.shared, Box::leak(Box::default()));
-        let opening = desk.open(Some(bench.cells.flash(u32::MAX)), Box::leak(Box::default()));
+        let profile = Box::leak(Box::new(Profile::empty()));
+        let opening = desk.open(Some(bench.cells.flash(u32::MAX)), Box::leak(Box::default()), profile);
         run(opening, || bench.tick());
         *bench.desk.borrow_mut() = Some(desk);
         bench
@@ -65,7 +80,8 @@ impl Bench {
         let now = self.clock.0.get() + TICK.0;
         self.clock.0.set(now);
         let switches = self.stuck.get().unwrap_or(self.outputs.get().lines as u32);
-        self.outputs.set(self.control.borrow_mut().tick(Micros(now), Micros(now), switches, self.shared));
+        let inputs = Inputs { switches, button: self.button.get() };
+        self.outputs.set(self.control.borrow_mut().tick(Micros(now), Micros(now), inputs, self.shared));
     }
 
     fn pass_ms(&self, millis: u32) {
@@ -147,7 +163,7 @@ impl Bench {
 
 /// A board with a table of ten rows.
 fn loaded() -> Bench {
-    let bench = Bench::new(Cells::erased());
+    let bench = Bench::new(Cells::with_profile());
     bench.connect();
     assert_eq!(bench.upload(&table(1, 10, false)), Ok(Answer::Committed { rows: 10 }));
     bench
@@ -190,7 +206,7 @@ fn a_switch_that_contradicts_latches_the_safe_state_and_both_languages_say_so() 
     assert_eq!(fault.kind, FaultKind::Switch { actuator, expected_closed: true, seen_closed: false });
     assert!(!bench.outputs.get().enabled);
     let text = bench.type_line("status");
-    assert!(text.contains("safe state: actuator 0: limit switch expected closed, seen open at 0."), "{text}");
+    assert!(text.contains("safe state: actuator 0: limit switch expected closed, seen open at 60."), "{text}");
     assert_eq!(bench.type_line("play"), "? a fault is latched; look at it, then clear it\r\n");
     assert_eq!(bench.type_line("clear"), "ok\r\n");
     assert_eq!(bench.status().phase, Phase::Idle);
@@ -229,7 +245,7 @@ fn nothing_is_stored_while_a_program_runs() {
     bench.command(Command::Play).unwrap();
     bench.pass_ms(10);
     assert_eq!(bench.upload(&table(2, 4, false)), Err(Refusal::Busy));
-    let calibration = Calibration { model: table(1, 10, false).0.model, ..Calibration::default() };
+    let calibration = Calibration::try_from([0.1; 4]).unwrap();
     assert_eq!(bench.ask(Request::Calibrate(calibration)), Err(Refusal::Busy));
     bench.command(Command::Stop).unwrap();
     assert_eq!(bench.ask(Request::Calibrate(calibration)), Ok(Answer::Done));
@@ -240,7 +256,7 @@ fn nothing_is_stored_while_a_program_runs() {
 fn a_refused_table_leaves_the_old_one_loaded() {
     let bench = loaded();
     let (image, bytes) = table(2, 4, false);
-    let damaged = (Image { crc: image.crc ^ 1, ..image }, bytes);
+    let damaged = (Image { digest: Digest([1; 32]), ..image }, bytes);
     assert_eq!(bench.upload(&damaged), Err(Refusal::Damaged));
     assert_eq!(bench.status().model, Some(table(1, 10, false).0.model));
     assert_eq!(bench.ask(Request::Commit(image)), Err(Refusal::NoUpload));
@@ -352,7 +368,9 @@ fn typed_commands_act_under_the_same_limits() {
     assert_eq!(bench.outputs.get().lines, 3);
     assert_eq!(bench.type_line("word 111"), "? no such coil, servo or word in the loaded wiring\r\n");
     assert!(bench.type_line("log").contains("booted"));
-    assert!(bench.type_line("limits").contains("coil 1: line 1; on for 5000 ms, 90 % of 60000 ms"));
+    let limits = bench.type_line("limits");
+    assert!(limits.contains("coil 1: line 1; on for 5000 ms, 90 % of 60000 ms, 53"), "{limits}");
+    assert!(bench.type_line("profile").contains("output 1: line 1; on for 5000 ms"));
     assert!(bench.type_line("table").contains("10 rows in 1.000 s"));
     assert!(bench.type_line("help").lines().count() > 12);
     assert_eq!(bench.type_line("? ok"), "");
@@ -373,7 +391,7 @@ fn the_console_serves_both_languages_until_it_starts_anew() {
         bench.tick();
         text.borrow_mut().extend(core::iter::from_fn(|| output.pop()).map(char::from));
     });
-    assert!(text.borrow().starts_with("board bench, device 0707") && text.borrow().ends_with("ok, starting anew\r\n"));
+    assert!(text.borrow().starts_with("board bench, device 0707") && text.borrow().ends_with("ok, restarting\r\n"));
 }
 
 #[test]
@@ -397,13 +415,22 @@ fn a_command_after_many_questions_is_not_taken_for_an_old_one() {
     assert_eq!(bench.ask_as(LINK, 1000 + 33_001, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
 }
 
-/// A board with a table that has a servo, which stands at `angle_rad` on the bus.
+/// A board with a table that has a servo, whose shaft is at `angle_rad`.
 fn with_servo(angle_rad: f32) -> Bench {
-    let bench = Bench::new(Cells::erased());
+    let bench = Bench::new(Cells::with_profile());
     bench.connect();
     assert_eq!(bench.upload(&table(1, 4, true)), Ok(Answer::Committed { rows: 4 }));
-    bench.shared.see_servo(0, ServoSeen { angle_rad, answered: Some(Micros(1)), ..ServoSeen::default() });
+    let answered = Some(Micros(bench.clock.0.get()));
+    bench.shared.see_servo(0, ServoSeen { angle_rad, answered, ..ServoSeen::default() });
+    bench.tick();
     bench
+}
+
+fn servo_target(bench: &Bench) -> Option<ServoTarget> {
+    match bench.shared.joints()[0]?.action {
+        ServoAction::Go(target) => Some(target),
+        ServoAction::Hold | ServoAction::Release => None,
+    }
 }
 
 #[test]
@@ -411,34 +438,40 @@ fn another_table_moves_no_servo() {
     let bench = with_servo(0.0);
     bench.command(Command::Servo { servo: 0, angle_rad: 0.3 }).unwrap();
     bench.pass_ms(5);
+    assert!(servo_target(&bench).is_some());
     bench.command(Command::Stop).unwrap();
     assert_eq!(bench.upload(&table(2, 4, true)), Ok(Answer::Committed { rows: 4 }));
     bench.pass_ms(5);
-    let target = bench.shared.joints()[0].and_then(|joint| joint.target);
-    assert_eq!(target, None, "the target is the one of the table before");
+    assert_eq!(servo_target(&bench), None);
 }
 
 #[test]
 fn another_model_moves_no_servo() {
     let bench = with_servo(0.0);
-    let calibration = Calibration { model: table(1, 4, true).0.model, offsets_rad: [0.5, 0.0, 0.0, 0.0] };
+    let calibration = Calibration::try_from([0.5, 0.0, 0.0, 0.0]).unwrap();
     assert_eq!(bench.ask(Request::Calibrate(calibration)), Ok(Answer::Done));
-    let before = bench.shared.offsets_rad();
     bench.upload(&table(2, 4, true)).unwrap();
-    assert_eq!(
-        bench.shared.offsets_rad(),
-        before,
-        "a horn does not turn on its shaft because the model is a better one"
-    );
+    let stands_at = bench.status().servos[0].angle_rad;
+    assert_eq!(stands_at, -0.5, "a horn does not turn on its shaft because the model is a better one");
+    let again = Bench::new(bench.cells);
+    again.connect();
+    assert_eq!(again.ask(Request::Calibration), Ok(Answer::Calibration(Some(calibration))));
 }
 
 #[test]
 fn a_store_that_cannot_be_read_can_be_used_again() {
-    let cells = Cells::erased();
+    let cells = Cells::with_profile();
     cells.spoil_records();
     let bench = Bench::new(cells);
     bench.connect();
-    assert_ne!(bench.upload(&table(1, 4, false)), Err(Refusal::Storage), "for good");
+    assert!(bench.type_line("status").contains("the next upload erases them"));
+    let refused = bench.upload(&table(1, 4, false));
+    assert!(matches!(refused, Err(Refusal::Table(TableError::Profile(_)))), "the profile is lost too: {refused:?}");
+    bench.button.set(true);
+    assert_eq!(bench.upload(&profile_image(&profile())), Ok(Answer::Done));
+    let again = Bench::new(bench.cells);
+    again.connect();
+    assert_eq!(again.upload(&table(1, 4, false)), Ok(Answer::Committed { rows: 4 }));
 }
 
 #[test]
@@ -450,6 +483,57 @@ fn nobody_restarts_a_board_whose_program_runs() {
     let request = bootstrap::Request::Reboot(bootstrap::Into::Application);
     bench.send(Header { tag: request.tag(), link: 0, number: 9 }, request.payload());
     assert_eq!(bench.desk.borrow().as_ref().unwrap().reboot, None);
+}
+
+#[test]
+fn a_profile_is_written_only_while_a_person_holds_the_button() {
+    let bench = Bench::new(Cells::erased());
+    bench.connect();
+    assert_eq!(hello(&bench).profile, BUILT_IN.digest);
+    let (image, bytes) = profile_image(&profile());
+    assert_eq!(bench.upload(&(image, bytes.clone())), Err(Refusal::NobodyPresent));
+    let refused = bench.upload(&table(1, 4, false));
+    assert!(matches!(refused, Err(Refusal::Table(TableError::Profile(Mismatch::Limit { output: 0, .. })))));
+    bench.button.set(true);
+    assert_eq!(bench.upload(&(image, bytes)), Ok(Answer::Done));
+    assert_eq!(bench.desk.borrow().as_ref().unwrap().reboot, Some(bootstrap::Into::Application));
+    let again = Bench::new(bench.cells);
+    again.connect();
+    assert_eq!(hello(&again).profile, image.digest);
+    assert_eq!(again.upload(&table(1, 4, false)), Ok(Answer::Committed { rows: 4 }));
+}
+
+#[test]
+fn a_table_of_another_profile_is_kept_and_not_loaded() {
+    let bench = loaded();
+    bench.button.set(true);
+    let narrower = Profile { supply: darm_core::output::SwitchLimit { new_coils: 5, window_ms: 10 }, ..profile() };
+    assert_eq!(bench.upload(&profile_image(&narrower)), Ok(Answer::Done));
+    let again = Bench::new(bench.cells);
+    again.connect();
+    assert_eq!(again.command(Command::Play), Err(Refusal::Command(CommandError::NoTable)));
+    let status = again.type_line("status");
+    assert!(status.contains("what is stored was refused: the table switches at most 6 outputs on"), "{status}");
+}
+
+#[test]
+fn just_after_power_up_a_program_has_to_wait() {
+    let bench = loaded();
+    let again = Bench::switched_on(bench.cells);
+    again.connect();
+    let refused = again.command(Command::Play);
+    assert!(matches!(refused, Err(Refusal::Recovering { row: 2, output: 0, wait_ms: 59_000.. })), "{refused:?}");
+    let Ok(Answer::Outputs(outputs)) = again.ask(Request::Outputs { from: 0 }) else { panic!() };
+    assert_eq!((outputs.len(), outputs[0].left_ms), (2, 0));
+    again.pass_ms(60_000);
+    assert_eq!(again.command(Command::Play), Ok(Answer::Done));
+}
+
+fn hello(bench: &Bench) -> Hello {
+    match bench.ask(Request::Hello { protocol: PROTOCOL }) {
+        Ok(Answer::Hello(hello)) => hello,
+        other => panic!("{other:?}"),
+    }
 }
 
 /// Serves the console for `ms` and drains its output as a line of 115 200 baud does; when each line of the answer ended.

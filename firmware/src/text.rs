@@ -5,9 +5,10 @@
 use core::fmt;
 
 use darm_core::nearest::{Coordinates, Found};
-use darm_core::output::{Coil, Drive, MAX_COILS, MAX_SERVOS, ServoWiring};
+use darm_core::output::{Coil, MAX_COILS, MAX_SERVOS, ServoWiring};
+use darm_core::profile::{EmergencyStop, Output};
 use darm_core::sequencer::{Command, Event, Phase};
-use darm_core::units::{Micros, Word, WordError};
+use darm_core::units::{Digest, Micros, Word, WordError};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{Death, DeathKind, Into};
 use embedded_io_async::Write;
@@ -21,11 +22,12 @@ const HELP: &[&str] = &[
     "help             this list",
     "id               board, device number, versions",
     "status           what runs, coils, switches, servos, faults",
-    "limits           limits of every coil and servo",
+    "limits           limits of every coil and servo, and what is left of them",
+    "profile          what is wired to the board, and the most that a table may ask for",
     "table            the table that is loaded",
     "play             run the table from its first row",
     "stop             all coils off, at once",
-    "coil N on MS     coil N on for MS milliseconds (coil N off: off now)",
+    "coil N on MS     the coil of output N on for MS milliseconds (coil N off: off now)",
     "word DIGITS      all actuators to these digits, base first: word 010,110",
     "servo N DEG      servo joint N to an angle in degrees",
     "nearest X Y A    a word that brings the tool near: mm and degrees;",
@@ -33,7 +35,7 @@ const HELP: &[&str] = &[
     "fault            the latched fault, and how the last start ended",
     "clear            leave the safe state after a fault",
     "log              the last events",
-    "reboot           start anew (reboot loader: into the chip's loader)",
+    "reboot           restart (reboot loader: into the chip's loader)",
 ];
 
 /// What a line asks for.
@@ -43,6 +45,7 @@ enum Words {
     Id,
     Status,
     Limits,
+    Profile,
     Table,
     Fault,
     Log,
@@ -97,6 +100,7 @@ fn parse(line: &str) -> Result<Words, ParseError> {
         None if is("id") => Ok(Words::Id),
         None if is("status") => Ok(Words::Status),
         None if is("limits") => Ok(Words::Limits),
+        None if is("profile") => Ok(Words::Profile),
         None if is("table") => Ok(Words::Table),
         None if is("play") => Ok(Words::Do(Command::Play)),
         None if is("stop") => Ok(Words::Do(Command::Stop)),
@@ -164,6 +168,7 @@ impl fmt::Write for Line {
 impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
     /// Does what a line says and writes the answer.
     pub async fn obey<W: Write>(&mut self, line: &str, out: &mut W) -> Result<(), W::Error> {
+        self.begin_item();
         if !line.starts_with(|first: char| first.is_ascii_alphabetic()) {
             return Ok(());
         }
@@ -178,13 +183,14 @@ impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
             Ok(Words::Id) => self.say_id(out).await,
             Ok(Words::Status) => self.say_status(out).await,
             Ok(Words::Limits) => self.say_limits(out).await,
+            Ok(Words::Profile) => self.say_profile(out).await,
             Ok(Words::Table) => self.say_table(out).await,
             Ok(Words::Fault) => self.say_fault(out).await,
             Ok(Words::Log) => self.say_log(out).await,
-            Ok(Words::Reboot(into)) => {
-                self.reboot = Some(into);
-                say(out, format_args!("ok, starting anew")).await
-            }
+            Ok(Words::Reboot(into)) => match self.restart(into).await {
+                Ok(()) => say(out, format_args!("ok, restarting")).await,
+                Err(refusal) => say(out, format_args!("? {refusal}")).await,
+            },
             Ok(Words::Nearest(target)) => self.say_nearest(&target, out).await,
             Ok(Words::Do(command)) => match self.command(command).await {
                 Ok(()) => say(out, format_args!("ok")).await,
@@ -230,9 +236,10 @@ impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
             Some(model) => say(out, format_args!("table of {} rows, model {model}", now.rows)).await?,
             None => say(out, format_args!("no table")).await?,
         }
+        self.say_stored(out).await?;
         say(out, format_args!("word {}, switches {:013b}", now.word, now.switches)).await?;
         for index in 0..usize::from(now.n_servos) {
-            let servo = self.shared.servo_seen(index);
+            let servo = self.joint_seen(index);
             match servo.answered {
                 Some(_) => {
                     let (angle_deg, load) = (servo.angle_rad.to_degrees(), servo.load * 100.0);
@@ -244,15 +251,52 @@ impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
         say(out, format_args!("up {}, latest tick {} us late", self.clock.now(), now.worst_lateness.0)).await
     }
 
+    /// Which profile is in force, and what of the store is not.
+    async fn say_stored<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
+        let profile = self.profile().digest;
+        if profile == Digest::default() {
+            say(out, format_args!("no profile is stored: the limits are those built in, servos are off")).await?;
+        } else {
+            say(out, format_args!("profile {}", profile.short())).await?;
+        }
+        if let Some(refusal) = self.rejected() {
+            say(out, format_args!("what is stored was refused: {refusal}")).await?;
+        }
+        if self.has_store() && !self.is_store_readable() {
+            say(out, format_args!("the records of the store cannot be read; the next upload erases them")).await?;
+        }
+        Ok(())
+    }
+
+    async fn say_profile<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
+        let profile = self.profile();
+        say(out, format_args!("profile {}; {}", profile.digest.short(), profile.supply)).await?;
+        if let Some(EmergencyStop { input, opens }) = profile.emergency_stop {
+            let pressed = if opens { "open" } else { "closed" };
+            say(out, format_args!("emergency stop: input {input}, pressed when {pressed}")).await?;
+        }
+        for (number, output) in profile.outputs.iter().enumerate() {
+            if let Some(output) = output {
+                say(out, format_args!("output {number}: {}", OutputText(output))).await?;
+            }
+        }
+        for (index, servo) in profile.servos.iter().enumerate() {
+            say(out, format_args!("servo {index}: {}, safe: {:?}", ServoText(&servo.limit), servo.fallback)).await?;
+        }
+        Ok(())
+    }
+
     async fn say_limits<W: Write>(&mut self, out: &mut W) -> Result<(), W::Error> {
         let Outcome::Summary(Some(table)) = self.shared.ask(Order::Summary).await else {
             return say(out, format_args!("? no table is loaded; upload one first")).await;
         };
         let limit = table.switch_limit;
-        say(out, format_args!("at most {} coils go on within {} ms", limit.new_coils, limit.window_ms)).await?;
+        say(out, format_args!("{limit}")).await?;
         for index in 0..MAX_COILS as u8 {
-            if let Outcome::Coil(Some(coil)) = self.shared.ask(Order::Coil(index)).await {
-                say(out, format_args!("coil {index}: {}", CoilText(&coil))).await?;
+            if let Outcome::Coil(Some(Coil { drive, limit, .. })) = self.shared.ask(Order::Coil(index)).await {
+                let left = self.shared.ask(Order::Output(index)).await;
+                let left_ms = if let Outcome::Output(Some(output)) = left { output.left_ms } else { 0 };
+                say(out, format_args!("coil {index}: {drive}; {limit}, {left_ms} ms left")).await?;
             }
         }
         for index in 0..MAX_SERVOS as u8 {
@@ -297,17 +341,13 @@ impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
     }
 }
 
-struct CoilText<'a>(&'a Coil);
+struct OutputText<'a>(&'a Output);
 
-impl fmt::Display for CoilText<'_> {
+impl fmt::Display for OutputText<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let limit = &self.0.limit;
-        match self.0.drive {
-            Drive::Hold { line } => write!(f, "line {line}")?,
-            Drive::PeakHold { pull, hold, peak_ms } => write!(f, "pull line {pull} {peak_ms} ms, hold line {hold}")?,
-            Drive::Latch { set, reset, pulse_ms } => write!(f, "set line {set}, reset line {reset}, {pulse_ms} ms")?,
-        }
-        write!(f, "; on for {} ms, {} % of {} ms", limit.max_on_ms, limit.duty_percent, limit.window_ms)
+        let Output { drive, limit, input } = self.0;
+        write!(f, "{drive}; {limit}")?;
+        input.map_or(Ok(()), |input| write!(f, "; switch at input {input}"))
     }
 }
 

@@ -143,6 +143,8 @@ pub enum CommandError {
     Safe,
     /// A program runs; stop it first.
     Playing,
+    /// A stop came after it was asked for.
+    Stopped,
     /// There is no such coil, servo or word.
     NotWired,
     /// The coil may not be on for so long.
@@ -181,6 +183,7 @@ impl core::fmt::Display for CommandError {
             Self::NoTable => f.write_str("no table is loaded; upload one first"),
             Self::Safe => f.write_str("a fault is latched; look at it, then clear it"),
             Self::Playing => f.write_str("a program runs; stop it first"),
+            Self::Stopped => f.write_str("a stop came meanwhile; nothing was started"),
             Self::NotWired => f.write_str("no such coil, servo or word in the loaded wiring"),
             Self::OnTooLong { max_ms } => write!(f, "this coil may be on for at most {max_ms} ms"),
             Self::Recovering { output, left_ms, wait_ms } => write!(
@@ -276,9 +279,9 @@ impl<'t> Sequencer<'t> {
     }
 
     /// Puts a profile in force, once after a start: nothing is driven before.
-    pub fn configure(&mut self, now: Micros, profile: &'t Profile) {
+    pub fn configure(&mut self, profile: &'t Profile) {
         self.profile = profile;
-        self.coils.configure(now, profile);
+        self.coils.configure(self.now, profile);
         self.fall_back();
     }
 

@@ -76,8 +76,14 @@ impl Write for &Fake {
     }
 }
 
+fn doing(action: ServoAction) -> Option<Joint> {
+    let (max_speed_rad_s, max_torque, timeout_ms) = (2.0, 0.5, 100);
+    let limit = ServoWiring { id: 1, min_rad: -1.0, max_rad: 1.0, max_speed_rad_s, max_torque, timeout_ms };
+    Some(Joint { limit, action })
+}
+
 fn joint(angle_rad: f32) -> Option<Joint> {
-    Some(Joint { id: 1, target: Some(ServoTarget { angle_rad, speed_rad_s: 1.0, torque: 0.5 }) })
+    doing(ServoAction::Go(ServoTarget { angle_rad, speed_rad_s: 1.0, torque: 0.5 }))
 }
 
 /// Visits the joints so often and returns what was seen of the first.
@@ -95,14 +101,45 @@ fn visit(fake: &Fake, shared: &Shared, clock: &HandClock, times: u32) -> ServoSe
 #[test]
 fn a_target_becomes_a_position_and_comes_back() {
     let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
-    shared.set_joints([joint(0.5), None, None, None]);
-    shared.set_offsets_rad([0.1, 0.0, 0.0, 0.0]);
-    let seen = visit(&fake, &shared, &clock, 1);
+    shared.set_joints([joint(0.6), None, None, None]);
+    let seen = visit(&fake, &shared, &clock, 2);
     let registers = *fake.registers.borrow();
-    // (0.5 + 0.1) rad of 4096 steps a turn is 391.1 steps; 1 rad/s is 651.9 steps/s; half the torque is 500.
+    // 0.6 rad of 4096 steps a turn is 391.1 steps; 1 rad/s is 651.9 steps/s; half the torque is 500.
     assert_eq!(registers[40..50], [1, 0, 0x87, 0x09, 0, 0, 0x8b, 0x02, 0xf4, 0x01]);
-    assert!((seen.angle_rad - 0.5).abs() < TAU / SERVO_STEPS_PER_TURN);
+    assert!((seen.angle_rad - 0.6).abs() < TAU / SERVO_STEPS_PER_TURN);
     assert_eq!(seen.answered, Some(Micros(0)));
+}
+
+#[test]
+fn no_target_exceeds_the_profile() {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    let target = ServoTarget { angle_rad: 3.0, speed_rad_s: 9.0, torque: 1.0 };
+    shared.set_joints([doing(ServoAction::Go(target)), None, None, None]);
+    visit(&fake, &shared, &clock, 1);
+    let [p0, p1, _, _, s0, s1, t0, t1] = fake.registers.borrow()[42..50] else { unreachable!() };
+    let [position, speed, torque] = [[p0, p1], [s0, s1], [t0, t1]].map(u16::from_le_bytes);
+    assert_eq!((position, speed, torque), (steps(1.0), 1303, 500));
+}
+
+#[test]
+fn a_held_servo_stays_where_it_is() {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    // It drives to step 3000 and is at 2500; the reset of the board has left its torque on.
+    fake.registers.borrow_mut()[40] = 1;
+    fake.registers.borrow_mut()[42..44].copy_from_slice(&3000u16.to_le_bytes());
+    fake.registers.borrow_mut()[56..58].copy_from_slice(&2500u16.to_le_bytes());
+    shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+    visit(&fake, &shared, &clock, 200);
+    assert_eq!((fake.registers.borrow()[40], fake.writes.get()), (1, 1));
+    assert_eq!(fake.registers.borrow()[42..44], 2500u16.to_le_bytes());
+}
+
+#[test]
+fn a_servo_without_torque_gets_none_by_holding() {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+    visit(&fake, &shared, &clock, 3);
+    assert_eq!((fake.registers.borrow()[40], fake.writes.get()), (0, 0));
 }
 
 #[test]
@@ -116,10 +153,10 @@ fn an_unchanged_target_is_written_again_only_now_and_then() {
 }
 
 #[test]
-fn no_target_is_no_torque() {
+fn a_released_servo_has_no_torque() {
     let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
     fake.registers.borrow_mut()[40] = 1;
-    shared.set_joints([Some(Joint { id: 1, target: None }), None, None, None]);
+    shared.set_joints([doing(ServoAction::Release), None, None, None]);
     visit(&fake, &shared, &clock, 1);
     assert_eq!(fake.registers.borrow()[40], 0);
 }

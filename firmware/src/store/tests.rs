@@ -1,24 +1,33 @@
 //! Power cuts after every word of flash.
 use super::*;
-use crate::tests::fakes::{Cells, MockFlash, run, table};
-use darm_core::units::ModelHash;
+use crate::tests::fakes::{Cells, MockFlash, profile, profile_image, run, table};
+use darm_core::output::SwitchLimit;
+use darm_core::units::{DeviceId, ModelHash};
 
 const ENDLESS: u32 = u32::MAX;
-const DEVICE: DeviceId = DeviceId([7; 12]);
-const CALIBRATION: Calibration = Calibration { model: ModelHash(1), offsets_rad: [0.1, 0.2, 0.3, 0.4] };
+
+fn calibration() -> Calibration {
+    Calibration::try_from([0.1, 0.2, 0.3, 0.4]).unwrap()
+}
+
+/// Loads by `load` under the profile of the small arm.
+fn with_board<T>(load: impl FnOnce(&Board<'_>) -> T) -> T {
+    load(&Board { device: Some(DeviceId([7; 12])), profile: &profile() })
+}
 
 fn now<T>(future: impl Future<Output = T>) -> T {
     run(future, || {})
 }
 
-fn open(cells: &Cells, words: u32) -> Result<Store<MockFlash>, StorageError> {
+fn open(cells: &Cells, words: u32) -> Store<MockFlash> {
     now(Store::open(cells.flash(words)))
 }
 
 /// Uploads a table and commits it; whether that was confirmed.
 fn upload(store: &mut Store<MockFlash>, model: u64, rows: u64) -> bool {
     let (image, bytes) = table(model, rows, true);
-    let mut next = store.begin(image).unwrap() as usize;
+    let Ok(next) = now(store.begin(image)) else { return false };
+    let mut next = next as usize;
     while next < bytes.len() {
         let end = bytes.len().min(next + 100);
         match now(store.chunk(next as u32, &bytes[next..end])) {
@@ -27,15 +36,15 @@ fn upload(store: &mut Store<MockFlash>, model: u64, rows: u64) -> bool {
         }
     }
     let mut table = Box::<Table>::default();
-    now(store.load_upload(&mut table, DEVICE)).is_ok() && now(store.commit()).is_ok()
+    with_board(|board| now(store.load_upload(&mut table, board))).is_ok() && now(store.commit()).is_ok()
 }
 
 /// The model of the table that a start finds; every row of it must be there.
 fn boot(cells: &Cells) -> Option<u64> {
-    let mut store = open(cells, ENDLESS).unwrap();
+    let mut store = open(cells, ENDLESS);
     let mut table = Box::<Table>::default();
-    let loaded = now(store.load_valid(&mut table, DEVICE)).unwrap();
-    assert_eq!(now(store.calibration()), Ok(Some(CALIBRATION)));
+    let loaded = with_board(|board| now(store.load_valid(&mut table, board))).unwrap();
+    assert_eq!(now(store.calibration()), Ok(Some(calibration())));
     loaded.then(|| {
         let model = table.model().0;
         assert_eq!(table.rows().len() as u64, rows_of(model));
@@ -49,8 +58,8 @@ fn rows_of(model: u64) -> u64 {
 
 fn with_table(model: u64) -> Cells {
     let cells = Cells::erased();
-    let mut store = open(&cells, ENDLESS).unwrap();
-    now(store.set_calibration(CALIBRATION)).unwrap();
+    let mut store = open(&cells, ENDLESS);
+    now(store.set_calibration(calibration())).unwrap();
     assert!(upload(&mut store, model, rows_of(model)));
     cells
 }
@@ -61,7 +70,7 @@ fn a_cut_after_every_word_leaves_the_old_or_the_new_table() {
     let mut outcomes = [0, 0];
     for words in 1.. {
         let cells = old.copy();
-        let confirmed = open(&cells, words).is_ok_and(|mut store| upload(&mut store, 2, rows_of(2)));
+        let confirmed = upload(&mut open(&cells, words), 2, rows_of(2));
         let found = boot(&cells).unwrap();
         assert!(if confirmed { found == 2 } else { found == 1 || found == 2 }, "after {words} words: {found}");
         outcomes[found as usize - 1] += 1;
@@ -80,7 +89,7 @@ fn a_life_of_power_cuts_loses_nothing() {
     for model in 2..400 {
         random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         let words = random >> 8 & 0x1ff;
-        let confirmed = open(&cells, words).is_ok_and(|mut store| upload(&mut store, model, rows_of(model)));
+        let confirmed = upload(&mut open(&cells, words), model, rows_of(model));
         let found = boot(&cells).unwrap();
         assert!(found == model || (found == held && !confirmed), "after {words} words: {found}");
         held = found;
@@ -92,7 +101,7 @@ fn a_life_of_power_cuts_loses_nothing() {
 fn starts_are_counted_and_the_records_turn_over() {
     let cells = with_table(1);
     for boots in 1..1500 {
-        assert_eq!(now(open(&cells, ENDLESS).unwrap().count_boot()), Ok(boots));
+        assert_eq!(now(open(&cells, ENDLESS).count_boot()), Ok(boots));
     }
     assert_eq!(boot(&cells), Some(1));
 }
@@ -100,31 +109,31 @@ fn starts_are_counted_and_the_records_turn_over() {
 #[test]
 fn an_upload_resumes_and_ignores_what_it_has() {
     let cells = with_table(1);
-    let mut store = open(&cells, ENDLESS).unwrap();
+    let mut store = open(&cells, ENDLESS);
     let (image, bytes) = table(2, 5, false);
     assert_eq!(now(store.chunk(0, &bytes[..10])), Err(UploadError::NoUpload));
-    assert_eq!(store.begin(image), Ok(0));
+    assert_eq!(now(store.begin(image)), Ok(0));
     assert_eq!(now(store.chunk(0, &bytes[..10])), Ok(10));
     assert_eq!(now(store.chunk(0, &bytes[..10])), Ok(10));
     assert_eq!(now(store.chunk(20, &bytes[20..30])), Ok(10));
-    assert_eq!(store.begin(image), Ok(10));
+    assert_eq!(now(store.begin(image)), Ok(10));
     assert!(!store.is_whole(image));
     assert_eq!(now(store.chunk(10, &bytes[10..])), Ok(image.len));
     assert!(store.is_whole(image));
-    assert_eq!(store.begin(Image { crc: 0, ..image }), Ok(0));
-    assert_eq!(store.begin(Image { len: SLOT_BYTES as u32 + 1, ..image }), Err(UploadError::TooLong));
+    assert_eq!(now(store.begin(Image { digest: Digest([0; 32]), ..image })), Ok(0));
+    assert_eq!(now(store.begin(Image { len: SLOT_BYTES as u32 + 1, ..image })), Err(UploadError::TooLong));
 }
 
 #[test]
 fn a_damaged_image_is_refused_and_the_old_table_stays() {
     let cells = with_table(1);
-    let mut store = open(&cells, ENDLESS).unwrap();
+    let mut store = open(&cells, ENDLESS);
     let (image, mut bytes) = table(2, 5, false);
     bytes[20] ^= 1;
-    store.begin(image).unwrap();
+    now(store.begin(image)).unwrap();
     now(store.chunk(0, &bytes)).unwrap();
     let mut table = Box::<Table>::default();
-    assert_eq!(now(store.load_upload(&mut table, DEVICE)), Err(LoadError::Damaged));
+    assert_eq!(with_board(|board| now(store.load_upload(&mut table, board))), Err(LoadError::Damaged));
     assert_eq!(now(store.commit()), Err(UploadError::NoUpload));
     assert_eq!(boot(&cells), Some(1));
 }
@@ -132,18 +141,54 @@ fn a_damaged_image_is_refused_and_the_old_table_stays() {
 #[test]
 fn an_image_of_another_model_is_refused() {
     let cells = with_table(1);
-    let mut store = open(&cells, ENDLESS).unwrap();
+    let mut store = open(&cells, ENDLESS);
     let (image, bytes) = table(2, 5, false);
-    store.begin(Image { model: ModelHash(3), ..image }).unwrap();
+    now(store.begin(Image { model: ModelHash(3), ..image })).unwrap();
     now(store.chunk(0, &bytes)).unwrap();
-    assert_eq!(now(store.load_upload(&mut Box::<Table>::default(), DEVICE)), Err(LoadError::Damaged));
+    assert_eq!(
+        with_board(|board| now(store.load_upload(&mut Box::<Table>::default(), board))),
+        Err(LoadError::Damaged)
+    );
 }
 
 #[test]
 fn an_empty_flash_holds_nothing() {
-    let mut store = open(&Cells::erased(), ENDLESS).unwrap();
+    let mut store = open(&Cells::erased(), ENDLESS);
     let mut table = Box::<Table>::default();
-    assert_eq!(now(store.load_valid(&mut table, DEVICE)), Ok(false));
+    assert_eq!(with_board(|board| now(store.load_valid(&mut table, board))), Ok(false));
     assert_eq!(now(store.calibration()), Ok(None));
     assert_eq!(now(store.count_boot()), Ok(1));
+}
+
+/// Uploads a profile and commits it; whether that was confirmed.
+fn upload_profile(store: &mut Store<MockFlash>, new_coils: u8) -> bool {
+    let other = Profile { supply: SwitchLimit { new_coils, window_ms: 10 }, ..profile() };
+    let (image, bytes) = profile_image(&other);
+    let upload = async {
+        store.begin(image).await?;
+        store.chunk(0, &bytes).await?;
+        store.commit().await
+    };
+    now(upload).is_ok()
+}
+
+#[test]
+fn a_cut_after_every_word_leaves_the_old_or_the_new_profile() {
+    let old = with_table(1);
+    assert!(upload_profile(&mut open(&old, ENDLESS), 1));
+    let mut outcomes = [0, 0];
+    for words in 1.. {
+        let cells = old.copy();
+        let confirmed = upload_profile(&mut open(&cells, words), 2);
+        let mut found = Profile::empty();
+        assert_eq!(now(open(&cells, ENDLESS).load_valid_profile(&mut found)), Ok(true));
+        let new_coils = found.supply.new_coils;
+        assert!(if confirmed { new_coils == 2 } else { (1..=2).contains(&new_coils) }, "after {words} words");
+        assert_eq!(boot(&cells), Some(1), "the table is still there");
+        outcomes[usize::from(new_coils) - 1] += 1;
+        if confirmed {
+            break;
+        }
+    }
+    assert!(outcomes[0] > 10 && outcomes[1] > 0, "{outcomes:?}");
 }

@@ -6,16 +6,19 @@ use core::task::{Context, Poll, Waker};
 use std::rc::Rc;
 
 use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, ServoWiring, SwitchLimit};
-use darm_core::table::{Record, Row};
-use darm_core::units::{Micros, ModelHash, Word};
-use darm_core::wire::frame::CRC;
-use darm_core::wire::message::Image;
+use darm_core::profile::{Profile, ProfileRecord};
+use darm_core::table::{Record, Row, wiring};
+use darm_core::units::{Digest, Micros, ModelHash, Word};
+use darm_core::wire::message::{Image, ImageKind};
 use embedded_storage_async::nor_flash::{
     ErrorType, MultiwriteNorFlash, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
+use serde::Serialize;
+use sha2::{Digest as _, Sha256};
+
 use crate::clock::Clock;
-use crate::store::FLASH_BYTES;
+use crate::store::{FLASH_BYTES, PROFILE_BYTES, SLOT_BYTES, Store};
 
 /// A small arm: two valves with a limit switch each and, where asked for, a servo; one row every 100 ms.
 pub(crate) fn table(model: u64, rows: u64, servo: bool) -> (Image, Vec<u8>) {
@@ -24,26 +27,8 @@ pub(crate) fn table(model: u64, rows: u64, servo: bool) -> (Image, Vec<u8>) {
 
 /// The same with records of modules and frames.
 pub(crate) fn table_with(model: u64, rows: u64, servo: bool, modules: &[Record]) -> (Image, Vec<u8>) {
-    let limit = CoilLimit { max_on_ms: 5_000, duty_percent: 90, window_ms: 60_000 };
-    let (model, device) = (ModelHash(model), None);
-    let mut records = vec![Record::Start { model, device, switch_limit: SwitchLimit::default() }];
-    for index in 0..2 {
-        let switch = Some(LimitSwitch { input: index, closed_in: 0b10 });
-        records.push(Record::Coil(Coil { drive: Drive::Hold { line: index }, limit }));
-        records.push(Record::Actuator(ActuatorWiring { states: 2, switch, travel_ms: 50 }));
-    }
-    if servo {
-        let range = (-1.5, 1.5);
-        let joint = ServoWiring {
-            id: 1,
-            min_rad: range.0,
-            max_rad: range.1,
-            max_speed_rad_s: 3.0,
-            max_torque: 0.5,
-            timeout_ms: 200,
-        };
-        records.push(Record::Servo(joint));
-    }
+    let model = ModelHash(model);
+    let mut records = wired(model, profile().digest, servo);
     records.extend_from_slice(modules);
     for row in 0..rows {
         let word = Word::new(&[(row & 1) as u8, (row >> 1 & 1) as u8]).unwrap();
@@ -51,11 +36,44 @@ pub(crate) fn table_with(model: u64, rows: u64, servo: bool, modules: &[Record])
         records.push(Record::Row(Row { at: Micros(row * 100_000), word, servos }));
     }
     records.push(Record::End { at: Micros(rows * 100_000) });
-    let bytes: Vec<u8> = records.iter().flat_map(encoded).collect();
-    (Image { len: bytes.len() as u32, crc: CRC.checksum(&bytes), model }, bytes)
+    image(ImageKind::Table, model, &records)
 }
 
-fn encoded(record: &Record) -> Vec<u8> {
+fn wired(model: ModelHash, profile: Digest, servo: bool) -> Vec<Record> {
+    let limit = CoilLimit { max_on_ms: 5_000, duty_percent: 90, window_ms: 60_000 };
+    let mut records = vec![Record::Start { model, device: None, profile, switch_limit: SwitchLimit::default() }];
+    for index in 0..2 {
+        let switch = Some(LimitSwitch { input: index, closed_in: 0b10 });
+        records.push(Record::Coil(Coil { output: index, drive: Drive::Hold { line: index }, limit }));
+        records.push(Record::Actuator(ActuatorWiring { states: 2, switch, travel_ms: 50 }));
+    }
+    if servo {
+        let (max_speed_rad_s, max_torque, timeout_ms) = (3.0, 0.5, 200);
+        let (min_rad, max_rad) = (-1.5, 1.5);
+        records.push(Record::Servo(ServoWiring { id: 1, min_rad, max_rad, max_speed_rad_s, max_torque, timeout_ms }));
+    }
+    records
+}
+
+/// The profile of the small arm with its servo.
+pub(crate) fn profile() -> Profile {
+    let wiring = wiring(&wired(ModelHash(0), Digest::default(), true)).unwrap();
+    let profile = Profile::of(&wiring);
+    Profile { digest: profile_image(&profile).0.digest, ..profile }
+}
+
+pub(crate) fn profile_image(profile: &Profile) -> (Image, Vec<u8>) {
+    let records: Vec<ProfileRecord> = profile.records().collect();
+    image(ImageKind::Profile, ModelHash(0), &records)
+}
+
+pub(crate) fn image(kind: ImageKind, model: ModelHash, records: &[impl Serialize]) -> (Image, Vec<u8>) {
+    let bytes: Vec<u8> = records.iter().flat_map(encoded).collect();
+    let digest = Digest(Sha256::digest(&bytes).into());
+    (Image { kind, len: bytes.len() as u32, digest, model }, bytes)
+}
+
+fn encoded(record: &impl Serialize) -> Vec<u8> {
     let mut bytes = [0; Record::MAX_BYTES];
     postcard::to_slice(record, &mut bytes).unwrap().to_vec()
 }
@@ -120,6 +138,20 @@ impl Cells {
         Self(Rc::new(RefCell::new(vec![0xff; FLASH_BYTES])))
     }
 
+    /// The flash of a board whose profile fits the small arm.
+    pub(crate) fn with_profile() -> Self {
+        let cells = Self::erased();
+        let (image, bytes) = profile_image(&profile());
+        let stored = async {
+            let mut store = Store::open(cells.flash(u32::MAX)).await;
+            store.begin(image).await.unwrap();
+            store.chunk(0, &bytes).await.unwrap();
+            store.commit().await.unwrap();
+        };
+        run(stored, || {});
+        cells
+    }
+
     pub(crate) fn copy(&self) -> Self {
         Self(Rc::new(RefCell::new(self.0.borrow().clone())))
     }
@@ -127,7 +159,7 @@ impl Cells {
     /// Fills what the records lie in with items that end nowhere, as a failed part does.
     pub(crate) fn spoil_records(&self) {
         let mut cells = self.0.borrow_mut();
-        for page in cells[2 * crate::store::SLOT_BYTES..].chunks_mut(PAGE) {
+        for page in cells[2 * SLOT_BYTES..FLASH_BYTES - 2 * PROFILE_BYTES].chunks_mut(PAGE) {
             page[..WORD].fill(0);
             page[WORD..].fill(0x5a);
         }

@@ -38,7 +38,7 @@ impl Bench {
         change(&mut profile);
         let profile = Box::leak(Box::new(profile));
         let mut sequencer = Sequencer::new(Box::leak(Box::default()));
-        sequencer.configure(Micros(0), profile);
+        sequencer.configure(profile);
         let mut now = Micros(0);
         rest(&mut sequencer, &mut now, 3600);
         sequencer.load(table(records, profile)).expect("a new sequencer is idle");
@@ -438,7 +438,7 @@ fn an_output_has_its_limit_whatever_table_drives_it() {
     let profile = Box::leak(Box::new(profile));
     let mut sequencer = Sequencer::new(Box::leak(Box::default()));
     let (mut now, mut on_ms) = (Micros(0), 0);
-    sequencer.configure(now, profile);
+    sequencer.configure(profile);
     rest(&mut sequencer, &mut now, 200);
     for (outputs, digits) in [([0, 1], "10"), ([1, 0], "01")] {
         let _ = sequencer.unload();
@@ -460,7 +460,7 @@ fn after_power_up_outputs_recover_with_time() {
     let profile = Box::leak(Box::new(profile(&records)));
     let mut sequencer = Sequencer::new(Box::leak(Box::default()));
     let mut now = Micros(0);
-    sequencer.configure(now, profile);
+    sequencer.configure(profile);
     sequencer.load(table(&records, profile)).expect("a new sequencer is idle");
     let on = Command::Coil { coil: 0, on_ms: 20 };
     let refused = sequencer.command(on);
@@ -480,7 +480,7 @@ fn a_reset_forgets_no_current() {
         let memory: &'static mut DutyMeters = Box::leak(Box::new(used.clone()));
         let mut sequencer = Sequencer::new(memory);
         let mut now = Micros(0);
-        sequencer.configure(now, profile);
+        sequencer.configure(profile);
         rest(&mut sequencer, &mut now, 5);
         sequencer.load(table(&records, profile)).expect("idle");
         sequencer.command(Command::Coil { coil: 0, on_ms: 9 }).unwrap();
@@ -493,11 +493,11 @@ fn a_reset_forgets_no_current() {
     };
     assert_eq!(before, 960_000 - 8_000);
     let mut sequencer = Sequencer::new(Box::leak(Box::new(used)));
-    sequencer.configure(Micros(0), profile);
+    sequencer.configure(profile);
     assert_eq!(left(sequencer.used()), before);
     let other = Box::leak(Box::new(Profile { digest: Digest([4; 32]), ..profile.clone() }));
     let mut sequencer = Sequencer::new(Box::leak(Box::new(sequencer.used().clone())));
-    sequencer.configure(Micros(0), other);
+    sequencer.configure(other);
     assert_eq!(left(sequencer.used()), 0, "what another profile's meters counted says nothing");
 }
 

@@ -6,7 +6,7 @@
 //! | 02  | version      | empty                    | 2 bytes protocol, 3 bytes firmware major, minor, patch             |
 //! | 03  | stop         | empty                    | 1 byte 00: every coil is off                                       |
 //! | 04  | read fault   | empty                    | 1 byte kind (00 none, 01 panic, 02 hard fault, 03 watchdog), 8 bytes uptime in µs, 4 bytes pc, 4 bytes lr, 1 byte n ≤ 64, n bytes text |
-//! | 05  | reboot       | 1 byte: 00 application, 01 the chip's loader | 1 byte 00: it reboots now                      |
+//! | 05  | reboot       | 1 byte: 00 application, 01 the chip's loader | 1 byte 00: it reboots now; 01: not now, stop first |
 //!
 //! Later firmware may append bytes to an answer; a host ignores what follows the bytes that it knows.
 

@@ -278,6 +278,15 @@ pub enum Refusal {
     Table(TableError),
     /// The command cannot be done.
     Command(CommandError),
+    /// The program would exceed the limit of an output that has lately been on.
+    Recovering {
+        /// The row in which it would.
+        row: u16,
+        /// Number of the output.
+        output: u8,
+        /// After so long without current all of its window is free.
+        wait_ms: u32,
+    },
     /// A profile is written only while a person holds the board's user button.
     NobodyPresent,
     /// The profile cannot be run safely.
@@ -304,6 +313,11 @@ impl fmt::Display for Refusal {
             Self::Damaged => f.write_str("the bytes that arrived are not the table; upload it again"),
             Self::Table(error) => error.fmt(f),
             Self::Command(error) => error.fmt(f),
+            Self::Recovering { row, output, wait_ms } => write!(
+                f,
+                "row {row} would exceed the limit of output {output}, which has lately been on; play again in at most {} s",
+                wait_ms.div_ceil(1000)
+            ),
             Self::NobodyPresent => f.write_str("hold the user button of the board while the profile is written"),
             Self::Profile(error) => error.fmt(f),
             Self::Storage => f.write_str("the flash could not be written; the old table is still there"),
@@ -330,7 +344,7 @@ mod tests {
         assert_eq!(first(Request::Calibrate(Calibration::default())), Ok(7));
         let mut bytes = [0; 64];
         let refused = Reply { at: Micros(0), result: Err(Refusal::Storage) };
-        assert_eq!(postcard::to_slice(&refused, &mut bytes).unwrap(), [0, 1, 11]);
+        assert_eq!(postcard::to_slice(&refused, &mut bytes).unwrap(), [0, 1, 12]);
     }
 
     #[test]
