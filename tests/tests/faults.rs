@@ -1,0 +1,96 @@
+//! Faults of the processor and of tasks in the real image: what a board does when its own software fails.
+//!
+//! The test socket writes RAM and system registers while the image runs, so the flashed image itself is made to fail.
+//! Where the emulator or the image is missing the tests report that and pass, as in `qemu.rs`.
+
+use std::fs::File;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use darm::client::Client;
+use darm::qemu::qtest::Qtest;
+use darm::qemu::{self, Console, Machine, Qemu};
+use darm_core::wire::bootstrap::{Death, DeathKind};
+
+/// Longest wait for anything: a loaded machine is slow.
+const LIMIT: Duration = Duration::from_secs(60);
+/// SRAM1 beyond the image's variables: 1 KiB for a vector table and a few instructions.
+const SCRATCH: u32 = 0x2001_7C00;
+const CODE: u32 = SCRATCH + 0x200;
+/// Vector table offset register.
+const VTOR: u32 = 0xE000_ED08;
+const VECTORS: usize = 16 + 82;
+const SYSTICK: u32 = 15;
+/// `push {r0-r7}`, then a branch to it.
+const PUSH_FOR_EVER: u32 = 0xE7FD_B4FF;
+
+struct Board {
+    qemu: Qemu,
+    qtest: Qtest,
+    _folder: tempfile::TempDir,
+    _lock: File,
+}
+
+impl Board {
+    /// Boots a blank board without a plant. `None`, reported, where it cannot run.
+    fn start() -> Option<Self> {
+        let elf =
+            PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../target/thumbv7em-none-eabihf/firmware/darm-firmware");
+        if let Err(error) = qemu::find() {
+            eprintln!("SKIPPED: {error}");
+            return None;
+        }
+        if !elf.exists() {
+            eprintln!("SKIPPED: no image at {}", elf.display());
+            return None;
+        }
+        let lock = File::create(std::env::temp_dir().join("darm-qemu-tests.lock")).unwrap();
+        lock.lock().unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let mut qemu =
+            Qemu::start(&Machine { elf, folder: folder.path().to_owned(), console: Console::Socket }).unwrap();
+        let (qtest, _) = Qtest::connect(&qemu.pins_socket()).unwrap();
+        qemu.resume().unwrap();
+        Some(Self { qemu, qtest, _folder: folder, _lock: lock })
+    }
+
+    fn connect(&self) -> Client {
+        Client::connect(darm::link::open(self.qemu.console_port()).unwrap()).unwrap()
+    }
+
+    /// Lets the next SysTick run instructions that push until the stack is exhausted.
+    fn overflow_the_stack(&mut self) {
+        let vectors = self.qtest.read_bytes(0x0800_0000, 4 * VECTORS).unwrap();
+        for (word, at) in vectors.chunks_exact(4).zip((SCRATCH..).step_by(4)) {
+            self.qtest.write_u32(at, u32::from_le_bytes(word.try_into().unwrap())).unwrap();
+        }
+        self.qtest.write_u32(CODE, PUSH_FOR_EVER).unwrap();
+        self.qtest.write_u32(SCRATCH + 4 * SYSTICK, CODE | 1).unwrap();
+        self.qtest.write_u32(VTOR, SCRATCH).unwrap();
+    }
+
+    /// Waits for a start that reads a crash record.
+    #[track_caller]
+    fn crash_record(&mut self) -> Death {
+        let start = Instant::now();
+        loop {
+            assert!(self.qemu.is_running(), "the emulator ended: {}", self.qemu.complaints());
+            let link = darm::link::open(self.qemu.console_port()).unwrap();
+            if let Ok(Some(death)) = Client::connect(link).and_then(|mut client| client.last_death()) {
+                return death;
+            }
+            assert!(start.elapsed() < LIMIT, "no crash record; the emulator: {:?}", self.qemu.complaints());
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
+
+#[test]
+fn a_stack_overflow_is_recorded_and_the_board_starts_again() {
+    let Some(mut board) = Board::start() else { return };
+    assert_eq!(board.connect().last_death().unwrap(), None);
+    board.overflow_the_stack();
+    let record = board.crash_record();
+    assert_eq!(record.kind, DeathKind::HardFault);
+    assert!(record.text.starts_with("stack overflow"), "{}", record.text);
+}
