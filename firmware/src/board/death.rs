@@ -1,11 +1,15 @@
 //! Panic and hard fault: outputs to their default in one edge, a record in memory that the reset leaves alone, reset.
+//!
+//! The hard fault handler leaves the stack of what failed, which may be exhausted, and starts at the top of the stack's
+//! memory: it never returns, so nothing there is needed any more. What it takes from the old stack, it reads before.
+use core::arch::naked_asm;
 use core::fmt::{self, Write};
 use core::mem::MaybeUninit;
 use core::panic::PanicInfo;
 use core::ptr::addr_of_mut;
 
 use cortex_m::peripheral::SCB;
-use cortex_m_rt::{ExceptionFrame, exception};
+use cortex_m_rt::exception;
 use darm_core::wire::bootstrap::{Death, DeathKind, MAX_TEXT};
 
 use super::{pins, time, watchdog};
@@ -123,12 +127,53 @@ fn short(path: &str) -> &str {
     path.get(path.len().saturating_sub(18)..).unwrap_or(path)
 }
 
-#[exception]
-unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
+unsafe extern "C" {
+    /// Lowest address of the stack's memory, from `memory.x`.
+    static _stack_end: u32;
+}
+
+/// Takes pc and lr from the frame that the processor has pushed, if the stack had room for it, and goes on at the top of
+/// the stack's memory. All code runs on the main stack.
+#[unsafe(naked)]
+#[unsafe(no_mangle)]
+unsafe extern "C" fn HardFault() -> ! {
+    naked_asm!(
+        "mrs r2, msp",
+        "movs r0, #0",
+        "movs r1, #0",
+        "movw r3, #:lower16:_stack_end",
+        "movt r3, #:upper16:_stack_end",
+        "cmp r2, r3",
+        "blo 1f",
+        "movw r3, #:lower16:_stack_start-32",
+        "movt r3, #:upper16:_stack_start-32",
+        "cmp r2, r3",
+        "bhi 1f",
+        "ldr r0, [r2, #24]",
+        "ldr r1, [r2, #20]",
+        "1:",
+        // FPCCR.LSPACT = 0: the next floating-point instruction would save registers to the old stack.
+        "movw r3, #0xEF34",
+        "movt r3, #0xE000",
+        "ldr r12, [r3]",
+        "bic r12, r12, #1",
+        "str r12, [r3]",
+        "movw r3, #:lower16:_stack_start",
+        "movt r3, #:upper16:_stack_start",
+        "msr msp, r3",
+        "b {on_hard_fault}",
+        on_hard_fault = sym on_hard_fault,
+    )
+}
+
+/// `sp` is where the frame of the fault was pushed; below the stack's memory that failed, and pc and lr are 0.
+extern "C" fn on_hard_fault(pc: u32, lr: u32, sp: u32) -> ! {
     outputs_off();
     // SAFETY: reads of fault registers.
     let (cfsr, hfsr) = unsafe { ((*SCB::PTR).cfsr.read(), (*SCB::PTR).hfsr.read()) };
-    die(Record::new(false, frame.pc(), frame.lr(), format_args!("cfsr {cfsr:#010x}, hfsr {hfsr:#010x}")))
+    let what = if sp < (&raw const _stack_end) as u32 { "stack overflow, " } else { "" };
+    let text = format_args!("{what}cfsr {cfsr:#010x}, hfsr {hfsr:#010x}, sp {sp:#010x}");
+    die(Record::new(false, pc, lr, text))
 }
 
 /// An interrupt that nobody handles.
