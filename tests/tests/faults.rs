@@ -10,7 +10,8 @@ use std::time::{Duration, Instant};
 use darm::client::Client;
 use darm::qemu::qtest::Qtest;
 use darm::qemu::{self, Console, Machine, Qemu};
-use darm_core::wire::bootstrap::{Death, DeathKind};
+use darm_core::wire::PROTOCOL;
+use darm_core::wire::bootstrap::{self, Death, DeathKind};
 
 /// Longest wait for anything: a loaded machine is slow.
 const LIMIT: Duration = Duration::from_secs(60);
@@ -23,6 +24,9 @@ const VECTORS: usize = 16 + 82;
 const SYSTICK: u32 = 15;
 /// `push {r0-r7}`, then a branch to it.
 const PUSH_FOR_EVER: u32 = 0xE7FD_B4FF;
+/// Interrupt clear-enable register 2, and the interrupt in it that runs the console and the servo bus.
+const ICER2: u32 = 0xE000_E188;
+const COMMON: u32 = 1 << (76 - 64);
 
 struct Board {
     qemu: Qemu,
@@ -69,6 +73,16 @@ impl Board {
         self.qtest.write_u32(VTOR, SCRATCH).unwrap();
     }
 
+    /// Waits until the processor has reset after [`Board::overflow_the_stack`].
+    #[track_caller]
+    fn wait_for_reset(&mut self) {
+        let start = Instant::now();
+        while self.qtest.read_u32(VTOR).unwrap() == SCRATCH {
+            assert!(start.elapsed() < LIMIT, "no reset; the emulator: {:?}", self.qemu.complaints());
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
     /// Waits for a start that reads a crash record.
     #[track_caller]
     fn crash_record(&mut self) -> Death {
@@ -93,4 +107,36 @@ fn a_stack_overflow_is_recorded_and_the_board_starts_again() {
     let record = board.crash_record();
     assert_eq!(record.kind, DeathKind::HardFault);
     assert!(record.text.starts_with("stack overflow"), "{}", record.text);
+}
+
+#[test]
+fn a_console_that_stops_resets_the_board() {
+    let Some(mut board) = Board::start() else { return };
+    assert_eq!(board.connect().last_death().unwrap(), None);
+    board.qtest.write_u32(ICER2, COMMON).unwrap();
+    let record = board.crash_record();
+    assert_eq!(record.kind, DeathKind::Watchdog);
+    assert!(record.text.starts_with("console silent"), "{}", record.text);
+}
+
+#[test]
+fn three_crashes_in_a_row_hold_the_board_until_a_reboot() {
+    let Some(mut board) = Board::start() else { return };
+    for crashes in 0..3 {
+        assert_eq!(board.connect().version().protocol, PROTOCOL, "after {crashes} crashes");
+        board.overflow_the_stack();
+        board.wait_for_reset();
+    }
+    let mut held = board.connect();
+    assert_eq!(held.version().protocol, 0);
+    held.stop_at_once().unwrap();
+    assert!(held.status().is_err(), "a held board answers the bootstrap set alone");
+    assert_eq!(held.last_death().unwrap().map(|record| record.kind), Some(DeathKind::HardFault));
+    held.reboot(bootstrap::Into::Application).unwrap();
+    drop(held);
+    let start = Instant::now();
+    while board.connect().version().protocol != PROTOCOL {
+        assert!(start.elapsed() < LIMIT, "the board is still held");
+    }
+    assert_eq!(board.connect().last_death().unwrap(), None);
 }
