@@ -7,6 +7,7 @@ use core::convert::Infallible;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use cortex_m::peripheral::NVIC;
+use darm_core::wire::frame::MAX_FRAME;
 use embedded_io_async::{ErrorType, Read, Write};
 use stm32_metapac::gpio::vals::{Ot, Pupdr};
 use stm32_metapac::usart::Usart;
@@ -20,39 +21,39 @@ use crate::pipe::Pipe;
 /// Both USARTs are alternate function 7 on these pins (DS10969, table 17).
 const AF_USART: u8 = 7;
 
-/// One USART with its queues.
-pub struct Port {
+/// One USART with its queues: for `RX - 1` bytes that came in and `TX - 1` bytes that wait to leave.
+pub struct Port<const RX: usize, const TX: usize> {
     registers: Usart,
     /// What came in.
-    pub received: Pipe<2048>,
-    waiting: Pipe<1024>,
+    pub received: Pipe<RX>,
+    waiting: Pipe<TX>,
     /// Bytes are on their way out; cleared when the last stop bit has left.
     sending: AtomicBool,
     mute_receiver: AtomicBool,
     overruns: AtomicU32,
 }
 
-/// USART1, the console.
-pub static CONSOLE: Port = Port::new(USART1);
-/// USART2, the servo bus.
-pub static SERVOS: Port = Port::new(USART2);
+/// USART1, the console: receives the three frames that a host sends ahead in an upload, a stop frame and a line.
+pub static CONSOLE: Port<{ 4 * MAX_FRAME + 128 }, 512> = Port::new(USART1);
+/// USART2, the servo bus: one packet at a time, of 16 bytes at most, and what of a late answer may precede it.
+pub static SERVOS: Port<128, 64> = Port::new(USART2);
 
 /// Starts the console at 115 200 baud.
-pub fn start_console() -> (Receiver, Sender) {
+pub fn start_console() -> (impl Read, impl Write) {
     alternate(CONSOLE_TX, AF_USART, Ot::PUSH_PULL, Pupdr::FLOATING);
     alternate(CONSOLE_RX, AF_USART, Ot::PUSH_PULL, Pupdr::PULL_UP);
     CONSOLE.start(115_200, Interrupt::USART1)
 }
 
 /// Starts the servo bus at 1 Mbaud on one wire.
-pub fn start_servo_bus() -> (Receiver, Sender) {
+pub fn start_servo_bus() -> (impl Read, impl Write) {
     alternate(SERVO_BUS, AF_USART, Ot::OPEN_DRAIN, Pupdr::PULL_UP);
     USART2.cr3().modify(|w| w.set_hdsel(true));
     SERVOS.mute_receiver.store(!super::emulated(), Ordering::Relaxed);
     SERVOS.start(1_000_000, Interrupt::USART2)
 }
 
-impl Port {
+impl<const RX: usize, const TX: usize> Port<RX, TX> {
     const fn new(registers: Usart) -> Self {
         Self {
             registers,
@@ -64,7 +65,7 @@ impl Port {
         }
     }
 
-    fn start(&'static self, baud: u32, interrupt: Interrupt) -> (Receiver, Sender) {
+    fn start(&'static self, baud: u32, interrupt: Interrupt) -> (Receiver<RX, TX>, Sender<RX, TX>) {
         self.registers.brr().write(|w| w.0 = HCLK_HZ / baud);
         self.registers.cr1().write(|w| {
             w.set_ue(true);
@@ -131,25 +132,25 @@ impl Port {
 }
 
 /// Receiving half of a port.
-pub struct Receiver(&'static Port);
+pub struct Receiver<const RX: usize, const TX: usize>(&'static Port<RX, TX>);
 /// Sending half of a port.
-pub struct Sender(&'static Port);
+pub struct Sender<const RX: usize, const TX: usize>(&'static Port<RX, TX>);
 
-impl Receiver {
+impl<const RX: usize, const TX: usize> Receiver<RX, TX> {
     /// Bytes lost because nobody fetched them in time.
     pub fn overruns(&self) -> u32 {
         self.0.overruns.load(Ordering::Relaxed)
     }
 }
 
-impl ErrorType for Receiver {
+impl<const RX: usize, const TX: usize> ErrorType for Receiver<RX, TX> {
     type Error = Infallible;
 }
-impl ErrorType for Sender {
+impl<const RX: usize, const TX: usize> ErrorType for Sender<RX, TX> {
     type Error = Infallible;
 }
 
-impl Read for Receiver {
+impl<const RX: usize, const TX: usize> Read for Receiver<RX, TX> {
     async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
         let n = self.0.received.read(bytes).await;
         self.0.enable(|w| w.set_rxneie(true));
@@ -157,7 +158,7 @@ impl Read for Receiver {
     }
 }
 
-impl Write for Sender {
+impl<const RX: usize, const TX: usize> Write for Sender<RX, TX> {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
         let port = self.0;
         let n = port.waiting.write(bytes).await;
