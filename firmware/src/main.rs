@@ -5,12 +5,14 @@
 #![no_main]
 
 use darm_firmware::board::{self, clocks, death, restart, tasks, time};
+use darm_firmware::life::{self, Start};
 use defmt_rtt as _;
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
     restart::enter_loader_if_asked();
     let death = death::take();
+    let crashes = death::count_crash(death.is_some());
     if let Err(error) = clocks::start() {
         death::give_up(format_args!("the clock does not start: {error:?}"));
     }
@@ -20,7 +22,11 @@ fn main() -> ! {
     if let Some(death) = &death {
         defmt::error!("the last start died after {=u64} us: {=str}", death.uptime_us, death.text.as_str());
     }
-    tasks::start(death);
+    let start = life::start_after(crashes);
+    if start == Start::Held {
+        defmt::error!("{=u32} crashes in a row: outputs disabled, bootstrap set only", crashes);
+    }
+    tasks::start(death, start);
     loop {
         cortex_m::asm::wfi();
     }

@@ -2,6 +2,10 @@
 //!
 //! The hard fault handler leaves the stack of what failed, which may be exhausted, and starts at the top of the stack's
 //! memory: it never returns, so nothing there is needed any more. What it takes from the old stack, it reads before.
+//!
+//! Crashes in a row are counted beside the record. After [`life::MAX_CRASHES`] the board is held: outputs disabled, the
+//! console answers the bootstrap set, until a reboot by `reboot`, the reset button or power. A start that ran for
+//! [`life::STEADY`] ends the row.
 use core::arch::naked_asm;
 use core::fmt::{self, Write};
 use core::mem::MaybeUninit;
@@ -13,6 +17,7 @@ use cortex_m_rt::exception;
 use darm_core::wire::bootstrap::{Death, DeathKind, MAX_TEXT};
 
 use super::{pins, time, watchdog};
+use crate::life;
 
 const MAGIC: u32 = 0x6461_726d;
 
@@ -20,7 +25,7 @@ const MAGIC: u32 = 0x6461_726d;
 #[repr(C)]
 struct Record {
     magic: u32,
-    panicked: u32,
+    kind: u32,
     uptime_us: u64,
     pc: u32,
     lr: u32,
@@ -33,18 +38,18 @@ struct Record {
 #[unsafe(link_section = ".uninit.DEATH")]
 static mut RECORD: MaybeUninit<Record> = MaybeUninit::uninit();
 
+/// Crashes in a row and the complement of that number, which tells it from noise. Outlives a reset as the record does.
+#[unsafe(link_section = ".uninit.CRASHES")]
+static mut CRASHES: MaybeUninit<[u32; 2]> = MaybeUninit::uninit();
+
+const PANIC: u32 = 1;
+const HARD_FAULT: u32 = 2;
+const WATCHDOG: u32 = 3;
+
 impl Record {
-    fn new(panicked: bool, pc: u32, lr: u32, message: fmt::Arguments) -> Self {
-        let mut record = Self {
-            magic: MAGIC,
-            panicked: panicked.into(),
-            uptime_us: time::now_us(),
-            pc,
-            lr,
-            len: 0,
-            message: [0; MAX_TEXT],
-            check: 0,
-        };
+    fn new(kind: u32, (pc, lr): (u32, u32), message: fmt::Arguments) -> Self {
+        let mut record =
+            Self { magic: MAGIC, kind, uptime_us: time::now_us(), pc, lr, len: 0, message: [0; MAX_TEXT], check: 0 };
         // A message that does not fit is cut; there is nobody to tell.
         let _ = record.write_fmt(message);
         record.check = record.sum();
@@ -53,7 +58,7 @@ impl Record {
 
     /// A plain sum is enough to tell a record from noise.
     fn sum(&self) -> u32 {
-        let head = [self.magic, self.panicked, self.uptime_us as u32, self.pc, self.lr, self.len];
+        let head = [self.magic, self.kind, self.uptime_us as u32, self.pc, self.lr, self.len];
         let text = self.message.iter().fold(1u32, |sum, byte| sum.wrapping_mul(31).wrapping_add(u32::from(*byte)));
         head.iter().fold(text, |sum, word| sum.rotate_left(5).wrapping_add(*word))
     }
@@ -82,7 +87,11 @@ pub fn take() -> Option<Death> {
         let bytes = record.message.get(..record.len as usize).unwrap_or(&record.message);
         let text = bytes.utf8_chunks().next().map_or("", |chunk| chunk.valid());
         return Some(Death {
-            kind: if record.panicked == 1 { DeathKind::Panic } else { DeathKind::HardFault },
+            kind: match record.kind {
+                PANIC => DeathKind::Panic,
+                WATCHDOG => DeathKind::Watchdog,
+                _ => DeathKind::HardFault,
+            },
             uptime_us: record.uptime_us,
             pc: record.pc,
             lr: record.lr,
@@ -90,6 +99,27 @@ pub fn take() -> Option<Death> {
         });
     }
     bitten.then(|| Death { kind: DeathKind::Watchdog, uptime_us: 0, pc: 0, lr: 0, text: heapless::String::new() })
+}
+
+/// Counts the crash of the last start, if it crashed, and returns how many there were in a row. Call once, at start.
+pub fn count_crash(crashed: bool) -> u32 {
+    let slot = addr_of_mut!(CRASHES).cast::<[u32; 2]>();
+    // SAFETY: any bits are valid; only this file touches the slot, one word of it at a time after the start.
+    let [count, complement] = unsafe { slot.read_volatile() };
+    let crashes = life::crashes_in_a_row(if count == !complement { count } else { 0 }, crashed);
+    set_crashes(crashes);
+    crashes
+}
+
+/// Ends the row of crashes: the board has run steadily, or a person or a host reboots it.
+pub fn forget_crashes() {
+    set_crashes(0);
+}
+
+fn set_crashes(count: u32) {
+    let slot = addr_of_mut!(CRASHES).cast::<[u32; 2]>();
+    // SAFETY: as above; a reset between the two words leaves noise, which counts as none.
+    unsafe { slot.write_volatile([count, !count]) }
 }
 
 /// One edge: output enable of the chain goes high. Before start it is an input with a pull-up, and stays so.
@@ -101,7 +131,14 @@ fn outputs_off() {
 /// Ends a start that cannot go on, as a panic does.
 pub fn give_up(why: fmt::Arguments) -> ! {
     outputs_off();
-    die(Record::new(true, 0, 0, why))
+    die(Record::new(PANIC, (0, 0), why))
+}
+
+/// Ends a start in which a task no longer runs. In a handler of the highest priority in use.
+pub fn end_silence(task: life::Task) -> ! {
+    outputs_off();
+    cortex_m::interrupt::disable();
+    die(Record::new(WATCHDOG, (0, 0), format_args!("{} silent for {} ms", task.name(), life::SILENCE_LIMIT.0 / 1000)))
 }
 
 fn die(record: Record) -> ! {
@@ -116,9 +153,9 @@ fn panic(info: &PanicInfo) -> ! {
     cortex_m::interrupt::disable();
     die(match info.location() {
         Some(place) => {
-            Record::new(true, 0, 0, format_args!("{}:{}: {}", short(place.file()), place.line(), info.message()))
+            Record::new(PANIC, (0, 0), format_args!("{}:{}: {}", short(place.file()), place.line(), info.message()))
         }
-        None => Record::new(true, 0, 0, format_args!("{}", info.message())),
+        None => Record::new(PANIC, (0, 0), format_args!("{}", info.message())),
     })
 }
 
@@ -173,18 +210,18 @@ extern "C" fn on_hard_fault(pc: u32, lr: u32, sp: u32) -> ! {
     let (cfsr, hfsr) = unsafe { ((*SCB::PTR).cfsr.read(), (*SCB::PTR).hfsr.read()) };
     let what = if sp < (&raw const _stack_end) as u32 { "stack overflow, " } else { "" };
     let text = format_args!("{what}cfsr {cfsr:#010x}, hfsr {hfsr:#010x}, sp {sp:#010x}");
-    die(Record::new(false, pc, lr, text))
+    die(Record::new(HARD_FAULT, (pc, lr), text))
 }
 
 /// An interrupt that nobody handles.
 #[exception]
 unsafe fn DefaultHandler(number: i16) -> ! {
     outputs_off();
-    die(Record::new(false, 0, 0, format_args!("unexpected interrupt {number}")))
+    die(Record::new(HARD_FAULT, (0, 0), format_args!("unexpected interrupt {number}")))
 }
 
 /// A non-maskable interrupt that is no flash error.
 pub(super) fn die_of_nmi() -> ! {
     outputs_off();
-    die(Record::new(false, 0, 0, format_args!("non-maskable interrupt")))
+    die(Record::new(HARD_FAULT, (0, 0), format_args!("non-maskable interrupt")))
 }

@@ -13,8 +13,9 @@ const MAGIC: u32 = 0x6c6f_6164;
 #[unsafe(link_section = ".uninit.LOADER")]
 static mut WISH: MaybeUninit<u32> = MaybeUninit::uninit();
 
-/// Resets the chip; output pins go back to their pull-ups, which hold the outputs off.
+/// Resets the chip because somebody asked for it; output pins go back to their pull-ups, which hold the outputs off.
 pub fn restart(into: Into) -> ! {
+    super::death::forget_crashes();
     let wish = match into {
         Into::Application => 0,
         Into::Loader => MAGIC,

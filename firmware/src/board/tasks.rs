@@ -5,7 +5,11 @@
 //! | `control` | [`super::CONTROL`]  | looks, decides and drives, once a millisecond    |
 //! | `console` | [`super::COMMON`]   | frames and text on USART1, storage               |
 //! | `servos`  | [`super::COMMON`]   | the servo bus on USART2                          |
+//!
+//! A board that is held after crashes has the console alone, with the bootstrap set, see [`crate::rescue`].
+//! Else the console and the servo bus report to the control tick; it resets the board when one is silent, see [`crate::life`].
 use core::mem::MaybeUninit;
+use core::pin::pin;
 
 use darm_core::table::Table;
 use darm_core::units::Micros;
@@ -22,7 +26,9 @@ use crate::app::serve;
 use crate::clock::Clock;
 use crate::control::{Control, Shared, TICK};
 use crate::dispatch::{Board, Desk};
+use crate::life::{Pulse, STEADY, Start, Watch};
 use crate::nearest::Room;
+use crate::rescue;
 use crate::servo::Bus;
 use crate::solenoid::{Pins, Solenoids};
 
@@ -30,6 +36,9 @@ static CONTROL: InterruptExecutor = InterruptExecutor::new();
 static COMMON: InterruptExecutor = InterruptExecutor::new();
 /// What the tasks share.
 pub static SHARED: Shared<'static> = Shared::new();
+
+static CONSOLE_PULSE: Pulse = Pulse::new();
+static SERVO_PULSE: Pulse = Pulse::new();
 
 /// The large ones are built before the tasks run: a task that builds them needs their room on the stack for ever.
 static TABLE: StaticCell<Table> = StaticCell::new();
@@ -64,6 +73,7 @@ async fn control(control: &'static mut Control<'static>) -> ! {
         enable: Output::new(pins::CHAIN_ENABLE, true),
     });
     watchdog::start();
+    let (mut watch, mut steady) = (Watch::new(BoardClock.now()), false);
     loop {
         // On whole milliseconds, when SysTick comes; what was missed, by a debugger say, is not made up for.
         let due = Micros((BoardClock.now().0 / TICK.0 + 1) * TICK.0);
@@ -78,29 +88,49 @@ async fn control(control: &'static mut Control<'static>) -> ! {
             solenoids.set_chips(chips);
         }
         let Ok(()) = solenoids.apply(outputs.lines, outputs.enabled);
+        if let Some(task) = watch.silent(now, [CONSOLE_PULSE.count(), SERVO_PULSE.count()]) {
+            death::end_silence(task);
+        }
         watchdog::feed();
+        if !steady && due >= STEADY {
+            steady = true;
+            death::forget_crashes();
+        }
         #[cfg(feature = "bench")]
         super::measure::end_tick(began, &outputs);
     }
 }
 
 #[embassy_executor::task]
-async fn console(desk: &'static mut OnBoard, table: &'static mut Table) {
+async fn console(desk: &'static mut OnBoard, table: &'static mut Table, start: Start) {
     let (mut receiver, mut sender) = uart::start_console();
+    let into = match start {
+        Start::Normal => {
+            let work = pin!(async {
+                open(desk, table).await;
+                serve(desk, &mut receiver, &mut sender).await
+            });
+            CONSOLE_PULSE.during(&BoardClock, work).await
+        }
+        Start::Held => rescue::serve(&desk.board, &BoardClock, &mut receiver, &mut sender).await,
+    };
+    restart::restart(into)
+}
+
+async fn open(desk: &mut OnBoard, table: &'static mut Table) {
     let flash = Flash::open();
     if let Err(error) = &flash {
         defmt::error!("no storage: {}", defmt::Debug2Format(error));
     }
     desk.open(flash.ok(), table).await;
     defmt::info!("storage {=bool}", desk.has_store());
-    let into = serve(desk, &mut receiver, &mut sender).await;
-    restart::restart(into)
 }
 
 #[embassy_executor::task]
 async fn servos() -> ! {
     let (receiver, sender) = uart::start_servo_bus();
-    Bus::new(receiver, sender, BoardClock).run(&SHARED).await
+    let mut bus = Bus::new(receiver, sender, BoardClock);
+    SERVO_PULSE.at_each_poll(pin!(bus.run(&SHARED))).await
 }
 
 fn identity() -> Identity {
@@ -123,17 +153,25 @@ fn ticks() -> &'static mut Control<'static> {
 }
 
 /// Builds what the tasks own and starts them. Its stack is free again when they run.
+///
+/// A board that is held has the console alone, and its outputs disabled.
 #[inline(never)]
-pub fn start(death: Option<Death>) {
-    let console = console(desk(Board { identity: identity(), death }), TABLE.init_with(Table::default));
-    let control = control(ticks());
-    match (control, console, servos()) {
-        (Ok(control), Ok(console), Ok(servos)) => {
-            let common = COMMON.start(super::COMMON);
-            CONTROL.start(super::CONTROL).spawn(control);
-            common.spawn(console);
-            common.spawn(servos);
-        }
-        _ => death::give_up(format_args!("a task was started twice")),
+pub fn start(death: Option<Death>, start: Start) {
+    let board = Board { identity: identity(), death };
+    let Ok(console) = console(desk(board), TABLE.init_with(Table::default), start) else { twice() };
+    if start == Start::Held {
+        // The pin keeps the level that it gets here.
+        Output::new(pins::CHAIN_ENABLE, true);
+        COMMON.start(super::COMMON).spawn(console);
+        return;
     }
+    let (Ok(control), Ok(servos)) = (control(ticks()), servos()) else { twice() };
+    let common = COMMON.start(super::COMMON);
+    CONTROL.start(super::CONTROL).spawn(control);
+    common.spawn(console);
+    common.spawn(servos);
+}
+
+fn twice() -> ! {
+    death::give_up(format_args!("a task was started twice"))
 }

@@ -32,6 +32,7 @@ use darm_firmware::board::measure::Stack;
 use darm_firmware::board::tasks::SHARED;
 use darm_firmware::board::{self, clocks, death, measure, tasks, time, uart};
 use darm_firmware::clock::Clock;
+use darm_firmware::life::Start;
 use darm_firmware::nearest::Room;
 use defmt_rtt as _;
 
@@ -303,7 +304,7 @@ fn main() -> ! {
     laws::measure(&stack);
     measure_nearest();
     tell("nearest", "stack", stack.used(), "bytes");
-    tasks::start(death::take());
+    tasks::start(death::take(), Start::Normal);
     measure_all(&stack);
     debug::exit(debug::EXIT_SUCCESS);
     loop {

@@ -1,0 +1,167 @@
+//! The console of a board that is held after crashes: the bootstrap set and `reboot`, nothing else.
+//!
+//! Neither the control tick nor the store runs, as either may be what crashes. The board answers version 0 of the
+//! messages: a host then identifies it, stops it, reads the crash record and reboots it, and asks for nothing else.
+use darm_core::wire::bootstrap::{self, ANSWER, Death, Payload, Request, Version};
+use darm_core::wire::frame::{self, Header};
+use embedded_io_async::{Read, Write};
+
+use crate::clock::Clock;
+use crate::dispatch::{Board, FIRMWARE};
+use crate::port::{Item, Port};
+
+/// Version of the messages of a held board: the bootstrap set alone.
+pub const PROTOCOL_OF_A_HELD_BOARD: u16 = 0;
+
+/// Bytes of the longest answer on the line: header, payload, checksum, COBS's overhead and both zero bytes.
+const MAX_ANSWER: usize = frame::HEADER + bootstrap::MAX_PAYLOAD + 4 + 1 + 2;
+
+const HELP: &str = "outputs disabled after several crashes in a row; read the fault, then: reboot\r\n";
+const REBOOTS: &str = "ok, reboots\r\n";
+
+/// Serves the bootstrap set until somebody asks for a reboot; what the board is to start into.
+pub async fn serve(
+    board: &Board,
+    clock: &impl Clock,
+    reader: &mut impl Read,
+    writer: &mut impl Write,
+) -> bootstrap::Into {
+    let mut port = Port::default();
+    let mut bytes = [0; 16];
+    loop {
+        let n = reader.read(&mut bytes).await.unwrap_or(0);
+        for &byte in bytes.iter().take(n) {
+            let into = match port.push(byte, clock.now()) {
+                Some(Item::Frame(encoded)) => answer(board, encoded, writer).await,
+                Some(Item::Line(line)) => obey(line, writer).await,
+                Some(Item::Dropped) | None => None,
+            };
+            if let Some(into) = into {
+                // The board reboots whether the answer leaves or not.
+                let _ = writer.flush().await;
+                return into;
+            }
+        }
+    }
+}
+
+/// Answers a frame of the bootstrap set; what to start into, if it asks for that. A failed write has no reader.
+async fn answer(board: &Board, encoded: &mut [u8], writer: &mut impl Write) -> Option<bootstrap::Into> {
+    let (header, payload) = frame::decode(encoded).ok()?;
+    let request = Request::decode(header.tag, payload)?;
+    let mut bytes = [0; MAX_ANSWER];
+    let len = frame::encode(Header { tag: header.tag | ANSWER, ..header }, &reply(board, request), &mut bytes).ok()?;
+    let _ = writer.write_all(bytes.get(..len)?).await;
+    if let Request::Reboot(into) = request { Some(into) } else { None }
+}
+
+fn reply(board: &Board, request: Request) -> Payload {
+    match request {
+        Request::Identify => board.identity.encode(),
+        Request::Version => Version { protocol: PROTOCOL_OF_A_HELD_BOARD, firmware: FIRMWARE }.encode(),
+        Request::ReadFault => Death::encode(board.death.as_ref()),
+        // Every output is disabled already.
+        Request::Stop | Request::Reboot(_) => [0].into_iter().collect(),
+    }
+}
+
+async fn obey(line: &str, writer: &mut impl Write) -> Option<bootstrap::Into> {
+    let into = match line {
+        "reboot" => Some(bootstrap::Into::Application),
+        "reboot loader" => Some(bootstrap::Into::Loader),
+        _ => None,
+    };
+    let text = if into.is_some() { REBOOTS } else { HELP };
+    let _ = writer.write_all(text.as_bytes()).await;
+    into
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::fakes::{HandClock, run};
+    use core::convert::Infallible;
+    use darm_core::units::DeviceId;
+    use darm_core::wire::bootstrap::{DeathKind, Identity};
+    use darm_core::wire::frame::MAX_FRAME;
+    use embedded_io_async::ErrorType;
+
+    /// Everything that the host sends, and what the board wrote.
+    struct Line(Vec<u8>);
+
+    impl ErrorType for Line {
+        type Error = Infallible;
+    }
+    impl Read for Line {
+        async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
+            assert!(!self.0.is_empty(), "the board reads on after the last request");
+            let n = bytes.len().min(self.0.len());
+            bytes[..n].copy_from_slice(&self.0[..n]);
+            self.0.drain(..n);
+            Ok(n)
+        }
+    }
+    impl Write for Line {
+        async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+            self.0.extend_from_slice(bytes);
+            Ok(bytes.len())
+        }
+        async fn flush(&mut self) -> Result<(), Infallible> {
+            Ok(())
+        }
+    }
+
+    fn board() -> Board {
+        let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("test").unwrap() };
+        let text = heapless::String::try_from("why").unwrap();
+        let death = Some(Death { kind: DeathKind::Watchdog, uptime_us: 1, pc: 2, lr: 3, text });
+        Board { identity, death }
+    }
+
+    /// What the board answers to these bytes, and into what it reboots.
+    fn exchange(sent: &[u8]) -> (Vec<u8>, bootstrap::Into) {
+        let (mut reader, mut writer) = (Line(sent.to_vec()), Line(Vec::new()));
+        let into = run(serve(&board(), &HandClock::default(), &mut reader, &mut writer), || {});
+        (writer.0, into)
+    }
+
+    fn frame_of(tag: u8, payload: &[u8]) -> Vec<u8> {
+        let mut bytes = [0; MAX_FRAME];
+        let len = frame::encode(Header { tag, link: 1, number: 2 }, payload, &mut bytes).unwrap();
+        bytes[..len].to_vec()
+    }
+
+    #[test]
+    fn the_bootstrap_set_is_answered_and_ends_with_a_reboot() {
+        let Board { identity, death } = board();
+        let requests = [
+            Request::Identify,
+            Request::Version,
+            Request::Stop,
+            Request::ReadFault,
+            Request::Reboot(bootstrap::Into::Loader),
+        ];
+        let sent: Vec<u8> = requests.iter().flat_map(|request| frame_of(request.tag(), request.payload())).collect();
+        let version = Version { protocol: 0, firmware: FIRMWARE };
+        let payloads =
+            [identity.encode(), version.encode(), reply(&board(), Request::Stop), Death::encode(death.as_ref())];
+        let answers = payloads.iter().zip(1..).flat_map(|(payload, tag): (_, u8)| frame_of(tag | ANSWER, payload));
+        let expected: Vec<u8> = answers.chain(frame_of(5 | ANSWER, &[0])).collect();
+        assert_eq!(exchange(&sent), (expected, bootstrap::Into::Loader));
+    }
+
+    #[test]
+    fn a_person_reads_why_and_reboots() {
+        let (text, into) = exchange(b"play\rreboot\r");
+        assert_eq!(
+            (String::from_utf8(text).unwrap(), into),
+            (format!("{HELP}{REBOOTS}"), bootstrap::Into::Application)
+        );
+    }
+
+    #[test]
+    fn requests_beyond_the_bootstrap_set_are_not_answered() {
+        let sent = [frame_of(0x10, &[0]), frame_of(9, &[]), b"\0\x01\x02\0".to_vec(), b"reboot\r".to_vec()].concat();
+        assert_eq!(exchange(&sent).0, REBOOTS.as_bytes());
+    }
+}
