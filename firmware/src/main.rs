@@ -4,7 +4,7 @@
 #![no_std]
 #![no_main]
 
-use darm_firmware::board::{self, clocks, death, restart, tasks, time};
+use darm_firmware::board::{self, clocks, death, gpio, restart, tasks, time};
 use darm_firmware::life::{self, Start};
 use defmt_rtt as _;
 
@@ -16,6 +16,7 @@ fn main() -> ! {
     if let Err(error) = clocks::start() {
         death::give_up(format_args!("the clock does not start: {error:?}"));
     }
+    gpio::start_user_button();
     time::start();
     board::prioritise();
     defmt::info!("start of {=str}, emulated {=bool}", board::NAME, board::emulated());

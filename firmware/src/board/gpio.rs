@@ -1,11 +1,11 @@
-//! Pins as the drivers want them: outputs of the solenoid chain, limit switches as one number.
+//! Pins as the drivers want them: outputs of the solenoid chain, limit switches as one number, the user button.
 use core::convert::Infallible;
 
 use embedded_hal::digital::{ErrorType, OutputPin};
 use stm32_metapac::gpio::Gpio;
 use stm32_metapac::gpio::vals::{Moder, Ot, Pupdr};
 
-use super::pins::{Pin, SWITCHES};
+use super::pins::{Pin, SWITCHES, USER_BUTTON};
 
 /// A push-pull output.
 pub struct Output(Pin);
@@ -50,11 +50,7 @@ pub struct Switches(());
 impl Switches {
     /// Makes the pins inputs that read open when nothing is connected.
     pub fn new() -> Self {
-        for Pin { port, index } in SWITCHES {
-            let n = usize::from(index);
-            port.pupdr().modify(|w| w.set_pupdr(n, Pupdr::PULL_DOWN));
-            port.moder().modify(|w| w.set_moder(n, Moder::INPUT));
-        }
+        SWITCHES.into_iter().for_each(|pin| make_input(pin, Pupdr::PULL_DOWN));
         Self(())
     }
 
@@ -71,6 +67,22 @@ impl Default for Switches {
     fn default() -> Self {
         Self::new()
     }
+}
+
+/// Makes the user button readable. Once, at start: before that its pin is analog, which reads as pressed.
+pub fn start_user_button() {
+    make_input(USER_BUTTON, Pupdr::PULL_UP);
+}
+
+/// Whether a person presses the user button now. Not debounced: a caller that waits for a press reads it for 20 ms.
+pub fn user_button_pressed() -> bool {
+    USER_BUTTON.port.idr().read().0 >> USER_BUTTON.index & 1 == 0
+}
+
+fn make_input(Pin { port, index }: Pin, pull: Pupdr) {
+    let n = usize::from(index);
+    port.pupdr().modify(|w| w.set_pupdr(n, pull));
+    port.moder().modify(|w| w.set_moder(n, Moder::INPUT));
 }
 
 /// Hands a pin to its alternate function.

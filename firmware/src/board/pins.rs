@@ -10,6 +10,7 @@
 //! | chain, latch                 | PA4  | D7     | output, RCLK                                   |
 //! | chain, output enable         | PA15 | D9     | output, OE, active low; high = all outputs off |
 //! | limit switches 0..12         | see [`SWITCHES`] | | inputs with pull-down, closed = high       |
+//! | user button                  | PC13 | –      | blue button B2, pull-up, pressed = low         |
 //!
 //! PA15 is JTDI after reset: its pull-up holds the outputs off until [`super::gpio::Output`] takes over.
 use stm32_metapac::gpio::Gpio;
@@ -42,6 +43,9 @@ pub const CHAIN_CLOCK: Pin = pin(GPIOA, 5);
 pub const CHAIN_LATCH: Pin = pin(GPIOA, 4);
 /// Output enable of the solenoid chain, active low.
 pub const CHAIN_ENABLE: Pin = pin(GPIOA, 15);
+
+/// The blue button B2 on the board (UM2153, "Buttons and LEDs"), low while it is pressed.
+pub const USER_BUTTON: Pin = pin(GPIOC, 13);
 
 /// Limit switches: the position is the bit in `Seen::switches`.
 pub const SWITCHES: [Pin; 13] = [
