@@ -7,6 +7,7 @@ pub mod board;
 pub mod clock;
 pub mod control;
 pub mod dispatch;
+pub mod ecc;
 pub mod life;
 pub mod log;
 pub mod nearest;

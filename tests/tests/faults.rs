@@ -28,6 +28,10 @@ const PUSH_FOR_EVER: u32 = 0xE7FD_B4FF;
 const ICER2: u32 = 0xE000_E188;
 const COMMON: u32 = 1 << (76 - 64);
 
+/// Interrupt control and state register, and its bit that raises the NMI.
+const ICSR: u32 = 0xE000_ED04;
+const NMIPENDSET: u32 = 1 << 31;
+
 struct Board {
     qemu: Qemu,
     qtest: Qtest,
@@ -139,4 +143,14 @@ fn three_crashes_in_a_row_hold_the_board_until_a_reboot() {
         assert!(start.elapsed() < LIMIT, "the board is still held");
     }
     assert_eq!(board.connect().last_death().unwrap(), None);
+}
+
+#[test]
+fn a_non_maskable_interrupt_without_a_flash_error_is_fatal() {
+    let Some(mut board) = Board::start() else { return };
+    assert_eq!(board.connect().last_death().unwrap(), None);
+    board.qtest.write_u32(ICSR, NMIPENDSET).unwrap();
+    let record = board.crash_record();
+    assert_eq!(record.kind, DeathKind::HardFault);
+    assert!(record.text.starts_with("non-maskable interrupt"), "{}", record.text);
 }

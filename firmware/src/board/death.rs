@@ -17,6 +17,7 @@ use cortex_m_rt::exception;
 use darm_core::wire::bootstrap::{Death, DeathKind, MAX_TEXT};
 
 use super::{pins, time, watchdog};
+use crate::ecc::DoubleError;
 use crate::life;
 
 const MAGIC: u32 = 0x6461_726d;
@@ -220,8 +221,14 @@ unsafe fn DefaultHandler(number: i16) -> ! {
     die(Record::new(HARD_FAULT, (0, 0), format_args!("unexpected interrupt {number}")))
 }
 
-/// A non-maskable interrupt that is no flash error.
-pub(super) fn die_of_nmi() -> ! {
+/// Ends a start in which the code can no longer be read from the flash, or whose NMI has another cause.
+pub(super) fn end_nmi(error: Option<DoubleError>) -> ! {
     outputs_off();
-    die(Record::new(HARD_FAULT, (0, 0), format_args!("non-maskable interrupt")))
+    let (what, offset) = match error {
+        Some(DoubleError::Code { bank: 1, offset }) => ("double ECC error in bank 1", offset),
+        Some(DoubleError::Code { offset, .. } | DoubleError::Data { offset }) => ("double ECC error in bank 2", offset),
+        Some(DoubleError::System { offset }) => ("double ECC error in system flash", offset),
+        None => ("non-maskable interrupt of no known cause", 0),
+    };
+    die(Record::new(HARD_FAULT, (0, 0), format_args!("{what}, offset {offset:#x}")))
 }

@@ -2,26 +2,37 @@
 //!
 //! The code runs from bank 1, so nothing stalls while bank 2 erases (RM0351, 3.3.5). A word torn by a power cut
 //! may fail its error check: that raises the NMI, which notes it; the reader then gets the bytes as they are,
-//! and their checksum tells. Such a word can still be overwritten with zeros (RM0351, 3.3.7).
+//! and their checksum shows the damage. Such a word can still be overwritten with zeros (RM0351, 3.3.7). An error
+//! anywhere else is in the code, and fatal.
+//!
+//! While bank 2 is written or erased the data cache is off, and it is reset before it is on again: reads during a write
+//! to the other bank can corrupt it (erratum of the STM32L475, "data cache might be corrupted during flash memory
+//! read-while-write operation").
 //!
 //! QEMU models no flash controller. There the bytes live in `flash.img` in QEMU's folder, through semihosting,
 //! and survive the end of the emulator.
+use core::sync::atomic::{AtomicU32, Ordering};
+
 use cortex_m_rt::exception;
 use cortex_m_semihosting::syscall;
+use darm_core::units::Micros;
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::{
     ErrorType, MultiwriteNorFlash, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 use stm32_metapac::FLASH;
 
-#[cfg(feature = "bench")]
+use super::time::BoardClock;
 use crate::clock::Clock as _;
+use crate::ecc::{DoubleError, double_error};
 use crate::store::FLASH_BYTES;
 
 /// First byte of bank 2.
 const BANK_2: usize = 0x0808_0000;
 const PAGE_BYTES: usize = 2048;
 const WORD_BYTES: usize = 8;
+/// Longest wait for the controller: a page erase takes 25 ms at most (DS10969, "Flash memory characteristics").
+const LONGEST_OPERATION: Micros = Micros::from_millis(100);
 /// Bytes that are compared at once after writing.
 const READ_BACK: usize = 64;
 /// All error flags of the status register: OPERR, PROGERR, WRPERR, PGAERR, SIZERR, PGSERR, MISERR, FASTERR, RDERR, OPTVERR.
@@ -39,6 +50,8 @@ pub enum FlashError {
         /// Bits of the status register.
         flags: u32,
     },
+    /// The controller does not finish.
+    Busy,
     /// What was written does not read back.
     ReadBack {
         /// About here.
@@ -90,6 +103,7 @@ impl Flash {
                     // SAFETY: the caller has checked that the range lies in the device; flash is always readable.
                     *byte = unsafe { (address as *const u8).read_volatile() };
                 }
+                report_double_errors();
                 Ok(())
             }
             Backend::File { handle } => read_file(handle, offset, bytes),
@@ -163,21 +177,26 @@ impl NorFlash for Flash {
     }
 }
 
-/// Tells the measurement from when to when the flash is written or erased.
+/// While it lives the flash is written or erased: the data cache is off, and the measurement counts ticks apart.
 struct Storing;
 
 impl Storing {
     fn begin() -> Self {
+        FLASH.acr().modify(|w| w.set_dcen(false));
         #[cfg(feature = "bench")]
-        super::measure::storing(true, super::time::BoardClock.now());
+        super::measure::storing(true, BoardClock.now());
         Self
     }
 }
 
 impl Drop for Storing {
     fn drop(&mut self) {
+        // The cache can be reset only while it is off (RM0351, 3.7.1).
+        FLASH.acr().modify(|w| w.set_dcrst(true));
+        FLASH.acr().modify(|w| w.set_dcrst(false));
+        FLASH.acr().modify(|w| w.set_dcen(true));
         #[cfg(feature = "bench")]
-        super::measure::storing(false, super::time::BoardClock.now());
+        super::measure::storing(false, BoardClock.now());
     }
 }
 
@@ -229,7 +248,11 @@ fn unlock() -> Result<(), FlashError> {
 
 /// Lets other tasks run until the controller is done: an erase takes 22 ms.
 async fn finish() -> Result<(), FlashError> {
+    let deadline = BoardClock.now() + LONGEST_OPERATION;
     while FLASH.sr().read().bsy() {
+        if BoardClock.now() > deadline {
+            return Err(FlashError::Busy);
+        }
         yield_now().await;
     }
     let flags = FLASH.sr().read().0 & SR_ERRORS;
@@ -237,13 +260,29 @@ async fn finish() -> Result<(), FlashError> {
     if flags == 0 { Ok(()) } else { Err(FlashError::Controller { flags }) }
 }
 
-/// The error check of a flash word failed. Anything else that raises the NMI is a fault.
+/// Double errors in the data so far, and the offset of the last.
+static DOUBLE_ERRORS: AtomicU32 = AtomicU32::new(0);
+static LAST_DOUBLE_ERROR: AtomicU32 = AtomicU32::new(0);
+
+/// The error check of a flash word failed. Fatal unless the word is in the data, which has checksums.
 #[exception]
 unsafe fn NonMaskableInt() {
-    if FLASH.eccr().read().eccd() {
-        FLASH.eccr().modify(|w| w.set_eccd(true));
-    } else {
-        super::death::die_of_nmi();
+    match double_error(FLASH.eccr().read().0) {
+        Some(DoubleError::Data { offset }) => {
+            FLASH.eccr().modify(|w| w.set_eccd(true));
+            LAST_DOUBLE_ERROR.store(offset, Ordering::Relaxed);
+            DOUBLE_ERRORS.fetch_add(1, Ordering::Relaxed);
+        }
+        fatal => super::death::end_nmi(fatal),
+    }
+}
+
+/// Logs what the NMI has noted since the last call. From the one task that reads the flash.
+fn report_double_errors() {
+    let count = DOUBLE_ERRORS.swap(0, Ordering::Relaxed);
+    if count > 0 {
+        let offset = LAST_DOUBLE_ERROR.load(Ordering::Relaxed);
+        defmt::warn!("{=u32} double ECC errors in the data, the last at offset {=u32:#x} of bank 2", count, offset);
     }
 }
 
