@@ -137,11 +137,20 @@ fn identity() -> Identity {
     Identity { device: super::device(), board: heapless::String::try_from(super::NAME).unwrap_or_default() }
 }
 
-/// What the console owns. Its stack is free again when the tasks begin, which is while they are started.
+/// What the console owns. Each of these is built in a call of its own, so that no two need their stack at once.
 #[inline(never)]
-fn desk(board: Board) -> &'static mut OnBoard {
-    let room = ROOM.init_with(Room::default);
-    DESK.init_with(|| Desk::new(board, BoardClock, &SHARED, room))
+fn desk(death: Option<Death>, room: &'static mut Room) -> &'static mut OnBoard {
+    DESK.init_with(|| Desk::new(Board { identity: identity(), death }, BoardClock, &SHARED, room))
+}
+
+#[inline(never)]
+fn room() -> &'static mut Room {
+    ROOM.init_with(Room::default)
+}
+
+#[inline(never)]
+fn table() -> &'static mut Table {
+    TABLE.init_with(Table::default)
 }
 
 /// What the control tick owns: called once, and as what is built before can be built once only, once at most.
@@ -157,8 +166,7 @@ fn ticks() -> &'static mut Control<'static> {
 /// A board that is held has the console alone, and its outputs disabled.
 #[inline(never)]
 pub fn start(death: Option<Death>, start: Start) {
-    let board = Board { identity: identity(), death };
-    let Ok(console) = console(desk(board), TABLE.init_with(Table::default), start) else { twice() };
+    let Ok(console) = console(desk(death, room()), table(), start) else { twice() };
     if start == Start::Held {
         // The pin keeps the level that it gets here.
         Output::new(pins::CHAIN_ENABLE, true);
