@@ -1,11 +1,83 @@
-//! The firmware image: the ELF that is flashed and that runs in the emulator.
+//! The firmware image: the ELF that is flashed and that runs in the emulator, and what can be proved of its machine code.
+//!
+//! | file     | holds                                                            |
+//! |----------|------------------------------------------------------------------|
+//! | `thumb`  | the instructions that matter for calls and stack                  |
+//! | `code`   | functions, frames and direct calls of a linked image              |
+//! | `graph`  | the call graph with indirect calls, deepest chains                |
+//! | `lists`  | what the code does not say: indirect calls, recursion, panics     |
+//! | `stack`  | the bound of the stack over all interrupts                        |
+//! | `panics` | which panics can be reached                                       |
+//! | `ram`    | static RAM by symbol                                              |
 
-use std::path::PathBuf;
-use std::process::Command;
+mod code;
+mod graph;
+mod lists;
+mod panics;
+mod ram;
+mod stack;
+mod thumb;
+
+use std::path::{Path, PathBuf};
+use std::process;
 
 use anyhow::{Context, Result, bail};
 
 use crate::setup;
+
+/// Builds the firmware image and prints its path, or analyses it
+#[derive(clap::Args)]
+pub(crate) struct Command {
+    /// Prints the bound of the stack with the deepest call chains; fails above 85 % of the stack
+    #[arg(long)]
+    stack: bool,
+    /// Prints static RAM by symbol
+    #[arg(long)]
+    ram: bool,
+    /// Fails when the control task can panic, or another task where the list does not allow it
+    #[arg(long)]
+    panics: bool,
+}
+
+impl Command {
+    pub(crate) fn run(self) -> Result<()> {
+        let path = build()?;
+        if self.ram {
+            print!("{}", ram::table(&path)?);
+        }
+        if self.stack || self.panics {
+            self.analyse(&path)?;
+        } else if !self.ram {
+            println!("{}", path.display());
+        }
+        Ok(())
+    }
+
+    fn analyse(&self, path: &Path) -> Result<()> {
+        let image = code::Image::read(path)?;
+        let graph = graph::Graph::new(&image)?;
+        let bound = stack::Bound::new(&image, &graph)?;
+        if self.stack {
+            print!("{}", bound.table(&graph, true));
+        }
+        if self.panics {
+            println!("Panics that are allowed outside the control task:\n{}", panics::reasons());
+            panics::check(&graph)?;
+        }
+        if self.stack { bound.check() } else { Ok(()) }
+    }
+}
+
+/// Checks the stack's bound and the panics of a built image, and prints the bound.
+#[expect(dead_code, reason = "the tests call it once nothing in the image breaks it")]
+pub(crate) fn check(path: &Path) -> Result<()> {
+    let image = code::Image::read(path)?;
+    let graph = graph::Graph::new(&image)?;
+    let bound = stack::Bound::new(&image, &graph)?;
+    eprint!("{}", bound.table(&graph, false));
+    bound.check()?;
+    panics::check(&graph)
+}
 
 /// Builds the image and returns its path.
 pub(crate) fn build() -> Result<PathBuf> {
@@ -38,7 +110,7 @@ pub(crate) fn check_that_kinematics_cannot_panic() -> Result<()> {
 fn build_binary(name: &str, feature: &str) -> Result<PathBuf> {
     setup::rust()?;
     let root = setup::root();
-    let status = Command::new("cargo")
+    let status = process::Command::new("cargo")
         .current_dir(&root)
         .args(["build", "--package", "darm-firmware", "--features", feature, "--profile", "firmware"])
         .args(["--target", setup::TARGET, "--bin", name])

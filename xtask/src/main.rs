@@ -33,8 +33,7 @@ enum Task {
     Faults(faults::Faults),
     /// All tests: format, lints, documentation, unit and system tests, the image in the emulator
     Test,
-    /// Builds the firmware image and prints its path
-    Image,
+    Image(image::Command),
 }
 
 fn main() -> ExitCode {
@@ -45,7 +44,7 @@ fn main() -> ExitCode {
         Task::Blind(blind) => blind.run(),
         Task::Faults(faults) => faults.run(),
         Task::Test => test::run(),
-        Task::Image => image::build().map(|path| println!("{}", path.display())),
+        Task::Image(image) => image.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,0 +1,226 @@
+//! The functions of a linked image: their stack frames and whom they call, read from the machine code.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use object::{Object as _, ObjectSection as _, ObjectSymbol as _, SymbolKind};
+
+use super::thumb::{self, Op};
+
+/// A linked image.
+pub(crate) struct Image {
+    /// By their addresses.
+    pub(crate) functions: BTreeMap<u32, Function>,
+    /// Constant bytes: code and read-only data, by their addresses.
+    constants: Vec<(u32, Vec<u8>)>,
+    /// Lowest and one beyond the highest address of the stack.
+    stack: Option<(u32, u32)>,
+}
+
+/// One function.
+#[derive(Debug, Default)]
+pub(crate) struct Function {
+    /// Demangled, without the hash of its crate.
+    pub(crate) name: String,
+    /// Bytes by which it lowers the stack pointer in total.
+    pub(crate) frame: u32,
+    /// Functions that it calls directly.
+    pub(crate) calls: Vec<Call>,
+    /// It calls functions whose addresses it has in registers.
+    pub(crate) calls_indirectly: bool,
+    /// Odd constants that its instructions put together, as addresses of code.
+    constants: Vec<u32>,
+    /// It changes the stack pointer by an amount that is not in the instruction.
+    pub(crate) frame_unknown: bool,
+}
+
+/// A direct call.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Call {
+    /// Address of the instruction.
+    pub(crate) at: u32,
+    /// Address of the function.
+    pub(crate) to: u32,
+    /// A branch in place of the last call and return: the caller's frame is released already.
+    pub(crate) is_tail: bool,
+}
+
+/// A stretch of one section, by what its mapping symbols say of it.
+struct Stretch {
+    from: u32,
+    is_code: bool,
+}
+
+impl Image {
+    /// Reads the image at `path`.
+    ///
+    /// # Errors
+    /// When it cannot be read, is not an ELF file, has no symbols, or calls an address at which no function begins.
+    pub(crate) fn read(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).with_context(|| format!("{} cannot be read", path.display()))?;
+        let file = object::File::parse(&*bytes).with_context(|| format!("{} is not an ELF file", path.display()))?;
+        let sections =
+            file.sections().filter(|section| [".text", ".rodata", ".data"].contains(&section.name().unwrap_or("")));
+        let constants: Vec<(u32, Vec<u8>)> =
+            sections.map(|section| Ok((section.address() as u32, section.data()?.to_vec()))).collect::<Result<_>>()?;
+        let address = |name: &str| file.symbol_by_name(name).map(|symbol| symbol.address() as u32);
+        let stack = address("_stack_end").zip(address("_stack_start"));
+        let mut image = Self { functions: BTreeMap::new(), constants, stack };
+        let stretches = stretches(&file);
+        for (address, size, name) in symbols(&file) {
+            let function = image.function(address, size, name, &stretches);
+            image.functions.entry(address).or_insert(function);
+        }
+        if image.functions.is_empty() {
+            bail!("{} has no symbols of functions", path.display());
+        }
+        image.check_targets()?;
+        Ok(image)
+    }
+
+    /// Bytes of the stack's memory.
+    pub(crate) fn stack_bytes(&self) -> Result<u32> {
+        let (end, start) = self.stack.context("the image has no symbols _stack_end and _stack_start")?;
+        Ok(start - end)
+    }
+
+    /// Every direct call must lead to the beginning of a function.
+    fn check_targets(&self) -> Result<()> {
+        for function in self.functions.values() {
+            for call in &function.calls {
+                if !self.functions.contains_key(&call.to) {
+                    bail!(
+                        "{} branches at {:#010x} to {:#010x}: no function begins there",
+                        function.name,
+                        call.at,
+                        call.to
+                    );
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn function(&self, address: u32, size: u32, name: String, stretches: &BTreeMap<u32, Stretch>) -> Function {
+        let mut function = Function { name, ..Function::default() };
+        let (inside, mut low) = (address..address + size, BTreeMap::new());
+        for (at, op) in self.operations(address, size, stretches) {
+            match op {
+                Op::Call(to) => function.calls.push(Call { at, to, is_tail: false }),
+                Op::Branch(to) if !inside.contains(&to) => function.calls.push(Call { at, to, is_tail: true }),
+                Op::CallRegister | Op::BranchRegister => function.calls_indirectly = true,
+                Op::Push(bytes) => function.frame += bytes,
+                Op::StackUnknown => function.frame_unknown = true,
+                Op::Low(register, value) => drop(low.insert(register, value)),
+                Op::High(register, high) => {
+                    function.constants.extend(low.get(&register).map(|low| (high << 16 | low) & !1));
+                }
+                Op::Branch(_) | Op::Literal(..) | Op::Other => {}
+            }
+        }
+        function
+    }
+
+    /// The instructions of a function, data between them left out.
+    fn operations(&self, address: u32, size: u32, stretches: &BTreeMap<u32, Stretch>) -> Vec<(u32, Op)> {
+        let (mut at, end) = (address, address + size);
+        let mut operations = Vec::new();
+        while at < end {
+            let stretch = stretches.range(..=at).next_back();
+            if stretch.is_some_and(|(_, stretch)| !stretch.is_code) {
+                at = stretches.range(at + 1..).next().map_or(end, |(_, next)| next.from);
+                continue;
+            }
+            let Some(first) = self.half_word(at) else { break };
+            let second = self.half_word(at + 2).unwrap_or(0);
+            operations.push((at, thumb::decode(at, first, second)));
+            at += thumb::length(first);
+        }
+        operations
+    }
+
+    fn bytes(&self, address: u32, count: usize) -> Option<&[u8]> {
+        self.constants.iter().find_map(|(base, bytes)| {
+            let offset = address.checked_sub(*base)? as usize;
+            bytes.get(offset..offset.checked_add(count)?)
+        })
+    }
+
+    fn half_word(&self, address: u32) -> Option<u16> {
+        self.bytes(address, 2).and_then(|bytes| Some(u16::from_le_bytes(bytes.try_into().ok()?)))
+    }
+
+    fn word(&self, address: u32) -> Option<u32> {
+        self.bytes(address, 4).and_then(|bytes| Some(u32::from_le_bytes(bytes.try_into().ok()?)))
+    }
+
+    /// Functions whose addresses are values somewhere in the image: whom an indirect call may reach.
+    pub(crate) fn address_taken(&self) -> BTreeSet<u32> {
+        let words = self.constants.iter().flat_map(|(_, bytes)| bytes.chunks_exact(4));
+        let values = words.filter_map(|word| Some(u32::from_le_bytes(word.try_into().ok()?)));
+        let in_data = values.filter(|value| value & 1 == 1).map(|value| value & !1);
+        let in_code = self.functions.values().flat_map(|function| function.constants.iter().copied());
+        in_data.chain(in_code).filter(|address| self.functions.contains_key(address)).collect()
+    }
+
+    /// The source line that a panicking call at `at` passes on: the last constant before it that is a
+    /// `core::panic::Location`, which is file name, its length, line and column.
+    pub(crate) fn location(&self, at: u32) -> Option<String> {
+        let window: Vec<(u32, Op)> = (at.saturating_sub(LOOK_BACK)..at)
+            .step_by(2)
+            .filter_map(|at| Some((at, thumb::decode(at, self.half_word(at)?, self.half_word(at + 2)?))))
+            .collect();
+        window.iter().enumerate().rev().find_map(|(index, (_, op))| {
+            let address = match *op {
+                Op::Literal(_, place) => self.word(place)?,
+                Op::High(register, high) => {
+                    let low = window.get(..index)?.iter().rev().find_map(|(_, op)| match *op {
+                        Op::Low(other, low) if other == register => Some(low),
+                        _ => None,
+                    })?;
+                    high << 16 | low
+                }
+                _ => return None,
+            };
+            self.location_at(address)
+        })
+    }
+
+    fn location_at(&self, address: u32) -> Option<String> {
+        let [name, len, line, column] = [0, 4, 8, 12].map(|offset| self.word(address + offset));
+        let name = std::str::from_utf8(self.bytes(name?, len? as usize)?).ok()?;
+        name.ends_with(".rs").then(|| Some(format!("{name}:{}:{}", line?, column?)))?
+    }
+}
+
+/// Bytes of code in which a constant is sought before a call.
+const LOOK_BACK: u32 = 40;
+
+/// Address, size and name of each function; of several names for one, the first in the alphabet.
+fn symbols(file: &object::File<'_>) -> Vec<(u32, u32, String)> {
+    let mut found: Vec<_> = file
+        .symbols()
+        .filter(|symbol| symbol.kind() == SymbolKind::Text && symbol.size() > 0)
+        .filter_map(|symbol| {
+            let name = format!("{:#}", rustc_demangle::demangle(symbol.name().ok()?));
+            Some((symbol.address() as u32 & !1, symbol.size() as u32, name))
+        })
+        .collect();
+    found.sort();
+    found
+}
+
+/// What `$t` and `$d` say of the code section.
+fn stretches(file: &object::File<'_>) -> BTreeMap<u32, Stretch> {
+    let mapping = file.symbols().filter_map(|symbol| {
+        let (name, from) = (symbol.name().ok()?, symbol.address() as u32);
+        let is_code = match name.get(..2)? {
+            "$t" => true,
+            "$d" => false,
+            _ => return None,
+        };
+        Some((from, Stretch { from, is_code }))
+    });
+    mapping.collect()
+}

@@ -1,0 +1,172 @@
+//! Who reaches whom, and how deep the stack gets.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use anyhow::{Result, bail};
+
+use super::code::{Call, Function, Image};
+use super::lists::{Callee, INDIRECT, NEVER_CALLED, RECURSION};
+
+/// The image's functions with the indirect calls resolved.
+pub(crate) struct Graph<'i> {
+    pub(crate) image: &'i Image,
+    /// Callees of each function.
+    edges: BTreeMap<u32, Vec<Call>>,
+}
+
+/// A call chain and the bytes of stack it needs.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Chain {
+    /// Bytes.
+    pub(crate) bytes: u32,
+    /// Addresses of the functions, outermost first.
+    pub(crate) functions: Vec<u32>,
+}
+
+/// How often each function of [`RECURSION`] may still be entered.
+type Entries = Vec<u32>;
+
+impl<'i> Graph<'i> {
+    /// Resolves the indirect calls by the committed list.
+    ///
+    /// # Errors
+    /// For functions that call indirectly and are not in the list, and for functions whose addresses are values somewhere
+    /// and that no rule of the list reaches.
+    pub(crate) fn new(image: &'i Image) -> Result<Self> {
+        let (mut edges, mut missing) = (BTreeMap::new(), Vec::new());
+        for (&address, function) in &image.functions {
+            let mut calls = function.calls.clone();
+            if function.calls_indirectly {
+                match INDIRECT.iter().find(|rule| rule.callers.iter().any(|caller| function.name.contains(caller))) {
+                    Some(rule) => calls.extend(callees(image, rule.callees)),
+                    None => missing.push(function.name.as_str()),
+                }
+            }
+            edges.insert(address, calls);
+        }
+        if !missing.is_empty() {
+            bail!("{LISTS} does not list whom these call indirectly:\n  {}", missing.join("\n  "));
+        }
+        let listed: BTreeSet<u32> =
+            INDIRECT.iter().flat_map(|rule| callees(image, rule.callees)).map(|call| call.to).collect();
+        let unlisted: Vec<&str> = image.address_taken().difference(&listed).map(|at| name(image, *at)).collect();
+        let unlisted: Vec<&str> = unlisted.into_iter().filter(|name| !NEVER_CALLED.contains(name)).collect();
+        if !unlisted.is_empty() {
+            bail!(
+                "no indirect call of {LISTS} reaches these, but their addresses are taken:\n  {}",
+                unlisted.join("\n  ")
+            );
+        }
+        Ok(Self { image, edges })
+    }
+
+    /// The function of this name.
+    pub(crate) fn named(&self, name: &str) -> Result<u32> {
+        let found = self.image.functions.iter().find(|(_, function)| function.name == name);
+        match found {
+            Some((&address, _)) => Ok(address),
+            None => bail!("the image has no function {name}"),
+        }
+    }
+
+    pub(crate) fn name(&self, address: u32) -> &str {
+        name(self.image, address)
+    }
+
+    pub(crate) fn calls(&self, from: u32) -> &[Call] {
+        self.edges.get(&from).map_or(&[], Vec::as_slice)
+    }
+
+    /// Everything that `root` reaches without passing through `stop`, itself among it.
+    pub(crate) fn reached(&self, root: u32, stop: impl Fn(&str) -> bool) -> BTreeSet<u32> {
+        let (mut found, mut open) = (BTreeSet::from([root]), vec![root]);
+        while let Some(from) = open.pop() {
+            if stop(self.name(from)) {
+                continue;
+            }
+            open.extend(self.calls(from).iter().map(|call| call.to).filter(|to| found.insert(*to)));
+        }
+        found
+    }
+
+    /// The deepest chain from `root`, what `stop` names left out.
+    ///
+    /// # Errors
+    /// For recursion that is not listed, and for a frame of unknown size.
+    pub(crate) fn deepest(&self, root: u32, stop: &dyn Fn(&str) -> bool) -> Result<Chain> {
+        let entries = RECURSION.iter().map(|rule| rule.depth).collect();
+        Search { graph: self, stop, known: BTreeMap::new(), open: Vec::new() }.deepest(root, entries)
+    }
+}
+
+fn name(image: &Image, address: u32) -> &str {
+    image.functions.get(&address).map_or("?", |function| &function.name)
+}
+
+fn callees<'a>(image: &'a Image, callees: &'a [Callee]) -> impl Iterator<Item = Call> + 'a {
+    let calls = |function: &Function, part: &str| function.calls.iter().any(|call| name(image, call.to).contains(part));
+    let matches = move |function: &Function| {
+        callees.iter().any(|callee| match callee {
+            Callee::Named(part) => function.name.contains(part),
+            Callee::PollCalling(part) => function.name == TASK_POLL && calls(function, part),
+        })
+    };
+    let found = image.functions.iter().filter(move |(_, function)| matches(function));
+    found.map(|(&to, _)| Call { at: 0, to, is_tail: false })
+}
+
+/// Every task's poll function has this name.
+const TASK_POLL: &str = "embassy_executor::raw::TaskStorage<F>::poll";
+/// Where the committed lists are.
+pub(crate) const LISTS: &str = "xtask/src/image/lists.rs";
+
+struct Search<'g, 'i> {
+    graph: &'g Graph<'i>,
+    stop: &'g dyn Fn(&str) -> bool,
+    known: BTreeMap<(u32, Entries), Chain>,
+    open: Vec<(u32, Entries)>,
+}
+
+impl Search<'_, '_> {
+    fn deepest(&mut self, from: u32, mut entries: Entries) -> Result<Chain> {
+        let name = self.graph.name(from);
+        if let Some((_, left)) = RECURSION.iter().zip(&mut entries).find(|(rule, _)| name == rule.function) {
+            let Some(fewer) = left.checked_sub(1) else { return Ok(Chain::default()) };
+            *left = fewer;
+        }
+        let state = (from, entries);
+        if let Some(known) = self.known.get(&state) {
+            return Ok(known.clone());
+        }
+        // A function that is entered again with as many entries left comes back to itself past no listed one.
+        if let Some(start) = self.open.iter().position(|open| *open == state) {
+            let cycle: Vec<&str> = self.open[start..].iter().map(|(open, _)| self.graph.name(*open)).collect();
+            bail!("{LISTS} does not list this recursion:\n  {}", cycle.join("\n  "));
+        }
+        self.open.push(state.clone());
+        let chain = self.deepest_below(from, &state.1)?;
+        self.open.pop();
+        self.known.insert(state, chain.clone());
+        Ok(chain)
+    }
+
+    fn deepest_below(&mut self, from: u32, entries: &Entries) -> Result<Chain> {
+        let Some(function) = self.graph.image.functions.get(&from) else { bail!("no function at {from:#010x}") };
+        if function.frame_unknown {
+            bail!("{} changes the stack pointer by an unknown amount", function.name);
+        }
+        let mut deepest = Chain { bytes: function.frame, functions: vec![from] };
+        for call in self.graph.calls(from) {
+            if (self.stop)(self.graph.name(call.to)) {
+                continue;
+            }
+            let below = self.deepest(call.to, entries.clone())?;
+            let own = if call.is_tail { 0 } else { function.frame };
+            if own + below.bytes > deepest.bytes {
+                let functions = std::iter::once(from).chain(below.functions).collect();
+                deepest = Chain { bytes: own + below.bytes, functions };
+            }
+        }
+        Ok(deepest)
+    }
+}

@@ -1,0 +1,131 @@
+//! What the machine code does not say: whom indirect calls reach, how deep recursion goes, what may panic and why.
+
+/// Whom the indirect calls of functions can reach.
+pub(crate) struct Indirect {
+    /// Parts of the callers' names.
+    pub(crate) callers: &'static [&'static str],
+    pub(crate) callees: &'static [Callee],
+}
+
+/// A set of functions.
+pub(crate) enum Callee {
+    /// All with this in their names.
+    Named(&'static str),
+    /// The poll function of the task that calls a function with this in its name: all poll functions have one name.
+    PollCalling(&'static str),
+}
+
+use Callee::{Named, PollCalling};
+
+/// A function that every recursion of its kind passes.
+pub(crate) struct Recursion {
+    pub(crate) function: &'static str,
+    /// Entries within one chain.
+    pub(crate) depth: u32,
+}
+
+/// The first rule of which a caller matches is taken. Functions of no rule call directly only.
+pub(crate) const INDIRECT: &[Indirect] = &[
+    Indirect { callers: &["SWPMI1"], callees: &[PollCalling("dispatch::Desk"), PollCalling("servo::Bus")] },
+    // The chip's loader: nothing of this image runs after it.
+    Indirect { callers: &["__cortex_m_rt_main"], callees: &[] },
+    // These format any value, by its vtable, and may write themselves.
+    Indirect {
+        callers: &[
+            "core::fmt::write",
+            "<core::fmt::Formatter>::debug_struct_field1_finish",
+            "<&T as core::fmt::",
+            "<&dyn core::fmt::",
+        ],
+        callees: &[
+            Named("core::fmt::Binary"),
+            Named("core::fmt::Debug"),
+            Named("core::fmt::Display"),
+            Named("core::fmt::LowerHex"),
+            Named("core::fmt::UpperHex"),
+            Named("core::fmt::Write"),
+        ],
+    },
+    // All other formatting writes text to any output. The text commands also wake, and drop a line that is an output.
+    Indirect {
+        callers: &["core::fmt::", "board::death", "firmware::text"],
+        callees: &[
+            Named("core::fmt::Write"),
+            Named("core::ptr::drop_in_place<darm_firmware::text::Line>"),
+            Named("embassy_executor::raw::waker::"),
+        ],
+    },
+    // Records of the storage are values behind a vtable.
+    Indirect {
+        callers: &["sequential_storage::"],
+        callees: &[Named("sequential_storage::map::Value>::serialize_into"), Named("embassy_executor::raw::waker::")],
+    },
+    // All else that calls indirectly wakes a task or clones and drops its waker.
+    Indirect {
+        callers: &["TSC", "SysTick", "USART", "embassy_", "embedded_io_async", "darm_firmware::"],
+        callees: &[Named("embassy_executor::raw::waker::")],
+    },
+];
+
+/// Their addresses are in tables, and nothing in this image calls them.
+pub(crate) const NEVER_CALLED: &[&str] = &[];
+
+/// Functions by which every recursion of the image passes.
+pub(crate) const RECURSION: &[Recursion] = &[
+    // A message of a panic or an answer in text, the error in it, the error in that, its number.
+    Recursion { function: "core::fmt::write", depth: 4 },
+    // No type that is printed has a derived `Debug` within another one.
+    Recursion { function: "<core::fmt::Formatter>::debug_struct_field1_finish", depth: 1 },
+    Recursion { function: "<&T as core::fmt::Debug>::fmt", depth: 2 },
+    Recursion { function: "<&T as core::fmt::Display>::fmt", depth: 2 },
+    Recursion { function: "<&dyn core::fmt::Debug as core::fmt::Debug>::fmt", depth: 1 },
+    // Only `{:#?}` indents, and nothing prints so.
+    Recursion { function: "<core::fmt::builders::PadAdapter as core::fmt::Write>::write_str", depth: 0 },
+    Recursion { function: "<core::fmt::builders::PadAdapter as core::fmt::Write>::write_char", depth: 0 },
+    Recursion { function: "<core::fmt::builders::PadAdapter as core::fmt::Write>::write_fmt", depth: 0 },
+    // A record of a later kind first ends the one or two kinds before it.
+    Recursion { function: "darm_core::table::Checker::admit_in_order", depth: 3 },
+    // The pivot of fewer than 512 elements.
+    Recursion { function: "core::slice::sort::shared::pivot::median3_rec", depth: 2 },
+    // At most 2·log2 of the 256 elements of the longest slice that is sorted, then heap sort.
+    Recursion { function: "core::slice::sort::unstable::quicksort::quicksort", depth: 17 },
+    // A number below the normal range is scaled into it.
+    Recursion { function: "darm_core::trig::single::sqrt", depth: 2 },
+];
+
+/// What ends a start: outputs off, crash record, reset. Should its stack overflow, the hard fault handler does the same
+/// on a stack of its own; so the bound leaves it out.
+pub(crate) const ENDS: &[&str] =
+    &["__rustc::rust_begin_unwind", "darm_firmware::board::death::Record::new", "darm_firmware::board::death::end_nmi"];
+
+/// What has returned before the first task starts, in the order of `board::tasks::start`.
+pub(crate) const BEFORE_TASKS: &[&str] = &[
+    "darm_firmware::board::tasks::desk",
+    "darm_firmware::board::tasks::room",
+    "darm_firmware::board::tasks::table",
+    "darm_firmware::board::tasks::start_control",
+];
+
+/// A panic outside the control task that may stay.
+pub(crate) struct MayPanic {
+    /// A part of its line in `cargo xtask image --panics`: caller, panic function, place.
+    pub(crate) part: &'static str,
+    /// Why it cannot happen.
+    pub(crate) reason: &'static str,
+}
+
+/// The control task has no such list: nothing in it may panic.
+pub(crate) const MAY_PANIC: &[MayPanic] = &[
+    MayPanic { part: "panic_const_async_fn_resumed", reason: "the executor does not poll a task that has ended" },
+    MayPanic { part: "sequential_storage::", reason: "positions in a page that the storage has checked before" },
+    MayPanic { part: "sequential-storage-", reason: "the same, inlined" },
+    MayPanic { part: "core::slice::sort::", reason: "the comparisons are total orders" },
+    MayPanic { part: "/library/core/src/num/", reason: "the core library's own bounds of numbers as text" },
+    MayPanic { part: "core::num::", reason: "the same" },
+    MayPanic { part: "core::fmt::float", reason: "the same" },
+    MayPanic { part: "/cobs-", reason: "the decoder stays within the bytes that it was given" },
+    MayPanic { part: "/embedded-io-async-", reason: "a queue that is full waits and never writes 0 bytes" },
+    MayPanic { part: "/embassy-executor-", reason: "one executor, started once; no waker of another one" },
+    MayPanic { part: "/static_cell-", reason: "the start builds each value once" },
+    MayPanic { part: "/defmt-rtt-", reason: "the log is taken within a critical section only" },
+];

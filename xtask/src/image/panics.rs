@@ -1,0 +1,84 @@
+//! Which functions can panic: calls of the core library's panic functions, by the call graph of the image.
+
+use std::collections::BTreeSet;
+
+use anyhow::{Result, bail};
+
+use super::graph::{Graph, LISTS};
+use super::lists::{ENDS, MAY_PANIC};
+
+/// A call that panics.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Panic {
+    /// Who calls.
+    caller: String,
+    /// The panic function.
+    entry: String,
+    /// File, line and column, where the call passes them on.
+    place: Option<String>,
+}
+
+impl std::fmt::Display for Panic {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} -> {}, {}", self.caller, self.entry, self.place.as_deref().unwrap_or("place unknown"))
+    }
+}
+
+/// Every panic that the handler of an interrupt, or the reset, can reach.
+fn reachable(graph: &Graph<'_>, root: &str) -> Result<BTreeSet<Panic>> {
+    let ends = |name: &str| is_entry(name) || ENDS.contains(&name);
+    let functions = graph.reached(graph.named(root)?, ends);
+    let calls = functions.into_iter().filter(|from| !ends(graph.name(*from)));
+    let calls = calls.flat_map(|from| graph.calls(from).iter().map(move |call| (from, call)));
+    let panics = calls.filter(|(_, call)| is_entry(graph.name(call.to))).map(|(from, call)| Panic {
+        caller: graph.name(from).to_owned(),
+        entry: graph.name(call.to).to_owned(),
+        place: graph.image.location(call.at),
+    });
+    Ok(panics.collect())
+}
+
+/// Whether a function of this name does nothing but panic. All panics pass one in `core::panicking`.
+fn is_entry(name: &str) -> bool {
+    let is_named_so = ["::panic_", "_fail::"].iter().any(|part| name.contains(part));
+    let ends_so = ["_fail", "_failed"].iter().any(|end| name.ends_with(end));
+    name.contains("core::panicking::") || name.starts_with("core::") && (is_named_so || ends_so)
+}
+
+/// Fails when the control tick can panic at all, or anything else outside the committed list.
+pub(crate) fn check(graph: &Graph<'_>) -> Result<()> {
+    let control = reachable(graph, CONTROL)?;
+    let allowed = |panic: &Panic| {
+        let line = panic.to_string();
+        MAY_PANIC.iter().any(|rule| line.contains(rule.part))
+    };
+    let mut others = BTreeSet::new();
+    for root in OTHERS {
+        others.extend(reachable(graph, root)?.into_iter().filter(|panic| !allowed(panic)));
+    }
+    if control.is_empty() && others.is_empty() {
+        return Ok(());
+    }
+    bail!(
+        "the control task can panic at {} places:\n{}other tasks can at {} that MAY_PANIC in {LISTS} does not list:\n{}",
+        control.len(),
+        lines(&control),
+        others.len(),
+        lines(&others)
+    )
+}
+
+/// The panics that the list allows, with the reasons.
+pub(crate) fn reasons() -> String {
+    MAY_PANIC.iter().map(|rule| format!("  {}: {}\n", rule.part, rule.reason)).collect()
+}
+
+/// The interrupt that runs the control task.
+const CONTROL: &str = "TSC";
+/// Everything else that runs.
+const OTHERS: [&str; 6] = ["Reset", "SWPMI1", "USART1", "USART2", "SysTick", "NonMaskableInt"];
+
+/// One a line.
+fn lines(panics: &BTreeSet<Panic>) -> String {
+    panics.iter().map(|panic| format!("  {panic}\n")).collect()
+}
