@@ -8,14 +8,14 @@
 //! | `uart`     | two USARTs with queues filled and emptied by interrupts           |
 //! | `time`     | SysTick as the clock of all tasks                                 |
 //! | `flash`    | bank 2 as NOR flash; a file of the host in QEMU                   |
-//! | `watchdog` | resets the chip when the control tick stops                       |
+//! | `watchdog` | resets the chip when the control tick, or a task it looks after, stops |
 //! | `death`    | panic and fault: outputs off, a record for the next boot, reset   |
 //! | `restart`  | reset into the firmware or into the chip's loader                 |
-//! | `tasks`    | the three tasks and what they own                                 |
+//! | `tasks`    | the control tick, the two tasks, and what they own                |
 //! | `mask`     | the critical section                                              |
 //! | `measure`  | longest tick and longest masked stretch, in the bench image only  |
 //!
-//! Priorities, most urgent first: SysTick, control executor, USARTs, the executor of all else.
+//! Priorities, most urgent first: SysTick, control tick, USARTs, the executor of all else.
 pub mod clocks;
 pub mod death;
 pub mod flash;
@@ -33,7 +33,7 @@ pub mod watchdog;
 use darm_core::units::DeviceId;
 use stm32_metapac::{FLASH, Interrupt, UID};
 
-/// Interrupt that the control executor borrows; its peripheral (touch sensing) is not used.
+/// Interrupt that the control tick borrows; its peripheral (touch sensing) is not used.
 pub const CONTROL: Interrupt = Interrupt::TSC;
 /// Interrupt that the executor of everything else borrows; its peripheral (single wire protocol) is not used.
 pub const COMMON: Interrupt = Interrupt::SWPMI1;

@@ -1,16 +1,21 @@
-//! The three tasks and what they own.
+//! The control tick, the two tasks, and what they own.
 //!
-//! | task      | executor            | does                                             |
+//! | what      | runs in             | does                                             |
 //! |-----------|---------------------|--------------------------------------------------|
-//! | `control` | [`super::CONTROL`]  | looks, decides and drives, once a millisecond    |
+//! | [`TSC`]   | [`super::CONTROL`]  | looks, decides and drives, once a millisecond    |
 //! | `console` | [`super::COMMON`]   | frames and text on USART1, storage               |
 //! | `servos`  | [`super::COMMON`]   | the servo bus on USART2                          |
+//!
+//! The control tick is a plain interrupt that SysTick requests: no executor, no future, nothing in it can panic
+//! (`cargo xtask image --panics`).
 //!
 //! A board that is held after crashes has the console alone, with the bootstrap set, see [`crate::rescue`].
 //! Else the console and the servo bus report to the control tick; it resets the board when one is silent, see [`crate::life`].
 use core::mem::MaybeUninit;
 use core::pin::pin;
+use core::sync::atomic::{AtomicU32, Ordering};
 
+use cortex_m::peripheral::NVIC;
 use darm_core::table::Table;
 use darm_core::units::Micros;
 use darm_core::wire::bootstrap::{Death, Identity};
@@ -24,7 +29,7 @@ use super::time::BoardClock;
 use super::{death, pins, restart, uart, watchdog};
 use crate::app::serve;
 use crate::clock::Clock;
-use crate::control::{Control, Shared, TICK};
+use crate::control::{Control, Shared};
 use crate::dispatch::{Board, Desk};
 use crate::life::{Pulse, STEADY, Start, Watch};
 use crate::nearest::Room;
@@ -32,7 +37,6 @@ use crate::rescue;
 use crate::servo::Bus;
 use crate::solenoid::{Pins, Solenoids};
 
-static CONTROL: InterruptExecutor = InterruptExecutor::new();
 static COMMON: InterruptExecutor = InterruptExecutor::new();
 /// What the tasks share.
 pub static SHARED: Shared<'static> = Shared::new();
@@ -44,16 +48,30 @@ static SERVO_PULSE: Pulse = Pulse::new();
 static TABLE: StaticCell<Table> = StaticCell::new();
 static DESK: StaticCell<OnBoard> = StaticCell::new();
 static ROOM: StaticCell<Room> = StaticCell::new();
-/// Where no flag says that it is in use, see `memory.x`.
+/// In the memory that nothing clears at the start, see `memory.x`.
 #[unsafe(link_section = ".above")]
-static mut TICKS: MaybeUninit<Control<'static>> = MaybeUninit::uninit();
+static mut TICKER: MaybeUninit<Ticker> = MaybeUninit::uninit();
+/// When the requested tick is due, modulo 2³² µs.
+static DUE_US: AtomicU32 = AtomicU32::new(0);
 
 type OnBoard = Desk<'static, 'static, Flash, BoardClock>;
 
+/// Requests the control tick that is due now. From SysTick, once a [`TICK`](crate::control::TICK); a tick that still waits keeps its time.
+pub(super) fn request_tick(due: Micros) {
+    if !NVIC::is_pending(super::CONTROL) {
+        DUE_US.store(due.0 as u32, Ordering::Relaxed);
+        NVIC::pend(super::CONTROL);
+    }
+}
+
 #[interrupt]
-unsafe fn TSC() {
-    // SAFETY: this is the interrupt of the control executor, unmasked when that starts.
-    unsafe { CONTROL.on_interrupt() }
+fn TSC() {
+    let ticker = &raw mut TICKER;
+    // SAFETY: this is unmasked when the value is there; nothing else refers to it, and an interrupt does not nest in itself.
+    let ticker = unsafe { (*ticker).assume_init_mut() };
+    let now = BoardClock.now();
+    let late_us = (now.0 as u32).wrapping_sub(DUE_US.load(Ordering::Relaxed));
+    ticker.tick(now, now - Micros(late_us.into()));
 }
 
 #[interrupt]
@@ -62,42 +80,56 @@ unsafe fn SWPMI1() {
     unsafe { COMMON.on_interrupt() }
 }
 
-/// Looks, decides and drives. What drives the pins cannot fail on this board.
-#[embassy_executor::task]
-async fn control(control: &'static mut Control<'static>) -> ! {
-    let switches = Switches::new();
-    let Ok(mut solenoids) = Solenoids::new(Pins {
-        data: Output::new(pins::CHAIN_DATA, false),
-        clock: Output::new(pins::CHAIN_CLOCK, false),
-        latch: Output::new(pins::CHAIN_LATCH, false),
-        enable: Output::new(pins::CHAIN_ENABLE, true),
-    });
-    watchdog::start();
-    let (mut watch, mut steady) = (Watch::new(BoardClock.now()), false);
-    loop {
-        // On whole milliseconds, when SysTick comes; what was missed, by a debugger say, is not made up for.
-        let due = Micros((BoardClock.now().0 / TICK.0 + 1) * TICK.0);
-        BoardClock.wait_until(due).await;
+type Chain = Solenoids<Output, Output, Output, Output>;
+
+/// What the control tick owns.
+struct Ticker {
+    control: Control<'static>,
+    switches: Switches,
+    solenoids: Chain,
+    watch: Watch,
+    /// The start has run for [`STEADY`].
+    steady: bool,
+}
+
+impl Ticker {
+    /// Takes over the pins, outputs disabled. What drives them cannot fail on this board.
+    fn new(now: Micros) -> Self {
+        let Ok(solenoids) = Solenoids::new(Pins {
+            data: Output::new(pins::CHAIN_DATA, false),
+            clock: Output::new(pins::CHAIN_CLOCK, false),
+            latch: Output::new(pins::CHAIN_LATCH, false),
+            enable: Output::new(pins::CHAIN_ENABLE, true),
+        });
+        let control = Control::new(now, &SHARED);
+        Self { control, switches: Switches::new(), solenoids, watch: Watch::new(now), steady: false }
+    }
+
+    /// Looks, decides and drives; then feeds the watchdog if the tasks report.
+    fn tick(&mut self, now: Micros, due: Micros) {
         #[cfg(feature = "bench")]
         let began = super::measure::begin_tick();
-        let now = BoardClock.now();
         #[cfg(feature = "bench")]
         super::measure::note_lateness(due, now);
-        let outputs = control.tick(now, due, switches.read(), &SHARED);
-        if let Some(chips) = control.chips() {
-            solenoids.set_chips(chips);
+        let outputs = self.control.tick(now, due, self.switches.read(), &SHARED);
+        if let Some(chips) = self.control.chips() {
+            self.solenoids.set_chips(chips);
         }
-        let Ok(()) = solenoids.apply(outputs.lines, outputs.enabled);
-        if let Some(task) = watch.silent(now, [CONSOLE_PULSE.count(), SERVO_PULSE.count()]) {
+        let Ok(()) = self.solenoids.apply(outputs.lines, outputs.enabled);
+        self.look_after(now);
+        #[cfg(feature = "bench")]
+        super::measure::end_tick(began, &outputs);
+    }
+
+    fn look_after(&mut self, now: Micros) {
+        if let Some(task) = self.watch.silent(now, [CONSOLE_PULSE.count(), SERVO_PULSE.count()]) {
             death::end_silence(task);
         }
         watchdog::feed();
-        if !steady && due >= STEADY {
-            steady = true;
+        if !self.steady && now >= STEADY {
+            self.steady = true;
             death::forget_crashes();
         }
-        #[cfg(feature = "bench")]
-        super::measure::end_tick(began, &outputs);
     }
 }
 
@@ -153,12 +185,16 @@ fn table() -> &'static mut Table {
     TABLE.init_with(Table::default)
 }
 
-/// What the control tick owns: called once, and as what is built before can be built once only, once at most.
+/// Starts the control tick and the watchdog that it feeds. Called once, as what is built before can be built once only.
 #[inline(never)]
-fn ticks() -> &'static mut Control<'static> {
-    let ticks = &raw mut TICKS;
-    // SAFETY: nothing else refers to it, as it is called once.
-    unsafe { (*ticks).write(Control::new(BoardClock.now(), &SHARED)) }
+fn start_control() {
+    let ticker = &raw mut TICKER;
+    // SAFETY: nothing else refers to it, as its interrupt is still masked.
+    unsafe { (*ticker).write(Ticker::new(BoardClock.now())) };
+    watchdog::start();
+    NVIC::unpend(super::CONTROL);
+    // SAFETY: what the handler uses is there.
+    unsafe { NVIC::unmask(super::CONTROL) };
 }
 
 /// Builds what the tasks own and starts them. Its stack is free again when they run.
@@ -173,9 +209,9 @@ pub fn start(death: Option<Death>, start: Start) {
         COMMON.start(super::COMMON).spawn(console);
         return;
     }
-    let (Ok(control), Ok(servos)) = (control(ticks()), servos()) else { twice() };
+    let Ok(servos) = servos() else { twice() };
+    start_control();
     let common = COMMON.start(super::COMMON);
-    CONTROL.start(super::CONTROL).spawn(control);
     common.spawn(console);
     common.spawn(servos);
 }

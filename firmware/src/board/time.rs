@@ -16,6 +16,7 @@ use embassy_time_queue_utils::Queue;
 
 use super::clocks::HCLK_HZ;
 use crate::clock::Clock;
+use crate::control::TICK;
 
 /// Grain of alarms; a divisor of the control tick.
 pub const TICK_US: u32 = 500;
@@ -83,7 +84,8 @@ impl Driver for SysTickTime {
 
     fn schedule_wake(&self, at: u64, waker: &Waker) {
         critical_section::with(|cs| {
-            let sleeping = &mut *self.sleeping.borrow(cs).borrow_mut();
+            // Nothing else has it while interrupts are masked.
+            let Ok(mut sleeping) = self.sleeping.borrow(cs).try_borrow_mut() else { return };
             if sleeping.queue.schedule_wake(at, waker) {
                 sleeping.next_us = sleeping.next_us.min(at);
             }
@@ -143,8 +145,11 @@ fn SysTick() {
     #[cfg(feature = "bench")]
     let began = cycles();
     let now = TIME.ticks() * u64::from(TICK_US);
+    if now.is_multiple_of(TICK.0) {
+        super::tasks::request_tick(Micros(now));
+    }
     critical_section::with(|cs| {
-        let sleeping = &mut *TIME.sleeping.borrow(cs).borrow_mut();
+        let Ok(mut sleeping) = TIME.sleeping.borrow(cs).try_borrow_mut() else { return };
         if now >= sleeping.next_us {
             sleeping.next_us = sleeping.queue.next_expiration(now);
         }
