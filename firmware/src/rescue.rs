@@ -26,7 +26,7 @@ pub async fn serve(
     reader: &mut impl Read,
     writer: &mut impl Write,
 ) -> bootstrap::Into {
-    let mut port = Port::default();
+    let mut port: Port = Port::default();
     let mut bytes = [0; 16];
     loop {
         let n = reader.read(&mut bytes).await.unwrap_or(0);

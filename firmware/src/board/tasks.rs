@@ -16,6 +16,8 @@ use core::pin::pin;
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m::peripheral::NVIC;
+use darm_core::duty::DutyMeters;
+use darm_core::profile::Profile;
 use darm_core::table::Table;
 use darm_core::units::Micros;
 use darm_core::wire::bootstrap::{Death, Identity};
@@ -24,12 +26,12 @@ use static_cell::StaticCell;
 use stm32_metapac::interrupt;
 
 use super::flash::Flash;
-use super::gpio::{Output, Switches};
+use super::gpio::{Output, Switches, user_button_pressed};
 use super::time::BoardClock;
 use super::{death, pins, restart, uart, watchdog};
 use crate::app::serve;
 use crate::clock::Clock;
-use crate::control::{Control, Shared};
+use crate::control::{Control, Inputs, Shared};
 use crate::dispatch::{Board, Desk};
 use crate::life::{Pulse, STEADY, Start, Watch};
 use crate::nearest::Room;
@@ -48,6 +50,11 @@ static SERVO_PULSE: Pulse = Pulse::new();
 static TABLE: StaticCell<Table> = StaticCell::new();
 static DESK: StaticCell<OnBoard> = StaticCell::new();
 static ROOM: StaticCell<Room> = StaticCell::new();
+static PROFILE: StaticCell<Profile> = StaticCell::new();
+/// How long each output has been on. Start-up code neither clears nor fills this section, so it outlives a reset; each
+/// meter tells by its checksum whether it did.
+#[unsafe(link_section = ".uninit.USED")]
+static mut USED: MaybeUninit<DutyMeters> = MaybeUninit::uninit();
 /// In the memory that nothing clears at the start, see `memory.x`.
 #[unsafe(link_section = ".above")]
 static mut TICKER: MaybeUninit<Ticker> = MaybeUninit::uninit();
@@ -101,7 +108,7 @@ impl Ticker {
             latch: Output::new(pins::CHAIN_LATCH, false),
             enable: Output::new(pins::CHAIN_ENABLE, true),
         });
-        let control = Control::new(now, &SHARED);
+        let control = Control::new(now, &SHARED, used());
         Self { control, switches: Switches::new(), solenoids, watch: Watch::new(now), steady: false }
     }
 
@@ -111,10 +118,8 @@ impl Ticker {
         let began = super::measure::begin_tick();
         #[cfg(feature = "bench")]
         super::measure::note_lateness(due, now);
-        let outputs = self.control.tick(now, due, self.switches.read(), &SHARED);
-        if let Some(chips) = self.control.chips() {
-            self.solenoids.set_chips(chips);
-        }
+        let inputs = Inputs { switches: self.switches.read(), button: user_button_pressed() };
+        let outputs = self.control.tick(now, due, inputs, &SHARED);
         let Ok(()) = self.solenoids.apply(outputs.lines, outputs.enabled);
         self.look_after(now);
         #[cfg(feature = "bench")]
@@ -134,12 +139,12 @@ impl Ticker {
 }
 
 #[embassy_executor::task]
-async fn console(desk: &'static mut OnBoard, table: &'static mut Table, start: Start) {
+async fn console(desk: &'static mut OnBoard, table: &'static mut Table, profile: &'static mut Profile, start: Start) {
     let (mut receiver, mut sender) = uart::start_console();
     let into = match start {
         Start::Normal => {
             let work = pin!(async {
-                open(desk, table).await;
+                open(desk, table, profile).await;
                 serve(desk, &mut receiver, &mut sender).await
             });
             CONSOLE_PULSE.during(&BoardClock, work).await
@@ -149,12 +154,12 @@ async fn console(desk: &'static mut OnBoard, table: &'static mut Table, start: S
     restart::restart(into)
 }
 
-async fn open(desk: &mut OnBoard, table: &'static mut Table) {
+async fn open(desk: &mut OnBoard, table: &'static mut Table, profile: &'static mut Profile) {
     let flash = Flash::open();
     if let Err(error) = &flash {
         defmt::error!("no storage: {}", defmt::Debug2Format(error));
     }
-    desk.open(flash.ok(), table).await;
+    desk.open(flash.ok(), table, profile).await;
     defmt::info!("storage {=bool}", desk.has_store());
 }
 
@@ -185,6 +190,18 @@ fn table() -> &'static mut Table {
     TABLE.init_with(Table::default)
 }
 
+#[inline(never)]
+fn profile() -> &'static mut Profile {
+    PROFILE.init_with(Profile::empty)
+}
+
+/// What memory has kept of how long each output was on. Called once.
+fn used() -> &'static mut DutyMeters {
+    let used = &raw mut USED;
+    // SAFETY: every bit pattern is a meter, valid or not; nothing else refers to them, as this is called once.
+    unsafe { (*used).assume_init_mut() }
+}
+
 /// Starts the control tick and the watchdog that it feeds. Called once, as what is built before can be built once only.
 #[inline(never)]
 fn start_control() {
@@ -202,7 +219,7 @@ fn start_control() {
 /// A board that is held has the console alone, and its outputs disabled.
 #[inline(never)]
 pub fn start(death: Option<Death>, start: Start) {
-    let Ok(console) = console(desk(death, room()), table(), start) else { twice() };
+    let Ok(console) = console(desk(death, room()), table(), profile(), start) else { twice() };
     if start == Start::Held {
         // The pin keeps the level that it gets here.
         Output::new(pins::CHAIN_ENABLE, true);

@@ -18,23 +18,29 @@ use cortex_m_semihosting::{debug, hprintln};
 use darm_core::actuator::{Leg, Platform, Stage};
 use darm_core::nearest::{self, Coordinates, Frame, Module};
 use darm_core::output::{
-    ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, MAX_ACTUATORS, MAX_LINES, MAX_SERVOS, ServoWiring, SwitchLimit,
+    ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, MAX_ACTUATORS, MAX_INPUTS, MAX_LINES, MAX_SERVOS, ServoWiring,
+    SwitchLimit, Wiring,
 };
+use darm_core::profile::Profile;
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_core::sequencer::{Command, ServoSeen};
 use darm_core::table::{Record, Row};
-use darm_core::units::{Micros, ModelHash, Word};
+use darm_core::units::{Digest, Micros, ModelHash, Word};
 use darm_core::wire::PROTOCOL;
-use darm_core::wire::frame::{self, CRC, Header, MAX_FRAME, MAX_PAYLOAD};
-use darm_core::wire::message::{CHUNK, Image, REQUEST, Request};
+use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
+use darm_core::wire::message::{CHUNK, Image, ImageKind, REQUEST, Request};
+use darm_firmware::board::flash::Flash;
 use darm_firmware::board::measure::Stack;
 use darm_firmware::board::tasks::SHARED;
 use darm_firmware::board::{self, clocks, death, measure, tasks, time, uart};
 use darm_firmware::clock::Clock;
 use darm_firmware::life::Start;
 use darm_firmware::nearest::Room;
+use darm_firmware::store::Store;
 use defmt_rtt as _;
+use serde::Serialize;
+use sha2::{Digest as _, Sha256};
 
 /// The planar arm of four modules, and all that a board drives.
 const ARMS: [(&str, usize, usize); 2] = [("arm_12", 12, 0), ("arm_full", MAX_ACTUATORS, MAX_SERVOS)];
@@ -60,46 +66,90 @@ fn check(what: &str, holds: bool) {
     }
 }
 
-/// A table image in the making.
+/// An image in the making.
 struct Recorded {
     bytes: heapless::Vec<u8, 4096>,
+    kind: ImageKind,
     model: ModelHash,
 }
 
 impl Recorded {
-    fn push(&mut self, record: &Record) {
+    fn new(kind: ImageKind, model: u64) -> Self {
+        Self { bytes: heapless::Vec::new(), kind, model: ModelHash(model) }
+    }
+
+    fn push(&mut self, record: &impl Serialize) {
         let mut bytes = [0; Record::MAX_BYTES];
         let used = postcard::to_slice(record, &mut bytes).map_or(&[][..], |used| used);
         check("a record fits", !used.is_empty() && self.bytes.extend_from_slice(used).is_ok());
     }
 
     fn image(&self) -> Image {
-        Image { len: self.bytes.len() as u32, crc: CRC.checksum(&self.bytes), model: self.model }
+        let digest = Digest(Sha256::digest(&self.bytes).into());
+        Image { kind: self.kind, len: self.bytes.len() as u32, digest, model: self.model }
     }
 }
 
-/// The recorded upload: as many coils as there are lines for pull in with a peak.
-fn record(actuators: usize, servos: usize) -> Recorded {
-    let mut table = Recorded { bytes: heapless::Vec::new(), model: ModelHash(actuators as u64) };
-    let switch_limit = SwitchLimit { new_coils: CHANGING as u8, window_ms: 5 };
-    table.push(&Record::Start { model: table.model, device: None, switch_limit });
-    let limit = CoilLimit { max_on_ms: 60_000, duty_percent: 90, window_ms: 120_000 };
-    let peaks = MAX_LINES.saturating_sub(actuators).min(CHANGING) as u8;
+const LIMIT: CoilLimit = CoilLimit { max_on_ms: 60_000, duty_percent: 90, window_ms: 2_000 };
+const SUPPLY: SwitchLimit = SwitchLimit { new_coils: CHANGING as u8, window_ms: 5 };
+
+/// As many coils as there are lines for pull in with a peak.
+fn coil(output: u8) -> Coil {
+    let peaks = (MAX_LINES - MAX_ACTUATORS).min(CHANGING) as u8;
+    let drive = if output < peaks {
+        Drive::PeakHold { pull: output, hold: MAX_ACTUATORS as u8 + output, peak_ms: 5 }
+    } else {
+        Drive::Hold { line: output }
+    };
+    Coil { output, drive, limit: LIMIT }
+}
+
+/// Nothing moves the inputs: the switches are open in every state.
+fn actuator(output: u8) -> ActuatorWiring {
+    let switch = (usize::from(output) < MAX_INPUTS).then_some(LimitSwitch { input: output, closed_in: 0 });
+    ActuatorWiring { states: 2, switch, travel_ms: 10 }
+}
+
+fn servo(index: u8) -> ServoWiring {
+    let (min_rad, max_rad, max_speed_rad_s, max_torque) = (-1.5, 1.5, 3.0, 0.5);
+    ServoWiring { id: 1 + index, min_rad, max_rad, max_speed_rad_s, max_torque, timeout_ms: 500 }
+}
+
+/// The profile that allows both arms.
+fn profile() -> Recorded {
+    let mut wiring = Wiring { switch_limit: SUPPLY, ..Wiring::default() };
+    wiring.coils.extend((0..MAX_ACTUATORS as u8).map(coil));
+    wiring.actuators.extend((0..MAX_ACTUATORS as u8).map(actuator));
+    wiring.servos.extend((0..MAX_SERVOS as u8).map(servo));
+    let mut recorded = Recorded::new(ImageKind::Profile, 0);
+    Profile::of(&wiring).records().for_each(|record| recorded.push(&record));
+    recorded
+}
+
+/// Puts the profile where a start finds it.
+#[inline(never)]
+fn store_profile() -> Digest {
+    let recorded = profile();
+    let stored = embassy_futures::block_on(async {
+        let flash = Flash::open().ok()?;
+        let mut store = Store::open(flash).await;
+        store.begin(recorded.image()).await.ok()?;
+        store.chunk(0, &recorded.bytes).await.ok()?;
+        store.commit().await.ok()
+    });
+    check("the profile is stored", stored.is_some());
+    recorded.image().digest
+}
+
+/// The recorded upload.
+fn record(profile: Digest, actuators: usize, servos: usize) -> Recorded {
+    let mut table = Recorded::new(ImageKind::Table, actuators as u64);
+    table.push(&Record::Start { model: table.model, device: None, profile, switch_limit: SUPPLY });
     for index in 0..actuators as u8 {
-        let drive = if index < peaks {
-            Drive::PeakHold { pull: index, hold: actuators as u8 + index, peak_ms: 5 }
-        } else {
-            Drive::Hold { line: index }
-        };
-        table.push(&Record::Coil(Coil { drive, limit }));
-        // Nothing moves the inputs: these switches are open in every state.
-        let switch = (index < 32).then_some(LimitSwitch { input: index, closed_in: 0 });
-        table.push(&Record::Actuator(ActuatorWiring { states: 2, switch, travel_ms: 10 }));
+        table.push(&Record::Coil(coil(index)));
+        table.push(&Record::Actuator(actuator(index)));
     }
-    for id in 0..servos as u8 {
-        let (min_rad, max_rad, max_speed_rad_s, max_torque) = (-1.5, 1.5, 3.0, 0.5);
-        table.push(&Record::Servo(ServoWiring { id, min_rad, max_rad, max_speed_rad_s, max_torque, timeout_ms: 500 }));
-    }
+    (0..servos as u8).for_each(|index| table.push(&Record::Servo(servo(index))));
     if actuators <= MODULED {
         push_modules(&mut table, actuators);
     }
@@ -259,13 +309,15 @@ fn measure_search(typical: &Pose<f32>, target: &Pose<f32>) {
 }
 
 #[inline(never)]
-fn measure_all(stack: &Stack) {
+fn measure_all(stack: &Stack, profile: Digest) {
     measure::take();
     critical_section::with(|_| ());
     let overhead = measure::take().masked;
     let mut host = Host { number: 0 };
+    // After power-up every output counts as used to its limit.
+    host.watch(2 * LIMIT.window_ms);
     for (name, actuators, servos) in ARMS {
-        let table = record(actuators, servos);
+        let table = record(profile, actuators, servos);
         host.watch(50);
         measure::take();
         host.upload(&table);
@@ -278,7 +330,7 @@ fn measure_all(stack: &Stack) {
         tell(name, "systick_handler", measured.handler, "instructions");
     }
     let [.., (_, actuators, servos)] = ARMS;
-    let table = record(actuators, servos);
+    let table = record(profile, actuators, servos);
     (0..STORES).for_each(|_| host.upload(&table));
     tell("board", "stack", stack.used(), "bytes");
     tell_lateness();
@@ -304,8 +356,9 @@ fn main() -> ! {
     laws::measure(&stack);
     measure_nearest();
     tell("nearest", "stack", stack.used(), "bytes");
+    let profile = store_profile();
     tasks::start(death::take(), Start::Normal);
-    measure_all(&stack);
+    measure_all(&stack, profile);
     debug::exit(debug::EXIT_SUCCESS);
     loop {
         cortex_m::asm::wfi();
