@@ -1,8 +1,9 @@
-//! The firmware's own tasks as one future, with wires instead of pins.
+//! The firmware's own tasks as one future, on the board's pins.
 
+use std::cell::{Cell, RefCell};
+use std::convert::Infallible;
 use std::future::{Future, poll_fn};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::rc::Rc;
 use std::task::Poll;
 
 use darm_core::table::Table;
@@ -15,24 +16,42 @@ use darm_firmware::dispatch::{Board, Desk};
 use darm_firmware::nearest::Room;
 use darm_firmware::pipe::{Pipe, PipeReader, PipeWriter};
 use darm_firmware::servo::Bus;
+use darm_firmware::solenoid::{Pins, Solenoids};
 use embassy_futures::select::{Either3, select3};
+use embedded_hal::digital::{ErrorType, OutputPin};
 
 use super::flash::MemoryFlash;
 
-/// Time that somebody else moves.
-#[derive(Default)]
-pub(super) struct HandClock(AtomicU64);
+/// Number of the simulated device.
+pub const DEVICE: DeviceId = DeviceId(*b"in-process!!");
 
-impl HandClock {
-    /// Moves the time on.
-    pub(super) fn pass(&self, span: Micros) {
-        self.0.fetch_add(span.0, Ordering::Relaxed);
+/// One of the four pins that drive the chain of shift registers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pin {
+    /// Serial data.
+    Data,
+    /// Shift clock, rising edge.
+    Clock,
+    /// Latch, rising edge.
+    Latch,
+    /// Output enable, active low.
+    Enable,
+}
+
+/// Board time that the simulation advances.
+#[derive(Default)]
+pub(super) struct ManualClock(Cell<u64>);
+
+impl ManualClock {
+    /// Advances the time.
+    pub(super) fn advance(&self, span: Micros) {
+        self.0.set(self.0.get() + span.0);
     }
 }
 
-impl Clock for HandClock {
+impl Clock for ManualClock {
     fn now(&self) -> Micros {
-        Micros(self.0.load(Ordering::Relaxed))
+        Micros(self.0.get())
     }
 
     fn wait_until(&self, at: Micros) -> impl Future<Output = ()> {
@@ -40,27 +59,80 @@ impl Clock for HandClock {
     }
 }
 
-/// What leads in and out of the board.
-#[derive(Default)]
+/// The board's pins and bytes queues.
 pub(super) struct Wires {
-    pub(super) clock: HandClock,
+    pub(super) clock: ManualClock,
     pub(super) console_in: Pipe<1024>,
     pub(super) console_out: Pipe<1024>,
     pub(super) bus_in: Pipe<256>,
     pub(super) bus_out: Pipe<256>,
-    /// Levels of the output lines, all low while they are disabled.
-    pub(super) lines: AtomicU64,
-    pub(super) switches: AtomicU32,
+    /// Limit switches: bit `i` is input `i`.
+    pub(super) switches: Cell<u32>,
+    /// Pins that are high, by bit of [`Pin`].
+    levels: Cell<u8>,
+    /// Edges since they were taken last.
+    edges: RefCell<Vec<(Pin, bool)>>,
 }
 
-/// Runs the firmware from its start until somebody asks for a restart.
-pub(super) async fn run(wires: Arc<Wires>, flash: MemoryFlash) -> Into {
+impl Default for Wires {
+    /// After a reset: the pull-up holds output enable high.
+    fn default() -> Self {
+        Self {
+            clock: ManualClock::default(),
+            console_in: Pipe::default(),
+            console_out: Pipe::default(),
+            bus_in: Pipe::default(),
+            bus_out: Pipe::default(),
+            switches: Cell::new(0),
+            levels: Cell::new(1 << Pin::Enable as u8),
+            edges: RefCell::default(),
+        }
+    }
+}
+
+impl Wires {
+    /// Sets a pin; a repeated level is no edge.
+    fn set(&self, pin: Pin, high: bool) {
+        let (levels, bit) = (self.levels.get(), 1 << pin as u8);
+        if (levels & bit != 0) != high {
+            self.levels.set(levels ^ bit);
+            self.edges.borrow_mut().push((pin, high));
+        }
+    }
+
+    /// Moves the edges since the last call to the end of `into`.
+    pub(super) fn take_edges(&self, into: &mut Vec<(Pin, bool)>) {
+        into.append(&mut self.edges.borrow_mut());
+    }
+}
+
+/// One output pin.
+struct Wire(Rc<Wires>, Pin);
+
+impl ErrorType for Wire {
+    type Error = Infallible;
+}
+
+impl OutputPin for Wire {
+    fn set_low(&mut self) -> Result<(), Infallible> {
+        self.0.set(self.1, false);
+        Ok(())
+    }
+
+    fn set_high(&mut self) -> Result<(), Infallible> {
+        self.0.set(self.1, true);
+        Ok(())
+    }
+}
+
+/// Runs the firmware from its start until a restart is requested.
+pub(super) async fn run(wires: Rc<Wires>, flash: MemoryFlash) -> Into {
     let mut table = Box::<Table>::default();
     let mut room = Box::<Room>::default();
     let shared = Shared::new();
     let console = async {
         let board = "in-process".parse().unwrap_or_default();
-        let identity = Identity { device: DeviceId(*b"in-process!!"), board };
+        let identity = Identity { device: DEVICE, board };
         let mut desk = Desk::new(Board { identity, death: None }, &wires.clock, &shared, &mut room);
         desk.open(Some(flash), &mut table).await;
         serve(&mut desk, &mut PipeReader(&wires.console_in), &mut PipeWriter(&wires.console_out)).await
@@ -73,16 +145,24 @@ pub(super) async fn run(wires: Arc<Wires>, flash: MemoryFlash) -> Into {
     }
 }
 
-/// The control task: looks, decides and drives, once a millisecond.
-async fn control(wires: &Wires, shared: &Shared<'_>) -> ! {
+/// The control task, as on the chip: reads the switches, decides, drives the chain once per millisecond.
+async fn control(wires: &Rc<Wires>, shared: &Shared<'_>) -> ! {
+    let pin = |pin| Wire(wires.clone(), pin);
+    let Ok(mut solenoids) = Solenoids::new(Pins {
+        data: pin(Pin::Data),
+        clock: pin(Pin::Clock),
+        latch: pin(Pin::Latch),
+        enable: pin(Pin::Enable),
+    });
     let mut control = Control::new(wires.clock.now(), shared);
     let mut due = wires.clock.now();
     loop {
         due = due + TICK;
         wires.clock.wait_until(due).await;
-        let now = wires.clock.now();
-        let outputs = control.tick(now, due, wires.switches.load(Ordering::Relaxed), shared);
-        let lines = if outputs.enabled { outputs.lines } else { 0 };
-        wires.lines.store(lines, Ordering::Relaxed);
+        let outputs = control.tick(wires.clock.now(), due, wires.switches.get(), shared);
+        if let Some(chips) = control.chips() {
+            solenoids.set_chips(chips);
+        }
+        let Ok(()) = solenoids.apply(outputs.lines, outputs.enabled);
     }
 }

@@ -1,33 +1,32 @@
 //! A board in this process: the firmware's library with a plant, in virtual time.
 //!
-//! Nothing runs by itself: time passes while somebody waits on the board's [`Link`] or calls [`InProcess::pass`], one
-//! millisecond a step. A run is repeated exactly by repeating its calls. What the chip's own layer does, shifting lines
-//! out and moving bytes by interrupts, is left out; that is seen with the image in the emulator.
+//! [`Bench`] is the board without threads: somebody steps it and sees its pins. [`InProcess`] is a handle to a bench in a
+//! thread, for a client that waits on a link: time passes while somebody waits on the board's [`Link`] or calls
+//! [`InProcess::pass`], one millisecond a step. A run is repeated exactly by repeating its calls.
+//!
+//! The firmware drives the real shift driver and the real servo bus; the chain of eight 74HC595 is decoded from the edges
+//! of four pins. What the chip's own layer does, moving bytes by interrupts and writing flash, is left out; that is seen
+//! with the image in the emulator.
 
+mod bench;
 mod board;
 mod flash;
 
-use std::collections::VecDeque;
-use std::future::Future;
-use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, Sender};
-use std::task::{Context, Waker};
 use std::thread;
 use std::time::Duration;
-
-use darm_core::wire::bootstrap::Into as RebootInto;
-use darm_firmware::control::TICK;
 
 use crate::link::{Link, LinkError};
 use crate::plant::camera::{Camera, Film};
 use crate::plant::{Broken, Plant, PlantState};
-use board::Wires;
-pub use flash::MemoryFlash;
+pub use bench::{Bench, Physical};
+pub use board::{DEVICE, Pin};
+pub use flash::{FlashError, MemoryFlash};
 
 /// What the board's thread is asked to do.
-type Order = Box<dyn FnOnce(&mut Bench) + Send>;
+type Order = Box<dyn FnOnce(&mut Rig) + Send>;
 
 /// A board with its plant. Clones are the same board; it ends with the last of them.
 ///
@@ -36,33 +35,28 @@ type Order = Box<dyn FnOnce(&mut Bench) + Send>;
 #[derive(Clone)]
 pub struct InProcess {
     orders: Sender<Order>,
-    /// Steps since the beginning.
-    steps: Arc<AtomicU64>,
+    /// Time since the beginning, in nanoseconds.
+    now_ns: Arc<AtomicU64>,
 }
 
-struct Bench {
-    firmware: Pin<Box<dyn Future<Output = RebootInto>>>,
-    wires: Arc<Wires>,
-    flash: MemoryFlash,
-    plant: Plant,
+/// What the board's thread owns.
+struct Rig {
+    bench: Bench,
     camera: Camera,
-    /// Bytes from the host that the board has not fetched.
-    to_board: VecDeque<u8>,
-    to_host: VecDeque<u8>,
-    steps: Arc<AtomicU64>,
+    now_ns: Arc<AtomicU64>,
 }
 
 impl InProcess {
     /// Starts a board with this flash and this plant.
     pub fn boot(plant: Plant, flash: MemoryFlash) -> std::io::Result<Self> {
         let (orders, todo) = mpsc::channel::<Order>();
-        let steps = Arc::new(AtomicU64::new(0));
-        let counted = steps.clone();
+        let now_ns = Arc::new(AtomicU64::new(0));
+        let shown = now_ns.clone();
         thread::Builder::new().name("board".into()).spawn(move || {
-            let mut bench = Bench::new(plant, flash, counted);
-            todo.iter().for_each(|order| order(&mut bench));
+            let mut rig = Rig { bench: Bench::new(plant, flash), camera: Camera::default(), now_ns: shown };
+            todo.iter().for_each(|order| order(&mut rig));
         })?;
-        Ok(Self { orders, steps })
+        Ok(Self { orders, now_ns })
     }
 
     /// A plug of the board's console.
@@ -72,48 +66,51 @@ impl InProcess {
 
     /// Lets time pass.
     pub fn pass(&self, span_s: f64) {
-        self.with((), move |bench| {
-            let end_s = bench.now_s() + span_s;
-            while bench.now_s() < end_s {
-                bench.step();
+        self.with((), move |rig| {
+            let end_s = rig.bench.now_s() + span_s;
+            while rig.bench.now_s() < end_s {
+                rig.step();
             }
         });
     }
 
     /// Time since the beginning; a power cut does not set it back.
     pub fn now_s(&self) -> f64 {
-        seconds(&self.steps)
+        1e-9 * self.now_ns.load(Ordering::Relaxed) as f64
     }
 
     /// Where the plant is now; `None` if the board's thread has ended by a panic.
     pub fn state(&self) -> Option<PlantState> {
-        self.with(None, |bench| Some(bench.plant.state()))
+        self.with(None, |rig| Some(rig.bench.plant().state()))
     }
 
     /// Breaks or repairs something, from now on.
     pub fn set_broken(&self, broken: Broken) {
-        self.with((), move |bench| {
-            let now_s = bench.now_s();
-            bench.plant.set_broken(now_s, broken);
+        self.with((), move |rig| {
+            let now_s = rig.bench.now_s();
+            rig.bench.plant_mut().set_broken(now_s, broken);
         });
     }
 
     /// What the camera takes.
     pub fn film(&self) -> Film {
-        self.with(Film::default(), |bench| bench.camera.film())
+        self.with(Film::default(), |rig| rig.camera.film())
     }
 
     /// Cuts the power and gives it back: RAM is lost, flash and plant stay.
     pub fn power_cycle(&self) {
-        self.with((), Bench::start);
+        self.with((), |rig| {
+            rig.bench.power_off();
+            rig.bench.power_on(0);
+        });
     }
 
     /// Has the board's thread do something and waits for it; `ended` if the thread has ended by a panic.
-    fn with<T: Send + 'static>(&self, ended: T, act: impl FnOnce(&mut Bench) -> T + Send + 'static) -> T {
+    fn with<T: Send + 'static>(&self, ended: T, act: impl FnOnce(&mut Rig) -> T + Send + 'static) -> T {
         let (answer, answered) = mpsc::channel();
-        let order = move |bench: &mut Bench| {
+        let order = move |rig: &mut Rig| {
             // The asker waits below.
-            let _ = answer.send(act(bench));
+            let _ = answer.send(act(rig));
         };
         if self.orders.send(Box::new(order)).is_err() {
             return ended;
@@ -122,78 +119,25 @@ impl InProcess {
     }
 }
 
-/// So many pieces of work a board does in a tick: it searches for a word in pieces of a quarter of a millisecond.
-const PIECES: usize = 4;
-
-impl Bench {
-    fn new(plant: Plant, flash: MemoryFlash, steps: Arc<AtomicU64>) -> Self {
-        let wires = Arc::new(Wires::default());
-        Self {
-            firmware: Box::pin(board::run(wires.clone(), flash.clone())),
-            wires,
-            flash,
-            plant,
-            camera: Camera::default(),
-            to_board: VecDeque::new(),
-            to_host: VecDeque::new(),
-            steps,
-        }
-    }
-
-    fn now_s(&self) -> f64 {
-        seconds(&self.steps)
-    }
-
-    /// Starts the firmware anew on the same flash.
-    fn start(&mut self) {
-        self.wires = Arc::new(Wires::default());
-        self.firmware = Box::pin(board::run(self.wires.clone(), self.flash.clone()));
-        self.to_board.clear();
-        self.to_host.clear();
-    }
-
-    /// One tick of the board and of everything around it.
+impl Rig {
+    /// One tick. Nobody looks at the pins.
     fn step(&mut self) {
-        self.steps.fetch_add(1, Ordering::Relaxed);
-        self.wires.clock.pass(TICK);
-        let sent = self.to_board.make_contiguous();
-        let taken = self.wires.console_in.push_slice(sent);
-        self.to_board.drain(..taken);
-        let mut poll = || self.firmware.as_mut().poll(&mut Context::from_waker(Waker::noop()));
-        let ended = (0..PIECES).any(|_| poll().is_ready());
-        self.move_plant();
-        let wires = &self.wires;
-        self.to_host.extend(std::iter::from_fn(|| wires.console_out.pop()));
-        if ended {
-            // Of the chip's loader there is none here: the firmware starts either way.
-            self.start();
-        }
+        self.bench.step();
+        drop(self.bench.take_happened());
+        self.camera.look(self.bench.now_s(), self.bench.plant());
+        self.now_ns.store(self.bench.now_ns(), Ordering::Relaxed);
     }
 
     /// Waits for bytes to the host, at most `timeout_s`.
     fn receive(&mut self, room: usize, timeout_s: f64) -> Vec<u8> {
-        let end_s = self.now_s() + timeout_s;
-        while self.to_host.is_empty() && self.now_s() < end_s {
+        let end_s = self.bench.now_s() + timeout_s;
+        while self.bench.received().is_empty() && self.bench.now_s() < end_s {
             self.step();
         }
-        let count = room.min(self.to_host.len());
-        self.to_host.drain(..count).collect()
+        let received = self.bench.received();
+        let count = room.min(received.len());
+        received.drain(..count).collect()
     }
-
-    fn move_plant(&mut self) {
-        let (now_s, wires) = (self.now_s(), &self.wires);
-        self.plant.set_lines(now_s, wires.lines.load(Ordering::Relaxed));
-        wires.switches.store(self.plant.switches(), Ordering::Relaxed);
-        let asked: Vec<u8> = std::iter::from_fn(|| wires.bus_out.pop()).collect();
-        if !asked.is_empty() {
-            wires.bus_in.push_slice(&self.plant.servo_bytes(now_s, &asked));
-        }
-        self.camera.look(now_s, &self.plant);
-    }
-}
-
-fn seconds(steps: &AtomicU64) -> f64 {
-    1e-6 * (steps.load(Ordering::Relaxed) * TICK.0) as f64
 }
 
 /// The host's end of the console.
@@ -202,8 +146,8 @@ struct Plug(InProcess);
 impl Link for Plug {
     fn send(&mut self, bytes: &[u8]) -> Result<(), LinkError> {
         let bytes = bytes.to_vec();
-        let sent = self.0.with(false, move |bench| {
-            bench.to_board.extend(bytes);
+        let sent = self.0.with(false, move |rig| {
+            rig.bench.send(&bytes);
             true
         });
         if sent { Ok(()) } else { Err(LinkError::Closed { port: self.name().to_owned() }) }
@@ -211,7 +155,7 @@ impl Link for Plug {
 
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize, LinkError> {
         let room = buffer.len();
-        let received = self.0.with(None, move |bench| Some(bench.receive(room, timeout.as_secs_f64())));
+        let received = self.0.with(None, move |rig| Some(rig.receive(room, timeout.as_secs_f64())));
         let bytes = received.ok_or_else(|| LinkError::Closed { port: self.name().to_owned() })?;
         buffer[..bytes.len()].copy_from_slice(&bytes);
         Ok(bytes.len())

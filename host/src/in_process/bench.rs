@@ -1,0 +1,254 @@
+//! The board with its plant, without threads: somebody steps it, tick by tick, and sees what its pins do.
+
+use std::collections::VecDeque;
+use std::future::Future;
+use std::pin::Pin as Pinned;
+use std::rc::Rc;
+use std::task::{Context, Waker};
+
+use darm_core::wire::bootstrap::Into as RebootInto;
+use darm_firmware::control::TICK;
+
+use super::board::{self, Pin, Wires};
+use super::flash::MemoryFlash;
+use crate::plant::Plant;
+use crate::plant::chain::{Chain, ChainPins};
+
+/// The chain of this board: eight 74HC595, 64 lines.
+const CHIPS: usize = 8;
+const CHAIN: ChainPins =
+    ChainPins { data: Pin::Data as u8, clock: Pin::Clock as u8, latch: Pin::Latch as u8, enable: Pin::Enable as u8 };
+/// Levels of the chain's pins while nothing drives them.
+const RELEASED: u16 = 1 << Pin::Enable as u8;
+/// How often the tasks are polled within a tick: a search for a word works in pieces of a quarter of a millisecond.
+const POLLS: usize = 4;
+/// True time of one tick of a board whose clock is right.
+const TICK_NS: u64 = TICK.0 * 1000;
+
+/// What happened at the board's pins, in order.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Physical {
+    /// A pin of the chain changed.
+    Edge(Pin, bool),
+    /// Bytes on the servo bus.
+    Bus {
+        /// From the board to the servos.
+        to_servos: bool,
+        /// The bytes.
+        bytes: Vec<u8>,
+    },
+    /// The firmware starts again: all pins are released, the registers of the chain stay as they are.
+    Reset,
+    /// The power goes off or comes back; what the registers of the chain hold then is undefined.
+    Power(bool),
+}
+
+/// A board with its plant.
+pub struct Bench {
+    /// Nothing runs without power.
+    firmware: Option<Pinned<Box<dyn Future<Output = RebootInto>>>>,
+    wires: Rc<Wires>,
+    flash: MemoryFlash,
+    plant: Plant,
+    chain: Chain,
+    /// Bytes from the host that the board has not fetched.
+    to_board: VecDeque<u8>,
+    to_host: VecDeque<u8>,
+    now_ns: u64,
+    tick_ns: u64,
+    polls: usize,
+    /// Switch inputs that read the opposite of the plant's switches.
+    inverted: u32,
+    edges: Vec<(Pin, bool)>,
+    happened: Vec<Physical>,
+}
+
+impl Bench {
+    /// A board that has just got its power. Its clock is right.
+    pub fn new(plant: Plant, flash: MemoryFlash) -> Self {
+        let wires = Rc::new(Wires::default());
+        Self {
+            firmware: Some(Box::pin(board::run(wires.clone(), flash.clone()))),
+            wires,
+            flash,
+            plant,
+            chain: Chain::new(CHAIN, CHIPS, RELEASED),
+            to_board: VecDeque::new(),
+            to_host: VecDeque::new(),
+            now_ns: 0,
+            tick_ns: TICK_NS,
+            polls: POLLS,
+            inverted: 0,
+            edges: Vec::new(),
+            happened: vec![Physical::Power(true)],
+        }
+    }
+
+    /// Lets the board's clock run fast by so many parts per million, slow if negative; at most ±10 %.
+    pub fn set_clock_error(&mut self, ppm: i32) {
+        let ppm = i64::from(ppm.clamp(-100_000, 100_000));
+        self.tick_ns = TICK_NS * 1_000_000 / (1_000_000 + ppm) as u64;
+    }
+
+    /// Polls the tasks so often within a tick, at least once. Fewer are faster, and a search for a word takes longer.
+    pub fn set_polls(&mut self, polls: usize) {
+        self.polls = polls.max(1);
+    }
+
+    /// True time since the beginning; a power cut does not set it back.
+    pub fn now_ns(&self) -> u64 {
+        self.now_ns
+    }
+
+    /// The same in seconds.
+    pub fn now_s(&self) -> f64 {
+        1e-9 * self.now_ns as f64
+    }
+
+    /// What hangs on the board.
+    pub fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
+    /// What hangs on the board, to break or repair it.
+    pub fn plant_mut(&mut self) -> &mut Plant {
+        &mut self.plant
+    }
+
+    /// Its flash.
+    pub fn flash(&self) -> &MemoryFlash {
+        &self.flash
+    }
+
+    /// True while the firmware runs.
+    pub fn is_powered(&self) -> bool {
+        self.firmware.is_some()
+    }
+
+    /// What has happened at the pins since it was taken last.
+    pub fn take_happened(&mut self) -> std::vec::Drain<'_, Physical> {
+        self.happened.drain(..)
+    }
+
+    /// Switch inputs that read the opposite of what the plant's switches say, from now on.
+    pub fn invert_switches(&mut self, inputs: u32) {
+        self.inverted = inputs;
+    }
+
+    /// Bytes from the host.
+    pub fn send(&mut self, bytes: &[u8]) {
+        self.to_board.extend(bytes);
+    }
+
+    /// Bytes for the host.
+    pub fn received(&mut self) -> &mut VecDeque<u8> {
+        &mut self.to_host
+    }
+
+    /// Bytes from the servos, or from whatever disturbs their bus.
+    pub fn send_bus(&mut self, bytes: &[u8]) {
+        self.wires.bus_in.push_slice(bytes);
+        self.happened.push(Physical::Bus { to_servos: false, bytes: bytes.to_vec() });
+    }
+
+    /// Starts the firmware again on the same flash.
+    pub fn reset(&mut self) {
+        self.release();
+        self.happened.push(Physical::Reset);
+        self.start();
+    }
+
+    /// Cuts the power: RAM is lost, flash and plant stay.
+    pub fn power_off(&mut self) {
+        self.release();
+        self.happened.push(Physical::Power(false));
+    }
+
+    /// Gives the power back. `noise` is what the chain's registers hold.
+    pub fn power_on(&mut self, noise: u64) {
+        self.flash.restore();
+        self.chain = Chain::new(CHAIN, CHIPS, RELEASED);
+        for bit in (0..64).rev() {
+            self.chain.edge(CHAIN.data, noise >> bit & 1 == 1);
+            self.chain.edge(CHAIN.clock, true);
+            self.chain.edge(CHAIN.clock, false);
+        }
+        self.chain.edge(CHAIN.data, false);
+        self.chain.edge(CHAIN.latch, true);
+        self.chain.edge(CHAIN.latch, false);
+        self.happened.push(Physical::Power(true));
+        self.start();
+    }
+
+    fn start(&mut self) {
+        self.firmware = Some(Box::pin(board::run(self.wires.clone(), self.flash.clone())));
+    }
+
+    /// Nothing drives the pins any more.
+    fn release(&mut self) {
+        self.firmware = None;
+        self.wires = Rc::new(Wires::default());
+        self.chain.edge(CHAIN.enable, true);
+        self.to_board.clear();
+        self.to_host.clear();
+        let now_s = self.now_s();
+        self.plant.set_lines(now_s, 0);
+    }
+
+    /// One tick of the board and of everything around it.
+    pub fn step(&mut self) {
+        self.now_ns += self.tick_ns;
+        self.wires.clock.advance(TICK);
+        if !self.to_board.is_empty() {
+            let sent = self.to_board.make_contiguous();
+            let taken = self.wires.console_in.push_slice(sent);
+            self.to_board.drain(..taken);
+        }
+        let ended = self.poll();
+        self.drive_plant();
+        let wires = &self.wires;
+        self.to_host.extend(std::iter::from_fn(|| wires.console_out.pop()));
+        if self.firmware.is_none() {
+            self.to_board.clear();
+        } else if self.flash.has_failed() {
+            self.power_off();
+        } else if ended {
+            // There is no chip's loader here: the firmware starts either way.
+            let answers = std::mem::take(&mut self.to_host);
+            self.reset();
+            self.to_host = answers;
+        }
+    }
+
+    /// True when the firmware asks for a restart.
+    fn poll(&mut self) -> bool {
+        let Some(firmware) = &mut self.firmware else { return false };
+        let mut context = Context::from_waker(Waker::noop());
+        (0..self.polls).any(|_| firmware.as_mut().poll(&mut context).is_ready())
+    }
+
+    fn drive_plant(&mut self) {
+        let now_s = self.now_s();
+        self.wires.take_edges(&mut self.edges);
+        let mut lines = None;
+        for (pin, high) in self.edges.drain(..) {
+            lines = self.chain.edge(pin as u8, high).or(lines);
+            self.happened.push(Physical::Edge(pin, high));
+        }
+        match lines {
+            Some(lines) => self.plant.set_lines(now_s, lines),
+            None => self.plant.advance(now_s),
+        }
+        self.wires.switches.set(self.plant.switches() ^ self.inverted);
+        if self.wires.bus_out.is_empty() {
+            return;
+        }
+        let wires = &self.wires;
+        let bytes: Vec<u8> = std::iter::from_fn(|| wires.bus_out.pop()).collect();
+        let answer = self.plant.servo_bytes(now_s, &bytes);
+        self.happened.push(Physical::Bus { to_servos: true, bytes });
+        if !answer.is_empty() {
+            self.send_bus(&answer);
+        }
+    }
+}
