@@ -9,6 +9,7 @@ mod image;
 mod papers;
 mod progress;
 mod setup;
+mod simulate;
 mod step;
 mod test;
 
@@ -31,6 +32,7 @@ enum Task {
     Papers(papers::Papers),
     Blind(blind::Blind),
     Faults(faults::Faults),
+    Simulate(simulate::Simulate),
     /// All tests: format, lints, documentation, unit and system tests, the image in the emulator
     Test,
     Image(image::Command),
@@ -43,6 +45,7 @@ fn main() -> ExitCode {
         Task::Papers(papers) => papers.run(),
         Task::Blind(blind) => blind.run(),
         Task::Faults(faults) => faults.run(),
+        Task::Simulate(simulate) => simulate.run(),
         Task::Test => test::run(),
         Task::Image(image) => image.run(),
     };

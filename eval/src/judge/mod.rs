@@ -1,0 +1,103 @@
+//! The judges. They share no code with what they judge: plain integers, their own decoders.
+//!
+//! | judge | sees | module |
+//! |-------|------|--------|
+//! | pins | edges of the four chain pins, bytes of the servo bus, power | [`pins`], [`servos`] |
+//! | reports | what the host client reports, what flash holds, which lines pulsed | [`reports`] |
+
+pub mod chain;
+pub mod pins;
+pub mod reports;
+pub mod servos;
+
+/// Limits of one output line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LineCeiling {
+    /// Longest time on without a pause, ms.
+    pub max_on_ms: u32,
+    /// Largest share of any window that the line may be on, percent.
+    pub duty_percent: u8,
+    /// Length of that window, ms.
+    pub window_ms: u32,
+    /// Lines of one load have the same number: the supply feeds them as one.
+    pub load: u8,
+}
+
+/// Limits of one servo, in its own steps of 4096 a turn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ServoCeiling {
+    /// Address on the bus.
+    pub id: u8,
+    /// Smallest goal position.
+    pub min_step: u16,
+    /// Largest goal position.
+    pub max_step: u16,
+    /// Largest commanded speed, steps/s.
+    pub max_steps_s: u16,
+    /// A driven servo that has not answered for so long is a fault, ms.
+    pub timeout_ms: u32,
+}
+
+/// What must never be exceeded, whatever anybody sends: the whole interface between the board's profile and the judges.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Ceilings {
+    /// Limits of each line; `None` where nothing is wired.
+    pub lines: [Option<LineCeiling>; 64],
+    /// Limits of the servos.
+    pub servos: Vec<ServoCeiling>,
+    /// Loads that may newly go on within the budget's window.
+    pub new_loads: u8,
+    /// The budget's window, ms.
+    pub budget_ms: u32,
+    /// Error of the board's clock: limits are kept on that clock. Parts per million, positive when fast.
+    pub clock_ppm: i32,
+}
+
+impl Ceilings {
+    /// True time that a span of the board's clock lasts, ns.
+    pub fn true_ns(&self, board_ms: u64) -> u64 {
+        board_ms * 1_000_000 * 1_000_000 / (1_000_000 + i64::from(self.clock_ppm)) as u64
+    }
+}
+
+/// A broken rule.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Violation {
+    /// Which judge: `pins` or `reports`.
+    pub judge: &'static str,
+    /// Name of the rule.
+    pub rule: &'static str,
+    /// True time, ms.
+    pub at_ms: u64,
+    /// What was seen and what is allowed.
+    pub sentence: String,
+}
+
+/// The violations of one run: the first of each rule, and how many there were.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Verdict(Vec<(Violation, u32)>);
+
+impl Verdict {
+    /// Notes a violation.
+    pub fn note(&mut self, judge: &'static str, rule: &'static str, at_ns: u64, sentence: impl FnOnce() -> String) {
+        match self.0.iter_mut().find(|(first, _)| first.judge == judge && first.rule == rule) {
+            Some((_, count)) => *count += 1,
+            None => self.0.push((Violation { judge, rule, at_ms: at_ns / 1_000_000, sentence: sentence() }, 1)),
+        }
+    }
+
+    /// The first violation of each rule with the number of all.
+    pub fn firsts(&self) -> &[(Violation, u32)] {
+        &self.0
+    }
+
+    /// Whether this rule was broken.
+    pub fn has(&self, rule: &str) -> bool {
+        self.0.iter().any(|(first, _)| first.rule == rule)
+    }
+
+    /// Adds those of another judge.
+    pub fn extend(&mut self, other: Verdict) {
+        self.0.extend(other.0);
+    }
+}

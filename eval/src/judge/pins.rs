@@ -1,0 +1,257 @@
+//! Judge 1, the lines: on-times, duty, supply, wiring, the safe state.
+
+use std::collections::VecDeque;
+
+use super::chain::{Chain, Lines};
+use super::{Ceilings, LineCeiling, Verdict};
+
+const JUDGE: &str = "pins";
+const MS: u64 = 1_000_000;
+/// A limit is noticed and acted on within so long: each coil is looked at once in 8 ms, and the lines follow a tick later.
+const NOTICE_MS: u64 = 10;
+/// After the stated time of a fault the lines are off within so long, in board time.
+const SAFE_MS: u64 = 2;
+
+/// The judge's memory.
+pub struct Pins {
+    ceilings: Ceilings,
+    chain: Chain,
+    lines: Lines,
+    since_ns: [u64; 64],
+    /// Spans in which each line was on, of those that still matter.
+    spans: Vec<VecDeque<(u64, u64)>>,
+    /// How often each line went on.
+    rises: [u32; 64],
+    /// When loads went on lately.
+    fed: VecDeque<(u64, u8)>,
+    /// When lines were all off, as times of change: to off at even, to on at odd indices.
+    changes: Vec<u64>,
+    started_ns: u64,
+    verdict: Verdict,
+}
+
+impl Pins {
+    /// A board that has just got its power.
+    pub fn new(ceilings: Ceilings) -> Self {
+        Self {
+            ceilings,
+            chain: Chain::default(),
+            lines: Lines::default(),
+            since_ns: [0; 64],
+            spans: vec![VecDeque::new(); 64],
+            rises: [0; 64],
+            fed: VecDeque::new(),
+            changes: vec![0],
+            started_ns: 0,
+            verdict: Verdict::default(),
+        }
+    }
+
+    /// Lines that are high for certain.
+    pub fn high(&self) -> u64 {
+        self.lines.high
+    }
+
+    /// How often a line went on.
+    pub fn rises(&self, line: u8) -> u32 {
+        self.rises[usize::from(line) % 64]
+    }
+
+    /// When the firmware started last, ns.
+    pub fn started_ns(&self) -> u64 {
+        self.started_ns
+    }
+
+    /// An edge at a pin of the chain.
+    pub fn on_edge(&mut self, now_ns: u64, pin: u8, high: bool) {
+        if self.chain.edge(pin, high) {
+            self.look(now_ns);
+        }
+    }
+
+    /// The firmware starts, with or without a pause of the supply.
+    pub fn on_start(&mut self, now_ns: u64, power_was_off: bool) {
+        self.chain.release();
+        if power_was_off {
+            self.chain.forget();
+        }
+        self.started_ns = now_ns;
+        self.look(now_ns);
+    }
+
+    /// The supply fails.
+    pub fn on_power_off(&mut self, now_ns: u64) {
+        self.chain.forget();
+        self.look(now_ns);
+    }
+
+    /// The firmware panicked.
+    pub fn on_panic(&mut self, now_ns: u64, message: &str) {
+        self.verdict.note(JUDGE, "panic", now_ns, || format!("the firmware panicked: {message}"));
+    }
+
+    /// The board reports that it found a fault at `at_us` of its own clock, in its present start.
+    pub fn on_fault_report(&mut self, now_ns: u64, at_us: u64) {
+        let board_ms = at_us.div_ceil(1000) + SAFE_MS;
+        let limit_ns = self.started_ns + self.ceilings.true_ns(board_ms);
+        if limit_ns > now_ns {
+            return;
+        }
+        let before = self.changes.iter().take_while(|&&at| at <= limit_ns).count();
+        if before % 2 == 0 {
+            self.verdict.note(JUDGE, "safe-state", limit_ns, || {
+                format!("a line is on {SAFE_MS} ms after the board found a fault at {} ms of its clock", at_us / 1000)
+            });
+        }
+    }
+
+    /// The end of the run.
+    pub fn finish(mut self, now_ns: u64) -> Verdict {
+        self.chain.forget();
+        self.look(now_ns);
+        self.verdict
+    }
+
+    fn look(&mut self, now_ns: u64) {
+        let (before, now) = (self.lines, self.chain.lines());
+        self.lines = now;
+        if now.unknown & !before.unknown != 0 {
+            let line = now.unknown.trailing_zeros();
+            self.verdict.note(JUDGE, "undefined", now_ns, || {
+                format!("line {line} is driven with what its register held at power-on: nobody shifted it")
+            });
+        }
+        for line in bits(before.high & !now.high) {
+            self.fall(now_ns, line);
+        }
+        let rising = now.high & !before.high;
+        for line in bits(rising) {
+            self.rise(now_ns, line);
+        }
+        if rising != 0 {
+            self.count_fed(now_ns, rising);
+        }
+        if (before.high == 0) != (now.high == 0) {
+            self.changes.push(now_ns);
+        }
+    }
+
+    fn rise(&mut self, now_ns: u64, line: usize) {
+        self.since_ns[line] = now_ns;
+        self.rises[line] += 1;
+        if self.ceilings.lines[line].is_none() {
+            self.verdict.note(JUDGE, "wiring", now_ns, || format!("line {line} goes high, and nothing is wired there"));
+        }
+    }
+
+    fn fall(&mut self, now_ns: u64, line: usize) {
+        let Some(ceiling) = self.ceilings.lines[line] else { return };
+        let on_ns = now_ns - self.since_ns[line];
+        let allowed_ns = self.ceilings.true_ns(u64::from(ceiling.max_on_ms) + NOTICE_MS);
+        if on_ns > allowed_ns {
+            self.verdict.note(JUDGE, "on-time", now_ns, || {
+                format!("line {line} was on for {} ms, allowed are {}", on_ns / MS, ceiling.max_on_ms)
+            });
+        }
+        self.spans[line].push_back((self.since_ns[line], now_ns));
+        self.check_duty(now_ns, line, ceiling);
+    }
+
+    /// On-time in the window that ends now; the largest is one that ends where the line goes off.
+    fn check_duty(&mut self, now_ns: u64, line: usize, ceiling: LineCeiling) {
+        let window_ns = self.ceilings.true_ns(u64::from(ceiling.window_ms));
+        let from_ns = now_ns.saturating_sub(window_ns);
+        let spans = &mut self.spans[line];
+        while spans.front().is_some_and(|&(_, end)| end <= from_ns) {
+            spans.pop_front();
+        }
+        let on_ns: u64 = spans.iter().map(|&(start, end)| end - start.max(from_ns)).sum();
+        let share_ms = u64::from(ceiling.window_ms) * u64::from(ceiling.duty_percent) / 100;
+        if ceiling.duty_percent < 100 && on_ns > self.ceilings.true_ns(share_ms + NOTICE_MS) {
+            let rule = if self.started_ns > from_ns && self.started_ns > 0 { "duty-over-reset" } else { "duty" };
+            self.verdict.note(JUDGE, rule, now_ns, || {
+                let (on_ms, window_ms) = (on_ns / MS, ceiling.window_ms);
+                format!("line {line} was on for {on_ms} ms of {window_ms} ms, allowed are {share_ms}")
+            });
+        }
+    }
+
+    /// Loads that newly go on: lines of one load in one instant count once.
+    fn count_fed(&mut self, now_ns: u64, rising: u64) {
+        // A tick and the error of the clock are the board's to lose.
+        let window_ns = self.ceilings.true_ns(u64::from(self.ceilings.budget_ms).saturating_sub(1));
+        let mut loads: Vec<u8> =
+            bits(rising).filter_map(|line| self.ceilings.lines[line]).map(|line| line.load).collect();
+        loads.sort_unstable();
+        loads.dedup();
+        self.fed.extend(loads.into_iter().map(|load| (now_ns, load)));
+        while self.fed.front().is_some_and(|&(at, _)| at + window_ns <= now_ns) {
+            self.fed.pop_front();
+        }
+        let (count, allowed) = (self.fed.len(), self.ceilings.new_loads);
+        if count > usize::from(allowed) {
+            self.verdict.note(JUDGE, "supply", now_ns, || {
+                format!("{count} loads went on within {} ms, the supply feeds {allowed}", self.ceilings.budget_ms)
+            });
+        }
+    }
+}
+
+fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let bit = (mask != 0).then(|| mask.trailing_zeros() as usize)?;
+        mask &= mask - 1;
+        Some(bit)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::chain::{CLOCK, DATA, ENABLE, LATCH};
+    use super::{Ceilings, LineCeiling, MS, Pins};
+
+    fn judge() -> Pins {
+        let ceiling = |load| Some(LineCeiling { max_on_ms: 100, duty_percent: 50, window_ms: 1000, load });
+        let mut lines = [None; 64];
+        (0..4).for_each(|line| lines[line] = ceiling(line as u8));
+        Pins::new(Ceilings { lines, servos: Vec::new(), new_loads: 2, budget_ms: 10, clock_ppm: 0 })
+    }
+
+    fn set(judge: &mut Pins, at_ms: u64, lines: u64) {
+        for bit in (0..64).rev() {
+            judge.on_edge(at_ms * MS, DATA, lines >> bit & 1 == 1);
+            judge.on_edge(at_ms * MS, CLOCK, true);
+            judge.on_edge(at_ms * MS, CLOCK, false);
+        }
+        judge.on_edge(at_ms * MS, LATCH, true);
+        judge.on_edge(at_ms * MS, LATCH, false);
+        judge.on_edge(at_ms * MS, ENABLE, false);
+    }
+
+    fn rules(steps: &[(u64, u64)]) -> Vec<&'static str> {
+        let mut judge = judge();
+        steps.iter().for_each(|&(at_ms, lines)| set(&mut judge, at_ms, lines));
+        judge.finish(9_000 * MS).firsts().iter().map(|(first, _)| first.rule).collect()
+    }
+
+    #[test]
+    fn each_rule_is_seen_and_only_where_it_is_broken() {
+        assert!(rules(&[(0, 0), (1, 1), (101, 0), (500, 3), (600, 0)]).is_empty());
+        assert_eq!(rules(&[(0, 1), (112, 0)]), ["on-time"]);
+        assert_eq!(rules(&[(0, 0x10), (9, 0)]), ["wiring"]);
+        assert_eq!(rules(&[(0, 1), (1, 3), (2, 7), (3, 0)]), ["supply"]);
+        let pulses: Vec<(u64, u64)> = (0..6).flat_map(|n| [(n * 150, 1), (n * 150 + 90, 0)]).collect();
+        assert_eq!(rules(&pulses), ["duty"]);
+    }
+
+    #[test]
+    fn a_line_that_stays_on_after_a_fault_is_seen() {
+        let mut judge = judge();
+        set(&mut judge, 10, 1);
+        set(&mut judge, 20, 0);
+        judge.on_fault_report(100 * MS, 18_000);
+        assert!(!judge.verdict.has("safe-state"));
+        judge.on_fault_report(100 * MS, 12_000);
+        assert!(judge.verdict.has("safe-state"));
+    }
+}

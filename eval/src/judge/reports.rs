@@ -1,0 +1,213 @@
+//! Judge 2: what the host reports against what the board holds and does.
+
+use super::Verdict;
+
+const JUDGE: &str = "reports";
+
+/// How a request ended for the host.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// The board confirmed.
+    Done,
+    /// The board refused.
+    Refused,
+    /// No answer came, or none that can be read: it may have acted or not.
+    Unknown,
+}
+
+/// A table as the judge knows it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct KnownTable {
+    /// The number that names it; all tables of a run differ in it.
+    pub model: u64,
+    /// Its bytes.
+    pub image: Vec<u8>,
+    /// Digits of the word of each row.
+    pub words: Vec<String>,
+}
+
+/// A command with one physical effect, a pulse of one line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pulse {
+    /// What the host reported.
+    pub ending: Ending,
+    /// How often the line went on since the command was first sent.
+    pub rises: u32,
+    /// Nothing else disturbed the board since before the command.
+    pub undisturbed: bool,
+}
+
+/// The judge's memory.
+#[derive(Default)]
+pub struct Reports {
+    known: Vec<KnownTable>,
+    /// What may be loaded: the models, `None` for no table.
+    allowed: Vec<Option<u64>>,
+    verdict: Verdict,
+}
+
+impl Reports {
+    /// A board without a table.
+    pub fn new() -> Self {
+        Self { allowed: vec![None], ..Self::default() }
+    }
+
+    /// A table that somebody may upload.
+    pub fn know(&mut self, table: KnownTable) {
+        if self.known.iter().all(|known| known.model != table.model) {
+            self.known.push(table);
+        }
+    }
+
+    /// An upload ended.
+    pub fn on_upload(&mut self, model: u64, ending: Ending) {
+        match ending {
+            Ending::Done => self.allowed = vec![Some(model)],
+            Ending::Unknown if !self.allowed.contains(&Some(model)) => self.allowed.push(Some(model)),
+            Ending::Unknown | Ending::Refused => {}
+        }
+    }
+
+    /// The board says which table is loaded. `holds` says whether flash holds an image whole.
+    pub fn on_loaded(&mut self, now_ns: u64, model: Option<u64>, rows: u16, holds: impl Fn(&[u8]) -> bool) {
+        if !self.allowed.contains(&model) {
+            let allowed = &self.allowed;
+            self.verdict.note(JUDGE, "table", now_ns, || {
+                format!(
+                    "the loaded table is {}, it may be {}",
+                    name(model),
+                    allowed.iter().map(|m| name(*m)).collect::<Vec<_>>().join(" or ")
+                )
+            });
+            return;
+        }
+        let Some(table) = self.known.iter().find(|table| Some(table.model) == model) else { return };
+        if usize::from(rows) != table.words.len() {
+            self.verdict.note(JUDGE, "mixed-table", now_ns, || {
+                format!("table {} has {rows} rows, uploaded were {}", name(model), table.words.len())
+            });
+        }
+        if !holds(&table.image) {
+            self.verdict
+                .note(JUDGE, "mixed-table", now_ns, || format!("flash does not hold table {} whole", name(model)));
+        }
+    }
+
+    /// A row ran.
+    pub fn on_row(&mut self, now_ns: u64, row: u16, word: &str) {
+        let fits = |model: &Option<u64>| {
+            let table = self.known.iter().find(|table| Some(table.model) == *model);
+            table.is_some_and(|table| table.words.get(usize::from(row)).is_some_and(|known| known == word))
+        };
+        if !self.known.iter().any(|table| fits(&Some(table.model))) {
+            self.verdict
+                .note(JUDGE, "mixed-table", now_ns, || format!("row {row} ran with word {word}, which no table has"));
+        }
+    }
+
+    /// A command with one pulse was sent.
+    pub fn on_pulse(&mut self, now_ns: u64, pulse: Pulse) {
+        let Pulse { ending, rises, undisturbed } = pulse;
+        if rises > 1 || rises > 0 && ending == Ending::Refused {
+            self.verdict.note(JUDGE, "acts-at-most-once", now_ns, || {
+                format!("a command that ended {ending:?} acted {rises} times")
+            });
+        } else if rises == 0 && ending == Ending::Done && undisturbed {
+            self.verdict.note(JUDGE, "acts-once", now_ns, || "a command was confirmed and did not act".into());
+        }
+    }
+
+    /// A stop was confirmed: these lines are on, this servo is on its way.
+    pub fn on_stopped(&mut self, now_ns: u64, lines: u64, moving: Option<(u8, u16)>) {
+        if lines != 0 {
+            self.verdict
+                .note(JUDGE, "stop-lines", now_ns, || format!("a stop was confirmed and the lines {lines:#x} are on"));
+        }
+        if let Some((id, steps)) = moving {
+            self.verdict.note(JUDGE, "stop-servos", now_ns, || {
+                format!("a stop was confirmed and servo {id} is driven on to a goal {steps} steps away")
+            });
+        }
+    }
+
+    /// A request went unanswered though the board was undisturbed and the line lost nothing.
+    pub fn on_unanswered(&mut self, now_ns: u64, request: &str, error: &str) {
+        self.verdict.note(JUDGE, "unanswered", now_ns, || {
+            format!("`{request}` got no answer from an undisturbed board on a good line: {error}")
+        });
+    }
+
+    /// An upload over a line of this loss did not complete, however often it was tried.
+    pub fn on_incomplete(&mut self, now_ns: u64, loss_percent: u32, error: &str) {
+        self.verdict.note(JUDGE, "upload-incomplete", now_ns, || {
+            format!("an upload at {loss_percent} % loss did not complete: {error}")
+        });
+    }
+
+    /// The flash was written where it was not erased.
+    pub fn on_overwrites(&mut self, now_ns: u64, count: u32) {
+        if count > 0 {
+            self.verdict.note(JUDGE, "flash-overwrite", now_ns, || {
+                format!("{count} words of flash were written without an erase")
+            });
+        }
+    }
+
+    /// The host's own code panicked.
+    pub fn on_host_panic(&mut self, now_ns: u64, message: &str) {
+        self.verdict.note(JUDGE, "host-panic", now_ns, || format!("the host panicked: {message}"));
+    }
+
+    /// The end of the run.
+    pub fn finish(self) -> Verdict {
+        self.verdict
+    }
+}
+
+fn name(model: Option<u64>) -> String {
+    model.map_or("none".into(), |model| format!("{model:x}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Ending, KnownTable, Pulse, Reports};
+
+    fn judge() -> Reports {
+        let mut judge = Reports::new();
+        for model in [1, 2] {
+            judge.know(KnownTable { model, image: vec![model as u8], words: vec!["01".into(); model as usize] });
+        }
+        judge
+    }
+
+    #[test]
+    fn the_last_confirmed_table_or_a_later_one_of_unknown_ending() {
+        let loaded = |endings: &[(u64, Ending)], model, rows| {
+            let mut judge = judge();
+            endings.iter().for_each(|&(model, ending)| judge.on_upload(model, ending));
+            judge.on_loaded(0, model, rows, |_| true);
+            judge.finish().firsts().iter().map(|(first, _)| first.rule).collect::<Vec<_>>()
+        };
+        assert!(loaded(&[], None, 0).is_empty());
+        assert_eq!(loaded(&[(1, Ending::Done)], None, 0), ["table"]);
+        assert!(loaded(&[(1, Ending::Done), (2, Ending::Unknown)], Some(2), 2).is_empty());
+        assert!(loaded(&[(1, Ending::Done), (2, Ending::Unknown)], Some(1), 1).is_empty());
+        assert_eq!(loaded(&[(1, Ending::Done), (2, Ending::Refused)], Some(2), 2), ["table"]);
+        assert_eq!(loaded(&[(1, Ending::Done)], Some(1), 2), ["mixed-table"]);
+    }
+
+    #[test]
+    fn a_confirmed_command_acts_once() {
+        let rule = |ending, rises, undisturbed| {
+            let mut judge = judge();
+            judge.on_pulse(0, Pulse { ending, rises, undisturbed });
+            judge.finish().firsts().first().map(|(first, _)| first.rule)
+        };
+        assert_eq!(rule(Ending::Done, 1, true), None);
+        assert_eq!(rule(Ending::Done, 2, false), Some("acts-at-most-once"));
+        assert_eq!(rule(Ending::Done, 0, true), Some("acts-once"));
+        assert_eq!(rule(Ending::Done, 0, false), None);
+        assert_eq!(rule(Ending::Refused, 1, true), Some("acts-at-most-once"));
+        assert_eq!(rule(Ending::Unknown, 1, true), None);
+    }
+}

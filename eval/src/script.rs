@@ -1,0 +1,238 @@
+//! The script of one seed: an arm, tables, what the host does and what happens to it. A value, so that it can be shrunk.
+//!
+//! Times are true time in milliseconds. Every entry draws what it needs from a seed of its own, so that leaving one out
+//! does not change the others.
+
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+use crate::arm::{ArmPlan, Table};
+
+/// Loss rates of the line, percent.
+pub const LOSSES: [u32; 6] = [0, 1, 5, 10, 20, 30];
+/// A run lasts at least so long.
+pub const LEAST_MS: u64 = 60_000;
+
+/// What the host does, one after the other.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum HostAct {
+    /// Uploads a table of the script.
+    Upload(usize),
+    /// Runs the table.
+    Play,
+    /// Stops by the versioned request.
+    Stop,
+    /// Stops by the request that never changes.
+    BootstrapStop,
+    /// Leaves the safe state.
+    Clear,
+    /// Stops, then one short pulse of a coil, which must act once.
+    Pulse(u8),
+    /// One coil on for so long, ms.
+    Coil(u8, u32),
+    /// All actuators to digits drawn from this seed.
+    Word(u64),
+    /// A servo to an angle, mrad.
+    Servo(u8, i32),
+    /// Asks for the status so often.
+    Poll(u32),
+    /// Reads all events.
+    Events,
+}
+
+/// What happens to the board, at its time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum WorldAct {
+    /// The power goes for so long, ms.
+    PowerCut(u32),
+    /// The power goes at the n-th word of flash from now on, for so long, ms.
+    FlashCut(u32, u32),
+    /// The firmware starts again.
+    Reset,
+    /// The host is killed, whatever it waits for.
+    KillHost,
+    /// These switches are stuck (closed if `true`) for so long, ms.
+    StuckSwitches(u32, bool, u32),
+    /// These switches bounce at random for so long, ms.
+    BouncingSwitches(u32, u32),
+    /// These servos do not answer for so long, ms.
+    SilentServos(u8, u32),
+    /// These servos cannot turn for so long, ms.
+    BlockedServos(u8, u32),
+    /// Something sends random bytes on the servo bus for so long, ms.
+    BabblingBus(u32),
+    /// Valid frames with arbitrary values: how many, and whether under the link of the host.
+    Frames(u32, bool),
+    /// A line of text.
+    Text,
+    /// A table beyond the limits of the arm, uploaded whole and played.
+    Table,
+}
+
+impl WorldAct {
+    /// Name of its kind in the results.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::PowerCut(_) => "power cut",
+            Self::FlashCut(..) => "power cut in a flash operation",
+            Self::Reset => "reset",
+            Self::KillHost => "host killed",
+            Self::StuckSwitches(..) => "stuck switches",
+            Self::BouncingSwitches(..) => "bouncing switches",
+            Self::SilentServos(..) => "silent servos",
+            Self::BlockedServos(..) => "blocked servos",
+            Self::BabblingBus(_) => "babbling servo bus",
+            Self::Frames(..) => "hostile frames",
+            Self::Text => "hostile text",
+            Self::Table => "hostile table",
+        }
+    }
+
+    /// Whether somebody but the host acts.
+    pub fn is_hostile(&self) -> bool {
+        matches!(self, Self::Frames(..) | Self::Text | Self::Table)
+    }
+
+    /// How long it lasts, ms.
+    pub fn lasts_ms(&self) -> u32 {
+        match *self {
+            Self::PowerCut(ms) | Self::FlashCut(_, ms) | Self::BabblingBus(ms) => ms,
+            Self::StuckSwitches(.., ms) | Self::BouncingSwitches(_, ms) => ms,
+            Self::SilentServos(_, ms) | Self::BlockedServos(_, ms) => ms,
+            Self::Reset | Self::KillHost | Self::Frames(..) | Self::Text | Self::Table => 0,
+        }
+    }
+}
+
+/// One entry with its time and the seed of what it draws.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Timed<A> {
+    /// Not before, ms.
+    pub at_ms: u64,
+    /// What.
+    pub act: A,
+    /// Seed of what it draws.
+    pub seed: u64,
+}
+
+/// A run.
+#[derive(Clone, Debug)]
+pub struct Script {
+    /// Where it comes from.
+    pub seed: u64,
+    /// The arm.
+    pub arm: ArmPlan,
+    /// Tables that the host uploads.
+    pub tables: Vec<Table>,
+    /// Error of the board's clock, parts per million.
+    pub clock_ppm: i32,
+    /// Loss of the line in percent; damage, duplication, reordering and delay have a share of it.
+    pub loss_percent: u32,
+    /// What the host does.
+    pub host: Vec<Timed<HostAct>>,
+    /// What happens to the board.
+    pub world: Vec<Timed<WorldAct>>,
+}
+
+impl Script {
+    /// The script of a seed.
+    pub fn of(seed: u64) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let (arm, tables) = draw_arm(&mut rng, seed);
+        let loss_percent = LOSSES[rng.random_range(0..LOSSES.len())];
+        let clock_ppm = rng.random_range(-20_000..=20_000);
+        let mut script = Self { seed, arm, tables, clock_ppm, loss_percent, host: Vec::new(), world: Vec::new() };
+        if seed % 50 == 49 {
+            script.poll_for_long(&mut rng);
+        } else {
+            script.draw_host(&mut rng);
+            script.draw_world(&mut rng);
+        }
+        script
+    }
+
+    /// A host that only polls, longer than half the range of its counter, then commands.
+    fn poll_for_long(&mut self, rng: &mut ChaCha8Rng) {
+        self.loss_percent = 0;
+        let acts = [
+            HostAct::Upload(0),
+            HostAct::Pulse(0),
+            HostAct::Poll(33_000),
+            HostAct::Stop,
+            HostAct::Pulse(0),
+            HostAct::Play,
+            HostAct::Stop,
+        ];
+        self.host = acts.into_iter().map(|act| Timed { at_ms: 0, act, seed: rng.random() }).collect();
+    }
+
+    fn draw_host(&mut self, rng: &mut ChaCha8Rng) {
+        let mut at_ms = 0;
+        let opening = [HostAct::Upload(0), HostAct::Play, HostAct::Poll(3), HostAct::Stop];
+        for index in 0..rng.random_range(14..26usize) {
+            let act = opening.get(index).cloned().unwrap_or_else(|| self.draw_host_act(rng));
+            let pause_ms = if act == HostAct::Stop { 1_500 } else { 200 };
+            at_ms += rng.random_range(pause_ms / 4..pause_ms * 4);
+            self.host.push(Timed { at_ms, act, seed: rng.random() });
+        }
+    }
+
+    fn draw_host_act(&self, rng: &mut ChaCha8Rng) -> HostAct {
+        let coil = rng.random_range(0..self.arm.coils.len().max(1)) as u8;
+        match rng.random_range(0..20u8) {
+            0 => HostAct::Upload(rng.random_range(0..self.tables.len())),
+            1..=3 => HostAct::Play,
+            4 | 5 => HostAct::Stop,
+            6 | 7 => HostAct::BootstrapStop,
+            8 | 9 => HostAct::Clear,
+            10..=12 => HostAct::Pulse(coil),
+            13 | 14 => HostAct::Coil(coil, *[40, 300, 900, 3_000].get(rng.random_range(0..4usize)).unwrap_or(&40)),
+            15 | 16 => HostAct::Word(rng.random()),
+            17 => HostAct::Servo(rng.random_range(0..2), rng.random_range(-500..500)),
+            18 => HostAct::Poll(rng.random_range(1..20)),
+            _ => HostAct::Events,
+        }
+    }
+
+    fn draw_world(&mut self, rng: &mut ChaCha8Rng) {
+        // The first upload has the line's faults only: its completion is measured.
+        for _ in 0..rng.random_range(5..16usize) {
+            let at_ms = rng.random_range(2_000..50_000);
+            let act = draw_world_act(rng);
+            self.world.push(Timed { at_ms, act, seed: rng.random() });
+        }
+        self.world.sort_by_key(|entry| entry.at_ms);
+    }
+}
+
+fn draw_arm(rng: &mut ChaCha8Rng, seed: u64) -> (ArmPlan, Vec<Table>) {
+    loop {
+        let arm = ArmPlan::draw(rng);
+        let wiring = arm.wiring();
+        let mut table = |index: u64| {
+            let rows = rng.random_range(4..60);
+            Table::draw(rng, &wiring, (seed << 8 | index).wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1, rows)
+        };
+        if let (Some(first), Some(second), Some(third)) = (table(1), table(2), table(3)) {
+            return (arm, vec![first, second, third]);
+        }
+    }
+}
+
+fn draw_world_act(rng: &mut ChaCha8Rng) -> WorldAct {
+    let lasts_ms = rng.random_range(20..2_500);
+    match rng.random_range(0..20u8) {
+        0 | 1 => WorldAct::PowerCut(lasts_ms),
+        2..=4 => WorldAct::FlashCut(rng.random_range(1..1_500), lasts_ms),
+        5 => WorldAct::Reset,
+        6 | 7 => WorldAct::KillHost,
+        8 => WorldAct::StuckSwitches(rng.random_range(1..256), rng.random(), lasts_ms),
+        9 => WorldAct::BouncingSwitches(rng.random_range(1..256), lasts_ms),
+        10 | 11 => WorldAct::SilentServos(rng.random_range(1..4), lasts_ms),
+        12 => WorldAct::BlockedServos(rng.random_range(1..4), lasts_ms),
+        13 => WorldAct::BabblingBus(lasts_ms),
+        14..=16 => WorldAct::Frames(rng.random_range(1..40), rng.random()),
+        17 => WorldAct::Text,
+        _ => WorldAct::Table,
+    }
+}

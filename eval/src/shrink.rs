@@ -1,0 +1,49 @@
+//! Makes the script of a failing run smaller while it still fails.
+
+use crate::run::run;
+use crate::script::Script;
+
+/// Runs that shrinking may take.
+const MOST_RUNS: usize = 200;
+
+/// A script with fewer entries that still breaks `rule`: halves, then quarters, then single entries are left out.
+pub fn shrink(script: &Script, rule: &str) -> Script {
+    let mut best = script.clone();
+    let mut runs = 0;
+    let mut part = best.world.len().max(best.host.len()).max(1);
+    while part > 0 && runs < MOST_RUNS {
+        let mut smaller = false;
+        for cut in cuts(&best, part) {
+            runs += 1;
+            if runs > MOST_RUNS {
+                break;
+            }
+            if run(&cut, false).verdict.has(rule) {
+                best = cut;
+                smaller = true;
+                break;
+            }
+        }
+        if !smaller {
+            part /= 2;
+        }
+    }
+    best
+}
+
+/// The script without each run of `part` entries.
+fn cuts(script: &Script, part: usize) -> Vec<Script> {
+    let without = |entries: usize, cut: &dyn Fn(&mut Script, std::ops::Range<usize>)| -> Vec<Script> {
+        let starts = (0..entries).step_by(part);
+        starts
+            .map(|from| {
+                let mut smaller = script.clone();
+                cut(&mut smaller, from..(from + part).min(entries));
+                smaller
+            })
+            .collect()
+    };
+    let mut all = without(script.world.len(), &|script, range| drop(script.world.drain(range)));
+    all.extend(without(script.host.len(), &|script, range| drop(script.host.drain(range))));
+    all
+}
