@@ -132,6 +132,7 @@ impl<'s> Host<'s> {
             HostAct::Stop => return self.stop("stop", |client| client.command(Command::Stop)),
             HostAct::BootstrapStop => return self.stop("bootstrap stop", Client::stop_at_once),
             HostAct::Pulse(coil) => return self.pulse(coil),
+            HostAct::TwoPulses(first, second) => return self.two_pulses(first, second),
             HostAct::Poll(count) => return self.poll(count),
             HostAct::Events => return self.events(),
         };
@@ -222,10 +223,9 @@ impl<'s> Host<'s> {
     fn pulse(&mut self, coil: u8) {
         let began_ns = world::with(|world| world.now_ns());
         let Some(line) = self.script.arm.pulsed_line(coil) else { return };
-        if self.ask("stop", |client| client.command(Command::Stop)).is_none() {
+        if !self.is_own_table_at_rest() {
             return;
         }
-        world::pass(SETTLE_MS);
         let before = world::with(|world| world.pins.rises(line));
         let ending = self.command("pulse", Command::Coil { coil, on_ms: PULSE_MS });
         world::pass(SETTLE_MS);
@@ -236,6 +236,34 @@ impl<'s> Host<'s> {
                 world.reports.on_pulse(world.now_ns(), pulse);
             }
         });
+    }
+
+    /// Two coils at once, the second for a shorter time.
+    fn two_pulses(&mut self, first: u8, second: u8) {
+        let began_ns = world::with(|world| world.now_ns());
+        if first == second || !self.is_own_table_at_rest() {
+            return;
+        }
+        for (coil, on_ms) in [(first, 2 * PULSE_MS), (second, PULSE_MS)] {
+            self.command("pulse", Command::Coil { coil, on_ms });
+        }
+        world::pass(SETTLE_MS);
+        world::with(|world| {
+            if world.is_undisturbed_since(began_ns) {
+                world.reports.on_pulses_over(world.now_ns(), world.pins.high());
+            }
+        });
+    }
+
+    /// Stops the board; true when it has stopped, all lines are off, and the loaded table is one of the script.
+    fn is_own_table_at_rest(&mut self) -> bool {
+        if self.ask("stop", |client| client.command(Command::Stop)).is_none() {
+            return false;
+        }
+        world::pass(SETTLE_MS);
+        let model = self.ask("status", Client::status).and_then(|status| status.model);
+        let own = self.script.tables.iter().any(|table| model.is_some_and(|model| model.0 == table.model));
+        own && world::with(|world| world.pins.high()) == 0
     }
 
     fn command(&mut self, name: &'static str, command: Command) -> Ending {

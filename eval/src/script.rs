@@ -28,6 +28,8 @@ pub enum HostAct {
     Clear,
     /// Stops, then one short pulse of a coil, which must act once.
     Pulse(u8),
+    /// Stops, then two coils, the second for a shorter time: each must go off at its own time.
+    TwoPulses(u8, u8),
     /// One coil on for so long, ms.
     Coil(u8, u32),
     /// All actuators to digits drawn from this seed.
@@ -185,7 +187,8 @@ impl Script {
             4 | 5 => HostAct::Stop,
             6 | 7 => HostAct::BootstrapStop,
             8 | 9 => HostAct::Clear,
-            10..=12 => HostAct::Pulse(coil),
+            10 | 11 => HostAct::Pulse(coil),
+            12 => HostAct::TwoPulses(coil, rng.random_range(0..self.arm.coils.len().max(1)) as u8),
             13 | 14 => HostAct::Coil(coil, *[40, 300, 900, 3_000].get(rng.random_range(0..4usize)).unwrap_or(&40)),
             15 | 16 => HostAct::Word(rng.random()),
             17 => HostAct::Servo(rng.random_range(0..2), rng.random_range(-500..500)),
@@ -231,7 +234,7 @@ fn draw_world_act(rng: &mut ChaCha8Rng) -> WorldAct {
         10 | 11 => WorldAct::SilentServos(rng.random_range(1..4), lasts_ms),
         12 => WorldAct::BlockedServos(rng.random_range(1..4), lasts_ms),
         13 => WorldAct::BabblingBus(lasts_ms),
-        14..=16 => WorldAct::Frames(rng.random_range(1..40), rng.random()),
+        14..=16 => WorldAct::Frames(rng.random_range(1..120), rng.random_bool(0.7)),
         17 => WorldAct::Text,
         _ => WorldAct::Table,
     }

@@ -263,7 +263,8 @@ impl World {
                     let hello = darm_core::wire::message::Request::Hello { protocol: darm_core::wire::PROTOCOL };
                     self.bench.send(&hostile::request(link, rng.random(), &hello));
                 }
-                (0..count).for_each(|_| self.send_hostile(hostile::any_frame(&mut rng, link)));
+                let likely = [self.wiring.actuators.len() as u64, self.wiring.coils.len() as u64];
+                (0..count).for_each(|_| self.send_hostile(hostile::any_frame(&mut rng, link, &likely)));
             }
             WorldAct::Text => self.send_hostile(hostile::any_line(&mut rng)),
             WorldAct::Table => self.send_table(&mut rng),

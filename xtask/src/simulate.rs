@@ -17,7 +17,7 @@ pub(crate) struct Simulate {
 impl Simulate {
     pub(crate) fn run(&self) -> Result<()> {
         let mut simulate = Command::new("cargo");
-        simulate.args(["run", "--release", "--quiet", "--package", "darm-eval", "--bin", "simulate", "--"]);
+        simulate.args(["run", "--quiet", "--package", "darm-eval", "--bin", "simulate", "--"]);
         simulate.current_dir(setup::root()).args(&self.arguments);
         match simulate.status().context("cargo did not start")?.code() {
             Some(0) => Ok(()),

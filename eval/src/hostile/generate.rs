@@ -19,10 +19,10 @@ const MOST_BYTES: usize = 280;
 /// Longest list of anything else.
 const MOST_ITEMS: usize = 6;
 
-/// The bytes of an arbitrary request.
-pub fn request_bytes(rng: &mut ChaCha8Rng) -> Vec<u8> {
+/// The bytes of an arbitrary request. Some of its numbers are from `likely`: those that a check compares with.
+pub fn request_bytes(rng: &mut ChaCha8Rng, likely: &[u64]) -> Vec<u8> {
     let chunk: Vec<u8> = (0..rng.random_range(0..=MOST_BYTES)).map(|_| rng.random()).collect();
-    let mut generator = Generator { rng, chunk: &chunk, bytes: Vec::new() };
+    let mut generator = Generator { rng, likely, chunk: &chunk, bytes: Vec::new() };
     let refused = Request::deserialize(&mut generator).is_err();
     let mut bytes = generator.bytes;
     if refused {
@@ -34,6 +34,7 @@ pub fn request_bytes(rng: &mut ChaCha8Rng) -> Vec<u8> {
 /// Answers with arbitrary values and writes them down.
 struct Generator<'r, 'c> {
     rng: &'r mut ChaCha8Rng,
+    likely: &'r [u64],
     /// What a borrowed list of bytes is cut from.
     chunk: &'c [u8],
     bytes: Vec<u8>,
@@ -61,7 +62,8 @@ impl Generator<'_, '_> {
     /// A number of `bits` bits: small, near a power of two, or anything.
     fn number(&mut self, bits: u32) -> u128 {
         let all = u128::MAX >> (128 - bits);
-        let value = match self.rng.random_range(0..4u8) {
+        let value = match self.rng.random_range(0..5u8) {
+            4 if !self.likely.is_empty() => self.likely[self.rng.random_range(0..self.likely.len())].into(),
             0 => u128::from(self.rng.random_range(0..8u8)),
             1 => {
                 let power = 1u128 << self.rng.random_range(0..bits);
@@ -355,7 +357,7 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let (mut requests, mut commands) = (BTreeSet::new(), BTreeSet::new());
         for _ in 0..2000 {
-            let bytes = request_bytes(&mut rng);
+            let bytes = request_bytes(&mut rng, &[3]);
             let Ok(request) = postcard::from_bytes::<Request<'_>>(&bytes) else { continue };
             requests.insert(bytes[0]);
             if let Request::Command(command) = request {

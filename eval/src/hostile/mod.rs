@@ -34,8 +34,8 @@ pub fn request(link: u32, number: u16, request: &Request<'_>) -> Vec<u8> {
     postcard::to_allocvec(request).map(|payload| framed(REQUEST, link, number, &payload)).unwrap_or_default()
 }
 
-/// An arbitrary frame: one in eight of the bootstrap set, the others any request with any values.
-pub fn any_frame(rng: &mut ChaCha8Rng, link: u32) -> Sent {
+/// An arbitrary frame: one in eight of the bootstrap set, the others any request with any values, some of them `likely`.
+pub fn any_frame(rng: &mut ChaCha8Rng, link: u32, likely: &[u64]) -> Sent {
     let number = rng.random();
     if rng.random_ratio(1, 8) {
         let (tag, payload) =
@@ -43,7 +43,7 @@ pub fn any_frame(rng: &mut ChaCha8Rng, link: u32) -> Sent {
         let link = if rng.random() { 0 } else { link };
         return Sent { bytes: framed(tag, link, number, payload), what: format!("bootstrap {tag}"), ..Sent::default() };
     }
-    let payload = generate::request_bytes(rng);
+    let payload = generate::request_bytes(rng, likely);
     let mut sent = Sent { bytes: framed(REQUEST, link, number, &payload), ..Sent::default() };
     match postcard::from_bytes::<Request<'_>>(&payload) {
         Ok(request) => {

@@ -108,12 +108,24 @@ impl Reports {
     /// A command with one pulse was sent.
     pub fn on_pulse(&mut self, now_ns: u64, pulse: Pulse) {
         let Pulse { ending, rises, undisturbed } = pulse;
-        if rises > 1 || rises > 0 && ending == Ending::Refused {
+        if rises > 1 {
             self.verdict.note(JUDGE, "acts-at-most-once", now_ns, || {
                 format!("a command that ended {ending:?} acted {rises} times")
             });
+        } else if rises == 1 && ending == Ending::Refused {
+            self.verdict
+                .note(JUDGE, "refused-and-acted", now_ns, || "a command was reported as refused and acted".into());
         } else if rises == 0 && ending == Ending::Done && undisturbed {
             self.verdict.note(JUDGE, "acts-once", now_ns, || "a command was confirmed and did not act".into());
+        }
+    }
+
+    /// Commands of coils whose times have passed, and the lines that are still on. Nothing else acted meanwhile.
+    pub fn on_pulses_over(&mut self, now_ns: u64, lines: u64) {
+        if lines != 0 {
+            self.verdict.note(JUDGE, "pulse-length", now_ns, || {
+                format!("the lines {lines:#x} are on after the times for which they were commanded")
+            });
         }
     }
 
@@ -207,7 +219,7 @@ mod tests {
         assert_eq!(rule(Ending::Done, 2, false), Some("acts-at-most-once"));
         assert_eq!(rule(Ending::Done, 0, true), Some("acts-once"));
         assert_eq!(rule(Ending::Done, 0, false), None);
-        assert_eq!(rule(Ending::Refused, 1, true), Some("acts-at-most-once"));
+        assert_eq!(rule(Ending::Refused, 1, true), Some("refused-and-acted"));
         assert_eq!(rule(Ending::Unknown, 1, true), None);
     }
 }
