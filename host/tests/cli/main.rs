@@ -7,6 +7,7 @@ use std::process::{Child, Command, Output, Stdio};
 
 mod measurements;
 mod robots;
+mod stop;
 
 const COMMANDS: [&str; 25] = [
     "synth", "stops", "table", "upload", "play", "stop", "status", "record", "diagnose", "console", "plant", "flash",

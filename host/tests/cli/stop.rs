@@ -1,0 +1,168 @@
+//! The stop: first on the wire, through whatever process holds the port, within a second.
+
+use std::fs::File;
+use std::io::{Read as _, Write as _};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::Path;
+use std::process::{Child, Output, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use darm_core::wire::frame::{self, Header, MAX_FRAME};
+use rustix::process::{Pid, Signal, kill_process};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
+use super::{Board, Home, example, text};
+
+/// The promise is 1 s; the rest is for a computer that is busy with other tests.
+const BOUND: Duration = Duration::from_millis(2500);
+
+/// Tags and connections of the frames in these bytes.
+fn frames(bytes: &[u8]) -> Vec<(u8, u32)> {
+    let parts = bytes.split(|&byte| byte == 0).filter(|part| !part.is_empty());
+    parts.filter_map(|part| frame::decode(&mut part.to_vec()).ok().map(|(header, _)| (header.tag, header.link))).collect()
+}
+
+/// All bytes that come until nobody sends any more.
+fn everything(mut from: impl std::io::Read) -> Vec<u8> {
+    let (mut all, mut bytes) = (Vec::new(), [0; 256]);
+    while let Ok(count @ 1..) = from.read(&mut bytes) {
+        all.extend(&bytes[..count]);
+    }
+    all
+}
+
+fn timed(home: &Home, line: &str) -> (Output, Duration) {
+    let start = Instant::now();
+    (home.darm(line), start.elapsed())
+}
+
+/// A program of one visit after the other, long enough to be interrupted, on a board of its own.
+fn long_program(home: &Home) -> Board {
+    let arm = example("planar4.toml");
+    home.succeeds(&format!("table {arm} --words 000010000000 000001000000 --dwell 20 -o long.darm"));
+    let board = Board::start(home, &arm);
+    home.succeeds(&format!("upload long.darm {}", board.port));
+    board
+}
+
+/// A command that runs in the background, once it holds the board and the program runs.
+fn playing(home: &Home, line: &str) -> Child {
+    let mut command = home.command(line);
+    let child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    thread::sleep(Duration::from_millis(1500));
+    child
+}
+
+fn interrupt(child: &Child) {
+    kill_process(Pid::from_child(child), Signal::INT).unwrap();
+}
+
+/// A pseudo terminal: the end of the board, and the name of the port.
+fn terminal() -> (File, String) {
+    let board = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+    grantpt(&board).unwrap();
+    unlockpt(&board).unwrap();
+    let name = ptsname(&board, Vec::new()).unwrap().into_string().unwrap();
+    (File::from(board), name)
+}
+
+#[test]
+fn the_stop_frame_leaves_before_any_handshake_and_silence_ends_within_a_second() {
+    let home = Home::new();
+    let listener = UnixListener::bind(home.path("board")).unwrap();
+    let heard = thread::spawn(move || everything(listener.accept().unwrap().0));
+    let (stopped, took) = timed(&home, &format!("stop --port unix:{}", home.path("board").display()));
+    assert_eq!(frames(&heard.join().unwrap()).first(), Some(&(3, 0)));
+    assert!(took < BOUND, "{took:?}");
+    assert_eq!(stopped.status.code(), Some(5), "{}", text(&stopped.stderr));
+    assert!(text(&stopped.stderr).contains("did not confirm"), "{}", text(&stopped.stderr));
+}
+
+#[test]
+fn a_stop_reaches_a_board_whose_port_another_command_holds() {
+    let home = Home::new();
+    let board = long_program(&home);
+    let play = playing(&home, &format!("--json play {}", board.port));
+    let (stopped, took) = timed(&home, &format!("stop {}", board.port));
+    assert_eq!(stopped.status.code(), Some(0), "{}", text(&stopped.stderr));
+    assert!(took < BOUND, "{took:?}");
+    let played = play.wait_with_output().unwrap();
+    assert!(text(&played.stdout).contains("\"end\":\"stopped\""), "{}", text(&played.stdout));
+}
+
+#[test]
+fn a_port_that_another_program_reads_gets_the_frame_and_the_code_says_that_nobody_confirmed() {
+    let home = Home::new();
+    let (mut board, port) = terminal();
+    let thief = rustix::fs::open(&*port, rustix::fs::OFlags::RDWR | rustix::fs::OFlags::NOCTTY, rustix::fs::Mode::empty());
+    let mut thief = File::from(thief.unwrap());
+    thread::spawn(move || everything(&mut thief));
+    let (stopped, took) = timed(&home, &format!("stop --port {port}"));
+    let mut bytes = [0; MAX_FRAME];
+    let count = board.read(&mut bytes).unwrap();
+    assert_eq!(frames(&bytes[..count]).first(), Some(&(3, 0)));
+    assert_eq!(stopped.status.code(), Some(5), "{}", text(&stopped.stderr));
+    assert!(took < BOUND, "{took:?}");
+}
+
+#[test]
+fn a_port_that_takes_no_bytes_is_given_up_within_a_second() {
+    let home = Home::new();
+    let (_board, port) = terminal();
+    let flags = rustix::fs::OFlags::RDWR | rustix::fs::OFlags::NOCTTY | rustix::fs::OFlags::NONBLOCK;
+    let mut other = File::from(rustix::fs::open(&*port, flags, rustix::fs::Mode::empty()).unwrap());
+    while other.write(&[b'x'; 4096]).is_ok() {}
+    let (stopped, took) = timed(&home, &format!("stop --port {port}"));
+    assert_eq!(stopped.status.code(), Some(4), "{}", text(&stopped.stderr));
+    assert!(took < BOUND, "{took:?}");
+}
+
+#[test]
+fn ctrl_c_stops_the_arm_and_says_so() {
+    let home = Home::new();
+    let board = long_program(&home);
+    for line in ["play", "record long.darm -o run.csv --camera camera.csv"] {
+        home.write("camera.csv", "time_s,x_m,y_m,angle_deg\n");
+        let child = playing(&home, &format!("{line} {}", board.port));
+        interrupt(&child);
+        let ended = child.wait_with_output().unwrap();
+        assert_eq!(ended.status.code(), Some(6), "{line}: {}", text(&ended.stderr));
+        assert!(text(&ended.stderr).contains("the board confirmed that all coils are off"), "{}", text(&ended.stderr));
+        assert_eq!(home.json(&format!("status {}", board.port))["phase"], "idle", "{line}");
+    }
+    assert_eq!(home.json(&format!("play --detach {}", board.port))["end"], "started");
+    assert_eq!(home.json(&format!("status {}", board.port))["phase"], "playing");
+}
+
+/// A process that does not answer holds the port, as far as anyone can tell: the frame goes to the port itself.
+#[test]
+fn a_holder_that_hangs_does_not_keep_the_stop_back() {
+    let home = Home::new();
+    let board = Board::start(&home, &example("planar4.toml"));
+    let holders = home.path(".local/state/darm/ports");
+    let status = home.command(&format!("console {}", board.port)).stdin(Stdio::piped()).stdout(Stdio::null()).spawn();
+    let mut console = status.unwrap();
+    let mut sockets = Vec::new();
+    for _ in 0..200 {
+        sockets = std::fs::read_dir(&holders).into_iter().flatten().map(|entry| entry.unwrap().path()).collect();
+        if !sockets.is_empty() {
+            break;
+        }
+        thread::sleep(Duration::from_millis(20));
+    }
+    let [socket] = &sockets[..] else { panic!("{sockets:?}") };
+    drop(console.stdin.take());
+    console.wait().unwrap();
+    let _silent = silent(socket);
+    let (stopped, took) = timed(&home, &format!("stop {}", board.port));
+    assert_eq!(stopped.status.code(), Some(0), "{}", text(&stopped.stderr));
+    assert!(took < BOUND, "{took:?}");
+}
+
+/// Listens and never answers.
+fn silent(socket: &Path) -> UnixListener {
+    assert!(UnixStream::connect(socket).is_err(), "the console has ended and nobody listens");
+    let _ = std::fs::remove_file(socket);
+    UnixListener::bind(socket).unwrap()
+}
