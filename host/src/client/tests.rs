@@ -104,6 +104,22 @@ fn a_command_runs_exactly_once_over_any_line() {
     }
 }
 
+/// More questions than half the range of numbers, from any number on: a board drops what seems older than the last change.
+#[test]
+fn a_stop_gets_through_after_weeks_of_questions() {
+    for start in [1, 0x7fff, 0x8000, 0xffff] {
+        let (board, memory) = FakeBoard::new();
+        let mut client = Client::connect_as(Box::new(board), start).unwrap();
+        client.command(Command::Play).unwrap();
+        for questions in [33_000, 40_000, 65_536] {
+            (0..questions).for_each(|_| drop(client.status().unwrap()));
+            let stopped = client.command(Command::Stop);
+            assert!(stopped.is_ok(), "start {start:#x}, {questions} questions: {stopped:?}");
+        }
+        assert_eq!(memory.lock().unwrap().commands, [Command::Play, Command::Stop, Command::Stop, Command::Stop]);
+    }
+}
+
 #[test]
 fn a_pulled_cable_resumes_where_the_board_says() {
     let image = image();
