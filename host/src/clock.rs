@@ -103,6 +103,10 @@ impl BoardClock {
 
 #[cfg(test)]
 mod tests {
+    use proptest::collection::vec;
+    use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
+
     use super::{BoardClock, RoundTrip};
 
     fn trip(sent_s: f64, board_s: f64, received_s: f64) -> RoundTrip {
@@ -148,6 +152,56 @@ mod tests {
                 let host = clock.host_time(board_s(asked_s)).unwrap();
                 assert!((host.at_s - asked_s).abs() <= host.uncertainty_s + 1e-12);
             }
+        }
+    }
+
+    /// A board whose clock runs at a rate of its own, over a line with delays of its own in each direction.
+    #[derive(Clone, Debug)]
+    struct Line {
+        rate: f64,
+        gap_s: f64,
+        /// Delays out and back of each round trip, of which the last are repeated.
+        delays_s: Vec<(f64, f64)>,
+    }
+
+    fn line() -> impl Strategy<Value = Line> {
+        let delays = (1e-4..2e-3f64, 1e-4..2e-2f64, 0.0..1.0f64, 0.0..1.0f64);
+        let delay = move |(least_s, jitter_s, out, back): (f64, f64, f64, f64)| {
+            (least_s + jitter_s * out * out, least_s + jitter_s * back * back * back)
+        };
+        (0.98..=1.02f64, 0.01..0.5f64, vec(delays.prop_map(delay), 20..200))
+            .prop_map(|(rate, gap_s, delays_s)| Line { rate, gap_s, delays_s })
+    }
+
+    impl Line {
+        fn board_s(&self, host_s: f64) -> f64 {
+            self.rate * (host_s - 7.0)
+        }
+
+        /// The first `count` round trips.
+        fn clock(&self, count: usize) -> BoardClock {
+            let mut clock = BoardClock::default();
+            for (k, &(out_s, back_s)) in self.delays_s.iter().take(count).enumerate() {
+                let sent_s = 10.0 + self.gap_s * k as f64;
+                clock.observe(trip(sent_s, self.board_s(sent_s + out_s), sent_s + out_s + back_s));
+            }
+            clock
+        }
+
+        fn end_s(&self) -> f64 {
+            10.0 + self.gap_s * self.delays_s.len() as f64
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 300, rng_seed: RngSeed::Fixed(7), failure_persistence: None, ..Default::default() })]
+
+        #[test]
+        fn the_true_time_is_within_the_bound_at_any_rate(line in line(), share in -0.1..1.2f64, known in 0.1..=1.0f64) {
+            let clock = line.clock((known * line.delays_s.len() as f64) as usize + 1);
+            let asked_s = 10.0 + share * (line.end_s() - 10.0);
+            let host = clock.host_time(line.board_s(asked_s)).unwrap();
+            prop_assert!((host.at_s - asked_s).abs() <= host.uncertainty_s + 1e-9, "{host:?} {asked_s}");
         }
     }
 }
