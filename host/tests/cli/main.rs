@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
 mod measurements;
+mod recording;
 mod robots;
 mod stop;
 
