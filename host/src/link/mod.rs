@@ -9,12 +9,15 @@
 //! | `unix:PATH`     | a Unix socket, as the emulator offers               |
 //! | `tcp:HOST:PORT` | a TCP socket, as a serial server offers             |
 
+mod descriptor;
 pub mod faulty;
 pub mod serial;
 pub mod socket;
 
 use std::io;
-use std::time::Duration;
+use std::os::fd::{AsFd as _, OwnedFd};
+use std::path::Path;
+use std::time::{Duration, Instant};
 
 /// Bytes to and from a board, in order, without meaning.
 pub trait Link: Send {
@@ -29,6 +32,11 @@ pub trait Link: Send {
 
     /// The port as the user named it.
     fn name(&self) -> &str;
+
+    /// The same port a second time, for [`Urgent`]; `None` where the board is in this process.
+    fn duplicate(&self) -> Option<OwnedFd> {
+        None
+    }
 }
 
 impl Link for Box<dyn Link> {
@@ -46,6 +54,30 @@ impl Link for Box<dyn Link> {
 
     fn name(&self) -> &str {
         (**self).name()
+    }
+
+    fn duplicate(&self) -> Option<OwnedFd> {
+        (**self).duplicate()
+    }
+}
+
+/// A second way to send on a port that a [`Link`] holds: past whatever the link is waiting for.
+pub struct Urgent {
+    port: OwnedFd,
+    name: String,
+}
+
+impl Urgent {
+    /// A second way to send on this link's port; `None` where the board is in this process.
+    pub fn of(link: &dyn Link) -> Option<Self> {
+        Some(Self { port: link.duplicate()?, name: link.name().to_owned() })
+    }
+
+    /// Sends all bytes before `until`, or fails.
+    pub fn send(&self, bytes: &[u8], until: Instant) -> Result<(), LinkError> {
+        let timeout = until.saturating_duration_since(Instant::now());
+        let sent = descriptor::send(self.port.as_fd(), bytes, until);
+        sent.map_err(|error| LinkError::of_sending(&self.name, timeout, error))
     }
 }
 
@@ -126,6 +158,25 @@ impl LinkError {
         }
     }
 
+    /// Sorts an error of sending, for which `timeout` was allowed.
+    fn of_sending(port: &str, timeout: Duration, error: io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock => {
+                LinkError::Stalled { port: port.to_owned(), timeout_s: timeout.as_secs_f64() }
+            }
+            _ => LinkError::of(port, error),
+        }
+    }
+
+    /// The number of bytes received, 0 when none came; a port that the other end has closed is an error.
+    fn of_receiving(port: &str, buffer: &[u8], received: io::Result<Option<usize>>) -> Result<usize, Self> {
+        match received {
+            Ok(Some(0)) if !buffer.is_empty() => Err(LinkError::Closed { port: port.to_owned() }),
+            Ok(count) => Ok(count.unwrap_or(0)),
+            Err(error) => Err(LinkError::of(port, error)),
+        }
+    }
+
     /// Whether the port itself is lost, so that only opening it again helps.
     pub fn is_closed(&self) -> bool {
         matches!(self, LinkError::Closed { .. } | LinkError::Io { .. })
@@ -135,16 +186,41 @@ impl LinkError {
 /// Longest wait for the other end to take bytes.
 pub(crate) const SEND_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// Opens a port by its name; the table of names stands in the module's documentation.
+/// A port's name, in one of the forms of the module's table.
+enum Address<'a> {
+    Unix(&'a Path),
+    Tcp(&'a str),
+    Serial(&'a str),
+}
+
+impl<'a> Address<'a> {
+    fn parse(port: &'a str) -> Result<Self, LinkError> {
+        if let Some(path) = port.strip_prefix("unix:") {
+            Ok(Self::Unix(path.as_ref()))
+        } else if let Some(address) = port.strip_prefix("tcp:") {
+            Ok(Self::Tcp(address))
+        } else if port.starts_with('/') || port.to_ascii_uppercase().starts_with("COM") {
+            Ok(Self::Serial(port))
+        } else {
+            Err(LinkError::Name { port: port.to_owned() })
+        }
+    }
+}
+
+/// Opens a port by its name and holds it; the table of names is in the module's documentation.
 pub fn open(port: &str) -> Result<Box<dyn Link>, LinkError> {
-    if let Some(path) = port.strip_prefix("unix:") {
-        Ok(Box::new(socket::Socket::unix(path.as_ref())?))
-    } else if let Some(address) = port.strip_prefix("tcp:") {
-        Ok(Box::new(socket::Socket::tcp(address)?))
-    } else if port.starts_with('/') || port.to_ascii_uppercase().starts_with("COM") {
-        Ok(Box::new(serial::Serial::open(port)?))
-    } else {
-        Err(LinkError::Name { port: port.to_owned() })
+    Ok(match Address::parse(port)? {
+        Address::Unix(path) => Box::new(socket::Socket::unix(path)?),
+        Address::Tcp(address) => Box::new(socket::Socket::tcp(address)?),
+        Address::Serial(path) => Box::new(serial::Serial::open(path)?),
+    })
+}
+
+/// Opens a port by its name even if another program uses it, unless that program holds it exclusively.
+pub fn open_shared(port: &str) -> Result<Box<dyn Link>, LinkError> {
+    match Address::parse(port)? {
+        Address::Serial(path) => Ok(Box::new(serial::Serial::open_shared(path)?)),
+        Address::Unix(_) | Address::Tcp(_) => open(port),
     }
 }
 

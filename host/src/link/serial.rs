@@ -1,33 +1,82 @@
 //! A serial port as a link: the board's USB cable, or a pseudo terminal.
 
-use std::io::{self, ErrorKind, Read, Write};
-use std::time::Duration;
+use std::io::{self, ErrorKind};
+use std::os::fd::{AsFd, OwnedFd};
+use std::time::{Duration, Instant};
 
-use serialport::{ClearBuffer, SerialPort};
+use rustix::fs::{FlockOperation, Mode, OFlags, flock};
+use rustix::termios::{ControlModes, OptionalActions, QueueSelector, ioctl_tiocexcl, tcflush, tcgetattr, tcsetattr};
 
-use super::{Link, LinkError, SEND_TIMEOUT};
+use super::{Link, LinkError, SEND_TIMEOUT, descriptor};
 use crate::clock::host_now_s;
 
 /// Speed of the board's console.
 pub const BAUD: u32 = 115_200;
 
-/// An open serial port, held exclusively.
+/// An open serial port.
 pub struct Serial {
-    port: Box<dyn SerialPort>,
+    port: OwnedFd,
     name: String,
+    /// Closing the port must not wait for bytes that the other end does not take.
+    drop_unsent: bool,
 }
 
 impl Serial {
-    /// Opens a port at [`BAUD`], 8 data bits, no parity; what waited in its buffers is dropped.
+    /// Opens a port at [`BAUD`], 8 data bits, no parity, and holds it exclusively: `TIOCEXCL` and `flock`. What waited in
+    /// its buffers is dropped.
     pub fn open(path: &str) -> Result<Self, LinkError> {
-        let port = serialport::new(path, BAUD).timeout(SEND_TIMEOUT).open().map_err(|e| open_error(path, e))?;
-        port.clear(ClearBuffer::All).map_err(|e| open_error(path, e))?;
-        Ok(Self { port, name: path.to_owned() })
+        let open = || {
+            let port = open_raw(path)?;
+            ioctl_tiocexcl(&port)?;
+            flock(&port, FlockOperation::NonBlockingLockExclusive).map_err(busy)?;
+            set_up(&port)?;
+            tcflush(&port, QueueSelector::IOFlush)?;
+            Ok(port)
+        };
+        let port = open().map_err(|error| LinkError::of(path, error))?;
+        Ok(Self { port, name: path.to_owned(), drop_unsent: false })
     }
 
-    fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
-        self.port.set_timeout(timeout)?;
-        self.port.read(buffer)
+    /// Opens a port beside another program that uses it without holding it exclusively, and drops nothing that waits for
+    /// that program.
+    pub fn open_shared(path: &str) -> Result<Self, LinkError> {
+        let port = open_raw(path).map_err(|error| LinkError::of(path, error))?;
+        // The other program may have set the port up so that no change is accepted; the bytes are what counts.
+        let _ = set_up(&port);
+        let real = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
+        Ok(Self { port, name: path.to_owned(), drop_unsent: !real.starts_with("/dev/pts") })
+    }
+}
+
+impl Drop for Serial {
+    fn drop(&mut self) {
+        if self.drop_unsent {
+            // The system waits up to 30 s when a port with unsent bytes is closed.
+            let _ = tcflush(&self.port, QueueSelector::OFlush);
+        }
+    }
+}
+
+fn open_raw(path: &str) -> io::Result<OwnedFd> {
+    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    Ok(rustix::fs::open(path, flags, Mode::empty())?)
+}
+
+/// Raw bytes at [`BAUD`], 8 data bits, no parity, no flow control, modem lines ignored.
+fn set_up(port: &OwnedFd) -> io::Result<()> {
+    let mut settings = tcgetattr(port)?;
+    settings.make_raw();
+    settings.control_modes |= ControlModes::CREAD | ControlModes::CLOCAL;
+    settings.control_modes -= ControlModes::CRTSCTS | ControlModes::CSTOPB;
+    settings.set_speed(BAUD)?;
+    Ok(tcsetattr(port, OptionalActions::Now, &settings)?)
+}
+
+/// A lock that another program has is a busy port.
+fn busy(error: rustix::io::Errno) -> io::Error {
+    match error {
+        rustix::io::Errno::WOULDBLOCK => ErrorKind::ResourceBusy.into(),
+        error => error.into(),
     }
 }
 
@@ -39,41 +88,15 @@ pub fn ports() -> Vec<String> {
     ports
 }
 
-/// `serialport` says "no device" for a busy port and for a missing one alike: the text and the file tell them apart.
-fn open_error(path: &str, error: serialport::Error) -> LinkError {
-    let port = path.to_owned();
-    let text = error.to_string().to_ascii_lowercase();
-    match error.kind {
-        _ if text.contains("busy") || text.contains("lock") => LinkError::Busy { port },
-        _ if text.contains("permission") => LinkError::Permission { port },
-        serialport::ErrorKind::NoDevice | serialport::ErrorKind::Io(ErrorKind::NotFound)
-            if !std::path::Path::new(path).exists() =>
-        {
-            LinkError::Missing { port }
-        }
-        _ => LinkError::of(path, io::Error::from(error)),
-    }
-}
-
 impl Link for Serial {
     fn send(&mut self, bytes: &[u8]) -> Result<(), LinkError> {
-        let sent =
-            self.port.set_timeout(SEND_TIMEOUT).map_err(io::Error::from).and_then(|()| self.port.write_all(bytes));
-        sent.map_err(|e| match e.kind() {
-            ErrorKind::TimedOut | ErrorKind::WouldBlock => {
-                LinkError::Stalled { port: self.name.clone(), timeout_s: SEND_TIMEOUT.as_secs_f64() }
-            }
-            _ => LinkError::of(&self.name, e),
-        })
+        let sent = descriptor::send(self.port.as_fd(), bytes, Instant::now() + SEND_TIMEOUT);
+        sent.map_err(|error| LinkError::of_sending(&self.name, SEND_TIMEOUT, error))
     }
 
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize, LinkError> {
-        match self.read(buffer, timeout) {
-            Ok(0) if !buffer.is_empty() => Err(LinkError::Closed { port: self.name.clone() }),
-            Ok(count) => Ok(count),
-            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted) => Ok(0),
-            Err(e) => Err(LinkError::of(&self.name, e)),
-        }
+        let received = descriptor::receive(self.port.as_fd(), buffer, timeout);
+        LinkError::of_receiving(&self.name, buffer, received)
     }
 
     fn now_s(&self) -> f64 {
@@ -82,5 +105,9 @@ impl Link for Serial {
 
     fn name(&self) -> &str {
         &self.name
+    }
+
+    fn duplicate(&self) -> Option<OwnedFd> {
+        self.port.try_clone().ok()
     }
 }

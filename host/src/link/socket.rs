@@ -1,17 +1,26 @@
 //! A Unix or TCP socket as a link: the emulator's serial port, or a serial server.
 
-use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
+use std::os::fd::{AsFd as _, BorrowedFd, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use super::{Link, LinkError, SEND_TIMEOUT};
+use super::{Link, LinkError, SEND_TIMEOUT, descriptor};
 use crate::clock::host_now_s;
 
 enum Stream {
     Unix(UnixStream),
     Tcp(TcpStream),
+}
+
+impl Stream {
+    fn descriptor(&self) -> BorrowedFd<'_> {
+        match self {
+            Self::Unix(stream) => stream.as_fd(),
+            Self::Tcp(stream) => stream.as_fd(),
+        }
+    }
 }
 
 /// A connected socket.
@@ -24,12 +33,7 @@ impl Socket {
     /// Connects to a Unix socket that somebody listens on.
     pub fn unix(path: &Path) -> Result<Self, LinkError> {
         let name = format!("unix:{}", path.display());
-        let connect = || {
-            let stream = UnixStream::connect(path)?;
-            stream.set_write_timeout(Some(SEND_TIMEOUT))?;
-            Ok(stream)
-        };
-        let stream = connect().map_err(|e| LinkError::of(&name, e))?;
+        let stream = UnixStream::connect(path).map_err(|e| LinkError::of(&name, e))?;
         Ok(Self { stream: Stream::Unix(stream), name })
     }
 
@@ -39,50 +43,22 @@ impl Socket {
         let connect = || {
             let stream = TcpStream::connect(address)?;
             stream.set_nodelay(true)?;
-            stream.set_write_timeout(Some(SEND_TIMEOUT))?;
             Ok(stream)
         };
         let stream = connect().map_err(|e| LinkError::of(&name, e))?;
         Ok(Self { stream: Stream::Tcp(stream), name })
     }
-
-    fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> std::io::Result<usize> {
-        // A timeout of zero would mean "for ever" to the operating system.
-        let timeout = Some(timeout.max(Duration::from_micros(1)));
-        match &mut self.stream {
-            Stream::Unix(stream) => {
-                stream.set_read_timeout(timeout)?;
-                stream.read(buffer)
-            }
-            Stream::Tcp(stream) => {
-                stream.set_read_timeout(timeout)?;
-                stream.read(buffer)
-            }
-        }
-    }
 }
 
 impl Link for Socket {
     fn send(&mut self, bytes: &[u8]) -> Result<(), LinkError> {
-        let sent = match &mut self.stream {
-            Stream::Unix(stream) => stream.write_all(bytes),
-            Stream::Tcp(stream) => stream.write_all(bytes),
-        };
-        sent.map_err(|e| match e.kind() {
-            ErrorKind::WouldBlock | ErrorKind::TimedOut => {
-                LinkError::Stalled { port: self.name.clone(), timeout_s: SEND_TIMEOUT.as_secs_f64() }
-            }
-            _ => LinkError::of(&self.name, e),
-        })
+        let sent = descriptor::send(self.stream.descriptor(), bytes, Instant::now() + SEND_TIMEOUT);
+        sent.map_err(|error| LinkError::of_sending(&self.name, SEND_TIMEOUT, error))
     }
 
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize, LinkError> {
-        match self.read(buffer, timeout) {
-            Ok(0) if !buffer.is_empty() => Err(LinkError::Closed { port: self.name.clone() }),
-            Ok(count) => Ok(count),
-            Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => Ok(0),
-            Err(e) => Err(LinkError::of(&self.name, e)),
-        }
+        let received = descriptor::receive(self.stream.descriptor(), buffer, timeout);
+        LinkError::of_receiving(&self.name, buffer, received)
     }
 
     fn now_s(&self) -> f64 {
@@ -91,6 +67,10 @@ impl Link for Socket {
 
     fn name(&self) -> &str {
         &self.name
+    }
+
+    fn duplicate(&self) -> Option<OwnedFd> {
+        self.stream.descriptor().try_clone_to_owned().ok()
     }
 }
 
