@@ -6,14 +6,18 @@
 //! | 1    | failed: a file cannot be read, a synthesis has no solution, …             |
 //! | 2    | the command line makes no sense                                           |
 //! | 3    | the board understood and refused, or its safe state is latched            |
-//! | 4    | no connection to a board                                                  |
+//! | 4    | no connection to a board; of a stop: it could not be sent                 |
+//! | 5    | a stop was sent, but the board did not confirm it within 1 s              |
+//! | 6    | interrupted by Ctrl-C or SIGTERM; the board confirmed the stop            |
 
 use std::error::Error;
 
 use darm::client::ClientError;
+use darm::client::stop::Confirmation;
 use darm::link::LinkError;
 use serde_json::json;
 
+use crate::interrupt::Interrupted;
 use crate::port::PortError;
 
 /// Something failed that is not one of the other kinds.
@@ -24,6 +28,10 @@ const USAGE: u8 = 2;
 const REFUSED: u8 = 3;
 /// The board was not reached.
 const NO_CONNECTION: u8 = 4;
+/// A stop was sent and not confirmed.
+const UNCONFIRMED: u8 = 5;
+/// Interrupted, and stopped.
+const INTERRUPTED: u8 = 6;
 
 /// A word, a number or a combination of options that makes no sense.
 #[derive(Debug, thiserror::Error)]
@@ -34,6 +42,17 @@ pub(crate) struct Usage(pub(crate) String);
 #[derive(Debug, thiserror::Error)]
 #[error("the board is in its safe state: {0}; mend the cause, then `darm stop --clear`")]
 pub(crate) struct Safe(pub(crate) String);
+
+/// The stop was sent and nobody knows whether it arrived.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "the stop was sent to {port}, but the board did not confirm it within 1 s; switch the arm's supply off, then check \
+     cable, board and whether another program reads the port"
+)]
+pub(crate) struct Unconfirmed {
+    /// The port.
+    pub(crate) port: String,
+}
 
 /// The exit code of an error: that of the first cause that has one of its own.
 pub(crate) fn code(error: &anyhow::Error) -> u8 {
@@ -48,7 +67,16 @@ fn code_of_cause(cause: &(dyn Error + 'static)) -> Option<u8> {
             ClientError::Frame(_) => FAILED,
         });
     }
-    if cause.is::<Usage>() {
+    if let Some(Interrupted(stopped)) = cause.downcast_ref::<Interrupted>() {
+        return Some(match stopped {
+            Ok(Confirmation::Confirmed) => INTERRUPTED,
+            Ok(Confirmation::Missing) => UNCONFIRMED,
+            Err(_) => NO_CONNECTION,
+        });
+    }
+    if cause.is::<Unconfirmed>() {
+        Some(UNCONFIRMED)
+    } else if cause.is::<Usage>() {
         Some(USAGE)
     } else if cause.is::<Safe>() {
         Some(REFUSED)

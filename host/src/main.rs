@@ -4,6 +4,7 @@ mod commands;
 mod console;
 mod failure;
 mod firmware_image;
+mod interrupt;
 mod port;
 mod state_folder;
 mod voice;

@@ -4,7 +4,8 @@ use std::os::unix::fs::FileTypeExt as _;
 use std::os::unix::net::UnixStream;
 
 use darm::client::Client;
-use darm::link;
+use darm::client::stop::{StopHandle, hold};
+use darm::link::{self, Link, LinkError};
 
 use crate::state_folder;
 
@@ -38,8 +39,13 @@ impl PortArgs {
 
     /// Connects to the board at the port.
     pub(crate) fn connect(&self) -> anyhow::Result<Client> {
-        Ok(Client::connect(link::open(&self.name()?)?)?)
+        Ok(Client::connect(open(&self.name()?)?.0)?)
     }
+}
+
+/// Opens a port and holds it; other processes can send the stop through this one.
+pub(crate) fn open(name: &str) -> Result<(Box<dyn Link>, StopHandle), LinkError> {
+    Ok(hold(link::open(name)?, state_folder::stop_socket(name).as_deref()))
 }
 
 /// Every port that a board may be at: those of cables, and that of the emulated board if it runs.

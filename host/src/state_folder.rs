@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use sha2::{Digest as _, Sha256};
+
 /// There is no home.
 #[derive(Debug, thiserror::Error)]
 #[error("neither HOME nor XDG_STATE_HOME is set; give a folder with --folder")]
@@ -17,6 +19,17 @@ pub(crate) fn path() -> Option<PathBuf> {
 /// The folder of the emulated board that `darm plant` starts.
 pub(crate) fn board() -> Result<PathBuf, Homeless> {
     path().map(|path| path.join("board")).ok_or(Homeless)
+}
+
+/// The socket at which the process that holds `port` takes the stop from others; `None` without a home.
+///
+/// Its name is a digest, since a socket's path has at most 107 bytes, of the port's real path.
+pub(crate) fn stop_socket(port: &str) -> Option<PathBuf> {
+    let plain = port.strip_prefix("unix:").unwrap_or(port);
+    let real = std::fs::canonicalize(plain).map_or_else(|_| port.to_owned(), |real| real.display().to_string());
+    let digest = Sha256::digest(real.as_bytes());
+    let name: String = digest.iter().take(8).map(|byte| format!("{byte:02x}")).collect();
+    Some(path()?.join("ports").join(name))
 }
 
 /// The port of the board in `folder`.

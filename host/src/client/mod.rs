@@ -17,6 +17,7 @@ mod exchange;
 mod fake;
 mod patience;
 mod reader;
+pub mod stop;
 mod upload;
 
 use darm_core::nearest::{Coordinates, Found};

@@ -10,14 +10,16 @@ use super::status::seconds;
 use crate::failure::Safe;
 use crate::port::PortArgs;
 use crate::voice::{Answer, Voice};
+use crate::{interrupt, port};
 
 const EXAMPLES: &str = "\
 Examples:
   darm play                     run the stored table and watch it to its end
   darm play --detach            start it and come back at once
 
-The board runs the rows on its own clock: Ctrl-C or a pulled cable ends the watching, not the \
-program. `darm stop` ends the program.";
+The board runs the rows on its own clock: with a pulled cable, or after --detach, the program goes on. \
+Ctrl-C stops the arm: exit code 6 when the board has confirmed it, 5 when it has not, 4 when the stop \
+could not be sent.";
 
 /// Time between two questions.
 const POLL: Duration = Duration::from_millis(50);
@@ -55,25 +57,27 @@ impl Answer for Played {
 
 impl Play {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        let mut client = self.port.connect()?;
+        let port = self.port.name()?;
+        let (link, handle) = port::open(&port)?;
+        let mut client = Client::connect(link)?;
         let rows = client.status()?.rows;
         let first_event = client.say_hello()?.next_event;
-        client.command(Command::Play)?;
         if self.detach {
+            client.command(Command::Play)?;
             return voice.tell(&Played { end: "started", rows, rows_played: 0, took_s: None, fault: None });
         }
+        let interrupt = interrupt::Watch::start(&port, handle)?;
+        client.command(Command::Play)?;
         let bar = voice.bar("playing", u64::from(rows), "rows");
         let mut watch = Watch::new(first_event);
-        while watch.end.is_none() {
-            std::thread::sleep(POLL);
-            for happening in watch.look(&mut client)? {
-                if let Event::Row { row, .. } = happening.event {
-                    bar.set_position(u64::from(row) + 1);
-                }
-            }
-        }
+        let watched = watch.to_the_end(&mut client, &interrupt, |row| bar.set_position(u64::from(row) + 1));
         bar.finish_and_clear();
-        watch.tell(voice, rows)
+        let interrupted = interrupt.interrupted();
+        if interrupted.is_none() {
+            watched?;
+        }
+        let told = watch.tell(voice, rows);
+        interrupted.map_or(told, |interrupted| Err(interrupted.into()))
     }
 }
 
@@ -113,6 +117,24 @@ impl Watch {
     /// Follows from this event on.
     pub(crate) fn new(next_event: u32) -> Self {
         Self { next_event, started_s: None, ended_s: None, rows_played: 0, end: None }
+    }
+
+    /// Looks until the program has ended or the user has interrupted it.
+    fn to_the_end(
+        &mut self,
+        client: &mut Client,
+        interrupt: &interrupt::Watch,
+        mut on_row: impl FnMut(u16),
+    ) -> anyhow::Result<()> {
+        while self.end.is_none() && interrupt.interrupted().is_none() {
+            std::thread::sleep(POLL);
+            for happening in self.look(client)? {
+                if let Event::Row { row, .. } = happening.event {
+                    on_row(row);
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Asks for what happened since the last look.

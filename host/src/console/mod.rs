@@ -9,14 +9,15 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use darm::client::Client;
-use darm::link;
+use darm::client::stop::{Confirmation, STOP_BOUND, StopHandle};
+use darm::link::Link;
 use rustyline::error::ReadlineError;
 use rustyline::history::DefaultHistory;
 use rustyline::{Config, Editor, ExternalPrinter as _};
 
 use crate::commands::table_file::TableFile;
 use crate::voice::Voice;
-use crate::{failure, state_folder};
+use crate::{failure, interrupt, port, state_folder};
 use pump::{Pump, Show};
 use words::{Local, Words};
 
@@ -35,6 +36,9 @@ struct Session<'a> {
     port: &'a str,
     voice: Voice,
     pump: Pump,
+    /// Stops the board while a command waits for its answer.
+    interrupt: interrupt::Watch,
+    handle: StopHandle,
 }
 
 /// Whether to go on.
@@ -63,7 +67,7 @@ fn by_hand(port: &str, voice: Voice) -> anyhow::Result<()> {
         match editor.readline("> ") {
             Ok(line) if session.obey(line.trim())? == Next::On => {}
             Ok(_) | Err(ReadlineError::Eof) => break,
-            Err(ReadlineError::Interrupted) => println!("`quit` or Ctrl-D leaves, `stop` switches all coils off"),
+            Err(ReadlineError::Interrupted) => println!("{}; `quit` or Ctrl-D leaves", session.stop()),
             Err(error) => return Err(error.into()),
         }
     }
@@ -95,8 +99,28 @@ fn say(line: &str, voice: Voice) {
 impl<'a> Session<'a> {
     fn start(port: &'a str, voice: Voice, show: Show) -> anyhow::Result<Self> {
         let mut pump = Pump::new(show);
-        pump.start(link::open(port)?);
-        Ok(Self { port, voice, pump })
+        let (link, handle) = port::open(port)?;
+        pump.start(link);
+        let interrupt = interrupt::Watch::start(port, handle.clone())?;
+        Ok(Self { port, voice, pump, interrupt, handle })
+    }
+
+    /// Starts on the port that was opened again.
+    fn start_again(&mut self, (link, handle): (Box<dyn Link>, StopHandle)) {
+        self.interrupt.use_handle(handle.clone());
+        self.handle = handle;
+        self.pump.start(link);
+    }
+
+    /// All coils off at once, past whatever the board is answering; what came of it.
+    fn stop(&self) -> String {
+        match self.handle.stop(STOP_BOUND) {
+            Ok(Confirmation::Confirmed) => "all coils are off".to_owned(),
+            Ok(Confirmation::Missing) => {
+                "the stop was sent, but the board did not confirm it within 1 s; switch the arm's supply off".to_owned()
+            }
+            Err(error) => format!("the stop could not be sent: {error}"),
+        }
     }
 
     fn obey(&mut self, line: &str) -> anyhow::Result<Next> {
@@ -105,6 +129,12 @@ impl<'a> Session<'a> {
             Some(Local::UploadWhat) => self.voice.note("upload what? `upload TABLE.darm`, a file made by `darm table`"),
             Some(Local::Upload(file)) => self.upload(Path::new(file))?,
             None if line.is_empty() => {}
+            None if line == "stop" => {
+                let stopped = self.stop();
+                if !self.pump.ask(line) {
+                    self.voice.note(&stopped);
+                }
+            }
             None if !self.pump.ask(line) && !self.pump.is_lost() => {
                 self.voice.note("no answer; is this the board's port, is the board running? `darm doctor` looks");
             }
@@ -123,9 +153,9 @@ impl<'a> Session<'a> {
         }
         let since = Instant::now();
         loop {
-            match link::open(self.port) {
-                Ok(link) => {
-                    self.pump.start(link);
+            match port::open(self.port) {
+                Ok(opened) => {
+                    self.start_again(opened);
                     self.voice.note(&format!("{} is open again", self.port));
                     return Ok(());
                 }
@@ -145,22 +175,24 @@ impl<'a> Session<'a> {
             }
         };
         self.pump.stop()?;
-        match upload(self.port, &table, self.voice) {
+        match self.upload_table(&table) {
             Ok(said) => self.voice.note(&said),
             Err(error) => self.voice.note(&failure::sentence(&error)),
         }
-        self.pump.start(link::open(self.port)?);
+        self.start_again(port::open(self.port)?);
         Ok(())
     }
-}
 
-fn upload(port: &str, file: &TableFile, voice: Voice) -> anyhow::Result<String> {
-    let mut client = Client::connect(link::open(port)?)?;
-    file.check_device(client.identity().device)?;
-    let bar = voice.bar("uploading", u64::from(file.image.image().len), "bytes");
-    let rows = client.upload(&file.image, &mut |progress| bar.set_position(u64::from(progress.done)))?;
-    bar.finish_and_clear();
-    Ok(format!("{rows} rows stored; `play` runs them"))
+    fn upload_table(&self, file: &TableFile) -> anyhow::Result<String> {
+        let (link, handle) = port::open(self.port)?;
+        self.interrupt.use_handle(handle);
+        let mut client = Client::connect(link)?;
+        file.check_device(client.identity().device)?;
+        let bar = self.voice.bar("uploading", u64::from(file.image.image().len), "bytes");
+        let rows = client.upload(&file.image, &mut |progress| bar.set_position(u64::from(progress.done)))?;
+        bar.finish_and_clear();
+        Ok(format!("{rows} rows stored; `play` runs them"))
+    }
 }
 
 /// Lines typed earlier.

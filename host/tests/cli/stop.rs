@@ -8,9 +8,10 @@ use std::process::{Child, Output, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use darm_core::wire::frame::{self, Header, MAX_FRAME};
+use darm_core::wire::frame::{self, MAX_FRAME};
 use rustix::process::{Pid, Signal, kill_process};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
 use super::{Board, Home, example, text};
 
@@ -20,7 +21,9 @@ const BOUND: Duration = Duration::from_millis(2500);
 /// Tags and connections of the frames in these bytes.
 fn frames(bytes: &[u8]) -> Vec<(u8, u32)> {
     let parts = bytes.split(|&byte| byte == 0).filter(|part| !part.is_empty());
-    parts.filter_map(|part| frame::decode(&mut part.to_vec()).ok().map(|(header, _)| (header.tag, header.link))).collect()
+    parts
+        .filter_map(|part| frame::decode(&mut part.to_vec()).ok().map(|(header, _)| (header.tag, header.link)))
+        .collect()
 }
 
 /// All bytes that come until nobody sends any more.
@@ -95,7 +98,8 @@ fn a_stop_reaches_a_board_whose_port_another_command_holds() {
 fn a_port_that_another_program_reads_gets_the_frame_and_the_code_says_that_nobody_confirmed() {
     let home = Home::new();
     let (mut board, port) = terminal();
-    let thief = rustix::fs::open(&*port, rustix::fs::OFlags::RDWR | rustix::fs::OFlags::NOCTTY, rustix::fs::Mode::empty());
+    let thief =
+        rustix::fs::open(&*port, rustix::fs::OFlags::RDWR | rustix::fs::OFlags::NOCTTY, rustix::fs::Mode::empty());
     let mut thief = File::from(thief.unwrap());
     thread::spawn(move || everything(&mut thief));
     let (stopped, took) = timed(&home, &format!("stop --port {port}"));
@@ -112,7 +116,11 @@ fn a_port_that_takes_no_bytes_is_given_up_within_a_second() {
     let (_board, port) = terminal();
     let flags = rustix::fs::OFlags::RDWR | rustix::fs::OFlags::NOCTTY | rustix::fs::OFlags::NONBLOCK;
     let mut other = File::from(rustix::fs::open(&*port, flags, rustix::fs::Mode::empty()).unwrap());
+    let mut settings = tcgetattr(&other).unwrap();
+    settings.make_raw();
+    tcsetattr(&other, OptionalActions::Now, &settings).unwrap();
     while other.write(&[b'x'; 4096]).is_ok() {}
+    while other.write(b"x").is_ok() {}
     let (stopped, took) = timed(&home, &format!("stop --port {port}"));
     assert_eq!(stopped.status.code(), Some(4), "{}", text(&stopped.stderr));
     assert!(took < BOUND, "{took:?}");
