@@ -113,6 +113,8 @@ struct Parts {
     coil_spans: Vec<Range<usize>>,
     actuator_spans: Vec<Range<usize>>,
     servo_spans: Vec<Range<usize>>,
+    /// Addresses of the servos on the bus, and the stage that each moves.
+    servo_ids: Vec<(u8, usize)>,
 }
 
 /// The keys by which a discrete actuator is wired, of a leg or of a joint.
@@ -204,6 +206,7 @@ impl Parts {
     fn servo_joint(&mut self, raw: &RawStage) -> Checked<ServoJoint<f64>> {
         let span = raw.kind.span();
         let bus = needed(&raw.bus, "bus", "a servo", &span)?;
+        self.check_bus_id(bus)?;
         let RawServo { id, min_deg, max_deg, max_speed_deg_s, max_torque, timeout_ms } = *bus.get_ref();
         let radians = |degrees: Number| degrees.0.to_radians() as f32;
         let servo = ServoWiring {
@@ -217,6 +220,17 @@ impl Parts {
         self.servo_spans.push(bus.span());
         self.wiring.servos.push(servo).map_err(|_| (bus.span(), ArmFault::Wiring(WiringError::TooMany)))?;
         Ok(ServoJoint { axis: axis_of(raw)?, offset: raw.offset_deg.map_or(0.0, |degrees| degrees.0.to_radians()) })
+    }
+
+    /// Refuses an address of the bus that an earlier servo has: both would answer at once.
+    fn check_bus_id(&mut self, bus: &Spanned<RawServo>) -> Checked<()> {
+        let (id, stage) = (bus.get_ref().id, self.labels.stages.len() - 1);
+        if let Some(&(_, other)) = self.servo_ids.iter().find(|(other, _)| *other == id) {
+            let joints = [other, stage].map(|stage| self.labels.stages[stage].clone());
+            return Err((bus.span(), ArmFault::SameBusId { id, joints }));
+        }
+        self.servo_ids.push((id, stage));
+        Ok(())
     }
 
     fn wire(&mut self, raw: &RawActuator) -> Checked<()> {

@@ -103,6 +103,13 @@ pub enum ArmFault {
         /// How many it holds.
         most: usize,
     },
+    /// Two servos answer to one address of the bus.
+    SameBusId {
+        /// The address.
+        id: u8,
+        /// The two servo joints, by their names.
+        joints: [String; 2],
+    },
     /// The wiring cannot be run safely.
     Wiring(WiringError),
     /// The arm has no pose for a word that it must be able to take.
@@ -160,6 +167,9 @@ impl fmt::Display for ArmFault {
             }
             Self::EffectValues { expected } => write!(f, "the values of this law are {}", expected.join(", ")),
             Self::TooManyEffects { most } => write!(f, "a model holds at most {most} effects; remove some"),
+            Self::SameBusId { id, joints: [first, second] } => {
+                write!(f, "{first} and {second} have the bus address {id}; give each servo an `id` of its own")
+            }
             Self::Wiring(error) => write!(f, "{error}; correct the wiring"),
             Self::NoPose { word, module, reason } => {
                 let reason = reason_of(reason);
