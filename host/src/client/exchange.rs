@@ -30,6 +30,29 @@ pub struct Counts {
     pub damaged: u32,
 }
 
+/// Numbers of requests. The board drops a request that changes something when its number is up to half the range behind
+/// that of the last one that did, so those have a counter of their own: each is two ahead of the one before, however many
+/// questions lie between. They are even and questions are odd: no late answer is taken for that to the other kind.
+#[derive(Clone, Copy, Debug)]
+struct Numbers {
+    question: u16,
+    change: u16,
+}
+
+impl From<u16> for Numbers {
+    fn from(start: u16) -> Self {
+        Self { question: start | 1, change: start & !1 }
+    }
+}
+
+impl Numbers {
+    fn next(&mut self, repeatable: bool) -> u16 {
+        let counter = if repeatable { &mut self.question } else { &mut self.change };
+        *counter = counter.wrapping_add(2);
+        *counter
+    }
+}
+
 /// A reply with the time at which it came.
 #[derive(Clone, Debug)]
 pub(super) struct Arrival {
@@ -47,7 +70,7 @@ pub(super) struct Exchange {
     reader: Reader,
     on_text: OnText,
     connection: u32,
-    number: u16,
+    numbers: Numbers,
     clock: BoardClock,
     patience: Patience,
     counts: Counts,
@@ -64,7 +87,7 @@ impl Exchange {
             on_text: Box::new(|_| {}),
             connection,
             // Answers to an earlier host's last requests may still be on the line.
-            number: connection as u16,
+            numbers: Numbers::from(connection as u16),
             clock: BoardClock::default(),
             patience: Patience::default(),
             counts: Counts::default(),
@@ -125,7 +148,7 @@ impl Exchange {
         name: &'static str,
         request: bootstrap::Request,
     ) -> Result<Vec<u8>, ClientError> {
-        let header = Header { tag: request.tag(), link: 0, number: self.next_number() };
+        let header = Header { tag: request.tag(), link: 0, number: self.numbers.next(true) };
         let answered = Header { tag: request.tag() | bootstrap::ANSWER, ..header };
         let bytes = encode(header, request.payload())?;
         let (arrival, _) = self.exchange(&bytes, answered, PATIENCE_S)?;
@@ -147,7 +170,8 @@ impl Exchange {
 
     /// Numbers and encodes a request.
     pub(super) fn prepare(&mut self, request: &Request<'_>) -> Result<(Header, Vec<u8>), ClientError> {
-        let header = Header { tag: REQUEST, link: self.connection, number: self.next_number() };
+        let number = self.numbers.next(request.is_repeatable());
+        let header = Header { tag: REQUEST, link: self.connection, number };
         let mut payload = [0; frame::MAX_PAYLOAD];
         let used = postcard::to_slice(request, &mut payload).map_err(|_| AnswerError::Request(FrameError::TooLong))?;
         let bytes = encode(header, used)?;
@@ -247,11 +271,6 @@ impl Exchange {
             }
         }
         Ok(())
-    }
-
-    fn next_number(&mut self) -> u16 {
-        self.number = self.number.wrapping_add(1);
-        self.number
     }
 }
 
