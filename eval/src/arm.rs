@@ -1,6 +1,6 @@
 //! An arm for one seed as plain numbers, and what is made of it: the judge's ceilings, the board's records, tables.
 
-use darm::client::TableImage;
+use darm::client::UploadImage;
 use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, ServoWiring, SwitchLimit, Wiring};
 use darm_core::table::{Checker, Record, Row};
 use darm_core::units::{Micros, ModelHash, Word};
@@ -199,7 +199,7 @@ fn wired_servo(servo: &ServoPlan) -> ServoWiring {
 #[derive(Clone, Debug)]
 pub struct Table {
     /// As the host uploads it.
-    pub image: TableImage,
+    pub image: UploadImage,
     /// Number that names it.
     pub model: u64,
     /// Words of the rows.
@@ -224,7 +224,7 @@ impl Table {
     pub fn of(records: &[Record], model: u64) -> Option<Self> {
         let rows = records.iter().filter_map(|record| if let Record::Row(row) = record { Some(row) } else { None });
         Some(Self {
-            image: TableImage::new(records, ModelHash(model)).ok()?,
+            image: UploadImage::table(records, ModelHash(model)).ok()?,
             model,
             words: rows.clone().map(|row| row.word.to_string()).collect(),
             angles_rad: rows.flat_map(|row| row.servos.iter().copied()).collect(),

@@ -169,8 +169,11 @@ mod tests {
         let delay = move |(least_s, jitter_s, out, back): (f64, f64, f64, f64)| {
             (least_s + jitter_s * out * out, least_s + jitter_s * back * back * back)
         };
-        (0.98..=1.02f64, 0.01..0.5f64, vec(delays.prop_map(delay), 20..200))
-            .prop_map(|(rate, gap_s, delays_s)| Line { rate, gap_s, delays_s })
+        (0.98..=1.02f64, 0.01..0.5f64, vec(delays.prop_map(delay), 20..200)).prop_map(|(rate, gap_s, delays_s)| Line {
+            rate,
+            gap_s,
+            delays_s,
+        })
     }
 
     impl Line {

@@ -1,6 +1,7 @@
 //! Host tools of discretely actuated arms: from an arm file to words on a board, and from measured poses back to the arm.
 
 pub mod arm;
+pub mod board_profile;
 pub mod client;
 pub mod clock;
 pub mod dh;

@@ -8,12 +8,12 @@
 use std::fmt;
 
 use darm_core::output::Drive;
-use darm_core::table::{Checker, MAX_ROWS, Record, Row, RowError, ServoAngles, TableError};
-use darm_core::units::{DeviceId, Micros, Word};
+use darm_core::table::{Board, Checker, MAX_ROWS, Record, Row, RowError, ServoAngles, TableError};
+use darm_core::units::{Micros, Word};
 
 use crate::arm::frames::check_word;
 use crate::arm::{Arm, FrameFault};
-use crate::client::TableImage;
+use crate::client::UploadImage;
 
 /// Time that the arm is given to come to rest after the last actuator can have reached its stop.
 pub const SETTLE: Micros = Micros::from_millis(20);
@@ -47,7 +47,7 @@ pub struct Plan {
     /// From when to when the arm rests at each visit.
     pub windows: Vec<(Micros, Micros)>,
     /// The table as it is uploaded.
-    pub image: TableImage,
+    pub image: UploadImage,
 }
 
 /// Why visits make no program.
@@ -104,9 +104,9 @@ impl fmt::Display for PlanError {
 
 impl std::error::Error for PlanError {}
 
-/// Plans the rows that take `arm` through `visits`, for one device or, with `None`, for any. `modules` are records of
+/// Plans the rows that take `arm` through `visits`, for this board and its profile. `modules` are records of
 /// modules and frames ([`crate::reach::board`]) that the table brings along, or none.
-pub fn plan(arm: &Arm, visits: &[Visit], device: Option<DeviceId>, modules: &[Record]) -> Result<Plan, PlanError> {
+pub fn plan(arm: &Arm, visits: &[Visit], board: &Board<'_>, modules: &[Record]) -> Result<Plan, PlanError> {
     let mut timeline = Timeline { arm, rows: Vec::new(), served: Vec::new(), moved: vec![None; arm.n_actuators()] };
     let mut windows = Vec::new();
     let mut free = Micros(0);
@@ -123,7 +123,7 @@ pub fn plan(arm: &Arm, visits: &[Visit], device: Option<DeviceId>, modules: &[Re
     if rows.len() > MAX_ROWS {
         return Err(PlanError::TooManyRows { rows: rows.len() });
     }
-    let image = encode(arm, &rows, free, device, modules).map_err(|error| match error {
+    let image = encode(arm, &rows, free, board, modules).map_err(|error| match error {
         TableError::Row { row, error } => {
             let visit = served.get(usize::from(row)).or(served.last()).and_then(|&visit| visits.get(visit));
             PlanError::Row { visit: visit.map_or_else(String::new, |visit| visit.label.clone()), error }
@@ -263,11 +263,11 @@ fn encode(
     arm: &Arm,
     rows: &[Row],
     end: Micros,
-    device: Option<DeviceId>,
+    board: &Board<'_>,
     modules: &[Record],
-) -> Result<TableImage, TableError> {
-    let wiring = &arm.wiring;
-    let start = Record::Start { model: arm.hash(), device, switch_limit: wiring.switch_limit };
+) -> Result<UploadImage, TableError> {
+    let (wiring, profile) = (&arm.wiring, board.profile.digest);
+    let start = Record::Start { model: arm.hash(), device: board.device, profile, switch_limit: wiring.switch_limit };
     let records = std::iter::once(start)
         .chain(wiring.coils.iter().map(|coil| Record::Coil(*coil)))
         .chain(wiring.actuators.iter().map(|actuator| Record::Actuator(*actuator)))
@@ -277,8 +277,8 @@ fn encode(
         .chain([Record::End { at: end }]);
     let records: Vec<Record> = records.collect();
     let mut checker = Checker::default();
-    records.iter().try_for_each(|record| checker.admit(record, device))?;
-    TableImage::new(&records, arm.hash())
+    records.iter().try_for_each(|record| checker.admit(record, board))?;
+    Ok(UploadImage::table(&records, arm.hash()))
 }
 
 #[cfg(test)]
@@ -289,9 +289,15 @@ mod tests {
     use proptest::test_runner::RngSeed;
 
     use super::*;
+    use crate::board_profile::BoardProfile;
 
     fn arm(name: &str) -> Arm {
         Arm::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples").join(name)).unwrap()
+    }
+
+    /// For a board whose profile allows just this arm.
+    fn planned(arm: &Arm, visits: &[Visit]) -> Result<Plan, PlanError> {
+        plan(arm, visits, &BoardProfile::of("arm", &arm.wiring).board(None), &[])
     }
 
     fn visit(word: &str, angle_rad: Option<f64>) -> Visit {
@@ -323,7 +329,7 @@ mod tests {
                     Visit { dwell_s, ..visit(&format!("{bits:012b}"), Some(angle_rad)) }
                 })
                 .collect();
-            let plan = plan(&arm, &visits, None, &[]).unwrap();
+            let plan = planned(&arm, &visits).unwrap();
             prop_assert_eq!(plan.windows.len(), visits.len());
             for (visit, &(from, to)) in visits.iter().zip(&plan.windows) {
                 let last = plan.rows.iter().rfind(|row| row.at < to).unwrap();
@@ -335,7 +341,7 @@ mod tests {
 
     #[test]
     fn eight_coils_at_once_go_in_two_rows() {
-        let plan = plan(&arm("planar4.toml"), &[visit("111111110000", None)], None, &[]).unwrap();
+        let plan = planned(&arm("planar4.toml"), &[visit("111111110000", None)]).unwrap();
         let words: Vec<_> = plan.rows.iter().map(|row| (row.at, row.word.to_string())).collect();
         assert_eq!(
             words,
@@ -348,7 +354,7 @@ mod tests {
     #[test]
     fn a_coil_that_would_be_on_too_long_is_told_by_its_visit() {
         let visits = [Visit { dwell_s: 301.0, ..visit("000000000001", None) }];
-        let error = plan(&arm("planar4.toml"), &visits, None, &[]).unwrap_err();
+        let error = planned(&arm("planar4.toml"), &visits).unwrap_err();
         assert_eq!(
             error.to_string(),
             "000000000001: coil 11 would be on for longer than it may; dwell for a shorter time, or put a rest between"

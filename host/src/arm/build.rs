@@ -254,7 +254,8 @@ impl Parts {
             return Err((raw.span.clone(), fault));
         }
         for spanned in coils {
-            let coil = coil(spanned.get_ref()).map_err(|fault| (spanned.get_ref().drive.span(), fault))?;
+            let next = self.wiring.coils.len() as u8;
+            let coil = coil(spanned.get_ref(), next).map_err(|fault| (spanned.get_ref().drive.span(), fault))?;
             self.coil_spans.push(spanned.span());
             self.wiring.coils.push(coil).map_err(|_| too_many(()))?;
         }
@@ -272,7 +273,10 @@ impl Parts {
             WiringError::Line { line } => {
                 self.wiring.coils.iter().rposition(|coil| uses(coil, line)).and_then(|at| self.coil_spans.get(at))
             }
-            WiringError::CoilLimit { coil } | WiringError::CoilCount { coil } => self.coil_spans.get(usize::from(coil)),
+            WiringError::CoilCount { coil } => self.coil_spans.get(usize::from(coil)),
+            WiringError::CoilLimit { output } | WiringError::Output { output } => {
+                self.wiring.coils.iter().rposition(|coil| coil.output == output).and_then(|at| self.coil_spans.get(at))
+            }
             WiringError::Input { input } => self
                 .wiring
                 .actuators
@@ -343,7 +347,8 @@ fn check_poses(arm: &Arm, raw: &RawArm) -> Checked<()> {
     Ok(())
 }
 
-fn coil(raw: &RawCoil) -> Result<Coil, ArmFault> {
+/// A coil; `next` is the output where none is named.
+fn coil(raw: &RawCoil, next: u8) -> Result<Coil, ArmFault> {
     let need = |value: Option<u8>, key, of| value.ok_or(ArmFault::Missing { key, of });
     let drive = match raw.drive.get_ref() {
         RawDrive::Hold => Drive::Hold { line: need(raw.line, "line", "a hold drive")? },
@@ -362,7 +367,7 @@ fn coil(raw: &RawCoil) -> Result<Coil, ArmFault> {
     limit.max_on_ms = raw.max_on_ms.unwrap_or(limit.max_on_ms);
     limit.duty_percent = raw.duty_percent.unwrap_or(limit.duty_percent);
     limit.window_ms = raw.window_ms.unwrap_or(limit.window_ms);
-    Ok(Coil { drive, limit })
+    Ok(Coil { output: raw.output.unwrap_or(next), drive, limit })
 }
 
 fn axis_of(raw: &RawStage) -> Checked<Axis<f64>> {

@@ -141,6 +141,7 @@ pub(super) enum RawDrive {
 #[derive(Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawCoil {
+    pub(super) output: Option<u8>,
     pub(super) drive: Spanned<RawDrive>,
     pub(super) line: Option<u8>,
     pub(super) pull: Option<u8>,

@@ -148,8 +148,8 @@ fn coil(coil: &Coil) -> String {
     };
     let limit = &coil.limit;
     format!(
-        "{{ {drive}, max_on_ms = {}, duty_percent = {}, window_ms = {} }}",
-        limit.max_on_ms, limit.duty_percent, limit.window_ms
+        "{{ output = {}, {drive}, max_on_ms = {}, duty_percent = {}, window_ms = {} }}",
+        coil.output, limit.max_on_ms, limit.duty_percent, limit.window_ms
     )
 }
 

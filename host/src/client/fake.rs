@@ -6,10 +6,12 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use darm_core::sequencer::{Command, Phase};
-use darm_core::units::{DeviceId, Micros, Word};
+use darm_core::units::{DeviceId, Digest, Micros, Word};
 use darm_core::wire::bootstrap::{ANSWER, Identity, Request as Bootstrap, Version};
-use darm_core::wire::frame::{CRC, Header, MAX_FRAME, encode};
+use darm_core::wire::frame::{Header, MAX_FRAME, encode};
 use darm_core::wire::message::{Answer, Hello, Image, REPLY, REQUEST, Refusal, Reply, Request, Status};
+
+use sha2::{Digest as _, Sha256};
 
 use super::reader::{Piece, Reader};
 use crate::link::{Link, LinkError};
@@ -99,7 +101,15 @@ impl Memory {
             }
             self.connection = Some(link);
             let device = DeviceId([7; 12]);
-            return Ok(Answer::Hello(Hello { protocol: *protocol, device, model: None, boots: 1, next_event: 0 }));
+            return Ok(Answer::Hello(Hello {
+                protocol: *protocol,
+                device,
+                model: None,
+                table: None,
+                profile: Digest::default(),
+                boots: 1,
+                next_event: 0,
+            }));
         }
         if self.connection != Some(link) {
             return Err(Refusal::NotConnected);
@@ -115,7 +125,7 @@ impl Memory {
                 Ok(Answer::Upload { next: have.len() as u32 })
             }
             Request::Commit(image) => match &self.upload {
-                Some((begun, have)) if begun == image && CRC.checksum(have) == image.crc => {
+                Some((begun, have)) if begun == image && Sha256::digest(have)[..] == image.digest.0 => {
                     self.committed.push(have.clone());
                     Ok(Answer::Committed { rows: 3 })
                 }

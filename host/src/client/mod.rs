@@ -26,14 +26,14 @@ use darm_core::sequencer::{Command, Event};
 use darm_core::units::Micros;
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, Death, Identity, Into as RebootInto, Version};
-use darm_core::wire::message::{Answer, Calibration, Hello, Refusal, Request, Status};
+use darm_core::wire::message::{Answer, Calibration, Hello, OutputState, Refusal, Request, Status};
 
 use crate::clock::BoardClock;
 use crate::link::Link;
 pub use error::{AnswerError, ClientError, TransportError};
 pub use exchange::Counts;
 use exchange::Exchange;
-pub use upload::{Progress, TableImage};
+pub use upload::{Progress, UploadImage};
 
 /// A connection to one board.
 pub struct Client {
@@ -205,6 +205,19 @@ impl Client {
         }
     }
 
+    /// How long each output of the board's profile has been on, and how long it may be.
+    pub fn outputs(&mut self) -> Result<Vec<OutputState>, ClientError> {
+        let (mut outputs, mut from) = (Vec::new(), 0);
+        loop {
+            let Answer::Outputs(more) = self.ask("outputs", &Request::Outputs { from })? else {
+                return Err(AnswerError::Payload { request: "outputs" }.into());
+            };
+            let Some(last) = more.last() else { return Ok(outputs) };
+            from = last.output.saturating_add(1);
+            outputs.extend(more);
+        }
+    }
+
     /// A word that brings the tool near a pose in the base, sought by the board among the frames in its table.
     pub fn nearest(&mut self, target: &Pose<f64>) -> Result<Found<f32>, ClientError> {
         match self.ask("nearest", &Request::Nearest(Coordinates::of(target)))? {
@@ -215,7 +228,7 @@ impl Client {
 
     /// Brings a table to the board whole or not at all, and returns the number of its rows. An upload that broke off,
     /// even in another run of the host, goes on where the board says.
-    pub fn upload(&mut self, image: &TableImage, progress: &mut dyn FnMut(Progress)) -> Result<u16, ClientError> {
+    pub fn upload(&mut self, image: &UploadImage, progress: &mut dyn FnMut(Progress)) -> Result<u16, ClientError> {
         self.check_version()?;
         upload::upload(self, image, progress)
     }

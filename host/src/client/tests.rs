@@ -5,18 +5,23 @@ use std::sync::{Arc, Mutex};
 use darm_core::output::SwitchLimit;
 use darm_core::sequencer::Command;
 use darm_core::table::Record;
-use darm_core::units::{Micros, ModelHash};
+use darm_core::units::{Digest, Micros, ModelHash};
 use darm_core::wire::message::Refusal;
 
 use super::fake::FakeBoard;
-use super::{AnswerError, Client, ClientError, TableImage, TransportError};
+use super::{AnswerError, Client, ClientError, TransportError, UploadImage};
 use crate::link::faulty::{Faults, Faulty};
 
 /// An image of about 8 KiB; the fake board does not look inside.
-fn image() -> TableImage {
-    let start = Record::Start { model: ModelHash(u64::MAX), device: None, switch_limit: SwitchLimit::default() };
+fn image() -> UploadImage {
+    let start = Record::Start {
+        model: ModelHash(u64::MAX),
+        device: None,
+        profile: Digest::default(),
+        switch_limit: SwitchLimit::default(),
+    };
     let end = Record::End { at: Micros(u64::MAX) };
-    TableImage::new(&[vec![start], vec![end; 700]].concat(), ModelHash(5)).unwrap()
+    UploadImage::table(&[vec![start], vec![end; 700]].concat(), ModelHash(5))
 }
 
 #[test]

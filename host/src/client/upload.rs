@@ -6,10 +6,11 @@
 
 use std::collections::VecDeque;
 
-use darm_core::table::{Record, TableError};
-use darm_core::units::ModelHash;
-use darm_core::wire::frame::CRC;
-use darm_core::wire::message::{Answer, CHUNK, Image, Refusal, Request};
+use darm_core::table::Record;
+use darm_core::units::{Digest, ModelHash};
+use darm_core::wire::message::{Answer, CHUNK, Image, ImageKind, Refusal, Request};
+use serde::Serialize;
+use sha2::{Digest as _, Sha256};
 
 use super::exchange::PATIENCE_S;
 use super::{AnswerError, Client, ClientError};
@@ -19,25 +20,28 @@ const WINDOW: usize = 3;
 /// An upload that the board has forgotten or found damaged starts anew so many times.
 const RESTARTS: u32 = 8;
 
-/// A table as it travels.
+/// A table or a board profile as it travels.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct TableImage {
+pub struct UploadImage {
     image: Image,
     bytes: Vec<u8>,
 }
 
-impl TableImage {
+impl UploadImage {
     /// The image of a table's records, made for `model`.
-    pub fn new(records: &[Record], model: ModelHash) -> Result<Self, TableError> {
-        let mut bytes = Vec::new();
-        for record in records {
-            bytes = postcard::to_extend(record, bytes).map_err(|_| TableError::Malformed)?;
-        }
-        let image = Image { len: bytes.len() as u32, crc: CRC.checksum(&bytes), model };
-        Ok(Self { image, bytes })
+    pub fn table(records: &[Record], model: ModelHash) -> Self {
+        Self::of(ImageKind::Table, model, records)
     }
 
-    /// Length, checksum and model.
+    /// The image of records of a kind.
+    pub fn of(kind: ImageKind, model: ModelHash, records: &[impl Serialize]) -> Self {
+        let append = |bytes, record| postcard::to_extend(record, bytes).expect("memory takes any record");
+        let bytes = records.iter().fold(Vec::new(), append);
+        let digest = Digest(Sha256::digest(&bytes).into());
+        Self { image: Image { kind, len: bytes.len() as u32, digest, model }, bytes }
+    }
+
+    /// Kind, length, digest and model.
     pub fn image(&self) -> Image {
         self.image
     }
@@ -67,7 +71,7 @@ struct Sent {
 /// See [`Client::upload`].
 pub(super) fn upload(
     client: &mut Client,
-    image: &TableImage,
+    image: &UploadImage,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<u16, ClientError> {
     let mut restarts = 0;
@@ -81,11 +85,13 @@ pub(super) fn upload(
     }
 }
 
-fn attempt(client: &mut Client, image: &TableImage, progress: &mut dyn FnMut(Progress)) -> Result<u16, ClientError> {
+fn attempt(client: &mut Client, image: &UploadImage, progress: &mut dyn FnMut(Progress)) -> Result<u16, ClientError> {
     let next = wanted(&client.exchange.ask("begin", &Request::Begin(image.image))?)?;
     send_chunks(client, image, next, progress)?;
     match client.exchange.ask("commit", &Request::Commit(image.image))? {
         Answer::Committed { rows } => Ok(rows),
+        // A profile has none.
+        Answer::Done => Ok(0),
         _ => Err(AnswerError::Payload { request: "commit" }.into()),
     }
 }
@@ -93,7 +99,7 @@ fn attempt(client: &mut Client, image: &TableImage, progress: &mut dyn FnMut(Pro
 /// Sends from offset `next` on until the board has all.
 fn send_chunks(
     client: &mut Client,
-    image: &TableImage,
+    image: &UploadImage,
     mut next: u32,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<(), ClientError> {
@@ -135,7 +141,7 @@ fn send_chunks(
     Ok(())
 }
 
-fn send_chunk(client: &mut Client, image: &TableImage, offset: u32, again: bool) -> Result<Sent, ClientError> {
+fn send_chunk(client: &mut Client, image: &UploadImage, offset: u32, again: bool) -> Result<Sent, ClientError> {
     let rest = &image.bytes[offset as usize..];
     let bytes = &rest[..rest.len().min(CHUNK)];
     let (header, frame) = client.exchange.prepare(&Request::Chunk { offset, bytes })?;

@@ -19,6 +19,7 @@ mod nearest;
 mod path;
 mod plant;
 mod play;
+pub(crate) mod profile;
 mod record;
 mod status;
 mod stop;
@@ -37,6 +38,7 @@ use crate::voice::Voice;
 /// A new arm goes this way:
 ///
 ///   darm synth base.toml frames.toml -o arm.toml       geometry that reaches the frames
+///   darm profile write --arm arm.toml                  what is wired to the board, once, at the board
 ///   darm table arm.toml frames.toml -o visits.darm     timed rows, checked against the limits
 ///   darm upload visits.darm && darm play               the board runs them on its own clock
 ///   darm record visits.darm -o run.csv                 play and measure
@@ -80,6 +82,7 @@ pub(crate) enum Command {
     Console(console::Console),
     Flash(flash::Flash),
     Plant(plant::Plant),
+    Profile(profile::Command),
     Fk(fk::Fk),
     Jacobian(jacobian::Jacobian),
     Ik(ik::Ik),
@@ -111,6 +114,7 @@ impl Command {
             Self::Console(command) => command.run(voice),
             Self::Flash(command) => command.run(voice),
             Self::Plant(command) => command.run(voice),
+            Self::Profile(command) => command.run(voice),
             Self::Fk(command) => command.run(voice),
             Self::Jacobian(command) => command.run(voice),
             Self::Ik(command) => command.run(voice),

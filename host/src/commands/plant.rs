@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use darm::arm::Arm;
+use darm::board_profile::BoardProfile;
 use darm::plant::Broken;
 use darm::plant::truth::{Sealed, Truth};
 use darm::qemu::{self, Console, QemuError};
@@ -57,6 +58,12 @@ pub(crate) struct Plant {
     /// Folder of the board's flash, port and camera socket
     #[arg(long, value_name = "FOLDER")]
     folder: Option<PathBuf>,
+    /// Profile that is written to the board, with its button held; that of the arm where it is left out
+    #[arg(long, value_name = "PROFILE.toml")]
+    profile: Option<PathBuf>,
+    /// Leave the board with the profile that it has
+    #[arg(long, conflicts_with = "profile")]
+    no_profile: bool,
     /// Make the port a pseudo terminal, for any terminal program
     #[arg(long)]
     pty: bool,
@@ -145,11 +152,12 @@ impl Plant {
         let arm = Arm::read(&self.arm)?;
         let broken = self.broken()?;
         let truth = self.truth(&arm)?;
+        let profile = self.profile(&arm)?;
         let folder = self.folder.clone().map_or_else(state_folder::board, Ok)?;
         let listener = claim(&folder)?;
         let (mut board, frames) = match self.emulator(voice)? {
-            Some(emulator) => Board::emulated(emulator, &folder, &arm, broken)?,
-            None => Board::in_process(&folder, &arm, broken)?,
+            Some(emulator) => Board::emulated(emulator, &folder, &arm, broken, profile.as_ref())?,
+            None => Board::in_process(&folder, &arm, broken, profile.as_ref())?,
         };
         let planar = arm.model.chain.is_planar();
         let projector = Projector::start(listener, truth.clone(), planar, frames)?;
@@ -188,6 +196,15 @@ impl Plant {
         let before = Arm::read(before)?;
         differences(&before, arm)?;
         Ok(self.effect.draw(&before, self.seed)?.with_geometry(arm))
+    }
+
+    /// The profile to write while the button is held.
+    fn profile(&self, arm: &Arm) -> anyhow::Result<Option<BoardProfile>> {
+        match &self.profile {
+            _ if self.no_profile => Ok(None),
+            Some(path) => Ok(Some(BoardProfile::read(path)?)),
+            None => Ok(Some(BoardProfile::of(&arm.name, &arm.wiring))),
+        }
     }
 
     fn broken(&self) -> Result<Broken, Usage> {

@@ -4,12 +4,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use darm::arm::{Arm, frames};
+use darm::board_profile::BoardProfile;
 use darm::plan::{Plan, Visit, plan};
 use darm::programme::{self, programme};
 use darm::reach::board;
 use darm_core::units::{DeviceId, Word};
 use serde::Serialize;
 
+use super::table_file;
 use super::visits::{Rest, Visits, beside};
 use crate::failure::Usage;
 use crate::port::PortArgs;
@@ -62,6 +64,9 @@ pub(crate) struct Table {
     /// How long the arm rests at each visit, in seconds; 1, in a programme 0.2
     #[arg(long, value_name = "S")]
     dwell: Option<f64>,
+    /// Profile of the board; that of `darm profile make ARM.toml` where it is left out
+    #[arg(long, value_name = "PROFILE.toml")]
+    profile: Option<PathBuf>,
     /// Bind the table to the connected board: others refuse it
     #[arg(long)]
     bind: bool,
@@ -112,11 +117,15 @@ impl Table {
         let arm = Arm::read(&self.arm)?;
         let stops = self.stops(&arm, voice)?;
         let device = if self.bind { Some(self.port.connect()?.identity().device) } else { None };
+        let profile = match &self.profile {
+            Some(path) => BoardProfile::read(path)?,
+            None => BoardProfile::of(&arm.name, &arm.wiring),
+        };
         let visits: Vec<Visit> = stops.iter().map(|stop| stop.visit.clone()).collect();
         let modules = if self.nearest { board::records(&arm)? } else { Vec::new() };
-        let plan = plan(&arm, &visits, device, &modules)?;
+        let plan = plan(&arm, &visits, &profile.board(device), &modules)?;
         let file = visits_of(&arm, &stops, &plan);
-        write(&self.output, plan.image.bytes())?;
+        write(&self.output, &table_file::bytes(&plan.image))?;
         write(&beside(&self.output), file.to_text().as_bytes())?;
         voice.tell(&self.report(&file, &plan, device))
     }

@@ -1,20 +1,43 @@
-//! Table files: the records of a table image, one after the other, as they travel and are stored.
+//! Table files.
+//!
+//! | bytes       | holds                                                                        |
+//! |-------------|------------------------------------------------------------------------------|
+//! | 13          | `darm table 2`, line feed                                                    |
+//! | 32          | SHA-256 of the image: what the board reports of the table that it holds      |
+//! | the rest    | the image: the records, one after the other, as they travel and are stored   |
+//! | 4, LE       | CRC-32 (ISO HDLC) of all bytes before it                                     |
 
 use std::path::{Path, PathBuf};
 
-use darm::client::TableImage;
-use darm_core::table::{Checker, Record, TableError};
-use darm_core::units::{DeviceId, Micros, ModelHash};
+use darm::client::UploadImage;
+use darm_core::profile::Profile;
+use darm_core::table::{Board, Checker, Record, TableError, wiring};
+use darm_core::units::{DeviceId, Digest, Micros, ModelHash, ShortDigest};
+use darm_core::wire::frame::CRC;
+
+/// First bytes of a file.
+const HEAD: &[u8] = b"darm table 2\n";
+const DIGEST: usize = 32;
+const CHECK: usize = 4;
+
+/// The bytes of a table's file.
+pub(crate) fn bytes(image: &UploadImage) -> Vec<u8> {
+    let mut bytes = [HEAD, &image.image().digest.0, image.bytes()].concat();
+    bytes.extend(CRC.checksum(&bytes).to_le_bytes());
+    bytes
+}
 
 /// A table read from a file and checked against its own limits.
 pub(crate) struct TableFile {
     path: PathBuf,
     /// The board that it was made for, if for one.
     device: Option<DeviceId>,
+    /// The board profile that it was made for.
+    profile: Digest,
     /// All records, in order.
     pub(crate) records: Vec<Record>,
     /// What travels.
-    pub(crate) image: TableImage,
+    pub(crate) image: UploadImage,
 }
 
 /// Why a file is no table.
@@ -28,8 +51,26 @@ pub(crate) enum TableFileError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// Another kind of file, or a table of an earlier version.
+    #[error("{path} is not a table of this version; make it again with `darm table`")]
+    NoTable {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The checksum differs.
+    #[error(
+        "{path} is damaged: its checksum is {found:08x}, not {expected:08x}; copy it again, or make it with `darm table`"
+    )]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// The checksum of its bytes.
+        found: u32,
+        /// The checksum at its end.
+        expected: u32,
+    },
     /// Bytes that are no record.
-    #[error("{path}: the bytes from {offset} on are no table; tables are made by `darm table`")]
+    #[error("{path}: the bytes from {offset} on are not a record; make the table again with `darm table`")]
     Bytes {
         /// The file.
         path: PathBuf,
@@ -54,6 +95,19 @@ pub(crate) enum TableFileError {
         /// The board that is there.
         board: DeviceId,
     },
+    /// The table was made for another profile of the board.
+    #[error(
+        "{path} was made for board profile {profile}, this board has {board}; \
+         write that profile with `darm profile write`, or make the table again with `darm table --profile`"
+    )]
+    OtherProfile {
+        /// The file.
+        path: PathBuf,
+        /// The profile it was made for.
+        profile: ShortDigest,
+        /// The profile of the board.
+        board: ShortDigest,
+    },
     /// The last record is missing.
     #[error("{path}: the table is cut off after {rows} rows; make it again with `darm table`")]
     CutOff {
@@ -68,13 +122,22 @@ impl TableFile {
     /// Reads and checks against the limits that it carries.
     pub(crate) fn read(path: &Path) -> Result<Self, TableFileError> {
         let bytes = std::fs::read(path).map_err(|source| TableFileError::Read { path: path.into(), source })?;
-        let records = records(&bytes)
-            .map_err(|offset| TableFileError::Bytes { path: path.into(), offset })
+        let image = unpack(&bytes, path)?;
+        let records = records(image)
+            .map_err(|offset| TableFileError::Bytes { path: path.into(), offset: HEAD.len() + DIGEST + offset })
             .and_then(|records| check(path, records))?;
-        let (model, device) = start(&records);
-        let image =
-            TableImage::new(&records, model).map_err(|source| TableFileError::Refused { path: path.into(), source })?;
-        Ok(Self { path: path.into(), device, records, image })
+        let Start { model, device, profile } = start(&records);
+        let image = UploadImage::table(&records, model);
+        Ok(Self { path: path.into(), device, profile, records, image })
+    }
+
+    /// Refuses a board that has another profile than the one that the table was made for.
+    pub(crate) fn check_profile(&self, board: Digest) -> Result<(), TableFileError> {
+        if self.profile == board {
+            return Ok(());
+        }
+        let (path, profile) = (self.path.clone(), self.profile.short());
+        Err(TableFileError::OtherProfile { path, profile, board: board.short() })
     }
 
     /// Refuses a board that the table was not made for.
@@ -105,11 +168,22 @@ fn records(bytes: &[u8]) -> Result<Vec<Record>, usize> {
     Ok(records)
 }
 
+/// The image in a file's bytes, once its checksum fits.
+fn unpack<'b>(bytes: &'b [u8], path: &Path) -> Result<&'b [u8], TableFileError> {
+    let no_table = || TableFileError::NoTable { path: path.into() };
+    let (content, check) = bytes.split_last_chunk::<CHECK>().ok_or_else(no_table)?;
+    let image = content.strip_prefix(HEAD).and_then(|rest| rest.get(DIGEST..)).ok_or_else(no_table)?;
+    let (found, expected) = (CRC.checksum(content), u32::from_le_bytes(*check));
+    if found == expected { Ok(image) } else { Err(TableFileError::Damaged { path: path.into(), found, expected }) }
+}
+
 fn check(path: &Path, records: Vec<Record>) -> Result<Vec<Record>, TableFileError> {
+    let refused = |source| TableFileError::Refused { path: path.into(), source };
+    let wiring = wiring(&records).map_err(refused)?;
+    let profile = Profile { digest: start(&records).profile, ..Profile::of(&wiring) };
+    let board = Board { device: None, profile: &profile };
     let mut checker = Checker::default();
-    for record in &records {
-        checker.admit(record, None).map_err(|source| TableFileError::Refused { path: path.into(), source })?;
-    }
+    records.iter().try_for_each(|record| checker.admit(record, &board)).map_err(refused)?;
     match checker.is_complete() {
         true => Ok(records),
         false => Err(TableFileError::CutOff { path: path.into(), rows: rows(&records) }),
@@ -120,11 +194,22 @@ fn rows(records: &[Record]) -> usize {
     records.iter().filter(|record| matches!(record, Record::Row(_))).count()
 }
 
-fn start(records: &[Record]) -> (ModelHash, Option<DeviceId>) {
+/// What the first record says.
+#[derive(Default)]
+struct Start {
+    model: ModelHash,
+    device: Option<DeviceId>,
+    profile: Digest,
+}
+
+fn start(records: &[Record]) -> Start {
     let start = |record: &Record| match record {
-        Record::Start { model, device, .. } => Some((*model, *device)),
+        Record::Start { model, device, profile, .. } => {
+            Some(Start { model: *model, device: *device, profile: *profile })
+        }
         _ => None,
     };
+    // The checker refuses records without a start.
     records.iter().find_map(start).unwrap_or_default()
 }
 

@@ -55,6 +55,9 @@ impl Upload {
         let file = TableFile::read(&self.table)?;
         let mut client = self.port.connect()?;
         file.check_device(client.identity().device)?;
+        if let Some(hello) = client.hello() {
+            file.check_profile(hello.profile)?;
+        }
         let image = file.image.image();
         let bar = voice.bar("uploading", u64::from(image.len), "bytes");
         let start = Instant::now();

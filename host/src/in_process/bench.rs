@@ -1,11 +1,13 @@
 //! The board with its plant, without threads: somebody steps it, tick by tick, and sees what its pins do.
 
+use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::future::Future;
 use std::pin::Pin as Pinned;
 use std::rc::Rc;
 use std::task::{Context, Waker};
 
+use darm_core::duty::DutyMeters;
 use darm_core::wire::bootstrap::Into as RebootInto;
 use darm_firmware::control::TICK;
 
@@ -49,6 +51,9 @@ pub struct Bench {
     firmware: Option<Pinned<Box<dyn Future<Output = RebootInto>>>>,
     wires: Rc<Wires>,
     flash: MemoryFlash,
+    /// How long each output has been on: memory that survives a reset.
+    used: Rc<RefCell<DutyMeters>>,
+    button: bool,
     plant: Plant,
     chain: Chain,
     /// Bytes from the host that the board has not fetched.
@@ -66,11 +71,13 @@ pub struct Bench {
 impl Bench {
     /// A board that has just got its power. Its clock is right.
     pub fn new(plant: Plant, flash: MemoryFlash) -> Self {
-        let wires = Rc::new(Wires::default());
+        let (wires, used) = (Rc::new(Wires::default()), Rc::<RefCell<DutyMeters>>::default());
         Self {
-            firmware: Some(Box::pin(board::run(wires.clone(), flash.clone()))),
+            firmware: Some(Box::pin(board::run(wires.clone(), flash.clone(), used.clone()))),
             wires,
             flash,
+            used,
+            button: false,
             plant,
             chain: Chain::new(CHAIN, CHIPS, RELEASED),
             to_board: VecDeque::new(),
@@ -135,6 +142,12 @@ impl Bench {
         self.inverted = inputs;
     }
 
+    /// A person holds the user button, or releases it.
+    pub fn hold_button(&mut self, held: bool) {
+        self.button = held;
+        self.wires.button.set(held);
+    }
+
     /// Bytes from the host.
     pub fn send(&mut self, bytes: &[u8]) {
         self.to_board.extend(bytes);
@@ -161,6 +174,7 @@ impl Bench {
     /// Cuts the power: RAM is lost, flash and plant stay.
     pub fn power_off(&mut self) {
         self.release();
+        self.used.replace(DutyMeters::default());
         self.happened.push(Physical::Power(false));
     }
 
@@ -181,7 +195,9 @@ impl Bench {
     }
 
     fn start(&mut self) {
-        self.firmware = Some(Box::pin(board::run(self.wires.clone(), self.flash.clone())));
+        self.wires.button.set(self.button);
+        let firmware = board::run(self.wires.clone(), self.flash.clone(), self.used.clone());
+        self.firmware = Some(Box::pin(firmware));
     }
 
     /// Nothing drives the pins any more.

@@ -6,12 +6,14 @@ use std::future::{Future, poll_fn};
 use std::rc::Rc;
 use std::task::Poll;
 
+use darm_core::duty::DutyMeters;
+use darm_core::profile::Profile;
 use darm_core::table::Table;
 use darm_core::units::{DeviceId, Micros};
 use darm_core::wire::bootstrap::{Identity, Into};
 use darm_firmware::app::serve;
 use darm_firmware::clock::Clock;
-use darm_firmware::control::{Control, Shared, TICK};
+use darm_firmware::control::{Control, Inputs, Shared, TICK};
 use darm_firmware::dispatch::{Board, Desk};
 use darm_firmware::nearest::Room;
 use darm_firmware::pipe::{Pipe, PipeReader, PipeWriter};
@@ -68,6 +70,8 @@ pub(super) struct Wires {
     pub(super) bus_out: Pipe<256>,
     /// Limit switches: bit `i` is input `i`.
     pub(super) switches: Cell<u32>,
+    /// A person holds the user button.
+    pub(super) button: Cell<bool>,
     /// Pins that are high, by bit of [`Pin`].
     levels: Cell<u8>,
     /// Edges since they were taken last.
@@ -84,6 +88,7 @@ impl Default for Wires {
             bus_in: Pipe::default(),
             bus_out: Pipe::default(),
             switches: Cell::new(0),
+            button: Cell::new(false),
             levels: Cell::new(1 << Pin::Enable as u8),
             edges: RefCell::default(),
         }
@@ -125,28 +130,30 @@ impl OutputPin for Wire {
     }
 }
 
-/// Runs the firmware from its start until a restart is requested.
-pub(super) async fn run(wires: Rc<Wires>, flash: MemoryFlash) -> Into {
+/// Runs the firmware from its start until a restart is requested. `used` is memory that survives a reset.
+pub(super) async fn run(wires: Rc<Wires>, flash: MemoryFlash, used: Rc<RefCell<DutyMeters>>) -> Into {
     let mut table = Box::<Table>::default();
     let mut room = Box::<Room>::default();
+    let mut profile = Box::new(Profile::empty());
+    let mut used = used.borrow_mut();
     let shared = Shared::new();
     let console = async {
         let board = "in-process".parse().unwrap_or_default();
         let identity = Identity { device: DEVICE, board };
         let mut desk = Desk::new(Board { identity, death: None }, &wires.clock, &shared, &mut room);
-        desk.open(Some(flash), &mut table).await;
+        desk.open(Some(flash), &mut table, &mut profile).await;
         serve(&mut desk, &mut PipeReader(&wires.console_in), &mut PipeWriter(&wires.console_out)).await
     };
     let bus =
         async { Bus::new(PipeReader(&wires.bus_in), PipeWriter(&wires.bus_out), &wires.clock).run(&shared).await };
-    match select3(console, control(&wires, &shared), bus).await {
+    match select3(console, control(&wires, &shared, &mut used), bus).await {
         Either3::First(into) => into,
         Either3::Second(never) | Either3::Third(never) => never,
     }
 }
 
 /// The control task, as on the chip: reads the switches, decides, drives the chain once per millisecond.
-async fn control(wires: &Rc<Wires>, shared: &Shared<'_>) -> ! {
+async fn control<'t>(wires: &Rc<Wires>, shared: &Shared<'t>, used: &'t mut DutyMeters) -> ! {
     let pin = |pin| Wire(wires.clone(), pin);
     let Ok(mut solenoids) = Solenoids::new(Pins {
         data: pin(Pin::Data),
@@ -154,15 +161,13 @@ async fn control(wires: &Rc<Wires>, shared: &Shared<'_>) -> ! {
         latch: pin(Pin::Latch),
         enable: pin(Pin::Enable),
     });
-    let mut control = Control::new(wires.clock.now(), shared);
+    let mut control = Control::new(wires.clock.now(), shared, used);
     let mut due = wires.clock.now();
     loop {
         due = due + TICK;
         wires.clock.wait_until(due).await;
-        let outputs = control.tick(wires.clock.now(), due, wires.switches.get(), shared);
-        if let Some(chips) = control.chips() {
-            solenoids.set_chips(chips);
-        }
+        let inputs = Inputs { switches: wires.switches.get(), button: wires.button.get() };
+        let outputs = control.tick(wires.clock.now(), due, inputs, shared);
         let Ok(()) = solenoids.apply(outputs.lines, outputs.enabled);
     }
 }

@@ -6,9 +6,11 @@
 use std::future::pending;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use darm_firmware::store::FLASH_BYTES;
-use embassy_futures::yield_now;
+use darm_firmware::store::{FLASH_BYTES, Store};
+use embassy_futures::{block_on, yield_now};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
+
+use crate::client::UploadImage;
 
 /// Pages and words of the board's chip.
 const PAGE: usize = 2048;
@@ -99,6 +101,24 @@ impl Cells {
 }
 
 impl MemoryFlash {
+    /// The flash of a board that holds this profile and nothing else.
+    pub fn with_profile(profile: &UploadImage) -> Self {
+        let flash = Self::default();
+        let stored = block_on(async {
+            let mut store = Store::open(flash.clone()).await;
+            store.begin(profile.image()).await?;
+            store.chunk(0, profile.bytes()).await?;
+            store.commit().await
+        });
+        stored.expect("an erased flash takes a profile");
+        flash
+    }
+
+    /// All its bytes, as a file of an emulated board's flash holds them.
+    pub fn bytes(&self) -> Vec<u8> {
+        self.cells().bytes.clone()
+    }
+
     fn cells(&self) -> MutexGuard<'_, Cells> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

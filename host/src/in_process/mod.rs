@@ -97,6 +97,11 @@ impl InProcess {
         self.with(Film::default(), |rig| rig.camera.film())
     }
 
+    /// A person holds the board's user button, or releases it.
+    pub fn hold_button(&self, held: bool) {
+        self.with((), move |rig| rig.bench.hold_button(held));
+    }
+
     /// Cuts the power and gives it back: RAM is lost, flash and plant stay.
     pub fn power_cycle(&self) {
         self.with((), |rig| {

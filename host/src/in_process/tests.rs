@@ -1,12 +1,13 @@
 //! The firmware's library behind bad lines, with a plant that breaks.
 
-use darm_core::output::{ActuatorWiring, Coil, Drive, LimitSwitch, ServoWiring, Wiring};
+use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, ServoWiring, Wiring};
 use darm_core::sequencer::{Command, Event, FaultKind, Phase};
 use darm_core::table::{Record, Row};
 use darm_core::units::{ActuatorId, Micros, ModelHash, Word};
 
 use super::{InProcess, MemoryFlash};
-use crate::client::{Client, Happening, TableImage};
+use crate::board_profile::BoardProfile;
+use crate::client::{Client, Happening, UploadImage};
 use crate::link::faulty::{Faults, Faulty};
 use crate::plant::{Broken, Plant};
 
@@ -16,7 +17,8 @@ fn wiring() -> Wiring {
     for index in 0..4 {
         let drive = Drive::Hold { line: index };
         let switch = Some(LimitSwitch { input: index, closed_in: 0b10 });
-        wiring.coils.push(Coil { drive, limit: drive.default_limit() }).unwrap();
+        let limit = CoilLimit { duty_percent: 100, ..drive.default_limit() };
+        wiring.coils.push(Coil { output: index, drive, limit }).unwrap();
         wiring.actuators.push(ActuatorWiring { states: 2, switch, travel_ms: 100 }).unwrap();
     }
     let (max_speed_rad_s, max_torque, timeout_ms) = (2.0, 0.8, 100);
@@ -30,10 +32,16 @@ fn words(count: usize) -> Vec<Word> {
     (1..=count).map(|n| Word::new(&digits(n ^ n >> 1)).unwrap()).collect()
 }
 
+/// The profile that allows this wiring.
+fn profile() -> BoardProfile {
+    BoardProfile::of("four valves", &wiring())
+}
+
 /// A row every 200 ms; the servo goes to and fro.
-fn table(words: &[Word]) -> TableImage {
+fn table(words: &[Word]) -> UploadImage {
     let (wiring, model) = (wiring(), ModelHash(9));
-    let mut records = vec![Record::Start { model, device: None, switch_limit: wiring.switch_limit }];
+    let profile = profile().profile.digest;
+    let mut records = vec![Record::Start { model, device: None, profile, switch_limit: wiring.switch_limit }];
     records.extend(wiring.coils.iter().copied().map(Record::Coil));
     records.extend(wiring.actuators.iter().copied().map(Record::Actuator));
     records.extend(wiring.servos.iter().copied().map(Record::Servo));
@@ -42,11 +50,11 @@ fn table(words: &[Word]) -> TableImage {
         records.push(Record::Row(Row { at: Micros(200_000 * row as u64), word, servos }));
     }
     records.push(Record::End { at: Micros(200_000 * words.len() as u64) });
-    TableImage::new(&records, model).unwrap()
+    UploadImage::table(&records, model)
 }
 
 fn boot(servo_offset_rad: f32) -> InProcess {
-    InProcess::boot(Plant::new(&wiring(), &[servo_offset_rad]), MemoryFlash::default()).unwrap()
+    InProcess::boot(Plant::new(&wiring(), &[servo_offset_rad]), MemoryFlash::with_profile(&profile().image())).unwrap()
 }
 
 fn loaded() -> (InProcess, Client) {
@@ -151,7 +159,7 @@ fn the_servo_stands_at_its_joint_angle_whatever_its_horn() {
     let board = boot(0.3);
     let mut client = Client::connect_as(board.link(), 1).unwrap();
     client.upload(&table(&words(8)), &mut |_| {}).unwrap();
-    let calibration = darm_core::wire::message::Calibration { model: ModelHash(9), offsets_rad: [0.3, 0.0, 0.0, 0.0] };
+    let calibration = darm_core::wire::message::Calibration::try_from([0.3, 0.0, 0.0, 0.0]).unwrap();
     client.calibrate(calibration).unwrap();
     client.command(Command::Servo { servo: 0, angle_rad: 0.5 }).unwrap();
     board.pass(3.0);

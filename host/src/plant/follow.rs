@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use darm_core::output::Wiring;
+use darm_core::output::{MAX_LINES, Wiring};
 
 use super::camera::{Camera, Film};
 use super::chain::Chain;
@@ -25,6 +25,7 @@ pub struct Follower {
     plant: Arc<Mutex<Plant>>,
     film: Film,
     end: Arc<AtomicBool>,
+    button: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
 }
 
@@ -60,15 +61,18 @@ impl Follower {
         bus.set_read_timeout(Some(LOOK))?;
         let shared = Arc::new(Mutex::new(plant));
         let end = Arc::new(AtomicBool::new(false));
-        let chain = Chain::new(board::CHAIN, wiring.chips(), levels);
-        let mut pins = Pins { plant: shared.clone(), end: end.clone(), qtest, chain, camera, shown: 0 };
+        let button = Arc::new(AtomicBool::new(false));
+        let chain = Chain::new(board::CHAIN, MAX_LINES / 8, levels);
+        let (shown, held) = (0, false);
+        let (plant, end_of_pins, button_of_pins) = (shared.clone(), end.clone(), button.clone());
+        let mut pins = Pins { plant, end: end_of_pins, qtest, chain, camera, shown, button: button_of_pins, held };
         pins.show_switches()?;
         let (bus_plant, bus_end) = (shared.clone(), end.clone());
         let threads = vec![
             thread::Builder::new().name("plant-pins".into()).spawn(move || pins.follow(&edges))?,
             thread::Builder::new().name("plant-bus".into()).spawn(move || answer(bus, &bus_plant, &bus_end))?,
         ];
-        Ok(Self { plant: shared, film, end, threads })
+        Ok(Self { plant: shared, film, end, button, threads })
     }
 
     /// Where the plant is now.
@@ -81,6 +85,12 @@ impl Follower {
     /// Breaks or repairs something, from now on.
     pub fn set_broken(&self, broken: Broken) {
         lock(&self.plant).set_broken(host_now_s(), broken);
+    }
+
+    /// A person holds the board's user button, or releases it. Returns before the pin has changed, by a few
+    /// milliseconds.
+    pub fn hold_button(&self, held: bool) {
+        self.button.store(held, Ordering::Relaxed);
     }
 
     /// What the camera takes.
@@ -122,6 +132,9 @@ struct Pins {
     camera: Camera,
     /// Switches as the board's inputs show them.
     shown: u32,
+    /// Whether the user button is to be pressed, and whether it is.
+    button: Arc<AtomicBool>,
+    held: bool,
 }
 
 impl Pins {
@@ -176,6 +189,12 @@ impl Pins {
             }
         }
         self.shown = switches;
+        let held = self.button.load(Ordering::Relaxed);
+        if held != self.held {
+            let (bank, pin) = board::BUTTON;
+            self.qtest.set_input(bank, pin, !held)?;
+            self.held = held;
+        }
         Ok(())
     }
 }

@@ -210,7 +210,7 @@ mod tests {
         for index in 0..count {
             let drive = Drive::Hold { line: index };
             let switch = Some(LimitSwitch { input: index, closed_in: 0b10 });
-            wiring.coils.push(Coil { drive, limit: drive.default_limit() }).unwrap();
+            wiring.coils.push(Coil { output: index, drive, limit: drive.default_limit() }).unwrap();
             wiring.actuators.push(ActuatorWiring { states: 2, switch, travel_ms: 100 }).unwrap();
         }
         wiring

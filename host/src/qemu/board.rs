@@ -4,6 +4,7 @@
 //! |----------------|------------------------------------------------------------------------------------------|
 //! | output chain   | data PA7, clock PA5, latch PA4, output enable PA15                                         |
 //! | limit switches | 0..5 = PC0..PC5, 6 = PB0, 7 = PB1, 8 = PB2, 9 = PB4, 10 = PB8, 11 = PB9, 12 = PD14; high when closed |
+//! | user button    | PC13, low when pressed                                                                   |
 
 use super::qtest::{Qtest, QtestError};
 use crate::plant::chain::ChainPins;
@@ -41,6 +42,9 @@ pub fn intercept_chain(qtest: &mut Qtest) -> Result<u16, QtestError> {
 const PB: &str = "/machine/soc/gpiob";
 const PC: &str = "/machine/soc/gpioc";
 const PD: &str = "/machine/soc/gpiod";
+
+/// Bank and pin of the user button, low when it is pressed.
+pub const BUTTON: (&str, u8) = (PC, 13);
 
 /// Bank and pin of each limit switch by its number.
 pub const SWITCHES: [(&str, u8); 13] = [

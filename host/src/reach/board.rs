@@ -167,6 +167,7 @@ fn packed(word: &Word, first: usize, digits: usize) -> u16 {
 
 #[cfg(test)]
 mod tests {
+    use crate::board_profile::BoardProfile;
     use std::path::Path;
 
     use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
@@ -202,11 +203,11 @@ mod tests {
         let modules = records(&arm).unwrap();
         assert_eq!(modules.len(), 6 * 65);
         let visit = Visit { word: arm.rest(), servos_rad: vec![], dwell_s: 0.1, label: "rest".into() };
-        let plan = plan(&arm, &[visit], None, &modules).unwrap();
+        let plan = plan(&arm, &[visit], &BoardProfile::of("arm", &arm.wiring).board(None), &modules).unwrap();
         assert!(plan.image.bytes().len() < 12_000, "{}", plan.image.bytes().len());
         let mut checker = Checker::default();
         let module = modules[0].clone();
-        assert_eq!(checker.admit(&module, None), Err(TableError::Order));
+        assert_eq!(checker.admit(&module, &BoardProfile::built_in().board(None)), Err(TableError::Order));
     }
 
     /// Root mean square distance of the frames' products from the model, over 64 words, m.

@@ -5,14 +5,16 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use darm::client::{Client, Happening, TableImage};
+use darm::board_profile::BoardProfile;
+use darm::client::{Client, Happening, UploadImage};
 use darm::clock::HostTime;
+use darm::in_process::MemoryFlash;
 use darm::link::{Link, LinkError};
 use darm::plant::Plant;
 use darm::plant::camera::Film;
 use darm::plant::follow::Follower;
 use darm::qemu::{self, Console, Machine, Qemu};
-use darm_core::output::{ActuatorWiring, Coil, Drive, LimitSwitch, ServoWiring, Wiring};
+use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, ServoWiring, Wiring};
 use darm_core::sequencer::Event;
 use darm_core::table::{Record, Row};
 use darm_core::units::{Micros, ModelHash, Word};
@@ -35,7 +37,7 @@ pub(crate) struct Bench {
 }
 
 impl Bench {
-    /// Boots a blank board with twelve valves, and one servo if wanted. `None`, said loudly, where it cannot run.
+    /// Boots a board without a table, with twelve valves, and one servo if wanted. `None`, said loudly, where it cannot run.
     pub(crate) fn start(console: Console, servo: bool) -> Option<Self> {
         let elf =
             PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../target/thumbv7em-none-eabihf/firmware/darm-firmware");
@@ -53,6 +55,8 @@ impl Bench {
         let folder = tempfile::tempdir().unwrap();
         let machine = Machine { elf, folder: folder.path().to_owned(), console };
         let wiring = wiring(servo);
+        let flash = MemoryFlash::with_profile(&profile(&wiring).image());
+        std::fs::write(folder.path().join(qemu::FLASH_FILE), flash.bytes()).unwrap();
         let (qemu, follower) = boot(&machine, &wiring, Plant::new(&wiring, &[]));
         Some(Self { qemu, follower, wiring, machine, _folder: folder, _lock: lock })
     }
@@ -96,7 +100,9 @@ fn wiring(servo: bool) -> Wiring {
     for index in 0..12 {
         let drive = Drive::Hold { line: index };
         let switch = Some(LimitSwitch { input: index, closed_in: 0b10 });
-        wiring.coils.push(Coil { drive, limit: drive.default_limit() }).unwrap();
+        // Rated to be on for ever, so that nothing has to recover after power-up.
+        let limit = CoilLimit { duty_percent: 100, ..drive.default_limit() };
+        wiring.coils.push(Coil { output: index, drive, limit }).unwrap();
         wiring.actuators.push(ActuatorWiring { states: 2, switch, travel_ms: 200 }).unwrap();
     }
     if servo {
@@ -105,6 +111,11 @@ fn wiring(servo: bool) -> Wiring {
         wiring.servos.push(joint).unwrap();
     }
     wiring
+}
+
+/// The profile that allows this wiring.
+pub(crate) fn profile(wiring: &Wiring) -> BoardProfile {
+    BoardProfile::of("bench", wiring)
 }
 
 /// Words whose neighbours differ by one or two digits; the first is not the word at rest.
@@ -120,14 +131,15 @@ pub(crate) fn servo_angle_rad(row: usize) -> f32 {
 }
 
 /// A table with these words in rows of [`ROW_MS`].
-pub(crate) fn table(wiring: &Wiring, words: &[Word], model: ModelHash) -> TableImage {
+pub(crate) fn table(wiring: &Wiring, words: &[Word], model: ModelHash) -> UploadImage {
     table_with(wiring, words, model, &[])
 }
 
 /// The same with the frames of the arm's modules.
-pub(crate) fn table_with(wiring: &Wiring, words: &[Word], model: ModelHash, modules: &[Record]) -> TableImage {
+pub(crate) fn table_with(wiring: &Wiring, words: &[Word], model: ModelHash, modules: &[Record]) -> UploadImage {
     let at = |row: usize| Micros::from_millis(ROW_MS * row as u32);
-    let mut records = vec![Record::Start { model, device: None, switch_limit: wiring.switch_limit }];
+    let profile = profile(wiring).profile.digest;
+    let mut records = vec![Record::Start { model, device: None, profile, switch_limit: wiring.switch_limit }];
     records.extend(wiring.coils.iter().copied().map(Record::Coil));
     records.extend(wiring.actuators.iter().copied().map(Record::Actuator));
     records.extend(wiring.servos.iter().copied().map(Record::Servo));
@@ -137,7 +149,7 @@ pub(crate) fn table_with(wiring: &Wiring, words: &[Word], model: ModelHash, modu
         records.push(Record::Row(Row { at: at(row), word, servos }));
     }
     records.push(Record::End { at: at(words.len()) });
-    TableImage::new(&records, model).unwrap()
+    UploadImage::table(&records, model)
 }
 
 /// Waits for something to become true.

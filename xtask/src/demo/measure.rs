@@ -46,7 +46,8 @@ pub(crate) fn measure(
     progress: &Progress,
 ) -> Result<Measured> {
     let visits: Vec<Visit> = stops.iter().map(|stop| stop.visit.clone()).collect();
-    let plan = plan(arm, &visits, Some(rig.client.identity().device), &[])?;
+    let board = rig.profile.board(Some(rig.client.identity().device));
+    let plan = plan(arm, &visits, &board, &[])?;
     let bar = progress.bar("uploading", plan.image.image().len.into());
     rig.client.upload(&plan.image, &mut |upload| bar.set_position(upload.done.into()))?;
     bar.finish_and_clear();

@@ -4,13 +4,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use darm::arm::Arm;
+use darm::board_profile::BoardProfile;
 use darm::client::Client;
 use darm::in_process::{InProcess, MemoryFlash};
 use darm::link;
 use darm::plant::Plant;
 use darm::plant::camera::Film;
 use darm::plant::follow::Follower;
-use darm::qemu::{Console, Machine, Qemu};
+use darm::qemu::{self, Console, Machine, Qemu};
 
 /// A board that can be talked to, and a camera that looks at what hangs on its pins.
 pub(crate) struct Rig {
@@ -20,6 +21,8 @@ pub(crate) struct Rig {
     pub(crate) film: Film,
     /// What it is, in a few words.
     pub(crate) what: String,
+    /// What is wired to it.
+    pub(crate) profile: BoardProfile,
     _board: Board,
 }
 
@@ -32,6 +35,11 @@ enum Board {
 impl Rig {
     /// Boots the image at `elf` in the emulator; the plant follows its pins. The flash lives in `folder`.
     pub(crate) fn emulated(elf: PathBuf, folder: &Path, arm: &Arm) -> Result<Self> {
+        let profile = BoardProfile::of(&arm.name, &arm.wiring);
+        let flash = folder.join(qemu::FLASH_FILE);
+        if !flash.exists() {
+            std::fs::write(&flash, MemoryFlash::with_profile(&profile.image()).bytes())?;
+        }
         let machine = Machine { elf, folder: folder.to_path_buf(), console: Console::Socket };
         let mut qemu = Qemu::start(&machine)?;
         let follower = Follower::start(&qemu, &arm.wiring, Plant::new(&arm.wiring, &[]))?;
@@ -39,15 +47,17 @@ impl Rig {
         let client = Client::connect(link::open(qemu.console_port())?).context("the emulated board does not answer")?;
         let film = follower.film();
         let what = "the firmware image in QEMU b-l475e-iot01a".to_owned();
-        Ok(Self { client, film, what, _board: Board::Emulated { _follower: follower, _qemu: qemu } })
+        Ok(Self { client, film, what, profile, _board: Board::Emulated { _follower: follower, _qemu: qemu } })
     }
 
     /// Runs the firmware library in this process, in virtual time.
     pub(crate) fn in_process(arm: &Arm) -> Result<Self> {
-        let board = InProcess::boot(Plant::new(&arm.wiring, &[]), MemoryFlash::default())?;
+        let profile = BoardProfile::of(&arm.name, &arm.wiring);
+        let flash = MemoryFlash::with_profile(&profile.image());
+        let board = InProcess::boot(Plant::new(&arm.wiring, &[]), flash)?;
         let client = Client::connect_as(board.link(), 1).context("the board in this process does not answer")?;
         let film = board.film();
         let what = "the firmware library in this process, in virtual time".to_owned();
-        Ok(Self { client, film, what, _board: Board::InProcess { _board: board } })
+        Ok(Self { client, film, what, profile, _board: Board::InProcess { _board: board } })
     }
 }

@@ -6,6 +6,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use darm::arm::Arm;
+use darm::board_profile::BoardProfile;
+use darm::client::Client;
+use darm::in_process::MemoryFlash;
+use darm::link;
 use darm::plant::camera::Frame;
 use darm::plant::follow::Follower;
 use darm::plant::{Broken, Plant};
@@ -48,6 +52,7 @@ impl Board {
         folder: &Path,
         arm: &Arm,
         broken: Broken,
+        profile: Option<&BoardProfile>,
     ) -> anyhow::Result<(Self, Frames)> {
         let Emulator { elf, console } = emulator;
         let what = format!("{} in {} {}", elf.display(), qemu::PROGRAM, qemu::find()?);
@@ -55,6 +60,9 @@ impl Board {
         let follower = Follower::start(&qemu, &arm.wiring, Plant::new(&arm.wiring, &[]))?;
         follower.set_broken(broken);
         qemu.resume()?;
+        if let Some(profile) = profile {
+            press_and_write(&follower, qemu.console_port(), profile)?;
+        }
         let film = follower.film();
         let board = Self {
             port: name_port(folder, qemu.console_port())?,
@@ -66,14 +74,20 @@ impl Board {
     }
 
     /// Starts the firmware's library in this process.
-    pub(crate) fn in_process(folder: &Path, arm: &Arm, broken: Broken) -> anyhow::Result<(Self, Frames)> {
+    pub(crate) fn in_process(
+        folder: &Path,
+        arm: &Arm,
+        broken: Broken,
+        profile: Option<&BoardProfile>,
+    ) -> anyhow::Result<(Self, Frames)> {
         let port = state_folder::port(folder);
         // There may be none.
         let _ = std::fs::remove_file(&port);
         let listener = UnixListener::bind(&port).with_context(|| format!("cannot open the port {}", port.display()))?;
         let mut plant = Plant::new(&arm.wiring, &[]);
         plant.set_broken(0.0, broken);
-        let (bridge, frames) = Bridge::start(listener, plant)?;
+        let flash = profile.map_or_else(MemoryFlash::default, |profile| MemoryFlash::with_profile(&profile.image()));
+        let (bridge, frames) = Bridge::start(listener, plant, flash)?;
         let board = Self {
             kind: Kind::InProcess(bridge),
             what: "the firmware's library in this process".into(),
@@ -101,6 +115,18 @@ impl Board {
             Kind::InProcess(bridge) => bridge.stop(),
         }
     }
+}
+
+/// Writes a profile as a person at the board does. A board that has it already is left alone.
+fn press_and_write(follower: &Follower, port: &str, profile: &BoardProfile) -> anyhow::Result<()> {
+    let mut client = Client::connect(link::open(port)?)?;
+    if client.hello().is_some_and(|hello| hello.profile == profile.profile.digest) {
+        return Ok(());
+    }
+    follower.hold_button(true);
+    let written = crate::commands::profile::write(&mut client, profile);
+    follower.hold_button(false);
+    written
 }
 
 /// Gives the emulator's port a name that stays the same from one start to the next.

@@ -29,10 +29,14 @@ pub(crate) struct Bridge {
 }
 
 impl Bridge {
-    /// Starts a board with blank flash behind `port`; what its camera takes comes with the host's time.
-    pub(crate) fn start(port: UnixListener, plant: Plant) -> std::io::Result<(Self, Receiver<Frame>)> {
+    /// Starts a board with this flash behind `port`; what its camera takes comes with the host's time.
+    pub(crate) fn start(
+        port: UnixListener,
+        plant: Plant,
+        flash: MemoryFlash,
+    ) -> std::io::Result<(Self, Receiver<Frame>)> {
         port.set_nonblocking(true)?;
-        let board = InProcess::boot(plant, MemoryFlash::default())?;
+        let board = InProcess::boot(plant, flash)?;
         let end = Arc::new(AtomicBool::new(false));
         let (link, film, seen) = (board.link(), board.film(), Arc::clone(&end));
         let (frames, taken) = channel();
