@@ -5,36 +5,47 @@ use embedded_hal::digital::{ErrorType, OutputPin};
 use stm32_metapac::gpio::Gpio;
 use stm32_metapac::gpio::vals::{Moder, Ot, Pupdr};
 
-use super::pins::{Pin, SWITCHES, USER_BUTTON};
+use super::pins::{CHAIN, Pin, SWITCHES, USER_BUTTON};
 
-/// A push-pull output.
-pub struct Output(Pin);
+/// A push-pull output: the pin of [`CHAIN`] with this number. The pin is in the type, so that an edge is one store.
+pub struct Output<const LINE: usize>(());
 
-impl Output {
-    /// Takes over a pin at the given level, without a glitch: the level is set before the direction.
-    pub fn new(pin: Pin, high: bool) -> Self {
-        let mut output = Self(pin);
+/// Serial data into the chain.
+pub type ChainData = Output<0>;
+/// Shift clock of the chain.
+pub type ChainClock = Output<1>;
+/// Latch of the chain.
+pub type ChainLatch = Output<2>;
+/// Output enable of the chain, active low.
+pub type ChainEnable = Output<3>;
+
+impl<const LINE: usize> Output<LINE> {
+    const PIN: Pin = CHAIN[LINE];
+
+    /// Takes over the pin at the given level, without a glitch: the level is set before the direction.
+    pub fn new(high: bool) -> Self {
+        let mut output = Self(());
         output.drive(high);
-        let n = usize::from(pin.index);
-        pin.port.otyper().modify(|w| w.set_ot(n, Ot::PUSH_PULL));
-        pin.port.moder().modify(|w| w.set_moder(n, Moder::OUTPUT));
+        let (port, n) = (Self::PIN.port, usize::from(Self::PIN.index));
+        port.otyper().modify(|w| w.set_ot(n, Ot::PUSH_PULL));
+        port.moder().modify(|w| w.set_moder(n, Moder::OUTPUT));
         output
     }
 
     fn drive(&mut self, high: bool) {
         // Bits 0 to 15 set, bits 16 to 31 reset.
-        let set = 1 << (self.0.index & 15);
-        self.0.port.bsrr().write(|w| w.0 = if high { set } else { set << 16 });
+        let set = 1 << (Self::PIN.index & 15);
+        Self::PIN.port.bsrr().write(|w| w.0 = if high { set } else { set << 16 });
         // A 74HC595 at 3.3 V wants a clock pulse of about 40 ns; two stores follow each other in 25 ns.
         cortex_m::asm::nop();
         cortex_m::asm::nop();
     }
 }
 
-impl ErrorType for Output {
+impl<const LINE: usize> ErrorType for Output<LINE> {
     type Error = Infallible;
 }
-impl OutputPin for Output {
+impl<const LINE: usize> OutputPin for Output<LINE> {
     fn set_low(&mut self) -> Result<(), Infallible> {
         self.drive(false);
         Ok(())

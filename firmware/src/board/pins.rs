@@ -44,6 +44,9 @@ pub const CHAIN_LATCH: Pin = pin(GPIOA, 4);
 /// Output enable of the solenoid chain, active low.
 pub const CHAIN_ENABLE: Pin = pin(GPIOA, 15);
 
+/// The chain's four pins, as [`super::gpio::Output`] numbers them.
+pub const CHAIN: [Pin; 4] = [CHAIN_DATA, CHAIN_CLOCK, CHAIN_LATCH, CHAIN_ENABLE];
+
 /// The blue button B2 on the board (UM2153, "Buttons and LEDs"), low while it is pressed.
 pub const USER_BUTTON: Pin = pin(GPIOC, 13);
 

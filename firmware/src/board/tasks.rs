@@ -26,9 +26,9 @@ use static_cell::StaticCell;
 use stm32_metapac::interrupt;
 
 use super::flash::Flash;
-use super::gpio::{Output, Switches, user_button_pressed};
+use super::gpio::{ChainClock, ChainData, ChainEnable, ChainLatch, Switches, user_button_pressed};
 use super::time::BoardClock;
-use super::{death, pins, restart, uart, watchdog};
+use super::{death, restart, uart, watchdog};
 use crate::app::serve;
 use crate::clock::Clock;
 use crate::control::{Control, Inputs, Shared};
@@ -87,7 +87,7 @@ unsafe fn SWPMI1() {
     unsafe { COMMON.on_interrupt() }
 }
 
-type Chain = Solenoids<Output, Output, Output, Output>;
+type Chain = Solenoids<ChainData, ChainClock, ChainLatch, ChainEnable>;
 
 /// What the control tick owns.
 struct Ticker {
@@ -103,10 +103,10 @@ impl Ticker {
     /// Takes over the pins, outputs disabled. What drives them cannot fail on this board.
     fn new(now: Micros) -> Self {
         let Ok(solenoids) = Solenoids::new(Pins {
-            data: Output::new(pins::CHAIN_DATA, false),
-            clock: Output::new(pins::CHAIN_CLOCK, false),
-            latch: Output::new(pins::CHAIN_LATCH, false),
-            enable: Output::new(pins::CHAIN_ENABLE, true),
+            data: ChainData::new(false),
+            clock: ChainClock::new(false),
+            latch: ChainLatch::new(false),
+            enable: ChainEnable::new(true),
         });
         let control = Control::new(now, &SHARED, used());
         Self { control, switches: Switches::new(), solenoids, watch: Watch::new(now), steady: false }
@@ -222,7 +222,7 @@ pub fn start(death: Option<Death>, start: Start) {
     let Ok(console) = console(desk(death, room()), table(), profile(), start) else { twice() };
     if start == Start::Held {
         // The pin keeps the level that it gets here.
-        Output::new(pins::CHAIN_ENABLE, true);
+        ChainEnable::new(true);
         COMMON.start(super::COMMON).spawn(console);
         return;
     }
