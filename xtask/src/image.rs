@@ -34,6 +34,9 @@ pub(crate) struct Command {
     /// Prints static RAM by symbol
     #[arg(long)]
     ram: bool,
+    /// Writes stack and static RAM to docs/memory-budget.md
+    #[arg(long)]
+    budget: bool,
     /// Fails when the control task can panic, or another task where the list does not allow it
     #[arg(long)]
     panics: bool,
@@ -45,9 +48,15 @@ impl Command {
         if self.ram {
             print!("{}", ram::table(&path)?);
         }
+        if self.budget {
+            let document = setup::root().join("docs/memory-budget.md");
+            std::fs::write(&document, budget(&path)?)
+                .with_context(|| format!("{} cannot be written", document.display()))?;
+            println!("{}", document.display());
+        }
         if self.stack || self.panics {
             self.analyse(&path)?;
-        } else if !self.ram {
+        } else if !self.ram && !self.budget {
             println!("{}", path.display());
         }
         Ok(())
@@ -66,6 +75,19 @@ impl Command {
         }
         if self.stack { bound.check() } else { Ok(()) }
     }
+}
+
+/// Stack and static RAM of an image as a page of the documentation.
+fn budget(path: &Path) -> Result<String> {
+    let image = code::Image::read(path)?;
+    let graph = graph::Graph::new(&image)?;
+    let stack = stack::Bound::new(&image, &graph)?.table(&graph, false);
+    let ram = ram::table(path)?;
+    Ok(format!(
+        "# Memory budget\n\nWritten by `cargo xtask image --budget`. `cargo xtask image --stack` adds the call chains.\n\n\
+         ## Stack\n\nBytes of the deepest call chain and of the frame that an interrupt pushes, by level of priority.\n\n\
+         ```text\n{stack}```\n\n## Static RAM\n\n{ram}"
+    ))
 }
 
 /// Checks the stack's bound and the panics of a built image, and prints the bound.

@@ -30,7 +30,7 @@ pub(crate) struct Function {
     /// It calls functions whose addresses it has in registers.
     pub(crate) calls_indirectly: bool,
     /// Odd constants that its instructions put together, as addresses of code.
-    constants: Vec<u32>,
+    pub(crate) constants: Vec<u32>,
     /// It changes the stack pointer by an amount that is not in the instruction.
     pub(crate) frame_unknown: bool,
 }
@@ -77,6 +77,12 @@ impl Image {
         }
         image.check_targets()?;
         Ok(image)
+    }
+
+    /// An image of functions alone.
+    #[cfg(test)]
+    pub(crate) fn of(functions: BTreeMap<u32, Function>) -> Self {
+        Self { functions, constants: Vec::new(), stack: None }
     }
 
     /// Bytes of the stack's memory.

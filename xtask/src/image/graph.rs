@@ -170,3 +170,56 @@ impl Search<'_, '_> {
         Ok(deepest)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Functions at 0, 2, 4, … with name, frame, calls and tail calls.
+    fn image(functions: &[(&str, u32, &[u32], &[u32])]) -> Image {
+        let functions = functions.iter().zip((0..).step_by(2)).map(|((name, frame, calls, tails), address)| {
+            let call = |is_tail| move |to: &u32| Call { at: address, to: *to, is_tail };
+            let calls = calls.iter().map(call(false)).chain(tails.iter().map(call(true))).collect();
+            (address, Function { name: (*name).into(), frame: *frame, calls, ..Function::default() })
+        });
+        Image::of(functions.collect())
+    }
+
+    fn deepest(image: &Image) -> Result<Chain> {
+        Graph::new(image)?.deepest(0, &|name| name == "end")
+    }
+
+    #[test]
+    fn the_deepest_chain_is_not_the_longest() {
+        let image = image(&[
+            ("root", 8, &[2, 4], &[]),
+            ("a", 8, &[6], &[]),
+            ("b", 100, &[], &[]),
+            ("c", 8, &[8], &[]),
+            ("end", 999, &[], &[]),
+        ]);
+        assert_eq!(deepest(&image).unwrap(), Chain { bytes: 108, functions: vec![0, 4] });
+    }
+
+    #[test]
+    fn a_tail_call_has_released_its_frame() {
+        let image = image(&[("root", 8, &[2], &[]), ("a", 50, &[], &[4]), ("b", 30, &[], &[])]);
+        assert_eq!(deepest(&image).unwrap().bytes, 58);
+    }
+
+    #[test]
+    fn recursion_is_rejected_unless_it_is_listed() {
+        let error = deepest(&image(&[("root", 8, &[2], &[]), ("a", 8, &[4], &[]), ("b", 8, &[2], &[])])).unwrap_err();
+        assert!(error.to_string().contains("a\n  b"), "{error}");
+        let listed = &RECURSION[0];
+        let image = image(&[("root", 8, &[2], &[]), (listed.function, 10, &[4], &[]), ("b", 1, &[2], &[])]);
+        assert_eq!(deepest(&image).unwrap().bytes, 8 + listed.depth * 11);
+    }
+
+    #[test]
+    fn an_indirect_call_that_is_not_listed_is_rejected() {
+        let mut image = image(&[("unknown", 8, &[], &[])]);
+        image.functions.values_mut().for_each(|function| function.calls_indirectly = true);
+        assert!(deepest(&image).unwrap_err().to_string().contains("unknown"));
+    }
+}

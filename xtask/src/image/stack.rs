@@ -1,8 +1,9 @@
 //! A bound of the stack: the deepest call chain of each level of interrupts, and all levels that can nest on top of it.
 //!
 //! Frames are read from the instructions: a compiler lowers the stack pointer only in a function's prologue, so the sum of
-//! all that lowers it is the frame. Interrupts of one priority do not nest. Each interrupt pushes a frame of 104 bytes,
-//! also where the floating-point registers are saved lazily, and up to 4 bytes of alignment.
+//! all that lowers it is the frame. It was compared once with the compiler's `.stack_sizes`: equal for all 226 functions
+//! that have an entry there; 34 of the compiler's own library have none. Interrupts of one priority do not nest. Each
+//! pushes a frame of 104 bytes, also where the floating-point registers are saved lazily, and up to 4 bytes of alignment.
 
 use std::fmt::Write as _;
 
