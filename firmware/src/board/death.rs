@@ -124,7 +124,10 @@ fn set_crashes(count: u32) {
 }
 
 /// One edge: output enable of the chain goes high. Before start it is an input with a pull-up, and stays so.
+///
+/// Interrupts are masked first, so that no control tick enables the outputs again before the reset.
 fn outputs_off() {
+    cortex_m::interrupt::disable();
     let enable = pins::CHAIN_ENABLE;
     enable.port.bsrr().write(|w| w.set_bs(usize::from(enable.index), true));
 }
@@ -138,7 +141,6 @@ pub fn give_up(why: fmt::Arguments) -> ! {
 /// Ends a start in which a task no longer runs. In a handler of the highest priority in use.
 pub fn end_silence(task: life::Task) -> ! {
     outputs_off();
-    cortex_m::interrupt::disable();
     die(Record::new(WATCHDOG, (0, 0), format_args!("{} silent for {} ms", task.name(), life::SILENCE_LIMIT.0 / 1000)))
 }
 
@@ -151,7 +153,6 @@ fn die(record: Record) -> ! {
 #[panic_handler]
 fn panic(info: &PanicInfo) -> ! {
     outputs_off();
-    cortex_m::interrupt::disable();
     die(match info.location() {
         Some(place) => {
             Record::new(PANIC, (0, 0), format_args!("{}:{}: {}", short(place.file()), place.line(), info.message()))
