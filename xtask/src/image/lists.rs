@@ -43,14 +43,18 @@ pub(crate) const INDIRECT: &[Indirect] = &[
             Named("core::fmt::Display"),
             Named("core::fmt::LowerHex"),
             Named("core::fmt::UpperHex"),
-            Named("core::fmt::Write"),
+            Named("core::fmt::Write>::write_str"),
+            Named("core::fmt::Write>::write_char"),
+            Named("core::fmt::Write::write_char"),
         ],
     },
     // All other formatting writes text to any output. The text commands also wake, and drop a line that is an output.
     Indirect {
         callers: &["core::fmt::", "board::death", "firmware::text"],
         callees: &[
-            Named("core::fmt::Write"),
+            Named("core::fmt::Write>::write_str"),
+            Named("core::fmt::Write>::write_char"),
+            Named("core::fmt::Write::write_char"),
             Named("core::ptr::drop_in_place<darm_firmware::text::Line>"),
             Named("embassy_executor::raw::waker::"),
         ],
@@ -67,8 +71,9 @@ pub(crate) const INDIRECT: &[Indirect] = &[
     },
 ];
 
-/// Their addresses are in tables, and nothing in this image calls them.
-pub(crate) const NEVER_CALLED: &[&str] = &[];
+/// Their addresses are in vtables, and nothing calls them through these: `Formatter::write_fmt` calls `core::fmt::write`.
+pub(crate) const NEVER_CALLED: &[&str] =
+    &["core::fmt::Write::write_fmt", "<core::fmt::builders::PadAdapter as core::fmt::Write>::write_fmt"];
 
 /// Functions by which every recursion of the image passes.
 pub(crate) const RECURSION: &[Recursion] = &[
@@ -82,7 +87,6 @@ pub(crate) const RECURSION: &[Recursion] = &[
     // Only `{:#?}` indents, and nothing prints so.
     Recursion { function: "<core::fmt::builders::PadAdapter as core::fmt::Write>::write_str", depth: 0 },
     Recursion { function: "<core::fmt::builders::PadAdapter as core::fmt::Write>::write_char", depth: 0 },
-    Recursion { function: "<core::fmt::builders::PadAdapter as core::fmt::Write>::write_fmt", depth: 0 },
     // A record of a later kind first ends the one or two kinds before it.
     Recursion { function: "darm_core::table::Checker::admit_in_order", depth: 3 },
     // The pivot of fewer than 512 elements.
