@@ -13,7 +13,7 @@ use darm_eval::shrink::shrink;
 use darm_eval::summary;
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 
-/// Failing seeds that are shrunk and shown.
+/// Failing seeds that are shown when they are shrunk.
 const SHOWN: usize = 5;
 
 /// Runs the whole system in virtual time under two judges; prints what they find
@@ -35,7 +35,7 @@ struct Arguments {
     /// Only the mutant of this name
     #[arg(long, value_name = "NAME", requires = "mutants")]
     only: Option<String>,
-    /// Show failing seeds as they are, without leaving out what does not matter
+    /// Show all failing seeds as they are, without leaving out what does not matter
     #[arg(long)]
     no_shrink: bool,
 }
@@ -67,7 +67,8 @@ impl Arguments {
         let outcomes: Vec<Outcome> = (from..to).into_par_iter().map(|seed| run(&Script::of(seed), false)).collect();
         let took_s = began.elapsed().as_secs_f64();
         let failed: Vec<&Outcome> = outcomes.iter().filter(|outcome| !outcome.verdict.firsts().is_empty()).collect();
-        for outcome in failed.iter().take(SHOWN) {
+        let shown = if self.no_shrink { failed.len() } else { SHOWN };
+        for outcome in failed.iter().take(shown) {
             self.show(outcome);
         }
         let rows = summary::with_goals(summary::rows(&outcomes), &root().join("tests/goals.toml"))?;
