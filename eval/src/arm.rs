@@ -11,6 +11,9 @@ use rand_chacha::ChaCha8Rng;
 use crate::judge::reports::KnownTable;
 use crate::judge::{Ceilings, LineCeiling, ServoCeiling};
 
+/// The board promises to shift unchanged lines again so often, ms.
+const REFRESH_MS: u32 = 100;
+
 /// How a coil uses its lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DrivePlan {
@@ -116,7 +119,8 @@ impl ArmPlan {
             }
         }
         let servos = self.servos.iter().map(servo_ceiling).collect();
-        Ceilings { lines, servos, new_loads: self.new_loads, budget_ms: self.budget_ms.into(), clock_ppm }
+        let (new_loads, budget_ms) = (self.new_loads, self.budget_ms.into());
+        Ceilings { lines, servos, new_loads, budget_ms, refresh_ms: REFRESH_MS, clock_ppm }
     }
 
     /// The same arm as the board's own wiring.

@@ -69,7 +69,9 @@ pub fn judge(root: &Path, scratch: &Path, mutant: Option<&Mutant>, seeds: &str) 
     copy(root, scratch)?;
     if let Some(Mutant { patch, name, .. }) = mutant {
         let mut apply = Command::new("git");
-        apply.current_dir(scratch).args(["apply", "--unsafe-paths", "--directory"]).arg(scratch).arg(patch);
+        // The copy lies within the repository and is not to be taken for a part of it.
+        apply.env("GIT_CEILING_DIRECTORIES", scratch.parent().unwrap_or(scratch));
+        apply.current_dir(scratch).arg("apply").arg(patch);
         output(&mut apply)
             .with_context(|| format!("the mutant {name} no longer applies; adapt {}", patch.display()))?;
     }

@@ -49,6 +49,8 @@ pub struct Ceilings {
     pub new_loads: u8,
     /// The budget's window, ms.
     pub budget_ms: u32,
+    /// While lines are driven the chain is latched at least so often, ms: a disturbed register does not stay wrong.
+    pub refresh_ms: u32,
     /// Error of the board's clock: limits are kept on that clock. Parts per million, positive when fast.
     pub clock_ppm: i32,
 }

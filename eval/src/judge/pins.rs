@@ -2,13 +2,15 @@
 
 use std::collections::VecDeque;
 
-use super::chain::{Chain, Lines};
+use super::chain::{Chain, LATCH, Lines};
 use super::{Ceilings, LineCeiling, Verdict};
 
 const JUDGE: &str = "pins";
 const MS: u64 = 1_000_000;
 /// A limit is noticed and acted on within so long: each coil is looked at once in 8 ms, and the lines follow a tick later.
 const NOTICE_MS: u64 = 10;
+/// A refresh is this much late at most: two ticks.
+const REFRESH_SLACK_MS: u32 = 2;
 /// After the stated time of a fault the lines are off within so long, in board time.
 const SAFE_MS: u64 = 2;
 
@@ -26,6 +28,7 @@ pub struct Pins {
     fed: VecDeque<(u64, u8)>,
     /// When lines were all off, as times of change: to off at even, to on at odd indices.
     changes: Vec<u64>,
+    latched_ns: u64,
     started_ns: u64,
     verdict: Verdict,
 }
@@ -42,6 +45,7 @@ impl Pins {
             rises: [0; 64],
             fed: VecDeque::new(),
             changes: vec![0],
+            latched_ns: 0,
             started_ns: 0,
             verdict: Verdict::default(),
         }
@@ -64,8 +68,24 @@ impl Pins {
 
     /// An edge at a pin of the chain.
     pub fn on_edge(&mut self, now_ns: u64, pin: u8, high: bool) {
-        if self.chain.edge(pin, high) {
-            self.look(now_ns);
+        if !self.chain.edge(pin, high) {
+            return;
+        }
+        if pin == LATCH {
+            self.check_refresh(now_ns);
+            self.latched_ns = now_ns;
+        }
+        self.look(now_ns);
+    }
+
+    /// The lines were on since the last latching and longer than they may be without another one.
+    fn check_refresh(&mut self, now_ns: u64) {
+        let (gap_ns, refresh_ms) = (now_ns - self.latched_ns, self.ceilings.refresh_ms);
+        let allowed_ns = self.ceilings.true_ns(u64::from(refresh_ms + REFRESH_SLACK_MS));
+        if self.lines.high != 0 && gap_ns > allowed_ns {
+            self.verdict.note(JUDGE, "refresh", now_ns, || {
+                format!("lines were on for {} ms without being shifted again, allowed are {refresh_ms}", gap_ns / MS)
+            });
         }
     }
 
@@ -107,6 +127,7 @@ impl Pins {
 
     /// The end of the run.
     pub fn finish(mut self, now_ns: u64) -> Verdict {
+        self.check_refresh(now_ns);
         self.chain.forget();
         self.look(now_ns);
         self.verdict
@@ -207,14 +228,15 @@ fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::chain::{CLOCK, DATA, ENABLE, LATCH};
+    use super::super::chain::{CLOCK, DATA, ENABLE};
+    use super::LATCH;
     use super::{Ceilings, LineCeiling, MS, Pins};
 
     fn judge() -> Pins {
         let ceiling = |load| Some(LineCeiling { max_on_ms: 100, duty_percent: 50, window_ms: 1000, load });
         let mut lines = [None; 64];
         (0..4).for_each(|line| lines[line] = ceiling(line as u8));
-        Pins::new(Ceilings { lines, servos: Vec::new(), new_loads: 2, budget_ms: 10, clock_ppm: 0 })
+        Pins::new(Ceilings { lines, servos: Vec::new(), new_loads: 2, budget_ms: 10, refresh_ms: 10_000, clock_ppm: 0 })
     }
 
     fn set(judge: &mut Pins, at_ms: u64, lines: u64) {

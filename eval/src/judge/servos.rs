@@ -239,7 +239,14 @@ mod tests {
     fn rules(seen: bool, asked_rad: f32, step: u16, speed: u16) -> Vec<&'static str> {
         let servo = ServoCeiling { id: 1, min_step: 1000, max_step: 3000, max_steps_s: 500, timeout_ms: 100 };
         let servos = vec![servo];
-        let mut judge = Servos::new(Ceilings { lines: [None; 64], servos, new_loads: 1, budget_ms: 10, clock_ppm: 0 });
+        let mut judge = Servos::new(Ceilings {
+            lines: [None; 64],
+            servos,
+            new_loads: 1,
+            budget_ms: 10,
+            refresh_ms: 100,
+            clock_ppm: 0,
+        });
         judge.on_asked(asked_rad);
         judge.on_bytes(0, true, &packet(1, 2, &[56, 6]));
         if seen {
@@ -263,8 +270,14 @@ mod tests {
     #[test]
     fn silence_of_a_driven_servo_is_seen() {
         let servo = ServoCeiling { id: 1, min_step: 1000, max_step: 3000, max_steps_s: 500, timeout_ms: 100 };
-        let mut judge =
-            Servos::new(Ceilings { lines: [None; 64], servos: vec![servo], new_loads: 1, budget_ms: 1, clock_ppm: 0 });
+        let mut judge = Servos::new(Ceilings {
+            lines: [None; 64],
+            servos: vec![servo],
+            new_loads: 1,
+            budget_ms: 1,
+            refresh_ms: 100,
+            clock_ppm: 0,
+        });
         judge.on_bytes(0, true, &packet(1, 2, &[56, 6]));
         judge.on_bytes(0, false, &packet(1, 0, &[0, 8, 0, 0, 0, 0]));
         judge.on_bytes(0, true, &goal(2048, 9));
