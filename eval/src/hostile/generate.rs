@@ -316,7 +316,8 @@ impl<'de> EnumAccess<'de> for Variant<'_, '_, 'de> {
     type Variant = Self;
 
     fn variant_seed<V: DeserializeSeed<'de>>(self, seed: V) -> Result<(V::Value, Self), Refused> {
-        let value = seed.deserialize(de::value::U32Deserializer::<Refused>::from(self.variant.into_deserializer()))?;
+        let variant: de::value::U32Deserializer<Refused> = self.variant.into_deserializer();
+        let value = seed.deserialize(variant)?;
         Ok((value, self))
     }
 }
