@@ -350,6 +350,7 @@ impl<'s> Host<'s> {
     }
 
     fn client(&mut self) -> Option<&mut Client> {
+        world::with(world::World::on_host_try);
         for _ in 0..TRIES {
             if self.client.is_some() {
                 break;

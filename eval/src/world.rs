@@ -62,7 +62,9 @@ pub struct World {
     happened: Vec<Physical>,
     /// The kind of the disturbance that ended last, and when, until the host gets through again.
     recovering: Option<(&'static str, u64)>,
-    /// How long the host needed after each disturbance, ms.
+    /// Since when the host tries to get through.
+    tried_ns: Option<u64>,
+    /// How long the host needed after each disturbance, from its first try on, ms.
     pub recoveries: Vec<(&'static str, u64)>,
     /// Disturbances by kind.
     pub injected: BTreeMap<&'static str, u32>,
@@ -94,6 +96,7 @@ impl World {
             hostile_ns: None,
             happened: Vec::new(),
             recovering: None,
+            tried_ns: None,
             recoveries: Vec::new(),
             injected: BTreeMap::new(),
             trace: Trace::new(readable),
@@ -141,10 +144,16 @@ impl World {
         self.hostile_ns.is_some_and(|at| at >= since_ns)
     }
 
+    /// The host wants something.
+    pub fn on_host_try(&mut self) {
+        self.tried_ns = self.tried_ns.or(Some(self.now_ns()));
+    }
+
     /// The host got an answer.
     pub fn on_host_answer(&mut self) {
+        let tried_ns = self.tried_ns.take().unwrap_or(self.now_ns());
         if let Some((kind, ended_ns)) = self.recovering.take() {
-            self.recoveries.push((kind, (self.now_ns() - ended_ns) / 1_000_000));
+            self.recoveries.push((kind, (self.now_ns() - ended_ns.max(tried_ns)) / 1_000_000));
         }
     }
 
