@@ -77,7 +77,8 @@ pub fn judge(root: &Path, scratch: &Path, mutant: Option<&Mutant>, seeds: &str) 
     }
     let json = scratch.join("caught.json");
     let mut simulate = Command::new("cargo");
-    simulate.current_dir(scratch).env("CARGO_TARGET_DIR", root.join("target"));
+    // Not the tree's own: cargo names the artifacts of both alike, and one would be taken for the other.
+    simulate.current_dir(scratch).env("CARGO_TARGET_DIR", root.join("target/mutants-target"));
     simulate.args(["run", "--quiet", "-p", "darm-eval", "--bin", "simulate", "--"]);
     simulate.args(["--seeds", seeds, "--no-shrink", "--json"]).arg(&json);
     // It fails when it finds something, which is what is wanted here: its figures tell.
