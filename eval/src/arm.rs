@@ -1,9 +1,11 @@
 //! An arm for one seed as plain numbers, and what is made of it: the judge's ceilings, the board's records, tables.
 
+use darm::board_profile::BoardProfile;
 use darm::client::UploadImage;
 use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, ServoWiring, SwitchLimit, Wiring};
-use darm_core::table::{Checker, Record, Row};
-use darm_core::units::{Micros, ModelHash, Word};
+use darm_core::profile::Profile;
+use darm_core::table::{Board, Checker, Record, Row};
+use darm_core::units::{Digest, Micros, ModelHash, Word};
 use rand::RngExt as _;
 use rand::seq::SliceRandom as _;
 use rand_chacha::ChaCha8Rng;
@@ -127,11 +129,16 @@ impl ArmPlan {
     pub fn wiring(&self) -> Wiring {
         let switch_limit = SwitchLimit { new_coils: self.new_loads, window_ms: self.budget_ms };
         Wiring {
-            coils: self.coils.iter().map(wired_coil).collect(),
+            coils: (0..).zip(&self.coils).map(|(output, coil)| wired_coil(output, coil)).collect(),
             actuators: self.actuators.iter().map(wired_actuator).collect(),
             servos: self.servos.iter().map(wired_servo).collect(),
             switch_limit,
         }
+    }
+
+    /// The profile that a person has written to the board: it allows just this arm.
+    pub fn profile(&self) -> BoardProfile {
+        BoardProfile::of("drawn", &self.wiring())
     }
 
     /// The line that a short command of a coil switches on exactly once; `None` for a latch, which may be set already.
@@ -179,14 +186,14 @@ fn servo_ceiling(servo: &ServoPlan) -> ServoCeiling {
     }
 }
 
-fn wired_coil(coil: &CoilPlan) -> Coil {
+fn wired_coil(output: u8, coil: &CoilPlan) -> Coil {
     let drive = match coil.drive {
         DrivePlan::Hold(line) => Drive::Hold { line },
         DrivePlan::PeakHold(pull, hold, peak_ms) => Drive::PeakHold { pull, hold, peak_ms },
         DrivePlan::Latch(set, reset, pulse_ms) => Drive::Latch { set, reset, pulse_ms },
     };
     let CoilPlan { max_on_ms, duty_percent, window_ms, .. } = *coil;
-    Coil { drive, limit: CoilLimit { max_on_ms, duty_percent, window_ms } }
+    Coil { output, drive, limit: CoilLimit { max_on_ms, duty_percent, window_ms } }
 }
 
 fn wired_actuator(actuator: &ActuatorPlan) -> ActuatorWiring {
@@ -213,26 +220,29 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table of this wiring that the board's own check accepts; `None` when none was found.
-    pub fn draw(rng: &mut ChaCha8Rng, wiring: &Wiring, model: u64, rows: usize) -> Option<Self> {
+    /// A table of this wiring that the board's own check accepts under a profile that allows the wiring; `None` when none
+    /// was found.
+    pub fn draw(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest, model: u64, rows: usize) -> Option<Self> {
         (0..24).find_map(|attempt| {
             let changes = 0.4 * 0.8f64.powi(attempt);
-            let records = draw_records(rng, wiring, model, rows, changes);
+            let records = draw_records(rng, wiring, profile, model, rows, changes);
             let mut checker = Checker::default();
-            records.iter().try_for_each(|record| checker.admit(record, None)).ok()?;
-            Self::of(&records, model)
+            let allowing = Profile { digest: profile, ..Profile::of(wiring) };
+            let board = Board { device: None, profile: &allowing };
+            records.iter().try_for_each(|record| checker.admit(record, &board)).ok()?;
+            Some(Self::of(&records, model))
         })
     }
 
     /// A table of these records, checked or not.
-    pub fn of(records: &[Record], model: u64) -> Option<Self> {
+    pub fn of(records: &[Record], model: u64) -> Self {
         let rows = records.iter().filter_map(|record| if let Record::Row(row) = record { Some(row) } else { None });
-        Some(Self {
-            image: UploadImage::table(records, ModelHash(model)).ok()?,
+        Self {
+            image: UploadImage::table(records, ModelHash(model)),
             model,
             words: rows.clone().map(|row| row.word.to_string()).collect(),
             angles_rad: rows.flat_map(|row| row.servos.iter().copied()).collect(),
-        })
+        }
     }
 
     /// What the judge knows of it.
@@ -242,8 +252,15 @@ impl Table {
 }
 
 /// Records of the wiring and of rows in which each digit changes with probability `changes`.
-pub fn draw_records(rng: &mut ChaCha8Rng, wiring: &Wiring, model: u64, rows: usize, changes: f64) -> Vec<Record> {
-    let mut records = wiring_records(wiring, model);
+pub fn draw_records(
+    rng: &mut ChaCha8Rng,
+    wiring: &Wiring,
+    profile: Digest,
+    model: u64,
+    rows: usize,
+    changes: f64,
+) -> Vec<Record> {
+    let mut records = wiring_records(wiring, profile, model);
     let longest_ms = wiring.actuators.iter().map(|actuator| actuator.travel_ms).max().unwrap_or(50);
     let mut digits: Vec<u8> = vec![0; wiring.actuators.len()];
     let mut angles: Vec<f32> = vec![0.0; wiring.servos.len()];
@@ -268,8 +285,9 @@ pub fn draw_records(rng: &mut ChaCha8Rng, wiring: &Wiring, model: u64, rows: usi
     records
 }
 
-fn wiring_records(wiring: &Wiring, model: u64) -> Vec<Record> {
-    let mut records = vec![Record::Start { model: ModelHash(model), device: None, switch_limit: wiring.switch_limit }];
+fn wiring_records(wiring: &Wiring, profile: Digest, model: u64) -> Vec<Record> {
+    let (model, switch_limit) = (ModelHash(model), wiring.switch_limit);
+    let mut records = vec![Record::Start { model, device: None, profile, switch_limit }];
     records.extend(wiring.coils.iter().copied().map(Record::Coil));
     records.extend(wiring.actuators.iter().copied().map(Record::Actuator));
     records.extend(wiring.servos.iter().copied().map(Record::Servo));

@@ -211,10 +211,10 @@ impl Script {
 fn draw_arm(rng: &mut ChaCha8Rng, seed: u64) -> (ArmPlan, Vec<Table>) {
     loop {
         let arm = ArmPlan::draw(rng);
-        let wiring = arm.wiring();
+        let (wiring, profile) = (arm.wiring(), arm.profile().profile.digest);
         let mut table = |index: u64| {
             let rows = rng.random_range(4..60);
-            Table::draw(rng, &wiring, (seed << 8 | index).wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1, rows)
+            Table::draw(rng, &wiring, profile, (seed << 8 | index).wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1, rows)
         };
         if let (Some(first), Some(second), Some(third)) = (table(1), table(2), table(3)) {
             return (arm, vec![first, second, third]);

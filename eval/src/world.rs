@@ -42,6 +42,8 @@ struct Active {
 pub struct World {
     bench: Bench,
     wiring: Wiring,
+    /// Digest of the profile that the board has.
+    profile: Digest,
     /// Judge 1, the lines.
     pub pins: Pins,
     /// Judge 1, the servo bus.
@@ -75,14 +77,15 @@ pub struct World {
 impl World {
     /// The world of a script. With `readable`, the trace is kept for people.
     pub fn new(script: &Script, readable: bool) -> Self {
-        let wiring = script.arm.wiring();
-        let mut bench = Bench::new(Plant::new(&wiring, &[]), MemoryFlash::default());
+        let (wiring, profile) = (script.arm.wiring(), script.arm.profile());
+        let mut bench = Bench::new(Plant::new(&wiring, &[]), MemoryFlash::with_profile(&profile.image()));
         bench.set_clock_error(script.clock_ppm);
         bench.set_polls(2);
         let ceilings = script.arm.ceilings(script.clock_ppm);
         let mut world = Self {
             bench,
             wiring,
+            profile: profile.profile.digest,
             pins: Pins::new(ceilings.clone()),
             servos: Servos::new(ceilings),
             reports: Reports::new(),
@@ -295,7 +298,7 @@ impl World {
     }
 
     fn send_table(&mut self, rng: &mut ChaCha8Rng) {
-        let Some(table) = hostile::tables::beyond(rng, &self.wiring) else { return };
+        let Some(table) = hostile::tables::beyond(rng, &self.wiring, self.profile) else { return };
         self.reports.know(table.known());
         self.reports.on_upload(table.model, Ending::Unknown);
         table.angles_rad.iter().for_each(|&angle| self.servos.on_asked(angle));

@@ -357,7 +357,7 @@ mod tests {
         let error = planned(&arm("planar4.toml"), &visits).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "000000000001: coil 11 would be on for longer than it may; dwell for a shorter time, or put a rest between"
+            "000000000001: output 11 would be on for longer than it may; dwell for a shorter time, or put a rest between"
         );
     }
 }

@@ -2,6 +2,7 @@
 
 use darm_core::output::{Coil, CoilLimit, Drive, SwitchLimit, Wiring};
 use darm_core::sequencer::Command;
+use darm_core::units::Digest;
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::message::{CHUNK, Request};
 use rand::RngExt as _;
@@ -40,15 +41,15 @@ fn moved(coil: &Coil, shift: u8) -> Coil {
     Coil { drive, ..*coil }
 }
 
-/// A table beyond some limits of this wiring, which the present check of tables accepts; `None` when it has none.
-pub fn beyond(rng: &mut ChaCha8Rng, wiring: &Wiring) -> Option<Table> {
+/// A table beyond some limits of this wiring that names the board's profile; `None` when none was found.
+pub fn beyond(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest) -> Option<Table> {
     let mut wiring = wiring.clone();
     widen(rng, &mut wiring);
     let (model, rows) = (rng.random::<u64>() | 1, rng.random_range(2..30));
     if rng.random() {
-        return Table::draw(rng, &wiring, model, rows);
+        return Table::draw(rng, &wiring, profile, model, rows);
     }
-    Table::of(&draw_records(rng, &wiring, model, rows, 0.5), model)
+    Some(Table::of(&draw_records(rng, &wiring, profile, model, rows, 0.5), model))
 }
 
 /// The frames that upload a table under a link and play it, with the numbers from `number` on.

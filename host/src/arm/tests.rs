@@ -178,12 +178,13 @@ fn mistakes_are_told_by_line_and_column() {
         ("[1.0, 1.25]", "[1.0, nan]", "32:12: the number has to be finite"),
         ("[1.0, 1.25]", "[1.0]", "32:12: the actuator has 1 states; give 2 to 4, digit 0 first"),
         ("[-0.5, 0.0]", "[-0.5, 0.0, 0.0]", "30:10: 3 coordinates are given; give 2, in metres"),
-        ("line = 1 }", "line = 0 }", "42:8: line 0 is used twice or is not one of 0 to 63; correct the wiring"),
+        ("line = 1,", "line = 0,", "42:8: line 0 is used twice or is not one of 0 to 63; correct the wiring"),
         ("input = 3,", "input = 2,", "67:10: switch input 2 is used twice or does not exist; correct the wiring"),
         (
-            "line = 4 }",
+            "line = 4, duty_percent = 100 }",
             "line = 4, duty_percent = 120 }",
-            "75:8: the limits of coil 4 are zero, above 100 % or shorter than its pulse; correct the wiring",
+            "75:8: output 4: on-time and window must be 16 to 3600000 ms, duty 1 to 100 %, a pulse at most 1000 ms and the \
+             on-time, a peak at most 10000 ms; correct the wiring",
         ),
         (
             "closed_in = [1]",
@@ -193,7 +194,7 @@ fn mistakes_are_told_by_line_and_column() {
         (
             "new_coils = 6",
             "new_coils = 0",
-            "18:1: the coils that may switch at once must be 1 to 16; correct the wiring",
+            "18:1: 1 to 16 coils may switch within a window of 1 to 10000 ms; correct the wiring",
         ),
         ("planar-platform", "link", "23:8: a link has no key `home`; remove it"),
     ];
@@ -264,6 +265,6 @@ fn two_servos_with_one_address_are_refused_by_line_and_column() {
     let servo = MIXED.rsplit_once("[[stage]]").unwrap().1;
     let twice = format!("{MIXED}\n[[stage]]\nname = \"wrist\"{servo}");
     let error = parse(&twice).unwrap_err().to_string();
-    assert_eq!(error, "arm.toml:60:7: module 3 and wrist have the bus address 2; give each servo an `id` of its own");
+    assert_eq!(error, "arm.toml:36:7: module 3 and wrist have the bus address 2; give each servo an `id` of its own");
     assert!(parse(&twice.replacen("id = 2", "id = 3", 1)).is_ok());
 }
