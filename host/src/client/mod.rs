@@ -20,6 +20,8 @@ mod reader;
 pub mod stop;
 mod upload;
 
+use std::time::Duration;
+
 use darm_core::nearest::{Coordinates, Found};
 use darm_core::se::Pose;
 use darm_core::sequencer::{Command, Event};
@@ -28,8 +30,8 @@ use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, Death, Identity, Into as RebootInto, Version};
 use darm_core::wire::message::{Answer, Calibration, Hello, OutputState, Refusal, Request, Status};
 
-use crate::clock::BoardClock;
-use crate::link::Link;
+use crate::clock::{BoardClock, host_now_s};
+use crate::link::{Link, LinkError};
 pub use error::{AnswerError, ClientError, TransportError};
 pub use exchange::Counts;
 use exchange::Exchange;
@@ -84,6 +86,12 @@ impl Client {
             }
             _ => Err(AnswerError::Payload { request: "hello" }.into()),
         }
+    }
+
+    /// Closes the port, so that it can be opened again for [`Client::replug`]; until then every request fails.
+    pub fn unplug(&mut self) {
+        let name = self.port().to_owned();
+        self.exchange.replace_link(Box::new(Unplugged(name)));
     }
 
     /// Goes on over another link to the same board: after the cable was pulled.
@@ -250,6 +258,27 @@ impl Client {
             PROTOCOL => Ok(()),
             board => Err(ClientError::Refused(Refusal::Protocol { board })),
         }
+    }
+}
+
+/// No port.
+struct Unplugged(String);
+
+impl Link for Unplugged {
+    fn send(&mut self, _: &[u8]) -> Result<(), LinkError> {
+        Err(LinkError::Closed { port: self.0.clone() })
+    }
+
+    fn receive(&mut self, _: &mut [u8], _: Duration) -> Result<usize, LinkError> {
+        Err(LinkError::Closed { port: self.0.clone() })
+    }
+
+    fn now_s(&self) -> f64 {
+        host_now_s()
+    }
+
+    fn name(&self) -> &str {
+        &self.0
     }
 }
 

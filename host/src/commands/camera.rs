@@ -103,6 +103,11 @@ impl Columns {
         }
     }
 
+    /// Whether the poses are planar.
+    pub(crate) fn is_planar(&self) -> bool {
+        self.planar
+    }
+
     /// Reads a line; `None` when the camera has not seen the tool: its pose is no number.
     pub(crate) fn picture(&self, line: &str) -> Result<Option<Picture>, LineError> {
         let cells: Vec<&str> = line.trim().split(',').map(str::trim).collect();

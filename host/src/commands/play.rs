@@ -24,6 +24,9 @@ could not be sent.";
 /// Time between two questions.
 const POLL: Duration = Duration::from_millis(50);
 
+/// Row 0 goes out in the tick of the start or the one after it.
+const TICK_S: f64 = 2e-3;
+
 /// Run the stored table, and watch it to its end
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
@@ -70,7 +73,7 @@ impl Play {
         client.command(Command::Play)?;
         let bar = voice.bar("playing", u64::from(rows), "rows");
         let mut watch = Watch::new(first_event);
-        let watched = watch.to_the_end(&mut client, &interrupt, |row| bar.set_position(u64::from(row) + 1));
+        let watched = watch.until_the_end(&mut client, &interrupt, |row| bar.set_position(u64::from(row) + 1));
         bar.finish_and_clear();
         let interrupted = interrupt.interrupted();
         if interrupted.is_none() {
@@ -106,8 +109,11 @@ impl End {
 /// Follows the events of one program.
 pub(crate) struct Watch {
     next_event: u32,
+    /// Earlier events are of other programs, in seconds of the board.
+    since_s: f64,
     started_s: Option<f64>,
-    ended_s: Option<f64>,
+    /// The last event, in seconds of the board.
+    pub(crate) ended_s: Option<f64>,
     rows_played: u16,
     /// How it ended, once it has.
     pub(crate) end: Option<End>,
@@ -116,11 +122,16 @@ pub(crate) struct Watch {
 impl Watch {
     /// Follows from this event on.
     pub(crate) fn new(next_event: u32) -> Self {
-        Self { next_event, started_s: None, ended_s: None, rows_played: 0, end: None }
+        Self { next_event, since_s: 0.0, started_s: None, ended_s: None, rows_played: 0, end: None }
+    }
+
+    /// Follows a program whose row 0 went out at this time of the board, in seconds.
+    pub(crate) fn resume(since_s: f64) -> Self {
+        Self { since_s, started_s: Some(since_s), ..Self::new(0) }
     }
 
     /// Looks until the program has ended or the user has interrupted it.
-    fn to_the_end(
+    fn until_the_end(
         &mut self,
         client: &mut Client,
         interrupt: &interrupt::Watch,
@@ -159,10 +170,13 @@ impl Watch {
     }
 
     fn take(&mut self, happening: &Happening) {
-        if self.end.is_some() {
+        if self.end.is_some() || seconds(happening.at) < self.since_s {
             return;
         }
         match happening.event {
+            Event::Started if self.started_s.is_some_and(|own_s| seconds(happening.at) > own_s + TICK_S) => {
+                self.end = Some(End::Stopped);
+            }
             Event::Started => self.started_s = Some(seconds(happening.at)),
             Event::Row { row, .. } => self.rows_played = row + 1,
             Event::Finished => self.end = Some(End::Finished),

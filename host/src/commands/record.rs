@@ -2,15 +2,17 @@
 
 mod follow;
 mod join;
+mod output;
+mod program;
+mod recording;
 mod source;
 
 use std::path::PathBuf;
+use std::time::Duration;
 
-use anyhow::Context as _;
 use darm::arm::Arm;
 use darm::client::Client;
-use darm::clock::HostTime;
-use darm::measurement::{Finding, Run, check, write};
+use darm::measurement::{Finding, Run, check};
 use darm_core::sequencer::Command;
 use darm_core::units::ModelHash;
 use serde::Serialize;
@@ -20,8 +22,11 @@ use super::visits::{Visits, beside};
 use crate::failure::Safe;
 use crate::port::{PortArgs, emulated_camera};
 use crate::voice::{Answer, Voice};
+use crate::{interrupt, port};
 use follow::Follow;
-use join::Span;
+use output::{Earlier, Output};
+use program::Program;
+use recording::{Recording, clock_lines};
 use source::Camera;
 
 const EXAMPLES: &str = "\
@@ -33,16 +38,22 @@ Examples:
 
 The camera sends lines of comma-separated text, the first of them the header:
   time_s,x_m,y_m,angle_deg[,supply_bar][,temperature_c]       in space x_m,y_m,z_m,rx_deg,ry_deg,rz_deg
-time_s is Unix time, the pose that of the tool in the base. A file is read when the program has \
-ended; another program may write it meanwhile.
+time_s is Unix time, the pose that of the tool in the base. A file may grow while another program \
+writes it.
 
 Every visit gives one row: the mean of the pictures that were taken while the arm rested there. \
-The offset of the board's clock and its uncertainty stand in the comment lines of the file.";
+A row is written when its visit is over, so a recording that was killed is readable as it is; \
+--resume follows the program that still runs and appends what is missing. A lost connection is \
+opened again while the program runs on. Offset and rate of the board's clock with their \
+uncertainties are in the comment lines, first as known at the start, then as known at the end.
 
-/// Time between two questions to the board.
-const POLL: std::time::Duration = std::time::Duration::from_millis(50);
-/// A quartz clock departs by less in any program.
-const DEPARTURE_S: f64 = 0.02;
+Ctrl-C stops the arm: exit code 6 when the board has confirmed it, 5 when it has not, 4 when the \
+stop could not be sent.";
+
+/// A board that keeps its time loses less.
+const LOST_S: f64 = 0.02;
+/// A lost port is waited for so long after the program's end.
+const PATIENCE: Duration = Duration::from_secs(60);
 /// Questions that tell the board's time before the program starts.
 const ROUND_TRIPS: u32 = 20;
 
@@ -62,6 +73,9 @@ pub(crate) struct Record {
     /// Look over the measurements as those of this arm
     #[arg(long, value_name = "ARM.toml")]
     arm: Option<PathBuf>,
+    /// Go on with a recording that was killed or lost its connection, into the same file
+    #[arg(long)]
+    resume: bool,
     /// Number of the run in the file
     #[arg(long, value_name = "N", default_value_t = 0)]
     run: u32,
@@ -80,6 +94,12 @@ enum RecordError {
     OtherTable { board: ModelHash, visits: ModelHash, table: PathBuf },
     #[error("the program was stopped before its first visit; is somebody else using the board?")]
     NothingPlayed,
+    #[error("{}: no recording that can be resumed: its comment lines do not say when the program started", .0.display())]
+    NothingToResume(PathBuf),
+    #[error("{}: the recording is of board {recorded}, this is {connected}", path.display())]
+    OtherBoard { path: PathBuf, recorded: String, connected: String },
+    #[error("the board has restarted since the program started; what was measured before is in the file")]
+    Restarted,
     #[error("no picture was taken while the arm rested; {pictures} pictures came, is the camera's time_s Unix time?")]
     NoPictures { pictures: usize },
 }
@@ -90,8 +110,12 @@ struct Recorded {
     rows: usize,
     visits: usize,
     pictures: usize,
+    /// Visits that are over and have no row, numbered as in the visit file.
+    not_recovered: Vec<usize>,
     clock_offset_s: f64,
     clock_uncertainty_s: f64,
+    clock_rate_error_ppm: f64,
+    clock_rate_uncertainty_ppm: f64,
     findings: Vec<String>,
     end: &'static str,
 }
@@ -99,13 +123,19 @@ struct Recorded {
 impl Answer for Recorded {
     fn text(&self) -> String {
         let mut lines: Vec<String> = self.findings.iter().map(|finding| format!("note: {finding}")).collect();
+        if !self.not_recovered.is_empty() {
+            let visits: Vec<String> = self.not_recovered.iter().map(usize::to_string).collect();
+            lines.push(format!("note: no picture of the arm surely at rest at visits {}", visits.join(", ")));
+        }
         lines.push(format!(
-            "{} of {} visits measured from {} pictures, in {}; board time known to {:.1} ms",
+            "{} of {} visits measured from {} pictures, in {}; board clock: offset ±{:.1} ms, rate {:+.0} ±{:.0} ppm",
             self.rows,
             self.visits,
             self.pictures,
             self.output.display(),
-            1e3 * self.clock_uncertainty_s
+            1e3 * self.clock_uncertainty_s,
+            self.clock_rate_error_ppm,
+            self.clock_rate_uncertainty_ppm
         ));
         lines.join("\n")
     }
@@ -115,38 +145,117 @@ impl Record {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
         let visits = Visits::read(&beside(&self.table))?;
         let arm = self.arm.as_deref().map(Arm::read).transpose()?;
+        let (output, earlier) = self.open_output()?;
         let camera = self.camera.clone().or_else(emulated_camera).ok_or(RecordError::NoCamera)?;
-        let mut client = self.port.connect()?;
+        let port = self.port.name()?;
+        let (link, handle) = port::open(&port)?;
+        let mut client = Client::connect(link)?;
         self.check_table(&mut client, &visits)?;
         let camera = Camera::open(&camera)?;
+        let interrupt = interrupt::Watch::start(&port, handle)?;
+        let mut recording = match earlier {
+            None => self.start(&visits, client, interrupt.clone(), camera, output, voice)?,
+            Some(earlier) => self.go_on(&visits, client, interrupt.clone(), camera, output, earlier, voice)?,
+        };
+        let bar = voice.bar("recording", visits.rests.len() as u64, "visits");
+        let end = recording.until_the_end(|visit| bar.set_position(visit as u64));
+        bar.finish_and_clear();
+        let told = self.tell(recording, end, arm.as_ref(), voice);
+        interrupt.interrupted().map_or(told, |interrupted| Err(interrupted.into()))
+    }
 
-        let played = play(&mut client, &visits, voice)?;
-        let pictures = camera.stop()?;
-        let clock = client.clock().offset().ok_or(RecordError::NothingPlayed)?;
-        let mut samples = join::join(&visits, &played.spans, &pictures);
-        for sample in &mut samples {
-            sample.run = self.run;
-            sample.time_s += played.start_s;
+    fn open_output(&self) -> anyhow::Result<(Output, Option<Earlier>)> {
+        if self.resume {
+            let (output, earlier) = Output::resume(&self.output)?;
+            return Ok((output, Some(earlier)));
         }
-        if samples.is_empty() {
-            return Err(RecordError::NoPictures { pictures: pictures.len() }.into());
+        Ok((Output::create(&self.output)?, None))
+    }
+
+    /// Starts the program.
+    fn start<'a>(
+        &self,
+        visits: &'a Visits,
+        mut client: Client,
+        interrupt: interrupt::Watch,
+        camera: Camera,
+        output: Output,
+        voice: Voice,
+    ) -> anyhow::Result<Recording<'a>> {
+        client.set_clock(ROUND_TRIPS)?;
+        let watch = Watch::new(client.say_hello()?.next_event);
+        client.command(Command::Play)?;
+        let program = Program::new(client, watch, interrupt, patience(visits), voice);
+        Ok(Recording::new(visits, Follow::new(visits), program, camera, output, self.run))
+    }
+
+    /// Goes on with the program that an earlier recording has started.
+    #[allow(clippy::too_many_arguments, reason = "all that a recording consists of")]
+    fn go_on<'a>(
+        &self,
+        visits: &'a Visits,
+        mut client: Client,
+        interrupt: interrupt::Watch,
+        camera: Camera,
+        mut output: Output,
+        earlier: Earlier,
+        voice: Voice,
+    ) -> anyhow::Result<Recording<'a>> {
+        let connected = client.identity().device.to_string();
+        if earlier.device != connected {
+            let (path, recorded) = (self.output.clone(), earlier.device);
+            return Err(RecordError::OtherBoard { path, recorded, connected }.into());
         }
-        let run = Run { samples, ..Run::default() };
-        let about = about(&visits, clock, client.identity().device.to_string().as_str());
-        write(&self.output, &about, &run).with_context(|| format!("cannot write {}", self.output.display()))?;
-        let mut findings = arm.map(|arm| check(&arm, &run)).unwrap_or_default();
-        findings.extend(uneven(played.departure_s));
+        if client.hello().is_some_and(|hello| hello.boots != earlier.boots) {
+            return Err(RecordError::Restarted.into());
+        }
+        client.set_clock(ROUND_TRIPS)?;
+        let follow = Follow::resume(visits, earlier.start_s, earlier.next(self.run));
+        let watch = Watch::resume(earlier.start_s);
+        output.begin_after(earlier)?;
+        let program = Program::new(client, watch, interrupt, patience(visits), voice);
+        Ok(Recording::new(visits, follow, program, camera, output, self.run))
+    }
+
+    /// Ends the file and says how it went.
+    fn tell(
+        &self,
+        mut recording: Recording<'_>,
+        end: anyhow::Result<End>,
+        arm: Option<&Arm>,
+        voice: Voice,
+    ) -> anyhow::Result<()> {
+        let not_recovered = recording.not_recovered();
+        let Recording { visits, program, camera, .. } = &recording;
+        let (rate, clock) = (program.client.clock().rate(), program.client.clock().offset());
+        let (visits, pictures, lost_s) = (visits.rests.len(), camera.count(), program.client.clock().lost_s());
+        let lines = clock_lines(&program.client);
+        if recording.follow.start_s.is_some() {
+            recording.output.note(&lines)?;
+        }
+        let started = recording.follow.start_s.is_some();
+        let run = Run { samples: recording.output.finish()?, ..Run::default() };
+        let end = end?;
+        let clock = clock.filter(|_| started).ok_or(RecordError::NothingPlayed)?;
+        if run.samples.is_empty() {
+            return Err(RecordError::NoPictures { pictures }.into());
+        }
+        let mut findings = arm.map(|arm| check(arm, &run)).unwrap_or_default();
+        findings.extend(uneven(lost_s));
         voice.tell(&Recorded {
             output: self.output.clone(),
             rows: run.samples.len(),
-            visits: visits.rests.len(),
-            pictures: pictures.len(),
+            visits,
+            pictures,
+            not_recovered,
             clock_offset_s: clock.at_s,
             clock_uncertainty_s: clock.uncertainty_s,
+            clock_rate_error_ppm: 1e6 * rate.error,
+            clock_rate_uncertainty_ppm: 1e6 * rate.uncertainty,
             findings: findings.iter().map(ToString::to_string).collect(),
-            end: played.end.name(),
+            end: end.name(),
         })?;
-        match played.end {
+        match end {
             End::Fault(fault) => Err(Safe(fault.to_string()).into()),
             End::Finished | End::Stopped => Ok(()),
         }
@@ -163,51 +272,17 @@ impl Record {
     }
 }
 
+/// A lost port is waited for so long: to the program's end and a while.
+fn patience(visits: &Visits) -> Duration {
+    let program_s = visits.rests.last().map_or(0.0, |rest| rest.to_s);
+    PATIENCE + Duration::try_from_secs_f64(program_s).unwrap_or(Duration::ZERO)
+}
+
 /// What the owner should know of a board's clock that did not keep time.
-fn uneven(departure_s: f64) -> Option<Finding> {
+fn uneven(lost_s: f64) -> Option<Finding> {
     let what = format!(
-        "the board's clock departed by {departure_s:.3} s while the program ran, as an emulator's does on a busy \
-         computer; visits that it makes doubtful are left out"
+        "the board's clock lost {lost_s:.3} s while the program ran, as an emulator's does on a busy computer; visits \
+         that it makes doubtful are left out"
     );
-    (departure_s > DEPARTURE_S).then_some(Finding { line: None, what })
-}
-
-/// What the board did.
-struct Played {
-    /// When row 0 went out, on the board's clock.
-    start_s: f64,
-    /// When the arm rested at each visit that was completed, on the camera's clock.
-    spans: Vec<Span>,
-    /// How far the board's clock and the host's departed from each other.
-    departure_s: f64,
-    end: End,
-}
-
-/// Plays to the end, whatever end that is.
-fn play(client: &mut Client, visits: &Visits, voice: Voice) -> anyhow::Result<Played> {
-    client.set_clock(ROUND_TRIPS)?;
-    let mut watch = Watch::new(client.say_hello()?.next_event);
-    client.command(Command::Play)?;
-    let bar = voice.bar("recording", visits.rests.len() as u64, "visits");
-    let mut follow = Follow::new(visits);
-    let end = loop {
-        std::thread::sleep(POLL);
-        let happenings = watch.look(client)?;
-        follow.look(&happenings, watch.end, client.clock(), client.now_s());
-        bar.set_position(follow.spans.len() as u64);
-        if let Some(end) = watch.end {
-            break end;
-        }
-    };
-    bar.finish_and_clear();
-    let start_s = follow.start_s.ok_or(RecordError::NothingPlayed)?;
-    Ok(Played { start_s, departure_s: follow.departure_s(), spans: follow.spans, end })
-}
-
-/// Comment lines before the table.
-fn about(visits: &Visits, clock: HostTime, device: &str) -> String {
-    format!(
-        "# model {}\n# board {device}\n# clock_offset_s {:.6}\n# clock_uncertainty_s {:.6}\n",
-        visits.model, clock.at_s, clock.uncertainty_s
-    )
+    (lost_s > LOST_S).then_some(Finding { line: None, what })
 }

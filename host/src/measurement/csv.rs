@@ -1,5 +1,6 @@
 //! Measurements as comma-separated text.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
@@ -9,9 +10,10 @@ use flate2::Compression;
 use flate2::read::MultiGzDecoder;
 use flate2::write::GzEncoder;
 
-use super::Run;
 use super::log::{self, LogError};
+use super::mcap::Log;
 use super::select::SelectError;
+use super::{Run, Sample};
 
 /// Why a file gives no measurements.
 #[derive(Debug, thiserror::Error)]
@@ -80,21 +82,65 @@ pub enum ReadError {
     },
 }
 
-/// The table in a file, expanded when its name ends in `.gz`, as text when it ends in `.mcap`.
-pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
+/// The table in a file.
+pub(super) struct Content {
+    /// Comma-separated text of whole rows.
+    pub(super) text: Vec<u8>,
+    /// The file ends in the middle of a row, as when its writer was killed.
+    pub(super) cut: bool,
+}
+
+/// The table in a file, expanded when its name ends in `.gz`, as text when it ends in `.mcap`. A file that ends early
+/// gives the rows that are complete.
+pub(super) fn content(path: &Path) -> Result<Content, ReadError> {
     let io = |error| ReadError::Io { path: path.into(), error };
-    let mut file = File::open(path).map_err(io)?;
-    let mut bytes = Vec::new();
     let ends_in = |end: &str| path.extension().is_some_and(|own| own == end);
+    let mut text = std::fs::read(path).map_err(io)?;
+    let mut cut = false;
     if ends_in("gz") {
-        MultiGzDecoder::new(file).read_to_end(&mut bytes).map_err(io)?;
-    } else {
-        file.read_to_end(&mut bytes).map_err(io)?;
+        (text, cut) = expanded(&text).map_err(io)?;
+    } else if ends_in("mcap") {
+        let log = log::to_text_of_whole_rows(&text);
+        (text, cut) = log.map_err(|error| ReadError::Log { path: path.into(), error })?;
+        return Ok(Content { text, cut });
     }
-    if ends_in("mcap") {
-        return log::to_text(&bytes).map_err(|error| ReadError::Log { path: path.into(), error });
+    cut |= is_last_row_short(&text);
+    if cut {
+        let whole = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1);
+        text.truncate(whole);
     }
-    Ok(bytes)
+    Ok(Content { text, cut })
+}
+
+/// Compressed text, and whether it ends early; an error where not even its beginning can be read.
+fn expanded(bytes: &[u8]) -> io::Result<(Vec<u8>, bool)> {
+    let mut text = Vec::new();
+    match MultiGzDecoder::new(bytes).read_to_end(&mut text) {
+        Ok(_) => Ok((text, false)),
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof && !text.is_empty() => Ok((text, true)),
+        Err(error) => Err(error),
+    }
+}
+
+/// Whether the last line has no end and fewer cells than the header.
+fn is_last_row_short(text: &[u8]) -> bool {
+    let cells = |line: &[u8]| line.iter().filter(|&&byte| byte == b',').count();
+    let mut lines = text.split(|&byte| byte == b'\n').filter(|line| !line.starts_with(b"#"));
+    let header = lines.next().map_or(0, cells);
+    lines.next_back().is_some_and(|last| !last.is_empty() && cells(last) < header)
+}
+
+/// Comment lines (`# key value`) of a file of measurements, or the metadata of a log.
+pub fn about(path: &Path) -> Result<BTreeMap<String, String>, ReadError> {
+    if path.extension().is_some_and(|end| end == "mcap") {
+        let bytes = std::fs::read(path).map_err(|error| ReadError::Io { path: path.into(), error })?;
+        let log = Log::read_whole_records(&bytes);
+        return log
+            .map(|(log, _)| log.metadata)
+            .map_err(|error| ReadError::Log { path: path.into(), error: LogError::Mcap(error) });
+    }
+    let text = content(path)?.text;
+    Ok(log::about(String::from_utf8_lossy(&text).lines()).into_iter().collect())
 }
 
 /// Writes a file of measurements, compressed when its name ends in `.gz`, a log when it ends in `.mcap`; `about` are
@@ -116,26 +162,33 @@ pub fn write(path: &Path, about: &str, run: &Run) -> io::Result<()> {
 pub fn write_text(run: &Run) -> String {
     let planar = run.samples.iter().all(|sample| sample.pose.is_planar());
     let n_servos = run.samples.first().map_or(0, |sample| sample.servos_rad.len());
+    let rows: String = run.samples.iter().map(|sample| row(sample, planar) + "\n").collect();
+    header(planar, n_servos) + "\n" + &rows
+}
+
+/// The names of the columns, with commas between.
+pub(super) fn header(planar: bool, n_servos: usize) -> String {
     let servos: String = (1..=n_servos).map(|k| format!("servo{k}_deg,")).collect();
     let pose = if planar { "x_m,y_m,angle_deg" } else { "x_m,y_m,z_m,rx_deg,ry_deg,rz_deg" };
-    let mut text = format!("time_s,word,previous,{servos}{pose},supply_bar,temperature_c,run,visit,held_out\n");
-    for sample in &run.samples {
-        let previous = sample.previous.map_or(String::new(), |word| word.to_string());
-        let servos: String = sample.servos_rad.iter().map(|angle| format!("{:.4},", angle.to_degrees())).collect();
-        let optional = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.4}"));
-        text += &format!(
-            "{:.6},{},{previous},{servos}{},{},{},{},{},{}\n",
-            sample.time_s,
-            sample.word,
-            pose_text(&sample.pose, planar),
-            optional(sample.supply.map(|supply_pa| supply_pa / PA_PER_BAR)),
-            optional(sample.temperature_c),
-            sample.run,
-            sample.visit,
-            u8::from(sample.held_out),
-        );
-    }
-    text
+    format!("time_s,word,previous,{servos}{pose},supply_bar,temperature_c,run,visit,held_out")
+}
+
+/// The cells of a sample under [`header`], with commas between.
+pub(super) fn row(sample: &Sample, planar: bool) -> String {
+    let previous = sample.previous.map_or(String::new(), |word| word.to_string());
+    let servos: String = sample.servos_rad.iter().map(|angle| format!("{:.4},", angle.to_degrees())).collect();
+    let optional = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.4}"));
+    format!(
+        "{:.6},{},{previous},{servos}{},{},{},{},{},{}",
+        sample.time_s,
+        sample.word,
+        pose_text(&sample.pose, planar),
+        optional(sample.supply.map(|supply_pa| supply_pa / PA_PER_BAR)),
+        optional(sample.temperature_c),
+        sample.run,
+        sample.visit,
+        u8::from(sample.held_out),
+    )
 }
 
 /// Files hold bar, samples Pa.

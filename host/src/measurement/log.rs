@@ -57,6 +57,14 @@ pub fn to_text(log: &[u8]) -> Result<Vec<u8>, LogError> {
     table(&Log::read(log)?)
 }
 
+/// The table of a log that may end early, and whether it does. A log without a single message is an error.
+pub(super) fn to_text_of_whole_rows(log: &[u8]) -> Result<(Vec<u8>, bool), LogError> {
+    match Log::read_whole_records(log)? {
+        (log, true) if log.messages.is_empty() => Err(McapError::Cut(0).into()),
+        (log, cut) => Ok((table(&log)?, cut)),
+    }
+}
+
 fn table(log: &Log) -> Result<Vec<u8>, LogError> {
     let mut rows: BTreeMap<u64, Vec<(String, String, String)>> = BTreeMap::new();
     let mut columns: Vec<(String, String)> = Vec::new();
@@ -122,18 +130,44 @@ fn cells(object: &Map<String, Value>) -> Vec<(String, String)> {
 pub fn from_text(text: &str) -> Result<Vec<u8>, LogError> {
     let mut table = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
     let header = table.headers()?.clone();
-    let about = text.lines().map_while(|line| line.strip_prefix("# ")).filter_map(|line| line.split_once(' '));
-    let about: Vec<(String, String)> = about.map(|(key, value)| (key.into(), value.into())).collect();
-    let mut log = Writer::new(&about, TOPIC, (SCHEMA, &schema(&header).to_string()));
-    for (number, record) in table.records().enumerate() {
-        let record = record?;
-        let object: Map<String, Value> =
-            header.iter().zip(&record).map(|(name, cell)| (name.to_string(), value(name, cell))).collect();
-        let time = header.iter().zip(&record).find(|(name, _)| meant(&named(name).0) == "time");
-        let time_s = time.and_then(|(name, cell)| Some(cell.parse::<f64>().ok()? * named(name).1));
-        log.message((time_s.unwrap_or(number as f64) * 1e9).round() as u64, &Value::Object(object).to_string());
+    let mut log = Rows::new(&about(text.lines().map_while(|line| line.strip_prefix('#').map(|_| line))), header);
+    for record in table.records() {
+        log.push(&record?);
     }
-    Ok(log.finish())
+    Ok(log.log.finish())
+}
+
+/// Keys and values of comment lines (`# key value`).
+pub(super) fn about<'a>(lines: impl Iterator<Item = &'a str>) -> Vec<(String, String)> {
+    let pairs = lines.filter_map(|line| line.strip_prefix("# ")?.split_once(' '));
+    pairs.map(|(key, value)| (key.into(), value.into())).collect()
+}
+
+/// A log that is written row by row.
+pub(super) struct Rows {
+    header: csv::StringRecord,
+    /// The container.
+    pub(super) log: Writer,
+    count: usize,
+}
+
+impl Rows {
+    /// A log of rows with these columns.
+    pub(super) fn new(about: &[(String, String)], header: csv::StringRecord) -> Self {
+        let log = Writer::new(about, TOPIC, (SCHEMA, &schema(&header).to_string()));
+        Self { header, log, count: 0 }
+    }
+
+    /// Adds a row as a message at its time.
+    pub(super) fn push(&mut self, record: &csv::StringRecord) {
+        let cells = || self.header.iter().zip(record);
+        let object: Map<String, Value> = cells().map(|(name, cell)| (name.to_string(), value(name, cell))).collect();
+        let time = cells().find(|(name, _)| meant(&named(name).0) == "time");
+        let time_s = time.and_then(|(name, cell)| Some(cell.parse::<f64>().ok()? * named(name).1));
+        let time_ns = (time_s.unwrap_or(self.count as f64) * 1e9).round() as u64;
+        self.log.message(time_ns, &Value::Object(object).to_string());
+        self.count += 1;
+    }
 }
 
 fn schema(header: &csv::StringRecord) -> Value {
@@ -148,7 +182,8 @@ fn schema(header: &csv::StringRecord) -> Value {
 }
 
 fn value(name: &str, cell: &str) -> Value {
-    let number = cell.parse::<f64>().ok().filter(|_| !DIGITS.contains(&name)).and_then(serde_json::Number::from_f64);
+    let whole = cell.parse::<i64>().ok().map(serde_json::Number::from);
+    let number = whole.or_else(|| serde_json::Number::from_f64(cell.parse().ok()?)).filter(|_| !DIGITS.contains(&name));
     match number {
         _ if cell.is_empty() => Value::Null,
         Some(number) => Value::Number(number),

@@ -69,6 +69,8 @@ pub struct Log {
     pub channels: BTreeMap<u16, Channel>,
     /// The messages, in the order of the file.
     pub messages: Vec<Message>,
+    /// Keys and values of all metadata records; of one that comes again the last.
+    pub metadata: BTreeMap<String, String>,
 }
 
 /// Bytes that are read from their front.
@@ -109,16 +111,24 @@ impl<'a> Bytes<'a> {
 impl Log {
     /// The channels and messages of a container.
     pub fn read(bytes: &[u8]) -> Result<Self, McapError> {
+        match Self::read_whole_records(bytes)? {
+            (log, false) => Ok(log),
+            (log, true) => Err(McapError::Cut(log.messages.len())),
+        }
+    }
+
+    /// The same of a container that may end early, as when its writer was killed; true if it does.
+    pub fn read_whole_records(bytes: &[u8]) -> Result<(Self, bool), McapError> {
         let mut log = Self::default();
         let records = bytes.strip_prefix(&MAGIC).ok_or(McapError::Magic)?;
-        let records = records.strip_suffix(&MAGIC).ok_or(McapError::Cut(0));
-        log.records(records.unwrap_or(&bytes[MAGIC.len()..]))?;
-        if !bytes[MAGIC.len()..].ends_with(&MAGIC) {
-            return Err(McapError::Cut(log.messages.len()));
-        }
+        let whole = records.strip_suffix(&MAGIC);
+        let cut = match log.records(whole.unwrap_or(records)) {
+            Err(McapError::Cut(_)) => true,
+            end => end.map(|()| whole.is_none())?,
+        };
         match log.messages.iter().find(|message| !log.channels.contains_key(&message.channel)) {
             Some(message) => Err(McapError::Channel(message.channel)),
-            None => Ok(log),
+            None => Ok((log, cut)),
         }
     }
 
@@ -141,8 +151,19 @@ impl Log {
                 let expanded = expanded(&compression, records).ok_or(McapError::Compression(compression))?;
                 self.records(&expanded)
             }
+            12 => self.metadata(&mut content).ok_or(cut),
             _ => Ok(()),
         }
+    }
+
+    fn metadata(&mut self, content: &mut Bytes) -> Option<()> {
+        let _name = content.text()?;
+        let length = u32::from_le_bytes(content.array()?);
+        let mut pairs = Bytes(content.take(length as usize)?);
+        while !pairs.0.is_empty() {
+            self.metadata.insert(pairs.text()?, pairs.text()?);
+        }
+        Some(())
     }
 
     fn channel(&mut self, content: &mut Bytes) -> Option<()> {
@@ -196,12 +217,22 @@ impl Writer {
     pub fn new(metadata: &[(String, String)], topic: &str, (name, schema): (&str, &str)) -> Self {
         let mut writer = Self { bytes: MAGIC.to_vec(), sequence: 0 };
         writer.record(1, &[text(""), text("darm")]);
-        let map: Vec<u8> = metadata.iter().flat_map(|(key, value)| [text(key), text(value)]).flatten().collect();
-        writer.record(12, &[text("about"), long(&map)]);
+        writer.metadata(metadata);
         let id = 1u16.to_le_bytes().to_vec();
         writer.record(3, &[id.clone(), text(name), text("jsonschema"), text(schema)]);
         writer.record(4, &[id.clone(), id, text(topic), text("json"), long(&[])]);
         writer
+    }
+
+    /// Adds a metadata record.
+    pub fn metadata(&mut self, metadata: &[(String, String)]) {
+        let map: Vec<u8> = metadata.iter().flat_map(|(key, value)| [text(key), text(value)]).flatten().collect();
+        self.record(12, &[text("about"), long(&map)]);
+    }
+
+    /// Takes the bytes written since the last time, for a file that grows.
+    pub fn take(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.bytes)
     }
 
     /// Adds a message; log time in ns.
@@ -212,7 +243,7 @@ impl Writer {
         self.sequence += 1;
     }
 
-    /// The whole container.
+    /// The whole container, or what follows the bytes that were taken.
     pub fn finish(mut self) -> Vec<u8> {
         self.record(15, &[vec![0; 4]]);
         self.record(2, &[vec![0; 20]]);
@@ -275,6 +306,7 @@ mod tests {
         let whole = written();
         for end in 8..whole.len() {
             assert!(matches!(Log::read(&whole[..end]), Err(McapError::Cut(_))), "{end}");
+            assert!(matches!(Log::read_whole_records(&whole[..end]), Ok((_, true))), "{end}");
         }
         assert!(matches!(Log::read(b"t_s,x_mm\n1,2\n"), Err(McapError::Magic)));
     }

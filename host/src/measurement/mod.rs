@@ -28,6 +28,7 @@ pub mod log;
 pub mod mcap;
 pub mod poses;
 pub mod select;
+mod stream;
 pub mod table;
 
 use std::fmt;
@@ -36,7 +37,8 @@ use darm_core::se::Pose;
 use darm_core::units::Word;
 
 pub use check::check;
-pub use csv::{ReadError, write, write_text};
+pub use csv::{ReadError, about, write, write_text};
+pub use stream::Stream;
 
 /// The pose of the tool in one visit of a word.
 #[derive(Clone, Debug, PartialEq)]

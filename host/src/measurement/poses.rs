@@ -36,8 +36,12 @@ pub struct Which {
 ///
 /// Rows in which the pose is not a number are left out and told.
 pub fn read(path: &Path, names: &Names, which: &Which) -> Result<(Run, Vec<Finding>), ReadError> {
+    let (table, mut about_file) = Table::read(path, names)?;
     // That a row repeats the one before is told where poses are checked, with what the arm knows.
-    of_table(&Table::read(path, names)?.0, which)
+    about_file.retain(|finding| finding.line.is_none());
+    let (run, findings) = of_table(&table, which)?;
+    about_file.extend(findings);
+    Ok((run, about_file))
 }
 
 /// The same of a table.

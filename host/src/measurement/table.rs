@@ -31,7 +31,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::Finding;
-use super::csv::{ReadError, bytes};
+use super::csv::{ReadError, content};
 use super::select::SelectError;
 
 /// Factors to SI by the unit that a column's name ends in, and the unit that comes of it.
@@ -130,7 +130,16 @@ fn with_plain_ends(text: &[u8]) -> Vec<u8> {
 impl Table {
     /// Reads a table; `names` tell what columns hold whose own names do not.
     pub fn read(path: &Path, names: &Names) -> Result<(Self, Vec<Finding>), ReadError> {
-        Self::read_text(path, &bytes(path)?, names)
+        let content = content(path)?;
+        let (table, mut findings) = Self::read_text(path, &content.text, names)?;
+        if content.cut {
+            let what = format!(
+                "the file ends early, in the middle of a row; its {} complete rows are read",
+                table.lines.len()
+            );
+            findings.push(Finding { line: None, what });
+        }
+        Ok((table, findings))
     }
 
     /// The same of text that is in memory; `path` only serves messages.

@@ -254,7 +254,7 @@ fn a_table_is_uploaded_played_and_measured() {
     assert_eq!(recorded["rows"], 5);
     // A computer that was busy meanwhile is told of, and that alone.
     let findings = recorded["findings"].as_array().unwrap();
-    assert!(findings.iter().all(|finding| finding.as_str().unwrap().contains("clock departed")), "{findings:?}");
+    assert!(findings.iter().all(|finding| finding.as_str().unwrap().contains("clock lost")), "{findings:?}");
     let run = std::fs::read_to_string(home.path("run.csv")).unwrap();
     assert_eq!(run.lines().filter(|line| !line.starts_with('#')).count(), 6);
     assert!(run.contains("# clock_uncertainty_s "), "{run}");

@@ -6,7 +6,6 @@ use darm_core::sequencer::Event;
 
 use super::join::Span;
 use crate::commands::camera::unix_less_host_s;
-use crate::commands::play::End;
 use crate::commands::status::seconds;
 use crate::commands::visits::Visits;
 
@@ -22,41 +21,42 @@ pub(crate) struct Follow<'a> {
     visits: &'a Visits,
     /// When row 0 went out, on the board's clock.
     pub(crate) start_s: Option<f64>,
-    /// The visits that are over.
-    pub(crate) spans: Vec<Span>,
+    /// The first visit that is not over.
+    pub(crate) next: usize,
     ended_s: Option<f64>,
-    offsets_s: (f64, f64),
 }
 
 impl<'a> Follow<'a> {
     /// Before the program starts.
     pub(crate) fn new(visits: &'a Visits) -> Self {
-        Self { visits, start_s: None, spans: Vec::new(), ended_s: None, offsets_s: (f64::MAX, f64::MIN) }
+        Self { visits, start_s: None, next: 0, ended_s: None }
     }
 
-    /// Takes in what happened since the last look, and the clock as it is known at host time `now_s`.
-    pub(crate) fn look(&mut self, happenings: &[Happening], end: Option<End>, clock: &BoardClock, now_s: f64) {
+    /// A program whose row 0 went out at `start_s` of the board; the visits before `next` are done.
+    pub(crate) fn resume(visits: &'a Visits, start_s: f64, next: usize) -> Self {
+        Self { start_s: Some(start_s), next, ..Self::new(visits) }
+    }
+
+    /// Takes in what happened since the last look, and when the program ended, in seconds of the board.
+    pub(crate) fn look(&mut self, happenings: &[Happening], ended_s: Option<f64>) {
         let first = happenings.iter().find(|happening| matches!(happening.event, Event::Row { row: 0, .. }));
         self.start_s = self.start_s.or(first.map(|happening| seconds(happening.at)));
-        if let (Some(_), Some(last)) = (end, happenings.last()) {
-            self.ended_s = Some(seconds(last.at));
-        }
-        let (Some(start_s), Some(offset)) = (self.start_s, clock.offset()) else { return };
-        let (least_s, most_s) = self.offsets_s;
-        self.offsets_s = (least_s.min(offset.at_s), most_s.max(offset.at_s));
-        // A visit is over when the program has gone on, or has ended at its time.
-        let board_s = now_s - offset.at_s;
-        let over_s = self.ended_s.map_or(board_s - BEHIND_S, |ended_s| ended_s + TICK_S) - start_s;
-        while let Some(rest) = self.visits.rests.get(self.spans.len()).filter(|rest| rest.to_s <= over_s) {
-            let Some(span) = span(clock, start_s + rest.from_s, start_s + rest.to_s) else { return };
-            self.spans.push(span);
-        }
+        self.ended_s = ended_s;
     }
 
-    /// How far the board's clock and the host's have departed from each other.
-    pub(crate) fn departure_s(&self) -> f64 {
-        let (least_s, most_s) = self.offsets_s;
-        (most_s - least_s).max(0.0)
+    /// The visits that are over since the last call: the program has gone on, or has ended at its time. With the clock as
+    /// it is known at host time `now_s`.
+    pub(crate) fn over(&mut self, clock: &BoardClock, now_s: f64) -> Vec<(usize, Span)> {
+        let mut over = Vec::new();
+        let (Some(start_s), Some(offset)) = (self.start_s, clock.offset()) else { return over };
+        let board_s = now_s - offset.at_s;
+        let over_s = self.ended_s.map_or(board_s - BEHIND_S, |ended_s| ended_s + TICK_S) - start_s;
+        while let Some(rest) = self.visits.rests.get(self.next).filter(|rest| rest.to_s <= over_s) {
+            let Some(span) = span(clock, start_s + rest.from_s, start_s + rest.to_s) else { break };
+            over.push((self.next, span));
+            self.next += 1;
+        }
+        over
     }
 }
 
@@ -78,7 +78,6 @@ mod tests {
     use darm_core::units::{Micros, ModelHash};
 
     use super::Follow;
-    use crate::commands::play::End;
     use crate::commands::visits::{Rest, Visits};
 
     fn rest(from_s: f64, to_s: f64) -> Rest {
@@ -100,12 +99,16 @@ mod tests {
             clock.observe(RoundTrip { sent_s: board_s + 2.0, board_s, received_s: board_s + 2.002 });
         }
         let row = happening(5_000, Event::Row { row: 0, word: "01".parse().unwrap() });
-        follow.look(&[row], None, &clock, 8.0);
-        assert_eq!(follow.spans.len(), 0, "at board time 6.0 the first visit is too fresh");
-        follow.look(&[happening(6_700, Event::Stopped)], Some(End::Stopped), &clock, 9.9);
-        assert_eq!(follow.spans.len(), 1, "stopped before the end of the second visit");
-        let length_s = follow.spans[0].to_s - follow.spans[0].from_s;
+        follow.look(&[row], None);
+        assert_eq!(follow.over(&clock, 8.0), [], "at board time 6.0 the first visit is too fresh");
+        follow.look(&[happening(6_700, Event::Stopped)], Some(6.7));
+        let over = follow.over(&clock, 9.9);
+        assert_eq!(over.len(), 1, "stopped before the end of the second visit");
+        let length_s = over[0].1.to_s - over[0].1.from_s;
         assert!(length_s > 0.55 && length_s < 0.56, "{length_s}");
-        assert!(follow.departure_s() < 1e-6);
+        assert_eq!(follow.over(&clock, 9.9), [], "each visit once");
+        let mut resumed = Follow::resume(&visits, 5.0, 1);
+        resumed.look(&[], Some(6.9));
+        assert_eq!(resumed.over(&clock, 9.9).first().map(|(visit, _)| *visit), Some(1));
     }
 }

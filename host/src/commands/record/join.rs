@@ -1,11 +1,11 @@
-//! Joins visits and pictures by time: one sample for each visit that the board completed and the camera saw.
+//! Joins a visit with pictures by time: a sample where the board completed the visit and the camera saw it.
 
 use darm::measurement::Sample;
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, Twist};
 
 use crate::commands::camera::{BAR, Picture};
-use crate::commands::visits::{Rest, Visits};
+use crate::commands::visits::Rest;
 
 /// When the arm surely rested at a visit, on the camera's clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,19 +16,11 @@ pub(crate) struct Span {
     pub(crate) to_s: f64,
 }
 
-/// The samples, their times after the start of the program; visits that the camera did not surely see have none.
-///
-/// `spans` are those of the visits that the program completed, in their order.
-pub(crate) fn join(visits: &Visits, spans: &[Span], pictures: &[Picture]) -> Vec<Sample> {
-    let mut samples = Vec::new();
-    for (visit, (rest, span)) in visits.rests.iter().zip(spans).enumerate() {
-        let seen = between(pictures, span);
-        if !seen.is_empty() {
-            let sample = sample(rest, visit, seen);
-            samples.push(Sample { time_s: rest.from_s + sample.time_s - span.from_s, ..sample });
-        }
-    }
-    samples
+/// The sample of a visit, its time after the start of the program; none where the camera did not surely see it.
+pub(crate) fn join(rest: &Rest, visit: usize, span: &Span, pictures: &[Picture]) -> Option<Sample> {
+    let seen = between(pictures, span);
+    let sample = (!seen.is_empty()).then(|| sample(rest, visit, seen))?;
+    Some(Sample { time_s: rest.from_s + sample.time_s - span.from_s, ..sample })
 }
 
 /// The pictures of a span; a camera sends them in order of time.
@@ -73,11 +65,10 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use darm_core::se::{Pose, Pose2};
-    use darm_core::units::ModelHash;
 
     use super::{Span, join};
     use crate::commands::camera::Picture;
-    use crate::commands::visits::{Rest, Visits};
+    use crate::commands::visits::Rest;
 
     fn rest(from_s: f64, to_s: f64) -> Rest {
         let word = "01".parse().unwrap();
@@ -90,7 +81,6 @@ mod tests {
 
     #[test]
     fn a_visit_is_the_mean_of_its_pictures() {
-        let visits = Visits { model: ModelHash(1), rests: vec![rest(1.0, 2.0), rest(3.0, 4.0), rest(5.0, 6.0)] };
         let pictures = [
             picture(100.5, 9.0, 0.0),
             picture(101.2, 1.999, 0.199),
@@ -98,11 +88,12 @@ mod tests {
             picture(105.5, 0.0, 0.0),
         ];
         let span = |from_s, to_s| Span { from_s, to_s };
-        let samples = join(&visits, &[span(101.0, 102.0), span(103.0, 104.0)], &pictures);
-        assert_eq!(samples.len(), 1, "the second was not seen, the third not completed");
-        assert!((samples[0].time_s - 1.3).abs() < 1e-9);
-        assert_eq!((samples[0].supply, samples[0].temperature_c), (Some(6e5), None));
+        let sample = join(&rest(1.0, 2.0), 7, &span(101.0, 102.0), &pictures).unwrap();
+        assert_eq!(join(&rest(3.0, 4.0), 8, &span(103.0, 104.0), &pictures), None, "not seen");
+        assert_eq!(join(&rest(3.0, 4.0), 8, &span(105.9, 105.1), &pictures), None, "not surely at rest");
+        assert!((sample.time_s - 1.3).abs() < 1e-9);
+        assert_eq!((sample.supply, sample.temperature_c, sample.visit), (Some(6e5), None, 7));
         let mean = Pose::from(Pose2::new(2.0, 0.0, 0.2));
-        assert!(samples[0].pose.distance(&mean, 0.5) < 1e-6, "{:?}", samples[0].pose);
+        assert!(sample.pose.distance(&mean, 0.5) < 1e-6, "{:?}", sample.pose);
     }
 }

@@ -1,12 +1,11 @@
-//! Where pictures come from: a socket that is listened to while the program runs, or a file that is read afterwards.
+//! Where pictures come from: a socket that is listened to while the program runs, or a file that may grow meanwhile.
 
 use std::fs::File;
-use std::io::{BufRead as _, BufReader, ErrorKind, Read};
+use std::io::{ErrorKind, Read};
 use std::net::TcpStream;
 use std::os::unix::net::UnixStream;
-use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -56,11 +55,19 @@ pub(crate) enum CameraError {
 pub(crate) struct Camera {
     name: String,
     kind: Kind,
+    /// Bytes of a line that has not come to its end.
+    rest: Vec<u8>,
+    columns: Option<Columns>,
+    line: usize,
+    /// Pictures that came and were not dropped, in the order of the camera.
+    pictures: Vec<Picture>,
+    /// Pictures that came.
+    count: usize,
 }
 
 enum Kind {
-    File(PathBuf),
-    Socket { end: Arc<AtomicBool>, thread: JoinHandle<std::io::Result<Vec<String>>> },
+    File(File),
+    Socket { end: Arc<AtomicBool>, heard: Arc<Mutex<Vec<u8>>>, thread: Option<JoinHandle<std::io::Result<()>>> },
 }
 
 impl Camera {
@@ -73,75 +80,158 @@ impl Camera {
             let socket = TcpStream::connect(address);
             socket.and_then(|socket| socket.set_read_timeout(Some(LOOK)).map(|()| listen(socket)))
         } else {
-            File::open(name).map(|_| Kind::File(name.into()))
+            File::open(name).map(Kind::File)
         };
         let kind = kind.map_err(|source| CameraError::Open { camera: name.to_owned(), source })?;
-        Ok(Self { name: name.to_owned(), kind })
+        Ok(Self::of_kind(name, kind))
     }
 
-    /// Stops listening; all pictures so far.
-    pub(crate) fn stop(self) -> Result<Vec<Picture>, CameraError> {
-        let lines = match self.kind {
-            Kind::File(path) => File::open(path).and_then(|file| BufReader::new(file).lines().collect()),
-            Kind::Socket { end, thread } => {
-                end.store(true, Ordering::Relaxed);
-                thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    fn of_kind(name: &str, kind: Kind) -> Self {
+        let name = name.to_owned();
+        Self { name, kind, rest: Vec::new(), columns: None, line: 0, pictures: Vec::new(), count: 0 }
+    }
+
+    /// Whether its pictures are kept by somebody else too.
+    pub(crate) fn is_file(&self) -> bool {
+        matches!(self.kind, Kind::File(_))
+    }
+
+    /// The pictures that have come, without those that were dropped.
+    pub(crate) fn pictures(&self) -> &[Picture] {
+        &self.pictures
+    }
+
+    /// How many pictures have come.
+    pub(crate) fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Whether its pictures are planar; `None` before its header.
+    pub(crate) fn is_planar(&self) -> Option<bool> {
+        self.columns.as_ref().map(Columns::is_planar)
+    }
+
+    /// Drops the pictures taken before this time.
+    pub(crate) fn forget_before(&mut self, time_s: f64) {
+        let old = self.pictures.partition_point(|picture| picture.time_s < time_s);
+        self.pictures.drain(..old);
+    }
+
+    /// Takes in the lines that have come since the last look.
+    pub(crate) fn look(&mut self) -> Result<(), CameraError> {
+        let fresh = match &mut self.kind {
+            Kind::File(file) => {
+                let mut bytes = Vec::new();
+                file.read_to_end(&mut bytes).map(|_| bytes)
+            }
+            Kind::Socket { heard, .. } => {
+                Ok(std::mem::take(&mut *heard.lock().unwrap_or_else(PoisonError::into_inner)))
             }
         };
-        let lines = lines.map_err(|source| CameraError::Read { camera: self.name.clone(), source })?;
-        pictures(&self.name, &lines)
+        self.rest.extend(fresh.map_err(|source| CameraError::Read { camera: self.name.clone(), source })?);
+        let whole = self.rest.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1);
+        let lines: Vec<u8> = self.rest.drain(..whole).collect();
+        String::from_utf8_lossy(&lines).lines().try_for_each(|line| self.take(line))
+    }
+
+    /// Stops listening and takes in the last lines; a file's last line may lack its end.
+    pub(crate) fn finish(&mut self) -> Result<(), CameraError> {
+        if let Kind::Socket { end, thread, .. } = &mut self.kind {
+            end.store(true, Ordering::Relaxed);
+            let ended = thread.take().map(JoinHandle::join);
+            let ended = ended.map(|ended| ended.unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+            let ended = ended.unwrap_or(Ok(()));
+            self.look()?;
+            ended.map_err(|source| CameraError::Read { camera: self.name.clone(), source })?;
+        } else {
+            self.look()?;
+            let rest = std::mem::take(&mut self.rest);
+            String::from_utf8_lossy(&rest).lines().try_for_each(|line| self.take(line))?;
+        }
+        self.columns.as_ref().map(drop).ok_or_else(|| CameraError::Silent { camera: self.name.clone() })
+    }
+
+    fn take(&mut self, text: &str) -> Result<(), CameraError> {
+        self.line += 1;
+        if text.starts_with('#') || text.trim().is_empty() {
+            return Ok(());
+        }
+        let (camera, line) = (&self.name, self.line);
+        let wrong = |error| CameraError::Line { camera: camera.clone(), line, error };
+        match &self.columns {
+            None => self.columns = Some(Columns::parse(text).map_err(wrong)?),
+            Some(columns) => {
+                let picture = columns.picture(text).map_err(wrong)?;
+                self.count += usize::from(picture.is_some());
+                self.pictures.extend(picture);
+            }
+        }
+        Ok(())
     }
 }
 
 fn listen(socket: impl Read + Send + 'static) -> Kind {
-    let end = Arc::new(AtomicBool::new(false));
-    let seen = Arc::clone(&end);
-    Kind::Socket { end, thread: thread::spawn(move || lines(socket, &seen)) }
+    let (end, heard) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(Vec::new())));
+    let (seen, ear) = (Arc::clone(&end), Arc::clone(&heard));
+    Kind::Socket { end, heard, thread: Some(thread::spawn(move || hear(socket, &seen, &ear))) }
 }
 
-/// Whole lines until the other end closes or nobody wants more.
-fn lines(mut socket: impl Read, end: &AtomicBool) -> std::io::Result<Vec<String>> {
-    let (mut text, mut bytes) = (Vec::new(), [0; 4096]);
-    while !end.load(Ordering::Relaxed) {
+/// Listens until the other end closes or nobody wants more.
+fn hear(mut socket: impl Read, end: &AtomicBool, heard: &Mutex<Vec<u8>>) -> std::io::Result<()> {
+    let mut bytes = [0; 4096];
+    // What has arrived is heard even when the end was asked for meanwhile.
+    let mut ended = false;
+    while !ended {
+        ended = end.load(Ordering::Relaxed);
         match socket.read(&mut bytes) {
             Ok(0) => break,
-            Ok(count) => text.extend_from_slice(&bytes[..count]),
+            Ok(count) => heard.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(&bytes[..count]),
             Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
             Err(error) => return Err(error),
         }
     }
-    let whole = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1);
-    Ok(String::from_utf8_lossy(&text[..whole]).lines().map(str::to_owned).collect())
-}
-
-fn pictures(camera: &str, lines: &[String]) -> Result<Vec<Picture>, CameraError> {
-    let mut numbered = (1..).zip(lines).filter(|(_, line)| !line.starts_with('#') && !line.trim().is_empty());
-    let wrong = |line, error| CameraError::Line { camera: camera.to_owned(), line, error };
-    let (line, header) = numbered.next().ok_or_else(|| CameraError::Silent { camera: camera.to_owned() })?;
-    let columns = Columns::parse(header).map_err(|error| wrong(line, error))?;
-    let mut pictures = Vec::new();
-    for (line, text) in numbered {
-        pictures.extend(columns.picture(text).map_err(|error| wrong(line, error))?);
-    }
-    Ok(pictures)
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
-    use std::sync::atomic::AtomicBool;
+    use std::io::Write as _;
 
-    use super::{lines, pictures};
+    use super::{Camera, listen};
 
-    #[test]
-    fn a_line_that_is_cut_off_is_left_out() {
-        let read = lines(&b"time_s,x_m,y_m,angle_deg\n1,2,3,4\n5,6"[..], &AtomicBool::new(false)).unwrap();
-        assert_eq!(pictures("cam", &read).unwrap().len(), 1);
+    const HEADER: &str = "time_s,x_m,y_m,angle_deg\n";
+
+    /// What a socket that sends this and closes brings.
+    fn heard(text: &str) -> Camera {
+        Camera::of_kind("cam", listen(std::io::Cursor::new(text.to_owned())))
     }
 
     #[test]
-    fn a_bad_line_is_told_by_number() {
-        let lines: Vec<String> = ["# by hand", "time_s,x_m,y_m,angle_deg", "1,2,x,4"].map(str::to_owned).to_vec();
-        let error = pictures("cam", &lines).unwrap_err().to_string();
+    fn a_line_that_is_cut_off_is_left_out() {
+        let mut camera = heard(&format!("{HEADER}1,2,3,4\n5,6"));
+        camera.finish().unwrap();
+        assert_eq!((camera.pictures().len(), camera.count(), camera.is_planar()), (1, 1, Some(true)));
+    }
+
+    #[test]
+    fn a_bad_line_is_named_by_number() {
+        let error = heard("# by hand\ntime_s,x_m,y_m,angle_deg\n1,2,x,4\n").finish().unwrap_err().to_string();
         assert_eq!(error, "cam: line 3: the camera's column y_m holds \"x\", no number");
+        assert_eq!(heard("").finish().unwrap_err().to_string(), "the camera at cam sent nothing, not even its header");
+    }
+
+    #[test]
+    fn a_file_that_grows_is_read_on() {
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        write!(file, "{HEADER}1,2,3,4\n2,2").unwrap();
+        let mut camera = Camera::open(file.path().to_str().unwrap()).unwrap();
+        camera.look().unwrap();
+        assert_eq!(camera.pictures().len(), 1);
+        write!(file, ",3,4\n3,2,3,4").unwrap();
+        camera.look().unwrap();
+        assert_eq!(camera.pictures().len(), 2);
+        camera.forget_before(1.5);
+        camera.finish().unwrap();
+        assert_eq!((camera.pictures().len(), camera.count()), (2, 3));
     }
 }

@@ -1,0 +1,91 @@
+//! The connection to a board whose program is followed: it may break, the program runs on.
+
+use std::time::{Duration, Instant};
+
+use darm::client::{Client, ClientError, Happening};
+use darm_core::wire::message::Refusal;
+
+use super::RecordError;
+use crate::commands::play::Watch;
+use crate::voice::Voice;
+use crate::{interrupt, port};
+
+/// Time between two questions to the board, and between two attempts to open a lost port.
+pub(crate) const POLL: Duration = Duration::from_millis(50);
+
+/// A connection that is opened again when it breaks.
+pub(crate) struct Program {
+    pub(crate) client: Client,
+    pub(crate) watch: Watch,
+    pub(crate) interrupt: interrupt::Watch,
+    boots: u32,
+    lost: Option<Instant>,
+    /// A lost port is waited for so long.
+    pub(crate) patience: Duration,
+    voice: Voice,
+}
+
+impl Program {
+    /// Follows by `watch` what the board does.
+    pub(crate) fn new(
+        client: Client,
+        watch: Watch,
+        interrupt: interrupt::Watch,
+        patience: Duration,
+        voice: Voice,
+    ) -> Self {
+        let boots = client.hello().map_or(0, |hello| hello.boots);
+        Self { client, watch, interrupt, boots, lost: None, patience, voice }
+    }
+
+    /// What happened since the last look; `None` while the connection is lost.
+    pub(crate) fn look(&mut self) -> anyhow::Result<Option<Vec<Happening>>> {
+        if let Some(since) = self.lost {
+            match self.reconnect() {
+                Ok(()) => self.voice.note("connected again"),
+                Err(error) if since.elapsed() > self.patience => return Err(error),
+                Err(_) => return Ok(None),
+            }
+            self.check_boots()?;
+            self.lost = None;
+        }
+        match self.watch.look(&mut self.client) {
+            Ok(happenings) => Ok(Some(happenings)),
+            Err(error) => self.take(error).map(|()| None),
+        }
+    }
+
+    /// A broken connection is waited for; one that another program has ended is opened again; anything else is an error.
+    fn take(&mut self, error: anyhow::Error) -> anyhow::Result<()> {
+        match error.downcast_ref::<ClientError>() {
+            Some(ClientError::Transport(_) | ClientError::Frame(_)) => {
+                self.voice.note(&format!("{error}; the program runs on, waiting for the port"));
+                self.lost = Some(Instant::now());
+                self.client.unplug();
+                Ok(())
+            }
+            Some(ClientError::Refused(Refusal::NotConnected)) => {
+                self.client.say_hello()?;
+                self.check_boots()
+            }
+            _ => Err(error),
+        }
+    }
+
+    fn reconnect(&mut self) -> anyhow::Result<()> {
+        let (link, handle) = port::open(self.client.port())?;
+        self.interrupt.use_handle(handle);
+        let replugged = self.client.replug(link);
+        if replugged.is_err() {
+            self.client.unplug();
+        }
+        Ok(replugged?)
+    }
+
+    fn check_boots(&self) -> anyhow::Result<()> {
+        match self.client.hello() {
+            Some(hello) if hello.boots != self.boots => Err(RecordError::Restarted.into()),
+            _ => Ok(()),
+        }
+    }
+}
