@@ -12,6 +12,7 @@ use darm::in_process::{Bench, MemoryFlash, Physical};
 use darm::link::{Link, LinkError};
 use darm::plant::{Broken, Plant};
 use darm_core::output::Wiring;
+use darm_core::units::Digest;
 use darm_core::wire::frame;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
