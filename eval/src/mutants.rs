@@ -28,6 +28,16 @@ pub struct Caught {
     pub rules: Vec<(String, u64)>,
 }
 
+impl Caught {
+    /// Rules that were broken in more seeds than before: rule, seeds, seeds before.
+    pub fn more_than(&self, before: &Self) -> Vec<(&str, u64, u64)> {
+        let seeds_before =
+            |rule: &str| before.rules.iter().find(|(name, _)| name == rule).map_or(0, |(_, seeds)| *seeds);
+        let compared = self.rules.iter().map(|(rule, seeds)| (rule.as_str(), *seeds, seeds_before(rule)));
+        compared.filter(|(_, seeds, before)| seeds > before).collect()
+    }
+}
+
 /// The mutants of a folder, by name.
 pub fn list(folder: &Path) -> Result<Vec<Mutant>> {
     let mut mutants = Vec::new();

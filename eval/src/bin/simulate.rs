@@ -97,13 +97,16 @@ impl Arguments {
     fn run_mutants(&self) -> Result<()> {
         let (root, scratch) = (root(), root().join("target/mutants"));
         let wanted = |mutant: &mutants::Mutant| self.only.as_ref().is_none_or(|only| *only == mutant.name);
-        let mut clean = mutants::judge(root, &scratch, None, &self.seeds)?;
-        println!("{:24} {:>6} seeds {:?}", "(unchanged)", clean.seeds, clean.rules);
-        clean.rules.sort();
+        let clean = mutants::judge(root, &scratch, None, &self.seeds)?;
+        println!("(unchanged): {} seeds, {:?}", clean.seeds, clean.rules);
         for mutant in mutants::list(&root.join("eval/mutants"))?.iter().filter(|mutant| wanted(mutant)) {
             let caught = mutants::judge(root, &scratch, Some(mutant), &self.seeds)?;
-            let more: Vec<_> = caught.rules.iter().filter(|rule| !clean.rules.contains(rule)).collect();
-            println!("{:24} {:>6} seeds {more:?}: {}", mutant.name, caught.seeds, mutant.description.trim());
+            println!("{}: {}", mutant.name, mutant.description.trim());
+            let more = caught.more_than(&clean);
+            more.iter().for_each(|(rule, count, before)| println!("  {rule}: {count} seeds, unchanged {before}"));
+            if more.is_empty() {
+                println!("  NOT CAUGHT");
+            }
         }
         Ok(())
     }
