@@ -520,8 +520,10 @@ impl<'t> Sequencer<'t> {
         let wiring = table.wiring();
         self.switches.check(self.now, seen.switches, &self.coils.word(), wiring)?;
         let servos = wiring.servos.iter().zip(&self.servos).zip(&seen.servos).zip(&self.offsets_rad);
+        let is_active = !matches!(self.phase, Phase::Idle | Phase::Safe(_));
         for (index, (((joint, action), servo), offset_rad)) in servos.enumerate() {
-            if matches!(action, ServoAction::Go(_)) {
+            // A servo that holds may bear the arm: while anything is driven it has to answer, too.
+            if is_active || matches!(action, ServoAction::Go(_)) {
                 let angle_rad = servo.angle_rad - offset_rad;
                 check_servo(self.now, index as u8, joint, &ServoSeen { angle_rad, ..*servo })?;
             }
