@@ -8,6 +8,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
+use darm::client::UploadImage;
 use darm::in_process::{Bench, MemoryFlash, Physical};
 use darm::link::{Link, LinkError};
 use darm::plant::{Broken, Plant};
@@ -294,16 +295,27 @@ impl World {
 
     fn send_hostile(&mut self, sent: Sent) {
         sent.angles_rad.iter().for_each(|&angle| self.servos.on_asked(angle));
+        sent.offsets_rad.iter().for_each(|&offset| self.servos.on_offset(offset));
         self.say("hostile", || sent.what);
         self.bench.send(&sent.bytes);
     }
 
     fn send_table(&mut self, rng: &mut ChaCha8Rng) {
+        if rng.random_ratio(1, 4) {
+            let wider = hostile::tables::wider_profile(rng, &self.wiring);
+            self.say("hostile", || "a wider profile".into());
+            self.send_frames(&wider, rng);
+            return;
+        }
         let Some(table) = hostile::tables::beyond(rng, &self.wiring, self.profile) else { return };
         self.reports.know(table.known());
         self.reports.on_upload(table.model, Ending::Unknown);
         table.angles_rad.iter().for_each(|&angle| self.servos.on_asked(angle));
-        for frame in hostile::tables::frames(&table, rng.random(), rng.random()) {
+        self.send_frames(&table.image, rng);
+    }
+
+    fn send_frames(&mut self, upload: &UploadImage, rng: &mut ChaCha8Rng) {
+        for frame in hostile::tables::frames(upload, rng.random(), rng.random()) {
             self.bench.send(&frame);
         }
     }

@@ -18,6 +18,8 @@ pub struct Sent {
     pub bytes: Vec<u8>,
     /// Servo angles asked for, rad.
     pub angles_rad: Vec<f32>,
+    /// Zero offsets that it sets, rad.
+    pub offsets_rad: Vec<f32>,
     /// What it is, for the trace.
     pub what: String,
 }
@@ -47,8 +49,10 @@ pub fn any_frame(rng: &mut ChaCha8Rng, link: u32, likely: &[u64]) -> Sent {
     let mut sent = Sent { bytes: framed(REQUEST, link, number, &payload), ..Sent::default() };
     match postcard::from_bytes::<Request<'_>>(&payload) {
         Ok(request) => {
-            if let Request::Command(Command::Servo { angle_rad, .. }) = request {
-                sent.angles_rad.push(angle_rad);
+            match request {
+                Request::Command(Command::Servo { angle_rad, .. }) => sent.angles_rad.push(angle_rad),
+                Request::Calibrate(calibration) => sent.offsets_rad.extend(calibration.offsets_rad()),
+                _ => {}
             }
             // A value that the type does not allow may not even be printable.
             sent.what = caught(|| format!("{request:?}")).unwrap_or_else(|_| format!("{payload:02x?}"));
@@ -77,5 +81,6 @@ pub fn any_line(rng: &mut ChaCha8Rng) -> Sent {
         _ => "limits".into(),
     };
     let angles_rad = if line.starts_with("servo") { second.parse().ok().map(f32::to_radians) } else { None };
-    Sent { bytes: format!("{line}\r").into_bytes(), angles_rad: angles_rad.into_iter().collect(), what: line }
+    let angles_rad = angles_rad.into_iter().collect();
+    Sent { bytes: format!("{line}\r").into_bytes(), angles_rad, what: line, ..Sent::default() }
 }

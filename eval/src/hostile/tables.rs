@@ -1,5 +1,7 @@
 //! Tables at and beyond every limit of the arm, in frames that the board accepts.
 
+use darm::board_profile::BoardProfile;
+use darm::client::UploadImage;
 use darm_core::output::{Coil, CoilLimit, Drive, SwitchLimit, Wiring};
 use darm_core::sequencer::Command;
 use darm_core::units::Digest;
@@ -52,9 +54,16 @@ pub fn beyond(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest) -> Option<
     Some(Table::of(&draw_records(rng, &wiring, profile, model, rows, 0.5), model))
 }
 
-/// The frames that upload a table under a link and play it, with the numbers from `number` on.
-pub fn frames(table: &Table, link: u32, mut number: u16) -> Vec<Vec<u8>> {
-    let (image, bytes) = (table.image.image(), table.image.bytes());
+/// A profile that allows what this one does not. Nobody holds the button: the board must refuse it.
+pub fn wider_profile(rng: &mut ChaCha8Rng, wiring: &Wiring) -> UploadImage {
+    let mut wiring = wiring.clone();
+    widen(rng, &mut wiring);
+    BoardProfile::of("wider", &wiring).image()
+}
+
+/// The frames that upload an image under a link and play it, with the numbers from `number` on.
+pub fn frames(upload: &UploadImage, link: u32, mut number: u16) -> Vec<Vec<u8>> {
+    let (image, bytes) = (upload.image(), upload.bytes());
     let mut requests = vec![
         Request::Hello { protocol: PROTOCOL },
         Request::Command(Command::Stop),

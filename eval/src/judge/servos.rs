@@ -33,8 +33,10 @@ struct Seen {
 pub struct Servos {
     ceilings: Ceilings,
     seen: [Seen; 256],
-    /// Goals that somebody has asked for, by any command or table, in steps.
-    asked: Vec<u16>,
+    /// Joint angles that somebody has asked for, by any command or table, rad.
+    asked_rad: Vec<f32>,
+    /// Zero offsets that somebody has set, rad: what is added to a joint angle.
+    offsets_rad: Vec<f32>,
     to_servos: Vec<u8>,
     to_board: Vec<u8>,
     /// The register that each servo was asked for last.
@@ -55,7 +57,8 @@ impl Servos {
         Self {
             ceilings,
             seen: [Seen::default(); 256],
-            asked: Vec::new(),
+            asked_rad: Vec::new(),
+            offsets_rad: vec![0.0],
             to_servos: Vec::new(),
             to_board: Vec::new(),
             reads: [0; 256],
@@ -63,12 +66,25 @@ impl Servos {
         }
     }
 
-    /// Somebody asks for this goal: it is no motion that nobody asked for, whatever becomes of it.
+    /// Somebody asks for this joint angle: it is no motion that nobody asked for, whatever becomes of it.
     pub fn on_asked(&mut self, angle_rad: f32) {
-        let step = (angle_rad * (4096.0 / std::f32::consts::TAU) + 2048.5).clamp(0.0, 4095.0) as u16;
-        if !self.asked.contains(&step) {
-            self.asked.push(step);
+        if !self.asked_rad.contains(&angle_rad) {
+            self.asked_rad.push(angle_rad);
         }
+    }
+
+    /// Somebody sets this zero offset, for whichever servo.
+    pub fn on_offset(&mut self, offset_rad: f32) {
+        if !self.offsets_rad.contains(&offset_rad) {
+            self.offsets_rad.push(offset_rad);
+        }
+    }
+
+    /// Whether a goal is a joint angle that was asked for, with an offset that was set.
+    fn is_asked(&self, goal: u16) -> bool {
+        let step = |shaft_rad: f32| (shaft_rad * (4096.0 / std::f32::consts::TAU) + 2048.5).clamp(0.0, 4095.0) as u16;
+        let near = |shaft_rad: f32| step(shaft_rad).abs_diff(goal) <= GOAL_STEPS;
+        self.asked_rad.iter().any(|angle| self.offsets_rad.iter().any(|offset| near(angle + offset)))
     }
 
     /// The firmware starts again and knows no position.
@@ -177,8 +193,7 @@ impl Servos {
             Some(_) => {}
         }
         let holds = seen.present.is_some_and(|present| present.abs_diff(goal) <= HOLD_STEPS);
-        let asked = self.asked.iter().any(|asked| asked.abs_diff(goal) <= GOAL_STEPS);
-        if !holds && !asked {
+        if !holds && !self.is_asked(goal) {
             self.verdict.note(JUDGE, "unasked-goal", now_ns, || {
                 format!("servo {id} is sent to step {goal}, which nobody asked for; it was seen at {:?}", seen.present)
             });
