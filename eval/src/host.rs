@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use darm::client::{Client, ClientError};
+use darm::client::{Client, ClientError, TransportError};
 use darm::link::faulty::{FaultCounts, Faults, Faulty};
 use darm::link::{Link, LinkError};
 use darm_core::sequencer::{Command, Event};
@@ -301,7 +301,8 @@ impl<'s> Host<'s> {
     }
 
     fn judge_silence<T>(&self, name: &'static str, began_ns: u64, result: &Result<T, ClientError>) {
-        let Err(error @ ClientError::Transport(_)) = result else { return };
+        // A host that was killed has closed its own end.
+        let Err(error @ ClientError::Transport(TransportError::Silent { .. })) = result else { return };
         let before_ns = began_ns.saturating_sub(2_000_000_000);
         world::with(|world| {
             if self.loss_percent == 0 && world.is_undisturbed_since(before_ns) {

@@ -63,7 +63,8 @@ struct Output {
     burst: Micros,
     /// When it switched last.
     changed: Micros,
-    /// When it goes off, where it is on by hand for a time.
+    /// How long it is on by hand, and when it goes off: counted from when the supply has let it go on.
+    on_for: Micros,
     off_at: Micros,
     /// Until when its meter has counted.
     counted: Micros,
@@ -86,6 +87,7 @@ const NO_OUTPUT: Output = Output {
     limit: NO_LIMIT,
     burst: Micros(0),
     changed: Micros(0),
+    on_for: Micros(0),
     off_at: Micros(0),
     counted: Micros(0),
 };
@@ -322,8 +324,10 @@ impl<'t> Coils<'t> {
             let on = Micros::from_millis(on_ms);
             let flows = if self.latches & bit == 0 { on } else { self.burst(index) };
             self.require(now, index, flows)?;
+            let is_on = self.on & bit != 0;
             if let Some(output) = self.outputs.get_mut(index) {
-                output.off_at = now + on;
+                output.on_for = on;
+                output.off_at = if is_on { now + on } else { Micros(u64::MAX) };
             }
             self.timed |= bit;
         } else {
@@ -399,6 +403,9 @@ impl<'t> Coils<'t> {
             self.count(now, index, fed & bit != 0)?;
             if let Some(output) = self.outputs.get_mut(index) {
                 output.changed = now;
+                if self.timed & on & bit != 0 {
+                    output.off_at = now + output.on_for;
+                }
             }
             self.show(index, bit);
         }

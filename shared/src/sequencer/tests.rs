@@ -206,7 +206,7 @@ fn a_coil_left_on_by_hand_is_switched_off_at_its_limit() {
 fn a_coil_by_hand_goes_off_by_itself() {
     let mut bench = Bench::new(&two_valves(&[end(10)]));
     bench.run(1).command(Command::Coil { coil: 1, on_ms: 20 }).unwrap();
-    assert_eq!(bench.run(19).outputs.lines, 0b10);
+    assert_eq!(bench.run(20).outputs.lines, 0b10);
     assert_eq!(bench.run(1).outputs.lines, 0);
     let too_long = bench.command(Command::Coil { coil: 1, on_ms: 101 });
     assert_eq!(too_long, Err(CommandError::OnTooLong { max_ms: 100 }));
@@ -359,6 +359,19 @@ fn a_manual_coil_goes_off_at_its_own_time() {
     assert_eq!(bench.run(2).outputs.lines, 0b11);
     assert_eq!(bench.run(16).outputs.lines, 0b10, "the second command has not touched the first coil");
     assert_eq!(bench.run(10).outputs.lines, 0);
+}
+
+#[test]
+fn a_manual_coil_is_on_for_its_time_however_long_the_supply_lets_it_wait() {
+    let mut bench = Bench::new(&two_valves(&[end(10)]));
+    bench.follows = false;
+    bench.seen.switches = 0b11;
+    bench.command(Command::Word(word("11"))).unwrap();
+    bench.run(1).command(Command::Stop).unwrap();
+    // The supply feeds two coils in 5 ms: the next one waits for longer than it is to be on.
+    bench.run(1).command(Command::Coil { coil: 0, on_ms: 2 }).unwrap();
+    let on_ms: u64 = (0..20).map(|_| bench.run(1).outputs.lines & 1).sum();
+    assert_eq!(on_ms, 2);
 }
 
 #[test]
