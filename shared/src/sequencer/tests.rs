@@ -504,7 +504,7 @@ fn a_reset_forgets_no_current() {
         used = sequencer.used().clone();
         left(&used)
     };
-    assert_eq!(before, 960_000 - 8_000);
+    assert_eq!(before, 960_000 - 9_000);
     let mut sequencer = Sequencer::new(Box::leak(Box::new(used)));
     sequencer.configure(profile);
     assert_eq!(left(sequencer.used()), before);
