@@ -51,12 +51,12 @@ static TABLE: StaticCell<Table> = StaticCell::new();
 static DESK: StaticCell<OnBoard> = StaticCell::new();
 static ROOM: StaticCell<Room> = StaticCell::new();
 static PROFILE: StaticCell<Profile> = StaticCell::new();
-/// How long each output has been on. Start-up code neither clears nor fills this section, so it outlives a reset; each
-/// meter tells by its checksum whether it did.
-#[unsafe(link_section = ".uninit.USED")]
+/// How long each output has been on. Start-up code neither clears nor fills this section, so it outlives a reset, unless
+/// the option byte SRAM2_RST has it erased; each meter tells by its checksum whether it did.
+#[unsafe(link_section = ".above.USED")]
 static mut USED: MaybeUninit<DutyMeters> = MaybeUninit::uninit();
 /// In the memory that nothing clears at the start, see `memory.x`.
-#[unsafe(link_section = ".above")]
+#[unsafe(link_section = ".above.TICKER")]
 static mut TICKER: MaybeUninit<Ticker> = MaybeUninit::uninit();
 /// When the requested tick is due, modulo 2³² µs.
 static DUE_US: AtomicU32 = AtomicU32::new(0);
