@@ -16,6 +16,7 @@
 use heapless::Vec;
 use nalgebra::{Isometry3, Quaternion, Rotation3, Translation3, UnitQuaternion};
 
+use super::sort::sort_by;
 use super::{Beam, Found, Frame, Module};
 use crate::real::{Mat6, Vec3, Vec6};
 use crate::se::Pose;
@@ -232,8 +233,8 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
             return;
         }
         let frames = self.frames.get_mut(last.first..).unwrap_or_default();
-        frames.sort_unstable_by_key(|frame| frame.at[0]);
-        self.ends = frames.iter().map(|frame| frame.motion(last.size_m).translation.vector).collect();
+        sort_by(frames, |a, b| a.at[0] < b.at[0]);
+        refill(&mut self.ends, frames.iter().map(|frame| frame.motion(last.size_m).translation.vector));
         self.corners = [Vec3::repeat(f32::MAX), Vec3::repeat(f32::MIN)];
         for end in &self.ends {
             self.corners = [self.corners[0].inf(end), self.corners[1].sup(end)];
@@ -298,7 +299,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         self.phase = Phase::Grow { beginning: index + 1 };
         if index + 1 == self.beginnings.len() {
             self.next.sort();
-            self.beginnings = self.next.list.iter().map(|(_, number)| *number).collect();
+            refill(&mut self.beginnings, self.next.list.iter().map(|(_, number)| *number));
             self.enter(self.level + 1);
         }
     }
@@ -316,7 +317,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
             self.followers.offer(score, number as u32);
         }
         self.followers.sort();
-        self.followers.list.truncate((FOLLOWED * WIDTH / self.beginnings.len()).max(1));
+        self.followers.list.truncate((FOLLOWED * WIDTH).checked_div(self.beginnings.len()).map_or(1, |each| each.max(1)));
         self.phase = Phase::Meet { beginning: index, follower: 0 };
     }
 
@@ -477,7 +478,15 @@ impl<const N: usize> Shortlist<N> {
 
     /// The best first.
     fn sort(&mut self) {
-        self.list.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        sort_by(&mut self.list, |a, b| a.0.total_cmp(&b.0).is_lt());
+    }
+}
+
+/// Makes a list of these items; those beyond its room are left out.
+fn refill<T, const N: usize>(list: &mut Vec<T, N>, mut items: impl Iterator<Item = T>) {
+    list.clear();
+    while let (false, Some(item)) = (list.is_full(), items.next()) {
+        let _ = list.push(item);
     }
 }
 

@@ -20,6 +20,7 @@
 #![allow(non_snake_case)]
 
 mod meeting;
+mod sort;
 
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
