@@ -104,19 +104,12 @@ fn name(image: &Image, address: u32) -> &str {
 }
 
 fn callees<'a>(image: &'a Image, callees: &'a [Callee]) -> impl Iterator<Item = Call> + 'a {
-    let calls = |function: &Function, part: &str| function.calls.iter().any(|call| name(image, call.to).contains(part));
-    let matches = move |function: &Function| {
-        callees.iter().any(|callee| match callee {
-            Callee::Named(part) => function.name.contains(part),
-            Callee::PollCalling(part) => function.name == TASK_POLL && calls(function, part),
-        })
-    };
+    let matches =
+        move |function: &Function| callees.iter().any(|Callee::Named(part)| function.name.contains(part));
     let found = image.functions.iter().filter(move |(_, function)| matches(function));
     found.map(|(&to, _)| Call { at: 0, to, is_tail: false })
 }
 
-/// Every task's poll function has this name.
-const TASK_POLL: &str = "embassy_executor::raw::TaskStorage<F>::poll";
 /// Where the committed lists are.
 pub(crate) const LISTS: &str = "xtask/src/image/lists.rs";
 
