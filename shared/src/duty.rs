@@ -8,6 +8,7 @@
 //!
 //! One [`DutyMeter`] belongs to one output of the board, whatever table drives it. The board keeps its meters in memory
 //! that survives a reset; each has its own checksum, and one that is not valid counts as [exhausted](DutyMeter::exhaust).
+#![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::unwrap_used))]
 
 use serde::{Deserialize, Serialize};
 
@@ -45,8 +46,12 @@ pub struct DutyMeter {
 
 impl DutyMeter {
     const BUCKETS: usize = 16;
+    /// The closed ones and the one that is being filled.
+    const ALL_BUCKETS: u32 = Self::BUCKETS as u32 + 1;
     /// On-time of a closed bucket that was on throughout.
     const FULL: u8 = 255;
+    /// Units of on-time in a bucket.
+    const UNITS: u32 = Self::FULL as u32;
 
     /// Lets `span` pass with the output on or off, and reports the first limit that was exceeded.
     pub fn pass(&mut self, span: Micros, on: bool, limit: &CoilLimit) -> Result<(), Breach> {
@@ -71,14 +76,14 @@ impl DutyMeter {
     pub fn recovery_us(&self, limit: &CoilLimit) -> u32 {
         let bucket_us = bucket_us(limit);
         if self.filled_on_us > 0 {
-            return bucket_us.saturating_mul(Self::BUCKETS as u32 + 1).saturating_sub(self.filled_us);
+            return bucket_us.saturating_mul(Self::ALL_BUCKETS).saturating_sub(self.filled_us);
         }
-        let newest_first =
-            (1..=Self::BUCKETS).map(|age| (usize::from(self.oldest) + Self::BUCKETS - age) % Self::BUCKETS);
-        let newest_in_use =
-            newest_first.enumerate().find(|&(_, index)| self.closed.get(index).is_some_and(|on| *on > 0));
-        newest_in_use
-            .map_or(0, |(age, _)| bucket_us.saturating_mul((Self::BUCKETS - age) as u32).saturating_sub(self.filled_us))
+        let (newer, older) = self.closed.split_at_checked(self.oldest.into()).unwrap_or((&self.closed, &[]));
+        let mut newest_first = newer.iter().rev().chain(older.iter().rev());
+        newest_first.position(|on| *on > 0).map_or(0, |age| {
+            let buckets = Self::BUCKETS.saturating_sub(age) as u32;
+            bucket_us.saturating_mul(buckets).saturating_sub(self.filled_us)
+        })
     }
 
     /// Counts as if the output had just been used to its limit.
@@ -100,7 +105,7 @@ impl DutyMeter {
 
     /// On-time in the present window, never too little.
     fn used_us(&self, limit: &CoilLimit) -> u32 {
-        let unit_us = (bucket_us(limit) / u32::from(Self::FULL)).saturating_add(1);
+        let unit_us = (bucket_us(limit) / Self::UNITS).saturating_add(1);
         u32::from(self.closed_sum).saturating_mul(unit_us).saturating_add(self.filled_on_us)
     }
 
@@ -110,7 +115,7 @@ impl DutyMeter {
             return;
         }
         // Nothing older than one window and a bucket can matter.
-        let longest = u64::from(bucket_us).saturating_mul(Self::BUCKETS as u64 + 2);
+        let longest = u64::from(bucket_us).saturating_mul(u64::from(Self::ALL_BUCKETS).saturating_add(1));
         let mut left_us = span.0.min(longest);
         while left_us > 0 {
             let step_us = left_us.min(u64::from(bucket_us.saturating_sub(self.filled_us)));
@@ -131,13 +136,14 @@ impl DutyMeter {
     }
 
     fn close_bucket(&mut self, bucket_us: u32) {
-        let on = (u64::from(self.filled_on_us) * u64::from(Self::FULL)).div_ceil(u64::from(bucket_us.max(1)));
+        let on = u64::from(self.filled_on_us).saturating_mul(Self::FULL.into()).div_ceil(u64::from(bucket_us.max(1)));
         let on = on.min(u64::from(Self::FULL)) as u8;
         if let Some(oldest) = self.closed.get_mut(usize::from(self.oldest)) {
             self.closed_sum = self.closed_sum.saturating_sub(u16::from(*oldest)).saturating_add(u16::from(on));
             *oldest = on;
         }
-        self.oldest = if usize::from(self.oldest) + 1 < Self::BUCKETS { self.oldest + 1 } else { 0 };
+        let next = self.oldest.saturating_add(1);
+        self.oldest = if usize::from(next) < Self::BUCKETS { next } else { 0 };
         self.filled_us = 0;
         self.filled_on_us = 0;
     }
@@ -166,12 +172,12 @@ fn clamp(span: Micros) -> u32 {
 
 /// Length of a bucket: at most 225 s.
 fn bucket_us(limit: &CoilLimit) -> u32 {
-    (u64::from(limit.window_ms) * 125 / 2) as u32
+    limit.window_ms.saturating_mul(125) / 2
 }
 
 /// On-time that a window allows: at most an hour.
 fn allowed_us(limit: &CoilLimit) -> u32 {
-    (u64::from(limit.window_ms) * 10 * u64::from(limit.duty_percent)) as u32
+    limit.window_ms.saturating_mul(10).saturating_mul(limit.duty_percent.into())
 }
 
 /// The meters of all outputs of a board, and the profile that their windows belong to.

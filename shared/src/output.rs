@@ -8,6 +8,7 @@
 //! | `Hold`      | one          | the line is high (a valve)                                    |
 //! | `PeakHold`  | pull, hold   | both high for `peak_ms`, then only the hold line               |
 //! | `Latch`     | set, reset   | a pulse of `pulse_ms` on `set` when it goes on, on `reset` when it goes off, no current between |
+#![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::unwrap_used))]
 
 use core::fmt;
 
@@ -395,10 +396,10 @@ impl Wiring {
     /// The coils that a word feeds: bit `c` for coil `c`.
     pub fn coils_on(&self, word: &Word) -> u64 {
         let mut fed = 0;
-        let mut first = 0;
+        let mut first = 0usize;
         for (index, actuator) in self.actuators.iter().enumerate() {
             fed |= u64::from(word.digit(index)) << first;
-            first += actuator.coils();
+            first = first.saturating_add(actuator.coils());
         }
         fed
     }

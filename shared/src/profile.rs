@@ -5,6 +5,7 @@
 //!
 //! A profile travels and is stored as a list of [`ProfileRecord`]s in a fixed order: `Start`, the outputs by number, the
 //! servos in their order along the arm, `End`. A board without a profile has [`BUILT_IN`].
+#![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::unwrap_used))]
 
 use core::fmt;
 
@@ -84,6 +85,7 @@ pub static BUILT_IN: Profile = Profile::built_in();
 const BUILT_IN_OUTPUTS: usize = 16;
 
 impl Profile {
+    #[expect(clippy::indexing_slicing, clippy::arithmetic_side_effects, reason = "evaluated by the compiler")]
     const fn built_in() -> Self {
         let limit = CoilLimit { max_on_ms: 1_000, duty_percent: 10, window_ms: 10_000 };
         let mut outputs = [None; MAX_COILS];
@@ -111,13 +113,13 @@ impl Profile {
                 *output = Some(Output { drive: coil.drive, limit: coil.limit, input: None });
             }
         }
-        let mut first = 0;
+        let mut first = 0usize;
         for actuator in &wiring.actuators {
             let number = wiring.coils.get(first).map_or(MAX_COILS, |coil| usize::from(coil.output));
             if let Some(Some(output)) = profile.outputs.get_mut(number) {
                 output.input = actuator.switch.map(|switch| switch.input);
             }
-            first += actuator.coils();
+            first = first.saturating_add(actuator.coils());
         }
         let servos = wiring.servos.iter().map(|servo| Servo { limit: *servo, fallback: Fallback::Hold });
         profile.servos = servos.collect();
@@ -188,7 +190,7 @@ impl Profile {
         if !self.supply.allows(&wiring.switch_limit) {
             return Err(Mismatch::Supply { profile: self.supply, table: wiring.switch_limit });
         }
-        let mut first = 0;
+        let mut first = 0usize;
         for actuator in &wiring.actuators {
             let number = wiring.coils.get(first).map_or(u8::MAX, |coil| coil.output);
             let input = self.output(number).and_then(|output| output.input);
@@ -198,7 +200,7 @@ impl Profile {
                 }
                 Some(_) | None => {}
             }
-            first += actuator.coils();
+            first = first.saturating_add(actuator.coils());
         }
         for (index, servo) in (0u8..).zip(&wiring.servos) {
             let fits = self.servos.get(usize::from(index)).is_some_and(|own| own.limit.allows(servo));

@@ -13,6 +13,7 @@
 //! no coil with current and lets every servo hold the angle that it has. No servo moves unasked: not when a table or a
 //! calibration is loaded, and not before it has answered.
 //! [`Sequencer::step`] is called once a millisecond with what the board sees and returns what the board drives.
+#![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::unwrap_used))]
 
 mod coils;
 mod fault;

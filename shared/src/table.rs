@@ -3,6 +3,7 @@
 //! A table travels and is stored as a list of [`Record`]s, so that the board checks it while it arrives and never needs
 //! room for two. The order is fixed: one `Start`, the coils, actuators and servos, where the board is to answer which
 //! word is nearest to a pose the modules with their frames, the rows in order of time, one `End`.
+#![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::unwrap_used))]
 
 mod modules;
 
@@ -423,14 +424,16 @@ impl Checker {
         self.check_travel(row, &before)?;
         let (fed, feeding) = (self.wiring.coils_on(&before), self.wiring.coils_on(&row.word));
         let room = self.switched.room(row.at, &self.wiring.switch_limit);
-        let mut newly_fed = 0;
+        let mut newly_fed = 0u8;
         for (index, (coil, meter)) in self.wiring.coils.iter().zip(&mut self.meters).enumerate() {
             let (was, is) = (fed >> index & 1 == 1, feeding >> index & 1 == 1);
             match coil.drive {
-                Drive::Hold { .. } | Drive::PeakHold { .. } => newly_fed += u8::from(is && !was),
+                Drive::Hold { .. } | Drive::PeakHold { .. } => {
+                    newly_fed = newly_fed.saturating_add(u8::from(is && !was));
+                }
                 Drive::Latch { .. } if is == was && !is_first => {}
                 Drive::Latch { pulse_ms, .. } => {
-                    newly_fed += u8::from(!is_first);
+                    newly_fed = newly_fed.saturating_add(u8::from(!is_first));
                     let pulse = Micros::from_millis(u32::from(pulse_ms));
                     let output = coil.output;
                     meter.pass(pulse, true, &coil.limit).map_err(|_| RowError::Duty { output })?;

@@ -1,4 +1,5 @@
 //! What travels between host and board or is easily swapped: time, actuator numbers, words, identities.
+#![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::unwrap_used))]
 
 use core::fmt;
 use core::ops::{Add, Sub};
@@ -13,7 +14,7 @@ pub struct Micros(pub u64);
 impl Micros {
     /// A span of whole milliseconds.
     pub const fn from_millis(millis: u32) -> Self {
-        Self(millis as u64 * 1000)
+        Self((millis as u64).saturating_mul(1000))
     }
 }
 
@@ -111,8 +112,8 @@ impl TryFrom<WordBytes> for Word {
     type Error = WordError;
     fn try_from(WordBytes { len, bits }: WordBytes) -> Result<Self, WordError> {
         let longest = Self::zeros(len).ok_or(WordError::TooLong { len: len.into() })?;
-        let is_within = len as usize == Self::MAX_LEN || bits >> (2 * len) == 0;
-        if is_within { Ok(Self { bits, ..longest }) } else { Err(WordError::Digit { at: len.into() }) }
+        let beyond = bits.checked_shr(u32::from(len).saturating_mul(2)).unwrap_or(0);
+        if beyond == 0 { Ok(Self { bits, ..longest }) } else { Err(WordError::Digit { at: len.into() }) }
     }
 }
 
@@ -137,7 +138,9 @@ impl fmt::Display for WordError {
             Self::TooLong { len } => {
                 write!(f, "a word has at most {} digits, not {len}", Word::MAX_LEN)
             }
-            Self::Digit { at } => write!(f, "digit {} of the word is not one of 0 to {}", at + 1, Word::MAX_DIGIT),
+            Self::Digit { at } => {
+                write!(f, "digit {} of the word is not one of 0 to {}", at.saturating_add(1), Word::MAX_DIGIT)
+            }
         }
     }
 }
@@ -149,6 +152,7 @@ impl Word {
     pub const MAX_LEN: usize = 64;
     /// Largest digit: actuators have up to four states.
     pub const MAX_DIGIT: u8 = 3;
+    const STATES: u32 = Self::MAX_DIGIT as u32 + 1;
 
     /// The word with these digits, base first.
     pub fn new(digits: &[u8]) -> Result<Self, WordError> {
@@ -158,7 +162,7 @@ impl Word {
             if digit > Self::MAX_DIGIT {
                 return Err(WordError::Digit { at });
             }
-            word.bits |= u128::from(digit) << (2 * at);
+            word = word.with_digit(at, digit);
         }
         Ok(word)
     }
@@ -181,20 +185,18 @@ impl Word {
     /// Digit of actuator `index`; 0 beyond the end.
     ///
     /// Four digits a byte: a shift of all 128 bits would cost the chip a hundred instructions.
-    pub const fn digit(&self, index: usize) -> u8 {
-        if index < self.len as usize {
-            self.bits.to_le_bytes()[index / 4] >> (2 * (index % 4)) & Self::MAX_DIGIT
-        } else {
-            0
-        }
+    pub fn digit(&self, index: usize) -> u8 {
+        let four = self.bits.to_le_bytes().get(index / 4).map_or(0, |four| *four);
+        if index < self.len() { four >> (index % 4).wrapping_mul(2) & Self::MAX_DIGIT } else { 0 }
     }
 
     /// The same word with one digit changed; unchanged where index or digit do not exist.
     #[must_use]
     pub const fn with_digit(mut self, index: usize, digit: u8) -> Self {
         if index < self.len as usize && digit <= Self::MAX_DIGIT {
-            self.bits &= !((Self::MAX_DIGIT as u128) << (2 * index));
-            self.bits |= (digit as u128) << (2 * index);
+            let place = index.wrapping_mul(2);
+            self.bits &= !((Self::MAX_DIGIT as u128) << place);
+            self.bits |= (digit as u128) << place;
         }
         self
     }
@@ -243,14 +245,12 @@ impl fmt::Debug for Word {
 impl FromStr for Word {
     type Err = WordError;
     fn from_str(text: &str) -> Result<Self, WordError> {
-        let mut digits = [0; Self::MAX_LEN];
-        let mut len = 0;
+        let mut digits = heapless::Vec::<u8, { Self::MAX_LEN }>::new();
         for character in text.chars().filter(|c| !matches!(c, ',' | ' ' | '_')) {
-            let digit = character.to_digit(u32::from(Self::MAX_DIGIT) + 1).ok_or(WordError::Digit { at: len })?;
-            *digits.get_mut(len).ok_or(WordError::TooLong { len: text.len() })? = digit as u8;
-            len += 1;
+            let digit = character.to_digit(Self::STATES).ok_or(WordError::Digit { at: digits.len() })?;
+            digits.push(digit as u8).map_err(|_| WordError::TooLong { len: text.len() })?;
         }
-        Self::new(&digits[..len])
+        Self::new(&digits)
     }
 }
 

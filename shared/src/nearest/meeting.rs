@@ -317,7 +317,9 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
             self.followers.offer(score, number as u32);
         }
         self.followers.sort();
-        self.followers.list.truncate((FOLLOWED * WIDTH).checked_div(self.beginnings.len()).map_or(1, |each| each.max(1)));
+        self.followers
+            .list
+            .truncate((FOLLOWED * WIDTH).checked_div(self.beginnings.len()).map_or(1, |each| each.max(1)));
         self.phase = Phase::Meet { beginning: index, follower: 0 };
     }
 

@@ -71,18 +71,20 @@ impl Switches {
         let actuators = actuators & self.watched;
         self.travelling |= actuators;
         for (index, _) in Bits(actuators) {
-            self.since[index] = now;
-            self.arrived &= !self.input[index];
+            if let Some((since, input)) = self.since.get_mut(index).zip(self.input.get(index)) {
+                *since = now;
+                self.arrived &= !input;
+            }
         }
     }
 
     /// Finds the switch that contradicts its actuator's digit after the time of travel. `seen`: bit `i` is input `i`.
     pub(super) fn check(&mut self, now: Micros, seen: u32, word: &Word, wiring: &Wiring) -> Result<(), FaultKind> {
         for (index, bit) in Bits(self.travelling) {
-            let Some(actuator) = wiring.actuators.get(index) else {
+            let Some((actuator, &since)) = wiring.actuators.get(index).zip(self.since.get(index)) else {
                 continue;
             };
-            if now - self.since[index] < Micros::from_millis(u32::from(actuator.travel_ms)) {
+            if now - since < Micros::from_millis(u32::from(actuator.travel_ms)) {
                 continue;
             }
             self.travelling &= !bit;
@@ -96,9 +98,9 @@ impl Switches {
         let before = self.contradicting;
         self.contradicting = (seen ^ self.closed) & self.arrived;
         for (input, _) in Bits(u64::from(self.contradicting)) {
-            let ticks = if before >> input & 1 == 1 { self.ticks[input] + 1 } else { 1 };
-            self.ticks[input] = ticks;
-            if ticks >= BOUNCE_TICKS {
+            let Some(ticks) = self.ticks.get_mut(input) else { continue };
+            *ticks = if before >> input & 1 == 1 { ticks.saturating_add(1) } else { 1 };
+            if *ticks >= BOUNCE_TICKS {
                 return self.fault(input, seen, wiring);
             }
         }

@@ -29,7 +29,7 @@ impl Modules {
         behind: &Coordinates,
         wiring: &Wiring,
     ) -> Result<Self, TableError> {
-        let first = self.first + self.actuators;
+        let first = self.first.saturating_add(self.actuators);
         let left = wiring.actuators.len().saturating_sub(first.into());
         let fits = (1..=MAX_ACTUATORS).contains(&actuators) && usize::from(actuators) <= left;
         let sound = behind.is_sound() && (0.0..=MAX_SCALE_M).contains(&length_scale_m);
@@ -42,9 +42,9 @@ impl Modules {
 
     /// The next frame of the last module.
     pub(super) fn with_frame(self, digits: u16, pose: &Coordinates, wiring: &Wiring) -> Result<Self, TableError> {
-        let digit = |leg: u8| (digits >> (2 * leg) & 3) as u8;
-        let states =
-            |leg: u8| wiring.actuators.get(usize::from(self.first + leg)).map_or(0, |actuator| actuator.states);
+        let digit = |leg: u8| (digits >> leg.wrapping_mul(2) & 3) as u8;
+        let actuator = |leg: u8| wiring.actuators.get(usize::from(self.first.saturating_add(leg)));
+        let states = |leg: u8| actuator(leg).map_or(0, |actuator| actuator.states);
         let has = (0..self.actuators).all(|leg| digit(leg) < states(leg));
         let only = (self.actuators..MAX_ACTUATORS).all(|leg| digit(leg) == 0);
         if has && only && self.last < Some(digits) && pose.is_sound() {
@@ -56,7 +56,7 @@ impl Modules {
 
     /// Refuses modules that leave an actuator or a module without a frame.
     pub(super) fn check(self, wiring: &Wiring) -> Result<(), TableError> {
-        let all = usize::from(self.first + self.actuators) == wiring.actuators.len();
+        let all = usize::from(self.first.saturating_add(self.actuators)) == wiring.actuators.len();
         if all && self.last.is_some() { Ok(()) } else { Err(TableError::Modules) }
     }
 }

@@ -56,15 +56,14 @@ impl core::error::Error for FrameError {}
 /// Decodes what stood between two zero bytes, in place.
 pub fn decode(encoded: &mut [u8]) -> Result<(Header, &[u8]), FrameError> {
     let len = cobs::decode_in_place(encoded).map_err(|_| FrameError::Cobs)?;
-    let body = encoded.get(..len).ok_or(FrameError::Cobs)?;
-    if !(HEADER + 4..=MAX_BODY).contains(&len) {
-        return Err(FrameError::Length { len });
-    }
-    let (content, crc) = body.split_at(len - 4);
-    let ([tag, l0, l1, l2, l3, n0, n1, payload @ ..], &[c0, c1, c2, c3]) = (content, crc) else {
+    let body = encoded.get(..len).filter(|body| body.len() <= MAX_BODY);
+    let Some((content, crc)) = body.and_then(<[u8]>::split_last_chunk) else {
         return Err(FrameError::Length { len });
     };
-    if CRC.checksum(content) != u32::from_le_bytes([c0, c1, c2, c3]) {
+    let [tag, l0, l1, l2, l3, n0, n1, payload @ ..] = content else {
+        return Err(FrameError::Length { len });
+    };
+    if CRC.checksum(content) != u32::from_le_bytes(*crc) {
         return Err(FrameError::Crc);
     }
     let header =
@@ -76,21 +75,19 @@ pub fn decode(encoded: &mut [u8]) -> Result<(Header, &[u8]), FrameError> {
 ///
 /// `frame` is best [`MAX_FRAME`] bytes long.
 pub fn encode(header: Header, payload: &[u8], frame: &mut [u8]) -> Result<usize, FrameError> {
-    let mut body = [0; MAX_BODY];
-    let len = HEADER + payload.len();
-    if payload.len() > MAX_PAYLOAD || frame.len() < cobs::max_encoding_length(len + 4) + 2 {
-        return Err(FrameError::TooLong);
-    }
-    body[0] = header.tag;
-    body[1..5].copy_from_slice(&header.link.to_le_bytes());
-    body[5..7].copy_from_slice(&header.number.to_le_bytes());
-    body[HEADER..len].copy_from_slice(payload);
-    let crc = CRC.checksum(&body[..len]);
-    body[len..len + 4].copy_from_slice(&crc.to_le_bytes());
-    frame[0] = 0;
-    let encoded = cobs::encode(&body[..len + 4], &mut frame[1..]);
-    frame[1 + encoded] = 0;
-    Ok(encoded + 2)
+    let mut body = heapless::Vec::<u8, MAX_BODY>::new();
+    let mut append = |bytes: &[u8]| body.extend_from_slice(bytes).map_err(|_| FrameError::TooLong);
+    append(&[header.tag])?;
+    append(&header.link.to_le_bytes())?;
+    append(&header.number.to_le_bytes())?;
+    append(payload)?;
+    let crc = CRC.checksum(&body);
+    body.extend_from_slice(&crc.to_le_bytes()).map_err(|_| FrameError::TooLong)?;
+    let [first, rest @ ..] = frame else { return Err(FrameError::TooLong) };
+    let encoded = cobs::try_encode(&body, rest).map_err(|_| FrameError::TooLong)?;
+    let last = rest.get_mut(encoded).ok_or(FrameError::TooLong)?;
+    (*first, *last) = (0, 0);
+    Ok(encoded.saturating_add(2))
 }
 
 #[cfg(test)]

@@ -26,6 +26,7 @@
 //! A host opens a connection with `Hello` under a new random `link`. A request that changes something runs once: when its
 //! `number` comes again the board repeats the answer; an older one is dropped. Requests that only ask, and the chunks of
 //! an upload, which carry their offset, run as often as they come.
+#![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::unwrap_used))]
 
 pub mod bootstrap;
 pub mod frame;
