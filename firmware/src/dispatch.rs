@@ -32,6 +32,7 @@ pub const FIRMWARE: [u8; 3] = [
     decimal(env!("CARGO_PKG_VERSION_PATCH")),
 ];
 
+#[expect(clippy::indexing_slicing, clippy::arithmetic_side_effects, reason = "evaluated by the compiler")]
 const fn decimal(text: &str) -> u8 {
     let (digits, mut value, mut i) = (text.as_bytes(), 0, 0);
     while i < digits.len() {
@@ -412,13 +413,18 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
 
     async fn status(&mut self) -> Result<Status, Refusal> {
         let now = self.snapshot().await?;
+        let mut servos = heapless::Vec::new();
+        for index in 0..now.n_servos.into() {
+            // There is room for every servo of a table.
+            let _ = servos.push(self.joint_seen(index));
+        }
         Ok(Status {
             phase: now.phase,
             word: now.word,
             rows: now.rows,
             model: now.model,
             switches: now.switches,
-            servos: (0..usize::from(now.n_servos)).map(|index| self.joint_seen(index)).collect(),
+            servos,
             bad_frames: self.bad_frames,
             worst_lateness_us: u32::try_from(now.worst_lateness.0).unwrap_or(u32::MAX),
         })
@@ -574,7 +580,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
 async fn rehearse(table: &mut Table) -> Result<(), TableError> {
     let n_rows = table.rows().len();
     for first in (0..n_rows.max(1)).step_by(REHEARSED) {
-        table.rehearse(first..(first + REHEARSED).min(n_rows))?;
+        table.rehearse(first..first.saturating_add(REHEARSED).min(n_rows))?;
         yield_now().await;
     }
     Ok(())

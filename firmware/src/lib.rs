@@ -1,5 +1,6 @@
 //! Firmware of discretely actuated arms: everything that has no chip in it.
 #![cfg_attr(not(test), no_std)]
+#![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::unwrap_used))]
 
 pub mod app;
 #[cfg(feature = "chip")]

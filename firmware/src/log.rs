@@ -41,8 +41,9 @@ impl EventLog {
 
     /// As many events as fit an answer, from a number on.
     pub fn from(&self, from: u32) -> Events {
-        let first = from.clamp(self.first(), self.next);
-        let skip = (first - self.first()) as usize;
+        let oldest = self.first();
+        let first = from.max(oldest).min(self.next);
+        let skip = first.saturating_sub(oldest) as usize;
         let mut list = heapless::Vec::new();
         for event in self.list.iter().skip(skip) {
             if list.push(*event).is_err() {

@@ -36,7 +36,7 @@ impl<const N: usize> Pipe<N> {
     /// Number of bytes that wait.
     pub fn len(&self) -> usize {
         let (head, tail) = (self.head.load(Ordering::Acquire), self.tail.load(Ordering::Acquire));
-        if head >= tail { head - tail } else { N - tail + head }
+        head.checked_sub(tail).unwrap_or(N.wrapping_sub(tail).wrapping_add(head))
     }
 
     /// No byte waits.
@@ -56,7 +56,9 @@ impl<const N: usize> Pipe<N> {
         if after == self.tail.load(Ordering::Acquire) {
             return false;
         }
-        self.cells[head].store(byte, Ordering::Relaxed);
+        // There is always a cell: both places stay below `N`.
+        let Some(cell) = self.cells.get(head) else { return false };
+        cell.store(byte, Ordering::Relaxed);
         self.head.store(after, Ordering::Release);
         true
     }
@@ -67,7 +69,7 @@ impl<const N: usize> Pipe<N> {
         if tail == self.head.load(Ordering::Acquire) {
             return None;
         }
-        let byte = self.cells[tail].load(Ordering::Relaxed);
+        let byte = self.cells.get(tail)?.load(Ordering::Relaxed);
         self.tail.store(next::<N>(tail), Ordering::Release);
         Some(byte)
     }
@@ -83,10 +85,10 @@ impl<const N: usize> Pipe<N> {
 
     /// Takes what fits into `bytes` and wakes the writer; the number taken.
     pub fn pop_slice(&self, bytes: &mut [u8]) -> usize {
-        let mut n = 0;
+        let mut n = 0usize;
         for (slot, byte) in bytes.iter_mut().zip(core::iter::from_fn(|| self.pop())) {
             *slot = byte;
-            n += 1;
+            n = n.saturating_add(1);
         }
         if n > 0 {
             self.wake_writer();
@@ -142,7 +144,8 @@ impl<const N: usize> Default for Pipe<N> {
 }
 
 fn next<const N: usize>(index: usize) -> usize {
-    if index + 1 == N { 0 } else { index + 1 }
+    let next = index.wrapping_add(1);
+    if next < N { next } else { 0 }
 }
 
 /// Reading end of a pipe.

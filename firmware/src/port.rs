@@ -85,7 +85,7 @@ impl<const N: usize> Port<N> {
         match self.bytes.get_mut(self.len) {
             Some(slot) if self.len < limit => {
                 *slot = byte;
-                self.len += 1;
+                self.len = self.len.saturating_add(1);
             }
             _ => self.spoilt = true,
         }

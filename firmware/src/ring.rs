@@ -58,14 +58,13 @@ impl<T, const N: usize> Ring<T, N> {
     /// Hands a value over, or gives it back when the ring is full.
     pub fn put(&self, value: T) -> Result<(), T> {
         let head = self.head.load(Ordering::Relaxed);
-        let slot = &self.slots[head % N];
-        if !slot.seize(EMPTY) {
+        let Some(slot) = self.slots.get(head).filter(|slot| slot.seize(EMPTY)) else {
             return Err(value);
-        }
+        };
         // SAFETY: the slot is ours until its state changes.
         unsafe { (*slot.value.get()).write(value) };
         slot.state.store(FULL, Ordering::Release);
-        self.head.store((head + 1) % N, Ordering::Relaxed);
+        self.head.store(next::<N>(head), Ordering::Relaxed);
         self.reader.wake();
         Ok(())
     }
@@ -73,14 +72,11 @@ impl<T, const N: usize> Ring<T, N> {
     /// Takes the oldest value, if there is one.
     pub fn take(&self) -> Option<T> {
         let tail = self.tail.load(Ordering::Relaxed);
-        let slot = &self.slots[tail % N];
-        if !slot.seize(FULL) {
-            return None;
-        }
+        let slot = self.slots.get(tail).filter(|slot| slot.seize(FULL))?;
         // SAFETY: the slot is ours until its state changes, and FULL says that it holds a value.
         let value = unsafe { (*slot.value.get()).assume_init_read() };
         slot.state.store(EMPTY, Ordering::Release);
-        self.tail.store((tail + 1) % N, Ordering::Relaxed);
+        self.tail.store(next::<N>(tail), Ordering::Relaxed);
         Some(value)
     }
 
@@ -98,6 +94,11 @@ impl<T, const N: usize> Default for Ring<T, N> {
     fn default() -> Self {
         Self::new()
     }
+}
+
+fn next<const N: usize>(index: usize) -> usize {
+    let next = index.wrapping_add(1);
+    if next < N { next } else { 0 }
 }
 
 #[cfg(test)]

@@ -15,6 +15,7 @@
 //! then there is no table and no profile; what is erased with them is the calibration.
 //!
 //! None of these futures may be dropped half-way: never put one into a `select!`.
+use core::cell::Cell;
 use core::ops::Range;
 
 use darm_core::profile::{Profile, ProfileError, ProfileReader, ProfileRecord};
@@ -76,7 +77,7 @@ impl Slot {
         };
         match self {
             Self::A => first,
-            Self::B => first + slot_bytes(kind) as u32,
+            Self::B => first.saturating_add(slot_bytes(kind) as u32),
         }
     }
 
@@ -260,8 +261,8 @@ impl<F: NorFlash> Store<F> {
     /// Takes bytes of the image. What has arrived already, or comes too early, changes nothing; the offset wanted next.
     pub async fn chunk(&mut self, offset: u32, bytes: &[u8]) -> Result<u32, UploadError> {
         let mut upload = self.upload.ok_or(UploadError::NoUpload)?;
-        let end = u64::from(offset) + bytes.len() as u64;
-        if offset != upload.next || end > u64::from(upload.image.len) {
+        let end = offset.checked_add(bytes.len() as u32);
+        if offset != upload.next || end.is_none_or(|end| end > upload.image.len) {
             return Ok(upload.next);
         }
         // Until all bytes are in flash the upload counts as lost: a failed write must not be resumed in mid-word.
@@ -355,9 +356,9 @@ impl<F: NorFlash> Store<F> {
     async fn check_digest(&mut self, slot: Slot, image: &Image) -> Result<(), LoadError> {
         let mut window = [0; WINDOW];
         let mut sha = Sha256::new();
-        let mut next = 0;
+        let mut next = 0u32;
         while next < image.len {
-            let len = WINDOW.min((image.len - next) as usize);
+            let len = WINDOW.min(image.len.saturating_sub(next) as usize);
             let part = window.get_mut(..len).unwrap_or_default();
             self.read(slot, image.kind, next, part).await?;
             sha.update(&*part);
@@ -385,34 +386,36 @@ impl<F: NorFlash> Store<F> {
         mut take: impl FnMut(&R) -> Result<bool, LoadError>,
     ) -> Result<(), LoadError> {
         let mut window = [0; WINDOW];
-        let (mut filled, mut next) = (0, 0);
+        let (mut filled, mut next) = (0usize, 0u32);
         while next < image.len {
-            let fresh = (WINDOW - filled).min((image.len - next) as usize);
-            let free = window.get_mut(filled..filled + fresh).unwrap_or_default();
+            let fresh = WINDOW.saturating_sub(filled).min(image.len.saturating_sub(next) as usize);
+            let free = window.get_mut(filled..).and_then(|free| free.get_mut(..fresh)).ok_or(LoadError::Damaged)?;
             self.read(slot, image.kind, next, free).await?;
-            filled += fresh;
-            next += fresh as u32;
+            filled = filled.saturating_add(fresh);
+            next = next.saturating_add(fresh as u32);
             let bytes = window.get(..filled).unwrap_or_default();
             let Some(used) = take_records(bytes, next == image.len, malformed, &mut take)? else { return Ok(()) };
-            window.copy_within(used..filled, 0);
-            filled -= used;
+            move_to_front(&mut window, used);
+            filled = filled.saturating_sub(used);
             yield_now().await;
         }
         Ok(())
     }
 
     async fn read(&mut self, slot: Slot, kind: ImageKind, offset: u32, bytes: &mut [u8]) -> Result<(), LoadError> {
-        self.records.flash().read(slot.start(kind) + offset, bytes).await.map_err(|_| LoadError::Storage)
+        let at = slot.start(kind).saturating_add(offset);
+        self.records.flash().read(at, bytes).await.map_err(|_| LoadError::Storage)
     }
 
     /// Writes the block that ends the upload so far, and erases the page that it begins.
     async fn write_block(&mut self, upload: &mut Upload) -> Result<(), StorageError> {
-        let start = (upload.next - 1) / BLOCK as u32 * BLOCK as u32;
-        let used = ((upload.next - start) as usize).next_multiple_of(F::WRITE_SIZE);
-        let at = upload.slot.start(upload.image.kind) + start;
+        let last = upload.next.saturating_sub(1);
+        let start = last.saturating_sub((last as usize % BLOCK) as u32);
+        let used = (upload.next.saturating_sub(start) as usize).next_multiple_of(F::WRITE_SIZE);
+        let at = upload.slot.start(upload.image.kind).saturating_add(start);
         let flash = self.records.flash();
         if at.is_multiple_of(F::ERASE_SIZE as u32) {
-            flash.erase(at, at + F::ERASE_SIZE as u32).await.map_err(|_| StorageError)?;
+            flash.erase(at, at.saturating_add(F::ERASE_SIZE as u32)).await.map_err(|_| StorageError)?;
         }
         let due = upload.block.get(..used).unwrap_or_default();
         flash.write(at, due).await.map_err(|_| StorageError)?;
@@ -452,7 +455,13 @@ fn take_records<R: for<'a> Deserialize<'a>>(
         }
         rest = after;
     }
-    Ok(Some(bytes.len() - rest.len()))
+    Ok(Some(bytes.len().saturating_sub(rest.len())))
+}
+
+/// Moves the bytes from `used` on to the front.
+fn move_to_front(window: &mut [u8], used: usize) {
+    let cells = Cell::from_mut(window).as_slice_of_cells();
+    cells.iter().zip(cells.iter().skip(used)).for_each(|(to, from)| to.set(from.get()));
 }
 
 #[cfg(test)]

@@ -134,10 +134,10 @@ fn servo(number: Option<&str>, angle: Option<&str>) -> Result<Words, ParseError>
 /// A pose in mm and degrees: x, y and the angle about z, or x, y, z and a rotation vector.
 fn nearest<'l>(parts: impl Iterator<Item = &'l str>) -> Result<Coordinates, ParseError> {
     let usage = ParseError::Usage("nearest X Y ANGLE, as in nearest 300 4200 10, or nearest X Y Z RX RY RZ; mm, deg");
-    let (mut numbers, mut count) = ([0f32; 6], 0);
+    let (mut numbers, mut count) = ([0f32; 6], 0usize);
     for part in parts {
         *numbers.get_mut(count).ok_or(usage)? = part.parse().map_err(|_| usage)?;
-        count += 1;
+        count = count.saturating_add(1);
     }
     let (position_mm, turn_deg) = match (count, numbers) {
         (3, [x, y, angle, ..]) => ([x, y, 0.0], [0.0, 0.0, angle]),

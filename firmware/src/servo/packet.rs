@@ -29,12 +29,12 @@ pub(super) struct Packet {
 impl Packet {
     /// Asks for `n` registers from `register` on.
     pub(super) fn read(id: u8, register: u8, n: u8) -> Self {
-        Self { id, code: READ, parameters: [register, n].into_iter().collect() }
+        Self { id, code: READ, parameters: first_of([register, n]) }
     }
 
     /// Writes registers from `register` on; what does not fit a packet is cut.
     pub(super) fn write(id: u8, register: u8, values: &[u8]) -> Self {
-        let parameters = core::iter::once(register).chain(values.iter().copied()).take(MAX_PARAMETERS).collect();
+        let parameters = first_of(core::iter::once(register).chain(values.iter().copied()));
         Self { id, code: WRITE, parameters }
     }
 
@@ -51,17 +51,28 @@ impl Packet {
     /// The bytes on the bus.
     pub(super) fn encode(&self) -> heapless::Vec<u8, MAX_BYTES> {
         let head = [START, START, self.id, self.len(), self.code];
-        head.into_iter().chain(self.parameters.iter().copied()).chain([self.checksum()]).collect()
+        first_of(head.into_iter().chain(self.parameters.iter().copied()).chain([self.checksum()]))
     }
 
     fn len(&self) -> u8 {
-        self.parameters.len() as u8 + 2
+        (self.parameters.len() as u8).saturating_add(2)
     }
 
     fn checksum(&self) -> u8 {
         let head = self.id.wrapping_add(self.len()).wrapping_add(self.code);
         !self.parameters.iter().fold(head, |sum, byte| sum.wrapping_add(*byte))
     }
+}
+
+/// The first bytes, as many as there is room for.
+fn first_of<const N: usize>(bytes: impl IntoIterator<Item = u8>) -> heapless::Vec<u8, N> {
+    let mut first = heapless::Vec::new();
+    for byte in bytes {
+        if first.push(byte).is_err() {
+            break;
+        }
+    }
+    first
 }
 
 /// Finds packets in bytes.
@@ -112,11 +123,9 @@ fn look_inside(id: u8, n: u8, rest: &[u8]) -> Look {
     if !(2..=MAX_PARAMETERS + 2).contains(&n) {
         return Look::Noise;
     }
-    if rest.len() < n {
-        return Look::Wait;
-    }
-    let [code, parameters @ .., sum] = &rest[..n] else { return Look::Noise };
-    let packet = Packet { id, code: *code, parameters: parameters.iter().copied().take(MAX_PARAMETERS).collect() };
+    let Some(inside) = rest.get(..n) else { return Look::Wait };
+    let [code, parameters @ .., sum] = inside else { return Look::Noise };
+    let packet = Packet { id, code: *code, parameters: first_of(parameters.iter().copied()) };
     if packet.checksum() == *sum { Look::Packet(packet) } else { Look::Noise }
 }
 
