@@ -395,10 +395,10 @@ impl fmt::Display for EventText<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::{ParseError, Words, parse};
+    use super::{DeathText, ParseError, Words, parse};
     use darm_core::nearest::Coordinates;
     use darm_core::sequencer::Command;
-    use darm_core::wire::bootstrap::Into;
+    use darm_core::wire::bootstrap::{Death, DeathKind, Into};
 
     #[test]
     fn lines_are_commands() {
@@ -436,5 +436,20 @@ mod tests {
             assert!(matches!(parse(line), Err(ParseError::Usage(_) | ParseError::Unknown)), "{line}");
         }
         assert!(matches!(parse("word 0140"), Err(ParseError::Word(_))));
+    }
+
+    #[test]
+    fn a_watchdog_record_says_which_task_was_silent() {
+        let death = |text: &str, uptime_us| Death {
+            kind: DeathKind::Watchdog,
+            uptime_us,
+            pc: 0,
+            lr: 0,
+            text: text.try_into().unwrap(),
+        };
+        let silent = death("servo bus silent for 2000 ms", 61_250_000);
+        assert_eq!(DeathText(&silent).to_string(), "the watchdog after 61.250 s: servo bus silent for 2000 ms");
+        let bitten = death("", 0);
+        assert_eq!(DeathText(&bitten).to_string(), "the watchdog: the control tick had stopped");
     }
 }
