@@ -372,7 +372,9 @@ impl fmt::Display for DeathText<'_> {
             DeathKind::HardFault => {
                 write!(f, "a hard fault after {} at {pc:#010x} from {lr:#010x}: {text}", Micros(*uptime_us))
             }
-            DeathKind::Watchdog => f.write_str("the watchdog: the control tick had stopped"),
+            // The hardware leaves no record.
+            DeathKind::Watchdog if text.is_empty() => f.write_str("the watchdog: the control tick had stopped"),
+            DeathKind::Watchdog => write!(f, "the watchdog after {}: {text}", Micros(*uptime_us)),
         }
     }
 }

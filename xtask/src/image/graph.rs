@@ -104,8 +104,7 @@ fn name(image: &Image, address: u32) -> &str {
 }
 
 fn callees<'a>(image: &'a Image, callees: &'a [Callee]) -> impl Iterator<Item = Call> + 'a {
-    let matches =
-        move |function: &Function| callees.iter().any(|Callee::Named(part)| function.name.contains(part));
+    let matches = move |function: &Function| callees.iter().any(|Callee::Named(part)| function.name.contains(part));
     let found = image.functions.iter().filter(move |(_, function)| matches(function));
     found.map(|(&to, _)| Call { at: 0, to, is_tail: false })
 }

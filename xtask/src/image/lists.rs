@@ -50,7 +50,12 @@ pub(crate) const INDIRECT: &[Indirect] = &[
     // All other formatting writes text to any output. The text commands also wake, and drop a line that is an output;
     // the compiler puts them into the future that watches for a stop meanwhile.
     Indirect {
-        callers: &["core::fmt::", "board::death", "firmware::text", "<core::pin::Pin<P> as core::future::future::Future>"],
+        callers: &[
+            "core::fmt::",
+            "board::death",
+            "firmware::text",
+            "<core::pin::Pin<P> as core::future::future::Future>",
+        ],
         callees: &[
             Named("core::fmt::Write>::write_str"),
             Named("core::fmt::Write>::write_char"),
@@ -124,8 +129,14 @@ pub(crate) const MAY_PANIC: &[MayPanic] = &[
     MayPanic { part: "core::fmt::float", reason: "the same" },
     MayPanic { part: "/cobs-", reason: "encoder and decoder stay within the bytes that they are given" },
     MayPanic { part: "/embedded-io-async-", reason: "a queue that is full waits and never writes 0 bytes" },
-    MayPanic { part: "/embassy-sync-", reason: "a lock's state is borrowed for some instructions, in which nothing waits" },
-    MayPanic { part: "panic_already_borrowed", reason: "the same, inlined; no other `RefCell` is borrowed but by trying" },
+    MayPanic {
+        part: "/embassy-sync-",
+        reason: "a lock's state is borrowed for some instructions, in which nothing waits",
+    },
+    MayPanic {
+        part: "panic_already_borrowed",
+        reason: "the same, inlined; no other `RefCell` is borrowed but by trying",
+    },
     MayPanic { part: "/embassy-futures-", reason: "`join` takes the output of a future only when it is done" },
     MayPanic { part: "/embassy-executor-", reason: "one executor, started once; no waker of another one" },
     MayPanic { part: "/static_cell-", reason: "the start builds each value once" },
