@@ -379,6 +379,7 @@ impl<'t> Sequencer<'t> {
             return Err(CommandError::NoTable);
         }
         self.check_servo_spans()?;
+        self.check_servos_answer()?;
         self.rest();
         self.coils.forget();
         self.enabled = true;
@@ -444,8 +445,21 @@ impl<'t> Sequencer<'t> {
         }
     }
 
+    /// Refuses to drive anything while a servo that has answered before is silent.
+    fn check_servos_answer(&self) -> Result<(), CommandError> {
+        let Some(table) = self.table.as_deref() else { return Ok(()) };
+        let mut joints = table.wiring().servos.iter().zip(&self.answered);
+        match joints.position(|(joint, answered)| is_silent(self.now, joint, *answered)) {
+            Some(index) => Err(CommandError::ServoSilent { servo: index as u8 }),
+            None => Ok(()),
+        }
+    }
+
     fn by_hand(&mut self, command: Command) -> Result<(), CommandError> {
         self.check_free()?;
+        if !matches!(command, Command::Coil { on_ms: 0, .. }) {
+            self.check_servos_answer()?;
+        }
         let wiring = self.table.as_deref().ok_or(CommandError::NoTable)?.wiring();
         match command {
             Command::Coil { coil, on_ms } => self.coils.pulse(self.now, coil, on_ms)?,
@@ -462,8 +476,7 @@ impl<'t> Sequencer<'t> {
         let index = usize::from(servo);
         let wiring = self.table.as_deref().ok_or(CommandError::NoTable)?.wiring();
         let joint = wiring.servos.get(index).ok_or(CommandError::NotWired)?;
-        let answered = self.answered.get(index).copied().flatten().ok_or(CommandError::ServoSilent { servo })?;
-        if self.now - answered > Micros::from_millis(joint.timeout_ms.into()) {
+        if self.answered.get(index).copied().flatten().is_none() {
             return Err(CommandError::ServoSilent { servo });
         }
         let (min_rad, max_rad) = self.range_rad(index, joint);
@@ -523,10 +536,13 @@ impl<'t> Sequencer<'t> {
         let servos = wiring.servos.iter().zip(&self.servos).zip(&seen.servos).zip(&self.offsets_rad);
         let is_active = !matches!(self.phase, Phase::Idle | Phase::Safe(_));
         for (index, (((joint, action), servo), offset_rad)) in servos.enumerate() {
-            // A servo that holds may bear the arm: while anything is driven it has to answer, too.
-            if is_active || matches!(action, ServoAction::Go(_)) {
+            let number = index as u8;
+            if matches!(action, ServoAction::Go(_)) {
                 let angle_rad = servo.angle_rad - offset_rad;
-                check_servo(self.now, index as u8, joint, &ServoSeen { angle_rad, ..*servo })?;
+                check_servo(self.now, number, joint, &ServoSeen { angle_rad, ..*servo })?;
+            } else if is_active && is_silent(self.now, joint, servo.answered) {
+                // A servo that holds may bear the arm: while anything is driven it has to answer, too.
+                return Err(FaultKind::ServoSilent { servo: number });
             }
         }
         Ok(())
@@ -631,13 +647,17 @@ impl<'t> Sequencer<'t> {
     }
 }
 
+/// Whether a servo has answered before and does not any more.
+fn is_silent(now: Micros, joint: &ServoWiring, answered: Option<Micros>) -> bool {
+    answered.is_some_and(|answered| now - answered > Micros::from_millis(u32::from(joint.timeout_ms)))
+}
+
 fn check_servo(now: Micros, servo: u8, joint: &ServoWiring, seen: &ServoSeen) -> Result<(), FaultKind> {
-    let timeout = Micros::from_millis(u32::from(joint.timeout_ms));
-    let Some(answered) = seen.answered else {
+    if seen.answered.is_none() {
         return Ok(());
-    };
+    }
     let range = joint.min_rad - RANGE_MARGIN_RAD..=joint.max_rad + RANGE_MARGIN_RAD;
-    if now - answered > timeout {
+    if is_silent(now, joint, seen.answered) {
         Err(FaultKind::ServoSilent { servo })
     } else if seen.error != 0 {
         Err(FaultKind::ServoError { servo, bits: seen.error })
