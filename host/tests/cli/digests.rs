@@ -1,0 +1,69 @@
+//! Table, visits, board and recording are only joined where their digests agree.
+
+use super::{Board, Home, example, text};
+
+const WORDS: [(&str, &str); 2] = [("a", "000010000000 000001000000"), ("b", "000000100000 000001100000")];
+
+/// Two tables of one model, and a board that holds the first.
+fn two_tables(home: &Home) -> Board {
+    let arm = example("planar4.toml");
+    for (name, words) in WORDS {
+        home.succeeds(&format!("table {arm} --words {words} --dwell 0.5 -o {name}.darm"));
+    }
+    let board = Board::start(home, &arm);
+    home.succeeds(&format!("upload a.darm {}", board.port));
+    board
+}
+
+/// Fails with code 1, names the file to upload, and nothing was played.
+#[track_caller]
+fn is_refused(home: &Home, board: &Board, line: &str, action: &str) {
+    let refused = home.darm(&format!("{line} {}", board.port));
+    let said = text(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(1), "darm {line}: {said}{}", text(&refused.stdout));
+    assert!(said.contains(action), "darm {line}: {said}");
+    let log = home.types(&format!("console {}", board.port), "log\nquit\n");
+    assert!(!log.contains("started"), "{log}");
+}
+
+#[test]
+fn a_recording_with_the_visits_of_another_table_is_refused() {
+    let home = Home::new();
+    let board = two_tables(&home);
+    is_refused(&home, &board, "record b.darm -o run.csv", "darm upload b.darm");
+    assert!(!home.path("run.csv").exists());
+}
+
+#[test]
+fn play_compares_the_named_table_with_that_of_the_board() {
+    let home = Home::new();
+    let board = two_tables(&home);
+    is_refused(&home, &board, "play b.darm", "darm upload b.darm");
+    assert_eq!(home.json(&format!("play a.darm {}", board.port))["end"], "finished");
+}
+
+#[test]
+fn visits_of_another_table_or_of_none_are_refused() {
+    let home = Home::new();
+    let board = two_tables(&home);
+    let visits = std::fs::read_to_string(home.path("a.visits.csv")).unwrap();
+    home.write("b.visits.csv", &visits);
+    is_refused(&home, &board, "record b.darm -o run.csv", "b.visits.csv belongs to table");
+    let old: String = visits.lines().filter(|line| !line.starts_with("# table ")).map(|l| format!("{l}\n")).collect();
+    home.write("a.visits.csv", &old);
+    is_refused(&home, &board, "record a.darm -o run.csv", "make the file again with `darm table`");
+}
+
+#[test]
+fn a_table_file_that_names_another_digest_is_refused() {
+    let home = Home::new();
+    let board = two_tables(&home);
+    let mut bytes = std::fs::read(home.path("b.darm")).unwrap();
+    let digest_at = b"darm table 2\n".len();
+    bytes[digest_at] ^= 1;
+    let content = bytes.len() - 4;
+    let check = darm_core::wire::frame::CRC.checksum(&bytes[..content]);
+    bytes[content..].copy_from_slice(&check.to_le_bytes());
+    std::fs::write(home.path("b.darm"), bytes).unwrap();
+    is_refused(&home, &board, "upload b.darm", "b.darm is damaged");
+}
