@@ -54,6 +54,49 @@ fn visits_of_another_table_or_of_none_are_refused() {
     is_refused(&home, &board, "record a.darm -o run.csv", "make the file again with `darm table`");
 }
 
+/// Poses of the arm file `name` as a recording of the model `header`.
+fn recording(home: &Home, file: &str, header: &str) {
+    let mut table = format!("{header}time_s,word,x_m,y_m,angle_deg\n");
+    for k in 0..60 {
+        table += &format!("{k},{:06b}000000,0.1,3.9,1\n", k % 64);
+    }
+    match file.ends_with(".mcap") {
+        true => std::fs::write(home.path(file), darm::measurement::log::from_text(&table).unwrap()).unwrap(),
+        false => home.write(file, &table),
+    }
+}
+
+#[test]
+fn a_recording_of_another_model_is_not_diagnosed_unless_asked_for() {
+    let home = Home::new();
+    std::fs::copy(example("planar4.toml"), home.path("arm.toml")).unwrap();
+    let arm = darm::arm::Arm::read(&home.path("arm.toml")).unwrap();
+    for file in ["other.csv", "other.mcap", "other.csv.gz"] {
+        let plain = file.trim_end_matches(".gz");
+        recording(&home, plain, "# model 0123456789abcdef\n");
+        if file != plain {
+            let mut encoder = flate2::write::GzEncoder::new(
+                std::fs::File::create(home.path(file)).unwrap(),
+                flate2::Compression::default(),
+            );
+            std::io::Write::write_all(&mut encoder, &std::fs::read(home.path(plain)).unwrap()).unwrap();
+            encoder.finish().unwrap();
+        }
+        let refused = home.darm(&format!("diagnose arm.toml {file}"));
+        let said = text(&refused.stderr) + &text(&refused.stdout);
+        assert_eq!(refused.status.code(), Some(1), "{file}: {said}");
+        assert!(said.contains("0123456789abcdef") && said.contains("--other-model"), "{file}: {said}");
+        let asked = home.darm(&format!("diagnose arm.toml {file} --other-model"));
+        assert!(asked.status.success(), "{file}: {}", text(&asked.stderr));
+        assert!(text(&asked.stdout).contains("note: ") && text(&asked.stdout).contains("0123456789abcdef"), "{file}");
+    }
+    for header in ["", "# model of a stranger\n", &format!("# model {}\n", arm.hash())] {
+        recording(&home, "own.csv", header);
+        let said = home.succeeds("diagnose arm.toml own.csv");
+        assert!(!said.contains("model 0") && !said.contains("recorded with"), "{said}");
+    }
+}
+
 #[test]
 fn a_table_file_that_names_another_digest_is_refused() {
     let home = Home::new();
