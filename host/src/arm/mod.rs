@@ -140,6 +140,17 @@ impl Arm {
         ModelHash(digest.iter().take(8).fold(0, |hash, &byte| hash << 8 | u64::from(byte)))
     }
 
+    /// The same of the arm without what a diagnosis changes: effects, working conditions and the model's number. Two
+    /// models of one arm with the same stops and wiring have the same.
+    pub fn geometry_hash(&self) -> ModelHash {
+        let mut plain = self.clone();
+        plain.model.effects.clear();
+        plain.model.number = 0;
+        plain.model.working_supply = plain.model.nominal_supply;
+        plain.model.working_temperature_k = plain.model.reference_temperature_k;
+        plain.hash()
+    }
+
     /// How many discrete actuators it has, and so digits of a word.
     pub fn n_actuators(&self) -> usize {
         self.model.chain.n_actuators()

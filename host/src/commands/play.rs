@@ -1,5 +1,6 @@
 //! `darm play`: the board runs its table on its own clock; this only watches.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use darm::client::{Client, Happening};
@@ -7,6 +8,7 @@ use darm_core::sequencer::{Command, Event, Fault, Phase};
 use serde::Serialize;
 
 use super::status::seconds;
+use super::table_file::TableFile;
 use crate::failure::Safe;
 use crate::port::PortArgs;
 use crate::voice::{Answer, Voice};
@@ -15,6 +17,7 @@ use crate::{interrupt, port};
 const EXAMPLES: &str = "\
 Examples:
   darm play                     run the stored table and watch it to its end
+  darm play visits.darm         the same, if the board holds just this table
   darm play --detach            start it and come back at once
 
 The board runs the rows on its own clock: with a pulled cable, or after --detach, the program goes on. \
@@ -31,6 +34,9 @@ const TICK_S: f64 = 2e-3;
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Play {
+    /// Table that the board has to hold; without it any
+    #[arg(value_name = "TABLE.darm")]
+    table: Option<PathBuf>,
     /// Come back as soon as the program runs
     #[arg(long)]
     detach: bool,
@@ -60,11 +66,16 @@ impl Answer for Played {
 
 impl Play {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+        let table = self.table.as_deref().map(TableFile::read).transpose()?;
         let port = self.port.name()?;
         let (link, handle) = port::open(&port)?;
         let mut client = Client::connect(link)?;
         let rows = client.status()?.rows;
-        let first_event = client.say_hello()?.next_event;
+        let hello = client.say_hello()?;
+        if let Some(table) = table {
+            table.check_loaded(hello.table)?;
+        }
+        let first_event = hello.next_event;
         if self.detach {
             client.command(Command::Play)?;
             return voice.tell(&Played { end: "started", rows, rows_played: 0, took_s: None, fault: None });

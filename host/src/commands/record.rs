@@ -14,10 +14,11 @@ use darm::arm::Arm;
 use darm::client::Client;
 use darm::measurement::{Finding, Run, check};
 use darm_core::sequencer::Command;
-use darm_core::units::ModelHash;
+use darm_core::units::ShortDigest;
 use serde::Serialize;
 
 use super::play::{End, Watch};
+use super::table_file::TableFile;
 use super::visits::{Visits, beside};
 use crate::failure::Safe;
 use crate::port::{PortArgs, emulated_camera};
@@ -61,7 +62,7 @@ const ROUND_TRIPS: u32 = 20;
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Record {
-    /// Table that the board holds; its .visits.csv is read
+    /// Table that the board holds; its .visits.csv is read, and the digests of all three are compared
     #[arg(value_name = "TABLE.darm")]
     table: PathBuf,
     /// Where pictures come from: unix:PATH, tcp:HOST:PORT or a file; the camera of `darm plant` where it is left out
@@ -88,16 +89,16 @@ pub(crate) struct Record {
 enum RecordError {
     #[error("no camera; name one with --camera unix:PATH, tcp:HOST:PORT or a file")]
     NoCamera,
-    #[error("the board holds no table; `darm upload {}` brings it", .0.display())]
-    NoTable(PathBuf),
-    #[error("the board's table was made for model {board}, these visits for {visits}; `darm upload {}` brings the right one", .table.display())]
-    OtherTable { board: ModelHash, visits: ModelHash, table: PathBuf },
     #[error("the program was stopped before its first visit; is somebody else using the board?")]
     NothingPlayed,
     #[error("{}: no recording that can be resumed: its comment lines do not say when the program started", .0.display())]
     NothingToResume(PathBuf),
     #[error("{}: the recording is of board {recorded}, this is {connected}", path.display())]
     OtherBoard { path: PathBuf, recorded: String, connected: String },
+    #[error("{}: the recording is of table {recorded}, not of {given}; name the table that it was begun with", path.display())]
+    OtherRecording { path: PathBuf, recorded: ShortDigest, given: ShortDigest },
+    #[error("the board has been given another table since; what was measured before is in the file")]
+    Replaced,
     #[error("the board has restarted since the program started; what was measured before is in the file")]
     Restarted,
     #[error("no picture was taken while the arm rested; {pictures} pictures came, is the camera's time_s Unix time?")]
@@ -144,13 +145,15 @@ impl Answer for Recorded {
 impl Record {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
         let visits = Visits::read(&beside(&self.table))?;
+        let table = TableFile::read(&self.table)?;
+        table.check_visits(visits.table)?;
         let arm = self.arm.as_deref().map(Arm::read).transpose()?;
         let (output, earlier) = self.open_output()?;
         let camera = self.camera.clone().or_else(emulated_camera).ok_or(RecordError::NoCamera)?;
         let port = self.port.name()?;
         let (link, handle) = port::open(&port)?;
-        let mut client = Client::connect(link)?;
-        self.check_table(&mut client, &visits)?;
+        let client = Client::connect(link)?;
+        table.check_loaded(client.hello().and_then(|hello| hello.table))?;
         let camera = Camera::open(&camera)?;
         let interrupt = interrupt::Watch::start(&port, handle)?;
         let mut recording = match earlier {
@@ -183,7 +186,11 @@ impl Record {
         voice: Voice,
     ) -> anyhow::Result<Recording<'a>> {
         client.set_clock(ROUND_TRIPS)?;
-        let watch = Watch::new(client.say_hello()?.next_event);
+        let hello = client.say_hello()?;
+        if hello.table != Some(visits.table) {
+            return Err(RecordError::Replaced.into());
+        }
+        let watch = Watch::new(hello.next_event);
         client.command(Command::Play)?;
         let program = Program::new(client, watch, interrupt, patience(visits), voice);
         Ok(Recording::new(visits, Follow::new(visits), program, camera, output, self.run))
@@ -205,6 +212,10 @@ impl Record {
         if earlier.device != connected {
             let (path, recorded) = (self.output.clone(), earlier.device);
             return Err(RecordError::OtherBoard { path, recorded, connected }.into());
+        }
+        if earlier.table != visits.table {
+            let (path, recorded, given) = (self.output.clone(), earlier.table.short(), visits.table.short());
+            return Err(RecordError::OtherRecording { path, recorded, given }.into());
         }
         if client.hello().is_some_and(|hello| hello.boots != earlier.boots) {
             return Err(RecordError::Restarted.into());
@@ -258,16 +269,6 @@ impl Record {
         match end {
             End::Fault(fault) => Err(Safe(fault.to_string()).into()),
             End::Finished | End::Stopped => Ok(()),
-        }
-    }
-
-    fn check_table(&self, client: &mut Client, visits: &Visits) -> anyhow::Result<()> {
-        match client.status()?.model {
-            None => Err(RecordError::NoTable(self.table.clone()).into()),
-            Some(board) if board != visits.model => {
-                Err(RecordError::OtherTable { board, visits: visits.model, table: self.table.clone() }.into())
-            }
-            Some(_) => Ok(()),
         }
     }
 }

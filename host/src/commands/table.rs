@@ -26,7 +26,7 @@ Examples:
   darm table arm.toml frames.toml --nearest -o visits.darm    the board answers `nearest` by itself, too
 
 Beside TABLE.darm a file TABLE.visits.csv says from when to when the arm rests at each visit, and \
-which visits are held out of every fit; `darm record` reads it.";
+which visits are held out of every fit; `darm record` reads it. Both carry the table's digest.";
 
 /// Rows that are shown without --all.
 const SHOWN: usize = 12;
@@ -93,6 +93,7 @@ struct Stop {
 struct Made {
     table: PathBuf,
     visits_file: PathBuf,
+    digest: String,
     model: String,
     device: Option<String>,
     bytes: usize,
@@ -114,7 +115,7 @@ struct RowReport {
 
 impl Table {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        let arm = Arm::read(&self.arm)?;
+        let (arm, output) = (Arm::read(&self.arm)?, &self.output);
         let stops = self.stops(&arm, voice)?;
         let device = if self.bind { Some(self.port.connect()?.identity().device) } else { None };
         let profile = match &self.profile {
@@ -125,9 +126,9 @@ impl Table {
         let modules = if self.nearest { board::records(&arm)? } else { Vec::new() };
         let plan = plan(&arm, &visits, &profile.board(device), &modules)?;
         let file = visits_of(&arm, &stops, &plan);
-        write(&self.output, &table_file::bytes(&plan.image))?;
-        write(&beside(&self.output), file.to_text().as_bytes())?;
-        voice.tell(&self.report(&file, &plan, device))
+        write(output, &table_file::bytes(&plan.image))?;
+        write(&beside(output), file.to_text().as_bytes())?;
+        voice.tell(&self.report(output, &file, &plan, device))
     }
 
     /// Where the program goes.
@@ -180,7 +181,7 @@ impl Table {
         Ok(Stop { visit: Visit { word, servos_rad, dwell_s, label: word.to_string() }, held_out: false })
     }
 
-    fn report(&self, file: &Visits, plan: &Plan, device: Option<DeviceId>) -> Made {
+    fn report(&self, output: &Path, file: &Visits, plan: &Plan, device: Option<DeviceId>) -> Made {
         let rows = plan.rows.iter().enumerate().map(|(index, row)| RowReport {
             at_s: row.at.0 as f64 * 1e-6,
             word: row.word.to_string(),
@@ -188,8 +189,9 @@ impl Table {
             visit: file.rests.iter().find(|rest| usize::from(rest.row) == index).map(|rest| rest.label.clone()),
         });
         Made {
-            table: self.output.clone(),
-            visits_file: beside(&self.output),
+            table: output.to_owned(),
+            visits_file: beside(output),
+            digest: file.table.to_string(),
             model: file.model.to_string(),
             device: device.map(|device| device.to_string()),
             bytes: plan.image.bytes().len(),
@@ -219,7 +221,8 @@ fn visits_of(arm: &Arm, stops: &[Stop], plan: &Plan) -> Visits {
         previous = rest.word;
         rest
     });
-    Visits { model: arm.hash(), rests: rests.collect() }
+    let table = plan.image.image().digest;
+    Visits { model: arm.hash(), geometry: arm.geometry_hash(), table, rests: rests.collect() }
 }
 
 fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
@@ -242,7 +245,8 @@ impl Answer for Made {
         let held_out = if self.held_out == 0 { String::new() } else { format!(", {} of them held out", self.held_out) };
         let whom = self.device.as_ref().map_or("any board".to_owned(), |device| format!("board {device} only"));
         text + &format!(
-            "\n\nwithin the limits: {} rows in {:.1} s for model {} and {whom}, {} bytes in {}\n{} visits{held_out}, in {}",
+            "\n\nwithin the limits: table {} with {} rows in {:.1} s for model {} and {whom}, {} bytes in {}\n{} visits{held_out}, in {}",
+            self.digest.get(..16).unwrap_or(&self.digest),
             self.rows.len(),
             self.end_s,
             self.model,

@@ -15,10 +15,21 @@ use darm_core::table::{Board, Checker, Record, TableError, wiring};
 use darm_core::units::{DeviceId, Digest, Micros, ModelHash, ShortDigest};
 use darm_core::wire::frame::CRC;
 
+use super::visits::beside;
+
 /// First bytes of a file.
 const HEAD: &[u8] = b"darm table 2\n";
 const DIGEST: usize = 32;
 const CHECK: usize = 4;
+
+/// A digest in hexadecimal figures.
+pub(crate) fn digest(text: &str) -> Option<Digest> {
+    let figures: Vec<u32> = text.chars().map(|figure| figure.to_digit(16)).collect::<Option<_>>()?;
+    let bytes: Vec<u8> =
+        figures.chunks(2).map(|pair| pair.iter().fold(0, |byte, figure| byte << 4 | *figure as u8)).collect();
+    let is_digest = figures.len() == 2 * DIGEST;
+    is_digest.then(|| bytes.try_into().ok().map(Digest)).flatten()
+}
 
 /// The bytes of a table's file.
 pub(crate) fn bytes(image: &UploadImage) -> Vec<u8> {
@@ -31,9 +42,9 @@ pub(crate) fn bytes(image: &UploadImage) -> Vec<u8> {
 pub(crate) struct TableFile {
     path: PathBuf,
     /// The board that it was made for, if for one.
-    device: Option<DeviceId>,
+    pub(crate) device: Option<DeviceId>,
     /// The board profile that it was made for.
-    profile: Digest,
+    pub(crate) profile: Digest,
     /// All records, in order.
     pub(crate) records: Vec<Record>,
     /// What travels.
@@ -85,6 +96,48 @@ pub(crate) enum TableFileError {
         /// Which limit.
         source: TableError,
     },
+    /// The digest at the beginning is of other records.
+    #[error(
+        "{path} is damaged: its records are table {found}, its first bytes name {expected}; make it again with `darm table`"
+    )]
+    OtherRecords {
+        /// The file.
+        path: PathBuf,
+        /// The digest of its records.
+        found: ShortDigest,
+        /// The digest that it names.
+        expected: ShortDigest,
+    },
+    /// The board has none.
+    #[error("the board holds no table; run `darm upload {}`", .path.display())]
+    NotLoaded {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The board has another one.
+    #[error("the board holds table {board}, {} is {table}; run `darm upload {}`", .path.display(), .path.display())]
+    OtherTable {
+        /// The file.
+        path: PathBuf,
+        /// Its digest.
+        table: ShortDigest,
+        /// The digest of the board's table.
+        board: ShortDigest,
+    },
+    /// The visit file was made with another table.
+    #[error(
+        "{} belongs to table {visits}, {} is {table}; make both again with `darm table`",
+        beside(.path).display(),
+        .path.display()
+    )]
+    OtherVisits {
+        /// The table's file.
+        path: PathBuf,
+        /// The table's digest.
+        table: ShortDigest,
+        /// The digest in the visit file.
+        visits: ShortDigest,
+    },
     /// The table binds to another board.
     #[error("{path} was made for the board {device}, this is {board}; make it again with `darm table --bind`")]
     OtherDevice {
@@ -122,13 +175,48 @@ impl TableFile {
     /// Reads and checks against the limits that it carries.
     pub(crate) fn read(path: &Path) -> Result<Self, TableFileError> {
         let bytes = std::fs::read(path).map_err(|source| TableFileError::Read { path: path.into(), source })?;
-        let image = unpack(&bytes, path)?;
+        Self::parse(path, &bytes)
+    }
+
+    fn parse(path: &Path, bytes: &[u8]) -> Result<Self, TableFileError> {
+        let (named, image) = unpack(bytes, path)?;
         let records = records(image)
             .map_err(|offset| TableFileError::Bytes { path: path.into(), offset: HEAD.len() + DIGEST + offset })
             .and_then(|records| check(path, records))?;
         let Start { model, device, profile } = start(&records);
         let image = UploadImage::table(&records, model);
+        let found = image.image().digest;
+        if found != named {
+            let (found, expected) = (found.short(), named.short());
+            return Err(TableFileError::OtherRecords { path: path.into(), found, expected });
+        }
         Ok(Self { path: path.into(), device, profile, records, image })
+    }
+
+    /// What the board reports of the table once it holds it.
+    pub(crate) fn digest(&self) -> Digest {
+        self.image.image().digest
+    }
+
+    /// Refuses a board that holds another table or none.
+    pub(crate) fn check_loaded(&self, board: Option<Digest>) -> Result<(), TableFileError> {
+        let path = self.path.clone();
+        match board {
+            None => Err(TableFileError::NotLoaded { path }),
+            Some(board) if board != self.digest() => {
+                Err(TableFileError::OtherTable { path, table: self.digest().short(), board: board.short() })
+            }
+            Some(_) => Ok(()),
+        }
+    }
+
+    /// Refuses the visits of another table.
+    pub(crate) fn check_visits(&self, visits: Digest) -> Result<(), TableFileError> {
+        if visits == self.digest() {
+            return Ok(());
+        }
+        let (path, table) = (self.path.clone(), self.digest().short());
+        Err(TableFileError::OtherVisits { path, table, visits: visits.short() })
     }
 
     /// Refuses a board that has another profile than the one that the table was made for.
@@ -168,13 +256,16 @@ fn records(bytes: &[u8]) -> Result<Vec<Record>, usize> {
     Ok(records)
 }
 
-/// The image in a file's bytes, once its checksum fits.
-fn unpack<'b>(bytes: &'b [u8], path: &Path) -> Result<&'b [u8], TableFileError> {
+/// The digest and the image in a file's bytes, once its checksum fits.
+fn unpack<'b>(bytes: &'b [u8], path: &Path) -> Result<(Digest, &'b [u8]), TableFileError> {
     let no_table = || TableFileError::NoTable { path: path.into() };
     let (content, check) = bytes.split_last_chunk::<CHECK>().ok_or_else(no_table)?;
-    let image = content.strip_prefix(HEAD).and_then(|rest| rest.get(DIGEST..)).ok_or_else(no_table)?;
+    let (digest, image) = content.strip_prefix(HEAD).and_then(<[u8]>::split_first_chunk).ok_or_else(no_table)?;
     let (found, expected) = (CRC.checksum(content), u32::from_le_bytes(*check));
-    if found == expected { Ok(image) } else { Err(TableFileError::Damaged { path: path.into(), found, expected }) }
+    match found == expected {
+        true => Ok((Digest(*digest), image)),
+        false => Err(TableFileError::Damaged { path: path.into(), found, expected }),
+    }
 }
 
 fn check(path: &Path, records: Vec<Record>) -> Result<Vec<Record>, TableFileError> {
@@ -215,7 +306,45 @@ fn start(records: &[Record]) -> Start {
 
 #[cfg(test)]
 mod tests {
-    use super::records;
+    use std::path::Path;
+
+    use darm::arm::Arm;
+    use darm::board_profile::BoardProfile;
+    use darm::plan::{Visit, plan};
+
+    use super::{TableFile, bytes, digest, records};
+
+    fn file() -> Vec<u8> {
+        let arm = Arm::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/planar4.toml")).unwrap();
+        let visit =
+            Visit { word: "000010000000".parse().unwrap(), servos_rad: vec![], dwell_s: 0.1, label: "A".into() };
+        let profile = BoardProfile::of(&arm.name, &arm.wiring);
+        bytes(&plan(&arm, &[visit], &profile.board(None), &[]).unwrap().image)
+    }
+
+    #[test]
+    fn a_file_with_any_one_bit_changed_or_cut_off_anywhere_is_refused() {
+        let (path, mut file) = (Path::new("a.darm"), file());
+        assert!(TableFile::parse(path, &file).is_ok());
+        for bit in 0..8 * file.len() {
+            file[bit / 8] ^= 1 << (bit % 8);
+            assert!(TableFile::parse(path, &file).is_err(), "bit {} of byte {}", bit % 8, bit / 8);
+            file[bit / 8] ^= 1 << (bit % 8);
+        }
+        for end in 0..file.len() {
+            assert!(TableFile::parse(path, &file[..end]).is_err(), "{end} bytes");
+        }
+    }
+
+    #[test]
+    fn a_digest_is_sixty_four_figures() {
+        let table = TableFile::parse(Path::new("a.darm"), &file()).unwrap().digest();
+        let text = table.to_string();
+        assert_eq!(digest(&text), Some(table));
+        for wrong in [&text[1..], &format!("{text}0"), &text.replacen(&text[..1], "+", 1), ""] {
+            assert_eq!(digest(wrong), None, "{wrong}");
+        }
+    }
 
     #[test]
     fn the_place_of_bad_bytes_is_told() {

@@ -35,6 +35,8 @@ struct Uploaded {
     board: String,
     device: String,
     model: String,
+    /// Digest of the table, as the board and the recordings name it.
+    table: String,
     rows: u16,
     bytes: u32,
     program_s: f64,
@@ -44,8 +46,16 @@ struct Uploaded {
 impl Answer for Uploaded {
     fn text(&self) -> String {
         format!(
-            "{} rows for model {} stored on {} {} ({} bytes in {:.1} s); the program lasts {:.1} s, start it with `darm play`",
-            self.rows, self.model, self.board, self.device, self.bytes, self.took_s, self.program_s
+            "table {} with {} rows for model {} stored on {} {} ({} bytes in {:.1} s); the program lasts {:.1} s, start it with \
+             `darm play`",
+            self.table.get(..16).unwrap_or(&self.table),
+            self.rows,
+            self.model,
+            self.board,
+            self.device,
+            self.bytes,
+            self.took_s,
+            self.program_s
         )
     }
 }
@@ -67,6 +77,7 @@ impl Upload {
             board: client.identity().board.to_string(),
             device: client.identity().device.to_string(),
             model: image.model.to_string(),
+            table: image.digest.to_string(),
             rows,
             bytes: image.len,
             program_s: file.end().0 as f64 * 1e-6,

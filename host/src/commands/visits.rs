@@ -1,6 +1,12 @@
 //! Visit files: where a program rests, from when to when. `darm table` writes one beside the table, `darm record` reads it.
 //!
-//! Comma-separated text behind a comment line that holds the model's hash. Times are after the start of the program.
+//! Comma-separated text after three comment lines. Times are after the start of the program.
+//!
+//! | comment line            | meaning                                                   |
+//! |-------------------------|-----------------------------------------------------------|
+//! | `# model HASH`          | hash of the model that the table was made for             |
+//! | `# table SHA-256`       | digest of the table that the visits belong to             |
+//! | `# geometry HASH`       | hash of that model without its effects                    |
 //!
 //! | column                  | meaning                                                   |
 //! |-------------------------|-----------------------------------------------------------|
@@ -13,7 +19,9 @@
 
 use std::path::{Path, PathBuf};
 
-use darm_core::units::{ModelHash, Word};
+use darm_core::units::{Digest, ModelHash, Word};
+
+use super::table_file::digest;
 
 /// One rest of a program.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,6 +49,10 @@ pub(crate) struct Rest {
 pub(crate) struct Visits {
     /// The model that the table was made for.
     pub(crate) model: ModelHash,
+    /// The same model without its effects.
+    pub(crate) geometry: ModelHash,
+    /// The table.
+    pub(crate) table: Digest,
     /// In order of time.
     pub(crate) rests: Vec<Rest>,
 }
@@ -69,6 +81,8 @@ pub(crate) enum VisitsError {
 }
 
 const MODEL: &str = "# model ";
+const TABLE: &str = "# table ";
+const GEOMETRY: &str = "# geometry ";
 
 /// The visit file of a table file: `a.darm` has `a.visits.csv`.
 pub(crate) fn beside(table: &Path) -> PathBuf {
@@ -80,7 +94,8 @@ impl Visits {
     pub(crate) fn to_text(&self) -> String {
         let n_servos = self.rests.first().map_or(0, |rest| rest.servos_rad.len());
         let servos: String = (1..=n_servos).map(|number| format!("servo{number}_deg,")).collect();
-        let mut text = format!("{MODEL}{}\n", self.model);
+        let Self { model, table, geometry, .. } = self;
+        let mut text = format!("{MODEL}{model}\n{TABLE}{table}\n{GEOMETRY}{geometry}\n");
         text += &format!("visit,label,from_s,to_s,row,word,previous,{servos}held_out\n");
         for (visit, rest) in self.rests.iter().enumerate() {
             let servos: String = rest.servos_rad.iter().map(|angle| format!("{:.4},", angle.to_degrees())).collect();
@@ -105,9 +120,10 @@ impl Visits {
     }
 
     fn parse(text: &str) -> Result<Self, (u64, String)> {
-        let hash = text.lines().next().and_then(|line| line.strip_prefix(MODEL));
-        let model = hash.and_then(|hash| u64::from_str_radix(hash.trim(), 16).ok());
-        let model = ModelHash(model.ok_or_else(|| (1, format!("expected `{MODEL}` and a hash")))?);
+        let hash = |value: &str| u64::from_str_radix(value, 16).ok().map(ModelHash);
+        let model = comment(text, 1, MODEL, hash)?;
+        let table = comment(text, 2, TABLE, digest)?;
+        let geometry = comment(text, 3, GEOMETRY, hash)?;
         let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
         let header = reader.headers().map_err(|error| (2, error.to_string()))?.clone();
         let mut rests = Vec::new();
@@ -118,8 +134,15 @@ impl Visits {
             let row = Cells { header: &header, record: &record };
             rests.push(row.rest().map_err(|column| (line, format!("column {column} cannot be read")))?);
         }
-        Ok(Self { model, rests })
+        Ok(Self { model, geometry, table, rests })
     }
+}
+
+/// The value of a comment line; the first line is 1.
+fn comment<T>(text: &str, line: usize, key: &str, read: impl Fn(&str) -> Option<T>) -> Result<T, (u64, String)> {
+    let value = text.lines().nth(line - 1).and_then(|line| line.strip_prefix(key));
+    let missing = || (line as u64, format!("expected `{}` and a hash, as this version writes", key.trim_end()));
+    value.and_then(|value| read(value.trim())).ok_or_else(missing)
 }
 
 struct Cells<'a> {
@@ -151,8 +174,8 @@ impl Cells<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Rest, Visits};
-    use darm_core::units::ModelHash;
+    use super::{Rest, TABLE, Visits};
+    use darm_core::units::{Digest, ModelHash};
 
     fn visits() -> Visits {
         let rest = Rest {
@@ -165,7 +188,12 @@ mod tests {
             servos_rad: vec![0.5f64.to_radians()],
             held_out: true,
         };
-        Visits { model: ModelHash(0x0123_4567_89ab_cdef), rests: vec![rest.clone(), Rest { held_out: false, ..rest }] }
+        Visits {
+            model: ModelHash(0x0123_4567_89ab_cdef),
+            geometry: ModelHash(7),
+            table: Digest([0xa5; 32]),
+            rests: vec![rest.clone(), Rest { held_out: false, ..rest }],
+        }
     }
 
     #[test]
@@ -176,7 +204,9 @@ mod tests {
     #[test]
     fn a_bad_cell_is_told_by_line_and_column() {
         let text = visits().to_text().replace("0.45", "soon");
-        assert_eq!(Visits::parse(&text), Err((3, "column to_s cannot be read".into())));
+        assert_eq!(Visits::parse(&text), Err((5, "column to_s cannot be read".into())));
         assert_eq!(Visits::parse("visit\n").unwrap_err().0, 1);
+        let old = visits().to_text().replace(TABLE, "# ");
+        assert_eq!(Visits::parse(&old).unwrap_err().0, 2);
     }
 }

@@ -20,6 +20,18 @@
 //! | `held_out` ? | 1 where no fit may see the row, 0 elsewhere |
 //!
 //! Columns marked `?` may be missing, other columns are left unread and told.
+//!
+//! # Comment lines
+//!
+//! Lines `# key value` before the table, in MCAP the metadata record `about`. `darm record` writes:
+//!
+//! | key | value |
+//! | --- | --- |
+//! | `model`, `geometry` | hash of the arm file that the table was made from; of the same without its effects |
+//! | `table`, `profile` | SHA-256 of the table and of the profile of the board; zeros for the built-in profile |
+//! | `board`, `boot` | number of the device; how often it had started |
+//! | `program_start_s` | when the program started, on the board's clock |
+//! | `clock_…` | offset and rate of the board's clock with their uncertainties |
 
 mod check;
 mod csv;

@@ -218,7 +218,7 @@ fn from_a_base_line_to_a_table() {
     assert_eq!(table["visits"], 5);
     assert_eq!(table["model"], found["model"]);
     let visits = std::fs::read_to_string(home.path("visits.visits.csv")).unwrap();
-    assert_eq!(visits.lines().count(), 7, "model, header and five visits");
+    assert_eq!(visits.lines().count(), 9, "three comments, header and five visits");
 
     // A table is read before a board is looked for: only the board is missing.
     assert_eq!(home.darm("upload visits.darm -p unix:none").status.code(), Some(4));

@@ -75,7 +75,7 @@ mod tests {
     use darm::client::Happening;
     use darm::clock::{BoardClock, RoundTrip};
     use darm_core::sequencer::Event;
-    use darm_core::units::{Micros, ModelHash};
+    use darm_core::units::{Digest, Micros, ModelHash};
 
     use super::Follow;
     use crate::commands::visits::{Rest, Visits};
@@ -91,7 +91,12 @@ mod tests {
 
     #[test]
     fn only_completed_visits_have_a_span() {
-        let visits = Visits { model: ModelHash(1), rests: vec![rest(0.2, 0.8), rest(1.2, 1.8)] };
+        let visits = Visits {
+            model: ModelHash(1),
+            geometry: ModelHash(1),
+            table: Digest([1; 32]),
+            rests: vec![rest(0.2, 0.8), rest(1.2, 1.8)],
+        };
         let mut clock = BoardClock::default();
         let mut follow = Follow::new(&visits);
         for tick in 0..30 {

@@ -6,8 +6,10 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use darm::measurement::poses::{self, Which};
 use darm::measurement::{ReadError, Run, Sample, Stream, about};
+use darm_core::units::Digest;
 
 use super::RecordError;
+use crate::commands::table_file::digest;
 
 /// What an earlier recording of the same program has written.
 pub(crate) struct Earlier {
@@ -17,6 +19,8 @@ pub(crate) struct Earlier {
     pub(crate) boots: u32,
     /// The board.
     pub(crate) device: String,
+    /// Digest of the table.
+    pub(crate) table: Digest,
     about: BTreeMap<String, String>,
     run: Run,
 }
@@ -120,6 +124,7 @@ fn earlier(path: &Path) -> anyhow::Result<Earlier> {
         start_s: value("program_start_s")?.parse().map_err(|_| none())?,
         boots: value("boot")?.parse().map_err(|_| none())?,
         device: value("board")?.clone(),
+        table: digest(value("table")?).ok_or_else(none)?,
         run,
         about,
     })

@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use darm::client::{Client, ClientError, Happening};
+use darm_core::units::Digest;
 use darm_core::wire::message::Refusal;
 
 use super::RecordError;
@@ -18,7 +19,8 @@ pub(crate) struct Program {
     pub(crate) client: Client,
     pub(crate) watch: Watch,
     pub(crate) interrupt: interrupt::Watch,
-    boots: u32,
+    /// Start of the board and its table, when the connection was opened.
+    held: Option<Held>,
     lost: Option<Instant>,
     /// A lost port is waited for so long.
     pub(crate) patience: Duration,
@@ -34,8 +36,8 @@ impl Program {
         patience: Duration,
         voice: Voice,
     ) -> Self {
-        let boots = client.hello().map_or(0, |hello| hello.boots);
-        Self { client, watch, interrupt, boots, lost: None, patience, voice }
+        let held = held(&client);
+        Self { client, watch, interrupt, held, lost: None, patience, voice }
     }
 
     /// What happened since the last look; `None` while the connection is lost.
@@ -46,7 +48,7 @@ impl Program {
                 Err(error) if since.elapsed() > self.patience => return Err(error),
                 Err(_) => return Ok(None),
             }
-            self.check_boots()?;
+            self.check_board()?;
             self.lost = None;
         }
         match self.watch.look(&mut self.client) {
@@ -66,7 +68,7 @@ impl Program {
             }
             Some(ClientError::Refused(Refusal::NotConnected)) => {
                 self.client.say_hello()?;
-                self.check_boots()
+                self.check_board()
             }
             _ => Err(error),
         }
@@ -82,10 +84,19 @@ impl Program {
         Ok(replugged?)
     }
 
-    fn check_boots(&self) -> anyhow::Result<()> {
-        match self.client.hello() {
-            Some(hello) if hello.boots != self.boots => Err(RecordError::Restarted.into()),
+    /// Refuses a board that has restarted or got another table since the program was started.
+    fn check_board(&self) -> anyhow::Result<()> {
+        match (held(&self.client), self.held) {
+            (Some((boots, _)), Some((before, _))) if boots != before => Err(RecordError::Restarted.into()),
+            (Some((_, table)), Some((_, before))) if table != before => Err(RecordError::Replaced.into()),
             _ => Ok(()),
         }
     }
+}
+
+/// How often the board has started, and the digest of its table.
+type Held = (u32, Option<Digest>);
+
+fn held(client: &Client) -> Option<Held> {
+    client.hello().map(|hello| (hello.boots, hello.table))
 }

@@ -94,11 +94,10 @@ impl<'a> Recording<'a> {
         let (false, Some(start_s)) = (self.begun, self.follow.start_s) else { return Ok(()) };
         self.begun = true;
         let client = &self.program.client;
-        let boots = client.hello().map_or(0, |hello| hello.boots);
         let about = format!(
-            "# model {}\n# board {}\n# boot {boots}\n# program_start_s {start_s:.6}\n{}",
-            self.visits.model,
-            client.identity().device,
+            "{}{}# program_start_s {start_s:.6}\n{}",
+            table_lines(self.visits),
+            board_lines(client),
             clock_lines(client)
         );
         self.output.begin(&about)
@@ -143,6 +142,19 @@ impl<'a> Recording<'a> {
         let recorded: Vec<usize> = samples.map(|sample| sample.visit as usize).collect();
         (0..self.follow.next).filter(|visit| !recorded.contains(visit)).collect()
     }
+}
+
+/// Which table was played, as comment lines.
+fn table_lines(visits: &Visits) -> String {
+    let Visits { model, geometry, table, .. } = visits;
+    format!("# model {model}\n# geometry {geometry}\n# table {table}\n")
+}
+
+/// Which board played it, as comment lines.
+fn board_lines(client: &Client) -> String {
+    let device = client.identity().device;
+    let hello = client.hello().map(|hello| format!("# profile {}\n# boot {}\n", hello.profile, hello.boots));
+    format!("# board {device}\n{}", hello.unwrap_or_default())
 }
 
 /// What is known of the board's clock, as comment lines.
