@@ -11,9 +11,10 @@ use darm::diagnose::channels::{self, outcome::Diagnosis as ChannelDiagnosis, out
 use darm::diagnose::outcome::{Diagnosis, ErrorFigure, Found, Verdict};
 use darm::diagnose::{Options, diagnose};
 use darm::measurement::hold_out::HoldOut;
+use darm::measurement::origin::Origin;
 use darm::measurement::poses::{self, Which};
 use darm::measurement::select::Selection;
-use darm::measurement::{self, check};
+use darm::measurement::{self, Finding, about, check};
 use darm::report::{channels_page, diagnosis_page};
 use maud::Markup;
 use serde::Serialize;
@@ -38,7 +39,10 @@ Examples:
 
 Rows that are held out are never fitted: the error after is told on them. Where nothing says which, they are those of the \
 column held_out; without it every fourth block of rows, or of tool poses each word in turn. The columns that tables may have, \
-and their units, stand in the documentation of `darm::measurement` and its `table`.";
+and their units, stand in the documentation of `darm::measurement` and its `table`.
+
+A recording of `darm record` names the model of its table. A MODEL that differs from it in its effects only, as \
+the one that -o writes, is accepted with a note; any other is refused, unless --other-model is given.";
 
 /// Rows that are told one by one.
 const MOST_NOTES: usize = 20;
@@ -57,6 +61,9 @@ pub(crate) struct Diagnose {
     /// The model with the effects that were found
     #[arg(short, long = "write-model", visible_alias = "output", value_name = "NEW.toml")]
     output: Option<PathBuf>,
+    /// Accept a recording that was made with the table of another arm file
+    #[arg(long)]
+    other_model: bool,
     /// Keep what no law explains in that model, as fitted terms of what it depends on
     #[arg(long, requires = "output")]
     keep_terms: bool,
@@ -154,6 +161,7 @@ impl Diagnose {
         let arm = Arm::read(&self.model)?;
         let which = Which { keep: self.rows.keep.clone(), hold_out: self.rows.held_out()? };
         let (run, mut findings) = poses::read(&self.data, &self.rows.names()?, &which)?;
+        findings.extend(self.origin(&arm)?);
         findings.extend(check(&arm, &run));
         let wheel = voice.wheel("diagnosing");
         let diagnosis = diagnose(&arm, &run, &Options { seed: self.seed, ..Options::default() });
@@ -175,6 +183,15 @@ impl Diagnose {
         let findings: Vec<String> = findings.iter().map(ToString::to_string).collect();
         self.write_report(|| diagnosis_page(&diagnosis, &findings))?;
         voice.tell(&Report { findings, diagnosis, output })
+    }
+
+    /// Compares the model of a recording with the arm.
+    fn origin(&self, arm: &Arm) -> anyhow::Result<Option<Finding>> {
+        let Some(origin) = Origin::find(&about(&self.data)?) else { return Ok(None) };
+        if self.other_model || origin.fits(arm) {
+            return Ok(origin.finding(arm));
+        }
+        Err(origin.refusal(&self.data, &self.model, arm).into())
     }
 
     fn write_report(&self, page: impl FnOnce() -> Markup) -> anyhow::Result<()> {

@@ -27,7 +27,7 @@
 //!
 //! | key | value |
 //! | --- | --- |
-//! | `model`, `geometry` | hash of the arm file that the table was made from; of the same without its effects |
+//! | `model`, `geometry` | hash of the arm file that the table was made from; of the same without its effects (see [`origin`]) |
 //! | `table`, `profile` | SHA-256 of the table and of the profile of the board; zeros for the built-in profile |
 //! | `board`, `boot` | number of the device; how often it had started |
 //! | `program_start_s` | when the program started, on the board's clock |
@@ -38,6 +38,7 @@ mod csv;
 pub mod hold_out;
 pub mod log;
 pub mod mcap;
+pub mod origin;
 pub mod poses;
 pub mod select;
 mod stream;
