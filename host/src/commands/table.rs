@@ -1,5 +1,7 @@
 //! `darm table`: timed rows for a board, checked against the limits that the board itself checks.
 
+mod show;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
@@ -24,6 +26,7 @@ Examples:
   darm table arm.toml --programme -o measure.darm             96 words three times, to be measured
   darm table arm.toml --programme --bind -o measure.darm      for the connected board only
   darm table arm.toml frames.toml --nearest -o visits.darm    the board answers `nearest` by itself, too
+  darm table --show visits.darm                               what a table holds: digest, wiring, limits, rows
 
 Beside TABLE.darm a file TABLE.visits.csv says from when to when the arm rests at each visit, and \
 which visits are held out of every fit; `darm record` reads it. Both carry the table's digest.";
@@ -38,11 +41,11 @@ const PROGRAMME_DWELL_S: f64 = 0.2;
 /// Make timed rows from frames, words or a measurement programme, checked against the limits
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
-#[command(group = clap::ArgGroup::new("what").required(true).args(["frames", "words", "programme"]))]
+#[command(group = clap::ArgGroup::new("what").required(true).args(["frames", "words", "programme", "show"]))]
 pub(crate) struct Table {
     /// The arm
-    #[arg(value_name = "ARM.toml")]
-    arm: PathBuf,
+    #[arg(value_name = "ARM.toml", required_unless_present = "show")]
+    arm: Option<PathBuf>,
     /// Frames to visit
     #[arg(value_name = "FRAMES.toml")]
     frames: Option<PathBuf>,
@@ -74,8 +77,11 @@ pub(crate) struct Table {
     #[arg(long)]
     nearest: bool,
     /// The table
-    #[arg(short, long, value_name = "TABLE.darm")]
-    output: PathBuf,
+    #[arg(short, long, value_name = "TABLE.darm", required_unless_present = "show")]
+    output: Option<PathBuf>,
+    /// Show what a table file holds, in place of making one
+    #[arg(long, value_name = "TABLE.darm", conflicts_with_all = ["arm", "output", "bind", "nearest", "profile", "dwell"])]
+    show: Option<PathBuf>,
     /// Show every row
     #[arg(long)]
     all: bool,
@@ -115,7 +121,15 @@ struct RowReport {
 
 impl Table {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        let (arm, output) = (Arm::read(&self.arm)?, &self.output);
+        match (&self.show, &self.arm, &self.output) {
+            (Some(path), ..) => voice.tell(&show::shown(path, self.all)?),
+            (None, Some(arm), Some(output)) => self.make(arm, output, voice),
+            (None, ..) => unreachable!("the command line asks for an arm and an output"),
+        }
+    }
+
+    fn make(&self, arm: &Path, output: &Path, voice: Voice) -> anyhow::Result<()> {
+        let arm = Arm::read(arm)?;
         let stops = self.stops(&arm, voice)?;
         let device = if self.bind { Some(self.port.connect()?.identity().device) } else { None };
         let profile = match &self.profile {

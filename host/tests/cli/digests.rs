@@ -90,6 +90,18 @@ fn a_recording_of_another_model_is_not_diagnosed_unless_asked_for() {
         assert!(asked.status.success(), "{file}: {}", text(&asked.stderr));
         assert!(text(&asked.stdout).contains("note: ") && text(&asked.stdout).contains("0123456789abcdef"), "{file}");
     }
+    // The same arm with an effect in its file is the next model of the arm that was recorded.
+    let geometry = format!("# model 0123456789abcdef\n# geometry {}\n", arm.geometry_hash());
+    recording(&home, "next.csv", &geometry);
+    let said = home.succeeds("diagnose arm.toml next.csv");
+    assert!(said.contains("note: recorded with a table of model 0123456789abcdef"), "{said}");
+    // The arm file that is wanted lies beside the one that was given.
+    let text_of_other = arm.to_toml().replace("name = ", "name = \"other \" # ");
+    home.write("other.toml", &text_of_other);
+    let wanted = darm::arm::Arm::read(&home.path("other.toml")).unwrap().hash();
+    recording(&home, "wanted.csv", &format!("# model {wanted}\n"));
+    let refused = home.darm("diagnose arm.toml wanted.csv");
+    assert!(text(&refused.stderr).contains("give ./other.toml, which is that model"), "{}", text(&refused.stderr));
     for header in ["", "# model of a stranger\n", &format!("# model {}\n", arm.hash())] {
         recording(&home, "own.csv", header);
         let said = home.succeeds("diagnose arm.toml own.csv");
@@ -109,4 +121,49 @@ fn a_table_file_that_names_another_digest_is_refused() {
     bytes[content..].copy_from_slice(&check.to_le_bytes());
     std::fs::write(home.path("b.darm"), bytes).unwrap();
     is_refused(&home, &board, "upload b.darm", "b.darm is damaged");
+}
+
+#[test]
+fn a_table_file_shows_what_it_holds() {
+    let home = Home::new();
+    let arm = example("planar4-hybrid.toml");
+    let words: Vec<String> = (1..15).map(|k| format!("0000{k:04b}0000")).collect();
+    let words = words.join(" ");
+    let made = home.json(&format!("table {arm} --words {words} --servos 10 -o a.darm"));
+    let shown = home.json("table --show a.darm");
+    for key in ["digest", "model", "end_s", "device"] {
+        assert_eq!(shown[key], made[key], "{key}");
+    }
+    let words = |table: &serde_json::Value| -> Vec<String> {
+        table["rows"].as_array().unwrap().iter().map(|row| row["word"].as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(words(&shown), words(&made));
+    assert_eq!((&shown["rows"][0]["servos_deg"][0], shown["servos"].as_array().unwrap().len()), (&10.0.into(), 1));
+    assert_eq!((shown["outputs"].as_array().unwrap().len(), shown["actuators"].as_array().unwrap().len()), (12, 12));
+    assert!(shown["outputs"][0]["max_on_ms"].as_u64() > Some(0) && shown["outputs"][0]["drive"].is_string());
+    let (some, all) = (home.succeeds("table --show a.darm"), home.succeeds("table --show a.darm --all"));
+    assert!(some.starts_with(&format!("table    {}\n", shown["digest"].as_str().unwrap())), "{some}");
+    assert!(some.contains("more rows; --all shows them") && some.len() < all.len(), "{some}");
+    assert!(all.contains(words(&shown).last().unwrap()), "{all}");
+    home.write("a.visits.csv", "");
+    assert_eq!(home.darm("table --show a.visits.csv").status.code(), Some(1));
+    assert_eq!(home.darm(&format!("table {arm} --show a.darm")).status.code(), Some(2));
+    assert_eq!(home.darm(&format!("table {arm} --words 000010000000")).status.code(), Some(2), "no output");
+}
+
+#[test]
+fn a_damaged_table_never_reaches_the_board() {
+    let home = Home::new();
+    let arm = example("planar4.toml");
+    home.succeeds(&format!("table {arm} --words 000010000000 -o one.darm"));
+    let board = Board::start(&home, &arm);
+    let sound = std::fs::read(home.path("one.darm")).unwrap();
+    for at in (0..sound.len()).step_by(29).chain([sound.len() - 1]) {
+        let mut bytes = sound.clone();
+        bytes[at] ^= 1 << (at % 8);
+        std::fs::write(home.path("flipped.darm"), bytes).unwrap();
+        let refused = home.darm(&format!("upload flipped.darm {}", board.port));
+        assert_eq!(refused.status.code(), Some(1), "byte {at}: {}", text(&refused.stderr));
+    }
+    assert_eq!(home.json(&format!("status {}", board.port))["table"], serde_json::Value::Null);
 }
