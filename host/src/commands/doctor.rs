@@ -7,7 +7,7 @@ use darm::client::Client;
 use darm::{link, qemu};
 use serde::Serialize;
 
-use super::flash;
+use super::{flash, status};
 use crate::firmware_image;
 use crate::port::{PortArgs, board_ports, emulated_port};
 use crate::voice::{Answer, Voice};
@@ -40,7 +40,7 @@ enum State {
     Wrong,
 }
 
-#[derive(Serialize)]
+#[derive(Clone, Serialize)]
 struct Check {
     name: &'static str,
     state: State,
@@ -93,16 +93,16 @@ impl Doctor {
     }
 
     /// Asks the board, if there is a port to ask at.
-    fn board(&self) -> Option<Check> {
-        let port = self.port.name().ok()?;
+    fn board(&self) -> Vec<Check> {
+        let Ok(port) = self.port.name() else { return Vec::new() };
         let client = match link::open(&port) {
             Ok(link) => Client::connect(link),
-            Err(error) => return Some(Check::wrong_as_said("board", &error)),
+            Err(error) => return vec![Check::wrong_as_said("board", &error)],
         };
-        Some(match client {
-            Ok(client) => board(&client),
-            Err(error) => Check::wrong_as_said("board", &error),
-        })
+        match client {
+            Ok(mut client) => [vec![board(&client)], holdings(&mut client)].concat(),
+            Err(error) => vec![Check::wrong_as_said("board", &error)],
+        }
     }
 }
 
@@ -125,6 +125,24 @@ fn board(client: &Client) -> Check {
             "this tool speaks another protocol; bring the firmware up to date with `darm flash`",
         )
     }
+}
+
+/// What a board holds that speaks this version: table, profile, and whether its outputs recover.
+fn holdings(client: &mut Client) -> Vec<Check> {
+    let Some(hello) = client.hello() else { return Vec::new() };
+    let table = match hello.table {
+        Some(table) => Check::good("table", table.short().to_string()),
+        None => Check::missing("table", "the board holds no table", "`darm table` makes one, `darm upload` brings it"),
+    };
+    let profile = match status::profile(client) {
+        Some(profile) => Check::good("profile", profile.short().to_string()),
+        None => Check::missing("profile", "built in: 16 outputs, no servos", "`darm profile write --arm arm.toml`"),
+    };
+    let outputs = match client.outputs() {
+        Ok(outputs) => Check::good("outputs", status::recovery(&status::recovering(&outputs))),
+        Err(error) => Check::wrong_as_said("outputs", &error),
+    };
+    vec![table, profile, outputs]
 }
 
 fn ports() -> Vec<Check> {

@@ -2,9 +2,9 @@
 
 use darm::client::Client;
 use darm_core::sequencer::{Fault, Phase, ServoSeen};
-use darm_core::units::Micros;
+use darm_core::units::{Digest, Micros};
 use darm_core::wire::bootstrap::{Death, DeathKind};
-use darm_core::wire::message;
+use darm_core::wire::message::{self, OutputState};
 use serde::Serialize;
 
 use crate::failure::Safe;
@@ -36,6 +36,12 @@ struct Report {
     word: String,
     rows: u16,
     model: Option<String>,
+    /// Digest of the table.
+    table: Option<String>,
+    /// Digest of the board profile; none of the one that is built in.
+    profile: Option<String>,
+    /// Outputs that have used up a part of their limits.
+    recovering: Vec<Recovering>,
     switches_closed: Vec<u8>,
     servos: Vec<ServoReport>,
     boots: u32,
@@ -43,6 +49,15 @@ struct Report {
     worst_lateness_us: u32,
     died: Option<String>,
     up_s: Option<f64>,
+}
+
+#[derive(Serialize)]
+pub(super) struct Recovering {
+    output: u8,
+    /// How long it may still be on in the present window.
+    left_s: f64,
+    /// After so long without current all of its window is free.
+    recovery_s: f64,
 }
 
 #[derive(Serialize)]
@@ -64,8 +79,9 @@ impl Status {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
         let mut client = self.port.connect()?;
         let status = client.status()?;
+        let outputs = client.outputs()?;
         let died = client.last_death()?.as_ref().map(death_text);
-        voice.tell(&report(&client, &status, died))?;
+        voice.tell(&report(&client, &status, &outputs, died))?;
         match status.phase {
             Phase::Safe(fault) => Err(Safe(fault.to_string()).into()),
             _ => Ok(()),
@@ -73,7 +89,7 @@ impl Status {
     }
 }
 
-fn report(client: &Client, status: &message::Status, died: Option<String>) -> Report {
+fn report(client: &Client, status: &message::Status, outputs: &[OutputState], died: Option<String>) -> Report {
     let [major, minor, patch] = client.version().firmware;
     let (phase, row, fault) = phase(&status.phase);
     Report {
@@ -87,6 +103,9 @@ fn report(client: &Client, status: &message::Status, died: Option<String>) -> Re
         word: status.word.to_string(),
         rows: status.rows,
         model: status.model.map(|model| model.to_string()),
+        table: client.hello().and_then(|hello| hello.table).map(|table| table.to_string()),
+        profile: profile(client).map(|profile| profile.to_string()),
+        recovering: recovering(outputs),
         switches_closed: (0..32).filter(|input| status.switches >> input & 1 == 1).collect(),
         servos: status.servos.iter().map(servo).collect(),
         boots: client.hello().map_or(0, |hello| hello.boots),
@@ -95,6 +114,38 @@ fn report(client: &Client, status: &message::Status, died: Option<String>) -> Re
         died,
         up_s: client.clock().offset().map(|offset| client.now_s() - offset.at_s),
     }
+}
+
+/// The profile that was written to the board; none where the built-in one is in force.
+pub(super) fn profile(client: &Client) -> Option<Digest> {
+    client.hello().map(|hello| hello.profile).filter(|profile| *profile != Digest::default())
+}
+
+/// The outputs that have lately been on.
+pub(super) fn recovering(outputs: &[OutputState]) -> Vec<Recovering> {
+    let seconds = |ms: u32| f64::from(ms) * 1e-3;
+    let busy = outputs.iter().filter(|output| output.recovery_ms > 0);
+    let report = |output: &OutputState| Recovering {
+        output: output.output,
+        left_s: seconds(output.left_ms),
+        recovery_s: seconds(output.recovery_ms),
+    };
+    busy.map(report).collect()
+}
+
+/// The same in a sentence.
+pub(super) fn recovery(recovering: &[Recovering]) -> String {
+    if recovering.is_empty() {
+        return "all limits free".to_owned();
+    }
+    let numbers: Vec<String> = recovering.iter().map(|output| output.output.to_string()).collect();
+    let longest_s = recovering.iter().map(|output| output.recovery_s).fold(0.0, f64::max);
+    format!("{} recovering, all limits free after {longest_s:.1} s without current", numbers.join(" "))
+}
+
+/// The first figures of a digest, as the texts of the board show it.
+fn short(digest: &str) -> &str {
+    digest.get(..16).unwrap_or(digest)
 }
 
 fn phase(phase: &Phase) -> (&'static str, Option<u16>, Option<FaultReport>) {
@@ -154,10 +205,14 @@ impl Answer for Report {
             format!("board     {} {}, firmware {}", self.board, self.device, self.firmware),
             format!("port      {}", self.port),
             format!("doing     {}", self.doing()),
-            match &self.model {
-                Some(model) => format!("table     {} rows for model {model}", self.rows),
-                None => "table     none; make one with `darm table`, then `darm upload` it".to_owned(),
+            match (&self.model, &self.table) {
+                (Some(model), Some(table)) => {
+                    format!("table     {}, {} rows for model {model}", short(table), self.rows)
+                }
+                _ => "table     none; make one with `darm table`, then `darm upload` it".to_owned(),
             },
+            format!("profile   {}", self.profile.as_deref().map_or("built in", short)),
+            format!("outputs   {}", recovery(&self.recovering)),
             format!("word      {}", if self.word.is_empty() { "none" } else { &self.word }),
             format!(
                 "switches  {}",

@@ -11,10 +11,10 @@ mod recording;
 mod robots;
 mod stop;
 
-const COMMANDS: [&str; 25] = [
+const COMMANDS: [&str; 26] = [
     "synth", "stops", "table", "upload", "play", "stop", "status", "record", "diagnose", "console", "plant", "flash",
-    "doctor", "fk", "jacobian", "ik", "bench-ik", "dynamics", "com", "model", "draw", "nearest", "map", "path",
-    "grasp",
+    "doctor", "profile", "fk", "jacobian", "ik", "bench-ik", "dynamics", "com", "model", "draw", "nearest", "map",
+    "path", "grasp",
 ];
 
 /// A user's empty home, and the folder the commands run in.
@@ -183,7 +183,7 @@ fn files_that_are_no_tables_are_told() {
     let home = Home::new();
     home.fails("upload a.darm", 1, "darm: cannot read a.darm: No such file or directory (os error 2)");
     home.write("a.darm", "no table");
-    home.fails("upload a.darm", 1, "darm: a.darm: the bytes from 0 on are no table; tables are made by `darm table`");
+    home.fails("upload a.darm", 1, "darm: a.darm is not a table of this version; make it again with `darm table`");
     home.fails(
         "record a.darm -o run.csv",
         1,
@@ -230,10 +230,19 @@ fn from_a_base_line_to_a_table() {
 #[test]
 fn the_doctor_speaks_json() {
     let home = Home::new();
-    let report = home.json("doctor");
-    for check in report["checks"].as_array().unwrap() {
-        assert!(check["state"] == "good" || check["fix"].is_string(), "{check}");
+    let board = Board::start(&home, &example("planar4.toml"));
+    for line in ["doctor", &format!("doctor {}", board.port)] {
+        let report = home.json(line);
+        for check in report["checks"].as_array().unwrap() {
+            assert!(check["state"] == "good" || check["fix"].is_string(), "{check}");
+        }
     }
+    let report = home.json(&format!("doctor {}", board.port));
+    let state = |name: &str| {
+        let check = report["checks"].as_array().unwrap().iter().find(|check| check["name"] == name);
+        check.unwrap_or_else(|| panic!("{name}: {report}"))["state"].clone()
+    };
+    assert_eq!(["board", "table", "profile", "outputs"].map(state), ["good", "missing", "good", "good"]);
 }
 
 #[test]
