@@ -26,7 +26,7 @@ use crate::voice::{Answer, Voice};
 use crate::{interrupt, port};
 use follow::Follow;
 use output::{Earlier, Output};
-use program::Program;
+use program::{Lost, Program};
 use recording::{Recording, clock_lines};
 use source::Camera;
 
@@ -118,6 +118,8 @@ struct Recorded {
     clock_rate_error_ppm: f64,
     clock_rate_uncertainty_ppm: f64,
     findings: Vec<String>,
+    /// How often and how long the connection to the board was lost.
+    lost_connections: Vec<Lost>,
     end: &'static str,
 }
 
@@ -237,6 +239,7 @@ impl Record {
         voice: Voice,
     ) -> anyhow::Result<()> {
         let not_recovered = recording.not_recovered();
+        let lost_connections = std::mem::take(&mut recording.program.lost_connections);
         let Recording { visits, program, camera, .. } = &recording;
         let (rate, clock) = (program.client.clock().rate(), program.client.clock().offset());
         let (visits, pictures, lost_s) = (visits.rests.len(), camera.count(), program.client.clock().lost_s());
@@ -264,6 +267,7 @@ impl Record {
             clock_rate_error_ppm: 1e6 * rate.error,
             clock_rate_uncertainty_ppm: 1e6 * rate.uncertainty,
             findings: findings.iter().map(ToString::to_string).collect(),
+            lost_connections,
             end: end.name(),
         })?;
         match end {

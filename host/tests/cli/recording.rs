@@ -1,6 +1,10 @@
 //! `darm record`: what is on the disk when something goes wrong on the way.
 
+use std::net::Shutdown;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::PathBuf;
 use std::process::{Child, Stdio};
+use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
 
@@ -82,4 +86,85 @@ fn compressed_and_logged_recordings_are_readable_at_any_moment() {
         let told = text(&said.stderr);
         assert!(told.contains("words are not enough") || told.contains("the file ends early"), "{file}: {told}");
     }
+}
+
+/// A cable between a host and a board that can be pulled.
+struct Cable {
+    port: PathBuf,
+    ends: Arc<Mutex<Vec<UnixStream>>>,
+}
+
+impl Cable {
+    /// A port in this home behind which the board is.
+    fn to(home: &Home, board: &Board) -> Self {
+        let port = home.path("cable");
+        let listener = UnixListener::bind(&port).unwrap();
+        let board = board.port.trim_start_matches("--port unix:").to_owned();
+        let ends = Arc::new(Mutex::new(Vec::new()));
+        let kept = Arc::clone(&ends);
+        thread::spawn(move || {
+            for host in listener.incoming() {
+                let (host, board) = (host.unwrap(), UnixStream::connect(&board).unwrap());
+                let other = |end: &UnixStream| end.try_clone().unwrap();
+                kept.lock().unwrap().extend([other(&host), other(&board)]);
+                let (mut from_host, mut to_board) = (other(&host), other(&board));
+                thread::spawn(move || std::io::copy(&mut from_host, &mut to_board));
+                let (mut from_board, mut to_host) = (board, host);
+                thread::spawn(move || std::io::copy(&mut from_board, &mut to_host));
+            }
+        });
+        Self { port, ends }
+    }
+
+    /// Both ends see the connection closed; the next one is accepted.
+    fn pull(&self) {
+        for end in self.ends.lock().unwrap().drain(..) {
+            let _ = end.shutdown(Shutdown::Both);
+        }
+    }
+}
+
+#[test]
+fn a_recording_goes_on_when_the_cable_was_pulled_and_reports_it() {
+    let home = Home::new();
+    let board = board(&home);
+    let cable = Cable::to(&home, &board);
+    let child = recording(&home, &format!("--json -o run.csv --port unix:{}", cable.port.display()));
+    first_row(&home, "run.csv");
+    cable.pull();
+    let ended = child.wait_with_output().unwrap();
+    assert!(ended.status.success(), "{}{}", text(&ended.stdout), text(&ended.stderr));
+    let said: serde_json::Value = serde_json::from_slice(&ended.stdout).unwrap();
+    let lost = said["lost_connections"].as_array().unwrap();
+    assert!(!lost.is_empty() && lost[0]["reason"].is_string() && lost[0]["lasted_s"].is_f64(), "{said}");
+    assert_eq!(said["end"], "finished");
+    let missing = said["not_recovered"].as_array().unwrap().len();
+    assert_eq!(rows(&home, "run.csv").len() + missing, 6, "{said}");
+    assert!(missing < 3, "{said}");
+}
+
+#[test]
+fn a_recording_names_the_table_and_the_profile_of_the_board() {
+    let home = Home::new();
+    let board = board(&home);
+    let table = home.json("table --show six.darm");
+    let mut child = recording(&home, &format!("-o run.csv {}", board.port));
+    first_row(&home, "run.csv");
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let about = darm::measurement::about(&home.path("run.csv")).unwrap();
+    assert_eq!(
+        [&about["table"], &about["profile"]].map(|value| value.as_str()),
+        [table["digest"].as_str().unwrap(), table["profile"].as_str().unwrap()]
+    );
+    let status = home.json(&format!("status {}", board.port));
+    assert_eq!((&status["table"], &status["profile"]), (&table["digest"], &table["profile"]));
+    assert_eq!(status["recovering"].as_array().map(Vec::is_empty), Some(false), "{status}");
+    // The same program under the name of another table is not resumed.
+    home.succeeds(&format!("table {} --words 000010000000 -o one.darm", example("planar4.toml")));
+    home.succeeds(&format!("stop {}", board.port));
+    home.succeeds(&format!("upload one.darm {}", board.port));
+    let other = home.darm(&format!("record one.darm --resume -o run.csv {}", board.port));
+    assert_eq!(other.status.code(), Some(1));
+    assert!(text(&other.stderr).contains("run.csv: the recording is of table "), "{}", text(&other.stderr));
 }

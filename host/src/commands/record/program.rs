@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use darm::client::{Client, ClientError, Happening};
 use darm_core::units::Digest;
 use darm_core::wire::message::Refusal;
+use serde::Serialize;
 
 use super::RecordError;
 use crate::commands::play::Watch;
@@ -14,6 +15,14 @@ use crate::{interrupt, port};
 /// Time between two questions to the board, and between two attempts to open a lost port.
 pub(crate) const POLL: Duration = Duration::from_millis(50);
 
+/// A connection that was lost.
+#[derive(Debug, Serialize)]
+pub(crate) struct Lost {
+    reason: String,
+    /// Until it was opened again; `None` where it never was.
+    lasted_s: Option<f64>,
+}
+
 /// A connection that is opened again when it breaks.
 pub(crate) struct Program {
     pub(crate) client: Client,
@@ -22,6 +31,8 @@ pub(crate) struct Program {
     /// Start of the board and its table, when the connection was opened.
     held: Option<Held>,
     lost: Option<Instant>,
+    /// Connections that were lost and opened again.
+    pub(crate) lost_connections: Vec<Lost>,
     /// A lost port is waited for so long.
     pub(crate) patience: Duration,
     voice: Voice,
@@ -37,14 +48,14 @@ impl Program {
         voice: Voice,
     ) -> Self {
         let held = held(&client);
-        Self { client, watch, interrupt, held, lost: None, patience, voice }
+        Self { client, watch, interrupt, held, lost: None, lost_connections: Vec::new(), patience, voice }
     }
 
     /// What happened since the last look; `None` while the connection is lost.
     pub(crate) fn look(&mut self) -> anyhow::Result<Option<Vec<Happening>>> {
         if let Some(since) = self.lost {
             match self.reconnect() {
-                Ok(()) => self.voice.note("connected again"),
+                Ok(()) => self.connected(since),
                 Err(error) if since.elapsed() > self.patience => return Err(error),
                 Err(_) => return Ok(None),
             }
@@ -62,6 +73,7 @@ impl Program {
         match error.downcast_ref::<ClientError>() {
             Some(ClientError::Transport(_) | ClientError::Frame(_)) => {
                 self.voice.note(&format!("{error}; the program runs on, waiting for the port"));
+                self.lost_connections.push(Lost { reason: error.to_string(), lasted_s: None });
                 self.lost = Some(Instant::now());
                 self.client.unplug();
                 Ok(())
@@ -82,6 +94,13 @@ impl Program {
             self.client.unplug();
         }
         Ok(replugged?)
+    }
+
+    fn connected(&mut self, since: Instant) {
+        self.voice.note("connected again");
+        if let Some(lost) = self.lost_connections.last_mut() {
+            lost.lasted_s = Some(since.elapsed().as_secs_f64());
+        }
     }
 
     /// Refuses a board that has restarted or got another table since the program was started.
