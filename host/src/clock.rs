@@ -199,6 +199,15 @@ mod tests {
     }
 
     #[test]
+    fn a_board_that_catches_up_leaves_the_rate_uncertain() {
+        let mut clock = BoardClock::default();
+        clock.observe(trip(1.0, 0.99, 1.0001));
+        clock.observe(trip(1.05, 1.05, 1.0501));
+        let rate = clock.rate();
+        assert!(rate.error.abs() <= rate.uncertainty, "{rate:?}");
+    }
+
+    #[test]
     fn a_board_that_started_anew_is_believed() {
         let mut clock = BoardClock::default();
         clock.observe(trip(50.0, 50.0, 50.001));
