@@ -58,11 +58,12 @@ impl Paces {
         (!all.is_contradiction()).then_some(all)
     }
 
-    /// The pace; where ticks were lost only its upper end is better than the limits.
+    /// The pace; where ticks were lost only its upper end is better than the limits, and where the board has caught up
+    /// lost ticks not even that.
     pub(super) fn pace(&self) -> Pace {
         self.steady().unwrap_or_else(|| {
             let high = self.windows().map(|window| window.pace.high).fold(Pace::LIMITS.high, f64::min);
-            Pace { low: Pace::LIMITS.low, high: high.max(Pace::LIMITS.low) }
+            if high > Pace::LIMITS.low { Pace { high, ..Pace::LIMITS } } else { Pace::LIMITS }
         })
     }
 
