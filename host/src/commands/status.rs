@@ -16,6 +16,9 @@ Examples:
   darm status                   what the board does, holds and sees; exit code 3 in the safe state
   darm --json status | jq .phase";
 
+/// The board rounds to whole milliseconds.
+const ROUNDING_MS: u64 = 1;
+
 /// Who the board is, what it holds, what it does and what was wrong
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
@@ -121,10 +124,14 @@ pub(super) fn profile(client: &Client) -> Option<Digest> {
     client.hello().map(|hello| hello.profile).filter(|profile| *profile != Digest::default())
 }
 
-/// The outputs that have lately been on.
+/// The outputs that may be on for a shorter time than their duty allows, because they have lately been on.
 pub(super) fn recovering(outputs: &[OutputState]) -> Vec<Recovering> {
     let seconds = |ms: u32| f64::from(ms) * 1e-3;
-    let busy = outputs.iter().filter(|output| output.recovery_ms > 0);
+    let used = |output: &&OutputState| {
+        let allowed_ms = u64::from(output.limit.window_ms) * u64::from(output.limit.duty_percent) / 100;
+        output.recovery_ms > 0 && u64::from(output.left_ms) + ROUNDING_MS < allowed_ms
+    };
+    let busy = outputs.iter().filter(used);
     let report = |output: &OutputState| Recovering {
         output: output.output,
         left_s: seconds(output.left_ms),

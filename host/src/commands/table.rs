@@ -26,7 +26,7 @@ Examples:
   darm table arm.toml --programme -o measure.darm             96 words three times, to be measured
   darm table arm.toml --programme --bind -o measure.darm      for the connected board only
   darm table arm.toml frames.toml --nearest -o visits.darm    the board answers `nearest` by itself, too
-  darm table --show visits.darm                               what a table holds: digest, wiring, limits, rows
+  darm table --show visits.darm                               what a table holds
 
 Beside TABLE.darm a file TABLE.visits.csv says from when to when the arm rests at each visit, and \
 which visits are held out of every fit; `darm record` reads it. Both carry the table's digest.";
