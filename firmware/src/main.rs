@@ -27,7 +27,7 @@ fn main() -> ! {
     if start == Start::Held {
         defmt::error!("{=u32} crashes in a row: outputs disabled, bootstrap set only", crashes);
     }
-    tasks::start(death, start);
+    tasks::start(death, start, tasks::room());
     loop {
         cortex_m::asm::wfi();
     }

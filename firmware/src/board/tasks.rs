@@ -48,7 +48,6 @@ static SERVO_PULSE: Pulse = Pulse::new();
 
 /// The large ones are built before the tasks run: a task that builds them needs their room on the stack for ever.
 static TABLE: StaticCell<Table> = StaticCell::new();
-static DESK: StaticCell<OnBoard> = StaticCell::new();
 static ROOM: StaticCell<Room> = StaticCell::new();
 static PROFILE: StaticCell<Profile> = StaticCell::new();
 /// How long each output has been on. Start-up code neither clears nor fills this section, so it outlives a reset, unless
@@ -58,6 +57,9 @@ static mut USED: MaybeUninit<DutyMeters> = MaybeUninit::uninit();
 /// In the memory that nothing clears at the start, see `memory.x`.
 #[unsafe(link_section = ".above.TICKER")]
 static mut TICKER: MaybeUninit<Ticker> = MaybeUninit::uninit();
+/// In the same memory.
+#[unsafe(link_section = ".above.DESK")]
+static mut DESK: MaybeUninit<OnBoard> = MaybeUninit::uninit();
 /// When the requested tick is due, modulo 2³² µs.
 static DUE_US: AtomicU32 = AtomicU32::new(0);
 
@@ -177,11 +179,14 @@ fn identity() -> Identity {
 /// What the console owns. Each of these is built in a call of its own, so that no two need their stack at once.
 #[inline(never)]
 fn desk(death: Option<Death>, room: &'static mut Room) -> &'static mut OnBoard {
-    DESK.init_with(|| Desk::new(Board { identity: identity(), death }, BoardClock, &SHARED, room))
+    let desk = &raw mut DESK;
+    // SAFETY: nothing else refers to it, as this takes the room, which can be built once only.
+    unsafe { (*desk).write(Desk::new(Board { identity: identity(), death }, BoardClock, &SHARED, room)) }
 }
 
+/// The room for a search. Called once.
 #[inline(never)]
-fn room() -> &'static mut Room {
+pub fn room() -> &'static mut Room {
     ROOM.init_with(Room::default)
 }
 
@@ -218,8 +223,8 @@ fn start_control() {
 ///
 /// A board that is held has the console alone, and its outputs disabled.
 #[inline(never)]
-pub fn start(death: Option<Death>, start: Start) {
-    let Ok(console) = console(desk(death, room()), table(), profile(), start) else { twice() };
+pub fn start(death: Option<Death>, start: Start, room: &'static mut Room) {
+    let Ok(console) = console(desk(death, room), table(), profile(), start) else { twice() };
     if start == Start::Held {
         // The pin keeps the level that it gets here.
         ChainEnable::new(true);

@@ -260,9 +260,9 @@ fn six_legs() -> Stage<f32> {
 
 /// The end frame of a word by look-ups, and the nearest word out of 64⁶ by the board's search.
 #[inline(never)]
-fn measure_nearest() {
+fn measure_nearest(room: &mut Room) {
     let (typical, target) = measure_look_up();
-    measure_search(&typical, &target);
+    measure_search(room, &typical, &target);
 }
 
 /// A pose amid those of a module, and the pose that is looked up.
@@ -282,8 +282,7 @@ fn measure_look_up() -> (Pose<f32>, Pose<f32>) {
 }
 
 #[inline(never)]
-fn measure_search(typical: &Pose<f32>, target: &Pose<f32>) {
-    let mut room = Room::default();
+fn measure_search(room: &mut Room, typical: &Pose<f32>, target: &Pose<f32>) {
     let (stage, one) = (six_legs(), Pose::identity());
     let (mut piece, mut beam) = (0, 0);
     room.begin(target, 6 * MODULES);
@@ -297,7 +296,7 @@ fn measure_search(typical: &Pose<f32>, target: &Pose<f32>) {
     let distance_mm = |room: &Room| room.found().map_or(-1.0, |found| 1e3 * found.distance_m);
     tell("nearest", "a_frame_behind_all_choices", piece, "instructions");
     tell("nearest", "beam_out_of_64^6", beam, "instructions");
-    tell("nearest", "beam_distance", distance_mm(&room), "mm");
+    tell("nearest", "beam_distance", distance_mm(room), "mm");
     let (mut longest, mut whole, mut more) = (0, 0, true);
     while more {
         let count = measure::instructions(|| more = room.step());
@@ -305,7 +304,7 @@ fn measure_search(typical: &Pose<f32>, target: &Pose<f32>) {
     }
     tell("nearest", "longest_piece_of_the_wider_search", longest, "instructions");
     tell("nearest", "wider_search_out_of_64^6", whole, "instructions");
-    tell("nearest", "distance", distance_mm(&room), "mm");
+    tell("nearest", "distance", distance_mm(room), "mm");
 }
 
 #[inline(never)]
@@ -354,12 +353,14 @@ fn main() -> ! {
     time::start();
     board::prioritise();
     laws::measure(&stack);
-    measure_nearest();
+    // The stack has no room for a second one.
+    let room = tasks::room();
+    measure_nearest(room);
     tell("nearest", "stack", stack.used(), "bytes");
     let profile = store_profile();
     // The measurements above had the stack of the thread to themselves, as no image does.
     let stack = Stack::paint();
-    tasks::start(death::take(), Start::Normal);
+    tasks::start(death::take(), Start::Normal, room);
     measure_all(&stack, profile);
     debug::exit(debug::EXIT_SUCCESS);
     loop {
