@@ -91,7 +91,6 @@ fn budget(path: &Path) -> Result<String> {
 }
 
 /// Checks the stack's bound and the panics of a built image, and prints the bound.
-#[expect(dead_code, reason = "the tests call it once nothing in the image breaks it")]
 pub(crate) fn check(path: &Path) -> Result<()> {
     let image = code::Image::read(path)?;
     let graph = graph::Graph::new(&image)?;

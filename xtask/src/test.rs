@@ -22,7 +22,7 @@ pub(crate) fn run() -> Result<()> {
     for target in [TARGET, SMALL_TARGET] {
         cargo(&["build", "--package", "darm-core", "--target", target])?;
     }
-    image::build()?;
+    image::check(&image::build()?)?;
     image::check_that_kinematics_cannot_panic()?;
     cargo(&["test", "--workspace"])?;
     cargo(&["doc", "--workspace", "--no-deps"])?;
