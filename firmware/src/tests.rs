@@ -9,7 +9,7 @@ use darm_core::sequencer::{
     Command, CommandError, Event, FaultKind, Outputs, Phase, ServoAction, ServoSeen, ServoTarget,
 };
 use darm_core::table::{Record, TableError};
-use darm_core::units::{ActuatorId, DeviceId, Digest, Micros};
+use darm_core::units::{ActuatorId, DeviceId, Digest, Micros, Word};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, Identity};
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
@@ -614,6 +614,18 @@ fn any_frame(random: &mut Random) -> Vec<u8> {
         Request::Command(Command::Coil { coil: random.below(9) as u8, on_ms: 10 }),
         Request::Calibration,
         Request::Nearest(along(random.below(9) as f32, f32::from_bits(random.below(1 << 32) as u32))),
+        Request::Hello { protocol: random.below(4) as u16 },
+        Request::Begin(profile_image(&profile()).0),
+        Request::Commit(profile_image(&profile()).0),
+        Request::Outputs { from: random.below(256) as u8 },
+        Request::Calibrate(Calibration::try_from([1e-3 * random.below(3000) as f32; 4]).unwrap()),
+        Request::Command(Command::Stop),
+        Request::Command(Command::Clear),
+        Request::Command(Command::Word(Word::new(&[random.below(4) as u8; 2]).unwrap())),
+        Request::Command(Command::Servo {
+            servo: random.below(5) as u8,
+            angle_rad: f32::from_bits(random.below(1 << 32) as u32),
+        }),
     ];
     let mut payload = [0; MAX_PAYLOAD];
     let payload = postcard::to_slice(&requests[random.below(requests.len())], &mut payload).unwrap();
