@@ -131,6 +131,7 @@ impl OutputPin for Wire {
 }
 
 /// Runs the firmware from its start until a restart is requested. `used` is memory that survives a reset.
+#[expect(clippy::await_holding_refcell_ref, reason = "one start at a time holds the meters, and ends with its future")]
 pub(super) async fn run(wires: Rc<Wires>, flash: MemoryFlash, used: Rc<RefCell<DutyMeters>>) -> Into {
     let mut table = Box::<Table>::default();
     let mut room = Box::<Room>::default();
