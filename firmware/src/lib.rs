@@ -4,6 +4,11 @@
 
 pub mod app;
 #[cfg(feature = "chip")]
+#[allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    reason = "addresses and registers; what of it can panic in the image is checked there"
+)]
 pub mod board;
 pub mod clock;
 pub mod control;
