@@ -1,12 +1,18 @@
 //! Known defects, put in one by one: in how many seeds the judges see each. A judge that sees none of them is blind.
 //!
-//! A mutant is a patch under `eval/mutants`; what stands before its first `diff` line describes it.
+//! A mutant is a patch under `eval/mutants`; the text before its first `diff` line describes it. It is applied in a copy of
+//! the tree with a target folder that begins with the dependencies that the tree has built, so only this workspace's
+//! crates are built again. A seed counts as caught where the mutant breaks a rule that the unchanged tree keeps.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context as _, Result, bail};
-use serde_json::Value;
+
+use crate::run::run;
+use crate::script::Script;
+use crate::summary::{Broken, Figures};
 
 /// A defect as a patch.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -19,22 +25,28 @@ pub struct Mutant {
     pub description: String,
 }
 
-/// In how many seeds a mutant broke which rules.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// What the judges saw of a mutant.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Caught {
-    /// Seeds with any violation.
-    pub seeds: u64,
-    /// Seeds by rule.
-    pub rules: Vec<(String, u64)>,
+    /// Seeds that ran.
+    pub ran: u64,
+    /// Rules that the mutant broke and the unchanged tree keeps, with their seeds; by seed.
+    pub broken: Vec<Broken>,
 }
 
 impl Caught {
-    /// Rules that were broken in more seeds than before: rule, seeds, seeds before.
-    pub fn more_than(&self, before: &Self) -> Vec<(&str, u64, u64)> {
-        let seeds_before =
-            |rule: &str| before.rules.iter().find(|(name, _)| name == rule).map_or(0, |(_, seeds)| *seeds);
-        let compared = self.rules.iter().map(|(rule, seeds)| (rule.as_str(), *seeds, seeds_before(rule)));
-        compared.filter(|(_, seeds, before)| seeds > before).collect()
+    /// Seeds in which it was caught, in order.
+    pub fn seeds(&self) -> Vec<u64> {
+        let mut seeds: Vec<u64> = self.broken.iter().map(|broken| broken.seed).collect();
+        seeds.dedup();
+        seeds
+    }
+
+    /// The rules that it broke, by name, with the number of their seeds.
+    pub fn rules(&self) -> Vec<(&str, usize)> {
+        let mut names: Vec<&str> = self.broken.iter().map(|broken| broken.rule.as_str()).collect();
+        names.sort_unstable();
+        names.chunk_by(|a, b| a == b).map(|same| (same[0], same.len())).collect()
     }
 }
 
@@ -58,60 +70,118 @@ pub fn list(folder: &Path) -> Result<Vec<Mutant>> {
     Ok(mutants)
 }
 
-/// Puts a fresh copy of the workspace's committed and changed files at `scratch`.
-pub fn copy(root: &Path, scratch: &Path) -> Result<()> {
-    std::fs::create_dir_all(scratch)?;
-    let files = output(Command::new("git").current_dir(root).args(["ls-files", "-z"]))?;
-    for file in files.split('\0').filter(|file| !file.is_empty() && root.join(file).is_file()) {
-        let (from, to) = (root.join(file), scratch.join(file));
-        let same = std::fs::read(&to).is_ok_and(|old| std::fs::read(&from).is_ok_and(|new| new == old));
-        if same {
-            continue;
+/// Refuses mutants whose patches do not fit the tree, and names them all.
+pub fn check(root: &Path, mutants: &[Mutant]) -> Result<()> {
+    let no_longer_fits = |mutant: &&Mutant| {
+        let mut apply = Command::new("git");
+        apply.current_dir(root).args(["apply", "--check"]).arg(&mutant.patch);
+        output(&mut apply).is_err()
+    };
+    let names: Vec<&str> = mutants.iter().filter(no_longer_fits).map(|mutant| mutant.name.as_str()).collect();
+    if names.is_empty() {
+        return Ok(());
+    }
+    bail!("these mutants no longer apply; adapt their patches to the code: {}", names.join(", "))
+}
+
+/// A copy of the tree in which mutants are put.
+#[derive(Clone, Debug)]
+pub struct Scratch {
+    root: PathBuf,
+    tree: PathBuf,
+    target: PathBuf,
+}
+
+impl Scratch {
+    /// The copy below the target folder of the tree at `root`.
+    pub fn new(root: &Path) -> Result<Self> {
+        let (root, tree, target) = (root.to_owned(), root.join("target/mutants"), root.join("target/mutants-target"));
+        if !target.exists() {
+            // Sources must be younger than what was built of others.
+            let _ = std::fs::remove_dir_all(&tree);
+            copy_dependencies(&root.join("target/debug"), &target.join("debug"))?;
         }
-        std::fs::create_dir_all(to.parent().unwrap_or(scratch))?;
-        std::fs::copy(&from, &to).with_context(|| format!("{file} cannot be copied"))?;
+        Ok(Self { root, tree, target })
+    }
+
+    /// Puts a mutant in, builds it and runs its seeds; all of them, or until it is caught.
+    pub fn judge(&self, mutant: &Mutant, seeds: Range<u64>, all: bool) -> Result<Caught> {
+        self.copy_tree()?;
+        let mut apply = Command::new("git");
+        // The copy lies within the repository and is not to be taken for a part of it.
+        apply.env("GIT_CEILING_DIRECTORIES", self.root.join("target"));
+        output(apply.current_dir(&self.tree).arg("apply").arg(&mutant.patch))?;
+        self.build()?;
+        let mut caught = Caught::default();
+        let (first, mut from) = (seeds.start, seeds.start);
+        while from < seeds.end && (all || caught.broken.is_empty()) {
+            let figures = self.run(from..seeds.end, all)?;
+            from += figures.ran()?.max(1);
+            caught.broken.extend(figures.broken.into_iter().filter(|broken| !is_broken_unchanged(broken)));
+        }
+        caught.ran = from - first;
+        Ok(caught)
+    }
+
+    /// Makes the copy what the tree is now. Files that are the same are not touched: nothing is built for them.
+    fn copy_tree(&self) -> Result<()> {
+        std::fs::create_dir_all(&self.tree)?;
+        let files = output(Command::new("git").current_dir(&self.root).args(["ls-files", "-z"]))?;
+        for file in files.split('\0').filter(|file| !file.is_empty() && self.root.join(file).is_file()) {
+            let (from, to) = (self.root.join(file), self.tree.join(file));
+            let same = std::fs::read(&to).is_ok_and(|old| std::fs::read(&from).is_ok_and(|new| new == old));
+            if same {
+                continue;
+            }
+            std::fs::create_dir_all(to.parent().unwrap_or(&self.tree))?;
+            std::fs::copy(&from, &to).with_context(|| format!("{file} cannot be copied"))?;
+        }
+        Ok(())
+    }
+
+    fn build(&self) -> Result<()> {
+        let mut build = Command::new("cargo");
+        // Not the tree's own: cargo names the artifacts of both alike, and one would be taken for the other.
+        build.current_dir(&self.tree).env("CARGO_TARGET_DIR", &self.target);
+        output(build.args(["build", "--quiet", "-p", "darm-eval", "--bin", "simulate"])).map(drop)
+    }
+
+    fn run(&self, seeds: Range<u64>, all: bool) -> Result<Figures> {
+        let json = self.target.join("figures.json");
+        let _ = std::fs::remove_file(&json);
+        let mut simulate = Command::new(self.target.join("debug/simulate"));
+        simulate.args(["--seeds", &format!("{}..{}", seeds.start, seeds.end), "--no-shrink", "--json"]).arg(&json);
+        if !all {
+            simulate.arg("--until-broken");
+        }
+        // It fails when it finds something, which is what is wanted here.
+        let ran = simulate.output().context("the mutant did not start")?;
+        let text = std::fs::read_to_string(&json)
+            .with_context(|| format!("the mutant did not run: {}", String::from_utf8_lossy(&ran.stderr)))?;
+        Ok(serde_json::from_str(&text)?)
+    }
+}
+
+/// Copies what was built of crates from elsewhere, with the times that cargo compares.
+fn copy_dependencies(from: &Path, to: &Path) -> Result<()> {
+    const OWN: [&str; 4] = ["darm", "libdarm", "xtask", "simulate"];
+    for folder in ["deps", "build", ".fingerprint"] {
+        let (from, to) = (from.join(folder), to.join(folder));
+        std::fs::create_dir_all(&to)?;
+        let Ok(entries) = std::fs::read_dir(&from) else { continue };
+        let names = entries.filter_map(|entry| Some(entry.ok()?.file_name()));
+        let names: Vec<_> =
+            names.filter(|name| !OWN.iter().any(|own| name.to_string_lossy().starts_with(own))).collect();
+        for some in names.chunks(200) {
+            output(Command::new("cp").current_dir(&from).arg("-a").arg("-t").arg(&to).args(some))?;
+        }
     }
     Ok(())
 }
 
-/// Applies a mutant in the scratch copy, builds it and runs it over the seeds. The unchanged tree where `mutant` is `None`.
-pub fn judge(root: &Path, scratch: &Path, mutant: Option<&Mutant>, seeds: &str) -> Result<Caught> {
-    copy(root, scratch)?;
-    if let Some(Mutant { patch, name, .. }) = mutant {
-        let mut apply = Command::new("git");
-        // The copy lies within the repository and is not to be taken for a part of it.
-        apply.env("GIT_CEILING_DIRECTORIES", scratch.parent().unwrap_or(scratch));
-        apply.current_dir(scratch).arg("apply").arg(patch);
-        output(&mut apply)
-            .with_context(|| format!("the mutant {name} no longer applies; adapt {}", patch.display()))?;
-    }
-    let json = scratch.join("caught.json");
-    let mut simulate = Command::new("cargo");
-    // Not the tree's own: cargo names the artifacts of both alike, and one would be taken for the other.
-    simulate.current_dir(scratch).env("CARGO_TARGET_DIR", root.join("target/mutants-target"));
-    simulate.args(["run", "--quiet", "-p", "darm-eval", "--bin", "simulate", "--"]);
-    simulate.args(["--seeds", seeds, "--no-shrink", "--json"]).arg(&json);
-    // It fails when it finds something, which is what is wanted here: its figures tell.
-    let _ = std::fs::remove_file(&json);
-    let ran = simulate.output().context("cargo did not start")?;
-    let text = std::fs::read_to_string(&json)
-        .with_context(|| format!("the mutant did not run: {}", String::from_utf8_lossy(&ran.stderr)))?;
-    caught(&text)
-}
-
-fn caught(json: &str) -> Result<Caught> {
-    let figures: Value = serde_json::from_str(json)?;
-    let rows = figures["rows"].as_array().context("no rows")?;
-    let mut caught = Caught { seeds: 0, rules: Vec::new() };
-    for row in rows {
-        let (Some(name), Some(value)) = (row["name"].as_str(), row["value"].as_f64()) else { continue };
-        if name == "simulate: seeds with a violation" {
-            caught.seeds = value as u64;
-        } else if let Some(rule) = name.strip_prefix("violated, ") {
-            caught.rules.push((rule.to_owned(), value as u64));
-        }
-    }
-    Ok(caught)
+/// Whether the unchanged tree, which is this program, breaks the same rule in the same seed.
+fn is_broken_unchanged(broken: &Broken) -> bool {
+    run(&Script::of(broken.seed), false).verdict.has(&broken.rule)
 }
 
 fn output(command: &mut Command) -> Result<String> {

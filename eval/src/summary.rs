@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::run::Outcome;
 use crate::script::LOSSES;
@@ -30,12 +30,56 @@ struct Rows<'r> {
     rows: &'r [Row],
     seed: u64,
     versions: BTreeMap<&'static str, &'static str>,
+    broken: Vec<Broken>,
+}
+
+/// A rule that was broken in a seed.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Broken {
+    /// The seed.
+    pub seed: u64,
+    /// The rule.
+    pub rule: String,
+}
+
+/// What is read back of the figures of another run.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Figures {
+    rows: Vec<Figure>,
+    /// Rules that were broken, by seed.
+    pub broken: Vec<Broken>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+struct Figure {
+    name: String,
+    value: f64,
+}
+
+impl Figures {
+    /// Seeds that ran.
+    pub fn ran(&self) -> Result<u64> {
+        let row = self.rows.iter().find(|row| row.name == SEEDS);
+        Ok(row.context("the figures do not say how many seeds ran")?.value as u64)
+    }
+}
+
+/// Name of the row with the number of seeds.
+const SEEDS: &str = "simulate: seeds";
+
+fn broken(outcomes: &[Outcome]) -> Vec<Broken> {
+    let of = |outcome: &Outcome| {
+        let seed = outcome.seed;
+        let firsts = outcome.verdict.firsts().iter();
+        firsts.map(|(violation, _)| Broken { seed, rule: violation.rule.to_owned() }).collect::<Vec<_>>()
+    };
+    outcomes.iter().flat_map(of).collect()
 }
 
 /// The numbers of these runs.
 pub fn rows(outcomes: &[Outcome]) -> Vec<Row> {
     let mut rows = vec![
-        row("simulate: seeds", outcomes.len() as f64, "seeds"),
+        row(SEEDS, outcomes.len() as f64, "seeds"),
         row("simulate: virtual time", outcomes.iter().map(|o| o.virtual_ms as f64).sum::<f64>() / 3.6e6, "h"),
     ];
     rows.extend(violations(outcomes));
@@ -156,9 +200,9 @@ pub fn text(rows: &[Row]) -> String {
     text
 }
 
-/// The same numbers for programs.
-pub fn write_json(rows: &[Row], first_seed: u64, path: &Path) -> Result<()> {
+/// The same numbers for programs, with the rules that were broken in each seed.
+pub fn write_json(rows: &[Row], outcomes: &[Outcome], first_seed: u64, path: &Path) -> Result<()> {
     let versions = BTreeMap::from([("darm", env!("CARGO_PKG_VERSION"))]);
-    let text = serde_json::to_string_pretty(&Rows { rows, seed: first_seed, versions })?;
+    let text = serde_json::to_string_pretty(&Rows { rows, seed: first_seed, versions, broken: broken(outcomes) })?;
     std::fs::write(path, text).with_context(|| format!("{} cannot be written", path.display()))
 }

@@ -4,17 +4,19 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, bail};
 use clap::Parser;
 use darm_eval::mutants;
 use darm_eval::run::{Outcome, run};
 use darm_eval::script::Script;
 use darm_eval::shrink::shrink;
 use darm_eval::summary;
-use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
+use rayon::iter::{IntoParallelIterator as _, ParallelExtend as _, ParallelIterator as _};
 
 /// Failing seeds that are shown when they are shrunk.
 const SHOWN: usize = 5;
+/// Seeds that run before it is looked whether a rule is broken.
+const BLOCK: u64 = 20;
 
 /// Runs the whole system in virtual time under two judges; prints what they find
 #[derive(Parser)]
@@ -35,6 +37,12 @@ struct Arguments {
     /// Only the mutant of this name
     #[arg(long, value_name = "NAME", requires = "mutants")]
     only: Option<String>,
+    /// Run all seeds of a mutant, also after it was caught
+    #[arg(long, requires = "mutants")]
+    all_seeds: bool,
+    /// Stop soon after the first seed in which a rule is broken
+    #[arg(long)]
+    until_broken: bool,
     /// Show all failing seeds as they are, without leaving out what does not matter
     #[arg(long)]
     no_shrink: bool,
@@ -56,7 +64,7 @@ impl Arguments {
     fn run(&self) -> Result<bool> {
         match self.replay {
             Some(seed) => Ok(replay(&Script::of(seed))),
-            None if self.mutants => self.run_mutants().map(|()| true),
+            None if self.mutants => self.run_mutants(),
             None => self.run_seeds(),
         }
     }
@@ -64,7 +72,7 @@ impl Arguments {
     fn run_seeds(&self) -> Result<bool> {
         let (from, to) = range(&self.seeds)?;
         let began = Instant::now();
-        let outcomes: Vec<Outcome> = (from..to).into_par_iter().map(|seed| run(&Script::of(seed), false)).collect();
+        let outcomes = self.outcomes(from, to);
         let took_s = began.elapsed().as_secs_f64();
         let failed: Vec<&Outcome> = outcomes.iter().filter(|outcome| !outcome.verdict.firsts().is_empty()).collect();
         let shown = if self.no_shrink { failed.len() } else { SHOWN };
@@ -76,9 +84,21 @@ impl Arguments {
         let per_seed_s = took_s * rayon::current_num_threads() as f64 / outcomes.len().max(1) as f64;
         eprintln!("{took_s:.1} s, {per_seed_s:.2} s of one core per seed");
         if let Some(path) = &self.json {
-            summary::write_json(&rows, from, path)?;
+            summary::write_json(&rows, &outcomes, from, path)?;
         }
         Ok(failed.is_empty())
+    }
+
+    fn outcomes(&self, from: u64, to: u64) -> Vec<Outcome> {
+        let block = if self.until_broken { BLOCK } else { u64::MAX };
+        let mut outcomes: Vec<Outcome> = Vec::new();
+        let mut next = from;
+        while next < to && outcomes.iter().all(|outcome| outcome.verdict.firsts().is_empty()) {
+            let end = to.min(next.saturating_add(block));
+            outcomes.par_extend((next..end).into_par_iter().map(|seed| run(&Script::of(seed), false)));
+            next = end;
+        }
+        outcomes
     }
 
     fn show(&self, outcome: &Outcome) {
@@ -94,21 +114,29 @@ impl Arguments {
         small.world.iter().for_each(|entry| println!("  {:6} ms world {:?}", entry.at_ms, entry.act));
     }
 
-    fn run_mutants(&self) -> Result<()> {
-        let (root, scratch) = (root(), root().join("target/mutants"));
-        let wanted = |mutant: &mutants::Mutant| self.only.as_ref().is_none_or(|only| *only == mutant.name);
-        let clean = mutants::judge(root, &scratch, None, &self.seeds)?;
-        println!("(unchanged): {} seeds, {:?}", clean.seeds, clean.rules);
-        for mutant in mutants::list(&root.join("eval/mutants"))?.iter().filter(|mutant| wanted(mutant)) {
-            let caught = mutants::judge(root, &scratch, Some(mutant), &self.seeds)?;
-            println!("{}: {}", mutant.name, mutant.description.trim());
-            let more = caught.more_than(&clean);
-            more.iter().for_each(|(rule, count, before)| println!("  {rule}: {count} seeds, unchanged {before}"));
-            if more.is_empty() {
-                println!("  NOT CAUGHT");
-            }
+    /// True when each mutant was caught.
+    fn run_mutants(&self) -> Result<bool> {
+        let (from, to) = range(&self.seeds)?;
+        let mut mutants = mutants::list(&root().join("eval/mutants"))?;
+        mutants::check(root(), &mutants)?;
+        mutants.retain(|mutant| self.only.as_ref().is_none_or(|only| *only == mutant.name));
+        if mutants.is_empty() {
+            bail!("there is no mutant of this name in eval/mutants");
         }
-        Ok(())
+        let scratch = mutants::Scratch::new(root())?;
+        let mut all_caught = true;
+        for mutant in &mutants {
+            let caught = scratch.judge(mutant, from..to, self.all_seeds).with_context(|| mutant.name.clone())?;
+            let seeds = caught.seeds();
+            println!("{}: {}", mutant.name, mutant.description.trim());
+            match seeds.first() {
+                Some(first) => println!("  caught in {} of {} seeds, first in seed {first}", seeds.len(), caught.ran),
+                None => println!("  NOT CAUGHT in {} seeds", caught.ran),
+            }
+            caught.rules().iter().for_each(|(rule, count)| println!("  {rule}: {count}"));
+            all_caught &= !seeds.is_empty();
+        }
+        Ok(all_caught)
     }
 }
 
