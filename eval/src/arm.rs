@@ -3,7 +3,7 @@
 use darm::board_profile::BoardProfile;
 use darm::client::UploadImage;
 use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, ServoWiring, SwitchLimit, Wiring};
-use darm_core::profile::Profile;
+use darm_core::profile::{EmergencyStop, Profile};
 use darm_core::table::{Board, Checker, Record, Row};
 use darm_core::units::{Digest, Micros, ModelHash, Word};
 use rand::RngExt as _;
@@ -13,6 +13,8 @@ use rand_chacha::ChaCha8Rng;
 use crate::judge::reports::KnownTable;
 use crate::judge::{Ceilings, LineCeiling, ServoCeiling};
 
+/// Input of the emergency stop, which closes when it is pressed; no actuator's switch is there.
+pub const EMERGENCY_STOP: u8 = 12;
 /// The board promises to shift unchanged lines again so often, ms.
 const REFRESH_MS: u32 = 100;
 
@@ -138,7 +140,20 @@ impl ArmPlan {
 
     /// The profile that a person has written to the board: it allows just this arm.
     pub fn profile(&self) -> BoardProfile {
-        BoardProfile::of("drawn", &self.wiring())
+        let emergency_stop = Some(EmergencyStop { input: EMERGENCY_STOP, opens: false });
+        BoardProfile::new("drawn", Profile { emergency_stop, ..Profile::of(&self.wiring()) })
+    }
+
+    /// The same wiring with the actuators in the opposite order: a coil's index is not its output's number.
+    pub fn reversed_wiring(&self) -> Wiring {
+        let wiring = self.wiring();
+        let coils_of = |actuator: usize| {
+            let first = wiring.first_coil(actuator);
+            wiring.coils.iter().skip(first).take(wiring.actuators[actuator].coils()).copied()
+        };
+        let coils = (0..wiring.actuators.len()).rev().flat_map(coils_of).collect();
+        let actuators = wiring.actuators.iter().rev().copied().collect();
+        Wiring { coils, actuators, ..wiring.clone() }
     }
 
     /// The line that a short command of a coil switches on exactly once; `None` for a latch, which may be set already.

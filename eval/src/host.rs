@@ -6,22 +6,29 @@ use std::time::Duration;
 use darm::client::{Client, ClientError, TransportError};
 use darm::link::faulty::{FaultCounts, Faults, Faulty};
 use darm::link::{Link, LinkError};
-use darm_core::sequencer::{Command, Event};
+use darm_core::sequencer::{Command, Event, Fault, FaultKind, Phase};
 use darm_core::table::TableError;
 use darm_core::units::Word;
-use darm_core::wire::message::Refusal;
+use darm_core::wire::bootstrap::Into as RebootInto;
+use darm_core::wire::message::{Calibration, Refusal};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
 use crate::arm::Table;
 use crate::judge::reports::{Ending, Pulse};
 use crate::script::{HostAct, Script, Timed};
-use crate::world::{self, Plug};
+use crate::world::{self, Plug, World};
 
 /// How often a host tries to connect, or to upload over a bad line.
 const TRIES: u32 = 5;
 /// A pulse by command, ms.
 const PULSE_MS: u32 = 30;
+/// No program of a script lasts longer, s.
+const LONGEST_PROGRAM_S: u32 = 25;
+/// One use of an output that is to be used up, ms: below the shortest limit of on-time.
+const USE_MS: u32 = 400;
+/// So many uses fill the longest window.
+const USES: u32 = 30;
 /// What was sent before has acted, or never will, ms.
 const SETTLE_MS: u64 = 300;
 
@@ -133,6 +140,8 @@ impl<'s> Host<'s> {
             HostAct::BootstrapStop => return self.stop("bootstrap stop", Client::stop_at_once),
             HostAct::Pulse(coil) => return self.pulse(coil),
             HostAct::TwoPulses(first, second) => return self.two_pulses(first, second),
+            HostAct::Exhaust(coil, table) => return self.exhaust(coil, table),
+            HostAct::Calibrate(mrad) => return self.calibrate(1e-3 * mrad as f32),
             HostAct::Poll(count) => return self.poll(count),
             HostAct::Events => return self.events(),
         };
@@ -148,6 +157,59 @@ impl<'s> Host<'s> {
                 return;
             }
         }
+    }
+
+    /// Uses one output up to its limit, then changes the table, then restarts the board: its limit stays what it is.
+    fn exhaust(&mut self, coil: u8, table: usize) {
+        if self.script.arm.pulsed_line(coil).is_none() || !self.is_own_table_at_rest() {
+            return;
+        }
+        self.use_up(coil);
+        self.ask("stop", |client| client.command(Command::Stop));
+        self.upload(table);
+        self.use_up(coil);
+        self.ask("stop", |client| client.command(Command::Stop));
+        self.ask("reboot", |client| client.reboot(RebootInto::Application));
+        world::pass(SETTLE_MS);
+        self.use_up(coil);
+    }
+
+    fn use_up(&mut self, coil: u8) {
+        for _ in 0..USES {
+            if self.command("use", Command::Coil { coil, on_ms: USE_MS }) != Ending::Done {
+                return;
+            }
+            world::pass(u64::from(USE_MS) + 20);
+        }
+    }
+
+    /// Runs the table to its end, so that the servos still have their targets, then sets zero offsets.
+    fn calibrate(&mut self, offset_rad: f32) {
+        if !self.is_own_table_at_rest() || self.command("play", Command::Play) != Ending::Done {
+            return;
+        }
+        for _ in 0..LONGEST_PROGRAM_S {
+            match self.ask("status", Client::status).map(|status| status.phase) {
+                Some(Phase::Approaching { .. } | Phase::Playing { .. }) => world::pass(1_000),
+                Some(_) => break,
+                None => return,
+            }
+        }
+        let Ok(calibration) = Calibration::try_from([offset_rad; 4]) else { return };
+        let (began_ns, before) = world::with(|world| {
+            world.servos.on_offset(offset_rad);
+            (world.now_ns(), world.servos.goals())
+        });
+        let Some(client) = self.client() else { return };
+        let result = client.calibrate(calibration);
+        let done = result.is_ok();
+        self.note("calibrate", result);
+        world::pass(SETTLE_MS);
+        world::with(|world| {
+            if done && world.is_undisturbed_since(began_ns) && !world.is_hostile_since(began_ns) {
+                world.servos.on_calibrated(world.now_ns(), &before);
+            }
+        });
     }
 
     fn word(&self, seed: u64) -> Word {
@@ -342,7 +404,10 @@ impl<'s> Host<'s> {
             self.next_event.0 = last.number + 1;
             for happening in &events {
                 world::with(|world| match happening.event {
-                    Event::Fault(fault) => world.pins.on_fault_report(world.now_ns(), fault.at.0),
+                    Event::Fault(fault) => {
+                        world.pins.on_fault_report(world.now_ns(), fault.at.0);
+                        judge_fault_in_program(world, &fault, started_ns);
+                    }
                     Event::Row { row, word } => world.reports.on_row(world.now_ns(), row, &word.to_string()),
                     _ => {}
                 });
@@ -384,6 +449,15 @@ impl<'s> Host<'s> {
         self.struck.duplicated += counts.duplicated;
         self.struck.reordered += counts.reordered;
         self.struck.delayed += counts.delayed;
+    }
+}
+
+/// A program that the host started must not end by a limit: it was rehearsed. What somebody else did since the start of
+/// the board is not known.
+fn judge_fault_in_program(world: &mut World, fault: &Fault, started_ns: u64) {
+    let by_limit = matches!(fault.kind, FaultKind::OnTooLong { .. } | FaultKind::Duty { .. });
+    if let Some(row) = fault.row.filter(|_| by_limit && !world.is_hostile_since(started_ns)) {
+        world.reports.on_limit_in_program(world.now_ns(), row, &format!("{:?}", fault.kind));
     }
 }
 

@@ -32,12 +32,16 @@ pub enum HostAct {
     TwoPulses(u8, u8),
     /// One coil on for so long, ms.
     Coil(u8, u32),
+    /// One coil on as often as the board allows, then under another table as often as it allows, then after a restart.
+    Exhaust(u8, usize),
     /// All actuators to digits drawn from this seed.
     Word(u64),
     /// A servo to an angle, mrad.
     Servo(u8, i32),
     /// Asks for the status so often.
     Poll(u32),
+    /// Runs the table to its end, then sets the zero offsets of all servos, mrad: none may move.
+    Calibrate(i32),
     /// Reads all events.
     Events,
 }
@@ -61,6 +65,8 @@ pub enum WorldAct {
     SilentServos(u8, u32),
     /// These servos cannot turn for so long, ms.
     BlockedServos(u8, u32),
+    /// Somebody holds the emergency stop for so long, ms.
+    EmergencyStop(u32),
     /// Something sends random bytes on the servo bus for so long, ms.
     BabblingBus(u32),
     /// Valid frames with arbitrary values: how many, and whether under the link of the host.
@@ -83,6 +89,7 @@ impl WorldAct {
             Self::BouncingSwitches(..) => "bouncing switches",
             Self::SilentServos(..) => "silent servos",
             Self::BlockedServos(..) => "blocked servos",
+            Self::EmergencyStop(_) => "emergency stop",
             Self::BabblingBus(_) => "babbling servo bus",
             Self::Frames(..) => "hostile frames",
             Self::Text => "hostile text",
@@ -98,7 +105,7 @@ impl WorldAct {
     /// How long it lasts, ms.
     pub fn lasts_ms(&self) -> u32 {
         match *self {
-            Self::PowerCut(ms) | Self::FlashCut(_, ms) | Self::BabblingBus(ms) => ms,
+            Self::PowerCut(ms) | Self::FlashCut(_, ms) | Self::BabblingBus(ms) | Self::EmergencyStop(ms) => ms,
             Self::StuckSwitches(.., ms) | Self::BouncingSwitches(_, ms) => ms,
             Self::SilentServos(_, ms) | Self::BlockedServos(_, ms) => ms,
             Self::Reset | Self::KillHost | Self::Frames(..) | Self::Text | Self::Table => 0,
@@ -181,7 +188,7 @@ impl Script {
 
     fn draw_host_act(&self, rng: &mut ChaCha8Rng) -> HostAct {
         let coil = rng.random_range(0..self.arm.coils.len().max(1)) as u8;
-        match rng.random_range(0..20u8) {
+        match rng.random_range(0..22u8) {
             0 => HostAct::Upload(rng.random_range(0..self.tables.len())),
             1..=3 => HostAct::Play,
             4 | 5 => HostAct::Stop,
@@ -193,6 +200,8 @@ impl Script {
             15 | 16 => HostAct::Word(rng.random()),
             17 => HostAct::Servo(rng.random_range(0..2), rng.random_range(-500..500)),
             18 => HostAct::Poll(rng.random_range(1..20)),
+            19 => HostAct::Calibrate(rng.random_range(-80..80)),
+            20 => HostAct::Exhaust(coil, rng.random_range(0..self.tables.len())),
             _ => HostAct::Events,
         }
     }
@@ -211,10 +220,11 @@ impl Script {
 fn draw_arm(rng: &mut ChaCha8Rng, seed: u64) -> (ArmPlan, Vec<Table>) {
     loop {
         let arm = ArmPlan::draw(rng);
-        let (wiring, profile) = (arm.wiring(), arm.profile().profile.digest);
+        let (wiring, reversed, profile) = (arm.wiring(), arm.reversed_wiring(), arm.profile().profile.digest);
         let mut table = |index: u64| {
+            let wiring = if index == 2 { &reversed } else { &wiring };
             let rows = rng.random_range(4..60);
-            Table::draw(rng, &wiring, profile, (seed << 8 | index).wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1, rows)
+            Table::draw(rng, wiring, profile, (seed << 8 | index).wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1, rows)
         };
         if let (Some(first), Some(second), Some(third)) = (table(1), table(2), table(3)) {
             return (arm, vec![first, second, third]);
@@ -224,7 +234,7 @@ fn draw_arm(rng: &mut ChaCha8Rng, seed: u64) -> (ArmPlan, Vec<Table>) {
 
 fn draw_world_act(rng: &mut ChaCha8Rng) -> WorldAct {
     let lasts_ms = rng.random_range(20..2_500);
-    match rng.random_range(0..20u8) {
+    match rng.random_range(0..21u8) {
         0 | 1 => WorldAct::PowerCut(lasts_ms),
         2..=4 => WorldAct::FlashCut(rng.random_range(1..1_500), lasts_ms),
         5 => WorldAct::Reset,
@@ -236,6 +246,7 @@ fn draw_world_act(rng: &mut ChaCha8Rng) -> WorldAct {
         13 => WorldAct::BabblingBus(lasts_ms),
         14..=16 => WorldAct::Frames(rng.random_range(1..120), rng.random_bool(0.7)),
         17 => WorldAct::Text,
-        _ => WorldAct::Table,
+        18 | 19 => WorldAct::Table,
+        _ => WorldAct::EmergencyStop(lasts_ms),
     }
 }

@@ -18,6 +18,7 @@ use darm_core::wire::frame;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
+use crate::arm::EMERGENCY_STOP;
 use crate::hostile::{self, Sent};
 use crate::judge::pins::Pins;
 use crate::judge::reports::{Ending, Reports};
@@ -64,6 +65,8 @@ pub struct World {
     disturbed_ns: u64,
     hostile_ns: Option<u64>,
     happened: Vec<Physical>,
+    /// Since when the emergency stop is pressed.
+    pressed_ns: Option<u64>,
     /// The kind of the disturbance that ended last, and when, until the host gets through again.
     recovering: Option<(&'static str, u64)>,
     /// Since when the host tries to get through.
@@ -100,6 +103,7 @@ impl World {
             disturbed_ns: 0,
             hostile_ns: None,
             happened: Vec::new(),
+            pressed_ns: None,
             recovering: None,
             tried_ns: None,
             recoveries: Vec::new(),
@@ -209,6 +213,9 @@ impl World {
             self.on_flash_cut();
         }
         self.observe();
+        if let Some(since_ns) = self.pressed_ns {
+            self.pins.on_emergency_stop(self.bench.now_ns(), since_ns);
+        }
         if self.pins.high() != 0 {
             self.servos.on_lines_on(self.bench.now_ns());
         }
@@ -280,6 +287,10 @@ impl World {
                 let likely = [self.wiring.actuators.len() as u64, self.wiring.coils.len() as u64];
                 (0..count).for_each(|_| self.send_hostile(hostile::any_frame(&mut rng, link, &likely)));
             }
+            WorldAct::EmergencyStop(_) => {
+                self.pressed_ns = Some(now_ns);
+                self.invert_switches(0);
+            }
             WorldAct::Text => self.send_hostile(hostile::any_line(&mut rng)),
             WorldAct::Table => self.send_table(&mut rng),
             _ => {}
@@ -332,7 +343,11 @@ impl World {
                     self.bench.power_on(rng.random());
                     self.observe();
                 }
-                WorldAct::BouncingSwitches(..) => self.bench.invert_switches(0),
+                WorldAct::BouncingSwitches(..) => self.invert_switches(0),
+                WorldAct::EmergencyStop(_) if !self.is_pressed() => {
+                    self.pressed_ns = None;
+                    self.invert_switches(0);
+                }
                 _ => self.break_plant(),
             }
         }
@@ -340,11 +355,12 @@ impl World {
 
     /// What disturbances do in each tick.
     fn act_on(&mut self) {
+        let stop = self.emergency_input();
         for active in &mut self.active {
             match active.act {
                 WorldAct::BouncingSwitches(inputs, _) => {
                     let bounce = if active.rng.random_bool(0.7) { active.rng.random::<u32>() } else { 0 };
-                    self.bench.invert_switches(inputs & bounce);
+                    self.bench.invert_switches(inputs & bounce | stop);
                 }
                 WorldAct::BabblingBus(_) if active.rng.random_bool(0.3) => {
                     let noise: [u8; 6] = active.rng.random();
@@ -354,6 +370,20 @@ impl World {
                 _ => {}
             }
         }
+    }
+
+    fn is_pressed(&self) -> bool {
+        self.active.iter().any(|active| matches!(active.act, WorldAct::EmergencyStop(_)))
+    }
+
+    /// The emergency stop's input while it is pressed.
+    fn emergency_input(&self) -> u32 {
+        u32::from(self.pressed_ns.is_some()) << EMERGENCY_STOP
+    }
+
+    fn invert_switches(&mut self, inputs: u32) {
+        let stop = self.emergency_input();
+        self.bench.invert_switches(inputs | stop);
     }
 
     /// The power went in a flash operation.

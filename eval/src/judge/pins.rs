@@ -11,6 +11,8 @@ const MS: u64 = 1_000_000;
 const NOTICE_MS: u64 = 10;
 /// A refresh is this much late at most: two ticks.
 const REFRESH_SLACK_MS: u32 = 2;
+/// After the emergency stop is pressed the lines are off within so long, in board time: it is read once a tick.
+const EMERGENCY_MS: u64 = 3;
 /// After the stated time of a fault the lines are off within so long, in board time.
 const SAFE_MS: u64 = 2;
 
@@ -121,6 +123,16 @@ impl Pins {
         if before % 2 == 0 {
             self.verdict.note(JUDGE, "safe-state", limit_ns, || {
                 format!("a line is on {SAFE_MS} ms after the board found a fault at {} ms of its clock", at_us / 1000)
+            });
+        }
+    }
+
+    /// The end of a tick in which the emergency stop was pressed, since then.
+    pub fn on_emergency_stop(&mut self, now_ns: u64, since_ns: u64) {
+        let (pressed_ns, lines) = (now_ns.saturating_sub(since_ns), self.lines.high);
+        if lines != 0 && pressed_ns > self.ceilings.true_ns(EMERGENCY_MS) {
+            self.verdict.note(JUDGE, "emergency-stop", now_ns, || {
+                format!("the lines {lines:#x} are on {} ms after the emergency stop was pressed", pressed_ns / MS)
             });
         }
     }
@@ -264,6 +276,16 @@ mod tests {
         assert_eq!(rules(&[(0, 1), (1, 3), (2, 7), (3, 0)]), ["supply"]);
         let pulses: Vec<(u64, u64)> = (0..6).flat_map(|n| [(n * 150, 1), (n * 150 + 90, 0)]).collect();
         assert_eq!(rules(&pulses), ["duty"]);
+    }
+
+    #[test]
+    fn lines_that_stay_on_under_the_emergency_stop_are_seen() {
+        let mut judge = judge();
+        set(&mut judge, 10, 1);
+        judge.on_emergency_stop(13 * MS, 10 * MS);
+        assert!(!judge.verdict.has("emergency-stop"));
+        judge.on_emergency_stop(14 * MS, 10 * MS);
+        assert!(judge.verdict.has("emergency-stop"));
     }
 
     #[test]

@@ -105,6 +105,13 @@ impl Reports {
         }
     }
 
+    /// A program ended at a row because an output was on for longer than its limit allows.
+    pub fn on_limit_in_program(&mut self, now_ns: u64, row: u16, kind: &str) {
+        self.verdict.note(JUDGE, "limit-in-program", now_ns, || {
+            format!("a program was let begin and row {row} breaks a limit: {kind}")
+        });
+    }
+
     /// A command with one pulse was sent.
     pub fn on_pulse(&mut self, now_ns: u64, pulse: Pulse) {
         let Pulse { ending, rises, undisturbed } = pulse;

@@ -105,6 +105,27 @@ impl Servos {
         })
     }
 
+    /// Address, goal and position of each driven servo.
+    pub fn goals(&self) -> Vec<(u8, u16, u16)> {
+        let of = |servo: &ServoCeiling| {
+            let Seen { goal, present, driven_ns, .. } = self.seen[usize::from(servo.id)];
+            Some((servo.id, driven_ns.and(goal)?, present?))
+        };
+        self.ceilings.servos.iter().filter_map(of).collect()
+    }
+
+    /// Nothing but a calibration came since the servos had these goals: each keeps its goal or holds where it was.
+    pub fn on_calibrated(&mut self, now_ns: u64, before: &[(u8, u16, u16)]) {
+        for (id, goal, _) in self.goals() {
+            let Some(&(_, old_goal, present)) = before.iter().find(|before| before.0 == id) else { continue };
+            if goal != old_goal && goal.abs_diff(present) > HOLD_STEPS {
+                self.verdict.note(JUDGE, "calibration-moves", now_ns, || {
+                    format!("a calibration sent servo {id} from step {present} to step {goal}")
+                });
+            }
+        }
+    }
+
     /// Bytes on the bus.
     pub fn on_bytes(&mut self, now_ns: u64, to_servos: bool, bytes: &[u8]) {
         let pending = if to_servos { &mut self.to_servos } else { &mut self.to_board };
@@ -280,6 +301,28 @@ mod tests {
         assert_eq!(rules(true, 0.0, 2500, 500), ["unasked-goal"]);
         assert_eq!(rules(true, 0.0, 2048, 0), ["servo-speed"]);
         assert_eq!(rules(true, 0.0, 2048, 501), ["servo-speed"]);
+    }
+
+    #[test]
+    fn a_goal_that_a_calibration_changes_is_seen() {
+        for (after, broken) in [(2100, false), (2050, false), (2140, true)] {
+            let servo = ServoCeiling { id: 1, min_step: 1000, max_step: 3000, max_steps_s: 500, timeout_ms: 100 };
+            let mut judge = Servos::new(Ceilings {
+                lines: [None; 64],
+                servos: vec![servo],
+                new_loads: 1,
+                budget_ms: 1,
+                refresh_ms: 100,
+                clock_ppm: 0,
+            });
+            judge.on_bytes(0, true, &packet(1, 2, &[56, 6]));
+            judge.on_bytes(0, false, &packet(1, 0, &[0, 8, 0, 0, 0, 0]));
+            judge.on_bytes(1, true, &goal(2100, 9));
+            let before = judge.goals();
+            judge.on_bytes(2, true, &goal(after, 9));
+            judge.on_calibrated(3, &before);
+            assert_eq!(judge.verdict.has("calibration-moves"), broken, "goal {after}");
+        }
     }
 
     #[test]
