@@ -1,5 +1,8 @@
 //! The whole system under its judges, over the first seeds; `cargo xtask simulate` runs more of them.
 
+use std::path::Path;
+
+use darm_eval::mutants;
 use darm_eval::run::{Outcome, run};
 use darm_eval::script::{LEAST_MS, Script};
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
@@ -34,6 +37,7 @@ fn every_disturbance_is_injected() {
         "silent servos",
         "blocked servos",
         "babbling servo bus",
+        "emergency stop",
         "hostile frames",
         "hostile text",
         "hostile table",
@@ -51,4 +55,12 @@ fn a_seed_repeats_exactly() {
         assert_eq!(runs[0].lines, runs[1].lines);
     }
     assert_ne!(run(&Script::of(3), false).digest, run(&Script::of(7), false).digest);
+}
+
+#[test]
+fn every_mutant_still_applies() {
+    let eval = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mutants = mutants::list(&eval.join("mutants")).expect("each begins with its description");
+    assert!(mutants.len() >= 16, "{} mutants", mutants.len());
+    mutants::check(eval.parent().expect("eval/ lies in the workspace"), &mutants).expect("patches that apply");
 }
