@@ -74,6 +74,8 @@ pub fn list(folder: &Path) -> Result<Vec<Mutant>> {
 pub fn check(root: &Path, mutants: &[Mutant]) -> Result<()> {
     let no_longer_fits = |mutant: &&Mutant| {
         let mut apply = Command::new("git");
+        // In a folder of another repository git would skip all files and call that a success.
+        apply.env("GIT_CEILING_DIRECTORIES", root.parent().unwrap_or(root));
         apply.current_dir(root).args(["apply", "--check"]).arg(&mutant.patch);
         output(&mut apply).is_err()
     };
