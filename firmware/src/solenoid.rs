@@ -74,12 +74,16 @@ where
     fn shift(&mut self, lines: u64) -> Result<(), Error> {
         // Halves, since a shift of 64 bits costs the chip several instructions.
         for half in [(lines >> 32) as u32, lines as u32] {
-            let mut rest = half;
+            let (mut rest, mut level) = (half, None);
             for _ in 0..u32::BITS {
-                if rest & 1 << 31 != 0 {
-                    self.pins.data.set_high()?
-                } else {
-                    self.pins.data.set_low()?
+                let bit = rest & 1 << 31 != 0;
+                if level != Some(bit) {
+                    if bit {
+                        self.pins.data.set_high()?
+                    } else {
+                        self.pins.data.set_low()?
+                    }
+                    level = Some(bit);
                 }
                 self.pins.clock.set_high()?;
                 self.pins.clock.set_low()?;

@@ -136,8 +136,13 @@ impl DutyMeter {
     }
 
     fn close_bucket(&mut self, bucket_us: u32) {
-        let on = u64::from(self.filled_on_us).saturating_mul(Self::FULL.into()).div_ceil(u64::from(bucket_us.max(1)));
-        let on = on.min(u64::from(Self::FULL)) as u8;
+        let (bucket_us, full) = (bucket_us.max(1), u32::from(Self::FULL));
+        // The chip divides 32 bits in one instruction, 64 bits in hundreds.
+        let on = match self.filled_on_us.checked_mul(full) {
+            Some(product) => product.div_ceil(bucket_us),
+            None => u64::from(self.filled_on_us).saturating_mul(full.into()).div_ceil(bucket_us.into()) as u32,
+        };
+        let on = on.min(full) as u8;
         if let Some(oldest) = self.closed.get_mut(usize::from(self.oldest)) {
             self.closed_sum = self.closed_sum.saturating_sub(u16::from(*oldest)).saturating_add(u16::from(on));
             *oldest = on;
@@ -148,22 +153,14 @@ impl DutyMeter {
         self.filled_on_us = 0;
     }
 
-    /// Checksum of everything else: enough to tell a meter from noise, cheap enough for every change.
+    /// Checksum of everything else, the closed buckets by their sum: enough to tell a meter from noise, cheap enough for
+    /// every change.
     fn sum(&self) -> u32 {
-        let [a, b, c, d] = words(&self.closed);
-        let rest = u32::from(self.closed_sum) << 16 | u32::from(self.oldest) << 8 | u32::from(self.unused);
-        [a, b, c, d, rest, self.filled_us, self.filled_on_us, self.on_us]
+        let head = u32::from(self.closed_sum) << 16 | u32::from(self.oldest) << 8 | u32::from(self.unused);
+        [head, self.filled_us, self.filled_on_us, self.on_us]
             .iter()
             .fold(0x6461_726d, |sum: u32, word| sum.rotate_left(5).wrapping_add(*word).wrapping_mul(0x9E37_79B1))
     }
-}
-
-fn words(bytes: &[u8; DutyMeter::BUCKETS]) -> [u32; 4] {
-    let mut words = [0; 4];
-    for (word, four) in words.iter_mut().zip(bytes.as_chunks::<4>().0) {
-        *word = u32::from_le_bytes(*four);
-    }
-    words
 }
 
 fn clamp(span: Micros) -> u32 {
