@@ -2,7 +2,7 @@
 
 use darm::board_profile::BoardProfile;
 use darm::client::UploadImage;
-use darm_core::output::{Coil, CoilLimit, Drive, SwitchLimit, Wiring};
+use darm_core::output::{Coil, CoilLimit, Drive, ServoWiring, SwitchLimit, Wiring};
 use darm_core::sequencer::Command;
 use darm_core::units::Digest;
 use darm_core::wire::PROTOCOL;
@@ -13,18 +13,18 @@ use rand_chacha::ChaCha8Rng;
 use super::request;
 use crate::arm::{Table, draw_records};
 
-/// Widens some limits of the wiring, or moves lines to where nothing is wired.
+/// Widens some limits of the wiring to the widest that a table may name at all, or moves lines to where nothing is wired.
 fn widen(rng: &mut ChaCha8Rng, wiring: &mut Wiring) {
     let wide = CoilLimit { max_on_ms: 3_600_000, duty_percent: 100, window_ms: 3_600_000 };
     if rng.random() {
         wiring.coils.iter_mut().for_each(|coil| coil.limit = wide);
     }
     if rng.random() {
-        wiring.switch_limit = SwitchLimit { new_coils: 16, window_ms: 0 };
+        wiring.switch_limit = SwitchLimit { new_coils: 16, window_ms: 1 };
     }
     for servo in wiring.servos.iter_mut().filter(|_| rng.random()) {
         (servo.min_rad, servo.max_rad) = (-3.2, 3.2);
-        (servo.max_speed_rad_s, servo.timeout_ms) = (1e6, u16::MAX);
+        (servo.max_speed_rad_s, servo.timeout_ms) = (ServoWiring::MAX_SPEED_RAD_S, ServoWiring::MAX_TIMEOUT_MS);
     }
     if rng.random() {
         let shift = rng.random_range(1..64);
