@@ -2,6 +2,8 @@
 //!
 //! An order that changes something runs once: the answer to the last one is kept, and a repeated number gets it again.
 //! What cannot be read is counted and never answered. Text commands ([`crate::text`]) go through the same desk.
+mod uploads;
+
 use core::future::pending;
 
 use darm_core::nearest::{Coordinates, Found};
@@ -14,7 +16,7 @@ use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, ANSWER, Death, Identity, Version};
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
 use darm_core::wire::message::{
-    Answer, Calibration, Hello, Image, ImageKind, OUTPUTS, OutputState, REQUEST, Refusal, Reply, Request, Status,
+    Answer, Calibration, Hello, ImageKind, OUTPUTS, OutputState, REQUEST, Refusal, Reply, Request, Status,
 };
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
@@ -23,7 +25,8 @@ use crate::clock::Clock;
 use crate::control::{Numbered, Order, Outcome, Shared, Snapshot, Unloaded};
 use crate::log::EventLog;
 use crate::nearest::{self, Room};
-use crate::store::{LoadError, Store, UploadError, slot_bytes};
+use crate::store::Store;
+use uploads::refuse_load;
 
 /// Version of this firmware: major, minor, patch.
 pub const FIRMWARE: [u8; 3] = [
@@ -437,64 +440,6 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
         ServoSeen { angle_rad: seen.angle_rad - offset_rad, ..seen }
     }
 
-    async fn begin(&mut self, image: Image) -> Result<Answer, Refusal> {
-        self.require_idle().await?;
-        let max = slot_bytes(image.kind) as u32;
-        let next = self.store()?.begin(image).await.map_err(|error| refuse_upload(error, max))?;
-        Ok(Answer::Upload { next })
-    }
-
-    async fn chunk(&mut self, offset: u32, bytes: &[u8]) -> Result<Answer, Refusal> {
-        self.require_idle().await?;
-        let chunk = self.store()?.chunk(offset, bytes).await;
-        let next = chunk.map_err(|error| refuse_upload(error, 0))?;
-        Ok(Answer::Upload { next })
-    }
-
-    /// Fills the one table in memory from the new image, and only then makes the image valid.
-    async fn commit(&mut self, image: Image) -> Result<Answer, Refusal> {
-        if !self.store()?.is_whole(image) {
-            return Err(Refusal::NoUpload);
-        }
-        if image.kind == ImageKind::Profile {
-            return self.commit_profile().await;
-        }
-        let table = self.take_table().await?;
-        let result = self.check_and_commit(table).await;
-        match result {
-            Ok(()) => {
-                let rows = table.rows().len() as u16;
-                self.rejected = None;
-                self.hand_over(table).await;
-                Ok(Answer::Committed { rows })
-            }
-            Err(refusal) => {
-                self.restore(table).await;
-                Err(refusal)
-            }
-        }
-    }
-
-    async fn check_and_commit(&mut self, table: &mut Table) -> Result<(), Refusal> {
-        let board = self.board_of_tables();
-        let store = self.store()?;
-        store.load_upload(table, &board).await.map_err(refuse_load)?;
-        store.commit().await.map_err(|error| refuse_upload(error, 0))
-    }
-
-    /// Stores a profile if a person is at the board, and restarts with it: nothing of the old one stays in force.
-    async fn commit_profile(&mut self) -> Result<Answer, Refusal> {
-        self.require_idle().await?;
-        let mut profile = Profile::empty();
-        self.store()?.load_profile_upload(&mut profile).await.map_err(refuse_load)?;
-        if !self.snapshot().await?.button {
-            return Err(Refusal::NobodyPresent);
-        }
-        self.store()?.commit().await.map_err(|error| refuse_upload(error, 0))?;
-        self.reboot = Some(bootstrap::Into::Application);
-        Ok(Answer::Done)
-    }
-
     async fn calibrate(&mut self, calibration: Calibration) -> Result<Answer, Refusal> {
         self.require_idle().await?;
         self.store()?.set_calibration(calibration).await.map_err(|_| Refusal::Storage)?;
@@ -584,23 +529,6 @@ async fn rehearse(table: &mut Table) -> Result<(), TableError> {
         yield_now().await;
     }
     Ok(())
-}
-
-fn refuse_upload(error: UploadError, max: u32) -> Refusal {
-    match error {
-        UploadError::TooLong => Refusal::TooLong { max },
-        UploadError::NoUpload => Refusal::NoUpload,
-        UploadError::Storage => Refusal::Storage,
-    }
-}
-
-fn refuse_load(error: LoadError) -> Refusal {
-    match error {
-        LoadError::Damaged => Refusal::Damaged,
-        LoadError::Table(error) => Refusal::Table(error),
-        LoadError::Profile(error) => Refusal::Profile(error),
-        LoadError::Storage => Refusal::Storage,
-    }
 }
 
 fn payload(bytes: &[u8]) -> Payload {

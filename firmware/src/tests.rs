@@ -1,15 +1,15 @@
 //! The whole board in a process: console bytes in and out, lines and switches, flash in memory.
 pub(crate) mod fakes;
+mod frames;
+mod profiles;
 
 use core::cell::{Cell, RefCell};
 
 use darm_core::nearest::{Coordinates, Found};
-use darm_core::profile::{BUILT_IN, Mismatch, Profile};
-use darm_core::sequencer::{
-    Command, CommandError, Event, FaultKind, Outputs, Phase, ServoAction, ServoSeen, ServoTarget,
-};
+use darm_core::profile::Profile;
+use darm_core::sequencer::{Command, Event, FaultKind, Outputs, Phase, ServoAction, ServoSeen, ServoTarget};
 use darm_core::table::{Record, TableError};
-use darm_core::units::{ActuatorId, DeviceId, Digest, Micros, Word};
+use darm_core::units::{ActuatorId, DeviceId, Digest, Micros};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, Identity};
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
@@ -22,7 +22,6 @@ use crate::app::serve;
 use crate::control::{Control, Inputs, Shared, TICK};
 use crate::dispatch::{Board, Desk};
 use crate::pipe::{Pipe, PipeReader, PipeWriter};
-use crate::port::{Item, Port};
 use fakes::{Cells, HandClock, MockFlash, profile, profile_image, run, table, table_with};
 
 const LINK: u32 = 77;
@@ -485,50 +484,6 @@ fn nobody_restarts_a_board_whose_program_runs() {
     assert_eq!(bench.desk.borrow().as_ref().unwrap().reboot, None);
 }
 
-#[test]
-fn a_profile_is_written_only_while_a_person_holds_the_button() {
-    let bench = Bench::new(Cells::erased());
-    bench.connect();
-    assert_eq!(hello(&bench).profile, BUILT_IN.digest);
-    let (image, bytes) = profile_image(&profile());
-    assert_eq!(bench.upload(&(image, bytes.clone())), Err(Refusal::NobodyPresent));
-    let refused = bench.upload(&table(1, 4, false));
-    assert!(matches!(refused, Err(Refusal::Table(TableError::Profile(Mismatch::Limit { output: 0, .. })))));
-    bench.button.set(true);
-    assert_eq!(bench.upload(&(image, bytes)), Ok(Answer::Done));
-    assert_eq!(bench.desk.borrow().as_ref().unwrap().reboot, Some(bootstrap::Into::Application));
-    let again = Bench::new(bench.cells);
-    again.connect();
-    assert_eq!(hello(&again).profile, image.digest);
-    assert_eq!(again.upload(&table(1, 4, false)), Ok(Answer::Committed { rows: 4 }));
-}
-
-#[test]
-fn a_table_of_another_profile_is_kept_and_not_loaded() {
-    let bench = loaded();
-    bench.button.set(true);
-    let narrower = Profile { supply: darm_core::output::SwitchLimit { new_coils: 5, window_ms: 10 }, ..profile() };
-    assert_eq!(bench.upload(&profile_image(&narrower)), Ok(Answer::Done));
-    let again = Bench::new(bench.cells);
-    again.connect();
-    assert_eq!(again.command(Command::Play), Err(Refusal::Command(CommandError::NoTable)));
-    let status = again.type_line("status");
-    assert!(status.contains("what is stored was refused: the table switches at most 6 outputs on"), "{status}");
-}
-
-#[test]
-fn just_after_power_up_a_program_has_to_wait() {
-    let bench = loaded();
-    let again = Bench::switched_on(bench.cells);
-    again.connect();
-    let refused = again.command(Command::Play);
-    assert!(matches!(refused, Err(Refusal::Recovering { row: 2, output: 0, wait_ms: 59_000.. })), "{refused:?}");
-    let Ok(Answer::Outputs(outputs)) = again.ask(Request::Outputs { from: 0 }) else { panic!() };
-    assert_eq!((outputs.len(), outputs[0].left_ms), (2, 0));
-    again.pass_ms(60_000);
-    assert_eq!(again.command(Command::Play), Ok(Answer::Done));
-}
-
 fn hello(bench: &Bench) -> Hello {
     match bench.ask(Request::Hello { protocol: PROTOCOL }) {
         Ok(Answer::Hello(hello)) => hello,
@@ -572,139 +527,4 @@ fn a_typed_stop_is_answered_at_once_while_the_console_prints() {
         let answered = lines.iter().find(|(_, line)| line == "ok\r\n").map(|(at_us, _)| *at_us);
         assert!(answered.is_some_and(|at_us| at_us <= 20_000), "{busy}: stop answered after {answered:?} us");
     }
-}
-
-/// Feeds bytes as they come from the line.
-fn feed(bench: &Bench, port: &mut Port, bytes: &[u8]) {
-    for byte in bytes {
-        match port.push(*byte, Micros(bench.clock.0.get())) {
-            Some(Item::Frame(encoded)) => drop(bench.frame(encoded)),
-            Some(Item::Line(line)) => drop(bench.type_line(line)),
-            Some(Item::Dropped) | None => {}
-        }
-    }
-}
-
-/// What an invalid frame must not change.
-fn state(bench: &Bench) -> (Status, Result<Answer, Refusal>) {
-    let status = Status { bad_frames: 0, ..bench.status() };
-    (status, bench.ask(Request::Begin(table(2, 20, false).0)))
-}
-
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, n: usize) -> usize {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) as usize % n
-    }
-}
-
-/// A real frame of any kind.
-fn any_frame(random: &mut Random) -> Vec<u8> {
-    let (image, bytes) = table(2, 20, false);
-    let chunk = bytes.chunks(CHUNK).next().unwrap();
-    let requests = [
-        Request::Status,
-        Request::Events { from: random.below(99) as u32 },
-        Request::Begin(image),
-        Request::Chunk { offset: random.below(300) as u32, bytes: chunk },
-        Request::Commit(image),
-        Request::Command(Command::Play),
-        Request::Command(Command::Coil { coil: random.below(9) as u8, on_ms: 10 }),
-        Request::Calibration,
-        Request::Nearest(along(random.below(9) as f32, f32::from_bits(random.below(1 << 32) as u32))),
-        Request::Hello { protocol: random.below(4) as u16 },
-        Request::Begin(profile_image(&profile()).0),
-        Request::Commit(profile_image(&profile()).0),
-        Request::Outputs { from: random.below(256) as u8 },
-        Request::Calibrate(Calibration::try_from([1e-3 * random.below(3000) as f32; 4]).unwrap()),
-        Request::Command(Command::Stop),
-        Request::Command(Command::Clear),
-        Request::Command(Command::Word(Word::new(&[random.below(4) as u8; 2]).unwrap())),
-        Request::Command(Command::Servo {
-            servo: random.below(5) as u8,
-            angle_rad: f32::from_bits(random.below(1 << 32) as u32),
-        }),
-    ];
-    let mut payload = [0; MAX_PAYLOAD];
-    let payload = postcard::to_slice(&requests[random.below(requests.len())], &mut payload).unwrap();
-    let mut frame = [0; MAX_FRAME];
-    let number = random.below(1 << 16) as u16;
-    let len = frame::encode(Header { tag: REQUEST, link: LINK, number }, payload, &mut frame).unwrap();
-    frame[..len].to_vec()
-}
-
-/// How many frames and lines the hostile tests send: 20 000, or as many as the environment variable `DARM_FRAMES` says.
-fn rounds() -> usize {
-    std::env::var("DARM_FRAMES").ok().and_then(|count| count.parse().ok()).unwrap_or(20_000)
-}
-
-#[test]
-fn damaged_frames_change_nothing() {
-    let bench = loaded();
-    let mut random = Random(1);
-    let before = state(&bench);
-    for round in 0..rounds() {
-        let mut bytes = any_frame(&mut random);
-        // CRC-32 finds every burst of up to 32 bits; COBS may spread one byte over two.
-        let at = 1 + random.below(bytes.len() - 2);
-        bytes[at] ^= 1 + random.below(255) as u8;
-        let len = bytes.len();
-        if !bytes[1..len - 1].contains(&0) {
-            assert_eq!(bench.frame(&mut bytes[1..len - 1]), None, "round {round}");
-        }
-        if round % 100 == 0 {
-            assert_eq!(state(&bench), before, "round {round}");
-        }
-    }
-    let dropped = bench.status().bad_frames as usize;
-    assert!(dropped > rounds() / 4 * 3);
-    println!("FIGURE damaged frames dropped without a change of state = {dropped} frames");
-}
-
-#[test]
-fn noise_frames_and_lines_do_not_panic() {
-    let bench = loaded();
-    let (mut port, mut random) = (Port::default(), Random(2));
-    let words = [
-        "coil",
-        "word",
-        "servo",
-        "on",
-        "off",
-        "99999999999",
-        "-1",
-        "nan",
-        "0101",
-        "status",
-        "log",
-        "limits",
-        "stop",
-        "nearest",
-    ];
-    for _ in 0..rounds() {
-        match random.below(4) {
-            0 => {
-                let noise: Vec<u8> = (0..random.below(40)).map(|_| random.below(256) as u8).collect();
-                feed(&bench, &mut port, &noise);
-            }
-            1 => {
-                let line: Vec<_> = (0..random.below(5)).map(|_| words[random.below(words.len())]).collect();
-                feed(&bench, &mut port, line.join(" ").as_bytes());
-                feed(&bench, &mut port, b"\r");
-            }
-            2 => feed(&bench, &mut port, &any_frame(&mut random)),
-            _ => {
-                let mut bytes = any_frame(&mut random);
-                bytes.truncate(random.below(bytes.len()) + 1);
-                feed(&bench, &mut port, &bytes);
-            }
-        }
-    }
-    feed(&bench, &mut port, b"\0\0");
-    bench.pass_ms(200);
-    assert!(bench.ask_as(5, 1, Request::Hello { protocol: PROTOCOL }).unwrap().is_ok());
-    assert_eq!(bench.ask_as(5, 2, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
-    println!("FIGURE random and mutated frames and lines without a panic = {} pieces", rounds());
 }

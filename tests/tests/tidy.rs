@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Modules of the core, lowest first: a module imports only from those before it.
-const LAYERS: [&str; 17] = [
+const LAYERS: [&str; 19] = [
     "real",
     "trig",
     "units",
@@ -19,6 +19,8 @@ const LAYERS: [&str; 17] = [
     "model",
     "nearest",
     "output",
+    "duty",
+    "profile",
     "table",
     "sequencer",
     "wire",

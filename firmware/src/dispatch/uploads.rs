@@ -1,0 +1,88 @@
+//! Uploads of tables and profiles: taken piece by piece, checked as a whole, then made valid.
+
+use darm_core::profile::Profile;
+use darm_core::table::Table;
+use darm_core::wire::bootstrap;
+use darm_core::wire::message::{Answer, Image, ImageKind, Refusal};
+use embedded_storage_async::nor_flash::NorFlash;
+
+use super::Desk;
+use crate::clock::Clock;
+use crate::store::{LoadError, UploadError, slot_bytes};
+
+impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
+    pub(super) async fn begin(&mut self, image: Image) -> Result<Answer, Refusal> {
+        self.require_idle().await?;
+        let max = slot_bytes(image.kind) as u32;
+        let next = self.store()?.begin(image).await.map_err(|error| refuse_upload(error, max))?;
+        Ok(Answer::Upload { next })
+    }
+
+    pub(super) async fn chunk(&mut self, offset: u32, bytes: &[u8]) -> Result<Answer, Refusal> {
+        self.require_idle().await?;
+        let chunk = self.store()?.chunk(offset, bytes).await;
+        let next = chunk.map_err(|error| refuse_upload(error, 0))?;
+        Ok(Answer::Upload { next })
+    }
+
+    /// Fills the one table in memory from the new image, and only then makes the image valid.
+    pub(super) async fn commit(&mut self, image: Image) -> Result<Answer, Refusal> {
+        if !self.store()?.is_whole(image) {
+            return Err(Refusal::NoUpload);
+        }
+        if image.kind == ImageKind::Profile {
+            return self.commit_profile().await;
+        }
+        let table = self.take_table().await?;
+        let result = self.check_and_commit(table).await;
+        match result {
+            Ok(()) => {
+                let rows = table.rows().len() as u16;
+                self.rejected = None;
+                self.hand_over(table).await;
+                Ok(Answer::Committed { rows })
+            }
+            Err(refusal) => {
+                self.restore(table).await;
+                Err(refusal)
+            }
+        }
+    }
+
+    async fn check_and_commit(&mut self, table: &mut Table) -> Result<(), Refusal> {
+        let board = self.board_of_tables();
+        let store = self.store()?;
+        store.load_upload(table, &board).await.map_err(refuse_load)?;
+        store.commit().await.map_err(|error| refuse_upload(error, 0))
+    }
+
+    /// Stores a profile if a person is at the board, and restarts with it: nothing of the old one stays in force.
+    async fn commit_profile(&mut self) -> Result<Answer, Refusal> {
+        self.require_idle().await?;
+        let mut profile = Profile::empty();
+        self.store()?.load_profile_upload(&mut profile).await.map_err(refuse_load)?;
+        if !self.snapshot().await?.button {
+            return Err(Refusal::NobodyPresent);
+        }
+        self.store()?.commit().await.map_err(|error| refuse_upload(error, 0))?;
+        self.reboot = Some(bootstrap::Into::Application);
+        Ok(Answer::Done)
+    }
+}
+
+fn refuse_upload(error: UploadError, max: u32) -> Refusal {
+    match error {
+        UploadError::TooLong => Refusal::TooLong { max },
+        UploadError::NoUpload => Refusal::NoUpload,
+        UploadError::Storage => Refusal::Storage,
+    }
+}
+
+pub(super) fn refuse_load(error: LoadError) -> Refusal {
+    match error {
+        LoadError::Damaged => Refusal::Damaged,
+        LoadError::Table(error) => Refusal::Table(error),
+        LoadError::Profile(error) => Refusal::Profile(error),
+        LoadError::Storage => Refusal::Storage,
+    }
+}

@@ -1,0 +1,55 @@
+//! The board's profile: who may write it, what it refuses, how outputs recover under it.
+
+use darm_core::output::SwitchLimit;
+use darm_core::profile::{BUILT_IN, Mismatch, Profile};
+use darm_core::sequencer::{Command, CommandError};
+use darm_core::table::TableError;
+use darm_core::wire::bootstrap;
+use darm_core::wire::message::{Answer, Refusal, Request};
+
+use super::fakes::{Cells, profile, profile_image, table};
+use super::{Bench, hello, loaded};
+
+#[test]
+fn a_profile_is_written_only_while_a_person_holds_the_button() {
+    let bench = Bench::new(Cells::erased());
+    bench.connect();
+    assert_eq!(hello(&bench).profile, BUILT_IN.digest);
+    let (image, bytes) = profile_image(&profile());
+    assert_eq!(bench.upload(&(image, bytes.clone())), Err(Refusal::NobodyPresent));
+    let refused = bench.upload(&table(1, 4, false));
+    assert!(matches!(refused, Err(Refusal::Table(TableError::Profile(Mismatch::Limit { output: 0, .. })))));
+    bench.button.set(true);
+    assert_eq!(bench.upload(&(image, bytes)), Ok(Answer::Done));
+    assert_eq!(bench.desk.borrow().as_ref().unwrap().reboot, Some(bootstrap::Into::Application));
+    let again = Bench::new(bench.cells);
+    again.connect();
+    assert_eq!(hello(&again).profile, image.digest);
+    assert_eq!(again.upload(&table(1, 4, false)), Ok(Answer::Committed { rows: 4 }));
+}
+
+#[test]
+fn a_table_of_another_profile_is_kept_and_not_loaded() {
+    let bench = loaded();
+    bench.button.set(true);
+    let narrower = Profile { supply: SwitchLimit { new_coils: 5, window_ms: 10 }, ..profile() };
+    assert_eq!(bench.upload(&profile_image(&narrower)), Ok(Answer::Done));
+    let again = Bench::new(bench.cells);
+    again.connect();
+    assert_eq!(again.command(Command::Play), Err(Refusal::Command(CommandError::NoTable)));
+    let status = again.type_line("status");
+    assert!(status.contains("what is stored was refused: the table switches at most 6 outputs on"), "{status}");
+}
+
+#[test]
+fn just_after_power_up_a_program_has_to_wait() {
+    let bench = loaded();
+    let again = Bench::switched_on(bench.cells);
+    again.connect();
+    let refused = again.command(Command::Play);
+    assert!(matches!(refused, Err(Refusal::Recovering { row: 2, output: 0, wait_ms: 59_000.. })), "{refused:?}");
+    let Ok(Answer::Outputs(outputs)) = again.ask(Request::Outputs { from: 0 }) else { panic!() };
+    assert_eq!((outputs.len(), outputs[0].left_ms), (2, 0));
+    again.pass_ms(60_000);
+    assert_eq!(again.command(Command::Play), Ok(Answer::Done));
+}
