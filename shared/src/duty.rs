@@ -72,8 +72,11 @@ impl DutyMeter {
         if limit.duty_percent < 100 { allowed_us(limit).saturating_sub(self.used_us(limit)) } else { allowed_us(limit) }
     }
 
-    /// Longest time off after which nothing is counted any more, in microseconds.
+    /// Time off after which nothing is counted any more, in microseconds; 0 where duty is not limited.
     pub fn recovery_us(&self, limit: &CoilLimit) -> u32 {
+        if limit.duty_percent >= 100 {
+            return 0;
+        }
         let bucket_us = bucket_us(limit);
         if self.filled_on_us > 0 {
             return bucket_us.saturating_mul(Self::ALL_BUCKETS).saturating_sub(self.filled_us);
@@ -264,6 +267,9 @@ mod tests {
         assert_eq!(recovery, Micros::from_millis(1600));
         meter.pass(recovery, false, &LIMIT).unwrap();
         assert_eq!((meter.left_us(&LIMIT), meter.recovery_us(&LIMIT)), (800_000, 0));
+        let unlimited = CoilLimit { duty_percent: 100, ..LIMIT };
+        meter.exhaust(&unlimited);
+        assert_eq!((meter.left_us(&unlimited), meter.recovery_us(&unlimited)), (1_600_000, 0));
     }
 
     #[test]
