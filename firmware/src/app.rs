@@ -10,7 +10,7 @@
 //! whatever `work` is doing, and the control tick obeys within a millisecond. `work` does one thing after the other; while
 //! one lasts a stop is answered at once, and what a typed command still has to print is dropped.
 //!
-//! A board in a process is built from the same parts as the image: a [`Shared`](crate::control::Shared), a
+//! A board in a process is built from the same parts as the image: a [`Shared`], a
 //! [`Control`](crate::control::Control) that is ticked once a millisecond, [`serve`] on two byte pipes, and
 //! [`crate::servo::Bus`] on two more. All futures are polled by hand while a [`Clock`] is moved.
 use core::cell::Cell;

@@ -98,7 +98,7 @@ impl Profile {
         Self { outputs, servos: heapless::Vec::new(), supply, emergency_stop: None, digest: Digest([0; 32]) }
     }
 
-    /// Nothing wired, to be filled by [`Profile::push`].
+    /// Nothing wired, to be filled by a [`ProfileReader`].
     pub const fn empty() -> Self {
         let supply = SwitchLimit { new_coils: 1, window_ms: 10 };
         let outputs = [None; MAX_COILS];

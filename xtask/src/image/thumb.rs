@@ -92,7 +92,7 @@ fn decode_wide(at: u32, first: u16, second: u16) -> Op {
     }
 }
 
-/// BL, B.W and B<condition>.W.
+/// `BL`, `B.W` and `B<condition>.W`.
 fn decode_branch(at: u32, first: u16, second: u16) -> Op {
     let (sign, j1, j2) = (u32::from(first >> 10 & 1), u32::from(second >> 13 & 1), u32::from(second >> 11 & 1));
     let low = u32::from(second & 0x7FF) << 1;

@@ -1,10 +1,10 @@
 //! The stop: all coils off, whatever else holds the port, within a bounded time.
 //!
 //! The frame is that of the frozen bootstrap set, so it needs no handshake and no common protocol version. It is sent at
-//! once and repeated every [`REPEAT`] until the board confirms it or the time is up. Two ways lead to the board:
+//! once and repeated every 150 ms until the board confirms it or the time is up. Two ways lead to the board:
 //!
 //! - The process that holds the port sends it past whatever it is doing: [`hold`] makes a port that can do so, through a
-//!   [`StopHandle`] within the process and through a Unix socket ([`socket`]) for other processes.
+//!   [`StopHandle`] within the process and through a Unix socket (`socket`) for other processes.
 //! - Where no such process answers, [`stop_at`] opens the port without holding it exclusively and sends the frame itself.
 
 mod shared;
