@@ -348,14 +348,11 @@ impl<'t> Control<'t> {
     }
 
     fn rehearse(&mut self) -> Unloaded<'t> {
-        let unloaded = self.unload();
-        match unloaded {
-            Unloaded::Table(table) => {
-                table.begin_rehearsal(self.sequencer.used());
-                Unloaded::Table(table)
-            }
-            Unloaded::Empty | Unloaded::Busy => unloaded,
+        let mut unloaded = self.unload();
+        if let Unloaded::Table(table) = &mut unloaded {
+            table.begin_rehearsal(self.sequencer.used());
         }
+        unloaded
     }
 
     fn output(&self, number: u8) -> Option<OutputState> {

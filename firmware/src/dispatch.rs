@@ -26,7 +26,6 @@ use crate::control::{Numbered, Order, Outcome, Shared, Snapshot, Unloaded};
 use crate::log::EventLog;
 use crate::nearest::{self, Room};
 use crate::store::Store;
-use uploads::refuse_load;
 
 /// Version of this firmware: major, minor, patch.
 pub const FIRMWARE: [u8; 3] = [
@@ -131,7 +130,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
             match store.load_valid_profile(profile).await {
                 Ok(true) => self.profile = profile,
                 Ok(false) => {}
-                Err(error) => self.rejected = Some(refuse_load(error)),
+                Err(error) => self.rejected = Some(error.into()),
             }
             self.calibration = store.calibration().await.ok().flatten().unwrap_or_default();
             self.store = Some(store);
@@ -351,7 +350,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
         };
         let store = self.store.as_mut().ok_or(Refusal::Storage)?;
         self.room.begin(&target.pose(), table.actuators.into());
-        store.records(|record| nearest::take(self.room, record)).await.map_err(refuse_load)?;
+        store.records(|record| nearest::take(self.room, record)).await?;
         self.room.found().map(|_| ()).ok_or(Refusal::NoFrames)
     }
 
@@ -475,7 +474,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
             Ok(true) => self.hand_over(table).await,
             Ok(false) => self.table = Some(table),
             Err(error) => {
-                self.rejected.get_or_insert(refuse_load(error));
+                self.rejected.get_or_insert(error.into());
                 self.table = Some(table);
             }
         }

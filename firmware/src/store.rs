@@ -21,7 +21,7 @@ use core::ops::Range;
 use darm_core::profile::{Profile, ProfileError, ProfileReader, ProfileRecord};
 use darm_core::table::{Board, Record, Table, TableError};
 use darm_core::units::Digest;
-use darm_core::wire::message::{Calibration, Image, ImageKind};
+use darm_core::wire::message::{Calibration, Image, ImageKind, Refusal};
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 use sequential_storage::cache::{Cache, Uncached};
@@ -139,7 +139,10 @@ pub struct StorageError;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UploadError {
     /// The image is longer than a slot, or empty.
-    TooLong,
+    TooLong {
+        /// Longest image of its kind in bytes.
+        max: u32,
+    },
     /// No upload has begun.
     NoUpload,
     /// The flash could not be written.
@@ -157,6 +160,27 @@ pub enum LoadError {
     Profile(ProfileError),
     /// The flash could not be read.
     Storage,
+}
+
+impl From<UploadError> for Refusal {
+    fn from(error: UploadError) -> Self {
+        match error {
+            UploadError::TooLong { max } => Self::TooLong { max },
+            UploadError::NoUpload => Self::NoUpload,
+            UploadError::Storage => Self::Storage,
+        }
+    }
+}
+
+impl From<LoadError> for Refusal {
+    fn from(error: LoadError) -> Self {
+        match error {
+            LoadError::Damaged => Self::Damaged,
+            LoadError::Table(error) => Self::Table(error),
+            LoadError::Profile(error) => Self::Profile(error),
+            LoadError::Storage => Self::Storage,
+        }
+    }
 }
 
 impl From<StorageError> for UploadError {
@@ -235,8 +259,9 @@ impl<F: NorFlash> Store<F> {
 
     /// Starts an upload, or resumes the same one; the offset that is wanted next.
     pub async fn begin(&mut self, image: Image) -> Result<u32, UploadError> {
-        if image.len == 0 || image.len as usize > slot_bytes(image.kind) {
-            return Err(UploadError::TooLong);
+        let max = slot_bytes(image.kind) as u32;
+        if image.len == 0 || image.len > max {
+            return Err(UploadError::TooLong { max });
         }
         match self.upload {
             Some(upload) if upload.image == image => Ok(upload.next),

@@ -404,6 +404,12 @@ impl Wiring {
         fed
     }
 
+    /// Whether a word has one digit for each actuator, and only digits that they have.
+    pub fn has_word(&self, word: &Word) -> bool {
+        word.len() == self.actuators.len()
+            && self.actuators.iter().zip(word.iter()).all(|(actuator, digit)| digit < actuator.states)
+    }
+
     /// Refuses a wiring that the board could not run safely.
     pub fn check(&self) -> Result<(), WiringError> {
         self.check_actuators()?;

@@ -344,7 +344,9 @@ impl Checker {
         if self.last.as_ref().is_some_and(|last| row.at <= last.at) {
             return Err(RowError::Time);
         }
-        check_word(&row.word, &self.wiring)?;
+        if !self.wiring.has_word(&row.word) {
+            return Err(RowError::Word);
+        }
         self.check_servos(row)?;
         self.pass_row(row)?;
         self.rows = self.rows.saturating_add(1);
@@ -485,12 +487,6 @@ pub fn wiring<'r>(records: impl IntoIterator<Item = &'r Record>) -> Result<Wirin
 
 fn push<T, const N: usize>(list: &mut heapless::Vec<T, N>, item: T) -> Result<(), TableError> {
     list.push(item).map_err(|_| TableError::Wiring(WiringError::TooMany))
-}
-
-fn check_word(word: &Word, wiring: &Wiring) -> Result<(), RowError> {
-    let fits = word.len() == wiring.actuators.len()
-        && wiring.actuators.iter().zip(word.iter()).all(|(actuator, digit)| digit < actuator.states);
-    if fits { Ok(()) } else { Err(RowError::Word) }
 }
 
 /// A whole table in memory.

@@ -8,20 +8,17 @@ use embedded_storage_async::nor_flash::NorFlash;
 
 use super::Desk;
 use crate::clock::Clock;
-use crate::store::{LoadError, UploadError, slot_bytes};
 
 impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
     pub(super) async fn begin(&mut self, image: Image) -> Result<Answer, Refusal> {
         self.require_idle().await?;
-        let max = slot_bytes(image.kind) as u32;
-        let next = self.store()?.begin(image).await.map_err(|error| refuse_upload(error, max))?;
+        let next = self.store()?.begin(image).await?;
         Ok(Answer::Upload { next })
     }
 
     pub(super) async fn chunk(&mut self, offset: u32, bytes: &[u8]) -> Result<Answer, Refusal> {
         self.require_idle().await?;
-        let chunk = self.store()?.chunk(offset, bytes).await;
-        let next = chunk.map_err(|error| refuse_upload(error, 0))?;
+        let next = self.store()?.chunk(offset, bytes).await?;
         Ok(Answer::Upload { next })
     }
 
@@ -52,37 +49,20 @@ impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
     async fn check_and_commit(&mut self, table: &mut Table) -> Result<(), Refusal> {
         let board = self.board_of_tables();
         let store = self.store()?;
-        store.load_upload(table, &board).await.map_err(refuse_load)?;
-        store.commit().await.map_err(|error| refuse_upload(error, 0))
+        store.load_upload(table, &board).await?;
+        Ok(store.commit().await?)
     }
 
     /// Stores a profile if a person is at the board, and restarts with it: nothing of the old one stays in force.
     async fn commit_profile(&mut self) -> Result<Answer, Refusal> {
         self.require_idle().await?;
         let mut profile = Profile::empty();
-        self.store()?.load_profile_upload(&mut profile).await.map_err(refuse_load)?;
+        self.store()?.load_profile_upload(&mut profile).await?;
         if !self.snapshot().await?.button {
             return Err(Refusal::NobodyPresent);
         }
-        self.store()?.commit().await.map_err(|error| refuse_upload(error, 0))?;
+        self.store()?.commit().await?;
         self.reboot = Some(bootstrap::Into::Application);
         Ok(Answer::Done)
-    }
-}
-
-fn refuse_upload(error: UploadError, max: u32) -> Refusal {
-    match error {
-        UploadError::TooLong => Refusal::TooLong { max },
-        UploadError::NoUpload => Refusal::NoUpload,
-        UploadError::Storage => Refusal::Storage,
-    }
-}
-
-pub(super) fn refuse_load(error: LoadError) -> Refusal {
-    match error {
-        LoadError::Damaged => Refusal::Damaged,
-        LoadError::Table(error) => Refusal::Table(error),
-        LoadError::Profile(error) => Refusal::Profile(error),
-        LoadError::Storage => Refusal::Storage,
     }
 }

@@ -121,7 +121,10 @@ fn an_upload_resumes_and_ignores_what_it_has() {
     assert_eq!(now(store.chunk(10, &bytes[10..])), Ok(image.len));
     assert!(store.is_whole(image));
     assert_eq!(now(store.begin(Image { digest: Digest([0; 32]), ..image })), Ok(0));
-    assert_eq!(now(store.begin(Image { len: SLOT_BYTES as u32 + 1, ..image })), Err(UploadError::TooLong));
+    assert_eq!(
+        now(store.begin(Image { len: SLOT_BYTES as u32 + 1, ..image })),
+        Err(UploadError::TooLong { max: SLOT_BYTES as u32 })
+    );
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //! that end, and [`METERS_A_TICK`] meters in turn, also those of outputs that no table uses.
 
 use super::{CommandError, FaultKind};
-use crate::duty::{Breach, DutyMeter, DutyMeters};
+use crate::duty::{Breach, DutyMeters};
 use crate::output::{CoilLimit, Drive, MAX_ACTUATORS, MAX_COILS, SwitchClock, SwitchLimit, Wiring};
 use crate::profile::Profile;
 use crate::units::{Micros, Word};
@@ -280,9 +280,7 @@ impl<'t> Coils<'t> {
 
     /// Asks for a word by hand; [`Coils::release`] sets it as the supply allows.
     pub(super) fn want(&mut self, now: Micros, word: Word, wiring: &Wiring) -> Result<(), CommandError> {
-        let fits = word.len() == wiring.actuators.len()
-            && wiring.actuators.iter().zip(word.iter()).all(|(actuator, digit)| digit < actuator.states);
-        if !fits {
+        if !wiring.has_word(&word) {
             return Err(CommandError::NotWired);
         }
         let target = self.target_of(&word);
@@ -354,11 +352,12 @@ impl<'t> Coils<'t> {
         if flows > Micros::from_millis(limit.max_on_ms) {
             return Err(CommandError::OnTooLong { max_ms: limit.max_on_ms });
         }
-        if flows <= Micros(DutyMeter::left_us(meter, limit).into()) {
+        let left_us = meter.left_us(limit);
+        if flows <= Micros(left_us.into()) {
             return Ok(());
         }
-        let left_ms = meter.left_us(limit) / 1000;
-        Err(CommandError::Recovering { output: index as u8, left_ms, wait_ms: meter.recovery_us(limit) / 1000 })
+        let [left_ms, wait_ms] = [left_us, meter.recovery_us(limit)].map(|us| us / 1000);
+        Err(CommandError::Recovering { output: index as u8, left_ms, wait_ms })
     }
 
     fn want_coil(&mut self, bit: u64, on: bool) {
