@@ -414,27 +414,28 @@ impl Wiring {
     pub fn check(&self) -> Result<(), WiringError> {
         self.check_actuators()?;
         self.check_coils()?;
-        for (index, servo) in self.servos.iter().enumerate() {
-            let is_new = self.servos.iter().take(index).all(|earlier| earlier.id != servo.id);
-            if !(servo.is_sound() && is_new) {
-                return Err(WiringError::Servo { servo: index as u8 });
-            }
-        }
+        check_servos(self.servos.iter())?;
         self.switch_limit.check()
     }
 
+    /// The actuators along the chain, each with its coils; none where the coils do not suffice.
+    pub fn actuators_with_coils(&self) -> impl Iterator<Item = (&ActuatorWiring, &[Coil])> {
+        let mut rest = self.coils.as_slice();
+        self.actuators.iter().map(move |actuator| {
+            let (own, others) = rest.split_at_checked(actuator.coils()).unwrap_or_default();
+            rest = others;
+            (actuator, own)
+        })
+    }
+
     fn check_actuators(&self) -> Result<(), WiringError> {
-        let mut inputs = 0u32;
+        let mut inputs = InputUse::default();
         for (index, wiring) in (0u8..).zip(&self.actuators) {
             if !(2..=4).contains(&wiring.states) {
                 return Err(WiringError::States { actuator: ActuatorId(index) });
             }
             if let Some(switch) = wiring.switch {
-                let bit = 1u32.checked_shl(u32::from(switch.input)).unwrap_or(0);
-                if usize::from(switch.input) >= MAX_INPUTS || inputs & bit != 0 {
-                    return Err(WiringError::Input { input: switch.input });
-                }
-                inputs |= bit;
+                inputs.take(switch.input)?;
             }
         }
         let coils = self.first_coil(self.actuators.len());
@@ -459,6 +460,38 @@ impl Wiring {
                 return Err(WiringError::CoilLimit { output });
             }
         }
+        Ok(())
+    }
+}
+
+/// Refuses servos that make no sense, and two with one address.
+pub fn check_servos<'s>(servos: impl Iterator<Item = &'s ServoWiring> + Clone) -> Result<(), WiringError> {
+    for (index, servo) in servos.clone().enumerate() {
+        let is_new = servos.clone().take(index).all(|earlier| earlier.id != servo.id);
+        if !(servo.is_sound() && is_new) {
+            return Err(WiringError::Servo { servo: index as u8 });
+        }
+    }
+    Ok(())
+}
+
+/// The bit of an input, among those that the board sees; none where there is no such input.
+pub const fn input_bit(input: u8) -> u32 {
+    if (input as usize) < MAX_INPUTS { 1 << input } else { 0 }
+}
+
+/// Inputs that are in use, bit `i` for input `i`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct InputUse(u32);
+
+impl InputUse {
+    /// Takes an input, or says that it does not exist or is in use.
+    pub fn take(&mut self, input: u8) -> Result<(), WiringError> {
+        let bit = input_bit(input);
+        if bit == 0 || self.0 & bit != 0 {
+            return Err(WiringError::Input { input });
+        }
+        self.0 |= bit;
         Ok(())
     }
 }

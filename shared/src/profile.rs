@@ -12,7 +12,8 @@ use core::fmt;
 use serde::{Deserialize, Serialize};
 
 use crate::output::{
-    Coil, CoilLimit, Drive, LineUse, MAX_COILS, MAX_INPUTS, MAX_SERVOS, ServoWiring, SwitchLimit, Wiring, WiringError,
+    Coil, CoilLimit, Drive, InputUse, LineUse, MAX_COILS, MAX_SERVOS, ServoWiring, SwitchLimit, Wiring, WiringError,
+    check_servos, input_bit,
 };
 use crate::units::{Digest, ShortDigest};
 
@@ -113,13 +114,11 @@ impl Profile {
                 *output = Some(Output { drive: coil.drive, limit: coil.limit, input: None });
             }
         }
-        let mut first = 0usize;
-        for actuator in &wiring.actuators {
-            let number = wiring.coils.get(first).map_or(MAX_COILS, |coil| usize::from(coil.output));
+        for (actuator, coils) in wiring.actuators_with_coils() {
+            let number = coils.first().map_or(MAX_COILS, |coil| usize::from(coil.output));
             if let Some(Some(output)) = profile.outputs.get_mut(number) {
                 output.input = actuator.switch.map(|switch| switch.input);
             }
-            first = first.saturating_add(actuator.coils());
         }
         let servos = wiring.servos.iter().map(|servo| Servo { limit: *servo, fallback: Fallback::Hold });
         profile.servos = servos.collect();
@@ -143,33 +142,26 @@ impl Profile {
 
     /// Refuses a profile that the board could not run safely.
     pub fn check(&self) -> Result<(), ProfileError> {
-        self.supply.check().map_err(ProfileError::Wiring)?;
-        let (mut lines, mut inputs) = (LineUse::default(), 0);
+        self.check_as_wiring().map_err(ProfileError::Wiring)
+    }
+
+    fn check_as_wiring(&self) -> Result<(), WiringError> {
+        self.supply.check()?;
+        let (mut lines, mut inputs) = (LineUse::default(), InputUse::default());
         if let Some(stop) = self.emergency_stop {
-            take_input(&mut inputs, stop.input)?;
+            inputs.take(stop.input)?;
         }
         for (number, output) in (0u8..).zip(&self.outputs) {
             let Some(output) = output else { continue };
-            lines.take(&output.drive).map_err(ProfileError::Wiring)?;
+            lines.take(&output.drive)?;
             if !output.limit.is_sound(&output.drive) {
-                return Err(ProfileError::Wiring(WiringError::CoilLimit { output: number }));
+                return Err(WiringError::CoilLimit { output: number });
             }
             if let Some(input) = output.input {
-                take_input(&mut inputs, input)?;
+                inputs.take(input)?;
             }
         }
-        self.check_servos()
-    }
-
-    fn check_servos(&self) -> Result<(), ProfileError> {
-        let mut earlier = heapless::Vec::<u8, MAX_SERVOS>::new();
-        for (number, servo) in (0u8..).zip(&self.servos) {
-            if !servo.limit.is_sound() || earlier.contains(&servo.limit.id) {
-                return Err(ProfileError::Wiring(WiringError::Servo { servo: number }));
-            }
-            let _ = earlier.push(servo.limit.id);
-        }
-        Ok(())
+        check_servos(self.servos.iter().map(|servo| &servo.limit))
     }
 
     /// Refuses a coil of a table that this profile does not allow.
@@ -190,9 +182,8 @@ impl Profile {
         if !self.supply.allows(&wiring.switch_limit) {
             return Err(Mismatch::Supply { profile: self.supply, table: wiring.switch_limit });
         }
-        let mut first = 0usize;
-        for actuator in &wiring.actuators {
-            let number = wiring.coils.get(first).map_or(u8::MAX, |coil| coil.output);
+        for (actuator, coils) in wiring.actuators_with_coils() {
+            let number = coils.first().map_or(u8::MAX, |coil| coil.output);
             let input = self.output(number).and_then(|output| output.input);
             match actuator.switch {
                 Some(switch) if Some(switch.input) != input => {
@@ -200,7 +191,6 @@ impl Profile {
                 }
                 Some(_) | None => {}
             }
-            first = first.saturating_add(actuator.coils());
         }
         for (index, servo) in (0u8..).zip(&wiring.servos) {
             let fits = self.servos.get(usize::from(index)).is_some_and(|own| own.limit.allows(servo));
@@ -210,19 +200,6 @@ impl Profile {
         }
         Ok(())
     }
-}
-
-const fn input_bit(input: u8) -> u32 {
-    if (input as usize) < MAX_INPUTS { 1 << input } else { 0 }
-}
-
-fn take_input(taken: &mut u32, input: u8) -> Result<(), ProfileError> {
-    let bit = input_bit(input);
-    if bit == 0 || *taken & bit != 0 {
-        return Err(ProfileError::Wiring(WiringError::Input { input }));
-    }
-    *taken |= bit;
-    Ok(())
 }
 
 /// One piece of a profile as it travels and is stored.

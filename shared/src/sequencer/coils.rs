@@ -187,10 +187,9 @@ impl<'t> Coils<'t> {
                 Drive::Latch { .. } => self.latches |= bit,
             }
         }
-        let mut outputs = wiring.coils.iter().map(|coil| bit_of(coil.output));
-        for (actuator, of_digit) in wiring.actuators.iter().zip(&mut self.of_digit) {
-            let mut next = |wanted: bool| if wanted { outputs.next().unwrap_or(0) } else { 0 };
-            *of_digit = [next(true), next(actuator.coils() > 1)];
+        for ((_, coils), of_digit) in wiring.actuators_with_coils().zip(&mut self.of_digit) {
+            let mask = |digit_bit: usize| coils.get(digit_bit).map_or(0, |coil| bit_of(coil.output));
+            *of_digit = [mask(0), mask(1)];
         }
         self.supply = wiring.switch_limit;
         self.unknown = self.latches;
