@@ -553,3 +553,28 @@ fn a_program_is_rehearsed_after_what_has_flowed() {
     table.begin_rehearsal(&used);
     assert!(table.rehearse(0..2).is_err());
 }
+
+/// A meter closes its buckets where its own time falls, not where the program begins: what is let begin must get through
+/// wherever that is.
+#[test]
+fn a_program_that_is_let_begin_breaks_no_limit() {
+    let pulse = |at_ms: u32| [row(at_ms, "10"), row(at_ms + 95, "00")];
+    let pulses = (0..20).flat_map(|number: u32| pulse(105 * number + if number < 10 { 0 } else { 640 }));
+    let records = two_valves(&pulses.chain([end(3000)]).collect::<Vec<_>>());
+    let profile: &'static Profile = Box::leak(Box::new(profile(&records)));
+    let mut begun = 0;
+    for wait_ms in (0..3000).step_by(17) {
+        let mut bench = Bench::new(&records);
+        bench.command(Command::Coil { coil: 0, on_ms: 9 }).unwrap();
+        bench.run(20 + wait_ms).command(Command::Stop).unwrap();
+        let table = table(&records, profile);
+        table.begin_rehearsal(bench.sequencer.used());
+        if table.rehearse(0..40).is_ok() {
+            begun += 1;
+            bench.command(Command::Play).unwrap();
+            bench.run(3100);
+            assert_eq!(bench.fault(), None, "after a wait of {wait_ms} ms");
+        }
+    }
+    assert!(begun > 20, "only {begun} of 177 programs were let begin");
+}
