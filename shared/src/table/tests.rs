@@ -99,6 +99,21 @@ fn duty_is_counted_along_the_rows() {
 }
 
 #[test]
+fn pulses_of_latches_take_their_share_of_the_time() {
+    let limit = CoilLimit { max_on_ms: 100, duty_percent: 40, window_ms: 1600 };
+    let latch = Record::Coil(Coil { output: 0, drive: Drive::Latch { set: 0, reset: 1, pulse_ms: 50 }, limit });
+    let pulsing_every = |period_ms: u32| {
+        let rows = (0..40).map(|number| row(period_ms * number, if number % 2 == 0 { "1" } else { "0" }));
+        let records: Vec<_> = [START, latch.clone(), actuator(2)].into_iter().chain(rows).collect();
+        check(&records).map(|_| ())
+    };
+    assert_eq!(pulsing_every(140), Ok(()), "50 of 140 ms are 36 %");
+    let refused = pulsing_every(100);
+    let is_duty = matches!(refused, Err(TableError::Row { error: RowError::Duty { output: 0 }, .. }));
+    assert!(is_duty, "50 of 100 ms are half: {refused:?}");
+}
+
+#[test]
 fn servos_keep_their_range_and_speed() {
     let servo =
         ServoWiring { id: 1, min_rad: -1.0, max_rad: 1.0, max_speed_rad_s: 2.0, max_torque: 0.5, timeout_ms: 20 };
