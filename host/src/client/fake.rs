@@ -25,6 +25,8 @@ pub(super) struct Memory {
     pub(super) mute: bool,
     /// Damages every answer.
     pub(super) garble: bool,
+    /// Restarts after the next command has acted and before its answer leaves.
+    pub(super) restart_after_command: bool,
     connection: Option<u32>,
     /// Number and frame of the last answer to a request that runs once.
     last: Option<(u16, Vec<u8>)>,
@@ -85,6 +87,9 @@ impl Memory {
             }
         }
         let result = self.obey(header.link, &request);
+        if result.is_ok() && matches!(request, Request::Command(_)) && std::mem::take(&mut self.restart_after_command) {
+            return self.reset();
+        }
         let reply = Reply { at: Micros((self.now_s * 1e6) as u64), result };
         let mut buffer = [0; 300];
         let payload = postcard::to_slice(&reply, &mut buffer).unwrap();

@@ -83,6 +83,25 @@ fn a_newer_host_ends_an_older_ones_connection() {
 }
 
 #[test]
+fn a_command_whose_answer_was_lost_in_a_restart_is_not_reported_as_refused() {
+    let (board, memory) = FakeBoard::new();
+    let mut client = Client::connect_as(Box::new(board), 1).unwrap();
+    memory.lock().unwrap().restart_after_command = true;
+    let error = client.command(Command::Play).unwrap_err();
+    assert_eq!(memory.lock().unwrap().commands, [Command::Play]);
+    assert!(matches!(error, ClientError::Transport(_)), "{error:?}");
+}
+
+#[test]
+fn a_command_that_another_host_kept_from_acting_is_reported_as_refused() {
+    let (board, memory) = FakeBoard::new();
+    let mut old = Client::connect_as(Box::new(board), 1).unwrap();
+    Client::connect_as(Box::new(FakeBoard::plug(&memory, None)), 2).unwrap();
+    assert_eq!(old.command(Command::Play).unwrap_err().refusal(), Some(Refusal::NotConnected));
+    assert_eq!(memory.lock().unwrap().commands, []);
+}
+
+#[test]
 fn an_upload_arrives_whole_over_any_line() {
     let image = image();
     for seed in 0..300 {
