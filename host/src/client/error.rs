@@ -55,6 +55,17 @@ pub enum TransportError {
         /// How long the client waited.
         waited_s: f64,
     },
+    /// A request that acts was repeated, and meanwhile its connection ended: the first copy may have acted or not.
+    #[error(
+        "{port}: the answer to `{request}` was lost and the board has ended the connection, so it may have acted or not; \
+         see `darm status` before it is repeated"
+    )]
+    OutcomeUnknown {
+        /// The port.
+        port: String,
+        /// The request.
+        request: &'static str,
+    },
 }
 
 /// Bytes arrived that are no valid answer.

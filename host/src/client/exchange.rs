@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use darm_core::wire::bootstrap;
 use darm_core::wire::frame::{self, FrameError, Header, MAX_FRAME};
-use darm_core::wire::message::{Answer, REPLY, REQUEST, Reply, Request};
+use darm_core::wire::message::{Answer, REPLY, REQUEST, Refusal, Reply, Request};
 
 use super::error::{AnswerError, ClientError, TransportError};
 use super::patience::Patience;
@@ -59,6 +59,15 @@ pub(super) struct Arrival {
     pub(super) number: u16,
     pub(super) payload: Vec<u8>,
     pub(super) received_s: f64,
+}
+
+/// An answer with what it took to get it.
+struct Exchanged {
+    arrival: Arrival,
+    /// Host time of the first sending.
+    sent_s: f64,
+    /// How often the request was sent.
+    attempts: u32,
 }
 
 /// Who hears the text that comes outside frames.
@@ -151,7 +160,7 @@ impl Exchange {
         let header = Header { tag: request.tag(), link: 0, number: self.numbers.next(true) };
         let answered = Header { tag: request.tag() | bootstrap::ANSWER, ..header };
         let bytes = encode(header, request.payload())?;
-        let (arrival, _) = self.exchange(&bytes, answered, PATIENCE_S)?;
+        let arrival = self.exchange(&bytes, answered, PATIENCE_S)?.arrival;
         if arrival.payload.is_empty() {
             Err(AnswerError::Payload { request: name }.into())
         } else {
@@ -164,8 +173,13 @@ impl Exchange {
         let patience_s = if request.is_repeatable() { PATIENCE_S } else { STORE_PATIENCE_S };
         let (header, bytes) = self.prepare(request)?;
         let answered = Header { tag: REPLY, ..header };
-        let (arrival, sent_s) = self.exchange(&bytes, answered, patience_s)?;
-        self.open(name, &arrival, sent_s)
+        let Exchanged { arrival, sent_s, attempts } = self.exchange(&bytes, answered, patience_s)?;
+        match self.open(name, &arrival, sent_s) {
+            Err(ClientError::Refused(Refusal::NotConnected)) if attempts > 1 && acts_once(request) => {
+                Err(TransportError::OutcomeUnknown { port: self.link.name().to_owned(), request: name }.into())
+            }
+            end => end,
+        }
     }
 
     /// Numbers and encodes a request.
@@ -211,8 +225,8 @@ impl Exchange {
         }
     }
 
-    /// Sends a frame until its answer comes; the answer and the time of the first sending.
-    fn exchange(&mut self, bytes: &[u8], answered: Header, patience_s: f64) -> Result<(Arrival, f64), ClientError> {
+    /// Sends a frame until its answer comes.
+    fn exchange(&mut self, bytes: &[u8], answered: Header, patience_s: f64) -> Result<Exchanged, ClientError> {
         let sent_s = self.link.now_s();
         let damaged_before = self.counts.damaged;
         let mut attempts = 0;
@@ -225,7 +239,7 @@ impl Exchange {
                 if attempts == 1 {
                     self.patience.on_answer(arrival.received_s - sent_s);
                 }
-                return Ok((arrival, sent_s));
+                return Ok(Exchanged { arrival, sent_s, attempts });
             }
             self.patience.on_silence();
             let waited_s = self.link.now_s() - sent_s;
@@ -272,6 +286,11 @@ impl Exchange {
         }
         Ok(())
     }
+}
+
+/// Whether a request must not be repeated on a new connection. An upload is: a repeated `Commit` changes nothing.
+fn acts_once(request: &Request<'_>) -> bool {
+    !request.is_repeatable() && !matches!(request, Request::Commit(_))
 }
 
 fn encode(header: Header, payload: &[u8]) -> Result<Vec<u8>, ClientError> {
