@@ -14,15 +14,15 @@ use darm_core::wire::message::{Calibration, Refusal};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
-use crate::arm::Table;
+use crate::arm::{ArmPlan, Table};
 use crate::judge::reports::{Ending, Pulse};
 use crate::script::{HostAct, Script, Timed};
-use crate::world::{self, Plug, World};
+use crate::world::{self, Party, Plug, World};
 
 /// How often a host tries to connect, or to upload over a bad line.
 const TRIES: u32 = 5;
 /// A pulse by command, ms.
-const PULSE_MS: u32 = 30;
+pub(crate) const PULSE_MS: u32 = 30;
 /// No program of a script lasts longer, s.
 const LONGEST_PROGRAM_S: u32 = 25;
 /// One use of an output that is to be used up, ms: below the shortest limit of on-time.
@@ -30,7 +30,7 @@ const USE_MS: u32 = 400;
 /// So many uses fill the longest window.
 const USES: u32 = 30;
 /// What was sent before has acted, or never will, ms.
-const SETTLE_MS: u64 = 300;
+pub(crate) const SETTLE_MS: u64 = 300;
 
 /// How the first upload went.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,7 +102,7 @@ impl<'s> Host<'s> {
             world::with(|world| world.say("host", || format!("{act:?}")));
             self.act(act, *seed);
             if index == 0 {
-                world::with(world::World::begin_acts);
+                world::with(|world| world.begin_acts(self.script));
                 from_ms = world::with(|world| world.now_ns()) / 1_000_000;
             }
         }
@@ -133,7 +133,8 @@ impl<'s> Host<'s> {
             HostAct::Play => Command::Play,
             HostAct::Clear => Command::Clear,
             HostAct::Coil(coil, on_ms) => Command::Coil { coil, on_ms },
-            HostAct::Word(_) => Command::Word(self.word(seed)),
+            HostAct::Word(_) => Command::Word(word(&self.script.arm, seed)),
+            HostAct::WrongWord(_) => return self.wrong_word(seed),
             HostAct::Servo(servo, mrad) => Command::Servo { servo, angle_rad: 1e-3 * mrad as f32 },
             HostAct::Upload(index) => return self.upload(index),
             HostAct::Stop => return self.stop("stop", |client| client.command(Command::Stop)),
@@ -206,17 +207,26 @@ impl<'s> Host<'s> {
         self.note("calibrate", result);
         world::pass(SETTLE_MS);
         world::with(|world| {
-            if done && world.is_undisturbed_since(began_ns) && !world.is_hostile_since(began_ns) {
+            let is_alone = !world.has_other_acted_since(Party::First, began_ns);
+            if done && is_alone && world.is_undisturbed_since(began_ns) {
                 world.servos.on_calibrated(world.now_ns(), &before);
             }
         });
     }
 
-    fn word(&self, seed: u64) -> Word {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let states = self.script.arm.actuators.iter().map(|actuator| actuator.states);
-        let digits: Vec<u8> = states.map(|states| rng.random_range(0..states)).collect();
-        Word::new(&digits).expect("a few actuators of at most four states")
+    /// A command that no state of the arm obeys: whatever happens, the board must not confirm it.
+    fn wrong_word(&mut self, seed: u64) {
+        if !self.is_own_table_at_rest() {
+            return;
+        }
+        let began_ns = world::with(|world| world.now_ns());
+        let command = Command::Word(wrong_word(&self.script.arm, seed));
+        let ending = self.command("wrong word", command);
+        world::with(|world| {
+            if ending == Ending::Done && !world.is_hostile_since(began_ns) {
+                world.reports.on_impossible_confirmed(world.now_ns(), &format!("{command:?}"));
+            }
+        });
     }
 
     /// The first upload is repeated as a person would, for nothing but the line disturbs it.
@@ -242,17 +252,11 @@ impl<'s> Host<'s> {
 
     fn upload_once(&mut self, table: &Table) -> (Ending, String) {
         let Some(client) = self.client() else { return (Ending::Unknown, "no connection".into()) };
+        let began_ns = world::with(|world| world.now_ns());
         let result = client.upload(&table.image, &mut |_| {});
-        let ending = match &result {
-            Ok(_) => Ending::Done,
-            Err(ClientError::Refused(Refusal::Table(TableError::Row { .. } | TableError::Wiring(_)))) => {
-                Ending::Refused
-            }
-            // What was refused may have been the repetition of what was done.
-            Err(_) => Ending::Unknown,
-        };
+        let ending = upload_ending(&result);
         let text = self.note("upload", result);
-        world::with(|world| world.reports.on_upload(table.model, ending));
+        world::with(|world| world.on_upload(Party::First, table.model, ending, began_ns));
         (ending, text)
     }
 
@@ -264,21 +268,9 @@ impl<'s> Host<'s> {
         }
         // The answer leaves before the next tick.
         world::pass(2);
-        self.look_at_lines(began_ns, true);
+        world::with(|world| world.judge_stopped(Party::First, began_ns, true));
         world::pass(SETTLE_MS);
-        self.look_at_lines(began_ns, false);
-    }
-
-    fn look_at_lines(&mut self, since_ns: u64, at_once: bool) {
-        world::with(|world| {
-            if world.is_hostile_since(since_ns) {
-                return;
-            }
-            let (now_ns, lines) = (world.now_ns(), world.pins.high());
-            let reachable = !at_once && world.is_undisturbed_since(since_ns);
-            let moving = if reachable { world.servos.moving() } else { None };
-            world.reports.on_stopped(now_ns, lines, moving);
-        });
+        world::with(|world| world.judge_stopped(Party::First, began_ns, false));
     }
 
     /// Stops, then switches one coil on for a moment: the line goes on once if that was confirmed.
@@ -294,7 +286,7 @@ impl<'s> Host<'s> {
         world::with(|world| {
             let rises = world.pins.rises(line) - before;
             let pulse = Pulse { ending, rises, undisturbed: world.is_undisturbed_since(began_ns) };
-            if !world.is_hostile_since(began_ns) {
+            if !world.has_other_acted_since(Party::First, began_ns) {
                 world.reports.on_pulse(world.now_ns(), pulse);
             }
         });
@@ -311,7 +303,7 @@ impl<'s> Host<'s> {
         }
         world::pass(SETTLE_MS);
         world::with(|world| {
-            if world.is_undisturbed_since(began_ns) {
+            if world.is_undisturbed_since(began_ns) && !world.has_other_acted_since(Party::First, began_ns) {
                 world.reports.on_pulses_over(world.now_ns(), world.pins.high());
             }
         });
@@ -332,17 +324,13 @@ impl<'s> Host<'s> {
         let Some(client) = self.client() else { return Ending::Unknown };
         let began_ns = world::with(|world| world.now_ns());
         let result = client.command(command);
-        let ending = match &result {
-            Ok(()) => Ending::Done,
-            Err(ClientError::Refused(_)) => Ending::Refused,
-            Err(_) => Ending::Unknown,
-        };
+        let ending = ending(&result);
         self.judge_silence(name, began_ns, &result);
         self.note(name, result);
         ending
     }
 
-    /// Asks something that may be repeated: once more after the connection was opened again.
+    /// Asks something that may be repeated, again after the connection was opened again.
     fn ask<T: Observed>(
         &mut self,
         name: &'static str,
@@ -354,7 +342,7 @@ impl<'s> Host<'s> {
             self.judge_silence(name, began_ns, &result);
             if let Ok(answer) = result {
                 world::with(world::World::on_host_answer);
-                answer.observe();
+                answer.observe(began_ns);
                 return Some(answer);
             }
             self.note(name, result.map(drop));
@@ -452,6 +440,46 @@ impl<'s> Host<'s> {
     }
 }
 
+/// How a command ended for the host.
+pub(crate) fn ending<T>(result: &Result<T, ClientError>) -> Ending {
+    match result {
+        Ok(_) => Ending::Done,
+        Err(ClientError::Refused(_)) => Ending::Refused,
+        Err(_) => Ending::Unknown,
+    }
+}
+
+/// How an upload ended for the host. What was refused may have been the repetition of what was done, unless the table
+/// itself is the reason.
+pub(crate) fn upload_ending<T>(result: &Result<T, ClientError>) -> Ending {
+    match result {
+        Ok(_) => Ending::Done,
+        Err(ClientError::Refused(Refusal::Table(TableError::Row { .. } | TableError::Wiring(_)))) => Ending::Refused,
+        Err(_) => Ending::Unknown,
+    }
+}
+
+/// A word of the arm.
+pub(crate) fn word(arm: &ArmPlan, seed: u64) -> Word {
+    Word::new(&digits(arm, seed)).expect("a few actuators of at most four states")
+}
+
+/// A word that the arm does not have, in whichever order a table wires its actuators.
+fn wrong_word(arm: &ArmPlan, seed: u64) -> Word {
+    let mut digits = digits(arm, seed);
+    let states = arm.actuators.iter().map(|actuator| actuator.states).max().unwrap_or(0);
+    match digits.first_mut() {
+        Some(first) if seed & 1 == 0 && states <= Word::MAX_DIGIT => *first = states,
+        _ => digits.push(0),
+    }
+    Word::new(&digits).expect("a few digits of at most 3")
+}
+
+fn digits(arm: &ArmPlan, seed: u64) -> Vec<u8> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    arm.actuators.iter().map(|actuator| rng.random_range(0..actuator.states)).collect()
+}
+
 /// A program that the host started must not end by a limit: it was rehearsed. What somebody else did since the start of
 /// the board is not known.
 fn judge_fault_in_program(world: &mut World, fault: &Fault, started_ns: u64) {
@@ -463,14 +491,14 @@ fn judge_fault_in_program(world: &mut World, fault: &Fault, started_ns: u64) {
 
 /// An answer that the judges want to see.
 trait Observed {
-    fn observe(&self) {}
+    fn observe(&self, _asked_ns: u64) {}
 }
 
 impl Observed for () {}
 impl Observed for Vec<darm::client::Happening> {}
 
 impl Observed for darm_core::wire::message::Status {
-    fn observe(&self) {
-        world::with(|world| world.judge_loaded(self.model.map(|model| model.0), self.rows));
+    fn observe(&self, asked_ns: u64) {
+        world::with(|world| world.judge_loaded(asked_ns, self.model.map(|model| model.0), self.rows));
     }
 }

@@ -11,6 +11,8 @@ pub mod mutants;
 pub mod panics;
 pub mod run;
 pub mod script;
+pub mod second_acts;
+pub mod second_host;
 pub mod shrink;
 pub mod summary;
 pub mod trace;

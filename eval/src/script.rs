@@ -1,7 +1,7 @@
 //! The script of one seed: an arm, tables, what the host does and what happens to it. A value, so that it can be shrunk.
 //!
-//! Times are true time in milliseconds. Every entry draws what it needs from a seed of its own, so that leaving one out
-//! does not change the others.
+//! Times are true time in milliseconds. Every entry carries the seed of what it draws, so that leaving one out does not
+//! change the others.
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -36,6 +36,8 @@ pub enum HostAct {
     Exhaust(u8, usize),
     /// All actuators to digits drawn from this seed.
     Word(u64),
+    /// A word that the arm does not have: a digit beyond the states of an actuator, or one digit too many.
+    WrongWord(u64),
     /// A servo to an angle, mrad.
     Servo(u8, i32),
     /// Asks for the status so often.
@@ -73,7 +75,9 @@ pub enum WorldAct {
     Frames(u32, bool),
     /// A line of text.
     Text,
-    /// A table beyond the limits of the arm, uploaded whole and played.
+    /// A command and a stop in one piece, as from a host that does not wait for answers.
+    Burst,
+    /// A table beyond the limits of the arm, uploaded completely and played.
     Table,
 }
 
@@ -93,13 +97,14 @@ impl WorldAct {
             Self::BabblingBus(_) => "babbling servo bus",
             Self::Frames(..) => "hostile frames",
             Self::Text => "hostile text",
+            Self::Burst => "command and stop in one piece",
             Self::Table => "hostile table",
         }
     }
 
     /// Whether somebody but the host acts.
     pub fn is_hostile(&self) -> bool {
-        matches!(self, Self::Frames(..) | Self::Text | Self::Table)
+        matches!(self, Self::Frames(..) | Self::Text | Self::Burst | Self::Table)
     }
 
     /// How long it lasts, ms.
@@ -108,7 +113,7 @@ impl WorldAct {
             Self::PowerCut(ms) | Self::FlashCut(_, ms) | Self::BabblingBus(ms) | Self::EmergencyStop(ms) => ms,
             Self::StuckSwitches(.., ms) | Self::BouncingSwitches(_, ms) => ms,
             Self::SilentServos(_, ms) | Self::BlockedServos(_, ms) => ms,
-            Self::Reset | Self::KillHost | Self::Frames(..) | Self::Text | Self::Table => 0,
+            Self::Reset | Self::KillHost | Self::Frames(..) | Self::Text | Self::Burst | Self::Table => 0,
         }
     }
 }
@@ -139,6 +144,8 @@ pub struct Script {
     pub loss_percent: u32,
     /// What the host does.
     pub host: Vec<Timed<HostAct>>,
+    /// What the second host does, in one seed of three.
+    pub second: Vec<Timed<HostAct>>,
     /// What happens to the board.
     pub world: Vec<Timed<WorldAct>>,
 }
@@ -150,12 +157,16 @@ impl Script {
         let (arm, tables) = draw_arm(&mut rng, seed);
         let loss_percent = LOSSES[rng.random_range(0..LOSSES.len())];
         let clock_ppm = rng.random_range(-20_000..=20_000);
-        let mut script = Self { seed, arm, tables, clock_ppm, loss_percent, host: Vec::new(), world: Vec::new() };
+        let (host, second, world) = (Vec::new(), Vec::new(), Vec::new());
+        let mut script = Self { seed, arm, tables, clock_ppm, loss_percent, host, second, world };
         if seed % 50 == 49 {
             script.poll_for_long(&mut rng);
         } else {
             script.draw_host(&mut rng);
             script.draw_world(&mut rng);
+            if seed % 3 == 1 {
+                script.draw_second(&mut rng);
+            }
         }
         script
     }
@@ -186,9 +197,34 @@ impl Script {
         }
     }
 
+    /// It connects in the midst of what the first host does.
+    fn draw_second(&mut self, rng: &mut ChaCha8Rng) {
+        let mut at_ms = rng.random_range(1_000..20_000);
+        for _ in 0..rng.random_range(4..14u8) {
+            let act = self.draw_second_act(rng);
+            self.second.push(Timed { at_ms, act, seed: rng.random() });
+            at_ms += rng.random_range(50..5_000);
+        }
+    }
+
+    fn draw_second_act(&self, rng: &mut ChaCha8Rng) -> HostAct {
+        let coil = rng.random_range(0..self.arm.coils.len().max(1)) as u8;
+        match rng.random_range(0..12u8) {
+            0 | 1 => HostAct::Upload(rng.random_range(0..self.tables.len())),
+            2 => HostAct::Play,
+            3 => HostAct::Stop,
+            4 => HostAct::BootstrapStop,
+            5 => HostAct::Clear,
+            6 | 7 => HostAct::Pulse(coil),
+            8 => HostAct::Coil(coil, rng.random_range(40..900)),
+            9 => HostAct::Word(rng.random()),
+            _ => HostAct::Poll(rng.random_range(1..20)),
+        }
+    }
+
     fn draw_host_act(&self, rng: &mut ChaCha8Rng) -> HostAct {
         let coil = rng.random_range(0..self.arm.coils.len().max(1)) as u8;
-        match rng.random_range(0..22u8) {
+        match rng.random_range(0..23u8) {
             0 => HostAct::Upload(rng.random_range(0..self.tables.len())),
             1..=3 => HostAct::Play,
             4 | 5 => HostAct::Stop,
@@ -202,6 +238,7 @@ impl Script {
             18 => HostAct::Poll(rng.random_range(1..20)),
             19 => HostAct::Calibrate(rng.random_range(-80..80)),
             20 => HostAct::Exhaust(coil, rng.random_range(0..self.tables.len())),
+            21 => HostAct::WrongWord(rng.random()),
             _ => HostAct::Events,
         }
     }
@@ -234,7 +271,7 @@ fn draw_arm(rng: &mut ChaCha8Rng, seed: u64) -> (ArmPlan, Vec<Table>) {
 
 fn draw_world_act(rng: &mut ChaCha8Rng) -> WorldAct {
     let lasts_ms = rng.random_range(20..2_500);
-    match rng.random_range(0..21u8) {
+    match rng.random_range(0..23u8) {
         0 | 1 => WorldAct::PowerCut(lasts_ms),
         2..=4 => WorldAct::FlashCut(rng.random_range(1..1_500), lasts_ms),
         5 => WorldAct::Reset,
@@ -247,6 +284,7 @@ fn draw_world_act(rng: &mut ChaCha8Rng) -> WorldAct {
         14..=16 => WorldAct::Frames(rng.random_range(1..120), rng.random_bool(0.7)),
         17 => WorldAct::Text,
         18 | 19 => WorldAct::Table,
+        20 | 21 => WorldAct::Burst,
         _ => WorldAct::EmergencyStop(lasts_ms),
     }
 }

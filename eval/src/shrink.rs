@@ -10,7 +10,7 @@ const MOST_RUNS: usize = 200;
 pub fn shrink(script: &Script, rule: &str) -> Script {
     let mut best = script.clone();
     let mut runs = 0;
-    let mut part = best.world.len().max(best.host.len()).max(1);
+    let mut part = best.world.len().max(best.host.len()).max(best.second.len()).max(1);
     while part > 0 && runs < MOST_RUNS {
         let mut smaller = false;
         for cut in cuts(&best, part) {
@@ -45,5 +45,6 @@ fn cuts(script: &Script, part: usize) -> Vec<Script> {
     };
     let mut all = without(script.world.len(), &|script, range| drop(script.world.drain(range)));
     all.extend(without(script.host.len(), &|script, range| drop(script.host.drain(range))));
+    all.extend(without(script.second.len(), &|script, range| drop(script.second.drain(range))));
     all
 }

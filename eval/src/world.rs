@@ -1,20 +1,19 @@
 //! Everything outside the host, on one virtual clock: board, plant, disturbances, hostile sender, judges.
 //!
-//! The client is synchronous: it asks a [`Link`] for bytes and waits. The world of a thread lives beside it, and the link
-//! steps it, one tick of the board at a time, until bytes are there or the wait is over. So a run has one thread, and its
-//! seed decides everything.
+//! The client is synchronous: it asks its link ([`Plug`]) for bytes and waits. That link steps the world of its thread, one
+//! tick of the board at a time, until bytes arrive or the wait is over. The [second host](crate::second_host) has a thread,
+//! but runs only while the world waits for it, so the seed decides everything.
 
-use std::cell::RefCell;
+mod plug;
+mod senders;
+
 use std::collections::{BTreeMap, VecDeque};
-use std::time::Duration;
 
 use darm::client::UploadImage;
 use darm::in_process::{Bench, MemoryFlash, Physical};
-use darm::link::{Link, LinkError};
 use darm::plant::{Broken, Plant};
 use darm_core::output::Wiring;
 use darm_core::units::Digest;
-use darm_core::wire::frame;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
@@ -25,14 +24,14 @@ use crate::judge::reports::{Ending, Reports};
 use crate::judge::servos::Servos;
 use crate::panics;
 use crate::script::{Script, Timed, WorldAct};
+use crate::second_host::SecondHost;
 use crate::trace::Trace;
+
+pub use plug::{Plug, enter, leave, pass, with};
+pub use senders::Party;
 
 /// No run lasts longer: whoever still waits finds the line closed.
 const MOST_NS: u64 = 600_000_000_000;
-
-thread_local! {
-    static WORLD: RefCell<Option<World>> = const { RefCell::new(None) };
-}
 
 /// A disturbance that lasts, with its end and what it draws from.
 struct Active {
@@ -64,6 +63,13 @@ pub struct World {
     host_link: u32,
     disturbed_ns: u64,
     hostile_ns: Option<u64>,
+    /// When the first and the second host sent something last that acts, ns.
+    acted_ns: [Option<u64>; 2],
+    /// Who sent a commit of which table when, ns.
+    commits: Vec<(Party, u64, u64)>,
+    second: Option<SecondHost>,
+    /// When a command and a stop came in one piece, ns, while nobody has sent anything since.
+    burst_ns: Option<u64>,
     happened: Vec<Physical>,
     /// Since when the emergency stop is pressed.
     pressed_ns: Option<u64>,
@@ -102,6 +108,10 @@ impl World {
             host_link: 0,
             disturbed_ns: 0,
             hostile_ns: None,
+            acted_ns: [None; 2],
+            commits: Vec::new(),
+            second: None,
+            burst_ns: None,
             happened: Vec::new(),
             pressed_ns: None,
             recovering: None,
@@ -128,13 +138,20 @@ impl World {
         self.trace.say(now_ns, who, what);
     }
 
-    /// The script's disturbances count from now on.
-    pub fn begin_acts(&mut self) {
+    /// The script's disturbances and its second host count from now on.
+    pub fn begin_acts(&mut self, script: &Script) {
         self.acts_from_ns = self.acts_from_ns.or(Some(self.now_ns()));
+        if !script.second.is_empty() {
+            *self.injected.entry("second host").or_default() += 1;
+            self.second = Some(SecondHost::start(script, self.now_ns()));
+        }
     }
 
-    /// Ends all disturbances: the power comes back, everything is repaired.
+    /// Ends all disturbances: the second host leaves, the power comes back, everything is repaired.
     pub fn calm_down(&mut self) {
+        if let Some(mut second) = self.second.take() {
+            second.close(self);
+        }
         self.acts.clear();
         self.bench.flash().restore();
         let now_ns = self.now_ns();
@@ -148,11 +165,6 @@ impl World {
         self.active.iter().all(armed) && self.disturbed_ns < since_ns
     }
 
-    /// True if somebody else has sent something since then.
-    pub fn is_hostile_since(&self, since_ns: u64) -> bool {
-        self.hostile_ns.is_some_and(|at| at >= since_ns)
-    }
-
     /// The host wants something.
     pub fn on_host_try(&mut self) {
         self.tried_ns = self.tried_ns.or(Some(self.now_ns()));
@@ -164,13 +176,6 @@ impl World {
         if let Some((kind, ended_ns)) = self.recovering.take() {
             self.recoveries.push((kind, (self.now_ns() - ended_ns.max(tried_ns)) / 1_000_000));
         }
-    }
-
-    /// What flash holds, for judge 2.
-    pub fn judge_loaded(&mut self, model: Option<u64>, rows: u16) {
-        let (now_ns, flash) = (self.now_ns(), self.bench.flash().clone());
-        self.reports.on_loaded(now_ns, model, rows, |image| flash.holds(image));
-        self.reports.on_overwrites(now_ns, flash.overwrites());
     }
 
     /// Cuts the power for a moment.
@@ -218,11 +223,19 @@ impl World {
         }
         if self.pins.high() != 0 {
             self.servos.on_lines_on(self.bench.now_ns());
+            self.judge_burst();
         }
         let received = self.bench.received();
         if !received.is_empty() {
             self.trace.mix(received.make_contiguous());
+            if let Some(second) = &mut self.second {
+                second.hear(received.iter().copied());
+            }
             self.inbox.extend(self.bench.received().drain(..));
+        }
+        if let Some(mut second) = self.second.take() {
+            second.step(self);
+            self.second = Some(second);
         }
     }
 
@@ -266,6 +279,7 @@ impl World {
         self.disturbed_ns = now_ns;
         if act.is_hostile() {
             self.hostile_ns = Some(now_ns);
+            self.burst_ns = None;
         }
         match act {
             WorldAct::PowerCut(_) => self.bench.power_off(),
@@ -293,6 +307,11 @@ impl World {
             }
             WorldAct::Text => self.send_hostile(hostile::any_line(&mut rng)),
             WorldAct::Table => self.send_table(&mut rng),
+            WorldAct::Burst => {
+                let sent = hostile::command_and_stop(&mut rng, self.wiring.coils.len() as u8);
+                self.send_hostile(sent);
+                self.burst_ns = Some(now_ns);
+            }
             _ => {}
         }
         let endless = matches!(act, WorldAct::FlashCut(..));
@@ -320,7 +339,8 @@ impl World {
         }
         let Some(table) = hostile::tables::beyond(rng, &self.wiring, self.profile) else { return };
         self.reports.know(table.known());
-        self.reports.on_upload(table.model, Ending::Unknown);
+        self.reports.on_upload(self.now_ns(), table.model, Ending::Unknown, &[]);
+        self.commits.push((Party::Hostile, table.model, self.now_ns()));
         table.angles_rad.iter().for_each(|&angle| self.servos.on_asked(angle));
         self.send_frames(&table.image, rng);
     }
@@ -411,92 +431,5 @@ impl World {
         }
         let now_s = self.bench.now_s();
         self.bench.plant_mut().set_broken(now_s, broken);
-    }
-
-    fn on_sent(&mut self, bytes: &[u8]) {
-        self.trace.mix(bytes);
-        let mut body = bytes.to_vec();
-        if let [0, encoded @ .., 0] = body.as_mut_slice()
-            && let Ok((header, _)) = frame::decode(encoded)
-            && header.link != 0
-        {
-            self.host_link = header.link;
-        }
-        self.bench.send(bytes);
-    }
-}
-
-/// Puts a world beside this thread's client.
-pub fn enter(world: World) {
-    WORLD.with_borrow_mut(|slot| *slot = Some(world));
-}
-
-/// Takes the world away again.
-pub fn leave() -> Option<World> {
-    WORLD.with_borrow_mut(Option::take)
-}
-
-/// Does something with the world of this thread.
-pub fn with<T>(act: impl FnOnce(&mut World) -> T) -> T {
-    WORLD.with_borrow_mut(|world| act(world.as_mut().expect("a client runs only beside a world")))
-}
-
-/// Lets so much time pass.
-pub fn pass(span_ms: u64) {
-    with(|world| {
-        let end_ns = world.now_ns() + span_ms * 1_000_000;
-        while world.now_ns() < end_ns {
-            world.step();
-        }
-    });
-}
-
-/// The host's end of the console, in the thread of the world.
-pub struct Plug(u32);
-
-impl Plug {
-    /// A new host's.
-    pub fn new() -> Self {
-        Self(with(World::plug_in))
-    }
-
-    fn closed(&self) -> LinkError {
-        LinkError::Closed { port: self.name().to_owned() }
-    }
-}
-
-impl Default for Plug {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl Link for Plug {
-    fn send(&mut self, bytes: &[u8]) -> Result<(), LinkError> {
-        let sent = with(|world| (!world.is_closed(self.0)).then(|| world.on_sent(bytes)));
-        sent.ok_or_else(|| self.closed())
-    }
-
-    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize, LinkError> {
-        let received = with(|world| {
-            let end_ns = world.now_ns() + timeout.as_nanos() as u64;
-            while world.inbox.is_empty() && world.now_ns() < end_ns && !world.is_closed(self.0) {
-                world.step();
-            }
-            (!world.is_closed(self.0)).then(|| {
-                let count = buffer.len().min(world.inbox.len());
-                buffer.iter_mut().zip(world.inbox.drain(..count)).for_each(|(slot, byte)| *slot = byte);
-                count
-            })
-        });
-        received.ok_or_else(|| self.closed())
-    }
-
-    fn now_s(&self) -> f64 {
-        with(|world| world.bench.now_s())
-    }
-
-    fn name(&self) -> &str {
-        "simulation"
     }
 }

@@ -41,6 +41,8 @@ fn every_disturbance_is_injected() {
         "hostile frames",
         "hostile text",
         "hostile table",
+        "command and stop in one piece",
+        "second host",
     ] {
         assert!(outcomes.iter().any(|outcome| outcome.injected.contains_key(kind)), "{kind}");
     }
@@ -61,6 +63,6 @@ fn a_seed_repeats_exactly() {
 fn every_mutant_still_applies() {
     let eval = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mutants = mutants::list(&eval.join("mutants")).expect("each begins with its description");
-    assert!(mutants.len() >= 16, "{} mutants", mutants.len());
+    assert!(mutants.len() >= 31, "{} mutants", mutants.len());
     mutants::check(eval.parent().expect("eval/ lies in the workspace"), &mutants).expect("patches that apply");
 }

@@ -4,6 +4,7 @@ pub mod generate;
 pub mod tables;
 
 use darm_core::sequencer::Command;
+use darm_core::wire::bootstrap;
 use darm_core::wire::frame::{self, Header, MAX_FRAME};
 use darm_core::wire::message::{REQUEST, Request};
 use rand::RngExt as _;
@@ -61,6 +62,17 @@ pub fn any_frame(rng: &mut ChaCha8Rng, link: u32, likely: &[u64]) -> Sent {
     }
     sent.what.truncate(160);
     sent
+}
+
+/// A command and a stop in one piece. The stop comes twice: what stood on the line before may cost one frame.
+pub fn command_and_stop(rng: &mut ChaCha8Rng, coils: u8) -> Sent {
+    let what = match rng.random_range(0..4u8) {
+        0 => "play".to_owned(),
+        _ => format!("coil {} on {}", rng.random_range(0..coils.max(1)), rng.random_range(40..700)),
+    };
+    let stop = framed(bootstrap::Request::Stop.tag(), 0, rng.random(), bootstrap::Request::Stop.payload());
+    let bytes = [format!("{what}\r").as_bytes(), &stop, &stop].concat();
+    Sent { bytes, what: format!("{what}, stop"), ..Sent::default() }
 }
 
 /// A line of text of known and unknown commands with arbitrary numbers.

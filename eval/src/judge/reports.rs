@@ -43,6 +43,8 @@ pub struct Reports {
     known: Vec<KnownTable>,
     /// What may be loaded: the models, `None` for no table.
     allowed: Vec<Option<u64>>,
+    /// What might be loaded before an upload was confirmed, and when that was, ns: a late answer may still name it.
+    replaced: Vec<(Option<u64>, u64)>,
     verdict: Verdict,
 }
 
@@ -59,18 +61,33 @@ impl Reports {
         }
     }
 
-    /// An upload ended.
-    pub fn on_upload(&mut self, model: u64, ending: Ending) {
+    /// An upload ended. `concurrent`: tables that others may have committed since it began.
+    pub fn on_upload(&mut self, now_ns: u64, model: u64, ending: Ending, concurrent: &[u64]) {
         match ending {
-            Ending::Done => self.allowed = vec![Some(model)],
+            Ending::Done => {
+                let allowed = std::iter::once(&model).chain(concurrent).map(|&model| Some(model)).collect();
+                let before = std::mem::replace(&mut self.allowed, allowed);
+                self.replaced.extend(before.into_iter().map(|model| (model, now_ns)));
+            }
             Ending::Unknown if !self.allowed.contains(&Some(model)) => self.allowed.push(Some(model)),
             Ending::Unknown | Ending::Refused => {}
         }
     }
 
-    /// The board says which table is loaded. `holds` says whether flash holds an image whole.
-    pub fn on_loaded(&mut self, now_ns: u64, model: Option<u64>, rows: u16, holds: impl Fn(&[u8]) -> bool) {
+    /// The board says which table is loaded, to a host that asked at `asked_ns`. `holds` says whether flash holds all
+    /// bytes of an image.
+    pub fn on_loaded(
+        &mut self,
+        now_ns: u64,
+        asked_ns: u64,
+        model: Option<u64>,
+        rows: u16,
+        holds: impl Fn(&[u8]) -> bool,
+    ) {
         if !self.allowed.contains(&model) {
+            if self.replaced.iter().any(|&(before, replaced_ns)| before == model && asked_ns <= replaced_ns) {
+                return;
+            }
             let allowed = &self.allowed;
             self.verdict.note(JUDGE, "table", now_ns, || {
                 format!(
@@ -89,7 +106,7 @@ impl Reports {
         }
         if !holds(&table.image) {
             self.verdict
-                .note(JUDGE, "mixed-table", now_ns, || format!("flash does not hold table {} whole", name(model)));
+                .note(JUDGE, "mixed-table", now_ns, || format!("flash does not hold all of table {}", name(model)));
         }
     }
 
@@ -125,6 +142,19 @@ impl Reports {
         } else if rises == 0 && ending == Ending::Done && undisturbed {
             self.verdict.note(JUDGE, "acts-once", now_ns, || "a command was confirmed and did not act".into());
         }
+    }
+
+    /// A command that no state of the arm obeys was confirmed.
+    pub fn on_impossible_confirmed(&mut self, now_ns: u64, command: &str) {
+        self.verdict.note(JUDGE, "impossible-confirmed", now_ns, || format!("the board confirmed {command}"));
+    }
+
+    /// Lines are on, so long after a stop that came in one piece with commands before it. Nobody has sent anything since.
+    pub fn on_lines_after_burst(&mut self, now_ns: u64, after_ns: u64, lines: u64) {
+        self.verdict.note(JUDGE, "acts-after-stop", now_ns, || {
+            let after_ms = after_ns / 1_000_000;
+            format!("the lines {lines:#x} are on {after_ms} ms after a stop that came in one piece behind a command")
+        });
     }
 
     /// Commands of coils whose times have passed, and the lines that are still on. Nothing else acted meanwhile.
@@ -203,8 +233,8 @@ mod tests {
     fn the_last_confirmed_table_or_a_later_one_of_unknown_ending() {
         let loaded = |endings: &[(u64, Ending)], model, rows| {
             let mut judge = judge();
-            endings.iter().for_each(|&(model, ending)| judge.on_upload(model, ending));
-            judge.on_loaded(0, model, rows, |_| true);
+            endings.iter().for_each(|&(model, ending)| judge.on_upload(5, model, ending, &[]));
+            judge.on_loaded(9, 9, model, rows, |_| true);
             judge.finish().firsts().iter().map(|(first, _)| first.rule).collect::<Vec<_>>()
         };
         assert!(loaded(&[], None, 0).is_empty());
@@ -213,6 +243,30 @@ mod tests {
         assert!(loaded(&[(1, Ending::Done), (2, Ending::Unknown)], Some(1), 1).is_empty());
         assert_eq!(loaded(&[(1, Ending::Done), (2, Ending::Refused)], Some(2), 2), ["table"]);
         assert_eq!(loaded(&[(1, Ending::Done)], Some(1), 2), ["mixed-table"]);
+    }
+
+    #[test]
+    fn the_table_of_another_host_that_committed_meanwhile() {
+        let loaded = |concurrent: &[u64], asked_ns, model| {
+            let mut judge = judge();
+            judge.on_upload(5, 1, Ending::Done, concurrent);
+            judge.on_loaded(9, asked_ns, model, model.unwrap_or(0) as u16, |_| true);
+            judge.finish().has("table")
+        };
+        assert!(loaded(&[], 9, Some(2)));
+        assert!(!loaded(&[2], 9, Some(2)));
+        assert!(loaded(&[], 9, None), "asked after the upload was confirmed");
+        assert!(!loaded(&[], 4, None), "asked before");
+    }
+
+    #[test]
+    fn an_impossible_command_and_lines_after_a_burst_are_seen() {
+        let mut judge = judge();
+        judge.on_impossible_confirmed(1, "a word of nine digits");
+        judge.on_lines_after_burst(2, 4_000_000, 0x10);
+        let verdict = judge.finish();
+        assert!(verdict.has("impossible-confirmed") && verdict.has("acts-after-stop"));
+        assert!(verdict.firsts()[1].0.sentence.contains("0x10 are on 4 ms after"));
     }
 
     #[test]
