@@ -7,6 +7,7 @@ pub mod arm;
 pub mod host;
 pub mod hostile;
 pub mod judge;
+pub mod markdown;
 pub mod mutants;
 pub mod panics;
 pub mod run;

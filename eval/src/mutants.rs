@@ -144,7 +144,8 @@ impl Scratch {
     fn build(&self) -> Result<()> {
         let mut build = Command::new("cargo");
         // Not the tree's own: cargo names the artifacts of both alike, and one would be taken for the other.
-        build.current_dir(&self.tree).env("CARGO_TARGET_DIR", &self.target);
+        // A file or two differ from the mutant before; without this each would take a build of all host tools.
+        build.current_dir(&self.tree).env("CARGO_TARGET_DIR", &self.target).env("CARGO_INCREMENTAL", "1");
         output(build.args(["build", "--quiet", "-p", "darm-eval", "--bin", "simulate"])).map(drop)
     }
 

@@ -67,7 +67,8 @@ impl Figures {
 /// Name of the row with the number of seeds.
 const SEEDS: &str = "simulate: seeds";
 
-fn broken(outcomes: &[Outcome]) -> Vec<Broken> {
+/// The rules that were broken, by seed.
+pub fn broken(outcomes: &[Outcome]) -> Vec<Broken> {
     let of = |outcome: &Outcome| {
         let seed = outcome.seed;
         let firsts = outcome.verdict.firsts().iter();
@@ -200,9 +201,14 @@ pub fn text(rows: &[Row]) -> String {
     text
 }
 
+/// How many mutants there were, and how many no rule caught.
+pub fn mutant_rows(mutants: usize, missed: usize) -> Vec<Row> {
+    vec![row("mutants", mutants as f64, ""), row("mutants: not caught", missed as f64, "")]
+}
+
 /// The same numbers for programs, with the rules that were broken in each seed.
-pub fn write_json(rows: &[Row], outcomes: &[Outcome], first_seed: u64, path: &Path) -> Result<()> {
+pub fn write_json(rows: &[Row], broken: Vec<Broken>, first_seed: u64, path: &Path) -> Result<()> {
     let versions = BTreeMap::from([("darm", env!("CARGO_PKG_VERSION"))]);
-    let text = serde_json::to_string_pretty(&Rows { rows, seed: first_seed, versions, broken: broken(outcomes) })?;
+    let text = serde_json::to_string_pretty(&Rows { rows, seed: first_seed, versions, broken })?;
     std::fs::write(path, text).with_context(|| format!("{} cannot be written", path.display()))
 }

@@ -6,7 +6,8 @@ use std::time::Instant;
 
 use anyhow::{Context as _, Result, bail};
 use clap::Parser;
-use darm_eval::mutants;
+use darm_eval::markdown;
+use darm_eval::mutants::{self, Mutant, Scratch};
 use darm_eval::run::{Outcome, run};
 use darm_eval::script::Script;
 use darm_eval::shrink::shrink;
@@ -43,6 +44,9 @@ struct Arguments {
     /// Stop soon after the first seed in which a rule is broken
     #[arg(long)]
     until_broken: bool,
+    /// Print the results as Markdown tables
+    #[arg(long)]
+    markdown: bool,
     /// Show all failing seeds as they are, without leaving out what does not matter
     #[arg(long)]
     no_shrink: bool,
@@ -80,11 +84,11 @@ impl Arguments {
             self.show(outcome);
         }
         let rows = summary::with_goals(summary::rows(&outcomes), &root().join("tests/goals.toml"))?;
-        print!("{}", summary::text(&rows));
+        print!("{}", if self.markdown { markdown::figures(&rows) } else { summary::text(&rows) });
         let per_seed_s = took_s * rayon::current_num_threads() as f64 / outcomes.len().max(1) as f64;
         eprintln!("{took_s:.1} s, {per_seed_s:.2} s of one core per seed");
         if let Some(path) = &self.json {
-            summary::write_json(&rows, &outcomes, from, path)?;
+            summary::write_json(&rows, summary::broken(&outcomes), from, path)?;
         }
         Ok(failed.is_empty())
     }
@@ -111,6 +115,7 @@ impl Arguments {
         let small = shrink(&Script::of(seed), first.rule);
         println!("  {} needs only:", first.rule);
         small.host.iter().for_each(|entry| println!("  {:6} ms host  {:?}", entry.at_ms, entry.act));
+        small.second.iter().for_each(|entry| println!("  {:6} ms second {:?}", entry.at_ms, entry.act));
         small.world.iter().for_each(|entry| println!("  {:6} ms world {:?}", entry.at_ms, entry.act));
     }
 
@@ -123,20 +128,44 @@ impl Arguments {
         if mutants.is_empty() {
             bail!("there is no mutant of this name in eval/mutants");
         }
-        let scratch = mutants::Scratch::new(root())?;
-        let mut all_caught = true;
-        for mutant in &mutants {
-            let caught = scratch.judge(mutant, from..to, self.all_seeds).with_context(|| mutant.name.clone())?;
-            let seeds = caught.seeds();
-            println!("{}: {}", mutant.name, mutant.description.trim());
-            match seeds.first() {
-                Some(first) => println!("  caught in {} of {} seeds, first in seed {first}", seeds.len(), caught.ran),
-                None => println!("  NOT CAUGHT in {} seeds", caught.ran),
-            }
-            caught.rules().iter().for_each(|(rule, count)| println!("  {rule}: {count}"));
-            all_caught &= !seeds.is_empty();
+        let scratch = Scratch::new(root())?;
+        if self.markdown {
+            println!("{}", markdown::MUTANTS);
         }
-        Ok(all_caught)
+        let (mut missed, mut failed) = (0, Vec::new());
+        for mutant in &mutants {
+            match scratch.judge(mutant, from..to, self.all_seeds) {
+                Ok(caught) => {
+                    self.print_mutant(mutant, &caught);
+                    missed += usize::from(caught.broken.is_empty());
+                }
+                // The others are still worth their time.
+                Err(error) => failed.push(format!("{}: {error:#}", mutant.name)),
+            }
+        }
+        let rows = summary::mutant_rows(mutants.len(), missed + failed.len());
+        let rows = summary::with_goals(rows, &root().join("tests/goals.toml"))?;
+        if let Some(path) = &self.json {
+            summary::write_json(&rows, Vec::new(), from, path)?;
+        }
+        if !failed.is_empty() {
+            bail!("{} mutants did not run:\n{}", failed.len(), failed.join("\n"));
+        }
+        Ok(missed == 0)
+    }
+
+    fn print_mutant(&self, mutant: &Mutant, caught: &mutants::Caught) {
+        if self.markdown {
+            println!("{}", markdown::mutant(&mutant.name, caught));
+            return;
+        }
+        let seeds = caught.seeds();
+        println!("{}: {}", mutant.name, mutant.description.trim());
+        match seeds.first() {
+            Some(first) => println!("  caught in {} of {} seeds, first in seed {first}", seeds.len(), caught.ran),
+            None => println!("  NOT CAUGHT in {} seeds", caught.ran),
+        }
+        caught.rules().iter().for_each(|(rule, count)| println!("  {rule}: {count}"));
     }
 }
 
