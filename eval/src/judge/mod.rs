@@ -38,7 +38,7 @@ pub struct ServoCeiling {
     pub timeout_ms: u32,
 }
 
-/// What must never be exceeded, whatever anybody sends: the whole interface between the board's profile and the judges.
+/// What must never be exceeded, whatever anybody sends: the complete interface between the board's profile and the judges.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Ceilings {
     /// Limits of each line; `None` where nothing is wired.

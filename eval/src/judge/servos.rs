@@ -200,8 +200,12 @@ impl Servos {
         }
     }
 
+    fn ceiling(&self, id: u8) -> Option<ServoCeiling> {
+        self.ceilings.servos.iter().copied().find(|servo| servo.id == id)
+    }
+
     fn check_goal(&mut self, now_ns: u64, id: u8, goal: u16, seen: &Seen) {
-        match self.ceilings.servos.iter().find(|servo| servo.id == id) {
+        match self.ceiling(id) {
             None => {
                 self.verdict.note(JUDGE, "servo-wiring", now_ns, || format!("servo {id} is driven and does not exist"))
             }
@@ -222,7 +226,7 @@ impl Servos {
     }
 
     fn check_speed(&mut self, now_ns: u64, id: u8, speed: u16) {
-        let Some(servo) = self.ceilings.servos.iter().find(|servo| servo.id == id) else { return };
+        let Some(servo) = self.ceiling(id) else { return };
         // 0 means the servo's own largest speed.
         if speed == 0 || speed > servo.max_steps_s {
             let max = servo.max_steps_s;
@@ -271,18 +275,15 @@ mod tests {
         packet(1, 3, &[40, 1, 0, p0, p1, 0, 0, s0, s1, 100, 0])
     }
 
+    /// The judge of one servo.
+    fn judge() -> Servos {
+        let servos = vec![ServoCeiling { id: 1, min_step: 1000, max_step: 3000, max_steps_s: 500, timeout_ms: 100 }];
+        Servos::new(Ceilings { lines: [None; 64], servos, new_loads: 1, budget_ms: 10, refresh_ms: 100, clock_ppm: 0 })
+    }
+
     /// A servo that was seen at its middle and is sent somewhere.
     fn rules(seen: bool, asked_rad: f32, step: u16, speed: u16) -> Vec<&'static str> {
-        let servo = ServoCeiling { id: 1, min_step: 1000, max_step: 3000, max_steps_s: 500, timeout_ms: 100 };
-        let servos = vec![servo];
-        let mut judge = Servos::new(Ceilings {
-            lines: [None; 64],
-            servos,
-            new_loads: 1,
-            budget_ms: 10,
-            refresh_ms: 100,
-            clock_ppm: 0,
-        });
+        let mut judge = judge();
         judge.on_asked(asked_rad);
         judge.on_bytes(0, true, &packet(1, 2, &[56, 6]));
         if seen {
@@ -306,15 +307,7 @@ mod tests {
     #[test]
     fn a_goal_that_a_calibration_changes_is_seen() {
         for (after, broken) in [(2100, false), (2050, false), (2140, true)] {
-            let servo = ServoCeiling { id: 1, min_step: 1000, max_step: 3000, max_steps_s: 500, timeout_ms: 100 };
-            let mut judge = Servos::new(Ceilings {
-                lines: [None; 64],
-                servos: vec![servo],
-                new_loads: 1,
-                budget_ms: 1,
-                refresh_ms: 100,
-                clock_ppm: 0,
-            });
+            let mut judge = judge();
             judge.on_bytes(0, true, &packet(1, 2, &[56, 6]));
             judge.on_bytes(0, false, &packet(1, 0, &[0, 8, 0, 0, 0, 0]));
             judge.on_bytes(1, true, &goal(2100, 9));
@@ -327,15 +320,7 @@ mod tests {
 
     #[test]
     fn silence_of_a_driven_servo_is_seen() {
-        let servo = ServoCeiling { id: 1, min_step: 1000, max_step: 3000, max_steps_s: 500, timeout_ms: 100 };
-        let mut judge = Servos::new(Ceilings {
-            lines: [None; 64],
-            servos: vec![servo],
-            new_loads: 1,
-            budget_ms: 1,
-            refresh_ms: 100,
-            clock_ppm: 0,
-        });
+        let mut judge = judge();
         judge.on_bytes(0, true, &packet(1, 2, &[56, 6]));
         judge.on_bytes(0, false, &packet(1, 0, &[0, 8, 0, 0, 0, 0]));
         judge.on_bytes(0, true, &goal(2048, 9));
