@@ -14,6 +14,28 @@ use crate::run::run;
 use crate::script::Script;
 use crate::summary::{Broken, Figures};
 
+/// Files that declare modules, with the modules that the simulation does without: they take most of a build's time.
+const UNUSED: [(&str, &[&str]); 2] = [
+    (
+        "host/src/lib.rs",
+        &[
+            "diagnose",
+            "grasp",
+            "identify",
+            "measurement",
+            "motion",
+            "plan",
+            "programme",
+            "qemu",
+            "reach",
+            "report",
+            "stops",
+            "synthesis",
+        ],
+    ),
+    ("host/src/plant/mod.rs", &["follow", "truth"]),
+];
+
 /// A defect as a patch.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mutant {
@@ -131,12 +153,13 @@ impl Scratch {
         let files = output(Command::new("git").current_dir(&self.root).args(["ls-files", "-z"]))?;
         for file in files.split('\0').filter(|file| !file.is_empty() && self.root.join(file).is_file()) {
             let (from, to) = (self.root.join(file), self.tree.join(file));
-            let same = std::fs::read(&to).is_ok_and(|old| std::fs::read(&from).is_ok_and(|new| new == old));
-            if same {
+            let text = std::fs::read(&from).with_context(|| format!("{file} cannot be read"))?;
+            let text = without_unused(file, text);
+            if std::fs::read(&to).is_ok_and(|old| old == text) {
                 continue;
             }
             std::fs::create_dir_all(to.parent().unwrap_or(&self.tree))?;
-            std::fs::copy(&from, &to).with_context(|| format!("{file} cannot be copied"))?;
+            std::fs::write(&to, text).with_context(|| format!("{file} cannot be copied"))?;
         }
         Ok(())
     }
@@ -163,6 +186,14 @@ impl Scratch {
             .with_context(|| format!("the mutant did not run: {}", String::from_utf8_lossy(&ran.stderr)))?;
         Ok(serde_json::from_str(&text)?)
     }
+}
+
+/// A file of the tree without the modules that the simulation does not use.
+fn without_unused(file: &str, text: Vec<u8>) -> Vec<u8> {
+    let Some((_, unused)) = UNUSED.iter().find(|(declares, _)| *declares == file) else { return text };
+    let is_unused = |line: &str| unused.iter().any(|module| line == format!("pub mod {module};\n"));
+    let text = String::from_utf8_lossy(&text);
+    text.split_inclusive('\n').filter(|line| !is_unused(line)).collect::<String>().into_bytes()
 }
 
 /// Copies what was built of crates from elsewhere, with the times that cargo compares.
@@ -193,4 +224,28 @@ fn output(command: &mut Command) -> Result<String> {
         bail!("{:?} failed: {}", command.get_program(), String::from_utf8_lossy(&output.stderr).trim());
     }
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{UNUSED, without_unused};
+
+    #[test]
+    fn unused_modules_are_left_out_of_the_copy_only_where_they_are_declared() {
+        let text = b"pub mod arm;\npub mod truth;\npub mod grasp;\n".to_vec();
+        assert_eq!(without_unused("host/src/lib.rs", text.clone()), b"pub mod arm;\npub mod truth;\n");
+        assert_eq!(without_unused("host/src/plant/mod.rs", text.clone()), b"pub mod arm;\npub mod grasp;\n");
+        assert_eq!(without_unused("shared/src/lib.rs", text.clone()), text);
+    }
+
+    #[test]
+    fn unused_modules_exist() {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("eval/ lies in the workspace");
+        for (file, modules) in UNUSED {
+            let text = std::fs::read_to_string(root.join(file)).expect("the file is in the tree");
+            for module in modules {
+                assert!(text.contains(&format!("\npub mod {module};\n")), "{file} does not declare {module}");
+            }
+        }
+    }
 }
