@@ -77,6 +77,8 @@ pub struct Host<'s> {
     rng: ChaCha8Rng,
     loss_percent: u32,
     client: Option<(Client, Counted)>,
+    /// How often it has tried to connect.
+    connections: u32,
     /// Number of the next event, and the start of the board that it belongs to.
     next_event: (u32, u64),
     /// Pieces that the line struck.
@@ -90,7 +92,16 @@ impl<'s> Host<'s> {
     pub fn new(script: &'s Script) -> Self {
         let rng = ChaCha8Rng::seed_from_u64(script.seed ^ 0x686f_7374);
         let (loss_percent, next_event) = (script.loss_percent, (0, 0));
-        Self { script, rng, loss_percent, client: None, next_event, struck: FaultCounts::default(), first_upload: None }
+        Self {
+            script,
+            rng,
+            loss_percent,
+            client: None,
+            connections: 0,
+            next_event,
+            struck: FaultCounts::default(),
+            first_upload: None,
+        }
     }
 
     /// Does all that the script says.
@@ -416,7 +427,9 @@ impl<'s> Host<'s> {
 
     fn connect(&mut self) {
         const EDGES: [u32; 6] = [0, 1, 0x7fff, 0x8000, 0xfffe, 0xffff];
-        let edge = EDGES[self.rng.random_range(0..EDGES.len())];
+        // Requests are numbered from the lower half on. A real host draws both: no two connections have one number.
+        self.connections += 1;
+        let edge = self.connections << 16 | EDGES[self.rng.random_range(0..EDGES.len())];
         let number = if self.rng.random() { edge } else { self.rng.random() };
         let loss = 0.01 * f64::from(self.loss_percent);
         let (drop, share) = (loss, loss / 3.0);
