@@ -7,12 +7,12 @@
 
 use std::fmt;
 
-use darm_core::output::Drive;
+use darm_core::output::{Drive, Wiring};
 use darm_core::table::{Board, Checker, MAX_ROWS, Record, Row, RowError, ServoAngles, TableError};
 use darm_core::units::{Micros, Word};
 
 use crate::arm::frames::check_word;
-use crate::arm::{Arm, FrameFault};
+use crate::arm::{Arm, FrameFault, WiringFault, wiring};
 use crate::client::UploadImage;
 
 /// Time that the arm is given to come to rest after the last actuator can have reached its stop.
@@ -67,6 +67,8 @@ pub enum PlanError {
         /// The dwell, s.
         dwell_s: f64,
     },
+    /// The arm does not fit the profile of the board.
+    Wiring(WiringFault),
     /// There is no visit.
     Empty,
     /// The program has more rows than the board holds.
@@ -90,6 +92,7 @@ impl fmt::Display for PlanError {
         match self {
             Self::Visit { visit, fault } => write!(f, "{visit}: {fault}"),
             Self::Dwell { visit, dwell_s } => write!(f, "{visit}: a dwell of {dwell_s} s cannot be kept"),
+            Self::Wiring(fault) => write!(f, "{fault}"),
             Self::Empty => write!(f, "there is nothing to visit"),
             Self::TooManyRows { rows } => {
                 write!(f, "the program has {rows} rows, the board holds {MAX_ROWS}; visit fewer places")
@@ -104,10 +107,12 @@ impl fmt::Display for PlanError {
 
 impl std::error::Error for PlanError {}
 
-/// Plans the rows that take `arm` through `visits`, for this board and its profile. `modules` are records of
+/// Plans the rows that take `arm` through `visits`, for this board; drives and limits are those of its profile. `modules` are records of
 /// modules and frames ([`crate::reach::board`]) that the table brings along, or none.
 pub fn plan(arm: &Arm, visits: &[Visit], board: &Board<'_>, modules: &[Record]) -> Result<Plan, PlanError> {
-    let mut timeline = Timeline { arm, rows: Vec::new(), served: Vec::new(), moved: vec![None; arm.n_actuators()] };
+    let wiring = wiring(arm, board.profile).map_err(PlanError::Wiring)?;
+    let (rest, moved) = (arm.rest(), vec![None; arm.n_actuators()]);
+    let mut timeline = Timeline { wiring: &wiring, rest, rows: Vec::new(), served: Vec::new(), moved };
     let mut windows = Vec::new();
     let mut free = Micros(0);
     for visit in visits {
@@ -123,7 +128,7 @@ pub fn plan(arm: &Arm, visits: &[Visit], board: &Board<'_>, modules: &[Record]) 
     if rows.len() > MAX_ROWS {
         return Err(PlanError::TooManyRows { rows: rows.len() });
     }
-    let image = encode(arm, &rows, free, board, modules).map_err(|error| match error {
+    let image = encode(arm, &wiring, &rows, free, board, modules).map_err(|error| match error {
         TableError::Row { row, error } => {
             let visit = served.get(usize::from(row)).or(served.last()).and_then(|&visit| visits.get(visit));
             PlanError::Row { visit: visit.map_or_else(String::new, |visit| visit.label.clone()), error }
@@ -147,7 +152,8 @@ fn check_visit(arm: &Arm, visit: &Visit) -> Result<(), PlanError> {
 
 /// The rows so far, and what still moves.
 struct Timeline<'a> {
-    arm: &'a Arm,
+    wiring: &'a Wiring,
+    rest: Word,
     rows: Vec<Row>,
     /// The visit that each row serves.
     served: Vec<usize>,
@@ -169,7 +175,7 @@ impl Timeline<'_> {
             self.served.push(index);
             at = at + self.window();
         }
-        let arrived = self.arm.wiring.actuators.iter().zip(&self.moved);
+        let arrived = self.wiring.actuators.iter().zip(&self.moved);
         let arrived = arrived.filter_map(|(wiring, moved)| Some((*moved)? + travel(wiring.travel_ms)));
         arrived.max().unwrap_or(started).max(started + turning) + SETTLE
     }
@@ -177,8 +183,7 @@ impl Timeline<'_> {
     /// The words from where the arm stands to `goal`, each feeding no more new coils than the supply can at once.
     fn steps(&self, goal: &Word) -> Vec<Word> {
         let from = self.word();
-        let wiring = &self.arm.wiring;
-        let limit = u32::from(wiring.switch_limit.new_coils);
+        let limit = u32::from(self.wiring.switch_limit.new_coils);
         let fed = |from: &Word, to: &Word| (self.newly_fed(from, to)).count_ones();
         // Everything that feeds nothing goes at once, in the first row.
         let mut word = from;
@@ -204,7 +209,7 @@ impl Timeline<'_> {
 
     /// Coils that begin to carry current, or pulse, between two words.
     fn newly_fed(&self, from: &Word, to: &Word) -> u64 {
-        let wiring = &self.arm.wiring;
+        let wiring = self.wiring;
         let (was, is) = (wiring.coils_on(from), wiring.coils_on(to));
         let latches = wiring.coils.iter().enumerate().filter(|(_, coil)| matches!(coil.drive, Drive::Latch { .. }));
         let latches = latches.fold(0u64, |latches, (index, _)| latches | 1 << index);
@@ -212,11 +217,11 @@ impl Timeline<'_> {
     }
 
     fn word(&self) -> Word {
-        self.rows.last().map_or(self.arm.rest(), |row| row.word)
+        self.rows.last().map_or(self.rest, |row| row.word)
     }
 
     fn window(&self) -> Micros {
-        travel(self.arm.wiring.switch_limit.window_ms).max(ROW_SPACING)
+        travel(self.wiring.switch_limit.window_ms).max(ROW_SPACING)
     }
 
     /// The earliest time at which no actuator that changes for `word` is still on its way.
@@ -224,7 +229,7 @@ impl Timeline<'_> {
         let from = self.word();
         let changing = (0..word.len()).filter(|&actuator| word.digit(actuator) != from.digit(actuator));
         let arrivals = changing.filter_map(|actuator| {
-            Some(self.moved[actuator]? + travel(self.arm.wiring.actuators.get(actuator)?.travel_ms))
+            Some(self.moved[actuator]? + travel(self.wiring.actuators.get(actuator)?.travel_ms))
         });
         arrivals.max().unwrap_or_default()
     }
@@ -246,8 +251,7 @@ impl Timeline<'_> {
     /// How long the servos turn after a row; before the first row the board takes them there itself.
     fn turning_time(&self, angles_rad: &ServoAngles) -> Micros {
         let Some(last) = self.rows.last() else { return Micros(0) };
-        let wiring = &self.arm.wiring.servos;
-        let times_s = wiring.iter().zip(&last.servos).zip(angles_rad).map(|((servo, from), to)| {
+        let times_s = self.wiring.servos.iter().zip(&last.servos).zip(angles_rad).map(|((servo, from), to)| {
             f64::from((to - from).abs()) / (SERVO_SPEED_SHARE * f64::from(servo.max_speed_rad_s))
         });
         Micros((times_s.fold(0.0, f64::max) * 1e6).ceil() as u64)
@@ -261,12 +265,13 @@ fn travel(millis: u16) -> Micros {
 /// The table's bytes, every record passed by the board's own checker.
 fn encode(
     arm: &Arm,
+    wiring: &Wiring,
     rows: &[Row],
     end: Micros,
     board: &Board<'_>,
     modules: &[Record],
 ) -> Result<UploadImage, TableError> {
-    let (wiring, profile) = (&arm.wiring, board.profile.digest);
+    let profile = board.profile.digest;
     let start = Record::Start { model: arm.hash(), device: board.device, profile, switch_limit: wiring.switch_limit };
     let records = std::iter::once(start)
         .chain(wiring.coils.iter().map(|coil| Record::Coil(*coil)))
@@ -290,14 +295,15 @@ mod tests {
 
     use super::*;
     use crate::board_profile::BoardProfile;
+    use crate::wired_arm::profile_of;
 
     fn arm(name: &str) -> Arm {
         Arm::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples").join(name)).unwrap()
     }
 
-    /// For a board whose profile allows just this arm.
+    /// For a board with the profile that the arm names.
     fn planned(arm: &Arm, visits: &[Visit]) -> Result<Plan, PlanError> {
-        plan(arm, visits, &BoardProfile::of("arm", &arm.wiring).board(None), &[])
+        plan(arm, visits, &profile_of(arm, None).unwrap().board(None), &[])
     }
 
     fn visit(word: &str, angle_rad: Option<f64>) -> Visit {
@@ -321,15 +327,17 @@ mod tests {
             stops in prop::collection::vec((0u16..4096, -1.0..1.0, 0.0..0.3), 1..60),
             new_coils in 1u8..7,
         ) {
-            let mut arm = arm("planar4-hybrid.toml");
-            arm.wiring.switch_limit.new_coils = new_coils;
+            let arm = arm("planar4-hybrid.toml");
+            let mut profile = profile_of(&arm, None).unwrap().profile;
+            profile.supply.new_coils = new_coils;
+            let profile = BoardProfile::new("less supply", profile);
             let visits: Vec<_> = stops
                 .iter()
                 .map(|&(bits, angle_rad, dwell_s)| {
                     Visit { dwell_s, ..visit(&format!("{bits:012b}"), Some(angle_rad)) }
                 })
                 .collect();
-            let plan = planned(&arm, &visits).unwrap();
+            let plan = plan(&arm, &visits, &profile.board(None), &[]).unwrap();
             prop_assert_eq!(plan.windows.len(), visits.len());
             for (visit, &(from, to)) in visits.iter().zip(&plan.windows) {
                 let last = plan.rows.iter().rfind(|row| row.at < to).unwrap();

@@ -105,9 +105,9 @@ fn sweep(drawn: &(Arm, Vec<DesiredFrame>)) {
 
 /// Two platforms of six legs on one another, 0.6 m each, and the frames of a few words.
 fn spatial_arm() -> (Arm, Vec<DesiredFrame>) {
-    let mut text = String::from("format = 1\nname = \"spatial\"\n[conditions]\ngravity_m_s2 = [0.0, 0.0, -9.81]\n");
+    let mut text = String::from("format = 2\nname = \"spatial\"\n[conditions]\ngravity_m_s2 = [0.0, 0.0, -9.81]\n");
     text += "[tool]\nmass_kg = 2.0\n";
-    for stage in 0..2 {
+    for _ in 0..2 {
         text += "[[stage]]\nkind = \"spatial-platform\"\nmass_kg = 3.0\n";
         text += "home = { position_m = [0.0, 0.0, 0.6], rotation_deg = [0.0, 0.0, 0.0] }\n";
         for leg in 0..6 {
@@ -118,7 +118,6 @@ fn spatial_arm() -> (Arm, Vec<DesiredFrame>) {
             let length = ((tx - bx).powi(2) + (ty - by).powi(2) + 0.36).sqrt();
             text += &format!("[[stage.leg]]\nbase_m = [{bx}, {by}, 0.0]\ntop_m = [{tx}, {ty}, 0.0]\n");
             text += &format!("length_m = [{length}, {}]\n", 1.25 * length);
-            text += &format!("coil = {{ drive = \"hold\", line = {} }}\n", 6 * stage + leg);
         }
     }
     let arm = Arm::parse(Path::new("spatial.toml"), &text).unwrap();

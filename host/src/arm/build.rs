@@ -5,17 +5,19 @@ use std::ops::Range;
 use darm_core::actuator::{Axis, DiscreteJoint, JointKind, Leg, MAX_STATES, Platform, ServoJoint, Stage};
 use darm_core::chain::{Chain, ChainError};
 use darm_core::model::{Mass, Model};
-use darm_core::output::{ActuatorWiring, Coil, Drive, LimitSwitch, ServoWiring, SwitchLimit, Wiring, WiringError};
+use darm_core::output::{MAX_ACTUATORS, MAX_COILS, MAX_SERVOS, ServoWiring, WiringError};
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, Pose2};
 use toml::Spanned;
 
 use super::raw::{
-    Number, RawArm, RawCoil, RawConditions, RawDrive, RawKind, RawLeg, RawMotion, RawPose, RawServo, RawStage,
-    RawSwitch,
+    Number, RawArm, RawConditions, RawHead, RawKind, RawLeg, RawMotion, RawPose, RawServo, RawStage, RawSwitch,
 };
 use super::source::Source;
-use super::{Arm, ArmError, ArmFault, ArmModel, ArmScratch, FORMAT, Labels, MAX_STAGES, ZERO_CELSIUS, effects};
+use super::{
+    Arm, ArmError, ArmFault, ArmModel, ArmScratch, Connection, FORMAT, Labels, MAX_STAGES, Places, Servo, ZERO_CELSIUS,
+    effects,
+};
 
 /// What is wrong, and the bytes of the file where it stands.
 type Wrong = (Range<usize>, ArmFault);
@@ -24,15 +26,19 @@ type Checked<T> = Result<T, Wrong>;
 const BAR: f64 = 1e5;
 const DEFAULT_TRAVEL_MS: u16 = 100;
 
-pub(super) fn arm(source: &Source) -> Result<Arm, ArmError> {
+pub(super) fn arm(source: &Source) -> Result<(Arm, Places), ArmError> {
+    let head: RawHead = source.parse()?;
+    let found = *head.format.get_ref();
+    if found != FORMAT {
+        return Err(source.wrong(head.format.span(), ArmFault::Format { found }));
+    }
     let raw: RawArm = source.parse()?;
-    build(&raw).map_err(|(span, fault)| source.wrong(span, fault))
+    let (mut arm, places) = build(&raw).map_err(|(span, fault)| source.wrong(span, fault))?;
+    arm.profile = raw.profile.map(|named| source.beside(&named));
+    Ok((arm, places))
 }
 
-fn build(raw: &RawArm) -> Checked<Arm> {
-    if *raw.format.get_ref() != FORMAT {
-        return Err((raw.format.span(), ArmFault::Format { found: *raw.format.get_ref() }));
-    }
+fn build(raw: &RawArm) -> Checked<(Arm, Places)> {
     if !(1..=MAX_STAGES).contains(&raw.stage.len()) {
         let fault = ArmFault::StageCount { found: raw.stage.len(), most: MAX_STAGES };
         return Err((raw.stage.last().map_or(0..0, Spanned::span), fault));
@@ -42,21 +48,17 @@ fn build(raw: &RawArm) -> Checked<Arm> {
         parts.add_stage(index, stage)?;
     }
     let model = model(raw, &mut parts)?;
-    parts.wiring.switch_limit = raw.switch_limit.as_ref().map_or(SwitchLimit::default(), |limit| SwitchLimit {
-        new_coils: limit.get_ref().new_coils,
-        window_ms: limit.get_ref().window_ms,
-    });
-    let switch_limit_span = raw.switch_limit.as_ref().map_or(0..0, Spanned::span);
-    parts.wiring.check().map_err(|error| (parts.span_of(&error, switch_limit_span), ArmFault::Wiring(error)))?;
     let arm = Arm {
         name: raw.name.clone(),
         model,
-        wiring: parts.wiring,
+        profile: None,
+        connections: parts.connections,
+        servos: parts.servos,
         length_scale_m: positive("length_scale_m", &raw.length_scale_m)?,
         labels: parts.labels,
     };
     check_poses(&arm, raw)?;
-    Ok(arm)
+    Ok((arm, parts.places))
 }
 
 fn model(raw: &RawArm, parts: &mut Parts) -> Checked<ArmModel> {
@@ -108,21 +110,20 @@ fn conditions(model: &mut ArmModel, raw: Option<&RawConditions>) -> Checked<()> 
 struct Parts {
     stages: heapless::Vec<Stage<f64>, MAX_STAGES>,
     masses: Vec<Mass<f64>>,
-    wiring: Wiring,
+    connections: Vec<Connection>,
+    servos: Vec<Servo>,
     labels: Labels,
-    coil_spans: Vec<Range<usize>>,
-    actuator_spans: Vec<Range<usize>>,
-    servo_spans: Vec<Range<usize>>,
-    /// Addresses of the servos on the bus, and the stage that each moves.
-    servo_ids: Vec<(u8, usize)>,
+    places: Places,
+    /// The stage that each servo moves.
+    servo_stages: Vec<usize>,
 }
 
-/// The keys by which a discrete actuator is wired, of a leg or of a joint.
+/// The keys by which a discrete actuator is connected to the board, of a leg or of a joint.
 struct RawActuator<'a> {
     span: Range<usize>,
     states: usize,
-    coil: Option<&'a Spanned<RawCoil>>,
-    coils: Option<&'a [Spanned<RawCoil>]>,
+    output: Option<&'a Spanned<u8>>,
+    outputs: Option<&'a Spanned<Vec<u8>>>,
     switch: Option<&'a Spanned<RawSwitch>>,
     travel_ms: Option<u16>,
 }
@@ -166,11 +167,11 @@ impl Parts {
         let own = ["left", "diagonal", "right"].get(index).filter(|_| LEGS == 3);
         let own = own.map_or_else(|| format!("{}", index + 1), |name| (*name).into());
         self.labels.actuators.push(raw.name.clone().unwrap_or(own));
-        self.wire(&RawActuator {
+        self.connect(&RawActuator {
             span: spanned.span(),
             states: lengths.len(),
-            coil: raw.coil.as_ref(),
-            coils: raw.coils.as_deref(),
+            output: raw.output.as_ref(),
+            outputs: raw.outputs.as_ref(),
             switch: raw.switch.as_ref(),
             travel_ms: raw.travel_ms,
         })?;
@@ -192,11 +193,11 @@ impl Parts {
             }
         };
         self.labels.actuators.push(self.labels.stages.last().cloned().unwrap_or_default());
-        self.wire(&RawActuator {
+        self.connect(&RawActuator {
             span,
             states: states.into(),
-            coil: raw.coil.as_ref(),
-            coils: raw.coils.as_deref(),
+            output: raw.output.as_ref(),
+            outputs: raw.outputs.as_ref(),
             switch: raw.switch.as_ref(),
             travel_ms: raw.travel_ms,
         })?;
@@ -204,91 +205,63 @@ impl Parts {
     }
 
     fn servo_joint(&mut self, raw: &RawStage) -> Checked<ServoJoint<f64>> {
-        let span = raw.kind.span();
-        let bus = needed(&raw.bus, "bus", "a servo", &span)?;
-        self.check_bus_id(bus)?;
-        let RawServo { id, min_deg, max_deg, max_speed_deg_s, max_torque, timeout_ms } = *bus.get_ref();
-        let radians = |degrees: Number| degrees.0.to_radians() as f32;
-        let servo = ServoWiring {
-            id,
-            min_rad: radians(min_deg),
-            max_rad: radians(max_deg),
-            max_speed_rad_s: radians(max_speed_deg_s),
-            max_torque: max_torque.0 as f32,
-            timeout_ms,
-        };
-        self.servo_spans.push(bus.span());
-        self.wiring.servos.push(servo).map_err(|_| (bus.span(), ArmFault::Wiring(WiringError::TooMany)))?;
+        let spanned = needed(&raw.servo, "servo", "a servo", &raw.kind.span())?;
+        let RawServo { id, min_deg, max_deg } = *spanned.get_ref();
+        let [min_rad, max_rad] = [min_deg, max_deg].map(|degrees| degrees.0.to_radians() as f32);
+        self.check_bus_id(id).map_err(|fault| (spanned.span(), fault))?;
+        let within = -ServoWiring::MAX_RAD <= min_rad && min_rad < max_rad && max_rad <= ServoWiring::MAX_RAD;
+        if !within || id > ServoWiring::MAX_ID {
+            return Err((spanned.span(), ArmFault::Servo { id }));
+        }
+        if self.servos.len() == MAX_SERVOS {
+            return Err((spanned.span(), ArmFault::Wiring(WiringError::TooMany)));
+        }
+        self.servos.push(Servo { id, min_rad, max_rad });
+        self.servo_stages.push(self.labels.stages.len() - 1);
+        self.places.servos.push(spanned.span());
         Ok(ServoJoint { axis: axis_of(raw)?, offset: raw.offset_deg.map_or(0.0, |degrees| degrees.0.to_radians()) })
     }
 
     /// Refuses an address of the bus that an earlier servo has: both would answer at once.
-    fn check_bus_id(&mut self, bus: &Spanned<RawServo>) -> Checked<()> {
-        let (id, stage) = (bus.get_ref().id, self.labels.stages.len() - 1);
-        if let Some(&(_, other)) = self.servo_ids.iter().find(|(other, _)| *other == id) {
-            let joints = [other, stage].map(|stage| self.labels.stages[stage].clone());
-            return Err((bus.span(), ArmFault::SameBusId { id, joints }));
+    fn check_bus_id(&self, id: u8) -> Result<(), ArmFault> {
+        let Some(earlier) = self.servos.iter().position(|servo| servo.id == id) else { return Ok(()) };
+        let stages = [self.servo_stages[earlier], self.labels.stages.len() - 1];
+        Err(ArmFault::SameBusId { id, joints: stages.map(|stage| self.labels.stages[stage].clone()) })
+    }
+
+    fn connect(&mut self, raw: &RawActuator) -> Checked<()> {
+        let closed_in = raw.switch.map(|switch| closed_in(switch, raw.states)).transpose()?;
+        let (one, more) = (raw.output.map(Spanned::get_ref), raw.outputs.map(Spanned::get_ref));
+        let outputs: Vec<u8> = one.into_iter().chain(more.into_iter().flatten()).copied().collect();
+        let span = raw.outputs.map(Spanned::span).or(raw.output.map(Spanned::span)).unwrap_or(raw.span.clone());
+        let wrong = |fault| Err((span.clone(), fault));
+        let (expected, found) = (if raw.states > 2 { 2 } else { 1 }, outputs.len());
+        if found != expected && found != 0 {
+            return wrong(ArmFault::OutputCount { expected, found });
         }
-        self.servo_ids.push((id, stage));
+        for (index, &output) in outputs.iter().enumerate() {
+            let mut used = self.connections.iter().flat_map(|other| &other.outputs).chain(&outputs[..index]);
+            if usize::from(output) >= MAX_COILS || used.any(|&other| other == output) {
+                return wrong(ArmFault::Wiring(WiringError::Output { output }));
+            }
+        }
+        if self.connections.len() == MAX_ACTUATORS {
+            return wrong(ArmFault::Wiring(WiringError::TooMany));
+        }
+        self.places.switches.push(raw.switch.map_or(span.clone(), Spanned::span));
+        self.places.outputs.push(span);
+        let travel_ms = raw.travel_ms.unwrap_or(DEFAULT_TRAVEL_MS);
+        self.connections.push(Connection { outputs, closed_in, travel_ms });
         Ok(())
     }
+}
 
-    fn wire(&mut self, raw: &RawActuator) -> Checked<()> {
-        let mut switch = None;
-        if let Some(spanned) = raw.switch {
-            let mut closed_in = 0;
-            for &state in &spanned.get_ref().closed_in {
-                if usize::from(state) >= raw.states {
-                    return Err((spanned.span(), ArmFault::SwitchState { state }));
-                }
-                closed_in |= 1 << state;
-            }
-            switch = Some(LimitSwitch { input: spanned.get_ref().input, closed_in });
-        }
-        let travel_ms = raw.travel_ms.unwrap_or(DEFAULT_TRAVEL_MS);
-        let wiring = ActuatorWiring { states: raw.states as u8, switch, travel_ms };
-        let too_many = |_| (raw.span.clone(), ArmFault::Wiring(WiringError::TooMany));
-        let coils: Vec<_> = raw.coil.into_iter().chain(raw.coils.into_iter().flatten()).collect();
-        if coils.len() != wiring.coils() {
-            let fault = ArmFault::CoilCount { expected: wiring.coils(), found: coils.len() };
-            return Err((raw.span.clone(), fault));
-        }
-        for spanned in coils {
-            let next = self.wiring.coils.len() as u8;
-            let coil = coil(spanned.get_ref(), next).map_err(|fault| (spanned.get_ref().drive.span(), fault))?;
-            self.coil_spans.push(spanned.span());
-            self.wiring.coils.push(coil).map_err(|_| too_many(()))?;
-        }
-        self.actuator_spans.push(raw.switch.map_or(raw.span.clone(), Spanned::span));
-        self.wiring.actuators.push(wiring).map_err(|_| too_many(()))
-    }
-
-    /// Where the part stands that the wiring's check refuses: of two that collide, the later one.
-    fn span_of(&self, error: &WiringError, switch_limit: Range<usize>) -> Range<usize> {
-        let uses = |coil: &Coil, wanted: u8| {
-            let (first, second) = coil.drive.lines();
-            first == wanted || second == Some(wanted)
-        };
-        let span = match *error {
-            WiringError::Line { line } => {
-                self.wiring.coils.iter().rposition(|coil| uses(coil, line)).and_then(|at| self.coil_spans.get(at))
-            }
-            WiringError::CoilCount { coil } => self.coil_spans.get(usize::from(coil)),
-            WiringError::CoilLimit { output } | WiringError::Output { output } => {
-                self.wiring.coils.iter().rposition(|coil| coil.output == output).and_then(|at| self.coil_spans.get(at))
-            }
-            WiringError::Input { input } => self
-                .wiring
-                .actuators
-                .iter()
-                .rposition(|actuator| actuator.switch.is_some_and(|switch| switch.input == input))
-                .and_then(|at| self.actuator_spans.get(at)),
-            WiringError::States { actuator } => self.actuator_spans.get(usize::from(actuator.0)),
-            WiringError::Servo { servo } => self.servo_spans.get(usize::from(servo)),
-            WiringError::SwitchLimit => Some(&switch_limit),
-            WiringError::TooMany => None,
-        };
-        span.cloned().unwrap_or(0..0)
+/// The states in which a limit switch is closed, bit `d` for digit `d`.
+fn closed_in(switch: &Spanned<RawSwitch>, states: usize) -> Checked<u8> {
+    let closed_in = &switch.get_ref().closed_in;
+    match closed_in.iter().find(|state| usize::from(**state) >= states) {
+        Some(&state) => Err((switch.span(), ArmFault::SwitchState { state })),
+        None => Ok(closed_in.iter().fold(0, |bits, state| bits | 1 << state)),
     }
 }
 
@@ -312,12 +285,12 @@ fn check_keys(raw: &RawStage) -> Result<(), ArmFault> {
         ("axis", raw.axis.is_some(), joint),
         ("value_m", raw.value_m.is_some(), discrete),
         ("value_deg", raw.value_deg.is_some(), discrete),
-        ("coil", raw.coil.is_some(), discrete),
-        ("coils", raw.coils.is_some(), discrete),
+        ("output", raw.output.is_some(), discrete),
+        ("outputs", raw.outputs.is_some(), discrete),
         ("switch", raw.switch.is_some(), discrete),
         ("travel_ms", raw.travel_ms.is_some(), discrete),
         ("offset_deg", raw.offset_deg.is_some(), kind == RawKind::Servo),
-        ("bus", raw.bus.is_some(), kind == RawKind::Servo),
+        ("servo", raw.servo.is_some(), kind == RawKind::Servo),
     ];
     match given.iter().find(|(_, given, allowed)| *given && !allowed) {
         Some((key, ..)) => Err(ArmFault::Useless { key, of }),
@@ -345,29 +318,6 @@ fn check_poses(arm: &Arm, raw: &RawArm) -> Checked<()> {
         }
     }
     Ok(())
-}
-
-/// A coil; `next` is the output where none is named.
-fn coil(raw: &RawCoil, next: u8) -> Result<Coil, ArmFault> {
-    let need = |value: Option<u8>, key, of| value.ok_or(ArmFault::Missing { key, of });
-    let drive = match raw.drive.get_ref() {
-        RawDrive::Hold => Drive::Hold { line: need(raw.line, "line", "a hold drive")? },
-        RawDrive::PeakHold => Drive::PeakHold {
-            pull: need(raw.pull, "pull", "a peak-hold drive")?,
-            hold: need(raw.hold, "hold", "a peak-hold drive")?,
-            peak_ms: raw.peak_ms.ok_or(ArmFault::Missing { key: "peak_ms", of: "a peak-hold drive" })?,
-        },
-        RawDrive::Latch => Drive::Latch {
-            set: need(raw.set, "set", "a latch drive")?,
-            reset: need(raw.reset, "reset", "a latch drive")?,
-            pulse_ms: raw.pulse_ms.ok_or(ArmFault::Missing { key: "pulse_ms", of: "a latch drive" })?,
-        },
-    };
-    let mut limit = drive.default_limit();
-    limit.max_on_ms = raw.max_on_ms.unwrap_or(limit.max_on_ms);
-    limit.duty_percent = raw.duty_percent.unwrap_or(limit.duty_percent);
-    limit.window_ms = raw.window_ms.unwrap_or(limit.window_ms);
-    Ok(Coil { output: raw.output.unwrap_or(next), drive, limit })
 }
 
 fn axis_of(raw: &RawStage) -> Checked<Axis<f64>> {

@@ -3,8 +3,10 @@
 use std::fmt;
 
 use darm_core::chain::ChainError;
-use darm_core::output::WiringError;
+use darm_core::output::{ServoWiring, WiringError};
 use darm_core::units::{Word, WordError};
+
+use super::WiringFault;
 
 /// What is wrong with an arm, and what to do about it.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,8 +72,8 @@ pub enum ArmFault {
         /// The value of the state before, m or rad.
         before: f64,
     },
-    /// An actuator with so many states needs another number of coils.
-    CoilCount {
+    /// An actuator with so many states needs another number of outputs.
+    OutputCount {
         /// How many it needs.
         expected: usize,
         /// How many are given.
@@ -110,8 +112,15 @@ pub enum ArmFault {
         /// The two servo joints, by their names.
         joints: [String; 2],
     },
-    /// The wiring cannot be run safely.
+    /// Address or range of a servo are out of bounds.
+    Servo {
+        /// The address.
+        id: u8,
+    },
+    /// No board could drive the arm: an output is named twice, or there are too many.
     Wiring(WiringError),
+    /// The profile of the board does not fit the arm.
+    Profile(WiringFault),
     /// The arm has no pose for a word that it must be able to take.
     NoPose {
         /// The word.
@@ -126,6 +135,11 @@ pub enum ArmFault {
 impl fmt::Display for ArmFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Format { found: 1 } => write!(
+                f,
+                "the file has format 1, in which the arm carried the limits of its board; bring it over by \
+                 `darm profile migrate OLD.toml -o NEW.toml --profile PROFILE.toml`"
+            ),
             Self::Format { found } => {
                 write!(f, "the file has format {found}, this program reads format {}", super::FORMAT)
             }
@@ -145,9 +159,9 @@ impl fmt::Display for ArmFault {
                 "state {state} at {value} is below state {} at {before}: a stroke below zero; give the states in growing order",
                 state - 1
             ),
-            Self::CoilCount { expected, found } => write!(
+            Self::OutputCount { expected, found } => write!(
                 f,
-                "the actuator has {found} coils; give {expected}: `coil` for two states, two in `coils` for three or four"
+                "the actuator has {found} outputs; give {expected}: `output` for two states, two in `outputs` for three or four"
             ),
             Self::SwitchState { state } => {
                 write!(
@@ -170,7 +184,14 @@ impl fmt::Display for ArmFault {
             Self::SameBusId { id, joints: [first, second] } => {
                 write!(f, "{first} and {second} have the bus address {id}; give each servo an `id` of its own")
             }
+            Self::Servo { id } => write!(
+                f,
+                "servo {id}: give an `id` of 0 to {}, and `min_deg` below `max_deg` within {:.0} degrees of 0",
+                ServoWiring::MAX_ID,
+                ServoWiring::MAX_RAD.to_degrees()
+            ),
             Self::Wiring(error) => write!(f, "{error}; correct the wiring"),
+            Self::Profile(fault) => write!(f, "{fault}"),
             Self::NoPose { word, module, reason } => {
                 let reason = reason_of(reason);
                 write!(f, "{module} has no pose for the word {word}: {reason}; change its leg lengths, anchors or home")
@@ -259,7 +280,7 @@ impl fmt::Display for FrameFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Format { found } => {
-                write!(f, "the file has format {found}, this program reads format {}", super::FORMAT)
+                write!(f, "the file has format {found}, this program reads format {}", super::frames::FORMAT)
             }
             Self::Word(error) => write!(f, "{error}; give one digit for each actuator, base first"),
             Self::NoWord => {

@@ -29,7 +29,10 @@ use toml::Spanned;
 use super::build::pose;
 use super::raw::{Number, RawPose};
 use super::source::Source;
-use super::{Arm, FORMAT, FileError, FrameFault, write};
+use super::{Arm, FileError, FrameFault, write};
+
+/// The version of the file format.
+pub const FORMAT: u32 = 1;
 
 /// Why a file gives no desired frames.
 pub type FramesError = FileError<FrameFault>;

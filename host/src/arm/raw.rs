@@ -5,11 +5,19 @@ use std::collections::BTreeMap;
 use serde::Deserialize;
 use toml::Spanned;
 
+/// What every version of the format begins with.
+#[derive(Deserialize)]
+pub(crate) struct RawHead {
+    pub(crate) format: Spanned<u32>,
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawArm {
-    pub(super) format: Spanned<u32>,
+    #[expect(dead_code, reason = "checked before, in `RawHead`")]
+    format: u32,
     pub(super) name: String,
+    pub(super) profile: Option<String>,
     #[serde(default)]
     pub(super) model: u32,
     #[serde(default = "default_length_scale")]
@@ -17,7 +25,6 @@ pub(super) struct RawArm {
     pub(super) conditions: Option<RawConditions>,
     pub(super) mount: Option<Spanned<RawPose>>,
     pub(super) tool: Option<Spanned<RawTool>>,
-    pub(super) switch_limit: Option<Spanned<RawSwitchLimit>>,
     #[serde(default)]
     pub(super) stage: Vec<Spanned<RawStage>>,
     #[serde(default)]
@@ -66,13 +73,6 @@ pub(super) struct RawTool {
     pub(super) center_m: Option<[Number; 3]>,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RawSwitchLimit {
-    pub(super) new_coils: u8,
-    pub(super) window_ms: u16,
-}
-
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum RawKind {
@@ -108,13 +108,13 @@ pub(super) struct RawStage {
     pub(super) axis: Option<Spanned<[Number; 3]>>,
     pub(super) value_m: Option<Spanned<Vec<Number>>>,
     pub(super) value_deg: Option<Spanned<Vec<Number>>>,
-    pub(super) coil: Option<Spanned<RawCoil>>,
-    pub(super) coils: Option<Vec<Spanned<RawCoil>>>,
+    pub(super) output: Option<Spanned<u8>>,
+    pub(super) outputs: Option<Spanned<Vec<u8>>>,
     pub(super) switch: Option<Spanned<RawSwitch>>,
     pub(super) travel_ms: Option<u16>,
     /// Of a servo.
     pub(super) offset_deg: Option<Number>,
-    pub(super) bus: Option<Spanned<RawServo>>,
+    pub(super) servo: Option<Spanned<RawServo>>,
 }
 
 #[derive(Deserialize)]
@@ -124,41 +124,15 @@ pub(super) struct RawLeg {
     pub(super) base_m: Spanned<Vec<Number>>,
     pub(super) top_m: Spanned<Vec<Number>>,
     pub(super) length_m: Spanned<Vec<Number>>,
-    pub(super) coil: Option<Spanned<RawCoil>>,
-    pub(super) coils: Option<Vec<Spanned<RawCoil>>>,
+    pub(super) output: Option<Spanned<u8>>,
+    pub(super) outputs: Option<Spanned<Vec<u8>>>,
     pub(super) switch: Option<Spanned<RawSwitch>>,
     pub(super) travel_ms: Option<u16>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum RawDrive {
-    Hold,
-    PeakHold,
-    Latch,
-}
-
-#[derive(Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RawCoil {
-    pub(super) output: Option<u8>,
-    pub(super) drive: Spanned<RawDrive>,
-    pub(super) line: Option<u8>,
-    pub(super) pull: Option<u8>,
-    pub(super) hold: Option<u8>,
-    pub(super) peak_ms: Option<u16>,
-    pub(super) set: Option<u8>,
-    pub(super) reset: Option<u8>,
-    pub(super) pulse_ms: Option<u16>,
-    pub(super) max_on_ms: Option<u32>,
-    pub(super) duty_percent: Option<u8>,
-    pub(super) window_ms: Option<u32>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawSwitch {
-    pub(super) input: u8,
     pub(super) closed_in: Vec<u8>,
 }
 
@@ -168,9 +142,6 @@ pub(super) struct RawServo {
     pub(super) id: u8,
     pub(super) min_deg: Number,
     pub(super) max_deg: Number,
-    pub(super) max_speed_deg_s: Number,
-    pub(super) max_torque: Number,
-    pub(super) timeout_ms: u16,
 }
 
 #[derive(Deserialize)]

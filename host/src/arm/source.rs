@@ -63,6 +63,11 @@ impl Source {
         })
     }
 
+    /// A path that the file names: relative to the folder of the file.
+    pub(crate) fn beside(&self, named: &str) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).join(named)
+    }
+
     pub(crate) fn text(&self) -> &str {
         &self.text
     }
@@ -82,6 +87,16 @@ impl Source {
         let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
         Place { line: before.matches('\n').count() + 1, column: before[line_start..].chars().count() + 1 }
     }
+}
+
+/// The path by which the file at `from` names the file at `to`: the inverse of [`Source::beside`].
+pub(crate) fn path_between(from: &Path, to: &Path) -> PathBuf {
+    let real = |path: &Path| path.canonicalize().or_else(|_| std::path::absolute(path)).unwrap_or(path.into());
+    let folder = from.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let (folder, to) = (real(folder), real(to));
+    let common = folder.components().zip(to.components()).take_while(|(one, other)| one == other).count();
+    let up = std::iter::repeat_n(Path::new(".."), folder.components().count() - common);
+    up.chain(to.components().skip(common).map(|component| Path::new(component.as_os_str()))).collect()
 }
 
 impl<F: fmt::Display> fmt::Display for FileError<F> {

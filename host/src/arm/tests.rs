@@ -21,9 +21,9 @@ use super::*;
 
 const PLANAR4: &str = include_str!("../../../examples/planar4.toml");
 
-/// A link, both kinds of discrete joints, a servo, all drives.
+/// A link, both kinds of discrete joints, a servo.
 const MIXED: &str = r#"
-format = 1
+format = 2
 name = "mixed \"arm\""
 model = 3
 length_scale_m = 0.3
@@ -40,18 +40,18 @@ kind = "discrete-joint"
 motion = "prismatic"
 axis = [0.0, 1.0, 1.0]
 value_m = [0.0, 0.1, 0.25]
-coils = [{ drive = "peak-hold", pull = 0, hold = 1, peak_ms = 50 }, { drive = "latch", set = 2, reset = 3, pulse_ms = 20 }]
-switch = { input = 4, closed_in = [0, 2] }
+outputs = [7, 2]
+switch = { closed_in = [0, 2] }
 
 [[stage]]
 kind = "discrete-joint"
 value_deg = [-30.0, 12.345678901234]
-coil = { drive = "hold", line = 4 }
+output = 4
 
 [[stage]]
 kind = "servo"
 offset_deg = 1.5
-bus = { id = 2, min_deg = -90, max_deg = 90, max_speed_deg_s = 45.5, max_torque = 0.7, timeout_ms = 50 }
+servo = { id = 2, min_deg = -90, max_deg = 90 }
 "#;
 
 fn parse(text: &str) -> Result<Arm, ArmError> {
@@ -84,7 +84,7 @@ fn what_is_written_reads_as_it_was() {
 
 #[test]
 fn a_platform_in_space_reads_as_it_was() {
-    let mut text = String::from("format = 1\nname = \"hexapod\"\n\n[[stage]]\nkind = \"spatial-platform\"\n");
+    let mut text = String::from("format = 2\nname = \"hexapod\"\n\n[[stage]]\nkind = \"spatial-platform\"\n");
     text += "home = { position_m = [0.0, 0.0, 0.6], rotation_deg = [0.0, 0.0, 0.0] }\n";
     for leg in 0..6 {
         let on_circle = |radius: f64, degrees: f64| {
@@ -95,7 +95,7 @@ fn a_platform_in_space_reads_as_it_was() {
         let length = (top + Vec3::new(0.0, 0.0, 0.6) - base).norm();
         text +=
             &format!("[[stage.leg]]\nbase_m = [{}, {}, 0.0]\ntop_m = [{}, {}, 0.0]\n", base.x, base.y, top.x, top.y);
-        text += &format!("length_m = [{length}, {}]\ncoil = {{ drive = \"hold\", line = {leg} }}\n", 1.25 * length);
+        text += &format!("length_m = [{length}, {}]\noutput = {leg}\n", 1.25 * length);
     }
     let arm = parse(&text).unwrap();
     assert_eq!((arm.n_actuators(), arm.model.chain.is_planar()), (6, false));
@@ -154,49 +154,72 @@ fn files_read_and_write() {
     let path = folder.path().join("arm.toml");
     let arm = parse(PLANAR4).unwrap();
     arm.write(&path).unwrap();
-    assert_eq!(Arm::read(&path).unwrap(), arm);
+    let again = Arm::read(&path).unwrap();
+    assert_eq!(again.hash(), arm.hash(), "where its profile is does not make it another model");
+    assert_eq!(Arm { profile: arm.profile.clone(), ..again }, arm);
     let missing = Arm::read(&folder.path().join("none.toml")).unwrap_err().to_string();
     assert!(missing.ends_with("none.toml: No such file or directory (os error 2)"), "{missing}");
 }
 
 #[test]
+fn the_profile_is_named_by_its_path_from_the_arm_file() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir_all(folder.path().join("arms/new")).unwrap();
+    let [old, new] = ["arms/old.toml", "arms/new/arm.toml"].map(|name| folder.path().join(name));
+    std::fs::write(&old, PLANAR4.replace("\"planar4.profile.toml\"", "\"../board.toml\"")).unwrap();
+    let arm = Arm::read(&old).unwrap();
+    assert_eq!(arm.profile, Some(folder.path().join("arms/../board.toml")));
+    std::fs::write(folder.path().join("board.toml"), "").unwrap();
+    arm.write(&new).unwrap();
+    let text = std::fs::read_to_string(&new).unwrap();
+    assert!(text.contains("\nprofile = \"../../board.toml\"\n"), "{text}");
+    Arm { profile: None, ..arm }.write(&new).unwrap();
+    assert_eq!(Arm::read(&new).unwrap().profile, None);
+}
+
+#[test]
 fn mistakes_are_told_by_line_and_column() {
     let cases = [
-        ("format = 1", "format = 2", "5:10: the file has format 2, this program reads format 1"),
-        ("model = 0", "model = ", "7:9: string values must be quoted, expected literal string"),
+        ("format = 2", "format = 3", "5:10: the file has format 3, this program reads format 2"),
+        (
+            "format = 2",
+            "format = 1",
+            "5:10: the file has format 1, in which the arm carried the limits of its board; bring it over by `darm profile \
+             migrate OLD.toml -o NEW.toml --profile PROFILE.toml`",
+        ),
+        ("model = 0", "model = ", "8:9: string values must be quoted, expected literal string"),
         (
             "model = 0",
             "modle = 0",
-            "7:1: unknown field `modle`, expected one of `format`, `name`, `model`, `length_scale_m`, `conditions`, \
-             `mount`, `tool`, `switch_limit`, `stage`, `effect`",
+            "8:1: unknown field `modle`, expected one of `format`, `name`, `profile`, `model`, `length_scale_m`, `conditions`, \
+             `mount`, `tool`, `stage`, `effect`",
         ),
         (
             "[1.0, 1.25]",
             "[1.0, 0.75]",
-            "32:12: state 1 at 0.75 is below state 0 at 1: a stroke below zero; give the states in growing order",
+            "29:12: state 1 at 0.75 is below state 0 at 1: a stroke below zero; give the states in growing order",
         ),
-        ("[1.0, 1.25]", "[1.0, nan]", "32:12: the number has to be finite"),
-        ("[1.0, 1.25]", "[1.0]", "32:12: the actuator has 1 states; give 2 to 4, digit 0 first"),
-        ("[-0.5, 0.0]", "[-0.5, 0.0, 0.0]", "30:10: 3 coordinates are given; give 2, in metres"),
-        ("line = 1,", "line = 0,", "42:8: line 0 is used twice or is not one of 0 to 63; correct the wiring"),
-        ("input = 3,", "input = 2,", "67:10: switch input 2 is used twice or does not exist; correct the wiring"),
+        ("[1.0, 1.25]", "[1.0, nan]", "29:12: the number has to be finite"),
+        ("[1.0, 1.25]", "[1.0]", "29:12: the actuator has 1 states; give 2 to 4, digit 0 first"),
+        ("[-0.5, 0.0]", "[-0.5, 0.0, 0.0]", "27:10: 3 coordinates are given; give 2, in metres"),
+        ("output = 1\n", "output = 0\n", "39:10: output 0 is used twice or is not one of 0 to 47; correct the wiring"),
         (
-            "line = 4, duty_percent = 100 }",
-            "line = 4, duty_percent = 120 }",
-            "75:8: output 4: on-time and window must be 16 to 3600000 ms, duty 1 to 100 %, a pulse at most 1000 ms and the \
-             on-time, a peak at most 10000 ms; correct the wiring",
+            "output = 4\n",
+            "output = 48\n",
+            "72:10: output 48 is used twice or is not one of 0 to 47; correct the wiring",
+        ),
+        (
+            "output = 4\n",
+            "outputs = [4, 14]\n",
+            "72:11: the actuator has 2 outputs; give 1: `output` for two states, two in `outputs` for three or four",
         ),
         (
             "closed_in = [1]",
             "closed_in = [2]",
-            "34:10: the switch is closed in state 2, which the actuator does not have; correct `closed_in`",
+            "31:10: the switch is closed in state 2, which the actuator does not have; correct `closed_in`",
         ),
-        (
-            "new_coils = 6",
-            "new_coils = 0",
-            "18:1: 1 to 16 coils may switch within a window of 1 to 10000 ms; correct the wiring",
-        ),
-        ("planar-platform", "link", "23:8: a link has no key `home`; remove it"),
+        ("{ closed_in", "{ input = 3, closed_in", "31:12: unknown field `input`, expected `closed_in`"),
+        ("planar-platform", "link", "20:8: a link has no key `home`; remove it"),
     ];
     for (from, to, expected) in cases {
         assert_eq!(message(from, to), format!("arm.toml:{expected}"));
@@ -208,11 +231,11 @@ fn a_base_line_that_does_not_stand_is_told_by_module_and_word() {
     let parallel = message("top_m = [0.5, 0.0]\nlength_m = [1.4", "top_m = [-0.5, 0.0]\nlength_m = [1.0");
     assert_eq!(
         parallel,
-        "arm.toml:23:8: module 1 has no pose for the word 000000000000: the platform is near a singular posture: \
+        "arm.toml:20:8: module 1 has no pose for the word 000000000000: the platform is near a singular posture: \
          determinant -0.0e0 of at least 1e-2; change its leg lengths, anchors or home"
     );
     let too_long = message("1.25]", "9.0]");
-    assert!(too_long.starts_with("arm.toml:23:8: module 1 has no pose for the word 111111111111: "), "{too_long}");
+    assert!(too_long.starts_with("arm.toml:20:8: module 1 has no pose for the word 111111111111: "), "{too_long}");
 }
 
 #[test]
@@ -220,13 +243,13 @@ fn effects_that_cannot_be_are_told() {
     let message = |effect: &str| parse(&format!("{PLANAR4}\n[[effect]]\nlaw = {effect}\n")).unwrap_err().to_string();
     assert_eq!(
         message("\"sag\"\nvalues = {}"),
-        "arm.toml:155:7: there is no law `sag`; the laws are stroke-loss, anchor-offset, gravity-sag, play, \
+        "arm.toml:152:7: there is no law `sag`; the laws are stroke-loss, anchor-offset, gravity-sag, play, \
          supply-stroke, thermal-growth, step, drift, wear, crowding, base-offset, tool-offset, scale, joint-offset, fitted-term"
     );
-    assert_eq!(message("\"play\"\nvalues = { w = 1.0 }"), "arm.toml:155:7: the values of this law are width_m");
+    assert_eq!(message("\"play\"\nvalues = { w = 1.0 }"), "arm.toml:152:7: the values of this law are width_m");
     assert_eq!(
         message("\"play\"\nmodule = 4\nvalues = { width_m = 1.0 }"),
-        "arm.toml:155:7: the effect acts on an actuator, module or state that is missing or does not exist; both \
+        "arm.toml:152:7: the effect acts on an actuator, module or state that is missing or does not exist; both \
          count from 0 at the base"
     );
 }
@@ -265,6 +288,6 @@ fn two_servos_with_one_address_are_refused_by_line_and_column() {
     let servo = MIXED.rsplit_once("[[stage]]").unwrap().1;
     let twice = format!("{MIXED}\n[[stage]]\nname = \"wrist\"{servo}");
     let error = parse(&twice).unwrap_err().to_string();
-    assert_eq!(error, "arm.toml:36:7: module 3 and wrist have the bus address 2; give each servo an `id` of its own");
+    assert_eq!(error, "arm.toml:36:9: module 3 and wrist have the bus address 2; give each servo an `id` of its own");
     assert!(parse(&twice.replacen("id = 2", "id = 3", 1)).is_ok());
 }

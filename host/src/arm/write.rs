@@ -1,26 +1,31 @@
 //! The canonical text of an arm file.
 
 use std::fmt::{self, Write};
+use std::path::Path;
 
 use darm_core::actuator::{Axis, JointKind, Leg, Stage};
 use darm_core::model::Mass;
-use darm_core::output::{Coil, Drive, ServoWiring};
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, Pose2};
 
-use super::{Arm, FORMAT, ZERO_CELSIUS, effects};
+use super::{Arm, FORMAT, Servo, ZERO_CELSIUS, effects};
 
-/// Every key in one order; what is read back and written again is the same text.
-pub(super) fn toml(arm: &Arm) -> String {
+/// Every key in one order; what is read back and written again is the same text. `profile` is the path of the board's
+/// profile as the file names it.
+pub(super) fn toml(arm: &Arm, profile: Option<&Path>) -> String {
     let mut text = String::new();
     // A string takes whatever is written to it.
-    let _ = write_arm(&mut text, arm);
+    let _ = write_arm(&mut text, arm, profile);
     text
 }
 
-fn write_arm(w: &mut String, arm: &Arm) -> fmt::Result {
+fn write_arm(w: &mut String, arm: &Arm, profile: Option<&Path>) -> fmt::Result {
     let model = &arm.model;
-    writeln!(w, "format = {FORMAT}\nname = {}\nmodel = {}", quoted(&arm.name), model.number)?;
+    writeln!(w, "format = {FORMAT}\nname = {}", quoted(&arm.name))?;
+    if let Some(profile) = profile {
+        writeln!(w, "profile = {}", quoted(&profile.to_string_lossy()))?;
+    }
+    writeln!(w, "model = {}", model.number)?;
     writeln!(w, "length_scale_m = {:?}\n", arm.length_scale_m)?;
     writeln!(w, "[conditions]\ngravity_m_s2 = {}", list(model.gravity.as_slice()))?;
     writeln!(w, "supply_bar = {:?}", tidy(model.nominal_supply / 1e5))?;
@@ -30,9 +35,7 @@ fn write_arm(w: &mut String, arm: &Arm) -> fmt::Result {
     writeln!(w, "[mount]\n{}\n", pose_lines(&model.chain.mount))?;
     writeln!(w, "[tool]\npose = {}", pose(&model.chain.tool))?;
     write_mass(w, &model.payload)?;
-    let limit = arm.wiring.switch_limit;
-    writeln!(w, "\n[switch_limit]\nnew_coils = {}\nwindow_ms = {}", limit.new_coils, limit.window_ms)?;
-    let mut parts = Wired { arm, actuator: 0, servo: 0 };
+    let mut parts = Parts { arm, actuator: 0, servo: 0 };
     for index in 0..model.chain.stages.len() {
         parts.write_stage(w, index)?;
     }
@@ -48,13 +51,13 @@ fn write_arm(w: &mut String, arm: &Arm) -> fmt::Result {
 }
 
 /// The arm, and the actuator and servo that come next.
-struct Wired<'a> {
+struct Parts<'a> {
     arm: &'a Arm,
     actuator: usize,
     servo: usize,
 }
 
-impl Wired<'_> {
+impl Parts<'_> {
     fn write_stage(&mut self, w: &mut String, index: usize) -> fmt::Result {
         let stage = &self.arm.model.chain.stages[index];
         let kind = match stage {
@@ -83,14 +86,14 @@ impl Wired<'_> {
                     JointKind::Prismatic => writeln!(w, "motion = \"prismatic\"\nvalue_m = {}", list(values))?,
                 }
                 write_axis(w, &joint.axis)?;
-                self.write_wiring(w)
+                self.write_connection(w)
             }
             Stage::Servo(joint) => {
                 write_axis(w, &joint.axis)?;
                 writeln!(w, "offset_deg = {:?}", tidy(joint.offset.to_degrees()))?;
-                let bus = self.arm.wiring.servos.get(self.servo);
+                let own = self.arm.servos.get(self.servo);
                 self.servo += 1;
-                bus.map_or(Ok(()), |bus| writeln!(w, "bus = {}", servo(bus)))
+                own.map_or(Ok(()), |own| writeln!(w, "servo = {}", servo(own)))
             }
         }
     }
@@ -101,24 +104,22 @@ impl Wired<'_> {
         writeln!(w, "base_m = {}", list(&leg.base.as_slice()[..dimension]))?;
         writeln!(w, "top_m = {}", list(&leg.top.as_slice()[..dimension]))?;
         writeln!(w, "length_m = {}", list(&leg.length_m[..leg.states.into()]))?;
-        self.write_wiring(w)
+        self.write_connection(w)
     }
 
-    fn write_wiring(&mut self, w: &mut String) -> fmt::Result {
-        let wiring = &self.arm.wiring;
-        let Some(actuator) = wiring.actuators.get(self.actuator) else { return Ok(()) };
-        let first = wiring.first_coil(self.actuator);
-        let coils: Vec<_> = wiring.coils.iter().skip(first).take(actuator.coils()).map(coil).collect();
+    fn write_connection(&mut self, w: &mut String) -> fmt::Result {
+        let Some(connection) = self.arm.connections.get(self.actuator) else { return Ok(()) };
         self.actuator += 1;
-        match coils.as_slice() {
-            [one] => writeln!(w, "coil = {one}")?,
-            more => writeln!(w, "coils = [{}]", more.join(", "))?,
+        match connection.outputs.as_slice() {
+            [] => {}
+            [one] => writeln!(w, "output = {one}")?,
+            more => writeln!(w, "outputs = {more:?}")?,
         }
-        if let Some(switch) = actuator.switch {
-            let closed_in: Vec<_> = (0..actuator.states).filter(|&state| switch.closed(state)).collect();
-            writeln!(w, "switch = {{ input = {}, closed_in = {closed_in:?} }}", switch.input)?;
+        if let Some(closed_in) = connection.closed_in {
+            let states: Vec<u8> = (0..u8::BITS as u8).filter(|state| closed_in >> state & 1 == 1).collect();
+            writeln!(w, "switch = {{ closed_in = {states:?} }}")?;
         }
-        writeln!(w, "travel_ms = {}", actuator.travel_ms)
+        writeln!(w, "travel_ms = {}", connection.travel_ms)
     }
 }
 
@@ -136,35 +137,11 @@ fn write_axis(w: &mut String, axis: &Axis<f64>) -> fmt::Result {
     writeln!(w, "axis = {}", list(axis.direction.as_slice()))
 }
 
-fn coil(coil: &Coil) -> String {
-    let drive = match coil.drive {
-        Drive::Hold { line } => format!("drive = \"hold\", line = {line}"),
-        Drive::PeakHold { pull, hold, peak_ms } => {
-            format!("drive = \"peak-hold\", pull = {pull}, hold = {hold}, peak_ms = {peak_ms}")
-        }
-        Drive::Latch { set, reset, pulse_ms } => {
-            format!("drive = \"latch\", set = {set}, reset = {reset}, pulse_ms = {pulse_ms}")
-        }
-    };
-    let limit = &coil.limit;
-    format!(
-        "{{ output = {}, {drive}, max_on_ms = {}, duty_percent = {}, window_ms = {} }}",
-        coil.output, limit.max_on_ms, limit.duty_percent, limit.window_ms
-    )
-}
-
-fn servo(bus: &ServoWiring) -> String {
+fn servo(servo: &Servo) -> String {
     // Coarser than the steps of an f32, so that 90 degrees read are 90 degrees written.
     let degrees = |angle_rad: f32| rounded(f64::from(angle_rad).to_degrees(), 4);
-    format!(
-        "{{ id = {}, min_deg = {:?}, max_deg = {:?}, max_speed_deg_s = {:?}, max_torque = {:?}, timeout_ms = {} }}",
-        bus.id,
-        degrees(bus.min_rad),
-        degrees(bus.max_rad),
-        degrees(bus.max_speed_rad_s),
-        bus.max_torque,
-        bus.timeout_ms
-    )
+    let Servo { id, min_rad, max_rad } = *servo;
+    format!("{{ id = {id}, min_deg = {:?}, max_deg = {:?} }}", degrees(min_rad), degrees(max_rad))
 }
 
 /// The pose as an inline table.

@@ -148,7 +148,7 @@ fn identifiable(robot: &Robot, found: &BaseParameters) -> Identifiable {
 
 fn of_arm(arm: &Arm) -> Report {
     let chain = &arm.model.chain;
-    let mut servos = arm.wiring.servos.iter();
+    let mut servos = arm.servos.iter();
     let parts = chain.stages.iter().zip(&arm.model.masses).enumerate().map(|(index, (stage, mass))| {
         let (kind, range, unit) = match stage {
             Stage::Link(_) => ("link".into(), None, "mm"),

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use darm::arm::{Arm, frames};
 use darm::reach::path::{Limits, path};
+use darm::wired_arm::profile_of;
 use darm_core::units::Word;
 use serde::Serialize;
 
@@ -35,9 +36,12 @@ pub(crate) struct Path {
     /// Farthest that the tool may rest from the straight line, in mm
     #[arg(long, value_name = "MM")]
     tube: f64,
-    /// Most actuators that switch at once; the arm's limit of new coils where left out
+    /// Most actuators that switch at once; where left out, the outputs that the board's supply feeds at once
     #[arg(long, value_name = "N")]
     at_once: Option<usize>,
+    /// Profile of the board; where it is left out, the one that the arm names, else the one built into boards
+    #[arg(long, value_name = "PROFILE.toml")]
+    profile: Option<PathBuf>,
     /// Servo angles, in degrees; 0 where left out
     #[arg(long, value_name = "DEG", num_args = 1.., allow_negative_numbers = true)]
     servos: Vec<f64>,
@@ -64,7 +68,10 @@ impl Path {
         if self.tube.is_nan() || self.tube < 0.0 || self.at_once == Some(0) {
             return Err(Usage("--tube has to be 0 mm or more, --at-once 1 or more".to_owned()).into());
         }
-        let at_once = self.at_once.unwrap_or(arm.wiring.switch_limit.new_coils.into()).max(1);
+        let at_once = match self.at_once {
+            Some(at_once) => at_once,
+            None => profile_of(&arm, self.profile.as_deref())?.profile.supply.new_coils.into(),
+        };
         let limits = Limits { at_once, tube_m: 1e-3 * self.tube, servos_rad: servos_rad(&arm, &self.servos)? };
         let wheel = voice.wheel("looking for an order");
         let rests = path(&arm, &from, &to, &limits);

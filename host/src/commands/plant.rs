@@ -17,6 +17,8 @@ use darm::plant::Broken;
 use darm::plant::truth::{Sealed, Truth};
 use darm::qemu::{self, Console, QemuError};
 use darm::stops::differences;
+use darm::wired_arm::WiredArm;
+use darm_core::units::Digest;
 use serde::Serialize;
 
 use crate::failure::Usage;
@@ -58,7 +60,7 @@ pub(crate) struct Plant {
     /// Folder of the board's flash, port and camera socket
     #[arg(long, value_name = "FOLDER")]
     folder: Option<PathBuf>,
-    /// Profile that is written to the board, with its button held; that of the arm where it is left out
+    /// Profile that is written to the board, with its button held; the one that the arm names where it is left out
     #[arg(long, value_name = "PROFILE.toml")]
     profile: Option<PathBuf>,
     /// Leave the board with the profile that it has
@@ -149,15 +151,16 @@ enum PlantError {
 
 impl Plant {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        let arm = Arm::read(&self.arm)?;
+        let wired = WiredArm::read(&self.arm, self.profile.as_deref())?;
+        let arm = &wired.arm;
         let broken = self.broken()?;
-        let truth = self.truth(&arm)?;
-        let profile = self.profile(&arm)?;
+        let truth = self.truth(arm)?;
+        let profile = self.profile_to_write(&wired);
         let folder = self.folder.clone().map_or_else(state_folder::board, Ok)?;
         let listener = claim(&folder)?;
         let (mut board, frames) = match self.emulator(voice)? {
-            Some(emulator) => Board::emulated(emulator, &folder, &arm, broken, profile.as_ref())?,
-            None => Board::in_process(&folder, &arm, broken, profile.as_ref())?,
+            Some(emulator) => Board::emulated(emulator, &folder, &wired.wiring, broken, profile)?,
+            None => Board::in_process(&folder, &wired.wiring, broken, profile)?,
         };
         let planar = arm.model.chain.is_planar();
         let projector = Projector::start(listener, truth.clone(), planar, frames)?;
@@ -198,13 +201,10 @@ impl Plant {
         Ok(self.effect.draw(&before, self.seed)?.with_geometry(arm))
     }
 
-    /// The profile to write while the button is held.
-    fn profile(&self, arm: &Arm) -> anyhow::Result<Option<BoardProfile>> {
-        match &self.profile {
-            _ if self.no_profile => Ok(None),
-            Some(path) => Ok(Some(BoardProfile::read(path)?)),
-            None => Ok(Some(BoardProfile::of(&arm.name, &arm.wiring))),
-        }
+    /// The profile to write while the button is held; none where the board keeps its own or the one built in.
+    fn profile_to_write<'a>(&self, wired: &'a WiredArm) -> Option<&'a BoardProfile> {
+        let is_built_in = wired.profile.profile.digest == Digest::default();
+        (!self.no_profile && !is_built_in).then_some(&wired.profile)
     }
 
     fn broken(&self) -> Result<Broken, Usage> {

@@ -7,6 +7,8 @@ use anyhow::Context as _;
 use darm::arm::Arm;
 use darm::board_profile::BoardProfile;
 use darm::client::{Client, ClientError};
+use darm::migrate;
+use darm::wired_arm::WiredArm;
 use darm_core::units::Digest;
 use darm_core::wire::message::{OutputState, Refusal};
 use serde::Serialize;
@@ -16,8 +18,8 @@ use crate::voice::{Answer, Voice, columns};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm profile make arm.toml -o profile.toml     from the wiring and the limits in an arm file
-  darm profile check profile.toml                look it over
+  darm profile make arm.toml -o profile.toml     a cautious first profile, to be edited by a person
+  darm profile check profile.toml --arm arm.toml whether it has what the arm needs
   darm profile write profile.toml                store it on the board; hold its user button meanwhile
   darm profile show                              what the board has, and what is left of each output's limits
 
@@ -25,8 +27,10 @@ A board takes a profile only while a person holds its user button (B2, blue, on 
 then restarts with it. A table can tighten a profile and never widen it. Without a profile a board \
 drives 16 outputs for at most 1 s in 10 s, one at a time, and no servo.
 
-An arm file from before profiles becomes an arm file and a profile by `darm profile make`; the board \
-needs the profile written once, and its table made and uploaded again.";
+An arm file of format 1 carried the drives and limits of its board. To bring arm and board over:
+  darm profile migrate old.toml -o arm.toml --profile profile.toml
+  darm profile write profile.toml                once, holding the board's user button
+  darm table arm.toml …                          make every table again, and upload it";
 
 /// How long `write` waits for the button, and for the board's restart.
 const BUTTON_LIMIT: Duration = Duration::from_secs(60);
@@ -43,7 +47,7 @@ pub(crate) struct Command {
 
 #[derive(clap::Subcommand, Debug)]
 enum What {
-    /// Make a profile from the wiring and the limits in an arm file
+    /// Make a cautious first profile for the outputs and servos that an arm names, to be edited by a person
     Make {
         /// The arm
         #[arg(value_name = "ARM.toml")]
@@ -51,8 +55,26 @@ enum What {
         /// The profile
         #[arg(short, long, value_name = "PROFILE.toml")]
         output: PathBuf,
+        /// Overwrite the file
+        #[arg(long)]
+        force: bool,
     },
-    /// Look over a profile; with --arm, whether it allows what the arm needs
+    /// Split an arm file of format 1 into an arm file of this version and the profile of its board
+    Migrate {
+        /// The arm file of format 1
+        #[arg(value_name = "OLD_ARM.toml")]
+        old: PathBuf,
+        /// The new arm file; it names the profile and keeps comments and layout
+        #[arg(short, long, value_name = "NEW_ARM.toml")]
+        output: PathBuf,
+        /// The profile
+        #[arg(long, value_name = "PROFILE.toml")]
+        profile: PathBuf,
+        /// Overwrite the files
+        #[arg(long)]
+        force: bool,
+    },
+    /// Check a profile; with --arm, whether it has the outputs, limit switches and servos that the arm needs
     Check {
         /// The profile
         #[arg(value_name = "PROFILE.toml")]
@@ -66,7 +88,7 @@ enum What {
         /// The profile
         #[arg(value_name = "PROFILE.toml", required_unless_present = "arm")]
         profile: Option<PathBuf>,
-        /// The profile that `make` makes from this arm, in place of a file
+        /// The profile that this arm names, in place of a file
         #[arg(long, value_name = "ARM.toml", conflicts_with = "profile")]
         arm: Option<PathBuf>,
         #[command(flatten)]
@@ -86,8 +108,10 @@ enum ProfileCommandError {
     NobodyPresent,
     #[error("the board did not come back with the profile within {} s; look at `darm status`", RESTART_LIMIT.as_secs())]
     NoRestart,
-    #[error("{0}; change the profile or the arm's limits")]
-    Mismatch(String),
+    #[error("{} names no profile; give PROFILE.toml, or add `profile = \"PROFILE.toml\"` to the arm file", .0.display())]
+    NoProfile(PathBuf),
+    #[error("{} exists; --force overwrites it", .0.display())]
+    Exists(PathBuf),
 }
 
 #[derive(Serialize)]
@@ -181,12 +205,13 @@ impl Answer for Shown {
 impl Command {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
         match &self.what {
-            What::Make { arm, output } => make(arm, output, voice),
+            What::Make { arm, output, force } => make(arm, output, *force, voice),
+            What::Migrate { old, output, profile, force } => migrate(old, output, profile, *force, voice),
             What::Check { profile, arm } => check(profile, arm.as_deref(), voice),
             What::Write { profile, arm, port } => {
                 let profile = match (profile, arm) {
                     (Some(path), _) => BoardProfile::read(path)?,
-                    (None, Some(arm)) => of_arm(arm)?,
+                    (None, Some(arm)) => named_by(arm)?,
                     (None, None) => unreachable!("the command line asks for one of the two"),
                 };
                 voice.note("hold the user button of the board");
@@ -198,25 +223,46 @@ impl Command {
     }
 }
 
-fn of_arm(path: &Path) -> anyhow::Result<BoardProfile> {
-    let arm = Arm::read(path)?;
-    Ok(BoardProfile::of(&arm.name, &arm.wiring))
+/// The profile that an arm file names.
+fn named_by(arm: &Path) -> anyhow::Result<BoardProfile> {
+    let profile = Arm::read(arm)?.profile.ok_or_else(|| ProfileCommandError::NoProfile(arm.into()))?;
+    Ok(BoardProfile::read(&profile)?)
 }
 
-fn make(arm: &Path, output: &Path, voice: Voice) -> anyhow::Result<()> {
-    let profile = of_arm(arm)?;
-    std::fs::write(output, profile.to_toml()).with_context(|| format!("cannot write {}", output.display()))?;
-    voice.tell(&Made::new(&profile, Some(output), "written"))
+fn make(arm: &Path, output: &Path, force: bool, voice: Voice) -> anyhow::Result<()> {
+    let profile = BoardProfile::first(&Arm::read(arm)?);
+    refuse_existing(&[output], force)?;
+    write_text(output, &profile.to_toml_with_advice())?;
+    // What the arm needs and a first profile cannot have is reported by its place in the arm file.
+    let profile = WiredArm::read(arm, Some(output))?.profile;
+    voice.tell(&Made::new(&profile, Some(output), "edit it before it is written to a board; written"))
+}
+
+fn migrate(old: &Path, output: &Path, profile: &Path, force: bool, voice: Voice) -> anyhow::Result<()> {
+    let made = migrate::read(old, output, profile)?;
+    refuse_existing(&[output, profile], force)?;
+    write_text(output, &made.arm)?;
+    write_text(profile, &made.profile.to_toml())?;
+    voice.note(&format!("the arm is in {}; make its tables again", output.display()));
+    voice.tell(&Made::new(&made.profile, Some(profile), "written"))
+}
+
+fn refuse_existing(paths: &[&Path], force: bool) -> Result<(), ProfileCommandError> {
+    match paths.iter().find(|path| path.exists() && !force) {
+        Some(path) => Err(ProfileCommandError::Exists(path.to_path_buf())),
+        None => Ok(()),
+    }
+}
+
+fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
+    std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
 }
 
 fn check(path: &Path, arm: Option<&Path>, voice: Voice) -> anyhow::Result<()> {
-    let profile = BoardProfile::read(path)?;
-    if let Some(arm) = arm {
-        let arm = Arm::read(arm)?;
-        let refused = |mismatch: darm_core::profile::Mismatch| ProfileCommandError::Mismatch(mismatch.to_string());
-        arm.wiring.coils.iter().try_for_each(|coil| profile.profile.check_coil(coil)).map_err(refused)?;
-        profile.profile.check_wiring(&arm.wiring).map_err(refused)?;
-    }
+    let profile = match arm {
+        Some(arm) => WiredArm::read(arm, Some(path))?.profile,
+        None => BoardProfile::read(path)?,
+    };
     voice.tell(&Made::new(&profile, Some(path), "sound"))
 }
 

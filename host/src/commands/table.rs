@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use darm::arm::{Arm, frames};
-use darm::board_profile::BoardProfile;
 use darm::plan::{Plan, Visit, plan};
 use darm::programme::{self, programme};
 use darm::reach::board;
+use darm::wired_arm::WiredArm;
 use darm_core::units::{DeviceId, Word};
 use serde::Serialize;
 
@@ -67,7 +67,7 @@ pub(crate) struct Table {
     /// How long the arm rests at each visit, in seconds; 1, in a programme 0.2
     #[arg(long, value_name = "S")]
     dwell: Option<f64>,
-    /// Profile of the board; that of `darm profile make ARM.toml` where it is left out
+    /// Profile of the board; where it is left out, the one that the arm names, else the one built into boards
     #[arg(long, value_name = "PROFILE.toml")]
     profile: Option<PathBuf>,
     /// Bind the table to the connected board: others refuse it
@@ -129,13 +129,9 @@ impl Table {
     }
 
     fn make(&self, arm: &Path, output: &Path, voice: Voice) -> anyhow::Result<()> {
-        let arm = Arm::read(arm)?;
+        let WiredArm { arm, profile, .. } = WiredArm::read(arm, self.profile.as_deref())?;
         let stops = self.stops(&arm, voice)?;
         let device = if self.bind { Some(self.port.connect()?.identity().device) } else { None };
-        let profile = match &self.profile {
-            Some(path) => BoardProfile::read(path)?,
-            None => BoardProfile::of(&arm.name, &arm.wiring),
-        };
         let visits: Vec<Visit> = stops.iter().map(|stop| stop.visit.clone()).collect();
         let modules = if self.nearest { board::records(&arm)? } else { Vec::new() };
         let plan = plan(&arm, &visits, &profile.board(device), &modules)?;

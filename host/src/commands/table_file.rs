@@ -309,8 +309,8 @@ mod tests {
     use std::path::Path;
 
     use darm::arm::Arm;
-    use darm::board_profile::BoardProfile;
     use darm::plan::{Visit, plan};
+    use darm::wired_arm::profile_of;
 
     use super::{TableFile, bytes, digest, records};
 
@@ -318,7 +318,7 @@ mod tests {
         let arm = Arm::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/planar4.toml")).unwrap();
         let visit =
             Visit { word: "000010000000".parse().unwrap(), servos_rad: vec![], dwell_s: 0.1, label: "A".into() };
-        let profile = BoardProfile::of(&arm.name, &arm.wiring);
+        let profile = profile_of(&arm, None).unwrap();
         bytes(&plan(&arm, &[visit], &profile.board(None), &[]).unwrap().image)
     }
 

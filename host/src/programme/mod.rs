@@ -198,7 +198,7 @@ fn as_run_away(arm: &Arm, steps: &[Step]) -> Run {
 fn servo_positions(arm: &Arm, round: usize) -> Vec<f64> {
     let side = [0.0, -SERVO_SHARE, SERVO_SHARE][round % 3];
     let position = |k: usize| {
-        let servo = arm.wiring.servos.get(k)?;
+        let servo = arm.servos.get(k)?;
         let (low, high) = (f64::from(servo.min_rad), f64::from(servo.max_rad));
         Some(0.5 * (low + high) + 0.5 * (high - low) * side)
     };

@@ -167,7 +167,6 @@ fn packed(word: &Word, first: usize, digits: usize) -> u16 {
 
 #[cfg(test)]
 mod tests {
-    use crate::board_profile::BoardProfile;
     use std::path::Path;
 
     use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
@@ -180,7 +179,9 @@ mod tests {
     use darm_core::table::{Checker, TableError};
 
     use super::*;
+    use crate::board_profile::BoardProfile;
     use crate::plan::{Visit, plan};
+    use crate::wired_arm::profile_of;
 
     fn arm(name: &str) -> Arm {
         Arm::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples").join(name)).unwrap()
@@ -203,7 +204,7 @@ mod tests {
         let modules = records(&arm).unwrap();
         assert_eq!(modules.len(), 6 * 65);
         let visit = Visit { word: arm.rest(), servos_rad: vec![], dwell_s: 0.1, label: "rest".into() };
-        let plan = plan(&arm, &[visit], &BoardProfile::of("arm", &arm.wiring).board(None), &modules).unwrap();
+        let plan = plan(&arm, &[visit], &profile_of(&arm, None).unwrap().board(None), &modules).unwrap();
         assert!(plan.image.bytes().len() < 12_000, "{}", plan.image.bytes().len());
         let mut checker = Checker::default();
         let module = modules[0].clone();

@@ -333,7 +333,7 @@ fn servo_step(lacking: &Pose<f64>, columns: &[Twist<f64>], scale_m: f64) -> DVec
 
 /// The range of a servo joint, rad.
 fn range(arm: &Arm, servo: usize) -> (f64, f64) {
-    arm.wiring.servos.get(servo).map_or((0.0, 0.0), |wiring| (wiring.min_rad.into(), wiring.max_rad.into()))
+    arm.servos.get(servo).map_or((0.0, 0.0), |servo| (servo.min_rad.into(), servo.max_rad.into()))
 }
 
 /// The pose of each stage for each setting of its actuators; settings that cannot be assembled are left out.

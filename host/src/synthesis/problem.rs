@@ -395,9 +395,9 @@ impl<'a> Problem<'a> {
     fn bound_servos(&mut self) {
         for index in self.n_stops()..self.start.len() {
             let servo = (index - self.n_stops()) % self.n_servos;
-            if let Some(wiring) = self.base_line.wiring.servos.get(servo) {
-                self.bounds.push(Bound { terms: vec![(index, 1.0)], least: wiring.min_rad.into() });
-                self.bounds.push(Bound { terms: vec![(index, -1.0)], least: (-wiring.max_rad).into() });
+            if let Some(servo) = self.base_line.servos.get(servo) {
+                self.bounds.push(Bound { terms: vec![(index, 1.0)], least: servo.min_rad.into() });
+                self.bounds.push(Bound { terms: vec![(index, -1.0)], least: (-servo.max_rad).into() });
             }
         }
     }

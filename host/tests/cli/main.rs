@@ -7,6 +7,7 @@ use std::process::{Child, Command, Output, Stdio};
 
 mod digests;
 mod measurements;
+mod profile;
 mod recording;
 mod robots;
 mod stop;
@@ -194,7 +195,7 @@ fn files_that_are_no_tables_are_told() {
 #[test]
 fn an_arm_file_is_blamed_by_line_and_column() {
     let home = Home::new();
-    home.write("arm.toml", "format = 1\nname = \"a\"\nstages = 3\n");
+    home.write("arm.toml", "format = 2\nname = \"a\"\nstages = 3\n");
     let output = home.darm("stops arm.toml arm.toml");
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stderr).starts_with("darm: arm.toml:3:1: "), "{}", text(&output.stderr));
@@ -320,18 +321,19 @@ fn a_stuck_output_is_an_exit_code_and_a_sentence() {
 #[test]
 fn status_shows_which_outputs_recover() {
     let home = Home::new();
-    let text = std::fs::read_to_string(example("planar4.toml")).unwrap();
+    let text = std::fs::read_to_string(example("planar4.profile.toml")).unwrap();
     home.write("free.toml", &text);
     home.write("limited.toml", &text.replacen("duty_percent = 100", "duty_percent = 50", 1));
-    for (arm, outputs) in [("free.toml", vec![]), ("limited.toml", vec![0])] {
+    for (profile, outputs) in [("free.toml", vec![]), ("limited.toml", vec![0])] {
+        let arm = format!("{} --profile {profile}", example("planar4.toml"));
         home.succeeds(&format!("table {arm} --words 100000000000 --dwell 0.2 -o one.darm"));
-        let board = Board::start(&home, arm);
+        let board = Board::start(&home, &arm);
         home.succeeds(&format!("upload one.darm {}", board.port));
         home.darm(&format!("play one.darm {}", board.port));
         let status = home.json(&format!("status {}", board.port));
         let recovering = status["recovering"].as_array().unwrap();
         let numbers: Vec<u64> = recovering.iter().map(|output| output["output"].as_u64().unwrap()).collect();
-        assert_eq!(numbers, outputs, "{arm}: {status}");
+        assert_eq!(numbers, outputs, "{profile}: {status}");
         assert!(recovering.iter().all(|output| output["recovery_s"].as_f64() > Some(0.0)), "{status}");
     }
 }

@@ -117,7 +117,7 @@ fn keep(path: &Path, what: Keep) -> Result<()> {
     let text = match what {
         Keep::Run(run) => measurement::write_text(run),
         Keep::Diagnosis(diagnosis) => serde_json::to_string_pretty(diagnosis)?,
-        Keep::Arm(arm) => arm.to_toml(),
+        Keep::Arm(arm) => return Ok(arm.write(path)?),
     };
     fs::write(path, text).with_context(|| format!("{} cannot be written", path.display()))
 }

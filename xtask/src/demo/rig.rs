@@ -12,6 +12,7 @@ use darm::plant::Plant;
 use darm::plant::camera::Film;
 use darm::plant::follow::Follower;
 use darm::qemu::{self, Console, Machine, Qemu};
+use darm::wired_arm::WiredArm;
 
 /// A board that can be talked to, and a camera that looks at what hangs on its pins.
 pub(crate) struct Rig {
@@ -36,14 +37,14 @@ enum Board {
 impl Rig {
     /// Boots the image at `elf` in the emulator; the plant follows its pins. The flash lives in `folder`.
     pub(crate) fn emulated(elf: PathBuf, folder: &Path, arm: &Arm) -> Result<Self> {
-        let profile = BoardProfile::of(&arm.name, &arm.wiring);
+        let WiredArm { profile, wiring, .. } = WiredArm::new(arm.clone())?;
         let flash = folder.join(qemu::FLASH_FILE);
         if !flash.exists() {
             std::fs::write(&flash, MemoryFlash::with_profile(&profile.image()).bytes())?;
         }
         let machine = Machine { elf, folder: folder.to_path_buf(), console: Console::Socket };
         let mut qemu = Qemu::start(&machine)?;
-        let follower = Follower::start(&qemu, &arm.wiring, Plant::new(&arm.wiring, &[]))?;
+        let follower = Follower::start(&qemu, &wiring, Plant::new(&wiring, &[]))?;
         qemu.resume()?;
         let client = Client::connect(link::open(qemu.console_port())?).context("the emulated board does not answer")?;
         let film = follower.film();
@@ -53,9 +54,9 @@ impl Rig {
 
     /// Runs the firmware library in this process, in virtual time.
     pub(crate) fn in_process(arm: &Arm) -> Result<Self> {
-        let profile = BoardProfile::of(&arm.name, &arm.wiring);
+        let WiredArm { profile, wiring, .. } = WiredArm::new(arm.clone())?;
         let flash = MemoryFlash::with_profile(&profile.image());
-        let board = InProcess::boot(Plant::new(&arm.wiring, &[]), flash)?;
+        let board = InProcess::boot(Plant::new(&wiring, &[]), flash)?;
         let client = Client::connect_as(board.link(), 1).context("the board in this process does not answer")?;
         let film = board.film();
         let what = "the firmware library in this process, in virtual time".to_owned();

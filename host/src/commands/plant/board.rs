@@ -5,7 +5,6 @@ use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use darm::arm::Arm;
 use darm::board_profile::BoardProfile;
 use darm::client::Client;
 use darm::in_process::MemoryFlash;
@@ -14,6 +13,7 @@ use darm::plant::camera::Frame;
 use darm::plant::follow::Follower;
 use darm::plant::{Broken, Plant};
 use darm::qemu::{self, Console, Machine, Qemu};
+use darm_core::output::Wiring;
 
 use super::bridge::Bridge;
 use crate::state_folder;
@@ -50,14 +50,14 @@ impl Board {
     pub(crate) fn emulated(
         emulator: Emulator,
         folder: &Path,
-        arm: &Arm,
+        wiring: &Wiring,
         broken: Broken,
         profile: Option<&BoardProfile>,
     ) -> anyhow::Result<(Self, Frames)> {
         let Emulator { elf, console } = emulator;
         let what = format!("{} in {} {}", elf.display(), qemu::PROGRAM, qemu::find()?);
         let mut qemu = Qemu::start(&Machine { elf, folder: folder.into(), console })?;
-        let follower = Follower::start(&qemu, &arm.wiring, Plant::new(&arm.wiring, &[]))?;
+        let follower = Follower::start(&qemu, wiring, Plant::new(wiring, &[]))?;
         follower.set_broken(broken);
         qemu.resume()?;
         if let Some(profile) = profile {
@@ -76,7 +76,7 @@ impl Board {
     /// Starts the firmware's library in this process.
     pub(crate) fn in_process(
         folder: &Path,
-        arm: &Arm,
+        wiring: &Wiring,
         broken: Broken,
         profile: Option<&BoardProfile>,
     ) -> anyhow::Result<(Self, Frames)> {
@@ -84,7 +84,7 @@ impl Board {
         // There may be none.
         let _ = std::fs::remove_file(&port);
         let listener = UnixListener::bind(&port).with_context(|| format!("cannot open the port {}", port.display()))?;
-        let mut plant = Plant::new(&arm.wiring, &[]);
+        let mut plant = Plant::new(wiring, &[]);
         plant.set_broken(0.0, broken);
         let flash = profile.map_or_else(MemoryFlash::default, |profile| MemoryFlash::with_profile(&profile.image()));
         let (bridge, frames) = Bridge::start(listener, plant, flash)?;
