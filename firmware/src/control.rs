@@ -17,7 +17,7 @@
 use core::cell::Cell;
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use darm_core::duty::DutyMeters;
+use darm_core::duty::{DutyMeters, MeterLimit};
 use darm_core::output::{Coil, MAX_SERVOS, ServoWiring, SwitchLimit};
 use darm_core::profile::Profile;
 use darm_core::sequencer::{Command, CommandError, Event, Outputs, Phase, Seen, Sequencer, ServoAction, ServoSeen};
@@ -305,7 +305,7 @@ impl<'t> Control<'t> {
         shared.stops_done.store(stops, Ordering::Release);
         // A tick that switched coils has done enough; the order waits for the next one, and never longer.
         self.waited = self.next_event != events_before && !self.waited;
-        if !self.waited {
+        if !self.waited && self.sequencer.is_ready() {
             self.attend(shared);
         }
         outputs
@@ -350,7 +350,7 @@ impl<'t> Control<'t> {
     fn rehearse(&mut self) -> Unloaded<'t> {
         let mut unloaded = self.unload();
         if let Unloaded::Table(table) = &mut unloaded {
-            table.begin_rehearsal(self.sequencer.used());
+            table.recall(self.sequencer.used());
         }
         unloaded
     }
@@ -358,7 +358,8 @@ impl<'t> Control<'t> {
     fn output(&self, number: u8) -> Option<OutputState> {
         let limit = self.sequencer.profile().output(number)?.limit;
         let meter = self.sequencer.used().meters.get(usize::from(number))?;
-        let [left_ms, recovery_ms] = [meter.left_us(&limit), meter.recovery_us(&limit)].map(|us| us / 1000);
+        let counted = MeterLimit::of(&limit);
+        let [left_ms, recovery_ms] = [meter.left_us(&counted), meter.recovery_us(&counted)].map(|us| us / 1000);
         Some(OutputState { output: number, limit, left_ms, recovery_ms })
     }
 

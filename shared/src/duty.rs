@@ -44,6 +44,57 @@ pub struct DutyMeter {
     check: u32,
 }
 
+/// The limit of an output in the units in which its meter counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MeterLimit {
+    /// Length of a bucket: at most 225 s. 0 where nothing is counted.
+    bucket_us: u32,
+    /// What 1/255 of a bucket counts as.
+    unit_us: u32,
+    /// On-time that a window allows: at most an hour; `u32::MAX` where duty is not limited.
+    allowed_us: u32,
+    /// Longest on-time without a pause.
+    max_on_us: u32,
+}
+
+impl MeterLimit {
+    /// Allows nothing and counts nothing: the limit of an output that does not exist.
+    pub const NONE: Self = Self { bucket_us: 0, unit_us: 0, allowed_us: 0, max_on_us: 0 };
+
+    /// The limit as a profile or a table has it.
+    pub const fn of(limit: &CoilLimit) -> Self {
+        let bucket_us = limit.window_ms.saturating_mul(125) / 2;
+        let unlimited = limit.duty_percent >= 100;
+        let share_us = limit.window_ms.saturating_mul(10).saturating_mul(limit.duty_percent as u32);
+        Self {
+            bucket_us,
+            unit_us: (bucket_us / DutyMeter::UNITS).saturating_add(1),
+            allowed_us: if unlimited { u32::MAX } else { share_us },
+            max_on_us: limit.max_on_ms.saturating_mul(1000),
+        }
+    }
+
+    /// The limit for a rehearsal: a program that keeps it keeps the whole limit although ticks are late by so much and,
+    /// `after_use`, although buckets close at other times than in the rehearsal.
+    #[must_use]
+    pub const fn rehearsed(self, lateness: Micros, after_use: bool) -> Self {
+        let late_us = lateness.0 as u32;
+        let shifted_us = self.unit_us.saturating_mul(DutyMeter::ALL_BUCKETS).saturating_add(self.bucket_us);
+        let margin_us = if after_use { late_us.saturating_add(shifted_us) } else { late_us };
+        let allowed_us = if self.is_duty_limited() { self.allowed_us.saturating_sub(margin_us) } else { u32::MAX };
+        Self { allowed_us, max_on_us: self.max_on_us.saturating_sub(late_us), ..self }
+    }
+
+    /// Longest on-time without a pause.
+    pub const fn max_on(&self) -> Micros {
+        Micros(self.max_on_us as u64)
+    }
+
+    const fn is_duty_limited(&self) -> bool {
+        self.allowed_us < u32::MAX
+    }
+}
+
 impl DutyMeter {
     const BUCKETS: usize = 16;
     /// The closed ones and the one that is being filled.
@@ -54,45 +105,65 @@ impl DutyMeter {
     const UNITS: u32 = Self::FULL as u32;
 
     /// Lets `span` pass with the output on or off, and reports the first limit that was exceeded.
-    pub fn pass(&mut self, span: Micros, on: bool, limit: &CoilLimit) -> Result<(), Breach> {
-        self.advance(span, on, bucket_us(limit));
-        self.on_us = if on { self.on_us.saturating_add(clamp(span)) } else { 0 };
-        self.check = self.sum();
-        if !on {
+    #[inline]
+    pub fn pass(&mut self, span: Micros, on: bool, limit: &MeterLimit) -> Result<(), Breach> {
+        if limit.bucket_us == 0 || !on && self.is_empty() {
             return Ok(());
         }
-        if self.on_us > limit.max_on_ms.saturating_mul(1000) {
-            return Err(Breach::OnTooLong);
+        let span_us = u32::try_from(span.0).unwrap_or(u32::MAX);
+        if span_us < limit.bucket_us.saturating_sub(self.filled_us) {
+            self.fill(span_us, on);
+        } else {
+            self.advance(span_us, on, limit.bucket_us);
         }
-        if limit.duty_percent < 100 && self.used_us(limit) > allowed_us(limit) { Err(Breach::Duty) } else { Ok(()) }
+        self.on_us = if on { self.on_us.saturating_add(span_us) } else { 0 };
+        self.check = self.sum();
+        if !on {
+            Ok(())
+        } else if self.on_us > limit.max_on_us {
+            Err(Breach::OnTooLong)
+        } else if self.used_us(limit) > limit.allowed_us {
+            Err(Breach::Duty)
+        } else {
+            Ok(())
+        }
     }
 
-    /// On-time that is left in the present window, in microseconds.
-    pub fn left_us(&self, limit: &CoilLimit) -> u32 {
-        if limit.duty_percent < 100 { allowed_us(limit).saturating_sub(self.used_us(limit)) } else { allowed_us(limit) }
+    /// Nothing counts any more. Time in which an empty meter stays off need not be told to it: its bucket begins when
+    /// current flows again.
+    pub const fn is_empty(&self) -> bool {
+        self.closed_sum == 0 && self.filled_on_us == 0
+    }
+
+    /// On-time that is left in the present window, in microseconds; a whole window where duty is not limited.
+    pub fn left_us(&self, limit: &MeterLimit) -> u32 {
+        if limit.is_duty_limited() {
+            limit.allowed_us.saturating_sub(self.used_us(limit))
+        } else {
+            limit.bucket_us.saturating_mul(Self::BUCKETS as u32)
+        }
     }
 
     /// Time off after which nothing is counted any more, in microseconds; 0 where duty is not limited.
-    pub fn recovery_us(&self, limit: &CoilLimit) -> u32 {
-        if limit.duty_percent >= 100 {
+    pub fn recovery_us(&self, limit: &MeterLimit) -> u32 {
+        if !limit.is_duty_limited() {
             return 0;
         }
-        let bucket_us = bucket_us(limit);
         if self.filled_on_us > 0 {
-            return bucket_us.saturating_mul(Self::ALL_BUCKETS).saturating_sub(self.filled_us);
+            return limit.bucket_us.saturating_mul(Self::ALL_BUCKETS).saturating_sub(self.filled_us);
         }
         let (newer, older) = self.closed.split_at_checked(self.oldest.into()).unwrap_or((&self.closed, &[]));
         let mut newest_first = newer.iter().rev().chain(older.iter().rev());
         newest_first.position(|on| *on > 0).map_or(0, |age| {
             let buckets = Self::BUCKETS.saturating_sub(age) as u32;
-            bucket_us.saturating_mul(buckets).saturating_sub(self.filled_us)
+            limit.bucket_us.saturating_mul(buckets).saturating_sub(self.filled_us)
         })
     }
 
     /// Counts as if the output had just been used to its limit.
-    pub fn exhaust(&mut self, limit: &CoilLimit) {
+    pub fn exhaust(&mut self, limit: &MeterLimit) {
         *self = Self::default();
-        let full = (Self::BUCKETS * usize::from(limit.duty_percent)).div_ceil(100);
+        let full = limit.allowed_us.div_ceil(limit.bucket_us.max(1)) as usize;
         for on in self.closed.iter_mut().rev().take(full) {
             *on = Self::FULL;
             self.closed_sum = self.closed_sum.saturating_add(Self::FULL.into());
@@ -107,39 +178,46 @@ impl DutyMeter {
     }
 
     /// On-time in the present window, never too little.
-    fn used_us(&self, limit: &CoilLimit) -> u32 {
-        let unit_us = (bucket_us(limit) / Self::UNITS).saturating_add(1);
-        u32::from(self.closed_sum).saturating_mul(unit_us).saturating_add(self.filled_on_us)
-    }
-
-    fn advance(&mut self, span: Micros, on: bool, bucket_us: u32) {
-        if span.0 < u64::from(bucket_us.saturating_sub(self.filled_us)) {
-            self.fill(clamp(span), on);
-            return;
-        }
-        // Nothing older than one window and a bucket can matter.
-        let longest = u64::from(bucket_us).saturating_mul(u64::from(Self::ALL_BUCKETS).saturating_add(1));
-        let mut left_us = span.0.min(longest);
-        while left_us > 0 {
-            let step_us = left_us.min(u64::from(bucket_us.saturating_sub(self.filled_us)));
-            self.fill(step_us as u32, on);
-            left_us = left_us.saturating_sub(step_us);
-            if self.filled_us >= bucket_us {
-                self.close_bucket(bucket_us);
-            }
-        }
+    fn used_us(&self, limit: &MeterLimit) -> u32 {
+        u32::from(self.closed_sum).saturating_mul(limit.unit_us).saturating_add(self.filled_on_us)
     }
 
     /// A span that ends in the present bucket.
     fn fill(&mut self, span_us: u32, on: bool) {
+        self.filled_us = self.filled_us.saturating_add(span_us);
         if on {
             self.filled_on_us = self.filled_on_us.saturating_add(span_us);
         }
-        self.filled_us = self.filled_us.saturating_add(span_us);
+    }
+
+    /// A span that closes buckets: now and then. Kept apart, so that the rest stays short.
+    #[inline(never)]
+    fn advance(&mut self, span_us: u32, on: bool, bucket_us: u32) {
+        let mut left_us = span_us.saturating_sub(self.fill_up(on, bucket_us));
+        // Nothing older than one window and a bucket can matter.
+        for _ in 0..Self::ALL_BUCKETS {
+            if left_us < bucket_us || !on && self.is_empty() {
+                break;
+            }
+            left_us = left_us.saturating_sub(self.fill_up(on, bucket_us));
+        }
+        if on || !self.is_empty() {
+            self.fill(left_us.min(bucket_us.saturating_sub(1)), on);
+        }
+    }
+
+    /// Fills the present bucket and closes it; the time that took.
+    fn fill_up(&mut self, on: bool, bucket_us: u32) -> u32 {
+        let room_us = bucket_us.saturating_sub(self.filled_us);
+        if on {
+            self.filled_on_us = self.filled_on_us.saturating_add(room_us);
+        }
+        self.close_bucket(bucket_us);
+        room_us
     }
 
     fn close_bucket(&mut self, bucket_us: u32) {
-        let (bucket_us, full) = (bucket_us.max(1), u32::from(Self::FULL));
+        let (bucket_us, full) = (bucket_us.max(1), Self::UNITS);
         // The chip divides 32 bits in one instruction, 64 bits in hundreds.
         let on = match self.filled_on_us.checked_mul(full) {
             Some(product) => product.div_ceil(bucket_us),
@@ -162,22 +240,8 @@ impl DutyMeter {
         let head = u32::from(self.closed_sum) << 16 | u32::from(self.oldest) << 8 | u32::from(self.unused);
         [head, self.filled_us, self.filled_on_us, self.on_us]
             .iter()
-            .fold(0x6461_726d, |sum: u32, word| sum.rotate_left(5).wrapping_add(*word).wrapping_mul(0x9E37_79B1))
+            .fold(0x6461_726d, |sum: u32, word| sum.rotate_left(9).wrapping_add(*word))
     }
-}
-
-fn clamp(span: Micros) -> u32 {
-    u32::try_from(span.0).unwrap_or(u32::MAX)
-}
-
-/// Length of a bucket: at most 225 s.
-fn bucket_us(limit: &CoilLimit) -> u32 {
-    limit.window_ms.saturating_mul(125) / 2
-}
-
-/// On-time that a window allows: at most an hour.
-fn allowed_us(limit: &CoilLimit) -> u32 {
-    limit.window_ms.saturating_mul(10).saturating_mul(limit.duty_percent.into())
 }
 
 /// The meters of all outputs of a board, and the profile that their windows belong to.
@@ -201,7 +265,11 @@ mod tests {
     use super::*;
     extern crate std;
 
-    const LIMIT: CoilLimit = CoilLimit { max_on_ms: 100, duty_percent: 50, window_ms: 1600 };
+    const LIMIT: MeterLimit = limit(100, 50, 1600);
+
+    const fn limit(max_on_ms: u32, duty_percent: u8, window_ms: u32) -> MeterLimit {
+        MeterLimit::of(&CoilLimit { max_on_ms, duty_percent, window_ms })
+    }
 
     #[test]
     fn an_output_may_be_on_for_its_longest_time_and_no_longer() {
@@ -267,7 +335,7 @@ mod tests {
         assert_eq!(recovery, Micros::from_millis(1600));
         meter.pass(recovery, false, &LIMIT).unwrap();
         assert_eq!((meter.left_us(&LIMIT), meter.recovery_us(&LIMIT)), (800_000, 0));
-        let unlimited = CoilLimit { duty_percent: 100, ..LIMIT };
+        let unlimited = limit(100, 100, 1600);
         meter.exhaust(&unlimited);
         assert_eq!((meter.left_us(&unlimited), meter.recovery_us(&unlimited)), (1_600_000, 0));
     }
@@ -286,7 +354,7 @@ mod tests {
 
     #[test]
     fn the_longest_window_fits_the_counters() {
-        let limit = CoilLimit { max_on_ms: 3_600_000, duty_percent: 99, window_ms: CoilLimit::MAX_WINDOW_MS };
+        let limit = limit(3_600_000, 99, CoilLimit::MAX_WINDOW_MS);
         let mut meter = DutyMeter::default();
         let hour = Micros::from_millis(3_600_000);
         assert_eq!(meter.pass(Micros(hour.0 * 98 / 100), true, &limit), Ok(()));

@@ -18,10 +18,11 @@
 mod coils;
 mod command;
 mod fault;
+mod servos;
 mod switches;
 
 use crate::duty::DutyMeters;
-use crate::output::{MAX_SERVOS, ServoWiring};
+use crate::output::{MAX_ACTUATORS, MAX_SERVOS, ServoWiring};
 use crate::profile::{BUILT_IN, Fallback, Profile};
 use crate::table::{Row, ServoAngles, Table};
 use crate::units::{Micros, Word};
@@ -29,6 +30,7 @@ use coils::Coils;
 pub use command::{Command, CommandError};
 pub use fault::{Fault, FaultKind};
 use serde::{Deserialize, Serialize};
+use servos::{check_servo, is_silent};
 use switches::Switches;
 
 /// What the board sees in one tick.
@@ -137,20 +139,22 @@ pub enum Event {
     Cleared,
 }
 
+/// Actuators of a loaded table that one tick wires up.
+const WIRED_A_TICK: usize = 12;
 /// The servos get this share of their speed on the way to the first row.
 const APPROACH_SPEED: f32 = 0.25;
 /// A servo has reached the first row when it is this near.
 const APPROACH_TOLERANCE_RAD: f32 = 0.01;
 /// The approach may take so long.
 const APPROACH_TIMEOUT: Micros = Micros::from_millis(30_000);
-/// A servo may be seen this far out of its range before that is a fault: overshoot and resolution.
-const RANGE_MARGIN_RAD: f32 = 0.02;
 
 /// The state machine. It borrows the table, so that the board can hand it over without copying it.
 #[derive(Debug)]
 pub struct Sequencer<'t> {
     profile: &'t Profile,
     table: Option<&'t mut Table>,
+    /// Actuators of the table, from the base, that are wired up.
+    n_wired: usize,
     phase: Phase,
     coils: Coils<'t>,
     switches: Switches,
@@ -172,6 +176,7 @@ impl<'t> Sequencer<'t> {
         let mut sequencer = Self {
             profile: &BUILT_IN,
             table: None,
+            n_wired: 0,
             phase: Phase::Idle,
             coils: Coils::new(used),
             switches: Switches::default(),
@@ -207,11 +212,31 @@ impl<'t> Sequencer<'t> {
         if !self.is_idle() || self.table.is_some() {
             return Err(table);
         }
-        self.coils.load(self.now, table.wiring(), self.profile);
-        self.switches.load(table.wiring());
+        self.coils.load(self.now, table.wiring());
+        self.switches.load();
+        self.n_wired = 0;
         self.hold_servos();
         self.table = Some(table);
         Ok(())
+    }
+
+    /// Whether a loaded table is wired up, a few actuators a tick. A command that comes earlier wires up the rest at once,
+    /// which makes its tick longer.
+    pub fn is_ready(&self) -> bool {
+        self.table.as_deref().is_none_or(|table| self.n_wired >= table.wiring().actuators.len())
+    }
+
+    fn wire_up(&mut self, most: usize) {
+        if self.is_ready() {
+            return;
+        }
+        let Some(table) = self.table.as_deref() else { return };
+        let actuators = table.wiring().actuators_with_coils().enumerate();
+        for (index, (actuator, coils)) in actuators.skip(self.n_wired).take(most) {
+            self.coils.wire(index, coils);
+            self.switches.wire(index, actuator);
+            self.n_wired = index.saturating_add(1);
+        }
     }
 
     /// Gives the table back, to be filled anew. Nothing while a program runs or a coil is on by hand.
@@ -257,6 +282,7 @@ impl<'t> Sequencer<'t> {
     /// Looks at what the board sees, decides, and says what the outputs are until the next call.
     pub fn step(&mut self, now: Micros, seen: &Seen) -> Outputs {
         self.now = now;
+        self.wire_up(WIRED_A_TICK);
         self.emergency_stop = self.profile.emergency_stop.is_some_and(|stop| stop.is_pressed(seen.switches));
         let is_safe = matches!(self.phase, Phase::Safe(_));
         match self.look(seen).and_then(|()| self.advance(seen)) {
@@ -270,6 +296,9 @@ impl<'t> Sequencer<'t> {
 
     /// Does what is asked or says why not. Outputs change with the next [`step`](Self::step).
     pub fn command(&mut self, command: Command) -> Result<(), CommandError> {
+        if !matches!(command, Command::Stop | Command::Clear) {
+            self.wire_up(MAX_ACTUATORS);
+        }
         match command {
             Command::Stop => {
                 self.stop();
@@ -552,29 +581,6 @@ impl<'t> Sequencer<'t> {
     /// The owner drains the events after every step, which makes at most three.
     fn note(&mut self, event: Event) {
         let _ = self.events.push_back((self.now, event));
-    }
-}
-
-/// Whether a servo has answered before and does not any more.
-fn is_silent(now: Micros, joint: &ServoWiring, answered: Option<Micros>) -> bool {
-    answered.is_some_and(|answered| now - answered > Micros::from_millis(u32::from(joint.timeout_ms)))
-}
-
-fn check_servo(now: Micros, servo: u8, joint: &ServoWiring, seen: &ServoSeen) -> Result<(), FaultKind> {
-    if seen.answered.is_none() {
-        return Ok(());
-    }
-    let range = joint.min_rad - RANGE_MARGIN_RAD..=joint.max_rad + RANGE_MARGIN_RAD;
-    if is_silent(now, joint, seen.answered) {
-        Err(FaultKind::ServoSilent { servo })
-    } else if seen.error != 0 {
-        Err(FaultKind::ServoError { servo, bits: seen.error })
-    } else if seen.load > joint.max_torque {
-        Err(FaultKind::ServoTorque { servo, load: seen.load })
-    } else if !range.contains(&seen.angle_rad) {
-        Err(FaultKind::ServoRange { servo, angle_rad: seen.angle_rad })
-    } else {
-        Ok(())
     }
 }
 

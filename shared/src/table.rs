@@ -11,11 +11,11 @@ use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::duty::{Breach, DutyMeter, DutyMeters};
+use crate::duty::{Breach, DutyMeter, DutyMeters, MeterLimit};
 use crate::nearest::Coordinates;
 use crate::output::{
-    ActuatorWiring, Coil, CoilLimit, Drive, MAX_ACTUATORS, MAX_COILS, MAX_SERVOS, ServoWiring, SwitchClock,
-    SwitchLimit, Wiring, WiringError,
+    ActuatorWiring, Coil, Drive, MAX_ACTUATORS, MAX_COILS, MAX_SERVOS, ServoWiring, SwitchClock, SwitchLimit, Wiring,
+    WiringError,
 };
 use crate::profile::{Mismatch, Profile};
 use crate::units::{ActuatorId, DeviceId, Digest, Micros, ModelHash, Word};
@@ -25,7 +25,7 @@ use modules::Modules;
 pub const MAX_ROWS: usize = 1024;
 
 /// The board may switch a coil off so much later than its row says; longest on-times are checked with that in mind.
-const LATENESS_MS: u32 = 2;
+const LATENESS: Micros = Micros::from_millis(2);
 
 /// Joint angles of the servos along the chain, in radians.
 pub type ServoAngles = heapless::Vec<f32, MAX_SERVOS>;
@@ -211,8 +211,12 @@ pub struct Checker {
     wiring: Wiring,
     model: ModelHash,
     profile: Digest,
-    /// On-times by index of the coil.
+    /// On-times of the outputs.
     meters: [DutyMeter; MAX_COILS],
+    /// Outputs that have been on before the first row: bit `o` for output `o`.
+    used: u64,
+    /// What is left of the pulse of each latch, by index of the coil.
+    pulse_left: [Micros; MAX_COILS],
     switched: SwitchClock,
     rows: u16,
     last: Option<Row>,
@@ -242,6 +246,8 @@ impl Default for Checker {
             model: ModelHash::default(),
             profile: Digest::default(),
             meters: [DutyMeter::default(); MAX_COILS],
+            used: 0,
+            pulse_left: [Micros(0); MAX_COILS],
             switched: SwitchClock::default(),
             rows: 0,
             last: None,
@@ -328,6 +334,7 @@ impl Checker {
         self.model = model;
         self.profile = profile;
         self.meters.fill(DutyMeter::default());
+        self.used = 0;
         self.servo_span_rad = [NO_SPAN; MAX_SERVOS];
         self.rows = 0;
         self.rewind();
@@ -337,6 +344,7 @@ impl Checker {
     fn rewind(&mut self) {
         self.switched = SwitchClock::default();
         self.last = None;
+        self.pulse_left.fill(Micros(0));
         self.moved_us.fill(0);
     }
 
@@ -402,14 +410,20 @@ impl Checker {
         };
         let span = at - last.at;
         let fed = self.wiring.coils_on(&last.word);
-        for (index, (coil, meter)) in self.wiring.coils.iter().zip(&mut self.meters).enumerate() {
-            let on = match coil.drive {
-                Drive::Latch { .. } => false,
-                Drive::Hold { .. } | Drive::PeakHold { .. } => fed >> index & 1 == 1,
-            };
-            let limit = CoilLimit { max_on_ms: coil.limit.max_on_ms.saturating_sub(LATENESS_MS), ..coil.limit };
+        for (index, (coil, pulse_left)) in self.wiring.coils.iter().zip(&mut self.pulse_left).enumerate() {
             let output = coil.output;
-            meter.pass(span, on, &limit).map_err(|breach| match breach {
+            let Some(meter) = self.meters.get_mut(usize::from(output)) else { continue };
+            let (on, lateness) = match coil.drive {
+                Drive::Latch { .. } => (span.min(*pulse_left), Micros(0)),
+                Drive::Hold { .. } | Drive::PeakHold { .. } if fed >> index & 1 == 1 => (span, LATENESS),
+                Drive::Hold { .. } | Drive::PeakHold { .. } => (Micros(0), LATENESS),
+            };
+            *pulse_left = *pulse_left - on;
+            let limit = MeterLimit::of(&coil.limit).rehearsed(lateness, self.used >> output & 1 == 1);
+            let off = span - on;
+            let switched_on = if on > Micros(0) { meter.pass(on, true, &limit) } else { Ok(()) };
+            let passed = if off > Micros(0) { switched_on.and(meter.pass(off, false, &limit)) } else { switched_on };
+            passed.map_err(|breach| match breach {
                 Breach::OnTooLong => RowError::OnTooLong { output },
                 Breach::Duty => RowError::Duty { output },
             })?;
@@ -427,7 +441,7 @@ impl Checker {
         let (fed, feeding) = (self.wiring.coils_on(&before), self.wiring.coils_on(&row.word));
         let room = self.switched.room(row.at, &self.wiring.switch_limit);
         let mut newly_fed = 0u8;
-        for (index, (coil, meter)) in self.wiring.coils.iter().zip(&mut self.meters).enumerate() {
+        for (index, (coil, pulse_left)) in self.wiring.coils.iter().zip(&mut self.pulse_left).enumerate() {
             let (was, is) = (fed >> index & 1 == 1, feeding >> index & 1 == 1);
             match coil.drive {
                 Drive::Hold { .. } | Drive::PeakHold { .. } => {
@@ -436,9 +450,7 @@ impl Checker {
                 Drive::Latch { .. } if is == was && !is_first => {}
                 Drive::Latch { pulse_ms, .. } => {
                     newly_fed = newly_fed.saturating_add(u8::from(!is_first));
-                    let pulse = Micros::from_millis(u32::from(pulse_ms));
-                    let output = coil.output;
-                    meter.pass(pulse, true, &coil.limit).map_err(|_| RowError::Duty { output })?;
+                    *pulse_left = Micros::from_millis(u32::from(pulse_ms));
                 }
             }
         }
@@ -528,16 +540,20 @@ impl Table {
         }
     }
 
-    /// Makes ready to [rehearse](Self::rehearse) the rows after what the outputs have already been on.
-    pub fn begin_rehearsal(&mut self, used: &DutyMeters) {
-        self.checker.rewind();
-        for (meter, coil) in self.checker.meters.iter_mut().zip(&self.checker.wiring.coils) {
-            *meter = used.meters.get(usize::from(coil.output)).copied().unwrap_or_default();
-        }
+    /// Takes over what the outputs have already been on, for a [rehearsal](Self::rehearse). No more than a copy: the
+    /// control tick does it.
+    pub fn recall(&mut self, used: &DutyMeters) {
+        self.checker.meters = used.meters;
     }
 
-    /// Lets the limits of all outputs judge these rows, and the end where `rows` reaches it. Nothing is driven.
+    /// Lets the limits of all outputs judge these rows, after what was [recalled](Self::recall), and the end where `rows`
+    /// reaches it. The first rows come first. Nothing is driven.
     pub fn rehearse(&mut self, rows: core::ops::Range<usize>) -> Result<(), TableError> {
+        if rows.start == 0 {
+            self.checker.rewind();
+            let numbered = (0u32..).zip(&self.checker.meters);
+            self.checker.used = numbered.fold(0, |used, (output, meter)| used | u64::from(!meter.is_empty()) << output);
+        }
         let last = rows.end;
         for number in rows {
             let Some(row) = self.rows.get(number) else { break };

@@ -208,11 +208,22 @@ impl Word {
     }
 
     /// The digits that differ from those of another word: bit `i` for digit `i`. Digits beyond an end are 0.
+    pub const fn differing(&self, other: &Self) -> u64 {
+        self.flips(other).digits_set()
+    }
+
+    /// The bits in which the digits differ from those of another word. Digits beyond an end are 0.
+    #[must_use]
+    pub const fn flips(&self, other: &Self) -> Self {
+        let len = if self.len > other.len { self.len } else { other.len };
+        Self { len, bits: self.bits ^ other.bits }
+    }
+
+    /// The digits that are not 0: bit `i` for digit `i`.
     ///
     /// Sixteen digits at a time: the chip has 32 bits.
-    pub const fn differing(&self, other: &Self) -> u64 {
-        let differing = self.bits ^ other.bits;
-        let (low, high) = (differing as u64, (differing >> 64) as u64);
+    pub const fn digits_set(&self) -> u64 {
+        let (low, high) = (self.bits as u64, (self.bits >> 64) as u64);
         any_of_pairs(low as u32) as u64
             | (any_of_pairs((low >> 32) as u32) as u64) << 16
             | (any_of_pairs(high as u32) as u64) << 32

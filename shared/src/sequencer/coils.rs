@@ -4,9 +4,9 @@
 //! that end, and [`METERS_A_TICK`] meters in turn, also those of outputs that no table uses.
 
 use super::{CommandError, FaultKind};
-use crate::duty::{Breach, DutyMeters};
-use crate::output::{CoilLimit, Drive, MAX_ACTUATORS, MAX_COILS, SwitchClock, SwitchLimit, Wiring};
-use crate::profile::Profile;
+use crate::duty::{Breach, DutyMeters, MeterLimit};
+use crate::output::{Coil, Drive, MAX_ACTUATORS, MAX_COILS, SwitchClock, SwitchLimit, Wiring};
+use crate::profile::{self, Profile};
 use crate::units::{Micros, Word};
 
 /// So many meters count in one tick: each of the most there can be within 8 ms.
@@ -58,7 +58,7 @@ pub(super) struct Coils<'t> {
 #[derive(Clone, Copy, Debug)]
 struct Output {
     wires: Wires,
-    limit: CoilLimit,
+    limit: MeterLimit,
     /// Length of its peak or pulse.
     burst: Micros,
     /// When it switched last.
@@ -79,12 +79,9 @@ struct Wires {
     second: u64,
 }
 
-/// A limit that allows nothing and counts nothing: that of an output that the profile does not have.
-const NO_LIMIT: CoilLimit = CoilLimit { max_on_ms: 0, duty_percent: 0, window_ms: 0 };
-
 const NO_OUTPUT: Output = Output {
     wires: Wires { first: 0, second: 0 },
-    limit: NO_LIMIT,
+    limit: MeterLimit::NONE,
     burst: Micros(0),
     changed: Micros(0),
     on_for: Micros(0),
@@ -154,7 +151,7 @@ impl<'t> Coils<'t> {
         self.n_outputs = 0;
         let numbered = profile.outputs.iter().enumerate();
         for ((number, wired), (output, meter)) in numbered.zip(self.outputs.iter_mut().zip(&mut self.used.meters)) {
-            *output = Output { limit: wired.map_or(NO_LIMIT, |wired| wired.limit), counted: now, ..NO_OUTPUT };
+            *output = Output { limit: limit_of(wired.as_ref()), counted: now, ..NO_OUTPUT };
             if wired.is_some() {
                 self.n_outputs = number.saturating_add(1);
             }
@@ -167,40 +164,45 @@ impl<'t> Coils<'t> {
         self.switched.note(now, room);
     }
 
-    /// Takes over another wiring, of whose latches nothing is known. No coil carries current.
-    pub(super) fn load(&mut self, now: Micros, wiring: &Wiring, profile: &Profile) {
+    /// Makes ready for the coils of another table. No coil carries current.
+    pub(super) fn load(&mut self, now: Micros, wiring: &Wiring) {
         self.rest(now);
-        (self.wired, self.latches, self.peaks, self.on) = (0, 0, 0, 0);
-        for (output, wired) in self.outputs.iter_mut().zip(&profile.outputs) {
-            output.wires = Wires::default();
-            output.limit = wired.map_or(NO_LIMIT, |wired| wired.limit);
-        }
-        for coil in &wiring.coils {
-            let Some(output) = self.outputs.get_mut(usize::from(coil.output)) else { continue };
-            output.wire(&coil.drive);
-            output.limit = coil.limit;
-            let bit = bit_of(coil.output);
-            self.wired |= bit;
-            match coil.drive {
-                Drive::Hold { .. } => {}
-                Drive::PeakHold { .. } => self.peaks |= bit,
-                Drive::Latch { .. } => self.latches |= bit,
-            }
-        }
-        for ((_, coils), of_digit) in wiring.actuators_with_coils().zip(&mut self.of_digit) {
-            let mask = |digit_bit: usize| coils.get(digit_bit).map_or(0, |coil| bit_of(coil.output));
-            *of_digit = [mask(0), mask(1)];
-        }
+        (self.wired, self.latches, self.unknown, self.peaks, self.on) = (0, 0, 0, 0, 0);
         self.supply = wiring.switch_limit;
-        self.unknown = self.latches;
         self.word = Word::zeros(wiring.actuators.len() as u8).unwrap_or_default();
         self.wanted = self.word;
+    }
+
+    /// Takes over the coils of one actuator. How a latch stands is not known.
+    pub(super) fn wire(&mut self, actuator: usize, coils: &[Coil]) {
+        let masks = [0, 1].map(|digit_bit| coils.get(digit_bit).map_or(0, |coil| self.wire_coil(coil)));
+        if let Some(of_digit) = self.of_digit.get_mut(actuator) {
+            *of_digit = masks;
+        }
+    }
+
+    /// The coil's mask.
+    fn wire_coil(&mut self, coil: &Coil) -> u64 {
+        let Some(output) = self.outputs.get_mut(usize::from(coil.output)) else { return 0 };
+        output.wire(&coil.drive);
+        output.limit = MeterLimit::of(&coil.limit);
+        let bit = bit_of(coil.output);
+        self.wired |= bit;
+        match coil.drive {
+            Drive::Hold { .. } => {}
+            Drive::PeakHold { .. } => self.peaks |= bit,
+            Drive::Latch { .. } => {
+                self.latches |= bit;
+                self.unknown |= bit;
+            }
+        }
+        bit
     }
 
     /// No coil carries current; latches stay as they are, and a latch whose pulse is cut is unknown. What has flowed so
     /// far stays counted.
     pub(super) fn rest(&mut self, now: Micros) {
-        for (index, _) in Bits(self.fed()) {
+        for (index, _) in Bits::of(self.fed()) {
             // That the coil was on for too long no longer matters: it goes off.
             let _ = self.count(now, index, true);
         }
@@ -234,15 +236,17 @@ impl<'t> Coils<'t> {
             let next = self.next.wrapping_add(1);
             self.next = if next < self.n_outputs { next } else { 0 };
         }
-        for (index, bit) in Bits(self.pulsing | self.peaking) {
+        let mut ended = 0;
+        for (index, bit) in Bits::of(self.pulsing | self.peaking) {
             let Some(output) = self.outputs.get(index) else { continue };
             if now - output.changed >= output.burst {
                 self.count(now, index, true)?;
-                self.pulsing &= !bit;
-                self.peaking &= !bit;
-                self.show(index, bit);
+                ended |= bit;
             }
         }
+        self.pulsing &= !ended;
+        self.peaking &= !ended;
+        self.show(ended);
         Ok(())
     }
 
@@ -252,13 +256,11 @@ impl<'t> Coils<'t> {
     }
 
     /// Lets the meter of one output, which was `fed` or not, count up to now.
+    #[inline(never)]
     fn count(&mut self, now: Micros, index: usize, fed: bool) -> Result<(), FaultKind> {
         let Some((output, meter)) = self.outputs.get_mut(index).zip(self.used.meters.get_mut(index)) else {
             return Ok(());
         };
-        if output.limit.window_ms == 0 {
-            return Ok(());
-        }
         let span = now - output.counted;
         output.counted = now;
         meter.pass(span, fed, &output.limit).map_err(|breach| match breach {
@@ -284,7 +286,7 @@ impl<'t> Coils<'t> {
         }
         let target = self.target_of(&word);
         let switching = target ^ self.on | self.unknown;
-        for (index, bit) in Bits(switching & (target | self.latches)) {
+        for (index, bit) in Bits::of(switching & (target | self.latches)) {
             let least = if self.latches & bit == 0 { Micros(1) } else { self.burst(index) };
             self.require(now, index, least)?;
         }
@@ -302,11 +304,11 @@ impl<'t> Coils<'t> {
 
     fn target_of(&self, word: &Word) -> u64 {
         let mut target = self.target;
-        for (index, _) in Bits(word.differing(&self.wanted)) {
+        let flips = word.flips(&self.wanted);
+        for (index, _) in Bits::of(flips.digits_set()) {
             let Some([low, high]) = self.of_digit.get(index) else { continue };
-            let digit = word.digit(index);
-            target &= !(low | high);
-            target |= if digit & 1 != 0 { *low } else { 0 } | if digit & 2 != 0 { *high } else { 0 };
+            let changed = flips.digit(index);
+            target ^= if changed & 1 != 0 { *low } else { 0 } ^ if changed & 2 != 0 { *high } else { 0 };
         }
         target
     }
@@ -348,8 +350,8 @@ impl<'t> Coils<'t> {
             return Err(CommandError::NotWired);
         };
         let limit = &output.limit;
-        if flows > Micros::from_millis(limit.max_on_ms) {
-            return Err(CommandError::OnTooLong { max_ms: limit.max_on_ms });
+        if flows > limit.max_on() {
+            return Err(CommandError::OnTooLong { max_ms: (limit.max_on().0 / 1000) as u32 });
         }
         let left_us = meter.left_us(limit);
         if flows <= Micros(left_us.into()) {
@@ -369,7 +371,7 @@ impl<'t> Coils<'t> {
 
     /// Switches what is asked for by hand, no more coils at once than the supply can feed.
     pub(super) fn release(&mut self, now: Micros) -> Result<(), FaultKind> {
-        for (index, bit) in Bits(self.timed) {
+        for (index, bit) in Bits::of(self.timed) {
             if self.outputs.get(index).is_some_and(|output| now >= output.off_at) {
                 self.timed &= !bit;
                 self.want_coil(bit, false);
@@ -397,33 +399,53 @@ impl<'t> Coils<'t> {
         self.unknown &= !coils;
         self.pulsing |= self.latches & coils;
         self.peaking = self.peaking & !coils | self.peaks & on;
-        for (index, bit) in Bits(coils) {
-            self.count(now, index, fed & bit != 0)?;
+        for (index, _) in Bits::of(coils & fed) {
+            self.count(now, index, true)?;
+        }
+        for (index, _) in Bits::of(coils & !fed) {
+            self.count(now, index, false)?;
+        }
+        for (index, _) in Bits::of(coils & (self.pulsing | self.peaking)) {
             if let Some(output) = self.outputs.get_mut(index) {
                 output.changed = now;
-                if self.timed & on & bit != 0 {
-                    output.off_at = now + output.on_for;
-                }
             }
-            self.show(index, bit);
         }
+        for (index, _) in Bits::of(self.timed & on) {
+            if let Some(output) = self.outputs.get_mut(index) {
+                output.off_at = now + output.on_for;
+            }
+        }
+        self.show(coils);
         Ok(complete)
     }
 
-    /// Makes the lines of one coil what its state says.
-    fn show(&mut self, index: usize, bit: u64) {
-        let Some(Output { wires: Wires { first, second }, .. }) = self.outputs.get(index).copied() else { return };
-        let (on, pulsing) = (self.on & bit != 0, self.pulsing & bit != 0);
-        let levels = match (self.latches & bit != 0, on) {
-            (true, _) if !pulsing => 0,
-            (true, true) => first,
-            (true, false) => second,
-            (false, true) if self.peaking & bit != 0 => first | second,
-            (false, true) => second,
-            (false, false) => 0,
-        };
-        self.lines = self.lines & !(first | second) | levels;
+    /// Makes the lines of these coils what their state says.
+    fn show(&mut self, coils: u64) {
+        if coils == 0 {
+            return;
+        }
+        let holding = coils & self.on & !self.latches;
+        let pulsing = coils & self.pulsing;
+        let (off, hold) = (self.wires(coils & !holding), self.wires(holding));
+        let low = self.lines & !(off.first | off.second | hold.first);
+        let second = hold.second | self.wires(pulsing & !self.on).second;
+        let first = self.wires(holding & self.peaking | pulsing & self.on).first;
+        self.lines = low | second | first;
     }
+
+    /// The lines of all of these coils.
+    fn wires(&self, coils: u64) -> Wires {
+        let outputs = Bits::of(coils).filter_map(|(index, _)| self.outputs.get(index));
+        outputs.fold(Wires::default(), |all, Output { wires, .. }| Wires {
+            first: all.first | wires.first,
+            second: all.second | wires.second,
+        })
+    }
+}
+
+/// An output that the profile does not have counts nothing: nothing ever feeds it.
+fn limit_of(output: Option<&profile::Output>) -> MeterLimit {
+    output.map_or(MeterLimit::NONE, |output| MeterLimit::of(&output.limit))
 }
 
 /// The mask of one output; none where there is no such output.
@@ -436,18 +458,39 @@ fn first_of(mask: u64, most: u8) -> u64 {
     if mask.count_ones() <= u32::from(most) {
         return mask;
     }
-    Bits(mask).take(usize::from(most)).fold(0, |first, (_, bit)| first | bit)
+    Bits::of(mask).take(usize::from(most)).fold(0, |first, (_, bit)| first | bit)
 }
 
-/// The bits of a mask that are set, lowest first: index and mask of each.
-pub(super) struct Bits(pub(super) u64);
+/// The bits of a mask that are set, lowest first: index and mask of each. In halves: the chip has 32 bits.
+pub(super) struct Bits {
+    low: u32,
+    high: u32,
+}
+
+impl Bits {
+    pub(super) fn of(mask: u64) -> Self {
+        Self { low: mask as u32, high: (mask >> 32) as u32 }
+    }
+}
 
 impl Iterator for Bits {
     type Item = (usize, u64);
 
     fn next(&mut self) -> Option<Self::Item> {
-        let bit = self.0 & self.0.wrapping_neg();
-        self.0 ^= bit;
-        (bit != 0).then(|| (bit.trailing_zeros() as usize, bit))
+        if self.low != 0 {
+            let (index, bit) = take_lowest(&mut self.low);
+            Some((index, bit.into()))
+        } else if self.high != 0 {
+            let (index, bit) = take_lowest(&mut self.high);
+            Some((index.wrapping_add(32), u64::from(bit) << 32))
+        } else {
+            None
+        }
     }
+}
+
+fn take_lowest(mask: &mut u32) -> (usize, u32) {
+    let bit = *mask & mask.wrapping_neg();
+    *mask ^= bit;
+    (bit.trailing_zeros() as usize, bit)
 }

@@ -2,7 +2,7 @@
 
 use super::FaultKind;
 use super::coils::Bits;
-use crate::output::{MAX_ACTUATORS, MAX_INPUTS, Wiring};
+use crate::output::{ActuatorWiring, MAX_ACTUATORS, MAX_INPUTS, Wiring};
 use crate::units::{ActuatorId, Micros, Word};
 
 /// A switch must contradict in so many ticks in a row before that is a fault: contacts bounce.
@@ -42,14 +42,18 @@ impl Default for Switches {
 }
 
 impl Switches {
-    /// Takes over another wiring, and expects nothing.
-    pub(super) fn load(&mut self, wiring: &Wiring) {
+    /// Makes ready for the switches of another table, and expects nothing.
+    pub(super) fn load(&mut self) {
         self.watched = 0;
-        for (index, (actuator, input)) in wiring.actuators.iter().zip(&mut self.input).enumerate() {
-            *input = actuator.switch.map_or(0, |switch| 1 << switch.input);
-            self.watched |= u64::from(actuator.switch.is_some()) << index;
-        }
         self.rest();
+    }
+
+    /// Takes over the switch of one actuator.
+    pub(super) fn wire(&mut self, index: usize, actuator: &ActuatorWiring) {
+        if let Some((switch, input)) = actuator.switch.zip(self.input.get_mut(index)) {
+            *input = 1 << switch.input;
+            self.watched |= 1 << index;
+        }
     }
 
     /// Nothing is expected of any switch.
@@ -70,7 +74,7 @@ impl Switches {
     pub(super) fn travel(&mut self, now: Micros, actuators: u64) {
         let actuators = actuators & self.watched;
         self.travelling |= actuators;
-        for (index, _) in Bits(actuators) {
+        for (index, _) in Bits::of(actuators) {
             if let Some((since, input)) = self.since.get_mut(index).zip(self.input.get(index)) {
                 *since = now;
                 self.arrived &= !input;
@@ -80,7 +84,7 @@ impl Switches {
 
     /// Finds the switch that contradicts its actuator's digit after the time of travel. `seen`: bit `i` is input `i`.
     pub(super) fn check(&mut self, now: Micros, seen: u32, word: &Word, wiring: &Wiring) -> Result<(), FaultKind> {
-        for (index, bit) in Bits(self.travelling) {
+        for (index, bit) in Bits::of(self.travelling) {
             let Some((actuator, &since)) = wiring.actuators.get(index).zip(self.since.get(index)) else {
                 continue;
             };
@@ -97,7 +101,7 @@ impl Switches {
         }
         let before = self.contradicting;
         self.contradicting = (seen ^ self.closed) & self.arrived;
-        for (input, _) in Bits(u64::from(self.contradicting)) {
+        for (input, _) in Bits::of(u64::from(self.contradicting)) {
             let Some(ticks) = self.ticks.get_mut(input) else { continue };
             *ticks = if before >> input & 1 == 1 { ticks.saturating_add(1) } else { 1 };
             if *ticks >= BOUNCE_TICKS {
