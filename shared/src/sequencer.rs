@@ -22,7 +22,7 @@ mod servos;
 mod switches;
 
 use crate::duty::DutyMeters;
-use crate::output::{MAX_ACTUATORS, MAX_SERVOS, ServoWiring};
+use crate::output::{MAX_SERVOS, ServoWiring};
 use crate::profile::{BUILT_IN, Fallback, Profile};
 use crate::table::{Row, ServoAngles, Table};
 use crate::units::{Micros, Word};
@@ -139,8 +139,8 @@ pub enum Event {
     Cleared,
 }
 
-/// Actuators of a loaded table that one tick wires up.
-const WIRED_A_TICK: usize = 12;
+/// Outputs or actuators that one tick takes over.
+const TAKEN_A_TICK: usize = 12;
 /// The servos get this share of their speed on the way to the first row.
 const APPROACH_SPEED: f32 = 0.25;
 /// A servo has reached the first row when it is this near.
@@ -220,17 +220,19 @@ impl<'t> Sequencer<'t> {
         Ok(())
     }
 
-    /// Whether a loaded table is wired up, a few actuators a tick. A command that comes earlier wires up the rest at once,
-    /// which makes its tick longer.
+    /// Whether the outputs of the profile and the actuators of the table are taken over, some in each tick. A command that
+    /// comes earlier takes over the rest at once, which makes its tick longer.
     pub fn is_ready(&self) -> bool {
-        self.table.as_deref().is_none_or(|table| self.n_wired >= table.wiring().actuators.len())
+        let is_wired = |table: &Table| self.n_wired >= table.wiring().actuators.len();
+        self.coils.has_outputs() && self.table.as_deref().is_none_or(is_wired)
     }
 
-    fn wire_up(&mut self, most: usize) {
-        if self.is_ready() {
-            return;
+    /// Takes over so many more outputs, or when there are none left, actuators.
+    fn take_over(&mut self, most: usize) {
+        if !self.coils.has_outputs() {
+            return self.coils.take_outputs(self.now, self.profile, most);
         }
-        let Some(table) = self.table.as_deref() else { return };
+        let Some(table) = self.table.as_deref().filter(|_| !self.is_ready()) else { return };
         let actuators = table.wiring().actuators_with_coils().enumerate();
         for (index, (actuator, coils)) in actuators.skip(self.n_wired).take(most) {
             self.coils.wire(index, coils);
@@ -282,7 +284,7 @@ impl<'t> Sequencer<'t> {
     /// Looks at what the board sees, decides, and says what the outputs are until the next call.
     pub fn step(&mut self, now: Micros, seen: &Seen) -> Outputs {
         self.now = now;
-        self.wire_up(WIRED_A_TICK);
+        self.take_over(TAKEN_A_TICK);
         self.emergency_stop = self.profile.emergency_stop.is_some_and(|stop| stop.is_pressed(seen.switches));
         let is_safe = matches!(self.phase, Phase::Safe(_));
         match self.look(seen).and_then(|()| self.advance(seen)) {
@@ -297,7 +299,9 @@ impl<'t> Sequencer<'t> {
     /// Does what is asked or says why not. Outputs change with the next [`step`](Self::step).
     pub fn command(&mut self, command: Command) -> Result<(), CommandError> {
         if !matches!(command, Command::Stop | Command::Clear) {
-            self.wire_up(MAX_ACTUATORS);
+            while !self.is_ready() {
+                self.take_over(TAKEN_A_TICK);
+            }
         }
         match command {
             Command::Stop => {

@@ -44,6 +44,8 @@ pub(super) struct Coils<'t> {
     outputs: [Output; MAX_COILS],
     /// Outputs of the profile, up to the last.
     n_outputs: usize,
+    /// Outputs of the profile, from the first, that are taken over.
+    n_taken: usize,
     /// The output whose meter counts next.
     next: usize,
     /// The meter of each output, which outlives table, stop and reset.
@@ -121,6 +123,7 @@ impl<'t> Coils<'t> {
             lines: 0,
             outputs: [NO_OUTPUT; MAX_COILS],
             n_outputs: 0,
+            n_taken: MAX_COILS,
             next: 0,
             used,
             supply: SwitchLimit::default(),
@@ -143,25 +146,39 @@ impl<'t> Coils<'t> {
         self.used
     }
 
-    /// Takes over the outputs of a profile after a start. A meter that is not valid, or was another profile's, counts as
-    /// exhausted, and so does the supply: nobody knows what flowed just before.
+    /// Makes ready for the outputs of a profile after a start. The supply counts as exhausted: nobody knows what flowed
+    /// just before.
     pub(super) fn configure(&mut self, now: Micros, profile: &Profile) {
-        let same = self.used.profile == profile.digest.short().0;
-        self.used.profile = profile.digest.short().0;
-        self.n_outputs = 0;
-        let numbered = profile.outputs.iter().enumerate();
-        for ((number, wired), (output, meter)) in numbered.zip(self.outputs.iter_mut().zip(&mut self.used.meters)) {
-            *output = Output { limit: limit_of(wired.as_ref()), counted: now, ..NO_OUTPUT };
-            if wired.is_some() {
-                self.n_outputs = number.saturating_add(1);
-            }
-            if !(same && meter.is_valid()) {
-                meter.exhaust(&output.limit);
-            }
-        }
+        (self.n_taken, self.n_outputs) = (0, 0);
         self.supply = profile.supply;
         let room = self.switched.room(now, &self.supply);
         self.switched.note(now, room);
+    }
+
+    /// Takes over some more outputs of the profile. A meter that is not valid, or was another profile's, counts as
+    /// exhausted. All are this profile's when the last one is taken over, and not before: a reset may come in between.
+    pub(super) fn take_outputs(&mut self, now: Micros, profile: &Profile, most: usize) {
+        let own = profile.digest.short().0;
+        let same = self.used.profile == own;
+        let wired = profile.outputs.iter().zip(self.outputs.iter_mut().zip(&mut self.used.meters)).enumerate();
+        for (number, (wired, (output, meter))) in wired.skip(self.n_taken).take(most) {
+            *output = Output { limit: limit_of(wired.as_ref()), counted: now, ..NO_OUTPUT };
+            if !(same && meter.is_valid()) {
+                meter.exhaust(&output.limit);
+            }
+            self.n_taken = number.saturating_add(1);
+            if wired.is_some() {
+                self.n_outputs = self.n_taken;
+            }
+        }
+        if self.has_outputs() {
+            self.used.profile = own;
+        }
+    }
+
+    /// Whether all outputs of the profile are taken over.
+    pub(super) fn has_outputs(&self) -> bool {
+        self.n_taken >= MAX_COILS
     }
 
     /// Makes ready for the coils of another table. No coil carries current.

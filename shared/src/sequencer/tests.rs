@@ -106,6 +106,13 @@ fn limit_of(profile: &Profile) -> MeterLimit {
     MeterLimit::of(&profile.outputs[0].expect("output 0").limit)
 }
 
+/// Takes over a profile, in no time.
+fn take_over(sequencer: &mut Sequencer) {
+    while !sequencer.is_ready() {
+        sequencer.step(Micros(0), &Seen::default());
+    }
+}
+
 /// Lets seconds pass in coarse ticks.
 fn rest(sequencer: &mut Sequencer, now: &mut Micros, seconds: u32) {
     for _ in 0..10 * seconds {
@@ -516,10 +523,12 @@ fn a_reset_forgets_no_current() {
     assert_eq!(before, 960_000 - 9_000);
     let mut sequencer = Sequencer::new(Box::leak(Box::new(used)));
     sequencer.configure(profile);
+    take_over(&mut sequencer);
     assert_eq!(left(sequencer.used()), before);
     let other = Box::leak(Box::new(Profile { digest: Digest([4; 32]), ..profile.clone() }));
     let mut sequencer = Sequencer::new(Box::leak(Box::new(sequencer.used().clone())));
     sequencer.configure(other);
+    take_over(&mut sequencer);
     assert_eq!(left(sequencer.used()), 0, "what another profile's meters counted says nothing");
 }
 

@@ -315,6 +315,7 @@ fn measure_all(stack: &Stack, profile: Digest) {
     let mut host = Host { number: 0 };
     // After power-up every output counts as used to its limit.
     host.watch(2 * LIMIT.window_ms);
+    tell("start", "control_tick", measure::take().tick, "instructions");
     for (name, actuators, servos) in ARMS {
         let table = record(profile, actuators, servos);
         host.watch(50);
