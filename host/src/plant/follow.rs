@@ -82,6 +82,11 @@ impl Follower {
         plant.state()
     }
 
+    /// Levels of the board's output lines.
+    pub fn lines(&self) -> u64 {
+        lock(&self.plant).lines()
+    }
+
     /// Breaks or repairs something, from now on.
     pub fn set_broken(&self, broken: Broken) {
         lock(&self.plant).set_broken(host_now_s(), broken);

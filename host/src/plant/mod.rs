@@ -117,6 +117,11 @@ impl Plant {
         self.drive();
     }
 
+    /// Levels of the output lines; none is high while the outputs are disabled.
+    pub fn lines(&self) -> u64 {
+        self.lines
+    }
+
     /// Bytes came on the servo bus; the bytes that the servos answer.
     pub fn servo_bytes(&mut self, now_s: f64, bytes: &[u8]) -> Vec<u8> {
         self.advance(now_s);

@@ -1,0 +1,181 @@
+//! `darm stop` while another program holds the board's port: when the pins are safe, and what the exit code says.
+//!
+//! The real image in the emulator plays a program; the lines are seen at its pins. `DARM_STOPS` sets how often, else once
+//! for each program that can hold the port. Where the emulator, the image or `darm` is missing the test says so and passes.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use darm::arm::Arm;
+use darm::in_process::MemoryFlash;
+use darm::plant::Plant;
+use darm::plant::follow::Follower;
+use darm::qemu::{self, Console, Machine, Qemu};
+use darm::wired_arm::WiredArm;
+
+/// Longest wait for the program to begin: a loaded machine is slow.
+const LIMIT: Duration = Duration::from_secs(60);
+/// What `darm stop` promises.
+const SAFE_WITHIN_S: f64 = 1.0;
+/// The pins are seen through a socket and a thread: an edge may be seen so much later than it came.
+const SEEN_WITHIN_S: f64 = 0.1;
+const WORDS: &str = "000010000000 000001000000 000011000000 000000100000 000010100000 000001100000";
+
+/// The program that holds the port.
+#[derive(Clone, Copy, Debug)]
+enum Holder {
+    Console,
+    Play,
+    Record,
+    /// A program that knows nothing of darm and takes what the board says.
+    Reader,
+}
+
+/// A board with a table, and a folder that `darm` works and keeps its state in.
+struct Rig {
+    folder: tempfile::TempDir,
+    follower: Follower,
+    qemu: Qemu,
+    darm: PathBuf,
+    _lock: File,
+}
+
+/// How one stop went; times from the start of its process.
+struct Stop {
+    /// When the last line was seen to go low.
+    safe_after_s: f64,
+    ended_after_s: f64,
+    code: Option<i32>,
+}
+
+impl Rig {
+    fn start() -> Option<Self> {
+        let folder = tempfile::tempdir().unwrap();
+        let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap();
+        let darm = target.join("debug/darm");
+        let elf = target.join("thumbv7em-none-eabihf/firmware/darm-firmware");
+        if let Some(missing) = [&darm, &elf].into_iter().find(|path| !path.exists()) {
+            eprintln!("SKIPPED: no {}", missing.display());
+            return None;
+        }
+        if let Err(error) = qemu::find() {
+            eprintln!("SKIPPED: {error}");
+            return None;
+        }
+        // One emulator at a time: two would make each other slow.
+        let lock = File::create(std::env::temp_dir().join("darm-qemu-tests.lock")).unwrap();
+        lock.lock().unwrap();
+        let arm = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/planar4.toml");
+        let WiredArm { profile, wiring, .. } = WiredArm::new(Arm::read(&arm).unwrap()).unwrap();
+        let machine = Machine { elf, folder: folder.path().to_owned(), console: Console::Pty };
+        std::fs::write(folder.path().join(qemu::FLASH_FILE), MemoryFlash::with_profile(&profile.image()).bytes())
+            .unwrap();
+        let mut qemu = Qemu::start(&machine).unwrap();
+        let follower = Follower::start(&qemu, &wiring, Plant::new(&wiring, &[])).unwrap();
+        qemu.resume().unwrap();
+        let rig = Self { folder, follower, qemu, darm, _lock: lock };
+        let table = format!("table {} --dwell 1.5 -o six.darm --words {WORDS}", arm.display());
+        rig.succeeds(&mut rig.command(&table));
+        rig.succeeds(&mut rig.at_port("upload six.darm"));
+        std::fs::write(rig.folder.path().join("pictures.csv"), "time_s,x_m,y_m,angle_deg\n0,0,0,0\n").unwrap();
+        Some(rig)
+    }
+
+    fn command(&self, line: &str) -> Command {
+        let mut command = Command::new(&self.darm);
+        command.args(line.split_whitespace()).current_dir(self.folder.path());
+        command.env("XDG_STATE_HOME", self.folder.path().join("state"));
+        command.stdout(Stdio::null()).stderr(Stdio::null());
+        command
+    }
+
+    fn at_port(&self, line: &str) -> Command {
+        let mut command = self.command(line);
+        command.args(["--port", self.qemu.console_port()]);
+        command
+    }
+
+    fn succeeds(&self, command: &mut Command) {
+        let status = command.stderr(Stdio::inherit()).status().unwrap();
+        assert!(status.success(), "{command:?}: {status}");
+    }
+
+    /// Lets a program run, and its port be held.
+    fn hold(&self, holder: Holder) -> Child {
+        // When nobody has its pty open, QEMU looks for somebody new once a second: a serial line is never deaf like that.
+        let cable = File::open(self.qemu.console_port()).unwrap();
+        if matches!(holder, Holder::Console | Holder::Reader) {
+            self.succeeds(&mut self.at_port("play --detach"));
+        }
+        let mut command = match holder {
+            Holder::Console => self.at_port("console"),
+            Holder::Play => self.at_port("play"),
+            Holder::Record => self.at_port("record six.darm --camera pictures.csv -o run.csv"),
+            Holder::Reader => {
+                let mut command = Command::new("cat");
+                command.arg(self.qemu.console_port()).stdout(Stdio::null());
+                command
+            }
+        };
+        let child = command.stdin(Stdio::piped()).spawn().unwrap();
+        let start = Instant::now();
+        while self.follower.lines() == 0 {
+            assert!(start.elapsed() < LIMIT, "no line went high");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        // The console and the reader open the port in this time.
+        std::thread::sleep(Duration::from_millis(200));
+        drop(cable);
+        child
+    }
+
+    fn stop(&self) -> Stop {
+        let start = Instant::now();
+        let mut child = self.at_port("stop").spawn().unwrap();
+        let (mut safe, mut ended) = (None, None);
+        loop {
+            let now_s = start.elapsed().as_secs_f64();
+            if safe.is_none() && self.follower.lines() == 0 {
+                safe = Some(now_s);
+            }
+            if ended.is_none() {
+                ended = child.try_wait().unwrap().map(|status| (now_s, status.code()));
+            }
+            if let Some((ended_after_s, code)) = ended.filter(|_| safe.is_some() || now_s > 2.0 * SAFE_WITHIN_S) {
+                return Stop { safe_after_s: safe.unwrap_or(f64::INFINITY), ended_after_s, code };
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+}
+
+#[test]
+fn stop_gets_through_while_another_program_holds_the_port() {
+    let Some(rig) = Rig::start() else { return };
+    let holders = [Holder::Console, Holder::Play, Holder::Record, Holder::Reader];
+    let count = std::env::var("DARM_STOPS").map_or(holders.len(), |count| count.parse().unwrap());
+    let (mut safe, mut confirmed, mut honest, mut longest_s) = (0, 0, 0, 0.0_f64);
+    for number in 0..count {
+        let holder = holders[number % holders.len()];
+        let mut child = rig.hold(holder);
+        let stop = rig.stop();
+        let _ = child.kill();
+        child.wait().unwrap();
+        let Stop { safe_after_s, ended_after_s, code } = stop;
+        println!("{holder:?}: safe after {safe_after_s:.3} s, exit code {code:?} after {ended_after_s:.3} s");
+        longest_s = longest_s.max(safe_after_s);
+        safe += usize::from(safe_after_s <= SAFE_WITHIN_S);
+        confirmed += usize::from(code == Some(0));
+        // 0 says that the board has confirmed, 5 that nobody has heard it.
+        let is_low = safe_after_s <= ended_after_s + SEEN_WITHIN_S;
+        honest += usize::from(code == Some(0) && is_low || code == Some(5));
+    }
+    println!("FIGURE stop: tries with another program at the port = {count} tries");
+    println!("FIGURE stop: pins not safe within 1 s = {} tries", count - safe);
+    println!("FIGURE stop: longest time to safe pins = {longest_s} s");
+    println!("FIGURE stop: confirmed by the board = {confirmed} tries");
+    println!("FIGURE stop: exit codes that say what is not so = {} tries", count - honest);
+    assert_eq!((safe, honest), (count, count));
+}
