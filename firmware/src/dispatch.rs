@@ -132,7 +132,11 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
                 Ok(false) => {}
                 Err(error) => self.rejected = Some(error.into()),
             }
-            self.calibration = store.calibration().await.ok().flatten().unwrap_or_default();
+            match store.calibration().await {
+                Ok(calibration) => self.calibration = calibration.unwrap_or_default(),
+                // Offsets that are lost are not zero: no table is loaded with them.
+                Err(_) => self.rejected = Some(Refusal::Storage),
+            }
             self.store = Some(store);
         }
         self.shared.ask(Order::Configure(self.profile)).await;
@@ -467,8 +471,8 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
     async fn restore(&mut self, table: &'t mut Table) {
         let board = self.board_of_tables();
         let loaded = match &mut self.store {
-            Some(store) => store.load_valid(table, &board).await,
-            None => Ok(false),
+            Some(store) if self.rejected != Some(Refusal::Storage) => store.load_valid(table, &board).await,
+            _ => Ok(false),
         };
         match loaded {
             Ok(true) => self.hand_over(table).await,
