@@ -6,7 +6,8 @@
 //! | 1    | failed: a file cannot be read, a synthesis has no solution, …             |
 //! | 2    | the command line makes no sense                                           |
 //! | 3    | the board understood and refused, or its safe state is latched            |
-//! | 4    | no connection to a board; of a stop: it could not be sent                 |
+//! | 4    | no connection to a board, or it was lost before the answer: nobody knows  |
+//! |      | whether the board has acted; of a stop: it could not be sent              |
 //! | 5    | a stop was sent, but the board did not confirm it within 1 s              |
 //! | 6    | interrupted by Ctrl-C or SIGTERM; the board confirmed the stop            |
 
