@@ -3,15 +3,17 @@
 //! The test socket writes RAM and system registers while the image runs, so the flashed image itself is made to fail.
 //! Where the emulator or the image is missing the tests report that and pass, as in `qemu.rs`.
 
+mod emulator;
+
 use std::fs::File;
-use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use darm::client::Client;
 use darm::qemu::qtest::Qtest;
-use darm::qemu::{self, Console, Machine, Qemu};
+use darm::qemu::{Console, Machine, Qemu};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, Death, DeathKind};
+use emulator::Ready;
 
 /// Longest wait for anything: a loaded machine is slow.
 const LIMIT: Duration = Duration::from_secs(60);
@@ -42,18 +44,7 @@ struct Board {
 impl Board {
     /// Boots a blank board without a plant. `None`, reported, where it cannot run.
     fn start() -> Option<Self> {
-        let elf =
-            PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../target/thumbv7em-none-eabihf/firmware/darm-firmware");
-        if let Err(error) = qemu::find() {
-            eprintln!("SKIPPED: {error}");
-            return None;
-        }
-        if !elf.exists() {
-            eprintln!("SKIPPED: no image at {}", elf.display());
-            return None;
-        }
-        let lock = File::create(std::env::temp_dir().join("darm-qemu-tests.lock")).unwrap();
-        lock.lock().unwrap();
+        let Ready { elf, lock } = emulator::ready()?;
         let folder = tempfile::tempdir().unwrap();
         let mut qemu =
             Qemu::start(&Machine { elf, folder: folder.path().to_owned(), console: Console::Socket }).unwrap();

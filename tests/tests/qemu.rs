@@ -3,6 +3,7 @@
 //! Where the emulator or the image is missing the tests say so and pass: `cargo xtask test` installs and builds both.
 
 mod bench;
+mod emulator;
 
 use std::path::Path;
 use std::time::Duration;

@@ -3,6 +3,8 @@
 //! The real image in the emulator plays a program; the lines are seen at its pins. `DARM_STOPS` sets how often, else once
 //! for each program that can hold the port. Where the emulator, the image or `darm` is missing the test says so and passes.
 
+mod emulator;
+
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -14,6 +16,7 @@ use darm::plant::Plant;
 use darm::plant::follow::Follower;
 use darm::qemu::{self, Console, Machine, Qemu};
 use darm::wired_arm::WiredArm;
+use emulator::Ready;
 
 /// Longest wait for the program to begin: a loaded machine is slow.
 const LIMIT: Duration = Duration::from_secs(60);
@@ -53,20 +56,12 @@ struct Stop {
 impl Rig {
     fn start() -> Option<Self> {
         let folder = tempfile::tempdir().unwrap();
-        let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap();
-        let darm = target.join("debug/darm");
-        let elf = target.join("thumbv7em-none-eabihf/firmware/darm-firmware");
-        if let Some(missing) = [&darm, &elf].into_iter().find(|path| !path.exists()) {
-            eprintln!("SKIPPED: no {}", missing.display());
+        let Ready { elf, lock } = emulator::ready()?;
+        let darm = emulator::target().join("debug/darm");
+        if !darm.exists() {
+            eprintln!("SKIPPED: no {}", darm.display());
             return None;
         }
-        if let Err(error) = qemu::find() {
-            eprintln!("SKIPPED: {error}");
-            return None;
-        }
-        // One emulator at a time: two would make each other slow.
-        let lock = File::create(std::env::temp_dir().join("darm-qemu-tests.lock")).unwrap();
-        lock.lock().unwrap();
         let arm = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/planar4.toml");
         let WiredArm { profile, wiring, .. } = WiredArm::new(Arm::read(&arm).unwrap()).unwrap();
         let machine = Machine { elf, folder: folder.path().to_owned(), console: Console::Pty };
@@ -134,20 +129,22 @@ impl Rig {
     fn stop(&self) -> Stop {
         let start = Instant::now();
         let mut child = self.at_port("stop").spawn().unwrap();
-        let (mut safe, mut ended) = (None, None);
-        loop {
-            let now_s = start.elapsed().as_secs_f64();
-            if safe.is_none() && self.follower.lines() == 0 {
-                safe = Some(now_s);
-            }
-            if ended.is_none() {
-                ended = child.try_wait().unwrap().map(|status| (now_s, status.code()));
-            }
-            if let Some((ended_after_s, code)) = ended.filter(|_| safe.is_some() || now_s > 2.0 * SAFE_WITHIN_S) {
-                return Stop { safe_after_s: safe.unwrap_or(f64::INFINITY), ended_after_s, code };
+        std::thread::scope(|scope| {
+            let ended = scope.spawn(move || (child.wait().unwrap().code(), start.elapsed().as_secs_f64()));
+            let safe_after_s = self.safe_after_s(start);
+            let (code, ended_after_s) = ended.join().unwrap();
+            Stop { safe_after_s, ended_after_s, code }
+        })
+    }
+
+    fn safe_after_s(&self, start: Instant) -> f64 {
+        while self.follower.lines() != 0 {
+            if start.elapsed().as_secs_f64() > 2.0 * SAFE_WITHIN_S {
+                return f64::INFINITY;
             }
             std::thread::sleep(Duration::from_millis(1));
         }
+        start.elapsed().as_secs_f64()
     }
 }
 

@@ -46,7 +46,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use crate::arm::source::Source;
-use crate::arm::{FileError, Place};
+use crate::arm::FileError;
 use crate::client::UploadImage;
 
 /// The version of the file format.
@@ -357,11 +357,6 @@ fn servo(raw: &RawServo) -> Servo {
     Servo { limit, fallback }
 }
 
-/// Where in a text a place is, for messages that name a line.
-pub fn line_of(error: &FileError<ProfileFault>) -> Option<usize> {
-    error.place.map(|Place { line, .. }| line)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -393,7 +388,7 @@ mod tests {
         let second =
             "[[output]]\nnumber = 1\ndrive = \"hold\"\nline = 0\nmax_on_ms = 1\nduty_percent = 1\nwindow_ms = 16\n";
         let error = read(&format!("{}{second}", with_output(""))).unwrap_err();
-        assert_eq!(line_of(&error), Some(12), "{error}");
+        assert_eq!(error.place.map(|place| place.line), Some(12), "{error}");
         assert!(error.to_string().contains("line 0"), "{error}");
         let error = read(&with_output("").replace("window_ms = 10000", "window_ms = 0")).unwrap_err();
         assert!(matches!(error.fault, Fault::Content(_)), "{error}");

@@ -1,7 +1,6 @@
 //! An emulated board with a plant at its pins, as the tests need it.
 
 use std::fs::File;
-use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -18,6 +17,8 @@ use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, Ser
 use darm_core::sequencer::Event;
 use darm_core::table::{Record, Row};
 use darm_core::units::{Micros, ModelHash, Word};
+
+use crate::emulator::{self, Ready};
 
 /// Longest wait for anything: a loaded machine is slow, not wrong.
 const LIMIT: Duration = Duration::from_secs(60);
@@ -39,19 +40,7 @@ pub(crate) struct Bench {
 impl Bench {
     /// Boots a board without a table, with twelve valves, and one servo if wanted. `None`, said loudly, where it cannot run.
     pub(crate) fn start(console: Console, servo: bool) -> Option<Self> {
-        let elf =
-            PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../target/thumbv7em-none-eabihf/firmware/darm-firmware");
-        if let Err(error) = qemu::find() {
-            eprintln!("SKIPPED: {error}");
-            return None;
-        }
-        if !elf.exists() {
-            eprintln!("SKIPPED: no image at {}", elf.display());
-            return None;
-        }
-        // One emulator at a time: two would make each other slow.
-        let lock = File::create(std::env::temp_dir().join("darm-qemu-tests.lock")).unwrap();
-        lock.lock().unwrap();
+        let Ready { elf, lock } = emulator::ready()?;
         let folder = tempfile::tempdir().unwrap();
         let machine = Machine { elf, folder: folder.path().to_owned(), console };
         let wiring = wiring(servo);
