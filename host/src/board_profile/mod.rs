@@ -45,8 +45,8 @@ use darm_core::wire::message::ImageKind;
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::arm::source::Source;
 use crate::arm::FileError;
+use crate::arm::source::Source;
 use crate::client::UploadImage;
 
 /// The version of the file format.
