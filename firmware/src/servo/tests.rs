@@ -189,3 +189,28 @@ fn positions_and_angles_are_inverse() {
     assert_eq!((steps(-4.0), steps(4.0)), (0, 4095));
     assert!((angle_rad(POSITION_SIGN | 10) - angle_rad(0) + 10.0 * TAU / SERVO_STEPS_PER_TURN).abs() < 1e-5);
 }
+
+/// The load bends a servo that holds a little below its goal: where it stands after a lost answer is no new goal.
+#[test]
+fn a_servo_that_holds_stays_where_it_was_when_answers_are_lost() {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    let goal = || u16::from_le_bytes([fake.registers.borrow()[42], fake.registers.borrow()[43]]);
+    let stand_at = |steps: u16| fake.registers.borrow_mut()[56..58].copy_from_slice(&steps.to_le_bytes());
+    fake.registers.borrow_mut()[40] = 1;
+    fake.registers.borrow_mut()[42..44].copy_from_slice(&2500u16.to_le_bytes());
+    stand_at(2500);
+    shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+    let mut bus = Bus::new(&fake, &fake, &clock);
+    let visits = async {
+        for _ in 0..20 {
+            bus.visit_all(&shared).await;
+            stand_at(goal() - 4);
+            fake.mute.set(true);
+            bus.visit_all(&shared).await;
+            fake.mute.set(false);
+            fake.out.borrow_mut().clear();
+        }
+    };
+    run(visits, || clock.0.set(clock.0.get() + 100));
+    assert_eq!(goal(), 2500);
+}

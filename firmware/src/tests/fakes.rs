@@ -165,6 +165,13 @@ impl Cells {
         }
     }
 
+    /// Damages the copy of these bytes that lies in the flash.
+    pub(crate) fn spoil(&self, bytes: &[u8]) {
+        let mut cells = self.0.borrow_mut();
+        let at = cells.windows(bytes.len()).position(|window| window == bytes).expect("the bytes are stored");
+        cells[at + 3] ^= 1;
+    }
+
     /// The device on these cells, with power for so many words.
     pub(crate) fn flash(&self, words_left: u32) -> MockFlash {
         MockFlash { cells: self.clone(), words_left, noise: words_left.wrapping_mul(2_654_435_761) | 1 }

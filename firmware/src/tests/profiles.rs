@@ -53,3 +53,18 @@ fn just_after_power_up_a_program_has_to_wait() {
     again.pass_ms(60_000);
     assert_eq!(again.command(Command::Play), Ok(Answer::Done));
 }
+
+/// The limits that are built in know nothing of this board's latches and of its emergency stop.
+#[test]
+fn a_damaged_profile_drives_nothing() {
+    let cells = Cells::with_profile();
+    cells.spoil(&profile_image(&profile()).1);
+    let bench = Bench::new(cells);
+    bench.connect();
+    let mut with_built_in = table(1, 4, false);
+    let refused = bench.upload(&with_built_in);
+    assert!(matches!(refused, Err(Refusal::Table(TableError::Profile(Mismatch::NoOutput { .. })))), "{refused:?}");
+    with_built_in = profile_image(&profile());
+    bench.button.set(true);
+    assert_eq!(bench.upload(&with_built_in), Ok(Answer::Done));
+}

@@ -1,0 +1,120 @@
+//! Limits of outputs and of the supply against what lines really do: stops between ticks, rows that crowd, late ticks.
+
+use super::*;
+
+fn wired(drive: Drive, limit: CoilLimit) -> [Record; 2] {
+    let coil = Coil { output: 0, drive, limit };
+    [Record::Coil(coil), Record::Actuator(ActuatorWiring { states: 2, switch: None, travel_ms: 0 })]
+}
+
+fn row_at_us(at_us: u64, digits: &str) -> Record {
+    Record::Row(Row { at: Micros(at_us), word: word(digits), servos: heapless::Vec::new() })
+}
+
+/// Ticks whose times are a few microseconds off.
+fn run_unevenly(bench: &mut Bench, ticks: u64, noise: &mut u32) {
+    let begun_ms = bench.now.0 / MS;
+    for tick in 1..=ticks {
+        *noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        bench.now = Micros((begun_ms + tick) * MS + u64::from(*noise >> 16) % 8);
+        bench.outputs = bench.sequencer.step(bench.now, &bench.seen);
+    }
+}
+
+/// A stop comes between two ticks, and its line is high until the next one.
+#[test]
+fn current_that_a_stop_ends_is_counted() {
+    let limit = CoilLimit { max_on_ms: 100, duty_percent: 5, window_ms: 10_000 };
+    let records = [&[start()], wired(Drive::Hold { line: 0 }, limit).as_slice(), &[end(10)]].concat();
+    let mut bench = Bench::new(&records);
+    bench.follows = false;
+    let mut high_ms = 0;
+    for tick in 0..10_000 {
+        match tick % 6 {
+            0 => drop(bench.command(Command::Coil { coil: 0, on_ms: 50 })),
+            2 => bench.command(Command::Stop).unwrap(),
+            _ => {}
+        }
+        high_ms += bench.run(1).outputs.lines & 1;
+    }
+    assert!((400..=500).contains(&high_ms), "high for {high_ms} ms of 10 s, 500 are allowed");
+}
+
+#[test]
+fn rows_do_not_crowd_behind_each_other() {
+    let limit = CoilLimit { max_on_ms: 1000, duty_percent: 100, window_ms: 10_000 };
+    let crowded = |apart_us: u64| {
+        let rows = (0..40).map(|number| row_at_us(number * apart_us, "0"));
+        let records = [start()].into_iter().chain(wired(Drive::Hold { line: 0 }, limit)).chain(rows).chain([end(50)]);
+        let records: Vec<_> = records.collect();
+        admitted(&records, &profile(&records)).is_some()
+    };
+    assert!(crowded(1000));
+    assert!(!crowded(999), "one row goes out in a tick: the others are late, and their feed is counted too early");
+}
+
+#[test]
+fn a_tick_that_is_a_little_late_is_no_fault() {
+    let mut noise = 1;
+    for _ in 0..100 {
+        let limit = CoilLimit { max_on_ms: 20, duty_percent: 50, window_ms: 1600 };
+        let latch = wired(Drive::Latch { set: 0, reset: 1, pulse_ms: 20 }, limit);
+        let mut bench = Bench::new(&[&[start()], latch.as_slice(), &[row(0, "1"), end(100)]].concat());
+        bench.command(Command::Play).unwrap();
+        run_unevenly(&mut bench, 90, &mut noise);
+        assert_eq!(bench.fault(), None, "a pulse as long as the longest on-time");
+        let mut bench =
+            Bench::new(&[&[start()], wired(Drive::Hold { line: 0 }, limit).as_slice(), &[end(100)]].concat());
+        bench.command(Command::Coil { coil: 0, on_ms: 20 }).unwrap();
+        run_unevenly(&mut bench, 90, &mut noise);
+        assert_eq!(bench.fault(), None, "on by hand for the longest on-time");
+    }
+}
+
+/// On at a tick, off 1 µs after another: each pulse is a tick longer than its rows say.
+#[test]
+fn a_rehearsal_counts_in_ticks() {
+    for duty_percent in [40, 50, 60] {
+        let limit = CoilLimit { max_on_ms: 100, duty_percent, window_ms: 1600 };
+        for n_pulses in (5..205).step_by(20) {
+            let pulses =
+                (0..n_pulses).flat_map(|number| [row_at_us(8000 * number, "1"), row_at_us(8000 * number + 4001, "0")]);
+            let coil = wired(Drive::Hold { line: 0 }, limit);
+            let records: Vec<_> = [start()].into_iter().chain(coil).chain(pulses).chain([end(2000)]).collect();
+            if admitted(&records, &profile(&records)).is_none() {
+                continue;
+            }
+            let mut bench = Bench::new(&records);
+            bench.follows = false;
+            bench.command(Command::Play).unwrap();
+            bench.run(2050);
+            assert_eq!(bench.fault(), None, "{n_pulses} pulses, {duty_percent} %");
+        }
+    }
+}
+
+/// A meter closes its buckets where its own time falls, not where the program begins: what is let begin must get through
+/// wherever that is.
+#[test]
+fn a_program_that_is_let_begin_breaks_no_limit() {
+    let mut begun = 0;
+    for (pause_ms, wait_ms) in
+        (620..700).step_by(5).flat_map(|pause| (0..2000).step_by(85).map(move |wait| (pause, wait)))
+    {
+        let pulse = |at_ms: u32| [row(at_ms, "10"), row(at_ms + 95, "00")];
+        let pulses = (0..20).flat_map(|number: u32| pulse(105 * number + if number < 10 { 0 } else { pause_ms }));
+        let records = two_valves(&pulses.chain([end(3000)]).collect::<Vec<_>>());
+        let Some(table) = admitted(&records, &profile(&records)) else { continue };
+        let mut bench = Bench::new(&records);
+        bench.command(Command::Coil { coil: 0, on_ms: 9 }).unwrap();
+        bench.run(20 + wait_ms).command(Command::Stop).unwrap();
+        table.recall(bench.sequencer.used());
+        if table.rehearse(0..40).is_ok() {
+            begun += 1;
+            bench.command(Command::Play).unwrap();
+            bench.run(3100);
+            assert_eq!(bench.fault(), None, "second pulses {pause_ms} ms later, after a wait of {wait_ms} ms");
+        }
+    }
+    assert!(begun > 20, "only {begun} programs were let begin");
+}
