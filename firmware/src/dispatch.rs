@@ -122,15 +122,17 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
     }
 
     /// Opens the store, puts the stored profile in force, loads the valid table and hands it to the control tick, which
-    /// must be running. Without a profile that can be read the one that is built in is in force.
+    /// must be running. Without a profile the one that is built in is in force; with one that cannot be read nothing is driven.
     pub async fn open(&mut self, flash: Option<F>, table: &'t mut Table, profile: &'t mut Profile) {
         if let Some(flash) = flash {
             let mut store = Store::open(flash).await;
             self.boots = store.count_boot().await.unwrap_or(0);
             match store.load_valid_profile(profile).await {
                 Ok(true) => self.profile = profile,
-                Ok(false) => {}
-                Err(error) => self.rejected = Some(error.into()),
+                // The limits that are built in are those of a board that was never told its own.
+                Ok(false) if store.is_readable() => {}
+                Ok(false) => self.drive_nothing(profile, Refusal::Storage),
+                Err(error) => self.drive_nothing(profile, error.into()),
             }
             match store.calibration().await {
                 Ok(calibration) => self.calibration = calibration.unwrap_or_default(),
@@ -142,6 +144,12 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
         self.shared.ask(Order::Configure(self.profile)).await;
         self.shared.ask(Order::Calibrate(self.calibration)).await;
         self.restore(table).await;
+    }
+
+    fn drive_nothing(&mut self, profile: &'t mut Profile, reason: Refusal) {
+        *profile = Profile::empty();
+        self.profile = profile;
+        self.rejected = Some(reason);
     }
 
     /// Why the stored table or profile is not in force, if it is not.

@@ -120,7 +120,10 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
                 Ok(None) => self.set_written(index, None),
                 Err(_) => {
                     self.failures = self.failures.saturating_add(1);
-                    self.set_written(index, None);
+                    // Where a servo stands that holds is no new goal: its load bends it.
+                    if joint.is_none_or(|joint| joint.action != ServoAction::Hold) {
+                        self.set_written(index, None);
+                    }
                     self.settle().await;
                 }
             }

@@ -195,7 +195,7 @@ pub struct Store<F: NorFlash> {
     table: Option<Valid>,
     profile: Option<Valid>,
     upload: Option<Upload>,
-    /// The records could not be read: the next upload erases them.
+    /// The records could not be read: a new upload erases them.
     unreadable: bool,
 }
 
@@ -216,7 +216,7 @@ impl<F: NorFlash> Store<F> {
         store
     }
 
-    /// Whether the records can be read. If not, the next upload erases them.
+    /// Whether the records can be read. If not, a new upload erases them, and the profile with them.
     pub fn is_readable(&self) -> bool {
         !self.unreadable
     }

@@ -263,7 +263,7 @@ impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
             say(out, format_args!("what is stored was refused: {refusal}")).await?;
         }
         if self.has_store() && !self.is_store_readable() {
-            say(out, format_args!("the records of the store cannot be read; the next upload erases them")).await?;
+            say(out, format_args!("the records of the store cannot be read; writing the profile erases them")).await?;
         }
         Ok(())
     }

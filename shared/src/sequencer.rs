@@ -212,7 +212,7 @@ impl<'t> Sequencer<'t> {
         if !self.is_idle() || self.table.is_some() {
             return Err(table);
         }
-        self.coils.load(self.now, table.wiring());
+        self.coils.load(table.wiring());
         self.switches.load();
         self.n_wired = 0;
         self.hold_servos();
@@ -352,7 +352,7 @@ impl<'t> Sequencer<'t> {
 
     /// All coils off, nothing runs. The servos go on as they are.
     fn rest(&mut self) {
-        self.coils.rest(self.now);
+        self.coils.rest();
         self.switches.rest();
         self.phase = Phase::Idle;
     }

@@ -26,6 +26,8 @@ pub const MAX_ROWS: usize = 1024;
 
 /// The board may switch a coil off so much later than its row says; longest on-times are checked with that in mind.
 const LATENESS: Micros = Micros::from_millis(2);
+/// One row goes out in a tick, so rows are no nearer to each other.
+const TICK: Micros = Micros::from_millis(1);
 
 /// Joint angles of the servos along the chain, in radians.
 pub type ServoAngles = heapless::Vec<f32, MAX_SERVOS>;
@@ -349,7 +351,7 @@ impl Checker {
     }
 
     fn admit_row(&mut self, row: &Row) -> Result<(), RowError> {
-        if self.last.as_ref().is_some_and(|last| row.at <= last.at) {
+        if self.last.as_ref().is_some_and(|last| row.at < last.at + TICK) {
             return Err(RowError::Time);
         }
         if !self.wiring.has_word(&row.word) {
@@ -408,7 +410,7 @@ impl Checker {
         let Some(last) = &self.last else {
             return Ok(());
         };
-        let span = at - last.at;
+        let span = tick_of(at) - tick_of(last.at);
         let fed = self.wiring.coils_on(&last.word);
         for (index, (coil, pulse_left)) in self.wiring.coils.iter().zip(&mut self.pulse_left).enumerate() {
             let output = coil.output;
@@ -450,7 +452,7 @@ impl Checker {
                 Drive::Latch { .. } if is == was && !is_first => {}
                 Drive::Latch { pulse_ms, .. } => {
                     newly_fed = newly_fed.saturating_add(u8::from(!is_first));
-                    *pulse_left = Micros::from_millis(u32::from(pulse_ms));
+                    *pulse_left = Micros::from_millis(u32::from(pulse_ms)) + TICK;
                 }
             }
         }
@@ -495,6 +497,11 @@ pub fn wiring<'r>(records: impl IntoIterator<Item = &'r Record>) -> Result<Wirin
         }
     }
     Ok(wiring)
+}
+
+/// When something goes out that is due then.
+fn tick_of(due: Micros) -> Micros {
+    Micros(due.0.div_ceil(TICK.0).saturating_mul(TICK.0))
 }
 
 fn push<T, const N: usize>(list: &mut heapless::Vec<T, N>, item: T) -> Result<(), TableError> {

@@ -12,6 +12,14 @@ use crate::clock::Clock;
 impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
     pub(super) async fn begin(&mut self, image: Image) -> Result<Answer, Refusal> {
         self.require_idle().await?;
+        if !self.store()?.is_readable() {
+            // A new upload erases the records, and the profile with them.
+            match image.kind {
+                ImageKind::Profile if self.snapshot().await?.button => {}
+                ImageKind::Profile => return Err(Refusal::NobodyPresent),
+                ImageKind::Table => return Err(Refusal::Storage),
+            }
+        }
         let next = self.store()?.begin(image).await?;
         Ok(Answer::Upload { next })
     }

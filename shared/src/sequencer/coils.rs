@@ -39,6 +39,8 @@ pub(super) struct Coils<'t> {
     pulsing: u64,
     /// Coils with full current, to pull in.
     peaking: u64,
+    /// Coils whose current ends with the outputs of the next tick: until then it is counted.
+    ending: u64,
     /// Levels of the output lines.
     lines: u64,
     outputs: [Output; MAX_COILS],
@@ -120,6 +122,7 @@ impl<'t> Coils<'t> {
             unknown: 0,
             pulsing: 0,
             peaking: 0,
+            ending: 0,
             lines: 0,
             outputs: [NO_OUTPUT; MAX_COILS],
             n_outputs: 0,
@@ -182,8 +185,8 @@ impl<'t> Coils<'t> {
     }
 
     /// Makes ready for the coils of another table. No coil carries current.
-    pub(super) fn load(&mut self, now: Micros, wiring: &Wiring) {
-        self.rest(now);
+    pub(super) fn load(&mut self, wiring: &Wiring) {
+        self.rest();
         (self.wired, self.latches, self.unknown, self.peaks, self.on) = (0, 0, 0, 0, 0);
         self.supply = wiring.switch_limit;
         self.word = Word::zeros(wiring.actuators.len() as u8).unwrap_or_default();
@@ -218,11 +221,8 @@ impl<'t> Coils<'t> {
 
     /// No coil carries current; latches stay as they are, and a latch whose pulse is cut is unknown. What has flowed so
     /// far stays counted.
-    pub(super) fn rest(&mut self, now: Micros) {
-        for (index, _) in Bits::of(self.fed()) {
-            // That the coil was on for too long no longer matters: it goes off.
-            let _ = self.count(now, index, true);
-        }
+    pub(super) fn rest(&mut self) {
+        self.ending |= self.fed();
         self.word = Word::zeros(self.word.len() as u8).unwrap_or_default();
         self.wanted = self.word;
         self.target = 0;
@@ -247,6 +247,10 @@ impl<'t> Coils<'t> {
 
     /// Lets time pass: ends peaks and pulses, and finds the coil that carries current for too long.
     pub(super) fn pass(&mut self, now: Micros) -> Result<(), FaultKind> {
+        for (index, _) in Bits::of(core::mem::take(&mut self.ending)) {
+            // That the coil was on for too long no longer matters: it goes off.
+            let _ = self.count(now, index, true);
+        }
         let fed = self.fed();
         for _ in 0..METERS_A_TICK.min(self.n_outputs) {
             self.count(now, self.next, fed >> self.next & 1 == 1)?;
@@ -360,7 +364,7 @@ impl<'t> Coils<'t> {
 
     /// Refuses to let current flow for so long from now on where the output's limits do not allow it.
     fn require(&mut self, now: Micros, index: usize, flows: Micros) -> Result<(), CommandError> {
-        let fed = self.fed() >> index & 1 == 1;
+        let fed = (self.fed() | self.ending) >> index & 1 == 1;
         // A breach is found again by the next tick, which latches it.
         let _ = self.count(now, index, fed);
         let Some((output, meter)) = self.outputs.get(index).zip(self.used.meters.get(index)) else {
