@@ -81,7 +81,7 @@ impl Play {
             return voice.tell(&Played { end: "started", rows, rows_played: 0, took_s: None, fault: None });
         }
         let interrupt = interrupt::Watch::start(&port, handle)?;
-        client.command(Command::Play)?;
+        interrupt.play(&mut client)?;
         let bar = voice.bar("playing", u64::from(rows), "rows");
         let mut watch = Watch::new(first_event);
         let watched = watch.until_the_end(&mut client, &interrupt, |row| bar.set_position(u64::from(row) + 1));

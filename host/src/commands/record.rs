@@ -13,7 +13,6 @@ use std::time::Duration;
 use darm::arm::Arm;
 use darm::client::Client;
 use darm::measurement::{Finding, Run, check};
-use darm_core::sequencer::Command;
 use darm_core::units::ShortDigest;
 use serde::Serialize;
 
@@ -193,7 +192,7 @@ impl Record {
             return Err(RecordError::Replaced.into());
         }
         let watch = Watch::new(hello.next_event);
-        client.command(Command::Play)?;
+        interrupt.play(&mut client)?;
         let program = Program::new(client, watch, interrupt, patience(visits), voice);
         Ok(Recording::new(visits, Follow::new(visits), program, camera, output, self.run))
     }
