@@ -129,7 +129,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
             self.boots = store.count_boot().await.unwrap_or(0);
             match store.load_valid_profile(profile).await {
                 Ok(true) => self.profile = profile,
-                // The limits that are built in are those of a board that was never told its own.
+                // The built-in limits are for a board without a stored profile, not for one whose profile is damaged.
                 Ok(false) if store.is_readable() => {}
                 Ok(false) => self.drive_nothing(profile, Refusal::Storage),
                 Err(error) => self.drive_nothing(profile, error.into()),

@@ -24,8 +24,9 @@ pub enum Breach {
     Duty,
 }
 
-/// A tick may be late by so much before an on-time counts as too long.
-const LATE_US: u32 = 2_000;
+/// A tick may be late by so much: an on-time counts as too long only beyond it, and a rehearsal leaves room for it.
+pub const LATENESS: Micros = Micros::from_millis(2);
+const LATE_US: u32 = LATENESS.0 as u32;
 
 /// On-time of one output over a sliding window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -132,7 +133,7 @@ impl DutyMeter {
         }
     }
 
-    /// Nothing counts any more. Time in which an empty meter stays off need not be told to it: its bucket begins when
+    /// The window holds no on-time. An empty meter does not track time while its output is off: its bucket begins when
     /// current flows again.
     pub const fn is_empty(&self) -> bool {
         self.closed_sum == 0 && self.filled_on_us == 0
@@ -237,7 +238,7 @@ impl DutyMeter {
         self.filled_on_us = 0;
     }
 
-    /// Checksum of everything else, the closed buckets by their sum: enough to tell a meter from noise, cheap enough for
+    /// Checksum of everything else, the closed buckets by their sum: enough to distinguish a meter from noise, cheap enough for
     /// every change.
     fn sum(&self) -> u32 {
         let head = u32::from(self.closed_sum) << 16 | u32::from(self.oldest) << 8 | u32::from(self.unused);

@@ -227,7 +227,7 @@ impl<'t> Sequencer<'t> {
         self.coils.has_outputs() && self.table.as_deref().is_none_or(is_wired)
     }
 
-    /// Takes over so many more outputs, or when there are none left, actuators.
+    /// Takes over at most `most` further outputs of the profile or, once it has them all, actuators of the table.
     fn take_over(&mut self, most: usize) {
         if !self.coils.has_outputs() {
             return self.coils.take_outputs(self.now, self.profile, most);

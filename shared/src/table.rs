@@ -11,7 +11,7 @@ use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::duty::{Breach, DutyMeter, DutyMeters, MeterLimit};
+use crate::duty::{Breach, DutyMeter, DutyMeters, LATENESS, MeterLimit};
 use crate::nearest::Coordinates;
 use crate::output::{
     ActuatorWiring, Coil, Drive, MAX_ACTUATORS, MAX_COILS, MAX_SERVOS, ServoWiring, SwitchClock, SwitchLimit, Wiring,
@@ -24,8 +24,6 @@ use modules::Modules;
 /// Rows that fit the board's memory.
 pub const MAX_ROWS: usize = 1024;
 
-/// The board may switch a coil off so much later than its row says; longest on-times are checked with that in mind.
-const LATENESS: Micros = Micros::from_millis(2);
 /// One row goes out in a tick, so rows are no nearer to each other.
 const TICK: Micros = Micros::from_millis(1);
 

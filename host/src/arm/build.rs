@@ -5,7 +5,7 @@ use std::ops::Range;
 use darm_core::actuator::{Axis, DiscreteJoint, JointKind, Leg, MAX_STATES, Platform, ServoJoint, Stage};
 use darm_core::chain::{Chain, ChainError};
 use darm_core::model::{Mass, Model};
-use darm_core::output::{MAX_ACTUATORS, MAX_COILS, MAX_SERVOS, ServoWiring, WiringError};
+use darm_core::output::{ActuatorWiring, MAX_ACTUATORS, MAX_COILS, MAX_SERVOS, ServoWiring, WiringError};
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, Pose2};
 use toml::Spanned;
@@ -235,7 +235,9 @@ impl Parts {
         let outputs: Vec<u8> = one.into_iter().chain(more.into_iter().flatten()).copied().collect();
         let span = raw.outputs.map(Spanned::span).or(raw.output.map(Spanned::span)).unwrap_or(raw.span.clone());
         let wrong = |fault| Err((span.clone(), fault));
-        let (expected, found) = (if raw.states > 2 { 2 } else { 1 }, outputs.len());
+        let travel_ms = raw.travel_ms.unwrap_or(DEFAULT_TRAVEL_MS);
+        let expected = ActuatorWiring { states: raw.states as u8, switch: None, travel_ms }.coils();
+        let found = outputs.len();
         if found != expected && found != 0 {
             return wrong(ArmFault::OutputCount { expected, found });
         }
@@ -250,7 +252,6 @@ impl Parts {
         }
         self.places.switches.push(raw.switch.map_or(span.clone(), Spanned::span));
         self.places.outputs.push(span);
-        let travel_ms = raw.travel_ms.unwrap_or(DEFAULT_TRAVEL_MS);
         self.connections.push(Connection { outputs, closed_in, travel_ms });
         Ok(())
     }
