@@ -403,7 +403,7 @@ impl<'t> Sequencer<'t> {
         }
         let wiring = self.table.as_deref().ok_or(CommandError::NoTable)?.wiring();
         match command {
-            Command::Coil { coil, on_ms } => self.coils.pulse(self.now, coil, on_ms)?,
+            Command::Coil { coil, on_ms } => self.coils.pulse(self.now, coil, on_ms, wiring)?,
             Command::Word(word) => self.coils.want(self.now, word, wiring)?,
             Command::Servo { servo, angle_rad } => self.turn_servo(servo, angle_rad)?,
             Command::Play | Command::Stop | Command::Clear => {}

@@ -336,10 +336,14 @@ impl<'t> Coils<'t> {
     }
 
     /// Switches one coil by hand: on for `on_ms`, or off. A latch is set for so long, then reset.
-    pub(super) fn pulse(&mut self, now: Micros, number: u8, on_ms: u32) -> Result<(), CommandError> {
+    pub(super) fn pulse(&mut self, now: Micros, number: u8, on_ms: u32, wiring: &Wiring) -> Result<(), CommandError> {
         let (index, bit) = (usize::from(number), bit_of(number));
         if self.wired & bit == 0 {
             return Err(CommandError::NotWired);
+        }
+        let word = self.with_coil(bit, on_ms > 0);
+        if !wiring.has_word(&word) {
+            return Err(CommandError::NoSuchState);
         }
         if on_ms > 0 {
             let on = Micros::from_millis(on_ms);
@@ -355,7 +359,7 @@ impl<'t> Coils<'t> {
             self.timed &= !bit;
         }
         self.asked |= bit;
-        self.want_coil(bit, on_ms > 0);
+        self.ask(word);
         Ok(())
     }
 
@@ -383,12 +387,15 @@ impl<'t> Coils<'t> {
         Err(CommandError::Recovering { output: index as u8, left_ms, wait_ms })
     }
 
-    fn want_coil(&mut self, bit: u64, on: bool) {
+    /// The wanted word, but for one coil.
+    fn with_coil(&self, bit: u64, on: bool) -> Word {
         let of = |[low, high]: &[u64; 2]| u8::from(bit == *low) | u8::from(bit == *high) << 1;
         let own = self.of_digit.iter().take(self.wanted.len()).position(|masks| of(masks) != 0);
-        let Some((index, mask)) = own.and_then(|index| Some((index, of(self.of_digit.get(index)?)))) else { return };
+        let Some((index, mask)) = own.and_then(|index| Some((index, of(self.of_digit.get(index)?)))) else {
+            return self.wanted;
+        };
         let digit = self.wanted.digit(index);
-        self.ask(self.wanted.with_digit(index, if on { digit | mask } else { digit & !mask }));
+        self.wanted.with_digit(index, if on { digit | mask } else { digit & !mask })
     }
 
     /// Switches what is asked for by hand, no more coils at once than the supply can feed.
@@ -396,7 +403,7 @@ impl<'t> Coils<'t> {
         for (index, bit) in Bits::of(self.timed) {
             if self.outputs.get(index).is_some_and(|output| now >= output.off_at) {
                 self.timed &= !bit;
-                self.want_coil(bit, false);
+                self.ask(self.with_coil(bit, false));
             }
         }
         if self.set_all(now, now, self.on ^ self.target | self.unknown & self.asked)? {
@@ -421,12 +428,15 @@ impl<'t> Coils<'t> {
         self.unknown &= !coils;
         self.pulsing |= self.latches & coils;
         self.peaking = self.peaking & !coils | self.peaks & on;
+        // All of them count, whatever breaks a limit.
+        let mut counted = Ok(());
         for (index, _) in Bits::of(coils & fed) {
-            self.count(now, index, true)?;
+            counted = counted.and(self.count(now, index, true));
         }
         for (index, _) in Bits::of(coils & !fed) {
-            self.count(now, index, false)?;
+            counted = counted.and(self.count(now, index, false));
         }
+        counted?;
         for (index, _) in Bits::of(coils & (self.pulsing | self.peaking)) {
             if let Some(output) = self.outputs.get_mut(index) {
                 output.changed = now;

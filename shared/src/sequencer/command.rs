@@ -42,10 +42,12 @@ pub enum CommandError {
     Safe,
     /// A program runs; stop it first.
     Playing,
-    /// A stop came after it was asked for.
+    /// A stop came after it was asked for, or after its connection was opened: say `Hello` on a new one.
     Stopped,
     /// There is no such coil, servo or word.
     NotWired,
+    /// The actuator has no state with both of its coils on.
+    NoSuchState,
     /// The coil may not be on for so long.
     OnTooLong {
         /// How long it may be on.
@@ -84,6 +86,7 @@ impl fmt::Display for CommandError {
             Self::Playing => f.write_str("a program runs; stop it first"),
             Self::Stopped => f.write_str("a stop came meanwhile; nothing was started"),
             Self::NotWired => f.write_str("no such coil, servo or word in the loaded wiring"),
+            Self::NoSuchState => f.write_str("the other coil of this actuator is on; switch it off first"),
             Self::OnTooLong { max_ms } => write!(f, "this coil may be on for at most {max_ms} ms"),
             Self::Recovering { output, left_ms, wait_ms } => write!(
                 f,

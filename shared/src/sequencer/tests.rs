@@ -380,6 +380,19 @@ fn a_manual_coil_goes_off_at_its_own_time() {
 }
 
 #[test]
+fn a_coil_by_hand_does_not_oppose_the_other_coil_of_its_actuator() {
+    let three_states = Record::Actuator(ActuatorWiring { states: 3, switch: None, travel_ms: 0 });
+    let hold = |line| coil(line, Drive::Hold { line });
+    let mut bench = Bench::new(&[start(), hold(0), hold(1), three_states, end(10)]);
+    bench.command(Command::Coil { coil: 0, on_ms: 20 }).unwrap();
+    bench.run(5);
+    assert_eq!(bench.command(Command::Coil { coil: 1, on_ms: 20 }), Err(CommandError::NoSuchState));
+    assert_eq!(bench.run(5).outputs.lines, 0b01);
+    bench.run(20).command(Command::Coil { coil: 1, on_ms: 20 }).unwrap();
+    assert_eq!(bench.run(5).outputs.lines, 0b10);
+}
+
+#[test]
 fn a_manual_coil_is_on_for_its_time_however_long_the_supply_lets_it_wait() {
     let mut bench = Bench::new(&two_valves(&[end(10)]));
     bench.follows = false;
