@@ -6,7 +6,7 @@ use std::time::Duration;
 use darm::client::{Client, ClientError, TransportError};
 use darm::link::faulty::{FaultCounts, Faults, Faulty};
 use darm::link::{Link, LinkError};
-use darm_core::sequencer::{Command, Event, Fault, FaultKind, Phase};
+use darm_core::sequencer::{Command, CommandError, Event, Fault, FaultKind, Phase};
 use darm_core::table::TableError;
 use darm_core::units::Word;
 use darm_core::wire::bootstrap::Into as RebootInto;
@@ -149,7 +149,10 @@ impl<'s> Host<'s> {
             HostAct::Servo(servo, mrad) => Command::Servo { servo, angle_rad: 1e-3 * mrad as f32 },
             HostAct::Upload(index) => return self.upload(index),
             HostAct::Stop => return self.stop("stop", |client| client.command(Command::Stop)),
-            HostAct::BootstrapStop => return self.stop("bootstrap stop", Client::stop_at_once),
+            HostAct::BootstrapStop => {
+                self.stop("bootstrap stop", Client::stop_at_once);
+                return self.act_after_stop();
+            }
             HostAct::Pulse(coil) => return self.pulse(coil),
             HostAct::TwoPulses(first, second) => return self.two_pulses(first, second),
             HostAct::Exhaust(coil, table) => return self.exhaust(coil, table),
@@ -284,6 +287,16 @@ impl<'s> Host<'s> {
         world::with(|world| world.judge_stopped(Party::First, began_ns, false));
     }
 
+    /// A command on the connection of before the stop, as if it had been sent before it.
+    fn act_after_stop(&mut self) {
+        let Some((client, _)) = &mut self.client else { return };
+        let result = client.command(Command::Coil { coil: 0, on_ms: PULSE_MS });
+        if result.is_ok() {
+            world::with(|world| world.reports.on_command_after_stop(world.now_ns()));
+        }
+        self.note("command after a stop", result);
+    }
+
     /// Stops, then switches one coil on for a moment: the line goes on once if that was confirmed.
     fn pulse(&mut self, coil: u8) {
         let began_ns = world::with(|world| world.now_ns());
@@ -381,7 +394,7 @@ impl<'s> Host<'s> {
         let text = error.to_string();
         world::with(|world| world.say("host", || format!("{name}: {text}")));
         match (&error, &mut self.client) {
-            (ClientError::Refused(Refusal::NotConnected), Some((client, _))) => drop(client.say_hello()),
+            (ClientError::Refused(refusal), Some((client, _))) if asks_for_hello(refusal) => drop(client.say_hello()),
             (ClientError::Transport(_), _) => self.disconnect(),
             _ => {}
         }
@@ -451,6 +464,11 @@ impl<'s> Host<'s> {
         self.struck.reordered += counts.reordered;
         self.struck.delayed += counts.delayed;
     }
+}
+
+/// Whether the board asks for a new connection.
+pub(crate) fn asks_for_hello(refusal: &Refusal) -> bool {
+    matches!(refusal, Refusal::NotConnected | Refusal::Command(CommandError::Stopped))
 }
 
 /// How a command ended for the host.

@@ -3,7 +3,7 @@
 use darm::client::{Client, ClientError, TransportError};
 use darm::link::faulty::{Faults, Faulty};
 use darm_core::sequencer::Command;
-use darm_core::wire::message::{Refusal, Status};
+use darm_core::wire::message::Status;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
@@ -112,7 +112,7 @@ impl Second<'_> {
             });
         }
         match (error, &mut self.client) {
-            (ClientError::Refused(Refusal::NotConnected), Some(client)) => {
+            (ClientError::Refused(refusal), Some(client)) if host::asks_for_hello(refusal) => {
                 drop(client.say_hello());
             }
             (ClientError::Transport(_), _) => self.client = None,

@@ -125,14 +125,15 @@ async fn work<F: NorFlash, C: Clock>(
                         break;
                     }
                     let Some(item) = port.push(byte, desk.clock.now()) else { continue };
-                    if take(inbox, desk, item, &out).await {
-                        port = Port::default();
-                        break;
-                    }
+                    let stopped = take(inbox, desk, item, &out).await;
                     if let Some(into) = desk.reboot.take() {
                         // Whether the answer leaves or not, the board restarts.
                         let _ = out.writer.lock().await.flush().await;
                         return into;
+                    }
+                    if stopped {
+                        port = Port::default();
+                        break;
                     }
                 }
             }

@@ -9,7 +9,7 @@ use core::future::pending;
 use darm_core::nearest::{Coordinates, Found};
 use darm_core::output::MAX_COILS;
 use darm_core::profile::{BUILT_IN, Profile};
-use darm_core::sequencer::{Command, Phase, ServoSeen};
+use darm_core::sequencer::{Command, CommandError, Phase, ServoSeen};
 use darm_core::table::{self, RowError, Table, TableError};
 use darm_core::units::{DeviceId, Digest};
 use darm_core::wire::PROTOCOL;
@@ -80,6 +80,8 @@ pub struct Desk<'s, 't, F: NorFlash, C> {
     bad_frames: u32,
     /// The connection that may ask for more than the bootstrap set.
     link: Option<u32>,
+    /// How many stops there were when it was opened.
+    link_stops: u32,
     last: Option<Answered>,
     /// Where the nearest word is sought.
     room: &'s mut Room,
@@ -115,6 +117,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
             boots: 0,
             bad_frames: 0,
             link: None,
+            link_stops: 0,
             last: None,
             room,
             sought: None,
@@ -288,6 +291,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
         }
         if self.link != Some(link) {
             self.link = Some(link);
+            self.link_stops = self.stops;
             self.last = None;
         }
         self.catch_up();
@@ -314,6 +318,10 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
             Request::Begin(image) => self.begin(image).await,
             Request::Chunk { offset, bytes } => self.chunk(offset, bytes).await,
             Request::Commit(image) => self.commit(image).await,
+            // A command may have been asked for before a stop and come, or come again, after it.
+            Request::Command(command) if command != Command::Stop && self.link_stops != self.shared.stops() => {
+                Err(Refusal::Command(CommandError::Stopped))
+            }
             Request::Command(command) => self.command(command).await.map(|()| Answer::Done),
             Request::Calibrate(calibration) => self.calibrate(calibration).await,
             Request::Calibration => {

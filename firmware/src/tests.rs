@@ -7,7 +7,9 @@ use core::cell::{Cell, RefCell};
 
 use darm_core::nearest::{Coordinates, Found};
 use darm_core::profile::Profile;
-use darm_core::sequencer::{Command, Event, FaultKind, Outputs, Phase, ServoAction, ServoSeen, ServoTarget};
+use darm_core::sequencer::{
+    Command, CommandError, Event, FaultKind, Outputs, Phase, ServoAction, ServoSeen, ServoTarget,
+};
 use darm_core::table::Record;
 use darm_core::units::{ActuatorId, DeviceId, Digest, Micros};
 use darm_core::wire::PROTOCOL;
@@ -226,6 +228,22 @@ fn a_change_runs_once() {
     assert_eq!(bench.events().iter().filter(|event| **event == Event::Started).count(), 1);
 }
 
+/// The first copy of a command may be lost, and somebody else stop the arm before the second one comes.
+#[test]
+fn a_command_is_not_taken_on_a_connection_that_is_older_than_a_stop() {
+    let bench = loaded();
+    bench.shared.stop();
+    bench.pass_ms(2);
+    let stopped = Err(Refusal::Command(CommandError::Stopped));
+    assert_eq!(bench.command(Command::Play), stopped);
+    bench.connect();
+    assert_eq!(bench.command(Command::Coil { coil: 0, on_ms: 10 }), stopped, "a late copy of the same `Hello`");
+    assert_eq!(bench.command(Command::Stop), Ok(Answer::Done));
+    let later = LINK + 1;
+    assert!(bench.ask_as(later, 1, Request::Hello { protocol: PROTOCOL }).unwrap().is_ok());
+    assert_eq!(bench.ask_as(later, 2, Request::Command(Command::Play)), Some(Ok(Answer::Done)));
+}
+
 #[test]
 fn only_the_host_that_connected_last_is_heard() {
     let bench = loaded();
@@ -391,6 +409,32 @@ fn the_console_serves_both_languages_until_it_starts_anew() {
         text.borrow_mut().extend(core::iter::from_fn(|| output.pop()).map(char::from));
     });
     assert!(text.borrow().starts_with("board bench, device 0707") && text.borrow().ends_with("ok, restarting\r\n"));
+}
+
+/// A new profile is in force only after a restart: a stop does not put it off.
+#[test]
+fn a_board_restarts_although_it_is_stopped_meanwhile() {
+    let bench = loaded();
+    let (input, output) = (Pipe::<1024>::new(), Pipe::<1024>::new());
+    let mut desk = bench.desk.borrow_mut();
+    let served = async {
+        input.push_slice(b"reboot\r");
+        serve(desk.as_mut().unwrap(), &mut PipeReader(&input), &mut PipeWriter(&output)).await;
+    };
+    let mut polls = 0;
+    run(served, || {
+        polls += 1;
+        match polls {
+            // The desk has asked the control tick whether nothing runs, and waits.
+            ..20 => {}
+            20 => drop(input.push_slice(b"stop\r")),
+            21..1000 => {
+                bench.tick();
+                while output.pop().is_some() {}
+            }
+            _ => panic!("the board goes on with what it had"),
+        }
+    });
 }
 
 #[test]

@@ -78,37 +78,28 @@ impl Watch {
         }
     }
 
-    /// Starts the board's program, unless there was an interrupt. Where one comes meanwhile its stop may have gone out
-    /// before the command did, so another one follows the command.
+    /// Starts the board's program, unless there was an interrupt. One that comes meanwhile sends a stop, after which the
+    /// board refuses what was asked before it.
     pub(crate) fn play(&self, client: &mut Client) -> anyhow::Result<()> {
         if let Some(interrupted) = self.interrupted() {
             return Err(interrupted.into());
         }
         let played = client.command(Command::Play);
-        if self.interrupted().is_some() {
-            self.send_stop();
-        }
         match self.interrupted() {
             Some(interrupted) => Err(interrupted.into()),
             None => Ok(played?),
         }
     }
 
-    fn send_stop(&self) {
+    fn stop(&self) {
         let (port, handle) = {
-            let state = self.state();
+            let mut state = self.state();
+            state.requested = true;
             (state.port.clone(), state.handle.clone())
         };
         let stopped = handle.stop(STOP_BOUND).or_else(|_| stop_at(&port, state_folder::stop_socket(&port)));
         self.state().stopped = Some(stopped.map_err(Arc::new));
-    }
-
-    fn stop(&self) {
-        self.state().requested = true;
-        self.send_stop();
         thread::sleep(GRACE);
-        // The command has not ended: what it still tries to send must not outlive the stop.
-        self.send_stop();
         if let Some(interrupted) = self.interrupted() {
             let error = interrupted.into();
             eprintln!("darm: {}", failure::sentence(&error));

@@ -137,6 +137,16 @@ impl Rig {
         })
     }
 
+    /// Ctrl-C in the program that holds the port.
+    fn interrupt(&self, mut child: Child) -> Stop {
+        let start = Instant::now();
+        let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        assert!(sent.success());
+        let safe_after_s = self.safe_after_s(start);
+        let code = child.wait().unwrap().code();
+        Stop { safe_after_s, ended_after_s: start.elapsed().as_secs_f64(), code }
+    }
+
     fn safe_after_s(&self, start: Instant) -> f64 {
         while self.follower.lines() != 0 {
             if start.elapsed().as_secs_f64() > 2.0 * SAFE_WITHIN_S {
@@ -175,4 +185,16 @@ fn stop_gets_through_while_another_program_holds_the_port() {
     println!("FIGURE stop: confirmed by the board = {confirmed} tries");
     println!("FIGURE stop: exit codes that say what is not so = {} tries", count - honest);
     assert_eq!((safe, honest), (count, count));
+}
+
+#[test]
+fn ctrl_c_stops_the_arm() {
+    let Some(rig) = Rig::start() else { return };
+    for holder in [Holder::Play, Holder::Record] {
+        let Stop { safe_after_s, ended_after_s, code } = rig.interrupt(rig.hold(holder));
+        println!("{holder:?}: safe after {safe_after_s:.3} s, exit code {code:?} after {ended_after_s:.3} s");
+        assert!(safe_after_s <= SAFE_WITHIN_S, "{holder:?}");
+        // 6 says that the board has confirmed the stop.
+        assert_eq!(code, Some(6), "{holder:?}");
+    }
 }

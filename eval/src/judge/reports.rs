@@ -149,6 +149,12 @@ impl Reports {
         self.verdict.note(JUDGE, "impossible-confirmed", now_ns, || format!("the board confirmed {command}"));
     }
 
+    /// A command was confirmed on a connection that was opened before a confirmed stop.
+    pub fn on_command_after_stop(&mut self, now_ns: u64) {
+        self.verdict
+            .note(JUDGE, "acts-after-stop", now_ns, || "the board confirmed a command from before a stop".into());
+    }
+
     /// Lines are on, so long after a stop that came in one piece with commands before it. Nobody has sent anything since.
     pub fn on_lines_after_burst(&mut self, now_ns: u64, after_ns: u64, lines: u64) {
         self.verdict.note(JUDGE, "acts-after-stop", now_ns, || {

@@ -152,7 +152,8 @@ impl Client {
         self.exchange.listen(for_s)
     }
 
-    /// All coils off at once, in any version of the protocol.
+    /// All coils off at once, in any version of the protocol. The board takes no command from any connection that was
+    /// opened before a stop: [`Client::say_hello`] opens a new one.
     pub fn stop_at_once(&mut self) -> Result<(), ClientError> {
         self.exchange.ask_bootstrap("stop", bootstrap::Request::Stop).map(drop)
     }

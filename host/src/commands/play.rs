@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use darm::client::{Client, Happening};
-use darm_core::sequencer::{Command, Event, Fault, Phase};
+use darm_core::sequencer::{Event, Fault, Phase};
 use serde::Serialize;
 
 use super::status::seconds;
@@ -76,12 +76,11 @@ impl Play {
             table.check_loaded(hello.table)?;
         }
         let first_event = hello.next_event;
-        if self.detach {
-            client.command(Command::Play)?;
-            return voice.tell(&Played { end: "started", rows, rows_played: 0, took_s: None, fault: None });
-        }
         let interrupt = interrupt::Watch::start(&port, handle)?;
         interrupt.play(&mut client)?;
+        if self.detach {
+            return voice.tell(&Played { end: "started", rows, rows_played: 0, took_s: None, fault: None });
+        }
         let bar = voice.bar("playing", u64::from(rows), "rows");
         let mut watch = Watch::new(first_event);
         let watched = watch.until_the_end(&mut client, &interrupt, |row| bar.set_position(u64::from(row) + 1));

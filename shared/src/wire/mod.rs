@@ -26,6 +26,9 @@
 //! A host opens a connection with `Hello` under a new random `link`. A request that changes something runs once: when its
 //! `number` comes again the board repeats the answer; an older one is dropped. Requests that only ask, and the chunks of
 //! an upload, which carry their offset, run as often as they come.
+//!
+//! After a stop (of the bootstrap set, or typed) the board takes no command on a connection from before it: its first copy
+//! may have been lost, and the next one must not undo the stop. The host says `Hello` under a new `link`.
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::unwrap_used))]
 
 pub mod bootstrap;
