@@ -9,7 +9,8 @@
 //!
 //! An upload fills the slot that is not valid. Writing the record that names it is the commit: before, the old image
 //! is there, after it the new one, and the records survive a power cut at any byte. The record carries length, digest
-//! and model of the image, so a slot is believed only when its bytes agree.
+//! and model of the image, so a slot is believed only when its bytes agree. These records and the calibration are written
+//! twice: one that is damaged reads as none, and would leave the board with no offsets or the limits that are built in.
 //!
 //! Records that cannot be read (a failed part, or what another program has left) are erased by the next upload. Until
 //! then there is no table and no profile; what is erased with them is the calibration.
@@ -40,6 +41,8 @@ pub const FLASH_BYTES: usize = RECORDS.end as usize + 2 * PROFILE_BYTES;
 
 const KEY_CALIBRATION: u8 = 6;
 const KEY_BOOTS: u8 = 3;
+/// This bit marks the key of a second copy.
+const SECOND: u8 = 0x10;
 
 /// The record that names the valid slot. Keys 1 and 2 held records of protocol 1.
 const fn valid_key(kind: ImageKind) -> u8 {
@@ -96,13 +99,15 @@ struct Valid {
     image: Image,
 }
 
-impl PostcardValue<'_> for Valid {}
-
-/// A calibration as it is stored.
+/// A record that is written twice.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct Stored(Calibration);
+struct Doubled<V> {
+    value: V,
+    /// How often it was written: where one copy is damaged or a power cut came between, the larger number holds.
+    version: u32,
+}
 
-impl PostcardValue<'_> for Stored {}
+impl<'a, V: Serialize + Deserialize<'a>> PostcardValue<'a> for Doubled<V> {}
 
 /// The upload that is under way.
 #[derive(Clone, Copy, Debug)]
@@ -208,7 +213,7 @@ impl<F: NorFlash> Store<F> {
         let records = MapStorage::new(flash, const { MapConfig::new(RECORDS) }, Cache::new_uncached());
         let mut store = Self { records, table: None, profile: None, upload: None, unreadable: false };
         for kind in [ImageKind::Table, ImageKind::Profile] {
-            match store.fetch(valid_key(kind)).await {
+            match store.fetch_doubled(valid_key(kind)).await {
                 Ok(valid) => *store.valid_mut(kind) = valid,
                 Err(StorageError) => store.unreadable = true,
             }
@@ -249,12 +254,12 @@ impl<F: NorFlash> Store<F> {
 
     /// The stored zero offsets.
     pub async fn calibration(&mut self) -> Result<Option<Calibration>, StorageError> {
-        Ok(self.fetch::<Stored>(KEY_CALIBRATION).await?.map(|stored| stored.0))
+        self.fetch_doubled(KEY_CALIBRATION).await
     }
 
     /// Stores the zero offsets.
     pub async fn set_calibration(&mut self, calibration: Calibration) -> Result<(), StorageError> {
-        self.put(KEY_CALIBRATION, &Stored(calibration)).await
+        self.put_doubled(KEY_CALIBRATION, calibration).await
     }
 
     /// Starts an upload, or resumes the same one; the offset that is wanted next.
@@ -332,9 +337,9 @@ impl<F: NorFlash> Store<F> {
     pub async fn commit(&mut self) -> Result<(), UploadError> {
         let upload = self.upload.take().ok_or(UploadError::NoUpload)?;
         let kind = upload.image.kind;
-        let stored = self.put(valid_key(kind), &Valid { slot: upload.slot, image: upload.image }).await;
+        let stored = self.put_doubled(valid_key(kind), Valid { slot: upload.slot, image: upload.image }).await;
         // After an error only the flash knows whether the record stands.
-        *self.valid_mut(kind) = self.fetch(valid_key(kind)).await?;
+        *self.valid_mut(kind) = self.fetch_doubled(valid_key(kind)).await?;
         stored?;
         Ok(())
     }
@@ -446,6 +451,33 @@ impl<F: NorFlash> Store<F> {
         flash.write(at, due).await.map_err(|_| StorageError)?;
         upload.block = [0xff; BLOCK];
         Ok(())
+    }
+
+    async fn fetch_doubled<V>(&mut self, key: u8) -> Result<Option<V>, StorageError>
+    where
+        V: Serialize + for<'a> Deserialize<'a>,
+    {
+        Ok(self.newer::<V>(key).await?.map(|doubled| doubled.value))
+    }
+
+    async fn newer<V>(&mut self, key: u8) -> Result<Option<Doubled<V>>, StorageError>
+    where
+        V: Serialize + for<'a> Deserialize<'a>,
+    {
+        let first = self.fetch::<Doubled<V>>(key).await?;
+        let second = self.fetch::<Doubled<V>>(key | SECOND).await?;
+        let is_older = |first: &Doubled<V>| second.as_ref().is_some_and(|second| first.version < second.version);
+        Ok(first.filter(|first| !is_older(first)).or(second))
+    }
+
+    async fn put_doubled<V>(&mut self, key: u8, value: V) -> Result<(), StorageError>
+    where
+        V: Serialize + for<'a> Deserialize<'a>,
+    {
+        let version = self.newer::<V>(key).await?.map_or(0, |old| old.version.saturating_add(1));
+        let doubled = Doubled { value, version };
+        self.put(key, &doubled).await?;
+        self.put(key | SECOND, &doubled).await
     }
 
     async fn fetch<V>(&mut self, key: u8) -> Result<Option<V>, StorageError>

@@ -163,6 +163,29 @@ fn an_empty_flash_holds_nothing() {
     assert_eq!(now(store.count_boot()), Ok(1));
 }
 
+/// A record that is lost would read as one that was never written: no calibration, the limits that are built in.
+#[test]
+fn no_damaged_byte_makes_a_record_absent() {
+    let whole = with_table(1);
+    assert!(upload_profile(&mut open(&whole, ENDLESS), 1) && upload_profile(&mut open(&whole, ENDLESS), 2));
+    let (mut kept, mut refused) = (0, 0);
+    for at in 2 * SLOT_BYTES..2 * SLOT_BYTES + RECORDS_BYTES {
+        let Some(cells) = whole.flipped(at) else { continue };
+        let mut store = open(&cells, ENDLESS);
+        let mut found = Profile::empty();
+        let profile = now(store.load_valid_profile(&mut found));
+        match (store.is_readable(), now(store.calibration())) {
+            (true, Ok(stored)) => {
+                assert_eq!((stored, profile), (Some(calibration()), Ok(true)), "byte {at}");
+                assert_eq!(found.supply.new_coils, 2, "byte {at}");
+                kept += 1;
+            }
+            _ => refused += 1,
+        }
+    }
+    assert!(kept > 100, "{kept} kept, {refused} refused");
+}
+
 /// Uploads a profile and commits it; whether that was confirmed.
 fn upload_profile(store: &mut Store<MockFlash>, new_coils: u8) -> bool {
     let other = Profile { supply: SwitchLimit { new_coils, window_ms: 10 }, ..profile() };

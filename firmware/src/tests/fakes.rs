@@ -172,6 +172,14 @@ impl Cells {
         cells[at + 3] ^= 1;
     }
 
+    /// A copy with one bit of a byte flipped, where something is written.
+    pub(crate) fn flipped(&self, at: usize) -> Option<Self> {
+        let copy = self.copy();
+        let byte = copy.0.borrow()[at];
+        copy.0.borrow_mut()[at] = byte ^ 1 << (at % 8);
+        (byte != 0xff).then_some(copy)
+    }
+
     /// The device on these cells, with power for so many words.
     pub(crate) fn flash(&self, words_left: u32) -> MockFlash {
         MockFlash { cells: self.clone(), words_left, noise: words_left.wrapping_mul(2_654_435_761) | 1 }
