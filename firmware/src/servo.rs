@@ -165,10 +165,10 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
                 match answer.parameters() {
                     [0] => Ok(()),
                     [_] => {
-                        let angle_rad = angle_rad(position);
                         let (speed_rad_s, torque) = (joint.limit.max_speed_rad_s, joint.limit.max_torque);
-                        // Out of the range it holds too: to turn back would be a motion that nobody asked for.
-                        self.write(id, &registers(steps(angle_rad), speed_rad_s, torque)).await
+                        // Out of the range, or further round than one turn, it holds too: to turn back would be a motion
+                        // that nobody asked for.
+                        self.write(id, &registers(position, speed_rad_s, torque)).await
                     }
                     _ => Err(BusError::Length),
                 }

@@ -190,6 +190,18 @@ fn positions_and_angles_are_inverse() {
     assert!((angle_rad(POSITION_SIGN | 10) - angle_rad(0) + 10.0 * TAU / SERVO_STEPS_PER_TURN).abs() < 1e-5);
 }
 
+#[test]
+fn a_servo_that_has_turned_further_than_once_holds_where_it_is() {
+    for register in [5000, POSITION_SIGN | 300] {
+        let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+        fake.registers.borrow_mut()[40] = 1;
+        fake.registers.borrow_mut()[56..58].copy_from_slice(&register.to_le_bytes());
+        shared.set_joints([doing(ServoAction::Hold), None, None, None]);
+        visit(&fake, &shared, &clock, 1);
+        assert_eq!(fake.registers.borrow()[42..44], register.to_le_bytes());
+    }
+}
+
 /// The load bends a servo that holds a little below its goal: where it stands after a lost answer is no new goal.
 #[test]
 fn a_servo_that_holds_stays_where_it_was_when_answers_are_lost() {
