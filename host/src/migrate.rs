@@ -116,20 +116,20 @@ struct OldSwitch {
 
 /// The coils of one leg or joint with the numbers of their outputs, and the input of its limit switch.
 struct Actuator {
-    coils: Vec<(u8, Table)>,
+    coils: Vec<(Value, Table)>,
     input: Option<u8>,
 }
 
 impl OldArm {
     /// Every leg and joint in the order of the file. A coil that names no output has the number of its place.
     fn numbered(&self) -> Vec<Actuator> {
-        let mut next = 0;
+        let mut next = 0i64;
         let mut numbered = |coil: &Option<Table>, coils: &Option<Vec<Table>>, switch: Option<OldSwitch>| {
             let coils = coil.iter().chain(coils.iter().flatten()).map(|coil| {
-                let named = coil.get("output").and_then(Value::as_integer).and_then(|number| number.try_into().ok());
-                let number = named.unwrap_or(next);
+                let place = Value::from(next);
                 next += 1;
-                (number, coil.clone())
+                // A number that is none is refused where the profile is read.
+                (coil.get("output").cloned().unwrap_or(place), coil.clone())
             });
             Actuator { coils: coils.collect(), input: switch.map(|switch| switch.input) }
         };
@@ -173,7 +173,7 @@ fn outputs(actuator: &Actuator) -> impl Iterator<Item = Table> {
         let mut output = default_limit(drive);
         output.extend(coil.clone());
         output.remove("output");
-        output.extend([("number", u32::from(*number))].map(pair));
+        output.insert("number".to_owned(), number.clone());
         output.extend(actuator.input.filter(|_| index == 0).map(|input| pair(("input", input.into()))));
         output
     })
@@ -238,7 +238,7 @@ fn connect<'a>(table: &mut toml_edit::Table, actuators: &mut impl Iterator<Item 
         return;
     }
     let Some(actuator) = actuators.next() else { return };
-    let numbers: Vec<i64> = actuator.coils.iter().map(|(number, _)| i64::from(*number)).collect();
+    let numbers: Vec<i64> = actuator.coils.iter().filter_map(|(number, _)| number.as_integer()).collect();
     let all: toml_edit::Array = numbers.iter().copied().collect();
     replace(table, "coil", "output", |_| toml_edit::value(numbers.first().copied().unwrap_or_default()));
     replace(table, "coils", "outputs", |_| toml_edit::value(all.clone()));

@@ -214,8 +214,12 @@ impl Command {
                     (None, Some(arm)) => named_by(arm)?,
                     (None, None) => unreachable!("the command line asks for one of the two"),
                 };
+                let mut client = port.connect()?;
+                if has(&mut client, &profile) {
+                    return voice.tell(&Made::new(&profile, None, "in force on the board already"));
+                }
                 voice.note("hold the user button of the board");
-                write(&mut port.connect()?, &profile)?;
+                write(&mut client, &profile)?;
                 voice.tell(&Made::new(&profile, None, "stored; the board has restarted with it"))
             }
             What::Show { port } => show(&mut port.connect()?, voice),
@@ -272,6 +276,8 @@ pub(crate) fn write(client: &mut Client, profile: &BoardProfile) -> anyhow::Resu
     loop {
         match client.upload(&profile.image(), &mut |_| {}) {
             Ok(_) => break,
+            // Its answer was lost in the restart.
+            Err(ClientError::Refused(Refusal::NobodyPresent)) if has(client, profile) => return Ok(()),
             Err(ClientError::Refused(Refusal::NobodyPresent)) if start.elapsed() < BUTTON_LIMIT => {
                 std::thread::sleep(POLL)
             }
@@ -282,12 +288,16 @@ pub(crate) fn write(client: &mut Client, profile: &BoardProfile) -> anyhow::Resu
     let start = Instant::now();
     while start.elapsed() < RESTART_LIMIT {
         // While the board restarts nobody answers.
-        if client.say_hello().is_ok_and(|hello| hello.profile == profile.profile.digest) {
+        if has(client, profile) {
             return Ok(());
         }
         std::thread::sleep(POLL);
     }
     Err(ProfileCommandError::NoRestart.into())
+}
+
+fn has(client: &mut Client, profile: &BoardProfile) -> bool {
+    client.say_hello().is_ok_and(|hello| hello.profile == profile.profile.digest)
 }
 
 fn show(client: &mut Client, voice: Voice) -> anyhow::Result<()> {

@@ -31,6 +31,15 @@ fn an_arm_file_of_format_1_is_refused_with_its_cure_and_split_in_two() {
         1,
         "darm: arm.toml:5:10: the file has format 2; only files of format 1 are brought over",
     );
+    let old = std::fs::read_to_string(home.path("old.toml")).unwrap();
+    let outside = old.replacen("coil = { ", "coil = { output = 300, ", 1);
+    assert_ne!(outside, old);
+    std::fs::write(home.path("outside.toml"), outside).unwrap();
+    home.fails(
+        "profile migrate outside.toml -o b.toml --profile b.profile.toml",
+        1,
+        "invalid value: integer `300`, expected u8",
+    );
     let checked = home.json("profile check boards/valves.toml --arm arm.toml");
     assert_eq!(checked["digest"], made["digest"]);
     home.succeeds("table arm.toml --words 000010000000 -o one.darm");
