@@ -428,15 +428,16 @@ impl<'t> Coils<'t> {
         self.unknown &= !coils;
         self.pulsing |= self.latches & coils;
         self.peaking = self.peaking & !coils | self.peaks & on;
-        // All of them count, whatever breaks a limit.
-        let mut counted = Ok(());
         for (index, _) in Bits::of(coils & fed) {
-            counted = counted.and(self.count(now, index, true));
+            if let Err(breach) = self.count(now, index, true) {
+                // The others count with the next tick.
+                self.ending |= coils & fed;
+                return Err(breach);
+            }
         }
         for (index, _) in Bits::of(coils & !fed) {
-            counted = counted.and(self.count(now, index, false));
+            self.count(now, index, false)?;
         }
-        counted?;
         for (index, _) in Bits::of(coils & (self.pulsing | self.peaking)) {
             if let Some(output) = self.outputs.get_mut(index) {
                 output.changed = now;
