@@ -24,6 +24,7 @@ use std::sync::mpsc;
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use darm_firmware::store::FLASH_BYTES;
 use tempfile::TempDir;
 
 use qmp::{Qmp, QmpError};
@@ -32,9 +33,7 @@ use qmp::{Qmp, QmpError};
 pub const PROGRAM: &str = "qemu-system-arm";
 /// Oldest version that knows the machine with its GPIO and USARTs.
 pub const OLDEST: Version = Version { major: 9, minor: 1 };
-/// Bytes of flash bank 2 that the firmware uses: two slots of 64 KiB and the records.
-pub const FLASH_BYTES: usize = 144 * 1024;
-/// The file that stands for them.
+/// The file that stands for the flash that the firmware uses.
 pub const FLASH_FILE: &str = "flash.img";
 /// Longest wait for the emulator to open its sockets.
 const START_TIMEOUT: Duration = Duration::from_secs(30);
