@@ -18,8 +18,7 @@ use core::future::Future;
 use core::pin::pin;
 
 use darm_core::wire::bootstrap::{self, ANSWER};
-use darm_core::wire::frame::{self, Header};
-use embassy_futures::join::join;
+use darm_core::wire::frame::Header;
 use embassy_futures::select::{Either, Either4, select, select4};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
@@ -32,7 +31,8 @@ use crate::clock::Clock;
 use crate::control::Shared;
 use crate::dispatch::{Desk, Frame, encode};
 use crate::pipe::Pipe;
-use crate::port::{Item, Port, STOP_BYTES};
+use crate::port::{Item, Port};
+use crate::scan::{Scanner, Stop};
 
 /// Bytes that wait for `work`: three chunks of an upload.
 const INBOX: usize = 1152;
@@ -43,35 +43,28 @@ struct Inbox {
     stop: Signal<NoopRawMutex, Stop>,
 }
 
-/// A stop, in the language in which it came.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Stop {
-    Typed,
-    Framed(Header),
-}
-
 /// Serves the console until somebody asks for a restart; what the board is to start into.
-pub async fn serve<F: NorFlash, C: Clock + Copy>(
+pub async fn serve<F: NorFlash, C: Clock>(
     desk: &mut Desk<'_, '_, F, C>,
     reader: &mut impl Read,
     writer: &mut impl Write,
 ) -> bootstrap::Into {
     let inbox = Inbox { bytes: Pipe::new(), stop: Signal::new() };
-    let (shared, clock) = (desk.shared, desk.clock);
-    match select(scan(&inbox, shared, clock, reader), work(&inbox, desk, writer)).await {
+    let shared = desk.shared;
+    match select(scan(&inbox, shared, reader), work(&inbox, desk, writer)).await {
         Either::First(never) => never,
         Either::Second(into) => into,
     }
 }
 
 /// Receives. What does not fit the inbox is lost, and its sender asks again; a stop never is.
-async fn scan(inbox: &Inbox, shared: &Shared<'_>, clock: impl Clock, reader: &mut impl Read) -> ! {
-    let mut port = Port::<STOP_BYTES>::default();
+async fn scan(inbox: &Inbox, shared: &Shared<'_>, reader: &mut impl Read) -> ! {
+    let mut scanner = Scanner::default();
     let mut bytes = [0; 64];
     loop {
         let n = reader.read(&mut bytes).await.unwrap_or(0);
         for &byte in bytes.iter().take(n) {
-            match port.push(byte, clock.now()).and_then(stop) {
+            match scanner.push(byte) {
                 Some(stop) => {
                     shared.stop();
                     while inbox.bytes.pop().is_some() {}
@@ -85,19 +78,6 @@ async fn scan(inbox: &Inbox, shared: &Shared<'_>, clock: impl Clock, reader: &mu
         if n == 0 {
             yield_now().await;
         }
-    }
-}
-
-/// The stop that an item is, if it is one.
-fn stop(item: Item<'_>) -> Option<Stop> {
-    match item {
-        Item::Line(line) => line.eq_ignore_ascii_case("stop").then_some(Stop::Typed),
-        Item::Frame(encoded) => {
-            let (header, payload) = frame::decode(encoded).ok()?;
-            let request = bootstrap::Request::decode(header.tag, payload)?;
-            (request == bootstrap::Request::Stop).then_some(Stop::Framed(header))
-        }
-        Item::Dropped => None,
     }
 }
 
@@ -126,7 +106,7 @@ async fn work<F: NorFlash, C: Clock>(
                     }
                     let Some(item) = port.push(byte, desk.clock.now()) else { continue };
                     let stopped = take(inbox, desk, item, &out).await;
-                    if let Some(into) = desk.reboot.take() {
+                    if let Some(into) = desk.restart_due(stopped) {
                         // Whether the answer leaves or not, the board restarts.
                         let _ = out.writer.lock().await.flush().await;
                         return into;
@@ -167,7 +147,7 @@ async fn take<F: NorFlash, C: Clock, W: Write>(
     }
 }
 
-/// Waits for the end of a piece of work, and meanwhile answers a stop; whether one came.
+/// Waits for the end of a piece of work, and meanwhile answers stops; whether one came.
 async fn watch<T, W: Write>(
     inbox: &Inbox,
     shared: &Shared<'_>,
@@ -175,17 +155,24 @@ async fn watch<T, W: Write>(
     work: impl Future<Output = T>,
 ) -> (T, bool) {
     let mut work = pin!(work);
-    match select(&mut work, inbox.stop.wait()).await {
-        Either::First(done) => (done, false),
-        Either::Second(stop) => {
-            out.is_cut.set(true);
-            out.cut.signal(());
-            let (done, ()) = join(work, out.confirm(stop, shared)).await;
-            out.is_cut.set(false);
-            out.cut.reset();
-            (done, true)
+    let mut stopped = false;
+    let done = loop {
+        let stop = match select(&mut work, inbox.stop.wait()).await {
+            Either::First(done) => break done,
+            Either::Second(stop) => stop,
+        };
+        stopped = true;
+        out.is_cut.set(true);
+        out.cut.signal(());
+        let mut confirmed = pin!(out.confirm(stop, shared));
+        if let Either::First(done) = select(&mut work, &mut confirmed).await {
+            confirmed.await;
+            break done;
         }
-    }
+    };
+    out.is_cut.set(false);
+    out.cut.reset();
+    (done, stopped)
 }
 
 /// The way out, which a stop takes from the work that prints.

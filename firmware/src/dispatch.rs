@@ -11,7 +11,7 @@ use darm_core::output::MAX_COILS;
 use darm_core::profile::{BUILT_IN, Profile};
 use darm_core::sequencer::{Command, CommandError, Phase, ServoSeen};
 use darm_core::table::{self, RowError, Table, TableError};
-use darm_core::units::{DeviceId, Digest};
+use darm_core::units::{DeviceId, Digest, Micros};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, ANSWER, Death, Identity, Version};
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
@@ -44,8 +44,11 @@ const fn decimal(text: &str) -> u8 {
     value
 }
 
-/// A quarter of the circle of request numbers.
-const FAR: i16 = 0x4000;
+/// So long copies of a change may still be on the line. In less time nobody asks half the circle of request numbers: a
+/// request and its answer take 5 ms on the wire.
+const COPIES: Micros = Micros::from_millis(60_000);
+/// Connections whose `Hello` may still be on the line.
+const OLD_LINKS: usize = 8;
 /// Rows that are rehearsed at once: the console is heard in between.
 const REHEARSED: usize = 16;
 
@@ -64,7 +67,9 @@ pub struct Desk<'s, 't, F: NorFlash, C> {
     pub(crate) shared: &'s Shared<'t>,
     pub(crate) log: EventLog,
     /// Set when the board is to restart, once the answer has left.
-    pub(crate) reboot: Option<bootstrap::Into>,
+    reboot: Option<bootstrap::Into>,
+    /// A new profile is stored: no stop puts off the restart that brings it into force.
+    is_profile_new: bool,
     /// `None` when the flash does not answer.
     store: Option<Store<F>>,
     /// The table while the control tick does not have it.
@@ -73,7 +78,8 @@ pub struct Desk<'s, 't, F: NorFlash, C> {
     profile: &'t Profile,
     /// Why the stored table or profile is not in force.
     rejected: Option<Refusal>,
-    calibration: Calibration,
+    /// The servos' zero offsets, `None` where none were ever stored; or why they are not known.
+    calibration: Result<Option<Calibration>, Refusal>,
     /// How many stops there were when what is being done was begun.
     stops: u32,
     boots: u32,
@@ -82,6 +88,8 @@ pub struct Desk<'s, 't, F: NorFlash, C> {
     link: Option<u32>,
     /// How many stops there were when it was opened.
     link_stops: u32,
+    /// Connections before it: a late copy of their `Hello` opens none of them again.
+    old_links: [Option<u32>; OLD_LINKS],
     last: Option<Answered>,
     /// Where the nearest word is sought.
     room: &'s mut Room,
@@ -92,6 +100,7 @@ pub struct Desk<'s, 't, F: NorFlash, C> {
 /// The last request that changed something, and its answer.
 struct Answered {
     number: u16,
+    at: Micros,
     reply: Payload,
 }
 
@@ -108,16 +117,18 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
             shared,
             log: EventLog::default(),
             reboot: None,
+            is_profile_new: false,
             store: None,
             table: None,
             profile: &BUILT_IN,
             rejected: None,
-            calibration: Calibration::default(),
+            calibration: Ok(None),
             stops: 0,
             boots: 0,
             bad_frames: 0,
             link: None,
             link_stops: 0,
+            old_links: [None; OLD_LINKS],
             last: None,
             room,
             sought: None,
@@ -137,15 +148,13 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
                 Ok(false) => self.drive_nothing(profile, Refusal::Storage),
                 Err(error) => self.drive_nothing(profile, error.into()),
             }
-            match store.calibration().await {
-                Ok(calibration) => self.calibration = calibration.unwrap_or_default(),
-                // Offsets that are lost are not zero: no table is loaded with them.
-                Err(_) => self.rejected = Some(Refusal::Storage),
-            }
+            self.calibration = store.calibration().await.map_err(|_| Refusal::NoCalibration);
             self.store = Some(store);
         }
         self.shared.ask(Order::Configure(self.profile)).await;
-        self.shared.ask(Order::Calibrate(self.calibration)).await;
+        if !self.apply_calibration().await {
+            self.calibration = Err(Refusal::NoCalibration);
+        }
         self.restore(table).await;
     }
 
@@ -251,11 +260,11 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
             return None;
         }
         if request.is_repeatable() {
-            self.forget_old_answer(header.number);
             let result = self.run(request).await;
             return Some(self.reply(result));
         }
-        if let Some(last) = &self.last {
+        // Numbers count around: a change that is kept for ever would make a new one look old.
+        if let Some(last) = self.last.as_ref().filter(|last| self.clock.now() - last.at < COPIES) {
             match header.number.wrapping_sub(last.number) as i16 {
                 0 => return Some(last.reply.clone()),
                 ..0 => return None,
@@ -264,17 +273,8 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
         }
         let result = self.run(request).await;
         let reply = self.reply(result);
-        self.last = Some(Answered { number: header.number, reply: reply.clone() });
+        self.last = Some(Answered { number: header.number, at: self.clock.now(), reply: reply.clone() });
         Some(reply)
-    }
-
-    /// Numbers count around: a change that lies a quarter of the circle back can have no copies on the line any more,
-    /// and if it were kept, a new one would be taken for an old one after half the circle.
-    fn forget_old_answer(&mut self, number: u16) {
-        let is_far = |last: &Answered| number.wrapping_sub(last.number) as i16 > FAR;
-        if self.last.as_ref().is_some_and(is_far) {
-            self.last = None;
-        }
     }
 
     /// Restarts the board where nothing runs.
@@ -284,12 +284,23 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
         Ok(())
     }
 
+    /// What the board is to restart into now. A restart that somebody asked for before a stop is dropped, as all that came
+    /// before it.
+    pub fn restart_due(&mut self, stopped: bool) -> Option<bootstrap::Into> {
+        self.reboot.take().filter(|_| !stopped || self.is_profile_new)
+    }
+
     /// A repeated `Hello` changes nothing: what its connection has done stays done once.
     async fn hello(&mut self, link: u32, protocol: u16) -> Result<Answer, Refusal> {
         if protocol != PROTOCOL {
             return Err(Refusal::Protocol { board: PROTOCOL });
         }
         if self.link != Some(link) {
+            if self.old_links.contains(&Some(link)) {
+                return Err(Refusal::NotConnected);
+            }
+            self.old_links.rotate_right(1);
+            self.old_links[0] = self.link;
             self.link = Some(link);
             self.link_stops = self.stops;
             self.last = None;
@@ -319,17 +330,20 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
             Request::Chunk { offset, bytes } => self.chunk(offset, bytes).await,
             Request::Commit(image) => self.commit(image).await,
             // A command may have been asked for before a stop and come, or come again, after it.
-            Request::Command(command) if command != Command::Stop && self.link_stops != self.shared.stops() => {
+            Request::Command(command) if command != Command::Stop && self.is_stopped() => {
                 Err(Refusal::Command(CommandError::Stopped))
             }
+            Request::Calibrate(_) if self.is_stopped() => Err(Refusal::Command(CommandError::Stopped)),
             Request::Command(command) => self.command(command).await.map(|()| Answer::Done),
             Request::Calibrate(calibration) => self.calibrate(calibration).await,
-            Request::Calibration => {
-                let stored = self.store()?.calibration().await.map_err(|_| Refusal::Storage)?;
-                Ok(Answer::Calibration(stored))
-            }
+            Request::Calibration => Ok(Answer::Calibration(self.calibration?)),
             Request::Outputs { from } => Ok(Answer::Outputs(self.outputs(from).await)),
         }
+    }
+
+    /// Whether somebody has stopped the arm since the connection was opened.
+    fn is_stopped(&self) -> bool {
+        self.link_stops != self.shared.stops()
     }
 
     async fn outputs(&self, from: u8) -> heapless::Vec<OutputState, OUTPUTS> {
@@ -455,21 +469,29 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
     /// What a servo answered last, with the angle of its joint.
     pub(crate) fn joint_seen(&self, index: usize) -> ServoSeen {
         let seen = self.shared.servo_seen(index);
-        let offset_rad = self.calibration.offsets_rad().get(index).copied().unwrap_or(0.0);
+        let offset_rad = self.offsets().offsets_rad().get(index).copied().unwrap_or(0.0);
         ServoSeen { angle_rad: seen.angle_rad - offset_rad, ..seen }
+    }
+
+    fn offsets(&self) -> Calibration {
+        self.calibration.ok().flatten().unwrap_or_default()
     }
 
     async fn calibrate(&mut self, calibration: Calibration) -> Result<Answer, Refusal> {
         self.require_idle().await?;
         self.store()?.set_calibration(calibration).await.map_err(|_| Refusal::Storage)?;
-        match self.shared.ask(Order::Calibrate(calibration)).await {
-            Outcome::Command(Ok(())) => {
-                self.calibration = calibration;
-                Ok(Answer::Done)
-            }
-            Outcome::Command(Err(error)) => Err(Refusal::Command(error)),
-            _ => Err(Refusal::Unknown),
-        }
+        self.calibration = Ok(Some(calibration));
+        if self.apply_calibration().await { Ok(Answer::Done) } else { Err(Refusal::Busy) }
+    }
+
+    /// Gives the offsets to the control tick, which refuses them only while a program runs.
+    async fn apply_calibration(&self) -> bool {
+        matches!(self.shared.ask(Order::Calibrate(self.offsets())).await, Outcome::Command(Ok(())))
+    }
+
+    /// Offsets that are lost are not zero: no table that has servos is loaded with them.
+    fn check_calibration(&self, table: &Table) -> Result<(), Refusal> {
+        if table.wiring().servos.is_empty() { Ok(()) } else { self.calibration.map(|_| ()) }
     }
 
     /// Takes the table out of the control tick's hands.
@@ -490,14 +512,19 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
             Some(store) if self.rejected != Some(Refusal::Storage) => store.load_valid(table, &board).await,
             _ => Ok(false),
         };
-        match loaded {
-            Ok(true) => self.hand_over(table).await,
-            Ok(false) => self.table = Some(table),
-            Err(error) => {
-                self.rejected.get_or_insert(error.into());
-                self.table = Some(table);
+        let checked = match loaded {
+            Ok(is_loaded) => self.check_calibration(table).map(|()| is_loaded),
+            Err(error) => Err(error.into()),
+        };
+        match checked {
+            Ok(true) => return self.hand_over(table).await,
+            Ok(false) => {}
+            Err(refusal) => {
+                self.rejected.get_or_insert(refusal);
+                table.clear();
             }
         }
+        self.table = Some(table);
     }
 
     fn board_of_tables(&self) -> table::Board<'t> {

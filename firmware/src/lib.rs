@@ -21,6 +21,7 @@ pub mod pipe;
 pub mod port;
 pub mod rescue;
 pub mod ring;
+mod scan;
 pub mod servo;
 pub mod solenoid;
 pub mod store;

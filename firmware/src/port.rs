@@ -29,12 +29,9 @@ pub enum Item<'a> {
     Dropped,
 }
 
-/// Room that the stop frame and the typed stop need.
-pub const STOP_BYTES: usize = 32;
-
-/// Takes bytes, gives items of up to `N` bytes.
-pub struct Port<const N: usize = MAX_FRAME> {
-    bytes: [u8; N],
+/// Takes bytes, gives items.
+pub struct Port {
+    bytes: [u8; MAX_FRAME],
     len: usize,
     in_frame: bool,
     /// What is being received does not fit or is no text.
@@ -42,13 +39,13 @@ pub struct Port<const N: usize = MAX_FRAME> {
     last: Micros,
 }
 
-impl<const N: usize> Default for Port<N> {
+impl Default for Port {
     fn default() -> Self {
-        Self { bytes: [0; N], len: 0, in_frame: false, spoilt: false, last: Micros(0) }
+        Self { bytes: [0; MAX_FRAME], len: 0, in_frame: false, spoilt: false, last: Micros(0) }
     }
 }
 
-impl<const N: usize> Port<N> {
+impl Port {
     /// Takes the next byte, received at `now`.
     pub fn push(&mut self, byte: u8, now: Micros) -> Option<Item<'_>> {
         if self.in_frame && now - self.last > SILENCE {
@@ -61,7 +58,7 @@ impl<const N: usize> Port<N> {
                 self.begin(true);
                 None
             }
-            (_, true) => self.keep(byte, N),
+            (_, true) => self.keep(byte, MAX_FRAME),
             (b'\r' | b'\n', false) => self.close_line(),
             (0x08 | 0x7f, false) => {
                 self.len = self.len.saturating_sub(1);
@@ -122,7 +119,7 @@ mod tests {
 
     /// Frames as `#bytes`, lines as they are, dropped ones as `!`.
     fn items(bytes: &[u8]) -> Vec<String> {
-        let mut port: Port = Port::default();
+        let mut port = Port::default();
         let item = |byte: &u8| {
             port.push(*byte, Micros(0)).map(|item| match item {
                 Item::Frame(bytes) => format!("#{}", String::from_utf8_lossy(bytes)),
@@ -158,7 +155,7 @@ mod tests {
 
     #[test]
     fn silence_ends_an_open_frame() {
-        let mut port: Port = Port::default();
+        let mut port = Port::default();
         assert_eq!(port.push(0, Micros(0)), None);
         assert_eq!(port.push(b'x', Micros(1)), None);
         for byte in *b"id" {

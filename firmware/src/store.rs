@@ -213,11 +213,13 @@ impl<F: NorFlash> Store<F> {
         let records = MapStorage::new(flash, const { MapConfig::new(RECORDS) }, Cache::new_uncached());
         let mut store = Self { records, table: None, profile: None, upload: None, unreadable: false };
         for kind in [ImageKind::Table, ImageKind::Profile] {
-            match store.fetch_doubled(valid_key(kind)).await {
+            match store.mend::<Valid>(valid_key(kind)).await {
                 Ok(valid) => *store.valid_mut(kind) = valid,
                 Err(StorageError) => store.unreadable = true,
             }
         }
+        // Whether it can be read is seen when it is asked for.
+        let _ = store.mend::<Calibration>(KEY_CALIBRATION).await;
         store
     }
 
@@ -453,11 +455,36 @@ impl<F: NorFlash> Store<F> {
         Ok(())
     }
 
+    /// Puts in the place of the calibration what cannot be read as one.
+    #[cfg(test)]
+    pub(crate) async fn spoil_calibration(&mut self) {
+        for key in [KEY_CALIBRATION, KEY_CALIBRATION | SECOND] {
+            assert_eq!(self.put(key, &7u8).await, Ok(()));
+        }
+    }
+
     async fn fetch_doubled<V>(&mut self, key: u8) -> Result<Option<V>, StorageError>
     where
         V: Serialize + for<'a> Deserialize<'a>,
     {
         Ok(self.newer::<V>(key).await?.map(|doubled| doubled.value))
+    }
+
+    /// Reads a record, and writes it again where one copy is damaged or older: after a power cut, for example.
+    async fn mend<V>(&mut self, key: u8) -> Result<Option<V>, StorageError>
+    where
+        V: Clone + PartialEq + Serialize + for<'a> Deserialize<'a>,
+    {
+        let newer = self.newer::<V>(key).await?;
+        for copy in [key, key | SECOND] {
+            if let Some(newer) = &newer
+                && self.fetch::<Doubled<V>>(copy).await?.as_ref() != Some(newer)
+            {
+                // The other copy is good: what cannot be written now is tried again at the next start.
+                let _ = self.put(copy, newer).await;
+            }
+        }
+        Ok(newer.map(|newer| newer.value))
     }
 
     async fn newer<V>(&mut self, key: u8) -> Result<Option<Doubled<V>>, StorageError>
@@ -474,7 +501,9 @@ impl<F: NorFlash> Store<F> {
     where
         V: Serialize + for<'a> Deserialize<'a>,
     {
-        let version = self.newer::<V>(key).await?.map_or(0, |old| old.version.saturating_add(1));
+        // What cannot be read is replaced.
+        let old = self.newer::<V>(key).await.ok().flatten();
+        let version = old.map_or(0, |old| old.version.saturating_add(1));
         let doubled = Doubled { value, version };
         self.put(key, &doubled).await?;
         self.put(key | SECOND, &doubled).await

@@ -1,15 +1,15 @@
 //! The whole board in a process: console bytes in and out, lines and switches, flash in memory.
+mod calibration;
 pub(crate) mod fakes;
 mod frames;
 mod profiles;
+mod stops;
 
 use core::cell::{Cell, RefCell};
 
 use darm_core::nearest::{Coordinates, Found};
 use darm_core::profile::Profile;
-use darm_core::sequencer::{
-    Command, CommandError, Event, FaultKind, Outputs, Phase, ServoAction, ServoSeen, ServoTarget,
-};
+use darm_core::sequencer::{Command, Event, FaultKind, Outputs, Phase, ServoAction, ServoSeen, ServoTarget};
 use darm_core::table::Record;
 use darm_core::units::{ActuatorId, DeviceId, Digest, Micros};
 use darm_core::wire::PROTOCOL;
@@ -228,22 +228,6 @@ fn a_change_runs_once() {
     assert_eq!(bench.events().iter().filter(|event| **event == Event::Started).count(), 1);
 }
 
-/// The first copy of a command may be lost, and somebody else stop the arm before the second one comes.
-#[test]
-fn a_command_is_not_taken_on_a_connection_that_is_older_than_a_stop() {
-    let bench = loaded();
-    bench.shared.stop();
-    bench.pass_ms(2);
-    let stopped = Err(Refusal::Command(CommandError::Stopped));
-    assert_eq!(bench.command(Command::Play), stopped);
-    bench.connect();
-    assert_eq!(bench.command(Command::Coil { coil: 0, on_ms: 10 }), stopped, "a late copy of the same `Hello`");
-    assert_eq!(bench.command(Command::Stop), Ok(Answer::Done));
-    let later = LINK + 1;
-    assert!(bench.ask_as(later, 1, Request::Hello { protocol: PROTOCOL }).unwrap().is_ok());
-    assert_eq!(bench.ask_as(later, 2, Request::Command(Command::Play)), Some(Ok(Answer::Done)));
-}
-
 #[test]
 fn only_the_host_that_connected_last_is_heard() {
     let bench = loaded();
@@ -411,32 +395,6 @@ fn the_console_serves_both_languages_until_it_starts_anew() {
     assert!(text.borrow().starts_with("board bench, device 0707") && text.borrow().ends_with("ok, restarting\r\n"));
 }
 
-/// A new profile is in force only after a restart: a stop does not put it off.
-#[test]
-fn a_board_restarts_although_it_is_stopped_meanwhile() {
-    let bench = loaded();
-    let (input, output) = (Pipe::<1024>::new(), Pipe::<1024>::new());
-    let mut desk = bench.desk.borrow_mut();
-    let served = async {
-        input.push_slice(b"reboot\r");
-        serve(desk.as_mut().unwrap(), &mut PipeReader(&input), &mut PipeWriter(&output)).await;
-    };
-    let mut polls = 0;
-    run(served, || {
-        polls += 1;
-        match polls {
-            // The desk has asked the control tick whether nothing runs, and waits.
-            ..20 => {}
-            20 => drop(input.push_slice(b"stop\r")),
-            21..1000 => {
-                bench.tick();
-                while output.pop().is_some() {}
-            }
-            _ => panic!("the board goes on with what it had"),
-        }
-    });
-}
-
 #[test]
 fn a_word_that_is_none_does_not_reach_the_control_tick() {
     let bench = loaded();
@@ -446,16 +404,6 @@ fn a_word_that_is_none_does_not_reach_the_control_tick() {
     let answer = bench.send(Header { tag: REQUEST, link: LINK, number: 999 }, used).unwrap();
     assert_eq!(postcard::from_bytes::<Reply>(&answer).unwrap().result, Err(Refusal::Unknown));
     bench.pass_ms(5);
-}
-
-#[test]
-fn a_command_after_many_questions_is_not_taken_for_an_old_one() {
-    let bench = loaded();
-    assert_eq!(bench.ask_as(LINK, 1000, Request::Command(Command::Play)), Some(Ok(Answer::Done)));
-    for number in 1001..=1000 + 33_000 {
-        assert!(bench.ask_as(LINK, number, Request::Status).is_some());
-    }
-    assert_eq!(bench.ask_as(LINK, 1000 + 33_001, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
 }
 
 /// A board with a table that has a servo, whose shaft is at `angle_rad`.
@@ -525,7 +473,7 @@ fn nobody_restarts_a_board_whose_program_runs() {
     assert!(bench.type_line("reboot").starts_with('?'));
     let request = bootstrap::Request::Reboot(bootstrap::Into::Application);
     bench.send(Header { tag: request.tag(), link: 0, number: 9 }, request.payload());
-    assert_eq!(bench.desk.borrow().as_ref().unwrap().reboot, None);
+    assert_eq!(bench.desk.borrow_mut().as_mut().unwrap().restart_due(false), None);
 }
 
 fn hello(bench: &Bench) -> Hello {

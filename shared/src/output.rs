@@ -114,8 +114,9 @@ pub struct CoilLimit {
 }
 
 impl CoilLimit {
-    /// Shortest window over which duty is counted.
-    pub const MIN_WINDOW_MS: u32 = 16;
+    /// Shortest window over which duty is counted. An output is looked at every 8 ms at the latest, which is to be a small
+    /// part of it.
+    pub const MIN_WINDOW_MS: u32 = 200;
     /// Longest window, and longest time on: their microseconds fit 32 bits.
     pub const MAX_WINDOW_MS: u32 = 3_600_000;
     /// Longest pulse of a latch.
@@ -217,6 +218,8 @@ pub struct ServoWiring {
 impl ServoWiring {
     /// Largest angle of a servo's shaft, either way.
     pub const MAX_RAD: f32 = 3.2;
+    /// Smallest speed: one step of 1/4096 turn in a second, the smallest that a servo can be given.
+    pub const MIN_SPEED_RAD_S: f32 = core::f32::consts::TAU / 4096.0;
     /// Largest speed.
     pub const MAX_SPEED_RAD_S: f32 = 50.0;
     /// Longest time without an answer.
@@ -230,7 +233,7 @@ impl ServoWiring {
             && self.min_rad < self.max_rad
             && self.min_rad >= -Self::MAX_RAD
             && self.max_rad <= Self::MAX_RAD
-            && self.max_speed_rad_s > 0.0
+            && self.max_speed_rad_s >= Self::MIN_SPEED_RAD_S
             && self.max_speed_rad_s <= Self::MAX_SPEED_RAD_S
             && self.max_torque > 0.0
             && self.max_torque <= 1.0
@@ -361,8 +364,8 @@ impl fmt::Display for WiringError {
             }
             Self::CoilLimit { output } => write!(
                 f,
-                "output {output}: on-time and window must be {} to {} ms, duty 1 to 100 %, a pulse at most {} ms and \
-                 the on-time, a peak at most {} ms",
+                "output {output}: the window must be {} to {} ms, the on-time at most as long, duty 1 to 100 %, a pulse at \
+                 most {} ms and the on-time, a peak at most {} ms",
                 CoilLimit::MIN_WINDOW_MS,
                 CoilLimit::MAX_WINDOW_MS,
                 CoilLimit::MAX_PULSE_MS,

@@ -199,9 +199,11 @@ impl<'t> Sequencer<'t> {
         self.fall_back();
     }
 
-    /// Takes zero offsets of the servos: joint angle = shaft angle − offset. No servo moves. The sequencer must be idle.
+    /// Takes zero offsets of the servos: joint angle = shaft angle − offset. No servo moves. No program may run.
     pub fn calibrate(&mut self, offsets_rad: [f32; MAX_SERVOS]) -> Result<(), CommandError> {
-        self.check_free()?;
+        if matches!(self.phase, Phase::Approaching { .. } | Phase::Playing { .. }) {
+            return Err(CommandError::Playing);
+        }
         self.hold_servos();
         self.offsets_rad = offsets_rad;
         Ok(())

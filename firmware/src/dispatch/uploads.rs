@@ -58,7 +58,8 @@ impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
         let board = self.board_of_tables();
         let store = self.store()?;
         store.load_upload(table, &board).await?;
-        Ok(store.commit().await?)
+        self.check_calibration(table)?;
+        Ok(self.store()?.commit().await?)
     }
 
     /// Stores a profile if a person is at the board, and restarts with it: nothing of the old one stays in force.
@@ -70,6 +71,7 @@ impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
             return Err(Refusal::NobodyPresent);
         }
         self.store()?.commit().await?;
+        self.is_profile_new = true;
         self.reboot = Some(bootstrap::Into::Application);
         Ok(Answer::Done)
     }

@@ -27,8 +27,19 @@ pub(crate) fn table(model: u64, rows: u64, servo: bool) -> (Image, Vec<u8>) {
 
 /// The same with records of modules and frames.
 pub(crate) fn table_with(model: u64, rows: u64, servo: bool, modules: &[Record]) -> (Image, Vec<u8>) {
+    table_under(&profile(), model, rows, servo, modules)
+}
+
+/// The same under another profile with the same wiring.
+pub(crate) fn table_under(
+    profile: &Profile,
+    model: u64,
+    rows: u64,
+    servo: bool,
+    modules: &[Record],
+) -> (Image, Vec<u8>) {
     let model = ModelHash(model);
-    let mut records = wired(model, profile().digest, servo);
+    let mut records = wired(model, profile.digest, servo);
     records.extend_from_slice(modules);
     for row in 0..rows {
         let word = Word::new(&[(row & 1) as u8, (row >> 1 & 1) as u8]).unwrap();
@@ -140,8 +151,13 @@ impl Cells {
 
     /// The flash of a board whose profile fits the small arm.
     pub(crate) fn with_profile() -> Self {
+        Self::under(&profile())
+    }
+
+    /// The flash of a board with this profile.
+    pub(crate) fn under(profile: &Profile) -> Self {
         let cells = Self::erased();
-        let (image, bytes) = profile_image(&profile());
+        let (image, bytes) = profile_image(profile);
         let stored = async {
             let mut store = Store::open(cells.flash(u32::MAX)).await;
             store.begin(image).await.unwrap();

@@ -37,6 +37,9 @@ pub use exchange::Counts;
 use exchange::Exchange;
 pub use upload::{Progress, UploadImage};
 
+/// How often a connection is opened when other hosts open theirs at the same time.
+const HELLOS: u32 = 5;
+
 /// A connection to one board.
 pub struct Client {
     exchange: Exchange,
@@ -78,13 +81,20 @@ impl Client {
 
     /// Opens the connection anew: after another host has used the board, or the board has started anew.
     pub fn say_hello(&mut self) -> Result<Hello, ClientError> {
-        self.exchange.new_connection();
-        match self.exchange.ask("hello", &Request::Hello { protocol: PROTOCOL })? {
-            Answer::Hello(hello) => {
-                self.hello = Some(hello);
-                Ok(hello)
+        let mut tries = 0;
+        loop {
+            self.exchange.new_connection();
+            tries += 1;
+            match self.exchange.ask("hello", &Request::Hello { protocol: PROTOCOL }) {
+                Ok(Answer::Hello(hello)) => {
+                    self.hello = Some(hello);
+                    return Ok(hello);
+                }
+                Ok(_) => return Err(AnswerError::Payload { request: "hello" }.into()),
+                // Another host has connected between two copies of the request: the board opens no connection twice.
+                Err(ClientError::Refused(Refusal::NotConnected)) if tries < HELLOS => {}
+                Err(error) => return Err(error),
             }
-            _ => Err(AnswerError::Payload { request: "hello" }.into()),
         }
     }
 

@@ -297,6 +297,8 @@ pub enum Refusal {
     NoFrames,
     /// The pose is not one of numbers, or farther away than any arm reaches.
     NoPose,
+    /// The stored zero offsets of the servos cannot be read: no table with servos is loaded until they are stored again.
+    NoCalibration,
 }
 
 impl fmt::Display for Refusal {
@@ -324,6 +326,7 @@ impl fmt::Display for Refusal {
             Self::NoFrames => {
                 f.write_str("the table has no frames of modules; make it with darm table --nearest, upload it")
             }
+            Self::NoCalibration => f.write_str("the zero offsets of the servos cannot be read; calibrate them again"),
             Self::NoPose => f.write_str("the pose has a number that is none, or is larger than a kilometre"),
         }
     }

@@ -1,0 +1,140 @@
+//! What a stop ends, and what cannot keep it from acting.
+
+use darm_core::sequencer::{Command, CommandError};
+use darm_core::wire::PROTOCOL;
+use darm_core::wire::bootstrap;
+use darm_core::wire::message::{Answer, Calibration, Refusal, Request};
+use embassy_futures::select::select;
+use embassy_futures::yield_now;
+
+use super::fakes::{profile, profile_image, run};
+use super::{Bench, LINK, loaded};
+use crate::app::serve;
+use crate::pipe::{Pipe, PipeReader, PipeWriter};
+
+const STOPPED: Result<Answer, Refusal> = Err(Refusal::Command(CommandError::Stopped));
+
+/// Serves the console for so long; `each` is called in every millisecond with what has passed, to type and to read.
+fn serve_for(bench: &Bench, millis: u64, mut each: impl FnMut(u64, &Pipe<1024>, &str)) {
+    let (input, output) = (Pipe::<1024>::new(), Pipe::<4096>::new());
+    let mut desk = bench.desk.borrow_mut();
+    let (mut reader, mut writer) = (PipeReader(&input), PipeWriter(&output));
+    let begun = bench.clock.0.get();
+    let passed_ms = || (bench.clock.0.get() - begun) / 1000;
+    let over = async {
+        while passed_ms() < millis {
+            yield_now().await;
+        }
+    };
+    run(select(serve(desk.as_mut().unwrap(), &mut reader, &mut writer), over), || {
+        bench.tick();
+        let said: String = core::iter::from_fn(|| output.pop()).map(char::from).collect();
+        each(passed_ms(), &input, &said);
+    });
+}
+
+/// The first copy of a command may be lost, and somebody else stop the arm before the second one comes.
+#[test]
+fn a_command_is_not_taken_on_a_connection_that_is_older_than_a_stop() {
+    let bench = loaded();
+    bench.shared.stop();
+    bench.pass_ms(2);
+    assert_eq!(bench.command(Command::Play), STOPPED);
+    bench.connect();
+    assert_eq!(bench.command(Command::Coil { coil: 0, on_ms: 10 }), STOPPED, "a late copy of the same `Hello`");
+    assert_eq!(bench.command(Command::Stop), Ok(Answer::Done));
+    let later = LINK + 1;
+    assert!(bench.ask_as(later, 1, Request::Hello { protocol: PROTOCOL }).unwrap().is_ok());
+    assert_eq!(bench.ask_as(later, 2, Request::Command(Command::Play)), Some(Ok(Answer::Done)));
+}
+
+#[test]
+fn a_late_hello_does_not_open_a_connection_again() {
+    let bench = loaded();
+    bench.shared.stop();
+    bench.pass_ms(2);
+    assert!(bench.ask_as(5, 1, Request::Hello { protocol: PROTOCOL }).unwrap().is_ok());
+    assert_eq!(bench.ask(Request::Hello { protocol: PROTOCOL }), Err(Refusal::NotConnected));
+    assert_eq!(bench.command(Command::Coil { coil: 0, on_ms: 10 }), Err(Refusal::NotConnected));
+}
+
+#[test]
+fn a_connection_that_is_older_than_a_stop_does_not_calibrate() {
+    let bench = loaded();
+    bench.shared.stop();
+    bench.pass_ms(2);
+    assert_eq!(bench.ask(Request::Calibrate(Calibration::try_from([0.3; 4]).unwrap())), STOPPED);
+}
+
+#[test]
+fn a_command_after_many_questions_is_not_taken_for_an_old_one() {
+    let bench = loaded();
+    assert_eq!(bench.ask_as(LINK, 1000, Request::Command(Command::Play)), Some(Ok(Answer::Done)));
+    for number in 1001..=1000 + 33_000 {
+        assert!(bench.ask_as(LINK, number, Request::Status).is_some());
+    }
+    bench.pass_ms(60_000);
+    assert_eq!(bench.ask_as(LINK, 1000 + 33_001, Request::Command(Command::Stop)), Some(Ok(Answer::Done)));
+}
+
+/// A client counts changes and questions apart.
+#[test]
+fn a_late_copy_behind_many_questions_does_not_run_again() {
+    let bench = loaded();
+    let coil = Request::Command(Command::Coil { coil: 0, on_ms: 20 });
+    assert_eq!(bench.ask_as(LINK, 1000, coil), Some(Ok(Answer::Done)));
+    bench.pass_ms(100);
+    assert!(bench.ask_as(LINK, 17_601, Request::Status).unwrap().is_ok());
+    assert_eq!(bench.ask_as(LINK, 1000, coil), Some(Ok(Answer::Done)), "the answer is kept");
+    bench.pass_ms(5);
+    assert_eq!(bench.outputs.get().lines, 0, "the coil went on again");
+}
+
+/// Somebody opens a frame and never closes it.
+#[test]
+fn an_open_frame_does_not_swallow_a_typed_stop() {
+    let bench = loaded();
+    bench.command(Command::Play).unwrap();
+    bench.pass_ms(150);
+    serve_for(&bench, 700, |ms, input, _| {
+        input.push_slice(match (ms, ms % 50, ms % 100) {
+            (1, ..) => b"\0x",
+            (_, 0, _) => b"x",
+            (.., 30) => b"stop\r",
+            _ => b"",
+        });
+    });
+    assert_eq!(bench.shared.stops(), 7);
+    assert_eq!(bench.outputs.get().lines, 0);
+}
+
+#[test]
+fn a_second_stop_is_answered_at_once() {
+    let bench = loaded();
+    let mut answered = vec![];
+    let mut text = String::new();
+    serve_for(&bench, 200, |ms, input, said| {
+        input.push_slice(match ms {
+            1 => b"limits\r",
+            4 | 8 => b"stop\r",
+            _ => b"",
+        });
+        text.push_str(said);
+        if text.ends_with("ok\r\n") {
+            answered.push(ms);
+            text.clear();
+        }
+    });
+    assert!(answered.get(1).is_some_and(|ms| *ms <= 28), "typed at 4 and 8 ms, answered at {answered:?}");
+}
+
+#[test]
+fn a_stop_drops_a_restart_unless_a_new_profile_waits_for_it() {
+    let bench = loaded();
+    let restart_due = || bench.desk.borrow_mut().as_mut().unwrap().restart_due(true);
+    assert_eq!(bench.type_line("reboot"), "ok, restarting\r\n");
+    assert_eq!(restart_due(), None);
+    bench.button.set(true);
+    assert_eq!(bench.upload(&profile_image(&profile())), Ok(Answer::Done));
+    assert_eq!(restart_due(), Some(bootstrap::Into::Application));
+}
