@@ -8,11 +8,11 @@ mod emulator;
 use std::fs::File;
 use std::time::{Duration, Instant};
 
-use darm::client::Client;
-use darm::qemu::qtest::Qtest;
-use darm::qemu::{Console, Machine, Qemu};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, Death, DeathKind};
+use darm_device::client::Client;
+use darm_device::qemu::qtest::Qtest;
+use darm_device::qemu::{Console, Machine, Qemu};
 use emulator::Ready;
 
 /// Longest wait for anything: a loaded machine is slow.
@@ -54,7 +54,7 @@ impl Board {
     }
 
     fn connect(&self) -> Client {
-        Client::connect(darm::link::open(self.qemu.console_port()).unwrap()).unwrap()
+        Client::connect(darm_device::link::open(self.qemu.console_port()).unwrap()).unwrap()
     }
 
     /// Lets the next SysTick run instructions that push until the stack is exhausted.
@@ -84,7 +84,7 @@ impl Board {
         let start = Instant::now();
         loop {
             assert!(self.qemu.is_running(), "the emulator ended: {}", self.qemu.complaints());
-            let link = darm::link::open(self.qemu.console_port()).unwrap();
+            let link = darm_device::link::open(self.qemu.console_port()).unwrap();
             if let Ok(Some(death)) = Client::connect(link).and_then(|mut client| client.last_death()) {
                 return death;
             }

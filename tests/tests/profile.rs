@@ -6,17 +6,17 @@ use std::path::Path;
 use std::process::{Child, Command};
 use std::time::Duration;
 
-use darm::arm::Arm;
-use darm::board_profile::BoardProfile;
-use darm::client::Client;
-use darm::link;
-use darm::plant::Plant;
-use darm::plant::follow::Follower;
-use darm::qemu::{Console, Machine, Qemu};
-use darm::wired_arm::WiredArm;
+use darm_arm::arm::Arm;
+use darm_arm::board_profile::BoardProfile;
+use darm_arm::wired_arm::WiredArm;
 use darm_core::profile::BUILT_IN;
 use darm_core::units::Digest;
 use darm_core::wire::message::Refusal;
+use darm_device::client::Client;
+use darm_device::follow::Follower;
+use darm_device::link;
+use darm_device::plant::Plant;
+use darm_device::qemu::{Console, Machine, Qemu};
 use emulator::Ready;
 
 /// Long enough for a profile to be written if nothing held it back.

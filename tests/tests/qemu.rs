@@ -9,15 +9,15 @@ use std::path::Path;
 use std::time::Duration;
 
 use bench::{Bench, SETTLE_S, row_words, stepped, table, wait};
-use darm::arm::Arm;
-use darm::link::Link;
-use darm::plant::Broken;
-use darm::qemu::Console;
-use darm::reach::{best_words, board};
+use darm_arm::arm::Arm;
+use darm_arm::reach::{best_words, board};
 use darm_core::se::Pose2;
 use darm_core::sequencer::{Command, Event, FaultKind, Phase};
 use darm_core::units::{ActuatorId, ModelHash};
 use darm_core::wire::message::Calibration;
+use darm_device::link::Link;
+use darm_device::plant::Broken;
+use darm_device::qemu::Console;
 
 #[test]
 fn a_table_is_uploaded_and_played_by_the_pins() {
@@ -65,7 +65,7 @@ fn an_upload_without_its_cable_leaves_the_old_table_and_resumes() {
     let new = table(&bench.wiring, &stepped(900), ModelHash(4));
     bench.connect().upload(&old, &mut |_| {}).unwrap();
     let cut = bench::cut_after(bench.link(), new.bytes().len() / 2);
-    let mut client = darm::client::Client::connect_as(cut, 5).unwrap();
+    let mut client = darm_device::client::Client::connect_as(cut, 5).unwrap();
     client.upload(&new, &mut |_| {}).unwrap_err();
     drop(client);
     let mut client = bench.connect();
@@ -105,7 +105,7 @@ fn a_person_types_at_a_serial_port() {
     let mut client = bench.connect();
     client.upload(&table(&bench.wiring, &stepped(3), ModelHash(6)), &mut |_| {}).unwrap();
     drop(client);
-    let mut port = darm::link::open(bench.qemu.console_port()).unwrap();
+    let mut port = darm_device::link::open(bench.qemu.console_port()).unwrap();
     let mut say = |line: &str, answer: &str| {
         port.send(format!("{line}\r").as_bytes()).unwrap();
         let mut heard = Vec::new();
@@ -188,7 +188,7 @@ fn power_cuts_leave_the_old_or_the_new_table() {
         let model = next.image().model;
         let link = bench.link();
         let uploading = std::thread::spawn(move || {
-            darm::client::Client::connect(link).is_ok_and(|mut client| client.upload(&next, &mut |_| {}).is_ok())
+            darm_device::client::Client::connect(link).is_ok_and(|mut client| client.upload(&next, &mut |_| {}).is_ok())
         });
         random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         // Some of the moments lie within the commit at the end, some after it.

@@ -10,12 +10,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use darm::arm::Arm;
-use darm::in_process::MemoryFlash;
-use darm::plant::Plant;
-use darm::plant::follow::Follower;
-use darm::qemu::{self, Console, Machine, Qemu};
-use darm::wired_arm::WiredArm;
+use darm_arm::arm::Arm;
+use darm_arm::wired_arm::WiredArm;
+use darm_device::follow::Follower;
+use darm_device::in_process::MemoryFlash;
+use darm_device::plant::Plant;
+use darm_device::qemu::{self, Console, Machine, Qemu};
 use emulator::Ready;
 
 /// Longest wait for the program to begin: a loaded machine is slow.

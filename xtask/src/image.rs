@@ -27,7 +27,7 @@ use crate::setup;
 
 /// Builds the firmware image and prints its path, or analyses it
 #[derive(clap::Args)]
-pub(crate) struct Command {
+pub struct Command {
     /// Prints the bound of the stack with the deepest call chains; fails above 85 % of the stack
     #[arg(long)]
     stack: bool,
@@ -43,7 +43,8 @@ pub(crate) struct Command {
 }
 
 impl Command {
-    pub(crate) fn run(self) -> Result<()> {
+    /// Builds, and analyses what the options name.
+    pub fn run(self) -> Result<()> {
         let path = build()?;
         if self.ram {
             print!("{}", ram::table(&path)?);
@@ -91,7 +92,7 @@ fn budget(path: &Path) -> Result<String> {
 }
 
 /// Checks the stack's bound and the panics of a built image, and prints the bound.
-pub(crate) fn check(path: &Path) -> Result<()> {
+pub fn check(path: &Path) -> Result<()> {
     let image = code::Image::read(path)?;
     let graph = graph::Graph::new(&image)?;
     let bound = stack::Bound::new(&image, &graph)?;
@@ -101,17 +102,17 @@ pub(crate) fn check(path: &Path) -> Result<()> {
 }
 
 /// Builds the image and returns its path.
-pub(crate) fn build() -> Result<PathBuf> {
+pub fn build() -> Result<PathBuf> {
     build_binary("darm-firmware", "chip")
 }
 
 /// Builds the image that counts instructions and returns its path.
-pub(crate) fn build_bench() -> Result<PathBuf> {
+pub fn build_bench() -> Result<PathBuf> {
     build_binary("bench", "bench")
 }
 
 /// Builds the image that does kinematics alone and fails when anything in it can panic: no code of that may be linked.
-pub(crate) fn check_that_kinematics_cannot_panic() -> Result<()> {
+pub fn check_that_kinematics_cannot_panic() -> Result<()> {
     use object::{Object as _, ObjectSymbol as _};
     let elf = build_binary("probe", "chip")?;
     let bytes = std::fs::read(&elf).with_context(|| format!("{} cannot be read", elf.display()))?;

@@ -1,59 +1,55 @@
-//! `cargo xtask`: the set-up, the demo, the tests and the measurements of this workspace.
+//! `cargo xtask`: the set-up, the image and the tests of this workspace; it starts what measures.
 
-mod bench;
-mod blind;
-mod demo;
-mod faults;
-mod figures;
-mod image;
-mod papers;
-mod progress;
-mod setup;
-mod simulate;
-mod step;
+mod start;
 mod test;
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use start::Arguments;
+use xtask::image;
 
 /// Set-up, demo, tests and measurements. Each command does the set-up that it needs and says what it does.
 #[derive(Parser)]
 #[command(name = "cargo xtask", bin_name = "cargo xtask")]
-struct Arguments {
+struct Cli {
     #[command(subcommand)]
     task: Task,
 }
 
 #[derive(Subcommand)]
 enum Task {
-    Demo(demo::Demo),
-    Bench(bench::Bench),
-    Papers(papers::Papers),
-    Blind(blind::Blind),
-    Faults(faults::Faults),
-    Simulate(simulate::Simulate),
+    /// The whole loop: synthesis, table, upload, play, measure, diagnose, close; writes a report
+    Demo(Arguments),
+    /// Measures, and prints a table beside the goals
+    Bench(Arguments),
+    /// Reproduces a paper, and prints its tables, ours beside theirs
+    Papers(Arguments),
+    /// Diagnoses arms with hidden effects, seed by seed; prints rates with their intervals beside baselines
+    Blind(Arguments),
+    /// Cuts the power at seeded moments, sends damaged frames, stops through a port that is held; prints the counts
+    Faults(Arguments),
+    /// Runs the whole system in virtual time under two judges; prints what they find
+    Simulate(Arguments),
     /// All tests: format, lints, documentation, unit and system tests, the image in the emulator
     Test,
+    /// Builds the firmware image and prints its path, or analyses it
     Image(image::Command),
 }
 
 fn main() -> ExitCode {
-    let result = match Arguments::parse().task {
-        Task::Demo(demo) => demo.run(),
-        Task::Bench(bench) => bench.run(),
-        Task::Papers(papers) => papers.run(),
-        Task::Blind(blind) => blind.run(),
-        Task::Faults(faults) => faults.run(),
-        Task::Simulate(simulate) => simulate.run(),
-        Task::Test => test::run(),
-        Task::Image(image) => image.run(),
+    let result = match Cli::parse().task {
+        Task::Demo(arguments) => start::measurement("demo", &arguments),
+        Task::Bench(arguments) => start::measurement("bench", &arguments),
+        Task::Papers(arguments) => start::measurement("papers", &arguments),
+        Task::Blind(arguments) => start::measurement("blind", &arguments),
+        Task::Faults(arguments) => start::measurement("faults", &arguments),
+        Task::Simulate(arguments) => start::simulation(&arguments),
+        Task::Test => test::run().map(|()| ExitCode::SUCCESS),
+        Task::Image(image) => image.run().map(|()| ExitCode::SUCCESS),
     };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error:#}");
-            ExitCode::FAILURE
-        }
-    }
+    result.unwrap_or_else(|error| {
+        eprintln!("error: {error:#}");
+        ExitCode::FAILURE
+    })
 }

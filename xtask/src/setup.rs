@@ -8,18 +8,21 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use anyhow::{Context, Result};
-use darm::qemu;
-
 use crate::step;
+use anyhow::{Context, Result};
+
+// The source of the host tools, which are not built yet where a machine is set up.
+#[expect(unreachable_pub, reason = "it is public there")]
+#[path = "../../host/device/src/qemu/version.rs"]
+mod qemu;
 
 /// The chip's target.
-pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
+pub const TARGET: &str = "thumbv7em-none-eabihf";
 /// The smallest core that `darm-core` is built for.
-pub(crate) const SMALL_TARGET: &str = "thumbv6m-none-eabi";
+pub const SMALL_TARGET: &str = "thumbv6m-none-eabi";
 
 /// The root of the workspace.
-pub(crate) fn root() -> PathBuf {
+pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new(".")).to_path_buf()
 }
 
@@ -33,7 +36,7 @@ fn toolchain() -> Result<String> {
 }
 
 /// Adds the chip's target, and the smallest that the tests build for, to the pinned toolchain.
-pub(crate) fn rust() -> Result<()> {
+pub fn rust() -> Result<()> {
     let toolchain = toolchain()?;
     let installed = Command::new("rustup").args(["target", "list", "--installed", "--toolchain", &toolchain]).output();
     let has = |output: &std::process::Output, target: &str| {
@@ -51,7 +54,7 @@ pub(crate) fn rust() -> Result<()> {
 }
 
 /// The emulator, or why there is none.
-pub(crate) enum Emulator {
+pub enum Emulator {
     /// It is there.
     Ready,
     /// It cannot be had here: one sentence why.
@@ -59,7 +62,7 @@ pub(crate) enum Emulator {
 }
 
 /// Finds the emulator or installs it. On a machine where neither works the reason comes back, not an error.
-pub(crate) fn emulator() -> Emulator {
+pub fn emulator() -> Emulator {
     match qemu::find() {
         Ok(_) => Emulator::Ready,
         Err(missing) => match install_emulator().and_then(|()| Ok(qemu::find()?)) {
@@ -102,7 +105,7 @@ fn install_emulator() -> Result<()> {
 }
 
 /// Installs packages of the distribution.
-pub(crate) fn install(packages: &[&str], by_hand: &str) -> Result<()> {
+pub fn install(packages: &[&str], by_hand: &str) -> Result<()> {
     let apt = |arguments: &[&str]| {
         let mut command = as_root("apt-get");
         command.env("DEBIAN_FRONTEND", "noninteractive").args(arguments);

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 
 /// Runs `command` to its end, or kills it at `limit`. What it prints is shown only when it fails.
-pub(crate) fn run(what: &str, command: &mut Command, limit: Duration, by_hand: &str) -> Result<()> {
+pub fn run(what: &str, command: &mut Command, limit: Duration, by_hand: &str) -> Result<()> {
     eprintln!("set-up: {what}");
     let child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
     let mut child = child.with_context(|| format!("{what}: {:?} did not start; {by_hand}", command.get_program()))?;

@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 
-use crate::image;
-use crate::setup::{self, Emulator, SMALL_TARGET, TARGET};
+use xtask::image;
+use xtask::setup::{self, Emulator, SMALL_TARGET, TARGET};
 
 /// Runs every check in turn and stops at the first that fails.
 pub(crate) fn run() -> Result<()> {

@@ -4,19 +4,20 @@ use std::fs::File;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use darm::board_profile::BoardProfile;
-use darm::client::{Client, Happening, UploadImage};
-use darm::clock::HostTime;
-use darm::in_process::MemoryFlash;
-use darm::link::{Link, LinkError};
-use darm::plant::Plant;
-use darm::plant::camera::Film;
-use darm::plant::follow::Follower;
-use darm::qemu::{self, Console, Machine, Qemu};
+use darm_arm::board_profile::BoardProfile;
+use darm_arm::image::UploadImage;
 use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, ServoWiring, Wiring};
 use darm_core::sequencer::Event;
 use darm_core::table::{Record, Row};
 use darm_core::units::{Micros, ModelHash, Word};
+use darm_device::client::{Client, Happening};
+use darm_device::clock::HostTime;
+use darm_device::follow::Follower;
+use darm_device::in_process::MemoryFlash;
+use darm_device::link::{Link, LinkError};
+use darm_device::plant::Plant;
+use darm_device::plant::camera::Film;
+use darm_device::qemu::{self, Console, Machine, Qemu};
 
 use crate::emulator::{self, Ready};
 
@@ -54,7 +55,7 @@ impl Bench {
     pub(crate) fn power_cycle(&mut self) {
         let (qemu, follower) = {
             let mut fresh = Plant::new(&self.wiring, &[]);
-            fresh.advance(darm::clock::host_now_s());
+            fresh.advance(darm_device::clock::host_now_s());
             self.qemu.cut_power();
             boot(&self.machine, &self.wiring, fresh)
         };
@@ -63,7 +64,7 @@ impl Bench {
 
     /// Opens the board's port.
     pub(crate) fn link(&self) -> Box<dyn Link> {
-        darm::link::open(self.qemu.console_port()).unwrap()
+        darm_device::link::open(self.qemu.console_port()).unwrap()
     }
 
     /// Connects as a host does.

@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use darm::qemu;
+use darm_device::qemu;
 
 /// What a test needs to start the image.
 pub(crate) struct Ready {

@@ -1,0 +1,310 @@
+//! An arm for one seed as plain numbers, and what is made of it: the judge's ceilings, the board's records, tables.
+
+use darm_arm::board_profile::BoardProfile;
+use darm_arm::image::UploadImage;
+use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, ServoWiring, SwitchLimit, Wiring};
+use darm_core::profile::{EmergencyStop, Profile};
+use darm_core::table::{Board, Checker, Record, Row};
+use darm_core::units::{Digest, Micros, ModelHash, Word};
+use rand::RngExt as _;
+use rand::seq::SliceRandom as _;
+use rand_chacha::ChaCha8Rng;
+
+use crate::judge::reports::KnownTable;
+use crate::judge::{Ceilings, LineCeiling, ServoCeiling};
+
+/// Input of the emergency stop, which closes when it is pressed; no actuator's switch is there.
+pub const EMERGENCY_STOP: u8 = 12;
+/// The board promises to shift unchanged lines again so often, ms.
+const REFRESH_MS: u32 = 100;
+
+/// How a coil uses its lines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DrivePlan {
+    /// One line, high while the coil is on.
+    Hold(u8),
+    /// Pull and hold line, and the time of the full current, ms.
+    PeakHold(u8, u8, u16),
+    /// Set and reset line, and the pulse, ms.
+    Latch(u8, u8, u16),
+}
+
+/// One coil with the limits that must hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CoilPlan {
+    /// Its lines.
+    pub drive: DrivePlan,
+    /// Longest time on, ms.
+    pub max_on_ms: u32,
+    /// Largest share of the window, percent.
+    pub duty_percent: u8,
+    /// The window, ms.
+    pub window_ms: u32,
+}
+
+/// One discrete actuator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ActuatorPlan {
+    /// Number of states, 2 to 4.
+    pub states: u8,
+    /// Input of its switch and the digits in which it is closed.
+    pub switch: Option<(u8, u8)>,
+    /// Longest time to the stop, ms.
+    pub travel_ms: u16,
+}
+
+/// One servo joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ServoPlan {
+    /// Address.
+    pub id: u8,
+    /// Range on both sides of the middle, rad.
+    pub range_rad: f32,
+    /// Largest speed, rad/s.
+    pub max_speed_rad_s: f32,
+    /// Time-out, ms.
+    pub timeout_ms: u16,
+}
+
+/// An arm.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ArmPlan {
+    /// Coils along the actuators.
+    pub coils: Vec<CoilPlan>,
+    /// Actuators along the chain.
+    pub actuators: Vec<ActuatorPlan>,
+    /// Servo joints.
+    pub servos: Vec<ServoPlan>,
+    /// Loads that may newly go on within the window.
+    pub new_loads: u8,
+    /// The window, ms.
+    pub budget_ms: u16,
+}
+
+impl ArmPlan {
+    /// Draws an arm: one to eight actuators on lines anywhere in the chain, up to two servos.
+    pub fn draw(rng: &mut ChaCha8Rng) -> Self {
+        // Half of the arms need only the first chips.
+        let top: u8 = if rng.random_bool(0.5) { 24 } else { 64 };
+        let mut lines: Vec<u8> = (0..top).collect();
+        lines.shuffle(rng);
+        let mut arm = Self { coils: Vec::new(), actuators: Vec::new(), servos: Vec::new(), new_loads: 0, budget_ms: 0 };
+        for index in 0..rng.random_range(1..=8u8) {
+            let states = *[2, 2, 2, 3, 4].get(rng.random_range(0..5usize)).unwrap_or(&2);
+            let kind = rng.random_range(0..4u8);
+            for _ in 0..if states > 2 { 2 } else { 1 } {
+                arm.coils.extend(draw_coil(rng, kind, &mut lines));
+            }
+            let switch = rng.random_bool(0.6).then(|| (index, rng.random_range(1..(1 << states) - 1)));
+            arm.actuators.push(ActuatorPlan { states, switch, travel_ms: rng.random_range(40..120) });
+        }
+        for index in 0..rng.random_range(0..=2u8) {
+            let (range_rad, max_speed_rad_s) = (rng.random_range(0.5..1.5), rng.random_range(1.0..3.0));
+            let timeout_ms = rng.random_range(100..300);
+            arm.servos.push(ServoPlan { id: 1 + 3 * index, range_rad, max_speed_rad_s, timeout_ms });
+        }
+        arm.new_loads = rng.random_range(2..=6);
+        arm.budget_ms = rng.random_range(10..40);
+        arm
+    }
+
+    /// What the judge holds the board to.
+    pub fn ceilings(&self, clock_ppm: i32) -> Ceilings {
+        let mut lines = [None; 64];
+        for (load, coil) in (0..).zip(&self.coils) {
+            let CoilPlan { max_on_ms, duty_percent, window_ms, .. } = *coil;
+            let (first, second) = match coil.drive {
+                DrivePlan::Hold(line) => (line, line),
+                DrivePlan::PeakHold(pull, hold, _) => (pull, hold),
+                DrivePlan::Latch(set, reset, _) => (set, reset),
+            };
+            for line in [first, second] {
+                lines[usize::from(line)] = Some(LineCeiling { max_on_ms, duty_percent, window_ms, load });
+            }
+        }
+        let servos = self.servos.iter().map(servo_ceiling).collect();
+        let (new_loads, budget_ms) = (self.new_loads, self.budget_ms.into());
+        Ceilings { lines, servos, new_loads, budget_ms, refresh_ms: REFRESH_MS, clock_ppm }
+    }
+
+    /// The same arm as the board's own wiring.
+    pub fn wiring(&self) -> Wiring {
+        let switch_limit = SwitchLimit { new_coils: self.new_loads, window_ms: self.budget_ms };
+        Wiring {
+            coils: (0..).zip(&self.coils).map(|(output, coil)| wired_coil(output, coil)).collect(),
+            actuators: self.actuators.iter().map(wired_actuator).collect(),
+            servos: self.servos.iter().map(wired_servo).collect(),
+            switch_limit,
+        }
+    }
+
+    /// The profile that a person has written to the board: it allows just this arm.
+    pub fn profile(&self) -> BoardProfile {
+        let emergency_stop = Some(EmergencyStop { input: EMERGENCY_STOP, opens: false });
+        BoardProfile::new("drawn", Profile { emergency_stop, ..Profile::of(&self.wiring()) })
+    }
+
+    /// The same wiring with the actuators in the opposite order: a coil's index is not its output's number.
+    pub fn reversed_wiring(&self) -> Wiring {
+        let wiring = self.wiring();
+        let coils_of = |actuator: usize| {
+            let first = wiring.first_coil(actuator);
+            wiring.coils.iter().skip(first).take(wiring.actuators[actuator].coils()).copied()
+        };
+        let coils = (0..wiring.actuators.len()).rev().flat_map(coils_of).collect();
+        let actuators = wiring.actuators.iter().rev().copied().collect();
+        Wiring { coils, actuators, ..wiring.clone() }
+    }
+
+    /// The line that a short command of a coil switches on exactly once; `None` for a latch, which may be set already.
+    pub fn pulsed_line(&self, coil: u8) -> Option<u8> {
+        match self.coils.get(usize::from(coil))?.drive {
+            DrivePlan::Hold(line) | DrivePlan::PeakHold(line, ..) => Some(line),
+            DrivePlan::Latch(..) => None,
+        }
+    }
+}
+
+fn draw_coil(rng: &mut ChaCha8Rng, kind: u8, lines: &mut Vec<u8>) -> Option<CoilPlan> {
+    let window_ms = rng.random_range(2_000..12_000);
+    let (first, second) = (lines.pop()?, lines.pop()?);
+    Some(match kind {
+        0 | 1 => {
+            let (max_on_ms, duty_percent) = (rng.random_range(800..3_000), rng.random_range(50..95));
+            CoilPlan { drive: DrivePlan::Hold(first), max_on_ms, duty_percent, window_ms }
+        }
+        2 => {
+            let drive = DrivePlan::PeakHold(first, second, rng.random_range(10..60));
+            CoilPlan {
+                drive,
+                max_on_ms: rng.random_range(800..3_000),
+                duty_percent: rng.random_range(50..95),
+                window_ms,
+            }
+        }
+        _ => {
+            let drive = DrivePlan::Latch(first, second, rng.random_range(10..40));
+            CoilPlan { drive, max_on_ms: rng.random_range(60..200), duty_percent: rng.random_range(20..50), window_ms }
+        }
+    })
+}
+
+fn servo_ceiling(servo: &ServoPlan) -> ServoCeiling {
+    let per_rad = 4096.0 / std::f32::consts::TAU;
+    let range = (servo.range_rad * per_rad) as u16 + 1;
+    ServoCeiling {
+        id: servo.id,
+        min_step: 2048 - range,
+        max_step: 2048 + range,
+        max_steps_s: (servo.max_speed_rad_s * per_rad) as u16 + 1,
+        timeout_ms: servo.timeout_ms.into(),
+    }
+}
+
+fn wired_coil(output: u8, coil: &CoilPlan) -> Coil {
+    let drive = match coil.drive {
+        DrivePlan::Hold(line) => Drive::Hold { line },
+        DrivePlan::PeakHold(pull, hold, peak_ms) => Drive::PeakHold { pull, hold, peak_ms },
+        DrivePlan::Latch(set, reset, pulse_ms) => Drive::Latch { set, reset, pulse_ms },
+    };
+    let CoilPlan { max_on_ms, duty_percent, window_ms, .. } = *coil;
+    Coil { output, drive, limit: CoilLimit { max_on_ms, duty_percent, window_ms } }
+}
+
+fn wired_actuator(actuator: &ActuatorPlan) -> ActuatorWiring {
+    let switch = actuator.switch.map(|(input, closed_in)| LimitSwitch { input, closed_in });
+    ActuatorWiring { states: actuator.states, switch, travel_ms: actuator.travel_ms }
+}
+
+fn wired_servo(servo: &ServoPlan) -> ServoWiring {
+    let ServoPlan { id, range_rad, max_speed_rad_s, timeout_ms } = *servo;
+    ServoWiring { id, min_rad: -range_rad, max_rad: range_rad, max_speed_rad_s, max_torque: 0.8, timeout_ms }
+}
+
+/// A table with what the judges need to know of it.
+#[derive(Clone, Debug)]
+pub struct Table {
+    /// As the host uploads it.
+    pub image: UploadImage,
+    /// Number that names it.
+    pub model: u64,
+    /// Words of the rows.
+    pub words: Vec<String>,
+    /// Servo angles that it asks for, rad.
+    pub angles_rad: Vec<f32>,
+}
+
+impl Table {
+    /// A table of this wiring that the board's own check accepts under a profile that allows the wiring; `None` when none
+    /// was found.
+    pub fn draw(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest, model: u64, rows: usize) -> Option<Self> {
+        (0..24).find_map(|attempt| {
+            let changes = 0.4 * 0.8f64.powi(attempt);
+            let records = draw_records(rng, wiring, profile, model, rows, changes);
+            let mut checker = Checker::default();
+            let allowing = Profile { digest: profile, ..Profile::of(wiring) };
+            let board = Board { device: None, profile: &allowing };
+            records.iter().try_for_each(|record| checker.admit(record, &board)).ok()?;
+            Some(Self::of(&records, model))
+        })
+    }
+
+    /// A table of these records, checked or not.
+    pub fn of(records: &[Record], model: u64) -> Self {
+        let rows = records.iter().filter_map(|record| if let Record::Row(row) = record { Some(row) } else { None });
+        Self {
+            image: UploadImage::table(records, ModelHash(model)),
+            model,
+            words: rows.clone().map(|row| row.word.to_string()).collect(),
+            angles_rad: rows.flat_map(|row| row.servos.iter().copied()).collect(),
+        }
+    }
+
+    /// What the judge knows of it.
+    pub fn known(&self) -> KnownTable {
+        KnownTable { model: self.model, image: self.image.bytes().to_vec(), words: self.words.clone() }
+    }
+}
+
+/// Records of the wiring and of rows in which each digit changes with probability `changes`.
+pub fn draw_records(
+    rng: &mut ChaCha8Rng,
+    wiring: &Wiring,
+    profile: Digest,
+    model: u64,
+    rows: usize,
+    changes: f64,
+) -> Vec<Record> {
+    let mut records = wiring_records(wiring, profile, model);
+    let longest_ms = wiring.actuators.iter().map(|actuator| actuator.travel_ms).max().unwrap_or(50);
+    let mut digits: Vec<u8> = vec![0; wiring.actuators.len()];
+    let mut angles: Vec<f32> = vec![0.0; wiring.servos.len()];
+    let mut at_ms = 0;
+    for _ in 0..rows {
+        let span_ms = u32::from(longest_ms) + rng.random_range(20..200);
+        for (digit, actuator) in digits.iter_mut().zip(&wiring.actuators) {
+            if rng.random_bool(changes) {
+                *digit = rng.random_range(0..actuator.states.clamp(1, 4));
+            }
+        }
+        for (angle, servo) in angles.iter_mut().zip(&wiring.servos) {
+            let step_rad = 0.4e-3 * servo.max_speed_rad_s * span_ms as f32;
+            *angle = (*angle + rng.random_range(-1.0..1.0) * step_rad).clamp(servo.min_rad, servo.max_rad);
+        }
+        let word = Word::new(&digits).expect("at most four states of 48 actuators");
+        let servos = angles.iter().copied().collect();
+        records.push(Record::Row(Row { at: Micros::from_millis(at_ms), word, servos }));
+        at_ms += span_ms;
+    }
+    records.push(Record::End { at: Micros::from_millis(at_ms) });
+    records
+}
+
+fn wiring_records(wiring: &Wiring, profile: Digest, model: u64) -> Vec<Record> {
+    let (model, switch_limit) = (ModelHash(model), wiring.switch_limit);
+    let mut records = vec![Record::Start { model, device: None, profile, switch_limit }];
+    records.extend(wiring.coils.iter().copied().map(Record::Coil));
+    records.extend(wiring.actuators.iter().copied().map(Record::Actuator));
+    records.extend(wiring.servos.iter().copied().map(Record::Servo));
+    records
+}

@@ -1,0 +1,81 @@
+//! Tables at and beyond every limit of the arm, in frames that the board accepts.
+
+use darm_arm::board_profile::BoardProfile;
+use darm_arm::image::UploadImage;
+use darm_core::output::{Coil, CoilLimit, Drive, ServoWiring, SwitchLimit, Wiring};
+use darm_core::sequencer::Command;
+use darm_core::units::Digest;
+use darm_core::wire::PROTOCOL;
+use darm_core::wire::message::{CHUNK, Request};
+use rand::RngExt as _;
+use rand_chacha::ChaCha8Rng;
+
+use super::request;
+use crate::arm::{Table, draw_records};
+
+/// Widens some limits of the wiring to the widest that a table may name at all, or moves lines to where nothing is wired.
+fn widen(rng: &mut ChaCha8Rng, wiring: &mut Wiring) {
+    let wide = CoilLimit { max_on_ms: 3_600_000, duty_percent: 100, window_ms: 3_600_000 };
+    if rng.random() {
+        wiring.coils.iter_mut().for_each(|coil| coil.limit = wide);
+    }
+    if rng.random() {
+        wiring.switch_limit = SwitchLimit { new_coils: 16, window_ms: 1 };
+    }
+    for servo in wiring.servos.iter_mut().filter(|_| rng.random()) {
+        (servo.min_rad, servo.max_rad) = (-3.2, 3.2);
+        (servo.max_speed_rad_s, servo.timeout_ms) = (ServoWiring::MAX_SPEED_RAD_S, ServoWiring::MAX_TIMEOUT_MS);
+    }
+    if rng.random() {
+        let shift = rng.random_range(1..64);
+        wiring.coils.iter_mut().for_each(|coil| *coil = moved(coil, shift));
+    }
+    wiring.actuators.iter_mut().for_each(|actuator| actuator.switch = None);
+}
+
+fn moved(coil: &Coil, shift: u8) -> Coil {
+    let to = |line: u8| (line + shift) % 64;
+    let drive = match coil.drive {
+        Drive::Hold { line } => Drive::Hold { line: to(line) },
+        Drive::PeakHold { pull, hold, peak_ms } => Drive::PeakHold { pull: to(pull), hold: to(hold), peak_ms },
+        Drive::Latch { set, reset, pulse_ms } => Drive::Latch { set: to(set), reset: to(reset), pulse_ms },
+    };
+    Coil { drive, ..*coil }
+}
+
+/// A table beyond some limits of this wiring that names the board's profile; `None` when none was found.
+pub fn beyond(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest) -> Option<Table> {
+    let mut wiring = wiring.clone();
+    widen(rng, &mut wiring);
+    let (model, rows) = (rng.random::<u64>() | 1, rng.random_range(2..30));
+    if rng.random() {
+        return Table::draw(rng, &wiring, profile, model, rows);
+    }
+    Some(Table::of(&draw_records(rng, &wiring, profile, model, rows, 0.5), model))
+}
+
+/// A profile that allows what this one does not. Nobody holds the button: the board must refuse it.
+pub fn wider_profile(rng: &mut ChaCha8Rng, wiring: &Wiring) -> UploadImage {
+    let mut wiring = wiring.clone();
+    widen(rng, &mut wiring);
+    BoardProfile::of("wider", &wiring).image()
+}
+
+/// The frames that upload an image under a link and play it, with the numbers from `number` on.
+pub fn frames(upload: &UploadImage, link: u32, mut number: u16) -> Vec<Vec<u8>> {
+    let (image, bytes) = (upload.image(), upload.bytes());
+    let mut requests = vec![
+        Request::Hello { protocol: PROTOCOL },
+        Request::Command(Command::Stop),
+        Request::Command(Command::Clear),
+        Request::Begin(image),
+    ];
+    let offsets = (0..bytes.len()).step_by(CHUNK);
+    requests.extend(bytes.chunks(CHUNK).zip(offsets).map(|(bytes, at)| Request::Chunk { offset: at as u32, bytes }));
+    requests.extend([Request::Commit(image), Request::Command(Command::Play)]);
+    let mut next = || {
+        number = number.wrapping_add(1);
+        number
+    };
+    requests.iter().map(|asked| request(link, next(), asked)).collect()
+}

@@ -1,0 +1,239 @@
+//! Known defects, put in one by one: in how many seeds the judges see each. A judge that sees none of them is blind.
+//!
+//! A mutant is a patch under `eval/simulate/mutants`; the text before its first `diff` line describes it. It is applied in a copy of
+//! the tree with a target folder that begins with the dependencies that the tree has built, so only this workspace's
+//! crates are built again. A seed counts as caught where the mutant breaks a rule that the unchanged tree keeps.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context as _, Result, bail};
+
+use crate::run::run;
+use crate::script::Script;
+use crate::summary::{Broken, Figures};
+
+/// Files that declare modules, with the modules that the simulation does without: they take most of a build's time.
+const UNUSED: [(&str, &[&str]); 3] = [
+    ("host/robot/src/lib.rs", &["dh", "ik", "robot", "urdf"]),
+    ("host/arm/src/lib.rs", &["draw", "migrate", "plan", "reach", "stops", "synthesis", "wired_arm"]),
+    ("host/device/src/lib.rs", &["follow", "qemu"]),
+];
+
+/// A defect as a patch.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mutant {
+    /// Its file.
+    pub patch: PathBuf,
+    /// Name of the file without its ending.
+    pub name: String,
+    /// What is wrong with it.
+    pub description: String,
+}
+
+/// What the judges saw of a mutant.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Caught {
+    /// Seeds that ran.
+    pub ran: u64,
+    /// Rules that the mutant broke and the unchanged tree keeps, with their seeds; by seed.
+    pub broken: Vec<Broken>,
+}
+
+impl Caught {
+    /// Seeds in which it was caught, in order.
+    pub fn seeds(&self) -> Vec<u64> {
+        let mut seeds: Vec<u64> = self.broken.iter().map(|broken| broken.seed).collect();
+        seeds.dedup();
+        seeds
+    }
+
+    /// The rules that it broke, by name, with the number of their seeds.
+    pub fn rules(&self) -> Vec<(&str, usize)> {
+        let mut names: Vec<&str> = self.broken.iter().map(|broken| broken.rule.as_str()).collect();
+        names.sort_unstable();
+        names.chunk_by(|a, b| a == b).map(|same| (same[0], same.len())).collect()
+    }
+}
+
+/// The mutants of a folder, by name.
+pub fn list(folder: &Path) -> Result<Vec<Mutant>> {
+    let mut mutants = Vec::new();
+    for entry in std::fs::read_dir(folder).with_context(|| format!("{} cannot be read", folder.display()))? {
+        let patch = entry?.path();
+        if patch.extension().is_none_or(|extension| extension != "patch") {
+            continue;
+        }
+        let text = std::fs::read_to_string(&patch)?;
+        let description = text.lines().take_while(|line| !line.starts_with("diff ")).collect::<Vec<_>>().join(" ");
+        if description.trim().is_empty() {
+            bail!("{}: the first line must describe the mutant", patch.display());
+        }
+        let name = patch.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        mutants.push(Mutant { patch, name, description });
+    }
+    mutants.sort_by(|a, b| a.name.cmp(&b.name));
+    Ok(mutants)
+}
+
+/// Refuses mutants whose patches do not fit the tree, and names them all.
+pub fn check(root: &Path, mutants: &[Mutant]) -> Result<()> {
+    let no_longer_fits = |mutant: &&Mutant| {
+        let mut apply = Command::new("git");
+        // In a folder of another repository git would skip all files and call that a success.
+        apply.env("GIT_CEILING_DIRECTORIES", root.parent().unwrap_or(root));
+        apply.current_dir(root).args(["apply", "--check"]).arg(&mutant.patch);
+        output(&mut apply).is_err()
+    };
+    let names: Vec<&str> = mutants.iter().filter(no_longer_fits).map(|mutant| mutant.name.as_str()).collect();
+    if names.is_empty() {
+        return Ok(());
+    }
+    bail!("these mutants no longer apply; adapt their patches to the code: {}", names.join(", "))
+}
+
+/// A copy of the tree in which mutants are put.
+#[derive(Clone, Debug)]
+pub struct Scratch {
+    root: PathBuf,
+    tree: PathBuf,
+    target: PathBuf,
+}
+
+impl Scratch {
+    /// The copy below the target folder of the tree at `root`.
+    pub fn new(root: &Path) -> Result<Self> {
+        let (root, tree, target) = (root.to_owned(), root.join("target/mutants"), root.join("target/mutants-target"));
+        if !target.exists() {
+            // Sources must be younger than what was built of others.
+            let _ = std::fs::remove_dir_all(&tree);
+            copy_dependencies(&root.join("target/debug"), &target.join("debug"))?;
+        }
+        Ok(Self { root, tree, target })
+    }
+
+    /// Puts a mutant in, builds it and runs its seeds; all of them, or until it is caught.
+    pub fn judge(&self, mutant: &Mutant, seeds: Range<u64>, all: bool) -> Result<Caught> {
+        self.copy_tree()?;
+        let mut apply = Command::new("git");
+        // The copy lies within the repository and is not to be taken for a part of it.
+        apply.env("GIT_CEILING_DIRECTORIES", self.root.join("target"));
+        output(apply.current_dir(&self.tree).arg("apply").arg(&mutant.patch))?;
+        self.build()?;
+        let mut caught = Caught::default();
+        let (first, mut from) = (seeds.start, seeds.start);
+        while from < seeds.end && (all || caught.broken.is_empty()) {
+            let figures = self.run(from..seeds.end, all)?;
+            from += figures.ran()?.max(1);
+            caught.broken.extend(figures.broken.into_iter().filter(|broken| !is_broken_unchanged(broken)));
+        }
+        caught.ran = from - first;
+        Ok(caught)
+    }
+
+    /// Makes the copy what the tree is now. Files that are the same are not touched: nothing is built for them.
+    fn copy_tree(&self) -> Result<()> {
+        std::fs::create_dir_all(&self.tree)?;
+        let files = output(Command::new("git").current_dir(&self.root).args(["ls-files", "-z"]))?;
+        for file in files.split('\0').filter(|file| !file.is_empty() && self.root.join(file).is_file()) {
+            let (from, to) = (self.root.join(file), self.tree.join(file));
+            let text = std::fs::read(&from).with_context(|| format!("{file} cannot be read"))?;
+            let text = without_unused(file, text);
+            if std::fs::read(&to).is_ok_and(|old| old == text) {
+                continue;
+            }
+            std::fs::create_dir_all(to.parent().unwrap_or(&self.tree))?;
+            std::fs::write(&to, text).with_context(|| format!("{file} cannot be copied"))?;
+        }
+        Ok(())
+    }
+
+    fn build(&self) -> Result<()> {
+        let mut build = Command::new("cargo");
+        // Not the tree's own: cargo names the artifacts of both alike, and one would be taken for the other.
+        // A file or two differ from the mutant before; without this each would take a build of all host tools.
+        build.current_dir(&self.tree).env("CARGO_TARGET_DIR", &self.target).env("CARGO_INCREMENTAL", "1");
+        output(build.args(["build", "--quiet", "-p", "darm-simulate"])).map(drop)
+    }
+
+    fn run(&self, seeds: Range<u64>, all: bool) -> Result<Figures> {
+        let json = self.target.join("figures.json");
+        let _ = std::fs::remove_file(&json);
+        let mut simulate = Command::new(self.target.join("debug/simulate"));
+        simulate.args(["--seeds", &format!("{}..{}", seeds.start, seeds.end), "--no-shrink", "--json"]).arg(&json);
+        if !all {
+            simulate.arg("--until-broken");
+        }
+        // It fails when it finds something, which is what is wanted here.
+        let ran = simulate.output().context("the mutant did not start")?;
+        let text = std::fs::read_to_string(&json)
+            .with_context(|| format!("the mutant did not run: {}", String::from_utf8_lossy(&ran.stderr)))?;
+        Ok(serde_json::from_str(&text)?)
+    }
+}
+
+/// A file of the tree without the modules that the simulation does not use.
+fn without_unused(file: &str, text: Vec<u8>) -> Vec<u8> {
+    let Some((_, unused)) = UNUSED.iter().find(|(declares, _)| *declares == file) else { return text };
+    let is_unused = |line: &str| unused.iter().any(|module| line == format!("pub mod {module};\n"));
+    let text = String::from_utf8_lossy(&text);
+    text.split_inclusive('\n').filter(|line| !is_unused(line)).collect::<String>().into_bytes()
+}
+
+/// Copies what was built of crates from elsewhere, with the times that cargo compares.
+fn copy_dependencies(from: &Path, to: &Path) -> Result<()> {
+    const OWN: [&str; 4] = ["darm", "libdarm", "xtask", "simulate"];
+    for folder in ["deps", "build", ".fingerprint"] {
+        let (from, to) = (from.join(folder), to.join(folder));
+        std::fs::create_dir_all(&to)?;
+        let Ok(entries) = std::fs::read_dir(&from) else { continue };
+        let names = entries.filter_map(|entry| Some(entry.ok()?.file_name()));
+        let names: Vec<_> =
+            names.filter(|name| !OWN.iter().any(|own| name.to_string_lossy().starts_with(own))).collect();
+        for some in names.chunks(200) {
+            output(Command::new("cp").current_dir(&from).arg("-a").arg("-t").arg(&to).args(some))?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether the unchanged tree, which is this program, breaks the same rule in the same seed.
+fn is_broken_unchanged(broken: &Broken) -> bool {
+    run(&Script::of(broken.seed), false).verdict.has(&broken.rule)
+}
+
+fn output(command: &mut Command) -> Result<String> {
+    let output = command.output().with_context(|| format!("{:?} did not start", command.get_program()))?;
+    if !output.status.success() {
+        bail!("{:?} failed: {}", command.get_program(), String::from_utf8_lossy(&output.stderr).trim());
+    }
+    Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{UNUSED, without_unused};
+
+    #[test]
+    fn unused_modules_are_left_out_of_the_copy_only_where_they_are_declared() {
+        let text = b"pub mod arm;\npub mod qemu;\npub mod draw;\n".to_vec();
+        assert_eq!(without_unused("host/arm/src/lib.rs", text.clone()), b"pub mod arm;\npub mod qemu;\n");
+        assert_eq!(without_unused("host/device/src/lib.rs", text.clone()), b"pub mod arm;\npub mod draw;\n");
+        assert_eq!(without_unused("shared/src/lib.rs", text.clone()), text);
+    }
+
+    #[test]
+    fn unused_modules_exist() {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
+            .ancestors()
+            .nth(2)
+            .expect("eval/simulate lies in the workspace");
+        for (file, modules) in UNUSED {
+            let text = std::fs::read_to_string(root.join(file)).expect("the file is in the tree");
+            for module in modules {
+                assert!(text.contains(&format!("\npub mod {module};\n")), "{file} does not declare {module}");
+            }
+        }
+    }
+}

@@ -1,0 +1,435 @@
+//! Everything outside the host, on one virtual clock: board, plant, disturbances, hostile sender, judges.
+//!
+//! The client is synchronous: it asks its link ([`Plug`]) for bytes and waits. That link steps the world of its thread, one
+//! tick of the board at a time, until bytes arrive or the wait is over. The [second host](crate::second_host) has a thread,
+//! but runs only while the world waits for it, so the seed decides everything.
+
+mod plug;
+mod senders;
+
+use std::collections::{BTreeMap, VecDeque};
+
+use darm_arm::image::UploadImage;
+use darm_core::output::Wiring;
+use darm_core::units::Digest;
+use darm_device::in_process::{Bench, MemoryFlash, Physical};
+use darm_device::plant::{Broken, Plant};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+use crate::arm::EMERGENCY_STOP;
+use crate::hostile::{self, Sent};
+use crate::judge::pins::Pins;
+use crate::judge::reports::{Ending, Reports};
+use crate::judge::servos::Servos;
+use crate::panics;
+use crate::script::{Script, Timed, WorldAct};
+use crate::second_host::SecondHost;
+use crate::trace::Trace;
+
+pub use plug::{Plug, enter, leave, pass, with};
+pub use senders::Party;
+
+/// No run lasts longer: whoever still waits finds the line closed.
+const MOST_NS: u64 = 600_000_000_000;
+
+/// A disturbance that lasts, with its end and what it draws from.
+struct Active {
+    act: WorldAct,
+    end_ns: u64,
+    rng: ChaCha8Rng,
+}
+
+/// The world of one run.
+pub struct World {
+    bench: Bench,
+    wiring: Wiring,
+    /// Digest of the profile that the board has.
+    profile: Digest,
+    /// Judge 1, the lines.
+    pub pins: Pins,
+    /// Judge 1, the servo bus.
+    pub servos: Servos,
+    /// Judge 2.
+    pub reports: Reports,
+    acts: VecDeque<Timed<WorldAct>>,
+    /// Time from which the acts count, ns; before, nothing but the line disturbs.
+    acts_from_ns: Option<u64>,
+    active: Vec<Active>,
+    /// The host that is alive: an older one finds the line closed.
+    session: u32,
+    inbox: VecDeque<u8>,
+    /// Number of the connection that a host used last.
+    host_link: u32,
+    disturbed_ns: u64,
+    hostile_ns: Option<u64>,
+    /// When the first and the second host sent something last that acts, ns.
+    acted_ns: [Option<u64>; 2],
+    /// Who sent a commit of which table when, ns.
+    commits: Vec<(Party, u64, u64)>,
+    second: Option<SecondHost>,
+    /// When a command and a stop came in one piece, ns, while nobody has sent anything since.
+    burst_ns: Option<u64>,
+    happened: Vec<Physical>,
+    /// Since when the emergency stop is pressed.
+    pressed_ns: Option<u64>,
+    /// The kind of the disturbance that ended last, and when, until the host gets through again.
+    recovering: Option<(&'static str, u64)>,
+    /// Since when the host tries to get through.
+    tried_ns: Option<u64>,
+    /// How long the host needed after each disturbance, from its first try on, ms.
+    pub recoveries: Vec<(&'static str, u64)>,
+    /// Disturbances by kind.
+    pub injected: BTreeMap<&'static str, u32>,
+    /// What happened, for people.
+    pub trace: Trace,
+}
+
+impl World {
+    /// The world of a script. With `readable`, the trace is kept for people.
+    pub fn new(script: &Script, readable: bool) -> Self {
+        let (wiring, profile) = (script.arm.wiring(), script.arm.profile());
+        let mut bench = Bench::new(Plant::new(&wiring, &[]), MemoryFlash::with_profile(&profile.image()));
+        bench.set_clock_error(script.clock_ppm);
+        bench.set_polls(2);
+        let ceilings = script.arm.ceilings(script.clock_ppm);
+        let mut world = Self {
+            bench,
+            wiring,
+            profile: profile.profile.digest,
+            pins: Pins::new(ceilings.clone()),
+            servos: Servos::new(ceilings),
+            reports: Reports::new(),
+            acts: script.world.iter().cloned().collect(),
+            acts_from_ns: None,
+            active: Vec::new(),
+            session: 0,
+            inbox: VecDeque::new(),
+            host_link: 0,
+            disturbed_ns: 0,
+            hostile_ns: None,
+            acted_ns: [None; 2],
+            commits: Vec::new(),
+            second: None,
+            burst_ns: None,
+            happened: Vec::new(),
+            pressed_ns: None,
+            recovering: None,
+            tried_ns: None,
+            recoveries: Vec::new(),
+            injected: BTreeMap::new(),
+            trace: Trace::new(readable),
+        };
+        for table in &script.tables {
+            world.reports.know(table.known());
+            table.angles_rad.iter().for_each(|&angle| world.servos.on_asked(angle));
+        }
+        world
+    }
+
+    /// True time, ns.
+    pub fn now_ns(&self) -> u64 {
+        self.bench.now_ns()
+    }
+
+    /// Notes what somebody does.
+    pub fn say(&mut self, who: &'static str, what: impl FnOnce() -> String) {
+        let now_ns = self.now_ns();
+        self.trace.say(now_ns, who, what);
+    }
+
+    /// The script's disturbances and its second host count from now on.
+    pub fn begin_acts(&mut self, script: &Script) {
+        self.acts_from_ns = self.acts_from_ns.or(Some(self.now_ns()));
+        if !script.second.is_empty() {
+            *self.injected.entry("second host").or_default() += 1;
+            self.second = Some(SecondHost::start(script, self.now_ns()));
+        }
+    }
+
+    /// Ends all disturbances: the second host leaves, the power comes back, everything is repaired.
+    pub fn calm_down(&mut self) {
+        if let Some(mut second) = self.second.take() {
+            second.close(self);
+        }
+        self.acts.clear();
+        self.bench.flash().restore();
+        let now_ns = self.now_ns();
+        self.active.iter_mut().for_each(|active| active.end_ns = now_ns);
+        self.end_acts(now_ns);
+    }
+
+    /// True if nothing has disturbed the board since then.
+    pub fn is_undisturbed_since(&self, since_ns: u64) -> bool {
+        let armed = |active: &Active| matches!(active.act, WorldAct::FlashCut(..)) && active.end_ns == u64::MAX;
+        self.active.iter().all(armed) && self.disturbed_ns < since_ns
+    }
+
+    /// The host wants something.
+    pub fn on_host_try(&mut self) {
+        self.tried_ns = self.tried_ns.or(Some(self.now_ns()));
+    }
+
+    /// The host got an answer.
+    pub fn on_host_answer(&mut self) {
+        let tried_ns = self.tried_ns.take().unwrap_or(self.now_ns());
+        if let Some((kind, ended_ns)) = self.recovering.take() {
+            self.recoveries.push((kind, (self.now_ns() - ended_ns.max(tried_ns)) / 1_000_000));
+        }
+    }
+
+    /// Cuts the power for a moment.
+    pub fn power_cycle(&mut self, noise: u64) {
+        self.bench.power_off();
+        self.bench.power_on(noise);
+        self.observe();
+    }
+
+    /// A new host; the older one's line is closed.
+    pub fn plug_in(&mut self) -> u32 {
+        self.session += 1;
+        self.inbox.clear();
+        self.session
+    }
+
+    fn is_closed(&self, session: u32) -> bool {
+        session != self.session || self.now_ns() > MOST_NS
+    }
+
+    /// One tick.
+    pub fn step(&mut self) {
+        let now_ns = self.now_ns();
+        if let Some(from_ns) = self.acts_from_ns {
+            while self.acts.front().is_some_and(|next| from_ns + next.at_ms * 1_000_000 <= now_ns) {
+                self.acts.pop_front().into_iter().for_each(|entry| self.begin(entry));
+            }
+        }
+        if !self.active.is_empty() {
+            self.end_acts(now_ns);
+            self.act_on();
+        }
+        let was_powered = self.bench.is_powered();
+        let bench = &mut self.bench;
+        if let Err(message) = panics::caught(|| bench.step()) {
+            self.pins.on_panic(now_ns, &message);
+            self.bench.reset();
+        }
+        if was_powered && !self.bench.is_powered() {
+            self.on_flash_cut();
+        }
+        self.observe();
+        if let Some(since_ns) = self.pressed_ns {
+            self.pins.on_emergency_stop(self.bench.now_ns(), since_ns);
+        }
+        if self.pins.high() != 0 {
+            self.servos.on_lines_on(self.bench.now_ns());
+            self.judge_burst();
+        }
+        let received = self.bench.received();
+        if !received.is_empty() {
+            self.trace.mix(received.make_contiguous());
+            if let Some(second) = &mut self.second {
+                second.hear(received.iter().copied());
+            }
+            self.inbox.extend(self.bench.received().drain(..));
+        }
+        if let Some(mut second) = self.second.take() {
+            second.step(self);
+            self.second = Some(second);
+        }
+    }
+
+    /// Shows the judges what happened at the pins.
+    fn observe(&mut self) {
+        let (now_ns, before) = (self.bench.now_ns(), self.pins.high());
+        self.happened.extend(self.bench.take_happened());
+        for happened in self.happened.drain(..) {
+            match happened {
+                Physical::Edge(pin, high) => {
+                    self.trace.mix(&[pin as u8, u8::from(high)]);
+                    self.pins.on_edge(now_ns, pin as u8, high);
+                }
+                Physical::Bus { to_servos, bytes } => {
+                    self.trace.mix(&bytes);
+                    self.servos.on_bytes(now_ns, to_servos, &bytes);
+                }
+                Physical::Reset => {
+                    self.pins.on_start(now_ns, false);
+                    self.servos.on_start();
+                }
+                Physical::Power(true) => {
+                    self.pins.on_start(now_ns, true);
+                    self.servos.on_start();
+                }
+                Physical::Power(false) => self.pins.on_power_off(now_ns),
+            }
+        }
+        let after = self.pins.high();
+        if before != after {
+            self.trace.mix(&now_ns.to_le_bytes());
+            self.trace.say(now_ns, "lines", || format!("{after:#018x}"));
+        }
+    }
+
+    fn begin(&mut self, Timed { act, seed, .. }: Timed<WorldAct>) {
+        let now_ns = self.now_ns();
+        self.say("world", || format!("{act:?}"));
+        *self.injected.entry(act.kind()).or_default() += 1;
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        self.disturbed_ns = now_ns;
+        if act.is_hostile() {
+            self.hostile_ns = Some(now_ns);
+            self.burst_ns = None;
+        }
+        match act {
+            WorldAct::PowerCut(_) => self.bench.power_off(),
+            WorldAct::FlashCut(words, _) => self.bench.flash().fail_after(words, seed),
+            WorldAct::Reset => {
+                self.bench.reset();
+                self.recovering = Some((act.kind(), now_ns));
+            }
+            WorldAct::KillHost => {
+                self.session += 1;
+                self.recovering = Some((act.kind(), now_ns));
+            }
+            WorldAct::Frames(count, as_host) => {
+                let link = if as_host { self.host_link } else { rng.random() };
+                if !as_host {
+                    let hello = darm_core::wire::message::Request::Hello { protocol: darm_core::wire::PROTOCOL };
+                    self.bench.send(&hostile::request(link, rng.random(), &hello));
+                }
+                let likely = [self.wiring.actuators.len() as u64, self.wiring.coils.len() as u64];
+                (0..count).for_each(|_| self.send_hostile(hostile::any_frame(&mut rng, link, &likely)));
+            }
+            WorldAct::EmergencyStop(_) => {
+                self.pressed_ns = Some(now_ns);
+                self.invert_switches(0);
+            }
+            WorldAct::Text => self.send_hostile(hostile::any_line(&mut rng)),
+            WorldAct::Table => self.send_table(&mut rng),
+            WorldAct::Burst => {
+                let sent = hostile::command_and_stop(&mut rng, self.wiring.coils.len() as u8);
+                self.send_hostile(sent);
+                self.burst_ns = Some(now_ns);
+            }
+            _ => {}
+        }
+        let endless = matches!(act, WorldAct::FlashCut(..));
+        let end_ns = if endless { u64::MAX } else { now_ns + u64::from(act.lasts_ms()) * 1_000_000 };
+        if end_ns > now_ns {
+            self.active.push(Active { act, end_ns, rng });
+            self.break_plant();
+        }
+        self.observe();
+    }
+
+    fn send_hostile(&mut self, sent: Sent) {
+        sent.angles_rad.iter().for_each(|&angle| self.servos.on_asked(angle));
+        sent.offsets_rad.iter().for_each(|&offset| self.servos.on_offset(offset));
+        self.say("hostile", || sent.what);
+        self.bench.send(&sent.bytes);
+    }
+
+    fn send_table(&mut self, rng: &mut ChaCha8Rng) {
+        if rng.random_ratio(1, 4) {
+            let wider = hostile::tables::wider_profile(rng, &self.wiring);
+            self.say("hostile", || "a wider profile".into());
+            self.send_frames(&wider, rng);
+            return;
+        }
+        let Some(table) = hostile::tables::beyond(rng, &self.wiring, self.profile) else { return };
+        self.reports.know(table.known());
+        self.reports.on_upload(self.now_ns(), table.model, Ending::Unknown, &[]);
+        self.commits.push((Party::Hostile, table.model, self.now_ns()));
+        table.angles_rad.iter().for_each(|&angle| self.servos.on_asked(angle));
+        self.send_frames(&table.image, rng);
+    }
+
+    fn send_frames(&mut self, upload: &UploadImage, rng: &mut ChaCha8Rng) {
+        for frame in hostile::tables::frames(upload, rng.random(), rng.random()) {
+            self.bench.send(&frame);
+        }
+    }
+
+    fn end_acts(&mut self, now_ns: u64) {
+        let (ended, active): (Vec<_>, Vec<_>) = self.active.drain(..).partition(|active| active.end_ns <= now_ns);
+        self.active = active;
+        for Active { act, mut rng, .. } in ended {
+            self.disturbed_ns = now_ns;
+            self.recovering = Some((act.kind(), now_ns));
+            self.say("world", || format!("{act:?} ends"));
+            match act {
+                WorldAct::PowerCut(_) | WorldAct::FlashCut(..) if !self.bench.is_powered() => {
+                    self.bench.power_on(rng.random());
+                    self.observe();
+                }
+                WorldAct::BouncingSwitches(..) => self.invert_switches(0),
+                WorldAct::EmergencyStop(_) if !self.is_pressed() => {
+                    self.pressed_ns = None;
+                    self.invert_switches(0);
+                }
+                _ => self.break_plant(),
+            }
+        }
+    }
+
+    /// What disturbances do in each tick.
+    fn act_on(&mut self) {
+        let stop = self.emergency_input();
+        for active in &mut self.active {
+            match active.act {
+                WorldAct::BouncingSwitches(inputs, _) => {
+                    let bounce = if active.rng.random_bool(0.7) { active.rng.random::<u32>() } else { 0 };
+                    self.bench.invert_switches(inputs & bounce | stop);
+                }
+                WorldAct::BabblingBus(_) if active.rng.random_bool(0.3) => {
+                    let noise: [u8; 6] = active.rng.random();
+                    let start = usize::from(active.rng.random_bool(0.5)) * 4;
+                    self.bench.send_bus(&[&[0xff, 0xff, 1, 4][..start], &noise].concat());
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn is_pressed(&self) -> bool {
+        self.active.iter().any(|active| matches!(active.act, WorldAct::EmergencyStop(_)))
+    }
+
+    /// The emergency stop's input while it is pressed.
+    fn emergency_input(&self) -> u32 {
+        u32::from(self.pressed_ns.is_some()) << EMERGENCY_STOP
+    }
+
+    fn invert_switches(&mut self, inputs: u32) {
+        let stop = self.emergency_input();
+        self.bench.invert_switches(inputs | stop);
+    }
+
+    /// The power went in a flash operation.
+    fn on_flash_cut(&mut self) {
+        let now_ns = self.now_ns();
+        self.say("world", || "the power fails in a flash operation".into());
+        self.disturbed_ns = now_ns;
+        for active in &mut self.active {
+            if let WorldAct::FlashCut(_, lasts_ms) = active.act {
+                active.end_ns = now_ns + u64::from(lasts_ms) * 1_000_000;
+            }
+        }
+    }
+
+    fn break_plant(&mut self) {
+        let mut broken = Broken::default();
+        for active in &self.active {
+            match active.act {
+                WorldAct::StuckSwitches(inputs, true, _) => broken.switches_closed |= inputs,
+                WorldAct::StuckSwitches(inputs, false, _) => broken.switches_open |= inputs,
+                WorldAct::SilentServos(servos, _) => broken.servos_silent |= servos,
+                WorldAct::BlockedServos(servos, _) => broken.servos_blocked |= servos,
+                _ => {}
+            }
+        }
+        let now_s = self.bench.now_s();
+        self.bench.plant_mut().set_broken(now_s, broken);
+    }
+}

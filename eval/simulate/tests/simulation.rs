@@ -1,0 +1,69 @@
+//! The whole system under its judges, over the first seeds; `cargo xtask simulate` runs more of them.
+
+use std::path::Path;
+
+use darm_simulate::mutants;
+use darm_simulate::run::{Outcome, run};
+use darm_simulate::script::{LEAST_MS, Script};
+use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
+
+fn outcomes(seeds: std::ops::Range<u64>) -> Vec<Outcome> {
+    seeds.into_par_iter().map(|seed| run(&Script::of(seed), false)).collect()
+}
+
+#[test]
+fn two_hundred_seeds_break_no_rule() {
+    let outcomes = outcomes(0..200);
+    let mut broken = Vec::new();
+    for outcome in &outcomes {
+        assert!(outcome.virtual_ms >= LEAST_MS, "seed {}", outcome.seed);
+        for (violation, _) in outcome.verdict.firsts() {
+            broken.push(format!("seed {}: {}: {}", outcome.seed, violation.rule, violation.sentence));
+        }
+    }
+    assert!(broken.is_empty(), "\n{}", broken.join("\n"));
+}
+
+#[test]
+fn every_disturbance_is_injected() {
+    let outcomes = outcomes(0..40);
+    for kind in [
+        "power cut",
+        "power cut in a flash operation",
+        "reset",
+        "host killed",
+        "stuck switches",
+        "bouncing switches",
+        "silent servos",
+        "blocked servos",
+        "babbling servo bus",
+        "emergency stop",
+        "hostile frames",
+        "hostile text",
+        "hostile table",
+        "command and stop in one piece",
+        "second host",
+    ] {
+        assert!(outcomes.iter().any(|outcome| outcome.injected.contains_key(kind)), "{kind}");
+    }
+    assert!(outcomes.iter().all(|outcome| outcome.first_upload.is_some_and(|first| first.completed)));
+}
+
+#[test]
+fn a_seed_repeats_exactly() {
+    for seed in [3, 7, 12] {
+        let runs = [0; 2].map(|_| run(&Script::of(seed), true));
+        assert_eq!(runs[0].digest, runs[1].digest);
+        assert_eq!(runs[0].lines, runs[1].lines);
+    }
+    assert_ne!(run(&Script::of(3), false).digest, run(&Script::of(7), false).digest);
+}
+
+#[test]
+fn every_mutant_still_applies() {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mutants = mutants::list(&own.join("mutants")).expect("each begins with its description");
+    assert!(mutants.len() >= 31, "{} mutants", mutants.len());
+    mutants::check(own.ancestors().nth(2).expect("eval/simulate lies in the workspace"), &mutants)
+        .expect("patches that apply");
+}

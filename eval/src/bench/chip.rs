@@ -1,0 +1,108 @@
+//! On the chip: exact instruction counts of a bench image in the emulator, and the sizes of the image.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, bail};
+use darm_arm::arm::{Arm, ArmScratch};
+use darm_core::real::{Mat3, Vec3};
+use darm_core::se::Pose;
+use darm_device::qemu;
+
+use crate::figures::Figure;
+use xtask::image;
+use xtask::setup::{self, Emulator};
+
+/// Counts and sizes.
+pub(super) fn measure() -> Result<Vec<Figure>> {
+    if let Emulator::Absent(why) = setup::emulator() {
+        bail!("instructions are counted in the emulator, and there is none: {why}");
+    }
+    let bench = image::build_bench()?;
+    // What is exact, and what happens when the emulator runs as fast as the machine lets it.
+    let exact = run(&bench, &["-icount", "shift=6,sleep=off"])?;
+    let (poses, exact): (Vec<&str>, Vec<&str>) =
+        exact.lines().filter(|line| !line.starts_with(LATENESS)).partition(|line| line.starts_with(POSE));
+    let mut figures = exact.into_iter().map(figure).collect::<Result<Vec<_>>>()?;
+    figures.extend(corrected(&poses)?);
+    let free = run(&bench, &[])?;
+    figures.extend(free.lines().filter(|line| line.starts_with(LATENESS)).map(figure).collect::<Result<Vec<_>>>()?);
+    figures.extend(sizes(&image::build()?)?);
+    Ok(figures)
+}
+
+/// How the names of those figures begin that mean something where the emulator runs freely, and only there.
+const LATENESS: &str = "lateness.";
+
+/// How the names of the poses begin that a corrected model predicts: `pose.WORD.INDEX`, the rotation by rows, the position.
+const POSE: &str = "pose.";
+
+/// How far the poses that the chip predicts in `f32` with the effects of a diagnosed arm are from the host's.
+fn corrected(lines: &[&str]) -> Result<Vec<Figure>> {
+    let arm = Arm::read(&setup::root().join("tests/data/corrected/corrected.toml"))?;
+    let (mut farthest_m, mut share): (f64, f64) = (0.0, 0.0);
+    for lines in lines.chunks(12) {
+        let number = |line: &&str| line.split(' ').nth(1).and_then(|number| number.parse().ok());
+        let numbers: Vec<f64> = lines.iter().map(number).collect::<Option<_>>().context("a pose has numbers")?;
+        let pose = Pose {
+            rotation: Mat3::from_row_slice(numbers.get(..9).context("a pose is short")?),
+            position: Vec3::from_column_slice(numbers.get(9..12).context("a pose is short")?),
+        };
+        let word = lines.first().and_then(|line| line.split('.').nth(1)).context("a pose has a word")?.parse()?;
+        let condition = arm.model.working(word, arm.rest(), &[]);
+        let exact = arm.model.predict(&condition, &mut ArmScratch::default())?;
+        let away_m = exact.distance(&pose, arm.length_scale_m);
+        farthest_m = farthest_m.max(away_m);
+        share = share.max(away_m / arm.single_precision_bound_m(&condition)?);
+    }
+    Ok(vec![
+        Figure::new("corrected model: poses compared with the host's", lines.len() as f64 / 12.0, "")?,
+        Figure::new("corrected model: farthest from the host's", 1e6 * farthest_m, "um")?,
+        Figure::new("corrected model: the same over what rounding allows", share, "")?,
+    ])
+}
+
+/// Runs the bench image, with 64 ns of virtual time an instruction or freely; it prints `name value unit`, a line each.
+fn run(elf: &Path, clock: &[&str]) -> Result<String> {
+    let folder = tempfile::tempdir()?;
+    let output = Command::new(qemu::PROGRAM)
+        .current_dir(folder.path())
+        .args(["-M", "b-l475e-iot01a", "-display", "none", "-monitor", "none", "-serial", "null", "-serial", "null"])
+        .args(clock)
+        .args(["-semihosting-config", "enable=on,target=native", "-kernel"])
+        .arg(elf)
+        .stdin(Stdio::null())
+        .output()
+        .context("the emulator did not start")?;
+    let text = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+    if !output.status.success() {
+        bail!("the bench image failed:\n{text}");
+    }
+    Ok(text)
+}
+
+fn figure(line: &str) -> Result<Figure> {
+    let mut words: Vec<&str> = line.split_whitespace().collect();
+    let unit = words.pop().with_context(|| format!("{line:?} has no unit"))?;
+    let value = words.pop().and_then(|value| value.parse().ok());
+    Figure::new(
+        &words.join(" ").replace('_', " ").replace('.', ": "),
+        value.with_context(|| format!("{line:?} has no value"))?,
+        unit,
+    )
+}
+
+/// Flash and RAM of the image, from the section headers of its ELF.
+fn sizes(elf: &Path) -> Result<Vec<Figure>> {
+    use object::{Object as _, ObjectSection as _};
+    let bytes = std::fs::read(elf).with_context(|| format!("{} cannot be read", elf.display()))?;
+    let file = object::File::parse(&*bytes).with_context(|| format!("{} is no ELF", elf.display()))?;
+    let size = |names: &[&str]| {
+        let sections = file.sections().filter(|section| section.name().is_ok_and(|name| names.contains(&name)));
+        sections.map(|section| section.size()).sum::<u64>() as f64
+    };
+    Ok(vec![
+        Figure::new("flash of the image", size(&[".vector_table", ".text", ".rodata", ".data"]), "bytes")?,
+        Figure::new("RAM of the image without its stack", size(&[".data", ".bss", ".uninit", ".above"]), "bytes")?,
+    ])
+}

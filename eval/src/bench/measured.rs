@@ -1,0 +1,192 @@
+//! Real measurements: `darm diagnose` on each set and split, its error before and after beside the goal.
+//!
+//! The command lines stand in [`CASES`]: there is no code for a set.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+use serde_json::Value;
+
+use crate::figures::Figure;
+use xtask::setup;
+
+/// One set of data and one split of it.
+struct Case {
+    set: &'static str,
+    split: &'static str,
+    /// Model and table in `tests/data/measured`, or in the folder of the set in DIR.
+    model: &'static str,
+    data: &'static str,
+    /// Whether the table is only in DIR.
+    elsewhere: bool,
+    options: &'static [&'static str],
+    /// Names and goals of the norm and the axes that have one, in `tests/goals.toml`.
+    figures: &'static [Told],
+}
+
+/// A figure of a case.
+enum Told {
+    /// The norm, times this, in this unit.
+    Norm(f64, &'static str),
+    /// The axis with this number, times this, in this unit.
+    Axis(usize, f64, &'static str),
+}
+
+use Told::{Axis, Norm};
+
+const TORQUE: &[Told] = &[
+    Axis(0, 1.0, "N·m"),
+    Axis(1, 1.0, "N·m"),
+    Axis(2, 1.0, "N·m"),
+    Axis(3, 1.0, "N·m"),
+    Axis(4, 1.0, "N·m"),
+    Axis(5, 1.0, "N·m"),
+];
+const BALLS: &[Told] = &[Norm(1e3, "mm"), Axis(3, 1e3, "mm")];
+const PRESSURE: &[Told] = &[Axis(0, 1e3, "mm"), Axis(1, 1e3, "mm"), Norm(1e3, "mm")];
+const FORCE: &[Told] = &[Norm(1.0, "N")];
+const COUNTS: &[Told] = &[Norm(1.0, "count")];
+const fn torque(split: &'static str, data: (&'static str, &'static str), options: &'static [&'static str]) -> Case {
+    let (model, data) = data;
+    Case { set: "staubli_tx40", split, model, data, elsewhere: false, options, figures: TORQUE }
+}
+
+const fn balls(split: &'static str, model: &'static str, keep: &'static [&'static str]) -> Case {
+    let data = "mukca_joint_configurations.csv.gz";
+    Case { set: "mukca_calibration", split, model, data, elsewhere: false, options: keep, figures: BALLS }
+}
+
+const fn cylinder(split: &'static str, options: &'static [&'static str]) -> Case {
+    let (model, data) = ("cylinder.toml", "cylinder_friction_20hz.csv.gz");
+    Case { set: "pneumatic_cylinder", split, model, data, elsewhere: false, options, figures: FORCE }
+}
+
+const fn servo(split: &'static str, options: &'static [&'static str]) -> Case {
+    let (model, data) = ("servo.toml", "servo_play_10hz.csv");
+    Case { set: "servo_play", split, model, data, elsewhere: true, options, figures: COUNTS }
+}
+
+const fn plate(split: &'static str, options: &'static [&'static str]) -> Case {
+    let (model, data) = ("human.urdf", "human_wholebody_30hz.csv.gz");
+    Case { set: "human_forceplate", split, model, data, elsewhere: false, options, figures: PRESSURE }
+}
+
+const MAP: &str = "position_count=pos,target_count=target,load=duty";
+
+const CASES: &[Case] = &[
+    torque("A", ("tx40.toml", "tx40_joint_200hz.csv.gz"), &["--split", "heldout"]),
+    torque("B", ("tx40.toml", "tx40_joint_200hz.csv.gz"), &["--hold-out", "t >= 4.5"]),
+    balls("panda_1", "panda.toml", &["--where", "robot = panda_1", "--hold-out-each", "tool_position"]),
+    balls("panda_2", "panda.toml", &["--where", "robot = panda_2", "--hold-out-each", "tool_position"]),
+    balls("panda_4", "panda.toml", &["--where", "robot = panda_4", "--hold-out-each", "tool_position"]),
+    balls("panda_6", "panda.toml", &["--where", "robot = panda_6", "--hold-out-each", "tool_position"]),
+    balls("kuka_14", "iiwa14.toml", &["--where", "robot = kuka_14", "--hold-out-each", "tool_position"]),
+    plate("A", &["--split", "heldout", "--interpolate", "fresh", "--lowpass", "3"]),
+    plate("B", &["--hold-out-last", "0.3", "--interpolate", "fresh", "--lowpass", "3"]),
+    cylinder("O-ring", &["--where", "seal = O-ring", "--hold-out", "set_bar = 5"]),
+    cylinder("NAPN", &["--where", "seal = NAPN", "--hold-out", "set_bar = 5"]),
+    cylinder("NAP310", &["--where", "seal = NAP310", "--hold-out", "set_bar = 5"]),
+    servo(
+        "single_sts3215",
+        &["--map", MAP, "--settled", "0.8", "--where", "test = single_sts3215", "--hold-out-last", "0.5"],
+    ),
+    servo(
+        "dual_nocomp_m1",
+        &["--map", MAP, "--settled", "0.8", "--where", "test = dual_nocomp_m1", "--hold-out-last", "0.5"],
+    ),
+    servo(
+        "dual_pretension_m1",
+        &["--map", MAP, "--settled", "0.8", "--where", "test = dual_pretension_m1", "--hold-out-last", "0.5"],
+    ),
+    Case {
+        figures: &[Norm(1.0, "N·m")],
+        ..torque(
+            "5 kHz",
+            ("tx40.toml", "tx40_motor_5khz.csv.gz"),
+            &["--rate", "5000", "--lowpass", "100", "--thin", "200", "--hold-out-last", "0.5"],
+        )
+    },
+];
+
+/// Runs all sets; those that are in `folder` only are left out without it.
+pub(super) fn measure(folder: Option<&Path>) -> Result<Vec<Figure>> {
+    let program = build()?;
+    let mut figures = Vec::new();
+    for case in CASES {
+        let name = format!("measured: {} {}", case.set, case.split);
+        let Some(data) = case.table(folder) else {
+            println!("{name}: its table may not be copied; give the folder that holds {} with --data DIR", case.set);
+            continue;
+        };
+        let model = setup::root().join("tests/data/measured").join(case.model);
+        let started = Instant::now();
+        let output =
+            Command::new(&program).args(["--json", "diagnose"]).arg(&model).arg(&data).args(case.options).output()?;
+        let time_s = started.elapsed().as_secs_f64();
+        if !output.status.success() {
+            bail!("{name}: {}", String::from_utf8_lossy(&output.stderr));
+        }
+        let told: Value = serde_json::from_slice(&output.stdout).context("the answer is no JSON")?;
+        println!("{name}\n  darm diagnose {} {} {}", case.model, case.data, quoted(case.options));
+        println!("  named: {}", names(&told));
+        for figure in case.figures {
+            figures.push(figure.of(&name, &told)?);
+        }
+        figures.push(Figure::new(&format!("{name}, time"), (time_s * 100.0).round() / 100.0, "s")?);
+    }
+    Ok(figures)
+}
+
+impl Case {
+    fn table(&self, folder: Option<&Path>) -> Option<PathBuf> {
+        match (self.elsewhere, folder) {
+            (false, _) => Some(setup::root().join("tests/data/measured").join(self.data)),
+            (true, Some(folder)) => Some(folder.join(self.set).join(self.data)),
+            (true, None) => None,
+        }
+    }
+}
+
+impl Told {
+    /// The held-out figure after, with the one before in its name.
+    fn of(&self, name: &str, told: &Value) -> Result<Figure> {
+        let (pointer, factor, unit) = match self {
+            Norm(factor, unit) => ("norm".to_string(), factor, unit),
+            Axis(axis, factor, unit) => (format!("axes/{axis}"), factor, unit),
+        };
+        let number = |when: &str| {
+            let value = told.pointer(&format!("/error/{when}/heldout/{pointer}/value")).and_then(Value::as_f64);
+            value.map(|value| value * factor).with_context(|| format!("{name}: no error {when}"))
+        };
+        let axis =
+            told.pointer(&format!("/error/after/heldout/{pointer}/axis")).and_then(Value::as_str).unwrap_or("norm");
+        println!("  {axis}: {:.3} -> {:.3} {unit}", number("before")?, number("after")?);
+        Figure::new(&format!("{name}, {axis}"), (number("after")? * 1000.0).round() / 1000.0, unit)
+    }
+}
+
+/// The laws that were named, each with how often.
+fn names(told: &Value) -> String {
+    let effects = told["effects"].as_array().map_or(&[][..], Vec::as_slice);
+    let mut laws: Vec<&str> = effects.iter().filter_map(|effect| effect["law"].as_str()).collect();
+    laws.sort_unstable();
+    let counted = laws.chunk_by(|a, b| a == b).map(|same| format!("{} ×{}", same[0], same.len()));
+    counted.collect::<Vec<_>>().join(", ")
+}
+
+fn quoted(options: &[&str]) -> String {
+    let quote = |option: &&str| if option.contains(' ') { format!("\"{option}\"") } else { (*option).to_string() };
+    options.iter().map(quote).collect::<Vec<_>>().join(" ")
+}
+
+fn build() -> Result<PathBuf> {
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let status =
+        Command::new(cargo).current_dir(setup::root()).args(["build", "-q", "-p", "darm", "--bin", "darm"]).status()?;
+    if !status.success() {
+        bail!("darm did not build");
+    }
+    Ok(setup::root().join("target/debug/darm"))
+}

@@ -1,0 +1,45 @@
+//! The arms whose tool poses are measured blind, each with its programmes.
+
+use std::sync::OnceLock;
+
+use anyhow::Result;
+use darm_arm::arm::Arm;
+use darm_diagnose::diagnose::programme::{Options, Step, programme};
+
+use xtask::setup;
+
+/// Programmes that the seeds of an arm share.
+const PROGRAMMES: usize = 4;
+/// Weights of the spatial arm, whose file has none: its plates and what it carries, kg.
+const PLATE_KG: f64 = 1.5;
+const TOOL_KG: f64 = 0.5;
+
+/// An arm and what it plays.
+pub(super) struct Subject {
+    pub(super) arm: Arm,
+    programmes: [OnceLock<Vec<Step>>; PROGRAMMES],
+}
+
+impl Subject {
+    /// What the arm plays for a seed.
+    pub(super) fn steps(&self, seed: u64) -> &[Step] {
+        let seed = seed % PROGRAMMES as u64;
+        let made = || programme(&self.arm, &Options { seed, ..Options::default() });
+        self.programmes[seed as usize].get_or_init(made)
+    }
+}
+
+/// The planar, the spatial and the hybrid arm.
+pub(super) fn subjects() -> Result<[Subject; 3]> {
+    Ok([subject("planar4")?, subject("spatial3")?, subject("planar4-hybrid")?])
+}
+
+fn subject(name: &str) -> Result<Subject> {
+    let mut arm = Arm::read(&setup::root().join("examples").join(format!("{name}.toml")))?;
+    if arm.model.payload.mass_kg == 0.0 {
+        let n = arm.model.chain.stages.len();
+        arm.model.masses.iter_mut().take(n).for_each(|mass| mass.mass_kg = PLATE_KG);
+        arm.model.payload.mass_kg = TOOL_KG;
+    }
+    Ok(Subject { arm, programmes: Default::default() })
+}

@@ -1,0 +1,228 @@
+//! What a verdict is worth, by the rules of [`rules`](super::rules).
+
+use anyhow::Result;
+use darm_arm::arm::{Arm, ArmModel, ArmScratch};
+use darm_core::effect::Effect;
+use darm_diagnose::diagnose::candidate::{all, place_code};
+use darm_diagnose::diagnose::fit::fit;
+use darm_diagnose::diagnose::observation::Observations;
+use darm_diagnose::diagnose::outcome::{Diagnosis, Found, Verdict};
+use darm_diagnose::diagnose::programme::candidates;
+use darm_diagnose::diagnose::tool_pose::values;
+use darm_diagnose::measurement::Run;
+use darm_diagnose::measurement::root_mean_square;
+use darm_diagnose::truth::{Blind, Sealed};
+
+use super::case::Class;
+
+/// Members of a set predict the same when they lie no farther apart than this share of the repeatability.
+const SAME: f64 = 0.5;
+
+/// How one answer did.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Mark {
+    /// The laws are right; of a clean arm: it is left alone; outside the list: no false name.
+    pub(super) named: bool,
+    /// Their places too.
+    pub(super) placed: bool,
+    /// Held-out error over the repeatability.
+    pub(super) ratio: f64,
+    /// Of intervals: how many hold the true value, of how many.
+    pub(super) covered: [usize; 2],
+    /// Outside the list: the variable told first is the right one.
+    pub(super) variable: bool,
+    /// What was answered, in a line.
+    pub(super) answer: String,
+}
+
+/// Marks a diagnosis.
+pub(super) fn mark(arm: &Arm, class: Class, blind: &Blind, diagnosis: &Diagnosis) -> Result<Mark> {
+    let repeats_m = diagnosis.repeatability.as_ref().map_or(blind.scatter_m(), |repeats| repeats.distance_m);
+    let mut mark =
+        Mark { ratio: heldout_m(blind, diagnosis) / repeats_m, answer: answer(diagnosis), ..Mark::default() };
+    match class {
+        Class::Clean => mark.named = diagnosis.verdict == Verdict::NoEffect,
+        Class::Outside => {
+            mark.named = diagnosis.verdict == Verdict::UnexplainedStructure && diagnosis.effects.is_empty();
+            mark.variable = mark.named && right_variable(arm, blind, diagnosis);
+        }
+        Class::One | Class::Two => {
+            (mark.named, mark.placed) = match diagnosis.verdict {
+                Verdict::EffectFound => named(blind.unseal(), &diagnosis.effects),
+                Verdict::NotIdentifiable => in_sets(arm, blind, diagnosis, SAME * repeats_m)?,
+                Verdict::NoEffect | Verdict::UnexplainedStructure => (false, false),
+            };
+            if mark.placed && diagnosis.verdict == Verdict::EffectFound {
+                mark.covered = covered(arm, blind, diagnosis)?;
+            }
+        }
+    }
+    Ok(mark)
+}
+
+/// Root mean square of the held-out rows that the generator did not spoil, m.
+fn heldout_m(blind: &Blind, diagnosis: &Diagnosis) -> f64 {
+    let spoiled: Vec<f64> = blind.spoiled().iter().map(|&sample| blind.measured().samples[sample].time_s).collect();
+    let good = diagnosis.points.iter().filter(|point| point.held_out && !spoiled.contains(&point.time_s));
+    root_mean_square(&good.map(|point| point.after_m).collect::<Vec<_>>())
+}
+
+/// A place without the end of an anchor or the state of a stop.
+pub(super) fn part(place: &str) -> &str {
+    place.split(',').next().unwrap_or(place)
+}
+
+/// Whether the laws, and whether the places too, are those of the truth, each once.
+fn named(truth: &[Sealed], effects: &[Found]) -> (bool, bool) {
+    let named: Vec<(&str, &str)> = effects.iter().map(|found| (found.law, part(&found.place))).collect();
+    right(&pairs(truth), &named)
+}
+
+/// Law and part of each secret.
+pub(super) fn pairs(truth: &[Sealed]) -> Vec<(&str, &str)> {
+    truth.iter().map(|sealed| (sealed.effect, part(&sealed.place))).collect()
+}
+
+/// Whether the laws, and whether the laws with their places, are the same on both sides, in any order.
+pub(super) fn right(truth: &[(&str, &str)], named: &[(&str, &str)]) -> (bool, bool) {
+    let [mut truth, mut named] = [truth.to_vec(), named.to_vec()];
+    truth.sort_unstable();
+    named.sort_unstable();
+    let laws = |pairs: &[(&str, &str)]| pairs.iter().map(|(law, _)| law.to_string()).collect::<Vec<_>>();
+    (laws(&truth) == laws(&named), truth == named)
+}
+
+/// Whether each true effect stands in the set of an effect of its own, and all members of the sets predict the same.
+fn in_sets(arm: &Arm, blind: &Blind, diagnosis: &Diagnosis, same_m: f64) -> Result<(bool, bool)> {
+    let truth = blind.unseal();
+    let n = diagnosis.best_effects().len() - arm.model.effects.len();
+    if n != truth.len() {
+        return Ok((false, false));
+    }
+    let holds = |set: usize, sealed: &Sealed, place: bool| {
+        let members = diagnosis.alternatives.iter().filter(|other| other.instead_of == set);
+        members
+            .into_iter()
+            .any(|other| other.law == sealed.effect && (!place || part(&other.place) == part(&sealed.place)))
+    };
+    let fits = |place: bool| {
+        let straight = (0..n).all(|k| holds(k, &truth[k], place));
+        straight || n == 2 && (0..n).all(|k| holds(k, &truth[1 - k], place))
+    };
+    let named = fits(false) && predict_the_same(arm, blind, diagnosis, same_m)?;
+    Ok((named, named && fits(true)))
+}
+
+fn predict_the_same(arm: &Arm, blind: &Blind, diagnosis: &Diagnosis, same_m: f64) -> Result<bool> {
+    let run = blind.measured();
+    let sigma = sigma(diagnosis);
+    let training = Observations::new(arm, run, sigma, |sample| !sample.held_out);
+    let best = with_effects(arm, diagnosis.best_effects());
+    let mut scratch = ArmScratch::default();
+    let anywhere = anywhere(arm, run, &best, &mut scratch);
+    let observations = Observations::new(arm, &anywhere, sigma, |_| true);
+    for other in &diagnosis.alternatives {
+        let mut effects = diagnosis.best_effects().to_vec();
+        let Some(effect) = candidate(arm, &effects, other.law, &other.place) else { continue };
+        effects[arm.model.effects.len() + other.instead_of] = effect;
+        let model = with_effects(arm, &effects);
+        let fitted = fit(&model, &training, &values(&model), &mut scratch).map_err(|no_pose| no_pose.error)?;
+        let apart = observations.residuals(&fitted.model, &mut scratch).map_err(|no_pose| no_pose.error)?;
+        if root_mean_square(&observations.distances_m(&apart)) > same_m {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+/// Random words where the model predicts the tool, under the conditions of the run.
+fn anywhere(arm: &Arm, run: &Run, model: &ArmModel, scratch: &mut ArmScratch) -> Run {
+    let steps = candidates(arm, 0xface);
+    let mut samples = Vec::new();
+    for (step, under) in steps.iter().zip(run.samples.iter().cycle()) {
+        let mut sample = under.clone();
+        (sample.word, sample.previous) = (step.word, Some(step.previous));
+        let at = Run { samples: vec![sample.clone()], ..Run::default() };
+        let row = Observations::new(arm, &at, [1.0; 6], |_| true);
+        if let Ok(pose) = model.predict(&row.condition(&row.rows[0]), scratch) {
+            sample.pose = pose;
+            samples.push(sample);
+        }
+    }
+    Run { samples, ..Run::default() }
+}
+
+fn with_effects(arm: &Arm, effects: &[Effect<f64>]) -> ArmModel {
+    let mut model = arm.model.clone();
+    model.effects = effects.iter().copied().collect();
+    model
+}
+
+/// The law at the place: the one that is known, or a new one.
+fn candidate(arm: &Arm, known: &[Effect<f64>], law: &str, place: &str) -> Option<Effect<f64>> {
+    let all = known.iter().copied().chain(all(&arm.model));
+    all.into_iter().find(|effect| effect.law().name() == law && place_code(effect) == place)
+}
+
+fn sigma(diagnosis: &Diagnosis) -> [f64; 6] {
+    let mut sigma = [1e-12; 6];
+    if let Some(repeats) = &diagnosis.repeatability {
+        let axes: &[usize] = if repeats.axes.len() == 3 { &[2, 3, 4] } else { &[0, 1, 2, 3, 4, 5] };
+        axes.iter().zip(&repeats.axes).for_each(|(&axis, figure)| sigma[axis] = figure.value.max(1e-12));
+    }
+    sigma
+}
+
+/// How many intervals hold the value that the right laws take on the clean run, of how many.
+fn covered(arm: &Arm, blind: &Blind, diagnosis: &Diagnosis) -> Result<[usize; 2]> {
+    let effects = &diagnosis.effects;
+    let model = with_effects(arm, diagnosis.best_effects());
+    let clean = Observations::new(arm, blind.clean(), sigma(diagnosis), |_| true);
+    let truth = fit(&model, &clean, &values(&model), &mut ArmScratch::default()).map_err(|no_pose| no_pose.error)?;
+    let mut counts = [0, 0];
+    for (found, effect) in effects.iter().zip(truth.model.effects.iter()) {
+        let at_its_place = blind.unseal().iter().any(|s| s.effect == found.law && s.place == found.place);
+        for parameter in found.parameters.iter().filter(|_| at_its_place) {
+            let of_name = effect.law().quantities().iter().position(|quantity| quantity.name == parameter.name);
+            let Some(value) = of_name.map(|k| effect.law().values()[k]) else { continue };
+            counts[0] += usize::from(parameter.ci95[0] <= value && value <= parameter.ci95[1]);
+            counts[1] += 1;
+        }
+    }
+    Ok(counts)
+}
+
+/// Whether the variable told first is the one that the mechanism follows.
+fn right_variable(arm: &Arm, blind: &Blind, diagnosis: &Diagnosis) -> bool {
+    let Some(first) = diagnosis.remaining.depends_on.first() else { return false };
+    blind.unseal().iter().any(|sealed| {
+        let place = &sealed.place;
+        if let Some((_, actuators)) = place.split_once("actuators ") {
+            let numbers = actuators.split(" and ").filter_map(|number| number.parse().ok());
+            return numbers.into_iter().any(|k: usize| first.variable.contains(&arm.actuator_name(k)));
+        }
+        match place.split_once(", at actuator ") {
+            Some((memory, number)) => {
+                let name = number.parse().map(|k: usize| arm.actuator_name(k)).unwrap_or_default();
+                first.variable == format!("{memory}, at {name}")
+            }
+            None => first.variable == *place,
+        }
+    })
+}
+
+fn answer(diagnosis: &Diagnosis) -> String {
+    let effects = diagnosis.effects.iter().map(|found| format!("{} {}", found.law, found.place));
+    let others = diagnosis
+        .alternatives
+        .iter()
+        .filter(|_| diagnosis.verdict == Verdict::NotIdentifiable)
+        .map(|other| format!("({}) {} {}", other.instead_of, other.law, other.place));
+    let first = diagnosis.remaining.depends_on.first();
+    let variable = first.filter(|_| diagnosis.verdict == Verdict::UnexplainedStructure).map(|d| {
+        let best = diagnosis.best_effects().iter().map(|e| format!("[{} {}]", e.law().name(), place_code(e)));
+        format!("{} {}", d.variable, best.collect::<String>())
+    });
+    let all: Vec<String> = effects.chain(others).chain(variable).collect();
+    format!("{}: {}", diagnosis.verdict, all.join(" + "))
+}

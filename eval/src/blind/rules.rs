@@ -1,0 +1,88 @@
+//! Which answer is right: written before the first run, and not changed by what the runs show.
+//!
+//! # Mechanisms inside the list, each with the law that is right for it
+//!
+//! The equations of the mechanisms stand in `darm_diagnose::truth`; they are not those of the laws.
+//!
+//! | mechanism | right law | right place | where the equations differ from the law's |
+//! | --- | --- | --- | --- |
+//! | a chip on a stop | `stroke-loss` | actuator and state | the same to first order: a length that is missing |
+//! | a hole drilled beside its mark | `anchor-offset` | actuator, either end | the same, exact |
+//! | springs: least energy of legs and weights | `gravity-sag` | module or arm | equilibrium by iteration, no lever statics |
+//! | a pawl that creeps back in a hold | `play` | actuator or arm | exponential in the hold |
+//! | a pad that the piston presses into | `supply-stroke` | actuator or arm | square root of the pressure |
+//! | warm metal | `thermal-growth` | module or arm | exponential of the temperature |
+//! | a knock that shifts a leg for good | `step` | actuator | none; its moment is drawn |
+//! | a leg that creeps out of its clamp | `drift` | actuator or arm | exponential, no parabola |
+//! | blows that pound a stop | `wear` | actuator | each blow weighs by the supply that drives it |
+//! | legs that take each other's air | `crowding` | module or arm | each share is as one over the supply, not straight in it |
+//! | a camera that was moved | `base-offset` | base | the same, exact |
+//! | a tool that was bent | `tool-offset` | tool | the same, exact |
+//! | a lens of another focal length | `scale` | camera | the same, exact |
+//! | a servo horn one tooth off | `joint-offset` | servo | the same, exact |
+//!
+//! # Mechanisms outside the list
+//!
+//! No law is right: the verdict must be `unexplained-structure`, and the variable told first must be the right one.
+//!
+//! | mechanism | right variable |
+//! | --- | --- |
+//! | the stand sways, with a period of a part of the run | time |
+//! | a bracket of two metals tilts the tool by the square of the temperature rise | temperature |
+//! | a hose stiffens and tilts the tool by the square of the supply's lack | supply |
+//! | a valve remembers the word before the last | the word before the last, at its actuator |
+//! | a cable tilts the tool when two legs of different modules are both long | the digits of these two, either first |
+//!
+//! # Arms that are measured by channels
+//!
+//! | arm | mechanism | right law | right place |
+//! | --- | --- | --- | --- |
+//! | serial, torques | dry friction | `coulomb-friction` | joint |
+//! | | thick grease | `viscous-friction` | joint |
+//! | | a hose that pulls | `offset` | joint |
+//! | | a cable that winds up | `spring` | joint |
+//! | | a heavy motor | `rotor-inertia` | joint |
+//! | | a lump bolted to a link past the first | `mass-distribution` | link |
+//! | | cogging | `gear-periodic-sine`, `gear-periodic-cosine` or both: a phase | joint |
+//! | | a hose that another joint pulls taut | none | variable: position of the other joint |
+//! | floating base, wrench | a backpack | `mass-distribution` | link |
+//! | | a plate that stands askew | `sensor-frame` | the plate |
+//! | | a plate that drifts | none | variable: time |
+//!
+//! The one mechanism of a floating base is a backpack in three of four seeds. The baselines are not asked.
+//!
+//! # What counts as right
+//!
+//! - **Named rightly**: the laws named are the right ones, no more and no less. Where the verdict is
+//!   `not-identifiable`, every right law must stand in the set of one of the effects, and every member of each set,
+//!   fitted, must predict the same on all words: within half the repeatability, root mean square over random words under
+//!   the conditions of the run; else it counts as wrong. Of what is measured by channels every member, fitted to what the
+//!   right one adds and the noise, must give the same torques or the same wrench: within half the noise, root mean square
+//!   over another motion or random postures. A member with a constant of its own (a speed, a period) counts as wrong there.
+//!   `unexplained-structure` counts as wrong inside the list.
+//! - **Place**: as above, and each place is the right one up to the end of an anchor and the state of a stop. In a set one
+//!   member at the right place is enough, since the members predict the same.
+//! - **False alarm**: any verdict but `no-effect` on a clean arm.
+//! - **Held-out error**: root mean square on the held-out rows that are no outliers of the generator, over the
+//!   repeatability that the diagnosis tells.
+//! - **Coverage**: of the values of all effects named rightly at the right place, those whose 95 % interval holds the
+//!   true value; that is the one which the right law takes when it is fitted in the same way to the same run without noise
+//!   and outliers.
+//! - **Outside the list**: a verdict other than `unexplained-structure`, or any effect named beside it, is a false name.
+//!
+//! # What is drawn
+//!
+//! Shares of the seeds: 50 % clean, 20 % one mechanism, 20 % two, 10 % outside the list. Two mechanisms are of different
+//! kinds, but never a base and a servo offset, which are one turn of the base. Each is sized by itself to 8 to 32 times the
+//! camera's scatter, root mean square over the run. Every run has noise, words repeated in a row, 2 % of outliers, and
+//! supply, temperature and time that change whether anything depends on them or not.
+//!
+//! Of these rules two lines were changed by first runs, on seeds from 9000 that no table reports: a lump on the first link
+//! is not drawn, since it is a heavy motor, nor are a base and a servo offset together. Two more were changed after the
+//! seeds from 2000 to 2099 had been marked, and count from 3000 on: under a floating base only the link itself was right,
+//! though a weight at a joint's centre hangs on either link alike; and cogging stood outside the list, where by now there
+//! is a law for it, so that the hose took its place. After the seeds from 5000 to 5099 two more changed, which count from
+//! 6000 on: in a serial arm a set counted as wrong, though a heavy motor on an upright first axis is its link; and values on
+//! the clean run were fitted with the same weight for a metre as for a radian. A plate that stands askew came after the
+//! seeds from 10000 to 10999, and counts from 11000 on; before, a floating base had a backpack in seeds of two as well, and
+//! nothing else.

@@ -1,0 +1,200 @@
+//! A serial arm in motion: torques of its joints, and what is added to them.
+
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+use anyhow::{Context, Result};
+use darm_core::effect::along::Law;
+use darm_diagnose::diagnose::channels::bodies::TEN;
+use darm_diagnose::diagnose::channels::known::Known;
+use darm_diagnose::diagnose::channels::torque;
+use darm_diagnose::measurement::root_mean_square;
+use darm_robot::robot::{Motion, Robot};
+use nalgebra::{DMatrix, DVector};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::case::Class;
+use super::channels::{Bench, PERIODIC, SWING_RAD, middle};
+use super::sets::Elsewhere;
+
+/// Rows a second, and how long the arm moves.
+const RATE_HZ: f64 = 20.0;
+const MOTION_S: f64 = 40.0;
+/// Noise: share of the root mean square of a torque.
+const TORQUE_NOISE: f64 = 0.02;
+/// Step of the differences, s.
+const STEP_S: f64 = 1e-3;
+/// Speed below which dry friction falls, rad/s.
+const CREEP_RAD_S: f64 = 0.02;
+/// Mechanisms inside the list, the lump among them.
+const MECHANISMS: usize = 7;
+const LUMP: usize = 5;
+
+/// Measures one serial arm; the mechanisms are not yet spoiled by noise.
+pub(super) fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Result<Bench> {
+    let n = robot.joints.len();
+    let motion = Swings::draw(robot, rng);
+    let times = times_s();
+    let mut given = vec![times.clone()];
+    let mut nominal = vec![Vec::new(); n];
+    let mut channels = vec![Vec::new(); 3 * n];
+    for &time_s in &times {
+        let [q, v, a] = motion.at(time_s);
+        let torque = robot.dynamics(&Motion { state: [&q, &v, &a], load: None })?.torque;
+        nominal.iter_mut().zip(torque).for_each(|(channel, torque)| channel.push(torque));
+        let all = q.into_iter().chain(v).chain(a);
+        channels.iter_mut().zip(all).for_each(|(channel, number)| channel.push(number));
+    }
+    given.extend(channels);
+    let named = |what: &str, unit: &str| (1..=n).map(|k| format!("{what}{k}{unit}")).collect::<Vec<_>>();
+    let names = [vec!["time_s".to_string()], named("q", "_rad"), named("v", "_rad/s"), named("a", "")].concat();
+    let noise: Vec<f64> = nominal.iter().map(|channel| TORQUE_NOISE * root_mean_square(channel).max(1.0)).collect();
+    let norm_noise = noise.clone();
+    let mut bench = Bench::new((names, given), (named("tau", "_nm"), nominal), noise, norm_noise);
+    let mechanisms: Vec<usize> = match class {
+        Class::Clean => Vec::new(),
+        Class::Outside => {
+            let pulled = rng.random_range(0..n);
+            let puller = (pulled + rng.random_range(1..n)) % n;
+            let middle = middle(robot.joints[puller].limits);
+            let mut shape = vec![vec![0.0; times.len()]; n];
+            shape[pulled] = bench.given[1 + puller].iter().map(|q| (q - middle).max(0.0).powi(2)).collect();
+            bench.add("", String::new(), format!("position of joint {}", puller + 1), shape, rng);
+            Vec::new()
+        }
+        Class::One => vec![rng.random_range(0..MECHANISMS)],
+        Class::Two => {
+            let first = rng.random_range(0..MECHANISMS);
+            vec![first, (first + rng.random_range(1..MECHANISMS)) % MECHANISMS]
+        }
+    };
+    for mechanism in mechanisms {
+        if mechanism == LUMP {
+            // On the first link, whose axis is upright, a lump is a heavy motor.
+            let joint = rng.random_range(1..n);
+            let shape = lump(robot, joint, &times, &|time_s| motion.at(time_s))?;
+            bench.add("mass-distribution", robot.joints[joint].link.clone(), String::new(), shape, rng);
+            continue;
+        }
+        let joint = rng.random_range(0..n);
+        let (law, column) = of_joint(mechanism, joint, n, &bench.given);
+        let mut shape = vec![vec![0.0; times.len()]; n];
+        shape[joint] = column;
+        bench.add(law, format!("joint {}", joint + 1), String::new(), shape, rng);
+    }
+    let elsewhere = Swings::draw(robot, &mut ChaCha8Rng::seed_from_u64(rng.random()));
+    bench.elsewhere = Some(Box::new(Motions { robot: robot.clone(), run: motion, elsewhere }));
+    Ok(bench)
+}
+
+/// The law that is right, and the shape of a mechanism at one joint.
+fn of_joint(mechanism: usize, joint: usize, n: usize, given: &[Vec<f64>]) -> (&'static str, Vec<f64>) {
+    let [q, v, a] = [0, 1, 2].map(|order| &given[1 + order * n + joint]);
+    let fastest = v.iter().fold(1e-9, |most: f64, v| most.max(v.abs()));
+    let of = |channel: &[f64], shape: &dyn Fn(f64) -> f64| channel.iter().map(|&x| shape(x)).collect::<Vec<f64>>();
+    match mechanism {
+        0 => ("coulomb-friction", of(v, &|v| v / (v * v + CREEP_RAD_S.powi(2)).sqrt())),
+        1 => ("viscous-friction", of(v, &|v| v / (1.0 + 0.1 * v.abs() / fastest))),
+        2 => ("offset", of(v, &|_| 1.0)),
+        3 => ("spring", of(q, &|q| q)),
+        4 => ("rotor-inertia", of(a, &|a| a)),
+        _ => (PERIODIC, of(q, &|q| (7.0 * q).sin())),
+    }
+}
+
+/// Torques of a mass of 1 kg bolted to the frame of a joint's link, 0.1 m off its origin.
+fn lump(robot: &Robot, joint: usize, times: &[f64], state: &dyn Fn(f64) -> [Vec<f64>; 3]) -> Result<Vec<Vec<f64>>> {
+    let n = robot.joints.len();
+    let link = &robot.joints[joint].link;
+    let frame = robot.frame(link).context("a link without a frame")?;
+    let off = darm_core::real::Vec3::new(0.1, 0.05, 0.08);
+    let point = |q: &[f64]| robot.kinematics(frame, q).map(|k| k.pose_base_frame * off);
+    let mut torques = vec![Vec::new(); n];
+    for &time_s in times {
+        let at = |time_s: f64| point(&state(time_s)[0]);
+        let (before, now, after) = (at(time_s - STEP_S)?, at(time_s)?, at(time_s + STEP_S)?);
+        let force = (after - now * 2.0 + before) / STEP_S.powi(2) - robot.gravity;
+        let q = &state(time_s)[0];
+        for (k, torque) in torques.iter_mut().enumerate() {
+            let mut moved = q.clone();
+            moved[k] += STEP_S;
+            torque.push(force.dot(&(point(&moved)? - now)) / STEP_S);
+        }
+    }
+    Ok(torques)
+}
+
+/// Smooth motions of all joints.
+struct Swings(Vec<Swing>);
+
+impl Swings {
+    fn draw(robot: &Robot, rng: &mut ChaCha8Rng) -> Self {
+        Self(robot.joints.iter().map(|joint| Swing::draw(joint.limits, rng)).collect())
+    }
+
+    /// Positions, velocities, accelerations.
+    fn at(&self, time_s: f64) -> [Vec<f64>; 3] {
+        let all: Vec<[f64; 3]> = self.0.iter().map(|swing| swing.at(time_s)).collect();
+        [0, 1, 2].map(|order| all.iter().map(|joint| joint[order]).collect())
+    }
+}
+
+fn times_s() -> Vec<f64> {
+    (0..(RATE_HZ * MOTION_S) as usize).map(|row| row as f64 / RATE_HZ).collect()
+}
+
+/// How a serial arm moved, and how else it could.
+struct Motions {
+    robot: Robot,
+    run: Swings,
+    elsewhere: Swings,
+}
+
+impl Elsewhere for Motions {
+    fn columns(&self, law: &str, place: &str, elsewhere: bool) -> Result<Option<DMatrix<f64>>> {
+        let names: Vec<&str> = match (law, Law::named(law, None)) {
+            ("mass-distribution", _) => TEN.iter().map(|(name, _)| *name).collect(),
+            (_, Some(law)) => vec![law.along().size()],
+            // What has a constant of its own is not known elsewhere.
+            _ => return Ok(None),
+        };
+        let (swings, times) = (if elsewhere { &self.elsewhere } else { &self.run }, times_s());
+        let motion: Vec<[Vec<f64>; 3]> = times.iter().map(|&time_s| swings.at(time_s)).collect();
+        let states: Vec<[&[f64]; 3]> = motion.iter().map(|[q, v, a]| [&q[..], &v[..], &a[..]]).collect();
+        let mut columns = Vec::new();
+        for name in names {
+            let values = BTreeMap::from([(name.to_string(), 1.0)]);
+            let one = Known { law: law.into(), place: place.into(), constant: None, values, points: Vec::new() };
+            columns.push(DVector::from_vec(torque::added(&self.robot, None, &[one], &states, &times)?.concat()));
+        }
+        Ok(Some(DMatrix::from_columns(&columns)))
+    }
+}
+
+/// A smooth motion of one joint: position, velocity, acceleration.
+struct Swing {
+    middle: f64,
+    waves: Vec<[f64; 3]>,
+}
+
+impl Swing {
+    fn draw(limits: Option<[f64; 2]>, rng: &mut ChaCha8Rng) -> Self {
+        let waves = (1..=4).map(|k| {
+            let pulse = TAU * 0.07 * f64::from(k) * rng.random_range(0.8..1.2);
+            [SWING_RAD / 2.0 * rng.random_range(0.3..1.0), pulse, rng.random_range(0.0..TAU)]
+        });
+        Self { middle: middle(limits), waves: waves.collect() }
+    }
+
+    fn at(&self, time_s: f64) -> [f64; 3] {
+        let mut sums = [self.middle, 0.0, 0.0];
+        for [size, pulse, phase] in &self.waves {
+            let (sin, cos) = (pulse * time_s + phase).sin_cos();
+            sums[0] += size * sin;
+            sums[1] += size * pulse * cos;
+            sums[2] -= size * pulse * pulse * sin;
+        }
+        sums
+    }
+}

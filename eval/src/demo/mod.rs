@@ -1,0 +1,123 @@
+//! The demo: the main job end to end, on the image that is flashed, with a report.
+
+mod course;
+mod measure;
+mod rig;
+mod summary;
+mod sweep;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use clap::ValueEnum;
+use darm_diagnose::measurement;
+use darm_diagnose::truth::Kind;
+
+use crate::progress::Progress;
+use course::{Keep, Task};
+use rig::Rig;
+use xtask::image;
+use xtask::setup::{self, Emulator};
+
+/// The whole loop: synthesis, table, upload, play, measure, diagnose, close; writes a report
+#[derive(clap::Args)]
+pub(crate) struct Demo {
+    /// Which arm
+    #[arg(long, value_enum, default_value = "planar")]
+    arm: Kin,
+    /// Seed of everything that is drawn: the hidden effect, the noise, the words
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Effect that the true arm hides; drawn by the seed where it is left out
+    #[arg(long, value_name = "LAW")]
+    effect: Option<Kind>,
+    /// Run the firmware library in this process, in virtual time, in place of the image in the emulator
+    #[arg(long)]
+    in_process: bool,
+    /// Run the loop for so many seeds in this process, and print one table
+    #[arg(long, value_name = "SEEDS")]
+    sweep: Option<u64>,
+    /// Write the figures of a sweep as JSON
+    #[arg(long, value_name = "FILE", requires = "sweep")]
+    json: Option<PathBuf>,
+    /// Where the report and all files go
+    #[arg(long, default_value = "target/demo")]
+    out: PathBuf,
+}
+
+/// An arm of the demo.
+#[derive(Clone, Copy, ValueEnum)]
+enum Kin {
+    /// Four planar modules, twelve bits
+    Planar,
+    /// The same on a servo joint
+    Hybrid,
+}
+
+impl Kin {
+    fn files(self) -> [PathBuf; 2] {
+        let name = match self {
+            Self::Planar => "planar4",
+            Self::Hybrid => "planar4-hybrid",
+        };
+        let examples = setup::root().join("examples");
+        [examples.join(format!("{name}.toml")), examples.join(format!("{name}-frames.toml"))]
+    }
+}
+
+impl Demo {
+    pub(crate) fn run(&self) -> Result<()> {
+        match self.sweep {
+            Some(seeds) => sweep::run(self, seeds),
+            None => self.once(),
+        }
+    }
+
+    /// One course on the emulated board, with a report.
+    fn once(&self) -> Result<()> {
+        let emulated = if self.in_process { None } else { emulated_image()? };
+        fs::create_dir_all(&self.out).with_context(|| format!("{} cannot be made", self.out.display()))?;
+        let progress = Progress::shown();
+        let task = self.task(self.seed)?;
+        progress.say("synthesis");
+        let synthesis = task.synthesis()?;
+        let mut rig = match emulated {
+            Some(elf) => Rig::emulated(elf, &self.out, &synthesis.arm)?,
+            None => Rig::in_process(&synthesis.arm)?,
+        };
+        progress.say(format!("board: {}, device {}", rig.what, rig.client.identity().device));
+        let mut keep = |name: &str, what: Keep| keep(&self.out.join(name), what);
+        let course = course::run(&task, synthesis, &mut rig, &progress, &mut keep)?;
+        let report = summary::report(&task, course, &rig.what, progress.elapsed_s())?;
+        report.write(&self.out).with_context(|| format!("{} cannot be written", self.out.display()))?;
+        println!("{}", darm::report::table(&report));
+        progress.say(format!("report: {}", self.out.join("report.html").display()));
+        Ok(())
+    }
+
+    fn task(&self, seed: u64) -> Result<Task> {
+        let [arm, frames] = self.arm.files();
+        Task::read(&arm, &frames, seed, self.effect)
+    }
+}
+
+/// The image for the emulator; `None` on a machine that has no emulator and cannot get one.
+fn emulated_image() -> Result<Option<PathBuf>> {
+    match setup::emulator() {
+        Emulator::Ready => image::build().map(Some),
+        Emulator::Absent(why) => {
+            eprintln!("NO EMULATOR: the firmware's library runs in this process instead. {why}");
+            Ok(None)
+        }
+    }
+}
+
+fn keep(path: &Path, what: Keep) -> Result<()> {
+    let text = match what {
+        Keep::Run(run) => measurement::write_text(run),
+        Keep::Diagnosis(diagnosis) => serde_json::to_string_pretty(diagnosis)?,
+        Keep::Arm(arm) => return Ok(arm.write(path)?),
+    };
+    fs::write(path, text).with_context(|| format!("{} cannot be written", path.display()))
+}

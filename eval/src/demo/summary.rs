@@ -1,0 +1,115 @@
+//! A course of the loop as the report wants it.
+
+use anyhow::Result;
+use darm::report::{
+    ClosedFrame, Closure, Drawing, FrameFigure, LoopReport, PAPER, PaperFigures, StopFigure, SynthesisFigures,
+};
+use darm_arm::arm::frames::DesiredFrame;
+use darm_arm::stops::Setting;
+use darm_arm::synthesis::{self, Method, Reached, Synthesis, synthesize};
+
+use super::course::{Course, FrameErrors, Task};
+
+/// Steps of the paper's own scheme: as many as the paper took.
+const PAPER_STEPS: u32 = 1000;
+
+/// The report of a course that ran on `board` and took `time_s`.
+pub(super) fn report(task: &Task, course: Course, board: &str, time_s: f64) -> Result<LoopReport> {
+    let drawing = Drawing::of(&task.base_line, &course.synthesis.arm, &course.wanted);
+    let stops = course.closed.iter().flat_map(|closed| &closed.settings).map(stop_figure).collect();
+    Ok(LoopReport {
+        arm: task.base_line.name.clone(),
+        seed: task.seed,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        board: board.to_owned(),
+        time_s,
+        synthesis: synthesis_figures(task, &course.synthesis)?,
+        stops,
+        closures: closures(&course),
+        programme: course.programme,
+        diagnosis: course.diagnosis,
+        truth: Some(course.sealed),
+        drawing,
+    })
+}
+
+fn synthesis_figures(task: &Task, synthesis: &Synthesis) -> Result<SynthesisFigures> {
+    let options = synthesis::Options {
+        method: Method::Paper { steps: PAPER_STEPS, regularisation: 1e-3 },
+        ..synthesis::Options::default()
+    };
+    let paper = synthesize(&task.base_line, &task.desired, &options)?;
+    Ok(SynthesisFigures {
+        case: synthesis.case.to_string(),
+        iterations: synthesis.iterations,
+        time_s: synthesis.time.as_secs_f64(),
+        alteration_m: synthesis.alteration_m,
+        frames: synthesis.frames.iter().map(frame_figure).collect(),
+        paper: PAPER,
+        paper_method: Some(PaperFigures {
+            error_m: paper.frames.iter().map(|reached| reached.error_m).fold(0.0, f64::max),
+            error_rad: paper.frames.iter().map(|reached| reached.error_rad).fold(0.0, f64::max),
+            time_s: paper.time.as_secs_f64(),
+        }),
+    })
+}
+
+fn frame_figure(reached: &Reached) -> FrameFigure {
+    FrameFigure {
+        name: reached.frame.name.clone(),
+        word: reached.frame.word.to_string(),
+        before_m: reached.error_before_m,
+        error_m: reached.error_m,
+        error_rad: reached.error_rad,
+    }
+}
+
+fn stop_figure(setting: &Setting) -> StopFigure {
+    StopFigure { name: setting.name.clone(), from_m: setting.from, to_m: setting.to, turn: setting.to_string() }
+}
+
+fn closures(course: &Course) -> Vec<Closure> {
+    let Some(closed) = &course.closed else { return Vec::new() };
+    let goal_m = course.goal_m();
+    let closure = |name: &str, note: &str, words: &[DesiredFrame], after: &FrameErrors| Closure {
+        name: name.to_owned(),
+        note: note.to_owned(),
+        frames: closed_frames(&course.wanted, words, &course.before, after),
+        before_m: course.before.rms_m(),
+        after_m: after.rms_m(),
+        goal_m,
+    };
+    vec![
+        closure(
+            "stops",
+            "The geometry is synthesised again with the corrected model, and the stops are turned to it.",
+            &course.wanted,
+            &closed.restopped,
+        ),
+        closure(
+            "table only",
+            "The metal stays as it is; the corrected model chooses the nearest words.",
+            &closed.words,
+            &closed.table_only,
+        ),
+    ]
+}
+
+fn closed_frames(
+    wanted: &[DesiredFrame],
+    words: &[DesiredFrame],
+    before: &FrameErrors,
+    after: &FrameErrors,
+) -> Vec<ClosedFrame> {
+    let errors = before.each_m.iter().zip(&after.each_m);
+    let frames = wanted.iter().zip(words).zip(errors);
+    frames
+        .map(|((old, new), (&before_m, &after_m))| ClosedFrame {
+            name: old.name.clone(),
+            word_before: old.word.to_string(),
+            word_after: new.word.to_string(),
+            before_m,
+            after_m,
+        })
+        .collect()
+}

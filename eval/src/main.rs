@@ -1,0 +1,47 @@
+//! What measures: the demo, the benchmarks, the blind suite, the papers and the faults. `cargo xtask` starts it.
+
+mod bench;
+mod blind;
+mod demo;
+mod faults;
+mod figures;
+mod papers;
+mod progress;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Measurements of this workspace, each beside its goals.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask")]
+struct Arguments {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    Demo(demo::Demo),
+    Bench(bench::Bench),
+    Papers(papers::Papers),
+    Blind(blind::Blind),
+    Faults(faults::Faults),
+}
+
+fn main() -> ExitCode {
+    let result = match Arguments::parse().task {
+        Task::Demo(demo) => demo.run(),
+        Task::Bench(bench) => bench.run(),
+        Task::Papers(papers) => papers.run(),
+        Task::Blind(blind) => blind.run(),
+        Task::Faults(faults) => faults.run(),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,203 @@
+//! Suárez and Claret, Searching a valid hand configuration to perform a given grasp: Table 1, Figures 4 and 5, and the
+//! method to use on constraints that the training never saw.
+
+use std::path::Path;
+use std::time::Instant;
+
+use anyhow::{Context as _, Result, ensure};
+use darm_papers::grasp::contact::{Configuration, Contacts};
+use darm_papers::grasp::file::{HandFile, read_hand};
+use darm_papers::grasp::library::Library;
+use darm_papers::grasp::paper::{End, Settings};
+use darm_papers::grasp::train::{Chosen, PAPER_LAMBDAS, PAPER_SUCCESS, Training};
+use darm_papers::grasp::{plot, solve};
+use rayon::prelude::*;
+
+use crate::figures::{Figure, tell};
+use crate::progress::Progress;
+use xtask::setup;
+
+/// Finding a hand's configuration for a grasp: Table 1, Figures 4 and 5, and the method to use
+#[derive(clap::Args)]
+pub(crate) struct Grasp {
+    /// Constraints of the training
+    #[arg(long, default_value_t = 10_000)]
+    n: usize,
+    /// Constraints of the comparison, which no training has seen
+    #[arg(long, default_value_t = 10_000)]
+    held_out: usize,
+    /// Values of λ in the training
+    #[arg(long, default_value_t = 100)]
+    lambdas: usize,
+}
+
+const SEED: u64 = 1;
+/// Of the comparison.
+const HELD_OUT_SEED: u64 = 2;
+const LIBRARY_SEED: u64 = 3;
+const LIBRARY: usize = 1000;
+/// The longest sequence of the paper.
+const LENGTH: usize = 10;
+
+/// What one method came to on one constraint.
+struct Run {
+    /// The start or the number of the λ that solved it.
+    solved_by: Option<usize>,
+    iterations: u32,
+    time_s: f64,
+    /// What the independent forward kinematics finds wrong.
+    faults: Faults,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Faults {
+    collides: bool,
+    is_past_limits: bool,
+    error_m: f64,
+}
+
+impl Grasp {
+    pub(crate) fn run(&self, json: Option<&Path>) -> Result<()> {
+        let progress = Progress::shown();
+        let file = read_hand(&setup::root().join("examples/allegro_hand.toml"))?;
+        let folder = setup::root().join("target/papers/grasp");
+        std::fs::create_dir_all(&folder).with_context(|| format!("{} cannot be made", folder.display()))?;
+        let training = Training { count: self.n, lambdas: self.lambdas, seed: SEED, settings: Settings::default() };
+        progress.say(format!("training: {} constraints, {} values of λ; it goes on if stopped", self.n, self.lambdas));
+        let bar = progress.bar("constraints", self.n as u64);
+        let kept = folder.join(format!("training-{}-{}.txt", self.n, self.lambdas));
+        let outcomes = training.run(&file.hand, Some(&kept), |done| bar.set_position(done as u64))?;
+        bar.finish_and_clear();
+        let sequence = outcomes.sequence(LENGTH);
+        ensure!(!sequence.is_empty(), "no λ solves any constraint");
+        table(&sequence);
+        for (name, svg) in [
+            ("figure-4.svg", plot::selection(&outcomes.lambdas, &sequence)),
+            ("figure-5.svg", plot::accumulation(&sequence)),
+        ] {
+            let path = folder.join(name);
+            std::fs::write(&path, svg).with_context(|| format!("{} cannot be written", path.display()))?;
+        }
+        println!("Figures 4 and 5: {}\n", folder.display());
+        progress.say("both methods on constraints that the training never saw");
+        let held_out = file.hand.draw_many(self.held_out, HELD_OUT_SEED);
+        let lambdas: Vec<f64> = sequence.iter().map(|chosen| chosen.lambda).collect();
+        let paper: Vec<_> =
+            held_out.par_iter().map(|contacts| by_paper(&file, &lambdas, contacts)).collect::<Result<_>>()?;
+        let library = Library::draw(&file.hand, LIBRARY, LIBRARY_SEED);
+        let ours: Vec<_> =
+            held_out.par_iter().map(|contacts| by_us(&file, &library, contacts)).collect::<Result<_>>()?;
+        let mut figures = trained(&sequence)?;
+        figures.extend(compared("paper's method, held out", &paper)?);
+        figures.extend(compared("Levenberg-Marquardt", &ours)?);
+        figures.extend(assigned(&file, &library, &held_out)?);
+        tell(&figures, SEED, json)
+    }
+}
+
+/// Table 1, ours beside the paper's.
+fn table(sequence: &[Chosen]) {
+    println!("Table 1: the sequence of λ, and what it solves; the paper tells the first two percentages");
+    println!("{:>3} {:>7} {:>10} {:>12} {:>13} {:>10}", "k", "λ", "of rest %", "of all %", "λ, paper", "of rest %");
+    for (k, chosen) in sequence.iter().enumerate() {
+        let paper = PAPER_SUCCESS.get(k).map_or(String::new(), |success| format!("{success:.2}"));
+        let Chosen { lambda, rate, accumulated, .. } = chosen;
+        let paper_lambda = PAPER_LAMBDAS.get(k).map_or(String::new(), |lambda| format!("{lambda:.2}"));
+        println!("{:>3} {lambda:>7.2} {rate:>10.2} {accumulated:>12.2} {paper_lambda:>13} {paper:>10}", k + 1);
+    }
+    println!();
+}
+
+/// What the training promises.
+fn trained(sequence: &[Chosen]) -> Result<Vec<Figure>> {
+    let (first, all) =
+        (sequence.first().map_or(0.0, |c| c.accumulated), sequence.last().map_or(0.0, |c| c.accumulated));
+    Ok(vec![
+        Figure::new("grasp: paper's method, first lambda", first, "%")?,
+        Figure::new("grasp: paper's method, first lambda, at most", first, "%")?,
+        Figure::new("grasp: paper's method, ten lambdas", all, "%")?,
+    ])
+}
+
+fn by_paper(file: &HandFile, lambdas: &[f64], contacts: &Contacts) -> Result<Run> {
+    let start = Instant::now();
+    let attempts = file.hand.search(lambdas, contacts, &Settings::default());
+    let time_s = start.elapsed().as_secs_f64();
+    let last = attempts.last().context("there is no λ")?;
+    let is_solved = last.end == End::Solved;
+    Ok(Run {
+        solved_by: is_solved.then_some(attempts.len()),
+        iterations: attempts.iter().map(|attempt| attempt.iterations).sum(),
+        time_s,
+        faults: checked(file, is_solved, &last.configuration, contacts)?,
+    })
+}
+
+fn by_us(file: &HandFile, library: &Library, contacts: &Contacts) -> Result<Run> {
+    let start = Instant::now();
+    let solution = file.hand.solve(library, contacts, &solve::Settings::default());
+    let time_s = start.elapsed().as_secs_f64();
+    Ok(Run {
+        solved_by: solution.is_solved.then_some(solution.starts),
+        iterations: solution.iterations,
+        time_s,
+        faults: checked(file, solution.is_solved, &solution.configuration, contacts)?,
+    })
+}
+
+/// Faults of an answer, by the robot's own forward kinematics; what is no answer has none.
+fn checked(file: &HandFile, is_solved: bool, configuration: &Configuration, contacts: &Contacts) -> Result<Faults> {
+    if !is_solved {
+        return Ok(Faults::default());
+    }
+    let verdict = file.referee.judge(&file.hand, configuration, contacts)?;
+    Ok(Faults {
+        collides: verdict.overlap.is_some(),
+        is_past_limits: verdict.past_limit_rad > 0.0,
+        error_m: verdict.point_m,
+    })
+}
+
+fn compared(method: &str, runs: &[Run]) -> Result<Vec<Figure>> {
+    let name = |what: &str| format!("grasp: {method}, {what}");
+    let solved = |starts: usize| runs.iter().filter(|run| run.solved_by.is_some_and(|by| by <= starts)).count() as f64;
+    let percent = |starts: usize| 100.0 * solved(starts) / runs.len() as f64;
+    let faults = |is: fn(&Faults) -> bool| runs.iter().filter(|run| is(&run.faults)).count() as f64;
+    let most_m = runs.iter().map(|run| run.faults.error_m).fold(0.0, f64::max);
+    let iterations: f64 = runs.iter().map(|run| f64::from(run.iterations)).sum();
+    let time_s: f64 = runs.iter().map(|run| run.time_s).sum();
+    Ok(vec![
+        Figure::new(&name("one start"), percent(1), "%")?,
+        Figure::new(&name("two starts"), percent(2), "%")?,
+        Figure::new(&name("ten starts"), percent(LENGTH), "%")?,
+        Figure::new(&name("answers that collide"), faults(|fault| fault.collides), "")?,
+        Figure::new(&name("answers past a limit"), faults(|fault| fault.is_past_limits), "")?,
+        Figure::new(&name("largest error of an answer"), 1e3 * most_m, "mm")?,
+        Figure::new(&name("iterations for a grasp"), iterations / solved(LENGTH), "")?,
+        Figure::new(&name("time for a grasp"), 1e3 * time_s / solved(LENGTH), "ms")?,
+    ])
+}
+
+/// Contacts in an order that nobody told, a tenth of all.
+fn assigned(file: &HandFile, library: &Library, held_out: &[Contacts]) -> Result<Vec<Figure>> {
+    let some = &held_out[..held_out.len().div_ceil(10)];
+    let one = |contacts: &Contacts| -> Result<Run> {
+        let shuffled = [2, 3, 1, 0].map(|k: usize| contacts[k]);
+        let start = Instant::now();
+        let (solution, order) = file.hand.solve_any(library, &shuffled, &solve::Settings::default());
+        let time_s = start.elapsed().as_secs_f64();
+        let wanted = order.map(|k| shuffled[k]);
+        let faults = checked(file, solution.is_solved, &solution.configuration, &wanted)?;
+        let solved_by = solution.is_solved.then_some(solution.starts);
+        Ok(Run { solved_by, iterations: solution.iterations, time_s, faults })
+    };
+    let runs: Vec<Run> = some.par_iter().map(one).collect::<Result<_>>()?;
+    let solved = runs.iter().filter(|run| run.solved_by.is_some()).count() as f64;
+    let wrong = runs.iter().filter(|run| run.faults.collides || run.faults.is_past_limits).count() as f64;
+    let time_s: f64 = runs.iter().map(|run| run.time_s).sum();
+    Ok(vec![
+        Figure::new("grasp: fingers not assigned, solved", 100.0 * solved / runs.len() as f64, "%")?,
+        Figure::new("grasp: fingers not assigned, wrong answers", wrong, "")?,
+        Figure::new("grasp: fingers not assigned, time for a grasp", 1e3 * time_s / solved, "ms")?,
+    ])
+}

@@ -1,0 +1,200 @@
+//! Two motions: a person stands up as a healthy one and as an elderly one, the robot follows and executes.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::Result;
+use darm::report::{MotionReport, along_time, chair_along_time, sagittal};
+use darm_core::real::Vec3;
+use darm_papers::motion::demonstration::{Demonstration, Style, demonstrate};
+use darm_papers::motion::execution::Executed;
+use darm_papers::motion::mapping::{Mapped, map};
+use darm_papers::motion::person::{Person, com, person};
+use darm_papers::motion::plot::{Curve, Figure as Picture};
+use darm_papers::motion::setup::Setup;
+use darm_papers::motion::{Capture, Fixed};
+use darm_robot::urdf::{self, Locks};
+
+use super::figure;
+use super::postures::Robots;
+use super::robots::{Followed, executed, stand};
+use crate::figures::Figure;
+use crate::progress::Progress;
+use xtask::setup;
+
+/// Colours of the paper's figure 7: natural and elderly, identified and CAD.
+const COLORS: [[[u8; 3]; 2]; 2] = [[[0xb2, 0x3a, 0x2e], [0x2a, 0x7f, 0x4f]], [[0x1b, 0x3f, 0x8b], [0x5f, 0xb0, 0xd6]]];
+
+/// Files of the pictures.
+const FILES: [&str; 5] = ["figure6-natural", "chair-natural", "figure6-elderly", "chair-elderly", "figure7"];
+
+/// Maps both motions; pictures with their titles.
+pub(super) fn map_both(
+    figures: &mut Vec<Figure>,
+    progress: &Progress,
+    (robots, drawn): (&Robots, &[Robots]),
+    seed: u64,
+    folder: &Path,
+) -> Result<Vec<(String, String)>> {
+    let root = setup::root();
+    let mut average = urdf::read(&root.join("tests/data/stand/person.urdf"), &Locks::new())?;
+    average.floating = true;
+    let setup = Setup::read(&root.join("tests/data/stand/stand.toml"), &average, &robots.cad)?;
+    let names: Vec<String> = setup.markers.iter().map(|marker| marker.name.clone()).collect();
+    let markers: Vec<Fixed> = setup.markers.iter().map(|marker| marker.on_person).collect();
+    let (mut pictures, mut plane) = (Vec::new(), Vec::<Curve>::new());
+    for (style, colors) in [Style::Natural, Style::Elderly].into_iter().zip(COLORS) {
+        let name = style.name();
+        let shown = demonstrate(&average, (&names, &markers), &setup.person_feet, style, seed)?;
+        fs::write(folder.join(format!("{name}.csv")), csv(&shown.capture))?;
+        let found = person(&average, &markers, &shown.capture)?;
+        tell_person(figures, name, &found, &shown)?;
+        let mapped = map(&robots.identified, &setup, &found, &shown.capture)?;
+        let executed = executed(&robots.real, &robots.identified, &setup, &mapped)?;
+        tell(figures, name, &mapped)?;
+        tell_executed(figures, robots, name, &mapped, &executed)?;
+        let report =
+            MotionReport { person: &found, mapped: &mapped, robot: &robots.identified, executed: Some(&executed) };
+        pictures.push((
+            format!("{name}: centre of mass and of pressure, a line at lift-off (the paper's figure 6)"),
+            along_time(&report)?.svg(),
+        ));
+        pictures.extend(chair_along_time(&report).map(|chair| (format!("{name}: what the chair bears"), chair.svg())));
+        let by_cad = com(&robots.cad, &mapped.trajectory.postures, &mapped.time_s)?;
+        plane.push(sagittal(&format!("{name}, identified"), colors[0], &mapped.com, mapped.lift_off));
+        plane.push(sagittal(&format!("{name}, CAD"), colors[1], &by_cad, mapped.lift_off));
+        tell_plane(figures, name, &mapped.com, &by_cad)?;
+        let followed = Followed { name, setup: &setup, person: &found, capture: &shown.capture };
+        by_cad_plan(figures, robots, &followed)?;
+        stand(figures, progress, drawn, &followed)?;
+    }
+    let picture = Picture { x: "forward, m", y: "up, m", mark: None, band: None, curves: plane };
+    pictures
+        .push(("centre of mass in the sagittal plane, dots at lift-off (the paper's figure 7)".into(), picture.svg()));
+    for ((_, svg), name) in pictures.iter().zip(FILES) {
+        fs::write(folder.join(format!("{name}.svg")), svg)?;
+    }
+    let masses: Vec<_> = darm_papers::identify::bodies(&robots.cad).map(|joint| mass(robots, joint)).collect();
+    fs::write(folder.join("masses.json"), serde_json::to_string_pretty(&masses)?)?;
+    Ok(pictures)
+}
+
+fn tell_person(figures: &mut Vec<Figure>, name: &str, found: &Person, shown: &Demonstration) -> Result<()> {
+    for (what, off_m) in [
+        ("person's centre of pressure, worst, average masses", found.before.worst_m),
+        ("person's centre of pressure, worst, scaled (paper 20)", found.after.worst_m),
+        ("person's centre of mass against the truth, RMS", apart(&found.com, shown)),
+    ] {
+        figures.push(figure(&format!("{name}: {what}"), 1e3 * off_m, "mm")?);
+    }
+    Ok(())
+}
+
+fn tell_executed(
+    figures: &mut Vec<Figure>,
+    robots: &Robots,
+    name: &str,
+    mapped: &Mapped,
+    executed: &Executed,
+) -> Result<()> {
+    let frames = executed.postures.len();
+    let real = com(&robots.real, &executed.postures, &mapped.time_s[..frames])?;
+    let off = real.iter().zip(&mapped.com).map(|(a, b)| (a.x - b.x).powi(2)).sum::<f64>() / frames.max(1) as f64;
+    figures.push(figure(
+        &format!("{name}: executed centre of mass forward less the plan, RMS"),
+        1e3 * off.sqrt(),
+        "mm",
+    )?);
+    figures.push(figure(&format!("{name}: fell"), f64::from(u8::from(executed.fell)), "")?);
+    Ok(())
+}
+
+/// The plan's centre of mass, as the identified and as the CAD masses have it.
+fn tell_plane(figures: &mut Vec<Figure>, name: &str, com: &[Vec3<f64>], by_cad: &[Vec3<f64>]) -> Result<()> {
+    let shift = mean(com) - mean(by_cad);
+    figures.push(figure(
+        &format!("{name}: identified less CAD centre of mass, forward (paper: to the rear)"),
+        1e3 * shift.x,
+        "mm",
+    )?);
+    figures.push(figure(
+        &format!("{name}: identified less CAD centre of mass, up (paper: lower)"),
+        1e3 * shift.z,
+        "mm",
+    )?);
+    let dip = com[0].z - com.iter().map(|com| com.z).fold(f64::INFINITY, f64::min);
+    figures.push(figure(&format!("{name}: centre of mass lowers before it rises"), 1e3 * dip, "mm")?);
+    Ok(())
+}
+
+fn mass(robots: &Robots, joint: Option<usize>) -> darm_papers::identify::LinkMass {
+    let inertia = joint.map_or(&robots.identified.base, |joint| &robots.identified.joints[joint].joint.inertia);
+    let link = darm_papers::identify::body_name(&robots.identified, joint);
+    darm_papers::identify::LinkMass { link, mass_kg: inertia.mass, com_m: inertia.com.into() }
+}
+
+fn tell(figures: &mut Vec<Figure>, name: &str, mapped: &Mapped) -> Result<()> {
+    figures.push(figure(&format!("{name}: centre of mass less its target, worst frame"), mapped.com_error_m, "m")?);
+    figures.push(figure(
+        &format!("{name}: feet and limits, worst frame"),
+        mapped.trajectory.worst_constraint,
+        "m or rad",
+    )?);
+    figures.push(figure(
+        &format!("{name}: target off the person's along the ground, for balance, worst frame"),
+        1e3 * mapped.moved_m,
+        "mm",
+    )?);
+    figures.push(figure(
+        &format!("{name}: target off the person's in height, on the chair, worst frame"),
+        1e3 * mapped.raised_m,
+        "mm",
+    )?);
+    figures.push(figure(&format!("{name}: markers, RMS"), 1e3 * mapped.trajectory.marker_rms_m, "mm")?);
+    figures.push(figure(&format!("{name}: person's motion times"), mapped.scale, "")?);
+    figures.push(figure(&format!("{name}: zero-moment point, least margin"), 1e3 * mapped.balance.zmp_margin_m, "mm")?);
+    figures.push(figure(&format!("{name}: centre of mass, least margin"), 1e3 * mapped.balance.com_margin_m, "mm")?);
+    Ok(())
+}
+
+/// What a plan with the CAD masses would have come to.
+fn by_cad_plan(figures: &mut Vec<Figure>, robots: &Robots, followed: &Followed<'_>) -> Result<()> {
+    let Followed { name, setup, person, capture } = *followed;
+    let mapped = map(&robots.cad, setup, person, capture)?;
+    let real = com(&robots.real, &mapped.trajectory.postures, &mapped.time_s)?;
+    let off = real.iter().zip(&mapped.target).map(|(a, b)| (a.x - b.x).powi(2)).sum::<f64>() / real.len() as f64;
+    figures.push(figure(
+        &format!("{name}: planned with CAD masses, true centre of mass off, RMS"),
+        1e3 * off.sqrt(),
+        "mm",
+    )?);
+    let executed = executed(&robots.real, &robots.cad, setup, &mapped)?;
+    figures.push(figure(&format!("{name}: planned with CAD masses, fell"), f64::from(u8::from(executed.fell)), "")?);
+    Ok(())
+}
+
+fn mean(path: &[Vec3<f64>]) -> Vec3<f64> {
+    path.iter().sum::<Vec3<f64>>() / path.len().max(1) as f64
+}
+
+fn apart(com: &[Vec3<f64>], shown: &Demonstration) -> f64 {
+    let square: f64 = com.iter().zip(&shown.com).map(|(a, b)| (a - b).norm_squared()).sum();
+    (square / com.len().max(1) as f64).sqrt()
+}
+
+/// A capture as `darm com map` reads it.
+fn csv(capture: &Capture) -> String {
+    let markers = capture.names.iter().flat_map(|name| ["x", "y", "z"].map(|axis| format!("{name}_{axis}")));
+    let head = std::iter::once("t_s".to_owned()).chain(markers).chain(["Fz_n", "Mx_nm", "My_nm"].map(str::to_owned));
+    let mut text = head.collect::<Vec<_>>().join(",") + "\n";
+    for ((time, places), plate) in capture.time_s.iter().zip(&capture.places).zip(&capture.plates) {
+        let place = |place: &Option<Vec3<f64>>| match place {
+            Some(place) => place.map(|x| format!("{x:.5}")).data.0[0].clone(),
+            None => [const { String::new() }; 3],
+        };
+        let wrench = [plate.force_n, plate.cop[1] * plate.force_n, -plate.cop[0] * plate.force_n];
+        let cells = std::iter::once(format!("{time:.4}")).chain(places.iter().flat_map(place));
+        text += &(cells.chain(wrench.iter().map(|x| format!("{x:.4}"))).collect::<Vec<_>>().join(",") + "\n");
+    }
+    text
+}

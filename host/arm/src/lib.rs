@@ -1,0 +1,12 @@
+//! Discretely actuated arms: their files, board profiles, synthesis, reach, and the table of a list of words.
+
+pub mod arm;
+pub mod board_profile;
+pub mod draw;
+pub mod image;
+pub mod migrate;
+pub mod plan;
+pub mod reach;
+pub mod stops;
+pub mod synthesis;
+pub mod wired_arm;

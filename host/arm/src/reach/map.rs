@@ -1,0 +1,548 @@
+//! The density of an arm's frames over position and orientation, without forming every word.
+//!
+//! # Method
+//!
+//! The frames of stages i to n are those of stage i times those behind it: their density is a convolution on the
+//! group. It is carried from the tool to the base on cells: a cell is a cube of positions times a cube of rotation
+//! vectors, stands for all frames in it by its centre, and holds how many words end there, a whole number. The cells of
+//! one orientation are a layer; a pose in front of a layer turns it rigidly into one other layer, so that the cells of
+//! a new layer are counted in one box of memory, by one thread. The work grows with cells and poses, not with words.
+//!
+//! Where a pose in front takes a position does not depend on the orientation there, nor the reverse: the densities over
+//! positions alone and over orientations alone are convolutions of their own, and cost little. They are always there.
+//! The joint density is carried as long as it fits: the last convolution is counted layer by layer, each shown and
+//! forgotten, where it is too large to be kept, so that the memory is that of the density of one stage less.
+//!
+//! # Error
+//!
+//! The last stages, up to 2¹⁸ frames, are exact. A convolution moves a frame to its cell's centre: by δ ≤ h√3/2 for
+//! cells of size h. What comes before it is a rigid motion and does not stretch δ, and the centre's orientation does not
+//! act on its position; after m convolutions a position is off by m·h√3/2 at most, and likewise the orientation. Words
+//! change places only where they lie as near to a wall: told on coarser cells of fixed size H, the L1 distance of the
+//! density falls with h in the first order. Words are neither lost nor made: counts are whole numbers below 2⁵³, which
+//! an `f64` adds without error.
+
+use std::collections::{BTreeMap, HashSet, VecDeque};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use darm_core::real::{Mat3, Vec3};
+use darm_core::se::{Pose, rotation_exp, rotation_log};
+use nalgebra::Matrix3;
+use rayon::prelude::*;
+
+use super::ReachError;
+use super::frames::{self, Frames};
+use crate::arm::Arm;
+
+/// Most frames of the last stages that are formed one by one.
+const MAX_EXACT: usize = 1 << 18;
+/// Most cells, by poses in front, that one convolution of the joint density may move: about a minute.
+const MAX_MOVED: usize = 1 << 34;
+/// Most cells of the joint density that are kept, 12 bytes each.
+const MAX_KEPT: usize = 3 << 26;
+/// Of the whole arm, which is kept only to be looked at once more.
+const MAX_KEPT_AT_LAST: usize = 1 << 24;
+/// Bits of a cell's number along each axis of its layer.
+const BITS: [u32; 3] = [11, 11, 10];
+/// Most cells of a layer's box.
+const MAX_BOX: usize = 1 << 28;
+/// Bits behind the point of a position in fractions of a cell: with 11 before it, three of them add up to an `i32`.
+const FRACTION: i32 = 18;
+/// Cells that are moved side by side.
+const ABREAST: usize = 64;
+
+/// A cell by its number along each axis; that around 0 is 0.
+pub type Place = [i16; 3];
+
+/// How finely frames are told apart.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Resolution {
+    /// Edge of a cell of positions, m.
+    pub cell_m: f64,
+    /// Edge of a cell of rotation vectors, rad.
+    pub cell_rad: f64,
+}
+
+/// The cells of one orientation that words end in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layer {
+    /// The rotation vector, in cells.
+    pub orientation: Place,
+    /// The least number of a position along each axis, and how many there are.
+    low: Place,
+    size: [usize; 3],
+    /// Numbers of positions above the least ones, packed.
+    positions: Vec<u32>,
+    /// How many words end at each.
+    words: Vec<f64>,
+}
+
+/// The density of an arm's frames.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Map {
+    /// How finely frames are told apart.
+    pub resolution: Resolution,
+    /// The joint density; nothing where it would be too large.
+    layers: Vec<Layer>,
+    /// In how many orientations each position is reached, in place of words; `None` where that was not counted.
+    crowd: Option<Layer>,
+    /// The density over positions, whatever the orientation.
+    positions: Layer,
+    /// The density over rotation vectors, in cells, whatever the position.
+    pub orientations: BTreeMap<Place, f64>,
+}
+
+/// The positions of one cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Spot {
+    /// Words that end there.
+    pub words: f64,
+    /// In how many cells of orientations; `None` where the joint density was too large to be counted.
+    pub orientations: Option<usize>,
+}
+
+impl Map {
+    /// The density of the frames of `arm` with its servos at `servos_rad`; `done` hears the share of the stages behind.
+    ///
+    /// Fails where the arm has no pose, or where cells are so small that the arm is some thousand of them long.
+    pub fn new(
+        arm: &Arm,
+        servos_rad: &[f64],
+        resolution: Resolution,
+        done: impl FnMut(f64),
+    ) -> Result<Self, ReachError> {
+        Self::with_layers(arm, servos_rad, resolution, MAX_EXACT, done, |_| ())
+    }
+
+    /// The same with at most so many frames of the last stages formed one by one, of one stage at least. Where the joint
+    /// density is not too large `see` is shown each layer of it, in any order.
+    pub fn with_layers(
+        arm: &Arm,
+        servos_rad: &[f64],
+        resolution: Resolution,
+        max_exact: usize,
+        mut done: impl FnMut(f64),
+        see: impl Fn(&Layer) + Sync,
+    ) -> Result<Self, ReachError> {
+        let stages = frames::of_stages(arm, servos_rad, |_, _| true)?;
+        let mut frames = 1;
+        let last = stages.iter().rev().take_while(|stage| {
+            frames *= stage.len();
+            frames <= max_exact
+        });
+        let (before, last) = stages.split_at(stages.len() - last.count().max(1));
+        let mut map = Self::exact(&frames::product(last, arm.rest()), resolution)?;
+        for (convolved, stage) in before.iter().enumerate().rev() {
+            done(1.0 - (convolved + 1) as f64 / stages.len() as f64);
+            map = if convolved == 0 { map.at_last(stage, &see)? } else { map.after(stage)? };
+        }
+        if before.is_empty() {
+            map.layers.iter().for_each(see);
+            map.crowd = Some(Tally::of(&map.positions, &map.layers).into_layer(&map.positions)?);
+        }
+        Ok(map)
+    }
+
+    /// How many words the arm has.
+    pub fn words(&self) -> f64 {
+        self.positions.words.iter().sum()
+    }
+
+    /// How many cells of position and orientation words end in; `None` where they are too many to be counted.
+    pub fn n_cells(&self) -> Option<f64> {
+        self.crowd.as_ref().map(|crowd| crowd.words.iter().sum())
+    }
+
+    /// Every cell that words end in: its position, its rotation vector, and how many words; none where they are too many
+    /// to be kept.
+    pub fn cells(&self) -> impl Iterator<Item = (Place, Place, f64)> {
+        let cells = |layer| Layer::cells(layer).map(|(position, words)| (position, layer.orientation, words));
+        self.layers.iter().flat_map(cells)
+    }
+
+    /// What ends at each position, in the order of the positions.
+    pub fn spots(&self) -> BTreeMap<Place, Spot> {
+        let spot = |(place, words)| (place, Spot { words, orientations: None });
+        let mut spots: BTreeMap<Place, Spot> = self.positions.cells().map(spot).collect();
+        for (position, count) in self.crowd.iter().flat_map(Layer::cells) {
+            // Rounded in another order a position of the joint density may lie one cell off that of the positions alone.
+            spots.entry(position).or_default().orientations = Some(count as usize);
+        }
+        spots
+    }
+
+    /// The density of frames that stand where they are.
+    fn exact(frames: &Frames, resolution: Resolution) -> Result<Self, ReachError> {
+        let mut layers: BTreeMap<Place, BTreeMap<Place, f64>> = BTreeMap::new();
+        let (mut positions, mut orientations) = (BTreeMap::new(), BTreeMap::new());
+        for pose in &frames.poses {
+            let position = place(&pose.position, resolution.cell_m).ok_or(ReachError::TooFine)?;
+            let turn = rotation_log(&pose.rotation);
+            let orientation = place(&turn, resolution.cell_rad).ok_or(ReachError::TooFine)?;
+            *layers.entry(orientation).or_default().entry(position).or_default() += 1.0;
+            *positions.entry(position).or_default() += 1.0;
+            *orientations.entry(orientation).or_default() += 1.0;
+        }
+        let layer = |(orientation, cells): (Place, BTreeMap<Place, f64>)| {
+            let low = cells.keys().fold([i16::MAX; 3], |low, place| each(low, *place, i16::min));
+            let high = cells.keys().fold([i16::MIN; 3], |high, place| each(high, *place, i16::max));
+            let mut room = Vec::new();
+            let mut counts = Counts::new(orientation, low, each(high, low, |high, low| high - low + 1), &mut room)?;
+            for (place, words) in cells {
+                let [x, y, z] = std::array::from_fn(|axis| (place[axis] - low[axis]) as usize);
+                *counts.at(x, y, z) += words;
+            }
+            Ok(counts.to_layer())
+        };
+        let positions = layer(([0; 3], positions))?;
+        let layers = layers.into_iter().map(layer).collect::<Result<_, ReachError>>()?;
+        Ok(Self { resolution, layers, crowd: None, positions, orientations })
+    }
+
+    /// The density of the frames of `stage` times those of this map, its layers kept.
+    fn after(&self, stage: &Frames) -> Result<Self, ReachError> {
+        let map = self.apart_after(stage)?;
+        let sources = self.sources(stage)?;
+        let kept = AtomicUsize::new(0);
+        let layer = |room: &mut Vec<f64>, (orientation, sources): &(Place, Vec<_>)| {
+            if kept.load(Ordering::Relaxed) > MAX_KEPT {
+                return Ok(None);
+            }
+            let layer = self.layer(*orientation, sources, room)?;
+            kept.fetch_add(layer.words.len(), Ordering::Relaxed);
+            Ok(Some(layer))
+        };
+        let layers: Vec<Option<Layer>> = sources.par_iter().map_init(Vec::new, layer).collect::<Result<_, _>>()?;
+        Ok(Self { layers: layers.into_iter().collect::<Option<_>>().unwrap_or_default(), ..map })
+    }
+
+    /// The same of the first stage: each layer is shown, and kept where all are few.
+    fn at_last(&self, stage: &Frames, see: &(impl Fn(&Layer) + Sync)) -> Result<Self, ReachError> {
+        let map = self.apart_after(stage)?;
+        let sources = self.sources(stage)?;
+        if sources.is_empty() {
+            return Ok(map);
+        }
+        let keep = self.moved(stage) <= MAX_KEPT_AT_LAST;
+        let start = || (Tally::of(&map.positions, &[]), Vec::new(), Vec::new());
+        let (tally, layers, _) = sources
+            .par_iter()
+            .try_fold(start, |(mut tally, mut layers, mut room), (orientation, sources)| {
+                let layer = self.layer(*orientation, sources, &mut room)?;
+                see(&layer);
+                tally.count(&layer);
+                layers.extend(keep.then_some(layer));
+                Ok((tally, layers, room))
+            })
+            .try_reduce(start, |(mut tally, mut layers, room), (other, more, _)| {
+                tally.add(&other);
+                layers.extend(more);
+                Ok((tally, layers, room))
+            })?;
+        let crowd = Some(tally.into_layer(&map.positions)?);
+        Ok(Self { layers, crowd, ..map })
+    }
+
+    /// Cells of the joint density by poses of a stage in front.
+    fn moved(&self, stage: &Frames) -> usize {
+        stage.len() * self.layers.iter().map(|layer| layer.words.len()).sum::<usize>()
+    }
+
+    /// For each layer of the next joint density the poses of `stage` and the layers behind them that make it; nothing
+    /// where that would be too much work.
+    #[allow(clippy::type_complexity, reason = "a list of layers, each with its poses and the layers behind them")]
+    fn sources<'a>(&'a self, stage: &'a Frames) -> Result<Vec<(Place, Vec<(&'a Pose<f64>, &'a Layer)>)>, ReachError> {
+        let mut sources: BTreeMap<Place, Vec<(&Pose<f64>, &Layer)>> = BTreeMap::new();
+        if self.moved(stage) > MAX_MOVED {
+            return Ok(Vec::new());
+        }
+        for layer in &self.layers {
+            let rotation = rotation_exp(&amid(&layer.orientation, self.resolution.cell_rad));
+            for pose in &stage.poses {
+                sources.entry(self.turned(pose, &rotation)?).or_default().push((pose, layer));
+            }
+        }
+        Ok(sources.into_iter().collect())
+    }
+
+    /// The cell of an orientation behind a pose.
+    fn turned(&self, pose: &Pose<f64>, rotation: &Mat3<f64>) -> Result<Place, ReachError> {
+        place(&rotation_log(&(pose.rotation * rotation)), self.resolution.cell_rad).ok_or(ReachError::TooFine)
+    }
+
+    /// The densities over positions alone and over orientations alone of the frames of `stage` times those of this map.
+    fn apart_after(&self, stage: &Frames) -> Result<Self, ReachError> {
+        let size = self.resolution.cell_rad;
+        let mut orientations = BTreeMap::new();
+        for (turn, words) in &self.orientations {
+            let rotation = rotation_exp(&amid(turn, size));
+            for pose in &stage.poses {
+                *orientations.entry(self.turned(pose, &rotation)?).or_default() += words;
+            }
+        }
+        let positions: Vec<_> = stage.poses.iter().map(|pose| (pose, &self.positions)).collect();
+        let positions = self.layer([0; 3], &positions, &mut Vec::new())?;
+        Ok(Self { resolution: self.resolution, layers: Vec::new(), crowd: None, positions, orientations })
+    }
+
+    /// One layer: every source layer behind its pose, counted in `room`.
+    fn layer(
+        &self,
+        orientation: Place,
+        sources: &[(&Pose<f64>, &Layer)],
+        room: &mut Vec<f64>,
+    ) -> Result<Layer, ReachError> {
+        let cell_m = self.resolution.cell_m;
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for (pose, layer) in sources {
+            for corner in 0..8 {
+                let along = |axis: usize| layer.low[axis] + (corner >> axis & 1) * (layer.size[axis] as i16 - 1);
+                let moved =
+                    pose.position / cell_m + pose.rotation * Vec3::new(along(0), along(1), along(2)).map(f64::from);
+                (low, high) = (each(low, moved.into(), f64::min), each(high, moved.into(), f64::max));
+            }
+        }
+        if low.iter().chain(&high).any(|number| number.abs() > f64::from(i16::MAX) - 3.0) {
+            return Err(ReachError::TooFine);
+        }
+        // One cell of room on all sides for rounding.
+        let low = low.map(|number| number.round() as i16 - 1);
+        let size = each(high.map(|number| number.round() as i16), low, |h, l| h - l + 2);
+        let mut counts = Counts::new(orientation, low, size, room)?;
+        for (pose, layer) in sources {
+            let start = pose.position / cell_m + pose.rotation * Vec3::from(layer.low).map(f64::from);
+            let start = (start - Vec3::from(low).map(f64::from)).add_scalar(0.5);
+            counts.add(layer, start.map(fixed).into(), &pose.rotation.map(fixed));
+        }
+        Ok(counts.to_layer())
+    }
+}
+
+impl Layer {
+    /// Every position that words end at, and how many.
+    pub fn cells(&self) -> impl Iterator<Item = (Place, f64)> {
+        self.positions.iter().zip(&self.words).map(|(packed, words)| {
+            let above = unpacked(*packed);
+            (std::array::from_fn(|axis| self.low[axis] + above[axis] as i16), *words)
+        })
+    }
+}
+
+/// A layer while it is counted: every position of its box.
+struct Counts<'r> {
+    orientation: Place,
+    low: Place,
+    size: [usize; 3],
+    words: &'r mut [f64],
+}
+
+impl<'r> Counts<'r> {
+    /// Nothing yet, in a part of `room`.
+    fn new(orientation: Place, low: Place, size: Place, room: &'r mut Vec<f64>) -> Result<Self, ReachError> {
+        let size = size.map(|length| length.max(0) as usize);
+        let cells = size.iter().product();
+        if size.iter().zip(BITS).any(|(length, bits)| *length > 1 << bits) || cells > MAX_BOX {
+            return Err(ReachError::TooFine);
+        }
+        room.resize(room.len().max(cells), 0.0);
+        let words = &mut room[..cells];
+        words.fill(0.0);
+        Ok(Self { orientation, low, size, words })
+    }
+
+    #[inline]
+    fn at(&mut self, x: usize, y: usize, z: usize) -> &mut f64 {
+        &mut self.words[(x * self.size[1] + y) * self.size[2] + z]
+    }
+
+    /// Adds the words of a layer that is turned and begins at `start`, both in fractions of a cell: whole numbers, which
+    /// a processor works on side by side.
+    fn add(&mut self, layer: &Layer, start: [i32; 3], turn: &Matrix3<i32>) {
+        let [_, wide, deep] = self.size.map(|length| length as i32);
+        let row = |row: usize, x: i32, y: i32, z: i32| {
+            (start[row] + turn[(row, 0)] * x + turn[(row, 1)] * y + turn[(row, 2)] * z) >> FRACTION
+        };
+        let mut at = [0; ABREAST];
+        for (positions, words) in layer.positions.chunks(ABREAST).zip(layer.words.chunks(ABREAST)) {
+            for (at, packed) in at.iter_mut().zip(positions) {
+                let [x, y, z] = unpacked(*packed).map(i32::from);
+                *at = (row(0, x, y, z) * wide + row(1, x, y, z)) * deep + row(2, x, y, z);
+            }
+            at.iter().zip(words).for_each(|(at, words)| self.words[*at as usize] += words);
+        }
+    }
+
+    /// The positions that words end at, in the least box: a layer turned with room about it would grow and grow.
+    fn to_layer(&self) -> Layer {
+        let Self { orientation, low, size, ref words } = *self;
+        let reached = words.iter().filter(|words| **words > 0.0).count();
+        let (mut positions, mut counts) = (Vec::with_capacity(reached), Vec::with_capacity(reached));
+        let (mut least, mut most) = ([u16::MAX; 3], [0; 3]);
+        for (row, words) in words.chunks(size[2].max(1)).enumerate() {
+            let (x, y) = (row / size[1], row % size[1]);
+            for (z, words) in words.iter().enumerate().filter(|(_, words)| **words > 0.0) {
+                let place = [x, y, z].map(|number| number as u16);
+                (least, most) = (each(least, place, u16::min), each(most, place, u16::max));
+                positions.push(packed(place));
+                counts.push(*words);
+            }
+        }
+        if positions.is_empty() {
+            return Layer { orientation, low, size: [0; 3], positions, words: counts };
+        }
+        let corner = packed(least);
+        positions.iter_mut().for_each(|place| *place -= corner);
+        let low = each(low, least.map(|number| number as i16), |low, least| low + least);
+        let size = each(most, least, |most, least| most - least + 1).map(usize::from);
+        Layer { orientation, low, size, positions, words: counts }
+    }
+}
+
+/// How many layers have words at each position, in a box with a cell of room around the positions.
+struct Tally {
+    low: Place,
+    size: [usize; 3],
+    layers: Vec<u32>,
+}
+
+impl Tally {
+    fn of(positions: &Layer, layers: &[Layer]) -> Self {
+        let (low, size) = (positions.low.map(|low| low - 1), positions.size.map(|length| length + 2));
+        let mut tally = Self { low, size, layers: vec![0; size.iter().product()] };
+        layers.iter().for_each(|layer| tally.count(layer));
+        tally
+    }
+
+    fn count(&mut self, layer: &Layer) {
+        for (place, _) in layer.cells() {
+            let [x, y, z] = std::array::from_fn(|axis| (place[axis] - self.low[axis]) as usize);
+            if let Some(layers) = self.layers.get_mut((x * self.size[1] + y) * self.size[2] + z) {
+                *layers += 1;
+            }
+        }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.layers.iter_mut().zip(&other.layers).for_each(|(layers, more)| *layers += more);
+    }
+
+    fn into_layer(self, positions: &Layer) -> Result<Layer, ReachError> {
+        let mut words: Vec<f64> = self.layers.into_iter().map(f64::from).collect();
+        let counts = Counts { orientation: positions.orientation, low: self.low, size: self.size, words: &mut words };
+        let fits = self.size.iter().zip(BITS).all(|(length, bits)| *length <= 1 << bits);
+        if fits { Ok(counts.to_layer()) } else { Err(ReachError::TooFine) }
+    }
+}
+
+/// A number of cells in fractions of one.
+fn fixed(cells: f64) -> i32 {
+    (cells * f64::from(1 << FRACTION)).round() as i32
+}
+
+/// A position in its box as one number; those of two differ by that of what is between.
+fn packed([x, y, z]: [u16; 3]) -> u32 {
+    (u32::from(x) << BITS[1] | u32::from(y)) << BITS[2] | u32::from(z)
+}
+
+fn unpacked(packed: u32) -> [u16; 3] {
+    let low = |number: u32, bits: u32| (number & ((1 << bits) - 1)) as u16;
+    [(packed >> (BITS[1] + BITS[2])) as u16, low(packed >> BITS[2], BITS[1]), low(packed, BITS[2])]
+}
+
+fn each<T: Copy>(a: [T; 3], b: [T; 3], pick: impl Fn(T, T) -> T) -> [T; 3] {
+    std::array::from_fn(|axis| pick(a[axis], b[axis]))
+}
+
+/// Cells of positions within the reach that no word ends in and that no way leads to from outside.
+pub fn holes(spots: &BTreeMap<Place, Spot>, planar: bool) -> Vec<Place> {
+    let bound = |axis: usize, pad: i16| {
+        let along = || spots.keys().map(|place| place[axis]);
+        let pad = if planar && axis == 2 { 0 } else { pad };
+        along().min().unwrap_or(0) - pad..=along().max().unwrap_or(0) + pad
+    };
+    let bounds = [0, 1, 2].map(|axis| bound(axis, 1));
+    let corner = [0, 1, 2].map(|axis| *bounds[axis].start());
+    let mut outside = HashSet::from([corner]);
+    let mut open = VecDeque::from([corner]);
+    while let Some(place) = open.pop_front() {
+        for (axis, step) in [(0, -1), (0, 1), (1, -1), (1, 1), (2, -1), (2, 1)] {
+            let mut next = place;
+            next[axis] += step;
+            if bounds[axis].contains(&next[axis]) && !spots.contains_key(&next) && outside.insert(next) {
+                open.push_back(next);
+            }
+        }
+    }
+    let [x, y, z] = bounds;
+    let all = x.flat_map(|x| {
+        y.clone().flat_map({
+            let z = z.clone();
+            move |y| z.clone().map(move |z| [x, y, z])
+        })
+    });
+    all.filter(|place| !spots.contains_key(place) && !outside.contains(place)).collect()
+}
+
+/// The vector amid a cell.
+fn amid(place: &Place, size: f64) -> Vec3<f64> {
+    Vec3::from(*place).map(|number| f64::from(number) * size)
+}
+
+/// The cell that a vector lies in; `None` where its number is too large.
+fn place(vector: &Vec3<f64>, size: f64) -> Option<Place> {
+    let cells = vector / size;
+    let within = cells.amax() < f64::from(i16::MAX) - 1.0;
+    within.then(|| [cells.x, cells.y, cells.z].map(|number| number.round() as i16))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashMap;
+    use std::path::Path;
+
+    use super::*;
+
+    fn planar4() -> Arm {
+        Arm::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/planar4.toml")).unwrap()
+    }
+
+    /// Words in each square of 0.5 m.
+    fn coarse(positions: impl Iterator<Item = (Vec3<f64>, f64)>) -> HashMap<Place, f64> {
+        let mut squares = HashMap::new();
+        positions.for_each(|(position, words)| *squares.entry(place(&position, 0.5).unwrap()).or_default() += words);
+        squares
+    }
+
+    #[test]
+    fn every_word_is_counted_and_lies_where_it_should() {
+        let arm = planar4();
+        let all = frames::product(&frames::of_stages(&arm, &[], |_, _| true).unwrap(), arm.rest());
+        let exact = coarse(all.poses.iter().map(|pose| (pose.position, 1.0)));
+        let mut apart = Vec::new();
+        for cell_m in [0.1, 0.02, 0.004] {
+            let resolution = Resolution { cell_m, cell_rad: 10.0 * cell_m };
+            let map = Map::with_layers(&arm, &[], resolution, 1, |_| (), |_| ()).unwrap();
+            assert_eq!((map.words(), map.orientations.values().sum()), (4096.0, 4096.0));
+            assert_eq!(map.cells().map(|(_, _, words)| words).sum::<f64>(), 4096.0);
+            let found = coarse(map.cells().map(|(at, _, words)| (amid(&at, cell_m), words)));
+            let squares: HashSet<_> = exact.keys().chain(found.keys()).collect();
+            let of = |squares: &HashMap<Place, f64>, at: &Place| squares.get(at).copied().unwrap_or(0.0);
+            apart.push(squares.iter().map(|at| (of(&exact, at) - of(&found, at)).abs()).sum::<f64>());
+        }
+        assert!(apart[2] < 0.4 * apart[0] && apart[2] < 200.0, "{apart:?}");
+    }
+
+    #[test]
+    fn a_ring_has_a_hole() {
+        let ring = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [2, 1, 0], [0, 2, 0], [1, 2, 0], [2, 2, 0]];
+        let spots: BTreeMap<Place, Spot> = ring.into_iter().map(|place| (place, Spot::default())).collect();
+        assert_eq!(holes(&spots, true), [[1, 1, 0]]);
+        assert!(holes(&spots, false).is_empty());
+    }
+
+    #[test]
+    fn cells_too_small_are_refused() {
+        let resolution = Resolution { cell_m: 1e-6, cell_rad: 0.1 };
+        assert_eq!(Map::new(&planar4(), &[], resolution, |_| ()), Err(ReachError::TooFine));
+    }
+}

@@ -1,0 +1,146 @@
+//! `darm com`: the centre of mass, and how it moves with every joint; masses identified, motions mapped.
+
+mod identify;
+mod map;
+
+use darm_arm::arm::{Arm, ArmScratch};
+use darm_core::real::Vec3;
+use serde::Serialize;
+
+use super::subject::{Given, Posture, Subject, csv_line};
+use crate::failure::Usage;
+use crate::voice::{Answer, Voice, columns, number};
+
+const EXAMPLES: &str = "\
+Examples:
+  darm com panda.urdf --q 0,30,0,-90,0,90,45,0,0
+  darm com humanoid.urdf --floating            of the whole, the base too
+  darm com planar4.toml --word 010110011101    stages and what the tool carries
+  darm com panda.urdf --postures run.csv --csv > com.csv
+  darm com identify humanoid.urdf postures.csv  masses from torques and contact wrenches
+  darm com map human.urdf humanoid.urdf stand.toml capture.csv  a person's motion on a robot
+
+The base of a robot that does not float is left out: it does not move.";
+
+/// Tell the centre of mass and its Jacobian
+#[derive(clap::Args, Debug)]
+#[command(after_help = EXAMPLES, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub(crate) struct Com {
+    #[command(subcommand)]
+    other: Option<Other>,
+    #[command(flatten)]
+    given: Option<Given>,
+    /// Comma-separated values on the standard output
+    #[arg(long)]
+    csv: bool,
+}
+
+/// What else is done with centres of mass.
+#[derive(clap::Subcommand, Debug)]
+enum Other {
+    Identify(identify::Identify),
+    Map(map::Map),
+}
+
+#[derive(Serialize)]
+struct Report {
+    name: String,
+    mass_kg: f64,
+    joints: Vec<String>,
+    postures: Vec<Row>,
+    #[serde(skip)]
+    csv: bool,
+}
+
+#[derive(Serialize)]
+struct Row {
+    com_m: [f64; 3],
+    /// Three rows, per rad or m of each joint; of a robot.
+    jacobian: Vec<Vec<f64>>,
+    /// Three rows, per unit of the twist of a floating base, angular first.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    base: Option<Vec<Vec<f64>>>,
+}
+
+impl Com {
+    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+        match (&self.other, &self.given) {
+            (Some(Other::Identify(command)), _) => command.run(voice),
+            (Some(Other::Map(command)), _) => command.run(voice),
+            (None, Some(given)) => self.tell(given, voice),
+            (None, None) => Err(Usage("which robot? darm com ROBOT.urdf, or darm com identify | map".into()).into()),
+        }
+    }
+
+    fn tell(&self, given: &Given, voice: Voice) -> anyhow::Result<()> {
+        let subject = given.subject()?;
+        let (postures, notes) = given.postures(&subject)?;
+        notes.iter().for_each(|note| voice.note(note));
+        let (mut rows, mut mass_kg) = (Vec::new(), 0.0);
+        for posture in &postures {
+            let (mass, row) = match &subject {
+                Subject::Robot(robot) => of_robot(&robot.com(&posture.q)?),
+                Subject::Arm(arm) => of_arm(arm, posture)?,
+            };
+            mass_kg = mass;
+            rows.push(row);
+        }
+        if mass_kg == 0.0 {
+            voice.note("nothing here has a mass: the file gives none");
+        }
+        let joints = match &subject {
+            Subject::Robot(_) => subject.coordinates().into_iter().map(|joint| joint.name).collect(),
+            Subject::Arm(_) => Vec::new(),
+        };
+        voice.tell(&Report { name: subject.name().to_owned(), mass_kg, joints, postures: rows, csv: self.csv })
+    }
+}
+
+fn of_robot(com: &darm_robot::robot::Com) -> (f64, Row) {
+    let base = com.base.map(|base| base.row_iter().map(|row| row.iter().copied().collect()).collect());
+    let jacobian = com.jacobian.row_iter().map(|row| row.iter().copied().collect()).collect();
+    (com.mass_kg, Row { com_m: com.position.into(), jacobian, base })
+}
+
+/// Masses of the stages and of what the tool carries, in the posture that the effects leave.
+fn of_arm(arm: &Arm, posture: &Posture) -> anyhow::Result<(f64, Row)> {
+    let (model, mut scratch) = (&arm.model, ArmScratch::default());
+    let tool = model.predict(&model.nominal(posture.word, &posture.q), &mut scratch)?;
+    let stages = scratch.tops.iter().zip(&model.masses).take(model.chain.stages.len());
+    let (mut mass, mut moment) = (0.0, Vec3::zeros());
+    for (frame, body) in stages.chain([(&tool, &model.payload)]) {
+        mass += body.mass_kg;
+        moment += (*frame * body.center) * body.mass_kg;
+    }
+    let com = if mass > 0.0 { moment / mass } else { moment };
+    Ok((mass, Row { com_m: com.into(), jacobian: Vec::new(), base: None }))
+}
+
+impl Answer for Report {
+    fn text(&self) -> String {
+        if self.csv {
+            let rows = self.postures.iter().enumerate().map(|(index, row)| {
+                csv_line(std::iter::once((index + 1).to_string()).chain(row.com_m.map(|x| format!("{x:?}"))))
+            });
+            return std::iter::once("posture,x_m,y_m,z_m".to_owned()).chain(rows).collect::<Vec<_>>().join("\n");
+        }
+        let head = ["posture", "x, mm", "y, mm", "z, mm"].map(str::to_owned).to_vec();
+        let rows = self.postures.iter().enumerate().map(|(index, row)| {
+            std::iter::once((index + 1).to_string()).chain(row.com_m.map(|x| number(1e3 * x, 3))).collect()
+        });
+        let table = columns(&std::iter::once(head).chain(rows).collect::<Vec<_>>());
+        let mut text = format!("{:.4} kg, centre of mass in the base\n{table}", self.mass_kg);
+        if let [Row { jacobian, .. }] = &self.postures[..]
+            && !jacobian.is_empty()
+        {
+            let head = ["joint", "x", "y", "z"].map(str::to_owned).to_vec();
+            let rows = self.joints.iter().enumerate().map(|(k, joint)| {
+                let numbers = jacobian.iter().map(|row| number(row.get(k).copied().unwrap_or(0.0), 5));
+                std::iter::once(joint.clone()).chain(numbers).collect::<Vec<_>>()
+            });
+            let table = columns(&std::iter::once(head).chain(rows).collect::<Vec<_>>());
+            text += &format!("\n\nhow it moves with each joint, m per rad or m\n{table}");
+        }
+        text
+    }
+}

@@ -1,0 +1,253 @@
+//! `darm com identify`: masses and centres of mass from torques and contact wrenches.
+
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use darm_papers::identify::{self, Equations, HeldOut, Kind, LinkMass, Missing, Noise, Unknown};
+use darm_robot::robot::Robot;
+use darm_robot::robot::base_parameters::{BaseParameters, Inertial};
+use darm_robot::urdf::{self, Locks};
+use serde::Serialize;
+
+use crate::failure::Usage;
+use crate::voice::{Answer, Voice, columns, number};
+
+const EXAMPLES: &str = "\
+Examples:
+  darm com identify humanoid.urdf postures.csv                 static postures, a row each
+  darm com identify humanoid.urdf postures.csv -o masses.json  for `darm com map --masses`
+  darm com identify humanoid.urdf motion.csv --motion --lowpass 5
+
+The table: JOINT_rad (or _deg) and tau_JOINT_nm of every joint, Fx_n … Mz_nm that the ground exerts on the base (z up, about the \
+world's origin; in the sagittal plane Fx, Fz and My), LINK_Fx_n … on other links. What is not measured tells no row.";
+
+/// Identify masses and centres of mass from postures or motions
+#[derive(clap::Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Identify {
+    /// The robot with its nominal masses
+    #[arg(value_name = "ROBOT.urdf")]
+    robot: PathBuf,
+    /// Postures, torques and contact wrenches
+    #[arg(value_name = "FILE.csv")]
+    samples: PathBuf,
+    /// The rows are a motion, not postures at rest: all ten parameters of each link and friction
+    #[arg(long)]
+    motion: bool,
+    /// Corner of the low-pass on all channels of a motion, Hz
+    #[arg(long, value_name = "HZ", requires = "motion")]
+    lowpass: Option<f64>,
+    /// Noise of the sensors (standard deviations): joint torque in N m, contact force in N, contact moment in N m
+    #[arg(long, value_name = "N_M,N,N_M", default_value = "5,5,2")]
+    noise: String,
+    /// Random splits into 90 % that are fitted and 10 % that are predicted
+    #[arg(long, default_value_t = 1000)]
+    splits: usize,
+    /// Seed of the splits
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Write the identified masses, for `darm com map --masses`
+    #[arg(short, long, value_name = "MASSES.json")]
+    output: Option<PathBuf>,
+    /// Write a report for people
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+}
+
+/// What was identified.
+#[derive(Serialize)]
+struct Identified {
+    robot: String,
+    samples: usize,
+    parameters: usize,
+    rank: usize,
+    /// Residual over the noise that was given: 1 when it is right.
+    scatter: f64,
+    possible: bool,
+    /// Sums of parameters that the rows tell, in words, nominal, identified and its standard deviation.
+    base_parameters: Vec<BaseRow>,
+    links: Vec<LinkMass>,
+    friction: Vec<FrictionRow>,
+    held_out: HeldOut,
+    /// Masses that the nominal model does not declare, found on single links.
+    missing: Missing,
+    findings: Vec<String>,
+}
+
+/// Components of a wrench.
+const COMPONENTS: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
+/// A residual beyond this share of the noise is told.
+const TOO_FAR: f64 = 3.0;
+
+#[derive(Serialize)]
+struct BaseRow {
+    words: String,
+    nominal: f64,
+    identified: f64,
+    sd: f64,
+}
+
+#[derive(Serialize)]
+struct FrictionRow {
+    words: String,
+    value: f64,
+    sd: f64,
+}
+
+impl Identify {
+    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+        let noise = self.noise()?;
+        let mut robot = urdf::read(&self.robot, &Locks::new())?;
+        robot.floating = true;
+        let kind = if self.motion { Kind::Moving } else { Kind::Static };
+        let read = identify::read(&self.samples, &robot, kind, self.lowpass)?;
+        let equations = Equations::new(&robot, &read.samples, &read.rows, noise, kind)?;
+        let wheel = voice.wheel("fitting");
+        let fit = equations.fit(kind);
+        if let Some((component, left)) = equations.turned(&fit) {
+            anyhow::bail!(
+                "{}: with its sign turned the residual falls from {} to {} of the noise: it must be what the ground exerts on the robot, about the world's origin, z up",
+                COMPONENTS[component],
+                number(fit.scatter.sqrt(), 1),
+                number(left, 1)
+            );
+        }
+        let held_out = identify::hold_out(&equations, 0.9, self.splits.max(1), self.seed);
+        let tenth: Vec<usize> = if read.held_out.is_empty() {
+            (0..equations.samples.len()).step_by(10).collect()
+        } else {
+            read.held_out.clone()
+        };
+        let missing = identify::missing(&robot, &equations, &tenth);
+        wheel.finish_and_clear();
+        let mut findings = read.findings;
+        if kind == Kind::Static && robot.joints.iter().zip(&read.rows.torque).any(|(_, measured)| !measured) {
+            findings.push("joints without a torque column tell no row".into());
+        }
+        if fit.scatter.sqrt() > TOO_FAR {
+            findings.push(format!(
+                "the residual is {} of the noise: a frame, a unit or a sign is wrong, or --noise too small",
+                number(fit.scatter.sqrt(), 1)
+            ));
+        }
+        let identified = Identified {
+            robot: robot.name.clone(),
+            samples: equations.samples.len(),
+            parameters: equations.unknowns.len(),
+            rank: fit.rank,
+            scatter: fit.scatter,
+            possible: fit.is_possible,
+            base_parameters: base_rows(&robot, &equations, &fit),
+            links: identify::link_masses(&robot, &equations, &fit.values),
+            friction: friction(&robot, &equations, &fit),
+            held_out,
+            missing,
+            findings,
+        };
+        if let Some(path) = &self.output {
+            let text = serde_json::to_string_pretty(&identified.links)?;
+            std::fs::write(path, text).with_context(|| format!("{} cannot be written", path.display()))?;
+        }
+        if let Some(path) = &self.report {
+            let page = darm::report::plain_page("What the links weigh", &identified.text());
+            std::fs::write(path, page).with_context(|| format!("{} cannot be written", path.display()))?;
+        }
+        voice.tell(&identified)
+    }
+
+    fn noise(&self) -> Result<Noise, Usage> {
+        let numbers: Vec<f64> = self.noise.split(',').filter_map(|cell| cell.trim().parse().ok()).collect();
+        match numbers[..] {
+            [torque_nm, force_n, moment_nm] if numbers.iter().all(|x| *x > 0.0 && x.is_finite()) => {
+                Ok(Noise { torque_nm, force_n, moment_nm })
+            }
+            _ => Err(Usage(format!("--noise {}: three numbers above 0, such as 5,5,2", self.noise))),
+        }
+    }
+}
+
+fn base_rows(robot: &Robot, equations: &Equations, fit: &identify::Fit) -> Vec<BaseRow> {
+    let index = |inertial: &Inertial| equations.unknowns.iter().position(|u| *u == Unknown::Inertial(*inertial));
+    let row = |parameter: &darm_robot::robot::base_parameters::BaseParameter| {
+        let terms = std::iter::once((1.0, parameter.leading)).chain(parameter.grouped.iter().copied());
+        let terms: Vec<(f64, usize)> = terms.filter_map(|(c, inertial)| Some((c, index(&inertial)?))).collect();
+        let sum = |of: &dyn Fn(usize) -> f64| terms.iter().map(|(c, k)| c * of(*k)).sum::<f64>();
+        let variance: f64 = terms.iter().map(|(a, i)| sum(&|j| a * fit.covariance[(*i, j)])).sum();
+        BaseRow {
+            words: BaseParameters::words(parameter, robot),
+            nominal: sum(&|k| equations.nominal[k]),
+            identified: sum(&|k| fit.values[k]),
+            sd: variance.max(0.0).sqrt(),
+        }
+    };
+    equations.base_parameters().base.iter().map(row).collect()
+}
+
+fn friction(robot: &Robot, equations: &Equations, fit: &identify::Fit) -> Vec<FrictionRow> {
+    let unknowns =
+        equations.unknowns.iter().enumerate().filter(|(_, unknown)| !matches!(unknown, Unknown::Inertial(_)));
+    let row = |(k, unknown): (usize, &Unknown)| FrictionRow {
+        words: unknown.words(robot),
+        value: fit.values[k],
+        sd: fit.covariance[(k, k)].max(0.0).sqrt(),
+    };
+    unknowns.map(row).collect()
+}
+
+impl Answer for Identified {
+    fn text(&self) -> String {
+        let head = |cells: &[&str]| cells.iter().map(|cell| (*cell).to_owned()).collect::<Vec<_>>();
+        let mut text = format!(
+            "{}: {} samples tell {} sums of {} parameters; residual {} of the noise; bodies {}",
+            self.robot,
+            self.samples,
+            self.rank,
+            self.parameters,
+            number(self.scatter.sqrt(), 2),
+            if self.possible { "possible" } else { "not possible without a worse fit" },
+        );
+        let mut rows = vec![head(&["sum that is told (kg, kg m, kg m2)", "nominal", "identified", "sd"])];
+        rows.extend(
+            self.base_parameters.iter().map(|row| {
+                vec![row.words.clone(), number(row.nominal, 3), number(row.identified, 3), number(row.sd, 3)]
+            }),
+        );
+        text += &format!("\n\n{}", columns(&rows));
+        let mut rows = vec![head(&["centre of pressure, held out, mm", "x", "y"])];
+        let mm = |of: [Option<f64>; 2]| of.map(|at| at.map_or("not measured".into(), |at| number(1e3 * at, 2)));
+        let named = [
+            ("nominal masses", self.held_out.nominal_m),
+            ("identified", self.held_out.identified_m),
+            ("noise of the plate", self.held_out.noise_m),
+        ];
+        rows.extend(named.map(|(name, of)| std::iter::once(name.to_owned()).chain(mm(of)).collect()));
+        text += &format!("\n\n{}", columns(&rows));
+        if !self.friction.is_empty() {
+            let mut rows = vec![head(&["friction (N m, N m s)", "identified", "sd"])];
+            rows.extend(self.friction.iter().map(|f| vec![f.words.clone(), number(f.value, 3), number(f.sd, 3)]));
+            text += &format!("\n\n{}", columns(&rows));
+        }
+        text += &missing(&self.missing);
+        self.findings.iter().for_each(|finding| text += &format!("\nnote: {finding}"));
+        text
+    }
+}
+
+fn missing(missing: &Missing) -> String {
+    let Some(_) = missing.named.first() else {
+        return "\n\nno single link lacks a mass that these rows would tell".into();
+    };
+    let mut text = String::from("\n\nmass that the model does not declare");
+    for named in &missing.named {
+        let links = named.links.join(" or ");
+        let (mass, sd) = (number(named.mass_kg, 2), number(named.mass_sd_kg, 2));
+        text += &format!("\n  {links}: {mass} kg (sd {sd}), {}; by chance {:.0e}", named.side, named.p);
+    }
+    let mm = |of: [f64; 2]| number(1e3 * of[0], 2);
+    text += &format!(
+        "\n  centre of pressure, held out, x: {} mm before, {} mm after",
+        mm(missing.before_m),
+        mm(missing.after_m)
+    );
+    text
+}

@@ -1,0 +1,222 @@
+//! `darm com map`: a person's motion on a robot, with the centre of mass as a hard constraint.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use darm::report::{MotionReport, motion_page};
+use darm_papers::identify::{LinkMass, with_masses};
+use darm_papers::motion::execution::{Executed, Gains, execute};
+use darm_papers::motion::mapping::{Mapped, map};
+use darm_papers::motion::person::{CopError, Person, Scale, WITHIN_M, person};
+use darm_papers::motion::setup::Setup;
+use darm_papers::motion::{Balance, Capture, Fixed, feed_forward};
+use darm_robot::robot::Robot;
+use darm_robot::urdf::{self, Locks};
+use serde::Serialize;
+
+use super::super::subject::csv_line;
+use crate::voice::{Answer, Voice, number};
+
+const EXAMPLES: &str = "\
+Examples:
+  darm com map human.urdf robot.urdf stand.toml capture.csv -o motion.csv --report motion.html
+  darm com map human.urdf robot.urdf stand.toml capture.csv --masses masses.json   with identified masses
+  darm com map human.urdf robot.urdf stand.toml capture.csv --execute              on a simulated robot
+
+The capture: t_s, MARKER_x MARKER_y MARKER_z (m, empty where not seen) and Fx_n … Mz_nm of all plates together, z up. \
+stand.toml says where the markers are, what stands and sits, which link follows which: host/papers/src/motion/setup.rs.";
+
+/// Map a person's motion on a robot: the centre of mass exactly, the markers as well as they can be followed
+#[derive(clap::Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Map {
+    /// An average person
+    #[arg(value_name = "PERSON.urdf")]
+    person: PathBuf,
+    /// The robot
+    #[arg(value_name = "ROBOT.urdf")]
+    robot: PathBuf,
+    /// Markers, feet and links
+    #[arg(value_name = "SETUP.toml")]
+    setup: PathBuf,
+    /// Markers and force plates along time
+    #[arg(value_name = "CAPTURE.csv")]
+    capture: PathBuf,
+    /// Masses that `darm com identify -o` wrote
+    #[arg(long, value_name = "MASSES.json")]
+    masses: Option<PathBuf>,
+    /// Write the motion of base and joints
+    #[arg(short, long, value_name = "MOTION.csv")]
+    output: Option<PathBuf>,
+    /// Write a report for people
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+    /// Execute it on the simulated robot: joint PD control about the plan, with the plan's torques beforehand
+    #[arg(long)]
+    execute: bool,
+}
+
+#[derive(Serialize)]
+struct Told {
+    robot: String,
+    frames: usize,
+    scale: f64,
+    /// Simulated against measured centre of pressure of the person.
+    person_before: CopError,
+    person_after: CopError,
+    scales: Vec<Scale>,
+    com_error_m: f64,
+    /// How far balance takes the target of the centre of mass off the person's, along the ground.
+    com_moved_m: f64,
+    /// How far the chair does, in height.
+    com_raised_m: f64,
+    com_axes: Vec<&'static str>,
+    marker_rms_m: f64,
+    lift_off_s: Option<f64>,
+    balance: Balance,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fell: Option<bool>,
+    findings: Vec<String>,
+}
+
+impl Map {
+    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+        let (average, robot) = (floating(&self.person)?, self.robot()?);
+        let setup = Setup::read(&self.setup, &average, &robot)?;
+        let names: Vec<String> = setup.markers.iter().map(|marker| marker.name.clone()).collect();
+        let capture = Capture::read(&self.capture, &names)?;
+        let wheel = voice.wheel("scaling the person");
+        let on_person: Vec<Fixed> = setup.markers.iter().map(|marker| marker.on_person).collect();
+        let found = person(&average, &on_person, &capture)?;
+        wheel.set_message("mapping the motion");
+        let mapped = map(&robot, &setup, &found, &capture)?;
+        wheel.set_message("executing it");
+        let executed = self.execute.then(|| executed(&robot, &setup, &mapped)).transpose()?;
+        wheel.finish_and_clear();
+        if let Some(path) = &self.output {
+            write(path, &motion_csv(&robot, &mapped))?;
+        }
+        if let Some(path) = &self.report {
+            let curves = MotionReport { person: &found, mapped: &mapped, robot: &robot, executed: executed.as_ref() };
+            write(path, &motion_page(&robot.name, &curves)?)?;
+        }
+        voice.tell(&Told::of(&robot, (&found, &mapped), executed.map(|executed| executed.fell), &capture))
+    }
+
+    fn robot(&self) -> anyhow::Result<Robot> {
+        let robot = floating(&self.robot)?;
+        let Some(path) = &self.masses else { return Ok(robot) };
+        let text = std::fs::read_to_string(path).with_context(|| format!("{} cannot be read", path.display()))?;
+        let masses: Vec<LinkMass> = serde_json::from_str(&text)
+            .with_context(|| format!("{} holds no masses: darm com identify -o writes them", path.display()))?;
+        Ok(with_masses(&robot, &masses))
+    }
+}
+
+fn executed(robot: &Robot, setup: &Setup, mapped: &Mapped) -> anyhow::Result<Executed> {
+    let torque = feed_forward(robot, setup, mapped)?;
+    Ok(execute(robot, setup, mapped, (Gains::default(), &torque))?)
+}
+
+fn floating(path: &Path) -> anyhow::Result<Robot> {
+    let mut robot = urdf::read(path, &Locks::new())?;
+    robot.floating = true;
+    Ok(robot)
+}
+
+fn write(path: &Path, text: &str) -> anyhow::Result<()> {
+    std::fs::write(path, text).with_context(|| format!("{} cannot be written", path.display()))
+}
+
+/// Time, base and joints, frame by frame.
+fn motion_csv(robot: &Robot, mapped: &Mapped) -> String {
+    let head = ["t_s", "px_m", "py_m", "pz_m", "qx", "qy", "qz", "qw"].map(str::to_owned).into_iter();
+    let joints = robot.joints.iter().map(|joint| format!("{}_rad", joint.name));
+    let mut lines = vec![csv_line(head.chain(joints))];
+    for (time, posture) in mapped.time_s.iter().zip(&mapped.trajectory.postures) {
+        let turn = nalgebra::UnitQuaternion::from_matrix(&posture.base.rotation);
+        let place = posture.base.position;
+        let base = [*time, place.x, place.y, place.z, turn.i, turn.j, turn.k, turn.w];
+        lines.push(csv_line(base.iter().chain(&posture.q).map(|number| format!("{number:.9}"))));
+    }
+    lines.join("\n") + "\n"
+}
+
+impl Told {
+    fn of(robot: &Robot, (person, mapped): (&Person, &Mapped), fell: Option<bool>, capture: &Capture) -> Self {
+        let free = |k: &usize| !mapped.axes[*k];
+        let mut findings = capture.findings.clone();
+        if person.after.worst_m > WITHIN_M {
+            findings.push(format!(
+                "the person's centre of pressure stays {} mm off the measured one at worst, where {} mm are wanted: are all plates and markers in one frame and at one time?",
+                number(1e3 * person.after.worst_m, 0),
+                number(1e3 * WITHIN_M, 0)
+            ));
+        }
+        findings.extend((0..3).filter(free).map(|k| {
+            format!("the robot cannot move its centre of mass along {}: it is left free", ["x", "y", "z"][k])
+        }));
+        Self {
+            robot: robot.name.clone(),
+            frames: mapped.time_s.len(),
+            scale: mapped.scale,
+            person_before: person.before,
+            person_after: person.after,
+            scales: person.scales.clone(),
+            com_error_m: mapped.com_error_m,
+            com_moved_m: mapped.moved_m,
+            com_raised_m: mapped.raised_m,
+            com_axes: (0..3).filter(|k| mapped.axes[*k]).map(|k| ["x", "y", "z"][k]).collect(),
+            marker_rms_m: mapped.trajectory.marker_rms_m,
+            lift_off_s: mapped.time_s.get(mapped.lift_off).copied(),
+            balance: mapped.balance.clone(),
+            fell,
+            findings,
+        }
+    }
+}
+
+impl Answer for Told {
+    fn text(&self) -> String {
+        let mm = |at: f64| number(1e3 * at, 1);
+        let mut text = format!(
+            "{}: {} frames, the person's motion times {}\n\
+             person: simulated centre of pressure {} mm off at worst, {} mm after scaling\n\
+             centre of mass held along {} to {:.1e} m on every frame; markers within {} mm (RMS)\n\
+             least margin: zero-moment point {} mm (frame {}), centre of mass {} mm (frame {})",
+            self.robot,
+            self.frames,
+            number(self.scale, 3),
+            mm(self.person_before.worst_m),
+            mm(self.person_after.worst_m),
+            self.com_axes.join(", "),
+            self.com_error_m,
+            mm(self.marker_rms_m),
+            mm(self.balance.zmp_margin_m),
+            self.balance.zmp_frame,
+            mm(self.balance.com_margin_m),
+            self.balance.com_frame,
+        );
+        if let Some(lift_off) = self.lift_off_s {
+            text += &format!("\noff the chair at {} s", number(lift_off, 2));
+        }
+        text += &format!(
+            "\nits centre of mass leaves the person's by up to {} mm along the ground, for balance, and {} mm in height, on the chair",
+            mm(self.com_moved_m),
+            mm(self.com_raised_m)
+        );
+        if self.balance.zmp_margin_m < 0.0 {
+            text += &format!(
+                "\nthe zero-moment point leaves what bears the robot, most in frame {}: slow the motion down",
+                self.balance.zmp_frame
+            );
+        }
+        match self.fell {
+            Some(true) => text += "\nexecuted: it falls",
+            Some(false) => text += "\nexecuted: it stands",
+            None => {}
+        }
+        self.findings.iter().for_each(|finding| text += &format!("\nnote: {finding}"));
+        text
+    }
+}

@@ -1,0 +1,359 @@
+//! `darm diagnose`: which effect the model lacks, where, how large, and how sure that is.
+
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use darm::report::{channels_page, diagnosis_page};
+use darm_arm::arm::Arm;
+use darm_diagnose::diagnose::channels::known;
+use darm_diagnose::diagnose::channels::model::Model;
+use darm_diagnose::diagnose::channels::prepared::Preparation;
+use darm_diagnose::diagnose::channels::{self, outcome::Diagnosis as ChannelDiagnosis, outcome::Figure};
+use darm_diagnose::diagnose::outcome::{Diagnosis, ErrorFigure, Found, Verdict};
+use darm_diagnose::diagnose::{Options, diagnose};
+use darm_diagnose::measurement::hold_out::HoldOut;
+use darm_diagnose::measurement::origin::Origin;
+use darm_diagnose::measurement::poses::{self, Which};
+use darm_diagnose::measurement::select::Selection;
+use darm_diagnose::measurement::{self, Finding, about, check};
+use maud::Markup;
+use serde::Serialize;
+
+use crate::failure::Usage;
+use crate::voice::{Answer, Voice, columns};
+
+const EXAMPLES: &str = "\
+Examples:
+  darm diagnose arm.toml run.csv                 the verdict, and what it rests on
+  darm diagnose arm.toml run.csv -o arm2.toml    and the model with the effect in it, for the next table
+  darm diagnose arm.toml run.mcap                the same of a log in MCAP with messages of JSON
+  darm --json diagnose arm.toml run.csv.gz       everything that was tried
+  darm diagnose cylinder.toml force.csv --hold-out \"set_bar = 5\"
+                                                 which friction a cylinder has, told at a pressure that no fit saw
+  darm diagnose cylinder.toml force.csv -o new.toml --keep-terms
+                                                 the same, and what no law explains as a curve
+  darm diagnose arm.toml run.csv --where \"run != 3\" --hold-out-each word --map x_mm=cam_x --report page.html
+                                                 poses in columns of other names, without one run, as a page
+  darm diagnose arm.urdf motion.csv --lowpass 20 --thin 40
+                                                 what the torques of a serial arm lack
+
+Rows that are held out are never fitted: the error after is told on them. Where nothing says which, they are those of the \
+column held_out; without it every fourth block of rows, or of tool poses each word in turn. The columns that tables may have, \
+and their units, stand in the documentation of `darm_diagnose::measurement` and its `table`.
+
+A recording of `darm record` names the model of its table. A MODEL that differs from it in its effects only, as \
+the one that -o writes, is accepted with a note; any other is refused, unless --other-model is given.";
+
+/// Rows that are told one by one.
+const MOST_NOTES: usize = 20;
+const NOTHING_TO_WRITE: &str = "no effect is named for sure, so there is no better model to write";
+
+/// Find which effect the model lacks, where, how large, and how sure that is
+#[derive(clap::Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Diagnose {
+    /// The model that predicted: an arm file, a URDF, or a small TOML that names its kind
+    #[arg(value_name = "MODEL")]
+    model: PathBuf,
+    /// Measurements: what `darm record` writes, or any CSV with its columns; may end in .gz
+    #[arg(value_name = "DATA")]
+    data: PathBuf,
+    /// The model with the effects that were found
+    #[arg(short, long = "write-model", visible_alias = "output", value_name = "NEW.toml")]
+    output: Option<PathBuf>,
+    /// Accept a recording that was made with the table of another arm file
+    #[arg(long)]
+    other_model: bool,
+    /// Keep what no law explains in that model, as fitted terms of what it depends on
+    #[arg(long, requires = "output")]
+    keep_terms: bool,
+    /// Seed of the cross-validation
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// A page with tables and plots
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
+    #[command(flatten)]
+    rows: RowOptions,
+}
+
+/// Which rows of a table of channels count, and how.
+#[derive(clap::Args, Debug)]
+struct RowOptions {
+    /// Only rows where this holds, as `seal = NAPN, t >= 4.5`
+    #[arg(long = "where", value_name = "EXPR")]
+    keep: Option<Selection>,
+    /// Hold out the rows where this holds
+    #[arg(long, value_name = "EXPR", group = "held")]
+    hold_out: Option<Selection>,
+    /// Hold out this share of the rows, from the end
+    #[arg(long, value_name = "FRACTION", group = "held")]
+    hold_out_last: Option<f64>,
+    /// Hold out each value of a column in turn
+    #[arg(long, value_name = "COLUMN", group = "held")]
+    hold_out_each: Option<String>,
+    /// Hold out the rows where a column is not 0
+    #[arg(long, value_name = "COLUMN", group = "held")]
+    split: Option<String>,
+    /// Columns whose values part the rows into stretches
+    #[arg(long, value_name = "COLUMN,…", value_delimiter = ',')]
+    within: Vec<String>,
+    /// Rows a second, where the table has no time
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
+    /// Keep about this many rows a second
+    #[arg(long, value_name = "HZ")]
+    thin: Option<f64>,
+    /// Low-pass without delay on all channels
+    #[arg(long, value_name = "HZ")]
+    lowpass: Option<f64>,
+    /// Interpolate the posture between the rows where this column is not 0
+    #[arg(long, value_name = "FLAG")]
+    interpolate: Option<String>,
+    /// Leave out rows sooner than this after a change of target
+    #[arg(long, value_name = "SECONDS")]
+    settled: Option<f64>,
+    /// Laws that are in the model from the start
+    #[arg(long, value_name = "LAW,…", value_delimiter = ',')]
+    always: Vec<String>,
+    /// What columns hold whose own names do not say it, as `load=duty,position_count=pos`
+    #[arg(long, value_name = "NAME=COLUMN,…", value_delimiter = ',')]
+    map: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct Report {
+    findings: Vec<String>,
+    #[serde(flatten)]
+    diagnosis: Diagnosis,
+    output: Option<PathBuf>,
+}
+
+impl Diagnose {
+    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+        match Model::read(&self.model)? {
+            Some(model) => self.channels(&model, voice),
+            None => self.poses(voice),
+        }
+    }
+
+    fn channels(&self, model: &Model, voice: Voice) -> anyhow::Result<()> {
+        let (names, options) = (self.rows.names()?, self.rows.options(self.seed)?);
+        let wheel = voice.wheel("diagnosing");
+        let diagnosis = channels::diagnose(model, &self.data, &names, &options);
+        wheel.finish_and_clear();
+        let mut diagnosis =
+            diagnosis.map_err(|error| anyhow::Error::new(error).context(self.data.display().to_string()))?;
+        let kept = self.keep_terms && diagnosis.keep_terms();
+        self.write_report(|| channels_page(&diagnosis))?;
+        match &self.output {
+            Some(_) if !kept && diagnosis.effects.is_empty() || diagnosis.verdict == Verdict::NotIdentifiable => {
+                voice.note(NOTHING_TO_WRITE);
+            }
+            Some(path) => known::write(&self.model, path, &diagnosis)?,
+            None => {}
+        }
+        voice.tell(&ChannelReport(diagnosis))
+    }
+
+    fn poses(&self, voice: Voice) -> anyhow::Result<()> {
+        self.rows.refuse_those_of_channels()?;
+        let arm = Arm::read(&self.model)?;
+        let which = Which { keep: self.rows.keep.clone(), hold_out: self.rows.held_out()? };
+        let (run, mut findings) = poses::read(&self.data, &self.rows.names()?, &which)?;
+        findings.extend(self.origin(&arm)?);
+        findings.extend(check(&arm, &run));
+        let wheel = voice.wheel("diagnosing");
+        let diagnosis = diagnose(&arm, &run, &Options { seed: self.seed, ..Options::default() });
+        wheel.finish_and_clear();
+        let mut diagnosis =
+            diagnosis.map_err(|error| anyhow::Error::new(error).context(self.data.display().to_string()))?;
+        let better = self.keep_terms && diagnosis.keep_terms() || diagnosis.verdict == Verdict::EffectFound;
+        let output = match &self.output {
+            Some(path) if better => {
+                diagnosis.corrected(&arm, &run).write(path)?;
+                Some(path.clone())
+            }
+            Some(_) => {
+                voice.note(NOTHING_TO_WRITE);
+                None
+            }
+            None => None,
+        };
+        let findings: Vec<String> = findings.iter().map(ToString::to_string).collect();
+        self.write_report(|| diagnosis_page(&diagnosis, &findings))?;
+        voice.tell(&Report { findings, diagnosis, output })
+    }
+
+    /// Compares the model of a recording with the arm.
+    fn origin(&self, arm: &Arm) -> anyhow::Result<Option<Finding>> {
+        let Some(origin) = Origin::find(&about(&self.data)?) else { return Ok(None) };
+        if self.other_model || origin.fits(arm) {
+            return Ok(origin.finding(arm));
+        }
+        Err(origin.refusal(&self.data, &self.model, arm).into())
+    }
+
+    fn write_report(&self, page: impl FnOnce() -> Markup) -> anyhow::Result<()> {
+        let Some(path) = &self.report else { return Ok(()) };
+        std::fs::write(path, page().into_string()).with_context(|| format!("{} cannot be written", path.display()))
+    }
+}
+
+impl RowOptions {
+    fn names(&self) -> anyhow::Result<measurement::table::Names> {
+        let pair = |text: &String| {
+            let parts = text.split_once('=').map(|(name, column)| (name.trim().to_string(), column.trim().to_string()));
+            parts.ok_or_else(|| Usage(format!("--map {text}: write NAME=COLUMN")).into())
+        };
+        self.map.iter().map(pair).collect()
+    }
+
+    fn held_out(&self) -> anyhow::Result<HoldOut> {
+        Ok(match (&self.hold_out, self.hold_out_last, &self.hold_out_each, &self.split) {
+            (Some(selection), ..) => HoldOut::Where(selection.clone()),
+            (_, Some(share), ..) if !(share > 0.0 && share < 1.0) => {
+                return Err(Usage(format!("--hold-out-last {share}: a share lies between 0 and 1")).into());
+            }
+            (_, Some(share), ..) => HoldOut::Last(share),
+            (.., Some(column), _) => HoldOut::Each(column.clone()),
+            (.., Some(column)) => HoldOut::Column(column.clone()),
+            _ => HoldOut::Own,
+        })
+    }
+
+    /// Poses are visits, not a signal: what filters and thins means nothing there, and laws stand in the arm file.
+    fn refuse_those_of_channels(&self) -> anyhow::Result<()> {
+        let given = [
+            ("--within", !self.within.is_empty(), "visits are parted by their column `run`: --map run=COLUMN"),
+            ("--rate", self.rate.is_some(), "poses need a column of time"),
+            ("--thin", self.thin.is_some(), "each row is a visit of its own: --where chooses rows"),
+            ("--lowpass", self.lowpass.is_some(), "each row is a visit of its own, there is no signal to filter"),
+            ("--interpolate", self.interpolate.is_some(), "each row is a visit of its own"),
+            ("--settled", self.settled.is_some(), "each row is a visit of its own: --where chooses rows"),
+            ("--always", !self.always.is_empty(), "write the effect into the arm file, its values are fitted again"),
+        ];
+        match given.into_iter().find(|(_, given, _)| *given) {
+            Some((option, _, what)) => {
+                Err(Usage(format!("{option} is for tables of channels, not for an arm file: {what}")).into())
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn options(&self, seed: u64) -> anyhow::Result<channels::Options> {
+        let preparation = Preparation {
+            keep: self.keep.clone(),
+            hold_out: self.held_out()?,
+            within: self.within.clone(),
+            rate_hz: positive("--rate", self.rate)?,
+            thin_hz: positive("--thin", self.thin)?,
+            lowpass_hz: positive("--lowpass", self.lowpass)?,
+            interpolate: self.interpolate.clone(),
+            settled_s: self.settled,
+        };
+        Ok(channels::Options { preparation, always: self.always.clone(), seed })
+    }
+}
+
+fn positive(option: &str, number: Option<f64>) -> anyhow::Result<Option<f64>> {
+    match number {
+        Some(number) if !(number > 0.0 && number.is_finite()) => {
+            Err(Usage(format!("{option} {number}: must be more than 0")).into())
+        }
+        number => Ok(number),
+    }
+}
+
+/// A number as people read it: lengths in mm, angles in degrees.
+fn readable(value: f64, unit: &str) -> (f64, String) {
+    match unit {
+        "m" => (1e3 * value, "mm".into()),
+        "rad" => (value.to_degrees(), "°".into()),
+        other => (value, other.into()),
+    }
+}
+
+/// What a diagnosis of channels says.
+#[derive(Serialize)]
+#[serde(transparent)]
+struct ChannelReport(ChannelDiagnosis);
+
+impl Answer for ChannelReport {
+    fn text(&self) -> String {
+        let ChannelDiagnosis { rows, error, plain, findings, repeatability, .. } = &self.0;
+        let (of_rows, of_file): (Vec<&String>, Vec<&String>) = findings.iter().partition(|f| f.starts_with("line "));
+        let told = of_file.into_iter().chain(of_rows.iter().copied().take(MOST_NOTES));
+        let mut lines: Vec<String> = told.map(|finding| format!("note: {finding}")).collect();
+        if of_rows.len() > MOST_NOTES {
+            lines.push(format!("note: and {} more rows, which --json tells", of_rows.len() - MOST_NOTES));
+        }
+        lines.extend(plain.clone());
+        lines.push(String::new());
+        let cells = |name: &str, n: usize, figure: Option<&Figure>, unit: &str| {
+            let numbers = figure.map_or(Vec::new(), |figure| {
+                let axes = figure.axes.iter().map(|axis| format!("{:.3}", readable(axis.value, axis.unit).0));
+                let (norm, unit) = readable(figure.norm.value, &figure.norm.unit);
+                axes.chain([format!("{norm:.3} {unit}")]).collect()
+            });
+            [vec![name.to_owned(), n.to_string(), unit.to_owned()], numbers].concat()
+        };
+        let names = error.before.train.axes.iter().map(|axis| format!("{}, {}", axis.axis, readable(0.0, axis.unit).1));
+        let head: Vec<String> =
+            ["error (RMS)", "rows", ""].map(str::to_owned).into_iter().chain(names).chain(["norm".into()]).collect();
+        lines.push(columns(&[
+            head,
+            cells("fitted", rows.train, Some(&error.before.train), "before"),
+            cells("", rows.train, Some(&error.after.train), "after"),
+            cells("held out", rows.heldout, error.before.heldout.as_ref(), "before"),
+            cells("", rows.heldout, error.after.heldout.as_ref(), "after"),
+        ]));
+        lines.extend(repeatability.as_ref().map(|scatter| {
+            let (value, unit) = readable(scatter.value, &scatter.unit);
+            format!("repeatability: {value:.3} {unit}")
+        }));
+        lines.join("\n")
+    }
+}
+
+impl Answer for Report {
+    fn text(&self) -> String {
+        let mut lines: Vec<String> = self.findings.iter().map(|finding| format!("note: {finding}")).collect();
+        lines.extend(self.diagnosis.plain.clone());
+        lines.extend(self.diagnosis.effects.iter().map(effect));
+        lines.push(String::new());
+        lines.push(self.errors());
+        lines.extend(self.output.as_ref().map(|path| format!("\nthe model with it is in {}", path.display())));
+        lines.join("\n")
+    }
+}
+
+fn effect(found: &Found) -> String {
+    let values = found.parameters.iter().map(|parameter| {
+        let [low, high] = parameter.ci95;
+        let unit = if parameter.unit == "1" { String::new() } else { format!(" {}", parameter.unit) };
+        format!("{} {:.6}{unit} (95 %: {low:.6} to {high:.6})", parameter.name, parameter.value)
+    });
+    format!("  {}, {}: {}", found.law, found.place_name, values.collect::<Vec<_>>().join(", "))
+}
+
+impl Report {
+    /// Errors before and after, on rows that the fit saw and on those that it did not.
+    fn errors(&self) -> String {
+        let Diagnosis { rows, error, repeatability, .. } = &self.diagnosis;
+        let mm = |figure: &ErrorFigure| format!("{:.3} mm", 1e3 * figure.distance_m);
+        let optional = |figure: &Option<ErrorFigure>| figure.as_ref().map_or("-".to_owned(), mm);
+        let head = ["error (RMS distance)", "rows", "before", "after"].map(str::to_owned).to_vec();
+        let fitted = vec!["fitted".into(), rows.train.to_string(), mm(&error.before.train), mm(&error.after.train)];
+        let heldout = vec![
+            "held out".into(),
+            rows.heldout.to_string(),
+            optional(&error.before.heldout),
+            optional(&error.after.heldout),
+        ];
+        let repeats =
+            repeatability.as_ref().map_or("not measured".to_owned(), |r| format!("{:.3} mm", 1e3 * r.distance_m));
+        let held_out = &self.diagnosis.held_out;
+        format!("{}\nheld out: {held_out}; repeatability: {repeats}", columns(&[head, fitted, heldout]))
+    }
+}

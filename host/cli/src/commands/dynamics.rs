@@ -1,0 +1,311 @@
+//! `darm dynamics`: the torques of a motion, the motion of torques, and the matrices between them.
+
+use darm_arm::arm::{Arm, ArmScratch};
+use darm_diagnose::diagnose::channels::torque;
+use darm_robot::robot::{Accelerations, Dynamics as Equation, Motion, Robot};
+use serde::Serialize;
+
+use super::jacobian::wrench;
+use super::subject::{Coordinate, Effects, Given, Posture, Subject, csv_line, frame_of, listed};
+use crate::failure::Usage;
+use crate::voice::{Answer, Voice, columns, number};
+
+const EXAMPLES: &str = "\
+Examples:
+  darm dynamics puma560.toml --q 0,45,-90,0,0,0                             what holds it still
+  darm dynamics puma560.toml --q 0,45,-90,0,0,0 --qd 10,20,0,0,0,0 --qdd 0,100,0,0,0,0
+  darm dynamics puma560.toml --q 0,45,-90,0,0,0 --torque 0,40,5,0,0,0       how it then accelerates
+  darm dynamics panda.urdf --wrench 0,0,0,0,0,-50 --frame panda_hand_tcp    something pulls 50 N down
+  darm dynamics tx40.urdf --postures run.csv --csv > torque.csv
+  darm dynamics tx40-2.toml --postures run.csv --csv                        with what `darm diagnose` found
+  darm dynamics humanoid.urdf --floating --torque 0,0,…                     how it falls
+  darm dynamics planar4.toml --word 010110011101                            what each leg bears
+
+Columns of a table: JOINT_deg, JOINT_deg_s, JOINT_deg_s2 (mm for sliding joints; rad and m too), and \
+ JOINT_nm or JOINT_n for --forward. Friction and the motors' own inertia are in the equation only where a model has \
+ them: one that `darm diagnose --write-model` wrote. Its rows are one motion, at the times of a column t_s.";
+
+/// Tell torques, mass matrix, Coriolis matrix, gravity and energies; or the accelerations of torques
+#[derive(clap::Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Dynamics {
+    #[command(flatten)]
+    given: Given,
+    /// Velocities, base first, in deg/s or mm/s
+    #[arg(long, value_name = "QD,QD,…", allow_hyphen_values = true, conflicts_with = "postures")]
+    qd: Option<String>,
+    /// Accelerations, in deg/s² or mm/s²
+    #[arg(long, value_name = "QDD,…", allow_hyphen_values = true, conflicts_with_all = ["postures", "torque"])]
+    qdd: Option<String>,
+    /// Torques in N m, forces in N: forward dynamics
+    #[arg(long, value_name = "T,T,…", allow_hyphen_values = true, conflicts_with = "postures")]
+    torque: Option<String>,
+    /// Forward dynamics of the torques in the table
+    #[arg(long, requires = "postures")]
+    forward: bool,
+    /// What the environment exerts on the frame, axes of the base: moments in N m, then forces in N
+    #[arg(long, value_name = "MX,MY,MZ,FX,FY,FZ", allow_hyphen_values = true)]
+    wrench: Option<String>,
+    /// The frame that the wrench acts on
+    #[arg(long, value_name = "LINK", requires = "wrench")]
+    frame: Option<String>,
+    /// Comma-separated values on the standard output: torques, or accelerations in deg/s² and mm/s²
+    #[arg(long)]
+    csv: bool,
+}
+
+#[derive(Serialize)]
+struct Report {
+    name: String,
+    joints: Vec<String>,
+    states: Vec<State>,
+    #[serde(skip)]
+    shown: Vec<Coordinate>,
+    #[serde(skip)]
+    csv: bool,
+}
+
+#[derive(Serialize)]
+struct State {
+    /// τ of the motion, N m or N.
+    torque: Vec<f64>,
+    /// What each joint bears of gravity alone.
+    gravity: Vec<f64>,
+    velocity_torque: Vec<f64>,
+    /// What the effects of a model add, in `torque` too.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    of_effects: Option<Vec<f64>>,
+    mass_matrix: Vec<Vec<f64>>,
+    coriolis_matrix: Vec<Vec<f64>>,
+    kinetic_j: f64,
+    potential_j: f64,
+    /// q̈ of the torques that were given, rad/s² or m/s².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    acceleration: Option<Vec<f64>>,
+    /// Rate of the twist of a free base, angular first, told in its frame, rad/s² and m/s².
+    #[serde(skip_serializing_if = "Option::is_none")]
+    base_acceleration: Option<[f64; 6]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    base: Option<Base>,
+}
+
+/// Of a floating base that is at rest: six rows, angular first, told in its frame.
+#[derive(Serialize)]
+struct Base {
+    load: [f64; 6],
+    mass: Vec<Vec<f64>>,
+    coupling: Vec<Vec<f64>>,
+}
+
+#[derive(Serialize)]
+struct ArmReport {
+    name: String,
+    actuators: Vec<ActuatorLoad>,
+}
+
+/// What a discrete actuator bears of all weights further out.
+#[derive(Serialize)]
+struct ActuatorLoad {
+    actuator: String,
+    load: f64,
+    unit: &'static str,
+}
+
+impl Dynamics {
+    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+        let (subject, effects) = match self.given.model()? {
+            Some((robot, effects)) => (Subject::Robot(Box::new(robot)), (!effects.known.is_empty()).then_some(effects)),
+            None => (self.given.subject()?, None),
+        };
+        if effects.is_some() && (self.torque.is_some() || self.forward) {
+            let what = "--torque and --forward: of a model with effects only the torques of a motion";
+            return Err(Usage(what.into()).into());
+        }
+        let (mut postures, notes) = self.given.postures(&subject)?;
+        notes.iter().for_each(|note| voice.note(note));
+        if let (Subject::Arm(arm), [posture]) = (&subject, &postures[..]) {
+            return voice.tell(&of_arm(arm, posture, &subject)?);
+        }
+        let shown = subject.coordinates();
+        let robot = subject.into_robot("dynamics --postures")?;
+        if let [posture] = &mut postures[..] {
+            self.complete(posture, &shown)?;
+        }
+        let mut states =
+            postures.iter().map(|posture| self.state(&robot, posture)).collect::<anyhow::Result<Vec<State>>>()?;
+        if let Some(effects) = &effects {
+            add(effects, &robot, &postures, &mut states)?;
+        }
+        let joints = shown.iter().map(|joint| joint.name.clone()).collect();
+        voice.tell(&Report { name: robot.name.clone(), joints, states, shown, csv: self.csv })
+    }
+
+    /// What the command line says of the motion.
+    fn complete(&self, posture: &mut Posture, joints: &[Coordinate]) -> Result<(), Usage> {
+        if let Some(qd) = &self.qd {
+            posture.qd = listed(qd, joints, "--qd")?;
+        }
+        if let Some(qdd) = &self.qdd {
+            posture.qdd = listed(qdd, joints, "--qdd")?;
+        }
+        if let Some(torque) = &self.torque {
+            let wrong = || Usage(format!("--torque {torque}: write {} numbers, in N m and N", joints.len()));
+            let numbers: Result<Vec<f64>, _> = torque.split(',').map(|cell| cell.trim().parse()).collect();
+            posture.torque = numbers.map_err(|_| wrong())?;
+            if posture.torque.len() != joints.len() || !posture.torque.iter().all(|t| t.is_finite()) {
+                return Err(wrong());
+            }
+        }
+        Ok(())
+    }
+
+    fn state(&self, robot: &Robot, posture: &Posture) -> anyhow::Result<State> {
+        let load = match &self.wrench {
+            Some(text) => Some((frame_of(robot, self.frame.as_deref())?, wrench(text, "--wrench")?)),
+            None => None,
+        };
+        let motion = Motion { state: [&posture.q, &posture.qd, &posture.qdd], load };
+        let equation = robot.dynamics(&motion)?;
+        let is_forward = self.torque.is_some() || self.forward;
+        let acceleration = if is_forward { Some(accelerations(robot, &motion, &posture.torque)?) } else { None };
+        Ok(state(equation, acceleration))
+    }
+}
+
+fn accelerations(robot: &Robot, motion: &Motion<'_>, torque: &[f64]) -> anyhow::Result<Accelerations> {
+    if torque.is_empty() {
+        return Err(Usage("the table has no torques: columns JOINT_nm or JOINT_n".into()).into());
+    }
+    let massless = || anyhow::anyhow!("the mass matrix is singular: a joint of {} moves no mass", robot.name);
+    robot.accelerations(motion, torque)?.ok_or_else(massless)
+}
+
+/// Adds what the effects of a model do.
+fn add(effects: &Effects, robot: &Robot, postures: &[Posture], states: &mut [State]) -> anyhow::Result<()> {
+    let motion: Vec<[&[f64]; 3]> = postures.iter().map(|p| [&p.q[..], &p.qd, &p.qdd]).collect();
+    let times_s: Vec<f64> = postures.iter().map(|posture| posture.time_s).collect();
+    let more = torque::added(robot, effects.transmission.as_ref(), &effects.known, &motion, &times_s)?;
+    for (state, more) in states.iter_mut().zip(more) {
+        state.torque.iter_mut().zip(&more).for_each(|(torque, more)| *torque += more);
+        state.of_effects = Some(more);
+    }
+    Ok(())
+}
+
+fn state(equation: Equation, acceleration: Option<Accelerations>) -> State {
+    let rows = |matrix: &nalgebra::DMatrix<f64>| -> Vec<Vec<f64>> {
+        matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
+    };
+    let base = equation.base.as_ref().map(|base| {
+        let (n, f) = (&base.load.moment, &base.load.force);
+        let mass = base.mass.row_iter().map(|row| row.iter().copied().collect()).collect();
+        Base { load: [n.x, n.y, n.z, f.x, f.y, f.z], mass, coupling: rows(&base.coupling) }
+    });
+    let (joints, of_base) = acceleration.map_or((None, None), |found| (Some(found.joints), found.base));
+    State {
+        mass_matrix: rows(&equation.mass),
+        coriolis_matrix: rows(&equation.coriolis),
+        torque: equation.torque,
+        of_effects: None,
+        gravity: equation.gravity,
+        velocity_torque: equation.velocity_torque,
+        kinetic_j: equation.kinetic_j,
+        potential_j: equation.potential_j,
+        acceleration: joints,
+        base_acceleration: of_base.map(|rate| rate.to_vector().into()),
+        base,
+    }
+}
+
+fn of_arm(arm: &Arm, posture: &Posture, subject: &Subject) -> anyhow::Result<ArmReport> {
+    let (model, mut scratch) = (&arm.model, ArmScratch::default());
+    model.predict(&model.nominal(posture.word, &posture.q), &mut scratch)?;
+    let loads = model.loads(&scratch);
+    let discrete = subject.columns().into_iter().skip(arm.n_servos());
+    let actuators = discrete.zip(model.chain.actuators()).map(|(actuator, (stage, leg))| ActuatorLoad {
+        load: loads[stage][leg],
+        unit: actuator.load_unit(),
+        actuator: actuator.name,
+    });
+    Ok(ArmReport { name: arm.name.clone(), actuators: actuators.collect() })
+}
+
+impl Answer for ArmReport {
+    fn text(&self) -> String {
+        let head = ["actuator", "bears", ""].map(str::to_owned).to_vec();
+        let rows = self.actuators.iter().map(|a| vec![a.actuator.clone(), format!("{:.3}", a.load), a.unit.to_owned()]);
+        let table = columns(&std::iter::once(head).chain(rows).collect::<Vec<_>>());
+        format!("{table}\n\nthe weights of {} at rest; compression is positive, or what drives an angle up", self.name)
+    }
+}
+
+impl Answer for Report {
+    fn text(&self) -> String {
+        if self.csv {
+            return self.table();
+        }
+        let states: Vec<_> = self.states.iter().enumerate().map(|(index, state)| self.one(index, state)).collect();
+        states.join("\n\n")
+    }
+}
+
+impl Report {
+    fn table(&self) -> String {
+        let is_forward = self.states.iter().any(|state| state.acceleration.is_some());
+        let head = self.shown.iter().map(|joint| match is_forward {
+            true => format!("{}_{}_s2", joint.name, joint.unit()),
+            false => format!("{}_{}", joint.name, joint.load_unit().replace(' ', "").to_lowercase()),
+        });
+        let rows = self.states.iter().enumerate().map(|(index, state)| {
+            let numbers: Vec<f64> = match &state.acceleration {
+                Some(qdd) => qdd.iter().zip(&self.shown).map(|(qdd, joint)| joint.shown(*qdd)).collect(),
+                None => state.torque.clone(),
+            };
+            csv_line(std::iter::once((index + 1).to_string()).chain(numbers.iter().map(|x| format!("{x:?}"))))
+        });
+        let head = csv_line(std::iter::once("posture".to_owned()).chain(head));
+        std::iter::once(head).chain(rows).collect::<Vec<_>>().join("\n")
+    }
+
+    fn one(&self, index: usize, state: &State) -> String {
+        let mut text = String::new();
+        if self.states.len() > 1 {
+            text += &format!("posture {}\n", index + 1);
+        }
+        let mut head = vec!["joint", "torque", "of gravity", "of velocity"];
+        head.extend(state.of_effects.as_ref().map(|_| "of effects"));
+        head.push("");
+        if state.acceleration.is_some() {
+            head.push("acceleration of the torques");
+        }
+        let mut rows = vec![head.into_iter().map(str::to_owned).collect::<Vec<_>>()];
+        for (k, joint) in self.shown.iter().enumerate() {
+            let of = |numbers: &[f64]| number(numbers.get(k).copied().unwrap_or(0.0), 4);
+            let mut row = vec![joint.name.clone(), of(&state.torque), of(&state.gravity), of(&state.velocity_torque)];
+            row.extend(state.of_effects.as_ref().map(|more| of(more)));
+            row.push(joint.load_unit().to_owned());
+            if let Some(qdd) = state.acceleration.as_ref().and_then(|qdd| qdd.get(k)) {
+                row.push(format!("{} {}/s²", number(joint.shown(*qdd), 3), joint.unit()));
+            }
+            rows.push(row);
+        }
+        text += &columns(&rows);
+        let matrix = |rows: &[Vec<f64>]| {
+            columns(&rows.iter().map(|row| row.iter().map(|x| number(*x, 4)).collect()).collect::<Vec<_>>())
+        };
+        text += &format!("\n\nmass matrix M, per rad or m\n{}", matrix(&state.mass_matrix));
+        if state.velocity_torque.iter().any(|torque| *torque != 0.0) {
+            text += &format!("\n\nCoriolis matrix C, V = C q̇\n{}", matrix(&state.coriolis_matrix));
+        }
+        text += &format!("\n\nkinetic energy {:.4} J, potential {:.4} J", state.kinetic_j, state.potential_j);
+        if let Some(base) = &state.base {
+            let [a, b, c, x, y, z] = base.load;
+            text += &format!("\n\nload on the base that this takes: {a:.3} {b:.3} {c:.3} N m, {x:.3} {y:.3} {z:.3} N");
+        }
+        if let Some([a, b, c, x, y, z]) = state.base_acceleration {
+            let [a, b, c] = [a, b, c].map(f64::to_degrees);
+            text += &format!("\n\nthe free base accelerates by {a:.2} {b:.2} {c:.2} °/s², {x:.3} {y:.3} {z:.3} m/s²");
+        }
+        text
+    }
+}

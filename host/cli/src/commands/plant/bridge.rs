@@ -1,0 +1,127 @@
+//! The firmware's library as a board at a socket, in real time: for computers without the emulator.
+
+use std::io::{ErrorKind, Read as _, Write as _};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use darm_device::clock::host_now_s;
+use darm_device::in_process::{InProcess, MemoryFlash};
+use darm_device::link::Link;
+use darm_device::plant::Plant;
+use darm_device::plant::camera::{Film, Frame};
+
+/// How often the board's time is brought up to the host's.
+const STEP: Duration = Duration::from_millis(1);
+/// A host that takes nothing for so long is let go.
+const SLOW: Duration = Duration::from_millis(500);
+
+/// A board that falls further behind has lost the time: its clock may fall behind the host's, never run ahead of it.
+const BEHIND_S: f64 = 0.01;
+
+/// The board and the thread that runs it.
+pub(crate) struct Bridge {
+    end: Arc<AtomicBool>,
+    thread: JoinHandle<()>,
+}
+
+impl Bridge {
+    /// Starts a board with this flash behind `port`; what its camera takes comes with the host's time.
+    pub(crate) fn start(
+        port: UnixListener,
+        plant: Plant,
+        flash: MemoryFlash,
+    ) -> std::io::Result<(Self, Receiver<Frame>)> {
+        port.set_nonblocking(true)?;
+        let board = InProcess::boot(plant, flash)?;
+        let end = Arc::new(AtomicBool::new(false));
+        let (link, film, seen) = (board.link(), board.film(), Arc::clone(&end));
+        let (frames, taken) = channel();
+        let thread = thread::Builder::new().name("bridge".into()).spawn(move || {
+            let mut cable = Cable { port, host: None, link, film, frames, started_s: host_now_s() };
+            while !seen.load(Ordering::Relaxed) && cable.step() {
+                thread::sleep(STEP);
+            }
+        })?;
+        Ok((Self { end, thread }, taken))
+    }
+
+    /// Whether the board still runs.
+    pub(crate) fn is_running(&self) -> bool {
+        !self.thread.is_finished()
+    }
+
+    /// Ends the board.
+    pub(crate) fn stop(self) {
+        self.end.store(true, Ordering::Relaxed);
+        // A panic of the thread has been printed already.
+        let _ = self.thread.join();
+    }
+}
+
+/// Between the board and the one host that holds the port.
+struct Cable {
+    port: UnixListener,
+    host: Option<UnixStream>,
+    link: Box<dyn Link>,
+    film: Film,
+    frames: Sender<Frame>,
+    /// Host time of the board's time 0; later where the board has lost time.
+    started_s: f64,
+}
+
+impl Cable {
+    /// Brings the board's time up to the host's and moves bytes both ways; false once the board has ended.
+    fn step(&mut self) -> bool {
+        if self.host.is_none() {
+            self.host = self.port.accept().ok().and_then(|(host, _)| plugged(host));
+        }
+        let mut bytes = [0; 1024];
+        if let Some(received) = self.host.as_mut().map(|host| host.read(&mut bytes)) {
+            match received {
+                Ok(0) => self.host = None,
+                Ok(count) if self.link.send(&bytes[..count]).is_err() => return false,
+                Err(error) if !matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {
+                    self.host = None;
+                }
+                Ok(_) | Err(_) => {}
+            }
+        }
+        let lost_s = host_now_s() - self.started_s - self.link.now_s() - BEHIND_S;
+        self.started_s += lost_s.max(0.0);
+        let running = self.catch_up(&mut bytes);
+        for frame in self.film.take() {
+            // Nobody looks any more once the board is to end.
+            let _ = self.frames.send(Frame { at_s: frame.at_s + self.started_s, ..frame });
+        }
+        running
+    }
+
+    fn catch_up(&mut self, bytes: &mut [u8]) -> bool {
+        loop {
+            let behind_s = host_now_s() - self.started_s - self.link.now_s();
+            let Ok(wait) = Duration::try_from_secs_f64(behind_s) else { return true };
+            let Ok(count) = self.link.receive(bytes, wait) else { return false };
+            if count == 0 {
+                return true;
+            }
+            if self.host.as_mut().is_some_and(|host| write(host, &bytes[..count]).is_err()) {
+                self.host = None;
+            }
+        }
+    }
+}
+
+fn plugged(host: UnixStream) -> Option<UnixStream> {
+    host.set_write_timeout(Some(SLOW)).and_then(|()| host.set_nonblocking(true)).ok()?;
+    Some(host)
+}
+
+fn write(host: &mut UnixStream, bytes: &[u8]) -> std::io::Result<()> {
+    host.set_nonblocking(false)?;
+    host.write_all(bytes)?;
+    host.set_nonblocking(true)
+}

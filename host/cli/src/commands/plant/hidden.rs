@@ -1,0 +1,56 @@
+//! What may be wrong with the arm without its file saying so.
+
+use std::str::FromStr;
+
+use darm_arm::arm::frames::{DesiredFrame, Weights};
+use darm_arm::arm::{Arm, ArmScratch};
+use darm_diagnose::diagnose::programme::candidates;
+use darm_diagnose::truth::{Kind, Truth, TruthError};
+
+/// Words whose frames the effect's size is measured at.
+const WORDS: usize = 5;
+
+/// A kind of effect, or any.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Effect {
+    /// One that the seed draws.
+    Any,
+    /// This one.
+    Of(Kind),
+}
+
+impl FromStr for Effect {
+    type Err = <Kind as FromStr>::Err;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        if text == "any" { Ok(Self::Any) } else { text.parse().map(Self::Of) }
+    }
+}
+
+impl Effect {
+    /// The arm with this effect in it, large enough to be seen at a few words.
+    pub(crate) fn draw(self, arm: &Arm, seed: u64) -> Result<Truth, TruthError> {
+        let kind = match self {
+            Self::Any => None,
+            Self::Of(kind) => Some(kind),
+        };
+        Truth::draw(arm, &frames(arm, seed), seed, kind)
+    }
+}
+
+/// The arm's own frames for a few words.
+fn frames(arm: &Arm, seed: u64) -> Vec<DesiredFrame> {
+    let mut scratch = ArmScratch::default();
+    let frame = |step: darm_diagnose::diagnose::programme::Step| {
+        let pose = arm.model.predict(&arm.model.nominal(step.word, &step.servos_rad), &mut scratch).ok()?;
+        Some(DesiredFrame {
+            name: step.word.to_string(),
+            word: step.word,
+            previous: step.previous,
+            servos_rad: step.servos_rad,
+            pose_base_tool: pose,
+            weights: Weights::default(),
+        })
+    };
+    candidates(arm, seed).into_iter().take(WORDS).filter_map(frame).collect()
+}

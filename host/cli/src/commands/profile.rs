@@ -1,0 +1,311 @@
+//! `darm profile`: what is wired to a board, and the limits that no table can exceed.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use darm_arm::arm::Arm;
+use darm_arm::board_profile::BoardProfile;
+use darm_arm::migrate;
+use darm_arm::wired_arm::WiredArm;
+use darm_core::units::Digest;
+use darm_core::wire::message::{OutputState, Refusal};
+use darm_device::client::{Client, ClientError};
+use serde::Serialize;
+
+use crate::port::PortArgs;
+use crate::voice::{Answer, Voice, columns};
+
+const EXAMPLES: &str = "\
+Examples:
+  darm profile make arm.toml -o profile.toml     a cautious first profile, to be edited by a person
+  darm profile check profile.toml --arm arm.toml whether it has what the arm needs
+  darm profile write profile.toml                store it on the board; hold its user button meanwhile
+  darm profile show                              what the board has, and what is left of each output's limits
+
+A board takes a profile only while a person holds its user button (B2, blue, on the B-L475E-IOT01A), \
+then restarts with it. A table can tighten a profile and never widen it. Without a profile a board \
+drives 16 outputs for at most 1 s in 10 s, one at a time, and no servo.
+
+An arm file of format 1 carried the drives and limits of its board. To bring arm and board over:
+  darm profile migrate old.toml -o arm.toml --profile profile.toml
+  darm profile write profile.toml                once, holding the board's user button
+  darm table arm.toml …                          make every table again, and upload it";
+
+/// How long `write` waits for the button, and for the board's restart.
+const BUTTON_LIMIT: Duration = Duration::from_secs(60);
+const RESTART_LIMIT: Duration = Duration::from_secs(10);
+const POLL: Duration = Duration::from_millis(200);
+
+/// Make, check, write and show what is wired to a board and the limits that no table can exceed
+#[derive(clap::Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Command {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(clap::Subcommand, Debug)]
+enum What {
+    /// Make a cautious first profile for the outputs and servos that an arm names, to be edited by a person
+    Make {
+        /// The arm
+        #[arg(value_name = "ARM.toml")]
+        arm: PathBuf,
+        /// The profile
+        #[arg(short, long, value_name = "PROFILE.toml")]
+        output: PathBuf,
+        /// Overwrite the file
+        #[arg(long)]
+        force: bool,
+    },
+    /// Split an arm file of format 1 into an arm file of this version and the profile of its board
+    Migrate {
+        /// The arm file of format 1
+        #[arg(value_name = "OLD_ARM.toml")]
+        old: PathBuf,
+        /// The new arm file; it names the profile and keeps comments and layout
+        #[arg(short, long, value_name = "NEW_ARM.toml")]
+        output: PathBuf,
+        /// The profile
+        #[arg(long, value_name = "PROFILE.toml")]
+        profile: PathBuf,
+        /// Overwrite the files
+        #[arg(long)]
+        force: bool,
+    },
+    /// Check a profile; with --arm, whether it has the outputs, limit switches and servos that the arm needs
+    Check {
+        /// The profile
+        #[arg(value_name = "PROFILE.toml")]
+        profile: PathBuf,
+        /// An arm that is to run under it
+        #[arg(long, value_name = "ARM.toml")]
+        arm: Option<PathBuf>,
+    },
+    /// Store a profile on the board while a person holds its user button; the board restarts with it
+    Write {
+        /// The profile
+        #[arg(value_name = "PROFILE.toml", required_unless_present = "arm")]
+        profile: Option<PathBuf>,
+        /// The profile that this arm names, in place of a file
+        #[arg(long, value_name = "ARM.toml", conflicts_with = "profile")]
+        arm: Option<PathBuf>,
+        #[command(flatten)]
+        port: PortArgs,
+    },
+    /// Show the profile of the board, and what is left of the limits of each output
+    Show {
+        #[command(flatten)]
+        port: PortArgs,
+    },
+}
+
+/// Why a profile was not written or does not fit.
+#[derive(Debug, thiserror::Error)]
+enum ProfileCommandError {
+    #[error("the board does not see its user button held; hold it and give the command again")]
+    NobodyPresent,
+    #[error("the board did not come back with the profile within {} s; look at `darm status`", RESTART_LIMIT.as_secs())]
+    NoRestart,
+    #[error("{} names no profile; give PROFILE.toml, or add `profile = \"PROFILE.toml\"` to the arm file", .0.display())]
+    NoProfile(PathBuf),
+    #[error("{} exists; --force overwrites it", .0.display())]
+    Exists(PathBuf),
+}
+
+#[derive(Serialize)]
+struct Made {
+    file: Option<PathBuf>,
+    name: String,
+    digest: String,
+    outputs: usize,
+    servos: usize,
+    #[serde(skip)]
+    done: &'static str,
+}
+
+impl Made {
+    fn new(profile: &BoardProfile, file: Option<&Path>, done: &'static str) -> Self {
+        Self {
+            file: file.map(Path::to_owned),
+            name: profile.name.clone(),
+            digest: profile.profile.digest.to_string(),
+            outputs: profile.profile.outputs.iter().flatten().count(),
+            servos: profile.profile.servos.len(),
+            done,
+        }
+    }
+}
+
+impl Answer for Made {
+    fn text(&self) -> String {
+        let file = self.file.as_ref().map_or(String::new(), |file| format!(" in {}", file.display()));
+        let short = self.digest.get(..16).unwrap_or(&self.digest);
+        format!(
+            "profile \"{}\" {short}: {} outputs, {} servos; {}{file}",
+            self.name, self.outputs, self.servos, self.done
+        )
+    }
+}
+
+#[derive(Serialize)]
+struct Shown {
+    profile: String,
+    built_in: bool,
+    outputs: Vec<OutputReport>,
+}
+
+#[derive(Serialize)]
+struct OutputReport {
+    output: u8,
+    max_on_s: f64,
+    duty_percent: u8,
+    window_s: f64,
+    left_s: f64,
+    recovery_s: f64,
+}
+
+impl From<&OutputState> for OutputReport {
+    fn from(state: &OutputState) -> Self {
+        let seconds = |ms: u32| f64::from(ms) / 1000.0;
+        Self {
+            output: state.output,
+            max_on_s: seconds(state.limit.max_on_ms),
+            duty_percent: state.limit.duty_percent,
+            window_s: seconds(state.limit.window_ms),
+            left_s: seconds(state.left_ms),
+            recovery_s: seconds(state.recovery_ms),
+        }
+    }
+}
+
+impl Answer for Shown {
+    fn text(&self) -> String {
+        let head = match self.built_in {
+            true => "the board has no profile: the limits are those built in, servos are off".to_owned(),
+            false => format!("profile {}", self.profile.get(..16).unwrap_or(&self.profile)),
+        };
+        let titles = ["output", "longest on", "duty", "window", "left now", "all free in"].map(str::to_owned).to_vec();
+        let row = |output: &OutputReport| {
+            vec![
+                output.output.to_string(),
+                format!("{:.1} s", output.max_on_s),
+                format!("{} %", output.duty_percent),
+                format!("{:.1} s", output.window_s),
+                format!("{:.1} s", output.left_s),
+                format!("{:.0} s", output.recovery_s),
+            ]
+        };
+        let rows: Vec<_> = std::iter::once(titles).chain(self.outputs.iter().map(row)).collect();
+        format!("{head}\n\n{}", columns(&rows))
+    }
+}
+
+impl Command {
+    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+        match &self.what {
+            What::Make { arm, output, force } => make(arm, output, *force, voice),
+            What::Migrate { old, output, profile, force } => migrate(old, output, profile, *force, voice),
+            What::Check { profile, arm } => check(profile, arm.as_deref(), voice),
+            What::Write { profile, arm, port } => {
+                let profile = match (profile, arm) {
+                    (Some(path), _) => BoardProfile::read(path)?,
+                    (None, Some(arm)) => named_by(arm)?,
+                    (None, None) => unreachable!("the command line asks for one of the two"),
+                };
+                let mut client = port.connect()?;
+                if has(&mut client, &profile) {
+                    return voice.tell(&Made::new(&profile, None, "in force on the board already"));
+                }
+                voice.note("hold the user button of the board");
+                write(&mut client, &profile)?;
+                voice.tell(&Made::new(&profile, None, "stored; the board has restarted with it"))
+            }
+            What::Show { port } => show(&mut port.connect()?, voice),
+        }
+    }
+}
+
+/// The profile that an arm file names.
+fn named_by(arm: &Path) -> anyhow::Result<BoardProfile> {
+    let profile = Arm::read(arm)?.profile.ok_or_else(|| ProfileCommandError::NoProfile(arm.into()))?;
+    Ok(BoardProfile::read(&profile)?)
+}
+
+fn make(arm: &Path, output: &Path, force: bool, voice: Voice) -> anyhow::Result<()> {
+    let profile = BoardProfile::first(&Arm::read(arm)?);
+    refuse_existing(&[output], force)?;
+    write_text(output, &profile.to_toml_with_advice())?;
+    // What the arm needs and a first profile cannot have is reported by its place in the arm file.
+    let profile = WiredArm::read(arm, Some(output))?.profile;
+    voice.tell(&Made::new(&profile, Some(output), "edit it before it is written to a board; written"))
+}
+
+fn migrate(old: &Path, output: &Path, profile: &Path, force: bool, voice: Voice) -> anyhow::Result<()> {
+    let made = migrate::read(old, output, profile)?;
+    refuse_existing(&[output, profile], force)?;
+    write_text(output, &made.arm)?;
+    write_text(profile, &made.profile.to_toml())?;
+    voice.note(&format!("the arm is in {}; make its tables again", output.display()));
+    voice.tell(&Made::new(&made.profile, Some(profile), "written"))
+}
+
+fn refuse_existing(paths: &[&Path], force: bool) -> Result<(), ProfileCommandError> {
+    match paths.iter().find(|path| path.exists() && !force) {
+        Some(path) => Err(ProfileCommandError::Exists(path.to_path_buf())),
+        None => Ok(()),
+    }
+}
+
+fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
+    std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
+}
+
+fn check(path: &Path, arm: Option<&Path>, voice: Voice) -> anyhow::Result<()> {
+    let profile = match arm {
+        Some(arm) => WiredArm::read(arm, Some(path))?.profile,
+        None => BoardProfile::read(path)?,
+    };
+    voice.tell(&Made::new(&profile, Some(path), "sound"))
+}
+
+/// Stores a profile and waits until the board is back with it.
+pub(crate) fn write(client: &mut Client, profile: &BoardProfile) -> anyhow::Result<()> {
+    let start = Instant::now();
+    loop {
+        match client.upload(&profile.image(), &mut |_| {}) {
+            Ok(_) => break,
+            // Its answer was lost in the restart.
+            Err(ClientError::Refused(Refusal::NobodyPresent)) if has(client, profile) => return Ok(()),
+            Err(ClientError::Refused(Refusal::NobodyPresent)) if start.elapsed() < BUTTON_LIMIT => {
+                std::thread::sleep(POLL)
+            }
+            Err(ClientError::Refused(Refusal::NobodyPresent)) => return Err(ProfileCommandError::NobodyPresent.into()),
+            Err(error) => return Err(error.into()),
+        }
+    }
+    let start = Instant::now();
+    while start.elapsed() < RESTART_LIMIT {
+        // While the board restarts nobody answers.
+        if has(client, profile) {
+            return Ok(());
+        }
+        std::thread::sleep(POLL);
+    }
+    Err(ProfileCommandError::NoRestart.into())
+}
+
+fn has(client: &mut Client, profile: &BoardProfile) -> bool {
+    client.say_hello().is_ok_and(|hello| hello.profile == profile.profile.digest)
+}
+
+fn show(client: &mut Client, voice: Voice) -> anyhow::Result<()> {
+    let profile = client.say_hello()?.profile;
+    let outputs = client.outputs()?;
+    voice.tell(&Shown {
+        profile: profile.to_string(),
+        built_in: profile == Digest::default(),
+        outputs: outputs.iter().map(OutputReport::from).collect(),
+    })
+}

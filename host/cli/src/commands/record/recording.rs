@@ -1,0 +1,172 @@
+//! A recording that is under way: follows the program, joins its visits with pictures, writes rows.
+
+use std::collections::VecDeque;
+
+use darm_device::client::Client;
+use darm_diagnose::measurement::Sample;
+
+use super::follow::Follow;
+use super::join::{Span, join};
+use super::output::Output;
+use super::program::{POLL, Program};
+use super::source::{Camera, CameraError};
+use crate::commands::camera::unix_less_host_s;
+use crate::commands::play::End;
+use crate::commands::visits::Visits;
+
+/// A camera's pictures arrive within this time.
+const CAMERA_DELAY_S: f64 = 2.0;
+
+/// A recording that is under way.
+pub(crate) struct Recording<'a> {
+    pub(crate) visits: &'a Visits,
+    pub(crate) follow: Follow<'a>,
+    pub(crate) program: Program,
+    pub(crate) camera: Camera,
+    pub(crate) output: Output,
+    /// Number of the run in the file.
+    pub(crate) run: u32,
+    /// Visits that are over and wait for their pictures.
+    waiting: VecDeque<(usize, Span)>,
+    /// The camera keeps its pictures, and visits from before this process are joined once the clock is known best.
+    at_end: bool,
+    begun: bool,
+    /// Why there are no more pictures.
+    camera_error: Option<CameraError>,
+}
+
+impl<'a> Recording<'a> {
+    /// A recording of a program that starts now, or goes on where `follow` has its start.
+    pub(crate) fn new(
+        visits: &'a Visits,
+        follow: Follow<'a>,
+        program: Program,
+        camera: Camera,
+        output: Output,
+        run: u32,
+    ) -> Self {
+        let resumed = follow.start_s.is_some();
+        let at_end = resumed && camera.is_file();
+        let waiting = VecDeque::new();
+        Self { visits, follow, program, camera, output, run, waiting, at_end, begun: resumed, camera_error: None }
+    }
+
+    /// Follows the program to its end, or until the user has interrupted it, and writes each visit when its pictures have
+    /// come. Afterwards all visits that are over are written.
+    pub(crate) fn until_the_end(&mut self, mut on_visit: impl FnMut(usize)) -> anyhow::Result<End> {
+        let end = loop {
+            std::thread::sleep(POLL);
+            let interrupted = self.program.interrupt.interrupted().is_some();
+            let looked = self.look();
+            on_visit(self.follow.next);
+            match (looked, self.program.watch.end) {
+                (Ok(()), Some(end)) => break Ok(end),
+                _ if interrupted => break Ok(End::Stopped),
+                (Ok(()), None) => {}
+                (Err(error), _) => break Err(error),
+            }
+        };
+        self.at_end = false;
+        self.collect();
+        let camera = self.camera.finish();
+        self.write(true)?;
+        let end = end?;
+        self.camera_error.take().map_or(camera, Err)?;
+        Ok(end)
+    }
+
+    fn look(&mut self) -> anyhow::Result<()> {
+        if self.camera_error.is_none() {
+            // The program runs on, and so does the recording of what was seen.
+            self.camera_error = self.camera.look().err();
+        }
+        if let Some(happenings) = self.program.look()? {
+            let watch = &self.program.watch;
+            self.follow.look(&happenings, watch.end.and(watch.ended_s));
+            self.begin()?;
+            self.collect();
+        }
+        self.write(false)
+    }
+
+    /// Writes the comment lines once the program's start is known.
+    fn begin(&mut self) -> anyhow::Result<()> {
+        let (false, Some(start_s)) = (self.begun, self.follow.start_s) else { return Ok(()) };
+        self.begun = true;
+        let client = &self.program.client;
+        let about = format!(
+            "{}{}# program_start_s {start_s:.6}\n{}",
+            table_lines(self.visits),
+            board_lines(client),
+            clock_lines(client)
+        );
+        self.output.begin(&about)
+    }
+
+    /// Takes the visits that are over.
+    fn collect(&mut self) {
+        if !self.at_end {
+            let client = &self.program.client;
+            self.waiting.extend(self.follow.over(client.clock(), client.now_s()));
+        }
+    }
+
+    /// Writes the visits whose pictures have come; all of them at the `end`.
+    fn write(&mut self, end: bool) -> anyhow::Result<()> {
+        while let Some(&(visit, span)) = self.waiting.front() {
+            let seen = self.camera.pictures().last().is_some_and(|picture| picture.time_s >= span.to_s);
+            let unix_s = self.program.client.now_s() + unix_less_host_s();
+            let late = !self.camera.is_file() && unix_s > span.to_s + CAMERA_DELAY_S;
+            if !(end || seen || late) {
+                break;
+            }
+            self.waiting.pop_front();
+            if let Some(sample) = self.sample(visit, &span) {
+                let planar = self.camera.is_planar().unwrap_or(sample.pose.is_planar());
+                self.output.row(sample, planar)?;
+            }
+            self.camera.forget_before(span.to_s);
+        }
+        Ok(())
+    }
+
+    fn sample(&self, visit: usize, span: &Span) -> Option<Sample> {
+        let (rest, start_s) = (self.visits.rests.get(visit)?, self.follow.start_s?);
+        let sample = join(rest, visit, span, self.camera.pictures())?;
+        Some(Sample { run: self.run, time_s: start_s + sample.time_s, ..sample })
+    }
+
+    /// The visits that are over and have no row.
+    pub(crate) fn not_recovered(&self) -> Vec<usize> {
+        let samples = self.output.samples.iter().filter(|sample| sample.run == self.run);
+        let recorded: Vec<usize> = samples.map(|sample| sample.visit as usize).collect();
+        (0..self.follow.next).filter(|visit| !recorded.contains(visit)).collect()
+    }
+}
+
+/// Which table was played, as comment lines.
+fn table_lines(visits: &Visits) -> String {
+    let Visits { model, geometry, table, .. } = visits;
+    format!("# model {model}\n# geometry {geometry}\n# table {table}\n")
+}
+
+/// Which board played it, as comment lines.
+fn board_lines(client: &Client) -> String {
+    let device = client.identity().device;
+    let hello = client.hello().map(|hello| format!("# profile {}\n# boot {}\n", hello.profile, hello.boots));
+    format!("# board {device}\n{}", hello.unwrap_or_default())
+}
+
+/// What is known of the board's clock, as comment lines.
+pub(crate) fn clock_lines(client: &Client) -> String {
+    let rate = client.clock().rate();
+    let offset = client.clock().offset().map_or(String::new(), |offset| {
+        format!("# clock_offset_s {:.6}\n# clock_uncertainty_s {:.6}\n", offset.at_s, offset.uncertainty_s)
+    });
+    format!(
+        "{offset}# clock_rate_error_ppm {:.1}\n# clock_rate_uncertainty_ppm {:.1}\n# clock_lost_s {:.6}\n",
+        1e6 * rate.error,
+        1e6 * rate.uncertainty,
+        client.clock().lost_s()
+    )
+}

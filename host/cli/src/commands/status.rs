@@ -1,0 +1,250 @@
+//! `darm status`: who the board is, what it holds, what it does, what was wrong.
+
+use darm_core::sequencer::{Fault, Phase, ServoSeen};
+use darm_core::units::{Digest, Micros};
+use darm_core::wire::bootstrap::{Death, DeathKind};
+use darm_core::wire::message::{self, OutputState};
+use darm_device::client::Client;
+use serde::Serialize;
+
+use crate::failure::Safe;
+use crate::port::PortArgs;
+use crate::voice::{Answer, Voice};
+
+const EXAMPLES: &str = "\
+Examples:
+  darm status                   what the board does, holds and sees; exit code 3 in the safe state
+  darm --json status | jq .phase";
+
+/// The board rounds to whole milliseconds.
+const ROUNDING_MS: u64 = 1;
+
+/// Who the board is, what it holds, what it does and what was wrong
+#[derive(clap::Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Status {
+    #[command(flatten)]
+    port: PortArgs,
+}
+
+#[derive(Serialize)]
+struct Report {
+    port: String,
+    board: String,
+    device: String,
+    firmware: String,
+    phase: &'static str,
+    fault: Option<FaultReport>,
+    row: Option<u16>,
+    word: String,
+    rows: u16,
+    model: Option<String>,
+    /// Digest of the table.
+    table: Option<String>,
+    /// Digest of the board profile; none of the one that is built in.
+    profile: Option<String>,
+    /// Outputs that have used up a part of their limits.
+    recovering: Vec<Recovering>,
+    switches_closed: Vec<u8>,
+    servos: Vec<ServoReport>,
+    boots: u32,
+    bad_frames: u32,
+    worst_lateness_us: u32,
+    died: Option<String>,
+    up_s: Option<f64>,
+}
+
+#[derive(Serialize)]
+pub(super) struct Recovering {
+    output: u8,
+    /// How long it may still be on in the present window.
+    left_s: f64,
+    /// After so long without current all of its window is free.
+    recovery_s: f64,
+}
+
+#[derive(Serialize)]
+struct FaultReport {
+    text: String,
+    at_s: f64,
+    row: Option<u16>,
+}
+
+#[derive(Serialize)]
+struct ServoReport {
+    angle_deg: f32,
+    load_percent: f32,
+    error_bits: u8,
+    answered_s: Option<f64>,
+}
+
+impl Status {
+    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+        let mut client = self.port.connect()?;
+        let status = client.status()?;
+        let outputs = client.outputs()?;
+        let died = client.last_death()?.as_ref().map(death_text);
+        voice.tell(&report(&client, &status, &outputs, died))?;
+        match status.phase {
+            Phase::Safe(fault) => Err(Safe(fault.to_string()).into()),
+            _ => Ok(()),
+        }
+    }
+}
+
+fn report(client: &Client, status: &message::Status, outputs: &[OutputState], died: Option<String>) -> Report {
+    let [major, minor, patch] = client.version().firmware;
+    let (phase, row, fault) = phase(&status.phase);
+    Report {
+        port: client.port().to_owned(),
+        board: client.identity().board.to_string(),
+        device: client.identity().device.to_string(),
+        firmware: format!("{major}.{minor}.{patch}"),
+        phase,
+        fault,
+        row,
+        word: status.word.to_string(),
+        rows: status.rows,
+        model: status.model.map(|model| model.to_string()),
+        table: client.hello().and_then(|hello| hello.table).map(|table| table.to_string()),
+        profile: profile(client).map(|profile| profile.to_string()),
+        recovering: recovering(outputs),
+        switches_closed: (0..32).filter(|input| status.switches >> input & 1 == 1).collect(),
+        servos: status.servos.iter().map(servo).collect(),
+        boots: client.hello().map_or(0, |hello| hello.boots),
+        bad_frames: status.bad_frames,
+        worst_lateness_us: status.worst_lateness_us,
+        died,
+        up_s: client.clock().offset().map(|offset| client.now_s() - offset.at_s),
+    }
+}
+
+/// The profile that was written to the board; none where the built-in one is in force.
+pub(super) fn profile(client: &Client) -> Option<Digest> {
+    client.hello().map(|hello| hello.profile).filter(|profile| *profile != Digest::default())
+}
+
+/// The outputs that may be on for a shorter time than their duty allows, because they have lately been on.
+pub(super) fn recovering(outputs: &[OutputState]) -> Vec<Recovering> {
+    let seconds = |ms: u32| f64::from(ms) * 1e-3;
+    let used = |output: &&OutputState| {
+        let allowed_ms = u64::from(output.limit.window_ms) * u64::from(output.limit.duty_percent) / 100;
+        output.recovery_ms > 0 && u64::from(output.left_ms) + ROUNDING_MS < allowed_ms
+    };
+    let busy = outputs.iter().filter(used);
+    let report = |output: &OutputState| Recovering {
+        output: output.output,
+        left_s: seconds(output.left_ms),
+        recovery_s: seconds(output.recovery_ms),
+    };
+    busy.map(report).collect()
+}
+
+/// The same in a sentence.
+pub(super) fn recovery(recovering: &[Recovering]) -> String {
+    if recovering.is_empty() {
+        return "all limits free".to_owned();
+    }
+    let numbers: Vec<String> = recovering.iter().map(|output| output.output.to_string()).collect();
+    let longest_s = recovering.iter().map(|output| output.recovery_s).fold(0.0, f64::max);
+    format!("{} recovering, all limits free after {longest_s:.1} s without current", numbers.join(" "))
+}
+
+/// The first figures of a digest, as the texts of the board show it.
+fn short(digest: &str) -> &str {
+    digest.get(..16).unwrap_or(digest)
+}
+
+fn phase(phase: &Phase) -> (&'static str, Option<u16>, Option<FaultReport>) {
+    match phase {
+        Phase::Idle => ("idle", None, None),
+        Phase::Manual => ("manual", None, None),
+        Phase::Approaching { .. } => ("approaching", None, None),
+        Phase::Playing { next, .. } => ("playing", Some(*next), None),
+        Phase::Safe(fault) => ("safe", fault.row, Some(fault_report(fault))),
+    }
+}
+
+fn fault_report(fault: &Fault) -> FaultReport {
+    FaultReport { text: fault.kind.to_string(), at_s: seconds(fault.at), row: fault.row }
+}
+
+fn servo(seen: &ServoSeen) -> ServoReport {
+    ServoReport {
+        angle_deg: seen.angle_rad.to_degrees(),
+        load_percent: 100.0 * seen.load,
+        error_bits: seen.error,
+        answered_s: seen.answered.map(seconds),
+    }
+}
+
+pub(crate) fn seconds(at: Micros) -> f64 {
+    at.0 as f64 * 1e-6
+}
+
+fn death_text(death: &Death) -> String {
+    let kind = match death.kind {
+        DeathKind::Panic => "panic",
+        DeathKind::HardFault => "hard fault",
+        DeathKind::Watchdog => "watchdog",
+    };
+    let place = if death.pc == 0 { String::new() } else { format!(", pc {:#010x}", death.pc) };
+    format!("{kind} {:.3} s after its start{place}: {}", death.uptime_us as f64 * 1e-6, death.text)
+}
+
+impl Report {
+    fn doing(&self) -> String {
+        match (self.phase, &self.fault, self.row) {
+            (_, Some(fault), Some(row)) => format!("SAFE: {} at {:.3} s, row {row}", fault.text, fault.at_s),
+            (_, Some(fault), None) => format!("SAFE: {} at {:.3} s", fault.text, fault.at_s),
+            ("playing", _, Some(row)) => format!("playing, row {row} of {}", self.rows),
+            ("manual", ..) => "coils set by hand".to_owned(),
+            ("approaching", ..) => "servos go to the first row".to_owned(),
+            (phase, ..) => phase.to_owned(),
+        }
+    }
+}
+
+impl Answer for Report {
+    fn text(&self) -> String {
+        let closed: Vec<String> = self.switches_closed.iter().map(u8::to_string).collect();
+        let mut lines = vec![
+            format!("board     {} {}, firmware {}", self.board, self.device, self.firmware),
+            format!("port      {}", self.port),
+            format!("doing     {}", self.doing()),
+            match (&self.model, &self.table) {
+                (Some(model), Some(table)) => {
+                    format!("table     {}, {} rows for model {model}", short(table), self.rows)
+                }
+                _ => "table     none; make one with `darm table`, then `darm upload` it".to_owned(),
+            },
+            format!("profile   {}", self.profile.as_deref().map_or("built in", short)),
+            format!("outputs   {}", recovery(&self.recovering)),
+            format!("word      {}", if self.word.is_empty() { "none" } else { &self.word }),
+            format!(
+                "switches  {}",
+                if closed.is_empty() { "none closed".into() } else { closed.join(" ") + " closed" }
+            ),
+        ];
+        lines.extend(self.servos.iter().enumerate().map(|(index, servo)| {
+            format!("servo {index}   {:.2} deg, load {:.0} %{}", servo.angle_deg, servo.load_percent, servo.trouble())
+        }));
+        let up = self.up_s.map_or(String::new(), |up_s| format!("up {up_s:.1} s after start {}, ", self.boots));
+        lines.push(format!(
+            "health    {up}{} bad frames, latest control tick {} us late",
+            self.bad_frames, self.worst_lateness_us
+        ));
+        lines.extend(self.died.iter().map(|died| format!("died      {died}")));
+        lines.join("\n")
+    }
+}
+
+impl ServoReport {
+    fn trouble(&self) -> String {
+        match (self.answered_s, self.error_bits) {
+            (None, _) => ", has never answered".to_owned(),
+            (Some(_), 0) => String::new(),
+            (Some(_), bits) => format!(", error bits {bits:#04x}"),
+        }
+    }
+}

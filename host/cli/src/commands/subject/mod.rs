@@ -1,0 +1,301 @@
+//! What the commands of kinematics and dynamics work on: an arm file or a robot, and the postures that it is asked for.
+
+mod postures;
+
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use darm_arm::arm::{Arm, ArmScratch};
+use darm_core::actuator::{JointKind, Stage};
+use darm_core::chain::Parameter;
+use darm_core::se::{Pose, Twist};
+use darm_diagnose::diagnose::channels::known::Known;
+use darm_diagnose::diagnose::channels::model::{Model, What};
+use darm_diagnose::diagnose::channels::torque::Transmission;
+use darm_robot::robot::{Jacobian, Kinematics, Robot, RobotFrame};
+use darm_robot::urdf::{self, Locks};
+
+use crate::failure::Usage;
+pub(crate) use postures::{Posture, listed};
+
+/// The file, and the postures in it that are meant.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Given {
+    /// Arm file, table of Denavit and Hartenberg, or robot as URDF
+    #[arg(value_name = "ARM.toml|ROBOT.urdf")]
+    pub(crate) file: PathBuf,
+    /// Joint positions, base first, in deg or mm (or with a unit: 0.5rad,0.2m); all 0 without it
+    #[arg(long, value_name = "Q,Q,…", allow_hyphen_values = true)]
+    pub(crate) q: Option<String>,
+    /// Digits of the discrete actuators; all 0 without it
+    #[arg(long, value_name = "WORD")]
+    pub(crate) word: Option<String>,
+    /// A table of postures: columns `JOINT_deg`, `JOINT_mm`, `JOINT_rad`, `JOINT_m` (or q1_deg, …), `word`
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["q", "word"])]
+    pub(crate) postures: Option<PathBuf>,
+    /// Hold a joint of a URDF at a position, as if it were fixed
+    #[arg(long = "lock", value_name = "JOINT=Q", allow_hyphen_values = true)]
+    pub(crate) locks: Vec<String>,
+    /// Let the base of a URDF float
+    #[arg(long)]
+    pub(crate) floating: bool,
+}
+
+/// What a file describes.
+pub(crate) enum Subject {
+    /// Stages with discrete actuators and servos.
+    Arm(Box<Arm>),
+    /// Joints and links.
+    Robot(Box<Robot>),
+}
+
+/// A number that places a subject: a joint, a servo or a discrete actuator.
+#[derive(Clone, Debug)]
+pub(crate) struct Coordinate {
+    pub(crate) name: String,
+    pub(crate) kind: JointKind,
+}
+
+impl Coordinate {
+    /// In the unit that people type: deg or mm.
+    pub(crate) fn shown(&self, value: f64) -> f64 {
+        match self.kind {
+            JointKind::Revolute => value.to_degrees(),
+            JointKind::Prismatic => 1e3 * value,
+        }
+    }
+
+    pub(crate) fn unit(&self) -> &'static str {
+        match self.kind {
+            JointKind::Revolute => "deg",
+            JointKind::Prismatic => "mm",
+        }
+    }
+
+    /// Unit of the torque or force along it.
+    pub(crate) fn load_unit(&self) -> &'static str {
+        match self.kind {
+            JointKind::Revolute => "N m",
+            JointKind::Prismatic => "N",
+        }
+    }
+
+    /// A number as a person types it, with or without a unit, in rad or m.
+    pub(crate) fn typed(&self, text: &str) -> Result<f64, Usage> {
+        let text = text.trim();
+        let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+        let factor = match (self.kind, text.get(digits.len()..).unwrap_or("")) {
+            (JointKind::Revolute, "" | "deg") => std::f64::consts::PI / 180.0,
+            (JointKind::Prismatic, "" | "mm") => 1e-3,
+            (JointKind::Revolute, "rad") | (JointKind::Prismatic, "m") => 1.0,
+            (_, unit) => {
+                let units = if self.kind == JointKind::Revolute { "deg or rad" } else { "mm or m" };
+                return Err(Usage(format!("`{text}` of {}: `{unit}` is no unit here, there are {units}", self.name)));
+            }
+        };
+        match digits.trim().parse::<f64>() {
+            Ok(number) if number.is_finite() => Ok(number * factor),
+            _ => Err(Usage(format!("`{text}` of {} is no number", self.name))),
+        }
+    }
+}
+
+/// What a model of torques has beside its robot.
+pub(crate) struct Effects {
+    pub(crate) transmission: Option<Transmission>,
+    pub(crate) known: Vec<Known>,
+}
+
+impl Given {
+    /// The robot of a model whose torques `darm diagnose` observes, and its effects; `None` where the file is none.
+    pub(crate) fn model(&self) -> anyhow::Result<Option<(Robot, Effects)>> {
+        let is_toml = self.file.extension().is_some_and(|end| end == "toml");
+        let Some(model) = is_toml.then(|| Model::read(&self.file)).transpose()?.flatten() else { return Ok(None) };
+        let What::Torque(robot, transmission) = model.what else {
+            let shown = self.file.display();
+            let what = format!("{shown}: a model whose torques are not observed; write observed = \"torque\" in it");
+            return Err(Usage(what).into());
+        };
+        if self.floating || !self.locks.is_empty() {
+            return Err(Usage("--floating and --lock are for a URDF".into()).into());
+        }
+        Ok(Some((robot, Effects { transmission, known: model.effects })))
+    }
+
+    /// Reads the file.
+    pub(crate) fn subject(&self) -> anyhow::Result<Subject> {
+        let path = &self.file;
+        let is_toml = path.extension().is_some_and(|end| end == "toml");
+        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+        if is_toml && !darm_robot::dh::is_table(&text) {
+            if self.floating || !self.locks.is_empty() {
+                return Err(Usage("--floating and --lock are for a URDF".into()).into());
+            }
+            return Ok(Subject::Arm(Box::new(Arm::parse(path, &text)?)));
+        }
+        let mut robot = if is_toml { darm_robot::dh::parse(path, &text)? } else { self.robot(&text)? };
+        robot.floating |= self.floating;
+        Ok(Subject::Robot(Box::new(robot)))
+    }
+
+    fn robot(&self, text: &str) -> anyhow::Result<Robot> {
+        if self.locks.is_empty() {
+            return Ok(urdf::parse(&self.file, text, &Locks::new())?);
+        }
+        let free = urdf::parse(&self.file, text, &Locks::new())?;
+        let mut locks = Locks::new();
+        for lock in &self.locks {
+            let (name, value) = lock
+                .split_once('=')
+                .ok_or_else(|| Usage(format!("--lock {lock}: write JOINT=Q, in deg or mm, such as --lock finger=0")))?;
+            let joint = free.joints.iter().find(|joint| joint.name == name);
+            let kind = joint.map_or(JointKind::Revolute, |joint| joint.joint.axis.kind);
+            locks.insert(name.to_owned(), Coordinate { name: name.to_owned(), kind }.typed(value)?);
+        }
+        Ok(urdf::parse(&self.file, text, &locks)?)
+    }
+}
+
+impl Subject {
+    pub(crate) fn name(&self) -> &str {
+        match self {
+            Self::Arm(arm) => &arm.name,
+            Self::Robot(robot) => &robot.name,
+        }
+    }
+
+    /// The joints or servos, base first: what `--q` gives.
+    pub(crate) fn coordinates(&self) -> Vec<Coordinate> {
+        match self {
+            Self::Robot(robot) => {
+                robot.joints.iter().map(|j| Coordinate { name: j.name.clone(), kind: j.joint.axis.kind }).collect()
+            }
+            Self::Arm(arm) => {
+                let stages = arm.model.chain.stages.iter().enumerate();
+                let servos = stages.filter_map(|(stage, kind)| match kind {
+                    Stage::Servo(joint) => Some(Coordinate { name: arm.stage_name(stage), kind: joint.axis.kind }),
+                    _ => None,
+                });
+                servos.collect()
+            }
+        }
+    }
+
+    /// The columns of a Jacobian: the coordinates, and after them the discrete actuators of an arm.
+    pub(crate) fn columns(&self) -> Vec<Coordinate> {
+        let mut columns = self.coordinates();
+        if let Self::Arm(arm) = self {
+            let chain = &arm.model.chain;
+            columns.extend(chain.actuators().enumerate().map(|(actuator, (stage, _))| {
+                let kind = match chain.stages.get(stage) {
+                    Some(Stage::Discrete(joint)) => joint.axis.kind,
+                    _ => JointKind::Prismatic,
+                };
+                Coordinate { name: arm.actuator_name(actuator), kind }
+            }));
+        }
+        columns
+    }
+
+    /// The robot, or why a command has nothing to say of an arm.
+    pub(crate) fn into_robot(self, command: &str) -> Result<Robot, Usage> {
+        match self {
+            Self::Robot(robot) => Ok(*robot),
+            Self::Arm(_) => Err(Usage(format!(
+                "darm {command} needs joints and links: a URDF or a table of Denavit and Hartenberg; an arm file has \
+                 stages that snap from stop to stop, whose words `darm nearest` and `darm path` find"
+            ))),
+        }
+    }
+
+    /// Pose and Jacobians of a frame in one posture.
+    pub(crate) fn kinematics(&self, frame: Option<&str>, posture: &Posture) -> anyhow::Result<Kinematics> {
+        match self {
+            Self::Robot(robot) => Ok(robot.kinematics(frame_of(robot, frame)?, &posture.q)?),
+            Self::Arm(arm) => {
+                if frame.is_some() {
+                    return Err(Usage("--frame is for a URDF; an arm file has one tool".into()).into());
+                }
+                arm_kinematics(arm, posture)
+            }
+        }
+    }
+
+    /// What the frame of [`kinematics`](Self::kinematics) is called.
+    pub(crate) fn frame_name(&self, frame: Option<&str>) -> Result<String, Usage> {
+        match self {
+            Self::Robot(robot) => Ok(frame_of(robot, frame)?.name.clone()),
+            Self::Arm(_) => Ok("tool".into()),
+        }
+    }
+}
+
+/// The frame of this name, or the one that most likely is the tool.
+pub(crate) fn frame_of<'a>(robot: &'a Robot, name: Option<&str>) -> Result<&'a RobotFrame, Usage> {
+    let none = || Usage(format!("there is no frame `{}`; there are {}", name.unwrap_or("tool"), robot.frame_names()));
+    robot.frame_or_tool(name).ok_or_else(none)
+}
+
+fn arm_kinematics(arm: &Arm, posture: &Posture) -> anyhow::Result<Kinematics> {
+    let chain = &arm.model.chain;
+    let mut scratch = ArmScratch::default();
+    let pose = arm
+        .model
+        .predict(&arm.model.nominal(posture.word, &posture.q), &mut scratch)
+        .with_context(|| format!("{} has no pose for the word {}", arm.name, posture.word))?;
+    let stops = (0..arm.n_actuators())
+        .map(|actuator| Parameter::Stop { actuator: actuator as u8, state: posture.word.digit(actuator) });
+    let discrete: Vec<_> = stops.map(|stop| chain.derivative(stop, &scratch)).collect();
+    let (mut jacobian_base, mut jacobian_tool) = (Jacobian::zeros(), Jacobian::zeros());
+    for (index, twist) in chain.servo_jacobian(&scratch).chain(discrete).enumerate() {
+        let turned = Twist { angular: pose.rotation * twist.angular, linear: pose.rotation * twist.linear };
+        if index < jacobian_base.ncols() {
+            jacobian_tool.set_column(index, &twist.to_vector());
+            jacobian_base.set_column(index, &turned.to_vector());
+        }
+    }
+    Ok(Kinematics { pose_base_frame: pose, jacobian_base, jacobian_tool })
+}
+
+/// A pose as programs read it.
+#[derive(Clone, Debug, serde::Serialize)]
+pub(crate) struct PoseReport {
+    pub(crate) position_m: [f64; 3],
+    /// Rows of the rotation matrix.
+    pub(crate) rotation: [[f64; 3]; 3],
+    /// Z-Y-X Euler angles: about z, the new y, the newest x.
+    pub(crate) euler_zyx_deg: [f64; 3],
+}
+
+impl From<&Pose<f64>> for PoseReport {
+    fn from(pose: &Pose<f64>) -> Self {
+        let angles = darm_core::tree::euler::PoseVector::from(pose).angles;
+        Self {
+            position_m: pose.position.into(),
+            rotation: std::array::from_fn(|row| std::array::from_fn(|column| pose.rotation[(row, column)])),
+            euler_zyx_deg: [angles.x, angles.y, angles.z].map(f64::to_degrees),
+        }
+    }
+}
+
+/// A line of comma-separated values; a cell with a comma is quoted.
+pub(crate) fn csv_line(cells: impl IntoIterator<Item = String>) -> String {
+    let quoted =
+        |cell: String| if cell.contains([',', '"']) { format!("\"{}\"", cell.replace('"', "\"\"")) } else { cell };
+    cells.into_iter().map(quoted).collect::<Vec<_>>().join(",")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_typed_with_or_without_a_unit() {
+        let turning = Coordinate { name: "j".into(), kind: JointKind::Revolute };
+        let sliding = Coordinate { name: "s".into(), kind: JointKind::Prismatic };
+        assert_eq!(turning.typed(" 180 ").ok(), Some(std::f64::consts::PI));
+        assert_eq!(turning.typed("-0.5rad").ok(), Some(-0.5));
+        assert_eq!((sliding.typed("20").ok(), sliding.typed("0.02m").ok()), (Some(0.02), Some(0.02)));
+        assert!(sliding.typed("1deg").is_err() && turning.typed("nan").is_err() && turning.typed("").is_err());
+    }
+}

@@ -1,0 +1,221 @@
+//! Postures from the command line or a table.
+
+use std::path::Path;
+
+use anyhow::Context as _;
+use darm_core::actuator::JointKind;
+use darm_core::units::Word;
+
+use super::{Coordinate, Given, Subject};
+use crate::failure::Usage;
+
+/// Where a subject stands, and, where it is asked for, how it moves; in rad and m.
+#[derive(Clone, Debug)]
+pub(crate) struct Posture {
+    /// Digits of the discrete actuators.
+    pub(crate) word: Word,
+    /// Positions of joints or servos.
+    pub(crate) q: Vec<f64>,
+    /// Velocities.
+    pub(crate) qd: Vec<f64>,
+    /// Accelerations.
+    pub(crate) qdd: Vec<f64>,
+    /// Torques (N·m) or forces (N); empty where none are given.
+    pub(crate) torque: Vec<f64>,
+    /// When, s; the number of its row where the table has no time.
+    pub(crate) time_s: f64,
+}
+
+/// What a column of a table holds.
+#[derive(Clone, Copy)]
+enum Column {
+    Word,
+    Time,
+    /// Of this coordinate: position, velocity, acceleration or torque, times the factor.
+    Number(usize, Quantity, f64),
+}
+
+#[derive(Clone, Copy)]
+enum Quantity {
+    Position,
+    Velocity,
+    Acceleration,
+    Torque,
+}
+
+/// Headers of the time.
+const TIMES: [&str; 3] = ["t", "t_s", "time_s"];
+/// Endings of the headers, and what they mean: the longest first.
+const ENDINGS: [(&str, JointKind, Quantity, f64); 14] = {
+    use JointKind::{Prismatic, Revolute};
+    use Quantity::{Acceleration, Position, Torque, Velocity};
+    const DEG: f64 = std::f64::consts::PI / 180.0;
+    [
+        ("_rad_s2", Revolute, Acceleration, 1.0),
+        ("_deg_s2", Revolute, Acceleration, DEG),
+        ("_mm_s2", Prismatic, Acceleration, 1e-3),
+        ("_m_s2", Prismatic, Acceleration, 1.0),
+        ("_rad_s", Revolute, Velocity, 1.0),
+        ("_deg_s", Revolute, Velocity, DEG),
+        ("_mm_s", Prismatic, Velocity, 1e-3),
+        ("_m_s", Prismatic, Velocity, 1.0),
+        ("_rad", Revolute, Position, 1.0),
+        ("_deg", Revolute, Position, DEG),
+        ("_mm", Prismatic, Position, 1e-3),
+        ("_nm", Revolute, Torque, 1.0),
+        ("_m", Prismatic, Position, 1.0),
+        ("_n", Prismatic, Torque, 1.0),
+    ]
+};
+
+impl Posture {
+    /// All zero.
+    fn rest(subject: &Subject) -> Self {
+        let zeros = vec![0.0; subject.coordinates().len()];
+        let word = match subject {
+            Subject::Arm(arm) => arm.rest(),
+            Subject::Robot(_) => Word::default(),
+        };
+        Self { word, q: zeros.clone(), qd: zeros.clone(), qdd: zeros, torque: Vec::new(), time_s: 0.0 }
+    }
+}
+
+impl Given {
+    /// The postures that are asked for, with what the user should know: positions past their limits.
+    pub(crate) fn postures(&self, subject: &Subject) -> anyhow::Result<(Vec<Posture>, Vec<String>)> {
+        let postures = match &self.postures {
+            Some(path) => read(path, subject)?,
+            None => vec![self.one(subject)?],
+        };
+        let notes = match subject {
+            Subject::Robot(robot) => beyond_limits(robot, &postures),
+            Subject::Arm(_) => Vec::new(),
+        };
+        Ok((postures, notes))
+    }
+
+    fn one(&self, subject: &Subject) -> anyhow::Result<Posture> {
+        let mut posture = Posture::rest(subject);
+        if let Some(q) = &self.q {
+            posture.q = listed(q, &subject.coordinates(), "--q")?;
+        }
+        if let Some(word) = &self.word {
+            posture.word = word_of(word, subject)?;
+        }
+        Ok(posture)
+    }
+}
+
+/// Numbers with commas between them, one for each coordinate.
+pub(crate) fn listed(text: &str, coordinates: &[Coordinate], option: &str) -> Result<Vec<f64>, Usage> {
+    let cells: Vec<_> = text.split(',').collect();
+    if cells.len() != coordinates.len() {
+        let names: Vec<_> = coordinates.iter().map(|c| format!("{} ({})", c.name, c.unit())).collect();
+        let wanted = if names.is_empty() { "none: nothing here is moved by a number".into() } else { names.join(", ") };
+        return Err(Usage(format!("{option} has {} numbers, there must be {}: {wanted}", cells.len(), names.len())));
+    }
+    cells.iter().zip(coordinates).map(|(cell, coordinate)| coordinate.typed(cell)).collect()
+}
+
+fn word_of(text: &str, subject: &Subject) -> Result<Word, Usage> {
+    let Subject::Arm(arm) = subject else {
+        return Err(Usage("a word is for an arm file: a robot has no discrete actuators".into()));
+    };
+    let word = text.parse().map_err(|error| Usage(format!("{error}")))?;
+    darm_arm::arm::frames::check_word(&word, arm).map_err(|fault| Usage(fault.to_string()))?;
+    Ok(word)
+}
+
+fn beyond_limits(robot: &darm_robot::robot::Robot, postures: &[Posture]) -> Vec<String> {
+    let outside = |index: usize, [low, high]: [f64; 2]| {
+        let count = postures.iter().filter_map(|p| p.q.get(index)).filter(|q| **q < low || **q > high).count();
+        (count > 0).then_some(count)
+    };
+    let joints = robot.joints.iter().enumerate();
+    let beyond = joints.filter_map(|(index, joint)| {
+        let count = outside(index, joint.limits?)?;
+        Some(format!("joint {} is beyond its limits in {count} of {} postures", joint.name, postures.len()))
+    });
+    beyond.collect()
+}
+
+fn read(path: &Path, subject: &Subject) -> anyhow::Result<Vec<Posture>> {
+    let shown = path.display();
+    let mut table =
+        csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).with_context(|| format!("{shown}"))?;
+    let coordinates = subject.coordinates();
+    let header = table.headers().with_context(|| format!("{shown}"))?.clone();
+    let columns: Vec<_> = header.iter().map(|name| column(name, &coordinates)).collect();
+    let given =
+        |index| columns.iter().flatten().any(|c| matches!(c, Column::Number(k, Quantity::Position, _) if *k == index));
+    if let Some((index, missing)) = coordinates.iter().enumerate().find(|(index, _)| !given(*index)) {
+        let unit = missing.unit();
+        return Err(Usage(format!(
+            "{shown}: no column {}_{unit} (or q{}_{unit}); the file has {}",
+            missing.name,
+            index + 1,
+            header.iter().collect::<Vec<_>>().join(", ")
+        ))
+        .into());
+    }
+    let mut postures = Vec::new();
+    for (row, record) in table.records().enumerate() {
+        let record = record.with_context(|| format!("{shown}"))?;
+        let mut posture = Posture { time_s: row as f64, ..Posture::rest(subject) };
+        for ((cell, column), name) in record.iter().zip(&columns).zip(&header) {
+            let wrong = |what: &str| Usage(format!("{shown}: line {}: column {name} holds `{cell}`, {what}", row + 2));
+            match column {
+                Some(Column::Word) => posture.word = word_of(cell, subject).map_err(|error| wrong(&error.0))?,
+                Some(Column::Time) => posture.time_s = finite(cell).ok_or_else(|| wrong("expected a number"))?,
+                Some(Column::Number(index, quantity, factor)) => {
+                    let number = finite(cell).ok_or_else(|| wrong("expected a number"))? * factor;
+                    posture.put(*index, *quantity, number);
+                }
+                None => {}
+            }
+        }
+        postures.push(posture);
+    }
+    if postures.is_empty() {
+        return Err(Usage(format!("{shown}: no rows")).into());
+    }
+    Ok(postures)
+}
+
+fn finite(cell: &str) -> Option<f64> {
+    cell.parse::<f64>().ok().filter(|number| number.is_finite())
+}
+
+impl Posture {
+    fn put(&mut self, index: usize, quantity: Quantity, number: f64) {
+        let numbers = match quantity {
+            Quantity::Position => &mut self.q,
+            Quantity::Velocity => &mut self.qd,
+            Quantity::Acceleration => &mut self.qdd,
+            Quantity::Torque => {
+                self.torque.resize(self.q.len(), 0.0);
+                &mut self.torque
+            }
+        };
+        if let Some(slot) = numbers.get_mut(index) {
+            *slot = number;
+        }
+    }
+}
+
+/// What a column with this header holds; `None`: nothing that is needed.
+fn column(header: &str, coordinates: &[Coordinate]) -> Option<Column> {
+    if header == "word" {
+        return Some(Column::Word);
+    }
+    if TIMES.contains(&header) {
+        return Some(Column::Time);
+    }
+    ENDINGS.iter().find_map(|(ending, kind, quantity, factor)| {
+        let name = header.strip_suffix(ending)?;
+        let number = |index: usize| name.strip_prefix('q').is_some_and(|n| n == (index + 1).to_string());
+        let index =
+            coordinates.iter().enumerate().position(|(k, c)| c.kind == *kind && (c.name == name || number(k)))?;
+        Some(Column::Number(index, *quantity, *factor))
+    })
+}

@@ -1,0 +1,217 @@
+//! What `darm synth` says.
+
+use std::path::{Path, PathBuf};
+
+use darm_arm::synthesis::{Bought, Case, Cost, Expected, Obstacle, Reached, Status, Synthesis};
+use serde::Serialize;
+
+use crate::voice::{Answer, columns};
+
+/// The answer to `darm synth`.
+#[derive(Serialize)]
+pub(super) struct Synthesised {
+    output: PathBuf,
+    model: String,
+    reached: bool,
+    case: String,
+    ranks: Case,
+    /// What keeps the nearest geometry from the frames, where not all are met.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    obstacle: Option<Obstacle>,
+    iterations: u32,
+    starts: u32,
+    took_s: f64,
+    alteration_m: f64,
+    anchors_moved_m: f64,
+    frames: Vec<FrameReport>,
+    #[serde(flatten)]
+    extras: Extras,
+}
+
+/// What a task tells beside the geometry.
+#[derive(Default, Serialize)]
+pub(super) struct Extras {
+    /// The part of each leg.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) parts: Vec<Bought>,
+    /// What all parts cost.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) price: Option<f64>,
+    /// What a repair costs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) repair: Option<Cost>,
+    /// By how much the geometry with the least alteration alters the stops, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) altered_before_m: Option<f64>,
+    /// Errors to be expected of the geometry with the least alteration.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) expected_before: Vec<Expected>,
+    /// Errors to be expected of the geometry that is least sensitive.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) expected: Vec<Expected>,
+}
+
+#[derive(Serialize)]
+struct FrameReport {
+    name: String,
+    word: String,
+    servos_deg: Vec<f64>,
+    before_m: f64,
+    before_rad: f64,
+    error_m: f64,
+    error_rad: f64,
+}
+
+/// Frames that are not met.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "not met: {frames} (up to {worst_mm:.3} mm, {worst_deg:.3} deg); {case}; {why}; ask for fewer or nearer frames, or take the nearest geometry with --closest"
+)]
+pub(super) struct NotMet {
+    frames: String,
+    worst_mm: f64,
+    worst_deg: f64,
+    case: String,
+    why: String,
+}
+
+pub(super) fn not_met(found: &Synthesis) -> NotMet {
+    let worst = |error: fn(&Reached) -> f64| found.frames.iter().map(error).fold(0.0, f64::max);
+    let missed = found.frames.iter().filter(|reached| !reached.is_met());
+    let names: Vec<_> = missed.map(|reached| reached.frame.name.as_str()).collect();
+    NotMet {
+        frames: names.join(", "),
+        worst_mm: 1e3 * worst(|reached| reached.error_m),
+        worst_deg: worst(|reached| reached.error_rad).to_degrees(),
+        case: found.case.to_string(),
+        why: found.obstacle.as_ref().map_or_else(String::new, Obstacle::to_string),
+    }
+}
+
+impl Synthesised {
+    pub(super) fn of(found: &Synthesis, output: &Path, extras: Extras) -> Self {
+        Self {
+            output: output.into(),
+            model: found.arm.hash().to_string(),
+            reached: found.status == Status::Reached,
+            case: found.case.to_string(),
+            ranks: found.case.clone(),
+            obstacle: found.obstacle.clone(),
+            iterations: found.iterations,
+            starts: found.starts,
+            took_s: found.time.as_secs_f64(),
+            alteration_m: found.alteration_m,
+            anchors_moved_m: found.anchors_moved_m,
+            frames: found.frames.iter().map(frame_report).collect(),
+            extras,
+        }
+    }
+}
+
+fn frame_report(reached: &Reached) -> FrameReport {
+    FrameReport {
+        name: reached.frame.name.clone(),
+        word: reached.frame.word.to_string(),
+        servos_deg: reached.frame.servos_rad.iter().map(|angle| angle.to_degrees()).collect(),
+        before_m: reached.error_before_m,
+        before_rad: reached.error_before_rad,
+        error_m: reached.error_m,
+        error_rad: reached.error_rad,
+    }
+}
+
+impl Answer for Synthesised {
+    fn text(&self) -> String {
+        let mut rows = vec![["frame", "word", "before", "", "after", ""].map(str::to_owned).to_vec()];
+        rows.extend(self.frames.iter().map(|frame| {
+            vec![
+                frame.name.clone(),
+                frame.word.clone(),
+                format!("{:.1} mm", 1e3 * frame.before_m),
+                format!("{:.2} deg", frame.before_rad.to_degrees()),
+                format!("{:.1e} m", frame.error_m),
+                format!("{:.1e} rad", frame.error_rad),
+            ]
+        }));
+        format!(
+            "{}\n\n{}{}\n{} in {:.3} s: {} iterations, {} start{}; stops altered by {:.1} mm (root of the sum of squares){}\n\
+             model {} in {}",
+            columns(&rows),
+            self.extras.text(&self.frames, self.alteration_m),
+            self.case,
+            match &self.obstacle {
+                None => "every frame is met".to_owned(),
+                Some(obstacle) => format!("the nearest geometry: {obstacle};"),
+            },
+            self.took_s,
+            self.iterations,
+            self.starts,
+            if self.starts == 1 { "" } else { "s" },
+            1e3 * self.alteration_m,
+            match self.anchors_moved_m {
+                0.0 => String::new(),
+                moved_m => format!(", anchors moved, too, by up to {:.1} mm: `darm stops` lists them", 1e3 * moved_m),
+            },
+            self.model,
+            self.output.display()
+        )
+    }
+}
+
+impl Extras {
+    /// Paragraphs, each with an empty line after it.
+    fn text(&self, frames: &[FrameReport], alteration_m: f64) -> String {
+        let mut text = String::new();
+        if !self.parts.is_empty() {
+            let mut rows = vec![["leg", "part", "price", "stops", "bears"].map(str::to_owned).to_vec()];
+            rows.extend(self.parts.iter().map(|part| {
+                let (short, long) = part.stops_m;
+                vec![
+                    part.actuator.clone(),
+                    part.part.clone(),
+                    format!("{:.2}", part.price),
+                    format!("{:.1} to {:.1} mm", 1e3 * short, 1e3 * long),
+                    format!("{:.1} N", part.load_n),
+                ]
+            }));
+            text += &format!("{}\nprice of all: {:.2}\n\n", columns(&rows), self.price.unwrap_or(0.0));
+        }
+        if let Some(cost) = &self.repair {
+            text += &format!(
+                "the repair costs: {} of {} frames met, {} with another word; {} stops to turn, by {:.1} mm (root of the sum \
+                 of squares); {:.0} % of the words are left\n\n",
+                cost.frames_met,
+                cost.frames,
+                cost.words_changed,
+                cost.stops_turned,
+                1e3 * cost.alteration_m,
+                100.0 * cost.words_left
+            );
+        }
+        if !self.expected.is_empty() {
+            let head = ["frame", "expected before", "expected", "", "drawn arms", ""];
+            let mut rows = vec![head.map(str::to_owned).to_vec()];
+            for ((frame, before), now) in frames.iter().zip(&self.expected_before).zip(&self.expected) {
+                rows.push(vec![
+                    frame.name.clone(),
+                    format!("{:.3} mm", 1e3 * before.linear_m),
+                    format!("{:.3} mm", 1e3 * now.linear_m),
+                    format!("{:.4} deg", now.linear_rad.to_degrees()),
+                    format!("{:.3} mm", 1e3 * now.sampled_m),
+                    format!("{:.4} deg", now.sampled_rad.to_degrees()),
+                ]);
+            }
+            let root = |of: &[Expected]| 1e3 * of.iter().map(|frame| frame.linear_m.powi(2)).sum::<f64>().sqrt();
+            text += &format!(
+                "{}\nof all frames together {:.3} mm, before {:.3} mm, for stops altered by {:.1} mm in place of {:.1} mm; \
+                 a larger --worth alters more\n\n",
+                columns(&rows),
+                root(&self.expected),
+                root(&self.expected_before),
+                1e3 * alteration_m,
+                1e3 * self.altered_before_m.unwrap_or(alteration_m)
+            );
+        }
+        text
+    }
+}

@@ -1,0 +1,269 @@
+//! `darm table`: timed rows for a board, checked against the limits that the board itself checks.
+
+mod show;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use darm_arm::arm::{Arm, frames};
+use darm_arm::plan::{Plan, Visit, plan};
+use darm_arm::reach::board;
+use darm_arm::wired_arm::WiredArm;
+use darm_core::units::{DeviceId, Word};
+use darm_diagnose::diagnose::programme::{self, programme};
+use serde::Serialize;
+
+use super::table_file;
+use super::visits::{Rest, Visits, beside};
+use crate::failure::Usage;
+use crate::port::PortArgs;
+use crate::voice::{Answer, Voice, columns};
+
+const EXAMPLES: &str = "\
+Examples:
+  darm table arm.toml frames.toml -o visits.darm              to the frames, one after the other
+  darm table arm.toml --words 000,000,000,000 111,000,000,000 -o two.darm
+  darm table arm.toml --programme -o measure.darm             96 words three times, to be measured
+  darm table arm.toml --programme --bind -o measure.darm      for the connected board only
+  darm table arm.toml frames.toml --nearest -o visits.darm    the board answers `nearest` by itself, too
+  darm table --show visits.darm                               what a table holds
+
+Beside TABLE.darm a file TABLE.visits.csv says from when to when the arm rests at each visit, and \
+which visits are held out of every fit; `darm record` reads it. Both carry the table's digest.";
+
+/// Rows that are shown without --all.
+const SHOWN: usize = 12;
+/// How long the arm rests at a frame or word, where it is not said.
+const DWELL_S: f64 = 1.0;
+/// The same at a word of the measurement programme: long enough for eight pictures.
+const PROGRAMME_DWELL_S: f64 = 0.2;
+
+/// Make timed rows from frames, words or a measurement programme, checked against the limits
+#[derive(clap::Args, Debug)]
+#[command(after_help = EXAMPLES)]
+#[command(group = clap::ArgGroup::new("what").required(true).args(["frames", "words", "programme", "show"]))]
+pub(crate) struct Table {
+    /// The arm
+    #[arg(value_name = "ARM.toml", required_unless_present = "show")]
+    arm: Option<PathBuf>,
+    /// Frames to visit
+    #[arg(value_name = "FRAMES.toml")]
+    frames: Option<PathBuf>,
+    /// Words to visit: a digit for each actuator, commas are for the eye
+    #[arg(long, value_name = "DIGITS", num_args = 1..)]
+    words: Vec<String>,
+    /// Servo angles at every one of the words, in degrees
+    #[arg(long, value_name = "DEG", num_args = 1.., allow_negative_numbers = true, requires = "words")]
+    servos: Vec<f64>,
+    /// The words that tell most about what the model may lack, in a good order
+    #[arg(long)]
+    programme: bool,
+    /// Different words of the programme
+    #[arg(long, value_name = "N", default_value_t = 96, requires = "programme")]
+    size: usize,
+    /// Seed of the programme and of the words held out
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "programme")]
+    seed: u64,
+    /// How long the arm rests at each visit, in seconds; 1, in a programme 0.2
+    #[arg(long, value_name = "S")]
+    dwell: Option<f64>,
+    /// Profile of the board; where it is left out, the one that the arm names, else the one built into boards
+    #[arg(long, value_name = "PROFILE.toml")]
+    profile: Option<PathBuf>,
+    /// Bind the table to the connected board: others refuse it
+    #[arg(long)]
+    bind: bool,
+    /// Bring the frames of the modules along, so that the board answers by itself which word is nearest to a pose
+    #[arg(long)]
+    nearest: bool,
+    /// The table
+    #[arg(short, long, value_name = "TABLE.darm", required_unless_present = "show")]
+    output: Option<PathBuf>,
+    /// Show what a table file holds, in place of making one
+    #[arg(long, value_name = "TABLE.darm", conflicts_with_all = ["arm", "output", "bind", "nearest", "profile", "dwell"])]
+    show: Option<PathBuf>,
+    /// Show every row
+    #[arg(long)]
+    all: bool,
+    #[command(flatten)]
+    port: PortArgs,
+}
+
+/// A visit and whether no fit may see it.
+struct Stop {
+    visit: Visit,
+    held_out: bool,
+}
+
+#[derive(Serialize)]
+struct Made {
+    table: PathBuf,
+    visits_file: PathBuf,
+    digest: String,
+    model: String,
+    device: Option<String>,
+    bytes: usize,
+    end_s: f64,
+    visits: usize,
+    held_out: usize,
+    rows: Vec<RowReport>,
+    #[serde(skip)]
+    shown: usize,
+}
+
+#[derive(Serialize)]
+struct RowReport {
+    at_s: f64,
+    word: String,
+    servos_deg: Vec<f32>,
+    visit: Option<String>,
+}
+
+impl Table {
+    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+        match (&self.show, &self.arm, &self.output) {
+            (Some(path), ..) => voice.tell(&show::shown(path, self.all)?),
+            (None, Some(arm), Some(output)) => self.make(arm, output, voice),
+            (None, ..) => unreachable!("the command line asks for an arm and an output"),
+        }
+    }
+
+    fn make(&self, arm: &Path, output: &Path, voice: Voice) -> anyhow::Result<()> {
+        let WiredArm { arm, profile, .. } = WiredArm::read(arm, self.profile.as_deref())?;
+        let stops = self.stops(&arm, voice)?;
+        let device = if self.bind { Some(self.port.connect()?.identity().device) } else { None };
+        let visits: Vec<Visit> = stops.iter().map(|stop| stop.visit.clone()).collect();
+        let modules = if self.nearest { board::records(&arm)? } else { Vec::new() };
+        let plan = plan(&arm, &visits, &profile.board(device), &modules)?;
+        let file = visits_of(&arm, &stops, &plan);
+        write(output, &table_file::bytes(&plan.image))?;
+        write(&beside(output), file.to_text().as_bytes())?;
+        voice.tell(&self.report(output, &file, &plan, device))
+    }
+
+    /// Where the program goes.
+    fn stops(&self, arm: &Arm, voice: Voice) -> anyhow::Result<Vec<Stop>> {
+        if let Some(path) = &self.frames {
+            return Ok(self.frames_stops(arm, path)?);
+        }
+        if self.programme {
+            return Ok(self.programme_stops(arm, voice));
+        }
+        let stops = self.words.iter().map(|word| self.word_stop(arm, word));
+        Ok(stops.collect::<Result<_, Usage>>()?)
+    }
+
+    fn frames_stops(&self, arm: &Arm, path: &Path) -> Result<Vec<Stop>, frames::FramesError> {
+        let stop = |frame: frames::DesiredFrame| {
+            let (word, servos_rad) = (frame.word, frame.servos_rad);
+            let dwell_s = self.dwell.unwrap_or(DWELL_S);
+            Stop { visit: Visit { word, servos_rad, dwell_s, label: frame.name }, held_out: false }
+        };
+        Ok(frames::read(path, arm)?.into_iter().map(stop).collect())
+    }
+
+    fn programme_stops(&self, arm: &Arm, voice: Voice) -> Vec<Stop> {
+        let wheel = voice.wheel("choosing words");
+        let options = programme::Options { words: self.size, seed: self.seed, ..programme::Options::default() };
+        let steps = programme(arm, &options);
+        wheel.finish_and_clear();
+        let stop = |(number, step): (usize, programme::Step)| Stop {
+            held_out: step.held_out,
+            visit: Visit {
+                word: step.word,
+                servos_rad: step.servos_rad,
+                dwell_s: self.dwell.unwrap_or(PROGRAMME_DWELL_S),
+                label: format!("visit {number}"),
+            },
+        };
+        steps.into_iter().enumerate().map(stop).collect()
+    }
+
+    fn word_stop(&self, arm: &Arm, text: &str) -> Result<Stop, Usage> {
+        let word: Word = text.parse().map_err(|error| Usage(format!("--words {text}: {error}")))?;
+        frames::check_word(&word, arm).map_err(|fault| Usage(format!("--words {text}: {fault}")))?;
+        let (given, wanted) = (self.servos.len(), arm.n_servos());
+        if given != wanted {
+            return Err(Usage(format!("the arm has {wanted} servo joints, --servos gives {given} angles")));
+        }
+        let servos_rad = self.servos.iter().map(|angle| angle.to_radians()).collect();
+        let dwell_s = self.dwell.unwrap_or(DWELL_S);
+        Ok(Stop { visit: Visit { word, servos_rad, dwell_s, label: word.to_string() }, held_out: false })
+    }
+
+    fn report(&self, output: &Path, file: &Visits, plan: &Plan, device: Option<DeviceId>) -> Made {
+        let rows = plan.rows.iter().enumerate().map(|(index, row)| RowReport {
+            at_s: row.at.0 as f64 * 1e-6,
+            word: row.word.to_string(),
+            servos_deg: row.servos.iter().map(|angle| angle.to_degrees()).collect(),
+            visit: file.rests.iter().find(|rest| usize::from(rest.row) == index).map(|rest| rest.label.clone()),
+        });
+        Made {
+            table: output.to_owned(),
+            visits_file: beside(output),
+            digest: file.table.to_string(),
+            model: file.model.to_string(),
+            device: device.map(|device| device.to_string()),
+            bytes: plan.image.bytes().len(),
+            end_s: plan.end.0 as f64 * 1e-6,
+            visits: file.rests.len(),
+            held_out: file.rests.iter().filter(|rest| rest.held_out).count(),
+            rows: rows.collect(),
+            shown: if self.all { usize::MAX } else { SHOWN },
+        }
+    }
+}
+
+fn visits_of(arm: &Arm, stops: &[Stop], plan: &Plan) -> Visits {
+    let mut previous = arm.rest();
+    let rests = stops.iter().zip(&plan.windows).map(|(stop, &(from, to))| {
+        let row = plan.rows.iter().rposition(|row| row.at < from).unwrap_or_default();
+        let rest = Rest {
+            label: stop.visit.label.clone(),
+            from_s: from.0 as f64 * 1e-6,
+            to_s: to.0 as f64 * 1e-6,
+            row: row as u16,
+            word: stop.visit.word,
+            previous,
+            servos_rad: stop.visit.servos_rad.clone(),
+            held_out: stop.held_out,
+        };
+        previous = rest.word;
+        rest
+    });
+    let table = plan.image.image().digest;
+    Visits { model: arm.hash(), geometry: arm.geometry_hash(), table, rests: rests.collect() }
+}
+
+fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))
+}
+
+impl Answer for Made {
+    fn text(&self) -> String {
+        let head = if self.rows.iter().all(|row| row.servos_deg.is_empty()) { "" } else { "servos" };
+        let mut rows = vec![["row", "time", "word", head, "visit"].map(str::to_owned).to_vec()];
+        rows.extend(self.rows.iter().take(self.shown).enumerate().map(|(index, row)| {
+            let servos: Vec<_> = row.servos_deg.iter().map(|angle| format!("{angle:.2} deg")).collect();
+            let visit = row.visit.clone().unwrap_or_default();
+            vec![index.to_string(), format!("{:.3} s", row.at_s), row.word.clone(), servos.join(" "), visit]
+        }));
+        let mut text = columns(&rows);
+        if self.rows.len() > self.shown {
+            text += &format!("\n… {} more rows; --all shows them", self.rows.len() - self.shown);
+        }
+        let held_out = if self.held_out == 0 { String::new() } else { format!(", {} of them held out", self.held_out) };
+        let whom = self.device.as_ref().map_or("any board".to_owned(), |device| format!("board {device} only"));
+        text + &format!(
+            "\n\nwithin the limits: table {} with {} rows in {:.1} s for model {} and {whom}, {} bytes in {}\n{} visits{held_out}, in {}",
+            self.digest.get(..16).unwrap_or(&self.digest),
+            self.rows.len(),
+            self.end_s,
+            self.model,
+            self.bytes,
+            self.table.display(),
+            self.visits,
+            self.visits_file.display()
+        )
+    }
+}

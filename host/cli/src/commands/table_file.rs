@@ -1,0 +1,354 @@
+//! Table files.
+//!
+//! | bytes       | holds                                                                        |
+//! |-------------|------------------------------------------------------------------------------|
+//! | 13          | `darm table 2`, line feed                                                    |
+//! | 32          | SHA-256 of the image: what the board reports of the table that it holds      |
+//! | the rest    | the image: the records, one after the other, as they travel and are stored   |
+//! | 4, LE       | CRC-32 (ISO HDLC) of all bytes before it                                     |
+
+use std::path::{Path, PathBuf};
+
+use darm_arm::image::UploadImage;
+use darm_core::profile::Profile;
+use darm_core::table::{Board, Checker, Record, TableError, wiring};
+use darm_core::units::{DeviceId, Digest, Micros, ModelHash, ShortDigest};
+use darm_core::wire::frame::CRC;
+
+use super::visits::beside;
+
+/// First bytes of a file.
+const HEAD: &[u8] = b"darm table 2\n";
+const DIGEST: usize = 32;
+const CHECK: usize = 4;
+
+/// A digest in hexadecimal figures.
+pub(crate) fn digest(text: &str) -> Option<Digest> {
+    let figures: Vec<u32> = text.chars().map(|figure| figure.to_digit(16)).collect::<Option<_>>()?;
+    let bytes: Vec<u8> =
+        figures.chunks(2).map(|pair| pair.iter().fold(0, |byte, figure| byte << 4 | *figure as u8)).collect();
+    let is_digest = figures.len() == 2 * DIGEST;
+    is_digest.then(|| bytes.try_into().ok().map(Digest)).flatten()
+}
+
+/// The bytes of a table's file.
+pub(crate) fn bytes(image: &UploadImage) -> Vec<u8> {
+    let mut bytes = [HEAD, &image.image().digest.0, image.bytes()].concat();
+    bytes.extend(CRC.checksum(&bytes).to_le_bytes());
+    bytes
+}
+
+/// A table read from a file and checked against its own limits.
+pub(crate) struct TableFile {
+    path: PathBuf,
+    /// The board that it was made for, if for one.
+    pub(crate) device: Option<DeviceId>,
+    /// The board profile that it was made for.
+    pub(crate) profile: Digest,
+    /// All records, in order.
+    pub(crate) records: Vec<Record>,
+    /// What travels.
+    pub(crate) image: UploadImage,
+}
+
+/// Why a file is no table.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum TableFileError {
+    /// The file cannot be read.
+    #[error("cannot read {path}: {source}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// Another kind of file, or a table of an earlier version.
+    #[error("{path} is not a table of this version; make it again with `darm table`")]
+    NoTable {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The checksum differs.
+    #[error(
+        "{path} is damaged: its checksum is {found:08x}, not {expected:08x}; copy it again, or make it with `darm table`"
+    )]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// The checksum of its bytes.
+        found: u32,
+        /// The checksum at its end.
+        expected: u32,
+    },
+    /// Bytes that are no record.
+    #[error("{path}: the bytes from {offset} on are not a record; make the table again with `darm table`")]
+    Bytes {
+        /// The file.
+        path: PathBuf,
+        /// Where the first bad record starts.
+        offset: usize,
+    },
+    /// A record that breaks a limit.
+    #[error("{path}: {source}; make the table again with `darm table`")]
+    Refused {
+        /// The file.
+        path: PathBuf,
+        /// Which limit.
+        source: TableError,
+    },
+    /// The digest at the beginning is of other records.
+    #[error(
+        "{path} is damaged: its records are table {found}, its first bytes name {expected}; make it again with `darm table`"
+    )]
+    OtherRecords {
+        /// The file.
+        path: PathBuf,
+        /// The digest of its records.
+        found: ShortDigest,
+        /// The digest that it names.
+        expected: ShortDigest,
+    },
+    /// The board has none.
+    #[error("the board holds no table; run `darm upload {}`", .path.display())]
+    NotLoaded {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The board has another one.
+    #[error("the board holds table {board}, {} is {table}; run `darm upload {}`", .path.display(), .path.display())]
+    OtherTable {
+        /// The file.
+        path: PathBuf,
+        /// Its digest.
+        table: ShortDigest,
+        /// The digest of the board's table.
+        board: ShortDigest,
+    },
+    /// The visit file was made with another table.
+    #[error(
+        "{} belongs to table {visits}, {} is {table}; make both again with `darm table`",
+        beside(.path).display(),
+        .path.display()
+    )]
+    OtherVisits {
+        /// The table's file.
+        path: PathBuf,
+        /// The table's digest.
+        table: ShortDigest,
+        /// The digest in the visit file.
+        visits: ShortDigest,
+    },
+    /// The table binds to another board.
+    #[error("{path} was made for the board {device}, this is {board}; make it again with `darm table --bind`")]
+    OtherDevice {
+        /// The file.
+        path: PathBuf,
+        /// The board it was made for.
+        device: DeviceId,
+        /// The board that is there.
+        board: DeviceId,
+    },
+    /// The table was made for another profile of the board.
+    #[error(
+        "{path} was made for board profile {profile}, this board has {board}; \
+         write that profile with `darm profile write`, or make the table again with `darm table --profile`"
+    )]
+    OtherProfile {
+        /// The file.
+        path: PathBuf,
+        /// The profile it was made for.
+        profile: ShortDigest,
+        /// The profile of the board.
+        board: ShortDigest,
+    },
+    /// The last record is missing.
+    #[error("{path}: the table is cut off after {rows} rows; make it again with `darm table`")]
+    CutOff {
+        /// The file.
+        path: PathBuf,
+        /// Rows that are there.
+        rows: usize,
+    },
+}
+
+impl TableFile {
+    /// Reads and checks against the limits that it carries.
+    pub(crate) fn read(path: &Path) -> Result<Self, TableFileError> {
+        let bytes = std::fs::read(path).map_err(|source| TableFileError::Read { path: path.into(), source })?;
+        Self::parse(path, &bytes)
+    }
+
+    fn parse(path: &Path, bytes: &[u8]) -> Result<Self, TableFileError> {
+        let (named, image) = unpack(bytes, path)?;
+        let records = records(image)
+            .map_err(|offset| TableFileError::Bytes { path: path.into(), offset: HEAD.len() + DIGEST + offset })
+            .and_then(|records| check(path, records))?;
+        let Start { model, device, profile } = start(&records);
+        let image = UploadImage::table(&records, model);
+        let found = image.image().digest;
+        if found != named {
+            let (found, expected) = (found.short(), named.short());
+            return Err(TableFileError::OtherRecords { path: path.into(), found, expected });
+        }
+        Ok(Self { path: path.into(), device, profile, records, image })
+    }
+
+    /// What the board reports of the table once it holds it.
+    pub(crate) fn digest(&self) -> Digest {
+        self.image.image().digest
+    }
+
+    /// Refuses a board that holds another table or none.
+    pub(crate) fn check_loaded(&self, board: Option<Digest>) -> Result<(), TableFileError> {
+        let path = self.path.clone();
+        match board {
+            None => Err(TableFileError::NotLoaded { path }),
+            Some(board) if board != self.digest() => {
+                Err(TableFileError::OtherTable { path, table: self.digest().short(), board: board.short() })
+            }
+            Some(_) => Ok(()),
+        }
+    }
+
+    /// Refuses the visits of another table.
+    pub(crate) fn check_visits(&self, visits: Digest) -> Result<(), TableFileError> {
+        if visits == self.digest() {
+            return Ok(());
+        }
+        let (path, table) = (self.path.clone(), self.digest().short());
+        Err(TableFileError::OtherVisits { path, table, visits: visits.short() })
+    }
+
+    /// Refuses a board that has another profile than the one that the table was made for.
+    pub(crate) fn check_profile(&self, board: Digest) -> Result<(), TableFileError> {
+        if self.profile == board {
+            return Ok(());
+        }
+        let (path, profile) = (self.path.clone(), self.profile.short());
+        Err(TableFileError::OtherProfile { path, profile, board: board.short() })
+    }
+
+    /// Refuses a board that the table was not made for.
+    pub(crate) fn check_device(&self, board: DeviceId) -> Result<(), TableFileError> {
+        match self.device {
+            Some(device) if device != board => {
+                Err(TableFileError::OtherDevice { path: self.path.clone(), device, board })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// How long the program lasts.
+    pub(crate) fn end(&self) -> Micros {
+        let end = |record: &Record| if let Record::End { at } = record { Some(*at) } else { None };
+        self.records.iter().find_map(end).unwrap_or_default()
+    }
+}
+
+fn records(bytes: &[u8]) -> Result<Vec<Record>, usize> {
+    let (mut records, mut rest) = (Vec::new(), bytes);
+    while !rest.is_empty() {
+        let offset = bytes.len() - rest.len();
+        let (record, after) = postcard::take_from_bytes(rest).map_err(|_| offset)?;
+        records.push(record);
+        rest = after;
+    }
+    Ok(records)
+}
+
+/// The digest and the image in a file's bytes, once its checksum fits.
+fn unpack<'b>(bytes: &'b [u8], path: &Path) -> Result<(Digest, &'b [u8]), TableFileError> {
+    let no_table = || TableFileError::NoTable { path: path.into() };
+    let (content, check) = bytes.split_last_chunk::<CHECK>().ok_or_else(no_table)?;
+    let (digest, image) = content.strip_prefix(HEAD).and_then(<[u8]>::split_first_chunk).ok_or_else(no_table)?;
+    let (found, expected) = (CRC.checksum(content), u32::from_le_bytes(*check));
+    match found == expected {
+        true => Ok((Digest(*digest), image)),
+        false => Err(TableFileError::Damaged { path: path.into(), found, expected }),
+    }
+}
+
+fn check(path: &Path, records: Vec<Record>) -> Result<Vec<Record>, TableFileError> {
+    let refused = |source| TableFileError::Refused { path: path.into(), source };
+    let wiring = wiring(&records).map_err(refused)?;
+    let profile = Profile { digest: start(&records).profile, ..Profile::of(&wiring) };
+    let board = Board { device: None, profile: &profile };
+    let mut checker = Checker::default();
+    records.iter().try_for_each(|record| checker.admit(record, &board)).map_err(refused)?;
+    match checker.is_complete() {
+        true => Ok(records),
+        false => Err(TableFileError::CutOff { path: path.into(), rows: rows(&records) }),
+    }
+}
+
+fn rows(records: &[Record]) -> usize {
+    records.iter().filter(|record| matches!(record, Record::Row(_))).count()
+}
+
+/// What the first record says.
+#[derive(Default)]
+struct Start {
+    model: ModelHash,
+    device: Option<DeviceId>,
+    profile: Digest,
+}
+
+fn start(records: &[Record]) -> Start {
+    let start = |record: &Record| match record {
+        Record::Start { model, device, profile, .. } => {
+            Some(Start { model: *model, device: *device, profile: *profile })
+        }
+        _ => None,
+    };
+    // The checker refuses records without a start.
+    records.iter().find_map(start).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use darm_arm::arm::Arm;
+    use darm_arm::plan::{Visit, plan};
+    use darm_arm::wired_arm::profile_of;
+
+    use super::{TableFile, bytes, digest, records};
+
+    fn file() -> Vec<u8> {
+        let arm = Arm::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/planar4.toml")).unwrap();
+        let visit =
+            Visit { word: "000010000000".parse().unwrap(), servos_rad: vec![], dwell_s: 0.1, label: "A".into() };
+        let profile = profile_of(&arm, None).unwrap();
+        bytes(&plan(&arm, &[visit], &profile.board(None), &[]).unwrap().image)
+    }
+
+    #[test]
+    fn a_file_with_any_one_bit_changed_or_cut_off_anywhere_is_refused() {
+        let (path, mut file) = (Path::new("a.darm"), file());
+        assert!(TableFile::parse(path, &file).is_ok());
+        for bit in 0..8 * file.len() {
+            file[bit / 8] ^= 1 << (bit % 8);
+            assert!(TableFile::parse(path, &file).is_err(), "bit {} of byte {}", bit % 8, bit / 8);
+            file[bit / 8] ^= 1 << (bit % 8);
+        }
+        for end in 0..file.len() {
+            assert!(TableFile::parse(path, &file[..end]).is_err(), "{end} bytes");
+        }
+    }
+
+    #[test]
+    fn a_digest_is_sixty_four_figures() {
+        let table = TableFile::parse(Path::new("a.darm"), &file()).unwrap().digest();
+        let text = table.to_string();
+        assert_eq!(digest(&text), Some(table));
+        for wrong in [&text[1..], &format!("{text}0"), &text.replacen(&text[..1], "+", 1), ""] {
+            assert_eq!(digest(wrong), None, "{wrong}");
+        }
+    }
+
+    #[test]
+    fn the_place_of_bad_bytes_is_told() {
+        assert_eq!(records(&[]), Ok(vec![]));
+        assert_eq!(records(&[0xff, 1]), Err(0));
+    }
+}

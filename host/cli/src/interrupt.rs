@@ -1,0 +1,113 @@
+//! Ctrl-C and SIGTERM while the arm moves: the arm stops, and the command says whether the board confirmed it.
+
+use std::fmt;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use darm_core::sequencer::Command;
+use darm_device::client::Client;
+use darm_device::client::stop::{Confirmation, STOP_BOUND, StopHandle, stop_at};
+use darm_device::link::LinkError;
+
+use crate::{failure, state_folder};
+
+/// The command is given this long to write what it has and end by itself.
+const GRACE: Duration = Duration::from_millis(1500);
+/// How often a finished stop is looked for.
+const LOOK: Duration = Duration::from_millis(10);
+
+/// The command was interrupted: how the stop went.
+#[derive(Debug)]
+pub(crate) struct Interrupted(pub(crate) Result<Confirmation, Arc<LinkError>>);
+
+impl fmt::Display for Interrupted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.0 {
+            Ok(Confirmation::Confirmed) => f.write_str("interrupted; the board confirmed that all coils are off"),
+            Ok(Confirmation::Missing) => f.write_str(
+                "interrupted; the stop was sent, but the board did not confirm it within 1 s; switch the arm's supply off",
+            ),
+            Err(error) => write!(
+                f,
+                "interrupted, and the stop could not be sent: {error}; the program runs on, switch the arm's supply off"
+            ),
+        }
+    }
+}
+
+impl std::error::Error for Interrupted {}
+
+/// Watches for an interrupt from its making on.
+#[derive(Clone)]
+pub(crate) struct Watch(Arc<Mutex<State>>);
+
+struct State {
+    port: String,
+    handle: StopHandle,
+    requested: bool,
+    stopped: Option<Result<Confirmation, Arc<LinkError>>>,
+}
+
+impl Watch {
+    /// From now on Ctrl-C and SIGTERM stop the board at this port.
+    pub(crate) fn start(port: &str, handle: StopHandle) -> anyhow::Result<Self> {
+        let state = State { port: port.to_owned(), handle, requested: false, stopped: None };
+        let watch = Self(Arc::new(Mutex::new(state)));
+        let interrupted = watch.clone();
+        ctrlc::set_handler(move || interrupted.stop()).context("cannot wait for Ctrl-C")?;
+        Ok(watch)
+    }
+
+    /// The port was opened again.
+    pub(crate) fn use_handle(&self, handle: StopHandle) {
+        self.state().handle = handle;
+    }
+
+    /// How the stop went, if there was an interrupt. Waits for the end of a stop that is under way.
+    pub(crate) fn interrupted(&self) -> Option<Interrupted> {
+        loop {
+            let state = self.state();
+            if let (true, None) = (state.requested, &state.stopped) {
+                drop(state);
+                thread::sleep(LOOK);
+                continue;
+            }
+            return state.stopped.clone().map(Interrupted);
+        }
+    }
+
+    /// Starts the board's program, unless there was an interrupt. One that comes meanwhile sends a stop, after which the
+    /// board refuses what was asked before it.
+    pub(crate) fn play(&self, client: &mut Client) -> anyhow::Result<()> {
+        if let Some(interrupted) = self.interrupted() {
+            return Err(interrupted.into());
+        }
+        let played = client.command(Command::Play);
+        match self.interrupted() {
+            Some(interrupted) => Err(interrupted.into()),
+            None => Ok(played?),
+        }
+    }
+
+    fn stop(&self) {
+        let (port, handle) = {
+            let mut state = self.state();
+            state.requested = true;
+            (state.port.clone(), state.handle.clone())
+        };
+        let stopped = handle.stop(STOP_BOUND).or_else(|_| stop_at(&port, state_folder::stop_socket(&port)));
+        self.state().stopped = Some(stopped.map_err(Arc::new));
+        thread::sleep(GRACE);
+        if let Some(interrupted) = self.interrupted() {
+            let error = interrupted.into();
+            eprintln!("darm: {}", failure::sentence(&error));
+            std::process::exit(failure::code(&error).into());
+        }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,3 @@
+//! What the command line shares with the evaluation: reports as HTML.
+
+pub mod report;

@@ -1,0 +1,237 @@
+//! The page of one round through the loop.
+
+use maud::{Markup, html};
+
+use super::diagnosis::{mm, tables_and_plots};
+use super::skeleton::skeleton;
+use super::{Closure, LoopReport, PaperFigures, SynthesisFigures, drawing};
+use darm_diagnose::diagnose::outcome::Verdict;
+
+/// The whole page, with everything that it needs in it.
+pub fn page(report: &LoopReport) -> Markup {
+    let body = html! {
+        (head(report))
+        (figures(report))
+        (synthesis(report))
+        (programme(report))
+        (diagnosis(report))
+        (closing(report))
+        footer { "darm " (report.version) " · seed " (report.seed) " · the same numbers are in report.json" }
+    };
+    skeleton(&format!("{}, seed {}", report.arm, report.seed), &body)
+}
+
+fn head(report: &LoopReport) -> Markup {
+    html! {
+        header {
+            h1 { "Once round the loop" }
+            p.sub { (report.arm) " · " (report.board) " · seed " (report.seed) " · " (format!("{:.0} s", report.time_s)) }
+            p.lead { @for sentence in report.diagnosis.plain.iter().take(3) { (sentence) " " } }
+        }
+    }
+}
+
+/// The few numbers that say how it went.
+fn figures(report: &LoopReport) -> Markup {
+    let (error_m, _) = report.synthesis.largest();
+    let diagnosis = &report.diagnosis;
+    let heldout = diagnosis.error.after.unseen();
+    let ratio = diagnosis.repeatability.as_ref().map(|r| heldout.distance_m / r.distance_m);
+    html! {
+        div.cards {
+            (card("synthesis error", &power(error_m, "m"), "largest of the desired frames", error_m <= 1e-9))
+            (verdict_card(report))
+            @if let Some(ratio) = ratio {
+                (card("held-out error after", &format!("{ratio:.2} ×"), "the repeatability of the measurement", ratio <= 1.3))
+            }
+            @for closure in &report.closures {
+                (card(&closure.name, &mm(closure.after_m), &format!("at the desired frames, from {}", mm(closure.before_m)), closure.met()))
+            }
+        }
+    }
+}
+
+fn verdict_card(report: &LoopReport) -> Markup {
+    let diagnosis = &report.diagnosis;
+    let (value, note) = match &diagnosis.effects[..] {
+        [first, ..] => (first.law.to_string(), first.place_name.clone()),
+        [] => (diagnosis.verdict.to_string(), "nothing is named".to_string()),
+    };
+    let right = report.named_rightly().unwrap_or(diagnosis.verdict != Verdict::UnexplainedStructure);
+    card("diagnosis", &value, &note, right)
+}
+
+fn card(name: &str, value: &str, note: &str, met: bool) -> Markup {
+    html! {
+        div.card.met[met].missed[!met] {
+            div.name { (name) }
+            div.value { (value) }
+            div.note { (note) }
+        }
+    }
+}
+
+fn synthesis(report: &LoopReport) -> Markup {
+    let s = &report.synthesis;
+    html! {
+        section {
+            h2 { "Synthesis" }
+            p { "The stops of the legs, found so that the arm meets the desired frames (" (s.case) "). Grey: the base-line arm; dark: the synthesised one, extended legs in colour; the cross is the desired frame." }
+            (drawing::figure(report))
+            div.two {
+                (frames_table(s))
+                (paper_table(s))
+            }
+        }
+    }
+}
+
+fn frames_table(s: &SynthesisFigures) -> Markup {
+    html! {
+        table {
+            thead { tr { th { "frame" } th { "word" } th.num { "before" } th.num { "error" } th.num { "turn" } } }
+            tbody {
+                @for frame in &s.frames {
+                    tr {
+                        td { (frame.name) }
+                        td { code { (frame.word) } }
+                        td.num { (mm(frame.before_m)) }
+                        td.num { (power(frame.error_m, "m")) }
+                        td.num { (angle(frame.error_rad)) }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn paper_table(s: &SynthesisFigures) -> Markup {
+    let (error_m, error_rad) = s.largest();
+    let ours = PaperFigures { error_m, error_rad, time_s: s.time_s };
+    let row = |name: &str, figures: &PaperFigures| {
+        html! {
+            tr {
+                td { (name) }
+                td.num { (power(figures.error_m, "m")) }
+                td.num { (angle(figures.error_rad)) }
+                td.num { (seconds(figures.time_s)) }
+            }
+        }
+    };
+    html! {
+        table {
+            thead { tr { th { "largest error" } th.num { "position" } th.num { "turn" } th.num { "time" } } }
+            tbody {
+                (row(&format!("here, {} steps", s.iterations), &ours))
+                @if let Some(here) = &s.paper_method { (row("the paper's method, here", here)) }
+                (row("the paper's own figures", &s.paper))
+            }
+        }
+    }
+}
+
+fn programme(report: &LoopReport) -> Markup {
+    let p = &report.programme;
+    html! {
+        section {
+            h2 { "Measurement" }
+            p {
+                (p.words) " words chosen for information, " (p.visits) " visits each after different words, "
+                (p.repeats) " exact repeats: " (p.rows) " poses, played by the board in " (format!("{:.0} s", p.time_s))
+                " from a table of " (p.table_rows) " rows. " (p.held_out) " words were drawn before any fit and held out."
+            }
+        }
+    }
+}
+
+fn diagnosis(report: &LoopReport) -> Markup {
+    let d = &report.diagnosis;
+    html! {
+        section {
+            h2 { "Diagnosis" }
+            @for sentence in &d.plain { p { (sentence) } }
+            @if let Some(truth) = &report.truth {
+                p.unsealed {
+                    "Unsealed after the verdict: " b { (truth.effect) }
+                    @if !truth.place.is_empty() { " at " (truth.place) ", " (format!("{:.4e} {}", truth.size, truth.unit)) ", sized for " (format!("{:.0}", truth.times_scatter)) " × the repeatability" }
+                    "."
+                }
+            }
+            (tables_and_plots(d))
+        }
+    }
+}
+
+fn closing(report: &LoopReport) -> Markup {
+    html! {
+        section {
+            h2 { "Closing the loop" }
+            @for closure in &report.closures { (closure_table(closure)) }
+            @if !report.stops.is_empty() {
+                h3 { "What a person turns" }
+                table {
+                    thead { tr { th { "part" } th.num { "from" } th.num { "to" } th { "turn" } } }
+                    tbody {
+                        @for stop in &report.stops {
+                            tr { td { (stop.name) } td.num { (mm(stop.from_m)) } td.num { (mm(stop.to_m)) } td { (stop.turn) } }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn closure_table(closure: &Closure) -> Markup {
+    html! {
+        h3 { (closure.name) }
+        p { (closure.note) }
+        table {
+            thead { tr { th { "frame" } th { "word before" } th { "word after" } th.num { "error before" } th.num { "error after" } } }
+            tbody {
+                @for frame in &closure.frames {
+                    tr {
+                        td { (frame.name) }
+                        td { code { (frame.word_before) } }
+                        td { code { (frame.word_after) } }
+                        td.num { (mm(frame.before_m)) }
+                        td.num { (mm(frame.after_m)) }
+                    }
+                }
+                tr.sum {
+                    td colspan="3" { "root mean square; goal " (mm(closure.goal_m)) ": " (if closure.met() { "met" } else { "not met" }) }
+                    td.num { (mm(closure.before_m)) }
+                    td.num { b { (mm(closure.after_m)) } }
+                }
+            }
+        }
+    }
+}
+
+impl Closure {
+    /// Whether the error came down to the goal.
+    pub fn met(&self) -> bool {
+        self.after_m <= self.goal_m
+    }
+}
+
+impl SynthesisFigures {
+    /// The largest distance (m) and angle (rad) of all frames.
+    pub fn largest(&self) -> (f64, f64) {
+        let frames = self.frames.iter();
+        frames.fold((0.0, 0.0), |(m, rad), frame| (f64::max(m, frame.error_m), f64::max(rad, frame.error_rad)))
+    }
+}
+
+/// A tiny angle.
+pub(super) fn angle(angle_rad: f64) -> String {
+    format!("{:.0e}°", angle_rad.to_degrees())
+}
+
+fn power(value: f64, unit: &str) -> String {
+    format!("{value:.0e} {unit}")
+}
+
+fn seconds(time_s: f64) -> String {
+    if time_s < 1.0 { format!("{:.1} ms", time_s * 1e3) } else { format!("{time_s:.0} s") }
+}

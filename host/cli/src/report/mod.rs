@@ -1,0 +1,239 @@
+//! The report of one round through the loop: a page for people, JSON with the same numbers for programs, a table for
+//! the terminal.
+//!
+//! Everything is drawn from one plain value, [`LoopReport`]; nothing is computed on the way.
+
+mod channels;
+pub mod density;
+mod diagnosis;
+mod drawing;
+mod html;
+mod motion;
+mod plots;
+mod skeleton;
+mod terminal;
+
+use std::io;
+use std::path::Path;
+
+use darm_core::se::Pose;
+use serde::Serialize;
+
+pub use channels::channels_page;
+use darm_arm::arm::frames::DesiredFrame;
+use darm_arm::arm::{Arm, ArmScratch};
+use darm_diagnose::diagnose::outcome::Diagnosis;
+use darm_diagnose::truth::Sealed;
+pub use diagnosis::diagnosis_page;
+pub use drawing::{Line, Posture, posture};
+pub use html::page;
+pub use motion::{MotionReport, along_time, chair_along_time, motion_page, page as page_of, plain_page, sagittal};
+pub use terminal::table;
+
+/// What the paper says of its synthesis: errors of 1e-7 m and 1e-9 degrees after 10² s.
+pub const PAPER: PaperFigures = PaperFigures { error_m: 1e-7, error_rad: 1.745_329_25e-11, time_s: 1e2 };
+
+/// One round through the loop in numbers.
+#[derive(Clone, Debug, Serialize)]
+pub struct LoopReport {
+    /// Name of the arm.
+    pub arm: String,
+    /// Seed of everything that was drawn.
+    pub seed: u64,
+    /// Version of this program.
+    pub version: String,
+    /// What the firmware ran on.
+    pub board: String,
+    /// How long all of it took, s.
+    pub time_s: f64,
+    /// Synthesis from the desired frames.
+    pub synthesis: SynthesisFigures,
+    /// The measurement programme.
+    pub programme: ProgrammeFigures,
+    /// What the measurement told.
+    pub diagnosis: Diagnosis,
+    /// What was really the matter, unsealed after the verdict; `None` on an arm that nobody drew.
+    pub truth: Option<Sealed>,
+    /// How the stops are to be turned.
+    pub stops: Vec<StopFigure>,
+    /// How the loop was closed, and what came of it.
+    pub closures: Vec<Closure>,
+    /// The arm as it was and as it was synthesised, in each desired frame.
+    pub drawing: Drawing,
+}
+
+/// A synthesis in numbers.
+#[derive(Clone, Debug, Serialize)]
+pub struct SynthesisFigures {
+    /// Sufficient, insufficient or redundant.
+    pub case: String,
+    /// Steps.
+    pub iterations: u32,
+    /// How long it took, s.
+    pub time_s: f64,
+    /// Root of the sum of squares of what the stops were altered by, m.
+    pub alteration_m: f64,
+    /// Each desired frame.
+    pub frames: Vec<FrameFigure>,
+    /// What the paper says of its own.
+    pub paper: PaperFigures,
+    /// The paper's method run here on the same frames; `None` where it was not run.
+    pub paper_method: Option<PaperFigures>,
+}
+
+/// Largest errors and time of a synthesis.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PaperFigures {
+    /// Largest distance, m.
+    pub error_m: f64,
+    /// Largest angle, rad.
+    pub error_rad: f64,
+    /// Time, s.
+    pub time_s: f64,
+}
+
+/// A desired frame and how far the synthesis misses it.
+#[derive(Clone, Debug, Serialize)]
+pub struct FrameFigure {
+    /// Its name.
+    pub name: String,
+    /// Its word.
+    pub word: String,
+    /// Distance before, m.
+    pub before_m: f64,
+    /// Distance, m.
+    pub error_m: f64,
+    /// Angle, rad.
+    pub error_rad: f64,
+}
+
+/// A measurement programme in numbers.
+#[derive(Clone, Debug, Serialize)]
+pub struct ProgrammeFigures {
+    /// Different words.
+    pub words: usize,
+    /// Of these held out.
+    pub held_out: usize,
+    /// Visits of each word.
+    pub visits: usize,
+    /// Exact repeats among the rows.
+    pub repeats: usize,
+    /// Rows that were measured.
+    pub rows: usize,
+    /// Rows of the board's table.
+    pub table_rows: usize,
+    /// How long the board played it, s.
+    pub time_s: f64,
+}
+
+/// One stop or anchor and how it is to be turned.
+#[derive(Clone, Debug, Serialize)]
+pub struct StopFigure {
+    /// Which.
+    pub name: String,
+    /// From, m.
+    pub from_m: f64,
+    /// To, m.
+    pub to_m: f64,
+    /// What to do, in words.
+    pub turn: String,
+}
+
+/// One way to close the loop.
+#[derive(Clone, Debug, Serialize)]
+pub struct Closure {
+    /// What was done.
+    pub name: String,
+    /// What that means, in a sentence.
+    pub note: String,
+    /// Each desired frame.
+    pub frames: Vec<ClosedFrame>,
+    /// Measured error before, as a distance d, root mean square over the frames, m.
+    pub before_m: f64,
+    /// The same after.
+    pub after_m: f64,
+    /// What it has to come down to, m.
+    pub goal_m: f64,
+}
+
+/// One desired frame, measured before and after.
+#[derive(Clone, Debug, Serialize)]
+pub struct ClosedFrame {
+    /// Its name.
+    pub name: String,
+    /// Word before.
+    pub word_before: String,
+    /// Word after.
+    pub word_after: String,
+    /// Measured distance d from the desired frame before, m.
+    pub before_m: f64,
+    /// The same after.
+    pub after_m: f64,
+}
+
+/// Lines of an arm in several frames.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Drawing {
+    /// In each desired frame.
+    pub frames: Vec<DrawnFrame>,
+}
+
+/// The arm in one desired frame.
+#[derive(Clone, Debug, Serialize)]
+pub struct DrawnFrame {
+    /// Name of the frame.
+    pub name: String,
+    /// The word.
+    pub word: String,
+    /// The base-line arm.
+    pub base_line: Posture,
+    /// The synthesised arm.
+    pub synthesised: Posture,
+    /// The desired frame: x, y in m, and the angle in rad.
+    pub desired: [f64; 3],
+}
+
+impl LoopReport {
+    /// Whether the diagnosis named what was really the matter; `None` where nobody knows.
+    pub fn named_rightly(&self) -> Option<bool> {
+        let truth = self.truth.as_ref()?;
+        Some(match &self.diagnosis.effects[..] {
+            [] => truth.effect == "none",
+            [one] => one.law == truth.effect && part(&one.place) == part(&truth.place),
+            _ => false,
+        })
+    }
+
+    /// Writes `report.html` and `report.json` into a folder.
+    pub fn write(&self, folder: &Path) -> io::Result<()> {
+        std::fs::create_dir_all(folder)?;
+        std::fs::write(folder.join("report.html"), page(self).into_string())?;
+        std::fs::write(folder.join("report.json"), serde_json::to_string_pretty(self)?)
+    }
+}
+
+/// A place without the end of the part: `actuator 4` of `actuator 4, base anchor`.
+fn part(place: &str) -> &str {
+    place.split(',').next().unwrap_or_default()
+}
+
+impl Drawing {
+    /// The two arms in each of the desired frames; frames without a pose are left out.
+    pub fn of(base_line: &Arm, synthesised: &Arm, desired: &[DesiredFrame]) -> Self {
+        let mut scratch = ArmScratch::default();
+        let mut drawn = |frame: &DesiredFrame| {
+            let Pose { rotation, position } = frame.pose_base_tool;
+            Some(DrawnFrame {
+                name: frame.name.clone(),
+                word: frame.word.to_string(),
+                base_line: posture(base_line, frame, &mut scratch)?,
+                synthesised: posture(synthesised, frame, &mut scratch)?,
+                desired: [position.x, position.y, rotation.m21.atan2(rotation.m11)],
+            })
+        };
+        Self { frames: desired.iter().filter_map(&mut drawn).collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,86 @@
+//! The report as a table for the terminal.
+
+use super::{LoopReport, html::angle};
+use darm_diagnose::diagnose::outcome::Verdict;
+
+/// The lines of the table, without colour.
+pub fn table(report: &LoopReport) -> String {
+    let mut rows: Vec<(String, String)> = Vec::new();
+    let mut row = |name: &str, value: String| rows.push((name.into(), value));
+    row("arm, board, seed", format!("{}, {}, seed {}", report.arm, report.board, report.seed));
+    synthesis(report, &mut row);
+    row("programme", programme(report));
+    diagnosis(report, &mut row);
+    for closure in &report.closures {
+        let met = if closure.after_m <= closure.goal_m { "met" } else { "NOT met" };
+        let (before, after, goal) = (mm(closure.before_m), mm(closure.after_m), mm(closure.goal_m));
+        row(&closure.name, format!("error at the desired frames {before} -> {after}, goal {goal}: {met}"));
+    }
+    row("time", format!("{:.0} s", report.time_s));
+    let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
+    rows.iter().map(|(name, value)| format!("  {name:width$}  {value}\n")).collect()
+}
+
+fn synthesis(report: &LoopReport, row: &mut impl FnMut(&str, String)) {
+    let synthesis = &report.synthesis;
+    let (error_m, error_rad) = synthesis.largest();
+    let ours = format!(
+        "{error_m:.0e} m, {}, {:.3} s, {} steps ({})",
+        angle(error_rad),
+        synthesis.time_s,
+        synthesis.iterations,
+        synthesis.case
+    );
+    row("synthesis", ours);
+    let paper = &synthesis.paper;
+    row("  the paper's own", format!("{:.0e} m, {}, {:.0} s", paper.error_m, angle(paper.error_rad), paper.time_s));
+    if let Some(here) = &synthesis.paper_method {
+        let told = format!("{:.0e} m, {}, {:.2} s", here.error_m, angle(here.error_rad), here.time_s);
+        row("  the paper's method here", told);
+    }
+}
+
+fn programme(report: &LoopReport) -> String {
+    let p = &report.programme;
+    format!(
+        "{} words, {} held out, {} rows with {} exact repeats, played in {:.0} s",
+        p.words, p.held_out, p.rows, p.repeats, p.time_s
+    )
+}
+
+fn diagnosis(report: &LoopReport, row: &mut impl FnMut(&str, String)) {
+    let diagnosis = &report.diagnosis;
+    row("verdict", diagnosis.verdict.to_string());
+    for effect in &diagnosis.effects {
+        let values: Vec<String> = effect
+            .parameters
+            .iter()
+            .map(|p| format!("{} {:.4e} {} [{:.4e}, {:.4e}]", p.name, p.value, p.unit, p.ci95[0], p.ci95[1]))
+            .collect();
+        row("  effect", format!("{} at {} ({}): {}", effect.law, effect.place, effect.place_name, values.join(", ")));
+    }
+    if let Some(truth) = &report.truth {
+        let right = match report.named_rightly() {
+            Some(true) => "named rightly",
+            _ => "NOT named rightly",
+        };
+        let what =
+            if truth.place.is_empty() { truth.effect.into() } else { format!("{} at {}", truth.effect, truth.place) };
+        row("  unsealed", format!("{what}: {right}"));
+    }
+    if let (Some(before), Some(after)) = (&diagnosis.error.before.heldout, &diagnosis.error.after.heldout) {
+        let repeats = diagnosis.repeatability.as_ref().map_or(String::new(), |r| {
+            let ratio = after.distance_m / r.distance_m;
+            format!(", repeatability {} ({ratio:.2} x)", mm(r.distance_m))
+        });
+        row("  held-out error", format!("{} -> {}{repeats}", mm(before.distance_m), mm(after.distance_m)));
+    }
+    if diagnosis.verdict == Verdict::NotIdentifiable {
+        let all: Vec<String> = diagnosis.alternatives.iter().map(|a| format!("{} at {}", a.law, a.place)).collect();
+        row("  it may be", all.join("; "));
+    }
+}
+
+fn mm(length_m: f64) -> String {
+    format!("{:.3} mm", length_m * 1e3)
+}

@@ -1,0 +1,109 @@
+//! A report of a small round through the loop: the page is whole, and the JSON has its numbers.
+
+use std::path::Path;
+
+use super::*;
+use darm_arm::arm::frames;
+use darm_arm::synthesis::{self, synthesize};
+use darm_diagnose::diagnose::programme::{self, programme};
+use darm_diagnose::diagnose::{Options, diagnose};
+use darm_diagnose::truth::{Kind, Truth};
+
+/// A report on an arm with a stroke loss; what the board would tell is made up.
+fn report() -> LoopReport {
+    let base = Arm::parse(Path::new("planar4.toml"), include_str!("../../../../examples/planar4.toml")).unwrap();
+    let text = include_str!("../../../../examples/planar4-frames.toml");
+    let desired = frames::parse(Path::new("frames.toml"), text, &base).unwrap();
+    let found = synthesize(&base, &desired, &synthesis::Options::default()).unwrap();
+    let truth = Truth::draw(&found.arm, &desired, 4, Some(Kind::StrokeLoss)).unwrap();
+    let steps = programme(&found.arm, &programme::Options::default());
+    let run = truth.measure(&steps, 0.0, 4).unwrap();
+    let diagnosis = diagnose(&found.arm, &run, &Options::default()).unwrap();
+    let closed = |frame: &frames::DesiredFrame| ClosedFrame {
+        name: frame.name.clone(),
+        word_before: frame.word.to_string(),
+        word_after: frame.word.to_string(),
+        before_m: 6e-3,
+        after_m: 0.3e-3,
+    };
+    LoopReport {
+        arm: base.name.clone(),
+        seed: 4,
+        version: env!("CARGO_PKG_VERSION").into(),
+        board: "no board".into(),
+        time_s: 61.0,
+        synthesis: synthesis_figures(&found),
+        programme: ProgrammeFigures {
+            words: 96,
+            held_out: 24,
+            visits: 3,
+            repeats: steps.iter().filter(|step| step.repeat).count(),
+            rows: run.samples.len(),
+            table_rows: 700,
+            time_s: 90.0,
+        },
+        diagnosis,
+        truth: Some(truth.unseal().clone()),
+        stops: vec![StopFigure {
+            name: "module 4, left leg, stop of digit 1".into(),
+            from_m: 1.25,
+            to_m: 1.253,
+            turn: "3.000 mm out".into(),
+        }],
+        closures: vec![Closure {
+            name: "stops turned".into(),
+            note: "The geometry is synthesised again with the effect, and a person turns the stops.".into(),
+            frames: desired.iter().map(closed).collect(),
+            before_m: 6e-3,
+            after_m: 0.3e-3,
+            goal_m: 1.2e-3,
+        }],
+        drawing: Drawing::of(&base, &found.arm, &desired),
+    }
+}
+
+fn synthesis_figures(found: &synthesis::Synthesis) -> SynthesisFigures {
+    let frame = |reached: &synthesis::Reached| FrameFigure {
+        name: reached.frame.name.clone(),
+        word: reached.frame.word.to_string(),
+        before_m: reached.error_before_m,
+        error_m: reached.error_m,
+        error_rad: reached.error_rad,
+    };
+    SynthesisFigures {
+        case: "sufficient".into(),
+        iterations: found.iterations,
+        time_s: found.time.as_secs_f64(),
+        alteration_m: found.alteration_m,
+        frames: found.frames.iter().map(frame).collect(),
+        paper: PAPER,
+        paper_method: None,
+    }
+}
+
+#[test]
+fn page_and_json_tell_the_same() {
+    let report = report();
+    let folder = tempfile::tempdir().unwrap();
+    report.write(folder.path()).unwrap();
+    if let Some(kept) = std::env::var_os("DARM_REPORT") {
+        report.write(Path::new(&kept)).unwrap();
+    }
+    let page = std::fs::read_to_string(folder.path().join("report.html")).unwrap();
+    let json: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(folder.path().join("report.json")).unwrap()).unwrap();
+    assert_eq!(report.named_rightly(), Some(true));
+    assert_eq!(json["diagnosis"]["verdict"], "effect-found");
+    assert_eq!(json["diagnosis"]["effects"][0]["law"], "stroke-loss");
+    let after_mm = json["diagnosis"]["error"]["after"]["heldout"]["distance_m"].as_f64().unwrap() * 1e3;
+    assert!(page.contains(&format!("{after_mm:.3} mm")), "{after_mm}");
+    assert_eq!(page.matches("<svg").count(), page.matches("</svg>").count());
+    assert!(!page.contains("http://") || page.matches("http://").count() == page.matches("http://www.w3.org").count());
+    assert_eq!(json["drawing"]["frames"].as_array().unwrap().len(), 5);
+}
+
+#[test]
+fn the_table_says_what_was_found() {
+    let text = table(&report());
+    assert!(text.contains("effect-found") && text.contains("named rightly") && text.contains("stops turned"), "{text}");
+}

@@ -1,0 +1,233 @@
+//! Measurements that are damaged, and those that are diagnosed and identified.
+
+use std::path::Path;
+
+use darm_core::se::Pose2;
+use darm_diagnose::diagnose::programme::programme;
+use darm_diagnose::truth::{Kind, Truth};
+
+use super::{Home, example, robot, text};
+
+/// Damaged measurements: name, model, text, exit code, and what the message or the note must say.
+fn damaged() -> Vec<(&'static str, &'static str, String, i32, &'static str)> {
+    const HEAD: &str = "t_s,x_mm,p_bar,F_N\n";
+    const POSES: &str = "time_s,word,x_m,y_m,angle_deg\n";
+    let (force, arm, robot) = ("cylinder.toml", "planar4.toml", "tx40.urdf");
+    let rows = |n: u32, row: &dyn Fn(u32) -> String| (0..n).map(|k| row(k) + "\n").collect::<String>();
+    let good = |n| rows(n, &|k| format!("{},{},2,{}", f64::from(k) * 0.1, k % 20, 98 + k % 7));
+    let wave = |k: u32, size: f64| size * (f64::from(k) / 9.0).sin();
+    let joints = (1..7).map(|k| format!(",q{k}")).chain((1..7).map(|k| format!(",tau{k}"))).collect::<String>();
+    let angles = rows(200, &|k| f64::from(k).to_string() + &format!(",{}", wave(k, 170.0)).repeat(6) + ",1,2,1,2,1,2");
+    let all = |cells: &str| HEAD.to_string() + &rows(60, &|_| cells.into());
+    let held = "t_s,x_mm,p_bar,F_N,held_out\n".to_string() + &rows(200, &|k| format!("{k},{k},2,98,1"));
+    let runs = "t_s,x_mm,p_bar,F_N,run\n".to_string() + &rows(4, &|k| format!("{k},{k},2,98,{k}"));
+    let pose = |word: &str, x: &str| POSES.to_string() + &rows(60, &|k| format!("{k},{word},{x},3.9,1"));
+    vec![
+        ("empty", force, String::new(), 1, "no rows"),
+        ("header-only", force, HEAD.into(), 1, "no rows"),
+        ("blank-lines", force, "\n\n".into(), 1, "no rows"),
+        ("no-header", force, "1,2,3,4\n5,6,7,8\n".into(), 1, "no column pressure"),
+        ("missing-column", force, "t_s,x_mm,p_bar\n1,2,3\n".into(), 1, "--map force=COLUMN"),
+        ("short-row", force, format!("{HEAD}1,2,3\n"), 1, "line: 2"),
+        ("long-row", force, format!("{HEAD}1,2,3,4,5\n"), 1, "line: 2"),
+        ("one-row", force, format!("{HEAD}1,2,3,4\n"), 1, "not enough"),
+        ("five-rows", force, HEAD.to_string() + &good(5), 1, "not enough"),
+        ("a-run-a-row", force, runs, 1, "not enough"),
+        ("all-held-out", force, held, 1, "not enough"),
+        ("no-numbers", force, all("nan,nan,nan,nan"), 1, "no number in line 2"),
+        ("words", force, all("x,y,z,w"), 1, "no number in line 2"),
+        ("overflow", force, all("1,2,1e300,1e300"), 1, "right model"),
+        ("control-characters", force, "\u{1}\n\u{2},\u{3}\n".into(), 1, "comma-separated"),
+        ("constant", force, all("1,1,1,1"), 0, "never changes"),
+        ("zeros", force, all("0,0,0,0"), 0, "repeats the one before"),
+        ("some-nan", force, HEAD.to_string() + &good(100) + "10,nan,2,98\n", 0, "line 102"),
+        ("two-time-bases", force, HEAD.to_string() + &good(100) + &good(100), 0, "line 102: time runs back"),
+        ("repeated-row", force, format!("{HEAD}0,1,2,98\n0,1,2,98\n{}", good(100)), 0, "line 3"),
+        ("bar-for-pascal", force, "t_s,x_mm,p,F_N\n".to_string() + &good(100), 0, "are these bar"),
+        (
+            "millimetres",
+            force,
+            "t_s,x,p_bar,F_N\n".to_string() + &rows(100, &|k| format!("{k},{},2,98", wave(k, 30.0))),
+            0,
+            "are these millimetres",
+        ),
+        ("degrees", robot, format!("t{joints}\n{angles}"), 0, "are these degrees"),
+        ("wrong-model", robot, HEAD.to_string() + &good(100), 1, "no column q1"),
+        ("other-columns", arm, HEAD.to_string() + &good(100), 1, "no column word"),
+        ("long-word", arm, pose("0101010101010", "0.1"), 1, "13 digits"),
+        ("letters", arm, pose("abc", "0.1"), 1, "digits 0 to 3"),
+        ("no-state", arm, pose("000000000003", "0.1"), 1, "no state"),
+        ("one-word", arm, pose("000000000000", "0.1"), 1, "not enough"),
+        ("poses-of-nan", arm, pose("000000000000", "nan"), 1, "not enough"),
+        ("poses-header-only", arm, POSES.into(), 1, "no rows"),
+        ("not-a-log.mcap", force, "abc".into(), 1, "does not begin as an MCAP log"),
+        ("cut.csv.gz", force, "\u{1f}".into(), 1, "cannot be read"),
+    ]
+}
+
+#[test]
+fn damaged_measurements_are_told_and_none_panics() {
+    let home = Home::new();
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    for model in ["tests/data/measured/cylinder.toml", "tests/data/measured/tx40.urdf", "examples/planar4.toml"] {
+        let name = Path::new(model).file_name().unwrap();
+        std::fs::copy(examples.join(model), home.0.path().join(name)).unwrap();
+    }
+    for (name, model, content, code, message) in damaged() {
+        let file = if name.contains('.') { name.to_string() } else { format!("{name}.csv") };
+        home.write(&file, &content);
+        let output = home.darm(&format!("diagnose {model} {file}"));
+        let told = text(&output.stdout) + &text(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{name}: {told}");
+        assert!(told.contains(message) && !told.contains("panicked") && !told.contains("NaN kg"), "{name}: {told}");
+    }
+}
+
+#[test]
+fn points_that_make_no_sense_are_told() {
+    let home = Home::new();
+    let robot = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/measured/panda.urdf");
+    std::fs::copy(robot, home.path("panda.urdf")).unwrap();
+    let postures = (0..60).map(|k| format!("p{},{},0.1,0.2,0.3,-{k},0.5,0.6,0.7\n", k % 2, k % 3)).collect::<String>();
+    home.write("touched.csv", &format!("place,socket,q1,q2,q3,q4,q5,q6,q7\n{postures}"));
+    for (keys, message) in [
+        ("", "point must name"),
+        ("point = ['place']\npair = 'socket'", "pair and distance_mm go together"),
+        ("point = ['place']\npair = 'socket'\ndistance_mm = 50", "one of the columns of point"),
+        ("point = ['place', 'socket']\npair = 'socket'\ndistance_mm = 0", "more than 0"),
+        ("point = ['place']", "joint panda_finger_joint1 before the tool slides"),
+        (
+            "point = ['place', 'socket']\npair = 'socket'\ndistance_mm = 50\ntool = 'ball_link'",
+            "p0 has more than two values of socket",
+        ),
+        ("point = ['place']\ntool = 'hook'", "no frame hook; it has"),
+        ("point = ['where']\ntool = 'ball_link'", "no column where"),
+    ] {
+        home.write("model.toml", &format!("kind = 'robot'\nurdf = 'panda.urdf'\nobserved = 'closure'\n{keys}\n"));
+        let output = home.darm("diagnose model.toml touched.csv");
+        let told = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{keys}: {told}");
+        assert!(told.contains(message) && !told.contains("panicked"), "{keys}: {told}");
+    }
+}
+
+#[test]
+fn a_log_is_diagnosed_as_its_table_is() {
+    let home = Home::new();
+    let force = "kind = \"cylinder\"\nbore_mm = 25\n";
+    home.write("cylinder.toml", force);
+    let rows: String =
+        (0..200).map(|k| format!("{:.1},{},{},{}\n", f64::from(k) * 0.1, k % 20, 2 + k % 3, 98 + k % 7)).collect();
+    let table = format!("t_s,x_mm,p_bar,F_N\n{rows}");
+    home.write("run.csv", &table);
+    std::fs::write(home.path("run.mcap"), darm_diagnose::measurement::log::from_text(&table).unwrap()).unwrap();
+    let [csv, log] =
+        ["run.csv", "run.mcap"].map(|file| text(&home.darm(&format!("--json diagnose cylinder.toml {file}")).stdout));
+    assert!(csv.len() > 1000);
+    assert_eq!(csv, log);
+    let help = text(&home.darm("diagnose --help").stdout);
+    assert!(help.contains("--write-model"));
+}
+
+/// The 88 golden postures as a table, each row changed by `change`.
+fn postures(change: impl Fn(&mut Vec<f64>)) -> String {
+    let packed = include_bytes!("../../../../tests/data/golden/planar5_sit_to_stand.json.gz");
+    let golden: serde_json::Value = serde_json::from_reader(flate2::read::GzDecoder::new(&packed[..])).unwrap();
+    let numbers = |value: &serde_json::Value| -> Vec<f64> {
+        value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
+    };
+    let joints = ["ankle", "knee", "hip", "torso_pitch"];
+    let head = joints.map(|joint| format!("{joint}_rad")).into_iter().chain(joints.map(|j| format!("tau_{j}_nm")));
+    let mut text = head.chain(["Fx_n", "Fz_n", "My_nm"].map(str::to_owned)).collect::<Vec<_>>().join(",") + "\n";
+    for posture in golden["postures"].as_array().unwrap() {
+        let (q, f) = (numbers(&posture["q"]), numbers(&posture["f"]));
+        let mut row = [&q[4..], &f[3..], &[f[0], f[1], -f[2]]].concat();
+        change(&mut row);
+        text += &(row.iter().map(f64::to_string).collect::<Vec<_>>().join(",") + "\n");
+    }
+    text
+}
+
+#[test]
+fn masses_are_identified_and_bad_postures_are_told() {
+    let (home, planar) = (Home::new(), robot("planar5.urdf"));
+    home.write("good.csv", &postures(|_| ()));
+    let told = home.json(&format!("com identify {planar} good.csv --splits 5 -o masses.json"));
+    assert_eq!((told["rank"].as_u64(), told["possible"].as_bool()), (Some(10), Some(true)));
+    assert!(told["held_out"]["identified_m"][0].as_f64().unwrap() < 1e-6, "{told}");
+    assert!(told["missing"]["named"].as_array().unwrap().is_empty(), "{told}");
+    assert!(std::fs::read_to_string(home.path("masses.json")).unwrap().contains("torso"));
+    let refused = |table: String| {
+        home.write("bad.csv", &table);
+        let output = home.darm(&format!("com identify {planar} bad.csv"));
+        assert_eq!(output.status.code(), Some(1));
+        text(&output.stderr)
+    };
+    let one = postures(|_| ()).lines().take(2).collect::<Vec<_>>().join("\n");
+    assert!(refused(one).contains("1 posture(s) tell"));
+    let reversed = refused(postures(|row| row[8..].iter_mut().for_each(|x| *x = -*x)));
+    assert!(reversed.contains("line 2: the contacts pull the robot down"), "{reversed}");
+    let human = example("../../tests/data/measured/human.urdf");
+    let setup = example("../../tests/data/stand/stand.toml");
+    home.write(
+        "capture.csv",
+        &(0..12).fold("t_s,LASI_x,LASI_y,LASI_z,Fz_n,Mx_nm,My_nm\n".to_owned(), |text, k| {
+            text + &format!("{},0,0,1,700,0,0\n", 0.02 * f64::from(k))
+        }),
+    );
+    let output = home.darm(&format!("com map {human} {planar} {setup} capture.csv"));
+    assert!(text(&output.stderr).contains("no marker C7"), "{}", text(&output.stderr));
+}
+
+/// Poses of an arm one leg of which stops short, as a table that nobody prepared: millimetres, no rows held out.
+fn poses_in_mm(home: &Home) {
+    let base = darm_arm::arm::Arm::read(&home.path("planar4.toml")).unwrap();
+    let frames = include_str!("../../../../examples/planar4-frames.toml");
+    let desired = darm_arm::arm::frames::parse(Path::new("frames.toml"), frames, &base).unwrap();
+    let truth = Truth::draw(&base, &desired, 4, Some(Kind::StrokeLoss)).unwrap();
+    let run = truth.measure(&programme(&base, &Default::default()), 0.0, 4).unwrap();
+    let mut text = String::from("time_s,word,right_mm,up_mm,angle_deg,day\n");
+    for (k, sample) in run.samples.iter().enumerate() {
+        let (p, angle) = (sample.pose.position * 1e3, Pose2::projection(&sample.pose).angle_rad.to_degrees());
+        let [x, y, day] = [p.x, p.y, (k * 3 / run.samples.len()) as f64];
+        text += &format!("{:.6},{},{x:.4},{y:.4},{angle:.6},{day}\n", sample.time_s, sample.word);
+    }
+    home.write("run.csv", &text);
+}
+
+#[test]
+fn rows_of_poses_are_named_chosen_held_out_and_drawn() {
+    let home = Home::new();
+    std::fs::copy(example("planar4.toml"), home.path("planar4.toml")).unwrap();
+    poses_in_mm(&home);
+    let ask = "diagnose planar4.toml run.csv --map x_mm=right_mm,y_mm=up_mm";
+    let told = home.json(&format!("{ask} --report page.html"));
+    assert_eq!(told["held_out"], "each word in turn, in 10 parts");
+    assert_eq!((&told["verdict"], &told["effects"][0]["law"]), (&"effect-found".into(), &"stroke-loss".into()));
+    let [before, after] =
+        ["before", "after"].map(|when| told["error"][when]["heldout"]["distance_m"].as_f64().unwrap());
+    assert!(after < 0.2 * before, "{before} {after}");
+    let page = std::fs::read_to_string(home.path("page.html")).unwrap();
+    assert!(page.contains("What the model lacks") && page.contains("stroke-loss") && page.contains("<svg"));
+    let rows = told["rows"]["train"].as_u64().unwrap();
+    for (how, held_out, rows) in [
+        ("--hold-out-each day", "each day in turn", &rows.into()),
+        ("--hold-out-last 0.25", "the last 25 %", &(rows / 4).into()),
+    ] {
+        let told = home.json(&format!("{ask} {how}"));
+        assert_eq!((&told["held_out"], &told["rows"]["heldout"]), (&held_out.into(), rows));
+    }
+    let some = home.json(&format!("{ask} --where day!=1"));
+    assert!(some["rows"]["train"].as_u64() < Some(rows));
+    home.fails(
+        &format!("{ask} --lowpass 3"),
+        2,
+        "darm: --lowpass is for tables of channels, not for an arm file: each row is a visit of its own, there is no signal \
+         to filter",
+    );
+    home.fails(
+        &format!("{ask} --where day=1 --hold-out-each day"),
+        1,
+        "darm: run.csv: all rows that count are of one part (each day in turn): choose a column with several values",
+    );
+}

@@ -1,0 +1,169 @@
+//! `darm record`: what is on the disk when something goes wrong on the way.
+
+use std::net::Shutdown;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::PathBuf;
+use std::process::{Child, Stdio};
+use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::Duration;
+
+use super::{Board, Home, example, text};
+
+/// A board that has a program of six visits of 1.5 s each.
+fn board(home: &Home) -> Board {
+    let arm = example("planar4.toml");
+    let words = "000010000000 000001000000 000011000000 000000100000 000010100000 000001100000";
+    home.succeeds(&format!("table {arm} --words {words} --dwell 1.5 -o six.darm"));
+    let board = Board::start(home, &arm);
+    home.succeeds(&format!("upload six.darm {}", board.port));
+    board
+}
+
+fn recording(home: &Home, line: &str) -> Child {
+    let mut command = home.command(&format!("record six.darm {line}"));
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+fn rows(home: &Home, file: &str) -> Vec<String> {
+    let text = std::fs::read_to_string(home.path(file)).unwrap_or_default();
+    text.lines().filter(|line| !line.starts_with('#')).skip(1).map(str::to_owned).collect()
+}
+
+/// Waits until the file has a row.
+fn first_row(home: &Home, file: &str) {
+    for _ in 0..400 {
+        if !rows(home, file).is_empty() {
+            return;
+        }
+        thread::sleep(Duration::from_millis(25));
+    }
+    panic!("no row within 10 s");
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_refused_before_anything_moves() {
+    let home = Home::new();
+    let board = board(&home);
+    let refused = home.darm(&format!("record six.darm -o missing/run.csv {}", board.port));
+    assert_eq!(refused.status.code(), Some(1));
+    let log = home.types(&format!("console {}", board.port), "log\nquit\n");
+    assert!(!log.contains("started"), "{log}");
+    assert!(text(&refused.stderr).starts_with("darm: cannot write missing/run.csv: "), "{}", text(&refused.stderr));
+}
+
+#[test]
+fn rows_are_on_the_disk_when_the_recording_is_killed_and_a_second_one_goes_on() {
+    let home = Home::new();
+    let board = board(&home);
+    let mut child = recording(&home, &format!("-o run.csv {}", board.port));
+    first_row(&home, "run.csv");
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let before = rows(&home, "run.csv");
+    let resumed = home.json(&format!("record six.darm --resume -o run.csv {}", board.port));
+    let after = rows(&home, "run.csv");
+    assert_eq!(after[..before.len()], before[..]);
+    assert_eq!(resumed["end"], "finished");
+    let visit = |row: &String| row.split(',').nth(9).unwrap().parse::<usize>().unwrap();
+    let visits: Vec<usize> = after.iter().map(visit).collect();
+    assert!(visits.is_sorted() && visits.last() == Some(&5), "{visits:?}");
+    let lost = resumed["not_recovered"].as_array().unwrap().len();
+    assert_eq!(visits.len() + lost, 6, "{visits:?} {resumed}");
+}
+
+#[test]
+fn compressed_and_logged_recordings_are_readable_at_any_moment() {
+    for file in ["run.csv.gz", "run.mcap"] {
+        let home = Home::new();
+        let board = board(&home);
+        let mut child = recording(&home, &format!("-o {file} {}", board.port));
+        thread::sleep(Duration::from_millis(6500));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let arm = example("planar4.toml");
+        let said = home.darm(&format!("diagnose {arm} {file}"));
+        let told = text(&said.stderr);
+        assert!(told.contains("words are not enough") || told.contains("the file ends early"), "{file}: {told}");
+    }
+}
+
+/// A cable between a host and a board that can be pulled.
+struct Cable {
+    port: PathBuf,
+    ends: Arc<Mutex<Vec<UnixStream>>>,
+}
+
+impl Cable {
+    /// A port in this home behind which the board is.
+    fn to(home: &Home, board: &Board) -> Self {
+        let port = home.path("cable");
+        let listener = UnixListener::bind(&port).unwrap();
+        let board = board.port.trim_start_matches("--port unix:").to_owned();
+        let ends = Arc::new(Mutex::new(Vec::new()));
+        let kept = Arc::clone(&ends);
+        thread::spawn(move || {
+            for host in listener.incoming() {
+                let (host, board) = (host.unwrap(), UnixStream::connect(&board).unwrap());
+                let other = |end: &UnixStream| end.try_clone().unwrap();
+                kept.lock().unwrap().extend([other(&host), other(&board)]);
+                let (mut from_host, mut to_board) = (other(&host), other(&board));
+                thread::spawn(move || std::io::copy(&mut from_host, &mut to_board));
+                let (mut from_board, mut to_host) = (board, host);
+                thread::spawn(move || std::io::copy(&mut from_board, &mut to_host));
+            }
+        });
+        Self { port, ends }
+    }
+
+    /// Both ends see the connection closed; the next one is accepted.
+    fn pull(&self) {
+        for end in self.ends.lock().unwrap().drain(..) {
+            let _ = end.shutdown(Shutdown::Both);
+        }
+    }
+}
+
+#[test]
+fn a_recording_goes_on_when_the_cable_was_pulled_and_reports_it() {
+    let home = Home::new();
+    let board = board(&home);
+    let cable = Cable::to(&home, &board);
+    let child = recording(&home, &format!("--json -o run.csv --port unix:{}", cable.port.display()));
+    first_row(&home, "run.csv");
+    cable.pull();
+    let ended = child.wait_with_output().unwrap();
+    assert!(ended.status.success(), "{}{}", text(&ended.stdout), text(&ended.stderr));
+    let said: serde_json::Value = serde_json::from_slice(&ended.stdout).unwrap();
+    let lost = said["lost_connections"].as_array().unwrap();
+    assert!(!lost.is_empty() && lost[0]["reason"].is_string() && lost[0]["lasted_s"].is_f64(), "{said}");
+    assert_eq!(said["end"], "finished");
+    let missing = said["not_recovered"].as_array().unwrap().len();
+    assert_eq!(rows(&home, "run.csv").len() + missing, 6, "{said}");
+    assert!(missing < 3, "{said}");
+}
+
+#[test]
+fn a_recording_names_the_table_and_the_profile_of_the_board() {
+    let home = Home::new();
+    let board = board(&home);
+    let table = home.json("table --show six.darm");
+    let mut child = recording(&home, &format!("-o run.csv {}", board.port));
+    first_row(&home, "run.csv");
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let about = darm_diagnose::measurement::about(&home.path("run.csv")).unwrap();
+    assert_eq!(
+        [&about["table"], &about["profile"]].map(|value| value.as_str()),
+        [table["digest"].as_str().unwrap(), table["profile"].as_str().unwrap()]
+    );
+    let status = home.json(&format!("status {}", board.port));
+    assert_eq!((&status["table"], &status["profile"]), (&table["digest"], &table["profile"]));
+    // The same program under the name of another table is not resumed.
+    home.succeeds(&format!("table {} --words 000010000000 -o one.darm", example("planar4.toml")));
+    home.succeeds(&format!("stop {}", board.port));
+    home.succeeds(&format!("upload one.darm {}", board.port));
+    let other = home.darm(&format!("record one.darm --resume -o run.csv {}", board.port));
+    assert_eq!(other.status.code(), Some(1));
+    assert!(text(&other.stderr).contains("run.csv: the recording is of table "), "{}", text(&other.stderr));
+}

@@ -1,0 +1,308 @@
+//! The host's end of the wire: connect, ask, command, upload.
+//!
+//! Requests are numbered, answered once and sent again with growing patience until an answer comes; the board runs what
+//! changes something exactly once. So a host may be killed and started again at any moment, and a cable pulled.
+//!
+//! ```no_run
+//! use crate::client::Client;
+//! let mut client = Client::connect(crate::link::open("/dev/ttyACM0")?)?;
+//! let rows = client.status()?.rows;
+//! println!("{} with {rows} rows", client.identity().device);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod error;
+mod exchange;
+#[cfg(test)]
+mod fake;
+mod patience;
+mod reader;
+pub mod stop;
+mod upload;
+
+use std::time::Duration;
+
+use darm_arm::image::UploadImage;
+use darm_core::nearest::{Coordinates, Found};
+use darm_core::se::Pose;
+use darm_core::sequencer::{Command, Event};
+use darm_core::units::Micros;
+use darm_core::wire::PROTOCOL;
+use darm_core::wire::bootstrap::{self, Death, Identity, Into as RebootInto, Version};
+use darm_core::wire::message::{Answer, Calibration, Hello, OutputState, Refusal, Request, Status};
+
+use crate::clock::{BoardClock, host_now_s};
+use crate::link::{Link, LinkError};
+pub use error::{AnswerError, ClientError, TransportError};
+pub use exchange::Counts;
+use exchange::Exchange;
+pub use upload::Progress;
+
+/// How often a connection is opened when other hosts open theirs at the same time.
+const HELLOS: u32 = 5;
+
+/// A connection to one board.
+pub struct Client {
+    exchange: Exchange,
+    identity: Identity,
+    version: Version,
+    hello: Option<Hello>,
+}
+
+/// Something that happened on the board.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Happening {
+    /// Its number since the board's start.
+    pub number: u32,
+    /// When, on the board's clock.
+    pub at: Micros,
+    /// What.
+    pub event: Event,
+}
+
+impl Client {
+    /// Connects to whatever board is at the port, however it was left. Another host's connection ends.
+    ///
+    /// A board of another protocol version can be identified, stopped and rebooted; everything else it refuses.
+    pub fn connect(link: Box<dyn Link>) -> Result<Self, ClientError> {
+        Self::connect_as(link, rand::random())
+    }
+
+    /// Connects with a given number of the connection, so that a run can be repeated.
+    pub fn connect_as(link: Box<dyn Link>, connection: u32) -> Result<Self, ClientError> {
+        let mut exchange = Exchange::new(link, connection);
+        let identity = identify(&mut exchange)?;
+        let version = version(&mut exchange)?;
+        let mut client = Self { exchange, identity, version, hello: None };
+        if version.protocol == PROTOCOL {
+            client.say_hello()?;
+        }
+        Ok(client)
+    }
+
+    /// Opens the connection anew: after another host has used the board, or the board has started anew.
+    pub fn say_hello(&mut self) -> Result<Hello, ClientError> {
+        let mut tries = 0;
+        loop {
+            self.exchange.new_connection();
+            tries += 1;
+            match self.exchange.ask("hello", &Request::Hello { protocol: PROTOCOL }) {
+                Ok(Answer::Hello(hello)) => {
+                    self.hello = Some(hello);
+                    return Ok(hello);
+                }
+                Ok(_) => return Err(AnswerError::Payload { request: "hello" }.into()),
+                // Another host has connected between two copies of the request: the board opens no connection twice.
+                Err(ClientError::Refused(Refusal::NotConnected)) if tries < HELLOS => {}
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    /// Closes the port, so that it can be opened again for [`Client::replug`]; until then every request fails.
+    pub fn unplug(&mut self) {
+        let name = self.port().to_owned();
+        self.exchange.replace_link(Box::new(Unplugged(name)));
+    }
+
+    /// Goes on over another link to the same board: after the cable was pulled.
+    pub fn replug(&mut self, link: Box<dyn Link>) -> Result<(), ClientError> {
+        self.exchange.replace_link(link);
+        self.identity = identify(&mut self.exchange)?;
+        self.version = version(&mut self.exchange)?;
+        self.say_hello().map(drop)
+    }
+
+    /// Who the board is.
+    pub fn identity(&self) -> &Identity {
+        &self.identity
+    }
+
+    /// What it runs.
+    pub fn version(&self) -> Version {
+        self.version
+    }
+
+    /// What it said when the connection was opened; nothing if it speaks another version.
+    pub fn hello(&self) -> Option<Hello> {
+        self.hello
+    }
+
+    /// The port.
+    pub fn port(&self) -> &str {
+        self.exchange.link().name()
+    }
+
+    /// The host's time on this link.
+    pub fn now_s(&self) -> f64 {
+        self.exchange.link().now_s()
+    }
+
+    /// Board time against host time; every answer makes it better.
+    pub fn clock(&self) -> &BoardClock {
+        self.exchange.clock()
+    }
+
+    /// What has gone over the line.
+    pub fn counts(&self) -> Counts {
+        self.exchange.counts()
+    }
+
+    /// Hands text that comes outside frames to `on_text`.
+    pub fn set_on_text(&mut self, on_text: impl FnMut(&[u8]) + Send + 'static) {
+        self.exchange.set_on_text(Box::new(on_text));
+    }
+
+    /// Sends a line as a person would type it; the answer comes as text.
+    pub fn type_line(&mut self, line: &str) -> Result<(), ClientError> {
+        self.exchange.send_raw(format!("{line}\r").as_bytes())
+    }
+
+    /// Listens for so long, for text and for nothing else.
+    pub fn listen(&mut self, for_s: f64) -> Result<(), ClientError> {
+        self.exchange.listen(for_s)
+    }
+
+    /// All coils off at once, in any version of the protocol. The board takes no command from any connection that was
+    /// opened before a stop: [`Client::say_hello`] opens a new one.
+    pub fn stop_at_once(&mut self) -> Result<(), ClientError> {
+        self.exchange.ask_bootstrap("stop", bootstrap::Request::Stop).map(drop)
+    }
+
+    /// How the firmware died last, if it did.
+    pub fn last_death(&mut self) -> Result<Option<Death>, ClientError> {
+        let payload = self.exchange.ask_bootstrap("read fault", bootstrap::Request::ReadFault)?;
+        Death::decode(&payload).ok_or(AnswerError::Payload { request: "read fault" }.into())
+    }
+
+    /// Starts the board anew; the connection ends.
+    pub fn reboot(&mut self, into: RebootInto) -> Result<(), ClientError> {
+        self.exchange.ask_bootstrap("reboot", bootstrap::Request::Reboot(into)).map(drop)
+    }
+
+    /// What the board does now.
+    pub fn status(&mut self) -> Result<Status, ClientError> {
+        match self.ask("status", &Request::Status)? {
+            Answer::Status(status) => Ok(status),
+            _ => Err(AnswerError::Payload { request: "status" }.into()),
+        }
+    }
+
+    /// Up to eight things that happened, from a number on; the first number is larger where older ones are lost.
+    pub fn events(&mut self, from: u32) -> Result<Vec<Happening>, ClientError> {
+        match self.ask("events", &Request::Events { from })? {
+            Answer::Events(events) => {
+                let numbered = (events.first..).zip(events.list);
+                Ok(numbered.map(|(number, (at, event))| Happening { number, at, event }).collect())
+            }
+            _ => Err(AnswerError::Payload { request: "events" }.into()),
+        }
+    }
+
+    /// Asks a few times for the status, so that the board's time is known as well as the line allows.
+    pub fn set_clock(&mut self, round_trips: u32) -> Result<&BoardClock, ClientError> {
+        for _ in 0..round_trips {
+            self.status()?;
+        }
+        Ok(self.clock())
+    }
+
+    /// Does something on the board.
+    pub fn command(&mut self, command: Command) -> Result<(), ClientError> {
+        self.expect_done("command", &Request::Command(command))
+    }
+
+    /// Stores the servos' zero offsets on the board.
+    pub fn calibrate(&mut self, calibration: Calibration) -> Result<(), ClientError> {
+        self.expect_done("calibrate", &Request::Calibrate(calibration))
+    }
+
+    /// The stored zero offsets of the servos.
+    pub fn calibration(&mut self) -> Result<Option<Calibration>, ClientError> {
+        match self.ask("calibration", &Request::Calibration)? {
+            Answer::Calibration(calibration) => Ok(calibration),
+            _ => Err(AnswerError::Payload { request: "calibration" }.into()),
+        }
+    }
+
+    /// How long each output of the board's profile has been on, and how long it may be.
+    pub fn outputs(&mut self) -> Result<Vec<OutputState>, ClientError> {
+        let (mut outputs, mut from) = (Vec::new(), 0);
+        loop {
+            let Answer::Outputs(more) = self.ask("outputs", &Request::Outputs { from })? else {
+                return Err(AnswerError::Payload { request: "outputs" }.into());
+            };
+            let Some(last) = more.last() else { return Ok(outputs) };
+            from = last.output.saturating_add(1);
+            outputs.extend(more);
+        }
+    }
+
+    /// A word that brings the tool near a pose in the base, sought by the board among the frames in its table.
+    pub fn nearest(&mut self, target: &Pose<f64>) -> Result<Found<f32>, ClientError> {
+        match self.ask("nearest", &Request::Nearest(Coordinates::of(target)))? {
+            Answer::Nearest(found) => Ok(found),
+            _ => Err(AnswerError::Payload { request: "nearest" }.into()),
+        }
+    }
+
+    /// Brings a table to the board whole or not at all, and returns the number of its rows. An upload that broke off,
+    /// even in another run of the host, goes on where the board says.
+    pub fn upload(&mut self, image: &UploadImage, progress: &mut dyn FnMut(Progress)) -> Result<u16, ClientError> {
+        self.check_version()?;
+        upload::upload(self, image, progress)
+    }
+
+    fn expect_done(&mut self, name: &'static str, request: &Request<'_>) -> Result<(), ClientError> {
+        match self.ask(name, request)? {
+            Answer::Done => Ok(()),
+            _ => Err(AnswerError::Payload { request: name }.into()),
+        }
+    }
+
+    fn ask(&mut self, name: &'static str, request: &Request<'_>) -> Result<Answer, ClientError> {
+        self.check_version()?;
+        self.exchange.ask(name, request)
+    }
+
+    fn check_version(&self) -> Result<(), ClientError> {
+        match self.version.protocol {
+            PROTOCOL => Ok(()),
+            board => Err(ClientError::Refused(Refusal::Protocol { board })),
+        }
+    }
+}
+
+/// No port.
+struct Unplugged(String);
+
+impl Link for Unplugged {
+    fn send(&mut self, _: &[u8]) -> Result<(), LinkError> {
+        Err(LinkError::Closed { port: self.0.clone() })
+    }
+
+    fn receive(&mut self, _: &mut [u8], _: Duration) -> Result<usize, LinkError> {
+        Err(LinkError::Closed { port: self.0.clone() })
+    }
+
+    fn now_s(&self) -> f64 {
+        host_now_s()
+    }
+
+    fn name(&self) -> &str {
+        &self.0
+    }
+}
+
+fn identify(exchange: &mut Exchange) -> Result<Identity, ClientError> {
+    let payload = exchange.ask_bootstrap("identify", bootstrap::Request::Identify)?;
+    Identity::decode(&payload).ok_or(AnswerError::Payload { request: "identify" }.into())
+}
+
+fn version(exchange: &mut Exchange) -> Result<Version, ClientError> {
+    let payload = exchange.ask_bootstrap("version", bootstrap::Request::Version)?;
+    Version::decode(&payload).ok_or(AnswerError::Payload { request: "version" }.into())
+}
+
+#[cfg(test)]
+mod tests;

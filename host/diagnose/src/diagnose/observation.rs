@@ -1,0 +1,206 @@
+//! Measurements beside predictions: residuals in units of the noise, and how they change with a model's values.
+//!
+//! A residual is predicted minus measured on the group of motions: the twist log(`T_base_measured`⁻¹ · `T_base_predicted`),
+//! told in the measured tool frame. It does not depend on where the base frame is put. Each axis is divided by the
+//! noise of that axis, so a residual of an exact model has three (six) components of size 1.
+
+use darm_core::chain::ChainError;
+use darm_core::model::Condition;
+use darm_core::real::Vec3;
+use darm_core::se::Pose;
+use darm_core::units::Word;
+
+use crate::measurement::{Run, Sample};
+use darm_arm::arm::{Arm, ArmModel, ArmScratch, ZERO_CELSIUS};
+
+/// Components of a twist that a planar arm moves along.
+const PLANAR: [usize; 3] = [2, 3, 4];
+const SPATIAL: [usize; 6] = [0, 1, 2, 3, 4, 5];
+
+/// A value of an effect in a model: the number of the effect and of the value.
+pub type Value = (usize, usize);
+
+/// One measured pose and what was commanded.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// Index of the sample in the run.
+    pub sample: usize,
+    /// Number of the word among the words of these observations: rows of one word stay together.
+    pub group: usize,
+    word: Word,
+    previous: Option<Word>,
+    servos: Vec<f64>,
+    supply: f64,
+    temperature_k: f64,
+    time_s: f64,
+    switches: Vec<f64>,
+    inverse: Pose<f64>,
+}
+
+/// Some rows of a run, and the noise that their residuals are told in.
+#[derive(Clone, Debug)]
+pub struct Observations {
+    /// The rows.
+    pub rows: Vec<Row>,
+    /// How many different words they have.
+    pub n_groups: usize,
+    /// The components of a twist that the arm moves along.
+    pub axes: &'static [usize],
+    /// The noise of each component of a twist, rad and m.
+    pub sigma: [f64; 6],
+    length_scale_m: f64,
+}
+
+/// The model has no pose for a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoPose {
+    /// Index of the sample.
+    pub sample: usize,
+    /// Why.
+    pub error: ChainError,
+}
+
+/// The components of a twist that an arm moves along, ω first.
+pub fn axes(arm: &Arm) -> &'static [usize] {
+    if arm.model.chain.is_planar() { &PLANAR } else { &SPATIAL }
+}
+
+impl Observations {
+    /// The samples that count and that `choose` takes; `sigma` is the noise of each component of a twist.
+    pub fn new(arm: &Arm, run: &Run, sigma: [f64; 6], choose: impl Fn(&Sample) -> bool) -> Self {
+        let choose = |&(index, s): &(usize, &Sample)| run.counts(index) && choose(s);
+        let mut words: Vec<Word> = run.samples.iter().enumerate().filter(choose).map(|(_, s)| s.word).collect();
+        words.sort();
+        words.dedup();
+        let start_s = run.start_s();
+        let mut switches = vec![0.0; arm.n_actuators()];
+        let mut count = |s: &Sample| {
+            let switched = |k: usize| s.previous.is_some_and(|previous| previous.digit(k) != s.word.digit(k));
+            switches.iter_mut().enumerate().filter(|(k, _)| switched(*k)).for_each(|(_, count)| *count += 1.0);
+            switches.clone()
+        };
+        let row = |((sample, s), switches): ((usize, &Sample), Vec<f64>)| Row {
+            time_s: s.time_s - start_s,
+            switches,
+            sample,
+            group: words.binary_search(&s.word).unwrap_or_default(),
+            word: s.word,
+            previous: s.previous,
+            servos: s.servos_rad.clone(),
+            supply: s.supply.unwrap_or(arm.model.nominal_supply),
+            temperature_k: s.temperature_c.map_or(arm.model.reference_temperature_k, |c| c + ZERO_CELSIUS),
+            inverse: s.pose.inverse(),
+        };
+        let counted = run.samples.iter().map(&mut count).collect::<Vec<_>>();
+        let chosen = run.samples.iter().enumerate().zip(counted).filter(|(sample, _)| choose(sample));
+        let rows = chosen.map(row).collect();
+        Self { rows, n_groups: words.len(), axes: axes(arm), sigma, length_scale_m: arm.length_scale_m }
+    }
+
+    /// Time since the run began, s, and how often each actuator had switched, in the last row.
+    pub fn last(&self) -> (f64, Vec<f64>) {
+        self.rows.last().map_or_else(Default::default, |row| (row.time_s, row.switches.clone()))
+    }
+
+    /// Time of each row since the run began, s.
+    pub fn times_s(&self) -> impl Iterator<Item = f64> {
+        self.rows.iter().map(|row| row.time_s)
+    }
+
+    /// Components of one residual.
+    pub fn n_axes(&self) -> usize {
+        self.axes.len()
+    }
+
+    /// The word of each row, as a number.
+    pub fn groups(&self) -> Vec<usize> {
+        self.rows.iter().map(|row| row.group).collect()
+    }
+
+    /// The same rows told in another noise.
+    pub fn with_noise(mut self, sigma: [f64; 6]) -> Self {
+        self.sigma = sigma;
+        self
+    }
+
+    /// The components of the residual of one row, rad and m.
+    pub fn components(&self, residuals: &[f64], row: usize) -> Vec<f64> {
+        let n = self.axes.len();
+        self.axes.iter().enumerate().map(|(k, &axis)| residuals[row * n + k] * self.sigma[axis]).collect()
+    }
+
+    /// The residuals of all rows, one after the other, in units of the noise.
+    pub fn residuals(&self, model: &ArmModel, scratch: &mut ArmScratch) -> Result<Vec<f64>, NoPose> {
+        let mut all = Vec::with_capacity(self.rows.len() * self.axes.len());
+        for row in &self.rows {
+            let predicted =
+                model.predict(&self.condition(row), scratch).map_err(|error| NoPose { sample: row.sample, error })?;
+            all.extend(self.residual(row, &predicted));
+        }
+        Ok(all)
+    }
+
+    /// The residual of one row, in units of the noise, when the tool is predicted there.
+    pub fn residual(&self, row: &Row, predicted: &Pose<f64>) -> impl Iterator<Item = f64> {
+        let twist = (row.inverse * *predicted).log().to_vector();
+        self.axes.iter().map(move |&axis| twist[axis] / self.sigma[axis])
+    }
+
+    /// Residuals, in units of the noise, told in the directions of the base in place of those of the tool.
+    pub fn in_base(&self, residuals: &[f64]) -> Vec<f64> {
+        self.turned(residuals, |row, v| row.inverse.rotation.transpose() * v)
+    }
+
+    /// The way back from [`in_base`](Self::in_base).
+    pub fn in_tool(&self, residuals: &[f64]) -> Vec<f64> {
+        self.turned(residuals, |row, v| row.inverse.rotation * v)
+    }
+
+    fn turned(&self, residuals: &[f64], turn: impl Fn(&Row, Vec3<f64>) -> Vec3<f64>) -> Vec<f64> {
+        let n = self.axes.len();
+        let of_row = |(row, parts): (&Row, &[f64])| {
+            let mut twist = [0.0; 6];
+            self.axes.iter().zip(parts).for_each(|(&axis, part)| twist[axis] = part * self.sigma[axis]);
+            let [a, b, c, x, y, z] = twist;
+            let (angular, linear) = (turn(row, Vec3::new(a, b, c)), turn(row, Vec3::new(x, y, z)));
+            let twist = [angular.x, angular.y, angular.z, linear.x, linear.y, linear.z];
+            self.axes.iter().map(|&axis| twist[axis] / self.sigma[axis]).collect::<Vec<_>>()
+        };
+        self.rows.iter().zip(residuals.chunks(n)).flat_map(of_row).collect()
+    }
+
+    /// The residual of each row as a distance d, m, from residuals in units of the noise.
+    pub fn distances_m(&self, residuals: &[f64]) -> Vec<f64> {
+        let size = |row: &[f64]| {
+            let parts = row.iter().zip(self.axes).map(|(part, &axis)| {
+                let part = part * self.sigma[axis];
+                if axis < 3 { part * self.length_scale_m } else { part }
+            });
+            parts.map(|part| part * part).sum::<f64>().sqrt()
+        };
+        residuals.chunks(self.axes.len()).map(size).collect()
+    }
+
+    /// The root of the mean square of each component, rad and m.
+    pub fn rms(&self, residuals: &[f64]) -> Vec<f64> {
+        let n = self.axes.len();
+        let of_axis = |(k, &axis): (usize, &usize)| {
+            let squares: f64 = residuals.iter().skip(k).step_by(n).map(|r| r * r).sum();
+            (squares / (residuals.len() / n).max(1) as f64).sqrt() * self.sigma[axis]
+        };
+        self.axes.iter().enumerate().map(of_axis).collect()
+    }
+
+    /// Word, word before and conditions of a row.
+    pub fn condition<'a>(&self, row: &'a Row) -> Condition<'a, f64> {
+        Condition {
+            word: row.word,
+            previous: row.previous,
+            servos: &row.servos,
+            supply: row.supply,
+            temperature_k: row.temperature_k,
+            time_s: Some(row.time_s),
+            switches: &row.switches,
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Several effects, or one that no law knows, in one true arm: for `cargo xtask blind`.
+
+use darm_core::chain::ChainError;
+use darm_core::se::Pose;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::{Body, Kind, Occasion, Sealed, Surroundings, Truth, TruthError, scatter_m};
+use crate::diagnose::programme::Step;
+use crate::measurement::Run;
+use darm_arm::arm::Arm;
+
+/// Error that each effect makes by itself over the run, in units of the camera's scatter.
+const TIMES_SCATTER: std::ops::Range<f64> = 8.0..32.0;
+/// Share of the rows that are made outliers.
+const OUTLIERS: f64 = 0.02;
+/// By how much, in units of the camera's scatter.
+const OUTLIER_SCATTERS: std::ops::Range<f64> = 20.0..500.0;
+/// Draws before a set of effects is held to be impossible.
+const DRAWS: usize = 16;
+
+/// A true arm with several effects, measured in one programme.
+#[derive(Clone, Debug)]
+pub struct Blind {
+    truth: Truth,
+    sealed: Vec<Sealed>,
+    measured: Run,
+    clean: Run,
+    spoiled: Vec<usize>,
+}
+
+impl Blind {
+    /// The kinds that a law is right for.
+    pub const INSIDE: [Kind; 14] = [
+        Kind::StrokeLoss,
+        Kind::AnchorOffset,
+        Kind::GravitySag,
+        Kind::Play,
+        Kind::SupplyStroke,
+        Kind::ThermalGrowth,
+        Kind::Step,
+        Kind::Drift,
+        Kind::Wear,
+        Kind::Crowding,
+        Kind::BaseOffset,
+        Kind::ToolOffset,
+        Kind::Scale,
+        Kind::JointOffset,
+    ];
+    /// The kinds that no law is right for.
+    pub const OUTSIDE: [Kind; 5] = [Kind::Sway, Kind::Bimetal, Kind::Hose, Kind::Echo, Kind::Cable];
+
+    /// A true arm with effects of these kinds, places and sizes drawn by the seed, in one run of `steps`.
+    ///
+    /// Fails where the arm can have no such effect, or not one that is large enough.
+    pub fn draw(arm: &Arm, steps: &[Step], kinds: &[Kind], seed: u64) -> Result<Self, TruthError> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xb11d_0000);
+        let mut last = TruthError::TooWeak { kind: Kind::Nothing };
+        for _ in 0..DRAWS {
+            match Self::once(arm, steps, kinds, seed, &mut rng) {
+                Ok(blind) => return Ok(blind),
+                Err(error) => last = error,
+            }
+        }
+        Err(last)
+    }
+
+    fn once(arm: &Arm, steps: &[Step], kinds: &[Kind], seed: u64, rng: &mut ChaCha8Rng) -> Result<Self, TruthError> {
+        let (model, sealed) = (&arm.model, Sealed::nothing(seed));
+        let surroundings = Surroundings::draw_wide(rng, model.nominal_supply, model.reference_temperature_k);
+        let mut truth = Truth { body: Body::of(arm), surroundings, mechanisms: Vec::new(), sealed };
+        let followed = truth.followed(steps, 0.0);
+        let moment = |state| {
+            let super::TrueState { time_s, word, .. } = state;
+            Occasion { state, moment: truth.surroundings.at(time_s, &word) }
+        };
+        let occasions: Vec<Occasion> =
+            followed.iter().zip(steps).map(|(followed, step)| moment(followed.state(step))).collect();
+        let mut sealed = Vec::new();
+        for &kind in kinds {
+            let times = rng.random_range(TIMES_SCATTER);
+            sealed.push(truth.add(kind, times * scatter_m(arm), &occasions, seed, rng)?);
+        }
+        let no_pose = |error: ChainError| TruthError::NoPose { word: steps[0].word, error };
+        let mut measured = truth.measure(steps, 0.0, seed).map_err(no_pose)?;
+        let mut clean = measured.clone();
+        for (sample, occasion) in clean.samples.iter_mut().zip(&occasions) {
+            sample.pose = truth.pose(&occasion.state).map_err(no_pose)?;
+        }
+        let spoiled = spoil(&mut measured, arm, rng);
+        Ok(Self { truth, sealed, measured, clean, spoiled })
+    }
+
+    /// What was measured.
+    pub fn measured(&self) -> &Run {
+        &self.measured
+    }
+
+    /// The same without noise and outliers. To be asked for once the verdict is written.
+    pub fn clean(&self) -> &Run {
+        &self.clean
+    }
+
+    /// The samples that were made outliers. To be asked for once the verdict is written.
+    pub fn spoiled(&self) -> &[usize] {
+        &self.spoiled
+    }
+
+    /// The secrets. To be asked for once the verdict is written.
+    pub fn unseal(&self) -> &[Sealed] {
+        &self.sealed
+    }
+
+    /// The noise of the camera as a distance d, m.
+    pub fn scatter_m(&self) -> f64 {
+        super::scatter_of(self.truth.body.chain.is_planar(), self.truth.body.length_scale_m)
+    }
+}
+
+/// Throws some of the poses far off; which.
+fn spoil(run: &mut Run, arm: &Arm, rng: &mut ChaCha8Rng) -> Vec<usize> {
+    let scatter_m = scatter_m(arm);
+    let spoiled: Vec<usize> = (0..run.samples.len()).filter(|_| rng.random_bool(OUTLIERS)).collect();
+    for &sample in &spoiled {
+        let size_m = scatter_m * rng.random_range(OUTLIER_SCATTERS);
+        let aside = super::mechanism::tilt(arm.model.chain.is_planar(), rng) * size_m;
+        let pose = &mut run.samples[sample].pose;
+        *pose = *pose * Pose::exp(&aside);
+    }
+    spoiled
+}

@@ -1,0 +1,107 @@
+//! What the camera, the supply sensor and the thermometer tell of the true arm.
+
+use darm_core::chain::ChainError;
+use darm_core::real::Vec3;
+use darm_core::se::{Pose, Twist};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::{CAMERA_M, CAMERA_RAD, History, Observed, TrueState, Truth};
+use crate::diagnose::programme::Step;
+use crate::measurement::{Run, Sample};
+use darm_arm::arm::ZERO_CELSIUS;
+
+/// Time that one step takes in a [`Truth::measure`]d programme; a repeat takes a third of it.
+const STEP_S: f64 = 0.3;
+
+impl Truth {
+    /// What camera, supply sensor and thermometer tell.
+    pub fn observe(&self, state: &TrueState, rng: &mut impl Rng) -> Result<Observed, ChainError> {
+        let pose = self.pose(state)?;
+        let (supply, temperature_k) = self.surroundings.told(state.time_s, &state.word, rng);
+        Ok(Observed { pose: self.seen(&pose, rng), supply, temperature_c: temperature_k - ZERO_CELSIUS })
+    }
+
+    /// A pose as the camera sees it.
+    fn seen(&self, pose: &Pose<f64>, rng: &mut impl Rng) -> Pose<f64> {
+        let mut normal = || -> f64 { StandardNormal.sample(rng) };
+        let mut error = Twist::<f64>::zero();
+        error.linear = Vec3::from_fn(|_, _| CAMERA_M * normal());
+        error.angular = Vec3::from_fn(|_, _| CAMERA_RAD * normal());
+        if self.body.chain.is_planar() {
+            error.linear.z = 0.0;
+            error.angular.x = 0.0;
+            error.angular.y = 0.0;
+        }
+        *pose * Pose::exp(&error)
+    }
+
+    /// The measurement of a whole programme that begins at `start_s`, with a camera seeded by `seed`.
+    pub fn measure(&self, steps: &[Step], start_s: f64, seed: u64) -> Result<Run, ChainError> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xca3e_7a00);
+        let mut run = Run::default();
+        for (visit, (step, moment)) in steps.iter().zip(self.followed(steps, start_s)).enumerate() {
+            let observed = self.observe(&moment.state(step), &mut rng)?;
+            run.samples.push(Sample {
+                time_s: moment.time_s,
+                word: step.word,
+                previous: Some(step.previous),
+                servos_rad: step.servos_rad.clone(),
+                pose: observed.pose,
+                supply: Some(observed.supply),
+                temperature_c: Some(observed.temperature_c),
+                run: 0,
+                visit: visit as u32,
+                held_out: step.held_out,
+            });
+        }
+        Ok(run)
+    }
+
+    /// When each step of a programme is made, and what happened before.
+    pub(super) fn followed(&self, steps: &[Step], start_s: f64) -> Vec<Followed> {
+        let mut history = History::default();
+        let mut time_s = start_s;
+        let follow = |step: &Step| {
+            time_s += if step.repeat { STEP_S / 3.0 } else { STEP_S };
+            let supply = self.surroundings.at(time_s, &step.word).supply_ratio;
+            history.follow(step, supply);
+            Followed { time_s, history: history.clone() }
+        };
+        steps.iter().map(follow).collect()
+    }
+}
+
+/// One step of a programme in time.
+pub(super) struct Followed {
+    pub(super) time_s: f64,
+    pub(super) history: History,
+}
+
+impl Followed {
+    pub(super) fn state<'a>(&'a self, step: &'a Step) -> TrueState<'a> {
+        TrueState {
+            word: step.word,
+            previous: Some(step.previous),
+            servos_rad: &step.servos_rad,
+            time_s: self.time_s,
+            history: Some(&self.history),
+        }
+    }
+}
+
+impl History {
+    /// Adds a step under this supply, in shares of nominal.
+    fn follow(&mut self, step: &Step, supply: f64) {
+        self.blows.resize(step.word.len(), 0.0);
+        for (actuator, blows) in self.blows.iter_mut().enumerate() {
+            if step.word.digit(actuator) != step.previous.digit(actuator) {
+                *blows += supply;
+            }
+        }
+        if step.word != step.previous {
+            self.second_last = self.last.replace(step.previous);
+        }
+    }
+}

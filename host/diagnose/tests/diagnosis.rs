@@ -1,0 +1,153 @@
+//! The diagnosis against true arms drawn by seed: right name, right place, no false alarm.
+//!
+//! `DARM_SEEDS=20` draws that many arms for each effect and three times as many without; a default run draws a few.
+#![allow(missing_docs)]
+
+use std::path::Path;
+use std::time::Instant;
+
+use darm_arm::arm::frames::{self, DesiredFrame, Weights};
+use darm_arm::arm::{Arm, ArmScratch};
+use darm_arm::synthesis::{self, synthesize};
+use darm_diagnose::diagnose::outcome::{Diagnosis, Verdict};
+use darm_diagnose::diagnose::programme::{self, Step, programme};
+use darm_diagnose::diagnose::{Options, diagnose};
+use darm_diagnose::truth::{Kind, Sealed, Truth};
+
+/// The arm synthesized for the example's frames, and these frames.
+fn arm(text: &str) -> (Arm, Vec<DesiredFrame>) {
+    let base = Arm::parse(Path::new("arm.toml"), text).unwrap();
+    let frames = include_str!("../../../examples/planar4-frames.toml");
+    let desired = frames::parse(Path::new("frames.toml"), frames, &base).unwrap();
+    let found = synthesize(&base, &desired, &synthesis::Options::default()).unwrap();
+    let desired = found.frames.into_iter().map(|reached| reached.frame).collect();
+    (found.arm, desired)
+}
+
+fn seeds() -> u64 {
+    std::env::var("DARM_SEEDS").ok().and_then(|text| text.parse().ok()).unwrap_or(1)
+}
+
+struct Case {
+    diagnosis: Diagnosis,
+    sealed: Sealed,
+}
+
+fn case((arm, desired): &(Arm, Vec<DesiredFrame>), steps: &[Step], kind: Kind, seed: u64) -> Case {
+    let truth = Truth::draw(arm, desired, seed, Some(kind)).unwrap();
+    let run = truth.measure(steps, 0.0, seed).unwrap();
+    let started = Instant::now();
+    let diagnosis = diagnose(arm, &run, &Options { seed, ..Options::default() }).unwrap();
+    let case = Case { diagnosis, sealed: truth.unseal().clone() };
+    eprintln!("{} ({:.2} s)", case.line(), started.elapsed().as_secs_f64());
+    case
+}
+
+impl Case {
+    fn named(&self) -> bool {
+        self.diagnosis.verdict == Verdict::EffectFound
+            && self.diagnosis.effects.len() == 1
+            && self.diagnosis.effects[0].law == self.sealed.effect
+    }
+
+    fn placed(&self) -> bool {
+        let part = |place: &str| place.split(',').next().unwrap_or_default().to_string();
+        self.named() && part(&self.diagnosis.effects[0].place) == part(&self.sealed.place)
+    }
+
+    fn ratio(&self) -> f64 {
+        let after = self.diagnosis.error.after.heldout.as_ref().unwrap().distance_m;
+        after / self.diagnosis.repeatability.as_ref().unwrap().distance_m
+    }
+
+    fn line(&self) -> String {
+        let effects: Vec<String> = self.diagnosis.effects.iter().map(|e| format!("{} at {}", e.law, e.place)).collect();
+        let alternatives: Vec<String> =
+            self.diagnosis.alternatives.iter().map(|a| format!("{} at {}", a.law, a.place)).collect();
+        let rungs = self.diagnosis.ladder.iter();
+        let kept: Vec<String> = rungs.filter(|r| r.kept).map(|r| format!("{} at {}", r.law, r.place)).collect();
+        let sealed = &self.sealed;
+        format!(
+            "seed {}: {} at {} ({:.0} x): {} {effects:?}, alternatives {alternatives:?}, kept {kept:?}, after/repeatability {:.2}{}",
+            sealed.seed,
+            sealed.effect,
+            sealed.place,
+            sealed.times_scatter,
+            self.diagnosis.verdict,
+            self.ratio(),
+            if self.placed() || sealed.effect == "none" && self.diagnosis.effects.is_empty() {
+                ""
+            } else {
+                "  <-- WRONG"
+            },
+        )
+    }
+}
+
+fn sweep(drawn: &(Arm, Vec<DesiredFrame>)) {
+    let started = Instant::now();
+    let steps = programme(&drawn.0, &programme::Options::default());
+    eprintln!("programme in {:.1} s", started.elapsed().as_secs_f64());
+    for kind in Kind::EFFECTS {
+        let cases: Vec<Case> = (0..seeds()).map(|seed| case(drawn, &steps, kind, seed)).collect();
+        let count = |right: &dyn Fn(&Case) -> bool| cases.iter().filter(|case| right(case)).count();
+        let (named, placed, fine) = (count(&Case::named), count(&Case::placed), count(&|case| case.ratio() < 1.3));
+        eprintln!("== {kind}: named {named}, placed {placed}, at the noise {fine} of {}", cases.len());
+        assert!(named * 20 >= 19 * cases.len() && placed * 20 >= 19 * cases.len(), "{kind}: {named} {placed}");
+        assert!(fine == cases.len(), "{kind}: {fine}");
+    }
+    let clean: Vec<Case> = (0..3 * seeds()).map(|seed| case(drawn, &steps, Kind::Nothing, seed)).collect();
+    let false_names = clean.iter().filter(|case| !case.diagnosis.effects.is_empty()).count();
+    let quiet = clean.iter().filter(|case| case.diagnosis.verdict == Verdict::NoEffect).count();
+    eprintln!("== none: {false_names} false names, {quiet} quiet of {}", clean.len());
+    assert!(false_names * 50 <= clean.len());
+}
+
+/// Two platforms of six legs on one another, 0.6 m each, and the frames of a few words.
+fn spatial_arm() -> (Arm, Vec<DesiredFrame>) {
+    let mut text = String::from("format = 2\nname = \"spatial\"\n[conditions]\ngravity_m_s2 = [0.0, 0.0, -9.81]\n");
+    text += "[tool]\nmass_kg = 2.0\n";
+    for _ in 0..2 {
+        text += "[[stage]]\nkind = \"spatial-platform\"\nmass_kg = 3.0\n";
+        text += "home = { position_m = [0.0, 0.0, 0.6], rotation_deg = [0.0, 0.0, 0.0] }\n";
+        for leg in 0..6 {
+            let on_circle =
+                |radius: f64, degrees: f64| [radius * degrees.to_radians().cos(), radius * degrees.to_radians().sin()];
+            let (pair, side) = (120.0 * f64::from(leg / 2), if leg % 2 == 0 { -1.0 } else { 1.0 });
+            let ([bx, by], [tx, ty]) = (on_circle(0.5, pair + 15.0 * side), on_circle(0.35, pair + 45.0 * side));
+            let length = ((tx - bx).powi(2) + (ty - by).powi(2) + 0.36).sqrt();
+            text += &format!("[[stage.leg]]\nbase_m = [{bx}, {by}, 0.0]\ntop_m = [{tx}, {ty}, 0.0]\n");
+            text += &format!("length_m = [{length}, {}]\n", 1.25 * length);
+        }
+    }
+    let arm = Arm::parse(Path::new("spatial.toml"), &text).unwrap();
+    let frame = |text: &&str| {
+        let word = text.parse().unwrap();
+        let pose = arm.model.chain.pose_base_tool(&word, &[], &mut ArmScratch::default()).unwrap();
+        DesiredFrame {
+            name: String::new(),
+            word,
+            previous: arm.rest(),
+            servos_rad: vec![],
+            pose_base_tool: pose,
+            weights: Weights::default(),
+        }
+    };
+    let frames = ["000000000000", "111111000000", "000000111111", "010101101010"].iter().map(frame).collect();
+    (arm, frames)
+}
+
+#[test]
+fn spatial() {
+    sweep(&spatial_arm());
+}
+
+#[test]
+fn planar_arm() {
+    sweep(&arm(include_str!("../../../examples/planar4.toml")));
+}
+
+#[test]
+fn hybrid_arm() {
+    sweep(&arm(include_str!("../../../examples/planar4-hybrid.toml")));
+}

@@ -1,0 +1,363 @@
+//! The rows K φ = Sᵀ τ + J_Cᵀ λ of all samples, weighted by the noise of the sensors.
+
+use darm_core::actuator::JointKind;
+use darm_core::se::Wrench;
+use darm_core::tree::Body;
+use nalgebra::{DMatrix, DVector, Matrix6xX, SVector};
+
+use super::{Kind, Noise, Sample, Unknown, bodies, unknowns};
+use darm_diagnose::diagnose::channels::bodies::{Load, Moving, links, load, of_joint};
+use darm_robot::robot::Robot;
+use darm_robot::robot::base_parameters::{BaseParameters, Inertial, grouped};
+
+/// Below this share of the largest singular value a direction of the parameters is not told.
+const TOLD: f64 = 1e-8;
+/// What an exactly known row counts as, in its own unit.
+const EXACT: f64 = 1e-6;
+
+/// Which components are measured.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Rows {
+    /// Fx, Fy, Fz, Mx, My, Mz of the contacts together: in the sagittal plane Fx, Fz and My.
+    pub wrench: [bool; 6],
+    /// The torque of each joint.
+    pub torque: Vec<bool>,
+}
+
+/// Why there are no equations, or why they tell too little.
+#[derive(Debug, thiserror::Error)]
+pub enum IdentifyError {
+    /// Fewer than two different postures.
+    #[error(
+        "{samples} posture(s) tell {rank} of {parameters} parameters: measure at least {FEWEST} different postures"
+    )]
+    TooFew {
+        /// Postures.
+        samples: usize,
+        /// How many sums of parameters they tell.
+        rank: usize,
+        /// How many parameters there are.
+        parameters: usize,
+    },
+    /// The ground pulls.
+    #[error(
+        "line {line}: the contacts pull the robot down (Fz = {force_n:.1} N), in {count} of {of} postures: the wrench must be what the ground exerts on the robot, z up; turn its sign round"
+    )]
+    Pulls {
+        /// Line of the first.
+        line: usize,
+        /// Its force, N.
+        force_n: f64,
+        /// How many.
+        count: usize,
+        /// Of how many.
+        of: usize,
+    },
+    /// A torque that opposes gravity's on the nominal robot.
+    #[error(
+        "the torque of {joint} is the opposite of what the nominal masses need (correlation {correlation:.2}): turn its sign round"
+    )]
+    Opposite {
+        /// The joint.
+        joint: String,
+        /// Between measured and nominal torque.
+        correlation: f64,
+    },
+    /// A number that is none.
+    #[error("line {line}: the equations hold no finite number: is a cell empty, or a mass of the robot missing?")]
+    NoNumber {
+        /// Line of the file.
+        line: usize,
+    },
+}
+
+/// Postures below which nothing can be identified and held out.
+const FEWEST: usize = 10;
+/// A measured torque that runs this much against the nominal one has the wrong sign.
+const OPPOSITE: f64 = -0.8;
+
+/// The rows of one sample.
+#[derive(Clone, Debug)]
+pub struct Equation {
+    /// Line of the file.
+    pub line: usize,
+    /// K of the measured rows over their noise.
+    pub columns: DMatrix<f64>,
+    /// Sᵀ τ + J_Cᵀ λ over its noise.
+    pub right: DVector<f64>,
+    /// The wrench on the world's origin per unknown, force first: 6 × p.
+    pub wrench: Matrix6xX<f64>,
+    /// The measured wrench of all contacts, force first.
+    pub measured: SVector<f64, 6>,
+}
+
+/// The equations of all samples.
+#[derive(Clone, Debug)]
+pub struct Equations {
+    /// What is unknown.
+    pub unknowns: Vec<Unknown>,
+    /// The unknowns as the robot's file has them.
+    pub nominal: DVector<f64>,
+    /// How far each may be off before anything is measured.
+    pub prior: DVector<f64>,
+    /// Sample by sample.
+    pub samples: Vec<Equation>,
+    /// Which components are measured.
+    pub rows: Rows,
+    /// Noise of the sensors.
+    pub noise: Noise,
+}
+
+impl Equations {
+    /// The equations of these samples of a robot.
+    pub fn new(
+        robot: &Robot,
+        samples: &[Sample],
+        rows: &Rows,
+        noise: Noise,
+        kind: Kind,
+    ) -> Result<Self, IdentifyError> {
+        pulls(samples)?;
+        let unknowns = unknowns(robot, kind);
+        let assembly = Assembly { robot, rows, noise, unknowns: &unknowns, paths: paths(robot) };
+        let equations: Vec<Equation> = samples.iter().map(|sample| assembly.equation(sample)).collect();
+        let finite = |e: &&Equation| !e.columns.iter().chain(e.right.iter()).all(|x| x.is_finite());
+        if let Some(bad) = equations.iter().find(finite) {
+            return Err(IdentifyError::NoNumber { line: bad.line });
+        }
+        let (nominal, prior) = nominal(robot, &unknowns);
+        let all = Self { unknowns, nominal, prior, samples: equations, rows: rows.clone(), noise };
+        all.signs(robot, samples)?;
+        if samples.len() < FEWEST {
+            let (rank, parameters) = (all.directions().0, all.unknowns.len());
+            return Err(IdentifyError::TooFew { samples: samples.len(), rank, parameters });
+        }
+        Ok(all)
+    }
+
+    /// All rows, one sample under the other.
+    pub fn stacked(&self) -> (DMatrix<f64>, DVector<f64>) {
+        let count: usize = self.samples.iter().map(|sample| sample.right.len()).sum();
+        let (mut columns, mut right) = (DMatrix::zeros(count, self.unknowns.len()), DVector::zeros(count));
+        let mut at = 0;
+        for sample in &self.samples {
+            let n = sample.right.len();
+            columns.rows_mut(at, n).copy_from(&sample.columns);
+            right.rows_mut(at, n).copy_from(&sample.right);
+            at += n;
+        }
+        (columns, right)
+    }
+
+    /// Rank of the equations, and the directions of the scaled unknowns that they tell, as columns.
+    pub fn directions(&self) -> (usize, DMatrix<f64>) {
+        let (mut columns, _) = self.stacked();
+        for (mut column, prior) in columns.column_iter_mut().zip(&self.prior) {
+            column *= *prior;
+        }
+        let svd = columns.svd(false, true);
+        let largest = svd.singular_values.max();
+        let told: Vec<usize> =
+            (0..svd.singular_values.len()).filter(|&k| svd.singular_values[k] > TOLD * largest).collect();
+        let turned = svd.v_t.map_or_else(|| DMatrix::zeros(self.unknowns.len(), 0), |v_t| v_t.transpose());
+        (told.len(), turned.select_columns(&told))
+    }
+
+    /// Which sums of inertial parameters the rows tell.
+    pub fn base_parameters(&self) -> BaseParameters {
+        let inertial = |(k, unknown): (usize, &Unknown)| match unknown {
+            Unknown::Inertial(inertial) => Some((k, *inertial)),
+            _ => None,
+        };
+        let (indices, parameters): (Vec<usize>, Vec<Inertial>) =
+            self.unknowns.iter().enumerate().filter_map(inertial).unzip();
+        grouped(&parameters, &self.stacked().0.select_columns(&indices))
+    }
+
+    /// Indices of the unknowns of a body's mass and first moment.
+    pub fn of_body(&self, joint: Option<usize>) -> Vec<usize> {
+        let own = |k: &usize| matches!(self.unknowns[*k], Unknown::Inertial(i) if i.joint == joint && i.number < 4);
+        (0..self.unknowns.len()).filter(own).collect()
+    }
+
+    /// Torques that run against those of the nominal robot.
+    fn signs(&self, robot: &Robot, samples: &[Sample]) -> Result<(), IdentifyError> {
+        let n_wrench = self.rows.wrench.iter().filter(|measured| **measured).count();
+        let joints = (0..robot.joints.len()).filter(|&joint| self.rows.torque[joint]);
+        for (row, joint) in joints.enumerate() {
+            let (mut across, mut own, mut other) = (0.0, 0.0, 0.0);
+            for (equation, sample) in self.samples.iter().zip(samples) {
+                let needed = equation.columns.row(n_wrench + row).dot(&self.nominal.transpose());
+                let measured = equation.right[n_wrench + row];
+                if sample.contacts.iter().all(|contact| contact.joint.is_none()) {
+                    across += needed * measured;
+                    own += needed * needed;
+                    other += measured * measured;
+                }
+            }
+            let correlation = across / (own * other).sqrt();
+            if correlation < OPPOSITE {
+                return Err(IdentifyError::Opposite { joint: robot.joints[joint].name.clone(), correlation });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The ground pushes in most samples.
+fn pulls(samples: &[Sample]) -> Result<(), IdentifyError> {
+    let force = |sample: &Sample| sample.contacts.iter().map(|contact| contact.wrench.force.z).sum::<f64>();
+    let bad: Vec<&Sample> = samples.iter().filter(|sample| force(sample) < 0.0).collect();
+    match bad.first() {
+        Some(first) => {
+            Err(IdentifyError::Pulls { line: first.line, force_n: force(first), count: bad.len(), of: samples.len() })
+        }
+        None => Ok(()),
+    }
+}
+
+/// The joints between the base and each body, the base first.
+fn paths(robot: &Robot) -> Vec<Vec<usize>> {
+    let parent = |joint: &usize| robot.joints.get(*joint).and_then(|joint| joint.joint.parent);
+    bodies(robot).map(|body| std::iter::successors(body, parent).collect()).collect()
+}
+
+/// The unknowns as the file has them, and how far they may be off: as [`candidate`](darm_diagnose::diagnose::channels::bodies::candidate).
+fn nominal(robot: &Robot, unknowns: &[Unknown]) -> (DVector<f64>, DVector<f64>) {
+    let whole_kg = robot.mass().max(f64::MIN_POSITIVE);
+    let of = |unknown: &Unknown| match unknown {
+        Unknown::Inertial(Inertial { joint, number }) => {
+            let body = joint.map_or(&robot.base, |joint| &robot.joints[joint].joint.inertia);
+            let ten = Body::from(body).parameters();
+            let mass = ten[0].max(0.01 * whole_kg);
+            let inertia = ten[4].max(ten[6]).max(ten[9]).max(mass * 0.0025);
+            let prior = match number {
+                0 => 0.5 * mass,
+                1..=3 => 0.5 * (mass * inertia).sqrt(),
+                _ => inertia,
+            };
+            (ten[*number], prior)
+        }
+        Unknown::Coulomb(joint) => (robot.joints[*joint].friction, 1.0),
+        Unknown::Viscous(joint) => (robot.joints[*joint].damping, 1.0),
+    };
+    let (nominal, prior): (Vec<f64>, Vec<f64>) = unknowns.iter().map(of).unzip();
+    (DVector::from_vec(nominal), DVector::from_vec(prior))
+}
+
+struct Assembly<'a> {
+    robot: &'a Robot,
+    rows: &'a Rows,
+    noise: Noise,
+    unknowns: &'a [Unknown],
+    paths: Vec<Vec<usize>>,
+}
+
+impl Assembly<'_> {
+    fn equation(&self, sample: &Sample) -> Equation {
+        let [q, qd, qdd] = &sample.state;
+        let moving = links(self.robot, &sample.base, [q, qd, qdd]);
+        let loads: Vec<Load> = std::iter::once(&sample.base).chain(&moving).map(load).collect();
+        let base: Vec<usize> = (0..6).filter(|&row| self.rows.wrench[row]).collect();
+        let joints: Vec<usize> = (0..moving.len()).filter(|&joint| self.rows.torque[joint]).collect();
+        let mut wrench = Matrix6xX::zeros(self.unknowns.len());
+        let mut columns = DMatrix::zeros(base.len() + joints.len(), self.unknowns.len());
+        for (k, unknown) in self.unknowns.iter().enumerate() {
+            match unknown {
+                Unknown::Inertial(Inertial { joint, number }) => {
+                    let body = joint.map_or(0, |joint| joint + 1);
+                    wrench.set_column(k, &loads[body].column(*number));
+                    base.iter().enumerate().for_each(|(row, &part)| columns[(row, k)] = wrench[(part, k)]);
+                    for (row, &joint) in joints.iter().enumerate().filter(|(_, joint)| self.paths[body].contains(joint))
+                    {
+                        let along = of_joint(self.robot, joint, &moving[joint], &loads[body]);
+                        columns[(base.len() + row, k)] = along[*number];
+                    }
+                }
+                Unknown::Coulomb(joint) | Unknown::Viscous(joint) => {
+                    let rate = qd[*joint];
+                    let size = if matches!(unknown, Unknown::Viscous(_)) || rate == 0.0 { rate } else { rate.signum() };
+                    if let Some(row) = joints.iter().position(|other| other == joint) {
+                        columns[(base.len() + row, k)] = size;
+                    }
+                }
+            }
+        }
+        let exerted = self.exerted(sample, &moving, &base, &joints);
+        let measured = sample.contacts.iter().map(|contact| six(&contact.wrench)).sum();
+        let mut right = DVector::zeros(columns.nrows());
+        joints.iter().enumerate().for_each(|(row, &joint)| right[base.len() + row] = sample.torque[joint]);
+        for (contact, block) in sample.contacts.iter().zip(&exerted) {
+            right += block * six(&contact.wrench);
+        }
+        self.weigh(base.len(), &exerted, &mut columns, &mut right);
+        Equation { line: sample.line, columns, right, wrench, measured }
+    }
+
+    /// J_Cᵀ of each contact, in the measured rows: rows × 6.
+    fn exerted(&self, sample: &Sample, moving: &[Moving], base: &[usize], joints: &[usize]) -> Vec<DMatrix<f64>> {
+        let of = |contact: &super::Contact| {
+            let mut block = DMatrix::zeros(base.len() + joints.len(), 6);
+            base.iter().enumerate().for_each(|(row, &part)| block[(row, part)] = 1.0);
+            let path = &self.paths[contact.joint.map_or(0, |joint| joint + 1)];
+            for (row, &joint) in joints.iter().enumerate().filter(|(_, joint)| path.contains(joint)) {
+                let axis = moving[joint].pose.rotation * self.robot.joints[joint].joint.axis.direction;
+                let (force, moment) = match self.robot.joints[joint].joint.axis.kind {
+                    // axis·(m − o × f)
+                    JointKind::Revolute => (-axis.cross(&moving[joint].pose.position), axis),
+                    JointKind::Prismatic => (axis, nalgebra::Vector3::zeros()),
+                };
+                let row = base.len() + row;
+                (0..3).for_each(|k| (block[(row, k)], block[(row, 3 + k)]) = (force[k], moment[k]));
+            }
+            block
+        };
+        sample.contacts.iter().map(of).collect()
+    }
+
+    /// Rows over the Cholesky factor of their covariance.
+    fn weigh(&self, n_base: usize, exerted: &[DMatrix<f64>], columns: &mut DMatrix<f64>, right: &mut DVector<f64>) {
+        let Noise { torque_nm, force_n, moment_nm } = self.noise;
+        let rows = right.len();
+        let own = |row: usize| if row < n_base { EXACT } else { torque_nm.max(EXACT) };
+        let mut covariance = DMatrix::from_fn(rows, rows, |a, b| if a == b { own(a).powi(2) } else { 0.0 });
+        for block in exerted {
+            for part in 0..6 {
+                let column = block.column(part) * if part < 3 { force_n } else { moment_nm };
+                covariance += &column * column.transpose();
+            }
+        }
+        if let Some(factor) = covariance.cholesky() {
+            let lower = factor.l();
+            let _ = lower.solve_lower_triangular_mut(columns) && lower.solve_lower_triangular_mut(right);
+        }
+    }
+}
+
+/// Force, then moment.
+fn six(wrench: &Wrench<f64>) -> SVector<f64, 6> {
+    let (f, m) = (&wrench.force, &wrench.moment);
+    SVector::from([f.x, f.y, f.z, m.x, m.y, m.z])
+}
+
+impl Equation {
+    /// x and y where the contact wrench of these parameters passes through the plane z = 0, m.
+    pub fn predicted_cop(&self, values: &DVector<f64>) -> [f64; 2] {
+        cop(&(&self.wrench * values))
+    }
+
+    /// The same of the measured wrench.
+    pub fn measured_cop(&self) -> [f64; 2] {
+        cop(&self.measured)
+    }
+
+    /// Standard deviation of the measured centre of pressure with this noise, m.
+    pub fn cop_noise(&self, noise: &Noise) -> [f64; 2] {
+        let force = self.measured[2];
+        self.measured_cop().map(|at| noise.moment_nm.hypot(at * noise.force_n) / force)
+    }
+}
+
+fn cop(wrench: &SVector<f64, 6>) -> [f64; 2] {
+    [-wrench[4] / wrench[2], wrench[3] / wrench[2]]
+}

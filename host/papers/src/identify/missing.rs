@@ -1,0 +1,232 @@
+//! A mass that the nominal model does not declare: on which link it is, on which side, how heavy.
+//!
+//! A point of mass Δm at c on a link adds Δm·(1, c) to the link's mass and first moment: as many columns of K as rows tell of
+//! the link. Each link is tried beside what is named already; the one that explains most is named when chance would
+//! not explain as much, with every link that explains the rows as well. Rows that no link explains raise the noise.
+//!
+//! Two links cannot be told apart when the columns of the one lie in those of the other ([`separable`]), and a mass near
+//! the joint between two links acts as one on either.
+
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+use statrs::distribution::{ChiSquared, ContinuousCDF as _};
+
+use super::equations::Equations;
+use super::hold_out::rms_cop;
+use super::{Unknown, bodies, body_name};
+use darm_robot::robot::Robot;
+
+/// Chance of naming a mass that is not there, for all links together.
+const FALSE: f64 = 1e-3;
+/// Chance that the true link is not in the set that is told.
+const LEFT_OUT: f64 = 1e-3;
+/// Masses that are named at most.
+const MOST: usize = 6;
+/// Below this share of its length a column adds nothing to others.
+const NOTHING: f64 = 1e-8;
+
+/// A mass that was named.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Named {
+    /// The link that explains most, and after it those that explain as much.
+    pub links: Vec<String>,
+    /// The mass, kg.
+    pub mass_kg: f64,
+    /// Its standard deviation, kg.
+    pub mass_sd_kg: f64,
+    /// Its place in the frame of the first link, m; `None` where the rows do not tell it.
+    pub place_m: [Option<f64>; 3],
+    /// Before or behind the link's origin, and above or below, in words.
+    pub side: String,
+    /// Chance of explaining as much without a mass there.
+    pub p: f64,
+}
+
+/// What the nominal masses lack.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Missing {
+    /// The masses, the one that explains most first.
+    pub named: Vec<Named>,
+    /// RMS error of the centre of pressure on held-out postures with the nominal masses, x and y, m.
+    pub before_m: [f64; 2],
+    /// The same with the named masses.
+    pub after_m: [f64; 2],
+    /// Nominal parameters and the named masses, in the order of [`Equations::unknowns`].
+    #[serde(skip)]
+    pub values: DVector<f64>,
+}
+
+/// Links that explain the rows as well as each other, and the chance of explaining as much without a mass.
+struct Chosen {
+    links: Vec<String>,
+    p: f64,
+}
+
+/// Rows, and what the masses that are named change.
+struct Search {
+    columns: DMatrix<f64>,
+    residual: DVector<f64>,
+    rows: usize,
+}
+
+/// Masses that the training rows tell beyond the nominal ones; `held_out` are told errors on and seen by no fit.
+pub fn missing(robot: &Robot, equations: &Equations, held_out: &[usize]) -> Missing {
+    let training: Vec<_> = (0..equations.samples.len()).filter(|k| !held_out.contains(k)).collect();
+    let kept =
+        Equations { samples: training.iter().map(|&k| equations.samples[k].clone()).collect(), ..equations.clone() };
+    let (columns, right) = kept.stacked();
+    let residual = &right - &columns * &kept.nominal;
+    let search = Search { rows: right.len(), columns, residual };
+    let told = directions(&search.columns);
+    let noise = search.noise(&told);
+    let (mut taken, mut chosen) = (Vec::<Option<usize>>::new(), Vec::new());
+    while chosen.len() < MOST {
+        let Some((link, set)) = search.best(robot, &kept, &taken, noise) else { break };
+        taken.push(link);
+        chosen.push(set);
+    }
+    // Masses that were named later change those that were named before.
+    let (change, covariance) = search.fitted(&indices(&kept, &taken));
+    let values = &kept.nominal + &change;
+    let mut first = 0;
+    let named = taken.iter().zip(chosen).map(|(link, set)| {
+        let own = kept.of_body(*link);
+        first += own.len();
+        search.named(&kept, (&own, first - own.len()), (&change, &covariance), set)
+    });
+    let named: Vec<Named> = named.collect();
+    let told_on: Vec<usize> =
+        if held_out.is_empty() { (0..equations.samples.len()).collect() } else { held_out.to_vec() };
+    Missing {
+        before_m: rms_cop(equations, &equations.nominal, &told_on),
+        after_m: rms_cop(equations, &values, &told_on),
+        named,
+        values,
+    }
+}
+
+/// The links on which a mass can be told from one on any other link by these equations.
+pub fn separable(robot: &Robot, equations: &Equations) -> Vec<Option<usize>> {
+    let (columns, _) = equations.stacked();
+    let of: Vec<(Option<usize>, DMatrix<f64>)> =
+        bodies(robot).map(|body| (body, columns.select_columns(&equations.of_body(body)))).collect();
+    let adds = |own: &DMatrix<f64>, other: &DMatrix<f64>| {
+        let axes = directions(other);
+        let rest = own - &axes * axes.tr_mul(own);
+        rest.norm() > NOTHING * own.norm()
+    };
+    let alone = |k: &usize| of.iter().enumerate().all(|(j, (_, other))| j == *k || adds(&of[*k].1, other));
+    (0..of.len()).filter(alone).map(|k| of[k].0).collect()
+}
+
+/// Orthonormal directions of the columns.
+fn directions(columns: &DMatrix<f64>) -> DMatrix<f64> {
+    let svd = columns.clone().svd(true, false);
+    let least = NOTHING * svd.singular_values.max();
+    let kept: Vec<usize> = (0..svd.singular_values.len()).filter(|&k| svd.singular_values[k] > least).collect();
+    svd.u.map_or_else(|| DMatrix::zeros(columns.nrows(), 0), |u| u.select_columns(&kept))
+}
+
+fn indices(equations: &Equations, links: &[Option<usize>]) -> Vec<usize> {
+    links.iter().flat_map(|link| equations.of_body(*link)).collect()
+}
+
+impl Search {
+    /// Variance of a row that no parameters explain, at least what the sensors were said to have.
+    fn noise(&self, told: &DMatrix<f64>) -> f64 {
+        let rest = self.residual.norm_squared() - told.tr_mul(&self.residual).norm_squared();
+        (rest / (self.rows - told.ncols().min(self.rows - 1)) as f64).max(1.0)
+    }
+
+    /// What is left of the squares when these unknowns are free.
+    fn left(&self, free: &[usize]) -> (f64, usize) {
+        if free.is_empty() {
+            return (self.residual.norm_squared(), 0);
+        }
+        let axes = directions(&self.columns.select_columns(free));
+        (self.residual.norm_squared() - axes.tr_mul(&self.residual).norm_squared(), axes.ncols())
+    }
+
+    /// The change of all unknowns when these are free, and the covariance of these.
+    fn fitted(&self, free: &[usize]) -> (DVector<f64>, DMatrix<f64>) {
+        if free.is_empty() {
+            return (DVector::zeros(self.columns.ncols()), DMatrix::zeros(0, 0));
+        }
+        let svd = self.columns.select_columns(free).svd(true, true);
+        let least = NOTHING * svd.singular_values.max();
+        let mut change = DVector::zeros(self.columns.ncols());
+        let mut covariance = DMatrix::zeros(free.len(), free.len());
+        if let (Ok(values), Some(v_t)) = (svd.solve(&self.residual, least), &svd.v_t) {
+            free.iter().zip(&values).for_each(|(&k, value)| change[k] = *value);
+            for (size, row) in svd.singular_values.iter().zip(v_t.row_iter()).filter(|(size, _)| **size > least) {
+                covariance += row.transpose() * row / (size * size);
+            }
+        }
+        (change, covariance)
+    }
+
+    /// The link that explains most of what is left, if chance would not.
+    fn best(
+        &self,
+        robot: &Robot,
+        equations: &Equations,
+        taken: &[Option<usize>],
+        noise: f64,
+    ) -> Option<(Option<usize>, Chosen)> {
+        let known = indices(equations, taken);
+        let (before, rank) = self.left(&known);
+        let with =
+            |link: &Option<usize>| -> Vec<usize> { known.iter().copied().chain(equations.of_body(*link)).collect() };
+        let mut tried: Vec<(Option<usize>, f64, usize)> = bodies(robot)
+            .filter(|link| !taken.contains(link))
+            .filter_map(|link| {
+                let free = with(&link);
+                let (left, of) = self.left(&free);
+                let mass = self.fitted(&free).0[*free.get(known.len())?];
+                (mass > 0.0 && of > rank).then_some((link, left, of - rank))
+            })
+            .collect();
+        tried.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let &(link, least, degrees) = tried.first()?;
+        let chance =
+            |gain: f64, degrees: usize| ChiSquared::new(degrees as f64).map_or(1.0, |law| law.sf(gain / noise));
+        let p = chance(before - least, degrees);
+        if p * tried.len() as f64 > FALSE {
+            return None;
+        }
+        let as_well = tried.iter().filter(|(_, left, _)| chance(left - least, 3) > LEFT_OUT);
+        let links = as_well.map(|(link, ..)| body_name(robot, *link)).collect();
+        Some((link, Chosen { links, p }))
+    }
+
+    fn named(
+        &self,
+        equations: &Equations,
+        (own, first): (&[usize], usize),
+        (change, covariance): (&DVector<f64>, &DMatrix<f64>),
+        Chosen { links, p }: Chosen,
+    ) -> Named {
+        let mass_kg = own.first().map_or(0.0, |&k| change[k]);
+        let mut place_m = [None; 3];
+        for &k in own {
+            if let Unknown::Inertial(inertial) = equations.unknowns[k]
+                && (1..4).contains(&inertial.number)
+                && self.columns.column(k).norm() > NOTHING * self.columns.norm()
+            {
+                place_m[inertial.number - 1] = Some(change[k] / mass_kg);
+            }
+        }
+        let mass_sd_kg = covariance.get((first, first)).map_or(0.0, |variance| variance.sqrt());
+        Named { links, mass_kg, mass_sd_kg, side: side(&place_m), place_m, p }
+    }
+}
+
+/// A place in words: x forward, y to the left, z up, as the frames of a standing robot are.
+fn side(place_m: &[Option<f64>; 3]) -> String {
+    const WORDS: [[&str; 2]; 3] = [["behind", "before"], ["right", "left"], ["below", "above"]];
+    let words = place_m.iter().zip(WORDS).filter_map(|(place, words)| {
+        let place = (*place)?;
+        (place.abs() > 5e-3).then(|| format!("{:.0} mm {}", 1e3 * place.abs(), words[usize::from(place > 0.0)]))
+    });
+    words.collect::<Vec<_>>().join(", ")
+}

@@ -1,0 +1,7 @@
+//! The methods of the papers that the command line and the evaluation repeat: hands, identification, motion mapping, MEMR.
+
+pub mod convergence;
+pub mod grasp;
+pub mod identify;
+pub mod memr;
+pub mod motion;

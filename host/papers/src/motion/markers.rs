@@ -1,0 +1,218 @@
+//! Markers and force plates of one motion, read from a table.
+//!
+//! | column | holds |
+//! | --- | --- |
+//! | `t` | time, s |
+//! | `MARKER_x`, `MARKER_y`, `MARKER_z` | place of a marker in the world, m; empty where nobody saw it |
+//! | `Fx` … `Mz` (`_n`, `_nm`) | what all plates together exert on the person, about the world's origin |
+//!
+//! The world has z up and the ground at z = 0.
+
+use std::path::Path;
+
+use darm_core::real::Vec3;
+
+use darm_diagnose::measurement::ReadError;
+use darm_diagnose::measurement::table::{Names, Table};
+
+/// A gap longer than this share of the frames cannot be bridged by the other frames.
+const LONGEST_GAP: f64 = 0.5;
+/// Markers that must be seen in every frame.
+const FEWEST: usize = 3;
+
+/// What the plates measured in a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plate {
+    /// Centre of pressure on the ground, x and y, m.
+    pub cop: [f64; 2],
+    /// Vertical force, N.
+    pub force_n: f64,
+}
+
+/// A motion as cameras and plates saw it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Capture {
+    /// Names of the markers.
+    pub names: Vec<String>,
+    /// Time of each frame, s.
+    pub time_s: Vec<f64>,
+    /// Places frame by frame, in the order of the names; `None`: not seen.
+    pub places: Vec<Vec<Option<Vec3<f64>>>>,
+    /// The plates, frame by frame.
+    pub plates: Vec<Plate>,
+    /// What the owner of the data should know.
+    pub findings: Vec<String>,
+}
+
+/// Why a table is no motion.
+#[derive(Debug, thiserror::Error)]
+pub enum CaptureError {
+    /// The table cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// A marker of the person is not in the table.
+    #[error("no marker {marker} (columns {marker}_x, {marker}_y, {marker}_z); there are {present}")]
+    NoMarker {
+        /// The marker.
+        marker: String,
+        /// Those that there are.
+        present: String,
+    },
+    /// A marker is missing for too long.
+    #[error(
+        "marker {marker} is missing in {missing} of {frames} frames, first in frame {frame}: leave it out or mend it"
+    )]
+    Missing {
+        /// The marker.
+        marker: String,
+        /// In how many frames.
+        missing: usize,
+        /// Of how many.
+        frames: usize,
+        /// The first, from 1.
+        frame: usize,
+    },
+    /// Too few markers in a frame.
+    #[error("frame {frame} (line {line}): {seen} markers are seen, {FEWEST} at least are needed; missing: {missing}")]
+    TooFew {
+        /// The frame, from 1.
+        frame: usize,
+        /// Its line.
+        line: usize,
+        /// How many are seen.
+        seen: usize,
+        /// Those that are not.
+        missing: String,
+    },
+    /// The plates pull, or hold no number.
+    #[error(
+        "frame {frame} (line {line}): the plates' vertical force is {force_n} N: the wrench must be what the ground exerts on the person, z up"
+    )]
+    Pulls {
+        /// The frame, from 1.
+        frame: usize,
+        /// Its line.
+        line: usize,
+        /// Fz, N.
+        force_n: f64,
+    },
+    /// Too short.
+    #[error("{frames} frame(s) are no motion: {LEAST} at least, at even steps of time, are needed")]
+    TooShort {
+        /// Frames.
+        frames: usize,
+    },
+    /// Time does not run.
+    #[error("frame {frame} (line {line}): time does not run on at the pace of the others")]
+    Time {
+        /// The frame, from 1.
+        frame: usize,
+        /// Its line.
+        line: usize,
+    },
+}
+
+/// Frames below which there is no motion.
+const LEAST: usize = 10;
+
+impl Capture {
+    /// Reads the markers with these names, and the plates.
+    pub fn read(path: &Path, markers: &[String]) -> Result<Self, CaptureError> {
+        let (table, findings) = Table::read(path, &Names::new())?;
+        let mut capture = Self::of(&table, markers)?;
+        capture.findings.splice(0..0, findings.iter().map(ToString::to_string));
+        Ok(capture)
+    }
+
+    /// The same from a table.
+    pub fn of(table: &Table, markers: &[String]) -> Result<Self, CaptureError> {
+        let time_s = table.required("time")?.numbers.clone();
+        if time_s.len() < LEAST {
+            return Err(CaptureError::TooShort { frames: time_s.len() });
+        }
+        even(&time_s, &table.lines)?;
+        let mut axes = Vec::new();
+        for marker in markers {
+            let of = |axis: &str| table.column(&format!("{marker}_{axis}"));
+            let (Some(x), Some(y), Some(z)) = (of("x"), of("y"), of("z")) else {
+                let names = table.columns.iter().filter_map(|column| column.name.strip_suffix("_x"));
+                let present = names.collect::<Vec<_>>().join(", ");
+                return Err(CaptureError::NoMarker { marker: marker.clone(), present });
+            };
+            axes.push([&x.numbers, &y.numbers, &z.numbers]);
+        }
+        let place = |frame: usize, axes: &[&Vec<f64>; 3]| {
+            let place = Vec3::from_fn(|k, _| axes[k][frame]);
+            place.iter().all(|x| x.is_finite()).then_some(place)
+        };
+        let places: Vec<Vec<_>> =
+            (0..time_s.len()).map(|frame| axes.iter().map(|axes| place(frame, axes)).collect()).collect();
+        let findings = seen(markers, &places, &table.lines)?;
+        let plates = plates(table)?;
+        Ok(Self { names: markers.to_vec(), time_s, places, plates, findings })
+    }
+
+    /// Time between two frames, s.
+    pub fn step_s(&self) -> f64 {
+        let frames = self.time_s.len();
+        match (self.time_s.first(), self.time_s.last()) {
+            (Some(first), Some(last)) if frames > 1 => (last - first) / (frames - 1) as f64,
+            _ => 1.0,
+        }
+    }
+}
+
+/// Steps of time are even to a tenth.
+fn even(time_s: &[f64], lines: &[usize]) -> Result<(), CaptureError> {
+    let mean = (time_s[time_s.len() - 1] - time_s[0]) / (time_s.len() - 1) as f64;
+    let off = |pair: &[f64]| (pair[1] - pair[0] - mean).abs();
+    let uneven = |pair: &[f64]| mean <= 0.0 || off(pair).is_nan() || off(pair) > 0.1 * mean;
+    match time_s.windows(2).position(uneven) {
+        Some(frame) => Err(CaptureError::Time { frame: frame + 2, line: lines[frame + 1] }),
+        None => Ok(()),
+    }
+}
+
+/// Gaps: told when they are short, refused when they are long.
+fn seen(names: &[String], places: &[Vec<Option<Vec3<f64>>>], lines: &[usize]) -> Result<Vec<String>, CaptureError> {
+    let mut findings = Vec::new();
+    for (k, name) in names.iter().enumerate() {
+        let gaps: Vec<usize> = (0..places.len()).filter(|&frame| places[frame][k].is_none()).collect();
+        let Some(first) = gaps.first() else { continue };
+        if gaps.len() as f64 > LONGEST_GAP * places.len() as f64 {
+            let (missing, frames) = (gaps.len(), places.len());
+            return Err(CaptureError::Missing { marker: name.clone(), missing, frames, frame: first + 1 });
+        }
+        findings.push(format!(
+            "marker {name} is missing in {} of {} frames, first in frame {} (line {}): the other markers lead there",
+            gaps.len(),
+            places.len(),
+            first + 1,
+            lines[*first]
+        ));
+    }
+    for (frame, row) in places.iter().enumerate() {
+        let seen = row.iter().flatten().count();
+        if seen < FEWEST {
+            let lost = names.iter().zip(row).filter(|(_, place)| place.is_none());
+            let missing = lost.map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
+            return Err(CaptureError::TooFew { frame: frame + 1, line: lines[frame], seen, missing });
+        }
+    }
+    Ok(findings)
+}
+
+fn plates(table: &Table) -> Result<Vec<Plate>, CaptureError> {
+    let part = |name: &str| table.required(name).map(|column| &column.numbers);
+    let (fz, mx, my) = (part("fz")?, part("mx")?, part("my")?);
+    let plate = |frame: usize| {
+        let force_n = fz[frame];
+        let cop = [-my[frame] / force_n, mx[frame] / force_n];
+        if force_n > 0.0 && cop.iter().all(|x| x.is_finite()) {
+            Ok(Plate { cop, force_n })
+        } else {
+            Err(CaptureError::Pulls { frame: frame + 1, line: table.lines[frame], force_n })
+        }
+    };
+    (0..fz.len()).map(plate).collect()
+}

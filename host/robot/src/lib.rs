@@ -1,0 +1,8 @@
+//! Robots at run-time size: URDF and tables of Denavit and Hartenberg, kinematics, dynamics, inverse kinematics.
+
+pub mod dh;
+pub mod ik;
+pub mod literal;
+pub mod robot;
+pub mod source;
+pub mod urdf;

@@ -1,0 +1,135 @@
+//! A robot of joints and links with the names, limits and frames that its file gives them: a [`Tree`] for people.
+//!
+//! It is read from a URDF ([`urdf`](crate::urdf)) or a table of Denavit and Hartenberg ([`dh`](crate::dh)). [`Robot::tree`]
+//! makes the [`Tree`] that computes; [`Robot::kinematics`], [`Robot::dynamics`], [`Robot::com`] and [`Robot::inverse`] do it.
+//! [`Robot::constant`] writes it for firmware.
+
+pub mod base_parameters;
+mod constant;
+mod inverse;
+pub mod planar;
+mod state;
+
+use darm_core::real::Vec3;
+use darm_core::se::Pose;
+use darm_core::tree::{Body, Inertia, Joint, LinkFrame, Tree, TreeError};
+
+pub use inverse::Inverse;
+pub use state::{Accelerations, Com, Dynamics, FloatingBase, Jacobian, Kinematics, Motion};
+
+/// Joints that one robot can have.
+pub const MAX_JOINTS: usize = 64;
+
+/// A robot on a fixed or floating base.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Robot {
+    /// Its name.
+    pub name: String,
+    /// Its joints and the links that they move, parents before children; at most [`MAX_JOINTS`].
+    pub joints: Vec<RobotJoint>,
+    /// Mass distribution of the base with all that is fixed to it, told in its frame; it counts when the base floats.
+    pub base: Inertia<f64>,
+    /// Whether the base floats.
+    pub floating: bool,
+    /// Every link of the file as a frame, the base first.
+    pub frames: Vec<RobotFrame>,
+    /// Acceleration of free fall in the base frame, m/s².
+    pub gravity: Vec3<f64>,
+    /// What a user should know before trusting what is computed.
+    pub warnings: Vec<String>,
+}
+
+/// A joint, the link that it moves, and its limits.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RobotJoint {
+    /// Name of the joint.
+    pub name: String,
+    /// Name of the link that it moves.
+    pub link: String,
+    /// Geometry, and the mass distribution of the link with all that is fixed to it.
+    pub joint: Joint<f64>,
+    /// Least and greatest position, rad or m; `None` where it turns on and on or the file is silent.
+    pub limits: Option<[f64; 2]>,
+    /// Greatest torque (N·m) or force (N), where the file tells it.
+    pub effort: Option<f64>,
+    /// Greatest velocity, rad/s or m/s, where the file tells it.
+    pub velocity: Option<f64>,
+    /// Viscous friction, N·m·s or N·s/m.
+    pub damping: f64,
+    /// Coulomb friction, N·m or N.
+    pub friction: f64,
+}
+
+/// A named frame fixed to a link.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RobotFrame {
+    /// Its name.
+    pub name: String,
+    /// The joint that moves its link; `None`: it is fixed to the base.
+    pub joint: Option<usize>,
+    /// Pose in the frame of that joint's link, or of the base.
+    pub pose: Pose<f64>,
+    /// Whether nothing stands on it.
+    pub is_end: bool,
+}
+
+impl Robot {
+    /// The tree that computes, for the first joints of N; the others stand on the base and move nothing.
+    ///
+    /// So a few sizes serve all robots: what is computed for the joints past the last is zero, the mass matrix too.
+    pub fn tree<const N: usize>(&self) -> Result<Tree<f64, N>, TreeError> {
+        if self.joints.len() > N {
+            return Err(TreeError::TooMany { joints: self.joints.len(), most: N });
+        }
+        let idle = Joint::revolute(None, Vec3::z(), Pose::identity(), Inertia::none());
+        let joints = std::array::from_fn(|index| self.joints.get(index).map_or(idle, |joint| joint.joint));
+        let mut tree = Tree::new(&joints, self.gravity)?;
+        tree.base = Body::from(&self.base);
+        Ok(tree)
+    }
+
+    /// The frame of this name.
+    pub fn frame(&self, name: &str) -> Option<&RobotFrame> {
+        self.frames.iter().find(|frame| frame.name == name)
+    }
+
+    /// The frame that a user most likely means by the tool: the end with the most joints before it, the first of several.
+    pub fn tool(&self) -> Option<&RobotFrame> {
+        let ends = self.frames.iter().filter(|frame| frame.is_end);
+        ends.min_by_key(|frame| std::cmp::Reverse(self.path(frame).len()))
+    }
+
+    /// The frame of this name, or [`Robot::tool`] without one.
+    pub fn frame_or_tool(&self, name: Option<&str>) -> Option<&RobotFrame> {
+        name.map_or_else(|| self.tool(), |name| self.frame(name))
+    }
+
+    /// The names of all frames, with commas between them.
+    pub fn frame_names(&self) -> String {
+        self.frames.iter().map(|frame| frame.name.as_str()).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The joints between the base and a frame, the innermost first.
+    pub fn path(&self, frame: &RobotFrame) -> Vec<usize> {
+        let parent = |joint: &usize| self.joints.get(*joint).and_then(|joint| joint.joint.parent);
+        let mut path: Vec<_> = std::iter::successors(frame.joint, parent).collect();
+        path.reverse();
+        path
+    }
+
+    /// Total mass, kg, of the links that move; with the base when it floats.
+    pub fn mass(&self) -> f64 {
+        let links: f64 = self.joints.iter().map(|joint| joint.joint.inertia.mass).sum();
+        if self.floating { links + self.base.mass } else { links }
+    }
+}
+
+impl RobotFrame {
+    /// The frame in a [`Robot::tree`].
+    pub fn in_tree<const N: usize>(&self, tree: &Tree<f64, N>) -> LinkFrame<f64> {
+        tree.frame(self.joint.unwrap_or(usize::MAX), &self.pose)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,42 @@
+//! Arms in the plane, of any number of revolute joints.
+
+use darm_core::real::Vec3;
+use darm_core::se::Pose;
+use darm_core::tree::{Inertia, Joint};
+
+use super::{Robot, RobotFrame, RobotJoint};
+
+/// An arm in the plane and its tip: revolute joints about z with links along x of these
+/// lengths (m), limits in rad. Links have no mass.
+pub fn planar_arm(lengths_m: &[f64], limits: &[[f64; 2]]) -> (Robot, RobotFrame) {
+    let last = lengths_m.len().checked_sub(1);
+    let before = |index: usize| index.checked_sub(1).and_then(|index| lengths_m.get(index)).copied().unwrap_or(0.0);
+    let joint = |(index, limits): (usize, &[f64; 2])| RobotJoint {
+        name: format!("joint{}", index + 1),
+        link: format!("link{}", index + 1),
+        joint: Joint::revolute(
+            index.checked_sub(1),
+            Vec3::z(),
+            Pose::at(Vec3::new(before(index), 0.0, 0.0)),
+            Inertia::none(),
+        ),
+        limits: Some(*limits),
+        effort: None,
+        velocity: None,
+        damping: 0.0,
+        friction: 0.0,
+    };
+    let at = Pose::at(Vec3::new(before(lengths_m.len()), 0.0, 0.0));
+    let tip = RobotFrame { name: "tip".into(), joint: last, pose: at, is_end: true };
+    let base = RobotFrame { name: "base".into(), joint: None, pose: Pose::identity(), is_end: false };
+    let arm = Robot {
+        name: format!("planar arm of {} links", lengths_m.len()),
+        joints: limits.iter().take(lengths_m.len()).enumerate().map(joint).collect(),
+        base: Inertia::none(),
+        floating: false,
+        frames: vec![base, tip.clone()],
+        gravity: Vec3::zeros(),
+        warnings: Vec::new(),
+    };
+    (arm, tip)
+}

@@ -1,0 +1,133 @@
+//! The text of a file that describes an arm or robot, and errors that name its file, line and column.
+
+use std::fmt;
+use std::io;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+
+/// A file in memory.
+pub struct Source {
+    path: PathBuf,
+    text: String,
+}
+
+/// Where in a file something stands; both count from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// The line.
+    pub line: usize,
+    /// The column, in characters.
+    pub column: usize,
+}
+
+/// What is wrong with a file, and where: `FILE:LINE:COLUMN: what is wrong`.
+#[derive(Debug)]
+pub struct FileError<F> {
+    /// The file.
+    pub path: PathBuf,
+    /// Where in it; `None` of the file as a whole.
+    pub place: Option<Place>,
+    /// What is wrong.
+    pub fault: Fault<F>,
+}
+
+/// What is wrong with a file.
+#[derive(Debug)]
+pub enum Fault<F> {
+    /// It cannot be read or written.
+    Io(io::Error),
+    /// It is no TOML or XML, or a key is missing, unknown or of the wrong type.
+    Syntax(String),
+    /// It says what cannot be.
+    Content(Box<F>),
+}
+
+impl Source {
+    /// Reads the file.
+    pub fn read<F>(path: &Path) -> Result<Self, FileError<F>> {
+        match std::fs::read_to_string(path) {
+            Ok(text) => Ok(Self { path: path.into(), text }),
+            Err(error) => Err(FileError { path: path.into(), place: None, fault: Fault::Io(error) }),
+        }
+    }
+
+    /// A text, under the path that errors shall name.
+    pub fn of_text(path: &Path, text: &str) -> Self {
+        Self { path: path.into(), text: text.into() }
+    }
+
+    /// The file as a value of TOML.
+    pub fn parse<T: DeserializeOwned, F>(&self) -> Result<T, FileError<F>> {
+        toml::from_str(&self.text).map_err(|error| {
+            let message = error.message().trim_end().replace('\n', ", ");
+            self.error(error.span(), Fault::Syntax(message))
+        })
+    }
+
+    /// A path that the file names: relative to the folder of the file.
+    pub fn beside(&self, named: &str) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).join(named)
+    }
+
+    /// The whole text.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// The error that `content` is wrong at `span`.
+    pub fn wrong<F>(&self, span: Range<usize>, content: F) -> FileError<F> {
+        self.error(Some(span), Fault::Content(Box::new(content)))
+    }
+
+    /// The error that `fault` stands at `span`, or in the file as a whole.
+    pub fn error<F>(&self, span: Option<Range<usize>>, fault: Fault<F>) -> FileError<F> {
+        FileError { path: self.path.clone(), place: span.map(|span| self.place(span.start)), fault }
+    }
+
+    fn place(&self, offset: usize) -> Place {
+        let before = self.text.get(..offset).unwrap_or(&self.text);
+        let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        Place { line: before.matches('\n').count() + 1, column: before[line_start..].chars().count() + 1 }
+    }
+}
+
+/// A number that is neither infinite nor NaN, both of which TOML can write.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(try_from = "f64")]
+pub struct Number(pub f64);
+
+impl TryFrom<f64> for Number {
+    type Error = &'static str;
+    fn try_from(value: f64) -> Result<Self, Self::Error> {
+        if value.is_finite() { Ok(Self(value)) } else { Err("the number has to be finite") }
+    }
+}
+
+/// The path by which the file at `from` names the file at `to`: the inverse of [`Source::beside`].
+pub fn path_between(from: &Path, to: &Path) -> PathBuf {
+    let real = |path: &Path| path.canonicalize().or_else(|_| std::path::absolute(path)).unwrap_or(path.into());
+    let folder = from.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let (folder, to) = (real(folder), real(to));
+    let common = folder.components().zip(to.components()).take_while(|(one, other)| one == other).count();
+    let up = std::iter::repeat_n(Path::new(".."), folder.components().count() - common);
+    up.chain(to.components().skip(common).map(|component| Path::new(component.as_os_str()))).collect()
+}
+
+impl<F: fmt::Display> fmt::Display for FileError<F> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:", self.path.display())?;
+        if let Some(Place { line, column }) = self.place {
+            write!(f, "{line}:{column}:")?;
+        }
+        match &self.fault {
+            Fault::Io(error) => write!(f, " {error}"),
+            Fault::Syntax(message) => write!(f, " {message}"),
+            Fault::Content(content) => write!(f, " {content}"),
+        }
+    }
+}
+
+impl<F: fmt::Debug + fmt::Display> std::error::Error for FileError<F> {}

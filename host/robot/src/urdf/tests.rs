@@ -1,0 +1,201 @@
+//! Robots of public URDF files against the values that Pinocchio computed from them, and files that are wrong.
+
+use std::io::Read as _;
+use std::path::PathBuf;
+
+use darm_core::dynamics::{self, floating};
+use darm_core::se::Twist;
+use darm_core::tree::Frames;
+use serde_json::Value;
+
+use super::*;
+
+fn data(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data").join(name)
+}
+
+fn golden(name: &str) -> Value {
+    let mut text = String::new();
+    let file = std::fs::File::open(data(&format!("golden/{name}.json.gz"))).unwrap();
+    flate2::read::GzDecoder::new(file).read_to_string(&mut text).unwrap();
+    serde_json::from_str(&text).unwrap()
+}
+
+fn list(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().flat_map(|x| x.as_f64().map_or_else(|| list(x), |x| vec![x])).collect()
+}
+
+#[track_caller]
+fn near(ours: &[f64], theirs: &[f64], scale: f64) {
+    assert_eq!(ours.len(), theirs.len());
+    let scale = theirs.iter().fold(scale, |scale, x| scale.max(x.abs()));
+    for (a, b) in ours.iter().zip(theirs) {
+        assert!((a - b).abs() <= 1e-12 * scale, "{a} is not {b}");
+    }
+}
+
+/// The first `count` of a sample's numbers, and zeros for the joints that only fill the tree up.
+fn padded<const N: usize>(value: &Value, skip: usize) -> [f64; N] {
+    let mut padded = [0.0; N];
+    let given = list(value);
+    padded.iter_mut().zip(&given[skip..]).for_each(|(to, from)| *to = *from);
+    padded
+}
+
+fn check_arm(name: &str, locks: &Locks, frame: &str) {
+    let robot = read(&data(&format!("urdf/{name}.urdf")), locks).unwrap();
+    let file = golden(&format!("{name}_urdf"));
+    let tree = robot.tree::<8>().unwrap();
+    let tool = robot.frame(frame).unwrap().in_tree(&tree);
+    let joints = robot.joints.len();
+    for (ours, theirs) in robot.joints.iter().zip(file["joints"].as_array().unwrap()) {
+        assert_eq!(ours.name, theirs["name"].as_str().unwrap());
+        assert_eq!(ours.limits.unwrap().to_vec(), list(&theirs["limits"]));
+    }
+    for sample in file["samples"].as_array().unwrap() {
+        let [q, qd, qdd] = ["q", "qd", "qdd"].map(|key| padded::<8>(&sample[key], 0));
+        let mut frames = Frames::default();
+        tree.place(&q, &mut frames);
+        let pose = frames.pose(&tool);
+        let matrix: Vec<f64> = (0..3)
+            .flat_map(|row| (0..4).map(move |c| if c < 3 { pose.rotation[(row, c)] } else { pose.position[row] }))
+            .collect();
+        near(&matrix, &list(&sample["T"])[..12], 1.0);
+        let torque = dynamics::inverse_dynamics(&tree, &q, &qd, &qdd, None);
+        near(&torque[..joints], &list(&sample["tau_rnea"]), 1.0);
+        assert!(torque[joints..].iter().all(|torque| *torque == 0.0));
+        let mass = dynamics::mass_matrix(&tree, &q);
+        let mass: Vec<f64> = (0..joints).flat_map(|row| (0..joints).map(move |column| mass[(row, column)])).collect();
+        near(&mass, &list(&sample["M"]), 0.0);
+    }
+}
+
+#[test]
+fn arms_are_those_that_pinocchio_reads() {
+    let fingers = [1, 2].map(|finger| (format!("panda_finger_joint{finger}"), 0.0)).into();
+    check_arm("panda", &fingers, "panda_hand_tcp");
+    check_arm("ur10", &Locks::new(), "tool0");
+}
+
+#[test]
+fn a_humanoid_with_branches_floats() {
+    const N: usize = 32;
+    let mut robot = read(&data("urdf/simple_humanoid.urdf"), &Locks::new()).unwrap();
+    robot.floating = true;
+    let (tree, file) = (robot.tree::<N>().unwrap(), golden("simple_humanoid_floating"));
+    // Pinocchio walks children by the order of their names.
+    let theirs: Vec<_> = file["joints"].as_array().unwrap()[1..].iter().map(|j| j["name"].as_str().unwrap()).collect();
+    let order: Vec<_> = theirs.iter().map(|name| robot.joints.iter().position(|j| j.name == *name).unwrap()).collect();
+    assert!((robot.mass() - file["total_mass"].as_f64().unwrap()).abs() < 1e-9);
+    for sample in file["samples"].as_array().unwrap() {
+        let [q, qd, qdd] = [("q", 7), ("qd", 6), ("qdd", 6)].map(|(key, skip)| {
+            let given = padded::<N>(&sample[key], skip);
+            let mut ours = [0.0; N];
+            order.iter().zip(given).for_each(|(at, value)| ours[*at] = value);
+            ours
+        });
+        let base = list(&sample["q"]);
+        let turn =
+            nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(base[6], base[3], base[4], base[5]));
+        let twist = |key: &str| {
+            let v = list(&sample[key]);
+            Twist { angular: [v[3], v[4], v[5]].into(), linear: [v[0], v[1], v[2]].into() }
+        };
+        let pose = darm_core::se::Pose {
+            rotation: turn.to_rotation_matrix().into_inner(),
+            position: [base[0], base[1], base[2]].into(),
+        };
+        let motion = floating::BaseMotion { pose, twist: twist("qd"), twist_rate: twist("qdd") };
+        let (load, torque) = floating::inverse_dynamics(&tree, &motion, [&q, &qd, &qdd], None);
+        let ours: Vec<f64> =
+            load.force.iter().chain(&load.moment).copied().chain(order.iter().map(|k| torque[*k])).collect();
+        near(&ours, &list(&sample["tau_rnea"]), 0.0);
+    }
+}
+
+#[test]
+fn what_a_file_tells_by_the_way_is_kept() {
+    let robot = read(&data("urdf/panda.urdf"), &Locks::new()).unwrap();
+    assert_eq!(robot.joints.len(), 9);
+    assert_eq!(
+        (robot.joints[0].effort, robot.joints[0].velocity, robot.joints[0].damping),
+        (Some(87.0), Some(2.175), 0.003)
+    );
+    assert!(
+        robot.warnings.iter().any(|warning| warning.contains("`panda_finger_joint2` mimics `panda_finger_joint1`"))
+    );
+    let robot = read(&data("urdf/tx40.urdf"), &Locks::new()).unwrap();
+    assert_eq!(robot.tool().unwrap().name, "tool0");
+    assert_eq!(robot.path(robot.tool().unwrap()), [0, 1, 2, 3, 4, 5]);
+    assert_eq!(robot.base.mass, 4.2);
+}
+
+/// A robot of a base and the given elements.
+fn refused(body: &str) -> String {
+    let text = format!("<robot name=\"r\">\n<link name=\"base\"/>\n{body}\n</robot>");
+    parse(Path::new("r.urdf"), &text, &Locks::new()).unwrap_err().to_string()
+}
+
+fn joint(name: &str, kind: &str, parent: &str, child: &str, inside: &str) -> String {
+    format!(
+        "<link name=\"{child}\"/>\n<joint name=\"{name}\" type=\"{kind}\"><parent link=\"{parent}\"/><child link=\"{child}\"/>{inside}</joint>\n"
+    )
+}
+
+#[test]
+fn errors_name_file_line_and_element() {
+    let cases = [
+        (
+            joint("j", "planar", "base", "a", ""),
+            "r.urdf:4:1: joint `j` is planar: write it as two prismatic joints and a revolute one",
+        ),
+        (
+            joint("j", "revolute", "gone", "a", ""),
+            "r.urdf:4:1: joint `j` names the link `gone`, which is not in the file",
+        ),
+        (joint("j", "revolute", "base", "a", "<axis xyz=\"0 0 0\"/>"), "r.urdf:4:1: joint `j` has the axis 0 0 0"),
+        (
+            joint("j", "revolute", "base", "a", "<origin xyz=\"0 NaN 0\"/>"),
+            "r.urdf:4:1: joint `j` has a number that is not finite",
+        ),
+        (
+            joint("j", "revolute", "base", "a", "<limit lower=\"1\" upper=\"-1\" velocity=\"1\"/>"),
+            "r.urdf:4:1: joint `j` has the limits 1 to -1: the lower one is above",
+        ),
+        ("<link name=\"base\"/>".into(), "r.urdf:2:1: two <link> elements are named `base`"),
+        ("<link name=\"other\"/>".into(), "r.urdf: the robot has 2 root links (base, other), there must be one"),
+        (
+            joint("j", "fixed", "base", "a", "")
+                + "<joint name=\"k\" type=\"fixed\"><parent link=\"base\"/><child link=\"a\"/></joint>",
+            "r.urdf:5:1: link `a` is the child of two joints, `j` and `k`: a loop cannot be computed, cut it",
+        ),
+        (
+            joint("j", "fixed", "b", "a", "") + &joint("k", "fixed", "a", "b", ""),
+            "r.urdf:3:1: link `a` stands in a loop of joints: cut the loop",
+        ),
+    ];
+    for (body, expected) in cases {
+        assert_eq!(refused(&body), expected);
+    }
+    let locks = [("q".to_owned(), 0.0)].into();
+    let error = read(&data("urdf/tx40.urdf"), &locks).unwrap_err().to_string();
+    assert!(
+        error.ends_with(
+            "there is no moving joint `q` to lock; there are joint_1, joint_2, joint_3, joint_4, joint_5, joint_6"
+        ),
+        "{error}"
+    );
+}
+
+#[test]
+fn no_text_makes_it_panic() {
+    let whole = std::fs::read_to_string(data("urdf/tx40.urdf")).unwrap();
+    for cut in (0..whole.len()).step_by(97) {
+        let _ = parse(Path::new("cut.urdf"), &whole[..cut], &Locks::new());
+        let _ = parse(
+            Path::new("hole.urdf"),
+            &format!("{}{}", &whole[..cut], &whole[(cut + 60).min(whole.len())..]),
+            &Locks::new(),
+        );
+    }
+}

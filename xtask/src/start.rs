@@ -1,0 +1,33 @@
+//! Starts a program that measures. It is built first; its options, its help and its exit code are its own.
+
+use std::process::{Command, ExitCode};
+
+use anyhow::{Context as _, Result};
+use xtask::setup;
+
+/// What is handed on.
+#[derive(clap::Args)]
+#[command(disable_help_flag = true)]
+pub(crate) struct Arguments {
+    /// Options of the measurement: see its --help
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+    all: Vec<String>,
+}
+
+/// A measurement of `eval/`.
+pub(crate) fn measurement(name: &str, arguments: &Arguments) -> Result<ExitCode> {
+    run(&["--package", "darm-eval", "--", name], arguments)
+}
+
+/// The simulation of the whole system, which the mutants build again and again and which is a package of its own therefore.
+pub(crate) fn simulation(arguments: &Arguments) -> Result<ExitCode> {
+    run(&["--package", "darm-simulate", "--"], arguments)
+}
+
+fn run(what: &[&str], arguments: &Arguments) -> Result<ExitCode> {
+    let mut command = Command::new("cargo");
+    command.args(["run", "--quiet"]).args(what).args(&arguments.all);
+    let status = command.env("CARGO_MANIFEST_PATH", setup::root().join("Cargo.toml")).status();
+    let code = status.context("cargo did not start")?.code().unwrap_or(1);
+    Ok(ExitCode::from(u8::try_from(code).unwrap_or(1)))
+}
