@@ -59,6 +59,22 @@ pub enum Drive {
 }
 
 impl Drive {
+    /// From the beginning of one peak to that of the next it takes at least so many times the length of a peak.
+    const PEAK_PERIODS: u32 = 10;
+
+    /// The least time between the beginnings of two peaks of an output, so that the share of full current is at most
+    /// 10 %; 0 for a drive without a peak. The duty of a profile is that of the holding current: a coil that is switched
+    /// off for a moment and on again, over and over, would keep it and burn. A peak of 0 ms counts as one of 1 ms: full
+    /// current flows for a tick.
+    pub fn peak_pause(&self) -> Micros {
+        match *self {
+            Self::PeakHold { peak_ms, .. } => {
+                Micros::from_millis(u32::from(peak_ms.max(1)).saturating_mul(Self::PEAK_PERIODS))
+            }
+            Self::Hold { .. } | Self::Latch { .. } => Micros(0),
+        }
+    }
+
     /// The lines that this drive uses.
     pub const fn lines(&self) -> (u8, Option<u8>) {
         match *self {

@@ -96,7 +96,8 @@ pub enum Phase {
     Idle,
     /// Coils, words or servos are set by hand.
     Manual,
-    /// The servos go to the first row, slowly; the latches are set as it says, no more at once than the supply feeds.
+    /// The servos go to the first row, slowly; the latches are set as it says, no more at once than the supply feeds;
+    /// every coil with a peak waits until it may have the next one.
     Approaching {
         /// Since when.
         since: Micros,
@@ -324,7 +325,7 @@ impl<'t> Sequencer<'t> {
         self.check_servo_spans()?;
         self.check_servos_answer()?;
         self.rest();
-        self.coils.forget();
+        self.coils.prepare();
         self.enabled = true;
         self.phase = Phase::Approaching { since: self.now };
         Ok(())

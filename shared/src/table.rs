@@ -113,8 +113,8 @@ pub struct Checker {
     meters: [DutyMeter; MAX_COILS],
     /// Outputs that have been on before the first row: bit `o` for output `o`.
     used: u64,
-    /// What is left of the pulse of each latch, by index of the coil.
-    pulse_left: [Micros; MAX_COILS],
+    /// Time until the pulse of a latch ends, or until a coil may have another peak, by index of the coil.
+    time_left: [Micros; MAX_COILS],
     switched: SwitchClock,
     rows: u16,
     last: Option<Row>,
@@ -145,7 +145,7 @@ impl Default for Checker {
             profile: Digest::default(),
             meters: [DutyMeter::default(); MAX_COILS],
             used: 0,
-            pulse_left: [Micros(0); MAX_COILS],
+            time_left: [Micros(0); MAX_COILS],
             switched: SwitchClock::default(),
             rows: 0,
             last: None,
@@ -242,7 +242,7 @@ impl Checker {
     fn rewind(&mut self) {
         self.switched = SwitchClock::default();
         self.last = None;
-        self.pulse_left.fill(Micros(0));
+        self.time_left.fill(Micros(0));
         self.moved_us.fill(0);
     }
 
@@ -308,15 +308,15 @@ impl Checker {
         };
         let span = tick_of(at) - tick_of(last.at);
         let fed = self.wiring.coils_on(&last.word);
-        for (index, (coil, pulse_left)) in self.wiring.coils.iter().zip(&mut self.pulse_left).enumerate() {
+        for (index, (coil, time_left)) in self.wiring.coils.iter().zip(&mut self.time_left).enumerate() {
             let output = coil.output;
             let Some(meter) = self.meters.get_mut(usize::from(output)) else { continue };
             let (on, lateness) = match coil.drive {
-                Drive::Latch { .. } => (span.min(*pulse_left), Micros(0)),
+                Drive::Latch { .. } => (span.min(*time_left), Micros(0)),
                 Drive::Hold { .. } | Drive::PeakHold { .. } if fed >> index & 1 == 1 => (span, LATENESS),
                 Drive::Hold { .. } | Drive::PeakHold { .. } => (Micros(0), LATENESS),
             };
-            *pulse_left = *pulse_left - on;
+            *time_left = *time_left - span;
             let limit = MeterLimit::of(&coil.limit).rehearsed(lateness, self.used >> output & 1 == 1);
             let off = span - on;
             let switched_on = if on > Micros(0) { meter.pass(on, true, &limit) } else { Ok(()) };
@@ -329,8 +329,8 @@ impl Checker {
         Ok(())
     }
 
-    /// Counts the coils that this row newly feeds, and the pulses of latches. Before the first row the board sets each
-    /// latch, in its own time.
+    /// Counts the coils that this row newly feeds, the pulses of latches and the pauses between peaks, with room for a row
+    /// that is late before one that is not. Before the first row the board sets each latch, in its own time.
     fn switch_coils(&mut self, row: &Row) -> Result<(), RowError> {
         let rest = Word::zeros(self.wiring.actuators.len() as u8).unwrap_or_default();
         let is_first = self.last.is_none();
@@ -339,16 +339,21 @@ impl Checker {
         let (fed, feeding) = (self.wiring.coils_on(&before), self.wiring.coils_on(&row.word));
         let room = self.switched.room(row.at, &self.wiring.switch_limit);
         let mut newly_fed = 0u8;
-        for (index, (coil, pulse_left)) in self.wiring.coils.iter().zip(&mut self.pulse_left).enumerate() {
+        for (index, (coil, time_left)) in self.wiring.coils.iter().zip(&mut self.time_left).enumerate() {
             let (was, is) = (fed >> index & 1 == 1, feeding >> index & 1 == 1);
             match coil.drive {
-                Drive::Hold { .. } | Drive::PeakHold { .. } => {
-                    newly_fed = newly_fed.saturating_add(u8::from(is && !was));
+                Drive::PeakHold { .. } if is && !was && *time_left > Micros(0) => {
+                    return Err(RowError::Duty { output: coil.output });
                 }
+                Drive::Hold { .. } | Drive::PeakHold { .. } if is && !was => {
+                    newly_fed = newly_fed.saturating_add(1);
+                    *time_left = coil.drive.peak_pause() + LATENESS;
+                }
+                Drive::Hold { .. } | Drive::PeakHold { .. } => {}
                 Drive::Latch { .. } if is == was && !is_first => {}
                 Drive::Latch { pulse_ms, .. } => {
                     newly_fed = newly_fed.saturating_add(u8::from(!is_first));
-                    *pulse_left = Micros::from_millis(u32::from(pulse_ms)) + TICK;
+                    *time_left = Micros::from_millis(u32::from(pulse_ms)) + TICK;
                 }
             }
         }

@@ -39,6 +39,8 @@ pub(super) struct Coils<'t> {
     pulsing: u64,
     /// Coils with full current, to pull in.
     peaking: u64,
+    /// When every coil may have a peak again: computed when a program is asked for, which has no peak before its first row.
+    peaks_from: Micros,
     /// Coils whose current ends with the outputs of the next tick: until then it is counted.
     ending: u64,
     /// Levels of the output lines.
@@ -65,7 +67,9 @@ struct Output {
     limit: MeterLimit,
     /// Length of its peak or pulse.
     burst: Micros,
-    /// When it switched last.
+    /// Least time between the beginnings of two peaks; 0 without a peak.
+    pause: Micros,
+    /// When its last peak or pulse began.
     changed: Micros,
     /// How long it is on by hand, and when it goes off: counted from when the supply has let it go on.
     on_for: Micros,
@@ -87,6 +91,7 @@ const NO_OUTPUT: Output = Output {
     wires: Wires { first: 0, second: 0 },
     limit: MeterLimit::NONE,
     burst: Micros(0),
+    pause: Micros(0),
     changed: Micros(0),
     on_for: Micros(0),
     off_at: Micros(0),
@@ -103,6 +108,12 @@ impl Output {
         };
         self.wires = Wires { first, second };
         self.burst = Micros::from_millis(burst_ms.into());
+        self.pause = drive.peak_pause();
+    }
+
+    /// When it may have a peak again.
+    fn peak_from(&self) -> Micros {
+        self.changed + self.pause
     }
 }
 
@@ -122,6 +133,7 @@ impl<'t> Coils<'t> {
             unknown: 0,
             pulsing: 0,
             peaking: 0,
+            peaks_from: Micros(0),
             ending: 0,
             lines: 0,
             outputs: [NO_OUTPUT; MAX_COILS],
@@ -159,13 +171,14 @@ impl<'t> Coils<'t> {
     }
 
     /// Takes over some more outputs of the profile. A meter that is not valid, or was another profile's, counts as
-    /// exhausted. All are this profile's when the last one is taken over, and not before: a reset may come in between.
+    /// exhausted; a peak may have begun just now, nobody knows. All are this profile's when the last one is taken over,
+    /// and not before: a reset may come in between.
     pub(super) fn take_outputs(&mut self, now: Micros, profile: &Profile, most: usize) {
         let own = profile.digest.short().0;
         let same = self.used.profile == own;
         let wired = profile.outputs.iter().zip(self.outputs.iter_mut().zip(&mut self.used.meters)).enumerate();
         for (number, (wired, (output, meter))) in wired.skip(self.n_taken).take(most) {
-            *output = Output { limit: limit_of(wired.as_ref()), counted: now, ..NO_OUTPUT };
+            *output = Output { limit: limit_of(wired.as_ref()), changed: now, counted: now, ..NO_OUTPUT };
             if !(same && meter.is_valid()) {
                 meter.exhaust(&output.limit);
             }
@@ -231,18 +244,20 @@ impl<'t> Coils<'t> {
         (self.pulsing, self.peaking, self.lines, self.timed, self.asked) = (0, 0, 0, 0, 0);
     }
 
-    /// Nobody knows any more how the latches stand.
-    pub(super) fn forget(&mut self) {
+    /// Makes ready for the first row. Nobody knows any more how the latches stand.
+    pub(super) fn prepare(&mut self) {
         self.unknown = self.latches;
+        let peaks = Bits::of(self.peaks).filter_map(|(index, _)| self.outputs.get(index));
+        self.peaks_from = peaks.map(Output::peak_from).max().unwrap_or_default();
     }
 
     /// Sets the latches that nobody knows as a word says, no more at once than the supply can feed. True when they are
-    /// set and the supply is ready for as many coils as it can ever feed.
+    /// set, the supply is ready for as many coils as it can ever feed, and every coil may have a peak again.
     pub(super) fn set_latches(&mut self, now: Micros, word: Word) -> Result<bool, FaultKind> {
         self.ask(word);
         self.set_all(now, now, self.unknown)?;
         let ready = self.switched.room(now, &self.supply) == self.supply.new_coils;
-        Ok(ready && self.unknown | self.pulsing == 0)
+        Ok(ready && now >= self.peaks_from && self.unknown | self.pulsing == 0)
     }
 
     /// Lets time pass: ends peaks and pulses, and finds the coil that carries current for too long.
@@ -381,7 +396,10 @@ impl<'t> Coils<'t> {
         }
         let left_us = meter.left_us(limit);
         if flows <= Micros(left_us.into()) {
-            return Ok(());
+            let wait = if self.on >> index & 1 == 1 { Micros(0) } else { output.peak_from() - now };
+            let wait_ms = wait.0.div_ceil(1000) as u32;
+            let recovering = CommandError::Recovering { output: index as u8, left_ms: 0, wait_ms };
+            return if wait_ms == 0 { Ok(()) } else { Err(recovering) };
         }
         let [left_ms, wait_ms] = [left_us, meter.recovery_us(limit)].map(|us| us / 1000);
         Err(CommandError::Recovering { output: index as u8, left_ms, wait_ms })
@@ -412,7 +430,8 @@ impl<'t> Coils<'t> {
         Ok(())
     }
 
-    /// Switches coils to what is wanted; false when the supply cannot feed them all now.
+    /// Switches coils to what is wanted; false when the supply cannot feed them all now. A coil whose peak comes before
+    /// its pause is over breaks its limit.
     fn set_all(&mut self, now: Micros, due: Micros, coils: u64) -> Result<bool, FaultKind> {
         if coils == 0 {
             return Ok(true);
@@ -440,6 +459,9 @@ impl<'t> Coils<'t> {
         }
         for (index, _) in Bits::of(coils & (self.pulsing | self.peaking)) {
             if let Some(output) = self.outputs.get_mut(index) {
+                if now - output.changed < output.pause {
+                    return Err(FaultKind::Duty { output: index as u8 });
+                }
                 output.changed = now;
             }
         }

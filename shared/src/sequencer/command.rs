@@ -53,13 +53,13 @@ pub enum CommandError {
         /// How long it may be on.
         max_ms: u32,
     },
-    /// The output has been on for so long that its limit does not allow this now.
+    /// The output has been on for so long, or has had a peak so lately, that its limit does not allow this now.
     Recovering {
         /// Its number.
         output: u8,
-        /// How long it may still be on in its window.
+        /// How long it may still be on in its window; 0 before it may have another peak.
         left_ms: u32,
-        /// After so long without current all of its window is free.
+        /// After so long without current all of its window is free, or it may have another peak.
         wait_ms: u32,
     },
     /// The emergency stop is pressed.

@@ -25,7 +25,7 @@ pub enum FaultKind {
         /// Its number.
         output: u8,
     },
-    /// An output was on for more than its share of the window.
+    /// An output was on for more than its share of the window, or its next peak came before its pause was over.
     Duty {
         /// Its number.
         output: u8,
@@ -88,7 +88,9 @@ impl fmt::Display for FaultKind {
         let closed = |is: bool| if is { "closed" } else { "open" };
         match *self {
             Self::OnTooLong { output } => write!(f, "output {output} was on for longer than it may"),
-            Self::Duty { output } => write!(f, "output {output} was on for more than its share of the window"),
+            Self::Duty { output } => {
+                write!(f, "output {output} was on, or had full current, for more than its share of the time")
+            }
             Self::TooManyCoils => f.write_str("more coils would have gone on at once than the supply can feed"),
             Self::Switch { actuator, expected_closed, seen_closed } => write!(
                 f,

@@ -58,7 +58,7 @@ pub enum RowError {
         /// Its number.
         output: u8,
     },
-    /// The output would be on for more than its share of the window.
+    /// The output would be on for more than its share of the window, or have a peak before its pause is over.
     Duty {
         /// Its number.
         output: u8,
@@ -99,7 +99,9 @@ impl fmt::Display for RowError {
             Self::OnTooLong { output } => {
                 write!(f, "output {output} would be on for longer than it may")
             }
-            Self::Duty { output } => write!(f, "output {output} would be on for more than its share of the window"),
+            Self::Duty { output } => {
+                write!(f, "output {output} would be on, or have full current, for more than its share of the time")
+            }
             Self::Travel { actuator } => {
                 write!(f, "actuator {} would switch again before it can have reached its stop", actuator.0)
             }

@@ -114,6 +114,24 @@ fn pulses_of_latches_take_their_share_of_the_time() {
 }
 
 #[test]
+fn a_row_whose_peak_comes_too_soon_is_refused() {
+    let limit = CoilLimit { max_on_ms: 1000, duty_percent: 100, window_ms: 1600 };
+    let actuator = Record::Actuator(ActuatorWiring { states: 2, switch: None, travel_ms: 0 });
+    let refused = |drive, rows: &[Record]| {
+        let coil = Record::Coil(Coil { output: 0, drive, limit });
+        check(&[&[START, coil, actuator.clone()], rows].concat()).err()
+    };
+    let peak = |peak_ms| Drive::PeakHold { pull: 0, hold: 1, peak_ms };
+    let again_at = |at_ms| [row(0, "1"), row(5, "0"), row(8, "0"), row(at_ms, "1"), row(at_ms + 9, "1"), end(900)];
+    let too_soon = Some(TableError::Row { row: 3, error: RowError::Duty { output: 0 } });
+    assert_eq!(refused(peak(50), &again_at(502)), None, "500 ms, and the first row may be 2 ms late");
+    assert_eq!(refused(peak(50), &again_at(501)), too_soon);
+    assert_eq!(refused(peak(2), &again_at(22)), None);
+    assert_eq!(refused(peak(0), &again_at(11)), too_soon, "full current lasts for a tick at least");
+    assert_eq!(refused(Drive::Hold { line: 0 }, &again_at(10)), None, "no peak");
+}
+
+#[test]
 fn servos_keep_their_range_and_speed() {
     let servo =
         ServoWiring { id: 1, min_rad: -1.0, max_rad: 1.0, max_speed_rad_s: 2.0, max_torque: 0.5, timeout_ms: 20 };

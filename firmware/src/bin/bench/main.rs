@@ -45,7 +45,8 @@ use sha2::{Digest as _, Sha256};
 /// The planar arm of four modules, and all that a board drives.
 const ARMS: [(&str, usize, usize); 2] = [("arm_12", 12, 0), ("arm_full", MAX_ACTUATORS, MAX_SERVOS)];
 const ROWS: u32 = 40;
-const ROW_MS: u32 = 20;
+/// An output of the smaller arm has a peak in every second row, and no sooner than 52 ms after the last one.
+const ROW_MS: u32 = 30;
 /// Uploads that only fill the flash.
 const STORES: u32 = 10;
 /// Actuators that change in one row.

@@ -118,3 +118,101 @@ fn a_program_that_is_let_begin_breaks_no_limit() {
     }
     assert!(begun > 20, "only {begun} programs were let begin");
 }
+
+const PEAK: Drive = Drive::PeakHold { pull: 0, hold: 1, peak_ms: 50 };
+const UNLIMITED: CoilLimit = CoilLimit { max_on_ms: 60_000, duty_percent: 100, window_ms: 60_000 };
+
+/// An output with a peak of 50 ms: 500 ms from the beginning of one to that of the next.
+fn with_peak(rows: &[Record]) -> Vec<Record> {
+    [&[start()], wired(PEAK, UNLIMITED).as_slice(), rows].concat()
+}
+
+fn peak_bench(rows: &[Record]) -> Bench {
+    let mut bench = Bench::new(&with_peak(rows));
+    bench.follows = false;
+    bench
+}
+
+#[test]
+fn full_current_by_hand_is_on_for_a_tenth_of_the_time_at_most() {
+    let mut bench = peak_bench(&[end(10)]);
+    let mut full_ms = 0;
+    for tick in 0..5_000 {
+        match tick % 50 {
+            0 => drop(bench.command(Command::Word(word("1")))),
+            49 => bench.command(Command::Word(word("0"))).unwrap(),
+            _ => {}
+        }
+        full_ms += bench.run(1).outputs.lines & 1;
+    }
+    assert!((400..=500).contains(&full_ms), "full current for {full_ms} ms of 5 s, 500 are allowed");
+    assert_eq!(bench.fault(), None, "what breaks the limit is refused beforehand");
+}
+
+#[test]
+fn a_second_peak_by_hand_is_refused_until_its_pause_is_over() {
+    let mut bench = peak_bench(&[end(10)]);
+    let commands = [Command::Word(word("1")), Command::Coil { coil: 0, on_ms: 5 }];
+    for command in commands {
+        bench.command(command).unwrap();
+        assert_eq!(bench.run(1).outputs.lines, 0b11);
+        bench.command(command).expect("it is on already");
+        bench.run(59).command(Command::Stop).unwrap();
+        for refused in commands {
+            let recovering = CommandError::Recovering { output: 0, left_ms: 0, wait_ms: 441 };
+            assert_eq!(bench.command(refused), Err(recovering));
+        }
+        assert_eq!(bench.run(441).outputs.lines, 0);
+    }
+    bench.command(commands[0]).unwrap();
+    assert_eq!(bench.run(1).outputs.lines, 0b11);
+}
+
+#[test]
+fn no_reset_and_no_other_table_forgets_a_peak() {
+    let records = with_peak(&[end(10)]);
+    let profile = Box::leak(Box::new(profile(&records)));
+    let on = Command::Coil { coil: 0, on_ms: 5 };
+    let refused = |wait_ms| Err(CommandError::Recovering { output: 0, left_ms: 0, wait_ms });
+    let mut sequencer = Sequencer::new(Box::leak(Box::default()));
+    sequencer.configure(profile);
+    sequencer.load(table(&records, profile)).expect("a new sequencer is idle");
+    take_over(&mut sequencer);
+    assert_eq!(sequencer.command(on), refused(500), "nobody knows when the last peak was");
+    sequencer.step(Micros::from_millis(500), &Seen::default());
+    sequencer.command(on).unwrap();
+    sequencer.step(Micros::from_millis(501), &Seen::default());
+    sequencer.command(Command::Stop).unwrap();
+    let _ = sequencer.unload();
+    sequencer.load(table(&records, profile)).expect("nothing runs");
+    sequencer.step(Micros::from_millis(600), &Seen::default());
+    assert_eq!(sequencer.command(on), refused(401));
+}
+
+#[test]
+fn a_program_that_is_played_again_waits_for_the_pauses_of_peaks() {
+    let mut bench = peak_bench(&[row(0, "1"), row(60, "0"), end(100)]);
+    bench.command(Command::Play).unwrap();
+    bench.run(110);
+    assert_eq!(bench.sequencer.phase(), Phase::Idle);
+    bench.command(Command::Play).unwrap();
+    assert_eq!(bench.run(390).outputs.lines, 0);
+    assert!(matches!(bench.sequencer.phase(), Phase::Approaching { .. }));
+    assert_eq!(bench.run(1).outputs.lines, 0b11, "501 ms after the first time");
+    assert_eq!(bench.run(110).fault(), None);
+    assert_eq!(bench.sequencer.phase(), Phase::Idle);
+}
+
+#[test]
+fn a_peak_that_a_late_tick_brings_too_near_latches_the_safe_state() {
+    for (late_ms, fault) in [(2, None), (3, Some(FaultKind::Duty { output: 0 }))] {
+        let mut bench = peak_bench(&[row(0, "0"), row(10, "1"), row(70, "0"), row(512, "1"), end(600)]);
+        bench.command(Command::Play).unwrap();
+        bench.run(10);
+        bench.now = bench.now + Micros::from_millis(late_ms);
+        assert_eq!(bench.run(1).outputs.lines, 0b11);
+        bench.run(530);
+        assert_eq!(bench.fault(), fault, "the first peak is {late_ms} ms late");
+        assert_eq!(bench.outputs.lines == 0, fault.is_some());
+    }
+}
