@@ -2,7 +2,9 @@
 
 use darm_arm::board_profile::BoardProfile;
 use darm_arm::image::UploadImage;
-use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, ServoWiring, SwitchLimit, Wiring};
+use darm_core::output::{
+    ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, MAX_COILS, ServoWiring, SwitchLimit, Wiring,
+};
 use darm_core::profile::{EmergencyStop, Profile};
 use darm_core::table::{Board, Checker, Record, Row};
 use darm_core::units::{Digest, Micros, ModelHash, Word};
@@ -113,13 +115,13 @@ impl ArmPlan {
         let mut lines = [None; 64];
         for (load, coil) in (0..).zip(&self.coils) {
             let CoilPlan { max_on_ms, duty_percent, window_ms, .. } = *coil;
-            let (first, second) = match coil.drive {
-                DrivePlan::Hold(line) => (line, line),
-                DrivePlan::PeakHold(pull, hold, _) => (pull, hold),
-                DrivePlan::Latch(set, reset, _) => (set, reset),
+            let (first, second, peak_ms) = match coil.drive {
+                DrivePlan::Hold(line) => (line, line, 0),
+                DrivePlan::PeakHold(pull, hold, peak_ms) => (pull, hold, peak_ms),
+                DrivePlan::Latch(set, reset, _) => (set, reset, 0),
             };
-            for line in [first, second] {
-                lines[usize::from(line)] = Some(LineCeiling { max_on_ms, duty_percent, window_ms, load });
+            for (line, peak_ms) in [(second, 0), (first, u32::from(peak_ms))] {
+                lines[usize::from(line)] = Some(LineCeiling { max_on_ms, duty_percent, window_ms, load, peak_ms });
             }
         }
         let servos = self.servos.iter().map(servo_ceiling).collect();
@@ -240,7 +242,8 @@ impl Table {
     pub fn draw(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest, model: u64, rows: usize) -> Option<Self> {
         (0..24).find_map(|attempt| {
             let changes = 0.4 * 0.8f64.powi(attempt);
-            let records = draw_records(rng, wiring, profile, model, rows, changes);
+            let mut records = draw_records(rng, wiring, profile, model, rows, changes);
+            keep_pauses(wiring, &mut records);
             let mut checker = Checker::default();
             let allowing = Profile { digest: profile, ..Profile::of(wiring) };
             let board = Board { device: None, profile: &allowing };
@@ -298,6 +301,31 @@ pub fn draw_records(
     }
     records.push(Record::End { at: Micros::from_millis(at_ms) });
     records
+}
+
+/// Leaves an actuator as it is in a row that would begin a peak before the pause after the last one is over.
+fn keep_pauses(wiring: &Wiring, records: &mut [Record]) {
+    /// The first row may be late by so much.
+    const LATE: Micros = Micros::from_millis(2);
+    let mut last_peaks = [None::<Micros>; MAX_COILS];
+    let mut before = Word::zeros(wiring.actuators.len() as u8).unwrap_or_default();
+    for record in records {
+        let Record::Row(row) = record else { continue };
+        for (actuator, (_, coils)) in wiring.actuators_with_coils().enumerate() {
+            let rising = row.word.digit(actuator) & !before.digit(actuator);
+            let rising = coils.iter().enumerate().filter(|(bit, _)| rising >> bit & 1 == 1).map(|(_, coil)| coil);
+            let is_too_soon = rising.clone().any(|coil| {
+                let last = last_peaks[usize::from(coil.output)];
+                last.is_some_and(|last| row.at < last + coil.drive.peak_pause() + LATE)
+            });
+            if is_too_soon {
+                row.word = row.word.with_digit(actuator, before.digit(actuator));
+            } else {
+                rising.for_each(|coil| last_peaks[usize::from(coil.output)] = Some(row.at));
+            }
+        }
+        before = row.word;
+    }
 }
 
 fn wiring_records(wiring: &Wiring, profile: Digest, model: u64) -> Vec<Record> {

@@ -27,6 +27,8 @@ pub(crate) const PULSE_MS: u32 = 30;
 const LONGEST_PROGRAM_S: u32 = 25;
 /// One use of an output that is to be used up, ms: below the shortest limit of on-time.
 const USE_MS: u32 = 400;
+/// After one use and so long every output may have its next peak, ms.
+const PEAK_WAIT_MS: u64 = 200;
 /// So many uses fill the longest window.
 const USES: u32 = 30;
 /// What was sent before has acted, or never will, ms.
@@ -189,12 +191,19 @@ impl<'s> Host<'s> {
         self.use_up(coil);
     }
 
+    /// After one refusal it tries again: the output may have to wait for its next peak. After two it is used up.
     fn use_up(&mut self, coil: u8) {
+        let mut refusals = 0;
         for _ in 0..USES {
-            if self.command("use", Command::Coil { coil, on_ms: USE_MS }) != Ending::Done {
+            if self.command("use", Command::Coil { coil, on_ms: USE_MS }) == Ending::Done {
+                refusals = 0;
+                world::pass(u64::from(USE_MS) + 20);
+            } else if refusals == 0 {
+                refusals = 1;
+                world::pass(PEAK_WAIT_MS);
+            } else {
                 return;
             }
-            world::pass(u64::from(USE_MS) + 20);
         }
     }
 

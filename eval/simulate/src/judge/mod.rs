@@ -21,6 +21,8 @@ pub struct LineCeiling {
     pub window_ms: u32,
     /// Lines of one load have the same number: the supply feeds them as one.
     pub load: u8,
+    /// Length of the peak of full current that the line carries, ms; 0 where it carries none.
+    pub peak_ms: u32,
 }
 
 /// Limits of one servo, in its own steps of 4096 a turn.

@@ -11,6 +11,10 @@ const MS: u64 = 1_000_000;
 const NOTICE_MS: u64 = 10;
 /// A refresh is this much late at most: two ticks.
 const REFRESH_SLACK_MS: u32 = 2;
+/// A line of full current goes on again no sooner than after so many times the length of its peak.
+const PEAK_PERIODS: u64 = 10;
+/// Its two times of going on may be nearer by a tick, in board time.
+const PEAK_SLACK_MS: u64 = 1;
 /// After the emergency stop is pressed the lines are off within so long, in board time: it is read once a tick.
 const EMERGENCY_MS: u64 = 3;
 /// After the stated time of a fault the lines are off within so long, in board time.
@@ -170,10 +174,23 @@ impl Pins {
     }
 
     fn rise(&mut self, now_ns: u64, line: usize) {
+        self.check_peak(now_ns, line);
         self.since_ns[line] = now_ns;
         self.rises[line] += 1;
         if self.ceilings.lines[line].is_none() {
             self.verdict.note(JUDGE, "wiring", now_ns, || format!("line {line} goes high, and nothing is wired there"));
+        }
+    }
+
+    /// The time since the line of a peak went on before, also over resets and power cuts.
+    fn check_peak(&mut self, now_ns: u64, line: usize) {
+        let peak_ms = self.ceilings.lines[line].map_or(0, |ceiling| u64::from(ceiling.peak_ms));
+        let (apart_ns, least_ms) = (now_ns - self.since_ns[line], PEAK_PERIODS * peak_ms);
+        let is_again = peak_ms > 0 && self.rises[line] > 0;
+        if is_again && apart_ns < self.ceilings.true_ns(least_ms.saturating_sub(PEAK_SLACK_MS)) {
+            self.verdict.note(JUDGE, "peak-share", now_ns, || {
+                format!("line {line} carries full current again after {} ms, least are {least_ms}", apart_ns / MS)
+            });
         }
     }
 
@@ -244,8 +261,13 @@ mod tests {
     use super::LATCH;
     use super::{Ceilings, LineCeiling, MS, Pins};
 
+    /// Line 3 carries full current for 20 ms.
+    const PEAK_MS: [u32; 4] = [0, 0, 0, 20];
+
     fn judge() -> Pins {
-        let ceiling = |load| Some(LineCeiling { max_on_ms: 100, duty_percent: 50, window_ms: 1000, load });
+        let (max_on_ms, duty_percent, window_ms) = (100, 50, 1000);
+        let ceiling =
+            |load| Some(LineCeiling { max_on_ms, duty_percent, window_ms, load, peak_ms: PEAK_MS[load as usize] });
         let mut lines = [None; 64];
         (0..4).for_each(|line| lines[line] = ceiling(line as u8));
         Pins::new(Ceilings { lines, servos: Vec::new(), new_loads: 2, budget_ms: 10, refresh_ms: 10_000, clock_ppm: 0 })
@@ -276,6 +298,20 @@ mod tests {
         assert_eq!(rules(&[(0, 1), (1, 3), (2, 7), (3, 0)]), ["supply"]);
         let pulses: Vec<(u64, u64)> = (0..6).flat_map(|n| [(n * 150, 1), (n * 150 + 90, 0)]).collect();
         assert_eq!(rules(&pulses), ["duty"]);
+    }
+
+    #[test]
+    fn full_current_that_comes_again_too_soon_is_seen() {
+        let peaks = |at_ms| [(10, 8), (20, 0), (at_ms, 8), (at_ms + 20, 0)];
+        assert!(rules(&peaks(209)).is_empty(), "200 ms, less a tick");
+        assert_eq!(rules(&peaks(208)), ["peak-share"]);
+        assert!(rules(&peaks(208).map(|(at_ms, lines)| (at_ms, lines >> 1))).is_empty(), "line 2 has no peak");
+        let mut judge = judge();
+        set(&mut judge, 10, 8);
+        judge.on_power_off(20 * MS);
+        judge.on_start(30 * MS, true);
+        set(&mut judge, 100, 8);
+        assert!(judge.verdict.has("peak-share"));
     }
 
     #[test]
