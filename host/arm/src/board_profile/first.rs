@@ -17,6 +17,8 @@ const ADVICE: &str = "\
 #
 # drive         how the coil is fed: \"hold\" (one line), \"peak-hold\" (a pull and a hold line, peak_ms), or \"latch\"
 #               (a set and a reset line, pulse_ms). Data sheet: holding current, latching.
+# peak_ms       how long the full current lasts, at most 10000. Data sheet: pull-in time. The next peak begins no sooner
+#               than ten times as long after this one: full current flows for at most 10 % of the time.
 # line          the line of the output chain that the coil is soldered to; here it is the number of the output.
 # max_on_ms     longest time on without a pause. Data sheet: maximum on-time (\"max. ON\").
 # duty_percent  share of window_ms that it may be on. Data sheet: duty cycle (\"ED\", S1 is 100 %) and cycle time, at the

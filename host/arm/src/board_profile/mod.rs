@@ -22,6 +22,17 @@
 //! window_ms = 600000
 //! input = 0                        # limit switch of the actuator that it feeds
 //!
+//! [[output]]
+//! number = 1
+//! drive = "peak-hold"
+//! pull = 1                         # line of the full current
+//! hold = 2                         # line of the holding current
+//! peak_ms = 50                     # so long the full current lasts; the next peak begins no sooner
+//!                                  # than ten times as long after this one
+//! max_on_ms = 60000
+//! duty_percent = 60
+//! window_ms = 120000
+//!
 //! [[servo]]
 //! id = 1
 //! min_deg = -60.0                  # of the shaft
