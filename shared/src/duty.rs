@@ -133,6 +133,29 @@ impl DutyMeter {
         }
     }
 
+    /// The same for a span of any length with the output on. The most is counted just before a bucket closes and an old one
+    /// drops out of the window: it looks there, and not only at the end.
+    pub fn pass_on(&mut self, span: Micros, limit: &MeterLimit) -> Result<(), Breach> {
+        let mut left = span;
+        // After that the window is on throughout.
+        for _ in 0..Self::ALL_BUCKETS {
+            let before_close = Micros(limit.bucket_us.saturating_sub(self.filled_us).saturating_sub(1).into());
+            if left <= before_close {
+                break;
+            }
+            self.pass(before_close, true, limit)?;
+            self.pass(Micros(1), true, limit)?;
+            left = left - before_close - Micros(1);
+        }
+        self.pass(left, true, limit)
+    }
+
+    /// Counts so much on-time beside what time passes.
+    pub fn charge(&mut self, on: Micros) {
+        self.filled_on_us = self.filled_on_us.saturating_add(u32::try_from(on.0).unwrap_or(u32::MAX));
+        self.check = self.sum();
+    }
+
     /// The window holds no on-time. An empty meter does not track time while its output is off: its bucket begins when
     /// current flows again.
     pub const fn is_empty(&self) -> bool {

@@ -319,7 +319,7 @@ impl Checker {
             *time_left = *time_left - span;
             let limit = MeterLimit::of(&coil.limit).rehearsed(lateness, self.used >> output & 1 == 1);
             let off = span - on;
-            let switched_on = if on > Micros(0) { meter.pass(on, true, &limit) } else { Ok(()) };
+            let switched_on = if on > Micros(0) { meter.pass_on(on, &limit) } else { Ok(()) };
             let passed = if off > Micros(0) { switched_on.and(meter.pass(off, false, &limit)) } else { switched_on };
             passed.map_err(|breach| match breach {
                 Breach::OnTooLong => RowError::OnTooLong { output },
@@ -348,6 +348,10 @@ impl Checker {
                 Drive::Hold { .. } | Drive::PeakHold { .. } if is && !was => {
                     newly_fed = newly_fed.saturating_add(1);
                     *time_left = coil.drive.peak_pause() + LATENESS;
+                    // A row goes out with the first tick that is not before it: the coil may be on for one more.
+                    if let Some(meter) = self.meters.get_mut(usize::from(coil.output)) {
+                        meter.charge(TICK);
+                    }
                 }
                 Drive::Hold { .. } | Drive::PeakHold { .. } => {}
                 Drive::Latch { .. } if is == was && !is_first => {}

@@ -98,6 +98,38 @@ fn duty_is_counted_along_the_rows() {
     assert_eq!(refused(&rows).1, RowError::Duty { output: 0 }, "60 of 80 ms is more than half");
 }
 
+/// The board looks every few milliseconds: most is counted just before an old bucket drops out of the window.
+#[test]
+fn duty_is_counted_within_a_row_and_not_only_at_its_end() {
+    let limit = CoilLimit { max_on_ms: 1000, duty_percent: 50, window_ms: 1600 };
+    let coil = Record::Coil(Coil { output: 0, drive: Drive::Hold { line: 0 }, limit });
+    let on_again = |from_ms, to_ms| {
+        let rows = [row(0, "1"), row(500, "0"), row(from_ms, "1"), row(to_ms, "0"), end(2000)];
+        check(&[&[START, coil.clone(), actuator(2)][..], &rows].concat()).map(|_| ())
+    };
+    let refused = Err(TableError::Row { row: 3, error: RowError::Duty { output: 0 } });
+    assert_eq!(on_again(1350, 1740), refused, "790 ms at the end, 850 ms 40 ms before it");
+    assert_eq!(on_again(1350, 1600), Ok(()));
+}
+
+/// A row goes out with the first tick that is not before it: each time on may be a tick longer.
+#[test]
+fn each_time_on_counts_a_tick_more() {
+    let limit = CoilLimit { max_on_ms: 1000, duty_percent: 50, window_ms: 1600 };
+    let coil = Record::Coil(Coil { output: 0, drive: Drive::Hold { line: 0 }, limit });
+    let times_on = |count: u32, on_ms: u32| {
+        let rows = (0..count).flat_map(|i| [row(i * (on_ms + 4), "1"), row(i * (on_ms + 4) + on_ms, "0")]);
+        let valve = Record::Actuator(ActuatorWiring { states: 2, switch: None, travel_ms: 0 });
+        let records: Vec<_> = [START, coil.clone(), valve].into_iter().chain(rows).chain([end(1599)]).collect();
+        check(&records).map(|_| ())
+    };
+    assert_eq!(times_on(1, 780), Ok(()));
+    assert_eq!(times_on(100, 6), Ok(()), "600 ms in 100 times are at most 700 of 800 ms");
+    let refused = times_on(100, 7);
+    let is_duty = matches!(refused, Err(TableError::Row { error: RowError::Duty { output: 0 }, .. }));
+    assert!(is_duty, "700 ms in 100 times can be 800 ms: {refused:?}");
+}
+
 #[test]
 fn pulses_of_latches_take_their_share_of_the_time() {
     let limit = CoilLimit { max_on_ms: 100, duty_percent: 40, window_ms: 1600 };
