@@ -8,8 +8,9 @@
 //! | 3    | the board understood and refused, or its safe state is latched            |
 //! | 4    | no connection to a board, or it was lost before the answer: nobody knows  |
 //! |      | whether the board has acted; of a stop: it could not be sent              |
-//! | 5    | a stop was sent, but the board did not confirm it within 1 s              |
+//! | 5    | the board did not confirm a stop within 1 s                               |
 //! | 6    | interrupted by Ctrl-C or SIGTERM; the board confirmed the stop            |
+//! | 7    | unfinished: another program stopped the arm before the end of its program |
 
 use std::error::Error;
 
@@ -29,10 +30,12 @@ const USAGE: u8 = 2;
 const REFUSED: u8 = 3;
 /// The board was not reached.
 const NO_CONNECTION: u8 = 4;
-/// A stop was sent and not confirmed.
+/// A stop was not confirmed.
 const UNCONFIRMED: u8 = 5;
 /// Interrupted, and stopped.
 const INTERRUPTED: u8 = 6;
+/// Stopped by another program before its end.
+const UNFINISHED: u8 = 7;
 
 /// A word, a number or a combination of options that makes no sense.
 #[derive(Debug, thiserror::Error)]
@@ -43,6 +46,35 @@ pub(crate) struct Usage(pub(crate) String);
 #[derive(Debug, thiserror::Error)]
 #[error("the board is in its safe state: {0}; mend the cause, then `darm stop --clear`")]
 pub(crate) struct Safe(pub(crate) String);
+
+/// A program or recording that is not complete although nothing failed.
+#[derive(Clone, Debug, thiserror::Error)]
+pub(crate) enum Unfinished {
+    /// The arm was stopped meanwhile.
+    #[error(
+        "the program was stopped by another program before its end: {done} of {all} {what}; find out who stopped the arm, \
+         then run it again"
+    )]
+    Stopped {
+        /// How many rows or visits were done.
+        done: usize,
+        /// How many there are.
+        all: usize,
+        /// What is counted.
+        what: &'static str,
+    },
+    /// A recording was resumed when its program was over.
+    #[error(
+        "the program was over before the recording was resumed: {done} of {all} visits measured; record it again into \
+         another file"
+    )]
+    Over {
+        /// How many visits were measured.
+        done: usize,
+        /// How many there are.
+        all: usize,
+    },
+}
 
 /// The stop was sent and nobody knows whether it arrived.
 #[derive(Debug, thiserror::Error)]
@@ -77,6 +109,8 @@ fn code_of_cause(cause: &(dyn Error + 'static)) -> Option<u8> {
     }
     if cause.is::<Unconfirmed>() {
         Some(UNCONFIRMED)
+    } else if cause.is::<Unfinished>() {
+        Some(UNFINISHED)
     } else if cause.is::<Usage>() {
         Some(USAGE)
     } else if cause.is::<Safe>() {

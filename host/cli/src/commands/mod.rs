@@ -61,7 +61,7 @@ pub(crate) struct Cli {
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done, 1 failed, 2 bad usage, 3 the board refused or is in its safe state, 4 no connection, \
-5 a stop was sent but not confirmed, 6 interrupted and stopped. \
+5 the board did not confirm a stop, 6 interrupted and stopped, 7 stopped by another program before its end. \
 `darm COMMAND --help` shows examples.";
 
 /// What to do.

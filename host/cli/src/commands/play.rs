@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::status::seconds;
 use super::table_file::TableFile;
-use crate::failure::Safe;
+use crate::failure::{Safe, Unfinished};
 use crate::port::PortArgs;
 use crate::voice::{Answer, Voice};
 use crate::{interrupt, port};
@@ -22,7 +22,7 @@ Examples:
 
 The board runs the rows on its own clock: with a pulled cable, or after --detach, the program goes on. \
 Ctrl-C stops the arm: exit code 6 when the board has confirmed it, 5 when it has not, 4 when the stop \
-could not be sent.";
+could not be sent. Exit code 7: another program stopped the arm before the end of its program.";
 
 /// Time between two questions.
 const POLL: Duration = Duration::from_millis(50);
@@ -180,7 +180,10 @@ impl Watch {
     }
 
     fn take(&mut self, happening: &Happening) {
-        if self.end.is_some() || seconds(happening.at) < self.since_s {
+        let earlier = seconds(happening.at) < self.since_s;
+        // The board ends a phase by hand with `Stopped` before it starts the program.
+        let by_hand = self.started_s.is_none() && happening.event == Event::Stopped;
+        if self.end.is_some() || earlier || by_hand {
             return;
         }
         match happening.event {
@@ -197,7 +200,7 @@ impl Watch {
         self.ended_s = Some(seconds(happening.at));
     }
 
-    /// Says how it went; a fault is an error too.
+    /// Says how it went; a fault or an early stop is an error too.
     fn tell(&self, voice: Voice, rows: u16) -> anyhow::Result<()> {
         let fault = match self.end {
             Some(End::Fault(fault)) => Some(fault),
@@ -210,6 +213,36 @@ impl Watch {
             took_s: self.started_s.zip(self.ended_s).map(|(from_s, to_s)| to_s - from_s),
             fault: fault.map(|fault| fault.to_string()),
         })?;
-        fault.map_or(Ok(()), |fault| Err(Safe(fault.to_string()).into()))
+        match self.end {
+            Some(End::Finished) => Ok(()),
+            Some(End::Fault(fault)) => Err(Safe(fault.to_string()).into()),
+            Some(End::Stopped) | None => {
+                Err(Unfinished::Stopped { done: self.rows_played.into(), all: rows.into(), what: "rows played" }.into())
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use darm_device::client::Happening;
+    use darm_core::sequencer::Event;
+    use darm_core::units::Micros;
+
+    use super::{End, Watch};
+
+    fn watched(events: &[Event]) -> Watch {
+        let mut watch = Watch::new(0);
+        for (number, event) in (0..).zip(events) {
+            watch.take(&Happening { number, at: Micros::from_millis(10 * number), event: *event });
+        }
+        watch
+    }
+
+    #[test]
+    fn a_stop_before_the_start_ends_the_phase_by_hand_and_one_after_it_ends_the_program() {
+        assert_eq!(watched(&[Event::Stopped, Event::Started]).end, None);
+        assert_eq!(watched(&[Event::Stopped, Event::Started, Event::Finished]).end, Some(End::Finished));
+        assert_eq!(watched(&[Event::Started, Event::Stopped]).end, Some(End::Stopped));
     }
 }

@@ -11,6 +11,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use darm_arm::arm::Arm;
+use darm_core::sequencer::Phase;
 use darm_core::units::ShortDigest;
 use darm_device::client::Client;
 use darm_diagnose::measurement::{Finding, Run, check};
@@ -19,7 +20,7 @@ use serde::Serialize;
 use super::play::{End, Watch};
 use super::table_file::TableFile;
 use super::visits::{Visits, beside};
-use crate::failure::Safe;
+use crate::failure::{Safe, Unfinished};
 use crate::port::{PortArgs, emulated_camera};
 use crate::voice::{Answer, Voice};
 use crate::{interrupt, port};
@@ -48,7 +49,8 @@ opened again while the program runs on. Offset and rate of the board's clock wit
 uncertainties are in the comment lines, first as known at the start, then as known at the end.
 
 Ctrl-C stops the arm: exit code 6 when the board has confirmed it, 5 when it has not, 4 when the \
-stop could not be sent.";
+stop could not be sent. Exit code 7: another program stopped the arm before the end of its program, \
+or the program was over before --resume and visits are missing.";
 
 /// A board that keeps its time loses less.
 const LOST_S: f64 = 0.02;
@@ -88,8 +90,8 @@ pub(crate) struct Record {
 enum RecordError {
     #[error("no camera; name one with --camera unix:PATH, tcp:HOST:PORT or a file")]
     NoCamera,
-    #[error("the program was stopped before its first visit; is somebody else using the board?")]
-    NothingPlayed,
+    #[error("the clock of the board is not known; nothing was recorded")]
+    NoClock,
     #[error("{}: no recording that can be resumed: its comment lines do not say when the program started", .0.display())]
     NothingToResume(PathBuf),
     #[error("{}: the recording is of board {recorded}, this is {connected}", path.display())]
@@ -153,10 +155,11 @@ impl Record {
         let camera = self.camera.clone().or_else(emulated_camera).ok_or(RecordError::NoCamera)?;
         let port = self.port.name()?;
         let (link, handle) = port::open(&port)?;
-        let client = Client::connect(link)?;
+        let mut client = Client::connect(link)?;
         table.check_loaded(client.hello().and_then(|hello| hello.table))?;
         let camera = Camera::open(&camera)?;
         let interrupt = interrupt::Watch::start(&port, handle)?;
+        let over = earlier.is_some() && !is_running(&mut client)?;
         let mut recording = match earlier {
             None => self.start(&visits, client, interrupt.clone(), camera, output, voice)?,
             Some(earlier) => self.go_on(&visits, client, interrupt.clone(), camera, output, earlier, voice)?,
@@ -164,7 +167,7 @@ impl Record {
         let bar = voice.bar("recording", visits.rests.len() as u64, "visits");
         let end = recording.until_the_end(|visit| bar.set_position(visit as u64));
         bar.finish_and_clear();
-        let told = self.tell(recording, end, arm.as_ref(), voice);
+        let told = self.tell(recording, end, over, arm.as_ref(), voice);
         interrupt.interrupted().map_or(told, |interrupted| Err(interrupted.into()))
     }
 
@@ -234,6 +237,7 @@ impl Record {
         &self,
         mut recording: Recording<'_>,
         end: anyhow::Result<End>,
+        over: bool,
         arm: Option<&Arm>,
         voice: Voice,
     ) -> anyhow::Result<()> {
@@ -249,7 +253,16 @@ impl Record {
         let started = recording.follow.start_s.is_some();
         let run = Run { samples: recording.output.finish()?, ..Run::default() };
         let end = end?;
-        let clock = clock.filter(|_| started).ok_or(RecordError::NothingPlayed)?;
+        let done = run.samples.iter().filter(|sample| sample.run == self.run).count();
+        let unfinished = match end {
+            End::Finished | End::Stopped if over && done < visits => Some(Unfinished::Over { done, all: visits }),
+            End::Stopped => Some(Unfinished::Stopped { done, all: visits, what: "visits measured" }),
+            End::Finished | End::Fault(_) => None,
+        };
+        if let Some(unfinished) = unfinished.as_ref().filter(|_| run.samples.is_empty()).cloned() {
+            return Err(unfinished.into());
+        }
+        let clock = clock.filter(|_| started).ok_or(RecordError::NoClock)?;
         if run.samples.is_empty() {
             return Err(RecordError::NoPictures { pictures }.into());
         }
@@ -271,9 +284,14 @@ impl Record {
         })?;
         match end {
             End::Fault(fault) => Err(Safe(fault.to_string()).into()),
-            End::Finished | End::Stopped => Ok(()),
+            End::Finished | End::Stopped => unfinished.map_or(Ok(()), |unfinished| Err(unfinished.into())),
         }
     }
+}
+
+/// Whether the board runs its program.
+fn is_running(client: &mut Client) -> anyhow::Result<bool> {
+    Ok(matches!(client.status()?.phase, Phase::Playing { .. } | Phase::Approaching { .. }))
 }
 
 /// A lost port is waited for so long: to the program's end and a while.

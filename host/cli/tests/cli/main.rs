@@ -11,6 +11,7 @@ mod profile;
 mod recording;
 mod robots;
 mod stop;
+mod unfinished;
 
 const COMMANDS: [&str; 26] = [
     "synth", "stops", "table", "upload", "play", "stop", "status", "record", "diagnose", "console", "plant", "flash",
