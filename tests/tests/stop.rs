@@ -107,7 +107,7 @@ impl Rig {
         let mut command = match holder {
             Holder::Console => self.at_port("console"),
             Holder::Play => self.at_port("play"),
-            Holder::Record => self.at_port("record six.darm --camera pictures.csv -o run.csv"),
+            Holder::Record => self.at_port("record six.darm --camera pictures.csv -o run.csv --force"),
             Holder::Reader => {
                 let mut command = Command::new("cat");
                 command.arg(self.qemu.console_port()).stdout(Stdio::null());

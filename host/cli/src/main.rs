@@ -5,6 +5,7 @@ mod console;
 mod failure;
 mod firmware_image;
 mod interrupt;
+mod output_file;
 mod port;
 mod state_folder;
 mod voice;

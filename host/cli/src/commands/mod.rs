@@ -29,7 +29,7 @@ mod synth;
 mod table;
 pub(crate) mod table_file;
 mod upload;
-mod visits;
+pub(crate) mod visits;
 
 use crate::voice::Voice;
 

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
 use darm_arm::arm::Arm;
 use darm_arm::board_profile::BoardProfile;
 use darm_arm::migrate;
@@ -13,6 +12,7 @@ use darm_core::wire::message::{OutputState, Refusal};
 use darm_device::client::{Client, ClientError};
 use serde::Serialize;
 
+use crate::output_file;
 use crate::port::PortArgs;
 use crate::voice::{Answer, Voice, columns};
 
@@ -110,8 +110,6 @@ enum ProfileCommandError {
     NoRestart,
     #[error("{} names no profile; give PROFILE.toml, or add `profile = \"PROFILE.toml\"` to the arm file", .0.display())]
     NoProfile(PathBuf),
-    #[error("{} exists; --force overwrites it", .0.display())]
-    Exists(PathBuf),
 }
 
 #[derive(Serialize)]
@@ -235,31 +233,20 @@ fn named_by(arm: &Path) -> anyhow::Result<BoardProfile> {
 
 fn make(arm: &Path, output: &Path, force: bool, voice: Voice) -> anyhow::Result<()> {
     let profile = BoardProfile::first(&Arm::read(arm)?);
-    refuse_existing(&[output], force)?;
-    write_text(output, &profile.to_toml_with_advice())?;
+    output_file::refuse_existing(&[output], force)?;
+    output_file::write_all(&[(output, profile.to_toml_with_advice().as_bytes())])?;
     // What the arm needs and a first profile cannot have is reported by its place in the arm file.
     let profile = WiredArm::read(arm, Some(output))?.profile;
     voice.tell(&Made::new(&profile, Some(output), "edit it before it is written to a board; written"))
 }
 
 fn migrate(old: &Path, output: &Path, profile: &Path, force: bool, voice: Voice) -> anyhow::Result<()> {
+    output_file::refuse_same(output, profile)?;
     let made = migrate::read(old, output, profile)?;
-    refuse_existing(&[output, profile], force)?;
-    write_text(output, &made.arm)?;
-    write_text(profile, &made.profile.to_toml())?;
+    output_file::refuse_existing(&[output, profile], force)?;
+    output_file::write_all(&[(output, made.arm.as_bytes()), (profile, made.profile.to_toml().as_bytes())])?;
     voice.note(&format!("the arm is in {}; make its tables again", output.display()));
     voice.tell(&Made::new(&made.profile, Some(profile), "written"))
-}
-
-fn refuse_existing(paths: &[&Path], force: bool) -> Result<(), ProfileCommandError> {
-    match paths.iter().find(|path| path.exists() && !force) {
-        Some(path) => Err(ProfileCommandError::Exists(path.to_path_buf())),
-        None => Ok(()),
-    }
-}
-
-fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
-    std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
 }
 
 fn check(path: &Path, arm: Option<&Path>, voice: Voice) -> anyhow::Result<()> {

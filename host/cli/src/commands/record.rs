@@ -23,7 +23,7 @@ use super::visits::{Visits, beside};
 use crate::failure::{Safe, Unfinished};
 use crate::port::{PortArgs, emulated_camera};
 use crate::voice::{Answer, Voice};
-use crate::{interrupt, port};
+use crate::{interrupt, output_file, port};
 use follow::Follow;
 use output::{Earlier, Output};
 use program::{Lost, Program};
@@ -50,7 +50,9 @@ uncertainties are in the comment lines, first as known at the start, then as kno
 
 Ctrl-C stops the arm: exit code 6 when the board has confirmed it, 5 when it has not, 4 when the \
 stop could not be sent. Exit code 7: another program stopped the arm before the end of its program, \
-or the program was over before --resume and visits are missing.";
+or the program was over before --resume and visits are missing.
+
+A measurement that exists is replaced only with --force; a file of another kind never is.";
 
 /// A board that keeps its time loses less.
 const LOST_S: f64 = 0.02;
@@ -78,6 +80,9 @@ pub(crate) struct Record {
     /// Go on with a recording that was killed or lost its connection, into the same file
     #[arg(long)]
     resume: bool,
+    /// Replace a measurement of the same name
+    #[arg(long, conflicts_with = "resume")]
+    force: bool,
     /// Number of the run in the file
     #[arg(long, value_name = "N", default_value_t = 0)]
     run: u32,
@@ -176,6 +181,7 @@ impl Record {
             let (output, earlier) = Output::resume(&self.output)?;
             return Ok((output, Some(earlier)));
         }
+        output_file::refuse_other_than_measurement(&self.output, self.force)?;
         Ok((Output::create(&self.output)?, None))
     }
 

@@ -4,7 +4,6 @@ mod show;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
 use darm_arm::arm::{Arm, frames};
 use darm_arm::plan::{Plan, Visit, plan};
 use darm_arm::reach::board;
@@ -16,6 +15,7 @@ use serde::Serialize;
 use super::table_file;
 use super::visits::{Rest, Visits, beside};
 use crate::failure::Usage;
+use crate::output_file;
 use crate::port::PortArgs;
 use crate::voice::{Answer, Voice, columns};
 
@@ -129,6 +129,8 @@ impl Table {
     }
 
     fn make(&self, arm: &Path, output: &Path, voice: Voice) -> anyhow::Result<()> {
+        output_file::refuse_other_than_table(output)?;
+        output_file::refuse_other_than_visits(&beside(output))?;
         let WiredArm { arm, profile, .. } = WiredArm::read(arm, self.profile.as_deref())?;
         let stops = self.stops(&arm, voice)?;
         let device = if self.bind { Some(self.port.connect()?.identity().device) } else { None };
@@ -136,8 +138,8 @@ impl Table {
         let modules = if self.nearest { board::records(&arm)? } else { Vec::new() };
         let plan = plan(&arm, &visits, &profile.board(device), &modules)?;
         let file = visits_of(&arm, &stops, &plan);
-        write(output, &table_file::bytes(&plan.image))?;
-        write(&beside(output), file.to_text().as_bytes())?;
+        let (image, text) = (table_file::bytes(&plan.image), file.to_text());
+        output_file::write_all(&[(output, &image), (&beside(output), text.as_bytes())])?;
         voice.tell(&self.report(output, &file, &plan, device))
     }
 
@@ -233,10 +235,6 @@ fn visits_of(arm: &Arm, stops: &[Stop], plan: &Plan) -> Visits {
     });
     let table = plan.image.image().digest;
     Visits { model: arm.hash(), geometry: arm.geometry_hash(), table, rests: rests.collect() }
-}
-
-fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 
 impl Answer for Made {

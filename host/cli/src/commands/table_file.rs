@@ -19,6 +19,8 @@ use super::visits::beside;
 
 /// First bytes of a file.
 const HEAD: &[u8] = b"darm table 2\n";
+/// The same of every version.
+pub(crate) const KIND: &[u8] = b"darm table ";
 const DIGEST: usize = 32;
 const CHECK: usize = 4;
 

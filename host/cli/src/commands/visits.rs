@@ -80,6 +80,8 @@ pub(crate) enum VisitsError {
     },
 }
 
+/// How the header begins.
+pub(crate) const HEADER: &str = "visit,label,from_s,to_s,";
 const MODEL: &str = "# model ";
 const TABLE: &str = "# table ";
 const GEOMETRY: &str = "# geometry ";
@@ -96,7 +98,7 @@ impl Visits {
         let servos: String = (1..=n_servos).map(|number| format!("servo{number}_deg,")).collect();
         let Self { model, table, geometry, .. } = self;
         let mut text = format!("{MODEL}{model}\n{TABLE}{table}\n{GEOMETRY}{geometry}\n");
-        text += &format!("visit,label,from_s,to_s,row,word,previous,{servos}held_out\n");
+        text += &format!("{HEADER}row,word,previous,{servos}held_out\n");
         for (visit, rest) in self.rests.iter().enumerate() {
             let servos: String = rest.servos_rad.iter().map(|angle| format!("{:.4},", angle.to_degrees())).collect();
             text += &format!(

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
 mod digests;
+mod files;
 mod measurements;
 mod profile;
 mod recording;

@@ -1,0 +1,163 @@
+//! Files that a command writes: it replaces its own kind only, and writes all of its files or none.
+
+use std::ffi::OsString;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use darm_diagnose::measurement;
+
+use crate::commands::{table_file, visits};
+
+/// First bytes of a file that are looked at.
+const LOOKED_AT: u64 = 512;
+
+/// Why a file is not written.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum OutputError {
+    /// A file of another kind has the name.
+    #[error("{path} exists and is not {kind}; name another file with -o, or remove it first")]
+    OtherKind {
+        /// The file.
+        path: PathBuf,
+        /// What it would have to be.
+        kind: &'static str,
+    },
+    /// A file that took work has the name.
+    #[error("{path} exists; --force overwrites it")]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Two options name one file.
+    #[error("{first} and {second} are the same file; give each its own name")]
+    Same {
+        /// One name.
+        first: PathBuf,
+        /// The other.
+        second: PathBuf,
+    },
+}
+
+/// Refuses to replace anything but a table, an empty file or what is no file on a disk.
+pub(crate) fn refuse_other_than_table(path: &Path) -> Result<(), OutputError> {
+    refuse_unless(path, "a table of `darm table`", |bytes| bytes.starts_with(table_file::KIND))
+}
+
+/// Refuses to replace anything but a visit file.
+pub(crate) fn refuse_other_than_visits(path: &Path) -> Result<(), OutputError> {
+    let is_header = |line: &[u8]| line.starts_with(visits::HEADER.as_bytes());
+    refuse_unless(path, "a visit file of `darm table`", |bytes| bytes.split(|&byte| byte == b'\n').any(is_header))
+}
+
+/// Refuses to replace anything but a measurement, and a measurement without `force`.
+pub(crate) fn refuse_other_than_measurement(path: &Path, force: bool) -> Result<(), OutputError> {
+    refuse_unless(path, "a recording of `darm record`", |_| is_recording(path))?;
+    refuse_existing(&[path], force)
+}
+
+/// Refuses files that exist, without `force`.
+pub(crate) fn refuse_existing(paths: &[&Path], force: bool) -> Result<(), OutputError> {
+    match paths.iter().find(|path| holds_bytes(path) && !force) {
+        Some(path) => Err(OutputError::Exists { path: path.to_path_buf() }),
+        None => Ok(()),
+    }
+}
+
+/// Refuses two names of one file.
+pub(crate) fn refuse_same(first: &Path, second: &Path) -> Result<(), OutputError> {
+    match real(first) == real(second) {
+        true => Err(OutputError::Same { first: first.into(), second: second.into() }),
+        false => Ok(()),
+    }
+}
+
+/// Writes all files, or none of them and says which could not be written.
+pub(crate) fn write_all(files: &[(&Path, &[u8])]) -> anyhow::Result<()> {
+    let mut written = Vec::new();
+    let result = files.iter().try_for_each(|&(path, bytes)| {
+        let target = real(path);
+        // A device or pipe is written as it is, a file by one that takes its place.
+        let is_file = target.metadata().map_or(true, |metadata| metadata.is_file());
+        let name = if is_file { beside(&target) } else { target.clone() };
+        if is_file {
+            written.push((name.clone(), target));
+        }
+        std::fs::write(&name, bytes).with_context(|| format!("cannot write {}", path.display()))
+    });
+    let result = result.and_then(|()| {
+        written.iter().try_for_each(|(name, target)| {
+            std::fs::rename(name, target).with_context(|| format!("cannot write {}", target.display()))
+        })
+    });
+    if result.is_err() {
+        // What was not written is not there to be removed.
+        written.iter().for_each(|(name, _)| drop(std::fs::remove_file(name)));
+    }
+    result
+}
+
+fn refuse_unless(path: &Path, kind: &'static str, is_kind: impl Fn(&[u8]) -> bool) -> Result<(), OutputError> {
+    let other = || OutputError::OtherKind { path: path.into(), kind };
+    if path.is_dir() {
+        return Err(other());
+    }
+    match holds_bytes(path) {
+        true => first_bytes(path).filter(|bytes| is_kind(bytes)).map(drop).ok_or_else(other),
+        false => Ok(()),
+    }
+}
+
+/// Whether there is a file that is not empty.
+fn holds_bytes(path: &Path) -> bool {
+    path.metadata().is_ok_and(|metadata| metadata.is_file() && metadata.len() > 0)
+}
+
+fn first_bytes(path: &Path) -> Option<Vec<u8>> {
+    let mut bytes = Vec::new();
+    std::fs::File::open(path).ok()?.take(LOOKED_AT).read_to_end(&mut bytes).ok()?;
+    Some(bytes)
+}
+
+fn is_recording(path: &Path) -> bool {
+    measurement::about(path).is_ok_and(|about| about.contains_key("program_start_s"))
+}
+
+/// The file that a name leads to, also where it does not exist yet.
+fn real(path: &Path) -> PathBuf {
+    if let Ok(real) = path.canonicalize() {
+        return real;
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    match (folder.canonicalize(), path.file_name()) {
+        (Ok(folder), Some(name)) => folder.join(name),
+        _ => path.to_owned(),
+    }
+}
+
+/// A name in the same folder, for the time until the file is complete.
+fn beside(path: &Path) -> PathBuf {
+    let mut name = OsString::from(".");
+    name.push(path.file_name().unwrap_or_default());
+    name.push(format!(".{}", std::process::id()));
+    path.with_file_name(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::write_all;
+
+    #[test]
+    fn all_files_are_written_or_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        std::fs::write(path("a"), "old").unwrap();
+        let (a, missing) = (path("a"), path("missing/b"));
+        assert!(write_all(&[(&a, b"new"), (&missing, b"new")]).is_err());
+        assert_eq!(std::fs::read(&a).unwrap(), b"old");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing else is left");
+        write_all(&[(&a, b"new"), (&path("b"), b"new")]).unwrap();
+        assert_eq!(std::fs::read(&a).unwrap(), b"new");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+}

@@ -1,0 +1,60 @@
+//! Files that commands write: which they replace, and which they leave alone.
+
+use super::{Board, Home, example, text};
+
+#[test]
+fn a_table_replaces_tables_only() {
+    let home = Home::new();
+    let arm = example("planar4.toml");
+    let make = |output: &str| format!("table {arm} --words 000010000000 -o {output}");
+    home.write("arm.toml", "precious");
+    let other =
+        "darm: arm.toml exists and is not a table of `darm table`; name another file with -o, or remove it first";
+    home.fails(&make("arm.toml"), 1, other);
+    assert_eq!(std::fs::read_to_string(home.path("arm.toml")).unwrap(), "precious");
+    home.write("one.visits.csv", "time_s,word\n");
+    let output = home.darm(&make("one.darm"));
+    assert!(text(&output.stderr).starts_with("darm: one.visits.csv exists and is not a visit file"), "{output:?}");
+    assert!(!home.path("one.darm").exists(), "neither of the two files is written");
+    home.succeeds(&make("two.darm"));
+    home.succeeds(&make("two.darm"));
+}
+
+#[test]
+fn a_recording_replaces_a_measurement_with_force_only() {
+    let home = Home::new();
+    let arm = example("planar4.toml");
+    home.succeeds(&format!("table {arm} --words 000010000000 --dwell 0.3 -o one.darm"));
+    let board = Board::start(&home, &arm);
+    home.succeeds(&format!("upload one.darm {}", board.port));
+    home.write("arm.toml", "precious");
+    for force in ["", " --force"] {
+        let output = home.darm(&format!("record one.darm -o arm.toml{force} {}", board.port));
+        assert_eq!(output.status.code(), Some(1), "{output:?}");
+        assert!(text(&output.stderr).starts_with("darm: arm.toml exists and is not a recording"), "{output:?}");
+        assert_eq!(std::fs::read_to_string(home.path("arm.toml")).unwrap(), "precious");
+    }
+    for file in ["run.csv", "run.csv.gz", "run.mcap"] {
+        home.succeeds(&format!("record one.darm -o {file} {}", board.port));
+        let before = std::fs::read(home.path(file)).unwrap();
+        home.fails(
+            &format!("record one.darm -o {file} {}", board.port),
+            1,
+            &format!("darm: {file} exists; --force overwrites it"),
+        );
+        assert_eq!(std::fs::read(home.path(file)).unwrap(), before);
+        home.succeeds(&format!("record one.darm -o {file} --force {}", board.port));
+    }
+}
+
+#[test]
+fn an_arm_and_its_profile_are_two_files_or_none() {
+    let home = Home::new();
+    let old = example("../tests/data/arms-format-1/planar4.toml");
+    let same = "darm: both.toml and ./both.toml are the same file; give each its own name";
+    home.fails(&format!("profile migrate {old} -o both.toml --profile ./both.toml"), 1, same);
+    assert!(!home.path("both.toml").exists());
+    let output = home.darm(&format!("profile migrate {old} -o arm.toml --profile missing/board.toml"));
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    assert!(!home.path("arm.toml").exists(), "a failed second file leaves no first one");
+}
