@@ -3,7 +3,9 @@
 //! ```toml
 //! format = 1
 //! name = "bench arm"
-//! ambient_c = 25.0                 # hottest surroundings; above `rated_c` the duty of every output is reduced
+//! ambient_c = 45.0                 # hottest surroundings, 25 where left out
+//! rated_c = 40.0                   # up to which the duty is rated, 40 where left out
+//! derate_percent_per_k = 2.0       # by which every duty is reduced above it; needed where `ambient_c` is above `rated_c`
 //!
 //! [supply]
 //! new_outputs = 6                  # so many may go on
@@ -42,6 +44,9 @@
 //! timeout_ms = 100
 //! fallback = "hold"                # or "release"
 //! ```
+//!
+//! An output has the keys of its drive and no other: `line` of `hold`; `pull`, `hold` and `peak_ms` of `peak-hold`; `set`,
+//! `reset` and `pulse_ms` of `latch`.
 
 mod first;
 
@@ -56,12 +61,17 @@ use darm_core::wire::message::ImageKind;
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::image::UploadImage;
-use darm_robot::source::FileError;
-use darm_robot::source::Source;
+use crate::arm::source::Source;
+use crate::arm::{FileError, ZERO_CELSIUS};
+use crate::client::UploadImage;
 
 /// The version of the file format.
 pub const FORMAT: u32 = 1;
+
+/// Hottest surroundings, °C, where a file does not say.
+const AMBIENT_C: f64 = 25.0;
+/// Temperature up to which the duty is rated, °C, where a file does not say.
+const RATED_C: f64 = 40.0;
 
 /// A profile, its name and the image that is uploaded.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,9 +105,43 @@ pub enum ProfileFault {
         /// What needs it.
         of: &'static str,
     },
+    /// A key that belongs to another drive.
+    #[error(
+        "an output with drive = {drive:?} has no key `{key}`, its keys are {own}; remove `{key}`, or correct `drive`"
+    )]
+    OtherDrive {
+        /// The key.
+        key: &'static str,
+        /// The drive of the output.
+        drive: &'static str,
+        /// The keys of this drive.
+        own: String,
+    },
     /// The derating is not a number between 0 and 100 % per kelvin.
-    #[error("derate_percent_per_k must be 0 to 100, rated_c and ambient_c finite numbers")]
-    Derating,
+    #[error("derate_percent_per_k is {found}; give 0 to 100")]
+    Derating {
+        /// The number in the file.
+        found: f64,
+    },
+    /// A temperature that nothing has.
+    #[error("{key} is {found} °C; give a temperature above -273.15 °C")]
+    Temperature {
+        /// The key.
+        key: &'static str,
+        /// The number in the file.
+        found: f64,
+    },
+    /// It is hotter than rated, and nothing says what that costs.
+    #[error(
+        "ambient_c is {ambient_c} °C, above rated_c of {rated_c} °C, and derate_percent_per_k is missing; add it from the data \
+         sheet, or correct rated_c"
+    )]
+    NoDerating {
+        /// Hottest surroundings.
+        ambient_c: f64,
+        /// Temperature up to which the duty is rated.
+        rated_c: f64,
+    },
     /// The board could not run it safely.
     #[error("{0}")]
     Profile(ProfileError),
@@ -145,6 +189,22 @@ impl BoardProfile {
         build(&raw).map_err(|(span, fault)| source.wrong(span, fault))
     }
 
+    /// What is not wrong and hardly meant.
+    pub fn warnings(&self) -> Vec<String> {
+        let outputs = self.profile.outputs.iter().enumerate();
+        let never_reached = outputs.filter_map(|(number, output)| {
+            let CoilLimit { max_on_ms, duty_percent, window_ms } = output.as_ref()?.limit;
+            let longest_ms = 1e3 * longest_on_s(&output.as_ref()?.limit);
+            (longest_ms < f64::from(max_on_ms)).then(|| {
+                format!(
+                    "output {number}: max_on_ms = {max_on_ms} is never reached, {duty_percent} % of {window_ms} ms are \
+                     {longest_ms:.0} ms; lower max_on_ms, or raise duty_percent or window_ms"
+                )
+            })
+        });
+        never_reached.collect()
+    }
+
     /// The text of its file.
     pub fn to_toml(&self) -> String {
         let mut text = String::new();
@@ -169,6 +229,13 @@ impl BoardProfile {
         }
         self.profile.servos.iter().try_for_each(|servo| write_servo(w, servo))
     }
+}
+
+/// The longest time in seconds that an output under this limit can be on: by the limit itself, or by duty and window.
+pub fn longest_on_s(limit: &CoilLimit) -> f64 {
+    let CoilLimit { max_on_ms, duty_percent, window_ms } = *limit;
+    let by_duty_ms = 0.01 * f64::from(duty_percent) * f64::from(window_ms);
+    1e-3 * by_duty_ms.min(f64::from(max_on_ms))
 }
 
 fn write_output(w: &mut String, number: usize, output: &Output) -> std::fmt::Result {
@@ -211,8 +278,8 @@ fn image(profile: &Profile) -> UploadImage {
 struct RawProfile {
     format: Spanned<u32>,
     name: String,
-    ambient_c: Option<f64>,
-    rated_c: Option<f64>,
+    ambient_c: Option<Spanned<f64>>,
+    rated_c: Option<Spanned<f64>>,
     derate_percent_per_k: Option<Spanned<f64>>,
     supply: Spanned<RawSupply>,
     emergency_stop: Option<Spanned<RawEmergencyStop>>,
@@ -236,7 +303,7 @@ struct RawEmergencyStop {
     opens: bool,
 }
 
-#[derive(Deserialize)]
+#[derive(Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum RawDrive {
     Hold,
@@ -244,18 +311,36 @@ enum RawDrive {
     Latch,
 }
 
+impl RawDrive {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Hold => "hold",
+            Self::PeakHold => "peak-hold",
+            Self::Latch => "latch",
+        }
+    }
+
+    fn keys(self) -> &'static [&'static str] {
+        match self {
+            Self::Hold => &["line"],
+            Self::PeakHold => &["pull", "hold", "peak_ms"],
+            Self::Latch => &["set", "reset", "pulse_ms"],
+        }
+    }
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawOutput {
     number: u8,
     drive: RawDrive,
-    line: Option<u8>,
-    pull: Option<u8>,
-    hold: Option<u8>,
-    peak_ms: Option<u16>,
-    set: Option<u8>,
-    reset: Option<u8>,
-    pulse_ms: Option<u16>,
+    line: Option<Spanned<u8>>,
+    pull: Option<Spanned<u8>>,
+    hold: Option<Spanned<u8>>,
+    peak_ms: Option<Spanned<u16>>,
+    set: Option<Spanned<u8>>,
+    reset: Option<Spanned<u8>>,
+    pulse_ms: Option<Spanned<u16>>,
     max_on_ms: u32,
     duty_percent: u8,
     window_ms: u32,
@@ -301,6 +386,7 @@ fn build(raw: &RawProfile) -> Result<BoardProfile, At> {
         let number = spanned.get_ref().number;
         match profile.outputs.get_mut(usize::from(number)) {
             Some(place @ None) => {
+                check_drive_keys(spanned.get_ref())?;
                 *place = Some(output(spanned.get_ref(), derated).map_err(|fault| (spanned.span(), fault))?);
             }
             Some(Some(_)) | None => return Err((spanned.span(), ProfileFault::Number { number })),
@@ -322,28 +408,64 @@ fn check(profile: &Profile, last: std::ops::Range<usize>) -> Result<(), At> {
 
 /// The share of its duty that an output keeps in the hottest surroundings.
 fn derated(raw: &RawProfile) -> Result<f64, At> {
-    let span = raw.derate_percent_per_k.as_ref().map_or(raw.format.span(), Spanned::span);
-    let per_k = raw.derate_percent_per_k.as_ref().map_or(0.0, |percent| *percent.get_ref());
-    let above_k = raw.ambient_c.unwrap_or(25.0) - raw.rated_c.unwrap_or(40.0);
-    if !((0.0..=100.0).contains(&per_k) && above_k.is_finite()) {
-        return Err((span, ProfileFault::Derating));
+    let ambient_c = temperature("ambient_c", raw.ambient_c.as_ref(), AMBIENT_C)?;
+    let rated_c = temperature("rated_c", raw.rated_c.as_ref(), RATED_C)?;
+    let per_k = match &raw.derate_percent_per_k {
+        Some(percent) if (0.0..=100.0).contains(percent.get_ref()) => *percent.get_ref(),
+        Some(percent) => return Err((percent.span(), ProfileFault::Derating { found: *percent.get_ref() })),
+        None if ambient_c > rated_c => {
+            let span = raw.ambient_c.as_ref().or(raw.rated_c.as_ref()).map_or(raw.format.span(), Spanned::span);
+            return Err((span, ProfileFault::NoDerating { ambient_c, rated_c }));
+        }
+        None => 0.0,
+    };
+    Ok((1.0 - 0.01 * per_k * (ambient_c - rated_c).max(0.0)).max(0.0))
+}
+
+fn temperature(key: &'static str, given: Option<&Spanned<f64>>, default_c: f64) -> Result<f64, At> {
+    match given.map(|given| (given.span(), *given.get_ref())) {
+        None => Ok(default_c),
+        Some((_, found)) if found.is_finite() && found > -ZERO_CELSIUS => Ok(found),
+        Some((span, found)) => Err((span, ProfileFault::Temperature { key, found })),
     }
-    Ok((1.0 - 0.01 * per_k * above_k.max(0.0)).max(0.0))
+}
+
+/// Refuses the keys of another drive, which would be read by a person and by nobody else.
+fn check_drive_keys(raw: &RawOutput) -> Result<(), At> {
+    let bytes =
+        [("line", &raw.line), ("pull", &raw.pull), ("hold", &raw.hold), ("set", &raw.set), ("reset", &raw.reset)];
+    let times = [("peak_ms", &raw.peak_ms), ("pulse_ms", &raw.pulse_ms)];
+    let bytes = bytes.into_iter().filter_map(|(key, value)| Some((key, value.as_ref()?.span())));
+    let times = times.into_iter().filter_map(|(key, value)| Some((key, value.as_ref()?.span())));
+    match bytes.chain(times).find(|(key, _)| !raw.drive.keys().contains(key)) {
+        Some((key, span)) => {
+            let (drive, own) = (raw.drive.name(), raw.drive.keys().join(", "));
+            Err((span, ProfileFault::OtherDrive { key, drive, own }))
+        }
+        None => Ok(()),
+    }
 }
 
 fn output(raw: &RawOutput, derated: f64) -> Result<Output, ProfileFault> {
-    let need = |value: Option<u8>, key, of| value.ok_or(ProfileFault::Missing { key, of });
+    let need = |value: &Option<Spanned<u8>>, key, of| match value {
+        Some(value) => Ok(*value.get_ref()),
+        None => Err(ProfileFault::Missing { key, of }),
+    };
+    let need_ms = |value: &Option<Spanned<u16>>, key, of| match value {
+        Some(value) => Ok(*value.get_ref()),
+        None => Err(ProfileFault::Missing { key, of }),
+    };
     let drive = match raw.drive {
-        RawDrive::Hold => Drive::Hold { line: need(raw.line, "line", "a hold drive")? },
+        RawDrive::Hold => Drive::Hold { line: need(&raw.line, "line", "a hold drive")? },
         RawDrive::PeakHold => Drive::PeakHold {
-            pull: need(raw.pull, "pull", "a peak-hold drive")?,
-            hold: need(raw.hold, "hold", "a peak-hold drive")?,
-            peak_ms: raw.peak_ms.ok_or(ProfileFault::Missing { key: "peak_ms", of: "a peak-hold drive" })?,
+            pull: need(&raw.pull, "pull", "a peak-hold drive")?,
+            hold: need(&raw.hold, "hold", "a peak-hold drive")?,
+            peak_ms: need_ms(&raw.peak_ms, "peak_ms", "a peak-hold drive")?,
         },
         RawDrive::Latch => Drive::Latch {
-            set: need(raw.set, "set", "a latch drive")?,
-            reset: need(raw.reset, "reset", "a latch drive")?,
-            pulse_ms: raw.pulse_ms.ok_or(ProfileFault::Missing { key: "pulse_ms", of: "a latch drive" })?,
+            set: need(&raw.set, "set", "a latch drive")?,
+            reset: need(&raw.reset, "reset", "a latch drive")?,
+            pulse_ms: need_ms(&raw.pulse_ms, "pulse_ms", "a latch drive")?,
         },
     };
     let duty_percent = (f64::from(raw.duty_percent) * derated).floor() as u8;
@@ -412,5 +534,31 @@ mod tests {
         assert_eq!(duty("ambient_c = 50.0\nderate_percent_per_k = 2.0"), 64, "10 K above 40 °C");
         assert_eq!(duty("ambient_c = 30.0\nderate_percent_per_k = 2.0"), 80);
         assert!(read(&with_output("ambient_c = 100.0\nderate_percent_per_k = 2.0")).is_err(), "nothing is left");
+    }
+
+    #[test]
+    fn keys_and_temperatures_without_effect_are_refused_at_their_place() {
+        let refused = |text: &str| read(text).unwrap_err().to_string();
+        let cases = [
+            (with_output("") + "peak_ms = 20\n", "12:11: an output with drive = \"hold\" has no key `peak_ms`"),
+            (with_output("") + "pull = 3\n", "12:8: an output with drive = \"hold\" has no key `pull`"),
+            (
+                with_output("").replace("drive = \"hold\"\n", "drive = \"latch\"\nset = 1\nreset = 2\npulse_ms = 9\n"),
+                "11:8: an output with drive = \"latch\" has no key `line`, its keys are set, reset, pulse_ms",
+            ),
+            (
+                with_output("ambient_c = 60.0"),
+                "4:13: ambient_c is 60 °C, above rated_c of 40 °C, and derate_percent_per_k",
+            ),
+            (with_output("rated_c = 20.0"), "4:11: ambient_c is 25 °C, above rated_c of 20 °C"),
+            (with_output("ambient_c = -300.0"), "4:13: ambient_c is -300 °C"),
+            (with_output("rated_c = nan"), "4:11: rated_c is NaN °C"),
+            (with_output("derate_percent_per_k = 101.0"), "4:24: derate_percent_per_k is 101; give 0 to 100"),
+        ];
+        for (text, expected) in cases {
+            let error = refused(&text);
+            assert!(error.starts_with(&format!("profile.toml:{expected}")), "{error}\n{text}");
+        }
+        assert!(read(&with_output("ambient_c = 60.0\nderate_percent_per_k = 0.0")).is_ok());
     }
 }

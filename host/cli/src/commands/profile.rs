@@ -3,10 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use darm_arm::arm::Arm;
-use darm_arm::board_profile::BoardProfile;
+use darm_arm::arm::{Arm, Servo, path_between};
+use darm_arm::board_profile::{BoardProfile, longest_on_s};
 use darm_arm::migrate;
 use darm_arm::wired_arm::WiredArm;
+use darm_core::output::CoilLimit;
+use darm_core::profile::Servo as ProfileServo;
 use darm_core::units::Digest;
 use darm_core::wire::message::{OutputState, Refusal};
 use darm_device::client::{Client, ClientError};
@@ -140,10 +142,67 @@ impl Answer for Made {
     fn text(&self) -> String {
         let file = self.file.as_ref().map_or(String::new(), |file| format!(" in {}", file.display()));
         let short = self.digest.get(..16).unwrap_or(&self.digest);
-        format!(
-            "profile \"{}\" {short}: {} outputs, {} servos; {}{file}",
-            self.name, self.outputs, self.servos, self.done
-        )
+        let (outputs, servos) = (counted(self.outputs, "output"), counted(self.servos, "servo"));
+        format!("profile \"{}\" {short}: {outputs}, {servos}; {}{file}", self.name, self.done)
+    }
+}
+
+fn counted(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
+
+/// A profile that was checked.
+#[derive(Serialize)]
+struct Checked {
+    #[serde(flatten)]
+    made: Made,
+    /// What is in force for each output, after derating.
+    limits: Vec<LimitReport>,
+    warnings: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct LimitReport {
+    output: u8,
+    max_on_s: f64,
+    duty_percent: u8,
+    window_s: f64,
+    /// By all three.
+    longest_on_s: f64,
+}
+
+impl LimitReport {
+    fn all(profile: &BoardProfile) -> Vec<Self> {
+        let outputs = (0..).zip(&profile.profile.outputs);
+        let report = |(output, limit): (u8, CoilLimit)| Self {
+            output,
+            max_on_s: 1e-3 * f64::from(limit.max_on_ms),
+            duty_percent: limit.duty_percent,
+            window_s: 1e-3 * f64::from(limit.window_ms),
+            longest_on_s: longest_on_s(&limit),
+        };
+        outputs.filter_map(|(number, output)| Some((number, output.as_ref()?.limit))).map(report).collect()
+    }
+}
+
+impl Answer for Checked {
+    fn text(&self) -> String {
+        let path = self.made.file.as_deref().unwrap_or(Path::new("the profile"));
+        let made =
+            Made { file: None, done: "", name: self.made.name.clone(), digest: self.made.digest.clone(), ..self.made };
+        let head = format!("{} is sound: {}", path.display(), made.text().trim_end_matches("; "));
+        let titles = ["output", "longest on", "duty", "window", "longest by all three"].map(str::to_owned).to_vec();
+        let row = |limit: &LimitReport| {
+            vec![
+                limit.output.to_string(),
+                format!("{:.3} s", limit.max_on_s),
+                format!("{} %", limit.duty_percent),
+                format!("{:.3} s", limit.window_s),
+                format!("{:.3} s", limit.longest_on_s),
+            ]
+        };
+        let rows: Vec<_> = std::iter::once(titles).chain(self.limits.iter().map(row)).collect();
+        format!("{head}\n\nlimits in force, after derating:\n{}", columns(&rows))
     }
 }
 
@@ -236,7 +295,16 @@ fn make(arm: &Path, output: &Path, force: bool, voice: Voice) -> anyhow::Result<
     output_file::refuse_existing(&[output], force)?;
     output_file::write_all(&[(output, profile.to_toml_with_advice().as_bytes())])?;
     // What the arm needs and a first profile cannot have is reported by its place in the arm file.
-    let profile = WiredArm::read(arm, Some(output))?.profile;
+    let WiredArm { arm: wired, profile, .. } = WiredArm::read(arm, Some(output))?;
+    let is_named = wired.profile.as_deref().is_some_and(|named| output_file::refuse_same(named, output).is_err());
+    if !is_named {
+        let named = path_between(arm, output);
+        let named = format!("profile = {:?}", named.display().to_string());
+        voice.note(&match wired.profile {
+            Some(other) => format!("{} names {}; write `{named}` there in its place", arm.display(), other.display()),
+            None => format!("add `{named}` to {}, before its first [table]", arm.display()),
+        });
+    }
     voice.tell(&Made::new(&profile, Some(output), "edit it before it is written to a board; written"))
 }
 
@@ -250,11 +318,36 @@ fn migrate(old: &Path, output: &Path, profile: &Path, force: bool, voice: Voice)
 }
 
 fn check(path: &Path, arm: Option<&Path>, voice: Voice) -> anyhow::Result<()> {
-    let profile = match arm {
-        Some(arm) => WiredArm::read(arm, Some(path))?.profile,
-        None => BoardProfile::read(path)?,
+    let (profile, ranges) = match arm {
+        Some(arm) => {
+            let wired = WiredArm::read(arm, Some(path))?;
+            let ranges = servo_warnings(&wired);
+            (wired.profile, ranges)
+        }
+        None => (BoardProfile::read(path)?, Vec::new()),
     };
-    voice.tell(&Made::new(&profile, Some(path), "sound"))
+    let warnings = [profile.warnings(), ranges].concat();
+    warnings.iter().for_each(|warning| voice.note(&format!("warning: {warning}")));
+    let limits = LimitReport::all(&profile);
+    voice.tell(&Checked { made: Made::new(&profile, Some(path), "sound"), limits, warnings })
+}
+
+/// The servos whose joint may go where the profile does not let the shaft go, unless an offset is stored in the servo.
+fn servo_warnings(wired: &WiredArm) -> Vec<String> {
+    let joints = wired.arm.servos.iter().zip(&wired.profile.profile.servos).enumerate();
+    let outside =
+        joints.filter(|(_, (joint, servo))| joint.min_rad < servo.limit.min_rad || joint.max_rad > servo.limit.max_rad);
+    let warning = |(number, (joint, servo)): (usize, (&Servo, &ProfileServo))| {
+        let angles = [joint.min_rad, joint.max_rad, servo.limit.min_rad, servo.limit.max_rad];
+        let [from, to, min, max] = angles.map(f32::to_degrees);
+        format!(
+            "{}: servo {} has the range {from:.1} to {to:.1} deg in the arm file; without a zero offset the profile's range \
+             is {min:.1} to {max:.1} deg, and `darm table` refuses angles outside it",
+            wired.arm.servo_name(number),
+            joint.id
+        )
+    };
+    outside.map(warning).collect()
 }
 
 /// Stores a profile and waits until the board is back with it.

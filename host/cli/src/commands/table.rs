@@ -5,9 +5,11 @@ mod show;
 use std::path::{Path, PathBuf};
 
 use darm_arm::arm::{Arm, frames};
+use darm_arm::board_profile::{BoardProfile, longest_on_s};
 use darm_arm::plan::{Plan, Visit, plan};
 use darm_arm::reach::board;
 use darm_arm::wired_arm::WiredArm;
+use darm_core::output::Drive;
 use darm_core::units::{DeviceId, Word};
 use darm_diagnose::diagnose::programme::{self, programme};
 use serde::Serialize;
@@ -33,8 +35,12 @@ which visits are held out of every fit; `darm record` reads it. Both carry the t
 
 /// Rows that are shown without --all.
 const SHOWN: usize = 12;
-/// How long the arm rests at a frame or word, where it is not said.
+/// How long the arm rests at a frame or word, where it is not said and the limits allow it.
 const DWELL_S: f64 = 1.0;
+/// Where they do not: share of the longest time on, the rest of which is for travel and the next visit.
+const DWELL_SHARE: f64 = 0.5;
+/// Angles are compared as numbers of single precision.
+const ROUNDING_RAD: f32 = 1e-5;
 /// The same at a word of the measurement programme: long enough for eight pictures.
 const PROGRAMME_DWELL_S: f64 = 0.2;
 
@@ -64,7 +70,8 @@ pub(crate) struct Table {
     /// Seed of the programme and of the words held out
     #[arg(long, value_name = "N", default_value_t = 1, requires = "programme")]
     seed: u64,
-    /// How long the arm rests at each visit, in seconds; 1, in a programme 0.2
+    /// How long the arm rests at each visit, in seconds; 1, or half of the shortest time on that the profile allows
+    /// where that is less; in a programme 0.2
     #[arg(long, value_name = "S")]
     dwell: Option<f64>,
     /// Profile of the board; where it is left out, the one that the arm names, else the one built into boards
@@ -93,6 +100,22 @@ pub(crate) struct Table {
 struct Stop {
     visit: Visit,
     held_out: bool,
+}
+
+/// A row would take a servo out of the range of the board's profile.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "row {row}, word {word}: servo {servo} ({name}) would go to {angle_deg:.1} deg, without a zero offset the profile's \
+     range is {min_deg:.1} to {max_deg:.1} deg; choose an angle within it, or correct the range in the profile"
+)]
+struct ServoError {
+    row: usize,
+    word: Word,
+    servo: u8,
+    name: String,
+    angle_deg: f32,
+    min_deg: f32,
+    max_deg: f32,
 }
 
 #[derive(Serialize)]
@@ -132,36 +155,29 @@ impl Table {
         output_file::refuse_other_than_table(output)?;
         output_file::refuse_other_than_visits(&beside(output))?;
         let WiredArm { arm, profile, .. } = WiredArm::read(arm, self.profile.as_deref())?;
-        let stops = self.stops(&arm, voice)?;
+        let stops = self.stops(&arm, &profile, voice)?;
         let device = if self.bind { Some(self.port.connect()?.identity().device) } else { None };
         let visits: Vec<Visit> = stops.iter().map(|stop| stop.visit.clone()).collect();
         let modules = if self.nearest { board::records(&arm)? } else { Vec::new() };
         let plan = plan(&arm, &visits, &profile.board(device), &modules)?;
         let file = visits_of(&arm, &stops, &plan);
+        check_servos(&arm, &profile, &plan)?;
         let (image, text) = (table_file::bytes(&plan.image), file.to_text());
         output_file::write_all(&[(output, &image), (&beside(output), text.as_bytes())])?;
         voice.tell(&self.report(output, &file, &plan, device))
     }
 
     /// Where the program goes.
-    fn stops(&self, arm: &Arm, voice: Voice) -> anyhow::Result<Vec<Stop>> {
+    fn stops(&self, arm: &Arm, profile: &BoardProfile, voice: Voice) -> anyhow::Result<Vec<Stop>> {
+        let dwell_s = self.dwell.unwrap_or_else(|| default_dwell_s(arm, profile));
         if let Some(path) = &self.frames {
-            return Ok(self.frames_stops(arm, path)?);
+            return Ok(frames_stops(arm, path, dwell_s)?);
         }
         if self.programme {
             return Ok(self.programme_stops(arm, voice));
         }
-        let stops = self.words.iter().map(|word| self.word_stop(arm, word));
+        let stops = self.words.iter().map(|word| self.word_stop(arm, word, dwell_s));
         Ok(stops.collect::<Result<_, Usage>>()?)
-    }
-
-    fn frames_stops(&self, arm: &Arm, path: &Path) -> Result<Vec<Stop>, frames::FramesError> {
-        let stop = |frame: frames::DesiredFrame| {
-            let (word, servos_rad) = (frame.word, frame.servos_rad);
-            let dwell_s = self.dwell.unwrap_or(DWELL_S);
-            Stop { visit: Visit { word, servos_rad, dwell_s, label: frame.name }, held_out: false }
-        };
-        Ok(frames::read(path, arm)?.into_iter().map(stop).collect())
     }
 
     fn programme_stops(&self, arm: &Arm, voice: Voice) -> Vec<Stop> {
@@ -181,7 +197,7 @@ impl Table {
         steps.into_iter().enumerate().map(stop).collect()
     }
 
-    fn word_stop(&self, arm: &Arm, text: &str) -> Result<Stop, Usage> {
+    fn word_stop(&self, arm: &Arm, text: &str, dwell_s: f64) -> Result<Stop, Usage> {
         let word: Word = text.parse().map_err(|error| Usage(format!("--words {text}: {error}")))?;
         frames::check_word(&word, arm).map_err(|fault| Usage(format!("--words {text}: {fault}")))?;
         let (given, wanted) = (self.servos.len(), arm.n_servos());
@@ -189,7 +205,6 @@ impl Table {
             return Err(Usage(format!("the arm has {wanted} servo joints, --servos gives {given} angles")));
         }
         let servos_rad = self.servos.iter().map(|angle| angle.to_radians()).collect();
-        let dwell_s = self.dwell.unwrap_or(DWELL_S);
         Ok(Stop { visit: Visit { word, servos_rad, dwell_s, label: word.to_string() }, held_out: false })
     }
 
@@ -216,6 +231,23 @@ impl Table {
     }
 }
 
+fn frames_stops(arm: &Arm, path: &Path, dwell_s: f64) -> Result<Vec<Stop>, frames::FramesError> {
+    let stop = |frame: frames::DesiredFrame| {
+        let (word, servos_rad) = (frame.word, frame.servos_rad);
+        Stop { visit: Visit { word, servos_rad, dwell_s, label: frame.name }, held_out: false }
+    };
+    Ok(frames::read(path, arm)?.into_iter().map(stop).collect())
+}
+
+/// The default dwell, shorter where an output of the arm may not be on for so long.
+fn default_dwell_s(arm: &Arm, profile: &BoardProfile) -> f64 {
+    let outputs = arm.connections.iter().flat_map(|connection| &connection.outputs);
+    let limits = outputs.filter_map(|&number| profile.profile.output(number));
+    let holds = limits.filter(|output| !matches!(output.drive, Drive::Latch { .. }));
+    let longest_s = holds.map(|output| longest_on_s(&output.limit));
+    longest_s.map(|longest_s| DWELL_SHARE * longest_s).fold(DWELL_S, f64::min)
+}
+
 fn visits_of(arm: &Arm, stops: &[Stop], plan: &Plan) -> Visits {
     let mut previous = arm.rest();
     let rests = stops.iter().zip(&plan.windows).map(|(stop, &(from, to))| {
@@ -235,6 +267,22 @@ fn visits_of(arm: &Arm, stops: &[Stop], plan: &Plan) -> Visits {
     });
     let table = plan.image.image().digest;
     Visits { model: arm.hash(), geometry: arm.geometry_hash(), table, rests: rests.collect() }
+}
+
+/// Refuses rows that take a servo out of the profile's range, which the board checks when it plays them. The range is
+/// that of the shaft; without a zero offset in the servo it is that of the joint, too.
+fn check_servos(arm: &Arm, profile: &BoardProfile, plan: &Plan) -> Result<(), ServoError> {
+    for (index, row) in plan.rows.iter().enumerate() {
+        for (number, (&angle_rad, servo)) in row.servos.iter().zip(&profile.profile.servos).enumerate() {
+            let (min_rad, max_rad) = (servo.limit.min_rad, servo.limit.max_rad);
+            if angle_rad < min_rad - ROUNDING_RAD || angle_rad > max_rad + ROUNDING_RAD {
+                let [angle_deg, min_deg, max_deg] = [angle_rad, min_rad, max_rad].map(f32::to_degrees);
+                let (word, servo, name) = (row.word, servo.limit.id, arm.servo_name(number));
+                return Err(ServoError { row: index, word, servo, name, angle_deg, min_deg, max_deg });
+            }
+        }
+    }
+    Ok(())
 }
 
 impl Answer for Made {

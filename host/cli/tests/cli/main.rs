@@ -7,6 +7,7 @@ use std::process::{Child, Command, Output, Stdio};
 
 mod digests;
 mod files;
+mod limits;
 mod measurements;
 mod profile;
 mod recording;

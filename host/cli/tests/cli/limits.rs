@@ -1,0 +1,62 @@
+//! Limits of profiles: what a table may ask of servos and outputs, and what a check of a profile reports.
+
+use super::{Home, example, text};
+
+/// A profile with a narrower servo than the arm of the example has.
+fn narrow(home: &Home) -> String {
+    let profile = std::fs::read_to_string(example("planar4-hybrid.profile.toml")).unwrap();
+    home.write("narrow.toml", &profile.replace("max_deg = 60.0", "max_deg = 30.0"));
+    example("planar4-hybrid.toml")
+}
+
+#[test]
+fn rows_that_leave_the_range_of_a_servo_are_refused_where_the_table_is_made() {
+    let home = Home::new();
+    let arm = narrow(&home);
+    let make = |angle: &str| {
+        format!("table {arm} --profile narrow.toml --words 000010000000 --servos {angle} --dwell 0.2 -o one.darm")
+    };
+    let refused = "darm: row 0, word 000010000000: servo 1 (base joint) would go to 45.0 deg, without a zero offset the \
+                   profile's range is -60.0 to 30.0 deg; choose an angle within it, or correct the range in the profile";
+    home.fails(&make("45"), 1, refused);
+    assert!(!home.path("one.darm").exists());
+    home.succeeds(&make("30"));
+}
+
+#[test]
+fn the_check_of_a_profile_shows_limits_in_force_and_warns() {
+    let home = Home::new();
+    let arm = narrow(&home);
+    let checked = home.darm(&format!("profile check narrow.toml --arm {arm}"));
+    assert!(checked.status.success());
+    let warning = "warning: base joint: servo 1 has the range -60.0 to 60.0 deg in the arm file; without a zero offset the \
+                   profile's range is -60.0 to 30.0 deg";
+    assert!(text(&checked.stderr).contains(warning), "{}", text(&checked.stderr));
+    let said = text(&checked.stdout);
+    assert!(said.starts_with("narrow.toml is sound: ") && said.contains("12 outputs, 1 servo\n"), "{said}");
+    let output = "number = 0\ndrive = \"hold\"\nline = 0\nmax_on_ms = 9000\nduty_percent = 50\nwindow_ms = 10000\n";
+    let head = "format = 1\nname = \"hot\"\nambient_c = 50.0\nderate_percent_per_k = 2.0\n";
+    home.write("hot.toml", &format!("{head}[supply]\nnew_outputs = 1\nwindow_ms = 10\n[[output]]\n{output}"));
+    let report = home.json("profile check hot.toml");
+    assert_eq!((&report["limits"][0]["duty_percent"], &report["limits"][0]["longest_on_s"]), (&40.into(), &4.0.into()));
+    assert!(
+        report["warnings"][0].as_str().unwrap().starts_with("output 0: max_on_ms = 9000 is never reached"),
+        "{report}"
+    );
+    home.write(
+        "two.toml",
+        &std::fs::read_to_string(home.path("hot.toml")).unwrap().replace("line = 0", "line = 0\npull = 1"),
+    );
+    let two = "darm: two.toml:12:8: an output with drive = \"hold\" has no key `pull`, its keys are line; remove `pull`, or \
+               correct `drive`";
+    home.fails("profile check two.toml", 1, two);
+}
+
+#[test]
+fn a_table_with_the_default_dwell_fits_the_first_profile() {
+    let home = Home::new();
+    let arm = example("planar4.toml");
+    let made = home.darm(&format!("profile make {arm} -o first.toml"));
+    assert!(text(&made.stderr).contains("first.toml\"` there in its place"), "{}", text(&made.stderr));
+    home.succeeds(&format!("table {arm} --profile first.toml --words 000010000000 -o one.darm"));
+}
