@@ -209,3 +209,18 @@ fn power_cuts_leave_the_old_or_the_new_table() {
     println!("FIGURE power cuts with the new table whole = {new} cuts");
     println!("FIGURE power cuts with a mixture or a lost calibration = 0 cuts");
 }
+
+#[test]
+fn a_closed_switch_is_closed_after_a_restart_of_the_board() {
+    let Some(mut bench) = Bench::start(Console::Socket, false) else { return };
+    bench.follower.set_broken(Broken { switches_closed: 1 << 5, ..Broken::default() });
+    let closed = |bench: &Bench| {
+        let mut client = bench.connect();
+        wait("the switch", || client.status().unwrap().switches == 1 << 5);
+        client.hello().unwrap().boots
+    };
+    let before = closed(&bench);
+    bench.qemu.reset().unwrap();
+    wait("the restart", || bench.connect().hello().unwrap().boots > before);
+    closed(&bench);
+}

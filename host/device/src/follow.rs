@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use darm_core::output::{MAX_LINES, Wiring};
 
@@ -17,6 +17,9 @@ use crate::plant::{Broken, Plant, PlantState};
 use crate::qemu::qtest::{Edge, Qtest, QtestError};
 use crate::qemu::{Qemu, board};
 
+/// After a reset the emulated machine has forgotten the levels of its inputs, and says nothing of it: they are set again so
+/// often.
+const REFRESH: Duration = Duration::from_millis(20);
 /// How often a thread looks whether it is to end.
 const LOOK: Duration = Duration::from_millis(20);
 
@@ -63,9 +66,10 @@ impl Follower {
         let end = Arc::new(AtomicBool::new(false));
         let button = Arc::new(AtomicBool::new(false));
         let chain = Chain::new(board::CHAIN, MAX_LINES / 8, levels);
-        let (shown, held) = (0, false);
+        let (shown, held, refreshed) = (0, false, Instant::now());
         let (plant, end_of_pins, button_of_pins) = (shared.clone(), end.clone(), button.clone());
-        let mut pins = Pins { plant, end: end_of_pins, qtest, chain, camera, shown, button: button_of_pins, held };
+        let mut pins =
+            Pins { plant, end: end_of_pins, qtest, chain, camera, shown, refreshed, button: button_of_pins, held };
         pins.show_switches()?;
         let (bus_plant, bus_end) = (shared.clone(), end.clone());
         let threads = vec![
@@ -137,6 +141,8 @@ struct Pins {
     camera: Camera,
     /// Switches as the board's inputs show them.
     shown: u32,
+    /// When they were all set last.
+    refreshed: Instant,
     /// Whether the user button is to be pressed, and whether it is.
     button: Arc<AtomicBool>,
     held: bool,
@@ -184,18 +190,23 @@ impl Pins {
         self.show_switches()
     }
 
-    /// Sets the board's inputs that have changed.
+    /// Sets the board's inputs that have changed, and from time to time those that a reset would have changed: closed
+    /// switches and the button.
     fn show_switches(&mut self) -> Result<(), QtestError> {
         let switches = lock(&self.plant).switches();
+        let again = self.refreshed.elapsed() >= REFRESH;
+        if again {
+            self.refreshed = Instant::now();
+        }
         for (input, &(bank, pin)) in board::SWITCHES.iter().enumerate() {
             let closed = switches >> input & 1 == 1;
-            if closed != (self.shown >> input & 1 == 1) {
+            if closed != (self.shown >> input & 1 == 1) || closed && again {
                 self.qtest.set_input(bank, pin, closed)?;
             }
         }
         self.shown = switches;
         let held = self.button.load(Ordering::Relaxed);
-        if held != self.held {
+        if held != self.held || held && again {
             let (bank, pin) = board::BUTTON;
             self.qtest.set_input(bank, pin, !held)?;
             self.held = held;

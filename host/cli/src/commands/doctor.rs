@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use darm_device::client::Client;
-use darm_device::{link, qemu};
+use darm::{link, qemu};
+use darm_core::sequencer::Phase;
 use serde::Serialize;
 
 use super::{flash, status};
@@ -142,7 +143,20 @@ fn holdings(client: &mut Client) -> Vec<Check> {
         Ok(outputs) => Check::good("outputs", status::recovery(&status::recovering(&outputs))),
         Err(error) => Check::wrong_as_said("outputs", &error),
     };
-    vec![table, profile, outputs]
+    vec![phase(client), table, profile, outputs]
+}
+
+/// Whether the board has latched its safe state.
+fn phase(client: &mut Client) -> Check {
+    match client.status().map(|status| status.phase) {
+        Ok(Phase::Safe(fault)) => Check::wrong(
+            "state",
+            format!("safe state: {fault}"),
+            "correct the cause, then `darm stop --clear`; `darm status` shows more",
+        ),
+        Ok(_) => Check::good("state", "no fault is latched"),
+        Err(error) => Check::wrong_as_said("state", &error),
+    }
 }
 
 fn ports() -> Vec<Check> {

@@ -88,10 +88,10 @@ pub(crate) struct Plant {
     /// Output line that is stuck high
     #[arg(long, value_name = "LINE")]
     line_high: Vec<u8>,
-    /// Limit switch that never closes
+    /// Limit switch that never closes; the input of an emergency stop with `opens = true`: it is pressed
     #[arg(long, value_name = "INPUT")]
     switch_open: Vec<u8>,
-    /// Limit switch that never opens
+    /// Limit switch that never opens; the input of an emergency stop with `opens = false`: it is pressed
     #[arg(long, value_name = "INPUT")]
     switch_closed: Vec<u8>,
 }
@@ -153,7 +153,7 @@ impl Plant {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
         let wired = WiredArm::read(&self.arm, self.profile.as_deref())?;
         let arm = &wired.arm;
-        let broken = self.broken()?;
+        let broken = self.broken(&wired)?;
         let truth = self.truth(arm)?;
         let profile = self.profile_to_write(&wired);
         let folder = self.folder.clone().map_or_else(state_folder::board, Ok)?;
@@ -207,12 +207,15 @@ impl Plant {
         (!self.no_profile && !is_built_in).then_some(&wired.profile)
     }
 
-    fn broken(&self) -> Result<Broken, Usage> {
+    /// What is broken. An emergency stop that opens when it is pressed is closed, so released.
+    fn broken(&self, wired: &WiredArm) -> Result<Broken, Usage> {
+        let stop = wired.profile.profile.emergency_stop.filter(|stop| stop.opens);
+        let released = stop.map_or(0, |stop| 1u32.checked_shl(stop.input.into()).unwrap_or(0));
         Ok(Broken {
             lines_low: bits(&self.line_low, 64, "line")?,
             lines_high: bits(&self.line_high, 64, "line")?,
             switches_open: bits(&self.switch_open, 32, "input")? as u32,
-            switches_closed: bits(&self.switch_closed, 32, "input")? as u32,
+            switches_closed: released | bits(&self.switch_closed, 32, "input")? as u32,
             ..Broken::default()
         })
     }

@@ -1,6 +1,6 @@
 //! Limits of profiles: what a table may ask of servos and outputs, and what a check of a profile reports.
 
-use super::{Home, example, text};
+use super::{Board, Home, example, text};
 
 /// A profile with a narrower servo than the arm of the example has.
 fn narrow(home: &Home) -> String {
@@ -59,4 +59,24 @@ fn a_table_with_the_default_dwell_fits_the_first_profile() {
     let made = home.darm(&format!("profile make {arm} -o first.toml"));
     assert!(text(&made.stderr).contains("first.toml\"` there in its place"), "{}", text(&made.stderr));
     home.succeeds(&format!("table {arm} --profile first.toml --words 000010000000 -o one.darm"));
+}
+
+#[test]
+fn an_emergency_stop_that_opens_when_pressed_is_released_in_the_plant_unless_asked() {
+    let home = Home::new();
+    let profile = std::fs::read_to_string(example("planar4.profile.toml")).unwrap();
+    home.write(
+        "stop.toml",
+        &profile.replacen("[[output]]", "[emergency_stop]\ninput = 12\nopens = true\n\n[[output]]", 1),
+    );
+    let arm = format!("{} --profile stop.toml", example("planar4.toml"));
+    let phase = |options: &str| {
+        let board = Board::start(&home, &format!("{arm} {options}"));
+        let checks = home.json(&format!("doctor {}", board.port))["checks"].clone();
+        let state = checks.as_array().unwrap().iter().find(|check| check["name"] == "state").cloned();
+        let phase = home.json(&format!("status {}", board.port))["phase"].clone();
+        (phase, state.map(|state| state["state"].clone()))
+    };
+    assert_eq!(phase(""), ("idle".into(), Some("good".into())));
+    assert_eq!(phase("--switch-open 12"), ("safe".into(), Some("wrong".into())));
 }

@@ -3,20 +3,18 @@
 use std::os::unix::fs::symlink;
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use darm_arm::board_profile::BoardProfile;
 use darm_core::output::Wiring;
-use darm_device::client::Client;
-use darm_device::follow::Follower;
-use darm_device::in_process::MemoryFlash;
-use darm_device::link;
-use darm_device::plant::camera::Frame;
-use darm_device::plant::{Broken, Plant};
-use darm_device::qemu::{self, Console, Machine, Qemu};
+use darm_core::sequencer::{Command, Phase};
 
 use super::bridge::Bridge;
 use crate::state_folder;
+
+/// Inputs that a restart has cleared are set again well within this time.
+const CLEARED_WITHIN: Duration = Duration::from_secs(1);
 
 /// A running board with its plant.
 pub(crate) struct Board {
@@ -57,8 +55,10 @@ impl Board {
         let Emulator { elf, console } = emulator;
         let what = format!("{} in {} {}", elf.display(), qemu::PROGRAM, qemu::find()?);
         let mut qemu = Qemu::start(&Machine { elf, folder: folder.into(), console })?;
-        let follower = Follower::start(&qemu, wiring, Plant::new(wiring, &[]))?;
-        follower.set_broken(broken);
+        let mut plant = Plant::new(wiring, &[]);
+        // Before the machine runs: an emergency stop that opens when pressed is seen released from the first tick.
+        plant.set_broken(0.0, broken);
+        let follower = Follower::start(&qemu, wiring, plant)?;
         qemu.resume()?;
         if let Some(profile) = profile {
             press_and_write(&follower, qemu.console_port(), profile)?;
@@ -126,7 +126,24 @@ fn press_and_write(follower: &Follower, port: &str, profile: &BoardProfile) -> a
     follower.hold_button(true);
     let written = crate::commands::profile::write(&mut client, profile);
     follower.hold_button(false);
-    written
+    written?;
+    // The restart has cleared the inputs of the emulated machine for a moment, and so pressed such an emergency stop.
+    if profile.profile.emergency_stop.is_some_and(|stop| stop.opens) {
+        clear(&mut client)?;
+    }
+    Ok(())
+}
+
+/// Leaves the safe state, if the board is in it and its cause is gone.
+fn clear(client: &mut Client) -> anyhow::Result<()> {
+    let since = Instant::now();
+    while matches!(client.status()?.phase, Phase::Safe(_)) {
+        if client.command(Command::Clear).is_ok() || since.elapsed() > CLEARED_WITHIN {
+            break;
+        }
+        std::thread::sleep(CLEARED_WITHIN / 20);
+    }
+    Ok(())
 }
 
 /// Gives the emulator's port a name that stays the same from one start to the next.
