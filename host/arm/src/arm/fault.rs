@@ -156,7 +156,9 @@ impl fmt::Display for ArmFault {
             Self::StateCount { found } => write!(f, "the actuator has {found} states; give 2 to 4, digit 0 first"),
             Self::Stroke { state, value, before } => write!(
                 f,
-                "state {state} at {value} is below state {} at {before}: a stroke below zero; give the states in growing order",
+                "state {state} at {value} is below state {} at {before}: a stroke below zero; give the states in growing order \
+                 (digit 0: all outputs off, 1: the first on, 2: the second on, 3: both on). A spring-centred actuator of two \
+                 opposed coils is not supported yet",
                 state - 1
             ),
             Self::OutputCount { expected, found } => write!(

@@ -36,6 +36,11 @@
 //! | `pose` | of a link: pose of its top |
 //! | `[[effect]]` | `law`, `actuator`, `module` or `servo` (all of the arm without any), `state`, `plate`, `since_s` of a step, `until_s` of a drift, `until_switches` of wear, `along`, `square` and `frame` of a fitted term, and `values` with their units |
 //!
+//! The digit of an actuator is the number of its state. With two outputs it says which are on: digit 0 neither, 1 the
+//! first, 2 the second, 3 both. States are given in growing order: `length_m`, `value_m` or `value_deg` of a digit is not
+//! below that of the digit before. So a spring-centred actuator of two opposed coils, whose digit 1 moves to one side of
+//! digit 0 and whose digit 2 to the other, is not supported yet.
+//!
 //! A pose is `{ position_m = [x, y], angle_deg = a }` in the plane, in space `{ position_m = [x, y, z], rotation_deg = [..] }`
 //! with a rotation vector.
 //!

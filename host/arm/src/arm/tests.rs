@@ -197,7 +197,9 @@ fn mistakes_are_told_by_line_and_column() {
         (
             "[1.0, 1.25]",
             "[1.0, 0.75]",
-            "29:12: state 1 at 0.75 is below state 0 at 1: a stroke below zero; give the states in growing order",
+            "29:12: state 1 at 0.75 is below state 0 at 1: a stroke below zero; give the states in growing order (digit 0: all \
+             outputs off, 1: the first on, 2: the second on, 3: both on). A spring-centred actuator of two opposed coils is \
+             not supported yet",
         ),
         ("[1.0, 1.25]", "[1.0, nan]", "29:12: the number has to be finite"),
         ("[1.0, 1.25]", "[1.0]", "29:12: the actuator has 1 states; give 2 to 4, digit 0 first"),
