@@ -13,6 +13,7 @@
 //! | 7    | unfinished: another program stopped the arm before the end of its program |
 
 use std::error::Error;
+use std::fmt;
 
 use darm_device::client::ClientError;
 use darm_device::client::stop::Confirmation;
@@ -76,15 +77,36 @@ pub(crate) enum Unfinished {
     },
 }
 
-/// The stop was sent and nobody knows whether it arrived.
-#[derive(Debug, thiserror::Error)]
-#[error(
-    "the stop was sent to {port}, but the board did not confirm it within 1 s; switch the arm's supply off, then check \
-     cable, board and whether another program reads the port"
-)]
+/// The board did not confirm a stop: nobody knows whether it arrived.
+#[derive(Debug)]
 pub(crate) struct Unconfirmed {
     /// The port.
     pub(crate) port: String,
+}
+
+impl fmt::Display for Unconfirmed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let port = &self.port;
+        if is_socket(port) {
+            return write!(
+                f,
+                "the board did not confirm the stop at {port} within 1 s; switch the arm's supply off. A socket serves one \
+                 connection: another program that holds it, and is not `darm`, keeps the stop from the board; end it"
+            );
+        }
+        write!(
+            f,
+            "the stop was sent to {port}, but the board did not confirm it within 1 s; switch the arm's supply off, then \
+             check cable, board and whether another program reads the port"
+        )
+    }
+}
+
+impl Error for Unconfirmed {}
+
+/// Whether a port is a socket, which takes bytes that nobody reads while it serves another connection.
+fn is_socket(port: &str) -> bool {
+    port.starts_with("unix:") || port.starts_with("tcp:")
 }
 
 /// The exit code of an error: that of the first cause that has one of its own.

@@ -66,7 +66,8 @@ pub(crate) struct Plant {
     /// Leave the board with the profile that it has
     #[arg(long, conflicts_with = "profile")]
     no_profile: bool,
-    /// Make the port a pseudo terminal, for any terminal program
+    /// Make the port a pseudo terminal, for any terminal program. The emulator looks for a new reader of it once a second:
+    /// a `darm stop` directly after another command may end with code 5 although the arm is idle
     #[arg(long)]
     pty: bool,
     /// Run the firmware's library in this process; so it is done where the emulator is not installed

@@ -15,11 +15,12 @@ Examples:
   darm stop --clear             and leave the safe state after its cause was mended
 
 The stop is the first thing on the line and ends within 1 s in every case. Where another `darm` \
-holds the port, that process sends the stop. Exit codes:
+holds the port, that process sends the stop. A socket (unix:, tcp:) serves one connection: another \
+program that holds it, and is not `darm`, keeps the stop out. Exit codes:
   0  the board confirmed that all coils are off
   4  the stop could not be sent: no such port, another program holds it exclusively, or it takes
      no bytes
-  5  the stop was sent, but the board did not confirm it within 1 s: switch the supply off";
+  5  the board did not confirm the stop within 1 s: switch the supply off";
 
 /// Switch all coils off at once; with --clear leave the safe state too
 #[derive(clap::Args, Debug)]

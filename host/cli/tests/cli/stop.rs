@@ -82,6 +82,20 @@ fn the_stop_frame_leaves_before_any_handshake_and_silence_ends_within_a_second()
     assert!(text(&stopped.stderr).contains("did not confirm"), "{}", text(&stopped.stderr));
 }
 
+/// Bytes for a socket that serves another connection wait in the backlog, so "sent" would be untrue.
+#[test]
+fn a_stop_at_a_socket_that_another_program_holds_does_not_claim_to_be_sent() {
+    let home = Home::new();
+    let listener = UnixListener::bind(home.path("board")).unwrap();
+    let _holder = UnixStream::connect(home.path("board")).unwrap();
+    let _served = listener.accept().unwrap();
+    let (stopped, took) = timed(&home, &format!("stop --port unix:{}", home.path("board").display()));
+    assert!(took < BOUND, "{took:?}");
+    let said = text(&stopped.stderr);
+    assert_eq!(stopped.status.code(), Some(5), "{said}");
+    assert!(!said.contains("was sent") && said.contains("another program that holds it, and is not `darm`"), "{said}");
+}
+
 #[test]
 fn a_stop_reaches_a_board_whose_port_another_command_holds() {
     let home = Home::new();
