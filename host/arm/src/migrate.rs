@@ -24,6 +24,8 @@ use darm_robot::source::{Source, path_between};
 
 /// The format that is read here.
 const FORMAT: u32 = 1;
+/// Comment at a value that the old file did not have.
+const DEFAULT: &str = "# default of this version: the old file had none";
 /// Keys of a servo in format 1 that belong to the board.
 const LIMITS_OF_SERVO: [&str; 3] = ["max_speed_deg_s", "max_torque", "timeout_ms"];
 
@@ -34,6 +36,8 @@ pub struct Migrated {
     pub arm: String,
     /// What the board's profile has to have for this arm.
     pub profile: BoardProfile,
+    /// Text of the profile's file. A comment marks each value that is a default because the old file had none.
+    pub profile_text: String,
 }
 
 /// Why an arm file is not brought over.
@@ -47,7 +51,7 @@ pub enum MigrateFault {
     },
     /// Its limits make no profile.
     #[error("the drives and limits of this arm make no profile: {0}")]
-    Profile(FileError<ProfileFault>),
+    Profile(Fault<ProfileFault>),
     /// What it becomes is no arm.
     #[error("brought over, the file is refused: {0}")]
     Arm(ArmError),
@@ -70,11 +74,12 @@ pub fn read(old: &Path, new: &Path, profile: &Path) -> Result<Migrated, MigrateE
     let text = arm.profile(&actuators).to_string();
     // Written angles are rounded: the digest is that of the file.
     let made = BoardProfile::parse(profile, &text).and_then(|made| BoardProfile::parse(profile, &made.to_toml()));
-    let made = made.map_err(|error| wrong(MigrateFault::Profile(error)))?;
+    let made = made.map_err(|error| wrong(MigrateFault::Profile(error.fault)))?;
+    let profile_text = marked(&made.to_toml(), &arm, &actuators);
     let named = path_between(new, profile).to_string_lossy().into_owned();
     let text = edited(source.text(), &actuators, &named);
     Arm::parse(new, &text).map_err(|error| wrong(MigrateFault::Arm(error)))?;
-    Ok(Migrated { arm: text, profile: made })
+    Ok(Migrated { arm: text, profile: made, profile_text })
 }
 
 /// What format 1 knows of the board; every other key stays as it is.
@@ -190,6 +195,33 @@ fn default_limit(drive: &str) -> Table {
     let limits =
         [("max_on_ms", limit.max_on_ms), ("duty_percent", limit.duty_percent.into()), ("window_ms", limit.window_ms)];
     limits.into_iter().map(pair).collect()
+}
+
+/// The text of a profile with a comment at each value that the old file did not have.
+fn marked(text: &str, arm: &OldArm, actuators: &[Actuator]) -> String {
+    let Ok(mut document) = text.parse::<DocumentMut>() else { return text.to_owned() };
+    let root = document.as_table_mut();
+    if let (None, Some(supply)) = (&arm.switch_limit, root.get_mut("supply").and_then(Item::as_table_mut)) {
+        ["new_outputs", "window_ms"].iter().for_each(|key| mark(supply, key));
+    }
+    let coils: Vec<_> = actuators.iter().flat_map(|actuator| &actuator.coils).collect();
+    for output in
+        root.get_mut("output").and_then(Item::as_array_of_tables_mut).into_iter().flat_map(|all| all.iter_mut())
+    {
+        let number = output.get("number").and_then(Item::as_integer);
+        let coil = coils.iter().find(|(own, _)| own.as_integer() == number);
+        for key in default_limit("").keys().filter(|key| coil.is_some_and(|(_, coil)| !coil.contains_key(*key))) {
+            mark(output, key);
+        }
+    }
+    document.to_string()
+}
+
+/// Marks the value of a key as a default.
+fn mark(table: &mut toml_edit::Table, key: &str) {
+    if let Some(value) = table.get_mut(key).and_then(Item::as_value_mut) {
+        value.decor_mut().set_suffix(format!(" {DEFAULT}"));
+    }
 }
 
 /// In format 1 every servo held its angle in the safe state.
@@ -357,6 +389,23 @@ mod tests {
             let golden = golden(&format!("{name}.darm"));
             assert_eq!(with_model(plan.image.bytes(), &records(&golden)[0]), golden, "{name}");
         }
+    }
+
+    #[test]
+    fn limits_that_the_old_file_did_not_have_are_marked() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("old.toml");
+        let text = std::fs::read_to_string(old("mixed.toml")).unwrap();
+        std::fs::write(&path, &text).unwrap();
+        let given = text.matches("duty_percent").count();
+        let made = read(&path, Path::new("new.toml"), Path::new("board.toml")).unwrap();
+        let marked = |key: &str| {
+            made.profile_text.lines().filter(|line| line.starts_with(key) && line.ends_with(DEFAULT)).count()
+        };
+        assert_eq!(marked("duty_percent"), made.profile.profile.outputs.iter().flatten().count() - given);
+        assert!(marked("duty_percent") > 0 && marked("line") == 0, "{}", made.profile_text);
+        let read = BoardProfile::parse(Path::new("board.toml"), &made.profile_text).unwrap();
+        assert_eq!(read, made.profile, "comments change nothing");
     }
 
     #[test]

@@ -122,10 +122,16 @@ impl<F: fmt::Display> fmt::Display for FileError<F> {
         if let Some(Place { line, column }) = self.place {
             write!(f, "{line}:{column}:")?;
         }
-        match &self.fault {
-            Fault::Io(error) => write!(f, " {error}"),
-            Fault::Syntax(message) => write!(f, " {message}"),
-            Fault::Content(content) => write!(f, " {content}"),
+        write!(f, " {}", self.fault)
+    }
+}
+
+impl<F: fmt::Display> fmt::Display for Fault<F> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Io(error) => write!(f, "{error}"),
+            Self::Syntax(message) => write!(f, "{message}"),
+            Self::Content(content) => write!(f, "{content}"),
         }
     }
 }

@@ -312,7 +312,7 @@ fn migrate(old: &Path, output: &Path, profile: &Path, force: bool, voice: Voice)
     output_file::refuse_same(output, profile)?;
     let made = migrate::read(old, output, profile)?;
     output_file::refuse_existing(&[output, profile], force)?;
-    output_file::write_all(&[(output, made.arm.as_bytes()), (profile, made.profile.to_toml().as_bytes())])?;
+    output_file::write_all(&[(output, made.arm.as_bytes()), (profile, made.profile_text.as_bytes())])?;
     voice.note(&format!("the arm is in {}; make its tables again", output.display()));
     voice.tell(&Made::new(&made.profile, Some(profile), "written"))
 }
