@@ -12,6 +12,7 @@ Examples:
 
 The words are the board's own and work from any terminal program at 115200 baud; `help` lists them. \
 Arrow keys bring back earlier lines, Tab completes. `quit` or Ctrl-D leaves; the board goes on. \
+A script of which the board has refused a line ends with exit code 1. \
 `stop` and Ctrl-C switch all coils off at once; Ctrl-C during a command ends the console as well.";
 
 /// Type to the board: line editing, history, completion, help

@@ -107,6 +107,9 @@ struct Running {
     servos: usize,
     port: String,
     camera: String,
+    /// Commands find the board without being told its port.
+    #[serde(skip)]
+    found: bool,
 }
 
 impl Answer for Running {
@@ -116,9 +119,11 @@ impl Answer for Running {
             1 => ", 1 servo joint".to_owned(),
             count => format!(", {count} servo joints"),
         };
+        let port = if self.found { String::new() } else { format!(" -p {}", self.port) };
         format!(
             "board    {}\nflash    {}\narm      {}, {} actuators{servos}\nport     {}\ncamera   {}\n\n\
-             In another terminal: `darm console`, `darm status`, `darm upload TABLE.darm`; Ctrl-C ends the board",
+             In another terminal: `darm console{port}`, `darm status{port}`, `darm upload TABLE.darm{port}`; Ctrl-C ends the \
+             board",
             self.board, self.flash, self.arm, self.actuators, self.port, self.camera,
         )
     }
@@ -173,6 +178,7 @@ impl Plant {
             servos: arm.n_servos(),
             camera: format!("unix:{}", state_folder::camera(&folder).display()),
             port: board.port.clone(),
+            found: self.folder.is_none(),
         })?;
         let end = wait(&mut board);
         projector.stop();

@@ -34,6 +34,14 @@ An arm file of format 1 carried the drives and limits of its board. To bring arm
   darm profile write profile.toml                once, holding the board's user button
   darm table arm.toml …                          make every table again, and upload it";
 
+const WRITE_EXAMPLES: &str = "\
+Examples:
+  darm profile write profile.toml                hold the user button of the board meanwhile
+  darm profile write --arm arm.toml              the profile that the arm names
+
+The button is waited for, at most 60 s. Nobody can hold that of a board in `darm plant`: \
+`darm plant arm.toml --profile profile.toml` writes a profile there.";
+
 /// How long `write` waits for the button, and for the board's restart.
 const BUTTON_LIMIT: Duration = Duration::from_secs(60);
 const RESTART_LIMIT: Duration = Duration::from_secs(10);
@@ -50,6 +58,7 @@ pub(crate) struct Command {
 #[derive(clap::Subcommand, Debug)]
 enum What {
     /// Make a cautious first profile for the outputs and servos that an arm names, to be edited by a person
+    #[command(after_help = "Examples:\n  darm profile make arm.toml -o profile.toml")]
     Make {
         /// The arm
         #[arg(value_name = "ARM.toml")]
@@ -62,6 +71,7 @@ enum What {
         force: bool,
     },
     /// Split an arm file of format 1 into an arm file of this version and the profile of its board
+    #[command(after_help = "Examples:\n  darm profile migrate old.toml -o arm.toml --profile profile.toml")]
     Migrate {
         /// The arm file of format 1
         #[arg(value_name = "OLD_ARM.toml")]
@@ -77,6 +87,7 @@ enum What {
         force: bool,
     },
     /// Check a profile; with --arm, whether it has the outputs, limit switches and servos that the arm needs
+    #[command(after_help = "Examples:\n  darm profile check profile.toml --arm arm.toml")]
     Check {
         /// The profile
         #[arg(value_name = "PROFILE.toml")]
@@ -86,6 +97,7 @@ enum What {
         arm: Option<PathBuf>,
     },
     /// Store a profile on the board while a person holds its user button; the board restarts with it
+    #[command(after_help = WRITE_EXAMPLES)]
     Write {
         /// The profile
         #[arg(value_name = "PROFILE.toml", required_unless_present = "arm")]
@@ -97,6 +109,7 @@ enum What {
         port: PortArgs,
     },
     /// Show the profile of the board, and what is left of the limits of each output
+    #[command(after_help = "Examples:\n  darm profile show -p /dev/ttyACM0")]
     Show {
         #[command(flatten)]
         port: PortArgs,
@@ -275,8 +288,15 @@ impl Command {
                 if has(&mut client, &profile) {
                     return voice.tell(&Made::new(&profile, None, "in force on the board already"));
                 }
-                voice.note("hold the user button of the board");
-                write(&mut client, &profile)?;
+                voice.note(&format!(
+                    "hold the user button of the board: it is waited for, at most {} s. Nobody can hold it in `darm plant`, \
+                     which writes a profile when it starts: end it, then `darm plant ARM.toml --profile PROFILE.toml`",
+                    BUTTON_LIMIT.as_secs()
+                ));
+                let wheel = voice.wheel("waiting for the user button");
+                let written = write(&mut client, &profile);
+                wheel.finish_and_clear();
+                written?;
                 voice.tell(&Made::new(&profile, None, "stored; the board has restarted with it"))
             }
             What::Show { port } => show(&mut port.connect()?, voice),

@@ -152,8 +152,10 @@ pub(crate) enum TableFileError {
     },
     /// The table was made for another profile of the board.
     #[error(
-        "{path} was made for board profile {profile}, this board has {board}; \
-         write that profile with `darm profile write`, or make the table again with `darm table --profile`"
+        "{path} was made for {}, this board has {}; \
+         write that profile with `darm profile write`, or make the table again with `darm table --profile`",
+        profile_name(.profile),
+        profile_name(.board)
     )]
     OtherProfile {
         /// The file.
@@ -171,6 +173,14 @@ pub(crate) enum TableFileError {
         /// Rows that are there.
         rows: usize,
     },
+}
+
+/// The digest of a profile; that of a board without one is zero.
+fn profile_name(profile: &ShortDigest) -> String {
+    match *profile == Digest::default().short() {
+        true => "no profile (built-in limits)".to_owned(),
+        false => format!("board profile {profile}"),
+    }
 }
 
 impl TableFile {

@@ -5,6 +5,8 @@ mod words;
 
 use std::io::{BufRead as _, IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
@@ -23,6 +25,8 @@ use words::{Local, Words};
 
 /// How long a lost port is waited for.
 const COMES_BACK: Duration = Duration::from_secs(10);
+/// How the board's answer to a line begins that it does not do.
+const REFUSED: &str = "? ";
 /// Lines of history that are kept.
 const HISTORY: usize = 1000;
 
@@ -79,15 +83,31 @@ fn by_hand(port: &str, voice: Voice) -> anyhow::Result<()> {
 
 /// Without a terminal: one line after the other, each after the answer to the one before.
 fn by_script(port: &str, voice: Voice) -> anyhow::Result<()> {
-    let show: Show = Box::new(move |line| say(line, voice));
+    let refused = Arc::new(AtomicUsize::new(0));
+    let count = refused.clone();
+    let show: Show = Box::new(move |line| {
+        if line.starts_with(REFUSED) {
+            count.fetch_add(1, Ordering::Relaxed);
+        }
+        say(line, voice);
+    });
     let mut session = Session::start(port, voice, show)?;
     for line in std::io::stdin().lock().lines() {
         if session.obey(line.context("reading the standard input")?.trim())? == Next::Leave {
             break;
         }
     }
-    session.pump.stop().map_err(Into::into)
+    session.pump.stop()?;
+    match refused.load(Ordering::Relaxed) {
+        0 => Ok(()),
+        lines => Err(Refused(lines).into()),
+    }
 }
+
+/// Lines of a script that the board has not done.
+#[derive(Debug, thiserror::Error)]
+#[error("the board refused {0} of the lines; its answers to them begin with `?`")]
+struct Refused(usize);
 
 /// A line of the board on the standard output.
 fn say(line: &str, voice: Voice) {

@@ -80,3 +80,27 @@ fn an_emergency_stop_that_opens_when_pressed_is_released_in_the_plant_unless_ask
     assert_eq!(phase(""), ("idle".into(), Some("good".into())));
     assert_eq!(phase("--switch-open 12"), ("safe".into(), Some("wrong".into())));
 }
+
+#[test]
+fn small_sentences_name_what_is_meant() {
+    let home = Home::new();
+    home.fails(
+        "status -p /dev/null",
+        4,
+        "darm: /dev/null is not a serial port; name one: /dev/ttyACM0, unix:PATH or tcp:HOST:PORT",
+    );
+    let arm = example("planar4.toml");
+    home.succeeds(&format!("table {arm} --words 000010000000 -o one.darm"));
+    let board = Board::start(&home, &format!("{arm} --no-profile --folder board"));
+    let refused = text(&home.darm(&format!("upload one.darm {}", board.port)).stderr);
+    assert!(refused.contains("this board has no profile (built-in limits)"), "{refused}");
+    let mut script = home.command(&format!("console {}", board.port));
+    home.write("script", "id\ndance\n");
+    let script = script.stdin(std::fs::File::open(home.path("script")).unwrap()).output().unwrap();
+    assert_eq!(script.status.code(), Some(1));
+    assert!(text(&script.stderr).contains("the board refused 1 of the lines"), "{}", text(&script.stderr));
+    for command in ["make", "migrate", "check", "write", "show"] {
+        let help = home.succeeds(&format!("profile {command} --help"));
+        assert!(help.contains("Examples:\n  darm profile "), "{command}: {help}");
+    }
+}

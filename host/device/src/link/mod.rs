@@ -116,6 +116,12 @@ pub enum LinkError {
         /// The port as named by the user.
         port: String,
     },
+    /// The name is that of a file or device that is no serial port.
+    #[error("{port} is not a serial port; name one: /dev/ttyACM0, unix:PATH or tcp:HOST:PORT")]
+    NoSerialPort {
+        /// The port as named by the user.
+        port: String,
+    },
     /// The other end is gone: cable pulled, emulator ended.
     #[error("{port} was closed by the other end; check the cable and connect again")]
     Closed {
@@ -144,6 +150,9 @@ impl LinkError {
     /// Sorts an error of opening or using `port`.
     pub(crate) fn of(port: &str, source: io::Error) -> Self {
         let port = port.to_owned();
+        if source.raw_os_error() == Some(rustix::io::Errno::NOTTY.raw_os_error()) {
+            return LinkError::NoSerialPort { port };
+        }
         match source.kind() {
             io::ErrorKind::NotFound => LinkError::Missing { port },
             io::ErrorKind::PermissionDenied => LinkError::Permission { port },
