@@ -61,9 +61,10 @@ use darm_core::wire::message::ImageKind;
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::arm::source::Source;
-use crate::arm::{FileError, ZERO_CELSIUS};
-use crate::client::UploadImage;
+use crate::arm::ZERO_CELSIUS;
+use crate::image::UploadImage;
+use darm_robot::source::FileError;
+use darm_robot::source::Source;
 
 /// The version of the file format.
 pub const FORMAT: u32 = 1;

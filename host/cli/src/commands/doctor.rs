@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use darm_device::client::Client;
-use darm::{link, qemu};
 use darm_core::sequencer::Phase;
+use darm_device::client::Client;
+use darm_device::{link, qemu};
 use serde::Serialize;
 
 use super::{flash, status};

@@ -225,9 +225,9 @@ impl Watch {
 
 #[cfg(test)]
 mod tests {
-    use darm_device::client::Happening;
     use darm_core::sequencer::Event;
     use darm_core::units::Micros;
+    use darm_device::client::Happening;
 
     use super::{End, Watch};
 

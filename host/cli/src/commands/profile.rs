@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use darm_arm::arm::{Arm, Servo, path_between};
+use darm_arm::arm::{Arm, Servo};
 use darm_arm::board_profile::{BoardProfile, longest_on_s};
 use darm_arm::migrate;
 use darm_arm::wired_arm::WiredArm;
@@ -12,6 +12,7 @@ use darm_core::profile::Servo as ProfileServo;
 use darm_core::units::Digest;
 use darm_core::wire::message::{OutputState, Refusal};
 use darm_device::client::{Client, ClientError};
+use darm_robot::source::path_between;
 use serde::Serialize;
 
 use crate::output_file;

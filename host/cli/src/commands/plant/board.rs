@@ -9,6 +9,13 @@ use anyhow::Context as _;
 use darm_arm::board_profile::BoardProfile;
 use darm_core::output::Wiring;
 use darm_core::sequencer::{Command, Phase};
+use darm_device::client::Client;
+use darm_device::follow::Follower;
+use darm_device::in_process::MemoryFlash;
+use darm_device::link;
+use darm_device::plant::camera::Frame;
+use darm_device::plant::{Broken, Plant};
+use darm_device::qemu::{self, Console, Machine, Qemu};
 
 use super::bridge::Bridge;
 use crate::state_folder;
