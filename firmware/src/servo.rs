@@ -76,14 +76,6 @@ struct Written {
     visits: u8,
 }
 
-/// What a servo answered.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Present {
-    angle_rad: f32,
-    load: f32,
-    error: u8,
-}
-
 impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
     /// A bus on which nothing was said yet.
     pub fn new(reader: R, writer: W, clock: C) -> Self {
@@ -109,14 +101,11 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
     pub async fn visit_all(&mut self, shared: &Shared<'_>) {
         for (index, joint) in shared.joints().into_iter().enumerate() {
             let visited = match joint {
-                Some(joint) => self.visit(index, joint).await.map(Some),
+                Some(joint) => self.visit(index, joint, shared).await.map(Some),
                 None => Ok(None),
             };
             match visited {
-                Ok(Some(Present { angle_rad, load, error })) => {
-                    let answered = Some(self.clock.now());
-                    shared.see_servo(index, ServoSeen { angle_rad, load, error, answered });
-                }
+                Ok(Some(seen)) => shared.see_servo(index, seen),
                 Ok(None) => self.set_written(index, None),
                 Err(_) => {
                     self.failures = self.failures.saturating_add(1);
@@ -137,10 +126,21 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
     }
 
     /// Reads first: what is written may depend on where the servo is.
-    async fn visit(&mut self, index: usize, joint: Joint) -> Result<Present, BusError> {
+    async fn visit(&mut self, index: usize, joint: Joint, shared: &Shared<'_>) -> Result<ServoSeen, BusError> {
         let answer = self.ask(&Packet::read(joint.limit.id, PRESENT, PRESENT_LEN)).await?;
         let &[p0, p1, _, _, l0, l1] = answer.parameters() else { return Err(BusError::Length) };
         let position = u16::from_le_bytes([p0, p1]);
+        let load = u16::from_le_bytes([l0, l1]) & (LOAD_SIGN - 1);
+        let seen = |answered| ServoSeen {
+            angle_rad: angle_rad(position),
+            load: f32::from(load) * 1e-3,
+            error: answer.code,
+            answered: Some(answered),
+        };
+        if shared.servo_seen(index).answered.is_none() {
+            // What is written next may drive it although its answer is lost: from now on its silence counts.
+            shared.see_servo(index, seen(self.clock.now()));
+        }
         let visits = match self.written.get(index).copied().flatten() {
             Some(last) if last.joint == joint && last.visits < REWRITE_VISITS => last.visits.saturating_add(1),
             // The position that is held was written once; again it would creep.
@@ -151,8 +151,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
             }
         };
         self.set_written(index, Some(Written { joint, visits }));
-        let load = u16::from_le_bytes([l0, l1]) & (LOAD_SIGN - 1);
-        Ok(Present { angle_rad: angle_rad(position), load: f32::from(load) * 1e-3, error: answer.code })
+        Ok(seen(self.clock.now()))
     }
 
     async fn act(&mut self, joint: &Joint, position: u16) -> Result<(), BusError> {

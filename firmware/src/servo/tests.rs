@@ -15,6 +15,7 @@ struct Fake {
     registers: RefCell<[u8; 80]>,
     out: RefCell<VecDeque<u8>>,
     mute: Cell<bool>,
+    mute_to_writes: Cell<bool>,
     error: Cell<u8>,
     writes: Cell<u32>,
 }
@@ -25,6 +26,7 @@ impl Fake {
             registers: RefCell::new([0; 80]),
             out: RefCell::default(),
             mute: Cell::new(false),
+            mute_to_writes: Cell::new(false),
             error: Cell::new(0),
             writes: Cell::new(0),
         }
@@ -42,7 +44,8 @@ impl Fake {
         } else {
             answer = Packet::answer(1, self.error.get(), &registers[first..first + usize::from(values[0])]);
         }
-        if !self.mute.get() {
+        let is_mute = self.mute.get() || self.mute_to_writes.get() && request.code == 3;
+        if !is_mute {
             self.out.borrow_mut().extend(answer.encode());
         }
     }
@@ -159,6 +162,16 @@ fn a_released_servo_has_no_torque() {
     shared.set_joints([doing(ServoAction::Release), None, None, None]);
     visit(&fake, &shared, &clock, 1);
     assert_eq!(fake.registers.borrow()[40], 0);
+}
+
+/// It is driven from then on: its silence has to count.
+#[test]
+fn a_servo_that_falls_silent_in_its_first_visit_was_seen() {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    fake.mute_to_writes.set(true);
+    shared.set_joints([joint(0.5), None, None, None]);
+    assert!(visit(&fake, &shared, &clock, 1).answered.is_some());
+    assert_eq!(fake.registers.borrow()[40], 1);
 }
 
 #[test]
