@@ -6,7 +6,7 @@
 //!                                    └─► state ─► camera
 //! ```
 //!
-//! [`Plant`] knows nothing of the emulator: [`follow`] drives it by the pins of the real image in real time, and
+//! [`Plant`] knows nothing of the emulator: [`crate::follow`] drives it by the pins of the real image in real time, and
 //! [`crate::in_process`] by the firmware library in virtual time. Time comes in as an argument.
 
 mod actuator;

@@ -1,7 +1,7 @@
 //! Inverse kinematics by a method of choice, with the error before every step, so that methods can be compared.
 //!
 //! Take [`Method::LevenbergMarquardt`]; the others are there to be learned from. [`configurations`] tells all
-//! postures that reach a target, [`search`] holds the searches by populations of points, [`paper`] the tables that
+//! postures that reach a target, [`search`] holds the searches by populations of points, `memr` of `darm-papers` the tables that
 //! they are known from.
 //!
 //! [`solve`] never fails: [`Solution::status`] tells how it ended, and [`Solution::q`] holds the nearest positions
