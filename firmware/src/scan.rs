@@ -15,7 +15,7 @@ pub(crate) enum Stop {
 }
 
 /// Longest stop frame between its zeros.
-const FRAME: usize = 32;
+const FRAME: usize = 16;
 const WORD: [u8; 4] = *b"stop";
 
 /// What has been received since the last zero, and the last characters of the line.

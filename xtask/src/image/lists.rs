@@ -55,6 +55,7 @@ pub(crate) const INDIRECT: &[Indirect] = &[
             "board::death",
             "firmware::text",
             "<core::pin::Pin<P> as core::future::future::Future>",
+            "<&mut F as core::future::future::Future>",
         ],
         callees: &[
             Named("core::fmt::Write>::write_str"),
