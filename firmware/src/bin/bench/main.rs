@@ -41,6 +41,7 @@ use darm_firmware::store::Store;
 use defmt_rtt as _;
 use serde::Serialize;
 use sha2::{Digest as _, Sha256};
+use static_cell::StaticCell;
 
 /// The planar arm of four modules, and all that a board drives.
 const ARMS: [(&str, usize, usize); 2] = [("arm_12", 12, 0), ("arm_full", MAX_ACTUATORS, MAX_SERVOS)];
@@ -69,7 +70,7 @@ fn check(what: &str, holds: bool) {
 
 /// An image in the making.
 struct Recorded {
-    bytes: heapless::Vec<u8, 4096>,
+    bytes: heapless::Vec<u8, 2560>,
     kind: ImageKind,
     model: ModelHash,
 }
@@ -142,9 +143,10 @@ fn store_profile() -> Digest {
     recorded.image().digest
 }
 
-/// The recorded upload.
-fn record(profile: Digest, actuators: usize, servos: usize) -> Recorded {
-    let mut table = Recorded::new(ImageKind::Table, actuators as u64);
+/// The recorded upload, in place of the one before: the stack has no room for it.
+fn record(table: &mut Recorded, profile: Digest, actuators: usize, servos: usize) {
+    table.bytes.clear();
+    table.model = ModelHash(actuators as u64);
     table.push(&Record::Start { model: table.model, device: None, profile, switch_limit: SUPPLY });
     for index in 0..actuators as u8 {
         table.push(&Record::Coil(coil(index)));
@@ -152,10 +154,9 @@ fn record(profile: Digest, actuators: usize, servos: usize) -> Recorded {
     }
     (0..servos as u8).for_each(|index| table.push(&Record::Servo(servo(index))));
     if actuators <= MODULED {
-        push_modules(&mut table, actuators);
+        push_modules(table, actuators);
     }
-    push_rows(&mut table, actuators, servos);
-    table
+    push_rows(table, actuators, servos);
 }
 
 /// Modules of two actuators, with as many frames as those have words.
@@ -317,11 +318,13 @@ fn measure_all(stack: &Stack, profile: Digest) {
     // After power-up every output counts as used to its limit.
     host.watch(2 * LIMIT.window_ms);
     tell("start", "control_tick", measure::take().tick, "instructions");
+    static TABLE: StaticCell<Recorded> = StaticCell::new();
+    let table = TABLE.init_with(|| Recorded::new(ImageKind::Table, 0));
     for (name, actuators, servos) in ARMS {
-        let table = record(profile, actuators, servos);
+        record(table, profile, actuators, servos);
         host.watch(50);
         measure::take();
-        host.upload(&table);
+        host.upload(table);
         host.play();
         let measured = measure::take();
         check("every coil was driven", measured.lines_seen.count_ones() as usize >= actuators.min(32));
@@ -331,8 +334,8 @@ fn measure_all(stack: &Stack, profile: Digest) {
         tell(name, "systick_handler", measured.handler, "instructions");
     }
     let [.., (_, actuators, servos)] = ARMS;
-    let table = record(profile, actuators, servos);
-    (0..STORES).for_each(|_| host.upload(&table));
+    record(table, profile, actuators, servos);
+    (0..STORES).for_each(|_| host.upload(table));
     tell("board", "stack", stack.used(), "bytes");
     tell_lateness();
 }
