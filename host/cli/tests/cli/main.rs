@@ -136,7 +136,7 @@ fn a_hand_makes_contacts_or_says_which_it_cannot() {
     let bare = example("allegro_hand.urdf");
     let found = home.json(&format!("grasp solve {bare} {contacts}"));
     assert!(found["error_m"].as_f64().unwrap() < 1e-6);
-    let arm = home.darm(&format!("grasp solve {} {contacts}", example("../../tests/data/urdf/ur10.urdf")));
+    let arm = home.darm(&format!("grasp solve {} {contacts}", example("../tests/data/urdf/ur10.urdf")));
     assert!(text(&arm.stderr).contains("name four by --tips INDEX,MEDIUM,RING,THUMB"), "{}", text(&arm.stderr));
     let text = std::fs::read_to_string(&contacts).unwrap();
     home.write("far.toml", &text.replace("[390, 24, 140]", "[-390, 24, 140]"));

@@ -167,8 +167,8 @@ fn masses_are_identified_and_bad_postures_are_told() {
     assert!(refused(one).contains("1 posture(s) tell"));
     let reversed = refused(postures(|row| row[8..].iter_mut().for_each(|x| *x = -*x)));
     assert!(reversed.contains("line 2: the contacts pull the robot down"), "{reversed}");
-    let human = example("../../tests/data/measured/human.urdf");
-    let setup = example("../../tests/data/stand/stand.toml");
+    let human = example("../tests/data/measured/human.urdf");
+    let setup = example("../tests/data/stand/stand.toml");
     home.write(
         "capture.csv",
         &(0..12).fold("t_s,LASI_x,LASI_y,LASI_z,Fz_n,Mx_nm,My_nm\n".to_owned(), |text, k| {

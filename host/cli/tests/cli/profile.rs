@@ -4,7 +4,7 @@ use super::{Board, Home, example, text};
 
 /// An arm file of format 1, with its profile in it.
 fn old() -> String {
-    example("../../tests/data/arms-format-1/planar4.toml")
+    example("../tests/data/arms-format-1/planar4.toml")
 }
 
 #[test]

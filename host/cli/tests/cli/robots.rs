@@ -121,7 +121,7 @@ fn a_file_is_told_and_drawn() {
     assert!(said.contains("warning: joint `panda_finger_joint2` mimics `panda_finger_joint1`"), "{said}");
     let said = home.succeeds(&format!("model {} --base-parameters", example("planar2.toml")));
     assert!(said.contains("\n  Izz link 1 + 0.25 m link 2\n"), "{said}");
-    let corrected = example("../../tests/data/corrected/corrected.toml");
+    let corrected = example("../tests/data/corrected/corrected.toml");
     let constants = [
         (example("puma560.toml"), include_str!("../../../../firmware/src/bin/bench/puma560.rs")),
         (corrected, include_str!("../../../../firmware/src/bin/bench/corrected.rs")),
