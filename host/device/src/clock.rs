@@ -26,7 +26,7 @@
 //! # Example
 //!
 //! ```
-//! use crate::clock::{BoardClock, RoundTrip};
+//! use darm_device::clock::{BoardClock, RoundTrip};
 //! let mut clock = BoardClock::default();
 //! clock.observe(RoundTrip { sent_s: 10.0, board_s: 3.0, received_s: 10.2 });
 //! let host = clock.host_time(3.5).unwrap();

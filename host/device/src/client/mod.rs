@@ -4,8 +4,8 @@
 //! changes something exactly once. So a host may be killed and started again at any moment, and a cable pulled.
 //!
 //! ```no_run
-//! use crate::client::Client;
-//! let mut client = Client::connect(crate::link::open("/dev/ttyACM0")?)?;
+//! use darm_device::client::Client;
+//! let mut client = Client::connect(darm_device::link::open("/dev/ttyACM0")?)?;
 //! let rows = client.status()?.rows;
 //! println!("{} with {rows} rows", client.identity().device);
 //! # Ok::<(), Box<dyn std::error::Error>>(())

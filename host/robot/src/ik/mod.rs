@@ -8,7 +8,7 @@
 //! found.
 //!
 //! ```
-//! use crate::ik::{self, Arm, Method, Options, Status};
+//! use darm_robot::ik::{self, Arm, Method, Options, Status};
 //! use darm_core::tree::{Inertia, Joint, Tree};
 //! use darm_core::{real::Vec3, se::Pose};
 //! let upper = Joint::revolute(None, Vec3::z(), Pose::identity(), Inertia::none());

@@ -12,8 +12,8 @@
 //! of their evaluations.
 //!
 //! ```
-//! use crate::ik::objective::Function;
-//! use crate::ik::search::{Algorithm, Settings, minimise};
+//! use darm_robot::ik::objective::Function;
+//! use darm_robot::ik::search::{Algorithm, Settings, minimise};
 //! let settings = Settings { iterations: 100, deviation: 0.01, ..Settings::default() };
 //! let run = minimise(Algorithm::Memr, &Function::de_jong(4), &settings);
 //! assert!(run.value < 1e-3 && run.history.len() == 101);
