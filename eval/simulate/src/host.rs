@@ -148,6 +148,7 @@ impl<'s> Host<'s> {
             HostAct::Coil(coil, on_ms) => Command::Coil { coil, on_ms },
             HostAct::Word(_) => Command::Word(word(&self.script.arm, seed)),
             HostAct::WrongWord(_) => return self.wrong_word(seed),
+            HostAct::Servo(servo, _) if seed % 2 == 0 => return self.turn_unseen(servo),
             HostAct::Servo(servo, mrad) => Command::Servo { servo, angle_rad: 1e-3 * mrad as f32 },
             HostAct::Upload(index) => return self.upload(index),
             HostAct::Stop => return self.stop("stop", |client| client.command(Command::Stop)),
@@ -174,6 +175,25 @@ impl<'s> Host<'s> {
                 return;
             }
         }
+    }
+
+    /// Turns a servo that has not answered since the board started: whatever the board says, it is not driven.
+    fn turn_unseen(&mut self, servo: u8) {
+        if !self.is_own_table_at_rest() {
+            return;
+        }
+        world::with(|world| {
+            // Where the restart is refused the servo has answered, and turns.
+            world.servos.on_asked(0.0);
+            world.silence_servos(u8::MAX);
+        });
+        self.ask("reboot", |client| client.reboot(RebootInto::Application));
+        world::pass(SETTLE_MS);
+        for _ in 0..2 {
+            self.command("turn", Command::Servo { servo, angle_rad: 0.0 });
+        }
+        world::pass(SETTLE_MS);
+        world::with(|world| world.silence_servos(0));
     }
 
     /// Uses one output up to its limit, then changes the table, then restarts the board: its limit stays what it is.

@@ -73,6 +73,8 @@ pub struct World {
     happened: Vec<Physical>,
     /// Since when the emergency stop is pressed.
     pressed_ns: Option<u64>,
+    /// Servos that the host's act silences.
+    silenced: u8,
     /// The kind of the disturbance that ended last, and when, until the host gets through again.
     recovering: Option<(&'static str, u64)>,
     /// Since when the host tries to get through.
@@ -114,6 +116,7 @@ impl World {
             burst_ns: None,
             happened: Vec::new(),
             pressed_ns: None,
+            silenced: 0,
             recovering: None,
             tried_ns: None,
             recoveries: Vec::new(),
@@ -418,8 +421,15 @@ impl World {
         }
     }
 
+    /// These servos answer nothing from now on, beside those that the script silences.
+    pub fn silence_servos(&mut self, servos: u8) {
+        self.silenced = servos;
+        self.disturbed_ns = self.now_ns();
+        self.break_plant();
+    }
+
     fn break_plant(&mut self) {
-        let mut broken = Broken::default();
+        let mut broken = Broken { servos_silent: self.silenced, ..Broken::default() };
         for active in &self.active {
             match active.act {
                 WorldAct::StuckSwitches(inputs, true, _) => broken.switches_closed |= inputs,
