@@ -148,7 +148,7 @@ impl<'s> Host<'s> {
             HostAct::Coil(coil, on_ms) => Command::Coil { coil, on_ms },
             HostAct::Word(_) => Command::Word(word(&self.script.arm, seed)),
             HostAct::WrongWord(_) => return self.wrong_word(seed),
-            HostAct::Servo(servo, _) if seed % 2 == 0 => return self.turn_unseen(servo),
+            HostAct::Servo(servo, _) if seed.is_multiple_of(2) => return self.turn_unseen(servo),
             HostAct::Servo(servo, mrad) => Command::Servo { servo, angle_rad: 1e-3 * mrad as f32 },
             HostAct::Upload(index) => return self.upload(index),
             HostAct::Stop => return self.stop("stop", |client| client.command(Command::Stop)),
