@@ -21,7 +21,7 @@ const BLOCK: u64 = 20;
 
 /// Runs the whole system in virtual time under two judges; prints what they find
 #[derive(Parser)]
-#[command(name = "cargo xtask simulate")]
+#[command(name = "cargo xtask simulate", bin_name = "cargo xtask simulate")]
 struct Arguments {
     /// Seeds from A to B, B not included
     #[arg(long, value_name = "A..B", default_value = "0..200")]
