@@ -109,6 +109,13 @@ struct Doubled<V> {
 
 impl<'a, V: Serialize + Deserialize<'a>> PostcardValue<'a> for Doubled<V> {}
 
+fn newer<V>([first, second]: [Option<Doubled<V>>; 2]) -> Option<Doubled<V>> {
+    match (first, second) {
+        (Some(first), Some(second)) => Some(if first.version < second.version { second } else { first }),
+        (first, second) => first.or(second),
+    }
+}
+
 /// The upload that is under way.
 #[derive(Clone, Copy, Debug)]
 struct Upload {
@@ -218,8 +225,6 @@ impl<F: NorFlash> Store<F> {
                 Err(StorageError) => store.unreadable = true,
             }
         }
-        // Whether it can be read is seen when it is asked for.
-        let _ = store.mend::<Calibration>(KEY_CALIBRATION).await;
         store
     }
 
@@ -256,7 +261,7 @@ impl<F: NorFlash> Store<F> {
 
     /// The stored zero offsets.
     pub async fn calibration(&mut self) -> Result<Option<Calibration>, StorageError> {
-        self.fetch_doubled(KEY_CALIBRATION).await
+        self.mend(KEY_CALIBRATION).await
     }
 
     /// Stores the zero offsets.
@@ -467,34 +472,30 @@ impl<F: NorFlash> Store<F> {
     where
         V: Serialize + for<'a> Deserialize<'a>,
     {
-        Ok(self.newer::<V>(key).await?.map(|doubled| doubled.value))
+        Ok(newer(self.copies::<V>(key).await?).map(|doubled| doubled.value))
     }
 
     /// Reads a record, and writes it again where one copy is damaged or older: after a power cut, for example.
     async fn mend<V>(&mut self, key: u8) -> Result<Option<V>, StorageError>
     where
-        V: Clone + PartialEq + Serialize + for<'a> Deserialize<'a>,
+        V: Copy + PartialEq + Serialize + for<'a> Deserialize<'a>,
     {
-        let newer = self.newer::<V>(key).await?;
-        for copy in [key, key | SECOND] {
-            if let Some(newer) = &newer
-                && self.fetch::<Doubled<V>>(copy).await?.as_ref() != Some(newer)
-            {
+        let copies = self.copies::<V>(key).await?;
+        let Some(newer) = newer(copies) else { return Ok(None) };
+        for (key, copy) in [key, key | SECOND].into_iter().zip(copies) {
+            if copy != Some(newer) {
                 // The other copy is good: what cannot be written now is tried again at the next start.
-                let _ = self.put(copy, newer).await;
+                let _ = self.put(key, &newer).await;
             }
         }
-        Ok(newer.map(|newer| newer.value))
+        Ok(Some(newer.value))
     }
 
-    async fn newer<V>(&mut self, key: u8) -> Result<Option<Doubled<V>>, StorageError>
+    async fn copies<V>(&mut self, key: u8) -> Result<[Option<Doubled<V>>; 2], StorageError>
     where
         V: Serialize + for<'a> Deserialize<'a>,
     {
-        let first = self.fetch::<Doubled<V>>(key).await?;
-        let second = self.fetch::<Doubled<V>>(key | SECOND).await?;
-        let is_older = |first: &Doubled<V>| second.as_ref().is_some_and(|second| first.version < second.version);
-        Ok(first.filter(|first| !is_older(first)).or(second))
+        Ok([self.fetch(key).await?, self.fetch(key | SECOND).await?])
     }
 
     async fn put_doubled<V>(&mut self, key: u8, value: V) -> Result<(), StorageError>
@@ -502,7 +503,7 @@ impl<F: NorFlash> Store<F> {
         V: Serialize + for<'a> Deserialize<'a>,
     {
         // What cannot be read is replaced.
-        let old = self.newer::<V>(key).await.ok().flatten();
+        let old = self.copies::<V>(key).await.ok().and_then(newer);
         let version = old.map_or(0, |old| old.version.saturating_add(1));
         let doubled = Doubled { value, version };
         self.put(key, &doubled).await?;

@@ -14,9 +14,10 @@ use crate::pipe::{Pipe, PipeReader, PipeWriter};
 
 const STOPPED: Result<Answer, Refusal> = Err(Refusal::Command(CommandError::Stopped));
 
-/// Serves the console for so long; `each` is called in every millisecond with what has passed, to type and to read.
+/// Serves the console for so long; `each` is called in every millisecond with what has passed, to type and to read as much
+/// as a line of 115 200 baud brings.
 fn serve_for(bench: &Bench, millis: u64, mut each: impl FnMut(u64, &Pipe<1024>, &str)) {
-    let (input, output) = (Pipe::<1024>::new(), Pipe::<4096>::new());
+    let (input, output) = (Pipe::<1024>::new(), Pipe::<128>::new());
     let mut desk = bench.desk.borrow_mut();
     let (mut reader, mut writer) = (PipeReader(&input), PipeWriter(&output));
     let begun = bench.clock.0.get();
@@ -28,7 +29,7 @@ fn serve_for(bench: &Bench, millis: u64, mut each: impl FnMut(u64, &Pipe<1024>, 
     };
     run(select(serve(desk.as_mut().unwrap(), &mut reader, &mut writer), over), || {
         bench.tick();
-        let said: String = core::iter::from_fn(|| output.pop()).map(char::from).collect();
+        let said: String = core::iter::from_fn(|| output.pop()).take(11).map(char::from).collect();
         each(passed_ms(), &input, &said);
     });
 }
@@ -108,23 +109,37 @@ fn an_open_frame_does_not_swallow_a_typed_stop() {
     assert_eq!(bench.outputs.get().lines, 0);
 }
 
-#[test]
-fn a_second_stop_is_answered_at_once() {
-    let bench = loaded();
-    let mut answered = vec![];
-    let mut text = String::new();
-    serve_for(&bench, 200, |ms, input, said| {
-        input.push_slice(match ms {
-            1 => b"limits\r",
-            4 | 8 => b"stop\r",
-            _ => b"",
-        });
-        text.push_str(said);
-        if text.ends_with("ok\r\n") {
-            answered.push(ms);
-            text.clear();
+/// When the board answered `ok` to what is typed at these times, all in ms.
+fn answered_ms(bench: &Bench, typed: &[(u64, &str)], millis: u64) -> Vec<u64> {
+    let (mut answered, mut line) = (vec![], String::new());
+    serve_for(bench, millis, |ms, input, said| {
+        for (_, text) in typed.iter().filter(|(at_ms, _)| *at_ms == ms) {
+            input.push_slice(text.as_bytes());
+        }
+        for character in said.chars() {
+            line.push(character);
+            if character == '\n' && core::mem::take(&mut line) == "ok\r\n" {
+                answered.push(ms);
+            }
         }
     });
+    answered
+}
+
+#[test]
+fn a_typed_stop_is_answered_at_once_while_the_console_prints() {
+    for busy in ["log", "limits", "help"] {
+        let bench = loaded();
+        bench.command(Command::Play).unwrap();
+        bench.pass_ms(150);
+        let answered = answered_ms(&bench, &[(1, &format!("{busy}\rstop\r"))], 2000);
+        assert!(answered.first().is_some_and(|ms| *ms <= 20), "{busy}: stop answered after {answered:?} ms");
+    }
+}
+
+#[test]
+fn a_second_stop_is_answered_at_once() {
+    let answered = answered_ms(&loaded(), &[(1, "limits\r"), (4, "stop\r"), (8, "stop\r")], 200);
     assert!(answered.get(1).is_some_and(|ms| *ms <= 28), "typed at 4 and 8 ms, answered at {answered:?}");
 }
 
