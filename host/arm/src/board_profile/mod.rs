@@ -448,25 +448,20 @@ fn check_drive_keys(raw: &RawOutput) -> Result<(), At> {
 }
 
 fn output(raw: &RawOutput, derated: f64) -> Result<Output, ProfileFault> {
-    let need = |value: &Option<Spanned<u8>>, key, of| match value {
-        Some(value) => Ok(*value.get_ref()),
-        None => Err(ProfileFault::Missing { key, of }),
-    };
-    let need_ms = |value: &Option<Spanned<u16>>, key, of| match value {
-        Some(value) => Ok(*value.get_ref()),
-        None => Err(ProfileFault::Missing { key, of }),
-    };
+    fn need<T: Copy>(value: &Option<Spanned<T>>, key: &'static str, of: &'static str) -> Result<T, ProfileFault> {
+        value.as_ref().map(|value| *value.get_ref()).ok_or(ProfileFault::Missing { key, of })
+    }
     let drive = match raw.drive {
         RawDrive::Hold => Drive::Hold { line: need(&raw.line, "line", "a hold drive")? },
         RawDrive::PeakHold => Drive::PeakHold {
             pull: need(&raw.pull, "pull", "a peak-hold drive")?,
             hold: need(&raw.hold, "hold", "a peak-hold drive")?,
-            peak_ms: need_ms(&raw.peak_ms, "peak_ms", "a peak-hold drive")?,
+            peak_ms: need(&raw.peak_ms, "peak_ms", "a peak-hold drive")?,
         },
         RawDrive::Latch => Drive::Latch {
             set: need(&raw.set, "set", "a latch drive")?,
             reset: need(&raw.reset, "reset", "a latch drive")?,
-            pulse_ms: need_ms(&raw.pulse_ms, "pulse_ms", "a latch drive")?,
+            pulse_ms: need(&raw.pulse_ms, "pulse_ms", "a latch drive")?,
         },
     };
     let duty_percent = (f64::from(raw.duty_percent) * derated).floor() as u8;
