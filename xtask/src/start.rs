@@ -26,8 +26,8 @@ pub(crate) fn simulation(arguments: &Arguments) -> Result<ExitCode> {
 
 fn run(what: &[&str], arguments: &Arguments) -> Result<ExitCode> {
     let mut command = Command::new("cargo");
-    command.args(["run", "--quiet"]).args(what).args(&arguments.all);
-    let status = command.env("CARGO_MANIFEST_PATH", setup::root().join("Cargo.toml")).status();
+    command.args(["run", "--quiet", "--manifest-path"]).arg(setup::root().join("Cargo.toml"));
+    let status = command.args(what).args(&arguments.all).status();
     let code = status.context("cargo did not start")?.code().unwrap_or(1);
     Ok(ExitCode::from(u8::try_from(code).unwrap_or(1)))
 }
