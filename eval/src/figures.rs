@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use darm_simulate::goals::Goals;
 use serde::Serialize;
 
 use xtask::setup;
@@ -32,8 +33,7 @@ struct Versions {
 impl Figure {
     /// The number beside its goal: a bound such as `<= 8000`.
     pub(crate) fn new(name: &str, value: f64, unit: &str) -> Result<Self> {
-        let goal = goal(name)?;
-        let met = goal.as_deref().map(|goal| is_met(value, goal)).transpose()?;
+        let (goal, met) = Goals::read(&setup::root().join("tests/goals.toml"))?.judge(name, value)?.unzip();
         Ok(Self { name: name.to_owned(), value, unit: unit.to_owned(), goal, met })
     }
 }
@@ -64,34 +64,5 @@ fn short(value: f64) -> String {
         format!("{value:.1e}")
     } else {
         format!("{value:.3}")
-    }
-}
-
-fn goal(name: &str) -> Result<Option<String>> {
-    let path = setup::root().join("tests/goals.toml");
-    let text = std::fs::read_to_string(&path).with_context(|| format!("{} cannot be read", path.display()))?;
-    let goals: toml::Table = text.parse().with_context(|| format!("{} is no TOML", path.display()))?;
-    Ok(goals.get(name).and_then(toml::Value::as_str).map(str::to_owned))
-}
-
-fn is_met(value: f64, goal: &str) -> Result<bool> {
-    let (sign, bound) =
-        goal.split_once(' ').with_context(|| format!("the goal {goal:?} is not a sign and a number"))?;
-    let bound: f64 = bound.parse().with_context(|| format!("the goal {goal:?} has no number"))?;
-    match sign {
-        "<=" => Ok(value <= bound),
-        ">=" => Ok(value >= bound),
-        _ => anyhow::bail!("the goal {goal:?} begins with neither <= nor >="),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn goals_are_bounds() {
-        assert!(is_met(8000.0, "<= 8000").unwrap() && !is_met(8001.0, "<= 8000").unwrap());
-        assert!(is_met(19.0, ">= 19").unwrap() && is_met(1.0, "about 2").is_err());
     }
 }

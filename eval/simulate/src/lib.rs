@@ -4,6 +4,7 @@
 //! See `docs/simulation.md`.
 
 pub mod arm;
+pub mod goals;
 pub mod host;
 pub mod hostile;
 pub mod judge;

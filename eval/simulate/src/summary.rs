@@ -7,6 +7,7 @@ use std::path::Path;
 use anyhow::{Context as _, Result};
 use serde::{Deserialize, Serialize};
 
+use crate::goals::Goals;
 use crate::run::Outcome;
 use crate::script::LOSSES;
 
@@ -163,25 +164,11 @@ fn row(name: &str, value: f64, unit: &'static str) -> Row {
 
 /// Puts the goals of a file beside the numbers.
 pub fn with_goals(mut rows: Vec<Row>, goals: &Path) -> Result<Vec<Row>> {
-    let text = std::fs::read_to_string(goals).with_context(|| format!("{} cannot be read", goals.display()))?;
-    let goals: toml::Table = text.parse().with_context(|| format!("{} is no TOML", goals.display()))?;
+    let goals = Goals::read(goals)?;
     for row in &mut rows {
-        let Some(goal) = goals.get(&row.name).and_then(toml::Value::as_str) else { continue };
-        row.met = Some(is_met(row.value, goal)?);
-        row.goal = Some(goal.to_owned());
+        (row.goal, row.met) = goals.judge(&row.name, row.value)?.unzip();
     }
     Ok(rows)
-}
-
-fn is_met(value: f64, goal: &str) -> Result<bool> {
-    let (sign, bound) =
-        goal.split_once(' ').with_context(|| format!("the goal {goal:?} is not a sign and a number"))?;
-    let bound: f64 = bound.parse().with_context(|| format!("the goal {goal:?} has no number"))?;
-    match sign {
-        "<=" => Ok(value <= bound),
-        ">=" => Ok(value >= bound),
-        _ => anyhow::bail!("the goal {goal:?} begins with neither <= nor >="),
-    }
 }
 
 /// The table for people.
