@@ -1,15 +1,15 @@
-//! The arms whose tool poses are measured blind, each with its programmes.
+//! The arms whose tool poses are measured blind, each with its plans.
 
 use std::sync::OnceLock;
 
 use anyhow::Result;
 use darm_arm::arm::Arm;
-use darm_diagnose::diagnose::programme::{Options, Step, programme};
+use darm_diagnose::measurement_plan::{Options, Step, plan};
 
 use xtask::setup;
 
 /// Programmes that the seeds of an arm share.
-const PROGRAMMES: usize = 4;
+const PLANS: usize = 4;
 /// Weights of the spatial arm, whose file has none: its plates and what it carries, kg.
 const PLATE_KG: f64 = 1.5;
 const TOOL_KG: f64 = 0.5;
@@ -17,15 +17,15 @@ const TOOL_KG: f64 = 0.5;
 /// An arm and what it plays.
 pub(super) struct Subject {
     pub(super) arm: Arm,
-    programmes: [OnceLock<Vec<Step>>; PROGRAMMES],
+    plans: [OnceLock<Vec<Step>>; PLANS],
 }
 
 impl Subject {
     /// What the arm plays for a seed.
     pub(super) fn steps(&self, seed: u64) -> &[Step] {
-        let seed = seed % PROGRAMMES as u64;
-        let made = || programme(&self.arm, &Options { seed, ..Options::default() });
-        self.programmes[seed as usize].get_or_init(made)
+        let seed = seed % PLANS as u64;
+        let made = || plan(&self.arm, &Options { seed, ..Options::default() });
+        self.plans[seed as usize].get_or_init(made)
     }
 }
 
@@ -41,5 +41,5 @@ fn subject(name: &str) -> Result<Subject> {
         arm.model.masses.iter_mut().take(n).for_each(|mass| mass.mass_kg = PLATE_KG);
         arm.model.payload.mass_kg = TOOL_KG;
     }
-    Ok(Subject { arm, programmes: Default::default() })
+    Ok(Subject { arm, plans: Default::default() })
 }

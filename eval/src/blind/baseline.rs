@@ -14,11 +14,11 @@ use anyhow::{Context, Result};
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_core::effect::Effect;
 use darm_core::effect::step::Step;
-use darm_diagnose::diagnose::candidate::{all, place_code};
-use darm_diagnose::diagnose::noise::{Noise, repeated};
-use darm_diagnose::diagnose::observation::{NoPose, Observations};
-use darm_diagnose::diagnose::sensitivity::Sensitivity;
+use darm_diagnose::linearise::arm_candidates::{all, place_code};
+use darm_diagnose::linearise::sensitivity::Sensitivity;
 use darm_diagnose::measurement::root_mean_square;
+use darm_diagnose::prepare::observations::{NoPose, Observations};
+use darm_diagnose::prepare::repeatability::{Noise, repeated};
 use darm_diagnose::truth::Blind;
 use nalgebra::{DMatrix, DVector};
 

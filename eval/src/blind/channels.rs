@@ -19,13 +19,14 @@
 use std::path::Path;
 
 use anyhow::Result;
-use darm_diagnose::diagnose::channels::model::{Model, What};
-use darm_diagnose::diagnose::channels::outcome::Diagnosis;
-use darm_diagnose::diagnose::channels::prepared::Preparation;
-use darm_diagnose::diagnose::channels::{Options, diagnose_table};
-use darm_diagnose::diagnose::outcome::Verdict;
+use darm_diagnose::linearise::model::{Model, What};
 use darm_diagnose::measurement::root_mean_square;
 use darm_diagnose::measurement::table::{Names, Table};
+use darm_diagnose::outcome::Verdict;
+use darm_diagnose::outcome_signals::Diagnosis;
+use darm_diagnose::prepare::signals::Preparation;
+use darm_diagnose::signals::Options;
+use darm_diagnose::signals::diagnose_table;
 use darm_robot::robot::Robot;
 use darm_robot::urdf::{self, Locks};
 use rand::{RngExt, SeedableRng};

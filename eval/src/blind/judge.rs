@@ -3,14 +3,14 @@
 use anyhow::Result;
 use darm_arm::arm::{Arm, ArmModel, ArmScratch};
 use darm_core::effect::Effect;
-use darm_diagnose::diagnose::candidate::{all, place_code};
-use darm_diagnose::diagnose::fit::fit;
-use darm_diagnose::diagnose::observation::Observations;
-use darm_diagnose::diagnose::outcome::{Diagnosis, Found, Verdict};
-use darm_diagnose::diagnose::programme::candidates;
-use darm_diagnose::diagnose::tool_pose::values;
+use darm_diagnose::linearise::arm_candidates::{all, place_code};
 use darm_diagnose::measurement::Run;
 use darm_diagnose::measurement::root_mean_square;
+use darm_diagnose::measurement_plan::candidates;
+use darm_diagnose::outcome::{Diagnosis, Found, Verdict};
+use darm_diagnose::prepare::observations::Observations;
+use darm_diagnose::select::robust_fit::fit;
+use darm_diagnose::select::tool_pose::values;
 use darm_diagnose::truth::{Blind, Sealed};
 
 use super::case::Class;

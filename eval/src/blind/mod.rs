@@ -17,7 +17,8 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use clap::ValueEnum;
-use darm_diagnose::diagnose::{self, diagnose};
+use darm_diagnose::diagnosis;
+use darm_diagnose::diagnosis::diagnose;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
 use crate::figures::tell;
@@ -132,7 +133,7 @@ impl Bench {
 fn poses(subject: &Subject, arm: Kin, seed: u64) -> Result<Outcome> {
     let class = Class::of(seed);
     let blind = case::draw(subject, seed)?;
-    let diagnosis = diagnose(&subject.arm, blind.measured(), &diagnose::Options::default())?;
+    let diagnosis = diagnose(&subject.arm, blind.measured(), &diagnosis::Options::default())?;
     let darm = judge::mark(&subject.arm, class, &blind, &diagnosis)?;
     let baselines = baseline::marks(&subject.arm, class, &blind)?;
     let truth: Vec<String> = blind
@@ -176,7 +177,7 @@ mod tests {
     fn mark(subjects: &[Subject; 3], kind: Kind, seed: u64) -> Mark {
         let subject = if kind == Kind::JointOffset { &subjects[2] } else { &subjects[0] };
         let blind = truth::Blind::draw(&subject.arm, subject.steps(seed), &[kind], seed).unwrap();
-        let diagnosis = diagnose(&subject.arm, blind.measured(), &diagnose::Options::default()).unwrap();
+        let diagnosis = diagnose(&subject.arm, blind.measured(), &diagnosis::Options::default()).unwrap();
         let class = if truth::Blind::INSIDE.contains(&kind) { Class::One } else { Class::Outside };
         judge::mark(&subject.arm, class, &blind, &diagnosis).unwrap()
     }

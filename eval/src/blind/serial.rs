@@ -5,9 +5,9 @@ use std::f64::consts::TAU;
 
 use anyhow::{Context, Result};
 use darm_core::effect::along::Law;
-use darm_diagnose::diagnose::channels::bodies::TEN;
-use darm_diagnose::diagnose::channels::known::Known;
-use darm_diagnose::diagnose::channels::torque;
+use darm_diagnose::linearise::bodies::TEN;
+use darm_diagnose::linearise::model_effects::Known;
+use darm_diagnose::linearise::torque;
 use darm_diagnose::measurement::root_mean_square;
 use darm_robot::robot::{Motion, Robot};
 use nalgebra::{DMatrix, DVector};

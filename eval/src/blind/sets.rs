@@ -1,8 +1,8 @@
 //! Sets of effects that rows do not tell apart: whether their members are alike anywhere.
 
 use anyhow::Result;
-use darm_diagnose::diagnose::channels::outcome::Diagnosis;
 use darm_diagnose::measurement::root_mean_square;
+use darm_diagnose::outcome_signals::Diagnosis;
 use nalgebra::{DMatrix, DVector};
 
 use super::channels::{Added, Bench, joint_of, law_of};

@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use clap::ValueEnum;
-use darm_diagnose::diagnose::significance::clopper_pearson;
+use darm_diagnose::select::significance::clopper_pearson;
 
 use super::case::Class;
 use super::judge::Mark;

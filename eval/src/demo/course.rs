@@ -12,9 +12,12 @@ use darm_arm::stops::{self, Setting};
 use darm_arm::synthesis::{self, Synthesis, synthesize};
 use darm_core::se::Pose;
 use darm_core::units::Word;
-use darm_diagnose::diagnose::programme::{self, Step, programme};
-use darm_diagnose::diagnose::{self, diagnose, outcome::Diagnosis, outcome::Verdict};
+use darm_diagnose::diagnosis;
+use darm_diagnose::diagnosis::diagnose;
 use darm_diagnose::measurement::Run;
+use darm_diagnose::measurement_plan::{self, Step, plan};
+use darm_diagnose::outcome::Diagnosis;
+use darm_diagnose::outcome::Verdict;
 use darm_diagnose::truth::{Kind, Sealed, Truth, scatter_m};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -144,7 +147,7 @@ pub(crate) fn run(
     let truth = Truth::draw(&arm, &wanted, task.seed, task.effect)?;
     let mut rng = ChaCha8Rng::seed_from_u64(task.seed ^ 0xca3e_7a00);
 
-    let steps = programme(&arm, &programme::Options { seed: task.seed, ..programme::Options::default() });
+    let steps = plan(&arm, &measurement_plan::Options { seed: task.seed, ..measurement_plan::Options::default() });
     progress.say(format!("table: {} visits measured, {FRAME_VISITS} × {} frames", steps.len(), wanted.len()));
     let mut stops = frame_visits(&wanted);
     let n_frame_stops = stops.len();
@@ -160,7 +163,7 @@ pub(crate) fn run(
     keep("run.csv", Keep::Run(&run))?;
 
     progress.say("diagnosis");
-    let diagnosis = diagnose(&arm, &run, &diagnose::Options { seed: task.seed, ..diagnose::Options::default() })?;
+    let diagnosis = diagnose(&arm, &run, &diagnosis::Options { seed: task.seed, ..diagnosis::Options::default() })?;
     keep("diagnosis.json", Keep::Diagnosis(&diagnosis))?;
     let closed = match diagnosis.verdict {
         Verdict::EffectFound => {

@@ -1,7 +1,7 @@
 //! The loop for many seeds in this process, in one table: how often is it right?
 
 use anyhow::Result;
-use darm_diagnose::diagnose::outcome::Verdict;
+use darm_diagnose::outcome::Verdict;
 
 use darm_diagnose::truth::Kind;
 

@@ -1,5 +1,26 @@
-//! Measurements, and the physical effects that they show and a model lacks.
+//! Diagnosis: which physical effect a model lacks, traced from predicted minus measured, and how sure that is.
+//!
+//! ```text
+//! measurement ─► prepare ─► linearise ─► select ─► project ─► judge ─► report
+//!  tables, logs   rows,      residuals    effects   bodies     verdict   sentences
+//!                 noise,     and their    by cross- that can   and what
+//!                 folds      derivatives  validation exist     rests on it
+//! ```
+//!
+//! Start reading at [`diagnosis`], which calls the stages in this order. A kind of measurement (tool pose, joint torque,
+//! force, held position, contact wrench, point contact) differs from the others by how it predicts, by its laws and by its
+//! noise: see [`linearise`].
 
-pub mod diagnose;
+pub mod diagnosis;
+pub mod judge;
+pub mod linearise;
 pub mod measurement;
+pub mod measurement_plan;
+pub mod outcome;
+pub mod outcome_signals;
+pub mod prepare;
+pub mod project;
+pub mod report;
+pub mod select;
+pub mod signals;
 pub mod truth;

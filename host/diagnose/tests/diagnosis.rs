@@ -9,9 +9,10 @@ use std::time::Instant;
 use darm_arm::arm::frames::{self, DesiredFrame, Weights};
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_arm::synthesis::{self, synthesize};
-use darm_diagnose::diagnose::outcome::{Diagnosis, Verdict};
-use darm_diagnose::diagnose::programme::{self, Step, programme};
-use darm_diagnose::diagnose::{Options, diagnose};
+use darm_diagnose::diagnosis::Options;
+use darm_diagnose::diagnosis::diagnose;
+use darm_diagnose::measurement_plan::{self, Step, plan};
+use darm_diagnose::outcome::{Diagnosis, Verdict};
 use darm_diagnose::truth::{Kind, Sealed, Truth};
 
 /// The arm synthesized for the example's frames, and these frames.
@@ -86,8 +87,8 @@ impl Case {
 
 fn sweep(drawn: &(Arm, Vec<DesiredFrame>)) {
     let started = Instant::now();
-    let steps = programme(&drawn.0, &programme::Options::default());
-    eprintln!("programme in {:.1} s", started.elapsed().as_secs_f64());
+    let steps = plan(&drawn.0, &measurement_plan::Options::default());
+    eprintln!("measurement plan in {:.1} s", started.elapsed().as_secs_f64());
     for kind in Kind::EFFECTS {
         let cases: Vec<Case> = (0..seeds()).map(|seed| case(drawn, &steps, kind, seed)).collect();
         let count = |right: &dyn Fn(&Case) -> bool| cases.iter().filter(|case| right(case)).count();

@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use darm_core::real::{Mat3, Vec3};
 use darm_core::se::Pose;
 use darm_core::tree::Inertia;
-use darm_diagnose::diagnose::channels::bodies::Moving;
+use darm_diagnose::linearise::bodies::Moving;
 use darm_papers::identify::{self, Equations, Kind, Noise, Rows, Sample, Unknown, simulated};
 use darm_robot::robot::Robot;
 use darm_robot::robot::base_parameters::BaseParameters;

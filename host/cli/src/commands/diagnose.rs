@@ -5,17 +5,20 @@ use std::path::PathBuf;
 use anyhow::Context as _;
 use darm::report::{channels_page, diagnosis_page};
 use darm_arm::arm::Arm;
-use darm_diagnose::diagnose::channels::known;
-use darm_diagnose::diagnose::channels::model::Model;
-use darm_diagnose::diagnose::channels::prepared::Preparation;
-use darm_diagnose::diagnose::channels::{self, outcome::Diagnosis as ChannelDiagnosis, outcome::Figure};
-use darm_diagnose::diagnose::outcome::{Diagnosis, ErrorFigure, Found, Verdict};
-use darm_diagnose::diagnose::{Options, diagnose};
+use darm_diagnose::diagnosis::Options;
+use darm_diagnose::diagnosis::diagnose;
+use darm_diagnose::linearise::model::Model;
+use darm_diagnose::linearise::model_effects;
 use darm_diagnose::measurement::hold_out::HoldOut;
 use darm_diagnose::measurement::origin::Origin;
 use darm_diagnose::measurement::poses::{self, Which};
 use darm_diagnose::measurement::select::Selection;
 use darm_diagnose::measurement::{self, Finding, about, check};
+use darm_diagnose::outcome::{Diagnosis, ErrorFigure, Found, Verdict};
+use darm_diagnose::outcome_signals::Diagnosis as ChannelDiagnosis;
+use darm_diagnose::outcome_signals::Figure;
+use darm_diagnose::prepare::signals::Preparation;
+use darm_diagnose::signals;
 use maud::Markup;
 use serde::Serialize;
 
@@ -140,7 +143,7 @@ impl Diagnose {
     fn channels(&self, model: &Model, voice: Voice) -> anyhow::Result<()> {
         let (names, options) = (self.rows.names()?, self.rows.options(self.seed)?);
         let wheel = voice.wheel("diagnosing");
-        let diagnosis = channels::diagnose(model, &self.data, &names, &options);
+        let diagnosis = signals::diagnose(model, &self.data, &names, &options);
         wheel.finish_and_clear();
         let mut diagnosis =
             diagnosis.map_err(|error| anyhow::Error::new(error).context(self.data.display().to_string()))?;
@@ -150,7 +153,7 @@ impl Diagnose {
             Some(_) if !kept && diagnosis.effects.is_empty() || diagnosis.verdict == Verdict::NotIdentifiable => {
                 voice.note(NOTHING_TO_WRITE);
             }
-            Some(path) => known::write(&self.model, path, &diagnosis)?,
+            Some(path) => model_effects::write(&self.model, path, &diagnosis)?,
             None => {}
         }
         voice.tell(&ChannelReport(diagnosis))
@@ -241,7 +244,7 @@ impl RowOptions {
         }
     }
 
-    fn options(&self, seed: u64) -> anyhow::Result<channels::Options> {
+    fn options(&self, seed: u64) -> anyhow::Result<signals::Options> {
         let preparation = Preparation {
             keep: self.keep.clone(),
             hold_out: self.held_out()?,
@@ -252,7 +255,7 @@ impl RowOptions {
             interpolate: self.interpolate.clone(),
             settled_s: self.settled,
         };
-        Ok(channels::Options { preparation, always: self.always.clone(), seed })
+        Ok(signals::Options { preparation, always: self.always.clone(), seed })
     }
 }
 

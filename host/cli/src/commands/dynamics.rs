@@ -1,7 +1,7 @@
 //! `darm dynamics`: the torques of a motion, the motion of torques, and the matrices between them.
 
 use darm_arm::arm::{Arm, ArmScratch};
-use darm_diagnose::diagnose::channels::torque;
+use darm_diagnose::linearise::torque;
 use darm_robot::robot::{Accelerations, Dynamics as Equation, Motion, Robot};
 use serde::Serialize;
 

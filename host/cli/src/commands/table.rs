@@ -11,7 +11,7 @@ use darm_arm::reach::board;
 use darm_arm::wired_arm::WiredArm;
 use darm_core::output::Drive;
 use darm_core::units::{DeviceId, Word};
-use darm_diagnose::diagnose::programme::{self, programme};
+use darm_diagnose::measurement_plan;
 use serde::Serialize;
 
 use super::table_file;
@@ -182,10 +182,11 @@ impl Table {
 
     fn programme_stops(&self, arm: &Arm, voice: Voice) -> Vec<Stop> {
         let wheel = voice.wheel("choosing words");
-        let options = programme::Options { words: self.size, seed: self.seed, ..programme::Options::default() };
-        let steps = programme(arm, &options);
+        let options =
+            measurement_plan::Options { words: self.size, seed: self.seed, ..measurement_plan::Options::default() };
+        let steps = measurement_plan::plan(arm, &options);
         wheel.finish_and_clear();
-        let stop = |(number, step): (usize, programme::Step)| Stop {
+        let stop = |(number, step): (usize, measurement_plan::Step)| Stop {
             held_out: step.held_out,
             visit: Visit {
                 word: step.word,

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::diagnosis::ladder;
 use super::skeleton::skeleton;
-use darm_diagnose::diagnose::channels::outcome::{Diagnosis, Errors, NextMeasurement, Parameter, Point, Term};
+use darm_diagnose::outcome_signals::{Diagnosis, Errors, NextMeasurement, Parameter, Point, Term};
 
 /// Width and height of a plot.
 const PLOT: (f64, f64) = (860.0, 180.0);
@@ -45,7 +45,7 @@ fn errors(diagnosis: &Diagnosis) -> Markup {
             }
         }
     };
-    let numbers = |figure: &darm_diagnose::diagnose::channels::outcome::Figure| -> Vec<f64> {
+    let numbers = |figure: &darm_diagnose::outcome_signals::Figure| -> Vec<f64> {
         figure.axes.iter().map(|axis| axis.value).chain([figure.norm.value]).collect()
     };
     let figure = &diagnosis.error.before.train;

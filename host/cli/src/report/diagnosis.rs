@@ -6,7 +6,7 @@ use maud::{Markup, html};
 
 use super::plots;
 use super::skeleton::skeleton;
-use darm_diagnose::diagnose::outcome::{Diagnosis, ErrorFigure, Parameter, Rung};
+use darm_diagnose::outcome::{Diagnosis, ErrorFigure, Parameter, Rung};
 
 /// The whole page; `findings` is what the owner of the data should know.
 pub fn diagnosis_page(diagnosis: &Diagnosis, findings: &[String]) -> Markup {

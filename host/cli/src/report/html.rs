@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::diagnosis::{mm, tables_and_plots};
 use super::skeleton::skeleton;
 use super::{Closure, LoopReport, PaperFigures, SynthesisFigures, drawing};
-use darm_diagnose::diagnose::outcome::Verdict;
+use darm_diagnose::outcome::Verdict;
 
 /// The whole page, with everything that it needs in it.
 pub fn page(report: &LoopReport) -> Markup {

@@ -22,7 +22,7 @@ use serde::Serialize;
 pub use channels::channels_page;
 use darm_arm::arm::frames::DesiredFrame;
 use darm_arm::arm::{Arm, ArmScratch};
-use darm_diagnose::diagnose::outcome::Diagnosis;
+use darm_diagnose::outcome::Diagnosis;
 use darm_diagnose::truth::Sealed;
 pub use diagnosis::diagnosis_page;
 pub use drawing::{Line, Posture, posture};

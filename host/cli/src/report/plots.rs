@@ -8,7 +8,7 @@ use plotters::prelude::{
 };
 use plotters::style::{IntoFont, ShapeStyle, TextStyle};
 
-use darm_diagnose::diagnose::outcome::{Diagnosis, Point};
+use darm_diagnose::outcome::{Diagnosis, Point};
 
 const BEFORE: RGBColor = RGBColor(0xd1, 0x5b, 0x2c);
 const AFTER: RGBColor = RGBColor(0x1f, 0x6f, 0x8b);

@@ -1,7 +1,7 @@
 //! The report as a table for the terminal.
 
 use super::{LoopReport, html::angle};
-use darm_diagnose::diagnose::outcome::Verdict;
+use darm_diagnose::outcome::Verdict;
 
 /// The lines of the table, without colour.
 pub fn table(report: &LoopReport) -> String {

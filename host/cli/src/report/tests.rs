@@ -5,8 +5,9 @@ use std::path::Path;
 use super::*;
 use darm_arm::arm::frames;
 use darm_arm::synthesis::{self, synthesize};
-use darm_diagnose::diagnose::programme::{self, programme};
-use darm_diagnose::diagnose::{Options, diagnose};
+use darm_diagnose::diagnosis::Options;
+use darm_diagnose::diagnosis::diagnose;
+use darm_diagnose::measurement_plan::{self, plan};
 use darm_diagnose::truth::{Kind, Truth};
 
 /// A report on an arm with a stroke loss; what the board would tell is made up.
@@ -16,7 +17,7 @@ fn report() -> LoopReport {
     let desired = frames::parse(Path::new("frames.toml"), text, &base).unwrap();
     let found = synthesize(&base, &desired, &synthesis::Options::default()).unwrap();
     let truth = Truth::draw(&found.arm, &desired, 4, Some(Kind::StrokeLoss)).unwrap();
-    let steps = programme(&found.arm, &programme::Options::default());
+    let steps = plan(&found.arm, &measurement_plan::Options::default());
     let run = truth.measure(&steps, 0.0, 4).unwrap();
     let diagnosis = diagnose(&found.arm, &run, &Options::default()).unwrap();
     let closed = |frame: &frames::DesiredFrame| ClosedFrame {

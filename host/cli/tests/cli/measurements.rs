@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use darm_core::se::Pose2;
-use darm_diagnose::diagnose::programme::programme;
+use darm_diagnose::measurement_plan::plan;
 use darm_diagnose::truth::{Kind, Truth};
 
 use super::{Home, example, robot, text};
@@ -185,7 +185,7 @@ fn poses_in_mm(home: &Home) {
     let frames = include_str!("../../../../examples/planar4-frames.toml");
     let desired = darm_arm::arm::frames::parse(Path::new("frames.toml"), frames, &base).unwrap();
     let truth = Truth::draw(&base, &desired, 4, Some(Kind::StrokeLoss)).unwrap();
-    let run = truth.measure(&programme(&base, &Default::default()), 0.0, 4).unwrap();
+    let run = truth.measure(&plan(&base, &Default::default()), 0.0, 4).unwrap();
     let mut text = String::from("time_s,word,right_mm,up_mm,angle_deg,day\n");
     for (k, sample) in run.samples.iter().enumerate() {
         let (p, angle) = (sample.pose.position * 1e3, Pose2::projection(&sample.pose).angle_rad.to_degrees());

@@ -41,6 +41,7 @@ pub mod mcap;
 pub mod origin;
 pub mod poses;
 pub mod select;
+pub mod signal;
 mod stream;
 pub mod table;
 

@@ -5,9 +5,16 @@ use darm_core::se::Pose;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Body, Kind, Occasion, Sealed, Surroundings, Truth, TruthError, scatter_m};
-use crate::diagnose::programme::Step;
 use crate::measurement::Run;
+use crate::measurement_plan::Step;
+use crate::truth::Body;
+use crate::truth::Kind;
+use crate::truth::Occasion;
+use crate::truth::Sealed;
+use crate::truth::Surroundings;
+use crate::truth::Truth;
+use crate::truth::TruthError;
+use crate::truth::scatter_m;
 use darm_arm::arm::Arm;
 
 /// Error that each effect makes by itself over the run, in units of the camera's scatter.
@@ -19,7 +26,7 @@ const OUTLIER_SCATTERS: std::ops::Range<f64> = 20.0..500.0;
 /// Draws before a set of effects is held to be impossible.
 const DRAWS: usize = 16;
 
-/// A true arm with several effects, measured in one programme.
+/// A true arm with several effects, measured in one measurement plan.
 #[derive(Clone, Debug)]
 pub struct Blind {
     truth: Truth,
@@ -71,7 +78,7 @@ impl Blind {
         let mut truth = Truth { body: Body::of(arm), surroundings, mechanisms: Vec::new(), sealed };
         let followed = truth.followed(steps, 0.0);
         let moment = |state| {
-            let super::TrueState { time_s, word, .. } = state;
+            let crate::truth::TrueState { time_s, word, .. } = state;
             Occasion { state, moment: truth.surroundings.at(time_s, &word) }
         };
         let occasions: Vec<Occasion> =
@@ -113,7 +120,7 @@ impl Blind {
 
     /// The noise of the camera as a distance d, m.
     pub fn scatter_m(&self) -> f64 {
-        super::scatter_of(self.truth.body.chain.is_planar(), self.truth.body.length_scale_m)
+        crate::truth::scatter_of(self.truth.body.chain.is_planar(), self.truth.body.length_scale_m)
     }
 }
 
@@ -123,7 +130,7 @@ fn spoil(run: &mut Run, arm: &Arm, rng: &mut ChaCha8Rng) -> Vec<usize> {
     let spoiled: Vec<usize> = (0..run.samples.len()).filter(|_| rng.random_bool(OUTLIERS)).collect();
     for &sample in &spoiled {
         let size_m = scatter_m * rng.random_range(OUTLIER_SCATTERS);
-        let aside = super::mechanism::tilt(arm.model.chain.is_planar(), rng) * size_m;
+        let aside = crate::truth::mechanism::tilt(arm.model.chain.is_planar(), rng) * size_m;
         let pose = &mut run.samples[sample].pose;
         *pose = *pose * Pose::exp(&aside);
     }

@@ -7,12 +7,17 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::{CAMERA_M, CAMERA_RAD, History, Observed, TrueState, Truth};
-use crate::diagnose::programme::Step;
 use crate::measurement::{Run, Sample};
+use crate::measurement_plan::Step;
+use crate::truth::CAMERA_M;
+use crate::truth::CAMERA_RAD;
+use crate::truth::History;
+use crate::truth::Observed;
+use crate::truth::TrueState;
+use crate::truth::Truth;
 use darm_arm::arm::ZERO_CELSIUS;
 
-/// Time that one step takes in a [`Truth::measure`]d programme; a repeat takes a third of it.
+/// Time that one step takes in a [`Truth::measure`]d measurement plan; a repeat takes a third of it.
 const STEP_S: f64 = 0.3;
 
 impl Truth {
@@ -37,7 +42,7 @@ impl Truth {
         *pose * Pose::exp(&error)
     }
 
-    /// The measurement of a whole programme that begins at `start_s`, with a camera seeded by `seed`.
+    /// The measurement of a measurement plan that begins at `start_s`, with a camera seeded by `seed`.
     pub fn measure(&self, steps: &[Step], start_s: f64, seed: u64) -> Result<Run, ChainError> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xca3e_7a00);
         let mut run = Run::default();
@@ -59,8 +64,8 @@ impl Truth {
         Ok(run)
     }
 
-    /// When each step of a programme is made, and what happened before.
-    pub(super) fn followed(&self, steps: &[Step], start_s: f64) -> Vec<Followed> {
+    /// When each step of a measurement plan is made, and what happened before.
+    pub(crate) fn followed(&self, steps: &[Step], start_s: f64) -> Vec<Followed> {
         let mut history = History::default();
         let mut time_s = start_s;
         let follow = |step: &Step| {
@@ -73,14 +78,14 @@ impl Truth {
     }
 }
 
-/// One step of a programme in time.
-pub(super) struct Followed {
-    pub(super) time_s: f64,
-    pub(super) history: History,
+/// One step of a measurement plan in time.
+pub(crate) struct Followed {
+    pub(crate) time_s: f64,
+    pub(crate) history: History,
 }
 
 impl Followed {
-    pub(super) fn state<'a>(&'a self, step: &'a Step) -> TrueState<'a> {
+    pub(crate) fn state<'a>(&'a self, step: &'a Step) -> TrueState<'a> {
         TrueState {
             word: step.word,
             previous: Some(step.previous),

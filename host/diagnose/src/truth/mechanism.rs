@@ -38,8 +38,9 @@ use darm_core::real::Vec3;
 use darm_core::se::{Pose, Twist};
 use rand::{Rng, RngExt};
 
-use super::surroundings::Moment;
-use super::{Body, TrueState};
+use crate::truth::Body;
+use crate::truth::TrueState;
+use crate::truth::surroundings::Moment;
 use darm_arm::arm::{ArmScratch, MAX_STAGES};
 
 /// How far the pawl has crept back when the next word comes.
@@ -102,7 +103,7 @@ pub enum Kind {
 
 /// Some of the arm's actuators.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Part {
+pub(crate) enum Part {
     Actuator(usize),
     Module(usize),
     Arm,
@@ -110,7 +111,7 @@ pub(super) enum Part {
 
 /// An effect with its size.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Mechanism {
+pub(crate) enum Mechanism {
     Nothing,
     Chip { actuator: usize, state: u8, thickness_m: f64 },
     Hole { actuator: usize, top: bool, aside: Vec3<f64> },
@@ -130,7 +131,7 @@ pub(super) enum Mechanism {
 
 /// What puts the tool elsewhere as a whole.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Cause {
+pub(crate) enum Cause {
     Camera,
     Tool,
     Sway { period_s: f64, phase: f64 },
@@ -167,7 +168,7 @@ impl Kind {
     }
 
     /// Unit of its size.
-    pub(super) fn unit(self) -> &'static str {
+    pub(crate) fn unit(self) -> &'static str {
         match self {
             Self::Nothing | Self::SupplyStroke | Self::Scale => "1",
             Self::GravitySag => "m/N",
@@ -200,7 +201,7 @@ impl FromStr for Kind {
 
 impl Mechanism {
     /// An effect of size one at a place drawn; `None` where the arm has no place for it.
-    pub(super) fn draw(kind: Kind, chain: &Chain<f64, MAX_STAGES>, rng: &mut impl Rng) -> Option<Self> {
+    pub(crate) fn draw(kind: Kind, chain: &Chain<f64, MAX_STAGES>, rng: &mut impl Rng) -> Option<Self> {
         let part = Part::draw(chain, rng)?;
         let of_one = rng.random_bool(0.5);
         let actuator = rng.random_range(0..chain.n_actuators());
@@ -237,7 +238,7 @@ impl Mechanism {
     }
 
     /// The same effect of another size.
-    pub(super) fn scaled(&self, size: f64) -> Self {
+    pub(crate) fn scaled(&self, size: f64) -> Self {
         let mut scaled = *self;
         match &mut scaled {
             Self::Nothing => {}
@@ -260,7 +261,7 @@ impl Mechanism {
     }
 
     /// The largest size that still is what it is called.
-    pub(super) fn largest(&self) -> f64 {
+    pub(crate) fn largest(&self) -> f64 {
         match self {
             Self::Nothing => 0.0,
             Self::Chip { .. } | Self::Hole { .. } => 0.03,
@@ -275,7 +276,7 @@ impl Mechanism {
     }
 
     /// Where it is, exactly.
-    pub(super) fn place(&self) -> String {
+    pub(crate) fn place(&self) -> String {
         match *self {
             Self::Nothing => String::new(),
             Self::Chip { actuator, state, .. } => format!("actuator {actuator}, state {state}"),
@@ -362,7 +363,7 @@ impl Mechanism {
 }
 
 /// The true pose of the tool.
-pub(super) fn pose(
+pub(crate) fn pose(
     mechanisms: &[Mechanism],
     body: &Body,
     state: &TrueState,
@@ -498,7 +499,7 @@ fn aside(planar: bool, rng: &mut impl Rng) -> Vec3<f64> {
 }
 
 /// A shift and a turn of an arm's length, drawn: a unit is 1 m and 1 rad.
-pub(super) fn tilt(planar: bool, rng: &mut impl Rng) -> Twist<f64> {
+pub(crate) fn tilt(planar: bool, rng: &mut impl Rng) -> Twist<f64> {
     let linear = aside(planar, rng);
     let turn = rng.random_range(-1.0..1.0);
     let angular = if planar { Vec3::new(0.0, 0.0, turn) } else { aside(false, rng) * turn };

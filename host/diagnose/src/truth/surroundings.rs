@@ -35,15 +35,15 @@ pub struct Surroundings {
 
 /// Supply and temperature at one moment, away from nominal.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Moment {
+pub(crate) struct Moment {
     /// Supply over nominal supply.
-    pub(super) supply_ratio: f64,
+    pub(crate) supply_ratio: f64,
     /// Temperature less reference temperature, K.
-    pub(super) rise_k: f64,
+    pub(crate) rise_k: f64,
 }
 
 impl Surroundings {
-    pub(super) fn draw(rng: &mut impl Rng, nominal_supply: f64, reference_temperature_k: f64) -> Self {
+    pub(crate) fn draw(rng: &mut impl Rng, nominal_supply: f64, reference_temperature_k: f64) -> Self {
         let rise_k = rng.random_range(10.0..18.0);
         let warming_s = rng.random_range(25.0..45.0);
         let droop = rng.random_range(0.07..0.10);
@@ -69,7 +69,7 @@ impl Surroundings {
     }
 
     /// The same with wide swings of supply and temperature that have nothing to do with each other.
-    pub(super) fn draw_wide(rng: &mut impl Rng, nominal_supply: f64, reference_temperature_k: f64) -> Self {
+    pub(crate) fn draw_wide(rng: &mut impl Rng, nominal_supply: f64, reference_temperature_k: f64) -> Self {
         let settled = Self::draw(rng, nominal_supply, reference_temperature_k);
         Self {
             swing: rng.random_range(0.03..0.05),
@@ -80,7 +80,7 @@ impl Surroundings {
         }
     }
 
-    pub(super) fn at(&self, time_s: f64, word: &Word) -> Moment {
+    pub(crate) fn at(&self, time_s: f64, word: &Word) -> Moment {
         let turn = (TAU * time_s / self.period_s + self.phase).sin();
         let moment = self.settled(word);
         let warm_turn = (TAU * time_s / self.warm_period_s + self.warm_phase).sin();
@@ -90,13 +90,13 @@ impl Surroundings {
     }
 
     /// What it all comes to in the mean.
-    pub(super) fn settled(&self, word: &Word) -> Moment {
+    pub(crate) fn settled(&self, word: &Word) -> Moment {
         let fed = word.iter().filter(|&digit| digit > 0).count() as f64 / word.len().max(1) as f64;
         Moment { supply_ratio: 1.0 - self.droop - self.load_drop * (fed - 0.5), rise_k: self.rise_k }
     }
 
     /// Supply and temperature (K) as the sensors tell them.
-    pub(super) fn told(&self, time_s: f64, word: &Word, rng: &mut impl Rng) -> (f64, f64) {
+    pub(crate) fn told(&self, time_s: f64, word: &Word, rng: &mut impl Rng) -> (f64, f64) {
         let moment = self.at(time_s, word);
         let mut normal = || -> f64 { StandardNormal.sample(rng) };
         let supply = self.nominal_supply * (moment.supply_ratio + SUPPLY_SENSOR * normal());

@@ -6,7 +6,7 @@ use darm_core::tree::Body;
 use nalgebra::{DMatrix, DVector, Matrix6xX, SVector};
 
 use super::{Kind, Noise, Sample, Unknown, bodies, unknowns};
-use darm_diagnose::diagnose::channels::bodies::{Load, Moving, links, load, of_joint};
+use darm_diagnose::linearise::bodies::{Load, Moving, links, load, of_joint};
 use darm_robot::robot::Robot;
 use darm_robot::robot::base_parameters::{BaseParameters, Inertial, grouped};
 
@@ -222,7 +222,7 @@ fn paths(robot: &Robot) -> Vec<Vec<usize>> {
     bodies(robot).map(|body| std::iter::successors(body, parent).collect()).collect()
 }
 
-/// The unknowns as the file has them, and how far they may be off: as [`candidate`](darm_diagnose::diagnose::channels::bodies::candidate).
+/// The unknowns as the file has them, and how far they may be off: as [`candidate`](darm_diagnose::linearise::bodies::candidate).
 fn nominal(robot: &Robot, unknowns: &[Unknown]) -> (DVector<f64>, DVector<f64>) {
     let whole_kg = robot.mass().max(f64::MIN_POSITIVE);
     let of = |unknown: &Unknown| match unknown {

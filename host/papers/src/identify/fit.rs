@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::equations::Equations;
 use super::{Kind, Unknown};
-use darm_diagnose::diagnose::channels::bodies::possible;
+use darm_diagnose::linearise::bodies::possible;
 
 /// Rounds in which impossible bodies are made possible along what the rows do not tell.
 const ROUNDS: usize = 500;

@@ -28,7 +28,7 @@ use darm_core::se::Wrench;
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
-use darm_diagnose::diagnose::channels::bodies::Moving;
+use darm_diagnose::linearise::bodies::Moving;
 use darm_robot::robot::Robot;
 use darm_robot::robot::base_parameters::{Inertial, TEN};
 

@@ -16,11 +16,11 @@ use darm_core::se::Wrench;
 
 use super::equations::Rows;
 use super::{Contact, Kind, Sample};
-use darm_diagnose::diagnose::channels::bodies::Moving;
-use darm_diagnose::diagnose::channels::prepared::{Preparation, PrepareError, Prepared};
-use darm_diagnose::diagnose::channels::wrench;
+use darm_diagnose::linearise::bodies::Moving;
+use darm_diagnose::linearise::wrench;
 use darm_diagnose::measurement::ReadError;
 use darm_diagnose::measurement::table::{Names, Table};
+use darm_diagnose::prepare::signals::{Preparation, PrepareError, Prepared};
 use darm_robot::robot::Robot;
 
 /// Components of a wrench as columns name them.

@@ -9,7 +9,7 @@ use darm_core::se::Wrench;
 use darm_core::tree::Body;
 
 use super::{Contact, Noise, Sample};
-use darm_diagnose::diagnose::channels::bodies::{Load, Moving, links, load, of_joint};
+use darm_diagnose::linearise::bodies::{Load, Moving, links, load, of_joint};
 use darm_robot::robot::Robot;
 
 /// One sample of a robot whose base is its only contact: torques with the joints' friction, and the wrench, with noise.

@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::{Contact, Equations, Kind, Noise, Robot, Rows, Sample, hold_out, missing, simulated};
 use darm_core::real::Vec3;
-use darm_diagnose::diagnose::channels::bodies::{Moving, links};
+use darm_diagnose::linearise::bodies::{Moving, links};
 use darm_robot::urdf::{Locks, parse};
 
 fn robot() -> Robot {

@@ -8,8 +8,8 @@ use nalgebra::{DMatrix, Matrix3xX, Matrix6xX, SVector};
 
 use super::smooth::Smooth;
 use super::{Fixed, Posture};
-use darm_diagnose::diagnose::channels::bodies::{Moving, links, load};
-use darm_diagnose::diagnose::channels::signal::rate;
+use darm_diagnose::linearise::bodies::{Moving, links, load};
+use darm_diagnose::measurement::signal::rate;
 use darm_robot::robot::{MAX_JOINTS, Robot};
 
 /// A tree that computes, made once.

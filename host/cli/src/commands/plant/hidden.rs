@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use darm_arm::arm::frames::{DesiredFrame, Weights};
 use darm_arm::arm::{Arm, ArmScratch};
-use darm_diagnose::diagnose::programme::candidates;
+use darm_diagnose::measurement_plan::candidates;
 use darm_diagnose::truth::{Kind, Truth, TruthError};
 
 /// Words whose frames the effect's size is measured at.
@@ -41,7 +41,7 @@ impl Effect {
 /// The arm's own frames for a few words.
 fn frames(arm: &Arm, seed: u64) -> Vec<DesiredFrame> {
     let mut scratch = ArmScratch::default();
-    let frame = |step: darm_diagnose::diagnose::programme::Step| {
+    let frame = |step: darm_diagnose::measurement_plan::Step| {
         let pose = arm.model.predict(&arm.model.nominal(step.word, &step.servos_rad), &mut scratch).ok()?;
         Some(DesiredFrame {
             name: step.word.to_string(),

@@ -9,9 +9,9 @@ use darm_arm::arm::{Arm, ArmScratch};
 use darm_core::actuator::{JointKind, Stage};
 use darm_core::chain::Parameter;
 use darm_core::se::{Pose, Twist};
-use darm_diagnose::diagnose::channels::known::Known;
-use darm_diagnose::diagnose::channels::model::{Model, What};
-use darm_diagnose::diagnose::channels::torque::Transmission;
+use darm_diagnose::linearise::model::{Model, What};
+use darm_diagnose::linearise::model_effects::Known;
+use darm_diagnose::linearise::torque::Transmission;
 use darm_robot::robot::{Jacobian, Kinematics, Robot, RobotFrame};
 use darm_robot::urdf::{self, Locks};
 

@@ -1,0 +1,10 @@
+//! Stage 5: what the selected effects leave, what else explains the measurements as well, and what to measure next.
+
+pub mod fitted_terms;
+pub mod next_rows;
+pub mod next_words;
+pub mod pose_dictionary;
+pub mod regression;
+pub mod remaining;
+pub mod scatter;
+pub mod structure;

@@ -1,0 +1,133 @@
+//! The measurement that would tell several explanations apart.
+
+use darm_core::units::Word;
+use nalgebra::DMatrix;
+
+use crate::diagnosis::Options;
+use crate::linearise::arm_candidates::{all, place_code, same};
+use crate::linearise::sensitivity::Sensitivity;
+use crate::measurement::Run;
+use crate::measurement_plan::optimal_design::most_informative;
+use crate::measurement_plan::{Step, as_run, candidates};
+use crate::outcome::{Alternative, NextMeasurement};
+use crate::prepare::observations::{NoPose, Observations, Value};
+use crate::select::forward::Search;
+use crate::select::problem::Trial;
+use crate::select::robust_fit::{condition_of, fit, normal, pseudo_inverse, weights};
+use crate::select::tool_pose::{ToolPose, values};
+use darm_arm::arm::{Arm, ArmModel, ZERO_CELSIUS};
+
+/// Explanations can be told apart when the information about all their values together, each scaled to its own, has no
+/// larger condition number than this.
+const LARGEST_CONDITION: f64 = 1e4;
+/// A direction that is not told at all counts as known to this share: finite, but least of all.
+const FLOOR: f64 = 1e-8;
+
+/// Where an arm is measured.
+struct Conditions {
+    supply: f64,
+    temperature_k: f64,
+    told: Option<String>,
+}
+
+/// Words that tell the best effects and their alternatives apart, by D-optimality over all their values together: under
+/// the conditions of this run, or where these cannot tell, at another supply or temperature.
+pub(crate) fn proposal(
+    arm: &Arm,
+    run: &Run,
+    search: &mut Search<ToolPose>,
+    best: &Trial<ToolPose>,
+    alternatives: &[Alternative],
+    options: &Options,
+) -> Result<NextMeasurement, NoPose> {
+    let model = together(arm, best, alternatives);
+    let fit = fit(&model, &search.kind.training, &values(&model), &mut search.kind.scratch)?;
+    let row_weights = weights(&fit.residuals, search.kind.training.n_axes());
+    let (information, _) = normal(&fit.columns, &fit.residuals, &row_weights);
+    let steps = candidates(arm, options.seed);
+    let mut nearest: Option<(f64, NextMeasurement)> = None;
+    for conditions in conditions(arm, run) {
+        let run = as_run(arm, &steps, conditions.supply, conditions.temperature_k);
+        let observations = Observations::new(arm, &run, search.kind.training.sigma, |_| true);
+        let sensitivity = Sensitivity::new(&fit.model, &observations, &mut search.kind.scratch)?;
+        let measurements = measurements(&sensitivity, &observations, &fit.model, &fit.values);
+        let floor = DMatrix::from_diagonal(&information.diagonal().map(|d| FLOOR * d.max(f64::MIN_POSITIVE)));
+        let covariance = pseudo_inverse(&(&information + floor));
+        let chosen = most_informative(covariance, &measurements, options.next_words);
+        let after =
+            chosen.iter().fold(information.clone(), |sum, &k| sum + measurements[k].transpose() * &measurements[k]);
+        let condition = condition_of(&after);
+        let visits = chosen.iter().map(|&row| &steps[observations.rows[row].sample]);
+        let words = visited(visits).iter().map(Word::to_string).collect();
+        if nearest.as_ref().is_none_or(|(least, _)| condition < *least) {
+            nearest =
+                Some((condition, NextMeasurement { words, conditions: conditions.told, tells: tells(alternatives) }));
+        }
+        if condition < LARGEST_CONDITION {
+            break;
+        }
+    }
+    Ok(nearest.map_or_else(
+        || NextMeasurement { words: Vec::new(), conditions: None, tells: tells(alternatives) },
+        |(_, next)| next,
+    ))
+}
+
+fn tells(alternatives: &[Alternative]) -> String {
+    let names: Vec<String> = alternatives.iter().map(|a| format!("{} at {}", a.law, a.place_name)).collect();
+    format!("apart {}", names.join(" and "))
+}
+
+/// The best model with all alternatives in it, as many as it holds.
+fn together(arm: &Arm, best: &Trial<ToolPose>, alternatives: &[Alternative]) -> ArmModel {
+    let mut model = best.fit.model.clone();
+    for effect in all(&arm.model) {
+        let meant = alternatives.iter().any(|a| a.law == effect.law().name() && a.place == place_code(&effect));
+        let known = model.effects.iter().any(|known| same(known, &effect));
+        if meant && !known && model.effects.push(effect).is_err() {
+            break;
+        }
+    }
+    model
+}
+
+/// The conditions of this run, then another supply, then another temperature.
+fn conditions(arm: &Arm, run: &Run) -> [Conditions; 3] {
+    let (supply, temperature_c) = run.settled();
+    let supply = supply.unwrap_or(arm.model.nominal_supply);
+    let temperature_k = temperature_c.map_or(arm.model.reference_temperature_k, |celsius| celsius + ZERO_CELSIUS);
+    let (less, warmer) = (0.85 * supply, temperature_k + 10.0);
+    [
+        Conditions { supply, temperature_k, told: None },
+        Conditions { supply: less, temperature_k, told: Some(format!("at a supply of {:.2} bar", less / 1e5)) },
+        Conditions { supply, temperature_k: warmer, told: Some(format!("at {:.0} °C", warmer - ZERO_CELSIUS)) },
+    ]
+}
+
+/// For each row the derivatives of its residual with respect to all values.
+fn measurements(
+    sensitivity: &Sensitivity,
+    observations: &Observations,
+    model: &ArmModel,
+    values: &[Value],
+) -> Vec<DMatrix<f64>> {
+    let column = |&(effect, value): &Value| sensitivity.column(&model.effects[effect], value);
+    let columns: Vec<Option<Vec<f64>>> = values.iter().map(column).collect();
+    let n_axes = observations.n_axes();
+    let entry =
+        |row: usize, axis: usize, column: usize| columns[column].as_ref().map_or(0.0, |c| c[row * n_axes + axis]);
+    let row = |row| DMatrix::from_fn(n_axes, columns.len(), |axis, column| entry(row, axis, column));
+    (0..observations.rows.len()).map(row).collect()
+}
+
+/// The words of these steps in order, each after the word that it is to follow.
+fn visited<'a>(steps: impl Iterator<Item = &'a Step>) -> Vec<Word> {
+    let mut words: Vec<Word> = Vec::new();
+    for step in steps {
+        if words.last() != Some(&step.previous) {
+            words.push(step.previous);
+        }
+        words.push(step.word);
+    }
+    words
+}

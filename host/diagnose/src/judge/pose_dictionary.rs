@@ -1,0 +1,166 @@
+//! What a residual may depend on: channels with their powers and waves, digits with their products, memory.
+//!
+//! | variable | shapes |
+//! | --- | --- |
+//! | time | straight; waves: a parabola and sin, cos of up to [`WAVES`] periods in the run; step: the best of [`MOMENTS`] |
+//! | supply, temperature, position of a servo | straight; square: 1st and 2nd power |
+//! | digit of an actuator | straight: one column for each state but the first |
+//! | digits of two actuators | together: the product |
+//! | word before, at an actuator; word before the last | straight: whether the actuator stayed, or is where it was then |
+//! | word | each word by itself: whatever is not memory and not surroundings |
+
+use std::f64::consts::TAU;
+
+use darm_core::actuator::MAX_STATES;
+use darm_core::effect::fitted_term::Variable;
+use darm_core::units::Word;
+
+use crate::judge::regression::Term;
+use crate::measurement::Run;
+use crate::prepare::observations::{Observations, Row};
+use darm_arm::arm::Arm;
+
+/// Periods in a run.
+pub const WAVES: usize = 8;
+/// Moments that a step in time is looked for at.
+pub const MOMENTS: usize = 15;
+
+/// All terms for the rows of a run.
+pub fn dictionary(arm: &Arm, run: &Run, observations: &Observations) -> Vec<Term> {
+    let mut terms = surroundings(arm, observations);
+    terms.extend(digits(arm, observations));
+    terms.extend(memory(arm, run, observations));
+    let rows = &observations.rows;
+    let word = |group| rows.iter().map(|row| flag(row.group == group)).collect();
+    let columns = (1..observations.n_groups).map(word).collect();
+    terms.push(Term { variable: "word".into(), shape: "each word by itself", columns, kept: Vec::new() });
+    terms
+}
+
+fn flag(is: bool) -> f64 {
+    f64::from(u8::from(is))
+}
+
+/// Middle and half the range of some numbers: moved and scaled by these they lie within ±1, so that their powers differ.
+fn scale(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    (0.5 * (low + high), (0.5 * (high - low)).max(f64::MIN_POSITIVE))
+}
+
+fn surroundings(arm: &Arm, observations: &Observations) -> Vec<Term> {
+    let range = |value: &dyn Fn(&Row) -> f64| scale(observations.rows.iter().map(value));
+    let (supply, span) = range(&|row| observations.condition(row).supply);
+    let (temperature, span_k) = range(&|row| observations.condition(row).temperature_k);
+    let mut channels = vec![
+        ("supply".to_string(), Variable::Supply { center: supply, span }),
+        ("temperature".to_string(), Variable::Temperature { center: temperature, span: span_k }),
+    ];
+    for k in 0..arm.n_servos() {
+        let (center, span) = range(&|row| observations.condition(row).servos[k]);
+        channels.push((format!("position of servo {}", k + 1), Variable::Servo { servo: k as u8, center, span }));
+    }
+    let mut terms = Vec::new();
+    for (name, of) in channels {
+        let values: Vec<f64> = observations.rows.iter().map(|row| of.of(&observations.condition(row))).collect();
+        let squares = values.iter().map(|value| value * value).collect();
+        let term = |shape, columns, kept| Term { variable: name.clone(), shape, columns, kept };
+        terms.push(term("straight", vec![values.clone()], vec![(of, false)]));
+        terms.push(term("square", vec![values, squares], vec![(of, false), (of, true)]));
+    }
+    let (middle_s, half_s) = scale(observations.times_s());
+    terms.extend(time(observations.times_s().map(|time_s| (time_s - middle_s) / half_s).collect()));
+    terms
+}
+
+/// Terms of the time, given from −1 to 1.
+fn time(times: Vec<f64>) -> Vec<Term> {
+    let term = |shape, columns| Term { variable: "time".into(), shape, columns, kept: Vec::new() };
+    let of_times = |value: &dyn Fn(f64) -> f64| times.iter().map(|&t| value(t)).collect::<Vec<f64>>();
+    let mut waves = vec![times.clone(), of_times(&|t| t * t)];
+    for k in 1..=WAVES {
+        let turn = 0.5 * TAU * k as f64;
+        waves.extend([of_times(&|t| (turn * t).sin()), of_times(&|t| (turn * t).cos())]);
+    }
+    let moment = |k: usize| 2.0 * k as f64 / (MOMENTS + 1) as f64 - 1.0;
+    let steps = (1..=MOMENTS).map(|k| term("step", vec![of_times(&|t| flag(t >= moment(k)))]));
+    let mut terms: Vec<Term> = steps.collect();
+    terms.extend([term("straight", vec![times.clone()]), term("waves", waves)]);
+    terms
+}
+
+/// Terms of the digits of one and of two actuators.
+fn digits(arm: &Arm, observations: &Observations) -> Vec<Term> {
+    let n = arm.n_actuators();
+    let is = |k: usize, state: u8| -> Vec<f64> {
+        observations.rows.iter().map(|row| flag(observations.condition(row).word.digit(k) == state)).collect()
+    };
+    let states = |k: usize| 1..arm.model.chain.n_states(k) as u8;
+    let columns: Vec<Vec<Vec<f64>>> = (0..n).map(|k| states(k).map(|state| is(k, state)).collect()).collect();
+    let digits = |first, second| (Variable::Digits { first, second }, false);
+    let mut terms = Vec::new();
+    for a in 0..n {
+        let variable = format!("digit of {}", arm.actuator_name(a));
+        for b in a + 1..n {
+            let product = |x: &Vec<f64>, y: &Vec<f64>| x.iter().zip(y).map(|(x, y)| x * y).collect();
+            let products = columns[a].iter().flat_map(|x| columns[b].iter().map(move |y| product(x, y))).collect();
+            let variable = format!("{variable} with digit of {}", arm.actuator_name(b));
+            let both = |i| states(b).map(move |j| digits((a as u8, i), Some((b as u8, j))));
+            terms.push(Term {
+                variable,
+                shape: "together",
+                columns: products,
+                kept: states(a).flat_map(both).collect(),
+            });
+        }
+        let kept = states(a).map(|state| digits((a as u8, state), None)).collect();
+        terms.push(Term { variable, shape: "straight", columns: columns[a].clone(), kept });
+    }
+    terms
+}
+
+/// Terms of the word before and of the one before that.
+fn memory(arm: &Arm, run: &Run, observations: &Observations) -> Vec<Term> {
+    let second_last = second_last(run);
+    let mut terms = Vec::new();
+    for k in 0..arm.n_actuators() {
+        let name = arm.actuator_name(k);
+        let own: Vec<u8> = observations.rows.iter().map(|row| observations.condition(row).word.digit(k)).collect();
+        let same = |earlier: &dyn Fn(&Row) -> Option<Word>| -> Vec<f64> {
+            let same = |(row, digit): (&Row, &u8)| flag(earlier(row).is_some_and(|word| word.digit(k) == *digit));
+            observations.rows.iter().zip(&own).map(same).collect()
+        };
+        let mut add = |what: &str, same: &[f64], kept| {
+            let (variable, columns) = (format!("{what}, at {name}"), vec![beside_digit(same, &own)]);
+            terms.push(Term { variable, shape: "straight", columns, kept });
+        };
+        let stayed = same(&|row| observations.condition(row).previous);
+        let share = stayed.iter().sum::<f64>() / stayed.len().max(1) as f64;
+        add("word before", &stayed, vec![(Variable::Stayed { actuator: k as u8, share }, false)]);
+        add("word before the last", &same(&|row| second_last[row.sample]), Vec::new());
+    }
+    terms
+}
+
+/// For each sample the word that stood before the one that it came from.
+fn second_last(run: &Run) -> Vec<Option<Word>> {
+    let (mut last, mut before) = (None, None);
+    let follow = |sample: &crate::measurement::Sample| {
+        if let Some(previous) = sample.previous.filter(|previous| *previous != sample.word) {
+            before = last.replace(previous);
+        }
+        before
+    };
+    run.samples.iter().map(follow).collect()
+}
+
+/// A variable less its mean among the rows with the same digit, and of the other sign where the digit is 0: actuators
+/// come off their two stops in opposite directions.
+fn beside_digit(values: &[f64], digits: &[u8]) -> Vec<f64> {
+    let mean = |digit: u8| {
+        let same = || values.iter().zip(digits).filter(|(_, other)| **other == digit);
+        same().map(|(value, _)| value).sum::<f64>() / same().count().max(1) as f64
+    };
+    let means: Vec<f64> = (0..MAX_STATES as u8).map(mean).collect();
+    let sign = |digit: u8| if digit == 0 { 1.0 } else { -1.0 };
+    values.iter().zip(digits).map(|(value, &digit)| sign(digit) * (value - means[usize::from(digit)])).collect()
+}

@@ -1,0 +1,207 @@
+//! What remains when no law helps any more: on which channels each axis of the residual depends, and how.
+//!
+//! A sparse regression over a dictionary: each channel c, c², |c|, sign(c), waves with up to [`WAVES`] periods in its range,
+//! a smooth curve of any form and, of few channels, their products. The term that explains most of an axis for the columns
+//! that it takes (Bayesian information criterion) is told and taken out, then the next, while each is no chance (F test,
+//! times the number of terms tried, rows counting as many times as they do not repeat each other). Numbers that stand out
+//! between the rows beside them are drawn in first.
+
+use std::f64::consts::TAU;
+
+use crate::judge::regression::{Design, Term, centred, in_words, of_axis, squares};
+use crate::linearise::experiment::{Axis, Experiment};
+use crate::measurement::median;
+use crate::outcome_signals::Term as Told;
+use crate::select::problem::Trial;
+use crate::select::signals::Channels;
+use crate::select::significance::STRUCTURE_LEVEL;
+
+/// Channels up to which their products are tried.
+const FEW: usize = 6;
+/// Terms of one axis that are told at most.
+const MOST_TERMS: usize = 4;
+/// Periods of a wave in the range of its channel.
+const WAVES: [&str; 8] = ["1 wave", "2 waves", "3 waves", "4 waves", "5 waves", "6 waves", "7 waves", "8 waves"];
+/// Where the pieces of a curve meet, as shares of the rows below.
+///
+/// Source: F. E. Harrell, Regression Modeling Strategies, 2nd ed., Springer (2015), table 2.3.
+const KNOTS: [f64; 6] = [0.05, 0.23, 0.41, 0.59, 0.77, 0.95];
+/// Straight pieces of a term as it is told.
+const PIECES: usize = 128;
+/// Correlation of neighbouring rows from which on a residual is no noise, and how many pairs tell it at least.
+const GOES_ON: f64 = 0.5;
+const LEAST_PAIRS: f64 = 100.0;
+/// A residual counts as so many times the noise at most.
+const FAR: f64 = 4.0;
+/// Rows to either side that a number is held against, and how many times farther off than usual it is drawn in from.
+const BESIDE: usize = 2;
+const STANDS_OUT: f64 = 7.5;
+
+/// What remains, and how much of what there was before it is.
+pub(crate) struct Remaining {
+    /// The terms, axis by axis.
+    pub(crate) terms: Vec<Told>,
+    /// What they take up, as a share of the squares before anything was found, each axis in units of its own scatter.
+    pub(crate) share: f64,
+}
+
+/// What the residual of a model depends on.
+pub(crate) fn remaining(kind: &Channels, best: &Trial<Channels>) -> Remaining {
+    let (experiment, rows) = (&kind.experiment, &kind.groups.training);
+    let n_axes = experiment.axes.len();
+    let after = experiment.at(&best.fit.values);
+    let dictionary = dictionary(experiment);
+    let designs: Vec<Design> = dictionary.iter().filter_map(|term| Design::new(term, rows)).collect();
+    let mut terms = Vec::new();
+    let (mut taken, mut before) = (0.0, f64::MIN_POSITIVE);
+    for (axis, of) in own_axes(experiment) {
+        let (own, scatter) = drawn_in(&of_axis(&after, n_axes, axis));
+        let in_scatter = |own: &[f64]| squares(own, rows) / (scatter * scatter);
+        let whole = in_scatter(&own);
+        let depends = dependences(kind, of, &designs, own);
+        taken += depends.iter().map(|term| term.share).sum::<f64>() * whole;
+        before += in_scatter(&drawn_in(&of_axis(&experiment.residuals, n_axes, axis)).0);
+        terms.extend(depends);
+    }
+    Remaining { terms, share: taken / before }
+}
+
+/// The terms of one axis, the strongest first. Rows repeat each other as far as what a term leaves goes on from row to row.
+fn dependences(kind: &Channels, axis: &Axis, designs: &[Design], own: Vec<f64>) -> Vec<Told> {
+    let (experiment, rows) = (&kind.experiment, &kind.groups.training);
+    let n_tried = (designs.len() * experiment.axes.len()) as f64;
+    let held_out: Vec<usize> = (0..experiment.rows.len()).filter(|&row| experiment.rows[row].held_out).collect();
+    let error = |of: &[f64]| (squares(of, &held_out) / held_out.len() as f64).sqrt();
+    let whole = squares(&own, rows).max(f64::MIN_POSITIVE);
+    // The terms have no mean over the rows; the first one takes that of the residual with it.
+    let mut mean = rows.iter().map(|&row| own[row]).sum::<f64>() / rows.len().max(1) as f64;
+    let (mut told, mut left): (Vec<Told>, _) = (Vec::new(), own);
+    while told.len() < MOST_TERMS {
+        let tried = designs.iter().map(|design| (design, design.take(&left)));
+        let Some((design, taken)) = tried.min_by(|a, b| a.1.criterion.total_cmp(&b.1.criterion)) else { break };
+        let own = centred(&taken.left, rows);
+        let seen: Vec<f64> = rows.iter().map(|&row| own[row]).collect();
+        if taken.p(kind.groups.repeats(&seen, 1)) * n_tried >= STRUCTURE_LEVEL || taken.criterion >= 0.0 {
+            break;
+        }
+        let fitted: Vec<f64> = left.iter().zip(&taken.left).map(|(before, after)| before - after + mean).collect();
+        mean = 0.0;
+        let channel = experiment.channels.iter().find(|(name, _)| *name == design.term.variable);
+        told.push(Told {
+            axis: axis.name.clone(),
+            term: in_words(&design.term.variable, design.term.shape),
+            channel: channel.map_or(String::new(), |(name, _)| name.clone()),
+            share: taken.square / whole,
+            heldout_gain: (!held_out.is_empty()).then(|| error(&left) - error(&taken.left)),
+            curve: channel.map_or(Vec::new(), |(_, channel)| curve_along(channel, &fitted)),
+        });
+        left = taken.left;
+    }
+    told
+}
+
+/// A term against its channel, in rising order.
+fn curve_along(channel: &[f64], fitted: &[f64]) -> Vec<[f64; 2]> {
+    let mut points: Vec<[f64; 2]> = channel.iter().zip(fitted).map(|(at, term)| [*at, *term]).collect();
+    points.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
+    points.dedup_by(|a, b| a[0] == b[0]);
+    let last = points.len().saturating_sub(1);
+    let pieces = last.min(PIECES);
+    (0..=pieces).filter_map(|k| points.get(k * last / pieces.max(1)).copied()).collect()
+}
+
+/// Numbers with those brought back that stand out between the ones beside them, and the usual scatter about these.
+fn drawn_in(numbers: &[f64]) -> (Vec<f64>, f64) {
+    let beside = |k: usize| median(numbers[k.saturating_sub(BESIDE)..].iter().copied().take(2 * BESIDE + 1));
+    let near: Vec<f64> = (0..numbers.len()).map(|k| beside(k).unwrap_or(numbers[k])).collect();
+    let off = |k: usize| (numbers[k] - near[k]).abs();
+    let largest = numbers.iter().fold(f64::MIN_POSITIVE, |largest, number| largest.max(number.abs()));
+    let scatter = median((0..numbers.len()).map(off)).unwrap_or_default().max(1e-9 * largest);
+    let back = |k: usize| if off(k) > STANDS_OUT * scatter { near[k] } else { numbers[k] };
+    ((0..numbers.len()).map(back).collect(), scatter)
+}
+
+/// Axes whose residual goes on from row to row as noise does not, where no effect and no term was found: something is
+/// missing, of a shape that is not in the dictionary. The share is that of the mean square which the row before foretells.
+pub(crate) fn memory(kind: &Channels, best: &Trial<Channels>) -> Vec<Told> {
+    let (rows, n_axes) = (&kind.experiment.rows, kind.sigma.len());
+    let residuals = kind.training_residuals(&best.fit);
+    let told = |(axis, of): (usize, &Axis)| {
+        let own: Vec<f64> = of_axis(&residuals, n_axes, axis).iter().map(|r| r.clamp(-FAR, FAR)).collect();
+        let training = kind.groups.training.windows(2).zip(own.windows(2));
+        let pairs = training.filter(|(at, _)| at[1] == at[0] + 1 && rows[at[0]].series == rows[at[1]].series);
+        let [both, before, after, count] = pairs.fold([0.0; 4], |[both, before, after, count], (_, r)| {
+            [both + r[0] * r[1], before + r[0] * r[0], after + r[1] * r[1], count + 1.0]
+        });
+        let correlation = both / (before * after).sqrt().max(f64::MIN_POSITIVE);
+        (correlation > GOES_ON && count >= LEAST_PAIRS).then(|| Told {
+            axis: of.name.clone(),
+            term: "its own value a row before".into(),
+            channel: String::new(),
+            share: correlation.powi(2),
+            heldout_gain: None,
+            curve: Vec::new(),
+        })
+    };
+    own_axes(&kind.experiment).filter_map(told).collect()
+}
+
+/// The axes that prove something, with their numbers.
+fn own_axes(experiment: &Experiment) -> impl Iterator<Item = (usize, &Axis)> {
+    experiment.axes.iter().enumerate().filter(|(_, axis)| axis.proves())
+}
+
+fn dictionary(experiment: &Experiment) -> Vec<Term> {
+    let mut terms = Vec::new();
+    let mut straight: Vec<(&String, Vec<f64>)> = Vec::new();
+    for (variable, channel) in &experiment.channels {
+        let mean = channel.iter().sum::<f64>() / channel.len().max(1) as f64;
+        let spread = (channel.iter().map(|c| (c - mean).powi(2)).sum::<f64>() / channel.len().max(1) as f64).sqrt();
+        if spread <= 1e-12 {
+            continue;
+        }
+        let scaled: Vec<f64> = channel.iter().map(|c| c / spread).collect();
+        let mut term =
+            |shape, columns| terms.push(Term { variable: variable.clone(), shape, columns, kept: Vec::new() });
+        let of = |shape: &dyn Fn(f64) -> f64| scaled.iter().map(|c| shape(*c)).collect::<Vec<f64>>();
+        term("straight", vec![scaled.clone()]);
+        term("square", vec![of(&|c| c * c)]);
+        term("size", vec![of(&f64::abs)]);
+        term("sign", vec![of(&|c| (c / 0.05).tanh())]);
+        term("curve", curve(&scaled));
+        let (low, high) = scaled.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), c| (l.min(*c), h.max(*c)));
+        for (k, shape) in WAVES.into_iter().enumerate() {
+            let turn = |c: f64| TAU * (k + 1) as f64 * (c - low) / (high - low);
+            term(shape, vec![of(&|c| turn(c).sin()), of(&|c| turn(c).cos())]);
+        }
+        straight.push((variable, scaled));
+    }
+    if straight.len() <= FEW {
+        for (k, (name, a)) in straight.iter().enumerate() {
+            for (other, b) in &straight[k + 1..] {
+                let columns = vec![a.iter().zip(b).map(|(a, b)| a * b).collect()];
+                let variable = format!("{name} with {other}");
+                terms.push(Term { variable, shape: "together", columns, kept: Vec::new() });
+            }
+        }
+    }
+    terms
+}
+
+/// The channel itself, and cubic pieces between knots that go on straight beyond the last ones.
+fn curve(channel: &[f64]) -> Vec<Vec<f64>> {
+    let mut sorted = channel.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let knots = KNOTS.map(|share| sorted[(share * (sorted.len() - 1) as f64) as usize]);
+    let [.., before, last] = knots;
+    let mut columns = vec![channel.to_vec()];
+    if before < last {
+        let cube = |c: f64, knot: f64| (c - knot).max(0.0).powi(3);
+        for knot in &knots[..4] {
+            let [of_before, of_last] = [last - knot, before - knot].map(|reach| reach / (last - before));
+            let piece = |c: &f64| cube(*c, *knot) - of_before * cube(*c, before) + of_last * cube(*c, last);
+            columns.push(channel.iter().map(piece).collect());
+        }
+    }
+    columns
+}

@@ -1,0 +1,261 @@
+//! The laws of `darm_core::effect::along` as candidates: columns along the rows of a measurement.
+//!
+//! Constants that no linear fit finds (the speed at which friction falls, the distance over which it turns round) are taken
+//! from a few values spread over what the measurement covers, so that they have the measurement's own scale.
+
+use darm_core::effect::along::backlash::Backlash;
+use darm_core::effect::along::backlash_by_load::BacklashByLoad;
+use darm_core::effect::along::compliance::Compliance;
+use darm_core::effect::along::coulomb_friction::CoulombFriction;
+use darm_core::effect::along::delay::Delay;
+use darm_core::effect::along::drift::Drift;
+use darm_core::effect::along::gain::Gain;
+use darm_core::effect::along::hysteresis::Hysteresis;
+use darm_core::effect::along::load_dependent_friction::LoadDependentFriction;
+use darm_core::effect::along::load_dependent_presliding::LoadDependentPresliding;
+use darm_core::effect::along::load_dependent_viscosity::LoadDependentViscosity;
+use darm_core::effect::along::offset::Offset;
+use darm_core::effect::along::periodic_cosine::PeriodicCosine;
+use darm_core::effect::along::periodic_sine::PeriodicSine;
+use darm_core::effect::along::position_dependent_friction::PositionDependentFriction;
+use darm_core::effect::along::presliding_friction::PreslidingFriction;
+use darm_core::effect::along::rotor_inertia::RotorInertia;
+use darm_core::effect::along::speed_dependent_offset::SpeedDependentOffset;
+use darm_core::effect::along::spring::Spring;
+use darm_core::effect::along::step_in_time::StepInTime;
+use darm_core::effect::along::stribeck_friction::StribeckFriction;
+use darm_core::effect::along::thermal_drift::ThermalDrift;
+use darm_core::effect::along::thermal_viscosity::ThermalViscosity;
+use darm_core::effect::along::viscous_friction::ViscousFriction;
+use darm_core::effect::along::wear::Wear;
+use darm_core::effect::along::{Law, Memory, Moment, Per};
+
+use crate::linearise::experiment::{Candidate, Value};
+use crate::linearise::model_effects::Known;
+use crate::measurement::root_mean_square;
+use crate::measurement::signal::rate;
+
+/// v₀ over the root mean square of v.
+const CREEP: [f64; 3] = [0.05, 0.2, 0.5];
+/// v_s over the root mean square of v.
+const STRIBECK: [f64; 3] = [0.1, 0.3, 1.0];
+/// d over the range of x.
+const PRESLIDING: [f64; 5] = [0.002, 0.005, 0.01, 0.03, 0.1];
+/// Half widths of hysteresis in shares of the load's range.
+const WIDTHS: [f64; 4] = [0.05, 0.1, 0.2, 0.4];
+/// Loads that seat a joint in its gap, in shares of the load's range.
+const SEATS: [f64; 2] = [0.01, 0.05];
+/// Distances of the memory of direction in shares of the target's range.
+const DISTANCES: [f64; 3] = [0.02, 0.1, 0.5];
+/// Moments of a step, as shares of the time from the first row to the last.
+const STEPS: [f64; 7] = [0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875];
+
+/// One coordinate along the rows of a measurement.
+#[derive(Clone, Copy)]
+pub struct Coordinate<'a> {
+    /// Position, m or rad.
+    pub position: &'a [f64],
+    /// Its rate.
+    pub velocity: &'a [f64],
+    /// The rate of that.
+    pub acceleration: &'a [f64],
+    /// What presses on it or drives it, where that is known.
+    pub load: Option<&'a [f64]>,
+    /// Temperature less its mean, K, where it was measured.
+    pub temperature: Option<&'a [f64]>,
+    /// When, s.
+    pub time_s: &'a [f64],
+    /// The stretch of each row: rates do not reach over a border.
+    pub series: &'a [usize],
+    /// The motion of each row: memory does not reach beyond it.
+    pub motion: &'a [usize],
+    /// Units of position, force and load: `m`, `N` and `Pa`.
+    pub units: [&'static str; 3],
+}
+
+/// Largest less smallest.
+pub fn range(values: &[f64]) -> f64 {
+    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+    (high - low).max(0.0)
+}
+
+impl Coordinate<'_> {
+    /// Friction of all kinds.
+    pub fn friction(&self) -> Vec<Law<f64>> {
+        let (usual, stroke) = (root_mean_square(self.velocity).max(1e-12), range(self.position).max(1e-12));
+        let mut laws = vec![Law::ViscousFriction(ViscousFriction)];
+        laws.extend(CREEP.map(|share| Law::CoulombFriction(CoulombFriction { creep_speed: share * usual })));
+        laws.extend(STRIBECK.map(|share| Law::StribeckFriction(StribeckFriction { fall_speed: share * usual })));
+        let distances = PRESLIDING.map(|share| share * stroke);
+        laws.extend(distances.map(|distance| Law::PreslidingFriction(PreslidingFriction { distance })));
+        laws.extend(distances.map(|distance| Law::PositionDependentFriction(PositionDependentFriction { distance })));
+        laws.push(Law::Wear(Wear { creep_speed: CREEP[0] * usual }));
+        if self.load.is_some() {
+            laws.extend(
+                CREEP.map(|share| Law::LoadDependentFriction(LoadDependentFriction { creep_speed: share * usual })),
+            );
+            laws.extend(distances.map(|distance| Law::LoadDependentPresliding(LoadDependentPresliding { distance })));
+            laws.push(Law::LoadDependentViscosity(LoadDependentViscosity));
+        }
+        if self.temperature.is_some() {
+            laws.push(Law::ThermalViscosity(ThermalViscosity));
+        }
+        laws
+    }
+
+    /// The laws of a force that are no friction.
+    pub fn others(&self) -> Vec<Law<f64>> {
+        let mut laws = vec![Law::Offset(Offset), Law::Spring(Spring), Law::SpeedDependentOffset(SpeedDependentOffset)];
+        laws.extend(self.in_time());
+        if self.load.is_some() {
+            laws.extend([Law::Gain(Gain), Law::Delay(Delay)]);
+        }
+        laws
+    }
+
+    /// Drift, a step, and what temperature moves.
+    pub fn in_time(&self) -> Vec<Law<f64>> {
+        let length_s = self.time_s.last().map_or(0.0, |last| last - self.start_s());
+        let mut laws = vec![Law::Drift(Drift)];
+        laws.extend(STEPS.map(|share| Law::StepInTime(StepInTime { at_s: share * length_s })));
+        if self.temperature.is_some() {
+            laws.push(Law::ThermalDrift(ThermalDrift));
+        }
+        laws
+    }
+
+    /// The laws of a motor and its gear, with errors of so many periods a turn of the joint.
+    pub fn of_motor(&self, periods_a_turn: &[f64]) -> Vec<Law<f64>> {
+        let mut laws = vec![Law::RotorInertia(RotorInertia)];
+        for &per_turn in periods_a_turn {
+            laws.push(Law::PeriodicSine(PeriodicSine { per_turn }));
+            laws.push(Law::PeriodicCosine(PeriodicCosine { per_turn }));
+        }
+        laws
+    }
+
+    /// The laws of a joint that holds a target: `position` is the target.
+    pub fn of_holding(&self) -> Vec<Law<f64>> {
+        let width = self.load.map_or(0.0, range).max(1e-12);
+        let mut laws = self.in_time();
+        laws.push(Law::Offset(Offset));
+        if range(self.position) > 0.0 {
+            laws.extend(DISTANCES.map(|share| Law::Backlash(Backlash { distance: share * range(self.position) })));
+        }
+        if self.load.is_some() {
+            laws.push(Law::Compliance(Compliance));
+            laws.extend(SEATS.map(|share| Law::BacklashByLoad(BacklashByLoad { seating: share * width })));
+            laws.extend(WIDTHS.map(|share| Law::Hysteresis(Hysteresis { half_width: share * width })));
+        }
+        laws
+    }
+
+    /// Laws at a place, acting on each axis by its share, and with the constants that the model's own effects have.
+    pub fn candidates(&self, mut laws: Vec<Law<f64>>, place: &str, shares: &[f64], known: &[Known]) -> Vec<Candidate> {
+        for effect in known.iter().filter(|effect| effect.place == place && effect.constant.is_some()) {
+            laws.extend(Law::named(&effect.law, effect.constant).filter(|law| !laws.contains(law)));
+        }
+        laws.iter().map(|law| self.candidate(law, place, shares)).collect()
+    }
+
+    /// A law at a place, acting on each axis by its share.
+    fn candidate(&self, law: &Law<f64>, place: &str, shares: &[f64]) -> Candidate {
+        let along = law.along();
+        let unit = self.unit(along.per());
+        let shape = along.constant().map(|constant| (constant.name, constant.value, self.dimension(constant.per)));
+        let numbers = self.column(law);
+        let column = numbers.iter().flat_map(|number| shares.iter().map(move |share| share * number)).collect();
+        let value = Value { name: along.size().into(), unit, prior: f64::INFINITY, column };
+        Candidate { law: along.name(), place: place.into(), shape, values: vec![value] }
+    }
+
+    /// What a size of one adds in each row.
+    pub fn column(&self, law: &Law<f64>) -> Vec<f64> {
+        let load_rate = self.load.map(|load| rate(load, self.time_s, self.series));
+        let mut memory = Memory::default();
+        let start_s = self.start_s();
+        let at = |k: usize| {
+            if k > 0 && self.motion[k] != self.motion[k - 1] {
+                memory = Memory::default();
+            }
+            let now = Moment {
+                position: self.position[k],
+                velocity: self.velocity[k],
+                acceleration: self.acceleration[k],
+                time_s: self.time_s[k] - start_s,
+                load: self.load.map_or(0.0, |load| load[k]),
+                load_rate: load_rate.as_ref().map_or(0.0, |rate| rate[k]),
+                temperature_rise_k: self.temperature.map_or(0.0, |temperature| temperature[k]),
+            };
+            law.along().shape(&now, &mut memory)
+        };
+        (0..self.position.len()).map(at).collect()
+    }
+
+    fn start_s(&self) -> f64 {
+        self.time_s.first().copied().unwrap_or_default()
+    }
+
+    fn dimension(&self, per: Per) -> String {
+        let [length, _, load] = self.units;
+        match per {
+            Per::One => "1".into(),
+            Per::Length => length.into(),
+            Per::Speed => format!("{length}/s"),
+            Per::Acceleration => format!("{length}/s²"),
+            Per::Time => "s".into(),
+            Per::Load => load.into(),
+            Per::LoadRate => format!("{load}/s"),
+            Per::Kelvin => "K".into(),
+        }
+    }
+
+    /// The unit of a size.
+    fn unit(&self, per: &[Per]) -> String {
+        let [length, force, load] = self.units;
+        let divided = |unit: &str, by: &str| match by.contains(['/', '·']) {
+            true => format!("{unit}/({by})"),
+            false => format!("{unit}/{by}"),
+        };
+        match per {
+            [Per::Acceleration] if (length, force) == ("rad", "N·m") => "kg·m²".into(),
+            [Per::LoadRate] if load == force => "s".into(),
+            [Per::Load] if load == force => "1".into(),
+            _ => per.iter().fold(force.to_string(), |unit, per| divided(&unit, &self.dimension(*per))),
+        }
+    }
+}
+
+/// A channel less its mean.
+pub fn less_mean(values: &[f64]) -> Vec<f64> {
+    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    values.iter().map(|value| value - mean).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_ends_at_a_border_and_units_are_told() {
+        let position = [0.0, 0.1, 0.2, 0.19, 0.1, 0.5];
+        let zero = [0.0; 6];
+        let coordinate = Coordinate {
+            position: &position,
+            velocity: &zero,
+            acceleration: &zero,
+            load: Some(&zero),
+            temperature: None,
+            time_s: &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0],
+            series: &[0, 0, 1, 1, 1, 2],
+            motion: &[0, 0, 0, 0, 0, 1],
+            units: ["m", "N", "Pa"],
+        };
+        let law = Law::PreslidingFriction(PreslidingFriction { distance: 0.01 });
+        let state = coordinate.column(&law);
+        assert!((state[2] - 1.0).abs() < 1e-4 && (state[4] + 1.0).abs() < 1e-2 && state[5] == 0.0);
+        let of = |law| coordinate.candidate(&law, "here", &[1.0]);
+        assert_eq!(of(law).shape, Some(("presliding distance", 0.01, "m".into())));
+        assert_eq!(of(Law::LoadDependentViscosity(LoadDependentViscosity)).values[0].unit, "N/(m/s)/Pa");
+    }
+}

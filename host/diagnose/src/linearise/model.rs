@@ -1,0 +1,202 @@
+//! The model of an experiment that is no arm of words: a small TOML, or a URDF alone.
+//!
+//! ```toml
+//! kind = "cylinder"        # force of one fluid actuator: p·A
+//! bore_mm = 25.0
+//! ```
+//!
+//! | kind | keys | observed |
+//! | --- | --- | --- |
+//! | `cylinder` | `bore_mm` | force against gauge pressure |
+//! | `servo` | | position against target |
+//! | `robot` | `urdf` (beside this file), `observed` = `torque`, `wrench` or `closure` | see below |
+//!
+//! | of a robot | key | meaning |
+//! | --- | --- | --- |
+//! | torque | `transmission`, `offset_deg` | N (rows) and q where the motors are at zero: motor = N·(q − offset), τ = Nᵀ·motor torque |
+//! | closure | `point` | columns whose values name the point that is touched |
+//! | closure | `pair`, `distance_mm` | the one of them in which two points differ that are so far apart |
+//! | closure | `tool` | the frame that touches; without it the robot's end |
+//!
+//! `number` and `[[effect]]` (see [`known`]) are what `darm diagnose --write-model` adds.
+//!
+//! A URDF alone is a robot whose torques are observed, or its contact wrench where the table has `Fz`.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::DMatrix;
+use serde::Deserialize;
+
+use crate::linearise::model_effects::{self, Known};
+use crate::linearise::point_contact::Points;
+use crate::linearise::torque::Transmission;
+use darm_robot::robot::Robot;
+use darm_robot::urdf::{self, Locks};
+
+/// A model of an experiment: what predicts, and the effects known so far.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// What predicts.
+    pub what: What,
+    /// What was found before.
+    pub effects: Vec<Known>,
+}
+
+/// What predicts.
+#[derive(Clone, Debug, PartialEq)]
+pub enum What {
+    /// One fluid actuator with this bore.
+    Cylinder {
+        /// Diameter of its piston, m.
+        bore_m: f64,
+    },
+    /// One joint that holds its target.
+    Servo,
+    /// Torques of a robot on a fixed base.
+    Torque(Robot, Option<Transmission>),
+    /// What a robot that moves freely exerts on a plate.
+    Wrench(Robot),
+    /// Points that a robot touches again and again.
+    Closure(Robot, Points),
+    /// A robot: torques, or the wrench where the table has one.
+    Any(Robot),
+}
+
+/// A model as it stands in a file.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+enum Raw {
+    Cylinder {
+        bore_mm: f64,
+    },
+    Servo {},
+    Robot {
+        urdf: PathBuf,
+        observed: Observed,
+        transmission: Option<Vec<Vec<f64>>>,
+        offset_deg: Option<Vec<f64>>,
+        #[serde(default)]
+        point: Vec<String>,
+        pair: Option<String>,
+        distance_mm: Option<f64>,
+        tool: Option<String>,
+    },
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Observed {
+    Torque,
+    Wrench,
+    Closure,
+}
+
+/// Why a file is no model.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    /// It cannot be read.
+    #[error("{0}: cannot be read: {1}")]
+    Io(String, std::io::Error),
+    /// It is no model.
+    #[error("{0}: {1}")]
+    Toml(String, toml::de::Error),
+    /// Its robot cannot be read.
+    #[error(transparent)]
+    Urdf(#[from] urdf::UrdfError),
+    /// A number makes no sense.
+    #[error("{0}: {1}")]
+    Value(String, String),
+}
+
+impl Model {
+    /// Reads a model; `None` where the file is an arm of words.
+    pub fn read(path: &Path) -> Result<Option<Self>, ModelError> {
+        if path.extension().is_some_and(|end| end == "urdf") {
+            return Ok(Some(What::Any(urdf::read(path, &Locks::new())?).into()));
+        }
+        let name = path.display().to_string();
+        let text = std::fs::read_to_string(path).map_err(|error| ModelError::Io(name.clone(), error))?;
+        let Some(mut table) =
+            text.parse::<toml::Table>().ok().filter(|t| t.get("kind").is_some_and(toml::Value::is_str))
+        else {
+            return Ok(None);
+        };
+        let effects = model_effects::taken(&name, &mut table)?;
+        // Parsed from the text where that can be, so that a mistake is told with its line.
+        let raw: Result<Raw, _> =
+            if effects.is_empty() && !text.contains("number") { toml::from_str(&text) } else { table.try_into() };
+        let what = what(path, raw.map_err(|error| ModelError::Toml(name.clone(), error))?, &name)?;
+        Ok(Some(Self { what, effects }))
+    }
+}
+
+impl From<What> for Model {
+    fn from(what: What) -> Self {
+        Self { what, effects: Vec::new() }
+    }
+}
+
+/// What a file describes.
+fn what(path: &Path, raw: Raw, name: &str) -> Result<What, ModelError> {
+    let wrong = |what: &str| ModelError::Value(name.into(), what.into());
+    Ok(match raw {
+        Raw::Cylinder { bore_mm } if bore_mm > 0.0 && bore_mm.is_finite() => What::Cylinder { bore_m: bore_mm * 1e-3 },
+        Raw::Cylinder { .. } => return Err(wrong("bore_mm must be more than 0")),
+        Raw::Servo {} => What::Servo,
+        Raw::Robot { urdf, observed, transmission, offset_deg, point, pair, distance_mm, tool } => {
+            let robot = urdf::read(&path.parent().unwrap_or(Path::new("")).join(urdf), &Locks::new())?;
+            match observed {
+                Observed::Torque => {
+                    let n = robot.joints.len();
+                    let transmission = transmission.map(|rows| matrix(&rows, n, offset_deg)).transpose();
+                    What::Torque(robot, transmission.map_err(|what| wrong(&what))?)
+                }
+                Observed::Wrench => What::Wrench(robot),
+                Observed::Closure => {
+                    let points = points(&robot, point, (pair, distance_mm), tool);
+                    What::Closure(robot, points.map_err(|what| wrong(&what))?)
+                }
+            }
+        }
+    })
+}
+
+fn points(
+    robot: &Robot,
+    point: Vec<String>,
+    pair: (Option<String>, Option<f64>),
+    tool: Option<String>,
+) -> Result<Points, String> {
+    let pair = match pair {
+        (None, None) => None,
+        (Some(column), Some(mm)) if mm > 0.0 && mm.is_finite() => Some((column, mm * 1e-3)),
+        (Some(_), Some(_)) => return Err("distance_mm must be more than 0".into()),
+        _ => {
+            return Err(
+                "pair and distance_mm go together: in which column two points differ, how far apart they are".into()
+            );
+        }
+    };
+    if point.is_empty() {
+        return Err("point must name the columns that name a point".into());
+    }
+    if let Some((column, _)) = pair.as_ref().filter(|(column, _)| !point.contains(column)) {
+        return Err(format!("pair = {column:?} must be one of the columns of point"));
+    }
+    if let Some(name) = tool.as_ref().filter(|name| robot.frame(name).is_none()) {
+        return Err(format!("the robot has no frame {name}; it has {}", robot.frame_names()));
+    }
+    Ok(Points { point, pair, tool })
+}
+
+fn matrix(rows: &[Vec<f64>], n: usize, offset_deg: Option<Vec<f64>>) -> Result<Transmission, String> {
+    if rows.len() != n || rows.iter().any(|row| row.len() != n) {
+        return Err(format!("transmission must have {n} rows of {n} numbers"));
+    }
+    let offset = offset_deg.unwrap_or_else(|| vec![0.0; n]);
+    if offset.len() != n {
+        return Err(format!("offset_deg must have {n} numbers"));
+    }
+    let matrix = DMatrix::from_fn(n, n, |row, column| rows[row][column]);
+    Ok(Transmission { matrix, offset: offset.into_iter().map(f64::to_radians).collect() })
+}

@@ -1,0 +1,155 @@
+//! How many periods a turn a torque ripples with, where no gear ratio tells it: peaks of a least-squares periodogram.
+//!
+//! For each number of periods n the sine and the cosine of n·q are added to what any joint may have (an offset, slopes of
+//! position, velocity and acceleration, friction that turns round), and the share of the residual that they take up is
+//! the power at n (Lomb, Least-squares frequency analysis of unequally spaced data, 1976, with more than a mean taken out).
+
+use std::f64::consts::TAU;
+
+use crate::linearise::laws::{Coordinate, range};
+use crate::measurement::root_mean_square;
+
+/// Steps of the periodogram for one period more in the range of the position.
+const STEPS: f64 = 8.0;
+/// Periods in the range, at least and at most: fewer are a spring, more are seldom told from noise.
+const PERIODS: [f64; 2] = [1.5, 40.0];
+/// Rows that are looked at.
+const MOST_ROWS: usize = 4000;
+/// v₀ of the friction that is taken out, over the root mean square of v.
+const CREEP: f64 = 0.1;
+/// A direction shorter than this share of itself is one that the others have.
+const DEPENDENT: f64 = 1e-6;
+/// Halvings of the step around a peak.
+const REFINED: usize = 10;
+
+/// The periods a turn of the `count` highest peaks of the residual of `seen` rows; fewer where it has fewer.
+pub(crate) fn periods_a_turn(
+    coordinate: &Coordinate,
+    residual: &[f64],
+    seen: impl Fn(usize) -> bool,
+    count: usize,
+) -> Vec<f64> {
+    let rows: Vec<usize> = (0..residual.len()).filter(|row| seen(*row)).collect();
+    let rows: Vec<usize> = rows.iter().copied().step_by(rows.len().div_ceil(MOST_ROWS).max(1)).collect();
+    let of = |channel: &[f64]| -> Vec<f64> { rows.iter().map(|row| channel[*row]).collect() };
+    let spectrum = Spectrum::new(&of(coordinate.position), &of(coordinate.velocity), &of(coordinate.acceleration));
+    let left = spectrum.beside(of(residual));
+    let reach = range(&spectrum.position);
+    if reach <= 0.0 {
+        return Vec::new();
+    }
+    let step = TAU / reach / STEPS;
+    let [first, last] = PERIODS.map(|periods| (periods * STEPS) as usize);
+    let power: Vec<f64> = (first..=last).map(|k| spectrum.power(&left, k as f64 * step)).collect();
+    let mut peaks: Vec<usize> = (0..power.len()).filter(|&k| is_peak(&power, k)).collect();
+    peaks.sort_by(|a, b| power[*b].total_cmp(&power[*a]));
+    peaks.truncate(count);
+    peaks.iter().map(|&k| spectrum.refined(&left, (first + k) as f64 * step, step)).collect()
+}
+
+fn is_peak(power: &[f64], k: usize) -> bool {
+    let beside = |other: Option<usize>| other.and_then(|other| power.get(other)).is_none_or(|other| *other < power[k]);
+    power[k] > 0.0 && beside(k.checked_sub(1)) && beside(Some(k + 1))
+}
+
+/// The positions, and orthonormal columns of what any joint may have.
+struct Spectrum {
+    position: Vec<f64>,
+    plain: Vec<Vec<f64>>,
+}
+
+impl Spectrum {
+    fn new(position: &[f64], velocity: &[f64], acceleration: &[f64]) -> Self {
+        let creep = (CREEP * root_mean_square(velocity)).max(f64::MIN_POSITIVE);
+        let friction = velocity.iter().map(|v| (v / creep).tanh()).collect();
+        let columns = [vec![1.0; position.len()], position.into(), velocity.into(), acceleration.into(), friction];
+        let mut spectrum = Self { position: position.into(), plain: Vec::new() };
+        for column in columns {
+            let column = spectrum.unit_beside(column);
+            spectrum.plain.extend(column);
+        }
+        spectrum
+    }
+
+    /// What a column has beside the plain ones.
+    fn beside(&self, mut column: Vec<f64>) -> Vec<f64> {
+        self.plain.iter().for_each(|plain| take_out(&mut column, plain));
+        column
+    }
+
+    /// The same with length one; `None` of a column that the plain ones have.
+    fn unit_beside(&self, column: Vec<f64>) -> Option<Vec<f64>> {
+        let before = dot(&column, &column).sqrt();
+        unit(self.beside(column), before)
+    }
+
+    /// The sum of squares of `left` that a ripple of `periods` a turn takes up.
+    fn power(&self, left: &[f64], periods: f64) -> f64 {
+        let wave = |shape: fn(f64) -> f64| self.position.iter().map(|q| shape(periods * q)).collect::<Vec<f64>>();
+        let sine = self.unit_beside(wave(f64::sin));
+        let mut cosine = self.beside(wave(f64::cos));
+        let length = dot(&cosine, &cosine).sqrt();
+        sine.iter().for_each(|sine| take_out(&mut cosine, sine));
+        let cosine = unit(cosine, length);
+        sine.iter().chain(&cosine).map(|wave| dot(wave, left).powi(2)).sum()
+    }
+
+    /// The peak near `periods`, to `step` halved some times.
+    fn refined(&self, left: &[f64], mut periods: f64, mut step: f64) -> f64 {
+        for _ in 0..REFINED {
+            step *= 0.5;
+            let [below, at, above] = [-step, 0.0, step].map(|more| self.power(left, periods + more));
+            if below.max(above) > at {
+                periods += if below > above { -step } else { step };
+            }
+        }
+        periods
+    }
+}
+
+fn unit(column: Vec<f64>, before: f64) -> Option<Vec<f64>> {
+    let length = dot(&column, &column).sqrt();
+    (length > DEPENDENT * before).then(|| column.iter().map(|x| x / length).collect())
+}
+
+fn take_out(column: &mut [f64], unit: &[f64]) {
+    let along = dot(column, unit);
+    column.iter_mut().zip(unit).for_each(|(x, u)| *x -= along * u);
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ripple_is_found_beside_friction_and_springs() {
+        let time_s: Vec<f64> = (0..800).map(|k| f64::from(k) * 0.05).collect();
+        let of = |shape: &dyn Fn(f64) -> f64| time_s.iter().map(|t| shape(*t)).collect::<Vec<f64>>();
+        let position = of(&|t| 0.7 * (0.5 * t).sin() + 0.3 * (1.7 * t).cos());
+        let velocity = of(&|t| 0.35 * (0.5 * t).cos() - 0.51 * (1.7 * t).sin());
+        let acceleration = of(&|t| -0.175 * (0.5 * t).sin() - 0.867 * (1.7 * t).cos());
+        let coordinate = Coordinate {
+            position: &position,
+            velocity: &velocity,
+            acceleration: &acceleration,
+            load: None,
+            temperature: None,
+            time_s: &time_s,
+            series: &[0; 800],
+            motion: &[0; 800],
+            units: ["rad", "N·m", "N·m"],
+        };
+        let ripple = |q: f64| (13.0 * q + 0.4).sin();
+        let torque: Vec<f64> =
+            position.iter().zip(&velocity).map(|(q, v)| 0.2 * ripple(*q) + 4.0 * q + 3.0 * v.signum() + 2.0).collect();
+        let found = periods_a_turn(&coordinate, &torque, |row| row % 4 > 0, 2);
+        assert!((found[0] - 13.0).abs() < 0.1, "{found:?}");
+        let resting = Coordinate { position: &[1.0; 800], ..coordinate };
+        assert!(periods_a_turn(&resting, &torque, |_| true, 2).is_empty());
+        assert!(periods_a_turn(&coordinate, &torque, |_| false, 2).is_empty());
+    }
+}

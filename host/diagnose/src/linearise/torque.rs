@@ -1,0 +1,293 @@
+//! Joint torques along motions: predicted by inverse dynamics of the robot, beside the motors' torque at the joints.
+
+use darm_core::effect::along::Law;
+use darm_core::effect::along::rotor_inertia::RotorInertia;
+use darm_core::tree::Body;
+use nalgebra::DMatrix;
+
+use crate::judge::regression::of_axis;
+use crate::linearise::bodies::{Moving, candidate, links, load, of_joint};
+use crate::linearise::experiment::{Axis, Candidate, Experiment, Mass, Row};
+use crate::linearise::laws::Coordinate;
+use crate::linearise::model_effects::{self, Known};
+use crate::linearise::ripple::periods_a_turn;
+use crate::prepare::signals::{PrepareError, Prepared};
+use crate::signals::ChannelError;
+use darm_robot::robot::Robot;
+
+/// Ripples of a torque that are tried where no gear ratio tells their periods.
+const RIPPLES: usize = 2;
+
+/// How the motors drive the joints.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Transmission {
+    /// N with motor angles = N·(joint angles − offset) and joint torques = Nᵀ·motor torques.
+    pub matrix: DMatrix<f64>,
+    /// Joint angles where the motors are at zero, rad.
+    pub offset: Vec<f64>,
+}
+
+/// Positions, velocities, accelerations and torques of all joints, by joint.
+struct Motion {
+    q: Vec<Vec<f64>>,
+    v: Vec<Vec<f64>>,
+    a: Vec<Vec<f64>>,
+    tau: Vec<Vec<f64>>,
+}
+
+/// The experiment of a robot on a fixed base.
+pub(crate) fn experiment(
+    data: &Prepared,
+    robot: &Robot,
+    transmission: Option<&Transmission>,
+    known: &[Known],
+) -> Result<Experiment, PrepareError> {
+    let n = robot.joints.len();
+    let motion = match transmission {
+        Some(transmission) if data.raw("qm1").is_some() => of_motors(data, transmission, n)?,
+        _ => of_joints(data, n)?,
+    };
+    Ok(of_motion(data.rows.clone(), robot, transmission, known, &motion))
+}
+
+/// What effects add to the torques of a robot along a motion, N·m or N: for each row of it one number a joint.
+///
+/// `states` has positions, velocities and accelerations of each row, rad or m; what remembers its way begins with the first.
+///
+/// # Errors
+///
+/// An effect that the robot has no place for.
+pub fn added(
+    robot: &Robot,
+    transmission: Option<&Transmission>,
+    known: &[Known],
+    states: &[[&[f64]; 3]],
+    times_s: &[f64],
+) -> Result<Vec<Vec<f64>>, ChannelError> {
+    let n = robot.joints.len();
+    let [q, v, a] = [0, 1, 2].map(|order| {
+        let channel = |joint: usize| states.iter().map(|state| state[order][joint]).collect();
+        (0..n).map(channel).collect()
+    });
+    let row =
+        |(k, &time_s): (usize, &f64)| Row { line: k + 1, time_s, series: 0, motion: 0, key: None, held_out: false };
+    let rows: Vec<Row> = times_s.iter().enumerate().map(row).collect();
+    let motion = Motion { q, v, a, tau: vec![vec![0.0; rows.len()]; n] };
+    let mut experiment = of_motion(rows, robot, transmission, known, &motion);
+    let nominal = experiment.residuals.clone();
+    model_effects::apply(&mut experiment, known)?;
+    let more: Vec<f64> = experiment.residuals.iter().zip(&nominal).map(|(with, without)| with - without).collect();
+    Ok(more.chunks(n.max(1)).map(<[f64]>::to_vec).collect())
+}
+
+/// The experiment of a motion.
+fn of_motion(
+    rows: Vec<Row>,
+    robot: &Robot,
+    transmission: Option<&Transmission>,
+    known: &[Known],
+    motion: &Motion,
+) -> Experiment {
+    let n = robot.joints.len();
+    let clock = Clock::new(&rows);
+    let (nominal, regressor) = regressor(robot, motion, rows.len());
+    let residuals: Vec<f64> = (0..rows.len() * n).map(|k| nominal[k] - motion.tau[k % n][k / n]).collect();
+    let whole_kg = robot.mass();
+    let (mut candidates, mut masses): (Vec<Candidate>, Vec<Mass>) = (Vec::new(), Vec::new());
+    for (joint, columns) in robot.joints.iter().zip(regressor) {
+        let ten = Body::from(&joint.joint.inertia).parameters();
+        let (candidate, mass) = candidate(candidates.len(), &joint.link, &ten, whole_kg, columns);
+        candidates.push(candidate);
+        masses.push(mass);
+    }
+    for joint in 0..n {
+        let load: Vec<f64> = (0..rows.len()).map(|row| nominal[row * n + joint]).collect();
+        let place = format!("joint {} ({})", joint + 1, robot.joints[joint].name);
+        let shares: Vec<f64> = (0..n).map(|k| f64::from(u8::from(k == joint))).collect();
+        let [q, v, a] = [&motion.q, &motion.v, &motion.a].map(|channels| &channels[joint][..]);
+        let coordinate = clock.coordinate([q, v, a], Some(&load));
+        let periods = match transmission {
+            Some(transmission) => vec![transmission.matrix[(joint, joint)].abs()],
+            None => {
+                let own: Vec<f64> = of_axis(&residuals, n, joint);
+                periods_a_turn(&coordinate, &own, |row| !rows[row].held_out, RIPPLES)
+            }
+        };
+        candidates.extend(coordinate.candidates(of_joint_laws(&coordinate, &periods), &place, &shares, known));
+    }
+    candidates.extend(couplings(&clock, motion, transmission, known));
+    let channel = |name: &str, of: &[Vec<f64>]| -> Vec<(String, Vec<f64>)> {
+        of.iter().enumerate().map(|(k, values)| (format!("{name} of joint {}", k + 1), values.clone())).collect()
+    };
+    let channels = [channel("position", &motion.q), channel("velocity", &motion.v), channel("acceleration", &motion.a)];
+    Experiment {
+        kind: "joint-torque",
+        axes: (1..=n).map(|k| Axis::new(format!("joint {k}"), "N·m")).collect(),
+        n_norm: n,
+        rows,
+        residuals,
+        candidates,
+        channels: channels.concat(),
+        masses,
+        relinearise: None,
+    }
+}
+
+fn of_joints(data: &Prepared, n: usize) -> Result<Motion, PrepareError> {
+    let mut motion = Motion { q: Vec::new(), v: Vec::new(), a: Vec::new(), tau: Vec::new() };
+    for k in 1..=n {
+        let [q, v, a] = data.motion(&format!("q{k}"), false)?;
+        let v = data.optional(&format!("v{k}")).unwrap_or(v);
+        motion.a.push(data.optional(&format!("a{k}")).unwrap_or(a));
+        motion.q.push(q);
+        motion.v.push(v);
+        motion.tau.push(data.channel(&format!("tau{k}"))?);
+    }
+    Ok(motion)
+}
+
+fn of_motors(data: &Prepared, transmission: &Transmission, n: usize) -> Result<Motion, PrepareError> {
+    let inverse = transmission.matrix.clone().try_inverse();
+    let inverse = inverse.filter(|inverse| inverse.nrows() == n).ok_or_else(|| {
+        PrepareError::Nothing(format!("the transmission must be an invertible matrix of {n} rows and columns"))
+    })?;
+    let mut motors = Vec::new();
+    let mut torques = Vec::new();
+    for k in 1..=n {
+        let name = format!("qm{k}");
+        let raw = data.raw(&name).map(|numbers| data.full(numbers, false));
+        motors.push(raw.map_or_else(|| data.channel(&name), Ok)?);
+        torques.push(data.channel(&format!("taum{k}"))?);
+    }
+    let mixed = |row: &dyn Fn(usize) -> f64, of: &[Vec<f64>]| -> Vec<f64> {
+        let length = of.first().map_or(0, Vec::len);
+        (0..length).map(|at| of.iter().enumerate().map(|(k, channel)| row(k) * channel[at]).sum()).collect()
+    };
+    let mut motion = Motion { q: Vec::new(), v: Vec::new(), a: Vec::new(), tau: Vec::new() };
+    for joint in 0..n {
+        let offset = transmission.offset.get(joint).copied().unwrap_or(0.0);
+        let position = mixed(&|k| inverse[(joint, k)], &motors).iter().map(|q| q + offset).collect();
+        let [q, v, a] = data.rates(position);
+        motion.q.push(q);
+        motion.v.push(v);
+        motion.a.push(a);
+        motion.tau.push(mixed(&|k| transmission.matrix[(k, joint)], &torques));
+    }
+    Ok(motion)
+}
+
+/// Torques of the model, and the columns of each link's parameters: rows × joints.
+fn regressor(robot: &Robot, motion: &Motion, rows: usize) -> (Vec<f64>, Vec<[Vec<f64>; 10]>) {
+    let n = robot.joints.len();
+    let mut columns: Vec<[Vec<f64>; 10]> = (0..n).map(|_| std::array::from_fn(|_| vec![0.0; rows * n])).collect();
+    let mut nominal = vec![0.0; rows * n];
+    let tens: Vec<[f64; 10]> = robot.joints.iter().map(|joint| Body::from(&joint.joint.inertia).parameters()).collect();
+    let base = Moving::resting(&robot.gravity);
+    for row in 0..rows {
+        let at = |of: &[Vec<f64>]| -> Vec<f64> { of.iter().map(|channel| channel[row]).collect() };
+        let (q, v, a) = (at(&motion.q), at(&motion.v), at(&motion.a));
+        let moving = links(robot, &base, [&q, &v, &a]);
+        for link in 0..n {
+            let load = load(&moving[link]);
+            let mut joint = Some(link);
+            while let Some(carrier) = joint {
+                let ten = of_joint(robot, carrier, &moving[carrier], &load);
+                for k in 0..10 {
+                    columns[link][k][row * n + carrier] = ten[k];
+                    nominal[row * n + carrier] += ten[k] * tens[link][k];
+                }
+                joint = robot.joints[carrier].joint.parent;
+            }
+        }
+    }
+    (nominal, columns)
+}
+
+/// When the rows were, and how they hang together.
+struct Clock {
+    time_s: Vec<f64>,
+    series: Vec<usize>,
+    motion: Vec<usize>,
+}
+
+impl Clock {
+    fn new(rows: &[Row]) -> Self {
+        let [series, motion] =
+            [|row: &Row| row.series, |row: &Row| row.motion].map(|of| rows.iter().map(of).collect::<Vec<usize>>());
+        Self { time_s: rows.iter().map(|row| row.time_s).collect(), series, motion }
+    }
+
+    fn coordinate<'a>(
+        &'a self,
+        [position, velocity, acceleration]: [&'a [f64]; 3],
+        load: Option<&'a [f64]>,
+    ) -> Coordinate<'a> {
+        let (time_s, series, motion) = (&self.time_s[..], &self.series[..], &self.motion[..]);
+        let units = ["rad", "N·m", "N·m"];
+        Coordinate { position, velocity, acceleration, load, temperature: None, time_s, series, motion, units }
+    }
+}
+
+/// Friction, the motor's own inertia, springs and offsets of one joint.
+fn of_joint_laws(coordinate: &Coordinate, periods_a_turn: &[f64]) -> Vec<Law<f64>> {
+    let mut laws = coordinate.friction();
+    let of_seals = |law: &Law<f64>| {
+        matches!(
+            law,
+            Law::PositionDependentFriction(_) | Law::LoadDependentPresliding(_) | Law::LoadDependentViscosity(_)
+        )
+    };
+    laws.retain(|law| !of_seals(law));
+    laws.extend(coordinate.others());
+    laws.extend(coordinate.of_motor(periods_a_turn));
+    laws
+}
+
+/// Friction and inertia of a motor that turns with a sum of neighbouring joints: by the transmission where it is known,
+/// else the sum and the difference of each two.
+fn couplings(clock: &Clock, motion: &Motion, transmission: Option<&Transmission>, known: &[Known]) -> Vec<Candidate> {
+    let n = motion.q.len();
+    let mut candidates = Vec::new();
+    let mixes: Vec<(String, Vec<f64>)> = match transmission {
+        Some(transmission) => {
+            let row = |k: usize| -> Vec<f64> {
+                let largest = transmission.matrix.row(k).amax().max(f64::MIN_POSITIVE);
+                (0..n).map(|joint| transmission.matrix[(k, joint)] / largest).collect()
+            };
+            let several = (0..n).map(|k| (format!("motor {}", k + 1), row(k)));
+            several.filter(|(_, mix)| mix.iter().filter(|share| **share != 0.0).count() > 1).collect()
+        }
+        None => (1..n)
+            .flat_map(|k| {
+                [(1.0, "with"), (-1.0, "against")].map(|(sign, word)| {
+                    let mix = (0..n)
+                        .map(|j| {
+                            if j == k - 1 {
+                                1.0
+                            } else if j == k {
+                                sign
+                            } else {
+                                0.0
+                            }
+                        })
+                        .collect();
+                    (format!("joint {} {word} joint {k}", k + 1), mix)
+                })
+            })
+            .collect(),
+    };
+    for (place, mix) in mixes {
+        let sum = |of: &[Vec<f64>]| -> Vec<f64> {
+            (0..clock.time_s.len())
+                .map(|row| mix.iter().zip(of).map(|(share, channel)| share * channel[row]).sum())
+                .collect()
+        };
+        let (q, v, a) = (sum(&motion.q), sum(&motion.v), sum(&motion.a));
+        let coordinate = clock.coordinate([&q, &v, &a], None);
+        let mut laws = coordinate.friction();
+        laws.retain(|law| matches!(law, Law::CoulombFriction(_) | Law::ViscousFriction(_)));
+        laws.push(Law::RotorInertia(RotorInertia));
+        candidates.extend(coordinate.candidates(laws, &place, &mix, known));
+    }
+    candidates
+}

@@ -1,0 +1,184 @@
+//! Contact wrench and centre of pressure of a body on a plate: predicted by inverse dynamics on a moving base.
+//!
+//! The axes are the centre of pressure first, which is linear in the masses when it is told against the measured force:
+//! (−M_y − x·F_z)/F_z and (M_x − y·F_z)/F_z with predicted moments and force above, measured x, y and F_z; then the
+//! forces and the moment about z. The plate's frame is the world: z up, moments about its origin; what it is off by is the
+//! law `sensor-frame`: with d where its origin is and θ how it is turned, F' = F − θ×F and M' = M − d×F − θ×M, to first order
+//! and of the measured wrench.
+
+use darm_core::real::{Mat3, Vec3};
+use darm_core::se::Pose;
+use darm_core::tree::Body;
+use nalgebra::{Quaternion, UnitQuaternion};
+
+use crate::linearise::bodies::{Load, Moving, candidate, links, load};
+use crate::linearise::experiment::{Axis, Candidate, Experiment, Value};
+use crate::measurement::signal::rate;
+use crate::prepare::signals::{PrepareError, Prepared};
+use darm_robot::robot::Robot;
+
+/// Components of the wrench as they are named in a table.
+const WRENCH: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
+
+/// The experiment of a robot whose base moves as the table tells.
+pub(crate) fn experiment(data: &Prepared, robot: &Robot) -> Result<Experiment, PrepareError> {
+    let base = base(data, &robot.gravity)?;
+    let mut joints = [Vec::new(), Vec::new(), Vec::new()];
+    for joint in &robot.joints {
+        data.motion(&joint.name, true)?.into_iter().zip(&mut joints).for_each(|(channel, all)| all.push(channel));
+    }
+    let mut measured = Vec::new();
+    for name in WRENCH {
+        measured.push(data.channel(name)?);
+    }
+    if let Some(row) = measured[2].iter().position(|force| *force <= 0.0) {
+        let what = format!("line {}: the ground does not push (Fz is not above 0): is z up?", data.rows[row].line);
+        return Err(PrepareError::Nothing(what));
+    }
+    let loads = loads(data, robot, &base, &joints);
+    let tens: Vec<[f64; 10]> = std::iter::once(&robot.base)
+        .chain(robot.joints.iter().map(|joint| &joint.joint.inertia))
+        .map(|inertia| Body::from(inertia).parameters())
+        .collect();
+    let axes = Axes { measured: &measured };
+    let names = std::iter::once("the base".to_string()).chain(robot.joints.iter().map(|joint| joint.link.clone()));
+    let whole_kg = robot.mass() + if robot.floating { 0.0 } else { robot.base.mass };
+    let mut residuals = axes.column(|row, k| -measured[k][row]);
+    let (mut candidates, mut masses) = (Vec::new(), Vec::new());
+    for ((name, ten), load) in names.zip(&tens).zip(&loads).filter(|((_, ten), _)| ten[0] > 0.0) {
+        let columns: [Vec<f64>; 10] = std::array::from_fn(|k| axes.column(|row, part| load[k][part][row]));
+        for (column, size) in columns.iter().zip(ten) {
+            residuals.iter_mut().zip(column).for_each(|(residual, slope)| *residual += slope * size);
+        }
+        let (candidate, mass) = candidate(candidates.len(), &name, ten, whole_kg, columns);
+        candidates.push(candidate);
+        masses.push(mass);
+    }
+    candidates.push(sensor_frame(&measured, &axes));
+    Ok(Experiment {
+        kind: "contact-wrench",
+        axes: AXES.iter().map(|(name, unit)| Axis::new(*name, unit)).collect(),
+        n_norm: 2,
+        rows: data.rows.clone(),
+        residuals,
+        candidates,
+        channels: channels(data, robot, joints),
+        masses,
+        relinearise: None,
+    })
+}
+
+const AXES: [(&str, &str); 6] = [("cop x", "m"), ("cop y", "m"), ("Fx", "N"), ("Fy", "N"), ("Fz", "N"), ("Mz", "N·m")];
+
+fn channels(data: &Prepared, robot: &Robot, joints: [Vec<Vec<f64>>; 3]) -> Vec<(String, Vec<f64>)> {
+    let [positions, ..] = joints;
+    let named = robot.joints.iter().map(|joint| joint.name.clone()).zip(positions);
+    std::iter::once(("time".to_string(), data.time_s.clone())).chain(named).collect()
+}
+
+struct Axes<'a> {
+    measured: &'a [Vec<f64>],
+}
+
+impl Axes<'_> {
+    /// The axes of a wrench: rows × 6. `wrench` tells a component in a row.
+    fn column(&self, wrench: impl Fn(usize, usize) -> f64) -> Vec<f64> {
+        let [_, _, fz, mx, my, _] = self.measured else { return Vec::new() };
+        let row = |row: usize| {
+            let (x, y) = (-my[row] / fz[row], mx[row] / fz[row]);
+            let w = |k: usize| wrench(row, k);
+            [(-w(4) - x * w(2)) / fz[row], (w(3) - y * w(2)) / fz[row], w(0), w(1), w(2), w(5)]
+        };
+        (0..fz.len()).flat_map(row).collect()
+    }
+}
+
+/// The plate stands elsewhere, or is turned.
+fn sensor_frame(measured: &[Vec<f64>], axes: &Axes) -> Candidate {
+    let value = |(k, (name, unit)): (usize, (&str, &str))| {
+        let about = Vec3::ith(k % 3, 1.0);
+        let part = |row: usize, part: usize| {
+            let turned = |first: usize| about.cross(&Vec3::from_fn(|axis, _| measured[first + axis][row]))[part % 3];
+            match (k < 3, part < 3) {
+                (true, true) => 0.0,
+                (true, false) | (false, true) => -turned(0),
+                (false, false) => -turned(3),
+            }
+        };
+        Value { name: name.into(), unit: unit.into(), prior: f64::INFINITY, column: axes.column(part) }
+    };
+    let names =
+        [("x", "m"), ("y", "m"), ("z", "m"), ("turn about x", "rad"), ("turn about y", "rad"), ("turn about z", "rad")];
+    let values = names.into_iter().enumerate().map(value).collect();
+    Candidate { law: "sensor-frame", place: "the plate".into(), shape: None, values }
+}
+
+/// Each body's load per parameter and component of the wrench, along the rows: the base first.
+fn loads(data: &Prepared, robot: &Robot, base: &[Moving], joints: &[Vec<Vec<f64>>; 3]) -> Vec<Vec<Vec<Vec<f64>>>> {
+    let n = robot.joints.len() + 1;
+    let mut all = vec![vec![vec![vec![0.0; base.len()]; 6]; 10]; n];
+    for (row, base) in base.iter().enumerate() {
+        let at = |of: &[Vec<f64>]| -> Vec<f64> { of.iter().map(|channel| channel[row]).collect() };
+        let [q, v, a] = [at(&joints[0]), at(&joints[1]), at(&joints[2])];
+        let moving = links(robot, base, [&q, &v, &a]);
+        for (body, moving) in std::iter::once(base).chain(&moving).enumerate() {
+            let load: Load = load(moving);
+            for (k, parts) in all[body].iter_mut().enumerate() {
+                parts.iter_mut().enumerate().for_each(|(part, channel)| channel[row] = load[(part, k)]);
+            }
+        }
+    }
+    for channel in all.iter_mut().flatten().flatten() {
+        data.again(channel);
+    }
+    all
+}
+
+/// How the base moves.
+pub fn base(data: &Prepared, gravity: &Vec3<f64>) -> Result<Vec<Moving>, PrepareError> {
+    let place = [data.motion("px", true)?, data.motion("py", true)?, data.motion("pz", true)?];
+    let mut turn = Vec::new();
+    for name in ["qx", "qy", "qz", "qw"] {
+        let none = || {
+            PrepareError::Nothing(format!("no column {name}: the base's orientation is a quaternion qx, qy, qz, qw"))
+        };
+        turn.push(data.raw(name).ok_or_else(none)?.to_vec());
+    }
+    one_sign(&mut turn);
+    let turn: Vec<[Vec<f64>; 3]> = turn.iter().map(|part| data.rates(data.full(part, true))).collect();
+    let quaternion = |row: usize| {
+        let [x, y, z, w] = std::array::from_fn(|k| turn[k][0][row]);
+        UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
+    };
+    let rows = data.rows.len();
+    let angular = |row: usize| {
+        let [x, y, z, w] = std::array::from_fn(|k| turn[k][1][row]);
+        let spin = Quaternion::new(w, x, y, z) * quaternion(row).conjugate().into_inner() * 2.0;
+        Vec3::new(spin.i, spin.j, spin.k)
+    };
+    let turning: Vec<Vec3<f64>> = (0..rows).map(angular).collect();
+    let part = |k: usize| rate(&turning.iter().map(|w| w[k]).collect::<Vec<_>>(), &data.time_s, &data.series);
+    let rates = [part(0), part(1), part(2)];
+    let moving = |row: usize| {
+        let rotation: Mat3<f64> = quaternion(row).to_rotation_matrix().into_inner();
+        let vector = |order: usize| Vec3::new(place[0][order][row], place[1][order][row], place[2][order][row]);
+        Moving {
+            pose: Pose { rotation, position: vector(0) },
+            turning: turning[row],
+            turning_rate: Vec3::new(rates[0][row], rates[1][row], rates[2][row]),
+            acceleration: vector(2) - gravity,
+        }
+    };
+    Ok((0..rows).map(moving).collect())
+}
+
+/// q and −q are the same turn: each row takes the sign that is nearer to the row before.
+fn one_sign(turn: &mut [Vec<f64>]) {
+    let rows = turn.first().map_or(0, Vec::len);
+    for row in 1..rows {
+        let along: f64 = turn.iter().map(|part| part[row] * part[row - 1]).sum();
+        if along < 0.0 {
+            turn.iter_mut().for_each(|part| part[row] = -part[row]);
+        }
+    }
+}

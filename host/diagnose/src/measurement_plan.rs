@@ -1,0 +1,210 @@
+//! The measurement plan: which words an arm visits, in which order, so that whatever its model lacks can be found.
+//!
+//! - The words are chosen for information about the values of every candidate effect at once (D-optimality over random
+//!   words, see [`design`](crate::measurement_plan::optimal_design)); on a small arm all words are taken.
+//! - Every word is visited a few times, each time after another word, so that memory of the word before shows; the
+//!   order is chosen so that each actuator comes to each word both moved and unmoved where that can be.
+//! - Some words are held for a few more visits in a row, with nothing changed: they tell the repeatability.
+//! - A share of the words is drawn before anything is measured, and held out of every fit.
+//! - Servo joints stand elsewhere in each round of visits.
+
+pub mod optimal_design;
+mod order;
+
+use darm_core::model::Condition;
+use darm_core::units::Word;
+use nalgebra::DMatrix;
+use rand::seq::SliceRandom;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::linearise::arm_candidates;
+use crate::linearise::sensitivity::Sensitivity;
+use crate::measurement::{Run, Sample};
+use crate::measurement_plan::optimal_design::most_informative;
+use crate::prepare::observations::Observations;
+use darm_arm::arm::{Arm, ArmScratch, ZERO_CELSIUS};
+
+/// Words that compete for a place in a measurement plan.
+const COMPETING: usize = 512;
+/// Noise that the words are chosen for: 0.02° and 0.2 mm; only the ratio of the two matters.
+const NOISE: [f64; 6] = [3.5e-4, 3.5e-4, 3.5e-4, 2e-4, 2e-4, 2e-4];
+/// Supply (share of nominal) and temperature rise (K) that the words are chosen at.
+const AWAY: (f64, f64) = (0.9, 10.0);
+/// Size of an effect that is thought likely, in units of the noise.
+const LIKELY: f64 = 20.0;
+/// Share of a servo's range that it is moved by to either side.
+const SERVO_SHARE: f64 = 0.3;
+
+/// How large a measurement plan is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Different words.
+    pub words: usize,
+    /// Visits of each, after different words.
+    pub visits: usize,
+    /// Words that are repeated in a row.
+    pub repeated_words: usize,
+    /// Further visits of these, in a row.
+    pub repeats: usize,
+    /// Share of the words that no fit sees.
+    pub hold_out: f64,
+    /// Of all that is drawn.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { words: 96, visits: 3, repeated_words: 12, repeats: 7, hold_out: 0.25, seed: 1 }
+    }
+}
+
+/// One visit of a word.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Step {
+    /// The word.
+    pub word: Word,
+    /// The word before it; at first the word at rest.
+    pub previous: Word,
+    /// Positions of the servo joints.
+    pub servos_rad: Vec<f64>,
+    /// Whether no fit may see it.
+    pub held_out: bool,
+    /// Whether it repeats the step before, so that nothing moves.
+    pub repeat: bool,
+}
+
+/// The steps of a measurement plan for `arm`, in order.
+pub fn plan(arm: &Arm, options: &Options) -> Vec<Step> {
+    let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+    let words = informative_words(arm, options);
+    let mut drawn: Vec<usize> = (0..words.len()).collect();
+    drawn.shuffle(&mut rng);
+    let n_held_out = (options.hold_out * words.len() as f64).round() as usize;
+    let (held_out, training) = drawn.split_at(n_held_out.min(words.len()));
+    let repeated = &training[..options.repeated_words.min(training.len())];
+    let mut steps: Vec<Step> = Vec::new();
+    for (round, order) in order::rounds(&words, options.visits, arm.rest(), &mut rng).into_iter().enumerate() {
+        let servos_rad = servo_positions(arm, round);
+        for index in order {
+            let previous = steps.last().map_or(arm.rest(), |step| step.word);
+            let held_out = held_out.contains(&index);
+            let step = Step { word: words[index], previous, servos_rad: servos_rad.clone(), held_out, repeat: false };
+            let in_turn = repeated.iter().position(|&word| word == index);
+            let again = in_turn.is_some_and(|position| position % options.visits == round);
+            let repeat = Step { previous: words[index], repeat: true, ..step.clone() };
+            steps.push(step);
+            steps.extend(std::iter::repeat_n(repeat, if again { options.repeats } else { 0 }));
+        }
+    }
+    steps
+}
+
+/// Words, each once, that could be visited: all of them where there are few, else as many as are worth weighing.
+pub fn candidates(arm: &Arm, seed: u64) -> Vec<Step> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let states: Vec<u64> = (0..arm.n_actuators()).map(|k| arm.model.chain.n_states(k) as u64).collect();
+    let n_words = states.iter().try_fold(1u64, |n, &states| n.checked_mul(states)).unwrap_or(u64::MAX);
+    let mut words: Vec<Word> = if n_words <= COMPETING as u64 {
+        (0..n_words).map(|number| word(&states, number)).collect()
+    } else {
+        (0..COMPETING).map(|_| word(&states, rng.random_range(0..n_words))).collect()
+    };
+    words.sort();
+    words.dedup();
+    let servos_rad = servo_positions(arm, 0);
+    let mut scratch = ArmScratch::default();
+    words.retain(|word| arm.model.predict(&arm.model.nominal(*word, &servos_rad), &mut scratch).is_ok());
+    words.shuffle(&mut rng);
+    let previous = words.iter().cycle().skip(1).copied().take(words.len()).collect::<Vec<_>>();
+    let step =
+        |(word, previous)| Step { word, previous, servos_rad: servos_rad.clone(), held_out: false, repeat: false };
+    words.into_iter().zip(previous).map(step).collect()
+}
+
+/// The word with this number, written with as many states as each digit has.
+fn word(states: &[u64], mut number: u64) -> Word {
+    let digits: Vec<u8> = states
+        .iter()
+        .map(|states| {
+            let digit = number % states.max(&1);
+            number /= states.max(&1);
+            digit as u8
+        })
+        .collect();
+    Word::new(&digits).unwrap_or_default()
+}
+
+/// The words that tell most of all candidate effects together.
+fn informative_words(arm: &Arm, options: &Options) -> Vec<Word> {
+    let steps = candidates(arm, options.seed);
+    if steps.len() <= options.words {
+        return steps.into_iter().map(|step| step.word).collect();
+    }
+    let observations = Observations::new(arm, &as_run_away(arm, &steps), NOISE, |_| true);
+    let columns = candidate_columns(arm, &observations);
+    let n_axes = observations.n_axes();
+    let measurements: Vec<DMatrix<f64>> = (0..observations.rows.len())
+        .map(|row| DMatrix::from_fn(n_axes, columns.len(), |axis, column| columns[column][row * n_axes + axis]))
+        .collect();
+    let chosen = most_informative(DMatrix::identity(columns.len(), columns.len()), &measurements, options.words);
+    chosen.into_iter().map(|row| steps[observations.rows[row].sample].word).collect()
+}
+
+/// The derivatives with respect to the values of all candidates, each scaled to the size that is thought likely.
+fn candidate_columns(arm: &Arm, observations: &Observations) -> Vec<Vec<f64>> {
+    let mut scratch = ArmScratch::default();
+    let Ok(sensitivity) = Sensitivity::new(&arm.model, observations, &mut scratch) else {
+        return Vec::new();
+    };
+    let effects = arm_candidates::all(&arm.model);
+    let values = effects.iter().flat_map(|effect| (0..effect.law().values().len()).map(move |value| (effect, value)));
+    values.filter_map(|(effect, value)| sensitivity.column(effect, value)).map(likely).collect()
+}
+
+fn likely(column: Vec<f64>) -> Vec<f64> {
+    let rms = (column.iter().map(|x| x * x).sum::<f64>() / column.len().max(1) as f64).sqrt();
+    column.into_iter().map(|x| x * LIKELY / rms.max(f64::MIN_POSITIVE)).collect()
+}
+
+/// The steps as an exact measurement of the arm as its model has it, at this supply and temperature.
+pub fn as_run(arm: &Arm, steps: &[Step], supply: f64, temperature_k: f64) -> Run {
+    let mut scratch = ArmScratch::default();
+    let sample = |(visit, step): (usize, &Step)| {
+        let previous = Some(step.previous);
+        let nominal = arm.model.nominal(step.word, &step.servos_rad);
+        let condition = Condition { previous, supply, temperature_k, ..nominal };
+        Some(Sample {
+            time_s: visit as f64,
+            word: step.word,
+            previous,
+            servos_rad: step.servos_rad.clone(),
+            pose: arm.model.predict(&condition, &mut scratch).ok()?,
+            supply: Some(supply),
+            temperature_c: Some(temperature_k - ZERO_CELSIUS),
+            run: 0,
+            visit: visit as u32,
+            held_out: step.held_out,
+        })
+    };
+    Run { samples: steps.iter().enumerate().filter_map(sample).collect(), ..Run::default() }
+}
+
+/// The same away from nominal supply and temperature, so that effects of either show.
+fn as_run_away(arm: &Arm, steps: &[Step]) -> Run {
+    as_run(arm, steps, AWAY.0 * arm.model.nominal_supply, arm.model.reference_temperature_k + AWAY.1)
+}
+
+/// Where the servos stand in a round: in the middle of their range, then to one side and to the other.
+fn servo_positions(arm: &Arm, round: usize) -> Vec<f64> {
+    let side = [0.0, -SERVO_SHARE, SERVO_SHARE][round % 3];
+    let position = |k: usize| {
+        let servo = arm.servos.get(k)?;
+        let (low, high) = (f64::from(servo.min_rad), f64::from(servo.max_rad));
+        Some(0.5 * (low + high) + 0.5 * (high - low) * side)
+    };
+    (0..arm.n_servos()).map(|k| position(k).unwrap_or_default()).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,68 @@
+//! The measurement plan keeps its promises for the paper's arm.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use super::*;
+
+fn arm() -> Arm {
+    Arm::parse(Path::new("planar4.toml"), include_str!("../../../../examples/planar4.toml")).unwrap()
+}
+
+#[test]
+fn every_word_is_visited_after_different_words() {
+    let options = Options::default();
+    let steps = plan(&arm(), &options);
+    let mut before: BTreeMap<Word, BTreeSet<Word>> = BTreeMap::new();
+    for step in steps.iter().filter(|step| !step.repeat) {
+        assert_ne!(step.word, step.previous);
+        before.entry(step.word).or_default().insert(step.previous);
+    }
+    assert_eq!(before.len(), options.words);
+    assert!(before.values().all(|words| words.len() == options.visits));
+    assert_eq!(steps.len(), options.words * options.visits + options.repeated_words * options.repeats);
+}
+
+#[test]
+fn nearly_every_actuator_comes_to_nearly_every_word_moved_and_unmoved() {
+    let steps = plan(&arm(), &Options::default());
+    let mut ways: BTreeMap<(Word, usize), BTreeSet<bool>> = BTreeMap::new();
+    for step in steps.iter().filter(|step| !step.repeat) {
+        for k in 0..12 {
+            ways.entry((step.word, k)).or_default().insert(step.word.digit(k) == step.previous.digit(k));
+        }
+    }
+    let both = ways.values().filter(|ways| ways.len() == 2).count();
+    assert!(both * 100 > 95 * ways.len(), "{both} of {}", ways.len());
+}
+
+#[test]
+fn a_quarter_of_the_words_is_held_out_whole_and_not_repeated() {
+    let steps = plan(&arm(), &Options::default());
+    let words = |held_out| steps.iter().filter(|s| s.held_out == held_out).map(|s| s.word).collect::<BTreeSet<_>>();
+    assert_eq!(words(true).len(), 24);
+    assert!(words(true).is_disjoint(&words(false)));
+    assert!(steps.iter().all(|step| !(step.repeat && step.held_out)));
+}
+
+#[test]
+fn the_words_tell_more_than_random_ones() {
+    let arm = arm();
+    let steps = candidates(&arm, 7);
+    let observations = Observations::new(&arm, &as_run_away(&arm, &steps), NOISE, |_| true);
+    let columns = candidate_columns(&arm, &observations);
+    let told = |words: &[Word]| {
+        let rows: Vec<usize> = (0..steps.len()).filter(|&row| words.contains(&steps[row].word)).collect();
+        let j = DMatrix::from_fn(rows.len() * 3, columns.len(), |k, c| columns[c][rows[k / 3] * 3 + k % 3]);
+        (DMatrix::identity(columns.len(), columns.len()) + j.transpose() * j)
+            .cholesky()
+            .unwrap()
+            .l()
+            .diagonal()
+            .map(f64::ln)
+            .sum()
+    };
+    let chosen = told(&informative_words(&arm, &Options { seed: 7, ..Options::default() }));
+    let random: f64 = told(&steps.iter().take(96).map(|step| step.word).collect::<Vec<_>>());
+    assert!(chosen > random + 1.0, "{chosen} {random}");
+}

@@ -1,0 +1,104 @@
+//! Which rows a fit sees, which are left out together, and which count as one when chance is judged.
+
+use crate::linearise::experiment::Row;
+
+/// Folds where rows are left out by pieces of time.
+const FOLDS: usize = 10;
+/// Pieces that the training rows are cut into at least, where there are as many rows.
+const PIECES: usize = 24;
+/// The lag beyond which rows do not repeat each other.
+const LONGEST_LAG: usize = 200;
+
+/// Groups of the training rows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Groups {
+    /// Indices of the training rows among all rows.
+    pub training: Vec<usize>,
+    /// The fold of each training row.
+    pub folds: Vec<usize>,
+    /// How many folds there are.
+    pub n_folds: usize,
+    /// The piece of each training row: rows that follow each other.
+    pub blocks: Vec<usize>,
+    /// How many pieces there are.
+    pub n_blocks: usize,
+    /// What is left out together, in words.
+    pub left_out: &'static str,
+    /// Whether the row before belongs to the same stretch.
+    follows: Vec<bool>,
+}
+
+impl Groups {
+    /// Groups of the rows that are not held out.
+    pub fn new(rows: &[Row]) -> Self {
+        let training: Vec<usize> = (0..rows.len()).filter(|&row| !rows[row].held_out).collect();
+        let mut follows = vec![false; training.len()];
+        for k in 1..training.len() {
+            let (a, b) = (&rows[training[k - 1]], &rows[training[k]]);
+            follows[k] = a.series == b.series && a.key == b.key && training[k - 1] + 1 == training[k];
+        }
+        let (blocks, n_blocks) = pieces(&follows);
+        let keys: Vec<usize> = training.iter().filter_map(|&row| rows[row].key).collect();
+        let mut different = keys.clone();
+        different.sort_unstable();
+        different.dedup();
+        if keys.len() == training.len() && different.len() >= 3 {
+            let folds = keys.iter().map(|key| different.binary_search(key).unwrap_or_default()).collect();
+            let n_folds = different.len();
+            return Self {
+                training,
+                folds,
+                n_folds,
+                blocks,
+                n_blocks,
+                left_out: "values of the held-out column",
+                follows,
+            };
+        }
+        let folds = blocks.iter().map(|block| block % FOLDS).collect();
+        Self { training, folds, n_folds: FOLDS, blocks, n_blocks, left_out: "pieces of time", follows }
+    }
+
+    /// How many rows repeat each other: the integral of the autocorrelation of these residuals.
+    pub fn repeats(&self, residuals: &[f64], n_axes: usize) -> f64 {
+        let n = self.training.len();
+        let variance =
+            residuals.iter().map(|r| r * r).sum::<f64>().max(f64::MIN_POSITIVE) / residuals.len().max(1) as f64;
+        let mut unbroken: Vec<usize> = vec![0; n];
+        for k in 1..n {
+            unbroken[k] = if self.follows[k] { unbroken[k - 1] + 1 } else { 0 };
+        }
+        let mut sum = 1.0;
+        for lag in 1..LONGEST_LAG.min(n / 4) {
+            let (mut products, mut count) = (0.0, 0usize);
+            for row in (lag..n).filter(|&row| unbroken[row] >= lag) {
+                for axis in 0..n_axes {
+                    products += residuals[row * n_axes + axis] * residuals[(row - lag) * n_axes + axis];
+                }
+                count += n_axes;
+            }
+            let correlation = if count == 0 { 0.0 } else { products / count as f64 / variance };
+            if correlation < 0.05 {
+                break;
+            }
+            sum += 2.0 * correlation;
+        }
+        sum
+    }
+}
+
+/// Cuts stretches of rows into pieces of about the same length.
+fn pieces(follows: &[bool]) -> (Vec<usize>, usize) {
+    let longest = (follows.len() / PIECES).max(1);
+    let (mut blocks, mut block, mut length) = (Vec::with_capacity(follows.len()), 0, 0);
+    for (row, follows) in follows.iter().enumerate() {
+        if row > 0 && (!follows || length >= longest) {
+            block += 1;
+            length = 0;
+        }
+        blocks.push(block);
+        length += 1;
+    }
+    let n_blocks = if blocks.is_empty() { 0 } else { block + 1 };
+    (blocks, n_blocks)
+}

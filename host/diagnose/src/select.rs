@@ -1,0 +1,12 @@
+//! Stage 3: which effects predict rows that no fit has seen better than the model without them.
+
+pub mod backward;
+pub mod columns;
+pub mod factored;
+pub mod forward;
+pub mod problem;
+pub mod robust_fit;
+pub mod signals;
+pub mod significance;
+pub mod simplify;
+pub mod tool_pose;

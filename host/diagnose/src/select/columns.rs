@@ -1,0 +1,114 @@
+//! The columns of all values over the rows that a fit sees, fold by fold and axis by axis.
+//!
+//! Most values move few axes (a joint's friction moves its own torque alone), so that an axis holds only the columns that
+//! are not zero on it. Sums of products and predictions are products of these matrices.
+
+use nalgebra::DMatrix;
+
+use crate::prepare::groups::Groups;
+
+/// Columns of an experiment.
+pub(crate) struct Design {
+    n_values: usize,
+    /// Rows of each fold, among those that a fit sees.
+    rows: Vec<Vec<usize>>,
+    /// The values that move each axis.
+    values: Vec<Vec<usize>>,
+    /// By fold and axis: rows of the fold × values of the axis, in the axis's unit.
+    blocks: Vec<Vec<DMatrix<f64>>>,
+}
+
+impl Design {
+    /// Of columns with a number for each row (all rows, also those that are held out) and axis.
+    pub(crate) fn new(groups: &Groups, n_axes: usize, columns: &[&[f64]]) -> Self {
+        let of_fold = |fold: usize| (0..groups.folds.len()).filter(|&row| groups.folds[row] == fold).collect();
+        let rows: Vec<Vec<usize>> = (0..groups.n_folds).map(of_fold).collect();
+        let is_moved =
+            |axis: usize, column: &[f64]| groups.training.iter().any(|row| column[row * n_axes + axis] != 0.0);
+        let of_axis = |axis: usize| (0..columns.len()).filter(|&value| is_moved(axis, columns[value])).collect();
+        let values: Vec<Vec<usize>> = (0..n_axes).map(of_axis).collect();
+        let block = |rows: &[usize], axis: usize| {
+            let values = &values[axis];
+            DMatrix::from_fn(rows.len(), values.len(), |row, value| {
+                columns[values[value]][groups.training[rows[row]] * n_axes + axis]
+            })
+        };
+        let blocks = rows.iter().map(|rows| (0..n_axes).map(|axis| block(rows, axis)).collect()).collect();
+        Self { n_values: columns.len(), rows, values, blocks }
+    }
+
+    /// How many folds there are.
+    pub(crate) fn n_folds(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Σ w·x·xᵀ over the rows of a fold, with the column `last` after those of all values; weights and `last` have a
+    /// number for each row that a fit sees and axis.
+    pub(crate) fn sums(&self, fold: usize, weights: &[f64], last: &[f64]) -> DMatrix<f64> {
+        let (p, n_axes) = (self.n_values, self.values.len());
+        let mut sums = DMatrix::zeros(p + 1, p + 1);
+        for (axis, (values, columns)) in self.values.iter().zip(&self.blocks[fold]).enumerate() {
+            let n = values.len();
+            let mut turned = DMatrix::zeros(n + 1, columns.nrows());
+            for (at, &row) in self.rows[fold].iter().enumerate() {
+                let entry = row * n_axes + axis;
+                let root = weights[entry].sqrt();
+                let mut numbers = turned.column_mut(at);
+                for k in 0..n {
+                    numbers[k] = root * columns[(at, k)];
+                }
+                numbers[n] = root * last[entry];
+            }
+            let products = &turned * turned.transpose();
+            let place = |k: usize| values.get(k).copied().unwrap_or(p);
+            for b in 0..=n {
+                for a in 0..=n {
+                    sums[(place(a), place(b))] += products[(a, b)];
+                }
+            }
+        }
+        sums
+    }
+
+    /// What values of these sizes add in the rows of a fold, row by row, each with all its axes.
+    pub(crate) fn moved(&self, fold: usize, sizes: &[f64]) -> Vec<f64> {
+        let n_axes = self.values.len();
+        let mut moved = vec![0.0; self.rows[fold].len() * n_axes];
+        for (axis, (values, columns)) in self.values.iter().zip(&self.blocks[fold]).enumerate() {
+            for (k, &value) in values.iter().enumerate().filter(|(_, value)| sizes[**value] != 0.0) {
+                let of_axis = moved.iter_mut().skip(axis).step_by(n_axes);
+                of_axis.zip(columns.column(k).iter()).for_each(|(sum, slope)| *sum += slope * sizes[value]);
+            }
+        }
+        moved
+    }
+
+    /// The same for each column of sizes, axis by axis: rows of the fold × columns.
+    pub(crate) fn moved_by_each(&self, fold: usize, sizes: &DMatrix<f64>) -> Vec<DMatrix<f64>> {
+        let blocks = self.values.iter().zip(&self.blocks[fold]);
+        blocks.map(|(values, columns)| columns * sizes.select_rows(values)).collect()
+    }
+
+    /// Puts the numbers of a fold's rows at their places among those of all rows that a fit sees.
+    pub(crate) fn put(&self, fold: usize, of_fold: &[f64], all: &mut [f64]) {
+        let n_axes = self.values.len();
+        for (row, numbers) in self.rows[fold].iter().zip(of_fold.chunks(n_axes)) {
+            all[row * n_axes..(row + 1) * n_axes].copy_from_slice(numbers);
+        }
+    }
+
+    /// The column of one value over the rows that a fit sees.
+    pub(crate) fn column(&self, value: usize) -> Vec<f64> {
+        let n_axes = self.values.len();
+        let mut column = vec![0.0; self.rows.iter().map(Vec::len).sum::<usize>() * n_axes];
+        for (axis, values) in self.values.iter().enumerate() {
+            let Ok(k) = values.binary_search(&value) else { continue };
+            for (rows, blocks) in self.rows.iter().zip(&self.blocks) {
+                rows.iter()
+                    .zip(blocks[axis].column(k).iter())
+                    .for_each(|(row, slope)| column[row * n_axes + axis] = *slope);
+            }
+        }
+        column
+    }
+}

@@ -1,0 +1,189 @@
+//! A model whose normal equations are factorised once: those with more or with fewer effects follow from it.
+//!
+//! # Method
+//!
+//! For the rows without each fold, and for all rows, A·x = −g is solved by A = L·Lᵀ. With more values c beside those b of
+//! the model only the Schur complement is solved, A_cc − Wᵀ·W with W = L⁻¹·A_bc; without some of them, u, the others move
+//! by V·V_uu⁻¹·x_u with V the columns u of A⁻¹. Source: G. H. Golub, C. F. Van Loan, Matrix Computations, 4th ed., 2013,
+//! §4.2.9 and §2.1.4.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rayon::prelude::{
+    IndexedParallelIterator as _, IntoParallelIterator as _, IntoParallelRefIterator as _, ParallelIterator as _,
+};
+
+use crate::select::problem::Trial;
+use crate::select::signals::{Channels, System};
+
+/// A model, factorised.
+pub(crate) struct Factored {
+    /// Its candidates.
+    pub(crate) active: Vec<usize>,
+    indices: Vec<usize>,
+    /// One for each system of the kind.
+    parts: Vec<Part>,
+}
+
+/// The model in one system.
+struct Part {
+    root: Cholesky<f64, Dyn>,
+    /// L⁻¹·g.
+    half: DVector<f64>,
+    /// x, scaled as the system is.
+    values: DVector<f64>,
+}
+
+/// Values beside those of a model in one system.
+struct Beside<'a> {
+    system: &'a System,
+    part: &'a Part,
+    open: &'a [usize],
+    /// L⁻¹·A_bc and A_bb⁻¹·A_bc for all that are open.
+    half: DMatrix<f64>,
+    answer: DMatrix<f64>,
+}
+
+impl Part {
+    fn new(system: &System, indices: &[usize]) -> Self {
+        let n = indices.len();
+        let matrix = DMatrix::from_fn(n, n, |a, b| system.matrix[(indices[a], indices[b])]);
+        let gradient = DVector::from_fn(n, |a, _| system.gradient[indices[a]]);
+        // Numbers that are none tell nothing.
+        let (root, gradient) = match Cholesky::new(matrix) {
+            Some(root) => (root, gradient),
+            None => (Cholesky::pack_dirty(DMatrix::identity(n, n)), DVector::zeros(n)),
+        };
+        let half = root.l_dirty().solve_lower_triangular(&gradient).unwrap_or_else(|| gradient.clone());
+        let values = -root.solve(&gradient);
+        Self { root, half, values }
+    }
+}
+
+impl Factored {
+    /// The model with these candidates.
+    pub(crate) fn new(kind: &Channels, active: Vec<usize>) -> Self {
+        let indices = kind.indices(&active);
+        let parts = kind.systems.par_iter().map(|system| Part::new(system, &indices)).collect();
+        Self { active, indices, parts }
+    }
+
+    /// The model itself.
+    pub(crate) fn trial(&self, kind: &Channels, effect: Option<usize>) -> Trial<Channels> {
+        let values: Vec<Vec<f64>> = self.each(kind, |part| part.values.clone());
+        predicted(kind, self.active.clone(), effect, values)
+    }
+
+    /// The model without some of its candidates.
+    pub(crate) fn without(&self, kind: &Channels, dropped: &[usize]) -> Trial<Channels> {
+        let gone = kind.indices(dropped);
+        let at: Vec<usize> = (0..self.indices.len()).filter(|&k| gone.contains(&self.indices[k])).collect();
+        let mut unit = DMatrix::zeros(self.indices.len(), at.len());
+        at.iter().enumerate().for_each(|(column, &row)| unit[(row, column)] = 1.0);
+        let left = |part: &Part| {
+            let spread = part.root.solve(&unit);
+            let own = part.values.select_rows(&at);
+            let taken = Cholesky::new(spread.select_rows(&at)).map_or(own.clone(), |root| root.solve(&own));
+            let mut values = &part.values - spread * taken;
+            at.iter().for_each(|&k| values[k] = 0.0);
+            values
+        };
+        let active = self.active.iter().copied().filter(|k| !dropped.contains(k)).collect();
+        predicted(kind, active, None, self.each(kind, left))
+    }
+
+    /// The models with more candidates, each move's beside this one's.
+    pub(crate) fn with(&self, kind: &Channels, moves: &[(usize, Vec<usize>)]) -> Vec<Trial<Channels>> {
+        let added: Vec<Vec<usize>> = moves.iter().map(|(_, added)| kind.indices(added)).collect();
+        let mut open = added.concat();
+        open.sort_unstable();
+        open.dedup();
+        let place = |value: &usize| open.binary_search(value).unwrap_or_default();
+        let places: Vec<Vec<usize>> = added.iter().map(|values| values.iter().map(place).collect()).collect();
+        let n_folds = kind.design.n_folds();
+        let folds: Vec<Vec<Vec<f64>>> = (0..n_folds)
+            .into_par_iter()
+            .map(|fold| self.beside(kind, fold, &open).moved(kind, fold, self, &places))
+            .collect();
+        let beside = self.beside(kind, n_folds, &open);
+        let model = |number: usize| {
+            let (effect, added) = &moves[number];
+            let moved: Vec<&[f64]> = folds.iter().map(|fold| &fold[number][..]).collect();
+            let active = [&self.active[..], added].concat();
+            kind.trial(active, Some(*effect), beside.values(self, &places[number]), &moved)
+        };
+        (0..moves.len()).into_par_iter().map(model).collect()
+    }
+
+    /// Values of all candidates, in their units, from those of the model in each system.
+    fn each(&self, kind: &Channels, values: impl Fn(&Part) -> DVector<f64> + Sync) -> Vec<Vec<f64>> {
+        let systems = kind.systems.par_iter().zip(&self.parts);
+        systems.map(|(system, part)| system.unscaled(&self.indices, &values(part))).collect()
+    }
+
+    fn beside<'a>(&'a self, kind: &'a Channels, number: usize, open: &'a [usize]) -> Beside<'a> {
+        let (system, part) = (&kind.systems[number], &self.parts[number]);
+        let cross = DMatrix::from_fn(self.indices.len(), open.len(), |a, b| system.matrix[(self.indices[a], open[b])]);
+        let answer = part.root.solve(&cross);
+        let half = part.root.l_dirty().solve_lower_triangular(&cross).unwrap_or(cross);
+        Beside { system, part, open, half, answer }
+    }
+}
+
+impl Beside<'_> {
+    /// The values of a move, scaled as the system is.
+    fn solved(&self, places: &[usize]) -> DVector<f64> {
+        let half = self.half.select_columns(places);
+        let of = |k: usize| self.open[places[k]];
+        let own = DMatrix::from_fn(places.len(), places.len(), |a, b| self.system.matrix[(of(a), of(b))]);
+        let gradient = DVector::from_fn(places.len(), |a, _| self.system.gradient[of(a)]);
+        let left = gradient - half.tr_mul(&self.part.half);
+        match Cholesky::new(own - half.tr_mul(&half)) {
+            Some(root) => -root.solve(&left),
+            None => DVector::zeros(places.len()),
+        }
+    }
+
+    /// Values of all candidates with a move, in their units.
+    fn values(&self, base: &Factored, places: &[usize]) -> Vec<f64> {
+        let new = self.solved(places);
+        let old = &self.part.values - self.answer.select_columns(places) * &new;
+        let mut values = self.system.unscaled(&base.indices, &old);
+        places
+            .iter()
+            .zip(new.iter())
+            .for_each(|(&k, value)| values[self.open[k]] = value * self.system.scale[self.open[k]]);
+        values
+    }
+
+    /// What the model with each move adds in the rows of a fold.
+    fn moved(&self, kind: &Channels, fold: usize, base: &Factored, moves: &[Vec<usize>]) -> Vec<Vec<f64>> {
+        let scale = &self.system.scale;
+        let mut sizes = DMatrix::zeros(kind.n_values, self.open.len());
+        for (row, &value) in base.indices.iter().enumerate() {
+            sizes.set_row(value, &(self.answer.row(row) * -scale[value]));
+        }
+        self.open.iter().enumerate().for_each(|(column, &value)| sizes[(value, column)] = scale[value]);
+        let each = kind.design.moved_by_each(fold, &sizes);
+        let alone = kind.design.moved(fold, &self.system.unscaled(&base.indices, &self.part.values));
+        let with = |places: &Vec<usize>| {
+            let mut moved = alone.clone();
+            for (&place, size) in places.iter().zip(self.solved(places).iter()) {
+                for (axis, numbers) in each.iter().enumerate() {
+                    let of_axis = moved.iter_mut().skip(axis).step_by(each.len());
+                    of_axis.zip(numbers.column(place).iter()).for_each(|(sum, number)| *sum += number * size);
+                }
+            }
+            moved
+        };
+        moves.iter().map(with).collect()
+    }
+}
+
+/// A model with its values in each system.
+fn predicted(kind: &Channels, active: Vec<usize>, effect: Option<usize>, mut values: Vec<Vec<f64>>) -> Trial<Channels> {
+    let whole = values.pop().unwrap_or_default();
+    let moved: Vec<Vec<f64>> =
+        values.par_iter().enumerate().map(|(fold, values)| kind.design.moved(fold, values)).collect();
+    let moved: Vec<&[f64]> = moved.iter().map(Vec::as_slice).collect();
+    kind.trial(active, effect, whole, &moved)
+}

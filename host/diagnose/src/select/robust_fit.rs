@@ -1,0 +1,293 @@
+//! Values fitted to residuals: robust least squares in one step, Gauss–Newton over the model, and cross-validation.
+//!
+//! # Method
+//!
+//! A row counts by the size s of its residual, all axes together, in units of the noise: ρ(s) = s²/2 up to c, and
+//! c·s − c²/2 beyond (Huber), with c² the 95 % quantile of χ² with as many degrees of freedom as axes. So a row that is
+//! far off pulls with a bounded force. Minimised by re-weighted least squares (w = min(1, c/s)) within each
+//! Gauss–Newton step; a step that does not lower the loss is halved.
+//!
+//! Cross-validation leaves whole words out: the rows of one word repeat each other, so any of them would give the
+//! others away. Each tenth of the words is predicted by the values that the other nine tenths give. Where the user says so
+//! it leaves out each value of a column in turn.
+
+use nalgebra::{DMatrix, DVector};
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use crate::linearise::sensitivity::Sensitivity;
+use crate::prepare::observations::{NoPose, Observations, Value};
+use darm_arm::arm::{ArmModel, ArmScratch};
+
+/// Tenths of the words.
+pub const FOLDS: usize = 10;
+/// Re-weightings within one linear fit.
+const REWEIGHTINGS: usize = 6;
+/// The same where the weights are nearly known.
+const FEW_REWEIGHTINGS: usize = 2;
+/// Gauss–Newton steps at most.
+const STEPS: usize = 12;
+/// Directions with less than this share of the largest eigenvalue of the scaled information are left alone.
+const LEAST_EIGENVALUE: f64 = 1e-10;
+
+/// The residuals of a model at the values that fit best, and how they change with these values.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The model with its values set.
+    pub model: ArmModel,
+    /// The values that were fitted.
+    pub values: Vec<Value>,
+    /// Residuals in units of the noise.
+    pub residuals: Vec<f64>,
+    /// Their derivatives with respect to the values.
+    pub columns: Vec<Vec<f64>>,
+}
+
+/// The size of a residual up to which it counts by its square.
+pub fn threshold(n_axes: usize) -> f64 {
+    ChiSquared::new(n_axes as f64).map_or(3.0, |chi| chi.inverse_cdf(0.95)).sqrt()
+}
+
+/// ρ of each row.
+pub fn losses(residuals: &[f64], n_axes: usize) -> Vec<f64> {
+    let c = threshold(n_axes);
+    let rho = |s: f64| if s <= c { 0.5 * s * s } else { c * s - 0.5 * c * c };
+    residuals.chunks(n_axes).map(|row| rho(size(row))).collect()
+}
+
+/// The weight of each row.
+pub fn weights(residuals: &[f64], n_axes: usize) -> Vec<f64> {
+    let c = threshold(n_axes);
+    residuals.chunks(n_axes).map(|row| (c / size(row)).min(1.0)).collect()
+}
+
+/// The size of one residual.
+pub fn size(row: &[f64]) -> f64 {
+    row.iter().map(|r| r * r).sum::<f64>().sqrt()
+}
+
+/// JᵀWJ and JᵀWr.
+pub fn normal(columns: &[Vec<f64>], residuals: &[f64], weights: &[f64]) -> (DMatrix<f64>, DVector<f64>) {
+    let (n_axes, p) = (residuals.len() / weights.len().max(1), columns.len());
+    let mut information = DMatrix::zeros(p, p);
+    let mut gradient = DVector::zeros(p);
+    let mut weighted = vec![0.0; residuals.len()];
+    for (a, column) in columns.iter().enumerate() {
+        for (row, &weight) in weights.iter().enumerate() {
+            for k in row * n_axes..(row + 1) * n_axes {
+                weighted[k] = weight * column[k];
+            }
+        }
+        gradient[a] = dot(&weighted, residuals);
+        for (b, other) in columns.iter().enumerate().take(a + 1) {
+            information[(a, b)] = dot(&weighted, other);
+            information[(b, a)] = information[(a, b)];
+        }
+    }
+    (information, gradient)
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// x with A·x = b for an information matrix A, zero along what A does not tell.
+pub fn solve(information: &DMatrix<f64>, gradient: &DVector<f64>) -> DVector<f64> {
+    &pseudo_inverse(information) * gradient
+}
+
+/// The inverse of an information matrix, zero along what it does not tell; scaled first, so that units do not matter.
+pub fn pseudo_inverse(information: &DMatrix<f64>) -> DMatrix<f64> {
+    if information.is_empty() {
+        return information.clone();
+    }
+    let scale = information.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
+    let scaled = DMatrix::from_fn(scale.len(), scale.len(), |a, b| information[(a, b)] * scale[a] * scale[b]);
+    let eigen = scaled.symmetric_eigen();
+    let least = LEAST_EIGENVALUE * eigen.eigenvalues.max();
+    let inverted = eigen.eigenvalues.map(|l| if l > least && l > 0.0 { 1.0 / l } else { 0.0 });
+    let inverse = &eigen.eigenvectors * DMatrix::from_diagonal(&inverted) * eigen.eigenvectors.transpose();
+    DMatrix::from_fn(scale.len(), scale.len(), |a, b| inverse[(a, b)] * scale[a] * scale[b])
+}
+
+/// The change of the values that fits the residuals best as far as they are linear; `counts` says which rows count.
+fn linear_step(
+    columns: &[Vec<f64>],
+    residuals: &[f64],
+    n_axes: usize,
+    counts: &[f64],
+    first: &[f64],
+    reweightings: usize,
+) -> DVector<f64> {
+    let mut row_weights: Vec<f64> = first.iter().zip(counts).map(|(w, c)| w * c).collect();
+    let mut step = DVector::zeros(columns.len());
+    for _ in 0..reweightings {
+        let (information, gradient) = normal(columns, residuals, &row_weights);
+        let next = -solve(&information, &gradient);
+        let change = (&next - &step).component_mul(&information.diagonal().map(f64::sqrt)).amax();
+        step = next;
+        let after = moved(columns, residuals, &step);
+        row_weights = weights(&after, n_axes).iter().zip(counts).map(|(w, c)| w * c).collect();
+        if change < 0.02 {
+            break;
+        }
+    }
+    step
+}
+
+/// The residuals after a step, as far as they are linear.
+pub fn moved(columns: &[Vec<f64>], residuals: &[f64], step: &DVector<f64>) -> Vec<f64> {
+    let mut after = residuals.to_vec();
+    for (column, &step) in columns.iter().zip(step.iter()) {
+        after.iter_mut().zip(column).for_each(|(after, slope)| *after += slope * step);
+    }
+    after
+}
+
+/// Which fold each row belongs to: that of its group, which is a matter of chance.
+pub fn folds(groups: &[usize], seed: u64) -> Vec<usize> {
+    let n_groups = groups.iter().max().map_or(0, |last| last + 1);
+    let mut folds: Vec<usize> = (0..n_groups).map(|group| group % FOLDS).collect();
+    folds.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
+    groups.iter().map(|&group| folds[group]).collect()
+}
+
+/// The residuals of each row as the fit to the other folds leaves them.
+pub fn cross_validated(
+    columns: &[Vec<f64>],
+    residuals: &[f64],
+    observations: &Observations,
+    folds: &[usize],
+) -> Vec<f64> {
+    let n_axes = observations.n_axes();
+    if columns.is_empty() {
+        return residuals.to_vec();
+    }
+    let all = vec![1.0; observations.rows.len()];
+    let whole = linear_step(columns, residuals, n_axes, &all, &all, REWEIGHTINGS);
+    let first = weights(&moved(columns, residuals, &whole), n_axes);
+    let mut predicted = residuals.to_vec();
+    for fold in 0..=folds.iter().copied().max().unwrap_or_default() {
+        let counts: Vec<f64> = folds.iter().map(|own| if *own == fold { 0.0 } else { 1.0 }).collect();
+        let after =
+            moved(columns, residuals, &linear_step(columns, residuals, n_axes, &counts, &first, FEW_REWEIGHTINGS));
+        for (row, _) in counts.iter().enumerate().filter(|(_, counts)| **counts == 0.0) {
+            let range = row * n_axes..(row + 1) * n_axes;
+            predicted[range.clone()].copy_from_slice(&after[range]);
+        }
+    }
+    predicted
+}
+
+/// The values of `model`'s effects that fit `observations` best, from where they stand.
+///
+/// Values that change nothing in these observations keep what they have, and are not among the fit's.
+pub fn fit(
+    model: &ArmModel,
+    observations: &Observations,
+    values: &[Value],
+    scratch: &mut ArmScratch,
+) -> Result<Fit, NoPose> {
+    let n_axes = observations.n_axes();
+    let all = vec![1.0; observations.rows.len()];
+    let mut best = at(model.clone(), observations, values, scratch)?;
+    let mut loss: f64 = losses(&best.residuals, n_axes).iter().sum();
+    for _ in 0..if best.values.is_empty() { 0 } else { STEPS } {
+        let step = linear_step(&best.columns, &best.residuals, n_axes, &all, &all, REWEIGHTINGS);
+        let Some((model, lower)) = descend(&best, step, loss, observations, scratch) else {
+            break;
+        };
+        best = at(model, observations, values, scratch)?;
+        let gain = loss - lower;
+        loss = lower;
+        if gain < 1e-3 {
+            break;
+        }
+    }
+    Ok(best)
+}
+
+/// The model after a step that lowers the loss, halved until it does, and that loss.
+fn descend(
+    fit: &Fit,
+    mut step: DVector<f64>,
+    loss: f64,
+    observations: &Observations,
+    scratch: &mut ArmScratch,
+) -> Option<(ArmModel, f64)> {
+    for _ in 0..8 {
+        let mut model = fit.model.clone();
+        for (&(effect, value), change) in fit.values.iter().zip(step.iter()) {
+            model.effects[effect].law_mut().values_mut()[value] += change;
+        }
+        if let Ok(residuals) = observations.residuals(&model, scratch) {
+            let lower = losses(&residuals, observations.n_axes()).iter().sum();
+            if lower < loss {
+                return Some((model, lower));
+            }
+        }
+        step *= 0.5;
+    }
+    None
+}
+
+/// Residuals and derivatives of a model as it stands.
+fn at(model: ArmModel, observations: &Observations, values: &[Value], scratch: &mut ArmScratch) -> Result<Fit, NoPose> {
+    if values.is_empty() {
+        let residuals = observations.residuals(&model, scratch)?;
+        return Ok(Fit { model, values: Vec::new(), residuals, columns: Vec::new() });
+    }
+    let sensitivity = Sensitivity::new(&model, observations, scratch)?;
+    let told = values.iter().filter_map(|&(effect, value)| {
+        let column = sensitivity.column(&model.effects[effect], value)?;
+        Some(((effect, value), column))
+    });
+    let (values, columns) = told.unzip();
+    let residuals = sensitivity.into_residuals();
+    Ok(Fit { model, values, residuals, columns })
+}
+
+/// The covariance of fitted values by the jackknife: how far they go when a word is left out, all its rows together, so
+/// that what the rows of a word have in common is not counted as many times.
+///
+/// Source: R. M. Bell, D. F. McCaffrey, Survey Methodology 28 (2002) 169.
+pub fn covariance(fit: &Fit, observations: &Observations) -> DMatrix<f64> {
+    let n_axes = observations.n_axes();
+    let row_weights = weights(&fit.residuals, n_axes);
+    let (information, _) = normal(&fit.columns, &fit.residuals, &row_weights);
+    let (p, n_groups) = (fit.columns.len(), observations.n_groups);
+    let mut without = vec![information; n_groups];
+    let mut scores = vec![DVector::<f64>::zeros(p); n_groups];
+    for (index, (row, weight)) in observations.rows.iter().zip(&row_weights).enumerate() {
+        for k in index * n_axes..(index + 1) * n_axes {
+            let slopes = DVector::from_iterator(p, fit.columns.iter().map(|column| column[k]));
+            without[row.group].ger(-weight, &slopes, &slopes, 1.0);
+            scores[row.group].axpy(weight * fit.residuals[k], &slopes, 1.0);
+        }
+    }
+    let mut covariance = DMatrix::zeros(p, p);
+    for (without, score) in without.iter().zip(&scores) {
+        let gone = solve(without, score);
+        covariance.ger((n_groups as f64 - 1.0) / n_groups as f64, &gone, &gone, 1.0);
+    }
+    covariance
+}
+
+/// The condition number of the information about the fitted values.
+pub fn condition(fit: &Fit, observations: &Observations) -> f64 {
+    let row_weights = weights(&fit.residuals, observations.n_axes());
+    condition_of(&normal(&fit.columns, &fit.residuals, &row_weights).0)
+}
+
+/// The condition number of an information matrix, each value scaled to its own.
+pub fn condition_of(information: &DMatrix<f64>) -> f64 {
+    if information.is_empty() {
+        return 1.0;
+    }
+    let scale = information.diagonal().map(|d| d.max(f64::MIN_POSITIVE).sqrt());
+    let scaled = DMatrix::from_fn(scale.len(), scale.len(), |a, b| information[(a, b)] / (scale[a] * scale[b]));
+    let eigenvalues = scaled.symmetric_eigenvalues();
+    eigenvalues.max() / eigenvalues.min().max(f64::MIN_POSITIVE)
+}

@@ -1,0 +1,260 @@
+//! Diagnoses of real measurements, and of files that are none.
+
+use std::path::Path;
+
+use super::*;
+use crate::outcome::Verdict;
+use crate::outcome_signals;
+
+fn options(hold_out: HoldOut, keep: Option<&str>, always: &[&str]) -> Options {
+    let keep = keep.map(|text| text.parse().unwrap());
+    let preparation = Preparation { keep, hold_out, ..Preparation::default() };
+    Options { preparation, always: always.iter().map(ToString::to_string).collect(), seed: 1 }
+}
+
+fn measured(name: &str) -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/measured").join(name)
+}
+
+fn model(name: &str) -> Model {
+    Model::read(&measured(name)).unwrap().unwrap()
+}
+
+fn heldout(errors: &outcome_signals::Errors) -> &outcome_signals::Figure {
+    errors.heldout.as_ref().unwrap()
+}
+
+#[test]
+fn the_nominal_torques_of_a_real_arm_are_those_that_another_program_gives() {
+    let how = options(HoldOut::Column("heldout".into()), None, &[]).preparation;
+    let (table, _) = Table::read(&measured("tx40_joint_200hz.csv.gz"), &Names::new()).unwrap();
+    let experiment = experiment(&model("tx40.urdf"), &mut Prepared::new(table, &how, None).unwrap()).unwrap();
+    for (axis, expected) in [30.7, 21.4, 12.7, 6.48, 9.02, 5.47].into_iter().enumerate() {
+        let held_out = experiment.rows.iter().enumerate().filter(|(_, row)| row.held_out);
+        let squares: Vec<f64> = held_out.map(|(k, _)| experiment.residuals[k * 6 + axis].powi(2)).collect();
+        let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+        assert!((rms / expected - 1.0).abs() < 5e-3, "joint {}: {rms}", axis + 1);
+    }
+}
+
+#[test]
+fn moving_a_plate_does_what_its_columns_say() {
+    let how = options(HoldOut::Column("heldout".into()), None, &[]).preparation;
+    let (table, _) = Table::read(&measured("human_wholebody_30hz.csv.gz"), &Names::new()).unwrap();
+    let numbers = |name: &str| table.quantity(name).unwrap().numbers.clone();
+    let [fx, fy, fz] = ["Fx", "Fy", "Fz"].map(numbers);
+    // Of a plate at d moments are M − d×F.
+    let d = [0.02, -0.03, 0.05];
+    let mut moved = table.clone();
+    for column in &mut moved.columns {
+        let arm = |row: usize| match &column.name[..] {
+            "Mx" => d[1] * fz[row] - d[2] * fy[row],
+            "My" => d[2] * fx[row] - d[0] * fz[row],
+            "Mz" => d[0] * fy[row] - d[1] * fx[row],
+            _ => 0.0,
+        };
+        let arms: Vec<f64> = (0..column.numbers.len()).map(arm).collect();
+        column.numbers.iter_mut().zip(arms).for_each(|(number, arm)| *number -= arm);
+    }
+    let [before, after] = [table, moved]
+        .map(|table| experiment(&model("human.urdf"), &mut Prepared::new(table, &how, None).unwrap()).unwrap());
+    let frame = after.candidates.iter().find(|candidate| candidate.law == "sensor-frame").unwrap();
+    for (row, fz) in fz.iter().enumerate() {
+        for axis in 0..2 {
+            let at = 6 * row + axis;
+            let column: f64 = frame.values.iter().zip(d).map(|(value, d)| value.column[at] * d).sum();
+            // The centre of pressure multiplies the predicted force, the column the measured one.
+            let expected = before.residuals[at] - column * before.residuals[6 * row + 4] / fz;
+            assert!((after.residuals[at] + column - expected).abs() < 1e-12, "{row} {axis}");
+        }
+    }
+}
+
+#[test]
+fn friction_of_a_real_cylinder_is_found_and_told_at_a_pressure_that_no_fit_saw() {
+    let options = options(HoldOut::Where("set_bar = 5".parse().unwrap()), Some("seal = NAP310"), &[]);
+    let data = measured("cylinder_friction_20hz.csv.gz");
+    let found = diagnose(&model("cylinder.toml"), &data, &Names::new(), &options).unwrap();
+    assert!((heldout(&found.error.before).norm.value - 6.78).abs() < 0.01);
+    assert!(heldout(&found.error.after).norm.value < 0.87, "{:?}", found.plain);
+    assert!(found.effects.iter().any(|effect| effect.law.contains("friction")));
+}
+
+/// A cylinder's table with a law in its force and noise that follows no pattern.
+fn cylinder(force: impl Fn(f64, f64, f64) -> f64) -> Table {
+    cylinder_at(|t| 20.0 * (0.5 * t).sin(), force)
+}
+
+/// The same along another motion, mm.
+fn cylinder_at(position: impl Fn(f64) -> f64, force: impl Fn(f64, f64, f64) -> f64) -> Table {
+    let mut text = "t_s,x_mm,p_bar,F_N\n".to_string();
+    let mut noise = 1u64;
+    for k in 0..1200 {
+        noise = noise.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        let (t, chance) = (f64::from(k) * 0.05, (noise >> 40) as f64 / f64::from(1 << 24) - 0.5);
+        let (x, v) = (position(t), (position(t + 1e-4) - position(t - 1e-4)) / 2e-4);
+        let p = 3.0 + (0.11 * t).sin();
+        let f = p * 1e5 * std::f64::consts::FRAC_PI_4 * 0.025f64.powi(2) + force(x, v, p) + chance;
+        text += &format!("{t:.3},{x:.5},{p:.5},{f:.5}\n");
+    }
+    Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0
+}
+
+#[test]
+fn nothing_is_named_where_nothing_is_missing_and_an_offset_where_one_is() {
+    let options = options(HoldOut::Own, None, &[]);
+    let clean = diagnose_table(&model("cylinder.toml"), &cylinder(|_, _, _| 0.0), &options).unwrap();
+    assert_eq!((clean.verdict, clean.effects.len()), (Verdict::NoEffect, 0), "{:?}", clean.plain);
+    let offset = diagnose_table(&model("cylinder.toml"), &cylinder(|_, _, _| 5.0), &options).unwrap();
+    let [found] = &offset.effects[..] else { panic!("{:?}", offset.plain) };
+    let [low, high] = found.parameters[0].ci95.unwrap();
+    assert!(found.law == "offset" && low < -5.0 + 0.1 && high > -5.0 - 0.1 || low < 5.1 && high > 4.9, "{found:?}");
+}
+
+#[test]
+fn a_model_with_what_was_found_predicts_as_told_and_lacks_nothing() {
+    let (table, how) = (cylinder(|_, v, _| 0.4 * v + 3.0), options(HoldOut::Last(0.3), None, &[]));
+    let first = diagnose_table(&model("cylinder.toml"), &table, &how).unwrap();
+    assert_eq!(first.verdict, Verdict::EffectFound, "{:?}", first.plain);
+    let output = tempfile::NamedTempFile::with_suffix(".toml").unwrap();
+    known::write(&measured("cylinder.toml"), output.path(), &first).unwrap();
+    let second = diagnose_table(&Model::read(output.path()).unwrap().unwrap(), &table, &how).unwrap();
+    let (told, predicted) = (heldout(&first.error.after).norm.value, heldout(&second.error.before).norm.value);
+    assert!((told / predicted - 1.0).abs() < 1e-9, "{told} {predicted}");
+    assert_eq!((second.verdict, second.effects.len()), (Verdict::NoEffect, 0), "{:?}", second.plain);
+}
+
+#[test]
+fn what_no_law_explains_is_told_by_its_channel_and_may_be_kept() {
+    let table = cylinder(|x, _, _| 6.0 * (0.785 * x).cos());
+    let how = options(HoldOut::Own, None, &[]);
+    let mut first = diagnose_table(&model("cylinder.toml"), &table, &how).unwrap();
+    assert_eq!((first.verdict, first.effects.len()), (Verdict::UnexplainedStructure, 0), "{:?}", first.plain);
+    let term = &first.remaining[0];
+    assert!(term.term.starts_with("position") && term.share > 0.9 && term.heldout_gain > Some(2.0), "{term:?}");
+    assert!(first.keep_terms());
+    let output = tempfile::NamedTempFile::with_suffix(".toml").unwrap();
+    known::write(&measured("cylinder.toml"), output.path(), &first).unwrap();
+    let second = diagnose_table(&Model::read(output.path()).unwrap().unwrap(), &table, &how).unwrap();
+    // Noise is even over 1 N: 0.29 N.
+    assert!(heldout(&first.error.before).norm.value > 3.0 && heldout(&second.error.before).norm.value < 0.35);
+}
+
+#[test]
+fn what_cannot_be_told_apart_is_not_named_and_the_rows_that_would_are_proposed() {
+    // All rows at one speed each way: an offset against speed and one against friction differ nowhere.
+    let (table, how) = (
+        cylinder_at(|t| 20.0 * (2.0 * (0.05 * t).fract() - 1.0).abs(), |_, v, _| 0.5 * v),
+        options(HoldOut::Own, None, &[]),
+    );
+    let found = diagnose_table(&model("cylinder.toml"), &table, &how).unwrap();
+    assert_eq!(found.verdict, Verdict::NotIdentifiable, "{:?}", found.plain);
+    assert!(found.alternatives.len() > 1 && found.next_measurement.is_some());
+}
+
+#[test]
+fn models_with_more_and_with_fewer_effects_follow_from_one_that_is_factorised() {
+    let table = cylinder(|x, v, p| 0.4 * v + 3.0 + 0.01 * x * p);
+    let mut prepared = Prepared::new(table, &options(HoldOut::Last(0.3), None, &[]).preparation, None).unwrap();
+    let experiment = experiment(&model("cylinder.toml"), &mut prepared).unwrap();
+    let groups = Groups::new(&experiment.rows);
+    let mut kind = Channels::new(experiment, groups);
+    let Ok(base) = kind.settled(kind.start(vec![0, 4, 20]));
+    let same = |a: &Trial<Channels>, b: &Trial<Channels>| {
+        assert_eq!(a.fit.active, b.fit.active);
+        assert!((a.loss / b.loss - 1.0).abs() < 1e-6, "{:?}: {} {}", a.fit.active, a.loss, b.loss);
+        let apart = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-5 * (a.abs() + b.abs()) + 1e-9;
+        assert!(a.fit.values.iter().zip(&b.fit.values).all(apart), "{:?}", a.fit.active);
+    };
+    let Ok(screened) = kind.screened(&base);
+    assert!(screened.len() > 20);
+    for trial in &screened {
+        same(trial, &kind.judged(trial.fit.active.clone(), trial.effect));
+    }
+    let factored = crate::select::factored::Factored::new(&kind, vec![0, 4, 20, 7]);
+    for dropped in [&[4][..], &[0, 7], &[20, 0, 4, 7]] {
+        let without = factored.without(&kind, dropped);
+        same(&without, &kind.judged(without.fit.active.clone(), None));
+    }
+}
+
+#[test]
+fn of_very_many_rows_one_in_several_is_looked_at_and_that_is_told() {
+    let rows: String = (0..25_000).map(|k| format!("{},{},2,98\n", f64::from(k) * 1e-3, k % 20)).collect();
+    let table = Table::read_text(Path::new("a.csv"), format!("t_s,x_mm,p_bar,F_N\n{rows}").as_bytes(), &Names::new());
+    let prepared = Prepared::new(table.unwrap().0, &options(HoldOut::Own, None, &[]).preparation, None).unwrap();
+    assert!((8_000..=10_000).contains(&prepared.rows.len()), "{}", prepared.rows.len());
+    assert!(prepared.findings.iter().any(|finding| finding.what.starts_with("one row in 3")));
+}
+
+#[test]
+fn repeatability_is_the_scatter_of_rows_under_the_same_conditions() {
+    // Two targets, each with the same two readings 2 counts apart again and again: 1 about the mean, less what that takes.
+    let rows: String =
+        (0..200).map(|k| format!("{k},{},{}\n", 100 * (k / 2 % 2), 100 * (k / 2 % 2) + 2 * (k % 2))).collect();
+    let table = Table::read_text(
+        Path::new("a.csv"),
+        format!("t_s,target_count,position_count\n{rows}").as_bytes(),
+        &Names::new(),
+    );
+    let found = diagnose_table(&What::Servo.into(), &table.unwrap().0, &options(HoldOut::Own, None, &[])).unwrap();
+    let told = found.repeatability.unwrap();
+    assert!((told.value - (200.0f64 / 198.0).sqrt()).abs() < 1e-9 && told.unit == "count", "{told:?}");
+    let moving = diagnose_table(&model("cylinder.toml"), &cylinder(|_, _, _| 0.0), &options(HoldOut::Own, None, &[]));
+    assert_eq!(moving.unwrap().repeatability, None);
+}
+
+#[test]
+fn the_same_table_gives_the_same_numbers() {
+    let (table, options) = (cylinder(|_, v, _| 0.3 * v), options(HoldOut::Last(0.3), None, &[]));
+    let told = || serde_json::to_string(&diagnose_table(&model("cylinder.toml"), &table, &options).unwrap()).unwrap();
+    assert_eq!(told(), told());
+}
+
+#[test]
+fn damaged_files_are_told_and_nothing_panics() {
+    let rows = |n: usize, row: &dyn Fn(usize) -> String| (0..n).map(row).collect::<Vec<_>>().join("\n");
+    let good = rows(200, &|k| format!("{},{},{},{}", k as f64 * 0.1, (k % 20) as f64, 2.0, 98.0 + (k % 7) as f64));
+    let head = "t_s,x_mm,p_bar,F_N\n";
+    let damaged: Vec<String> = vec![
+        String::new(),
+        "\n".into(),
+        head.into(),
+        "t_s,x_mm,p_bar\n1,2,3\n".into(),
+        "a,b\n1,2\n".into(),
+        format!("{head}1,2,3\n"),
+        format!("{head}1,2,3,4,5\n"),
+        format!("{head}1,2,3,4\n"),
+        format!("{head}{}", rows(200, &|_| "nan,nan,nan,nan".into())),
+        format!("{head}{}", rows(200, &|k| format!("{k},{k},inf,1"))),
+        format!("{head}{}", rows(200, &|_| "x,y,z,w".into())),
+        format!("{head}{}", rows(200, &|_| "1,1,1,1".into())),
+        format!("{head}{}", rows(200, &|_| "0,0,0,0".into())),
+        format!("{head}{}", rows(200, &|k| format!("{},1,2,98", 200 - k))),
+        format!("{head}{}", rows(200, &|k| format!("{},{k},2,98", k % 2))),
+        format!("{head}{}", rows(200, &|k| format!("{k},{k},2,1e308"))),
+        format!("{head}{}", rows(200, &|k| format!("{k},{k},1e300,1e300"))),
+        format!("{head}{}", rows(200, &|k| format!("{k},1e-320,{k},1e-320"))),
+        format!("{head}{good}\n,,,"),
+        format!("{head}{good}\n1,2,3"),
+        format!("{head}# only a comment"),
+        format!("{head}{}", rows(5, &|k| format!("{k},{k},{k},{k}"))),
+        format!("t_s,x_mm,p_bar,F_N,run\n{}", rows(200, &|k| format!("{k},{k},2,98,{k}"))),
+        format!("t_s,x_mm,p_bar,F_N,held_out\n{}", rows(200, &|k| format!("{k},{k},2,98,1"))),
+        format!("t_s,x_mm,p_bar,F_N,held_out\n{}", rows(200, &|k| format!("{k},{k},2,98,maybe"))),
+        format!("t_s,x_mm,p_bar,F_N,F_N\n{}", rows(200, &|k| format!("{k},{k},2,98,97"))),
+        format!("t_ms,x_m,p_pa,F_N\n{good}"),
+        format!("{head}{good}\n\u{0}\u{0},1,1,1"),
+        "\u{feff}t_s;x_mm;p_bar;F_N\n1;2;3;4\n".into(),
+        format!("{head}{}", "9".repeat(5000)),
+        format!("{head}\"1,2,3,4\n5,6,7,8\n"),
+    ];
+    for (number, text) in damaged.iter().enumerate() {
+        for model in [&model("cylinder.toml"), &model("tx40.urdf"), &model("panda.toml"), &What::Servo.into()] {
+            let Ok((table, _)) = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()) else { continue };
+            if let Err(error) = diagnose_table(model, &table, &options(HoldOut::Own, None, &[])) {
+                assert!(error.to_string().len() > 20, "{number}: {error}");
+            }
+        }
+    }
+}
