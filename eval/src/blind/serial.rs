@@ -5,10 +5,10 @@ use std::f64::consts::TAU;
 
 use anyhow::{Context, Result};
 use darm_core::effect::along::Law;
-use darm_diagnose::linearise::bodies::TEN;
 use darm_diagnose::linearise::model_effects::Known;
 use darm_diagnose::linearise::torque;
 use darm_diagnose::measurement::root_mean_square;
+use darm_robot::rigid_body::inertia::INERTIAL_PARAMETERS;
 use darm_robot::robot::{Motion, Robot};
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
@@ -154,7 +154,7 @@ struct Motions {
 impl Elsewhere for Motions {
     fn columns(&self, law: &str, place: &str, elsewhere: bool) -> Result<Option<DMatrix<f64>>> {
         let names: Vec<&str> = match (law, Law::named(law, None)) {
-            ("mass-distribution", _) => TEN.iter().map(|(name, _)| *name).collect(),
+            ("mass-distribution", _) => INERTIAL_PARAMETERS.iter().map(|(name, _)| *name).collect(),
             (_, Some(law)) => vec![law.along().size()],
             // What has a constant of its own is not known elsewhere.
             _ => return Ok(None),

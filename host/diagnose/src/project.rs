@@ -3,9 +3,9 @@
 //! Ten free parameters of a body reproduce much that is no body: a spring on its joint, say. Once it is held to what can be,
 //! the rows that are explained no longer tell which other effect is there.
 
+use darm_robot::rigid_body::inertia::{self, project_physically_consistent};
 use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, SVector};
 
-use crate::linearise::bodies;
 use crate::linearise::experiment::Mass;
 use crate::select::problem::{Kind as _, Trial};
 use crate::select::signals::{Channels, Fit, solve};
@@ -67,7 +67,7 @@ fn possible(kind: &Channels, fit: &Fit) -> Option<Fit> {
     let masses = kind.experiment.masses.iter().filter(|mass| fit.active.contains(&mass.candidate));
     let cones: Vec<Cone> = masses.filter_map(of).collect();
     let mut values = DVector::from_iterator(indices.len(), indices.iter().map(|&index| fit.values[index]));
-    if cones.iter().all(|cone| bodies::possible(&cone.body(&values), &cone.ten) == cone.body(&values)) {
+    if cones.iter().all(|cone| project_physically_consistent(&cone.body(&values), &cone.ten) == cone.body(&values)) {
         return None;
     }
     cones.iter().for_each(|cone| cone.start(&mut values));
@@ -98,7 +98,7 @@ impl Cone {
 
     /// Puts the body where it was, made possible, so far inside that Newton's method can begin there.
     fn start(&self, values: &mut DVector<f64>) {
-        let mut body = bodies::possible(&self.ten, &self.ten);
+        let mut body = project_physically_consistent(&self.ten, &self.ten);
         let inside = INSIDE * (body[4] + body[6] + body[9] + f64::MIN_POSITIVE);
         [4, 6, 9].iter().for_each(|&k| body[k] += inside);
         (0..10).for_each(|k| values[self.first + k] = body[k] - self.ten[k]);
@@ -107,7 +107,7 @@ impl Cone {
     /// −log det of the pseudo-inertia −log of what the mass is above the least; `None` outside.
     fn barrier(&self, values: &DVector<f64>) -> Option<f64> {
         let body = self.body(values);
-        let root = bodies::pseudo_inertia(&body).cholesky()?;
+        let root = inertia::pseudo_inertia(&body).cholesky()?;
         let spare = self.spare_kg(&body);
         (spare > 0.0).then(|| -2.0 * root.l().diagonal().map(f64::ln).sum() - spare.ln())
     }
@@ -115,10 +115,10 @@ impl Cone {
     /// Its gradient and Hessian.
     fn slopes(&self, values: &DVector<f64>) -> Option<(SVector<f64, 10>, SMatrix<f64, 10, 10>)> {
         let body = self.body(values);
-        let root = bodies::pseudo_inertia(&body).cholesky()?;
+        let root = inertia::pseudo_inertia(&body).cholesky()?;
         let of_mass = 1.0 / self.spare_kg(&body);
         let unit =
-            |k: usize| root.solve(&bodies::pseudo_inertia(&std::array::from_fn(|j| f64::from(u8::from(j == k)))));
+            |k: usize| root.solve(&inertia::pseudo_inertia(&std::array::from_fn(|j| f64::from(u8::from(j == k)))));
         let units: [Matrix4<f64>; 10] = std::array::from_fn(unit);
         let mut gradient = SVector::from_fn(|k, _| -units[k].trace());
         let mut hessian = SMatrix::from_fn(|a, b| (units[a] * units[b]).trace());
@@ -129,7 +129,7 @@ impl Cone {
 
     /// By how much the mass is above the least, kg.
     fn spare_kg(&self, body: &[f64; 10]) -> f64 {
-        body[0] - bodies::LEAST_MASS * self.ten[0]
+        body[0] - inertia::MIN_MASS_SHARE * self.ten[0]
     }
 }
 
@@ -186,6 +186,6 @@ mod tests {
         let body = cone.body(&values);
         // Nearest to (−1, 0.02, 0.02) with Iyy ≤ Ixx + Izz, Izz ≤ Ixx + Iyy and Ixx ≥ 0 is (0, 0.02, 0.02).
         assert!(body[4].abs() < 1e-4 && (body[6] - 0.02).abs() < 1e-4 && (body[9] - 0.02).abs() < 1e-4, "{body:?}");
-        assert!(bodies::pseudo_inertia(&body).cholesky().is_some());
+        assert!(inertia::pseudo_inertia(&body).cholesky().is_some());
     }
 }

@@ -3,6 +3,7 @@
 pub mod dh;
 pub mod ik;
 pub mod literal;
+pub mod rigid_body;
 pub mod robot;
 pub mod source;
 pub mod urdf;

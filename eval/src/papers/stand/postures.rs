@@ -8,8 +8,8 @@ use anyhow::{Context, Result};
 use darm_core::real::{Mat3, Vec3};
 use darm_core::se::Pose;
 use darm_core::tree::Inertia;
-use darm_diagnose::linearise::bodies::Moving;
 use darm_papers::identify::{self, Equations, Kind, Noise, Rows, Sample, Unknown, simulated};
+use darm_robot::rigid_body::regressor::BodyMotion;
 use darm_robot::robot::Robot;
 use darm_robot::robot::base_parameters::BaseParameters;
 use darm_robot::urdf::{self, Locks};
@@ -81,7 +81,7 @@ pub(super) fn golden() -> Result<(Vec<Vec<f64>>, Value)> {
 pub(super) fn measured(robot: &Robot, postures: &[Vec<f64>], tilt: f64, random: &mut ChaCha8Rng) -> Vec<Sample> {
     let zero = vec![0.0; robot.joints.len()];
     let sample = |(line, q): (usize, &Vec<f64>)| {
-        let mut base = Moving::resting(&robot.gravity);
+        let mut base = BodyMotion::resting(&robot.gravity);
         base.pose = Pose::new(&Vec3::new(0.0, tilt * random.random_range(-1.0..1.0), 0.0), Vec3::zeros());
         let mut sample = simulated(robot, base, [q.clone(), zero.clone(), zero.clone()], &NOISE, random);
         sample.line = line + 2;
@@ -198,7 +198,7 @@ pub(super) fn from_motions(figures: &mut Vec<Figure>, robots: &Robots, seed: u64
                 let state = moving(&waves, f64::from(k) * 0.02);
                 Sample {
                     line: k as usize + 2,
-                    ..simulated(&real, Moving::resting(&real.gravity), state, &NOISE, random)
+                    ..simulated(&real, BodyMotion::resting(&real.gravity), state, &NOISE, random)
                 }
             })
             .collect()

@@ -6,13 +6,14 @@ use darm_core::tree::Body;
 use nalgebra::DMatrix;
 
 use crate::judge::regression::of_axis;
-use crate::linearise::bodies::{Moving, candidate, links, load, of_joint};
+use crate::linearise::bodies::candidate;
 use crate::linearise::experiment::{Axis, Candidate, Experiment, Mass, Row};
 use crate::linearise::laws::Coordinate;
 use crate::linearise::model_effects::{self, Known};
 use crate::linearise::ripple::periods_a_turn;
 use crate::prepare::signals::{PrepareError, Prepared};
 use crate::signals::ChannelError;
+use darm_robot::rigid_body::regressor::{BodyMotion, joint_regressor, link_motions, wrench_regressor};
 use darm_robot::robot::Robot;
 
 /// Ripples of a torque that are tried where no gear ratio tells their periods.
@@ -182,16 +183,16 @@ fn regressor(robot: &Robot, motion: &Motion, rows: usize) -> (Vec<f64>, Vec<[Vec
     let mut columns: Vec<[Vec<f64>; 10]> = (0..n).map(|_| std::array::from_fn(|_| vec![0.0; rows * n])).collect();
     let mut nominal = vec![0.0; rows * n];
     let tens: Vec<[f64; 10]> = robot.joints.iter().map(|joint| Body::from(&joint.joint.inertia).parameters()).collect();
-    let base = Moving::resting(&robot.gravity);
+    let base = BodyMotion::resting(&robot.gravity);
     for row in 0..rows {
         let at = |of: &[Vec<f64>]| -> Vec<f64> { of.iter().map(|channel| channel[row]).collect() };
         let (q, v, a) = (at(&motion.q), at(&motion.v), at(&motion.a));
-        let moving = links(robot, &base, [&q, &v, &a]);
+        let moving = link_motions(robot, &base, [&q, &v, &a]);
         for link in 0..n {
-            let load = load(&moving[link]);
+            let wrench = wrench_regressor(&moving[link]);
             let mut joint = Some(link);
             while let Some(carrier) = joint {
-                let ten = of_joint(robot, carrier, &moving[carrier], &load);
+                let ten = joint_regressor(robot, carrier, &moving[carrier], &wrench);
                 for k in 0..10 {
                     columns[link][k][row * n + carrier] = ten[k];
                     nominal[row * n + carrier] += ten[k] * tens[link][k];

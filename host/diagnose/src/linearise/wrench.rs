@@ -11,10 +11,11 @@ use darm_core::se::Pose;
 use darm_core::tree::Body;
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use crate::linearise::bodies::{Load, Moving, candidate, links, load};
+use crate::linearise::bodies::candidate;
 use crate::linearise::experiment::{Axis, Candidate, Experiment, Value};
 use crate::measurement::signal::rate;
 use crate::prepare::signals::{PrepareError, Prepared};
+use darm_robot::rigid_body::regressor::{BodyMotion, link_motions, wrench_regressor};
 use darm_robot::robot::Robot;
 
 /// Components of the wrench as they are named in a table.
@@ -114,17 +115,17 @@ fn sensor_frame(measured: &[Vec<f64>], axes: &Axes) -> Candidate {
 }
 
 /// Each body's load per parameter and component of the wrench, along the rows: the base first.
-fn loads(data: &Prepared, robot: &Robot, base: &[Moving], joints: &[Vec<Vec<f64>>; 3]) -> Vec<Vec<Vec<Vec<f64>>>> {
+fn loads(data: &Prepared, robot: &Robot, base: &[BodyMotion], joints: &[Vec<Vec<f64>>; 3]) -> Vec<Vec<Vec<Vec<f64>>>> {
     let n = robot.joints.len() + 1;
     let mut all = vec![vec![vec![vec![0.0; base.len()]; 6]; 10]; n];
     for (row, base) in base.iter().enumerate() {
         let at = |of: &[Vec<f64>]| -> Vec<f64> { of.iter().map(|channel| channel[row]).collect() };
         let [q, v, a] = [at(&joints[0]), at(&joints[1]), at(&joints[2])];
-        let moving = links(robot, base, [&q, &v, &a]);
+        let moving = link_motions(robot, base, [&q, &v, &a]);
         for (body, moving) in std::iter::once(base).chain(&moving).enumerate() {
-            let load: Load = load(moving);
+            let wrench = wrench_regressor(moving);
             for (k, parts) in all[body].iter_mut().enumerate() {
-                parts.iter_mut().enumerate().for_each(|(part, channel)| channel[row] = load[(part, k)]);
+                parts.iter_mut().enumerate().for_each(|(part, channel)| channel[row] = wrench[(part, k)]);
             }
         }
     }
@@ -135,7 +136,7 @@ fn loads(data: &Prepared, robot: &Robot, base: &[Moving], joints: &[Vec<Vec<f64>
 }
 
 /// How the base moves.
-pub fn base(data: &Prepared, gravity: &Vec3<f64>) -> Result<Vec<Moving>, PrepareError> {
+pub fn base(data: &Prepared, gravity: &Vec3<f64>) -> Result<Vec<BodyMotion>, PrepareError> {
     let place = [data.motion("px", true)?, data.motion("py", true)?, data.motion("pz", true)?];
     let mut turn = Vec::new();
     for name in ["qx", "qy", "qz", "qw"] {
@@ -162,10 +163,10 @@ pub fn base(data: &Prepared, gravity: &Vec3<f64>) -> Result<Vec<Moving>, Prepare
     let moving = |row: usize| {
         let rotation: Mat3<f64> = quaternion(row).to_rotation_matrix().into_inner();
         let vector = |order: usize| Vec3::new(place[0][order][row], place[1][order][row], place[2][order][row]);
-        Moving {
+        BodyMotion {
             pose: Pose { rotation, position: vector(0) },
-            turning: turning[row],
-            turning_rate: Vec3::new(rates[0][row], rates[1][row], rates[2][row]),
+            omega: turning[row],
+            alpha: Vec3::new(rates[0][row], rates[1][row], rates[2][row]),
             acceleration: vector(2) - gravity,
         }
     };

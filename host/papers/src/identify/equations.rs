@@ -6,7 +6,7 @@ use darm_core::tree::Body;
 use nalgebra::{DMatrix, DVector, Matrix6xX, SVector};
 
 use super::{Kind, Noise, Sample, Unknown, bodies, unknowns};
-use darm_diagnose::linearise::bodies::{Load, Moving, links, load, of_joint};
+use darm_robot::rigid_body::regressor::{BodyMotion, WrenchRegressor, joint_regressor, link_motions, wrench_regressor};
 use darm_robot::robot::Robot;
 use darm_robot::robot::base_parameters::{BaseParameters, Inertial, grouped};
 
@@ -222,7 +222,8 @@ fn paths(robot: &Robot) -> Vec<Vec<usize>> {
     bodies(robot).map(|body| std::iter::successors(body, parent).collect()).collect()
 }
 
-/// The unknowns as the file has them, and how far they may be off: as [`candidate`](darm_diagnose::linearise::bodies::candidate).
+/// The unknowns as the file has them, and how far they may be off, as
+/// [`prior_deviations`](darm_robot::rigid_body::inertia::prior_deviations).
 fn nominal(robot: &Robot, unknowns: &[Unknown]) -> (DVector<f64>, DVector<f64>) {
     let whole_kg = robot.mass().max(f64::MIN_POSITIVE);
     let of = |unknown: &Unknown| match unknown {
@@ -256,8 +257,8 @@ struct Assembly<'a> {
 impl Assembly<'_> {
     fn equation(&self, sample: &Sample) -> Equation {
         let [q, qd, qdd] = &sample.state;
-        let moving = links(self.robot, &sample.base, [q, qd, qdd]);
-        let loads: Vec<Load> = std::iter::once(&sample.base).chain(&moving).map(load).collect();
+        let moving = link_motions(self.robot, &sample.base, [q, qd, qdd]);
+        let loads: Vec<WrenchRegressor> = std::iter::once(&sample.base).chain(&moving).map(wrench_regressor).collect();
         let base: Vec<usize> = (0..6).filter(|&row| self.rows.wrench[row]).collect();
         let joints: Vec<usize> = (0..moving.len()).filter(|&joint| self.rows.torque[joint]).collect();
         let mut wrench = Matrix6xX::zeros(self.unknowns.len());
@@ -270,7 +271,7 @@ impl Assembly<'_> {
                     base.iter().enumerate().for_each(|(row, &part)| columns[(row, k)] = wrench[(part, k)]);
                     for (row, &joint) in joints.iter().enumerate().filter(|(_, joint)| self.paths[body].contains(joint))
                     {
-                        let along = of_joint(self.robot, joint, &moving[joint], &loads[body]);
+                        let along = joint_regressor(self.robot, joint, &moving[joint], &loads[body]);
                         columns[(base.len() + row, k)] = along[*number];
                     }
                 }
@@ -295,7 +296,7 @@ impl Assembly<'_> {
     }
 
     /// J_Cᵀ of each contact, in the measured rows: rows × 6.
-    fn exerted(&self, sample: &Sample, moving: &[Moving], base: &[usize], joints: &[usize]) -> Vec<DMatrix<f64>> {
+    fn exerted(&self, sample: &Sample, moving: &[BodyMotion], base: &[usize], joints: &[usize]) -> Vec<DMatrix<f64>> {
         let of = |contact: &super::Contact| {
             let mut block = DMatrix::zeros(base.len() + joints.len(), 6);
             base.iter().enumerate().for_each(|(row, &part)| block[(row, part)] = 1.0);

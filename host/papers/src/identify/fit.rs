@@ -4,11 +4,11 @@ use nalgebra::{DMatrix, DVector};
 
 use super::equations::Equations;
 use super::{Kind, Unknown};
-use darm_diagnose::linearise::bodies::possible;
+use darm_robot::rigid_body::inertia::project_physically_consistent;
 
 /// Rounds in which impossible bodies are made possible along what the rows do not tell.
 const ROUNDS: usize = 500;
-/// The least mass of a body as a share of the nominal one, as for [`possible`].
+/// The least mass of a body as a share of the nominal one, as for [`project_physically_consistent`].
 const LEAST_MASS: f64 = 0.1;
 
 /// Rows agree far better when the mean square of their residuals falls by this.
@@ -135,7 +135,10 @@ impl Equations {
                     Kind::Moving => {
                         let ten = std::array::from_fn(|i| values[k + i]);
                         let named = std::array::from_fn(|i| self.nominal[k + i]);
-                        possible(&ten, &named).iter().enumerate().for_each(|(i, value)| nearest[k + i] = *value);
+                        project_physically_consistent(&ten, &named)
+                            .iter()
+                            .enumerate()
+                            .for_each(|(i, value)| nearest[k + i] = *value);
                     }
                 },
                 Unknown::Inertial(_) => {}

@@ -28,9 +28,9 @@ use darm_core::se::Wrench;
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
-use darm_diagnose::linearise::bodies::Moving;
+use darm_robot::rigid_body::regressor::BodyMotion;
 use darm_robot::robot::Robot;
-use darm_robot::robot::base_parameters::{Inertial, TEN};
+use darm_robot::robot::base_parameters::{Inertial, PARAMETER_SYMBOLS};
 
 pub use equations::{Equations, IdentifyError, Rows};
 pub use fit::Fit;
@@ -45,7 +45,7 @@ pub struct Sample {
     /// Line of its file, by which it is told.
     pub line: usize,
     /// The base: where it is and how it moves in the world.
-    pub base: Moving,
+    pub base: BodyMotion,
     /// Positions, velocities and accelerations of the joints, rad and m.
     pub state: [Vec<f64>; 3],
     /// τ of every joint, N·m or N; 0 where it is not measured.
@@ -159,7 +159,7 @@ pub fn bodies(robot: &Robot) -> impl Iterator<Item = Option<usize>> + Clone + us
 
 /// The unknowns of a robot, link by link and then joint by joint.
 fn unknowns(robot: &Robot, kind: Kind) -> Vec<Unknown> {
-    let numbers = if kind == Kind::Static { 4 } else { TEN.len() };
+    let numbers = if kind == Kind::Static { 4 } else { PARAMETER_SYMBOLS.len() };
     let inertial = bodies(robot).flat_map(|joint| (0..numbers).map(move |number| Inertial { joint, number }));
     let mut all: Vec<Unknown> = inertial.map(Unknown::Inertial).collect();
     if kind == Kind::Moving {

@@ -16,11 +16,11 @@ use darm_core::se::Wrench;
 
 use super::equations::Rows;
 use super::{Contact, Kind, Sample};
-use darm_diagnose::linearise::bodies::Moving;
 use darm_diagnose::linearise::wrench;
 use darm_diagnose::measurement::ReadError;
 use darm_diagnose::measurement::table::{Names, Table};
 use darm_diagnose::prepare::signals::{Preparation, PrepareError, Prepared};
+use darm_robot::rigid_body::regressor::BodyMotion;
 use darm_robot::robot::Robot;
 
 /// Components of a wrench as columns name them.
@@ -121,14 +121,14 @@ fn wrench_at(channels: &Channels, row: usize) -> Wrench<f64> {
     Wrench { force: Vec3::new(at(0), at(1), at(2)), moment: Vec3::new(at(3), at(4), at(5)) }
 }
 
-fn base(data: &Prepared, robot: &Robot, kind: Kind) -> Result<Vec<Moving>, PrepareError> {
-    let resting = Moving::resting(&robot.gravity);
+fn base(data: &Prepared, robot: &Robot, kind: Kind) -> Result<Vec<BodyMotion>, PrepareError> {
+    let resting = BodyMotion::resting(&robot.gravity);
     if data.raw("px").is_none() {
         return Ok(vec![resting; data.rows.len()]);
     }
     let moving = wrench::base(data, &robot.gravity)?;
     Ok(match kind {
-        Kind::Static => moving.into_iter().map(|at| Moving { pose: at.pose, ..resting }).collect(),
+        Kind::Static => moving.into_iter().map(|at| BodyMotion { pose: at.pose, ..resting }).collect(),
         Kind::Moving => moving,
     })
 }

@@ -9,16 +9,22 @@ use darm_core::se::Wrench;
 use darm_core::tree::Body;
 
 use super::{Contact, Noise, Sample};
-use darm_diagnose::linearise::bodies::{Load, Moving, links, load, of_joint};
+use darm_robot::rigid_body::regressor::{BodyMotion, WrenchRegressor, joint_regressor, link_motions, wrench_regressor};
 use darm_robot::robot::Robot;
 
 /// One sample of a robot whose base is its only contact: torques with the joints' friction, and the wrench, with noise.
-pub fn simulated(robot: &Robot, base: Moving, state: [Vec<f64>; 3], noise: &Noise, random: &mut impl Rng) -> Sample {
+pub fn simulated(
+    robot: &Robot,
+    base: BodyMotion,
+    state: [Vec<f64>; 3],
+    noise: &Noise,
+    random: &mut impl Rng,
+) -> Sample {
     let [q, qd, qdd] = &state;
-    let moving = links(robot, &base, [q, qd, qdd]);
+    let moving = link_motions(robot, &base, [q, qd, qdd]);
     let inertias = std::iter::once(&robot.base).chain(robot.joints.iter().map(|joint| &joint.joint.inertia));
     let tens: Vec<SVector<f64, 10>> = inertias.map(|inertia| Body::from(inertia).parameters().into()).collect();
-    let loads: Vec<Load> = std::iter::once(&base).chain(&moving).map(load).collect();
+    let loads: Vec<WrenchRegressor> = std::iter::once(&base).chain(&moving).map(wrench_regressor).collect();
     let mut any = |size: f64| size * random.sample::<f64, _>(StandardNormal);
     let mut torque: Vec<f64> = robot
         .joints
@@ -32,7 +38,7 @@ pub fn simulated(robot: &Robot, base: Moving, state: [Vec<f64>; 3], noise: &Nois
     for (body, (load, ten)) in loads.iter().zip(&tens).enumerate().skip(1) {
         let parent = |joint: &usize| robot.joints.get(*joint).and_then(|joint| joint.joint.parent);
         for joint in std::iter::successors(Some(body - 1), parent) {
-            let row = SVector::<f64, 10>::from(of_joint(robot, joint, &moving[joint], load));
+            let row = SVector::<f64, 10>::from(joint_regressor(robot, joint, &moving[joint], load));
             torque[joint] += row.dot(ten);
         }
     }

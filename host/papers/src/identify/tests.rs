@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::{Contact, Equations, Kind, Noise, Robot, Rows, Sample, hold_out, missing, simulated};
 use darm_core::real::Vec3;
-use darm_diagnose::linearise::bodies::{Moving, links};
+use darm_robot::rigid_body::regressor::{BodyMotion, link_motions};
 use darm_robot::urdf::{Locks, parse};
 
 fn robot() -> Robot {
@@ -45,7 +45,7 @@ fn samples() -> Vec<Sample> {
         let wrench = Wrench { force: Vec3::new(f[0], 0.0, f[1]), moment: Vec3::new(0.0, -f[2], 0.0) };
         Sample {
             line: line + 2,
-            base: Moving::resting(&Vec3::new(0.0, 0.0, -9.81)),
+            base: BodyMotion::resting(&Vec3::new(0.0, 0.0, -9.81)),
             state: [q[4..].to_vec(), vec![0.0; 4], vec![0.0; 4]],
             torque: f[3..].to_vec(),
             contacts: vec![Contact { joint: None, wrench }],
@@ -140,7 +140,7 @@ fn a_hidden_mass_is_found_on_its_link_and_nothing_where_nothing_is() {
 /// The wrench of one plate under the base, as two feet bear it: shares of it, and the joints' torques less what they feel of it.
 fn on_feet(robot: &Robot, sample: &mut Sample, feet: [usize; 2]) {
     let [q, qd, qdd] = &sample.state;
-    let moving = links(robot, &sample.base, [q, qd, qdd]);
+    let moving = link_motions(robot, &sample.base, [q, qd, qdd]);
     let whole = sample.contacts[0].wrench;
     let contact = |(joint, share): (usize, f64)| {
         let wrench = Wrench { moment: whole.moment * share, force: whole.force * share };
@@ -175,7 +175,7 @@ fn two_feet_tell_as_much_as_one_plate() {
     let n = robot.joints.len();
     let plate: Vec<Sample> = (0..14)
         .map(|line| {
-            let mut base = Moving::resting(&robot.gravity);
+            let mut base = BodyMotion::resting(&robot.gravity);
             let tilt = Vec3::from_fn(|_, _| random.random_range(-0.2..0.2));
             base.pose = darm_core::se::Pose::new(&tilt, Vec3::new(0.1, 0.0, 0.9));
             let q = (0..n).map(|_| random.random_range(-0.6..0.6)).collect();

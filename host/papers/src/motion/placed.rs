@@ -8,8 +8,8 @@ use nalgebra::{DMatrix, Matrix3xX, Matrix6xX, SVector};
 
 use super::smooth::Smooth;
 use super::{Fixed, Posture};
-use darm_diagnose::linearise::bodies::{Moving, links, load};
 use darm_diagnose::measurement::signal::rate;
+use darm_robot::rigid_body::regressor::{BodyMotion, link_motions, wrench_regressor};
 use darm_robot::robot::{MAX_JOINTS, Robot};
 
 /// A tree that computes, made once.
@@ -104,7 +104,7 @@ impl Placed {
 #[derive(Clone, Debug)]
 pub(super) struct Dynamic {
     /// The base in each frame.
-    pub base: Vec<Moving>,
+    pub base: Vec<BodyMotion>,
     /// Positions, velocities and accelerations of the joints in each frame.
     pub state: Vec<[Vec<f64>; 3]>,
 }
@@ -132,15 +132,15 @@ pub(super) fn dynamic(postures: &[Posture], time_s: &[f64], corner_hz: f64, grav
             turn / (time_s[b] - time_s[a]).max(f64::MIN_POSITIVE)
         })
         .collect();
-    let turning: [Vec<f64>; 3] = std::array::from_fn(|k| smooth.pass(spin.iter().map(|w| w[k]).collect()));
-    let turning_rate: [Vec<f64>; 3] = std::array::from_fn(|k| rate(&turning[k], time_s, &one));
+    let omega: [Vec<f64>; 3] = std::array::from_fn(|k| smooth.pass(spin.iter().map(|w| w[k]).collect()));
+    let alpha: [Vec<f64>; 3] = std::array::from_fn(|k| rate(&omega[k], time_s, &one));
     let moving = |row: usize| {
         let three = |of: &[Vec<f64>; 3]| Vec3::new(of[0][row], of[1][row], of[2][row]);
         let order = |k: usize| Vec3::new(place[0][k][row], place[1][k][row], place[2][k][row]);
-        Moving {
+        BodyMotion {
             pose: Pose { rotation: postures[row].base.rotation, position: order(0) },
-            turning: three(&turning),
-            turning_rate: three(&turning_rate),
+            omega: three(&omega),
+            alpha: three(&alpha),
             acceleration: order(2) - gravity,
         }
     };
@@ -152,9 +152,9 @@ pub(super) fn dynamic(postures: &[Posture], time_s: &[f64], corner_hz: f64, grav
 pub(super) fn wrench(robot: &Robot, motion: &Dynamic) -> Vec<Vec<SVector<f64, 6>>> {
     let inertias = std::iter::once(&robot.base).chain(robot.joints.iter().map(|joint| &joint.joint.inertia));
     let tens: Vec<SVector<f64, 10>> = inertias.map(|inertia| Body::from(inertia).parameters().into()).collect();
-    let frame = |(base, [q, qd, qdd]): (&Moving, &[Vec<f64>; 3])| {
-        let moving = links(robot, base, [q, qd, qdd]);
-        std::iter::once(base).chain(&moving).zip(&tens).map(|(body, ten)| load(body) * ten).collect()
+    let frame = |(base, [q, qd, qdd]): (&BodyMotion, &[Vec<f64>; 3])| {
+        let moving = link_motions(robot, base, [q, qd, qdd]);
+        std::iter::once(base).chain(&moving).zip(&tens).map(|(body, ten)| wrench_regressor(body) * ten).collect()
     };
     motion.base.iter().zip(&motion.state).map(frame).collect()
 }

@@ -20,7 +20,7 @@ use super::{MAX_JOINTS, Robot};
 
 /// The ten parameters of a body, in the order of [`Tree::parameters`]: mass, first moments, moments of inertia about the
 /// origin of its frame.
-pub const TEN: [&str; 10] = ["m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"];
+pub const PARAMETER_SYMBOLS: [&str; 10] = ["m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"];
 
 /// States per parameter and row of torques, so that a dependence is no accident of the draw.
 const STATES_PER_PARAMETER: usize = 3;
@@ -36,7 +36,7 @@ const TERM: f64 = 1e-7;
 pub struct Inertial {
     /// The joint that moves the body; `None`: the base.
     pub joint: Option<usize>,
-    /// Which of the [`TEN`].
+    /// Which of the [`PARAMETER_SYMBOLS`].
     pub number: usize,
 }
 
@@ -65,8 +65,9 @@ impl Robot {
         let tree = self.tree::<MAX_JOINTS>()?;
         let bodies =
             (if self.floating { Some(None) } else { None }).into_iter().chain((0..self.joints.len()).map(Some));
-        let parameters: Vec<Inertial> =
-            bodies.flat_map(|joint| (0..TEN.len()).map(move |number| Inertial { joint, number })).collect();
+        let parameters: Vec<Inertial> = bodies
+            .flat_map(|joint| (0..PARAMETER_SYMBOLS.len()).map(move |number| Inertial { joint, number }))
+            .collect();
         let columns = self.columns(&tree, &parameters, seed);
         Ok(grouped(&parameters, &columns))
     }
@@ -185,7 +186,7 @@ impl Inertial {
     pub fn words(&self, robot: &Robot) -> String {
         let base = robot.frames.first().map_or("base", |frame| frame.name.as_str());
         let link = self.joint.and_then(|joint| robot.joints.get(joint)).map_or(base, |joint| joint.link.as_str());
-        format!("{} {link}", TEN.get(self.number).copied().unwrap_or("?"))
+        format!("{} {link}", PARAMETER_SYMBOLS.get(self.number).copied().unwrap_or("?"))
     }
 }
 

@@ -1,0 +1,4 @@
+//! Rigid bodies on moving links: motion, the regressor of their wrenches, and their inertial parameters.
+
+pub mod inertia;
+pub mod regressor;
