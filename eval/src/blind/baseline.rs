@@ -14,6 +14,7 @@ use anyhow::{Context, Result};
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_core::effect::Effect;
 use darm_core::effect::step::Step;
+use darm_diagnose::effect::part_of as part;
 use darm_diagnose::linearise::arm_candidates::{all, place_code};
 use darm_diagnose::linearise::sensitivity::Sensitivity;
 use darm_diagnose::measurement::root_mean_square;
@@ -23,7 +24,7 @@ use darm_diagnose::truth::Blind;
 use nalgebra::{DMatrix, DVector};
 
 use super::case::Class;
-use super::judge::{Mark, pairs, part, right};
+use super::judge::{Mark, pairs, right};
 
 /// Moments that a step may be at.
 const MOMENTS: usize = 6;

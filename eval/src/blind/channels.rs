@@ -19,14 +19,12 @@
 use std::path::Path;
 
 use anyhow::Result;
+use darm_diagnose::diagnosis::{SignalOptions, diagnose_table};
 use darm_diagnose::linearise::model::{Model, What};
 use darm_diagnose::measurement::root_mean_square;
 use darm_diagnose::measurement::table::{Names, Table};
-use darm_diagnose::outcome::Verdict;
-use darm_diagnose::outcome_signals::Diagnosis;
+use darm_diagnose::outcome::{Diagnosis, Verdict};
 use darm_diagnose::prepare::signals::Preparation;
-use darm_diagnose::signals::Options;
-use darm_diagnose::signals::diagnose_table;
 use darm_robot::robot::Robot;
 use darm_robot::urdf::{self, Locks};
 use rand::{RngExt, SeedableRng};
@@ -90,7 +88,8 @@ impl Robots {
         let table = bench.table()?;
         let within = if which == Which::Floating { vec!["posture".to_string()] } else { Vec::new() };
         let preparation = Preparation { within, ..Preparation::default() };
-        let diagnosis = diagnose_table(&model, &table, &Options { preparation, always: Vec::new(), seed })?;
+        let diagnosis =
+            diagnose_table(&model, &table, &SignalOptions { preparation, always: Vec::new(), seed })?.diagnosis;
         Ok((bench.mark(class, &diagnosis)?, bench.truth()))
     }
 }
@@ -185,7 +184,7 @@ impl Bench {
     fn mark(&self, class: Class, diagnosis: &Diagnosis) -> Result<Mark> {
         let mut mark = Mark { ratio: self.ratio(diagnosis), answer: answer(diagnosis), ..Mark::default() };
         let mut named: Vec<(&str, &str)> =
-            diagnosis.effects.iter().map(|e| (law_of(e.law), joint_of(&e.place))).collect();
+            diagnosis.effects.iter().map(|e| (law_of(e.law.as_str()), joint_of(&e.site.code))).collect();
         named.sort_unstable();
         named.dedup_by(|a, b| a == b && a.0 == PERIODIC);
         let truth: Vec<(&str, &str)> = self.added.iter().map(|added| (added.law, added.place.as_str())).collect();
@@ -193,8 +192,9 @@ impl Bench {
             Class::Clean => mark.named = diagnosis.verdict == Verdict::NoEffect,
             Class::Outside => {
                 mark.named = diagnosis.verdict == Verdict::UnexplainedStructure && diagnosis.effects.is_empty();
-                let first = diagnosis.remaining.first();
-                mark.variable = mark.named && first.is_some_and(|term| term.term.contains(&self.added[0].variable));
+                let first = diagnosis.remaining.depends_on.first();
+                mark.variable =
+                    mark.named && first.is_some_and(|term| term.to_string().contains(&self.added[0].variable));
             }
             Class::One | Class::Two => {
                 (mark.named, mark.placed) = match diagnosis.verdict {
@@ -233,9 +233,10 @@ pub(super) fn joint_of(place: &str) -> &str {
 }
 
 fn answer(diagnosis: &Diagnosis) -> String {
-    let effects = diagnosis.effects.iter().map(|found| format!("{} {}", found.law, found.place));
-    let others = diagnosis.alternatives.iter().map(|o| format!("({}) {} {}", o.instead_of, o.law, o.place));
-    let terms = diagnosis.remaining.iter().map(|term| format!("[{}: {}]", term.axis, term.term));
+    let effects = diagnosis.effects.iter().map(|found| format!("{} {}", found.law, found.site));
+    let others = diagnosis.alternatives.iter().map(|o| format!("({}) {} {}", o.instead_of, o.law, o.site));
+    let terms = diagnosis.remaining.depends_on.iter();
+    let terms = terms.map(|term| format!("[{}: {term}]", term.axis.as_deref().unwrap_or_default()));
     format!("{}: {}", diagnosis.verdict, effects.chain(others).chain(terms).collect::<Vec<_>>().join(" + "))
 }
 

@@ -3,11 +3,13 @@
 use anyhow::Result;
 use darm_arm::arm::{Arm, ArmModel, ArmScratch};
 use darm_core::effect::Effect;
+use darm_diagnose::correction::{ArmCorrection, Outcome};
+use darm_diagnose::effect::part_of as part;
 use darm_diagnose::linearise::arm_candidates::{all, place_code};
 use darm_diagnose::measurement::Run;
 use darm_diagnose::measurement::root_mean_square;
 use darm_diagnose::measurement_plan::candidates;
-use darm_diagnose::outcome::{Diagnosis, Found, Verdict};
+use darm_diagnose::outcome::{Effect as Found, Verdict};
 use darm_diagnose::prepare::observations::Observations;
 use darm_diagnose::select::robust_fit::fit;
 use darm_diagnose::select::tool_pose::values;
@@ -35,25 +37,25 @@ pub(super) struct Mark {
     pub(super) answer: String,
 }
 
-/// Marks a diagnosis.
-pub(super) fn mark(arm: &Arm, class: Class, blind: &Blind, diagnosis: &Diagnosis) -> Result<Mark> {
-    let repeats_m = diagnosis.repeatability.as_ref().map_or(blind.scatter_m(), |repeats| repeats.distance_m);
-    let mut mark =
-        Mark { ratio: heldout_m(blind, diagnosis) / repeats_m, answer: answer(diagnosis), ..Mark::default() };
+/// Marks a outcome.diagnosis.
+pub(super) fn mark(arm: &Arm, class: Class, blind: &Blind, outcome: &Outcome<ArmCorrection>) -> Result<Mark> {
+    let repeats_m = outcome.diagnosis.repeatability.as_ref().map_or(blind.scatter_m(), |repeats| repeats.norm.value);
+    let mut mark = Mark { ratio: heldout_m(blind, outcome) / repeats_m, answer: answer(outcome), ..Mark::default() };
     match class {
-        Class::Clean => mark.named = diagnosis.verdict == Verdict::NoEffect,
+        Class::Clean => mark.named = outcome.diagnosis.verdict == Verdict::NoEffect,
         Class::Outside => {
-            mark.named = diagnosis.verdict == Verdict::UnexplainedStructure && diagnosis.effects.is_empty();
-            mark.variable = mark.named && right_variable(arm, blind, diagnosis);
+            mark.named =
+                outcome.diagnosis.verdict == Verdict::UnexplainedStructure && outcome.diagnosis.effects.is_empty();
+            mark.variable = mark.named && right_variable(arm, blind, outcome);
         }
         Class::One | Class::Two => {
-            (mark.named, mark.placed) = match diagnosis.verdict {
-                Verdict::EffectFound => named(blind.unseal(), &diagnosis.effects),
-                Verdict::NotIdentifiable => in_sets(arm, blind, diagnosis, SAME * repeats_m)?,
+            (mark.named, mark.placed) = match outcome.diagnosis.verdict {
+                Verdict::EffectFound => named(blind.unseal(), &outcome.diagnosis.effects),
+                Verdict::NotIdentifiable => in_sets(arm, blind, outcome, SAME * repeats_m)?,
                 Verdict::NoEffect | Verdict::UnexplainedStructure => (false, false),
             };
-            if mark.placed && diagnosis.verdict == Verdict::EffectFound {
-                mark.covered = covered(arm, blind, diagnosis)?;
+            if mark.placed && outcome.diagnosis.verdict == Verdict::EffectFound {
+                mark.covered = covered(arm, blind, outcome)?;
             }
         }
     }
@@ -61,20 +63,15 @@ pub(super) fn mark(arm: &Arm, class: Class, blind: &Blind, diagnosis: &Diagnosis
 }
 
 /// Root mean square of the held-out rows that the generator did not spoil, m.
-fn heldout_m(blind: &Blind, diagnosis: &Diagnosis) -> f64 {
+fn heldout_m(blind: &Blind, outcome: &Outcome<ArmCorrection>) -> f64 {
     let spoiled: Vec<f64> = blind.spoiled().iter().map(|&sample| blind.measured().samples[sample].time_s).collect();
-    let good = diagnosis.points.iter().filter(|point| point.held_out && !spoiled.contains(&point.time_s));
-    root_mean_square(&good.map(|point| point.after_m).collect::<Vec<_>>())
-}
-
-/// A place without the end of an anchor or the state of a stop.
-pub(super) fn part(place: &str) -> &str {
-    place.split(',').next().unwrap_or(place)
+    let good = outcome.diagnosis.points.iter().filter(|point| point.held_out && !spoiled.contains(&point.time_s));
+    root_mean_square(&good.filter_map(|point| point.visit.as_ref()).map(|visit| visit.after_m).collect::<Vec<_>>())
 }
 
 /// Whether the laws, and whether the places too, are those of the truth, each once.
 fn named(truth: &[Sealed], effects: &[Found]) -> (bool, bool) {
-    let named: Vec<(&str, &str)> = effects.iter().map(|found| (found.law, part(&found.place))).collect();
+    let named: Vec<(&str, &str)> = effects.iter().map(|found| (found.law.as_str(), part(&found.site.code))).collect();
     right(&pairs(truth), &named)
 }
 
@@ -93,37 +90,37 @@ pub(super) fn right(truth: &[(&str, &str)], named: &[(&str, &str)]) -> (bool, bo
 }
 
 /// Whether each true effect stands in the set of an effect of its own, and all members of the sets predict the same.
-fn in_sets(arm: &Arm, blind: &Blind, diagnosis: &Diagnosis, same_m: f64) -> Result<(bool, bool)> {
+fn in_sets(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>, same_m: f64) -> Result<(bool, bool)> {
     let truth = blind.unseal();
-    let n = diagnosis.best_effects().len() - arm.model.effects.len();
+    let n = outcome.correction.best_effects.len() - arm.model.effects.len();
     if n != truth.len() {
         return Ok((false, false));
     }
     let holds = |set: usize, sealed: &Sealed, place: bool| {
-        let members = diagnosis.alternatives.iter().filter(|other| other.instead_of == set);
-        members
-            .into_iter()
-            .any(|other| other.law == sealed.effect && (!place || part(&other.place) == part(&sealed.place)))
+        let members = outcome.diagnosis.alternatives.iter().filter(|other| other.instead_of == set);
+        members.into_iter().any(|other| {
+            other.law.as_str() == sealed.effect && (!place || part(&other.site.code) == part(&sealed.place))
+        })
     };
     let fits = |place: bool| {
         let straight = (0..n).all(|k| holds(k, &truth[k], place));
         straight || n == 2 && (0..n).all(|k| holds(k, &truth[1 - k], place))
     };
-    let named = fits(false) && predict_the_same(arm, blind, diagnosis, same_m)?;
+    let named = fits(false) && predict_the_same(arm, blind, outcome, same_m)?;
     Ok((named, named && fits(true)))
 }
 
-fn predict_the_same(arm: &Arm, blind: &Blind, diagnosis: &Diagnosis, same_m: f64) -> Result<bool> {
+fn predict_the_same(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>, same_m: f64) -> Result<bool> {
     let run = blind.measured();
-    let sigma = sigma(diagnosis);
+    let sigma = sigma(outcome);
     let training = Observations::new(arm, run, sigma, |sample| !sample.held_out);
-    let best = with_effects(arm, diagnosis.best_effects());
+    let best = with_effects(arm, &outcome.correction.best_effects);
     let mut scratch = ArmScratch::default();
     let anywhere = anywhere(arm, run, &best, &mut scratch);
     let observations = Observations::new(arm, &anywhere, sigma, |_| true);
-    for other in &diagnosis.alternatives {
-        let mut effects = diagnosis.best_effects().to_vec();
-        let Some(effect) = candidate(arm, &effects, other.law, &other.place) else { continue };
+    for other in &outcome.diagnosis.alternatives {
+        let mut effects = outcome.correction.best_effects.to_vec();
+        let Some(effect) = candidate(arm, &effects, other.law.as_str(), &other.site.code) else { continue };
         effects[arm.model.effects.len() + other.instead_of] = effect;
         let model = with_effects(arm, &effects);
         let fitted = fit(&model, &training, &values(&model), &mut scratch).map_err(|no_pose| no_pose.error)?;
@@ -164,9 +161,9 @@ fn candidate(arm: &Arm, known: &[Effect<f64>], law: &str, place: &str) -> Option
     all.into_iter().find(|effect| effect.law().name() == law && place_code(effect) == place)
 }
 
-fn sigma(diagnosis: &Diagnosis) -> [f64; 6] {
+fn sigma(outcome: &Outcome<ArmCorrection>) -> [f64; 6] {
     let mut sigma = [1e-12; 6];
-    if let Some(repeats) = &diagnosis.repeatability {
+    if let Some(repeats) = &outcome.diagnosis.repeatability {
         let axes: &[usize] = if repeats.axes.len() == 3 { &[2, 3, 4] } else { &[0, 1, 2, 3, 4, 5] };
         axes.iter().zip(&repeats.axes).for_each(|(&axis, figure)| sigma[axis] = figure.value.max(1e-12));
     }
@@ -174,18 +171,19 @@ fn sigma(diagnosis: &Diagnosis) -> [f64; 6] {
 }
 
 /// How many intervals hold the value that the right laws take on the clean run, of how many.
-fn covered(arm: &Arm, blind: &Blind, diagnosis: &Diagnosis) -> Result<[usize; 2]> {
-    let effects = &diagnosis.effects;
-    let model = with_effects(arm, diagnosis.best_effects());
-    let clean = Observations::new(arm, blind.clean(), sigma(diagnosis), |_| true);
+fn covered(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>) -> Result<[usize; 2]> {
+    let effects = &outcome.diagnosis.effects;
+    let model = with_effects(arm, &outcome.correction.best_effects);
+    let clean = Observations::new(arm, blind.clean(), sigma(outcome), |_| true);
     let truth = fit(&model, &clean, &values(&model), &mut ArmScratch::default()).map_err(|no_pose| no_pose.error)?;
     let mut counts = [0, 0];
     for (found, effect) in effects.iter().zip(truth.model.effects.iter()) {
-        let at_its_place = blind.unseal().iter().any(|s| s.effect == found.law && s.place == found.place);
-        for parameter in found.parameters.iter().filter(|_| at_its_place) {
+        let at_its_place = blind.unseal().iter().any(|s| s.effect == found.law.as_str() && s.place == found.site.code);
+        for parameter in found.values.iter().filter(|_| at_its_place) {
             let of_name = effect.law().quantities().iter().position(|quantity| quantity.name == parameter.name);
             let Some(value) = of_name.map(|k| effect.law().values()[k]) else { continue };
-            counts[0] += usize::from(parameter.ci95[0] <= value && value <= parameter.ci95[1]);
+            let Some([low, high]) = parameter.ci95 else { continue };
+            counts[0] += usize::from(low <= value && value <= high);
             counts[1] += 1;
         }
     }
@@ -193,8 +191,8 @@ fn covered(arm: &Arm, blind: &Blind, diagnosis: &Diagnosis) -> Result<[usize; 2]
 }
 
 /// Whether the variable told first is the one that the mechanism follows.
-fn right_variable(arm: &Arm, blind: &Blind, diagnosis: &Diagnosis) -> bool {
-    let Some(first) = diagnosis.remaining.depends_on.first() else { return false };
+fn right_variable(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>) -> bool {
+    let Some(first) = outcome.diagnosis.remaining.depends_on.first() else { return false };
     blind.unseal().iter().any(|sealed| {
         let place = &sealed.place;
         if let Some((_, actuators)) = place.split_once("actuators ") {
@@ -211,18 +209,19 @@ fn right_variable(arm: &Arm, blind: &Blind, diagnosis: &Diagnosis) -> bool {
     })
 }
 
-fn answer(diagnosis: &Diagnosis) -> String {
-    let effects = diagnosis.effects.iter().map(|found| format!("{} {}", found.law, found.place));
-    let others = diagnosis
+fn answer(outcome: &Outcome<ArmCorrection>) -> String {
+    let effects = outcome.diagnosis.effects.iter().map(|found| format!("{} {}", found.law, found.site));
+    let others = outcome
+        .diagnosis
         .alternatives
         .iter()
-        .filter(|_| diagnosis.verdict == Verdict::NotIdentifiable)
-        .map(|other| format!("({}) {} {}", other.instead_of, other.law, other.place));
-    let first = diagnosis.remaining.depends_on.first();
-    let variable = first.filter(|_| diagnosis.verdict == Verdict::UnexplainedStructure).map(|d| {
-        let best = diagnosis.best_effects().iter().map(|e| format!("[{} {}]", e.law().name(), place_code(e)));
+        .filter(|_| outcome.diagnosis.verdict == Verdict::NotIdentifiable)
+        .map(|other| format!("({}) {} {}", other.instead_of, other.law, other.site));
+    let first = outcome.diagnosis.remaining.depends_on.first();
+    let variable = first.filter(|_| outcome.diagnosis.verdict == Verdict::UnexplainedStructure).map(|d| {
+        let best = outcome.correction.best_effects.iter().map(|e| format!("[{} {}]", e.law().name(), place_code(e)));
         format!("{} {}", d.variable, best.collect::<String>())
     });
     let all: Vec<String> = effects.chain(others).chain(variable).collect();
-    format!("{}: {}", diagnosis.verdict, all.join(" + "))
+    format!("{}: {}", outcome.diagnosis.verdict, all.join(" + "))
 }

@@ -5,7 +5,8 @@ use std::f64::consts::TAU;
 
 use anyhow::{Context, Result};
 use darm_core::effect::along::Law;
-use darm_diagnose::linearise::model_effects::Known;
+use darm_diagnose::effect::law_named;
+use darm_diagnose::linearise::model_effects::ModelEffect;
 use darm_diagnose::linearise::torque;
 use darm_diagnose::measurement::root_mean_square;
 use darm_robot::rigid_body::inertia::INERTIAL_PARAMETERS;
@@ -165,7 +166,8 @@ impl Elsewhere for Motions {
         let mut columns = Vec::new();
         for name in names {
             let values = BTreeMap::from([(name.to_string(), 1.0)]);
-            let one = Known { law: law.into(), place: place.into(), constant: None, values, points: Vec::new() };
+            let one =
+                ModelEffect { law: law_named(law), place: place.into(), constant: None, values, points: Vec::new() };
             columns.push(DVector::from_vec(torque::added(&self.robot, None, &[one], &states, &times)?.concat()));
         }
         Ok(Some(DMatrix::from_columns(&columns)))

@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use darm_diagnose::measurement::root_mean_square;
-use darm_diagnose::outcome_signals::Diagnosis;
+use darm_diagnose::outcome::Diagnosis;
 use nalgebra::{DMatrix, DVector};
 
 use super::channels::{Added, Bench, joint_of, law_of};
@@ -35,7 +35,7 @@ pub(super) fn are_right(bench: &Bench, named: &[(&str, &str)], diagnosis: &Diagn
             .alternatives
             .iter()
             .filter(|other| other.instead_of == *set)
-            .map(|other| (other.law, &other.place[..]))
+            .map(|other| (other.law.as_str(), &other.site.code[..]))
             .collect();
         let holds = |added: &&Added| {
             members.iter().any(|(law, place)| (law_of(law), joint_of(place)) == (added.law, &added.place))

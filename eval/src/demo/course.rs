@@ -12,6 +12,7 @@ use darm_arm::stops::{self, Setting};
 use darm_arm::synthesis::{self, Synthesis, synthesize};
 use darm_core::se::Pose;
 use darm_core::units::Word;
+use darm_diagnose::correction::{self, Outcome};
 use darm_diagnose::diagnosis;
 use darm_diagnose::diagnosis::diagnose;
 use darm_diagnose::measurement::Run;
@@ -116,7 +117,7 @@ impl Course {
     /// Whether the law that is right for the effect was named, or silence was kept where there is none.
     pub(crate) fn named_rightly(&self) -> bool {
         match self.diagnosis.verdict {
-            Verdict::EffectFound => self.diagnosis.effects.iter().all(|found| found.law == self.sealed.effect),
+            Verdict::EffectFound => self.diagnosis.effects.iter().all(|found| found.law.as_str() == self.sealed.effect),
             Verdict::NoEffect => self.sealed.effect == Kind::Nothing.law(),
             Verdict::UnexplainedStructure | Verdict::NotIdentifiable => false,
         }
@@ -124,13 +125,13 @@ impl Course {
 
     /// What may be left of the error at the desired frames, root mean square, m.
     pub(crate) fn goal_m(&self) -> f64 {
-        let repeats_m = self.diagnosis.repeatability.as_ref().map_or(self.scatter_m, |repeats| repeats.distance_m);
+        let repeats_m = self.diagnosis.repeatability.as_ref().map_or(self.scatter_m, |repeats| repeats.norm.value);
         (SHARE_LEFT * self.before.rms_m()).max(REPEATS_LEFT * repeats_m)
     }
 
     /// Whether the place was named rightly as well.
     pub(crate) fn placed_rightly(&self) -> bool {
-        self.named_rightly() && self.diagnosis.effects.iter().all(|found| found.place == self.sealed.place)
+        self.named_rightly() && self.diagnosis.effects.iter().all(|found| found.site.code == self.sealed.place)
     }
 }
 
@@ -163,11 +164,13 @@ pub(crate) fn run(
     keep("run.csv", Keep::Run(&run))?;
 
     progress.say("diagnosis");
-    let diagnosis = diagnose(&arm, &run, &diagnosis::Options { seed: task.seed, ..diagnosis::Options::default() })?;
+    let Outcome { diagnosis, correction } =
+        diagnose(&arm, &run, &diagnosis::Options { seed: task.seed, ..diagnosis::Options::default() })?;
     keep("diagnosis.json", Keep::Diagnosis(&diagnosis))?;
     let closed = match diagnosis.verdict {
         Verdict::EffectFound => {
-            let corrected = diagnosis.corrected(&arm, &run);
+            let corrected = correction.corrected(&arm, &run, correction::Keep::Effects);
+            let corrected = corrected.context("a named effect corrects the model")?;
             keep("arm-corrected.toml", Keep::Arm(&corrected))?;
             let closed = close(task, &corrected, &wanted, &truth, rig, &mut rng, progress)?;
             keep("arm-stops.toml", Keep::Arm(&closed.arm))?;

@@ -47,13 +47,13 @@ seed  hidden effect    place                       verdict                named 
 
 /// Held-out error with the effects found over the repeatability.
 fn ratio(course: &Course) -> Option<f64> {
-    let after = course.diagnosis.error.after.heldout.as_ref()?.distance_m;
-    Some(after / course.diagnosis.repeatability.as_ref()?.distance_m)
+    let after = course.diagnosis.error.after.heldout.as_ref()?.norm.value;
+    Some(after / course.diagnosis.repeatability.as_ref()?.norm.value)
 }
 
 fn row(seed: u64, course: &Course) -> String {
     let diagnosis = &course.diagnosis;
-    let named: Vec<String> = diagnosis.effects.iter().map(|found| format!("{} {}", found.law, found.place)).collect();
+    let named: Vec<String> = diagnosis.effects.iter().map(|found| format!("{} {}", found.law, found.site)).collect();
     let ratio = ratio(course).map_or("-".to_owned(), |ratio| format!("{ratio:.2}"));
     let closed = course.closed.as_ref().map_or("     -      -".to_owned(), |closed| {
         format!("{:6.2} {:6.2}", 1e3 * closed.restopped.rms_m(), 1e3 * closed.table_only.rms_m())

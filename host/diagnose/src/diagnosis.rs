@@ -1,43 +1,49 @@
-//! Diagnosis: what a model lacks, traced from predicted minus measured, and how sure that is.
+//! Diagnosis: the stages in their order, for tool poses and for signals.
 //!
 //! ```text
-//! samples ─► noise (repeats) ─► residual ─► structure: is there more than noise?
-//!                                  │
-//!            candidates ─► linear fits, cross-validated over words ─► the best in full ─► proven on held-out words
-//!                                  ▲                                                          │ kept
-//!                                  └──────────────── residual again ◄─────────────────────────┘
+//! prepare ─► linearise ─► select ─► project ─► judge ─► report
+//!               ▲            │ effects kept
+//!               └────────────┘ residual again
 //! ```
 //!
-//! A cause is named only when no other explains the measurements as well, and only when it takes up most of what is
-//! beyond the noise. The levels of all tests stand in [`significance`].
+//! A cause is named only when no other explains the measurements as well, and only when it takes up most of what is beyond
+//! the noise. The levels of all tests are in [`significance`](crate::select::significance). Rows that are held out are seen
+//! by no fit before the errors on them are reported.
 
-use std::fmt;
+use std::path::Path;
 
-use darm_core::chain::ChainError;
-use darm_core::effect::Effect;
-
-use crate::judge::fitted_terms::{self as terms, WithTerms};
-use crate::judge::structure::{Structure, structure};
-use crate::linearise::arm_candidates as candidate;
-use crate::measurement::{Run, check};
-use crate::outcome::{Alternative, Diagnosis, Verdict};
+use crate::correction::{ArmCorrection, Outcome, SignalCorrection};
+use crate::effect::Law;
+use crate::error::{DiagnoseError, MIN_PIECES, MIN_WORDS};
+use crate::judge;
+use crate::judge::next_words::Proposal;
+use crate::linearise::experiment::Experiment;
+use crate::linearise::model::{Model, What};
+use crate::linearise::model_effects::{self, ModelEffect};
+use crate::linearise::{force, point_contact, position, torque, wrench};
+use crate::measurement::hold_out::HoldOut;
+use crate::measurement::table::{Names, Table};
+use crate::measurement::{Finding, Run, Severity, check};
+use crate::outcome::{Dependence, Diagnosis};
+use crate::prepare::groups::Groups;
 use crate::prepare::observations::{NoPose, Observations};
-use crate::prepare::repeatability::{self as noise, Noise};
-use crate::report::{poses as summary, sentences as words};
-use crate::select::forward::Search;
-use crate::select::problem::Trial;
-use crate::select::robust_fit::{self as fit, condition, folds};
-use crate::select::tool_pose::ToolPose;
+use crate::prepare::repeatability::{self, Noise};
+use crate::prepare::signals::{Preparation, PrepareError, Prepared};
+use crate::project::project;
+use crate::report::{self, sentences};
+use crate::select::forward::{Selection, forward_selection};
+use crate::select::robust_fit::folds;
+use crate::select::search;
+use crate::select::signals::Signals;
+use crate::select::tool_pose::ToolPoses;
 use darm_arm::arm::{Arm, ArmScratch};
 
-pub use words::effect_sentence;
+pub use crate::report::sentences::effect_sentence;
 
-/// Share of what is beyond the noise that a named effect may leave.
-pub const UNEXPLAINED_SHARE: f64 = 0.1;
-/// Training words without which nothing can be said.
-const FEWEST_WORDS: usize = 2 * fit::FOLDS;
+/// Slopes and residuals from here on are no measurement.
+const LARGEST: f64 = 1e100;
 
-/// How a diagnosis is made.
+/// How tool poses are diagnosed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Shuffles the words into folds.
@@ -52,74 +58,53 @@ impl Default for Options {
     }
 }
 
-/// Why there is no diagnosis.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum DiagnoseError {
-    /// A row does not fit the arm.
-    #[error("line {line}: {what}")]
-    Row {
-        /// Line of the file, the header being 1.
-        line: usize,
-        /// What is wrong.
-        what: String,
-    },
-    /// The model has no pose for a row.
-    #[error("line {line}: the model has no pose for this row: {error}")]
-    NoPose {
-        /// Line of the file, the header being 1.
-        line: usize,
-        /// Why.
-        error: ChainError,
-    },
-    /// Nothing is left to fit when the only part is left out.
-    #[error("all rows that count are of one part ({told}): choose a column with several values")]
-    OnePart {
-        /// How the parts were chosen.
-        told: String,
-    },
-    /// Too few words to hold any of them out.
-    #[error(
-        "{words} words are not enough to tell an effect from chance: measure at least {FEWEST_WORDS} that are not held out"
-    )]
-    TooFewWords {
-        /// Words that a fit may see.
-        words: usize,
-    },
+/// How signals are diagnosed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SignalOptions {
+    /// How the table is made ready.
+    pub preparation: Preparation,
+    /// Laws that are in the model from the start, each at all its places.
+    pub always: Vec<String>,
+    /// Reported; nothing is drawn by chance.
+    pub seed: u64,
 }
 
-/// What `run` tells about what `arm`'s model lacks.
-pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Diagnosis, DiagnoseError> {
-    fits_arm(arm, run)?;
+/// What `run` says about what the model of `arm` is missing.
+///
+/// # Errors
+///
+/// A run that does not fit the arm, or has too few words.
+pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCorrection>, DiagnoseError> {
     let no_pose = |NoPose { sample, error }| DiagnoseError::NoPose { line: run.line(sample), error };
-    let repeats = noise::repeated(arm, run);
-    let mut search = search(arm, run, repeats.as_ref(), options).map_err(no_pose)?;
-    let words = search.kind.training.n_groups;
-    if words < FEWEST_WORDS {
-        return Err(DiagnoseError::TooFewWords { words });
-    }
-    if search.kind.folds.iter().all(|fold| *fold == search.kind.folds[0]) {
-        return Err(DiagnoseError::OnePart { told: run.choice.told.clone() });
-    }
-    if repeats.is_none() {
-        search = rescaled(arm, search).map_err(no_pose)?;
-    }
-    conclude(arm, run, &mut search, repeats, options).map_err(no_pose)
+    let repeats = repeatability::repeated(arm, run);
+    let problem = prepare_poses(arm, run, repeats.as_ref(), options)?;
+    let start = problem.fitted(&arm.model).map_err(no_pose)?;
+    let selection = forward_selection(&problem, start.clone(), Vec::new()).map_err(no_pose)?;
+    let Selection { best, rivals, path } = selection;
+    let selected = judge::poses::Selected { arm, run, problem: &problem, repeats: repeats.as_ref(), best: &best };
+    let how = Proposal { seed: options.seed, words: options.next_words };
+    let mut judgement = judge::poses::judge(&selected, &start, rivals, how).map_err(no_pose)?;
+    let with_terms = judgement.with_terms.take();
+    let mut diagnosis = report::poses::diagnosis(&selected, judgement, path, options.seed).map_err(no_pose)?;
+    diagnosis.plain = sentences::of_poses(arm, &diagnosis, &selected.effects(), with_terms.as_ref());
+    let correction = ArmCorrection {
+        best_effects: best.fit.model.effects.iter().copied().collect(),
+        is_named: diagnosis.verdict == crate::outcome::Verdict::EffectFound,
+        with_terms,
+    };
+    Ok(Outcome { diagnosis, correction })
 }
 
-/// The first thing that makes the run unfit for the arm.
-fn fits_arm(arm: &Arm, run: &Run) -> Result<(), DiagnoseError> {
-    let fatal = |what: &str| ["digit", "the word", "servo positions"].iter().any(|start| what.contains(start));
-    match check(arm, run).into_iter().find(|finding| finding.line.is_some() && fatal(&finding.what)) {
-        Some(finding) => Err(DiagnoseError::Row { line: finding.line.unwrap_or_default(), what: finding.what }),
-        None => Ok(()),
+/// The rows of a run as a regression problem, in units of the noise of its repeats; without repeats in that of the residuals
+/// that remain once the effects which are selected first are in the model.
+fn prepare_poses(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Options) -> Result<ToolPoses, DiagnoseError> {
+    let no_pose = |NoPose { sample, error }| DiagnoseError::NoPose { line: run.line(sample), error };
+    if let Some(finding) = check(arm, run).into_iter().find(|finding| finding.severity == Severity::Error) {
+        return Err(DiagnoseError::Row(finding));
     }
-}
-
-fn search(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Options) -> Result<Search<ToolPose>, NoPose> {
-    let mut scratch = ArmScratch::default();
     let sigma = match repeats {
         Some(noise) => noise.sigma,
-        None => scatter(arm, run, &mut scratch)?.sigma,
+        None => scatter(arm, run).map_err(no_pose)?.sigma,
     };
     let training = Observations::new(arm, run, sigma, |sample| !sample.held_out);
     let heldout = Observations::new(arm, run, sigma, |sample| sample.held_out);
@@ -129,125 +114,190 @@ fn search(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Options) -> R
         (None, Some(parts)) => folds(&of_rows(parts), options.seed),
         (None, None) => folds(&training.groups(), options.seed),
     };
-    Ok(Search::new(ToolPose { training, heldout, folds, scratch }))
+    if training.n_groups < MIN_WORDS {
+        return Err(DiagnoseError::TooFewWords { words: training.n_groups });
+    }
+    if folds.iter().all(|fold| *fold == folds[0]) {
+        return Err(DiagnoseError::OneGroup { selection: run.choice.told.clone() });
+    }
+    let problem = ToolPoses::new(training, heldout, folds);
+    if repeats.is_some() {
+        return Ok(problem);
+    }
+    let start = problem.fitted(&arm.model).map_err(no_pose)?;
+    let Selection { best, .. } = forward_selection(&problem, start, Vec::new()).map_err(no_pose)?;
+    let sigma = repeatability::of_residuals(arm, &problem.training, &best.fit.residuals).sigma;
+    Ok(problem.with_noise(sigma))
 }
 
-/// Without repeats: the model's own residuals tell the noise to weigh the axes by, though they hold more than noise.
-fn scatter(arm: &Arm, run: &Run, scratch: &mut ArmScratch) -> Result<Noise, NoPose> {
+/// Without repeats: the model's own residuals give the noise that weighs the axes, though they hold more than noise.
+fn scatter(arm: &Arm, run: &Run) -> Result<Noise, NoPose> {
     let plain = Observations::new(arm, run, [1.0; 6], |sample| !sample.held_out);
-    let residuals = plain.residuals(&arm.model, scratch)?;
-    Ok(noise::of_residuals(arm, &plain, &residuals))
+    let residuals = plain.residuals(&arm.model, &mut ArmScratch::default())?;
+    Ok(repeatability::of_residuals(arm, &plain, &residuals))
 }
 
-/// The same search in the noise that the residuals tell once the effects that are found first are taken out.
-fn rescaled(arm: &Arm, mut search: Search<ToolPose>) -> Result<Search<ToolPose>, NoPose> {
-    let start = search.kind.fitted(&arm.model)?;
-    let (best, _) = search.run(start)?;
-    let sigma = noise::of_residuals(arm, &search.kind.training, &best.fit.residuals).sigma;
-    let ToolPose { training, heldout, folds, scratch } = search.kind;
-    let (training, heldout) = (training.with_noise(sigma), heldout.with_noise(sigma));
-    Ok(Search::new(ToolPose { training, heldout, folds, scratch }))
+/// Reads a table and finds what `model` is missing.
+///
+/// # Errors
+///
+/// A table that cannot be read, or that gives no experiment.
+pub fn diagnose_file(
+    model: &Model,
+    data: &Path,
+    names: &Names,
+    options: &SignalOptions,
+) -> Result<Outcome<SignalCorrection>, DiagnoseError> {
+    let (table, findings) = Table::read(data, names)?;
+    let mut outcome = diagnose_table(model, &table, options)?;
+    outcome.diagnosis.findings.splice(0..0, findings);
+    Ok(outcome)
 }
 
-fn conclude(
-    arm: &Arm,
-    run: &Run,
-    search: &mut Search<ToolPose>,
-    repeats: Option<Noise>,
-    options: &Options,
-) -> Result<Diagnosis, NoPose> {
-    let n_known = arm.model.effects.len();
-    let before = search.kind.training.residuals(&arm.model, &mut search.kind.scratch)?;
-    let start = search.kind.fitted(&arm.model)?;
-    let (best, rivals) = search.run(start.clone())?;
-    let found = best.fit.model.effects.len() - n_known;
-    let look = |search: &Search<ToolPose>, residuals: &[f64], fitted: usize| {
-        structure(arm, run, &search.kind.training, residuals, fitted, repeats.as_ref())
+/// What a table says about what `model` is missing.
+///
+/// # Errors
+///
+/// A table that gives no experiment.
+pub fn diagnose_table(
+    model: &Model,
+    table: &Table,
+    options: &SignalOptions,
+) -> Result<Outcome<SignalCorrection>, DiagnoseError> {
+    let HoldOut::Each(column) = &options.preparation.hold_out else {
+        return Ok(conclude(model, select(model, table, options, None)?, None, options));
     };
-    let left =
-        |search: &Search<ToolPose>, trial: &Trial<ToolPose>| look(search, &trial.fit.residuals, trial.fit.values.len());
-    let mut structure = look(search, &before, 0);
-    let mut remaining = left(search, &best);
-    let alternatives = alternatives(arm, search, &best, rivals, n_known)?;
-    let effects: Vec<Effect<f64>> = best.fit.model.effects.iter().skip(n_known).copied().collect();
-    let ambiguous = alternatives.iter().any(|other| !same_part(other, &effects));
-    let verdict = verdict(found, ambiguous, &structure, &remaining);
-    let mut with_terms = Vec::new();
-    if matches!(verdict, Verdict::EffectFound | Verdict::UnexplainedStructure) {
-        with_terms.extend(terms::kept(search, &best, &mut remaining, left)?);
+    let mut kept = table.clone();
+    if let Some(keep) = &options.preparation.keep {
+        kept.retain(&keep.rows(table).map_err(PrepareError::from)?);
     }
-    if verdict == Verdict::UnexplainedStructure {
-        // What laws stand in for in the best model may be terms alone.
-        with_terms.extend(terms::kept(search, &start, &mut structure, left)?);
+    let mut pooled = report::signals::HeldOut::default();
+    for value in kept.values_of(column).map_err(PrepareError::from)? {
+        pooled.add(&select(model, table, options, Some(&value))?.selected);
     }
-    let with_terms = with_terms.into_iter().min_by(|a, b| a.loss.total_cmp(&b.loss));
-    let with_terms = with_terms.map(|with| WithTerms::of(search, &with)).transpose()?;
-    let condition = condition(&best.fit, &search.kind.training);
-    let summary = summary::Summary { arm, run, search, best: &best, n_known };
-    let mut diagnosis = summary.diagnosis(verdict, repeats, (structure, remaining), alternatives, options)?;
-    diagnosis.condition = condition;
-    diagnosis.with_terms = with_terms;
-    diagnosis.plain = words::sentences(arm, &diagnosis, &effects);
-    Ok(diagnosis)
+    Ok(conclude(model, select(model, table, options, None)?, Some(&pooled), options))
 }
 
-/// Whether an alternative is the effect that it could replace, up to which end of the part it names.
-fn same_part(other: &Alternative, effects: &[Effect<f64>]) -> bool {
-    let effect = &effects[other.instead_of];
-    let part = |place: &str| place.split(',').next().map(str::to_string);
-    other.law == effect.law().name() && part(&other.place) == part(&candidate::place_code(effect))
+/// A selection, and what is known of its data.
+struct Searched {
+    selected: judge::signals::Selected,
+    held_out: String,
+    findings: Vec<Finding>,
 }
 
-fn verdict(found: usize, ambiguous: bool, before: &Structure, after: &Structure) -> Verdict {
-    let excess = |structure: &Structure| structure.ratio.map_or(0.0, |ratio| ratio - 1.0).max(0.0);
-    let left = excess(after) > UNEXPLAINED_SHARE * excess(before) && after.beyond_noise;
-    match found {
-        0 if before.beyond_noise => Verdict::UnexplainedStructure,
-        0 => Verdict::NoEffect,
-        _ if left => Verdict::UnexplainedStructure,
-        _ if ambiguous => Verdict::NotIdentifiable,
-        _ => Verdict::EffectFound,
+/// Prepares, linearises, selects and projects; with `each` the rows of that value of the column are held out.
+fn select(
+    model: &Model,
+    table: &Table,
+    options: &SignalOptions,
+    each: Option<&str>,
+) -> Result<Searched, DiagnoseError> {
+    let mut data = Prepared::new(table.clone(), &options.preparation, each)?;
+    let mut experiment = experiment(model, &mut data)?;
+    check_numbers(&experiment)?;
+    // A column that overflows determines nothing.
+    let values = experiment.candidates.iter_mut().flat_map(|candidate| &mut candidate.values);
+    for value in values.filter(|value| !value.column.iter().all(|slope| slope.abs() < LARGEST)) {
+        value.column.fill(0.0);
     }
+    let groups = Groups::new(&experiment.rows);
+    if groups.n_blocks < MIN_PIECES {
+        return Err(DiagnoseError::TooFewPieces { rows: groups.training.len(), pieces: groups.n_blocks });
+    }
+    let always = always(&experiment, &options.always)?;
+    let n_known = always.len();
+    let problem = Signals::new(experiment, groups);
+    let (best, path) = search::select(&problem, always);
+    let best = project(&problem, best);
+    let selected = judge::signals::Selected { problem, best, n_known, path };
+    Ok(Searched { selected, held_out: data.held_out, findings: data.findings })
 }
 
-/// For every effect found: what else explains the measurements as well in its place.
-fn alternatives(
-    arm: &Arm,
-    search: &mut Search<ToolPose>,
-    best: &Trial<ToolPose>,
-    last_rivals: Vec<Trial<ToolPose>>,
-    n_known: usize,
-) -> Result<Vec<Alternative>, NoPose> {
-    let n = best.fit.model.effects.len();
-    let mut all = Vec::new();
-    for effect in n_known..n {
-        let known = (effect + 1 == n && !last_rivals.is_empty()).then(|| last_rivals.clone());
-        let own = best.fit.model.effects[effect];
-        for (rival, worse_with) in search.rivals(best, effect, effect, known)? {
-            let Some(other) = rival.effect.filter(|other| !candidate::same(other, &own)) else { continue };
-            all.push(Alternative {
-                instead_of: effect - n_known,
-                law: other.law().name(),
-                place: candidate::place_code(&other),
-                place_name: candidate::place_name(arm, &other),
-                cross_validated: rival.error,
-                worse_with,
-            });
+/// Judges and reports.
+fn conclude(
+    model: &Model,
+    searched: Searched,
+    pooled: Option<&report::signals::HeldOut>,
+    options: &SignalOptions,
+) -> Outcome<SignalCorrection> {
+    let Searched { selected, held_out, findings } = searched;
+    let judgement = judge::signals::judge(&selected, options.preparation.lowpass_hz.is_some());
+    let mut diagnosis = report::signals::diagnosis(&selected, judgement, pooled, held_out, options.seed);
+    diagnosis.findings = findings;
+    diagnosis.plain = sentences::of_signals(&diagnosis);
+    let effects = model_effects::merge(&model.effects, in_model(&selected));
+    let correction = SignalCorrection { effects, terms: terms(&diagnosis) };
+    Outcome { diagnosis, correction }
+}
+
+/// The effects of the model that was selected, with all their values.
+fn in_model(selected: &judge::signals::Selected) -> Vec<ModelEffect> {
+    let (problem, fit) = (&selected.problem, &selected.best.fit);
+    let of = |&candidate: &usize| {
+        let values: Vec<f64> = problem.indices(&[candidate]).iter().map(|&at| fit.values[at]).collect();
+        ModelEffect::of(&problem.experiment.candidates[candidate], &values)
+    };
+    fit.active.iter().map(of).collect()
+}
+
+/// What remains along one signal, as fitted terms.
+fn terms(diagnosis: &Diagnosis) -> Vec<ModelEffect> {
+    let term = |one: &Dependence| {
+        let axis = one.axis.as_deref()?;
+        (!one.curve.is_empty()).then(|| ModelEffect::fitted_term(axis, &one.variable, &one.curve))
+    };
+    diagnosis.remaining.depends_on.iter().filter_map(term).collect()
+}
+
+/// The experiment of a kind of measurement.
+pub(crate) fn experiment(model: &Model, data: &mut Prepared) -> Result<Experiment, DiagnoseError> {
+    let known = &model.effects;
+    let mut experiment = match &model.what {
+        What::Cylinder { bore_m } => force::experiment(data, *bore_m, known)?,
+        What::Servo => position::experiment(data, known)?,
+        What::Torque(robot, transmission) => torque::experiment(data, robot, transmission.as_ref(), known)?,
+        What::Wrench(robot) => wrench::experiment(data, robot)?,
+        What::Closure(robot, points) => point_contact::experiment(data, robot, points)?,
+        What::Any(robot) if data.raw("fz").is_some() => wrench::experiment(data, robot)?,
+        What::Any(robot) => torque::experiment(data, robot, None, known)?,
+    };
+    model_effects::apply(&mut experiment, known)?;
+    Ok(experiment)
+}
+
+/// The candidates of the laws that are always in the model; of a law with several shapes the first.
+fn always(experiment: &Experiment, laws: &[String]) -> Result<Vec<usize>, DiagnoseError> {
+    let candidates = &experiment.candidates;
+    let mut active: Vec<usize> = Vec::new();
+    for name in laws {
+        let law = Law::named(name);
+        let all: Vec<usize> = (0..candidates.len()).filter(|&k| Some(candidates[k].law) == law).collect();
+        if all.is_empty() {
+            let mut known: Vec<&str> = candidates.iter().map(|candidate| candidate.law.as_str()).collect();
+            known.sort_unstable();
+            known.dedup();
+            return Err(DiagnoseError::UnknownLaw { law: name.clone(), known: known.join(", ") });
+        }
+        for k in all {
+            if !active.iter().any(|&other| candidates[other].is_same(&candidates[k])) {
+                active.push(k);
+            }
         }
     }
-    Ok(all)
+    Ok(active)
 }
 
-impl fmt::Display for Verdict {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::EffectFound => "effect-found",
-            Self::NoEffect => "no-effect",
-            Self::UnexplainedStructure => "unexplained-structure",
-            Self::NotIdentifiable => "not-identifiable",
-        })
+fn check_numbers(experiment: &Experiment) -> Result<(), DiagnoseError> {
+    let n_axes = experiment.axes.len();
+    match experiment.residuals.iter().position(|residual| residual.is_nan() || residual.abs() >= LARGEST) {
+        Some(at) => Err(DiagnoseError::NotANumber { line: experiment.rows[at / n_axes].line }),
+        None => Ok(()),
     }
 }
 
+#[cfg(test)]
+mod cases;
+#[cfg(test)]
+mod signal_tests;
 #[cfg(test)]
 mod tests;

@@ -11,16 +11,18 @@
 //! force, held position, contact wrench, point contact) differs from the others by how it predicts, by its laws and by its
 //! noise: see [`linearise`].
 
+pub mod correction;
 pub mod diagnosis;
+pub mod effect;
+pub mod error;
 pub mod judge;
 pub mod linearise;
 pub mod measurement;
 pub mod measurement_plan;
 pub mod outcome;
-pub mod outcome_signals;
 pub mod prepare;
 pub mod project;
 pub mod report;
 pub mod select;
-pub mod signals;
+
 pub mod truth;

@@ -1,71 +1,81 @@
-//! What a diagnosis says: plain data in the shape of the JSON report.
+//! What a diagnosis says: plain data in the shape of the JSON report, the same for all kinds of measurement.
 //!
 //! Numbers are in SI units and radians; every number stands beside its unit or carries it in its name.
+//!
+//! | key | meaning |
+//! | --- | --- |
+//! | `kind` | what was measured: `tool-pose`, `actuator-force`, `joint-position`, `joint-torque`, `contact-wrench`, `closure` |
+//! | `rows.train`, `rows.heldout` | rows that fits saw, and rows that no fit has seen |
+//! | `held_out`, `left_out` | how the latter were chosen; what cross-validation leaves out together |
+//! | `repeatability` | scatter of repeated conditions with its degrees of freedom, or null where too little is repeated |
+//! | `error.before`, `error.after` | root mean square of predicted minus measured on `train` and `heldout`: each axis, and the norm |
+//! | `verdict` | `effect-found`, `no-effect`, `unexplained-structure`, `not-identifiable` |
+//! | `effects` | law, where, values with unit and 95 % interval, by how much the held-out norm grows without it |
+//! | `alternatives` | what would explain the rows as well in an effect's place |
+//! | `unobservable` | values that these rows do not identify: no number is given |
+//! | `structure`, `remaining` | what the residual depends on before and after |
+//! | `outliers` | rows that no model explains, by line |
+//! | `next_measurement` | what to measure to distinguish alternatives, or null |
 
-use darm_core::effect::Effect;
-use darm_core::effect::drift::Drift;
-use darm_core::effect::wear::Wear;
-use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt;
 
-use crate::judge::fitted_terms::WithTerms;
-use crate::judge::structure::Structure;
-use crate::measurement::Run;
-use crate::prepare::observations::Observations;
-use crate::prepare::repeatability::Repeatability;
-use darm_arm::arm::{Arm, ZERO_CELSIUS};
+use darm_core::effect::fitted_term::{Frame, Variable};
+use serde::{Serialize, Serializer};
+
+pub use crate::effect::{Effect, Value};
+use crate::effect::{Law, Site, as_str};
+use crate::measurement::Finding;
+pub use crate::select::forward::SelectionStep;
 
 /// What was found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Diagnosis {
-    /// What was observed: `tool-pose`.
+    /// What was measured.
     pub kind: &'static str,
-    /// Number of the model that was diagnosed.
-    pub model: u32,
+    /// Number of the arm's model that was diagnosed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub model: Option<u32>,
     /// How many rows there were.
     pub rows: Rows,
     /// How the rows were chosen that the fit did not see.
     pub held_out: String,
-    /// Scatter of repeated conditions; `None` where nothing was repeated.
+    /// What cross-validation leaves out together.
+    pub left_out: &'static str,
+    /// Scatter of repeated conditions; `None` where too little is repeated.
     pub repeatability: Option<Repeatability>,
     /// Predicted minus measured, of the model as it was and with the effects found.
     pub error: BeforeAfter,
     /// The verdict.
     pub verdict: Verdict,
     /// The effects that are named.
-    pub effects: Vec<Found>,
+    pub effects: Vec<Effect>,
     /// What explains the measurements as well as an effect found does.
     pub alternatives: Vec<Alternative>,
-    /// Values that no row of these measurements tells anything of.
+    /// Values that these measurements do not identify.
     pub unobservable: Vec<String>,
-    /// Rows that fit nothing.
+    /// Rows that no model explains.
     pub outliers: Vec<Outlier>,
-    /// On what the residual depends before any effect is added.
-    pub structure: Structure,
-    /// On what it depends with the effects found.
+    /// What the residual depends on before any effect is added; not looked for in signals.
+    pub structure: Option<Structure>,
+    /// What it depends on with the effects found.
     pub remaining: Structure,
     /// Everything that was tried.
-    pub ladder: Vec<Rung>,
-    /// Condition number of the information about all values found, each scaled to its own.
-    pub condition: f64,
-    /// What to measure to tell alternatives apart; `None` where there is nothing to tell apart.
+    pub selection_path: Vec<SelectionStep>,
+    /// Condition number of the information about all values found, each scaled to its own; not computed for signals.
+    pub condition: Option<f64>,
+    /// What to measure to distinguish alternatives; `None` where there are none.
     pub next_measurement: Option<NextMeasurement>,
     /// The same for a person, a sentence each.
     pub plain: Vec<String>,
+    /// What the owner of the data should know.
+    pub findings: Vec<Finding>,
+    /// Residuals of each row for plots.
+    pub points: Vec<Point>,
     /// Of the shuffling of words into folds.
     pub seed: u64,
     /// Of this program.
     pub version: &'static str,
-    /// Residual of each row before and after, for plots.
-    pub points: Vec<Point>,
-    /// The effects found, as the model holds them, after those that it had.
-    #[serde(skip)]
-    pub(crate) model_effects: Vec<Effect<f64>>,
-    /// The same with what no law explains as fitted terms; `None` where there is nothing to keep.
-    #[serde(skip)]
-    pub(crate) with_terms: Option<WithTerms>,
-    /// Whether the terms are to be kept.
-    #[serde(skip)]
-    pub(crate) keeps_terms: bool,
 }
 
 /// The answer in one word.
@@ -82,6 +92,17 @@ pub enum Verdict {
     NotIdentifiable,
 }
 
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::EffectFound => "effect-found",
+            Self::NoEffect => "no-effect",
+            Self::UnexplainedStructure => "unexplained-structure",
+            Self::NotIdentifiable => "not-identifiable",
+        })
+    }
+}
+
 /// Numbers of rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Rows {
@@ -91,27 +112,47 @@ pub struct Rows {
     pub heldout: usize,
 }
 
+/// A number with its unit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Number {
+    /// The number.
+    pub value: f64,
+    /// Its unit.
+    pub unit: &'static str,
+}
+
+/// Scatter of repeated conditions.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Repeatability {
+    /// Standard deviation of the norm.
+    pub norm: Number,
+    /// Standard deviation of each axis.
+    pub axes: Vec<AxisFigure>,
+    /// Degrees of freedom that it rests on, per axis.
+    pub dof: usize,
+}
+
 /// Errors of two models.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct BeforeAfter<F = ErrorFigure> {
+pub struct BeforeAfter {
     /// Of the model as it was.
-    pub before: Errors<F>,
+    pub before: Errors,
     /// With the effects found.
-    pub after: Errors<F>,
+    pub after: Errors,
 }
 
 /// Errors of one model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Errors<F = ErrorFigure> {
+pub struct Errors {
     /// On the rows that the fit saw.
-    pub train: F,
+    pub train: ErrorFigure,
     /// On the rows that it did not see; `None` where none were held out.
-    pub heldout: Option<F>,
+    pub heldout: Option<ErrorFigure>,
 }
 
-impl<F> Errors<F> {
-    /// On rows that no fit saw; on those that it saw where none were held out.
-    pub fn unseen(&self) -> &F {
+impl Errors {
+    /// On rows that no fit has seen; on those that it saw where none were held out.
+    pub fn held_out_or_train(&self) -> &ErrorFigure {
         self.heldout.as_ref().unwrap_or(&self.train)
     }
 }
@@ -119,52 +160,23 @@ impl<F> Errors<F> {
 /// Root mean squares of an error.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ErrorFigure {
-    /// Of each axis of the tool frame.
+    /// Of each axis.
     pub axes: Vec<AxisFigure>,
-    /// As a distance d between poses, m.
-    pub distance_m: f64,
-    /// The largest distance, m.
-    pub largest_m: f64,
+    /// Of poses the distance d, m; of signals the axes that share the first one's unit, together.
+    pub norm: Number,
+    /// The largest norm of a row.
+    pub largest: f64,
 }
 
 /// One number of one axis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AxisFigure {
-    /// Its name: of a tool pose `x`, `y`, `z` or a turn about one of them.
+    /// Its name: of a tool pose `x`, `y`, `z` or `about x`, ….
     pub axis: String,
     /// The number.
     pub value: f64,
     /// Its unit.
     pub unit: &'static str,
-}
-
-/// An effect that is named.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Found {
-    /// The law.
-    pub law: &'static str,
-    /// Where it acts: `actuator 4, state 1`.
-    #[serde(rename = "where")]
-    pub place: String,
-    /// The same as a person would call it.
-    pub place_name: String,
-    /// Its values.
-    pub parameters: Vec<Parameter>,
-    /// By how much the held-out error would be larger without it, as a distance d, m.
-    pub heldout_gain_m: Option<f64>,
-}
-
-/// One value of an effect.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Parameter {
-    /// Its name.
-    pub name: &'static str,
-    /// The value.
-    pub value: f64,
-    /// Its unit.
-    pub unit: &'static str,
-    /// With 95 % confidence it lies in here.
-    pub ci95: [f64; 2],
 }
 
 /// Another explanation.
@@ -173,62 +185,51 @@ pub struct Alternative {
     /// Number of the effect, among those that explain the measurements best, whose place it could take.
     pub instead_of: usize,
     /// The law.
-    pub law: &'static str,
+    #[serde(serialize_with = "as_str")]
+    pub law: Law,
     /// Where it acts.
-    #[serde(rename = "where")]
-    pub place: String,
-    /// The same as a person would call it.
-    pub place_name: String,
-    /// Cross-validated error, in the unit of the observation's norm.
+    #[serde(flatten)]
+    pub site: Site,
+    /// Cross-validated error with it, in the unit of the norm.
     pub cross_validated: f64,
     /// Confidence that it is worse than the best one.
     pub worse_with: f64,
 }
 
-/// A row that fits nothing.
+/// A row that no model explains.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Outlier {
     /// Its line in the file, the header being 1.
     pub line: usize,
-    /// How far it is off, as a distance d, m.
-    pub distance_m: f64,
+    /// How far it is off, in the unit of the norm.
+    pub error: f64,
     /// The same in units of the noise.
     pub sigmas: f64,
 }
 
-/// One model that was tried.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Rung {
-    /// How many effects had been found before.
-    pub step: usize,
-    /// The law that was added.
-    pub law: &'static str,
-    /// Where.
-    #[serde(rename = "where")]
-    pub place: String,
-    /// How many values it has that these measurements tell something of.
-    pub values: usize,
-    /// Cross-validated error with it, in the unit of the observation's norm.
-    pub cross_validated: f64,
-    /// The same without it.
-    pub without: f64,
-    /// Chance of such a gain where there is none, times the number of effects tried.
-    pub p: f64,
-    /// Whether it was fitted in full; the others were judged by their linear fit.
-    pub refined: bool,
-    /// Whether it was kept.
-    pub kept: bool,
-}
-
-/// A measurement that would tell more.
+/// A measurement that would distinguish explanations.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NextMeasurement {
-    /// Words to visit in this order.
+    /// Of an arm: words to visit in this order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub words: Vec<String>,
     /// Under which conditions, where those of this measurement would not do.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub conditions: Option<String>,
-    /// What they tell apart.
+    /// Of signals: rows whose conditions to repeat, the most informative first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub rows: Vec<NextRow>,
+    /// What it distinguishes.
     pub tells: String,
+}
+
+/// One row to repeat.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NextRow {
+    /// The line of this measurement that had the same conditions.
+    pub line: usize,
+    /// What the signals were, in SI units and radians.
+    pub conditions: BTreeMap<String, f64>,
 }
 
 /// One row in the plots.
@@ -236,6 +237,20 @@ pub struct NextMeasurement {
 pub struct Point {
     /// When.
     pub time_s: f64,
+    /// Whether the fit did not see it.
+    pub held_out: bool,
+    /// The residual's axes before, in the order of the error's axes.
+    pub before: Vec<f64>,
+    /// The same after.
+    pub after: Vec<f64>,
+    /// The visit of an arm.
+    #[serde(flatten)]
+    pub visit: Option<Visit>,
+}
+
+/// The visit of a word by an arm.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Visit {
     /// The word.
     pub word: String,
     /// Positions of the servo joints, rad or m.
@@ -245,65 +260,71 @@ pub struct Point {
     pub supply: Option<f64>,
     /// Temperature.
     pub temperature_c: Option<f64>,
-    /// Whether the fit did not see it.
-    pub held_out: bool,
-    /// Error of the model as it was, m.
+    /// Distance d between predicted and measured pose of the model as it was, m.
     pub before_m: f64,
-    /// Error with the effects found, m.
+    /// The same with the effects found, m.
     pub after_m: f64,
-    /// The residual's components before: turn (rad) and shift (m), in the order of the error's axes.
-    pub before: Vec<f64>,
-    /// The same after.
-    pub after: Vec<f64>,
 }
 
-impl Diagnosis {
-    /// The effects of the best model, whether they are named or not, after those that the model had.
-    pub fn best_effects(&self) -> &[Effect<f64>] {
-        &self.model_effects
-    }
+/// What there is beyond the noise.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Structure {
+    /// Mean square of the residual over that of repeats; `None` without repeats.
+    pub ratio: Option<f64>,
+    /// Chance that this is noise; `None` without repeats.
+    pub p: Option<f64>,
+    /// Whether there is more than noise.
+    pub beyond_noise: bool,
+    /// What the residual depends on, each beside those before it, the strongest first; of signals axis by axis.
+    pub depends_on: Vec<Dependence>,
+}
 
-    /// Keeps what no law explains in the corrected arm, as what it is, beside the effects of the best model; whether there
-    /// is anything to keep.
-    pub fn keep_terms(&mut self) -> bool {
-        self.keeps_terms = self.with_terms.is_some();
-        self.keeps_terms
-    }
+/// A variable that the residual depends on.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Dependence {
+    /// The axis of the residual; `None`: all axes together.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axis: Option<String>,
+    /// The variable.
+    pub variable: String,
+    /// How: `straight`, `square`, `waves`, `step`, `together`, ….
+    pub shape: &'static str,
+    /// The frame in whose directions a tool pose depends on it.
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "frame_name")]
+    pub frame: Option<Frame>,
+    /// Share of the residual's mean square that it takes up.
+    pub share: f64,
+    /// Chance of such a share where there is none, times the number of terms tried.
+    pub p: Option<f64>,
+    /// By how much the held-out error falls when it is kept as a fitted term, in the unit of the norm (of signals: of the
+    /// axis); `None` where it is not worth it, or does not recur.
+    pub heldout_gain: Option<f64>,
+    /// Of signals: the variable, in SI units and radians, and what remains there; empty of a term of several variables.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub curve: Vec<[f64; 2]>,
+    /// What the model of an arm may keep of it: variables, and whether their squares.
+    #[serde(skip)]
+    pub terms: Vec<(Variable<f64>, bool)>,
+}
 
-    /// The arm with the effects that were found, with the fitted terms if these are to be kept, the next model number and
-    /// the conditions that it had settled to at the end of `run`; the same arm where there is neither.
-    pub fn corrected(&self, arm: &Arm, run: &Run) -> Arm {
-        let mut corrected = arm.clone();
-        let kept = match &self.with_terms {
-            Some(with_terms) if self.keeps_terms => Some(&with_terms.effects),
-            _ => (self.verdict == Verdict::EffectFound).then_some(&self.model_effects),
-        };
-        if let Some(effects) = kept {
-            let last = Observations::new(arm, run, [1.0; 6], |_| true).last();
-            corrected.model.effects = effects.iter().map(|effect| lasting(effect, &last)).collect();
-            corrected.model.number += 1;
-            let (supply, temperature_c) = run.settled();
-            corrected.model.working_supply = supply.unwrap_or(corrected.model.working_supply);
-            let temperature_k = temperature_c.map(|celsius| celsius + ZERO_CELSIUS);
-            corrected.model.working_temperature_k = temperature_k.unwrap_or(corrected.model.working_temperature_k);
+impl fmt::Display for Dependence {
+    /// The variable, and how where it is not straight: `time (waves)`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.shape {
+            "straight" => f.write_str(&self.variable),
+            shape => write!(f, "{} ({shape})", self.variable),
         }
-        corrected
     }
 }
 
-/// The effect as it stands after a measurement that ended at this time, s, with so many switches of each actuator.
-fn lasting(effect: &Effect<f64>, (end_s, switches): &(f64, Vec<f64>)) -> Effect<f64> {
-    match *effect {
-        Effect::Drift(law) => Drift { until_s: *end_s, ..law }.into(),
-        Effect::Wear(law) => {
-            let counted = switches.get(usize::from(law.actuator)).copied();
-            Wear { until_switches: counted.unwrap_or_default(), ..law }.into()
-        }
-        other => other,
+/// The frame's name.
+pub fn frame_name_of(frame: Frame) -> &'static str {
+    match frame {
+        Frame::Base => "base",
+        Frame::Tool => "tool",
     }
 }
 
-/// Name and unit of a component of a twist, ω first.
-pub(crate) fn axis_name(axis: usize) -> (&'static str, &'static str) {
-    [("about x", "rad"), ("about y", "rad"), ("about z", "rad"), ("x", "m"), ("y", "m"), ("z", "m")][axis]
+fn frame_name<S: Serializer>(frame: &Option<Frame>, serializer: S) -> Result<S::Ok, S::Error> {
+    frame.map(frame_name_of).serialize(serializer)
 }

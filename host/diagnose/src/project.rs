@@ -1,14 +1,16 @@
-//! Bodies that came out impossible are made possible, and what they stood in for is looked for.
+//! Stage 4: projection to physically consistent bodies, and the effects that an inconsistent body replaced.
 //!
-//! Ten free parameters of a body reproduce much that is no body: a spring on its joint, say. Once it is held to what can be,
-//! the rows that are explained no longer tell which other effect is there.
+//! Free inertial parameters reproduce much that is no body: a spring on its joint, say. Once the body is constrained to be
+//! physically consistent, the rows that it no longer explains show which other effect is there.
+
+use std::sync::Arc;
 
 use darm_robot::rigid_body::inertia::{self, project_physically_consistent};
 use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, SVector};
 
-use crate::linearise::experiment::Mass;
-use crate::select::problem::{Kind as _, Trial};
-use crate::select::signals::{Channels, Fit, solve};
+use crate::linearise::experiment::BodyCandidate;
+use crate::select::problem::{RegressionProblem as _, Trial};
+use crate::select::signals::{Fit, Signals, Weighted, solve};
 use crate::select::significance::{DISCOVERY_LEVEL, RIVAL_LEVEL};
 
 /// μ, in units of the log-likelihood.
@@ -20,58 +22,65 @@ const LEAST_FALL: f64 = 1e-6;
 /// Share of a body's inertia that is added to begin inside the cone.
 const INSIDE: f64 = 1e-2;
 
-/// The model with possible bodies, and with the effects beside them that this asks for.
-pub(crate) fn physical(kind: &Channels, best: Trial<Channels>) -> Trial<Channels> {
-    let Some(held) = possible(kind, &best.fit) else { return best };
-    let free = fitted(kind, best.fit, best.effect);
-    let mut best = fitted(kind, held, best.effect);
-    while kind.fall(&best, &free).p < RIVAL_LEVEL {
-        let open: Vec<usize> = open(kind, &best.fit);
+/// The model with physically consistent bodies, and with the effects beside them that this asks for.
+pub fn project(problem: &Signals, best: Trial<Signals>) -> Trial<Signals> {
+    let weighting = Arc::clone(best.weighting());
+    let weighted = Weighted { problem, weighting: &weighting };
+    let Some(consistent) = consistent(weighted, &best.fit) else { return best };
+    let free = in_sample(weighted, best.fit, best.effect);
+    let mut best = in_sample(weighted, consistent, best.effect);
+    while problem.loss_reduction(&best, &free).p < RIVAL_LEVEL {
+        let open: Vec<usize> = open(problem, &best.fit);
         let tried = open.iter().map(|&candidate| {
             let active = [&best.fit.active[..], &[candidate]].concat();
-            let free = kind.least_squares(active);
-            fitted(kind, possible(kind, &free).unwrap_or(free), Some(candidate))
+            let free = weighted.least_squares(active);
+            in_sample(weighted, self::consistent(weighted, &free).unwrap_or(free), Some(candidate))
         });
-        match tried.min_by(|a, b| a.loss.total_cmp(&b.loss)) {
-            Some(next) if kind.fall(&best, &next).p * (open.len() as f64) < DISCOVERY_LEVEL => best = next,
+        match tried.min_by(|a, b| a.loss.order(&b.loss)) {
+            Some(next) if problem.loss_reduction(&best, &next).p * (open.len() as f64) < DISCOVERY_LEVEL => best = next,
             _ => break,
         }
     }
-    Trial { fit: best.fit.clone(), ..kind.judged(best.fit.active, best.effect) }
+    Trial { fit: best.fit.clone(), ..weighted.judged(best.fit.active, best.effect) }
 }
 
-/// Effects that may stand beside bodies.
-fn open(kind: &Channels, fit: &Fit) -> Vec<usize> {
-    let is_body = |k: &usize| kind.experiment.masses.iter().any(|mass| mass.candidate == *k);
-    (0..kind.experiment.candidates.len()).filter(|k| !is_body(k) && !fit.active.contains(k)).collect()
+/// Effects that may be added beside bodies.
+fn open(problem: &Signals, fit: &Fit) -> Vec<usize> {
+    let is_body = |k: &usize| problem.experiment.bodies.iter().any(|body| body.candidate == *k);
+    (0..problem.experiment.candidates.len()).filter(|k| !is_body(k) && !fit.active.contains(k)).collect()
 }
 
 /// A model judged by the rows that it was fitted to.
-fn fitted(kind: &Channels, fit: Fit, effect: Option<usize>) -> Trial<Channels> {
-    let predicted = kind.training_residuals(&fit);
-    kind.predicting(fit, effect, predicted)
+fn in_sample(weighted: Weighted, fit: Fit, effect: Option<usize>) -> Trial<Signals> {
+    let predicted = weighted.training_residuals(&fit);
+    weighted.predicting(fit, effect, predicted)
 }
 
-/// The values that fit best with bodies that can be; `None` where those of `fit` can be already.
+/// The values that fit best with physically consistent bodies; `None` where those of `fit` are consistent already.
 ///
-/// A body can be when its pseudo-inertia is positive definite, which is linear in its ten numbers: the least squares are
-/// solved in the cone by an interior-point method, −μ·log det for each body, with μ falling until it does not matter.
-/// Source: P. M. Wensing, S. Kim, J.-J. Slotine, IEEE Robotics and Automation Letters 3 (2018) 60.
-fn possible(kind: &Channels, fit: &Fit) -> Option<Fit> {
-    let indices = kind.indices(&fit.active);
-    let of = |mass: &Mass| {
-        let own = kind.indices(&[mass.candidate])[0];
+/// A body is consistent when its pseudo-inertia is positive definite, which is linear in its inertial parameters: the least
+/// squares are solved in the cone by an interior-point method, −μ·log det for each body, with μ falling until it does not
+/// matter. Source: P. M. Wensing, S. Kim, J.-J. Slotine, IEEE Robotics and Automation Letters 3 (2018) 60.
+fn consistent(weighted: Weighted, fit: &Fit) -> Option<Fit> {
+    let problem = weighted.problem;
+    let indices = problem.indices(&fit.active);
+    let of = |body: &BodyCandidate| {
+        let own = problem.indices(&[body.candidate])[0];
         let first = indices.iter().position(|index| *index == own)?;
-        Some(Cone { first, ten: mass.ten })
+        Some(Cone { first, nominal: body.nominal })
     };
-    let masses = kind.experiment.masses.iter().filter(|mass| fit.active.contains(&mass.candidate));
-    let cones: Vec<Cone> = masses.filter_map(of).collect();
+    let bodies = problem.experiment.bodies.iter().filter(|body| fit.active.contains(&body.candidate));
+    let cones: Vec<Cone> = bodies.filter_map(of).collect();
     let mut values = DVector::from_iterator(indices.len(), indices.iter().map(|&index| fit.values[index]));
-    if cones.iter().all(|cone| project_physically_consistent(&cone.body(&values), &cone.ten) == cone.body(&values)) {
+    let is_consistent = |cone: &Cone| {
+        let body = cone.body(&values);
+        project_physically_consistent(&body, &cone.nominal) == body
+    };
+    if cones.iter().all(is_consistent) {
         return None;
     }
     cones.iter().for_each(|cone| cone.start(&mut values));
-    let (information, gradient) = kind.equations(&indices);
+    let (information, gradient) = weighted.equations(&indices);
     for weight in WEIGHTS {
         for _ in 0..NEWTON {
             let Some(next) = newton(&information, &gradient, &cones, weight, &values) else { break };
@@ -85,23 +94,23 @@ fn possible(kind: &Channels, fit: &Fit) -> Option<Fit> {
 
 /// A body among the values of a model.
 struct Cone {
-    /// Where its ten values begin.
+    /// Where its values begin.
     first: usize,
     /// What they are changes of.
-    ten: [f64; 10],
+    nominal: [f64; 10],
 }
 
 impl Cone {
     fn body(&self, values: &DVector<f64>) -> [f64; 10] {
-        std::array::from_fn(|k| self.ten[k] + values[self.first + k])
+        std::array::from_fn(|k| self.nominal[k] + values[self.first + k])
     }
 
     /// Puts the body where it was, made possible, so far inside that Newton's method can begin there.
     fn start(&self, values: &mut DVector<f64>) {
-        let mut body = project_physically_consistent(&self.ten, &self.ten);
+        let mut body = project_physically_consistent(&self.nominal, &self.nominal);
         let inside = INSIDE * (body[4] + body[6] + body[9] + f64::MIN_POSITIVE);
         [4, 6, 9].iter().for_each(|&k| body[k] += inside);
-        (0..10).for_each(|k| values[self.first + k] = body[k] - self.ten[k]);
+        (0..10).for_each(|k| values[self.first + k] = body[k] - self.nominal[k]);
     }
 
     /// −log det of the pseudo-inertia −log of what the mass is above the least; `None` outside.
@@ -129,7 +138,7 @@ impl Cone {
 
     /// By how much the mass is above the least, kg.
     fn spare_kg(&self, body: &[f64; 10]) -> f64 {
-        body[0] - inertia::MIN_MASS_SHARE * self.ten[0]
+        body[0] - inertia::MIN_MASS_SHARE * self.nominal[0]
     }
 }
 
@@ -171,7 +180,7 @@ mod tests {
     #[test]
     fn the_nearest_body_in_the_cone_is_on_its_border() {
         // A ball of 2 kg; the data want its first inertia at −1 kg·m² and all else as it is, each to 0.01 of its unit.
-        let cone = Cone { first: 0, ten: [2.0, 0.0, 0.0, 0.0, 0.02, 0.0, 0.02, 0.0, 0.0, 0.02] };
+        let cone = Cone { first: 0, nominal: [2.0, 0.0, 0.0, 0.0, 0.02, 0.0, 0.02, 0.0, 0.0, 0.02] };
         let information = DMatrix::identity(10, 10) * 1e4;
         let mut wanted = DVector::zeros(10);
         wanted[4] = -1.02;

@@ -1,11 +1,12 @@
 //! Stage 3: which effects predict rows that no fit has seen better than the model without them.
 
 pub mod backward;
-pub mod columns;
-pub mod factored;
+mod columns;
+pub(crate) mod factored;
 pub mod forward;
 pub mod problem;
 pub mod robust_fit;
+pub mod search;
 pub mod signals;
 pub mod significance;
 pub mod simplify;

@@ -11,6 +11,7 @@ use darm_arm::arm::{Arm, ArmScratch};
 use darm_arm::synthesis::{self, synthesize};
 use darm_diagnose::diagnosis::Options;
 use darm_diagnose::diagnosis::diagnose;
+use darm_diagnose::effect::part_of;
 use darm_diagnose::measurement_plan::{self, Step, plan};
 use darm_diagnose::outcome::{Diagnosis, Verdict};
 use darm_diagnose::truth::{Kind, Sealed, Truth};
@@ -38,7 +39,7 @@ fn case((arm, desired): &(Arm, Vec<DesiredFrame>), steps: &[Step], kind: Kind, s
     let truth = Truth::draw(arm, desired, seed, Some(kind)).unwrap();
     let run = truth.measure(steps, 0.0, seed).unwrap();
     let started = Instant::now();
-    let diagnosis = diagnose(arm, &run, &Options { seed, ..Options::default() }).unwrap();
+    let diagnosis = diagnose(arm, &run, &Options { seed, ..Options::default() }).unwrap().diagnosis;
     let case = Case { diagnosis, sealed: truth.unseal().clone() };
     eprintln!("{} ({:.2} s)", case.line(), started.elapsed().as_secs_f64());
     case
@@ -48,25 +49,24 @@ impl Case {
     fn named(&self) -> bool {
         self.diagnosis.verdict == Verdict::EffectFound
             && self.diagnosis.effects.len() == 1
-            && self.diagnosis.effects[0].law == self.sealed.effect
+            && self.diagnosis.effects[0].law.as_str() == self.sealed.effect
     }
 
     fn placed(&self) -> bool {
-        let part = |place: &str| place.split(',').next().unwrap_or_default().to_string();
-        self.named() && part(&self.diagnosis.effects[0].place) == part(&self.sealed.place)
+        self.named() && part_of(&self.diagnosis.effects[0].site.code) == part_of(&self.sealed.place)
     }
 
     fn ratio(&self) -> f64 {
-        let after = self.diagnosis.error.after.heldout.as_ref().unwrap().distance_m;
-        after / self.diagnosis.repeatability.as_ref().unwrap().distance_m
+        let after = self.diagnosis.error.after.heldout.as_ref().unwrap().norm.value;
+        after / self.diagnosis.repeatability.as_ref().unwrap().norm.value
     }
 
     fn line(&self) -> String {
-        let effects: Vec<String> = self.diagnosis.effects.iter().map(|e| format!("{} at {}", e.law, e.place)).collect();
+        let effects: Vec<String> = self.diagnosis.effects.iter().map(|e| format!("{} at {}", e.law, e.site)).collect();
         let alternatives: Vec<String> =
-            self.diagnosis.alternatives.iter().map(|a| format!("{} at {}", a.law, a.place)).collect();
-        let rungs = self.diagnosis.ladder.iter();
-        let kept: Vec<String> = rungs.filter(|r| r.kept).map(|r| format!("{} at {}", r.law, r.place)).collect();
+            self.diagnosis.alternatives.iter().map(|a| format!("{} at {}", a.law, a.site)).collect();
+        let steps = self.diagnosis.selection_path.iter();
+        let kept: Vec<String> = steps.filter(|r| r.kept).map(|r| format!("{} at {}", r.law, r.place)).collect();
         let sealed = &self.sealed;
         format!(
             "seed {}: {} at {} ({:.0} x): {} {effects:?}, alternatives {alternatives:?}, kept {kept:?}, after/repeatability {:.2}{}",

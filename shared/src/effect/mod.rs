@@ -18,6 +18,7 @@ pub mod fitted_term;
 pub mod frame_offset;
 pub mod gravity_sag;
 pub mod joint_offset;
+pub mod law_name;
 pub mod play;
 pub mod scale;
 pub mod step;
@@ -287,6 +288,13 @@ mod tests {
             scale::Scale { stretch: 1e-3 }.into(),
             joint_offset::JointOffset { servo: 0, offset_rad: 1e-3 }.into(),
         ]
+    }
+
+    #[test]
+    fn each_law_is_in_the_list_of_names() {
+        for effect in one_of_each() {
+            assert!(law_name::LawName::named(effect.law().name()).is_some(), "{}", effect.law().name());
+        }
     }
 
     /// A place where the law of play acts and one where crowding does: the same actuator held, and switched with others.

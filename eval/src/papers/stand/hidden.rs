@@ -2,12 +2,11 @@
 
 use anyhow::{Context, Result};
 use darm_core::real::Vec3;
+use darm_diagnose::diagnosis::{SignalOptions, diagnose_file};
 use darm_diagnose::linearise::model::{Model, What};
 use darm_diagnose::measurement::hold_out::HoldOut;
 use darm_diagnose::measurement::table::Names;
 use darm_diagnose::prepare::signals::Preparation;
-use darm_diagnose::signals::Options;
-use darm_diagnose::signals::diagnose;
 use darm_papers::identify::{Kind, Missing, body_name, missing, separable};
 use darm_robot::urdf::{self, Locks};
 use rand::{RngExt as _, SeedableRng as _};
@@ -119,10 +118,11 @@ pub(super) fn person(figures: &mut Vec<Figure>) -> Result<()> {
         interpolate: Some("fresh".into()),
         ..Preparation::default()
     };
-    let options = Options { preparation, always: vec!["mass-distribution".into()], seed: 1 };
+    let options = SignalOptions { preparation, always: vec!["mass-distribution".into()], seed: 1 };
     let model = Model::from(What::Wrench(robot));
-    let diagnosis = diagnose(&model, &folder.join("human_wholebody_30hz.csv.gz"), &Names::new(), &options)?;
-    let norm = |errors: &darm_diagnose::outcome_signals::Errors| {
+    let diagnosis =
+        diagnose_file(&model, &folder.join("human_wholebody_30hz.csv.gz"), &Names::new(), &options)?.diagnosis;
+    let norm = |errors: &darm_diagnose::outcome::Errors| {
         errors.heldout.as_ref().map_or(f64::NAN, |figure| 1e3 * figure.norm.value)
     };
     figures.push(figure("person A, centre of pressure held out, tables", norm(&diagnosis.error.before), "mm")?);

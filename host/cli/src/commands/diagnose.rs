@@ -3,23 +3,19 @@
 use std::path::PathBuf;
 
 use anyhow::Context as _;
-use darm::report::{channels_page, diagnosis_page};
+use darm::report::diagnosis_page;
 use darm_arm::arm::Arm;
-use darm_diagnose::diagnosis::Options;
-use darm_diagnose::diagnosis::diagnose;
+use darm_diagnose::correction::Keep;
+use darm_diagnose::diagnosis::{Options, SignalOptions, diagnose, diagnose_file};
 use darm_diagnose::linearise::model::Model;
-use darm_diagnose::linearise::model_effects;
 use darm_diagnose::measurement::hold_out::HoldOut;
 use darm_diagnose::measurement::origin::Origin;
 use darm_diagnose::measurement::poses::{self, Which};
 use darm_diagnose::measurement::select::Selection;
 use darm_diagnose::measurement::{self, Finding, about, check};
-use darm_diagnose::outcome::{Diagnosis, ErrorFigure, Found, Verdict};
-use darm_diagnose::outcome_signals::Diagnosis as ChannelDiagnosis;
-use darm_diagnose::outcome_signals::Figure;
+use darm_diagnose::outcome::{Diagnosis, Effect, ErrorFigure, Number};
 use darm_diagnose::prepare::signals::Preparation;
-use darm_diagnose::signals;
-use maud::Markup;
+use darm_diagnose::report::sentences::readable;
 use serde::Serialize;
 
 use crate::failure::Usage;
@@ -47,8 +43,8 @@ and their units, stand in the documentation of `darm_diagnose::measurement` and 
 A recording of `darm record` names the model of its table. A MODEL that differs from it in its effects only, as \
 the one that -o writes, is accepted with a note; any other is refused, unless --other-model is given.";
 
-/// Rows that are told one by one.
-const MOST_NOTES: usize = 20;
+/// Findings on rows that are printed.
+const MAX_NOTES: usize = 20;
 const NOTHING_TO_WRITE: &str = "no effect is named for sure, so there is no better model to write";
 
 /// Find which effect the model lacks, where, how large, and how sure that is
@@ -80,7 +76,7 @@ pub(crate) struct Diagnose {
     rows: RowOptions,
 }
 
-/// Which rows of a table of channels count, and how.
+/// Which rows of a table count, and how.
 #[derive(clap::Args, Debug)]
 struct RowOptions {
     /// Only rows where this holds, as `seal = NAPN, t >= 4.5`
@@ -124,68 +120,69 @@ struct RowOptions {
     map: Vec<String>,
 }
 
+/// What is printed.
 #[derive(Serialize)]
 struct Report {
-    findings: Vec<String>,
     #[serde(flatten)]
     diagnosis: Diagnosis,
+    /// The corrected model, where one was written.
     output: Option<PathBuf>,
 }
 
 impl Diagnose {
     pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        match Model::read(&self.model)? {
-            Some(model) => self.channels(&model, voice),
-            None => self.poses(voice),
+        let report = match Model::read(&self.model)? {
+            Some(model) => self.signals(&model, voice)?,
+            None => self.poses(voice)?,
+        };
+        if let (Some(_), None) = (&self.output, &report.output) {
+            voice.note(NOTHING_TO_WRITE);
         }
+        if let Some(path) = &self.report {
+            let page = diagnosis_page(&report.diagnosis).into_string();
+            std::fs::write(path, page).with_context(|| format!("{} cannot be written", path.display()))?;
+        }
+        voice.tell(&report)
     }
 
-    fn channels(&self, model: &Model, voice: Voice) -> anyhow::Result<()> {
+    fn signals(&self, model: &Model, voice: Voice) -> anyhow::Result<Report> {
         let (names, options) = (self.rows.names()?, self.rows.options(self.seed)?);
         let wheel = voice.wheel("diagnosing");
-        let diagnosis = signals::diagnose(model, &self.data, &names, &options);
+        let outcome = diagnose_file(model, &self.data, &names, &options);
         wheel.finish_and_clear();
-        let mut diagnosis =
-            diagnosis.map_err(|error| anyhow::Error::new(error).context(self.data.display().to_string()))?;
-        let kept = self.keep_terms && diagnosis.keep_terms();
-        self.write_report(|| channels_page(&diagnosis))?;
-        match &self.output {
-            Some(_) if !kept && diagnosis.effects.is_empty() || diagnosis.verdict == Verdict::NotIdentifiable => {
-                voice.note(NOTHING_TO_WRITE);
-            }
-            Some(path) => model_effects::write(&self.model, path, &diagnosis)?,
-            None => {}
+        let outcome = outcome.with_context(|| self.data.display().to_string())?;
+        let mut output = None;
+        if let Some(path) = &self.output
+            && outcome.correction.write(&self.model, path, &outcome.diagnosis, self.keep())?
+        {
+            output = Some(path.clone());
         }
-        voice.tell(&ChannelReport(diagnosis))
+        Ok(Report { diagnosis: outcome.diagnosis, output })
     }
 
-    fn poses(&self, voice: Voice) -> anyhow::Result<()> {
-        self.rows.refuse_those_of_channels()?;
+    fn poses(&self, voice: Voice) -> anyhow::Result<Report> {
+        self.rows.refuse_those_of_signals()?;
         let arm = Arm::read(&self.model)?;
         let which = Which { keep: self.rows.keep.clone(), hold_out: self.rows.held_out()? };
         let (run, mut findings) = poses::read(&self.data, &self.rows.names()?, &which)?;
         findings.extend(self.origin(&arm)?);
         findings.extend(check(&arm, &run));
         let wheel = voice.wheel("diagnosing");
-        let diagnosis = diagnose(&arm, &run, &Options { seed: self.seed, ..Options::default() });
+        let outcome = diagnose(&arm, &run, &Options { seed: self.seed, ..Options::default() });
         wheel.finish_and_clear();
-        let mut diagnosis =
-            diagnosis.map_err(|error| anyhow::Error::new(error).context(self.data.display().to_string()))?;
-        let better = self.keep_terms && diagnosis.keep_terms() || diagnosis.verdict == Verdict::EffectFound;
-        let output = match &self.output {
-            Some(path) if better => {
-                diagnosis.corrected(&arm, &run).write(path)?;
-                Some(path.clone())
-            }
-            Some(_) => {
-                voice.note(NOTHING_TO_WRITE);
-                None
-            }
-            None => None,
-        };
-        let findings: Vec<String> = findings.iter().map(ToString::to_string).collect();
-        self.write_report(|| diagnosis_page(&diagnosis, &findings))?;
-        voice.tell(&Report { findings, diagnosis, output })
+        let outcome = outcome.with_context(|| self.data.display().to_string())?;
+        let mut output = None;
+        if let Some(path) = &self.output
+            && let Some(corrected) = outcome.correction.corrected(&arm, &run, self.keep())
+        {
+            corrected.write(path)?;
+            output = Some(path.clone());
+        }
+        Ok(Report { diagnosis: Diagnosis { findings, ..outcome.diagnosis }, output })
+    }
+
+    fn keep(&self) -> Keep {
+        if self.keep_terms { Keep::EffectsAndTerms } else { Keep::Effects }
     }
 
     /// Compares the model of a recording with the arm.
@@ -195,11 +192,6 @@ impl Diagnose {
             return Ok(origin.finding(arm));
         }
         Err(origin.refusal(&self.data, &self.model, arm).into())
-    }
-
-    fn write_report(&self, page: impl FnOnce() -> Markup) -> anyhow::Result<()> {
-        let Some(path) = &self.report else { return Ok(()) };
-        std::fs::write(path, page().into_string()).with_context(|| format!("{} cannot be written", path.display()))
     }
 }
 
@@ -225,8 +217,8 @@ impl RowOptions {
         })
     }
 
-    /// Poses are visits, not a signal: what filters and thins means nothing there, and laws stand in the arm file.
-    fn refuse_those_of_channels(&self) -> anyhow::Result<()> {
+    /// Poses are visits, not a signal: filters and decimation mean nothing there, and laws are in the arm file.
+    fn refuse_those_of_signals(&self) -> anyhow::Result<()> {
         let given = [
             ("--within", !self.within.is_empty(), "visits are parted by their column `run`: --map run=COLUMN"),
             ("--rate", self.rate.is_some(), "poses need a column of time"),
@@ -238,13 +230,13 @@ impl RowOptions {
         ];
         match given.into_iter().find(|(_, given, _)| *given) {
             Some((option, _, what)) => {
-                Err(Usage(format!("{option} is for tables of channels, not for an arm file: {what}")).into())
+                Err(Usage(format!("{option} is for signals, not for an arm file: {what}")).into())
             }
             None => Ok(()),
         }
     }
 
-    fn options(&self, seed: u64) -> anyhow::Result<signals::Options> {
+    fn options(&self, seed: u64) -> anyhow::Result<SignalOptions> {
         let preparation = Preparation {
             keep: self.keep.clone(),
             hold_out: self.held_out()?,
@@ -255,7 +247,7 @@ impl RowOptions {
             interpolate: self.interpolate.clone(),
             settled_s: self.settled,
         };
-        Ok(signals::Options { preparation, always: self.always.clone(), seed })
+        Ok(SignalOptions { preparation, always: self.always.clone(), seed })
     }
 }
 
@@ -268,95 +260,62 @@ fn positive(option: &str, number: Option<f64>) -> anyhow::Result<Option<f64>> {
     }
 }
 
-/// A number as people read it: lengths in mm, angles in degrees.
-fn readable(value: f64, unit: &str) -> (f64, String) {
-    match unit {
-        "m" => (1e3 * value, "mm".into()),
-        "rad" => (value.to_degrees(), "°".into()),
-        other => (value, other.into()),
-    }
-}
-
-/// What a diagnosis of channels says.
-#[derive(Serialize)]
-#[serde(transparent)]
-struct ChannelReport(ChannelDiagnosis);
-
-impl Answer for ChannelReport {
-    fn text(&self) -> String {
-        let ChannelDiagnosis { rows, error, plain, findings, repeatability, .. } = &self.0;
-        let (of_rows, of_file): (Vec<&String>, Vec<&String>) = findings.iter().partition(|f| f.starts_with("line "));
-        let told = of_file.into_iter().chain(of_rows.iter().copied().take(MOST_NOTES));
-        let mut lines: Vec<String> = told.map(|finding| format!("note: {finding}")).collect();
-        if of_rows.len() > MOST_NOTES {
-            lines.push(format!("note: and {} more rows, which --json tells", of_rows.len() - MOST_NOTES));
-        }
-        lines.extend(plain.clone());
-        lines.push(String::new());
-        let cells = |name: &str, n: usize, figure: Option<&Figure>, unit: &str| {
-            let numbers = figure.map_or(Vec::new(), |figure| {
-                let axes = figure.axes.iter().map(|axis| format!("{:.3}", readable(axis.value, axis.unit).0));
-                let (norm, unit) = readable(figure.norm.value, &figure.norm.unit);
-                axes.chain([format!("{norm:.3} {unit}")]).collect()
-            });
-            [vec![name.to_owned(), n.to_string(), unit.to_owned()], numbers].concat()
-        };
-        let names = error.before.train.axes.iter().map(|axis| format!("{}, {}", axis.axis, readable(0.0, axis.unit).1));
-        let head: Vec<String> =
-            ["error (RMS)", "rows", ""].map(str::to_owned).into_iter().chain(names).chain(["norm".into()]).collect();
-        lines.push(columns(&[
-            head,
-            cells("fitted", rows.train, Some(&error.before.train), "before"),
-            cells("", rows.train, Some(&error.after.train), "after"),
-            cells("held out", rows.heldout, error.before.heldout.as_ref(), "before"),
-            cells("", rows.heldout, error.after.heldout.as_ref(), "after"),
-        ]));
-        lines.extend(repeatability.as_ref().map(|scatter| {
-            let (value, unit) = readable(scatter.value, &scatter.unit);
-            format!("repeatability: {value:.3} {unit}")
-        }));
-        lines.join("\n")
-    }
-}
-
 impl Answer for Report {
     fn text(&self) -> String {
-        let mut lines: Vec<String> = self.findings.iter().map(|finding| format!("note: {finding}")).collect();
-        lines.extend(self.diagnosis.plain.clone());
-        lines.extend(self.diagnosis.effects.iter().map(effect));
+        let Diagnosis { findings, plain, effects, repeatability, held_out, .. } = &self.diagnosis;
+        let (of_rows, of_file): (Vec<&Finding>, Vec<&Finding>) = findings.iter().partition(|f| f.line.is_some());
+        let shown = of_file.into_iter().chain(of_rows.iter().copied().take(MAX_NOTES));
+        let mut lines: Vec<String> = shown.map(|finding| format!("note: {finding}")).collect();
+        if of_rows.len() > MAX_NOTES {
+            lines.push(format!("note: and {} more rows; --json lists them", of_rows.len() - MAX_NOTES));
+        }
+        lines.extend(plain.clone());
+        lines.extend(effects.iter().map(effect));
         lines.push(String::new());
         lines.push(self.errors());
-        lines.extend(self.output.as_ref().map(|path| format!("\nthe model with it is in {}", path.display())));
+        let repeats = repeatability.as_ref().map_or("not measured".to_owned(), |r| {
+            let (value, unit) = readable(&r.norm);
+            format!("{value:.3} {unit}, {} degrees of freedom", r.dof)
+        });
+        lines.push(format!("held out: {held_out}; repeatability: {repeats}"));
+        lines.extend(self.output.as_ref().map(|path| format!("\nwrote the corrected model to {}", path.display())));
         lines.join("\n")
     }
 }
 
-fn effect(found: &Found) -> String {
-    let values = found.parameters.iter().map(|parameter| {
-        let [low, high] = parameter.ci95;
-        let unit = if parameter.unit == "1" { String::new() } else { format!(" {}", parameter.unit) };
-        format!("{} {:.6}{unit} (95 %: {low:.6} to {high:.6})", parameter.name, parameter.value)
+/// The values of an effect with their intervals.
+fn effect(found: &Effect) -> String {
+    let values = found.values.iter().map(|value| {
+        let unit = if value.unit == "1" { String::new() } else { format!(" {}", value.unit) };
+        let interval = value.ci95.map_or(String::new(), |[low, high]| format!(" (95 % CI {low:.6} to {high:.6})"));
+        format!("{} {:.6}{unit}{interval}", value.name, value.value)
     });
-    format!("  {}, {}: {}", found.law, found.place_name, values.collect::<Vec<_>>().join(", "))
+    format!("  {}, {}: {}", found.law, found.site.name, values.collect::<Vec<_>>().join(", "))
 }
 
 impl Report {
     /// Errors before and after, on rows that the fit saw and on those that it did not.
     fn errors(&self) -> String {
-        let Diagnosis { rows, error, repeatability, .. } = &self.diagnosis;
-        let mm = |figure: &ErrorFigure| format!("{:.3} mm", 1e3 * figure.distance_m);
-        let optional = |figure: &Option<ErrorFigure>| figure.as_ref().map_or("-".to_owned(), mm);
-        let head = ["error (RMS distance)", "rows", "before", "after"].map(str::to_owned).to_vec();
-        let fitted = vec!["fitted".into(), rows.train.to_string(), mm(&error.before.train), mm(&error.after.train)];
-        let heldout = vec![
-            "held out".into(),
-            rows.heldout.to_string(),
-            optional(&error.before.heldout),
-            optional(&error.after.heldout),
-        ];
-        let repeats =
-            repeatability.as_ref().map_or("not measured".to_owned(), |r| format!("{:.3} mm", 1e3 * r.distance_m));
-        let held_out = &self.diagnosis.held_out;
-        format!("{}\nheld out: {held_out}; repeatability: {repeats}", columns(&[head, fitted, heldout]))
+        let Diagnosis { rows, error, .. } = &self.diagnosis;
+        let cells = |name: &str, n: usize, figure: Option<&ErrorFigure>, when: &str| {
+            let numbers = figure.map_or(Vec::new(), |figure| {
+                let axes = figure.axes.iter().map(|axis| Number { value: axis.value, unit: axis.unit });
+                let axes = axes.map(|number| format!("{:.3}", readable(&number).0));
+                let (norm, unit) = readable(&figure.norm);
+                axes.chain([format!("{norm:.3} {unit}")]).collect()
+            });
+            [vec![name.to_owned(), n.to_string(), when.to_owned()], numbers].concat()
+        };
+        let unit = |unit: &'static str| readable(&Number { value: 0.0, unit }).1;
+        let names = error.before.train.axes.iter().map(|axis| format!("{}, {}", axis.axis, unit(axis.unit)));
+        let head: Vec<String> =
+            ["error (RMS)", "rows", ""].map(str::to_owned).into_iter().chain(names).chain(["norm".into()]).collect();
+        columns(&[
+            head,
+            cells("fitted", rows.train, Some(&error.before.train), "before"),
+            cells("", rows.train, Some(&error.after.train), "after"),
+            cells("held out", rows.heldout, error.before.heldout.as_ref(), "before"),
+            cells("", rows.heldout, error.after.heldout.as_ref(), "after"),
+        ])
     }
 }

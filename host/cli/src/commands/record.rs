@@ -14,7 +14,7 @@ use darm_arm::arm::Arm;
 use darm_core::sequencer::Phase;
 use darm_core::units::ShortDigest;
 use darm_device::client::Client;
-use darm_diagnose::measurement::{Finding, Run, check};
+use darm_diagnose::measurement::{Finding, FindingKind, Run, check};
 use serde::Serialize;
 
 use super::play::{End, Watch};
@@ -308,9 +308,9 @@ fn patience(visits: &Visits) -> Duration {
 
 /// What the owner should know of a board's clock that did not keep time.
 fn uneven(lost_s: f64) -> Option<Finding> {
-    let what = format!(
+    let text = format!(
         "the board's clock lost {lost_s:.3} s while the program ran, as an emulator's does on a busy computer; visits \
          that it makes doubtful are left out"
     );
-    (lost_s > LOST_S).then_some(Finding { line: None, what })
+    (lost_s > LOST_S).then(|| Finding::note(FindingKind::UnevenClock, text))
 }

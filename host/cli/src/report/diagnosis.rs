@@ -1,88 +1,74 @@
-//! The report of a diagnosis of tool poses, as a page of its own and as a part of the round through the loop.
+//! The report of a diagnosis, as a page of its own and as a part of the report of the loop.
 
 use std::collections::BTreeSet;
 
+use darm_diagnose::outcome::{
+    AxisFigure, Dependence, Diagnosis, ErrorFigure, NextMeasurement, Number, SelectionStep, Structure, Value,
+    frame_name_of,
+};
+use darm_diagnose::report::sentences::readable;
 use maud::{Markup, html};
 
-use super::plots;
+use super::residuals;
 use super::skeleton::skeleton;
-use darm_diagnose::outcome::{Diagnosis, ErrorFigure, Parameter, Rung};
 
-/// The whole page; `findings` is what the owner of the data should know.
-pub fn diagnosis_page(diagnosis: &Diagnosis, findings: &[String]) -> Markup {
+/// Outliers that are listed by line.
+const MAX_LINES: usize = 40;
+
+/// The page of a diagnosis.
+pub fn diagnosis_page(diagnosis: &Diagnosis) -> Markup {
     let body = html! {
         header {
-            h1 { "What the model lacks" }
-            p.sub { (diagnosis.kind) " · " (diagnosis.verdict) " · held out: " (diagnosis.held_out) }
+            h1 { "Missing effects" }
+            p.sub { (diagnosis.kind) " · " (diagnosis.verdict) " · held out: " (diagnosis.held_out) " · cross-validated over " (diagnosis.left_out) }
         }
         section {
             @for sentence in &diagnosis.plain { p { (sentence) } }
             (tables_and_plots(diagnosis))
         }
-        @if !findings.is_empty() { section { h2 { "What to know of the data" } @for finding in findings { p { (finding) } } } }
-        footer { "darm " (diagnosis.version) " · model " (diagnosis.model) " · seed " (diagnosis.seed) }
+        @if !diagnosis.findings.is_empty() {
+            section { h2 { "Notes on the data" } @for finding in &diagnosis.findings { p { (finding) } } }
+        }
+        footer {
+            "darm " (diagnosis.version)
+            @if let Some(model) = diagnosis.model { " · model " (model) }
+            " · seed " (diagnosis.seed)
+        }
     };
     skeleton(diagnosis.kind, &body)
 }
 
 /// Effects, errors, plots and what was tried.
 pub(super) fn tables_and_plots(d: &Diagnosis) -> Markup {
+    let unit = d.error.before.train.norm.unit;
     html! {
         (effects_table(d))
         (errors_table(d))
-        h3 { "Error of each word" }
-        (legend(d))
-        (plots::by_word(d))
-        h3 { "Error against each suspect" }
-        div.plots {
-            @for plot in suspects(d) { div { (plot) } }
-        }
+        (rest(d))
+        (residuals::plots(d))
         (depends(d))
-        h3 { "What was tried" }
-        p { "Cross-validated error over words with each effect added; the best of each step, of all that were tried." }
-        (ladder(&d.ladder, &mm))
-    }
-}
-
-fn suspects(d: &Diagnosis) -> Vec<Markup> {
-    let mut plots = vec![
-        plots::over(d, "time, s", &|p| Some(p.time_s)),
-        plots::over(d, "supply, bar", &|p| p.supply.map(|supply_pa| supply_pa / 1e5)),
-        plots::over(d, "temperature, °C", &|p| p.temperature_c),
-        plots::over(d, "number of actuators extended", &|p| Some(p.word.chars().filter(|c| *c != '0').count() as f64)),
-    ];
-    for k in 0..d.points.first().map_or(0, |point| point.servos_rad.len()) {
-        let name = format!("position of servo {}, rad or m", k + 1);
-        plots.push(plots::over(d, &name, &|p| p.servos_rad.get(k).copied()));
-    }
-    plots.into_iter().flatten().collect()
-}
-
-fn legend(d: &Diagnosis) -> Markup {
-    html! {
-        p.legend {
-            span.before { "●" } " model " (d.model) " "
-            span.after { "●" } " with the effects found "
-            span.noise { "━" } " repeatability · filled: held-out words"
-        }
+        h3 { "Selection path" }
+        p { "Cross-validated error with each effect added; the best of each step, of all that were tried." }
+        (selection_path(&d.selection_path, unit))
     }
 }
 
 fn effects_table(d: &Diagnosis) -> Markup {
+    let unit = d.error.before.train.norm.unit;
     html! {
         @if !d.effects.is_empty() {
             table {
                 thead { tr { th { "effect" } th { "where" } th { "value" } th.num { "estimate" } th.num { "95 % interval" } th.num { "held-out gain" } } }
                 tbody {
                     @for effect in &d.effects {
-                        @for parameter in &effect.parameters {
+                        @for value in &effect.values {
                             tr {
                                 td { b { (effect.law) } }
-                                td { (effect.place_name) " (" (effect.place) ")" }
-                                td { (parameter.name) }
-                                td.num { (shown(parameter, parameter.value)) }
-                                td.num { (shown(parameter, parameter.ci95[0])) " … " (shown(parameter, parameter.ci95[1])) }
-                                td.num { @if let Some(gain) = effect.heldout_gain_m { (mm(gain)) } @else { "–" } }
+                                td { (effect.site.name) @if effect.site.name != effect.site.code { " (" (effect.site.code) ")" } }
+                                td { (value.name) }
+                                td.num { (shown(value, value.value)) }
+                                td.num { @if let Some([low, high]) = value.ci95 { (shown(value, low)) " … " (shown(value, high)) } @else { "fixed" } }
+                                td.num { @if let Some(gain) = effect.heldout_gain { (with_unit(gain, unit)) } @else { "–" } }
                             }
                         }
                     }
@@ -94,38 +80,40 @@ fn effects_table(d: &Diagnosis) -> Markup {
 
 fn errors_table(d: &Diagnosis) -> Markup {
     let rows = [
-        ("before, training words", Some(&d.error.before.train)),
-        ("before, held-out words", d.error.before.heldout.as_ref()),
-        ("after, training words", Some(&d.error.after.train)),
-        ("after, held-out words", d.error.after.heldout.as_ref()),
+        ("before, training rows", d.rows.train, Some(&d.error.before.train)),
+        ("before, held-out rows", d.rows.heldout, d.error.before.heldout.as_ref()),
+        ("after, training rows", d.rows.train, Some(&d.error.after.train)),
+        ("after, held-out rows", d.rows.heldout, d.error.after.heldout.as_ref()),
     ];
-    let axis = |value: f64, unit: &str| if unit == "rad" { degrees(value) } else { mm(value) };
     html! {
         table {
             thead {
                 tr {
                     th { "error, root mean square" }
+                    th.num { "rows" }
                     @for axis in &d.error.before.train.axes { th.num { (axis.axis) } }
-                    th.num { "d" }
-                    th.num { "largest d" }
+                    th.num { "norm" }
+                    th.num { "largest" }
                 }
             }
             tbody {
-                @for (name, figure) in rows {
-                    @if let Some(ErrorFigure { axes, distance_m, largest_m }) = figure {
+                @for (name, n, figure) in rows {
+                    @if let Some(ErrorFigure { axes, norm, largest }) = figure {
                         tr {
                             td { (name) }
-                            @for a in axes { td.num { (axis(a.value, a.unit)) } }
-                            td.num { b { (mm(*distance_m)) } }
-                            td.num { (mm(*largest_m)) }
+                            td.num { (n) }
+                            (cells(axes))
+                            td.num { b { (with_unit(norm.value, norm.unit)) } }
+                            td.num { (with_unit(*largest, norm.unit)) }
                         }
                     }
                 }
                 @if let Some(r) = &d.repeatability {
                     tr.noise {
                         td { "repeatability (" (r.dof) " degrees of freedom)" }
-                        @for a in &r.axes { td.num { (axis(a.value, a.unit)) } }
-                        td.num { b { (mm(r.distance_m)) } }
+                        td.num {}
+                        (cells(&r.axes))
+                        td.num { b { (with_unit(r.norm.value, r.norm.unit)) } }
                         td.num {}
                     }
                 }
@@ -134,49 +122,91 @@ fn errors_table(d: &Diagnosis) -> Markup {
     }
 }
 
-fn depends(d: &Diagnosis) -> Markup {
-    let sides = [("before", &d.structure), ("after", &d.remaining)];
+fn cells(axes: &[AxisFigure]) -> Markup {
+    html! { @for axis in axes { td.num { (with_unit(axis.value, axis.unit)) } } }
+}
+
+/// Alternatives, what to measure next, what is not identifiable, and outliers.
+fn rest(d: &Diagnosis) -> Markup {
     html! {
-        h3 { "What the residual depends on" }
-        div.two {
-            @for (side, structure) in sides {
-                table {
-                    @let kept = structure.depends_on.iter().any(|one| one.heldout_gain_m.is_some());
-                    thead { tr { th { (side) } th { "directions" } th.num { "share" } th.num { "chance" } @if kept { th.num { "gain if kept" } } } }
-                    tbody {
-                        @for one in structure.depends_on.iter().take(8) {
-                            tr {
-                                td { (one) }
-                                td { "of the " (one.frame) }
-                                td.num { (format!("{:.0} %", 100.0 * one.share)) }
-                                td.num { (chance(one.p)) }
-                                @if kept { td.num { (one.heldout_gain_m.map_or("–".into(), mm)) } }
-                            }
-                        }
-                        @if structure.depends_on.is_empty() { tr { td colspan="4" { "on nothing that was measured" } } }
-                    }
-                }
+        @if !d.alternatives.is_empty() {
+            p { "Not distinguished by these data: " @for other in &d.alternatives { (other.law) " at " (other.site.name) "; " } }
+        }
+        @if let Some(next) = &d.next_measurement { (proposal(next)) }
+        @if !d.unobservable.is_empty() { p { "Not identifiable from these data: " (d.unobservable.join("; ")) "." } }
+        @if !d.outliers.is_empty() {
+            p { (d.outliers.len()) " outliers: lines " @for row in d.outliers.iter().take(MAX_LINES) { (row.line) " " } }
+        }
+    }
+}
+
+/// The words or rows to measure next.
+fn proposal(next: &NextMeasurement) -> Markup {
+    html! {
+        h3 { "Measure next" }
+        p { "To distinguish " (next.tells) @if let Some(conditions) = &next.conditions { ", " (conditions) } "." }
+        @if !next.words.is_empty() { p { @for word in &next.words { code { (word) } " " } } }
+        @if let Some(first) = next.rows.first() {
+            table {
+                thead { tr { th { "line" } @for name in first.conditions.keys() { th.num { (name) } } } }
+                tbody { @for row in &next.rows { tr { td { (row.line) } @for value in row.conditions.values() { td.num { (short(*value)) } } } } }
             }
         }
     }
 }
 
-/// What was tried, step by step, the best of each step; errors as `shown` writes them.
-pub(super) fn ladder(rungs: &[Rung], shown: &dyn Fn(f64) -> String) -> Markup {
-    let worst = rungs.iter().map(|rung| rung.without).fold(f64::MIN_POSITIVE, f64::max);
-    let steps: BTreeSet<usize> = rungs.iter().map(|rung| rung.step).collect();
+fn depends(d: &Diagnosis) -> Markup {
+    html! {
+        h3 { "What the residual correlates with" }
+        div.two {
+            @if let Some(before) = &d.structure { (dependences("before", before, d)) }
+            (dependences("after", &d.remaining, d))
+        }
+        @for one in d.remaining.depends_on.iter().filter(|one| !one.curve.is_empty()) { (residuals::curve(one)) }
+    }
+}
+
+fn dependences(side: &str, structure: &Structure, d: &Diagnosis) -> Markup {
+    let unit = |one: &Dependence| {
+        let of_axis = d.error.before.train.axes.iter().find(|axis| Some(&axis.axis) == one.axis.as_ref());
+        of_axis.map_or(d.error.before.train.norm.unit, |axis| axis.unit)
+    };
+    let has_gain = structure.depends_on.iter().any(|one| one.heldout_gain.is_some());
+    html! {
+        table {
+            thead { tr { th { (side) } th { "direction" } th.num { "share" } th.num { "chance" } @if has_gain { th.num { "gain as a fitted term" } } } }
+            tbody {
+                @for one in structure.depends_on.iter().take(8) {
+                    tr {
+                        td { (one) }
+                        td { @if let Some(frame) = one.frame { "of the " (frame_name_of(frame)) } @else if let Some(axis) = &one.axis { (axis) } }
+                        td.num { (format!("{:.0} %", 100.0 * one.share)) }
+                        td.num { (one.p.map_or("–".into(), chance)) }
+                        @if has_gain { td.num { (one.heldout_gain.map_or("–".into(), |gain| with_unit(gain, unit(one)))) } }
+                    }
+                }
+                @if structure.depends_on.is_empty() { tr { td colspan="4" { "nothing that was measured" } } }
+            }
+        }
+    }
+}
+
+/// What was tried, step by step, the best of each step.
+fn selection_path(path: &[SelectionStep], unit: &'static str) -> Markup {
+    let worst = path.iter().map(|tried| tried.without).fold(f64::MIN_POSITIVE, f64::max);
+    let steps: BTreeSet<usize> = path.iter().map(|tried| tried.step).collect();
     html! {
         @for (number, step) in steps.iter().enumerate() {
-            @let tried: Vec<&Rung> = rungs.iter().filter(|rung| rung.step == *step).collect();
-            h4 { "step " (number + 1) ", " (tried.len()) " tried; without any " (tried.first().map_or(String::new(), |r| shown(r.without))) }
+            @let tried: Vec<&SelectionStep> = path.iter().filter(|tried| tried.step == *step).collect();
+            h4 { "step " (number + 1) ", " (tried.len()) " tried; without any " (tried.first().map_or(String::new(), |first| with_unit(first.without, unit))) }
             table.ladder {
-                @for rung in tried.iter().take(8) {
-                    tr.kept[rung.kept] {
-                        td { (rung.law) }
-                        td { (rung.place) }
-                        td.num { (shown(rung.cross_validated)) }
-                        td.bar { div style={ "width:" (format!("{:.1}", 100.0 * (rung.cross_validated / worst).min(1.0))) "%" } {} }
-                        td.num { @if rung.kept { "kept" } @else { "p " (chance(rung.p)) } }
+                @for tried in tried.iter().take(8) {
+                    tr.kept[tried.kept] {
+                        td { (tried.law) }
+                        td { (tried.place) }
+                        td.num { (with_unit(tried.cross_validated, unit)) }
+                        td.bar { div style={ "width:" (format!("{:.1}", 100.0 * (tried.cross_validated / worst).min(1.0))) "%" } {} }
+                        td.num { @if tried.kept { "kept" } @else { "p " (chance(tried.p)) } }
                     }
                 }
             }
@@ -185,22 +215,33 @@ pub(super) fn ladder(rungs: &[Rung], shown: &dyn Fn(f64) -> String) -> Markup {
 }
 
 /// A value in the unit that a person reads.
-fn shown(parameter: &Parameter, value: f64) -> String {
-    match parameter.unit {
-        "m" => mm(value),
+fn shown(of: &Value, value: f64) -> String {
+    match &of.unit[..] {
+        "m" => with_unit(value, "m"),
+        "rad" => with_unit(value, "rad"),
         "m/N" => format!("{:.3} µm/N", value * 1e6),
         "1/K" => format!("{:.2} µm/(m·K)", value * 1e6),
         "1" => format!("{value:.4}"),
-        unit => format!("{value:.4e} {unit}"),
+        unit => format!("{} {unit}", short(value)),
+    }
+}
+
+/// A number with its unit as people read it.
+pub(super) fn with_unit(value: f64, unit: &'static str) -> String {
+    match readable(&Number { value, unit }) {
+        (value, "mm") => format!("{value:.3} mm"),
+        (value, "°") => format!("{value:.4}°"),
+        (value, unit) => format!("{} {unit}", short(value)),
     }
 }
 
 pub(super) fn mm(length_m: f64) -> String {
-    format!("{:.3} mm", length_m * 1e3)
+    with_unit(length_m, "m")
 }
 
-fn degrees(angle_rad: f64) -> String {
-    format!("{:.4}°", angle_rad.to_degrees())
+/// Three decimals, or as many digits.
+pub(super) fn short(value: f64) -> String {
+    if value == 0.0 || (1e-2..1e5).contains(&value.abs()) { format!("{value:.3}") } else { format!("{value:.3e}") }
 }
 
 fn chance(p: f64) -> String {

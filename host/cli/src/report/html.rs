@@ -24,7 +24,7 @@ pub fn page(report: &LoopReport) -> Markup {
 fn head(report: &LoopReport) -> Markup {
     html! {
         header {
-            h1 { "Once round the loop" }
+            h1 { "Calibration report" }
             p.sub { (report.arm) " · " (report.board) " · seed " (report.seed) " · " (format!("{:.0} s", report.time_s)) }
             p.lead { @for sentence in report.diagnosis.plain.iter().take(3) { (sentence) " " } }
         }
@@ -35,8 +35,8 @@ fn head(report: &LoopReport) -> Markup {
 fn figures(report: &LoopReport) -> Markup {
     let (error_m, _) = report.synthesis.largest();
     let diagnosis = &report.diagnosis;
-    let heldout = diagnosis.error.after.unseen();
-    let ratio = diagnosis.repeatability.as_ref().map(|r| heldout.distance_m / r.distance_m);
+    let heldout = diagnosis.error.after.held_out_or_train();
+    let ratio = diagnosis.repeatability.as_ref().map(|r| heldout.norm.value / r.norm.value);
     html! {
         div.cards {
             (card("synthesis error", &power(error_m, "m"), "largest of the desired frames", error_m <= 1e-9))
@@ -54,7 +54,7 @@ fn figures(report: &LoopReport) -> Markup {
 fn verdict_card(report: &LoopReport) -> Markup {
     let diagnosis = &report.diagnosis;
     let (value, note) = match &diagnosis.effects[..] {
-        [first, ..] => (first.law.to_string(), first.place_name.clone()),
+        [first, ..] => (first.law.to_string(), first.site.name.clone()),
         [] => (diagnosis.verdict.to_string(), "nothing is named".to_string()),
     };
     let right = report.named_rightly().unwrap_or(diagnosis.verdict != Verdict::UnexplainedStructure);
@@ -168,7 +168,7 @@ fn closing(report: &LoopReport) -> Markup {
             h2 { "Closing the loop" }
             @for closure in &report.closures { (closure_table(closure)) }
             @if !report.stops.is_empty() {
-                h3 { "What a person turns" }
+                h3 { "Adjustments" }
                 table {
                     thead { tr { th { "part" } th.num { "from" } th.num { "to" } th { "turn" } } }
                     tbody {

@@ -3,13 +3,13 @@
 //!
 //! Everything is drawn from one plain value, [`LoopReport`]; nothing is computed on the way.
 
-mod channels;
 pub mod density;
 mod diagnosis;
 mod drawing;
 mod html;
 mod motion;
 mod plots;
+mod residuals;
 mod skeleton;
 mod terminal;
 
@@ -19,9 +19,9 @@ use std::path::Path;
 use darm_core::se::Pose;
 use serde::Serialize;
 
-pub use channels::channels_page;
 use darm_arm::arm::frames::DesiredFrame;
 use darm_arm::arm::{Arm, ArmScratch};
+use darm_diagnose::effect::part_of;
 use darm_diagnose::outcome::Diagnosis;
 use darm_diagnose::truth::Sealed;
 pub use diagnosis::diagnosis_page;
@@ -199,7 +199,7 @@ impl LoopReport {
         let truth = self.truth.as_ref()?;
         Some(match &self.diagnosis.effects[..] {
             [] => truth.effect == "none",
-            [one] => one.law == truth.effect && part(&one.place) == part(&truth.place),
+            [one] => one.law.as_str() == truth.effect && part_of(&one.site.code) == part_of(&truth.place),
             _ => false,
         })
     }
@@ -210,11 +210,6 @@ impl LoopReport {
         std::fs::write(folder.join("report.html"), page(self).into_string())?;
         std::fs::write(folder.join("report.json"), serde_json::to_string_pretty(self)?)
     }
-}
-
-/// A place without the end of the part: `actuator 4` of `actuator 4, base anchor`.
-fn part(place: &str) -> &str {
-    place.split(',').next().unwrap_or_default()
 }
 
 impl Drawing {

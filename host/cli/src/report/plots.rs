@@ -8,7 +8,7 @@ use plotters::prelude::{
 };
 use plotters::style::{IntoFont, ShapeStyle, TextStyle};
 
-use darm_diagnose::outcome::{Diagnosis, Point};
+use darm_diagnose::outcome::{Diagnosis, Point, Visit};
 
 const BEFORE: RGBColor = RGBColor(0xd1, 0x5b, 0x2c);
 const AFTER: RGBColor = RGBColor(0x1f, 0x6f, 0x8b);
@@ -23,15 +23,17 @@ const NARROW: (u32, u32) = (450, 250);
 
 /// Error of each word before and after, the worst first; held-out words are filled.
 pub(super) fn by_word(diagnosis: &Diagnosis) -> Markup {
-    let mut words: BTreeMap<&str, Vec<&Point>> = BTreeMap::new();
-    for point in &diagnosis.points {
-        words.entry(&point.word).or_default().push(point);
+    let mut words: BTreeMap<&str, (Vec<&Visit>, bool)> = BTreeMap::new();
+    for (point, visit) in visits(diagnosis) {
+        let (of_word, held_out) = words.entry(&visit.word).or_default();
+        of_word.push(visit);
+        *held_out = point.held_out;
     }
-    let rms = |points: &[&Point], of: fn(&Point) -> f64| {
-        1e3 * (points.iter().map(|p| of(p).powi(2)).sum::<f64>() / points.len() as f64).sqrt()
+    let rms = |visits: &[&Visit], of: fn(&Visit) -> f64| {
+        1e3 * (visits.iter().map(|visit| of(visit).powi(2)).sum::<f64>() / visits.len() as f64).sqrt()
     };
     let mut rows: Vec<(f64, f64, bool)> =
-        words.values().map(|p| (rms(p, |p| p.before_m), rms(p, |p| p.after_m), p[0].held_out)).collect();
+        words.values().map(|(of, held_out)| (rms(of, |v| v.before_m), rms(of, |v| v.after_m), *held_out)).collect();
     rows.sort_by(|a, b| b.0.total_cmp(&a.0));
     let series = |of: fn(&(f64, f64, bool)) -> f64| -> Vec<Mark> {
         rows.iter().enumerate().map(|(k, row)| Mark { x: k as f64 + 0.5, y: of(row), filled: row.2 }).collect()
@@ -43,21 +45,23 @@ pub(super) fn by_word(diagnosis: &Diagnosis) -> Markup {
         x_numbers: false,
         before: series(|row| row.0),
         after: series(|row| row.1),
-        noise_mm: diagnosis.repeatability.as_ref().map(|r| r.distance_m * 1e3),
+        noise_mm: diagnosis.repeatability.as_ref().map(|r| r.norm.value * 1e3),
     };
     plot.draw()
 }
 
 /// Error over one quantity; `None` where it was not measured or does not change.
-pub(super) fn over(diagnosis: &Diagnosis, name: &str, of: &dyn Fn(&Point) -> Option<f64>) -> Option<Markup> {
-    let xs: Vec<f64> = diagnosis.points.iter().filter_map(of).collect();
+pub(super) fn over(diagnosis: &Diagnosis, name: &str, of: &dyn Fn(&Point, &Visit) -> Option<f64>) -> Option<Markup> {
+    let xs: Vec<f64> = visits(diagnosis).filter_map(|(point, visit)| of(point, visit)).collect();
     let (low, high) = xs.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
     if xs.is_empty() || high - low <= 1e-9 {
         return None;
     }
-    let marks = |error: fn(&Point) -> f64| -> Vec<Mark> {
-        let mark = |p: &Point| Some(Mark { x: of(p)?, y: 1e3 * error(p), filled: p.held_out });
-        diagnosis.points.iter().filter_map(mark).collect()
+    let marks = |error: fn(&Visit) -> f64| -> Vec<Mark> {
+        let mark = |(point, visit): (&Point, &Visit)| {
+            Some(Mark { x: of(point, visit)?, y: 1e3 * error(visit), filled: point.held_out })
+        };
+        visits(diagnosis).filter_map(mark).collect()
     };
     let margin = 0.03 * (high - low);
     let plot = Plot {
@@ -65,11 +69,16 @@ pub(super) fn over(diagnosis: &Diagnosis, name: &str, of: &dyn Fn(&Point) -> Opt
         x: name,
         x_range: low - margin..high + margin,
         x_numbers: true,
-        before: marks(|p| p.before_m),
-        after: marks(|p| p.after_m),
-        noise_mm: diagnosis.repeatability.as_ref().map(|r| r.distance_m * 1e3),
+        before: marks(|visit| visit.before_m),
+        after: marks(|visit| visit.after_m),
+        noise_mm: diagnosis.repeatability.as_ref().map(|r| r.norm.value * 1e3),
     };
     Some(plot.draw())
+}
+
+/// The points that are visits of an arm.
+fn visits(diagnosis: &Diagnosis) -> impl Iterator<Item = (&Point, &Visit)> {
+    diagnosis.points.iter().filter_map(|point| Some((point, point.visit.as_ref()?)))
 }
 
 struct Mark {

@@ -53,11 +53,17 @@ fn diagnosis(report: &LoopReport, row: &mut impl FnMut(&str, String)) {
     row("verdict", diagnosis.verdict.to_string());
     for effect in &diagnosis.effects {
         let values: Vec<String> = effect
-            .parameters
+            .values
             .iter()
-            .map(|p| format!("{} {:.4e} {} [{:.4e}, {:.4e}]", p.name, p.value, p.unit, p.ci95[0], p.ci95[1]))
+            .map(|v| {
+                let interval = v.ci95.map_or(String::new(), |[low, high]| format!(" [{low:.4e}, {high:.4e}]"));
+                format!("{} {:.4e} {}{interval}", v.name, v.value, v.unit)
+            })
             .collect();
-        row("  effect", format!("{} at {} ({}): {}", effect.law, effect.place, effect.place_name, values.join(", ")));
+        row(
+            "  effect",
+            format!("{} at {} ({}): {}", effect.law, effect.site.code, effect.site.name, values.join(", ")),
+        );
     }
     if let Some(truth) = &report.truth {
         let right = match report.named_rightly() {
@@ -70,13 +76,13 @@ fn diagnosis(report: &LoopReport, row: &mut impl FnMut(&str, String)) {
     }
     if let (Some(before), Some(after)) = (&diagnosis.error.before.heldout, &diagnosis.error.after.heldout) {
         let repeats = diagnosis.repeatability.as_ref().map_or(String::new(), |r| {
-            let ratio = after.distance_m / r.distance_m;
-            format!(", repeatability {} ({ratio:.2} x)", mm(r.distance_m))
+            let ratio = after.norm.value / r.norm.value;
+            format!(", repeatability {} ({ratio:.2} x)", mm(r.norm.value))
         });
-        row("  held-out error", format!("{} -> {}{repeats}", mm(before.distance_m), mm(after.distance_m)));
+        row("  held-out error", format!("{} -> {}{repeats}", mm(before.norm.value), mm(after.norm.value)));
     }
     if diagnosis.verdict == Verdict::NotIdentifiable {
-        let all: Vec<String> = diagnosis.alternatives.iter().map(|a| format!("{} at {}", a.law, a.place)).collect();
+        let all: Vec<String> = diagnosis.alternatives.iter().map(|a| format!("{} at {}", a.law, a.site.code)).collect();
         row("  it may be", all.join("; "));
     }
 }

@@ -19,7 +19,7 @@ fn report() -> LoopReport {
     let truth = Truth::draw(&found.arm, &desired, 4, Some(Kind::StrokeLoss)).unwrap();
     let steps = plan(&found.arm, &measurement_plan::Options::default());
     let run = truth.measure(&steps, 0.0, 4).unwrap();
-    let diagnosis = diagnose(&found.arm, &run, &Options::default()).unwrap();
+    let diagnosis = diagnose(&found.arm, &run, &Options::default()).unwrap().diagnosis;
     let closed = |frame: &frames::DesiredFrame| ClosedFrame {
         name: frame.name.clone(),
         word_before: frame.word.to_string(),
@@ -96,7 +96,7 @@ fn page_and_json_tell_the_same() {
     assert_eq!(report.named_rightly(), Some(true));
     assert_eq!(json["diagnosis"]["verdict"], "effect-found");
     assert_eq!(json["diagnosis"]["effects"][0]["law"], "stroke-loss");
-    let after_mm = json["diagnosis"]["error"]["after"]["heldout"]["distance_m"].as_f64().unwrap() * 1e3;
+    let after_mm = json["diagnosis"]["error"]["after"]["heldout"]["norm"]["value"].as_f64().unwrap() * 1e3;
     assert!(page.contains(&format!("{after_mm:.3} mm")), "{after_mm}");
     assert_eq!(page.matches("<svg").count(), page.matches("</svg>").count());
     assert!(!page.contains("http://") || page.matches("http://").count() == page.matches("http://www.w3.org").count());

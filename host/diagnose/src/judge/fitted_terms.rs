@@ -3,70 +3,69 @@
 use darm_core::effect::Effect;
 use darm_core::effect::fitted_term::{FittedTerm, Frame};
 
-use crate::judge::structure::{Dependence, Structure};
+use crate::outcome::{Dependence, Structure};
 use crate::prepare::observations::NoPose;
-use crate::select::forward::Search;
-use crate::select::problem::{Kind as _, Trial};
+use crate::select::problem::{RegressionProblem as _, Trial};
 use crate::select::significance::DISCOVERY_LEVEL;
-use crate::select::tool_pose::ToolPose;
+use crate::select::tool_pose::ToolPoses;
 
 /// A model with fitted terms.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WithTerms {
     /// All its effects.
     pub effects: Vec<Effect<f64>>,
-    /// Its error on rows that no fit saw, as a distance d, m.
-    pub unseen_m: f64,
+    /// Its held-out error as a distance d, m.
+    pub held_out_m: f64,
 }
 
 impl WithTerms {
     /// As a fit left it.
-    pub(crate) fn of(search: &mut Search<ToolPose>, trial: &Trial<ToolPose>) -> Result<Self, NoPose> {
+    pub(crate) fn of(problem: &ToolPoses, trial: &Trial<ToolPoses>) -> Result<Self, NoPose> {
         let effects = trial.fit.model.effects.iter().copied().collect();
-        Ok(Self { effects, unseen_m: search.kind.unseen_m(trial)? })
+        Ok(Self { effects, held_out_m: problem.held_out_m(trial)? })
     }
 }
 
-/// A model with what remains of it as fitted terms, until nothing remains that may be kept; `structure` is what there is
-/// before, and `look` finds it. `None` where no term is worth it.
-pub(crate) fn kept(
-    search: &mut Search<ToolPose>,
-    base: &Trial<ToolPose>,
-    structure: &mut Structure,
-    look: impl Fn(&Search<ToolPose>, &Trial<ToolPose>) -> Structure,
-) -> Result<Option<Trial<ToolPose>>, NoPose> {
-    let mut before = search.kind.n_effects(&base.fit);
-    let mut with = added(search, base, &mut structure.depends_on)?;
-    let any = search.kind.n_effects(&with.fit) > before;
-    while search.kind.n_effects(&with.fit) > before {
-        before = search.kind.n_effects(&with.fit);
-        let mut left = look(search, &with).depends_on;
-        with = added(search, &with, &mut left)?;
-    }
-    Ok(any.then_some(with))
-}
-
-/// A model with a term of each dependence that predicts unseen rows better than by chance; what that gains is told beside
-/// the dependence.
-fn added(
-    search: &mut Search<ToolPose>,
-    base: &Trial<ToolPose>,
+/// A model with what remains of it as fitted terms, until nothing remains that may be kept; `depends_on` is what there is
+/// before, with what each term gains put in, and `structure` finds it. `None` where no term is worth it.
+pub(crate) fn with_terms(
+    problem: &ToolPoses,
+    base: &Trial<ToolPoses>,
     depends_on: &mut [Dependence],
-) -> Result<Trial<ToolPose>, NoPose> {
+    structure: impl Fn(&Trial<ToolPoses>) -> Structure,
+) -> Result<Option<Trial<ToolPoses>>, NoPose> {
+    let n_effects = |trial: &Trial<ToolPoses>| problem.n_effects(&trial.fit);
+    let mut before = n_effects(base);
+    let mut with = add_terms(problem, base, depends_on)?;
+    let is_any = n_effects(&with) > before;
+    while n_effects(&with) > before {
+        before = n_effects(&with);
+        with = add_terms(problem, &with, &mut structure(&with).depends_on)?;
+    }
+    Ok(is_any.then_some(with))
+}
+
+/// A model with a term of each dependence that predicts unseen rows better than by chance; what that gains is noted at the
+/// dependence.
+fn add_terms(
+    problem: &ToolPoses,
+    base: &Trial<ToolPoses>,
+    depends_on: &mut [Dependence],
+) -> Result<Trial<ToolPoses>, NoPose> {
     let (mut with, n_tried) = (base.clone(), depends_on.len() as f64);
-    let mut unseen_m = search.kind.unseen_m(base)?;
-    for dependence in depends_on.iter_mut().filter(|dependence| !dependence.kept.is_empty()) {
-        let frame = if dependence.frame == "base" { Frame::Base } else { Frame::Tool };
+    let mut held_out_m = problem.held_out_m(base)?;
+    for dependence in depends_on.iter_mut().filter(|dependence| !dependence.terms.is_empty()) {
+        let frame = dependence.frame.unwrap_or(Frame::Tool);
         let mut model = with.fit.model.clone();
-        let terms = dependence.kept.iter().map(|&(of, square)| FittedTerm { of, square, frame, values: [0.0; 6] });
-        let room = terms.map(|term| model.effects.push(term.into())).all(|pushed| pushed.is_ok());
+        let terms = dependence.terms.iter().map(|&(of, square)| FittedTerm { of, square, frame, values: [0.0; 6] });
+        let has_room = terms.map(|term| model.effects.push(term.into())).all(|pushed| pushed.is_ok());
         // A term that leaves the arm without a pose somewhere is not the one.
-        let Some(trial) = room.then(|| search.kind.fitted(&model).ok()).flatten() else { continue };
-        let found = search.kind.fall(&with, &trial).p * n_tried < DISCOVERY_LEVEL;
-        if found && search.kind.confirmed(&with, &trial)? {
-            let left_m = search.kind.unseen_m(&trial)?;
-            dependence.heldout_gain_m = Some(unseen_m - left_m);
-            (with, unseen_m) = (trial, left_m);
+        let Some(trial) = has_room.then(|| problem.fitted(&model).ok()).flatten() else { continue };
+        let found = problem.loss_reduction(&with, &trial).p * n_tried < DISCOVERY_LEVEL;
+        if found && problem.confirmed(&with, &trial)? {
+            let left_m = problem.held_out_m(&trial)?;
+            dependence.heldout_gain = Some(held_out_m - left_m);
+            (with, held_out_m) = (trial, left_m);
         }
     }
     Ok(with)

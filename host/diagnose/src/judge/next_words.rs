@@ -3,19 +3,19 @@
 use darm_core::units::Word;
 use nalgebra::DMatrix;
 
-use crate::diagnosis::Options;
-use crate::linearise::arm_candidates::{all, place_code, same};
+use crate::effect::{Place, law_named};
+use crate::judge::poses::Selected;
+use crate::linearise::arm_candidates::{all, same};
 use crate::linearise::sensitivity::Sensitivity;
 use crate::measurement::Run;
 use crate::measurement_plan::optimal_design::most_informative;
 use crate::measurement_plan::{Step, as_run, candidates};
 use crate::outcome::{Alternative, NextMeasurement};
 use crate::prepare::observations::{NoPose, Observations, Value};
-use crate::select::forward::Search;
 use crate::select::problem::Trial;
 use crate::select::robust_fit::{condition_of, fit, normal, pseudo_inverse, weights};
-use crate::select::tool_pose::{ToolPose, values};
-use darm_arm::arm::{Arm, ArmModel, ZERO_CELSIUS};
+use crate::select::tool_pose::{ToolPoses, values};
+use darm_arm::arm::{Arm, ArmModel, ArmScratch, ZERO_CELSIUS};
 
 /// Explanations can be told apart when the information about all their values together, each scaled to its own, has no
 /// larger condition number than this.
@@ -23,37 +23,45 @@ const LARGEST_CONDITION: f64 = 1e4;
 /// A direction that is not told at all counts as known to this share: finite, but least of all.
 const FLOOR: f64 = 1e-8;
 
+/// How a measurement is proposed.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Proposal {
+    /// Of the words that compete.
+    pub(crate) seed: u64,
+    /// How many words are proposed.
+    pub(crate) words: usize,
+}
+
 /// Where an arm is measured.
 struct Conditions {
     supply: f64,
     temperature_k: f64,
-    told: Option<String>,
+    text: Option<String>,
 }
 
 /// Words that tell the best effects and their alternatives apart, by D-optimality over all their values together: under
 /// the conditions of this run, or where these cannot tell, at another supply or temperature.
 pub(crate) fn proposal(
-    arm: &Arm,
-    run: &Run,
-    search: &mut Search<ToolPose>,
-    best: &Trial<ToolPose>,
+    selected: &Selected,
     alternatives: &[Alternative],
-    options: &Options,
+    how: Proposal,
 ) -> Result<NextMeasurement, NoPose> {
+    let Selected { arm, run, problem, best, .. } = *selected;
+    let mut scratch = ArmScratch::default();
     let model = together(arm, best, alternatives);
-    let fit = fit(&model, &search.kind.training, &values(&model), &mut search.kind.scratch)?;
-    let row_weights = weights(&fit.residuals, search.kind.training.n_axes());
+    let fit = fit(&model, &problem.training, &values(&model), &mut scratch)?;
+    let row_weights = weights(&fit.residuals, problem.training.n_axes());
     let (information, _) = normal(&fit.columns, &fit.residuals, &row_weights);
-    let steps = candidates(arm, options.seed);
+    let steps = candidates(arm, how.seed);
     let mut nearest: Option<(f64, NextMeasurement)> = None;
     for conditions in conditions(arm, run) {
         let run = as_run(arm, &steps, conditions.supply, conditions.temperature_k);
-        let observations = Observations::new(arm, &run, search.kind.training.sigma, |_| true);
-        let sensitivity = Sensitivity::new(&fit.model, &observations, &mut search.kind.scratch)?;
+        let observations = Observations::new(arm, &run, problem.training.sigma, |_| true);
+        let sensitivity = Sensitivity::new(&fit.model, &observations, &mut scratch)?;
         let measurements = measurements(&sensitivity, &observations, &fit.model, &fit.values);
         let floor = DMatrix::from_diagonal(&information.diagonal().map(|d| FLOOR * d.max(f64::MIN_POSITIVE)));
         let covariance = pseudo_inverse(&(&information + floor));
-        let chosen = most_informative(covariance, &measurements, options.next_words);
+        let chosen = most_informative(covariance, &measurements, how.words);
         let after =
             chosen.iter().fold(information.clone(), |sum, &k| sum + measurements[k].transpose() * &measurements[k]);
         let condition = condition_of(&after);
@@ -61,28 +69,27 @@ pub(crate) fn proposal(
         let words = visited(visits).iter().map(Word::to_string).collect();
         if nearest.as_ref().is_none_or(|(least, _)| condition < *least) {
             nearest =
-                Some((condition, NextMeasurement { words, conditions: conditions.told, tells: tells(alternatives) }));
+                Some((condition, NextMeasurement { words, conditions: conditions.text, ..nothing(alternatives) }));
         }
         if condition < LARGEST_CONDITION {
             break;
         }
     }
-    Ok(nearest.map_or_else(
-        || NextMeasurement { words: Vec::new(), conditions: None, tells: tells(alternatives) },
-        |(_, next)| next,
-    ))
+    Ok(nearest.map_or_else(|| nothing(alternatives), |(_, next)| next))
 }
 
-fn tells(alternatives: &[Alternative]) -> String {
-    let names: Vec<String> = alternatives.iter().map(|a| format!("{} at {}", a.law, a.place_name)).collect();
-    format!("apart {}", names.join(" and "))
+/// No words, for these alternatives.
+fn nothing(alternatives: &[Alternative]) -> NextMeasurement {
+    let names: Vec<String> = alternatives.iter().map(|a| format!("{} at {}", a.law, a.site.name)).collect();
+    NextMeasurement { words: Vec::new(), conditions: None, rows: Vec::new(), tells: names.join(" from ") }
 }
 
 /// The best model with all alternatives in it, as many as it holds.
-fn together(arm: &Arm, best: &Trial<ToolPose>, alternatives: &[Alternative]) -> ArmModel {
+fn together(arm: &Arm, best: &Trial<ToolPoses>, alternatives: &[Alternative]) -> ArmModel {
     let mut model = best.fit.model.clone();
     for effect in all(&arm.model) {
-        let meant = alternatives.iter().any(|a| a.law == effect.law().name() && a.place == place_code(&effect));
+        let (law, place) = (law_named(effect.law().name()), Place::of_arm(&effect));
+        let meant = alternatives.iter().any(|a| a.law == law && a.site.place == place);
         let known = model.effects.iter().any(|known| same(known, &effect));
         if meant && !known && model.effects.push(effect).is_err() {
             break;
@@ -98,9 +105,9 @@ fn conditions(arm: &Arm, run: &Run) -> [Conditions; 3] {
     let temperature_k = temperature_c.map_or(arm.model.reference_temperature_k, |celsius| celsius + ZERO_CELSIUS);
     let (less, warmer) = (0.85 * supply, temperature_k + 10.0);
     [
-        Conditions { supply, temperature_k, told: None },
-        Conditions { supply: less, temperature_k, told: Some(format!("at a supply of {:.2} bar", less / 1e5)) },
-        Conditions { supply, temperature_k: warmer, told: Some(format!("at {:.0} °C", warmer - ZERO_CELSIUS)) },
+        Conditions { supply, temperature_k, text: None },
+        Conditions { supply: less, temperature_k, text: Some(format!("at a supply of {:.2} bar", less / 1e5)) },
+        Conditions { supply, temperature_k: warmer, text: Some(format!("at {:.0} °C", warmer - ZERO_CELSIUS)) },
     ]
 }
 

@@ -18,11 +18,6 @@ pub struct Term {
     pub kept: Vec<(Variable<f64>, bool)>,
 }
 
-/// A variable, and how something depends on it where that is not straight: `time (waves)`.
-pub fn in_words(variable: &str, shape: &str) -> String {
-    if shape == "straight" { variable.into() } else { format!("{variable} ({shape})") }
-}
-
 /// A term made ready for regression.
 pub struct Design<'a> {
     /// The term.

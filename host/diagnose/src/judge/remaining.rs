@@ -2,31 +2,31 @@
 //!
 //! A sparse regression over a dictionary: each channel c, c², |c|, sign(c), waves with up to [`WAVES`] periods in its range,
 //! a smooth curve of any form and, of few channels, their products. The term that explains most of an axis for the columns
-//! that it takes (Bayesian information criterion) is told and taken out, then the next, while each is no chance (F test,
+//! that it takes (Bayesian information criterion) is listed and taken out, then the next, while each is no chance (F test,
 //! times the number of terms tried, rows counting as many times as they do not repeat each other). Numbers that stand out
 //! between the rows beside them are drawn in first.
 
 use std::f64::consts::TAU;
 
-use crate::judge::regression::{Design, Term, centred, in_words, of_axis, squares};
+use crate::judge::regression::{Design, Term, centred, of_axis, squares};
 use crate::linearise::experiment::{Axis, Experiment};
 use crate::measurement::median;
-use crate::outcome_signals::Term as Told;
+use crate::outcome::Dependence;
 use crate::select::problem::Trial;
-use crate::select::signals::Channels;
+use crate::select::signals::Signals;
 use crate::select::significance::STRUCTURE_LEVEL;
 
-/// Channels up to which their products are tried.
+/// Signals up to which their products are tried.
 const FEW: usize = 6;
-/// Terms of one axis that are told at most.
-const MOST_TERMS: usize = 4;
+/// Terms of one axis that are listed at most.
+const MAX_TERMS: usize = 4;
 /// Periods of a wave in the range of its channel.
 const WAVES: [&str; 8] = ["1 wave", "2 waves", "3 waves", "4 waves", "5 waves", "6 waves", "7 waves", "8 waves"];
 /// Where the pieces of a curve meet, as shares of the rows below.
 ///
 /// Source: F. E. Harrell, Regression Modeling Strategies, 2nd ed., Springer (2015), table 2.3.
 const KNOTS: [f64; 6] = [0.05, 0.23, 0.41, 0.59, 0.77, 0.95];
-/// Straight pieces of a term as it is told.
+/// Straight pieces of a listed term.
 const PIECES: usize = 128;
 /// Correlation of neighbouring rows from which on a residual is no noise, and how many pairs tell it at least.
 const GOES_ON: f64 = 0.5;
@@ -40,14 +40,14 @@ const STANDS_OUT: f64 = 7.5;
 /// What remains, and how much of what there was before it is.
 pub(crate) struct Remaining {
     /// The terms, axis by axis.
-    pub(crate) terms: Vec<Told>,
+    pub(crate) terms: Vec<Dependence>,
     /// What they take up, as a share of the squares before anything was found, each axis in units of its own scatter.
     pub(crate) share: f64,
 }
 
 /// What the residual of a model depends on.
-pub(crate) fn remaining(kind: &Channels, best: &Trial<Channels>) -> Remaining {
-    let (experiment, rows) = (&kind.experiment, &kind.groups.training);
+pub(crate) fn remaining(problem: &Signals, best: &Trial<Signals>) -> Remaining {
+    let (experiment, rows) = (&problem.experiment, &problem.groups.training);
     let n_axes = experiment.axes.len();
     let after = experiment.at(&best.fit.values);
     let dictionary = dictionary(experiment);
@@ -58,7 +58,7 @@ pub(crate) fn remaining(kind: &Channels, best: &Trial<Channels>) -> Remaining {
         let (own, scatter) = drawn_in(&of_axis(&after, n_axes, axis));
         let in_scatter = |own: &[f64]| squares(own, rows) / (scatter * scatter);
         let whole = in_scatter(&own);
-        let depends = dependences(kind, of, &designs, own);
+        let depends = dependences(problem, of, &designs, own);
         taken += depends.iter().map(|term| term.share).sum::<f64>() * whole;
         before += in_scatter(&drawn_in(&of_axis(&experiment.residuals, n_axes, axis)).0);
         terms.extend(depends);
@@ -67,37 +67,41 @@ pub(crate) fn remaining(kind: &Channels, best: &Trial<Channels>) -> Remaining {
 }
 
 /// The terms of one axis, the strongest first. Rows repeat each other as far as what a term leaves goes on from row to row.
-fn dependences(kind: &Channels, axis: &Axis, designs: &[Design], own: Vec<f64>) -> Vec<Told> {
-    let (experiment, rows) = (&kind.experiment, &kind.groups.training);
+fn dependences(problem: &Signals, axis: &Axis, designs: &[Design], own: Vec<f64>) -> Vec<Dependence> {
+    let (experiment, rows) = (&problem.experiment, &problem.groups.training);
     let n_tried = (designs.len() * experiment.axes.len()) as f64;
     let held_out: Vec<usize> = (0..experiment.rows.len()).filter(|&row| experiment.rows[row].held_out).collect();
     let error = |of: &[f64]| (squares(of, &held_out) / held_out.len() as f64).sqrt();
     let whole = squares(&own, rows).max(f64::MIN_POSITIVE);
     // The terms have no mean over the rows; the first one takes that of the residual with it.
     let mut mean = rows.iter().map(|&row| own[row]).sum::<f64>() / rows.len().max(1) as f64;
-    let (mut told, mut left): (Vec<Told>, _) = (Vec::new(), own);
-    while told.len() < MOST_TERMS {
+    let (mut found, mut left): (Vec<Dependence>, _) = (Vec::new(), own);
+    while found.len() < MAX_TERMS {
         let tried = designs.iter().map(|design| (design, design.take(&left)));
         let Some((design, taken)) = tried.min_by(|a, b| a.1.criterion.total_cmp(&b.1.criterion)) else { break };
         let own = centred(&taken.left, rows);
         let seen: Vec<f64> = rows.iter().map(|&row| own[row]).collect();
-        if taken.p(kind.groups.repeats(&seen, 1)) * n_tried >= STRUCTURE_LEVEL || taken.criterion >= 0.0 {
+        let p = taken.p(problem.groups.autocorrelation_time(&seen, 1)) * n_tried;
+        if p >= STRUCTURE_LEVEL || taken.criterion >= 0.0 {
             break;
         }
         let fitted: Vec<f64> = left.iter().zip(&taken.left).map(|(before, after)| before - after + mean).collect();
         mean = 0.0;
         let channel = experiment.channels.iter().find(|(name, _)| *name == design.term.variable);
-        told.push(Told {
-            axis: axis.name.clone(),
-            term: in_words(&design.term.variable, design.term.shape),
-            channel: channel.map_or(String::new(), |(name, _)| name.clone()),
+        found.push(Dependence {
+            axis: Some(axis.name.clone()),
+            variable: design.term.variable.clone(),
+            shape: design.term.shape,
+            frame: None,
             share: taken.square / whole,
+            p: Some(p),
             heldout_gain: (!held_out.is_empty()).then(|| error(&left) - error(&taken.left)),
             curve: channel.map_or(Vec::new(), |(_, channel)| curve_along(channel, &fitted)),
+            terms: Vec::new(),
         });
         left = taken.left;
     }
-    told
+    found
 }
 
 /// A term against its channel, in rising order.
@@ -123,27 +127,30 @@ fn drawn_in(numbers: &[f64]) -> (Vec<f64>, f64) {
 
 /// Axes whose residual goes on from row to row as noise does not, where no effect and no term was found: something is
 /// missing, of a shape that is not in the dictionary. The share is that of the mean square which the row before foretells.
-pub(crate) fn memory(kind: &Channels, best: &Trial<Channels>) -> Vec<Told> {
-    let (rows, n_axes) = (&kind.experiment.rows, kind.sigma.len());
-    let residuals = kind.training_residuals(&best.fit);
-    let told = |(axis, of): (usize, &Axis)| {
+pub(crate) fn memory(problem: &Signals, best: &Trial<Signals>) -> Vec<Dependence> {
+    let (rows, n_axes) = (&problem.experiment.rows, problem.experiment.axes.len());
+    let residuals = problem.weighted(best).training_residuals(&best.fit);
+    let dependence = |(axis, of): (usize, &Axis)| {
         let own: Vec<f64> = of_axis(&residuals, n_axes, axis).iter().map(|r| r.clamp(-FAR, FAR)).collect();
-        let training = kind.groups.training.windows(2).zip(own.windows(2));
+        let training = problem.groups.training.windows(2).zip(own.windows(2));
         let pairs = training.filter(|(at, _)| at[1] == at[0] + 1 && rows[at[0]].series == rows[at[1]].series);
         let [both, before, after, count] = pairs.fold([0.0; 4], |[both, before, after, count], (_, r)| {
             [both + r[0] * r[1], before + r[0] * r[0], after + r[1] * r[1], count + 1.0]
         });
         let correlation = both / (before * after).sqrt().max(f64::MIN_POSITIVE);
-        (correlation > GOES_ON && count >= LEAST_PAIRS).then(|| Told {
-            axis: of.name.clone(),
-            term: "its own value a row before".into(),
-            channel: String::new(),
+        (correlation > GOES_ON && count >= LEAST_PAIRS).then(|| Dependence {
+            axis: Some(of.name.clone()),
+            variable: "its own value a row before".into(),
+            shape: "straight",
+            frame: None,
             share: correlation.powi(2),
+            p: None,
             heldout_gain: None,
             curve: Vec::new(),
+            terms: Vec::new(),
         })
     };
-    own_axes(&kind.experiment).filter_map(told).collect()
+    own_axes(&problem.experiment).filter_map(dependence).collect()
 }
 
 /// The axes that prove something, with their numbers.

@@ -1,90 +1,41 @@
 //! Is there anything beyond the noise, and what does it depend on?
 //!
 //! A sparse regression over the dictionary of [`dictionary`](crate::judge::pose_dictionary): the term that explains most for the
-//! columns that it takes (Bayesian information criterion) is told and taken out, then the next, while each is no chance (F
+//! columns that it takes (Bayesian information criterion) is listed and taken out, then the next, while each is no chance (F
 //! test on all axes together, times the number of terms). Each is tried in the frame of the tool and in that of the base.
-//! Rows that fit nothing are drawn in first.
+//! Outliers are brought near first.
 
-use std::fmt;
-
-use darm_core::effect::fitted_term::Variable;
-use serde::Serialize;
+use darm_core::effect::fitted_term::Frame;
 
 use crate::judge::pose_dictionary::dictionary;
-use crate::judge::regression::{Design, Term, in_words, of_axis, squares};
+use crate::judge::poses::Selected;
+use crate::judge::regression::{Design, Term, of_axis, squares};
 use crate::measurement::{Run, median};
+use crate::outcome::{Dependence, Structure};
 use crate::prepare::observations::Observations;
-use crate::prepare::repeatability::Noise;
 use crate::select::robust_fit::{size, weights};
 use crate::select::significance::{STRUCTURE_LEVEL, f_test};
 use darm_arm::arm::Arm;
 
-/// Terms that are told at most.
-const MOST_TERMS: usize = 4;
-
-/// What there is beyond the noise.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Structure {
-    /// Mean square of the residual over that of repeats; `None` without repeats.
-    pub ratio: Option<f64>,
-    /// Chance that this is noise; `None` without repeats.
-    pub p: Option<f64>,
-    /// Whether there is more than noise.
-    pub beyond_noise: bool,
-    /// What the residual depends on, each beside those before it, the strongest first.
-    pub depends_on: Vec<Dependence>,
-}
-
-/// A variable that the residual depends on.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Dependence {
-    /// The variable.
-    pub variable: String,
-    /// How: `straight`, `square`, `waves`, `step`, `together`, `each word by itself`.
-    pub shape: &'static str,
-    /// Whether the residual depends on it as told in the frame of the tool, or in that of the base.
-    pub frame: &'static str,
-    /// Share of the residual's mean square that it takes up.
-    pub share: f64,
-    /// Chance of such a share where there is none, times the number of terms tried.
-    pub p: f64,
-    /// By how much the error on unseen rows falls, as a distance d, m, when it is kept as a fitted term; `None` where it
-    /// is not worth it, or does not come again.
-    pub heldout_gain_m: Option<f64>,
-    /// What a model may keep of it.
-    #[serde(skip)]
-    pub(crate) kept: Vec<(Variable<f64>, bool)>,
-}
-
-impl fmt::Display for Dependence {
-    /// The variable, and how where it is not straight: `time (waves)`.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&in_words(&self.variable, self.shape))
-    }
-}
+/// Terms that are listed at most.
+const MAX_TERMS: usize = 4;
 
 /// The structure in the residuals of some rows, after `fitted` values were fitted to them.
-pub fn structure(
-    arm: &Arm,
-    run: &Run,
-    observations: &Observations,
-    residuals: &[f64],
-    fitted: usize,
-    noise: Option<&Noise>,
-) -> Structure {
+pub(crate) fn structure(selected: &Selected, residuals: &[f64], fitted: usize) -> Structure {
+    let (observations, noise) = (&selected.problem.training, selected.repeats);
     let n_axes = observations.n_axes();
     let drawn_in = drawn_in(residuals, n_axes);
     let dof = drawn_in.len().saturating_sub(fitted);
     let ratio = drawn_in.iter().map(|r| r * r).sum::<f64>() / dof.max(1) as f64;
     let p = noise.map(|noise| f_test(ratio, dof, noise.dof * n_axes));
-    let depends_on = dependences(arm, run, observations, &drawn_in_by_own(residuals, n_axes));
+    let depends_on = dependences(selected.arm, selected.run, observations, &huberized(residuals, n_axes));
     let beyond_noise = p.is_some_and(|p| p < STRUCTURE_LEVEL) || !depends_on.is_empty();
     Structure { ratio: noise.map(|_| ratio), p, beyond_noise, depends_on }
 }
 
 /// The residuals with those brought near that are far off among themselves: a residual much larger than the noise keeps its
 /// shape.
-fn drawn_in_by_own(residuals: &[f64], n_axes: usize) -> Vec<f64> {
+fn huberized(residuals: &[f64], n_axes: usize) -> Vec<f64> {
     let usual = median(residuals.chunks(n_axes).map(size)).unwrap_or(1.0) / (n_axes as f64).sqrt();
     let scale = usual.max(1.0);
     let scaled: Vec<f64> = residuals.iter().map(|r| r / scale).collect();
@@ -105,22 +56,32 @@ fn dependences(arm: &Arm, run: &Run, observations: &Observations, residuals: &[f
     let n_axes = observations.n_axes();
     let of_axes = (0..n_axes).map(|axis| squares(&of_axis(residuals, n_axes, axis), &rows));
     let whole = of_axes.sum::<f64>().max(f64::MIN_POSITIVE);
-    let mut told: Vec<Dependence> = Vec::new();
+    let mut found: Vec<Dependence> = Vec::new();
     let mut left = residuals.to_vec();
-    while told.len() < MOST_TERMS {
+    while found.len() < MAX_TERMS {
         let turned = observations.in_base(&left);
         let tried = designs.iter().flat_map(|design| {
-            [("tool", &left), ("base", &turned)].map(|(frame, rows)| (frame, design, design.take(rows)))
+            [(Frame::Tool, &left), (Frame::Base, &turned)].map(|(frame, rows)| (frame, design, design.take(rows)))
         });
         let Some((frame, design, taken)) = tried.min_by(|a, b| a.2.criterion.total_cmp(&b.2.criterion)) else { break };
         let p = (taken.p(1.0) * n_tried).min(1.0);
         if p >= STRUCTURE_LEVEL || taken.criterion >= 0.0 {
             break;
         }
-        left = if frame == "base" { observations.in_tool(&taken.left) } else { taken.left };
+        left = if frame == Frame::Base { observations.in_tool(&taken.left) } else { taken.left };
         let Term { variable, shape, kept, .. } = design.term;
         let (variable, share, kept) = (variable.clone(), taken.square / whole, kept.clone());
-        told.push(Dependence { variable, shape, frame, share, p, heldout_gain_m: None, kept });
+        found.push(Dependence {
+            axis: None,
+            variable,
+            shape,
+            frame: Some(frame),
+            share,
+            p: Some(p),
+            heldout_gain: None,
+            curve: Vec::new(),
+            terms: kept,
+        });
     }
-    told
+    found
 }

@@ -14,13 +14,14 @@ use darm_core::effect::stroke_loss::StrokeLoss;
 use darm_core::effect::supply_stroke::SupplyStroke;
 use darm_core::effect::thermal_growth::ThermalGrowth;
 use darm_core::effect::wear::Wear;
-use darm_core::effect::{Effect, Place};
+use darm_core::effect::{Effect, Place as Part};
 use darm_core::real::Vec3;
 
+use crate::effect::{Place, Site};
 use darm_arm::arm::{Arm, ArmModel};
 
 /// Laws that act on an actuator, on a module or on the whole arm.
-const ANYWHERE: [fn(Place) -> Effect<f64>; 5] = [
+const ANYWHERE: [fn(Part) -> Effect<f64>; 5] = [
     |at| GravitySag { at, compliance_m_per_n: 0.0 }.into(),
     |at| Play { at, width_m: 0.0 }.into(),
     |at| SupplyStroke { at, gain: 0.0 }.into(),
@@ -34,7 +35,7 @@ pub fn all(model: &ArmModel) -> Vec<Effect<f64>> {
     let everywhere = places(model);
     let mut effects: Vec<Effect<f64>> =
         ANYWHERE.iter().flat_map(|law| everywhere.iter().map(|&place| law(place))).collect();
-    let together = everywhere.iter().filter(|place| !matches!(place, Place::Actuator(_)));
+    let together = everywhere.iter().filter(|place| !matches!(place, Part::Actuator(_)));
     effects.extend(together.map(|&at| Effect::from(Crowding { at, values: [0.0; 2] })));
     effects.extend([Frame::Base, Frame::Tool].map(|frame| Effect::from(FrameOffset { frame, values: [0.0; 6] })));
     effects.push(Scale { stretch: 0.0 }.into());
@@ -55,25 +56,25 @@ pub fn all(model: &ArmModel) -> Vec<Effect<f64>> {
 }
 
 /// The arm, its modules and its actuators; what has one actuator only is named once.
-fn places(model: &ArmModel) -> Vec<Place> {
+fn places(model: &ArmModel) -> Vec<Part> {
     let stages = model.chain.stages.iter().enumerate();
     let modules: Vec<u8> = stages.filter(|(_, stage)| stage.n_actuators() > 1).map(|(k, _)| k as u8).collect();
     let n_actuators = model.chain.n_actuators();
-    let mut places: Vec<Place> = (0..n_actuators as u8).map(Place::Actuator).collect();
+    let mut places: Vec<Part> = (0..n_actuators as u8).map(Part::Actuator).collect();
     if modules.len() > 1
         || modules.len() == 1 && model.chain.n_actuators() > model.chain.stages[modules[0] as usize].n_actuators()
     {
-        places.extend(modules.into_iter().map(Place::Module));
+        places.extend(modules.into_iter().map(Part::Module));
     }
     if n_actuators > 1 {
-        places.push(Place::Arm);
+        places.push(Part::Arm);
     }
     places
 }
 
 /// Whether two effects are the same law at the same place, whatever their values and moments.
 pub fn same(a: &Effect<f64>, b: &Effect<f64>) -> bool {
-    a.law().name() == b.law().name() && place_code(a) == place_code(b)
+    a.law().name() == b.law().name() && Place::of_arm(a) == Place::of_arm(b)
 }
 
 /// Where an effect acts, as short as it can be told exactly: `actuator 4, state 1`.
@@ -90,18 +91,18 @@ pub fn place_code(effect: &Effect<f64>) -> String {
         _ => String::new(),
     };
     match effect.law().place() {
-        Place::Actuator(actuator) => format!("actuator {actuator}{part}"),
-        Place::Module(module) => format!("module {module}"),
-        Place::Arm => "arm".into(),
-        Place::Servo(servo) => format!("servo {servo}"),
-        Place::Base => "base".into(),
-        Place::Tool => format!("tool{part}"),
-        Place::Camera => "camera".into(),
+        Part::Actuator(actuator) => format!("actuator {actuator}{part}"),
+        Part::Module(module) => format!("module {module}"),
+        Part::Arm => "arm".into(),
+        Part::Servo(servo) => format!("servo {servo}"),
+        Part::Base => "base".into(),
+        Part::Tool => format!("tool{part}"),
+        Part::Camera => "camera".into(),
     }
 }
 
-/// What a fitted term goes along, as a person would call it: `the square of temperature`.
-pub fn along_name(arm: &Arm, term: &FittedTerm<f64>) -> String {
+/// The variable of a fitted term, as a person would call it: `the square of temperature`.
+pub fn term_name(arm: &Arm, term: &FittedTerm<f64>) -> String {
     along(term, &|actuator| arm.actuator_name(actuator.into()), &|servo| format!("servo {}", servo + 1))
 }
 
@@ -121,12 +122,17 @@ fn along(term: &FittedTerm<f64>, actuator: &dyn Fn(u8) -> String, servo: &dyn Fn
 /// Where an effect acts, as a person would call it.
 pub fn place_name(arm: &Arm, effect: &Effect<f64>) -> String {
     match effect.law().place() {
-        Place::Actuator(actuator) => arm.actuator_name(actuator.into()),
-        Place::Module(module) => arm.stage_name(module.into()),
-        Place::Arm => "the whole arm".into(),
-        Place::Servo(servo) => format!("servo {}", servo + 1),
-        Place::Base => "the base".into(),
-        Place::Tool => "the tool".into(),
-        Place::Camera => "the camera".into(),
+        Part::Actuator(actuator) => arm.actuator_name(actuator.into()),
+        Part::Module(module) => arm.stage_name(module.into()),
+        Part::Arm => "the whole arm".into(),
+        Part::Servo(servo) => format!("servo {}", servo + 1),
+        Part::Base => "the base".into(),
+        Part::Tool => "the tool".into(),
+        Part::Camera => "the camera".into(),
     }
+}
+
+/// Where an effect acts, with its names.
+pub fn site(arm: &Arm, effect: &Effect<f64>) -> Site {
+    Site { place: Place::of_arm(effect), code: place_code(effect), name: place_name(arm, effect) }
 }

@@ -1,5 +1,7 @@
 //! One measured experiment in numbers: residuals of the model as it is, and how each effect that may be missing moves them.
 
+use crate::effect::{Law, Site};
+use crate::prepare::groups::Row;
 use crate::prepare::signals::Prepared;
 
 /// What one axis of a residual is.
@@ -12,23 +14,6 @@ pub struct Axis {
     /// Of an axis whose rows repeat each other, its noise as so many times that of the axes of the norm; it is fitted, and
     /// proves nothing by itself. `None`: each row is one of its own, and the residuals tell the noise.
     pub noise_if_repeated: Option<f64>,
-}
-
-/// One row of the measurement.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row {
-    /// Line of the file, the header being 1.
-    pub line: usize,
-    /// When, s; the number of the row where there is no time.
-    pub time_s: f64,
-    /// The stretch of rows that follow each other without a border.
-    pub series: usize,
-    /// The motion that it belongs to: it goes on where rows begin or end to be held out.
-    pub motion: usize,
-    /// Number of the value of the column that is held out, where it has few.
-    pub key: Option<usize>,
-    /// Whether no fit may see it.
-    pub held_out: bool,
 }
 
 /// One value of an effect.
@@ -48,9 +33,9 @@ pub struct Value {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
     /// The law.
-    pub law: &'static str,
+    pub law: Law,
     /// Where it acts.
-    pub place: String,
+    pub site: Site,
     /// A number that the law has and no fit changes: its name, value and unit.
     pub shape: Option<(&'static str, f64, String)>,
     /// What a fit determines.
@@ -59,11 +44,11 @@ pub struct Candidate {
 
 /// The ten inertial parameters of a body as its model has them, and the candidate that may change them.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Mass {
+pub struct BodyCandidate {
     /// Index of the candidate, whose values are changes of these numbers in this order.
     pub candidate: usize,
     /// m, m·c, and I about the frame's origin (xx, xy, yy, xz, yz, zz).
-    pub ten: [f64; 10],
+    pub nominal: [f64; 10],
 }
 
 /// Residuals and their derivatives at other values than zero: all values in, residuals and one column a value out.
@@ -86,7 +71,7 @@ pub struct Experiment {
     /// Quantities that the residual may depend on, one number a row.
     pub channels: Vec<(String, Vec<f64>)>,
     /// Bodies whose mass distribution must stay possible.
-    pub masses: Vec<Mass>,
+    pub bodies: Vec<BodyCandidate>,
     /// `None` where the residuals are linear in all values.
     pub relinearise: Option<Relinearise>,
 }
@@ -105,9 +90,19 @@ impl Axis {
 
 impl Candidate {
     /// A law with one value.
-    pub fn one(law: &'static str, place: &str, (name, unit): (&str, &str), column: Vec<f64>) -> Self {
+    pub fn one(law: Law, site: Site, (name, unit): (&str, &str), column: Vec<f64>) -> Self {
         let value = Value { name: name.into(), unit: unit.into(), prior: f64::INFINITY, column };
-        Self { law, place: place.into(), shape: None, values: vec![value] }
+        Self { law, site, shape: None, values: vec![value] }
+    }
+
+    /// Whether both are the same law at the same place, whatever their shapes.
+    pub fn is_same(&self, other: &Self) -> bool {
+        self.law == other.law && self.site == other.site
+    }
+
+    /// Whether it has values with priors.
+    pub fn has_prior(&self) -> bool {
+        self.values.iter().any(|value| value.prior.is_finite())
     }
 }
 
@@ -129,15 +124,20 @@ impl Experiment {
             residuals,
             candidates,
             channels,
-            masses: Vec::new(),
+            bodies: Vec::new(),
             relinearise: None,
         }
     }
 
     /// Whether all values are small errors with priors, so that all candidates can stand in one model; a body's mass is none.
-    pub fn is_held_by_priors(&self) -> bool {
-        self.masses.is_empty()
+    pub fn all_priors_informative(&self) -> bool {
+        self.bodies.is_empty()
             && self.candidates.iter().flat_map(|candidate| &candidate.values).all(|value| value.prior.is_finite())
+    }
+
+    /// The unit of the norm.
+    pub fn unit(&self) -> &'static str {
+        self.axes.first().map_or("", |axis| axis.unit)
     }
 
     /// Where the values of each candidate begin among all values, and how many there are.

@@ -1,19 +1,20 @@
 //! Force of a single fluid actuator: predicted p·A from its gauge pressure and bore, beside a load cell.
 
+use crate::effect::{Law, Place, Site};
 use crate::linearise::experiment::{Axis, Candidate, Experiment};
-use crate::linearise::laws::{Coordinate, less_mean};
-use crate::linearise::model_effects::Known;
+use crate::linearise::laws::{Coordinate, demean};
+use crate::linearise::model_effects::ModelEffect;
 use crate::measurement::ReadError;
 use crate::measurement::signal::rate;
 use crate::prepare::signals::Prepared;
 
 /// The experiment of one actuator with this bore, m.
-pub(crate) fn experiment(data: &Prepared, bore_m: f64, known: &[Known]) -> Result<Experiment, ReadError> {
+pub(crate) fn experiment(data: &Prepared, bore_m: f64, known: &[ModelEffect]) -> Result<Experiment, ReadError> {
     let [pressure, position, force] = [data.channel("pressure")?, data.channel("position")?, data.channel("force")?];
     let along = |values: &[f64]| rate(values, &data.time_s, &data.series);
     let velocity = data.optional("velocity").unwrap_or_else(|| along(&position));
     let acceleration = along(&velocity);
-    let temperature = data.optional("temperature").map(|temperature| less_mean(&temperature));
+    let temperature = data.optional("temperature").map(|temperature| demean(&temperature));
     let area_m2 = std::f64::consts::FRAC_PI_4 * bore_m * bore_m;
     let residuals = pressure.iter().zip(&force).map(|(p, f)| p * area_m2 - f).collect();
     let motion = Coordinate {
@@ -27,10 +28,10 @@ pub(crate) fn experiment(data: &Prepared, bore_m: f64, known: &[Known]) -> Resul
         motion: &data.motions,
         units: ["m", "N", "Pa"],
     };
-    let place = "the actuator";
-    let mut candidates = motion.candidates([motion.friction(), motion.others()].concat(), place, &[1.0], known);
+    let site = Site::new(Place::Actuator, "the actuator");
+    let mut candidates = motion.candidates([motion.friction(), motion.others()].concat(), &site, &[1.0], known);
     let along_stroke = pressure.iter().zip(&position).map(|(p, x)| p * x).collect();
-    candidates.push(Candidate::one("area-along-stroke", place, ("slope", "m²/m"), along_stroke));
+    candidates.push(Candidate::one(Law::AreaAlongStroke, site, ("slope", "m²/m"), along_stroke));
     let mut channels = vec![
         ("pressure".into(), pressure),
         ("position".into(), position),

@@ -30,8 +30,9 @@ use darm_core::effect::along::viscous_friction::ViscousFriction;
 use darm_core::effect::along::wear::Wear;
 use darm_core::effect::along::{Law, Memory, Moment, Per};
 
+use crate::effect::{Site, law_named};
 use crate::linearise::experiment::{Candidate, Value};
-use crate::linearise::model_effects::Known;
+use crate::linearise::model_effects::ModelEffect;
 use crate::measurement::root_mean_square;
 use crate::measurement::signal::rate;
 
@@ -151,22 +152,28 @@ impl Coordinate<'_> {
     }
 
     /// Laws at a place, acting on each axis by its share, and with the constants that the model's own effects have.
-    pub fn candidates(&self, mut laws: Vec<Law<f64>>, place: &str, shares: &[f64], known: &[Known]) -> Vec<Candidate> {
-        for effect in known.iter().filter(|effect| effect.place == place && effect.constant.is_some()) {
-            laws.extend(Law::named(&effect.law, effect.constant).filter(|law| !laws.contains(law)));
+    pub fn candidates(
+        &self,
+        mut laws: Vec<Law<f64>>,
+        site: &Site,
+        shares: &[f64],
+        known: &[ModelEffect],
+    ) -> Vec<Candidate> {
+        for effect in known.iter().filter(|effect| effect.place == site.code && effect.constant.is_some()) {
+            laws.extend(Law::named(effect.law.as_str(), effect.constant).filter(|law| !laws.contains(law)));
         }
-        laws.iter().map(|law| self.candidate(law, place, shares)).collect()
+        laws.iter().map(|law| self.candidate(law, site, shares)).collect()
     }
 
     /// A law at a place, acting on each axis by its share.
-    fn candidate(&self, law: &Law<f64>, place: &str, shares: &[f64]) -> Candidate {
+    fn candidate(&self, law: &Law<f64>, site: &Site, shares: &[f64]) -> Candidate {
         let along = law.along();
         let unit = self.unit(along.per());
         let shape = along.constant().map(|constant| (constant.name, constant.value, self.dimension(constant.per)));
         let numbers = self.column(law);
         let column = numbers.iter().flat_map(|number| shares.iter().map(move |share| share * number)).collect();
         let value = Value { name: along.size().into(), unit, prior: f64::INFINITY, column };
-        Candidate { law: along.name(), place: place.into(), shape, values: vec![value] }
+        Candidate { law: law_named(along.name()), site: site.clone(), shape, values: vec![value] }
     }
 
     /// What a size of one adds in each row.
@@ -227,7 +234,7 @@ impl Coordinate<'_> {
 }
 
 /// A channel less its mean.
-pub fn less_mean(values: &[f64]) -> Vec<f64> {
+pub fn demean(values: &[f64]) -> Vec<f64> {
     let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
     values.iter().map(|value| value - mean).collect()
 }
@@ -235,6 +242,7 @@ pub fn less_mean(values: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effect::Place;
 
     #[test]
     fn memory_ends_at_a_border_and_units_are_told() {
@@ -254,7 +262,7 @@ mod tests {
         let law = Law::PreslidingFriction(PreslidingFriction { distance: 0.01 });
         let state = coordinate.column(&law);
         assert!((state[2] - 1.0).abs() < 1e-4 && (state[4] + 1.0).abs() < 1e-2 && state[5] == 0.0);
-        let of = |law| coordinate.candidate(&law, "here", &[1.0]);
+        let of = |law| coordinate.candidate(&law, &Site::new(Place::Actuator, "here"), &[1.0]);
         assert_eq!(of(law).shape, Some(("presliding distance", 0.01, "m".into())));
         assert_eq!(of(Law::LoadDependentViscosity(LoadDependentViscosity)).values[0].unit, "N/(m/s)/Pa");
     }

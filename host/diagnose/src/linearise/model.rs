@@ -27,7 +27,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::DMatrix;
 use serde::Deserialize;
 
-use crate::linearise::model_effects::{self, Known};
+use crate::linearise::model_effects::{self, ModelEffect};
 use crate::linearise::point_contact::Points;
 use crate::linearise::torque::Transmission;
 use darm_robot::robot::Robot;
@@ -39,7 +39,7 @@ pub struct Model {
     /// What predicts.
     pub what: What,
     /// What was found before.
-    pub effects: Vec<Known>,
+    pub effects: Vec<ModelEffect>,
 }
 
 /// What predicts.
@@ -121,7 +121,7 @@ impl Model {
         else {
             return Ok(None);
         };
-        let effects = model_effects::taken(&name, &mut table)?;
+        let effects = model_effects::extract_effects(&name, &mut table)?;
         // Parsed from the text where that can be, so that a mistake is told with its line.
         let raw: Result<Raw, _> =
             if effects.is_empty() && !text.contains("number") { toml::from_str(&text) } else { table.try_into() };

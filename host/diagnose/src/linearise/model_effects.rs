@@ -1,4 +1,4 @@
-//! Effects that a model of channels has: written after a diagnosis, in the prediction of the next.
+//! Effects that a model of signals has: written after a diagnosis, in the prediction of the next.
 //!
 //! ```toml
 //! [[effect]]
@@ -8,27 +8,28 @@
 //! values = { level = 1.93 }
 //!
 //! [[effect]]
-//! law = "fitted-term"      # no law: what remained of an axis along a channel, straight between points
+//! law = "fitted-term"      # no law: what remained of an axis along a signal, straight between points
 //! where = "joint 6: position of joint 4"
 //! points = [[-0.7, 0.0], [0.1, 0.02], [0.9, 0.31]]
 //! ```
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 
+use crate::effect::{Law, as_str};
+use crate::error::DiagnoseError;
 use crate::linearise::experiment::{Candidate, Experiment};
 use crate::linearise::model::ModelError;
-use crate::outcome_signals::{Diagnosis, Term};
-use crate::signals::ChannelError;
 
 /// One effect with all its values, in SI units and radians.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Known {
+pub struct ModelEffect {
     /// The law.
-    pub law: String,
+    #[serde(serialize_with = "as_str", deserialize_with = "named")]
+    pub law: Law,
     /// Where it acts.
     #[serde(rename = "where")]
     pub place: String,
@@ -38,34 +39,36 @@ pub struct Known {
     /// Its values by their names.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub values: BTreeMap<String, f64>,
-    /// Of a fitted term: the channel, and what it adds to the prediction there; held beyond the ends.
+    /// Of a fitted term: the channel, and what it adds to the prediction there; constant beyond the ends.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub points: Vec<[f64; 2]>,
 }
 
-/// The law of what has none.
-const FITTED_TERM: &str = "fitted-term";
+fn named<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Law, D::Error> {
+    let name = String::deserialize(deserializer)?;
+    Law::named(&name).ok_or_else(|| D::Error::custom(format!("no law is called {name:?}")))
+}
 
-impl Known {
+impl ModelEffect {
     /// The effect that a candidate becomes with these values.
     pub(crate) fn of(candidate: &Candidate, values: &[f64]) -> Self {
         Self {
-            law: candidate.law.into(),
-            place: candidate.place.clone(),
+            law: candidate.law,
+            place: candidate.site.code.clone(),
             constant: candidate.shape.as_ref().map(|(_, constant, _)| *constant),
             values: candidate.values.iter().zip(values).map(|(value, size)| (value.name.clone(), *size)).collect(),
             points: Vec::new(),
         }
     }
 
-    /// What takes a term out of the residual.
-    pub(crate) fn fitted(term: &Term) -> Self {
+    /// A fitted term of an axis along a signal: what takes this curve of the residual out of it.
+    pub(crate) fn fitted_term(axis: &str, signal: &str, curve: &[[f64; 2]]) -> Self {
         Self {
-            law: FITTED_TERM.into(),
-            place: format!("{}: {}", term.axis, term.channel),
+            law: Law::FittedTerm,
+            place: format!("{axis}: {signal}"),
             constant: None,
             values: BTreeMap::new(),
-            points: term.curve.iter().map(|[at, remains]| [*at, -remains]).collect(),
+            points: curve.iter().map(|[at, remains]| [*at, -remains]).collect(),
         }
     }
 
@@ -84,17 +87,17 @@ impl Known {
             self.constant.is_some_and(|own| (own - constant).abs() <= 1e-9 * own.abs())
         };
         let same_shape = candidate.shape.as_ref().map_or(self.constant.is_none(), near);
-        candidate.law == self.law && candidate.place == self.place && same_shape
+        candidate.law == self.law && candidate.site.code == self.place && same_shape
     }
 }
 
-/// Puts effects into the prediction of an experiment; what is found then is what it lacks beside them.
-pub(crate) fn apply(experiment: &mut Experiment, known: &[Known]) -> Result<(), ChannelError> {
+/// Puts effects into the prediction of an experiment; what is found then is missing beside them.
+pub(crate) fn apply(experiment: &mut Experiment, known: &[ModelEffect]) -> Result<(), DiagnoseError> {
     let (offsets, n_values) = experiment.offsets();
     let mut base = vec![0.0; n_values];
     for effect in known {
-        let none = || ChannelError::NotHere { law: effect.law.clone(), place: effect.place.clone() };
-        if effect.law == FITTED_TERM {
+        let none = || DiagnoseError::NoSuchPlace { law: effect.law, place: effect.place.clone() };
+        if effect.law == Law::FittedTerm {
             add_fitted(experiment, effect).ok_or_else(none)?;
             continue;
         }
@@ -107,9 +110,9 @@ pub(crate) fn apply(experiment: &mut Experiment, known: &[Known]) -> Result<(), 
         return Ok(());
     }
     experiment.residuals = experiment.at(&base);
-    for mass in &mut experiment.masses {
-        let first = offsets[mass.candidate];
-        mass.ten.iter_mut().zip(&base[first..first + 10]).for_each(|(own, change)| *own += change);
+    for body in &mut experiment.bodies {
+        let first = offsets[body.candidate];
+        body.nominal.iter_mut().zip(&base[first..first + 10]).for_each(|(own, change)| *own += change);
     }
     if let Some(inner) = experiment.relinearise.take() {
         experiment.relinearise = Some(Box::new(move |values| {
@@ -120,7 +123,7 @@ pub(crate) fn apply(experiment: &mut Experiment, known: &[Known]) -> Result<(), 
 }
 
 /// Adds a fitted term to the prediction; `None` where there is no such axis or channel.
-fn add_fitted(experiment: &mut Experiment, term: &Known) -> Option<()> {
+fn add_fitted(experiment: &mut Experiment, term: &ModelEffect) -> Option<()> {
     let (axis, channel) = term.place.split_once(": ")?;
     let axis = experiment.axes.iter().position(|of| of.name == axis)?;
     let (_, channel) = experiment.channels.iter().find(|(name, _)| name == channel)?;
@@ -129,42 +132,8 @@ fn add_fitted(experiment: &mut Experiment, term: &Known) -> Option<()> {
     Some(())
 }
 
-/// Writes the model of a file with the effects of a diagnosis in it, and the next number; what a robot's file names stays
-/// where it is.
-pub fn write(model: &Path, output: &Path, diagnosis: &Diagnosis) -> Result<(), ModelError> {
-    let io = |path: &Path| {
-        let name = path.display().to_string();
-        move |error| ModelError::Io(name, error)
-    };
-    let mut table = if model.extension().is_some_and(|end| end == "urdf") {
-        let observed = if diagnosis.kind == "contact-wrench" { "wrench" } else { "torque" };
-        let own = model.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        toml::Table::from_iter(
-            [("kind", "robot".to_string()), ("urdf", own), ("observed", observed.into())]
-                .map(|(key, value)| (key.to_string(), toml::Value::String(value))),
-        )
-    } else {
-        let text = std::fs::read_to_string(model).map_err(io(model))?;
-        text.parse().map_err(|error| ModelError::Toml(model.display().to_string(), error))?
-    };
-    let folder = |path: &Path| path.parent().map_or(PathBuf::new(), Path::to_path_buf).canonicalize().ok();
-    if let Some(toml::Value::String(urdf)) = table.get_mut("urdf")
-        && folder(model) != folder(output)
-    {
-        let whole = model.parent().unwrap_or(Path::new("")).join(&*urdf);
-        *urdf = whole.canonicalize().map_err(io(&whole))?.display().to_string();
-    }
-    let number = table.get("number").and_then(toml::Value::as_integer).unwrap_or(0);
-    table.insert("number".into(), toml::Value::Integer(number + 1));
-    let effects = diagnosis.model_effects.iter().filter_map(|effect| toml::Value::try_from(effect).ok());
-    table.insert("effect".into(), toml::Value::Array(effects.collect()));
-    let text =
-        toml::to_string(&table).map_err(|error| ModelError::Value(output.display().to_string(), error.to_string()))?;
-    std::fs::write(output, text).map_err(io(output))
-}
-
 /// The effects that a model's table holds, taken out of it with its number.
-pub(crate) fn taken(name: &str, table: &mut toml::Table) -> Result<Vec<Known>, ModelError> {
+pub(crate) fn extract_effects(name: &str, table: &mut toml::Table) -> Result<Vec<ModelEffect>, ModelError> {
     table.remove("number");
     match table.remove("effect") {
         Some(effects) => effects.try_into().map_err(|error| ModelError::Toml(name.into(), error)),
@@ -173,11 +142,12 @@ pub(crate) fn taken(name: &str, table: &mut toml::Table) -> Result<Vec<Known>, M
 }
 
 /// The effects of a model and those that were found beside them, one for each law, place and constant.
-pub(crate) fn together(known: &[Known], found: Vec<Known>) -> Vec<Known> {
+pub(crate) fn merge(known: &[ModelEffect], found: Vec<ModelEffect>) -> Vec<ModelEffect> {
     let mut all = known.to_vec();
     for effect in found {
-        let same =
-            |own: &&mut Known| (&own.law, &own.place, own.constant) == (&effect.law, &effect.place, effect.constant);
+        let same = |own: &&mut ModelEffect| {
+            (own.law, &own.place, own.constant) == (effect.law, &effect.place, effect.constant)
+        };
         match all.iter_mut().find(same) {
             Some(own) => {
                 effect.values.into_iter().for_each(|(name, size)| *own.values.entry(name).or_default() += size)

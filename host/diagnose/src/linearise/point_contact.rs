@@ -21,8 +21,9 @@ use darm_core::actuator::JointKind;
 use darm_core::real::{Mat3, Vec3};
 use darm_core::se::{Pose, rotation_exp};
 
+use crate::effect::{Law, Place, Site};
 use crate::linearise::experiment::{Axis, Candidate, Experiment, Relinearise, Value};
-use crate::measurement::{Finding, root_mean_square};
+use crate::measurement::{Finding, FindingKind, root_mean_square};
 use crate::prepare::signals::{PrepareError, Prepared};
 use darm_robot::robot::Robot;
 
@@ -78,8 +79,7 @@ pub(crate) fn experiment(data: &mut Prepared, robot: &Robot, points: &Points) ->
     let slides = path.iter().find(|&&joint| robot.joints[joint].joint.axis.kind == JointKind::Prismatic);
     if let Some(&joint) = slides {
         let name = &robot.joints[joint].name;
-        let why =
-            format!("joint {name} before the tool slides: only joints that turn are told from points that are touched");
+        let why = format!("joint {name} before the tool slides: point contact identifies revolute joints only");
         return Err(PrepareError::Nothing(why));
     }
     let mut q = Vec::new();
@@ -120,7 +120,7 @@ pub(crate) fn experiment(data: &mut Prepared, robot: &Robot, points: &Points) ->
         residuals,
         candidates,
         channels,
-        masses: Vec::new(),
+        bodies: Vec::new(),
         relinearise: Some(relinearise),
     })
 }
@@ -137,7 +137,7 @@ fn named(data: &Prepared, points: &Points) -> Result<(Vec<usize>, usize, Vec<Pai
     let mut known = names.clone();
     known.sort();
     known.dedup();
-    let of_row = names.iter().map(|name| known.binary_search(name).unwrap_or_default()).collect();
+    let of_row = names.iter().map(|name| known.binary_search(name).expect("known has every name")).collect();
     let Some((column, _)) = &points.pair else { return Ok((of_row, known.len(), Vec::new())) };
     let pairs: Vec<Pair> = (1..known.len()).filter(|&k| known[k].0 == known[k - 1].0).map(|k| (k - 1, k)).collect();
     if let Some(both) = pairs.windows(2).find(|both| both[0].1 == both[1].0) {
@@ -153,26 +153,26 @@ fn candidates(closure: &Closure, columns: Vec<Vec<f64>>) -> Vec<Candidate> {
     let [turn, shift, compliance, periodic] = PRIORS;
     let mut columns = columns.into_iter();
     let mut candidates = Vec::new();
-    let mut add = |law, place: &str, values: &[(&str, &str, f64)]| {
+    let mut add = |law, site: &Site, values: &[(&str, &str, f64)]| {
         let values = values.iter().map(|(name, unit, prior)| Value {
             name: (*name).into(),
             unit: (*unit).into(),
             prior: *prior,
-            column: columns.next().unwrap_or_default(),
+            column: columns.next().expect("a column for each value"),
         });
-        candidates.push(Candidate { law, place: place.into(), shape: None, values: values.collect() });
+        candidates.push(Candidate { law, site: site.clone(), shape: None, values: values.collect() });
     };
     for (k, &joint) in closure.path.iter().enumerate() {
-        let place = format!("joint {} ({})", k + 1, closure.robot.joints[joint].name);
-        add("joint-offset", &place, &[("offset", "rad", turn)]);
-        add("axis-error", &place, &[("first turn across", "rad", turn), ("second turn across", "rad", turn)]);
-        add("link-error", &place, &[("x", "m", shift), ("y", "m", shift), ("z", "m", shift)]);
-        add("joint-compliance", &place, &[("compliance", "rad/(N·m)", compliance)]);
+        let site = Site::new(Place::Joint(k), format!("joint {} ({})", k + 1, closure.robot.joints[joint].name));
+        add(Law::JointOffset, &site, &[("offset", "rad", turn)]);
+        add(Law::AxisError, &site, &[("first turn across", "rad", turn), ("second turn across", "rad", turn)]);
+        add(Law::LinkError, &site, &[("x", "m", shift), ("y", "m", shift), ("z", "m", shift)]);
+        add(Law::JointCompliance, &site, &[("compliance", "rad/(N·m)", compliance)]);
         let across = [("first, across", "rad/(N·m)", compliance), ("second, across", "rad/(N·m)", compliance)];
-        add("link-compliance", &place, &across);
-        add("encoder-periodic", &place, &[("sine", "rad", periodic), ("cosine", "rad", periodic)]);
+        add(Law::LinkCompliance, &site, &across);
+        add(Law::EncoderPeriodic, &site, &[("sine", "rad", periodic), ("cosine", "rad", periodic)]);
     }
-    add("tool-frame", "the tool", &[("x", "m", 0.02), ("y", "m", 0.02), ("z", "m", 0.02)]);
+    add(Law::ToolFrame, &Site::new(Place::Tool, "the tool"), &[("x", "m", 0.02), ("y", "m", 0.02), ("z", "m", 0.02)]);
     candidates
 }
 
@@ -247,10 +247,10 @@ impl Closure {
         let no_distance = "no two points have a known distance (pair, distance_mm in the model): \
                            the scale of the arm is taken from it";
         let no_masses =
-            "the robot has no masses: its compliance is told as if it had 1 kg at each joint and at the tool";
+            "the robot has no masses: its compliance is computed as if it had 1 kg at each joint and at the tool";
         let all = [(self.distance_m == 0.0, no_distance), (self.is_without_masses(), no_masses)];
-        let told = all.into_iter().filter(|(holds, _)| *holds);
-        told.map(|(_, what)| Finding { line: None, what: what.into() }).collect()
+        let holding = all.into_iter().filter(|(holds, _)| *holds);
+        holding.map(|(_, text)| Finding::note(FindingKind::IncompleteModel, text)).collect()
     }
 
     fn is_without_masses(&self) -> bool {

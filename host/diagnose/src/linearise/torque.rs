@@ -5,14 +5,15 @@ use darm_core::effect::along::rotor_inertia::RotorInertia;
 use darm_core::tree::Body;
 use nalgebra::DMatrix;
 
-use crate::judge::regression::of_axis;
+use crate::effect::{Place, Site};
+use crate::error::DiagnoseError;
 use crate::linearise::bodies::candidate;
-use crate::linearise::experiment::{Axis, Candidate, Experiment, Mass, Row};
+use crate::linearise::experiment::{Axis, BodyCandidate, Candidate, Experiment};
 use crate::linearise::laws::Coordinate;
-use crate::linearise::model_effects::{self, Known};
+use crate::linearise::model_effects::{self, ModelEffect};
 use crate::linearise::ripple::periods_a_turn;
+use crate::prepare::groups::Row;
 use crate::prepare::signals::{PrepareError, Prepared};
-use crate::signals::ChannelError;
 use darm_robot::rigid_body::regressor::{BodyMotion, joint_regressor, link_motions, wrench_regressor};
 use darm_robot::robot::Robot;
 
@@ -41,7 +42,7 @@ pub(crate) fn experiment(
     data: &Prepared,
     robot: &Robot,
     transmission: Option<&Transmission>,
-    known: &[Known],
+    known: &[ModelEffect],
 ) -> Result<Experiment, PrepareError> {
     let n = robot.joints.len();
     let motion = match transmission {
@@ -61,10 +62,10 @@ pub(crate) fn experiment(
 pub fn added(
     robot: &Robot,
     transmission: Option<&Transmission>,
-    known: &[Known],
+    known: &[ModelEffect],
     states: &[[&[f64]; 3]],
     times_s: &[f64],
-) -> Result<Vec<Vec<f64>>, ChannelError> {
+) -> Result<Vec<Vec<f64>>, DiagnoseError> {
     let n = robot.joints.len();
     let [q, v, a] = [0, 1, 2].map(|order| {
         let channel = |joint: usize| states.iter().map(|state| state[order][joint]).collect();
@@ -86,35 +87,36 @@ fn of_motion(
     rows: Vec<Row>,
     robot: &Robot,
     transmission: Option<&Transmission>,
-    known: &[Known],
+    known: &[ModelEffect],
     motion: &Motion,
 ) -> Experiment {
     let n = robot.joints.len();
     let clock = Clock::new(&rows);
     let (nominal, regressor) = regressor(robot, motion, rows.len());
     let residuals: Vec<f64> = (0..rows.len() * n).map(|k| nominal[k] - motion.tau[k % n][k / n]).collect();
-    let whole_kg = robot.mass();
-    let (mut candidates, mut masses): (Vec<Candidate>, Vec<Mass>) = (Vec::new(), Vec::new());
+    let robot_kg = robot.mass();
+    let (mut candidates, mut bodies): (Vec<Candidate>, Vec<BodyCandidate>) = (Vec::new(), Vec::new());
     for (joint, columns) in robot.joints.iter().zip(regressor) {
         let ten = Body::from(&joint.joint.inertia).parameters();
-        let (candidate, mass) = candidate(candidates.len(), &joint.link, &ten, whole_kg, columns);
+        let site = Site::new(Place::Link(candidates.len()), &joint.link);
+        let (candidate, body) = candidate(candidates.len(), site, &ten, robot_kg, columns);
         candidates.push(candidate);
-        masses.push(mass);
+        bodies.push(body);
     }
     for joint in 0..n {
         let load: Vec<f64> = (0..rows.len()).map(|row| nominal[row * n + joint]).collect();
-        let place = format!("joint {} ({})", joint + 1, robot.joints[joint].name);
+        let site = Site::new(Place::Joint(joint), format!("joint {} ({})", joint + 1, robot.joints[joint].name));
         let shares: Vec<f64> = (0..n).map(|k| f64::from(u8::from(k == joint))).collect();
         let [q, v, a] = [&motion.q, &motion.v, &motion.a].map(|channels| &channels[joint][..]);
         let coordinate = clock.coordinate([q, v, a], Some(&load));
         let periods = match transmission {
             Some(transmission) => vec![transmission.matrix[(joint, joint)].abs()],
             None => {
-                let own: Vec<f64> = of_axis(&residuals, n, joint);
+                let own: Vec<f64> = residuals.iter().skip(joint).step_by(n).copied().collect();
                 periods_a_turn(&coordinate, &own, |row| !rows[row].held_out, RIPPLES)
             }
         };
-        candidates.extend(coordinate.candidates(of_joint_laws(&coordinate, &periods), &place, &shares, known));
+        candidates.extend(coordinate.candidates(of_joint_laws(&coordinate, &periods), &site, &shares, known));
     }
     candidates.extend(couplings(&clock, motion, transmission, known));
     let channel = |name: &str, of: &[Vec<f64>]| -> Vec<(String, Vec<f64>)> {
@@ -129,7 +131,7 @@ fn of_motion(
         residuals,
         candidates,
         channels: channels.concat(),
-        masses,
+        bodies,
         relinearise: None,
     }
 }
@@ -246,21 +248,27 @@ fn of_joint_laws(coordinate: &Coordinate, periods_a_turn: &[f64]) -> Vec<Law<f64
 
 /// Friction and inertia of a motor that turns with a sum of neighbouring joints: by the transmission where it is known,
 /// else the sum and the difference of each two.
-fn couplings(clock: &Clock, motion: &Motion, transmission: Option<&Transmission>, known: &[Known]) -> Vec<Candidate> {
+fn couplings(
+    clock: &Clock,
+    motion: &Motion,
+    transmission: Option<&Transmission>,
+    known: &[ModelEffect],
+) -> Vec<Candidate> {
     let n = motion.q.len();
     let mut candidates = Vec::new();
-    let mixes: Vec<(String, Vec<f64>)> = match transmission {
+    let mixes: Vec<(Site, Vec<f64>)> = match transmission {
         Some(transmission) => {
             let row = |k: usize| -> Vec<f64> {
                 let largest = transmission.matrix.row(k).amax().max(f64::MIN_POSITIVE);
                 (0..n).map(|joint| transmission.matrix[(k, joint)] / largest).collect()
             };
-            let several = (0..n).map(|k| (format!("motor {}", k + 1), row(k)));
+            let several = (0..n).map(|k| (Site::new(Place::Motor(k), format!("motor {}", k + 1)), row(k)));
             several.filter(|(_, mix)| mix.iter().filter(|share| **share != 0.0).count() > 1).collect()
         }
         None => (1..n)
             .flat_map(|k| {
-                [(1.0, "with"), (-1.0, "against")].map(|(sign, word)| {
+                let places = [(1.0, "with", Place::JointWithLast(k)), (-1.0, "against", Place::JointAgainstLast(k))];
+                places.map(|(sign, word, place)| {
                     let mix = (0..n)
                         .map(|j| {
                             if j == k - 1 {
@@ -272,12 +280,12 @@ fn couplings(clock: &Clock, motion: &Motion, transmission: Option<&Transmission>
                             }
                         })
                         .collect();
-                    (format!("joint {} {word} joint {k}", k + 1), mix)
+                    (Site::new(place, format!("joint {} {word} joint {k}", k + 1)), mix)
                 })
             })
             .collect(),
     };
-    for (place, mix) in mixes {
+    for (site, mix) in mixes {
         let sum = |of: &[Vec<f64>]| -> Vec<f64> {
             (0..clock.time_s.len())
                 .map(|row| mix.iter().zip(of).map(|(share, channel)| share * channel[row]).sum())
@@ -288,7 +296,7 @@ fn couplings(clock: &Clock, motion: &Motion, transmission: Option<&Transmission>
         let mut laws = coordinate.friction();
         laws.retain(|law| matches!(law, Law::CoulombFriction(_) | Law::ViscousFriction(_)));
         laws.push(Law::RotorInertia(RotorInertia));
-        candidates.extend(coordinate.candidates(laws, &place, &mix, known));
+        candidates.extend(coordinate.candidates(laws, &site, &mix, known));
     }
     candidates
 }

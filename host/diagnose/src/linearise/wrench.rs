@@ -11,12 +11,13 @@ use darm_core::se::Pose;
 use darm_core::tree::Body;
 use nalgebra::{Quaternion, UnitQuaternion};
 
+use crate::effect::{Law, Place, Site};
 use crate::linearise::bodies::candidate;
 use crate::linearise::experiment::{Axis, Candidate, Experiment, Value};
 use crate::measurement::signal::rate;
 use crate::prepare::signals::{PrepareError, Prepared};
 use darm_robot::rigid_body::regressor::{BodyMotion, link_motions, wrench_regressor};
-use darm_robot::robot::Robot;
+use darm_robot::robot::{Robot, RobotJoint};
 
 /// Components of the wrench as they are named in a table.
 const WRENCH: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
@@ -42,18 +43,20 @@ pub(crate) fn experiment(data: &Prepared, robot: &Robot) -> Result<Experiment, P
         .map(|inertia| Body::from(inertia).parameters())
         .collect();
     let axes = Axes { measured: &measured };
-    let names = std::iter::once("the base".to_string()).chain(robot.joints.iter().map(|joint| joint.link.clone()));
-    let whole_kg = robot.mass() + if robot.floating { 0.0 } else { robot.base.mass };
+    let of_joint = |(k, joint): (usize, &RobotJoint)| Site::new(Place::Link(k), &joint.link);
+    let sites =
+        std::iter::once(Site::new(Place::Base, "the base")).chain(robot.joints.iter().enumerate().map(of_joint));
+    let robot_kg = robot.mass() + if robot.floating { 0.0 } else { robot.base.mass };
     let mut residuals = axes.column(|row, k| -measured[k][row]);
-    let (mut candidates, mut masses) = (Vec::new(), Vec::new());
-    for ((name, ten), load) in names.zip(&tens).zip(&loads).filter(|((_, ten), _)| ten[0] > 0.0) {
+    let (mut candidates, mut bodies) = (Vec::new(), Vec::new());
+    for ((site, ten), load) in sites.zip(&tens).zip(&loads).filter(|((_, ten), _)| ten[0] > 0.0) {
         let columns: [Vec<f64>; 10] = std::array::from_fn(|k| axes.column(|row, part| load[k][part][row]));
         for (column, size) in columns.iter().zip(ten) {
             residuals.iter_mut().zip(column).for_each(|(residual, slope)| *residual += slope * size);
         }
-        let (candidate, mass) = candidate(candidates.len(), &name, ten, whole_kg, columns);
+        let (candidate, body) = candidate(candidates.len(), site, ten, robot_kg, columns);
         candidates.push(candidate);
-        masses.push(mass);
+        bodies.push(body);
     }
     candidates.push(sensor_frame(&measured, &axes));
     Ok(Experiment {
@@ -64,7 +67,7 @@ pub(crate) fn experiment(data: &Prepared, robot: &Robot) -> Result<Experiment, P
         residuals,
         candidates,
         channels: channels(data, robot, joints),
-        masses,
+        bodies,
         relinearise: None,
     })
 }
@@ -111,7 +114,8 @@ fn sensor_frame(measured: &[Vec<f64>], axes: &Axes) -> Candidate {
     let names =
         [("x", "m"), ("y", "m"), ("z", "m"), ("turn about x", "rad"), ("turn about y", "rad"), ("turn about z", "rad")];
     let values = names.into_iter().enumerate().map(value).collect();
-    Candidate { law: "sensor-frame", place: "the plate".into(), shape: None, values }
+    let site = Site::new(Place::ForcePlate, "the plate");
+    Candidate { law: Law::SensorFrame, site, shape: None, values }
 }
 
 /// Each body's load per parameter and component of the wrench, along the rows: the base first.

@@ -1,6 +1,6 @@
 //! What is suspicious about measurements of an arm, row by row.
 
-use super::{Finding, Run, Sample};
+use super::{Finding, FindingKind, Run, Sample};
 use darm_arm::arm::{Arm, ArmScratch};
 
 /// A position that is this many times as far from the base as the arm reaches is taken for another unit.
@@ -11,11 +11,9 @@ const TOO_FAR: f64 = 20.0;
 pub fn check(arm: &Arm, run: &Run) -> Vec<Finding> {
     let mut findings = Vec::new();
     for (index, sample) in run.samples.iter().enumerate() {
-        let mut tell = |what: String| findings.push(Finding { line: Some(run.line(index)), what });
-        fit_of_word(arm, sample).into_iter().for_each(&mut tell);
-        if let Some(before) = index.checked_sub(1).map(|before| &run.samples[before]) {
-            order(before, sample).into_iter().for_each(&mut tell);
-        }
+        let fit = fit_of_word(arm, sample).map(|text| Finding::error(FindingKind::RowDoesNotFitArm, text));
+        let order = index.checked_sub(1).and_then(|before| order(&run.samples[before], sample));
+        findings.extend(fit.into_iter().chain(order).map(|finding| finding.at_line(run.line(index))));
     }
     findings.extend(units(arm, run));
     findings
@@ -38,26 +36,26 @@ fn fit_of_word(arm: &Arm, sample: &Sample) -> Option<String> {
         .map(|k| format!("digit {} of actuator {k} is no state that it has", sample.word.digit(k)))
 }
 
-fn order(before: &Sample, sample: &Sample) -> Option<String> {
+fn order(before: &Sample, sample: &Sample) -> Option<Finding> {
     if before.run != sample.run {
         return None;
     }
     if before.time_s == sample.time_s && before.pose == sample.pose && before.word == sample.word {
-        return Some("the row repeats the one before".into());
+        return Some(Finding::note(FindingKind::RepeatedRow, "the row repeats the one before"));
     }
-    (sample.time_s <= before.time_s)
-        .then(|| format!("time {} s is not after the {} s of the row before", sample.time_s, before.time_s))
+    let text = || format!("time {} s is not after the {} s of the row before", sample.time_s, before.time_s);
+    (sample.time_s <= before.time_s).then(|| Finding::note(FindingKind::TimeRunsBack, text()))
 }
 
-/// Millimetres for metres: told once for the file.
+/// Millimetres for metres: reported once for the file.
 fn units(arm: &Arm, run: &Run) -> Option<Finding> {
     let reach_m = reach(arm, run)?;
     let farthest_m = run.samples.iter().map(|s| s.pose.position.norm()).fold(0.0, f64::max);
-    let what = format!(
+    let text = format!(
         "the positions go {farthest_m:.0} m far and the arm reaches {reach_m:.1} m: are they in mm? a column whose name \
          ends in _mm is read so"
     );
-    (farthest_m > TOO_FAR * reach_m).then_some(Finding { line: None, what })
+    (farthest_m > TOO_FAR * reach_m).then(|| Finding::note(FindingKind::SuspectedUnit, text))
 }
 
 /// The largest distance from the base that the model gives the words of the run.

@@ -1,8 +1,8 @@
 //! Which rows no fit may see.
 
-use super::Finding;
 use super::select::{SelectError, Selection};
 use super::table::Table;
+use super::{Finding, FindingKind};
 
 /// Values of a column up to which each of them is a group.
 const FEW: usize = 24;
@@ -72,8 +72,8 @@ impl HeldOut {
     /// That no row is held out, where `how` was to choose some.
     pub fn nothing(&self, how: &HoldOut) -> Option<Finding> {
         let asked = matches!(how, HoldOut::Where(_) | HoldOut::Last(_) | HoldOut::Column(_));
-        let what = format!("no row is held out by {}", self.told);
-        (asked && !self.rows.contains(&true)).then_some(Finding { line: None, what })
+        let text = format!("no row is held out by {}", self.told);
+        (asked && !self.rows.contains(&true)).then(|| Finding::note(FindingKind::NothingHeldOut, text))
     }
 }
 

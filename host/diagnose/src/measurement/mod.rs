@@ -35,6 +35,7 @@
 
 mod check;
 mod csv;
+mod finding;
 pub mod hold_out;
 pub mod log;
 pub mod mcap;
@@ -45,13 +46,12 @@ pub mod signal;
 mod stream;
 pub mod table;
 
-use std::fmt;
-
 use darm_core::se::Pose;
 use darm_core::units::Word;
 
 pub use check::check;
 pub use csv::{ReadError, about, write, write_text};
+pub use finding::{Finding, FindingKind, Severity};
 pub use stream::Stream;
 
 /// The pose of the tool in one visit of a word.
@@ -134,24 +134,6 @@ impl Run {
     pub fn settled(&self) -> (Option<f64>, Option<f64>) {
         let last = &self.samples[self.samples.len() - self.samples.len().div_ceil(5)..];
         (median(last.iter().filter_map(|s| s.supply)), median(last.iter().filter_map(|s| s.temperature_c)))
-    }
-}
-
-/// Something about a file of measurements that its owner should know.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Finding {
-    /// Line of the file, the header being 1; `None` of the file as a whole.
-    pub line: Option<usize>,
-    /// What there is, in words.
-    pub what: String,
-}
-
-impl fmt::Display for Finding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.line {
-            Some(line) => write!(f, "line {line}: {}", self.what),
-            None => f.write_str(&self.what),
-        }
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use darm_core::units::ModelHash;
 
-use super::Finding;
+use super::{Finding, FindingKind};
 use darm_arm::arm::Arm;
 
 /// The model whose table was played while these measurements were taken.
@@ -58,8 +58,8 @@ impl Origin {
     pub fn finding(&self, arm: &Arm) -> Option<Finding> {
         let (recorded, given) = (self.model, arm.hash());
         let how = if self.fits(arm) { "the same arm with other effects" } else { "another arm" };
-        let what = format!("recorded with a table of model {recorded}; the arm file is model {given}, {how}");
-        (recorded != given).then_some(Finding { line: None, what })
+        let text = format!("recorded with a table of model {recorded}; the arm file is model {given}, {how}");
+        (recorded != given).then(|| Finding::note(FindingKind::OtherModel, text))
     }
 
     /// The error that names the arm file to give.

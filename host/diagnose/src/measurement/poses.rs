@@ -11,7 +11,7 @@ use super::csv::ReadError;
 use super::hold_out::{HeldOut, HoldOut};
 use super::select::{SelectError, Selection};
 use super::table::{Column, Names, Table};
-use super::{Choice, Finding, Run, Sample};
+use super::{Choice, Finding, FindingKind, Run, Sample};
 use darm_arm::arm::ZERO_CELSIUS;
 
 /// Servos that never turn by more than as many degrees are taken for told in radians.
@@ -138,16 +138,17 @@ impl<'a> Columns<'a> {
         let unread: Vec<&str> = self.table.columns.iter().filter(unread).map(|column| &column.name[..]).collect();
         let mut findings = Vec::new();
         if !unread.is_empty() {
-            findings.push(Finding { line: None, what: format!("columns left unread: {}", unread.join(", ")) });
+            findings
+                .push(Finding::note(FindingKind::UnreadColumns, format!("columns not read: {}", unread.join(", "))));
         }
         let in_degrees = self.servos.iter().filter(|column| column.name.to_lowercase().ends_with("_deg"));
         let most_deg =
             in_degrees.flat_map(|column| &column.numbers).fold(0f64, |most, q| most.max(q.to_degrees().abs()));
         if most_deg > 0.0 && most_deg < HALF_TURN && self.table.lines.len() > SOME_ROWS {
-            let what = format!(
+            let text = format!(
                 "no servo turns by more than {HALF_TURN}: are the positions in rad? the columns are read as degrees"
             );
-            findings.push(Finding { line: None, what });
+            findings.push(Finding::note(FindingKind::SuspectedUnit, text));
         }
         findings
     }
@@ -201,8 +202,8 @@ impl Row<'_> {
         self.columns.temperature.is_some_and(|column| column.unit == "K")
     }
 
-    fn finding(&self, what: String) -> Finding {
-        Finding { line: Some(self.columns.table.lines[self.row]), what }
+    fn finding(&self, text: String) -> Finding {
+        Finding::note(FindingKind::NotANumber, text).at_line(self.columns.table.lines[self.row])
     }
 
     /// The number of a cell in SI units, which may be NaN.

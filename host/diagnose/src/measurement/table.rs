@@ -30,9 +30,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::Finding;
 use super::csv::{ReadError, content};
 use super::select::SelectError;
+use super::{Finding, FindingKind};
 
 /// Factors to SI by the unit that a column's name ends in, and the unit that comes of it.
 const UNITS: [(&str, f64, &str); 20] = [
@@ -133,11 +133,11 @@ impl Table {
         let content = content(path)?;
         let (table, mut findings) = Self::read_text(path, &content.text, names)?;
         if content.cut {
-            let what = format!(
+            let text = format!(
                 "the file ends early, in the middle of a row; its {} complete rows are read",
                 table.lines.len()
             );
-            findings.push(Finding { line: None, what });
+            findings.push(Finding::note(FindingKind::TruncatedFile, text));
         }
         Ok((table, findings))
     }
@@ -170,7 +170,7 @@ impl Table {
             let record = record.map_err(wrong)?;
             let line = record.position().map_or(0, |position| position.line() as usize);
             if before.as_ref() == Some(&record) {
-                findings.push(Finding { line: Some(line), what: "the row repeats the one before".into() });
+                findings.push(Finding::note(FindingKind::RepeatedRow, "the row repeats the one before").at_line(line));
             }
             for (column, (cell, (_, factor, _))) in columns.iter_mut().zip(record.iter().zip(&kinds)) {
                 column.numbers.push(cell.parse::<f64>().map_or(f64::NAN, |number| number * factor));

@@ -1,13 +1,28 @@
 //! Which rows a fit sees, which are left out together, and which count as one when chance is judged.
 
-use crate::linearise::experiment::Row;
-
 /// Folds where rows are left out by pieces of time.
 const FOLDS: usize = 10;
 /// Pieces that the training rows are cut into at least, where there are as many rows.
 const PIECES: usize = 24;
 /// The lag beyond which rows do not repeat each other.
 const LONGEST_LAG: usize = 200;
+
+/// One row of the measurement.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// Line of the file, the header being 1.
+    pub line: usize,
+    /// When, s; the number of the row where there is no time.
+    pub time_s: f64,
+    /// The stretch of rows that follow each other without a border.
+    pub series: usize,
+    /// The motion that it belongs to: it goes on where rows begin or end to be held out.
+    pub motion: usize,
+    /// Number of the value of the column that is held out, where it has few.
+    pub key: Option<usize>,
+    /// Whether no fit may see it.
+    pub held_out: bool,
+}
 
 /// Groups of the training rows.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,7 +58,7 @@ impl Groups {
         different.sort_unstable();
         different.dedup();
         if keys.len() == training.len() && different.len() >= 3 {
-            let folds = keys.iter().map(|key| different.binary_search(key).unwrap_or_default()).collect();
+            let folds = keys.iter().map(|key| different.binary_search(key).expect("different has every key")).collect();
             let n_folds = different.len();
             return Self {
                 training,
@@ -59,8 +74,9 @@ impl Groups {
         Self { training, folds, n_folds: FOLDS, blocks, n_blocks, left_out: "pieces of time", follows }
     }
 
-    /// How many rows repeat each other: the integral of the autocorrelation of these residuals.
-    pub fn repeats(&self, residuals: &[f64], n_axes: usize) -> f64 {
+    /// The autocorrelation time of these residuals in rows: the integral of their autocorrelation, counted over both signs of
+    /// the lag.
+    pub fn autocorrelation_time(&self, residuals: &[f64], n_axes: usize) -> f64 {
         let n = self.training.len();
         let variance =
             residuals.iter().map(|r| r * r).sum::<f64>().max(f64::MIN_POSITIVE) / residuals.len().max(1) as f64;

@@ -5,7 +5,6 @@
 //! any time serve.
 
 use darm_core::se::Pose;
-use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::measurement::{Run, Sample, median};
@@ -26,17 +25,6 @@ pub struct Noise {
     pub dof: usize,
     /// Standard deviation of the pose as a distance d, m.
     pub distance_m: f64,
-}
-
-/// The repeatability as it is reported.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Repeatability {
-    /// Standard deviation of the pose as a distance d, m.
-    pub distance_m: f64,
-    /// Standard deviation of each axis.
-    pub axes: Vec<crate::outcome::AxisFigure>,
-    /// Degrees of freedom that it rests on, per axis.
-    pub dof: usize,
 }
 
 /// The noise told by repeated conditions; `None` where nothing is repeated.

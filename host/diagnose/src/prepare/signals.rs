@@ -1,11 +1,11 @@
 //! A table made ready: rows chosen, borders found, rows held out, channels filtered and thinned; what was found is told.
 
-use crate::linearise::experiment::Row;
 use crate::measurement::hold_out::{HeldOut, HoldOut};
 use crate::measurement::select::{SelectError, Selection};
 use crate::measurement::signal::{LowPass, interpolated, rate, rate_hz, stretches, unwrapped};
 use crate::measurement::table::Table;
-use crate::measurement::{Finding, ReadError};
+use crate::measurement::{Finding, FindingKind, ReadError};
+use crate::prepare::groups::Row;
 
 /// Rows up to which all are looked at where nothing is said.
 const MOST_ROWS: usize = 10_000;
@@ -95,8 +95,8 @@ impl Prepared {
         let steps = |hz: f64| (rate_hz(&time_s, &series) / hz).round().max(1.0) as usize;
         let every = how.thin_hz.map_or(table.lines.len().div_ceil(MOST_ROWS), steps);
         if how.thin_hz.is_none() && every > 1 {
-            let what = format!("one row in {every} is looked at, of {}: --thin tells another rate", table.lines.len());
-            findings.push(Finding { line: None, what });
+            let text = format!("decimated by {every}, of {} rows; override with --thin", table.lines.len());
+            findings.push(Finding::note(FindingKind::Decimated, text));
         }
         let thinned = |stretch: std::ops::Range<usize>| stretch.step_by(every);
         let mut kept: Vec<usize> = stretches(&series).into_iter().flat_map(thinned).collect();
@@ -216,9 +216,10 @@ fn leave_out_gaps(table: &mut Table, findings: &mut Vec<Finding>) {
             continue;
         }
         for (row, number) in column.numbers.iter().enumerate().filter(|(_, number)| !number.is_finite()) {
-            let what =
-                format!("{} holds `{}`, no number ({number}): the row is left out", column.name, column.words[row]);
-            findings.push(Finding { line: Some(table.lines[row]), what });
+            let text =
+                format!("{} is `{}`, not a number ({number}): the row is left out", column.name, column.words[row]);
+            let finding = Finding::note(FindingKind::NotANumber, text).at_line(table.lines[row]);
+            findings.push(finding.in_column(&column.name));
             keep[row] = false;
         }
     }
@@ -230,7 +231,8 @@ fn leave_out_gaps(table: &mut Table, findings: &mut Vec<Finding>) {
 fn constant(table: &Table, findings: &mut Vec<Finding>) {
     for column in table.columns.iter().filter(|column| column.numbers.len() > 10) {
         if column.numbers.windows(2).all(|pair| pair[0] == pair[1]) {
-            findings.push(Finding { line: None, what: format!("{} never changes", column.name) });
+            let finding = Finding::note(FindingKind::ConstantColumn, format!("{} never changes", column.name));
+            findings.push(finding.in_column(&column.name));
         }
     }
 }
@@ -248,11 +250,11 @@ fn units(table: &Table, findings: &mut Vec<Finding>) {
             _ => continue,
         };
         let (read, meant, end) = doubt;
-        let what = format!(
+        let text = format!(
             "{} goes up to {largest} {read}: are these {meant}? a column whose name ends in {end} is read so",
             column.name
         );
-        findings.push(Finding { line: None, what });
+        findings.push(Finding::note(FindingKind::SuspectedUnit, text).in_column(&column.name));
     }
 }
 
@@ -286,8 +288,8 @@ fn series(
         let step = time_s[row] - time_s[row - 1];
         let told = parts.iter().any(|words| words[row] != words[row - 1]);
         if step < 0.0 && !told {
-            let what = "time runs back here: rows before and after are not joined".into();
-            findings.push(Finding { line: Some(table.lines[row]), what });
+            let text = "time runs back here: rows before and after are not joined";
+            findings.push(Finding::note(FindingKind::TimeRunsBack, text).at_line(table.lines[row]));
         }
         let gap = usual > 0.0 && step * usual > 5.0;
         let border = told || step < 0.0 || gap;

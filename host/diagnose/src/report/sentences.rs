@@ -1,93 +1,169 @@
-//! A diagnosis in plain words, for a person with a screwdriver.
+//! A diagnosis in sentences, for a person with a screwdriver.
 
 use darm_core::effect::Effect;
 use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
 use darm_core::effect::drift::Drift;
 
-use crate::linearise::arm_candidates::{along_name, place_name};
-use crate::outcome::{Diagnosis, Verdict};
+use crate::judge::fitted_terms::WithTerms;
+use crate::linearise::arm_candidates::{place_name, term_name};
+use crate::outcome::{self, Alternative, Diagnosis, NextMeasurement, Number, Value, Verdict};
 use darm_arm::arm::Arm;
 
-/// The sentences.
-pub(crate) fn sentences(arm: &Arm, diagnosis: &Diagnosis, effects: &[Effect<f64>]) -> Vec<String> {
-    let mut told = vec![verdict(diagnosis)];
+/// Outliers that are listed by line.
+const MAX_LINES: usize = 8;
+
+/// The sentences on tool poses; `effects` are those selected.
+pub(crate) fn of_poses(
+    arm: &Arm,
+    diagnosis: &Diagnosis,
+    effects: &[Effect<f64>],
+    with_terms: Option<&WithTerms>,
+) -> Vec<String> {
+    let mut sentences = vec![verdict(diagnosis)];
     if diagnosis.verdict == Verdict::EffectFound {
-        told.extend(effects.iter().map(|effect| capitalised(&effect_sentence(arm, effect))));
-        told.push(error_sentence(diagnosis));
+        sentences.extend(effects.iter().map(|effect| capitalised(&effect_sentence(arm, effect))));
+        sentences.extend(error_sentence(diagnosis));
     }
     if diagnosis.verdict == Verdict::NotIdentifiable {
-        for other in &diagnosis.alternatives {
-            told.push(format!("It may be {} at {}.", other.law, other.place_name));
-        }
+        let candidates = diagnosis.alternatives.iter().map(|other| format!("{} at {}", other.law, other.site.name));
+        sentences.push(format!("Candidates: {}.", candidates.collect::<Vec<_>>().join("; ")));
     }
     if diagnosis.verdict == Verdict::UnexplainedStructure {
         let names: Vec<String> = diagnosis.remaining.depends_on.iter().take(3).map(ToString::to_string).collect();
         if !names.is_empty() {
-            told.push(format!("It depends on: {}.", names.join("; ")));
+            sentences.push(format!("The residual correlates with: {}.", names.join("; ")));
         }
-        told.extend(terms_sentence(arm, diagnosis));
+        sentences.extend(with_terms.map(|with_terms| terms_sentence(arm, diagnosis, with_terms)));
     }
-    if let Some(next) = &diagnosis.next_measurement {
-        let conditions = next.conditions.as_ref().map_or(String::new(), |conditions| format!(" {conditions}"));
-        let words = next.words.join(" ");
-        told.push(format!("Measure next{conditions}, in this order: {words}. That tells {}.", next.tells));
+    sentences.extend(diagnosis.next_measurement.as_ref().map(next_sentence));
+    sentences.extend(outlier_sentence(diagnosis));
+    sentences
+}
+
+/// The sentences on signals.
+pub(crate) fn of_signals(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut sentences = vec![verdict(diagnosis)];
+    sentences
+        .extend(diagnosis.effects.iter().map(|effect| effect_of_signals(effect, &diagnosis.error.after.train.norm)));
+    sentences.extend(error_sentence(diagnosis));
+    if !diagnosis.unobservable.is_empty() {
+        sentences.push(format!("Not identifiable from these data: {}.", diagnosis.unobservable.join("; ")));
     }
-    if !diagnosis.outliers.is_empty() {
-        let lines: Vec<String> = diagnosis.outliers.iter().take(8).map(|outlier| outlier.line.to_string()).collect();
-        told.push(format!(
-            "{} rows fit nothing and were given little weight: lines {}.",
-            diagnosis.outliers.len(),
-            lines.join(", ")
-        ));
+    if !diagnosis.alternatives.is_empty() {
+        let name = |other: &Alternative| format!("{} at {}", other.law, other.site);
+        let all: Vec<String> = diagnosis.alternatives.iter().map(name).collect();
+        sentences.push(format!("These rows do not distinguish: {}.", all.join("; ")));
     }
-    told
+    sentences.extend(diagnosis.next_measurement.as_ref().map(next_sentence));
+    for dependence in &diagnosis.remaining.depends_on {
+        let axis = dependence.axis.as_deref().unwrap_or_default();
+        let share = 100.0 * dependence.share;
+        sentences.push(format!("Residual of {axis} correlates with {dependence} ({share:.0} % of its mean square)."));
+    }
+    sentences.extend(outlier_sentence(diagnosis));
+    sentences
+}
+
+/// What the verdict says.
+fn verdict(diagnosis: &Diagnosis) -> String {
+    match diagnosis.verdict {
+        Verdict::EffectFound => "The model is missing an effect, and it was found.".into(),
+        Verdict::NoEffect => "No missing effect found: no effect that was tried predicts held-out rows better.".into(),
+        Verdict::UnexplainedStructure => {
+            "The measurement differs from the model by more than noise, and no known effect explains all of it.".into()
+        }
+        Verdict::NotIdentifiable => {
+            "The model is missing an effect, but these data do not identify which of several it is.".into()
+        }
+    }
+}
+
+/// `Held-out error 11.2 → 0.30 mm (repeatability 0.31 mm, 120 degrees of freedom; held out: …)`.
+fn error_sentence(diagnosis: &Diagnosis) -> Option<String> {
+    let [before, after] = [&diagnosis.error.before, &diagnosis.error.after].map(|errors| errors.heldout.as_ref());
+    let (before, after) = (readable(&before?.norm), readable(&after?.norm));
+    let noise = diagnosis.repeatability.as_ref().map_or(String::new(), |repeatability| {
+        let (value, unit) = readable(&repeatability.norm);
+        format!("repeatability {} {unit} with {} degrees of freedom; ", short(value), repeatability.dof)
+    });
+    Some(format!(
+        "Held-out error {} → {} {} ({noise}held out: {}).",
+        short(before.0),
+        short(after.0),
+        after.1,
+        diagnosis.held_out
+    ))
+}
+
+fn next_sentence(next: &NextMeasurement) -> String {
+    if next.words.is_empty() {
+        let lines: Vec<String> = next.rows.iter().map(|row| row.line.to_string()).collect();
+        return format!(
+            "Measure next: repeat the conditions of lines {} (most informative) to distinguish {}.",
+            lines.join(", "),
+            next.tells
+        );
+    }
+    let conditions = next.conditions.as_ref().map_or(String::new(), |conditions| format!(" {conditions}"));
+    format!("Measure next{conditions}, in this order: {}. This distinguishes {}.", next.words.join(" "), next.tells)
+}
+
+fn outlier_sentence(diagnosis: &Diagnosis) -> Option<String> {
+    let lines = diagnosis.outliers.iter().take(MAX_LINES).map(|outlier| outlier.line.to_string());
+    let lines: Vec<String> = lines.collect();
+    let more = if diagnosis.outliers.len() > MAX_LINES { ", …" } else { "" };
+    (!lines.is_empty()).then(|| {
+        format!("{} outliers, with little weight: lines {}{more}.", diagnosis.outliers.len(), lines.join(", "))
+    })
 }
 
 /// What fitted terms would gain.
-fn terms_sentence(arm: &Arm, diagnosis: &Diagnosis) -> Option<String> {
-    let with_terms = diagnosis.with_terms.as_ref()?;
+fn terms_sentence(arm: &Arm, diagnosis: &Diagnosis, with_terms: &WithTerms) -> String {
     let terms = with_terms.effects.iter().filter_map(|effect| match effect {
-        Effect::FittedTerm(term) => Some(along_name(arm, term)),
+        Effect::FittedTerm(term) => Some(term_name(arm, term)),
         _ => None,
     });
-    Some(format!(
-        "Kept in the model as fitted terms ({}), which tell nothing outside of what was measured, it leaves {:.2} mm on rows \
-         that no fit saw in place of {:.2} mm: --keep-terms writes them.",
+    format!(
+        "Fitted terms ({}) would lower the held-out error from {:.2} to {:.2} mm; they do not extrapolate. \
+         --keep-terms writes them.",
         terms.collect::<Vec<_>>().join("; "),
-        with_terms.unseen_m * 1e3,
-        diagnosis.error.after.unseen().distance_m * 1e3
-    ))
+        diagnosis.error.after.held_out_or_train().norm.value * 1e3,
+        with_terms.held_out_m * 1e3
+    )
+}
+
+fn effect_of_signals(effect: &outcome::Effect, norm: &Number) -> String {
+    let value = |value: &Value| format!("{} {} {}", value.name, short(value.value), value.unit);
+    let values: Vec<String> = effect.values.iter().map(value).collect();
+    let gain = match effect.heldout_gain {
+        Some(gain) if gain > 0.0 => {
+            let (gain, unit) = readable(&Number { value: gain, unit: norm.unit });
+            format!("; removing it raises the held-out error by {} {unit}", short(gain))
+        }
+        _ => String::new(),
+    };
+    format!("{} at {}: {}{gain}.", effect.law, effect.site, values.join(", "))
+}
+
+/// A number as people read it: lengths in mm, angles in degrees.
+pub fn readable(number: &Number) -> (f64, &'static str) {
+    match number.unit {
+        "m" => (1e3 * number.value, "mm"),
+        "rad" => (number.value.to_degrees(), "°"),
+        unit => (number.value, unit),
+    }
+}
+
+/// Four digits.
+fn short(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 || (1e-3..1e5).contains(&size) { format!("{value:.4}") } else { format!("{value:.3e}") }
 }
 
 /// The sentence with its first letter large.
 fn capitalised(sentence: &str) -> String {
     let mut letters = sentence.chars();
     letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
-}
-
-fn verdict(diagnosis: &Diagnosis) -> String {
-    match diagnosis.verdict {
-        Verdict::EffectFound => "The model lacks an effect, and it was found.".into(),
-        Verdict::NoEffect => "The model predicts as well as the measurement repeats: nothing is missing.".into(),
-        Verdict::UnexplainedStructure => {
-            "The arm departs from its model by more than the noise, and no effect that is known here explains it."
-                .into()
-        }
-        Verdict::NotIdentifiable => {
-            "Something is missing, but these measurements cannot tell which of several effects it is.".into()
-        }
-    }
-}
-
-fn error_sentence(diagnosis: &Diagnosis) -> String {
-    let [before, after] =
-        [&diagnosis.error.before, &diagnosis.error.after].map(|errors| errors.unseen().distance_m * 1e3);
-    let noise = match &diagnosis.repeatability {
-        Some(repeatability) => format!("; the measurement repeats to {:.2} mm", repeatability.distance_m * 1e3),
-        None => String::new(),
-    };
-    let rows = &diagnosis.held_out;
-    format!("On rows that no fit saw ({rows}), the error falls from {before:.2} mm to {after:.2} mm{noise}.")
 }
 
 /// One effect: which part, which way, how much.
@@ -100,17 +176,14 @@ pub fn effect_sentence(arm: &Arm, effect: &Effect<f64>) -> String {
         }
         Effect::AnchorOffset(law) => anchor_sentence(&place, law, arm.model.chain.is_planar()),
         Effect::GravitySag(law) => {
-            format!("{place}: the legs give way under load by {:.3} mm for each 100 N.", law.compliance_m_per_n * 1e5)
+            format!("{place}: the legs deflect by {:.3} mm per 100 N of load.", law.compliance_m_per_n * 1e5)
         }
         Effect::Play(law) => {
-            format!("{place}: an actuator that was not moved stands {:.2} mm off its stop.", law.width_m * 1e3)
+            format!("{place}: an actuator that was not moved is offset {:.2} mm from its stop.", law.width_m * 1e3)
         }
         Effect::SupplyStroke(law) => {
             let way = if law.gain > 0.0 { "shorter" } else { "longer" };
-            format!(
-                "{place}: the stroke gets {:.2} % {way} for each 10 % of supply that is missing.",
-                law.gain.abs() * 10.0
-            )
+            format!("{place}: the stroke is {:.2} % {way} per 10 % drop in supply.", law.gain.abs() * 10.0)
         }
         Effect::ThermalGrowth(law) => {
             format!("{place}: the legs grow by {:.1} µm per metre and kelvin.", law.expansion_per_k * 1e6)
@@ -122,25 +195,28 @@ pub fn effect_sentence(arm: &Arm, effect: &Effect<f64>) -> String {
         Effect::Drift(law) => drift_sentence(&place, law),
         Effect::Wear(law) => {
             let way = if law.per_switch_m > 0.0 { "farther" } else { "less far" };
-            format!("{place}: its stops let it {:.2} mm {way} for each 100 switches.", law.per_switch_m.abs() * 1e5)
+            format!("{place}: its stops let it {:.2} mm {way} per 100 switches.", law.per_switch_m.abs() * 1e5)
         }
         Effect::Crowding(law) => {
             let [short_mm, more_mm] = [law.values[0] * 1e3, law.values[1] * -1e2];
             format!(
-                "{place}: an actuator stays {short_mm:.2} mm short for each other that its module switches with it, and \
-                 {more_mm:.2} mm more for each 10 % of supply that is missing."
+                "{place}: an actuator stays {short_mm:.2} mm short per other actuator of its module that switches with it, and \
+                 {more_mm:.2} mm more per 10 % drop in supply."
             )
         }
         Effect::FrameOffset(law) => frame_sentence(&place, &law.values, arm.model.chain.is_planar()),
         Effect::Scale(law) => {
-            let way = if law.stretch > 0.0 { "long" } else { "short" };
-            format!("{place}: it tells lengths {:.3} % too {way}.", law.stretch.abs() * 100.0)
+            let way = if law.stretch > 0.0 { "over-reads" } else { "under-reads" };
+            format!("{place}: it {way} length by {:.3} %.", law.stretch.abs() * 100.0)
         }
         Effect::FittedTerm(term) => {
-            format!("{place}: it moves along {}, which no law explains.", along_name(arm, term))
+            format!("{place}: its error depends on {}, which no law explains (fitted term).", term_name(arm, term))
         }
         Effect::JointOffset(law) => {
-            format!("{place}: its joint stands {:+.3}° from where the servo tells.", law.offset_rad.to_degrees())
+            format!(
+                "{place}: its joint is offset {:+.3}° from the angle that the servo reports.",
+                law.offset_rad.to_degrees()
+            )
         }
     }
 }

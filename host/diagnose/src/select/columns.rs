@@ -8,7 +8,8 @@ use nalgebra::DMatrix;
 use crate::prepare::groups::Groups;
 
 /// Columns of an experiment.
-pub(crate) struct Design {
+#[derive(Debug)]
+pub(super) struct Columns {
     n_values: usize,
     /// Rows of each fold, among those that a fit sees.
     rows: Vec<Vec<usize>>,
@@ -18,9 +19,9 @@ pub(crate) struct Design {
     blocks: Vec<Vec<DMatrix<f64>>>,
 }
 
-impl Design {
+impl Columns {
     /// Of columns with a number for each row (all rows, also those that are held out) and axis.
-    pub(crate) fn new(groups: &Groups, n_axes: usize, columns: &[&[f64]]) -> Self {
+    pub(super) fn new(groups: &Groups, n_axes: usize, columns: &[&[f64]]) -> Self {
         let of_fold = |fold: usize| (0..groups.folds.len()).filter(|&row| groups.folds[row] == fold).collect();
         let rows: Vec<Vec<usize>> = (0..groups.n_folds).map(of_fold).collect();
         let is_moved =
@@ -38,13 +39,13 @@ impl Design {
     }
 
     /// How many folds there are.
-    pub(crate) fn n_folds(&self) -> usize {
+    pub(super) fn n_folds(&self) -> usize {
         self.rows.len()
     }
 
     /// Σ w·x·xᵀ over the rows of a fold, with the column `last` after those of all values; weights and `last` have a
     /// number for each row that a fit sees and axis.
-    pub(crate) fn sums(&self, fold: usize, weights: &[f64], last: &[f64]) -> DMatrix<f64> {
+    pub(super) fn sums(&self, fold: usize, weights: &[f64], last: &[f64]) -> DMatrix<f64> {
         let (p, n_axes) = (self.n_values, self.values.len());
         let mut sums = DMatrix::zeros(p + 1, p + 1);
         for (axis, (values, columns)) in self.values.iter().zip(&self.blocks[fold]).enumerate() {
@@ -71,7 +72,7 @@ impl Design {
     }
 
     /// What values of these sizes add in the rows of a fold, row by row, each with all its axes.
-    pub(crate) fn moved(&self, fold: usize, sizes: &[f64]) -> Vec<f64> {
+    pub(super) fn moved(&self, fold: usize, sizes: &[f64]) -> Vec<f64> {
         let n_axes = self.values.len();
         let mut moved = vec![0.0; self.rows[fold].len() * n_axes];
         for (axis, (values, columns)) in self.values.iter().zip(&self.blocks[fold]).enumerate() {
@@ -83,14 +84,21 @@ impl Design {
         moved
     }
 
+    /// The same in all rows that a fit sees.
+    pub(super) fn moved_all(&self, sizes: &[f64]) -> Vec<f64> {
+        let mut all = vec![0.0; self.rows.iter().map(Vec::len).sum::<usize>() * self.values.len()];
+        (0..self.n_folds()).for_each(|fold| self.put(fold, &self.moved(fold, sizes), &mut all));
+        all
+    }
+
     /// The same for each column of sizes, axis by axis: rows of the fold × columns.
-    pub(crate) fn moved_by_each(&self, fold: usize, sizes: &DMatrix<f64>) -> Vec<DMatrix<f64>> {
+    pub(super) fn moved_by_each(&self, fold: usize, sizes: &DMatrix<f64>) -> Vec<DMatrix<f64>> {
         let blocks = self.values.iter().zip(&self.blocks[fold]);
         blocks.map(|(values, columns)| columns * sizes.select_rows(values)).collect()
     }
 
     /// Puts the numbers of a fold's rows at their places among those of all rows that a fit sees.
-    pub(crate) fn put(&self, fold: usize, of_fold: &[f64], all: &mut [f64]) {
+    pub(super) fn put(&self, fold: usize, of_fold: &[f64], all: &mut [f64]) {
         let n_axes = self.values.len();
         for (row, numbers) in self.rows[fold].iter().zip(of_fold.chunks(n_axes)) {
             all[row * n_axes..(row + 1) * n_axes].copy_from_slice(numbers);
@@ -98,7 +106,7 @@ impl Design {
     }
 
     /// The column of one value over the rows that a fit sees.
-    pub(crate) fn column(&self, value: usize) -> Vec<f64> {
+    pub(super) fn column(&self, value: usize) -> Vec<f64> {
         let n_axes = self.values.len();
         let mut column = vec![0.0; self.rows.iter().map(Vec::len).sum::<usize>() * n_axes];
         for (axis, values) in self.values.iter().enumerate() {

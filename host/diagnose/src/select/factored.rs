@@ -12,11 +12,13 @@ use rayon::prelude::{
     IndexedParallelIterator as _, IntoParallelIterator as _, IntoParallelRefIterator as _, ParallelIterator as _,
 };
 
-use crate::select::problem::Trial;
-use crate::select::signals::{Channels, System};
+use super::problem::Trial;
+use super::signals::{Fit, Signals, System, Weighted};
 
-/// A model, factorised.
-pub(crate) struct Factored {
+/// A model, factorised under a weighting.
+pub(crate) struct Factored<'a> {
+    /// The problem under the weighting.
+    pub(crate) weighted: Weighted<'a>,
     /// Its candidates.
     pub(crate) active: Vec<usize>,
     indices: Vec<usize>,
@@ -35,6 +37,7 @@ struct Part {
 
 /// Values beside those of a model in one system.
 struct Beside<'a> {
+    base: &'a Factored<'a>,
     system: &'a System,
     part: &'a Part,
     open: &'a [usize],
@@ -59,23 +62,22 @@ impl Part {
     }
 }
 
-impl Factored {
+impl<'a> Factored<'a> {
     /// The model with these candidates.
-    pub(crate) fn new(kind: &Channels, active: Vec<usize>) -> Self {
-        let indices = kind.indices(&active);
-        let parts = kind.systems.par_iter().map(|system| Part::new(system, &indices)).collect();
-        Self { active, indices, parts }
+    pub(crate) fn new(weighted: Weighted<'a>, active: Vec<usize>) -> Self {
+        let indices = weighted.problem.indices(&active);
+        let parts = weighted.weighting.systems.par_iter().map(|system| Part::new(system, &indices)).collect();
+        Self { weighted, active, indices, parts }
     }
 
     /// The model itself.
-    pub(crate) fn trial(&self, kind: &Channels, effect: Option<usize>) -> Trial<Channels> {
-        let values: Vec<Vec<f64>> = self.each(kind, |part| part.values.clone());
-        predicted(kind, self.active.clone(), effect, values)
+    pub(crate) fn trial(&self, effect: Option<usize>) -> Trial<Signals> {
+        self.predicted(self.active.clone(), effect, self.each(|part| part.values.clone()))
     }
 
     /// The model without some of its candidates.
-    pub(crate) fn without(&self, kind: &Channels, dropped: &[usize]) -> Trial<Channels> {
-        let gone = kind.indices(dropped);
+    pub(crate) fn without(&self, dropped: &[usize]) -> Trial<Signals> {
+        let gone = self.weighted.problem.indices(dropped);
         let at: Vec<usize> = (0..self.indices.len()).filter(|&k| gone.contains(&self.indices[k])).collect();
         let mut unit = DMatrix::zeros(self.indices.len(), at.len());
         at.iter().enumerate().for_each(|(column, &row)| unit[(row, column)] = 1.0);
@@ -88,44 +90,53 @@ impl Factored {
             values
         };
         let active = self.active.iter().copied().filter(|k| !dropped.contains(k)).collect();
-        predicted(kind, active, None, self.each(kind, left))
+        self.predicted(active, None, self.each(left))
     }
 
     /// The models with more candidates, each move's beside this one's.
-    pub(crate) fn with(&self, kind: &Channels, moves: &[(usize, Vec<usize>)]) -> Vec<Trial<Channels>> {
-        let added: Vec<Vec<usize>> = moves.iter().map(|(_, added)| kind.indices(added)).collect();
+    pub(crate) fn with(&self, moves: &[(usize, Vec<usize>)]) -> Vec<Trial<Signals>> {
+        let added: Vec<Vec<usize>> = moves.iter().map(|(_, added)| self.weighted.problem.indices(added)).collect();
         let mut open = added.concat();
         open.sort_unstable();
         open.dedup();
-        let place = |value: &usize| open.binary_search(value).unwrap_or_default();
+        let place = |value: &usize| open.binary_search(value).expect("open has the values of all moves");
         let places: Vec<Vec<usize>> = added.iter().map(|values| values.iter().map(place).collect()).collect();
-        let n_folds = kind.design.n_folds();
-        let folds: Vec<Vec<Vec<f64>>> = (0..n_folds)
-            .into_par_iter()
-            .map(|fold| self.beside(kind, fold, &open).moved(kind, fold, self, &places))
-            .collect();
-        let beside = self.beside(kind, n_folds, &open);
+        let n_folds = self.weighted.weighting.linearised.columns.n_folds();
+        let folds: Vec<Vec<Vec<f64>>> =
+            (0..n_folds).into_par_iter().map(|fold| self.beside(fold, &open).moved(fold, &places)).collect();
+        let beside = self.beside(n_folds, &open);
         let model = |number: usize| {
             let (effect, added) = &moves[number];
             let moved: Vec<&[f64]> = folds.iter().map(|fold| &fold[number][..]).collect();
             let active = [&self.active[..], added].concat();
-            kind.trial(active, Some(*effect), beside.values(self, &places[number]), &moved)
+            let fit = Fit { active, values: beside.values(&places[number]) };
+            self.weighted.trial(fit, Some(*effect), &moved)
         };
         (0..moves.len()).into_par_iter().map(model).collect()
     }
 
     /// Values of all candidates, in their units, from those of the model in each system.
-    fn each(&self, kind: &Channels, values: impl Fn(&Part) -> DVector<f64> + Sync) -> Vec<Vec<f64>> {
-        let systems = kind.systems.par_iter().zip(&self.parts);
+    fn each(&self, values: impl Fn(&Part) -> DVector<f64> + Sync) -> Vec<Vec<f64>> {
+        let systems = self.weighted.weighting.systems.par_iter().zip(&self.parts);
         systems.map(|(system, part)| system.unscaled(&self.indices, &values(part))).collect()
     }
 
-    fn beside<'a>(&'a self, kind: &'a Channels, number: usize, open: &'a [usize]) -> Beside<'a> {
-        let (system, part) = (&kind.systems[number], &self.parts[number]);
+    /// A model with its values in each system.
+    fn predicted(&self, active: Vec<usize>, effect: Option<usize>, mut values: Vec<Vec<f64>>) -> Trial<Signals> {
+        let of_all_rows = values.pop().expect("the last system is that of all rows");
+        let columns = &self.weighted.weighting.linearised.columns;
+        let moved: Vec<Vec<f64>> =
+            values.par_iter().enumerate().map(|(fold, values)| columns.moved(fold, values)).collect();
+        let moved: Vec<&[f64]> = moved.iter().map(Vec::as_slice).collect();
+        self.weighted.trial(Fit { active, values: of_all_rows }, effect, &moved)
+    }
+
+    fn beside<'b>(&'b self, number: usize, open: &'b [usize]) -> Beside<'b> {
+        let (system, part) = (&self.weighted.weighting.systems[number], &self.parts[number]);
         let cross = DMatrix::from_fn(self.indices.len(), open.len(), |a, b| system.matrix[(self.indices[a], open[b])]);
         let answer = part.root.solve(&cross);
         let half = part.root.l_dirty().solve_lower_triangular(&cross).unwrap_or(cross);
-        Beside { system, part, open, half, answer }
+        Beside { base: self, system, part, open, half, answer }
     }
 }
 
@@ -144,10 +155,10 @@ impl Beside<'_> {
     }
 
     /// Values of all candidates with a move, in their units.
-    fn values(&self, base: &Factored, places: &[usize]) -> Vec<f64> {
+    fn values(&self, places: &[usize]) -> Vec<f64> {
         let new = self.solved(places);
         let old = &self.part.values - self.answer.select_columns(places) * &new;
-        let mut values = self.system.unscaled(&base.indices, &old);
+        let mut values = self.system.unscaled(&self.base.indices, &old);
         places
             .iter()
             .zip(new.iter())
@@ -156,15 +167,16 @@ impl Beside<'_> {
     }
 
     /// What the model with each move adds in the rows of a fold.
-    fn moved(&self, kind: &Channels, fold: usize, base: &Factored, moves: &[Vec<usize>]) -> Vec<Vec<f64>> {
+    fn moved(&self, fold: usize, moves: &[Vec<usize>]) -> Vec<Vec<f64>> {
+        let columns = &self.base.weighted.weighting.linearised.columns;
         let scale = &self.system.scale;
-        let mut sizes = DMatrix::zeros(kind.n_values, self.open.len());
-        for (row, &value) in base.indices.iter().enumerate() {
+        let mut sizes = DMatrix::zeros(scale.len(), self.open.len());
+        for (row, &value) in self.base.indices.iter().enumerate() {
             sizes.set_row(value, &(self.answer.row(row) * -scale[value]));
         }
         self.open.iter().enumerate().for_each(|(column, &value)| sizes[(value, column)] = scale[value]);
-        let each = kind.design.moved_by_each(fold, &sizes);
-        let alone = kind.design.moved(fold, &self.system.unscaled(&base.indices, &self.part.values));
+        let each = columns.moved_by_each(fold, &sizes);
+        let alone = columns.moved(fold, &self.system.unscaled(&self.base.indices, &self.part.values));
         let with = |places: &Vec<usize>| {
             let mut moved = alone.clone();
             for (&place, size) in places.iter().zip(self.solved(places).iter()) {
@@ -177,13 +189,4 @@ impl Beside<'_> {
         };
         moves.iter().map(with).collect()
     }
-}
-
-/// A model with its values in each system.
-fn predicted(kind: &Channels, active: Vec<usize>, effect: Option<usize>, mut values: Vec<Vec<f64>>) -> Trial<Channels> {
-    let whole = values.pop().unwrap_or_default();
-    let moved: Vec<Vec<f64>> =
-        values.par_iter().enumerate().map(|(fold, values)| kind.design.moved(fold, values)).collect();
-    let moved: Vec<&[f64]> = moved.iter().map(Vec::as_slice).collect();
-    kind.trial(active, effect, whole, &moved)
 }

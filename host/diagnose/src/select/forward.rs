@@ -1,197 +1,242 @@
-//! The search for what is missing: effects are added one at a time, each the one that predicts unseen rows best.
+//! Forward selection with exchange and backward elimination: effects are added one at a time, each the one that predicts
+//! rows that no fit has seen best.
 //!
-//! All candidates are judged by their linear fit first, cross-validated over whole groups; the best few, if they gain
-//! anything that may be more than chance, are fitted in full and judged again. The best is kept when its gain is no
-//! chance ([`DISCOVERY_LEVEL`], over all that were tried) and is confirmed. After each addition those found before have
-//! to prove themselves again.
+//! All candidates are judged by their linear fit first, cross-validated over groups of rows; the best few, if their gain may
+//! be more than chance, are fitted in full and judged again. The best is kept when its gain is significant
+//! ([`DISCOVERY_LEVEL`], over all that were tried) and is confirmed. After each addition the effects selected before must
+//! be significant again.
 
-use crate::outcome::Rung;
-use crate::select::problem::{Kind, Trial};
-use crate::select::significance::{DISCOVERY_LEVEL, RIVAL_LEVEL};
+use serde::Serialize;
+
+use super::problem::{Neighbours, RegressionProblem, Trial};
+use super::significance::{DISCOVERY_LEVEL, RIVAL_LEVEL};
+use crate::effect::{Law, as_str};
 
 /// Candidates of each step that are fitted in full.
-const REFINED: usize = 8;
-/// Effects that one search adds at most: some may take each other's place again and again.
-const MOST_STEPS: usize = 80;
-/// Exchanges of one effect for another in one search.
-const MOST_EXCHANGES: usize = 12;
-/// Fall of the loss below which an exchange is rounding: the effect may have been exchanged for itself.
-const LEAST_GAIN: f64 = 1.0;
+const MAX_REFITTED: usize = 8;
+/// Effects that one selection adds at most: some may replace each other again and again.
+const MAX_STEPS: usize = 80;
+/// Exchanges of one effect for another in one selection.
+const MAX_EXCHANGES: usize = 12;
+/// Reduction of the loss below which an exchange is rounding: the effect may have been exchanged for itself.
+const MIN_GAIN: f64 = 1.0;
 
-/// A search and what it has tried.
-#[derive(Debug)]
-pub struct Search<K: Kind> {
-    /// What it works on.
-    pub kind: K,
-    /// Everything tried.
-    pub ladder: Vec<Rung>,
+/// One model that was tried.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SelectionStep {
+    /// How many effects had been selected before.
+    pub step: usize,
+    /// The law that was added; `None` of a model without one.
+    #[serde(serialize_with = "as_str")]
+    pub law: Law,
+    /// Where.
+    #[serde(rename = "where")]
+    pub place: String,
+    /// How many values it has that these measurements determine.
+    pub values: usize,
+    /// Cross-validated error with it, in the unit of the observation's norm.
+    pub cross_validated: f64,
+    /// The same without it.
+    pub without: f64,
+    /// Chance of such a gain where there is none, times the number of effects tried.
+    pub p: f64,
+    /// Whether it was fitted in full; the others were judged by their linear fit.
+    pub refined: bool,
+    /// Whether it was kept.
+    pub kept: bool,
 }
 
-/// The model that is taken, and for the effect added last what else was fitted in full.
-pub type Found<K> = (Trial<K>, Vec<Trial<K>>);
+/// A model that was selected.
+#[derive(Debug)]
+pub struct Selection<P: RegressionProblem> {
+    /// The model with all effects that are significant.
+    pub best: Trial<P>,
+    /// For the effect that was added last: what else was fitted in full; empty when effects were taken away since.
+    pub rivals: Vec<Trial<P>>,
+    /// Everything that was tried.
+    pub path: Vec<SelectionStep>,
+}
 
-impl<K: Kind> Search<K> {
-    /// A search that has tried nothing.
-    pub fn new(kind: K) -> Self {
-        Self { kind, ladder: Vec::new() }
-    }
+/// The models tried in one step, the best first, and the steps that tell of all of them.
+struct Tried<P: RegressionProblem> {
+    refitted: Vec<Trial<P>>,
+    steps: Vec<SelectionStep>,
+}
 
-    /// The model with all effects that prove themselves, and for the last one what else was fitted in full.
-    pub fn run(&mut self, start: Trial<K>) -> Result<Found<K>, K::Error> {
-        let n_known = self.kind.n_effects(&start.fit);
-        let mut best = self.kind.settled(start)?;
-        let (mut rivals, mut exchanges, mut steps) = (Vec::new(), 0, 0);
-        while self.kind.n_effects(&best.fit) < self.kind.most() && steps < MOST_STEPS {
-            steps += 1;
-            let mut tried = self.step(&best, self.kind.n_effects(&best.fit) - n_known)?;
-            let Some(proven) = self.proven(&best, &tried)? else {
-                match self.exchanged(&best, n_known)? {
-                    Some(better) if exchanges < MOST_EXCHANGES => best = self.kind.settled(better)?,
-                    _ => break,
-                }
-                exchanges += 1;
-                rivals.clear();
-                continue;
-            };
-            self.keep(&tried[proven]);
-            best = tried.remove(proven);
-            rivals = tried;
-            while let Some(without) = self.superfluous(&best, n_known)? {
+/// Selects effects beside those of `start`; `path` has what was tried before, which counts among the effects tried.
+pub fn forward_selection<P: RegressionProblem>(
+    problem: &P,
+    start: Trial<P>,
+    mut path: Vec<SelectionStep>,
+) -> Result<Selection<P>, P::Error> {
+    let (policy, n_known) = (problem.policy(), problem.n_effects(&start.fit));
+    let mut best = problem.reweight_until_converged(start)?;
+    let (mut rivals, mut exchanges) = (Vec::new(), 0);
+    for _ in 0..MAX_STEPS {
+        if problem.n_effects(&best.fit) >= policy.max_effects {
+            break;
+        }
+        let step = problem.n_effects(&best.fit) - n_known;
+        let Tried { mut refitted, steps } = try_candidates(problem, &best, step)?;
+        append(&mut path, steps);
+        let n_tried = path.iter().filter(|tried: &&SelectionStep| tried.step == step).count();
+        if let Some(first) = first_significant(problem, &best, &refitted, n_tried)? {
+            mark_kept(problem, &mut path, &refitted[first]);
+            best = refitted.remove(first);
+            rivals = refitted;
+            while let Some(without) = without_superfluous(problem, &best, n_known, n_tried)? {
                 best = without;
                 rivals.clear();
             }
-            best = self.kind.settled(best)?;
+        } else if exchanges < MAX_EXCHANGES
+            && policy.exchanges
+            && let Some(better) = exchanged(problem, &best, n_known)?
+        {
+            best = better;
+            rivals.clear();
+            exchanges += 1;
+        } else {
+            break;
         }
-        Ok((best, rivals))
+        best = problem.reweight_until_converged(best)?;
     }
+    Ok(Selection { best, rivals, path })
+}
 
-    /// The best candidates beside the effects of `current`, fitted in full, the best first.
-    pub fn step(&mut self, current: &Trial<K>, step: usize) -> Result<Vec<Trial<K>>, K::Error> {
-        let mut screened = self.kind.screened(current)?;
-        screened.sort_by(|a, b| a.loss.total_cmp(&b.loss));
-        let n_tried = screened.len() as f64;
-        let chances: Vec<f64> =
-            screened.iter().map(|trial| (self.kind.fall(current, trial).p * n_tried).min(1.0)).collect();
-        let mut tried = Vec::new();
-        for (trial, p) in screened.iter().zip(&chances) {
-            if *p < 1.0 && tried.len() < REFINED {
-                // An effect that leaves the arm without a pose somewhere is not the one.
-                tried.extend(self.kind.refined(trial).ok());
-            }
-        }
-        tried.sort_by(|a, b| a.loss.total_cmp(&b.loss));
-        for (trial, refined) in tried.iter().map(|trial| (trial, true)).chain(screened.iter().map(|t| (t, false))) {
-            let rung = self.rung(current, trial, step, n_tried, refined);
-            let known = self.ladder.iter().any(|r| r.step == step && r.law == rung.law && r.place == rung.place);
-            if refined || !known {
-                self.ladder.push(rung);
-            }
-        }
-        Ok(tried)
-    }
-
-    fn rung(&self, current: &Trial<K>, trial: &Trial<K>, step: usize, n_tried: f64, refined: bool) -> Rung {
-        let (law, place) = trial.effect.as_ref().map_or(("none", String::new()), |effect| self.kind.name(effect));
-        Rung {
+/// The best candidates beside the effects of `current`, fitted in full, the best first.
+fn try_candidates<P: RegressionProblem>(problem: &P, current: &Trial<P>, step: usize) -> Result<Tried<P>, P::Error> {
+    let mut screened = problem.neighbours(current).with_one_more()?;
+    screened.sort_by(|a, b| a.loss.order(&b.loss));
+    let n_tried = screened.len() as f64;
+    let chance = |trial: &Trial<P>| (problem.loss_reduction(current, trial).p * n_tried).min(1.0);
+    let promising = screened.iter().filter(|trial| chance(trial) < 1.0);
+    // A candidate that leaves the arm without a pose somewhere is dropped, and the next one is fitted.
+    let mut refitted: Vec<Trial<P>> =
+        promising.filter_map(|trial| problem.refitted(trial).ok()).take(MAX_REFITTED).collect();
+    refitted.sort_by(|a, b| a.loss.order(&b.loss));
+    let all = refitted.iter().map(|trial| (trial, true)).chain(screened.iter().map(|trial| (trial, false)));
+    let tell = |(trial, refined): (&Trial<P>, bool)| {
+        let (law, place) = problem.describe(trial.effect.as_ref()?);
+        Some(SelectionStep {
             step,
             law,
             place,
-            values: self.kind.n_values(&trial.fit) - self.kind.n_values(&current.fit),
+            values: problem.n_values(&trial.fit) - problem.n_values(&current.fit),
             cross_validated: trial.error,
             without: current.error,
-            p: (self.kind.fall(current, trial).p * n_tried).min(1.0),
+            p: chance(trial),
             refined,
             kept: false,
+        })
+    };
+    Ok(Tried { steps: all.filter_map(tell).collect(), refitted })
+}
+
+/// Adds the steps of candidates; one that was judged by its linear fit only is left out where its candidate is there.
+fn append(path: &mut Vec<SelectionStep>, steps: Vec<SelectionStep>) {
+    for new in steps {
+        let is_same = |old: &SelectionStep| old.step == new.step && old.law == new.law && old.place == new.place;
+        if new.refined || !path.iter().any(is_same) {
+            path.push(new);
         }
     }
+}
 
-    fn keep(&mut self, kept: &Trial<K>) {
-        let Some((law, place)) = kept.effect.as_ref().map(|effect| self.kind.name(effect)) else { return };
-        let same = |rung: &&mut Rung| rung.refined && rung.law == law && rung.place == place;
-        if let Some(rung) = self.ladder.iter_mut().rev().find(same) {
-            rung.kept = true;
+fn mark_kept<P: RegressionProblem>(problem: &P, path: &mut [SelectionStep], kept: &Trial<P>) {
+    let Some((law, place)) = kept.effect.as_ref().map(|effect| problem.describe(effect)) else { return };
+    let is_same = |step: &&mut SelectionStep| step.refined && step.law == law && step.place == place;
+    if let Some(step) = path.iter_mut().rev().find(is_same) {
+        step.kept = true;
+    }
+}
+
+/// The first that is significant; where laws do not overlap only the best may be.
+fn first_significant<P: RegressionProblem>(
+    problem: &P,
+    best: &Trial<P>,
+    tried: &[Trial<P>],
+    n_tried: usize,
+) -> Result<Option<usize>, P::Error> {
+    let n_eligible = if problem.policy().laws_overlap { tried.len() } else { tried.len().min(1) };
+    for (k, trial) in tried.iter().enumerate().take(n_eligible) {
+        if is_significant(problem, best, trial, n_tried)? {
+            return Ok(Some(k));
         }
     }
+    Ok(None)
+}
 
-    /// The first that proves itself; where laws do not overlap only the best may.
-    fn proven(&mut self, best: &Trial<K>, tried: &[Trial<K>]) -> Result<Option<usize>, K::Error> {
-        let most = if self.kind.overlaps() { tried.len() } else { tried.len().min(1) };
-        for (k, trial) in tried.iter().enumerate().take(most) {
-            if self.proves_itself(best, trial)? {
-                return Ok(Some(k));
-            }
+/// Whether an effect, one of `n_tried`, predicts rows that it was not fitted to.
+fn is_significant<P: RegressionProblem>(
+    problem: &P,
+    without: &Trial<P>,
+    with: &Trial<P>,
+    n_tried: usize,
+) -> Result<bool, P::Error> {
+    let discovered = problem.loss_reduction(without, with).p * (n_tried as f64) < DISCOVERY_LEVEL;
+    Ok(discovered && problem.confirmed(without, with)?)
+}
+
+/// The best model in which one selected effect is exchanged for another, where that predicts unseen rows better.
+fn exchanged<P: RegressionProblem>(problem: &P, best: &Trial<P>, n_known: usize) -> Result<Option<Trial<P>>, P::Error> {
+    let neighbours = problem.neighbours(best);
+    let mut better: Option<Trial<P>> = None;
+    for effect in n_known..problem.n_effects(&best.fit) {
+        let without = neighbours.with_one_less(effect)?;
+        let tried = problem.neighbours(&without).with_one_more()?.into_iter().min_by(|a, b| a.loss.order(&b.loss));
+        let Some(tried) = tried.and_then(|trial| problem.refitted(&trial).ok()) else { continue };
+        let lowest = better.as_ref().map_or(&best.loss, |better| &better.loss);
+        if tried.loss.below(lowest) > MIN_GAIN && problem.loss_reduction(best, &tried).p < RIVAL_LEVEL {
+            better = Some(tried);
         }
-        Ok(None)
     }
+    Ok(better)
+}
 
-    /// Whether an effect predicts what it was not fitted to.
-    fn proves_itself(&mut self, without: &Trial<K>, with: &Trial<K>) -> Result<bool, K::Error> {
-        let last = self.ladder.last().map_or(0, |last| last.step);
-        let n_tried = self.ladder.iter().filter(|rung| rung.step == last).count();
-        let discovered = self.kind.fall(without, with).p * (n_tried as f64) < DISCOVERY_LEVEL;
-        Ok(discovered && self.kind.confirmed(without, with)?)
+/// The model without an effect that is superfluous: one that would not be selected beside those that came later; where laws
+/// overlap, one that is worth nothing at all.
+fn without_superfluous<P: RegressionProblem>(
+    problem: &P,
+    best: &Trial<P>,
+    n_known: usize,
+    n_tried: usize,
+) -> Result<Option<Trial<P>>, P::Error> {
+    let n = problem.n_effects(&best.fit);
+    if n < n_known + 2 {
+        return Ok(None);
     }
-
-    /// The best model in which one effect found gives its place to another, where that predicts unseen rows better.
-    fn exchanged(&mut self, best: &Trial<K>, n_known: usize) -> Result<Option<Trial<K>>, K::Error> {
-        let mut better: Option<Trial<K>> = None;
-        if !self.kind.exchanges() {
-            return Ok(None);
-        }
-        for effect in n_known..self.kind.n_effects(&best.fit) {
-            let without = self.kind.without(best, effect)?;
-            let tried = self.kind.screened(&without)?.into_iter().min_by(|a, b| a.loss.total_cmp(&b.loss));
-            let tried = tried.and_then(|trial| self.kind.refined(&trial).ok());
-            let least = better.as_ref().map_or(best.loss, |better| better.loss);
-            let worth =
-                |trial: &Trial<K>| trial.loss < least - LEAST_GAIN && self.kind.fall(best, trial).p < RIVAL_LEVEL;
-            better = tried.filter(worth).or(better);
-        }
-        Ok(better)
-    }
-
-    /// The model without an effect that is not missed: one that would not be discovered beside those that came later; where
-    /// laws overlap, one that is worth nothing at all.
-    fn superfluous(&mut self, best: &Trial<K>, n_known: usize) -> Result<Option<Trial<K>>, K::Error> {
-        let n = self.kind.n_effects(&best.fit);
-        if n < n_known + 2 {
-            return Ok(None);
-        }
-        for dropped in n_known..n - 1 {
-            let without = self.kind.without(best, dropped)?;
-            let missed = match self.kind.overlaps() {
-                true => self.kind.fall(&without, best).p <= RIVAL_LEVEL,
-                false => self.proves_itself(&without, best)?,
-            };
-            if !missed {
-                return Ok(Some(without));
-            }
-        }
-        Ok(None)
-    }
-
-    /// What else explains the rows as well as one effect of the best model does, with the confidence that it is worse.
-    pub fn rivals(
-        &mut self,
-        best: &Trial<K>,
-        effect: usize,
-        step: usize,
-        known: Option<Vec<Trial<K>>>,
-    ) -> Result<Vec<(Trial<K>, f64)>, K::Error> {
-        let rivals = match known {
-            Some(rivals) => rivals,
-            None => {
-                let without = self.kind.without(best, effect)?;
-                let n_rungs = self.ladder.len();
-                let rivals = self.step(&without, step)?;
-                self.ladder.truncate(n_rungs);
-                rivals
-            }
+    let neighbours = problem.neighbours(best);
+    for dropped in n_known..n - 1 {
+        let without = neighbours.with_one_less(dropped)?;
+        let is_missed = match problem.policy().laws_overlap {
+            true => problem.loss_reduction(&without, best).p <= RIVAL_LEVEL,
+            false => is_significant(problem, &without, best, n_tried)?,
         };
-        let judged = rivals.into_iter().map(|rival| {
-            let as_good = self.kind.fall(&rival, best).p;
-            (rival, as_good)
-        });
-        Ok(judged.filter(|(_, as_good)| *as_good > RIVAL_LEVEL).map(|(rival, p)| (rival, 1.0 - p)).collect())
+        if !is_missed {
+            return Ok(Some(without));
+        }
     }
+    Ok(None)
+}
+
+/// What else explains the rows as well as one effect of the best model does, with the confidence that it is worse; `known`
+/// are the candidates in its place where these have been fitted already.
+pub fn rivals<P: RegressionProblem>(
+    problem: &P,
+    best: &Trial<P>,
+    effect: usize,
+    known: Option<Vec<Trial<P>>>,
+) -> Result<Vec<(Trial<P>, f64)>, P::Error> {
+    let rivals = match known {
+        Some(rivals) => rivals,
+        None => {
+            let without = problem.neighbours(best).with_one_less(effect)?;
+            try_candidates(problem, &without, effect)?.refitted
+        }
+    };
+    let judged = rivals.into_iter().map(|rival| {
+        let as_good = problem.loss_reduction(&rival, best).p;
+        (rival, as_good)
+    });
+    Ok(judged.filter(|(_, as_good)| *as_good > RIVAL_LEVEL).map(|(rival, p)| (rival, 1.0 - p)).collect())
 }

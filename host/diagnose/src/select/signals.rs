@@ -1,130 +1,155 @@
-//! The search's view of an [`Experiment`]: linear fits with priors from sums of products, cross-validated over groups.
+//! Signals as a regression problem: linear fits with priors from sums of products, cross-validated over groups of rows.
 //!
 //! # Method
 //!
-//! At the model as it stands the residuals are scaled by the noise of their axes (that of the residuals themselves,
-//! less the farthest hundredth) and what is far off are given less weight (Huber). The products of all columns are summed once for each
-//! fold; then any set of effects is a small system of equations, and sets that differ by few effects are solved together
-//! (`factored`). The information counts by 1/τ, with τ how many rows repeat each other (the integral of
-//! the residuals' autocorrelation), against the priors of the values. Unseen rows are those of a fold: a value of the
-//! column that is held out, or a tenth of the pieces of time.
+//! At the current model the residuals are scaled by the noise of their axes (that of the residuals themselves, less the
+//! farthest hundredth), and outliers get less weight (Huber). The products of all columns are summed once for each fold;
+//! then any set of effects is a small system of equations, and sets that differ by few effects are solved together
+//! ([`factored`](super::factored)). The information counts by 1/τ, with τ the autocorrelation time of the residuals in
+//! rows, against the priors of the values. Unseen rows are those of a fold: a value of the column that is held out, or a
+//! tenth of the pieces of time.
 
 use std::collections::BTreeMap;
+use std::convert::Infallible;
+use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::{IntoParallelIterator as _, IntoParallelRefIterator as _, ParallelIterator as _};
 
+use super::columns::Columns;
+use super::factored::Factored;
+use super::problem::{Loss, Neighbours, Policy, RegressionProblem, Trial};
+use super::robust_fit::{losses, weights};
+use super::significance::{LossReduction, paired_t_test};
+use crate::effect::Law;
 use crate::linearise::experiment::{Candidate, Experiment};
 use crate::prepare::groups::Groups;
 use crate::prepare::repeatability::MEDIAN_OF_NORMAL;
-use crate::select::columns::Design;
-use crate::select::factored::Factored;
-use crate::select::problem::{Kind, Trial};
-use crate::select::robust_fit::{losses, weights};
-use crate::select::significance::{Fall, paired};
 
 /// The most effects of one model.
-const MOST: usize = 60;
-/// Rounds of weights and noise: until no axis's noise changes by more than this share.
-const LEAST_ROUNDS: usize = 2;
-const MOST_ROUNDS: usize = 50;
-const SETTLED: f64 = 1e-3;
+const MAX_EFFECTS: usize = 60;
+/// Rounds of weights and noise: until the noise of no axis changes by more than this share.
+const MIN_ROUNDS: usize = 2;
+const MAX_ROUNDS: usize = 50;
+const NOISE_REL_TOL: f64 = 1e-3;
 /// Candidates times folds up to which exchanges are worth their time.
-const MOST_TO_EXCHANGE: usize = 1200;
-/// Share of the information that is added to each value's own, so that what is not told stays small.
-const LEAST: f64 = 1e-9;
+const MAX_TO_EXCHANGE: usize = 1200;
+/// Share of the information that is added to each value's own, so that what is not determined stays small.
+const RIDGE: f64 = 1e-9;
 /// One row in as many, the farthest off, does not count in the noise. Of a model that holds every law from the start the
-/// median tells it: it leaves nothing that outliers could be mistaken for.
+/// median gives the noise: it leaves nothing that outliers could be mistaken for.
 const TRIMMED: usize = 100;
 
 /// A model: which candidates are in it, and its values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
-    /// The candidates, in the order in which they came.
+    /// The candidates, in the order in which they were added.
     pub active: Vec<usize>,
     /// The values of all candidates, zero where one is not in the model.
     pub values: Vec<f64>,
 }
 
-/// An experiment as a kind of observation.
-pub struct Channels {
+/// Rows of signals and the candidates that may explain their residuals.
+pub struct Signals {
     /// The experiment.
     pub experiment: Experiment,
     /// Rows that fits see, and how they are grouped.
     pub groups: Groups,
-    /// Noise of each axis.
-    pub sigma: Vec<f64>,
-    /// How many rows repeat each other.
-    pub repeats: f64,
-    /// What a step of the search may add: each candidate by itself, and each law at all its places together.
+    /// What a step of the selection may add: each candidate by itself, and each law at all its places together.
     pub moves: Vec<Vec<usize>>,
-    /// Columns of the training rows.
-    pub(crate) design: Design,
-    /// All normal equations: without each fold, then of all rows.
-    pub(crate) systems: Vec<System>,
     /// How many values all candidates have together.
-    pub(crate) n_values: usize,
+    pub(super) n_values: usize,
     offsets: Vec<usize>,
     /// 1/σ² of the prior of each value.
     priors: Vec<f64>,
-    /// Residuals of the training rows where all values are zero, as far as they are linear.
-    zero: Vec<f64>,
-    /// Sums of weighted products of columns over all training rows, the residual last.
-    whole: DMatrix<f64>,
-    /// The model that was looked at last.
-    last: Option<Factored>,
+    /// At the model as it is.
+    linearised: Arc<Linearised>,
 }
 
-/// The normal equations A·x = −g of all values, each scaled by its own information and made safe by a share of [`LEAST`].
-pub(crate) struct System {
+/// Residuals and columns of the training rows near a model.
+#[derive(Debug)]
+pub(super) struct Linearised {
+    pub(super) columns: Columns,
+    /// Residuals where all values are zero, as far as they are linear.
+    pub(super) zero: Vec<f64>,
+}
+
+/// How rows and axes count: the noise, and the equations of all values in units of it.
+#[derive(Debug)]
+pub struct Weighting {
+    /// Noise of each axis.
+    pub sigma: Vec<f64>,
+    /// Autocorrelation time of the residuals, rows.
+    pub autocorrelation_time: f64,
+    pub(super) linearised: Arc<Linearised>,
+    /// All normal equations: without each fold, then of all rows.
+    pub(super) systems: Arc<Vec<System>>,
+    /// Sums of weighted products of columns over all training rows, the residual last.
+    sums: Arc<DMatrix<f64>>,
+}
+
+/// The normal equations A·x = −g of all values, each scaled by its own information and made safe by a share of [`RIDGE`].
+#[derive(Debug)]
+pub(super) struct System {
     /// A, its diagonal about 1.
-    pub(crate) matrix: DMatrix<f64>,
+    pub(super) matrix: DMatrix<f64>,
     /// g.
-    pub(crate) gradient: DVector<f64>,
+    pub(super) gradient: DVector<f64>,
     /// What x is multiplied by to be in the values' units.
-    pub(crate) scale: DVector<f64>,
+    pub(super) scale: DVector<f64>,
 }
 
 impl System {
     /// All values in their units, from those with these numbers.
-    pub(crate) fn unscaled(&self, indices: &[usize], values: &DVector<f64>) -> Vec<f64> {
+    pub(super) fn unscaled(&self, indices: &[usize], values: &DVector<f64>) -> Vec<f64> {
         let mut all = vec![0.0; self.scale.len()];
         indices.iter().zip(values.iter()).for_each(|(&k, value)| all[k] = value * self.scale[k]);
         all
     }
 }
 
-impl Channels {
+impl Signals {
     /// The experiment, with its groups.
     pub fn new(experiment: Experiment, groups: Groups) -> Self {
         let (offsets, n_values) = experiment.offsets();
         let n_axes = experiment.axes.len();
         let values = || experiment.candidates.iter().flat_map(|candidate| &candidate.values);
         let columns: Vec<&[f64]> = values().map(|value| &value.column[..]).collect();
+        let linearised = Linearised {
+            columns: Columns::new(&groups, n_axes, &columns),
+            zero: training(&groups, n_axes, &experiment.residuals),
+        };
         Self {
-            design: Design::new(&groups, n_axes, &columns),
-            systems: Vec::new(),
             n_values,
             offsets,
             priors: values().map(|value| 1.0 / (value.prior * value.prior)).collect(),
-            zero: training(&groups, n_axes, &experiment.residuals),
-            whole: DMatrix::zeros(0, 0),
-            last: None,
+            linearised: Arc::new(linearised),
             groups,
-            sigma: vec![1.0; n_axes],
-            repeats: 1.0,
             moves: moves(&experiment.candidates),
             experiment,
         }
     }
 
-    /// The model with these candidates and no values yet.
+    /// The model with these candidates, not fitted yet, without a weighting that it could be compared under.
     pub fn start(&self, active: Vec<usize>) -> Trial<Self> {
         let fit = Fit { active, values: vec![0.0; self.n_values] };
-        Trial { effect: None, fit, predicted: Vec::new(), loss: f64::INFINITY, error: f64::INFINITY }
+        let weighting = Arc::new(Weighting {
+            sigma: vec![1.0; self.experiment.axes.len()],
+            autocorrelation_time: 1.0,
+            linearised: Arc::clone(&self.linearised),
+            systems: Arc::default(),
+            sums: Arc::new(DMatrix::zeros(0, 0)),
+        });
+        let loss = Loss::new(f64::INFINITY, &weighting);
+        Trial { effect: None, fit, predicted: Vec::new(), loss, error: f64::INFINITY }
     }
 
-    /// Where the values of these candidates stand among all values.
+    /// The problem under the weighting of a trial.
+    pub fn weighted<'a>(&'a self, trial: &'a Trial<Self>) -> Weighted<'a> {
+        Weighted { problem: self, weighting: trial.weighting() }
+    }
+
+    /// The numbers of the values of these candidates among all values.
     pub fn indices(&self, active: &[usize]) -> Vec<usize> {
         let of = |&candidate: &usize| {
             let first = self.offsets[candidate];
@@ -133,172 +158,171 @@ impl Channels {
         active.iter().flat_map(of).collect()
     }
 
-    /// Residuals of the training rows in units of the noise, of a model.
-    pub fn training_residuals(&self, fit: &Fit) -> Vec<f64> {
-        self.in_noise(training(&self.groups, self.sigma.len(), &self.experiment.at(&fit.values)))
+    /// Residuals of the training rows at these values, in their units, and the columns there.
+    fn linearise(&self, values: &[f64]) -> (Vec<f64>, Arc<Linearised>) {
+        let Some(relinearise) = &self.experiment.relinearise else {
+            let Linearised { columns, zero } = &*self.linearised;
+            let moved = columns.moved_all(values);
+            return (zero.iter().zip(&moved).map(|(zero, moved)| zero + moved).collect(), Arc::clone(&self.linearised));
+        };
+        let n_axes = self.experiment.axes.len();
+        let (residuals, columns) = relinearise(values);
+        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        let (columns, own) = (Columns::new(&self.groups, n_axes, &columns), training(&self.groups, n_axes, &residuals));
+        let zero = own.iter().zip(&columns.moved_all(values)).map(|(own, moved)| own - moved).collect();
+        (own, Arc::new(Linearised { columns, zero }))
     }
 
-    /// Column of a value over the training rows, in units of the noise.
-    pub fn column(&self, value: usize) -> Vec<f64> {
-        self.in_noise(self.design.column(value))
-    }
-
-    /// Information of these values: what the rows tell, of independent rows, and the priors.
-    pub fn information(&self, indices: &[usize]) -> DMatrix<f64> {
-        self.equations(indices).0
-    }
-
-    /// Numbers of rows × axes in units of the noise.
-    fn in_noise(&self, mut numbers: Vec<f64>) -> Vec<f64> {
-        for row in numbers.chunks_mut(self.sigma.len()) {
-            row.iter_mut().zip(&self.sigma).for_each(|(number, sigma)| *number /= sigma);
+    /// Noise of each axis by these residuals.
+    fn noise(&self, residuals: &[f64]) -> Vec<f64> {
+        let (n_axes, n_norm) = (self.experiment.axes.len(), self.experiment.n_norm);
+        let of_axis = |axis: usize| {
+            let mut squares: Vec<f64> = residuals.iter().skip(axis).step_by(n_axes).map(|r| r * r).collect();
+            squares.sort_unstable_by(f64::total_cmp);
+            let mean = if self.experiment.all_priors_informative() {
+                squares.get(squares.len() / 2).copied().unwrap_or_default() / MEDIAN_OF_NORMAL.powi(2)
+            } else {
+                squares.truncate(squares.len() - squares.len() / TRIMMED);
+                squares.iter().sum::<f64>() / squares.len().max(1) as f64
+            };
+            mean.sqrt().max(1e-12)
+        };
+        let mut sigma: Vec<f64> = (0..n_axes).map(of_axis).collect();
+        let of_norm = sigma.iter().take(n_norm).map(|sigma| sigma * sigma).sum::<f64>();
+        let of_norm = (of_norm / n_norm as f64).sqrt();
+        for (sigma, axis) in sigma.iter_mut().zip(&self.experiment.axes) {
+            *sigma = axis.noise_if_repeated.map_or(*sigma, |times| times * of_norm);
         }
-        numbers
+        sigma
     }
 
-    /// Residuals of the training rows at these values, in their units; what is not linear is told anew there.
-    fn linearise(&mut self, values: &[f64]) -> Vec<f64> {
-        let n_axes = self.sigma.len();
-        let at = self.experiment.relinearise.as_ref().map(|relinearise| relinearise(values));
-        let own = at.map(|(residuals, columns)| {
-            let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-            self.design = Design::new(&self.groups, n_axes, &columns);
-            training(&self.groups, n_axes, &residuals)
-        });
-        let mut moved = vec![0.0; self.zero.len()];
-        for fold in 0..self.design.n_folds() {
-            self.design.put(fold, &self.design.moved(fold, values), &mut moved);
-        }
-        match own {
-            Some(own) => {
-                self.zero = own.iter().zip(&moved).map(|(own, moved)| own - moved).collect();
-                own
-            }
-            None => self.zero.iter().zip(&moved).map(|(zero, moved)| zero + moved).collect(),
-        }
-    }
-
-    /// The equations of all values, with the weights that these residuals give the rows.
-    fn accumulate(&mut self, residuals: &[f64]) {
-        let n_axes = self.sigma.len();
-        let of = |(k, weight): (usize, &f64)| weight / (self.sigma[k % n_axes] * self.sigma[k % n_axes]);
+    /// The weighting that residuals, in units of the noise, give.
+    fn weigh(&self, residuals: &[f64], sigma: Vec<f64>, linearised: Arc<Linearised>) -> Weighting {
+        let n_axes = sigma.len();
+        let autocorrelation_time = self.groups.autocorrelation_time(residuals, n_axes);
+        let of = |(k, weight): (usize, &f64)| weight / (sigma[k % n_axes] * sigma[k % n_axes]);
         let weights: Vec<f64> = weights(residuals, 1).iter().enumerate().map(of).collect();
-        let n_folds = self.design.n_folds();
-        let sums = |fold: usize| self.design.sums(fold, &weights, &self.zero);
-        let folds: Vec<DMatrix<f64>> = (0..n_folds).into_par_iter().map(sums).collect();
+        let sums = |fold: usize| linearised.columns.sums(fold, &weights, &linearised.zero);
+        let folds: Vec<DMatrix<f64>> = (0..linearised.columns.n_folds()).into_par_iter().map(sums).collect();
         let n = self.n_values + 1;
-        self.whole = folds.iter().fold(DMatrix::zeros(n, n), |sum, fold| sum + fold);
-        self.systems = folds.par_iter().map(|fold| self.system(&self.whole - fold)).collect();
-        self.systems.push(self.system(self.whole.clone()));
-        self.last = None;
+        let all = folds.iter().fold(DMatrix::zeros(n, n), |sum, fold| sum + fold);
+        let mut systems: Vec<System> =
+            folds.par_iter().map(|fold| self.system(&all - fold, autocorrelation_time)).collect();
+        systems.push(self.system(all.clone(), autocorrelation_time));
+        Weighting { sigma, autocorrelation_time, linearised, systems: Arc::new(systems), sums: Arc::new(all) }
     }
 
-    fn system(&self, mut sums: DMatrix<f64>) -> System {
+    fn system(&self, mut sums: DMatrix<f64>, autocorrelation_time: f64) -> System {
         let n = self.n_values;
-        sums /= self.repeats;
+        sums /= autocorrelation_time;
         self.priors.iter().enumerate().for_each(|(k, prior)| sums[(k, k)] += prior);
         let scale = DVector::from_fn(n, |k, _| if sums[(k, k)] > 0.0 { 1.0 / sums[(k, k)].sqrt() } else { 0.0 });
-        let least = |k: usize| if scale[k] > 0.0 { LEAST } else { 1.0 };
+        let ridge = |k: usize| if scale[k] > 0.0 { RIDGE } else { 1.0 };
         let matrix =
-            DMatrix::from_fn(n, n, |a, b| sums[(a, b)] * scale[a] * scale[b] + if a == b { least(a) } else { 0.0 });
+            DMatrix::from_fn(n, n, |a, b| sums[(a, b)] * scale[a] * scale[b] + if a == b { ridge(a) } else { 0.0 });
         let gradient = DVector::from_fn(n, |k, _| sums[(k, n)] * scale[k]);
         System { matrix, gradient, scale }
-    }
-
-    /// A and g of these values over all training rows, in their units.
-    pub(crate) fn equations(&self, indices: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
-        let n = indices.len();
-        let mut information = DMatrix::from_fn(n, n, |a, b| self.whole[(indices[a], indices[b])] / self.repeats);
-        indices.iter().enumerate().for_each(|(k, &value)| information[(k, k)] += self.priors[value]);
-        let gradient = DVector::from_fn(n, |a, _| self.whole[(indices[a], self.n_values)] / self.repeats);
-        (information, gradient)
-    }
-
-    /// A model with these candidates, fitted and cross-validated.
-    pub fn judged(&self, active: Vec<usize>, effect: Option<usize>) -> Trial<Self> {
-        Factored::new(self, active).trial(self, effect)
-    }
-
-    /// A model with its values, and what those of the other folds add in the rows of each.
-    pub(crate) fn trial(
-        &self,
-        active: Vec<usize>,
-        effect: Option<usize>,
-        values: Vec<f64>,
-        moved: &[&[f64]],
-    ) -> Trial<Self> {
-        let mut predicted = vec![0.0; self.zero.len()];
-        moved.iter().enumerate().for_each(|(fold, moved)| self.design.put(fold, moved, &mut predicted));
-        predicted.iter_mut().zip(&self.zero).for_each(|(moved, zero)| *moved += zero);
-        self.predicting(Fit { active, values }, effect, self.in_noise(predicted))
-    }
-
-    /// A model that predicts these residuals, in units of the noise.
-    pub(crate) fn predicting(&self, fit: Fit, effect: Option<usize>, predicted: Vec<f64>) -> Trial<Self> {
-        let loss = losses(&predicted, 1).iter().sum();
-        let error = self.norm(&predicted);
-        Trial { effect, fit, predicted, loss, error }
-    }
-
-    /// The model with these candidates, factorised; taken from where it was kept.
-    fn factored(&mut self, active: &[usize]) -> Factored {
-        let last = self.last.take().filter(|last| last.active == active);
-        last.unwrap_or_else(|| Factored::new(self, active.to_vec()))
     }
 
     /// The candidates that a move adds to a model; `None` where it adds nothing, or where another move adds the same.
     fn added(&self, number: usize, fit: &Fit) -> Option<Vec<usize>> {
         let all = &self.moves[number];
-        let place = |k: &usize| (self.experiment.candidates[*k].law, &self.experiment.candidates[*k].place);
+        let candidates = &self.experiment.candidates;
         let added: Vec<usize> = match &all[..] {
             [one] => (!fit.active.contains(one)).then_some(*one).into_iter().collect(),
             several => {
-                several.iter().filter(|k| !fit.active.iter().any(|other| place(other) == place(k))).copied().collect()
+                let is_open = |k: &&usize| !fit.active.iter().any(|&other| candidates[other].is_same(&candidates[**k]));
+                several.iter().filter(is_open).copied().collect()
             }
         };
         (added.len() >= all.len().min(2)).then_some(added)
     }
+}
+
+/// A problem under a weighting.
+#[derive(Clone, Copy)]
+pub struct Weighted<'a> {
+    /// The problem.
+    pub problem: &'a Signals,
+    /// The weighting.
+    pub weighting: &'a Arc<Weighting>,
+}
+
+impl Weighted<'_> {
+    /// Residuals of the training rows in units of the noise, of a model.
+    pub fn training_residuals(&self, fit: &Fit) -> Vec<f64> {
+        let all = self.problem.experiment.at(&fit.values);
+        self.in_noise(training(&self.problem.groups, self.weighting.sigma.len(), &all))
+    }
+
+    /// Column of a value over the training rows, in units of the noise.
+    pub fn column(&self, value: usize) -> Vec<f64> {
+        self.in_noise(self.weighting.linearised.columns.column(value))
+    }
+
+    /// Information of these values: of independent rows, and of the priors.
+    pub fn information(&self, indices: &[usize]) -> DMatrix<f64> {
+        self.equations(indices).0
+    }
+
+    /// A and g of these values over all training rows, in their units.
+    pub(crate) fn equations(&self, indices: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
+        let (n, Weighting { sums, autocorrelation_time, .. }) = (indices.len(), &**self.weighting);
+        let mut information = DMatrix::from_fn(n, n, |a, b| sums[(indices[a], indices[b])] / autocorrelation_time);
+        indices.iter().enumerate().for_each(|(k, &value)| information[(k, k)] += self.problem.priors[value]);
+        let gradient = DVector::from_fn(n, |a, _| sums[(indices[a], self.problem.n_values)] / autocorrelation_time);
+        (information, gradient)
+    }
+
+    /// A model with these candidates, fitted and cross-validated.
+    pub fn judged(&self, active: Vec<usize>, effect: Option<usize>) -> Trial<Signals> {
+        Factored::new(*self, active).trial(effect)
+    }
+
+    /// A model with its values, and what those of the other folds add in the rows of each.
+    pub(super) fn trial(&self, fit: Fit, effect: Option<usize>, moved: &[&[f64]]) -> Trial<Signals> {
+        let Linearised { columns, zero } = &*self.weighting.linearised;
+        let mut predicted = vec![0.0; zero.len()];
+        moved.iter().enumerate().for_each(|(fold, moved)| columns.put(fold, moved, &mut predicted));
+        predicted.iter_mut().zip(zero).for_each(|(moved, zero)| *moved += zero);
+        self.predicting(fit, effect, self.in_noise(predicted))
+    }
+
+    /// A model that predicts these residuals, in units of the noise.
+    pub(crate) fn predicting(&self, fit: Fit, effect: Option<usize>, predicted: Vec<f64>) -> Trial<Signals> {
+        let loss = Loss::new(losses(&predicted, 1).iter().sum(), self.weighting);
+        let error = self.norm(&predicted);
+        Trial { effect, fit, predicted, loss, error }
+    }
 
     /// The values of a model that fit all training rows best.
     pub(crate) fn least_squares(&self, active: Vec<usize>) -> Fit {
-        let indices = self.indices(&active);
+        let indices = self.problem.indices(&active);
         let (information, gradient) = self.equations(&indices);
-        let mut values = vec![0.0; self.n_values];
+        let mut values = vec![0.0; self.problem.n_values];
         indices.iter().zip(solve(information, &gradient).iter()).for_each(|(&index, value)| values[index] = -value);
         Fit { active, values }
     }
 
     /// Root mean square of the norm of scaled residuals, in its unit.
     pub fn norm(&self, scaled: &[f64]) -> f64 {
-        let (n_axes, n_norm) = (self.sigma.len(), self.experiment.n_norm);
-        let square = |row: &[f64]| row.iter().zip(&self.sigma).take(n_norm).map(|(r, s)| (r * s).powi(2)).sum::<f64>();
-        let rows = (scaled.len() / n_axes).max(1) as f64;
-        (scaled.chunks(n_axes).map(square).sum::<f64>() / rows).sqrt()
+        let (sigma, n_norm) = (&self.weighting.sigma, self.problem.experiment.n_norm);
+        let square = |row: &[f64]| row.iter().zip(sigma).take(n_norm).map(|(r, s)| (r * s).powi(2)).sum::<f64>();
+        let rows = (scaled.len() / sigma.len()).max(1) as f64;
+        (scaled.chunks(sigma.len()).map(square).sum::<f64>() / rows).sqrt()
     }
 
-    /// Noise of the axes and repeats of the rows as these residuals tell them; the residuals in units of that noise.
-    fn rescale(&mut self, residuals: Vec<f64>) -> Vec<f64> {
-        let n_axes = self.sigma.len();
-        for axis in 0..n_axes {
-            let mut squares: Vec<f64> = residuals.iter().skip(axis).step_by(n_axes).map(|r| r * r).collect();
-            squares.sort_unstable_by(f64::total_cmp);
-            let mean = if self.experiment.is_held_by_priors() {
-                squares.get(squares.len() / 2).copied().unwrap_or_default() / MEDIAN_OF_NORMAL.powi(2)
-            } else {
-                squares.truncate(squares.len() - squares.len() / TRIMMED);
-                squares.iter().sum::<f64>() / squares.len().max(1) as f64
-            };
-            self.sigma[axis] = mean.sqrt().max(1e-12);
-        }
-        let of_norm = self.sigma.iter().take(self.experiment.n_norm).map(|sigma| sigma * sigma).sum::<f64>();
-        let of_norm = (of_norm / self.experiment.n_norm as f64).sqrt();
-        for (sigma, axis) in self.sigma.iter_mut().zip(&self.experiment.axes) {
-            *sigma = axis.noise_if_repeated.map_or(*sigma, |times| times * of_norm);
-        }
-        let residuals = self.in_noise(residuals);
-        self.repeats = self.groups.repeats(&residuals, n_axes);
-        residuals
+    fn in_noise(&self, numbers: Vec<f64>) -> Vec<f64> {
+        in_noise(numbers, &self.weighting.sigma)
     }
+}
+
+/// Numbers of rows × axes in units of the noise.
+fn in_noise(mut numbers: Vec<f64>, sigma: &[f64]) -> Vec<f64> {
+    for row in numbers.chunks_mut(sigma.len()) {
+        row.iter_mut().zip(sigma).for_each(|(number, sigma)| *number /= sigma);
+    }
+    numbers
 }
 
 /// The numbers of the training rows, of those of all rows × axes.
@@ -309,24 +333,23 @@ fn training(groups: &Groups, n_axes: usize, all: &[f64]) -> Vec<f64> {
 /// Each candidate by itself, then each law that has several places at all of them; of a law with several shapes the first
 /// of each place together, the second, and so on.
 fn moves(candidates: &[Candidate]) -> Vec<Vec<usize>> {
-    let mut shapes: BTreeMap<(&str, usize), Vec<usize>> = BTreeMap::new();
+    let mut shapes: BTreeMap<(Law, usize), Vec<usize>> = BTreeMap::new();
     for (k, candidate) in candidates.iter().enumerate() {
-        let alike = |other: &&Candidate| other.law == candidate.law && other.place == candidate.place;
-        let shape = candidates[..k].iter().filter(alike).count();
+        let shape = candidates[..k].iter().filter(|other| other.is_same(candidate)).count();
         shapes.entry((candidate.law, shape)).or_default().push(k);
     }
     let single = (0..candidates.len()).map(|k| vec![k]);
     single.chain(shapes.into_values().filter(|all| all.len() > 1)).collect()
 }
 
-/// x with A·x = b for an information matrix A, scaled to its diagonal and made safe by a share of [`LEAST`] of it.
+/// x with A·x = b for an information matrix A, scaled to its diagonal and made safe by a share of [`RIDGE`] of it.
 pub(crate) fn solve(mut information: DMatrix<f64>, gradient: &DVector<f64>) -> DVector<f64> {
     let scale = information.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
     for (column, by) in scale.iter().enumerate() {
         for (row, other) in scale.iter().enumerate() {
             information[(row, column)] *= by * other;
         }
-        information[(column, column)] += if *by > 0.0 { LEAST } else { 1.0 };
+        information[(column, column)] += if *by > 0.0 { RIDGE } else { 1.0 };
     }
     match information.cholesky() {
         Some(root) => root.solve(&gradient.component_mul(&scale)).component_mul(&scale),
@@ -334,10 +357,38 @@ pub(crate) fn solve(mut information: DMatrix<f64>, gradient: &DVector<f64>) -> D
     }
 }
 
-impl Kind for Channels {
+/// A model whose neighbours are to be computed, factorised.
+pub struct Around<'a> {
+    factored: Factored<'a>,
+    fit: &'a Fit,
+}
+
+impl Neighbours<Signals> for Around<'_> {
+    fn with_one_more(&self) -> Result<Vec<Trial<Signals>>, Infallible> {
+        let problem = self.factored.weighted.problem;
+        let open: Vec<(usize, Vec<usize>)> =
+            (0..problem.moves.len()).filter_map(|number| Some((number, problem.added(number, self.fit)?))).collect();
+        Ok(self.factored.with(&open))
+    }
+
+    fn with_one_less(&self, effect: usize) -> Result<Trial<Signals>, Infallible> {
+        let mut without = self.factored.without(&[self.fit.active[effect]]);
+        without.effect = without.fit.active.last().copied();
+        Ok(without)
+    }
+}
+
+impl RegressionProblem for Signals {
     type Effect = usize;
     type Fit = Fit;
-    type Error = std::convert::Infallible;
+    type Weighting = Weighting;
+    type Neighbours<'a> = Around<'a>;
+    type Error = Infallible;
+
+    fn policy(&self) -> Policy {
+        let exchanges = self.moves.len() * self.groups.n_folds < MAX_TO_EXCHANGE;
+        Policy { max_effects: MAX_EFFECTS, laws_overlap: true, exchanges }
+    }
 
     fn n_effects(&self, fit: &Fit) -> usize {
         fit.active.len()
@@ -347,68 +398,53 @@ impl Kind for Channels {
         self.indices(&fit.active).len()
     }
 
-    fn most(&self) -> usize {
-        MOST
-    }
-
-    fn overlaps(&self) -> bool {
-        true
-    }
-
-    fn exchanges(&self) -> bool {
-        self.moves.len() * self.groups.n_folds < MOST_TO_EXCHANGE
-    }
-
-    fn name(&self, effect: &usize) -> (&'static str, String) {
+    fn describe(&self, effect: &usize) -> (Law, String) {
         let all = &self.moves[*effect];
         let candidate = &self.experiment.candidates[all[0]];
         let shape =
             candidate.shape.as_ref().map_or(String::new(), |(name, value, unit)| format!(", {name} {value:.3} {unit}"));
-        let place = if all.len() > 1 { format!("{} places", all.len()) } else { candidate.place.clone() };
+        let place = if all.len() > 1 { format!("{} places", all.len()) } else { candidate.site.code.clone() };
         (candidate.law, place + &shape)
     }
 
-    fn settled(&mut self, current: Trial<Self>) -> Result<Trial<Self>, Self::Error> {
-        let mut best = current;
-        for round in 0..MOST_ROUNDS {
-            let residuals = self.linearise(&best.fit.values);
-            let before = self.sigma.clone();
-            let residuals = self.rescale(residuals);
-            let is_same = |(now, before): (&f64, &f64)| (now / before - 1.0).abs() < SETTLED;
-            if round >= LEAST_ROUNDS && self.sigma.iter().zip(&before).all(is_same) {
-                break;
+    fn reweight_until_converged(&self, model: Trial<Self>) -> Result<Trial<Self>, Infallible> {
+        let (mut best, mut before) = (model, Vec::new());
+        for round in 0..MAX_ROUNDS {
+            let (residuals, linearised) = self.linearise(&best.fit.values);
+            let sigma = self.noise(&residuals);
+            let residuals = in_noise(residuals, &sigma);
+            let is_same = |(now, before): (&f64, &f64)| (now / before - 1.0).abs() < NOISE_REL_TOL;
+            if round >= MIN_ROUNDS && sigma.iter().zip(&before).all(is_same) {
+                // The equations are those of the round before, the noise is the last one: they differ by the tolerance.
+                let last = best.weighting();
+                let weighting = Arc::new(Weighting {
+                    autocorrelation_time: self.groups.autocorrelation_time(&residuals, sigma.len()),
+                    sigma,
+                    linearised,
+                    systems: Arc::clone(&last.systems),
+                    sums: Arc::clone(&last.sums),
+                });
+                best.loss = best.loss.under(&weighting);
+                return Ok(best);
             }
-            self.accumulate(&residuals);
-            let model = Factored::new(self, best.fit.active);
-            best = model.trial(self, best.effect);
-            self.last = Some(model);
+            before.clone_from(&sigma);
+            let weighting = Arc::new(self.weigh(&residuals, sigma, linearised));
+            best = Weighted { problem: self, weighting: &weighting }.judged(best.fit.active, best.effect);
         }
         Ok(best)
     }
 
-    fn screened(&mut self, current: &Trial<Self>) -> Result<Vec<Trial<Self>>, Self::Error> {
-        let open: Vec<(usize, Vec<usize>)> =
-            (0..self.moves.len()).filter_map(|number| Some((number, self.added(number, &current.fit)?))).collect();
-        let model = self.factored(&current.fit.active);
-        let trials = model.with(self, &open);
-        self.last = Some(model);
-        Ok(trials)
+    fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Around<'a> {
+        Around { factored: Factored::new(self.weighted(model), model.fit.active.clone()), fit: &model.fit }
     }
 
-    fn refined(&mut self, trial: &Trial<Self>) -> Result<Trial<Self>, Self::Error> {
+    /// A linear fit is a full one.
+    fn refitted(&self, trial: &Trial<Self>) -> Result<Trial<Self>, Infallible> {
         Ok(trial.clone())
     }
 
-    fn without(&mut self, best: &Trial<Self>, dropped: usize) -> Result<Trial<Self>, Self::Error> {
-        let model = self.factored(&best.fit.active);
-        let mut without = model.without(self, &[best.fit.active[dropped]]);
-        without.effect = without.fit.active.last().copied();
-        self.last = Some(model);
-        Ok(without)
-    }
-
-    fn fall(&self, before: &Trial<Self>, after: &Trial<Self>) -> Fall {
-        let n_axes = self.sigma.len();
+    fn loss_reduction(&self, before: &Trial<Self>, after: &Trial<Self>) -> LossReduction {
+        let n_axes = self.experiment.axes.len();
         let mut cells = vec![[0.0; 2]; self.groups.n_blocks * n_axes];
         let pairs = losses(&before.predicted, 1).into_iter().zip(losses(&after.predicted, 1));
         let is_own = |(k, _): &(usize, _)| self.experiment.axes[k % n_axes].proves();
@@ -418,11 +454,11 @@ impl Kind for Channels {
             cell[1] += after;
         }
         cells.retain(|[before, after]| before != after);
-        paired(&cells)
+        paired_t_test(&cells)
     }
 
-    /// Rows that are held out take no part, so that the error told on them is of rows that nothing saw.
-    fn confirmed(&mut self, _without: &Trial<Self>, _with: &Trial<Self>) -> Result<bool, Self::Error> {
+    /// Rows that are held out take no part, so that the error reported on them is of rows that no fit has seen.
+    fn confirmed(&self, _without: &Trial<Self>, _with: &Trial<Self>) -> Result<bool, Infallible> {
         Ok(true)
     }
 }

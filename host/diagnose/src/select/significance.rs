@@ -3,9 +3,9 @@
 //! | question | test | level |
 //! | --- | --- | --- |
 //! | is there more than noise? | residuals against repeats: F, one-sided | [`STRUCTURE_LEVEL`] |
-//! | does an effect predict words that it was not fitted to? | fall of the cross-validated squares, word by word: t, one-sided, times the number of effects tried (Bonferroni) | [`DISCOVERY_LEVEL`] |
+//! | does an effect predict words that it was not fitted to? | reduction of the cross-validated squares, word by word: t, one-sided, times the number of effects tried (Bonferroni) | [`DISCOVERY_LEVEL`] |
 //! | does it predict held-out words? | the same on the held-out words, once | [`CONFIRMATION_LEVEL`] |
-//! | is another effect as good? | fall from it to the best, word by word: t, one-sided | [`RIVAL_LEVEL`] |
+//! | is another effect as good? | reduction from it to the best, word by word: t, one-sided | [`RIVAL_LEVEL`] |
 
 use std::collections::BTreeMap;
 
@@ -22,22 +22,22 @@ pub const CONFIRMATION_LEVEL: f64 = 0.025;
 /// An effect worse than the best one with at least this confidence is not its rival.
 pub const RIVAL_LEVEL: f64 = 0.05;
 
-/// By how much one model's residuals are larger than another's, and how sure it is.
+/// By how much the loss of one model is lower than that of another, and how certain that is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fall {
+pub struct LossReduction {
     /// Σ w·(|before|² − |after|²).
     pub sum: f64,
-    /// Its standard error, by the noise that is in `after`.
+    /// Its standard error, by the noise in `after`.
     pub error: f64,
-    /// Chance of at least this fall where there is none.
+    /// Chance of at least this reduction where there is none.
     pub p: f64,
 }
 
-/// The fall from the residuals `before` to those `after`; `groups` tells the word of each row.
+/// The reduction from the residuals `before` to those `after`; `groups` has the word of each row.
 ///
 /// With Δ = before − after it is Σ w·(|Δ|² + 2·after·Δ); what of it is chance is the second part, whose terms are
 /// independent from word to word. A row far off by `after` has the weight w that a fit gives it.
-pub fn fall(before: &[f64], after: &[f64], groups: &[usize]) -> Fall {
+pub fn clustered_t_test(before: &[f64], after: &[f64], groups: &[usize]) -> LossReduction {
     let n_axes = after.len() / groups.len().max(1);
     let row_weights = weights(after, n_axes.max(1));
     let mut cross: BTreeMap<usize, f64> = BTreeMap::new();
@@ -51,10 +51,10 @@ pub fn fall(before: &[f64], after: &[f64], groups: &[usize]) -> Fall {
     }
     let error = cross.values().map(|c| c * c).sum::<f64>().sqrt();
     if error == 0.0 || cross.len() < 2 {
-        return Fall { sum, error, p: if sum > 0.0 && cross.len() > 1 { 0.0 } else { 1.0 } };
+        return LossReduction { sum, error, p: if sum > 0.0 && cross.len() > 1 { 0.0 } else { 1.0 } };
     }
     let p = StudentsT::new(0.0, 1.0, cross.len() as f64 - 1.0).map_or(1.0, |t| t.sf(sum / error));
-    Fall { sum, error, p }
+    LossReduction { sum, error, p }
 }
 
 /// The same by the losses of each group before and after: t over the groups' falls and over their relative falls, which
@@ -62,14 +62,14 @@ pub fn fall(before: &[f64], after: &[f64], groups: &[usize]) -> Fall {
 ///
 /// It holds where groups differ in size and what remains has structure of its own in every group. What does not lower the
 /// sum is no fall.
-pub fn paired(losses: &[[f64; 2]]) -> Fall {
+pub fn paired_t_test(losses: &[[f64; 2]]) -> LossReduction {
     let n = losses.len() as f64;
     let sum: f64 = losses.iter().map(|[before, after]| before - after).sum();
     let relative: Vec<f64> =
         losses.iter().map(|[before, after]| (before - after) / (before + after).max(f64::MIN_POSITIVE)).collect();
     let absolute: Vec<f64> = losses.iter().map(|[before, after]| before - after).collect();
     if losses.len() < 2 || !sum.is_finite() || sum <= 0.0 {
-        return Fall { sum, error: 0.0, p: 1.0 };
+        return LossReduction { sum, error: 0.0, p: 1.0 };
     }
     let chance = |falls: &[f64]| {
         let mean = falls.iter().sum::<f64>() / n;
@@ -81,7 +81,7 @@ pub fn paired(losses: &[[f64; 2]]) -> Fall {
             size => StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |t| t.sf(size)),
         }
     };
-    Fall { sum, error: 0.0, p: (2.0 * chance(&relative).min(chance(&absolute))).min(1.0) }
+    LossReduction { sum, error: 0.0, p: (2.0 * chance(&relative).min(chance(&absolute))).min(1.0) }
 }
 
 /// Chance that a mean square this many times the noise's is noise.
@@ -139,12 +139,12 @@ mod tests {
 
     #[test]
     fn a_fall_to_nothing_is_certain() {
-        assert_eq!(fall(&[1.0, 2.0], &[0.0, 0.0], &[0, 1]), Fall { sum: 5.0, error: 0.0, p: 0.0 });
+        assert_eq!(clustered_t_test(&[1.0, 2.0], &[0.0, 0.0], &[0, 1]), LossReduction { sum: 5.0, error: 0.0, p: 0.0 });
     }
 
     #[test]
     fn no_fall_is_chance() {
-        assert!((fall(&[1.0, 0.5], &[0.5, 1.0], &[0, 1]).p - 0.5).abs() < 1e-12);
+        assert!((clustered_t_test(&[1.0, 0.5], &[0.5, 1.0], &[0, 1]).p - 0.5).abs() < 1e-12);
     }
 
     #[test]
@@ -152,14 +152,15 @@ mod tests {
         // Nine words as before, and one in which five times the noise goes: 25 of 2·5 standard errors.
         let (mut before, after, groups) = ([1.0; 10], [1.0; 10], [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
         before[3] = 6.0;
-        let fall = fall(&before, &after, &groups);
+        let fall = clustered_t_test(&before, &after, &groups);
         assert_eq!((fall.sum, fall.error), (35.0, 10.0));
         assert!(fall.p < 0.01);
     }
 
     #[test]
     fn a_small_fall_everywhere_is_no_chance_and_one_here_and_there_is() {
-        let falls = |shares: &[f64]| paired(&shares.iter().map(|share| [100.0, 100.0 * share]).collect::<Vec<_>>()).p;
+        let falls =
+            |shares: &[f64]| paired_t_test(&shares.iter().map(|share| [100.0, 100.0 * share]).collect::<Vec<_>>()).p;
         assert!(falls(&[0.9, 0.91, 0.89, 0.9, 0.92, 0.88, 0.9, 0.9]) < 1e-6);
         assert!(falls(&[0.9, 1.1, 0.8, 1.15, 0.9, 1.05, 0.95, 1.1]) > 0.2);
         assert_eq!(falls(&[1.0, 1.1]), 1.0);

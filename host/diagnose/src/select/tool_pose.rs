@@ -1,30 +1,35 @@
-//! Tool poses of an arm of words, as a kind of observation: whole words are left out, and the held-out words confirm.
+//! Tool poses of an arm of discrete actuators: words are left out one after the other, and the held-out words confirm.
+
+use std::sync::Arc;
 
 use darm_core::effect::Effect;
 use darm_core::effect::step::Step;
 use darm_core::model::MAX_EFFECTS;
 use nalgebra::DVector;
 
+use super::problem::{Loss, Neighbours, Policy, RegressionProblem, Trial};
+use super::robust_fit::{Fit, cross_validated, fit, losses, moved, weights};
+use super::significance::{CONFIRMATION_LEVEL, LossReduction, clustered_t_test};
+use crate::effect::{Law, law_named};
 use crate::linearise::arm_candidates;
 use crate::linearise::sensitivity::Sensitivity;
 use crate::measurement::root_mean_square;
 use crate::prepare::observations::{NoPose, Observations, Value};
-use crate::select::problem::{Kind, Trial};
-use crate::select::robust_fit::{Fit, cross_validated, fit, losses, moved, weights};
-use crate::select::significance::{CONFIRMATION_LEVEL, Fall, fall};
 use darm_arm::arm::{ArmModel, ArmScratch};
 
-/// Poses that fits see, poses that judge, and room to compute in.
+/// Standard deviation of each component of a twist, rad and m.
+pub type Noise = [f64; 6];
+
+/// Poses that fits see, and poses that judge.
 #[derive(Debug)]
-pub struct ToolPose {
+pub struct ToolPoses {
     /// Rows that fits see.
     pub training: Observations,
     /// Rows that judge; may be none.
     pub heldout: Observations,
     /// The fold of each training row.
     pub folds: Vec<usize>,
-    /// Room to compute in.
-    pub scratch: ArmScratch,
+    weighting: Arc<Noise>,
 }
 
 /// The values of all effects of a model.
@@ -33,10 +38,21 @@ pub fn values(model: &ArmModel) -> Vec<Value> {
     effects.flat_map(|(k, effect)| (0..effect.law().values().len()).map(move |value| (k, value))).collect()
 }
 
-impl ToolPose {
+impl ToolPoses {
+    /// Training rows with their folds, and held-out rows, both in units of the same noise.
+    pub fn new(training: Observations, heldout: Observations, folds: Vec<usize>) -> Self {
+        let weighting = Arc::new(training.sigma);
+        Self { training, heldout, folds, weighting }
+    }
+
+    /// The same rows in units of another noise.
+    pub fn with_noise(self, sigma: Noise) -> Self {
+        Self::new(self.training.with_noise(sigma), self.heldout.with_noise(sigma), self.folds)
+    }
+
     /// A model with all its values fitted in full.
-    pub fn fitted(&mut self, model: &ArmModel) -> Result<Trial<Self>, NoPose> {
-        let fit = fit(model, &self.training, &values(model), &mut self.scratch)?;
+    pub fn fitted(&self, model: &ArmModel) -> Result<Trial<Self>, NoPose> {
+        let fit = fit(model, &self.training, &values(model), &mut ArmScratch::default())?;
         let last = fit.model.effects.last().copied();
         Ok(self.judged(fit, last))
     }
@@ -60,18 +76,18 @@ impl ToolPose {
     fn timed(&self, effect: &Effect<f64>, residuals: &[f64], sensitivity: &Sensitivity) -> Effect<f64> {
         let Effect::Step(step) = *effect else { return *effect };
         let always = Step { since_s: f64::NEG_INFINITY, ..step };
-        let since_s = sensitivity.column(&always.into(), 0).and_then(|column| self.moment(&column, residuals));
+        let since_s = sensitivity.column(&always.into(), 0).and_then(|column| self.change_point(&column, residuals));
         Step { since_s: since_s.unwrap_or(step.since_s), ..step }.into()
     }
 
     /// The model with its steps at the moments that they explain most from, each beside all other effects; `None` where
     /// they are there already.
-    fn timed_again(&mut self, fit: &Fit) -> Result<Option<ArmModel>, NoPose> {
+    fn timed_again(&self, fit: &Fit) -> Result<Option<ArmModel>, NoPose> {
         let mut model = fit.model.clone();
         if !model.effects.iter().any(|effect| matches!(effect, Effect::Step(_))) {
             return Ok(None);
         }
-        let sensitivity = Sensitivity::new(&fit.model, &self.training, &mut self.scratch)?;
+        let sensitivity = Sensitivity::new(&fit.model, &self.training, &mut ArmScratch::default())?;
         for (k, effect) in fit.model.effects.iter().enumerate() {
             let Effect::Step(step) = *effect else { continue };
             let Some(own) = fit.values.iter().position(|&(of, _)| of == k) else { continue };
@@ -83,7 +99,7 @@ impl ToolPose {
 
     /// The moment t₀ for which a column that acts from then on takes most from the residuals: the largest
     /// (Σ w·c·r)² / Σ w·c², the sums over all rows from t₀ on.
-    fn moment(&self, column: &[f64], residuals: &[f64]) -> Option<f64> {
+    fn change_point(&self, column: &[f64], residuals: &[f64]) -> Option<f64> {
         let n_axes = self.training.n_axes();
         let row_weights = weights(residuals, n_axes);
         let times: Vec<f64> = self.training.times_s().collect();
@@ -104,26 +120,57 @@ impl ToolPose {
     }
 
     /// Error on rows that no fit saw, held out for good or in turn, as a distance d, root mean square, m.
-    pub fn unseen_m(&mut self, trial: &Trial<Self>) -> Result<f64, NoPose> {
+    pub fn held_out_m(&self, trial: &Trial<Self>) -> Result<f64, NoPose> {
         if self.heldout.rows.is_empty() {
             return Ok(trial.error);
         }
-        let residuals = self.heldout.residuals(&trial.fit.model, &mut self.scratch)?;
+        let residuals = self.heldout.residuals(&trial.fit.model, &mut ArmScratch::default())?;
         Ok(root_mean_square(&self.heldout.distances_m(&residuals)))
     }
 
     fn judged(&self, fit: Fit, effect: Option<Effect<f64>>) -> Trial<Self> {
         let predicted = cross_validated(&fit.columns, &fit.residuals, &self.training, &self.folds);
-        let loss = losses(&predicted, self.training.n_axes()).iter().sum();
+        let loss = Loss::new(losses(&predicted, self.training.n_axes()).iter().sum(), &self.weighting);
         let error = root_mean_square(&self.training.distances_m(&predicted));
         Trial { effect, fit, predicted, loss, error }
     }
 }
 
-impl Kind for ToolPose {
+/// A model of tool poses, whose neighbours are to be computed.
+pub struct Around<'a> {
+    problem: &'a ToolPoses,
+    model: &'a Trial<ToolPoses>,
+}
+
+impl Neighbours<ToolPoses> for Around<'_> {
+    fn with_one_more(&self) -> Result<Vec<Trial<ToolPoses>>, NoPose> {
+        let Self { problem, model } = self;
+        let candidates: Vec<Effect<f64>> = arm_candidates::all(&model.fit.model)
+            .into_iter()
+            .filter(|effect| !model.fit.model.effects.iter().any(|known| arm_candidates::same(known, effect)))
+            .collect();
+        let sensitivity = Sensitivity::new(&model.fit.model, &problem.training, &mut ArmScratch::default())?;
+        let timed = candidates.iter().map(|effect| problem.timed(effect, &model.fit.residuals, &sensitivity));
+        Ok(timed.filter_map(|effect| problem.candidate(model, &effect, &sensitivity)).collect())
+    }
+
+    fn with_one_less(&self, effect: usize) -> Result<Trial<ToolPoses>, NoPose> {
+        let mut model = self.model.fit.model.clone();
+        model.effects.remove(effect);
+        self.problem.fitted(&model)
+    }
+}
+
+impl RegressionProblem for ToolPoses {
     type Effect = Effect<f64>;
     type Fit = Fit;
+    type Weighting = Noise;
+    type Neighbours<'a> = Around<'a>;
     type Error = NoPose;
+
+    fn policy(&self) -> Policy {
+        Policy { max_effects: MAX_EFFECTS, laws_overlap: false, exchanges: true }
+    }
 
     fn n_effects(&self, fit: &Fit) -> usize {
         fit.model.effects.len()
@@ -133,61 +180,43 @@ impl Kind for ToolPose {
         fit.values.len()
     }
 
-    fn most(&self) -> usize {
-        MAX_EFFECTS
+    fn describe(&self, effect: &Effect<f64>) -> (Law, String) {
+        (law_named(effect.law().name()), arm_candidates::place_code(effect))
     }
 
-    fn exchanges(&self) -> bool {
-        true
+    /// The noise of repeats does not depend on the model.
+    fn reweight_until_converged(&self, model: Trial<Self>) -> Result<Trial<Self>, NoPose> {
+        Ok(model)
     }
 
-    fn name(&self, effect: &Effect<f64>) -> (&'static str, String) {
-        (effect.law().name(), arm_candidates::place_code(effect))
+    fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Around<'a> {
+        Around { problem: self, model }
     }
 
-    fn settled(&mut self, current: Trial<Self>) -> Result<Trial<Self>, NoPose> {
-        Ok(current)
-    }
-
-    fn screened(&mut self, current: &Trial<Self>) -> Result<Vec<Trial<Self>>, NoPose> {
-        let candidates: Vec<Effect<f64>> = arm_candidates::all(&current.fit.model)
-            .into_iter()
-            .filter(|effect| !current.fit.model.effects.iter().any(|known| arm_candidates::same(known, effect)))
-            .collect();
-        let sensitivity = Sensitivity::new(&current.fit.model, &self.training, &mut self.scratch)?;
-        let timed = candidates.iter().map(|effect| self.timed(effect, &current.fit.residuals, &sensitivity));
-        Ok(timed.filter_map(|effect| self.candidate(current, &effect, &sensitivity)).collect())
-    }
-
-    /// A trial fitted in full; a step is timed again beside the other effects.
-    fn refined(&mut self, trial: &Trial<Self>) -> Result<Trial<Self>, NoPose> {
-        let refined = self.fitted(&trial.fit.model)?;
-        let Some(model) = self.timed_again(&refined.fit)? else {
-            return Ok(Trial { effect: trial.effect, ..refined });
+    /// A trial fitted in full; a step gets the best change point beside the other effects.
+    fn refitted(&self, trial: &Trial<Self>) -> Result<Trial<Self>, NoPose> {
+        let refitted = self.fitted(&trial.fit.model)?;
+        let Some(model) = self.timed_again(&refitted.fit)? else {
+            return Ok(Trial { effect: trial.effect, ..refitted });
         };
         let again = self.fitted(&model)?;
-        let better = if again.loss < refined.loss { again } else { refined };
+        let better = if again.loss < refitted.loss { again } else { refitted };
         Ok(Trial { effect: better.fit.model.effects.last().copied(), ..better })
     }
 
-    fn without(&mut self, best: &Trial<Self>, dropped: usize) -> Result<Trial<Self>, NoPose> {
-        let mut model = best.fit.model.clone();
-        model.effects.remove(dropped);
-        self.fitted(&model)
-    }
-
-    fn fall(&self, before: &Trial<Self>, after: &Trial<Self>) -> Fall {
-        fall(&before.predicted, &after.predicted, &self.training.groups())
+    fn loss_reduction(&self, before: &Trial<Self>, after: &Trial<Self>) -> LossReduction {
+        clustered_t_test(&before.predicted, &after.predicted, &self.training.groups())
     }
 
     /// Whether the held-out error falls by more than its uncertainty, by the noise that is left: a row that is far off by
-    /// both models does not hide the fall, nor do words on which the effect does not act.
-    fn confirmed(&mut self, without: &Trial<Self>, with: &Trial<Self>) -> Result<bool, NoPose> {
+    /// both models does not hide the reduction, nor do words on which the effect does not act.
+    fn confirmed(&self, without: &Trial<Self>, with: &Trial<Self>) -> Result<bool, NoPose> {
         if self.heldout.rows.is_empty() {
             return Ok(true);
         }
-        let before = self.heldout.residuals(&without.fit.model, &mut self.scratch)?;
-        let after = self.heldout.residuals(&with.fit.model, &mut self.scratch)?;
-        Ok(fall(&before, &after, &self.heldout.groups()).p < CONFIRMATION_LEVEL)
+        let mut scratch = ArmScratch::default();
+        let before = self.heldout.residuals(&without.fit.model, &mut scratch)?;
+        let after = self.heldout.residuals(&with.fit.model, &mut scratch)?;
+        Ok(clustered_t_test(&before, &after, &self.heldout.groups()).p < CONFIRMATION_LEVEL)
     }
 }

@@ -315,6 +315,11 @@ mod tests {
         assert!(Law::named("spring", Some(1.0)).is_none() && Law::named("backlash", None).is_none());
     }
 
+    #[test]
+    fn each_law_is_in_the_list_of_names() {
+        assert!(laws().iter().all(|law| crate::effect::law_name::LawName::named(law.along().name()).is_some()));
+    }
+
     proptest! {
         #![proptest_config(seeded(64))]
 

@@ -10,7 +10,7 @@ use darm_core::actuator::{JointKind, Stage};
 use darm_core::chain::Parameter;
 use darm_core::se::{Pose, Twist};
 use darm_diagnose::linearise::model::{Model, What};
-use darm_diagnose::linearise::model_effects::Known;
+use darm_diagnose::linearise::model_effects::ModelEffect;
 use darm_diagnose::linearise::torque::Transmission;
 use darm_robot::robot::{Jacobian, Kinematics, Robot, RobotFrame};
 use darm_robot::urdf::{self, Locks};
@@ -103,7 +103,7 @@ impl Coordinate {
 /// What a model of torques has beside its robot.
 pub(crate) struct Effects {
     pub(crate) transmission: Option<Transmission>,
-    pub(crate) known: Vec<Known>,
+    pub(crate) known: Vec<ModelEffect>,
 }
 
 impl Given {

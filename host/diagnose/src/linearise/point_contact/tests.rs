@@ -11,12 +11,11 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
 
 use super::*;
+use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::linearise::model::{Model, What};
 use crate::measurement::table::{Names, Table};
 use crate::outcome::Verdict;
 use crate::prepare::signals::Preparation;
-use crate::signals::Options;
-use crate::signals::diagnose_table;
 
 /// Pairs of points, this far apart, m.
 const PAIRS: usize = 4;
@@ -164,15 +163,15 @@ fn panda() -> Robot {
 fn told(robot: &Robot, fault: Fault, pair: Option<(String, f64)>) -> String {
     let point = ["place", "socket"].map(String::from).to_vec();
     let model = Model::from(What::Closure(robot.clone(), Points { point, pair, tool: Some("ball_link".into()) }));
-    let options = Options { preparation: Preparation::default(), always: Vec::new(), seed: 1 };
-    let found = diagnose_table(&model, &table(robot, fault, SEED), &options).unwrap();
+    let options = SignalOptions { preparation: Preparation::default(), always: Vec::new(), seed: 1 };
+    let found = diagnose_table(&model, &table(robot, fault, SEED), &options).unwrap().diagnosis;
     // What turns or moves all points alike.
     for value in ["offset of joint-offset", "x of link-error"] {
         let untold = format!("{value} at joint 1 (panda_joint1)");
         assert!(found.unobservable.contains(&untold), "{fault:?}: {:?}", found.unobservable);
     }
     let effects =
-        found.effects.iter().map(|effect| format!("{} {}", effect.law, effect.place.split(" (").next().unwrap()));
+        found.effects.iter().map(|effect| format!("{} {}", effect.law, effect.site.code.split(" (").next().unwrap()));
     let told = effects.collect::<Vec<_>>().join(" + ");
     if found.verdict == Verdict::EffectFound { told } else { format!("{} {told}", found.verdict) }
 }

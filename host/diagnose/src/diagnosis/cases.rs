@@ -10,12 +10,11 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
 
+use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::linearise::model::{Model, What};
 use crate::measurement::table::{Names, Table};
 use crate::outcome::Verdict;
 use crate::prepare::signals::Preparation;
-use crate::signals::Options;
-use crate::signals::diagnose_table;
 
 const ROWS: u32 = 1200;
 const STEP_S: f64 = 0.05;
@@ -139,10 +138,10 @@ fn rows(case: &Case, position: fn(f64) -> f64, row: impl Fn(&Now, f64) -> String
 /// The laws that are told of a table.
 fn told(model: &Model, text: &str) -> String {
     let table = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0;
-    let options = Options { preparation: Preparation::default(), always: Vec::new(), seed: 1 };
-    let found = diagnose_table(model, &table, &options).unwrap();
-    let laws: Vec<&str> = found.effects.iter().map(|effect| effect.law).collect();
-    let others: Vec<&str> = found.alternatives.iter().map(|other| other.law).collect();
+    let options = SignalOptions { preparation: Preparation::default(), always: Vec::new(), seed: 1 };
+    let found = diagnose_table(model, &table, &options).unwrap().diagnosis;
+    let laws: Vec<&str> = found.effects.iter().map(|effect| effect.law.as_str()).collect();
+    let others: Vec<&str> = found.alternatives.iter().map(|other| other.law.as_str()).collect();
     match found.verdict {
         Verdict::EffectFound => laws.join(" + "),
         verdict => format!("{verdict}: {} ({})", laws.join(" + "), others.join(", ")),

@@ -3,13 +3,16 @@
 use std::path::Path;
 
 use super::*;
-use crate::outcome::Verdict;
-use crate::outcome_signals;
+use crate::correction::Keep;
+use crate::measurement::FindingKind;
+use crate::outcome::{ErrorFigure, Errors, Verdict};
+use crate::select::factored::Factored;
+use crate::select::problem::{Neighbours as _, RegressionProblem as _, Trial};
 
-fn options(hold_out: HoldOut, keep: Option<&str>, always: &[&str]) -> Options {
+fn options(hold_out: HoldOut, keep: Option<&str>, always: &[&str]) -> SignalOptions {
     let keep = keep.map(|text| text.parse().unwrap());
     let preparation = Preparation { keep, hold_out, ..Preparation::default() };
-    Options { preparation, always: always.iter().map(ToString::to_string).collect(), seed: 1 }
+    SignalOptions { preparation, always: always.iter().map(ToString::to_string).collect(), seed: 1 }
 }
 
 fn measured(name: &str) -> std::path::PathBuf {
@@ -20,7 +23,7 @@ fn model(name: &str) -> Model {
     Model::read(&measured(name)).unwrap().unwrap()
 }
 
-fn heldout(errors: &outcome_signals::Errors) -> &outcome_signals::Figure {
+fn heldout(errors: &Errors) -> &ErrorFigure {
     errors.heldout.as_ref().unwrap()
 }
 
@@ -58,7 +61,7 @@ fn moving_a_plate_does_what_its_columns_say() {
     }
     let [before, after] = [table, moved]
         .map(|table| experiment(&model("human.urdf"), &mut Prepared::new(table, &how, None).unwrap()).unwrap());
-    let frame = after.candidates.iter().find(|candidate| candidate.law == "sensor-frame").unwrap();
+    let frame = after.candidates.iter().find(|candidate| candidate.law == Law::SensorFrame).unwrap();
     for (row, fz) in fz.iter().enumerate() {
         for axis in 0..2 {
             let at = 6 * row + axis;
@@ -74,10 +77,10 @@ fn moving_a_plate_does_what_its_columns_say() {
 fn friction_of_a_real_cylinder_is_found_and_told_at_a_pressure_that_no_fit_saw() {
     let options = options(HoldOut::Where("set_bar = 5".parse().unwrap()), Some("seal = NAP310"), &[]);
     let data = measured("cylinder_friction_20hz.csv.gz");
-    let found = diagnose(&model("cylinder.toml"), &data, &Names::new(), &options).unwrap();
+    let found = diagnose_file(&model("cylinder.toml"), &data, &Names::new(), &options).unwrap().diagnosis;
     assert!((heldout(&found.error.before).norm.value - 6.78).abs() < 0.01);
     assert!(heldout(&found.error.after).norm.value < 0.87, "{:?}", found.plain);
-    assert!(found.effects.iter().any(|effect| effect.law.contains("friction")));
+    assert!(found.effects.iter().any(|effect| effect.law.as_str().contains("friction")));
 }
 
 /// A cylinder's table with a law in its force and noise that follows no pattern.
@@ -103,22 +106,22 @@ fn cylinder_at(position: impl Fn(f64) -> f64, force: impl Fn(f64, f64, f64) -> f
 #[test]
 fn nothing_is_named_where_nothing_is_missing_and_an_offset_where_one_is() {
     let options = options(HoldOut::Own, None, &[]);
-    let clean = diagnose_table(&model("cylinder.toml"), &cylinder(|_, _, _| 0.0), &options).unwrap();
+    let clean = diagnose_table(&model("cylinder.toml"), &cylinder(|_, _, _| 0.0), &options).unwrap().diagnosis;
     assert_eq!((clean.verdict, clean.effects.len()), (Verdict::NoEffect, 0), "{:?}", clean.plain);
-    let offset = diagnose_table(&model("cylinder.toml"), &cylinder(|_, _, _| 5.0), &options).unwrap();
+    let offset = diagnose_table(&model("cylinder.toml"), &cylinder(|_, _, _| 5.0), &options).unwrap().diagnosis;
     let [found] = &offset.effects[..] else { panic!("{:?}", offset.plain) };
-    let [low, high] = found.parameters[0].ci95.unwrap();
-    assert!(found.law == "offset" && low < -5.0 + 0.1 && high > -5.0 - 0.1 || low < 5.1 && high > 4.9, "{found:?}");
+    let [low, high] = found.values[0].ci95.unwrap();
+    assert!(found.law == Law::Offset && low < -5.0 + 0.1 && high > -5.0 - 0.1 || low < 5.1 && high > 4.9, "{found:?}");
 }
 
 #[test]
 fn a_model_with_what_was_found_predicts_as_told_and_lacks_nothing() {
     let (table, how) = (cylinder(|_, v, _| 0.4 * v + 3.0), options(HoldOut::Last(0.3), None, &[]));
-    let first = diagnose_table(&model("cylinder.toml"), &table, &how).unwrap();
+    let Outcome { diagnosis: first, correction } = diagnose_table(&model("cylinder.toml"), &table, &how).unwrap();
     assert_eq!(first.verdict, Verdict::EffectFound, "{:?}", first.plain);
     let output = tempfile::NamedTempFile::with_suffix(".toml").unwrap();
-    known::write(&measured("cylinder.toml"), output.path(), &first).unwrap();
-    let second = diagnose_table(&Model::read(output.path()).unwrap().unwrap(), &table, &how).unwrap();
+    assert!(correction.write(&measured("cylinder.toml"), output.path(), &first, Keep::Effects).unwrap());
+    let second = diagnose_table(&Model::read(output.path()).unwrap().unwrap(), &table, &how).unwrap().diagnosis;
     let (told, predicted) = (heldout(&first.error.after).norm.value, heldout(&second.error.before).norm.value);
     assert!((told / predicted - 1.0).abs() < 1e-9, "{told} {predicted}");
     assert_eq!((second.verdict, second.effects.len()), (Verdict::NoEffect, 0), "{:?}", second.plain);
@@ -128,14 +131,14 @@ fn a_model_with_what_was_found_predicts_as_told_and_lacks_nothing() {
 fn what_no_law_explains_is_told_by_its_channel_and_may_be_kept() {
     let table = cylinder(|x, _, _| 6.0 * (0.785 * x).cos());
     let how = options(HoldOut::Own, None, &[]);
-    let mut first = diagnose_table(&model("cylinder.toml"), &table, &how).unwrap();
+    let Outcome { diagnosis: first, correction } = diagnose_table(&model("cylinder.toml"), &table, &how).unwrap();
     assert_eq!((first.verdict, first.effects.len()), (Verdict::UnexplainedStructure, 0), "{:?}", first.plain);
-    let term = &first.remaining[0];
-    assert!(term.term.starts_with("position") && term.share > 0.9 && term.heldout_gain > Some(2.0), "{term:?}");
-    assert!(first.keep_terms());
+    let term = &first.remaining.depends_on[0];
+    assert!(term.variable.starts_with("position") && term.share > 0.9 && term.heldout_gain > Some(2.0), "{term:?}");
     let output = tempfile::NamedTempFile::with_suffix(".toml").unwrap();
-    known::write(&measured("cylinder.toml"), output.path(), &first).unwrap();
-    let second = diagnose_table(&Model::read(output.path()).unwrap().unwrap(), &table, &how).unwrap();
+    assert!(!correction.write(&measured("cylinder.toml"), output.path(), &first, Keep::Effects).unwrap());
+    assert!(correction.write(&measured("cylinder.toml"), output.path(), &first, Keep::EffectsAndTerms).unwrap());
+    let second = diagnose_table(&Model::read(output.path()).unwrap().unwrap(), &table, &how).unwrap().diagnosis;
     // Noise is even over 1 N: 0.29 N.
     assert!(heldout(&first.error.before).norm.value > 3.0 && heldout(&second.error.before).norm.value < 0.35);
 }
@@ -147,7 +150,7 @@ fn what_cannot_be_told_apart_is_not_named_and_the_rows_that_would_are_proposed()
         cylinder_at(|t| 20.0 * (2.0 * (0.05 * t).fract() - 1.0).abs(), |_, v, _| 0.5 * v),
         options(HoldOut::Own, None, &[]),
     );
-    let found = diagnose_table(&model("cylinder.toml"), &table, &how).unwrap();
+    let found = diagnose_table(&model("cylinder.toml"), &table, &how).unwrap().diagnosis;
     assert_eq!(found.verdict, Verdict::NotIdentifiable, "{:?}", found.plain);
     assert!(found.alternatives.len() > 1 && found.next_measurement.is_some());
 }
@@ -158,23 +161,24 @@ fn models_with_more_and_with_fewer_effects_follow_from_one_that_is_factorised() 
     let mut prepared = Prepared::new(table, &options(HoldOut::Last(0.3), None, &[]).preparation, None).unwrap();
     let experiment = experiment(&model("cylinder.toml"), &mut prepared).unwrap();
     let groups = Groups::new(&experiment.rows);
-    let mut kind = Channels::new(experiment, groups);
-    let Ok(base) = kind.settled(kind.start(vec![0, 4, 20]));
-    let same = |a: &Trial<Channels>, b: &Trial<Channels>| {
+    let problem = Signals::new(experiment, groups);
+    let Ok(base) = problem.reweight_until_converged(problem.start(vec![0, 4, 20]));
+    let weighted = problem.weighted(&base);
+    let same = |a: &Trial<Signals>, b: &Trial<Signals>| {
         assert_eq!(a.fit.active, b.fit.active);
-        assert!((a.loss / b.loss - 1.0).abs() < 1e-6, "{:?}: {} {}", a.fit.active, a.loss, b.loss);
+        assert!((a.loss.below(&b.loss) / a.error).abs() < 1e-4, "{:?}: {:?} {:?}", a.fit.active, a.error, b.error);
         let apart = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-5 * (a.abs() + b.abs()) + 1e-9;
         assert!(a.fit.values.iter().zip(&b.fit.values).all(apart), "{:?}", a.fit.active);
     };
-    let Ok(screened) = kind.screened(&base);
-    assert!(screened.len() > 20);
-    for trial in &screened {
-        same(trial, &kind.judged(trial.fit.active.clone(), trial.effect));
+    let Ok(more) = problem.neighbours(&base).with_one_more();
+    assert!(more.len() > 20);
+    for trial in &more {
+        same(trial, &weighted.judged(trial.fit.active.clone(), trial.effect));
     }
-    let factored = crate::select::factored::Factored::new(&kind, vec![0, 4, 20, 7]);
+    let factored = Factored::new(weighted, vec![0, 4, 20, 7]);
     for dropped in [&[4][..], &[0, 7], &[20, 0, 4, 7]] {
-        let without = factored.without(&kind, dropped);
-        same(&without, &kind.judged(without.fit.active.clone(), None));
+        let without = factored.without(dropped);
+        same(&without, &weighted.judged(without.fit.active.clone(), None));
     }
 }
 
@@ -184,7 +188,12 @@ fn of_very_many_rows_one_in_several_is_looked_at_and_that_is_told() {
     let table = Table::read_text(Path::new("a.csv"), format!("t_s,x_mm,p_bar,F_N\n{rows}").as_bytes(), &Names::new());
     let prepared = Prepared::new(table.unwrap().0, &options(HoldOut::Own, None, &[]).preparation, None).unwrap();
     assert!((8_000..=10_000).contains(&prepared.rows.len()), "{}", prepared.rows.len());
-    assert!(prepared.findings.iter().any(|finding| finding.what.starts_with("one row in 3")));
+    assert!(
+        prepared
+            .findings
+            .iter()
+            .any(|finding| finding.kind == FindingKind::Decimated && finding.text.starts_with("decimated by 3"))
+    );
 }
 
 #[test]
@@ -197,17 +206,23 @@ fn repeatability_is_the_scatter_of_rows_under_the_same_conditions() {
         format!("t_s,target_count,position_count\n{rows}").as_bytes(),
         &Names::new(),
     );
-    let found = diagnose_table(&What::Servo.into(), &table.unwrap().0, &options(HoldOut::Own, None, &[])).unwrap();
+    let found =
+        diagnose_table(&What::Servo.into(), &table.unwrap().0, &options(HoldOut::Own, None, &[])).unwrap().diagnosis;
     let told = found.repeatability.unwrap();
-    assert!((told.value - (200.0f64 / 198.0).sqrt()).abs() < 1e-9 && told.unit == "count", "{told:?}");
+    assert!(
+        (told.norm.value - (200.0f64 / 198.0).sqrt()).abs() < 1e-9 && told.norm.unit == "count" && told.dof == 198,
+        "{told:?}"
+    );
     let moving = diagnose_table(&model("cylinder.toml"), &cylinder(|_, _, _| 0.0), &options(HoldOut::Own, None, &[]));
-    assert_eq!(moving.unwrap().repeatability, None);
+    assert_eq!(moving.unwrap().diagnosis.repeatability, None);
 }
 
 #[test]
 fn the_same_table_gives_the_same_numbers() {
     let (table, options) = (cylinder(|_, v, _| 0.3 * v), options(HoldOut::Last(0.3), None, &[]));
-    let told = || serde_json::to_string(&diagnose_table(&model("cylinder.toml"), &table, &options).unwrap()).unwrap();
+    let told = || {
+        serde_json::to_string(&diagnose_table(&model("cylinder.toml"), &table, &options).unwrap().diagnosis).unwrap()
+    };
     assert_eq!(told(), told());
 }
 

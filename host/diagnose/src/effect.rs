@@ -1,0 +1,188 @@
+//! What a diagnosis names: a law at a place, with its values.
+
+use std::fmt;
+
+use darm_core::effect;
+use darm_core::effect::anchor_offset::Plate;
+use darm_core::effect::fitted_term::{FittedTerm, Variable};
+pub use darm_core::effect::law_name::LawName as Law;
+use serde::{Serialize, Serializer};
+
+/// Where an effect acts. Two effects are at the same place when these are equal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Place {
+    /// A part of an arm of discrete actuators, and which number of it.
+    Arm(effect::Place, Detail),
+    /// The only actuator of a force measurement.
+    Actuator,
+    /// The only joint of a position measurement.
+    HeldJoint,
+    /// A joint of a robot, counted from 0.
+    Joint(usize),
+    /// A motor that drives several joints, counted from 0.
+    Motor(usize),
+    /// The sum of the motions of a joint and of the one before it.
+    JointWithLast(usize),
+    /// The difference of the motions of a joint and of the one before it.
+    JointAgainstLast(usize),
+    /// The link behind a joint, counted from 0.
+    Link(usize),
+    /// The floating base.
+    Base,
+    /// The frame that touches.
+    Tool,
+    /// The force plate.
+    ForcePlate,
+}
+
+/// Which number of a part of an arm an effect changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Detail {
+    /// All that the part has.
+    All,
+    /// The stroke in one state.
+    State(u8),
+    /// The anchor on the plate nearer to the base.
+    BaseAnchor,
+    /// The anchor on the other plate.
+    TopAnchor,
+    /// A fitted term of a variable, or of its square.
+    Term {
+        /// The variable.
+        of: TermVariable,
+        /// Whether of its square.
+        square: bool,
+    },
+}
+
+/// The variable of a fitted term.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum TermVariable {
+    /// Supply.
+    Supply,
+    /// Temperature.
+    Temperature,
+    /// Position of a servo joint.
+    Servo(u8),
+    /// States of one or of two actuators.
+    Digits((u8, u8), Option<(u8, u8)>),
+    /// Whether an actuator kept its state.
+    Stayed(u8),
+}
+
+impl Place {
+    /// Where an effect of an arm acts.
+    pub fn of_arm(effect: &effect::Effect<f64>) -> Self {
+        let detail = match effect {
+            effect::Effect::StrokeLoss(law) => Detail::State(law.state),
+            effect::Effect::AnchorOffset(law) => match law.plate {
+                Plate::Base => Detail::BaseAnchor,
+                Plate::Top => Detail::TopAnchor,
+            },
+            effect::Effect::FittedTerm(term) => Detail::Term { of: TermVariable::of(term), square: term.square },
+            _ => Detail::All,
+        };
+        Self::Arm(effect.law().place(), detail)
+    }
+
+    /// Whether both are the same part, whatever number of it is meant.
+    pub fn is_same_part(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Arm(own, _), Self::Arm(other, _)) => own == other,
+            _ => self == other,
+        }
+    }
+}
+
+impl TermVariable {
+    fn of(term: &FittedTerm<f64>) -> Self {
+        match term.of {
+            Variable::Supply { .. } => Self::Supply,
+            Variable::Temperature { .. } => Self::Temperature,
+            Variable::Servo { servo, .. } => Self::Servo(servo),
+            Variable::Digits { first, second } => Self::Digits(first, second),
+            Variable::Stayed { actuator, .. } => Self::Stayed(actuator),
+        }
+    }
+}
+
+/// A place with its names.
+#[derive(Clone, Debug, Serialize)]
+pub struct Site {
+    /// The place.
+    #[serde(skip)]
+    pub place: Place,
+    /// The same in files and reports, unambiguous: `actuator 4, state 1`, `joint 3 (elbow)`.
+    #[serde(rename = "where")]
+    pub code: String,
+    /// The same in a sentence.
+    #[serde(rename = "place_name")]
+    pub name: String,
+}
+
+impl Site {
+    /// A place whose code serves in sentences as well.
+    pub fn new(place: Place, code: impl Into<String>) -> Self {
+        let code = code.into();
+        Self { place, name: code.clone(), code }
+    }
+}
+
+/// The part of a place's code: `actuator 4` of `actuator 4, base anchor`.
+pub fn part_of(code: &str) -> &str {
+    code.split_once(',').map_or(code, |(part, _)| part)
+}
+
+impl PartialEq for Site {
+    fn eq(&self, other: &Self) -> bool {
+        self.place == other.place
+    }
+}
+
+impl fmt::Display for Site {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.code)
+    }
+}
+
+/// A law at a place, with its values.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Effect {
+    /// The law.
+    #[serde(serialize_with = "as_str")]
+    pub law: Law,
+    /// Where it acts.
+    #[serde(flatten)]
+    pub site: Site,
+    /// Its values.
+    #[serde(rename = "parameters")]
+    pub values: Vec<Value>,
+    /// By how much the held-out error, in the unit of its norm, is larger without it; `None` where no rows are held out.
+    pub heldout_gain: Option<f64>,
+}
+
+/// One value of an effect.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Value {
+    /// Its name.
+    pub name: String,
+    /// The value.
+    pub value: f64,
+    /// Its unit.
+    pub unit: String,
+    /// Its 95 % confidence interval; `None` of a number that was chosen and not fitted.
+    pub ci95: Option<[f64; 2]>,
+}
+
+/// The law of this name.
+///
+/// # Panics
+///
+/// The core has a law that is not in its list of names: a test of the core holds them together.
+pub fn law_named(name: &str) -> Law {
+    Law::named(name).unwrap_or_else(|| unreachable!("the law {name} is not in the list of names"))
+}
+
+pub(crate) fn as_str<S: Serializer>(law: &Law, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(law.as_str())
+}

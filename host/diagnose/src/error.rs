@@ -1,0 +1,82 @@
+//! Why there is no diagnosis.
+
+use darm_core::chain::ChainError;
+
+use crate::effect::Law;
+use crate::measurement::{Finding, ReadError};
+use crate::prepare::signals::PrepareError;
+
+/// Training words without which nothing can be said.
+pub const MIN_WORDS: usize = 20;
+/// Pieces of training rows without which nothing can be said.
+pub const MIN_PIECES: usize = 8;
+
+/// Why there is no diagnosis.
+#[derive(Debug, thiserror::Error)]
+pub enum DiagnoseError {
+    /// A row does not fit the arm.
+    #[error("{0}")]
+    Row(Finding),
+    /// The model has no pose for a row.
+    #[error("line {line}: the model has no pose for this row: {error}")]
+    NoPose {
+        /// Line of the file, the header being 1.
+        line: usize,
+        /// Why.
+        error: ChainError,
+    },
+    /// Nothing is left to fit when the only group is left out.
+    #[error(
+        "cross-validation needs at least 2 groups, and all rows are in one ({selection}): choose a column with several values"
+    )]
+    OneGroup {
+        /// How the groups were chosen.
+        selection: String,
+    },
+    /// Too few words to hold any of them out.
+    #[error(
+        "{words} words are not enough to distinguish an effect from chance: measure at least {MIN_WORDS} that are not held out"
+    )]
+    TooFewWords {
+        /// Words that a fit may see.
+        words: usize,
+    },
+    /// Too few rows.
+    #[error(
+        "{rows} rows in {pieces} pieces are not enough to distinguish an effect from chance: measure at least {MIN_PIECES} pieces that are not held out"
+    )]
+    TooFewPieces {
+        /// Rows that a fit may see.
+        rows: usize,
+        /// Pieces that they make.
+        pieces: usize,
+    },
+    /// The table is not fit.
+    #[error(transparent)]
+    Prepare(#[from] PrepareError),
+    /// A column is missing.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// A law that is not among those of this kind of measurement.
+    #[error("no law {law} here; there are {known}")]
+    UnknownLaw {
+        /// The law.
+        law: String,
+        /// Those that there are.
+        known: String,
+    },
+    /// An effect of the model that these rows have no place for.
+    #[error("the model has {law} at {place}, and this measurement has no such place: is this the right model?")]
+    NoSuchPlace {
+        /// The law.
+        law: Law,
+        /// The place.
+        place: String,
+    },
+    /// The model predicts NaN or infinity.
+    #[error("the model predicts NaN or infinity in line {line}: is this the right model, are these its units?")]
+    NotANumber {
+        /// Line of the file.
+        line: usize,
+    },
+}

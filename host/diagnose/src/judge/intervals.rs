@@ -1,0 +1,180 @@
+//! Which effects of a model of signals are named, and the confidence intervals of their values.
+
+use nalgebra::DMatrix;
+
+use crate::effect::{Effect, Value};
+use crate::judge::signals::Selected;
+use crate::linearise::experiment::{self, Candidate, Experiment};
+use crate::select::backward::FALSE_SHARE;
+use crate::select::problem::{Neighbours as _, RegressionProblem as _};
+use crate::select::robust_fit::{pseudo_inverse, weights};
+use crate::select::signals::{Fit, Signals};
+use crate::select::significance::{chance_beyond, discoveries, quantile_975};
+use crate::select::simplify::surrogates;
+
+/// A value whose uncertainty these rows lower to no less than this share of what was known before is not identified.
+const NOT_NARROWED: f64 = 0.7;
+/// A value is not identified where all but this share of its column is that of others.
+const OWN_SHARE: f64 = 1e-6;
+
+/// Standard deviations of the values with these numbers: of independent rows with their priors, or by pieces of rows
+/// (sandwich), whichever is larger.
+fn deviations(selected: &Selected, indices: &[usize]) -> Vec<f64> {
+    let Selected { problem, best, .. } = selected;
+    let weighted = problem.weighted(best);
+    let inverse = pseudo_inverse(&weighted.information(indices));
+    let residuals = weighted.training_residuals(&best.fit);
+    let n_axes = problem.experiment.axes.len();
+    let entry_weights = weights(&residuals, 1);
+    let mut scores = DMatrix::<f64>::zeros(indices.len(), problem.groups.n_blocks);
+    for (a, &value) in indices.iter().enumerate() {
+        for (k, slope) in weighted.column(value).iter().enumerate() {
+            let score = entry_weights[k] * slope * residuals[k] / best.weighting().autocorrelation_time;
+            scores[(a, problem.groups.blocks[k / n_axes])] += score;
+        }
+    }
+    let sandwich = &inverse * (&scores * scores.transpose()) * &inverse;
+    (0..indices.len()).map(|k| sandwich[(k, k)].max(inverse[(k, k)]).max(0.0).sqrt()).collect()
+}
+
+/// The effects with the values that these rows identify, and the names of those that they do not.
+pub(crate) fn effects(selected: &Selected) -> (Vec<Effect>, Vec<String>) {
+    let Selected { problem, best, n_known, .. } = selected;
+    let indices = problem.indices(&best.fit.active);
+    let deviations = deviations(selected, &indices);
+    let information = problem.weighted(best).information(&indices);
+    let inverse = pseudo_inverse(&information);
+    let width = quantile_975(problem.groups.n_blocks.saturating_sub(1));
+    let (mut found, mut unobservable, mut next): (Vec<Effect>, _, _) = (Vec::new(), Vec::new(), 0);
+    let surrogates = surrogates(problem, best, *n_known);
+    let (named, neighbours) = (named(selected, &deviations), problem.neighbours(best));
+    for order in 0..best.fit.active.len() {
+        let candidate = selected.candidate(order);
+        let mut values: Vec<Value> = candidate.shape.iter().map(shape).collect();
+        let n_shape = values.len();
+        for value in &candidate.values {
+            let (at, half) = (best.fit.values[indices[next]], width * deviations[next]);
+            let own_share = 1.0 / (information[(next, next)] * inverse[(next, next)]).max(f64::MIN_POSITIVE);
+            let is_identified = match value.prior.is_finite() {
+                true => narrows(value, inverse[(next, next)]),
+                false => own_share > OWN_SHARE,
+            };
+            next += 1;
+            if is_identified && at.is_finite() {
+                let ci95 = Some([at - half, at + half]);
+                values.push(Value { name: value.name.clone(), value: at, unit: value.unit.clone(), ci95 });
+            } else {
+                unobservable.push(value_name(value, candidate));
+            }
+        }
+        let same = found.iter_mut().find(|found| found.law == candidate.law && found.site == candidate.site);
+        if surrogates[order] {
+            unobservable.push(format!("{} at {} beside what else acts there", candidate.law, candidate.site));
+        } else if let Some(same) = same {
+            same.values.extend(values);
+        } else if values.len() > n_shape && named[order] {
+            let Ok(without) = neighbours.with_one_less(order);
+            let heldout_gain = heldout_gain(selected, &without.fit);
+            found.push(Effect { law: candidate.law, site: candidate.site.clone(), values, heldout_gain });
+        }
+    }
+    if problem.experiment.all_priors_informative() {
+        unobservable.extend(not_narrowed_beside(selected));
+    }
+    (found, unobservable)
+}
+
+/// The number in the shape of a law.
+fn shape((name, value, unit): &(&'static str, f64, String)) -> Value {
+    Value { name: (*name).into(), value: *value, unit: unit.clone(), ci95: None }
+}
+
+/// The values of the other candidates that these rows do not identify beside those of a model.
+fn not_narrowed_beside(selected: &Selected) -> Vec<String> {
+    let Selected { problem, best, .. } = selected;
+    let candidates = &problem.experiment.candidates;
+    let not_narrowed = |k: usize| {
+        let indices = problem.indices(&[&best.fit.active[..], &[k]].concat());
+        let inverse = pseudo_inverse(&problem.weighted(best).information(&indices));
+        let first = indices.len() - candidates[k].values.len();
+        let values = candidates[k].values.iter().enumerate();
+        let open = values.filter(move |(n, value)| !narrows(value, inverse[(first + n, first + n)]));
+        open.map(move |(_, value)| value_name(value, &candidates[k]))
+    };
+    (0..candidates.len()).filter(|k| !best.fit.active.contains(k)).flat_map(not_narrowed).collect()
+}
+
+/// Whether the rows leave a value with a prior a variance that identifies it.
+fn narrows(value: &experiment::Value, variance: f64) -> bool {
+    variance.sqrt() < NOT_NARROWED * value.prior
+}
+
+fn value_name(value: &experiment::Value, of: &Candidate) -> String {
+    format!("{} of {} at {}", value.name, of.law, of.site)
+}
+
+/// Which effects are named: all of a model that was selected effect by effect; where all values have priors those that differ
+/// from zero, the others are kept small.
+fn named(selected: &Selected, deviations: &[f64]) -> Vec<bool> {
+    let n_known = selected.n_known;
+    let mut named = vec![true; selected.best.fit.active.len()];
+    if selected.problem.experiment.all_priors_informative() {
+        let chances = &chances(selected, deviations)[n_known..];
+        named.splice(n_known.., discoveries(chances, FALSE_SHARE));
+    }
+    named
+}
+
+/// The chance of each effect of the model to be zero, by its values.
+fn chances(selected: &Selected, deviations: &[f64]) -> Vec<f64> {
+    let Selected { problem, best, .. } = selected;
+    let mut deviations = deviations.iter();
+    let chance = |candidate: &usize| {
+        let values = problem.indices(&[*candidate]);
+        let of_value = |(&index, deviation): (&usize, &f64)| {
+            let errors = best.fit.values[index] / deviation.max(f64::MIN_POSITIVE);
+            chance_beyond(errors, problem.groups.n_blocks.saturating_sub(1))
+        };
+        let least = values.iter().zip(deviations.by_ref()).map(of_value).fold(1.0, f64::min);
+        least * values.len() as f64
+    };
+    best.fit.active.iter().map(chance).collect()
+}
+
+/// The effects of a model, a few at most, that are the least likely to be zero.
+pub(crate) fn likeliest(selected: &Selected, count: usize) -> Vec<usize> {
+    let active = &selected.best.fit.active;
+    let chances = chances(selected, &deviations(selected, &selected.problem.indices(active)));
+    let mut order: Vec<usize> = (selected.n_known..active.len()).collect();
+    order.sort_by(|&a, &b| chances[a].total_cmp(&chances[b]));
+    order.iter().take(count).map(|&order| active[order]).collect()
+}
+
+/// By how much the held-out norm is larger without an effect.
+fn heldout_gain(selected: &Selected, without: &Fit) -> Option<f64> {
+    let Selected { problem, best, .. } = selected;
+    Some(held_out_norm(problem, &without.values)? - held_out_norm(problem, &best.fit.values)?)
+}
+
+fn held_out_norm(problem: &Signals, values: &[f64]) -> Option<f64> {
+    norm(&problem.experiment, &of_rows(&problem.experiment, &problem.experiment.at(values), true))
+}
+
+/// The residuals of the rows that are held out, or of the others.
+pub(crate) fn of_rows(experiment: &Experiment, residuals: &[f64], held_out: bool) -> Vec<f64> {
+    let n_axes = experiment.axes.len();
+    let rows = experiment.rows.iter().enumerate().filter(|(_, row)| row.held_out == held_out);
+    rows.flat_map(|(row, _)| residuals[row * n_axes..(row + 1) * n_axes].iter().copied()).collect()
+}
+
+/// Mean square of an axis of rows × axes.
+pub(crate) fn mean_square(experiment: &Experiment, residuals: &[f64], axis: usize) -> f64 {
+    let n_axes = experiment.axes.len();
+    residuals.iter().skip(axis).step_by(n_axes).map(|r| r * r).sum::<f64>() / (residuals.len() / n_axes) as f64
+}
+
+/// Root mean square of the norm of rows × axes; `None` without rows.
+pub(crate) fn norm(experiment: &Experiment, residuals: &[f64]) -> Option<f64> {
+    let square = (0..experiment.n_norm).map(|axis| mean_square(experiment, residuals, axis)).sum::<f64>();
+    (!residuals.is_empty()).then(|| square.sqrt())
+}

@@ -1,0 +1,151 @@
+//! The verdict on tool poses: what else explains them, what the residual depends on, and what is named.
+
+use darm_core::effect::Effect;
+
+use super::fitted_terms::{WithTerms, with_terms};
+use super::next_words::{self, Proposal};
+use super::structure::structure;
+use crate::effect::law_named;
+use crate::linearise::arm_candidates;
+use crate::measurement::Run;
+use crate::outcome::{Alternative, NextMeasurement, Structure, Verdict};
+use crate::prepare::observations::NoPose;
+use crate::prepare::repeatability::Noise;
+use crate::select::forward::rivals;
+use crate::select::problem::Trial;
+use crate::select::tool_pose::ToolPoses;
+use darm_arm::arm::{Arm, ArmScratch};
+
+/// Share of what is beyond the noise that a named effect may leave.
+pub(crate) const UNEXPLAINED_SHARE: f64 = 0.1;
+
+/// A model that was selected, and what it was selected from.
+#[derive(Clone, Copy)]
+pub(crate) struct Selected<'a> {
+    /// The arm that was diagnosed.
+    pub(crate) arm: &'a Arm,
+    /// Its measurement.
+    pub(crate) run: &'a Run,
+    /// The rows.
+    pub(crate) problem: &'a ToolPoses,
+    /// The noise of repeats.
+    pub(crate) repeats: Option<&'a Noise>,
+    /// The model with the effects selected.
+    pub(crate) best: &'a Trial<ToolPoses>,
+}
+
+/// What is concluded.
+pub(crate) struct Judgement {
+    pub(crate) verdict: Verdict,
+    pub(crate) alternatives: Vec<Alternative>,
+    /// What the residual depends on before any effect is added, and after.
+    pub(crate) structure: Structure,
+    pub(crate) remaining: Structure,
+    pub(crate) with_terms: Option<WithTerms>,
+    pub(crate) next_measurement: Option<NextMeasurement>,
+}
+
+impl Selected<'_> {
+    /// How many effects the arm had before.
+    pub(crate) fn n_known(&self) -> usize {
+        self.arm.model.effects.len()
+    }
+
+    /// The effects selected.
+    pub(crate) fn effects(&self) -> Vec<Effect<f64>> {
+        self.best.fit.model.effects.iter().skip(self.n_known()).copied().collect()
+    }
+
+    fn structure(&self, trial: &Trial<ToolPoses>) -> Structure {
+        self.structure_of(&trial.fit.residuals, trial.fit.values.len())
+    }
+
+    fn structure_of(&self, residuals: &[f64], n_fitted: usize) -> Structure {
+        structure(self, residuals, n_fitted)
+    }
+}
+
+/// Judges a selection; `start` is the model without the effects selected, fitted.
+pub(crate) fn judge(
+    selected: &Selected,
+    start: &Trial<ToolPoses>,
+    last_rivals: Vec<Trial<ToolPoses>>,
+    how: Proposal,
+) -> Result<Judgement, NoPose> {
+    let Selected { arm, problem, best, .. } = *selected;
+    let before = problem.training.residuals(&arm.model, &mut ArmScratch::default())?;
+    let (mut structure, mut remaining) = (selected.structure_of(&before, 0), selected.structure(best));
+    let mut alternatives = alternatives(selected, last_rivals)?;
+    let effects = selected.effects();
+    let is_ambiguous = alternatives.iter().any(|other| !is_same_part(other, &effects));
+    let verdict = verdict(effects.len(), is_ambiguous, &structure, &remaining);
+    let mut kept = Vec::new();
+    let look = |trial: &Trial<ToolPoses>| selected.structure(trial);
+    if matches!(verdict, Verdict::EffectFound | Verdict::UnexplainedStructure) {
+        kept.extend(with_terms(problem, best, &mut remaining.depends_on, look)?);
+    }
+    if verdict == Verdict::UnexplainedStructure {
+        // What laws replace in the best model may be terms alone.
+        kept.extend(with_terms(problem, start, &mut structure.depends_on, look)?);
+    }
+    let kept = kept.into_iter().min_by(|a, b| a.loss.order(&b.loss));
+    let with_terms = kept.map(|with| WithTerms::of(problem, &with)).transpose()?;
+    let mut next_measurement = None;
+    if verdict == Verdict::NotIdentifiable {
+        alternatives.splice(0..0, selected_as_alternatives(selected));
+        next_measurement = Some(next_words::proposal(selected, &alternatives, how)?);
+    }
+    Ok(Judgement { verdict, alternatives, structure, remaining, with_terms, next_measurement })
+}
+
+/// Whether an alternative is the effect that it could replace, up to which end of the part it names.
+fn is_same_part(other: &Alternative, effects: &[Effect<f64>]) -> bool {
+    let effect = &effects[other.instead_of];
+    other.law == law_named(effect.law().name()) && other.site.place.is_same_part(&crate::effect::Place::of_arm(effect))
+}
+
+fn verdict(n_found: usize, is_ambiguous: bool, before: &Structure, after: &Structure) -> Verdict {
+    let excess = |structure: &Structure| structure.ratio.map_or(0.0, |ratio| ratio - 1.0).max(0.0);
+    let is_left = excess(after) > UNEXPLAINED_SHARE * excess(before) && after.beyond_noise;
+    match n_found {
+        0 if before.beyond_noise => Verdict::UnexplainedStructure,
+        0 => Verdict::NoEffect,
+        _ if is_left => Verdict::UnexplainedStructure,
+        _ if is_ambiguous => Verdict::NotIdentifiable,
+        _ => Verdict::EffectFound,
+    }
+}
+
+/// For every effect selected: what else explains the measurements as well in its place.
+fn alternatives(selected: &Selected, last_rivals: Vec<Trial<ToolPoses>>) -> Result<Vec<Alternative>, NoPose> {
+    let Selected { arm, problem, best, .. } = *selected;
+    let (n_known, n) = (selected.n_known(), best.fit.model.effects.len());
+    let mut all = Vec::new();
+    for effect in n_known..n {
+        let known = (effect + 1 == n && !last_rivals.is_empty()).then(|| last_rivals.clone());
+        let own = best.fit.model.effects[effect];
+        for (rival, worse_with) in rivals(problem, best, effect, known)? {
+            let Some(other) = rival.effect.filter(|other| !arm_candidates::same(other, &own)) else { continue };
+            all.push(Alternative {
+                instead_of: effect - n_known,
+                law: law_named(other.law().name()),
+                site: arm_candidates::site(arm, &other),
+                cross_validated: rival.error,
+                worse_with,
+            });
+        }
+    }
+    Ok(all)
+}
+
+/// Of several effects that explain the measurements as well, those selected are listed among the alternatives too.
+fn selected_as_alternatives(selected: &Selected) -> Vec<Alternative> {
+    let alternative = |(instead_of, effect): (usize, &Effect<f64>)| Alternative {
+        instead_of,
+        law: law_named(effect.law().name()),
+        site: arm_candidates::site(selected.arm, effect),
+        cross_validated: selected.best.error,
+        worse_with: 0.0,
+    };
+    selected.effects().iter().enumerate().map(alternative).collect()
+}

@@ -1,0 +1,143 @@
+//! The verdict on signals: what else explains them, what is not identifiable, what remains, and what is named.
+
+use crate::effect::Effect;
+use crate::judge::poses::UNEXPLAINED_SHARE;
+use crate::judge::remaining::{self, Remaining};
+use crate::judge::{intervals, next_rows};
+use crate::linearise::experiment::Candidate;
+use crate::outcome::{Alternative, Dependence, NextMeasurement, Verdict};
+use crate::select::forward::{SelectionStep, rivals};
+use crate::select::problem::Trial;
+use crate::select::signals::Signals;
+use crate::select::simplify::surrogates;
+
+/// Effects up to which each is compared with all others that could be in its place.
+const MAX_COMPARED: usize = 3;
+
+/// A model that was selected, and what it was selected from.
+pub(crate) struct Selected {
+    /// The rows and candidates.
+    pub(crate) problem: Signals,
+    /// The model with the effects selected.
+    pub(crate) best: Trial<Signals>,
+    /// How many of its effects were in it from the start.
+    pub(crate) n_known: usize,
+    /// What was tried.
+    pub(crate) path: Vec<SelectionStep>,
+}
+
+/// What is concluded.
+pub(crate) struct Judgement {
+    pub(crate) verdict: Verdict,
+    pub(crate) effects: Vec<Effect>,
+    pub(crate) alternatives: Vec<Alternative>,
+    pub(crate) unobservable: Vec<String>,
+    pub(crate) remaining: Vec<Dependence>,
+    pub(crate) next_measurement: Option<NextMeasurement>,
+}
+
+/// A candidate that would do as well in the place of an effect.
+struct Rival {
+    /// Number of the effect among those of the model.
+    order: usize,
+    candidate: usize,
+    cross_validated: f64,
+    /// The confidence that it is worse.
+    worse_with: f64,
+}
+
+impl Selected {
+    /// A candidate of the model.
+    pub(crate) fn candidate(&self, order: usize) -> &Candidate {
+        &self.problem.experiment.candidates[self.best.fit.active[order]]
+    }
+}
+
+/// Judges a selection; behind a filter noise goes on from row to row as well.
+pub(crate) fn judge(selected: &Selected, is_filtered: bool) -> Judgement {
+    let rivals = rivals_of_effects(selected);
+    let (mut effects, unobservable) = intervals::effects(selected);
+    let has_rivals = |found: &Effect| {
+        let own = rivals.iter().map(|rival| selected.candidate(rival.order));
+        own.into_iter().any(|own| own.law == found.law && own.site == found.site)
+    };
+    effects.retain(|found| !has_rivals(found));
+    // Effects that help together, and none of them by itself.
+    let is_undecided = effects.is_empty() && rivals.is_empty() && selected.best.fit.active.len() > selected.n_known;
+    let doubtful = match is_undecided {
+        true => intervals::likeliest(selected, MAX_COMPARED),
+        false => of_rivals(selected, &rivals),
+    };
+    let Remaining { terms: mut remaining, share: left } = remaining::remaining(&selected.problem, &selected.best);
+    if effects.is_empty() && remaining.is_empty() && !is_filtered {
+        remaining = remaining::memory(&selected.problem, &selected.best);
+    }
+    let verdict = match effects.is_empty() && doubtful.is_empty() {
+        true if remaining.is_empty() => Verdict::NoEffect,
+        true => Verdict::UnexplainedStructure,
+        false if left > UNEXPLAINED_SHARE => Verdict::UnexplainedStructure,
+        false if !doubtful.is_empty() => Verdict::NotIdentifiable,
+        false => Verdict::EffectFound,
+    };
+    let next_measurement =
+        (!doubtful.is_empty()).then(|| next_rows::proposal(&selected.problem, &selected.best, &doubtful));
+    let alternatives = alternatives(selected, &rivals);
+    Judgement { verdict, effects, alternatives, unobservable, remaining, next_measurement }
+}
+
+/// What explains the rows as well in the place of an effect, where there are few of them.
+///
+/// Another shape of the same law at the same place is no other explanation, and neither is what is in the model already.
+fn rivals_of_effects(selected: &Selected) -> Vec<Rival> {
+    let Selected { problem, best, n_known, .. } = selected;
+    let n_found = best.fit.active.len() - n_known;
+    if n_found == 0 || n_found > MAX_COMPARED {
+        return Vec::new();
+    }
+    let surrogates = surrogates(problem, best, *n_known);
+    let candidates = &problem.experiment.candidates;
+    let mut all: Vec<Rival> = Vec::new();
+    for order in (*n_known..surrogates.len()).filter(|&order| !surrogates[order]) {
+        let Ok(rivals) = rivals(problem, best, order, None);
+        for (rival, worse_with) in rivals {
+            let Some(&[candidate]) = rival.effect.map(|number| &problem.moves[number][..]) else { continue };
+            let is_same = |other: usize| candidates[other].is_same(&candidates[candidate]);
+            let is_known = all.iter().any(|rival| rival.order == order && is_same(rival.candidate));
+            if !best.fit.active.iter().any(|&k| is_same(k)) && !is_known {
+                all.push(Rival { order, candidate, cross_validated: rival.error, worse_with });
+            }
+        }
+    }
+    all
+}
+
+/// The effects that have rivals, and these, once each.
+fn of_rivals(selected: &Selected, rivals: &[Rival]) -> Vec<usize> {
+    let of = |rival: &Rival| [selected.best.fit.active[rival.order], rival.candidate];
+    let mut all: Vec<usize> = rivals.iter().flat_map(of).collect();
+    all.sort_unstable();
+    all.dedup();
+    all
+}
+
+/// Alternatives as they are reported, the best one of each set first.
+fn alternatives(selected: &Selected, rivals: &[Rival]) -> Vec<Alternative> {
+    let alternative = |order: usize, candidate: &Candidate, cross_validated: f64, worse_with: f64| Alternative {
+        instead_of: order - selected.n_known,
+        law: candidate.law,
+        site: candidate.site.clone(),
+        cross_validated,
+        worse_with,
+    };
+    let mut all = Vec::new();
+    for set in rivals.chunk_by(|a, b| a.order == b.order) {
+        let order = set[0].order;
+        all.push(alternative(order, selected.candidate(order), selected.best.error, 0.0));
+        let of_set = set.iter().map(|rival| {
+            let candidate = &selected.problem.experiment.candidates[rival.candidate];
+            alternative(order, candidate, rival.cross_validated, rival.worse_with)
+        });
+        all.extend(of_set);
+    }
+    all
+}

@@ -1,0 +1,44 @@
+//! The selection for signals: forward, backward and simplification, in the order that the kind of priors asks for.
+
+use super::backward::{all_laws, backward_elimination};
+use super::forward::{SelectionStep, forward_selection};
+use super::problem::{RegressionProblem as _, Trial};
+use super::signals::Signals;
+use super::significance::RIVAL_LEVEL;
+use super::simplify::{simplified, smaller_if_as_good};
+
+/// The model that was selected, under the weighting of its own residuals, and what was tried.
+pub fn select(problem: &Signals, known: Vec<usize>) -> (Trial<Signals>, Vec<SelectionStep>) {
+    let n_known = known.len();
+    let start = problem.start(known);
+    let (best, path) = match problem.experiment.all_priors_informative() {
+        true => sparse_or_full(problem, &start),
+        false => forward_and_backward(problem, &start),
+    };
+    let Ok(best) = problem.reweight_until_converged(best);
+    let Ok(best) = problem.reweight_until_converged(simplified(problem, best, n_known));
+    (best, path)
+}
+
+/// Where all values have priors: every law at every place, unless a few effects predict unseen rows as well.
+fn sparse_or_full(problem: &Signals, start: &Trial<Signals>) -> (Trial<Signals>, Vec<SelectionStep>) {
+    let Ok(sparse) = forward_selection(problem, start.clone(), Vec::new());
+    let (full, path) = all_laws(problem, start);
+    let sparse_best = problem.weighted(&full).judged(sparse.best.fit.active, None);
+    if problem.loss_reduction(&sparse_best, &full).p > RIVAL_LEVEL {
+        return (sparse_best, sparse.path);
+    }
+    (full, path)
+}
+
+/// The better one of two models: that to which effects were added, and that from which they were taken away.
+fn forward_and_backward(problem: &Signals, start: &Trial<Signals>) -> (Trial<Signals>, Vec<SelectionStep>) {
+    let Ok(grown) = forward_selection(problem, start.clone(), Vec::new());
+    let (left, path) = backward_elimination(problem, start);
+    let grown_best = problem.weighted(&left).judged(grown.best.fit.active, None);
+    if smaller_if_as_good(problem, &grown_best, &left).fit.active != left.fit.active {
+        return (grown_best, grown.path);
+    }
+    let Ok(more) = forward_selection(problem, left, path);
+    (more.best, more.path)
+}
