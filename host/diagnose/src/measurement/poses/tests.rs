@@ -61,7 +61,7 @@ fn errors_say_where_and_what() {
 #[test]
 fn other_columns_are_told() {
     let (_, findings) = read("time_s,word,x_m,y_m,angle_deg,humidity\n0,01,0,0,0,40\n").unwrap();
-    assert_eq!(findings[0].to_string(), "columns left unread: humidity");
+    assert_eq!(findings[0].to_string(), "columns not read: humidity");
 }
 
 #[test]
