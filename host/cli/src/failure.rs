@@ -1,16 +1,16 @@
-//! Exit codes, and the one sentence that a failed command prints.
+//! Exit codes and error messages.
 //!
 //! | code | meaning                                                                   |
 //! |------|---------------------------------------------------------------------------|
 //! | 0    | done                                                                      |
 //! | 1    | failed: a file cannot be read, a synthesis has no solution, …             |
-//! | 2    | the command line makes no sense                                           |
-//! | 3    | the board understood and refused, or its safe state is latched            |
-//! | 4    | no connection to a board, or it was lost before the answer: nobody knows  |
-//! |      | whether the board has acted; of a stop: it could not be sent              |
+//! | 2    | invalid command line                                                      |
+//! | 3    | the board refused the request, or its safe state is latched               |
+//! | 4    | no connection to a board, or it was lost before the answer: it is unknown |
+//! |      | whether the board has acted; for a stop: it could not be sent             |
 //! | 5    | the board did not confirm a stop within 1 s                               |
 //! | 6    | interrupted by Ctrl-C or SIGTERM; the board confirmed the stop            |
-//! | 7    | unfinished: another program stopped the arm before the end of its program |
+//! | 7    | incomplete: another program stopped the arm before the end of its program |
 
 use std::error::Error;
 use std::fmt;
@@ -23,11 +23,11 @@ use serde_json::json;
 use crate::interrupt::Interrupted;
 use crate::port::PortError;
 
-/// Something failed that is not one of the other kinds.
+/// Any failure that has no exit code of its own.
 const FAILED: u8 = 1;
-/// The command line makes no sense; clap uses the same number.
+/// Invalid command line; clap uses the same number.
 const USAGE: u8 = 2;
-/// The board said no.
+/// The board refused the request.
 const REFUSED: u8 = 3;
 /// The board was not reached.
 const NO_CONNECTION: u8 = 4;
@@ -38,23 +38,28 @@ const INTERRUPTED: u8 = 6;
 /// Stopped by another program before its end.
 const UNFINISHED: u8 = 7;
 
-/// A word, a number or a combination of options that makes no sense.
+/// An invalid word, number or combination of options.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub(crate) struct Usage(pub(crate) String);
 
 /// The board has latched its safe state.
 #[derive(Debug, thiserror::Error)]
-#[error("the board is in its safe state: {0}; mend the cause, then `darm stop --clear`")]
-pub(crate) struct Safe(pub(crate) String);
+#[error("the board is in its safe state: {0}; remove the cause, then run `darm stop --clear`")]
+pub(crate) struct SafeState(pub(crate) String);
+
+/// Some checks of `darm doctor` failed; the number of them.
+#[derive(Debug, thiserror::Error)]
+#[error("{0} of the checks failed; apply the fixes listed above")]
+pub(crate) struct FailedChecks(pub(crate) usize);
 
 /// A program or recording that is not complete although nothing failed.
 #[derive(Clone, Debug, thiserror::Error)]
 pub(crate) enum Unfinished {
-    /// The arm was stopped meanwhile.
+    /// Another program stopped the arm.
     #[error(
-        "the program was stopped by another program before its end: {done} of {all} {what}; find out who stopped the arm, \
-         then run it again"
+        "another program stopped the arm before the end of its program: {done} of {all} {what}; find out which one, then \
+         run the program again"
     )]
     Stopped {
         /// How many rows or visits were done.
@@ -64,10 +69,10 @@ pub(crate) enum Unfinished {
         /// What is counted.
         what: &'static str,
     },
-    /// A recording was resumed when its program was over.
+    /// A recording was resumed after the end of its program.
     #[error(
-        "the program was over before the recording was resumed: {done} of {all} visits measured; record it again into \
-         another file"
+        "the program ended before the recording was resumed: {done} of {all} visits measured; record again into another \
+         file"
     )]
     Over {
         /// How many visits were measured.
@@ -77,7 +82,7 @@ pub(crate) enum Unfinished {
     },
 }
 
-/// The board did not confirm a stop: nobody knows whether it arrived.
+/// The board did not confirm a stop: it is unknown whether the stop arrived.
 #[derive(Debug)]
 pub(crate) struct Unconfirmed {
     /// The port.
@@ -90,28 +95,33 @@ impl fmt::Display for Unconfirmed {
         if is_socket(port) {
             return write!(
                 f,
-                "the board did not confirm the stop at {port} within 1 s; switch the arm's supply off. A socket serves one \
-                 connection: another program that holds it, and is not `darm`, keeps the stop from the board; end it"
+                "the board did not confirm the stop at {port} within 1 s; switch off the arm's supply. A socket serves one \
+                 connection: a program other than `darm` that holds it blocks the stop; end that program"
             );
         }
         write!(
             f,
-            "the stop was sent to {port}, but the board did not confirm it within 1 s; switch the arm's supply off, then \
-             check cable, board and whether another program reads the port"
+            "the stop was sent to {port}, but the board did not confirm it within 1 s; switch off the arm's supply, then \
+             check the cable, the board and whether another program reads the port"
         )
     }
 }
 
 impl Error for Unconfirmed {}
 
-/// Whether a port is a socket, which takes bytes that nobody reads while it serves another connection.
+/// Whether a port is a socket, which accepts bytes that nobody reads while it serves another connection.
 fn is_socket(port: &str) -> bool {
     port.starts_with("unix:") || port.starts_with("tcp:")
 }
 
-/// The exit code of an error: that of the first cause that has one of its own.
+/// The exit code of an error: that of the first cause that defines one.
 pub(crate) fn code(error: &anyhow::Error) -> u8 {
     error.chain().find_map(code_of_cause).unwrap_or(FAILED)
+}
+
+/// Whether the command has already printed what failed, as JSON.
+pub(crate) fn is_reported(error: &anyhow::Error) -> bool {
+    error.is::<SafeState>() || error.is::<FailedChecks>()
 }
 
 fn code_of_cause(cause: &(dyn Error + 'static)) -> Option<u8> {
@@ -135,7 +145,7 @@ fn code_of_cause(cause: &(dyn Error + 'static)) -> Option<u8> {
         Some(UNFINISHED)
     } else if cause.is::<Usage>() {
         Some(USAGE)
-    } else if cause.is::<Safe>() {
+    } else if cause.is::<SafeState>() {
         Some(REFUSED)
     } else if cause.is::<LinkError>() || cause.is::<PortError>() {
         Some(NO_CONNECTION)
@@ -144,11 +154,11 @@ fn code_of_cause(cause: &(dyn Error + 'static)) -> Option<u8> {
     }
 }
 
-/// One sentence without full stop: what, where, what to do.
+/// One sentence without a full stop: what failed, where, what to do.
 pub(crate) fn sentence(error: &anyhow::Error) -> String {
     let mut sentence = String::new();
     for part in error.chain().map(ToString::to_string) {
-        // Many an error tells its source's words within its own, or begins with the file that the context names.
+        // Some errors contain the text of their source, or begin with the file that the context names.
         if part.starts_with(&sentence) {
             sentence.clear();
         }
@@ -160,7 +170,7 @@ pub(crate) fn sentence(error: &anyhow::Error) -> String {
     sentence
 }
 
-/// The same for programs.
+/// The error as JSON.
 pub(crate) fn json(error: &anyhow::Error) -> serde_json::Value {
     json!({ "error": { "message": sentence(error), "exit": code(error) } })
 }

@@ -1,20 +1,20 @@
-//! Where the firmware's ELF is: named by the user, or built in this workspace.
+//! ELF file of the firmware: named by the user, or built in this workspace.
 
 use std::path::{Path, PathBuf};
 
-/// Environment variable that names it.
+/// Environment variable with its path.
 pub(crate) const VARIABLE: &str = "DARM_FIRMWARE";
-/// Where the workspace's build puts it.
+/// Path in a workspace.
 const BUILT: &str = "target/thumbv7em-none-eabihf/firmware/darm-firmware";
 
-/// Why there is no image.
+/// Why no image was found.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum NoImage {
-    /// The named file is not there.
+    /// The named file does not exist.
     #[error("no firmware image at {0}; build it with `cargo xtask image`")]
     Named(PathBuf),
-    /// None was built.
-    #[error("no firmware image found; build it with `cargo xtask image` or name an ELF file")]
+    /// No image has been built.
+    #[error("no firmware image found; build one with `cargo xtask image`, or name an ELF file")]
     NotBuilt,
 }
 
@@ -33,7 +33,7 @@ mod tests {
     use super::{NoImage, find};
 
     #[test]
-    fn a_named_file_that_is_missing_is_named() {
+    fn a_named_file_that_does_not_exist_is_an_error() {
         assert!(matches!(find(Some("/nonexistent".as_ref())), Err(NoImage::Named(_))));
     }
 }

@@ -1,4 +1,4 @@
-//! Ctrl-C and SIGTERM while the arm moves: the arm stops, and the command says whether the board confirmed it.
+//! Ctrl-C and SIGTERM while the arm moves: stops the arm and reports whether the board confirmed the stop.
 
 use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -13,12 +13,12 @@ use darm_device::link::LinkError;
 
 use crate::{failure, state_folder};
 
-/// The command is given this long to write what it has and end by itself.
+/// Time for the command to write its data and end by itself.
 const GRACE: Duration = Duration::from_millis(1500);
-/// How often a finished stop is looked for.
-const LOOK: Duration = Duration::from_millis(10);
+/// Interval at which the end of a stop is polled.
+const POLL: Duration = Duration::from_millis(10);
 
-/// The command was interrupted: how the stop went.
+/// The command was interrupted; result of the stop.
 #[derive(Debug)]
 pub(crate) struct Interrupted(pub(crate) Result<Confirmation, Arc<LinkError>>);
 
@@ -27,11 +27,11 @@ impl fmt::Display for Interrupted {
         match &self.0 {
             Ok(Confirmation::Confirmed) => f.write_str("interrupted; the board confirmed that all coils are off"),
             Ok(Confirmation::Missing) => f.write_str(
-                "interrupted; the stop was sent, but the board did not confirm it within 1 s; switch the arm's supply off",
+                "interrupted; the stop was sent, but the board did not confirm it within 1 s; switch off the arm's supply",
             ),
             Err(error) => write!(
                 f,
-                "interrupted, and the stop could not be sent: {error}; the program runs on, switch the arm's supply off"
+                "interrupted, and the stop could not be sent: {error}; the program continues, switch off the arm's supply"
             ),
         }
     }
@@ -39,9 +39,9 @@ impl fmt::Display for Interrupted {
 
 impl std::error::Error for Interrupted {}
 
-/// Watches for an interrupt from its making on.
+/// Handler of interrupts.
 #[derive(Clone)]
-pub(crate) struct Watch(Arc<Mutex<State>>);
+pub(crate) struct InterruptHandler(Arc<Mutex<State>>);
 
 struct State {
     port: String,
@@ -50,36 +50,36 @@ struct State {
     stopped: Option<Result<Confirmation, Arc<LinkError>>>,
 }
 
-impl Watch {
-    /// From now on Ctrl-C and SIGTERM stop the board at this port.
+impl InterruptHandler {
+    /// Installs the handler: Ctrl-C and SIGTERM stop the board at this port.
     pub(crate) fn start(port: &str, handle: StopHandle) -> anyhow::Result<Self> {
         let state = State { port: port.to_owned(), handle, requested: false, stopped: None };
-        let watch = Self(Arc::new(Mutex::new(state)));
-        let interrupted = watch.clone();
+        let handler = Self(Arc::new(Mutex::new(state)));
+        let interrupted = handler.clone();
         ctrlc::set_handler(move || interrupted.stop()).context("cannot wait for Ctrl-C")?;
-        Ok(watch)
+        Ok(handler)
     }
 
-    /// The port was opened again.
+    /// The port was reopened.
     pub(crate) fn use_handle(&self, handle: StopHandle) {
         self.state().handle = handle;
     }
 
-    /// How the stop went, if there was an interrupt. Waits for the end of a stop that is under way.
+    /// Result of the stop, if there was an interrupt. Waits for the end of a running stop.
     pub(crate) fn interrupted(&self) -> Option<Interrupted> {
         loop {
             let state = self.state();
             if let (true, None) = (state.requested, &state.stopped) {
                 drop(state);
-                thread::sleep(LOOK);
+                thread::sleep(POLL);
                 continue;
             }
             return state.stopped.clone().map(Interrupted);
         }
     }
 
-    /// Starts the board's program, unless there was an interrupt. One that comes meanwhile sends a stop, after which the
-    /// board refuses what was asked before it.
+    /// Starts the board's program, unless there was an interrupt. An interrupt during the request sends a stop, after
+    /// which the board refuses requests from before it.
     pub(crate) fn play(&self, client: &mut Client) -> anyhow::Result<()> {
         if let Some(interrupted) = self.interrupted() {
             return Err(interrupted.into());

@@ -8,21 +8,25 @@ mod interrupt;
 mod output_file;
 mod port;
 mod state_folder;
-mod voice;
+mod ui;
+/// Former names of [`ui`].
+mod voice {
+    pub(crate) use crate::ui::{Answer, Ui as Voice, columns};
+}
 
 use std::process::ExitCode;
 
 use clap::Parser as _;
-use voice::Voice;
+use ui::Ui;
 
 fn main() -> ExitCode {
     let cli = commands::Cli::parse();
-    let voice = Voice { json: cli.json };
-    match cli.command.run(voice) {
+    let ui = Ui { json: cli.json };
+    match cli.command.run(ui) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            // What the safe state says has been told already.
-            if voice.json && !error.is::<failure::Safe>() {
+            // The fault or the failed checks are in the command's own JSON.
+            if ui.json && !failure::is_reported(&error) {
                 println!("{}", failure::json(&error));
             }
             eprintln!("darm: {}", failure::sentence(&error));

@@ -1,4 +1,4 @@
-//! Files that a command writes: it replaces its own kind only, and writes all of its files or none.
+//! Output files: a command replaces only files of its own kind, and writes all of its files or none.
 
 use std::ffi::OsString;
 use std::io::Read as _;
@@ -9,28 +9,28 @@ use darm_diagnose::measurement;
 
 use crate::commands::{table_file, visits};
 
-/// First bytes of a file that are looked at.
-const LOOKED_AT: u64 = 512;
+/// Number of bytes that decide the kind of a file.
+const HEAD_BYTES: u64 = 512;
 
 /// Why a file is not written.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum OutputError {
-    /// A file of another kind has the name.
-    #[error("{path} exists and is not {kind}; name another file with -o, or remove it first")]
+    /// The name belongs to a file of another kind.
+    #[error("{path} exists and is not {kind}; choose another name, or remove it first")]
     OtherKind {
         /// The file.
         path: PathBuf,
-        /// What it would have to be.
+        /// The required kind.
         kind: &'static str,
     },
-    /// A file that took work has the name.
-    #[error("{path} exists; --force overwrites it")]
+    /// The name belongs to an existing file.
+    #[error("{path} exists; overwrite it with --force")]
     Exists {
         /// The file.
         path: PathBuf,
     },
     /// Two options name one file.
-    #[error("{first} and {second} are the same file; give each its own name")]
+    #[error("{first} and {second} are the same file; choose two different names")]
     Same {
         /// One name.
         first: PathBuf,
@@ -39,7 +39,7 @@ pub(crate) enum OutputError {
     },
 }
 
-/// Refuses to replace anything but a table, an empty file or what is no file on a disk.
+/// Refuses to replace anything but a table, an empty file or a device.
 pub(crate) fn refuse_other_than_table(path: &Path) -> Result<(), OutputError> {
     refuse_unless(path, "a table of `darm table`", |bytes| bytes.starts_with(table_file::KIND))
 }
@@ -72,14 +72,14 @@ pub(crate) fn refuse_same(first: &Path, second: &Path) -> Result<(), OutputError
     }
 }
 
-/// Writes all files, or none of them and says which could not be written.
+/// Writes all files, or none of them and returns which could not be written.
 pub(crate) fn write_all(files: &[(&Path, &[u8])]) -> anyhow::Result<()> {
     let mut written = Vec::new();
     let result = files.iter().try_for_each(|&(path, bytes)| {
         let target = real(path);
-        // A device or pipe is written as it is, a file by one that takes its place.
+        // A device or pipe is written directly, a file by a temporary file that replaces it.
         let is_file = target.metadata().map_or(true, |metadata| metadata.is_file());
-        let name = if is_file { beside(&target) } else { target.clone() };
+        let name = if is_file { temporary(&target) } else { target.clone() };
         if is_file {
             written.push((name.clone(), target));
         }
@@ -91,7 +91,7 @@ pub(crate) fn write_all(files: &[(&Path, &[u8])]) -> anyhow::Result<()> {
         })
     });
     if result.is_err() {
-        // What was not written is not there to be removed.
+        // Files that were not written do not exist.
         written.iter().for_each(|(name, _)| drop(std::fs::remove_file(name)));
     }
     result
@@ -115,7 +115,7 @@ fn holds_bytes(path: &Path) -> bool {
 
 fn first_bytes(path: &Path) -> Option<Vec<u8>> {
     let mut bytes = Vec::new();
-    std::fs::File::open(path).ok()?.take(LOOKED_AT).read_to_end(&mut bytes).ok()?;
+    std::fs::File::open(path).ok()?.take(HEAD_BYTES).read_to_end(&mut bytes).ok()?;
     Some(bytes)
 }
 
@@ -123,7 +123,7 @@ fn is_recording(path: &Path) -> bool {
     measurement::about(path).is_ok_and(|about| about.contains_key("program_start_s"))
 }
 
-/// The file that a name leads to, also where it does not exist yet.
+/// The file that a name refers to, even if it does not exist yet.
 fn real(path: &Path) -> PathBuf {
     if let Ok(real) = path.canonicalize() {
         return real;
@@ -135,8 +135,8 @@ fn real(path: &Path) -> PathBuf {
     }
 }
 
-/// A name in the same folder, for the time until the file is complete.
-fn beside(path: &Path) -> PathBuf {
+/// A temporary name in the same folder.
+fn temporary(path: &Path) -> PathBuf {
     let mut name = OsString::from(".");
     name.push(path.file_name().unwrap_or_default());
     name.push(format!(".{}", std::process::id()));

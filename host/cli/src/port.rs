@@ -1,4 +1,4 @@
-//! Which port a command uses: the one that was named, or the only one that there is.
+//! Choice of the port: the named one, or the only one.
 
 use std::os::unix::fs::FileTypeExt as _;
 use std::os::unix::net::UnixStream;
@@ -9,10 +9,10 @@ use darm_device::link::{self, Link, LinkError};
 
 use crate::state_folder;
 
-/// Where the board is.
+/// Port option.
 #[derive(clap::Args, Debug)]
 pub(crate) struct PortArgs {
-    /// Port of the board: /dev/ttyACM0, unix:PATH or tcp:HOST:PORT; may be left out when there is only one
+    /// Port of the board: /dev/ttyACM0, unix:PATH or tcp:HOST:PORT; default: the only one found
     #[arg(long, short, env = "DARM_PORT", value_name = "PORT")]
     pub(crate) port: Option<String>,
 }
@@ -20,10 +20,10 @@ pub(crate) struct PortArgs {
 /// Why no port could be chosen.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub(crate) enum PortError {
-    /// There is none.
-    #[error("no board found; plug one in, start one in the emulator with `darm plant`, or name its port with --port")]
+    /// No port was found.
+    #[error("no board found; plug one in, simulate one with `darm sim`, or name its port with --port")]
     None,
-    /// There are several.
+    /// Several ports were found.
     #[error("several boards found ({}); choose one with --port or DARM_PORT", .0.join(", "))]
     Several(Vec<String>),
 }
@@ -43,19 +43,19 @@ impl PortArgs {
     }
 }
 
-/// Opens a port and holds it; other processes can send the stop through this one.
+/// Opens a port; other processes can send a stop through this one.
 pub(crate) fn open(name: &str) -> Result<(Box<dyn Link>, StopHandle), LinkError> {
     Ok(hold(link::open(name)?, state_folder::stop_socket(name).as_deref()))
 }
 
-/// Every port that a board may be at: those of cables, and that of the emulated board if it runs.
+/// Every possible port of a board: USB serial ports, and that of a running simulator.
 fn candidates() -> Vec<String> {
     let mut ports = board_ports();
     ports.extend(emulated_port());
     ports
 }
 
-/// The port of the board that `darm plant` has started; `None` when it does not run.
+/// The port of `darm sim`; `None` if it is not running.
 pub(crate) fn emulated_port() -> Option<String> {
     let folder = state_folder::board().ok()?;
     UnixStream::connect(state_folder::camera(&folder)).ok()?;
@@ -64,17 +64,17 @@ pub(crate) fn emulated_port() -> Option<String> {
     Some(format!("{}{}", if is_socket { "unix:" } else { "" }, port.display()))
 }
 
-/// The camera of the board that `darm plant` has started; `None` when it does not run.
+/// The camera of `darm sim`; `None` if it is not running.
 pub(crate) fn emulated_camera() -> Option<String> {
     let camera = state_folder::camera(&state_folder::board().ok()?);
     UnixStream::connect(&camera).ok()?;
     Some(format!("unix:{}", camera.display()))
 }
 
-/// Serial ports that a board's cable makes; a PC's own ports are not among them.
+/// USB serial ports; the PC's own ports are excluded.
 pub(crate) fn board_ports() -> Vec<String> {
-    let makes_one = |name: &String| ["ACM", "USB", "usb", "COM"].iter().any(|part| name.contains(part));
-    link::serial::ports().into_iter().filter(makes_one).collect()
+    let is_usb = |name: &String| ["ACM", "USB", "usb", "COM"].iter().any(|part| name.contains(part));
+    link::serial::ports().into_iter().filter(is_usb).collect()
 }
 
 fn only(mut ports: Vec<String>) -> Result<String, PortError> {
@@ -93,7 +93,7 @@ mod tests {
     use super::{PortError, only};
 
     #[test]
-    fn only_a_single_port_is_taken_unasked() {
+    fn a_single_port_is_the_default() {
         assert_eq!(only(vec![]), Err(PortError::None));
         assert_eq!(only(vec!["a".into()]), Ok("a".into()));
         assert_eq!(only(vec!["a".into(), "b".into()]), Err(PortError::Several(vec!["a".into(), "b".into()])));

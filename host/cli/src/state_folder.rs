@@ -1,27 +1,27 @@
-//! The user's folder for what is kept from one run to the next: the console's history, the emulated board.
+//! The user's state folder: history of the console, simulated board.
 
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest as _, Sha256};
 
-/// There is no home.
+/// The home folder is unknown.
 #[derive(Debug, thiserror::Error)]
-#[error("neither HOME nor XDG_STATE_HOME is set; give a folder with --folder")]
-pub(crate) struct Homeless;
+#[error("neither HOME nor XDG_STATE_HOME is set; name a folder with --folder")]
+pub(crate) struct NoHomeDir;
 
-/// The folder `darm` keeps its state in.
+/// The state folder of `darm`.
 pub(crate) fn path() -> Option<PathBuf> {
     let home = || std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".local/state"));
     let state = std::env::var_os("XDG_STATE_HOME").map(PathBuf::from).or_else(home)?;
     Some(state.join("darm"))
 }
 
-/// The folder of the emulated board that `darm plant` starts.
-pub(crate) fn board() -> Result<PathBuf, Homeless> {
-    path().map(|path| path.join("board")).ok_or(Homeless)
+/// The folder of the board of `darm sim`.
+pub(crate) fn board() -> Result<PathBuf, NoHomeDir> {
+    path().map(|path| path.join("board")).ok_or(NoHomeDir)
 }
 
-/// The socket at which the process that holds `port` takes the stop from others; `None` without a home.
+/// The socket at which the process that holds `port` accepts a stop from other processes; `None` without a home folder.
 ///
 /// Its name is a digest, since a socket's path has at most 107 bytes, of the port's real path.
 pub(crate) fn stop_socket(port: &str) -> Option<PathBuf> {

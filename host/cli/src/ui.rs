@@ -1,4 +1,4 @@
-//! How a command speaks: text for people, JSON for programs, progress on the terminal.
+//! Terminal output of a command: text for people, JSON for programs, progress on standard error.
 
 use std::io::{IsTerminal as _, Write as _};
 use std::time::Duration;
@@ -6,48 +6,58 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
-/// What a command has to say: its fields for programs, its text for people.
+/// Result of a command: its fields as JSON, its text for people.
 pub(crate) trait Answer: Serialize {
     /// Lines for people, with units, without a line end after the last.
     fn text(&self) -> String;
 }
 
-/// The way to speak that the user chose.
+/// Output format that the user chose.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Voice {
+pub(crate) struct Ui {
     /// JSON on the standard output, one object a line; nothing else there.
     pub(crate) json: bool,
 }
 
-impl Voice {
-    /// Says the answer on the standard output. A reader that has gone away is no error.
-    pub(crate) fn tell(self, answer: &impl Answer) -> anyhow::Result<()> {
-        let said = if self.json { serde_json::to_string(answer)? } else { answer.text() };
-        if !said.is_empty() {
+impl Ui {
+    /// Prints the answer on standard output. A closed pipe is no error.
+    pub(crate) fn print(self, answer: &impl Answer) -> anyhow::Result<()> {
+        let text = if self.json { serde_json::to_string(answer)? } else { answer.text() };
+        if !text.is_empty() {
             let mut out = std::io::stdout().lock();
-            let _ = writeln!(out, "{said}").and_then(|()| out.flush());
+            let _ = writeln!(out, "{text}").and_then(|()| out.flush());
         }
         Ok(())
     }
 
-    /// Says by the way what happens, on the standard error, to people only.
+    /// Prints a note on standard error; nothing in JSON mode.
     pub(crate) fn note(self, text: &str) {
         if !self.json {
             eprintln!("{text}");
         }
     }
 
-    /// A bar that fills, hidden where nobody sees it.
-    pub(crate) fn bar(self, doing: &str, length: u64, unit: &str) -> ProgressBar {
+    /// A progress bar; hidden in JSON mode and where standard error is no terminal.
+    pub(crate) fn progress_bar(self, doing: &str, length: u64, unit: &str) -> ProgressBar {
         let style = format!("{{msg}} [{{bar:32}}] {{pos}}/{{len}} {unit} {{elapsed_precise}}");
         self.progress(ProgressBar::new(length), &style, doing)
     }
 
-    /// A wheel that turns while something of unknown length lasts.
+    /// A spinner for work of unknown length.
+    pub(crate) fn spinner(self, doing: &str) -> ProgressBar {
+        let spinner = self.progress(ProgressBar::no_length(), "{spinner} {msg} {elapsed_precise}", doing);
+        spinner.enable_steady_tick(Duration::from_millis(100));
+        spinner
+    }
+
+    /// Former name of [`print`](Self::print).
+    pub(crate) fn tell(self, answer: &impl Answer) -> anyhow::Result<()> {
+        self.print(answer)
+    }
+
+    /// Former name of [`spinner`](Self::spinner).
     pub(crate) fn wheel(self, doing: &str) -> ProgressBar {
-        let wheel = self.progress(ProgressBar::no_length(), "{spinner} {msg} {elapsed_precise}", doing);
-        wheel.enable_steady_tick(Duration::from_millis(100));
-        wheel
+        self.spinner(doing)
     }
 
     fn progress(self, bar: ProgressBar, style: &str, doing: &str) -> ProgressBar {
@@ -61,19 +71,19 @@ impl Voice {
     }
 }
 
-/// A number with so many decimals, in figures of its own where these would hide it; rounding about zero is zero.
+/// A number with this many decimals, in scientific notation where it would round to zero; rounding noise about zero is zero.
 pub(crate) fn number(value: f64, decimals: usize) -> String {
-    let least = 0.5 * 10f64.powi(-(decimals as i32));
+    let smallest_shown = 0.5 * 10f64.powi(-(decimals as i32));
     if value.abs() < 1e-12 {
         format!("{:.decimals$}", 0.0)
-    } else if value.abs() < least {
+    } else if value.abs() < smallest_shown {
         format!("{value:.1e}")
     } else {
         format!("{value:.decimals$}")
     }
 }
 
-/// Rows of cells in columns as wide as their widest cell; empty cells of the first row leave their column without a head.
+/// Rows of cells as an aligned table; an empty cell in the first row leaves its column without a title.
 pub(crate) fn columns(rows: &[Vec<String>]) -> String {
     let count = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width = |column: usize| rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max();
@@ -90,7 +100,7 @@ mod tests {
     use super::{columns, number};
 
     #[test]
-    fn columns_are_as_wide_as_their_widest_cell_and_numbers_show_what_they_are() {
+    fn columns_are_aligned_and_small_numbers_keep_their_digits() {
         let row = |cells: [&str; 2]| cells.map(str::to_owned).to_vec();
         assert_eq!(number(-1e-17, 3), "0.000");
         assert_eq!((number(-1.2345, 3), number(4.56e-5, 3)), ("-1.234".to_owned(), "4.6e-5".to_owned()));

@@ -1,4 +1,4 @@
-//! `darm stops`: what a person with a screwdriver is to do to make one arm the other.
+//! `darm adjust`: by how much to move stops and anchors to turn one arm into another.
 
 use std::path::PathBuf;
 
@@ -6,21 +6,21 @@ use darm_arm::arm::Arm;
 use darm_arm::stops::{Setting, differences};
 use serde::Serialize;
 
-use crate::voice::{Answer, Voice, columns};
+use crate::ui::{Answer, Ui, columns};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm stops arm.toml arm2.toml          which stop goes which way, by how many mm
-  darm --json stops arm.toml arm2.toml";
+  darm adjust arm.toml arm3.toml          # by how many mm to move each stop, and in which direction
+  darm --json adjust arm.toml arm3.toml   # the same in m and rad";
 
-/// Say by how many mm each stop and anchor is to be moved from one arm to the other
+/// List the adjustment of each stop and anchor from one arm to another
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
-pub(crate) struct Stops {
-    /// The arm as it is set
+pub(crate) struct Adjust {
+    /// The arm as it is
     #[arg(value_name = "OLD.toml")]
     old: PathBuf,
-    /// The arm as it is to be
+    /// The arm as it should be
     #[arg(value_name = "NEW.toml")]
     new: PathBuf,
 }
@@ -35,31 +35,50 @@ struct Line {
     actuator: usize,
     name: String,
     part: String,
-    from: f64,
-    to: f64,
-    change: f64,
-    unit: &'static str,
+    #[serde(flatten)]
+    values: Values,
     direction: &'static str,
 }
 
-impl Stops {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+/// Setting before and after, and the difference.
+#[derive(Serialize)]
+#[serde(untagged)]
+enum Values {
+    Length { from_m: f64, to_m: f64, change_m: f64 },
+    Angle { from_rad: f64, to_rad: f64, change_rad: f64 },
+}
+
+impl Values {
+    /// Before, after, absolute difference and unit, as a person reads them.
+    fn shown(&self) -> ([f64; 3], &'static str) {
+        match *self {
+            Self::Length { from_m, to_m, change_m } => ([from_m, to_m, change_m.abs()].map(|m| 1e3 * m), "mm"),
+            Self::Angle { from_rad, to_rad, change_rad } => {
+                ([from_rad, to_rad, change_rad.abs()].map(f64::to_degrees), "deg")
+            }
+        }
+    }
+}
+
+impl Adjust {
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let (old, new) = (Arm::read(&self.old)?, Arm::read(&self.new)?);
         let settings = differences(&old, &new)?;
-        voice.tell(&Report { settings: settings.iter().map(line).collect() })
+        ui.print(&Report { settings: settings.iter().map(line).collect() })
     }
 }
 
 fn line(setting: &Setting) -> Line {
-    let shown = |value: f64| if setting.is_angle { value.to_degrees() } else { 1e3 * value };
+    let Setting { from, to, .. } = *setting;
+    let values = match setting.is_angle {
+        true => Values::Angle { from_rad: from, to_rad: to, change_rad: to - from },
+        false => Values::Length { from_m: from, to_m: to, change_m: to - from },
+    };
     Line {
         actuator: setting.actuator,
         name: setting.name.clone(),
         part: setting.part.to_string(),
-        from: shown(setting.from),
-        to: shown(setting.to),
-        change: setting.change(),
-        unit: setting.unit(),
+        values,
         direction: setting.direction(),
     }
 }
@@ -67,24 +86,18 @@ fn line(setting: &Setting) -> Line {
 impl Answer for Report {
     fn text(&self) -> String {
         if self.settings.is_empty() {
-            return "nothing to move: stops and anchors are the same".to_owned();
+            return "no adjustment: stops and anchors of both arms are the same".to_owned();
         }
-        let head = ["actuator", "", "part", "from", "to", "move by", ""];
+        let head = ["actuator", "", "part", "from", "to", "adjustment", ""];
         let mut rows = vec![head.map(str::to_owned).to_vec()];
         rows.extend(self.settings.iter().map(|line| {
-            let shown = |value: f64| format!("{value:.3} {}", line.unit);
-            vec![
-                line.actuator.to_string(),
-                line.name.clone(),
-                line.part.clone(),
-                shown(line.from),
-                shown(line.to),
-                shown(line.change.abs()),
-                line.direction.to_owned(),
-            ]
+            let (values, unit) = line.values.shown();
+            let [from, to, change] = values.map(|value| format!("{value:.3} {unit}"));
+            let head = [line.actuator.to_string(), line.name.clone(), line.part.clone()];
+            head.into_iter().chain([from, to, change, line.direction.to_owned()]).collect()
         }));
         format!(
-            "{}\n\n`out` makes an actuator longer, `in` shorter; anchors go forward along their axis or back",
+            "{}\n\n`out` lengthens an actuator, `in` shortens it; anchors move forward or back along their axis",
             columns(&rows)
         )
     }

@@ -1,13 +1,13 @@
-//! Camera lines: what a camera says of the tool, one line of comma-separated text a picture.
+//! Camera lines: one measurement of the tool's pose per line of comma-separated values.
 //!
-//! The first line is the header; its columns may stand in any order and others are left unread.
+//! The first line is the header; columns may be in any order, other columns are ignored.
 //!
 //! | column                      | meaning                                                            |
 //! |-----------------------------|--------------------------------------------------------------------|
-//! | `time_s`                    | when the picture was taken, in seconds of Unix time                |
+//! | `time_s`                    | time of the measurement, in seconds of Unix time                   |
 //! | `x_m`, `y_m`, `angle_deg`   | pose of the tool in the base, of a planar arm                      |
 //! | `x_m`, `y_m`, `z_m`, `rx_deg`, `ry_deg`, `rz_deg` | the same of any arm, with a rotation vector  |
-//! | `supply_bar`, `temperature_c` ? | supply and temperature of the arm, where something measures them |
+//! | `supply_bar`, `temperature_c` ? | supply pressure and temperature of the arm, if measured |
 
 use std::fmt::Write as _;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -19,7 +19,7 @@ use darm_device::clock::host_now_s;
 /// One bar in the unit of the model's supply, Pa.
 pub(crate) const BAR: f64 = 1e5;
 
-/// One picture.
+/// One measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Picture {
     /// Unix time.
@@ -32,20 +32,18 @@ pub(crate) struct Picture {
     pub(crate) temperature_c: Option<f64>,
 }
 
-/// Why a line is no picture.
+/// Why a line is not a measurement.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub(crate) enum LineError {
-    /// The header lacks a column.
-    #[error(
-        "the camera's header has no column {0}; it needs time_s and x_m,y_m,angle_deg or x_m,y_m,z_m,rx_deg,ry_deg,rz_deg"
-    )]
+    /// A column is missing in the header.
+    #[error("the header has no column {0}; it needs time_s and x_m,y_m,angle_deg or x_m,y_m,z_m,rx_deg,ry_deg,rz_deg")]
     NoColumn(&'static str),
-    /// A cell holds no number.
-    #[error("the camera's column {column} holds {text:?}, no number")]
+    /// A cell is not a number.
+    #[error("column {column}: {text:?} is not a number; correct the camera's output")]
     Cell {
         /// The column.
         column: &'static str,
-        /// What stands there.
+        /// The cell.
         text: String,
     },
 }
@@ -64,7 +62,7 @@ impl Picture {
     pub(crate) fn line(&self, planar: bool) -> String {
         let mut line = format!("{:.6}", self.time_s);
         for number in pose_numbers(&self.pose, planar) {
-            // A string takes whatever is written.
+            // Writing to a string does not fail.
             let _ = write!(line, ",{number:.7}");
         }
         for value in [self.supply_bar, self.temperature_c] {
@@ -165,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_and_pictures_are_inverse() {
+    fn a_measurement_survives_writing_and_parsing() {
         let pose = Pose::from(Pose2::new(1.0, -2.0, 0.3));
         round_trip(&Picture { time_s: 1.75e9, pose, supply_bar: Some(6.0), temperature_c: None }, true);
         let pose = Pose::new(&Vec3::new(0.1, 0.2, -0.3), Vec3::new(1.0, 2.0, 3.0));

@@ -1,4 +1,4 @@
-//! `darm com`: the centre of mass, and how it moves with every joint; masses identified, motions mapped.
+//! `darm com`: centre of mass and its Jacobian; identification of masses, mapping of motions.
 
 mod identify;
 mod map;
@@ -7,35 +7,34 @@ use darm_arm::arm::{Arm, ArmScratch};
 use darm_core::real::Vec3;
 use serde::Serialize;
 
-use super::subject::{Given, Posture, Subject, csv_line};
+use super::subject::{Posture, Subject, SubjectArgs, csv_line};
 use crate::failure::Usage;
-use crate::voice::{Answer, Voice, columns, number};
+use crate::ui::{Answer, Ui, columns, number};
 
 const EXAMPLES: &str = "\
 Examples:
   darm com panda.urdf --q 0,30,0,-90,0,90,45,0,0
-  darm com humanoid.urdf --floating            of the whole, the base too
-  darm com planar4.toml --word 010110011101    stages and what the tool carries
-  darm com panda.urdf --postures run.csv --csv > com.csv
-  darm com identify humanoid.urdf postures.csv  masses from torques and contact wrenches
-  darm com map human.urdf humanoid.urdf stand.toml capture.csv  a person's motion on a robot
+  darm com planar5.urdf --floating              # with the base
+  darm com planar4.toml --word 010110011101     # stages and payload
+  darm com puma560.toml --postures puma560-postures.csv --csv > com.csv
+  darm com identify planar5.urdf planar5-postures.csv   # masses from torques and contact wrenches
 
-The base of a robot that does not float is left out: it does not move.";
+A fixed base is excluded. `darm com map` maps a person's motion on a robot.";
 
-/// Tell the centre of mass and its Jacobian
+/// Compute the centre of mass and its Jacobian
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(crate) struct Com {
     #[command(subcommand)]
     other: Option<Other>,
     #[command(flatten)]
-    given: Option<Given>,
-    /// Comma-separated values on the standard output
+    subject: Option<SubjectArgs>,
+    /// Print comma-separated values
     #[arg(long)]
     csv: bool,
 }
 
-/// What else is done with centres of mass.
+/// Tasks about the centre of mass.
 #[derive(clap::Subcommand, Debug)]
 enum Other {
     Identify(identify::Identify),
@@ -63,19 +62,21 @@ struct Row {
 }
 
 impl Com {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        match (&self.other, &self.given) {
-            (Some(Other::Identify(command)), _) => command.run(voice),
-            (Some(Other::Map(command)), _) => command.run(voice),
-            (None, Some(given)) => self.tell(given, voice),
-            (None, None) => Err(Usage("which robot? darm com ROBOT.urdf, or darm com identify | map".into()).into()),
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        match (&self.other, &self.subject) {
+            (Some(Other::Identify(command)), _) => command.run(ui),
+            (Some(Other::Map(command)), _) => command.run(ui),
+            (None, Some(given)) => self.report(given, ui),
+            (None, None) => {
+                Err(Usage("no robot; give `darm com ROBOT.urdf`, `darm com identify` or `darm com map`".into()).into())
+            }
         }
     }
 
-    fn tell(&self, given: &Given, voice: Voice) -> anyhow::Result<()> {
+    fn report(&self, given: &SubjectArgs, ui: Ui) -> anyhow::Result<()> {
         let subject = given.subject()?;
         let (postures, notes) = given.postures(&subject)?;
-        notes.iter().for_each(|note| voice.note(note));
+        notes.iter().for_each(|note| ui.note(note));
         let (mut rows, mut mass_kg) = (Vec::new(), 0.0);
         for posture in &postures {
             let (mass, row) = match &subject {
@@ -86,13 +87,13 @@ impl Com {
             rows.push(row);
         }
         if mass_kg == 0.0 {
-            voice.note("nothing here has a mass: the file gives none");
+            ui.note("the file gives no masses");
         }
         let joints = match &subject {
             Subject::Robot(_) => subject.coordinates().into_iter().map(|joint| joint.name).collect(),
             Subject::Arm(_) => Vec::new(),
         };
-        voice.tell(&Report { name: subject.name().to_owned(), mass_kg, joints, postures: rows, csv: self.csv })
+        ui.print(&Report { name: subject.name().to_owned(), mass_kg, joints, postures: rows, csv: self.csv })
     }
 }
 
@@ -102,7 +103,7 @@ fn of_robot(com: &darm_robot::robot::Com) -> (f64, Row) {
     (com.mass_kg, Row { com_m: com.position.into(), jacobian, base })
 }
 
-/// Masses of the stages and of what the tool carries, in the posture that the effects leave.
+/// Masses of the stages and of the payload, in the posture with the model's effects.
 fn of_arm(arm: &Arm, posture: &Posture) -> anyhow::Result<(f64, Row)> {
     let (model, mut scratch) = (&arm.model, ArmScratch::default());
     let tool = model.predict(&model.nominal(posture.word, &posture.q), &mut scratch)?;
@@ -139,7 +140,7 @@ impl Answer for Report {
                 std::iter::once(joint.clone()).chain(numbers).collect::<Vec<_>>()
             });
             let table = columns(&std::iter::once(head).chain(rows).collect::<Vec<_>>());
-            text += &format!("\n\nhow it moves with each joint, m per rad or m\n{table}");
+            text += &format!("\n\nJacobian of the centre of mass, m per rad or m\n{table}");
         }
         text
     }

@@ -1,21 +1,20 @@
-//! `darm console`: type to the board.
+//! `darm console`: interactive console of the board.
 
 use crate::console;
 use crate::port::PortArgs;
-use crate::voice::Voice;
+use crate::ui::Ui;
 
 const EXAMPLES: &str = "\
 Examples:
-  darm console                          the only serial port there is
-  darm console -p unix:board.sock       a board in the emulator
-  printf 'id\\nstatus\\n' | darm console  a script
+  darm console                                                 # the only board there is
+  darm console -p unix:$HOME/.local/state/darm/board/port      # the board at this port
+  printf 'id\\nstatus\\n' | darm console                       # a script
 
-The words are the board's own and work from any terminal program at 115200 baud; `help` lists them. \
-Arrow keys bring back earlier lines, Tab completes. `quit` or Ctrl-D leaves; the board goes on. \
-A script of which the board has refused a line ends with exit code 1. \
-`stop` and Ctrl-C switch all coils off at once; Ctrl-C during a command ends the console as well.";
+The commands are the board's own and work from any terminal program at 115200 baud; `help` lists them. Arrow keys recall \
+earlier lines, Tab completes. `quit` or Ctrl-D leaves the console; the board continues. The exit code is 1 if the board \
+refused a line of a script. `stop` and Ctrl-C switch all coils off at once; Ctrl-C during a command also ends the console.";
 
-/// Type to the board: line editing, history, completion, help
+/// Open the board's console: line editing, history, completion, help
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Console {
@@ -24,7 +23,7 @@ pub(crate) struct Console {
 }
 
 impl Console {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        console::run(&self.port.name()?, voice)
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        console::run(&self.port.name()?, ui)
     }
 }

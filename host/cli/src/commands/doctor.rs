@@ -1,27 +1,33 @@
-//! `darm doctor`: looks at everything between this computer and a board, and says how to mend what is wrong.
+//! `darm doctor`: checks everything between this computer and a board, and says how to fix what is wrong.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use darm_core::sequencer::Phase;
-use darm_device::client::Client;
-use darm_device::{link, qemu};
+use darm_device::client::{Client, ClientError, TransportError};
+use darm_device::link::{self, LinkError};
+use darm_device::qemu::{self, VersionError};
 use serde::Serialize;
 
 use super::{flash, status};
+use crate::failure::FailedChecks;
 use crate::firmware_image;
 use crate::port::{PortArgs, board_ports, emulated_port};
-use crate::voice::{Answer, Voice};
+use crate::ui::{Answer, Ui};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm doctor                   ports, permissions, board, emulator, flash tool, toolchain
-  darm doctor -p /dev/ttyACM1   the same, and asks the board at this port";
+  darm doctor                                              # everything
+  darm doctor -p unix:$HOME/.local/state/darm/board/port   # the same with the board at this port
 
+The exit code is 1 if a check failed; what is only missing is no failure.";
+
+/// How a user gets permission to open serial ports.
+const DIALOUT: &str = "`sudo usermod -aG dialout $USER`, then log in again";
 /// Target of the firmware's build.
 const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// Look at ports, permissions, versions, emulator and tools, and say how to mend what is wrong
+/// Check ports, permissions, versions, emulator and tools, and say how to fix what is wrong
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Doctor {
@@ -29,15 +35,15 @@ pub(crate) struct Doctor {
     port: PortArgs,
 }
 
-/// How one thing is.
+/// Result of one check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 enum State {
-    /// As it should be.
+    /// Works.
     Good,
-    /// Not there; some commands do without it.
+    /// Not present; some commands work without it.
     Missing,
-    /// There and does not work.
+    /// Present and does not work.
     Wrong,
 }
 
@@ -62,11 +68,33 @@ impl Check {
         Self { name, state: State::Wrong, found: found.into(), fix: Some(fix.into()) }
     }
 
-    /// The words of an error: before the semicolon what is wrong, behind it what to do.
-    fn wrong_as_said(name: &'static str, error: &impl std::error::Error) -> Self {
-        let text = error.to_string();
-        let (found, fix) = text.split_once("; ").unwrap_or((&text, "see `darm COMMAND --help`"));
+    /// A port that does not open, or a connection that broke.
+    fn link_failed(name: &'static str, error: &LinkError) -> Self {
+        let (found, fix) = link_failure(error);
         Self::wrong(name, found, fix)
+    }
+
+    /// A request that the board did not answer, or refused.
+    fn request_failed(name: &'static str, error: &ClientError) -> Self {
+        match error {
+            ClientError::Transport(TransportError::Link(error)) => Self::link_failed(name, error),
+            ClientError::Transport(TransportError::Silent { port, attempts, waited_s }) => Self::wrong(
+                name,
+                format!("{port}: no answer to {attempts} requests in {waited_s:.1} s"),
+                "check that this is the board's port, that the board has power and that no other program reads the port",
+            ),
+            ClientError::Transport(error @ TransportError::OutcomeUnknown { .. }) => {
+                Self::wrong(name, error.to_string(), "`darm status`, then `darm doctor` again")
+            }
+            ClientError::Frame(error) => Self::wrong(
+                name,
+                error.to_string(),
+                "check cable and line speed; update the firmware with `darm flash`",
+            ),
+            ClientError::Refused(refusal) => {
+                Self::wrong(name, format!("the board refused: {refusal}"), "`darm status` shows the state of the board")
+            }
+        }
     }
 }
 
@@ -76,33 +104,56 @@ struct Report {
     checks: Vec<Check>,
 }
 
-/// Something is there and does not work.
-#[derive(Debug, thiserror::Error)]
-#[error("{0} of the checks found something wrong; the fixes stand beside them")]
-struct Wrong(usize);
+/// What is wrong with a port, and the fix.
+fn link_failure(error: &LinkError) -> (String, String) {
+    match error {
+        LinkError::Missing { port } => {
+            (format!("no port {port}"), "plug the board in, or name another port with --port".into())
+        }
+        LinkError::Permission { port } => (format!("no permission to open {port}"), DIALOUT.into()),
+        LinkError::Busy { port } => {
+            (format!("{port} is in use"), format!("close the other program (`fuser {port}` names it)"))
+        }
+        LinkError::Refused { port } => (
+            format!("no program listens on {port}"),
+            "start the simulator (`darm sim ARM.toml`) or the serial server".into(),
+        ),
+        LinkError::Name { port } => {
+            (format!("{port:?} is no port"), "write /dev/ttyACM0, unix:PATH or tcp:HOST:PORT".into())
+        }
+        LinkError::NoSerialPort { port } => {
+            (format!("{port} is not a serial port"), "name one: /dev/ttyACM0, unix:PATH or tcp:HOST:PORT".into())
+        }
+        LinkError::Closed { port } => (format!("{port} was closed by the other end"), "check the cable".into()),
+        LinkError::Stalled { port, timeout_s } => {
+            (format!("{port} accepted no bytes for {timeout_s} s"), "reset the board, which may be halted".into())
+        }
+        LinkError::Io { port, source } => (format!("{port}: {source}"), "check the cable and the port's driver".into()),
+    }
+}
 
 impl Doctor {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        let wheel = voice.wheel("looking");
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        let spinner = ui.spinner("checking");
         let mut checks = ports();
         checks.extend(self.board());
         checks.extend([emulator(), image(), probe_rs(), toolchain()]);
-        wheel.finish_and_clear();
-        let wrong = checks.iter().filter(|check| check.state == State::Wrong).count();
-        voice.tell(&Report { version: env!("CARGO_PKG_VERSION"), checks })?;
-        if wrong > 0 && !voice.json { Err(Wrong(wrong).into()) } else { Ok(()) }
+        spinner.finish_and_clear();
+        let failed = checks.iter().filter(|check| check.state == State::Wrong).count();
+        ui.print(&Report { version: env!("CARGO_PKG_VERSION"), checks })?;
+        if failed > 0 { Err(FailedChecks(failed).into()) } else { Ok(()) }
     }
 
-    /// Asks the board, if there is a port to ask at.
+    /// Queries the board, if there is a port.
     fn board(&self) -> Vec<Check> {
         let Ok(port) = self.port.name() else { return Vec::new() };
         let client = match link::open(&port) {
             Ok(link) => Client::connect(link),
-            Err(error) => return vec![Check::wrong_as_said("board", &error)],
+            Err(error) => return vec![Check::link_failed("board", &error)],
         };
         match client {
-            Ok(mut client) => [vec![board(&client)], holdings(&mut client)].concat(),
-            Err(error) => vec![Check::wrong_as_said("board", &error)],
+            Ok(mut client) => [vec![board(&client)], contents(&mut client)].concat(),
+            Err(error) => vec![Check::request_failed("board", &error)],
         }
     }
 }
@@ -120,28 +171,28 @@ fn board(client: &Client) -> Check {
     if client.hello().is_some() {
         Check::good("board", found)
     } else {
-        Check::wrong(
-            "board",
-            found,
-            "this tool speaks another protocol; bring the firmware up to date with `darm flash`",
-        )
+        Check::wrong("board", found, "this tool uses another protocol version; update the firmware with `darm flash`")
     }
 }
 
-/// What a board holds that speaks this version: table, profile, and whether its outputs recover.
-fn holdings(client: &mut Client) -> Vec<Check> {
+/// State, table, profile and output limits of a board of this protocol version.
+fn contents(client: &mut Client) -> Vec<Check> {
     let Some(hello) = client.hello() else { return Vec::new() };
     let table = match hello.table {
         Some(table) => Check::good("table", table.short().to_string()),
-        None => Check::missing("table", "the board holds no table", "`darm table` makes one, `darm upload` brings it"),
+        None => Check::missing("table", "the board has no table", "make one with `darm table`, then `darm upload` it"),
     };
     let profile = match status::profile(client) {
         Some(profile) => Check::good("profile", profile.short().to_string()),
-        None => Check::missing("profile", "built in: 16 outputs, no servos", "`darm profile write --arm arm.toml`"),
+        None => Check::missing(
+            "profile",
+            "none; the built-in one is in force: 16 outputs, no servos",
+            "`darm profile write --arm arm.toml`",
+        ),
     };
     let outputs = match client.outputs() {
         Ok(outputs) => Check::good("outputs", status::recovery(&status::recovering(&outputs))),
-        Err(error) => Check::wrong_as_said("outputs", &error),
+        Err(error) => Check::request_failed("outputs", &error),
     };
     vec![phase(client), table, profile, outputs]
 }
@@ -152,21 +203,20 @@ fn phase(client: &mut Client) -> Check {
         Ok(Phase::Safe(fault)) => Check::wrong(
             "state",
             format!("safe state: {fault}"),
-            "correct the cause, then `darm stop --clear`; `darm status` shows more",
+            "remove the cause, then `darm stop --clear`; `darm status` shows details",
         ),
         Ok(_) => Check::good("state", "no fault is latched"),
-        Err(error) => Check::wrong_as_said("state", &error),
+        Err(error) => Check::request_failed("state", &error),
     }
 }
 
 fn ports() -> Vec<Check> {
     let ports = board_ports();
     if let (true, Some(port)) = (ports.is_empty(), emulated_port()) {
-        return vec![Check::good("port", format!("no USB serial port; `darm plant` runs a board at {port}"))];
+        return vec![Check::good("port", format!("no USB serial port; `darm sim` runs a board at {port}"))];
     }
     if ports.is_empty() {
-        let fix =
-            "plug the board's ST-LINK connector (CN7) in; without a board `darm plant` starts one in the emulator";
+        let fix = "plug in the board's ST-LINK connector (CN7); without a board run `darm sim ARM.toml`";
         return vec![Check::missing("port", "no USB serial port", fix)];
     }
     ports.iter().map(|port| permission(port)).collect()
@@ -175,24 +225,30 @@ fn ports() -> Vec<Check> {
 fn permission(port: &str) -> Check {
     use rustix::fs::{Access, access};
     match access(Path::new(port), Access::READ_OK | Access::WRITE_OK) {
-        Ok(()) => Check::good("port", format!("{port} may be read and written")),
-        Err(_) => Check::wrong(
-            "port",
-            format!("{port} may not be opened by this user"),
-            "`sudo usermod -aG dialout $USER`, then log in again",
-        ),
+        Ok(()) => Check::good("port", format!("{port} can be read and written")),
+        Err(_) => Check::wrong("port", format!("no permission to open {port}"), DIALOUT),
     }
 }
 
 fn emulator() -> Check {
     match qemu::find() {
         Ok(version) => Check::good("emulator", format!("{} {version}", qemu::PROGRAM)),
-        Err(qemu::VersionError::Missing) => Check::missing(
+        Err(VersionError::Missing) => Check::missing(
             "emulator",
             format!("{} is not installed", qemu::PROGRAM),
-            "`cargo xtask demo` installs it, or `sudo apt install qemu-system-arm` where that is 9.1 or newer",
+            format!(
+                "`cargo xtask demo` installs it, or `sudo apt install qemu-system-arm` where that is {} or newer",
+                qemu::OLDEST
+            ),
         ),
-        Err(error) => Check::wrong_as_said("emulator", &error),
+        Err(VersionError::TooOld { found }) => Check::wrong(
+            "emulator",
+            format!("{} is version {found}, {} or newer is needed", qemu::PROGRAM, qemu::OLDEST),
+            "Debian 12: install qemu-system-arm from the backports",
+        ),
+        Err(error @ (VersionError::Unreadable { .. } | VersionError::Io(_))) => {
+            Check::wrong("emulator", error.to_string(), "reinstall it: `sudo apt install --reinstall qemu-system-arm`")
+        }
     }
 }
 
@@ -200,7 +256,7 @@ fn image() -> Check {
     let named = std::env::var_os(firmware_image::VARIABLE).map(PathBuf::from);
     match firmware_image::find(named.as_deref()) {
         Ok(path) => Check::good("firmware", path.display().to_string()),
-        Err(_) => Check::missing("firmware", "no image is built here", "`cargo xtask image`"),
+        Err(_) => Check::missing("firmware", "no image has been built", "`cargo xtask image`"),
     }
 }
 
@@ -213,7 +269,11 @@ fn probe_rs() -> Check {
 
 fn toolchain() -> Check {
     let Some(version) = first_line("rustc", &["--version"]) else {
-        return Check::missing("toolchain", "no rustc", "only needed to build the firmware: see https://rustup.rs");
+        return Check::missing(
+            "toolchain",
+            "no rustc",
+            "install it from https://rustup.rs; only needed to build the firmware",
+        );
     };
     let has_target = Command::new("rustc")
         .args(["--print", "target-libdir", "--target", TARGET])
@@ -230,7 +290,7 @@ fn toolchain() -> Check {
     }
 }
 
-/// First line of what a program says; nothing if it cannot be started.
+/// First line of a program's output; `None` if it cannot be started.
 fn first_line(program: &str, arguments: &[&str]) -> Option<String> {
     let output = Command::new(program).args(arguments).stdin(Stdio::null()).output().ok()?;
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -247,7 +307,7 @@ impl Answer for Report {
                 State::Wrong => "WRONG  ",
             };
             lines.push(format!("{mark}  {:<10}  {}", check.name, check.found));
-            lines.extend(check.fix.iter().map(|fix| format!("                     to mend: {fix}")));
+            lines.extend(check.fix.iter().map(|fix| format!("                     fix: {fix}")));
         }
         lines.join("\n")
     }

@@ -1,4 +1,4 @@
-//! `darm draw`: a picture of an arm in one posture.
+//! `darm draw`: drawing of an arm in one posture.
 
 use std::path::PathBuf;
 
@@ -7,9 +7,9 @@ use darm_arm::arm::ArmScratch;
 use darm_arm::draw::{Scene, svg};
 use serde::Serialize;
 
-use super::subject::{Given, Posture, Subject, frame_of};
+use super::subject::{Posture, Subject, SubjectArgs, frame_of};
 use crate::failure::Usage;
-use crate::voice::{Answer, Voice};
+use crate::ui::{Answer, Ui};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -17,22 +17,22 @@ Examples:
   darm draw panda.urdf --q 0,30,0,-90,0,120,45,20,20 --frame panda_hand_tcp -o panda.svg
   darm draw puma560.toml --q 0,45,-90,0,30,0 --no-names -o puma.svg
 
-Legs are blue when they are extended, joints orange when they turn and blue when they slide; the circle is \
-the centre of mass, red, green and blue the axes of the tool. A planar arm has one view, any other four.";
+Extended legs are blue, revolute joints orange, prismatic joints blue; the circle is the centre of mass; red, green and \
+blue are the axes of the tool. A planar arm has one view, any other arm four.";
 
 /// Draw an arm or robot as SVG
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Draw {
     #[command(flatten)]
-    given: Given,
-    /// The picture
+    subject: SubjectArgs,
+    /// SVG file to write
     #[arg(short, long, value_name = "FILE.svg")]
     output: PathBuf,
-    /// Frame of a robot that is taken as the tool
+    /// Frame of a robot to draw as the tool: the name of a link
     #[arg(long, value_name = "LINK")]
     frame: Option<String>,
-    /// Leave out the names of joints or stages
+    /// Omit the names of joints or stages
     #[arg(long)]
     no_names: bool,
 }
@@ -44,18 +44,18 @@ struct Drawn {
 }
 
 impl Draw {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        let subject = self.given.subject()?;
-        let (postures, notes) = self.given.postures(&subject)?;
-        notes.iter().for_each(|note| voice.note(note));
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        let subject = self.subject.subject()?;
+        let (postures, notes) = self.subject.postures(&subject)?;
+        notes.iter().for_each(|note| ui.note(note));
         let [posture] = &postures[..] else {
-            return Err(Usage(format!("{} postures make no picture, give one", postures.len())).into());
+            return Err(Usage(format!("{} postures given; give one", postures.len())).into());
         };
         let scene = self.scene(&subject, posture)?;
         let views = if scene.is_planar { 1 } else { 4 };
         std::fs::write(&self.output, svg(&scene, !self.no_names))
             .with_context(|| format!("cannot write {}", self.output.display()))?;
-        voice.tell(&Drawn { output: self.output.clone(), views })
+        ui.print(&Drawn { output: self.output.clone(), views })
     }
 
     fn scene(&self, subject: &Subject, posture: &Posture) -> anyhow::Result<Scene> {

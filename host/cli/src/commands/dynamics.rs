@@ -1,36 +1,37 @@
-//! `darm dynamics`: the torques of a motion, the motion of torques, and the matrices between them.
+//! `darm dynamics`: inverse and forward dynamics, and the matrices of the equation of motion.
 
 use darm_arm::arm::{Arm, ArmScratch};
+use darm_core::actuator::JointKind;
 use darm_diagnose::linearise::torque;
 use darm_robot::robot::{Accelerations, Dynamics as Equation, Motion, Robot};
 use serde::Serialize;
 
-use super::jacobian::wrench;
-use super::subject::{Coordinate, Effects, Given, Posture, Subject, csv_line, frame_of, listed};
+use super::subject::{
+    Coordinate, Effects, FormerWrench, Posture, Subject, SubjectArgs, WrenchArgs, csv_line, frame_of, listed,
+};
 use crate::failure::Usage;
-use crate::voice::{Answer, Voice, columns, number};
+use crate::ui::{Answer, Ui, columns, number};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm dynamics puma560.toml --q 0,45,-90,0,0,0                             what holds it still
+  darm dynamics puma560.toml --q 0,45,-90,0,0,0   # torques at rest
   darm dynamics puma560.toml --q 0,45,-90,0,0,0 --qd 10,20,0,0,0,0 --qdd 0,100,0,0,0,0
-  darm dynamics puma560.toml --q 0,45,-90,0,0,0 --torque 0,40,5,0,0,0       how it then accelerates
-  darm dynamics panda.urdf --wrench 0,0,0,0,0,-50 --frame panda_hand_tcp    something pulls 50 N down
-  darm dynamics tx40.urdf --postures run.csv --csv > torque.csv
-  darm dynamics tx40-2.toml --postures run.csv --csv                        with what `darm diagnose` found
-  darm dynamics humanoid.urdf --floating --torque 0,0,…                     how it falls
-  darm dynamics planar4.toml --word 010110011101                            what each leg bears
+  darm dynamics puma560.toml --q 0,45,-90,0,0,0 --torque 0,40,5,0,0,0   # accelerations
+  darm dynamics panda.urdf --external-wrench 0,0,0,0,0,-50 --frame panda_hand_tcp   # 50 N down
+  darm dynamics puma560.toml --postures puma560-postures.csv --csv > torque.csv
+  darm dynamics planar5.urdf --floating --torque 0,0,0,0   # free fall
+  darm dynamics planar4.toml --word 010110011101   # load of each leg
 
-Columns of a table: JOINT_deg, JOINT_deg_s, JOINT_deg_s2 (mm for sliding joints; rad and m too), and \
- JOINT_nm or JOINT_n for --forward. Friction and the motors' own inertia are in the equation only where a model has \
- them: one that `darm diagnose --write-model` wrote. Its rows are one motion, at the times of a column t_s.";
+Columns of a table: JOINT_deg, JOINT_deg_s, JOINT_deg_s2 (mm for prismatic joints; also rad and m), and JOINT_nm or JOINT_n \
+for --forward. Friction and rotor inertia are included only where the model contains them as effects, such as a model from \
+`darm diagnose --write-model`. The rows of its table are one motion, at the times in the column t_s.";
 
-/// Tell torques, mass matrix, Coriolis matrix, gravity and energies; or the accelerations of torques
+/// Compute torques, mass matrix, Coriolis matrix, gravity and energies, or accelerations from torques
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Dynamics {
     #[command(flatten)]
-    given: Given,
+    subject: SubjectArgs,
     /// Velocities, base first, in deg/s or mm/s
     #[arg(long, value_name = "QD,QD,…", allow_hyphen_values = true, conflicts_with = "postures")]
     qd: Option<String>,
@@ -40,16 +41,15 @@ pub(crate) struct Dynamics {
     /// Torques in N m, forces in N: forward dynamics
     #[arg(long, value_name = "T,T,…", allow_hyphen_values = true, conflicts_with = "postures")]
     torque: Option<String>,
-    /// Forward dynamics of the torques in the table
+    /// Forward dynamics with the torques in the table
     #[arg(long, requires = "postures")]
     forward: bool,
-    /// What the environment exerts on the frame, axes of the base: moments in N m, then forces in N
-    #[arg(long, value_name = "MX,MY,MZ,FX,FY,FZ", allow_hyphen_values = true)]
-    wrench: Option<String>,
-    /// The frame that the wrench acts on
-    #[arg(long, value_name = "LINK", requires = "wrench")]
+    #[command(flatten)]
+    wrench: WrenchArgs,
+    /// Frame that the wrench acts on: the name of a link
+    #[arg(long, value_name = "LINK", requires = "WrenchArgs")]
     frame: Option<String>,
-    /// Comma-separated values on the standard output: torques, or accelerations in deg/s² and mm/s²
+    /// Print comma-separated values: torques, or accelerations in deg/s² and mm/s²
     #[arg(long)]
     csv: bool,
 }
@@ -67,32 +67,33 @@ struct Report {
 
 #[derive(Serialize)]
 struct State {
-    /// τ of the motion, N m or N.
+    /// Torques or forces of the motion, N m or N.
     torque: Vec<f64>,
-    /// What each joint bears of gravity alone.
+    /// Torques or forces of gravity alone.
     gravity: Vec<f64>,
     velocity_torque: Vec<f64>,
-    /// What the effects of a model add, in `torque` too.
+    /// Share of the effects of the model in `torque`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    of_effects: Option<Vec<f64>>,
+    effects_torque: Option<Vec<f64>>,
     mass_matrix: Vec<Vec<f64>>,
     coriolis_matrix: Vec<Vec<f64>>,
     kinetic_j: f64,
     potential_j: f64,
-    /// q̈ of the torques that were given, rad/s² or m/s².
+    /// q̈ of the given torques, rad/s² or m/s².
     #[serde(skip_serializing_if = "Option::is_none")]
     acceleration: Option<Vec<f64>>,
-    /// Rate of the twist of a free base, angular first, told in its frame, rad/s² and m/s².
+    /// Rate of the twist of a floating base, angular first, in its frame, rad/s² and m/s².
     #[serde(skip_serializing_if = "Option::is_none")]
     base_acceleration: Option<[f64; 6]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     base: Option<Base>,
 }
 
-/// Of a floating base that is at rest: six rows, angular first, told in its frame.
+/// Rows of a floating base at rest: six rows, angular first, in its frame.
 #[derive(Serialize)]
 struct Base {
-    load: [f64; 6],
+    /// Wrench on the base that the motion needs.
+    wrench: [f64; 6],
     mass: Vec<Vec<f64>>,
     coupling: Vec<Vec<f64>>,
 }
@@ -103,28 +104,47 @@ struct ArmReport {
     actuators: Vec<ActuatorLoad>,
 }
 
-/// What a discrete actuator bears of all weights further out.
+/// Load of a discrete actuator by the weights beyond it.
 #[derive(Serialize)]
 struct ActuatorLoad {
     actuator: String,
-    load: f64,
-    unit: &'static str,
+    #[serde(flatten)]
+    load: Load,
+}
+
+/// A force, or the torque on a revolute joint.
+#[derive(Clone, Copy, Serialize)]
+#[serde(untagged)]
+enum Load {
+    Force { load_n: f64 },
+    Torque { load_nm: f64 },
+}
+
+impl Load {
+    /// Value and unit.
+    fn shown(self) -> (f64, &'static str) {
+        match self {
+            Self::Force { load_n } => (load_n, "N"),
+            Self::Torque { load_nm } => (load_nm, "N m"),
+        }
+    }
 }
 
 impl Dynamics {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        let (subject, effects) = match self.given.model()? {
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        let (subject, effects) = match self.subject.model()? {
             Some((robot, effects)) => (Subject::Robot(Box::new(robot)), (!effects.known.is_empty()).then_some(effects)),
-            None => (self.given.subject()?, None),
+            None => (self.subject.subject()?, None),
         };
         if effects.is_some() && (self.torque.is_some() || self.forward) {
-            let what = "--torque and --forward: of a model with effects only the torques of a motion";
+            let what =
+                "--torque and --forward: a model with effects supports inverse dynamics only; give --qd and --qdd";
             return Err(Usage(what.into()).into());
         }
-        let (mut postures, notes) = self.given.postures(&subject)?;
-        notes.iter().for_each(|note| voice.note(note));
+        let (mut postures, notes) = self.subject.postures(&subject)?;
+        notes.iter().for_each(|note| ui.note(note));
         if let (Subject::Arm(arm), [posture]) = (&subject, &postures[..]) {
-            return voice.tell(&of_arm(arm, posture, &subject)?);
+            return ui.print(&of_arm(arm, posture, &subject)?);
         }
         let shown = subject.coordinates();
         let robot = subject.into_robot("dynamics --postures")?;
@@ -137,10 +157,10 @@ impl Dynamics {
             add(effects, &robot, &postures, &mut states)?;
         }
         let joints = shown.iter().map(|joint| joint.name.clone()).collect();
-        voice.tell(&Report { name: robot.name.clone(), joints, states, shown, csv: self.csv })
+        ui.print(&Report { name: robot.name.clone(), joints, states, shown, csv: self.csv })
     }
 
-    /// What the command line says of the motion.
+    /// Adds velocities, accelerations and torques of the command line.
     fn complete(&self, posture: &mut Posture, joints: &[Coordinate]) -> Result<(), Usage> {
         if let Some(qd) = &self.qd {
             posture.qd = listed(qd, joints, "--qd")?;
@@ -149,7 +169,7 @@ impl Dynamics {
             posture.qdd = listed(qdd, joints, "--qdd")?;
         }
         if let Some(torque) = &self.torque {
-            let wrong = || Usage(format!("--torque {torque}: write {} numbers, in N m and N", joints.len()));
+            let wrong = || Usage(format!("--torque {torque}: give {} numbers, in N m and N", joints.len()));
             let numbers: Result<Vec<f64>, _> = torque.split(',').map(|cell| cell.trim().parse()).collect();
             posture.torque = numbers.map_err(|_| wrong())?;
             if posture.torque.len() != joints.len() || !posture.torque.iter().all(|t| t.is_finite()) {
@@ -160,8 +180,8 @@ impl Dynamics {
     }
 
     fn state(&self, robot: &Robot, posture: &Posture) -> anyhow::Result<State> {
-        let load = match &self.wrench {
-            Some(text) => Some((frame_of(robot, self.frame.as_deref())?, wrench(text, "--wrench")?)),
+        let load = match self.wrench.external(FormerWrench::OnTool)? {
+            Some(wrench) => Some((frame_of(robot, self.frame.as_deref())?, wrench)),
             None => None,
         };
         let motion = Motion { state: [&posture.q, &posture.qd, &posture.qdd], load };
@@ -174,20 +194,22 @@ impl Dynamics {
 
 fn accelerations(robot: &Robot, motion: &Motion<'_>, torque: &[f64]) -> anyhow::Result<Accelerations> {
     if torque.is_empty() {
-        return Err(Usage("the table has no torques: columns JOINT_nm or JOINT_n".into()).into());
+        return Err(Usage("the table has no torques; add columns JOINT_nm or JOINT_n".into()).into());
     }
-    let massless = || anyhow::anyhow!("the mass matrix is singular: a joint of {} moves no mass", robot.name);
+    let massless = || {
+        anyhow::anyhow!("the mass matrix is singular: a joint of {} moves no mass; give its link a mass", robot.name)
+    };
     robot.accelerations(motion, torque)?.ok_or_else(massless)
 }
 
-/// Adds what the effects of a model do.
+/// Adds the torques of the model's effects.
 fn add(effects: &Effects, robot: &Robot, postures: &[Posture], states: &mut [State]) -> anyhow::Result<()> {
     let motion: Vec<[&[f64]; 3]> = postures.iter().map(|p| [&p.q[..], &p.qd, &p.qdd]).collect();
     let times_s: Vec<f64> = postures.iter().map(|posture| posture.time_s).collect();
     let more = torque::added(robot, effects.transmission.as_ref(), &effects.known, &motion, &times_s)?;
     for (state, more) in states.iter_mut().zip(more) {
         state.torque.iter_mut().zip(&more).for_each(|(torque, more)| *torque += more);
-        state.of_effects = Some(more);
+        state.effects_torque = Some(more);
     }
     Ok(())
 }
@@ -199,14 +221,14 @@ fn state(equation: Equation, acceleration: Option<Accelerations>) -> State {
     let base = equation.base.as_ref().map(|base| {
         let (n, f) = (&base.load.moment, &base.load.force);
         let mass = base.mass.row_iter().map(|row| row.iter().copied().collect()).collect();
-        Base { load: [n.x, n.y, n.z, f.x, f.y, f.z], mass, coupling: rows(&base.coupling) }
+        Base { wrench: [n.x, n.y, n.z, f.x, f.y, f.z], mass, coupling: rows(&base.coupling) }
     });
     let (joints, of_base) = acceleration.map_or((None, None), |found| (Some(found.joints), found.base));
     State {
         mass_matrix: rows(&equation.mass),
         coriolis_matrix: rows(&equation.coriolis),
         torque: equation.torque,
-        of_effects: None,
+        effects_torque: None,
         gravity: equation.gravity,
         velocity_torque: equation.velocity_torque,
         kinetic_j: equation.kinetic_j,
@@ -223,8 +245,10 @@ fn of_arm(arm: &Arm, posture: &Posture, subject: &Subject) -> anyhow::Result<Arm
     let loads = model.loads(&scratch);
     let discrete = subject.columns().into_iter().skip(arm.n_servos());
     let actuators = discrete.zip(model.chain.actuators()).map(|(actuator, (stage, leg))| ActuatorLoad {
-        load: loads[stage][leg],
-        unit: actuator.load_unit(),
+        load: match actuator.kind {
+            JointKind::Revolute => Load::Torque { load_nm: loads[stage][leg] },
+            JointKind::Prismatic => Load::Force { load_n: loads[stage][leg] },
+        },
         actuator: actuator.name,
     });
     Ok(ArmReport { name: arm.name.clone(), actuators: actuators.collect() })
@@ -232,10 +256,16 @@ fn of_arm(arm: &Arm, posture: &Posture, subject: &Subject) -> anyhow::Result<Arm
 
 impl Answer for ArmReport {
     fn text(&self) -> String {
-        let head = ["actuator", "bears", ""].map(str::to_owned).to_vec();
-        let rows = self.actuators.iter().map(|a| vec![a.actuator.clone(), format!("{:.3}", a.load), a.unit.to_owned()]);
+        let head = ["actuator", "load", ""].map(str::to_owned).to_vec();
+        let rows = self.actuators.iter().map(|actuator| {
+            let (load, unit) = actuator.load.shown();
+            vec![actuator.actuator.clone(), format!("{load:.3}"), unit.to_owned()]
+        });
         let table = columns(&std::iter::once(head).chain(rows).collect::<Vec<_>>());
-        format!("{table}\n\nthe weights of {} at rest; compression is positive, or what drives an angle up", self.name)
+        format!(
+            "{table}\n\nloads by the weight of {} at rest; compression is positive, and a torque that increases the angle",
+            self.name
+        )
     }
 }
 
@@ -272,17 +302,17 @@ impl Report {
         if self.states.len() > 1 {
             text += &format!("posture {}\n", index + 1);
         }
-        let mut head = vec!["joint", "torque", "of gravity", "of velocity"];
-        head.extend(state.of_effects.as_ref().map(|_| "of effects"));
+        let mut head = vec!["joint", "torque", "gravity", "velocity"];
+        head.extend(state.effects_torque.as_ref().map(|_| "effects"));
         head.push("");
         if state.acceleration.is_some() {
-            head.push("acceleration of the torques");
+            head.push("acceleration");
         }
         let mut rows = vec![head.into_iter().map(str::to_owned).collect::<Vec<_>>()];
         for (k, joint) in self.shown.iter().enumerate() {
             let of = |numbers: &[f64]| number(numbers.get(k).copied().unwrap_or(0.0), 4);
             let mut row = vec![joint.name.clone(), of(&state.torque), of(&state.gravity), of(&state.velocity_torque)];
-            row.extend(state.of_effects.as_ref().map(|more| of(more)));
+            row.extend(state.effects_torque.as_ref().map(|more| of(more)));
             row.push(joint.load_unit().to_owned());
             if let Some(qdd) = state.acceleration.as_ref().and_then(|qdd| qdd.get(k)) {
                 row.push(format!("{} {}/s²", number(joint.shown(*qdd), 3), joint.unit()));
@@ -299,12 +329,13 @@ impl Report {
         }
         text += &format!("\n\nkinetic energy {:.4} J, potential {:.4} J", state.kinetic_j, state.potential_j);
         if let Some(base) = &state.base {
-            let [a, b, c, x, y, z] = base.load;
-            text += &format!("\n\nload on the base that this takes: {a:.3} {b:.3} {c:.3} N m, {x:.3} {y:.3} {z:.3} N");
+            let [a, b, c, x, y, z] = base.wrench;
+            text += &format!("\n\nwrench on the base: {a:.3} {b:.3} {c:.3} N m, {x:.3} {y:.3} {z:.3} N");
         }
         if let Some([a, b, c, x, y, z]) = state.base_acceleration {
             let [a, b, c] = [a, b, c].map(f64::to_degrees);
-            text += &format!("\n\nthe free base accelerates by {a:.2} {b:.2} {c:.2} °/s², {x:.3} {y:.3} {z:.3} m/s²");
+            text +=
+                &format!("\n\nacceleration of the floating base: {a:.2} {b:.2} {c:.2} °/s², {x:.3} {y:.3} {z:.3} m/s²");
         }
         text
     }

@@ -1,33 +1,37 @@
-//! `darm fk`: where the tool of an arm, or any frame of a robot, stands.
+//! `darm fk`: forward kinematics, the pose of an arm's tool or of any frame of a robot.
 
 use serde::Serialize;
 
-use super::subject::{Given, PoseReport, Subject, csv_line};
-use crate::voice::{Answer, Voice, columns, number};
+use super::subject::{PoseReport, Subject, SubjectArgs, csv_line};
+use crate::ui::{Answer, Ui, columns, number};
 
 const EXAMPLES: &str = "\
 Examples:
   darm fk planar4.toml --word 010110011101
-  darm fk hybrid.toml --word 010110011101 --q 20          a servo at 20 deg
-  darm fk panda.urdf --q 0,30,0,-90,0,90,45 --lock panda_finger_joint1=0 --lock panda_finger_joint2=0
-  darm fk puma560.toml --q 10,20,30,40,50,60 --all        every frame
-  darm fk panda.urdf --postures run.csv --csv > poses.csv
+  darm fk planar4-hybrid.toml --word 010110011101 --q 20   # the servo at 20 deg
+  darm fk panda.urdf --q 0,30,0,-90,0,90,45,0 --lock panda_finger_joint1=0
+  darm fk puma560.toml --q 10,20,30,40,50,60 --all         # every frame
+  darm fk puma560.toml --postures puma560-postures.csv --csv > poses.csv
 
-Angles are Z-Y-X Euler angles: about z, the new y, the newest x.";
+Orientations are rotation vectors: axis times angle, along the axes of the base. --csv adds the same orientations as Z-Y-X \
+Euler angles.";
 
-/// Say where the tool stands: forward kinematics
+/// Columns of --csv.
+const CSV_COLUMNS: &str = "posture,frame,x_m,y_m,z_m,euler_z_deg,euler_y_deg,euler_x_deg,rx_deg,ry_deg,rz_deg";
+
+/// Compute the pose of the tool: forward kinematics
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Fk {
     #[command(flatten)]
-    given: Given,
+    subject: SubjectArgs,
     /// Frame of a robot: the name of a link
     #[arg(long, value_name = "LINK")]
     frame: Option<String>,
     /// Every frame of a robot
     #[arg(long, conflicts_with = "frame")]
     all: bool,
-    /// Comma-separated values on the standard output
+    /// Print comma-separated values
     #[arg(long)]
     csv: bool,
 }
@@ -49,10 +53,10 @@ struct Row {
 }
 
 impl Fk {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        let subject = self.given.subject()?;
-        let (postures, notes) = self.given.postures(&subject)?;
-        notes.iter().for_each(|note| voice.note(note));
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        let subject = self.subject.subject()?;
+        let (postures, notes) = self.subject.postures(&subject)?;
+        notes.iter().for_each(|note| ui.note(note));
         let mut poses = Vec::new();
         for (posture, numbers) in postures.iter().enumerate() {
             match &subject {
@@ -71,26 +75,26 @@ impl Fk {
                 }
             }
         }
-        voice.tell(&Report { name: subject.name().to_owned(), poses, csv: self.csv })
+        ui.print(&Report { name: subject.name().to_owned(), poses, csv: self.csv })
     }
 }
 
 impl Answer for Report {
     fn text(&self) -> String {
-        let cells = |row: &Row, scale: f64| {
-            row.pose.position_m.map(|x| x * scale).into_iter().chain(row.pose.euler_zyx_deg).collect::<Vec<_>>()
-        };
         if self.csv {
-            let head = ["posture", "frame", "x_m", "y_m", "z_m", "euler_z_deg", "euler_y_deg", "euler_x_deg"];
             let rows = self.poses.iter().map(|row| {
-                let numbers = cells(row, 1.0).into_iter().map(|x| format!("{x:?}"));
+                let angles = row.pose.euler_zyx_rad.into_iter().chain(row.pose.rotation_vector_rad);
+                let numbers = row.pose.position_m.into_iter().chain(angles.map(f64::to_degrees));
+                let numbers = numbers.map(|x| format!("{x:?}"));
                 csv_line([row.posture.to_string(), row.frame.clone()].into_iter().chain(numbers))
             });
-            return std::iter::once(head.join(",")).chain(rows).collect::<Vec<_>>().join("\n");
+            return std::iter::once(CSV_COLUMNS.to_owned()).chain(rows).collect::<Vec<_>>().join("\n");
         }
-        let head = ["posture", "frame", "x, mm", "y, mm", "z, mm", "about z, deg", "y", "x"];
+        let head = ["posture", "frame", "x, mm", "y, mm", "z, mm", "rx, deg", "ry, deg", "rz, deg"];
         let rows = self.poses.iter().map(|row| {
-            let numbers = cells(row, 1e3).into_iter().map(|x| number(x, 3));
+            let position = row.pose.position_m.map(|x| 1e3 * x);
+            let numbers = position.into_iter().chain(row.pose.rotation_vector_rad.map(f64::to_degrees));
+            let numbers = numbers.map(|x| number(x, 3));
             [row.posture.to_string(), row.frame.clone()].into_iter().chain(numbers).collect()
         });
         columns(&std::iter::once(head.map(str::to_owned).to_vec()).chain(rows).collect::<Vec<_>>())

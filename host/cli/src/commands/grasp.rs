@@ -1,4 +1,4 @@
-//! `darm grasp`: where a hand has to be, and how its fingers bend, to make four contacts.
+//! `darm grasp`: the posture of a hand that makes four contacts.
 
 mod answer;
 
@@ -16,36 +16,35 @@ use darm_papers::grasp::{picture, plot, solve};
 
 use self::answer::{Found, Trained};
 use crate::failure::Usage;
-use crate::voice::Voice;
+use crate::ui::Ui;
 
 const EXAMPLES: &str = "\
 Examples:
-  darm grasp solve allegro_hand.toml grasp-contacts.toml    a posture that makes the contacts
-  darm grasp solve allegro_hand.urdf grasp-contacts.toml    the fingers found in a bare URDF
-  darm grasp train allegro_hand.toml --file training.txt    the sequence of starts for the paper's search";
+  darm grasp solve allegro_hand.toml grasp-contacts.toml   # a posture that makes the contacts
+  darm grasp solve allegro_hand.urdf grasp-contacts.toml   # fingers detected in a URDF
+  darm grasp train allegro_hand.toml --constraints 20 --lambdas 5   # starts of the paper's search";
 
 const SOLVE_EXAMPLES: &str = "\
 Examples:
-  darm grasp solve allegro_hand.toml grasp-contacts.toml --picture grasp.svg
+  darm grasp solve allegro_hand.toml grasp-contacts.toml --plot grasp.svg
   darm grasp solve allegro_hand.toml grasp-contacts.toml --method paper
-  darm grasp solve hand.urdf contacts.toml --tips index_tip,middle_tip,ring_tip,thumb_tip --tip-radius-mm 12
+  darm grasp solve allegro_hand.urdf grasp-contacts.toml --tip-radius 12
   darm --json grasp solve allegro_hand.toml grasp-contacts.toml > posture.json
 
-The contacts name their fingers, all or none; where they do not, the assignment is found. \
-A bare URDF is a hand too: its base is the palm, its fingers are the leaf links on four joints, and its \
-shapes capsules as thick as the fingertips. A hand's file (host/papers/src/grasp/file.rs) says the shapes better. \
-The picture shows the hand before, during and after the search from three sides.";
+Either all contacts name their fingers, or none; without names, the assignment is found. In a URDF the base is the palm, \
+the fingers are the leaf links on four joints, and the shapes are capsules as thick as the fingertips. A hand file describes \
+the shapes better; its keys are documented in host/papers/src/grasp/file.rs. The plot shows the hand before, during and \
+after the search from three sides.";
 
 const TRAIN_EXAMPLES: &str = "\
 Examples:
-  darm grasp train allegro_hand.toml --n 1000 --lambdas 26    in less than a minute
-  darm grasp train allegro_hand.toml --file training.txt --figures figures
+  darm grasp train allegro_hand.toml --constraints 20 --lambdas 5 --file training.txt --plot plots
 
-The second is the paper's training; stopped, it goes on where it was. The constraints are contacts \
-of random postures without a collision. The sequence is for `--method paper` alone: put it into the \
-hand's file as `lambdas`.";
+The defaults are those of the paper, and take hours; an interrupted training with --file resumes where it stopped. The \
+constraints are contacts of random postures without a collision. Only `darm grasp solve --method paper` uses the sequence: \
+copy it into the hand file as `lambdas`.";
 
-/// Find how a hand makes four contacts with its fingertips
+/// Find the posture of a hand that makes four contacts with its fingertips
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Grasp {
@@ -59,41 +58,41 @@ enum GraspTask {
     Train(Train),
 }
 
-/// Which hand.
+/// The hand.
 #[derive(clap::Args, Debug)]
-struct HandGiven {
-    /// The hand: its file, or its URDF alone
+struct HandArgs {
+    /// The hand: hand file or URDF
     #[arg(value_name = "HAND.toml|HAND.urdf")]
     hand: PathBuf,
-    /// Fingertips of a URDF: links at the middle of index, medium, ring and thumb, in this order; found without
+    /// Fingertip links of a URDF: index, medium, ring and thumb, in this order; default: detected
     #[arg(long, value_name = "LINK,LINK,LINK,LINK", value_delimiter = ',')]
     tips: Vec<String>,
-    /// Radius of the fingertips of a URDF; 12 without
-    #[arg(long, value_name = "MM")]
-    tip_radius_mm: Option<f64>,
+    /// Radius of the fingertips of a URDF, mm; default: 12
+    #[arg(long, alias = "tip-radius-mm", value_name = "MM")]
+    tip_radius: Option<f64>,
 }
 
-impl HandGiven {
-    fn read(&self, voice: Voice) -> anyhow::Result<HandFile> {
+impl HandArgs {
+    fn read(&self, ui: Ui) -> anyhow::Result<HandFile> {
         if !self.hand.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("urdf")) {
-            if !self.tips.is_empty() || self.tip_radius_mm.is_some() {
-                return Err(Usage("--tips and --tip-radius-mm are for a URDF; a hand's file says them".into()).into());
+            if !self.tips.is_empty() || self.tip_radius.is_some() {
+                return Err(Usage("--tips and --tip-radius need a URDF; a hand file contains them".into()).into());
             }
             return Ok(read_hand(&self.hand)?);
         }
-        let radius_mm = self.tip_radius_mm.unwrap_or(TIP_RADIUS_MM);
+        let radius_mm = self.tip_radius.unwrap_or(TIP_RADIUS_MM);
         if !(radius_mm > 0.0 && radius_mm.is_finite()) {
-            return Err(Usage(format!("--tip-radius-mm {radius_mm}: a length above zero")).into());
+            return Err(Usage(format!("--tip-radius {radius_mm}: give a length above 0 mm")).into());
         }
         let file = read_bare_hand(&self.hand, &Fingers { tips: self.tips.clone(), tip_radius_m: 1e-3 * radius_mm })?;
         let tips = file.referee.tips.iter().zip(&file.hand.fingers);
         let tips: Vec<_> = tips.map(|(tip, finger)| format!("{} {}", finger.name, tip.name)).collect();
-        voice.note(&format!("fingers: {}; their tips have {radius_mm} mm", tips.join(", ")));
+        ui.note(&format!("fingers: {}; radius of their tips: {radius_mm} mm", tips.join(", ")));
         Ok(file)
     }
 }
 
-/// Radius of a fingertip where nobody says another, mm.
+/// Default radius of a fingertip, mm.
 const TIP_RADIUS_MM: f64 = 12.0;
 
 /// Find the posture that makes the contacts, without a collision
@@ -101,25 +100,25 @@ const TIP_RADIUS_MM: f64 = 12.0;
 #[command(after_help = SOLVE_EXAMPLES)]
 struct Solve {
     #[command(flatten)]
-    hand: HandGiven,
+    hand: HandArgs,
     /// The contacts
     #[arg(value_name = "CONTACTS.toml")]
     contacts: PathBuf,
-    /// How to search: `lm` is the one to use, `paper` that of Suarez and Claret
+    /// Search method: `lm` is recommended, `paper` is that of Suarez and Claret
     #[arg(long, value_enum, default_value_t = Method::Lm)]
     method: Method,
-    /// Starts of the search; of the paper's, values of lambda
+    /// Number of starts; of the paper's method, values of lambda
     #[arg(long, value_name = "COUNT", default_value_t = 10)]
     starts: usize,
-    /// Postures to choose the starts from
+    /// Number of postures to choose the starts from
     #[arg(long, value_name = "COUNT", default_value_t = 1000)]
     library: usize,
-    /// Write a picture of the hand before, during and after
-    #[arg(long, value_name = "FILE.svg")]
-    picture: Option<PathBuf>,
+    /// Plot the hand before, during and after the search
+    #[arg(long, alias = "picture", value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
 }
 
-/// How to search.
+/// Search method.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 enum Method {
     Lm,
@@ -131,11 +130,11 @@ enum Method {
 #[command(after_help = TRAIN_EXAMPLES)]
 struct Train {
     #[command(flatten)]
-    hand: HandGiven,
-    /// Constraints to train with
-    #[arg(long, value_name = "COUNT", default_value_t = 10_000)]
-    n: usize,
-    /// Values of lambda to try, evenly from 0 to 1
+    hand: HandArgs,
+    /// Number of constraints
+    #[arg(long, alias = "n", value_name = "COUNT", default_value_t = 10_000)]
+    constraints: usize,
+    /// Number of values of lambda, evenly from 0 to 1
     #[arg(long, value_name = "COUNT", default_value_t = 100)]
     lambdas: usize,
     /// Length of the sequence
@@ -144,27 +143,27 @@ struct Train {
     /// Seed of the constraints
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Keep what is done in this file, and go on from what it holds
+    /// Save the progress in this file, and resume from it
     #[arg(long, value_name = "FILE")]
     file: Option<PathBuf>,
-    /// Draw figures 4 and 5 of the paper into this folder
-    #[arg(long, value_name = "DIR")]
-    figures: Option<PathBuf>,
+    /// Plot figures 4 and 5 of the paper, as SVG files in this folder
+    #[arg(long, alias = "figures", value_name = "FOLDER")]
+    plot: Option<PathBuf>,
 }
 
 /// Seed of the postures that searches start from.
 const LIBRARY_SEED: u64 = 1;
 
 impl Grasp {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         match &self.task {
-            GraspTask::Solve(solve) => solve.run(voice),
-            GraspTask::Train(train) => train.run(voice),
+            GraspTask::Solve(solve) => solve.run(ui),
+            GraspTask::Train(train) => train.run(ui),
         }
     }
 }
 
-/// An answer before it is told.
+/// Result of a search.
 struct Search {
     path: Vec<Configuration>,
     /// The contact of each finger, by its number in the file.
@@ -174,29 +173,30 @@ struct Search {
 }
 
 impl Solve {
-    fn run(&self, voice: Voice) -> anyhow::Result<()> {
+    fn run(&self, ui: Ui) -> anyhow::Result<()> {
         if self.starts == 0 || self.library == 0 {
-            return Err(Usage("--starts and --library have to be above zero".to_owned()).into());
+            return Err(Usage("--starts and --library must be above 0".to_owned()).into());
         }
-        let file = self.hand.read(voice)?;
+        let file = self.hand.read(ui)?;
         let task = read_contacts(&self.contacts, &file.hand)?;
-        reachable(&file.hand, &task)?;
+        check_reach(&file.hand, &task)?;
         let search = match self.method {
-            Method::Lm => self.by_us(&file.hand, &task)?,
-            Method::Paper => self.by_paper(&file, &task)?,
+            Method::Lm => self.solve_lm(&file.hand, &task)?,
+            Method::Paper => self.solve_paper(&file, &task)?,
         };
         let contacts = search.order.map(|contact| task.contacts[contact]);
-        let configuration = search.path.last().copied().context("a search has a first configuration")?;
+        let configuration =
+            search.path.last().copied().context("the search has no configuration; please report this error of darm")?;
         let verdict = file.referee.judge(&file.hand, &configuration, &contacts)?;
-        if let Some(path) = &self.picture {
+        if let Some(path) = &self.plot {
             write(path, &picture::svg(&file.hand, &stages(&search.path), &contacts))?;
         }
-        voice.tell(&Found::new(&file.hand, &search, &configuration, &verdict))
+        ui.print(&Found::new(&file.hand, &search, &configuration, &verdict))
     }
 
-    fn by_us(&self, hand: &Hand, task: &Task) -> anyhow::Result<Search> {
+    fn solve_lm(&self, hand: &Hand, task: &Task) -> anyhow::Result<Search> {
         let library = Library::draw(hand, self.library, LIBRARY_SEED);
-        anyhow::ensure!(!library.is_empty(), "no posture of the hand is without a collision: check its capsules");
+        anyhow::ensure!(!library.is_empty(), "every posture of the hand has a collision; check its capsules");
         let settings = solve::Settings { starts: self.starts, ..solve::Settings::default() };
         let (solution, order) = if task.is_assigned {
             (hand.solve(&library, &task.contacts, &settings), std::array::from_fn(|finger| finger))
@@ -205,14 +205,14 @@ impl Solve {
         };
         if !solution.is_solved {
             let wanted = order.map(|contact| task.contacts[contact]);
-            anyhow::bail!(missed(hand, &solution, &wanted));
+            anyhow::bail!(why_unsolved(hand, &solution, &wanted));
         }
         Ok(Search { path: solution.path, order, starts: solution.starts, iterations: solution.iterations })
     }
 
-    fn by_paper(&self, file: &HandFile, task: &Task) -> anyhow::Result<Search> {
+    fn solve_paper(&self, file: &HandFile, task: &Task) -> anyhow::Result<Search> {
         if !task.is_assigned {
-            let text = "--method paper needs the finger of each contact; name them, or use --method lm";
+            let text = "--method paper needs the finger of each contact; add them to the contacts, or use --method lm";
             return Err(Usage(text.to_owned()).into());
         }
         let (mut iterations, mut ends) = (0, Vec::new());
@@ -227,19 +227,19 @@ impl Solve {
             }
             ends.push(format!("{lambda:.2} {}", attempt.end));
         }
-        anyhow::bail!("the paper's search does not find the contacts, try --method lm; lambda {}", ends.join(", "))
+        anyhow::bail!("the paper's search found no posture (lambda {}); use --method lm", ends.join(", "))
     }
 }
 
-/// Refuses contacts further apart than the hand is long.
-fn reachable(hand: &Hand, task: &Task) -> anyhow::Result<()> {
+/// Rejects contacts that are further apart than the hand can span.
+fn check_reach(hand: &Hand, task: &Task) -> anyhow::Result<()> {
     let Some((a, b, apart, most)) = hand.out_of_reach(&task.contacts, task.is_assigned) else { return Ok(()) };
     let name = |k: usize| match task.is_assigned {
         true => hand.fingers[k].name.clone(),
         false => (k + 1).to_string(),
     };
     anyhow::bail!(
-        "contacts {} and {} are {:.0} mm apart, out of reach: stretched, the fingers bridge {:.0} mm",
+        "contacts {} and {} are {:.0} mm apart, the fingers can span {:.0} mm; move the contacts closer",
         name(a),
         name(b),
         1e3 * apart,
@@ -247,8 +247,8 @@ fn reachable(hand: &Hand, task: &Task) -> anyhow::Result<()> {
     )
 }
 
-/// What stands in the way, of a search that ended without a grasp.
-fn missed(hand: &Hand, solution: &solve::Solution, contacts: &Contacts) -> String {
+/// Why a search ended without a grasp.
+fn why_unsolved(hand: &Hand, solution: &solve::Solution, contacts: &Contacts) -> String {
     let errors = hand.errors(&solution.configuration, contacts);
     let worst = (0..FINGERS).max_by(|a, b| errors[*a].point_m.total_cmp(&errors[*b].point_m)).unwrap_or(0);
     let tried = format!("{} starts, {} iterations", solution.starts, solution.iterations);
@@ -258,7 +258,7 @@ fn missed(hand: &Hand, solution: &solve::Solution, contacts: &Contacts) -> Strin
         format!("{} misses its contact by {:.2} mm", hand.fingers[worst].name, 1e3 * errors[worst].point_m)
     };
     format!(
-        "no posture makes these contacts: in the nearest {cause} ({tried}); move the contacts, or try more --starts"
+        "no posture makes these contacts: in the closest one, {cause} ({tried}); move the contacts, or increase --starts"
     )
 }
 
@@ -271,23 +271,24 @@ fn stages(path: &[Configuration]) -> Vec<(String, Configuration)> {
 }
 
 impl Train {
-    fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        if self.n == 0 || self.lambdas == 0 {
-            return Err(Usage("--n and --lambdas have to be above zero".to_owned()).into());
+    fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        if self.constraints == 0 || self.lambdas == 0 {
+            return Err(Usage("--constraints and --lambdas must be above 0".to_owned()).into());
         }
-        let hand = self.hand.read(voice)?.hand;
+        let hand = self.hand.read(ui)?.hand;
         let settings = paper::Settings::default();
-        let training = Training { count: self.n, lambdas: self.lambdas, seed: self.seed, settings };
-        let bar = voice.bar("training", self.n as u64, "constraints");
+        let training = Training { count: self.constraints, lambdas: self.lambdas, seed: self.seed, settings };
+        let bar = ui.progress_bar("training", self.constraints as u64, "constraints");
         let outcomes = training.run(&hand, self.file.as_deref(), |done| bar.set_position(done as u64))?;
         bar.finish_and_clear();
         let sequence = outcomes.sequence(self.length);
-        if let Some(folder) = &self.figures {
-            std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+        if let Some(folder) = &self.plot {
+            std::fs::create_dir_all(folder)
+                .with_context(|| format!("cannot create the folder {}", folder.display()))?;
             write(&folder.join("figure-4.svg"), &plot::selection(&outcomes.lambdas, &sequence))?;
             write(&folder.join("figure-5.svg"), &plot::accumulation(&sequence))?;
         }
-        voice.tell(&Trained::new(&training, &sequence))
+        ui.print(&Trained::new(&training, &sequence))
     }
 }
 

@@ -1,4 +1,4 @@
-//! `darm ik`: joint positions that bring a frame of a robot to a pose.
+//! `darm ik`: inverse kinematics, joint positions that bring a frame of a robot to a pose.
 
 mod all;
 
@@ -13,23 +13,26 @@ use darm_robot::ik::{Method, Options, Status};
 use darm_robot::robot::{Inverse, Robot, RobotFrame};
 use serde::Serialize;
 
-use super::subject::{Coordinate, Given, PoseReport, csv_line, frame_of};
+use super::subject::{Coordinate, PoseReport, SubjectArgs, csv_line, frame_of};
 use crate::failure::Usage;
-use crate::voice::{Answer, Voice, columns, number};
+use crate::ui::{Answer, Ui, columns, number};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm ik puma560.toml --to 400,150,900 --angles 180,0,90
-  darm ik panda.urdf --frame panda_hand_tcp --to 450,0,400                 any orientation
+  darm ik puma560.toml --to 400,150,900 --rotation 0,180,0
+  darm ik panda.urdf --frame panda_hand_tcp --to 450,0,400                 # any orientation
   darm ik puma560.toml --to 400,150,900 --method transpose --steps 2000
-  darm ik puma560.toml --to 400,150,900 --angles 180,0,90 --compare --plot convergence.svg
-  darm ik puma560.toml --to 400,150,900 --angles 180,0,90 --all --picture all.svg
-  darm fk puma560.toml --postures run.csv --csv > targets.csv && darm ik puma560.toml --targets targets.csv --csv
+  darm ik puma560.toml --to 400,150,900 --rotation 0,180,0 --compare --plot convergence.svg
+  darm ik puma560.toml --to 400,150,900 --rotation 0,180,0 --all --plot all.svg
+  darm fk puma560.toml --postures puma560-postures.csv --csv > targets.csv
+  darm ik puma560.toml --targets targets.csv --csv
 
-Positions are in mm, angles Z-Y-X Euler angles in deg, as `darm fk` tells them. --q is where the search starts. Limits are \
-kept. A target that is not reached is no error: the status says so and the nearest posture is told.";
+Positions are in mm, orientations are rotation vectors in deg, as `darm fk` prints them. The search starts at --q and keeps \
+the limits. A target that is not reached is no error: the status says so, and the closest posture is printed.";
 
-/// Most starts, and those of a search for all postures.
+/// One degree in rad.
+const DEG: f64 = std::f64::consts::PI / 180.0;
+/// Default numbers of starts of one search, and of the search for all postures.
 const STARTS: usize = 100;
 const ALL_STARTS: usize = 1000;
 
@@ -38,60 +41,66 @@ const ALL_STARTS: usize = 1000;
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Ik {
     #[command(flatten)]
-    given: Given,
+    subject: SubjectArgs,
     /// Position of the frame in the base, mm
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, required_unless_present = "targets")]
     to: Option<String>,
-    /// Its orientation: angles about z, the new y, the newest x, deg; any without it
-    #[arg(long, value_name = "Z,Y,X", allow_hyphen_values = true, requires = "to")]
-    angles: Option<String>,
-    /// A table of targets: columns x_m, y_m, z_m (or mm) and euler_z_deg, euler_y_deg, euler_x_deg, or without
-    /// orientation
+    #[command(flatten)]
+    orientation: OrientationArgs,
+    /// Table of targets with the columns x_m, y_m, z_m (or _mm) and, for oriented targets, rx_deg, ry_deg, rz_deg
     #[arg(long, value_name = "FILE.csv", conflicts_with = "to")]
     targets: Option<PathBuf>,
     /// Frame of the robot: the name of a link
     #[arg(long, value_name = "LINK")]
     frame: Option<String>,
-    /// lm (damped, with restarts: the one to take), inverse, pseudo-inverse, transpose, dls, or a population of
-    /// points: em, memr, ga, de, cma-es
+    /// Method: lm (damped, with restarts; recommended), inverse, pseudo-inverse, transpose, dls, or a population method:
+    /// em, memr, ga, de, cma-es
     #[arg(long, default_value = "lm")]
     method: Method,
-    /// Every method that steps, from the same start
+    /// Compare all gradient methods from the same start
     #[arg(long, conflicts_with = "method")]
     compare: bool,
-    /// All postures that reach the target; a sample of them where the arm can move without moving the frame
-    #[arg(long, conflicts_with_all = ["method", "compare", "targets", "plot", "csv"])]
+    /// Find all postures that reach the target; a sample of them where the arm has self-motion
+    #[arg(long, conflicts_with_all = ["method", "compare", "targets", "csv"])]
     all: bool,
-    /// Most postures of such a sample
-    #[arg(long, value_name = "N", default_value_t = 12, requires = "all")]
-    most: usize,
-    /// A picture of all postures
-    #[arg(long, value_name = "FILE.svg", requires = "all")]
-    picture: Option<PathBuf>,
+    /// Largest number of postures of such a sample
+    #[arg(long, alias = "most", value_name = "N", default_value_t = 12, requires = "all")]
+    count: usize,
     /// Tolerance of the position, mm
-    #[arg(long, value_name = "MM", default_value_t = 0.01)]
-    tolerance_mm: f64,
+    #[arg(long, alias = "tolerance-mm", value_name = "MM", default_value_t = 0.01)]
+    tolerance: f64,
     /// Tolerance of the orientation, deg
-    #[arg(long, value_name = "DEG", default_value_t = 0.000_573)]
-    tolerance_deg: f64,
-    /// Most steps from one start, 30 without it; iterations of a population, 1000 without it
+    #[arg(long, alias = "tolerance-deg", value_name = "DEG", default_value_t = 0.000_573)]
+    angle_tolerance: f64,
+    /// Largest number of steps from one start, default 30; iterations of a population method, default 1000
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
-    /// Most starts of the method that restarts, 100 without it; starts of --all, 1000 without it
+    /// Largest number of starts of lm, default 100; starts of --all, default 1000
     #[arg(long, value_name = "N")]
     starts: Option<usize>,
     /// Seed of the starts
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// How the error falls, of the first target
-    #[arg(long, value_name = "FILE.svg")]
+    /// Plot the error of the first target over the steps; with --all the postures
+    #[arg(long, alias = "picture", value_name = "FILE.svg")]
     plot: Option<PathBuf>,
-    /// Comma-separated values on the standard output
+    /// Print comma-separated values
     #[arg(long)]
     csv: bool,
 }
 
-/// A pose to reach, whose orientation may not count.
+/// The orientation of a target.
+#[derive(clap::Args, Debug)]
+pub(super) struct OrientationArgs {
+    /// Orientation of the frame: rotation vector (axis times angle) along the axes of the base, deg; default: any
+    #[arg(long, value_name = "RX,RY,RZ", allow_hyphen_values = true, requires = "to", conflicts_with = "angles")]
+    rotation: Option<String>,
+    /// Former option: Z-Y-X Euler angles, about z, the new y, the newest x, deg
+    #[arg(long, value_name = "Z,Y,X", allow_hyphen_values = true, requires = "to", hide = true)]
+    angles: Option<String>,
+}
+
+/// A pose to reach, with or without its orientation.
 pub(super) struct Target {
     pub(super) pose: Pose<f64>,
     pub(super) is_oriented: bool,
@@ -116,7 +125,7 @@ struct Found {
     status: &'static str,
     q: Vec<f64>,
     error_m: f64,
-    /// Where the orientation counts.
+    /// `None` for a target without orientation.
     error_rad: Option<f64>,
     steps: usize,
     starts: usize,
@@ -124,22 +133,22 @@ struct Found {
 }
 
 impl Ik {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        let subject = self.given.subject()?;
-        let (postures, _) = self.given.postures(&subject)?;
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        let subject = self.subject.subject()?;
+        let (postures, _) = self.subject.postures(&subject)?;
         let shown = subject.coordinates();
         let robot = subject.into_robot("ik")?;
         let frame = frame_of(&robot, self.frame.as_deref())?;
         let targets = match (&self.targets, &self.to) {
             (Some(path), _) => read(path)?,
-            (None, to) => vec![Target::typed(to.as_deref().unwrap_or_default(), self.angles.as_deref())?],
+            (None, to) => vec![Target::parse(to.as_deref().unwrap_or_default(), &self.orientation)?],
         };
         let methods = if self.compare { Method::STEPS.to_vec() } else { vec![self.method] };
         if self.all {
             let (Some(target), Some(posture)) = (targets.first(), postures.first()) else { return Ok(()) };
-            return self.tell_all(&robot, frame, target, &posture.q, shown, voice);
+            return self.report_all(&robot, frame, target, &posture.q, shown, ui);
         }
-        let bar = voice.bar("solving", targets.len() as u64, "targets");
+        let bar = ui.progress_bar("solving", targets.len() as u64, "targets");
         let (mut answers, mut drawn) = (Vec::new(), Vec::new());
         for (index, target) in targets.iter().enumerate() {
             let start = postures.get(index).or(postures.first()).map_or(&[][..], |posture| &posture.q);
@@ -160,14 +169,7 @@ impl Ik {
                 .with_context(|| format!("cannot write {}", path.display()))?;
         }
         let joints = shown.iter().map(|joint| joint.name.clone()).collect();
-        voice.tell(&Report {
-            name: robot.name.clone(),
-            frame: frame.name.clone(),
-            joints,
-            answers,
-            shown,
-            csv: self.csv,
-        })
+        ui.print(&Report { name: robot.name.clone(), frame: frame.name.clone(), joints, answers, shown, csv: self.csv })
     }
 
     fn solve(
@@ -184,8 +186,8 @@ impl Ik {
 
     fn options(&self, target: &Target, steps: usize, starts: usize) -> Options<f64> {
         Options {
-            position_m: 1e-3 * self.tolerance_mm,
-            orientation_rad: if target.is_oriented { self.tolerance_deg.to_radians() } else { f64::INFINITY },
+            position_m: 1e-3 * self.tolerance,
+            orientation_rad: if target.is_oriented { self.angle_tolerance.to_radians() } else { f64::INFINITY },
             steps: self.steps.unwrap_or(steps),
             starts: self.starts.unwrap_or(starts),
             seed: self.seed,
@@ -195,13 +197,18 @@ impl Ik {
 }
 
 impl Target {
-    /// From what was typed: mm and deg.
-    pub(super) fn typed(to: &str, angles: Option<&str>) -> Result<Self, Usage> {
+    /// Parses a position in mm and an orientation in deg.
+    pub(super) fn parse(to: &str, orientation: &OrientationArgs) -> Result<Self, Usage> {
         let position = three(to, "--to")? * 1e-3;
-        let angles = angles.map(|angles| three(angles, "--angles")).transpose()?;
-        let is_oriented = angles.is_some();
-        let angles = angles.map_or(Vec3::zeros(), |angles| angles.map(f64::to_radians));
-        Ok(Self { pose: Pose::from(&PoseVector { angles, position }), is_oriented })
+        let pose = match (&orientation.rotation, &orientation.angles) {
+            (Some(rotation), _) => Pose::new(&three(rotation, "--rotation")?.map(f64::to_radians), position),
+            (None, Some(angles)) => {
+                let angles = three(angles, "--angles")?.map(f64::to_radians);
+                Pose::from(&PoseVector { angles, position })
+            }
+            (None, None) => return Ok(Self { pose: Pose::at(position), is_oriented: false }),
+        };
+        Ok(Self { pose, is_oriented: true })
     }
 }
 
@@ -209,11 +216,11 @@ fn three(text: &str, option: &str) -> Result<Vec3<f64>, Usage> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|cell| cell.trim().parse::<f64>()).collect();
     match numbers.as_deref() {
         Ok([a, b, c]) if [a, b, c].iter().all(|number| number.is_finite()) => Ok(Vec3::new(*a, *b, *c)),
-        _ => Err(Usage(format!("{option} {text}: write three numbers with commas between them"))),
+        _ => Err(Usage(format!("{option} {text}: give three numbers separated by commas"))),
     }
 }
 
-/// Targets of a table.
+/// Reads a table of targets.
 fn read(path: &Path) -> anyhow::Result<Vec<Target>> {
     let shown = path.display();
     let mut table =
@@ -223,12 +230,14 @@ fn read(path: &Path) -> anyhow::Result<Vec<Target>> {
         names.iter().find_map(|(name, factor)| Some((header.iter().position(|column| column == *name)?, *factor)))
     };
     let position = ["x", "y", "z"].map(|axis| column(&[(&format!("{axis}_m"), 1.0), (&format!("{axis}_mm"), 1e-3)]));
-    let angles = ["z", "y", "x"].map(|axis| {
-        column(&[(&format!("euler_{axis}_deg"), std::f64::consts::PI / 180.0), (&format!("euler_{axis}_rad"), 1.0)])
-    });
+    let angle = |name: &str| column(&[(&format!("{name}_deg"), DEG), (&format!("{name}_rad"), 1.0)]);
+    let rotation = ["rx", "ry", "rz"].map(angle);
+    let euler = ["euler_z", "euler_y", "euler_x"].map(angle);
     let [Some(x), Some(y), Some(z)] = position else {
         let present = header.iter().collect::<Vec<_>>().join(", ");
-        return Err(Usage(format!("{shown}: columns x_m, y_m, z_m (or mm) are needed; the file has {present}")).into());
+        return Err(
+            Usage(format!("{shown}: columns x_m, y_m, z_m (or _mm) are required; its columns are {present}")).into()
+        );
     };
     let mut targets = Vec::new();
     for (row, record) in table.records().enumerate() {
@@ -236,17 +245,27 @@ fn read(path: &Path) -> anyhow::Result<Vec<Target>> {
         let number = |(index, factor): (usize, f64)| {
             let cell = record.get(index).unwrap_or_default();
             let number = cell.parse::<f64>().ok().filter(|number| number.is_finite());
-            let wrong = || Usage(format!("{shown}: line {}: `{cell}` is no number", row + 2));
+            let wrong = || Usage(format!("{shown}:{}: `{cell}` is not a number", row + 2));
             number.map(|number| number * factor).ok_or_else(wrong)
         };
         let position = Vec3::new(number(x)?, number(y)?, number(z)?);
-        let (angles, is_oriented) = match angles {
-            [Some(a), Some(b), Some(c)] => (Vec3::new(number(a)?, number(b)?, number(c)?), true),
-            _ => (Vec3::zeros(), false),
+        let (pose, is_oriented) = match (rotation, euler) {
+            ([Some(x), Some(y), Some(z)], _) => {
+                (Pose::new(&Vec3::new(number(x)?, number(y)?, number(z)?), position), true)
+            }
+            (_, [Some(z), Some(y), Some(x)]) => {
+                let angles = Vec3::new(number(z)?, number(y)?, number(x)?);
+                (Pose::from(&PoseVector { angles, position }), true)
+            }
+            _ => (Pose::at(position), false),
         };
-        targets.push(Target { pose: Pose::from(&PoseVector { angles, position }), is_oriented });
+        targets.push(Target { pose, is_oriented });
     }
-    if targets.is_empty() { Err(Usage(format!("{shown}: no rows")).into()) } else { Ok(targets) }
+    if targets.is_empty() {
+        Err(Usage(format!("{shown}: the file has no rows; add one per target")).into())
+    } else {
+        Ok(targets)
+    }
 }
 
 fn found(index: usize, target: &Target, method: Method, inverse: &Inverse) -> Found {
@@ -288,7 +307,7 @@ impl Answer for Report {
         let head = ["target", "method", "", "error", "", "steps", "starts"].into_iter().map(str::to_owned);
         let rows = self.answers.iter().map(|found| {
             let q = found.q.iter().zip(&self.shown).map(|(q, joint)| number(joint.shown(*q), 3));
-            let told = [
+            let cells = [
                 found.target.to_string(),
                 found.method.to_owned(),
                 found.status.to_owned(),
@@ -297,7 +316,7 @@ impl Answer for Report {
                 found.steps.to_string(),
                 found.starts.to_string(),
             ];
-            told.into_iter().chain(q).collect()
+            cells.into_iter().chain(q).collect()
         });
         columns(&std::iter::once(head.chain(units).collect()).chain(rows).collect::<Vec<_>>())
     }

@@ -1,4 +1,4 @@
-//! `darm jacobian`: how the tool moves with every joint or actuator, how well it can be moved, and what a load on it takes.
+//! `darm jacobian`: Jacobian, singular values, manipulability and statics.
 
 use darm_core::se::Wrench;
 use darm_core::tree::jacobian::statics;
@@ -6,36 +6,34 @@ use darm_core::tree::singular::{self, Ellipsoid};
 use darm_robot::robot::Kinematics;
 use serde::Serialize;
 
-use super::subject::{Coordinate, Given, csv_line};
-use crate::failure::Usage;
-use crate::voice::{Answer, Voice, columns, number};
+use super::subject::{Coordinate, FormerWrench, SubjectArgs, WrenchArgs, csv_line};
+use crate::ui::{Answer, Ui, columns, number};
 
 const EXAMPLES: &str = "\
 Examples:
   darm jacobian panda.urdf --frame panda_hand_tcp --q 0,30,0,-90,0,90,45,0,0
-  darm jacobian puma560.toml --q 10,20,30,40,50,60 --wrench 0,0,0,0,0,-10    tool pushes 10 N down
-  darm jacobian planar4.toml --word 010110011101                            per mm of each leg
-  darm jacobian panda.urdf --postures run.csv --csv > singular.csv
+  darm jacobian puma560.toml --q 10,20,30,40,50,60 --external-wrench 0,0,0,0,0,-10   # 10 N down
+  darm jacobian planar4.toml --word 010110011101   # one column per leg
+  darm jacobian puma560.toml --postures puma560-postures.csv --csv > singular.csv
 
-Rows are angular first. A discrete actuator's column is the rate per unit of its length or angle. \
-Lengths and angles have different units: the parts of the Jacobian have singular values of their own.";
+The angular rows come first. The column of a discrete actuator is the rate per m of its length or rad of its angle. \
+Lengths and angles have different units, so the angular and the linear rows also get singular values of their own.";
 
-/// A singular value below this part of the largest counts as zero.
+/// A singular value below this share of the largest counts as zero.
 const RANK: f64 = 1e-9;
 
-/// Tell the Jacobian: columns, singular values, manipulability, ellipsoids, statics
+/// Compute the Jacobian: columns, singular values, manipulability, ellipsoids, statics
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Jacobian {
     #[command(flatten)]
-    given: Given,
+    subject: SubjectArgs,
     /// Frame of a robot: the name of a link
     #[arg(long, value_name = "LINK")]
     frame: Option<String>,
-    /// What the tool exerts on its environment, axes of the base: moments in N m, then forces in N
-    #[arg(long, value_name = "MX,MY,MZ,FX,FY,FZ", allow_hyphen_values = true)]
-    wrench: Option<String>,
-    /// Comma-separated values on the standard output, one row a posture
+    #[command(flatten)]
+    wrench: WrenchArgs,
+    /// Print comma-separated values, one row per posture
     #[arg(long)]
     csv: bool,
 }
@@ -58,42 +56,43 @@ struct Row {
     jacobian_base: Vec<Vec<f64>>,
     /// The same along the axes of the frame itself.
     jacobian_tool: Vec<Vec<f64>>,
-    whole: Part,
+    full: Part,
     angular: Part,
     linear: Part,
-    /// τ = Jᵀ F, N m or N.
+    /// Torques (N m) or forces (N) of the joints that hold the external wrench F: τ = -Jᵀ F.
     #[serde(skip_serializing_if = "Option::is_none")]
     statics: Option<Vec<f64>>,
 }
 
-/// How well the tool can be moved.
+/// Singular values and ellipsoids of a part of the Jacobian.
 #[derive(Serialize)]
 struct Part {
     singular_values: Vec<f64>,
     rank: usize,
-    /// The least singular value.
-    distance_to_singularity: f64,
+    smallest_singular_value: f64,
     /// Yoshikawa's √det(J Jᵀ), or √det(Jᵀ J) with fewer columns than rows.
     manipulability: f64,
     /// Unit vectors along the half axes of the manipulability ellipsoid, whose lengths are the singular values.
     ellipsoid_axes: Vec<Vec<f64>>,
-    /// Half axes of the force ellipsoid along the same vectors; infinite where no torque is felt.
+    /// Half axes of the force ellipsoid along the same vectors; `None` where no torque is needed.
     force_half_axes: Vec<Option<f64>>,
 }
 
 impl Jacobian {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        let subject = self.given.subject()?;
-        let (postures, notes) = self.given.postures(&subject)?;
-        notes.iter().for_each(|note| voice.note(note));
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        let subject = self.subject.subject()?;
+        let (postures, notes) = self.subject.postures(&subject)?;
+        notes.iter().for_each(|note| ui.note(note));
         let frame = self.frame.as_deref();
-        let wrench = self.wrench.as_deref().map(|text| wrench(text, "--wrench")).transpose()?;
+        // The joints hold the opposite of what the environment exerts.
+        let external = self.wrench.external(FormerWrench::ByTool)?;
+        let wrench = external.map(|w| Wrench { moment: -w.moment, force: -w.force });
         let shown = subject.columns();
         let mut rows = Vec::new();
         for posture in &postures {
             rows.push(row(&subject.kinematics(frame, posture)?, shown.len(), wrench.as_ref()));
         }
-        voice.tell(&Report {
+        ui.print(&Report {
             name: subject.name().to_owned(),
             frame: subject.frame_name(frame)?,
             columns: shown.iter().map(|coordinate| coordinate.name.clone()).collect(),
@@ -101,19 +100,6 @@ impl Jacobian {
             shown,
             csv: self.csv,
         })
-    }
-}
-
-/// Six numbers with commas between: moments, then forces.
-pub(crate) fn wrench(text: &str, option: &str) -> Result<Wrench<f64>, Usage> {
-    let numbers: Result<Vec<f64>, _> = text.split(',').map(|cell| cell.trim().parse::<f64>()).collect();
-    match numbers.as_deref() {
-        Ok([a, b, c, x, y, z]) if [a, b, c, x, y, z].iter().all(|number| number.is_finite()) => {
-            Ok(Wrench { moment: [*a, *b, *c].into(), force: [*x, *y, *z].into() })
-        }
-        _ => Err(Usage(format!(
-            "{option} {text}: write six numbers, moments in N m and then forces in N: 0,0,0,0,0,-10"
-        ))),
     }
 }
 
@@ -126,7 +112,7 @@ fn row(kinematics: &Kinematics, count: usize, wrench: Option<&Wrench<f64>>) -> R
     Row {
         jacobian_base: by_rows(jacobian),
         jacobian_tool: by_rows(&kinematics.jacobian_tool),
-        whole: part(&singular::manipulability_ellipsoid(jacobian), count),
+        full: part(&singular::manipulability_ellipsoid(jacobian), count),
         angular: part(&singular::manipulability_ellipsoid(&angular), count),
         linear: part(&singular::manipulability_ellipsoid(&linear), count),
         statics: wrench.map(|wrench| statics(jacobian, wrench)[..count].to_vec()),
@@ -139,7 +125,7 @@ fn part<const R: usize>(ellipsoid: &Ellipsoid<f64, R>, count: usize) -> Part {
     Part {
         singular_values: values.to_vec(),
         rank: values.iter().filter(|value| **value > tolerance).count(),
-        distance_to_singularity: values.last().copied().unwrap_or(0.0),
+        smallest_singular_value: values.last().copied().unwrap_or(0.0),
         manipulability: values.iter().product(),
         ellipsoid_axes: (0..values.len()).map(|k| ellipsoid.axes.column(k).iter().copied().collect()).collect(),
         force_half_axes: values.iter().map(|value| (*value > tolerance).then(|| 1.0 / value)).collect(),
@@ -159,13 +145,13 @@ impl Answer for Report {
             let head = csv_line(head.split(',').map(str::to_owned).chain(statics.filter(|_| has_statics)));
             let rows = self.postures.iter().enumerate().map(|(index, row)| {
                 let numbers = [
-                    row.whole.distance_to_singularity,
-                    row.whole.manipulability,
+                    row.full.smallest_singular_value,
+                    row.full.manipulability,
                     row.angular.manipulability,
                     row.linear.manipulability,
                 ];
                 let numbers = numbers.iter().chain(row.statics.iter().flatten()).map(|x| format!("{x:?}"));
-                csv_line([(index + 1).to_string(), row.whole.rank.to_string()].into_iter().chain(numbers))
+                csv_line([(index + 1).to_string(), row.full.rank.to_string()].into_iter().chain(numbers))
             });
             return std::iter::once(head).chain(rows).collect::<Vec<_>>().join("\n");
         }
@@ -180,7 +166,7 @@ impl Report {
         if self.postures.len() > 1 {
             text += &format!("posture {}\n", index + 1);
         }
-        for (told, matrix) in [("the base", &row.jacobian_base), (self.frame.as_str(), &row.jacobian_tool)] {
+        for (axes, matrix) in [("the base", &row.jacobian_base), (self.frame.as_str(), &row.jacobian_tool)] {
             let head = std::iter::once(String::new()).chain(self.columns.iter().cloned()).collect();
             let rows = matrix.iter().zip(["ωx", "ωy", "ωz", "vx", "vy", "vz"]);
             let rows = rows.map(|(row, name)| {
@@ -188,18 +174,19 @@ impl Report {
             });
             let table: Vec<_> = std::iter::once(head).chain(rows).collect();
             text +=
-                &format!("Jacobian of {} along the axes of {told}, per rad or m\n{}\n\n", self.frame, columns(&table));
+                &format!("Jacobian of {} along the axes of {axes}, per rad or m\n{}\n\n", self.frame, columns(&table));
         }
         let head =
-            ["", "rank", "manipulability", "least singular value", "singular values"].map(str::to_owned).to_vec();
-        let parts = [("angular, rad", &row.angular), ("linear, m", &row.linear), ("both", &row.whole)];
+            ["", "rank", "manipulability", "smallest singular value", "singular values"].map(str::to_owned).to_vec();
+        let parts = [("angular, rad", &row.angular), ("linear, m", &row.linear), ("both", &row.full)];
         let parts = parts.map(|(name, part)| {
             let values = part.singular_values.iter().map(|x| number(*x, 4)).collect::<Vec<_>>().join(" ");
-            let (w, least) = (format!("{:.4e}", part.manipulability), format!("{:.4e}", part.distance_to_singularity));
-            vec![name.to_owned(), part.rank.to_string(), w, least, values]
+            let (w, smallest) =
+                (format!("{:.4e}", part.manipulability), format!("{:.4e}", part.smallest_singular_value));
+            vec![name.to_owned(), part.rank.to_string(), w, smallest, values]
         });
         text += &columns(&std::iter::once(head).chain(parts).collect::<Vec<_>>());
-        text += "\n\nhalf axes of the ellipsoid of velocities, m, and of forces, N\n";
+        text += "\n\nhalf axes of the manipulability ellipsoid, m, and of the force ellipsoid, N\n";
         let axes = row.linear.ellipsoid_axes.iter().zip(&row.linear.singular_values).zip(&row.linear.force_half_axes);
         let axes = axes.map(|((axis, length), force)| {
             let direction = axis.iter().map(|x| number(*x, 3)).collect::<Vec<_>>().join(" ");
@@ -208,7 +195,7 @@ impl Report {
         });
         text += &columns(&axes.collect::<Vec<_>>());
         if let Some(torques) = &row.statics {
-            text += "\n\nwhat holds the load: τ = Jᵀ F\n";
+            text += "\n\njoint torques and forces that hold the external wrench F: τ = -Jᵀ F\n";
             let rows = self.shown.iter().zip(torques);
             text += &columns(
                 &rows

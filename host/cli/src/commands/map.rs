@@ -1,4 +1,4 @@
-//! `darm map`: where the tool of an arm can be, how densely, and where it cannot.
+//! `darm map`: density of the reachable frames, and holes.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -12,45 +12,45 @@ use serde::Serialize;
 
 use super::path::servos_rad;
 use crate::failure::Usage;
-use crate::voice::{Answer, Voice};
+use crate::ui::{Answer, Ui};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm map planar4.toml                                   what is reached, in cells of 20 mm and 10 deg
-  darm map spatial6.toml --picture map.svg --csv map.csv
-  darm map spatial6.toml --cell 50 --angle 20 --view yz --picture side.svg
+  darm map planar4.toml                                   # in cells of 20 mm and 10 deg
+  darm map planar4.toml --plot map.svg --csv map.csv
+  darm map spatial6.toml --cell 200 --angle 30 --view yz --plot side.svg
 
-The CSV has a line for each position: x_m,y_m,z_m, words that end there, cells of orientations reached. \
-The last is empty where position and orientation together make too many cells to be counted.";
+The CSV has one line per cell of position: x_m,y_m,z_m, number of words, number of cells of orientation. The last is empty \
+where position and orientation together have too many cells to count.";
 
-/// Map the density of reachable frames over position and orientation, without forming every word
+/// Map the density of reachable frames over position and orientation, without enumerating all words
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Map {
     /// The arm
     #[arg(value_name = "ARM.toml")]
     arm: PathBuf,
-    /// Edge of a cell of positions, in mm
+    /// Edge of a cell of position, in mm
     #[arg(long, value_name = "MM", default_value_t = 20.0)]
     cell: f64,
-    /// Edge of a cell of orientations, in degrees
+    /// Edge of a cell of orientation, in degrees
     #[arg(long, value_name = "DEG", default_value_t = 10.0)]
     angle: f64,
-    /// Servo angles, in degrees; 0 where left out
+    /// Servo angles, in degrees; default: 0
     #[arg(long, value_name = "DEG", num_args = 1.., allow_negative_numbers = true)]
     servos: Vec<f64>,
-    /// Write a picture: how many words end over each square, summed along the line of sight
-    #[arg(long, value_name = "FILE.svg")]
-    picture: Option<PathBuf>,
-    /// Plane of the picture; xy of a planar arm, else xz
+    /// Plot the density, summed along the line of sight
+    #[arg(long, alias = "picture", value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+    /// Plane of the plot; default: xy for a planar arm, else xz
     #[arg(long, value_enum)]
     view: Option<View>,
-    /// Write the data
+    /// Write the densities
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
 }
 
-/// Plane of a picture.
+/// Plane of a plot.
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
 enum View {
     Xy,
@@ -61,35 +61,57 @@ enum View {
 #[derive(Serialize)]
 struct Reached {
     words: f64,
-    /// Cells of position and orientation; null where they are too many to be counted.
+    /// Cells of position and orientation; null where they are too many to count.
     cells: Option<f64>,
     positions: usize,
     orientations: usize,
     low_m: [f64; 3],
     high_m: [f64; 3],
-    /// m³, of a planar arm m².
-    region: f64,
-    holes: f64,
+    #[serde(flatten)]
+    region: Region,
     hole_cells: usize,
-    planar: bool,
     densest_m: [f64; 3],
     densest_words: f64,
     took_s: f64,
 }
 
+/// Size of the reachable region and of its holes: an area for a planar arm, else a volume.
+#[derive(Serialize)]
+#[serde(untagged)]
+enum Region {
+    Area { region_m2: f64, holes_m2: f64 },
+    Volume { region_m3: f64, holes_m3: f64 },
+}
+
+impl Region {
+    fn new(planar: bool, cell_m: f64, cells: usize, hole_cells: usize) -> Self {
+        let size = |cells: usize, power: i32| cell_m.powi(power) * cells as f64;
+        match planar {
+            true => Self::Area { region_m2: size(cells, 2), holes_m2: size(hole_cells, 2) },
+            false => Self::Volume { region_m3: size(cells, 3), holes_m3: size(hole_cells, 3) },
+        }
+    }
+
+    /// Region, holes and unit.
+    fn shown(&self) -> (f64, f64, &'static str) {
+        match *self {
+            Self::Area { region_m2, holes_m2 } => (region_m2, holes_m2, "m^2"),
+            Self::Volume { region_m3, holes_m3 } => (region_m3, holes_m3, "m^3"),
+        }
+    }
+}
+
 impl Map {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let arm = Arm::read(&self.arm)?;
         let fine = |size: f64, least: f64, most: f64| size.is_finite() && (least..=most).contains(&size);
         if !fine(self.cell, 0.1, 1e4) || !fine(self.angle, 0.1, 180.0) {
-            return Err(
-                Usage("--cell has to be within 0.1 and 10000 mm, --angle within 0.1 and 180 deg".to_owned()).into()
-            );
+            return Err(Usage("--cell must be 0.1 to 10000 mm, --angle 0.1 to 180 deg".to_owned()).into());
         }
         let resolution = Resolution { cell_m: 1e-3 * self.cell, cell_rad: self.angle.to_radians() };
         let servos_rad = servos_rad(&arm, &self.servos)?;
         let start = Instant::now();
-        let bar = voice.bar("stages", 100, "%");
+        let bar = ui.progress_bar("stages", 100, "%");
         let map = Density::new(&arm, &servos_rad, resolution, |share| bar.set_position((100.0 * share) as u64))?;
         bar.finish_and_clear();
         let planar = arm.model.chain.is_planar();
@@ -99,9 +121,11 @@ impl Map {
         let bound = |pick: fn(f64, f64) -> f64, start: f64| {
             spots.keys().fold([start; 3], |bound, place| std::array::from_fn(|axis| pick(bound[axis], at(place)[axis])))
         };
-        let cell = resolution.cell_m.powi(if planar { 2 } else { 3 });
-        let densest = spots.iter().max_by(|a, b| a.1.words.total_cmp(&b.1.words)).context("no word has a pose")?;
-        if let Some(path) = &self.picture {
+        let densest = spots
+            .iter()
+            .max_by(|a, b| a.1.words.total_cmp(&b.1.words))
+            .context("no word has a pose; check the geometry of the arm")?;
+        if let Some(path) = &self.plot {
             let axes = match self.view {
                 Some(View::Xy) => [0, 1],
                 Some(View::Xz) => [0, 2],
@@ -119,17 +143,15 @@ impl Map {
             }
             write(path, &text)?;
         }
-        voice.tell(&Reached {
+        ui.print(&Reached {
             words: map.words(),
             cells: map.n_cells(),
             positions: spots.len(),
             orientations: map.orientations.len(),
             low_m: bound(f64::min, f64::INFINITY),
             high_m: bound(f64::max, f64::NEG_INFINITY),
-            region: cell * spots.len() as f64,
-            holes: cell * holes.len() as f64,
+            region: Region::new(planar, resolution.cell_m, spots.len(), holes.len()),
             hole_cells: holes.len(),
-            planar,
             densest_m: at(densest.0),
             densest_words: densest.1.words,
             took_s: start.elapsed().as_secs_f64(),
@@ -143,22 +165,20 @@ fn write(path: &Path, text: &str) -> anyhow::Result<()> {
 
 impl Answer for Reached {
     fn text(&self) -> String {
-        let cells = self.cells.map_or("more cells than are counted".to_owned(), |cells| format!("{cells:.0} cells"));
-        let unit = if self.planar { "m^2" } else { "m^3" };
+        let cells = self.cells.map_or("more cells than can be counted".to_owned(), |cells| format!("{cells:.0} cells"));
+        let (region, holes, unit) = self.region.shown();
         let corner = |corner: [f64; 3]| corner.map(|x| format!("{x:.2}")).join(", ");
         format!(
-            "{:.0} words end in {cells}: {} positions, {} orientations; {:.1} s\n\
-             reach    {:.4} {unit}, from ({}) to ({}) m\n\
-             holes    {:.4} {unit} in {} cells that no way leads to from outside\n\
-             densest  {:.0} words about ({}) m",
+            "{:.0} words in {cells}: {} positions, {} orientations; {:.1} s\n\
+             reach    {region:.4} {unit}, from ({}) to ({}) m\n\
+             holes    {holes:.4} {unit} in {} enclosed unreachable cells\n\
+             densest  {:.0} words at ({}) m",
             self.words,
             self.positions,
             self.orientations,
             self.took_s,
-            self.region,
             corner(self.low_m),
             corner(self.high_m),
-            self.holes,
             self.hole_cells,
             self.densest_words,
             corner(self.densest_m)

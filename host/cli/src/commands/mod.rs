@@ -1,5 +1,6 @@
-//! The subcommands of `darm`, one file each: arguments, one function that runs it, what it says.
+//! The subcommands of `darm`, one file each: arguments, the function that runs it, its output.
 
+mod adjust;
 mod bench_ik;
 mod camera;
 mod com;
@@ -17,13 +18,12 @@ mod map;
 mod model;
 mod nearest;
 mod path;
-mod plant;
 mod play;
 pub(crate) mod profile;
 mod record;
+mod sim;
 mod status;
 mod stop;
-mod stops;
 mod subject;
 mod synth;
 mod table;
@@ -31,44 +31,57 @@ pub(crate) mod table_file;
 mod upload;
 pub(crate) mod visits;
 
-use crate::voice::Voice;
+use crate::ui::Ui;
 
 /// Discretely actuated arms: synthesis, tables, upload, play, measurement, diagnosis, console
 ///
-/// A new arm goes this way:
+/// Typical sequence for a new arm:
 ///
-///   darm synth base.toml frames.toml -o arm.toml       geometry that reaches the frames
-///   darm profile write --arm arm.toml                  what is wired to the board, once, at the board
-///   darm table arm.toml frames.toml -o visits.darm     timed rows, checked against the limits
-///   darm upload visits.darm && darm play               the board runs them on its own clock
-///   darm record visits.darm -o run.csv                 play and measure
-///   darm diagnose arm.toml run.csv -o arm2.toml        which effect the model lacks
-///   darm stops arm.toml arm2.toml                      by how many mm each stop is to be turned
+///   darm synth planar4.toml planar4-frames.toml -o arm.toml         # geometry for desired frames
+///   darm sim arm.toml --effect stroke-loss                          # or a real board
+///   darm profile write --arm arm.toml                               # wiring and limits, once
+///   darm table arm.toml --measurement-plan --size 28 --dwell 0.1 -o plan.darm   # timed rows
+///   darm upload plan.darm                                           # the board stores them
+///   darm record plan.darm -o run.csv                                # play and measure
+///   darm diagnose arm.toml run.csv -o arm2.toml                     # which effect is missing
+///   darm synth arm2.toml planar4-frames.toml -o arm3.toml           # with the better model
+///   darm adjust arm.toml arm3.toml                                  # by how many mm to turn stops
 ///
-/// Any arm, robot as URDF or table of Denavit and Hartenberg: `darm fk`, `jacobian`, `ik`, `bench-ik`, `dynamics`, `com`, `model`, `draw`.
+/// The examples here and in the help of each command use the files of the folder `examples`, and build on each other.
 ///
-/// Without hardware: `darm plant arm.toml` starts a board in the emulator and says its port.
+/// Arms, robots as URDF and Denavit-Hartenberg tables: `darm fk`, `jacobian`, `ik`, `bench-ik`, `dynamics`, `com`, `model`,
+/// `draw`.
+///
+/// `darm sim` runs until Ctrl-C, in its own terminal; all commands find the simulated board.
 #[derive(clap::Parser, Debug)]
-#[command(name = "darm", version, verbatim_doc_comment, after_help = EXIT_CODES)]
+#[command(name = "darm", version, verbatim_doc_comment, after_help = AFTER_HELP)]
 pub(crate) struct Cli {
-    /// JSON on the standard output, one object a line, for programs
+    /// Print JSON on standard output, one object per line, in SI units
     #[arg(long, global = true)]
     pub(crate) json: bool,
-    /// What to do
+    /// Command
     #[command(subcommand)]
     pub(crate) command: Command,
 }
 
-const EXIT_CODES: &str = "\
-Exit codes: 0 done, 1 failed, 2 bad usage, 3 the board refused or is in its safe state, 4 no connection, \
-5 the board did not confirm a stop, 6 interrupted and stopped, 7 stopped by another program before its end. \
+const AFTER_HELP: &str = "\
+Exit codes: 0 done, 1 failed, 2 invalid command line, 3 the board refused or is in its safe state, 4 no connection, \
+5 the board did not confirm a stop, 6 interrupted and stopped, 7 stopped by another program before its end.
+
+Conventions: options take mm, degrees and seconds; JSON has SI units, named by the ending of the key (_m, _rad, _s, _n). \
+Orientations are rotation vectors (axis times angle) in the frame of the base. A wrench is what the environment exerts on \
+the tool: moments first, then forces, along the axes of the base. Actuators, servos, outputs, inputs, rows and visits are \
+numbered from 0, actuators from the base; the first digit of a word is actuator 0. Modules, frames, postures and targets \
+are counted from 1, as their files list them.
+
 `darm COMMAND --help` shows examples.";
 
-/// What to do.
+/// The commands.
 #[derive(clap::Subcommand, Debug)]
 pub(crate) enum Command {
     Synth(synth::Synth),
-    Stops(stops::Stops),
+    #[command(alias = "stops")]
+    Adjust(adjust::Adjust),
     Nearest(nearest::Nearest),
     Map(map::Map),
     Path(path::Path),
@@ -81,7 +94,8 @@ pub(crate) enum Command {
     Diagnose(diagnose::Diagnose),
     Console(console::Console),
     Flash(flash::Flash),
-    Plant(plant::Plant),
+    #[command(alias = "plant")]
+    Sim(sim::Sim),
     Profile(profile::Command),
     Fk(fk::Fk),
     Jacobian(jacobian::Jacobian),
@@ -96,35 +110,35 @@ pub(crate) enum Command {
 }
 
 impl Command {
-    /// Runs the command and says what came of it.
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+    /// Runs the command and prints its result.
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         match self {
-            Self::Synth(command) => command.run(voice),
-            Self::Stops(command) => command.run(voice),
-            Self::Nearest(command) => command.run(voice),
-            Self::Map(command) => command.run(voice),
-            Self::Path(command) => command.run(voice),
-            Self::Table(command) => command.run(voice),
-            Self::Upload(command) => command.run(voice),
-            Self::Play(command) => command.run(voice),
-            Self::Stop(command) => command.run(voice),
-            Self::Status(command) => command.run(voice),
-            Self::Record(command) => command.run(voice),
-            Self::Diagnose(command) => command.run(voice),
-            Self::Console(command) => command.run(voice),
-            Self::Flash(command) => command.run(voice),
-            Self::Plant(command) => command.run(voice),
-            Self::Profile(command) => command.run(voice),
-            Self::Fk(command) => command.run(voice),
-            Self::Jacobian(command) => command.run(voice),
-            Self::Ik(command) => command.run(voice),
-            Self::BenchIk(command) => command.run(voice),
-            Self::Dynamics(command) => command.run(voice),
-            Self::Com(command) => command.run(voice),
-            Self::Model(command) => command.run(voice),
-            Self::Draw(command) => command.run(voice),
-            Self::Grasp(command) => command.run(voice),
-            Self::Doctor(command) => command.run(voice),
+            Self::Synth(command) => command.run(ui),
+            Self::Adjust(command) => command.run(ui),
+            Self::Nearest(command) => command.run(ui),
+            Self::Map(command) => command.run(ui),
+            Self::Path(command) => command.run(ui),
+            Self::Table(command) => command.run(ui),
+            Self::Upload(command) => command.run(ui),
+            Self::Play(command) => command.run(ui),
+            Self::Stop(command) => command.run(ui),
+            Self::Status(command) => command.run(ui),
+            Self::Record(command) => command.run(ui),
+            Self::Diagnose(command) => command.run(ui),
+            Self::Console(command) => command.run(ui),
+            Self::Flash(command) => command.run(ui),
+            Self::Sim(command) => command.run(ui),
+            Self::Profile(command) => command.run(ui),
+            Self::Fk(command) => command.run(ui),
+            Self::Jacobian(command) => command.run(ui),
+            Self::Ik(command) => command.run(ui),
+            Self::BenchIk(command) => command.run(ui),
+            Self::Dynamics(command) => command.run(ui),
+            Self::Com(command) => command.run(ui),
+            Self::Model(command) => command.run(ui),
+            Self::Draw(command) => command.run(ui),
+            Self::Grasp(command) => command.run(ui),
+            Self::Doctor(command) => command.run(ui),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! `darm model`: what is in a file, and what of it can be identified from torques.
+//! `darm model`: contents of a model file, and its base parameters.
 
 use darm_arm::arm::Arm;
 use darm_core::actuator::{JointKind, Stage};
@@ -6,35 +6,35 @@ use darm_robot::robot::Robot;
 use darm_robot::robot::base_parameters::BaseParameters;
 use serde::Serialize;
 
-use super::subject::{Coordinate, Given, Subject, frame_of};
-use crate::voice::{Answer, Voice, columns};
+use super::subject::{Subject, SubjectArgs, frame_of};
+use crate::ui::{Answer, Ui, columns};
 
 const EXAMPLES: &str = "\
 Examples:
   darm model planar4.toml
   darm model panda.urdf
-  darm model puma560.toml --base-parameters            what torques can tell of the masses, in words
-  darm model humanoid.urdf --floating --base-parameters
-  darm model puma560.toml --rust > puma560.rs          a constant for firmware, in flash, in f32
-  darm model corrected.toml --rust > corrected.rs      an arm with the effects that `darm diagnose` found
+  darm model puma560.toml --base-parameters             # what torques can identify of the masses
+  darm model planar5.urdf --floating --base-parameters
+  darm model puma560.toml --rust > puma560.rs           # a constant for firmware, in flash, in f32
+  darm model arm2.toml --rust > arm2.rs                 # with the effects from `darm diagnose`
 
-A base parameter is a sum of inertial parameters that torques show as one number: m mass, mx my mz mass \
-times centre, Ixx … moments of inertia about the origin of the joint's frame. What is in one sum cannot \
-be told apart by any motion.";
+A base parameter is a sum of inertial parameters that appears in the torques as one number: m mass, mx my mz mass times \
+centre, Ixx … moments of inertia about the origin of the joint's frame. No motion can identify the terms of a sum \
+separately.";
 
-/// Show what a file holds: stages or joints, masses, limits, warnings, base parameters
+/// Show the contents of a model: stages or joints, masses, limits, warnings, base parameters
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Model {
     #[command(flatten)]
-    given: Given,
-    /// Find the base parameters of a robot over random motions
+    subject: SubjectArgs,
+    /// Compute the base parameters of a robot, from random motions
     #[arg(long)]
     base_parameters: bool,
-    /// Write a robot, or an arm with its effects, as a constant of Rust, for firmware on `darm-core`
+    /// Print a robot, or an arm with its effects, as a Rust constant for firmware with `darm-core`
     #[arg(long, conflicts_with = "base_parameters")]
     rust: bool,
-    /// The frame that is the constant's tool; the end furthest out when left out
+    /// Tool frame of the constant: the name of a link; default: the last one
     #[arg(long, value_name = "LINK", requires = "rust")]
     frame: Option<String>,
     /// Seed of the motions
@@ -61,13 +61,35 @@ struct Report {
 struct Part {
     name: String,
     kind: String,
-    stands_on: String,
+    parent: String,
     mass_kg: f64,
-    limits: Option<[f64; 2]>,
-    unit: &'static str,
-    /// N m or N, where the file tells it.
     #[serde(skip_serializing_if = "Option::is_none")]
-    effort: Option<f64>,
+    limits_rad: Option<[f64; 2]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    limits_m: Option<[f64; 2]>,
+    /// Largest torque of a revolute joint, where the file gives it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    max_torque_nm: Option<f64>,
+    /// Largest force of a prismatic joint.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    max_force_n: Option<f64>,
+}
+
+impl Part {
+    /// A part without limits.
+    fn new(name: String, kind: impl Into<String>, parent: String, mass_kg: f64) -> Self {
+        let kind = kind.into();
+        Self { name, kind, parent, mass_kg, limits_rad: None, limits_m: None, max_torque_nm: None, max_force_n: None }
+    }
+
+    /// The part with limits in rad or m.
+    fn with_limits(mut self, kind: JointKind, limits: Option<[f64; 2]>) -> Self {
+        match kind {
+            JointKind::Revolute => self.limits_rad = limits,
+            JointKind::Prismatic => self.limits_m = limits,
+        }
+        self
+    }
 }
 
 #[derive(Serialize)]
@@ -77,45 +99,45 @@ struct Constant {
 
 #[derive(Serialize)]
 struct Identifiable {
-    of: usize,
+    inertial_parameters: usize,
     base: Vec<String>,
     without_effect: Vec<String>,
 }
 
 impl Model {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
-        let subject = self.given.subject()?;
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        let subject = self.subject.subject()?;
         if let (true, Subject::Arm(arm)) = (self.rust, &subject) {
-            return voice.tell(&Constant { rust: arm.constant() });
+            return ui.print(&Constant { rust: arm.constant() });
         }
         if self.rust {
             let robot = subject.into_robot("model --rust")?;
             let rust = robot.constant(frame_of(&robot, self.frame.as_deref())?)?;
-            return voice.tell(&Constant { rust });
+            return ui.print(&Constant { rust });
         }
         let report = match &subject {
             Subject::Arm(arm) => of_arm(arm),
-            Subject::Robot(robot) => self.of_robot(robot, voice)?,
+            Subject::Robot(robot) => self.of_robot(robot, ui)?,
         };
         if matches!(subject, Subject::Arm(_)) && self.base_parameters {
             subject.into_robot("model --base-parameters")?;
         }
-        voice.tell(&report)
+        ui.print(&report)
     }
 
-    fn of_robot(&self, robot: &Robot, voice: Voice) -> anyhow::Result<Report> {
+    fn of_robot(&self, robot: &Robot, ui: Ui) -> anyhow::Result<Report> {
         let base = robot.frames.first().map_or("base", |frame| frame.name.as_str());
         let parts = robot.joints.iter().map(|joint| {
-            let axis = Coordinate { name: joint.name.clone(), kind: joint.joint.axis.kind };
+            let kind = joint.joint.axis.kind;
             let parent = joint.joint.parent.and_then(|parent| robot.joints.get(parent));
+            let parent = parent.map_or(base, |parent| parent.link.as_str());
+            let name = if kind == JointKind::Revolute { "revolute" } else { "prismatic" };
+            let part = Part::new(joint.name.clone(), name, parent.to_owned(), joint.joint.inertia.mass);
+            let is_revolute = kind == JointKind::Revolute;
             Part {
-                kind: if axis.kind == JointKind::Revolute { "revolute" } else { "prismatic" }.into(),
-                stands_on: parent.map_or(base, |parent| parent.link.as_str()).into(),
-                mass_kg: joint.joint.inertia.mass,
-                limits: joint.limits.map(|limits| limits.map(|limit| axis.shown(limit))),
-                unit: axis.unit(),
-                effort: joint.effort,
-                name: axis.name,
+                max_torque_nm: joint.effort.filter(|_| is_revolute),
+                max_force_n: joint.effort.filter(|_| !is_revolute),
+                ..part.with_limits(kind, joint.limits)
             }
         });
         let mut report = Report {
@@ -129,9 +151,9 @@ impl Model {
             base_parameters: None,
         };
         if self.base_parameters {
-            let wheel = voice.wheel("looking for what can be told apart");
+            let spinner = ui.spinner("computing base parameters");
             let found = robot.base_parameters(self.seed);
-            wheel.finish_and_clear();
+            spinner.finish_and_clear();
             report.base_parameters = Some(identifiable(robot, &found?));
         }
         Ok(report)
@@ -140,7 +162,7 @@ impl Model {
 
 fn identifiable(robot: &Robot, found: &BaseParameters) -> Identifiable {
     Identifiable {
-        of: 10 * (robot.joints.len() + usize::from(robot.floating)),
+        inertial_parameters: 10 * (robot.joints.len() + usize::from(robot.floating)),
         base: found.base.iter().map(|parameter| BaseParameters::words(parameter, robot)).collect(),
         without_effect: found.without_effect.iter().map(|inertial| inertial.words(robot)).collect(),
     }
@@ -150,30 +172,26 @@ fn of_arm(arm: &Arm) -> Report {
     let chain = &arm.model.chain;
     let mut servos = arm.servos.iter();
     let parts = chain.stages.iter().zip(&arm.model.masses).enumerate().map(|(index, (stage, mass))| {
-        let (kind, range, unit) = match stage {
-            Stage::Link(_) => ("link".into(), None, "mm"),
-            Stage::Planar(_) => ("planar platform of 3 legs".into(), stroke(stage), "mm"),
-            Stage::Spatial(_) => ("platform of 6 legs".into(), stroke(stage), "mm"),
+        let (kind, limits, of) = match stage {
+            Stage::Link(_) => ("link".to_owned(), None, JointKind::Prismatic),
+            Stage::Planar(_) => ("planar platform of 3 legs".into(), stroke(stage), JointKind::Prismatic),
+            Stage::Spatial(_) => ("platform of 6 legs".into(), stroke(stage), JointKind::Prismatic),
             Stage::Discrete(joint) => {
-                let shown = Coordinate { name: String::new(), kind: joint.axis.kind };
-                let range = stroke(stage).map(|range| range.map(|value| shown.shown(value / 1e3)));
-                (format!("discrete joint of {} positions", joint.states), range, shown.unit())
+                (format!("discrete joint of {} positions", joint.states), stroke(stage), joint.axis.kind)
             }
             Stage::Servo(joint) => {
-                let shown = Coordinate { name: String::new(), kind: joint.axis.kind };
-                let limits = servos.next().map(|servo| [servo.min_rad, servo.max_rad].map(|q| shown.shown(q.into())));
-                ("servo".into(), limits, shown.unit())
+                let limits = servos.next().map(|servo| [servo.min_rad, servo.max_rad].map(f64::from));
+                ("servo".into(), limits, joint.axis.kind)
             }
         };
-        let stands_on = index.checked_sub(1).map_or("base".into(), |below| arm.stage_name(below));
-        let (name, mass_kg) = (arm.stage_name(index), mass.mass_kg);
-        Part { name, kind, stands_on, mass_kg, limits: range, unit, effort: None }
+        let parent = index.checked_sub(1).map_or("base".into(), |below| arm.stage_name(below));
+        Part::new(arm.stage_name(index), kind, parent, mass.mass_kg).with_limits(of, limits)
     });
     let stages: f64 = arm.model.masses.iter().take(chain.stages.len()).map(|mass| mass.mass_kg).sum();
     let mass_kg = stages + arm.model.payload.mass_kg;
     let mut warnings = Vec::new();
     if mass_kg == 0.0 {
-        warnings.push("no part has a mass: loads and sag are zero".into());
+        warnings.push("the file gives no masses: loads and sag are zero".into());
     }
     Report {
         name: arm.name.clone(),
@@ -187,13 +205,13 @@ fn of_arm(arm: &Arm) -> Report {
     }
 }
 
-/// Shortest and longest state of the actuators of a stage, mm (or 10⁻³ rad).
+/// Smallest and largest setting of the actuators of a stage, m or rad.
 fn stroke(stage: &Stage<f64>) -> Option<[f64; 2]> {
     let legs = 0..stage.n_actuators();
     let states = legs.flat_map(|leg| (0..stage.n_states(leg)).filter_map(move |digit| stage.setting(leg, digit as u8)));
-    let values: Vec<f64> = states.map(|setting| 1e3 * setting.value).collect();
-    let least = values.iter().copied().reduce(f64::min)?;
-    Some([least, values.iter().copied().reduce(f64::max)?])
+    let values: Vec<f64> = states.map(|setting| setting.value).collect();
+    let smallest = values.iter().copied().reduce(f64::min)?;
+    Some([smallest, values.iter().copied().reduce(f64::max)?])
 }
 
 impl Answer for Constant {
@@ -207,20 +225,17 @@ impl Answer for Report {
         let mut text = format!("{}: {}, {:.4} kg", self.name, self.kind, self.mass_kg);
         let [x, y, z] = self.gravity_m_s2;
         text += &format!(", gravity {x:.2} {y:.2} {z:.2} m/s²\n\n");
-        let head = ["", "", "stands on", "mass, kg", "from", "to", "", "effort"].map(str::to_owned).to_vec();
+        let head =
+            ["part", "kind", "parent", "mass, kg", "from", "to", "", "max torque or force"].map(str::to_owned).to_vec();
         let rows = self.parts.iter().map(|part| {
-            let limit = |k: usize| part.limits.map_or(String::new(), |limits| format!("{:.2}", limits[k]));
-            let (unit, effort) = if part.limits.is_some() { (part.unit, part.effort) } else { ("", part.effort) };
-            vec![
-                part.name.clone(),
-                part.kind.clone(),
-                part.stands_on.clone(),
-                format!("{:.4}", part.mass_kg),
-                limit(0),
-                limit(1),
-                unit.to_owned(),
-                effort.map_or(String::new(), |effort| format!("{effort}")),
-            ]
+            let degrees = part.limits_rad.map(|limits| (limits.map(f64::to_degrees), "deg"));
+            let limits = degrees.or(part.limits_m.map(|limits| (limits.map(|limit| 1e3 * limit), "mm")));
+            let limit = |k: usize| limits.map_or(String::new(), |(limits, _)| format!("{:.2}", limits[k]));
+            let torque = part.max_torque_nm.map(|torque| format!("{torque} N m"));
+            let effort = torque.or(part.max_force_n.map(|force| format!("{force} N")));
+            let names = [part.name.clone(), part.kind.clone(), part.parent.clone(), format!("{:.4}", part.mass_kg)];
+            let unit = limits.map_or(String::new(), |(_, unit)| unit.to_owned());
+            names.into_iter().chain([limit(0), limit(1), unit, effort.unwrap_or_default()]).collect()
         });
         text += &columns(&std::iter::once(head).chain(rows).collect::<Vec<_>>());
         if !self.frames.is_empty() {
@@ -232,16 +247,16 @@ impl Answer for Report {
         if let Some(found) = &self.base_parameters {
             let alone = found.base.len() + found.without_effect.len();
             text += &format!(
-                "\n\n{} of {} inertial parameters: {} base parameters, {} that no torque shows, {} in sums\n",
+                "\n\n{} of {} inertial parameters: {} base parameters, {} without effect on torques, {} only in sums\n",
                 found.base.len(),
-                found.of,
+                found.inertial_parameters,
                 found.base.len(),
                 found.without_effect.len(),
-                found.of - alone
+                found.inertial_parameters - alone
             );
             text += &found.base.iter().map(|words| format!("\n  {words}")).collect::<String>();
             if !found.without_effect.is_empty() {
-                text += &format!("\n\nno torque shows: {}", found.without_effect.join(", "));
+                text += &format!("\n\nwithout effect on torques: {}", found.without_effect.join(", "));
             }
         }
         text

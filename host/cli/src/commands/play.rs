@@ -1,4 +1,4 @@
-//! `darm play`: the board runs its table on its own clock; this only watches.
+//! `darm play`: starts the board's table and follows its events; the board runs it on its own clock.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -9,42 +9,42 @@ use serde::Serialize;
 
 use super::status::seconds;
 use super::table_file::TableFile;
-use crate::failure::{Safe, Unfinished};
+use crate::failure::{SafeState, Unfinished};
 use crate::port::PortArgs;
-use crate::voice::{Answer, Voice};
+use crate::ui::{Answer, Ui};
 use crate::{interrupt, port};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm play                     run the stored table and watch it to its end
-  darm play visits.darm         the same, if the board holds just this table
-  darm play --detach            start it and come back at once
+  darm play               # run the stored table and follow it to its end
+  darm play visits.darm   # only if the board has exactly this table
+  darm play --detach      # start it and return immediately
 
-The board runs the rows on its own clock: with a pulled cable, or after --detach, the program goes on. \
-Ctrl-C stops the arm: exit code 6 when the board has confirmed it, 5 when it has not, 4 when the stop \
-could not be sent. Exit code 7: another program stopped the arm before the end of its program.";
+The board runs the rows on its own clock: the program continues with the cable unplugged, or after --detach. Ctrl-C stops \
+the arm: exit code 6 if the board confirmed the stop, 5 if not, 4 if the stop could not be sent. Exit code 7: another \
+program stopped the arm before the end of its program.";
 
-/// Time between two questions.
+/// Interval between two requests.
 const POLL: Duration = Duration::from_millis(50);
 
-/// Row 0 goes out in the tick of the start or the one after it.
+/// Row 0 is applied in the tick of the start or the next one.
 const TICK_S: f64 = 2e-3;
 
-/// Run the stored table, and watch it to its end
+/// Run the stored table and follow it to its end
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Play {
-    /// Table that the board has to hold; without it any
+    /// Table that the board must have; default: any
     #[arg(value_name = "TABLE.darm")]
     table: Option<PathBuf>,
-    /// Come back as soon as the program runs
+    /// Return as soon as the program runs
     #[arg(long)]
     detach: bool,
     #[command(flatten)]
     port: PortArgs,
 }
 
-/// How it went.
+/// Result of a run.
 #[derive(Serialize)]
 struct Played {
     end: &'static str,
@@ -58,14 +58,17 @@ impl Answer for Played {
     fn text(&self) -> String {
         let took = self.took_s.map_or(String::new(), |took_s| format!(" in {took_s:.3} s of the board's clock"));
         match self.end {
-            "started" => format!("the program of {} rows runs; `darm status` watches, `darm stop` ends it", self.rows),
+            "started" => format!(
+                "the program of {} rows is running; `darm status` shows its state, `darm stop` ends it",
+                self.rows
+            ),
             end => format!("{end}: {} of {} rows{took}", self.rows_played, self.rows),
         }
     }
 }
 
 impl Play {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let table = self.table.as_deref().map(TableFile::read).transpose()?;
         let port = self.port.name()?;
         let (link, handle) = port::open(&port)?;
@@ -76,37 +79,37 @@ impl Play {
             table.check_loaded(hello.table)?;
         }
         let first_event = hello.next_event;
-        let interrupt = interrupt::Watch::start(&port, handle)?;
+        let interrupt = interrupt::InterruptHandler::start(&port, handle)?;
         interrupt.play(&mut client)?;
         if self.detach {
-            return voice.tell(&Played { end: "started", rows, rows_played: 0, took_s: None, fault: None });
+            return ui.print(&Played { end: "started", rows, rows_played: 0, took_s: None, fault: None });
         }
-        let bar = voice.bar("playing", u64::from(rows), "rows");
-        let mut watch = Watch::new(first_event);
-        let watched = watch.until_the_end(&mut client, &interrupt, |row| bar.set_position(u64::from(row) + 1));
+        let bar = ui.progress_bar("playing", u64::from(rows), "rows");
+        let mut monitor = ProgramMonitor::new(first_event);
+        let followed = monitor.until_the_end(&mut client, &interrupt, |row| bar.set_position(u64::from(row) + 1));
         bar.finish_and_clear();
         let interrupted = interrupt.interrupted();
         if interrupted.is_none() {
-            watched?;
+            followed?;
         }
-        let told = watch.tell(voice, rows);
-        interrupted.map_or(told, |interrupted| Err(interrupted.into()))
+        let reported = monitor.report(ui, rows);
+        interrupted.map_or(reported, |interrupted| Err(interrupted.into()))
     }
 }
 
-/// Why a program is not running any more.
+/// How a program ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum End {
-    /// It came to its end.
+    /// After its last row.
     Finished,
-    /// Somebody stopped it.
+    /// By a stop.
     Stopped,
-    /// A fault stopped it.
+    /// By a fault.
     Fault(Fault),
 }
 
 impl End {
-    /// One word for it.
+    /// Name in JSON.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Finished => "finished",
@@ -117,9 +120,9 @@ impl End {
 }
 
 /// Follows the events of one program.
-pub(crate) struct Watch {
+pub(crate) struct ProgramMonitor {
     next_event: u32,
-    /// Earlier events are of other programs, in seconds of the board.
+    /// Earlier events belong to other programs, in seconds of the board.
     since_s: f64,
     started_s: Option<f64>,
     /// The last event, in seconds of the board.
@@ -129,27 +132,27 @@ pub(crate) struct Watch {
     pub(crate) end: Option<End>,
 }
 
-impl Watch {
-    /// Follows from this event on.
+impl ProgramMonitor {
+    /// Follows the program from this event on.
     pub(crate) fn new(next_event: u32) -> Self {
         Self { next_event, since_s: 0.0, started_s: None, ended_s: None, rows_played: 0, end: None }
     }
 
-    /// Follows a program whose row 0 went out at this time of the board, in seconds.
+    /// Follows a program whose row 0 was applied at this time of the board, in seconds.
     pub(crate) fn resume(since_s: f64) -> Self {
         Self { since_s, started_s: Some(since_s), ..Self::new(0) }
     }
 
-    /// Looks until the program has ended or the user has interrupted it.
+    /// Polls until the program has ended or the user has interrupted it.
     fn until_the_end(
         &mut self,
         client: &mut Client,
-        interrupt: &interrupt::Watch,
+        interrupt: &interrupt::InterruptHandler,
         mut on_row: impl FnMut(u16),
     ) -> anyhow::Result<()> {
         while self.end.is_none() && interrupt.interrupted().is_none() {
             std::thread::sleep(POLL);
-            for happening in self.look(client)? {
+            for happening in self.poll(client)? {
                 if let Event::Row { row, .. } = happening.event {
                     on_row(row);
                 }
@@ -158,9 +161,9 @@ impl Watch {
         Ok(())
     }
 
-    /// Asks for what happened since the last look.
-    pub(crate) fn look(&mut self, client: &mut Client) -> anyhow::Result<Vec<Happening>> {
-        // The phase comes first: what ends between the two questions is then in the events.
+    /// Requests the events since the last poll.
+    pub(crate) fn poll(&mut self, client: &mut Client) -> anyhow::Result<Vec<Happening>> {
+        // The phase is requested first: an end between the two requests is then in the events.
         let phase = client.status()?.phase;
         let mut seen = Vec::new();
         loop {
@@ -200,13 +203,13 @@ impl Watch {
         self.ended_s = Some(seconds(happening.at));
     }
 
-    /// Says how it went; a fault or an early stop is an error too.
-    fn tell(&self, voice: Voice, rows: u16) -> anyhow::Result<()> {
+    /// Prints the result; a fault or an early stop is also an error.
+    fn report(&self, ui: Ui, rows: u16) -> anyhow::Result<()> {
         let fault = match self.end {
             Some(End::Fault(fault)) => Some(fault),
             Some(End::Finished | End::Stopped) | None => None,
         };
-        voice.tell(&Played {
+        ui.print(&Played {
             end: self.end.map_or("stopped", End::name),
             rows,
             rows_played: self.rows_played,
@@ -215,7 +218,7 @@ impl Watch {
         })?;
         match self.end {
             Some(End::Finished) => Ok(()),
-            Some(End::Fault(fault)) => Err(Safe(fault.to_string()).into()),
+            Some(End::Fault(fault)) => Err(SafeState(fault.to_string()).into()),
             Some(End::Stopped) | None => {
                 Err(Unfinished::Stopped { done: self.rows_played.into(), all: rows.into(), what: "rows played" }.into())
             }
@@ -229,20 +232,20 @@ mod tests {
     use darm_core::units::Micros;
     use darm_device::client::Happening;
 
-    use super::{End, Watch};
+    use super::{End, ProgramMonitor};
 
-    fn watched(events: &[Event]) -> Watch {
-        let mut watch = Watch::new(0);
+    fn followed(events: &[Event]) -> ProgramMonitor {
+        let mut monitor = ProgramMonitor::new(0);
         for (number, event) in (0..).zip(events) {
-            watch.take(&Happening { number, at: Micros::from_millis(10 * number), event: *event });
+            monitor.take(&Happening { number, at: Micros::from_millis(10 * number), event: *event });
         }
-        watch
+        monitor
     }
 
     #[test]
     fn a_stop_before_the_start_ends_the_phase_by_hand_and_one_after_it_ends_the_program() {
-        assert_eq!(watched(&[Event::Stopped, Event::Started]).end, None);
-        assert_eq!(watched(&[Event::Stopped, Event::Started, Event::Finished]).end, Some(End::Finished));
-        assert_eq!(watched(&[Event::Started, Event::Stopped]).end, Some(End::Stopped));
+        assert_eq!(followed(&[Event::Stopped, Event::Started]).end, None);
+        assert_eq!(followed(&[Event::Stopped, Event::Started, Event::Finished]).end, Some(End::Finished));
+        assert_eq!(followed(&[Event::Started, Event::Stopped]).end, Some(End::Stopped));
     }
 }

@@ -1,4 +1,4 @@
-//! `darm profile`: what is wired to a board, and the limits that no table can exceed.
+//! `darm profile`: wiring of a board, and the limits that no table can exceed.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -17,38 +17,36 @@ use serde::Serialize;
 
 use crate::output_file;
 use crate::port::PortArgs;
-use crate::voice::{Answer, Voice, columns};
+use crate::ui::{Answer, Ui, columns};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm profile make arm.toml -o profile.toml     a cautious first profile, to be edited by a person
-  darm profile check profile.toml --arm arm.toml whether it has what the arm needs
-  darm profile write profile.toml                store it on the board; hold its user button meanwhile
-  darm profile show                              what the board has, and what is left of each output's limits
+  darm profile make arm.toml -o profile.toml                   # conservative, to be edited
+  darm profile check planar4.profile.toml --arm arm.toml       # against the needs of an arm
+  darm profile write planar4.profile.toml                      # hold the user button
+  darm profile show                                            # limits and remaining on-times
 
-A board takes a profile only while a person holds its user button (B2, blue, on the B-L475E-IOT01A), \
-then restarts with it. A table can tighten a profile and never widen it. Without a profile a board \
-drives 16 outputs for at most 1 s in 10 s, one at a time, and no servo.
+A board accepts a profile only while a person holds its user button (B2, blue, on the B-L475E-IOT01A), then restarts \
+with it. A table can tighten a profile and never widen it. Without a profile a board drives 16 outputs for at most 1 s \
+in 10 s, one at a time, and no servo.
 
-An arm file of format 1 carried the drives and limits of its board. To bring arm and board over:
-  darm profile migrate old.toml -o arm.toml --profile profile.toml
-  darm profile write profile.toml                once, holding the board's user button
-  darm table arm.toml …                          make every table again, and upload it";
+An arm file of format 1 contained the drives and limits of its board. `darm profile migrate` splits it into arm and \
+profile; then write the profile to the board, remake every table with `darm table` and upload it.";
 
 const WRITE_EXAMPLES: &str = "\
 Examples:
-  darm profile write profile.toml                hold the user button of the board meanwhile
-  darm profile write --arm arm.toml              the profile that the arm names
+  darm profile write planar4.profile.toml   # hold the user button of the board
+  darm profile write --arm arm.toml         # the profile that the arm names
 
-The button is waited for, at most 60 s. Nobody can hold that of a board in `darm plant`: \
-`darm plant arm.toml --profile profile.toml` writes a profile there.";
+The command waits up to 60 s for the button. A simulated board has no button: `darm sim arm.toml --profile \
+PROFILE.toml` writes a profile when it starts.";
 
-/// How long `write` waits for the button, and for the board's restart.
+/// Longest wait of `write` for the button and for the restart of the board.
 const BUTTON_LIMIT: Duration = Duration::from_secs(60);
 const RESTART_LIMIT: Duration = Duration::from_secs(10);
 const POLL: Duration = Duration::from_millis(200);
 
-/// Make, check, write and show what is wired to a board and the limits that no table can exceed
+/// Make, check, write and show board profiles: wiring, and limits that no table can exceed
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Command {
@@ -58,29 +56,31 @@ pub(crate) struct Command {
 
 #[derive(clap::Subcommand, Debug)]
 enum What {
-    /// Make a cautious first profile for the outputs and servos that an arm names, to be edited by a person
-    #[command(after_help = "Examples:\n  darm profile make arm.toml -o profile.toml")]
+    /// Make a conservative first profile for the outputs and servos that an arm names
+    #[command(after_help = "Examples:\n  darm profile make arm.toml -o first.toml")]
     Make {
         /// The arm
         #[arg(value_name = "ARM.toml")]
         arm: PathBuf,
-        /// The profile
+        /// Profile to write
         #[arg(short, long, value_name = "PROFILE.toml")]
         output: PathBuf,
         /// Overwrite the file
         #[arg(long)]
         force: bool,
     },
-    /// Split an arm file of format 1 into an arm file of this version and the profile of its board
-    #[command(after_help = "Examples:\n  darm profile migrate old.toml -o arm.toml --profile profile.toml")]
+    /// Split an arm file of format 1 into an arm file of the present format and the profile of its board
+    #[command(
+        after_help = "Examples:\n  darm profile migrate planar4-format-1.toml -o new.toml --profile new.profile.toml"
+    )]
     Migrate {
         /// The arm file of format 1
         #[arg(value_name = "OLD_ARM.toml")]
         old: PathBuf,
-        /// The new arm file; it names the profile and keeps comments and layout
+        /// Arm file to write; it names the profile and keeps comments and layout
         #[arg(short, long, value_name = "NEW_ARM.toml")]
         output: PathBuf,
-        /// The profile
+        /// Profile to write
         #[arg(long, value_name = "PROFILE.toml")]
         profile: PathBuf,
         /// Overwrite the files
@@ -88,41 +88,41 @@ enum What {
         force: bool,
     },
     /// Check a profile; with --arm, whether it has the outputs, limit switches and servos that the arm needs
-    #[command(after_help = "Examples:\n  darm profile check profile.toml --arm arm.toml")]
+    #[command(after_help = "Examples:\n  darm profile check planar4.profile.toml --arm arm.toml")]
     Check {
         /// The profile
         #[arg(value_name = "PROFILE.toml")]
         profile: PathBuf,
-        /// An arm that is to run under it
+        /// Arm to check it against
         #[arg(long, value_name = "ARM.toml")]
         arm: Option<PathBuf>,
     },
-    /// Store a profile on the board while a person holds its user button; the board restarts with it
+    /// Store a profile on the board, whose user button must be held; the board restarts with it
     #[command(after_help = WRITE_EXAMPLES)]
     Write {
         /// The profile
         #[arg(value_name = "PROFILE.toml", required_unless_present = "arm")]
         profile: Option<PathBuf>,
-        /// The profile that this arm names, in place of a file
+        /// Write the profile that this arm names
         #[arg(long, value_name = "ARM.toml", conflicts_with = "profile")]
         arm: Option<PathBuf>,
         #[command(flatten)]
         port: PortArgs,
     },
-    /// Show the profile of the board, and what is left of the limits of each output
-    #[command(after_help = "Examples:\n  darm profile show -p /dev/ttyACM0")]
+    /// Show the profile of the board, and the remaining on-time of each output
+    #[command(after_help = "Examples:\n  darm profile show")]
     Show {
         #[command(flatten)]
         port: PortArgs,
     },
 }
 
-/// Why a profile was not written or does not fit.
+/// Why a profile was not written.
 #[derive(Debug, thiserror::Error)]
 enum ProfileCommandError {
-    #[error("the board does not see its user button held; hold it and give the command again")]
+    #[error("the user button of the board was not held within {} s; hold it and repeat the command", BUTTON_LIMIT.as_secs())]
     NobodyPresent,
-    #[error("the board did not come back with the profile within {} s; look at `darm status`", RESTART_LIMIT.as_secs())]
+    #[error("the board did not restart with the profile within {} s; run `darm status`", RESTART_LIMIT.as_secs())]
     NoRestart,
     #[error("{} names no profile; give PROFILE.toml, or add `profile = \"PROFILE.toml\"` to the arm file", .0.display())]
     NoProfile(PathBuf),
@@ -165,12 +165,12 @@ fn counted(count: usize, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
-/// A profile that was checked.
+/// Result of a check.
 #[derive(Serialize)]
 struct Checked {
     #[serde(flatten)]
     made: Made,
-    /// What is in force for each output, after derating.
+    /// Limits in force for each output, after derating.
     limits: Vec<LimitReport>,
     warnings: Vec<String>,
 }
@@ -181,7 +181,7 @@ struct LimitReport {
     max_on_s: f64,
     duty_percent: u8,
     window_s: f64,
-    /// By all three.
+    /// Longest on-time that all three allow.
     longest_on_s: f64,
 }
 
@@ -204,8 +204,8 @@ impl Answer for Checked {
         let path = self.made.file.as_deref().unwrap_or(Path::new("the profile"));
         let made =
             Made { file: None, done: "", name: self.made.name.clone(), digest: self.made.digest.clone(), ..self.made };
-        let head = format!("{} is sound: {}", path.display(), made.text().trim_end_matches("; "));
-        let titles = ["output", "longest on", "duty", "window", "longest by all three"].map(str::to_owned).to_vec();
+        let head = format!("{} is valid: {}", path.display(), made.text().trim_end_matches("; "));
+        let titles = ["output", "max on-time", "duty", "window", "effective max on-time"].map(str::to_owned).to_vec();
         let row = |limit: &LimitReport| {
             vec![
                 limit.output.to_string(),
@@ -254,10 +254,11 @@ impl From<&OutputState> for OutputReport {
 impl Answer for Shown {
     fn text(&self) -> String {
         let head = match self.built_in {
-            true => "the board has no profile: the limits are those built in, servos are off".to_owned(),
+            true => "the board has no profile: the built-in limits are in force, servos are off".to_owned(),
             false => format!("profile {}", self.profile.get(..16).unwrap_or(&self.profile)),
         };
-        let titles = ["output", "longest on", "duty", "window", "left now", "all free in"].map(str::to_owned).to_vec();
+        let titles =
+            ["output", "max on-time", "duty", "window", "left now", "recovered in"].map(str::to_owned).to_vec();
         let row = |output: &OutputReport| {
             vec![
                 output.output.to_string(),
@@ -274,33 +275,33 @@ impl Answer for Shown {
 }
 
 impl Command {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         match &self.what {
-            What::Make { arm, output, force } => make(arm, output, *force, voice),
-            What::Migrate { old, output, profile, force } => migrate(old, output, profile, *force, voice),
-            What::Check { profile, arm } => check(profile, arm.as_deref(), voice),
+            What::Make { arm, output, force } => make(arm, output, *force, ui),
+            What::Migrate { old, output, profile, force } => migrate(old, output, profile, *force, ui),
+            What::Check { profile, arm } => check(profile, arm.as_deref(), ui),
             What::Write { profile, arm, port } => {
                 let profile = match (profile, arm) {
                     (Some(path), _) => BoardProfile::read(path)?,
                     (None, Some(arm)) => named_by(arm)?,
-                    (None, None) => unreachable!("the command line asks for one of the two"),
+                    (None, None) => unreachable!("clap requires one of the two"),
                 };
                 let mut client = port.connect()?;
                 if has(&mut client, &profile) {
-                    return voice.tell(&Made::new(&profile, None, "in force on the board already"));
+                    return ui.print(&Made::new(&profile, None, "already in force on the board"));
                 }
-                voice.note(&format!(
-                    "hold the user button of the board: it is waited for, at most {} s. Nobody can hold it in `darm plant`, \
-                     which writes a profile when it starts: end it, then `darm plant ARM.toml --profile PROFILE.toml`",
+                ui.note(&format!(
+                    "hold the user button of the board within {} s. A simulated board has no button: end the simulator, then \
+                     start it with `darm sim ARM.toml --profile PROFILE.toml`",
                     BUTTON_LIMIT.as_secs()
                 ));
-                let wheel = voice.wheel("waiting for the user button");
+                let spinner = ui.spinner("waiting for the user button");
                 let written = write(&mut client, &profile);
-                wheel.finish_and_clear();
+                spinner.finish_and_clear();
                 written?;
-                voice.tell(&Made::new(&profile, None, "stored; the board has restarted with it"))
+                ui.print(&Made::new(&profile, None, "stored; the board has restarted with it"))
             }
-            What::Show { port } => show(&mut port.connect()?, voice),
+            What::Show { port } => show(&mut port.connect()?, ui),
         }
     }
 }
@@ -311,34 +312,34 @@ fn named_by(arm: &Path) -> anyhow::Result<BoardProfile> {
     Ok(BoardProfile::read(&profile)?)
 }
 
-fn make(arm: &Path, output: &Path, force: bool, voice: Voice) -> anyhow::Result<()> {
+fn make(arm: &Path, output: &Path, force: bool, ui: Ui) -> anyhow::Result<()> {
     let profile = BoardProfile::first(&Arm::read(arm)?);
     output_file::refuse_existing(&[output], force)?;
     output_file::write_all(&[(output, profile.to_toml_with_advice().as_bytes())])?;
-    // What the arm needs and a first profile cannot have is reported by its place in the arm file.
+    // Requirements of the arm that a first profile cannot meet are reported by their position in the arm file.
     let WiredArm { arm: wired, profile, .. } = WiredArm::read(arm, Some(output))?;
     let is_named = wired.profile.as_deref().is_some_and(|named| output_file::refuse_same(named, output).is_err());
     if !is_named {
         let named = path_between(arm, output);
         let named = format!("profile = {:?}", named.display().to_string());
-        voice.note(&match wired.profile {
-            Some(other) => format!("{} names {}; write `{named}` there in its place", arm.display(), other.display()),
+        ui.note(&match wired.profile {
+            Some(other) => format!("{} names {}; replace it by `{named}`", arm.display(), other.display()),
             None => format!("add `{named}` to {}, before its first [table]", arm.display()),
         });
     }
-    voice.tell(&Made::new(&profile, Some(output), "edit it before it is written to a board; written"))
+    ui.print(&Made::new(&profile, Some(output), "edit it before writing it to a board; written"))
 }
 
-fn migrate(old: &Path, output: &Path, profile: &Path, force: bool, voice: Voice) -> anyhow::Result<()> {
+fn migrate(old: &Path, output: &Path, profile: &Path, force: bool, ui: Ui) -> anyhow::Result<()> {
     output_file::refuse_same(output, profile)?;
     let made = migrate::read(old, output, profile)?;
     output_file::refuse_existing(&[output, profile], force)?;
     output_file::write_all(&[(output, made.arm.as_bytes()), (profile, made.profile_text.as_bytes())])?;
-    voice.note(&format!("the arm is in {}; make its tables again", output.display()));
-    voice.tell(&Made::new(&made.profile, Some(profile), "written"))
+    ui.note(&format!("the arm is in {}; remake its tables", output.display()));
+    ui.print(&Made::new(&made.profile, Some(profile), "written"))
 }
 
-fn check(path: &Path, arm: Option<&Path>, voice: Voice) -> anyhow::Result<()> {
+fn check(path: &Path, arm: Option<&Path>, ui: Ui) -> anyhow::Result<()> {
     let (profile, ranges) = match arm {
         Some(arm) => {
             let wired = WiredArm::read(arm, Some(path))?;
@@ -348,12 +349,13 @@ fn check(path: &Path, arm: Option<&Path>, voice: Voice) -> anyhow::Result<()> {
         None => (BoardProfile::read(path)?, Vec::new()),
     };
     let warnings = [profile.warnings(), ranges].concat();
-    warnings.iter().for_each(|warning| voice.note(&format!("warning: {warning}")));
+    warnings.iter().for_each(|warning| ui.note(&format!("warning: {warning}")));
     let limits = LimitReport::all(&profile);
-    voice.tell(&Checked { made: Made::new(&profile, Some(path), "sound"), limits, warnings })
+    ui.print(&Checked { made: Made::new(&profile, Some(path), "valid"), limits, warnings })
 }
 
-/// The servos whose joint may go where the profile does not let the shaft go, unless an offset is stored in the servo.
+/// Warnings for servos whose joint range exceeds the range of the shaft in the profile; an offset in the servo can
+/// make up for that.
 fn servo_warnings(wired: &WiredArm) -> Vec<String> {
     let joints = wired.arm.servos.iter().zip(&wired.profile.profile.servos).enumerate();
     let outside =
@@ -362,22 +364,22 @@ fn servo_warnings(wired: &WiredArm) -> Vec<String> {
         let angles = [joint.min_rad, joint.max_rad, servo.limit.min_rad, servo.limit.max_rad];
         let [from, to, min, max] = angles.map(f32::to_degrees);
         format!(
-            "{}: servo {} has the range {from:.1} to {to:.1} deg in the arm file; without a zero offset the profile's range \
-             is {min:.1} to {max:.1} deg, and `darm table` refuses angles outside it",
+            "{}: servo {} has the range {from:.1} to {to:.1} deg in the arm file, but the profile allows {min:.1} to {max:.1} \
+             deg without a zero offset; `darm table` refuses angles outside it",
             wired.arm.servo_name(number),
-            joint.id
+            number
         )
     };
     outside.map(warning).collect()
 }
 
-/// Stores a profile and waits until the board is back with it.
+/// Stores a profile and waits until the board has restarted with it.
 pub(crate) fn write(client: &mut Client, profile: &BoardProfile) -> anyhow::Result<()> {
     let start = Instant::now();
     loop {
         match client.upload(&profile.image(), &mut |_| {}) {
             Ok(_) => break,
-            // Its answer was lost in the restart.
+            // The answer was lost in the restart.
             Err(ClientError::Refused(Refusal::NobodyPresent)) if has(client, profile) => return Ok(()),
             Err(ClientError::Refused(Refusal::NobodyPresent)) if start.elapsed() < BUTTON_LIMIT => {
                 std::thread::sleep(POLL)
@@ -388,7 +390,7 @@ pub(crate) fn write(client: &mut Client, profile: &BoardProfile) -> anyhow::Resu
     }
     let start = Instant::now();
     while start.elapsed() < RESTART_LIMIT {
-        // While the board restarts nobody answers.
+        // The board does not answer while it restarts.
         if has(client, profile) {
             return Ok(());
         }
@@ -401,10 +403,10 @@ fn has(client: &mut Client, profile: &BoardProfile) -> bool {
     client.say_hello().is_ok_and(|hello| hello.profile == profile.profile.digest)
 }
 
-fn show(client: &mut Client, voice: Voice) -> anyhow::Result<()> {
+fn show(client: &mut Client, ui: Ui) -> anyhow::Result<()> {
     let profile = client.say_hello()?.profile;
     let outputs = client.outputs()?;
-    voice.tell(&Shown {
+    ui.print(&Shown {
         profile: profile.to_string(),
         built_in: profile == Digest::default(),
         outputs: outputs.iter().map(OutputReport::from).collect(),

@@ -1,11 +1,11 @@
-//! `darm record`: plays the board's table and measures: events of the board and pictures of a camera, joined by time.
+//! `darm record`: plays the board's table and measures: joins events of the board and camera measurements by time.
 
-mod follow;
 mod join;
 mod output;
 mod program;
 mod recording;
 mod source;
+mod visit_tracker;
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -17,70 +17,67 @@ use darm_device::client::Client;
 use darm_diagnose::measurement::{Finding, FindingKind, Run, check};
 use serde::Serialize;
 
-use super::play::{End, Watch};
+use super::play::{End, ProgramMonitor};
 use super::table_file::TableFile;
 use super::visits::{Visits, beside};
-use crate::failure::{Safe, Unfinished};
+use crate::failure::{SafeState, Unfinished};
 use crate::port::{PortArgs, emulated_camera};
-use crate::voice::{Answer, Voice};
+use crate::ui::{Answer, Ui};
 use crate::{interrupt, output_file, port};
-use follow::Follow;
 use output::{Earlier, Output};
-use program::{Lost, Program};
+use program::{LostConnection, Program};
 use recording::{Recording, clock_lines};
 use source::Camera;
+use visit_tracker::VisitTracker;
 
 const EXAMPLES: &str = "\
 Examples:
-  darm record measure.darm -o run.csv                                the board of `darm plant` and its camera
-  darm record measure.darm --camera tcp:camera.local:7000 -o run.csv.gz
-  darm record measure.darm --camera pictures.csv --run 2 -o run2.csv
-  darm record measure.darm -o run.mcap                               the same as a log, which `darm diagnose` reads too
+  darm record visits.darm -o visits.csv              # the board and camera of `darm sim`
+  darm record visits.darm -o visits.mcap             # a log in MCAP; `darm diagnose` reads both
+  darm record visits.darm --run 2 -o second.csv.gz   # another run, compressed
+  darm record visits.darm --camera tcp:camera.local:7000 -o real.csv   # (no_run: camera)
 
-The camera sends lines of comma-separated text, the first of them the header:
+The camera sends lines of comma-separated values. The first line is the header:
   time_s,x_m,y_m,angle_deg[,supply_bar][,temperature_c]       in space x_m,y_m,z_m,rx_deg,ry_deg,rz_deg
-time_s is Unix time, the pose that of the tool in the base. A file may grow while another program \
-writes it.
+time_s is Unix time; the pose is that of the tool in the base. A file may grow while another program writes it.
 
-Every visit gives one row: the mean of the pictures that were taken while the arm rested there. \
-A row is written when its visit is over, so a recording that was killed is readable as it is; \
---resume follows the program that still runs and appends what is missing. A lost connection is \
-opened again while the program runs on. Offset and rate of the board's clock with their \
-uncertainties are in the comment lines, first as known at the start, then as known at the end.
+Every visit gives one row: the mean of the measurements while the arm rested there. A row is written when its visit has \
+ended, so an interrupted recording is readable; --resume follows the program that is still running and appends the missing \
+rows. A lost connection is reopened while the program continues. Comment lines give offset and rate of the board's clock \
+with their uncertainties, first as known at the start, then as known at the end.
 
-Ctrl-C stops the arm: exit code 6 when the board has confirmed it, 5 when it has not, 4 when the \
-stop could not be sent. Exit code 7: another program stopped the arm before the end of its program, \
-or the program was over before --resume and visits are missing.
+Ctrl-C stops the arm: exit code 6 if the board confirmed the stop, 5 if not, 4 if the stop could not be sent. Exit code 7: \
+another program stopped the arm before the end of its program, or the program ended before --resume and visits are missing.
 
-A measurement that exists is replaced only with --force; a file of another kind never is.";
+An existing measurement is replaced only with --force, a file of another kind never.";
 
-/// A board that keeps its time loses less.
+/// Largest time that a board's clock may lose without a note.
 const LOST_S: f64 = 0.02;
-/// A lost port is waited for so long after the program's end.
-const PATIENCE: Duration = Duration::from_secs(60);
-/// Questions that tell the board's time before the program starts.
+/// Longest wait for a lost port after the end of the program.
+const RECONNECT_TIMEOUT: Duration = Duration::from_secs(60);
+/// Round trips that measure the board's clock before the program starts.
 const ROUND_TRIPS: u32 = 20;
 
-/// Play the board's table and measure: one row for each visit
+/// Play the board's table and measure: one row per visit
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Record {
-    /// Table that the board holds; its .visits.csv is read, and the digests of all three are compared
+    /// Table on the board; its .visits.csv is read, and the digests of all three are compared
     #[arg(value_name = "TABLE.darm")]
     table: PathBuf,
-    /// Where pictures come from: unix:PATH, tcp:HOST:PORT or a file; the camera of `darm plant` where it is left out
+    /// Source of camera measurements: unix:PATH, tcp:HOST:PORT or a file; default: the camera of `darm sim`
     #[arg(long, value_name = "CAMERA")]
     camera: Option<String>,
-    /// The measurements; compressed when the name ends in .gz, a log of MCAP when it ends in .mcap
+    /// Measurement file to write: CSV, compressed if the name ends in .gz; MCAP if it ends in .mcap
     #[arg(short, long, value_name = "RUN.csv")]
     output: PathBuf,
-    /// Look over the measurements as those of this arm
+    /// Check the measurements against this arm
     #[arg(long, value_name = "ARM.toml")]
     arm: Option<PathBuf>,
-    /// Go on with a recording that was killed or lost its connection, into the same file
+    /// Resume an interrupted recording, in the same file
     #[arg(long)]
     resume: bool,
-    /// Replace a measurement of the same name
+    /// Replace an existing measurement
     #[arg(long, conflicts_with = "resume")]
     force: bool,
     /// Number of the run in the file
@@ -90,24 +87,26 @@ pub(crate) struct Record {
     port: PortArgs,
 }
 
-/// Why nothing was recorded.
+/// Why a recording failed.
 #[derive(Debug, thiserror::Error)]
 enum RecordError {
-    #[error("no camera; name one with --camera unix:PATH, tcp:HOST:PORT or a file")]
+    #[error("no camera found; name one with --camera unix:PATH, tcp:HOST:PORT or a file")]
     NoCamera,
-    #[error("the clock of the board is not known; nothing was recorded")]
+    #[error("the board's clock could not be measured, nothing was recorded; check the connection with `darm doctor`")]
     NoClock,
-    #[error("{}: no recording that can be resumed: its comment lines do not say when the program started", .0.display())]
+    #[error("{}: cannot be resumed: its comment lines lack the start of the program; record again without --resume", .0.display())]
     NothingToResume(PathBuf),
-    #[error("{}: the recording is of board {recorded}, this is {connected}", path.display())]
+    #[error("{}: the recording was made with board {recorded}, this is board {connected}; connect the first, or record into another file", path.display())]
     OtherBoard { path: PathBuf, recorded: String, connected: String },
-    #[error("{}: the recording is of table {recorded}, not of {given}; name the table that it was begun with", path.display())]
+    #[error("{}: the recording was made with table {recorded}, not with {given}; give the table that it was started with", path.display())]
     OtherRecording { path: PathBuf, recorded: ShortDigest, given: ShortDigest },
-    #[error("the board has been given another table since; what was measured before is in the file")]
+    #[error("another table was uploaded during the recording; the measurements before are in the file")]
     Replaced,
-    #[error("the board has restarted since the program started; what was measured before is in the file")]
+    #[error("the board restarted during the program; the measurements before are in the file")]
     Restarted,
-    #[error("no picture was taken while the arm rested; {pictures} pictures came, is the camera's time_s Unix time?")]
+    #[error(
+        "none of {pictures} camera measurements was taken while the arm rested; check that the camera's time_s is Unix time"
+    )]
     NoPictures { pictures: usize },
 }
 
@@ -117,15 +116,15 @@ struct Recorded {
     rows: usize,
     visits: usize,
     pictures: usize,
-    /// Visits that are over and have no row, numbered as in the visit file.
+    /// Visits that have ended without a row, numbered as in the visit file.
     not_recovered: Vec<usize>,
     clock_offset_s: f64,
-    clock_uncertainty_s: f64,
+    clock_offset_uncertainty_s: f64,
     clock_rate_error_ppm: f64,
     clock_rate_uncertainty_ppm: f64,
     findings: Vec<String>,
-    /// How often and how long the connection to the board was lost.
-    lost_connections: Vec<Lost>,
+    /// Interruptions of the connection to the board.
+    lost_connections: Vec<LostConnection>,
     end: &'static str,
 }
 
@@ -134,15 +133,18 @@ impl Answer for Recorded {
         let mut lines: Vec<String> = self.findings.iter().map(|finding| format!("note: {finding}")).collect();
         if !self.not_recovered.is_empty() {
             let visits: Vec<String> = self.not_recovered.iter().map(usize::to_string).collect();
-            lines.push(format!("note: no picture of the arm surely at rest at visits {}", visits.join(", ")));
+            lines.push(format!(
+                "note: no camera measurement of the arm certainly at rest at visits {}",
+                visits.join(", ")
+            ));
         }
         lines.push(format!(
-            "{} of {} visits measured from {} pictures, in {}; board clock: offset ±{:.1} ms, rate {:+.0} ±{:.0} ppm",
+            "{} of {} visits measured from {} camera measurements, in {}; board clock: offset ±{:.1} ms, rate {:+.0} ±{:.0} ppm",
             self.rows,
             self.visits,
             self.pictures,
             self.output.display(),
-            1e3 * self.clock_uncertainty_s,
+            1e3 * self.clock_offset_uncertainty_s,
             self.clock_rate_error_ppm,
             self.clock_rate_uncertainty_ppm
         ));
@@ -151,7 +153,7 @@ impl Answer for Recorded {
 }
 
 impl Record {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let visits = Visits::read(&beside(&self.table))?;
         let table = TableFile::read(&self.table)?;
         table.check_visits(visits.table)?;
@@ -163,17 +165,17 @@ impl Record {
         let mut client = Client::connect(link)?;
         table.check_loaded(client.hello().and_then(|hello| hello.table))?;
         let camera = Camera::open(&camera)?;
-        let interrupt = interrupt::Watch::start(&port, handle)?;
+        let interrupt = interrupt::InterruptHandler::start(&port, handle)?;
         let over = earlier.is_some() && !is_running(&mut client)?;
         let mut recording = match earlier {
-            None => self.start(&visits, client, interrupt.clone(), camera, output, voice)?,
-            Some(earlier) => self.go_on(&visits, client, interrupt.clone(), camera, output, earlier, voice)?,
+            None => self.start(&visits, client, interrupt.clone(), camera, output, ui)?,
+            Some(earlier) => self.resume_program(&visits, client, interrupt.clone(), camera, output, earlier, ui)?,
         };
-        let bar = voice.bar("recording", visits.rests.len() as u64, "visits");
+        let bar = ui.progress_bar("recording", visits.rests.len() as u64, "visits");
         let end = recording.until_the_end(|visit| bar.set_position(visit as u64));
         bar.finish_and_clear();
-        let told = self.tell(recording, end, over, arm.as_ref(), voice);
-        interrupt.interrupted().map_or(told, |interrupted| Err(interrupted.into()))
+        let reported = self.report(recording, end, over, arm.as_ref(), ui);
+        interrupt.interrupted().map_or(reported, |interrupted| Err(interrupted.into()))
     }
 
     fn open_output(&self) -> anyhow::Result<(Output, Option<Earlier>)> {
@@ -190,33 +192,33 @@ impl Record {
         &self,
         visits: &'a Visits,
         mut client: Client,
-        interrupt: interrupt::Watch,
+        interrupt: interrupt::InterruptHandler,
         camera: Camera,
         output: Output,
-        voice: Voice,
+        ui: Ui,
     ) -> anyhow::Result<Recording<'a>> {
         client.set_clock(ROUND_TRIPS)?;
         let hello = client.say_hello()?;
         if hello.table != Some(visits.table) {
             return Err(RecordError::Replaced.into());
         }
-        let watch = Watch::new(hello.next_event);
+        let monitor = ProgramMonitor::new(hello.next_event);
         interrupt.play(&mut client)?;
-        let program = Program::new(client, watch, interrupt, patience(visits), voice);
-        Ok(Recording::new(visits, Follow::new(visits), program, camera, output, self.run))
+        let program = Program::new(client, monitor, interrupt, reconnect_timeout(visits), ui);
+        Ok(Recording::new(visits, VisitTracker::new(visits), program, camera, output, self.run))
     }
 
-    /// Goes on with the program that an earlier recording has started.
+    /// Follows the program that an earlier recording started.
     #[allow(clippy::too_many_arguments, reason = "all that a recording consists of")]
-    fn go_on<'a>(
+    fn resume_program<'a>(
         &self,
         visits: &'a Visits,
         mut client: Client,
-        interrupt: interrupt::Watch,
+        interrupt: interrupt::InterruptHandler,
         camera: Camera,
         mut output: Output,
         earlier: Earlier,
-        voice: Voice,
+        ui: Ui,
     ) -> anyhow::Result<Recording<'a>> {
         let connected = client.identity().device.to_string();
         if earlier.device != connected {
@@ -231,21 +233,21 @@ impl Record {
             return Err(RecordError::Restarted.into());
         }
         client.set_clock(ROUND_TRIPS)?;
-        let follow = Follow::resume(visits, earlier.start_s, earlier.next(self.run));
-        let watch = Watch::resume(earlier.start_s);
+        let tracker = VisitTracker::resume(visits, earlier.start_s, earlier.next(self.run));
+        let monitor = ProgramMonitor::resume(earlier.start_s);
         output.begin_after(earlier)?;
-        let program = Program::new(client, watch, interrupt, patience(visits), voice);
-        Ok(Recording::new(visits, follow, program, camera, output, self.run))
+        let program = Program::new(client, monitor, interrupt, reconnect_timeout(visits), ui);
+        Ok(Recording::new(visits, tracker, program, camera, output, self.run))
     }
 
-    /// Ends the file and says how it went.
-    fn tell(
+    /// Finishes the file and prints the result.
+    fn report(
         &self,
         mut recording: Recording<'_>,
         end: anyhow::Result<End>,
         over: bool,
         arm: Option<&Arm>,
-        voice: Voice,
+        ui: Ui,
     ) -> anyhow::Result<()> {
         let not_recovered = recording.not_recovered();
         let lost_connections = std::mem::take(&mut recording.program.lost_connections);
@@ -253,10 +255,10 @@ impl Record {
         let (rate, clock) = (program.client.clock().rate(), program.client.clock().offset());
         let (visits, pictures, lost_s) = (visits.rests.len(), camera.count(), program.client.clock().lost_s());
         let lines = clock_lines(&program.client);
-        if recording.follow.start_s.is_some() {
+        if recording.tracker.start_s.is_some() {
             recording.output.note(&lines)?;
         }
-        let started = recording.follow.start_s.is_some();
+        let started = recording.tracker.start_s.is_some();
         let run = Run { samples: recording.output.finish()?, ..Run::default() };
         let end = end?;
         let done = run.samples.iter().filter(|sample| sample.run == self.run).count();
@@ -273,15 +275,15 @@ impl Record {
             return Err(RecordError::NoPictures { pictures }.into());
         }
         let mut findings = arm.map(|arm| check(arm, &run)).unwrap_or_default();
-        findings.extend(uneven(lost_s));
-        voice.tell(&Recorded {
+        findings.extend(lost_time(lost_s));
+        ui.print(&Recorded {
             output: self.output.clone(),
             rows: run.samples.len(),
             visits,
             pictures,
             not_recovered,
             clock_offset_s: clock.at_s,
-            clock_uncertainty_s: clock.uncertainty_s,
+            clock_offset_uncertainty_s: clock.uncertainty_s,
             clock_rate_error_ppm: 1e6 * rate.error,
             clock_rate_uncertainty_ppm: 1e6 * rate.uncertainty,
             findings: findings.iter().map(ToString::to_string).collect(),
@@ -289,28 +291,28 @@ impl Record {
             end: end.name(),
         })?;
         match end {
-            End::Fault(fault) => Err(Safe(fault.to_string()).into()),
+            End::Fault(fault) => Err(SafeState(fault.to_string()).into()),
             End::Finished | End::Stopped => unfinished.map_or(Ok(()), |unfinished| Err(unfinished.into())),
         }
     }
 }
 
-/// Whether the board runs its program.
+/// Whether the board is running its program.
 fn is_running(client: &mut Client) -> anyhow::Result<bool> {
     Ok(matches!(client.status()?.phase, Phase::Playing { .. } | Phase::Approaching { .. }))
 }
 
-/// A lost port is waited for so long: to the program's end and a while.
-fn patience(visits: &Visits) -> Duration {
+/// Longest wait for a lost port: until the program's end and some time more.
+fn reconnect_timeout(visits: &Visits) -> Duration {
     let program_s = visits.rests.last().map_or(0.0, |rest| rest.to_s);
-    PATIENCE + Duration::try_from_secs_f64(program_s).unwrap_or(Duration::ZERO)
+    RECONNECT_TIMEOUT + Duration::try_from_secs_f64(program_s).unwrap_or(Duration::ZERO)
 }
 
-/// What the owner should know of a board's clock that did not keep time.
-fn uneven(lost_s: f64) -> Option<Finding> {
+/// A note about a board's clock that lost time.
+fn lost_time(lost_s: f64) -> Option<Finding> {
     let text = format!(
-        "the board's clock lost {lost_s:.3} s while the program ran, as an emulator's does on a busy computer; visits \
-         that it makes doubtful are left out"
+        "the board's clock lost {lost_s:.3} s during the program, as an emulator's does on a busy computer; doubtful visits \
+         are left out"
     );
     (lost_s > LOST_S).then(|| Finding::note(FindingKind::UnevenClock, text))
 }

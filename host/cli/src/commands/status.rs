@@ -1,4 +1,4 @@
-//! `darm status`: who the board is, what it holds, what it does, what was wrong.
+//! `darm status`: board, loaded table, state and last fault.
 
 use darm_core::sequencer::{Fault, Phase, ServoSeen};
 use darm_core::units::{Digest, Micros};
@@ -7,19 +7,19 @@ use darm_core::wire::message::{self, OutputState};
 use darm_device::client::Client;
 use serde::Serialize;
 
-use crate::failure::Safe;
+use crate::failure::SafeState;
 use crate::port::PortArgs;
-use crate::voice::{Answer, Voice};
+use crate::ui::{Answer, Ui};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm status                   what the board does, holds and sees; exit code 3 in the safe state
-  darm --json status | jq .phase";
+  darm status          # exit code 3 if the board is in its safe state
+  darm --json status   # for programs";
 
-/// The board rounds to whole milliseconds.
+/// The board rounds times to milliseconds.
 const ROUNDING_MS: u64 = 1;
 
-/// Who the board is, what it holds, what it does and what was wrong
+/// Show board, loaded table, state and last fault
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Status {
@@ -41,25 +41,25 @@ struct Report {
     model: Option<String>,
     /// Digest of the table.
     table: Option<String>,
-    /// Digest of the board profile; none of the one that is built in.
+    /// Digest of the board profile; `None` for the built-in one.
     profile: Option<String>,
-    /// Outputs that have used up a part of their limits.
+    /// Outputs that have used part of their limits.
     recovering: Vec<Recovering>,
     switches_closed: Vec<u8>,
     servos: Vec<ServoReport>,
     boots: u32,
     bad_frames: u32,
-    worst_lateness_us: u32,
-    died: Option<String>,
+    worst_lateness_s: f64,
+    crash: Option<String>,
     up_s: Option<f64>,
 }
 
 #[derive(Serialize)]
 pub(super) struct Recovering {
     output: u8,
-    /// How long it may still be on in the present window.
+    /// Remaining on-time in the present window.
     left_s: f64,
-    /// After so long without current all of its window is free.
+    /// Time without current until the full window is available.
     recovery_s: f64,
 }
 
@@ -72,27 +72,28 @@ struct FaultReport {
 
 #[derive(Serialize)]
 struct ServoReport {
-    angle_deg: f32,
-    load_percent: f32,
+    angle_rad: f32,
+    /// Share of the largest load.
+    load: f32,
     error_bits: u8,
     answered_s: Option<f64>,
 }
 
 impl Status {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let mut client = self.port.connect()?;
         let status = client.status()?;
         let outputs = client.outputs()?;
-        let died = client.last_death()?.as_ref().map(death_text);
-        voice.tell(&report(&client, &status, &outputs, died))?;
+        let crash = client.last_death()?.as_ref().map(crash_text);
+        ui.print(&report(&client, &status, &outputs, crash))?;
         match status.phase {
-            Phase::Safe(fault) => Err(Safe(fault.to_string()).into()),
+            Phase::Safe(fault) => Err(SafeState(fault.to_string()).into()),
             _ => Ok(()),
         }
     }
 }
 
-fn report(client: &Client, status: &message::Status, outputs: &[OutputState], died: Option<String>) -> Report {
+fn report(client: &Client, status: &message::Status, outputs: &[OutputState], crash: Option<String>) -> Report {
     let [major, minor, patch] = client.version().firmware;
     let (phase, row, fault) = phase(&status.phase);
     Report {
@@ -113,18 +114,18 @@ fn report(client: &Client, status: &message::Status, outputs: &[OutputState], di
         servos: status.servos.iter().map(servo).collect(),
         boots: client.hello().map_or(0, |hello| hello.boots),
         bad_frames: status.bad_frames,
-        worst_lateness_us: status.worst_lateness_us,
-        died,
+        worst_lateness_s: 1e-6 * f64::from(status.worst_lateness_us),
+        crash,
         up_s: client.clock().offset().map(|offset| client.now_s() - offset.at_s),
     }
 }
 
-/// The profile that was written to the board; none where the built-in one is in force.
+/// The profile that was written to the board; `None` while the built-in one is in force.
 pub(super) fn profile(client: &Client) -> Option<Digest> {
     client.hello().map(|hello| hello.profile).filter(|profile| *profile != Digest::default())
 }
 
-/// The outputs that may be on for a shorter time than their duty allows, because they have lately been on.
+/// The outputs whose remaining on-time is reduced because they were on recently.
 pub(super) fn recovering(outputs: &[OutputState]) -> Vec<Recovering> {
     let seconds = |ms: u32| f64::from(ms) * 1e-3;
     let used = |output: &&OutputState| {
@@ -140,17 +141,17 @@ pub(super) fn recovering(outputs: &[OutputState]) -> Vec<Recovering> {
     busy.map(report).collect()
 }
 
-/// The same in a sentence.
+/// The recovering outputs in a sentence.
 pub(super) fn recovery(recovering: &[Recovering]) -> String {
     if recovering.is_empty() {
-        return "all limits free".to_owned();
+        return "all recovered".to_owned();
     }
     let numbers: Vec<String> = recovering.iter().map(|output| output.output.to_string()).collect();
     let longest_s = recovering.iter().map(|output| output.recovery_s).fold(0.0, f64::max);
-    format!("{} recovering, all limits free after {longest_s:.1} s without current", numbers.join(" "))
+    format!("{} recovering, all recovered after {longest_s:.1} s without current", numbers.join(" "))
 }
 
-/// The first figures of a digest, as the texts of the board show it.
+/// The first digits of a digest, as the board prints it.
 fn short(digest: &str) -> &str {
     digest.get(..16).unwrap_or(digest)
 }
@@ -171,8 +172,8 @@ fn fault_report(fault: &Fault) -> FaultReport {
 
 fn servo(seen: &ServoSeen) -> ServoReport {
     ServoReport {
-        angle_deg: seen.angle_rad.to_degrees(),
-        load_percent: 100.0 * seen.load,
+        angle_rad: seen.angle_rad,
+        load: seen.load,
         error_bits: seen.error,
         answered_s: seen.answered.map(seconds),
     }
@@ -182,24 +183,24 @@ pub(crate) fn seconds(at: Micros) -> f64 {
     at.0 as f64 * 1e-6
 }
 
-fn death_text(death: &Death) -> String {
+fn crash_text(death: &Death) -> String {
     let kind = match death.kind {
         DeathKind::Panic => "panic",
         DeathKind::HardFault => "hard fault",
         DeathKind::Watchdog => "watchdog",
     };
     let place = if death.pc == 0 { String::new() } else { format!(", pc {:#010x}", death.pc) };
-    format!("{kind} {:.3} s after its start{place}: {}", death.uptime_us as f64 * 1e-6, death.text)
+    format!("{kind} {:.3} s after the start{place}: {}", death.uptime_us as f64 * 1e-6, death.text)
 }
 
 impl Report {
-    fn doing(&self) -> String {
+    fn state(&self) -> String {
         match (self.phase, &self.fault, self.row) {
             (_, Some(fault), Some(row)) => format!("SAFE: {} at {:.3} s, row {row}", fault.text, fault.at_s),
             (_, Some(fault), None) => format!("SAFE: {} at {:.3} s", fault.text, fault.at_s),
             ("playing", _, Some(row)) => format!("playing, row {row} of {}", self.rows),
-            ("manual", ..) => "coils set by hand".to_owned(),
-            ("approaching", ..) => "servos go to the first row".to_owned(),
+            ("manual", ..) => "manual control".to_owned(),
+            ("approaching", ..) => "servos approaching the first row".to_owned(),
             (phase, ..) => phase.to_owned(),
         }
     }
@@ -211,7 +212,7 @@ impl Answer for Report {
         let mut lines = vec![
             format!("board     {} {}, firmware {}", self.board, self.device, self.firmware),
             format!("port      {}", self.port),
-            format!("doing     {}", self.doing()),
+            format!("state     {}", self.state()),
             match (&self.model, &self.table) {
                 (Some(model), Some(table)) => {
                     format!("table     {}, {} rows for model {model}", short(table), self.rows)
@@ -227,14 +228,20 @@ impl Answer for Report {
             ),
         ];
         lines.extend(self.servos.iter().enumerate().map(|(index, servo)| {
-            format!("servo {index}   {:.2} deg, load {:.0} %{}", servo.angle_deg, servo.load_percent, servo.trouble())
+            format!(
+                "servo {index}   {:.2} deg, load {:.0} %{}",
+                servo.angle_rad.to_degrees(),
+                100.0 * servo.load,
+                servo.trouble()
+            )
         }));
-        let up = self.up_s.map_or(String::new(), |up_s| format!("up {up_s:.1} s after start {}, ", self.boots));
+        let up = self.up_s.map_or(String::new(), |up_s| format!("up {up_s:.1} s since start {}, ", self.boots));
         lines.push(format!(
-            "health    {up}{} bad frames, latest control tick {} us late",
-            self.bad_frames, self.worst_lateness_us
+            "health    {up}{} bad frames, control tick at most {:.0} us late",
+            self.bad_frames,
+            1e6 * self.worst_lateness_s
         ));
-        lines.extend(self.died.iter().map(|died| format!("died      {died}")));
+        lines.extend(self.crash.iter().map(|crash| format!("crash     {crash}")));
         lines.join("\n")
     }
 }

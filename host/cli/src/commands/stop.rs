@@ -1,4 +1,4 @@
-//! `darm stop`: all coils off, in any version of the protocol, whatever else holds the port.
+//! `darm stop`: all coils off, in any version of the protocol, even while another process holds the port.
 
 use darm_core::sequencer::{Command, Phase};
 use darm_device::client::stop::{Confirmation, stop_at};
@@ -7,26 +7,25 @@ use serde::Serialize;
 use crate::failure::Unconfirmed;
 use crate::port::PortArgs;
 use crate::state_folder;
-use crate::voice::{Answer, Voice};
+use crate::ui::{Answer, Ui};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm stop                     all coils off, at once; works with a firmware of any version
-  darm stop --clear             and leave the safe state after its cause was mended
+  darm stop           # all coils off, at once; works with firmware of any version
+  darm stop --clear   # also leave the safe state, after its cause was removed
 
-The stop is the first thing on the line and ends within 1 s in every case. Where another `darm` \
-holds the port, that process sends the stop. A socket (unix:, tcp:) serves one connection: another \
-program that holds it, and is not `darm`, keeps the stop out. Exit codes:
+The stop is sent before anything else, and the command ends within 1 s. If another `darm` holds the port, that process \
+sends the stop. A socket (unix:, tcp:) serves one connection: a program other than `darm` that holds it blocks the stop. \
+Exit codes:
   0  the board confirmed that all coils are off
-  4  the stop could not be sent: no such port, another program holds it exclusively, or it takes
-     no bytes
-  5  the board did not confirm the stop within 1 s: switch the supply off";
+  4  the stop could not be sent: no such port, another program holds it exclusively, or it accepts no bytes
+  5  the board did not confirm the stop within 1 s: switch off the supply";
 
-/// Switch all coils off at once; with --clear leave the safe state too
+/// Switch all coils off at once; with --clear also leave the safe state
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Stop {
-    /// Leave the safe state, after its cause was mended
+    /// Leave the safe state, after its cause was removed
     #[arg(long)]
     clear: bool,
     #[command(flatten)]
@@ -50,17 +49,17 @@ impl Answer for Stopped {
 }
 
 impl Stop {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let port = self.port.name()?;
         match stop_at(&port, state_folder::stop_socket(&port))? {
             Confirmation::Confirmed => {}
             Confirmation::Missing => return Err(Unconfirmed { port }.into()),
         }
         let cleared = if self.clear { self.clear()? } else { None };
-        voice.tell(&Stopped { stopped: true, cleared })
+        ui.print(&Stopped { stopped: true, cleared })
     }
 
-    /// Leaves the safe state; the fault that was latched.
+    /// Leaves the safe state; returns the fault that was latched.
     fn clear(&self) -> anyhow::Result<Option<String>> {
         let mut client = self.port.connect()?;
         let Phase::Safe(fault) = client.status()?.phase else { return Ok(None) };

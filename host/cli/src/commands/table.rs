@@ -19,35 +19,35 @@ use super::visits::{Rest, Visits, beside};
 use crate::failure::Usage;
 use crate::output_file;
 use crate::port::PortArgs;
-use crate::voice::{Answer, Voice, columns};
+use crate::ui::{Answer, Ui, columns};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm table arm.toml frames.toml -o visits.darm              to the frames, one after the other
+  darm table arm.toml planar4-frames.toml --dwell 0.3 -o visits.darm   # one frame after the other
   darm table arm.toml --words 000,000,000,000 111,000,000,000 -o two.darm
-  darm table arm.toml --programme -o measure.darm             96 words three times, to be measured
-  darm table arm.toml --programme --bind -o measure.darm      for the connected board only
-  darm table arm.toml frames.toml --nearest -o visits.darm    the board answers `nearest` by itself, too
-  darm table --show visits.darm                               what a table holds
+  darm table arm.toml --measurement-plan -o plan96.darm   # 96 words, three visits each
+  darm table arm.toml --measurement-plan --bind -o bound.darm   # for the connected board only
+  darm table arm.toml planar4-frames.toml --nearest -o nearest.darm   # for `darm nearest --board`
+  darm table --show visits.darm   # contents of a table
 
-Beside TABLE.darm a file TABLE.visits.csv says from when to when the arm rests at each visit, and \
-which visits are held out of every fit; `darm record` reads it. Both carry the table's digest.";
+The file TABLE.visits.csv, written with TABLE.darm, lists when the arm rests at each visit and which visits are held \
+out; `darm record` reads it. Both files carry the digest of the table.";
 
 /// Rows that are shown without --all.
 const SHOWN: usize = 12;
-/// How long the arm rests at a frame or word, where it is not said and the limits allow it.
+/// Default rest at a frame or word, where the limits allow it.
 const DWELL_S: f64 = 1.0;
-/// Where they do not: share of the longest time on, the rest of which is for travel and the next visit.
+/// Where they do not: share of the longest on-time; the remainder is for travel and the next visit.
 const DWELL_SHARE: f64 = 0.5;
-/// Angles are compared as numbers of single precision.
+/// Tolerance of angles in single precision.
 const ROUNDING_RAD: f32 = 1e-5;
-/// The same at a word of the measurement programme: long enough for eight pictures.
-const PROGRAMME_DWELL_S: f64 = 0.2;
+/// Default rest at a word of a measurement plan: long enough for eight camera frames.
+const MEASUREMENT_DWELL_S: f64 = 0.2;
 
-/// Make timed rows from frames, words or a measurement programme, checked against the limits
+/// Make a table of timed rows from frames, words or a measurement plan, checked against the limits
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
-#[command(group = clap::ArgGroup::new("what").required(true).args(["frames", "words", "programme", "show"]))]
+#[command(group = clap::ArgGroup::new("what").required(true).args(["frames", "words", "measurement_plan", "show"]))]
 pub(crate) struct Table {
     /// The arm
     #[arg(value_name = "ARM.toml", required_unless_present = "show")]
@@ -55,38 +55,38 @@ pub(crate) struct Table {
     /// Frames to visit
     #[arg(value_name = "FRAMES.toml")]
     frames: Option<PathBuf>,
-    /// Words to visit: a digit for each actuator, commas are for the eye
+    /// Words to visit: one digit per actuator, base first; commas are ignored
     #[arg(long, value_name = "DIGITS", num_args = 1..)]
     words: Vec<String>,
-    /// Servo angles at every one of the words, in degrees
+    /// Servo angles at all of the words, in degrees
     #[arg(long, value_name = "DEG", num_args = 1.., allow_negative_numbers = true, requires = "words")]
     servos: Vec<f64>,
-    /// The words that tell most about what the model may lack, in a good order
-    #[arg(long)]
-    programme: bool,
-    /// Different words of the programme
-    #[arg(long, value_name = "N", default_value_t = 96, requires = "programme")]
+    /// Visit the words that are most informative about missing effects
+    #[arg(long, alias = "programme")]
+    measurement_plan: bool,
+    /// Number of different words in the measurement plan
+    #[arg(long, value_name = "N", default_value_t = 96, requires = "measurement_plan")]
     size: usize,
-    /// Seed of the programme and of the words held out
-    #[arg(long, value_name = "N", default_value_t = 1, requires = "programme")]
+    /// Seed of the measurement plan and of its held-out words
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "measurement_plan")]
     seed: u64,
-    /// How long the arm rests at each visit, in seconds; 1, or half of the shortest time on that the profile allows
-    /// where that is less; in a programme 0.2
+    /// Rest at each visit, in seconds; default: 1, or half of the shortest on-time that the profile allows where that is
+    /// less; 0.2 in a measurement plan
     #[arg(long, value_name = "S")]
     dwell: Option<f64>,
-    /// Profile of the board; where it is left out, the one that the arm names, else the one built into boards
+    /// Profile of the board; default: the one that the arm names, else the one built into boards
     #[arg(long, value_name = "PROFILE.toml")]
     profile: Option<PathBuf>,
-    /// Bind the table to the connected board: others refuse it
+    /// Bind the table to the connected board: other boards refuse it
     #[arg(long)]
     bind: bool,
-    /// Bring the frames of the modules along, so that the board answers by itself which word is nearest to a pose
+    /// Include the frames of the modules, so that the board can find the word nearest to a pose
     #[arg(long)]
     nearest: bool,
-    /// The table
+    /// Table file to write
     #[arg(short, long, value_name = "TABLE.darm", required_unless_present = "show")]
     output: Option<PathBuf>,
-    /// Show what a table file holds, in place of making one
+    /// Show the contents of a table file instead of making one
     #[arg(long, value_name = "TABLE.darm", conflicts_with_all = ["arm", "output", "bind", "nearest", "profile", "dwell"])]
     show: Option<PathBuf>,
     /// Show every row
@@ -96,22 +96,22 @@ pub(crate) struct Table {
     port: PortArgs,
 }
 
-/// A visit and whether no fit may see it.
-struct Stop {
+/// A visit and whether it is held out.
+struct PlannedVisit {
     visit: Visit,
     held_out: bool,
 }
 
-/// A row would take a servo out of the range of the board's profile.
+/// A row would move a servo out of the range of the board's profile.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "row {row}, word {word}: servo {servo} ({name}) would go to {angle_deg:.1} deg, without a zero offset the profile's \
-     range is {min_deg:.1} to {max_deg:.1} deg; choose an angle within it, or correct the range in the profile"
+    "row {row}, word {word}: servo {servo} ({name}) would go to {angle_deg:.1} deg, but the profile allows {min_deg:.1} to \
+     {max_deg:.1} deg without a zero offset; choose an angle within the range, or correct the range in the profile"
 )]
 struct ServoError {
     row: usize,
     word: Word,
-    servo: u8,
+    servo: usize,
     name: String,
     angle_deg: f32,
     min_deg: f32,
@@ -120,7 +120,7 @@ struct ServoError {
 
 #[derive(Serialize)]
 struct Made {
-    table: PathBuf,
+    file: PathBuf,
     visits_file: PathBuf,
     digest: String,
     model: String,
@@ -138,86 +138,88 @@ struct Made {
 struct RowReport {
     at_s: f64,
     word: String,
-    servos_deg: Vec<f32>,
+    servos_rad: Vec<f32>,
     visit: Option<String>,
 }
 
 impl Table {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         match (&self.show, &self.arm, &self.output) {
-            (Some(path), ..) => voice.tell(&show::shown(path, self.all)?),
-            (None, Some(arm), Some(output)) => self.make(arm, output, voice),
-            (None, ..) => unreachable!("the command line asks for an arm and an output"),
+            (Some(path), ..) => ui.print(&show::shown(path, self.all)?),
+            (None, Some(arm), Some(output)) => self.make(arm, output, ui),
+            (None, ..) => unreachable!("clap requires an arm and an output"),
         }
     }
 
-    fn make(&self, arm: &Path, output: &Path, voice: Voice) -> anyhow::Result<()> {
+    fn make(&self, arm: &Path, output: &Path, ui: Ui) -> anyhow::Result<()> {
         output_file::refuse_other_than_table(output)?;
         output_file::refuse_other_than_visits(&beside(output))?;
         let WiredArm { arm, profile, .. } = WiredArm::read(arm, self.profile.as_deref())?;
-        let stops = self.stops(&arm, &profile, voice)?;
+        let planned = self.planned_visits(&arm, &profile, ui)?;
         let device = if self.bind { Some(self.port.connect()?.identity().device) } else { None };
-        let visits: Vec<Visit> = stops.iter().map(|stop| stop.visit.clone()).collect();
+        let visits: Vec<Visit> = planned.iter().map(|planned| planned.visit.clone()).collect();
         let modules = if self.nearest { board::records(&arm)? } else { Vec::new() };
         let plan = plan(&arm, &visits, &profile.board(device), &modules)?;
-        let file = visits_of(&arm, &stops, &plan);
+        let file = visits_of(&arm, &planned, &plan);
         check_servos(&arm, &profile, &plan)?;
         let (image, text) = (table_file::bytes(&plan.image), file.to_text());
         output_file::write_all(&[(output, &image), (&beside(output), text.as_bytes())])?;
-        voice.tell(&self.report(output, &file, &plan, device))
+        ui.print(&self.report(output, &file, &plan, device))
     }
 
-    /// Where the program goes.
-    fn stops(&self, arm: &Arm, profile: &BoardProfile, voice: Voice) -> anyhow::Result<Vec<Stop>> {
+    /// The visits of the program.
+    fn planned_visits(&self, arm: &Arm, profile: &BoardProfile, ui: Ui) -> anyhow::Result<Vec<PlannedVisit>> {
         let dwell_s = self.dwell.unwrap_or_else(|| default_dwell_s(arm, profile));
         if let Some(path) = &self.frames {
-            return Ok(frames_stops(arm, path, dwell_s)?);
+            return Ok(frame_visits(arm, path, dwell_s)?);
         }
-        if self.programme {
-            return Ok(self.programme_stops(arm, voice));
+        if self.measurement_plan {
+            return Ok(self.measurement_plan(arm, ui));
         }
-        let stops = self.words.iter().map(|word| self.word_stop(arm, word, dwell_s));
-        Ok(stops.collect::<Result<_, Usage>>()?)
+        let visits = self.words.iter().map(|word| self.word_visit(arm, word, dwell_s));
+        Ok(visits.collect::<Result<_, Usage>>()?)
     }
 
-    fn programme_stops(&self, arm: &Arm, voice: Voice) -> Vec<Stop> {
-        let wheel = voice.wheel("choosing words");
+    fn measurement_plan(&self, arm: &Arm, ui: Ui) -> Vec<PlannedVisit> {
+        let spinner = ui.spinner("choosing informative words");
         let options =
             measurement_plan::Options { words: self.size, seed: self.seed, ..measurement_plan::Options::default() };
         let steps = measurement_plan::plan(arm, &options);
-        wheel.finish_and_clear();
-        let stop = |(number, step): (usize, measurement_plan::Step)| Stop {
+        spinner.finish_and_clear();
+        let visit = |(number, step): (usize, measurement_plan::Step)| PlannedVisit {
             held_out: step.held_out,
             visit: Visit {
                 word: step.word,
                 servos_rad: step.servos_rad,
-                dwell_s: self.dwell.unwrap_or(PROGRAMME_DWELL_S),
+                dwell_s: self.dwell.unwrap_or(MEASUREMENT_DWELL_S),
                 label: format!("visit {number}"),
             },
         };
-        steps.into_iter().enumerate().map(stop).collect()
+        steps.into_iter().enumerate().map(visit).collect()
     }
 
-    fn word_stop(&self, arm: &Arm, text: &str, dwell_s: f64) -> Result<Stop, Usage> {
+    fn word_visit(&self, arm: &Arm, text: &str, dwell_s: f64) -> Result<PlannedVisit, Usage> {
         let word: Word = text.parse().map_err(|error| Usage(format!("--words {text}: {error}")))?;
         frames::check_word(&word, arm).map_err(|fault| Usage(format!("--words {text}: {fault}")))?;
         let (given, wanted) = (self.servos.len(), arm.n_servos());
         if given != wanted {
-            return Err(Usage(format!("the arm has {wanted} servo joints, --servos gives {given} angles")));
+            return Err(Usage(format!(
+                "--servos has {given} angles, the arm has {wanted} servo joints; give one angle per servo"
+            )));
         }
         let servos_rad = self.servos.iter().map(|angle| angle.to_radians()).collect();
-        Ok(Stop { visit: Visit { word, servos_rad, dwell_s, label: word.to_string() }, held_out: false })
+        Ok(PlannedVisit { visit: Visit { word, servos_rad, dwell_s, label: word.to_string() }, held_out: false })
     }
 
     fn report(&self, output: &Path, file: &Visits, plan: &Plan, device: Option<DeviceId>) -> Made {
         let rows = plan.rows.iter().enumerate().map(|(index, row)| RowReport {
             at_s: row.at.0 as f64 * 1e-6,
             word: row.word.to_string(),
-            servos_deg: row.servos.iter().map(|angle| angle.to_degrees()).collect(),
+            servos_rad: row.servos.to_vec(),
             visit: file.rests.iter().find(|rest| usize::from(rest.row) == index).map(|rest| rest.label.clone()),
         });
         Made {
-            table: output.to_owned(),
+            file: output.to_owned(),
             visits_file: beside(output),
             digest: file.table.to_string(),
             model: file.model.to_string(),
@@ -232,15 +234,15 @@ impl Table {
     }
 }
 
-fn frames_stops(arm: &Arm, path: &Path, dwell_s: f64) -> Result<Vec<Stop>, frames::FramesError> {
-    let stop = |frame: frames::DesiredFrame| {
+fn frame_visits(arm: &Arm, path: &Path, dwell_s: f64) -> Result<Vec<PlannedVisit>, frames::FramesError> {
+    let visit = |frame: frames::DesiredFrame| {
         let (word, servos_rad) = (frame.word, frame.servos_rad);
-        Stop { visit: Visit { word, servos_rad, dwell_s, label: frame.name }, held_out: false }
+        PlannedVisit { visit: Visit { word, servos_rad, dwell_s, label: frame.name }, held_out: false }
     };
-    Ok(frames::read(path, arm)?.into_iter().map(stop).collect())
+    Ok(frames::read(path, arm)?.into_iter().map(visit).collect())
 }
 
-/// The default dwell, shorter where an output of the arm may not be on for so long.
+/// The default dwell, shorter where an output of the arm must not be on for so long.
 fn default_dwell_s(arm: &Arm, profile: &BoardProfile) -> f64 {
     let outputs = arm.connections.iter().flat_map(|connection| &connection.outputs);
     let limits = outputs.filter_map(|&number| profile.profile.output(number));
@@ -249,19 +251,19 @@ fn default_dwell_s(arm: &Arm, profile: &BoardProfile) -> f64 {
     longest_s.map(|longest_s| DWELL_SHARE * longest_s).fold(DWELL_S, f64::min)
 }
 
-fn visits_of(arm: &Arm, stops: &[Stop], plan: &Plan) -> Visits {
+fn visits_of(arm: &Arm, planned: &[PlannedVisit], plan: &Plan) -> Visits {
     let mut previous = arm.rest();
-    let rests = stops.iter().zip(&plan.windows).map(|(stop, &(from, to))| {
+    let rests = planned.iter().zip(&plan.windows).map(|(planned, &(from, to))| {
         let row = plan.rows.iter().rposition(|row| row.at < from).unwrap_or_default();
         let rest = Rest {
-            label: stop.visit.label.clone(),
+            label: planned.visit.label.clone(),
             from_s: from.0 as f64 * 1e-6,
             to_s: to.0 as f64 * 1e-6,
             row: row as u16,
-            word: stop.visit.word,
+            word: planned.visit.word,
             previous,
-            servos_rad: stop.visit.servos_rad.clone(),
-            held_out: stop.held_out,
+            servos_rad: planned.visit.servos_rad.clone(),
+            held_out: planned.held_out,
         };
         previous = rest.word;
         rest
@@ -270,16 +272,16 @@ fn visits_of(arm: &Arm, stops: &[Stop], plan: &Plan) -> Visits {
     Visits { model: arm.hash(), geometry: arm.geometry_hash(), table, rests: rests.collect() }
 }
 
-/// Refuses rows that take a servo out of the profile's range, which the board checks when it plays them. The range is
-/// that of the shaft; without a zero offset in the servo it is that of the joint, too.
+/// Rejects rows that move a servo out of the profile's range, which the board checks when it plays them. The range is
+/// that of the shaft; without a zero offset in the servo it is also that of the joint.
 fn check_servos(arm: &Arm, profile: &BoardProfile, plan: &Plan) -> Result<(), ServoError> {
     for (index, row) in plan.rows.iter().enumerate() {
         for (number, (&angle_rad, servo)) in row.servos.iter().zip(&profile.profile.servos).enumerate() {
             let (min_rad, max_rad) = (servo.limit.min_rad, servo.limit.max_rad);
             if angle_rad < min_rad - ROUNDING_RAD || angle_rad > max_rad + ROUNDING_RAD {
                 let [angle_deg, min_deg, max_deg] = [angle_rad, min_rad, max_rad].map(f32::to_degrees);
-                let (word, servo, name) = (row.word, servo.limit.id, arm.servo_name(number));
-                return Err(ServoError { row: index, word, servo, name, angle_deg, min_deg, max_deg });
+                let (word, name) = (row.word, arm.servo_name(number));
+                return Err(ServoError { row: index, word, servo: number, name, angle_deg, min_deg, max_deg });
             }
         }
     }
@@ -288,10 +290,10 @@ fn check_servos(arm: &Arm, profile: &BoardProfile, plan: &Plan) -> Result<(), Se
 
 impl Answer for Made {
     fn text(&self) -> String {
-        let head = if self.rows.iter().all(|row| row.servos_deg.is_empty()) { "" } else { "servos" };
+        let head = if self.rows.iter().all(|row| row.servos_rad.is_empty()) { "" } else { "servos" };
         let mut rows = vec![["row", "time", "word", head, "visit"].map(str::to_owned).to_vec()];
         rows.extend(self.rows.iter().take(self.shown).enumerate().map(|(index, row)| {
-            let servos: Vec<_> = row.servos_deg.iter().map(|angle| format!("{angle:.2} deg")).collect();
+            let servos: Vec<_> = row.servos_rad.iter().map(|angle| format!("{:.2} deg", angle.to_degrees())).collect();
             let visit = row.visit.clone().unwrap_or_default();
             vec![index.to_string(), format!("{:.3} s", row.at_s), row.word.clone(), servos.join(" "), visit]
         }));
@@ -299,16 +301,16 @@ impl Answer for Made {
         if self.rows.len() > self.shown {
             text += &format!("\n… {} more rows; --all shows them", self.rows.len() - self.shown);
         }
-        let held_out = if self.held_out == 0 { String::new() } else { format!(", {} of them held out", self.held_out) };
-        let whom = self.device.as_ref().map_or("any board".to_owned(), |device| format!("board {device} only"));
+        let held_out = if self.held_out == 0 { String::new() } else { format!(", {} held out", self.held_out) };
+        let boards = self.device.as_ref().map_or("any board".to_owned(), |device| format!("board {device} only"));
         text + &format!(
-            "\n\nwithin the limits: table {} with {} rows in {:.1} s for model {} and {whom}, {} bytes in {}\n{} visits{held_out}, in {}",
+            "\n\nwithin the limits: table {} with {} rows in {:.1} s for model {} and {boards}, {} bytes in {}\n{} visits{held_out}, in {}",
             self.digest.get(..16).unwrap_or(&self.digest),
             self.rows.len(),
             self.end_s,
             self.model,
             self.bytes,
-            self.table.display(),
+            self.file.display(),
             self.visits,
             self.visits_file.display()
         )

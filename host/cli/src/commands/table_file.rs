@@ -17,14 +17,14 @@ use darm_core::wire::frame::CRC;
 
 use super::visits::beside;
 
-/// First bytes of a file.
+/// First bytes of a file of this version.
 const HEAD: &[u8] = b"darm table 2\n";
-/// The same of every version.
+/// First bytes of a file of any version.
 pub(crate) const KIND: &[u8] = b"darm table ";
 const DIGEST: usize = 32;
 const CHECK: usize = 4;
 
-/// A digest in hexadecimal figures.
+/// Parses a digest in hexadecimal digits.
 pub(crate) fn digest(text: &str) -> Option<Digest> {
     let figures: Vec<u32> = text.chars().map(|figure| figure.to_digit(16)).collect::<Option<_>>()?;
     let bytes: Vec<u8> =
@@ -43,17 +43,17 @@ pub(crate) fn bytes(image: &UploadImage) -> Vec<u8> {
 /// A table read from a file and checked against its own limits.
 pub(crate) struct TableFile {
     path: PathBuf,
-    /// The board that it was made for, if for one.
+    /// The board that it is bound to.
     pub(crate) device: Option<DeviceId>,
     /// The board profile that it was made for.
     pub(crate) profile: Digest,
     /// All records, in order.
     pub(crate) records: Vec<Record>,
-    /// What travels.
+    /// Image to upload.
     pub(crate) image: UploadImage,
 }
 
-/// Why a file is no table.
+/// Why a file is not a usable table.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum TableFileError {
     /// The file cannot be read.
@@ -61,18 +61,18 @@ pub(crate) enum TableFileError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// Another kind of file, or a table of an earlier version.
-    #[error("{path} is not a table of this version; make it again with `darm table`")]
+    #[error("{path} is not a table of this version; remake it with `darm table`")]
     NoTable {
         /// The file.
         path: PathBuf,
     },
     /// The checksum differs.
     #[error(
-        "{path} is damaged: its checksum is {found:08x}, not {expected:08x}; copy it again, or make it with `darm table`"
+        "{path} is damaged: checksum {found:08x}, expected {expected:08x}; copy it again, or remake it with `darm table`"
     )]
     Damaged {
         /// The file.
@@ -82,25 +82,25 @@ pub(crate) enum TableFileError {
         /// The checksum at its end.
         expected: u32,
     },
-    /// Bytes that are no record.
-    #[error("{path}: the bytes from {offset} on are not a record; make the table again with `darm table`")]
+    /// Bytes that are not a record.
+    #[error("{path}: the bytes from offset {offset} are not a record; remake the table with `darm table`")]
     Bytes {
         /// The file.
         path: PathBuf,
         /// Where the first bad record starts.
         offset: usize,
     },
-    /// A record that breaks a limit.
-    #[error("{path}: {source}; make the table again with `darm table`")]
+    /// A record that exceeds a limit.
+    #[error("{path}: {source}; remake the table with `darm table`")]
     Refused {
         /// The file.
         path: PathBuf,
         /// Which limit.
         source: TableError,
     },
-    /// The digest at the beginning is of other records.
+    /// The digest at the beginning belongs to other records.
     #[error(
-        "{path} is damaged: its records are table {found}, its first bytes name {expected}; make it again with `darm table`"
+        "{path} is damaged: its records have digest {found}, its header says {expected}; remake it with `darm table`"
     )]
     OtherRecords {
         /// The file.
@@ -110,14 +110,14 @@ pub(crate) enum TableFileError {
         /// The digest that it names.
         expected: ShortDigest,
     },
-    /// The board has none.
-    #[error("the board holds no table; run `darm upload {}`", .path.display())]
+    /// The board has no table.
+    #[error("the board has no table; run `darm upload {}`", .path.display())]
     NotLoaded {
         /// The file.
         path: PathBuf,
     },
-    /// The board has another one.
-    #[error("the board holds table {board}, {} is {table}; run `darm upload {}`", .path.display(), .path.display())]
+    /// The board has another table.
+    #[error("the board has table {board}, {} is {table}; run `darm upload {}`", .path.display(), .path.display())]
     OtherTable {
         /// The file.
         path: PathBuf,
@@ -128,7 +128,7 @@ pub(crate) enum TableFileError {
     },
     /// The visit file was made with another table.
     #[error(
-        "{} belongs to table {visits}, {} is {table}; make both again with `darm table`",
+        "{} belongs to table {visits}, {} is {table}; remake both with `darm table`",
         beside(.path).display(),
         .path.display()
     )]
@@ -141,19 +141,19 @@ pub(crate) enum TableFileError {
         visits: ShortDigest,
     },
     /// The table binds to another board.
-    #[error("{path} was made for the board {device}, this is {board}; make it again with `darm table --bind`")]
+    #[error("{path} is bound to board {device}, this is board {board}; remake it with `darm table --bind`")]
     OtherDevice {
         /// The file.
         path: PathBuf,
-        /// The board it was made for.
+        /// The board it is bound to.
         device: DeviceId,
-        /// The board that is there.
+        /// The connected board.
         board: DeviceId,
     },
     /// The table was made for another profile of the board.
     #[error(
-        "{path} was made for {}, this board has {}; \
-         write that profile with `darm profile write`, or make the table again with `darm table --profile`",
+        "{path} was made for {}, this board has {}; write that profile with `darm profile write`, or remake the table with \
+         `darm table --profile`",
         profile_name(.profile),
         profile_name(.board)
     )]
@@ -166,11 +166,11 @@ pub(crate) enum TableFileError {
         board: ShortDigest,
     },
     /// The last record is missing.
-    #[error("{path}: the table is cut off after {rows} rows; make it again with `darm table`")]
+    #[error("{path}: the table ends after {rows} rows without an end record; remake it with `darm table`")]
     CutOff {
         /// The file.
         path: PathBuf,
-        /// Rows that are there.
+        /// Rows before the end.
         rows: usize,
     },
 }
@@ -184,7 +184,7 @@ fn profile_name(profile: &ShortDigest) -> String {
 }
 
 impl TableFile {
-    /// Reads and checks against the limits that it carries.
+    /// Reads a table and checks it against the limits in it.
     pub(crate) fn read(path: &Path) -> Result<Self, TableFileError> {
         let bytes = std::fs::read(path).map_err(|source| TableFileError::Read { path: path.into(), source })?;
         Self::parse(path, &bytes)
@@ -205,12 +205,12 @@ impl TableFile {
         Ok(Self { path: path.into(), device, profile, records, image })
     }
 
-    /// What the board reports of the table once it holds it.
+    /// Digest, as the board reports it.
     pub(crate) fn digest(&self) -> Digest {
         self.image.image().digest
     }
 
-    /// Refuses a board that holds another table or none.
+    /// Rejects a board with another table or none.
     pub(crate) fn check_loaded(&self, board: Option<Digest>) -> Result<(), TableFileError> {
         let path = self.path.clone();
         match board {
@@ -222,7 +222,7 @@ impl TableFile {
         }
     }
 
-    /// Refuses the visits of another table.
+    /// Rejects the visits of another table.
     pub(crate) fn check_visits(&self, visits: Digest) -> Result<(), TableFileError> {
         if visits == self.digest() {
             return Ok(());
@@ -231,7 +231,7 @@ impl TableFile {
         Err(TableFileError::OtherVisits { path, table, visits: visits.short() })
     }
 
-    /// Refuses a board that has another profile than the one that the table was made for.
+    /// Rejects a board with another profile than the one that the table was made for.
     pub(crate) fn check_profile(&self, board: Digest) -> Result<(), TableFileError> {
         if self.profile == board {
             return Ok(());
@@ -240,7 +240,7 @@ impl TableFile {
         Err(TableFileError::OtherProfile { path, profile, board: board.short() })
     }
 
-    /// Refuses a board that the table was not made for.
+    /// Rejects a board that the table is not bound to.
     pub(crate) fn check_device(&self, board: DeviceId) -> Result<(), TableFileError> {
         match self.device {
             Some(device) if device != board => {
@@ -250,7 +250,7 @@ impl TableFile {
         }
     }
 
-    /// How long the program lasts.
+    /// Duration of the program.
     pub(crate) fn end(&self) -> Micros {
         let end = |record: &Record| if let Record::End { at } = record { Some(*at) } else { None };
         self.records.iter().find_map(end).unwrap_or_default()
@@ -268,7 +268,7 @@ fn records(bytes: &[u8]) -> Result<Vec<Record>, usize> {
     Ok(records)
 }
 
-/// The digest and the image in a file's bytes, once its checksum fits.
+/// The digest and the image in a file's bytes, if the checksum matches.
 fn unpack<'b>(bytes: &'b [u8], path: &Path) -> Result<(Digest, &'b [u8]), TableFileError> {
     let no_table = || TableFileError::NoTable { path: path.into() };
     let (content, check) = bytes.split_last_chunk::<CHECK>().ok_or_else(no_table)?;
@@ -297,7 +297,7 @@ fn rows(records: &[Record]) -> usize {
     records.iter().filter(|record| matches!(record, Record::Row(_))).count()
 }
 
-/// What the first record says.
+/// Contents of the first record.
 #[derive(Default)]
 struct Start {
     model: ModelHash,
@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn a_digest_is_sixty_four_figures() {
+    fn a_digest_has_sixty_four_digits() {
         let table = TableFile::parse(Path::new("a.darm"), &file()).unwrap().digest();
         let text = table.to_string();
         assert_eq!(digest(&text), Some(table));
@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn the_place_of_bad_bytes_is_told() {
+    fn the_offset_of_invalid_bytes_is_reported() {
         assert_eq!(records(&[]), Ok(vec![]));
         assert_eq!(records(&[0xff, 1]), Err(0));
     }

@@ -1,4 +1,4 @@
-//! Visit files: where a program rests, from when to when. `darm table` writes one beside the table, `darm record` reads it.
+//! Visit files: at which words a program rests, and when. `darm table` writes one per table, `darm record` reads it.
 //!
 //! Comma-separated text after three comment lines. Times are after the start of the program.
 //!
@@ -15,7 +15,7 @@
 //! | `row`                   | the row of the table that completes the word              |
 //! | `word`, `previous`      | digits, and those of the visit before                     |
 //! | `servo1_deg`, …         | positions of the servo joints                             |
-//! | `held_out`              | 1 where no fit may see the measurement                    |
+//! | `held_out`              | 1 if the visit is held out                                |
 
 use std::path::{Path, PathBuf};
 
@@ -40,7 +40,7 @@ pub(crate) struct Rest {
     pub(crate) previous: Word,
     /// Positions of the servo joints.
     pub(crate) servos_rad: Vec<f64>,
-    /// Whether no fit may see it.
+    /// Whether it is held out.
     pub(crate) held_out: bool,
 }
 
@@ -57,19 +57,19 @@ pub(crate) struct Visits {
     pub(crate) rests: Vec<Rest>,
 }
 
-/// Why a file gives no visits.
+/// Why a visit file cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum VisitsError {
     /// The file cannot be read.
-    #[error("cannot read {path}: {source}; `darm table` writes it beside the table")]
+    #[error("cannot read {path}: {source}; `darm table` writes it together with the table")]
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// It is not what `darm table` writes.
-    #[error("{path}: line {line}: {what}; make the file again with `darm table`")]
+    /// A line is invalid.
+    #[error("{path}:{line}: {what}; remake the file with `darm table`")]
     Line {
         /// The file.
         path: PathBuf,
@@ -80,7 +80,7 @@ pub(crate) enum VisitsError {
     },
 }
 
-/// How the header begins.
+/// Beginning of the header.
 pub(crate) const HEADER: &str = "visit,label,from_s,to_s,";
 const MODEL: &str = "# model ";
 const TABLE: &str = "# table ";
@@ -134,7 +134,7 @@ impl Visits {
                 record.map_err(|error| (error.position().map_or(0, csv::Position::line), error.to_string()))?;
             let line = record.position().map_or(0, csv::Position::line);
             let row = Cells { header: &header, record: &record };
-            rests.push(row.rest().map_err(|column| (line, format!("column {column} cannot be read")))?);
+            rests.push(row.rest().map_err(|column| (line, format!("column {column} is missing or invalid")))?);
         }
         Ok(Self { model, geometry, table, rests })
     }
@@ -143,7 +143,7 @@ impl Visits {
 /// The value of a comment line; the first line is 1.
 fn comment<T>(text: &str, line: usize, key: &str, read: impl Fn(&str) -> Option<T>) -> Result<T, (u64, String)> {
     let value = text.lines().nth(line - 1).and_then(|line| line.strip_prefix(key));
-    let missing = || (line as u64, format!("expected `{}` and a hash, as this version writes", key.trim_end()));
+    let missing = || (line as u64, format!("expected `{}` and a hash", key.trim_end()));
     value.and_then(|value| read(value.trim())).ok_or_else(missing)
 }
 
@@ -199,14 +199,14 @@ mod tests {
     }
 
     #[test]
-    fn text_and_visits_are_inverse() {
+    fn visits_survive_writing_and_parsing() {
         assert_eq!(Visits::parse(&visits().to_text()), Ok(visits()));
     }
 
     #[test]
-    fn a_bad_cell_is_told_by_line_and_column() {
+    fn an_invalid_cell_is_reported_by_line_and_column() {
         let text = visits().to_text().replace("0.45", "soon");
-        assert_eq!(Visits::parse(&text), Err((5, "column to_s cannot be read".into())));
+        assert_eq!(Visits::parse(&text), Err((5, "column to_s is missing or invalid".into())));
         assert_eq!(Visits::parse("visit\n").unwrap_err().0, 1);
         let old = visits().to_text().replace(TABLE, "# ");
         assert_eq!(Visits::parse(&old).unwrap_err().0, 2);

@@ -1,4 +1,4 @@
-//! The words of the console: completion, hints, and the ones that the console itself understands.
+//! Completion and hints of the console, and the commands that the console itself runs.
 
 use rustyline::completion::{Completer, FilenameCompleter, Pair};
 use rustyline::error::ReadlineError;
@@ -7,8 +7,8 @@ use rustyline::hint::Hinter;
 use rustyline::validate::Validator;
 use rustyline::{Context, Helper};
 
-/// What the board understands: the word and what follows it.
-pub(crate) const BOARD: &[(&str, &str)] = &[
+/// Commands of the board with their arguments.
+pub(crate) const BOARD_COMMANDS: &[(&str, &str)] = &[
     ("clear", ""),
     ("coil", "N on MS"),
     ("fault", ""),
@@ -25,42 +25,42 @@ pub(crate) const BOARD: &[(&str, &str)] = &[
     ("word", "DIGITS"),
 ];
 
-/// What the console itself understands.
-pub(crate) const LOCAL: &[(&str, &str)] = &[("quit", ""), ("upload", "TABLE.darm")];
+/// Commands of the console itself.
+pub(crate) const LOCAL_COMMANDS: &[(&str, &str)] = &[("quit", ""), ("upload", "TABLE.darm")];
 
-/// A line that the console does itself.
+/// A line that the console runs itself.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Local<'a> {
-    /// Leave.
+pub(crate) enum LocalCommand<'a> {
+    /// End the console.
     Quit,
-    /// Bring this table to the board.
+    /// Upload this table.
     Upload(&'a str),
     /// `upload` without a file.
-    UploadWhat,
+    UploadWithoutFile,
 }
 
-/// The line as the console understands it; `None` when it is for the board.
-pub(crate) fn local(line: &str) -> Option<Local<'_>> {
+/// Parses a command of the console; `None` for a line for the board.
+pub(crate) fn local(line: &str) -> Option<LocalCommand<'_>> {
     let (word, rest) = line.split_once(' ').unwrap_or((line, ""));
     match (word, rest.trim()) {
-        ("quit" | "exit", "") => Some(Local::Quit),
-        ("upload", "") => Some(Local::UploadWhat),
-        ("upload", file) => Some(Local::Upload(file)),
+        ("quit" | "exit", "") => Some(LocalCommand::Quit),
+        ("upload", "") => Some(LocalCommand::UploadWithoutFile),
+        ("upload", file) => Some(LocalCommand::Upload(file)),
         _ => None,
     }
 }
 
 /// Completes and hints while a line is edited.
 #[derive(Default)]
-pub(crate) struct Words {
+pub(crate) struct CommandHelper {
     files: FilenameCompleter,
 }
 
 fn all() -> impl Iterator<Item = &'static (&'static str, &'static str)> {
-    BOARD.iter().chain(LOCAL)
+    BOARD_COMMANDS.iter().chain(LOCAL_COMMANDS)
 }
 
-impl Completer for Words {
+impl Completer for CommandHelper {
     type Candidate = Pair;
 
     fn complete(&self, line: &str, at: usize, context: &Context<'_>) -> Result<(usize, Vec<Pair>), ReadlineError> {
@@ -77,10 +77,10 @@ impl Completer for Words {
     }
 }
 
-impl Hinter for Words {
+impl Hinter for CommandHelper {
     type Hint = String;
 
-    /// What is still to be typed, once the word is whole.
+    /// The arguments that follow a complete command.
     fn hint(&self, line: &str, at: usize, _: &Context<'_>) -> Option<String> {
         let word = line.strip_suffix(' ').unwrap_or(line);
         let (_, arguments) = all().find(|(known, arguments)| *known == word && !arguments.is_empty())?;
@@ -89,13 +89,13 @@ impl Hinter for Words {
     }
 }
 
-impl Highlighter for Words {
+impl Highlighter for CommandHelper {
     fn highlight_hint<'h>(&self, hint: &'h str) -> std::borrow::Cow<'h, str> {
         format!("\x1b[2m{hint}\x1b[0m").into()
     }
 }
-impl Validator for Words {}
-impl Helper for Words {}
+impl Validator for CommandHelper {}
+impl Helper for CommandHelper {}
 
 #[cfg(test)]
 mod tests {
@@ -104,35 +104,35 @@ mod tests {
     use rustyline::hint::Hinter as _;
     use rustyline::history::DefaultHistory;
 
-    use super::{Local, Words, local};
+    use super::{CommandHelper, LocalCommand, local};
 
     fn completions(line: &str) -> Vec<String> {
         let history = DefaultHistory::new();
-        let (_, pairs) = Words::default().complete(line, line.len(), &Context::new(&history)).unwrap();
+        let (_, pairs) = CommandHelper::default().complete(line, line.len(), &Context::new(&history)).unwrap();
         pairs.into_iter().map(|pair| pair.replacement).collect()
     }
 
     #[test]
-    fn words_are_completed_ready_for_their_arguments() {
+    fn commands_are_completed_ready_for_their_arguments() {
         assert_eq!(completions("st"), ["status", "stop"]);
         assert_eq!(completions("co"), ["coil "]);
         assert_eq!(completions("dance"), [""; 0]);
     }
 
     #[test]
-    fn a_hint_tells_what_follows() {
+    fn a_hint_shows_the_arguments() {
         let history = DefaultHistory::new();
-        let hint = |line: &str| Words::default().hint(line, line.len(), &Context::new(&history));
+        let hint = |line: &str| CommandHelper::default().hint(line, line.len(), &Context::new(&history));
         assert_eq!(hint("coil").as_deref(), Some(" N on MS"));
         assert_eq!(hint("servo ").as_deref(), Some("N DEG"));
         assert_eq!(hint("status"), None);
     }
 
     #[test]
-    fn only_its_own_words_stay_in_the_console() {
-        assert_eq!(local("quit"), Some(Local::Quit));
-        assert_eq!(local("upload a b.darm"), Some(Local::Upload("a b.darm")));
-        assert_eq!(local("upload"), Some(Local::UploadWhat));
+    fn the_console_runs_only_its_own_commands() {
+        assert_eq!(local("quit"), Some(LocalCommand::Quit));
+        assert_eq!(local("upload a b.darm"), Some(LocalCommand::Upload("a b.darm")));
+        assert_eq!(local("upload"), Some(LocalCommand::UploadWithoutFile));
         assert_eq!(local("status"), None);
     }
 }

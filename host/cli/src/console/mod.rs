@@ -1,7 +1,7 @@
-//! The console: a person types the board's own words, with line editing, history and completion.
+//! The console: sends typed lines to the board, with line editing, history and completion.
 
+mod completion;
 mod pump;
-mod words;
 
 use std::io::{BufRead as _, IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
@@ -18,58 +18,58 @@ use rustyline::history::DefaultHistory;
 use rustyline::{Config, Editor, ExternalPrinter as _};
 
 use crate::commands::table_file::TableFile;
-use crate::voice::Voice;
+use crate::ui::Ui;
 use crate::{failure, interrupt, port, state_folder};
+use completion::{CommandHelper, LocalCommand};
 use pump::{Pump, Show};
-use words::{Local, Words};
 
-/// How long a lost port is waited for.
-const COMES_BACK: Duration = Duration::from_secs(10);
-/// How the board's answer to a line begins that it does not do.
+/// Longest wait for a lost port.
+const REOPEN_TIMEOUT: Duration = Duration::from_secs(10);
+/// First characters of the board's answer to a refused line.
 const REFUSED: &str = "? ";
-/// Lines of history that are kept.
+/// Number of lines of history.
 const HISTORY: usize = 1000;
 
 /// Runs until the user leaves or the port is lost.
-pub(crate) fn run(port: &str, voice: Voice) -> anyhow::Result<()> {
-    if std::io::stdin().is_terminal() && !voice.json { by_hand(port, voice) } else { by_script(port, voice) }
+pub(crate) fn run(port: &str, ui: Ui) -> anyhow::Result<()> {
+    if std::io::stdin().is_terminal() && !ui.json { interactive(port, ui) } else { scripted(port, ui) }
 }
 
 /// One console on one port.
 struct Session<'a> {
     port: &'a str,
-    voice: Voice,
+    ui: Ui,
     pump: Pump,
-    /// Stops the board while a command waits for its answer.
-    interrupt: interrupt::Watch,
+    /// Stops the board while a command waits for an answer.
+    interrupt: interrupt::InterruptHandler,
     handle: StopHandle,
 }
 
-/// Whether to go on.
+/// Whether to continue.
 #[derive(PartialEq, Eq)]
 enum Next {
     On,
     Leave,
 }
 
-fn by_hand(port: &str, voice: Voice) -> anyhow::Result<()> {
+fn interactive(port: &str, ui: Ui) -> anyhow::Result<()> {
     let config = Config::builder().max_history_size(HISTORY)?.auto_add_history(true).build();
-    let mut editor: Editor<Words, DefaultHistory> = Editor::with_config(config)?;
-    editor.set_helper(Some(Words::default()));
+    let mut editor: Editor<CommandHelper, DefaultHistory> = Editor::with_config(config)?;
+    editor.set_helper(Some(CommandHelper::default()));
     let history = history_file();
     if let Some(file) = &history {
-        // There is none before the first time.
+        // The file does not exist before the first use.
         let _ = editor.load_history(file);
     }
     let mut printer = editor.create_external_printer()?;
-    // A terminal that is gone cannot be told so.
+    // A closed terminal is no error.
     let show: Show = Box::new(move |line| drop(printer.print(format!("{line}\n"))));
-    let mut session = Session::start(port, voice, show)?;
-    println!("{port}; `help` lists the board's words, `upload FILE` and `quit` are this console's");
+    let mut session = Session::start(port, ui, show)?;
+    println!("{port}; `help` lists the commands of the board; this console adds `upload FILE` and `quit`");
     session.pump.ask("id");
     loop {
         match editor.readline("> ") {
-            Ok(line) if session.obey(line.trim())? == Next::On => {}
+            Ok(line) if session.execute_line(line.trim())? == Next::On => {}
             Ok(_) | Err(ReadlineError::Eof) => break,
             Err(ReadlineError::Interrupted) => println!("{}; `quit` or Ctrl-D leaves", session.stop()),
             Err(error) => return Err(error.into()),
@@ -81,19 +81,19 @@ fn by_hand(port: &str, voice: Voice) -> anyhow::Result<()> {
     session.pump.stop().map_err(Into::into)
 }
 
-/// Without a terminal: one line after the other, each after the answer to the one before.
-fn by_script(port: &str, voice: Voice) -> anyhow::Result<()> {
+/// Without a terminal: sends each line after the answer to the previous one.
+fn scripted(port: &str, ui: Ui) -> anyhow::Result<()> {
     let refused = Arc::new(AtomicUsize::new(0));
     let count = refused.clone();
     let show: Show = Box::new(move |line| {
         if line.starts_with(REFUSED) {
             count.fetch_add(1, Ordering::Relaxed);
         }
-        say(line, voice);
+        print_line(line, ui);
     });
-    let mut session = Session::start(port, voice, show)?;
+    let mut session = Session::start(port, ui, show)?;
     for line in std::io::stdin().lock().lines() {
-        if session.obey(line.context("reading the standard input")?.trim())? == Next::Leave {
+        if session.execute_line(line.context("reading the standard input")?.trim())? == Next::Leave {
             break;
         }
     }
@@ -104,25 +104,25 @@ fn by_script(port: &str, voice: Voice) -> anyhow::Result<()> {
     }
 }
 
-/// Lines of a script that the board has not done.
+/// Number of lines that the board refused.
 #[derive(Debug, thiserror::Error)]
-#[error("the board refused {0} of the lines; its answers to them begin with `?`")]
+#[error("the board refused {0} of the lines; see the answers that begin with `?`")]
 struct Refused(usize);
 
-/// A line of the board on the standard output.
-fn say(line: &str, voice: Voice) {
-    let said = if voice.json { serde_json::json!({ "line": line }).to_string() } else { line.to_owned() };
-    // Nobody listens any more: there is nobody to tell.
-    let _ = writeln!(std::io::stdout(), "{said}");
+/// Prints a line of the board on standard output.
+fn print_line(line: &str, ui: Ui) {
+    let text = if ui.json { serde_json::json!({ "line": line }).to_string() } else { line.to_owned() };
+    // A closed pipe is no error.
+    let _ = writeln!(std::io::stdout(), "{text}");
 }
 
 impl<'a> Session<'a> {
-    fn start(port: &'a str, voice: Voice, show: Show) -> anyhow::Result<Self> {
+    fn start(port: &'a str, ui: Ui, show: Show) -> anyhow::Result<Self> {
         let mut pump = Pump::new(show);
         let (link, handle) = port::open(port)?;
         pump.start(link);
-        let interrupt = interrupt::Watch::start(port, handle.clone())?;
-        Ok(Self { port, voice, pump, interrupt, handle })
+        let interrupt = interrupt::InterruptHandler::start(port, handle.clone())?;
+        Ok(Self { port, ui, pump, interrupt, handle })
     }
 
     /// Starts on the port that was opened again.
@@ -132,31 +132,33 @@ impl<'a> Session<'a> {
         self.pump.start(link);
     }
 
-    /// All coils off at once, past whatever the board is answering; what came of it.
+    /// Switches all coils off at once, even during an answer of the board; returns the result.
     fn stop(&self) -> String {
         match self.handle.stop(STOP_BOUND) {
             Ok(Confirmation::Confirmed) => "all coils are off".to_owned(),
             Ok(Confirmation::Missing) => {
-                "the stop was sent, but the board did not confirm it within 1 s; switch the arm's supply off".to_owned()
+                "the stop was sent, but the board did not confirm it within 1 s; switch off the arm's supply".to_owned()
             }
             Err(error) => format!("the stop could not be sent: {error}"),
         }
     }
 
-    fn obey(&mut self, line: &str) -> anyhow::Result<Next> {
-        match words::local(line) {
-            Some(Local::Quit) => return Ok(Next::Leave),
-            Some(Local::UploadWhat) => self.voice.note("upload what? `upload TABLE.darm`, a file made by `darm table`"),
-            Some(Local::Upload(file)) => self.upload(Path::new(file))?,
+    fn execute_line(&mut self, line: &str) -> anyhow::Result<Next> {
+        match completion::local(line) {
+            Some(LocalCommand::Quit) => return Ok(Next::Leave),
+            Some(LocalCommand::UploadWithoutFile) => {
+                self.ui.note("upload needs a file: `upload TABLE.darm`, made by `darm table`")
+            }
+            Some(LocalCommand::Upload(file)) => self.upload(Path::new(file))?,
             None if line.is_empty() => {}
             None if line == "stop" => {
                 let stopped = self.stop();
                 if !self.pump.ask(line) {
-                    self.voice.note(&stopped);
+                    self.ui.note(&stopped);
                 }
             }
             None if !self.pump.ask(line) && !self.pump.is_lost() => {
-                self.voice.note("no answer; is this the board's port, is the board running? `darm doctor` looks");
+                self.ui.note("no answer; check that this is the port of a running board: `darm doctor`");
             }
             None => {}
         }
@@ -166,38 +168,38 @@ impl<'a> Session<'a> {
         Ok(Next::On)
     }
 
-    /// The port was lost, as when the cable was pulled: waits for it to come back.
+    /// The port was lost, for example because the cable was unplugged: waits until it can be opened again.
     fn reopen(&mut self) -> anyhow::Result<()> {
         if let Err(error) = self.pump.stop() {
-            self.voice.note(&error.to_string());
+            self.ui.note(&error.to_string());
         }
         let since = Instant::now();
         loop {
             match port::open(self.port) {
                 Ok(opened) => {
                     self.start_again(opened);
-                    self.voice.note(&format!("{} is open again", self.port));
+                    self.ui.note(&format!("{} is open again", self.port));
                     return Ok(());
                 }
-                Err(error) if since.elapsed() > COMES_BACK => return Err(error.into()),
-                Err(_) => std::thread::sleep(COMES_BACK / 50),
+                Err(error) if since.elapsed() > REOPEN_TIMEOUT => return Err(error.into()),
+                Err(_) => std::thread::sleep(REOPEN_TIMEOUT / 50),
             }
         }
     }
 
-    /// Lends the port to an upload. A table that the board refuses does not end the console.
+    /// Uploads a table over this port. A table that the board refuses does not end the console.
     fn upload(&mut self, file: &Path) -> anyhow::Result<()> {
         let table = match TableFile::read(file) {
             Ok(table) => table,
             Err(error) => {
-                self.voice.note(&error.to_string());
+                self.ui.note(&error.to_string());
                 return Ok(());
             }
         };
         self.pump.stop()?;
         match self.upload_table(&table) {
-            Ok(said) => self.voice.note(&said),
-            Err(error) => self.voice.note(&failure::sentence(&error)),
+            Ok(text) => self.ui.note(&text),
+            Err(error) => self.ui.note(&failure::sentence(&error)),
         }
         self.start_again(port::open(self.port)?);
         Ok(())
@@ -208,20 +210,20 @@ impl<'a> Session<'a> {
         self.interrupt.use_handle(handle);
         let mut client = Client::connect(link)?;
         file.check_device(client.identity().device)?;
-        let bar = self.voice.bar("uploading", u64::from(file.image.image().len), "bytes");
+        let bar = self.ui.progress_bar("uploading", u64::from(file.image.image().len), "bytes");
         let rows = client.upload(&file.image, &mut |progress| bar.set_position(u64::from(progress.done)))?;
         bar.finish_and_clear();
-        Ok(format!("{rows} rows stored; `play` runs them"))
+        Ok(format!("{rows} rows stored; run them with `play`"))
     }
 }
 
-/// Lines typed earlier.
+/// File of the history.
 fn history_file() -> Option<PathBuf> {
     state_folder::path().map(|folder| folder.join("history"))
 }
 
-/// A history that cannot be kept is not worth an error.
-fn save_history(editor: &mut Editor<Words, DefaultHistory>, file: &Path) {
+/// A history that cannot be saved is no error.
+fn save_history(editor: &mut Editor<CommandHelper, DefaultHistory>, file: &Path) {
     if file.parent().is_some_and(|folder| std::fs::create_dir_all(folder).is_ok()) {
         let _ = editor.save_history(file);
     }

@@ -1,4 +1,4 @@
-//! The thread between the port and the screen: sends lines, prints whatever text comes, at any time.
+//! The thread between port and screen: sends lines and prints received text at any time.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
@@ -8,17 +8,17 @@ use std::time::{Duration, Instant};
 
 use darm_device::link::{Link, LinkError};
 
-/// How long one look at the port lasts.
-const LOOK: Duration = Duration::from_millis(10);
-/// The board starts to answer a line within this time.
+/// Timeout of one read from the port.
+const POLL: Duration = Duration::from_millis(10);
+/// Longest wait for the first line of an answer.
 const ANSWER: Duration = Duration::from_millis(1500);
-/// An answer is over when nothing came for so long.
+/// An answer has ended when nothing arrived for this long.
 const QUIET: Duration = Duration::from_millis(120);
 
 /// Where text from the board goes.
 pub(crate) type Show = Box<dyn FnMut(&str) + Send>;
 
-/// The thread, while it runs, and the screen that it shares.
+/// The running thread and the screen that it prints to.
 pub(crate) struct Pump {
     running: Option<Running>,
     screen: Arc<Screen>,
@@ -56,7 +56,7 @@ impl Pump {
         self.running = Some(Running { lines, thread });
     }
 
-    /// Ends the thread and closes the port; why the port failed, if it had.
+    /// Ends the thread and closes the port; returns the error of a port that had failed.
     pub(crate) fn stop(&mut self) -> Result<(), LinkError> {
         let Some(Running { lines, thread }) = self.running.take() else { return Ok(()) };
         drop(lines);
@@ -68,7 +68,7 @@ impl Pump {
         self.running.as_ref().is_none_or(|running| running.thread.is_finished())
     }
 
-    /// Sends a line and waits until its answer has come to an end. False if there was no answer.
+    /// Sends a line and waits for the end of its answer. False if there was no answer.
     pub(crate) fn ask(&self, line: &str) -> bool {
         let count = || self.screen.shown.load(Ordering::Acquire);
         let before = count();
@@ -77,11 +77,11 @@ impl Pump {
         }
         let asked = Instant::now();
         while count() == before && asked.elapsed() < ANSWER && !self.is_lost() {
-            thread::sleep(LOOK);
+            thread::sleep(POLL);
         }
         let (mut seen, mut since) = (count(), Instant::now());
         while seen != before && since.elapsed() < QUIET && !self.is_lost() {
-            thread::sleep(LOOK);
+            thread::sleep(POLL);
             if count() != seen {
                 (seen, since) = (count(), Instant::now());
             }
@@ -90,7 +90,7 @@ impl Pump {
     }
 }
 
-/// Runs until the port fails or nobody sends lines any more.
+/// Runs until the port fails or the sender of lines is gone.
 fn run(mut link: Box<dyn Link>, to_send: &Receiver<String>, screen: &Screen) -> Result<(), LinkError> {
     let mut text = Text::default();
     let mut bytes = [0; 256];
@@ -100,7 +100,7 @@ fn run(mut link: Box<dyn Link>, to_send: &Receiver<String>, screen: &Screen) -> 
             Err(TryRecvError::Empty) => {}
             Err(TryRecvError::Disconnected) => return Ok(()),
         }
-        let count = link.receive(&mut bytes, LOOK)?;
+        let count = link.receive(&mut bytes, POLL)?;
         for &byte in &bytes[..count] {
             if let Some(line) = text.push(byte) {
                 screen.show(&line);
@@ -109,7 +109,7 @@ fn run(mut link: Box<dyn Link>, to_send: &Receiver<String>, screen: &Screen) -> 
     }
 }
 
-/// Picks the lines of text out of what a port brings; frames stand between zero bytes and are left out.
+/// Extracts lines of text from received bytes; frames, which are enclosed in zero bytes, are skipped.
 #[derive(Default)]
 struct Text {
     line: String,
@@ -139,7 +139,7 @@ mod tests {
     use super::Text;
 
     #[test]
-    fn text_is_told_from_frames() {
+    fn text_is_separated_from_frames() {
         let mut text = Text::default();
         let lines: Vec<_> = b"one\r\n\0\nfr\n\0two\r\nthr".iter().filter_map(|&byte| text.push(byte)).collect();
         assert_eq!(lines, ["one", "two"]);

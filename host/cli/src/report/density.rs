@@ -1,4 +1,4 @@
-//! The density of an arm's frames as a picture: how many words end over each square of one plane, on a logarithmic scale.
+//! Plot of the density of an arm's frames: number of words per square of one plane, on a logarithmic scale.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! The page of one round through the loop.
+//! The page of one calibration loop.
 
 use maud::{Markup, html};
 
@@ -7,7 +7,7 @@ use super::skeleton::skeleton;
 use super::{Closure, LoopReport, PaperFigures, SynthesisFigures, drawing};
 use darm_diagnose::outcome::Verdict;
 
-/// The whole page, with everything that it needs in it.
+/// The page, self-contained.
 pub fn page(report: &LoopReport) -> Markup {
     let body = html! {
         (head(report))
@@ -31,7 +31,7 @@ fn head(report: &LoopReport) -> Markup {
     }
 }
 
-/// The few numbers that say how it went.
+/// The main figures.
 fn figures(report: &LoopReport) -> Markup {
     let (error_m, _) = report.synthesis.largest();
     let diagnosis = &report.diagnosis;
@@ -55,7 +55,7 @@ fn verdict_card(report: &LoopReport) -> Markup {
     let diagnosis = &report.diagnosis;
     let (value, note) = match &diagnosis.effects[..] {
         [first, ..] => (first.law.to_string(), first.site.name.clone()),
-        [] => (diagnosis.verdict.to_string(), "nothing is named".to_string()),
+        [] => (diagnosis.verdict.to_string(), "no effect named".to_string()),
     };
     let right = report.named_rightly().unwrap_or(diagnosis.verdict != Verdict::UnexplainedStructure);
     card("diagnosis", &value, &note, right)
@@ -76,7 +76,7 @@ fn synthesis(report: &LoopReport) -> Markup {
     html! {
         section {
             h2 { "Synthesis" }
-            p { "The stops of the legs, found so that the arm meets the desired frames (" (s.case) "). Grey: the base-line arm; dark: the synthesised one, extended legs in colour; the cross is the desired frame." }
+            p { "Stop positions with which the arm reaches the desired frames (" (s.case) "). Grey: the initial arm; dark: the synthesised arm, extended legs in colour; the cross is the desired frame." }
             (drawing::figure(report))
             div.two {
                 (frames_table(s))
@@ -89,7 +89,7 @@ fn synthesis(report: &LoopReport) -> Markup {
 fn frames_table(s: &SynthesisFigures) -> Markup {
     html! {
         table {
-            thead { tr { th { "frame" } th { "word" } th.num { "before" } th.num { "error" } th.num { "turn" } } }
+            thead { tr { th { "frame" } th { "word" } th.num { "before" } th.num { "error" } th.num { "angle error" } } }
             tbody {
                 @for frame in &s.frames {
                     tr {
@@ -120,11 +120,11 @@ fn paper_table(s: &SynthesisFigures) -> Markup {
     };
     html! {
         table {
-            thead { tr { th { "largest error" } th.num { "position" } th.num { "turn" } th.num { "time" } } }
+            thead { tr { th { "largest error" } th.num { "position" } th.num { "angle error" } th.num { "time" } } }
             tbody {
-                (row(&format!("here, {} steps", s.iterations), &ours))
-                @if let Some(here) = &s.paper_method { (row("the paper's method, here", here)) }
-                (row("the paper's own figures", &s.paper))
+                (row(&format!("default method, {} steps", s.iterations), &ours))
+                @if let Some(here) = &s.paper_method { (row("the paper's method, our implementation", here)) }
+                (row("as printed in the paper", &s.paper))
             }
         }
     }
@@ -136,7 +136,7 @@ fn programme(report: &LoopReport) -> Markup {
         section {
             h2 { "Measurement" }
             p {
-                (p.words) " words chosen for information, " (p.visits) " visits each after different words, "
+                "Measurement plan of " (p.words) " informative words, " (p.visits) " visits each, after different words, and "
                 (p.repeats) " exact repeats: " (p.rows) " poses, played by the board in " (format!("{:.0} s", p.time_s))
                 " from a table of " (p.table_rows) " rows. " (p.held_out) " words were drawn before any fit and held out."
             }
@@ -152,14 +152,19 @@ fn diagnosis(report: &LoopReport) -> Markup {
             @for sentence in &d.plain { p { (sentence) } }
             @if let Some(truth) = &report.truth {
                 p.unsealed {
-                    "Unsealed after the verdict: " b { (truth.effect) }
-                    @if !truth.place.is_empty() { " at " (truth.place) ", " (format!("{:.4e} {}", truth.size, truth.unit)) ", sized for " (format!("{:.0}", truth.times_scatter)) " × the repeatability" }
+                    "Injected effect: " b { (truth.effect) }
+                    @if !truth.place.is_empty() { ", " (truth.place) ", " (size(truth.size, truth.unit)) ", about " (format!("{:.0}", truth.times_scatter)) " × the repeatability" }
                     "."
                 }
             }
             (tables_and_plots(d))
         }
     }
+}
+
+/// The size of an effect; `1` stands for a number without unit.
+fn size(value: f64, unit: &str) -> String {
+    if unit == "1" { format!("{value:.4}") } else { format!("{value:.4e} {unit}") }
 }
 
 fn closing(report: &LoopReport) -> Markup {
@@ -170,7 +175,7 @@ fn closing(report: &LoopReport) -> Markup {
             @if !report.stops.is_empty() {
                 h3 { "Adjustments" }
                 table {
-                    thead { tr { th { "part" } th.num { "from" } th.num { "to" } th { "turn" } } }
+                    thead { tr { th { "part" } th.num { "from" } th.num { "to" } th { "adjustment" } } }
                     tbody {
                         @for stop in &report.stops {
                             tr { td { (stop.name) } td.num { (mm(stop.from_m)) } td.num { (mm(stop.to_m)) } td { (stop.turn) } }
@@ -209,7 +214,7 @@ fn closure_table(closure: &Closure) -> Markup {
 }
 
 impl Closure {
-    /// Whether the error came down to the goal.
+    /// Whether the error is within the goal.
     pub fn met(&self) -> bool {
         self.after_m <= self.goal_m
     }

@@ -1,7 +1,6 @@
-//! The report of one round through the loop: a page for people, JSON with the same numbers for programs, a table for
-//! the terminal.
+//! The report of one calibration loop: an HTML page, JSON with the same numbers, a table for the terminal.
 //!
-//! Everything is drawn from one plain value, [`LoopReport`]; nothing is computed on the way.
+//! All three are rendered from one value, [`LoopReport`].
 
 pub mod density;
 mod diagnosis;
@@ -30,10 +29,10 @@ pub use html::page;
 pub use motion::{MotionReport, along_time, chair_along_time, motion_page, page as page_of, plain_page, sagittal};
 pub use terminal::table;
 
-/// What the paper says of its synthesis: errors of 1e-7 m and 1e-9 degrees after 10² s.
+/// Errors and time of the synthesis in the paper: errors of 1e-7 m and 1e-9 degrees after 10² s.
 pub const PAPER: PaperFigures = PaperFigures { error_m: 1e-7, error_rad: 1.745_329_25e-11, time_s: 1e2 };
 
-/// One round through the loop in numbers.
+/// Figures of one calibration loop.
 #[derive(Clone, Debug, Serialize)]
 pub struct LoopReport {
     /// Name of the arm.
@@ -42,40 +41,42 @@ pub struct LoopReport {
     pub seed: u64,
     /// Version of this program.
     pub version: String,
-    /// What the firmware ran on.
+    /// Board that ran the firmware.
     pub board: String,
-    /// How long all of it took, s.
+    /// Total time, s.
     pub time_s: f64,
     /// Synthesis from the desired frames.
     pub synthesis: SynthesisFigures,
-    /// The measurement programme.
+    /// The measurement plan.
+    #[serde(rename = "measurement_plan")]
     pub programme: ProgrammeFigures,
-    /// What the measurement told.
+    /// Result of the diagnosis.
     pub diagnosis: Diagnosis,
-    /// What was really the matter, unsealed after the verdict; `None` on an arm that nobody drew.
+    /// Injected effect, revealed after the verdict; `None` for a real arm.
     pub truth: Option<Sealed>,
-    /// How the stops are to be turned.
+    /// Adjustments of the stops.
+    #[serde(rename = "adjustments")]
     pub stops: Vec<StopFigure>,
-    /// How the loop was closed, and what came of it.
+    /// Closures of the loop and their results.
     pub closures: Vec<Closure>,
-    /// The arm as it was and as it was synthesised, in each desired frame.
+    /// The initial and the synthesised arm in each desired frame.
     pub drawing: Drawing,
 }
 
-/// A synthesis in numbers.
+/// Figures of a synthesis.
 #[derive(Clone, Debug, Serialize)]
 pub struct SynthesisFigures {
     /// Sufficient, insufficient or redundant.
     pub case: String,
     /// Steps.
     pub iterations: u32,
-    /// How long it took, s.
+    /// Time, s.
     pub time_s: f64,
-    /// Root of the sum of squares of what the stops were altered by, m.
+    /// Change of the stops (RSS), m.
     pub alteration_m: f64,
     /// Each desired frame.
     pub frames: Vec<FrameFigure>,
-    /// What the paper says of its own.
+    /// Figures printed in the paper.
     pub paper: PaperFigures,
     /// The paper's method run here on the same frames; `None` where it was not run.
     pub paper_method: Option<PaperFigures>,
@@ -92,7 +93,7 @@ pub struct PaperFigures {
     pub time_s: f64,
 }
 
-/// A desired frame and how far the synthesis misses it.
+/// Error of the synthesis at a desired frame.
 #[derive(Clone, Debug, Serialize)]
 pub struct FrameFigure {
     /// Its name.
@@ -107,7 +108,7 @@ pub struct FrameFigure {
     pub error_rad: f64,
 }
 
-/// A measurement programme in numbers.
+/// Figures of a measurement plan.
 #[derive(Clone, Debug, Serialize)]
 pub struct ProgrammeFigures {
     /// Different words.
@@ -122,11 +123,11 @@ pub struct ProgrammeFigures {
     pub rows: usize,
     /// Rows of the board's table.
     pub table_rows: usize,
-    /// How long the board played it, s.
+    /// Duration on the board, s.
     pub time_s: f64,
 }
 
-/// One stop or anchor and how it is to be turned.
+/// Adjustment of one stop or anchor.
 #[derive(Clone, Debug, Serialize)]
 pub struct StopFigure {
     /// Which.
@@ -135,7 +136,8 @@ pub struct StopFigure {
     pub from_m: f64,
     /// To, m.
     pub to_m: f64,
-    /// What to do, in words.
+    /// Amount and direction.
+    #[serde(rename = "adjustment")]
     pub turn: String,
 }
 
@@ -144,15 +146,15 @@ pub struct StopFigure {
 pub struct Closure {
     /// What was done.
     pub name: String,
-    /// What that means, in a sentence.
+    /// Explanation.
     pub note: String,
     /// Each desired frame.
     pub frames: Vec<ClosedFrame>,
-    /// Measured error before, as a distance d, root mean square over the frames, m.
+    /// Measured error before: distance d, RMS over the frames, m.
     pub before_m: f64,
     /// The same after.
     pub after_m: f64,
-    /// What it has to come down to, m.
+    /// Goal, m.
     pub goal_m: f64,
 }
 
@@ -194,7 +196,7 @@ pub struct DrawnFrame {
 }
 
 impl LoopReport {
-    /// Whether the diagnosis named what was really the matter; `None` where nobody knows.
+    /// Whether the diagnosis named the injected effect; `None` for a real arm.
     pub fn named_rightly(&self) -> Option<bool> {
         let truth = self.truth.as_ref()?;
         Some(match &self.diagnosis.effects[..] {

@@ -15,20 +15,20 @@ const PERSON: [u8; 3] = [0x2a, 0x7f, 0x4f];
 const PLANNED: [u8; 3] = [0x1f, 0x6f, 0x8b];
 const EXECUTED: [u8; 3] = [0xb2, 0x3a, 0x2e];
 
-/// What a report of a motion shows.
+/// Contents of a report of a motion.
 #[derive(Clone, Copy)]
 pub struct MotionReport<'a> {
     /// The person.
     pub person: &'a Person,
     /// The plan.
     pub mapped: &'a Mapped,
-    /// The robot as it is believed to be: its masses tell the centre of mass of what was executed.
+    /// Model of the robot, for the centre of mass of the executed motion.
     pub robot: &'a Robot,
-    /// What came of it.
+    /// The executed motion.
     pub executed: Option<&'a Executed>,
 }
 
-/// Centre of mass and centre of pressure along time: the paper's figure 6.
+/// Centre of mass and centre of pressure over time: figure 6 of the paper.
 pub fn along_time(report: &MotionReport<'_>) -> Result<Figure> {
     let mapped = report.mapped;
     let over = |x: &dyn Fn(usize) -> f64| -> Vec<[f64; 2]> {
@@ -53,7 +53,7 @@ pub fn along_time(report: &MotionReport<'_>) -> Result<Figure> {
     Ok(Figure { x: "time, s", y: "forward, m", mark, band, curves })
 }
 
-/// What the chair bears along time, of a motion that was executed.
+/// Force on the chair over time, of an executed motion.
 pub fn chair_along_time(report: &MotionReport<'_>) -> Option<Figure> {
     let (mapped, executed) = (report.mapped, report.executed?);
     let points = mapped.time_s.iter().zip(&executed.chair_n).map(|(time, force)| [*time, *force]).collect();
@@ -62,7 +62,7 @@ pub fn chair_along_time(report: &MotionReport<'_>) -> Option<Figure> {
     Some(Figure { x: "time, s", y: "force, N", mark, band: None, curves: vec![curve] })
 }
 
-/// A path of the centre of mass in the sagittal plane, with a dot where the chair is left: a curve of the paper's figure 7.
+/// A path of the centre of mass in the sagittal plane, with a dot at lift-off: a curve of the paper's figure 7.
 pub fn sagittal(name: &str, color: [u8; 3], com: &[Vec3<f64>], lift_off: usize) -> Curve {
     let at = |com: &Vec3<f64>| [com.x, com.z];
     Curve {
@@ -74,7 +74,7 @@ pub fn sagittal(name: &str, color: [u8; 3], com: &[Vec3<f64>], lift_off: usize) 
     }
 }
 
-/// The whole page.
+/// The page.
 pub fn motion_page(robot: &str, report: &MotionReport<'_>) -> Result<String> {
     let mapped = report.mapped;
     let plane = Figure {
@@ -86,31 +86,37 @@ pub fn motion_page(robot: &str, report: &MotionReport<'_>) -> Result<String> {
     };
     let number = |value: f64, digits: usize| format!("{value:.digits$}");
     let rows = [
-        ("person's motion times", number(mapped.scale, 3)),
+        ("scale of the person's motion", number(mapped.scale, 3)),
         (
-            "person's centre of pressure, simulated less measured, worst, before, mm",
+            "largest error of the person's simulated centre of pressure before scaling, mm",
             number(1e3 * report.person.before.worst_m, 1),
         ),
         ("the same after scaling, mm", number(1e3 * report.person.after.worst_m, 1)),
-        ("centre of mass less its target, worst, m", format!("{:.1e}", mapped.com_error_m)),
-        ("target off the person's along the ground, for balance, worst, mm", number(1e3 * mapped.moved_m, 1)),
-        ("target off the person's in height, on the chair, worst, mm", number(1e3 * mapped.raised_m, 1)),
+        ("largest error of the centre of mass, m", format!("{:.1e}", mapped.com_error_m)),
+        (
+            "largest horizontal deviation of the target from the person's, for balance, mm",
+            number(1e3 * mapped.moved_m, 1),
+        ),
+        (
+            "largest vertical deviation of the target from the person's, on the chair, mm",
+            number(1e3 * mapped.raised_m, 1),
+        ),
         ("markers, RMS, mm", number(1e3 * mapped.trajectory.marker_rms_m, 1)),
-        ("zero-moment point, least margin, mm", number(1e3 * mapped.balance.zmp_margin_m, 1)),
-        ("centre of mass, least margin, mm", number(1e3 * mapped.balance.com_margin_m, 1)),
+        ("smallest margin of the zero-moment point, mm", number(1e3 * mapped.balance.zmp_margin_m, 1)),
+        ("smallest margin of the centre of mass, mm", number(1e3 * mapped.balance.com_margin_m, 1)),
     ];
     let body = html! {
         section {
-            h2 { "Centre of mass along time" }
-            p { "The line marks where the chair is left." }
+            h2 { "Centre of mass over time" }
+            p { "The line marks the lift-off from the chair." }
             (PreEscaped(along_time(report)?.svg()))
         }
         @if let Some(chair) = chair_along_time(report) {
-            section { h2 { "What the chair bears" } (PreEscaped(chair.svg())) }
+            section { h2 { "Force on the chair" } (PreEscaped(chair.svg())) }
         }
         section {
             h2 { "Centre of mass in the sagittal plane" }
-            p { "The dot marks where the chair is left." }
+            p { "The dot marks the lift-off from the chair." }
             (PreEscaped(plane.svg()))
         }
         section {
@@ -126,7 +132,7 @@ pub fn motion_page(robot: &str, report: &MotionReport<'_>) -> Result<String> {
     Ok(page(&format!("A person's motion on {robot}"), &body))
 }
 
-/// A page of text as the terminal shows it.
+/// A page of preformatted text.
 pub fn plain_page(title: &str, text: &str) -> String {
     page(title, &html! { section { pre { (text) } } })
 }

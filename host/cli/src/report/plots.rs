@@ -21,7 +21,7 @@ const WIDE: (u32, u32) = (920, 300);
 /// Size of a narrow one.
 const NARROW: (u32, u32) = (450, 250);
 
-/// Error of each word before and after, the worst first; held-out words are filled.
+/// Error of each word before and after, the largest first; held-out words are filled.
 pub(super) fn by_word(diagnosis: &Diagnosis) -> Markup {
     let mut words: BTreeMap<&str, (Vec<&Visit>, bool)> = BTreeMap::new();
     for (point, visit) in visits(diagnosis) {
@@ -40,7 +40,7 @@ pub(super) fn by_word(diagnosis: &Diagnosis) -> Markup {
     };
     let plot = Plot {
         size: WIDE,
-        x: "words, the worst first",
+        x: "words, largest error first",
         x_range: 0.0..rows.len().max(1) as f64,
         x_numbers: false,
         before: series(|row| row.0),
@@ -50,7 +50,7 @@ pub(super) fn by_word(diagnosis: &Diagnosis) -> Markup {
     plot.draw()
 }
 
-/// Error over one quantity; `None` where it was not measured or does not change.
+/// Error over one quantity; `None` where it was not measured or is constant.
 pub(super) fn over(diagnosis: &Diagnosis, name: &str, of: &dyn Fn(&Point, &Visit) -> Option<f64>) -> Option<Markup> {
     let xs: Vec<f64> = visits(diagnosis).filter_map(|(point, visit)| of(point, visit)).collect();
     let (low, high) = xs.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
@@ -157,7 +157,7 @@ fn scalable(svg: &str, (width, height): (u32, u32)) -> String {
     svg.replacen(&fixed, "<svg role=\"img\"", 1)
 }
 
-/// A number with as many decimals as tell marks apart that are a fifth of `span` apart.
+/// A number with enough decimals for marks that are a fifth of `span` apart.
 fn number(value: f64, span: f64) -> String {
     let decimals = (1.0 - span.log10().floor()).clamp(0.0, 6.0) as usize;
     let text = format!("{value:.decimals$}");

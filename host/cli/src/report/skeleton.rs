@@ -1,8 +1,8 @@
-//! What all pages have in common.
+//! The frame of all pages.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-/// A page with everything that it needs in it: `title` is that of the window, `body` all that is seen.
+/// A self-contained page: `title` is that of the window, `body` its content.
 pub(super) fn skeleton(title: &str, body: &Markup) -> Markup {
     html! {
         (DOCTYPE)

@@ -9,7 +9,7 @@ pub fn table(report: &LoopReport) -> String {
     let mut row = |name: &str, value: String| rows.push((name.into(), value));
     row("arm, board, seed", format!("{}, {}, seed {}", report.arm, report.board, report.seed));
     synthesis(report, &mut row);
-    row("programme", programme(report));
+    row("measurement plan", measurement_plan(report));
     diagnosis(report, &mut row);
     for closure in &report.closures {
         let met = if closure.after_m <= closure.goal_m { "met" } else { "NOT met" };
@@ -33,14 +33,17 @@ fn synthesis(report: &LoopReport, row: &mut impl FnMut(&str, String)) {
     );
     row("synthesis", ours);
     let paper = &synthesis.paper;
-    row("  the paper's own", format!("{:.0e} m, {}, {:.0} s", paper.error_m, angle(paper.error_rad), paper.time_s));
+    row(
+        "  printed in the paper",
+        format!("{:.0e} m, {}, {:.0} s", paper.error_m, angle(paper.error_rad), paper.time_s),
+    );
     if let Some(here) = &synthesis.paper_method {
-        let told = format!("{:.0e} m, {}, {:.2} s", here.error_m, angle(here.error_rad), here.time_s);
-        row("  the paper's method here", told);
+        let figures = format!("{:.0e} m, {}, {:.2} s", here.error_m, angle(here.error_rad), here.time_s);
+        row("  paper's method, ours", figures);
     }
 }
 
-fn programme(report: &LoopReport) -> String {
+fn measurement_plan(report: &LoopReport) -> String {
     let p = &report.programme;
     format!(
         "{} words, {} held out, {} rows with {} exact repeats, played in {:.0} s",
@@ -67,12 +70,12 @@ fn diagnosis(report: &LoopReport, row: &mut impl FnMut(&str, String)) {
     }
     if let Some(truth) = &report.truth {
         let right = match report.named_rightly() {
-            Some(true) => "named rightly",
-            _ => "NOT named rightly",
+            Some(true) => "named correctly",
+            _ => "NOT named correctly",
         };
         let what =
             if truth.place.is_empty() { truth.effect.into() } else { format!("{} at {}", truth.effect, truth.place) };
-        row("  unsealed", format!("{what}: {right}"));
+        row("  injected effect", format!("{what}: {right}"));
     }
     if let (Some(before), Some(after)) = (&diagnosis.error.before.heldout, &diagnosis.error.after.heldout) {
         let repeats = diagnosis.repeatability.as_ref().map_or(String::new(), |r| {
@@ -83,7 +86,7 @@ fn diagnosis(report: &LoopReport, row: &mut impl FnMut(&str, String)) {
     }
     if diagnosis.verdict == Verdict::NotIdentifiable {
         let all: Vec<String> = diagnosis.alternatives.iter().map(|a| format!("{} at {}", a.law, a.site.code)).collect();
-        row("  it may be", all.join("; "));
+        row("  candidates", all.join("; "));
     }
 }
 

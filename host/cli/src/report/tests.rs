@@ -1,4 +1,4 @@
-//! A report of a small round through the loop: the page is whole, and the JSON has its numbers.
+//! A report of a small calibration loop: the page is complete, and the JSON has the same numbers.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use darm_diagnose::diagnosis::diagnose;
 use darm_diagnose::measurement_plan::{self, plan};
 use darm_diagnose::truth::{Kind, Truth};
 
-/// A report on an arm with a stroke loss; what the board would tell is made up.
+/// A report on an arm with a stroke loss; the board's figures are invented.
 fn report() -> LoopReport {
     let base = Arm::parse(Path::new("planar4.toml"), include_str!("../../../../examples/planar4.toml")).unwrap();
     let text = include_str!("../../../../examples/planar4-frames.toml");
@@ -52,8 +52,8 @@ fn report() -> LoopReport {
             turn: "3.000 mm out".into(),
         }],
         closures: vec![Closure {
-            name: "stops turned".into(),
-            note: "The geometry is synthesised again with the effect, and a person turns the stops.".into(),
+            name: "stops adjusted".into(),
+            note: "Synthesis is repeated with the effect, and the stops are adjusted.".into(),
             frames: desired.iter().map(closed).collect(),
             before_m: 6e-3,
             after_m: 0.3e-3,
@@ -83,7 +83,7 @@ fn synthesis_figures(found: &synthesis::Synthesis) -> SynthesisFigures {
 }
 
 #[test]
-fn page_and_json_tell_the_same() {
+fn page_and_json_have_the_same_numbers() {
     let report = report();
     let folder = tempfile::tempdir().unwrap();
     report.write(folder.path()).unwrap();
@@ -104,7 +104,10 @@ fn page_and_json_tell_the_same() {
 }
 
 #[test]
-fn the_table_says_what_was_found() {
+fn the_table_names_the_effect() {
     let text = table(&report());
-    assert!(text.contains("effect-found") && text.contains("named rightly") && text.contains("stops turned"), "{text}");
+    assert!(
+        text.contains("effect-found") && text.contains("named correctly") && text.contains("stops adjusted"),
+        "{text}"
+    );
 }

@@ -51,7 +51,7 @@ fn visits_of_another_table_or_of_none_are_refused() {
     is_refused(&home, &board, "record b.darm -o run.csv", "b.visits.csv belongs to table");
     let old: String = visits.lines().filter(|line| !line.starts_with("# table ")).map(|l| format!("{l}\n")).collect();
     home.write("a.visits.csv", &old);
-    is_refused(&home, &board, "record a.darm -o run.csv", "make the file again with `darm table`");
+    is_refused(&home, &board, "record a.darm -o run.csv", "remake the file with `darm table`");
 }
 
 /// Poses of the arm file `name` as a recording of the model `header`.
@@ -124,7 +124,7 @@ fn a_table_file_that_names_another_digest_is_refused() {
 }
 
 #[test]
-fn a_table_file_shows_what_it_holds() {
+fn a_table_file_shows_its_contents() {
     let home = Home::new();
     let arm = example("planar4-hybrid.toml");
     let words: Vec<String> = (1..15).map(|k| format!("0000{k:04b}0000")).collect();
@@ -138,9 +138,14 @@ fn a_table_file_shows_what_it_holds() {
         table["rows"].as_array().unwrap().iter().map(|row| row["word"].as_str().unwrap().to_owned()).collect()
     };
     assert_eq!(words(&shown), words(&made));
-    assert_eq!((&shown["rows"][0]["servos_deg"][0], shown["servos"].as_array().unwrap().len()), (&10.0.into(), 1));
+    assert_eq!(
+        (&shown["rows"][0]["servos_rad"], shown["servos"].as_array().unwrap().len()),
+        (&made["rows"][0]["servos_rad"], 1)
+    );
+    let angle_rad = shown["rows"][0]["servos_rad"][0].as_f64().unwrap();
+    assert!((angle_rad - 10f64.to_radians()).abs() < 1e-6, "{angle_rad}");
     assert_eq!((shown["outputs"].as_array().unwrap().len(), shown["actuators"].as_array().unwrap().len()), (12, 12));
-    assert!(shown["outputs"][0]["max_on_ms"].as_u64() > Some(0) && shown["outputs"][0]["drive"].is_string());
+    assert!(shown["outputs"][0]["max_on_s"].as_f64() > Some(0.0) && shown["outputs"][0]["drive"].is_string());
     let (some, all) = (home.succeeds("table --show a.darm"), home.succeeds("table --show a.darm --all"));
     assert!(some.starts_with(&format!("table    {}\n", shown["digest"].as_str().unwrap())), "{some}");
     assert!(some.contains("more rows; --all shows them") && some.len() < all.len(), "{some}");

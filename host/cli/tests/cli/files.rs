@@ -8,8 +8,7 @@ fn a_table_replaces_tables_only() {
     let arm = example("planar4.toml");
     let make = |output: &str| format!("table {arm} --words 000010000000 -o {output}");
     home.write("arm.toml", "precious");
-    let other =
-        "darm: arm.toml exists and is not a table of `darm table`; name another file with -o, or remove it first";
+    let other = "darm: arm.toml exists and is not a table of `darm table`; choose another name, or remove it first";
     home.fails(&make("arm.toml"), 1, other);
     assert_eq!(std::fs::read_to_string(home.path("arm.toml")).unwrap(), "precious");
     home.write("one.visits.csv", "time_s,word\n");
@@ -40,7 +39,7 @@ fn a_recording_replaces_a_measurement_with_force_only() {
         home.fails(
             &format!("record one.darm -o {file} {}", board.port),
             1,
-            &format!("darm: {file} exists; --force overwrites it"),
+            &format!("darm: {file} exists; overwrite it with --force"),
         );
         assert_eq!(std::fs::read(home.path(file)).unwrap(), before);
         home.succeeds(&format!("record one.darm -o {file} --force {}", board.port));
@@ -51,7 +50,7 @@ fn a_recording_replaces_a_measurement_with_force_only() {
 fn an_arm_and_its_profile_are_two_files_or_none() {
     let home = Home::new();
     let old = example("../tests/data/arms-format-1/planar4.toml");
-    let same = "darm: both.toml and ./both.toml are the same file; give each its own name";
+    let same = "darm: both.toml and ./both.toml are the same file; choose two different names";
     home.fails(&format!("profile migrate {old} -o both.toml --profile ./both.toml"), 1, same);
     assert!(!home.path("both.toml").exists());
     let output = home.darm(&format!("profile migrate {old} -o arm.toml --profile missing/board.toml"));

@@ -16,8 +16,8 @@ fn rows_that_leave_the_range_of_a_servo_are_refused_where_the_table_is_made() {
     let make = |angle: &str| {
         format!("table {arm} --profile narrow.toml --words 000010000000 --servos {angle} --dwell 0.2 -o one.darm")
     };
-    let refused = "darm: row 0, word 000010000000: servo 1 (base joint) would go to 45.0 deg, without a zero offset the \
-                   profile's range is -60.0 to 30.0 deg; choose an angle within it, or correct the range in the profile";
+    let refused = "darm: row 0, word 000010000000: servo 0 (base joint) would go to 45.0 deg, but the profile allows \
+                   -60.0 to 30.0 deg without a zero offset; choose an angle within the range, or correct the range in the profile";
     home.fails(&make("45"), 1, refused);
     assert!(!home.path("one.darm").exists());
     home.succeeds(&make("30"));
@@ -29,11 +29,11 @@ fn the_check_of_a_profile_shows_limits_in_force_and_warns() {
     let arm = narrow(&home);
     let checked = home.darm(&format!("profile check narrow.toml --arm {arm}"));
     assert!(checked.status.success());
-    let warning = "warning: base joint: servo 1 has the range -60.0 to 60.0 deg in the arm file; without a zero offset the \
-                   profile's range is -60.0 to 30.0 deg";
+    let warning = "warning: base joint: servo 0 has the range -60.0 to 60.0 deg in the arm file, but the profile allows \
+                   -60.0 to 30.0 deg without a zero offset";
     assert!(text(&checked.stderr).contains(warning), "{}", text(&checked.stderr));
     let said = text(&checked.stdout);
-    assert!(said.starts_with("narrow.toml is sound: ") && said.contains("12 outputs, 1 servo\n"), "{said}");
+    assert!(said.starts_with("narrow.toml is valid: ") && said.contains("12 outputs, 1 servo\n"), "{said}");
     let output = "number = 0\ndrive = \"hold\"\nline = 0\nmax_on_ms = 9000\nduty_percent = 50\nwindow_ms = 10000\n";
     let head = "format = 1\nname = \"hot\"\nambient_c = 50.0\nderate_percent_per_k = 2.0\n";
     home.write("hot.toml", &format!("{head}[supply]\nnew_outputs = 1\nwindow_ms = 10\n[[output]]\n{output}"));
@@ -57,12 +57,12 @@ fn a_table_with_the_default_dwell_fits_the_first_profile() {
     let home = Home::new();
     let arm = example("planar4.toml");
     let made = home.darm(&format!("profile make {arm} -o first.toml"));
-    assert!(text(&made.stderr).contains("first.toml\"` there in its place"), "{}", text(&made.stderr));
+    assert!(text(&made.stderr).contains("; replace it by `profile = \""), "{}", text(&made.stderr));
     home.succeeds(&format!("table {arm} --profile first.toml --words 000010000000 -o one.darm"));
 }
 
 #[test]
-fn an_emergency_stop_that_opens_when_pressed_is_released_in_the_plant_unless_asked() {
+fn an_emergency_stop_that_opens_when_pressed_is_released_in_the_simulator_by_default() {
     let home = Home::new();
     let profile = std::fs::read_to_string(example("planar4.profile.toml")).unwrap();
     home.write(
@@ -82,7 +82,7 @@ fn an_emergency_stop_that_opens_when_pressed_is_released_in_the_plant_unless_ask
 }
 
 #[test]
-fn small_sentences_name_what_is_meant() {
+fn messages_name_ports_profiles_and_refused_lines() {
     let home = Home::new();
     home.fails(
         "status -p /dev/null",

@@ -1,12 +1,15 @@
-//! The tool `darm` as a user meets it: help with examples, messages and exit codes, JSON, and the way from a base-line
-//! to a table that a board plays, is watched at and is measured. The board is the firmware's library in a process.
+//! The command line as a user sees it: help, messages, exit codes, JSON, and the steps from a synthesis to a recording. The
+//! board is the firmware's library in a process.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
 mod digests;
+mod examples;
 mod files;
+mod former_names;
+mod json_keys;
 mod limits;
 mod measurements;
 mod profile;
@@ -16,7 +19,7 @@ mod stop;
 mod unfinished;
 
 const COMMANDS: [&str; 26] = [
-    "synth", "stops", "table", "upload", "play", "stop", "status", "record", "diagnose", "console", "plant", "flash",
+    "synth", "adjust", "table", "upload", "play", "stop", "status", "record", "diagnose", "console", "sim", "flash",
     "doctor", "profile", "fk", "jacobian", "ik", "bench-ik", "dynamics", "com", "model", "draw", "nearest", "map",
     "path", "grasp",
 ];
@@ -76,7 +79,7 @@ impl Home {
     }
 }
 
-/// A board of `darm plant` in this home; commands reach it by `self.port`.
+/// A board of `darm sim` in this home; commands reach it by `self.port`.
 struct Board {
     child: Child,
     port: String,
@@ -85,7 +88,7 @@ struct Board {
 impl Board {
     /// Starts a board and waits until it has said where it is.
     fn start(home: &Home, line: &str) -> Self {
-        let mut command = home.command(&format!("--json plant --in-process {line}"));
+        let mut command = home.command(&format!("--json sim --in-process {line}"));
         let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).spawn().unwrap();
         let mut said = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut said).unwrap();
@@ -127,10 +130,10 @@ fn every_command_has_help_with_examples() {
 }
 
 #[test]
-fn a_hand_makes_contacts_or_says_which_it_cannot() {
+fn a_hand_makes_contacts_or_reports_which_it_cannot() {
     let home = Home::new();
     let (hand, contacts) = (example("allegro_hand.toml"), example("grasp-contacts.toml"));
-    let found = home.json(&format!("grasp solve {hand} {contacts} --picture grasp.svg"));
+    let found = home.json(&format!("grasp solve {hand} {contacts} --plot grasp.svg"));
     assert!(found["error_m"].as_f64().unwrap() < 1e-6 && found["fingers"].as_array().unwrap().len() == 4);
     assert!(std::fs::read_to_string(home.path("grasp.svg")).unwrap().contains("front: y, z"));
     let bare = example("allegro_hand.urdf");
@@ -140,13 +143,13 @@ fn a_hand_makes_contacts_or_says_which_it_cannot() {
     assert!(text(&arm.stderr).contains("name four by --tips INDEX,MEDIUM,RING,THUMB"), "{}", text(&arm.stderr));
     let text = std::fs::read_to_string(&contacts).unwrap();
     home.write("far.toml", &text.replace("[390, 24, 140]", "[-390, 24, 140]"));
-    let far = "darm: contacts index and thumb are 838 mm apart, out of reach: stretched, the fingers bridge 373 mm";
+    let far = "darm: contacts index and thumb are 838 mm apart, the fingers can span 373 mm; move the contacts closer";
     home.fails(&format!("grasp solve {hand} far.toml"), 1, far);
     home.write("three.toml", text.rsplit_once("[[contact]]").unwrap().0);
     let three = "darm: three.toml:2:10: 3 contacts are given, there must be 4, each a [[contact]]";
     home.fails(&format!("grasp solve {hand} three.toml"), 1, three);
-    let trained = home.json(&format!("grasp train {hand} --n 5 --lambdas 3 --file training.txt"));
-    assert_eq!(trained, home.json(&format!("grasp train {hand} --n 5 --lambdas 3 --file training.txt")));
+    let trained = home.json(&format!("grasp train {hand} --constraints 5 --lambdas 3 --file training.txt"));
+    assert_eq!(trained, home.json(&format!("grasp train {hand} --constraints 5 --lambdas 3 --file training.txt")));
 }
 
 #[test]
@@ -179,33 +182,33 @@ fn bad_usage_has_the_code_two() {
         2,
         "darm: --words 0104: digit 4 of the word is not one of 0 to 3",
     );
-    home.fails(&format!("plant {arm} --line-low 64"), 2, "darm: no line 64; they go from 0 to 63");
+    home.fails(&format!("sim {arm} --line-low 64"), 2, "darm: line 64 does not exist; give 0 to 63");
 }
 
 #[test]
-fn files_that_are_no_tables_are_told() {
+fn files_that_are_not_tables_are_reported() {
     let home = Home::new();
     home.fails("upload a.darm", 1, "darm: cannot read a.darm: No such file or directory (os error 2)");
     home.write("a.darm", "no table");
-    home.fails("upload a.darm", 1, "darm: a.darm is not a table of this version; make it again with `darm table`");
+    home.fails("upload a.darm", 1, "darm: a.darm is not a table of this version; remake it with `darm table`");
     home.fails(
         "record a.darm -o run.csv",
         1,
-        "darm: cannot read a.visits.csv: No such file or directory (os error 2); `darm table` writes it beside the table",
+        "darm: cannot read a.visits.csv: No such file or directory (os error 2); `darm table` writes it together with the table",
     );
 }
 
 #[test]
-fn an_arm_file_is_blamed_by_line_and_column() {
+fn an_error_in_an_arm_file_has_line_and_column() {
     let home = Home::new();
     home.write("arm.toml", "format = 2\nname = \"a\"\nstages = 3\n");
-    let output = home.darm("stops arm.toml arm.toml");
+    let output = home.darm("adjust arm.toml arm.toml");
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stderr).starts_with("darm: arm.toml:3:1: "), "{}", text(&output.stderr));
 }
 
 #[test]
-fn from_a_base_line_to_a_table() {
+fn a_synthesised_arm_gets_adjustments_and_a_table() {
     let home = Home::new();
     let (base, frames) = (example("planar4.toml"), example("planar4-frames.toml"));
     let found = home.json(&format!("synth {base} {frames} -o arm.toml"));
@@ -214,9 +217,11 @@ fn from_a_base_line_to_a_table() {
         assert!(frame["error_m"].as_f64().unwrap() <= 1e-9 && frame["error_rad"].as_f64().unwrap() <= 1e-9);
     }
 
-    let stops = home.json(&format!("stops {base} arm.toml"));
-    assert!(!stops["settings"].as_array().unwrap().is_empty());
-    assert!(home.succeeds(&format!("stops {base} {base}")).starts_with("nothing to move"));
+    let adjustments = home.json(&format!("adjust {base} arm.toml"));
+    let first = &adjustments["settings"][0];
+    let [from_m, to_m, change_m] = ["from_m", "to_m", "change_m"].map(|key| first[key].as_f64().unwrap());
+    assert!((to_m - from_m - change_m).abs() < 1e-12 && from_m > 0.1 && from_m < 3.0, "{first}");
+    assert!(home.succeeds(&format!("adjust {base} {base}")).starts_with("no adjustment"));
 
     let table = home.json(&format!("table arm.toml {frames} -o visits.darm"));
     assert_eq!(table["visits"], 5);
@@ -232,7 +237,7 @@ fn from_a_base_line_to_a_table() {
 }
 
 #[test]
-fn the_doctor_speaks_json() {
+fn the_doctor_reports_json_and_fails_with_a_check() {
     let home = Home::new();
     let board = Board::start(&home, &example("planar4.toml"));
     for line in ["doctor", &format!("doctor {}", board.port)] {
@@ -247,6 +252,17 @@ fn the_doctor_speaks_json() {
         check.unwrap_or_else(|| panic!("{name}: {report}"))["state"].clone()
     };
     assert_eq!(["board", "table", "profile", "outputs"].map(state), ["good", "missing", "good", "good"]);
+    assert_eq!(
+        home.darm(&format!("--json doctor {}", board.port)).status.code(),
+        Some(0),
+        "a missing table is no failure"
+    );
+    for json in ["", "--json "] {
+        let failed = home.darm(&format!("{json}doctor --port unix:none"));
+        assert_eq!(failed.status.code(), Some(1), "{json}");
+        assert!(text(&failed.stderr).contains("1 of the checks failed"), "{}", text(&failed.stderr));
+        assert!(text(&failed.stdout).contains("no port unix:none"), "{}", text(&failed.stdout));
+    }
 }
 
 #[test]
@@ -266,7 +282,7 @@ fn a_table_is_uploaded_played_and_measured() {
 
     let recorded = home.json(&format!("record visits.darm --arm {arm} -o run.csv {port}"));
     assert_eq!(recorded["rows"], 5);
-    // A computer that was busy meanwhile is told of, and that alone.
+    // The only note allowed is about a busy computer.
     let findings = recorded["findings"].as_array().unwrap();
     assert!(findings.iter().all(|finding| finding.as_str().unwrap().contains("clock lost")), "{findings:?}");
     let run = std::fs::read_to_string(home.path("run.csv")).unwrap();
@@ -278,7 +294,7 @@ fn a_table_is_uploaded_played_and_measured() {
 }
 
 #[test]
-fn the_board_answers_which_word_is_nearest() {
+fn the_board_searches_the_nearest_word() {
     let home = Home::new();
     let arm = example("planar4.toml");
     home.succeeds(&format!("table {arm} --words 000010000000 -o plain.darm"));
@@ -287,7 +303,7 @@ fn the_board_answers_which_word_is_nearest() {
     let port = &board.port;
     let ask = format!("nearest {arm} 300,4200,10");
     let none = home.darm(&format!("{ask} --board {port}"));
-    assert!(text(&none.stderr).contains("the board holds no table"), "{}", text(&none.stderr));
+    assert!(text(&none.stderr).contains("the board has no table"), "{}", text(&none.stderr));
     home.succeeds(&format!("upload plain.darm {port}"));
     home.fails(
         &format!("{ask} --board {port}"),
@@ -296,15 +312,15 @@ fn the_board_answers_which_word_is_nearest() {
     );
     home.succeeds(&format!("upload framed.darm {port}"));
     let (near, exact) = (home.json(&format!("{ask} --board {port}")), home.json(&ask));
-    let [distance_mm, least_mm] = [&near, &exact["nearest"][0]].map(|found| found["distance_mm"].as_f64().unwrap());
-    assert!(distance_mm > least_mm - 1e-3 && distance_mm < 2.0 * least_mm, "{distance_mm} {least_mm}");
+    let [distance_m, smallest_m] = [&near, &exact["nearest"][0]].map(|found| found["distance_m"].as_f64().unwrap());
+    assert!(distance_m > smallest_m - 1e-6 && distance_m < 2.0 * smallest_m, "{distance_m} {smallest_m}");
     let said = home.types(&format!("console {port}"), "nearest 300 4200 10\nquit\n");
     assert!(said.contains(near["word"].as_str().unwrap()) && said.contains(" mm and "), "{said}");
-    assert!(home.succeeds(&format!("{ask} --seconds 5")).contains("out of 4096 words, none nearer than"));
+    assert!(home.succeeds(&format!("{ask} --seconds 5")).contains("4096 words, lower bound "));
 }
 
 #[test]
-fn a_stuck_output_is_an_exit_code_and_a_sentence() {
+fn a_stuck_output_gives_an_exit_code_and_a_message() {
     let home = Home::new();
     let arm = example("planar4.toml");
     home.succeeds(&format!("table {arm} --words 000010000000 -o one.darm"));
@@ -315,7 +331,7 @@ fn a_stuck_output_is_an_exit_code_and_a_sentence() {
     assert_eq!(played.status.code(), Some(3));
     let said = text(&played.stderr);
     let expected = "darm: the board is in its safe state: actuator 4: limit switch expected closed, seen open at ";
-    assert!(said.starts_with(expected) && said.contains(", row 0; mend the cause"), "{said}");
+    assert!(said.starts_with(expected) && said.contains(", row 0; remove the cause"), "{said}");
     assert_eq!(home.darm(&format!("status {port}")).status.code(), Some(3));
     assert!(home.succeeds(&format!("stop --clear {port}")).contains("cleared: actuator 4"));
     assert_eq!(home.json(&format!("status {port}"))["phase"], "idle");
@@ -342,7 +358,7 @@ fn status_shows_which_outputs_recover() {
 }
 
 #[test]
-fn the_console_speaks_the_words_of_the_board() {
+fn the_console_runs_the_commands_of_the_board() {
     let home = Home::new();
     let board = Board::start(&home, &example("planar4.toml"));
     let said = home.types(&format!("console {}", board.port), "id\nhelp\ndance\nquit\n");

@@ -153,7 +153,7 @@ fn masses_are_identified_and_bad_postures_are_told() {
     let (home, planar) = (Home::new(), robot("planar5.urdf"));
     home.write("good.csv", &postures(|_| ()));
     let told = home.json(&format!("com identify {planar} good.csv --splits 5 -o masses.json"));
-    assert_eq!((told["rank"].as_u64(), told["possible"].as_bool()), (Some(10), Some(true)));
+    assert_eq!((told["rank"].as_u64(), told["physically_consistent"].as_bool()), (Some(10), Some(true)));
     assert!(told["held_out"]["identified_m"][0].as_f64().unwrap() < 1e-6, "{told}");
     assert!(told["missing"]["named"].as_array().unwrap().is_empty(), "{told}");
     assert!(std::fs::read_to_string(home.path("masses.json")).unwrap().contains("torso"));

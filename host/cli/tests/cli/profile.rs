@@ -8,7 +8,7 @@ fn old() -> String {
 }
 
 #[test]
-fn an_arm_file_of_format_1_is_refused_with_its_cure_and_split_in_two() {
+fn an_arm_file_of_format_1_is_refused_with_a_fix_and_split_in_two() {
     let home = Home::new();
     std::fs::copy(old(), home.path("old.toml")).unwrap();
     let message = "darm: old.toml:5:10: the file has format 1, in which the arm carried the limits of its board; bring it over \
@@ -24,7 +24,7 @@ fn an_arm_file_of_format_1_is_refused_with_its_cure_and_split_in_two() {
     let migrate = "profile migrate old.toml -o arm.toml --profile boards/valves.toml";
     let made = home.json(migrate);
     assert_eq!((&made["outputs"], &made["name"]), (&12.into(), &"planar4".into()));
-    home.fails(migrate, 1, "darm: arm.toml exists; --force overwrites it");
+    home.fails(migrate, 1, "darm: arm.toml exists; overwrite it with --force");
     home.succeeds(&format!("{migrate} --force"));
     home.fails(
         "profile migrate arm.toml -o b.toml --profile b.profile.toml",
@@ -49,7 +49,7 @@ fn an_arm_file_of_format_1_is_refused_with_its_cure_and_split_in_two() {
 }
 
 #[test]
-fn a_synthesised_arm_names_the_profile_of_its_base_line() {
+fn a_synthesised_arm_names_the_profile_of_the_initial_arm() {
     let home = Home::new();
     std::fs::create_dir(home.path("out")).unwrap();
     for name in ["planar4.toml", "planar4.profile.toml"] {
@@ -67,7 +67,7 @@ fn a_first_profile_is_made_with_advice_and_runs_on_a_board() {
     let home = Home::new();
     let arm = example("planar4.toml");
     home.succeeds(&format!("profile make {arm} -o first.toml"));
-    home.fails(&format!("profile make {arm} -o first.toml"), 1, "darm: first.toml exists; --force overwrites it");
+    home.fails(&format!("profile make {arm} -o first.toml"), 1, "darm: first.toml exists; overwrite it with --force");
     let first = std::fs::read_to_string(home.path("first.toml")).unwrap();
     assert!(first.contains("Data sheet: duty cycle") && first.contains("\nmax_on_ms = 1000\n"), "{first}");
     let slow = home.darm(&format!("table {arm} --words 000010000000 --dwell 2 --profile first.toml -o one.darm"));

@@ -53,7 +53,7 @@ fn an_output_that_cannot_be_written_is_refused_before_anything_moves() {
 }
 
 #[test]
-fn rows_are_on_the_disk_when_the_recording_is_killed_and_a_second_one_goes_on() {
+fn rows_are_on_the_disk_when_the_recording_is_killed_and_a_second_one_resumes() {
     let home = Home::new();
     let board = board(&home);
     let mut child = recording(&home, &format!("-o run.csv {}", board.port));
@@ -125,7 +125,7 @@ impl Cable {
 }
 
 #[test]
-fn a_recording_goes_on_when_the_cable_was_pulled_and_reports_it() {
+fn a_recording_survives_an_unplugged_cable_and_reports_it() {
     let home = Home::new();
     let board = board(&home);
     let cable = Cable::to(&home, &board);
@@ -165,5 +165,5 @@ fn a_recording_names_the_table_and_the_profile_of_the_board() {
     home.succeeds(&format!("upload one.darm {}", board.port));
     let other = home.darm(&format!("record one.darm --resume -o run.csv {}", board.port));
     assert_eq!(other.status.code(), Some(1));
-    assert!(text(&other.stderr).contains("run.csv: the recording is of table "), "{}", text(&other.stderr));
+    assert!(text(&other.stderr).contains("run.csv: the recording was made with table "), "{}", text(&other.stderr));
 }

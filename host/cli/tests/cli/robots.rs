@@ -28,31 +28,37 @@ fn poses_of_a_table_lead_back_to_postures() {
 }
 
 #[test]
-fn postures_are_found_by_populations_and_all_of_them_are_told() {
+fn postures_are_found_by_populations_and_all_of_them_are_listed() {
     let (home, puma) = (Home::new(), example("puma560.toml"));
-    let found = home.json(&format!("ik {puma} --to 400,150,900 --method cma-es --tolerance-mm 1"));
+    let found = home.json(&format!("ik {puma} --to 400,150,900 --method cma-es --tolerance 1"));
     assert_eq!((&found["answers"][0]["method"], &found["answers"][0]["status"]), (&"cma-es".into(), &"reached".into()));
-    let all = home.json(&format!("ik {puma} --to 400,150,900 --angles 180,0,90 --all --picture all.svg"));
+    let all = home.json(&format!("ik {puma} --to 400,150,900 --angles 180,0,90 --all --plot all.svg"));
     let postures = all["postures"].as_array().unwrap();
     assert!(all["freedom"] == 0 && postures.len() > 1, "{all}");
     assert!(std::fs::read_to_string(home.path("all.svg")).unwrap().starts_with("<svg"));
-    let sampled = home.succeeds(&format!("ik {puma} --to 400,150,900 --all --most 3 --starts 50"));
+    let sampled = home.succeeds(&format!("ik {puma} --to 400,150,900 --all --count 3 --starts 50"));
     assert!(
-        sampled.starts_with("a sample of 3 postures: the arm can move in 3 ways without moving the frame"),
+        sampled.starts_with("a sample of 3 postures: the arm has 3 degrees of freedom of self-motion"),
         "{sampled}"
     );
-    assert!(home.succeeds(&format!("ik {puma} --to 4000,0,0 --all --starts 9")).starts_with("no posture: none of 9"));
+    assert!(
+        home.succeeds(&format!("ik {puma} --to 4000,0,0 --all --starts 9")).starts_with("no posture found: none of 9")
+    );
     let bench = "bench-ik --planar 300,300,300 --to 500,400,0 --runs 3 --iterations 30";
     let compared = home.json(&format!("{bench} --methods lm,memr --plot bench.svg"));
-    assert_eq!((&compared["methods"][0]["met"], &compared["methods"][1]["met"]), (&3.into(), &0.into()));
+    assert_eq!((&compared["methods"][0]["reached"], &compared["methods"][1]["reached"]), (&3.into(), &0.into()));
     assert!(std::fs::read_to_string(home.path("bench.svg")).unwrap().contains("memr"));
-    home.fails("bench-ik --planar 300,nan --to 1,2,3", 2, "darm: --planar: NaN mm is no length");
+    home.fails(
+        "bench-ik --planar 300,nan --to 1,2,3",
+        2,
+        "darm: --planar: NaN is not a length in mm; give numbers of at least 0",
+    );
     home.fails(
         "bench-ik --to 1,2,3",
         2,
-        "darm: name a robot, or the links of an arm in the plane: --planar 300,300,300",
+        "darm: no robot; name one, or give the links of a planar arm: --planar 300,300,300",
     );
-    home.fails("bench-ik --link 0", 2, "darm: --link 0: a length above zero is needed");
+    home.fails("bench-ik --link 0", 2, "darm: --link 0: give a length above 0 mm");
     assert_eq!(home.darm(&format!("{bench} --population 1000000000000")).status.code(), Some(2));
 }
 
@@ -64,23 +70,23 @@ fn kinematics_and_dynamics_agree_on_the_command_line() {
     let listed: Vec<_> = torque.iter().map(|torque| torque.to_string()).collect();
     let still = home.json(&format!("dynamics {puma} --q 0,45,-90,0,0,0 --torque {}", listed.join(",")));
     assert!(still["states"][0]["acceleration"].as_array().unwrap().iter().all(|x| x.as_f64().unwrap().abs() < 1e-9));
-    let loaded = home.json(&format!("dynamics {puma} --q 0,45,-90,0,0,0 --wrench 0,0,0,0,0,10"));
-    let statics = home.json(&format!("jacobian {puma} --q 0,45,-90,0,0,0 --wrench 0,0,0,0,0,10"));
+    let loaded = home.json(&format!("dynamics {puma} --q 0,45,-90,0,0,0 --external-wrench 0,0,0,0,0,10"));
+    let statics = home.json(&format!("jacobian {puma} --q 0,45,-90,0,0,0 --external-wrench 0,0,0,0,0,10"));
     for joint in 0..6 {
         let of = |report: &serde_json::Value| report["states"][0]["torque"][joint].as_f64().unwrap();
         let by_load = statics["postures"][0]["statics"][joint].as_f64().unwrap();
-        assert!((of(&held) - of(&loaded) - by_load).abs() < 1e-12);
+        assert!((of(&loaded) - of(&held) - by_load).abs() < 1e-12);
     }
     let said = home.succeeds(&format!("dynamics {} --word 010110011101", example("planar4.toml")));
     assert!(said.contains("module 1, right leg     133.871  N"), "{said}");
     let legs = home.json(&format!("jacobian {} --word 010110011101", example("planar4.toml")));
-    assert_eq!((legs["columns"].as_array().unwrap().len(), &legs["postures"][0]["whole"]["rank"]), (12, &3.into()));
+    assert_eq!((legs["columns"].as_array().unwrap().len(), &legs["postures"][0]["full"]["rank"]), (12, &3.into()));
     let whole = home.json(&format!("com {} --floating", robot("simple_humanoid.urdf")));
     assert!((whole["mass_kg"].as_f64().unwrap() - 130.8).abs() < 1e-9);
 }
 
 #[test]
-fn torques_are_told_with_what_a_diagnosis_found() {
+fn torques_include_the_effects_of_a_model() {
     let home = Home::new();
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/measured");
     let effect = |law: &str, place: &str, values: &str| {
@@ -96,11 +102,11 @@ fn torques_are_told_with_what_a_diagnosis_found() {
     for (joint, more) in [0.5, 0.0, 1.0, 0.0, 0.0, 0.0].into_iter().enumerate() {
         let of = |state: &serde_json::Value, key: &str| state[key][joint].as_f64().unwrap();
         assert!((of(&with, "torque") - of(&without, "torque") - more).abs() < 1e-9, "joint {joint}: {with}");
-        assert!((of(&with, "of_effects") - more).abs() < 1e-9);
+        assert!((of(&with, "effects_torque") - more).abs() < 1e-9);
     }
-    assert!(without["of_effects"].is_null());
+    assert!(without["effects_torque"].is_null());
     let said = home.succeeds("dynamics found.toml --postures run.csv");
-    assert!(said.contains("of effects"), "{said}");
+    assert!(said.contains("  effects"), "{said}");
     home.write("lost.toml", &(robot + &effect("offset", "joint 9", "offset = 1.0")));
     home.fails(
         "dynamics lost.toml",
@@ -110,12 +116,12 @@ fn torques_are_told_with_what_a_diagnosis_found() {
     home.fails(
         "dynamics found.toml --torque 0,0,0,0,0,0",
         2,
-        "darm: --torque and --forward: of a model with effects only the torques of a motion",
+        "darm: --torque and --forward: a model with effects supports inverse dynamics only; give --qd and --qdd",
     );
 }
 
 #[test]
-fn a_file_is_told_and_drawn() {
+fn a_model_is_shown_and_drawn() {
     let (home, panda) = (Home::new(), robot("panda.urdf"));
     let said = home.succeeds(&format!("model {panda}"));
     assert!(said.contains("warning: joint `panda_finger_joint2` mimics `panda_finger_joint1`"), "{said}");
@@ -138,24 +144,24 @@ fn a_file_is_told_and_drawn() {
 }
 
 #[test]
-fn a_posture_that_makes_no_sense_is_told() {
+fn an_invalid_posture_is_reported() {
     let (home, puma) = (Home::new(), example("puma560.toml"));
     home.fails(
         &format!("fk {} --q 1,2", example("planar2.toml").replace("planar2", "planar4")),
         2,
-        "darm: --q has 2 numbers, there must be 0: none: nothing here is moved by a number",
+        "darm: --q has 2 numbers, expected 0: it has no joints or servos",
     );
     home.fails(
         &format!("fk {puma} --q 1,2,3,4,5,6mm"),
         2,
-        "darm: `6mm` of flange: `mm` is no unit here, there are deg or rad",
+        "darm: flange: unit `mm` in `6mm` is invalid; use deg or rad",
     );
     home.write("run.csv", "q1_deg\n1\n");
-    let message = "darm: run.csv: no column shoulder_deg (or q2_deg); the file has q1_deg";
+    let message = "darm: run.csv: no column shoulder_deg (or q2_deg); its columns are q1_deg";
     home.fails(&format!("fk {puma} --postures run.csv"), 2, message);
     home.write("run.csv", "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n1,2,x,4,5,6\n");
-    let message = "darm: run.csv: line 2: column q3_deg holds `x`, expected a number";
+    let message = "darm: run.csv:2: column q3_deg: `x`: expected a number";
     home.fails(&format!("fk {puma} --postures run.csv"), 2, message);
-    let message = "darm: there is no frame `hand`; there are base, link 1, link 2, link 3, link 4, link 5, link 6";
+    let message = "darm: no frame `hand`; the frames are base, link 1, link 2, link 3, link 4, link 5, link 6";
     home.fails(&format!("fk {puma} --frame hand"), 2, message);
 }

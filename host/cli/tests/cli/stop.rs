@@ -57,7 +57,7 @@ fn playing(home: &Home, line: &str) -> Child {
     child
 }
 
-fn interrupt(child: &Child) {
+pub(crate) fn interrupt(child: &Child) {
     kill_process(Pid::from_child(child), Signal::INT).unwrap();
 }
 
@@ -93,7 +93,10 @@ fn a_stop_at_a_socket_that_another_program_holds_does_not_claim_to_be_sent() {
     assert!(took < BOUND, "{took:?}");
     let said = text(&stopped.stderr);
     assert_eq!(stopped.status.code(), Some(5), "{said}");
-    assert!(!said.contains("was sent") && said.contains("another program that holds it, and is not `darm`"), "{said}");
+    assert!(
+        !said.contains("was sent") && said.contains("a program other than `darm` that holds it blocks the stop"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -109,7 +112,7 @@ fn a_stop_reaches_a_board_whose_port_another_command_holds() {
 }
 
 #[test]
-fn a_port_that_another_program_reads_gets_the_frame_and_the_code_says_that_nobody_confirmed() {
+fn a_stop_through_a_port_that_another_program_reads_is_sent_and_reported_as_unconfirmed() {
     let home = Home::new();
     let (mut board, port) = terminal();
     let thief =
@@ -125,7 +128,7 @@ fn a_port_that_another_program_reads_gets_the_frame_and_the_code_says_that_nobod
 }
 
 #[test]
-fn a_port_that_takes_no_bytes_is_given_up_within_a_second() {
+fn a_stop_through_a_port_that_accepts_no_bytes_ends_within_a_second() {
     let home = Home::new();
     let (_board, port) = terminal();
     let flags = rustix::fs::OFlags::RDWR | rustix::fs::OFlags::NOCTTY | rustix::fs::OFlags::NONBLOCK;
@@ -147,7 +150,7 @@ fn a_port_that_takes_no_bytes_is_given_up_within_a_second() {
 }
 
 #[test]
-fn ctrl_c_stops_the_arm_and_says_so() {
+fn ctrl_c_stops_the_arm_and_reports_it() {
     let home = Home::new();
     let board = long_program(&home);
     for line in ["play", "record long.darm -o run.csv --camera camera.csv"] {
@@ -165,7 +168,7 @@ fn ctrl_c_stops_the_arm_and_says_so() {
 
 /// A process that does not answer holds the port, as far as anyone can tell: the frame goes to the port itself.
 #[test]
-fn a_holder_that_hangs_does_not_keep_the_stop_back() {
+fn a_process_that_hangs_and_holds_the_port_does_not_block_the_stop() {
     let home = Home::new();
     let board = Board::start(&home, &example("planar4.toml"));
     let holders = home.path(".local/state/darm/ports");

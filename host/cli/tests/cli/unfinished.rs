@@ -34,7 +34,7 @@ fn stopped(home: &Home, board: &Board, line: &str, after_s: f64) -> (Option<i32>
 }
 
 #[test]
-fn a_program_that_starts_after_a_phase_by_hand_is_watched_to_its_end() {
+fn a_program_that_starts_after_manual_control_is_followed_to_its_end() {
     let home = Home::new();
     let board = board(&home, 0.3);
     for line in ["play", "record six.darm -o run.csv"] {
@@ -51,7 +51,7 @@ fn a_program_that_another_one_stops_has_the_code_seven() {
     let board = board(&home, 1.0);
     let (code, played, said) = stopped(&home, &board, "play", 3.0);
     assert_eq!((code, &played["end"]), (Some(7), &"stopped".into()), "{said}");
-    assert!(played["rows_played"].as_u64().unwrap() < 6 && said.contains("stopped by another program"), "{said}");
+    assert!(played["rows_played"].as_u64().unwrap() < 6 && said.contains("another program stopped the arm"), "{said}");
     let (code, recorded, said) = stopped(&home, &board, "record six.darm -o run.csv", 4.5);
     assert_eq!((code, &recorded["end"]), (Some(7), &"stopped".into()), "{said}");
     assert!(recorded["rows"].as_u64().unwrap() < 6, "{said}");
@@ -61,7 +61,7 @@ fn a_program_that_another_one_stops_has_the_code_seven() {
 }
 
 #[test]
-fn a_recording_that_is_resumed_when_its_program_is_over_has_the_code_seven() {
+fn a_recording_that_is_resumed_after_its_program_has_the_code_seven() {
     let home = Home::new();
     let board = board(&home, 1.0);
     let mut child = start(&home, &format!("record six.darm -o run.csv {}", board.port));
@@ -71,5 +71,9 @@ fn a_recording_that_is_resumed_when_its_program_is_over_has_the_code_seven() {
     home.succeeds(&format!("stop {}", board.port));
     let resumed = home.darm(&format!("record six.darm --resume -o run.csv {}", board.port));
     assert_eq!(resumed.status.code(), Some(7), "{}{}", text(&resumed.stdout), text(&resumed.stderr));
-    assert!(text(&resumed.stderr).contains("was over before the recording was resumed"), "{}", text(&resumed.stderr));
+    assert!(
+        text(&resumed.stderr).contains("the program ended before the recording was resumed"),
+        "{}",
+        text(&resumed.stderr)
+    );
 }

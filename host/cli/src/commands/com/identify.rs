@@ -10,16 +10,17 @@ use darm_robot::urdf::{self, Locks};
 use serde::Serialize;
 
 use crate::failure::Usage;
-use crate::voice::{Answer, Voice, columns, number};
+use crate::ui::{Answer, Ui, columns, number};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm com identify humanoid.urdf postures.csv                 static postures, a row each
-  darm com identify humanoid.urdf postures.csv -o masses.json  for `darm com map --masses`
-  darm com identify humanoid.urdf motion.csv --motion --lowpass 5
+  darm com identify planar5.urdf planar5-postures.csv   # static postures
+  darm com identify planar5.urdf planar5-postures.csv -o masses.json   # for `darm com map --masses`
+  darm com identify humanoid.urdf motion.csv --motion --lowpass 5      # a motion (no_run: data)
 
-The table: JOINT_rad (or _deg) and tau_JOINT_nm of every joint, Fx_n … Mz_nm that the ground exerts on the base (z up, about the \
-world's origin; in the sagittal plane Fx, Fz and My), LINK_Fx_n … on other links. What is not measured tells no row.";
+The table: JOINT_rad (or _deg) and tau_JOINT_nm of every joint; Fx_n … Mz_nm that the ground exerts on the base (z up, about \
+the world's origin; in the sagittal plane Fx, Fz and My); LINK_Fx_n … on other links. Quantities that are not measured \
+contribute no equation.";
 
 /// Identify masses and centres of mass from postures or motions
 #[derive(clap::Args, Debug)]
@@ -31,16 +32,16 @@ pub(crate) struct Identify {
     /// Postures, torques and contact wrenches
     #[arg(value_name = "FILE.csv")]
     samples: PathBuf,
-    /// The rows are a motion, not postures at rest: all ten parameters of each link and friction
+    /// The rows are a motion, not static postures: identify all ten inertial parameters of each link, and friction
     #[arg(long)]
     motion: bool,
-    /// Corner of the low-pass on all channels of a motion, Hz
+    /// Cut-off frequency of the low-pass on all signals of a motion, Hz
     #[arg(long, value_name = "HZ", requires = "motion")]
     lowpass: Option<f64>,
-    /// Noise of the sensors (standard deviations): joint torque in N m, contact force in N, contact moment in N m
+    /// Noise of the sensors (standard deviations): joint torque (N m), contact force (N), contact moment (N m)
     #[arg(long, value_name = "N_M,N,N_M", default_value = "5,5,2")]
     noise: String,
-    /// Random splits into 90 % that are fitted and 10 % that are predicted
+    /// Number of random splits into 90 % for the fit and 10 % held out
     #[arg(long, default_value_t = 1000)]
     splits: usize,
     /// Seed of the splits
@@ -49,22 +50,22 @@ pub(crate) struct Identify {
     /// Write the identified masses, for `darm com map --masses`
     #[arg(short, long, value_name = "MASSES.json")]
     output: Option<PathBuf>,
-    /// Write a report for people
+    /// Write a report
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
 }
 
-/// What was identified.
+/// Result of an identification.
 #[derive(Serialize)]
 struct Identified {
     robot: String,
     samples: usize,
     parameters: usize,
     rank: usize,
-    /// Residual over the noise that was given: 1 when it is right.
-    scatter: f64,
-    possible: bool,
-    /// Sums of parameters that the rows tell, in words, nominal, identified and its standard deviation.
+    /// Reduced chi-squared: 1 if the given noise is right.
+    reduced_chi_squared: f64,
+    physically_consistent: bool,
+    /// Identifiable sums of parameters: nominal, identified and its standard deviation.
     base_parameters: Vec<BaseRow>,
     links: Vec<LinkMass>,
     friction: Vec<FrictionRow>,
@@ -76,12 +77,12 @@ struct Identified {
 
 /// Components of a wrench.
 const COMPONENTS: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
-/// A residual beyond this share of the noise is told.
-const TOO_FAR: f64 = 3.0;
+/// A residual beyond this share of the noise gives a note.
+const MAX_RESIDUAL: f64 = 3.0;
 
 #[derive(Serialize)]
 struct BaseRow {
-    words: String,
+    parameter: String,
     nominal: f64,
     identified: f64,
     sd: f64,
@@ -89,24 +90,25 @@ struct BaseRow {
 
 #[derive(Serialize)]
 struct FrictionRow {
-    words: String,
+    parameter: String,
     value: f64,
     sd: f64,
 }
 
 impl Identify {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let noise = self.noise()?;
         let mut robot = urdf::read(&self.robot, &Locks::new())?;
         robot.floating = true;
         let kind = if self.motion { Kind::Moving } else { Kind::Static };
         let read = identify::read(&self.samples, &robot, kind, self.lowpass)?;
         let equations = Equations::new(&robot, &read.samples, &read.rows, noise, kind)?;
-        let wheel = voice.wheel("fitting");
+        let spinner = ui.spinner("fitting");
         let fit = equations.fit(kind);
         if let Some((component, left)) = equations.turned(&fit) {
             anyhow::bail!(
-                "{}: with its sign turned the residual falls from {} to {} of the noise: it must be what the ground exerts on the robot, about the world's origin, z up",
+                "{}: its sign is probably wrong: reversed, the residual falls from {} to {} of the noise; give what the ground \
+                 exerts on the robot, about the world's origin, z up",
                 COMPONENTS[component],
                 number(fit.scatter.sqrt(), 1),
                 number(left, 1)
@@ -119,14 +121,14 @@ impl Identify {
             read.held_out.clone()
         };
         let missing = identify::missing(&robot, &equations, &tenth);
-        wheel.finish_and_clear();
+        spinner.finish_and_clear();
         let mut findings = read.findings;
         if kind == Kind::Static && robot.joints.iter().zip(&read.rows.torque).any(|(_, measured)| !measured) {
-            findings.push("joints without a torque column tell no row".into());
+            findings.push("joints without a torque column contribute no equation".into());
         }
-        if fit.scatter.sqrt() > TOO_FAR {
+        if fit.scatter.sqrt() > MAX_RESIDUAL {
             findings.push(format!(
-                "the residual is {} of the noise: a frame, a unit or a sign is wrong, or --noise too small",
+                "the residual is {} of the noise; check frames, units and signs, or increase --noise",
                 number(fit.scatter.sqrt(), 1)
             ));
         }
@@ -135,8 +137,8 @@ impl Identify {
             samples: equations.samples.len(),
             parameters: equations.unknowns.len(),
             rank: fit.rank,
-            scatter: fit.scatter,
-            possible: fit.is_possible,
+            reduced_chi_squared: fit.scatter,
+            physically_consistent: fit.is_possible,
             base_parameters: base_rows(&robot, &equations, &fit),
             links: identify::link_masses(&robot, &equations, &fit.values),
             friction: friction(&robot, &equations, &fit),
@@ -146,13 +148,13 @@ impl Identify {
         };
         if let Some(path) = &self.output {
             let text = serde_json::to_string_pretty(&identified.links)?;
-            std::fs::write(path, text).with_context(|| format!("{} cannot be written", path.display()))?;
+            std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))?;
         }
         if let Some(path) = &self.report {
-            let page = darm::report::plain_page("What the links weigh", &identified.text());
-            std::fs::write(path, page).with_context(|| format!("{} cannot be written", path.display()))?;
+            let page = darm::report::plain_page("Identified link masses", &identified.text());
+            std::fs::write(path, page).with_context(|| format!("cannot write {}", path.display()))?;
         }
-        voice.tell(&identified)
+        ui.print(&identified)
     }
 
     fn noise(&self) -> Result<Noise, Usage> {
@@ -161,7 +163,7 @@ impl Identify {
             [torque_nm, force_n, moment_nm] if numbers.iter().all(|x| *x > 0.0 && x.is_finite()) => {
                 Ok(Noise { torque_nm, force_n, moment_nm })
             }
-            _ => Err(Usage(format!("--noise {}: three numbers above 0, such as 5,5,2", self.noise))),
+            _ => Err(Usage(format!("--noise {}: give three numbers above 0, such as 5,5,2", self.noise))),
         }
     }
 }
@@ -174,7 +176,7 @@ fn base_rows(robot: &Robot, equations: &Equations, fit: &identify::Fit) -> Vec<B
         let sum = |of: &dyn Fn(usize) -> f64| terms.iter().map(|(c, k)| c * of(*k)).sum::<f64>();
         let variance: f64 = terms.iter().map(|(a, i)| sum(&|j| a * fit.covariance[(*i, j)])).sum();
         BaseRow {
-            words: BaseParameters::words(parameter, robot),
+            parameter: BaseParameters::words(parameter, robot),
             nominal: sum(&|k| equations.nominal[k]),
             identified: sum(&|k| fit.values[k]),
             sd: variance.max(0.0).sqrt(),
@@ -187,7 +189,7 @@ fn friction(robot: &Robot, equations: &Equations, fit: &identify::Fit) -> Vec<Fr
     let unknowns =
         equations.unknowns.iter().enumerate().filter(|(_, unknown)| !matches!(unknown, Unknown::Inertial(_)));
     let row = |(k, unknown): (usize, &Unknown)| FrictionRow {
-        words: unknown.words(robot),
+        parameter: unknown.words(robot),
         value: fit.values[k],
         sd: fit.covariance[(k, k)].max(0.0).sqrt(),
     };
@@ -198,22 +200,24 @@ impl Answer for Identified {
     fn text(&self) -> String {
         let head = |cells: &[&str]| cells.iter().map(|cell| (*cell).to_owned()).collect::<Vec<_>>();
         let mut text = format!(
-            "{}: {} samples tell {} sums of {} parameters; residual {} of the noise; bodies {}",
+            "{}: {} samples identify {} sums of {} parameters; residual {} of the noise; {}",
             self.robot,
             self.samples,
             self.rank,
             self.parameters,
-            number(self.scatter.sqrt(), 2),
-            if self.possible { "possible" } else { "not possible without a worse fit" },
+            number(self.reduced_chi_squared.sqrt(), 2),
+            if self.physically_consistent {
+                "physically consistent bodies"
+            } else {
+                "physically consistent bodies would fit worse"
+            },
         );
-        let mut rows = vec![head(&["sum that is told (kg, kg m, kg m2)", "nominal", "identified", "sd"])];
-        rows.extend(
-            self.base_parameters.iter().map(|row| {
-                vec![row.words.clone(), number(row.nominal, 3), number(row.identified, 3), number(row.sd, 3)]
-            }),
-        );
+        let mut rows = vec![head(&["identifiable sum (kg, kg m, kg m2)", "nominal", "identified", "sd"])];
+        rows.extend(self.base_parameters.iter().map(|row| {
+            vec![row.parameter.clone(), number(row.nominal, 3), number(row.identified, 3), number(row.sd, 3)]
+        }));
         text += &format!("\n\n{}", columns(&rows));
-        let mut rows = vec![head(&["centre of pressure, held out, mm", "x", "y"])];
+        let mut rows = vec![head(&["held-out error of the centre of pressure, mm", "x", "y"])];
         let mm = |of: [Option<f64>; 2]| of.map(|at| at.map_or("not measured".into(), |at| number(1e3 * at, 2)));
         let named = [
             ("nominal masses", self.held_out.nominal_m),
@@ -224,7 +228,7 @@ impl Answer for Identified {
         text += &format!("\n\n{}", columns(&rows));
         if !self.friction.is_empty() {
             let mut rows = vec![head(&["friction (N m, N m s)", "identified", "sd"])];
-            rows.extend(self.friction.iter().map(|f| vec![f.words.clone(), number(f.value, 3), number(f.sd, 3)]));
+            rows.extend(self.friction.iter().map(|f| vec![f.parameter.clone(), number(f.value, 3), number(f.sd, 3)]));
             text += &format!("\n\n{}", columns(&rows));
         }
         text += &missing(&self.missing);
@@ -235,17 +239,17 @@ impl Answer for Identified {
 
 fn missing(missing: &Missing) -> String {
     let Some(_) = missing.named.first() else {
-        return "\n\nno single link lacks a mass that these rows would tell".into();
+        return "\n\nno undeclared mass detected".into();
     };
-    let mut text = String::from("\n\nmass that the model does not declare");
+    let mut text = String::from("\n\nundeclared masses");
     for named in &missing.named {
         let links = named.links.join(" or ");
         let (mass, sd) = (number(named.mass_kg, 2), number(named.mass_sd_kg, 2));
-        text += &format!("\n  {links}: {mass} kg (sd {sd}), {}; by chance {:.0e}", named.side, named.p);
+        text += &format!("\n  {links}: {mass} kg (sd {sd}), {}; p = {:.0e}", named.side, named.p);
     }
     let mm = |of: [f64; 2]| number(1e3 * of[0], 2);
     text += &format!(
-        "\n  centre of pressure, held out, x: {} mm before, {} mm after",
+        "\n  held-out error of the centre of pressure, x: {} → {} mm",
         mm(missing.before_m),
         mm(missing.after_m)
     );

@@ -15,22 +15,22 @@ use darm_robot::urdf::{self, Locks};
 use serde::Serialize;
 
 use super::super::subject::csv_line;
-use crate::voice::{Answer, Voice, number};
+use crate::ui::{Answer, Ui, number};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm com map human.urdf robot.urdf stand.toml capture.csv -o motion.csv --report motion.html
-  darm com map human.urdf robot.urdf stand.toml capture.csv --masses masses.json   with identified masses
-  darm com map human.urdf robot.urdf stand.toml capture.csv --execute              on a simulated robot
+  darm com map human.urdf robot.urdf stand.toml capture.csv -o motion.csv   # (no_run: data)
+  darm com map human.urdf robot.urdf stand.toml capture.csv --execute       # (no_run: data)
 
-The capture: t_s, MARKER_x MARKER_y MARKER_z (m, empty where not seen) and Fx_n … Mz_nm of all plates together, z up. \
-stand.toml says where the markers are, what stands and sits, which link follows which: host/papers/src/motion/setup.rs.";
+The capture: t_s, MARKER_x MARKER_y MARKER_z (m, empty where not visible) and Fx_n … Mz_nm of all force plates together, z \
+up. stand.toml lists the markers, feet, seat and corresponding links; its keys are documented in \
+host/papers/src/motion/setup.rs. --execute runs the motion on a simulated robot, --masses uses identified masses.";
 
-/// Map a person's motion on a robot: the centre of mass exactly, the markers as well as they can be followed
+/// Map a person's motion on a robot: centre of mass as a hard constraint, markers in the least-squares sense
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Map {
-    /// An average person
+    /// Model of an average person
     #[arg(value_name = "PERSON.urdf")]
     person: PathBuf,
     /// The robot
@@ -39,25 +39,25 @@ pub(crate) struct Map {
     /// Markers, feet and links
     #[arg(value_name = "SETUP.toml")]
     setup: PathBuf,
-    /// Markers and force plates along time
+    /// Markers and force plates over time
     #[arg(value_name = "CAPTURE.csv")]
     capture: PathBuf,
-    /// Masses that `darm com identify -o` wrote
+    /// Masses from `darm com identify -o`
     #[arg(long, value_name = "MASSES.json")]
     masses: Option<PathBuf>,
     /// Write the motion of base and joints
     #[arg(short, long, value_name = "MOTION.csv")]
     output: Option<PathBuf>,
-    /// Write a report for people
+    /// Write a report
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// Execute it on the simulated robot: joint PD control about the plan, with the plan's torques beforehand
+    /// Execute the motion on a simulated robot: joint PD control with feed-forward torques
     #[arg(long)]
     execute: bool,
 }
 
 #[derive(Serialize)]
-struct Told {
+struct Summary {
     robot: String,
     frames: usize,
     scale: f64,
@@ -66,9 +66,9 @@ struct Told {
     person_after: CopError,
     scales: Vec<Scale>,
     com_error_m: f64,
-    /// How far balance takes the target of the centre of mass off the person's, along the ground.
+    /// Horizontal deviation of the target of the centre of mass from the person's, for balance.
     com_moved_m: f64,
-    /// How far the chair does, in height.
+    /// Vertical deviation, because of the chair.
     com_raised_m: f64,
     com_axes: Vec<&'static str>,
     marker_rms_m: f64,
@@ -80,19 +80,19 @@ struct Told {
 }
 
 impl Map {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let (average, robot) = (floating(&self.person)?, self.robot()?);
         let setup = Setup::read(&self.setup, &average, &robot)?;
         let names: Vec<String> = setup.markers.iter().map(|marker| marker.name.clone()).collect();
         let capture = Capture::read(&self.capture, &names)?;
-        let wheel = voice.wheel("scaling the person");
+        let spinner = ui.spinner("scaling the person");
         let on_person: Vec<Fixed> = setup.markers.iter().map(|marker| marker.on_person).collect();
         let found = person(&average, &on_person, &capture)?;
-        wheel.set_message("mapping the motion");
+        spinner.set_message("mapping the motion");
         let mapped = map(&robot, &setup, &found, &capture)?;
-        wheel.set_message("executing it");
+        spinner.set_message("executing the motion");
         let executed = self.execute.then(|| executed(&robot, &setup, &mapped)).transpose()?;
-        wheel.finish_and_clear();
+        spinner.finish_and_clear();
         if let Some(path) = &self.output {
             write(path, &motion_csv(&robot, &mapped))?;
         }
@@ -100,15 +100,16 @@ impl Map {
             let curves = MotionReport { person: &found, mapped: &mapped, robot: &robot, executed: executed.as_ref() };
             write(path, &motion_page(&robot.name, &curves)?)?;
         }
-        voice.tell(&Told::of(&robot, (&found, &mapped), executed.map(|executed| executed.fell), &capture))
+        ui.print(&Summary::of(&robot, (&found, &mapped), executed.map(|executed| executed.fell), &capture))
     }
 
     fn robot(&self) -> anyhow::Result<Robot> {
         let robot = floating(&self.robot)?;
         let Some(path) = &self.masses else { return Ok(robot) };
-        let text = std::fs::read_to_string(path).with_context(|| format!("{} cannot be read", path.display()))?;
-        let masses: Vec<LinkMass> = serde_json::from_str(&text)
-            .with_context(|| format!("{} holds no masses: darm com identify -o writes them", path.display()))?;
+        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+        let masses: Vec<LinkMass> = serde_json::from_str(&text).with_context(|| {
+            format!("{} contains no masses; write them with `darm com identify -o`", path.display())
+        })?;
         Ok(with_masses(&robot, &masses))
     }
 }
@@ -125,7 +126,7 @@ fn floating(path: &Path) -> anyhow::Result<Robot> {
 }
 
 fn write(path: &Path, text: &str) -> anyhow::Result<()> {
-    std::fs::write(path, text).with_context(|| format!("{} cannot be written", path.display()))
+    std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// Time, base and joints, frame by frame.
@@ -142,19 +143,20 @@ fn motion_csv(robot: &Robot, mapped: &Mapped) -> String {
     lines.join("\n") + "\n"
 }
 
-impl Told {
+impl Summary {
     fn of(robot: &Robot, (person, mapped): (&Person, &Mapped), fell: Option<bool>, capture: &Capture) -> Self {
         let free = |k: &usize| !mapped.axes[*k];
         let mut findings = capture.findings.clone();
         if person.after.worst_m > WITHIN_M {
             findings.push(format!(
-                "the person's centre of pressure stays {} mm off the measured one at worst, where {} mm are wanted: are all plates and markers in one frame and at one time?",
+                "largest error of the person's centre of pressure: {} mm, more than {} mm; check that plates and markers share one \
+                 frame and one clock",
                 number(1e3 * person.after.worst_m, 0),
                 number(1e3 * WITHIN_M, 0)
             ));
         }
         findings.extend((0..3).filter(free).map(|k| {
-            format!("the robot cannot move its centre of mass along {}: it is left free", ["x", "y", "z"][k])
+            format!("the robot cannot move its centre of mass along {}: unconstrained there", ["x", "y", "z"][k])
         }));
         Self {
             robot: robot.name.clone(),
@@ -176,14 +178,14 @@ impl Told {
     }
 }
 
-impl Answer for Told {
+impl Answer for Summary {
     fn text(&self) -> String {
         let mm = |at: f64| number(1e3 * at, 1);
         let mut text = format!(
-            "{}: {} frames, the person's motion times {}\n\
-             person: simulated centre of pressure {} mm off at worst, {} mm after scaling\n\
-             centre of mass held along {} to {:.1e} m on every frame; markers within {} mm (RMS)\n\
-             least margin: zero-moment point {} mm (frame {}), centre of mass {} mm (frame {})",
+            "{}: {} frames, the person's motion scaled by {}\n\
+             person: largest error of the simulated centre of pressure {} mm, {} mm after scaling\n\
+             centre of mass constrained along {}, error up to {:.1e} m; markers {} mm (RMS)\n\
+             smallest margin: zero-moment point {} mm (frame {}), centre of mass {} mm (frame {})",
             self.robot,
             self.frames,
             number(self.scale, 3),
@@ -198,22 +200,22 @@ impl Answer for Told {
             self.balance.com_frame,
         );
         if let Some(lift_off) = self.lift_off_s {
-            text += &format!("\noff the chair at {} s", number(lift_off, 2));
+            text += &format!("\nlift-off from the chair at {} s", number(lift_off, 2));
         }
         text += &format!(
-            "\nits centre of mass leaves the person's by up to {} mm along the ground, for balance, and {} mm in height, on the chair",
+            "\ncentre of mass deviates from the person's by up to {} mm horizontally, for balance, and {} mm vertically, on the chair",
             mm(self.com_moved_m),
             mm(self.com_raised_m)
         );
         if self.balance.zmp_margin_m < 0.0 {
             text += &format!(
-                "\nthe zero-moment point leaves what bears the robot, most in frame {}: slow the motion down",
+                "\nthe zero-moment point leaves the support polygon, most in frame {}; slow the motion down",
                 self.balance.zmp_frame
             );
         }
         match self.fell {
-            Some(true) => text += "\nexecuted: it falls",
-            Some(false) => text += "\nexecuted: it stands",
+            Some(true) => text += "\nexecuted: the robot falls",
+            Some(false) => text += "\nexecuted: the robot does not fall",
             None => {}
         }
         self.findings.iter().for_each(|finding| text += &format!("\nnote: {finding}"));

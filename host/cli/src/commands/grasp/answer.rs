@@ -1,4 +1,4 @@
-//! What `darm grasp` says.
+//! Results of `darm grasp`.
 
 use darm_core::se::rotation_log;
 use darm_papers::grasp::contact::Configuration;
@@ -8,16 +8,16 @@ use darm_papers::grasp::train::{Chosen, PAPER_LAMBDAS, PAPER_SUCCESS, Training};
 use serde::Serialize;
 
 use super::Search;
-use crate::voice::{Answer, columns, number};
+use crate::ui::{Answer, columns, number};
 
-/// A grasp, with what the robot's own forward kinematics says of it.
+/// A grasp, checked by the robot's forward kinematics.
 #[derive(Serialize)]
 pub(super) struct Found {
     starts: usize,
     iterations: u32,
     palm: Palm,
     fingers: Vec<Finger>,
-    /// Largest distance of a contact from where it was asked for.
+    /// Largest distance of a contact from its target.
     error_m: f64,
     error_rad: f64,
 }
@@ -68,8 +68,8 @@ impl Answer for Found {
         let table = columns(&std::iter::once(head).chain(rows).collect::<Vec<_>>());
         let vector = |v: [f64; 3], factor: f64| v.map(|x| number(factor * x, 2)).join(", ");
         format!(
-            "{table}\n\npalm at {} mm, turned by {} deg (rotation vector)\n\
-             contacts met to {:.1e} mm and {:.1e} deg, nothing collides: checked by the robot's own kinematics\n\
+            "{table}\n\npalm at {} mm, rotation vector {} deg\n\
+             contact errors up to {:.1e} mm and {:.1e} deg, no collision: checked by independent forward kinematics\n\
              {} start{}, {} iterations",
             vector(self.palm.position_m, 1e3),
             vector(self.palm.rotation_vector_rad, 180.0 / std::f64::consts::PI),
@@ -82,7 +82,7 @@ impl Answer for Found {
     }
 }
 
-/// A trained sequence beside the paper's.
+/// A trained sequence and the paper's.
 #[derive(Serialize)]
 pub(super) struct Trained {
     constraints: usize,
@@ -106,7 +106,14 @@ impl Trained {
 
 impl Answer for Trained {
     fn text(&self) -> String {
-        let head = ["k", "lambda", "solves of the rest, %", "accumulated, %", "lambda of the paper", "its %"];
+        let head = [
+            "k",
+            "lambda",
+            "solved of the remaining, %",
+            "accumulated, %",
+            "paper: lambda",
+            "paper: solved of the remaining, %",
+        ];
         let cell = |values: &[f64], k: usize| values.get(k).map_or(String::new(), |value| format!("{value:.2}"));
         let rows = (0..self.lambdas.len()).map(|k| {
             vec![

@@ -1,4 +1,4 @@
-//! `darm ik --all`: every posture that reaches a target, told apart, and as one picture.
+//! `darm ik --all`: all postures that reach a target, as a list and as a plot.
 
 use anyhow::Context as _;
 use darm_papers::convergence;
@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::{ALL_STARTS, Ik, Target};
 use crate::commands::subject::Coordinate;
-use crate::voice::{Answer, Voice, columns, number};
+use crate::ui::{Answer, Ui, columns, number};
 
 #[derive(Serialize)]
 struct All {
@@ -23,26 +23,26 @@ struct All {
 }
 
 impl Ik {
-    /// Finds all postures, says them and draws them.
-    pub(super) fn tell_all(
+    /// Finds, prints and plots all postures.
+    pub(super) fn report_all(
         &self,
         robot: &Robot,
         frame: &RobotFrame,
         target: &Target,
         q: &[f64],
         shown: Vec<Coordinate>,
-        voice: Voice,
+        ui: Ui,
     ) -> anyhow::Result<()> {
         let options = self.options(target, Method::LevenbergMarquardt.usual_steps(), ALL_STARTS);
-        let wheel = voice.wheel("searching for postures");
-        let found = robot.configurations(frame, &target.pose, q, &options, self.most)?;
-        wheel.finish_and_clear();
-        if let Some(path) = &self.picture {
+        let spinner = ui.spinner("searching for postures");
+        let found = robot.configurations(frame, &target.pose, q, &options, self.count)?;
+        spinner.finish_and_clear();
+        if let Some(path) = &self.plot {
             let svg = convergence::postures(robot, frame, &found)?;
             std::fs::write(path, svg).with_context(|| format!("cannot write {}", path.display()))?;
         }
         let joints = shown.iter().map(|joint| joint.name.clone()).collect();
-        voice.tell(&All { name: robot.name.clone(), frame: frame.name.clone(), joints, found, shown })
+        ui.print(&All { name: robot.name.clone(), frame: frame.name.clone(), joints, found, shown })
     }
 }
 
@@ -50,25 +50,19 @@ impl Answer for All {
     fn text(&self) -> String {
         let Configurations { freedom, postures, starts, reached } = &self.found;
         if postures.is_empty() {
-            return format!("no posture: none of {starts} starts reached the target");
+            return format!("no posture found: none of {starts} starts reached the target");
         }
         let units = self.shown.iter().map(|joint| format!("{}, {}", joint.name, joint.unit()));
-        let head = ["", "met"].into_iter().map(str::to_owned).chain(units).collect();
+        let head = ["posture", "starts"].into_iter().map(str::to_owned).chain(units).collect();
         let rows = postures.iter().enumerate().map(|(index, posture)| {
             let q = posture.q.iter().zip(&self.shown).map(|(q, joint)| number(joint.shown(*q), 3));
             [(index + 1).to_string(), posture.met.to_string()].into_iter().chain(q).collect()
         });
         let table = columns(&std::iter::once(head).chain(rows).collect::<Vec<_>>());
         let what = match freedom {
-            0 => format!("{} postures, each by itself", postures.len()),
-            1 => format!(
-                "a sample of {} postures: the arm can move along a line without moving the frame",
-                postures.len()
-            ),
-            n => format!(
-                "a sample of {} postures: the arm can move in {n} ways without moving the frame",
-                postures.len()
-            ),
+            0 => format!("{} isolated postures", postures.len()),
+            1 => format!("a sample of {} postures: the arm has 1 degree of freedom of self-motion", postures.len()),
+            n => format!("a sample of {} postures: the arm has {n} degrees of freedom of self-motion", postures.len()),
         };
         format!("{what}; {reached} of {starts} starts reached the target\n{table}")
     }

@@ -1,4 +1,4 @@
-//! Joins a visit with pictures by time: a sample where the board completed the visit and the camera saw it.
+//! Joins a visit with camera measurements by time.
 
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, Twist};
@@ -7,7 +7,7 @@ use darm_diagnose::measurement::Sample;
 use crate::commands::camera::{BAR, Picture};
 use crate::commands::visits::Rest;
 
-/// When the arm surely rested at a visit, on the camera's clock.
+/// Time span in which the arm certainly rested at a visit, on the camera's clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Span {
     /// Latest start, Unix time.
@@ -16,14 +16,14 @@ pub(crate) struct Span {
     pub(crate) to_s: f64,
 }
 
-/// The sample of a visit, its time after the start of the program; none where the camera did not surely see it.
+/// The sample of a visit, its time after the start of the program; `None` where the camera certainly saw nothing.
 pub(crate) fn join(rest: &Rest, visit: usize, span: &Span, pictures: &[Picture]) -> Option<Sample> {
     let seen = between(pictures, span);
     let sample = (!seen.is_empty()).then(|| sample(rest, visit, seen))?;
     Some(Sample { time_s: rest.from_s + sample.time_s - span.from_s, ..sample })
 }
 
-/// The pictures of a span; a camera sends them in order of time.
+/// The camera measurements of a span; they are in order of time.
 fn between<'p>(pictures: &'p [Picture], span: &Span) -> &'p [Picture] {
     let from = pictures.partition_point(|picture| picture.time_s < span.from_s);
     let to = pictures.partition_point(|picture| picture.time_s < span.to_s);
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn a_visit_is_the_mean_of_its_pictures() {
+    fn a_visit_is_the_mean_of_its_camera_measurements() {
         let pictures = [
             picture(100.5, 9.0, 0.0),
             picture(101.2, 1.999, 0.199),
@@ -90,7 +90,7 @@ mod tests {
         let span = |from_s, to_s| Span { from_s, to_s };
         let sample = join(&rest(1.0, 2.0), 7, &span(101.0, 102.0), &pictures).unwrap();
         assert_eq!(join(&rest(3.0, 4.0), 8, &span(103.0, 104.0), &pictures), None, "not seen");
-        assert_eq!(join(&rest(3.0, 4.0), 8, &span(105.9, 105.1), &pictures), None, "not surely at rest");
+        assert_eq!(join(&rest(3.0, 4.0), 8, &span(105.9, 105.1), &pictures), None, "not certainly at rest");
         assert!((sample.time_s - 1.3).abs() < 1e-9);
         assert_eq!((sample.supply, sample.temperature_c, sample.visit), (Some(6e5), None, 7));
         let mean = Pose::from(Pose2::new(2.0, 0.0, 0.2));

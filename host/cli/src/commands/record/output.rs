@@ -1,4 +1,4 @@
-//! The file that a recording writes: checked before anything moves, then row by row.
+//! The file of a recording: checked before the arm moves, then written row by row.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,11 +11,11 @@ use darm_diagnose::measurement::{ReadError, Run, Sample, Stream, about};
 use super::RecordError;
 use crate::commands::table_file::digest;
 
-/// What an earlier recording of the same program has written.
+/// Contents of an earlier recording of the same program.
 pub(crate) struct Earlier {
-    /// When row 0 went out, in seconds of the board.
+    /// Time of row 0, in seconds of the board.
     pub(crate) start_s: f64,
-    /// The start of the board that the program runs since.
+    /// Number of the board's start in which the program runs.
     pub(crate) boots: u32,
     /// The board.
     pub(crate) device: String,
@@ -28,7 +28,7 @@ pub(crate) struct Earlier {
 /// A file that grows.
 pub(crate) struct Output {
     path: PathBuf,
-    /// Where it is written until what an earlier recording wrote is in it.
+    /// File that is written until it contains the earlier recording.
     written: PathBuf,
     stream: Stream,
     /// The file is new and nothing was written yet.
@@ -38,12 +38,12 @@ pub(crate) struct Output {
 }
 
 impl Output {
-    /// Opens a file for a new recording; what it holds stays until the program has started.
+    /// Opens a file for a new recording; its old contents stay until the program has started.
     pub(crate) fn create(path: &Path) -> anyhow::Result<Self> {
         Self::at(path, path.into())
     }
 
-    /// Opens a file that an earlier recording has begun, and what it holds.
+    /// Opens the file of an earlier recording, and reads it.
     pub(crate) fn resume(path: &Path) -> anyhow::Result<(Self, Earlier)> {
         let earlier = earlier(path)?;
         let name = path.file_name().ok_or_else(|| RecordError::NothingToResume(path.into()))?;
@@ -63,7 +63,7 @@ impl Output {
         self.stream.begin(about).with_context(|| format!("cannot write {}", self.path.display()))
     }
 
-    /// Begins with all that an earlier recording has written, and takes its file's place.
+    /// Begins with the rows of an earlier recording, and replaces its file.
     pub(crate) fn begin_after(&mut self, earlier: Earlier) -> anyhow::Result<()> {
         let about: String = earlier.about.iter().map(|(key, value)| format!("# {key} {value}\n")).collect();
         self.begin(&about)?;
@@ -85,7 +85,7 @@ impl Output {
         self.stream.note(lines).with_context(|| format!("cannot write {}", self.path.display()))
     }
 
-    /// Writes what belongs to the end; all rows of the file.
+    /// Writes the end of the file; returns all rows.
     pub(crate) fn finish(mut self) -> anyhow::Result<Vec<Sample>> {
         let samples = std::mem::take(&mut self.samples);
         self.stream.finish().with_context(|| format!("cannot write {}", self.path.display()))?;
@@ -96,7 +96,7 @@ impl Output {
 impl Drop for Output {
     fn drop(&mut self) {
         if self.empty {
-            // An empty file is only a nuisance.
+            // Do not leave an empty file.
             let _ = std::fs::remove_file(&self.written);
         }
     }

@@ -1,4 +1,4 @@
-//! The connection to a board whose program is followed: it may break, the program runs on.
+//! The connection to a board whose program is followed; the program continues when it breaks.
 
 use std::time::{Duration, Instant};
 
@@ -8,72 +8,81 @@ use darm_device::client::{Client, ClientError, Happening};
 use serde::Serialize;
 
 use super::RecordError;
-use crate::commands::play::Watch;
-use crate::voice::Voice;
+use crate::commands::play::ProgramMonitor;
+use crate::ui::Ui;
 use crate::{interrupt, port};
 
-/// Time between two questions to the board, and between two attempts to open a lost port.
+/// Interval between two requests, and between two attempts to open a lost port.
 pub(crate) const POLL: Duration = Duration::from_millis(50);
 
 /// A connection that was lost.
 #[derive(Debug, Serialize)]
-pub(crate) struct Lost {
+pub(crate) struct LostConnection {
     reason: String,
-    /// Until it was opened again; `None` where it never was.
+    /// Time until it was reopened; `None` where it never was.
     lasted_s: Option<f64>,
 }
 
-/// A connection that is opened again when it breaks.
+/// A connection that is reopened when it breaks.
 pub(crate) struct Program {
     pub(crate) client: Client,
-    pub(crate) watch: Watch,
-    pub(crate) interrupt: interrupt::Watch,
-    /// Start of the board and its table, when the connection was opened.
-    held: Option<Held>,
+    pub(crate) monitor: ProgramMonitor,
+    pub(crate) interrupt: interrupt::InterruptHandler,
+    /// Start and table of the board when the connection was opened.
+    board_state: Option<BoardState>,
     lost: Option<Instant>,
-    /// Connections that were lost and opened again.
-    pub(crate) lost_connections: Vec<Lost>,
-    /// A lost port is waited for so long.
-    pub(crate) patience: Duration,
-    voice: Voice,
+    /// Connections that were lost.
+    pub(crate) lost_connections: Vec<LostConnection>,
+    /// Longest wait for a lost port.
+    pub(crate) reconnect_timeout: Duration,
+    ui: Ui,
 }
 
 impl Program {
-    /// Follows by `watch` what the board does.
+    /// Follows the board with `monitor`.
     pub(crate) fn new(
         client: Client,
-        watch: Watch,
-        interrupt: interrupt::Watch,
-        patience: Duration,
-        voice: Voice,
+        monitor: ProgramMonitor,
+        interrupt: interrupt::InterruptHandler,
+        reconnect_timeout: Duration,
+        ui: Ui,
     ) -> Self {
-        let held = held(&client);
-        Self { client, watch, interrupt, held, lost: None, lost_connections: Vec::new(), patience, voice }
+        let board_state = board_state(&client);
+        Self {
+            client,
+            monitor,
+            interrupt,
+            board_state,
+            lost: None,
+            lost_connections: Vec::new(),
+            reconnect_timeout,
+            ui,
+        }
     }
 
-    /// What happened since the last look; `None` while the connection is lost.
-    pub(crate) fn look(&mut self) -> anyhow::Result<Option<Vec<Happening>>> {
+    /// Events since the last poll; `None` while the connection is lost.
+    pub(crate) fn poll(&mut self) -> anyhow::Result<Option<Vec<Happening>>> {
         if let Some(since) = self.lost {
             match self.reconnect() {
                 Ok(()) => self.connected(since),
-                Err(error) if since.elapsed() > self.patience => return Err(error),
+                Err(error) if since.elapsed() > self.reconnect_timeout => return Err(error),
                 Err(_) => return Ok(None),
             }
             self.check_board()?;
             self.lost = None;
         }
-        match self.watch.look(&mut self.client) {
-            Ok(happenings) => Ok(Some(happenings)),
-            Err(error) => self.take(error).map(|()| None),
+        match self.monitor.poll(&mut self.client) {
+            Ok(events) => Ok(Some(events)),
+            Err(error) => self.handle_error(error).map(|()| None),
         }
     }
 
-    /// A broken connection is waited for; one that another program has ended is opened again; anything else is an error.
-    fn take(&mut self, error: anyhow::Error) -> anyhow::Result<()> {
+    /// Waits for a broken connection, reopens one that another program ended; any other error is returned.
+    fn handle_error(&mut self, error: anyhow::Error) -> anyhow::Result<()> {
         match error.downcast_ref::<ClientError>() {
             Some(ClientError::Transport(_) | ClientError::Frame(_)) => {
-                self.voice.note(&format!("{error}; the program runs on, waiting for the port"));
-                self.lost_connections.push(Lost { reason: error.to_string(), lasted_s: None });
+                self.ui.note(&format!("{error}; the program continues, waiting for the port"));
+                self.lost_connections.push(LostConnection { reason: error.to_string(), lasted_s: None });
                 self.lost = Some(Instant::now());
                 self.client.unplug();
                 Ok(())
@@ -97,15 +106,15 @@ impl Program {
     }
 
     fn connected(&mut self, since: Instant) {
-        self.voice.note("connected again");
+        self.ui.note("reconnected");
         if let Some(lost) = self.lost_connections.last_mut() {
             lost.lasted_s = Some(since.elapsed().as_secs_f64());
         }
     }
 
-    /// Refuses a board that has restarted or got another table since the program was started.
+    /// Rejects a board that has restarted or has another table since the program was started.
     fn check_board(&self) -> anyhow::Result<()> {
-        match (held(&self.client), self.held) {
+        match (board_state(&self.client), self.board_state) {
             (Some((boots, _)), Some((before, _))) if boots != before => Err(RecordError::Restarted.into()),
             (Some((_, table)), Some((_, before))) if table != before => Err(RecordError::Replaced.into()),
             _ => Ok(()),
@@ -114,8 +123,8 @@ impl Program {
 }
 
 /// How often the board has started, and the digest of its table.
-type Held = (u32, Option<Digest>);
+type BoardState = (u32, Option<Digest>);
 
-fn held(client: &Client) -> Option<Held> {
+fn board_state(client: &Client) -> Option<BoardState> {
     client.hello().map(|hello| (hello.boots, hello.table))
 }

@@ -1,65 +1,65 @@
-//! A recording that is under way: follows the program, joins its visits with pictures, writes rows.
+//! A running recording: follows the program, joins its visits with camera measurements, writes rows.
 
 use std::collections::VecDeque;
 
 use darm_device::client::Client;
 use darm_diagnose::measurement::Sample;
 
-use super::follow::Follow;
 use super::join::{Span, join};
 use super::output::Output;
 use super::program::{POLL, Program};
 use super::source::{Camera, CameraError};
+use super::visit_tracker::VisitTracker;
 use crate::commands::camera::unix_less_host_s;
 use crate::commands::play::End;
 use crate::commands::visits::Visits;
 
-/// A camera's pictures arrive within this time.
+/// Largest delay of a camera measurement.
 const CAMERA_DELAY_S: f64 = 2.0;
 
-/// A recording that is under way.
+/// A running recording.
 pub(crate) struct Recording<'a> {
     pub(crate) visits: &'a Visits,
-    pub(crate) follow: Follow<'a>,
+    pub(crate) tracker: VisitTracker<'a>,
     pub(crate) program: Program,
     pub(crate) camera: Camera,
     pub(crate) output: Output,
     /// Number of the run in the file.
     pub(crate) run: u32,
-    /// Visits that are over and wait for their pictures.
+    /// Visits that have ended and wait for their camera measurements.
     waiting: VecDeque<(usize, Span)>,
-    /// The camera keeps its pictures, and visits from before this process are joined once the clock is known best.
+    /// The camera is a file, and visits from before this process are joined at the end, when the clock is known best.
     at_end: bool,
     begun: bool,
-    /// Why there are no more pictures.
+    /// Why no more measurements arrive.
     camera_error: Option<CameraError>,
 }
 
 impl<'a> Recording<'a> {
-    /// A recording of a program that starts now, or goes on where `follow` has its start.
+    /// A recording of a program that starts now, or started at the tracker's start.
     pub(crate) fn new(
         visits: &'a Visits,
-        follow: Follow<'a>,
+        tracker: VisitTracker<'a>,
         program: Program,
         camera: Camera,
         output: Output,
         run: u32,
     ) -> Self {
-        let resumed = follow.start_s.is_some();
+        let resumed = tracker.start_s.is_some();
         let at_end = resumed && camera.is_file();
         let waiting = VecDeque::new();
-        Self { visits, follow, program, camera, output, run, waiting, at_end, begun: resumed, camera_error: None }
+        Self { visits, tracker, program, camera, output, run, waiting, at_end, begun: resumed, camera_error: None }
     }
 
-    /// Follows the program to its end, or until the user has interrupted it, and writes each visit when its pictures have
-    /// come. Afterwards all visits that are over are written.
+    /// Follows the program to its end, or until the user has interrupted it, and writes each visit when its measurements
+    /// have arrived. At the end all visits that have ended are written.
     pub(crate) fn until_the_end(&mut self, mut on_visit: impl FnMut(usize)) -> anyhow::Result<End> {
         let end = loop {
             std::thread::sleep(POLL);
             let interrupted = self.program.interrupt.interrupted().is_some();
-            let looked = self.look();
-            on_visit(self.follow.next);
-            match (looked, self.program.watch.end) {
+            let polled = self.poll();
+            on_visit(self.tracker.next);
+            match (polled, self.program.monitor.end) {
                 (Ok(()), Some(end)) => break Ok(end),
                 _ if interrupted => break Ok(End::Stopped),
                 (Ok(()), None) => {}
@@ -75,14 +75,14 @@ impl<'a> Recording<'a> {
         Ok(end)
     }
 
-    fn look(&mut self) -> anyhow::Result<()> {
+    fn poll(&mut self) -> anyhow::Result<()> {
         if self.camera_error.is_none() {
-            // The program runs on, and so does the recording of what was seen.
-            self.camera_error = self.camera.look().err();
+            // The program continues, and so does the recording of earlier measurements.
+            self.camera_error = self.camera.poll().err();
         }
-        if let Some(happenings) = self.program.look()? {
-            let watch = &self.program.watch;
-            self.follow.look(&happenings, watch.end.and(watch.ended_s));
+        if let Some(events) = self.program.poll()? {
+            let monitor = &self.program.monitor;
+            self.tracker.update(&events, monitor.end.and(monitor.ended_s));
             self.begin()?;
             self.collect();
         }
@@ -91,7 +91,7 @@ impl<'a> Recording<'a> {
 
     /// Writes the comment lines once the program's start is known.
     fn begin(&mut self) -> anyhow::Result<()> {
-        let (false, Some(start_s)) = (self.begun, self.follow.start_s) else { return Ok(()) };
+        let (false, Some(start_s)) = (self.begun, self.tracker.start_s) else { return Ok(()) };
         self.begun = true;
         let client = &self.program.client;
         let about = format!(
@@ -103,15 +103,15 @@ impl<'a> Recording<'a> {
         self.output.begin(&about)
     }
 
-    /// Takes the visits that are over.
+    /// Collects the visits that have ended.
     fn collect(&mut self) {
         if !self.at_end {
             let client = &self.program.client;
-            self.waiting.extend(self.follow.over(client.clock(), client.now_s()));
+            self.waiting.extend(self.tracker.over(client.clock(), client.now_s()));
         }
     }
 
-    /// Writes the visits whose pictures have come; all of them at the `end`.
+    /// Writes the visits whose measurements have arrived; all of them at the `end`.
     fn write(&mut self, end: bool) -> anyhow::Result<()> {
         while let Some(&(visit, span)) = self.waiting.front() {
             let seen = self.camera.pictures().last().is_some_and(|picture| picture.time_s >= span.to_s);
@@ -131,16 +131,16 @@ impl<'a> Recording<'a> {
     }
 
     fn sample(&self, visit: usize, span: &Span) -> Option<Sample> {
-        let (rest, start_s) = (self.visits.rests.get(visit)?, self.follow.start_s?);
+        let (rest, start_s) = (self.visits.rests.get(visit)?, self.tracker.start_s?);
         let sample = join(rest, visit, span, self.camera.pictures())?;
         Some(Sample { run: self.run, time_s: start_s + sample.time_s, ..sample })
     }
 
-    /// The visits that are over and have no row.
+    /// The visits that have ended without a row.
     pub(crate) fn not_recovered(&self) -> Vec<usize> {
         let samples = self.output.samples.iter().filter(|sample| sample.run == self.run);
         let recorded: Vec<usize> = samples.map(|sample| sample.visit as usize).collect();
-        (0..self.follow.next).filter(|visit| !recorded.contains(visit)).collect()
+        (0..self.tracker.next).filter(|visit| !recorded.contains(visit)).collect()
     }
 }
 
@@ -157,7 +157,7 @@ fn board_lines(client: &Client) -> String {
     format!("# board {device}\n{}", hello.unwrap_or_default())
 }
 
-/// What is known of the board's clock, as comment lines.
+/// Estimate of the board's clock, as comment lines.
 pub(crate) fn clock_lines(client: &Client) -> String {
     let rate = client.clock().rate();
     let offset = client.clock().offset().map_or(String::new(), |offset| {

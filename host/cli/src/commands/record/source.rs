@@ -1,4 +1,4 @@
-//! Where pictures come from: a socket that is listened to while the program runs, or a file that may grow meanwhile.
+//! Sources of camera measurements: a socket that is read while the program runs, or a file that may grow.
 
 use std::fs::File;
 use std::io::{ErrorKind, Read};
@@ -11,63 +11,63 @@ use std::time::Duration;
 
 use crate::commands::camera::{Columns, LineError, Picture};
 
-/// How often a silent camera is asked whether it is to end.
-const LOOK: Duration = Duration::from_millis(100);
+/// Timeout of one read from the camera's socket.
+const POLL: Duration = Duration::from_millis(100);
 
-/// Why there are no pictures.
+/// Why no camera measurement can be read.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum CameraError {
     /// The socket or file cannot be opened.
-    #[error("no camera at {camera}: {source}; is it running?")]
+    #[error("cannot open the camera {camera}: {source}; check its address and that it is running")]
     Open {
         /// As the user named it.
         camera: String,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// It broke off.
-    #[error("the camera at {camera} broke off: {source}")]
+    /// The connection broke.
+    #[error("the connection to the camera {camera} broke: {source}; check it, then record again with --resume")]
     Read {
         /// As the user named it.
         camera: String,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// It sends something else.
-    #[error("{camera}: line {line}: {error}")]
+    /// A line is invalid.
+    #[error("{camera}:{line}: {error}")]
     Line {
         /// As the user named it.
         camera: String,
-        /// The line, the header being 1.
+        /// The line; the first is 1.
         line: usize,
         /// What is wrong.
         error: LineError,
     },
-    /// It said nothing at all.
-    #[error("the camera at {camera} sent nothing, not even its header")]
+    /// Nothing was received.
+    #[error("the camera {camera} sent nothing, not even its header; check the camera program")]
     Silent {
         /// As the user named it.
         camera: String,
     },
 }
 
-/// A camera that is being listened to.
+/// An open camera.
 pub(crate) struct Camera {
     name: String,
     kind: Kind,
-    /// Bytes of a line that has not come to its end.
+    /// Bytes of an incomplete line.
     rest: Vec<u8>,
     columns: Option<Columns>,
     line: usize,
-    /// Pictures that came and were not dropped, in the order of the camera.
+    /// Measurements that were not dropped, in the order of the camera.
     pictures: Vec<Picture>,
-    /// Pictures that came.
+    /// Number of received measurements.
     count: usize,
 }
 
 enum Kind {
     File(File),
-    Socket { end: Arc<AtomicBool>, heard: Arc<Mutex<Vec<u8>>>, thread: Option<JoinHandle<std::io::Result<()>>> },
+    Socket { end: Arc<AtomicBool>, received: Arc<Mutex<Vec<u8>>>, thread: Option<JoinHandle<std::io::Result<()>>> },
 }
 
 impl Camera {
@@ -75,10 +75,10 @@ impl Camera {
     pub(crate) fn open(name: &str) -> Result<Self, CameraError> {
         let kind = if let Some(path) = name.strip_prefix("unix:") {
             let socket = UnixStream::connect(path);
-            socket.and_then(|socket| socket.set_read_timeout(Some(LOOK)).map(|()| listen(socket)))
+            socket.and_then(|socket| socket.set_read_timeout(Some(POLL)).map(|()| listen(socket)))
         } else if let Some(address) = name.strip_prefix("tcp:") {
             let socket = TcpStream::connect(address);
-            socket.and_then(|socket| socket.set_read_timeout(Some(LOOK)).map(|()| listen(socket)))
+            socket.and_then(|socket| socket.set_read_timeout(Some(POLL)).map(|()| listen(socket)))
         } else {
             File::open(name).map(Kind::File)
         };
@@ -91,60 +91,60 @@ impl Camera {
         Self { name, kind, rest: Vec::new(), columns: None, line: 0, pictures: Vec::new(), count: 0 }
     }
 
-    /// Whether its pictures are kept by somebody else too.
+    /// Whether the source is a file, which keeps its measurements.
     pub(crate) fn is_file(&self) -> bool {
         matches!(self.kind, Kind::File(_))
     }
 
-    /// The pictures that have come, without those that were dropped.
+    /// The received measurements, without those that were dropped.
     pub(crate) fn pictures(&self) -> &[Picture] {
         &self.pictures
     }
 
-    /// How many pictures have come.
+    /// Number of received measurements.
     pub(crate) fn count(&self) -> usize {
         self.count
     }
 
-    /// Whether its pictures are planar; `None` before its header.
+    /// Whether the measurements are planar; `None` before the header.
     pub(crate) fn is_planar(&self) -> Option<bool> {
         self.columns.as_ref().map(Columns::is_planar)
     }
 
-    /// Drops the pictures taken before this time.
+    /// Drops the measurements before this time.
     pub(crate) fn forget_before(&mut self, time_s: f64) {
         let old = self.pictures.partition_point(|picture| picture.time_s < time_s);
         self.pictures.drain(..old);
     }
 
-    /// Takes in the lines that have come since the last look.
-    pub(crate) fn look(&mut self) -> Result<(), CameraError> {
+    /// Reads the lines that have arrived since the last poll.
+    pub(crate) fn poll(&mut self) -> Result<(), CameraError> {
         let fresh = match &mut self.kind {
             Kind::File(file) => {
                 let mut bytes = Vec::new();
                 file.read_to_end(&mut bytes).map(|_| bytes)
             }
-            Kind::Socket { heard, .. } => {
-                Ok(std::mem::take(&mut *heard.lock().unwrap_or_else(PoisonError::into_inner)))
+            Kind::Socket { received, .. } => {
+                Ok(std::mem::take(&mut *received.lock().unwrap_or_else(PoisonError::into_inner)))
             }
         };
         self.rest.extend(fresh.map_err(|source| CameraError::Read { camera: self.name.clone(), source })?);
-        let whole = self.rest.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1);
-        let lines: Vec<u8> = self.rest.drain(..whole).collect();
+        let complete = self.rest.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1);
+        let lines: Vec<u8> = self.rest.drain(..complete).collect();
         String::from_utf8_lossy(&lines).lines().try_for_each(|line| self.take(line))
     }
 
-    /// Stops listening and takes in the last lines; a file's last line may lack its end.
+    /// Stops reading and parses the last lines; a file's last line may lack its line feed.
     pub(crate) fn finish(&mut self) -> Result<(), CameraError> {
         if let Kind::Socket { end, thread, .. } = &mut self.kind {
             end.store(true, Ordering::Relaxed);
             let ended = thread.take().map(JoinHandle::join);
             let ended = ended.map(|ended| ended.unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
             let ended = ended.unwrap_or(Ok(()));
-            self.look()?;
+            self.poll()?;
             ended.map_err(|source| CameraError::Read { camera: self.name.clone(), source })?;
         } else {
-            self.look()?;
+            self.poll()?;
             let rest = std::mem::take(&mut self.rest);
             String::from_utf8_lossy(&rest).lines().try_for_each(|line| self.take(line))?;
         }
@@ -171,21 +171,21 @@ impl Camera {
 }
 
 fn listen(socket: impl Read + Send + 'static) -> Kind {
-    let (end, heard) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(Vec::new())));
-    let (seen, ear) = (Arc::clone(&end), Arc::clone(&heard));
-    Kind::Socket { end, heard, thread: Some(thread::spawn(move || hear(socket, &seen, &ear))) }
+    let (end, received) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(Vec::new())));
+    let (seen, buffer) = (Arc::clone(&end), Arc::clone(&received));
+    Kind::Socket { end, received, thread: Some(thread::spawn(move || read_socket(socket, &seen, &buffer))) }
 }
 
-/// Listens until the other end closes or nobody wants more.
-fn hear(mut socket: impl Read, end: &AtomicBool, heard: &Mutex<Vec<u8>>) -> std::io::Result<()> {
+/// Reads until the other end closes or the end is requested.
+fn read_socket(mut socket: impl Read, end: &AtomicBool, received: &Mutex<Vec<u8>>) -> std::io::Result<()> {
     let mut bytes = [0; 4096];
-    // What has arrived is heard even when the end was asked for meanwhile.
+    // Bytes that have arrived are read even if the end was requested meanwhile.
     let mut ended = false;
     while !ended {
         ended = end.load(Ordering::Relaxed);
         match socket.read(&mut bytes) {
             Ok(0) => break,
-            Ok(count) => heard.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(&bytes[..count]),
+            Ok(count) => received.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(&bytes[..count]),
             Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
             Err(error) => return Err(error),
         }
@@ -201,23 +201,26 @@ mod tests {
 
     const HEADER: &str = "time_s,x_m,y_m,angle_deg\n";
 
-    /// What a socket that sends this and closes brings.
-    fn heard(text: &str) -> Camera {
+    /// A camera behind a socket that sends this text and closes.
+    fn received(text: &str) -> Camera {
         Camera::of_kind("cam", listen(std::io::Cursor::new(text.to_owned())))
     }
 
     #[test]
     fn a_line_that_is_cut_off_is_left_out() {
-        let mut camera = heard(&format!("{HEADER}1,2,3,4\n5,6"));
+        let mut camera = received(&format!("{HEADER}1,2,3,4\n5,6"));
         camera.finish().unwrap();
         assert_eq!((camera.pictures().len(), camera.count(), camera.is_planar()), (1, 1, Some(true)));
     }
 
     #[test]
-    fn a_bad_line_is_named_by_number() {
-        let error = heard("# by hand\ntime_s,x_m,y_m,angle_deg\n1,2,x,4\n").finish().unwrap_err().to_string();
-        assert_eq!(error, "cam: line 3: the camera's column y_m holds \"x\", no number");
-        assert_eq!(heard("").finish().unwrap_err().to_string(), "the camera at cam sent nothing, not even its header");
+    fn an_invalid_line_is_reported_by_number() {
+        let error = received("# by hand\ntime_s,x_m,y_m,angle_deg\n1,2,x,4\n").finish().unwrap_err().to_string();
+        assert_eq!(error, "cam:3: column y_m: \"x\" is not a number; correct the camera's output");
+        assert_eq!(
+            received("").finish().unwrap_err().to_string(),
+            "the camera cam sent nothing, not even its header; check the camera program"
+        );
     }
 
     #[test]
@@ -225,10 +228,10 @@ mod tests {
         let mut file = tempfile::NamedTempFile::new().unwrap();
         write!(file, "{HEADER}1,2,3,4\n2,2").unwrap();
         let mut camera = Camera::open(file.path().to_str().unwrap()).unwrap();
-        camera.look().unwrap();
+        camera.poll().unwrap();
         assert_eq!(camera.pictures().len(), 1);
         write!(file, ",3,4\n3,2,3,4").unwrap();
-        camera.look().unwrap();
+        camera.poll().unwrap();
         assert_eq!(camera.pictures().len(), 2);
         camera.forget_before(1.5);
         camera.finish().unwrap();

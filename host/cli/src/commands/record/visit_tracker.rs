@@ -1,4 +1,4 @@
-//! Follows a running program: tells of each visit, soon after it is over, when it surely was.
+//! Follows a running program: gives the certain time span of each visit, soon after its end.
 
 use darm_core::sequencer::Event;
 use darm_device::client::Happening;
@@ -9,48 +9,48 @@ use crate::commands::camera::unix_less_host_s;
 use crate::commands::status::seconds;
 use crate::commands::visits::Visits;
 
-/// So long after a visit the round trips that bound its end from above have been made.
-const BEHIND_S: f64 = 1.0;
-/// A picture is exposed for so long: what was taken so near to a motion may be blurred.
+/// Time after a visit until the round trips that bound its end have been made.
+const ROUND_TRIP_DELAY_S: f64 = 1.0;
+/// Exposure time of the camera: measurements this close to a motion may be blurred.
 const EXPOSURE_S: f64 = 0.02;
 /// The board ends a program at most two ticks before its time.
 const TICK_S: f64 = 2e-3;
 
 /// A program that is followed.
-pub(crate) struct Follow<'a> {
+pub(crate) struct VisitTracker<'a> {
     visits: &'a Visits,
-    /// When row 0 went out, on the board's clock.
+    /// Time of row 0 on the board's clock.
     pub(crate) start_s: Option<f64>,
-    /// The first visit that is not over.
+    /// The first visit that has not ended.
     pub(crate) next: usize,
     ended_s: Option<f64>,
 }
 
-impl<'a> Follow<'a> {
+impl<'a> VisitTracker<'a> {
     /// Before the program starts.
     pub(crate) fn new(visits: &'a Visits) -> Self {
         Self { visits, start_s: None, next: 0, ended_s: None }
     }
 
-    /// A program whose row 0 went out at `start_s` of the board; the visits before `next` are done.
+    /// A program whose row 0 was applied at `start_s` of the board; the visits before `next` are done.
     pub(crate) fn resume(visits: &'a Visits, start_s: f64, next: usize) -> Self {
         Self { start_s: Some(start_s), next, ..Self::new(visits) }
     }
 
-    /// Takes in what happened since the last look, and when the program ended, in seconds of the board.
-    pub(crate) fn look(&mut self, happenings: &[Happening], ended_s: Option<f64>) {
-        let first = happenings.iter().find(|happening| matches!(happening.event, Event::Row { row: 0, .. }));
+    /// Adds new events and the time at which the program ended, in seconds of the board.
+    pub(crate) fn update(&mut self, events: &[Happening], ended_s: Option<f64>) {
+        let first = events.iter().find(|happening| matches!(happening.event, Event::Row { row: 0, .. }));
         self.start_s = self.start_s.or(first.map(|happening| seconds(happening.at)));
         self.ended_s = ended_s;
     }
 
-    /// The visits that are over since the last call: the program has gone on, or has ended at its time. With the clock as
-    /// it is known at host time `now_s`.
+    /// The visits that have ended since the last call, because the program continued or ended at its time. Uses the clock
+    /// estimate at host time `now_s`.
     pub(crate) fn over(&mut self, clock: &BoardClock, now_s: f64) -> Vec<(usize, Span)> {
         let mut over = Vec::new();
         let (Some(start_s), Some(offset)) = (self.start_s, clock.offset()) else { return over };
         let board_s = now_s - offset.at_s;
-        let over_s = self.ended_s.map_or(board_s - BEHIND_S, |ended_s| ended_s + TICK_S) - start_s;
+        let over_s = self.ended_s.map_or(board_s - ROUND_TRIP_DELAY_S, |ended_s| ended_s + TICK_S) - start_s;
         while let Some(rest) = self.visits.rests.get(self.next).filter(|rest| rest.to_s <= over_s) {
             let Some(span) = span(clock, start_s + rest.from_s, start_s + rest.to_s) else { break };
             over.push((self.next, span));
@@ -77,7 +77,7 @@ mod tests {
     use darm_device::client::Happening;
     use darm_device::clock::{BoardClock, RoundTrip};
 
-    use super::Follow;
+    use super::VisitTracker;
     use crate::commands::visits::{Rest, Visits};
 
     fn rest(from_s: f64, to_s: f64) -> Rest {
@@ -98,22 +98,22 @@ mod tests {
             rests: vec![rest(0.2, 0.8), rest(1.2, 1.8)],
         };
         let mut clock = BoardClock::default();
-        let mut follow = Follow::new(&visits);
+        let mut tracker = VisitTracker::new(&visits);
         for tick in 0..30 {
             let board_s = 5.0 + 0.1 * f64::from(tick);
             clock.observe(RoundTrip { sent_s: board_s + 2.0, board_s, received_s: board_s + 2.002 });
         }
         let row = happening(5_000, Event::Row { row: 0, word: "01".parse().unwrap() });
-        follow.look(&[row], None);
-        assert_eq!(follow.over(&clock, 8.0), [], "at board time 6.0 the first visit is too fresh");
-        follow.look(&[happening(6_700, Event::Stopped)], Some(6.7));
-        let over = follow.over(&clock, 9.9);
+        tracker.update(&[row], None);
+        assert_eq!(tracker.over(&clock, 8.0), [], "at board time 6.0 the first visit is too recent");
+        tracker.update(&[happening(6_700, Event::Stopped)], Some(6.7));
+        let over = tracker.over(&clock, 9.9);
         assert_eq!(over.len(), 1, "stopped before the end of the second visit");
         let length_s = over[0].1.to_s - over[0].1.from_s;
         assert!(length_s > 0.55 && length_s < 0.56, "{length_s}");
-        assert_eq!(follow.over(&clock, 9.9), [], "each visit once");
-        let mut resumed = Follow::resume(&visits, 5.0, 1);
-        resumed.look(&[], Some(6.9));
+        assert_eq!(tracker.over(&clock, 9.9), [], "each visit once");
+        let mut resumed = VisitTracker::resume(&visits, 5.0, 1);
+        resumed.update(&[], Some(6.9));
         assert_eq!(resumed.over(&clock, 9.9).first().map(|(visit, _)| *visit), Some(1));
     }
 }

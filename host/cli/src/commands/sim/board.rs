@@ -26,11 +26,11 @@ const CLEARED_WITHIN: Duration = Duration::from_secs(1);
 /// A running board with its plant.
 pub(crate) struct Board {
     kind: Kind,
-    /// What it is, for people.
+    /// Description for people.
     pub(crate) what: String,
     /// Its port.
     pub(crate) port: String,
-    /// What it keeps its tables in, for people.
+    /// Where its flash is, for people.
     pub(crate) flash: String,
 }
 
@@ -46,7 +46,7 @@ enum Kind {
 pub(crate) struct Emulator {
     /// The firmware's image.
     pub(crate) elf: PathBuf,
-    /// What stands behind the port.
+    /// Kind of port.
     pub(crate) console: Console,
 }
 
@@ -99,12 +99,12 @@ impl Board {
             kind: Kind::InProcess(bridge),
             what: "the firmware's library in this process".into(),
             port: format!("unix:{}", port.display()),
-            flash: "in memory, blank at every start".into(),
+            flash: "in memory, empty at every start".into(),
         };
         Ok((board, Box::new(move || frames.try_iter().collect())))
     }
 
-    /// Why the board has ended, if it has.
+    /// The reason, if the board has ended.
     pub(crate) fn ended(&mut self) -> Option<String> {
         match &mut self.kind {
             Kind::Emulated { qemu, .. } => (!qemu.is_running()).then(|| qemu.complaints()),
@@ -124,7 +124,7 @@ impl Board {
     }
 }
 
-/// Writes a profile as a person at the board does. A board that has it already is left alone.
+/// Writes a profile with the user button held. Does nothing where the board already has it.
 fn press_and_write(follower: &Follower, port: &str, profile: &BoardProfile) -> anyhow::Result<()> {
     let mut client = Client::connect(link::open(port)?)?;
     if client.hello().is_some_and(|hello| hello.profile == profile.profile.digest) {
@@ -141,7 +141,7 @@ fn press_and_write(follower: &Follower, port: &str, profile: &BoardProfile) -> a
     Ok(())
 }
 
-/// Leaves the safe state, if the board is in it and its cause is gone.
+/// Leaves the safe state, once its cause is gone.
 fn clear(client: &mut Client) -> anyhow::Result<()> {
     let since = Instant::now();
     while matches!(client.status()?.phase, Phase::Safe(_)) {
@@ -153,12 +153,12 @@ fn clear(client: &mut Client) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Gives the emulator's port a name that stays the same from one start to the next.
+/// Links the emulator's port to a fixed path in the folder.
 fn name_port(folder: &Path, port: &str) -> anyhow::Result<String> {
     let name = state_folder::port(folder);
     let (prefix, target) = port.split_once(':').map_or(("", port), |(_, path)| ("unix:", path));
     // There may be none.
     let _ = std::fs::remove_file(&name);
-    symlink(target, &name).with_context(|| format!("cannot name the port {}", name.display()))?;
+    symlink(target, &name).with_context(|| format!("cannot link the port {}", name.display()))?;
     Ok(format!("{prefix}{}", name.display()))
 }

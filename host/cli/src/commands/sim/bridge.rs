@@ -14,12 +14,12 @@ use darm_device::link::Link;
 use darm_device::plant::Plant;
 use darm_device::plant::camera::{Film, Frame};
 
-/// How often the board's time is brought up to the host's.
+/// Interval at which the board's time is advanced to the host's.
 const STEP: Duration = Duration::from_millis(1);
-/// A host that takes nothing for so long is let go.
+/// A host that reads nothing for this long is disconnected.
 const SLOW: Duration = Duration::from_millis(500);
 
-/// A board that falls further behind has lost the time: its clock may fall behind the host's, never run ahead of it.
+/// A board that is further behind skips the difference: its clock may be late against the host's, never ahead.
 const BEHIND_S: f64 = 0.01;
 
 /// The board and the thread that runs it.
@@ -29,7 +29,7 @@ pub(crate) struct Bridge {
 }
 
 impl Bridge {
-    /// Starts a board with this flash behind `port`; what its camera takes comes with the host's time.
+    /// Starts a board with this flash behind `port`; frames of its camera carry the host's time.
     pub(crate) fn start(
         port: UnixListener,
         plant: Plant,
@@ -62,19 +62,19 @@ impl Bridge {
     }
 }
 
-/// Between the board and the one host that holds the port.
+/// Connection between the board and the one host on the port.
 struct Cable {
     port: UnixListener,
     host: Option<UnixStream>,
     link: Box<dyn Link>,
     film: Film,
     frames: Sender<Frame>,
-    /// Host time of the board's time 0; later where the board has lost time.
+    /// Host time of the board's time 0; later where the board has skipped time.
     started_s: f64,
 }
 
 impl Cable {
-    /// Brings the board's time up to the host's and moves bytes both ways; false once the board has ended.
+    /// Advances the board's time to the host's and moves bytes both ways; false once the board has ended.
     fn step(&mut self) -> bool {
         if self.host.is_none() {
             self.host = self.port.accept().ok().and_then(|(host, _)| plugged(host));
@@ -94,7 +94,7 @@ impl Cable {
         self.started_s += lost_s.max(0.0);
         let running = self.catch_up(&mut bytes);
         for frame in self.film.take() {
-            // Nobody looks any more once the board is to end.
+            // The receiver is gone while the board ends.
             let _ = self.frames.send(Frame { at_s: frame.at_s + self.started_s, ..frame });
         }
         running

@@ -1,4 +1,4 @@
-//! Shows what the plant's camera takes to whoever connects to its socket.
+//! Serves the simulated camera's measurements on a socket.
 
 use std::io::{ErrorKind, Write as _};
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -16,19 +16,19 @@ use rand_chacha::ChaCha8Rng;
 use super::board::Frames;
 use crate::commands::camera::{BAR, Picture, header, unix_less_host_s};
 
-/// How often new frames are looked for.
-const LOOK: Duration = Duration::from_millis(10);
-/// A client that takes nothing for so long is let go.
+/// Interval at which new frames are polled.
+const POLL: Duration = Duration::from_millis(10);
+/// A client that reads nothing for this long is disconnected.
 const SLOW: Duration = Duration::from_millis(200);
 
 /// The running thread.
-pub(crate) struct Projector {
+pub(crate) struct CameraServer {
     end: Arc<AtomicBool>,
     thread: JoinHandle<()>,
 }
 
-impl Projector {
-    /// Starts to show the arm's frames.
+impl CameraServer {
+    /// Starts to serve the arm's frames.
     pub(crate) fn start(
         listener: UnixListener,
         truth: Truth,
@@ -39,20 +39,20 @@ impl Projector {
         let end = Arc::new(AtomicBool::new(false));
         let seen = Arc::clone(&end);
         let rng = ChaCha8Rng::seed_from_u64(truth.unseal().seed);
-        let mut eye = Eye { truth, planar, started_s: host_now_s(), rng };
+        let mut camera = SimulatedCamera { truth, planar, started_s: host_now_s(), rng };
         let thread = thread::Builder::new().name("camera".into()).spawn(move || {
             let mut clients = Vec::new();
             while !seen.load(Ordering::Relaxed) {
-                clients.extend(accept(&listener, eye.planar));
-                let lines: String = frames().iter().filter_map(|frame| eye.line(frame)).collect();
+                clients.extend(accept(&listener, camera.planar));
+                let lines: String = frames().iter().filter_map(|frame| camera.line(frame)).collect();
                 clients.retain_mut(|client: &mut UnixStream| client.write_all(lines.as_bytes()).is_ok());
-                thread::sleep(LOOK);
+                thread::sleep(POLL);
             }
         })?;
         Ok(Self { end, thread })
     }
 
-    /// Ends the show.
+    /// Ends the thread.
     pub(crate) fn stop(self) {
         self.end.store(true, Ordering::Relaxed);
         // A panic of the thread has been printed already.
@@ -60,7 +60,7 @@ impl Projector {
     }
 }
 
-/// Clients that have come, each with the header already sent.
+/// New clients, each with the header already sent.
 fn accept(listener: &UnixListener, planar: bool) -> Vec<UnixStream> {
     let mut clients = Vec::new();
     loop {
@@ -78,8 +78,8 @@ fn accept(listener: &UnixListener, planar: bool) -> Vec<UnixStream> {
     }
 }
 
-/// Turns where the actuators are into what the camera tells of the tool.
-struct Eye {
+/// Turns the state of the actuators into the camera's measurement of the tool.
+struct SimulatedCamera {
     truth: Truth,
     planar: bool,
     /// Host time at which the arm was switched on.
@@ -87,8 +87,8 @@ struct Eye {
     rng: ChaCha8Rng,
 }
 
-impl Eye {
-    /// The line of a frame; none while something moves, for that is blurred, or where the arm cannot be assembled.
+impl SimulatedCamera {
+    /// The line of a frame; `None` while something moves, since that is blurred, or where the arm has no pose.
     fn line(&mut self, frame: &Frame) -> Option<String> {
         if frame.state.moving {
             return None;

@@ -1,4 +1,4 @@
-//! What may be wrong with the arm without its file saying so.
+//! Undeclared effect of the simulated arm.
 
 use std::str::FromStr;
 
@@ -7,13 +7,13 @@ use darm_arm::arm::{Arm, ArmScratch};
 use darm_diagnose::measurement_plan::candidates;
 use darm_diagnose::truth::{Kind, Truth, TruthError};
 
-/// Words whose frames the effect's size is measured at.
+/// Number of words at whose frames the effect's size is set.
 const WORDS: usize = 5;
 
-/// A kind of effect, or any.
+/// A kind of effect, or any of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Effect {
-    /// One that the seed draws.
+    /// Drawn by the seed.
     Any,
     /// This one.
     Of(Kind),
@@ -28,7 +28,7 @@ impl FromStr for Effect {
 }
 
 impl Effect {
-    /// The arm with this effect in it, large enough to be seen at a few words.
+    /// The arm with this effect, large enough to be visible at a few words.
     pub(crate) fn draw(self, arm: &Arm, seed: u64) -> Result<Truth, TruthError> {
         let kind = match self {
             Self::Any => None,

@@ -1,4 +1,4 @@
-//! What the commands of kinematics and dynamics work on: an arm file or a robot, and the postures that it is asked for.
+//! Input of the commands of kinematics and dynamics: an arm or a robot, and its postures.
 
 mod postures;
 
@@ -8,7 +8,7 @@ use anyhow::Context as _;
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_core::actuator::{JointKind, Stage};
 use darm_core::chain::Parameter;
-use darm_core::se::{Pose, Twist};
+use darm_core::se::{Pose, Twist, Wrench, rotation_log};
 use darm_diagnose::linearise::model::{Model, What};
 use darm_diagnose::linearise::model_effects::ModelEffect;
 use darm_diagnose::linearise::torque::Transmission;
@@ -18,30 +18,30 @@ use darm_robot::urdf::{self, Locks};
 use crate::failure::Usage;
 pub(crate) use postures::{Posture, listed};
 
-/// The file, and the postures in it that are meant.
+/// The file and the postures.
 #[derive(clap::Args, Debug)]
-pub(crate) struct Given {
-    /// Arm file, table of Denavit and Hartenberg, or robot as URDF
+pub(crate) struct SubjectArgs {
+    /// Arm file, Denavit-Hartenberg table, or robot as URDF
     #[arg(value_name = "ARM.toml|ROBOT.urdf")]
     pub(crate) file: PathBuf,
-    /// Joint positions, base first, in deg or mm (or with a unit: 0.5rad,0.2m); all 0 without it
+    /// Joint positions, base first, in deg or mm, or with a unit: 0.5rad,0.2m; default: all 0
     #[arg(long, value_name = "Q,Q,…", allow_hyphen_values = true)]
     pub(crate) q: Option<String>,
-    /// Digits of the discrete actuators; all 0 without it
+    /// Digits of the discrete actuators, base first; default: all 0
     #[arg(long, value_name = "WORD")]
     pub(crate) word: Option<String>,
-    /// A table of postures: columns `JOINT_deg`, `JOINT_mm`, `JOINT_rad`, `JOINT_m` (or q1_deg, …), `word`
+    /// Table of postures with the columns JOINT_deg, JOINT_mm, JOINT_rad, JOINT_m (or q1_deg, …), word
     #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["q", "word"])]
     pub(crate) postures: Option<PathBuf>,
-    /// Hold a joint of a URDF at a position, as if it were fixed
+    /// Fix a joint of a URDF at a position, in deg or mm
     #[arg(long = "lock", value_name = "JOINT=Q", allow_hyphen_values = true)]
     pub(crate) locks: Vec<String>,
-    /// Let the base of a URDF float
+    /// Give a URDF a floating base
     #[arg(long)]
     pub(crate) floating: bool,
 }
 
-/// What a file describes.
+/// Contents of the file.
 pub(crate) enum Subject {
     /// Stages with discrete actuators and servos.
     Arm(Box<Arm>),
@@ -49,7 +49,7 @@ pub(crate) enum Subject {
     Robot(Box<Robot>),
 }
 
-/// A number that places a subject: a joint, a servo or a discrete actuator.
+/// A coordinate: a joint, a servo or a discrete actuator.
 #[derive(Clone, Debug)]
 pub(crate) struct Coordinate {
     pub(crate) name: String,
@@ -57,7 +57,7 @@ pub(crate) struct Coordinate {
 }
 
 impl Coordinate {
-    /// In the unit that people type: deg or mm.
+    /// The value in deg or mm.
     pub(crate) fn shown(&self, value: f64) -> f64 {
         match self.kind {
             JointKind::Revolute => value.to_degrees(),
@@ -80,7 +80,7 @@ impl Coordinate {
         }
     }
 
-    /// A number as a person types it, with or without a unit, in rad or m.
+    /// Parses a number with or without a unit; in rad or m.
     pub(crate) fn typed(&self, text: &str) -> Result<f64, Usage> {
         let text = text.trim();
         let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
@@ -90,34 +90,34 @@ impl Coordinate {
             (JointKind::Revolute, "rad") | (JointKind::Prismatic, "m") => 1.0,
             (_, unit) => {
                 let units = if self.kind == JointKind::Revolute { "deg or rad" } else { "mm or m" };
-                return Err(Usage(format!("`{text}` of {}: `{unit}` is no unit here, there are {units}", self.name)));
+                return Err(Usage(format!("{}: unit `{unit}` in `{text}` is invalid; use {units}", self.name)));
             }
         };
         match digits.trim().parse::<f64>() {
             Ok(number) if number.is_finite() => Ok(number * factor),
-            _ => Err(Usage(format!("`{text}` of {} is no number", self.name))),
+            _ => Err(Usage(format!("{}: `{text}` is not a number", self.name))),
         }
     }
 }
 
-/// What a model of torques has beside its robot.
+/// Transmission and effects of a model of torques.
 pub(crate) struct Effects {
     pub(crate) transmission: Option<Transmission>,
     pub(crate) known: Vec<ModelEffect>,
 }
 
-impl Given {
-    /// The robot of a model whose torques `darm diagnose` observes, and its effects; `None` where the file is none.
+impl SubjectArgs {
+    /// The robot and the effects of a model of torques, as `darm diagnose` uses it; `None` for other files.
     pub(crate) fn model(&self) -> anyhow::Result<Option<(Robot, Effects)>> {
         let is_toml = self.file.extension().is_some_and(|end| end == "toml");
         let Some(model) = is_toml.then(|| Model::read(&self.file)).transpose()?.flatten() else { return Ok(None) };
         let What::Torque(robot, transmission) = model.what else {
             let shown = self.file.display();
-            let what = format!("{shown}: a model whose torques are not observed; write observed = \"torque\" in it");
+            let what = format!("{shown}: the model does not observe torques; add observed = \"torque\"");
             return Err(Usage(what).into());
         };
         if self.floating || !self.locks.is_empty() {
-            return Err(Usage("--floating and --lock are for a URDF".into()).into());
+            return Err(Usage("--floating and --lock need a URDF".into()).into());
         }
         Ok(Some((robot, Effects { transmission, known: model.effects })))
     }
@@ -129,7 +129,7 @@ impl Given {
         let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
         if is_toml && !darm_robot::dh::is_table(&text) {
             if self.floating || !self.locks.is_empty() {
-                return Err(Usage("--floating and --lock are for a URDF".into()).into());
+                return Err(Usage("--floating and --lock need a URDF".into()).into());
             }
             return Ok(Subject::Arm(Box::new(Arm::parse(path, &text)?)));
         }
@@ -147,7 +147,7 @@ impl Given {
         for lock in &self.locks {
             let (name, value) = lock
                 .split_once('=')
-                .ok_or_else(|| Usage(format!("--lock {lock}: write JOINT=Q, in deg or mm, such as --lock finger=0")))?;
+                .ok_or_else(|| Usage(format!("--lock {lock}: give JOINT=Q in deg or mm, such as --lock finger=0")))?;
             let joint = free.joints.iter().find(|joint| joint.name == name);
             let kind = joint.map_or(JointKind::Revolute, |joint| joint.joint.axis.kind);
             locks.insert(name.to_owned(), Coordinate { name: name.to_owned(), kind }.typed(value)?);
@@ -164,7 +164,7 @@ impl Subject {
         }
     }
 
-    /// The joints or servos, base first: what `--q` gives.
+    /// The joints or servos, base first, as in `--q`.
     pub(crate) fn coordinates(&self) -> Vec<Coordinate> {
         match self {
             Self::Robot(robot) => {
@@ -181,7 +181,7 @@ impl Subject {
         }
     }
 
-    /// The columns of a Jacobian: the coordinates, and after them the discrete actuators of an arm.
+    /// The columns of a Jacobian: the coordinates, then the discrete actuators of an arm.
     pub(crate) fn columns(&self) -> Vec<Coordinate> {
         let mut columns = self.coordinates();
         if let Self::Arm(arm) = self {
@@ -197,13 +197,13 @@ impl Subject {
         columns
     }
 
-    /// The robot, or why a command has nothing to say of an arm.
+    /// The robot; an error for an arm.
     pub(crate) fn into_robot(self, command: &str) -> Result<Robot, Usage> {
         match self {
             Self::Robot(robot) => Ok(*robot),
             Self::Arm(_) => Err(Usage(format!(
-                "darm {command} needs joints and links: a URDF or a table of Denavit and Hartenberg; an arm file has \
-                 stages that snap from stop to stop, whose words `darm nearest` and `darm path` find"
+                "darm {command} needs a robot: a URDF or a Denavit-Hartenberg table; for the words of an arm file use `darm \
+                 nearest` and `darm path`"
             ))),
         }
     }
@@ -214,14 +214,14 @@ impl Subject {
             Self::Robot(robot) => Ok(robot.kinematics(frame_of(robot, frame)?, &posture.q)?),
             Self::Arm(arm) => {
                 if frame.is_some() {
-                    return Err(Usage("--frame is for a URDF; an arm file has one tool".into()).into());
+                    return Err(Usage("--frame needs a robot; an arm file has one tool".into()).into());
                 }
                 arm_kinematics(arm, posture)
             }
         }
     }
 
-    /// What the frame of [`kinematics`](Self::kinematics) is called.
+    /// Name of the frame of [`kinematics`](Self::kinematics).
     pub(crate) fn frame_name(&self, frame: Option<&str>) -> Result<String, Usage> {
         match self {
             Self::Robot(robot) => Ok(frame_of(robot, frame)?.name.clone()),
@@ -230,9 +230,9 @@ impl Subject {
     }
 }
 
-/// The frame of this name, or the one that most likely is the tool.
+/// The frame of this name; default: the most likely tool.
 pub(crate) fn frame_of<'a>(robot: &'a Robot, name: Option<&str>) -> Result<&'a RobotFrame, Usage> {
-    let none = || Usage(format!("there is no frame `{}`; there are {}", name.unwrap_or("tool"), robot.frame_names()));
+    let none = || Usage(format!("no frame `{}`; the frames are {}", name.unwrap_or("tool"), robot.frame_names()));
     robot.frame_or_tool(name).ok_or_else(none)
 }
 
@@ -257,14 +257,16 @@ fn arm_kinematics(arm: &Arm, posture: &Posture) -> anyhow::Result<Kinematics> {
     Ok(Kinematics { pose_base_frame: pose, jacobian_base, jacobian_tool })
 }
 
-/// A pose as programs read it.
+/// A pose as JSON.
 #[derive(Clone, Debug, serde::Serialize)]
 pub(crate) struct PoseReport {
     pub(crate) position_m: [f64; 3],
+    /// Axis times angle.
+    pub(crate) rotation_vector_rad: [f64; 3],
     /// Rows of the rotation matrix.
-    pub(crate) rotation: [[f64; 3]; 3],
+    pub(crate) rotation_matrix: [[f64; 3]; 3],
     /// Z-Y-X Euler angles: about z, the new y, the newest x.
-    pub(crate) euler_zyx_deg: [f64; 3],
+    pub(crate) euler_zyx_rad: [f64; 3],
 }
 
 impl From<&Pose<f64>> for PoseReport {
@@ -272,9 +274,57 @@ impl From<&Pose<f64>> for PoseReport {
         let angles = darm_core::tree::euler::PoseVector::from(pose).angles;
         Self {
             position_m: pose.position.into(),
-            rotation: std::array::from_fn(|row| std::array::from_fn(|column| pose.rotation[(row, column)])),
-            euler_zyx_deg: [angles.x, angles.y, angles.z].map(f64::to_degrees),
+            rotation_vector_rad: rotation_log(&pose.rotation).into(),
+            rotation_matrix: std::array::from_fn(|row| std::array::from_fn(|column| pose.rotation[(row, column)])),
+            euler_zyx_rad: [angles.x, angles.y, angles.z],
         }
+    }
+}
+
+/// The external wrench on the tool.
+#[derive(clap::Args, Debug)]
+pub(crate) struct WrenchArgs {
+    /// Wrench that the environment exerts on the frame, along the axes of the base: moments in N m, then forces in N
+    #[arg(long, value_name = "MX,MY,MZ,FX,FY,FZ", allow_hyphen_values = true, conflicts_with = "wrench")]
+    external_wrench: Option<String>,
+    /// Former name; its sign differs between commands
+    #[arg(long, value_name = "MX,MY,MZ,FX,FY,FZ", allow_hyphen_values = true, hide = true)]
+    wrench: Option<String>,
+}
+
+/// What the former option `--wrench` of a command meant.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum FormerWrench {
+    /// What the environment exerts on the frame.
+    OnTool,
+    /// What the tool exerts on the environment.
+    ByTool,
+}
+
+impl WrenchArgs {
+    /// What the environment exerts on the frame, if given.
+    pub(crate) fn external(&self, former: FormerWrench) -> Result<Option<Wrench<f64>>, Usage> {
+        if let Some(text) = &self.external_wrench {
+            return wrench(text, "--external-wrench").map(Some);
+        }
+        let given = self.wrench.as_deref().map(|text| wrench(text, "--wrench")).transpose()?;
+        Ok(given.map(|given| match former {
+            FormerWrench::OnTool => given,
+            FormerWrench::ByTool => Wrench { moment: -given.moment, force: -given.force },
+        }))
+    }
+}
+
+/// Six numbers separated by commas: moments, then forces.
+fn wrench(text: &str, option: &str) -> Result<Wrench<f64>, Usage> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|cell| cell.trim().parse::<f64>()).collect();
+    match numbers.as_deref() {
+        Ok([a, b, c, x, y, z]) if [a, b, c, x, y, z].iter().all(|number| number.is_finite()) => {
+            Ok(Wrench { moment: [*a, *b, *c].into(), force: [*x, *y, *z].into() })
+        }
+        _ => Err(Usage(format!(
+            "{option} {text}: give six numbers, moments in N m, then forces in N, such as 0,0,0,0,0,-10"
+        ))),
     }
 }
 
@@ -290,7 +340,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_typed_with_or_without_a_unit() {
+    fn numbers_are_parsed_with_or_without_a_unit() {
         let turning = Coordinate { name: "j".into(), kind: JointKind::Revolute };
         let sliding = Coordinate { name: "s".into(), kind: JointKind::Prismatic };
         assert_eq!(turning.typed(" 180 ").ok(), Some(std::f64::consts::PI));

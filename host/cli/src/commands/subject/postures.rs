@@ -6,10 +6,10 @@ use anyhow::Context as _;
 use darm_core::actuator::JointKind;
 use darm_core::units::Word;
 
-use super::{Coordinate, Given, Subject};
+use super::{Coordinate, Subject, SubjectArgs};
 use crate::failure::Usage;
 
-/// Where a subject stands, and, where it is asked for, how it moves; in rad and m.
+/// A posture with optional velocities, accelerations and torques; in rad and m.
 #[derive(Clone, Debug)]
 pub(crate) struct Posture {
     /// Digits of the discrete actuators.
@@ -22,11 +22,11 @@ pub(crate) struct Posture {
     pub(crate) qdd: Vec<f64>,
     /// Torques (N·m) or forces (N); empty where none are given.
     pub(crate) torque: Vec<f64>,
-    /// When, s; the number of its row where the table has no time.
+    /// Time, s; the number of the row where the table has no time.
     pub(crate) time_s: f64,
 }
 
-/// What a column of a table holds.
+/// Meaning of a column.
 #[derive(Clone, Copy)]
 enum Column {
     Word,
@@ -43,9 +43,9 @@ enum Quantity {
     Torque,
 }
 
-/// Headers of the time.
+/// Names of the column of time.
 const TIMES: [&str; 3] = ["t", "t_s", "time_s"];
-/// Endings of the headers, and what they mean: the longest first.
+/// Endings of column names and their meaning, the longest first.
 const ENDINGS: [(&str, JointKind, Quantity, f64); 14] = {
     use JointKind::{Prismatic, Revolute};
     use Quantity::{Acceleration, Position, Torque, Velocity};
@@ -80,8 +80,8 @@ impl Posture {
     }
 }
 
-impl Given {
-    /// The postures that are asked for, with what the user should know: positions past their limits.
+impl SubjectArgs {
+    /// The requested postures, and notes on positions beyond their limits.
     pub(crate) fn postures(&self, subject: &Subject) -> anyhow::Result<(Vec<Posture>, Vec<String>)> {
         let postures = match &self.postures {
             Some(path) => read(path, subject)?,
@@ -106,20 +106,20 @@ impl Given {
     }
 }
 
-/// Numbers with commas between them, one for each coordinate.
+/// Numbers separated by commas, one per coordinate.
 pub(crate) fn listed(text: &str, coordinates: &[Coordinate], option: &str) -> Result<Vec<f64>, Usage> {
     let cells: Vec<_> = text.split(',').collect();
     if cells.len() != coordinates.len() {
         let names: Vec<_> = coordinates.iter().map(|c| format!("{} ({})", c.name, c.unit())).collect();
-        let wanted = if names.is_empty() { "none: nothing here is moved by a number".into() } else { names.join(", ") };
-        return Err(Usage(format!("{option} has {} numbers, there must be {}: {wanted}", cells.len(), names.len())));
+        let expected = if names.is_empty() { "it has no joints or servos".into() } else { names.join(", ") };
+        return Err(Usage(format!("{option} has {} numbers, expected {}: {expected}", cells.len(), names.len())));
     }
     cells.iter().zip(coordinates).map(|(cell, coordinate)| coordinate.typed(cell)).collect()
 }
 
 fn word_of(text: &str, subject: &Subject) -> Result<Word, Usage> {
     let Subject::Arm(arm) = subject else {
-        return Err(Usage("a word is for an arm file: a robot has no discrete actuators".into()));
+        return Err(Usage("--word needs an arm file; a robot has no discrete actuators".into()));
     };
     let word = text.parse().map_err(|error| Usage(format!("{error}")))?;
     darm_arm::arm::frames::check_word(&word, arm).map_err(|fault| Usage(fault.to_string()))?;
@@ -151,7 +151,7 @@ fn read(path: &Path, subject: &Subject) -> anyhow::Result<Vec<Posture>> {
     if let Some((index, missing)) = coordinates.iter().enumerate().find(|(index, _)| !given(*index)) {
         let unit = missing.unit();
         return Err(Usage(format!(
-            "{shown}: no column {}_{unit} (or q{}_{unit}); the file has {}",
+            "{shown}: no column {}_{unit} (or q{}_{unit}); its columns are {}",
             missing.name,
             index + 1,
             header.iter().collect::<Vec<_>>().join(", ")
@@ -163,7 +163,7 @@ fn read(path: &Path, subject: &Subject) -> anyhow::Result<Vec<Posture>> {
         let record = record.with_context(|| format!("{shown}"))?;
         let mut posture = Posture { time_s: row as f64, ..Posture::rest(subject) };
         for ((cell, column), name) in record.iter().zip(&columns).zip(&header) {
-            let wrong = |what: &str| Usage(format!("{shown}: line {}: column {name} holds `{cell}`, {what}", row + 2));
+            let wrong = |what: &str| Usage(format!("{shown}:{}: column {name}: `{cell}`: {what}", row + 2));
             match column {
                 Some(Column::Word) => posture.word = word_of(cell, subject).map_err(|error| wrong(&error.0))?,
                 Some(Column::Time) => posture.time_s = finite(cell).ok_or_else(|| wrong("expected a number"))?,
@@ -177,7 +177,7 @@ fn read(path: &Path, subject: &Subject) -> anyhow::Result<Vec<Posture>> {
         postures.push(posture);
     }
     if postures.is_empty() {
-        return Err(Usage(format!("{shown}: no rows")).into());
+        return Err(Usage(format!("{shown}: the file has no rows; add one per posture")).into());
     }
     Ok(postures)
 }
@@ -203,7 +203,7 @@ impl Posture {
     }
 }
 
-/// What a column with this header holds; `None`: nothing that is needed.
+/// Meaning of the column with this name; `None` for other columns.
 fn column(header: &str, coordinates: &[Coordinate]) -> Option<Column> {
     if header == "word" {
         return Some(Column::Word);

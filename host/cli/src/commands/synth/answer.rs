@@ -1,13 +1,13 @@
-//! What `darm synth` says.
+//! Result of `darm synth`.
 
 use std::path::{Path, PathBuf};
 
 use darm_arm::synthesis::{Bought, Case, Cost, Expected, Obstacle, Reached, Status, Synthesis};
 use serde::Serialize;
 
-use crate::voice::{Answer, columns};
+use crate::ui::{Answer, columns};
 
-/// The answer to `darm synth`.
+/// Result of a synthesis.
 #[derive(Serialize)]
 pub(super) struct Synthesised {
     output: PathBuf,
@@ -15,7 +15,7 @@ pub(super) struct Synthesised {
     reached: bool,
     case: String,
     ranks: Case,
-    /// What keeps the nearest geometry from the frames, where not all are met.
+    /// Why not all frames are reached.
     #[serde(skip_serializing_if = "Option::is_none")]
     obstacle: Option<Obstacle>,
     iterations: u32,
@@ -28,25 +28,25 @@ pub(super) struct Synthesised {
     extras: Extras,
 }
 
-/// What a task tells beside the geometry.
+/// What a task reports in addition to the geometry.
 #[derive(Default, Serialize)]
 pub(super) struct Extras {
     /// The part of each leg.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) parts: Vec<Bought>,
-    /// What all parts cost.
+    /// Price of all parts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) price: Option<f64>,
-    /// What a repair costs.
+    /// Cost of a repair.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) repair: Option<Cost>,
-    /// By how much the geometry with the least alteration alters the stops, m.
+    /// Change of the stops (RSS) of the geometry with the smallest change, m.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) altered_before_m: Option<f64>,
-    /// Errors to be expected of the geometry with the least alteration.
+    pub(super) alteration_before_m: Option<f64>,
+    /// Expected errors of the geometry with the smallest change.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) expected_before: Vec<Expected>,
-    /// Errors to be expected of the geometry that is least sensitive.
+    /// Expected errors of the least sensitive geometry.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) expected: Vec<Expected>,
 }
@@ -55,17 +55,18 @@ pub(super) struct Extras {
 struct FrameReport {
     name: String,
     word: String,
-    servos_deg: Vec<f64>,
+    servos_rad: Vec<f64>,
     before_m: f64,
     before_rad: f64,
     error_m: f64,
     error_rad: f64,
 }
 
-/// Frames that are not met.
+/// Frames that are not reached.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "not met: {frames} (up to {worst_mm:.3} mm, {worst_deg:.3} deg); {case}; {why}; ask for fewer or nearer frames, or take the nearest geometry with --closest"
+    "frames not reached: {frames} (errors up to {worst_mm:.3} mm, {worst_deg:.3} deg); {case}; {why}; remove frames or move \
+     them closer, or accept the closest geometry with --closest"
 )]
 pub(super) struct NotMet {
     frames: String,
@@ -112,7 +113,7 @@ fn frame_report(reached: &Reached) -> FrameReport {
     FrameReport {
         name: reached.frame.name.clone(),
         word: reached.frame.word.to_string(),
-        servos_deg: reached.frame.servos_rad.iter().map(|angle| angle.to_degrees()).collect(),
+        servos_rad: reached.frame.servos_rad.clone(),
         before_m: reached.error_before_m,
         before_rad: reached.error_before_rad,
         error_m: reached.error_m,
@@ -134,14 +135,14 @@ impl Answer for Synthesised {
             ]
         }));
         format!(
-            "{}\n\n{}{}\n{} in {:.3} s: {} iterations, {} start{}; stops altered by {:.1} mm (root of the sum of squares){}\n\
+            "{}\n\n{}{}\n{} in {:.3} s: {} iterations, {} start{}; stops changed by {:.1} mm (RSS){}\n\
              model {} in {}",
             columns(&rows),
             self.extras.text(&self.frames, self.alteration_m),
             self.case,
             match &self.obstacle {
-                None => "every frame is met".to_owned(),
-                Some(obstacle) => format!("the nearest geometry: {obstacle};"),
+                None => "every frame is reached".to_owned(),
+                Some(obstacle) => format!("closest geometry: {obstacle};"),
             },
             self.took_s,
             self.iterations,
@@ -150,7 +151,7 @@ impl Answer for Synthesised {
             1e3 * self.alteration_m,
             match self.anchors_moved_m {
                 0.0 => String::new(),
-                moved_m => format!(", anchors moved, too, by up to {:.1} mm: `darm stops` lists them", 1e3 * moved_m),
+                moved_m => format!(", anchors moved by up to {:.1} mm; `darm adjust` lists them", 1e3 * moved_m),
             },
             self.model,
             self.output.display()
@@ -159,11 +160,11 @@ impl Answer for Synthesised {
 }
 
 impl Extras {
-    /// Paragraphs, each with an empty line after it.
+    /// Paragraphs, each followed by an empty line.
     fn text(&self, frames: &[FrameReport], alteration_m: f64) -> String {
         let mut text = String::new();
         if !self.parts.is_empty() {
-            let mut rows = vec![["leg", "part", "price", "stops", "bears"].map(str::to_owned).to_vec()];
+            let mut rows = vec![["leg", "part", "price", "stops", "load"].map(str::to_owned).to_vec()];
             rows.extend(self.parts.iter().map(|part| {
                 let (short, long) = part.stops_m;
                 vec![
@@ -174,12 +175,12 @@ impl Extras {
                     format!("{:.1} N", part.load_n),
                 ]
             }));
-            text += &format!("{}\nprice of all: {:.2}\n\n", columns(&rows), self.price.unwrap_or(0.0));
+            text += &format!("{}\ntotal price: {:.2}\n\n", columns(&rows), self.price.unwrap_or(0.0));
         }
         if let Some(cost) = &self.repair {
             text += &format!(
-                "the repair costs: {} of {} frames met, {} with another word; {} stops to turn, by {:.1} mm (root of the sum \
-                 of squares); {:.0} % of the words are left\n\n",
+                "repair: {} of {} frames reached, {} with another word; {} stops to adjust, by {:.1} mm (RSS); {:.0} % of the \
+                 words remain\n\n",
                 cost.frames_met,
                 cost.frames,
                 cost.words_changed,
@@ -189,7 +190,7 @@ impl Extras {
             );
         }
         if !self.expected.is_empty() {
-            let head = ["frame", "expected before", "expected", "", "drawn arms", ""];
+            let head = ["frame", "expected before", "expected", "", "sampled arms", ""];
             let mut rows = vec![head.map(str::to_owned).to_vec()];
             for ((frame, before), now) in frames.iter().zip(&self.expected_before).zip(&self.expected) {
                 rows.push(vec![
@@ -203,13 +204,13 @@ impl Extras {
             }
             let root = |of: &[Expected]| 1e3 * of.iter().map(|frame| frame.linear_m.powi(2)).sum::<f64>().sqrt();
             text += &format!(
-                "{}\nof all frames together {:.3} mm, before {:.3} mm, for stops altered by {:.1} mm in place of {:.1} mm; \
-                 a larger --worth alters more\n\n",
+                "{}\nall frames together (RSS): {:.3} mm, before {:.3} mm, for stops changed by {:.1} mm instead of {:.1} mm; a \
+                 larger --worth changes more\n\n",
                 columns(&rows),
                 root(&self.expected),
                 root(&self.expected_before),
                 1e3 * alteration_m,
-                1e3 * self.altered_before_m.unwrap_or(alteration_m)
+                1e3 * self.alteration_before_m.unwrap_or(alteration_m)
             );
         }
         text

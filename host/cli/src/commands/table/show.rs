@@ -1,4 +1,4 @@
-//! `darm table --show`: what a table file holds.
+//! `darm table --show`: contents of a table file.
 
 use std::path::{Path, PathBuf};
 
@@ -9,11 +9,11 @@ use serde::Serialize;
 
 use super::SHOWN;
 use crate::commands::table_file::{TableFile, TableFileError};
-use crate::voice::{Answer, columns};
+use crate::ui::{Answer, columns};
 
 #[derive(Serialize)]
 pub(super) struct Shown {
-    table: PathBuf,
+    file: PathBuf,
     digest: String,
     model: String,
     device: Option<String>,
@@ -35,12 +35,12 @@ pub(super) struct Shown {
 struct OutputReport {
     output: u8,
     drive: &'static str,
-    /// What the drive switches, by line of the chain.
+    /// Lines of the chain that the drive switches.
     lines: Vec<u8>,
-    pulse_ms: Option<u16>,
-    max_on_ms: u32,
+    pulse_s: Option<f64>,
+    max_on_s: f64,
     duty_percent: u8,
-    window_ms: u32,
+    window_s: f64,
 }
 
 #[derive(Serialize)]
@@ -48,15 +48,15 @@ struct ActuatorReport {
     actuator: usize,
     states: u8,
     input: Option<u8>,
-    travel_ms: u16,
+    travel_s: f64,
 }
 
 #[derive(Serialize)]
 struct ServoReport {
     id: u8,
-    min_deg: f32,
-    max_deg: f32,
-    max_speed_deg_s: f32,
+    min_rad: f32,
+    max_rad: f32,
+    max_speed_rad_s: f32,
     max_torque: f32,
 }
 
@@ -64,10 +64,10 @@ struct ServoReport {
 struct RowReport {
     at_s: f64,
     word: String,
-    servos_deg: Vec<f32>,
+    servos_rad: Vec<f32>,
 }
 
-/// What the file holds; its text has every row with `all`.
+/// Contents of the file; the text lists every row with `all`.
 pub(super) fn shown(path: &Path, all: bool) -> Result<Shown, TableFileError> {
     let file = TableFile::read(path)?;
     let actuators = file.records.iter().filter_map(|record| match record {
@@ -75,7 +75,7 @@ pub(super) fn shown(path: &Path, all: bool) -> Result<Shown, TableFileError> {
         _ => None,
     });
     Ok(Shown {
-        table: path.into(),
+        file: path.into(),
         digest: file.digest().to_string(),
         model: file.image.image().model.to_string(),
         device: file.device.map(|device| device.to_string()),
@@ -103,27 +103,26 @@ fn output(record: &Record) -> Option<OutputReport> {
         Drive::PeakHold { pull, hold, peak_ms } => ("peak-hold", vec![pull, hold], Some(peak_ms)),
         Drive::Latch { set, reset, pulse_ms } => ("latch", vec![set, reset], Some(pulse_ms)),
     };
-    let (max_on_ms, duty_percent, window_ms) = (limit.max_on_ms, limit.duty_percent, limit.window_ms);
-    Some(OutputReport { output, drive, lines, pulse_ms, max_on_ms, duty_percent, window_ms })
+    let [max_on_s, window_s] = [limit.max_on_ms, limit.window_ms].map(|ms| 1e-3 * f64::from(ms));
+    let pulse_s = pulse_ms.map(|ms: u16| 1e-3 * f64::from(ms));
+    Some(OutputReport { output, drive, lines, pulse_s, max_on_s, duty_percent: limit.duty_percent, window_s })
 }
 
 fn actuator(number: usize, wiring: &ActuatorWiring) -> ActuatorReport {
     let input = wiring.switch.map(|switch| switch.input);
-    ActuatorReport { actuator: number, states: wiring.states, input, travel_ms: wiring.travel_ms }
+    ActuatorReport { actuator: number, states: wiring.states, input, travel_s: 1e-3 * f64::from(wiring.travel_ms) }
 }
 
 fn servo(record: &Record) -> Option<ServoReport> {
     let Record::Servo(ServoWiring { id, min_rad, max_rad, max_speed_rad_s, max_torque, .. }) = *record else {
         return None;
     };
-    let [min_deg, max_deg, max_speed_deg_s] = [min_rad, max_rad, max_speed_rad_s].map(f32::to_degrees);
-    Some(ServoReport { id, min_deg, max_deg, max_speed_deg_s, max_torque })
+    Some(ServoReport { id, min_rad, max_rad, max_speed_rad_s, max_torque })
 }
 
 fn row(record: &Record) -> Option<RowReport> {
     let Record::Row(Row { at, word, servos }) = record else { return None };
-    let servos_deg = servos.iter().map(|angle| angle.to_degrees()).collect();
-    Some(RowReport { at_s: seconds(*at), word: word.to_string(), servos_deg })
+    Some(RowReport { at_s: seconds(*at), word: word.to_string(), servos_rad: servos.to_vec() })
 }
 
 impl Shown {
@@ -145,17 +144,17 @@ impl Shown {
     }
 
     fn outputs(&self) -> String {
-        let titles = ["output", "drive", "lines", "pulse", "longest on", "duty", "window"].map(str::to_owned).to_vec();
+        let titles = ["output", "drive", "lines", "pulse", "max on-time", "duty", "window"].map(str::to_owned).to_vec();
         let row = |output: &OutputReport| {
             let lines: Vec<String> = output.lines.iter().map(u8::to_string).collect();
             vec![
                 output.output.to_string(),
                 output.drive.to_owned(),
                 lines.join(" "),
-                output.pulse_ms.map_or(String::new(), |pulse_ms| format!("{pulse_ms} ms")),
-                format!("{:.3} s", f64::from(output.max_on_ms) * 1e-3),
+                output.pulse_s.map_or(String::new(), |pulse_s| format!("{pulse_s:.3} s")),
+                format!("{:.3} s", output.max_on_s),
                 format!("{} %", output.duty_percent),
-                format!("{:.3} s", f64::from(output.window_ms) * 1e-3),
+                format!("{:.3} s", output.window_s),
             ]
         };
         columns(&std::iter::once(titles).chain(self.outputs.iter().map(row)).collect::<Vec<_>>())
@@ -165,7 +164,7 @@ impl Shown {
         let titles = ["actuator", "states", "input", "travel"].map(str::to_owned).to_vec();
         let row = |actuator: &ActuatorReport| {
             let input = actuator.input.map_or("none".to_owned(), |input| input.to_string());
-            let travel = format!("{} ms", actuator.travel_ms);
+            let travel = format!("{:.3} s", actuator.travel_s);
             vec![actuator.actuator.to_string(), actuator.states.to_string(), input, travel]
         };
         columns(&std::iter::once(titles).chain(self.actuators.iter().map(row)).collect::<Vec<_>>())
@@ -173,9 +172,10 @@ impl Shown {
 
     fn servos(&self) -> String {
         let servo = |(number, servo): (usize, &ServoReport)| {
+            let [min, max, speed] = [servo.min_rad, servo.max_rad, servo.max_speed_rad_s].map(f32::to_degrees);
             format!(
-                "servo {number}, id {}: {:.2} to {:.2} deg, at most {:.1} deg/s, torque {:.2}\n",
-                servo.id, servo.min_deg, servo.max_deg, servo.max_speed_deg_s, servo.max_torque
+                "servo {number}, id {}: {min:.2} to {max:.2} deg, at most {speed:.1} deg/s, torque {:.2}\n",
+                servo.id, servo.max_torque
             )
         };
         self.servos.iter().enumerate().map(servo).collect()
@@ -185,7 +185,7 @@ impl Shown {
         let servos = if self.servos.is_empty() { "" } else { "servos" };
         let titles = ["row", "time", "word", servos].map(str::to_owned).to_vec();
         let row = |(number, row): (usize, &RowReport)| {
-            let servos: Vec<_> = row.servos_deg.iter().map(|angle| format!("{angle:.2} deg")).collect();
+            let servos: Vec<_> = row.servos_rad.iter().map(|angle| format!("{:.2} deg", angle.to_degrees())).collect();
             vec![number.to_string(), format!("{:.3} s", row.at_s), row.word.clone(), servos.join(" ")]
         };
         let rows = self.rows.iter().enumerate().take(self.shown).map(row);
