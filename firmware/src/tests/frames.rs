@@ -71,15 +71,25 @@ fn any_frame(random: &mut Random) -> Vec<u8> {
     frame[..len].to_vec()
 }
 
+/// A number from an environment variable, or the one given.
+fn number(variable: &str, otherwise: usize) -> usize {
+    std::env::var(variable).map_or(otherwise, |text| text.parse().unwrap())
+}
+
 /// How many frames and lines the hostile tests send: 20 000, or as many as the environment variable `DARM_FRAMES` says.
 fn rounds() -> usize {
-    std::env::var("DARM_FRAMES").ok().and_then(|count| count.parse().ok()).unwrap_or(20_000)
+    number("DARM_FRAMES", 20_000)
+}
+
+/// Seeds of the two tests; `DARM_SEED` moves both.
+fn random(first: u64) -> Random {
+    Random(first + 2 * number("DARM_SEED", 0) as u64)
 }
 
 #[test]
 fn damaged_frames_change_nothing() {
     let bench = loaded();
-    let mut random = Random(1);
+    let mut random = random(1);
     let before = state(&bench);
     for round in 0..rounds() {
         let mut bytes = any_frame(&mut random);
@@ -102,7 +112,7 @@ fn damaged_frames_change_nothing() {
 #[test]
 fn noise_frames_and_lines_do_not_panic() {
     let bench = loaded();
-    let (mut port, mut random) = (Port::default(), Random(2));
+    let (mut port, mut random) = (Port::default(), random(2));
     let words = [
         "coil",
         "word",
