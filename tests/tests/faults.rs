@@ -1,7 +1,7 @@
 //! Faults of the processor and of tasks in the real image: what a board does when its own software fails.
 //!
 //! The test socket writes RAM and system registers while the image runs, so the flashed image itself is made to fail.
-//! Where the emulator or the image is missing the tests report that and pass, as in `qemu.rs`.
+//! Without the emulator or the image see `emulator::missing`.
 
 mod emulator;
 

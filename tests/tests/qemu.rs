@@ -1,6 +1,6 @@
 //! The real image in the emulator, with a plant at its pins: what a user with a board on the desk would see.
 //!
-//! Where the emulator or the image is missing the tests say so and pass: `cargo xtask test` installs and builds both.
+//! `cargo xtask test` installs the emulator and builds the image; without them see `emulator::missing`.
 
 mod bench;
 mod emulator;
@@ -167,9 +167,14 @@ fn the_board_answers_which_word_is_nearest() {
     }
 }
 
+/// A number from an environment variable, or the one given.
+fn number(variable: &str, otherwise: u64) -> u64 {
+    std::env::var(variable).map_or(otherwise, |text| text.parse().unwrap())
+}
+
 /// How many times the power is cut: 5, or as many as the environment variable `DARM_KILLS` says.
 fn kills() -> u64 {
-    std::env::var("DARM_KILLS").ok().and_then(|count| count.parse().ok()).unwrap_or(5)
+    number("DARM_KILLS", 5)
 }
 
 #[test]
@@ -182,7 +187,7 @@ fn power_cuts_leave_the_old_or_the_new_table() {
     let start = std::time::Instant::now();
     bench.connect().upload(&images[1], &mut |_| {}).unwrap();
     let whole_s = start.elapsed().as_secs_f64();
-    let (mut loaded, mut new, mut random) = (ModelHash(12), 0, 0x5eed_u64);
+    let (mut loaded, mut new, mut random) = (ModelHash(12), 0, 0x5eed + number("DARM_SEED", 0));
     for kill in 0..kills() {
         let next = images[usize::from(loaded == ModelHash(11))].clone();
         let model = next.image().model;

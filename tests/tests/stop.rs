@@ -1,7 +1,7 @@
 //! `darm stop` while another program holds the board's port: when the pins are safe, and what the exit code says.
 //!
 //! The real image in the emulator plays a program; the lines are seen at its pins. `DARM_STOPS` sets how often, else once
-//! for each program that can hold the port. Where the emulator, the image or `darm` is missing the test says so and passes.
+//! for each program that can hold the port. Where the emulator, the image or `darm` is missing the test is not run, see `emulator::missing`.
 
 mod emulator;
 
@@ -59,8 +59,7 @@ impl Rig {
         let Ready { elf, lock } = emulator::ready()?;
         let darm = emulator::target().join("debug/darm");
         if !darm.exists() {
-            eprintln!("SKIPPED: no {}", darm.display());
-            return None;
+            return emulator::missing(&format!("no {}; build it with `cargo build -p darm`", darm.display()));
         }
         let arm = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/planar4.toml");
         let WiredArm { profile, wiring, .. } = WiredArm::new(Arm::read(&arm).unwrap()).unwrap();
