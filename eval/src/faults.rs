@@ -1,12 +1,13 @@
 //! Hostile runs: power cuts in the emulator, damaged frames and lines on the PC, a port that another program holds. The tests run them short, this runs them long.
 
-use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
-
-use crate::figures::{Figure, tell};
+use darm_figures::figure::Figure;
+use darm_figures::items::{self, Spread};
+use darm_figures::shard::Shard;
+use serde::{Deserialize, Serialize};
 use xtask::image;
 use xtask::setup::{self, Emulator};
 use xtask::step;
@@ -16,6 +17,15 @@ const BUILD_LIMIT: Duration = Duration::from_secs(1800);
 /// Cuts the power at seeded moments, sends damaged frames, stops through a port that is held; prints the counts
 #[derive(clap::Args)]
 pub(crate) struct Faults {
+    #[command(flatten)]
+    job: Job,
+    #[command(flatten)]
+    spread: Spread,
+}
+
+/// How often each fault is injected.
+#[derive(clap::Args, Serialize, Deserialize)]
+pub(crate) struct Job {
     /// Kill the emulator so many times during uploads and stores, and start it again on the same flash
     #[arg(long, value_name = "COUNT")]
     kills: Option<u64>,
@@ -25,35 +35,116 @@ pub(crate) struct Faults {
     /// Stop the arm so many times while another program holds the port
     #[arg(long, value_name = "COUNT")]
     stops: Option<u64>,
-    /// Write the figures as JSON
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+}
+
+/// A test that injects faults, as often as a variable says.
+struct Injection {
+    name: &'static str,
+    arguments: &'static [&'static str],
+    variable: &'static str,
+    /// Most faults of one item.
+    batch: u64,
+}
+
+const KILLS: Injection = Injection {
+    name: "kills",
+    arguments: &["--package", "darm-tests", "--test", "qemu", "power_cuts"],
+    variable: "DARM_KILLS",
+    batch: 50,
+};
+const FRAMES: Injection = Injection {
+    name: "frames",
+    arguments: &["--package", "darm-firmware", "--lib", "frames"],
+    variable: "DARM_FRAMES",
+    batch: 100_000,
+};
+const STOPS: Injection = Injection {
+    name: "stops",
+    arguments: &["--package", "darm-tests", "--test", "stop", "stop_gets_through"],
+    variable: "DARM_STOPS",
+    batch: 20,
+};
+
+/// Part of an injection.
+pub(crate) struct Item {
+    injection: &'static Injection,
+    seed: u64,
+    count: u64,
+}
+
+/// What a test measured.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Row {
+    name: String,
+    value: f64,
+    unit: String,
 }
 
 impl Faults {
     pub(crate) fn run(&self) -> Result<()> {
-        if self.kills.or(self.frames).or(self.stops).is_none() {
+        if self.job.parts().is_empty() {
             bail!("nothing to do: give --kills COUNT, --frames COUNT or --stops COUNT");
         }
-        let mut figures = Vec::new();
-        if let Some(kills) = self.kills {
+        items::run(&self.job, &self.spread)
+    }
+}
+
+impl Job {
+    fn parts(&self) -> Vec<Item> {
+        let injections = [(&KILLS, self.kills), (&FRAMES, self.frames), (&STOPS, self.stops)];
+        let of = |(injection, count): (&'static Injection, Option<u64>)| {
+            let (count, batch) = (count.unwrap_or(0), injection.batch);
+            (0..count.div_ceil(batch)).map(move |k| Item { injection, seed: k, count: batch.min(count - k * batch) })
+        };
+        injections.into_iter().flat_map(of).collect()
+    }
+}
+
+impl items::Job for Job {
+    const COMMAND: &'static str = "faults";
+    type Bench = Vec<Item>;
+    type Outcome = Vec<Row>;
+
+    fn items(&self) -> Result<Vec<String>> {
+        Ok(self.parts().iter().map(|item| format!("{} {}", item.injection.name, item.seed)).collect())
+    }
+
+    fn bench(&self, _: Shard) -> Result<Vec<Item>> {
+        if self.kills.or(self.stops).is_some() {
             prepare_emulator()?;
-            let arguments = ["--package", "darm-tests", "--test", "qemu", "power_cuts"];
-            figures.extend(run_test(&arguments, "DARM_KILLS", kills)?);
         }
-        if let Some(frames) = self.frames {
-            let arguments = ["--package", "darm-firmware", "--lib", "frames"];
-            figures.extend(run_test(&arguments, "DARM_FRAMES", frames)?);
-        }
-        if let Some(stops) = self.stops {
-            prepare_emulator()?;
+        if self.stops.is_some() {
             let mut build = Command::new("cargo");
             build.current_dir(setup::root()).args(["build", "--package", "darm"]);
             step::run("build darm", &mut build, BUILD_LIMIT, "run `cargo build --package darm`")?;
-            let arguments = ["--package", "darm-tests", "--test", "stop"];
-            figures.extend(run_test(&arguments, "DARM_STOPS", stops)?);
         }
-        tell(&figures, 1, self.json.as_deref())
+        Ok(self.parts())
+    }
+
+    fn run(&self, parts: &Vec<Item>, item: usize) -> Result<Vec<Row>> {
+        run_test(&parts[item])
+    }
+
+    /// One emulator at a time, and one cargo.
+    fn runs_alone(&self, _: usize) -> bool {
+        true
+    }
+
+    /// Counts are added up; of times the longest counts.
+    fn figures(&self, outcomes: &[Vec<Row>]) -> Result<Vec<Figure>> {
+        let mut all: Vec<(&str, f64, &str)> = Vec::new();
+        for Row { name, value, unit } in outcomes.iter().flatten() {
+            match all.iter_mut().find(|(known, _, _)| known == name) {
+                Some((_, known, unit)) if *unit == "s" => *known = known.max(*value),
+                Some((_, known, _)) => *known += value,
+                None => all.push((name, *value, unit)),
+            }
+        }
+        all.into_iter().map(|(name, value, unit)| Figure::new(name, value, unit)).collect()
+    }
+
+    fn seed(&self) -> u64 {
+        0
     }
 }
 
@@ -64,19 +155,53 @@ fn prepare_emulator() -> Result<()> {
     image::build().map(|_| ())
 }
 
-/// Runs a test at length; its figures stand in lines `FIGURE name = value unit`.
-fn run_test(arguments: &[&str], variable: &str, count: u64) -> Result<Vec<Figure>> {
+/// Runs a test with its seed; its figures are the lines `FIGURE name = value unit`.
+fn run_test(Item { injection, seed, count }: &Item) -> Result<Vec<Row>> {
     let mut command = Command::new("cargo");
-    command.current_dir(setup::root()).arg("test").args(arguments).args(["--", "--nocapture"]);
-    let output = command.env(variable, count.to_string()).output().context("cargo did not start")?;
+    command.current_dir(setup::root()).arg("test").args(injection.arguments).args(["--", "--nocapture"]);
+    command.env(injection.variable, count.to_string()).env("DARM_SEED", seed.to_string());
+    let output = command.output().context("cargo did not start")?;
     let text = String::from_utf8_lossy(&output.stdout);
     if !output.status.success() {
         bail!("the run failed:\n{text}\n{}", String::from_utf8_lossy(&output.stderr));
     }
-    let figures = text.lines().filter_map(|line| line.split_once("FIGURE ")).map(|(_, figure)| {
-        let (name, value) = figure.split_once(" = ").context("a figure without a value")?;
-        let (value, unit) = value.split_once(' ').context("a figure without a unit")?;
-        Figure::new(name, value.parse().context("a figure that is no number")?, unit)
-    });
-    figures.collect()
+    let rows = text.lines().filter_map(|line| line.split_once("FIGURE ")).map(|(_, figure)| row(figure));
+    let rows = rows.collect::<Result<Vec<_>>>()?;
+    if rows.is_empty() {
+        bail!("the test printed no figure:\n{text}");
+    }
+    Ok(rows)
+}
+
+fn row(line: &str) -> Result<Row> {
+    let (name, value) = line.split_once(" = ").context("a figure without a value")?;
+    let (value, unit) = value.split_once(' ').context("a figure without a unit")?;
+    let value = value.parse().context("a figure that is not a number")?;
+    Ok(Row { name: name.to_owned(), value, unit: unit.to_owned() })
+}
+
+#[cfg(test)]
+mod tests {
+    use darm_figures::items::Job as _;
+
+    use super::{Job, Row, row};
+
+    const JOB: Job = Job { kills: Some(120), frames: None, stops: Some(20) };
+
+    #[test]
+    fn faults_are_split_into_seeded_parts_that_add_up() {
+        assert_eq!(JOB.items().unwrap(), ["kills 0", "kills 1", "kills 2", "stops 0"]);
+        let parts = JOB.parts();
+        assert_eq!(parts.iter().map(|part| part.count).collect::<Vec<_>>(), [50, 50, 20, 20]);
+    }
+
+    #[test]
+    fn counts_are_added_and_the_longest_time_counts() {
+        let part = |cuts: f64, time_s: f64| {
+            vec![row(&format!("cuts = {cuts} cuts")).unwrap(), row(&format!("longest = {time_s} s")).unwrap()]
+        };
+        let outcomes: [Vec<Row>; 2] = [part(3.0, 0.5), part(4.0, 0.25)];
+        let figures = JOB.figures(&outcomes).unwrap();
+        assert_eq!((figures[0].value, figures[1].value), (7.0, 0.5));
+    }
 }

@@ -4,9 +4,8 @@ mod bench;
 mod blind;
 mod demo;
 mod faults;
-mod figures;
+mod join;
 mod papers;
-mod progress;
 
 use std::process::ExitCode;
 
@@ -27,6 +26,9 @@ enum Task {
     Papers(papers::Papers),
     Blind(blind::Blind),
     Faults(faults::Faults),
+    Merge(join::Merge),
+    Compare(join::Compare),
+    Measured(join::Measured),
 }
 
 fn main() -> ExitCode {
@@ -36,6 +38,9 @@ fn main() -> ExitCode {
         Task::Papers(papers) => papers.run(),
         Task::Blind(blind) => blind.run(),
         Task::Faults(faults) => faults.run(),
+        Task::Merge(merge) => merge.run(),
+        Task::Compare(compare) => compare.run(),
+        Task::Measured(measured) => measured.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

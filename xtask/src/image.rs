@@ -91,6 +91,25 @@ fn budget(path: &Path) -> Result<String> {
     ))
 }
 
+/// Stack, static RAM and reachable panics of the image: name, value and unit of each figure.
+///
+/// # Errors
+/// When the image does not build or cannot be analysed.
+pub fn figures() -> Result<[(&'static str, f64, &'static str); 5]> {
+    let path = build()?;
+    let image = code::Image::read(&path)?;
+    let graph = graph::Graph::new(&image)?;
+    let bound = stack::Bound::new(&image, &graph)?;
+    let (bytes, size) = (f64::from(bound.bytes()), f64::from(bound.size()));
+    Ok([
+        ("image: stack by static bound", bytes, "bytes"),
+        ("image: stack by static bound, share", (1000.0 * bytes / size).round() / 10.0, "%"),
+        ("image: free static RAM", ram::free_bytes(&path)? as f64, "bytes"),
+        ("image: panics that the control tick can reach", panics::in_control(&graph)? as f64, ""),
+        ("image: panics of other tasks that the list does not allow", panics::unlisted(&graph)? as f64, ""),
+    ])
+}
+
 /// Checks the stack's bound and the panics of a built image, and prints the bound.
 pub fn check(path: &Path) -> Result<()> {
     let image = code::Image::read(path)?;

@@ -4,7 +4,6 @@
 //! See `docs/simulation.md`.
 
 pub mod arm;
-pub mod goals;
 pub mod host;
 pub mod hostile;
 pub mod judge;
@@ -15,6 +14,7 @@ pub mod run;
 pub mod script;
 pub mod second_acts;
 pub mod second_host;
+pub mod seeds;
 pub mod shrink;
 pub mod summary;
 pub mod trace;

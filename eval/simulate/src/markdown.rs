@@ -2,9 +2,10 @@
 
 use std::fmt::Write as _;
 
+use darm_figures::figure::Figure;
+
 use crate::mutants::Caught;
 use crate::script::LOSSES;
-use crate::summary::Row;
 
 /// The head of the table of mutants.
 pub const MUTANTS: &str = "| mutant | rules | first seed | seeds caught |\n| --- | --- | --- | --- |";
@@ -20,7 +21,7 @@ pub fn mutant(name: &str, caught: &Caught) -> String {
 }
 
 /// What was injected with the recovery from it, and the uploads against the loss of the line.
-pub fn figures(rows: &[Row]) -> String {
+pub fn figures(rows: &[Figure]) -> String {
     let value = |name: &str| rows.iter().find(|row| row.name == name).map(|row| row.value);
     let mut text =
         String::from("| injected | times | recoveries | median | longest |\n| --- | --- | --- | --- | --- |\n");
@@ -51,8 +52,8 @@ pub fn figures(rows: &[Row]) -> String {
 #[cfg(test)]
 mod tests {
     use super::{figures, mutant};
-    use crate::mutants::Caught;
-    use crate::summary::{Broken, Row};
+    use crate::mutants::{Broken, Caught};
+    use darm_figures::figure::Figure;
 
     #[test]
     fn a_mutant_is_one_line() {
@@ -71,8 +72,7 @@ mod tests {
             ("recovered after reset, longest", 2500.0),
             ("injected: piece lost", 7.0),
         ];
-        let row = |(name, value): (&str, f64)| Row { name: name.into(), value, unit: "", goal: None, met: None };
-        let text = figures(&rows.map(row));
+        let text = figures(&rows.map(|(name, value)| Figure::new(name, value, "").unwrap()));
         assert!(text.contains("| reset | 4 | 3 | 12 ms | 2.5 s |\n| piece lost | 7 | | | |\n"), "{text}");
     }
 }

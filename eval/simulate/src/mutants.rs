@@ -10,9 +10,15 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result, bail};
 
+use darm_figures::figure::Figure;
+use darm_figures::items::Job;
+use darm_figures::results::Contents;
+use darm_figures::shard::Shard;
+use serde::{Deserialize, Serialize};
+
 use crate::run::run;
 use crate::script::Script;
-use crate::summary::{Broken, Figures};
+use crate::summary::Record;
 
 /// Files that declare modules, with the modules that the simulation does without: they take most of a build's time.
 const UNUSED: [(&str, &[&str]); 3] = [
@@ -32,8 +38,17 @@ pub struct Mutant {
     pub description: String,
 }
 
+/// A rule that was broken in a seed.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Broken {
+    /// The seed.
+    pub seed: u64,
+    /// The rule.
+    pub rule: String,
+}
+
 /// What the judges saw of a mutant.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Caught {
     /// Seeds that ran.
     pub ran: u64,
@@ -102,9 +117,16 @@ pub struct Scratch {
 }
 
 impl Scratch {
-    /// The copy below the target folder of the tree at `root`.
-    pub fn new(root: &Path) -> Result<Self> {
-        let (root, tree, target) = (root.to_owned(), root.join("target/mutants"), root.join("target/mutants-target"));
+    /// The copy below the target folder of the tree at `root`; processes that share the tree have one each.
+    ///
+    /// # Errors
+    ///
+    /// What is built of the dependencies cannot be copied.
+    pub fn new(root: &Path, shard: Shard) -> Result<Self> {
+        let part = if shard.is_part() { format!("-{}", shard.number()) } else { String::new() };
+        let [tree, target] =
+            ["mutants", "mutants-target"].map(|name| root.join("target").join(name.to_owned() + &part));
+        let root = root.to_owned();
         if !target.exists() {
             // Sources must be younger than what was built of others.
             let _ = std::fs::remove_dir_all(&tree);
@@ -124,9 +146,9 @@ impl Scratch {
         let mut caught = Caught::default();
         let (first, mut from) = (seeds.start, seeds.start);
         while from < seeds.end && (all || caught.broken.is_empty()) {
-            let figures = self.run(from..seeds.end, all)?;
-            from += figures.ran()?.max(1);
-            caught.broken.extend(figures.broken.into_iter().filter(|broken| !is_broken_unchanged(broken)));
+            let records = self.run(from..seeds.end, all)?;
+            from += records.len().max(1) as u64;
+            caught.broken.extend(broken(&records).filter(|broken| !is_broken_unchanged(broken)));
         }
         caught.ran = from - first;
         Ok(caught)
@@ -157,19 +179,109 @@ impl Scratch {
         output(build.args(["build", "--quiet", "-p", "darm-simulate"])).map(drop)
     }
 
-    fn run(&self, seeds: Range<u64>, all: bool) -> Result<Figures> {
-        let json = self.target.join("figures.json");
-        let _ = std::fs::remove_file(&json);
+    fn run(&self, seeds: Range<u64>, all: bool) -> Result<Vec<Record>> {
+        let results = self.target.join("mutant.results");
+        let _ = std::fs::remove_file(&results);
         let mut simulate = Command::new(self.target.join("debug/simulate"));
-        simulate.args(["--seeds", &format!("{}..{}", seeds.start, seeds.end), "--no-shrink", "--json"]).arg(&json);
+        simulate.args(["--seeds", &format!("{}..{}", seeds.start, seeds.end), "--no-shrink"]);
+        simulate.args(["--shard", "1/1", "--results"]).arg(&results);
         if !all {
             simulate.arg("--until-broken");
         }
         // It fails when it finds something, which is what is wanted here.
         let ran = simulate.output().context("the mutant did not start")?;
-        let text = std::fs::read_to_string(&json)
+        let bytes = std::fs::read(&results)
             .with_context(|| format!("the mutant did not run: {}", String::from_utf8_lossy(&ran.stderr)))?;
-        Ok(serde_json::from_str(&text)?)
+        let items = Contents::parse(&bytes, &results.display().to_string())?.items;
+        let mut records: Vec<Record> =
+            items.into_iter().map(|(_, record)| serde_json::from_value(record)).collect::<Result<_, _>>()?;
+        records.sort_by_key(|record| record.seed);
+        Ok(records)
+    }
+}
+
+/// The rules that were broken, by seed.
+fn broken(records: &[Record]) -> impl Iterator<Item = Broken> {
+    records.iter().flat_map(|Record { seed, violations, .. }| {
+        violations.iter().map(|violation| Broken { seed: *seed, rule: violation.rule.clone() })
+    })
+}
+
+/// The known defects as independent items.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Mutants {
+    /// Names of the mutants.
+    names: Vec<String>,
+    from: u64,
+    to: u64,
+    /// All seeds run, also after a mutant was caught.
+    all_seeds: bool,
+}
+
+impl Mutants {
+    /// All mutants, or the one of a name.
+    ///
+    /// # Errors
+    ///
+    /// There is no mutant of this name, or a patch does not fit the tree.
+    pub fn new(only: Option<&str>, seeds: Range<u64>, all_seeds: bool) -> Result<Self> {
+        let mut mutants = list(&folder())?;
+        check(darm_figures::root(), &mutants)?;
+        mutants.retain(|mutant| only.is_none_or(|only| only == mutant.name));
+        if mutants.is_empty() {
+            bail!("there is no mutant of this name in eval/simulate/mutants");
+        }
+        let names = mutants.into_iter().map(|mutant| mutant.name).collect();
+        Ok(Self { names, from: seeds.start, to: seeds.end, all_seeds })
+    }
+}
+
+/// Where the patches are.
+fn folder() -> PathBuf {
+    darm_figures::root().join("eval/simulate/mutants")
+}
+
+impl Job for Mutants {
+    const COMMAND: &'static str = "simulate --mutants";
+    type Bench = (Scratch, Vec<Mutant>);
+    type Outcome = Caught;
+
+    fn items(&self) -> Result<Vec<String>> {
+        Ok(self.names.clone())
+    }
+
+    fn bench(&self, shard: Shard) -> Result<Self::Bench> {
+        Ok((Scratch::new(darm_figures::root(), shard)?, list(&folder())?))
+    }
+
+    fn run(&self, (scratch, mutants): &Self::Bench, item: usize) -> Result<Caught> {
+        let mutant = mutants.iter().find(|mutant| mutant.name == self.names[item]).context("the patch is missing")?;
+        scratch.judge(mutant, self.from..self.to, self.all_seeds)
+    }
+
+    /// Each is built in the same copy of the tree.
+    fn runs_alone(&self, _: usize) -> bool {
+        true
+    }
+
+    fn figures(&self, caught: &[Caught]) -> Result<Vec<Figure>> {
+        for (name, caught) in self.names.iter().zip(caught) {
+            let seeds = caught.seeds();
+            match seeds.first() {
+                Some(first) => println!("{name}: {} of {} seeds, first seed {first}", seeds.len(), caught.ran),
+                None => println!("{name}: NOT CAUGHT in {} seeds", caught.ran),
+            }
+            caught.rules().iter().for_each(|(rule, count)| println!("  {rule}: {count}"));
+        }
+        let missed = caught.iter().filter(|caught| caught.broken.is_empty()).count();
+        Ok(vec![
+            Figure::new("mutants", self.names.len() as f64, "")?,
+            Figure::new("mutants: not caught", missed as f64, "")?,
+        ])
+    }
+
+    fn seed(&self) -> u64 {
+        self.from
     }
 }
 

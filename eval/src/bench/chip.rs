@@ -9,7 +9,7 @@ use darm_core::real::{Mat3, Vec3};
 use darm_core::se::Pose;
 use darm_device::qemu;
 
-use crate::figures::Figure;
+use darm_figures::figure::Figure;
 use xtask::image;
 use xtask::setup::{self, Emulator};
 

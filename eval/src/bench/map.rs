@@ -13,7 +13,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
 use super::reach::{Tables, best_of, spatial};
-use crate::figures::Figure;
+use darm_figures::figure::Figure;
 use xtask::setup;
 
 /// Random words beside the map of 64⁶.

@@ -3,13 +3,13 @@
 //! The command lines stand in [`CASES`]: there is no code for a set.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
-use std::time::Instant;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use serde_json::Value;
 
-use crate::figures::Figure;
+use darm_figures::figure::Figure;
 use xtask::setup;
 
 /// One set of data and one split of it.
@@ -121,9 +121,10 @@ pub(super) fn measure(folder: Option<&Path>) -> Result<Vec<Figure>> {
             continue;
         };
         let model = setup::root().join("tests/data/measured").join(case.model);
+        let mut diagnose = Command::new(&program);
+        diagnose.args(["--json", "diagnose"]).arg(&model).arg(&data).args(case.options);
         let started = Instant::now();
-        let output =
-            Command::new(&program).args(["--json", "diagnose"]).arg(&model).arg(&data).args(case.options).output()?;
+        let (output, peak_mb) = run(&mut diagnose)?;
         let time_s = started.elapsed().as_secs_f64();
         if !output.status.success() {
             bail!("{name}: {}", String::from_utf8_lossy(&output.stderr));
@@ -132,11 +133,29 @@ pub(super) fn measure(folder: Option<&Path>) -> Result<Vec<Figure>> {
         println!("{name}\n  darm diagnose {} {} {}", case.model, case.data, quoted(case.options));
         println!("  named: {}", names(&told));
         for figure in case.figures {
-            figures.push(figure.of(&name, &told)?);
+            figures.extend(figure.of(&name, &told)?);
         }
         figures.push(Figure::new(&format!("{name}, time"), (time_s * 100.0).round() / 100.0, "s")?);
+        figures.push(Figure::new(&format!("{name}, memory"), peak_mb.round(), "MB of memory")?);
     }
     Ok(figures)
+}
+
+/// Runs a program; its output, and the most memory that it had when it was looked at, MB.
+fn run(command: &mut Command) -> Result<(Output, f64)> {
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
+    let status = format!("/proc/{}/status", child.id());
+    let waiting = std::thread::spawn(move || child.wait_with_output());
+    let mut peak_mb: f64 = 0.0;
+    while !waiting.is_finished() {
+        let status = std::fs::read_to_string(&status).unwrap_or_default();
+        let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        let kib = peak.and_then(|peak| peak.trim().trim_end_matches("kB").trim().parse::<f64>().ok());
+        peak_mb = peak_mb.max(kib.unwrap_or(0.0) * 1.024e-3);
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let output = waiting.join().map_err(|_| anyhow::anyhow!("waiting for the program failed"))??;
+    Ok((output, peak_mb))
 }
 
 impl Case {
@@ -150,8 +169,8 @@ impl Case {
 }
 
 impl Told {
-    /// The held-out figure after, with the one before in its name.
-    fn of(&self, name: &str, told: &Value) -> Result<Figure> {
+    /// The held-out figure after and before.
+    fn of(&self, name: &str, told: &Value) -> Result<[Figure; 2]> {
         let (pointer, factor, unit) = match self {
             Norm(factor, unit) => ("norm".to_string(), factor, unit),
             Axis(axis, factor, unit) => (format!("axes/{axis}"), factor, unit),
@@ -163,7 +182,11 @@ impl Told {
         let axis =
             told.pointer(&format!("/error/after/heldout/{pointer}/axis")).and_then(Value::as_str).unwrap_or("norm");
         println!("  {axis}: {:.3} -> {:.3} {unit}", number("before")?, number("after")?);
-        Figure::new(&format!("{name}, {axis}"), (number("after")? * 1000.0).round() / 1000.0, unit)
+        let rounded = |value: f64| (value * 1000.0).round() / 1000.0;
+        Ok([
+            Figure::new(&format!("{name}, {axis}"), rounded(number("after")?), unit)?,
+            Figure::new(&format!("{name}, {axis}, before"), rounded(number("before")?), unit)?,
+        ])
     }
 }
 

@@ -11,9 +11,12 @@ mod synthesis_sweep;
 
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result, bail};
+use darm_figures::figure::{Figure, Figures};
+use darm_figures::items::{self, Job, Spread};
 
-use crate::figures::tell;
+pub(crate) use reach::Reach;
+pub(crate) use synthesis_sweep::SynthesisSweep;
 
 /// Measures, and prints a table beside the goals
 #[derive(clap::Args)]
@@ -23,9 +26,8 @@ pub(crate) struct Bench {
     /// A folder with measured data that may not be copied into this project
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// Write the figures as JSON
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    spread: Spread,
 }
 
 /// What to measure.
@@ -35,6 +37,9 @@ struct What {
     /// Instruction counts and sizes of the firmware
     #[arg(long)]
     chip: bool,
+    /// What can be proved of the image that is flashed: stack, static RAM, panics
+    #[arg(long)]
+    image: bool,
     /// Kinematics and dynamics beside Pinocchio and the crate `k`: what they take is built once, in minutes
     #[arg(long)]
     peers: bool,
@@ -60,9 +65,17 @@ const SEED: u64 = 1;
 
 impl Bench {
     pub(crate) fn run(&self) -> Result<()> {
+        if self.spread.is_used() {
+            return self.spread_out();
+        }
         let mut figures = Vec::new();
         if self.what.chip {
             figures.extend(chip::measure()?);
+        }
+        if self.what.image {
+            for (name, value, unit) in xtask::image::figures()? {
+                figures.push(Figure::new(name, value, unit)?);
+            }
         }
         if self.what.measured {
             figures.extend(measured::measure(self.data.as_deref())?);
@@ -74,14 +87,31 @@ impl Bench {
             figures.extend(synthesis::measure()?);
         }
         if self.what.synthesis_sweep {
-            figures.extend(synthesis_sweep::measure()?);
+            figures.extend(figures_of(&SynthesisSweep {})?);
         }
         if self.what.reach {
-            figures.extend(reach::measure(SEED)?);
+            figures.extend(figures_of(&Reach { seed: SEED })?);
         }
         if self.what.map {
             figures.extend(map::measure(SEED)?);
         }
-        tell(&figures, SEED, self.json.as_deref())
+        Figures::new(figures, SEED).report(self.spread.json.as_deref())
     }
+
+    /// One measurement that is a list of items, over several processes.
+    fn spread_out(&self) -> Result<()> {
+        let What { chip, image, peers, synthesis, synthesis_sweep, reach, map, measured } = self.what;
+        let others = chip || image || peers || synthesis || map || measured;
+        match (synthesis_sweep, reach) {
+            (true, false) if !others => items::run(&SynthesisSweep {}, &self.spread),
+            (false, true) if !others => items::run(&Reach { seed: SEED }, &self.spread),
+            _ => bail!("--shard and --results need either --synthesis-sweep or --reach and nothing else"),
+        }
+    }
+}
+
+/// The figures of a list of items, all run here.
+fn figures_of<J: Job>(job: &J) -> Result<Vec<Figure>> {
+    let all = items::outcomes(job, &Spread::default())?;
+    job.figures(&all.context("a launcher has started several processes: name one measurement and --results FILE")?)
 }

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 
-use crate::figures::Figure;
+use darm_figures::figure::Figure;
 use xtask::{setup, step};
 
 /// The release whose figures stand in the README.

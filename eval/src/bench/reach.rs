@@ -1,5 +1,6 @@
 //! The exact nearest word out of 64⁶, beside a beam search and a genetic algorithm, and its agreement with trying all.
 
+use std::iter;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
@@ -14,8 +15,10 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
 use super::replan;
-use crate::figures::Figure;
-use crate::progress::Progress;
+use darm_figures::figure::Figure;
+use darm_figures::items::Job;
+use darm_figures::shard::Shard;
+use serde::{Deserialize, Serialize};
 use xtask::setup;
 
 /// Targets of each kind.
@@ -33,10 +36,75 @@ const RUNS: usize = 5;
 /// Choices that the beam search keeps.
 const WIDTH: usize = 256;
 
-/// Times and agreements.
-pub(super) fn measure(seed: u64) -> Result<Vec<Figure>> {
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let arm = spatial(&mut random)?;
+/// The searches over the large arm, and arms on which all words are tried.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Reach {
+    pub(super) seed: u64,
+}
+
+/// What came of one item.
+#[derive(Serialize, Deserialize)]
+pub(crate) enum Outcome {
+    /// Times and errors of the searches: name, value, unit.
+    Searches(Vec<(String, f64, String)>),
+    /// Whether trying all words finds another distance on one arm.
+    Arm { is_wrong: bool },
+}
+
+impl Job for Reach {
+    const COMMAND: &'static str = "bench --reach";
+    type Bench = Arm;
+    type Outcome = Outcome;
+
+    fn items(&self) -> Result<Vec<String>> {
+        Ok(iter::once("searches".to_owned()).chain((0..ARMS).map(|arm| format!("arm {arm}"))).collect())
+    }
+
+    fn bench(&self, _: Shard) -> Result<Arm> {
+        Ok(Arm::read(&setup::root().join("examples/planar4.toml"))?)
+    }
+
+    fn run(&self, planar: &Arm, item: usize) -> Result<Outcome> {
+        let mut random = ChaCha8Rng::seed_from_u64(self.seed);
+        // The searches have the first stream, each arm has its own.
+        random.set_stream(item as u64);
+        match item {
+            0 => Ok(Outcome::Searches(
+                all_searches(&mut random)?.into_iter().map(|f| (f.name, f.value, f.unit)).collect(),
+            )),
+            _ => Ok(Outcome::Arm { is_wrong: is_another_distance(planar, &mut random)? }),
+        }
+    }
+
+    /// The searches measure times.
+    fn runs_alone(&self, item: usize) -> bool {
+        item == 0
+    }
+
+    fn figures(&self, outcomes: &[Outcome]) -> Result<Vec<Figure>> {
+        let (mut figures, mut wrong) = (Vec::new(), 0);
+        for outcome in outcomes {
+            match outcome {
+                Outcome::Searches(rows) => {
+                    for (name, value, unit) in rows {
+                        figures.push(Figure::new(name, *value, unit)?);
+                    }
+                }
+                Outcome::Arm { is_wrong } => wrong += usize::from(*is_wrong),
+            }
+        }
+        figures.push(Figure::new("reach: arms where trying all finds another distance", wrong as f64, "")?);
+        Ok(figures)
+    }
+
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+}
+
+/// Times and errors over the large arm.
+fn all_searches(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
+    let arm = spatial(random)?;
     let options = Options { max_tails: MAX_TAILS, ..Options::of(&arm) };
     let (index, built_ms) = best_of(3, || Index::new(&arm, &options));
     let index = index?;
@@ -46,11 +114,10 @@ pub(super) fn measure(seed: u64) -> Result<Vec<Figure>> {
         Figure::new("reach: index", index.bytes() as f64 / 1e6, "MB")?,
     ];
     for (kind, continuous) in [("reachable", false), ("continuous legs", true)] {
-        let targets: Vec<_> = (0..TARGETS).map(|_| target(&arm, continuous, &mut random)).collect::<Result<_>>()?;
-        figures.extend(searches(&arm, &index, kind, &targets, &mut random)?);
+        let targets: Vec<_> = (0..TARGETS).map(|_| target(&arm, continuous, random)).collect::<Result<_>>()?;
+        figures.extend(searches(&arm, &index, kind, &targets, random)?);
     }
-    figures.extend(replan::measure(&mut random)?);
-    figures.push(Figure::new("reach: arms where trying all finds another distance", disagreements(&mut random)?, "")?);
+    figures.extend(replan::measure(random)?);
     Ok(figures)
 }
 
@@ -163,35 +230,25 @@ fn genetic(modules: &[Module<f64>], target: &Pose<f64>, scale_m: f64, random: &m
     all.iter().fold(f64::INFINITY, |best, (distance_m, _)| best.min(*distance_m))
 }
 
-/// How many of the random arms have a nearer or a farther word by the search than by trying all.
-fn disagreements(random: &mut ChaCha8Rng) -> Result<f64> {
-    let planar = Arm::read(&setup::root().join("examples/planar4.toml"))?;
-    let progress = Progress::shown();
-    let bar = progress.bar("trying all words", ARMS as u64);
-    let mut wrong = 0.0;
-    for _ in 0..ARMS {
-        let spatial = spatial(random)?;
-        let mut arm = planar.clone();
-        arm.model.chain.stages.clear();
-        let digits = random.random_range(3..=MAX_DIGITS);
-        while arm.n_actuators() + 3 <= digits {
-            let from =
-                if random.random_range(0..2) == 0 && arm.n_actuators() + 6 <= digits { &spatial } else { &planar };
-            let stages = &from.model.chain.stages;
-            let stage = stages[random.random_range(0..stages.len())];
-            arm.model.chain.stages.push(stage).ok().context("the arm has too many stages")?;
-        }
-        let target = target(&arm, true, random)?;
-        let max_tails = 1 << random.random_range(0..=MAX_DIGITS);
-        let index = Index::new(&arm, &Options { max_tails, ..Options::of(&arm) })?;
-        let all = best_words(&arm, &target, &arm.rest(), 1)?;
-        let found = index.nearest(&target, 1, &[]);
-        let (found, all) = (found.first().context("no word")?.distance_m, all.first().context("no word")?.distance_m);
-        wrong += f64::from(u8::from((found - all).abs() > 1e-9));
-        bar.inc(1);
+/// Whether a random arm has a nearer or a farther word by the search than by trying all.
+fn is_another_distance(planar: &Arm, random: &mut ChaCha8Rng) -> Result<bool> {
+    let spatial = spatial(random)?;
+    let mut arm = planar.clone();
+    arm.model.chain.stages.clear();
+    let digits = random.random_range(3..=MAX_DIGITS);
+    while arm.n_actuators() + 3 <= digits {
+        let from = if random.random_range(0..2) == 0 && arm.n_actuators() + 6 <= digits { &spatial } else { planar };
+        let stages = &from.model.chain.stages;
+        let stage = stages[random.random_range(0..stages.len())];
+        arm.model.chain.stages.push(stage).ok().context("the arm has too many stages")?;
     }
-    bar.finish_and_clear();
-    Ok(wrong)
+    let target = target(&arm, true, random)?;
+    let max_tails = 1 << random.random_range(0..=MAX_DIGITS);
+    let index = Index::new(&arm, &Options { max_tails, ..Options::of(&arm) })?;
+    let all = best_words(&arm, &target, &arm.rest(), 1)?;
+    let found = index.nearest(&target, 1, &[]);
+    let (found, all) = (found.first().context("no word")?.distance_m, all.first().context("no word")?.distance_m);
+    Ok((found - all).abs() > 1e-9)
 }
 
 /// The six-module arm of the examples as it may be built: every anchor and length a little off.

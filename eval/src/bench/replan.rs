@@ -9,7 +9,7 @@ use darm_core::units::Word;
 use rand::RngExt as _;
 use rand_chacha::ChaCha8Rng;
 
-use crate::figures::Figure;
+use darm_figures::figure::Figure;
 use xtask::setup;
 
 /// Desired frames.

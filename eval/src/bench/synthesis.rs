@@ -7,7 +7,7 @@ use darm_arm::arm::Arm;
 use darm_arm::arm::frames;
 use darm_arm::synthesis::{CaseKind, Method, Options, Synthesis, synthesize};
 
-use crate::figures::Figure;
+use darm_figures::figure::Figure;
 use xtask::setup;
 
 /// So often a synthesis is timed; the median counts.

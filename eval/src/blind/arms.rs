@@ -15,7 +15,7 @@ const PLATE_KG: f64 = 1.5;
 const TOOL_KG: f64 = 0.5;
 
 /// An arm and what it plays.
-pub(super) struct Subject {
+pub(crate) struct Subject {
     pub(super) arm: Arm,
     plans: [OnceLock<Vec<Step>>; PLANS],
 }

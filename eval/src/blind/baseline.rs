@@ -22,6 +22,7 @@ use darm_diagnose::prepare::observations::{NoPose, Observations};
 use darm_diagnose::prepare::repeatability::{Noise, repeated};
 use darm_diagnose::truth::Blind;
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
 use super::case::Class;
 use super::judge::{Mark, pairs, right};
@@ -40,6 +41,7 @@ const RIDGE: f64 = 0.05;
 const ROUNDS: usize = 10;
 
 /// What both baselines answered.
+#[derive(Serialize, Deserialize)]
 pub(super) struct Marks {
     pub(super) stepwise: Mark,
     pub(super) sparse: Mark,

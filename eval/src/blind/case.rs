@@ -4,6 +4,7 @@ use darm_diagnose::truth::{Blind, Kind, TruthError};
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
 
 use super::arms::Subject;
 
@@ -11,7 +12,7 @@ use super::arms::Subject;
 const DRAWS: usize = 32;
 
 /// What is drawn for a seed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(super) enum Class {
     Clean,
     One,

@@ -14,6 +14,7 @@ use darm_diagnose::prepare::observations::Observations;
 use darm_diagnose::select::robust_fit::fit;
 use darm_diagnose::select::tool_pose::values;
 use darm_diagnose::truth::{Blind, Sealed};
+use serde::{Deserialize, Serialize};
 
 use super::case::Class;
 
@@ -21,13 +22,14 @@ use super::case::Class;
 const SAME: f64 = 0.5;
 
 /// How one answer did.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Mark {
     /// The laws are right; of a clean arm: it is left alone; outside the list: no false name.
     pub(super) named: bool,
     /// Their places too.
     pub(super) placed: bool,
     /// Held-out error over the repeatability.
+    #[serde(with = "darm_figures::number")]
     pub(super) ratio: f64,
     /// Of intervals: how many hold the true value, of how many.
     pub(super) covered: [usize; 2],

@@ -8,30 +8,43 @@ mod case;
 mod channels;
 mod floating;
 mod judge;
+mod mechanisms;
 mod rules;
 mod serial;
 mod sets;
 mod table;
 
-use std::path::PathBuf;
-
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::ValueEnum;
 use darm_diagnose::diagnosis;
 use darm_diagnose::diagnosis::diagnose;
-use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
+use darm_figures::figure::Figure;
+use darm_figures::items::{self, Spread};
+use darm_figures::shard::Shard;
+use serde::{Deserialize, Serialize};
 
-use crate::figures::tell;
-use crate::progress::Progress;
 use arms::Subject;
 use case::Class;
 use channels::{Robots, Which};
 use judge::Mark;
+pub(crate) use mechanisms::Mechanisms;
 
 /// Diagnoses arms with hidden effects, seed by seed; prints rates with their intervals beside baselines
 #[derive(clap::Args)]
 pub(crate) struct Blind {
-    /// How many seeds: of ten, five are clean, two have one effect, two have two, one has what no law knows
+    #[command(flatten)]
+    job: Job,
+    /// Draw each mechanism alone, a few times, in place of the seeds
+    #[arg(long, conflicts_with_all = ["seeds", "arm", "wrong"])]
+    mechanisms: bool,
+    #[command(flatten)]
+    spread: Spread,
+}
+
+/// The seeds and arms of a run.
+#[derive(clap::Args, Serialize, Deserialize)]
+pub(crate) struct Job {
+    /// How many seeds: of ten, five are clean, two have one effect, two have two, one has an effect outside the list of laws
     #[arg(long, default_value_t = 200)]
     seeds: u64,
     /// The first seed
@@ -42,14 +55,13 @@ pub(crate) struct Blind {
     arm: Option<Kin>,
     /// Print a line for every seed that was marked wrong, as it comes
     #[arg(long)]
+    #[serde(skip)]
     wrong: bool,
-    /// Write the figures as JSON
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
 }
 
 /// An arm of the suite.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 enum Kin {
     /// Four planar modules, tool poses
     Planar,
@@ -64,7 +76,8 @@ enum Kin {
 }
 
 /// What came of one seed.
-struct Outcome {
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Outcome {
     seed: u64,
     arm: Kin,
     class: Class,
@@ -76,32 +89,47 @@ struct Outcome {
 
 impl Blind {
     pub(crate) fn run(&self) -> Result<()> {
-        let progress = Progress::shown();
-        let bench = Bench { subjects: arms::subjects()?, robots: Robots::read()? };
-        let bar = progress.bar("seeds", self.seeds);
-        let seeds: Vec<u64> = (self.first_seed..self.first_seed + self.seeds).collect();
-        let outcomes: Vec<Outcome> = seeds
-            .par_iter()
-            .map(|&seed| {
-                let arm = self.arm.unwrap_or(Kin::of(seed));
-                let outcome = bench.outcome(arm, seed).with_context(|| format!("seed {seed}"));
-                bar.inc(1);
-                let outcome = outcome?;
-                if self.wrong && outcome.is_wrong() {
-                    println!("{}", outcome.line());
-                }
-                Ok(outcome)
-            })
-            .collect::<Result<_>>()?;
-        bar.finish_and_clear();
-        table::by_arm(&outcomes);
-        let figures = table::figures(&outcomes)?;
-        tell(&figures, self.first_seed, self.json.as_deref())
+        if self.mechanisms {
+            return items::run(&Mechanisms { first_seed: self.job.first_seed }, &self.spread);
+        }
+        items::run(&self.job, &self.spread)
+    }
+}
+
+impl items::Job for Job {
+    const COMMAND: &'static str = "blind";
+    type Bench = Bench;
+    type Outcome = Outcome;
+
+    fn items(&self) -> Result<Vec<String>> {
+        Ok((0..self.seeds).map(|k| format!("seed {}", self.first_seed + k)).collect())
+    }
+
+    fn bench(&self, _: Shard) -> Result<Bench> {
+        Ok(Bench { subjects: arms::subjects()?, robots: Robots::read()? })
+    }
+
+    fn run(&self, bench: &Bench, item: usize) -> Result<Outcome> {
+        let seed = self.first_seed + item as u64;
+        let outcome = bench.outcome(self.arm.unwrap_or(Kin::of(seed)), seed)?;
+        if self.wrong && outcome.is_wrong() {
+            println!("{}", outcome.line());
+        }
+        Ok(outcome)
+    }
+
+    fn figures(&self, outcomes: &[Outcome]) -> Result<Vec<Figure>> {
+        table::by_arm(outcomes);
+        table::figures(outcomes)
+    }
+
+    fn seed(&self) -> u64 {
+        self.first_seed
     }
 }
 
 /// All arms.
-struct Bench {
+pub(crate) struct Bench {
     subjects: [Subject; 3],
     robots: Robots,
 }
@@ -165,43 +193,18 @@ impl Outcome {
 
 #[cfg(test)]
 mod tests {
-    use darm_diagnose::truth::{self, Kind};
+    use darm_diagnose::truth::Kind;
 
-    use super::*;
+    use super::arms;
+    use super::mechanisms::mark;
 
-    const SEED: u64 = 1;
-    /// Of so many seeds one has to be a case that the law alone explains: sizes and conditions are drawn.
-    const CASES: u64 = 4;
-
-    /// A mechanism in the planar arm; on a servo where it needs one.
-    fn mark(subjects: &[Subject; 3], kind: Kind, seed: u64) -> Mark {
-        let subject = if kind == Kind::JointOffset { &subjects[2] } else { &subjects[0] };
-        let blind = truth::Blind::draw(&subject.arm, subject.steps(seed), &[kind], seed).unwrap();
-        let diagnosis = diagnose(&subject.arm, blind.measured(), &diagnosis::Options::default()).unwrap();
-        let class = if truth::Blind::INSIDE.contains(&kind) { Class::One } else { Class::Outside };
-        judge::mark(&subject.arm, class, &blind, &diagnosis).unwrap()
-    }
-
+    /// A sample; `blind --mechanisms` has all of them.
     #[test]
-    fn each_mechanism_has_a_case_that_its_own_law_alone_explains() {
+    fn the_law_of_a_mechanism_is_found_and_no_other_gets_a_name() {
         let subjects = arms::subjects().unwrap();
-        truth::Blind::INSIDE.par_iter().for_each(|&kind| {
-            let mut told = Vec::new();
-            let alone = (SEED..SEED + CASES).any(|seed| {
-                let mark = mark(&subjects, kind, seed);
-                told.push(mark.answer);
-                mark.placed
-            });
-            assert!(alone, "{kind}: {told:?}");
-        });
-    }
-
-    #[test]
-    fn what_no_law_knows_is_given_no_name() {
-        let subjects = arms::subjects().unwrap();
-        truth::Blind::OUTSIDE.par_iter().for_each(|&kind| {
-            let mark = mark(&subjects, kind, SEED);
-            assert!(mark.named, "{kind:?}: {}", mark.answer);
-        });
+        let inside = mark(&subjects, Kind::StrokeLoss, 1).unwrap();
+        assert!(inside.placed, "{}", inside.answer);
+        let outside = mark(&subjects, darm_diagnose::truth::Blind::OUTSIDE[0], 1).unwrap();
+        assert!(outside.named, "{}", outside.answer);
     }
 }

@@ -7,7 +7,7 @@ use darm_diagnose::select::significance::clopper_pearson;
 use super::case::Class;
 use super::judge::Mark;
 use super::{Kin, Outcome};
-use crate::figures::Figure;
+use darm_figures::figure::Figure;
 
 /// Held-out error over the repeatability that still counts as explained.
 pub(super) const RATIO: f64 = 1.15;

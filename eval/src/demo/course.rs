@@ -25,7 +25,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::measure::{Measured, Stop, measure};
 use super::rig::Rig;
-use crate::progress::Progress;
+use darm_figures::progress::Progress;
 
 /// How long the arm rests in each visit once it has settled: two pictures of the camera and some time to spare.
 const DWELL_S: f64 = 0.045;

@@ -10,7 +10,7 @@ use darm_diagnose::truth::{TrueState, Truth};
 use rand_chacha::ChaCha8Rng;
 
 use super::rig::Rig;
-use crate::progress::Progress;
+use darm_figures::progress::Progress;
 
 /// Time between two questions to the board.
 const POLL_S: f64 = 0.05;

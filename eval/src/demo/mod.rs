@@ -9,14 +9,18 @@ mod sweep;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use darm_diagnose::measurement;
 use darm_diagnose::truth::Kind;
 
-use crate::progress::Progress;
+use darm_figures::items::{self, Spread};
+use darm_figures::progress::Progress;
+use serde::{Deserialize, Serialize};
+
 use course::{Keep, Task};
 use rig::Rig;
+pub(crate) use sweep::Sweep;
 use xtask::image;
 use xtask::setup::{self, Emulator};
 
@@ -38,17 +42,17 @@ pub(crate) struct Demo {
     /// Run the loop for so many seeds in this process, and print one table
     #[arg(long, value_name = "SEEDS")]
     sweep: Option<u64>,
-    /// Write the figures of a sweep as JSON
-    #[arg(long, value_name = "FILE", requires = "sweep")]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    spread: Spread,
     /// Where the report and all files go
     #[arg(long, default_value = "target/demo")]
     out: PathBuf,
 }
 
 /// An arm of the demo.
-#[derive(Clone, Copy, ValueEnum)]
-enum Kin {
+#[derive(Clone, Copy, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Kin {
     /// Four planar modules, twelve bits
     Planar,
     /// The same on a servo joint
@@ -64,12 +68,20 @@ impl Kin {
         let examples = setup::root().join("examples");
         [examples.join(format!("{name}.toml")), examples.join(format!("{name}-frames.toml"))]
     }
+
+    fn task(self, seed: u64, effect: Option<Kind>) -> Result<Task> {
+        let [arm, frames] = self.files();
+        Task::read(&arm, &frames, seed, effect)
+    }
 }
 
 impl Demo {
     pub(crate) fn run(&self) -> Result<()> {
         match self.sweep {
-            Some(seeds) => sweep::run(self, seeds),
+            Some(seeds) => items::run(&Sweep { seeds, arm: self.arm, effect: self.effect }, &self.spread),
+            None if self.spread.is_used() || self.spread.json.is_some() => {
+                bail!("one seed has no figures; add --sweep SEEDS")
+            }
             None => self.once(),
         }
     }
@@ -79,7 +91,7 @@ impl Demo {
         let emulated = if self.in_process { None } else { emulated_image()? };
         fs::create_dir_all(&self.out).with_context(|| format!("{} cannot be made", self.out.display()))?;
         let progress = Progress::shown();
-        let task = self.task(self.seed)?;
+        let task = self.arm.task(self.seed, self.effect)?;
         progress.say("synthesis");
         let synthesis = task.synthesis()?;
         let mut rig = match emulated {
@@ -94,11 +106,6 @@ impl Demo {
         println!("{}", darm::report::table(&report));
         progress.say(format!("report: {}", self.out.join("report.html").display()));
         Ok(())
-    }
-
-    fn task(&self, seed: u64) -> Result<Task> {
-        let [arm, frames] = self.arm.files();
-        Task::read(&arm, &frames, seed, self.effect)
     }
 }
 

@@ -2,43 +2,110 @@
 
 use anyhow::Result;
 use darm_diagnose::outcome::Verdict;
-
 use darm_diagnose::truth::Kind;
+use darm_figures::figure::Figure;
+use darm_figures::items::Job;
+use darm_figures::progress::Progress;
+use darm_figures::shard::Shard;
+use serde::{Deserialize, Serialize};
 
-use super::Demo;
+use super::Kin;
 use super::course::{self, Course};
 use super::rig::Rig;
-use crate::figures::{Figure, tell};
-use crate::progress::Progress;
 
-/// Runs seeds 1 to `seeds` and prints a row for each.
-pub(super) fn run(demo: &Demo, seeds: u64) -> Result<()> {
-    println!("{HEADER}");
-    let (mut right, mut placed, mut false_names, mut closed, mut worst_ratio) = (0, 0, 0, 0, 0.0);
-    for seed in 1..=seeds {
-        let task = demo.task(seed)?;
+/// Seeds 1 to `seeds` of an arm.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Sweep {
+    pub(super) seeds: u64,
+    pub(super) arm: Kin,
+    #[serde(with = "effect")]
+    pub(super) effect: Option<Kind>,
+}
+
+/// An effect by its name on the command line.
+mod effect {
+    use darm_diagnose::truth::Kind;
+    use serde::{Deserialize as _, Deserializer, Serialize as _, Serializer, de};
+
+    pub(super) fn serialize<S: Serializer>(effect: &Option<Kind>, serializer: S) -> Result<S::Ok, S::Error> {
+        effect.map(|kind| kind.to_string()).serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Kind>, D::Error> {
+        let name = Option::<String>::deserialize(deserializer)?;
+        name.map(|name| name.parse().map_err(de::Error::custom)).transpose()
+    }
+}
+
+/// What came of one seed.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Row {
+    is_named: bool,
+    is_placed: bool,
+    is_false_name: bool,
+    reaches_goal: bool,
+    /// Held-out error with the effects found over the repeatability.
+    ratio: Option<f64>,
+    line: String,
+}
+
+impl Job for Sweep {
+    const COMMAND: &'static str = "demo --sweep";
+    type Bench = ();
+    type Outcome = Row;
+
+    fn items(&self) -> Result<Vec<String>> {
+        Ok((1..=self.seeds).map(|seed| format!("seed {seed}")).collect())
+    }
+
+    fn bench(&self, _: Shard) -> Result<()> {
+        Ok(())
+    }
+
+    fn run(&self, (): &(), item: usize) -> Result<Row> {
+        let seed = 1 + item as u64;
+        let task = self.arm.task(seed, self.effect)?;
         let synthesis = task.synthesis()?;
         let mut rig = Rig::in_process(&synthesis.arm)?;
         let course = course::run(&task, synthesis, &mut rig, &Progress::silent(), &mut |_, _| Ok(()))?;
-        right += u64::from(course.named_rightly());
-        placed += u64::from(course.placed_rightly());
-        false_names += u64::from(course.diagnosis.verdict == Verdict::EffectFound && !course.named_rightly());
-        worst_ratio = ratio(&course).map_or(worst_ratio, |ratio| ratio.max(worst_ratio));
-        closed += u64::from(course.closed.as_ref().is_some_and(|closed| closed.restopped.rms_m() <= course.goal_m()));
-        println!("{}", row(seed, &course));
+        Ok(Row {
+            is_named: course.named_rightly(),
+            is_placed: course.placed_rightly(),
+            is_false_name: course.diagnosis.verdict == Verdict::EffectFound && !course.named_rightly(),
+            reaches_goal: course.closed.as_ref().is_some_and(|closed| closed.restopped.rms_m() <= course.goal_m()),
+            ratio: ratio(&course),
+            line: line(seed, &course),
+        })
     }
-    let named = |name: &str, count: u64| Figure::new(&format!("{name}, of {seeds}"), count as f64, "arms");
-    let figures = if demo.effect == Some(Kind::Nothing) {
-        vec![named("false names on clean arms", false_names)?]
-    } else {
-        vec![
-            named("effects named rightly", right)?,
-            named("place named rightly too", placed)?,
+
+    /// The board in this process has a clock of its own, and the diagnosis uses all cores.
+    fn runs_alone(&self, _: usize) -> bool {
+        true
+    }
+
+    fn figures(&self, rows: &[Row]) -> Result<Vec<Figure>> {
+        println!("{HEADER}");
+        rows.iter().for_each(|row| println!("{}", row.line));
+        let seeds = self.seeds;
+        let count = |name: &str, is: fn(&Row) -> bool| {
+            let count = rows.iter().filter(|row| is(row)).count();
+            Figure::new(&format!("{name}, of {seeds}"), count as f64, "arms")
+        };
+        if self.effect == Some(Kind::Nothing) {
+            return Ok(vec![count("false names on clean arms", |row| row.is_false_name)?]);
+        }
+        let worst_ratio = rows.iter().filter_map(|row| row.ratio).fold(0.0, f64::max);
+        Ok(vec![
+            count("effects named rightly", |row| row.is_named)?,
+            count("place named rightly too", |row| row.is_placed)?,
             Figure::new(&format!("largest held-out error over repeatability, of {seeds}"), worst_ratio, "times")?,
-            named("stops: arms that reach the goal", closed)?,
-        ]
-    };
-    tell(&figures, seeds, demo.json.as_deref())
+            count("stops: arms that reach the goal", |row| row.reaches_goal)?,
+        ])
+    }
+
+    fn seed(&self) -> u64 {
+        self.seeds
+    }
 }
 
 const HEADER: &str = "\
@@ -51,7 +118,7 @@ fn ratio(course: &Course) -> Option<f64> {
     Some(after / course.diagnosis.repeatability.as_ref()?.norm.value)
 }
 
-fn row(seed: u64, course: &Course) -> String {
+fn line(seed: u64, course: &Course) -> String {
     let diagnosis = &course.diagnosis;
     let named: Vec<String> = diagnosis.effects.iter().map(|found| format!("{} {}", found.law, found.site)).collect();
     let ratio = ratio(course).map_or("-".to_owned(), |ratio| format!("{ratio:.2}"));

@@ -3,27 +3,28 @@
 
 use std::f64::consts::PI;
 use std::io::Read as _;
-use std::path::Path;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_papers::convergence;
-use darm_papers::memr::{self, CELLS, LINK_M, MET_M, PRINTED_LINK_M, RUNS, Repeated, TARGETS};
-use darm_robot::ik::search::{Algorithm, Settings};
+use darm_papers::memr::{self, CELLS, Cell, LINK_M, MET_M, PRINTED_LINK_M, RUNS, Repeated, TARGETS};
+use darm_robot::ik::search::{Algorithm, Mark, Run, Settings};
 use darm_robot::ik::trials::{Summary, Trials};
 use darm_robot::ik::{Method, Options, Status};
 use darm_robot::robot::Robot;
 use darm_robot::robot::planar::planar_arm;
 use darm_robot::urdf;
 
-use crate::figures::{Figure, tell};
-use crate::progress::Progress;
+use darm_figures::figure::Figure;
+use darm_figures::items::Job;
+use darm_figures::shard::Shard;
+use serde::{Deserialize, Serialize};
 use xtask::setup;
 
 /// The paper on the electromagnetism-like algorithm with record-to-record travel
-#[derive(clap::Args)]
+#[derive(clap::Args, Serialize, Deserialize)]
 pub(crate) struct Memr {
     /// Seed of the first of the 20 runs of each search
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -40,36 +41,149 @@ const METHODS: [Method; 6] = [
     Method::Population(Algorithm::CmaEs),
 ];
 
-impl Memr {
-    pub(super) fn run(&self, json: Option<&Path>) -> Result<()> {
-        let progress = Progress::shown();
-        let folder = setup::root().join("target/papers/memr");
-        std::fs::create_dir_all(&folder).with_context(|| format!("{} cannot be made", folder.display()))?;
+/// One cell of the tables with links of one length.
+struct Part {
+    cell: &'static Cell,
+    link_m: f64,
+}
+
+/// The cells with the links that are printed, then those with ours; the functions of Table 1 have no links.
+fn parts() -> Vec<Part> {
+    let of = |link_m: f64| CELLS.iter().map(move |cell| Part { cell, link_m });
+    of(PRINTED_LINK_M).filter(|part| part.cell.table > 1).chain(of(LINK_M)).collect()
+}
+
+/// What came of one item.
+#[derive(Serialize, Deserialize)]
+pub(crate) enum Outcome {
+    /// The runs of one cell.
+    Cell(Kept),
+    /// Figures: name, value, unit.
+    Rows(Vec<(String, f64, String)>),
+}
+
+/// The runs of one cell, in the order of their seeds.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Kept {
+    runs: Vec<KeptRun>,
+    short_cm: f64,
+}
+
+#[derive(Serialize, Deserialize)]
+struct KeptRun {
+    x: Vec<f64>,
+    value: f64,
+    evaluations: usize,
+    time_s: f64,
+    /// Evaluations and the best value so far.
+    history: Vec<(usize, f64)>,
+}
+
+impl From<Repeated> for Kept {
+    fn from(repeated: Repeated) -> Self {
+        let run = |Run { x, value, evaluations, time_s, history }: Run| KeptRun {
+            x,
+            value,
+            evaluations,
+            time_s,
+            history: history.iter().map(|mark| (mark.evaluations, mark.value)).collect(),
+        };
+        Self { runs: repeated.trials.runs.into_iter().map(run).collect(), short_cm: repeated.short_cm }
+    }
+}
+
+impl Kept {
+    fn repeated(&self, cell: &Cell) -> Repeated {
+        let mark = |&(evaluations, value): &(usize, f64)| Mark { evaluations, value };
+        let run = |KeptRun { x, value, evaluations, time_s, history }: &KeptRun| Run {
+            x: x.clone(),
+            value: *value,
+            evaluations: *evaluations,
+            time_s: *time_s,
+            history: history.iter().map(mark).collect(),
+        };
+        let trials = Trials { runs: self.runs.iter().map(run).collect() };
+        Repeated { cell: *cell, trials, short_cm: self.short_cm }
+    }
+}
+
+impl Job for Memr {
+    const COMMAND: &'static str = "papers memr";
+    type Bench = ();
+    type Outcome = Outcome;
+
+    fn items(&self) -> Result<Vec<String>> {
+        let name = |Part { cell, link_m }: &Part| {
+            let (table, algorithm) = (cell.table, memr::printed_name(cell.algorithm));
+            format!("links of {link_m} m, Table {table}, {}, {algorithm}", cell.problem.name())
+        };
+        let mut names: Vec<String> = parts().iter().map(name).collect();
+        names.extend(["all methods", "targets of a Panda"].map(str::to_owned));
+        Ok(names)
+    }
+
+    fn bench(&self, _: Shard) -> Result<()> {
+        Ok(())
+    }
+
+    fn run(&self, (): &(), item: usize) -> Result<Outcome> {
+        let parts = parts();
+        if let Some(Part { cell, link_m }) = parts.get(item) {
+            return Ok(Outcome::Cell(Repeated::new(cell, *link_m, RUNS, self.seed)?.into()));
+        }
+        let figures = if item == parts.len() { self.beside()? } else { panda()? };
+        Ok(Outcome::Rows(figures.into_iter().map(|figure| (figure.name, figure.value, figure.unit)).collect()))
+    }
+
+    /// The runs of each item use all cores, and their times are measured.
+    fn runs_alone(&self, _: usize) -> bool {
+        true
+    }
+
+    fn figures(&self, outcomes: &[Outcome]) -> Result<Vec<Figure>> {
+        let parts = parts();
         let mut figures = Vec::new();
         for link_m in [PRINTED_LINK_M, LINK_M] {
-            progress.say(format!("repeating the tables with links of {} cm", 100.0 * link_m));
-            // The functions of Table 1 have no links.
-            let cells = CELLS.iter().filter(|cell| cell.table > 1 || link_m == LINK_M);
-            let repeat = |cell| Ok(Repeated::new(cell, link_m, RUNS, self.seed)?);
-            let repeated: Vec<_> = cells.map(repeat).collect::<Result<_>>()?;
+            let own = parts.iter().zip(outcomes).filter(|(part, _)| part.link_m == link_m);
+            let kept = own.filter_map(|(part, outcome)| match outcome {
+                Outcome::Cell(kept) => Some(kept.repeated(part.cell)),
+                Outcome::Rows(_) => None,
+            });
+            let repeated: Vec<Repeated> = kept.collect();
             println!("\nlinks of {} cm, {RUNS} runs{}", 100.0 * link_m, memr::text(&repeated));
             if link_m == LINK_M {
-                for (file, svg) in memr::figures(&repeated) {
-                    let path = folder.join(file);
-                    std::fs::write(&path, svg).with_context(|| format!("{} cannot be written", path.display()))?;
-                }
+                pictures(&repeated)?;
                 figures.extend(within(&repeated)?);
             }
         }
-        std::fs::write(folder.join("figure-02-configurations.svg"), several()?)?;
-        println!("\nFigures 2 and 8 to 11, mean and band of eight tenths of the runs: {}\n", folder.display());
-        progress.say("other methods with as many evaluations, and in the same time");
-        figures.extend(self.beside()?);
-        progress.say("1000 targets of a Panda");
-        figures.extend(panda()?);
-        tell(&figures, self.seed, json)
+        for outcome in outcomes {
+            let Outcome::Rows(rows) = outcome else { continue };
+            for (name, value, unit) in rows {
+                figures.push(Figure::new(name, *value, unit)?);
+            }
+        }
+        Ok(figures)
     }
 
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+}
+
+/// Figures 2 and 8 to 11.
+fn pictures(repeated: &[Repeated]) -> Result<()> {
+    let folder = setup::root().join("target/papers/memr");
+    std::fs::create_dir_all(&folder).with_context(|| format!("{} cannot be made", folder.display()))?;
+    for (file, svg) in memr::figures(repeated) {
+        let path = folder.join(file);
+        std::fs::write(&path, svg).with_context(|| format!("{} cannot be written", path.display()))?;
+    }
+    std::fs::write(folder.join("figure-02-configurations.svg"), several()?)?;
+    println!("\nFigures 2 and 8 to 11, mean and band of eight tenths of the runs: {}\n", folder.display());
+    Ok(())
+}
+
+impl Memr {
     /// Every method on the paper's targets: at MEMR's evaluations, and in MEMR's time.
     fn beside(&self) -> Result<Vec<Figure>> {
         let settings = Settings { seed: self.seed, ..Settings::default() };

@@ -4,34 +4,42 @@ mod grasp;
 mod memr;
 mod stand;
 
-use std::path::PathBuf;
-
 use anyhow::Result;
+use darm_figures::items::{self, Spread};
+
+pub(crate) use grasp::Grasp;
+pub(crate) use memr::Memr;
+use stand::Stand;
 
 /// Reproduces a paper, and prints its tables, ours beside theirs
 #[derive(clap::Args)]
 pub(crate) struct Papers {
     #[command(subcommand)]
     paper: Paper,
-    /// Write the figures as JSON
-    #[arg(long, global = true, value_name = "FILE")]
-    json: Option<PathBuf>,
 }
 
 #[derive(clap::Subcommand)]
 enum Paper {
-    Grasp(grasp::Grasp),
-    Memr(memr::Memr),
-    Stand(stand::Stand),
+    Grasp(Spreadable<Grasp>),
+    Memr(Spreadable<Memr>),
+    Stand(Stand),
+}
+
+/// A paper whose runs several processes can share.
+#[derive(clap::Args)]
+struct Spreadable<J: clap::Args> {
+    #[command(flatten)]
+    job: J,
+    #[command(flatten)]
+    spread: Spread,
 }
 
 impl Papers {
     pub(crate) fn run(&self) -> Result<()> {
-        let json = self.json.as_deref();
         match &self.paper {
-            Paper::Grasp(grasp) => grasp.run(json),
-            Paper::Memr(memr) => memr.run(json),
-            Paper::Stand(stand) => stand.run(json),
+            Paper::Grasp(grasp) => items::run(&grasp.job, &grasp.spread),
+            Paper::Memr(memr) => items::run(&memr.job, &memr.spread),
+            Paper::Stand(stand) => stand.run(),
         }
     }
 }

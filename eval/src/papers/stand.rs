@@ -9,14 +9,14 @@ mod postures;
 mod robots;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use darm::report::page_of;
 use maud::html;
 
-use crate::figures::{Figure, tell};
-use crate::progress::Progress;
+use darm_figures::figure::{Figure, Figures};
+use darm_figures::progress::Progress;
 use xtask::setup;
 
 /// Seed of all that is drawn.
@@ -37,10 +37,13 @@ pub(crate) struct Stand {
     /// Folder of the report and of the tables that `darm com` reads
     #[arg(long, value_name = "DIR")]
     output: Option<PathBuf>,
+    /// Write the figures as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
 }
 
 impl Stand {
-    pub(crate) fn run(&self, json: Option<&Path>) -> Result<()> {
+    pub(crate) fn run(&self) -> Result<()> {
         let progress = Progress::shown();
         let folder = self.output.clone().unwrap_or_else(|| setup::root().join("target/papers/stand"));
         fs::create_dir_all(&folder).with_context(|| format!("{} cannot be made", folder.display()))?;
@@ -63,7 +66,7 @@ impl Stand {
             "\nThe paper has one figure: 19.6 mm RMS of the centre of pressure on 9 of 88 postures. Sensor noise alone makes"
         );
         println!("2 mm of it: the rest was posture, play and elasticity of that robot, which nothing here can know.\n");
-        tell(&figures, self.seed, json)
+        Figures::new(figures, self.seed).report(self.json.as_deref())
     }
 }
 

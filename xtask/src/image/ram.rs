@@ -26,6 +26,20 @@ fn memories(file: &object::File<'_>) -> Result<[Memory; 2]> {
     ])
 }
 
+/// Bytes of static RAM that no symbol has.
+///
+/// # Errors
+/// When the image cannot be read.
+pub(crate) fn free_bytes(path: &Path) -> Result<u64> {
+    let bytes = std::fs::read(path).with_context(|| format!("{} cannot be read", path.display()))?;
+    let file = object::File::parse(&*bytes).with_context(|| format!("{} is not an ELF file", path.display()))?;
+    let free = |memory: &Memory| {
+        let used: u64 = symbols(&file, memory).iter().map(|(size, _)| size).sum();
+        (memory.to - memory.from).saturating_sub(used)
+    };
+    Ok(memories(&file)?.iter().map(free).sum())
+}
+
 /// The budget as a table in Markdown.
 ///
 /// # Errors

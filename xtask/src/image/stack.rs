@@ -68,6 +68,11 @@ impl Bound {
         total(&self.start).max(total(&self.run))
     }
 
+    /// The size of the stack in bytes.
+    pub(crate) fn size(&self) -> u32 {
+        self.size
+    }
+
     /// The levels with their deepest chains; each function with its frame when `with_chains`.
     pub(crate) fn table(&self, graph: &Graph<'_>, with_chains: bool) -> String {
         let mut text = String::new();

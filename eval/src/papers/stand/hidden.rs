@@ -15,8 +15,8 @@ use rayon::prelude::*;
 
 use super::figure;
 use super::postures::{carry, equations, golden, measured, planar};
-use crate::figures::Figure;
-use crate::progress::Progress;
+use darm_figures::figure::Figure;
+use darm_figures::progress::Progress;
 use xtask::setup;
 
 /// The mass over that of the robot.

@@ -18,8 +18,8 @@ use darm_robot::urdf::{self, Locks};
 use super::figure;
 use super::postures::Robots;
 use super::robots::{Followed, executed, stand};
-use crate::figures::Figure;
-use crate::progress::Progress;
+use darm_figures::figure::Figure;
+use darm_figures::progress::Progress;
 use xtask::setup;
 
 /// Colours of the paper's figure 7: natural and elderly, identified and CAD.

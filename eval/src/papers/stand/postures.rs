@@ -18,7 +18,7 @@ use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
 use super::figure;
-use crate::figures::Figure;
+use darm_figures::figure::Figure;
 use xtask::setup;
 
 /// Noise of the sensors, as the goal has it.

@@ -11,8 +11,8 @@ use rayon::prelude::*;
 
 use super::figure;
 use super::postures::{Robots, drawn};
-use crate::figures::Figure;
-use crate::progress::Progress;
+use darm_figures::figure::Figure;
+use darm_figures::progress::Progress;
 
 /// A demonstration, and the robots that follow it.
 pub(super) struct Followed<'a> {

@@ -1,0 +1,97 @@
+//! What is done with the files of measurements: results joined, figures compared, the page of measured figures written.
+
+use std::path::PathBuf;
+
+use anyhow::{Context as _, Result, bail};
+use darm_figures::compare::{Comparison, Renamed, folders};
+use darm_figures::figure::goals;
+use darm_figures::items::{self, Job};
+use darm_figures::measured;
+use darm_figures::merge::Merged as Results;
+use darm_figures::root;
+
+use crate::{bench, blind, demo, faults, papers};
+
+/// Joins the result files of a run that was spread over processes, and prints its table
+///
+/// The order of files and of lines does not matter. Items that are missing, or that have two different outcomes, are
+/// named, and nothing is written.
+#[derive(clap::Args)]
+pub(crate) struct Merge {
+    /// Files that the processes wrote with --results
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Write the figures as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+impl Merge {
+    pub(crate) fn run(self) -> Result<()> {
+        let results = Results::read(&self.files)?;
+        match results.run.command.as_str() {
+            blind::Job::COMMAND => self.report::<blind::Job>(results),
+            blind::Mechanisms::COMMAND => self.report::<blind::Mechanisms>(results),
+            demo::Sweep::COMMAND => self.report::<demo::Sweep>(results),
+            bench::SynthesisSweep::COMMAND => self.report::<bench::SynthesisSweep>(results),
+            bench::Reach::COMMAND => self.report::<bench::Reach>(results),
+            faults::Job::COMMAND => self.report::<faults::Job>(results),
+            papers::Grasp::COMMAND => self.report::<papers::Grasp>(results),
+            papers::Memr::COMMAND => self.report::<papers::Memr>(results),
+            darm_simulate::seeds::Seeds::COMMAND => self.report::<darm_simulate::seeds::Seeds>(results),
+            darm_simulate::mutants::Mutants::COMMAND => self.report::<darm_simulate::mutants::Mutants>(results),
+            other => bail!("no command {other:?} writes result files"),
+        }
+    }
+
+    fn report<J: Job>(&self, results: Results) -> Result<()> {
+        let (job, outcomes) = results.outcomes::<J>()?;
+        items::report(&job, &outcomes, self.json.as_deref())
+    }
+}
+
+/// Compares two folders of figure files; exit code 1 if they differ
+///
+/// Names, units, verdicts and whole numbers are to be identical, instruction counts within 1 %, other numbers within 1e-6
+/// relative; times are left out. A missing row is a difference, a new one is not.
+#[derive(clap::Args)]
+pub(crate) struct Compare {
+    /// Folder with the files of --json before a change
+    before: PathBuf,
+    /// Folder with files of the same names after it
+    after: PathBuf,
+    /// Names of rows that were changed on purpose: the table [figures] of this file
+    #[arg(long, value_name = "FILE", default_value_os_t = root().join("docs/renamed-keys.toml"))]
+    map: PathBuf,
+}
+
+impl Compare {
+    pub(crate) fn run(&self) -> Result<()> {
+        let comparison = folders(&self.before, &self.after, &Renamed::read(&self.map)?)?;
+        comparison.differences.iter().for_each(|difference| println!("{difference}"));
+        let Comparison { equal, left_out, new, .. } = &comparison;
+        println!("{equal} rows agree, {left_out} are times and left out, {new} are new");
+        match comparison.differences.len() {
+            0 => Ok(()),
+            n => bail!("{n} differences"),
+        }
+    }
+}
+
+/// Writes docs/measured.md from docs/figures and tests/goals.toml
+#[derive(clap::Args)]
+pub(crate) struct Measured {
+    /// Folder with the figures and index.toml, which has the title and the command of each file
+    #[arg(value_name = "FOLDER", default_value_os_t = root().join("docs/figures"))]
+    folder: PathBuf,
+}
+
+impl Measured {
+    pub(crate) fn run(&self) -> Result<()> {
+        let path = root().join("docs/measured.md");
+        std::fs::write(&path, measured::page(&self.folder, goals()?)?)
+            .with_context(|| format!("{} cannot be written", path.display()))?;
+        println!("{}", path.display());
+        Ok(())
+    }
+}
