@@ -31,8 +31,13 @@ enum Task {
     Faults(Arguments),
     /// Runs the whole system in virtual time under two judges; prints what they find
     Simulate(Arguments),
-    /// All tests: format, lints, documentation, unit and system tests, the image in the emulator
-    Test,
+    /// Joins the result files of a run that was spread over processes, and prints its table
+    Merge(Arguments),
+    /// Compares two folders of figure files; exit code 1 if they differ
+    Compare(Arguments),
+    /// Writes docs/measured.md from docs/figures and tests/goals.toml
+    Measured(Arguments),
+    Test(test::Test),
     /// Builds the firmware image and prints its path, or analyses it
     Image(image::Command),
 }
@@ -45,7 +50,10 @@ fn main() -> ExitCode {
         Task::Blind(arguments) => start::measurement("blind", &arguments),
         Task::Faults(arguments) => start::measurement("faults", &arguments),
         Task::Simulate(arguments) => start::simulation(&arguments),
-        Task::Test => test::run().map(|()| ExitCode::SUCCESS),
+        Task::Merge(arguments) => start::measurement("merge", &arguments),
+        Task::Compare(arguments) => start::measurement("compare", &arguments),
+        Task::Measured(arguments) => start::measurement("measured", &arguments),
+        Task::Test(test) => test.run().map(|()| ExitCode::SUCCESS),
         Task::Image(image) => image.run().map(|()| ExitCode::SUCCESS),
     };
     result.unwrap_or_else(|error| {

@@ -26,7 +26,8 @@ pub(crate) fn simulation(arguments: &Arguments) -> Result<ExitCode> {
 
 fn run(what: &[&str], arguments: &Arguments) -> Result<ExitCode> {
     let mut command = Command::new("cargo");
-    command.args(["run", "--quiet", "--manifest-path"]).arg(setup::root().join("Cargo.toml"));
+    // Not quiet: a first build takes minutes.
+    command.args(["run", "--manifest-path"]).arg(setup::root().join("Cargo.toml"));
     let status = command.args(what).args(&arguments.all).status();
     let code = status.context("cargo did not start")?.code().unwrap_or(1);
     Ok(ExitCode::from(u8::try_from(code).unwrap_or(1)))

@@ -8,32 +8,98 @@ use anyhow::{Context, Result, bail};
 use xtask::image;
 use xtask::setup::{self, Emulator, SMALL_TARGET, TARGET};
 
-/// Runs every check in turn and stops at the first that fails.
-pub(crate) fn run() -> Result<()> {
-    setup::rust()?;
-    if let Emulator::Absent(why) = setup::emulator() {
-        eprintln!("NO EMULATOR: the tests on the image are left out. {why}");
+/// All tests: format, lints, documentation, unit and system tests, the image in the emulator
+#[derive(clap::Args)]
+pub(crate) struct Test {
+    /// What a developer runs at each change: format, lints, unit tests of core, firmware and host, rules of the code
+    #[arg(long)]
+    quick: bool,
+    /// Leave out the tests on the image where there is no emulator, in place of failing
+    #[arg(long, conflicts_with = "quick")]
+    without_emulator: bool,
+}
+
+/// Packages whose unit tests are quick.
+const UNIT_TESTED: [&str; 8] =
+    ["darm-core", "darm-firmware", "darm-robot", "darm-arm", "darm-device", "darm-diagnose", "darm", "darm-figures"];
+
+impl Test {
+    /// Runs the checks in turn and stops at the first that fails.
+    pub(crate) fn run(&self) -> Result<()> {
+        let start = Instant::now();
+        if self.quick {
+            quick()?
+        } else {
+            self.all()?
+        }
+        let which = if self.quick { "the quick tests" } else { "all tests" };
+        eprintln!("{which} passed in {:.0} s", start.elapsed().as_secs_f64());
+        Ok(())
     }
-    let start = Instant::now();
+
+    fn all(&self) -> Result<()> {
+        setup::rust()?;
+        let has_emulator = self.has_emulator()?;
+        cargo(&["fmt", "--all", "--check"])?;
+        cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
+        let chip = ["--package", "darm-firmware", "--features", "chip", "--target", TARGET];
+        cargo(&[&["clippy"], &chip[..], &["--", "-D", "warnings"]].concat())?;
+        for target in [TARGET, SMALL_TARGET] {
+            cargo(&["build", "--package", "darm-core", "--target", target])?;
+        }
+        image::check(&image::build()?)?;
+        image::check_that_kinematics_cannot_panic()?;
+        let mut tests = command(&["test", "--workspace"]);
+        if has_emulator {
+            tests.env("DARM_EMULATOR_REQUIRED", "1");
+        }
+        run(tests)?;
+        cargo(&["doc", "--workspace", "--no-deps"])
+    }
+
+    /// False where there is none and the tests on the image may be left out.
+    fn has_emulator(&self) -> Result<bool> {
+        match setup::emulator() {
+            Emulator::Ready => Ok(true),
+            Emulator::Absent(why) if self.without_emulator => {
+                eprintln!("NO EMULATOR: the tests on the image are left out. {why}");
+                Ok(false)
+            }
+            Emulator::Absent(why) => {
+                bail!("there is no emulator for the tests on the image: {why}; --without-emulator leaves them out")
+            }
+        }
+    }
+}
+
+fn quick() -> Result<()> {
     cargo(&["fmt", "--all", "--check"])?;
     cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
-    let chip = ["--package", "darm-firmware", "--features", "chip", "--target", TARGET];
-    cargo(&[&["clippy"], &chip[..], &["--", "-D", "warnings"]].concat())?;
-    for target in [TARGET, SMALL_TARGET] {
-        cargo(&["build", "--package", "darm-core", "--target", target])?;
-    }
-    image::check(&image::build()?)?;
-    image::check_that_kinematics_cannot_panic()?;
-    cargo(&["test", "--workspace"])?;
-    cargo(&["doc", "--workspace", "--no-deps"])?;
-    eprintln!("all tests passed in {:.0} s", start.elapsed().as_secs_f64());
-    Ok(())
+    let packages = UNIT_TESTED.iter().flat_map(|package| ["--package", package]);
+    let unit_tests: Vec<&str> = ["test", "--quiet", "--lib"].into_iter().chain(packages).collect();
+    cargo(&unit_tests)?;
+    cargo(&["test", "--quiet", "--package", "darm-tests", "--test", "tidy"])
 }
 
 fn cargo(arguments: &[&str]) -> Result<()> {
-    eprintln!("running cargo {}", arguments.join(" "));
+    run(command(arguments))
+}
+
+fn command(arguments: &[&str]) -> Command {
     let mut command = Command::new("cargo");
     command.current_dir(setup::root()).args(arguments).env("RUSTDOCFLAGS", "-D warnings");
+    command
+}
+
+fn run(mut command: Command) -> Result<()> {
+    let arguments: Vec<_> = command.get_args().map(|argument| argument.to_string_lossy().into_owned()).collect();
+    let line = format!("cargo {}", arguments.join(" "));
+    eprintln!("running {line}");
+    let start = Instant::now();
     let status = command.status().context("cargo did not start")?;
-    if status.success() { Ok(()) } else { bail!("cargo {} failed; its words stand above", arguments.join(" ")) }
+    if !status.success() {
+        bail!("{line} failed; its output is above");
+    }
+    eprintln!("{line}: {:.0} s", start.elapsed().as_secs_f64());
+    Ok(())
 }
