@@ -23,8 +23,8 @@ use xtask::setup;
 
 /// Noise of the sensors, as the goal has it.
 pub(super) const NOISE: Noise = Noise { torque_nm: 5.0, force_n: 5.0, moment_nm: 2.0 };
-/// The sagittal plane: Fx, Fz, My.
-const PLANE: [bool; 6] = [true, false, true, false, true, false];
+/// The sagittal plane: My, Fx, Fz.
+const PLANE: [bool; 6] = [false, true, false, true, false, true];
 /// Splits into 90 % and 10 %.
 const SPLITS: usize = 1000;
 /// What the CAD data lacks, link by link: kg and place in the link, m. Half of it is a backpack.

@@ -19,7 +19,7 @@ use crate::prepare::signals::{PrepareError, Prepared};
 use darm_robot::rigid_body::regressor::{BodyMotion, link_motions, wrench_regressor};
 use darm_robot::robot::{Robot, RobotJoint};
 
-/// Components of the wrench as they are named in a table.
+/// Components of the wrench as they are named in a table: force, then moment.
 const WRENCH: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
 
 /// The experiment of a robot whose base moves as the table tells.
@@ -129,7 +129,7 @@ fn loads(data: &Prepared, robot: &Robot, base: &[BodyMotion], joints: &[Vec<Vec<
         for (body, moving) in std::iter::once(base).chain(&moving).enumerate() {
             let wrench = wrench_regressor(moving);
             for (k, parts) in all[body].iter_mut().enumerate() {
-                parts.iter_mut().enumerate().for_each(|(part, channel)| channel[row] = wrench[(part, k)]);
+                parts.iter_mut().enumerate().for_each(|(part, channel)| channel[row] = wrench[((part + 3) % 6, k)]);
             }
         }
     }

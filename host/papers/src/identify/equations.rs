@@ -15,10 +15,13 @@ const TOLD: f64 = 1e-8;
 /// What an exactly known row counts as, in its own unit.
 const EXACT: f64 = 1e-6;
 
+/// Components of a wrench, in the order of [`Rows::wrench`].
+pub const WRENCH_COMPONENTS: [&str; 6] = ["Mx", "My", "Mz", "Fx", "Fy", "Fz"];
+
 /// Which components are measured.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Rows {
-    /// Fx, Fy, Fz, Mx, My, Mz of the contacts together: in the sagittal plane Fx, Fz and My.
+    /// Of the [`WRENCH_COMPONENTS`] of the contacts together: in the sagittal plane My, Fx and Fz.
     pub wrench: [bool; 6],
     /// The torque of each joint.
     pub torque: Vec<bool>,
@@ -85,9 +88,9 @@ pub struct Equation {
     pub columns: DMatrix<f64>,
     /// Sᵀ τ + J_Cᵀ λ over its noise.
     pub right: DVector<f64>,
-    /// The wrench on the world's origin per unknown, force first: 6 × p.
+    /// The wrench on the world's origin per unknown, moment first: 6 × p.
     pub wrench: Matrix6xX<f64>,
-    /// The measured wrench of all contacts, force first.
+    /// The measured wrench of all contacts, moment first.
     pub measured: SVector<f64, 6>,
 }
 
@@ -303,13 +306,13 @@ impl Assembly<'_> {
             let path = &self.paths[contact.joint.map_or(0, |joint| joint + 1)];
             for (row, &joint) in joints.iter().enumerate().filter(|(_, joint)| path.contains(joint)) {
                 let axis = moving[joint].pose.rotation * self.robot.joints[joint].joint.axis.direction;
-                let (force, moment) = match self.robot.joints[joint].joint.axis.kind {
+                let (moment, force) = match self.robot.joints[joint].joint.axis.kind {
                     // axis·(m − o × f)
-                    JointKind::Revolute => (-axis.cross(&moving[joint].pose.position), axis),
-                    JointKind::Prismatic => (axis, nalgebra::Vector3::zeros()),
+                    JointKind::Revolute => (axis, -axis.cross(&moving[joint].pose.position)),
+                    JointKind::Prismatic => (nalgebra::Vector3::zeros(), axis),
                 };
                 let row = base.len() + row;
-                (0..3).for_each(|k| (block[(row, k)], block[(row, 3 + k)]) = (force[k], moment[k]));
+                (0..3).for_each(|k| (block[(row, k)], block[(row, 3 + k)]) = (moment[k], force[k]));
             }
             block
         };
@@ -324,7 +327,7 @@ impl Assembly<'_> {
         let mut covariance = DMatrix::from_fn(rows, rows, |a, b| if a == b { own(a).powi(2) } else { 0.0 });
         for block in exerted {
             for part in 0..6 {
-                let column = block.column(part) * if part < 3 { force_n } else { moment_nm };
+                let column = block.column(part) * if part < 3 { moment_nm } else { force_n };
                 covariance += &column * column.transpose();
             }
         }
@@ -335,10 +338,10 @@ impl Assembly<'_> {
     }
 }
 
-/// Force, then moment.
+/// Moment, then force.
 fn six(wrench: &Wrench<f64>) -> SVector<f64, 6> {
-    let (f, m) = (&wrench.force, &wrench.moment);
-    SVector::from([f.x, f.y, f.z, m.x, m.y, m.z])
+    let (m, f) = (&wrench.moment, &wrench.force);
+    SVector::from([m.x, m.y, m.z, f.x, f.y, f.z])
 }
 
 impl Equation {
@@ -354,11 +357,11 @@ impl Equation {
 
     /// Standard deviation of the measured centre of pressure with this noise, m.
     pub fn cop_noise(&self, noise: &Noise) -> [f64; 2] {
-        let force = self.measured[2];
+        let force = self.measured[5];
         self.measured_cop().map(|at| noise.moment_nm.hypot(at * noise.force_n) / force)
     }
 }
 
 fn cop(wrench: &SVector<f64, 6>) -> [f64; 2] {
-    [-wrench[4] / wrench[2], wrench[3] / wrench[2]]
+    [-wrench[1] / wrench[5], wrench[0] / wrench[5]]
 }

@@ -91,7 +91,7 @@ impl Equations {
         Fit { scatter: scatter(&values), values, rank, covariance, is_possible }
     }
 
-    /// The component of the contacts' wrench (0 to 5: Fx to Mz) with whose sign turned the rows agree far better, and the residual
+    /// The component of the contacts' wrench (index in [`WRENCH_COMPONENTS`](super::equations::WRENCH_COMPONENTS)) with whose sign turned the rows agree far better, and the residual
     /// over the noise that they then have. Contacts beyond joints are in those joints' rows too: what they hide is not seen.
     pub fn turned(&self, fit: &Fit) -> Option<(usize, f64)> {
         let all: Vec<usize> = (0..self.samples.len()).collect();

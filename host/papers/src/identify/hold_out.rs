@@ -68,6 +68,6 @@ pub fn rms_cop(equations: &Equations, values: &DVector<f64>, which: &[usize]) ->
 
 /// Whether x and y of the centre of pressure are measured.
 fn axes(equations: &Equations) -> [bool; 2] {
-    let [_, _, fz, mx, my, _] = equations.rows.wrench;
+    let [mx, my, _, _, _, fz] = equations.rows.wrench;
     [fz && my, fz && mx]
 }

@@ -32,7 +32,7 @@ use darm_robot::rigid_body::regressor::BodyMotion;
 use darm_robot::robot::Robot;
 use darm_robot::robot::base_parameters::{Inertial, PARAMETER_SYMBOLS};
 
-pub use equations::{Equations, IdentifyError, Rows};
+pub use equations::{Equations, IdentifyError, Rows, WRENCH_COMPONENTS};
 pub use fit::Fit;
 pub use hold_out::{HeldOut, hold_out, rms_cop};
 pub use missing::{Missing, Named, missing, separable};

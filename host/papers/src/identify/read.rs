@@ -14,7 +14,7 @@ use std::path::Path;
 use darm_core::real::Vec3;
 use darm_core::se::Wrench;
 
-use super::equations::Rows;
+use super::equations::{Rows, WRENCH_COMPONENTS};
 use super::{Contact, Kind, Sample};
 use darm_diagnose::linearise::wrench;
 use darm_diagnose::measurement::ReadError;
@@ -22,9 +22,6 @@ use darm_diagnose::measurement::table::{Names, Table};
 use darm_diagnose::prepare::signals::{Preparation, PrepareError, Prepared};
 use darm_robot::rigid_body::regressor::BodyMotion;
 use darm_robot::robot::Robot;
-
-/// Components of a wrench as columns name them.
-const WRENCH: [&str; 6] = ["fx", "fy", "fz", "mx", "my", "mz"];
 
 /// A table as samples.
 #[derive(Clone, Debug)]
@@ -82,7 +79,7 @@ pub fn read(path: &Path, robot: &Robot, kind: Kind, lowpass_hz: Option<f64>) -> 
     let contacts = contacts(&data, robot);
     let any = |part: usize| contacts.iter().any(|(_, wrench)| wrench[part].is_some());
     let rows = Rows { wrench: std::array::from_fn(any), torque: torques.iter().map(Option::is_some).collect() };
-    if !rows.wrench[2] {
+    if !rows.wrench[5] {
         return Err(ReadSamplesError::NoWrench { path: path.display().to_string() });
     }
     let base = base(&data, robot, kind)?;
@@ -111,14 +108,14 @@ fn contacts(data: &Prepared, robot: &Robot) -> Vec<(Option<usize>, Channels)> {
     let named = robot.frames.iter().map(|frame| (frame.joint, format!("{}_", frame.name)));
     let all = std::iter::once((None, String::new())).chain(named);
     let channels = |(joint, name): (Option<usize>, String)| -> (Option<usize>, Channels) {
-        (joint, WRENCH.map(|part| data.optional(&format!("{name}{part}"))))
+        (joint, WRENCH_COMPONENTS.map(|part| data.optional(&format!("{name}{}", part.to_lowercase()))))
     };
     all.map(channels).filter(|(_, wrench)| wrench.iter().any(Option::is_some)).collect()
 }
 
 fn wrench_at(channels: &Channels, row: usize) -> Wrench<f64> {
     let at = |part: usize| channels[part].as_ref().map_or(0.0, |channel| channel[row]);
-    Wrench { force: Vec3::new(at(0), at(1), at(2)), moment: Vec3::new(at(3), at(4), at(5)) }
+    Wrench { moment: Vec3::new(at(0), at(1), at(2)), force: Vec3::new(at(3), at(4), at(5)) }
 }
 
 fn base(data: &Prepared, robot: &Robot, kind: Kind) -> Result<Vec<BodyMotion>, PrepareError> {

@@ -136,9 +136,9 @@ impl Support {
     }
 }
 
-/// Where the ground's wrench (force first, about the world's origin) has no moment across, x and y, m.
+/// Where the ground's wrench (moment first, about the world's origin) has no moment across, x and y, m.
 pub(super) fn zmp(wrench: &SVector<f64, 6>) -> [f64; 2] {
-    [-wrench[4] / wrench[2], wrench[3] / wrench[2]]
+    [-wrench[1] / wrench[5], wrench[0] / wrench[5]]
 }
 
 /// How the centre of mass moves so that the zero-moment point moves by `pull` in every frame, as that of a cart on a table does:

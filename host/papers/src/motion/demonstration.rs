@@ -150,7 +150,7 @@ pub fn demonstrate(
         let whole: nalgebra::SVector<f64, 6> = bodies.into_iter().sum();
         let [moment, force] = PLATE_NOISE;
         let mut any = |size: f64| size * random.sample::<f64, _>(StandardNormal);
-        let (fz, mx, my) = (whole[2] + any(force), whole[3] + any(moment), whole[4] + any(moment));
+        let (fz, mx, my) = (whole[5] + any(force), whole[0] + any(moment), whole[1] + any(moment));
         Plate { cop: [-my / fz, mx / fz], force_n: fz }
     });
     let plates = plates.collect();

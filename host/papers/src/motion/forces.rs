@@ -16,7 +16,7 @@ const ARM_M: f64 = 0.1;
 /// The feet bear this share of the weight at least.
 const LEAST: f64 = 0.05;
 
-/// Force and moment about the world's origin.
+/// Moment about the world's origin, and force.
 type Six = SVector<f64, 6>;
 
 /// Joint torques of a plan by the masses of `believed`, frame by frame, N·m or N.
@@ -55,7 +55,7 @@ pub fn feed_forward(believed: &Robot, setup: &Setup, plan: &Mapped) -> Result<Ve
 fn felt(placed: &Placed, joint: Option<usize>, wrench: &Six) -> DVector<f64> {
     let jacobian = placed.jacobian(joint, &Pose::identity());
     let at = placed.pose(joint, &Pose::identity()).position;
-    let (force, moment): (Vec3<f64>, Vec3<f64>) = (wrench.fixed_rows::<3>(0).into(), wrench.fixed_rows::<3>(3).into());
+    let (moment, force): (Vec3<f64>, Vec3<f64>) = (wrench.fixed_rows::<3>(0).into(), wrench.fixed_rows::<3>(3).into());
     let moment = moment - at.cross(&force);
     let own = Six::new(moment.x, moment.y, moment.z, force.x, force.y, force.z);
     DVector::from_iterator(jacobian.ncols(), jacobian.column_iter().map(|column| column.dot(&own)))
@@ -63,7 +63,7 @@ fn felt(placed: &Placed, joint: Option<usize>, wrench: &Six) -> DVector<f64> {
 
 /// A force straight up at a point.
 fn pushed(at: &Vec3<f64>, up_n: f64) -> Six {
-    Six::new(0.0, 0.0, up_n, at.y * up_n, -at.x * up_n, 0.0)
+    Six::new(at.y * up_n, -at.x * up_n, 0.0, 0.0, 0.0, up_n)
 }
 
 /// What the chair bears so that the feet bear the rest within their soles, N.
@@ -74,11 +74,14 @@ fn on_chair(whole: &Six, soles: &Polygon, setup: &Setup, placed: &Placed) -> f64
     let (to_seat, out) = ([seat.x - on_feet[0], seat.y - on_feet[1]], [at[0] - on_feet[0], at[1] - on_feet[1]]);
     let away = to_seat[0].powi(2) + to_seat[1].powi(2);
     let share = (out[0] * to_seat[0] + out[1] * to_seat[1]) / away.max(f64::MIN_POSITIVE);
-    whole[2] * share.clamp(0.0, 1.0 - LEAST)
+    whole[5] * share.clamp(0.0, 1.0 - LEAST)
 }
 
 /// The wrench on each foot: together `whole`, with the least forces, and moments about the middles of the soles.
 fn shared(whole: &Six, setup: &Setup, placed: &Placed) -> Vec<Six> {
+    if setup.feet.is_empty() {
+        return Vec::new();
+    }
     let parts: Vec<Matrix6<f64>> = setup
         .feet
         .iter()
@@ -86,11 +89,16 @@ fn shared(whole: &Six, setup: &Setup, placed: &Placed) -> Vec<Six> {
             let foot = placed.pose(*joint, &Pose::identity());
             let middle = points.iter().map(|point| foot * *point).sum::<Vec3<f64>>() / points.len().max(1) as f64;
             let mut about_origin = Matrix6::identity();
-            about_origin.fixed_view_mut::<3, 3>(3, 0).copy_from(&middle.cross_matrix());
+            about_origin.fixed_view_mut::<3, 3>(0, 3).copy_from(&middle.cross_matrix());
             let [f, m] = [1.0, ARM_M * ARM_M];
-            about_origin * Matrix6::from_diagonal(&Six::new(f, f, f, m, m, m)) * about_origin.transpose()
+            about_origin * Matrix6::from_diagonal(&Six::new(m, m, m, f, f, f)) * about_origin.transpose()
         })
         .collect();
-    let needed = parts.iter().sum::<Matrix6<f64>>().cholesky().map(|factor| factor.solve(whole)).unwrap_or_default();
+    let needed = parts
+        .iter()
+        .sum::<Matrix6<f64>>()
+        .cholesky()
+        .map(|factor| factor.solve(whole))
+        .expect("each foot adds a positive definite part");
     parts.iter().map(|part| part * needed).collect()
 }

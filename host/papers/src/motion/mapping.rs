@@ -122,7 +122,8 @@ fn shift(com: &mut [Vec3<f64>], pulls: &[[f64; 2]], step_s: f64, gravity: f64) {
     }
 }
 
-/// What the ground has to exert on each body of a robot that moves so, frame by frame: force first, about the world's origin.
+/// What the ground has to exert on each body of a robot that moves so, frame by frame: moment first, about the world's
+/// origin.
 pub(super) fn ground_wrench(robot: &Robot, postures: &[Posture], time_s: &[f64]) -> Vec<Vec<SVector<f64, 6>>> {
     wrench(robot, &dynamic(postures, time_s, CORNER_HZ, &robot.gravity))
 }

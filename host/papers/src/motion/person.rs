@@ -341,7 +341,7 @@ fn simulated(tree: &Robot, groups: &Groups, motion: &Trajectory, capture: &Captu
     for frame in wrench(tree, &moving) {
         let mut of = vec![[0.0; 3]; groups.names.len()];
         for (own, group) in frame.iter().zip(&groups.of) {
-            [2, 3, 4].iter().enumerate().for_each(|(k, &part)| of[*group][k] += own[part]);
+            [5, 0, 1].iter().enumerate().for_each(|(k, &part)| of[*group][k] += own[part]);
         }
         parts.push(of);
     }

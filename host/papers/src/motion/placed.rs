@@ -148,7 +148,7 @@ pub(super) fn dynamic(postures: &[Posture], time_s: &[f64], corner_hz: f64, grav
     Dynamic { base: (0..postures.len()).map(moving).collect(), state: (0..postures.len()).map(state).collect() }
 }
 
-/// The wrench that the ground exerts in each frame of a motion per body: force first, about the world's origin.
+/// The wrench that the ground exerts in each frame of a motion per body: moment first, about the world's origin.
 pub(super) fn wrench(robot: &Robot, motion: &Dynamic) -> Vec<Vec<SVector<f64, 6>>> {
     let inertias = std::iter::once(&robot.base).chain(robot.joints.iter().map(|joint| &joint.joint.inertia));
     let tens: Vec<SVector<f64, 10>> = inertias.map(|inertia| Body::from(inertia).parameters().into()).collect();

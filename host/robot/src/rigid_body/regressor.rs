@@ -2,8 +2,8 @@
 //! any number of joints and a base that may move.
 //!
 //! For a link with origin o, angular velocity ω, angular acceleration α and acceleration a of its origin minus free fall, all
-//! in its own frame, the wrench per parameter (m, m·c, I) is force (a, \[α\] + \[ω\]², 0) and moment
-//! (0, −\[a\], L(α) + \[ω\]L(ω)) with L(w)·(xx, xy, yy, xz, yz, zz) = I·w. Source: as
+//! in its own frame, the wrench per parameter (m, m·c, I) is moment (0, −\[a\], L(α) + \[ω\]L(ω)) and
+//! force (a, \[α\] + \[ω\]², 0) with L(w)·(xx, xy, yy, xz, yz, zz) = I·w. Source: as
 //! [`darm_core::dynamics::regressor`]; a test compares both.
 
 use darm_core::actuator::JointKind;
@@ -13,7 +13,8 @@ use nalgebra::SMatrix;
 
 use crate::robot::Robot;
 
-/// Wrench of a body per inertial parameter, about the origin of the world and in its axes: force, then moment.
+/// Wrench of a body per inertial parameter, about the origin of the world and in its axes: moment, then force, as
+/// [`Wrench`](darm_core::se::Wrench).
 pub type WrenchRegressor = SMatrix<f64, 6, 10>;
 
 /// A frame and how it moves, in the axes of the world.
@@ -98,8 +99,8 @@ pub fn wrench_regressor(link: &BodyMotion) -> WrenchRegressor {
     let force = rotation * force;
     let moment = rotation * moment + cross_matrix(&link.pose.position) * force;
     let mut wrench = WrenchRegressor::zeros();
-    wrench.fixed_view_mut::<3, 10>(0, 0).copy_from(&force);
-    wrench.fixed_view_mut::<3, 10>(3, 0).copy_from(&moment);
+    wrench.fixed_view_mut::<3, 10>(0, 0).copy_from(&moment);
+    wrench.fixed_view_mut::<3, 10>(3, 0).copy_from(&force);
     wrench
 }
 
@@ -107,7 +108,7 @@ pub fn wrench_regressor(link: &BodyMotion) -> WrenchRegressor {
 /// own link.
 pub fn joint_regressor(robot: &Robot, joint: usize, at: &BodyMotion, wrench: &WrenchRegressor) -> [f64; 10] {
     let axis = at.pose.rotation * robot.joints[joint].joint.axis.direction;
-    let (force, moment) = (wrench.fixed_view::<3, 10>(0, 0), wrench.fixed_view::<3, 10>(3, 0));
+    let (moment, force) = (wrench.fixed_view::<3, 10>(0, 0), wrench.fixed_view::<3, 10>(3, 0));
     let row = match robot.joints[joint].joint.axis.kind {
         JointKind::Revolute => axis.transpose() * (moment - cross_matrix(&at.pose.position) * force),
         JointKind::Prismatic => axis.transpose() * force,

@@ -70,7 +70,9 @@ pub struct FloatingBase {
 pub struct Motion<'a> {
     /// Positions, velocities and accelerations, in rad and m.
     pub state: [&'a [f64]; 3],
-    /// A frame, and the load on it, told along the axes of the base at the frame's origin.
+    /// A frame, and the wrench that the environment exerts on it: moment and force along the axes of the base, about the
+    /// frame's origin. A tool that pushes on its environment exerts the opposite wrench, which is what
+    /// [`statics`](darm_core::tree::jacobian::statics) takes.
     pub load: Option<(&'a RobotFrame, Wrench<f64>)>,
 }
 

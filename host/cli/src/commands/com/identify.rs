@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Context as _;
-use darm_papers::identify::{self, Equations, HeldOut, Kind, LinkMass, Missing, Noise, Unknown};
+use darm_papers::identify::{self, Equations, HeldOut, Kind, LinkMass, Missing, Noise, Unknown, WRENCH_COMPONENTS};
 use darm_robot::robot::Robot;
 use darm_robot::robot::base_parameters::{BaseParameters, Inertial};
 use darm_robot::urdf::{self, Locks};
@@ -75,8 +75,6 @@ struct Identified {
     findings: Vec<String>,
 }
 
-/// Components of a wrench.
-const COMPONENTS: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
 /// A residual beyond this share of the noise gives a note.
 const MAX_RESIDUAL: f64 = 3.0;
 
@@ -109,7 +107,7 @@ impl Identify {
             anyhow::bail!(
                 "{}: its sign is probably wrong: reversed, the residual falls from {} to {} of the noise; give what the ground \
                  exerts on the robot, about the world's origin, z up",
-                COMPONENTS[component],
+                WRENCH_COMPONENTS[component],
                 number(fit.scatter.sqrt(), 1),
                 number(left, 1)
             );
