@@ -6,4 +6,5 @@ pub mod literal;
 pub mod rigid_body;
 pub mod robot;
 pub mod source;
+pub mod tree;
 pub mod urdf;

@@ -275,6 +275,13 @@ pub fn rotation_exp<T: Real>(w: &Vec3<T>) -> Mat3<T> {
     Factors::of(w).rotation(w)
 }
 
+/// The rotation about a unit vector by an angle, rad: [`rotation_exp`] of axis · angle, without the root of its length.
+#[inline]
+pub fn rotation_about<T: Real>(axis: &Vec3<T>, angle_rad: T) -> Mat3<T> {
+    let (s, c) = trig::sin_cos(angle_rad * real(0.5));
+    rodrigues(axis, (s + s) * c, (s + s) * s)
+}
+
 /// How the rotation exp \[w\] turns, told in its own frame, when w grows: the right Jacobian of SO(3).
 pub fn rotation_jacobian<T: Real>(w: &Vec3<T>) -> Mat3<T> {
     let f = Factors::of(w);

@@ -63,7 +63,12 @@ impl<T: Real, const N: usize> Tree<T, N> {
 }
 
 impl<T: Real> Joint<T> {
-    fn check(&self, joint: usize) -> Result<(), TreeError> {
+    /// Whether this joint, number `joint` of its tree, has a parent before it and an axis of length 1.
+    ///
+    /// # Errors
+    ///
+    /// The parent or the axis.
+    pub fn check(&self, joint: usize) -> Result<(), TreeError> {
         if let Some(parent) = self.parent.filter(|parent| *parent >= joint) {
             return Err(TreeError::Parent { joint, parent });
         }

@@ -1,7 +1,6 @@
 //! `darm jacobian`: Jacobian, singular values, manipulability and statics.
 
 use darm_core::se::Wrench;
-use darm_core::tree::jacobian::statics;
 use darm_core::tree::singular::{self, Ellipsoid};
 use darm_robot::robot::Kinematics;
 use serde::Serialize;
@@ -104,18 +103,18 @@ impl Jacobian {
 }
 
 fn row(kinematics: &Kinematics, count: usize, wrench: Option<&Wrench<f64>>) -> Row {
-    let jacobian = &kinematics.jacobian_base;
+    let jacobian = &kinematics.compact_jacobian();
     let by_rows = |matrix: &darm_robot::robot::Jacobian| -> Vec<Vec<f64>> {
         (0..6).map(|row| (0..count).map(|column| matrix[(row, column)]).collect()).collect()
     };
     let (angular, linear) = (singular::rows(jacobian, &[0, 1, 2]), singular::rows(jacobian, &[3, 4, 5]));
     Row {
-        jacobian_base: by_rows(jacobian),
+        jacobian_base: by_rows(&kinematics.jacobian_base),
         jacobian_tool: by_rows(&kinematics.jacobian_tool),
         full: part(&singular::manipulability_ellipsoid(jacobian), count),
         angular: part(&singular::manipulability_ellipsoid(&angular), count),
         linear: part(&singular::manipulability_ellipsoid(&linear), count),
-        statics: wrench.map(|wrench| statics(jacobian, wrench)[..count].to_vec()),
+        statics: wrench.map(|wrench| kinematics.statics(wrench)),
     }
 }
 

@@ -1,7 +1,7 @@
 //! The hand: four fingers of four joints on a palm, spherical fingertips, and the capsules that may not touch.
 
-use darm_core::real::{Mat3, Vec3};
-use darm_core::se::Pose;
+use darm_core::real::Vec3;
+use darm_core::se::{Pose, rotation_about};
 
 use super::collision::{Capsule, Pair, pairs};
 
@@ -112,15 +112,15 @@ impl Hand {
                 at = at * joint.placement;
                 let k = COORDINATES * i + j;
                 placed.axes[k] = Axis { direction: at.rotation * joint.axis, point: at.position };
-                at.rotation *= turn(&joint.axis, angles[k]);
+                at.rotation *= rotation_about(&joint.axis, angles[k]);
                 placed.links[JOINTS * i + j] = at;
             }
             let tip = at * finger.tip;
             let (first, second) = (COORDINATES * i + JOINTS, COORDINATES * i + JOINTS + 1);
-            let bent = tip.rotation * turn(&Vec3::y(), angles[first]);
+            let bent = tip.rotation * rotation_about(&Vec3::y(), angles[first]);
             placed.axes[first] = Axis { direction: tip.rotation.column(1).into(), point: tip.position };
             placed.axes[second] = Axis { direction: -bent.column(0), point: tip.position };
-            let rotation = bent * turn(&-Vec3::x(), angles[second]);
+            let rotation = bent * rotation_about(&Vec3::x(), -angles[second]);
             placed.tips[i] = Pose { rotation, position: tip.position };
         }
         placed
@@ -132,21 +132,4 @@ impl Placed {
     pub fn normal(&self, finger: usize) -> Vec3<f64> {
         self.tips[finger].rotation.column(2).into()
     }
-}
-
-/// Rotation about a unit vector by an angle (Rodrigues).
-fn turn(axis: &Vec3<f64>, angle_rad: f64) -> Mat3<f64> {
-    let (s, c) = angle_rad.sin_cos();
-    let (x, y, z, v) = (axis.x, axis.y, axis.z, 1.0 - c);
-    Mat3::new(
-        c + v * x * x,
-        v * x * y - s * z,
-        v * x * z + s * y,
-        v * x * y + s * z,
-        c + v * y * y,
-        v * y * z - s * x,
-        v * x * z - s * y,
-        v * y * z + s * x,
-        c + v * z * z,
-    )
 }

@@ -204,8 +204,8 @@ fn advance(
     desired: &Desired,
     gains: Gains,
 ) -> Option<DVector<f64>> {
-    let mut matrix = placed.mass(&posture.q);
-    let bias = placed.bias(posture, velocity.as_slice());
+    let mut matrix = placed.mass();
+    let bias = placed.bias(velocity.as_slice());
     let mut load = -DVector::from_vec(bias);
     let h = STEP_S;
     for (k, q) in posture.q.iter().enumerate() {

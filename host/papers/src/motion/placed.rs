@@ -1,42 +1,40 @@
 //! A tree in one posture: points, frames and centre of mass with their Jacobians, and the wrench of a motion on the ground.
 
-use darm_core::dynamics::floating;
-use darm_core::real::Vec3;
+use darm_core::real::{Vec3, Vec6};
 use darm_core::se::Pose;
-use darm_core::tree::{Body, Frames, Tree, TreeError};
+use darm_core::tree::{Body, TreeError};
 use nalgebra::{DMatrix, Matrix3xX, Matrix6xX, SVector};
 
 use super::smooth::Smooth;
 use super::{Fixed, Posture};
 use darm_diagnose::measurement::signal::rate;
 use darm_robot::rigid_body::regressor::{BodyMotion, link_motions, wrench_regressor};
-use darm_robot::robot::{MAX_JOINTS, Robot};
+use darm_robot::robot::Robot;
+use darm_robot::tree::spatial::{Motion, six};
+use darm_robot::tree::{LinkTree, Links};
 
-/// A tree that computes, made once.
+/// A tree in one posture, made once.
 pub(super) struct Placed {
-    tree: Tree<f64, MAX_JOINTS>,
-    frames: Frames<f64, MAX_JOINTS>,
-    n: usize,
-    base: Pose<f64>,
+    tree: LinkTree,
+    links: Links,
 }
 
 impl Placed {
-    /// The tree of a robot, in no posture yet.
+    /// The tree of a robot at its zero posture.
     pub(super) fn new(robot: &Robot) -> Result<Self, TreeError> {
-        let (tree, frames) = (robot.tree()?, Frames::default());
-        Ok(Self { tree, frames, n: robot.joints.len(), base: Pose::identity() })
+        let tree = robot.link_tree()?;
+        let links = tree.place(&Pose::identity(), &[]);
+        Ok(Self { tree, links })
     }
 
     /// Moves it to a posture.
     pub(super) fn place(&mut self, posture: &Posture) {
-        let q = std::array::from_fn(|k| posture.q.get(k).copied().unwrap_or(0.0));
-        self.tree.place_floating(&posture.base, &q, &mut self.frames);
-        self.base = posture.base;
+        self.links = self.tree.place(&posture.base, &posture.q);
     }
 
     /// Pose of a frame in the world.
     pub(super) fn pose(&self, joint: Option<usize>, pose: &Pose<f64>) -> Pose<f64> {
-        self.frames.pose(&self.tree.frame(joint.unwrap_or(usize::MAX), pose))
+        self.links.pose(joint, pose)
     }
 
     /// Where a point is.
@@ -44,59 +42,55 @@ impl Placed {
         self.pose(at.joint, &Pose::at(at.point)).position
     }
 
-    /// How a frame's origin moves, told in the world, per unit of base and joints: angular rows first, 6 × (6 + n).
+    /// Twist of a frame about its origin in the axes of the world, per unit of the base's twist and of each joint:
+    /// 6 × (6 + n), angular rows first.
     pub(super) fn jacobian(&self, joint: Option<usize>, pose: &Pose<f64>) -> Matrix6xX<f64> {
-        let frame = self.tree.frame(joint.unwrap_or(usize::MAX), pose);
-        let of_joints = self.tree.jacobian_base(&frame, &self.frames);
-        let arm = self.frames.pose(&frame).position - self.base.position;
-        let mut jacobian = Matrix6xX::zeros(6 + self.n);
-        for k in 0..3 {
-            let axis: Vec3<f64> = self.base.rotation.column(k).into();
-            jacobian.fixed_view_mut::<3, 1>(0, k).copy_from(&axis);
-            jacobian.fixed_view_mut::<3, 1>(3, k).copy_from(&axis.cross(&arm));
-            jacobian.fixed_view_mut::<3, 1>(3, 3 + k).copy_from(&axis);
+        let arm = self.pose(joint, pose).position - self.links.base.position;
+        let mut jacobian = Matrix6xX::zeros(6 + self.tree.len());
+        for (k, axis) in self.links.base.rotation.column_iter().enumerate() {
+            jacobian.set_column(k, &six(&axis.into(), &axis.cross(&arm)));
+            jacobian.set_column(3 + k, &six(&Vec3::zeros(), &axis.into()));
         }
-        for k in 0..self.n {
-            jacobian.set_column(6 + k, &of_joints.column(k));
-        }
+        jacobian.columns_mut(6, self.tree.len()).copy_from(&self.tree.jacobian(&self.links, joint, pose));
         jacobian
     }
 
     /// Centre of mass, and its Jacobian, 3 × (6 + n).
     pub(super) fn com(&self) -> (Vec3<f64>, Matrix3xX<f64>) {
-        let com = floating::com_jacobian(&self.tree, &self.frames);
-        let mut jacobian = Matrix3xX::zeros(6 + self.n);
-        jacobian.columns_mut(0, 6).copy_from(&com.base);
-        for k in 0..self.n {
-            jacobian.set_column(6 + k, &com.joints.column(k));
+        let com = self.tree.centre_of_mass(&self.links, true);
+        let mut jacobian = Matrix3xX::zeros(6 + self.tree.len());
+        if com.mass_kg > 0.0 {
+            let arm = com.position - self.links.base.position;
+            for (k, axis) in self.links.base.rotation.column_iter().enumerate() {
+                jacobian.set_column(k, &axis.cross(&arm));
+                jacobian.set_column(3 + k, &axis);
+            }
         }
+        jacobian.columns_mut(6, self.tree.len()).copy_from(&com.joints);
         (com.position, jacobian)
     }
 
     /// Mass matrix of base and joints in the posture, (6 + n) × (6 + n).
-    pub(super) fn mass(&self, q: &[f64]) -> DMatrix<f64> {
-        let q = std::array::from_fn(|k| q.get(k).copied().unwrap_or(0.0));
-        let blocks = floating::mass(&self.tree, &self.frames, &q);
-        DMatrix::from_fn(6 + self.n, 6 + self.n, |row, column| match (row < 6, column < 6) {
-            (true, true) => blocks.base[(row, column)],
-            (true, false) => blocks.coupling[(row, column - 6)],
-            (false, true) => blocks.coupling[(column, row - 6)],
-            (false, false) => blocks.joints[(row - 6, column - 6)],
-        })
+    pub(super) fn mass(&self) -> DMatrix<f64> {
+        let n = self.tree.len();
+        let (mass, screws) = (self.tree.mass_matrix(&self.links), self.links.base_screws());
+        let coupling = screws.tr_mul(&mass.coupling);
+        let mut matrix = DMatrix::zeros(6 + n, 6 + n);
+        matrix.view_mut((0, 0), (6, 6)).copy_from(&(screws.tr_mul(&mass.base) * screws));
+        matrix.view_mut((0, 6), (6, n)).copy_from(&coupling);
+        matrix.view_mut((6, 0), (n, 6)).copy_from(&coupling.transpose());
+        matrix.view_mut((6, 6), (n, n)).copy_from(&mass.joints);
+        matrix
     }
 
-    /// What the velocities and gravity ask of base and joints: the load without acceleration, base first.
-    pub(super) fn bias(&self, posture: &Posture, velocity: &[f64]) -> Vec<f64> {
-        let part = |from: usize| Vec3::new(velocity[from], velocity[from + 1], velocity[from + 2]);
-        let zero = darm_core::se::Twist::zero();
-        let twist = darm_core::se::Twist { angular: part(0), linear: part(3) };
-        let base = floating::BaseMotion { pose: posture.base, twist, twist_rate: zero };
-        let padded =
-            |given: &[f64]| -> [f64; MAX_JOINTS] { std::array::from_fn(|k| given.get(k).copied().unwrap_or(0.0)) };
-        let (q, qd) = (padded(&posture.q), padded(&velocity[6..]));
-        let (load, torque) = floating::inverse_dynamics(&self.tree, &base, [&q, &qd, &[0.0; MAX_JOINTS]], None);
-        let base = load.moment.iter().chain(&load.force).copied().collect::<Vec<_>>();
-        base.into_iter().chain(torque).take(6 + self.n).collect()
+    /// The wrench on the base and the torques of the joints that velocities and gravity take, without accelerations: base
+    /// first.
+    pub(super) fn bias(&self, velocity: &[f64]) -> Vec<f64> {
+        let screws = self.links.base_screws();
+        let (of_base, of_joints) = velocity.split_at(6);
+        let base = Motion { velocity: screws * Vec6::from_column_slice(of_base), acceleration: Vec6::zeros() };
+        let (wrench, torques) = self.tree.inverse_dynamics(&self.links, &base, [of_joints, &[]]);
+        screws.tr_mul(&wrench).iter().copied().chain(torques).collect()
     }
 }
 

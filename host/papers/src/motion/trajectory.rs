@@ -38,8 +38,9 @@ const STEPS: usize = 40;
 const CORRECTIONS: usize = 40;
 /// The height of the centre of mass above a chair is followed to this, m.
 const SEATED_M: f64 = 0.002;
-/// Singular values below this share of the largest constrain nothing more.
-const REDUNDANT: f64 = 1e-8;
+/// Singular values below this share of the largest constrain nothing more; its square is a share of eigenvalues, which
+/// rounding must not reach.
+const REDUNDANT: f64 = 1e-6;
 /// The cost falls by less than this share: done; of a frame alone, which is a start for all together, by less than the second.
 const SETTLED: (f64, f64) = (1e-5, 1e-3);
 

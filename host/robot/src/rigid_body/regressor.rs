@@ -7,11 +7,13 @@
 //! [`darm_core::dynamics::regressor`]; a test compares both.
 
 use darm_core::actuator::JointKind;
-use darm_core::real::{Mat3, Vec3};
-use darm_core::se::{Pose, rotation_exp};
+use darm_core::real::Vec3;
+use darm_core::se::Pose;
 use nalgebra::SMatrix;
 
 use crate::robot::Robot;
+use crate::tree;
+use crate::tree::spatial::{Motion, halves, six};
 
 /// Wrench of a body per inertial parameter, about the origin of the world and in its axes: moment, then force, as
 /// [`Wrench`](darm_core::se::Wrench).
@@ -36,43 +38,31 @@ impl BodyMotion {
         let zero = Vec3::zeros();
         Self { pose: Pose::identity(), omega: zero, alpha: zero, acceleration: -gravity }
     }
+
+    /// The motion of a frame with this pose on a body that moves so.
+    fn at(pose: Pose<f64>, motion: &Motion) -> Self {
+        let ((omega, v), (alpha, a)) = (halves(&motion.velocity), halves(&motion.acceleration));
+        let velocity = v + omega.cross(&pose.position);
+        Self { pose, omega, alpha, acceleration: a + alpha.cross(&pose.position) + omega.cross(&velocity) }
+    }
+
+    /// The motion of its body about the world's origin, in a world whose origin moves with the frame's.
+    fn spatial(&self) -> Motion {
+        let (omega, alpha, position) = (&self.omega, &self.alpha, &self.pose.position);
+        let velocity = -omega.cross(position);
+        Motion {
+            velocity: six(omega, &velocity),
+            acceleration: six(alpha, &(self.acceleration - alpha.cross(position))),
+        }
+    }
 }
 
 /// The motion of each link on a moving base, from positions, rates and accelerations of the joints.
 pub fn link_motions(robot: &Robot, base: &BodyMotion, [q, qd, qdd]: [&[f64]; 3]) -> Vec<BodyMotion> {
-    let mut all: Vec<BodyMotion> = Vec::with_capacity(robot.joints.len());
-    for (k, joint) in robot.joints.iter().enumerate() {
-        let joint = &joint.joint;
-        let parent = joint.parent.and_then(|index| all.get(index)).copied().unwrap_or(*base);
-        let arm = parent.pose.rotation * joint.placement.position;
-        let rotation = parent.pose.rotation * joint.placement.rotation;
-        let axis = rotation * joint.axis.direction;
-        let carried = parent.acceleration + parent.alpha.cross(&arm) + parent.omega.cross(&parent.omega.cross(&arm));
-        let position = parent.pose.position + arm;
-        all.push(match joint.axis.kind {
-            JointKind::Revolute => BodyMotion {
-                pose: Pose { rotation: rotation * rotation_exp(&(joint.axis.direction * q[k])), position },
-                omega: parent.omega + axis * qd[k],
-                alpha: parent.alpha + axis * qdd[k] + parent.omega.cross(&axis) * qd[k],
-                acceleration: carried,
-            },
-            JointKind::Prismatic => {
-                let slide = axis * q[k];
-                let centripetal = parent.alpha.cross(&slide) + parent.omega.cross(&parent.omega.cross(&slide));
-                BodyMotion {
-                    pose: Pose { rotation, position: position + slide },
-                    omega: parent.omega,
-                    alpha: parent.alpha,
-                    acceleration: carried + centripetal + parent.omega.cross(&axis) * (2.0 * qd[k]) + axis * qdd[k],
-                }
-            }
-        });
-    }
-    all
-}
-
-fn cross_matrix(w: &Vec3<f64>) -> Mat3<f64> {
-    Mat3::new(0.0, -w.z, w.y, w.z, 0.0, -w.x, -w.y, w.x, 0.0)
+    let joints = || robot.joints.iter().map(|joint| &joint.joint);
+    let poses = tree::place(joints(), &base.pose, q);
+    let motions = tree::motions(joints(), &poses, &base.spatial(), [qd, qdd]);
+    poses.into_iter().zip(&motions).map(|(pose, motion)| BodyMotion::at(pose, motion)).collect()
 }
 
 /// L(w) with L(w)·(xx, xy, yy, xz, yz, zz) = I·w.
@@ -89,15 +79,15 @@ pub fn wrench_regressor(link: &BodyMotion) -> WrenchRegressor {
     let rotation = &link.pose.rotation;
     let in_link = |v: &Vec3<f64>| rotation.tr_mul(v);
     let (w, alpha, a) = (in_link(&link.omega), in_link(&link.alpha), in_link(&link.acceleration));
-    let spin = cross_matrix(&w);
+    let spin = w.cross_matrix();
     let mut force = SMatrix::<f64, 3, 10>::zeros();
     force.set_column(0, &a);
-    force.fixed_view_mut::<3, 3>(0, 1).copy_from(&(cross_matrix(&alpha) + spin * spin));
+    force.fixed_view_mut::<3, 3>(0, 1).copy_from(&(alpha.cross_matrix() + spin * spin));
     let mut moment = SMatrix::<f64, 3, 10>::zeros();
-    moment.fixed_view_mut::<3, 3>(0, 1).copy_from(&-cross_matrix(&a));
+    moment.fixed_view_mut::<3, 3>(0, 1).copy_from(&-a.cross_matrix());
     moment.fixed_view_mut::<3, 6>(0, 4).copy_from(&(inertia_product(&alpha) + spin * inertia_product(&w)));
     let force = rotation * force;
-    let moment = rotation * moment + cross_matrix(&link.pose.position) * force;
+    let moment = rotation * moment + link.pose.position.cross_matrix() * force;
     let mut wrench = WrenchRegressor::zeros();
     wrench.fixed_view_mut::<3, 10>(0, 0).copy_from(&moment);
     wrench.fixed_view_mut::<3, 10>(3, 0).copy_from(&force);
@@ -110,7 +100,7 @@ pub fn joint_regressor(robot: &Robot, joint: usize, at: &BodyMotion, wrench: &Wr
     let axis = at.pose.rotation * robot.joints[joint].joint.axis.direction;
     let (moment, force) = (wrench.fixed_view::<3, 10>(0, 0), wrench.fixed_view::<3, 10>(3, 0));
     let row = match robot.joints[joint].joint.axis.kind {
-        JointKind::Revolute => axis.transpose() * (moment - cross_matrix(&at.pose.position) * force),
+        JointKind::Revolute => axis.transpose() * (moment - at.pose.position.cross_matrix() * force),
         JointKind::Prismatic => axis.transpose() * force,
     };
     std::array::from_fn(|k| row[k])

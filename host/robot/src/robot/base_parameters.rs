@@ -9,14 +9,16 @@
 
 use std::fmt;
 
-use darm_core::dynamics::floating::{self, BaseMotion};
-use darm_core::real::Vec3;
+use darm_core::dynamics::floating::BaseMotion;
+use darm_core::real::{Vec3, Vec6};
 use darm_core::se::{Pose, Twist};
-use darm_core::tree::{Body, Tree, TreeError};
+use darm_core::tree::{Body, TreeError};
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt as _, SeedableRng as _};
 
-use super::{MAX_JOINTS, Robot};
+use super::Robot;
+use crate::tree::spatial::{Motion, SpatialInertia};
+use crate::tree::{LinkTree, Links};
 
 /// The ten parameters of a body, in the order of [`Tree::parameters`]: mass, first moments, moments of inertia about the
 /// origin of its frame.
@@ -62,7 +64,7 @@ impl Robot {
     /// The base parameters, found over random states of the seed within the limits; of a floating base, the load on it
     /// is measured too and its own parameters count.
     pub fn base_parameters(&self, seed: u64) -> Result<BaseParameters, TreeError> {
-        let tree = self.tree::<MAX_JOINTS>()?;
+        let tree = self.link_tree()?;
         let bodies =
             (if self.floating { Some(None) } else { None }).into_iter().chain((0..self.joints.len()).map(Some));
         let parameters: Vec<Inertial> = bodies
@@ -73,49 +75,84 @@ impl Robot {
     }
 
     /// One column for each parameter: the torques that it alone causes, one random state under the other.
-    fn columns(&self, tree: &Tree<f64, MAX_JOINTS>, parameters: &[Inertial], seed: u64) -> DMatrix<f64> {
-        let rows = self.joints.len() + if self.floating { 6 } else { 0 };
+    fn columns(&self, tree: &LinkTree, parameters: &[Inertial], seed: u64) -> DMatrix<f64> {
+        let on_base = if self.floating { 6 } else { 0 };
+        let rows = self.joints.len() + on_base;
         let states = (STATES_PER_PARAMETER * parameters.len()).div_ceil(rows.max(1));
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-        let states: Vec<_> = (0..states).map(|_| self.random_state(&mut random)).collect();
-        let mut bare = *tree;
-        bare.base = Body::none();
-        (0..MAX_JOINTS).for_each(|link| bare.set_parameters(link, &[0.0; 10]));
-        let mut columns = DMatrix::zeros(rows * states.len(), parameters.len());
-        for (parameter, mut column) in parameters.iter().zip(columns.column_iter_mut()) {
-            let mut alone = bare;
-            let ten = std::array::from_fn(|number| if number == parameter.number { 1.0 } else { 0.0 });
-            match parameter.joint {
-                Some(joint) => alone.set_parameters(joint, &ten),
-                None => alone.base = Body::from_parameters(&ten),
-            }
-            for (state, (base, [q, qd, qdd])) in states.iter().enumerate() {
-                let (load, torque) = floating::inverse_dynamics(&alone, base, [q, qd, qdd], None);
-                let on_base = load.moment.iter().chain(load.force.iter()).take(if self.floating { 6 } else { 0 });
-                let measured = on_base.chain(&torque).take(rows);
-                column.rows_mut(state * rows, rows).iter_mut().zip(measured).for_each(|(to, from)| *to = *from);
+        let mut columns = DMatrix::zeros(rows * states, parameters.len());
+        for state in 0..states {
+            let posture = Posture::new(tree, &self.random_state(&mut random));
+            for (parameter, mut column) in parameters.iter().zip(columns.column_iter_mut()) {
+                let mut part = column.rows_mut(state * rows, rows);
+                let wrench = posture.unit_wrench(parameter);
+                if self.floating {
+                    part.rows_mut(0, 6).copy_from(&posture.links.base_screws().tr_mul(&wrench));
+                }
+                for joint in tree.path(parameter.joint) {
+                    part[on_base + joint] = posture.screws[joint].dot(&wrench);
+                }
             }
         }
         columns
     }
 
-    fn random_state(&self, random: &mut impl rand::Rng) -> (BaseMotion<f64>, [[f64; MAX_JOINTS]; 3]) {
+    fn random_state(&self, random: &mut impl rand::Rng) -> RandomState {
         let mut any = |low: f64, high: f64| random.random_range(low..=high);
-        let mut state = [[0.0; MAX_JOINTS]; 3];
-        for (index, joint) in self.joints.iter().enumerate() {
+        let mut joints: [Vec<f64>; 3] = Default::default();
+        for joint in &self.joints {
             let [low, high] = joint.limits.unwrap_or([-std::f64::consts::PI, std::f64::consts::PI]);
-            for (numbers, value) in state.iter_mut().zip([any(low, high), any(-2.0, 2.0), any(-5.0, 5.0)]) {
-                numbers[index] = value;
+            for (numbers, value) in joints.iter_mut().zip([any(low, high), any(-2.0, 2.0), any(-5.0, 5.0)]) {
+                numbers.push(value);
             }
         }
-        let mut base = BaseMotion { pose: Pose::identity(), twist: Twist::zero(), twist_rate: Twist::zero() };
+        let rest = Twist::zero();
+        let mut base = BaseMotion { pose: Pose::identity(), twist: rest, twist_rate: rest };
         if self.floating {
             let mut three = |size: f64| Vec3::new(any(-size, size), any(-size, size), any(-size, size));
             base.pose = Pose::new(&three(2.0), Vec3::zeros());
             base.twist = Twist { angular: three(2.0), linear: three(1.0) };
             base.twist_rate = Twist { angular: three(5.0), linear: three(5.0) };
         }
-        (base, state)
+        RandomState { base, joints }
+    }
+}
+
+/// A random state of a robot: its base, and positions, velocities and accelerations of its joints.
+struct RandomState {
+    base: BaseMotion<f64>,
+    joints: [Vec<f64>; 3],
+}
+
+/// A tree in one state of motion.
+struct Posture {
+    links: Links,
+    screws: Vec<Vec6<f64>>,
+    /// Motion of the base and of the links, with free fall.
+    base: Motion,
+    motions: Vec<Motion>,
+}
+
+impl Posture {
+    fn new(tree: &LinkTree, state: &RandomState) -> Self {
+        let [q, qd, qdd] = &state.joints;
+        let links = tree.place(&state.base.pose, q);
+        let screws = links.base_screws();
+        let base = Motion {
+            velocity: screws * state.base.twist.to_vector(),
+            acceleration: screws * state.base.twist_rate.to_vector() + Motion::at_rest(&tree.gravity).acceleration,
+        };
+        Self { screws: tree.screws(&links), motions: tree.motions(&links, &base, qd, qdd), links, base }
+    }
+
+    /// The wrench that a body takes of which this parameter alone is 1.
+    fn unit_wrench(&self, parameter: &Inertial) -> Vec6<f64> {
+        let unit = std::array::from_fn(|number| if number == parameter.number { 1.0 } else { 0.0 });
+        let (pose, motion) = match parameter.joint {
+            Some(joint) => (&self.links.poses[joint], &self.motions[joint]),
+            None => (&self.links.base, &self.base),
+        };
+        SpatialInertia::new(&Body::from_parameters(&unit), pose).wrench(motion)
     }
 }
 

@@ -43,8 +43,47 @@ pub struct Inverse {
     pub history: Vec<Residual>,
 }
 
+/// The joints between the base and a frame as a robot of their own.
+struct Serial {
+    robot: Robot,
+    tool: RobotFrame,
+    /// The number of each of its joints in the robot that it was taken from.
+    path: Vec<usize>,
+}
+
+impl Serial {
+    /// The joints that move `frame`, where the robot has more joints than a [`Tree`](darm_core::tree::Tree) may have.
+    fn of_large(robot: &Robot, frame: &RobotFrame) -> Option<Self> {
+        if robot.joints.len() <= MAX_JOINTS {
+            return None;
+        }
+        let path = robot.path(frame);
+        let mut joints: Vec<_> = path.iter().map(|&joint| robot.joints[joint].clone()).collect();
+        joints.iter_mut().enumerate().for_each(|(k, joint)| joint.joint.parent = k.checked_sub(1));
+        let tool = RobotFrame { joint: joints.len().checked_sub(1), ..frame.clone() };
+        let robot = Robot { joints, frames: vec![tool.clone()], ..robot.clone() };
+        Some(Self { robot, tool, path })
+    }
+
+    fn start(&self, q: &[f64]) -> Vec<f64> {
+        self.path.iter().map(|&joint| q.get(joint).copied().unwrap_or(0.0)).collect()
+    }
+
+    /// Positions of all joints of the robot: those that do not move the frame stay as they were.
+    fn expand(&self, of: &Robot, q: &[f64], found: &[f64]) -> Vec<f64> {
+        let mut all: Vec<f64> = (0..of.joints.len()).map(|joint| q.get(joint).copied().unwrap_or(0.0)).collect();
+        self.path.iter().zip(found).for_each(|(&joint, position)| all[joint] = *position);
+        all
+    }
+}
+
 impl Robot {
     /// Joint positions that bring `frame` to `target` in the base, from the start `q` (rad or m): see [`ik::solve`].
+    ///
+    /// # Errors
+    ///
+    /// More than [`MAX_JOINTS`] joints between the base and the frame; of a robot with more joints than that, those that
+    /// do not move the frame stay at `q`.
     pub fn inverse(
         &self,
         method: Method,
@@ -53,7 +92,13 @@ impl Robot {
         q: &[f64],
         options: &Options<f64>,
     ) -> Result<Inverse, TreeError> {
-        in_its_size!(self.inverse_of(method, frame, target, q, options))
+        let Some(serial) = Serial::of_large(self, frame) else {
+            return in_its_size!(self.inverse_of(method, frame, target, q, options));
+        };
+        let mut found =
+            serial.robot.inverse_of::<MAX_JOINTS>(method, &serial.tool, target, &serial.start(q), options)?;
+        found.q = serial.expand(self, q, &found.q);
+        Ok(found)
     }
 
     /// `runs` runs of a method with the seeds from `settings.seed` on, each from a start of its own: see
@@ -67,7 +112,13 @@ impl Robot {
         settings: &Settings,
         runs: usize,
     ) -> Result<Trials, TreeError> {
-        in_its_size!(self.trials_of(method, frame, target, (options, settings, runs)))
+        let Some(serial) = Serial::of_large(self, frame) else {
+            return in_its_size!(self.trials_of(method, frame, target, (options, settings, runs)));
+        };
+        let of_run = (options, settings, runs);
+        let mut found = serial.robot.trials_of::<MAX_JOINTS>(method, &serial.tool, target, of_run)?;
+        found.runs.iter_mut().for_each(|run| run.x = serial.expand(self, &[], &run.x));
+        Ok(found)
     }
 
     /// All postures that bring `frame` to `target`, those nearest to `q` first: see [`configurations`]. Joints that
@@ -80,7 +131,13 @@ impl Robot {
         options: &Options<f64>,
         most: usize,
     ) -> Result<Configurations, TreeError> {
-        in_its_size!(self.configurations_of(frame, target, q, (options, most)))
+        let Some(serial) = Serial::of_large(self, frame) else {
+            return in_its_size!(self.configurations_of(frame, target, q, (options, most)));
+        };
+        let start = serial.start(q);
+        let mut found = serial.robot.configurations_of::<MAX_JOINTS>(&serial.tool, target, &start, (options, most))?;
+        found.postures.iter_mut().for_each(|posture| posture.q = serial.expand(self, q, &posture.q));
+        Ok(found)
     }
 
     fn inverse_of<const N: usize>(

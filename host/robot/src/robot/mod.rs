@@ -1,7 +1,7 @@
 //! A robot of joints and links with the names, limits and frames that its file gives them: a [`Tree`] for people.
 //!
 //! It is read from a URDF ([`urdf`](crate::urdf)) or a table of Denavit and Hartenberg ([`dh`](crate::dh)). [`Robot::tree`]
-//! makes the [`Tree`] that computes; [`Robot::kinematics`], [`Robot::dynamics`], [`Robot::com`] and [`Robot::inverse`] do it.
+//! makes a [`Tree`] of the core and [`Robot::link_tree`] one of any size; [`Robot::kinematics`], [`Robot::dynamics`], [`Robot::com`] and [`Robot::inverse`] do it.
 //! [`Robot::constant`] writes it for firmware.
 
 pub mod base_parameters;
@@ -14,10 +14,12 @@ use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_core::tree::{Body, Inertia, Joint, LinkFrame, Tree, TreeError};
 
+use crate::tree::LinkTree;
+
 pub use inverse::Inverse;
 pub use state::{Accelerations, Com, Dynamics, FloatingBase, Jacobian, Kinematics, Motion};
 
-/// Joints that one robot can have.
+/// Joints that a [`Tree`] of the core has at most: those that inverse kinematics moves, or that a constant holds.
 pub const MAX_JOINTS: usize = 64;
 
 /// A robot on a fixed or floating base.
@@ -25,7 +27,7 @@ pub const MAX_JOINTS: usize = 64;
 pub struct Robot {
     /// Its name.
     pub name: String,
-    /// Its joints and the links that they move, parents before children; at most [`MAX_JOINTS`].
+    /// Its joints and the links that they move, parents before children.
     pub joints: Vec<RobotJoint>,
     /// Mass distribution of the base with all that is fixed to it, told in its frame; it counts when the base floats.
     pub base: Inertia<f64>,
@@ -84,6 +86,18 @@ impl Robot {
         let idle = Joint::revolute(None, Vec3::z(), Pose::identity(), Inertia::none());
         let joints = std::array::from_fn(|index| self.joints.get(index).map_or(idle, |joint| joint.joint));
         let mut tree = Tree::new(&joints, self.gravity)?;
+        tree.base = Body::from(&self.base);
+        Ok(tree)
+    }
+
+    /// The tree of all joints.
+    ///
+    /// # Errors
+    ///
+    /// As [`LinkTree::new`].
+    pub fn link_tree(&self) -> Result<LinkTree, TreeError> {
+        let joints = self.joints.iter().map(|joint| joint.joint).collect();
+        let mut tree = LinkTree::new(joints, self.gravity)?;
         tree.base = Body::from(&self.base);
         Ok(tree)
     }

@@ -1,17 +1,16 @@
 //! What a robot does in one posture, or at one state of motion, in tables of as many rows as it has joints.
 
-use darm_core::dynamics::{self, floating};
 use darm_core::real::{Mat6, Vec3};
 use darm_core::se::{Pose, Twist, Wrench};
-use darm_core::tree::{Frames, Tree, TreeError};
-use nalgebra::{DMatrix, DVector, SMatrix};
+use darm_core::tree::TreeError;
+use nalgebra::{DMatrix, DVector, Matrix6xX, SMatrix};
 
-use super::{MAX_JOINTS, Robot, RobotFrame};
+use super::{Robot, RobotFrame};
+use crate::tree::spatial::{Motion as LinkMotion, halves, six};
+use crate::tree::{LinkTree, Links};
 
-/// A 6 × [`MAX_JOINTS`] Jacobian, angular rows first; columns past the last joint are zero.
-pub type Jacobian = SMatrix<f64, 6, MAX_JOINTS>;
-
-type Joints = [f64; MAX_JOINTS];
+/// A 6 × n Jacobian, angular rows first.
+pub type Jacobian = Matrix6xX<f64>;
 
 /// Where a frame stands, and how it moves.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,61 +88,78 @@ pub struct Com {
     pub base: Option<SMatrix<f64, 3, 6>>,
 }
 
+impl Kinematics {
+    /// τ = Jᵀ F: the torques (N·m) and forces (N) of the joints that hold a frame which exerts `wrench` on its
+    /// environment, along the axes of the base.
+    pub fn statics(&self, wrench: &Wrench<f64>) -> Vec<f64> {
+        self.jacobian_base.tr_mul(&six(&wrench.moment, &wrench.force)).iter().copied().collect()
+    }
+
+    /// A matrix of six columns with the same left singular vectors and singular values as the Jacobian in the base, for
+    /// [`singular`](darm_core::tree::singular): the L of J = L Q.
+    pub fn compact_jacobian(&self) -> Mat6<f64> {
+        if self.jacobian_base.is_empty() {
+            return Mat6::zeros();
+        }
+        let upper = self.jacobian_base.transpose().qr().r();
+        Mat6::from_fn(|row, column| if column < upper.nrows() { upper[(column, row)] } else { 0.0 })
+    }
+}
+
 impl Robot {
     /// Pose and Jacobians of a frame at the positions `q` (rad or m).
     pub fn kinematics(&self, frame: &RobotFrame, q: &[f64]) -> Result<Kinematics, TreeError> {
-        let (tree, frames) = self.placed(q)?;
-        let tool = frame.in_tree(&tree);
-        Ok(Kinematics {
-            pose_base_frame: frames.pose(&tool),
-            jacobian_base: tree.jacobian_base(&tool, &frames),
-            jacobian_tool: tree.jacobian_tool(&tool, &frames),
-        })
+        let (tree, links) = self.placed(q)?;
+        let pose_base_frame = links.pose(frame.joint, &frame.pose);
+        let jacobian_base = tree.jacobian(&links, frame.joint, &frame.pose);
+        let mut jacobian_tool = jacobian_base.clone();
+        for mut column in jacobian_tool.column_iter_mut() {
+            let (angular, linear) = halves(&column.clone_owned());
+            let turned = |v: &Vec3<f64>| pose_base_frame.rotation.tr_mul(v);
+            column.copy_from(&six(&turned(&angular), &turned(&linear)));
+        }
+        Ok(Kinematics { pose_base_frame, jacobian_base, jacobian_tool })
     }
 
     /// Pose of every frame in the base at the positions `q` (rad or m), in the order of [`Robot::frames`].
     pub fn poses(&self, q: &[f64]) -> Result<Vec<Pose<f64>>, TreeError> {
-        let (tree, frames) = self.placed(q)?;
-        Ok(self.frames.iter().map(|frame| frames.pose(&frame.in_tree(&tree))).collect())
+        let (_, links) = self.placed(q)?;
+        Ok(self.frames.iter().map(|frame| links.pose(frame.joint, &frame.pose)).collect())
     }
 
     /// The equation of motion at a state. A floating base is at rest, its axes along those of the world.
     pub fn dynamics(&self, motion: &Motion<'_>) -> Result<Dynamics, TreeError> {
-        let n = self.joints.len();
-        let [q, qd, qdd] = motion.state.map(padded);
-        let (tree, frames) = self.placed(&q)?;
-        let mut torque = dynamics::inverse_dynamics(&tree, &q, &qd, &qdd, None);
-        let mut base = None;
-        if self.floating {
-            let (load, mass) = (self.base_load(&tree, [&q, &qd, &qdd]), floating::mass(&tree, &frames, &q));
-            let coupling = DMatrix::from_fn(6, n, |row, column| mass.coupling[(row, column)]);
-            base = Some(FloatingBase { load, mass: mass.base, coupling });
-        }
+        let [q, qd, qdd] = motion.state;
+        let (tree, links) = self.placed(q)?;
+        let rest = LinkMotion::at_rest(&Vec3::zeros());
+        let (on_base, mut torque) = tree.inverse_dynamics(&links, &rest, [qd, qdd]);
+        let mass = tree.mass_matrix(&links);
+        let gravity = tree.gravity_torque(&links);
+        let (_, biased) = tree.inverse_dynamics(&links, &rest, [qd, &[]]);
+        let (moment, force) = halves(&on_base);
+        let mut base = self.floating.then(|| FloatingBase {
+            load: Wrench { moment, force },
+            mass: mass.base,
+            coupling: DMatrix::from_iterator(6, tree.len(), mass.coupling.iter().copied()),
+        });
         if let Some((frame, load)) = &motion.load {
-            let by_load = darm_core::tree::jacobian::statics(&tree.jacobian_base(&frame.in_tree(&tree), &frames), load);
-            torque.iter_mut().zip(&by_load).for_each(|(torque, held)| *torque -= held);
+            let by_load = tree.jacobian(&links, frame.joint, &frame.pose).tr_mul(&six(&load.moment, &load.force));
+            torque.iter_mut().zip(&by_load).for_each(|(torque, by_load)| *torque -= by_load);
             if let Some(base) = &mut base {
-                let arm = frames.pose(&frame.in_tree(&tree)).position;
+                let arm = links.pose(frame.joint, &frame.pose).position;
                 base.load = base.load - Wrench { moment: load.moment + arm.cross(&load.force), force: load.force };
             }
         }
-        let first = |all: &Joints| all[..n].to_vec();
         Ok(Dynamics {
-            torque: first(&torque),
-            mass: square(n, &dynamics::mass_matrix(&tree, &q)),
-            coriolis: square(n, &dynamics::coriolis_matrix(&tree, &frames, &qd)),
-            velocity_torque: first(&dynamics::velocity_torque(&tree, &q, &qd)),
-            gravity: first(&dynamics::gravity(&tree, &frames)),
-            kinetic_j: dynamics::kinetic_energy(&tree, &frames, &qd),
-            potential_j: dynamics::potential_energy(&tree, &frames),
+            torque,
+            mass: mass.joints,
+            coriolis: tree.coriolis_matrix(&links, qd),
+            velocity_torque: biased.iter().zip(&gravity).map(|(biased, gravity)| biased - gravity).collect(),
+            gravity,
+            kinetic_j: tree.kinetic_energy(&links, qd),
+            potential_j: tree.potential_energy(&links),
             base,
         })
-    }
-
-    fn base_load(&self, tree: &Tree<f64, MAX_JOINTS>, state: [&Joints; 3]) -> Wrench<f64> {
-        let (pose, rest) = (Pose::identity(), Twist::zero());
-        let still = floating::BaseMotion { pose, twist: rest, twist_rate: rest };
-        floating::inverse_dynamics(tree, &still, state, None).0
     }
 
     /// What `torque` (N·m or N) does at the positions and velocities of a state, whose accelerations do not count.
@@ -175,32 +191,24 @@ impl Robot {
 
     /// Centre of mass and its Jacobian at the positions `q` (rad or m).
     pub fn com(&self, q: &[f64]) -> Result<Com, TreeError> {
-        let (tree, frames) = self.placed(q)?;
-        let n = self.joints.len();
-        let of_joints = |jacobian: &SMatrix<f64, 3, MAX_JOINTS>| DMatrix::from_fn(3, n, |r, c| jacobian[(r, c)]);
-        if self.floating {
-            let com = floating::com_jacobian(&tree, &frames);
-            let jacobian = of_joints(&com.joints);
-            return Ok(Com { mass_kg: self.mass(), position: com.position, jacobian, base: Some(com.base) });
+        let (tree, links) = self.placed(q)?;
+        let com = tree.centre_of_mass(&links, self.floating);
+        let mut of_base = SMatrix::<f64, 3, 6>::zeros();
+        if com.mass_kg > 0.0 {
+            of_base.fixed_view_mut::<3, 3>(0, 0).copy_from(&-com.position.cross_matrix());
+            of_base.fixed_view_mut::<3, 3>(0, 3).fill_with_identity();
         }
-        let (position, jacobian) = dynamics::com_jacobian(&tree, &frames);
-        Ok(Com { mass_kg: self.mass(), position, jacobian: of_joints(&jacobian), base: None })
+        Ok(Com {
+            mass_kg: self.mass(),
+            position: com.position,
+            jacobian: DMatrix::from_iterator(3, tree.len(), com.joints.iter().copied()),
+            base: self.floating.then_some(of_base),
+        })
     }
 
-    fn placed(&self, q: &[f64]) -> Result<(Tree<f64, MAX_JOINTS>, Frames<f64, MAX_JOINTS>), TreeError> {
-        let (tree, mut frames) = (self.tree()?, Frames::default());
-        tree.place(&padded(q), &mut frames);
-        Ok((tree, frames))
+    fn placed(&self, q: &[f64]) -> Result<(LinkTree, Links), TreeError> {
+        let tree = self.link_tree()?;
+        let links = tree.place(&Pose::identity(), q);
+        Ok((tree, links))
     }
-}
-
-/// The numbers of the joints that there are, and zeros.
-fn padded(given: &[f64]) -> Joints {
-    let mut padded = [0.0; MAX_JOINTS];
-    padded.iter_mut().zip(given).for_each(|(to, from)| *to = *from);
-    padded
-}
-
-fn square(n: usize, matrix: &SMatrix<f64, MAX_JOINTS, MAX_JOINTS>) -> DMatrix<f64> {
-    DMatrix::from_fn(n, n, |row, column| matrix[(row, column)])
 }

@@ -10,7 +10,7 @@ use darm_core::tree::{Inertia, Joint};
 use urdf_rs::JointType;
 
 use super::{Locks, UrdfFault};
-use crate::robot::{MAX_JOINTS, Robot, RobotFrame, RobotJoint};
+use crate::robot::{Robot, RobotFrame, RobotJoint};
 
 const GRAVITY_M_S2: f64 = 9.81;
 
@@ -239,10 +239,6 @@ impl<'a> Walk<'a> {
         if let Some(joint) = self.locks.keys().find(|name| !is_moving(name)) {
             let known = self.robot.joints.iter().map(|joint| joint.name.clone()).collect();
             return Err((None, UrdfFault::UnknownLock { joint: joint.clone(), known }));
-        }
-        let joints = self.robot.joints.len();
-        if joints > MAX_JOINTS {
-            return Err((None, UrdfFault::TooMany { joints, most: MAX_JOINTS }));
         }
         let moves_nothing = |joint: &&RobotJoint| joint.joint.inertia.mass == 0.0;
         let massless = self.robot.joints.iter().filter(moves_nothing).map(|joint| joint.link.clone()).collect();

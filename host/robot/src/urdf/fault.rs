@@ -86,14 +86,6 @@ pub enum UrdfFault {
         /// The upper limit.
         upper: f64,
     },
-    /// More joints than fit.
-    #[error("the robot has {joints} moving joints, of which there can be {most}; lock some")]
-    TooMany {
-        /// How many there are.
-        joints: usize,
-        /// How many there can be.
-        most: usize,
-    },
     /// A joint is to be locked that there is not.
     #[error("there is no moving joint `{joint}` to lock; there are {}", known.join(", "))]
     UnknownLock {

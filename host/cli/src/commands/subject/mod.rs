@@ -246,14 +246,11 @@ fn arm_kinematics(arm: &Arm, posture: &Posture) -> anyhow::Result<Kinematics> {
     let stops = (0..arm.n_actuators())
         .map(|actuator| Parameter::Stop { actuator: actuator as u8, state: posture.word.digit(actuator) });
     let discrete: Vec<_> = stops.map(|stop| chain.derivative(stop, &scratch)).collect();
-    let (mut jacobian_base, mut jacobian_tool) = (Jacobian::zeros(), Jacobian::zeros());
-    for (index, twist) in chain.servo_jacobian(&scratch).chain(discrete).enumerate() {
-        let turned = Twist { angular: pose.rotation * twist.angular, linear: pose.rotation * twist.linear };
-        if index < jacobian_base.ncols() {
-            jacobian_tool.set_column(index, &twist.to_vector());
-            jacobian_base.set_column(index, &turned.to_vector());
-        }
-    }
+    let turned =
+        |twist: &Twist<f64>| Twist { angular: pose.rotation * twist.angular, linear: pose.rotation * twist.linear };
+    let twists: Vec<_> = chain.servo_jacobian(&scratch).chain(discrete).collect();
+    let jacobian_tool = Jacobian::from_fn(twists.len(), |row, column| twists[column].to_vector()[row]);
+    let jacobian_base = Jacobian::from_fn(twists.len(), |row, column| turned(&twists[column]).to_vector()[row]);
     Ok(Kinematics { pose_base_frame: pose, jacobian_base, jacobian_tool })
 }
 
