@@ -118,7 +118,7 @@ fn prepare_poses(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Option
         return Err(DiagnoseError::TooFewWords { words: training.n_groups });
     }
     if folds.iter().all(|fold| *fold == folds[0]) {
-        return Err(DiagnoseError::OneGroup { selection: run.choice.told.clone() });
+        return Err(DiagnoseError::OneGroup { selection: run.choice.description.clone() });
     }
     let problem = ToolPoses::new(training, heldout, folds);
     if repeats.is_some() {

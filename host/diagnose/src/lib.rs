@@ -1,4 +1,4 @@
-//! Diagnosis: which physical effect a model lacks, traced from predicted minus measured, and how sure that is.
+//! Diagnosis: which physical effect is missing in a model, traced from predicted minus measured, and how certain that is.
 //!
 //! ```text
 //! measurement ─► prepare ─► linearise ─► select ─► project ─► judge ─► report

@@ -1,4 +1,4 @@
-//! The measurement plan: which words an arm visits, in which order, so that whatever its model lacks can be found.
+//! The measurement plan: which words an arm visits, in which order, so that any effect missing in its model can be found.
 //!
 //! - The words are chosen for information about the values of every candidate effect at once (D-optimality over random
 //!   words, see [`design`](crate::measurement_plan::optimal_design)); on a small arm all words are taken.

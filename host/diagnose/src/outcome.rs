@@ -220,7 +220,7 @@ pub struct NextMeasurement {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub rows: Vec<NextRow>,
     /// What it distinguishes.
-    pub tells: String,
+    pub distinguishes: String,
 }
 
 /// One row to repeat.

@@ -1,7 +1,7 @@
 //! Each law of a force and of a held position has a case that it alone explains, and stays out of those of all others.
 //!
 //! The cases are made by equations of their own, not by the laws': friction turns round as v/√(v² + c²), bristles stick and
-//! slip, a delayed channel is delayed. What is told is what the law of the case's name says, and nothing else.
+//! slip, a delayed channel is delayed. Each diagnosis names the law of the case, and nothing else.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -135,8 +135,8 @@ fn rows(case: &Case, position: fn(f64) -> f64, row: impl Fn(&Now, f64) -> String
     text
 }
 
-/// The laws that are told of a table.
-fn told(model: &Model, text: &str) -> String {
+/// The laws that a diagnosis of a table names.
+fn named(model: &Model, text: &str) -> String {
     let table = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0;
     let options = SignalOptions { preparation: Preparation::default(), always: Vec::new(), seed: 1 };
     let found = diagnose_table(model, &table, &options).unwrap().diagnosis;
@@ -148,8 +148,8 @@ fn told(model: &Model, text: &str) -> String {
     }
 }
 
-fn all_alone(cases: &[Case], told: impl Fn(&Case) -> String + Sync) {
-    let wrong = cases.par_iter().map(|case| (case.0, told(case))).filter(|(law, told)| law != told);
+fn all_alone(cases: &[Case], named: impl Fn(&Case) -> String + Sync) {
+    let wrong = cases.par_iter().map(|case| (case.0, named(case))).filter(|(law, named)| law != named);
     assert_eq!(wrong.collect::<Vec<_>>(), []);
 }
 
@@ -161,7 +161,7 @@ fn each_law_of_a_force_alone_explains_its_case() {
             let force = area_n_per_bar() * now.p + added;
             format!("{:.3},{:.5},{:.6},{:.4},{force:.5}\n", now.t, now.x, now.p, 20.0 + now.warm)
         };
-        told(&model, &("t_s,x_mm,p_bar,temp_c,F_N\n".to_string() + &rows(case, position, row)))
+        named(&model, &("t_s,x_mm,p_bar,temp_c,F_N\n".to_string() + &rows(case, position, row)))
     });
 }
 
@@ -172,6 +172,6 @@ fn each_law_of_a_held_position_alone_explains_its_case() {
         let row = |now: &Now, added: f64| {
             format!("{:.3},{},{:.5},{:.6},{:.4}\n", now.t, now.x, now.x + added, now.p - 3.0, 20.0 + now.warm)
         };
-        told(&model, &("t_s,target_count,position_count,load,temp_c\n".to_string() + &rows(case, target, row)))
+        named(&model, &("t_s,target_count,position_count,load,temp_c\n".to_string() + &rows(case, target, row)))
     });
 }

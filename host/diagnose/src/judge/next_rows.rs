@@ -12,7 +12,7 @@ use crate::select::signals::Signals;
 const ROWS: usize = 12;
 /// Rows that are looked at, at most.
 const LOOKED_AT: usize = 3000;
-/// What the rows told so far counts by so little, so that new rows are chosen for what these did not tell.
+/// Weight of the information of the rows so far: small, so that new rows are chosen for what these do not determine.
 const FLOOR: f64 = 1e-6;
 
 /// The conditions under which one more row is most informative about all values of these candidates together, under the
@@ -41,6 +41,6 @@ pub(crate) fn proposal(problem: &Signals, best: &Trial<Signals>, candidates: &[u
         words: Vec::new(),
         conditions: None,
         rows: chosen.iter().map(row).collect(),
-        tells: named.collect::<Vec<_>>().join(" from "),
+        distinguishes: named.collect::<Vec<_>>().join(" from "),
     }
 }

@@ -17,10 +17,10 @@ use crate::select::robust_fit::{condition_of, fit, normal, pseudo_inverse, weigh
 use crate::select::tool_pose::{ToolPoses, values};
 use darm_arm::arm::{Arm, ArmModel, ArmScratch, ZERO_CELSIUS};
 
-/// Explanations can be told apart when the information about all their values together, each scaled to its own, has no
+/// Explanations can be distinguished when the information about all their values together, each scaled to its own, has no
 /// larger condition number than this.
 const LARGEST_CONDITION: f64 = 1e4;
-/// A direction that is not told at all counts as known to this share: finite, but least of all.
+/// A direction without any information counts as known to this share: finite, but least of all.
 const FLOOR: f64 = 1e-8;
 
 /// How a measurement is proposed.
@@ -81,7 +81,7 @@ pub(crate) fn proposal(
 /// No words, for these alternatives.
 fn nothing(alternatives: &[Alternative]) -> NextMeasurement {
     let names: Vec<String> = alternatives.iter().map(|a| format!("{} at {}", a.law, a.site.name)).collect();
-    NextMeasurement { words: Vec::new(), conditions: None, rows: Vec::new(), tells: names.join(" from ") }
+    NextMeasurement { words: Vec::new(), conditions: None, rows: Vec::new(), distinguishes: names.join(" from ") }
 }
 
 /// The best model with all alternatives in it, as many as it holds.

@@ -80,7 +80,7 @@ impl<'a> Design<'a> {
 }
 
 impl Taken {
-    /// Chance of such a fall where there is none, if so many of the rows repeat each other.
+    /// Chance of such a reduction where there is none, with this autocorrelation time of the rows.
     pub fn p(&self, repeats: f64) -> f64 {
         let [columns, rows, axes] = self.size;
         let n = (rows as f64 / repeats) as usize;

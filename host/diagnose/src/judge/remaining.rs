@@ -31,7 +31,7 @@ const PIECES: usize = 128;
 /// Correlation of neighbouring rows from which on a residual is no noise, and how many pairs tell it at least.
 const GOES_ON: f64 = 0.5;
 const LEAST_PAIRS: f64 = 100.0;
-/// A residual counts as so many times the noise at most.
+/// A residual counts as this multiple of the noise at most.
 const FAR: f64 = 4.0;
 /// Rows to either side that a number is held against, and how many times farther off than usual it is drawn in from.
 const BESIDE: usize = 2;

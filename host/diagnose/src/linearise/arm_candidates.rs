@@ -77,7 +77,7 @@ pub fn same(a: &Effect<f64>, b: &Effect<f64>) -> bool {
     a.law().name() == b.law().name() && Place::of_arm(a) == Place::of_arm(b)
 }
 
-/// Where an effect acts, as short as it can be told exactly: `actuator 4, state 1`.
+/// Where an effect acts, as a short unambiguous code: `actuator 4, state 1`.
 pub fn place_code(effect: &Effect<f64>) -> String {
     let part = match effect {
         Effect::StrokeLoss(law) => format!(", state {}", law.state),

@@ -11,7 +11,7 @@ pub struct Axis {
     pub name: String,
     /// Its unit.
     pub unit: &'static str,
-    /// Of an axis whose rows repeat each other, its noise as so many times that of the axes of the norm; it is fitted, and
+    /// Of an axis whose rows repeat each other, its noise as a multiple of that of the axes of the norm; it is fitted, and
     /// proves nothing by itself. `None`: each row is one of its own, and the residuals tell the noise.
     pub noise_if_repeated: Option<f64>,
 }

@@ -125,7 +125,7 @@ impl Coordinate<'_> {
         laws
     }
 
-    /// The laws of a motor and its gear, with errors of so many periods a turn of the joint.
+    /// The laws of a motor and its gear, with periodic errors of these periods per turn of the joint.
     pub fn of_motor(&self, periods_a_turn: &[f64]) -> Vec<Law<f64>> {
         let mut laws = vec![Law::RotorInertia(RotorInertia)];
         for &per_turn in periods_a_turn {

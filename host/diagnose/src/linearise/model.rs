@@ -62,7 +62,7 @@ pub enum What {
     Any(Robot),
 }
 
-/// A model as it stands in a file.
+/// A model as a file has it.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 enum Raw {
@@ -122,7 +122,7 @@ impl Model {
             return Ok(None);
         };
         let effects = model_effects::extract_effects(&name, &mut table)?;
-        // Parsed from the text where that can be, so that a mistake is told with its line.
+        // Parsed from the text where that can be, so that an error has its line.
         let raw: Result<Raw, _> =
             if effects.is_empty() && !text.contains("number") { toml::from_str(&text) } else { table.try_into() };
         let what = what(path, raw.map_err(|error| ModelError::Toml(name.clone(), error))?, &name)?;

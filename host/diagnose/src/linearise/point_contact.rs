@@ -1,9 +1,9 @@
-//! Closure: the tool touches the same unknown points in many postures, and nothing outside measures it.
+//! PointContact: the tool touches the same unknown points in many postures, and nothing outside measures it.
 //!
 //! The residual of a row is where the model puts the tool less the mean over all rows of the same point; where pairs of
 //! points are a known distance apart, a last axis holds the distance of their means less that. What moves all points
 //! alike cannot show. Where no distance is known, an arm with all its lengths shorter closes better by itself: there the
-//! residual is told at the size that the model has, and the scale of the arm stays as it is.
+//! residual is scaled to the size that the model has, and the scale of the arm is fixed.
 //!
 //! # Values
 //!
@@ -11,7 +11,7 @@
 //! | --- | --- | --- |
 //! | `joint-offset` | q + δ | rad |
 //! | `axis-error` | its frame turned about the two axes across its own, before it turns | rad |
-//! | `link-error` | its frame moved in the frame that it stands in | m |
+//! | `link-error` | its frame moved in the frame that carries it | m |
 //! | `joint-compliance` | q + c·τ with τ the torque of the links' weight; where the robot has no masses, of 1 kg at each later joint and at the tool | rad/(N·m) |
 //! | `link-compliance` | its frame turned about the two axes across by their moments, alike | rad/(N·m) |
 //! | `encoder-periodic` | q + s·sin q + k·cos q | rad |
@@ -33,7 +33,7 @@ const PRIORS: [f64; 4] = [0.02, 0.005, 1e-4, 0.005];
 const PER_JOINT: usize = 11;
 
 /// Every row of a pair repeats the distance of its two points. These are means of n rows each with a noise σ along the way
-/// between them, their distance has σ·√(2/n): told 2n times, each time counts with this many σ.
+/// between them, their distance has σ·√(2/n): repeated 2n times, each repetition counts with this many σ.
 const PAIR_NOISE: f64 = 2.0;
 
 /// What is known of the points that are touched.
@@ -58,7 +58,7 @@ struct Posture {
 /// Two points and the distance between them.
 type Pair = (usize, usize);
 
-struct Closure {
+struct PointContact {
     robot: Robot,
     /// The joints up to the tool, the innermost first.
     path: Vec<usize>,
@@ -67,11 +67,11 @@ struct Closure {
     n_points: usize,
     pairs: Vec<Pair>,
     distance_m: f64,
-    /// How far from the axis of the first joint the model reaches as it is, where no distance tells its scale, m.
+    /// Reach of the model from the axis of the first joint, where no known distance gives its scale, m.
     reach_m: Option<f64>,
 }
 
-/// `data` is told what lengths and compliances rest on.
+/// Adds to `data` the findings on what lengths and compliances rest on.
 pub(crate) fn experiment(data: &mut Prepared, robot: &Robot, points: &Points) -> Result<Experiment, PrepareError> {
     let none = || PrepareError::Nothing("the robot has no frame that touches: name it as tool in the model".into());
     let tool = robot.frame_or_tool(points.tool.as_deref()).ok_or_else(none)?;
@@ -94,24 +94,32 @@ pub(crate) fn experiment(data: &mut Prepared, robot: &Robot, points: &Points) ->
     };
     let postures = (0..data.rows.len()).map(posture).collect();
     let distance_m = points.pair.as_ref().map_or(0.0, |(_, distance)| *distance);
-    let mut closure =
-        Closure { robot: robot.clone(), path, tool: tool.pose, postures, n_points, pairs, distance_m, reach_m: None };
-    let zero = vec![0.0; closure.path.len() * PER_JOINT + 3];
-    closure.load(&zero);
+    let mut contact = PointContact {
+        robot: robot.clone(),
+        path,
+        tool: tool.pose,
+        postures,
+        n_points,
+        pairs,
+        distance_m,
+        reach_m: None,
+    };
+    let zero = vec![0.0; contact.path.len() * PER_JOINT + 3];
+    contact.load(&zero);
     if points.pair.is_none() {
-        let reach = reach(&closure.arms(&closure.stands(&zero)));
-        closure.reach_m = Some(reach).filter(|reach| *reach > 0.0);
+        let reach = reach(&contact.arms(&contact.chains(&zero)));
+        contact.reach_m = Some(reach).filter(|reach| *reach > 0.0);
     }
-    data.findings.extend(closure.findings());
-    let (residuals, columns) = closure.at(&zero);
-    let candidates = candidates(&closure, columns);
+    data.findings.extend(contact.findings());
+    let (residuals, columns) = contact.at(&zero);
+    let candidates = candidates(&contact, columns);
     let mut axes: Vec<Axis> = ["x", "y", "z"].map(|name| Axis::new(name, "m")).into();
     if points.pair.is_some() {
         axes.push(Axis { noise_if_repeated: Some(PAIR_NOISE), ..Axis::new("distance of points", "m") });
     }
     let channels =
         q.into_iter().enumerate().map(|(k, channel)| (format!("position of joint {}", k + 1), channel)).collect();
-    let relinearise: Relinearise = Box::new(move |values| closure.at(values));
+    let relinearise: Relinearise = Box::new(move |values| contact.at(values));
     Ok(Experiment {
         kind: "closure",
         axes,
@@ -149,7 +157,7 @@ fn named(data: &Prepared, points: &Points) -> Result<(Vec<usize>, usize, Vec<Pai
     Ok((of_row, known.len(), pairs))
 }
 
-fn candidates(closure: &Closure, columns: Vec<Vec<f64>>) -> Vec<Candidate> {
+fn candidates(contact: &PointContact, columns: Vec<Vec<f64>>) -> Vec<Candidate> {
     let [turn, shift, compliance, periodic] = PRIORS;
     let mut columns = columns.into_iter();
     let mut candidates = Vec::new();
@@ -162,8 +170,8 @@ fn candidates(closure: &Closure, columns: Vec<Vec<f64>>) -> Vec<Candidate> {
         });
         candidates.push(Candidate { law, site: site.clone(), shape: None, values: values.collect() });
     };
-    for (k, &joint) in closure.path.iter().enumerate() {
-        let site = Site::new(Place::Joint(k), format!("joint {} ({})", k + 1, closure.robot.joints[joint].name));
+    for (k, &joint) in contact.path.iter().enumerate() {
+        let site = Site::new(Place::Joint(k), format!("joint {} ({})", k + 1, contact.robot.joints[joint].name));
         add(Law::JointOffset, &site, &[("offset", "rad", turn)]);
         add(Law::AxisError, &site, &[("first turn across", "rad", turn), ("second turn across", "rad", turn)]);
         add(Law::LinkError, &site, &[("x", "m", shift), ("y", "m", shift), ("z", "m", shift)]);
@@ -189,7 +197,7 @@ fn reach(arms: &[Vec3<f64>]) -> f64 {
 }
 
 /// The frames along the arm in one posture: before each joint turns, and the tool.
-struct Stand {
+struct FrameChain {
     before: Vec<Pose<f64>>,
     tool: Pose<f64>,
 }
@@ -201,8 +209,8 @@ struct PointMass {
     kg: f64,
 }
 
-impl Closure {
-    fn stand(&self, posture: &Posture, values: &[f64]) -> Stand {
+impl PointContact {
+    fn chain(&self, posture: &Posture, values: &[f64]) -> FrameChain {
         let mut pose = Pose::identity();
         let mut before = Vec::with_capacity(self.path.len());
         for (k, &joint) in self.path.iter().enumerate() {
@@ -220,17 +228,17 @@ impl Closure {
         }
         let last = self.path.len() * PER_JOINT;
         let tool = Pose::at(Vec3::new(values[last], values[last + 1], values[last + 2]));
-        Stand { before, tool: pose * self.tool * tool }
+        FrameChain { before, tool: pose * self.tool * tool }
     }
 
     /// Moments of what each joint carries in the nominal postures.
     fn load(&mut self, zero: &[f64]) {
         let gravity = self.robot.gravity;
         for index in 0..self.postures.len() {
-            let stand = self.stand(&self.postures[index], zero);
-            let masses = self.masses(&self.postures[index], &stand);
+            let chain = self.chain(&self.postures[index], zero);
+            let masses = self.masses(&self.postures[index], &chain);
             let moments = (0..self.path.len()).map(|k| {
-                let at = &stand.before[k];
+                let at = &chain.before[k];
                 let carried = masses.iter().filter(|mass| mass.on >= k);
                 let moment: Vec3<f64> = carried.map(|mass| (mass.place - at.position).cross(&gravity) * mass.kg).sum();
                 let own = at.rotation.tr_mul(&moment);
@@ -257,30 +265,30 @@ impl Closure {
         self.path.iter().all(|&joint| self.robot.joints[joint].joint.inertia.mass == 0.0)
     }
 
-    /// The links up to the tool; of a robot that tells no masses 1 kg at each joint after the first and at the tool.
-    fn masses(&self, posture: &Posture, stand: &Stand) -> Vec<PointMass> {
+    /// The links up to the tool; of a robot without masses 1 kg at each joint after the first and at the tool.
+    fn masses(&self, posture: &Posture, chain: &FrameChain) -> Vec<PointMass> {
         let inertia = |k: usize| self.robot.joints[self.path[k]].joint.inertia;
         if self.is_without_masses() {
-            let places = stand.before[1..].iter().map(|pose| pose.position).chain([stand.tool.position]);
+            let places = chain.before[1..].iter().map(|pose| pose.position).chain([chain.tool.position]);
             return places.enumerate().map(|(on, place)| PointMass { on, place, kg: 1.0 }).collect();
         }
         let mass = |on: usize| {
             let turn = self.robot.joints[self.path[on]].joint.axis.direction * posture.q[on];
             let com = rotation_exp(&turn) * inertia(on).com;
-            PointMass { on, place: stand.before[on] * com, kg: inertia(on).mass }
+            PointMass { on, place: chain.before[on] * com, kg: inertia(on).mass }
         };
         (0..self.path.len()).map(mass).collect()
     }
 
     /// How the tool's place moves with each value.
-    fn slopes(&self, posture: &Posture, stand: &Stand) -> Vec<Vec3<f64>> {
+    fn slopes(&self, posture: &Posture, chain: &FrameChain) -> Vec<Vec3<f64>> {
         let mut slopes = Vec::with_capacity(self.path.len() * PER_JOINT + 3);
         let mut on = Mat3::identity();
         for (k, &joint) in self.path.iter().enumerate() {
-            let at = &stand.before[k];
+            let at = &chain.before[k];
             let axis = self.robot.joints[joint].joint.axis.direction;
             let [first, second] = across(&axis);
-            let turned = |about: &Vec3<f64>| (at.rotation * about).cross(&(stand.tool.position - at.position));
+            let turned = |about: &Vec3<f64>| (at.rotation * about).cross(&(chain.tool.position - at.position));
             let (along, one, two) = (turned(&axis), turned(&first), turned(&second));
             let load = posture.moments[k];
             slopes.extend([along, one, two]);
@@ -289,38 +297,39 @@ impl Closure {
             slopes.extend([along * posture.q[k].sin(), along * posture.q[k].cos()]);
             on = at.rotation * rotation_exp(&(axis * posture.q[k]));
         }
-        slopes.extend((0..3).map(|k| Vec3::from(stand.tool.rotation.column(k))));
+        slopes.extend((0..3).map(|k| Vec3::from(chain.tool.rotation.column(k))));
         slopes
     }
 
-    fn stands(&self, values: &[f64]) -> Vec<Stand> {
-        self.postures.iter().map(|posture| self.stand(posture, values)).collect()
+    fn chains(&self, values: &[f64]) -> Vec<FrameChain> {
+        self.postures.iter().map(|posture| self.chain(posture, values)).collect()
     }
 
     /// From the axis of the first joint to the tool, square to it, in each posture.
-    fn arms(&self, stands: &[Stand]) -> Vec<Vec3<f64>> {
-        let arm = |stand: &Stand| {
-            let first = &stand.before[0];
+    fn arms(&self, chains: &[FrameChain]) -> Vec<Vec3<f64>> {
+        let arm = |chain: &FrameChain| {
+            let first = &chain.before[0];
             let axis = first.rotation * self.robot.joints[self.path[0]].joint.axis.direction;
-            let from_origin = stand.tool.position - first.position;
+            let from_origin = chain.tool.position - first.position;
             from_origin - axis * axis.dot(&from_origin)
         };
-        stands.iter().map(arm).collect()
+        chains.iter().map(arm).collect()
     }
 
     /// Residuals and columns at these values.
     fn at(&self, values: &[f64]) -> (Vec<f64>, Vec<Vec<f64>>) {
-        let stands = self.stands(values);
-        let places: Vec<Vec3<f64>> = stands.iter().map(|stand| stand.tool.position).collect();
+        let chains = self.chains(values);
+        let places: Vec<Vec3<f64>> = chains.iter().map(|chain| chain.tool.position).collect();
         let means = self.means(&places);
-        let arms = self.arms(&stands);
+        let arms = self.arms(&chains);
         let reach = reach(&arms);
         let size = self.reach_m.map_or(1.0, |reach_m| reach / reach_m);
         let apart = |(a, b): &Pair| means[*b] - means[*a];
         let distance = |pair: &Pair| apart(pair).norm() - self.distance_m;
         let mut residuals = self.axes(&places, &means, &distance);
         residuals.iter_mut().for_each(|residual| *residual /= size);
-        let slopes: Vec<Vec<Vec3<f64>>> = self.postures.iter().zip(&stands).map(|(p, s)| self.slopes(p, s)).collect();
+        let slopes: Vec<Vec<Vec3<f64>>> =
+            self.postures.iter().zip(&chains).map(|(posture, chain)| self.slopes(posture, chain)).collect();
         let column = |k: usize| {
             let moved: Vec<Vec3<f64>> = slopes.iter().map(|row| row[k]).collect();
             let mean = self.means(&moved);
@@ -350,20 +359,20 @@ impl Closure {
         sums.into_iter().map(|(sum, count): (Vec3<f64>, f64)| sum / count.max(1.0)).collect()
     }
 
-    /// Rows × axes: each place less the mean of its point, and what the pair of the point tells.
+    /// Rows × axes: each place less the mean of its point, and the number of the point's pair.
     fn axes(&self, places: &[Vec3<f64>], means: &[Vec3<f64>], of_pair: &dyn Fn(&Pair) -> f64) -> Vec<f64> {
-        let mut told = vec![0.0; self.n_points];
+        let mut pair_numbers = vec![0.0; self.n_points];
         for pair in &self.pairs {
             let number = of_pair(pair);
-            told[pair.0] = number;
-            told[pair.1] = number;
+            pair_numbers[pair.0] = number;
+            pair_numbers[pair.1] = number;
         }
         let mut all = Vec::with_capacity(places.len() * 4);
         for (posture, place) in self.postures.iter().zip(places) {
             let from_mean = place - means[posture.point];
             all.extend([from_mean.x, from_mean.y, from_mean.z]);
             if self.distance_m > 0.0 {
-                all.push(told[posture.point]);
+                all.push(pair_numbers[posture.point]);
             }
         }
         all

@@ -1,4 +1,4 @@
-//! Position of one joint that holds against its target: the model says that it stands on it.
+//! Position of one joint that holds a target: the model predicts the target.
 
 use crate::effect::{Law, Place, Site};
 use crate::linearise::experiment::{Axis, Candidate, Experiment};

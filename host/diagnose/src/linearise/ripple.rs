@@ -1,4 +1,4 @@
-//! How many periods a turn a torque ripples with, where no gear ratio tells it: peaks of a least-squares periodogram.
+//! How many periods a turn a torque ripples with, where no gear ratio is known: peaks of a least-squares periodogram.
 //!
 //! For each number of periods n the sine and the cosine of n·q are added to what any joint may have (an offset, slopes of
 //! position, velocity and acceleration, friction that turns round), and the share of the residual that they take up is
@@ -11,7 +11,7 @@ use crate::measurement::root_mean_square;
 
 /// Steps of the periodogram for one period more in the range of the position.
 const STEPS: f64 = 8.0;
-/// Periods in the range, at least and at most: fewer are a spring, more are seldom told from noise.
+/// Periods in the range, at least and at most: fewer are a spring, more are seldom distinguished from noise.
 const PERIODS: [f64; 2] = [1.5, 40.0];
 /// Rows that are looked at.
 const MOST_ROWS: usize = 4000;

@@ -1,4 +1,4 @@
-//! How residuals change with the values of any effect, without predicting anew for each of them.
+//! How residuals change with the values of any effect, without a prediction for each of them.
 //!
 //! A law changes what an actuator is set to; how the tool moves with that setting is known once for the posture. So the
 //! derivative with respect to a value of a law is Σ over its actuators of (∂setting/∂value) · (∂tool/∂setting), with the
@@ -89,7 +89,7 @@ impl<'a> Sensitivity<'a> {
         column.iter().any(|slope| slope.abs() > NO_SLOPE).then_some(column)
     }
 
-    /// How the tool is seen to move, told in its own frame, when one effect takes the place of another.
+    /// How the measured tool moves, in its own frame, when one effect takes the place of another.
     fn change(&self, posture: &Posture, from: &Effect<f64>, to: &Effect<f64>) -> Twist<f64> {
         match from.law().place() {
             Place::Actuator(_) | Place::Module(_) | Place::Arm => {
@@ -128,7 +128,7 @@ impl<'a> Sensitivity<'a> {
         (posture.seen.inverse() * self.model.seen(posture.tool * Pose::exp(&of_tool), &posture.condition)).log()
     }
 
-    /// How the tool moves, told in its own frame, when one law of actuators takes the place of another.
+    /// How the tool moves, in its own frame, when one law of actuators takes the place of another.
     fn twist(&self, posture: &Posture, from: &dyn Law<f64>, to: &dyn Law<f64>) -> Twist<f64> {
         let mut sum = Twist::zero();
         for (actuator, (site, leg)) in posture.sites.iter().enumerate() {

@@ -17,7 +17,7 @@ use crate::prepare::signals::{PrepareError, Prepared};
 use darm_robot::rigid_body::regressor::{BodyMotion, joint_regressor, link_motions, wrench_regressor};
 use darm_robot::robot::Robot;
 
-/// Ripples of a torque that are tried where no gear ratio tells their periods.
+/// Ripples of a torque that are tried where no gear ratio gives their periods.
 const RIPPLES: usize = 2;
 
 /// How the motors drive the joints.

@@ -1,6 +1,6 @@
 //! Contact wrench and centre of pressure of a body on a plate: predicted by inverse dynamics on a moving base.
 //!
-//! The axes are the centre of pressure first, which is linear in the masses when it is told against the measured force:
+//! The axes are the centre of pressure first, which is linear in the masses when it is divided by the measured force:
 //! (−M_y − x·F_z)/F_z and (M_x − y·F_z)/F_z with predicted moments and force above, measured x, y and F_z; then the
 //! forces and the moment about z. The plate's frame is the world: z up, moments about its origin; what it is off by is the
 //! law `sensor-frame`: with d where its origin is and θ how it is turned, F' = F − θ×F and M' = M − d×F − θ×M, to first order
@@ -22,7 +22,7 @@ use darm_robot::robot::{Robot, RobotJoint};
 /// Components of the wrench as they are named in a table: force, then moment.
 const WRENCH: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
 
-/// The experiment of a robot whose base moves as the table tells.
+/// The experiment of a robot whose base moves as in the table.
 pub(crate) fn experiment(data: &Prepared, robot: &Robot) -> Result<Experiment, PrepareError> {
     let base = base(data, &robot.gravity)?;
     let mut joints = [Vec::new(), Vec::new(), Vec::new()];
@@ -85,7 +85,7 @@ struct Axes<'a> {
 }
 
 impl Axes<'_> {
-    /// The axes of a wrench: rows × 6. `wrench` tells a component in a row.
+    /// The axes of a wrench: rows × 6. `wrench` gives a component in a row.
     fn column(&self, wrench: impl Fn(usize, usize) -> f64) -> Vec<f64> {
         let [_, _, fz, mx, my, _] = self.measured else { return Vec::new() };
         let row = |row: usize| {
@@ -97,7 +97,7 @@ impl Axes<'_> {
     }
 }
 
-/// The plate stands elsewhere, or is turned.
+/// The plate is displaced or rotated.
 fn sensor_frame(measured: &[Vec<f64>], axes: &Axes) -> Candidate {
     let value = |(k, (name, unit)): (usize, (&str, &str))| {
         let about = Vec3::ith(k % 3, 1.0);

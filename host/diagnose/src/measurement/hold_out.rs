@@ -32,7 +32,7 @@ pub struct HeldOut {
     /// Whether each row is held out.
     pub rows: Vec<bool>,
     /// How they were chosen, in words.
-    pub told: String,
+    pub description: String,
     /// The number of each row's value in the column that chose, where that has few.
     pub keys: Option<Vec<usize>>,
 }
@@ -41,7 +41,7 @@ impl HoldOut {
     /// The rows of a table that are held out; of [`Each`](Self::Each) those of the value `each`.
     pub fn rows(&self, table: &Table, each: Option<&str>) -> Result<HeldOut, SelectError> {
         let n = table.lines.len();
-        let held = |rows: Vec<bool>, told: String| HeldOut { rows, told, keys: None };
+        let held = |rows: Vec<bool>, description: String| HeldOut { rows, description, keys: None };
         Ok(match self {
             Self::Own if table.quantity("held_out").is_some() => {
                 held(table.flags("held_out")?, "the column held_out".into())
@@ -72,7 +72,7 @@ impl HeldOut {
     /// That no row is held out, where `how` was to choose some.
     pub fn nothing(&self, how: &HoldOut) -> Option<Finding> {
         let asked = matches!(how, HoldOut::Where(_) | HoldOut::Last(_) | HoldOut::Column(_));
-        let text = format!("no row is held out by {}", self.told);
+        let text = format!("no row is held out by {}", self.description);
         (asked && !self.rows.contains(&true)).then(|| Finding::note(FindingKind::NothingHeldOut, text))
     }
 }

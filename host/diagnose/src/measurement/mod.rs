@@ -19,7 +19,7 @@
 //! | `run` ?, `visit` ? | number of the run and of the visit; without them 0 and the row's number |
 //! | `held_out` ? | 1 where no fit may see the row, 0 elsewhere |
 //!
-//! Columns marked `?` may be missing, other columns are left unread and told.
+//! Columns marked `?` may be missing, other columns are not read, with a note.
 //!
 //! # Comment lines
 //!
@@ -98,7 +98,7 @@ pub struct Choice {
     /// The part that each sample is left out with in turn, where nothing is held out for good; `None`: words by seed.
     pub parts: Option<Vec<usize>>,
     /// How those were chosen that are held out, in words; empty where nothing was said.
-    pub told: String,
+    pub description: String,
 }
 
 impl Choice {
@@ -114,7 +114,7 @@ impl Run {
         !self.choice.unused.get(sample).is_some_and(|unused| *unused)
     }
 
-    /// The line of the file that a sample stands in, or will when it is written.
+    /// The line of the file that has a sample, or will have it when it is written.
     pub fn line(&self, sample: usize) -> usize {
         self.lines.get(sample).copied().unwrap_or(sample + 2)
     }

@@ -84,7 +84,7 @@ fn choose(run: &mut Run, table: &Table, which: &Which) -> Result<Option<Finding>
     run.choice = Choice {
         unused: at.iter().map(Option::is_none).collect(),
         parts: parts.map(|parts| at.iter().map(|row| row.map_or(0, |row| parts[row])).collect()),
-        told: held.told,
+        description: held.description,
     };
     Ok(nothing)
 }

@@ -23,7 +23,7 @@ struct Comparison {
     with: String,
 }
 
-/// Comparisons that must all hold, told one after the other with commas or `and` between.
+/// Comparisons that must all hold, separated by commas or `and`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Selection {
     comparisons: Vec<Comparison>,
@@ -50,7 +50,7 @@ pub enum SelectError {
         column: String,
         /// Line of the file, the header being 1.
         line: usize,
-        /// What stands there.
+        /// What is there.
         text: String,
     },
     /// Words have no order.

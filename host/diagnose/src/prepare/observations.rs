@@ -1,7 +1,7 @@
 //! Measurements beside predictions: residuals in units of the noise, and how they change with a model's values.
 //!
 //! A residual is predicted minus measured on the group of motions: the twist log(`T_base_measured`⁻¹ · `T_base_predicted`),
-//! told in the measured tool frame. It does not depend on where the base frame is put. Each axis is divided by the
+//! in the measured tool frame. It does not depend on the choice of the base frame. Each axis is divided by the
 //! noise of that axis, so a residual of an exact model has three (six) components of size 1.
 
 use darm_core::chain::ChainError;
@@ -37,7 +37,7 @@ pub struct Row {
     inverse: Pose<f64>,
 }
 
-/// Some rows of a run, and the noise that their residuals are told in.
+/// Some rows of a run, and the noise that their residuals are scaled by.
 #[derive(Clone, Debug)]
 pub struct Observations {
     /// The rows.
@@ -117,7 +117,7 @@ impl Observations {
         self.rows.iter().map(|row| row.group).collect()
     }
 
-    /// The same rows told in another noise.
+    /// The same rows scaled by another noise.
     pub fn with_noise(mut self, sigma: [f64; 6]) -> Self {
         self.sigma = sigma;
         self
@@ -146,7 +146,7 @@ impl Observations {
         self.axes.iter().map(move |&axis| twist[axis] / self.sigma[axis])
     }
 
-    /// Residuals, in units of the noise, told in the directions of the base in place of those of the tool.
+    /// Residuals, in units of the noise, in the directions of the base in place of those of the tool.
     pub fn in_base(&self, residuals: &[f64]) -> Vec<f64> {
         self.turned(residuals, |row, v| row.inverse.rotation.transpose() * v)
     }

@@ -27,7 +27,7 @@ pub struct Noise {
     pub distance_m: f64,
 }
 
-/// The noise told by repeated conditions; `None` where nothing is repeated.
+/// The noise by repeated conditions; `None` where nothing is repeated.
 ///
 /// Repeats that are far off by a first estimate, which rests on medians, do not count in the second.
 pub fn repeated(arm: &Arm, run: &Run) -> Option<Noise> {

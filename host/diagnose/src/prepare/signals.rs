@@ -1,4 +1,4 @@
-//! A table made ready: rows chosen, borders found, rows held out, channels filtered and thinned; what was found is told.
+//! A table prepared: rows chosen, segments found, rows held out, signals filtered and decimated, with findings.
 
 use crate::measurement::hold_out::{HeldOut, HoldOut};
 use crate::measurement::select::{SelectError, Selection};
@@ -90,7 +90,7 @@ impl Prepared {
         let time_s = times_s(&table, how.rate_hz);
         let chosen = how.hold_out.rows(&table, each)?;
         findings.extend(chosen.nothing(&how.hold_out));
-        let HeldOut { rows: held, told: held_out, keys } = chosen;
+        let HeldOut { rows: held, description: held_out, keys } = chosen;
         let (series, motions) = series(&table, &how.within, &time_s, &held, &mut findings)?;
         let steps = |hz: f64| (rate_hz(&time_s, &series) / hz).round().max(1.0) as usize;
         let every = how.thin_hz.map_or(table.lines.len().div_ceil(MOST_ROWS), steps);
@@ -157,7 +157,7 @@ impl Prepared {
         [position, velocity, acceleration].map(|channel| self.thin(&channel))
     }
 
-    /// A channel of every row as it stands in the table; `None` without that quantity.
+    /// A channel of every row as the table has it; `None` without that quantity.
     pub fn raw(&self, quantity: &str) -> Option<&[f64]> {
         self.table.quantity(quantity).map(|column| &column.numbers[..])
     }
@@ -177,7 +177,7 @@ impl Prepared {
         values
     }
 
-    /// A channel of the kept rows through the low-pass once more; as it is where rows were thinned or nothing is filtered.
+    /// A channel of the kept rows through the low-pass again; unchanged where rows were decimated or nothing is filtered.
     pub fn again(&self, values: &mut [f64]) {
         if let (Some((filter, settle)), true) = (&self.filter, self.kept.len() == self.all_time_s.len()) {
             filter.apply(values, &self.series, *settle);
@@ -286,13 +286,13 @@ fn series(
     let (mut series, mut motions) = (vec![0; time_s.len()], vec![0; time_s.len()]);
     for row in 1..time_s.len() {
         let step = time_s[row] - time_s[row - 1];
-        let told = parts.iter().any(|words| words[row] != words[row - 1]);
-        if step < 0.0 && !told {
+        let is_parted = parts.iter().any(|words| words[row] != words[row - 1]);
+        if step < 0.0 && !is_parted {
             let text = "time runs back here: rows before and after are not joined";
             findings.push(Finding::note(FindingKind::TimeRunsBack, text).at_line(table.lines[row]));
         }
         let gap = usual > 0.0 && step * usual > 5.0;
-        let border = told || step < 0.0 || gap;
+        let border = is_parted || step < 0.0 || gap;
         motions[row] = motions[row - 1] + usize::from(border);
         series[row] = series[row - 1] + usize::from(border || held[row] != held[row - 1]);
     }

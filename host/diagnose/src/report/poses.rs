@@ -77,10 +77,10 @@ fn repeatability(arm: &Arm, noise: &Noise) -> Repeatability {
 fn held_out(selected: &Selected) -> String {
     let choice = &selected.run.choice;
     match (selected.problem.heldout.rows.is_empty(), &choice.parts) {
-        (false, _) if choice.told.is_empty() => "the column held_out".into(),
-        (false, _) => choice.told.clone(),
-        (true, Some(_)) if choice.parts_in_turn().is_some() => choice.told.clone(),
-        (true, Some(_)) => format!("{}, in {FOLDS} parts", choice.told),
+        (false, _) if choice.description.is_empty() => "the column held_out".into(),
+        (false, _) => choice.description.clone(),
+        (true, Some(_)) if choice.parts_in_turn().is_some() => choice.description.clone(),
+        (true, Some(_)) => format!("{}, in {FOLDS} parts", choice.description),
         (true, None) => format!("each word in turn, in {FOLDS} parts"),
     }
 }

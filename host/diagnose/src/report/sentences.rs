@@ -101,11 +101,15 @@ fn next_sentence(next: &NextMeasurement) -> String {
         return format!(
             "Measure next: repeat the conditions of lines {} (most informative) to distinguish {}.",
             lines.join(", "),
-            next.tells
+            next.distinguishes
         );
     }
     let conditions = next.conditions.as_ref().map_or(String::new(), |conditions| format!(" {conditions}"));
-    format!("Measure next{conditions}, in this order: {}. This distinguishes {}.", next.words.join(" "), next.tells)
+    format!(
+        "Measure next{conditions}, in this order: {}. This distinguishes {}.",
+        next.words.join(" "),
+        next.distinguishes
+    )
 }
 
 fn outlier_sentence(diagnosis: &Diagnosis) -> Option<String> {

@@ -233,18 +233,18 @@ fn descend(
     None
 }
 
-/// Residuals and derivatives of a model as it stands.
+/// Residuals and derivatives of a model at its values.
 fn at(model: ArmModel, observations: &Observations, values: &[Value], scratch: &mut ArmScratch) -> Result<Fit, NoPose> {
     if values.is_empty() {
         let residuals = observations.residuals(&model, scratch)?;
         return Ok(Fit { model, values: Vec::new(), residuals, columns: Vec::new() });
     }
     let sensitivity = Sensitivity::new(&model, observations, scratch)?;
-    let told = values.iter().filter_map(|&(effect, value)| {
+    let observed = values.iter().filter_map(|&(effect, value)| {
         let column = sensitivity.column(&model.effects[effect], value)?;
         Some(((effect, value), column))
     });
-    let (values, columns) = told.unzip();
+    let (values, columns) = observed.unzip();
     let residuals = sensitivity.into_residuals();
     Ok(Fit { model, values, residuals, columns })
 }

@@ -109,7 +109,7 @@ pub fn quantile_975(dof: usize) -> f64 {
     StudentsT::new(0.0, 1.0, dof.max(1) as f64).map_or(1.96, |t| t.inverse_cdf(0.975))
 }
 
-/// Chance that a mean which is zero lies at least so many standard errors off, to either side.
+/// Chance that a mean which is zero lies at least this many standard errors off, to either side.
 pub fn chance_beyond(errors: f64, dof: usize) -> f64 {
     StudentsT::new(0.0, 1.0, dof.max(1) as f64).map_or(1.0, |t| 2.0 * t.sf(errors.abs()))
 }

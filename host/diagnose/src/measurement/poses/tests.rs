@@ -110,7 +110,10 @@ fn rows_are_held_out_as_asked() {
     assert_eq!(findings.last().unwrap().to_string(), "no row is held out by the rows that --hold-out names");
     assert_eq!(held(HoldOut::Last(0.25)).0, [false, false, true]);
     let (none, choice) = held(HoldOut::Each("arm".into()));
-    assert_eq!((none, choice.parts, &choice.told[..]), (vec![false; 3], Some(vec![0, 1, 1]), "each arm in turn"));
+    assert_eq!(
+        (none, choice.parts, &choice.description[..]),
+        (vec![false; 3], Some(vec![0, 1, 1]), "each arm in turn")
+    );
     assert_eq!(held(HoldOut::Own), (vec![false; 3], Choice { unused: vec![false; 3], ..Choice::default() }));
 }
 
