@@ -106,7 +106,7 @@ impl Columns {
         self.planar
     }
 
-    /// Reads a line; `None` when the camera has not seen the tool: its pose is no number.
+    /// Reads a line; `None` when the camera has not seen the tool: its pose is NaN.
     pub(crate) fn picture(&self, line: &str) -> Result<Option<Picture>, LineError> {
         let cells: Vec<&str> = line.trim().split(',').map(str::trim).collect();
         let time_s = self.number(&cells, "time_s")?;

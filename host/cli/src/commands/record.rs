@@ -19,7 +19,7 @@ use serde::Serialize;
 
 use super::play::{End, ProgramMonitor};
 use super::table_file::TableFile;
-use super::visits::{Visits, beside};
+use super::visits::{Visits, visits_file};
 use crate::failure::{SafeState, Unfinished};
 use crate::port::{PortArgs, emulated_camera};
 use crate::ui::{Answer, Ui};
@@ -94,7 +94,7 @@ enum RecordError {
     NoCamera,
     #[error("the board's clock could not be measured, nothing was recorded; check the connection with `darm doctor`")]
     NoClock,
-    #[error("{}: cannot be resumed: its comment lines lack the start of the program; record again without --resume", .0.display())]
+    #[error("{}: cannot be resumed: its comment lines do not contain the start of the program; record again without --resume", .0.display())]
     NothingToResume(PathBuf),
     #[error("{}: the recording was made with board {recorded}, this is board {connected}; connect the first, or record into another file", path.display())]
     OtherBoard { path: PathBuf, recorded: String, connected: String },
@@ -154,7 +154,7 @@ impl Answer for Recorded {
 
 impl Record {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
-        let visits = Visits::read(&beside(&self.table))?;
+        let visits = Visits::read(&visits_file(&self.table))?;
         let table = TableFile::read(&self.table)?;
         table.check_visits(visits.table)?;
         let arm = self.arm.as_deref().map(Arm::read).transpose()?;

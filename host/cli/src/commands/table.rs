@@ -15,7 +15,7 @@ use darm_diagnose::measurement_plan;
 use serde::Serialize;
 
 use super::table_file;
-use super::visits::{Rest, Visits, beside};
+use super::visits::{Rest, Visits, visits_file};
 use crate::failure::Usage;
 use crate::output_file;
 use crate::port::PortArgs;
@@ -153,7 +153,7 @@ impl Table {
 
     fn make(&self, arm: &Path, output: &Path, ui: Ui) -> anyhow::Result<()> {
         output_file::refuse_other_than_table(output)?;
-        output_file::refuse_other_than_visits(&beside(output))?;
+        output_file::refuse_other_than_visits(&visits_file(output))?;
         let WiredArm { arm, profile, .. } = WiredArm::read(arm, self.profile.as_deref())?;
         let planned = self.planned_visits(&arm, &profile, ui)?;
         let device = if self.bind { Some(self.port.connect()?.identity().device) } else { None };
@@ -163,7 +163,7 @@ impl Table {
         let file = visits_of(&arm, &planned, &plan);
         check_servos(&arm, &profile, &plan)?;
         let (image, text) = (table_file::bytes(&plan.image), file.to_text());
-        output_file::write_all(&[(output, &image), (&beside(output), text.as_bytes())])?;
+        output_file::write_all(&[(output, &image), (&visits_file(output), text.as_bytes())])?;
         ui.print(&self.report(output, &file, &plan, device))
     }
 
@@ -220,7 +220,7 @@ impl Table {
         });
         Made {
             file: output.to_owned(),
-            visits_file: beside(output),
+            visits_file: visits_file(output),
             digest: file.table.to_string(),
             model: file.model.to_string(),
             device: device.map(|device| device.to_string()),
@@ -242,7 +242,7 @@ fn frame_visits(arm: &Arm, path: &Path, dwell_s: f64) -> Result<Vec<PlannedVisit
     Ok(frames::read(path, arm)?.into_iter().map(visit).collect())
 }
 
-/// The default dwell, shorter where an output of the arm must not be on for so long.
+/// The default dwell, shorter where an output of the arm must not be on for that time.
 fn default_dwell_s(arm: &Arm, profile: &BoardProfile) -> f64 {
     let outputs = arm.connections.iter().flat_map(|connection| &connection.outputs);
     let limits = outputs.filter_map(|&number| profile.profile.output(number));

@@ -15,7 +15,7 @@ use darm_core::table::{Board, Checker, Record, TableError, wiring};
 use darm_core::units::{DeviceId, Digest, Micros, ModelHash, ShortDigest};
 use darm_core::wire::frame::CRC;
 
-use super::visits::beside;
+use super::visits::visits_file;
 
 /// First bytes of a file of this version.
 const HEAD: &[u8] = b"darm table 2\n";
@@ -129,7 +129,7 @@ pub(crate) enum TableFileError {
     /// The visit file was made with another table.
     #[error(
         "{} belongs to table {visits}, {} is {table}; remake both with `darm table`",
-        beside(.path).display(),
+        visits_file(.path).display(),
         .path.display()
     )]
     OtherVisits {

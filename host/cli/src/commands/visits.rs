@@ -87,7 +87,7 @@ const TABLE: &str = "# table ";
 const GEOMETRY: &str = "# geometry ";
 
 /// The visit file of a table file: `a.darm` has `a.visits.csv`.
-pub(crate) fn beside(table: &Path) -> PathBuf {
+pub(crate) fn visits_file(table: &Path) -> PathBuf {
     table.with_extension("visits.csv")
 }
 

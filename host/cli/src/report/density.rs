@@ -48,11 +48,11 @@ fn draw(
         ChartBuilder::on(&area).margin(10).x_label_area_size(45).y_label_area_size(60).build_cartesian_2d(x, y)?;
     let font = || TextStyle::from(("sans-serif", 14).into_font()).color(&INK);
     chart.configure_mesh().disable_mesh().label_style(font()).x_desc(names[0]).y_desc(names[1]).draw()?;
-    let most = squares.values().fold(1.0, |most: f64, words| most.max(*words)).ln_1p();
+    let largest = squares.values().fold(1.0, |largest: f64, words| largest.max(*words)).ln_1p();
     chart.draw_series(squares.iter().map(|(square, words)| {
         let [left, low] = square.map(|number| cell_m * (f64::from(number) - 0.5));
         let corners = [(left, low), (left + cell_m, low + cell_m)];
-        Rectangle::new(corners, between(COLORS, words.ln_1p() / most).filled())
+        Rectangle::new(corners, between(COLORS, words.ln_1p() / largest).filled())
     }))?;
     area.present()?;
     Ok(())

@@ -134,7 +134,7 @@ impl Camera {
         String::from_utf8_lossy(&lines).lines().try_for_each(|line| self.take(line))
     }
 
-    /// Stops reading and parses the last lines; a file's last line may lack its line feed.
+    /// Stops reading and parses the last lines; a file's last line may end without a line feed.
     pub(crate) fn finish(&mut self) -> Result<(), CameraError> {
         if let Kind::Socket { end, thread, .. } = &mut self.kind {
             end.store(true, Ordering::Relaxed);

@@ -23,7 +23,7 @@ use crate::state_folder;
 /// Inputs that a restart has cleared are set again well within this time.
 const CLEARED_WITHIN: Duration = Duration::from_secs(1);
 
-/// A running board with its plant.
+/// A running board with its simulated arm.
 pub(crate) struct Board {
     kind: Kind,
     /// Description for people.
