@@ -21,18 +21,18 @@ use crate::dispatch::{Desk, FIRMWARE};
 const HELP: &[&str] = &[
     "help             this list",
     "id               board, device number, versions",
-    "status           what runs, coils, switches, servos, faults",
-    "limits           limits of every coil and servo, and what is left of them",
-    "profile          what is wired to the board, and the most that a table may ask for",
-    "table            the table that is loaded",
+    "status           state, table, profile, word, switches, servos",
+    "limits           limits of all coils and servos, remaining on-times",
+    "profile          wiring of the board, and limits that no table can exceed",
+    "table            the loaded table",
     "play             run the table from its first row",
     "stop             all coils off, at once",
-    "coil N on MS     the coil of output N on for MS milliseconds (coil N off: off now)",
-    "word DIGITS      all actuators to these digits, base first: word 010,110",
-    "servo N DEG      servo joint N to an angle in degrees",
-    "nearest X Y A    a word that brings the tool near: mm and degrees;",
+    "coil N on MS     switch output N on for MS milliseconds (coil N off: off)",
+    "word DIGITS      switch all actuators to a word, base first: word 010,110",
+    "servo N DEG      move servo N to an angle in degrees",
+    "nearest X Y A    find a word near this pose of the tool, in mm and degrees;",
     "                 in space nearest X Y Z RX RY RZ, with a rotation vector",
-    "fault            the latched fault, and how the last start ended",
+    "fault            the latched fault, and the last crash",
     "clear            leave the safe state after a fault",
     "log              the last events",
     "reboot           restart (reboot loader: into the chip's loader)",
@@ -225,7 +225,7 @@ impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
         };
         match now.phase {
             Phase::Idle => say(out, format_args!("idle")).await?,
-            Phase::Manual => say(out, format_args!("by hand")).await?,
+            Phase::Manual => say(out, format_args!("manual control")).await?,
             Phase::Approaching { .. } => say(out, format_args!("approaching the first row")).await?,
             Phase::Playing { next, .. } => {
                 say(out, format_args!("playing, row {next} of {} is next", now.rows)).await?;
@@ -322,8 +322,8 @@ impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
             _ => say(out, format_args!("no fault is latched")).await?,
         }
         match &self.board.death {
-            Some(death) => say(out, format_args!("the last start ended by {}", DeathText(death))).await,
-            None => say(out, format_args!("the last start ended without a fault")).await,
+            Some(death) => say(out, format_args!("last crash: {}", DeathText(death))).await,
+            None => say(out, format_args!("no crash in the last start")).await,
         }
     }
 
