@@ -31,7 +31,7 @@ Examples:
   darm nearest arm.toml 300,4200,10 --board                    # the board searches
 
 d^2 = |dp|^2 + (l theta)^2 with l from the arm file. The search is exact over all words of the arm's geometry; effects of \
-the model are neglected. --effects searches with the effects, coming from the word at rest, and is not exact; so is --board, \
+the model are neglected. Two searches are not exact: --effects, with the effects, coming from the word at rest, and --board, \
 which needs a table from `darm table --nearest` on the board.";
 
 /// Find the words that bring the tool nearest to a pose, among all words of the arm

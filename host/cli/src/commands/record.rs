@@ -38,7 +38,8 @@ Examples:
   darm record visits.darm --camera tcp:camera.local:7000 -o real.csv   # (no_run: camera)
 
 The camera sends lines of comma-separated values. The first line is the header:
-  time_s,x_m,y_m,angle_deg[,supply_bar][,temperature_c]       in space x_m,y_m,z_m,rx_deg,ry_deg,rz_deg
+  time_s,x_m,y_m,angle_deg[,supply_bar][,temperature_c]
+  time_s,x_m,y_m,z_m,rx_deg,ry_deg,rz_deg[,supply_bar][,temperature_c]     (in space)
 time_s is Unix time; the pose is that of the tool in the base. A file may grow while another program writes it.
 
 Every visit gives one row: the mean of the measurements while the arm rested there. A row is written when its visit has \
