@@ -25,7 +25,7 @@ use core::fmt;
 
 use super::linear::{solve, transposed};
 use super::{MAX_LEGS, MAX_STATES, Part, Setting};
-use crate::real::{Real, Vec3, real, to_f32};
+use crate::real::{self, Real, Vec3, real, to_f32};
 use crate::se::{Pose, Twist, Wrench, rotation_exp};
 use crate::trig;
 
@@ -246,8 +246,8 @@ fn coordinate<T: Real>(vector: &Vec3<T>, axis: u8) -> T {
 ///
 /// A derivative carried along by a dual number only shrinks to this share in that step, hence not √ε.
 fn tolerance<T: Real>() -> T {
-    let root = T::default_epsilon().sqrt();
-    root * root.sqrt()
+    let root = real::sqrt(T::default_epsilon());
+    root * real::sqrt(root)
 }
 
 /// A long step shortened, so that the iteration cannot jump into another assembly mode.

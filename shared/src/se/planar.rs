@@ -3,7 +3,7 @@
 use core::ops::Mul;
 
 use super::Pose;
-use crate::real::{Real, Vec2, Vec3, real};
+use crate::real::{self, Real, Vec2, Vec3, real};
 use crate::trig;
 
 /// The pose of one frame in another, both in one plane: an element of SE(2).
@@ -102,7 +102,7 @@ impl<T: Real> From<Pose2<T>> for Pose<T> {
 
 /// The angle `angle_rad` less whole turns, within −π..=π.
 fn wrapped<T: Real>(angle_rad: T) -> T {
-    angle_rad - T::two_pi() * (angle_rad / T::two_pi()).round()
+    angle_rad - T::two_pi() * real::round(angle_rad / T::two_pi())
 }
 
 fn turned<T: Real>(vector: &Vec2<T>, angle_rad: T) -> Vec2<T> {

@@ -37,7 +37,7 @@ pub(super) fn sin_cos_all<const N: usize>(angles: &[f64; N]) -> [(f64, f64); N] 
 
 #[cold]
 fn libm(x: f64) -> (f64, f64) {
-    nalgebra::ComplexField::sin_cos(x)
+    crate::real::sin_cos(x)
 }
 
 /// Reduces x = k·π/2 + r, |r| ≤ π/4, and turns the pair of r by k quarters.

@@ -2,7 +2,7 @@
 //!
 //! libm computes an `f32` sine in `f64`, which a Cortex-M4F emulates: some two thousand instructions for a pair. These
 //! stay in the type of their argument. All kinematics of this crate calls them through [`sin_cos`] and its neighbours,
-//! which choose by type; any other scalar, such as a dual number, falls back to its own functions.
+//! which choose by type; what they leave out is that of [`real`]: libm's, or a dual number's own.
 //!
 //! | function    | `f32`: bound of the error                            | `f64`: bound of the error          |
 //! |-------------|------------------------------------------------------|------------------------------------|
@@ -18,7 +18,7 @@ mod single;
 use core::any::{Any, TypeId};
 use core::array::from_fn;
 
-use crate::real::Real;
+use crate::real::{self, Real, same};
 
 /// (sin x, cos x).
 #[inline(always)]
@@ -32,7 +32,7 @@ pub fn sin_cos<T: Real>(angle_rad: T) -> (T, T) {
         let (sine, cosine) = double::sin_cos(*x);
         return (same(sine).unwrap_or(angle_rad), same(cosine).unwrap_or(angle_rad));
     }
-    angle_rad.sin_cos()
+    real::sin_cos(angle_rad)
 }
 
 /// (sin x, cos x) of many angles, angle k being `angle_rad(k)`: a host computes them side by side.
@@ -58,7 +58,7 @@ pub fn atan2<T: Real>(y: T, x: T) -> T {
     {
         return angle;
     }
-    y.atan2(x)
+    real::atan2(y, x)
 }
 
 /// √x; 0 for what is negative.
@@ -71,13 +71,6 @@ pub fn sqrt<T: Real>(square: T) -> T {
         return root;
     }
     if square <= T::zero() { T::zero() } else { square.sqrt() }
-}
-
-/// `value` as a `B` when `A` and `B` are one type.
-#[inline(always)]
-fn same<A: 'static, B: Copy + 'static>(value: A) -> Option<B> {
-    let value: &dyn Any = &value;
-    value.downcast_ref().copied()
 }
 
 #[cfg(test)]

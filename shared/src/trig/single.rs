@@ -38,7 +38,7 @@ pub(super) fn sin_cos_all<const N: usize>(angle_rad: impl Fn(usize) -> f32) -> [
 #[cold]
 #[inline(never)]
 fn libm(x: f32) -> (f32, f32) {
-    nalgebra::ComplexField::sin_cos(x)
+    crate::real::sin_cos(x)
 }
 
 /// Reduces x = k·π/2 + r, |r| ≤ π/4, and turns the pair of r by k quarters; and k + [`MOST_QUARTERS`], which is below twice

@@ -22,7 +22,7 @@
 //! ```
 
 use super::{Along, Constant, Memory, Moment, Per};
-use crate::real::Real;
+use crate::real::{Real, tanh};
 
 /// The joint lies at the side of its gap that the load presses it to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,6 +49,6 @@ impl<T: Real> Along<T> for BacklashByLoad<T> {
     }
 
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
-        (now.load / self.seating).tanh()
+        tanh(now.load / self.seating)
     }
 }

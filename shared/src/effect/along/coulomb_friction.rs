@@ -23,7 +23,7 @@
 //! ```
 
 use super::{Along, Constant, Memory, Moment, Per};
-use crate::real::Real;
+use crate::real::{Real, tanh};
 
 /// A force of one size against motion, which turns round over a creep speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +50,6 @@ impl<T: Real> Along<T> for CoulombFriction<T> {
     }
 
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
-        (now.velocity / self.creep_speed).tanh()
+        tanh(now.velocity / self.creep_speed)
     }
 }

@@ -23,7 +23,7 @@
 //! ```
 
 use super::{Along, Constant, Memory, Moment, Per};
-use crate::real::Real;
+use crate::real::{Real, tanh};
 
 /// A pressure on a seal, a torque on a gear.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +50,6 @@ impl<T: Real> Along<T> for LoadDependentFriction<T> {
     }
 
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
-        now.load.abs() * (now.velocity / self.creep_speed).tanh()
+        now.load.abs() * tanh(now.velocity / self.creep_speed)
     }
 }

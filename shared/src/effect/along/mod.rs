@@ -36,7 +36,7 @@ pub mod thermal_viscosity;
 pub mod viscous_friction;
 pub mod wear;
 
-use crate::real::{Real, real};
+use crate::real::{Real, exp, real};
 
 /// A law along one coordinate.
 pub trait Along<T: Real> {
@@ -146,7 +146,7 @@ impl<T: Real> Memory<T> {
         let step = self.before.map_or(T::zero(), |before| position - before);
         if step != T::zero() {
             let way = step.signum();
-            self.state = way + (self.state - way) * (-step.abs() / distance).exp();
+            self.state = way + (self.state - way) * exp(-step.abs() / distance);
         }
         self.before = Some(position);
         self.state

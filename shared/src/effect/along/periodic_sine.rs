@@ -22,7 +22,7 @@
 //! ```
 
 use super::{Along, Constant, Memory, Moment, Per};
-use crate::real::Real;
+use crate::real::{Real, sin};
 
 /// Periodic error of a gear or an encoder, the part that is zero at position zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,6 +49,6 @@ impl<T: Real> Along<T> for PeriodicSine<T> {
     }
 
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
-        (now.position * self.per_turn).sin()
+        sin(now.position * self.per_turn)
     }
 }

@@ -23,7 +23,7 @@
 //! ```
 
 use super::{Along, Constant, Memory, Moment, Per};
-use crate::real::{Real, real};
+use crate::real::{Real, exp, real, tanh};
 
 /// What friction has more at creep than at speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +50,6 @@ impl<T: Real> Along<T> for StribeckFriction<T> {
     }
 
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
-        (now.velocity * real(10.0) / self.fall_speed).tanh() * (-now.velocity.abs() / self.fall_speed).exp()
+        tanh(now.velocity * real(10.0) / self.fall_speed) * exp(-now.velocity.abs() / self.fall_speed)
     }
 }

@@ -25,7 +25,7 @@
 //! ```
 
 use super::{Along, Constant, Memory, Moment, Per};
-use crate::real::Real;
+use crate::real::{Real, tanh};
 
 /// Friction that changes with the way that was gone.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,6 +52,6 @@ impl<T: Real> Along<T> for Wear<T> {
     }
 
     fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T {
-        memory.way(now.position) * (now.velocity / self.creep_speed).tanh()
+        memory.way(now.position) * tanh(now.velocity / self.creep_speed)
     }
 }
