@@ -288,7 +288,7 @@ fn a_table_is_uploaded_played_and_measured() {
     let run = std::fs::read_to_string(home.path("run.csv")).unwrap();
     assert_eq!(run.lines().filter(|line| !line.starts_with('#')).count(), 6);
     assert!(run.contains("# clock_uncertainty_s "), "{run}");
-    let few = "darm: run.csv: 5 words are not enough to tell an effect from chance: ";
+    let few = "darm: run.csv: 5 words are not enough to distinguish an effect from chance: ";
     let output = home.darm(&format!("diagnose {arm} run.csv"));
     assert!(text(&output.stderr).starts_with(few), "{}", text(&output.stderr));
 }

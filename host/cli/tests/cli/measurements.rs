@@ -34,8 +34,8 @@ fn damaged() -> Vec<(&'static str, &'static str, String, i32, &'static str)> {
         ("five-rows", force, HEAD.to_string() + &good(5), 1, "not enough"),
         ("a-run-a-row", force, runs, 1, "not enough"),
         ("all-held-out", force, held, 1, "not enough"),
-        ("no-numbers", force, all("nan,nan,nan,nan"), 1, "no number in line 2"),
-        ("words", force, all("x,y,z,w"), 1, "no number in line 2"),
+        ("no-numbers", force, all("nan,nan,nan,nan"), 1, "NaN or infinity in line 2"),
+        ("words", force, all("x,y,z,w"), 1, "NaN or infinity in line 2"),
         ("overflow", force, all("1,2,1e300,1e300"), 1, "right model"),
         ("control-characters", force, "\u{1}\n\u{2},\u{3}\n".into(), 1, "comma-separated"),
         ("constant", force, all("1,1,1,1"), 0, "never changes"),
@@ -205,10 +205,10 @@ fn rows_of_poses_are_named_chosen_held_out_and_drawn() {
     assert_eq!(told["held_out"], "each word in turn, in 10 parts");
     assert_eq!((&told["verdict"], &told["effects"][0]["law"]), (&"effect-found".into(), &"stroke-loss".into()));
     let [before, after] =
-        ["before", "after"].map(|when| told["error"][when]["heldout"]["distance_m"].as_f64().unwrap());
+        ["before", "after"].map(|when| told["error"][when]["heldout"]["norm"]["value"].as_f64().unwrap());
     assert!(after < 0.2 * before, "{before} {after}");
     let page = std::fs::read_to_string(home.path("page.html")).unwrap();
-    assert!(page.contains("What the model lacks") && page.contains("stroke-loss") && page.contains("<svg"));
+    assert!(page.contains("Missing effects") && page.contains("stroke-loss") && page.contains("<svg"));
     let rows = told["rows"]["train"].as_u64().unwrap();
     for (how, held_out, rows) in [
         ("--hold-out-each day", "each day in turn", &rows.into()),
@@ -222,12 +222,13 @@ fn rows_of_poses_are_named_chosen_held_out_and_drawn() {
     home.fails(
         &format!("{ask} --lowpass 3"),
         2,
-        "darm: --lowpass is for tables of channels, not for an arm file: each row is a visit of its own, there is no signal \
+        "darm: --lowpass is for signals, not for an arm file: each row is a visit of its own, there is no signal \
          to filter",
     );
     home.fails(
         &format!("{ask} --where day=1 --hold-out-each day"),
         1,
-        "darm: run.csv: all rows that count are of one part (each day in turn): choose a column with several values",
+        "darm: run.csv: cross-validation needs at least 2 groups, and all rows are in one (each day in turn): choose a column \
+         with several values",
     );
 }
