@@ -29,7 +29,7 @@ use embedded_storage_async::nor_flash::NorFlash;
 
 use crate::clock::Clock;
 use crate::control::Shared;
-use crate::dispatch::{Desk, Frame, encode};
+use crate::dispatch::{Dispatcher, Frame, encode};
 use crate::pipe::Pipe;
 use crate::port::{Item, Port};
 use crate::scan::{Scanner, Stop};
@@ -45,13 +45,13 @@ struct Inbox {
 
 /// Serves the console until somebody asks for a restart; what the board is to start into.
 pub async fn serve<F: NorFlash, C: Clock>(
-    desk: &mut Desk<'_, '_, F, C>,
+    dispatcher: &mut Dispatcher<'_, '_, F, C>,
     reader: &mut impl Read,
     writer: &mut impl Write,
 ) -> bootstrap::Into {
     let inbox = Inbox { bytes: Pipe::new(), stop: Signal::new() };
-    let shared = desk.shared;
-    match select(scan(&inbox, shared, reader), work(&inbox, desk, writer)).await {
+    let shared = dispatcher.shared;
+    match select(scan(&inbox, shared, reader), work(&inbox, dispatcher, writer)).await {
         Either::First(never) => never,
         Either::Second(into) => into,
     }
@@ -84,7 +84,7 @@ async fn scan(inbox: &Inbox, shared: &Shared<'_>, reader: &mut impl Read) -> ! {
 /// Does what comes, one thing after the other.
 async fn work<F: NorFlash, C: Clock>(
     inbox: &Inbox,
-    desk: &mut Desk<'_, '_, F, C>,
+    dispatcher: &mut Dispatcher<'_, '_, F, C>,
     writer: &mut impl Write,
 ) -> bootstrap::Into {
     let out = Out { writer: Mutex::new(writer), is_cut: Cell::new(false), cut: Signal::new() };
@@ -92,8 +92,8 @@ async fn work<F: NorFlash, C: Clock>(
     let mut bytes = [0; 64];
     loop {
         // All futures may be dropped half-way: none takes anything before it is ready.
-        let shared = desk.shared;
-        match select4(inbox.stop.wait(), inbox.bytes.read(&mut bytes), shared.events.next(), desk.seek()).await {
+        let shared = dispatcher.shared;
+        match select4(inbox.stop.wait(), inbox.bytes.read(&mut bytes), shared.events.next(), dispatcher.seek()).await {
             Either4::First(stop) => {
                 port = Port::default();
                 out.confirm(stop, shared).await;
@@ -104,9 +104,9 @@ async fn work<F: NorFlash, C: Clock>(
                     if inbox.stop.signaled() {
                         break;
                     }
-                    let Some(item) = port.push(byte, desk.clock.now()) else { continue };
-                    let stopped = take(inbox, desk, item, &out).await;
-                    if let Some(into) = desk.restart_due(stopped) {
+                    let Some(item) = port.push(byte, dispatcher.clock.now()) else { continue };
+                    let stopped = take(inbox, dispatcher, item, &out).await;
+                    if let Some(into) = dispatcher.restart_due(stopped) {
                         // Whether the answer leaves or not, the board restarts.
                         let _ = out.writer.lock().await.flush().await;
                         return into;
@@ -117,7 +117,7 @@ async fn work<F: NorFlash, C: Clock>(
                     }
                 }
             }
-            Either4::Third(event) => desk.note(event),
+            Either4::Third(event) => dispatcher.note(event),
             Either4::Fourth(answer) => out.send(&answer).await,
         }
     }
@@ -126,22 +126,22 @@ async fn work<F: NorFlash, C: Clock>(
 /// Does one thing; true when a stop came meanwhile, which drops what was received before it.
 async fn take<F: NorFlash, C: Clock, W: Write>(
     inbox: &Inbox,
-    desk: &mut Desk<'_, '_, F, C>,
+    dispatcher: &mut Dispatcher<'_, '_, F, C>,
     item: Item<'_>,
     out: &Out<'_, W>,
 ) -> bool {
-    let shared = desk.shared;
+    let shared = dispatcher.shared;
     match item {
         Item::Frame(encoded) => {
-            let (answer, stopped) = watch(inbox, shared, out, desk.answer(encoded)).await;
+            let (answer, stopped) = watch(inbox, shared, out, dispatcher.answer(encoded)).await;
             if let Some(answer) = answer {
                 out.send(&answer).await;
             }
             stopped
         }
-        Item::Line(line) => watch(inbox, shared, out, desk.obey(line, &mut &*out)).await.1,
+        Item::Line(line) => watch(inbox, shared, out, dispatcher.execute(line, &mut &*out)).await.1,
         Item::Dropped => {
-            desk.note_bad();
+            dispatcher.note_bad();
             false
         }
     }

@@ -1,7 +1,7 @@
 //! The control tick and what it shares with the slower tasks.
 //!
 //! ```text
-//!   desk (console) ──order──► ┌──────────────┐ ──lines──► solenoid chain
+//!   dispatcher (console) ──order──► ┌──────────────┐ ──lines──► solenoid chain
 //!                  ◄─outcome─ │ Control::tick │ ◄─switches
 //!                  ◄─events── └──────────────┘
 //!                               │ joints  ▲ seen
@@ -31,10 +31,10 @@ use crate::ring::Ring;
 
 /// Time from one control tick to the next.
 pub const TICK: Micros = Micros::from_millis(1);
-/// Events that wait for the desk; beyond that the newest are lost, and their numbers show it.
+/// Events that wait for the dispatcher; beyond that the newest are lost, and their numbers show it.
 const WAITING_EVENTS: usize = 64;
 
-/// What the desk asks of the control tick.
+/// What the dispatcher asks of the control tick.
 pub enum Order<'t> {
     /// Do what a person or a host asks for.
     Command {
@@ -175,7 +175,7 @@ type Raw = CriticalSectionRawMutex;
 pub struct Shared<'t> {
     orders: Ring<Order<'t>, 1>,
     outcomes: Ring<Outcome<'t>, 1>,
-    /// What happened, for the desk.
+    /// What happened, for the dispatcher.
     pub events: Ring<Numbered, WAITING_EVENTS>,
     seen: Mutex<Raw, Cell<[ServoSeen; MAX_SERVOS]>>,
     joints: Mutex<Raw, Cell<Joints>>,
@@ -313,12 +313,12 @@ impl<'t> Control<'t> {
 
     fn attend(&mut self, shared: &Shared<'t>) {
         if let Some(order) = shared.orders.take() {
-            // The desk has fetched the last outcome before it asked again, so there is room.
-            let _ = shared.outcomes.put(self.obey(order, shared.stops()));
+            // The dispatcher has fetched the last outcome before it asked again, so there is room.
+            let _ = shared.outcomes.put(self.execute(order, shared.stops()));
         }
     }
 
-    fn obey(&mut self, order: Order<'t>, stops_now: u32) -> Outcome<'t> {
+    fn execute(&mut self, order: Order<'t>, stops_now: u32) -> Outcome<'t> {
         match order {
             Order::Command { stops, command } if stops != stops_now && command != Command::Stop => {
                 Outcome::Command(Err(CommandError::Stopped))
@@ -387,7 +387,7 @@ impl<'t> Control<'t> {
     fn tell(&mut self, at: Micros, event: Event, shared: &Shared<'t>) {
         let number = self.next_event;
         self.next_event = number.wrapping_add(1);
-        // When the desk is too slow the event is lost, and the gap in the numbers tells.
+        // When the dispatcher is too slow the event is lost, and the gap in the numbers tells.
         let _ = shared.events.put(Numbered { number, at, event });
     }
 

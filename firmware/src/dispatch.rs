@@ -1,7 +1,7 @@
-//! The desk: takes frames, runs what they ask for, and gives the frame that answers.
+//! The dispatcher: takes frames, runs what they ask for, and gives the frame that answers.
 //!
 //! An order that changes something runs once: the answer to the last one is kept, and a repeated number gets it again.
-//! What cannot be read is counted and never answered. Text commands ([`crate::text`]) go through the same desk.
+//! What cannot be read is counted and never answered. Text commands ([`crate::text`]) go through the same dispatcher.
 mod uploads;
 
 use core::future::pending;
@@ -13,7 +13,7 @@ use darm_core::sequencer::{Command, CommandError, Phase, ServoSeen};
 use darm_core::table::{self, RowError, Table, TableError};
 use darm_core::units::{DeviceId, Digest, Micros};
 use darm_core::wire::PROTOCOL;
-use darm_core::wire::bootstrap::{self, ANSWER, Death, Identity, Version};
+use darm_core::wire::bootstrap::{self, ANSWER, CrashRecord, Identity, Version};
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
 use darm_core::wire::message::{
     Answer, Calibration, Hello, ImageKind, OUTPUTS, OutputState, REQUEST, Refusal, Reply, Request, Status,
@@ -52,16 +52,16 @@ const OLD_LINKS: usize = 8;
 /// Rows that are rehearsed at once: the console is heard in between.
 const REHEARSED: usize = 16;
 
-/// What the desk knows of the board when it opens.
+/// What the dispatcher knows of the board when it opens.
 pub struct Board {
     /// Number and name.
     pub identity: Identity,
     /// How the start before ended.
-    pub death: Option<Death>,
+    pub crash: Option<CrashRecord>,
 }
 
 /// Answers to the host.
-pub struct Desk<'s, 't, F: NorFlash, C> {
+pub struct Dispatcher<'s, 't, F: NorFlash, C> {
     pub(crate) board: Board,
     pub(crate) clock: C,
     pub(crate) shared: &'s Shared<'t>,
@@ -108,8 +108,8 @@ type Payload = heapless::Vec<u8, MAX_PAYLOAD>;
 /// A whole frame on the line.
 pub type Frame = heapless::Vec<u8, MAX_FRAME>;
 
-impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
-    /// A desk that knows nothing yet; [`Desk::open`] it before it answers.
+impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
+    /// A dispatcher that knows nothing yet; [`Dispatcher::open`] it before it answers.
     pub fn new(board: Board, clock: C, shared: &'s Shared<'t>, room: &'s mut Room) -> Self {
         Self {
             board,
@@ -228,7 +228,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Desk<'s, 't, F, C> {
                 self.shared.ask(stop).await;
                 payload(&[0])
             }
-            bootstrap::Request::ReadFault => payload(&Death::encode(self.board.death.as_ref())),
+            bootstrap::Request::ReadFault => payload(&CrashRecord::encode(self.board.crash.as_ref())),
             bootstrap::Request::Reboot(into) => match self.restart(into).await {
                 Ok(()) => payload(&[0]),
                 Err(_) => payload(&[1]),

@@ -4,30 +4,30 @@
 #![no_std]
 #![no_main]
 
-use darm_firmware::board::{self, clocks, death, gpio, restart, tasks, time};
+use darm_firmware::board::{self, clocks, crash, gpio, restart, tasks, time};
 use darm_firmware::life::{self, Start};
 use defmt_rtt as _;
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
     restart::enter_loader_if_asked();
-    let death = death::take();
-    let crashes = death::count_crash(death.is_some());
+    let crash = crash::take();
+    let crashes = crash::count_crash(crash.is_some());
     if let Err(error) = clocks::start() {
-        death::give_up(format_args!("the clock does not start: {error:?}"));
+        crash::give_up(format_args!("the clock does not start: {error:?}"));
     }
     gpio::start_user_button();
     time::start();
     board::prioritise();
     defmt::info!("start of {=str}, emulated {=bool}", board::NAME, board::emulated());
-    if let Some(death) = &death {
-        defmt::error!("the last start died after {=u64} us: {=str}", death.uptime_us, death.text.as_str());
+    if let Some(crash) = &crash {
+        defmt::error!("the last start died after {=u64} us: {=str}", crash.uptime_us, crash.text.as_str());
     }
     let start = life::start_after(crashes);
     if start == Start::Held {
         defmt::error!("{=u32} crashes in a row: outputs disabled, bootstrap set only", crashes);
     }
-    tasks::start(death, start, tasks::room());
+    tasks::start(crash, start, tasks::room());
     loop {
         cortex_m::asm::wfi();
     }

@@ -2,7 +2,7 @@
 //!
 //! Neither the control tick nor the store runs, as either may be what crashes. The board answers version 0 of the
 //! messages: a host then identifies it, stops it, reads the crash record and reboots it, and asks for nothing else.
-use darm_core::wire::bootstrap::{self, ANSWER, Death, Payload, Request, Version};
+use darm_core::wire::bootstrap::{self, ANSWER, CrashRecord, Payload, Request, Version};
 use darm_core::wire::frame::{self, Header};
 use embedded_io_async::{Read, Write};
 
@@ -33,7 +33,7 @@ pub async fn serve(
         for &byte in bytes.iter().take(n) {
             let into = match port.push(byte, clock.now()) {
                 Some(Item::Frame(encoded)) => answer(board, encoded, writer).await,
-                Some(Item::Line(line)) => obey(line, writer).await,
+                Some(Item::Line(line)) => execute(line, writer).await,
                 Some(Item::Dropped) | None => None,
             };
             if let Some(into) = into {
@@ -59,13 +59,13 @@ fn reply(board: &Board, request: Request) -> Payload {
     match request {
         Request::Identify => board.identity.encode(),
         Request::Version => Version { protocol: PROTOCOL_OF_A_HELD_BOARD, firmware: FIRMWARE }.encode(),
-        Request::ReadFault => Death::encode(board.death.as_ref()),
+        Request::ReadFault => CrashRecord::encode(board.crash.as_ref()),
         // Every output is disabled already.
         Request::Stop | Request::Reboot(_) => [0].into_iter().collect(),
     }
 }
 
-async fn obey(line: &str, writer: &mut impl Write) -> Option<bootstrap::Into> {
+async fn execute(line: &str, writer: &mut impl Write) -> Option<bootstrap::Into> {
     let into = match line {
         "reboot" => Some(bootstrap::Into::Application),
         "reboot loader" => Some(bootstrap::Into::Loader),
@@ -82,7 +82,7 @@ mod tests {
     use crate::tests::fakes::{HandClock, run};
     use core::convert::Infallible;
     use darm_core::units::DeviceId;
-    use darm_core::wire::bootstrap::{DeathKind, Identity};
+    use darm_core::wire::bootstrap::{CrashKind, Identity};
     use darm_core::wire::frame::MAX_FRAME;
     use embedded_io_async::ErrorType;
 
@@ -114,8 +114,8 @@ mod tests {
     fn board() -> Board {
         let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("test").unwrap() };
         let text = heapless::String::try_from("why").unwrap();
-        let death = Some(Death { kind: DeathKind::Watchdog, uptime_us: 1, pc: 2, lr: 3, text });
-        Board { identity, death }
+        let crash = Some(CrashRecord { kind: CrashKind::Watchdog, uptime_us: 1, pc: 2, lr: 3, text });
+        Board { identity, crash }
     }
 
     /// What the board answers to these bytes, and into what it reboots.
@@ -133,7 +133,7 @@ mod tests {
 
     #[test]
     fn the_bootstrap_set_is_answered_and_ends_with_a_reboot() {
-        let Board { identity, death } = board();
+        let Board { identity, crash } = board();
         let requests = [
             Request::Identify,
             Request::Version,
@@ -144,7 +144,7 @@ mod tests {
         let sent: Vec<u8> = requests.iter().flat_map(|request| frame_of(request.tag(), request.payload())).collect();
         let version = Version { protocol: 0, firmware: FIRMWARE };
         let payloads =
-            [identity.encode(), version.encode(), reply(&board(), Request::Stop), Death::encode(death.as_ref())];
+            [identity.encode(), version.encode(), reply(&board(), Request::Stop), CrashRecord::encode(crash.as_ref())];
         let answers = payloads.iter().zip(1..).flat_map(|(payload, tag): (_, u8)| frame_of(tag | ANSWER, payload));
         let expected: Vec<u8> = answers.chain(frame_of(5 | ANSWER, &[0])).collect();
         assert_eq!(exchange(&sent), (expected, bootstrap::Into::Loader));

@@ -22,13 +22,13 @@ use embassy_futures::yield_now;
 
 use crate::app::serve;
 use crate::control::{Control, Inputs, Shared, TICK};
-use crate::dispatch::{Board, Desk};
+use crate::dispatch::{Board, Dispatcher};
 use crate::pipe::{Pipe, PipeReader, PipeWriter};
 use fakes::{Cells, HandClock, MockFlash, profile, profile_image, run, table, table_with};
 
 const LINK: u32 = 77;
 
-type OnBench = Desk<'static, 'static, MockFlash, &'static HandClock>;
+type OnBench = Dispatcher<'static, 'static, MockFlash, &'static HandClock>;
 
 /// A board, and an arm that follows its lines at once.
 struct Bench {
@@ -41,7 +41,7 @@ struct Bench {
     stuck: Cell<Option<u32>>,
     /// A person holds the button.
     button: Cell<bool>,
-    desk: RefCell<Option<OnBench>>,
+    dispatcher: RefCell<Option<OnBench>>,
     number: Cell<u16>,
 }
 
@@ -64,16 +64,17 @@ impl Bench {
             outputs: Cell::default(),
             stuck: Cell::default(),
             button: Cell::default(),
-            desk: RefCell::default(),
+            dispatcher: RefCell::default(),
             number: Cell::new(0),
             cells,
         };
         let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("bench").unwrap() };
-        let mut desk = Desk::new(Board { identity, death: None }, bench.clock, bench.shared, Box::leak(Box::default()));
+        let mut dispatcher =
+            Dispatcher::new(Board { identity, crash: None }, bench.clock, bench.shared, Box::leak(Box::default()));
         let profile = Box::leak(Box::new(Profile::empty()));
-        let opening = desk.open(Some(bench.cells.flash(u32::MAX)), Box::leak(Box::default()), profile);
+        let opening = dispatcher.open(Some(bench.cells.flash(u32::MAX)), Box::leak(Box::default()), profile);
         run(opening, || bench.tick());
-        *bench.desk.borrow_mut() = Some(desk);
+        *bench.dispatcher.borrow_mut() = Some(dispatcher);
         bench
     }
 
@@ -97,10 +98,10 @@ impl Bench {
     }
 
     fn frame(&self, encoded: &mut [u8]) -> Option<Vec<u8>> {
-        let mut desk = self.desk.borrow_mut();
-        let desk = desk.as_mut().unwrap();
-        let mut answer = match run(desk.answer(encoded), || self.tick()) {
-            None if desk.sought.is_some() => run(desk.seek(), || self.tick()),
+        let mut dispatcher = self.dispatcher.borrow_mut();
+        let dispatcher = dispatcher.as_mut().unwrap();
+        let mut answer = match run(dispatcher.answer(encoded), || self.tick()) {
+            None if dispatcher.sought.is_some() => run(dispatcher.seek(), || self.tick()),
             answer => answer?,
         };
         let len = answer.len();
@@ -156,8 +157,8 @@ impl Bench {
     /// What the board prints for a line.
     fn type_line(&self, line: &str) -> String {
         let pipe = Pipe::<4096>::new();
-        let mut desk = self.desk.borrow_mut();
-        run(desk.as_mut().unwrap().obey(line, &mut PipeWriter(&pipe)), || self.tick()).unwrap();
+        let mut dispatcher = self.dispatcher.borrow_mut();
+        run(dispatcher.as_mut().unwrap().execute(line, &mut PipeWriter(&pipe)), || self.tick()).unwrap();
         core::iter::from_fn(|| pipe.pop()).map(char::from).collect()
     }
 }
@@ -278,7 +279,7 @@ fn the_bootstrap_set_needs_no_connection() {
     assert_eq!(bench.outputs.get().lines, 0);
     assert_eq!(Identity::decode(&send(bootstrap::Request::Identify)).unwrap().board, "bench");
     assert_eq!(bootstrap::Version::decode(&send(bootstrap::Request::Version)).unwrap().protocol, PROTOCOL);
-    assert_eq!(bootstrap::Death::decode(&send(bootstrap::Request::ReadFault)), Some(None));
+    assert_eq!(bootstrap::CrashRecord::decode(&send(bootstrap::Request::ReadFault)), Some(None));
 }
 
 fn along(x: f32, y: f32) -> Coordinates {
@@ -330,9 +331,9 @@ fn the_console_is_heard_while_the_board_searches() {
     // The second copy of a request does not make the search begin anew.
     [500, 500].into_iter().for_each(|number| asked(number, Request::Nearest(along(2.0, 1.0))));
     asked(501, Request::Status);
-    let mut desk = bench.desk.borrow_mut();
+    let mut dispatcher = bench.dispatcher.borrow_mut();
     let (mut reader, mut writer) = (PipeReader(&input), PipeWriter(&output));
-    let served = serve(desk.as_mut().unwrap(), &mut reader, &mut writer);
+    let served = serve(dispatcher.as_mut().unwrap(), &mut reader, &mut writer);
     let numbers = RefCell::new(vec![]);
     let mut bytes = vec![];
     let heard = async {
@@ -382,9 +383,9 @@ fn the_console_serves_both_languages_until_it_starts_anew() {
     let bench = loaded();
     let (input, output) = (Pipe::<1024>::new(), Pipe::<1024>::new());
     input.push_slice(b"\0\x01garbage\0id\rreboot\rid\r");
-    let mut desk = bench.desk.borrow_mut();
+    let mut dispatcher = bench.dispatcher.borrow_mut();
     let served = async {
-        let into = serve(desk.as_mut().unwrap(), &mut PipeReader(&input), &mut PipeWriter(&output)).await;
+        let into = serve(dispatcher.as_mut().unwrap(), &mut PipeReader(&input), &mut PipeWriter(&output)).await;
         assert_eq!(into, bootstrap::Into::Application);
     };
     let text = RefCell::new(String::new());
@@ -473,7 +474,7 @@ fn nobody_restarts_a_board_whose_program_runs() {
     assert!(bench.type_line("reboot").starts_with('?'));
     let request = bootstrap::Request::Reboot(bootstrap::Into::Application);
     bench.send(Header { tag: request.tag(), link: 0, number: 9 }, request.payload());
-    assert_eq!(bench.desk.borrow_mut().as_mut().unwrap().restart_due(false), None);
+    assert_eq!(bench.dispatcher.borrow_mut().as_mut().unwrap().restart_due(false), None);
 }
 
 fn hello(bench: &Bench) -> Hello {

@@ -10,13 +10,13 @@ use darm_core::profile::{EmergencyStop, Output};
 use darm_core::sequencer::{Command, Event, Phase};
 use darm_core::units::{Digest, Micros, Word, WordError};
 use darm_core::wire::PROTOCOL;
-use darm_core::wire::bootstrap::{Death, DeathKind, Into};
+use darm_core::wire::bootstrap::{CrashKind, CrashRecord, Into};
 use embedded_io_async::Write;
 use embedded_storage_async::nor_flash::NorFlash;
 
 use crate::clock::Clock;
 use crate::control::{Order, Outcome};
-use crate::dispatch::{Desk, FIRMWARE};
+use crate::dispatch::{Dispatcher, FIRMWARE};
 
 const HELP: &[&str] = &[
     "help             this list",
@@ -165,9 +165,9 @@ impl fmt::Write for Line {
     }
 }
 
-impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
+impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     /// Does what a line says and writes the answer.
-    pub async fn obey<W: Write>(&mut self, line: &str, out: &mut W) -> Result<(), W::Error> {
+    pub async fn execute<W: Write>(&mut self, line: &str, out: &mut W) -> Result<(), W::Error> {
         self.begin_item();
         if !line.starts_with(|first: char| first.is_ascii_alphabetic()) {
             return Ok(());
@@ -321,8 +321,8 @@ impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
             Ok(Phase::Safe(fault)) => say(out, format_args!("{fault}; type clear to leave the safe state")).await?,
             _ => say(out, format_args!("no fault is latched")).await?,
         }
-        match &self.board.death {
-            Some(death) => say(out, format_args!("last crash: {}", DeathText(death))).await,
+        match &self.board.crash {
+            Some(crash) => say(out, format_args!("last crash: {}", CrashText(crash))).await,
             None => say(out, format_args!("no crash in the last start")).await,
         }
     }
@@ -362,19 +362,19 @@ impl fmt::Display for ServoText<'_> {
     }
 }
 
-struct DeathText<'a>(&'a Death);
+struct CrashText<'a>(&'a CrashRecord);
 
-impl fmt::Display for DeathText<'_> {
+impl fmt::Display for CrashText<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Death { kind, uptime_us, pc, lr, text } = self.0;
+        let CrashRecord { kind, uptime_us, pc, lr, text } = self.0;
         match kind {
-            DeathKind::Panic => write!(f, "a panic after {}: {text}", Micros(*uptime_us)),
-            DeathKind::HardFault => {
+            CrashKind::Panic => write!(f, "a panic after {}: {text}", Micros(*uptime_us)),
+            CrashKind::HardFault => {
                 write!(f, "a hard fault after {} at {pc:#010x} from {lr:#010x}: {text}", Micros(*uptime_us))
             }
             // The hardware leaves no record.
-            DeathKind::Watchdog if text.is_empty() => f.write_str("the watchdog: the control tick had stopped"),
-            DeathKind::Watchdog => write!(f, "the watchdog after {}: {text}", Micros(*uptime_us)),
+            CrashKind::Watchdog if text.is_empty() => f.write_str("the watchdog: the control tick had stopped"),
+            CrashKind::Watchdog => write!(f, "the watchdog after {}: {text}", Micros(*uptime_us)),
         }
     }
 }
@@ -397,10 +397,10 @@ impl fmt::Display for EventText<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::{DeathText, ParseError, Words, parse};
+    use super::{CrashText, ParseError, Words, parse};
     use darm_core::nearest::Coordinates;
     use darm_core::sequencer::Command;
-    use darm_core::wire::bootstrap::{Death, DeathKind, Into};
+    use darm_core::wire::bootstrap::{CrashKind, CrashRecord, Into};
 
     #[test]
     fn lines_are_commands() {
@@ -442,16 +442,16 @@ mod tests {
 
     #[test]
     fn a_watchdog_record_says_which_task_was_silent() {
-        let death = |text: &str, uptime_us| Death {
-            kind: DeathKind::Watchdog,
+        let crash = |text: &str, uptime_us| CrashRecord {
+            kind: CrashKind::Watchdog,
             uptime_us,
             pc: 0,
             lr: 0,
             text: text.try_into().unwrap(),
         };
-        let silent = death("servo bus silent for 2000 ms", 61_250_000);
-        assert_eq!(DeathText(&silent).to_string(), "the watchdog after 61.250 s: servo bus silent for 2000 ms");
-        let bitten = death("", 0);
-        assert_eq!(DeathText(&bitten).to_string(), "the watchdog: the control tick had stopped");
+        let silent = crash("servo bus silent for 2000 ms", 61_250_000);
+        assert_eq!(CrashText(&silent).to_string(), "the watchdog after 61.250 s: servo bus silent for 2000 ms");
+        let bitten = crash("", 0);
+        assert_eq!(CrashText(&bitten).to_string(), "the watchdog: the control tick had stopped");
     }
 }

@@ -9,7 +9,7 @@ use std::fs::File;
 use std::time::{Duration, Instant};
 
 use darm_core::wire::PROTOCOL;
-use darm_core::wire::bootstrap::{self, Death, DeathKind};
+use darm_core::wire::bootstrap::{self, CrashKind, CrashRecord};
 use darm_device::client::Client;
 use darm_device::qemu::qtest::Qtest;
 use darm_device::qemu::{Console, Machine, Qemu};
@@ -80,13 +80,13 @@ impl Board {
 
     /// Waits for a start that reads a crash record.
     #[track_caller]
-    fn crash_record(&mut self) -> Death {
+    fn crash_record(&mut self) -> CrashRecord {
         let start = Instant::now();
         loop {
             assert!(self.qemu.is_running(), "the emulator ended: {}", self.qemu.complaints());
             let link = darm_device::link::open(self.qemu.console_port()).unwrap();
-            if let Ok(Some(death)) = Client::connect(link).and_then(|mut client| client.last_death()) {
-                return death;
+            if let Ok(Some(crash)) = Client::connect(link).and_then(|mut client| client.last_crash()) {
+                return crash;
             }
             assert!(start.elapsed() < LIMIT, "no crash record; the emulator: {:?}", self.qemu.complaints());
             std::thread::sleep(Duration::from_millis(20));
@@ -97,20 +97,20 @@ impl Board {
 #[test]
 fn a_stack_overflow_is_recorded_and_the_board_starts_again() {
     let Some(mut board) = Board::start() else { return };
-    assert_eq!(board.connect().last_death().unwrap(), None);
+    assert_eq!(board.connect().last_crash().unwrap(), None);
     board.overflow_the_stack();
     let record = board.crash_record();
-    assert_eq!(record.kind, DeathKind::HardFault);
+    assert_eq!(record.kind, CrashKind::HardFault);
     assert!(record.text.starts_with("stack overflow"), "{}", record.text);
 }
 
 #[test]
 fn a_console_that_stops_resets_the_board() {
     let Some(mut board) = Board::start() else { return };
-    assert_eq!(board.connect().last_death().unwrap(), None);
+    assert_eq!(board.connect().last_crash().unwrap(), None);
     board.qtest.write_u32(ICER2, COMMON).unwrap();
     let record = board.crash_record();
-    assert_eq!(record.kind, DeathKind::Watchdog);
+    assert_eq!(record.kind, CrashKind::Watchdog);
     assert!(record.text.starts_with("console silent"), "{}", record.text);
 }
 
@@ -126,22 +126,22 @@ fn three_crashes_in_a_row_hold_the_board_until_a_reboot() {
     assert_eq!(held.version().protocol, 0);
     held.stop_at_once().unwrap();
     assert!(held.status().is_err(), "a held board answers the bootstrap set alone");
-    assert_eq!(held.last_death().unwrap().map(|record| record.kind), Some(DeathKind::HardFault));
+    assert_eq!(held.last_crash().unwrap().map(|record| record.kind), Some(CrashKind::HardFault));
     held.reboot(bootstrap::Into::Application).unwrap();
     drop(held);
     let start = Instant::now();
     while board.connect().version().protocol != PROTOCOL {
         assert!(start.elapsed() < LIMIT, "the board is still held");
     }
-    assert_eq!(board.connect().last_death().unwrap(), None);
+    assert_eq!(board.connect().last_crash().unwrap(), None);
 }
 
 #[test]
 fn a_non_maskable_interrupt_without_a_flash_error_is_fatal() {
     let Some(mut board) = Board::start() else { return };
-    assert_eq!(board.connect().last_death().unwrap(), None);
+    assert_eq!(board.connect().last_crash().unwrap(), None);
     board.qtest.write_u32(ICSR, NMIPENDSET).unwrap();
     let record = board.crash_record();
-    assert_eq!(record.kind, DeathKind::HardFault);
+    assert_eq!(record.kind, CrashKind::HardFault);
     assert!(record.text.starts_with("non-maskable interrupt"), "{}", record.text);
 }

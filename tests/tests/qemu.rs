@@ -1,4 +1,4 @@
-//! The real image in the emulator, with a plant at its pins: what a user with a board on the desk would see.
+//! The real image in the emulator, with a plant at its pins: what a user with a board on the dispatcher would see.
 //!
 //! `cargo xtask test` installs the emulator and builds the image; without them see `emulator::missing`.
 
@@ -24,7 +24,7 @@ fn a_table_is_uploaded_and_played_by_the_pins() {
     let Some(bench) = Bench::start(Console::Socket, false) else { return };
     let mut client = bench.connect();
     assert_eq!(client.identity().board, "B-L475E-IOT01A");
-    assert_eq!(client.last_death().unwrap(), None);
+    assert_eq!(client.last_crash().unwrap(), None);
     let words = stepped(8);
     let image = table(&bench.wiring, &words, ModelHash(1));
     assert_eq!(usize::from(client.upload(&image, &mut |_| {}).unwrap()), words.len());

@@ -129,11 +129,11 @@ pub(super) fn measure(folder: Option<&Path>) -> Result<Vec<Figure>> {
         if !output.status.success() {
             bail!("{name}: {}", String::from_utf8_lossy(&output.stderr));
         }
-        let told: Value = serde_json::from_slice(&output.stdout).context("the answer is no JSON")?;
+        let report: Value = serde_json::from_slice(&output.stdout).context("the answer is no JSON")?;
         println!("{name}\n  darm diagnose {} {} {}", case.model, case.data, quoted(case.options));
-        println!("  named: {}", names(&told));
+        println!("  named: {}", names(&report));
         for figure in case.figures {
-            figures.extend(figure.of(&name, &told)?);
+            figures.extend(figure.of(&name, &report)?);
         }
         figures.push(Figure::new(&format!("{name}, time"), (time_s * 100.0).round() / 100.0, "s")?);
         figures.push(Figure::new(&format!("{name}, memory"), peak_mb.round(), "MB of memory")?);
@@ -170,17 +170,17 @@ impl Case {
 
 impl Told {
     /// The held-out figure after and before.
-    fn of(&self, name: &str, told: &Value) -> Result<[Figure; 2]> {
+    fn of(&self, name: &str, report: &Value) -> Result<[Figure; 2]> {
         let (pointer, factor, unit) = match self {
             Norm(factor, unit) => ("norm".to_string(), factor, unit),
             Axis(axis, factor, unit) => (format!("axes/{axis}"), factor, unit),
         };
         let number = |when: &str| {
-            let value = told.pointer(&format!("/error/{when}/heldout/{pointer}/value")).and_then(Value::as_f64);
+            let value = report.pointer(&format!("/error/{when}/heldout/{pointer}/value")).and_then(Value::as_f64);
             value.map(|value| value * factor).with_context(|| format!("{name}: no error {when}"))
         };
         let axis =
-            told.pointer(&format!("/error/after/heldout/{pointer}/axis")).and_then(Value::as_str).unwrap_or("norm");
+            report.pointer(&format!("/error/after/heldout/{pointer}/axis")).and_then(Value::as_str).unwrap_or("norm");
         println!("  {axis}: {:.3} -> {:.3} {unit}", number("before")?, number("after")?);
         let rounded = |value: f64| (value * 1000.0).round() / 1000.0;
         Ok([
@@ -191,8 +191,8 @@ impl Told {
 }
 
 /// The laws that were named, each with how often.
-fn names(told: &Value) -> String {
-    let effects = told["effects"].as_array().map_or(&[][..], Vec::as_slice);
+fn names(report: &Value) -> String {
+    let effects = report["effects"].as_array().map_or(&[][..], Vec::as_slice);
     let mut laws: Vec<&str> = effects.iter().filter_map(|effect| effect["law"].as_str()).collect();
     laws.sort_unstable();
     let counted = laws.chunk_by(|a, b| a == b).map(|same| format!("{} ×{}", same[0], same.len()));

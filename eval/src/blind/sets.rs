@@ -10,7 +10,7 @@ use super::channels::{Added, Bench, joint_of, law_of};
 /// Members of a set are alike where what they add differs by no more than this share of the noise, root mean square.
 const SAME: f64 = 0.5;
 /// Directions of a law's values with less than this share of the largest are not told.
-const LEAST: f64 = 1e-9;
+const MIN_SHARE: f64 = 1e-9;
 
 /// What laws add.
 pub(super) trait Elsewhere {
@@ -56,8 +56,8 @@ fn alike(bench: &Bench, added: &Added, members: &[(&'static str, &str)]) -> Resu
     };
     let left = |k: usize| {
         let (row, axis) = (k / n_axes, k % n_axes);
-        let whole = bench.measured[axis][row] - bench.nominal[axis][row] - others(axis, row);
-        if bench.spoiled.contains(&row) { 0.0 } else { whole / bench.noise[axis] }
+        let total = bench.measured[axis][row] - bench.nominal[axis][row] - others(axis, row);
+        if bench.spoiled.contains(&row) { 0.0 } else { total / bench.noise[axis] }
     };
     let wanted = DVector::from_iterator(rows * n_axes, (0..rows * n_axes).map(left));
     let mut first: Option<DVector<f64>> = None;
@@ -91,6 +91,6 @@ fn predicted(bench: &Bench, law: &str, place: &str, wanted: &DVector<f64>) -> Re
         columns.column_iter_mut().zip(&scale).for_each(|(mut column, by)| column /= *by);
         columns
     };
-    let values = scaled(here).svd(true, true).solve(wanted, LEAST).map_err(anyhow::Error::msg)?;
+    let values = scaled(here).svd(true, true).solve(wanted, MIN_SHARE).map_err(anyhow::Error::msg)?;
     Ok(Some(scaled(in_noise(there, &[])) * values))
 }

@@ -273,7 +273,7 @@ unsafe fn NonMaskableInt() {
             LAST_DOUBLE_ERROR.store(offset, Ordering::Relaxed);
             DOUBLE_ERRORS.fetch_add(1, Ordering::Relaxed);
         }
-        fatal => super::death::end_nmi(fatal),
+        fatal => super::crash::end_nmi(fatal),
     }
 }
 

@@ -9,7 +9,7 @@
 //! | `time`     | SysTick as the clock of all tasks                                 |
 //! | `flash`    | bank 2 as NOR flash; a file of the host in QEMU                   |
 //! | `watchdog` | resets the chip when the control tick, or a task it looks after, stops |
-//! | `death`    | panic and fault: outputs off, a record for the next boot, reset   |
+//! | `crash`    | panic and fault: outputs off, a record for the next boot, reset   |
 //! | `restart`  | reset into the firmware or into the chip's loader                 |
 //! | `tasks`    | the control tick, the two tasks, and what they own                |
 //! | `mask`     | the critical section                                              |
@@ -17,7 +17,7 @@
 //!
 //! Priorities, most urgent first: SysTick, control tick, USARTs, the executor of all else.
 pub mod clocks;
-pub mod death;
+pub mod crash;
 pub mod flash;
 pub mod gpio;
 mod mask;

@@ -15,7 +15,7 @@ static mut WISH: MaybeUninit<u32> = MaybeUninit::uninit();
 
 /// Resets the chip because somebody asked for it; output pins go back to their pull-ups, which hold the outputs off.
 pub fn restart(into: Into) -> ! {
-    super::death::forget_crashes();
+    super::crash::forget_crashes();
     let wish = match into {
         Into::Application => 0,
         Into::Loader => MAGIC,

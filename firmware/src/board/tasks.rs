@@ -20,7 +20,7 @@ use darm_core::duty::DutyMeters;
 use darm_core::profile::Profile;
 use darm_core::table::Table;
 use darm_core::units::Micros;
-use darm_core::wire::bootstrap::{Death, Identity};
+use darm_core::wire::bootstrap::{CrashRecord, Identity};
 use embassy_executor::InterruptExecutor;
 use static_cell::StaticCell;
 use stm32_metapac::interrupt;
@@ -28,11 +28,11 @@ use stm32_metapac::interrupt;
 use super::flash::Flash;
 use super::gpio::{ChainClock, ChainData, ChainEnable, ChainLatch, Switches, user_button_pressed};
 use super::time::BoardClock;
-use super::{death, restart, uart, watchdog};
+use super::{crash, restart, uart, watchdog};
 use crate::app::serve;
 use crate::clock::Clock;
 use crate::control::{Control, Inputs, Shared};
-use crate::dispatch::{Board, Desk};
+use crate::dispatch::{Board, Dispatcher};
 use crate::life::{Pulse, STEADY, Start, Watch};
 use crate::nearest::Room;
 use crate::rescue;
@@ -63,7 +63,7 @@ static mut DESK: MaybeUninit<OnBoard> = MaybeUninit::uninit();
 /// When the requested tick is due, modulo 2³² µs.
 static DUE_US: AtomicU32 = AtomicU32::new(0);
 
-type OnBoard = Desk<'static, 'static, Flash, BoardClock>;
+type OnBoard = Dispatcher<'static, 'static, Flash, BoardClock>;
 
 /// Requests the control tick that is due now. From SysTick, once a [`TICK`](crate::control::TICK); a tick that still waits keeps its time.
 pub(super) fn request_tick(due: Micros) {
@@ -130,39 +130,44 @@ impl Ticker {
 
     fn look_after(&mut self, now: Micros) {
         if let Some(task) = self.watch.silent(now, [CONSOLE_PULSE.count(), SERVO_PULSE.count()]) {
-            death::end_silence(task);
+            crash::end_silence(task);
         }
         watchdog::feed();
         if !self.steady && now >= STEADY {
             self.steady = true;
-            death::forget_crashes();
+            crash::forget_crashes();
         }
     }
 }
 
 #[embassy_executor::task]
-async fn console(desk: &'static mut OnBoard, table: &'static mut Table, profile: &'static mut Profile, start: Start) {
+async fn console(
+    dispatcher: &'static mut OnBoard,
+    table: &'static mut Table,
+    profile: &'static mut Profile,
+    start: Start,
+) {
     let (mut receiver, mut sender) = uart::start_console();
     let into = match start {
         Start::Normal => {
             let work = pin!(async {
-                open(desk, table, profile).await;
-                serve(desk, &mut receiver, &mut sender).await
+                open(dispatcher, table, profile).await;
+                serve(dispatcher, &mut receiver, &mut sender).await
             });
             CONSOLE_PULSE.during(&BoardClock, work).await
         }
-        Start::Held => rescue::serve(&desk.board, &BoardClock, &mut receiver, &mut sender).await,
+        Start::Held => rescue::serve(&dispatcher.board, &BoardClock, &mut receiver, &mut sender).await,
     };
     restart::restart(into)
 }
 
-async fn open(desk: &mut OnBoard, table: &'static mut Table, profile: &'static mut Profile) {
+async fn open(dispatcher: &mut OnBoard, table: &'static mut Table, profile: &'static mut Profile) {
     let flash = Flash::open();
     if let Err(error) = &flash {
         defmt::error!("no storage: {}", defmt::Debug2Format(error));
     }
-    desk.open(flash.ok(), table, profile).await;
-    defmt::info!("storage {=bool}", desk.has_store());
+    dispatcher.open(flash.ok(), table, profile).await;
+    defmt::info!("storage {=bool}", dispatcher.has_store());
 }
 
 #[embassy_executor::task]
@@ -178,10 +183,10 @@ fn identity() -> Identity {
 
 /// What the console owns. Each of these is built in a call of its own, so that no two need their stack at once.
 #[inline(never)]
-fn desk(death: Option<Death>, room: &'static mut Room) -> &'static mut OnBoard {
-    let desk = &raw mut DESK;
+fn dispatcher(crash: Option<CrashRecord>, room: &'static mut Room) -> &'static mut OnBoard {
+    let dispatcher = &raw mut DESK;
     // SAFETY: nothing else refers to it, as this takes the room, which can be built once only.
-    unsafe { (*desk).write(Desk::new(Board { identity: identity(), death }, BoardClock, &SHARED, room)) }
+    unsafe { (*dispatcher).write(Dispatcher::new(Board { identity: identity(), crash }, BoardClock, &SHARED, room)) }
 }
 
 /// The room for a search. Called once.
@@ -223,8 +228,8 @@ fn start_control() {
 ///
 /// A board that is held has the console alone, and its outputs disabled.
 #[inline(never)]
-pub fn start(death: Option<Death>, start: Start, room: &'static mut Room) {
-    let Ok(console) = console(desk(death, room), table(), profile(), start) else { twice() };
+pub fn start(crash: Option<CrashRecord>, start: Start, room: &'static mut Room) {
+    let Ok(console) = console(dispatcher(crash, room), table(), profile(), start) else { twice() };
     if start == Start::Held {
         // The pin keeps the level that it gets here.
         ChainEnable::new(true);
@@ -239,5 +244,5 @@ pub fn start(death: Option<Death>, start: Start, room: &'static mut Room) {
 }
 
 fn twice() -> ! {
-    death::give_up(format_args!("a task was started twice"))
+    crash::give_up(format_args!("a task was started twice"))
 }

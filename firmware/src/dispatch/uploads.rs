@@ -6,10 +6,10 @@ use darm_core::wire::bootstrap;
 use darm_core::wire::message::{Answer, Image, ImageKind, Refusal};
 use embedded_storage_async::nor_flash::NorFlash;
 
-use super::Desk;
+use super::Dispatcher;
 use crate::clock::Clock;
 
-impl<F: NorFlash, C: Clock> Desk<'_, '_, F, C> {
+impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     pub(super) async fn begin(&mut self, image: Image) -> Result<Answer, Refusal> {
         self.require_idle().await?;
         if !self.store()?.is_readable() {

@@ -21,7 +21,7 @@ fn a_profile_is_written_only_while_a_person_holds_the_button() {
     assert!(matches!(refused, Err(Refusal::Table(TableError::Profile(Mismatch::Limit { output: 0, .. })))));
     bench.button.set(true);
     assert_eq!(bench.upload(&(image, bytes)), Ok(Answer::Done));
-    assert_eq!(bench.desk.borrow_mut().as_mut().unwrap().restart_due(false), Some(bootstrap::Into::Application));
+    assert_eq!(bench.dispatcher.borrow_mut().as_mut().unwrap().restart_due(false), Some(bootstrap::Into::Application));
     let again = Bench::new(bench.cells);
     again.connect();
     assert_eq!(hello(&again).profile, image.digest);

@@ -18,7 +18,7 @@ const STOPPED: Result<Answer, Refusal> = Err(Refusal::Command(CommandError::Stop
 /// as a line of 115 200 baud brings.
 fn serve_for(bench: &Bench, millis: u64, mut each: impl FnMut(u64, &Pipe<1024>, &str)) {
     let (input, output) = (Pipe::<1024>::new(), Pipe::<128>::new());
-    let mut desk = bench.desk.borrow_mut();
+    let mut dispatcher = bench.dispatcher.borrow_mut();
     let (mut reader, mut writer) = (PipeReader(&input), PipeWriter(&output));
     let begun = bench.clock.0.get();
     let passed_ms = || (bench.clock.0.get() - begun) / 1000;
@@ -27,7 +27,7 @@ fn serve_for(bench: &Bench, millis: u64, mut each: impl FnMut(u64, &Pipe<1024>, 
             yield_now().await;
         }
     };
-    run(select(serve(desk.as_mut().unwrap(), &mut reader, &mut writer), over), || {
+    run(select(serve(dispatcher.as_mut().unwrap(), &mut reader, &mut writer), over), || {
         bench.tick();
         let said: String = core::iter::from_fn(|| output.pop()).take(11).map(char::from).collect();
         each(passed_ms(), &input, &said);
@@ -146,7 +146,7 @@ fn a_second_stop_is_answered_at_once() {
 #[test]
 fn a_stop_drops_a_restart_unless_a_new_profile_waits_for_it() {
     let bench = loaded();
-    let restart_due = || bench.desk.borrow_mut().as_mut().unwrap().restart_due(true);
+    let restart_due = || bench.dispatcher.borrow_mut().as_mut().unwrap().restart_due(true);
     assert_eq!(bench.type_line("reboot"), "ok, restarting\r\n");
     assert_eq!(restart_due(), None);
     bench.button.set(true);

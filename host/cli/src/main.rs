@@ -9,10 +9,6 @@ mod output_file;
 mod port;
 mod state_folder;
 mod ui;
-/// Former names of [`ui`].
-mod voice {
-    pub(crate) use crate::ui::{Answer, Ui as Voice, columns};
-}
 
 use std::process::ExitCode;
 

@@ -50,16 +50,6 @@ impl Ui {
         spinner
     }
 
-    /// Former name of [`print`](Self::print).
-    pub(crate) fn tell(self, answer: &impl Answer) -> anyhow::Result<()> {
-        self.print(answer)
-    }
-
-    /// Former name of [`spinner`](Self::spinner).
-    pub(crate) fn wheel(self, doing: &str) -> ProgressBar {
-        self.spinner(doing)
-    }
-
     fn progress(self, bar: ProgressBar, style: &str, doing: &str) -> ProgressBar {
         if self.json || !std::io::stderr().is_terminal() {
             bar.set_draw_target(ProgressDrawTarget::hidden());

@@ -18,9 +18,9 @@ use crate::error::{DiagnoseError, MIN_PIECES, MIN_WORDS};
 use crate::judge;
 use crate::judge::next_words::Proposal;
 use crate::linearise::experiment::Experiment;
-use crate::linearise::model::{Model, What};
+use crate::linearise::linearise;
+use crate::linearise::model::Model;
 use crate::linearise::model_effects::{self, ModelEffect};
-use crate::linearise::{force, point_contact, position, torque, wrench};
 use crate::measurement::hold_out::HoldOut;
 use crate::measurement::table::{Names, Table};
 use crate::measurement::{Finding, Run, Severity, check};
@@ -193,7 +193,7 @@ fn select(
     each: Option<&str>,
 ) -> Result<Searched, DiagnoseError> {
     let mut data = Prepared::new(table.clone(), &options.preparation, each)?;
-    let mut experiment = experiment(model, &mut data)?;
+    let mut experiment = linearise(model, &mut data)?;
     check_numbers(&experiment)?;
     // A column that overflows determines nothing.
     let values = experiment.candidates.iter_mut().flat_map(|candidate| &mut candidate.values);
@@ -247,22 +247,6 @@ fn terms(diagnosis: &Diagnosis) -> Vec<ModelEffect> {
         (!one.curve.is_empty()).then(|| ModelEffect::fitted_term(axis, &one.variable, &one.curve))
     };
     diagnosis.remaining.depends_on.iter().filter_map(term).collect()
-}
-
-/// The experiment of a kind of measurement.
-pub(crate) fn experiment(model: &Model, data: &mut Prepared) -> Result<Experiment, DiagnoseError> {
-    let known = &model.effects;
-    let mut experiment = match &model.what {
-        What::Cylinder { bore_m } => force::experiment(data, *bore_m, known)?,
-        What::Servo => position::experiment(data, known)?,
-        What::Torque(robot, transmission) => torque::experiment(data, robot, transmission.as_ref(), known)?,
-        What::Wrench(robot) => wrench::experiment(data, robot)?,
-        What::Closure(robot, points) => point_contact::experiment(data, robot, points)?,
-        What::Any(robot) if data.raw("fz").is_some() => wrench::experiment(data, robot)?,
-        What::Any(robot) => torque::experiment(data, robot, None, known)?,
-    };
-    model_effects::apply(&mut experiment, known)?;
-    Ok(experiment)
 }
 
 /// The candidates of the laws that are always in the model; of a law with several shapes the first.

@@ -16,7 +16,7 @@ use crate::units::DeviceId;
 pub const ANSWER: u8 = 0x80;
 /// First bytes of the answer to identify.
 pub const MAGIC: [u8; 4] = *b"darm";
-/// Longest text of a death.
+/// Longest text of a crash.
 pub const MAX_TEXT: usize = 64;
 /// Longest payload of the set.
 pub const MAX_PAYLOAD: usize = 18 + MAX_TEXT;
@@ -100,9 +100,9 @@ pub struct Version {
 
 /// How the firmware died last.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Death {
+pub struct CrashRecord {
     /// By what.
-    pub kind: DeathKind,
+    pub kind: CrashKind,
     /// Time since its start, in microseconds.
     pub uptime_us: u64,
     /// Program counter, 0 where it is not known.
@@ -115,7 +115,7 @@ pub struct Death {
 
 /// By what a firmware died.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DeathKind {
+pub enum CrashKind {
     /// A panic.
     Panic,
     /// A fault exception of the processor.
@@ -163,23 +163,23 @@ impl Version {
     }
 }
 
-impl Death {
-    /// Bytes of the answer: of no death where `death` is `None`.
-    pub fn encode(death: Option<&Self>) -> Payload {
-        let Some(death) = death else {
+impl CrashRecord {
+    /// Bytes of the answer: of no crash where `crash` is `None`.
+    pub fn encode(crash: Option<&Self>) -> Payload {
+        let Some(crash) = crash else {
             return joined(&[&[0; 18]]);
         };
-        let kind = match death.kind {
-            DeathKind::Panic => 1,
-            DeathKind::HardFault => 2,
-            DeathKind::Watchdog => 3,
+        let kind = match crash.kind {
+            CrashKind::Panic => 1,
+            CrashKind::HardFault => 2,
+            CrashKind::Watchdog => 3,
         };
-        let text = death.text.as_bytes();
-        let (uptime, pc, lr) = (death.uptime_us.to_le_bytes(), death.pc.to_le_bytes(), death.lr.to_le_bytes());
+        let text = crash.text.as_bytes();
+        let (uptime, pc, lr) = (crash.uptime_us.to_le_bytes(), crash.pc.to_le_bytes(), crash.lr.to_le_bytes());
         joined(&[&[kind], &uptime, &pc, &lr, &[text.len() as u8], text])
     }
 
-    /// Reads the answer: `Some(None)` for no death, `None` when the bytes make no sense.
+    /// Reads the answer: `Some(None)` for no crash, `None` when the bytes make no sense.
     pub fn decode(payload: &[u8]) -> Option<Option<Self>> {
         let (&kind, rest) = payload.split_first()?;
         let (uptime, rest) = rest.split_first_chunk()?;
@@ -188,9 +188,9 @@ impl Death {
         let (&len, rest) = rest.split_first()?;
         let kind = match kind {
             0 => return Some(None),
-            1 => DeathKind::Panic,
-            2 => DeathKind::HardFault,
-            3 => DeathKind::Watchdog,
+            1 => CrashKind::Panic,
+            2 => CrashKind::HardFault,
+            3 => CrashKind::Watchdog,
             _ => return None,
         };
         let text = core::str::from_utf8(rest.get(..usize::from(len))?).ok()?;
@@ -240,17 +240,17 @@ mod tests {
 
     #[test]
     fn death_is_frozen() {
-        let death = Death {
-            kind: DeathKind::Panic,
+        let crash = CrashRecord {
+            kind: CrashKind::Panic,
             uptime_us: 0x0102,
             pc: 3,
             lr: 4,
             text: heapless::String::try_from("hi").unwrap(),
         };
         let bytes = [1, 2, 1, 0, 0, 0, 0, 0, 0, 3, 0, 0, 0, 4, 0, 0, 0, 2, b'h', b'i'];
-        assert_eq!(Death::encode(Some(&death)), bytes);
-        assert_eq!(Death::decode(&bytes), Some(Some(death)));
-        assert_eq!(Death::encode(None), [0; 18]);
-        assert_eq!(Death::decode(&[0; 18]), Some(None));
+        assert_eq!(CrashRecord::encode(Some(&crash)), bytes);
+        assert_eq!(CrashRecord::decode(&bytes), Some(Some(crash)));
+        assert_eq!(CrashRecord::encode(None), [0; 18]);
+        assert_eq!(CrashRecord::decode(&[0; 18]), Some(None));
     }
 }

@@ -52,7 +52,7 @@ pub(crate) const INDIRECT: &[Indirect] = &[
     Indirect {
         callers: &[
             "core::fmt::",
-            "board::death",
+            "board::crash",
             "firmware::text",
             "<core::pin::Pin<P> as core::future::future::Future>",
             "<&mut F as core::future::future::Future>",
@@ -102,11 +102,11 @@ pub(crate) const RECURSION: &[Recursion] = &[
 /// What ends a start: outputs off, crash record, reset. Should its stack overflow, the hard fault handler does the same
 /// on a stack of its own; so the bound leaves it out.
 pub(crate) const ENDS: &[&str] =
-    &["__rustc::rust_begin_unwind", "darm_firmware::board::death::Record::new", "darm_firmware::board::death::end_nmi"];
+    &["__rustc::rust_begin_unwind", "darm_firmware::board::crash::Record::new", "darm_firmware::board::crash::end_nmi"];
 
 /// What has returned before the first task starts, in the order of `board::tasks::start`.
 pub(crate) const BEFORE_TASKS: &[&str] = &[
-    "darm_firmware::board::tasks::desk",
+    "darm_firmware::board::tasks::dispatcher",
     "darm_firmware::board::tasks::room",
     "darm_firmware::board::tasks::table",
     "darm_firmware::board::tasks::start_control",

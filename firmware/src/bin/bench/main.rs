@@ -33,7 +33,7 @@ use darm_core::wire::message::{CHUNK, Image, ImageKind, REQUEST, Request};
 use darm_firmware::board::flash::Flash;
 use darm_firmware::board::measure::Stack;
 use darm_firmware::board::tasks::SHARED;
-use darm_firmware::board::{self, clocks, death, measure, tasks, time, uart};
+use darm_firmware::board::{self, clocks, crash, measure, tasks, time, uart};
 use darm_firmware::clock::Clock;
 use darm_firmware::life::Start;
 use darm_firmware::nearest::Room;
@@ -365,7 +365,7 @@ fn main() -> ! {
     let profile = store_profile();
     // The measurements above had the stack of the thread to themselves, as no image does.
     let stack = Stack::paint();
-    tasks::start(death::take(), Start::Normal, room);
+    tasks::start(crash::take(), Start::Normal, room);
     measure_all(&stack, profile);
     debug::exit(debug::EXIT_SUCCESS);
     loop {

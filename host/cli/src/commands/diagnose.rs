@@ -1,4 +1,4 @@
-//! `darm diagnose`: which effect the model lacks, where, how large, and how sure that is.
+//! `darm diagnose`: which effect is missing in the model, where, how large, and how certain that is.
 
 use std::path::PathBuf;
 
@@ -19,7 +19,7 @@ use darm_diagnose::report::sentences::readable;
 use serde::Serialize;
 
 use crate::failure::Usage;
-use crate::voice::{Answer, Voice, columns};
+use crate::ui::{Answer, Ui, columns};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -28,26 +28,26 @@ Examples:
   darm diagnose arm.toml run.mcap                the same of a log in MCAP with messages of JSON
   darm --json diagnose arm.toml run.csv.gz       everything that was tried
   darm diagnose cylinder.toml force.csv --hold-out \"set_bar = 5\"
-                                                 which friction a cylinder has, told at a pressure that no fit saw
+                                                 friction of a cylinder, judged at a pressure that no fit has seen
   darm diagnose cylinder.toml force.csv -o new.toml --keep-terms
-                                                 the same, and what no law explains as a curve
+                                                 the same, with what no law explains as a fitted curve
   darm diagnose arm.toml run.csv --where \"run != 3\" --hold-out-each word --map x_mm=cam_x --report page.html
                                                  poses in columns of other names, without one run, as a page
   darm diagnose arm.urdf motion.csv --lowpass 20 --thin 40
-                                                 what the torques of a serial arm lack
+                                                 missing effects in the torques of a serial arm
 
-Rows that are held out are never fitted: the error after is told on them. Where nothing says which, they are those of the \
-column held_out; without it every fourth block of rows, or of tool poses each word in turn. The columns that tables may have, \
-and their units, stand in the documentation of `darm_diagnose::measurement` and its `table`.
+Rows that are held out are never fitted: the held-out error is computed on them. By default they are those of the column \
+held_out; without it every fourth block of rows, or of tool poses each word in turn. docs/formats.md lists the columns that \
+tables may have, and their units.
 
 A recording of `darm record` names the model of its table. A MODEL that differs from it in its effects only, as \
 the one that -o writes, is accepted with a note; any other is refused, unless --other-model is given.";
 
 /// Findings on rows that are printed.
 const MAX_NOTES: usize = 20;
-const NOTHING_TO_WRITE: &str = "no effect is named for sure, so there is no better model to write";
+const NOTHING_TO_WRITE: &str = "no effect is identified, so there is no corrected model to write";
 
-/// Find which effect the model lacks, where, how large, and how sure that is
+/// Find which effect is missing in the model, where, how large, and how certain that is
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Diagnose {
@@ -130,26 +130,26 @@ struct Report {
 }
 
 impl Diagnose {
-    pub(crate) fn run(&self, voice: Voice) -> anyhow::Result<()> {
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let report = match Model::read(&self.model)? {
-            Some(model) => self.signals(&model, voice)?,
-            None => self.poses(voice)?,
+            Some(model) => self.signals(&model, ui)?,
+            None => self.poses(ui)?,
         };
         if let (Some(_), None) = (&self.output, &report.output) {
-            voice.note(NOTHING_TO_WRITE);
+            ui.note(NOTHING_TO_WRITE);
         }
         if let Some(path) = &self.report {
             let page = diagnosis_page(&report.diagnosis).into_string();
             std::fs::write(path, page).with_context(|| format!("{} cannot be written", path.display()))?;
         }
-        voice.tell(&report)
+        ui.print(&report)
     }
 
-    fn signals(&self, model: &Model, voice: Voice) -> anyhow::Result<Report> {
+    fn signals(&self, model: &Model, ui: Ui) -> anyhow::Result<Report> {
         let (names, options) = (self.rows.names()?, self.rows.options(self.seed)?);
-        let wheel = voice.wheel("diagnosing");
+        let spinner = ui.spinner("diagnosing");
         let outcome = diagnose_file(model, &self.data, &names, &options);
-        wheel.finish_and_clear();
+        spinner.finish_and_clear();
         let outcome = outcome.with_context(|| self.data.display().to_string())?;
         let mut output = None;
         if let Some(path) = &self.output
@@ -160,16 +160,16 @@ impl Diagnose {
         Ok(Report { diagnosis: outcome.diagnosis, output })
     }
 
-    fn poses(&self, voice: Voice) -> anyhow::Result<Report> {
+    fn poses(&self, ui: Ui) -> anyhow::Result<Report> {
         self.rows.refuse_those_of_signals()?;
         let arm = Arm::read(&self.model)?;
         let which = Which { keep: self.rows.keep.clone(), hold_out: self.rows.held_out()? };
         let (run, mut findings) = poses::read(&self.data, &self.rows.names()?, &which)?;
         findings.extend(self.origin(&arm)?);
         findings.extend(check(&arm, &run));
-        let wheel = voice.wheel("diagnosing");
+        let spinner = ui.spinner("diagnosing");
         let outcome = diagnose(&arm, &run, &Options { seed: self.seed, ..Options::default() });
-        wheel.finish_and_clear();
+        spinner.finish_and_clear();
         let outcome = outcome.with_context(|| self.data.display().to_string())?;
         let mut output = None;
         if let Some(path) = &self.output
@@ -222,10 +222,10 @@ impl RowOptions {
         let given = [
             ("--within", !self.within.is_empty(), "visits are parted by their column `run`: --map run=COLUMN"),
             ("--rate", self.rate.is_some(), "poses need a column of time"),
-            ("--thin", self.thin.is_some(), "each row is a visit of its own: --where chooses rows"),
-            ("--lowpass", self.lowpass.is_some(), "each row is a visit of its own, there is no signal to filter"),
-            ("--interpolate", self.interpolate.is_some(), "each row is a visit of its own"),
-            ("--settled", self.settled.is_some(), "each row is a visit of its own: --where chooses rows"),
+            ("--thin", self.thin.is_some(), "each row is a separate visit: --where chooses rows"),
+            ("--lowpass", self.lowpass.is_some(), "each row is a separate visit, there is no signal to filter"),
+            ("--interpolate", self.interpolate.is_some(), "each row is a separate visit"),
+            ("--settled", self.settled.is_some(), "each row is a separate visit: --where chooses rows"),
             ("--always", !self.always.is_empty(), "write the effect into the arm file, its values are fitted again"),
         ];
         match given.into_iter().find(|(_, given, _)| *given) {

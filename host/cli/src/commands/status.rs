@@ -2,7 +2,7 @@
 
 use darm_core::sequencer::{Fault, Phase, ServoSeen};
 use darm_core::units::{Digest, Micros};
-use darm_core::wire::bootstrap::{Death, DeathKind};
+use darm_core::wire::bootstrap::{CrashKind, CrashRecord};
 use darm_core::wire::message::{self, OutputState};
 use darm_device::client::Client;
 use serde::Serialize;
@@ -84,7 +84,7 @@ impl Status {
         let mut client = self.port.connect()?;
         let status = client.status()?;
         let outputs = client.outputs()?;
-        let crash = client.last_death()?.as_ref().map(crash_text);
+        let crash = client.last_crash()?.as_ref().map(crash_text);
         ui.print(&report(&client, &status, &outputs, crash))?;
         match status.phase {
             Phase::Safe(fault) => Err(SafeState(fault.to_string()).into()),
@@ -183,14 +183,14 @@ pub(crate) fn seconds(at: Micros) -> f64 {
     at.0 as f64 * 1e-6
 }
 
-fn crash_text(death: &Death) -> String {
-    let kind = match death.kind {
-        DeathKind::Panic => "panic",
-        DeathKind::HardFault => "hard fault",
-        DeathKind::Watchdog => "watchdog",
+fn crash_text(crash: &CrashRecord) -> String {
+    let kind = match crash.kind {
+        CrashKind::Panic => "panic",
+        CrashKind::HardFault => "hard fault",
+        CrashKind::Watchdog => "watchdog",
     };
-    let place = if death.pc == 0 { String::new() } else { format!(", pc {:#010x}", death.pc) };
-    format!("{kind} {:.3} s after the start{place}: {}", death.uptime_us as f64 * 1e-6, death.text)
+    let place = if crash.pc == 0 { String::new() } else { format!(", pc {:#010x}", crash.pc) };
+    format!("{kind} {:.3} s after the start{place}: {}", crash.uptime_us as f64 * 1e-6, crash.text)
 }
 
 impl Report {

@@ -222,8 +222,8 @@ fn rows_of_poses_are_named_chosen_held_out_and_drawn() {
     home.fails(
         &format!("{ask} --lowpass 3"),
         2,
-        "darm: --lowpass is for signals, not for an arm file: each row is a visit of its own, there is no signal \
-         to filter",
+        "darm: --lowpass is for signals, not for an arm file: each row is a separate visit, there is no signal to \
+         filter",
     );
     home.fails(
         &format!("{ask} --where day=1 --hold-out-each day"),

@@ -86,7 +86,7 @@ impl Memory {
                 return;
             }
         }
-        let result = self.obey(header.link, &request);
+        let result = self.execute(header.link, &request);
         if result.is_ok() && matches!(request, Request::Command(_)) && std::mem::take(&mut self.restart_after_command) {
             return self.reset();
         }
@@ -99,7 +99,7 @@ impl Memory {
         }
     }
 
-    fn obey(&mut self, link: u32, request: &Request) -> Result<Answer, Refusal> {
+    fn execute(&mut self, link: u32, request: &Request) -> Result<Answer, Refusal> {
         if let Request::Hello { protocol } = request {
             if self.connection != Some(link) {
                 self.last = None;

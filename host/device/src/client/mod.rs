@@ -28,7 +28,7 @@ use darm_core::se::Pose;
 use darm_core::sequencer::{Command, Event};
 use darm_core::units::Micros;
 use darm_core::wire::PROTOCOL;
-use darm_core::wire::bootstrap::{self, Death, Identity, Into as RebootInto, Version};
+use darm_core::wire::bootstrap::{self, CrashRecord, Identity, Into as RebootInto, Version};
 use darm_core::wire::message::{Answer, Calibration, Hello, OutputState, Refusal, Request, Status};
 
 use crate::clock::{BoardClock, host_now_s};
@@ -170,9 +170,9 @@ impl Client {
     }
 
     /// How the firmware died last, if it did.
-    pub fn last_death(&mut self) -> Result<Option<Death>, ClientError> {
+    pub fn last_crash(&mut self) -> Result<Option<CrashRecord>, ClientError> {
         let payload = self.exchange.ask_bootstrap("read fault", bootstrap::Request::ReadFault)?;
-        Death::decode(&payload).ok_or(AnswerError::Payload { request: "read fault" }.into())
+        CrashRecord::decode(&payload).ok_or(AnswerError::Payload { request: "read fault" }.into())
     }
 
     /// Starts the board anew; the connection ends.

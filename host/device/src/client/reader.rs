@@ -86,7 +86,7 @@ mod tests {
         frame[..len].to_vec()
     }
 
-    fn whole(payload: &[u8]) -> Piece {
+    fn complete(payload: &[u8]) -> Piece {
         Piece::Frame(HEADER, payload.to_vec())
     }
 
@@ -98,7 +98,7 @@ mod tests {
             let mut pieces = reader.read(0.0, &stream[..cut]);
             pieces.extend(reader.read(0.01, &stream[cut..]));
             let frames: Vec<_> = pieces.iter().filter(|piece| matches!(piece, Piece::Frame(..))).collect();
-            assert_eq!(frames, [&whole(&[0, 1]), &whole(&[2])]);
+            assert_eq!(frames, [&complete(&[0, 1]), &complete(&[2])]);
             let text: Vec<u8> = pieces
                 .iter()
                 .flat_map(|piece| if let Piece::Text(text) = piece { text.clone() } else { vec![] })
@@ -115,7 +115,7 @@ mod tests {
             stream.remove(lost);
             (2..5).for_each(|n| stream.extend(framed(&[n])));
             let pieces = Reader::default().read(0.0, &stream);
-            assert!(pieces.ends_with(&[whole(&[3]), whole(&[4])]), "{pieces:?}");
+            assert!(pieces.ends_with(&[complete(&[3]), complete(&[4])]), "{pieces:?}");
         }
     }
 

@@ -14,7 +14,7 @@ use darm_core::wire::bootstrap::{Identity, Into};
 use darm_firmware::app::serve;
 use darm_firmware::clock::Clock;
 use darm_firmware::control::{Control, Inputs, Shared, TICK};
-use darm_firmware::dispatch::{Board, Desk};
+use darm_firmware::dispatch::{Board, Dispatcher};
 use darm_firmware::nearest::Room;
 use darm_firmware::pipe::{Pipe, PipeReader, PipeWriter};
 use darm_firmware::servo::Bus;
@@ -141,9 +141,9 @@ pub(super) async fn run(wires: Rc<Wires>, flash: MemoryFlash, used: Rc<RefCell<D
     let console = async {
         let board = "in-process".parse().unwrap_or_default();
         let identity = Identity { device: DEVICE, board };
-        let mut desk = Desk::new(Board { identity, death: None }, &wires.clock, &shared, &mut room);
-        desk.open(Some(flash), &mut table, &mut profile).await;
-        serve(&mut desk, &mut PipeReader(&wires.console_in), &mut PipeWriter(&wires.console_out)).await
+        let mut dispatcher = Dispatcher::new(Board { identity, crash: None }, &wires.clock, &shared, &mut room);
+        dispatcher.open(Some(flash), &mut table, &mut profile).await;
+        serve(&mut dispatcher, &mut PipeReader(&wires.console_in), &mut PipeWriter(&wires.console_out)).await
     };
     let bus =
         async { Bus::new(PipeReader(&wires.bus_in), PipeWriter(&wires.bus_out), &wires.clock).run(&shared).await };

@@ -171,7 +171,7 @@ impl ServoBus {
         self.pending.extend(bytes);
         let mut answers = Vec::new();
         while let Some(packet) = next_packet(&mut self.pending) {
-            self.obey(&packet, &mut answers);
+            self.execute(&packet, &mut answers);
         }
         answers
     }
@@ -198,7 +198,7 @@ impl ServoBus {
         self.servos.iter_mut().find(|servo| servo.id() == id && !servo.silent)
     }
 
-    fn obey(&mut self, packet: &Packet, answers: &mut Vec<u8>) {
+    fn execute(&mut self, packet: &Packet, answers: &mut Vec<u8>) {
         match (packet.instruction, packet.parameters.as_slice()) {
             (instruction::PING, []) => self.answer(packet.id, answers, |_| Some(&[])),
             (instruction::READ, &[at, count]) => self.answer(packet.id, answers, |servo| servo.read(at, count)),

@@ -135,8 +135,8 @@ fn chances(selected: &Selected, deviations: &[f64]) -> Vec<f64> {
             let errors = best.fit.values[index] / deviation.max(f64::MIN_POSITIVE);
             chance_beyond(errors, problem.groups.n_blocks.saturating_sub(1))
         };
-        let least = values.iter().zip(deviations.by_ref()).map(of_value).fold(1.0, f64::min);
-        least * values.len() as f64
+        let smallest = values.iter().zip(deviations.by_ref()).map(of_value).fold(1.0, f64::min);
+        smallest * values.len() as f64
     };
     best.fit.active.iter().map(chance).collect()
 }

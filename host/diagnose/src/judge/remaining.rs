@@ -57,9 +57,9 @@ pub(crate) fn remaining(problem: &Signals, best: &Trial<Signals>) -> Remaining {
     for (axis, of) in own_axes(experiment) {
         let (own, scatter) = drawn_in(&of_axis(&after, n_axes, axis));
         let in_scatter = |own: &[f64]| squares(own, rows) / (scatter * scatter);
-        let whole = in_scatter(&own);
+        let total = in_scatter(&own);
         let depends = dependences(problem, of, &designs, own);
-        taken += depends.iter().map(|term| term.share).sum::<f64>() * whole;
+        taken += depends.iter().map(|term| term.share).sum::<f64>() * total;
         before += in_scatter(&drawn_in(&of_axis(&experiment.residuals, n_axes, axis)).0);
         terms.extend(depends);
     }
@@ -72,7 +72,7 @@ fn dependences(problem: &Signals, axis: &Axis, designs: &[Design], own: Vec<f64>
     let n_tried = (designs.len() * experiment.axes.len()) as f64;
     let held_out: Vec<usize> = (0..experiment.rows.len()).filter(|&row| experiment.rows[row].held_out).collect();
     let error = |of: &[f64]| (squares(of, &held_out) / held_out.len() as f64).sqrt();
-    let whole = squares(&own, rows).max(f64::MIN_POSITIVE);
+    let total = squares(&own, rows).max(f64::MIN_POSITIVE);
     // The terms have no mean over the rows; the first one takes that of the residual with it.
     let mut mean = rows.iter().map(|&row| own[row]).sum::<f64>() / rows.len().max(1) as f64;
     let (mut found, mut left): (Vec<Dependence>, _) = (Vec::new(), own);
@@ -93,7 +93,7 @@ fn dependences(problem: &Signals, axis: &Axis, designs: &[Design], own: Vec<f64>
             variable: design.term.variable.clone(),
             shape: design.term.shape,
             frame: None,
-            share: taken.square / whole,
+            share: taken.square / total,
             p: Some(p),
             heldout_gain: (!held_out.is_empty()).then(|| error(&left) - error(&taken.left)),
             curve: channel.map_or(Vec::new(), |(_, channel)| curve_along(channel, &fitted)),

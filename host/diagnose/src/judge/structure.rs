@@ -55,7 +55,7 @@ fn dependences(arm: &Arm, run: &Run, observations: &Observations, residuals: &[f
     let n_tried = 2.0 * designs.len() as f64;
     let n_axes = observations.n_axes();
     let of_axes = (0..n_axes).map(|axis| squares(&of_axis(residuals, n_axes, axis), &rows));
-    let whole = of_axes.sum::<f64>().max(f64::MIN_POSITIVE);
+    let total = of_axes.sum::<f64>().max(f64::MIN_POSITIVE);
     let mut found: Vec<Dependence> = Vec::new();
     let mut left = residuals.to_vec();
     while found.len() < MAX_TERMS {
@@ -70,7 +70,7 @@ fn dependences(arm: &Arm, run: &Run, observations: &Observations, residuals: &[f
         }
         left = if frame == Frame::Base { observations.in_tool(&taken.left) } else { taken.left };
         let Term { variable, shape, kept, .. } = design.term;
-        let (variable, share, kept) = (variable.clone(), taken.square / whole, kept.clone());
+        let (variable, share, kept) = (variable.clone(), taken.square / total, kept.clone());
         found.push(Dependence {
             axis: None,
             variable,

@@ -64,7 +64,7 @@ impl Origin {
 
     /// The error that names the arm file to give.
     pub fn refusal(&self, data: &Path, path: &Path, arm: &Arm) -> OtherModel {
-        let wanted = beside(path).find(|other| Arm::read(other).is_ok_and(|other| other.hash() == self.model));
+        let wanted = companion(path).find(|other| Arm::read(other).is_ok_and(|other| other.hash() == self.model));
         OtherModel { data: data.into(), arm: path.into(), recorded: self.model, given: arm.hash(), wanted }
     }
 }
@@ -75,7 +75,7 @@ fn hash(text: &str) -> Option<ModelHash> {
 }
 
 /// The arm files that may be in the folder of `path`.
-fn beside(path: &Path) -> impl Iterator<Item = PathBuf> {
+fn companion(path: &Path) -> impl Iterator<Item = PathBuf> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let entries = std::fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok);
     let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();

@@ -116,13 +116,13 @@ pub fn interpolated(values: &[f64], time_s: &[f64], fresh: &[bool]) -> Vec<f64> 
 /// An angle without jumps of whole turns.
 pub fn unwrapped(angles: &[f64]) -> Vec<f64> {
     let turn = std::f64::consts::TAU;
-    let mut whole = 0.0;
+    let mut turns = 0.0;
     let mut all = Vec::with_capacity(angles.len());
     for (k, angle) in angles.iter().enumerate() {
         if k > 0 {
-            whole -= ((angle - angles[k - 1]) / turn).round() * turn;
+            turns -= ((angle - angles[k - 1]) / turn).round() * turn;
         }
-        all.push(angle + whole);
+        all.push(angle + turns);
     }
     all
 }

@@ -261,9 +261,9 @@ fn units(table: &Table, findings: &mut Vec<Finding>) {
 /// A low-pass with this corner, and how many rows it settles in.
 fn low_pass(corner_hz: f64, rate_hz: f64) -> Result<(LowPass, usize), PrepareError> {
     let none = || {
-        let least = 2.0 * corner_hz;
+        let min_rate = 2.0 * corner_hz;
         let what =
-            format!("a low-pass at {corner_hz} Hz needs more than {least} rows a second, there are {rate_hz:.1}");
+            format!("a low-pass at {corner_hz} Hz needs more than {min_rate} rows a second, there are {rate_hz:.1}");
         PrepareError::Nothing(what)
     };
     Ok((LowPass::new(corner_hz, rate_hz).ok_or_else(none)?, 2 * (rate_hz / corner_hz).ceil() as usize))

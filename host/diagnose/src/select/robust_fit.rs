@@ -106,8 +106,8 @@ pub fn pseudo_inverse(information: &DMatrix<f64>) -> DMatrix<f64> {
     let scale = information.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
     let scaled = DMatrix::from_fn(scale.len(), scale.len(), |a, b| information[(a, b)] * scale[a] * scale[b]);
     let eigen = scaled.symmetric_eigen();
-    let least = LEAST_EIGENVALUE * eigen.eigenvalues.max();
-    let inverted = eigen.eigenvalues.map(|l| if l > least && l > 0.0 { 1.0 / l } else { 0.0 });
+    let smallest = LEAST_EIGENVALUE * eigen.eigenvalues.max();
+    let inverted = eigen.eigenvalues.map(|l| if l > smallest && l > 0.0 { 1.0 / l } else { 0.0 });
     let inverse = &eigen.eigenvectors * DMatrix::from_diagonal(&inverted) * eigen.eigenvectors.transpose();
     DMatrix::from_fn(scale.len(), scale.len(), |a, b| inverse[(a, b)] * scale[a] * scale[b])
 }
@@ -166,8 +166,8 @@ pub fn cross_validated(
         return residuals.to_vec();
     }
     let all = vec![1.0; observations.rows.len()];
-    let whole = linear_step(columns, residuals, n_axes, &all, &all, REWEIGHTINGS);
-    let first = weights(&moved(columns, residuals, &whole), n_axes);
+    let full = linear_step(columns, residuals, n_axes, &all, &all, REWEIGHTINGS);
+    let first = weights(&moved(columns, residuals, &full), n_axes);
     let mut predicted = residuals.to_vec();
     for fold in 0..=folds.iter().copied().max().unwrap_or_default() {
         let counts: Vec<f64> = folds.iter().map(|own| if *own == fold { 0.0 } else { 1.0 }).collect();

@@ -461,8 +461,8 @@ impl Part {
         if chain.n_actuators() == 0 {
             return None;
         }
-        let whole = modules.len() < 2 || rng.random_bool(0.5);
-        Some(if whole { Self::Arm } else { Self::Module(modules[rng.random_range(0..modules.len())]) })
+        let total = modules.len() < 2 || rng.random_bool(0.5);
+        Some(if total { Self::Arm } else { Self::Module(modules[rng.random_range(0..modules.len())]) })
     }
 
     fn holds(&self, actuator: usize, stage: usize) -> bool {

@@ -14,7 +14,7 @@ use core::ptr::addr_of_mut;
 
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::exception;
-use darm_core::wire::bootstrap::{Death, DeathKind, MAX_TEXT};
+use darm_core::wire::bootstrap::{CrashKind, CrashRecord, MAX_TEXT};
 
 use super::{pins, time, watchdog};
 use crate::ecc::DoubleError;
@@ -36,7 +36,7 @@ struct Record {
 }
 
 /// Start-up code neither clears nor fills this section, so it outlives a reset. After power-on it holds noise.
-#[unsafe(link_section = ".uninit.DEATH")]
+#[unsafe(link_section = ".uninit.CRASH")]
 static mut RECORD: MaybeUninit<Record> = MaybeUninit::uninit();
 
 /// Crashes in a row and the complement of that number, which tells it from noise. Outlives a reset as the record does.
@@ -77,7 +77,7 @@ impl Write for Record {
 }
 
 /// How the start before this one ended, if it did not end by power. Reading it forgets it.
-pub fn take() -> Option<Death> {
+pub fn take() -> Option<CrashRecord> {
     let bitten = watchdog::take_bite();
     let slot = addr_of_mut!(RECORD).cast::<Record>();
     // SAFETY: every bit pattern is a `Record`; only this function at start and the handlers, which never return, touch it.
@@ -87,11 +87,11 @@ pub fn take() -> Option<Death> {
     if record.magic == MAGIC && record.check == record.sum() {
         let bytes = record.message.get(..record.len as usize).unwrap_or(&record.message);
         let text = bytes.utf8_chunks().next().map_or("", |chunk| chunk.valid());
-        return Some(Death {
+        return Some(CrashRecord {
             kind: match record.kind {
-                PANIC => DeathKind::Panic,
-                WATCHDOG => DeathKind::Watchdog,
-                _ => DeathKind::HardFault,
+                PANIC => CrashKind::Panic,
+                WATCHDOG => CrashKind::Watchdog,
+                _ => CrashKind::HardFault,
             },
             uptime_us: record.uptime_us,
             pc: record.pc,
@@ -99,7 +99,7 @@ pub fn take() -> Option<Death> {
             text: heapless::String::try_from(text).unwrap_or_default(),
         });
     }
-    bitten.then(|| Death { kind: DeathKind::Watchdog, uptime_us: 0, pc: 0, lr: 0, text: heapless::String::new() })
+    bitten.then(|| CrashRecord { kind: CrashKind::Watchdog, uptime_us: 0, pc: 0, lr: 0, text: heapless::String::new() })
 }
 
 /// Counts the crash of the last start, if it crashed, and returns how many there were in a row. Call once, at start.
