@@ -1,4 +1,5 @@
-//! What measures: the demo, the benchmarks, the blind suite, the papers and the faults. `cargo xtask` starts it.
+//! What measures: the demo, the benchmarks, the blind suite, the papers and the faults; what is done with the figures.
+//! `cargo xtask` starts it.
 
 mod bench;
 mod blind;
@@ -11,7 +12,12 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-/// Measurements of this workspace, each beside its goals.
+/// Measurements of this workspace, each with its goals
+///
+/// A command with the options --shard and --results is a list of independent seeded items. Several processes share them:
+/// each runs its part (--shard I/N, or the rank of mpirun or of a Slurm array) and appends outcomes to a file of its own
+/// (--results 'NAME.{shard}.results'); a process that was killed is started again with the same command. `merge` joins the
+/// files and prints the table of one process. docs/evaluation.md describes the files.
 #[derive(Parser)]
 #[command(name = "cargo xtask", bin_name = "cargo xtask")]
 struct Arguments {
