@@ -95,3 +95,40 @@ impl Measured {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use serde_json::{Value, json};
+
+    use super::*;
+
+    /// The names of the items of a job with these options, which are to be read back as they are.
+    fn items<J: Job>(options: Value) -> Vec<String> {
+        let job: J = serde_json::from_value(options.clone()).unwrap();
+        assert_eq!(serde_json::to_value(&job).unwrap(), options, "{}", J::COMMAND);
+        let items = job.items().unwrap();
+        let unique: BTreeSet<&String> = items.iter().collect();
+        assert_eq!(unique.len(), items.len(), "{}", J::COMMAND);
+        items
+    }
+
+    #[test]
+    fn every_job_has_its_options_and_items_with_names_of_their_own() {
+        let blind = items::<blind::Job>(json!({ "seeds": 3, "first_seed": 5, "arm": "hybrid" }));
+        assert_eq!(blind, ["seed 5", "seed 6", "seed 7"]);
+        assert_eq!(items::<blind::Mechanisms>(json!({ "first_seed": 1 })).len(), 19);
+        assert_eq!(
+            items::<demo::Sweep>(json!({ "seeds": 2, "arm": "planar", "effect": "play" })),
+            ["seed 1", "seed 2"]
+        );
+        assert_eq!(items::<demo::Sweep>(json!({ "seeds": 1, "arm": "hybrid", "effect": null })).len(), 1);
+        assert_eq!(items::<bench::SynthesisSweep>(json!({})).len(), 14 * 200 + 100);
+        assert_eq!(items::<bench::Reach>(json!({ "seed": 1 })).len(), 1 + 1000);
+        assert_eq!(items::<faults::Job>(json!({ "kills": 51, "frames": null, "stops": 20 })).len(), 3);
+        let grasp = items::<papers::Grasp>(json!({ "n": 10, "held_out": 250, "lambdas": 2 }));
+        assert_eq!(grasp, ["training", "constraints from 0", "constraints from 100", "constraints from 200"]);
+        assert_eq!(items::<papers::Memr>(json!({ "seed": 1 })).len(), 15 + 21 + 2);
+    }
+}
