@@ -70,7 +70,7 @@ fn check(what: &str, holds: bool) {
 
 /// An image in the making.
 struct Recorded {
-    bytes: heapless::Vec<u8, 2560>,
+    bytes: heapless::Vec<u8, 2304>,
     kind: ImageKind,
     model: ModelHash,
 }
