@@ -23,53 +23,49 @@ use crate::ui::{Answer, Ui, columns};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm diagnose arm.toml run.csv                 the verdict, and what it rests on
-  darm diagnose arm.toml run.csv -o arm2.toml    and the model with the effect in it, for the next table
-  darm diagnose arm.toml run.mcap                the same of a log in MCAP with messages of JSON
-  darm --json diagnose arm.toml run.csv.gz       everything that was tried
-  darm diagnose cylinder.toml force.csv --hold-out \"set_bar = 5\"
-                                                 friction of a cylinder, judged at a pressure that no fit has seen
-  darm diagnose cylinder.toml force.csv -o new.toml --keep-terms
-                                                 the same, with what no law explains as a fitted curve
-  darm diagnose arm.toml run.csv --where \"run != 3\" --hold-out-each word --map x_mm=cam_x --report page.html
-                                                 poses in columns of other names, without one run, as a page
-  darm diagnose arm.urdf motion.csv --lowpass 20 --thin 40
-                                                 missing effects in the torques of a serial arm
+  darm diagnose arm.toml run.csv                    # the verdict and its evidence
+  darm diagnose arm.toml run.csv -o arm2.toml       # and the corrected model, for the next table
+  darm diagnose planar4.toml planar4-run.csv        # a recording that is shipped
+  darm --json diagnose arm.toml run.csv --hold-out-each word
+  darm diagnose tx40.toml tx40-motion.csv.gz --split heldout -o tx40-2.toml   # torques of a robot
+  darm diagnose cylinder.toml cylinder-force.csv.gz --where 'seal = O-ring' \\
+                --hold-out 'set_bar = 5' -o cylinder2.toml --keep-terms --report page.html
 
-Rows that are held out are never fitted: the held-out error is computed on them. By default they are those of the column \
-held_out; without it every fourth block of rows, or of tool poses each word in turn. docs/formats.md lists the columns that \
-tables may have, and their units.
+Held-out rows are never used by a fit; the error after the correction is reported on them. By default they are the rows marked \
+in the column held_out; without that column every fourth block of rows, or for tool poses each word in turn. --map names \
+columns of other names, such as --map x_mm=cam_x. The columns and units of tables are listed in \
+docs/formats.md.
 
-A recording of `darm record` names the model of its table. A MODEL that differs from it in its effects only, as \
-the one that -o writes, is accepted with a note; any other is refused, unless --other-model is given.";
+A recording of `darm record` names the model of its table. A MODEL that differs from it only in its effects, such as one from \
+-o, is accepted with a note; any other is refused, unless --other-model is given.";
 
 /// Findings on rows that are printed.
 const MAX_NOTES: usize = 20;
-const NOTHING_TO_WRITE: &str = "no effect is identified, so there is no corrected model to write";
+const NOTHING_TO_WRITE: &str = "no effect was identified, so no corrected model is written";
 
-/// Find which effect is missing in the model, where, how large, and how certain that is
+/// Find the missing effect of a model: law, place, size and confidence
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Diagnose {
-    /// The model that predicted: an arm file, a URDF, or a small TOML that names its kind
+    /// The model to diagnose: an arm file, a URDF, or a TOML file that names its kind
     #[arg(value_name = "MODEL")]
     model: PathBuf,
-    /// Measurements: what `darm record` writes, or any CSV with its columns; may end in .gz
+    /// Measurements: a file from `darm record`, or a CSV file with its columns; can be compressed (.gz)
     #[arg(value_name = "DATA")]
     data: PathBuf,
-    /// The model with the effects that were found
-    #[arg(short, long = "write-model", visible_alias = "output", value_name = "NEW.toml")]
+    /// Write the model with the effects that were found
+    #[arg(short, long, visible_alias = "write-model", value_name = "NEW.toml")]
     output: Option<PathBuf>,
-    /// Accept a recording that was made with the table of another arm file
+    /// Accept a recording of the table of another arm file
     #[arg(long)]
     other_model: bool,
-    /// Keep what no law explains in that model, as fitted terms of what it depends on
+    /// Add fitted terms to that model for a residual that no law explains
     #[arg(long, requires = "output")]
     keep_terms: bool,
     /// Seed of the cross-validation
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// A page with tables and plots
+    /// Write a report with tables and plots
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
     #[command(flatten)]
@@ -79,43 +75,43 @@ pub(crate) struct Diagnose {
 /// Which rows of a table count, and how.
 #[derive(clap::Args, Debug)]
 struct RowOptions {
-    /// Only rows where this holds, as `seal = NAPN, t >= 4.5`
+    /// Use only the rows where this holds, such as `seal = NAPN, t >= 4.5`
     #[arg(long = "where", value_name = "EXPR")]
     keep: Option<Selection>,
     /// Hold out the rows where this holds
-    #[arg(long, value_name = "EXPR", group = "held")]
+    #[arg(long, value_name = "EXPR", group = "held_out_rows")]
     hold_out: Option<Selection>,
-    /// Hold out this share of the rows, from the end
-    #[arg(long, value_name = "FRACTION", group = "held")]
+    /// Hold out this share of the rows, at the end
+    #[arg(long, value_name = "FRACTION", group = "held_out_rows")]
     hold_out_last: Option<f64>,
     /// Hold out each value of a column in turn
-    #[arg(long, value_name = "COLUMN", group = "held")]
+    #[arg(long, value_name = "COLUMN", group = "held_out_rows")]
     hold_out_each: Option<String>,
     /// Hold out the rows where a column is not 0
-    #[arg(long, value_name = "COLUMN", group = "held")]
+    #[arg(long, value_name = "COLUMN", group = "held_out_rows")]
     split: Option<String>,
-    /// Columns whose values part the rows into stretches
+    /// Columns whose values separate the rows into segments
     #[arg(long, value_name = "COLUMN,…", value_delimiter = ',')]
     within: Vec<String>,
-    /// Rows a second, where the table has no time
+    /// Sampling rate, where the table has no time
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// Keep about this many rows a second
+    /// Decimate to about this rate
     #[arg(long, value_name = "HZ")]
     thin: Option<f64>,
-    /// Low-pass without delay on all channels
+    /// Cut-off frequency of a low-pass without delay on all signals
     #[arg(long, value_name = "HZ")]
     lowpass: Option<f64>,
     /// Interpolate the posture between the rows where this column is not 0
     #[arg(long, value_name = "FLAG")]
     interpolate: Option<String>,
-    /// Leave out rows sooner than this after a change of target
+    /// Skip rows within this time after a change of target
     #[arg(long, value_name = "SECONDS")]
     settled: Option<f64>,
-    /// Laws that are in the model from the start
+    /// Laws to include from the start
     #[arg(long, value_name = "LAW,…", value_delimiter = ',')]
     always: Vec<String>,
-    /// What columns hold whose own names do not say it, as `load=duty,position_count=pos`
+    /// Meaning of columns with other names, such as `load=duty,position_count=pos`
     #[arg(long, value_name = "NAME=COLUMN,…", value_delimiter = ',')]
     map: Vec<String>,
 }
@@ -140,7 +136,7 @@ impl Diagnose {
         }
         if let Some(path) = &self.report {
             let page = diagnosis_page(&report.diagnosis).into_string();
-            std::fs::write(path, page).with_context(|| format!("{} cannot be written", path.display()))?;
+            std::fs::write(path, page).with_context(|| format!("cannot write {}", path.display()))?;
         }
         ui.print(&report)
     }
@@ -199,7 +195,7 @@ impl RowOptions {
     fn names(&self) -> anyhow::Result<measurement::table::Names> {
         let pair = |text: &String| {
             let parts = text.split_once('=').map(|(name, column)| (name.trim().to_string(), column.trim().to_string()));
-            parts.ok_or_else(|| Usage(format!("--map {text}: write NAME=COLUMN")).into())
+            parts.ok_or_else(|| Usage(format!("--map {text}: give NAME=COLUMN")).into())
         };
         self.map.iter().map(pair).collect()
     }
@@ -208,7 +204,7 @@ impl RowOptions {
         Ok(match (&self.hold_out, self.hold_out_last, &self.hold_out_each, &self.split) {
             (Some(selection), ..) => HoldOut::Where(selection.clone()),
             (_, Some(share), ..) if !(share > 0.0 && share < 1.0) => {
-                return Err(Usage(format!("--hold-out-last {share}: a share lies between 0 and 1")).into());
+                return Err(Usage(format!("--hold-out-last {share}: give a share between 0 and 1")).into());
             }
             (_, Some(share), ..) => HoldOut::Last(share),
             (.., Some(column), _) => HoldOut::Each(column.clone()),
@@ -220,13 +216,13 @@ impl RowOptions {
     /// Poses are visits, not a signal: filters and decimation mean nothing there, and laws are in the arm file.
     fn refuse_those_of_signals(&self) -> anyhow::Result<()> {
         let given = [
-            ("--within", !self.within.is_empty(), "visits are parted by their column `run`: --map run=COLUMN"),
+            ("--within", !self.within.is_empty(), "visits are separated by their column `run`: use --map run=COLUMN"),
             ("--rate", self.rate.is_some(), "poses need a column of time"),
-            ("--thin", self.thin.is_some(), "each row is a separate visit: --where chooses rows"),
+            ("--thin", self.thin.is_some(), "each row is a separate visit: choose rows with --where"),
             ("--lowpass", self.lowpass.is_some(), "each row is a separate visit, there is no signal to filter"),
             ("--interpolate", self.interpolate.is_some(), "each row is a separate visit"),
-            ("--settled", self.settled.is_some(), "each row is a separate visit: --where chooses rows"),
-            ("--always", !self.always.is_empty(), "write the effect into the arm file, its values are fitted again"),
+            ("--settled", self.settled.is_some(), "each row is a separate visit: choose rows with --where"),
+            ("--always", !self.always.is_empty(), "add the effect to the arm file, its values are fitted again"),
         ];
         match given.into_iter().find(|(_, given, _)| *given) {
             Some((option, _, what)) => {
@@ -254,7 +250,7 @@ impl RowOptions {
 fn positive(option: &str, number: Option<f64>) -> anyhow::Result<Option<f64>> {
     match number {
         Some(number) if !(number > 0.0 && number.is_finite()) => {
-            Err(Usage(format!("{option} {number}: must be more than 0")).into())
+            Err(Usage(format!("{option} {number}: give a number above 0")).into())
         }
         number => Ok(number),
     }
