@@ -2,7 +2,8 @@
 //!
 //! A log that is written has one topic, [`TOPIC`], with one message a row, told at the row's time, whose keys are the
 //! names of the columns; the schema ([`SCHEMA`], JSON Schema) names each column's type and unit. Comment lines before the
-//! table become the metadata record `about`.
+//! table become the metadata record `about`. Log times are those of the clock on the wall: the column of time is counted from
+//! the first row, whose time is told by the key [`FIRST_ROW`]; without it the column itself is the log time.
 //!
 //! A log that is read may have several topics of JSON: messages with the same log time make one row. Keys within an object
 //! and numbers within a list become columns, joined by `_` and numbered from 1 (`{"q": [1, 2]}` is `q1`, `q2`); a column
@@ -20,6 +21,8 @@ use super::table::{meant, named};
 pub const TOPIC: &str = "/measurement";
 /// Name of its schema.
 pub const SCHEMA: &str = "darm.Measurement";
+/// Key of the metadata with the time of the first row, s since 1970.
+pub const FIRST_ROW: &str = "first_row_unix_s";
 /// Columns of digits, which are no numbers.
 const DIGITS: [&str; 2] = ["word", "previous"];
 
@@ -104,7 +107,7 @@ fn table(log: &Log) -> Result<Vec<u8>, LogError> {
         };
         text.write_record(own.into_iter().chain(columns.iter().map(cell)))?;
     }
-    Ok(text.into_inner().unwrap_or_default())
+    Ok(text.into_inner().expect("a writer to memory does not fail"))
 }
 
 /// The columns of an object and what stands in them.
@@ -149,13 +152,19 @@ pub(super) struct Rows {
     /// The container.
     pub(super) log: Writer,
     count: usize,
+    /// Time of the first row since 1970, s.
+    epoch_s: Option<f64>,
+    /// The first row's column of time, s.
+    first_s: Option<f64>,
 }
 
 impl Rows {
     /// A log of rows with these columns.
     pub(super) fn new(about: &[(String, String)], header: csv::StringRecord) -> Self {
         let log = Writer::new(about, TOPIC, (SCHEMA, &schema(&header).to_string()));
-        Self { header, log, count: 0 }
+        let epoch = about.iter().find(|(key, _)| key == FIRST_ROW);
+        let epoch_s = epoch.and_then(|(_, text)| text.parse().ok());
+        Self { header, log, count: 0, epoch_s, first_s: None }
     }
 
     /// Adds a row as a message at its time.
@@ -164,7 +173,13 @@ impl Rows {
         let object: Map<String, Value> = cells().map(|(name, cell)| (name.to_string(), value(name, cell))).collect();
         let time = cells().find(|(name, _)| meant(&named(name).0) == "time");
         let time_s = time.and_then(|(name, cell)| Some(cell.parse::<f64>().ok()? * named(name).1));
-        let time_ns = (time_s.unwrap_or(self.count as f64) * 1e9).round() as u64;
+        let time_s = time_s.unwrap_or(self.count as f64);
+        let first_s = *self.first_s.get_or_insert(time_s);
+        let nanoseconds = |time_s: f64| (time_s * 1e9).round() as u64;
+        // Apart, so that the sum of large and small keeps its nanoseconds.
+        let time_ns = self
+            .epoch_s
+            .map_or(nanoseconds(time_s), |epoch_s| nanoseconds(epoch_s).saturating_add(nanoseconds(time_s - first_s)));
         self.log.message(time_ns, &Value::Object(object).to_string());
         self.count += 1;
     }

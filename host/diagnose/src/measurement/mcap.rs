@@ -1,4 +1,4 @@
-//! MCAP containers: the records that a log of measurements needs, byte by byte.
+//! MCAP containers: the records that a log of measurements needs, byte by byte. [`write`] writes them.
 //!
 //! A container is [`MAGIC`], records, [`MAGIC`]. A record is an opcode, its length (u64) and its content; numbers are
 //! little-endian, a text is its length (u32) and its bytes, a map the length of its bytes (u32) and texts in pairs.
@@ -6,22 +6,35 @@
 //! | opcode | record | content |
 //! | --- | --- | --- |
 //! | 1 | header | profile, library |
-//! | 2 | footer | where the summary begins (u64), its offsets (u64), CRC (u32); 0: there is none |
+//! | 2 | footer | where the summary begins (u64), its offsets (u64), CRC of the summary and these (u32) |
 //! | 3 | schema | id (u16), name, encoding, data (u32 and bytes) |
 //! | 4 | channel | id (u16), schema's id (u16), topic, encoding of its messages, map |
 //! | 5 | message | channel's id (u16), sequence (u32), log time and publish time (u64, ns), data |
 //! | 6 | chunk | times (2 × u64), size (u64), CRC (u32), compression, records (u64 and bytes) |
+//! | 7 | message index | channel's id (u16), log time and place in the chunk of each message (u32 bytes of 2 × u64) |
+//! | 8, 13 | index of a chunk, of a metadata record | where it is in the file |
+//! | 11 | statistics | counts, first and last time |
 //! | 12 | metadata | name, map |
-//! | 15 | end of data | CRC (u32), 0: not told |
+//! | 14 | summary offset | where the summary's records of one kind are |
+//! | 15 | end of data | CRC of all bytes before it (u32) |
 //!
-//! Others (indices, attachments, statistics) are passed over. Chunks may be plain, `zstd` or `lz4`. Source: MCAP format
+//! What is read passes over indices, attachments and statistics, and compares every CRC that is not 0 (none). Chunks may be
+//! plain, `zstd` or `lz4`. Source: MCAP format
 //! specification, mcap.dev/spec, version 0.
+
+mod write;
 
 use std::collections::BTreeMap;
 use std::io::Read;
 
+use crc::{CRC_32_ISO_HDLC, Crc};
+
+pub use write::Writer;
+
 /// What a container begins and ends with.
 pub const MAGIC: [u8; 8] = [0x89, b'M', b'C', b'A', b'P', b'0', b'\r', b'\n'];
+/// The check sum of chunks, data and summary.
+const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// A chunk may expand to as many bytes.
 const LARGEST_CHUNK: u64 = 1 << 30;
 
@@ -37,6 +50,9 @@ pub enum McapError {
     /// A chunk that cannot be expanded.
     #[error("a chunk in the compression `{0}` cannot be expanded; known are none, zstd and lz4")]
     Compression(String),
+    /// Bytes that have changed since they were written.
+    #[error("the check sum of {0} does not match: the log is damaged, use another copy")]
+    Damaged(&'static str),
     /// A message of a channel that no record tells.
     #[error("a message belongs to channel {0}, which no record tells")]
     Channel(u16),
@@ -126,6 +142,7 @@ impl Log {
             Err(McapError::Cut(_)) => true,
             end => end.map(|()| whole.is_none())?,
         };
+        log.check_sums(bytes)?;
         match log.messages.iter().find(|message| !log.channels.contains_key(&message.channel)) {
             Some(message) => Err(McapError::Channel(message.channel)),
             None => Ok((log, cut)),
@@ -140,6 +157,27 @@ impl Log {
         Ok(())
     }
 
+    /// Compares the check sums of the data and of the summary, as far as they are there.
+    fn check_sums(&self, bytes: &[u8]) -> Result<(), McapError> {
+        let mut rest = Bytes(&bytes[MAGIC.len()..]);
+        let place = |rest: &Bytes| bytes.len() - rest.0.len();
+        loop {
+            let start = place(&rest);
+            let Some((opcode, mut content)) = rest.record() else { return Ok(()) };
+            match opcode {
+                15 => expect_sum(&mut content, &bytes[..start], "the data")?,
+                2 => {
+                    let summary = content.u64().and_then(|at| usize::try_from(at).ok());
+                    let _offsets = content.u64();
+                    // Without a summary the sum is of the footer alone.
+                    let from = summary.filter(|at| *at > 0 && *at <= start).unwrap_or(start);
+                    expect_sum(&mut content, &bytes[from..place(&rest).saturating_sub(4)], "the summary")?;
+                }
+                _ => {}
+            }
+        }
+    }
+
     fn record(&mut self, rest: &mut Bytes) -> Result<(), McapError> {
         let cut = McapError::Cut(self.messages.len());
         let Some((opcode, mut content)) = rest.record() else { return Err(cut) };
@@ -147,8 +185,9 @@ impl Log {
             4 => self.channel(&mut content).ok_or(cut),
             5 => self.message(&mut content).ok_or(cut),
             6 => {
-                let Some((compression, records)) = chunk(&mut content) else { return Err(cut) };
+                let Some(Chunk { mut crc, compression, records }) = chunk(&mut content) else { return Err(cut) };
                 let expanded = expanded(&compression, records).ok_or(McapError::Compression(compression))?;
+                expect_sum(&mut crc, &expanded, "a chunk")?;
                 self.records(&expanded)
             }
             12 => self.metadata(&mut content).ok_or(cut),
@@ -180,12 +219,27 @@ impl Log {
     }
 }
 
-/// Compression and records of a chunk.
-fn chunk<'a>(content: &mut Bytes<'a>) -> Option<(String, &'a [u8])> {
-    content.take(3 * 8 + 4)?;
+/// A chunk as it is stored.
+struct Chunk<'a> {
+    crc: Bytes<'a>,
+    compression: String,
+    records: &'a [u8],
+}
+
+fn chunk<'a>(content: &mut Bytes<'a>) -> Option<Chunk<'a>> {
+    content.take(3 * 8)?;
+    let crc = Bytes(content.take(4)?);
     let compression = content.text()?;
     let length = usize::try_from(content.u64()?).ok()?;
-    Some((compression, content.take(length)?))
+    Some(Chunk { crc, compression, records: content.take(length)? })
+}
+
+/// Compares the check sum that comes next with that of `checked`; 0 is none.
+fn expect_sum(content: &mut Bytes, checked: &[u8], what: &'static str) -> Result<(), McapError> {
+    match content.array().map(u32::from_le_bytes) {
+        Some(sum) if sum != 0 && sum != CRC.checksum(checked) => Err(McapError::Damaged(what)),
+        _ => Ok(()),
+    }
 }
 
 fn expanded(compression: &str, records: &[u8]) -> Option<Vec<u8>> {
@@ -203,68 +257,6 @@ fn expanded(compression: &str, records: &[u8]) -> Option<Vec<u8>> {
         _ => return None,
     }
     Some(bytes)
-}
-
-/// A container that is being written, with one channel of JSON.
-#[derive(Debug)]
-pub struct Writer {
-    bytes: Vec<u8>,
-    sequence: u32,
-}
-
-impl Writer {
-    /// A container with this metadata and one channel: its topic, and the name and text of its JSON Schema.
-    pub fn new(metadata: &[(String, String)], topic: &str, (name, schema): (&str, &str)) -> Self {
-        let mut writer = Self { bytes: MAGIC.to_vec(), sequence: 0 };
-        writer.record(1, &[text(""), text("darm")]);
-        writer.metadata(metadata);
-        let id = 1u16.to_le_bytes().to_vec();
-        writer.record(3, &[id.clone(), text(name), text("jsonschema"), text(schema)]);
-        writer.record(4, &[id.clone(), id, text(topic), text("json"), long(&[])]);
-        writer
-    }
-
-    /// Adds a metadata record.
-    pub fn metadata(&mut self, metadata: &[(String, String)]) {
-        let map: Vec<u8> = metadata.iter().flat_map(|(key, value)| [text(key), text(value)]).flatten().collect();
-        self.record(12, &[text("about"), long(&map)]);
-    }
-
-    /// Takes the bytes written since the last time, for a file that grows.
-    pub fn take(&mut self) -> Vec<u8> {
-        std::mem::take(&mut self.bytes)
-    }
-
-    /// Adds a message; log time in ns.
-    pub fn message(&mut self, log_time: u64, data: &str) {
-        let times = [log_time.to_le_bytes(), log_time.to_le_bytes()].concat();
-        let sequence = self.sequence.to_le_bytes().to_vec();
-        self.record(5, &[1u16.to_le_bytes().to_vec(), sequence, times, data.as_bytes().to_vec()]);
-        self.sequence += 1;
-    }
-
-    /// The whole container, or what follows the bytes that were taken.
-    pub fn finish(mut self) -> Vec<u8> {
-        self.record(15, &[vec![0; 4]]);
-        self.record(2, &[vec![0; 20]]);
-        self.bytes.extend(MAGIC);
-        self.bytes
-    }
-
-    fn record(&mut self, opcode: u8, parts: &[Vec<u8>]) {
-        self.bytes.push(opcode);
-        self.bytes.extend((parts.iter().map(Vec::len).sum::<usize>() as u64).to_le_bytes());
-        parts.iter().for_each(|part| self.bytes.extend(part));
-    }
-}
-
-/// Bytes after their length.
-fn long(bytes: &[u8]) -> Vec<u8> {
-    [&(bytes.len() as u32).to_le_bytes()[..], bytes].concat()
-}
-
-fn text(text: &str) -> Vec<u8> {
-    long(text.as_bytes())
 }
 
 #[cfg(test)]
@@ -298,6 +290,36 @@ mod tests {
             assert_eq!(log.channels.values().next().unwrap().topic, "/joints");
             assert_eq!(log.messages.len(), 3);
             assert_eq!((log.messages[2].log_time, &log.messages[2].data[..6]), (2_000_000_000, &b"{\"q\": "[..]));
+        }
+    }
+
+    /// Three messages, two in one chunk, which the reader of the package `mcap` 1.6 of Python has validated with all its check
+    /// sums, and found by time.
+    #[test]
+    fn the_bytes_are_those_that_another_program_has_validated() {
+        let mut writer = Writer::new(&[("model".into(), "7".into())], "/measurement", ("A", "{\"type\":\"object\"}"));
+        writer.message(1_700_000_000_000_000_000, "{\"q\":1}");
+        writer.message(1_700_000_001_000_000_000, "{\"q\":2}");
+        let mut bytes = writer.take();
+        writer.message(1_700_000_002_000_000_000, "{\"q\":3}");
+        bytes.extend(writer.finish());
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/golden/indexed.mcap");
+        if std::env::var_os("UPDATE_GOLDEN").is_some() {
+            std::fs::write(path, &bytes).unwrap();
+        }
+        assert_eq!(bytes, std::fs::read(path).unwrap());
+    }
+
+    #[test]
+    fn every_changed_byte_of_data_and_summary_is_noticed() {
+        let whole = written();
+        let footer = whole.len() - MAGIC.len() - 29;
+        let summary = u64::from_le_bytes(whole[footer + 9..footer + 17].try_into().unwrap()) as usize;
+        let data_end = summary - 13;
+        for at in (MAGIC.len()..data_end).chain(summary..footer) {
+            let mut damaged = whole.clone();
+            damaged[at] ^= 0x10;
+            assert!(Log::read(&damaged).is_err(), "byte {at} of {}", whole.len());
         }
     }
 

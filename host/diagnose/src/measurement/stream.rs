@@ -3,6 +3,7 @@
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write as _};
 use std::path::Path;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
@@ -109,6 +110,8 @@ impl Stream {
             Sink::Text(file) => file.write_all((header + "\n").as_bytes())?,
             Sink::Compressed(encoder) => write_compressed(encoder, &(header + "\n"))?,
             Sink::Log { file, about, rows } => {
+                let now = SystemTime::now().duration_since(UNIX_EPOCH).map_err(io::Error::other)?;
+                about.push_str(&format!("# {} {:.3}\n", log::FIRST_ROW, now.as_secs_f64()));
                 let rows = rows.insert(Rows::new(&log::about(about.lines()), header.split(',').collect()));
                 file.write_all(&rows.log.take())?;
             }

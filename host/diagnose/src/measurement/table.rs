@@ -235,7 +235,8 @@ impl Table {
     /// The number of each row's value among the different ones of a column.
     pub fn numbered(&self, name: &str) -> Result<Vec<usize>, SelectError> {
         let (values, words) = (self.values_of(name)?, &self.chosen(name)?.words);
-        Ok(words.iter().map(|word| values.binary_search(word).unwrap_or_default()).collect())
+        let number = |word: &String| values.binary_search(word).expect("the values are those of the words");
+        Ok(words.iter().map(number).collect())
     }
 
     /// The names of all columns.
