@@ -14,7 +14,7 @@ pub(crate) enum NoImage {
     #[error("no firmware image at {0}; build it with `cargo xtask image`")]
     Named(PathBuf),
     /// No image has been built.
-    #[error("no firmware image found; build one with `cargo xtask image`, or name an ELF file")]
+    #[error("no firmware image found; build one with `cargo xtask image`, name an ELF file, or use --in-process")]
     NotBuilt,
 }
 

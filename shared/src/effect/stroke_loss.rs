@@ -1,4 +1,4 @@
-//! Stroke loss: one actuator does not reach a stop of its, because the stop has moved or something is in the way.
+//! Stroke loss: one actuator does not reach one of its stops, because the stop has moved or something is in the way.
 //!
 //! # Model
 //!
@@ -7,7 +7,7 @@
 //! | symbol | field             | unit | meaning                                             |
 //! |--------|-------------------|------|-----------------------------------------------------|
 //! | l₀     | `Setting::value`  | m    | ideal length in the state named                     |
-//! | s      | `loss_m`          | m    | what is missing; negative where the actuator passes |
+//! | s      | `loss_m`          | m    | how much shorter it is; negative where it is longer |
 //!
 //! Frame: a scalar along the actuator. Of a revolute joint l and s are angles in rad.
 //! Valid for a stop that is met in the same way whatever the load and the word before.
@@ -38,7 +38,8 @@ pub struct StrokeLoss<T: Real> {
     pub actuator: u8,
     /// The state whose stop is missed.
     pub state: u8,
-    /// By how much the actuator stays short of it, m (rad).
+    /// By how much the actuator is shorter than that stop sets it, m (rad); negative where it is longer, as when something
+    /// blocks the way to a contracted state.
     pub loss_m: T,
 }
 

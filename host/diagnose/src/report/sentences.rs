@@ -175,8 +175,12 @@ pub fn effect_sentence(arm: &Arm, effect: &Effect<f64>) -> String {
     let place = place_name(arm, effect);
     match effect {
         Effect::StrokeLoss(law) => {
-            let way = if law.loss_m > 0.0 { "short of" } else { "beyond" };
-            format!("{place}: in state {} it stops {:.2} mm {way} its stop.", law.state, law.loss_m.abs() * 1e3)
+            let way = longer(-law.loss_m);
+            format!(
+                "{place}: in state {} it is {:.2} mm {way} than its stop sets it.",
+                law.state,
+                law.loss_m.abs() * 1e3
+            )
         }
         Effect::AnchorOffset(law) => anchor_sentence(&place, law, arm.model.chain.is_planar()),
         Effect::GravitySag(law) => {
