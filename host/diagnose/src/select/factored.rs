@@ -36,7 +36,7 @@ struct Part {
 }
 
 /// Values beside those of a model in one system.
-struct Beside<'a> {
+struct Extension<'a> {
     base: &'a Factored<'a>,
     system: &'a System,
     part: &'a Part,
@@ -103,13 +103,13 @@ impl<'a> Factored<'a> {
         let places: Vec<Vec<usize>> = added.iter().map(|values| values.iter().map(place).collect()).collect();
         let n_folds = self.weighted.weighting.linearised.columns.n_folds();
         let folds: Vec<Vec<Vec<f64>>> =
-            (0..n_folds).into_par_iter().map(|fold| self.beside(fold, &open).moved(fold, &places)).collect();
-        let beside = self.beside(n_folds, &open);
+            (0..n_folds).into_par_iter().map(|fold| self.extension(fold, &open).moved(fold, &places)).collect();
+        let extension = self.extension(n_folds, &open);
         let model = |number: usize| {
             let (effect, added) = &moves[number];
             let moved: Vec<&[f64]> = folds.iter().map(|fold| &fold[number][..]).collect();
             let active = [&self.active[..], added].concat();
-            let fit = Fit { active, values: beside.values(&places[number]) };
+            let fit = Fit { active, values: extension.values(&places[number]) };
             self.weighted.trial(fit, Some(*effect), &moved)
         };
         (0..moves.len()).into_par_iter().map(model).collect()
@@ -131,16 +131,16 @@ impl<'a> Factored<'a> {
         self.weighted.trial(Fit { active, values: of_all_rows }, effect, &moved)
     }
 
-    fn beside<'b>(&'b self, number: usize, open: &'b [usize]) -> Beside<'b> {
+    fn extension<'b>(&'b self, number: usize, open: &'b [usize]) -> Extension<'b> {
         let (system, part) = (&self.weighted.weighting.systems[number], &self.parts[number]);
         let cross = DMatrix::from_fn(self.indices.len(), open.len(), |a, b| system.matrix[(self.indices[a], open[b])]);
         let answer = part.root.solve(&cross);
         let half = part.root.l_dirty().solve_lower_triangular(&cross).unwrap_or(cross);
-        Beside { base: self, system, part, open, half, answer }
+        Extension { base: self, system, part, open, half, answer }
     }
 }
 
-impl Beside<'_> {
+impl Extension<'_> {
     /// The values of a move, scaled as the system is.
     fn solved(&self, places: &[usize]) -> DVector<f64> {
         let half = self.half.select_columns(places);

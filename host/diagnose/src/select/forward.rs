@@ -115,7 +115,7 @@ fn try_candidates<P: RegressionProblem>(problem: &P, current: &Trial<P>, step: u
         promising.filter_map(|trial| problem.refitted(trial).ok()).take(MAX_REFITTED).collect();
     refitted.sort_by(|a, b| a.loss.order(&b.loss));
     let all = refitted.iter().map(|trial| (trial, true)).chain(screened.iter().map(|trial| (trial, false)));
-    let tell = |(trial, refined): (&Trial<P>, bool)| {
+    let selection_step = |(trial, refined): (&Trial<P>, bool)| {
         let (law, place) = problem.describe(trial.effect.as_ref()?);
         Some(SelectionStep {
             step,
@@ -129,7 +129,7 @@ fn try_candidates<P: RegressionProblem>(problem: &P, current: &Trial<P>, step: u
             kept: false,
         })
     };
-    Ok(Tried { steps: all.filter_map(tell).collect(), refitted })
+    Ok(Tried { steps: all.filter_map(selection_step).collect(), refitted })
 }
 
 /// Adds the steps of candidates; one that was judged by its linear fit only is left out where its candidate is there.
