@@ -60,7 +60,7 @@ pub(crate) struct Compare {
     before: PathBuf,
     /// Folder with files of the same names after it
     after: PathBuf,
-    /// Names of rows that were changed on purpose: the table [figures] of this file
+    /// Names of rows that were changed on purpose: the table `figures` of this file
     #[arg(long, value_name = "FILE", default_value_os_t = root().join("docs/renamed-keys.toml"))]
     map: PathBuf,
 }

@@ -1,6 +1,6 @@
 //! What remains when no law helps any more: on which channels each axis of the residual depends, and how.
 //!
-//! A sparse regression over a dictionary: each channel c, c², |c|, sign(c), waves with up to [`WAVES`] periods in its range,
+//! A sparse regression over a dictionary: each channel c, c², |c|, sign(c), waves with up to `WAVES` periods in its range,
 //! a smooth curve of any form and, of few channels, their products. The term that explains most of an axis for the columns
 //! that it takes (Bayesian information criterion) is listed and taken out, then the next, while each is no chance (F test,
 //! times the number of terms tried, rows counting as many times as they do not repeat each other). Numbers that stand out

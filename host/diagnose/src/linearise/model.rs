@@ -18,7 +18,7 @@
 //! | closure | `pair`, `distance_mm` | the one of them in which two points differ that are so far apart |
 //! | closure | `tool` | the frame that touches; without it the robot's end |
 //!
-//! `number` and `[[effect]]` (see [`known`]) are what `darm diagnose --write-model` adds.
+//! `number` and `[[effect]]` (see [`model_effects`]) are what `darm diagnose --write-model` adds.
 //!
 //! A URDF alone is a robot whose torques are observed, or its contact wrench where the table has `Fz`.
 

@@ -2,7 +2,7 @@
 //!
 //! Laws that only help together (an offset, an area and a friction, say) are never found one at a time. Here each law
 //! acts at each of its places once, in the shape that predicts unseen rows best, and goes when those rows do not miss
-//! it. Of m effects out of n that were tried each must be missed with a chance of at most [`FALSE_SHARE`]·m/n, so that
+//! it. Of m effects out of n that were tried each must be missed with a chance of at most `FALSE_SHARE`·m/n, so that
 //! this share of what is named is false (Y. Benjamini, Y. Hochberg, J. R. Statist. Soc. B 57 (1995) 289).
 //!
 //! Where all values are small errors with priors (point contact), these keep small what is not needed, and laws share their

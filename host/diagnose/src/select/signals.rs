@@ -5,7 +5,7 @@
 //! At the current model the residuals are scaled by the noise of their axes (that of the residuals themselves, less the
 //! farthest hundredth), and outliers get less weight (Huber). The products of all columns are summed once for each fold;
 //! then any set of effects is a small system of equations, and sets that differ by few effects are solved together
-//! ([`factored`](super::factored)). The information counts by 1/τ, with τ the autocorrelation time of the residuals in
+//! (`factored.rs`). The information counts by 1/τ, with τ the autocorrelation time of the residuals in
 //! rows, against the priors of the values. Unseen rows are those of a fold: a value of the column that is held out, or a
 //! tenth of the pieces of time.
 

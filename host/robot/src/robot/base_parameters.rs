@@ -20,8 +20,8 @@ use super::Robot;
 use crate::tree::spatial::{Motion, SpatialInertia};
 use crate::tree::{LinkTree, Links};
 
-/// The ten parameters of a body, in the order of [`Tree::parameters`]: mass, first moments, moments of inertia about the
-/// origin of its frame.
+/// The inertial parameters of a body, in the order of [`Body::parameters`](darm_core::tree::Body::parameters): mass, first
+/// moments, moments of inertia about the origin of its frame.
 pub const PARAMETER_SYMBOLS: [&str; 10] = ["m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"];
 
 /// States per parameter and row of torques, so that a dependence is no accident of the draw.
