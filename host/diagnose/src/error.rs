@@ -4,10 +4,11 @@ use darm_core::chain::ChainError;
 
 use crate::effect::Law;
 use crate::measurement::{Finding, ReadError};
+use crate::prepare::groups::FOLDS;
 use crate::prepare::signals::PrepareError;
 
 /// Training words without which nothing can be said.
-pub const MIN_WORDS: usize = 20;
+pub const MIN_WORDS: usize = 2 * FOLDS;
 /// Pieces of training rows without which nothing can be said.
 pub const MIN_PIECES: usize = 8;
 

@@ -132,7 +132,7 @@ fn word(states: &[u64], mut number: u64) -> Word {
             digit as u8
         })
         .collect();
-    Word::new(&digits).unwrap_or_default()
+    Word::new(&digits).expect("an arm has no more actuators than a word has digits")
 }
 
 /// The words that tell most of all candidate effects together.

@@ -121,10 +121,10 @@ impl Model {
         else {
             return Ok(None);
         };
+        let is_raw = !table.contains_key("number") && !table.contains_key("effect");
         let effects = model_effects::extract_effects(&name, &mut table)?;
         // Parsed from the text where that can be, so that an error has its line.
-        let raw: Result<Raw, _> =
-            if effects.is_empty() && !text.contains("number") { toml::from_str(&text) } else { table.try_into() };
+        let raw: Result<Raw, _> = if is_raw { toml::from_str(&text) } else { table.try_into() };
         let what = what(path, raw.map_err(|error| ModelError::Toml(name.clone(), error))?, &name)?;
         Ok(Some(Self { what, effects }))
     }

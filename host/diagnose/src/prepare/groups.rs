@@ -1,7 +1,7 @@
 //! Which rows a fit sees, which are left out together, and which count as one when chance is judged.
 
-/// Folds where rows are left out by pieces of time.
-const FOLDS: usize = 10;
+/// Folds of cross-validation, where no column says which rows are left out together.
+pub const FOLDS: usize = 10;
 /// Pieces that the training rows are cut into at least, where there are as many rows.
 const PIECES: usize = 24;
 /// The lag beyond which rows do not repeat each other.

@@ -83,7 +83,7 @@ impl Observations {
             time_s: s.time_s - start_s,
             switches,
             sample,
-            group: words.binary_search(&s.word).unwrap_or_default(),
+            group: words.binary_search(&s.word).expect("words has the word of every chosen sample"),
             word: s.word,
             previous: s.previous,
             servos: s.servos_rad.clone(),

@@ -10,10 +10,11 @@ use crate::outcome::{
     AxisFigure, BeforeAfter, Diagnosis, Effect, ErrorFigure, Errors, Number, Outlier, Point, Repeatability, Rows,
     SelectionStep, Value, Verdict, Visit,
 };
+use crate::prepare::groups::FOLDS;
 use crate::prepare::observations::{self, NoPose, Observations, axes};
 use crate::prepare::repeatability::Noise;
 use crate::select::problem::{Neighbours as _, RegressionProblem as _, Trial};
-use crate::select::robust_fit::{FOLDS, condition, covariance, size};
+use crate::select::robust_fit::{condition, covariance, size};
 use crate::select::significance::quantile_975;
 use crate::select::tool_pose::{ToolPoses, values};
 use darm_arm::arm::{Arm, ArmModel, ArmScratch};

@@ -96,7 +96,7 @@ fn best_shapes(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> T
         let active: Vec<usize> = best.fit.active.iter().enumerate().map(other).collect();
         if active != best.fit.active {
             let trial = problem.weighted(&best).judged(active, None);
-            if trial.loss < best.loss {
+            if trial.loss.order(&best.loss).is_lt() {
                 best = trial;
             }
         }

@@ -148,16 +148,3 @@ impl<W> Loss<W> {
         other.value - self.value
     }
 }
-
-impl<W> PartialEq for Loss<W> {
-    fn eq(&self, other: &Self) -> bool {
-        self.partial_cmp(other) == Some(Ordering::Equal)
-    }
-}
-
-impl<W> PartialOrd for Loss<W> {
-    /// `None` where the weightings differ.
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Arc::ptr_eq(&self.weighting, &other.weighting).then(|| self.value.total_cmp(&other.value))
-    }
-}

@@ -18,11 +18,10 @@ use rand_chacha::ChaCha8Rng;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::linearise::sensitivity::Sensitivity;
+use crate::prepare::groups::FOLDS;
 use crate::prepare::observations::{NoPose, Observations, Value};
 use darm_arm::arm::{ArmModel, ArmScratch};
 
-/// Tenths of the words.
-pub const FOLDS: usize = 10;
 /// Re-weightings within one linear fit.
 const REWEIGHTINGS: usize = 6;
 /// The same where the weights are nearly known.

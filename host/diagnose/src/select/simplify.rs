@@ -30,7 +30,7 @@ pub(super) fn smaller_if_as_good<'t>(
     a: &'t Trial<Signals>,
     b: &'t Trial<Signals>,
 ) -> &'t Trial<Signals> {
-    let (low, high) = if b.loss < a.loss { (b, a) } else { (a, b) };
+    let (low, high) = if b.loss.order(&a.loss).is_lt() { (b, a) } else { (a, b) };
     let is_smaller = problem.n_values(&high.fit) < problem.n_values(&low.fit);
     let is_free = |fit: &Fit| !fit.active.iter().any(|&k| problem.experiment.candidates[k].has_prior());
     if is_smaller && is_free(&low.fit) && problem.loss_reduction(high, low).p > RIVAL_LEVEL { high } else { low }

@@ -200,7 +200,7 @@ impl RegressionProblem for ToolPoses {
             return Ok(Trial { effect: trial.effect, ..refitted });
         };
         let again = self.fitted(&model)?;
-        let better = if again.loss < refitted.loss { again } else { refitted };
+        let better = if again.loss.order(&refitted.loss).is_lt() { again } else { refitted };
         Ok(Trial { effect: better.fit.model.effects.last().copied(), ..better })
     }
 
