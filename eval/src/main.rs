@@ -15,7 +15,7 @@ use clap::{Parser, Subcommand};
 /// Measurements of this workspace, each with its goals
 ///
 /// A command with the options --shard and --results is a list of independent seeded items. Several processes share them:
-/// each runs its part (--shard I/N, or the rank of mpirun or of a Slurm array) and appends outcomes to a file of its own
+/// each runs its part (--shard I/N, or the rank of mpirun or of a Slurm array) and appends outcomes to a separate file
 /// (--results 'NAME.{shard}.results'); a process that was killed is started again with the same command. `merge` joins the
 /// files and prints the table of one process. docs/evaluation.md describes the files.
 #[derive(Parser)]

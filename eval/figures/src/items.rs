@@ -79,7 +79,7 @@ pub struct Spread {
     /// Run part I of N of the items; without it, the part of the process that mpirun or a Slurm array has started
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
-    /// Append each outcome to FILE, and skip those that FILE has; {shard} in the name stands for I
+    /// Append each outcome to FILE, and skip those that FILE has; {shard} in the name becomes I
     #[arg(long, value_name = "FILE")]
     results: Option<PathBuf>,
     /// Write the figures as JSON

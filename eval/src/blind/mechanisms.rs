@@ -13,7 +13,7 @@ use super::arms::{self, Subject};
 use super::case::Class;
 use super::judge::{self, Mark};
 
-/// Of so many seeds one has to be a case that the law alone explains: sizes and conditions are drawn.
+/// Of this many seeds one must be a case that the law alone explains: sizes and conditions are drawn.
 const CASES: u64 = 4;
 
 /// All mechanisms, from a first seed on.

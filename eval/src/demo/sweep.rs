@@ -78,7 +78,7 @@ impl Job for Sweep {
         })
     }
 
-    /// The board in this process has a clock of its own, and the diagnosis uses all cores.
+    /// The board in this process has a separate clock, and the diagnosis uses all cores.
     fn runs_alone(&self, _: usize) -> bool {
         true
     }

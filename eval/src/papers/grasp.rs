@@ -97,14 +97,15 @@ impl Job for Grasp {
         Ok(iter::once("training".to_owned()).chain(batches).collect())
     }
 
-    /// The training is the same in each process. It has a file of its own, with which it goes on if stopped.
+    /// The training is the same in each process. A separate file lets it resume after an interruption.
     fn bench(&self, shard: Shard) -> Result<Bench> {
         let progress = Progress::shown();
         let file = read_hand(&setup::root().join("examples/allegro_hand.toml"))?;
         let folder = setup::root().join("target/papers/grasp");
         std::fs::create_dir_all(&folder).with_context(|| format!("{} cannot be made", folder.display()))?;
         let training = Training { count: self.n, lambdas: self.lambdas, seed: SEED, settings: Settings::default() };
-        progress.say(format!("training: {} constraints, {} values of λ; it goes on if stopped", self.n, self.lambdas));
+        progress
+            .say(format!("training: {} constraints, {} values of λ; it resumes if interrupted", self.n, self.lambdas));
         let bar = progress.bar("constraints", self.n as u64);
         let part = if shard.is_part() { format!("-{}", shard.number()) } else { String::new() };
         let kept = folder.join(format!("training-{}-{}{part}.txt", self.n, self.lambdas));

@@ -23,7 +23,7 @@ use serde_json::json;
 use crate::interrupt::Interrupted;
 use crate::port::PortError;
 
-/// Any failure that has no exit code of its own.
+/// Any failure without a separate exit code.
 const FAILED: u8 = 1;
 /// Invalid command line; clap uses the same number.
 const USAGE: u8 = 2;

@@ -1,4 +1,4 @@
-//! Output files: a command replaces only files of its own kind, and writes all of its files or none.
+//! Output files: a command replaces only files of the kind that it writes, and writes all of its files or none.
 
 use std::ffi::OsString;
 use std::io::Read as _;

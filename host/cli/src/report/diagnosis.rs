@@ -1,4 +1,4 @@
-//! The report of a diagnosis, as a page of its own and as a part of the report of the loop.
+//! The report of a diagnosis, as a page and as a part of the report of the loop.
 
 use std::collections::BTreeSet;
 
