@@ -172,7 +172,7 @@ impl Dictionary {
         let kept = |effect: &usize| self.of(*effect).any(|column| solution[column] != 0.0);
         let mut named: Vec<(&str, String)> = (0..self.effects.len())
             .filter(kept)
-            .map(|effect| (self.effects[effect].law().name(), place_code(&self.effects[effect])))
+            .map(|effect| (self.effects[effect].law().name().as_str(), place_code(&self.effects[effect])))
             .collect();
         named.dedup();
         let names: Vec<(&str, &str)> = named.iter().map(|(law, place)| (*law, part(place))).collect();

@@ -160,7 +160,7 @@ fn with_effects(arm: &Arm, effects: &[Effect<f64>]) -> ArmModel {
 /// The law at the place: the one that is known, or a new one.
 fn candidate(arm: &Arm, known: &[Effect<f64>], law: &str, place: &str) -> Option<Effect<f64>> {
     let all = known.iter().copied().chain(all(&arm.model));
-    all.into_iter().find(|effect| effect.law().name() == law && place_code(effect) == place)
+    all.into_iter().find(|effect| effect.law().name().as_str() == law && place_code(effect) == place)
 }
 
 fn sigma(outcome: &Outcome<ArmCorrection>) -> [f64; 6] {

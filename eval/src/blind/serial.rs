@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 use anyhow::{Context, Result};
 use darm_core::effect::along::Law;
-use darm_diagnose::effect::law_named;
+use darm_core::effect::law_name::LawName;
 use darm_diagnose::linearise::model_effects::ModelEffect;
 use darm_diagnose::linearise::torque;
 use darm_diagnose::measurement::root_mean_square;
@@ -154,8 +154,9 @@ struct Motions {
 
 impl Elsewhere for Motions {
     fn columns(&self, law: &str, place: &str, elsewhere: bool) -> Result<Option<DMatrix<f64>>> {
+        let Some(law) = LawName::named(law) else { return Ok(None) };
         let names: Vec<&str> = match (law, Law::named(law, None)) {
-            ("mass-distribution", _) => INERTIAL_PARAMETERS.iter().map(|(name, _)| *name).collect(),
+            (LawName::MassDistribution, _) => INERTIAL_PARAMETERS.iter().map(|(name, _)| *name).collect(),
             (_, Some(law)) => vec![law.along().size()],
             // What has a constant of its own is not known elsewhere.
             _ => return Ok(None),
@@ -166,8 +167,7 @@ impl Elsewhere for Motions {
         let mut columns = Vec::new();
         for name in names {
             let values = BTreeMap::from([(name.to_string(), 1.0)]);
-            let one =
-                ModelEffect { law: law_named(law), place: place.into(), constant: None, values, points: Vec::new() };
+            let one = ModelEffect { law, place: place.into(), constant: None, values, points: Vec::new() };
             columns.push(DVector::from_vec(torque::added(&self.robot, None, &[one], &states, &times)?.concat()));
         }
         Ok(Some(DMatrix::from_columns(&columns)))

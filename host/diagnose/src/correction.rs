@@ -3,12 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use darm_core::effect::Effect;
-use darm_core::effect::drift::Drift;
-use darm_core::effect::wear::Wear;
 
 use crate::judge::fitted_terms::WithTerms;
-use crate::linearise::model::ModelError;
 use crate::linearise::model_effects::ModelEffect;
+use crate::linearise::model_error::ModelError;
 use crate::measurement::Run;
 use crate::outcome::{Diagnosis, Verdict};
 use crate::prepare::observations::Observations;
@@ -49,27 +47,16 @@ impl ArmCorrection {
     pub fn corrected(&self, arm: &Arm, run: &Run, keep: Keep) -> Option<Arm> {
         let terms = self.with_terms.as_ref().filter(|_| keep == Keep::EffectsAndTerms).map(|terms| &terms.effects);
         let effects = terms.or(self.is_named.then_some(&self.best_effects))?;
-        let last = Observations::new(arm, run, [1.0; 6], |_| true).last();
+        let (end_s, switches) = Observations::new(arm, run, [1.0; 6], |_| true).last();
         let mut corrected = arm.clone();
-        corrected.model.effects = effects.iter().map(|effect| at_end(effect, &last)).collect();
+        corrected.model.effects = effects.iter().copied().collect();
+        corrected.model.effects.iter_mut().for_each(|effect| effect.law_mut().settle(end_s, &switches));
         corrected.model.number += 1;
         let (supply, temperature_c) = run.settled();
         corrected.model.working_supply = supply.unwrap_or(corrected.model.working_supply);
         let temperature_k = temperature_c.map(|celsius| celsius + ZERO_CELSIUS);
         corrected.model.working_temperature_k = temperature_k.unwrap_or(corrected.model.working_temperature_k);
         Some(corrected)
-    }
-}
-
-/// The effect as it is after a measurement that ended at this time, s, with this number of switches of each actuator.
-fn at_end(effect: &Effect<f64>, (end_s, switches): &(f64, Vec<f64>)) -> Effect<f64> {
-    match *effect {
-        Effect::Drift(law) => Drift { until_s: *end_s, ..law }.into(),
-        Effect::Wear(law) => {
-            let counted = switches.get(usize::from(law.actuator)).copied();
-            Wear { until_switches: counted.unwrap_or_default(), ..law }.into()
-        }
-        other => other,
     }
 }
 

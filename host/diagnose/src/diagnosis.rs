@@ -81,7 +81,7 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
     let start = problem.fitted(&arm.model).map_err(no_pose)?;
     let selection = forward_selection(&problem, start.clone(), Vec::new()).map_err(no_pose)?;
     let Selection { best, rivals, path } = selection;
-    let selected = judge::poses::Selected { arm, run, problem: &problem, repeats: repeats.as_ref(), best: &best };
+    let selected = judge::selected::Selected { arm, run, problem: &problem, repeats: repeats.as_ref(), best: &best };
     let how = Proposal { seed: options.seed, words: options.next_words };
     let mut judgement = judge::poses::judge(&selected, &start, rivals, how).map_err(no_pose)?;
     let with_terms = judgement.with_terms.take();

@@ -3,8 +3,7 @@
 use std::fmt;
 
 use darm_core::effect;
-use darm_core::effect::anchor_offset::Plate;
-use darm_core::effect::fitted_term::{FittedTerm, Variable};
+pub use darm_core::effect::Detail;
 pub use darm_core::effect::law_name::LawName as Law;
 use serde::{Serialize, Serializer};
 
@@ -35,54 +34,10 @@ pub enum Place {
     ForcePlate,
 }
 
-/// Which number of a part of an arm an effect changes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Detail {
-    /// All that the part has.
-    All,
-    /// The stroke in one state.
-    State(u8),
-    /// The anchor on the plate nearer to the base.
-    BaseAnchor,
-    /// The anchor on the other plate.
-    TopAnchor,
-    /// A fitted term of a variable, or of its square.
-    Term {
-        /// The variable.
-        of: TermVariable,
-        /// Whether of its square.
-        square: bool,
-    },
-}
-
-/// The variable of a fitted term.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum TermVariable {
-    /// Supply.
-    Supply,
-    /// Temperature.
-    Temperature,
-    /// Position of a servo joint.
-    Servo(u8),
-    /// States of one or of two actuators.
-    Digits((u8, u8), Option<(u8, u8)>),
-    /// Whether an actuator kept its state.
-    Stayed(u8),
-}
-
 impl Place {
     /// Where an effect of an arm acts.
     pub fn of_arm(effect: &effect::Effect<f64>) -> Self {
-        let detail = match effect {
-            effect::Effect::StrokeLoss(law) => Detail::State(law.state),
-            effect::Effect::AnchorOffset(law) => match law.plate {
-                Plate::Base => Detail::BaseAnchor,
-                Plate::Top => Detail::TopAnchor,
-            },
-            effect::Effect::FittedTerm(term) => Detail::Term { of: TermVariable::of(term), square: term.square },
-            _ => Detail::All,
-        };
-        Self::Arm(effect.law().place(), detail)
+        Self::Arm(effect.law().place(), effect.law().detail())
     }
 
     /// Whether both are the same part, whatever number of it is meant.
@@ -90,18 +45,6 @@ impl Place {
         match (self, other) {
             (Self::Arm(own, _), Self::Arm(other, _)) => own == other,
             _ => self == other,
-        }
-    }
-}
-
-impl TermVariable {
-    fn of(term: &FittedTerm<f64>) -> Self {
-        match term.of {
-            Variable::Supply { .. } => Self::Supply,
-            Variable::Temperature { .. } => Self::Temperature,
-            Variable::Servo { servo, .. } => Self::Servo(servo),
-            Variable::Digits { first, second } => Self::Digits(first, second),
-            Variable::Stayed { actuator, .. } => Self::Stayed(actuator),
         }
     }
 }
@@ -172,15 +115,6 @@ pub struct Value {
     pub unit: String,
     /// Its 95 % confidence interval; `None` of a number that was chosen and not fitted.
     pub ci95: Option<[f64; 2]>,
-}
-
-/// The law of this name.
-///
-/// # Panics
-///
-/// The core has a law that is not in its list of names: a test of the core holds them together.
-pub fn law_named(name: &str) -> Law {
-    Law::named(name).unwrap_or_else(|| unreachable!("the law {name} is not in the list of names"))
 }
 
 pub(crate) fn as_str<S: Serializer>(law: &Law, serializer: S) -> Result<S::Ok, S::Error> {

@@ -9,5 +9,6 @@ pub mod poses;
 pub mod regression;
 pub mod remaining;
 pub mod scatter;
+pub mod selected;
 pub mod signals;
 pub mod structure;

@@ -10,6 +10,7 @@ pub mod force;
 pub mod laws;
 pub mod model;
 pub mod model_effects;
+pub mod model_error;
 pub mod point_contact;
 pub mod position;
 pub mod ripple;

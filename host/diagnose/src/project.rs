@@ -9,6 +9,7 @@ use darm_robot::rigid_body::inertia::{self, project_physically_consistent};
 use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, SVector};
 
 use crate::linearise::experiment::BodyCandidate;
+use crate::select::factored::judged;
 use crate::select::problem::{RegressionProblem as _, Trial};
 use crate::select::signals::{Fit, Signals, Weighted, solve};
 use crate::select::significance::{DISCOVERY_LEVEL, RIVAL_LEVEL};
@@ -41,7 +42,7 @@ pub fn project(problem: &Signals, best: Trial<Signals>) -> Trial<Signals> {
             _ => break,
         }
     }
-    Trial { fit: best.fit.clone(), ..weighted.judged(best.fit.active, best.effect) }
+    Trial { fit: best.fit.clone(), ..judged(weighted, best.fit.active, best.effect) }
 }
 
 /// Effects that may be added beside bodies.

@@ -7,6 +7,7 @@ pub mod forward;
 pub mod problem;
 pub mod robust_fit;
 pub mod search;
+mod signal_search;
 pub mod signals;
 pub mod significance;
 pub mod simplify;

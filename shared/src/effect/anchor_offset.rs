@@ -27,7 +27,7 @@
 //! assert_eq!(leg.base, Vec3::new(-0.497, -0.001, 0.0));
 //! ```
 
-use super::{Law, Place, Quantity, Site};
+use super::{Detail, Law, LawName, Place, Quantity, Site};
 use crate::actuator::Setting;
 use crate::real::{Real, Vec3, cast};
 
@@ -43,7 +43,7 @@ pub struct AnchorOffset<T: Real> {
 }
 
 /// A plate of a platform.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Plate {
     /// The plate that the legs stand on.
     Base,
@@ -52,12 +52,23 @@ pub enum Plate {
 }
 
 impl<T: Real> Law<T> for AnchorOffset<T> {
-    fn name(&self) -> &'static str {
-        "anchor-offset"
+    fn at(place: Place, detail: Detail) -> Option<Self> {
+        match (place, detail) {
+            (Place::Actuator(actuator), Detail::Anchor(plate)) => Some(Self { actuator, plate, offset: Vec3::zeros() }),
+            _ => None,
+        }
+    }
+
+    fn name(&self) -> LawName {
+        LawName::AnchorOffset
     }
 
     fn place(&self) -> Place {
         Place::Actuator(self.actuator)
+    }
+
+    fn detail(&self) -> Detail {
+        Detail::Anchor(self.plate)
     }
 
     fn quantities(&self) -> &'static [Quantity] {

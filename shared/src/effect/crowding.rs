@@ -34,7 +34,7 @@
 //! assert_eq!(starved.value, 1.246);
 //! ```
 
-use super::{Law, Place, Quantity, Site};
+use super::{Detail, Law, LawName, Place, Quantity, Site};
 use crate::actuator::Setting;
 use crate::real::{Real, real};
 
@@ -48,8 +48,12 @@ pub struct Crowding<T: Real> {
 }
 
 impl<T: Real> Law<T> for Crowding<T> {
-    fn name(&self) -> &'static str {
-        "crowding"
+    fn at(place: Place, detail: Detail) -> Option<Self> {
+        (detail == Detail::All && place.is_actuators()).then_some(Self { at: place, values: [T::zero(); 2] })
+    }
+
+    fn name(&self) -> LawName {
+        LawName::Crowding
     }
 
     fn place(&self) -> Place {

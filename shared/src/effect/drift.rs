@@ -32,7 +32,7 @@
 //! assert!((length_m(Some(100.0)) - 1.2515).abs() < 1e-15 && (length_m(None) - 1.252).abs() < 1e-15);
 //! ```
 
-use super::{Law, Place, Quantity, Site};
+use super::{Detail, Law, LawName, Place, Quantity, Site};
 use crate::actuator::Setting;
 use crate::real::{Real, real};
 
@@ -48,8 +48,16 @@ pub struct Drift<T: Real> {
 }
 
 impl<T: Real> Law<T> for Drift<T> {
-    fn name(&self) -> &'static str {
-        "drift"
+    fn at(place: Place, detail: Detail) -> Option<Self> {
+        (detail == Detail::All && place.is_actuators()).then_some(Self {
+            at: place,
+            until_s: T::zero(),
+            values: [T::zero(); 2],
+        })
+    }
+
+    fn name(&self) -> LawName {
+        LawName::Drift
     }
 
     fn place(&self) -> Place {
@@ -66,6 +74,18 @@ impl<T: Real> Law<T> for Drift<T> {
 
     fn values_mut(&mut self) -> &mut [T] {
         &mut self.values
+    }
+
+    fn constant(&self) -> Option<(Quantity, T)> {
+        Some((Quantity { name: "until", unit: "s" }, self.until_s))
+    }
+
+    fn constant_mut(&mut self) -> Option<&mut T> {
+        Some(&mut self.until_s)
+    }
+
+    fn settle(&mut self, end_s: T, _switches: &[T]) {
+        self.until_s = end_s;
     }
 
     fn disturb(&self, site: &Site<T>, setting: &mut Setting<T>) {

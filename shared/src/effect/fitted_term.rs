@@ -30,7 +30,7 @@
 
 pub use super::frame_offset::Frame;
 use super::frame_offset::OF_DISPLACEMENT;
-use super::{Condition, Law, Place, Quantity};
+use super::{Condition, Detail, Law, LawName, Place, Quantity};
 use crate::real::{Real, Vec3, real};
 use crate::se::{Pose, Twist};
 
@@ -90,7 +90,33 @@ pub enum Variable<T: Real> {
     },
 }
 
+/// A [`Variable`] without its numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum VariableName {
+    /// Supply.
+    Supply,
+    /// Temperature.
+    Temperature,
+    /// Position of a servo joint.
+    Servo(u8),
+    /// States of one or of two actuators.
+    Digits((u8, u8), Option<(u8, u8)>),
+    /// Whether an actuator kept its state.
+    Stayed(u8),
+}
+
 impl<T: Real> Variable<T> {
+    /// Which variable it is.
+    pub fn name(&self) -> VariableName {
+        match *self {
+            Self::Supply { .. } => VariableName::Supply,
+            Self::Temperature { .. } => VariableName::Temperature,
+            Self::Servo { servo, .. } => VariableName::Servo(servo),
+            Self::Digits { first, second } => VariableName::Digits(first, second),
+            Self::Stayed { actuator, .. } => VariableName::Stayed(actuator),
+        }
+    }
+
     /// u under a condition; 0 where it has no such part.
     pub fn of(&self, condition: &Condition<T>) -> T {
         let scaled = |value: T, center: T, span: T| (value - center) / span;
@@ -131,12 +157,21 @@ impl Variable<f64> {
 }
 
 impl<T: Real> Law<T> for FittedTerm<T> {
-    fn name(&self) -> &'static str {
-        "fitted-term"
+    /// None: its variable is not a place, but comes from a measurement.
+    fn at(_place: Place, _detail: Detail) -> Option<Self> {
+        None
+    }
+
+    fn name(&self) -> LawName {
+        LawName::FittedTerm
     }
 
     fn place(&self) -> Place {
         Place::Tool
+    }
+
+    fn detail(&self) -> Detail {
+        Detail::Term { of: self.of.name(), square: self.square }
     }
 
     fn quantities(&self) -> &'static [Quantity] {

@@ -29,7 +29,7 @@
 //! assert!((seen - Vec3::new(1.0, 2.002, 0.0)).norm() < 1e-15);
 //! ```
 
-use super::{Condition, Law, Place, Quantity};
+use super::{Condition, Detail, Law, LawName, Place, Quantity};
 use crate::real::{Real, Vec3, real};
 use crate::se::Pose;
 
@@ -62,10 +62,19 @@ pub(super) const OF_DISPLACEMENT: [Quantity; 6] = [
 ];
 
 impl<T: Real> Law<T> for FrameOffset<T> {
-    fn name(&self) -> &'static str {
+    fn at(place: Place, detail: Detail) -> Option<Self> {
+        let frame = match (place, detail) {
+            (Place::Base, Detail::All) => Frame::Base,
+            (Place::Tool, Detail::All) => Frame::Tool,
+            _ => return None,
+        };
+        Some(Self { frame, values: [T::zero(); 6] })
+    }
+
+    fn name(&self) -> LawName {
         match self.frame {
-            Frame::Base => "base-offset",
-            Frame::Tool => "tool-offset",
+            Frame::Base => LawName::BaseOffset,
+            Frame::Tool => LawName::ToolOffset,
         }
     }
 

@@ -26,7 +26,7 @@
 
 use core::slice;
 
-use super::{Law, Place, Quantity, Site};
+use super::{Detail, Law, LawName, Place, Quantity, Site};
 use crate::actuator::JointKind;
 use crate::real::{Real, real};
 
@@ -40,8 +40,12 @@ pub struct GravitySag<T: Real> {
 }
 
 impl<T: Real> Law<T> for GravitySag<T> {
-    fn name(&self) -> &'static str {
-        "gravity-sag"
+    fn at(place: Place, detail: Detail) -> Option<Self> {
+        (detail == Detail::All && place.is_actuators()).then_some(Self { at: place, compliance_m_per_n: T::zero() })
+    }
+
+    fn name(&self) -> LawName {
+        LawName::GravitySag
     }
 
     fn place(&self) -> Place {

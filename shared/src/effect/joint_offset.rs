@@ -28,7 +28,7 @@
 
 use core::slice;
 
-use super::{Law, Place, Quantity};
+use super::{Detail, Law, LawName, Place, Quantity};
 use crate::actuator::Setting;
 use crate::real::{Real, real};
 
@@ -42,8 +42,15 @@ pub struct JointOffset<T: Real> {
 }
 
 impl<T: Real> Law<T> for JointOffset<T> {
-    fn name(&self) -> &'static str {
-        "joint-offset"
+    fn at(place: Place, detail: Detail) -> Option<Self> {
+        match (place, detail) {
+            (Place::Servo(servo), Detail::All) => Some(Self { servo, offset_rad: T::zero() }),
+            _ => None,
+        }
+    }
+
+    fn name(&self) -> LawName {
+        LawName::JointOffset
     }
 
     fn place(&self) -> Place {

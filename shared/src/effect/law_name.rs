@@ -94,5 +94,7 @@ mod tests {
     fn each_law_is_found_by_its_name() {
         assert!(LawName::ALL.iter().all(|law| LawName::named(law.as_str()) == Some(*law)));
         assert_eq!(LawName::named("nothing-like-it"), None);
+        let mut letters = LawName::ALL.iter().flat_map(|law| law.as_str().chars());
+        assert!(letters.all(|c| c.is_ascii_lowercase() || c == '-'));
     }
 }

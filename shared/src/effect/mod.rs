@@ -5,10 +5,11 @@
 //! [`Law::deflection`] tells by how much a loaded actuator gives way; then the arm is assembled anew. [`Law::displace`]
 //! moves the tool as a whole, as the camera sees it under a condition. Effects add up in the order of their list.
 //!
-//! A fitter treats all laws alike: by name, place, and values with names and units.
+//! Arm files, the diagnosis and its reports treat all laws alike: by name, place, constant, and values with names and
+//! units.
 //!
-//! A new law is one file and its line in the list below. Laws of a joint's torque, an actuator's force or a held position
-//! stand in [`along`].
+//! A new law is one file, its line in the list of [`Effect`] and its name in [`law_name`]. Laws of a joint's torque, an
+//! actuator's force or a held position are in [`along`].
 
 pub mod along;
 pub mod anchor_offset;
@@ -31,14 +32,27 @@ use crate::actuator::{JointKind, Setting};
 use crate::real::{Real, real};
 use crate::se::Pose;
 use crate::units::Word;
+use anchor_offset::Plate;
+use fitted_term::VariableName;
+use law_name::LawName;
 
 /// A law of how an actuator departs from what it is set to.
 pub trait Law<T: Real> {
-    /// The law's name, in kebab-case.
-    fn name(&self) -> &'static str;
+    /// The law at a place, its values and its constant at zero; `None` where it does not act.
+    fn at(place: Place, detail: Detail) -> Option<Self>
+    where
+        Self: Sized;
+
+    /// The law's name.
+    fn name(&self) -> LawName;
 
     /// Which actuators it acts on.
     fn place(&self) -> Place;
+
+    /// Which number of the place it changes.
+    fn detail(&self) -> Detail {
+        Detail::All
+    }
 
     /// What each of the values is.
     fn quantities(&self) -> &'static [Quantity];
@@ -48,6 +62,20 @@ pub trait Law<T: Real> {
 
     /// The same, to change them.
     fn values_mut(&mut self) -> &mut [T];
+
+    /// The number in the law that is given and not fitted, as the moment of a step is.
+    fn constant(&self) -> Option<(Quantity, T)> {
+        None
+    }
+
+    /// The same, to change it.
+    fn constant_mut(&mut self) -> Option<&mut T> {
+        None
+    }
+
+    /// Keeps what the law had come to where the measurement that it was fitted to ended: after this time, s, and this
+    /// number of switches of each actuator.
+    fn settle(&mut self, _end_s: T, _switches: &[T]) {}
 
     /// Changes what the actuator at `site` is set to. Only called within [`place`](Self::place).
     fn disturb(&self, _site: &Site<T>, _setting: &mut Setting<T>) {}
@@ -89,6 +117,24 @@ pub enum Place {
     Tool,
     /// What looks at the tool.
     Camera,
+}
+
+/// Which number of a place a law changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Detail {
+    /// All that the place has.
+    All,
+    /// The stroke in one state.
+    State(u8),
+    /// The anchor on one plate.
+    Anchor(Plate),
+    /// What depends on one variable, or on its square.
+    Term {
+        /// The variable.
+        of: VariableName,
+        /// Whether on its square.
+        square: bool,
+    },
 }
 
 /// What one value of a law is.
@@ -181,6 +227,11 @@ impl<T: Real> Default for Site<T> {
 }
 
 impl Place {
+    /// Whether it is one actuator or several.
+    pub fn is_actuators(&self) -> bool {
+        matches!(self, Self::Actuator(_) | Self::Module(_) | Self::Arm)
+    }
+
     /// Whether an actuator is one of those meant.
     pub fn holds<T: Real>(&self, site: &Site<T>) -> bool {
         match self {
@@ -201,6 +252,10 @@ macro_rules! effects {
         }
 
         impl<T: Real> Effect<T> {
+            /// Each law at a place, its values and its constant at zero; `None` where it does not act.
+            pub const EACH_AT: &[fn(Place, Detail) -> Option<Self>] =
+                &[$(|place, detail| $file::$law::at(place, detail).map(Self::$law)),+];
+
             /// The law.
             pub fn law(&self) -> &dyn Law<T> {
                 match self {
@@ -234,20 +289,27 @@ macro_rules! effects {
 }
 
 effects! {
-    StrokeLoss in stroke_loss,
-    AnchorOffset in anchor_offset,
     GravitySag in gravity_sag,
     Play in play,
     SupplyStroke in supply_stroke,
     ThermalGrowth in thermal_growth,
-    Step in step,
     Drift in drift,
-    Wear in wear,
     Crowding in crowding,
     FrameOffset in frame_offset,
-    FittedTerm in fitted_term,
     Scale in scale,
     JointOffset in joint_offset,
+    StrokeLoss in stroke_loss,
+    Wear in wear,
+    Step in step,
+    AnchorOffset in anchor_offset,
+    FittedTerm in fitted_term,
+}
+
+impl<T: Real> Effect<T> {
+    /// The law of this name at a place, its values and its constant at zero; `None` where it does not act.
+    pub fn at(name: LawName, place: Place, detail: Detail) -> Option<Self> {
+        Self::EACH_AT.iter().filter_map(|at| at(place, detail)).find(|effect| effect.law().name() == name)
+    }
 }
 
 #[cfg(test)]
@@ -291,9 +353,16 @@ mod tests {
     }
 
     #[test]
-    fn each_law_is_in_the_list_of_names() {
-        for effect in one_of_each() {
-            assert!(law_name::LawName::named(effect.law().name()).is_some(), "{}", effect.law().name());
+    fn each_law_is_made_from_its_name_and_place() {
+        for mut effect in one_of_each() {
+            let law = effect.law_mut();
+            law.values_mut().fill(0.0);
+            if let Some(constant) = law.constant_mut() {
+                *constant = 0.0;
+            }
+            let made = Effect::at(effect.law().name(), effect.law().place(), effect.law().detail());
+            assert_eq!(made.is_none(), matches!(effect, Effect::FittedTerm(_)));
+            assert!(made.is_none_or(|made| made == effect), "{made:?}");
         }
     }
 
@@ -366,7 +435,6 @@ mod tests {
         for effect in one_of_each() {
             let law = effect.law();
             assert_eq!(law.values().len(), law.quantities().len());
-            assert!(law.name().chars().all(|c| c.is_ascii_lowercase() || c == '-'));
             let of_actuators = hooks(&effect)[0] || law.bears_load();
             assert_eq!(law.place().holds(&site()), of_actuators);
             assert!(!law.place().holds(&Site::<f64>::default()));

@@ -34,7 +34,7 @@
 
 use core::slice;
 
-use super::{Law, Place, Quantity, Site};
+use super::{Detail, Law, LawName, Place, Quantity, Site};
 use crate::actuator::Setting;
 use crate::real::{Real, real};
 
@@ -48,8 +48,12 @@ pub struct Play<T: Real> {
 }
 
 impl<T: Real> Law<T> for Play<T> {
-    fn name(&self) -> &'static str {
-        "play"
+    fn at(place: Place, detail: Detail) -> Option<Self> {
+        (detail == Detail::All && place.is_actuators()).then_some(Self { at: place, width_m: T::zero() })
+    }
+
+    fn name(&self) -> LawName {
+        LawName::Play
     }
 
     fn place(&self) -> Place {

@@ -28,7 +28,7 @@
 
 use core::slice;
 
-use super::{Condition, Law, Place, Quantity};
+use super::{Condition, Detail, Law, LawName, Place, Quantity};
 use crate::real::{Real, real};
 use crate::se::Pose;
 
@@ -40,8 +40,12 @@ pub struct Scale<T: Real> {
 }
 
 impl<T: Real> Law<T> for Scale<T> {
-    fn name(&self) -> &'static str {
-        "scale"
+    fn at(place: Place, detail: Detail) -> Option<Self> {
+        ((place, detail) == (Place::Camera, Detail::All)).then_some(Self { stretch: T::zero() })
+    }
+
+    fn name(&self) -> LawName {
+        LawName::Scale
     }
 
     fn place(&self) -> Place {

@@ -34,7 +34,7 @@
 
 use core::slice;
 
-use super::{Law, Place, Quantity, Site};
+use super::{Detail, Law, LawName, Place, Quantity, Site};
 use crate::actuator::Setting;
 use crate::real::{Real, real};
 
@@ -50,8 +50,15 @@ pub struct Step<T: Real> {
 }
 
 impl<T: Real> Law<T> for Step<T> {
-    fn name(&self) -> &'static str {
-        "step"
+    fn at(place: Place, detail: Detail) -> Option<Self> {
+        match (place, detail) {
+            (Place::Actuator(actuator), Detail::All) => Some(Self { actuator, since_s: T::zero(), shift_m: T::zero() }),
+            _ => None,
+        }
+    }
+
+    fn name(&self) -> LawName {
+        LawName::Step
     }
 
     fn place(&self) -> Place {
@@ -68,6 +75,14 @@ impl<T: Real> Law<T> for Step<T> {
 
     fn values_mut(&mut self) -> &mut [T] {
         slice::from_mut(&mut self.shift_m)
+    }
+
+    fn constant(&self) -> Option<(Quantity, T)> {
+        Some((Quantity { name: "since", unit: "s" }, self.since_s))
+    }
+
+    fn constant_mut(&mut self) -> Option<&mut T> {
+        Some(&mut self.since_s)
     }
 
     fn disturb(&self, site: &Site<T>, setting: &mut Setting<T>) {

@@ -27,7 +27,7 @@
 
 use core::slice;
 
-use super::{Law, Place, Quantity, Site};
+use super::{Detail, Law, LawName, Place, Quantity, Site};
 use crate::actuator::Setting;
 use crate::real::{Real, real};
 
@@ -44,12 +44,23 @@ pub struct StrokeLoss<T: Real> {
 }
 
 impl<T: Real> Law<T> for StrokeLoss<T> {
-    fn name(&self) -> &'static str {
-        "stroke-loss"
+    fn at(place: Place, detail: Detail) -> Option<Self> {
+        match (place, detail) {
+            (Place::Actuator(actuator), Detail::State(state)) => Some(Self { actuator, state, loss_m: T::zero() }),
+            _ => None,
+        }
+    }
+
+    fn name(&self) -> LawName {
+        LawName::StrokeLoss
     }
 
     fn place(&self) -> Place {
         Place::Actuator(self.actuator)
+    }
+
+    fn detail(&self) -> Detail {
+        Detail::State(self.state)
     }
 
     fn quantities(&self) -> &'static [Quantity] {

@@ -29,7 +29,7 @@
 
 use core::slice;
 
-use super::{Law, Place, Quantity, Site};
+use super::{Detail, Law, LawName, Place, Quantity, Site};
 use crate::actuator::Setting;
 use crate::real::{Real, real};
 
@@ -43,8 +43,12 @@ pub struct SupplyStroke<T: Real> {
 }
 
 impl<T: Real> Law<T> for SupplyStroke<T> {
-    fn name(&self) -> &'static str {
-        "supply-stroke"
+    fn at(place: Place, detail: Detail) -> Option<Self> {
+        (detail == Detail::All && place.is_actuators()).then_some(Self { at: place, gain: T::zero() })
+    }
+
+    fn name(&self) -> LawName {
+        LawName::SupplyStroke
     }
 
     fn place(&self) -> Place {

@@ -29,7 +29,7 @@
 
 use core::slice;
 
-use super::{Law, Place, Quantity, Site};
+use super::{Detail, Law, LawName, Place, Quantity, Site};
 use crate::actuator::{JointKind, Setting};
 use crate::real::{Real, real};
 
@@ -43,8 +43,12 @@ pub struct ThermalGrowth<T: Real> {
 }
 
 impl<T: Real> Law<T> for ThermalGrowth<T> {
-    fn name(&self) -> &'static str {
-        "thermal-growth"
+    fn at(place: Place, detail: Detail) -> Option<Self> {
+        (detail == Detail::All && place.is_actuators()).then_some(Self { at: place, expansion_per_k: T::zero() })
+    }
+
+    fn name(&self) -> LawName {
+        LawName::ThermalGrowth
     }
 
     fn place(&self) -> Place {

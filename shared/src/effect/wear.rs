@@ -30,7 +30,7 @@
 
 use core::slice;
 
-use super::{Law, Place, Quantity, Site};
+use super::{Detail, Law, LawName, Place, Quantity, Site};
 use crate::actuator::Setting;
 use crate::real::{Real, real};
 
@@ -46,8 +46,17 @@ pub struct Wear<T: Real> {
 }
 
 impl<T: Real> Law<T> for Wear<T> {
-    fn name(&self) -> &'static str {
-        "wear"
+    fn at(place: Place, detail: Detail) -> Option<Self> {
+        match (place, detail) {
+            (Place::Actuator(actuator), Detail::All) => {
+                Some(Self { actuator, until_switches: T::zero(), per_switch_m: T::zero() })
+            }
+            _ => None,
+        }
+    }
+
+    fn name(&self) -> LawName {
+        LawName::Wear
     }
 
     fn place(&self) -> Place {
@@ -64,6 +73,20 @@ impl<T: Real> Law<T> for Wear<T> {
 
     fn values_mut(&mut self) -> &mut [T] {
         slice::from_mut(&mut self.per_switch_m)
+    }
+
+    fn constant(&self) -> Option<(Quantity, T)> {
+        Some((Quantity { name: "until_switches", unit: "1" }, self.until_switches))
+    }
+
+    fn constant_mut(&mut self) -> Option<&mut T> {
+        Some(&mut self.until_switches)
+    }
+
+    fn settle(&mut self, _end_s: T, switches: &[T]) {
+        if let Some(counted) = switches.get(usize::from(self.actuator)) {
+            self.until_switches = *counted;
+        }
     }
 
     fn disturb(&self, site: &Site<T>, setting: &mut Setting<T>) {

@@ -1,103 +1,122 @@
-//! Effects by the names of their laws: the only list of laws that the arm file needs.
+//! Effects in an arm file: `law`, where it acts, its constant and its values.
 
 use darm_core::actuator::MAX_STATES;
-use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
-use darm_core::effect::crowding::Crowding;
-use darm_core::effect::drift::Drift;
+use darm_core::effect::anchor_offset::Plate;
 use darm_core::effect::fitted_term::{FittedTerm, Variable};
-use darm_core::effect::frame_offset::{Frame, FrameOffset};
-use darm_core::effect::gravity_sag::GravitySag;
-use darm_core::effect::joint_offset::JointOffset;
-use darm_core::effect::play::Play;
-use darm_core::effect::scale::Scale;
-use darm_core::effect::step::Step;
-use darm_core::effect::stroke_loss::StrokeLoss;
-use darm_core::effect::supply_stroke::SupplyStroke;
-use darm_core::effect::thermal_growth::ThermalGrowth;
-use darm_core::effect::wear::Wear;
-use darm_core::effect::{Effect, Place, Quantity};
-use darm_core::real::Vec3;
+use darm_core::effect::frame_offset::Frame;
+use darm_core::effect::law_name::LawName;
+use darm_core::effect::{Detail, Effect, Law, Place, Quantity};
 
 use super::ArmFault;
 use super::ArmModel;
 use super::raw::{RawEffect, RawFrame, RawPlate, RawVariable};
-use darm_robot::source::Number;
 
-const LAWS: [&str; 15] = [
-    "stroke-loss",
-    "anchor-offset",
-    "gravity-sag",
-    "play",
-    "supply-stroke",
-    "thermal-growth",
-    "step",
-    "drift",
-    "wear",
-    "crowding",
-    "base-offset",
-    "tool-offset",
-    "scale",
-    "joint-offset",
-    "fitted-term",
+/// Keys that say where an effect acts, each with the first place that it can name.
+const PLACE_KEYS: [(&str, Place, Detail); 5] = [
+    ("actuator", Place::Actuator(0), Detail::All),
+    ("module", Place::Module(0), Detail::All),
+    ("servo", Place::Servo(0), Detail::All),
+    ("state", Place::Actuator(0), Detail::State(0)),
+    ("plate", Place::Actuator(0), Detail::Anchor(Plate::Base)),
 ];
 
 /// The effect that `raw` describes, in the arm of `model`.
 pub(super) fn effect(raw: &RawEffect, model: &ArmModel) -> Result<Effect<f64>, ArmFault> {
-    let at = place(raw);
-    check_place(at, model)?;
-    let actuator = || raw.actuator.ok_or(ArmFault::Missing { key: "actuator", of: "an effect on one actuator" });
-    let number = |number: Option<Number>, key, of| number.map(|n| n.0).ok_or(ArmFault::Missing { key, of });
-    let mut effect: Effect<f64> = match raw.law.get_ref().as_str() {
-        "stroke-loss" => {
-            let state = raw.state.ok_or(ArmFault::Missing { key: "state", of: "a stroke loss" })?;
-            let actuator = actuator()?;
-            if usize::from(state) >= model.chain.n_states(actuator.into()).min(MAX_STATES) {
-                return Err(ArmFault::NoSuchPlace);
-            }
-            StrokeLoss { actuator, state, loss_m: 0.0 }.into()
-        }
-        "anchor-offset" => {
-            let plate = match raw.plate.ok_or(ArmFault::Missing { key: "plate", of: "an anchor offset" })? {
-                RawPlate::Base => Plate::Base,
-                RawPlate::Top => Plate::Top,
-            };
-            AnchorOffset { actuator: actuator()?, plate, offset: Vec3::zeros() }.into()
-        }
-        "gravity-sag" => GravitySag { at, compliance_m_per_n: 0.0 }.into(),
-        "play" => Play { at, width_m: 0.0 }.into(),
-        "supply-stroke" => SupplyStroke { at, gain: 0.0 }.into(),
-        "thermal-growth" => ThermalGrowth { at, expansion_per_k: 0.0 }.into(),
-        "step" => {
-            let since_s = number(raw.since_s, "since_s", "a step")?;
-            Step { actuator: actuator()?, since_s, shift_m: 0.0 }.into()
-        }
-        "drift" => Drift { at, until_s: number(raw.until_s, "until_s", "a drift")?, values: [0.0; 2] }.into(),
-        "wear" => {
-            let until_switches = number(raw.until_switches, "until_switches", "wear")?;
-            Wear { actuator: actuator()?, until_switches, per_switch_m: 0.0 }.into()
-        }
-        "crowding" => Crowding { at, values: [0.0; 2] }.into(),
-        "base-offset" => FrameOffset { frame: Frame::Base, values: [0.0; 6] }.into(),
-        "tool-offset" => FrameOffset { frame: Frame::Tool, values: [0.0; 6] }.into(),
-        "scale" => Scale { stretch: 0.0 }.into(),
-        "joint-offset" => {
-            let servo = raw.servo.ok_or(ArmFault::Missing { key: "servo", of: "a joint offset" })?;
-            if usize::from(servo) >= model.chain.n_servos() {
-                return Err(ArmFault::NoSuchPlace);
-            }
-            JointOffset { servo, offset_rad: 0.0 }.into()
-        }
-        "fitted-term" => fitted_term(raw, model)?.into(),
-        found => return Err(ArmFault::UnknownLaw { found: found.into(), known: LAWS.to_vec() }),
+    let found = raw.law.get_ref();
+    let name = LawName::named(found).filter(|name| arm_laws().contains(name));
+    let name = name.ok_or_else(|| ArmFault::UnknownLaw {
+        found: found.clone(),
+        known: arm_laws().iter().map(|law| law.as_str()).collect(),
+    })?;
+    let mut effect = match name {
+        LawName::FittedTerm => fitted_term(raw, model)?.into(),
+        name => at_its_place(name, raw, model)?,
     };
     let law = effect.law_mut();
+    if let Some((quantity, _)) = law.constant() {
+        let constant = raw.constants().into_iter().find(|(key, _)| *key == value_key(&quantity));
+        let (key, given) = constant.expect("an effect in a file has a key for each constant of a law");
+        let given = given.ok_or(ArmFault::Missing { key, of: name.as_str() })?;
+        law.constant_mut().into_iter().for_each(|constant| *constant = given.0);
+    }
+    set_values(law, raw)?;
+    Ok(effect)
+}
+
+/// The laws that an arm file may name.
+fn arm_laws() -> Vec<LawName> {
+    let alone = [Place::Arm, Place::Base, Place::Tool, Place::Camera].map(|place| (place, Detail::All));
+    let places = PLACE_KEYS.map(|(_, place, detail)| (place, detail)).into_iter().chain(alone);
+    let effects = places.flat_map(|(place, detail)| Effect::EACH_AT.iter().filter_map(move |at| at(place, detail)));
+    let mut laws: Vec<LawName> = effects.map(|effect: Effect<f64>| effect.law().name()).collect();
+    laws.push(LawName::FittedTerm);
+    laws.sort();
+    laws.dedup();
+    laws
+}
+
+/// The effect with its constant and values at zero.
+fn at_its_place(name: LawName, raw: &RawEffect, model: &ArmModel) -> Result<Effect<f64>, ArmFault> {
+    let places = match (raw.actuator, raw.module, raw.servo) {
+        (Some(actuator), ..) => vec![Place::Actuator(actuator)],
+        (None, Some(module), _) => vec![Place::Module(module)],
+        (None, None, Some(servo)) => vec![Place::Servo(servo)],
+        (None, None, None) => vec![Place::Arm, Place::Base, Place::Tool, Place::Camera],
+    };
+    let detail = match (raw.state, raw.plate) {
+        (Some(state), _) => Detail::State(state),
+        (None, Some(RawPlate::Base)) => Detail::Anchor(Plate::Base),
+        (None, Some(RawPlate::Top)) => Detail::Anchor(Plate::Top),
+        (None, None) => Detail::All,
+    };
+    let effect = places.iter().find_map(|place| Effect::at(name, *place, detail));
+    let effect = effect.ok_or_else(|| wrong_place_keys(name, raw))?;
+    if exists(effect.law(), model) { Ok(effect) } else { Err(ArmFault::NoSuchPlace) }
+}
+
+/// Which key is missing, or which is too much, where a law cannot act at the place that the keys name.
+fn wrong_place_keys(name: LawName, raw: &RawEffect) -> ArmFault {
+    let given =
+        [raw.actuator.is_some(), raw.module.is_some(), raw.servo.is_some(), raw.state.is_some(), raw.plate.is_some()];
+    let acts = PLACE_KEYS.map(|(_, place, detail)| Effect::<f64>::at(name, place, detail).is_some());
+    // A law of a state or of an anchor acts on an actuator.
+    let needed = [acts[0] || acts[3] || acts[4], acts[1], acts[2], acts[3], acts[4]];
+    let keys = PLACE_KEYS.map(|(key, ..)| key);
+    match (0..keys.len()).find(|&k| given[k] && !needed[k]) {
+        Some(useless) => ArmFault::Useless { key: keys[useless], of: name.as_str() },
+        None => {
+            let missing = (0..keys.len()).find(|&k| needed[k] && !given[k]).unwrap_or(0);
+            ArmFault::Missing { key: keys[missing], of: name.as_str() }
+        }
+    }
+}
+
+/// Whether the arm has the place of a law.
+fn exists(law: &dyn Law<f64>, model: &ArmModel) -> bool {
+    let state_exists = match (law.place(), law.detail()) {
+        (Place::Actuator(actuator), Detail::State(state)) => {
+            usize::from(state) < model.chain.n_states(actuator.into()).min(MAX_STATES)
+        }
+        _ => true,
+    };
+    state_exists
+        && match law.place() {
+            Place::Actuator(actuator) => usize::from(actuator) < model.chain.n_actuators(),
+            Place::Module(module) => usize::from(module) < model.chain.stages.len(),
+            Place::Servo(servo) => usize::from(servo) < model.chain.n_servos(),
+            Place::Arm | Place::Base | Place::Tool | Place::Camera => true,
+        }
+}
+
+/// Sets the values of a law to those of the file.
+fn set_values(law: &mut dyn Law<f64>, raw: &RawEffect) -> Result<(), ArmFault> {
     let keys: Vec<String> = law.quantities().iter().map(value_key).collect();
     let given = raw.values.get_ref();
     if given.len() != keys.len() || !keys.iter().all(|key| given.contains_key(key)) {
         return Err(ArmFault::EffectValues { expected: keys });
     }
     law.values_mut().iter_mut().zip(&keys).for_each(|(value, key)| *value = given[key].0);
-    Ok(effect)
+    Ok(())
 }
 
 /// A term with its values at zero.
@@ -135,7 +154,7 @@ fn variable(raw: RawVariable) -> Variable<f64> {
     }
 }
 
-/// The keys of a fitted term beside its law and values.
+/// The keys of a fitted term other than its law and values.
 fn term_keys(term: &FittedTerm<f64>) -> String {
     let along = match term.of {
         Variable::Supply { center, span } => format!("supply = {{ center_pa = {center:?}, span_pa = {span:?} }}"),
@@ -162,41 +181,24 @@ pub(super) fn value_key(quantity: &Quantity) -> String {
     }
 }
 
-/// The keys of an effect beside its law and values.
+/// The keys of an effect other than its law and values.
 pub(super) fn place_keys(effect: &Effect<f64>) -> String {
-    let place = match effect.law().place() {
+    if let Effect::FittedTerm(term) = effect {
+        return term_keys(term);
+    }
+    let law = effect.law();
+    let place = match law.place() {
         Place::Actuator(actuator) => format!("actuator = {actuator}\n"),
         Place::Module(module) => format!("module = {module}\n"),
         Place::Servo(servo) => format!("servo = {servo}\n"),
         Place::Arm | Place::Base | Place::Tool | Place::Camera => String::new(),
     };
-    match effect {
-        Effect::StrokeLoss(law) => format!("{place}state = {}\n", law.state),
-        Effect::AnchorOffset(law) => match law.plate {
-            Plate::Base => format!("{place}plate = \"base\"\n"),
-            Plate::Top => format!("{place}plate = \"top\"\n"),
-        },
-        Effect::Step(law) => format!("{place}since_s = {:?}\n", law.since_s),
-        Effect::Drift(law) => format!("{place}until_s = {:?}\n", law.until_s),
-        Effect::Wear(law) => format!("{place}until_switches = {:?}\n", law.until_switches),
-        Effect::FittedTerm(term) => term_keys(term),
-        _ => place,
-    }
-}
-
-fn place(raw: &RawEffect) -> Place {
-    match (raw.actuator, raw.module) {
-        (Some(actuator), _) => Place::Actuator(actuator),
-        (None, Some(module)) => Place::Module(module),
-        (None, None) => Place::Arm,
-    }
-}
-
-fn check_place(at: Place, model: &ArmModel) -> Result<(), ArmFault> {
-    let exists = match at {
-        Place::Actuator(actuator) => usize::from(actuator) < model.chain.n_actuators(),
-        Place::Module(module) => usize::from(module) < model.chain.stages.len(),
-        Place::Servo(_) | Place::Arm | Place::Base | Place::Tool | Place::Camera => true,
+    let detail = match law.detail() {
+        Detail::State(state) => format!("state = {state}\n"),
+        Detail::Anchor(Plate::Base) => "plate = \"base\"\n".into(),
+        Detail::Anchor(Plate::Top) => "plate = \"top\"\n".into(),
+        Detail::All | Detail::Term { .. } => String::new(),
     };
-    if exists { Ok(()) } else { Err(ArmFault::NoSuchPlace) }
+    let constant = law.constant().map(|(quantity, value)| format!("{} = {value:?}\n", value_key(&quantity)));
+    format!("{place}{detail}{}", constant.unwrap_or_default())
 }

@@ -151,6 +151,13 @@ pub(super) struct RawEffect {
     pub(super) values: Spanned<BTreeMap<String, Number>>,
 }
 
+impl RawEffect {
+    /// The constants of laws, with their keys.
+    pub(super) fn constants(&self) -> [(&'static str, Option<Number>); 3] {
+        [("since_s", self.since_s), ("until_s", self.until_s), ("until_switches", self.until_switches)]
+    }
+}
+
 /// What a fitted term goes along, from 0 at the center to 1 at a span from there.
 #[derive(Clone, Copy, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]

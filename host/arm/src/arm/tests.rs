@@ -245,9 +245,21 @@ fn effects_that_cannot_be_are_told() {
     let message = |effect: &str| parse(&format!("{PLANAR4}\n[[effect]]\nlaw = {effect}\n")).unwrap_err().to_string();
     assert_eq!(
         message("\"sag\"\nvalues = {}"),
-        "arm.toml:152:7: there is no law `sag`; the laws are stroke-loss, anchor-offset, gravity-sag, play, \
-         supply-stroke, thermal-growth, step, drift, wear, crowding, base-offset, tool-offset, scale, joint-offset, fitted-term"
+        "arm.toml:152:7: there is no law `sag`; the laws are anchor-offset, base-offset, crowding, drift, \
+         fitted-term, gravity-sag, joint-offset, play, scale, step, stroke-loss, supply-stroke, thermal-growth, tool-offset, \
+         wear"
     );
+    let values = "values = {}";
+    for (effect, said) in [
+        ("\"wear\"\nactuator = 0", "wear needs the key `until_switches`; add it"),
+        ("\"wear\"\nmodule = 0", "wear has no key `module`; remove it"),
+        ("\"stroke-loss\"\nactuator = 0", "stroke-loss needs the key `state`; add it"),
+        ("\"base-offset\"\nactuator = 0", "base-offset has no key `actuator`; remove it"),
+        ("\"gravity-sag\"\nstate = 0", "gravity-sag has no key `state`; remove it"),
+        ("\"joint-offset\"", "joint-offset needs the key `servo`; add it"),
+    ] {
+        assert_eq!(message(&format!("{effect}\n{values}")), format!("arm.toml:152:7: {said}"));
+    }
     assert_eq!(message("\"play\"\nvalues = { w = 1.0 }"), "arm.toml:152:7: the values of this law are width_m");
     assert_eq!(
         message("\"play\"\nmodule = 4\nvalues = { width_m = 1.0 }"),

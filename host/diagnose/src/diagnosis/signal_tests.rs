@@ -7,7 +7,7 @@ use crate::correction::Keep;
 use crate::linearise::model::What;
 use crate::measurement::FindingKind;
 use crate::outcome::{ErrorFigure, Errors, Verdict};
-use crate::select::factored::Factored;
+use crate::select::factored::{Factored, judged};
 use crate::select::problem::{Neighbours as _, RegressionProblem as _, Trial};
 
 fn options(hold_out: HoldOut, keep: Option<&str>, always: &[&str]) -> SignalOptions {
@@ -174,12 +174,12 @@ fn models_with_more_and_with_fewer_effects_follow_from_one_that_is_factorised() 
     let Ok(more) = problem.neighbours(&base).with_one_more();
     assert!(more.len() > 20);
     for trial in &more {
-        same(trial, &weighted.judged(trial.fit.active.clone(), trial.effect));
+        same(trial, &judged(weighted, trial.fit.active.clone(), trial.effect));
     }
     let factored = Factored::new(weighted, vec![0, 4, 20, 7]);
     for dropped in [&[4][..], &[0, 7], &[20, 0, 4, 7]] {
         let without = factored.without(dropped);
-        same(&without, &weighted.judged(without.fit.active.clone(), None));
+        same(&without, &judged(weighted, without.fit.active.clone(), None));
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use darm_core::effect::law_name::LawName;
 use darm_core::effect::stroke_loss::StrokeLoss;
 use darm_core::effect::supply_stroke::SupplyStroke;
 use darm_core::effect::thermal_growth::ThermalGrowth;
@@ -146,7 +147,7 @@ fn what_no_law_explains_is_kept_as_fitted_terms() {
         let term = &diagnosis.remaining.depends_on[0];
         assert!(term.heldout_gain > Some(0.3e-3), "{:?} {:?}", diagnosis.plain, diagnosis.remaining);
         let kept = correction.corrected(&arm(), &run, Keep::EffectsAndTerms).unwrap();
-        assert!(kept.model.effects.iter().any(|effect| effect.law().name() == "fitted-term"));
+        assert!(kept.model.effects.iter().any(|effect| effect.law().name() == LawName::FittedTerm));
         let again = diagnose(&kept, &run, &Options::default()).unwrap().diagnosis;
         assert_eq!(again.verdict, Verdict::NoEffect, "{:?} {:?}", again.plain, kept.model.effects);
         let read = Arm::parse(Path::new("kept.toml"), &kept.to_toml()).unwrap();

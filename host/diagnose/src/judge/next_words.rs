@@ -3,8 +3,8 @@
 use darm_core::units::Word;
 use nalgebra::DMatrix;
 
-use crate::effect::{Place, law_named};
-use crate::judge::poses::Selected;
+use crate::effect::Place;
+use crate::judge::selected::Selected;
 use crate::linearise::arm_candidates::{all, same};
 use crate::linearise::sensitivity::Sensitivity;
 use crate::measurement::Run;
@@ -88,7 +88,7 @@ fn nothing(alternatives: &[Alternative]) -> NextMeasurement {
 fn together(arm: &Arm, best: &Trial<ToolPoses>, alternatives: &[Alternative]) -> ArmModel {
     let mut model = best.fit.model.clone();
     for effect in all(&arm.model) {
-        let (law, place) = (law_named(effect.law().name()), Place::of_arm(&effect));
+        let (law, place) = (effect.law().name(), Place::of_arm(&effect));
         let meant = alternatives.iter().any(|a| a.law == law && a.site.place == place);
         let known = model.effects.iter().any(|known| same(known, &effect));
         if meant && !known && model.effects.push(effect).is_err() {

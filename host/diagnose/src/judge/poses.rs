@@ -4,35 +4,18 @@ use darm_core::effect::Effect;
 
 use super::fitted_terms::{WithTerms, with_terms};
 use super::next_words::{self, Proposal};
+use super::selected::Selected;
 use super::structure::structure;
-use crate::effect::law_named;
 use crate::linearise::arm_candidates;
-use crate::measurement::Run;
 use crate::outcome::{Alternative, NextMeasurement, Structure, Verdict};
 use crate::prepare::observations::NoPose;
-use crate::prepare::repeatability::Noise;
 use crate::select::forward::rivals;
 use crate::select::problem::Trial;
 use crate::select::tool_pose::ToolPoses;
-use darm_arm::arm::{Arm, ArmScratch};
+use darm_arm::arm::ArmScratch;
 
 /// Share of what is beyond the noise that a named effect may leave.
 pub(crate) const UNEXPLAINED_SHARE: f64 = 0.1;
-
-/// A model that was selected, and what it was selected from.
-#[derive(Clone, Copy)]
-pub(crate) struct Selected<'a> {
-    /// The arm that was diagnosed.
-    pub(crate) arm: &'a Arm,
-    /// Its measurement.
-    pub(crate) run: &'a Run,
-    /// The rows.
-    pub(crate) problem: &'a ToolPoses,
-    /// The noise of repeats.
-    pub(crate) repeats: Option<&'a Noise>,
-    /// The model with the effects selected.
-    pub(crate) best: &'a Trial<ToolPoses>,
-}
 
 /// What is concluded.
 pub(crate) struct Judgement {
@@ -45,26 +28,6 @@ pub(crate) struct Judgement {
     pub(crate) next_measurement: Option<NextMeasurement>,
 }
 
-impl Selected<'_> {
-    /// How many effects the arm had before.
-    pub(crate) fn n_known(&self) -> usize {
-        self.arm.model.effects.len()
-    }
-
-    /// The effects selected.
-    pub(crate) fn effects(&self) -> Vec<Effect<f64>> {
-        self.best.fit.model.effects.iter().skip(self.n_known()).copied().collect()
-    }
-
-    fn structure(&self, trial: &Trial<ToolPoses>) -> Structure {
-        self.structure_of(&trial.fit.residuals, trial.fit.values.len())
-    }
-
-    fn structure_of(&self, residuals: &[f64], n_fitted: usize) -> Structure {
-        structure(self, residuals, n_fitted)
-    }
-}
-
 /// Judges a selection; `start` is the model without the effects selected, fitted.
 pub(crate) fn judge(
     selected: &Selected,
@@ -73,20 +36,20 @@ pub(crate) fn judge(
     how: Proposal,
 ) -> Result<Judgement, NoPose> {
     let Selected { arm, problem, best, .. } = *selected;
-    let before = problem.training.residuals(&arm.model, &mut ArmScratch::default())?;
-    let (mut structure, mut remaining) = (selected.structure_of(&before, 0), selected.structure(best));
+    let residuals = problem.training.residuals(&arm.model, &mut ArmScratch::default())?;
+    let (mut before, mut remaining) = (structure(selected, &residuals, 0), structure_after(selected, best));
     let mut alternatives = alternatives(selected, last_rivals)?;
     let effects = selected.effects();
     let is_ambiguous = alternatives.iter().any(|other| !is_same_part(other, &effects));
-    let verdict = verdict(effects.len(), is_ambiguous, &structure, &remaining);
+    let verdict = verdict(effects.len(), is_ambiguous, &before, &remaining);
     let mut kept = Vec::new();
-    let look = |trial: &Trial<ToolPoses>| selected.structure(trial);
+    let look = |trial: &Trial<ToolPoses>| structure_after(selected, trial);
     if matches!(verdict, Verdict::EffectFound | Verdict::UnexplainedStructure) {
         kept.extend(with_terms(problem, best, &mut remaining.depends_on, look)?);
     }
     if verdict == Verdict::UnexplainedStructure {
         // What laws replace in the best model may be terms alone.
-        kept.extend(with_terms(problem, start, &mut structure.depends_on, look)?);
+        kept.extend(with_terms(problem, start, &mut before.depends_on, look)?);
     }
     let kept = kept.into_iter().min_by(|a, b| a.loss.order(&b.loss));
     let with_terms = kept.map(|with| WithTerms::of(problem, &with)).transpose()?;
@@ -95,13 +58,18 @@ pub(crate) fn judge(
         alternatives.splice(0..0, selected_as_alternatives(selected));
         next_measurement = Some(next_words::proposal(selected, &alternatives, how)?);
     }
-    Ok(Judgement { verdict, alternatives, structure, remaining, with_terms, next_measurement })
+    Ok(Judgement { verdict, alternatives, structure: before, remaining, with_terms, next_measurement })
+}
+
+/// The structure that a model leaves.
+fn structure_after(selected: &Selected, trial: &Trial<ToolPoses>) -> Structure {
+    structure(selected, &trial.fit.residuals, trial.fit.values.len())
 }
 
 /// Whether an alternative is the effect that it could replace, up to which end of the part it names.
 fn is_same_part(other: &Alternative, effects: &[Effect<f64>]) -> bool {
     let effect = &effects[other.instead_of];
-    other.law == law_named(effect.law().name()) && other.site.place.is_same_part(&crate::effect::Place::of_arm(effect))
+    other.law == effect.law().name() && other.site.place.is_same_part(&crate::effect::Place::of_arm(effect))
 }
 
 fn verdict(n_found: usize, is_ambiguous: bool, before: &Structure, after: &Structure) -> Verdict {
@@ -128,7 +96,7 @@ fn alternatives(selected: &Selected, last_rivals: Vec<Trial<ToolPoses>>) -> Resu
             let Some(other) = rival.effect.filter(|other| !arm_candidates::same(other, &own)) else { continue };
             all.push(Alternative {
                 instead_of: effect - n_known,
-                law: law_named(other.law().name()),
+                law: other.law().name(),
                 site: arm_candidates::site(arm, &other),
                 cross_validated: rival.error,
                 worse_with,
@@ -142,7 +110,7 @@ fn alternatives(selected: &Selected, last_rivals: Vec<Trial<ToolPoses>>) -> Resu
 fn selected_as_alternatives(selected: &Selected) -> Vec<Alternative> {
     let alternative = |(instead_of, effect): (usize, &Effect<f64>)| Alternative {
         instead_of,
-        law: law_named(effect.law().name()),
+        law: effect.law().name(),
         site: arm_candidates::site(selected.arm, effect),
         cross_validated: selected.best.error,
         worse_with: 0.0,

@@ -8,8 +8,8 @@
 use darm_core::effect::fitted_term::Frame;
 
 use crate::judge::pose_dictionary::dictionary;
-use crate::judge::poses::Selected;
 use crate::judge::regression::{Design, Term, of_axis, squares};
+use crate::judge::selected::Selected;
 use crate::measurement::{Run, median};
 use crate::outcome::{Dependence, Structure};
 use crate::prepare::observations::Observations;

@@ -30,7 +30,7 @@ use darm_core::effect::along::viscous_friction::ViscousFriction;
 use darm_core::effect::along::wear::Wear;
 use darm_core::effect::along::{Law, Memory, Moment, Per};
 
-use crate::effect::{Site, law_named};
+use crate::effect::Site;
 use crate::linearise::experiment::{Candidate, Value};
 use crate::linearise::model_effects::ModelEffect;
 use crate::measurement::root_mean_square;
@@ -160,7 +160,7 @@ impl Coordinate<'_> {
         known: &[ModelEffect],
     ) -> Vec<Candidate> {
         for effect in known.iter().filter(|effect| effect.place == site.code && effect.constant.is_some()) {
-            laws.extend(Law::named(effect.law.as_str(), effect.constant).filter(|law| !laws.contains(law)));
+            laws.extend(Law::named(effect.law, effect.constant).filter(|law| !laws.contains(law)));
         }
         laws.iter().map(|law| self.candidate(law, site, shares)).collect()
     }
@@ -173,7 +173,7 @@ impl Coordinate<'_> {
         let numbers = self.column(law);
         let column = numbers.iter().flat_map(|number| shares.iter().map(move |share| share * number)).collect();
         let value = Value { name: along.size().into(), unit, prior: f64::INFINITY, column };
-        Candidate { law: law_named(along.name()), site: site.clone(), shape, values: vec![value] }
+        Candidate { law: along.name(), site: site.clone(), shape, values: vec![value] }
     }
 
     /// What a size of one adds in each row.

@@ -28,6 +28,7 @@ use nalgebra::DMatrix;
 use serde::Deserialize;
 
 use crate::linearise::model_effects::{self, ModelEffect};
+use crate::linearise::model_error::ModelError;
 use crate::linearise::point_contact::Points;
 use crate::linearise::torque::Transmission;
 use darm_robot::robot::Robot;
@@ -89,23 +90,6 @@ enum Observed {
     Torque,
     Wrench,
     Closure,
-}
-
-/// Why a file is no model.
-#[derive(Debug, thiserror::Error)]
-pub enum ModelError {
-    /// It cannot be read.
-    #[error("{0}: cannot be read: {1}")]
-    Io(String, std::io::Error),
-    /// It is no model.
-    #[error("{0}: {1}")]
-    Toml(String, toml::de::Error),
-    /// Its robot cannot be read.
-    #[error(transparent)]
-    Urdf(#[from] urdf::UrdfError),
-    /// A number makes no sense.
-    #[error("{0}: {1}")]
-    Value(String, String),
 }
 
 impl Model {

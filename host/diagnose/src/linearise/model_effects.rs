@@ -21,7 +21,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use crate::effect::{Law, as_str};
 use crate::error::DiagnoseError;
 use crate::linearise::experiment::{Candidate, Experiment};
-use crate::linearise::model::ModelError;
+use crate::linearise::model_error::ModelError;
 
 /// One effect with all its values, in SI units and radians.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -3,84 +3,17 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use darm_core::se::{Pose, Pose2};
 use flate2::Compression;
 use flate2::read::MultiGzDecoder;
 use flate2::write::GzEncoder;
 
+use super::error::ReadError;
 use super::log::{self, LogError};
 use super::mcap::Log;
-use super::select::SelectError;
 use super::{Run, Sample};
-
-/// Why a file gives no measurements.
-#[derive(Debug, thiserror::Error)]
-pub enum ReadError {
-    /// The file cannot be opened or read.
-    #[error("{}: cannot be read: {error}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        error: io::Error,
-    },
-    /// The text is no table: a row is longer or shorter than the header, say.
-    #[error("{}: not a table of comma-separated values: {error}", path.display())]
-    Table {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        error: csv::Error,
-    },
-    /// A log gives no table.
-    #[error("{}: {error}", path.display())]
-    Log {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        error: LogError,
-    },
-    /// A column that cannot be done without is missing.
-    #[error("{}: no column {column}; the file has {present}; rename a column so that it carries this quantity and unit", path.display())]
-    NoColumn {
-        /// The file.
-        path: PathBuf,
-        /// The column.
-        column: String,
-        /// The columns that there are.
-        present: String,
-    },
-    /// A cell cannot be read as what its column says.
-    #[error("{}: line {line}: column {column} holds `{text}`, expected {expected}", path.display())]
-    Cell {
-        /// The file.
-        path: PathBuf,
-        /// Line of the file, the header being 1.
-        line: usize,
-        /// The column.
-        column: String,
-        /// What stands there.
-        text: String,
-        /// What should.
-        expected: &'static str,
-    },
-    /// A selection of rows makes no sense.
-    #[error("{}: {error}", path.display())]
-    Select {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        error: SelectError,
-    },
-    /// There is a header, or not even that, and no rows.
-    #[error("{}: no rows, there is nothing to diagnose", path.display())]
-    Empty {
-        /// The file.
-        path: PathBuf,
-    },
-}
 
 /// The table in a file.
 pub(super) struct Content {

@@ -1,6 +1,7 @@
 //! Which rows no fit may see.
 
-use super::select::{SelectError, Selection};
+use super::error::SelectError;
+use super::select::Selection;
 use super::table::Table;
 use super::{Finding, FindingKind};
 

@@ -14,8 +14,8 @@ use std::collections::BTreeMap;
 
 use serde_json::{Map, Value, json};
 
+use super::column::{meaning_of, name_parts};
 use super::mcap::{Log, McapError, Writer};
-use super::table::{meant, named};
 
 /// The topic of a log that is written.
 pub const TOPIC: &str = "/measurement";
@@ -96,7 +96,7 @@ fn table(log: &Log) -> Result<Vec<u8>, LogError> {
         1 => key.clone(),
         _ => format!("{}/{key}", topic.trim_start_matches('/')),
     };
-    let timed = columns.iter().any(|(_, key)| meant(&named(key).0) == "time");
+    let timed = columns.iter().any(|(_, key)| meaning_of(&name_parts(key).0) == "time");
     let mut text = csv::Writer::from_writer(Vec::new());
     let own = (!timed && !rows.is_empty()).then(|| "time_s".to_string());
     text.write_record(own.into_iter().chain(columns.iter().map(name)))?;
@@ -171,8 +171,8 @@ impl Rows {
     pub(super) fn push(&mut self, record: &csv::StringRecord) {
         let cells = || self.header.iter().zip(record);
         let object: Map<String, Value> = cells().map(|(name, cell)| (name.to_string(), value(name, cell))).collect();
-        let time = cells().find(|(name, _)| meant(&named(name).0) == "time");
-        let time_s = time.and_then(|(name, cell)| Some(cell.parse::<f64>().ok()? * named(name).1));
+        let time = cells().find(|(name, _)| meaning_of(&name_parts(name).0) == "time");
+        let time_s = time.and_then(|(name, cell)| Some(cell.parse::<f64>().ok()? * name_parts(name).1));
         let time_s = time_s.unwrap_or(self.count as f64);
         let first_s = *self.first_s.get_or_insert(time_s);
         let nanoseconds = |time_s: f64| (time_s * 1e9).round() as u64;
@@ -187,7 +187,7 @@ impl Rows {
 
 fn schema(header: &csv::StringRecord) -> Value {
     let property = |name: &str| {
-        let (quantity, _, unit) = named(name);
+        let (quantity, _, unit) = name_parts(name);
         let kind = if DIGITS.contains(&name) { "string" } else { "number" };
         let what = if unit.is_empty() { quantity } else { format!("{quantity}, read as {unit}") };
         (name.to_string(), json!({ "type": [kind, "string", "null"], "description": what }))

@@ -34,7 +34,9 @@
 //! | `clock_…` | offset and rate of the board's clock with their uncertainties |
 
 mod check;
+mod column;
 mod csv;
+mod error;
 mod finding;
 pub mod hold_out;
 pub mod log;
@@ -50,7 +52,9 @@ use darm_core::se::Pose;
 use darm_core::units::Word;
 
 pub use check::check;
-pub use csv::{ReadError, about, write, write_text};
+pub use column::Column;
+pub use csv::{about, write, write_text};
+pub use error::{ReadError, SelectError};
 pub use finding::{Finding, FindingKind, Severity};
 pub use stream::Stream;
 

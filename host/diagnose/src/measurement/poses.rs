@@ -7,10 +7,11 @@ use darm_core::real::Vec3;
 use darm_core::se::{Pose, Pose2};
 use darm_core::units::Word;
 
-use super::csv::ReadError;
+use super::column::Column;
+use super::error::{ReadError, SelectError};
 use super::hold_out::{HeldOut, HoldOut};
-use super::select::{SelectError, Selection};
-use super::table::{Column, Names, Table};
+use super::select::Selection;
+use super::table::{Names, Table};
 use super::{Choice, Finding, FindingKind, Run, Sample};
 use darm_arm::arm::ZERO_CELSIUS;
 

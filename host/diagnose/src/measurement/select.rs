@@ -2,6 +2,7 @@
 
 use std::str::FromStr;
 
+use super::error::SelectError;
 use super::table::Table;
 
 /// How a cell is compared.
@@ -27,35 +28,6 @@ struct Comparison {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Selection {
     comparisons: Vec<Comparison>,
-}
-
-/// Why a text is no selection, or none for this table.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum SelectError {
-    /// It does not compare.
-    #[error("`{0}` compares nothing: write COLUMN = VALUE, or !=, <, <=, >, >=")]
-    NoComparison(String),
-    /// There is no such column.
-    #[error("no column {column}; the file has {present}")]
-    NoColumn {
-        /// The column.
-        column: String,
-        /// The columns that there are.
-        present: String,
-    },
-    /// A cell that says neither yes nor no.
-    #[error("line {line}: column {column} holds `{text}`, expected 0 or 1")]
-    NoFlag {
-        /// The column.
-        column: String,
-        /// Line of the file, the header being 1.
-        line: usize,
-        /// What is there.
-        text: String,
-    },
-    /// Words have no order.
-    #[error("`{0}` is no number, and only numbers are less or greater")]
-    NoNumber(String),
 }
 
 /// In the order in which they are looked for: the longer first.

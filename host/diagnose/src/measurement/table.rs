@@ -30,67 +30,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::csv::{ReadError, content};
-use super::select::SelectError;
+use super::column::{Column, name_parts};
+use super::csv::content;
+use super::error::{ReadError, SelectError};
 use super::{Finding, FindingKind};
-
-/// Factors to SI by the unit that a column's name ends in, and the unit that comes of it.
-const UNITS: [(&str, f64, &str); 20] = [
-    ("s", 1.0, "s"),
-    ("ms", 1e-3, "s"),
-    ("us", 1e-6, "s"),
-    ("m", 1.0, "m"),
-    ("mm", 1e-3, "m"),
-    ("um", 1e-6, "m"),
-    ("rad", 1.0, "rad"),
-    ("deg", std::f64::consts::PI / 180.0, "rad"),
-    ("n", 1.0, "N"),
-    ("nm", 1.0, "N·m"),
-    ("bar", 1e5, "Pa"),
-    ("pa", 1.0, "Pa"),
-    ("kpa", 1e3, "Pa"),
-    ("a", 1.0, "A"),
-    ("v", 1.0, "V"),
-    ("k", 1.0, "K"),
-    ("c", 1.0, "°C"),
-    ("count", 1.0, "count"),
-    ("rad/s", 1.0, "rad/s"),
-    ("m/s", 1.0, "m/s"),
-];
-
-/// Other names of quantities.
-const ALIASES: [(&str, &str); 8] = [
-    ("t", "time"),
-    ("pos", "position"),
-    ("x", "position"),
-    ("p", "pressure"),
-    ("f", "force"),
-    ("temp", "temperature"),
-    ("heldout", "held_out"),
-    ("held", "held_out"),
-];
-
-/// One column.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Column {
-    /// Its name in the file.
-    pub name: String,
-    /// What it holds, in small letters, as its name says it.
-    pub quantity: String,
-    /// In what unit the numbers are, after the change to SI; empty where the name has none.
-    pub unit: &'static str,
-    /// The numbers; NaN where a cell is empty or a word.
-    pub numbers: Vec<f64>,
-    /// The cells as they are.
-    pub words: Vec<String>,
-}
-
-impl Column {
-    /// What it holds, by the name that the table of quantities has first.
-    pub fn meaning(&self) -> &str {
-        meant(&self.quantity)
-    }
-}
 
 /// A table.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -105,21 +48,6 @@ pub struct Table {
 
 /// Names given to columns: quantity (with its unit, if any) to the column's name in the file.
 pub type Names = BTreeMap<String, String>;
-
-/// Quantity that a name tells, the factor that brings its numbers to SI, and the unit that comes of it.
-pub(super) fn named(name: &str) -> (String, f64, &'static str) {
-    let small = name.trim().to_lowercase();
-    let split = small.rsplit_once('_').and_then(|(quantity, unit)| {
-        let (_, factor, si) = UNITS.iter().find(|(known, ..)| *known == unit)?;
-        Some((quantity.to_string(), *factor, *si))
-    });
-    split.unwrap_or((small, 1.0, ""))
-}
-
-/// What a quantity means where it goes by one of its other names.
-pub(super) fn meant(quantity: &str) -> &str {
-    ALIASES.iter().find(|(alias, _)| *alias == quantity).map_or(quantity, |(_, meant)| meant)
-}
 
 /// The text with lines that end in `\n` alone, as the count of lines expects it.
 fn with_plain_ends(text: &[u8]) -> Vec<u8> {
@@ -152,8 +80,9 @@ impl Table {
             let present = header.iter().collect::<Vec<_>>().join(", ");
             return Err(ReadError::NoColumn { path: path.into(), column: missing.clone(), present });
         }
-        let given = |name: &str| names.iter().find(|(_, column)| column.as_str() == name).map(|(key, _)| named(key));
-        let kinds: Vec<_> = header.iter().map(|name| given(name).unwrap_or_else(|| named(name))).collect();
+        let given =
+            |name: &str| names.iter().find(|(_, column)| column.as_str() == name).map(|(key, _)| name_parts(key));
+        let kinds: Vec<_> = header.iter().map(|name| given(name).unwrap_or_else(|| name_parts(name))).collect();
         let mut columns: Vec<Column> = header
             .iter()
             .zip(&kinds)

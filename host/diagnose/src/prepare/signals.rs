@@ -1,10 +1,10 @@
 //! A table prepared: rows chosen, segments found, rows held out, signals filtered and decimated, with findings.
 
 use crate::measurement::hold_out::{HeldOut, HoldOut};
-use crate::measurement::select::{SelectError, Selection};
+use crate::measurement::select::Selection;
 use crate::measurement::signal::{LowPass, interpolated, rate, rate_hz, stretches, unwrapped};
 use crate::measurement::table::Table;
-use crate::measurement::{Finding, FindingKind, ReadError};
+use crate::measurement::{Finding, FindingKind, ReadError, SelectError};
 use crate::prepare::groups::Row;
 
 /// Rows up to which all are looked at where nothing is said.

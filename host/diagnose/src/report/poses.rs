@@ -2,8 +2,8 @@
 
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
-use crate::effect::law_named;
-use crate::judge::poses::{Judgement, Selected};
+use crate::judge::poses::Judgement;
+use crate::judge::selected::Selected;
 use crate::linearise::arm_candidates;
 use crate::measurement::{median, root_mean_square};
 use crate::outcome::{
@@ -115,7 +115,7 @@ fn effects(selected: &Selected, error: &BeforeAfter) -> Result<Vec<Effect>, NoPo
         };
         let of_effect = fit.values.iter().enumerate().filter(|(_, (owner, _))| *owner == index);
         found.push(Effect {
-            law: law_named(law.name()),
+            law: law.name(),
             site: arm_candidates::site(arm, effect),
             values: of_effect.map(value).collect(),
             heldout_gain: heldout_gain(selected, index, error)?,

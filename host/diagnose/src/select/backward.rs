@@ -11,7 +11,7 @@
 
 use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
 
-use super::factored::Factored;
+use super::factored::{Factored, judged};
 use super::forward::SelectionStep;
 use super::problem::{RegressionProblem as _, Trial};
 use super::signals::Signals;
@@ -67,7 +67,7 @@ fn unless_empty_is_as_good(
     best: Trial<Signals>,
     path: Vec<SelectionStep>,
 ) -> (Trial<Signals>, Vec<SelectionStep>) {
-    let empty = problem.weighted(&best).judged(known, None);
+    let empty = judged(problem.weighted(&best), known, None);
     if problem.loss_reduction(&empty, &best).p < DISCOVERY_LEVEL { (best, path) } else { (empty, Vec::new()) }
 }
 
@@ -95,7 +95,7 @@ fn best_shapes(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> T
         };
         let active: Vec<usize> = best.fit.active.iter().enumerate().map(other).collect();
         if active != best.fit.active {
-            let trial = problem.weighted(&best).judged(active, None);
+            let trial = judged(problem.weighted(&best), active, None);
             if trial.loss.order(&best.loss).is_lt() {
                 best = trial;
             }

@@ -35,6 +35,11 @@ struct Part {
     values: DVector<f64>,
 }
 
+/// The model with these candidates, fitted and cross-validated.
+pub(crate) fn judged(weighted: Weighted, active: Vec<usize>, effect: Option<usize>) -> Trial<Signals> {
+    Factored::new(weighted, active).trial(effect)
+}
+
 /// Values beside those of a model in one system.
 struct Extension<'a> {
     base: &'a Factored<'a>,

@@ -1,6 +1,7 @@
 //! The selection for signals: forward, backward and simplification, in the order that the kind of priors asks for.
 
 use super::backward::{all_laws, backward_elimination};
+use super::factored::judged;
 use super::forward::{SelectionStep, forward_selection};
 use super::problem::{RegressionProblem as _, Trial};
 use super::signals::Signals;
@@ -24,7 +25,7 @@ pub fn select(problem: &Signals, known: Vec<usize>) -> (Trial<Signals>, Vec<Sele
 fn sparse_or_full(problem: &Signals, start: &Trial<Signals>) -> (Trial<Signals>, Vec<SelectionStep>) {
     let Ok(sparse) = forward_selection(problem, start.clone(), Vec::new());
     let (full, path) = all_laws(problem, start);
-    let sparse_best = problem.weighted(&full).judged(sparse.best.fit.active, None);
+    let sparse_best = judged(problem.weighted(&full), sparse.best.fit.active, None);
     if problem.loss_reduction(&sparse_best, &full).p > RIVAL_LEVEL {
         return (sparse_best, sparse.path);
     }
@@ -35,7 +36,7 @@ fn sparse_or_full(problem: &Signals, start: &Trial<Signals>) -> (Trial<Signals>,
 fn forward_and_backward(problem: &Signals, start: &Trial<Signals>) -> (Trial<Signals>, Vec<SelectionStep>) {
     let Ok(grown) = forward_selection(problem, start.clone(), Vec::new());
     let (left, path) = backward_elimination(problem, start);
-    let grown_best = problem.weighted(&left).judged(grown.best.fit.active, None);
+    let grown_best = judged(problem.weighted(&left), grown.best.fit.active, None);
     if smaller_if_as_good(problem, &grown_best, &left).fit.active != left.fit.active {
         return (grown_best, grown.path);
     }

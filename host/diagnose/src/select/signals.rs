@@ -10,30 +10,19 @@
 //! tenth of the pieces of time.
 
 use std::collections::BTreeMap;
-use std::convert::Infallible;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::{IntoParallelIterator as _, IntoParallelRefIterator as _, ParallelIterator as _};
 
 use super::columns::Columns;
-use super::factored::Factored;
-use super::problem::{Loss, Neighbours, Policy, RegressionProblem, Trial};
+use super::problem::{Loss, Trial};
 use super::robust_fit::{losses, weights};
-use super::significance::{LossReduction, paired_t_test};
 use crate::effect::Law;
 use crate::linearise::experiment::{Candidate, Experiment};
 use crate::prepare::groups::Groups;
 use crate::prepare::repeatability::MEDIAN_OF_NORMAL;
 
-/// The most effects of one model.
-const MAX_EFFECTS: usize = 60;
-/// Rounds of weights and noise: until the noise of no axis changes by more than this share.
-const MIN_ROUNDS: usize = 2;
-const MAX_ROUNDS: usize = 50;
-const NOISE_REL_TOL: f64 = 1e-3;
-/// Candidates times folds up to which exchanges are worth their time.
-const MAX_TO_EXCHANGE: usize = 1200;
 /// Share of the information that is added to each value's own, so that what is not determined stays small.
 const RIDGE: f64 = 1e-9;
 /// One row in as many, the farthest off, does not count in the noise. Of a model that holds every law from the start the
@@ -85,7 +74,7 @@ pub struct Weighting {
     /// All normal equations: without each fold, then of all rows.
     pub(super) systems: Arc<Vec<System>>,
     /// Sums of weighted products of columns over all training rows, the residual last.
-    sums: Arc<DMatrix<f64>>,
+    pub(super) sums: Arc<DMatrix<f64>>,
 }
 
 /// The normal equations A·x = −g of all values, each scaled by its own information and made safe by a share of [`RIDGE`].
@@ -159,7 +148,7 @@ impl Signals {
     }
 
     /// Residuals of the training rows at these values, in their units, and the columns there.
-    fn linearise(&self, values: &[f64]) -> (Vec<f64>, Arc<Linearised>) {
+    pub(super) fn linearise(&self, values: &[f64]) -> (Vec<f64>, Arc<Linearised>) {
         let Some(relinearise) = &self.experiment.relinearise else {
             let Linearised { columns, zero } = &*self.linearised;
             let moved = columns.moved_all(values);
@@ -174,7 +163,7 @@ impl Signals {
     }
 
     /// Noise of each axis by these residuals.
-    fn noise(&self, residuals: &[f64]) -> Vec<f64> {
+    pub(super) fn noise(&self, residuals: &[f64]) -> Vec<f64> {
         let (n_axes, n_norm) = (self.experiment.axes.len(), self.experiment.n_norm);
         let of_axis = |axis: usize| {
             let mut squares: Vec<f64> = residuals.iter().skip(axis).step_by(n_axes).map(|r| r * r).collect();
@@ -197,7 +186,7 @@ impl Signals {
     }
 
     /// The weighting that residuals, in units of the noise, give.
-    fn weigh(&self, residuals: &[f64], sigma: Vec<f64>, linearised: Arc<Linearised>) -> Weighting {
+    pub(super) fn weigh(&self, residuals: &[f64], sigma: Vec<f64>, linearised: Arc<Linearised>) -> Weighting {
         let n_axes = sigma.len();
         let autocorrelation_time = self.groups.autocorrelation_time(residuals, n_axes);
         let of = |(k, weight): (usize, &f64)| weight / (sigma[k % n_axes] * sigma[k % n_axes]);
@@ -222,20 +211,6 @@ impl Signals {
             DMatrix::from_fn(n, n, |a, b| sums[(a, b)] * scale[a] * scale[b] + if a == b { ridge(a) } else { 0.0 });
         let gradient = DVector::from_fn(n, |k, _| sums[(k, n)] * scale[k]);
         System { matrix, gradient, scale }
-    }
-
-    /// The candidates that a move adds to a model; `None` where it adds nothing, or where another move adds the same.
-    fn added(&self, number: usize, fit: &Fit) -> Option<Vec<usize>> {
-        let all = &self.moves[number];
-        let candidates = &self.experiment.candidates;
-        let added: Vec<usize> = match &all[..] {
-            [one] => (!fit.active.contains(one)).then_some(*one).into_iter().collect(),
-            several => {
-                let is_open = |k: &&usize| !fit.active.iter().any(|&other| candidates[other].is_same(&candidates[**k]));
-                several.iter().filter(is_open).copied().collect()
-            }
-        };
-        (added.len() >= all.len().min(2)).then_some(added)
     }
 }
 
@@ -272,11 +247,6 @@ impl Weighted<'_> {
         indices.iter().enumerate().for_each(|(k, &value)| information[(k, k)] += self.problem.priors[value]);
         let gradient = DVector::from_fn(n, |a, _| sums[(indices[a], self.problem.n_values)] / autocorrelation_time);
         (information, gradient)
-    }
-
-    /// A model with these candidates, fitted and cross-validated.
-    pub fn judged(&self, active: Vec<usize>, effect: Option<usize>) -> Trial<Signals> {
-        Factored::new(*self, active).trial(effect)
     }
 
     /// A model with its values, and what those of the other folds add in the rows of each.
@@ -318,7 +288,7 @@ impl Weighted<'_> {
 }
 
 /// Numbers of rows × axes in units of the noise.
-fn in_noise(mut numbers: Vec<f64>, sigma: &[f64]) -> Vec<f64> {
+pub(super) fn in_noise(mut numbers: Vec<f64>, sigma: &[f64]) -> Vec<f64> {
     for row in numbers.chunks_mut(sigma.len()) {
         row.iter_mut().zip(sigma).for_each(|(number, sigma)| *number /= sigma);
     }
@@ -354,111 +324,5 @@ pub(crate) fn solve(mut information: DMatrix<f64>, gradient: &DVector<f64>) -> D
     match information.cholesky() {
         Some(root) => root.solve(&gradient.component_mul(&scale)).component_mul(&scale),
         None => DVector::zeros(gradient.len()),
-    }
-}
-
-/// A model whose neighbours are to be computed, factorised.
-pub struct Around<'a> {
-    factored: Factored<'a>,
-    fit: &'a Fit,
-}
-
-impl Neighbours<Signals> for Around<'_> {
-    fn with_one_more(&self) -> Result<Vec<Trial<Signals>>, Infallible> {
-        let problem = self.factored.weighted.problem;
-        let open: Vec<(usize, Vec<usize>)> =
-            (0..problem.moves.len()).filter_map(|number| Some((number, problem.added(number, self.fit)?))).collect();
-        Ok(self.factored.with(&open))
-    }
-
-    fn with_one_less(&self, effect: usize) -> Result<Trial<Signals>, Infallible> {
-        let mut without = self.factored.without(&[self.fit.active[effect]]);
-        without.effect = without.fit.active.last().copied();
-        Ok(without)
-    }
-}
-
-impl RegressionProblem for Signals {
-    type Effect = usize;
-    type Fit = Fit;
-    type Weighting = Weighting;
-    type Neighbours<'a> = Around<'a>;
-    type Error = Infallible;
-
-    fn policy(&self) -> Policy {
-        let exchanges = self.moves.len() * self.groups.n_folds < MAX_TO_EXCHANGE;
-        Policy { max_effects: MAX_EFFECTS, laws_overlap: true, exchanges }
-    }
-
-    fn n_effects(&self, fit: &Fit) -> usize {
-        fit.active.len()
-    }
-
-    fn n_values(&self, fit: &Fit) -> usize {
-        self.indices(&fit.active).len()
-    }
-
-    fn describe(&self, effect: &usize) -> (Law, String) {
-        let all = &self.moves[*effect];
-        let candidate = &self.experiment.candidates[all[0]];
-        let shape =
-            candidate.shape.as_ref().map_or(String::new(), |(name, value, unit)| format!(", {name} {value:.3} {unit}"));
-        let place = if all.len() > 1 { format!("{} places", all.len()) } else { candidate.site.code.clone() };
-        (candidate.law, place + &shape)
-    }
-
-    fn reweight_until_converged(&self, model: Trial<Self>) -> Result<Trial<Self>, Infallible> {
-        let (mut best, mut before) = (model, Vec::new());
-        for round in 0..MAX_ROUNDS {
-            let (residuals, linearised) = self.linearise(&best.fit.values);
-            let sigma = self.noise(&residuals);
-            let residuals = in_noise(residuals, &sigma);
-            let is_same = |(now, before): (&f64, &f64)| (now / before - 1.0).abs() < NOISE_REL_TOL;
-            if round >= MIN_ROUNDS && sigma.iter().zip(&before).all(is_same) {
-                // The equations are those of the round before, the noise is the last one: they differ by the tolerance.
-                let last = best.weighting();
-                let weighting = Arc::new(Weighting {
-                    autocorrelation_time: self.groups.autocorrelation_time(&residuals, sigma.len()),
-                    sigma,
-                    linearised,
-                    systems: Arc::clone(&last.systems),
-                    sums: Arc::clone(&last.sums),
-                });
-                best.loss = best.loss.under(&weighting);
-                return Ok(best);
-            }
-            before.clone_from(&sigma);
-            let weighting = Arc::new(self.weigh(&residuals, sigma, linearised));
-            best = Weighted { problem: self, weighting: &weighting }.judged(best.fit.active, best.effect);
-        }
-        Ok(best)
-    }
-
-    fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Around<'a> {
-        Around { factored: Factored::new(self.weighted(model), model.fit.active.clone()), fit: &model.fit }
-    }
-
-    /// A linear fit is a full one.
-    fn refitted(&self, trial: &Trial<Self>) -> Result<Trial<Self>, Infallible> {
-        Ok(trial.clone())
-    }
-
-    fn loss_reduction(&self, before: &Trial<Self>, after: &Trial<Self>) -> LossReduction {
-        let n_axes = self.experiment.axes.len();
-        let mut cells = vec![[0.0; 2]; self.groups.n_blocks * n_axes];
-        let pairs = losses(&before.predicted, 1).into_iter().zip(losses(&after.predicted, 1));
-        let is_own = |(k, _): &(usize, _)| self.experiment.axes[k % n_axes].proves();
-        for (k, (before, after)) in pairs.enumerate().filter(is_own) {
-            let cell = &mut cells[self.groups.blocks[k / n_axes] * n_axes + k % n_axes];
-            cell[0] += before;
-            cell[1] += after;
-        }
-        cells.retain(|[before, after]| before != after);
-        paired_t_test(&cells)
-    }
-
-    /// Rows that are held out take no part, so that the error reported on them is of rows that no fit has seen.
-    fn confirmed(&self, _without: &Trial<Self>, _with: &Trial<Self>) -> Result<bool, Infallible> {
-        Ok(true)
     }
 }

@@ -10,7 +10,7 @@ use nalgebra::DVector;
 use super::problem::{Loss, Neighbours, Policy, RegressionProblem, Trial};
 use super::robust_fit::{Fit, cross_validated, fit, losses, moved, weights};
 use super::significance::{CONFIRMATION_LEVEL, LossReduction, clustered_t_test};
-use crate::effect::{Law, law_named};
+use crate::effect::Law;
 use crate::linearise::arm_candidates;
 use crate::linearise::sensitivity::Sensitivity;
 use crate::measurement::root_mean_square;
@@ -181,7 +181,7 @@ impl RegressionProblem for ToolPoses {
     }
 
     fn describe(&self, effect: &Effect<f64>) -> (Law, String) {
-        (law_named(effect.law().name()), arm_candidates::place_code(effect))
+        (effect.law().name(), arm_candidates::place_code(effect))
     }
 
     /// The noise of repeats does not depend on the model.

@@ -22,7 +22,7 @@
 //! assert!((last - (-1.0)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, Memory, Moment, Per};
+use super::{Along, Constant, LawName, Memory, Moment, Per};
 use crate::real::Real;
 
 /// A position that lags behind its target by half a gap, whichever way it was reached.
@@ -33,8 +33,8 @@ pub struct Backlash<T: Real> {
 }
 
 impl<T: Real> Along<T> for Backlash<T> {
-    fn name(&self) -> &'static str {
-        "backlash"
+    fn name(&self) -> LawName {
+        LawName::Backlash
     }
 
     fn per(&self) -> &'static [Per] {

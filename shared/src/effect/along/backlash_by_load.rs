@@ -21,7 +21,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (-1.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, Memory, Moment, Per};
+use super::{Along, Constant, LawName, Memory, Moment, Per};
 use crate::real::{Real, tanh};
 
 /// The joint lies at the side of its gap that the load presses it to.
@@ -32,8 +32,8 @@ pub struct BacklashByLoad<T: Real> {
 }
 
 impl<T: Real> Along<T> for BacklashByLoad<T> {
-    fn name(&self) -> &'static str {
-        "backlash-by-load"
+    fn name(&self) -> LawName {
+        LawName::BacklashByLoad
     }
 
     fn per(&self) -> &'static [Per] {

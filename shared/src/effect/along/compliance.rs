@@ -20,7 +20,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (3.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Memory, Moment, Per};
+use super::{Along, LawName, Memory, Moment, Per};
 use crate::real::Real;
 
 /// A joint that gives way to its load at once.
@@ -28,8 +28,8 @@ use crate::real::Real;
 pub struct Compliance;
 
 impl<T: Real> Along<T> for Compliance {
-    fn name(&self) -> &'static str {
-        "joint-compliance"
+    fn name(&self) -> LawName {
+        LawName::JointCompliance
     }
 
     fn per(&self) -> &'static [Per] {

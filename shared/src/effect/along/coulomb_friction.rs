@@ -22,7 +22,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (-1.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, Memory, Moment, Per};
+use super::{Along, Constant, LawName, Memory, Moment, Per};
 use crate::real::{Real, tanh};
 
 /// A force of one size against motion, which turns round over a creep speed.
@@ -33,8 +33,8 @@ pub struct CoulombFriction<T: Real> {
 }
 
 impl<T: Real> Along<T> for CoulombFriction<T> {
-    fn name(&self) -> &'static str {
-        "coulomb-friction"
+    fn name(&self) -> LawName {
+        LawName::CoulombFriction
     }
 
     fn per(&self) -> &'static [Per] {

@@ -21,7 +21,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (-3.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Memory, Moment, Per};
+use super::{Along, LawName, Memory, Moment, Per};
 use crate::real::Real;
 
 /// The measured channel comes late.
@@ -29,8 +29,8 @@ use crate::real::Real;
 pub struct Delay;
 
 impl<T: Real> Along<T> for Delay {
-    fn name(&self) -> &'static str {
-        "delay"
+    fn name(&self) -> LawName {
+        LawName::Delay
     }
 
     fn per(&self) -> &'static [Per] {

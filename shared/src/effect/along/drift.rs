@@ -20,7 +20,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (60.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Memory, Moment, Per};
+use super::{Along, LawName, Memory, Moment, Per};
 use crate::real::Real;
 
 /// Something that grows evenly with time.
@@ -28,8 +28,8 @@ use crate::real::Real;
 pub struct Drift;
 
 impl<T: Real> Along<T> for Drift {
-    fn name(&self) -> &'static str {
-        "drift"
+    fn name(&self) -> LawName {
+        LawName::Drift
     }
 
     fn per(&self) -> &'static [Per] {

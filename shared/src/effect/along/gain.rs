@@ -21,7 +21,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (-4.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Memory, Moment, Per};
+use super::{Along, LawName, Memory, Moment, Per};
 use crate::real::Real;
 
 /// A current-to-torque constant or a sensor's scale that is off.
@@ -29,8 +29,8 @@ use crate::real::Real;
 pub struct Gain;
 
 impl<T: Real> Along<T> for Gain {
-    fn name(&self) -> &'static str {
-        "gain"
+    fn name(&self) -> LawName {
+        LawName::Gain
     }
 
     fn per(&self) -> &'static [Per] {

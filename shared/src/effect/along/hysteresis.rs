@@ -22,7 +22,7 @@
 //! assert!((last - (2.0)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, Memory, Moment, Per};
+use super::{Along, Constant, LawName, Memory, Moment, Per};
 use crate::real::Real;
 
 /// A joint that follows its load with slack.
@@ -33,8 +33,8 @@ pub struct Hysteresis<T: Real> {
 }
 
 impl<T: Real> Along<T> for Hysteresis<T> {
-    fn name(&self) -> &'static str {
-        "hysteresis"
+    fn name(&self) -> LawName {
+        LawName::Hysteresis
     }
 
     fn per(&self) -> &'static [Per] {

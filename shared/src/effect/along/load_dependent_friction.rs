@@ -22,7 +22,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (4.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, Memory, Moment, Per};
+use super::{Along, Constant, LawName, Memory, Moment, Per};
 use crate::real::{Real, tanh};
 
 /// A pressure on a seal, a torque on a gear.
@@ -33,8 +33,8 @@ pub struct LoadDependentFriction<T: Real> {
 }
 
 impl<T: Real> Along<T> for LoadDependentFriction<T> {
-    fn name(&self) -> &'static str {
-        "load-dependent-friction"
+    fn name(&self) -> LawName {
+        LawName::LoadDependentFriction
     }
 
     fn per(&self) -> &'static [Per] {

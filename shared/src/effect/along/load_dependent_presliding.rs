@@ -22,7 +22,7 @@
 //! assert!((last - (-2.0)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, Memory, Moment, Per};
+use super::{Along, Constant, LawName, Memory, Moment, Per};
 use crate::real::Real;
 
 /// Presliding whose level grows with what presses on the contact.
@@ -33,8 +33,8 @@ pub struct LoadDependentPresliding<T: Real> {
 }
 
 impl<T: Real> Along<T> for LoadDependentPresliding<T> {
-    fn name(&self) -> &'static str {
-        "load-dependent-presliding"
+    fn name(&self) -> LawName {
+        LawName::LoadDependentPresliding
     }
 
     fn per(&self) -> &'static [Per] {

@@ -21,7 +21,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (6.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Memory, Moment, Per};
+use super::{Along, LawName, Memory, Moment, Per};
 use crate::real::Real;
 
 /// Viscous friction that grows with load.
@@ -29,8 +29,8 @@ use crate::real::Real;
 pub struct LoadDependentViscosity;
 
 impl<T: Real> Along<T> for LoadDependentViscosity {
-    fn name(&self) -> &'static str {
-        "load-dependent-viscosity"
+    fn name(&self) -> LawName {
+        LawName::LoadDependentViscosity
     }
 
     fn per(&self) -> &'static [Per] {

@@ -36,12 +36,13 @@ pub mod thermal_viscosity;
 pub mod viscous_friction;
 pub mod wear;
 
+use super::law_name::LawName;
 use crate::real::{Real, exp, real};
 
 /// A law along one coordinate.
 pub trait Along<T: Real> {
-    /// The law's name, in kebab-case.
-    fn name(&self) -> &'static str;
+    /// The law's name.
+    fn name(&self) -> LawName;
 
     /// What the size is called.
     fn size(&self) -> &'static str;
@@ -187,7 +188,7 @@ macro_rules! laws {
 
         impl Law<f64> {
             /// The law with this name, and with this constant where it has one; `None` where there is none such.
-            pub fn named(name: &str, constant: Option<f64>) -> Option<Self> {
+            pub fn named(name: LawName, constant: Option<f64>) -> Option<Self> {
                 let all = [$(laws!(@new constant $file $law $($constant)?)),+];
                 all.into_iter().flatten().find(|law| law.along().name() == name)
             }
@@ -274,50 +275,19 @@ mod tests {
     use super::*;
     use crate::arms::seeded;
 
-    const NAMES: [&str; 26] = [
-        "offset",
-        "spring",
-        "drift",
-        "step-in-time",
-        "viscous-friction",
-        "coulomb-friction",
-        "stribeck-friction",
-        "presliding-friction",
-        "position-dependent-friction",
-        "load-dependent-friction",
-        "load-dependent-presliding",
-        "load-dependent-viscosity",
-        "speed-dependent-offset",
-        "rotor-inertia",
-        "gain",
-        "delay",
-        "thermal-drift",
-        "thermal-viscosity",
-        "wear",
-        "gear-periodic-sine",
-        "gear-periodic-cosine",
-        "backlash",
-        "backlash-by-load",
-        "joint-compliance",
-        "hysteresis",
-        "nothing-like-it",
-    ];
-
     fn laws() -> Vec<Law<f64>> {
-        let law = |name: &&str| Law::named(name, None).or(Law::named(name, Some(0.3)));
-        NAMES.iter().filter_map(law).collect()
+        let law = |name: &LawName| Law::named(*name, None).or(Law::named(*name, Some(0.3)));
+        LawName::ALL.iter().filter_map(law).collect()
     }
 
     #[test]
     fn laws_are_found_by_their_names_and_only_by_them() {
-        let found: Vec<&str> = laws().iter().map(|law| law.along().name()).collect();
-        assert_eq!(found, NAMES[..25]);
-        assert!(Law::named("spring", Some(1.0)).is_none() && Law::named("backlash", None).is_none());
-    }
-
-    #[test]
-    fn each_law_is_in_the_list_of_names() {
-        assert!(laws().iter().all(|law| crate::effect::law_name::LawName::named(law.along().name()).is_some()));
+        assert_eq!(laws().len(), 25);
+        for law in laws() {
+            let (name, constant) = (law.along().name(), law.along().constant().map(|_| 0.3));
+            assert_eq!(Law::named(name, constant), Some(law));
+            assert_eq!(Law::named(name, if constant.is_some() { None } else { Some(0.3) }), None);
+        }
     }
 
     proptest! {
@@ -349,7 +319,12 @@ mod tests {
         #[test]
         fn friction_takes_power_and_never_gives_any(v in -5.0f64..5.0, load in -5.0f64..5.0) {
             let now = Moment { velocity: v, load, ..Moment::default() };
-            for name in ["viscous-friction", "coulomb-friction", "stribeck-friction", "load-dependent-friction"] {
+            for name in [
+                LawName::ViscousFriction,
+                LawName::CoulombFriction,
+                LawName::StribeckFriction,
+                LawName::LoadDependentFriction,
+            ] {
                 let law = Law::named(name, None).or(Law::named(name, Some(0.1))).unwrap();
                 prop_assert!(law.along().shape(&now, &mut Memory::default()) * v >= 0.0, "{name}");
             }

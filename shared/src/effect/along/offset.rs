@@ -17,7 +17,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (1.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Memory, Moment, Per};
+use super::{Along, LawName, Memory, Moment, Per};
 use crate::real::Real;
 
 /// A force or torque that is always there.
@@ -25,8 +25,8 @@ use crate::real::Real;
 pub struct Offset;
 
 impl<T: Real> Along<T> for Offset {
-    fn name(&self) -> &'static str {
-        "offset"
+    fn name(&self) -> LawName {
+        LawName::Offset
     }
 
     fn per(&self) -> &'static [Per] {

@@ -21,7 +21,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (1.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, Memory, Moment, Per};
+use super::{Along, Constant, LawName, Memory, Moment, Per};
 use crate::real::{Real, cos};
 
 /// Periodic error of a gear or an encoder, the part that is largest at position zero.
@@ -32,8 +32,8 @@ pub struct PeriodicCosine<T: Real> {
 }
 
 impl<T: Real> Along<T> for PeriodicCosine<T> {
-    fn name(&self) -> &'static str {
-        "gear-periodic-cosine"
+    fn name(&self) -> LawName {
+        LawName::GearPeriodicCosine
     }
 
     fn per(&self) -> &'static [Per] {

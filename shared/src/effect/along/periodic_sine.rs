@@ -21,7 +21,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (1.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, Memory, Moment, Per};
+use super::{Along, Constant, LawName, Memory, Moment, Per};
 use crate::real::{Real, sin};
 
 /// Periodic error of a gear or an encoder, the part that is zero at position zero.
@@ -32,8 +32,8 @@ pub struct PeriodicSine<T: Real> {
 }
 
 impl<T: Real> Along<T> for PeriodicSine<T> {
-    fn name(&self) -> &'static str {
-        "gear-periodic-sine"
+    fn name(&self) -> LawName {
+        LawName::GearPeriodicSine
     }
 
     fn per(&self) -> &'static [Per] {

@@ -22,7 +22,7 @@
 //! assert!((last - (-3.0)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, Memory, Moment, Per};
+use super::{Along, Constant, LawName, Memory, Moment, Per};
 use crate::real::Real;
 
 /// Friction that changes along the stroke.
@@ -33,8 +33,8 @@ pub struct PositionDependentFriction<T: Real> {
 }
 
 impl<T: Real> Along<T> for PositionDependentFriction<T> {
-    fn name(&self) -> &'static str {
-        "position-dependent-friction"
+    fn name(&self) -> LawName {
+        LawName::PositionDependentFriction
     }
 
     fn per(&self) -> &'static [Per] {

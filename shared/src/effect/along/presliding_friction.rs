@@ -23,7 +23,7 @@
 //! assert!((last - (-1.0)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, Memory, Moment, Per};
+use super::{Along, Constant, LawName, Memory, Moment, Per};
 use crate::real::Real;
 
 /// Friction that turns round over a distance.
@@ -34,8 +34,8 @@ pub struct PreslidingFriction<T: Real> {
 }
 
 impl<T: Real> Along<T> for PreslidingFriction<T> {
-    fn name(&self) -> &'static str {
-        "presliding-friction"
+    fn name(&self) -> LawName {
+        LawName::PreslidingFriction
     }
 
     fn per(&self) -> &'static [Per] {

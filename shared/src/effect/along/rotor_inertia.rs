@@ -21,7 +21,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (5.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Memory, Moment, Per};
+use super::{Along, LawName, Memory, Moment, Per};
 use crate::real::Real;
 
 /// What the motor's own rotor and gear ask when they speed up.
@@ -29,8 +29,8 @@ use crate::real::Real;
 pub struct RotorInertia;
 
 impl<T: Real> Along<T> for RotorInertia {
-    fn name(&self) -> &'static str {
-        "rotor-inertia"
+    fn name(&self) -> LawName {
+        LawName::RotorInertia
     }
 
     fn per(&self) -> &'static [Per] {

@@ -20,7 +20,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (2.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Memory, Moment, Per};
+use super::{Along, LawName, Memory, Moment, Per};
 use crate::real::Real;
 
 /// An offset that grows with speed whichever way the motion goes.
@@ -28,8 +28,8 @@ use crate::real::Real;
 pub struct SpeedDependentOffset;
 
 impl<T: Real> Along<T> for SpeedDependentOffset {
-    fn name(&self) -> &'static str {
-        "speed-dependent-offset"
+    fn name(&self) -> LawName {
+        LawName::SpeedDependentOffset
     }
 
     fn per(&self) -> &'static [Per] {

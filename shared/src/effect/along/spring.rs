@@ -21,7 +21,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (0.02f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Memory, Moment, Per};
+use super::{Along, LawName, Memory, Moment, Per};
 use crate::real::Real;
 
 /// A force that grows with position.
@@ -29,8 +29,8 @@ use crate::real::Real;
 pub struct Spring;
 
 impl<T: Real> Along<T> for Spring {
-    fn name(&self) -> &'static str {
-        "spring"
+    fn name(&self) -> LawName {
+        LawName::Spring
     }
 
     fn per(&self) -> &'static [Per] {

@@ -21,7 +21,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (1.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, Memory, Moment, Per};
+use super::{Along, Constant, LawName, Memory, Moment, Per};
 use crate::real::Real;
 
 /// From one moment on something is off.
@@ -32,8 +32,8 @@ pub struct StepInTime<T: Real> {
 }
 
 impl<T: Real> Along<T> for StepInTime<T> {
-    fn name(&self) -> &'static str {
-        "step-in-time"
+    fn name(&self) -> LawName {
+        LawName::StepInTime
     }
 
     fn per(&self) -> &'static [Per] {

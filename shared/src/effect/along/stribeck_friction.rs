@@ -22,7 +22,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (0.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, Memory, Moment, Per};
+use super::{Along, Constant, LawName, Memory, Moment, Per};
 use crate::real::{Real, exp, real, tanh};
 
 /// What friction has more at creep than at speed.
@@ -33,8 +33,8 @@ pub struct StribeckFriction<T: Real> {
 }
 
 impl<T: Real> Along<T> for StribeckFriction<T> {
-    fn name(&self) -> &'static str {
-        "stribeck-friction"
+    fn name(&self) -> LawName {
+        LawName::StribeckFriction
     }
 
     fn per(&self) -> &'static [Per] {

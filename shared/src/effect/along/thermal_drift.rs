@@ -20,7 +20,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (10.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Memory, Moment, Per};
+use super::{Along, LawName, Memory, Moment, Per};
 use crate::real::Real;
 
 /// An offset that moves with temperature.
@@ -28,8 +28,8 @@ use crate::real::Real;
 pub struct ThermalDrift;
 
 impl<T: Real> Along<T> for ThermalDrift {
-    fn name(&self) -> &'static str {
-        "thermal-drift"
+    fn name(&self) -> LawName {
+        LawName::ThermalDrift
     }
 
     fn per(&self) -> &'static [Per] {

@@ -21,7 +21,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (20.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Memory, Moment, Per};
+use super::{Along, LawName, Memory, Moment, Per};
 use crate::real::Real;
 
 /// Viscous friction that changes with temperature.
@@ -29,8 +29,8 @@ use crate::real::Real;
 pub struct ThermalViscosity;
 
 impl<T: Real> Along<T> for ThermalViscosity {
-    fn name(&self) -> &'static str {
-        "thermal-viscosity"
+    fn name(&self) -> LawName {
+        LawName::ThermalViscosity
     }
 
     fn per(&self) -> &'static [Per] {

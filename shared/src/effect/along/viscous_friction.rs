@@ -20,7 +20,7 @@
 //! assert!((law.shape(&now, &mut Memory::default()) - (-2.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Memory, Moment, Per};
+use super::{Along, LawName, Memory, Moment, Per};
 use crate::real::Real;
 
 /// A force against motion that grows with speed.
@@ -28,8 +28,8 @@ use crate::real::Real;
 pub struct ViscousFriction;
 
 impl<T: Real> Along<T> for ViscousFriction {
-    fn name(&self) -> &'static str {
-        "viscous-friction"
+    fn name(&self) -> LawName {
+        LawName::ViscousFriction
     }
 
     fn per(&self) -> &'static [Per] {

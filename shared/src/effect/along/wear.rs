@@ -24,7 +24,7 @@
 //! assert!((last - (5.0)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, Memory, Moment, Per};
+use super::{Along, Constant, LawName, Memory, Moment, Per};
 use crate::real::{Real, tanh};
 
 /// Friction that changes with the way that was gone.
@@ -35,8 +35,8 @@ pub struct Wear<T: Real> {
 }
 
 impl<T: Real> Along<T> for Wear<T> {
-    fn name(&self) -> &'static str {
-        "wear"
+    fn name(&self) -> LawName {
+        LawName::Wear
     }
 
     fn per(&self) -> &'static [Per] {

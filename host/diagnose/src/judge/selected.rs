@@ -1,0 +1,36 @@
+//! A model of tool poses that was selected, with what it was selected from: what the judgement and the report read.
+
+use darm_arm::arm::Arm;
+use darm_core::effect::Effect;
+
+use crate::measurement::Run;
+use crate::prepare::repeatability::Noise;
+use crate::select::problem::Trial;
+use crate::select::tool_pose::ToolPoses;
+
+/// A model that was selected, and what it was selected from.
+#[derive(Clone, Copy)]
+pub(crate) struct Selected<'a> {
+    /// The arm that was diagnosed.
+    pub(crate) arm: &'a Arm,
+    /// Its measurement.
+    pub(crate) run: &'a Run,
+    /// The rows.
+    pub(crate) problem: &'a ToolPoses,
+    /// The noise of repeats.
+    pub(crate) repeats: Option<&'a Noise>,
+    /// The model with the effects selected.
+    pub(crate) best: &'a Trial<ToolPoses>,
+}
+
+impl Selected<'_> {
+    /// How many effects the arm had before.
+    pub(crate) fn n_known(&self) -> usize {
+        self.arm.model.effects.len()
+    }
+
+    /// The effects selected.
+    pub(crate) fn effects(&self) -> Vec<Effect<f64>> {
+        self.best.fit.model.effects.iter().skip(self.n_known()).copied().collect()
+    }
+}

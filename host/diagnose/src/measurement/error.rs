@@ -1,0 +1,102 @@
+//! Why a file gives no measurements, or a selection no rows.
+
+use std::io;
+use std::path::PathBuf;
+
+use super::log::LogError;
+
+/// Why a file gives no measurements.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The file cannot be opened or read.
+    #[error("{}: cannot be read: {error}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        error: io::Error,
+    },
+    /// The text is no table: a row is longer or shorter than the header, say.
+    #[error("{}: not a table of comma-separated values: {error}", path.display())]
+    Table {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        error: csv::Error,
+    },
+    /// A log gives no table.
+    #[error("{}: {error}", path.display())]
+    Log {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        error: LogError,
+    },
+    /// A column that cannot be done without is missing.
+    #[error("{}: no column {column}; the file has {present}; rename a column so that it carries this quantity and unit", path.display())]
+    NoColumn {
+        /// The file.
+        path: PathBuf,
+        /// The column.
+        column: String,
+        /// The columns that there are.
+        present: String,
+    },
+    /// A cell cannot be read as what its column says.
+    #[error("{}: line {line}: column {column} holds `{text}`, expected {expected}", path.display())]
+    Cell {
+        /// The file.
+        path: PathBuf,
+        /// Line of the file, the header being 1.
+        line: usize,
+        /// The column.
+        column: String,
+        /// What stands there.
+        text: String,
+        /// What should.
+        expected: &'static str,
+    },
+    /// A selection of rows makes no sense.
+    #[error("{}: {error}", path.display())]
+    Select {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        error: SelectError,
+    },
+    /// There is a header, or not even that, and no rows.
+    #[error("{}: no rows, there is nothing to diagnose", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+/// Why a text is no selection, or none for this table.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SelectError {
+    /// It does not compare.
+    #[error("`{0}` compares nothing: write COLUMN = VALUE, or !=, <, <=, >, >=")]
+    NoComparison(String),
+    /// There is no such column.
+    #[error("no column {column}; the file has {present}")]
+    NoColumn {
+        /// The column.
+        column: String,
+        /// The columns that there are.
+        present: String,
+    },
+    /// A cell that says neither yes nor no.
+    #[error("line {line}: column {column} holds `{text}`, expected 0 or 1")]
+    NoFlag {
+        /// The column.
+        column: String,
+        /// Line of the file, the header being 1.
+        line: usize,
+        /// What is there.
+        text: String,
+    },
+    /// Words have no order.
+    #[error("`{0}` is no number, and only numbers are less or greater")]
+    NoNumber(String),
+}

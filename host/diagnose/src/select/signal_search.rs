@@ -1,0 +1,141 @@
+//! How the selection searches among models of signals: weights until they converge, neighbours, and how two models compare.
+
+use std::convert::Infallible;
+use std::sync::Arc;
+
+use super::factored::Factored;
+use super::problem::{Neighbours, Policy, RegressionProblem, Trial};
+use super::robust_fit::losses;
+use super::signals::{Fit, Signals, Weighted, Weighting, in_noise};
+use super::significance::{LossReduction, paired_t_test};
+use crate::effect::Law;
+
+/// The most effects of one model.
+const MAX_EFFECTS: usize = 60;
+/// Rounds of weights and noise: until the noise of no axis changes by more than this share.
+const MIN_ROUNDS: usize = 2;
+const MAX_ROUNDS: usize = 50;
+const NOISE_REL_TOL: f64 = 1e-3;
+/// Candidates times folds up to which exchanges are worth their time.
+const MAX_TO_EXCHANGE: usize = 1200;
+
+/// A model whose neighbours are to be computed, factorised.
+pub struct Around<'a> {
+    factored: Factored<'a>,
+    fit: &'a Fit,
+}
+
+impl Neighbours<Signals> for Around<'_> {
+    fn with_one_more(&self) -> Result<Vec<Trial<Signals>>, Infallible> {
+        let problem = self.factored.weighted.problem;
+        let open: Vec<(usize, Vec<usize>)> =
+            (0..problem.moves.len()).filter_map(|number| Some((number, added(problem, number, self.fit)?))).collect();
+        Ok(self.factored.with(&open))
+    }
+
+    fn with_one_less(&self, effect: usize) -> Result<Trial<Signals>, Infallible> {
+        let mut without = self.factored.without(&[self.fit.active[effect]]);
+        without.effect = without.fit.active.last().copied();
+        Ok(without)
+    }
+}
+
+impl RegressionProblem for Signals {
+    type Effect = usize;
+    type Fit = Fit;
+    type Weighting = Weighting;
+    type Neighbours<'a> = Around<'a>;
+    type Error = Infallible;
+
+    fn policy(&self) -> Policy {
+        let exchanges = self.moves.len() * self.groups.n_folds < MAX_TO_EXCHANGE;
+        Policy { max_effects: MAX_EFFECTS, laws_overlap: true, exchanges }
+    }
+
+    fn n_effects(&self, fit: &Fit) -> usize {
+        fit.active.len()
+    }
+
+    fn n_values(&self, fit: &Fit) -> usize {
+        self.indices(&fit.active).len()
+    }
+
+    fn describe(&self, effect: &usize) -> (Law, String) {
+        let all = &self.moves[*effect];
+        let candidate = &self.experiment.candidates[all[0]];
+        let shape =
+            candidate.shape.as_ref().map_or(String::new(), |(name, value, unit)| format!(", {name} {value:.3} {unit}"));
+        let place = if all.len() > 1 { format!("{} places", all.len()) } else { candidate.site.code.clone() };
+        (candidate.law, place + &shape)
+    }
+
+    fn reweight_until_converged(&self, model: Trial<Self>) -> Result<Trial<Self>, Infallible> {
+        let (mut best, mut before) = (model, Vec::new());
+        for round in 0..MAX_ROUNDS {
+            let (residuals, linearised) = self.linearise(&best.fit.values);
+            let sigma = self.noise(&residuals);
+            let residuals = in_noise(residuals, &sigma);
+            let is_same = |(now, before): (&f64, &f64)| (now / before - 1.0).abs() < NOISE_REL_TOL;
+            if round >= MIN_ROUNDS && sigma.iter().zip(&before).all(is_same) {
+                // The equations are those of the round before, the noise is the last one: they differ by the tolerance.
+                let last = best.weighting();
+                let weighting = Arc::new(Weighting {
+                    autocorrelation_time: self.groups.autocorrelation_time(&residuals, sigma.len()),
+                    sigma,
+                    linearised,
+                    systems: Arc::clone(&last.systems),
+                    sums: Arc::clone(&last.sums),
+                });
+                best.loss = best.loss.under(&weighting);
+                return Ok(best);
+            }
+            before.clone_from(&sigma);
+            let weighting = Arc::new(self.weigh(&residuals, sigma, linearised));
+            let weighted = Weighted { problem: self, weighting: &weighting };
+            best = Factored::new(weighted, best.fit.active).trial(best.effect);
+        }
+        Ok(best)
+    }
+
+    fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Around<'a> {
+        Around { factored: Factored::new(self.weighted(model), model.fit.active.clone()), fit: &model.fit }
+    }
+
+    /// A linear fit is a full one.
+    fn refitted(&self, trial: &Trial<Self>) -> Result<Trial<Self>, Infallible> {
+        Ok(trial.clone())
+    }
+
+    fn loss_reduction(&self, before: &Trial<Self>, after: &Trial<Self>) -> LossReduction {
+        let n_axes = self.experiment.axes.len();
+        let mut cells = vec![[0.0; 2]; self.groups.n_blocks * n_axes];
+        let pairs = losses(&before.predicted, 1).into_iter().zip(losses(&after.predicted, 1));
+        let is_own = |(k, _): &(usize, _)| self.experiment.axes[k % n_axes].proves();
+        for (k, (before, after)) in pairs.enumerate().filter(is_own) {
+            let cell = &mut cells[self.groups.blocks[k / n_axes] * n_axes + k % n_axes];
+            cell[0] += before;
+            cell[1] += after;
+        }
+        cells.retain(|[before, after]| before != after);
+        paired_t_test(&cells)
+    }
+
+    /// Rows that are held out take no part, so that the error reported on them is of rows that no fit has seen.
+    fn confirmed(&self, _without: &Trial<Self>, _with: &Trial<Self>) -> Result<bool, Infallible> {
+        Ok(true)
+    }
+}
+
+/// The candidates that a move adds to a model; `None` where it adds nothing, or where another move adds the same.
+fn added(problem: &Signals, number: usize, fit: &Fit) -> Option<Vec<usize>> {
+    let all = &problem.moves[number];
+    let candidates = &problem.experiment.candidates;
+    let added: Vec<usize> = match &all[..] {
+        [one] => (!fit.active.contains(one)).then_some(*one).into_iter().collect(),
+        several => {
+            let is_open = |k: &&usize| !fit.active.iter().any(|&other| candidates[other].is_same(&candidates[**k]));
+            several.iter().filter(is_open).copied().collect()
+        }
+    };
+    (added.len() >= all.len().min(2)).then_some(added)
+}
