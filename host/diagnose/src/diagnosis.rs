@@ -17,6 +17,7 @@ use crate::effect::Law;
 use crate::error::{DiagnoseError, MIN_PIECES, MIN_WORDS};
 use crate::judge;
 use crate::judge::next_words::Proposal;
+use crate::judge::selected::{SelectedPoses, SelectedSignals};
 use crate::linearise::experiment::Experiment;
 use crate::linearise::linearise;
 use crate::linearise::model::Model;
@@ -81,7 +82,7 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
     let start = problem.fitted(&arm.model).map_err(no_pose)?;
     let selection = forward_selection(&problem, start.clone(), Vec::new()).map_err(no_pose)?;
     let Selection { best, rivals, path } = selection;
-    let selected = judge::selected::Selected { arm, run, problem: &problem, repeats: repeats.as_ref(), best: &best };
+    let selected = SelectedPoses { arm, run, problem: &problem, repeats: repeats.as_ref(), best: &best };
     let how = Proposal { seed: options.seed, words: options.next_words };
     let mut judgement = judge::poses::judge(&selected, &start, rivals, how).map_err(no_pose)?;
     let with_terms = judgement.with_terms.take();
@@ -180,7 +181,7 @@ pub fn diagnose_table(
 
 /// A selection, and what is known of its data.
 struct Searched {
-    selected: judge::signals::Selected,
+    selected: SelectedSignals,
     held_out: String,
     findings: Vec<Finding>,
 }
@@ -209,7 +210,7 @@ fn select(
     let problem = Signals::new(experiment, groups);
     let (best, path) = search::select(&problem, always);
     let best = project(&problem, best);
-    let selected = judge::signals::Selected { problem, best, n_known, path };
+    let selected = SelectedSignals { problem, best, n_known, path };
     Ok(Searched { selected, held_out: data.held_out, findings: data.findings })
 }
 
@@ -231,7 +232,7 @@ fn conclude(
 }
 
 /// The effects of the model that was selected, with all their values.
-fn in_model(selected: &judge::signals::Selected) -> Vec<ModelEffect> {
+fn in_model(selected: &SelectedSignals) -> Vec<ModelEffect> {
     let (problem, fit) = (&selected.problem, &selected.best.fit);
     let of = |&candidate: &usize| {
         let values: Vec<f64> = problem.indices(&[candidate]).iter().map(|&at| fit.values[at]).collect();

@@ -3,8 +3,8 @@
 use nalgebra::DMatrix;
 
 use crate::effect::{Effect, Value};
-use crate::judge::signals::Selected;
-use crate::linearise::experiment::{self, Candidate, Experiment};
+use crate::judge::selected::SelectedSignals;
+use crate::linearise::experiment::{self, Candidate};
 use crate::select::backward::FALSE_SHARE;
 use crate::select::problem::{Neighbours as _, RegressionProblem as _};
 use crate::select::robust_fit::{pseudo_inverse, weights};
@@ -19,8 +19,8 @@ const OWN_SHARE: f64 = 1e-6;
 
 /// Standard deviations of the values with these numbers: of independent rows with their priors, or by pieces of rows
 /// (sandwich), whichever is larger.
-fn deviations(selected: &Selected, indices: &[usize]) -> Vec<f64> {
-    let Selected { problem, best, .. } = selected;
+fn deviations(selected: &SelectedSignals, indices: &[usize]) -> Vec<f64> {
+    let SelectedSignals { problem, best, .. } = selected;
     let weighted = problem.weighted(best);
     let inverse = pseudo_inverse(&weighted.information(indices));
     let residuals = weighted.training_residuals(&best.fit);
@@ -38,8 +38,8 @@ fn deviations(selected: &Selected, indices: &[usize]) -> Vec<f64> {
 }
 
 /// The effects with the values that these rows identify, and the names of those that they do not.
-pub(crate) fn effects(selected: &Selected) -> (Vec<Effect>, Vec<String>) {
-    let Selected { problem, best, n_known, .. } = selected;
+pub(crate) fn effects(selected: &SelectedSignals) -> (Vec<Effect>, Vec<String>) {
+    let SelectedSignals { problem, best, n_known, .. } = selected;
     let indices = problem.indices(&best.fit.active);
     let deviations = deviations(selected, &indices);
     let information = problem.weighted(best).information(&indices);
@@ -90,8 +90,8 @@ fn shape((name, value, unit): &(&'static str, f64, String)) -> Value {
 }
 
 /// The values of the other candidates that these rows do not identify beside those of a model.
-fn not_narrowed_beside(selected: &Selected) -> Vec<String> {
-    let Selected { problem, best, .. } = selected;
+fn not_narrowed_beside(selected: &SelectedSignals) -> Vec<String> {
+    let SelectedSignals { problem, best, .. } = selected;
     let candidates = &problem.experiment.candidates;
     let not_narrowed = |k: usize| {
         let indices = problem.indices(&[&best.fit.active[..], &[k]].concat());
@@ -115,7 +115,7 @@ fn value_name(value: &experiment::Value, of: &Candidate) -> String {
 
 /// Which effects are named: all of a model that was selected effect by effect; where all values have priors those that differ
 /// from zero, the others are kept small.
-fn named(selected: &Selected, deviations: &[f64]) -> Vec<bool> {
+fn named(selected: &SelectedSignals, deviations: &[f64]) -> Vec<bool> {
     let n_known = selected.n_known;
     let mut named = vec![true; selected.best.fit.active.len()];
     if selected.problem.experiment.all_priors_informative() {
@@ -126,8 +126,8 @@ fn named(selected: &Selected, deviations: &[f64]) -> Vec<bool> {
 }
 
 /// The chance of each effect of the model to be zero, by its values.
-fn chances(selected: &Selected, deviations: &[f64]) -> Vec<f64> {
-    let Selected { problem, best, .. } = selected;
+fn chances(selected: &SelectedSignals, deviations: &[f64]) -> Vec<f64> {
+    let SelectedSignals { problem, best, .. } = selected;
     let mut deviations = deviations.iter();
     let chance = |candidate: &usize| {
         let values = problem.indices(&[*candidate]);
@@ -142,7 +142,7 @@ fn chances(selected: &Selected, deviations: &[f64]) -> Vec<f64> {
 }
 
 /// The effects of a model, a few at most, that are the least likely to be zero.
-pub(crate) fn likeliest(selected: &Selected, count: usize) -> Vec<usize> {
+pub(crate) fn likeliest(selected: &SelectedSignals, count: usize) -> Vec<usize> {
     let active = &selected.best.fit.active;
     let chances = chances(selected, &deviations(selected, &selected.problem.indices(active)));
     let mut order: Vec<usize> = (selected.n_known..active.len()).collect();
@@ -151,30 +151,12 @@ pub(crate) fn likeliest(selected: &Selected, count: usize) -> Vec<usize> {
 }
 
 /// By how much the held-out norm is larger without an effect.
-fn heldout_gain(selected: &Selected, without: &Fit) -> Option<f64> {
-    let Selected { problem, best, .. } = selected;
+fn heldout_gain(selected: &SelectedSignals, without: &Fit) -> Option<f64> {
+    let SelectedSignals { problem, best, .. } = selected;
     Some(held_out_norm(problem, &without.values)? - held_out_norm(problem, &best.fit.values)?)
 }
 
 fn held_out_norm(problem: &Signals, values: &[f64]) -> Option<f64> {
-    norm(&problem.experiment, &of_rows(&problem.experiment, &problem.experiment.at(values), true))
-}
-
-/// The residuals of the rows that are held out, or of the others.
-pub(crate) fn of_rows(experiment: &Experiment, residuals: &[f64], held_out: bool) -> Vec<f64> {
-    let n_axes = experiment.axes.len();
-    let rows = experiment.rows.iter().enumerate().filter(|(_, row)| row.held_out == held_out);
-    rows.flat_map(|(row, _)| residuals[row * n_axes..(row + 1) * n_axes].iter().copied()).collect()
-}
-
-/// Mean square of an axis of rows × axes.
-pub(crate) fn mean_square(experiment: &Experiment, residuals: &[f64], axis: usize) -> f64 {
-    let n_axes = experiment.axes.len();
-    residuals.iter().skip(axis).step_by(n_axes).map(|r| r * r).sum::<f64>() / (residuals.len() / n_axes) as f64
-}
-
-/// Root mean square of the norm of rows × axes; `None` without rows.
-pub(crate) fn norm(experiment: &Experiment, residuals: &[f64]) -> Option<f64> {
-    let square = (0..experiment.n_norm).map(|axis| mean_square(experiment, residuals, axis)).sum::<f64>();
-    (!residuals.is_empty()).then(|| square.sqrt())
+    let experiment = &problem.experiment;
+    experiment.norm(&experiment.of_rows(&experiment.at(values), true))
 }

@@ -4,7 +4,7 @@ use darm_core::units::Word;
 use nalgebra::DMatrix;
 
 use crate::effect::Place;
-use crate::judge::selected::Selected;
+use crate::judge::selected::SelectedPoses;
 use crate::linearise::arm_candidates::{all, same};
 use crate::linearise::sensitivity::Sensitivity;
 use crate::measurement::Run;
@@ -42,11 +42,11 @@ struct Conditions {
 /// Words that tell the best effects and their alternatives apart, by D-optimality over all their values together: under
 /// the conditions of this run, or where these cannot tell, at another supply or temperature.
 pub(crate) fn proposal(
-    selected: &Selected,
+    selected: &SelectedPoses,
     alternatives: &[Alternative],
     how: Proposal,
 ) -> Result<NextMeasurement, NoPose> {
-    let Selected { arm, run, problem, best, .. } = *selected;
+    let SelectedPoses { arm, run, problem, best, .. } = *selected;
     let mut scratch = ArmScratch::default();
     let model = together(arm, best, alternatives);
     let fit = fit(&model, &problem.training, &values(&model), &mut scratch)?;

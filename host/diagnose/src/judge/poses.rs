@@ -4,7 +4,7 @@ use darm_core::effect::Effect;
 
 use super::fitted_terms::{WithTerms, with_terms};
 use super::next_words::{self, Proposal};
-use super::selected::Selected;
+use super::selected::SelectedPoses;
 use super::structure::structure;
 use crate::linearise::arm_candidates;
 use crate::outcome::{Alternative, NextMeasurement, Structure, Verdict};
@@ -30,12 +30,12 @@ pub(crate) struct Judgement {
 
 /// Judges a selection; `start` is the model without the effects selected, fitted.
 pub(crate) fn judge(
-    selected: &Selected,
+    selected: &SelectedPoses,
     start: &Trial<ToolPoses>,
     last_rivals: Vec<Trial<ToolPoses>>,
     how: Proposal,
 ) -> Result<Judgement, NoPose> {
-    let Selected { arm, problem, best, .. } = *selected;
+    let SelectedPoses { arm, problem, best, .. } = *selected;
     let residuals = problem.training.residuals(&arm.model, &mut ArmScratch::default())?;
     let (mut before, mut remaining) = (structure(selected, &residuals, 0), structure_after(selected, best));
     let mut alternatives = alternatives(selected, last_rivals)?;
@@ -62,7 +62,7 @@ pub(crate) fn judge(
 }
 
 /// The structure that a model leaves.
-fn structure_after(selected: &Selected, trial: &Trial<ToolPoses>) -> Structure {
+fn structure_after(selected: &SelectedPoses, trial: &Trial<ToolPoses>) -> Structure {
     structure(selected, &trial.fit.residuals, trial.fit.values.len())
 }
 
@@ -85,8 +85,8 @@ fn verdict(n_found: usize, is_ambiguous: bool, before: &Structure, after: &Struc
 }
 
 /// For every effect selected: what else explains the measurements as well in its place.
-fn alternatives(selected: &Selected, last_rivals: Vec<Trial<ToolPoses>>) -> Result<Vec<Alternative>, NoPose> {
-    let Selected { arm, problem, best, .. } = *selected;
+fn alternatives(selected: &SelectedPoses, last_rivals: Vec<Trial<ToolPoses>>) -> Result<Vec<Alternative>, NoPose> {
+    let SelectedPoses { arm, problem, best, .. } = *selected;
     let (n_known, n) = (selected.n_known(), best.fit.model.effects.len());
     let mut all = Vec::new();
     for effect in n_known..n {
@@ -107,7 +107,7 @@ fn alternatives(selected: &Selected, last_rivals: Vec<Trial<ToolPoses>>) -> Resu
 }
 
 /// Of several effects that explain the measurements as well, those selected are listed among the alternatives too.
-fn selected_as_alternatives(selected: &Selected) -> Vec<Alternative> {
+fn selected_as_alternatives(selected: &SelectedPoses) -> Vec<Alternative> {
     let alternative = |(instead_of, effect): (usize, &Effect<f64>)| Alternative {
         instead_of,
         law: effect.law().name(),

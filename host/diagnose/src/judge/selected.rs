@@ -1,16 +1,19 @@
-//! A model of tool poses that was selected, with what it was selected from: what the judgement and the report read.
+//! A model that was selected, with what it was selected from: what the judgement and the report read.
 
 use darm_arm::arm::Arm;
 use darm_core::effect::Effect;
 
+use crate::linearise::experiment::Candidate;
 use crate::measurement::Run;
 use crate::prepare::repeatability::Noise;
+use crate::select::forward::SelectionStep;
 use crate::select::problem::Trial;
+use crate::select::signals::Signals;
 use crate::select::tool_pose::ToolPoses;
 
-/// A model that was selected, and what it was selected from.
+/// A model of tool poses that was selected.
 #[derive(Clone, Copy)]
-pub(crate) struct Selected<'a> {
+pub(crate) struct SelectedPoses<'a> {
     /// The arm that was diagnosed.
     pub(crate) arm: &'a Arm,
     /// Its measurement.
@@ -23,7 +26,7 @@ pub(crate) struct Selected<'a> {
     pub(crate) best: &'a Trial<ToolPoses>,
 }
 
-impl Selected<'_> {
+impl SelectedPoses<'_> {
     /// How many effects the arm had before.
     pub(crate) fn n_known(&self) -> usize {
         self.arm.model.effects.len()
@@ -32,5 +35,24 @@ impl Selected<'_> {
     /// The effects selected.
     pub(crate) fn effects(&self) -> Vec<Effect<f64>> {
         self.best.fit.model.effects.iter().skip(self.n_known()).copied().collect()
+    }
+}
+
+/// A model of signals that was selected.
+pub(crate) struct SelectedSignals {
+    /// The rows and candidates.
+    pub(crate) problem: Signals,
+    /// The model with the effects selected.
+    pub(crate) best: Trial<Signals>,
+    /// How many of its effects were in it from the start.
+    pub(crate) n_known: usize,
+    /// What was tried.
+    pub(crate) path: Vec<SelectionStep>,
+}
+
+impl SelectedSignals {
+    /// A candidate of the model.
+    pub(crate) fn candidate(&self, order: usize) -> &Candidate {
+        &self.problem.experiment.candidates[self.best.fit.active[order]]
     }
 }

@@ -3,28 +3,15 @@
 use crate::effect::Effect;
 use crate::judge::poses::UNEXPLAINED_SHARE;
 use crate::judge::remaining::{self, Remaining};
+use crate::judge::selected::SelectedSignals;
 use crate::judge::{intervals, next_rows};
 use crate::linearise::experiment::Candidate;
 use crate::outcome::{Alternative, Dependence, NextMeasurement, Verdict};
-use crate::select::forward::{SelectionStep, rivals};
-use crate::select::problem::Trial;
-use crate::select::signals::Signals;
+use crate::select::forward::rivals;
 use crate::select::simplify::surrogates;
 
 /// Effects up to which each is compared with all others that could be in its place.
 const MAX_COMPARED: usize = 3;
-
-/// A model that was selected, and what it was selected from.
-pub(crate) struct Selected {
-    /// The rows and candidates.
-    pub(crate) problem: Signals,
-    /// The model with the effects selected.
-    pub(crate) best: Trial<Signals>,
-    /// How many of its effects were in it from the start.
-    pub(crate) n_known: usize,
-    /// What was tried.
-    pub(crate) path: Vec<SelectionStep>,
-}
 
 /// What is concluded.
 pub(crate) struct Judgement {
@@ -46,15 +33,8 @@ struct Rival {
     worse_with: f64,
 }
 
-impl Selected {
-    /// A candidate of the model.
-    pub(crate) fn candidate(&self, order: usize) -> &Candidate {
-        &self.problem.experiment.candidates[self.best.fit.active[order]]
-    }
-}
-
 /// Judges a selection; behind a filter noise goes on from row to row as well.
-pub(crate) fn judge(selected: &Selected, is_filtered: bool) -> Judgement {
+pub(crate) fn judge(selected: &SelectedSignals, is_filtered: bool) -> Judgement {
     let rivals = rivals_of_effects(selected);
     let (mut effects, unobservable) = intervals::effects(selected);
     let has_rivals = |found: &Effect| {
@@ -88,8 +68,8 @@ pub(crate) fn judge(selected: &Selected, is_filtered: bool) -> Judgement {
 /// What explains the rows as well in the place of an effect, where there are few of them.
 ///
 /// Another shape of the same law at the same place is no other explanation, and neither is what is in the model already.
-fn rivals_of_effects(selected: &Selected) -> Vec<Rival> {
-    let Selected { problem, best, n_known, .. } = selected;
+fn rivals_of_effects(selected: &SelectedSignals) -> Vec<Rival> {
+    let SelectedSignals { problem, best, n_known, .. } = selected;
     let n_found = best.fit.active.len() - n_known;
     if n_found == 0 || n_found > MAX_COMPARED {
         return Vec::new();
@@ -112,7 +92,7 @@ fn rivals_of_effects(selected: &Selected) -> Vec<Rival> {
 }
 
 /// The effects that have rivals, and these, once each.
-fn of_rivals(selected: &Selected, rivals: &[Rival]) -> Vec<usize> {
+fn of_rivals(selected: &SelectedSignals, rivals: &[Rival]) -> Vec<usize> {
     let of = |rival: &Rival| [selected.best.fit.active[rival.order], rival.candidate];
     let mut all: Vec<usize> = rivals.iter().flat_map(of).collect();
     all.sort_unstable();
@@ -121,7 +101,7 @@ fn of_rivals(selected: &Selected, rivals: &[Rival]) -> Vec<usize> {
 }
 
 /// Alternatives as they are reported, the best one of each set first.
-fn alternatives(selected: &Selected, rivals: &[Rival]) -> Vec<Alternative> {
+fn alternatives(selected: &SelectedSignals, rivals: &[Rival]) -> Vec<Alternative> {
     let alternative = |order: usize, candidate: &Candidate, cross_validated: f64, worse_with: f64| Alternative {
         instead_of: order - selected.n_known,
         law: candidate.law,

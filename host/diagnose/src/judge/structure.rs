@@ -9,7 +9,7 @@ use darm_core::effect::fitted_term::Frame;
 
 use crate::judge::pose_dictionary::dictionary;
 use crate::judge::regression::{Design, Term, of_axis, squares};
-use crate::judge::selected::Selected;
+use crate::judge::selected::SelectedPoses;
 use crate::measurement::{Run, median};
 use crate::outcome::{Dependence, Structure};
 use crate::prepare::observations::Observations;
@@ -21,7 +21,7 @@ use darm_arm::arm::Arm;
 const MAX_TERMS: usize = 4;
 
 /// The structure in the residuals of some rows, after `fitted` values were fitted to them.
-pub(crate) fn structure(selected: &Selected, residuals: &[f64], fitted: usize) -> Structure {
+pub(crate) fn structure(selected: &SelectedPoses, residuals: &[f64], fitted: usize) -> Structure {
     let (observations, noise) = (&selected.problem.training, selected.repeats);
     let n_axes = observations.n_axes();
     let drawn_in = drawn_in(residuals, n_axes);

@@ -107,14 +107,13 @@ impl Candidate {
 }
 
 impl Experiment {
-    /// An experiment with one axis whose residuals are linear in all values.
+    /// An experiment with one axis whose residuals are linear in all values, without channels.
     pub(crate) fn of_one(
         kind: &'static str,
         axis: Axis,
         data: &Prepared,
         residuals: Vec<f64>,
         candidates: Vec<Candidate>,
-        channels: Vec<(String, Vec<f64>)>,
     ) -> Self {
         Self {
             kind,
@@ -123,7 +122,7 @@ impl Experiment {
             rows: data.rows.clone(),
             residuals,
             candidates,
-            channels,
+            channels: Vec::new(),
             bodies: Vec::new(),
             relinearise: None,
         }
@@ -149,6 +148,25 @@ impl Experiment {
             offset
         });
         (offsets.collect(), next)
+    }
+
+    /// The residuals of the rows that are held out, or of the others.
+    pub(crate) fn of_rows(&self, residuals: &[f64], held_out: bool) -> Vec<f64> {
+        let n_axes = self.axes.len();
+        let rows = self.rows.iter().enumerate().filter(|(_, row)| row.held_out == held_out);
+        rows.flat_map(|(row, _)| residuals[row * n_axes..(row + 1) * n_axes].iter().copied()).collect()
+    }
+
+    /// Mean square of an axis of rows × axes.
+    pub(crate) fn mean_square(&self, residuals: &[f64], axis: usize) -> f64 {
+        let n_axes = self.axes.len();
+        residuals.iter().skip(axis).step_by(n_axes).map(|r| r * r).sum::<f64>() / (residuals.len() / n_axes) as f64
+    }
+
+    /// Root mean square of the norm of rows × axes; `None` without rows.
+    pub(crate) fn norm(&self, residuals: &[f64]) -> Option<f64> {
+        let square = (0..self.n_norm).map(|axis| self.mean_square(residuals, axis)).sum::<f64>();
+        (!residuals.is_empty()).then(|| square.sqrt())
     }
 
     /// Residuals with these values of all candidates.

@@ -3,7 +3,7 @@
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use crate::judge::poses::Judgement;
-use crate::judge::selected::Selected;
+use crate::judge::selected::SelectedPoses;
 use crate::linearise::arm_candidates;
 use crate::measurement::{median, root_mean_square};
 use crate::outcome::{
@@ -24,12 +24,12 @@ const OUTLIER_LEVEL: f64 = 0.01;
 
 /// The diagnosis, without its sentences.
 pub(crate) fn diagnosis(
-    selected: &Selected,
+    selected: &SelectedPoses,
     judgement: Judgement,
     selection_path: Vec<SelectionStep>,
     seed: u64,
 ) -> Result<Diagnosis, NoPose> {
-    let Selected { arm, problem, repeats, best, .. } = *selected;
+    let SelectedPoses { arm, problem, repeats, best, .. } = *selected;
     let nominal = problem.training.residuals(&arm.model, &mut ArmScratch::default())?;
     let error = BeforeAfter {
         before: errors(arm, problem, &arm.model, &nominal)?,
@@ -75,7 +75,7 @@ fn repeatability(arm: &Arm, noise: &Noise) -> Repeatability {
 }
 
 /// How the rows were chosen that the fit did not see.
-fn held_out(selected: &Selected) -> String {
+fn held_out(selected: &SelectedPoses) -> String {
     let choice = &selected.run.choice;
     match (selected.problem.heldout.rows.is_empty(), &choice.parts) {
         (false, _) if choice.description.is_empty() => "the column held_out".into(),
@@ -99,8 +99,8 @@ fn errors(arm: &Arm, problem: &ToolPoses, model: &ArmModel, cross_validated: &[f
 }
 
 /// The effects selected, with intervals of their values.
-fn effects(selected: &Selected, error: &BeforeAfter) -> Result<Vec<Effect>, NoPose> {
-    let Selected { arm, problem, best, .. } = *selected;
+fn effects(selected: &SelectedPoses, error: &BeforeAfter) -> Result<Vec<Effect>, NoPose> {
+    let SelectedPoses { arm, problem, best, .. } = *selected;
     let fit = &best.fit;
     let covariance = covariance(fit, &problem.training);
     let width = quantile_975(problem.training.n_groups.saturating_sub(fit.values.len()));
@@ -125,8 +125,8 @@ fn effects(selected: &Selected, error: &BeforeAfter) -> Result<Vec<Effect>, NoPo
 }
 
 /// By how much the held-out error is larger without one of the effects.
-fn heldout_gain(selected: &Selected, effect: usize, error: &BeforeAfter) -> Result<Option<f64>, NoPose> {
-    let Selected { arm, problem, best, .. } = *selected;
+fn heldout_gain(selected: &SelectedPoses, effect: usize, error: &BeforeAfter) -> Result<Option<f64>, NoPose> {
+    let SelectedPoses { arm, problem, best, .. } = *selected;
     let Some(after) = &error.after.heldout else { return Ok(None) };
     let without = if best.fit.model.effects.len() == selected.n_known() + 1 {
         error.before.heldout.clone()
@@ -148,7 +148,7 @@ fn unobservable(best: &Trial<ToolPoses>) -> Vec<String> {
 }
 
 /// Rows that are farther off than the noise, itself known by limited degrees of freedom, would ever be.
-fn outliers(selected: &Selected) -> Vec<Outlier> {
+fn outliers(selected: &SelectedPoses) -> Vec<Outlier> {
     let training = &selected.problem.training;
     let (n_axes, residuals) = (training.n_axes(), &selected.best.fit.residuals);
     let per_axis = selected.repeats.map_or(training.rows.len(), |noise| noise.dof);
@@ -170,8 +170,8 @@ fn outliers(selected: &Selected) -> Vec<Outlier> {
     far.map(outlier).collect()
 }
 
-fn points(selected: &Selected) -> Result<Vec<Point>, NoPose> {
-    let Selected { arm, run, problem, best, .. } = *selected;
+fn points(selected: &SelectedPoses) -> Result<Vec<Point>, NoPose> {
+    let SelectedPoses { arm, run, problem, best, .. } = *selected;
     let (mut points, mut scratch) = (Vec::new(), ArmScratch::default());
     for (held_out, observations) in [(false, &problem.training), (true, &problem.heldout)] {
         let before = observations.residuals(&arm.model, &mut scratch)?;

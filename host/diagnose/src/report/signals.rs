@@ -1,8 +1,8 @@
 //! The outcome of a diagnosis of signals: errors, outliers and points for plots.
 
-use crate::judge::intervals::{mean_square, norm, of_rows};
 use crate::judge::scatter;
-use crate::judge::signals::{Judgement, Selected};
+use crate::judge::selected::SelectedSignals;
+use crate::judge::signals::Judgement;
 use crate::linearise::experiment::{Axis, Experiment};
 use crate::outcome::{
     AxisFigure, BeforeAfter, Diagnosis, ErrorFigure, Errors, Number, Outlier, Point, Rows, Structure,
@@ -24,16 +24,16 @@ pub(crate) struct HeldOut {
 
 impl HeldOut {
     /// Adds the rows that a search has not seen.
-    pub(crate) fn add(&mut self, selected: &Selected) {
+    pub(crate) fn add(&mut self, selected: &SelectedSignals) {
         let experiment = &selected.problem.experiment;
-        self.before.extend(of_rows(experiment, &experiment.residuals, true));
-        self.after.extend(of_rows(experiment, &experiment.at(&selected.best.fit.values), true));
+        self.before.extend(experiment.of_rows(&experiment.residuals, true));
+        self.after.extend(experiment.of_rows(&experiment.at(&selected.best.fit.values), true));
     }
 }
 
 /// The diagnosis, without its sentences and findings; `pooled` has the held-out residuals of other searches.
 pub(crate) fn diagnosis(
-    selected: &Selected,
+    selected: &SelectedSignals,
     judgement: Judgement,
     pooled: Option<&HeldOut>,
     held_out: String,
@@ -41,7 +41,7 @@ pub(crate) fn diagnosis(
 ) -> Diagnosis {
     let (problem, experiment) = (&selected.problem, &selected.problem.experiment);
     let after = experiment.at(&selected.best.fit.values);
-    let n_heldout = pooled.map_or(of_rows(experiment, &after, true).len(), |pooled| pooled.after.len());
+    let n_heldout = pooled.map_or(experiment.of_rows(&after, true).len(), |pooled| pooled.after.len());
     let depends_on = judgement.remaining;
     Diagnosis {
         kind: experiment.kind,
@@ -73,10 +73,10 @@ pub(crate) fn diagnosis(
 }
 
 fn errors(experiment: &Experiment, residuals: &[f64], heldout: Option<&[f64]>) -> Errors {
-    let own = of_rows(experiment, residuals, true);
+    let own = experiment.of_rows(residuals, true);
     let empty = || ErrorFigure { axes: Vec::new(), norm: Number { value: 0.0, unit: experiment.unit() }, largest: 0.0 };
     Errors {
-        train: figure(experiment, &of_rows(experiment, residuals, false)).unwrap_or_else(empty),
+        train: figure(experiment, &experiment.of_rows(residuals, false)).unwrap_or_else(empty),
         heldout: figure(experiment, heldout.unwrap_or(&own)),
     }
 }
@@ -84,17 +84,17 @@ fn errors(experiment: &Experiment, residuals: &[f64], heldout: Option<&[f64]>) -
 /// Root mean squares of rows × axes; `None` without rows.
 fn figure(experiment: &Experiment, residuals: &[f64]) -> Option<ErrorFigure> {
     let axis = |(k, axis): (usize, &Axis)| {
-        let value = mean_square(experiment, residuals, k).sqrt();
+        let value = experiment.mean_square(residuals, k).sqrt();
         AxisFigure { axis: axis.name.clone(), value, unit: axis.unit }
     };
     Some(ErrorFigure {
-        norm: Number { value: norm(experiment, residuals)?, unit: experiment.unit() },
+        norm: Number { value: experiment.norm(residuals)?, unit: experiment.unit() },
         axes: experiment.axes.iter().enumerate().map(axis).collect(),
         largest: residuals.chunks(experiment.axes.len()).map(|row| size(&row[..experiment.n_norm])).fold(0.0, f64::max),
     })
 }
 
-fn outliers(selected: &Selected) -> Vec<Outlier> {
+fn outliers(selected: &SelectedSignals) -> Vec<Outlier> {
     let (problem, weighted) = (&selected.problem, selected.problem.weighted(&selected.best));
     let (n_axes, n_norm) = (problem.experiment.axes.len(), problem.experiment.n_norm);
     let residuals = weighted.training_residuals(&selected.best.fit);

@@ -111,29 +111,32 @@ pub fn pseudo_inverse(information: &DMatrix<f64>) -> DMatrix<f64> {
     DMatrix::from_fn(scale.len(), scale.len(), |a, b| inverse[(a, b)] * scale[a] * scale[b])
 }
 
-/// The change of the values that fits the residuals best as far as they are linear; `counts` says which rows count.
-fn linear_step(
-    columns: &[Vec<f64>],
-    residuals: &[f64],
+/// Residuals near a model, and how each value moves them.
+struct Linear<'a> {
+    columns: &'a [Vec<f64>],
+    residuals: &'a [f64],
     n_axes: usize,
-    counts: &[f64],
-    first: &[f64],
-    reweightings: usize,
-) -> DVector<f64> {
-    let mut row_weights: Vec<f64> = first.iter().zip(counts).map(|(w, c)| w * c).collect();
-    let mut step = DVector::zeros(columns.len());
-    for _ in 0..reweightings {
-        let (information, gradient) = normal(columns, residuals, &row_weights);
-        let next = -solve(&information, &gradient);
-        let change = (&next - &step).component_mul(&information.diagonal().map(f64::sqrt)).amax();
-        step = next;
-        let after = moved(columns, residuals, &step);
-        row_weights = weights(&after, n_axes).iter().zip(counts).map(|(w, c)| w * c).collect();
-        if change < 0.02 {
-            break;
+}
+
+impl Linear<'_> {
+    /// The change of the values that fits the residuals best; `counts` says which rows count, `first` how much at first.
+    fn step(&self, counts: &[f64], first: &[f64], reweightings: usize) -> DVector<f64> {
+        let &Self { columns, residuals, n_axes } = self;
+        let mut row_weights: Vec<f64> = first.iter().zip(counts).map(|(w, c)| w * c).collect();
+        let mut step = DVector::zeros(columns.len());
+        for _ in 0..reweightings {
+            let (information, gradient) = normal(columns, residuals, &row_weights);
+            let next = -solve(&information, &gradient);
+            let change = (&next - &step).component_mul(&information.diagonal().map(f64::sqrt)).amax();
+            step = next;
+            let after = moved(columns, residuals, &step);
+            row_weights = weights(&after, n_axes).iter().zip(counts).map(|(w, c)| w * c).collect();
+            if change < 0.02 {
+                break;
+            }
         }
+        step
     }
-    step
 }
 
 /// The residuals after a step, as far as they are linear.
@@ -165,13 +168,13 @@ pub fn cross_validated(
         return residuals.to_vec();
     }
     let all = vec![1.0; observations.rows.len()];
-    let full = linear_step(columns, residuals, n_axes, &all, &all, REWEIGHTINGS);
+    let linear = Linear { columns, residuals, n_axes };
+    let full = linear.step(&all, &all, REWEIGHTINGS);
     let first = weights(&moved(columns, residuals, &full), n_axes);
     let mut predicted = residuals.to_vec();
     for fold in 0..=folds.iter().copied().max().unwrap_or_default() {
         let counts: Vec<f64> = folds.iter().map(|own| if *own == fold { 0.0 } else { 1.0 }).collect();
-        let after =
-            moved(columns, residuals, &linear_step(columns, residuals, n_axes, &counts, &first, FEW_REWEIGHTINGS));
+        let after = moved(columns, residuals, &linear.step(&counts, &first, FEW_REWEIGHTINGS));
         for (row, _) in counts.iter().enumerate().filter(|(_, counts)| **counts == 0.0) {
             let range = row * n_axes..(row + 1) * n_axes;
             predicted[range.clone()].copy_from_slice(&after[range]);
@@ -194,7 +197,8 @@ pub fn fit(
     let mut best = at(model.clone(), observations, values, scratch)?;
     let mut loss: f64 = losses(&best.residuals, n_axes).iter().sum();
     for _ in 0..if best.values.is_empty() { 0 } else { STEPS } {
-        let step = linear_step(&best.columns, &best.residuals, n_axes, &all, &all, REWEIGHTINGS);
+        let linear = Linear { columns: &best.columns, residuals: &best.residuals, n_axes };
+        let step = linear.step(&all, &all, REWEIGHTINGS);
         let Some((model, lower)) = descend(&best, step, loss, observations, scratch) else {
             break;
         };

@@ -6,8 +6,10 @@
 
 mod blind;
 mod camera;
+mod kind;
 mod mechanism;
 mod surroundings;
+mod true_pose;
 
 use darm_core::chain::{Chain, ChainError};
 use darm_core::model::Mass;
@@ -20,7 +22,7 @@ use rand_chacha::ChaCha8Rng;
 pub use blind::Blind;
 use darm_arm::arm::frames::DesiredFrame;
 use darm_arm::arm::{Arm, ArmScratch, MAX_STAGES};
-pub use mechanism::Kind;
+pub use kind::Kind;
 use mechanism::Mechanism;
 use surroundings::Moment;
 pub use surroundings::Surroundings;
@@ -198,7 +200,7 @@ impl Truth {
     /// Pose of the tool in the base.
     pub fn pose(&self, state: &TrueState) -> Result<Pose<f64>, ChainError> {
         let surroundings = self.surroundings.at(state.time_s, &state.word);
-        mechanism::pose(&self.mechanisms, &self.body, state, surroundings, &mut ArmScratch::default())
+        true_pose::pose(&self.mechanisms, &self.body, state, surroundings, &mut ArmScratch::default())
     }
 
     /// The secret. To be asked for once the verdict is written.
@@ -234,7 +236,7 @@ impl Truth {
             let state = TrueState { word, previous: None, servos_rad: &servos_rad, time_s: 0.0, history: None };
             let moment = self.surroundings.settled(&word);
             chain.pose_base_tool(&word, &servos_rad, &mut scratch).is_err()
-                || mechanism::pose(&self.mechanisms, &self.body, &state, moment, &mut scratch).is_ok()
+                || true_pose::pose(&self.mechanisms, &self.body, &state, moment, &mut scratch).is_ok()
         })
     }
 
@@ -246,7 +248,7 @@ impl Truth {
             let no_pose = |error| TruthError::NoPose { word: state.word, error };
             let nominal =
                 self.body.chain.pose_base_tool(&state.word, state.servos_rad, &mut scratch).map_err(no_pose)?;
-            let own = mechanism::pose(mechanisms, &self.body, state, *moment, &mut scratch).map_err(no_pose)?;
+            let own = true_pose::pose(mechanisms, &self.body, state, *moment, &mut scratch).map_err(no_pose)?;
             squares += nominal.distance(&own, self.body.length_scale_m).powi(2);
         }
         Ok((squares / occasions.len().max(1) as f64).sqrt())

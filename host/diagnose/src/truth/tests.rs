@@ -73,7 +73,7 @@ fn springs_take_up_what_the_weights_give() {
         history: None,
     };
     let surroundings = Surroundings::draw(&mut ChaCha8Rng::seed_from_u64(1), 6.0, 293.15);
-    mechanism::pose(&[springs], &body, &state, surroundings.settled(&state.word), &mut scratch).unwrap();
+    true_pose::pose(&[springs], &body, &state, surroundings.settled(&state.word), &mut scratch).unwrap();
     let energy = |scratch: &ArmScratch| {
         let stages = 0..body.chain.stages.len();
         let squares = stages.flat_map(|s| (0..3).map(move |leg| (s, leg))).map(|(s, leg)| {
