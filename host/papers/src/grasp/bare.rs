@@ -14,10 +14,9 @@ use std::path::Path;
 use darm_core::real::{Mat3, Vec3};
 use darm_core::se::Pose;
 
-use super::collision::Capsule;
 use super::fault::{HandError, HandFault};
 use super::file::{HandFile, Read, VIRTUAL_DEG, assembled, finger_at, limits};
-use super::hand::{FINGERS, Hand, JOINTS, THUMB};
+use super::hand::{Capsule, FINGERS, Hand, JOINTS, THUMB};
 use super::train::PAPER_LAMBDAS;
 use darm_robot::robot::{Robot, RobotFrame};
 use darm_robot::source::Fault;

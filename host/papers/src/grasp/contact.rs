@@ -7,6 +7,9 @@ use rand_chacha::ChaCha8Rng;
 
 use super::hand::{Angles, FINGERS, Finger, Hand, Placed, THUMB};
 
+/// One radian of a contact's direction counts as this many metres of its point: about the length of a last phalanx.
+pub(super) const RADIAN_M: f64 = 0.03;
+
 /// A contact of a fingertip with the object: five constraints, for the fingertip may turn about the direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {

@@ -37,10 +37,9 @@ use darm_core::real::Vec3;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::collision::Capsule;
 use super::contact::{Contact, Contacts};
 use super::fault::{ContactFault, ContactsError, HandError, HandFault};
-use super::hand::{ANGLES, COORDINATES, FINGERS, Finger, FingerJoint, Hand, JOINTS};
+use super::hand::{ANGLES, COORDINATES, Capsule, FINGERS, Finger, FingerJoint, Hand, JOINTS};
 use super::referee::Referee;
 use super::train::PAPER_LAMBDAS;
 use darm_core::actuator::JointKind;

@@ -3,7 +3,7 @@
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, rotation_about};
 
-use super::collision::{Capsule, Pair, pairs};
+use super::segments::nearest_points;
 
 /// Fingers of the hand; the last is the thumb.
 pub const FINGERS: usize = 4;
@@ -45,6 +45,28 @@ pub struct Finger {
     pub tip_radius_m: f64,
 }
 
+/// A segment with a radius, fixed to a link or to the palm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Capsule {
+    /// The link, numbered finger by finger; `None`: the palm.
+    pub link: Option<usize>,
+    /// One end of the segment in the frame of the link, m.
+    pub from: Vec3<f64>,
+    /// The other end.
+    pub to: Vec3<f64>,
+    /// Radius, m.
+    pub radius_m: f64,
+}
+
+/// Two capsules, by their numbers, that must not touch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pair {
+    /// The one.
+    pub first: usize,
+    /// The other.
+    pub second: usize,
+}
+
 /// A hand of four fingers, the thumb last.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hand {
@@ -78,6 +100,19 @@ pub struct Placed {
     pub tips: [Pose<f64>; FINGERS],
     /// Every link.
     pub links: Links,
+}
+
+impl Capsule {
+    /// The ends of the segment in the palm, for one posture.
+    pub fn ends(&self, links: &Links) -> [Vec3<f64>; 2] {
+        let pose = self.link.map_or(Pose::identity(), |link| links[link]);
+        [pose * self.from, pose * self.to]
+    }
+
+    /// The finger that it belongs to, and its joints between the palm and the capsule; the palm has none.
+    pub fn joints(&self) -> Option<(usize, usize)> {
+        self.link.map(|link| (link / JOINTS, link % JOINTS + 1))
+    }
 }
 
 impl Hand {
@@ -132,4 +167,19 @@ impl Placed {
     pub fn normal(&self, finger: usize) -> Vec3<f64> {
         self.tips[finger].rotation.column(2).into()
     }
+}
+
+/// The pairs of capsules of different links that are apart in this posture.
+fn pairs(capsules: &[Capsule], links: &Links) -> Vec<Pair> {
+    let apart = |a: &Capsule, b: &Capsule| {
+        let ([p, q], [r, s]) = (a.ends(links), b.ends(links));
+        let [x, y] = nearest_points(&p, &q, &r, &s);
+        (x - y).norm() > a.radius_m + b.radius_m
+    };
+    let all = (0..capsules.len()).flat_map(|second| (0..second).map(move |first| Pair { first, second }));
+    all.filter(|pair| {
+        let (a, b) = (&capsules[pair.first], &capsules[pair.second]);
+        a.link != b.link && apart(a, b)
+    })
+    .collect()
 }

@@ -8,10 +8,9 @@ use darm_core::real::Vec3;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
-use super::contact::{Contacts, across};
+use super::contact::{Contacts, RADIAN_M, across};
 use super::hand::{Angles, Hand, THUMB};
 use super::paper::Variables;
-use super::solve::RADIAN_M;
 
 /// Centres and directions of the three other contacts, told about the thumb's.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -23,6 +23,7 @@ pub mod paper;
 pub mod picture;
 pub mod plot;
 pub mod referee;
+mod segments;
 pub mod solve;
 pub mod train;
 

@@ -50,7 +50,7 @@ pub fn svg(hand: &Hand, stages: &[(String, Configuration)], contacts: &Contacts)
         html! {
             @for (row, view) in views.iter().enumerate() {
                 @let corner = [EDGE * index as f64, HEAD + EDGE * row as f64];
-                (draw(view, strokes, &arrows, corner, &middle, scale))
+                (draw(&Projection { view, corner, middle, scale }, strokes, &arrows))
             }
         }
     };
@@ -80,7 +80,7 @@ fn names(hand: &Hand) -> Markup {
 
 fn strokes(hand: &Hand, palm: &Pose<f64>, configuration: &Configuration) -> Vec<Stroke> {
     let (placed, pose) = (hand.place(&configuration.angles), palm.to(&configuration.pose_world_palm));
-    let of_capsule = |capsule: &super::collision::Capsule| Stroke {
+    let of_capsule = |capsule: &super::hand::Capsule| Stroke {
         ends: capsule.ends(&placed.links).map(|end| pose * end),
         radius_m: capsule.radius_m,
         color: capsule.link.map_or(PALM, |link| COLORS[(link / JOINTS).min(THUMB)]),
@@ -100,18 +100,28 @@ fn bounds<'a>(strokes: impl Iterator<Item = &'a Stroke>, arrows: &[[Vec3<f64>; 2
     points.fold((infinite, -infinite), |(low, high), point| (low.inf(&point), high.sup(&point)))
 }
 
-fn draw(
-    (name, right, up): &View,
-    strokes: &[Stroke],
-    arrows: &[[Vec3<f64>; 2]],
-    [left, top]: [f64; 2],
-    middle: &Vec3<f64>,
+/// How a view puts points of the palm on the paper.
+struct Projection<'a> {
+    view: &'a View,
+    /// Left and top of the view, pixels.
+    corner: [f64; 2],
+    /// The point in its middle.
+    middle: Vec3<f64>,
+    /// Pixels per metre.
     scale: f64,
-) -> Markup {
-    let at = |point: &Vec3<f64>| {
-        let from_middle = point - middle;
-        [left + 0.5 * EDGE + scale * right.dot(&from_middle), top + 0.5 * EDGE - scale * up.dot(&from_middle)]
-    };
+}
+
+impl Projection<'_> {
+    fn at(&self, point: &Vec3<f64>) -> [f64; 2] {
+        let (_, right, up) = self.view;
+        let from_middle = point - self.middle;
+        let [left, top] = self.corner;
+        [left + 0.5 * EDGE + self.scale * right.dot(&from_middle), top + 0.5 * EDGE - self.scale * up.dot(&from_middle)]
+    }
+}
+
+fn draw(on: &Projection<'_>, strokes: &[Stroke], arrows: &[[Vec3<f64>; 2]]) -> Markup {
+    let ((name, right, up), [left, top]) = (on.view, on.corner);
     let towards = right.cross(up);
     let mut sorted: Vec<_> = strokes.iter().collect();
     let depth = |stroke: &Stroke| towards.dot(&(stroke.ends[0] + stroke.ends[1]));
@@ -119,13 +129,13 @@ fn draw(
     html! {
         rect.view x=(left + 4.0) y=(top + 4.0) width=(EDGE - 8.0) height=(EDGE - 8.0) {}
         @for stroke in sorted {
-            @let width = 2.0 * scale * stroke.radius_m;
-            (line("edge", stroke.ends.map(|end| at(&end)), &format!("stroke-width:{:.1}", width + 1.5)))
-            (line("shape", stroke.ends.map(|end| at(&end)), &format!("stroke:{};stroke-width:{width:.1}", stroke.color)))
+            @let width = 2.0 * on.scale * stroke.radius_m;
+            (line("edge", stroke.ends.map(|end| on.at(&end)), &format!("stroke-width:{:.1}", width + 1.5)))
+            (line("shape", stroke.ends.map(|end| on.at(&end)), &format!("stroke:{};stroke-width:{width:.1}", stroke.color)))
         }
         @for arrow in arrows {
-            @let [_, [x, y]] = arrow.map(|end| at(&end));
-            (line("contact", arrow.map(|end| at(&end)), ""))
+            @let [_, [x, y]] = arrow.map(|end| on.at(&end));
+            (line("contact", arrow.map(|end| on.at(&end)), ""))
             circle.point cx=(n(x)) cy=(n(y)) r="4" {}
         }
         text x=(left + 12.0) y=(top + 22.0) { (name) }

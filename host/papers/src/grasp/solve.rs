@@ -15,7 +15,7 @@ use darm_core::real::Vec3;
 use nalgebra::{SMatrix, SVector};
 
 use super::collision::Gap;
-use super::contact::{Configuration, Contacts};
+use super::contact::{Configuration, Contacts, RADIAN_M};
 use super::hand::{Axis, COORDINATES, FINGERS, Hand, Placed, THUMB};
 use super::jacobian::{COLUMNS, Jacobian, ROWS, Rows, jacobian};
 use super::library::Library;
@@ -87,8 +87,6 @@ const MOST_DAMPING: f64 = 1.0;
 const SLOW: f64 = 0.999;
 /// Of all orders of the contacts, so many times the starts of one are tried.
 const ORDERS_TRIED: usize = 6;
-/// Radians count as this many metres: about the length of a last phalanx.
-pub(super) const RADIAN_M: f64 = 0.03;
 
 impl Hand {
     /// The configuration that meets the contacts, from one start of the library after another.
