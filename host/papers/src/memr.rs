@@ -21,7 +21,7 @@ use darm_core::tree::TreeError;
 
 use darm_robot::ik::objective::Function;
 use darm_robot::ik::search::{Algorithm, Settings, minimise};
-use darm_robot::ik::trials::Trials;
+use darm_robot::ik::trials::{Experiment, Trials};
 use darm_robot::ik::{Method, Options};
 use darm_robot::robot::planar::planar_arm;
 
@@ -186,7 +186,7 @@ pub fn reach(
     let (arm, tip) = planar_arm(&[link_m; 4], &LIMITS);
     let target = Pose::at(Vec3::new(0.01 * x, 0.01 * y, 0.0));
     let options = Options { position_m: MET_M, orientation_rad: f64::INFINITY, ..Options::default() };
-    arm.trials(method, &tip, &target, &options, settings, runs)
+    arm.trials(&tip, &target, &Experiment { method, options: &options, settings, runs })
 }
 
 /// A cell and its runs, in the unit of the paper.

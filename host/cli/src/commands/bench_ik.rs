@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use darm_papers::convergence::{Runs, bands};
 use darm_papers::memr::{self, CELLS, Repeated};
 use darm_robot::ik::search::Settings;
-use darm_robot::ik::trials::{Summary, Trials};
+use darm_robot::ik::trials::{Experiment, Summary, Trials};
 use darm_robot::ik::{Method, Options};
 use darm_robot::robot::planar::planar_arm;
 use darm_robot::robot::{Robot, RobotFrame};
@@ -182,7 +182,9 @@ impl BenchIk {
         let mut all: Vec<(Method, Trials)> = Vec::new();
         for method in &self.methods {
             let options = Options { steps: method.usual_steps(), ..options };
-            all.push((*method, robot.trials(*method, &frame, &target.pose, &options, &settings, self.runs as usize)?));
+            let experiment =
+                Experiment { method: *method, options: &options, settings: &settings, runs: self.runs as usize };
+            all.push((*method, robot.trials(&frame, &target.pose, &experiment)?));
             bar.inc(1);
         }
         bar.finish_and_clear();

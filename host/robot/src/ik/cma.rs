@@ -15,7 +15,7 @@ use super::search::Search;
 /// σ at the start, over the range of each variable.
 const STEP: f64 = 0.3;
 /// A strategy has ended when σ times the longest axis is below this, or its values differ by less than it.
-const LEAST: f64 = 1e-15;
+const MIN_SPREAD: f64 = 1e-15;
 /// Most doublings of the number of points.
 const DOUBLINGS: u32 = 8;
 
@@ -99,7 +99,7 @@ impl Strategy {
 
     fn has_ended(&self) -> bool {
         let longest = self.sigma * self.lengths.max();
-        !(longest > LEAST && longest.is_finite() && self.spread > LEAST)
+        !(longest > MIN_SPREAD && longest.is_finite() && self.spread > MIN_SPREAD)
     }
 
     /// One generation.

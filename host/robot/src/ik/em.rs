@@ -33,11 +33,11 @@ pub(super) fn search(search: &mut Search<'_>, travels: bool) {
 
 /// Equations (6) to (8).
 fn forces(points: &[Point], best: usize) -> Vec<Vec<f64>> {
-    let least = points[best].value;
+    let lowest = points[best].value;
     let n = points[best].x.len();
-    let sum: f64 = points.iter().map(|point| point.value - least).sum();
+    let sum: f64 = points.iter().map(|point| point.value - lowest).sum();
     let charge = |point: &Point| {
-        let share = (point.value - least) / sum;
+        let share = (point.value - lowest) / sum;
         if share.is_finite() { (-(n as f64) * share).exp() } else { 1.0 }
     };
     let charges: Vec<_> = points.iter().map(charge).collect();

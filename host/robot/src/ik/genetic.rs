@@ -18,10 +18,10 @@ const MUTATION: f64 = 0.04;
 pub(super) fn search(search: &mut Search<'_>) {
     let mut points = search.population();
     while search.goes_on() {
-        let wheel = Wheel::new(&points);
+        let roulette = Roulette::new(&points);
         let mut next = vec![points[best_of(&points)].clone()];
         while next.len() < points.len() {
-            let parents = [(); 2].map(|()| &points[wheel.turn(search.random.random())].x);
+            let parents = [(); 2].map(|()| &points[roulette.turn(search.random.random())].x);
             for x in children(search, parents) {
                 if next.len() < points.len() {
                     next.push(search.evaluate(x));
@@ -33,9 +33,9 @@ pub(super) fn search(search: &mut Search<'_>) {
 }
 
 /// Sectors by how much better than the worst each point is, added up.
-struct Wheel(Vec<f64>);
+struct Roulette(Vec<f64>);
 
-impl Wheel {
+impl Roulette {
     fn new(points: &[Point]) -> Self {
         let worst = points.iter().map(|point| point.value).filter(|value| value.is_finite()).fold(f64::MIN, f64::max);
         let mut sum = 0.0;
@@ -76,14 +76,14 @@ fn children(search: &mut Search<'_>, [a, b]: [&Vec<f64>; 2]) -> [Vec<f64>; 2] {
 
 #[cfg(test)]
 mod tests {
-    use super::{Point, Wheel};
+    use super::{Point, Roulette};
 
     #[test]
     fn the_wheel_stops_by_merit() {
-        let wheel = Wheel::new(&[4.0, 1.0, 3.0].map(|value| Point { x: vec![], value }));
+        let roulette = Roulette::new(&[4.0, 1.0, 3.0].map(|value| Point { x: vec![], value }));
         // Sectors 0, 3 and 1 of 4.
-        assert_eq!([0.0, 0.74, 0.75, 0.999].map(|share| wheel.turn(share)), [1, 1, 2, 2]);
-        let equal = Wheel::new(&[1.0, 1.0].map(|value| Point { x: vec![], value }));
+        assert_eq!([0.0, 0.74, 0.75, 0.999].map(|share| roulette.turn(share)), [1, 1, 2, 2]);
+        let equal = Roulette::new(&[1.0, 1.0].map(|value| Point { x: vec![], value }));
         assert_eq!([0.0, 0.6].map(|share| equal.turn(share)), [0, 1]);
     }
 }

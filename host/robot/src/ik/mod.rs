@@ -41,7 +41,7 @@ use darm_core::se::{Pose, Twist};
 use darm_core::tree::Frames;
 use nalgebra::SMatrix;
 use objective::Distance;
-use search::{Algorithm, Settings, minimise};
+use search::{Algorithm, Mark, Settings, minimise};
 
 pub use darm_core::ik::{Arm, Options, Solution, Status};
 
@@ -168,16 +168,13 @@ pub fn solve<const N: usize>(
     q: &[f64; N],
     options: &Options<f64>,
 ) -> Traced<N> {
-    let mut history = Vec::new();
     if let Method::Population(algorithm) = method {
-        let solution = by_population(algorithm, arm, target, options, &mut history);
-        return Traced { solution, history };
+        return by_population(algorithm, arm, target, options);
     }
     if method != Method::LevenbergMarquardt {
-        let solution = follow(method, arm, target, q, options, &mut history);
-        return Traced { solution, history };
+        return follow(method, arm, target, q, options);
     }
-    let mut last = 0;
+    let (mut history, mut last) = (Vec::new(), 0);
     let solution = ik::solve_observed(arm, target, q, options, |start, error| {
         if start != last {
             history.clear();
@@ -195,19 +192,18 @@ fn follow<const N: usize>(
     target: &Pose<f64>,
     start: &[f64; N],
     options: &Options<f64>,
-    history: &mut Vec<Residual>,
-) -> Solution<f64, N> {
+) -> Traced<N> {
     let weights = options.weights();
     let size = |error: &Twist<f64>| {
         weights[0].powi(2) * error.angular.norm_squared() + weights[1].powi(2) * error.linear.norm_squared()
     };
     let (mut q, mut frames) = (arm.within_limits(start), Frames::default());
-    let (mut best, mut least) = (q, f64::INFINITY);
+    let (mut best, mut lowest, mut history) = (q, f64::INFINITY, Vec::new());
     for _ in 0..=options.steps {
         let (mut error, mut jacobian) = arm.linearised(target, &q, &mut frames);
         history.push(Residual::from(&error));
-        if size(&error) < least {
-            (best, least) = (q, size(&error));
+        if size(&error) < lowest {
+            (best, lowest) = (q, size(&error));
         }
         if options.accepts(&error) || history.len() > options.steps {
             break;
@@ -217,7 +213,7 @@ fn follow<const N: usize>(
         q.iter_mut().zip(&step).for_each(|(q, step)| *q += step);
         q = arm.within_limits(&q);
     }
-    told(arm, target, options, best, history.len() - 1)
+    Traced { solution: solution_at(arm, target, options, best, history.len() - 1), history }
 }
 
 /// The best point of a population as a solution.
@@ -226,19 +222,20 @@ fn by_population<const N: usize>(
     arm: &Arm<f64, N>,
     target: &Pose<f64>,
     options: &Options<f64>,
-    history: &mut Vec<Residual>,
-) -> Solution<f64, N> {
+) -> Traced<N> {
     let distance = Distance::new(arm, target, options);
     let of_angle = options.orientation_rad * options.length_scale_m;
     let enough = options.position_m.min(of_angle);
     let settings = Settings { iterations: options.steps, seed: options.seed, enough, ..Settings::default() };
     let run = minimise(algorithm, &distance, &settings);
-    history.extend(run.history.iter().map(|mark| Residual { error_m: mark.value, error_rad: 0.0 }));
-    told(arm, target, options, distance.positions(&run.x), history.len().saturating_sub(1))
+    let residual = |mark: &Mark| Residual { error_m: mark.value, error_rad: 0.0 };
+    let history: Vec<Residual> = run.history.iter().map(residual).collect();
+    let steps = history.len().saturating_sub(1);
+    Traced { solution: solution_at(arm, target, options, distance.positions(&run.x), steps), history }
 }
 
 /// What `q` comes to, by forward kinematics.
-fn told<const N: usize>(
+fn solution_at<const N: usize>(
     arm: &Arm<f64, N>,
     target: &Pose<f64>,
     options: &Options<f64>,

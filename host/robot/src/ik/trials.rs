@@ -20,6 +20,19 @@ pub struct Trials {
     pub runs: Vec<Run>,
 }
 
+/// Runs of one method, each from a random start.
+#[derive(Clone, Copy, Debug)]
+pub struct Experiment<'a> {
+    /// The method.
+    pub method: Method,
+    /// Tolerances, and the steps of a method that linearises.
+    pub options: &'a Options<f64>,
+    /// The population of a search, and the first of the seeds.
+    pub settings: &'a Settings,
+    /// How many runs.
+    pub runs: usize,
+}
+
 /// What runs came to.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Summary {
@@ -109,15 +122,15 @@ pub fn run<const N: usize>(
         traced.solution
     };
     let each = 1 + distance.bounds().len();
-    let mut least = f64::INFINITY;
+    let mut lowest = f64::INFINITY;
     let history = values.iter().enumerate().map(|(index, value)| {
-        least = least.min(*value);
-        Mark { evaluations: each * (index + 1), value: least }
+        lowest = lowest.min(*value);
+        Mark { evaluations: each * (index + 1), value: lowest }
     });
     let history: Vec<_> = history.collect();
     Run {
         x: solution.q.to_vec(),
-        value: least,
+        value: lowest,
         evaluations: each * history.len(),
         time_s: begin.elapsed().as_secs_f64(),
         history,

@@ -53,11 +53,11 @@ pub fn project_physically_consistent(inertial_parameters: &[f64; 10], nominal: &
     let second = pseudo_inertia(inertial_parameters).fixed_view::<3, 3>(0, 0).into_owned();
     let offset = moment * moment.transpose() / mass;
     let mut eigen = (second - offset).symmetric_eigen();
-    let least = MIN_MOMENT_SHARE * eigen.eigenvalues.iter().map(|l| l.abs()).sum::<f64>();
-    if eigen.eigenvalues.min() >= least {
+    let threshold = MIN_MOMENT_SHARE * eigen.eigenvalues.iter().map(|l| l.abs()).sum::<f64>();
+    if eigen.eigenvalues.min() >= threshold {
         return *inertial_parameters;
     }
-    eigen.eigenvalues.apply(|l| *l = l.max(least));
+    eigen.eigenvalues.apply(|l| *l = l.max(threshold));
     let s = eigen.recompose() + offset;
     let [a, b, c] = [s.m22 + s.m33, s.m11 + s.m33, s.m11 + s.m22];
     [mass, x, y, z, a, -s.m12, b, -s.m13, -s.m23, c]

@@ -6,7 +6,7 @@ use darm_core::tree::TreeError;
 use super::{MAX_JOINTS, Robot, RobotFrame};
 use crate::ik::configurations::{Configurations, configurations};
 use crate::ik::search::Settings;
-use crate::ik::trials::{self, Trials};
+use crate::ik::trials::{self, Experiment, Trials};
 use crate::ik::{self, Method, Options, Residual, Status};
 
 /// Calls a method of const size with the least size that there is: those of most arms in their own, which J⁻¹ needs
@@ -101,22 +101,17 @@ impl Robot {
         Ok(found)
     }
 
-    /// `runs` runs of a method with the seeds from `settings.seed` on, each from a start of its own: see
-    /// [`trials::run`].
+    /// The runs of an experiment that brings `frame` to `target`: see [`trials::run`].
     pub fn trials(
         &self,
-        method: Method,
         frame: &RobotFrame,
         target: &Pose<f64>,
-        options: &Options<f64>,
-        settings: &Settings,
-        runs: usize,
+        experiment: &Experiment<'_>,
     ) -> Result<Trials, TreeError> {
         let Some(serial) = Serial::of_large(self, frame) else {
-            return in_its_size!(self.trials_of(method, frame, target, (options, settings, runs)));
+            return in_its_size!(self.trials_of(frame, target, experiment));
         };
-        let of_run = (options, settings, runs);
-        let mut found = serial.robot.trials_of::<MAX_JOINTS>(method, &serial.tool, target, of_run)?;
+        let mut found = serial.robot.trials_of::<MAX_JOINTS>(&serial.tool, target, experiment)?;
         found.runs.iter_mut().for_each(|run| run.x = serial.expand(self, &[], &run.x));
         Ok(found)
     }
@@ -168,11 +163,11 @@ impl Robot {
 
     fn trials_of<const N: usize>(
         &self,
-        method: Method,
         frame: &RobotFrame,
         target: &Pose<f64>,
-        (options, settings, runs): (&Options<f64>, &Settings, usize),
+        experiment: &Experiment<'_>,
     ) -> Result<Trials, TreeError> {
+        let &Experiment { method, options, settings, runs } = experiment;
         let tree = self.tree::<N>()?;
         let tool = frame.in_tree(&tree);
         let limits = self.limits();

@@ -168,15 +168,15 @@ impl Robot {
     /// acts on it. `None` when M is singular: a joint that moves no mass.
     pub fn accelerations(&self, motion: &Motion<'_>, torque: &[f64]) -> Result<Option<Accelerations>, TreeError> {
         let [q, qd, _] = motion.state;
-        let held = self.dynamics(&Motion { state: [q, qd, &[]], load: motion.load })?;
+        let bias = self.dynamics(&Motion { state: [q, qd, &[]], load: motion.load })?;
         let (n, of_base) = (self.joints.len(), if self.floating { 6 } else { 0 });
         let mut mass = DMatrix::zeros(of_base + n, of_base + n);
         let mut right = DVector::zeros(of_base + n);
-        mass.view_mut((of_base, of_base), (n, n)).copy_from(&held.mass);
-        for (row, (torque, held)) in torque.iter().zip(&held.torque).enumerate() {
-            right[of_base + row] = torque - held;
+        mass.view_mut((of_base, of_base), (n, n)).copy_from(&bias.mass);
+        for (row, (torque, bias)) in torque.iter().zip(&bias.torque).enumerate() {
+            right[of_base + row] = torque - bias;
         }
-        if let Some(base) = &held.base {
+        if let Some(base) = &bias.base {
             mass.fixed_view_mut::<6, 6>(0, 0).copy_from(&base.mass);
             mass.view_mut((0, 6), (6, n)).copy_from(&base.coupling);
             mass.view_mut((6, 0), (n, 6)).copy_from(&base.coupling.transpose());

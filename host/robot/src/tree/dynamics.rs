@@ -145,18 +145,18 @@ impl LinkTree {
     /// Centre of mass of the links, and of the base where it floats.
     pub fn centre_of_mass(&self, links: &Links, floats: bool) -> CentreOfMass {
         let (screws, mut carried) = (self.screws(links), self.masses(links));
-        let mut whole = self.carry(&mut carried, PointMass::none());
+        let mut total = self.carry(&mut carried, PointMass::none());
         if floats {
-            whole += PointMass::new(&self.base, &links.base);
+            total += PointMass::new(&self.base, &links.base);
         }
         let mut joints = Matrix3xX::zeros(self.len());
-        if whole.mass <= 0.0 {
-            return CentreOfMass { mass_kg: whole.mass, position: Vec3::zeros(), joints };
+        if total.mass <= 0.0 {
+            return CentreOfMass { mass_kg: total.mass, position: Vec3::zeros(), joints };
         }
         for (k, (carried, screw)) in carried.iter().zip(&screws).enumerate() {
-            joints.set_column(k, &(carried.momentum(screw) / whole.mass));
+            joints.set_column(k, &(carried.momentum(screw) / total.mass));
         }
-        CentreOfMass { mass_kg: whole.mass, position: whole.moment / whole.mass, joints }
+        CentreOfMass { mass_kg: total.mass, position: total.moment / total.mass, joints }
     }
 }
 

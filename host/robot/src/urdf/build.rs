@@ -47,7 +47,7 @@ impl Element {
 pub(super) fn robot(file: &urdf_rs::Robot, locks: &Locks) -> Result<Robot, Wrong> {
     let hierarchy = Hierarchy::of(file)?;
     let mut walk = Walk::new(file, locks, hierarchy.root);
-    let mut ahead = vec![(None, Stand::on_base())];
+    let mut ahead = vec![(None, LinkPose::on_base())];
     let mut visited = vec![false; file.links.len()];
     while let Some((joint, stand)) = ahead.pop() {
         let (link, stand) = match joint {
@@ -118,12 +118,12 @@ impl Hierarchy {
 
 /// Where a link stands: in the link of which moving joint, and with which pose.
 #[derive(Clone, Copy)]
-struct Stand {
+struct LinkPose {
     joint: Option<usize>,
     pose: Pose<f64>,
 }
 
-impl Stand {
+impl LinkPose {
     fn on_base() -> Self {
         Self { joint: None, pose: Pose::identity() }
     }
@@ -153,18 +153,18 @@ impl<'a> Walk<'a> {
     }
 
     /// Takes a joint in, and tells where the link that it carries stands.
-    fn joint(&mut self, index: usize, on: &Stand, hierarchy: &Hierarchy) -> Result<Stand, Wrong> {
+    fn joint(&mut self, index: usize, on: &LinkPose, hierarchy: &Hierarchy) -> Result<LinkPose, Wrong> {
         let joint = &self.file.joints[index];
         let wrong = |fault| (Element::joint(joint), fault);
         let kind = |kind, advice| wrong(UrdfFault::Kind { joint: joint.name.clone(), kind, advice });
         let origin = on.pose * pose(&joint.origin).ok_or_else(|| wrong(not_finite("joint", &joint.name)))?;
         let axis_kind = match joint.joint_type {
-            JointType::Fixed => return Ok(Stand { pose: origin, ..*on }),
+            JointType::Fixed => return Ok(LinkPose { pose: origin, ..*on }),
             JointType::Floating if hierarchy.children[hierarchy.root] == [index] => {
                 self.robot.floating = true;
                 self.robot.base = Inertia::none();
                 self.robot.frames.clear();
-                return Ok(Stand::on_base());
+                return Ok(LinkPose::on_base());
             }
             JointType::Floating => return Err(kind("floating", "the only joint of the root link")),
             JointType::Planar => return Err(kind("planar", "two prismatic joints and a revolute one")),
@@ -174,7 +174,7 @@ impl<'a> Walk<'a> {
         };
         let axis = Axis { kind: axis_kind, direction: direction(joint).map_err(wrong)? };
         if let Some(at) = self.locks.get(&joint.name) {
-            return Ok(Stand { pose: origin * axis.pose(*at), ..*on });
+            return Ok(LinkPose { pose: origin * axis.pose(*at), ..*on });
         }
         if let Some(mimic) = &joint.mimic {
             self.robot.warnings.push(format!(
@@ -194,7 +194,7 @@ impl<'a> Walk<'a> {
             damping: dynamics.map_or(0.0, |dynamics| dynamics.damping),
             friction: dynamics.map_or(0.0, |dynamics| dynamics.friction),
         });
-        Ok(Stand { joint: Some(self.robot.joints.len() - 1), pose: Pose::identity() })
+        Ok(LinkPose { joint: Some(self.robot.joints.len() - 1), pose: Pose::identity() })
     }
 
     fn limits(&mut self, joint: &urdf_rs::Joint) -> Result<Option<[f64; 2]>, UrdfFault> {
@@ -216,7 +216,7 @@ impl<'a> Walk<'a> {
     }
 
     /// Takes a link in: its frame, and its inertia into the body that it is fixed to.
-    fn link(&mut self, index: usize, stand: &Stand, is_end: bool) -> Result<(), Wrong> {
+    fn link(&mut self, index: usize, stand: &LinkPose, is_end: bool) -> Result<(), Wrong> {
         let link = &self.file.links[index];
         let wrong = |fault| (Element::link(link), fault);
         let inertia = inertia(link).map_err(wrong)?;

@@ -39,7 +39,7 @@ pub enum UrdfFault {
         roots: Vec<String>,
     },
     /// A link does not hang on the root.
-    #[error("link `{link}` stands in a loop of joints: cut the loop")]
+    #[error("link `{link}` is in a loop of joints: cut the loop")]
     Loop {
         /// The link.
         link: String,

@@ -171,7 +171,7 @@ fn errors_name_file_line_and_element() {
         ),
         (
             joint("j", "fixed", "b", "a", "") + &joint("k", "fixed", "a", "b", ""),
-            "r.urdf:3:1: link `a` stands in a loop of joints: cut the loop",
+            "r.urdf:3:1: link `a` is in a loop of joints: cut the loop",
         ),
     ];
     for (body, expected) in cases {
