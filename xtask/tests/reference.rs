@@ -7,7 +7,7 @@ use std::path::Path;
 const KEYS: [(&str, &str); 5] = [
     ("docs/arm-file.md", "host/arm/src/arm/raw.rs"),
     ("docs/arm-file.md", "host/arm/src/arm/frames.rs"),
-    ("docs/board-profile.md", "host/arm/src/board_profile/mod.rs"),
+    ("docs/board-profile.md", "host/arm/src/board_profile/raw.rs"),
     ("docs/robot-files.md", "host/robot/src/dh.rs"),
     ("docs/robot-files.md", "host/papers/src/grasp/file.rs"),
 ];

@@ -1,0 +1,70 @@
+//! Profiles are read, derated and refused at their place.
+
+use std::path::Path;
+
+use super::{BoardProfile, ProfileFault};
+use darm_robot::source::{Fault, FileError};
+
+fn read(text: &str) -> Result<BoardProfile, FileError<ProfileFault>> {
+    BoardProfile::parse(Path::new("profile.toml"), text)
+}
+
+#[test]
+fn the_profile_of_every_example_is_written_as_it_is_read() {
+    for name in ["planar4", "planar4-hybrid", "spatial6"] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../examples/{name}.profile.toml"));
+        let profile = BoardProfile::read(&path).unwrap();
+        assert_eq!(profile.profile.check(), Ok(()), "{name}");
+        assert_eq!(read(&profile.to_toml()).unwrap(), profile, "{name}");
+    }
+}
+
+const HEAD: &str = "format = 1\nname = \"x\"\nsupply = { new_outputs = 1, window_ms = 10 }\n";
+
+fn with_output(keys: &str) -> String {
+    let output = "number = 0\ndrive = \"hold\"\nline = 0\nmax_on_ms = 1000\nduty_percent = 80\nwindow_ms = 10000";
+    format!("{HEAD}{keys}\n[[output]]\n{output}\n")
+}
+
+#[test]
+fn a_fault_is_reported_by_its_line() {
+    let second =
+        "[[output]]\nnumber = 1\ndrive = \"hold\"\nline = 0\nmax_on_ms = 1\nduty_percent = 1\nwindow_ms = 16\n";
+    let error = read(&format!("{}{second}", with_output(""))).unwrap_err();
+    assert_eq!(error.place.map(|place| place.line), Some(12), "{error}");
+    assert!(error.to_string().contains("line 0"), "{error}");
+    let error = read(&with_output("").replace("window_ms = 10000", "window_ms = 0")).unwrap_err();
+    assert!(matches!(error.fault, Fault::Content(_)), "{error}");
+}
+
+#[test]
+fn hot_surroundings_take_from_the_duty() {
+    let duty = |keys: &str| read(&with_output(keys)).unwrap().profile.outputs[0].unwrap().limit.duty_percent;
+    assert_eq!(duty(""), 80);
+    assert_eq!(duty("ambient_c = 50.0\nderate_percent_per_k = 2.0"), 64, "10 K above 40 °C");
+    assert_eq!(duty("ambient_c = 30.0\nderate_percent_per_k = 2.0"), 80);
+    assert!(read(&with_output("ambient_c = 100.0\nderate_percent_per_k = 2.0")).is_err(), "nothing is left");
+}
+
+#[test]
+fn keys_and_temperatures_without_effect_are_refused_at_their_place() {
+    let refused = |text: &str| read(text).unwrap_err().to_string();
+    let cases = [
+        (with_output("") + "peak_ms = 20\n", "12:11: an output with drive = \"hold\" has no key `peak_ms`"),
+        (with_output("") + "pull = 3\n", "12:8: an output with drive = \"hold\" has no key `pull`"),
+        (
+            with_output("").replace("drive = \"hold\"\n", "drive = \"latch\"\nset = 1\nreset = 2\npulse_ms = 9\n"),
+            "11:8: an output with drive = \"latch\" has no key `line`, its keys are set, reset, pulse_ms",
+        ),
+        (with_output("ambient_c = 60.0"), "4:13: ambient_c is 60 °C, above rated_c of 40 °C, and derate_percent_per_k"),
+        (with_output("rated_c = 20.0"), "4:11: ambient_c is 25 °C, above rated_c of 20 °C"),
+        (with_output("ambient_c = -300.0"), "4:13: ambient_c is -300 °C"),
+        (with_output("rated_c = nan"), "4:11: rated_c is NaN °C"),
+        (with_output("derate_percent_per_k = 101.0"), "4:24: derate_percent_per_k is 101; give 0 to 100"),
+    ];
+    for (text, expected) in cases {
+        let error = refused(&text);
+        assert!(error.starts_with(&format!("profile.toml:{expected}")), "{error}\n{text}");
+    }
+    assert!(read(&with_output("ambient_c = 60.0\nderate_percent_per_k = 0.0")).is_ok());
+}
