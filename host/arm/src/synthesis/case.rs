@@ -108,7 +108,7 @@ impl fmt::Display for Case {
         match (self.kind, self.whole_modules) {
             (CaseKind::Insufficient, Some(WholeModules { modules, states, frames })) => write!(
                 f,
-                "; what one module gives the next can take back, so words that switch whole modules choose (states - 1) x \
+                "; what one module gives the next can take back, so words that switch complete modules choose (states - 1) x \
                  modules + 1 = ({states} - 1) x {modules} + 1 = {frames} frames: leave frames out, or use words that \
                  switch single legs"
             ),
@@ -124,9 +124,9 @@ impl fmt::Display for Case {
 pub(super) fn of(problem: &Problem) -> Result<Case, SynthesisError> {
     let desired = problem.words();
     let module_of = modules(problem, &desired);
-    let whole = whole_modules(problem, &desired, &module_of);
-    let more: Vec<Word> = match whole {
-        Some(whole) => switched(problem, &module_of, whole),
+    let complete = whole_modules(problem, &desired, &module_of);
+    let more: Vec<Word> = match complete {
+        Some(modules) => switched(problem, &module_of, modules),
         None => mixed(problem, &desired, &module_of),
     };
     let more: Vec<Word> = more.into_iter().filter(|word| !desired.contains(word)).collect();
@@ -153,21 +153,21 @@ pub(super) fn of(problem: &Problem) -> Result<Case, SynthesisError> {
     let (equations, rank) = (problem.n_rows(), span.rank());
     let per_frame = if problem.is_planar() { 3 } else { 6 };
     for row in first..first + more * per_frame {
-        // The servos of such words are held.
+        // The servos of such words are fixed.
         let stops = jacobian.row(row).columns(0, problem.n_stops()).transpose().column(0).into_owned();
         span.grows(stops.resize_vertically(own, 0.0));
     }
-    let most = span.rank();
+    let max_rank = span.rank();
     let kind = if rank < equations {
         CaseKind::Insufficient
-    } else if rank < most {
+    } else if rank < max_rank {
         CaseKind::Redundant
     } else {
         CaseKind::Sufficient
     };
     let unused = problem.n_stops() - problem.n_used_stops();
-    let whole_modules = whole.filter(|whole| whole.frames * per_frame == most);
-    Ok(Case { kind, equations, rank, most, unknowns: own, unused, whole_modules, bound })
+    let whole_modules = complete.filter(|modules| modules.frames * per_frame == max_rank);
+    Ok(Case { kind, equations, rank, most: max_rank, unknowns: own, unused, whole_modules, bound })
 }
 
 /// The module of each actuator: a platform, or neighbouring joints that have one digit in every word.
@@ -192,11 +192,11 @@ fn alike(words: &[Word], actuator: usize) -> bool {
 
 /// The modules, where every word gives all actuators of a module one digit.
 fn whole_modules(problem: &Problem, words: &[Word], module_of: &[usize]) -> Option<WholeModules> {
-    let whole = (1..module_of.len()).all(|k| module_of[k] != module_of[k - 1] || alike(words, k));
+    let is_complete = (1..module_of.len()).all(|k| module_of[k] != module_of[k - 1] || alike(words, k));
     let modules = module_of.last()? + 1;
     let chain = &problem.base_line().model.chain;
     let states = (0..module_of.len()).map(|actuator| chain.n_states(actuator)).min()?;
-    whole.then_some(WholeModules { modules, states, frames: (states - 1) * modules + 1 })
+    is_complete.then_some(WholeModules { modules, states, frames: (states - 1) * modules + 1 })
 }
 
 /// The word at rest, and those that switch one module: every other word of whole modules follows from them.

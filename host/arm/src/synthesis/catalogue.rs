@@ -156,7 +156,7 @@ fn choose(found: &Synthesis, desired: &[DesiredFrame], parts: &[Part]) -> Result
             stops_m,
             load_n: loads[actuator],
         });
-        let rank = |bought: &Bought| if fits(bought) { (0.0, bought.price) } else { (lacking(bought), bought.price) };
+        let rank = |bought: &Bought| if fits(bought) { (0.0, bought.price) } else { (shortfall(bought), bought.price) };
         let best = bought.min_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(std::cmp::Ordering::Equal));
         let too_weak = || CatalogueError::TooWeak { actuator: arm.actuator_name(actuator), load_n: loads[actuator] };
         chosen.push((actuator, best.ok_or_else(too_weak)?));
@@ -165,17 +165,17 @@ fn choose(found: &Synthesis, desired: &[DesiredFrame], parts: &[Part]) -> Result
 }
 
 fn fits(bought: &Bought) -> bool {
-    lacking(bought) < ROUNDING_M
+    shortfall(bought) < ROUNDING_M
 }
 
 /// By how much the stops lie outside the part, m.
-fn lacking(Bought { lengths_m, stops_m, .. }: &Bought) -> f64 {
+fn shortfall(Bought { lengths_m, stops_m, .. }: &Bought) -> f64 {
     (lengths_m.0 - stops_m.0).max(0.0) + (stops_m.1 - lengths_m.1).max(0.0)
 }
 
 /// The most that each actuator bears at rest in the desired frames, N.
 fn loads(arm: &Arm, desired: &[DesiredFrame]) -> Vec<f64> {
-    let mut most = vec![0.0; arm.n_actuators()];
+    let mut largest = vec![0.0; arm.n_actuators()];
     let mut scratch = ArmScratch::default();
     for frame in desired {
         let condition = arm.model.working(frame.word, frame.previous, &frame.servos_rad);
@@ -183,9 +183,9 @@ fn loads(arm: &Arm, desired: &[DesiredFrame]) -> Vec<f64> {
             continue;
         }
         let loads = arm.model.loads(&scratch);
-        for (most, (stage, leg)) in most.iter_mut().zip(arm.model.chain.actuators()) {
-            *most = f64::max(*most, loads[stage][leg].abs());
+        for (largest, (stage, leg)) in largest.iter_mut().zip(arm.model.chain.actuators()) {
+            *largest = f64::max(*largest, loads[stage][leg].abs());
         }
     }
-    most
+    largest
 }

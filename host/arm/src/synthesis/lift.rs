@@ -58,10 +58,10 @@ pub(super) struct Lift<'p, 'a> {
     unknowns: DVector<f64>,
 }
 
-/// Equations to first order: what is lacking, and by which change of the columns it falls.
+/// Equations to first order: the errors, and by which change of the columns it falls.
 #[derive(Default)]
 struct Rows {
-    lacking: Vec<f64>,
+    errors: Vec<f64>,
     slopes: Vec<DVector<f64>>,
 }
 
@@ -92,7 +92,7 @@ impl<'p, 'a> Lift<'p, 'a> {
         }
         let n_stops = problem.n_stops();
         for unknown in 0..lift.unknowns.len() {
-            let free = if unknown < n_stops { !problem.is_leg(unknown) } else { !problem.servos_held };
+            let free = if unknown < n_stops { !problem.is_leg(unknown) } else { !problem.servos_fixed };
             lift.columns.push(free.then_some(lift.n_columns));
             lift.n_columns += usize::from(free);
         }
@@ -255,8 +255,8 @@ impl<'p, 'a> Lift<'p, 'a> {
             servo += usize::from(matches!(stage, Stage::Servo(_)));
         }
         let tool = top * chain.tool;
-        let mut lacking = [0.0; 6];
-        let n = target.lacking(&tool, &mut lacking);
+        let mut errors = [0.0; 6];
+        let n = target.error(&tool, &mut errors);
         let mut slopes = vec![DVector::zeros(self.n_columns); n];
         let mut add = |column: usize, own: Twist<f64>, top: &Pose<f64>, scale: f64| {
             let seen = target.seen(&top.to(&tool).adjoint_inverse(&own), &tool);
@@ -282,7 +282,7 @@ impl<'p, 'a> Lift<'p, 'a> {
                 add(column, axis.twist(), top, self.problem.weights()[unknown]);
             }
         }
-        lacking.into_iter().zip(slopes).for_each(|(lacking, slope)| rows.push(lacking, slope));
+        errors.into_iter().zip(slopes).for_each(|(error, slope)| rows.push(error, slope));
     }
 
     /// Every place gives a leg the length that its stop has.
@@ -329,18 +329,18 @@ impl<'p, 'a> Lift<'p, 'a> {
 }
 
 impl Rows {
-    fn push(&mut self, lacking: f64, slope: DVector<f64>) {
-        self.lacking.push(lacking);
+    fn push(&mut self, error: f64, slope: DVector<f64>) {
+        self.errors.push(error);
         self.slopes.push(slope);
     }
 
     fn size(&self) -> f64 {
-        self.lacking.iter().map(|lacking| lacking * lacking).sum::<f64>().sqrt()
+        self.errors.iter().map(|error| error * error).sum::<f64>().sqrt()
     }
 
     fn step(&self, n_columns: usize, damping: f64) -> DVector<f64> {
         let matrix = DMatrix::from_fn(self.slopes.len(), n_columns, |row, column| self.slopes[row][column]);
-        damped_inverse(&matrix, &DVector::from_column_slice(&self.lacking), damping)
+        damped_inverse(&matrix, &DVector::from_column_slice(&self.errors), damping)
     }
 }
 

@@ -21,7 +21,7 @@
 //!   hold all the way.
 //! - [`Method::Paper`]: the incremental scheme of the paper, for comparison.
 //!
-//! Servo angles are free at first; then each is held at the nearest angle that the servo can keep, and the stops take up
+//! Servo angles are free at first; then each is fixed at the nearest angle that the servo can keep, and the stops take up
 //! what that leaves.
 //!
 //! Source: Miyahara, Chirikjian, General Kinematic Synthesis Method for a Discretely Actuated Robotic Manipulator.
@@ -276,8 +276,8 @@ pub fn synthesize(base_line: &Arm, desired: &[DesiredFrame], options: &Options) 
         }
     }
     if base_line.n_servos() > 0 && best.status == Status::Reached {
-        let held: Vec<DesiredFrame> = best.frames.iter().map(|reached| on_steps(&reached.frame)).collect();
-        let stepped = solve(base_line, &held, by, true)?;
+        let fixed: Vec<DesiredFrame> = best.frames.iter().map(|reached| on_steps(&reached.frame)).collect();
+        let stepped = solve(base_line, &fixed, by, true)?;
         if stepped.status == Status::Reached {
             best = Synthesis { case: best.case, iterations: best.iterations + stepped.iterations, ..stepped };
         }
@@ -292,15 +292,15 @@ fn on_steps(frame: &DesiredFrame) -> DesiredFrame {
     DesiredFrame { servos_rad, ..frame.clone() }
 }
 
-/// One search, with the servo angles free or held as the frames say.
+/// One search, with the servo angles free or fixed as the frames say.
 fn solve(
     base_line: &Arm,
     desired: &[DesiredFrame],
     options: &Options,
-    servos_held: bool,
+    servos_fixed: bool,
 ) -> Result<Synthesis, SynthesisError> {
     let mut problem = Problem::new(base_line, desired, &options.bounds, &options.ranges);
-    problem.servos_held = servos_held;
+    problem.servos_fixed = servos_fixed;
     let before = problem.start();
     let before_poses = problem.poses(&before)?;
     let case = case::of(&problem)?;

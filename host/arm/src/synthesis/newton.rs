@@ -170,16 +170,16 @@ impl Face {
         }
         // Square, so that the right singular vectors span all directions.
         let mut rows = DMatrix::zeros(n.max(kept.len()), n);
-        let mut lacking = DVector::zeros(n.max(kept.len()));
+        let mut shortfall = DVector::zeros(n.max(kept.len()));
         for (row, bound) in kept.iter().enumerate() {
-            lacking[row] = -bound.slack(unknowns);
+            shortfall[row] = -bound.slack(unknowns);
             bound.terms.iter().for_each(|&(index, factor)| rows[(row, index)] = factor / weights[index]);
         }
         let svd = rows.svd(true, true);
         let tolerance = RANK_TOLERANCE * svd.singular_values.max();
         let free: Vec<usize> = (0..n).filter(|&k| svd.singular_values[k] <= tolerance).collect();
         let free = svd.v_t.as_ref().map(|v_t| v_t.select_rows(&free).transpose());
-        let onto = svd.solve(&lacking, tolerance).unwrap_or_else(|_| DVector::zeros(n));
+        let onto = svd.solve(&shortfall, tolerance).unwrap_or_else(|_| DVector::zeros(n));
         Self { free, onto }
     }
 }
@@ -232,10 +232,10 @@ fn truncated_inverse(matrix: &DMatrix<f64>, right: &DVector<f64>, floor: f64) ->
     }
     let svd = matrix.clone().svd(true, true);
     let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else { return DVector::zeros(matrix.ncols()) };
-    let least = RANK_TOLERANCE * svd.singular_values.max();
+    let threshold = RANK_TOLERANCE * svd.singular_values.max();
     let mut along = u.tr_mul(right);
     for (component, &value) in along.iter_mut().zip(svd.singular_values.iter()) {
-        *component *= if value > least { value / (value * value + floor * floor) } else { 0.0 };
+        *component *= if value > threshold { value / (value * value + floor * floor) } else { 0.0 };
     }
     v_t.tr_mul(&along)
 }

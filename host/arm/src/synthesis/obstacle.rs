@@ -12,7 +12,7 @@ use super::problem::Problem;
 const AT_A_BOUND: f64 = 1e-6;
 /// A platform whose scaled determinant is smaller is singular, or so near that its legs hardly hold it.
 const SINGULAR: f64 = 0.03;
-/// The search has settled where what is lacking falls by less than this share per share of the stops altered.
+/// The search has settled where the error falls by less than this share per share of the stops altered.
 const SETTLED: f64 = 1e-4;
 
 /// What keeps the nearest geometry from the frames.
@@ -56,9 +56,9 @@ impl fmt::Display for Obstacle {
 
 /// What keeps the geometry of `unknowns` from the frames.
 pub(super) fn of(problem: &mut Problem, unknowns: &DVector<f64>) -> Obstacle {
-    let held = problem.held(unknowns, AT_A_BOUND);
-    if !held.is_empty() {
-        return Obstacle::Bounds(held);
+    let at_bounds = problem.at_bounds(unknowns, AT_A_BOUND);
+    if !at_bounds.is_empty() {
+        return Obstacle::Bounds(at_bounds);
     }
     if let Some((stage, frame)) = singular(problem, unknowns) {
         let module = problem.base_line().stage_name(stage);
@@ -84,6 +84,6 @@ fn singular(problem: &mut Problem, unknowns: &DVector<f64>) -> Option<(usize, us
             _ => None,
         })
     });
-    let least = determinants.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    (least.0 < SINGULAR).then_some((least.1, least.2))
+    let smallest = determinants.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (smallest.0 < SINGULAR).then_some((smallest.1, smallest.2))
 }

@@ -105,11 +105,11 @@ pub fn least_sensitive(
 ) -> Result<Synthesis, SynthesisError> {
     let frames: Vec<DesiredFrame> = found.frames.iter().map(|reached| reached.frame.clone()).collect();
     let mut problem = Problem::new(base_line, &frames, &options.bounds, &options.ranges);
-    problem.servos_held = true;
+    problem.servos_fixed = true;
     let before = problem.poses(&problem.start())?;
     let mut unknowns = problem.unknowns_of(&found.arm);
     let mut search = Search { problem: &mut problem, iterations: 0 };
-    let mut least = cost(search.problem, &unknowns, &frames, tolerance);
+    let mut lowest = cost(search.problem, &unknowns, &frames, tolerance);
     let mut size = 0.05;
     for _ in 0..STEPS {
         if size < 1e-4 || options.watch.is_ended() {
@@ -120,9 +120,9 @@ pub fn least_sensitive(
         let next = search.nearest(&unknowns, &wanted).and_then(|next| search.descend(&next, EXACT));
         let next = next.ok().filter(|(error, _)| *error < SOLVED);
         let next = next.map(|(_, next)| (cost(search.problem, &next, &frames, tolerance), next));
-        match next.filter(|(cost, _)| *cost < least) {
+        match next.filter(|(cost, _)| *cost < lowest) {
             Some((lower, next)) => {
-                (least, unknowns) = (lower, next);
+                (lowest, unknowns) = (lower, next);
                 size *= 1.5;
             }
             None => size *= 0.3,

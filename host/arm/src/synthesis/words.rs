@@ -150,9 +150,9 @@ fn assign(candidates: &[Vec<Candidate>], seed: u64) -> Option<Vec<usize>> {
             (0..of_frame.len()).filter(|&k| is_free(candidates, &choice, &of_frame[k].word)).collect();
         choice.push(*free.choose(&mut rng)?);
     }
-    let mut least = cost(candidates, &choice);
+    let mut lowest = cost(candidates, &choice);
     loop {
-        let before = least;
+        let before = lowest;
         for frame in 0..candidates.len() {
             for chosen in 0..candidates[frame].len() {
                 let word = candidates[frame][chosen].word;
@@ -161,14 +161,14 @@ fn assign(candidates: &[Vec<Candidate>], seed: u64) -> Option<Vec<usize>> {
                 }
                 let old = std::mem::replace(&mut choice[frame], chosen);
                 let cost = cost(candidates, &choice);
-                if cost < least {
-                    least = cost;
+                if cost < lowest {
+                    lowest = cost;
                 } else {
                     choice[frame] = old;
                 }
             }
         }
-        if least > 0.99 * before {
+        if lowest > 0.99 * before {
             return Some(choice);
         }
     }

@@ -1,11 +1,17 @@
 //! The equations of a synthesis: unknowns, residual, derivatives and bounds.
 
-use darm_core::actuator::Stage;
+mod bounds;
+mod parameters;
+mod target;
+
 use darm_core::chain::{ChainError, Parameter};
-use darm_core::se::{Pose, Twist};
+use darm_core::se::Pose;
 use darm_core::units::Word;
 use nalgebra::{DMatrix, DVector};
 
+pub(super) use self::bounds::Bound;
+use self::parameters::{anchors, is_leg, is_used, stops, turns, values};
+use self::target::{Target, rows};
 use super::{Bounds, SynthesisError};
 use crate::arm::frames::{DesiredFrame, StopRange};
 use crate::arm::{Arm, ArmModel, ArmScratch};
@@ -13,50 +19,33 @@ use crate::arm::{Arm, ArmModel, ArmScratch};
 /// A servo is turned rather than metal altered: one radian weighs as this share of the arm's length scale.
 const SERVO_WEIGHT: f64 = 0.1;
 
-/// A desired frame, or any word, whose pose is part of the problem.
-pub(super) struct Target {
-    pub(super) name: String,
-    pub(super) word: Word,
-    previous: Word,
-    pub(super) pose: Pose<f64>,
-    /// Components of (ω, v) that the frame is judged by, and what each weighs.
-    pub(super) rows: Vec<(usize, f64)>,
-    /// Whether the tool may be turned as it likes.
-    free_orientation: bool,
-    /// The stops that its word uses, with their columns.
-    pub(super) used: Vec<(usize, Parameter)>,
-}
-
-/// What one linear inequality on the unknowns says: the sum of the terms is at least this.
-#[derive(Clone, Debug)]
-pub(super) struct Bound {
-    /// Unknown and factor.
-    pub(super) terms: Vec<(usize, f64)>,
-    pub(super) least: f64,
-}
-
 /// The unknowns are the stops in the order of actuators and states, the coordinates of the anchors where those may be
 /// moved, then the servo angles frame by frame. Derivatives
 /// are scaled, so that the sum of squares of an alteration is what is to be small.
-pub(super) struct Problem<'a> {
+pub(in crate::synthesis) struct Problem<'a> {
     base_line: &'a Arm,
-    pub(super) targets: Vec<Target>,
+    pub(in crate::synthesis) targets: Vec<Target>,
     /// What a person sets: stops, then anchors.
-    pub(super) stops: Vec<Parameter>,
+    pub(in crate::synthesis) stops: Vec<Parameter>,
     /// Metres that one unit of an unknown weighs.
     weights: DVector<f64>,
     start: DVector<f64>,
-    pub(super) bounds: Vec<Bound>,
+    pub(in crate::synthesis) bounds: Vec<Bound>,
     model: ArmModel,
     scratch: ArmScratch,
     n_servos: usize,
     /// Whether the servo angles stay as they are.
-    pub(super) servos_held: bool,
+    pub(in crate::synthesis) servos_fixed: bool,
     planar: bool,
 }
 
 impl<'a> Problem<'a> {
-    pub(super) fn new(base_line: &'a Arm, desired: &[DesiredFrame], bounds: &Bounds, ranges: &[StopRange]) -> Self {
+    pub(in crate::synthesis) fn new(
+        base_line: &'a Arm,
+        desired: &[DesiredFrame],
+        bounds: &Bounds,
+        ranges: &[StopRange],
+    ) -> Self {
         let chain = &base_line.model.chain;
         let n_servos = chain.n_servos();
         let mut stops = stops(base_line);
@@ -89,7 +78,7 @@ impl<'a> Problem<'a> {
             model: base_line.model.clone(),
             scratch: ArmScratch::default(),
             n_servos,
-            servos_held: false,
+            servos_fixed: false,
             planar,
             stops,
         };
@@ -99,17 +88,17 @@ impl<'a> Problem<'a> {
     }
 
     /// The unknowns of the base-line arm.
-    pub(super) fn start(&self) -> DVector<f64> {
+    pub(in crate::synthesis) fn start(&self) -> DVector<f64> {
         self.start.clone()
     }
 
     /// The values of all stops of an arm.
-    pub(super) fn values(arm: &Arm) -> Vec<f64> {
+    pub(in crate::synthesis) fn values(arm: &Arm) -> Vec<f64> {
         values(arm, &stops(arm))
     }
 
     /// The actuators, by their names, with a stop as near to a bound as `near`.
-    pub(super) fn held(&self, unknowns: &DVector<f64>, near: f64) -> Vec<String> {
+    pub(in crate::synthesis) fn at_bounds(&self, unknowns: &DVector<f64>, near: f64) -> Vec<String> {
         let at_bound = self.bounds.iter().filter(|bound| bound.slack(unknowns) < near);
         let mut actuators: Vec<u8> = at_bound
             .filter_map(|bound| match self.stops.get(bound.terms.first()?.0)? {
@@ -125,69 +114,69 @@ impl<'a> Problem<'a> {
     }
 
     /// The unknowns of another arm of this kind, its servos as the frames have them.
-    pub(super) fn unknowns_of(&self, arm: &Arm) -> DVector<f64> {
+    pub(in crate::synthesis) fn unknowns_of(&self, arm: &Arm) -> DVector<f64> {
         let mut unknowns = self.start();
         unknowns.iter_mut().zip(values(arm, &self.stops)).for_each(|(unknown, value)| *unknown = value);
         unknowns
     }
 
     /// Equations of all frames.
-    pub(super) fn n_rows(&self) -> usize {
+    pub(in crate::synthesis) fn n_rows(&self) -> usize {
         self.targets.iter().map(|target| target.rows.len()).sum()
     }
 
-    pub(super) fn n_frames(&self) -> usize {
+    pub(in crate::synthesis) fn n_frames(&self) -> usize {
         self.targets.len()
     }
 
-    pub(super) fn n_stops(&self) -> usize {
+    pub(in crate::synthesis) fn n_stops(&self) -> usize {
         self.stops.len()
     }
 
-    pub(super) fn n_servos(&self) -> usize {
+    pub(in crate::synthesis) fn n_servos(&self) -> usize {
         self.n_servos
     }
 
-    pub(super) fn is_planar(&self) -> bool {
+    pub(in crate::synthesis) fn is_planar(&self) -> bool {
         self.planar
     }
 
     /// Whether an unknown is the length of a leg.
-    pub(super) fn is_leg(&self, unknown: usize) -> bool {
+    pub(in crate::synthesis) fn is_leg(&self, unknown: usize) -> bool {
         self.stops.get(unknown).is_some_and(|stop| is_leg(self.base_line, stop))
     }
 
     /// Whether an unknown is a coordinate of an anchor.
-    pub(super) fn is_anchor(&self, unknown: usize) -> bool {
+    pub(in crate::synthesis) fn is_anchor(&self, unknown: usize) -> bool {
         self.stops.get(unknown).is_some_and(|stop| !matches!(stop, Parameter::Stop { .. }))
     }
 
     /// Whether an unknown is an angle.
-    pub(super) fn is_angle(&self, unknown: usize) -> bool {
+    pub(in crate::synthesis) fn is_angle(&self, unknown: usize) -> bool {
         self.stops.get(unknown).is_none_or(|stop| turns(self.base_line, stop))
     }
 
-    pub(super) fn weights(&self) -> &DVector<f64> {
+    pub(in crate::synthesis) fn weights(&self) -> &DVector<f64> {
         &self.weights
     }
 
-    pub(super) fn base_line(&self) -> &Arm {
+    pub(in crate::synthesis) fn base_line(&self) -> &Arm {
         self.base_line
     }
 
     /// The servo angles of one frame.
-    pub(super) fn servos<'x>(&self, unknowns: &'x DVector<f64>, frame: usize) -> &'x [f64] {
+    pub(in crate::synthesis) fn servos<'x>(&self, unknowns: &'x DVector<f64>, frame: usize) -> &'x [f64] {
         let first = self.first_servo(frame);
         &unknowns.as_slice()[first..first + self.n_servos]
     }
 
     /// The column of the first servo angle of one frame.
-    pub(super) fn first_servo(&self, frame: usize) -> usize {
+    pub(in crate::synthesis) fn first_servo(&self, frame: usize) -> usize {
         self.n_stops() + frame * self.n_servos
     }
 
     /// The arm with these stops, under the next number.
-    pub(super) fn arm(&mut self, unknowns: &DVector<f64>) -> Arm {
+    pub(in crate::synthesis) fn arm(&mut self, unknowns: &DVector<f64>) -> Arm {
         self.take(unknowns);
         let mut arm = self.base_line.clone();
         arm.model.chain = self.model.chain.clone();
@@ -196,25 +185,28 @@ impl<'a> Problem<'a> {
     }
 
     /// Root of the sum of squares of what the stops were altered by.
-    pub(super) fn alteration(&self, unknowns: &DVector<f64>) -> f64 {
+    pub(in crate::synthesis) fn alteration(&self, unknowns: &DVector<f64>) -> f64 {
         let n = self.n_stops();
         (unknowns - &self.start).rows(0, n).component_mul(&self.weights.rows(0, n)).norm()
     }
 
     /// The most that a coordinate of an anchor was moved by, m.
-    pub(super) fn anchors_moved_m(&self, unknowns: &DVector<f64>) -> f64 {
+    pub(in crate::synthesis) fn anchors_moved_m(&self, unknowns: &DVector<f64>) -> f64 {
         let anchors = (0..self.n_stops()).filter(|&unknown| self.is_anchor(unknown));
         anchors.map(|anchor| (unknowns[anchor] - self.start[anchor]).abs()).fold(0.0, f64::max)
     }
 
     /// Where the tool stands in each frame.
-    pub(super) fn poses(&mut self, unknowns: &DVector<f64>) -> Result<Vec<Pose<f64>>, SynthesisError> {
+    pub(in crate::synthesis) fn poses(&mut self, unknowns: &DVector<f64>) -> Result<Vec<Pose<f64>>, SynthesisError> {
         self.take(unknowns);
         (0..self.n_frames()).map(|index| self.pose(unknowns, index)).collect()
     }
 
     /// The poses of all stages, each in its own base, in each frame.
-    pub(super) fn postures(&mut self, unknowns: &DVector<f64>) -> Result<Vec<Vec<Pose<f64>>>, SynthesisError> {
+    pub(in crate::synthesis) fn postures(
+        &mut self,
+        unknowns: &DVector<f64>,
+    ) -> Result<Vec<Vec<Pose<f64>>>, SynthesisError> {
         self.take(unknowns);
         let n_stages = self.model.chain.stages.len();
         let n_frames = self.n_frames();
@@ -225,39 +217,40 @@ impl<'a> Problem<'a> {
         (0..n_frames).map(posture).collect()
     }
 
-    /// Where the tool stands in the frames that feel one unknown; `None` for the others.
-    pub(super) fn poses_with(
+    /// Where the tool stands in the frames that are sensitive to one unknown; `None` for the others.
+    pub(in crate::synthesis) fn poses_with(
         &mut self,
         unknowns: &DVector<f64>,
         column: usize,
     ) -> Result<Vec<Option<Pose<f64>>>, SynthesisError> {
         self.take(unknowns);
         let n_frames = self.n_frames();
-        let pose = |index| if self.feels(index, column) { self.pose(unknowns, index).map(Some) } else { Ok(None) };
+        let pose =
+            |index| if self.is_sensitive(index, column) { self.pose(unknowns, index).map(Some) } else { Ok(None) };
         (0..n_frames).map(pose).collect()
     }
 
     /// Whether the tool moves with one unknown in one frame.
-    fn feels(&self, frame: usize, column: usize) -> bool {
+    fn is_sensitive(&self, frame: usize, column: usize) -> bool {
         let own = self.first_servo(frame);
         (own..own + self.n_servos).contains(&column) || self.targets[frame].used.iter().any(|&(used, _)| used == column)
     }
 
-    /// What each frame lacks, told in the tool's frame, each row by its weight.
-    pub(super) fn residual(&mut self, unknowns: &DVector<f64>) -> Result<DVector<f64>, SynthesisError> {
+    /// The error of each frame, in the frame of the tool, each row by its weight.
+    pub(in crate::synthesis) fn residual(&mut self, unknowns: &DVector<f64>) -> Result<DVector<f64>, SynthesisError> {
         self.take(unknowns);
         let mut residual = DVector::zeros(self.n_rows());
         let mut first = 0;
         for index in 0..self.targets.len() {
             let pose = self.pose(unknowns, index)?;
-            first += self.targets[index].lacking(&pose, &mut residual.as_mut_slice()[first..]);
+            first += self.targets[index].error(&pose, &mut residual.as_mut_slice()[first..]);
         }
         Ok(residual)
     }
 
     /// The residual, and how it falls with each scaled unknown, to first order in the residual. Exact but for what
     /// effects add: those bend a stop's influence by a share as small as they are.
-    pub(super) fn linearise(
+    pub(in crate::synthesis) fn linearise(
         &mut self,
         unknowns: &DVector<f64>,
     ) -> Result<(DVector<f64>, DMatrix<f64>), SynthesisError> {
@@ -268,10 +261,10 @@ impl<'a> Problem<'a> {
         for index in 0..self.targets.len() {
             let pose = self.pose(unknowns, index)?;
             let target = &self.targets[index];
-            let n = target.lacking(&pose, &mut residual.as_mut_slice()[first..]);
+            let n = target.error(&pose, &mut residual.as_mut_slice()[first..]);
             let chain = &self.model.chain;
             let stops = target.used.iter().map(|&(column, stop)| (column, chain.derivative(stop, &self.scratch)));
-            let free = if self.servos_held { 0 } else { self.n_servos };
+            let free = if self.servos_fixed { 0 } else { self.n_servos };
             let servos = self.first_servo(index)..;
             let servos = servos.zip(chain.servo_jacobian(&self.scratch).take(free));
             for (column, twist) in stops.chain(servos) {
@@ -287,7 +280,7 @@ impl<'a> Problem<'a> {
 
     /// The same arm without effects and bounds for other words, from rest and with the first frame's servo angles;
     /// where the frames are to go does not matter.
-    pub(super) fn ideal(&self, words: &[Word]) -> Problem<'a> {
+    pub(in crate::synthesis) fn ideal(&self, words: &[Word]) -> Problem<'a> {
         let servos_rad: Vec<f64> = self.start.iter().skip(self.n_stops()).take(self.n_servos).copied().collect();
         let frame = |word: &Word| DesiredFrame {
             name: word.to_string(),
@@ -307,7 +300,7 @@ impl<'a> Problem<'a> {
 
     /// The derivatives at the base-line arm without its effects: the rows of the desired frames, then those of `more`
     /// words.
-    pub(super) fn ideal_jacobian(&self, more: &[Word]) -> Result<DMatrix<f64>, SynthesisError> {
+    pub(in crate::synthesis) fn ideal_jacobian(&self, more: &[Word]) -> Result<DMatrix<f64>, SynthesisError> {
         let words: Vec<Word> = self.words().iter().chain(more).copied().collect();
         let mut ideal = self.ideal(&words);
         for (ideal, own) in ideal.targets.iter_mut().zip(&self.targets) {
@@ -317,19 +310,19 @@ impl<'a> Problem<'a> {
     }
 
     /// Stops that some desired word uses.
-    pub(super) fn n_used_stops(&self) -> usize {
+    pub(in crate::synthesis) fn n_used_stops(&self) -> usize {
         let uses = |stop: &usize| self.targets.iter().any(|target| target.used.iter().any(|(used, _)| used == stop));
         (0..self.n_stops()).filter(uses).count()
     }
 
     /// [`linearise`](Self::linearise) at the base-line arm.
-    pub(super) fn linearise_start(&mut self) -> Result<(DVector<f64>, DMatrix<f64>), SynthesisError> {
+    pub(in crate::synthesis) fn linearise_start(&mut self) -> Result<(DVector<f64>, DMatrix<f64>), SynthesisError> {
         let start = self.start();
         self.linearise(&start)
     }
 
     /// The word of each desired frame.
-    pub(super) fn words(&self) -> Vec<Word> {
+    pub(in crate::synthesis) fn words(&self) -> Vec<Word> {
         self.targets.iter().map(|target| target.word).collect()
     }
 
@@ -352,148 +345,5 @@ impl<'a> Problem<'a> {
             },
             reason,
         })
-    }
-
-    fn bound_stops(&mut self, bounds: &Bounds, ranges: &[StopRange]) {
-        for (index, stop) in self.stops.iter().enumerate() {
-            let Parameter::Stop { actuator, state } = *stop else {
-                let here = self.start[index];
-                let sides = [1.0, -1.0].map(|side| (side, side * here - bounds.anchor_m));
-                let finite = sides.into_iter().filter(|(_, least)| least.is_finite());
-                self.bounds.extend(finite.map(|(side, least)| Bound { terms: vec![(index, side)], least }));
-                continue;
-            };
-            let states = self.base_line.model.chain.n_states(actuator.into());
-            let (least, most) = if turns(self.base_line, stop) {
-                (-bounds.turn_rad, bounds.turn_rad)
-            } else if is_leg(self.base_line, stop) {
-                let (short, long) = (index - usize::from(state), index - usize::from(state) + states - 1);
-                (bounds.shortest * self.start[short], bounds.longest * self.start[long])
-            } else {
-                (f64::NEG_INFINITY, f64::INFINITY)
-            };
-            let own = ranges.iter().filter(|range| range.actuator == usize::from(actuator));
-            let (mut value, mut stroke) = ((least, most), (bounds.stroke, f64::INFINITY));
-            for range in own {
-                value = (value.0.max(range.value.0), value.1.min(range.value.1));
-                stroke = (stroke.0.max(range.stroke.0), stroke.1.min(range.stroke.1));
-            }
-            let mut bound = |terms: &[(usize, f64)], least: f64| {
-                if least.is_finite() {
-                    self.bounds.push(Bound { terms: terms.to_vec(), least });
-                }
-            };
-            if state > 0 {
-                bound(&[(index, 1.0), (index - 1, -1.0)], stroke.0);
-                bound(&[(index - 1, 1.0), (index, -1.0)], -stroke.1);
-            }
-            bound(&[(index, 1.0)], value.0);
-            bound(&[(index, -1.0)], -value.1);
-        }
-    }
-
-    fn bound_servos(&mut self) {
-        for index in self.n_stops()..self.start.len() {
-            let servo = (index - self.n_stops()) % self.n_servos;
-            if let Some(servo) = self.base_line.servos.get(servo) {
-                self.bounds.push(Bound { terms: vec![(index, 1.0)], least: servo.min_rad.into() });
-                self.bounds.push(Bound { terms: vec![(index, -1.0)], least: (-servo.max_rad).into() });
-            }
-        }
-    }
-}
-
-impl Target {
-    /// Writes what the frame lacks when the tool stands at `pose`; how many rows that is.
-    pub(super) fn lacking(&self, pose: &Pose<f64>, into: &mut [f64]) -> usize {
-        let apart = pose.to(&self.pose);
-        let six = if self.free_orientation { Twist { linear: apart.position, ..Twist::zero() } } else { apart.log() };
-        let six = numbers(&six);
-        for (row, &(component, weight)) in into.iter_mut().zip(&self.rows) {
-            *row = weight * six[component];
-        }
-        self.rows.len()
-    }
-
-    /// The rows that the frame is judged by, of one twist.
-    pub(super) fn weighted(&self, twist: &Twist<f64>) -> impl Iterator<Item = f64> {
-        let six = numbers(twist);
-        self.rows.iter().map(move |&(component, weight)| weight * six[component])
-    }
-
-    /// How what the frame lacks falls, row by row, when the tool at `pose` moves with `twist`.
-    pub(super) fn seen(&self, twist: &Twist<f64>, pose: &Pose<f64>) -> [f64; 6] {
-        let mut twist = *twist;
-        if self.free_orientation {
-            twist.linear += twist.angular.cross(&pose.to(&self.pose).position);
-        }
-        numbers(&twist)
-    }
-}
-
-impl Bound {
-    /// By how much the bound is kept; below zero it is broken.
-    pub(super) fn slack(&self, unknowns: &DVector<f64>) -> f64 {
-        self.terms.iter().map(|&(index, factor)| factor * unknowns[index]).sum::<f64>() - self.least
-    }
-}
-
-fn numbers(twist: &Twist<f64>) -> [f64; 6] {
-    let (w, v) = (&twist.angular, &twist.linear);
-    [w.x, w.y, w.z, v.x, v.y, v.z]
-}
-
-/// The components that a frame is judged by.
-fn rows(frame: &DesiredFrame, planar: bool, length_scale_m: f64) -> Vec<(usize, f64)> {
-    let components: &[usize] = match (planar, frame.weights.orientation == 0.0) {
-        (true, false) => &[2, 3, 4],
-        (true, true) => &[3, 4],
-        (false, false) => &[0, 1, 2, 3, 4, 5],
-        (false, true) => &[3, 4, 5],
-    };
-    let weight = |component| {
-        if component < 3 { frame.weights.orientation * length_scale_m } else { frame.weights.position }
-    };
-    components.iter().map(|&component| (component, weight(component))).collect()
-}
-
-/// Every stop of every discrete actuator.
-fn stops(arm: &Arm) -> Vec<Parameter> {
-    let states = |actuator: usize| 0..arm.model.chain.n_states(actuator) as u8;
-    let actuators = 0..arm.n_actuators();
-    actuators
-        .flat_map(|actuator| states(actuator).map(move |state| Parameter::Stop { actuator: actuator as u8, state }))
-        .collect()
-}
-
-/// Every coordinate of every anchor, in the plane two of each.
-fn anchors(arm: &Arm) -> Vec<Parameter> {
-    let stages = &arm.model.chain.stages;
-    let legs = arm.model.chain.actuators().enumerate().filter(|(_, (stage, leg))| stages[*stage].leg(*leg).is_some());
-    legs.flat_map(|(actuator, (stage, _))| {
-        let (actuator, axes) = (actuator as u8, if stages[stage].is_planar() { 0..2 } else { 0..3 });
-        axes.flat_map(move |axis| [Parameter::BaseAnchor { actuator, axis }, Parameter::TopAnchor { actuator, axis }])
-    })
-    .collect()
-}
-
-fn values(arm: &Arm, parameters: &[Parameter]) -> Vec<f64> {
-    parameters.iter().map(|parameter| arm.model.chain.get(*parameter).unwrap_or(0.0)).collect()
-}
-
-fn is_leg(arm: &Arm, stop: &Parameter) -> bool {
-    let Parameter::Stop { actuator, .. } = *stop else { return false };
-    let stage = arm.model.chain.actuator(actuator.into()).map(|(stage, _)| &arm.model.chain.stages[stage]);
-    matches!(stage, Some(Stage::Planar(_) | Stage::Spatial(_)))
-}
-
-fn turns(arm: &Arm, stop: &Parameter) -> bool {
-    matches!(*stop, Parameter::Stop { actuator, .. } if arm.turns(actuator.into()))
-}
-
-fn is_used(stop: &Parameter, word: &Word) -> bool {
-    match *stop {
-        Parameter::Stop { actuator, state } => word.digit(actuator.into()) == state,
-        _ => true,
     }
 }
