@@ -118,8 +118,8 @@ fn planar(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
             positions.push(arm.model.chain.pose_base_tool(&Word::new(&digits)?, &[], &mut scratch)?.position);
         }
         for (apart, cell_mm) in apart.iter_mut().zip(CELLS_MM) {
-            let resolution = Resolution { cell_m: 1e-3 * cell_mm, cell_rad: 2e-3 * cell_mm };
-            let map = Map::with_layers(&arm, &[], resolution, 1, |_| (), |_| ())?;
+            let resolution = Resolution { cell_m: 1e-3 * cell_mm, cell_rad: 2e-3 * cell_mm, max_exact: 1 };
+            let map = Map::with_layers(&arm, &[], resolution, |_| (), |_| ())?;
             let mut exact = Shares::default();
             positions.iter().for_each(|at| exact.add(at, COARSE_M, resolution.cell_m, 1.0 / f64::from(words)));
             lost += (map.words() - f64::from(words)).abs();
@@ -149,7 +149,7 @@ fn planar_arm(random: &mut ChaCha8Rng) -> Result<Arm> {
 /// 64⁶ words at 20 mm and 10°, beside random words.
 fn spatial_map(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
     let arm = spatial(random)?;
-    let resolution = Resolution { cell_m: 0.02, cell_rad: 10f64.to_radians() };
+    let resolution = Resolution::new(0.02, 10f64.to_radians());
     let (map, took_ms) = best_of(1, || Map::new(&arm, &[], resolution, |_| ()));
     let map = map?;
     let memory_gib = peak_memory_gib();
@@ -169,8 +169,7 @@ fn spatial_map(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
     Map::with_layers(
         &arm,
         &[],
-        resolution,
-        EXACT,
+        Resolution { max_exact: EXACT, ..resolution },
         |_| (),
         |layer| {
             let mut own = Shares::default();

@@ -128,13 +128,15 @@ pub fn plan(arm: &Arm, visits: &[Visit], board: &Board<'_>, modules: &[Record]) 
     if rows.len() > MAX_ROWS {
         return Err(PlanError::TooManyRows { rows: rows.len() });
     }
-    let image = encode(arm, &wiring, &rows, free, board, modules).map_err(|error| match error {
-        TableError::Row { row, error } => {
-            let visit = served.get(usize::from(row)).or(served.last()).and_then(|&visit| visits.get(visit));
-            PlanError::Row { visit: visit.map_or_else(String::new, |visit| visit.label.clone()), error }
-        }
-        error => PlanError::Table(error),
-    })?;
+    let image = encode(arm, board, &Contents { wiring: &wiring, modules, rows: &rows, end: free }).map_err(
+        |error| match error {
+            TableError::Row { row, error } => {
+                let visit = served.get(usize::from(row)).or(served.last()).and_then(|&visit| visits.get(visit));
+                PlanError::Row { visit: visit.map_or_else(String::new, |visit| visit.label.clone()), error }
+            }
+            error => PlanError::Table(error),
+        },
+    )?;
     Ok(Plan { rows, end: free, windows, image })
 }
 
@@ -262,15 +264,17 @@ fn travel(millis: u16) -> Micros {
     Micros::from_millis(u32::from(millis))
 }
 
-/// The table's bytes, every record passed by the board's own checker.
-fn encode(
-    arm: &Arm,
-    wiring: &Wiring,
-    rows: &[Row],
+/// What a table holds behind its first record.
+struct Contents<'a> {
+    wiring: &'a Wiring,
+    modules: &'a [Record],
+    rows: &'a [Row],
     end: Micros,
-    board: &Board<'_>,
-    modules: &[Record],
-) -> Result<UploadImage, TableError> {
+}
+
+/// The table's bytes, every record passed by the board's own checker.
+fn encode(arm: &Arm, board: &Board<'_>, contents: &Contents<'_>) -> Result<UploadImage, TableError> {
+    let &Contents { wiring, modules, rows, end } = contents;
     let profile = board.profile.digest;
     let start = Record::Start { model: arm.hash(), device: board.device, profile, switch_limit: wiring.switch_limit };
     let records = std::iter::once(start)

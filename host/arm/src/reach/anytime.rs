@@ -27,7 +27,7 @@ use darm_core::units::Word;
 use rayon::prelude::*;
 
 use super::ReachError;
-use super::exact::{Look, Near, Nearest, Options, Pattern, Seeker as _, Tails, cut, extent_m, stages};
+use super::exact::{Look, Near, Nearest, Options, Query, Seeker as _, Tails, cut, extent_m, stages};
 use super::frames::{Frames, joined};
 use crate::arm::Arm;
 
@@ -73,16 +73,14 @@ struct Choice {
     bound_m: f64,
 }
 
-/// The `count` words nearest to `target` that no pattern of `forbidden` names, as far as they are found while `go_on`
-/// says so; it is asked every few milliseconds.
+/// The nearest words, as far as they are found while `go_on` says so; it is asked every few milliseconds.
 pub fn nearest(
     arm: &Arm,
-    target: &Pose<f64>,
+    query: &Query<'_>,
     options: &Options,
-    count: usize,
-    forbidden: &[Pattern],
     go_on: impl FnMut() -> bool,
 ) -> Result<Anytime, ReachError> {
+    let &Query { target, count, forbidden } = query;
     let stages = stages(arm, options)?;
     let (head, tail) = stages.split_at(cut(&stages, options.max_tails));
     let tails = Tails::new(tail, extent_m(&stages), options.length_scale_m, arm.rest());
@@ -286,7 +284,8 @@ mod tests {
             let index = Index::new(&arm, &options).unwrap();
             for _ in 0..20 {
                 let target = target(&arm, &mut random);
-                let found = nearest(&arm, &target, &options, 3, &[], || true).unwrap();
+                let found =
+                    nearest(&arm, &Query { target: &target, count: 3, forbidden: &[] }, &options, || true).unwrap();
                 for (found, exact) in found.nearest.iter().zip(index.nearest(&target, 3, &[])) {
                     assert!((found.distance_m - exact.distance_m).abs() < 1e-12);
                 }
@@ -302,7 +301,7 @@ mod tests {
         let index = Index::new(&arm, &options).unwrap();
         for looks in [1, 2, 4, 8] {
             let (target, mut left) = (target(&arm, &mut random), looks);
-            let found = nearest(&arm, &target, &options, 1, &[], || {
+            let found = nearest(&arm, &Query { target: &target, count: 1, forbidden: &[] }, &options, || {
                 left -= 1;
                 left > 0
             });
@@ -321,7 +320,7 @@ mod tests {
         let target = target(&arm, &mut ChaCha8Rng::seed_from_u64(3));
         let options = Options { max_tails: 1 << 12, ..Options::of(&arm) };
         let mut left = 8;
-        let found = nearest(&arm, &target, &options, 2, &[], || {
+        let found = nearest(&arm, &Query { target: &target, count: 2, forbidden: &[] }, &options, || {
             left -= 1;
             left > 0
         });

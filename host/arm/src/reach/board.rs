@@ -19,8 +19,9 @@ use darm_firmware::nearest::{Room, take};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::ReachError;
 use super::frames::{self, Frames};
-use super::{ReachError, Step, tabulate};
+use super::steps::{Step, tabulate};
 use crate::arm::{Arm, ArmScratch};
 
 /// Most frames of stages that make a module together.
@@ -102,8 +103,7 @@ fn displaced(arm: &Arm) -> Arm {
 /// The word of zeros under working conditions, at rest: laws that move the tool as a whole look at no digit, but for fitted
 /// terms.
 fn resting(arm: &Arm) -> Condition<'_, f64> {
-    let word = Word::zeros(arm.n_actuators() as u8).unwrap_or_default();
-    arm.model.working(word, word, &[])
+    arm.model.working(arm.rest(), arm.rest(), &[])
 }
 
 /// The poses of each stage for each setting of its actuators, with the effects of the model.
@@ -116,34 +116,42 @@ fn with_effects(arm: &Arm) -> Vec<Step> {
     let mut word = || -> Vec<u8> {
         (0..arm.n_actuators()).map(|k| random.random_range(0..arm.model.chain.n_states(k)) as u8).collect()
     };
-    let others: Vec<[Vec<u8>; 2]> = (0..WORDS).map(|_| [word(), word()]).collect();
+    let sample = Sample { arm, words: (0..WORDS).map(|_| [word(), word()]).collect() };
     let mut first = 0;
     for (stage, step) in steps.iter_mut().enumerate() {
         if let Step::Poses(poses) = step {
-            poses.iter_mut().for_each(|(digits, pose)| *pose = mean(arm, stage, first, digits, *pose, &others));
+            poses.iter_mut().for_each(|(digits, pose)| *pose = sample.mean(stage, first, digits, *pose));
         }
         first += arm.model.chain.stages[stage].n_actuators();
     }
     steps
 }
 
-/// The pose of a stage with these digits, its actuators counted from `first`: the mean over what the `others` do.
-fn mean(arm: &Arm, stage: usize, first: usize, digits: &[u8], ideal: Pose<f64>, others: &[[Vec<u8>; 2]]) -> Pose<f64> {
-    let (model, mut scratch) = (&arm.model, ArmScratch::default());
-    let (mut sum, mut count) = (Twist::zero(), 0.0);
-    for [word, previous] in others {
-        let mut word = word.clone();
-        word[first..first + digits.len()].copy_from_slice(digits);
-        let (Ok(word), Ok(previous)) = (Word::new(&word), Word::new(previous)) else { continue };
-        let condition: Condition<f64> = model.working(word, previous, &[]);
-        if model.predict(&condition, &mut scratch).is_ok() {
-            sum = sum + ideal.to(&scratch.stages[stage]).log();
-            count += 1.0;
+/// Random words of an arm, each with a word before, that the effects are averaged over.
+struct Sample<'a> {
+    arm: &'a Arm,
+    words: Vec<[Vec<u8>; 2]>,
+}
+
+impl Sample<'_> {
+    /// The pose of a stage with these digits, its actuators counted from `first`: the mean over what the others do.
+    fn mean(&self, stage: usize, first: usize, digits: &[u8], ideal: Pose<f64>) -> Pose<f64> {
+        let (model, mut scratch) = (&self.arm.model, ArmScratch::default());
+        let (mut sum, mut count) = (Twist::zero(), 0.0);
+        for [word, previous] in &self.words {
+            let mut word = word.clone();
+            word[first..first + digits.len()].copy_from_slice(digits);
+            let (Ok(word), Ok(previous)) = (Word::new(&word), Word::new(previous)) else { continue };
+            let condition: Condition<f64> = model.working(word, previous, &[]);
+            if model.predict(&condition, &mut scratch).is_ok() {
+                sum = sum + ideal.to(&scratch.stages[stage]).log();
+                count += 1.0;
+            }
         }
+        let camera = model.effects.iter().filter(|effect| effect.law().place() == Place::Camera);
+        let pose = if count > 0.0 { ideal * Pose::exp(&(sum * (1.0 / count))) } else { ideal };
+        camera.fold(pose, |pose, effect| effect.law().displace(pose, &resting(self.arm)))
     }
-    let camera = model.effects.iter().filter(|effect| effect.law().place() == Place::Camera);
-    let pose = if count > 0.0 { ideal * Pose::exp(&(sum * (1.0 / count))) } else { ideal };
-    camera.fold(pose, |pose, effect| effect.law().displace(pose, &resting(arm)))
 }
 
 /// Neighbouring stages together.
@@ -222,13 +230,13 @@ mod tests {
                 Word::new(&digits).unwrap()
             });
             let there = model.model.predict(&model.model.working(word, previous, &[]), &mut ArmScratch::default());
-            squares += told(&records, &word).distance(&there.unwrap(), 0.5).powi(2);
+            squares += pose_of(&records, &word).distance(&there.unwrap(), 0.5).powi(2);
         }
         (squares / 64.0).sqrt()
     }
 
     /// Where the records have the tool for a word.
-    fn told(records: &[Record], word: &Word) -> Pose<f64> {
+    fn pose_of(records: &[Record], word: &Word) -> Pose<f64> {
         let (mut pose, mut wanted, mut next) = (Pose::identity(), 0, 0);
         for record in records {
             match record {

@@ -11,7 +11,8 @@ use darm_core::se::Pose;
 use darm_core::units::Word;
 
 use super::exact::{Index, Near};
-use super::{Candidate, JUDGED, ReachError, judge};
+use super::judge::{JUDGED, Judge};
+use super::{Candidate, ReachError};
 use crate::arm::{Arm, ArmScratch};
 
 /// Most times that the index is asked.
@@ -32,13 +33,14 @@ pub fn nearest(
         return Err(ReachError::Servos);
     }
     let (mut aim, mut scratch) = (*target, ArmScratch::default());
+    let mut judge = Judge::new(arm, target, previous);
     let (mut judged, mut found): (BTreeSet<Word>, Vec<Candidate>) = (BTreeSet::new(), Vec::new());
     let mut refused = None;
     for _ in 0..ROUNDS {
         let nearest_m = found.first().map_or(f64::INFINITY, |best| best.distance_m);
         for near in index.nearest(&aim, count.max(JUDGED), &[]) {
             if judged.insert(near.word) {
-                match judge(arm, target, previous, near.word, Vec::new(), &mut scratch) {
+                match judge.judge(near.word, Vec::new()) {
                     Ok(candidate) => found.push(candidate),
                     Err(reason) => refused = Some(reason),
                 }

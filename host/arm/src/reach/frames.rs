@@ -3,7 +3,8 @@
 use darm_core::se::Pose;
 use darm_core::units::Word;
 
-use super::{ReachError, Step, tabulate};
+use super::ReachError;
+use super::steps::{Step, tabulate};
 use crate::arm::Arm;
 
 /// Frames, each with the digits that make it.

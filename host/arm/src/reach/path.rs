@@ -215,8 +215,8 @@ mod tests {
             assert_eq!(rests.len(), words, "{limits:?}");
             assert_eq!((rests[0].word, rests[rests.len() - 1].word), (from, to));
             assert!(rests.iter().all(|rest| rest.off_m <= tube_m + 1e-12));
-            let most = rests.windows(2).map(|pair| switches(&pair[0].word, &pair[1].word, 12)).max();
-            assert!(most <= Some(at_once));
+            let largest = rests.windows(2).map(|pair| switches(&pair[0].word, &pair[1].word, 12)).max();
+            assert!(largest <= Some(at_once));
         }
     }
 

@@ -13,8 +13,10 @@ use std::collections::BinaryHeap;
 use darm_core::actuator::{JointKind, Stage};
 use darm_core::se::Pose;
 
-use super::exact::{Index, Near, Options, Pattern};
-use super::{ReachError, Step, range, refine, tabulate};
+use super::ReachError;
+use super::exact::{Index, Near, Options, Query};
+use super::refine::{range, refine};
+use super::steps::{Step, tabulate};
 use crate::arm::{Arm, ArmScratch};
 
 /// When a search ends.
@@ -54,15 +56,9 @@ struct Angles {
     half: Vec<f64>,
 }
 
-/// The `count` words nearest to `target` at the best angles of the servos; those of `options` are not read.
-pub fn with_servos(
-    arm: &Arm,
-    target: &Pose<f64>,
-    options: &Options,
-    forbidden: &[Pattern],
-    count: usize,
-    gap: &Gap,
-) -> Result<WithServos, ReachError> {
+/// The nearest words at the best angles of the servos; those of `options` are not read.
+pub fn with_servos(arm: &Arm, query: &Query<'_>, options: &Options, gap: &Gap) -> Result<WithServos, ReachError> {
+    let &Query { target, count, forbidden } = query;
     let at = |servos: &[f64]| Index::new(arm, &Options { servos_rad: servos.to_vec(), ..options.clone() });
     let growth = growth_per_rad(arm, options.length_scale_m);
     let (center, half): (Vec<_>, Vec<_>) = (0..arm.n_servos())
@@ -161,14 +157,20 @@ mod tests {
 
     use super::{Gap, with_servos};
     use crate::arm::{Arm, ArmScratch};
-    use crate::reach::exact::Options;
+    use crate::reach::exact::{Options, Query};
 
     #[test]
     fn the_gap_is_closed_and_the_bound_holds() {
         let arm = Arm::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/planar4-hybrid.toml")).unwrap();
         let word = "010110011101".parse().unwrap();
         let target = arm.model.chain.pose_base_tool(&word, &[0.31], &mut ArmScratch::default()).unwrap();
-        let found = with_servos(&arm, &target, &Options::of(&arm), &[], 1, &Gap::of_m(0.02)).unwrap();
+        let found = with_servos(
+            &arm,
+            &Query { target: &target, count: 1, forbidden: &[] },
+            &Options::of(&arm),
+            &Gap::of_m(0.02),
+        )
+        .unwrap();
         assert!(found.nearest[0].distance_m - found.lower_bound_m <= 0.02, "{found:?}");
         assert!(found.nearest[0].distance_m <= 0.02 && found.boxes < 4000, "{found:?}");
     }

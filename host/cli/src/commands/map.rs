@@ -108,7 +108,7 @@ impl Map {
         if !fine(self.cell, 0.1, 1e4) || !fine(self.angle, 0.1, 180.0) {
             return Err(Usage("--cell must be 0.1 to 10000 mm, --angle 0.1 to 180 deg".to_owned()).into());
         }
-        let resolution = Resolution { cell_m: 1e-3 * self.cell, cell_rad: self.angle.to_radians() };
+        let resolution = Resolution::new(1e-3 * self.cell, self.angle.to_radians());
         let servos_rad = servos_rad(&arm, &self.servos)?;
         let start = Instant::now();
         let bar = ui.progress_bar("stages", 100, "%");

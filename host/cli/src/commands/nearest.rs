@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use darm_arm::arm::{Arm, ArmScratch};
-use darm_arm::reach::exact::{Index, Near, Options, Pattern, switches};
+use darm_arm::reach::exact::{Index, Near, Options, Pattern, Query, switches};
 use darm_arm::reach::servo::{Gap, with_servos};
 use darm_arm::reach::{ReachError, anytime, corrected};
 use darm_core::real::Vec3;
@@ -153,14 +153,15 @@ impl Nearest {
         from: Option<&Word>,
     ) -> anyhow::Result<Found> {
         let start = Instant::now();
+        let query = Query { target, count: self.count, forbidden };
         let (words, searched, index_bytes, near, lower_m) = if let Some(seconds) = self.seconds {
             let go_on = || start.elapsed().as_secs_f64() < seconds;
-            let found = anytime::nearest(arm, target, &options, self.count, forbidden, go_on)?;
+            let found = anytime::nearest(arm, &query, &options, go_on)?;
             (found.words, found.settled, None, found.nearest, found.lower_bound_m)
         } else {
             let (mut gap_near, mut lower_m) = (None, None);
             if let Some(gap) = self.gap {
-                let found = with_servos(arm, target, &options, forbidden, self.count, &Gap::of_m(1e-3 * gap))?;
+                let found = with_servos(arm, &query, &options, &Gap::of_m(1e-3 * gap))?;
                 options.servos_rad = found.servos_rad;
                 (gap_near, lower_m) = (Some(found.nearest), Some(found.lower_bound_m));
             }

@@ -22,14 +22,24 @@
 //! density falls with h in the first order. Words are neither lost nor made: counts are whole numbers below 2⁵³, which
 //! an `f64` adds without error.
 
-use std::collections::{BTreeMap, HashSet, VecDeque};
+mod cell;
+mod holes;
+mod layer;
+mod tally;
+
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use darm_core::real::{Mat3, Vec3};
 use darm_core::se::{Pose, rotation_exp, rotation_log};
-use nalgebra::Matrix3;
 use rayon::prelude::*;
 
+pub use self::cell::Place;
+use self::cell::{amid, each, place};
+pub use self::holes::holes;
+pub use self::layer::Layer;
+use self::layer::{Counts, fixed};
+use self::tally::Tally;
 use super::ReachError;
 use super::frames::{self, Frames};
 use crate::arm::Arm;
@@ -42,45 +52,28 @@ const MAX_MOVED: usize = 1 << 34;
 const MAX_KEPT: usize = 3 << 26;
 /// Of the whole arm, which is kept only to be looked at once more.
 const MAX_KEPT_AT_LAST: usize = 1 << 24;
-/// Bits of a cell's number along each axis of its layer.
-const BITS: [u32; 3] = [11, 11, 10];
-/// Most cells of a layer's box.
-const MAX_BOX: usize = 1 << 28;
-/// Bits behind the point of a position in fractions of a cell: with 11 before it, three of them add up to an `i32`.
-const FRACTION: i32 = 18;
-/// Cells that are moved side by side.
-const ABREAST: usize = 64;
-
-/// A cell by its number along each axis; that around 0 is 0.
-pub type Place = [i16; 3];
-
-/// How finely frames are told apart.
+/// How finely frames are distinguished.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Resolution {
     /// Edge of a cell of positions, m.
     pub cell_m: f64,
     /// Edge of a cell of rotation vectors, rad.
     pub cell_rad: f64,
+    /// Most frames of the last stages that are formed one by one; one stage is, whatever its size.
+    pub max_exact: usize,
 }
 
-/// The cells of one orientation that words end in.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Layer {
-    /// The rotation vector, in cells.
-    pub orientation: Place,
-    /// The least number of a position along each axis, and how many there are.
-    low: Place,
-    size: [usize; 3],
-    /// Numbers of positions above the least ones, packed.
-    positions: Vec<u32>,
-    /// How many words end at each.
-    words: Vec<f64>,
+impl Resolution {
+    /// Cells with edges of `cell_m` m and `cell_rad` rad, as exact as takes little time.
+    pub fn new(cell_m: f64, cell_rad: f64) -> Self {
+        Self { cell_m, cell_rad, max_exact: MAX_EXACT }
+    }
 }
 
 /// The density of an arm's frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Map {
-    /// How finely frames are told apart.
+    /// How finely frames are distinguished.
     pub resolution: Resolution,
     /// The joint density; nothing where it would be too large.
     layers: Vec<Layer>,
@@ -111,16 +104,14 @@ impl Map {
         resolution: Resolution,
         done: impl FnMut(f64),
     ) -> Result<Self, ReachError> {
-        Self::with_layers(arm, servos_rad, resolution, MAX_EXACT, done, |_| ())
+        Self::with_layers(arm, servos_rad, resolution, done, |_| ())
     }
 
-    /// The same with at most so many frames of the last stages formed one by one, of one stage at least. Where the joint
-    /// density is not too large `see` is shown each layer of it, in any order.
+    /// The same; where the joint density is not too large `see` is shown each layer of it, in any order.
     pub fn with_layers(
         arm: &Arm,
         servos_rad: &[f64],
         resolution: Resolution,
-        max_exact: usize,
         mut done: impl FnMut(f64),
         see: impl Fn(&Layer) + Sync,
     ) -> Result<Self, ReachError> {
@@ -128,7 +119,7 @@ impl Map {
         let mut frames = 1;
         let last = stages.iter().rev().take_while(|stage| {
             frames *= stage.len();
-            frames <= max_exact
+            frames <= resolution.max_exact
         });
         let (before, last) = stages.split_at(stages.len() - last.count().max(1));
         let mut map = Self::exact(&frames::product(last, arm.rest()), resolution)?;
@@ -318,231 +309,5 @@ impl Map {
     }
 }
 
-impl Layer {
-    /// Every position that words end at, and how many.
-    pub fn cells(&self) -> impl Iterator<Item = (Place, f64)> {
-        self.positions.iter().zip(&self.words).map(|(packed, words)| {
-            let above = unpacked(*packed);
-            (std::array::from_fn(|axis| self.low[axis] + above[axis] as i16), *words)
-        })
-    }
-}
-
-/// A layer while it is counted: every position of its box.
-struct Counts<'r> {
-    orientation: Place,
-    low: Place,
-    size: [usize; 3],
-    words: &'r mut [f64],
-}
-
-impl<'r> Counts<'r> {
-    /// Nothing yet, in a part of `room`.
-    fn new(orientation: Place, low: Place, size: Place, room: &'r mut Vec<f64>) -> Result<Self, ReachError> {
-        let size = size.map(|length| length.max(0) as usize);
-        let cells = size.iter().product();
-        if size.iter().zip(BITS).any(|(length, bits)| *length > 1 << bits) || cells > MAX_BOX {
-            return Err(ReachError::TooFine);
-        }
-        room.resize(room.len().max(cells), 0.0);
-        let words = &mut room[..cells];
-        words.fill(0.0);
-        Ok(Self { orientation, low, size, words })
-    }
-
-    #[inline]
-    fn at(&mut self, x: usize, y: usize, z: usize) -> &mut f64 {
-        &mut self.words[(x * self.size[1] + y) * self.size[2] + z]
-    }
-
-    /// Adds the words of a layer that is turned and begins at `start`, both in fractions of a cell: whole numbers, which
-    /// a processor works on side by side.
-    fn add(&mut self, layer: &Layer, start: [i32; 3], turn: &Matrix3<i32>) {
-        let [_, wide, deep] = self.size.map(|length| length as i32);
-        let row = |row: usize, x: i32, y: i32, z: i32| {
-            (start[row] + turn[(row, 0)] * x + turn[(row, 1)] * y + turn[(row, 2)] * z) >> FRACTION
-        };
-        let mut at = [0; ABREAST];
-        for (positions, words) in layer.positions.chunks(ABREAST).zip(layer.words.chunks(ABREAST)) {
-            for (at, packed) in at.iter_mut().zip(positions) {
-                let [x, y, z] = unpacked(*packed).map(i32::from);
-                *at = (row(0, x, y, z) * wide + row(1, x, y, z)) * deep + row(2, x, y, z);
-            }
-            at.iter().zip(words).for_each(|(at, words)| self.words[*at as usize] += words);
-        }
-    }
-
-    /// The positions that words end at, in the least box: a layer turned with room about it would grow and grow.
-    fn to_layer(&self) -> Layer {
-        let Self { orientation, low, size, ref words } = *self;
-        let reached = words.iter().filter(|words| **words > 0.0).count();
-        let (mut positions, mut counts) = (Vec::with_capacity(reached), Vec::with_capacity(reached));
-        let (mut least, mut most) = ([u16::MAX; 3], [0; 3]);
-        for (row, words) in words.chunks(size[2].max(1)).enumerate() {
-            let (x, y) = (row / size[1], row % size[1]);
-            for (z, words) in words.iter().enumerate().filter(|(_, words)| **words > 0.0) {
-                let place = [x, y, z].map(|number| number as u16);
-                (least, most) = (each(least, place, u16::min), each(most, place, u16::max));
-                positions.push(packed(place));
-                counts.push(*words);
-            }
-        }
-        if positions.is_empty() {
-            return Layer { orientation, low, size: [0; 3], positions, words: counts };
-        }
-        let corner = packed(least);
-        positions.iter_mut().for_each(|place| *place -= corner);
-        let low = each(low, least.map(|number| number as i16), |low, least| low + least);
-        let size = each(most, least, |most, least| most - least + 1).map(usize::from);
-        Layer { orientation, low, size, positions, words: counts }
-    }
-}
-
-/// How many layers have words at each position, in a box with a cell of room around the positions.
-struct Tally {
-    low: Place,
-    size: [usize; 3],
-    layers: Vec<u32>,
-}
-
-impl Tally {
-    fn of(positions: &Layer, layers: &[Layer]) -> Self {
-        let (low, size) = (positions.low.map(|low| low - 1), positions.size.map(|length| length + 2));
-        let mut tally = Self { low, size, layers: vec![0; size.iter().product()] };
-        layers.iter().for_each(|layer| tally.count(layer));
-        tally
-    }
-
-    fn count(&mut self, layer: &Layer) {
-        for (place, _) in layer.cells() {
-            let [x, y, z] = std::array::from_fn(|axis| (place[axis] - self.low[axis]) as usize);
-            if let Some(layers) = self.layers.get_mut((x * self.size[1] + y) * self.size[2] + z) {
-                *layers += 1;
-            }
-        }
-    }
-
-    fn add(&mut self, other: &Self) {
-        self.layers.iter_mut().zip(&other.layers).for_each(|(layers, more)| *layers += more);
-    }
-
-    fn into_layer(self, positions: &Layer) -> Result<Layer, ReachError> {
-        let mut words: Vec<f64> = self.layers.into_iter().map(f64::from).collect();
-        let counts = Counts { orientation: positions.orientation, low: self.low, size: self.size, words: &mut words };
-        let fits = self.size.iter().zip(BITS).all(|(length, bits)| *length <= 1 << bits);
-        if fits { Ok(counts.to_layer()) } else { Err(ReachError::TooFine) }
-    }
-}
-
-/// A number of cells in fractions of one.
-fn fixed(cells: f64) -> i32 {
-    (cells * f64::from(1 << FRACTION)).round() as i32
-}
-
-/// A position in its box as one number; those of two differ by that of what is between.
-fn packed([x, y, z]: [u16; 3]) -> u32 {
-    (u32::from(x) << BITS[1] | u32::from(y)) << BITS[2] | u32::from(z)
-}
-
-fn unpacked(packed: u32) -> [u16; 3] {
-    let low = |number: u32, bits: u32| (number & ((1 << bits) - 1)) as u16;
-    [(packed >> (BITS[1] + BITS[2])) as u16, low(packed >> BITS[2], BITS[1]), low(packed, BITS[2])]
-}
-
-fn each<T: Copy>(a: [T; 3], b: [T; 3], pick: impl Fn(T, T) -> T) -> [T; 3] {
-    std::array::from_fn(|axis| pick(a[axis], b[axis]))
-}
-
-/// Cells of positions within the reach that no word ends in and that no way leads to from outside.
-pub fn holes(spots: &BTreeMap<Place, Spot>, planar: bool) -> Vec<Place> {
-    let bound = |axis: usize, pad: i16| {
-        let along = || spots.keys().map(|place| place[axis]);
-        let pad = if planar && axis == 2 { 0 } else { pad };
-        along().min().unwrap_or(0) - pad..=along().max().unwrap_or(0) + pad
-    };
-    let bounds = [0, 1, 2].map(|axis| bound(axis, 1));
-    let corner = [0, 1, 2].map(|axis| *bounds[axis].start());
-    let mut outside = HashSet::from([corner]);
-    let mut open = VecDeque::from([corner]);
-    while let Some(place) = open.pop_front() {
-        for (axis, step) in [(0, -1), (0, 1), (1, -1), (1, 1), (2, -1), (2, 1)] {
-            let mut next = place;
-            next[axis] += step;
-            if bounds[axis].contains(&next[axis]) && !spots.contains_key(&next) && outside.insert(next) {
-                open.push_back(next);
-            }
-        }
-    }
-    let [x, y, z] = bounds;
-    let all = x.flat_map(|x| {
-        y.clone().flat_map({
-            let z = z.clone();
-            move |y| z.clone().map(move |z| [x, y, z])
-        })
-    });
-    all.filter(|place| !spots.contains_key(place) && !outside.contains(place)).collect()
-}
-
-/// The vector amid a cell.
-fn amid(place: &Place, size: f64) -> Vec3<f64> {
-    Vec3::from(*place).map(|number| f64::from(number) * size)
-}
-
-/// The cell that a vector lies in; `None` where its number is too large.
-fn place(vector: &Vec3<f64>, size: f64) -> Option<Place> {
-    let cells = vector / size;
-    let within = cells.amax() < f64::from(i16::MAX) - 1.0;
-    within.then(|| [cells.x, cells.y, cells.z].map(|number| number.round() as i16))
-}
-
 #[cfg(test)]
-mod tests {
-    use std::collections::HashMap;
-    use std::path::Path;
-
-    use super::*;
-
-    fn planar4() -> Arm {
-        Arm::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/planar4.toml")).unwrap()
-    }
-
-    /// Words in each square of 0.5 m.
-    fn coarse(positions: impl Iterator<Item = (Vec3<f64>, f64)>) -> HashMap<Place, f64> {
-        let mut squares = HashMap::new();
-        positions.for_each(|(position, words)| *squares.entry(place(&position, 0.5).unwrap()).or_default() += words);
-        squares
-    }
-
-    #[test]
-    fn every_word_is_counted_and_lies_where_it_should() {
-        let arm = planar4();
-        let all = frames::product(&frames::of_stages(&arm, &[], |_, _| true).unwrap(), arm.rest());
-        let exact = coarse(all.poses.iter().map(|pose| (pose.position, 1.0)));
-        let mut apart = Vec::new();
-        for cell_m in [0.1, 0.02, 0.004] {
-            let resolution = Resolution { cell_m, cell_rad: 10.0 * cell_m };
-            let map = Map::with_layers(&arm, &[], resolution, 1, |_| (), |_| ()).unwrap();
-            assert_eq!((map.words(), map.orientations.values().sum()), (4096.0, 4096.0));
-            assert_eq!(map.cells().map(|(_, _, words)| words).sum::<f64>(), 4096.0);
-            let found = coarse(map.cells().map(|(at, _, words)| (amid(&at, cell_m), words)));
-            let squares: HashSet<_> = exact.keys().chain(found.keys()).collect();
-            let of = |squares: &HashMap<Place, f64>, at: &Place| squares.get(at).copied().unwrap_or(0.0);
-            apart.push(squares.iter().map(|at| (of(&exact, at) - of(&found, at)).abs()).sum::<f64>());
-        }
-        assert!(apart[2] < 0.4 * apart[0] && apart[2] < 200.0, "{apart:?}");
-    }
-
-    #[test]
-    fn a_ring_has_a_hole() {
-        let ring = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [2, 1, 0], [0, 2, 0], [1, 2, 0], [2, 2, 0]];
-        let spots: BTreeMap<Place, Spot> = ring.into_iter().map(|place| (place, Spot::default())).collect();
-        assert_eq!(holes(&spots, true), [[1, 1, 0]]);
-        assert!(holes(&spots, false).is_empty());
-    }
-
-    #[test]
-    fn cells_too_small_are_refused() {
-        let resolution = Resolution { cell_m: 1e-6, cell_rad: 0.1 };
-        assert_eq!(Map::new(&planar4(), &[], resolution, |_| ()), Err(ReachError::TooFine));
-    }
-}
+mod tests;
