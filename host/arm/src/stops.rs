@@ -207,9 +207,9 @@ mod tests {
 
     #[test]
     fn a_person_is_told_what_to_turn() {
-        let told: Vec<_> = differences(&planar4(), &altered()).unwrap().iter().map(Setting::to_string).collect();
+        let texts: Vec<_> = differences(&planar4(), &altered()).unwrap().iter().map(Setting::to_string).collect();
         assert_eq!(
-            told,
+            texts,
             [
                 "module 2, diagonal leg, stop of digit 1: from 1767.767 to 1750.000 mm, 17.767 mm in",
                 "module 3, left leg, top anchor along x: from -500.000 to -503.000 mm, 3.000 mm back"

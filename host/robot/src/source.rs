@@ -68,7 +68,7 @@ impl Source {
     }
 
     /// A path that the file names: relative to the folder of the file.
-    pub fn beside(&self, named: &str) -> PathBuf {
+    pub fn companion(&self, named: &str) -> PathBuf {
         self.path.parent().unwrap_or(Path::new("")).join(named)
     }
 

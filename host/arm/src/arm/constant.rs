@@ -100,7 +100,7 @@ fn mass(mass: &Mass<f64>) -> String {
 /// The file of a law, and the effect. What is derived for [`Debug`] is Rust but for paths and vectors, of any law.
 fn effect_text(effect: &Effect<f64>) -> (String, String) {
     let debug = format!("{:?}", effect.cast::<f32>());
-    let law = debug.split('(').next().unwrap_or_default();
+    let law = debug.split('(').next().expect("a split has a first part");
     let file = law.chars().enumerate().fold(String::new(), |file, (at, letter)| {
         let joint = if at > 0 && letter.is_uppercase() { "_" } else { "" };
         file + joint + &letter.to_lowercase().to_string()

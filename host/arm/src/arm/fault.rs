@@ -1,7 +1,5 @@
 //! What can be wrong with what an arm file or a frames file says.
 
-use std::fmt;
-
 use darm_core::chain::ChainError;
 use darm_core::output::{ServoWiring, WiringError};
 use darm_core::units::{Word, WordError};
@@ -9,14 +7,16 @@ use darm_core::units::{Word, WordError};
 use super::WiringFault;
 
 /// What is wrong with an arm, and what to do about it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ArmFault {
     /// The file has another format than this program reads.
+    #[error("{}", unknown_format(*found))]
     Format {
         /// The number in the file.
         found: u32,
     },
     /// A number has to be above zero.
+    #[error("{key} is {value}; give a number above zero")]
     NotPositive {
         /// The key.
         key: &'static str,
@@ -24,6 +24,7 @@ pub enum ArmFault {
         value: f64,
     },
     /// The arm has no stage, or more than fit.
+    #[error("the arm has {found} stages; give 1 to {most}")]
     StageCount {
         /// How many there are.
         found: usize,
@@ -31,6 +32,7 @@ pub enum ArmFault {
         most: usize,
     },
     /// A key is missing.
+    #[error("{of} needs the key `{key}`; add it")]
     Missing {
         /// The key.
         key: &'static str,
@@ -38,6 +40,7 @@ pub enum ArmFault {
         of: &'static str,
     },
     /// A key stands where it means nothing.
+    #[error("{of} has no key `{key}`; remove it")]
     Useless {
         /// The key.
         key: &'static str,
@@ -45,6 +48,7 @@ pub enum ArmFault {
         of: &'static str,
     },
     /// A platform has the wrong number of legs.
+    #[error("the platform has {found} legs; give {expected}, each in a separate [[stage.leg]]")]
     LegCount {
         /// How many its kind has.
         expected: usize,
@@ -52,6 +56,7 @@ pub enum ArmFault {
         found: usize,
     },
     /// A point or pose has the wrong number of coordinates.
+    #[error("{found} coordinates are given; give {expected}, in metres")]
     Coordinates {
         /// How many it has here.
         expected: usize,
@@ -59,11 +64,18 @@ pub enum ArmFault {
         found: usize,
     },
     /// An actuator has fewer than two or more than four states.
+    #[error("the actuator has {found} states; give 2 to 4, digit 0 first")]
     StateCount {
         /// How many are given.
         found: usize,
     },
     /// A state is shorter than the one before it: its stroke is below zero.
+    #[error(
+        "state {state} at {value} is below state {} at {before}: a stroke below zero; give the states in growing order \
+         (digit 0: all outputs off, 1: the first on, 2: the second on, 3: both on). A spring-centred actuator of two \
+         opposed coils is not supported yet",
+        .state - 1
+    )]
     Stroke {
         /// The state.
         state: usize,
@@ -73,6 +85,9 @@ pub enum ArmFault {
         before: f64,
     },
     /// An actuator with so many states needs another number of outputs.
+    #[error(
+        "the actuator has {found} outputs; give {expected}: `output` for two states, two in `outputs` for three or four"
+    )]
     OutputCount {
         /// How many it needs.
         expected: usize,
@@ -80,13 +95,16 @@ pub enum ArmFault {
         found: usize,
     },
     /// A switch is closed in a state that its actuator does not have.
+    #[error("the switch is closed in state {state}, which the actuator does not have; correct `closed_in`")]
     SwitchState {
         /// The state.
         state: u8,
     },
     /// The axis of a joint has no direction.
+    #[error("the axis has no direction; give a vector that is not zero")]
     NoAxis,
     /// There is no law of this name.
+    #[error("there is no law `{found}`; the laws are {}", .known.join(", "))]
     UnknownLaw {
         /// The name in the file.
         found: String,
@@ -94,18 +112,24 @@ pub enum ArmFault {
         known: Vec<&'static str>,
     },
     /// An effect names an actuator, module or state that the arm does not have.
+    #[error(
+        "the effect acts on an actuator, module or state that is missing or does not exist; both count from 0 at the base"
+    )]
     NoSuchPlace,
     /// The values of an effect are not those of its law.
+    #[error("the values of this law are {}", .expected.join(", "))]
     EffectValues {
         /// The keys that it has.
         expected: Vec<String>,
     },
     /// More effects than a model holds.
+    #[error("a model holds at most {most} effects; remove some")]
     TooManyEffects {
         /// How many it holds.
         most: usize,
     },
     /// Two servos answer to one address of the bus.
+    #[error("{} and {} have the bus address {id}; give each servo a separate `id`", .joints[0], .joints[1])]
     SameBusId {
         /// The address.
         id: u8,
@@ -113,15 +137,26 @@ pub enum ArmFault {
         joints: [String; 2],
     },
     /// Address or range of a servo are out of bounds.
+    #[error(
+        "servo {id}: give an `id` of 0 to {}, and `min_deg` below `max_deg` within {:.0} degrees of 0",
+        ServoWiring::MAX_ID,
+        ServoWiring::MAX_RAD.to_degrees()
+    )]
     Servo {
         /// The address.
         id: u8,
     },
     /// No board could drive the arm: an output is named twice, or there are too many.
+    #[error("{0}; correct the wiring")]
     Wiring(WiringError),
     /// The profile of the board does not fit the arm.
+    #[error("{0}")]
     Profile(WiringFault),
     /// The arm has no pose for a word that it must be able to take.
+    #[error(
+        "{module} has no pose for the word {word}: {}; change its leg lengths, anchors or home",
+        reason_of(.reason)
+    )]
     NoPose {
         /// The word.
         word: Word,
@@ -132,91 +167,23 @@ pub enum ArmFault {
     },
 }
 
-impl fmt::Display for ArmFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Format { found: 1 } => write!(
-                f,
-                "the file has format 1, in which the arm carried the limits of its board; bring it over by \
-                 `darm profile migrate OLD.toml -o NEW.toml --profile PROFILE.toml`"
-            ),
-            Self::Format { found } => {
-                write!(f, "the file has format {found}, this program reads format {}", super::FORMAT)
-            }
-            Self::NotPositive { key, value } => write!(f, "{key} is {value}; give a number above zero"),
-            Self::StageCount { found, most } => write!(f, "the arm has {found} stages; give 1 to {most}"),
-            Self::Missing { key, of } => write!(f, "{of} needs the key `{key}`; add it"),
-            Self::Useless { key, of } => write!(f, "{of} has no key `{key}`; remove it"),
-            Self::LegCount { expected, found } => {
-                write!(f, "the platform has {found} legs; give {expected}, each in a [[stage.leg]] of its own")
-            }
-            Self::Coordinates { expected, found } => {
-                write!(f, "{found} coordinates are given; give {expected}, in metres")
-            }
-            Self::StateCount { found } => write!(f, "the actuator has {found} states; give 2 to 4, digit 0 first"),
-            Self::Stroke { state, value, before } => write!(
-                f,
-                "state {state} at {value} is below state {} at {before}: a stroke below zero; give the states in growing order \
-                 (digit 0: all outputs off, 1: the first on, 2: the second on, 3: both on). A spring-centred actuator of two \
-                 opposed coils is not supported yet",
-                state - 1
-            ),
-            Self::OutputCount { expected, found } => write!(
-                f,
-                "the actuator has {found} outputs; give {expected}: `output` for two states, two in `outputs` for three or four"
-            ),
-            Self::SwitchState { state } => {
-                write!(
-                    f,
-                    "the switch is closed in state {state}, which the actuator does not have; correct `closed_in`"
-                )
-            }
-            Self::NoAxis => write!(f, "the axis has no direction; give a vector that is not zero"),
-            Self::UnknownLaw { found, known } => {
-                write!(f, "there is no law `{found}`; the laws are {}", known.join(", "))
-            }
-            Self::NoSuchPlace => {
-                write!(
-                    f,
-                    "the effect acts on an actuator, module or state that is missing or does not exist; both count from 0 at the base"
-                )
-            }
-            Self::EffectValues { expected } => write!(f, "the values of this law are {}", expected.join(", ")),
-            Self::TooManyEffects { most } => write!(f, "a model holds at most {most} effects; remove some"),
-            Self::SameBusId { id, joints: [first, second] } => {
-                write!(f, "{first} and {second} have the bus address {id}; give each servo an `id` of its own")
-            }
-            Self::Servo { id } => write!(
-                f,
-                "servo {id}: give an `id` of 0 to {}, and `min_deg` below `max_deg` within {:.0} degrees of 0",
-                ServoWiring::MAX_ID,
-                ServoWiring::MAX_RAD.to_degrees()
-            ),
-            Self::Wiring(error) => write!(f, "{error}; correct the wiring"),
-            Self::Profile(fault) => write!(f, "{fault}"),
-            Self::NoPose { word, module, reason } => {
-                let reason = reason_of(reason);
-                write!(f, "{module} has no pose for the word {word}: {reason}; change its leg lengths, anchors or home")
-            }
-        }
-    }
-}
-
-impl std::error::Error for ArmFault {}
-
 /// What is wrong with desired frames, and what to do about it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FrameFault {
     /// The file has another format than this program reads.
+    #[error("the file has format {found}, this program reads format {}", super::frames::FORMAT)]
     Format {
         /// The number in the file.
         found: u32,
     },
     /// The text of a word is no word.
+    #[error("{0}; give one digit for each actuator, base first")]
     Word(WordError),
     /// A frame has no word.
+    #[error("the frame has no word; give one, or have it chosen by --choose-words of `darm synth`")]
     NoWord,
     /// The word has not one digit for each actuator.
+    #[error("the word {word} has {} digits; give {actuators}, one for each actuator", .word.len())]
     WordLength {
         /// The word.
         word: Word,
@@ -224,6 +191,7 @@ pub enum FrameFault {
         actuators: usize,
     },
     /// A digit of the word asks for a state that its actuator does not have.
+    #[error("the word {word} asks for a state that {actuator} does not have; its digits are 0 to {}", .states - 1)]
     Digit {
         /// The word.
         word: Word,
@@ -233,6 +201,7 @@ pub enum FrameFault {
         states: usize,
     },
     /// The frame's word serves another frame already.
+    #[error("the word {word} serves {other} already; one word reaches one frame, give another word")]
     SameWord {
         /// The word.
         word: Word,
@@ -240,6 +209,7 @@ pub enum FrameFault {
         other: String,
     },
     /// A pose has the wrong number of coordinates.
+    #[error("the position has {found} coordinates; give {expected}, in metres")]
     Coordinates {
         /// How many it has here.
         expected: usize,
@@ -247,6 +217,7 @@ pub enum FrameFault {
         found: usize,
     },
     /// Not one angle for each servo joint.
+    #[error("{found} servo angles are given; give {servos}, one for each servo joint")]
     ServoCount {
         /// Servo joints of the arm.
         servos: usize,
@@ -254,8 +225,10 @@ pub enum FrameFault {
         found: usize,
     },
     /// A weight has to be above zero.
+    #[error("the weight is {0}; give a number above zero, or `orientation = \"free\"`")]
     Weight(f64),
     /// A bound names an actuator that the arm does not have.
+    #[error("there is no actuator {actuator}; give 0 to {}, counted from the base", .actuators - 1)]
     NoSuchActuator {
         /// Its number.
         actuator: usize,
@@ -263,6 +236,7 @@ pub enum FrameFault {
         actuators: usize,
     },
     /// A bound is given in the wrong unit.
+    #[error("bounds of {actuator} are in {}; give keys that end in _{}", unit(*turns), unit(*turns))]
     BoundUnit {
         /// The actuator, by its name.
         actuator: String,
@@ -270,60 +244,29 @@ pub enum FrameFault {
         turns: bool,
     },
     /// A bound leaves nothing.
+    #[error("the least bound of {actuator} is above the most; exchange them")]
     EmptyBound {
         /// The actuator, by its name.
         actuator: String,
     },
     /// There is no frame.
+    #[error("there is no frame; add a [[frame]]")]
     Empty,
 }
 
-impl fmt::Display for FrameFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Format { found } => {
-                write!(f, "the file has format {found}, this program reads format {}", super::frames::FORMAT)
-            }
-            Self::Word(error) => write!(f, "{error}; give one digit for each actuator, base first"),
-            Self::NoWord => {
-                write!(f, "the frame has no word; give one, or have it chosen by --choose-words of `darm synth`")
-            }
-            Self::WordLength { word, actuators } => {
-                write!(f, "the word {word} has {} digits; give {actuators}, one for each actuator", word.len())
-            }
-            Self::Digit { word, actuator, states } => write!(
-                f,
-                "the word {word} asks for a state that {actuator} does not have; its digits are 0 to {}",
-                states - 1
-            ),
-            Self::SameWord { word, other } => {
-                write!(f, "the word {word} serves {other} already; one word reaches one frame, give another word")
-            }
-            Self::Coordinates { expected, found } => {
-                write!(f, "the position has {found} coordinates; give {expected}, in metres")
-            }
-            Self::ServoCount { servos, found } => {
-                write!(f, "{found} servo angles are given; give {servos}, one for each servo joint")
-            }
-            Self::Weight(weight) => {
-                write!(f, "the weight is {weight}; give a number above zero, or `orientation = \"free\"`")
-            }
-            Self::NoSuchActuator { actuator, actuators } => {
-                write!(f, "there is no actuator {actuator}; give 0 to {}, counted from the base", actuators - 1)
-            }
-            Self::BoundUnit { actuator, turns } => {
-                let unit = if *turns { "deg" } else { "m" };
-                write!(f, "bounds of {actuator} are in {unit}; give keys that end in _{unit}")
-            }
-            Self::EmptyBound { actuator } => {
-                write!(f, "the least bound of {actuator} is above the most; exchange them")
-            }
-            Self::Empty => write!(f, "there is no frame; add a [[frame]]"),
-        }
+/// Format 1 carried the drives and limits of its board.
+fn unknown_format(found: u32) -> String {
+    match found {
+        1 => "the file has format 1, in which the arm carried the limits of its board; bring it over by \
+              `darm profile migrate OLD.toml -o NEW.toml --profile PROFILE.toml`"
+            .to_owned(),
+        _ => format!("the file has format {found}, this program reads format {}", super::FORMAT),
     }
 }
 
-impl std::error::Error for FrameFault {}
+fn unit(turns: bool) -> &'static str {
+    if turns { "deg" } else { "m" }
+}
 
 /// The reason without the number of the stage, for messages that name the stage.
 pub(crate) fn reason_of(error: &ChainError) -> String {

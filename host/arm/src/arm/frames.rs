@@ -26,7 +26,7 @@ use darm_core::units::Word;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::build::pose;
+use super::quantities::pose;
 use super::raw::RawPose;
 use super::{Arm, FileError, FrameFault, write};
 use darm_robot::source::Number;

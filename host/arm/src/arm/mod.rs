@@ -52,6 +52,7 @@ mod constant;
 mod effects;
 mod fault;
 pub mod frames;
+mod quantities;
 pub(crate) mod raw;
 pub mod rounding;
 mod wiring;
@@ -205,7 +206,7 @@ impl Arm {
 
     /// The word at rest: every actuator contracted, no coil fed.
     pub fn rest(&self) -> Word {
-        Word::zeros(self.n_actuators() as u8).unwrap_or_default()
+        Word::zeros(self.n_actuators() as u8).expect("an arm has at most as many actuators as a word has digits")
     }
 
     /// An actuator as a person would call it: `module 2, left leg`.

@@ -90,8 +90,8 @@ impl Arm {
             let twist = chain.derivative(stop, &scratch);
             bound += size(&twist.linear, &twist.angular, scale_m) * (own + loaded);
         }
-        let whole = |place| matches!(place, Place::Base | Place::Tool | Place::Camera);
-        let moving = model.effects.iter().filter(|effect| whole(effect.law().place())).count() as f64;
+        let moves_all = |place| matches!(place, Place::Base | Place::Tool | Place::Camera);
+        let moving = model.effects.iter().filter(|effect| moves_all(effect.law().place())).count() as f64;
         let reach = seen.position.norm();
         Ok(bound + UNIT * moving * (12.4 * (reach + scale_m) + reach))
     }

@@ -302,6 +302,6 @@ fn two_servos_with_one_address_are_refused_by_line_and_column() {
     let servo = MIXED.rsplit_once("[[stage]]").unwrap().1;
     let twice = format!("{MIXED}\n[[stage]]\nname = \"wrist\"{servo}");
     let error = parse(&twice).unwrap_err().to_string();
-    assert_eq!(error, "arm.toml:36:9: module 3 and wrist have the bus address 2; give each servo an `id` of its own");
+    assert_eq!(error, "arm.toml:36:9: module 3 and wrist have the bus address 2; give each servo a separate `id`");
     assert!(parse(&twice.replacen("id = 2", "id = 3", 1)).is_ok());
 }
