@@ -205,11 +205,11 @@ impl Pins {
             }
         }
         self.shown = switches;
-        let held = self.button.load(Ordering::Relaxed);
-        if held != self.held || held && again {
+        let is_pressed = self.button.load(Ordering::Relaxed);
+        if is_pressed != self.held || is_pressed && again {
             let (bank, pin) = board::BUTTON;
-            self.qtest.set_input(bank, pin, !held)?;
-            self.held = held;
+            self.qtest.set_input(bank, pin, !is_pressed)?;
+            self.held = is_pressed;
         }
         Ok(())
     }

@@ -139,7 +139,7 @@ pub(super) async fn run(wires: Rc<Wires>, flash: MemoryFlash, used: Rc<RefCell<D
     let mut used = used.borrow_mut();
     let shared = Shared::new();
     let console = async {
-        let board = "in-process".parse().unwrap_or_default();
+        let board = "in-process".parse().expect("a name that fits");
         let identity = Identity { device: DEVICE, board };
         let mut dispatcher = Dispatcher::new(Board { identity, crash: None }, &wires.clock, &shared, &mut room);
         dispatcher.open(Some(flash), &mut table, &mut profile).await;

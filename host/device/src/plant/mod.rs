@@ -196,8 +196,7 @@ impl Plant {
 
     fn word(&self) -> Word {
         let digits: Vec<u8> = self.actuators.iter().map(Actuator::digit).collect();
-        // At most 48 actuators of at most four states are wired.
-        Word::new(&digits).unwrap_or_default()
+        Word::new(&digits).expect("at most 48 actuators of at most four states are wired")
     }
 }
 

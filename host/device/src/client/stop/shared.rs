@@ -31,11 +31,11 @@ pub fn hold(link: Box<dyn Link>, socket: Option<&Path>) -> (Box<dyn Link>, StopH
     });
     let handle = StopHandle { port: name.clone(), shared: Arc::downgrade(&shared) };
     let serving = socket.and_then(|socket| socket::serve(socket, handle.clone()));
-    (Box::new(Held { shared, name, _serving: serving }), handle)
+    (Box::new(SharedPort { shared, name, _serving: serving }), handle)
 }
 
 /// The port as its user sees it.
-struct Held {
+struct SharedPort {
     shared: Arc<Shared>,
     name: String,
     /// Ends with the port.
@@ -132,7 +132,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Link for Held {
+impl Link for SharedPort {
     fn send(&mut self, bytes: &[u8]) -> Result<(), LinkError> {
         lock(&self.shared.line).link.send(bytes)
     }
