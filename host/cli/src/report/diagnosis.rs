@@ -3,12 +3,11 @@
 use std::collections::BTreeSet;
 
 use darm_diagnose::outcome::{
-    AxisFigure, Dependence, Diagnosis, ErrorFigure, NextMeasurement, Number, SelectionStep, Structure, Value,
-    frame_name_of,
+    AxisFigure, Dependence, Diagnosis, ErrorFigure, NextMeasurement, SelectionStep, Structure, frame_name_of,
 };
-use darm_diagnose::report::sentences::readable;
 use maud::{Markup, html};
 
+use super::numbers::{chance, short, shown, with_unit};
 use super::residuals;
 use super::skeleton::skeleton;
 
@@ -211,45 +210,5 @@ fn selection_path(path: &[SelectionStep], unit: &'static str) -> Markup {
                 }
             }
         }
-    }
-}
-
-/// A value in the unit that a person reads.
-fn shown(of: &Value, value: f64) -> String {
-    match &of.unit[..] {
-        "m" => with_unit(value, "m"),
-        "rad" => with_unit(value, "rad"),
-        "m/N" => format!("{:.3} µm/N", value * 1e6),
-        "1/K" => format!("{:.2} µm/(m·K)", value * 1e6),
-        "1" => format!("{value:.4}"),
-        unit => format!("{} {unit}", short(value)),
-    }
-}
-
-/// A number with its unit as people read it.
-pub(super) fn with_unit(value: f64, unit: &'static str) -> String {
-    match readable(&Number { value, unit }) {
-        (value, "mm") => format!("{value:.3} mm"),
-        (value, "°") => format!("{value:.4}°"),
-        (value, unit) => format!("{} {unit}", short(value)),
-    }
-}
-
-pub(super) fn mm(length_m: f64) -> String {
-    with_unit(length_m, "m")
-}
-
-/// Three decimals, or as many digits.
-pub(super) fn short(value: f64) -> String {
-    if value == 0.0 || (1e-2..1e5).contains(&value.abs()) { format!("{value:.3}") } else { format!("{value:.3e}") }
-}
-
-fn chance(p: f64) -> String {
-    if p < 1e-12 {
-        "< 1e-12".into()
-    } else if p < 0.01 {
-        format!("{p:.0e}")
-    } else {
-        format!("{p:.2}")
     }
 }

@@ -2,7 +2,8 @@
 
 use maud::{Markup, html};
 
-use super::diagnosis::{mm, tables_and_plots};
+use super::diagnosis::tables_and_plots;
+use super::numbers::mm;
 use super::skeleton::skeleton;
 use super::{Closure, LoopReport, PaperFigures, SynthesisFigures, drawing};
 use darm_diagnose::outcome::Verdict;

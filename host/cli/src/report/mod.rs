@@ -7,6 +7,7 @@ mod diagnosis;
 mod drawing;
 mod html;
 mod motion;
+mod numbers;
 mod plots;
 mod residuals;
 mod skeleton;

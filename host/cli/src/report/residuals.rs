@@ -3,7 +3,7 @@
 use darm_diagnose::outcome::{Dependence, Diagnosis, Point, Visit};
 use maud::{Markup, html};
 
-use super::diagnosis::short;
+use super::numbers::short;
 use super::plots;
 
 /// Width and height of a plot of signals.
