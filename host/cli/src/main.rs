@@ -2,6 +2,7 @@
 
 mod commands;
 mod console;
+mod csv_text;
 mod failure;
 mod firmware_image;
 mod interrupt;

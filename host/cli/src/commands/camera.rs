@@ -9,12 +9,13 @@
 //! | `x_m`, `y_m`, `z_m`, `rx_deg`, `ry_deg`, `rz_deg` | the same of any arm, with a rotation vector  |
 //! | `supply_bar`, `temperature_c` ? | supply pressure and temperature of the arm, if measured |
 
-use std::fmt::Write as _;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, Pose2};
 use darm_device::clock::host_now_s;
+
+use crate::csv_text::csv_line;
 
 /// One bar in the unit of the model's supply, Pa.
 pub(crate) const BAR: f64 = 1e5;
@@ -53,22 +54,17 @@ const SPATIAL: [&str; 6] = ["x_m", "y_m", "z_m", "rx_deg", "ry_deg", "rz_deg"];
 
 /// The header of lines for a planar arm or for any arm.
 pub(crate) fn header(planar: bool) -> String {
-    let pose = if planar { PLANAR.join(",") } else { SPATIAL.join(",") };
-    format!("time_s,{pose},supply_bar,temperature_c")
+    let pose: &[&str] = if planar { &PLANAR } else { &SPATIAL };
+    csv_line([&["time_s"], pose, &["supply_bar", "temperature_c"]].concat())
 }
 
 impl Picture {
     /// The line of this picture under [`header`].
     pub(crate) fn line(&self, planar: bool) -> String {
-        let mut line = format!("{:.6}", self.time_s);
-        for number in pose_numbers(&self.pose, planar) {
-            // Writing to a string does not fail.
-            let _ = write!(line, ",{number:.7}");
-        }
-        for value in [self.supply_bar, self.temperature_c] {
-            line += &value.map_or(",".to_owned(), |value| format!(",{value:.4}"));
-        }
-        line
+        let pose = pose_numbers(&self.pose, planar).into_iter().map(|number| format!("{number:.7}"));
+        let conditions = [self.supply_bar, self.temperature_c];
+        let conditions = conditions.map(|value| value.map_or(String::new(), |value| format!("{value:.4}")));
+        csv_line(std::iter::once(format!("{:.6}", self.time_s)).chain(pose).chain(conditions))
     }
 }
 

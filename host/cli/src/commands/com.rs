@@ -7,7 +7,8 @@ use darm_arm::arm::{Arm, ArmScratch};
 use darm_core::real::Vec3;
 use serde::Serialize;
 
-use super::subject::{Posture, Subject, SubjectArgs, csv_line};
+use super::subject::{Posture, Subject, SubjectArgs};
+use crate::csv_text::csv_line;
 use crate::failure::Usage;
 use crate::ui::{Answer, Ui, columns, number};
 

@@ -6,9 +6,8 @@ use darm_diagnose::linearise::torque;
 use darm_robot::robot::{Accelerations, Dynamics as Equation, Motion, Robot};
 use serde::Serialize;
 
-use super::subject::{
-    Coordinate, Effects, FormerWrench, Posture, Subject, SubjectArgs, WrenchArgs, csv_line, frame_of, listed,
-};
+use super::subject::{Coordinate, Effects, FormerWrench, Posture, Subject, SubjectArgs, WrenchArgs, frame_of, listed};
+use crate::csv_text::csv_line;
 use crate::failure::Usage;
 use crate::ui::{Answer, Ui, columns, number};
 

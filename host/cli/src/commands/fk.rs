@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::subject::{PoseReport, Subject, SubjectArgs, csv_line};
+use super::subject::{PoseReport, Subject, SubjectArgs};
+use crate::csv_text::csv_line;
 use crate::ui::{Answer, Ui, columns, number};
 
 const EXAMPLES: &str = "\

@@ -13,7 +13,8 @@ use darm_robot::ik::{Method, Options, Status};
 use darm_robot::robot::{Inverse, Robot, RobotFrame};
 use serde::Serialize;
 
-use super::subject::{Coordinate, PoseReport, SubjectArgs, csv_line, frame_of};
+use super::subject::{Coordinate, PoseReport, SubjectArgs, frame_of};
+use crate::csv_text::csv_line;
 use crate::failure::Usage;
 use crate::ui::{Answer, Ui, columns, number};
 
@@ -141,7 +142,8 @@ impl Ik {
         let frame = frame_of(&robot, self.frame.as_deref())?;
         let targets = match (&self.targets, &self.to) {
             (Some(path), _) => read(path)?,
-            (None, to) => vec![Target::parse(to.as_deref().unwrap_or_default(), &self.orientation)?],
+            (None, Some(to)) => vec![Target::parse(to, &self.orientation)?],
+            (None, None) => unreachable!("clap requires one of the two"),
         };
         let methods = if self.compare { Method::STEPS.to_vec() } else { vec![self.method] };
         if self.all {

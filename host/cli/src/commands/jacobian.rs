@@ -5,7 +5,8 @@ use darm_core::tree::singular::{self, Ellipsoid};
 use darm_robot::robot::Kinematics;
 use serde::Serialize;
 
-use super::subject::{Coordinate, FormerWrench, SubjectArgs, WrenchArgs, csv_line};
+use super::subject::{Coordinate, FormerWrench, SubjectArgs, WrenchArgs};
+use crate::csv_text::csv_line;
 use crate::ui::{Answer, Ui, columns, number};
 
 const EXAMPLES: &str = "\

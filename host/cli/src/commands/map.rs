@@ -1,6 +1,5 @@
 //! `darm map`: density of the reachable frames, and holes.
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -11,6 +10,7 @@ use darm_arm::reach::map::{Map as Density, Place, Resolution, holes};
 use serde::Serialize;
 
 use super::path::servos_rad;
+use crate::csv_text::csv_text;
 use crate::failure::Usage;
 use crate::ui::{Answer, Ui};
 
@@ -135,13 +135,13 @@ impl Map {
             write(path, &density::svg(&spots, axes, resolution.cell_m))?;
         }
         if let Some(path) = &self.csv {
-            let mut text = "x_m,y_m,z_m,words,orientations\n".to_owned();
-            for (place, spot) in &spots {
-                let [x, y, z] = at(place);
+            let head = ["x_m", "y_m", "z_m", "words", "orientations"].map(str::to_owned);
+            let rows = spots.iter().map(|(place, spot)| {
+                let [x, y, z] = at(place).map(|number| format!("{number:.6}"));
                 let orientations = spot.orientations.map_or_else(String::new, |count| count.to_string());
-                writeln!(text, "{x:.6},{y:.6},{z:.6},{},{orientations}", spot.words)?;
-            }
-            write(path, &text)?;
+                [x, y, z, spot.words.to_string(), orientations]
+            });
+            write(path, &csv_text(std::iter::once(head).chain(rows)))?;
         }
         ui.print(&Reached {
             words: map.words(),

@@ -18,8 +18,8 @@ use darm_diagnose::measurement::{Finding, FindingKind, Run, check};
 use serde::Serialize;
 
 use super::play::{End, ProgramMonitor};
-use super::table_file::TableFile;
-use super::visits::{Visits, visits_file};
+use super::table_file::{TableFile, visits_file};
+use super::visits::Visits;
 use crate::failure::{SafeState, Unfinished};
 use crate::port::{PortArgs, emulated_camera};
 use crate::ui::{Answer, Ui};

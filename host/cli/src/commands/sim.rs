@@ -249,8 +249,10 @@ fn claim(folder: &Path) -> anyhow::Result<UnixListener> {
 /// From now on Ctrl-C and SIGTERM arrive here.
 fn interrupts() -> anyhow::Result<Receiver<()>> {
     let (interrupted, interrupt) = channel();
-    // The receiver is gone once the board has ended.
-    let handler = move || interrupted.send(()).unwrap_or_default();
+    let handler = move || {
+        // The receiver is gone once the board has ended.
+        let _ = interrupted.send(());
+    };
     ctrlc::set_handler(handler).context("cannot wait for Ctrl-C")?;
     Ok(interrupt)
 }

@@ -14,8 +14,8 @@ use darm_core::units::{DeviceId, Word};
 use darm_diagnose::measurement_plan;
 use serde::Serialize;
 
-use super::table_file;
-use super::visits::{Rest, Visits, visits_file};
+use super::table_file::{self, visits_file};
+use super::visits::{Rest, Visits};
 use crate::failure::Usage;
 use crate::output_file;
 use crate::port::PortArgs;
@@ -254,7 +254,7 @@ fn default_dwell_s(arm: &Arm, profile: &BoardProfile) -> f64 {
 fn visits_of(arm: &Arm, planned: &[PlannedVisit], plan: &Plan) -> Visits {
     let mut previous = arm.rest();
     let rests = planned.iter().zip(&plan.windows).map(|(planned, &(from, to))| {
-        let row = plan.rows.iter().rposition(|row| row.at < from).unwrap_or_default();
+        let row = plan.rows.iter().rposition(|row| row.at < from).expect("the arm comes to rest after a row");
         let rest = Rest {
             label: planned.visit.label.clone(),
             from_s: from.0 as f64 * 1e-6,

@@ -15,14 +15,17 @@ use darm_core::table::{Board, Checker, Record, TableError, wiring};
 use darm_core::units::{DeviceId, Digest, Micros, ModelHash, ShortDigest};
 use darm_core::wire::frame::CRC;
 
-use super::visits::visits_file;
-
 /// First bytes of a file of this version.
 const HEAD: &[u8] = b"darm table 2\n";
 /// First bytes of a file of any version.
 pub(crate) const KIND: &[u8] = b"darm table ";
 const DIGEST: usize = 32;
 const CHECK: usize = 4;
+
+/// The visit file of a table file: `a.darm` has `a.visits.csv`.
+pub(crate) fn visits_file(table: &Path) -> PathBuf {
+    table.with_extension("visits.csv")
+}
 
 /// Parses a digest in hexadecimal digits.
 pub(crate) fn digest(text: &str) -> Option<Digest> {
@@ -195,7 +198,7 @@ impl TableFile {
         let records = records(image)
             .map_err(|offset| TableFileError::Bytes { path: path.into(), offset: HEAD.len() + DIGEST + offset })
             .and_then(|records| check(path, records))?;
-        let Start { model, device, profile } = start(&records);
+        let Start { model, device, profile } = start(&records).expect("the checker refuses a table without a start");
         let image = UploadImage::table(&records, model);
         let found = image.image().digest;
         if found != named {
@@ -253,7 +256,7 @@ impl TableFile {
     /// Duration of the program.
     pub(crate) fn end(&self) -> Micros {
         let end = |record: &Record| if let Record::End { at } = record { Some(*at) } else { None };
-        self.records.iter().find_map(end).unwrap_or_default()
+        self.records.iter().find_map(end).expect("the checker refuses a table without an end")
     }
 }
 
@@ -283,7 +286,8 @@ fn unpack<'b>(bytes: &'b [u8], path: &Path) -> Result<(Digest, &'b [u8]), TableF
 fn check(path: &Path, records: Vec<Record>) -> Result<Vec<Record>, TableFileError> {
     let refused = |source| TableFileError::Refused { path: path.into(), source };
     let wiring = wiring(&records).map_err(refused)?;
-    let profile = Profile { digest: start(&records).profile, ..Profile::of(&wiring) };
+    let digest = start(&records).map(|start| start.profile).unwrap_or_default();
+    let profile = Profile { digest, ..Profile::of(&wiring) };
     let board = Board { device: None, profile: &profile };
     let mut checker = Checker::default();
     records.iter().try_for_each(|record| checker.admit(record, &board)).map_err(refused)?;
@@ -298,22 +302,20 @@ fn rows(records: &[Record]) -> usize {
 }
 
 /// Contents of the first record.
-#[derive(Default)]
 struct Start {
     model: ModelHash,
     device: Option<DeviceId>,
     profile: Digest,
 }
 
-fn start(records: &[Record]) -> Start {
+fn start(records: &[Record]) -> Option<Start> {
     let start = |record: &Record| match record {
         Record::Start { model, device, profile, .. } => {
             Some(Start { model: *model, device: *device, profile: *profile })
         }
         _ => None,
     };
-    // The checker refuses records without a start.
-    records.iter().find_map(start).unwrap_or_default()
+    records.iter().find_map(start)
 }
 
 #[cfg(test)]

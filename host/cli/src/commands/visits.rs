@@ -22,6 +22,7 @@ use std::path::{Path, PathBuf};
 use darm_core::units::{Digest, ModelHash, Word};
 
 use super::table_file::digest;
+use crate::csv_text::csv_text;
 
 /// One rest of a program.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,33 +87,35 @@ const MODEL: &str = "# model ";
 const TABLE: &str = "# table ";
 const GEOMETRY: &str = "# geometry ";
 
-/// The visit file of a table file: `a.darm` has `a.visits.csv`.
-pub(crate) fn visits_file(table: &Path) -> PathBuf {
-    table.with_extension("visits.csv")
+impl Rest {
+    /// The cells of its line.
+    fn cells(&self, visit: usize) -> Vec<String> {
+        let mut cells = vec![
+            visit.to_string(),
+            self.label.replace([',', '"', '\n', '#'], " "),
+            format!("{:.6}", self.from_s),
+            format!("{:.6}", self.to_s),
+            self.row.to_string(),
+            self.word.to_string(),
+            self.previous.to_string(),
+        ];
+        cells.extend(self.servos_rad.iter().map(|angle| format!("{:.4}", angle.to_degrees())));
+        cells.push(u8::from(self.held_out).to_string());
+        cells
+    }
 }
 
 impl Visits {
     /// The text of the file.
     pub(crate) fn to_text(&self) -> String {
         let n_servos = self.rests.first().map_or(0, |rest| rest.servos_rad.len());
-        let servos: String = (1..=n_servos).map(|number| format!("servo{number}_deg,")).collect();
+        let columns = HEADER.split_terminator(',').chain(["row", "word", "previous"]).map(str::to_owned);
+        let servos = (1..=n_servos).map(|number| format!("servo{number}_deg"));
+        let header: Vec<String> = columns.chain(servos).chain(["held_out".to_owned()]).collect();
+        let rows = self.rests.iter().enumerate().map(|(visit, rest)| rest.cells(visit));
         let Self { model, table, geometry, .. } = self;
-        let mut text = format!("{MODEL}{model}\n{TABLE}{table}\n{GEOMETRY}{geometry}\n");
-        text += &format!("{HEADER}row,word,previous,{servos}held_out\n");
-        for (visit, rest) in self.rests.iter().enumerate() {
-            let servos: String = rest.servos_rad.iter().map(|angle| format!("{:.4},", angle.to_degrees())).collect();
-            text += &format!(
-                "{visit},{},{:.6},{:.6},{},{},{},{servos}{}\n",
-                rest.label.replace([',', '"', '\n', '#'], " "),
-                rest.from_s,
-                rest.to_s,
-                rest.row,
-                rest.word,
-                rest.previous,
-                u8::from(rest.held_out)
-            );
-        }
-        text
+        let comments = format!("{MODEL}{model}\n{TABLE}{table}\n{GEOMETRY}{geometry}\n");
+        comments + &csv_text(std::iter::once(header).chain(rows))
     }
 
     /// Reads the file.

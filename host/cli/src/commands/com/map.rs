@@ -14,7 +14,7 @@ use darm_robot::robot::Robot;
 use darm_robot::urdf::{self, Locks};
 use serde::Serialize;
 
-use super::super::subject::csv_line;
+use crate::csv_text::csv_text;
 use crate::ui::{Answer, Ui, number};
 
 const EXAMPLES: &str = "\
@@ -133,14 +133,14 @@ fn write(path: &Path, text: &str) -> anyhow::Result<()> {
 fn motion_csv(robot: &Robot, mapped: &Mapped) -> String {
     let head = ["t_s", "px_m", "py_m", "pz_m", "qx", "qy", "qz", "qw"].map(str::to_owned).into_iter();
     let joints = robot.joints.iter().map(|joint| format!("{}_rad", joint.name));
-    let mut lines = vec![csv_line(head.chain(joints))];
+    let mut rows: Vec<Vec<String>> = vec![head.chain(joints).collect()];
     for (time, posture) in mapped.time_s.iter().zip(&mapped.trajectory.postures) {
         let turn = nalgebra::UnitQuaternion::from_matrix(&posture.base.rotation);
         let place = posture.base.position;
         let base = [*time, place.x, place.y, place.z, turn.i, turn.j, turn.k, turn.w];
-        lines.push(csv_line(base.iter().chain(&posture.q).map(|number| format!("{number:.9}"))));
+        rows.push(base.iter().chain(&posture.q).map(|number| format!("{number:.9}")).collect());
     }
-    lines.join("\n") + "\n"
+    csv_text(rows)
 }
 
 impl Summary {

@@ -325,13 +325,6 @@ fn wrench(text: &str, option: &str) -> Result<Wrench<f64>, Usage> {
     }
 }
 
-/// A line of comma-separated values; a cell with a comma is quoted.
-pub(crate) fn csv_line(cells: impl IntoIterator<Item = String>) -> String {
-    let quoted =
-        |cell: String| if cell.contains([',', '"']) { format!("\"{}\"", cell.replace('"', "\"\"")) } else { cell };
-    cells.into_iter().map(quoted).collect::<Vec<_>>().join(",")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
