@@ -159,7 +159,7 @@ impl Record {
         let table = TableFile::read(&self.table)?;
         table.check_visits(visits.table)?;
         let arm = self.arm.as_deref().map(Arm::read).transpose()?;
-        let (output, earlier) = self.open_output()?;
+        let (mut output, earlier) = self.open_output()?;
         let camera = self.camera.clone().or_else(emulated_camera).ok_or(RecordError::NoCamera)?;
         let port = self.port.name()?;
         let (link, handle) = port::open(&port)?;
@@ -168,10 +168,12 @@ impl Record {
         let camera = Camera::open(&camera)?;
         let interrupt = interrupt::InterruptHandler::start(&port, handle)?;
         let over = earlier.is_some() && !is_running(&mut client)?;
-        let mut recording = match earlier {
-            None => self.start(&visits, client, interrupt.clone(), camera, output, ui)?,
-            Some(earlier) => self.resume_program(&visits, client, interrupt.clone(), camera, output, earlier, ui)?,
+        let (tracker, monitor) = match earlier {
+            None => start(&visits, &mut client, &interrupt)?,
+            Some(earlier) => self.resume_program(&visits, &mut client, &mut output, earlier)?,
         };
+        let program = Program::new(client, monitor, interrupt.clone(), reconnect_timeout(&visits), ui);
+        let mut recording = Recording::new(tracker, program, camera, output, self.run);
         let bar = ui.progress_bar("recording", visits.rests.len() as u64, "visits");
         let end = recording.until_the_end(|visit| bar.set_position(visit as u64));
         bar.finish_and_clear();
@@ -188,39 +190,14 @@ impl Record {
         Ok((Output::create(&self.output)?, None))
     }
 
-    /// Starts the program.
-    fn start<'a>(
-        &self,
-        visits: &'a Visits,
-        mut client: Client,
-        interrupt: interrupt::InterruptHandler,
-        camera: Camera,
-        output: Output,
-        ui: Ui,
-    ) -> anyhow::Result<Recording<'a>> {
-        client.set_clock(ROUND_TRIPS)?;
-        let hello = client.say_hello()?;
-        if hello.table != Some(visits.table) {
-            return Err(RecordError::Replaced.into());
-        }
-        let monitor = ProgramMonitor::new(hello.next_event);
-        interrupt.play(&mut client)?;
-        let program = Program::new(client, monitor, interrupt, reconnect_timeout(visits), ui);
-        Ok(Recording::new(visits, VisitTracker::new(visits), program, camera, output, self.run))
-    }
-
-    /// Follows the program that an earlier recording started.
-    #[allow(clippy::too_many_arguments, reason = "all that a recording consists of")]
+    /// Follows the program that an earlier recording started, and appends to its file.
     fn resume_program<'a>(
         &self,
         visits: &'a Visits,
-        mut client: Client,
-        interrupt: interrupt::InterruptHandler,
-        camera: Camera,
-        mut output: Output,
+        client: &mut Client,
+        output: &mut Output,
         earlier: Earlier,
-        ui: Ui,
-    ) -> anyhow::Result<Recording<'a>> {
+    ) -> anyhow::Result<(VisitTracker<'a>, ProgramMonitor)> {
         let connected = client.identity().device.to_string();
         if earlier.device != connected {
             let (path, recorded) = (self.output.clone(), earlier.device);
@@ -237,8 +214,7 @@ impl Record {
         let tracker = VisitTracker::resume(visits, earlier.start_s, earlier.next(self.run));
         let monitor = ProgramMonitor::resume(earlier.start_s);
         output.begin_after(earlier)?;
-        let program = Program::new(client, monitor, interrupt, reconnect_timeout(visits), ui);
-        Ok(Recording::new(visits, tracker, program, camera, output, self.run))
+        Ok((tracker, monitor))
     }
 
     /// Finishes the file and prints the result.
@@ -252,9 +228,9 @@ impl Record {
     ) -> anyhow::Result<()> {
         let not_recovered = recording.not_recovered();
         let lost_connections = std::mem::take(&mut recording.program.lost_connections);
-        let Recording { visits, program, camera, .. } = &recording;
+        let Recording { tracker, program, camera, .. } = &recording;
         let (rate, clock) = (program.client.clock().rate(), program.client.clock().offset());
-        let (visits, pictures, lost_s) = (visits.rests.len(), camera.count(), program.client.clock().lost_s());
+        let (visits, pictures, lost_s) = (tracker.visits.rests.len(), camera.count(), program.client.clock().lost_s());
         let lines = clock_lines(&program.client);
         if recording.tracker.start_s.is_some() {
             recording.output.note(&lines)?;
@@ -296,6 +272,22 @@ impl Record {
             End::Finished | End::Stopped => unfinished.map_or(Ok(()), |unfinished| Err(unfinished.into())),
         }
     }
+}
+
+/// Starts the program.
+fn start<'a>(
+    visits: &'a Visits,
+    client: &mut Client,
+    interrupt: &interrupt::InterruptHandler,
+) -> anyhow::Result<(VisitTracker<'a>, ProgramMonitor)> {
+    client.set_clock(ROUND_TRIPS)?;
+    let hello = client.say_hello()?;
+    if hello.table != Some(visits.table) {
+        return Err(RecordError::Replaced.into());
+    }
+    let monitor = ProgramMonitor::new(hello.next_event);
+    interrupt.play(client)?;
+    Ok((VisitTracker::new(visits), monitor))
 }
 
 /// Whether the board is running its program.

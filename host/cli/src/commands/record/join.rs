@@ -32,7 +32,7 @@ fn between<'p>(pictures: &'p [Picture], span: &Span) -> &'p [Picture] {
 
 fn sample(rest: &Rest, visit: usize, seen: &[Picture]) -> Sample {
     Sample {
-        time_s: mean(seen.iter().map(|picture| picture.time_s)).unwrap_or_default(),
+        time_s: mean(seen.iter().map(|picture| picture.time_s)).expect("a sample has a picture"),
         word: rest.word,
         previous: Some(rest.previous),
         servos_rad: rest.servos_rad.clone(),
@@ -47,7 +47,7 @@ fn sample(rest: &Rest, visit: usize, seen: &[Picture]) -> Sample {
 
 /// The mean of poses that are close together: of their twists from the first.
 fn mean_pose(seen: &[Picture]) -> Pose<f64> {
-    let Some(first) = seen.first() else { return Pose::identity() };
+    let first = seen.first().expect("a sample has a picture");
     let twists = seen.iter().map(|picture| first.pose.to(&picture.pose).log());
     let count = seen.len() as f64;
     let sum = twists.fold(Twist { angular: Vec3::zeros(), linear: Vec3::zeros() }, |sum, twist| Twist {

@@ -19,7 +19,6 @@ const CAMERA_DELAY_S: f64 = 2.0;
 
 /// A running recording.
 pub(crate) struct Recording<'a> {
-    pub(crate) visits: &'a Visits,
     pub(crate) tracker: VisitTracker<'a>,
     pub(crate) program: Program,
     pub(crate) camera: Camera,
@@ -37,18 +36,11 @@ pub(crate) struct Recording<'a> {
 
 impl<'a> Recording<'a> {
     /// A recording of a program that starts now, or started at the tracker's start.
-    pub(crate) fn new(
-        visits: &'a Visits,
-        tracker: VisitTracker<'a>,
-        program: Program,
-        camera: Camera,
-        output: Output,
-        run: u32,
-    ) -> Self {
+    pub(crate) fn new(tracker: VisitTracker<'a>, program: Program, camera: Camera, output: Output, run: u32) -> Self {
         let resumed = tracker.start_s.is_some();
         let at_end = resumed && camera.is_file();
         let waiting = VecDeque::new();
-        Self { visits, tracker, program, camera, output, run, waiting, at_end, begun: resumed, camera_error: None }
+        Self { tracker, program, camera, output, run, waiting, at_end, begun: resumed, camera_error: None }
     }
 
     /// Follows the program to its end, or until the user has interrupted it, and writes each visit when its measurements
@@ -96,7 +88,7 @@ impl<'a> Recording<'a> {
         let client = &self.program.client;
         let about = format!(
             "{}{}# program_start_s {start_s:.6}\n{}",
-            table_lines(self.visits),
+            table_lines(self.tracker.visits),
             board_lines(client),
             clock_lines(client)
         );
@@ -131,7 +123,7 @@ impl<'a> Recording<'a> {
     }
 
     fn sample(&self, visit: usize, span: &Span) -> Option<Sample> {
-        let (rest, start_s) = (self.visits.rests.get(visit)?, self.tracker.start_s?);
+        let (rest, start_s) = (self.tracker.visits.rests.get(visit)?, self.tracker.start_s?);
         let sample = join(rest, visit, span, self.camera.pictures())?;
         Some(Sample { run: self.run, time_s: start_s + sample.time_s, ..sample })
     }

@@ -18,7 +18,8 @@ const TICK_S: f64 = 2e-3;
 
 /// A program that is followed.
 pub(crate) struct VisitTracker<'a> {
-    visits: &'a Visits,
+    /// All visits of the program.
+    pub(crate) visits: &'a Visits,
     /// Time of row 0 on the board's clock.
     pub(crate) start_s: Option<f64>,
     /// The first visit that has not ended.
