@@ -1,23 +1,24 @@
 //! `darm profile`: wiring of a board, and the limits that no table can exceed.
 
+mod answers;
+
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use darm_arm::arm::{Arm, Servo};
-use darm_arm::board_profile::{BoardProfile, longest_on_s};
+use darm_arm::board_profile::BoardProfile;
 use darm_arm::migrate;
 use darm_arm::wired_arm::WiredArm;
-use darm_core::output::CoilLimit;
 use darm_core::profile::Servo as ProfileServo;
 use darm_core::units::Digest;
-use darm_core::wire::message::{OutputState, Refusal};
+use darm_core::wire::message::Refusal;
 use darm_device::client::{Client, ClientError};
 use darm_robot::source::path_between;
-use serde::Serialize;
 
 use crate::output_file;
 use crate::port::PortArgs;
-use crate::ui::{Answer, Ui, columns};
+use crate::ui::Ui;
+use answers::{Checked, LimitReport, Made, OutputReport, Shown};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -126,152 +127,6 @@ enum ProfileCommandError {
     NoRestart,
     #[error("{} names no profile; give PROFILE.toml, or add `profile = \"PROFILE.toml\"` to the arm file", .0.display())]
     NoProfile(PathBuf),
-}
-
-#[derive(Serialize)]
-struct Made {
-    file: Option<PathBuf>,
-    name: String,
-    digest: String,
-    outputs: usize,
-    servos: usize,
-    #[serde(skip)]
-    done: &'static str,
-}
-
-impl Made {
-    fn new(profile: &BoardProfile, file: Option<&Path>, done: &'static str) -> Self {
-        Self {
-            file: file.map(Path::to_owned),
-            name: profile.name.clone(),
-            digest: profile.profile.digest.to_string(),
-            outputs: profile.profile.outputs.iter().flatten().count(),
-            servos: profile.profile.servos.len(),
-            done,
-        }
-    }
-}
-
-impl Answer for Made {
-    fn text(&self) -> String {
-        let file = self.file.as_ref().map_or(String::new(), |file| format!(" in {}", file.display()));
-        let short = self.digest.get(..16).unwrap_or(&self.digest);
-        let (outputs, servos) = (counted(self.outputs, "output"), counted(self.servos, "servo"));
-        format!("profile \"{}\" {short}: {outputs}, {servos}; {}{file}", self.name, self.done)
-    }
-}
-
-fn counted(count: usize, what: &str) -> String {
-    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
-}
-
-/// Result of a check.
-#[derive(Serialize)]
-struct Checked {
-    #[serde(flatten)]
-    made: Made,
-    /// Limits in force for each output, after derating.
-    limits: Vec<LimitReport>,
-    warnings: Vec<String>,
-}
-
-#[derive(Serialize)]
-struct LimitReport {
-    output: u8,
-    max_on_s: f64,
-    duty_percent: u8,
-    window_s: f64,
-    /// Longest on-time that all three allow.
-    longest_on_s: f64,
-}
-
-impl LimitReport {
-    fn all(profile: &BoardProfile) -> Vec<Self> {
-        let outputs = (0..).zip(&profile.profile.outputs);
-        let report = |(output, limit): (u8, CoilLimit)| Self {
-            output,
-            max_on_s: 1e-3 * f64::from(limit.max_on_ms),
-            duty_percent: limit.duty_percent,
-            window_s: 1e-3 * f64::from(limit.window_ms),
-            longest_on_s: longest_on_s(&limit),
-        };
-        outputs.filter_map(|(number, output)| Some((number, output.as_ref()?.limit))).map(report).collect()
-    }
-}
-
-impl Answer for Checked {
-    fn text(&self) -> String {
-        let path = self.made.file.as_deref().unwrap_or(Path::new("the profile"));
-        let made =
-            Made { file: None, done: "", name: self.made.name.clone(), digest: self.made.digest.clone(), ..self.made };
-        let head = format!("{} is valid: {}", path.display(), made.text().trim_end_matches("; "));
-        let titles = ["output", "max on-time", "duty", "window", "effective max on-time"].map(str::to_owned).to_vec();
-        let row = |limit: &LimitReport| {
-            vec![
-                limit.output.to_string(),
-                format!("{:.3} s", limit.max_on_s),
-                format!("{} %", limit.duty_percent),
-                format!("{:.3} s", limit.window_s),
-                format!("{:.3} s", limit.longest_on_s),
-            ]
-        };
-        let rows: Vec<_> = std::iter::once(titles).chain(self.limits.iter().map(row)).collect();
-        format!("{head}\n\nlimits in force, after derating:\n{}", columns(&rows))
-    }
-}
-
-#[derive(Serialize)]
-struct Shown {
-    profile: String,
-    built_in: bool,
-    outputs: Vec<OutputReport>,
-}
-
-#[derive(Serialize)]
-struct OutputReport {
-    output: u8,
-    max_on_s: f64,
-    duty_percent: u8,
-    window_s: f64,
-    left_s: f64,
-    recovery_s: f64,
-}
-
-impl From<&OutputState> for OutputReport {
-    fn from(state: &OutputState) -> Self {
-        let seconds = |ms: u32| f64::from(ms) / 1000.0;
-        Self {
-            output: state.output,
-            max_on_s: seconds(state.limit.max_on_ms),
-            duty_percent: state.limit.duty_percent,
-            window_s: seconds(state.limit.window_ms),
-            left_s: seconds(state.left_ms),
-            recovery_s: seconds(state.recovery_ms),
-        }
-    }
-}
-
-impl Answer for Shown {
-    fn text(&self) -> String {
-        let head = match self.built_in {
-            true => "the board has no profile: the built-in limits are in force, servos are off".to_owned(),
-            false => format!("profile {}", self.profile.get(..16).unwrap_or(&self.profile)),
-        };
-        let titles =
-            ["output", "max on-time", "duty", "window", "left now", "recovered in"].map(str::to_owned).to_vec();
-        let row = |output: &OutputReport| {
-            vec![
-                output.output.to_string(),
-                format!("{:.1} s", output.max_on_s),
-                format!("{} %", output.duty_percent),
-                format!("{:.1} s", output.window_s),
-                format!("{:.1} s", output.left_s),
-                format!("{:.0} s", output.recovery_s),
-            ]
-        };
-        let rows: Vec<_> = std::iter::once(titles).chain(self.outputs.iter().map(row)).collect();
-        format!("{head}\n\n{}", columns(&rows))
-    }
 }
 
 impl Command {
