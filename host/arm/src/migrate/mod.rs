@@ -26,6 +26,7 @@ use darm_robot::source::{Source, path_between};
 
 /// The format that is read here.
 const FORMAT: u32 = 1;
+
 /// An arm file of format 1, in two.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Migrated {
