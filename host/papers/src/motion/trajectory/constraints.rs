@@ -16,6 +16,7 @@ const CORRECTIONS: usize = 40;
 /// Singular values below this share of the largest constrain nothing more; its square is a share of eigenvalues, which
 /// rounding must not reach.
 const REDUNDANT: f64 = 1e-6;
+
 /// Constraints of a frame and their Jacobian.
 pub(super) fn hard(problem: &Problem<'_>, placed: &Placed, frame: usize) -> (DVector<f64>, DMatrix<f64>) {
     let wide = 6 + problem.robot.joints.len();

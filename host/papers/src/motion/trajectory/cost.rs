@@ -10,6 +10,7 @@ use crate::motion::placed::Placed;
 
 /// The height of the centre of mass above a chair is followed to this, m.
 const SEATED_M: f64 = 0.002;
+
 /// Residuals and normal equations of the markers of a frame.
 pub(super) struct Soft {
     pub(super) matrix: DMatrix<f64>,
