@@ -106,7 +106,7 @@ impl TryFrom<f64> for Number {
     }
 }
 
-/// The path by which the file at `from` names the file at `to`: the inverse of [`Source::beside`].
+/// The path by which the file at `from` names the file at `to`: the inverse of [`Source::companion`].
 pub fn path_between(from: &Path, to: &Path) -> PathBuf {
     let real = |path: &Path| path.canonicalize().or_else(|_| std::path::absolute(path)).unwrap_or(path.into());
     let folder = from.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
