@@ -7,6 +7,7 @@
 //! | `gpio`     | outputs of the solenoid chain, limit switches                     |
 //! | `uart`     | two USARTs with queues filled and emptied by interrupts           |
 //! | `time`     | SysTick as the clock of all tasks                                 |
+//! | `systick`  | the handler of SysTick: counts time, requests the control tick    |
 //! | `flash`    | bank 2 as NOR flash; a file of the host in QEMU                   |
 //! | `watchdog` | resets the chip when the control tick, or a task it looks after, stops |
 //! | `crash`    | panic and fault: outputs off, a record for the next boot, reset   |
@@ -25,6 +26,7 @@ mod mask;
 pub mod measure;
 pub mod pins;
 pub mod restart;
+mod systick;
 pub mod tasks;
 pub mod time;
 pub mod uart;

@@ -1,13 +1,12 @@
 //! Time since start from SysTick, as the embassy-time driver: microseconds, alarms every [`TICK_US`].
 //!
-//! SysTick is the only timer that QEMU's machine has. All state is atomic or behind the critical section;
-//! the handler masks interrupts only to walk the short list of sleeping tasks.
+//! SysTick is the only timer that QEMU's machine has; its handler is in `systick`. All state is atomic or behind the critical
+//! section, which is entered only to walk the short list of sleeping tasks.
 use core::cell::RefCell;
 use core::sync::atomic::{AtomicU32, Ordering};
 use core::task::Waker;
 
 use cortex_m::peripheral::{SCB, SYST};
-use cortex_m_rt::exception;
 use critical_section::Mutex;
 use darm_core::units::Micros;
 use embassy_time::{Instant, Timer};
@@ -16,7 +15,6 @@ use embassy_time_queue_utils::Queue;
 
 use super::clocks::HCLK_HZ;
 use crate::clock::Clock;
-use crate::control::TICK;
 
 /// Grain of alarms; a divisor of the control tick.
 pub const TICK_US: u32 = 500;
@@ -137,25 +135,29 @@ pub(super) fn cycles() -> u32 {
     ticks.wrapping_mul(RELOAD).wrapping_add(RELOAD - 1 - left)
 }
 
-#[exception]
-fn SysTick() {
+/// Counts a tick of the SysTick. Only its handler calls this.
+#[inline(always)]
+pub(super) fn count_tick() {
     if TIME.ticks.fetch_add(1, Ordering::AcqRel) == u32::MAX {
         TIME.wraps.fetch_add(1, Ordering::AcqRel);
     }
-    #[cfg(feature = "bench")]
-    let began = cycles();
-    let now = TIME.ticks() * u64::from(TICK_US);
-    if now.is_multiple_of(TICK.0) {
-        super::tasks::request_tick(Micros(now));
-    }
+}
+
+/// Time at the last counted tick, µs.
+#[inline(always)]
+pub(super) fn last_tick_us() -> u64 {
+    TIME.ticks() * u64::from(TICK_US)
+}
+
+/// Wakes the tasks that wait until then or earlier.
+#[inline(always)]
+pub(super) fn wake_sleeping(now_us: u64) {
     critical_section::with(|cs| {
         let Ok(mut sleeping) = TIME.sleeping.borrow(cs).try_borrow_mut() else { return };
-        if now >= sleeping.next_us {
-            sleeping.next_us = sleeping.queue.next_expiration(now);
+        if now_us >= sleeping.next_us {
+            sleeping.next_us = sleeping.queue.next_expiration(now_us);
         }
     });
-    #[cfg(feature = "bench")]
-    super::measure::end_handler(began);
 }
 
 defmt::timestamp!("{=u64:us}", now_us());
