@@ -11,8 +11,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::case::Class;
-use super::channels::{Bench, SWING_RAD, middle};
-use super::sets::Elsewhere;
+use super::signals::{Bench, Elsewhere, SWING_RAD, middle};
 
 /// Held postures, and rows of each.
 const POSTURES: usize = 64;

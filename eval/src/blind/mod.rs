@@ -5,13 +5,14 @@
 mod arms;
 mod baseline;
 mod case;
-mod channels;
 mod floating;
 mod judge;
 mod mechanisms;
+mod robots;
 mod rules;
 mod serial;
 mod sets;
+mod signals;
 mod table;
 
 use anyhow::Result;
@@ -25,9 +26,10 @@ use serde::{Deserialize, Serialize};
 
 use arms::Subject;
 use case::Class;
-use channels::{Robots, Which};
+
 use judge::Mark;
 pub(crate) use mechanisms::Mechanisms;
+use robots::{Robots, Which};
 
 /// Diagnoses arms with hidden effects, seed by seed; prints rates with their intervals beside baselines
 #[derive(clap::Args)]

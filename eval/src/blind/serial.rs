@@ -16,8 +16,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::case::Class;
-use super::channels::{Bench, PERIODIC, SWING_RAD, middle};
-use super::sets::Elsewhere;
+use super::signals::{Bench, Elsewhere, PERIODIC, SWING_RAD, middle};
 
 /// Rows a second, and how long the arm moves.
 const RATE_HZ: f64 = 20.0;

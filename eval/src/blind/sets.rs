@@ -5,19 +5,12 @@ use darm_diagnose::measurement::root_mean_square;
 use darm_diagnose::outcome::Diagnosis;
 use nalgebra::{DMatrix, DVector};
 
-use super::channels::{Added, Bench, joint_of, law_of};
+use super::signals::{Added, Bench, joint_of, law_of};
 
 /// Members of a set are alike where what they add differs by no more than this share of the noise, root mean square.
 const SAME: f64 = 0.5;
 /// Directions of a law's values with less than this share of the largest are not told.
 const MIN_SHARE: f64 = 1e-9;
-
-/// What laws add.
-pub(super) trait Elsewhere {
-    /// A law's columns, one a value: rows × axes of the run, or of other conditions that were drawn; `None` where that is not
-    /// known.
-    fn columns(&self, law: &str, place: &str, elsewhere: bool) -> Result<Option<DMatrix<f64>>>;
-}
 
 /// Whether all that is named is there, and of the rest each stands in a set of its own whose members are alike elsewhere.
 pub(super) fn are_right(bench: &Bench, named: &[(&str, &str)], diagnosis: &Diagnosis) -> Result<bool> {

@@ -1,0 +1,104 @@
+//! Robots that are measured by signals: drawn, measured, diagnosed and marked.
+
+use anyhow::Result;
+use darm_diagnose::diagnosis::{SignalOptions, diagnose_table};
+use darm_diagnose::linearise::model::{Model, What};
+use darm_diagnose::outcome::{Diagnosis, Verdict};
+use darm_diagnose::prepare::signals::Preparation;
+use darm_robot::robot::Robot;
+use darm_robot::urdf::{self, Locks};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use xtask::setup;
+
+use super::case::Class;
+use super::floating::floating;
+use super::judge::{Mark, right};
+use super::serial::serial;
+use super::sets;
+use super::signals::{Bench, PERIODIC, joint_of, law_of};
+
+/// A robot that is measured by signals.
+pub(super) struct Robots {
+    serial: Robot,
+    floating: Robot,
+}
+
+/// Which of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Which {
+    Serial,
+    Floating,
+}
+
+impl Robots {
+    pub(super) fn read() -> Result<Self> {
+        let read = |name: &str| urdf::read(&setup::root().join("tests/data/measured").join(name), &Locks::new());
+        Ok(Self { serial: read("tx40.urdf")?, floating: Robot { floating: true, ..read("human.urdf")? } })
+    }
+
+    /// Draws, measures, diagnoses and marks one seed; the truth in words.
+    pub(super) fn run(&self, which: Which, class: Class, seed: u64) -> Result<(Mark, String)> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xc4a1_0000);
+        let (what, mut bench) = match which {
+            Which::Serial => (What::Torque(self.serial.clone(), None), serial(&self.serial, class, &mut rng)?),
+            Which::Floating => (What::Wrench(self.floating.clone()), floating(&self.floating, class, &mut rng)?),
+        };
+        let model = Model::from(what);
+        bench.spoil(&mut rng);
+        let table = bench.table()?;
+        let within = if which == Which::Floating { vec!["posture".to_string()] } else { Vec::new() };
+        let preparation = Preparation { within, ..Preparation::default() };
+        let diagnosis =
+            diagnose_table(&model, &table, &SignalOptions { preparation, always: Vec::new(), seed })?.diagnosis;
+        Ok((mark(&bench, class, &diagnosis)?, bench.truth()))
+    }
+}
+
+/// Whether the answer is right, by the rules of [`rules`](super::rules).
+fn mark(bench: &Bench, class: Class, diagnosis: &Diagnosis) -> Result<Mark> {
+    let mut mark = Mark { ratio: ratio(bench, diagnosis), answer: answer(diagnosis), ..Mark::default() };
+    let mut named: Vec<(&str, &str)> =
+        diagnosis.effects.iter().map(|e| (law_of(e.law.as_str()), joint_of(&e.site.code))).collect();
+    named.sort_unstable();
+    named.dedup_by(|a, b| a == b && a.0 == PERIODIC);
+    let truth: Vec<(&str, &str)> = bench.added.iter().map(|added| (added.law, added.place.as_str())).collect();
+    match class {
+        Class::Clean => mark.named = diagnosis.verdict == Verdict::NoEffect,
+        Class::Outside => {
+            mark.named = diagnosis.verdict == Verdict::UnexplainedStructure && diagnosis.effects.is_empty();
+            let first = diagnosis.remaining.depends_on.first();
+            mark.variable = mark.named && first.is_some_and(|term| term.to_string().contains(&bench.added[0].variable));
+        }
+        Class::One | Class::Two => {
+            (mark.named, mark.placed) = match diagnosis.verdict {
+                Verdict::EffectFound => right(&truth, &named),
+                Verdict::NotIdentifiable => {
+                    let are_sets = sets::are_right(bench, &named, diagnosis)?;
+                    (are_sets, are_sets)
+                }
+                _ => (false, false),
+            };
+        }
+    }
+    Ok(mark)
+}
+
+/// Held-out error on rows that were not spoiled, over the noise that was put in.
+fn ratio(bench: &Bench, diagnosis: &Diagnosis) -> f64 {
+    let spoiled: Vec<f64> = bench.spoiled.iter().map(|&row| bench.given[0][row]).collect();
+    let near = |time_s: f64| spoiled.iter().any(|other| (other - time_s).abs() < 1e-6);
+    let good = diagnosis.points.iter().filter(|point| point.held_out && !near(point.time_s));
+    let squares: Vec<f64> = good
+        .map(|point| point.after.iter().zip(&bench.norm_noise).map(|(r, noise)| (r / noise).powi(2)).sum::<f64>())
+        .collect();
+    (squares.iter().sum::<f64>() / (squares.len() * bench.norm_noise.len()).max(1) as f64).sqrt()
+}
+
+fn answer(diagnosis: &Diagnosis) -> String {
+    let effects = diagnosis.effects.iter().map(|found| format!("{} {}", found.law, found.site));
+    let others = diagnosis.alternatives.iter().map(|o| format!("({}) {} {}", o.instead_of, o.law, o.site));
+    let terms = diagnosis.remaining.depends_on.iter();
+    let terms = terms.map(|term| format!("[{}: {term}]", term.axis.as_deref().unwrap_or_default()));
+    format!("{}: {}", diagnosis.verdict, effects.chain(others).chain(terms).collect::<Vec<_>>().join(" + "))
+}
