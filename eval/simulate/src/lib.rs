@@ -3,6 +3,7 @@
 //!
 //! See `docs/simulation.md`.
 
+pub mod answers;
 pub mod arm;
 pub mod host;
 pub mod hostile;
@@ -18,4 +19,5 @@ pub mod seeds;
 pub mod shrink;
 pub mod summary;
 pub mod trace;
+pub mod words;
 pub mod world;

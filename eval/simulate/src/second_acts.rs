@@ -7,14 +7,19 @@ use darm_device::link::faulty::{Faults, Faulty};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
-use crate::host::{self, PULSE_MS, SETTLE_MS};
+use crate::answers::{self, PULSE_MS, SETTLE_MS};
 use crate::judge::reports::{Ending, Pulse};
+use crate::panics::caught;
 use crate::script::{HostAct, Script};
-use crate::second_host::Console;
-use crate::world::Party;
+use crate::second_host::{self, SecondHost};
+use crate::words;
+use crate::world::{Party, World};
 
 /// How often it tries to connect for one act.
 const TRIES: u32 = 2;
+
+/// The second host's end of the console.
+type Console = second_host::Console<World>;
 
 /// The second host.
 struct Second<'s> {
@@ -24,8 +29,21 @@ struct Second<'s> {
     client: Option<Client>,
 }
 
+/// The second host of a script; `None` where the script has none.
+pub fn start(script: &Script, from_ns: u64) -> Option<SecondHost<World>> {
+    if script.second.is_empty() {
+        return None;
+    }
+    let script = script.clone();
+    Some(SecondHost::start(from_ns, move |console| {
+        if let Err(message) = caught(|| run(&script, console)) {
+            console.look(move |world| world.reports.on_host_panic(world.now_ns(), &message));
+        }
+    }))
+}
+
 /// Does all that the script says for the second host, until its line is closed.
-pub fn run(script: &Script, console: &Console) {
+fn run(script: &Script, console: &Console) {
     let rng = ChaCha8Rng::seed_from_u64(script.seed ^ 0x7365_636f_6e64);
     let mut second = Second { script, console, rng, client: None };
     let from_ns = console.now_ns();
@@ -47,7 +65,7 @@ impl Second<'_> {
             HostAct::Play => drop(self.command(Command::Play)),
             HostAct::Clear => drop(self.command(Command::Clear)),
             HostAct::Coil(coil, on_ms) => drop(self.command(Command::Coil { coil, on_ms })),
-            HostAct::Word(_) => drop(self.command(Command::Word(host::word(&self.script.arm, seed)))),
+            HostAct::Word(_) => drop(self.command(Command::Word(words::word(&self.script.arm, seed)))),
             HostAct::Upload(index) => self.upload(index),
             HostAct::Stop => self.stop(|client| client.command(Command::Stop)),
             HostAct::BootstrapStop => self.stop(Client::stop_at_once),
@@ -112,7 +130,7 @@ impl Second<'_> {
             });
         }
         match (error, &mut self.client) {
-            (ClientError::Refused(refusal), Some(client)) if host::asks_for_hello(refusal) => {
+            (ClientError::Refused(refusal), Some(client)) if answers::asks_for_hello(refusal) => {
                 drop(client.say_hello());
             }
             (ClientError::Transport(_), _) => self.client = None,
@@ -131,7 +149,7 @@ impl Second<'_> {
         let began_ns = self.console.now_ns();
         let Some(client) = self.client() else { return Ending::Unknown };
         let result = client.command(command);
-        let ending = host::ending(&result);
+        let ending = answers::ending(&result);
         if let Err(error) = result {
             self.note("command", began_ns, &error);
         }
@@ -142,7 +160,7 @@ impl Second<'_> {
         let began_ns = self.console.now_ns();
         let (Some(table), Some(client)) = (self.script.tables.get(index), self.client()) else { return };
         let result = client.upload(&table.image, &mut |_| {});
-        let ending = host::upload_ending(&result);
+        let ending = answers::upload_ending(&result);
         if let Err(error) = &result {
             self.note("upload", began_ns, error);
         }

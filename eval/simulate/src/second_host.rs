@@ -18,22 +18,25 @@ use std::time::Duration;
 
 use darm_device::link::{Link, LinkError};
 
-use crate::panics::caught;
-use crate::script::Script;
-use crate::second_acts;
-use crate::world::{Party, World};
-
 const PORT: &str = "simulation, second host";
 
+/// A world that a second host can be part of.
+pub trait Surroundings {
+    /// True time, ns.
+    fn now_ns(&self) -> u64;
+    /// The second host sends bytes to the board.
+    fn on_second_sent(&mut self, bytes: &[u8]);
+}
+
 /// What the second host wants of the world.
-enum Ask {
+enum Ask<W> {
     /// Bytes for the board.
     Send(Vec<u8>),
     /// Something is to be done with the world.
-    Look(Box<dyn FnOnce(&mut World) + Send>),
-    /// To run again when bytes have come, or after so long.
+    Look(Box<dyn FnOnce(&mut W) + Send>),
+    /// To run again when bytes have come, or after this time.
     Receive(Duration),
-    /// To run again after so long, ms.
+    /// To run again after this time, ms.
     Pass(u64),
 }
 
@@ -56,18 +59,18 @@ enum Waiting {
 }
 
 /// The world's end of the second host.
-pub struct SecondHost {
+pub struct SecondHost<W> {
     turns: Option<Sender<Turn>>,
-    asks: Receiver<Ask>,
+    asks: Receiver<Ask<W>>,
     thread: Option<JoinHandle<()>>,
     inbox: VecDeque<u8>,
     waiting: Waiting,
     is_closed: bool,
 }
 
-impl SecondHost {
-    /// The second host of a script; it runs when the world gives it its first turn.
-    pub fn start(script: &Script, from_ns: u64) -> Self {
+impl<W: Surroundings + 'static> SecondHost<W> {
+    /// A second host that does this in a thread; it runs when the world gives it its first turn.
+    pub fn start(from_ns: u64, act: impl FnOnce(&Console<W>) + Send + 'static) -> Self {
         let ((turns, its_turns), (its_asks, asks)) = (channel(), channel());
         let console = Console(Arc::new(Mutex::new(End {
             asks: its_asks,
@@ -76,13 +79,9 @@ impl SecondHost {
             now_ns: 0,
             is_closed: false,
         })));
-        let script = script.clone();
         let run = move || {
             console.wait();
-            let acted = caught(|| second_acts::run(&script, &console));
-            if let Err(message) = acted {
-                console.look(move |world| world.reports.on_host_panic(world.now_ns(), &message));
-            }
+            act(&console);
         };
         Self {
             turns: Some(turns),
@@ -102,7 +101,7 @@ impl SecondHost {
     }
 
     /// Lets it run if what it waits for is there.
-    pub fn step(&mut self, world: &mut World) {
+    pub fn step(&mut self, world: &mut W) {
         let now_ns = world.now_ns();
         let is_due = match self.waiting {
             Waiting::Bytes(until_ns) => !self.inbox.is_empty() || now_ns >= until_ns,
@@ -115,14 +114,14 @@ impl SecondHost {
     }
 
     /// Closes its line, and waits until it has ended.
-    pub fn close(&mut self, world: &mut World) {
+    pub fn close(&mut self, world: &mut W) {
         self.is_closed = true;
         while self.waiting != Waiting::Never {
             self.run(world);
         }
     }
 
-    fn run(&mut self, world: &mut World) {
+    fn run(&mut self, world: &mut W) {
         let now_ns = world.now_ns();
         let takes = matches!(self.waiting, Waiting::Bytes(_));
         let bytes = if takes { self.inbox.drain(..).collect() } else { Vec::new() };
@@ -133,7 +132,7 @@ impl SecondHost {
         }
         while let Ok(ask) = self.asks.recv() {
             match ask {
-                Ask::Send(bytes) => world.on_sent(Party::Second, &bytes),
+                Ask::Send(bytes) => world.on_second_sent(&bytes),
                 Ask::Look(look) => look(world),
                 Ask::Receive(timeout) => {
                     self.waiting = Waiting::Bytes(now_ns + timeout.as_nanos() as u64);
@@ -148,7 +147,7 @@ impl SecondHost {
     }
 }
 
-impl Drop for SecondHost {
+impl<W> Drop for SecondHost<W> {
     fn drop(&mut self) {
         // It finds its line closed and ends.
         self.turns = None;
@@ -160,8 +159,8 @@ impl Drop for SecondHost {
 }
 
 /// The second host's end of the world.
-struct End {
-    asks: Sender<Ask>,
+struct End<W> {
+    asks: Sender<Ask<W>>,
     turns: Receiver<Turn>,
     /// Bytes that have come and were not read.
     ready: VecDeque<u8>,
@@ -169,8 +168,8 @@ struct End {
     is_closed: bool,
 }
 
-impl End {
-    fn ask(&mut self, ask: Ask) {
+impl<W> End<W> {
+    fn ask(&mut self, ask: Ask<W>) {
         self.is_closed |= self.asks.send(ask).is_err();
     }
 
@@ -184,11 +183,16 @@ impl End {
 }
 
 /// The console as the second host has it.
-#[derive(Clone)]
-pub struct Console(Arc<Mutex<End>>);
+pub struct Console<W>(Arc<Mutex<End<W>>>);
 
-impl Console {
-    fn with<T>(&self, act: impl FnOnce(&mut End) -> T) -> T {
+impl<W> Clone for Console<W> {
+    fn clone(&self) -> Self {
+        Self(Arc::clone(&self.0))
+    }
+}
+
+impl<W: 'static> Console<W> {
+    fn with<T>(&self, act: impl FnOnce(&mut End<W>) -> T) -> T {
         act(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
@@ -206,7 +210,7 @@ impl Console {
         self.with(|end| end.now_ns)
     }
 
-    /// Lets so much time pass.
+    /// Lets this time pass.
     pub fn pass(&self, ms: u64) {
         self.with(|end| {
             if !end.is_closed {
@@ -217,7 +221,7 @@ impl Console {
     }
 
     /// Does something with the world; `None` when the run is over.
-    pub fn look<T: Send + 'static>(&self, look: impl FnOnce(&mut World) -> T + Send + 'static) -> Option<T> {
+    pub fn look<T: Send + 'static>(&self, look: impl FnOnce(&mut W) -> T + Send + 'static) -> Option<T> {
         let (reply, result) = channel();
         self.with(|end| end.ask(Ask::Look(Box::new(move |world| drop(reply.send(look(world)))))));
         result.recv().ok()
@@ -228,7 +232,7 @@ impl Console {
     }
 }
 
-impl Link for Console {
+impl<W: 'static> Link for Console<W> {
     fn send(&mut self, bytes: &[u8]) -> Result<(), LinkError> {
         self.with(|end| {
             if !end.is_closed {

@@ -4,41 +4,31 @@
 //! tick of the board at a time, until bytes arrive or the wait is over. The [second host](crate::second_host) has a thread,
 //! but runs only while the world waits for it, so the seed decides everything.
 
+mod disturbances;
 mod plug;
 mod senders;
 
 use std::collections::{BTreeMap, VecDeque};
 
-use darm_arm::image::UploadImage;
 use darm_core::output::Wiring;
 use darm_core::units::Digest;
 use darm_device::in_process::{Bench, MemoryFlash, Physical};
-use darm_device::plant::{Broken, Plant};
-use rand::{RngExt as _, SeedableRng as _};
-use rand_chacha::ChaCha8Rng;
+use darm_device::plant::Plant;
 
-use crate::arm::EMERGENCY_STOP;
-use crate::hostile::{self, Sent};
 use crate::judge::pins::Pins;
-use crate::judge::reports::{Ending, Reports};
+use crate::judge::reports::Reports;
 use crate::judge::servos::Servos;
 use crate::panics;
 use crate::script::{Script, Timed, WorldAct};
-use crate::second_host::SecondHost;
+use crate::second_host::{self, SecondHost};
 use crate::trace::Trace;
 
+use disturbances::Active;
 pub use plug::{Plug, enter, leave, pass, with};
 pub use senders::Party;
 
 /// No run lasts longer: whoever still waits finds the line closed.
 const MOST_NS: u64 = 600_000_000_000;
-
-/// A disturbance that lasts, with its end and what it draws from.
-struct Active {
-    act: WorldAct,
-    end_ns: u64,
-    rng: ChaCha8Rng,
-}
 
 /// The world of one run.
 pub struct World {
@@ -67,7 +57,7 @@ pub struct World {
     acted_ns: [Option<u64>; 2],
     /// Who sent a commit of which table when, ns.
     commits: Vec<(Party, u64, u64)>,
-    second: Option<SecondHost>,
+    second: Option<SecondHost<Self>>,
     /// When a command and a stop came in one piece, ns, while nobody has sent anything since.
     burst_ns: Option<u64>,
     happened: Vec<Physical>,
@@ -142,11 +132,11 @@ impl World {
     }
 
     /// The script's disturbances and its second host count from now on.
-    pub fn begin_acts(&mut self, script: &Script) {
+    pub fn begin_acts(&mut self, second: Option<SecondHost<Self>>) {
         self.acts_from_ns = self.acts_from_ns.or(Some(self.now_ns()));
-        if !script.second.is_empty() {
+        if second.is_some() {
             *self.injected.entry("second host").or_default() += 1;
-            self.second = Some(SecondHost::start(script, self.now_ns()));
+            self.second = second;
         }
     }
 
@@ -273,173 +263,14 @@ impl World {
             self.trace.say(now_ns, "lines", || format!("{after:#018x}"));
         }
     }
+}
 
-    fn begin(&mut self, Timed { act, seed, .. }: Timed<WorldAct>) {
-        let now_ns = self.now_ns();
-        self.say("world", || format!("{act:?}"));
-        *self.injected.entry(act.kind()).or_default() += 1;
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        self.disturbed_ns = now_ns;
-        if act.is_hostile() {
-            self.hostile_ns = Some(now_ns);
-            self.burst_ns = None;
-        }
-        match act {
-            WorldAct::PowerCut(_) => self.bench.power_off(),
-            WorldAct::FlashCut(words, _) => self.bench.flash().fail_after(words, seed),
-            WorldAct::Reset => {
-                self.bench.reset();
-                self.recovering = Some((act.kind(), now_ns));
-            }
-            WorldAct::KillHost => {
-                self.session += 1;
-                self.recovering = Some((act.kind(), now_ns));
-            }
-            WorldAct::Frames(count, as_host) => {
-                let link = if as_host { self.host_link } else { rng.random() };
-                if !as_host {
-                    let hello = darm_core::wire::message::Request::Hello { protocol: darm_core::wire::PROTOCOL };
-                    self.bench.send(&hostile::request(link, rng.random(), &hello));
-                }
-                let likely = [self.wiring.actuators.len() as u64, self.wiring.coils.len() as u64];
-                (0..count).for_each(|_| self.send_hostile(hostile::any_frame(&mut rng, link, &likely)));
-            }
-            WorldAct::EmergencyStop(_) => {
-                self.pressed_ns = Some(now_ns);
-                self.invert_switches(0);
-            }
-            WorldAct::Text => self.send_hostile(hostile::any_line(&mut rng)),
-            WorldAct::Table => self.send_table(&mut rng),
-            WorldAct::Burst => {
-                let sent = hostile::command_and_stop(&mut rng, self.wiring.coils.len() as u8);
-                self.send_hostile(sent);
-                self.burst_ns = Some(now_ns);
-            }
-            _ => {}
-        }
-        let endless = matches!(act, WorldAct::FlashCut(..));
-        let end_ns = if endless { u64::MAX } else { now_ns + u64::from(act.lasts_ms()) * 1_000_000 };
-        if end_ns > now_ns {
-            self.active.push(Active { act, end_ns, rng });
-            self.break_plant();
-        }
-        self.observe();
+impl second_host::Surroundings for World {
+    fn now_ns(&self) -> u64 {
+        self.now_ns()
     }
 
-    fn send_hostile(&mut self, sent: Sent) {
-        sent.angles_rad.iter().for_each(|&angle| self.servos.on_asked(angle));
-        sent.offsets_rad.iter().for_each(|&offset| self.servos.on_offset(offset));
-        self.say("hostile", || sent.what);
-        self.bench.send(&sent.bytes);
-    }
-
-    fn send_table(&mut self, rng: &mut ChaCha8Rng) {
-        if rng.random_ratio(1, 4) {
-            let wider = hostile::tables::wider_profile(rng, &self.wiring);
-            self.say("hostile", || "a wider profile".into());
-            self.send_frames(&wider, rng);
-            return;
-        }
-        let Some(table) = hostile::tables::beyond(rng, &self.wiring, self.profile) else { return };
-        self.reports.know(table.known());
-        self.reports.on_upload(self.now_ns(), table.model, Ending::Unknown, &[]);
-        self.commits.push((Party::Hostile, table.model, self.now_ns()));
-        table.angles_rad.iter().for_each(|&angle| self.servos.on_asked(angle));
-        self.send_frames(&table.image, rng);
-    }
-
-    fn send_frames(&mut self, upload: &UploadImage, rng: &mut ChaCha8Rng) {
-        for frame in hostile::tables::frames(upload, rng.random(), rng.random()) {
-            self.bench.send(&frame);
-        }
-    }
-
-    fn end_acts(&mut self, now_ns: u64) {
-        let (ended, active): (Vec<_>, Vec<_>) = self.active.drain(..).partition(|active| active.end_ns <= now_ns);
-        self.active = active;
-        for Active { act, mut rng, .. } in ended {
-            self.disturbed_ns = now_ns;
-            self.recovering = Some((act.kind(), now_ns));
-            self.say("world", || format!("{act:?} ends"));
-            match act {
-                WorldAct::PowerCut(_) | WorldAct::FlashCut(..) if !self.bench.is_powered() => {
-                    self.bench.power_on(rng.random());
-                    self.observe();
-                }
-                WorldAct::BouncingSwitches(..) => self.invert_switches(0),
-                WorldAct::EmergencyStop(_) if !self.is_pressed() => {
-                    self.pressed_ns = None;
-                    self.invert_switches(0);
-                }
-                _ => self.break_plant(),
-            }
-        }
-    }
-
-    /// What disturbances do in each tick.
-    fn act_on(&mut self) {
-        let stop = self.emergency_input();
-        for active in &mut self.active {
-            match active.act {
-                WorldAct::BouncingSwitches(inputs, _) => {
-                    let bounce = if active.rng.random_bool(0.7) { active.rng.random::<u32>() } else { 0 };
-                    self.bench.invert_switches(inputs & bounce | stop);
-                }
-                WorldAct::BabblingBus(_) if active.rng.random_bool(0.3) => {
-                    let noise: [u8; 6] = active.rng.random();
-                    let start = usize::from(active.rng.random_bool(0.5)) * 4;
-                    self.bench.send_bus(&[&[0xff, 0xff, 1, 4][..start], &noise].concat());
-                }
-                _ => {}
-            }
-        }
-    }
-
-    fn is_pressed(&self) -> bool {
-        self.active.iter().any(|active| matches!(active.act, WorldAct::EmergencyStop(_)))
-    }
-
-    /// The emergency stop's input while it is pressed.
-    fn emergency_input(&self) -> u32 {
-        u32::from(self.pressed_ns.is_some()) << EMERGENCY_STOP
-    }
-
-    fn invert_switches(&mut self, inputs: u32) {
-        let stop = self.emergency_input();
-        self.bench.invert_switches(inputs | stop);
-    }
-
-    /// The power went in a flash operation.
-    fn on_flash_cut(&mut self) {
-        let now_ns = self.now_ns();
-        self.say("world", || "the power fails in a flash operation".into());
-        self.disturbed_ns = now_ns;
-        for active in &mut self.active {
-            if let WorldAct::FlashCut(_, lasts_ms) = active.act {
-                active.end_ns = now_ns + u64::from(lasts_ms) * 1_000_000;
-            }
-        }
-    }
-
-    /// These servos answer nothing from now on, beside those that the script silences.
-    pub fn silence_servos(&mut self, servos: u8) {
-        self.silenced = servos;
-        self.disturbed_ns = self.now_ns();
-        self.break_plant();
-    }
-
-    fn break_plant(&mut self) {
-        let mut broken = Broken { servos_silent: self.silenced, ..Broken::default() };
-        for active in &self.active {
-            match active.act {
-                WorldAct::StuckSwitches(inputs, true, _) => broken.switches_closed |= inputs,
-                WorldAct::StuckSwitches(inputs, false, _) => broken.switches_open |= inputs,
-                WorldAct::SilentServos(servos, _) => broken.servos_silent |= servos,
-                WorldAct::BlockedServos(servos, _) => broken.servos_blocked |= servos,
-                _ => {}
-            }
-        }
-        let now_s = self.bench.now_s();
-        self.bench.plant_mut().set_broken(now_s, broken);
+    fn on_second_sent(&mut self, bytes: &[u8]) {
+        self.on_sent(Party::Second, bytes);
     }
 }
