@@ -223,6 +223,19 @@ fn wired_servo(servo: &ServoPlan) -> ServoWiring {
     ServoWiring { id, min_rad: -range_rad, max_rad: range_rad, max_speed_rad_s, max_torque: 0.8, timeout_ms }
 }
 
+/// What a table that is drawn is for.
+#[derive(Clone, Copy, Debug)]
+pub struct TablePlan<'w> {
+    /// The wiring that it names.
+    pub wiring: &'w Wiring,
+    /// Digest of the profile that it names.
+    pub profile: Digest,
+    /// Number that names it.
+    pub model: u64,
+    /// Its rows.
+    pub rows: usize,
+}
+
 /// A table with what the judges need to know of it.
 #[derive(Clone, Debug)]
 pub struct Table {
@@ -237,12 +250,13 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table of this wiring that the board's own check accepts under a profile that allows the wiring; `None` when none
+    /// A table that the board's own check accepts under a profile that allows the wiring; `None` when none
     /// was found.
-    pub fn draw(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest, model: u64, rows: usize) -> Option<Self> {
+    pub fn draw(rng: &mut ChaCha8Rng, plan: &TablePlan<'_>) -> Option<Self> {
+        let TablePlan { wiring, profile, model, .. } = *plan;
         (0..24).find_map(|attempt| {
             let changes = 0.4 * 0.8f64.powi(attempt);
-            let mut records = draw_records(rng, wiring, profile, model, rows, changes);
+            let mut records = draw_records(rng, plan, changes);
             keep_pauses(wiring, &mut records);
             let mut checker = Checker::default();
             let allowing = Profile { digest: profile, ..Profile::of(wiring) };
@@ -270,14 +284,8 @@ impl Table {
 }
 
 /// Records of the wiring and of rows in which each digit changes with probability `changes`.
-pub fn draw_records(
-    rng: &mut ChaCha8Rng,
-    wiring: &Wiring,
-    profile: Digest,
-    model: u64,
-    rows: usize,
-    changes: f64,
-) -> Vec<Record> {
+pub fn draw_records(rng: &mut ChaCha8Rng, plan: &TablePlan<'_>, changes: f64) -> Vec<Record> {
+    let TablePlan { wiring, profile, model, rows } = *plan;
     let mut records = wiring_records(wiring, profile, model);
     let longest_ms = wiring.actuators.iter().map(|actuator| actuator.travel_ms).max().unwrap_or(50);
     let mut digits: Vec<u8> = vec![0; wiring.actuators.len()];

@@ -6,7 +6,7 @@
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
-use crate::arm::{ArmPlan, Table};
+use crate::arm::{ArmPlan, Table, TablePlan};
 
 /// Loss rates of the line, percent.
 pub const LOSSES: [u32; 6] = [0, 1, 5, 10, 20, 30];
@@ -261,7 +261,8 @@ fn draw_arm(rng: &mut ChaCha8Rng, seed: u64) -> (ArmPlan, Vec<Table>) {
         let mut table = |index: u64| {
             let wiring = if index == 2 { &reversed } else { &wiring };
             let rows = rng.random_range(4..60);
-            Table::draw(rng, wiring, profile, (seed << 8 | index).wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1, rows)
+            let model = (seed << 8 | index).wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+            Table::draw(rng, &TablePlan { wiring, profile, model, rows })
         };
         if let (Some(first), Some(second), Some(third)) = (table(1), table(2), table(3)) {
             return (arm, vec![first, second, third]);

@@ -23,7 +23,7 @@ use darm_diagnose::truth::{Kind, Sealed, Truth, scatter_m};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::measure::{Measured, Stop, measure};
+use super::measure::{Measured, Station, Stop, measure};
 use super::rig::Rig;
 use darm_figures::progress::Progress;
 
@@ -146,7 +146,8 @@ pub(crate) fn run(
     let arm = synthesis.arm.clone();
     let wanted: Vec<DesiredFrame> = synthesis.frames.iter().map(|reached| reached.frame.clone()).collect();
     let truth = Truth::draw(&arm, &wanted, task.seed, task.effect)?;
-    let mut rng = ChaCha8Rng::seed_from_u64(task.seed ^ 0xca3e_7a00);
+    let rng = ChaCha8Rng::seed_from_u64(task.seed ^ 0xca3e_7a00);
+    let mut station = Station { rig, rng, progress };
 
     let steps = plan(&arm, &measurement_plan::Options { seed: task.seed, ..measurement_plan::Options::default() });
     progress.say(format!("table: {} visits measured, {FRAME_VISITS} × {} frames", steps.len(), wanted.len()));
@@ -157,7 +158,7 @@ pub(crate) fn run(
             .iter()
             .map(|step| Stop { visit: visit(step.word, &step.servos_rad, "programme"), held_out: step.held_out }),
     );
-    let measured = measure(rig, &arm, &truth, &stops, &mut rng, progress)?;
+    let measured = measure(&mut station, &arm, &truth, &stops)?;
     let programme = figures(&steps, &measured);
     let (at_frames, run) = split(measured.run, n_frame_stops as u32);
     let before = errors(&arm, &wanted, &at_frames);
@@ -172,7 +173,7 @@ pub(crate) fn run(
             let corrected = correction.corrected(&arm, &run, correction::Keep::Effects);
             let corrected = corrected.context("a named effect corrects the model")?;
             keep("arm-corrected.toml", Keep::Arm(&corrected))?;
-            let closed = close(task, &corrected, &wanted, &truth, rig, &mut rng, progress)?;
+            let closed = close(task, &corrected, &wanted, &truth, &mut station)?;
             keep("arm-stops.toml", Keep::Arm(&closed.arm))?;
             Some(closed)
         }
@@ -198,23 +199,21 @@ fn close(
     corrected: &Arm,
     wanted: &[DesiredFrame],
     truth: &Truth,
-    rig: &mut Rig,
-    rng: &mut ChaCha8Rng,
-    progress: &Progress,
+    station: &mut Station<'_>,
 ) -> Result<Closed> {
-    progress.say("closing by the stops: synthesis with the corrected model");
+    station.progress.say("closing by the stops: synthesis with the corrected model");
     let options = synthesis::Options { seed: task.seed, ..synthesis::Options::default() };
     let again = synthesize(corrected, wanted, &options)?;
     let settings = stops::differences(corrected, &again.arm)?;
     let metal = stops::apply(corrected, &settings, SETTING_ERROR_M, task.seed)?;
     let reached: Vec<DesiredFrame> = again.frames.iter().map(|reached| reached.frame.clone()).collect();
     let there = truth.with_geometry(&metal);
-    let measured = measure(rig, &again.arm, &there, &frame_visits(&reached), rng, progress)?;
+    let measured = measure(station, &again.arm, &there, &frame_visits(&reached))?;
     let restopped = errors(corrected, &reached, &measured.run);
 
-    progress.say("closing by the table: better words for the metal as it is");
+    station.progress.say("closing by the table: better words for the metal as it is");
     let words = best_table(corrected, wanted)?;
-    let measured = measure(rig, corrected, truth, &frame_visits(&words), rng, progress)?;
+    let measured = measure(station, corrected, truth, &frame_visits(&words))?;
     let table_only = errors(corrected, &words, &measured.run);
     Ok(Closed { arm: again.arm, settings, restopped, words, table_only })
 }

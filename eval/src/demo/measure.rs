@@ -34,17 +34,21 @@ pub(crate) struct Measured {
     pub(crate) time_s: f64,
 }
 
+/// Where arms are measured: the rig, the camera's noise, and who watches the progress.
+pub(crate) struct Station<'r> {
+    /// Board and camera.
+    pub(crate) rig: &'r mut Rig,
+    /// The camera's noise.
+    pub(crate) rng: ChaCha8Rng,
+    /// Shown meanwhile.
+    pub(crate) progress: &'r Progress,
+}
+
 /// Uploads and plays the visits on the board; the camera looks at the true arm in each of them.
 ///
 /// The samples come in the order of the visits, one for each that the camera took a picture of in time.
-pub(crate) fn measure(
-    rig: &mut Rig,
-    arm: &Arm,
-    truth: &Truth,
-    stops: &[Stop],
-    rng: &mut ChaCha8Rng,
-    progress: &Progress,
-) -> Result<Measured> {
+pub(crate) fn measure(station: &mut Station<'_>, arm: &Arm, truth: &Truth, stops: &[Stop]) -> Result<Measured> {
+    let Station { rig, rng, progress } = station;
     let visits: Vec<Visit> = stops.iter().map(|stop| stop.visit.clone()).collect();
     let board = rig.profile.board(Some(rig.client.identity().device));
     let plan = plan(arm, &visits, &board, &[])?;

@@ -11,7 +11,7 @@ use rand::RngExt as _;
 use rand_chacha::ChaCha8Rng;
 
 use super::request;
-use crate::arm::{Table, draw_records};
+use crate::arm::{Table, TablePlan, draw_records};
 
 /// Widens some limits of the wiring to the widest that a table may name at all, or moves lines to where nothing is wired.
 fn widen(rng: &mut ChaCha8Rng, wiring: &mut Wiring) {
@@ -48,10 +48,11 @@ pub fn beyond(rng: &mut ChaCha8Rng, wiring: &Wiring, profile: Digest) -> Option<
     let mut wiring = wiring.clone();
     widen(rng, &mut wiring);
     let (model, rows) = (rng.random::<u64>() | 1, rng.random_range(2..30));
+    let plan = TablePlan { wiring: &wiring, profile, model, rows };
     if rng.random() {
-        return Table::draw(rng, &wiring, profile, model, rows);
+        return Table::draw(rng, &plan);
     }
-    Some(Table::of(&draw_records(rng, &wiring, profile, model, rows, 0.5), model))
+    Some(Table::of(&draw_records(rng, &plan, 0.5), model))
 }
 
 /// A profile that allows what this one does not. Nobody holds the button: the board must refuse it.
