@@ -15,137 +15,30 @@
 //! [`Sequencer::step`] is called once a millisecond with what the board sees and returns what the board drives.
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::unwrap_used))]
 
+mod bits;
 mod coils;
 mod command;
 mod fault;
+mod io;
+mod phase;
 mod servos;
 mod switches;
 
 use crate::duty::DutyMeters;
-use crate::output::{MAX_SERVOS, ServoWiring};
-use crate::profile::{BUILT_IN, Fallback, Profile};
-use crate::table::{Row, ServoAngles, Table};
+use crate::output::MAX_SERVOS;
+use crate::profile::{BUILT_IN, Profile};
+use crate::table::{Row, Table};
 use crate::units::{Micros, Word};
 use coils::Coils;
 pub use command::{Command, CommandError};
 pub use fault::{Fault, FaultKind};
-use serde::{Deserialize, Serialize};
-use servos::{check_servo, is_silent};
+pub use io::{Outputs, Seen, ServoAction, ServoSeen, ServoTarget};
+pub use phase::{Event, Phase};
+use servos::{APPROACH_SPEED, APPROACH_TOLERANCE_RAD, check_servo, is_silent};
 use switches::Switches;
-
-/// What the board sees in one tick.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Seen {
-    /// Limit switches: bit `i` is input `i`, high when closed.
-    pub switches: u32,
-    /// What each servo answered last.
-    pub servos: [ServoSeen; MAX_SERVOS],
-}
-
-/// The last answer of one servo.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct ServoSeen {
-    /// Angle of its shaft; the joint's is this less the calibrated offset.
-    pub angle_rad: f32,
-    /// Load as a share of the servo's own torque, 0 to 1.
-    pub load: f32,
-    /// Error bits of its status byte, 0 when it is well.
-    pub error: u8,
-    /// When it answered; `None` before its first answer.
-    pub answered: Option<Micros>,
-}
-
-/// What the board drives until the next tick.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Outputs {
-    /// Lines of the output chain: bit `i` is line `i`.
-    pub lines: u64,
-    /// Output enable of the chain; without it no line carries current.
-    pub enabled: bool,
-    /// What each servo of the profile does.
-    pub servos: [ServoAction; MAX_SERVOS],
-}
-
-/// What one servo does.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum ServoAction {
-    /// Holds the angle that it has if it has torque, and stays without torque if it has none.
-    #[default]
-    Hold,
-    /// Has no torque.
-    Release,
-    /// Goes to a target.
-    Go(ServoTarget),
-}
-
-/// Where one servo is to go, and how.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ServoTarget {
-    /// Angle of its shaft.
-    pub angle_rad: f32,
-    /// Speed on the way.
-    pub speed_rad_s: f32,
-    /// Largest torque as a share of the servo's own, 0 to 1.
-    pub torque: f32,
-}
-
-/// What the sequencer does now.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Phase {
-    /// No coil carries current.
-    Idle,
-    /// Coils, words or servos are set by hand.
-    Manual,
-    /// The servos go to the first row, slowly; the latches are set as it says, no more at once than the supply feeds;
-    /// every coil with a peak waits until it may have the next one.
-    Approaching {
-        /// Since when.
-        since: Micros,
-    },
-    /// Rows run.
-    Playing {
-        /// When the program started.
-        started: Micros,
-        /// The row that is due next.
-        next: u16,
-    },
-    /// Latched after a fault.
-    Safe(Fault),
-}
-
-/// What happened.
-///
-/// A tag of a whole word keeps what follows it aligned: the chip copies it several times in a tick.
-#[repr(u32)]
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Event {
-    /// The board started.
-    Booted,
-    /// A program started.
-    Started,
-    /// A row went out to the coils.
-    Row {
-        /// Its index.
-        row: u16,
-        /// Its word.
-        word: Word,
-    },
-    /// The program ran to its end.
-    Finished,
-    /// Somebody stopped it.
-    Stopped,
-    /// The safe state was latched.
-    Fault(Fault),
-    /// The safe state was cleared.
-    Cleared,
-}
 
 /// Outputs or actuators that one tick takes over.
 const TAKEN_A_TICK: usize = 12;
-/// The servos get this share of their speed on the way to the first row.
-const APPROACH_SPEED: f32 = 0.25;
-/// A servo has reached the first row when it is this near.
-const APPROACH_TOLERANCE_RAD: f32 = 0.01;
 /// The approach may take so long.
 const APPROACH_TIMEOUT: Micros = Micros::from_millis(30_000);
 
@@ -198,16 +91,6 @@ impl<'t> Sequencer<'t> {
         self.profile = profile;
         self.coils.configure(self.now, profile);
         self.fall_back();
-    }
-
-    /// Takes zero offsets of the servos: joint angle = shaft angle − offset. No servo moves. No program may run.
-    pub fn calibrate(&mut self, offsets_rad: [f32; MAX_SERVOS]) -> Result<(), CommandError> {
-        if matches!(self.phase, Phase::Approaching { .. } | Phase::Playing { .. }) {
-            return Err(CommandError::Playing);
-        }
-        self.hold_servos();
-        self.offsets_rad = offsets_rad;
-        Ok(())
     }
 
     /// Takes a table to run. The sequencer must be idle; the table comes back if it is not.
@@ -360,42 +243,12 @@ impl<'t> Sequencer<'t> {
         self.phase = Phase::Idle;
     }
 
-    /// No servo goes on to its target.
-    fn hold_servos(&mut self) {
-        for action in &mut self.servos {
-            if matches!(action, ServoAction::Go(_)) {
-                *action = ServoAction::Hold;
-            }
-        }
-    }
-
-    /// Every servo does what its profile says for the safe state.
-    fn fall_back(&mut self) {
-        self.servos = [ServoAction::Hold; MAX_SERVOS];
-        for (action, servo) in self.servos.iter_mut().zip(&self.profile.servos) {
-            *action = match servo.fallback {
-                Fallback::Hold => ServoAction::Hold,
-                Fallback::Release => ServoAction::Release,
-            };
-        }
-    }
-
     fn check_free(&self) -> Result<(), CommandError> {
         match self.phase {
             Phase::Safe(_) if self.emergency_stop => Err(CommandError::EmergencyStop),
             Phase::Safe(_) => Err(CommandError::Safe),
             Phase::Playing { .. } | Phase::Approaching { .. } => Err(CommandError::Playing),
             Phase::Idle | Phase::Manual => Ok(()),
-        }
-    }
-
-    /// Refuses to drive anything while a servo that has answered before is silent.
-    fn check_servos_answer(&self) -> Result<(), CommandError> {
-        let Some(table) = self.table.as_deref() else { return Ok(()) };
-        let mut joints = table.wiring().servos.iter().zip(&self.answered);
-        match joints.position(|(joint, answered)| is_silent(self.now, joint, *answered)) {
-            Some(index) => Err(CommandError::ServoSilent { servo: index as u8 }),
-            None => Ok(()),
         }
     }
 
@@ -414,53 +267,6 @@ impl<'t> Sequencer<'t> {
         self.enabled = true;
         self.phase = Phase::Manual;
         Ok(())
-    }
-
-    fn turn_servo(&mut self, servo: u8, angle_rad: f32) -> Result<(), CommandError> {
-        let index = usize::from(servo);
-        let wiring = self.table.as_deref().ok_or(CommandError::NoTable)?.wiring();
-        let joint = wiring.servos.get(index).ok_or(CommandError::NotWired)?;
-        if self.answered.get(index).copied().flatten().is_none() {
-            return Err(CommandError::ServoSilent { servo });
-        }
-        let (min_rad, max_rad) = self.range_rad(index, joint);
-        if !(min_rad..=max_rad).contains(&angle_rad) {
-            return Err(CommandError::ServoRange { min_rad, max_rad });
-        }
-        let target = self.target(index, joint, angle_rad, APPROACH_SPEED);
-        if let Some(action) = self.servos.get_mut(index) {
-            *action = ServoAction::Go(target);
-        }
-        Ok(())
-    }
-
-    /// Joint angles that both the table and the profile allow; empty where they allow none.
-    fn range_rad(&self, index: usize, joint: &ServoWiring) -> (f32, f32) {
-        let offset_rad = self.offset_rad(index);
-        let shaft = self.profile.servos.get(index).map_or((0.0, -1.0), |own| (own.limit.min_rad, own.limit.max_rad));
-        (joint.min_rad.max(shaft.0 - offset_rad), joint.max_rad.min(shaft.1 - offset_rad))
-    }
-
-    fn offset_rad(&self, index: usize) -> f32 {
-        self.offsets_rad.get(index).copied().unwrap_or(0.0)
-    }
-
-    /// Refuses a table whose rows would take a servo's shaft out of the profile's range.
-    fn check_servo_spans(&self) -> Result<(), CommandError> {
-        let Some(table) = self.table.as_deref() else { return Ok(()) };
-        for (index, joint) in table.wiring().servos.iter().enumerate() {
-            let (min_rad, max_rad) = self.range_rad(index, joint);
-            let fits = |(least, most): (f32, f32)| min_rad <= least && most <= max_rad;
-            if !table.servo_span_rad(index).is_none_or(fits) {
-                return Err(CommandError::ServoRange { min_rad, max_rad });
-            }
-        }
-        Ok(())
-    }
-
-    fn target(&self, index: usize, joint: &ServoWiring, angle_rad: f32, speed: f32) -> ServoTarget {
-        let (speed_rad_s, torque) = (joint.max_speed_rad_s * speed, joint.max_torque);
-        ServoTarget { angle_rad: angle_rad + self.offset_rad(index), speed_rad_s, torque }
     }
 
     /// Everything that must hold before anything moves.
@@ -556,20 +362,6 @@ impl<'t> Sequencer<'t> {
             self.rest();
         }
         Ok(())
-    }
-
-    /// Sends the servos that have answered to these joint angles.
-    fn aim(&mut self, angles: &ServoAngles, speed: f32) {
-        let Some(table) = self.table.as_deref() else {
-            return;
-        };
-        for (index, (joint, &angle_rad)) in table.wiring().servos.iter().zip(angles).enumerate() {
-            let target = self.target(index, joint, angle_rad, speed);
-            let has_answered = self.answered.get(index).is_some_and(Option::is_some);
-            if let Some(action) = self.servos.get_mut(index).filter(|_| has_answered) {
-                *action = ServoAction::Go(target);
-            }
-        }
     }
 
     fn enter_safe(&mut self, kind: FaultKind) {

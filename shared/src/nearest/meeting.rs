@@ -13,8 +13,11 @@
 //! each of `WIDTH`. Where the modules have more frames, or the last one more than 64, the beam alone answers; it always
 //! runs, so the word is never worse than the beam's.
 
+mod shortlist;
+mod small;
+mod spread;
+
 use heapless::Vec;
-use nalgebra::{Isometry3, Quaternion, Rotation3, Translation3, UnitQuaternion};
 
 use super::sort::sort_by;
 use super::{Beam, Found, Frame, Module};
@@ -22,6 +25,8 @@ use crate::real::{Mat6, Vec3, Vec6};
 use crate::se::Pose;
 use crate::trig;
 use crate::units::Word;
+use shortlist::{Shortlist, refill};
+use small::{Motion, Small, motion};
 
 /// Most modules.
 const MODULES: usize = 8;
@@ -29,22 +34,6 @@ const MODULES: usize = 8;
 const LAST: usize = 64;
 /// Beginnings with the third last module, for each of the beginnings without.
 const FOLLOWED: usize = 24;
-/// The largest number of a stored frame.
-const FULL: f32 = i16::MAX as f32;
-/// Variance in every direction, as a share of the mean one: no direction counts as impossible.
-const LEAST_VARIANCE: f32 = 1e-4;
-
-type Motion = Isometry3<f32>;
-
-/// A frame of a module in 16 bytes.
-#[derive(Clone, Copy, Debug)]
-struct Small {
-    /// Quaternion, the real part first, of `FULL`.
-    turn: [i16; 4],
-    /// Position, `FULL` of the module's size.
-    at: [i16; 3],
-    digits: u16,
-}
 
 /// A module as it is kept.
 #[derive(Clone, Copy, Debug)]
@@ -59,14 +48,6 @@ struct Part {
     size_m: f32,
     /// What the number of a frame counts in the number of a beginning.
     stride: u32,
-}
-
-/// The best of many numbers by their scores.
-#[derive(Clone, Debug)]
-struct Shortlist<const N: usize> {
-    list: Vec<(f32, u32), N>,
-    /// The worst and its place, once there is no room for more.
-    worst: Option<(usize, f32)>,
 }
 
 /// What comes next.
@@ -259,36 +240,6 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         self.phase = Phase::Spread { part: level + 1 };
     }
 
-    fn add_spread(&mut self, index: usize) {
-        let (Some(before), Some(part)) = (self.parts.get(index - 1), self.parts.get(index)) else { return };
-        let typical = before.behind * part.behind.inverse();
-        let (mut sum, mut squares) = (Vec6::zeros(), Mat6::zeros());
-        for frame in self.frames.iter().skip(part.first).take(part.count) {
-            let own = self.coordinates(&typical, &frame.motion(part.size_m));
-            let (turn, linear) = (own.fixed_rows::<3>(0).into_owned(), own.fixed_rows::<3>(3).into_owned());
-            // Seen where the tool is.
-            let linear =
-                linear - part.behind.translation.vector.cross(&turn) / self.length_scale_m.max(f32::MIN_POSITIVE);
-            let back = part.behind.rotation.inverse();
-            let (turn, linear) = (back * turn, back * linear);
-            let there = Vec6::new(turn.x, turn.y, turn.z, linear.x, linear.y, linear.z);
-            sum += there;
-            squares += there * there.transpose();
-        }
-        let count = part.count as f32;
-        let mean = sum / count;
-        self.mean += mean;
-        self.spread += squares / count - mean * mean.transpose();
-        self.phase = Phase::Spread { part: index + 1 };
-        if index + 1 == self.parts.len() {
-            let least = LEAST_VARIANCE * self.spread.trace() / 6.0 + f32::MIN_POSITIVE;
-            let whole = self.spread + Mat6::identity() * least;
-            self.spread = whole.cholesky().map_or(Mat6::identity(), |factor| factor.inverse());
-            let grows = self.level + 3 < self.parts.len();
-            self.phase = if grows { Phase::Grow { beginning: 0 } } else { Phase::Choose { beginning: 0 } };
-        }
-    }
-
     fn grow(&mut self, index: usize) {
         let (Some(&beginning), Some(part)) = (self.beginnings.get(index), self.parts.get(self.level)) else { return };
         let remaining = self.remaining(beginning, self.level);
@@ -379,20 +330,6 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         parts.fold(self.target, |rest, (index, part)| self.motion(index, part.number(beginning)).inv_mul(&rest))
     }
 
-    /// ξ of a pose seen from `typical`.
-    fn coordinates(&self, typical: &Motion, pose: &Motion) -> Vec6<f32> {
-        let seen = typical.inv_mul(pose);
-        let sign = if seen.rotation.w < 0.0 { -1.0 } else { 1.0 };
-        let (turn, at) = (seen.rotation.imag() * (2.0 * sign * self.length_scale_m), seen.translation.vector);
-        Vec6::new(turn.x, turn.y, turn.z, at.x, at.y, at.z)
-    }
-
-    /// How unlikely it is that the modules behind `part` reach what remains.
-    fn score(&self, part: &Part, remaining: &Motion) -> f32 {
-        let off = self.coordinates(&part.behind, remaining) - self.mean;
-        (self.spread * off).dot(&off)
-    }
-
     /// The best of the words that were met.
     fn met(&self) -> Option<Found<f32>> {
         let (beginning, numbers) = self.best?;
@@ -425,80 +362,6 @@ impl Part {
     fn number(&self, beginning: u32) -> usize {
         beginning.checked_div(self.stride).unwrap_or(0) as usize % self.count.max(1)
     }
-}
-
-impl Small {
-    fn of(motion: &Motion, size_m: f32, digits: u16) -> Self {
-        let turn = &motion.rotation;
-        let at = motion.translation.vector * (FULL / size_m);
-        Self {
-            turn: [turn.w, turn.i, turn.j, turn.k].map(|number| rounded(number * FULL)),
-            at: [at.x, at.y, at.z].map(rounded),
-            digits,
-        }
-    }
-
-    fn turn(&self) -> Quaternion<f32> {
-        let [w, i, j, k] = self.turn.map(|number| f32::from(number) / FULL);
-        Quaternion::new(w, i, j, k)
-    }
-
-    fn motion(&self, size_m: f32) -> Motion {
-        let [x, y, z] = self.at.map(|number| f32::from(number) * (size_m / FULL));
-        Motion::from_parts(Translation3::new(x, y, z), UnitQuaternion::new_unchecked(self.turn()))
-    }
-}
-
-impl<const N: usize> Default for Shortlist<N> {
-    fn default() -> Self {
-        Self { list: Vec::new(), worst: None }
-    }
-}
-
-impl<const N: usize> Shortlist<N> {
-    /// Empties the list.
-    fn clear(&mut self) {
-        self.list.clear();
-        self.worst = None;
-    }
-
-    fn offer(&mut self, score: f32, number: u32) {
-        match self.worst {
-            Some((_, worst)) if score >= worst => return,
-            Some((place, _)) => {
-                if let Some(place) = self.list.get_mut(place) {
-                    *place = (score, number);
-                }
-            }
-            None => _ = self.list.push((score, number)),
-        }
-        if self.list.is_full() {
-            let scores = self.list.iter().map(|(score, _)| *score).enumerate();
-            self.worst = scores.reduce(|a, b| if b.1 > a.1 { b } else { a });
-        }
-    }
-
-    /// The best first.
-    fn sort(&mut self) {
-        sort_by(&mut self.list, |a, b| a.0.total_cmp(&b.0).is_lt());
-    }
-}
-
-/// Makes a list of these items; those beyond its room are left out.
-fn refill<T, const N: usize>(list: &mut Vec<T, N>, mut items: impl Iterator<Item = T>) {
-    list.clear();
-    while let (false, Some(item)) = (list.is_full(), items.next()) {
-        let _ = list.push(item);
-    }
-}
-
-fn motion(pose: &Pose<f32>) -> Motion {
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(pose.rotation));
-    Motion::from_parts(Translation3::from(pose.position), rotation)
-}
-
-fn rounded(number: f32) -> i16 {
-    (number + if number < 0.0 { -0.5 } else { 0.5 }) as i16
 }
 
 #[cfg(test)]

@@ -3,11 +3,16 @@
 //! Coils are numbered by the output that feeds them. A tick touches what changes: coils that switch, peaks and pulses
 //! that end, and [`METERS_A_TICK`] meters in turn, also those of outputs that no table uses.
 
-use super::{CommandError, FaultKind};
+mod manual;
+mod output;
+
+use super::FaultKind;
+use super::bits::{Bits, first_of};
 use crate::duty::{Breach, DutyMeters, MeterLimit};
 use crate::output::{Coil, Drive, MAX_ACTUATORS, MAX_COILS, SwitchClock, SwitchLimit, Wiring};
-use crate::profile::{self, Profile};
+use crate::profile::Profile;
 use crate::units::{Micros, Word};
+use output::{NO_OUTPUT, Output, Wires, bit_of, limit_of};
 
 /// So many meters count in one tick: each of the most there can be within 8 ms.
 const METERS_A_TICK: usize = 6;
@@ -58,63 +63,6 @@ pub(super) struct Coils<'t> {
     switched: SwitchClock,
     /// Coils of bits 0 and 1 of each actuator's digit.
     of_digit: [[u64; 2]; MAX_ACTUATORS],
-}
-
-/// One output: its lines, its limits and its times.
-#[derive(Clone, Copy, Debug)]
-struct Output {
-    wires: Wires,
-    limit: MeterLimit,
-    /// Length of its peak or pulse.
-    burst: Micros,
-    /// Least time between the beginnings of two peaks; 0 without a peak.
-    pause: Micros,
-    /// When its last peak or pulse began.
-    changed: Micros,
-    /// How long it is on by hand, and when it goes off: counted from when the supply has let it go on.
-    on_for: Micros,
-    off_at: Micros,
-    /// Until when its meter has counted.
-    counted: Micros,
-}
-
-/// Lines of one coil, as masks: a shift of 64 bits by a variable costs the chip ten instructions.
-#[derive(Clone, Copy, Debug, Default)]
-struct Wires {
-    /// High while a coil pulls in; sets a latch.
-    first: u64,
-    /// High while a coil is on; resets a latch.
-    second: u64,
-}
-
-const NO_OUTPUT: Output = Output {
-    wires: Wires { first: 0, second: 0 },
-    limit: MeterLimit::NONE,
-    burst: Micros(0),
-    pause: Micros(0),
-    changed: Micros(0),
-    on_for: Micros(0),
-    off_at: Micros(0),
-    counted: Micros(0),
-};
-
-impl Output {
-    fn wire(&mut self, drive: &Drive) {
-        let bit = |line: u8| 1u64.checked_shl(line.into()).unwrap_or(0);
-        let (first, second, burst_ms) = match *drive {
-            Drive::Hold { line } => (0, bit(line), 0),
-            Drive::PeakHold { pull, hold, peak_ms } => (bit(pull), bit(hold), peak_ms),
-            Drive::Latch { set, reset, pulse_ms } => (bit(set), bit(reset), pulse_ms),
-        };
-        self.wires = Wires { first, second };
-        self.burst = Micros::from_millis(burst_ms.into());
-        self.pause = drive.peak_pause();
-    }
-
-    /// When it may have a peak again.
-    fn peak_from(&self) -> Micros {
-        self.changed + self.pause
-    }
 }
 
 impl<'t> Coils<'t> {
@@ -316,23 +264,6 @@ impl<'t> Coils<'t> {
         Ok(())
     }
 
-    /// Asks for a word by hand; [`Coils::release`] sets it as the supply allows.
-    pub(super) fn want(&mut self, now: Micros, word: Word, wiring: &Wiring) -> Result<(), CommandError> {
-        if !wiring.has_word(&word) {
-            return Err(CommandError::NotWired);
-        }
-        let target = self.target_of(&word);
-        let switching = target ^ self.on | self.unknown;
-        for (index, bit) in Bits::of(switching & (target | self.latches)) {
-            let least = if self.latches & bit == 0 { Micros(1) } else { self.burst(index) };
-            self.require(now, index, least)?;
-        }
-        self.ask(word);
-        self.timed = 0;
-        self.asked = self.wired;
-        Ok(())
-    }
-
     /// The wanted word, and the coils that are on in it.
     fn ask(&mut self, word: Word) {
         self.target = self.target_of(&word);
@@ -348,86 +279,6 @@ impl<'t> Coils<'t> {
             target ^= if changed & 1 != 0 { *low } else { 0 } ^ if changed & 2 != 0 { *high } else { 0 };
         }
         target
-    }
-
-    /// Switches one coil by hand: on for `on_ms`, or off. A latch is set for so long, then reset.
-    pub(super) fn pulse(&mut self, now: Micros, number: u8, on_ms: u32, wiring: &Wiring) -> Result<(), CommandError> {
-        let (index, bit) = (usize::from(number), bit_of(number));
-        if self.wired & bit == 0 {
-            return Err(CommandError::NotWired);
-        }
-        let word = self.with_coil(bit, on_ms > 0);
-        if !wiring.has_word(&word) {
-            return Err(CommandError::NoSuchState);
-        }
-        if on_ms > 0 {
-            let on = Micros::from_millis(on_ms);
-            let flows = if self.latches & bit == 0 { on } else { self.burst(index) };
-            self.require(now, index, flows)?;
-            let is_on = self.on & bit != 0;
-            if let Some(output) = self.outputs.get_mut(index) {
-                output.on_for = on;
-                output.off_at = if is_on { now + on } else { Micros(u64::MAX) };
-            }
-            self.timed |= bit;
-        } else {
-            self.timed &= !bit;
-        }
-        self.asked |= bit;
-        self.ask(word);
-        Ok(())
-    }
-
-    fn burst(&self, index: usize) -> Micros {
-        self.outputs.get(index).map_or(Micros(0), |output| output.burst)
-    }
-
-    /// Refuses to let current flow for so long from now on where the output's limits do not allow it.
-    fn require(&mut self, now: Micros, index: usize, flows: Micros) -> Result<(), CommandError> {
-        let fed = (self.fed() | self.ending) >> index & 1 == 1;
-        // A breach is found again by the next tick, which latches it.
-        let _ = self.count(now, index, fed);
-        let Some((output, meter)) = self.outputs.get(index).zip(self.used.meters.get(index)) else {
-            return Err(CommandError::NotWired);
-        };
-        let limit = &output.limit;
-        if flows > limit.max_on() {
-            return Err(CommandError::OnTooLong { max_ms: (limit.max_on().0 / 1000) as u32 });
-        }
-        let left_us = meter.left_us(limit);
-        if flows <= Micros(left_us.into()) {
-            let wait = if self.on >> index & 1 == 1 { Micros(0) } else { output.peak_from() - now };
-            let wait_ms = wait.0.div_ceil(1000) as u32;
-            let recovering = CommandError::Recovering { output: index as u8, left_ms: 0, wait_ms };
-            return if wait_ms == 0 { Ok(()) } else { Err(recovering) };
-        }
-        let [left_ms, wait_ms] = [left_us, meter.recovery_us(limit)].map(|us| us / 1000);
-        Err(CommandError::Recovering { output: index as u8, left_ms, wait_ms })
-    }
-
-    /// The wanted word, but for one coil.
-    fn with_coil(&self, bit: u64, on: bool) -> Word {
-        let of = |[low, high]: &[u64; 2]| u8::from(bit == *low) | u8::from(bit == *high) << 1;
-        let own = self.of_digit.iter().take(self.wanted.len()).position(|masks| of(masks) != 0);
-        let Some((index, mask)) = own.and_then(|index| Some((index, of(self.of_digit.get(index)?)))) else {
-            return self.wanted;
-        };
-        let digit = self.wanted.digit(index);
-        self.wanted.with_digit(index, if on { digit | mask } else { digit & !mask })
-    }
-
-    /// Switches what is asked for by hand, no more coils at once than the supply can feed.
-    pub(super) fn release(&mut self, now: Micros) -> Result<(), FaultKind> {
-        for (index, bit) in Bits::of(self.timed) {
-            if self.outputs.get(index).is_some_and(|output| now >= output.off_at) {
-                self.timed &= !bit;
-                self.ask(self.with_coil(bit, false));
-            }
-        }
-        if self.set_all(now, now, self.on ^ self.target | self.unknown & self.asked)? {
-            self.word = self.wanted;
-        }
-        Ok(())
     }
 
     /// Switches coils to what is wanted; false when the supply cannot feed them all now. A coil whose peak comes before
@@ -496,56 +347,4 @@ impl<'t> Coils<'t> {
             second: all.second | wires.second,
         })
     }
-}
-
-/// An output that the profile does not have counts nothing: nothing ever feeds it.
-fn limit_of(output: Option<&profile::Output>) -> MeterLimit {
-    output.map_or(MeterLimit::NONE, |output| MeterLimit::of(&output.limit))
-}
-
-/// The mask of one output; none where there is no such output.
-fn bit_of(number: u8) -> u64 {
-    if usize::from(number) < MAX_COILS { 1 << number } else { 0 }
-}
-
-/// So many of the bits that are set, lowest first.
-fn first_of(mask: u64, most: u8) -> u64 {
-    if mask.count_ones() <= u32::from(most) {
-        return mask;
-    }
-    Bits::of(mask).take(usize::from(most)).fold(0, |first, (_, bit)| first | bit)
-}
-
-/// The bits of a mask that are set, lowest first: index and mask of each. In halves: the chip has 32 bits.
-pub(super) struct Bits {
-    low: u32,
-    high: u32,
-}
-
-impl Bits {
-    pub(super) fn of(mask: u64) -> Self {
-        Self { low: mask as u32, high: (mask >> 32) as u32 }
-    }
-}
-
-impl Iterator for Bits {
-    type Item = (usize, u64);
-
-    fn next(&mut self) -> Option<Self::Item> {
-        if self.low != 0 {
-            let (index, bit) = take_lowest(&mut self.low);
-            Some((index, bit.into()))
-        } else if self.high != 0 {
-            let (index, bit) = take_lowest(&mut self.high);
-            Some((index.wrapping_add(32), u64::from(bit) << 32))
-        } else {
-            None
-        }
-    }
-}
-
-fn take_lowest(mask: &mut u32) -> (usize, u32) {
-    let bit = *mask & mask.wrapping_neg();
-    *mask ^= bit;
-    (bit.trailing_zeros() as usize, bit)
 }

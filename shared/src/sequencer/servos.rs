@@ -1,8 +1,119 @@
-//! What a servo that is seen must be like.
+//! The servos: what they are sent, what each must answer, and which commands they allow.
 
-use super::{FaultKind, ServoSeen};
-use crate::output::ServoWiring;
+use super::{CommandError, FaultKind, Phase, Sequencer, ServoAction, ServoSeen, ServoTarget};
+use crate::output::{MAX_SERVOS, ServoWiring};
+use crate::profile::Fallback;
+use crate::table::ServoAngles;
 use crate::units::Micros;
+
+/// The servos get this share of their speed on the way to the first row.
+pub(super) const APPROACH_SPEED: f32 = 0.25;
+
+/// A servo has reached the first row when it is this near.
+pub(super) const APPROACH_TOLERANCE_RAD: f32 = 0.01;
+
+impl Sequencer<'_> {
+    /// Takes zero offsets of the servos: joint angle = shaft angle − offset. No servo moves. No program may run.
+    pub fn calibrate(&mut self, offsets_rad: [f32; MAX_SERVOS]) -> Result<(), CommandError> {
+        if matches!(self.phase, Phase::Approaching { .. } | Phase::Playing { .. }) {
+            return Err(CommandError::Playing);
+        }
+        self.hold_servos();
+        self.offsets_rad = offsets_rad;
+        Ok(())
+    }
+
+    /// No servo goes on to its target.
+    pub(super) fn hold_servos(&mut self) {
+        for action in &mut self.servos {
+            if matches!(action, ServoAction::Go(_)) {
+                *action = ServoAction::Hold;
+            }
+        }
+    }
+
+    /// Every servo does what its profile says for the safe state.
+    pub(super) fn fall_back(&mut self) {
+        self.servos = [ServoAction::Hold; MAX_SERVOS];
+        for (action, servo) in self.servos.iter_mut().zip(&self.profile.servos) {
+            *action = match servo.fallback {
+                Fallback::Hold => ServoAction::Hold,
+                Fallback::Release => ServoAction::Release,
+            };
+        }
+    }
+
+    /// Refuses to drive anything while a servo that has answered before is silent.
+    pub(super) fn check_servos_answer(&self) -> Result<(), CommandError> {
+        let Some(table) = self.table.as_deref() else { return Ok(()) };
+        let mut joints = table.wiring().servos.iter().zip(&self.answered);
+        match joints.position(|(joint, answered)| is_silent(self.now, joint, *answered)) {
+            Some(index) => Err(CommandError::ServoSilent { servo: index as u8 }),
+            None => Ok(()),
+        }
+    }
+
+    pub(super) fn turn_servo(&mut self, servo: u8, angle_rad: f32) -> Result<(), CommandError> {
+        let index = usize::from(servo);
+        let wiring = self.table.as_deref().ok_or(CommandError::NoTable)?.wiring();
+        let joint = wiring.servos.get(index).ok_or(CommandError::NotWired)?;
+        if self.answered.get(index).copied().flatten().is_none() {
+            return Err(CommandError::ServoSilent { servo });
+        }
+        let (min_rad, max_rad) = self.range_rad(index, joint);
+        if !(min_rad..=max_rad).contains(&angle_rad) {
+            return Err(CommandError::ServoRange { min_rad, max_rad });
+        }
+        let target = self.target(index, joint, angle_rad, APPROACH_SPEED);
+        if let Some(action) = self.servos.get_mut(index) {
+            *action = ServoAction::Go(target);
+        }
+        Ok(())
+    }
+
+    /// Joint angles that both the table and the profile allow; empty where they allow none.
+    fn range_rad(&self, index: usize, joint: &ServoWiring) -> (f32, f32) {
+        let offset_rad = self.offset_rad(index);
+        let shaft = self.profile.servos.get(index).map_or((0.0, -1.0), |own| (own.limit.min_rad, own.limit.max_rad));
+        (joint.min_rad.max(shaft.0 - offset_rad), joint.max_rad.min(shaft.1 - offset_rad))
+    }
+
+    fn offset_rad(&self, index: usize) -> f32 {
+        self.offsets_rad.get(index).copied().unwrap_or(0.0)
+    }
+
+    /// Refuses a table whose rows would take a servo's shaft out of the profile's range.
+    pub(super) fn check_servo_spans(&self) -> Result<(), CommandError> {
+        let Some(table) = self.table.as_deref() else { return Ok(()) };
+        for (index, joint) in table.wiring().servos.iter().enumerate() {
+            let (min_rad, max_rad) = self.range_rad(index, joint);
+            let fits = |(least, most): (f32, f32)| min_rad <= least && most <= max_rad;
+            if !table.servo_span_rad(index).is_none_or(fits) {
+                return Err(CommandError::ServoRange { min_rad, max_rad });
+            }
+        }
+        Ok(())
+    }
+
+    fn target(&self, index: usize, joint: &ServoWiring, angle_rad: f32, speed: f32) -> ServoTarget {
+        let (speed_rad_s, torque) = (joint.max_speed_rad_s * speed, joint.max_torque);
+        ServoTarget { angle_rad: angle_rad + self.offset_rad(index), speed_rad_s, torque }
+    }
+
+    /// Sends the servos that have answered to these joint angles.
+    pub(super) fn aim(&mut self, angles: &ServoAngles, speed: f32) {
+        let Some(table) = self.table.as_deref() else {
+            return;
+        };
+        for (index, (joint, &angle_rad)) in table.wiring().servos.iter().zip(angles).enumerate() {
+            let target = self.target(index, joint, angle_rad, speed);
+            let has_answered = self.answered.get(index).is_some_and(Option::is_some);
+            if let Some(action) = self.servos.get_mut(index).filter(|_| has_answered) {
+                *action = ServoAction::Go(target);
+            }
+        }
+    }
+}
 
 /// A servo may be seen this far out of its range before that is a fault: overshoot and resolution.
 const RANGE_MARGIN_RAD: f32 = 0.02;

@@ -1,7 +1,7 @@
 //! Limit switches: after the time of travel each must show its actuator's digit.
 
 use super::FaultKind;
-use super::coils::Bits;
+use super::bits::Bits;
 use crate::output::{ActuatorWiring, MAX_ACTUATORS, MAX_INPUTS, Wiring};
 use crate::units::{ActuatorId, Micros, Word};
 

@@ -94,7 +94,7 @@ pub(crate) const RECURSION: &[Recursion] = &[
     Recursion { function: "<core::fmt::builders::PadAdapter as core::fmt::Write>::write_str", depth: 0 },
     Recursion { function: "<core::fmt::builders::PadAdapter as core::fmt::Write>::write_char", depth: 0 },
     // A record of a later kind first ends the one or two kinds before it.
-    Recursion { function: "darm_core::table::Checker::admit_in_order", depth: 3 },
+    Recursion { function: "darm_core::table::checker::Checker::admit_in_order", depth: 3 },
     // A number below the normal range is scaled into it.
     Recursion { function: "darm_core::trig::single::sqrt", depth: 2 },
 ];

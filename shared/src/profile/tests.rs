@@ -1,0 +1,84 @@
+//! Profiles and their records: order, soundness, what is refused.
+
+use super::*;
+extern crate std;
+use std::vec::Vec;
+
+/// Two valves, one with a switch, and a servo.
+fn profile() -> Profile {
+    let mut profile = Profile::empty();
+    let limit = CoilLimit { max_on_ms: 100, duty_percent: 50, window_ms: 1600 };
+    profile.outputs[0] = Some(Output { drive: Drive::Hold { line: 0 }, limit, input: Some(3) });
+    profile.outputs[7] = Some(Output { drive: Drive::Hold { line: 9 }, limit, input: None });
+    let limit =
+        ServoWiring { id: 1, min_rad: -1.0, max_rad: 1.0, max_speed_rad_s: 1.0, max_torque: 0.5, timeout_ms: 100 };
+    profile.servos.push(Servo { limit, fallback: Fallback::Release }).expect("one fits");
+    profile.emergency_stop = Some(EmergencyStop { input: 12, opens: true });
+    profile
+}
+
+fn read(records: &[ProfileRecord]) -> Result<Profile, ProfileError> {
+    let (mut reader, mut profile) = (ProfileReader::default(), Profile::empty());
+    records.iter().try_for_each(|record| reader.push(record, &mut profile))?;
+    if reader.is_complete() { Ok(profile) } else { Err(ProfileError::Order) }
+}
+
+#[test]
+fn a_profile_and_its_records_are_inverse() {
+    let records: Vec<_> = profile().records().collect();
+    assert_eq!(read(&records), Ok(profile()));
+    assert_eq!(records.len(), 5);
+    let mut bytes = [0; 64];
+    assert!(records.iter().all(|record| postcard::to_slice(record, &mut bytes).is_ok()));
+}
+
+#[test]
+fn records_out_of_order_and_incomplete_profiles_are_refused() {
+    let records: Vec<_> = profile().records().collect();
+    for missing in 0..records.len() {
+        let mut some = records.clone();
+        some.remove(missing);
+        let dropped = matches!(records[missing], ProfileRecord::Output { .. } | ProfileRecord::Servo(_));
+        assert_eq!(read(&some).is_ok(), dropped, "without record {missing}");
+    }
+    let mut swapped = records.clone();
+    swapped.swap(1, 2);
+    assert_eq!(read(&swapped), Err(ProfileError::Order));
+}
+
+#[test]
+fn the_profile_that_is_built_in_is_sound_and_cautious() {
+    assert_eq!(BUILT_IN.check(), Ok(()));
+    let most = BUILT_IN.outputs.iter().flatten().map(|output| output.limit.max_on_ms).max();
+    assert_eq!((most, BUILT_IN.servos.len()), (Some(1_000), 0));
+}
+
+#[test]
+fn what_the_board_cannot_run_safely_is_refused() {
+    let broken = |change: fn(&mut Profile)| {
+        let mut profile = profile();
+        change(&mut profile);
+        profile.check().is_err()
+    };
+    assert!(!broken(|_| {}));
+    assert!(broken(|profile| profile.outputs[8] = profile.outputs[7]), "a line is used twice");
+    assert!(broken(|profile| profile.emergency_stop = Some(EmergencyStop { input: 3, opens: true })));
+    assert!(broken(|profile| profile.supply.new_coils = 0));
+    assert!(broken(|profile| profile.servos[0].limit.id = 254));
+    assert!(broken(|profile| profile.servos[0].limit.max_speed_rad_s = f32::NAN));
+    assert!(broken(|profile| {
+        let servo = profile.servos[0];
+        let _ = profile.servos.push(servo);
+    }));
+    assert!(broken(|profile| {
+        if let Some(output) = &mut profile.outputs[0] {
+            output.limit.window_ms = u32::MAX;
+        }
+    }));
+}
+
+#[test]
+fn a_broken_wire_to_the_emergency_stop_stops_too() {
+    let stop = EmergencyStop { input: 12, opens: true };
+    assert!(stop.is_pressed(0) && !stop.is_pressed(1 << 12));
+}

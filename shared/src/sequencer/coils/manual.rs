@@ -1,0 +1,113 @@
+//! Coils that are switched by hand: what a person asks for, within the limits.
+
+use super::output::bit_of;
+use super::{Coils, FaultKind};
+use crate::output::Wiring;
+use crate::sequencer::CommandError;
+use crate::sequencer::bits::Bits;
+use crate::units::{Micros, Word};
+
+impl Coils<'_> {
+    /// Asks for a word by hand; [`Coils::release`] sets it as the supply allows.
+    pub(in crate::sequencer) fn want(&mut self, now: Micros, word: Word, wiring: &Wiring) -> Result<(), CommandError> {
+        if !wiring.has_word(&word) {
+            return Err(CommandError::NotWired);
+        }
+        let target = self.target_of(&word);
+        let switching = target ^ self.on | self.unknown;
+        for (index, bit) in Bits::of(switching & (target | self.latches)) {
+            let least = if self.latches & bit == 0 { Micros(1) } else { self.burst(index) };
+            self.require(now, index, least)?;
+        }
+        self.ask(word);
+        self.timed = 0;
+        self.asked = self.wired;
+        Ok(())
+    }
+
+    /// Switches one coil by hand: on for `on_ms`, or off. A latch is set for so long, then reset.
+    pub(in crate::sequencer) fn pulse(
+        &mut self,
+        now: Micros,
+        number: u8,
+        on_ms: u32,
+        wiring: &Wiring,
+    ) -> Result<(), CommandError> {
+        let (index, bit) = (usize::from(number), bit_of(number));
+        if self.wired & bit == 0 {
+            return Err(CommandError::NotWired);
+        }
+        let word = self.with_coil(bit, on_ms > 0);
+        if !wiring.has_word(&word) {
+            return Err(CommandError::NoSuchState);
+        }
+        if on_ms > 0 {
+            let on = Micros::from_millis(on_ms);
+            let flows = if self.latches & bit == 0 { on } else { self.burst(index) };
+            self.require(now, index, flows)?;
+            let is_on = self.on & bit != 0;
+            if let Some(output) = self.outputs.get_mut(index) {
+                output.on_for = on;
+                output.off_at = if is_on { now + on } else { Micros(u64::MAX) };
+            }
+            self.timed |= bit;
+        } else {
+            self.timed &= !bit;
+        }
+        self.asked |= bit;
+        self.ask(word);
+        Ok(())
+    }
+
+    fn burst(&self, index: usize) -> Micros {
+        self.outputs.get(index).map_or(Micros(0), |output| output.burst)
+    }
+
+    /// Refuses to let current flow for so long from now on where the output's limits do not allow it.
+    fn require(&mut self, now: Micros, index: usize, flows: Micros) -> Result<(), CommandError> {
+        let fed = (self.fed() | self.ending) >> index & 1 == 1;
+        // A breach is found again by the next tick, which latches it.
+        let _ = self.count(now, index, fed);
+        let Some((output, meter)) = self.outputs.get(index).zip(self.used.meters.get(index)) else {
+            return Err(CommandError::NotWired);
+        };
+        let limit = &output.limit;
+        if flows > limit.max_on() {
+            return Err(CommandError::OnTooLong { max_ms: (limit.max_on().0 / 1000) as u32 });
+        }
+        let left_us = meter.left_us(limit);
+        if flows <= Micros(left_us.into()) {
+            let wait = if self.on >> index & 1 == 1 { Micros(0) } else { output.peak_from() - now };
+            let wait_ms = wait.0.div_ceil(1000) as u32;
+            let recovering = CommandError::Recovering { output: index as u8, left_ms: 0, wait_ms };
+            return if wait_ms == 0 { Ok(()) } else { Err(recovering) };
+        }
+        let [left_ms, wait_ms] = [left_us, meter.recovery_us(limit)].map(|us| us / 1000);
+        Err(CommandError::Recovering { output: index as u8, left_ms, wait_ms })
+    }
+
+    /// The wanted word, but for one coil.
+    fn with_coil(&self, bit: u64, on: bool) -> Word {
+        let of = |[low, high]: &[u64; 2]| u8::from(bit == *low) | u8::from(bit == *high) << 1;
+        let own = self.of_digit.iter().take(self.wanted.len()).position(|masks| of(masks) != 0);
+        let Some((index, mask)) = own.and_then(|index| Some((index, of(self.of_digit.get(index)?)))) else {
+            return self.wanted;
+        };
+        let digit = self.wanted.digit(index);
+        self.wanted.with_digit(index, if on { digit | mask } else { digit & !mask })
+    }
+
+    /// Switches what is asked for by hand, no more coils at once than the supply can feed.
+    pub(in crate::sequencer) fn release(&mut self, now: Micros) -> Result<(), FaultKind> {
+        for (index, bit) in Bits::of(self.timed) {
+            if self.outputs.get(index).is_some_and(|output| now >= output.off_at) {
+                self.timed &= !bit;
+                self.ask(self.with_coil(bit, false));
+            }
+        }
+        if self.set_all(now, now, self.on ^ self.target | self.unknown & self.asked)? {
+            self.word = self.wanted;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,62 @@
+//! What the board sees in one tick, and what it drives until the next.
+
+use serde::{Deserialize, Serialize};
+
+use crate::output::MAX_SERVOS;
+use crate::units::Micros;
+
+/// What the board sees in one tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Seen {
+    /// Limit switches: bit `i` is input `i`, high when closed.
+    pub switches: u32,
+    /// What each servo answered last.
+    pub servos: [ServoSeen; MAX_SERVOS],
+}
+
+/// The last answer of one servo.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ServoSeen {
+    /// Angle of its shaft; the joint's is this less the calibrated offset.
+    pub angle_rad: f32,
+    /// Load as a share of the servo's own torque, 0 to 1.
+    pub load: f32,
+    /// Error bits of its status byte, 0 when it is well.
+    pub error: u8,
+    /// When it answered; `None` before its first answer.
+    pub answered: Option<Micros>,
+}
+
+/// What the board drives until the next tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Outputs {
+    /// Lines of the output chain: bit `i` is line `i`.
+    pub lines: u64,
+    /// Output enable of the chain; without it no line carries current.
+    pub enabled: bool,
+    /// What each servo of the profile does.
+    pub servos: [ServoAction; MAX_SERVOS],
+}
+
+/// What one servo does.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum ServoAction {
+    /// Holds the angle that it has if it has torque, and stays without torque if it has none.
+    #[default]
+    Hold,
+    /// Has no torque.
+    Release,
+    /// Goes to a target.
+    Go(ServoTarget),
+}
+
+/// Where one servo is to go, and how.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ServoTarget {
+    /// Angle of its shaft.
+    pub angle_rad: f32,
+    /// Speed on the way.
+    pub speed_rad_s: f32,
+    /// Largest torque as a share of the servo's own, 0 to 1.
+    pub torque: f32,
+}

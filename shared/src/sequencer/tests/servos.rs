@@ -1,0 +1,124 @@
+//! Servos: targets, answers, calibration.
+
+use super::{Bench, end, start, two_valves, word};
+use crate::output::ServoWiring;
+use crate::profile::Fallback;
+use crate::sequencer::{Command, CommandError, FaultKind, Phase, ServoAction, ServoSeen};
+use crate::table::{Record, Row};
+use crate::units::{Micros, Word};
+
+fn servo_arm() -> Bench {
+    let servo =
+        ServoWiring { id: 1, min_rad: -1.0, max_rad: 1.0, max_speed_rad_s: 2.0, max_torque: 0.5, timeout_ms: 20 };
+    let at = |at_ms, angle| {
+        let servos = heapless::Vec::from_slice(&[angle]).expect("one fits");
+        Record::Row(Row { at: Micros::from_millis(at_ms), word: Word::default(), servos })
+    };
+    Bench::new(&[start(), Record::Servo(servo), at(0, 0.5), at(500, -0.4), end(900)])
+}
+
+impl Bench {
+    fn servo(&mut self, angle_rad: f32) -> &mut Self {
+        self.seen.servos[0] = ServoSeen { angle_rad, load: 0.1, error: 0, answered: Some(self.now) };
+        self
+    }
+}
+
+fn servo(id: u8) -> Record {
+    let (max_speed_rad_s, max_torque, timeout_ms) = (1.0, 0.5, 100);
+    Record::Servo(ServoWiring { id, min_rad: 0.5, max_rad: 1.5, max_speed_rad_s, max_torque, timeout_ms })
+}
+
+fn one_servo() -> Bench {
+    Bench::new(&[start(), servo(1), end(10)])
+}
+
+fn row_with_servo(at_ms: u32, digits: &str, angle_rad: f32) -> Record {
+    let servos = [angle_rad].into_iter().collect();
+    Record::Row(Row { at: Micros::from_millis(at_ms), word: word(digits), servos })
+}
+
+#[test]
+fn rows_wait_until_the_servos_have_come_slowly_to_the_first() {
+    let mut bench = servo_arm();
+    bench.command(Command::Play).unwrap();
+    for _ in 0..50 {
+        bench.servo(0.0).run(1);
+    }
+    let target = bench.target().unwrap();
+    assert_eq!((target.angle_rad, target.speed_rad_s), (0.5, 0.5));
+    assert!(matches!(bench.sequencer.phase(), Phase::Approaching { .. }));
+    bench.servo(0.495).run(2);
+    assert!(matches!(bench.sequencer.phase(), Phase::Playing { .. }));
+    assert_eq!(bench.target().unwrap().speed_rad_s, 2.0);
+}
+
+#[test]
+fn a_silent_overloaded_or_faulty_servo_latches_the_safe_state() {
+    type Break = fn(&mut ServoSeen);
+    let faults: [(Break, FaultKind); 3] = [
+        (|_| {}, FaultKind::ServoSilent { servo: 0 }),
+        (|seen| seen.load = 0.9, FaultKind::ServoTorque { servo: 0, load: 0.9 }),
+        (|seen| seen.error = 4, FaultKind::ServoError { servo: 0, bits: 4 }),
+    ];
+    for (break_it, expected) in faults {
+        let mut bench = servo_arm();
+        bench.command(Command::Play).unwrap();
+        bench.servo(0.5).run(5);
+        break_it(&mut bench.seen.servos[0]);
+        assert_eq!(bench.run(25).fault(), Some(expected));
+        assert_eq!(bench.outputs.servos[0], ServoAction::Hold);
+    }
+}
+
+#[test]
+fn stop_ends_the_motion_of_a_servo() {
+    let mut bench = one_servo();
+    bench.answer(0.6);
+    bench.command(Command::Servo { servo: 0, angle_rad: 1.4 }).unwrap_err();
+    bench.run(1).command(Command::Servo { servo: 0, angle_rad: 1.4 }).unwrap();
+    assert!(bench.run(5).target().is_some());
+    bench.command(Command::Stop).unwrap();
+    assert_eq!(bench.run(1).outputs.servos[0], ServoAction::Hold);
+}
+
+#[test]
+fn a_servo_that_never_answered_gets_no_target() {
+    let mut bench = one_servo();
+    let refused = bench.command(Command::Servo { servo: 0, angle_rad: 1.0 });
+    assert_eq!(refused, Err(CommandError::ServoSilent { servo: 0 }));
+    assert_eq!(bench.run(5).target(), None);
+}
+
+#[test]
+fn the_safe_state_has_no_target() {
+    for (fallback, action) in [(Fallback::Hold, ServoAction::Hold), (Fallback::Release, ServoAction::Release)] {
+        let records = two_valves(&[servo(1), row_with_servo(0, "10", 1.0), end(90)]);
+        let mut bench = Bench::with(&records, |profile| profile.servos[0].fallback = fallback);
+        bench.follows = false;
+        bench.command(Command::Play).unwrap();
+        bench.run(31_000);
+        assert_eq!(bench.fault(), Some(FaultKind::ServoStalled { servo: 0 }));
+        assert_eq!(bench.outputs.servos[0], action);
+    }
+}
+
+#[test]
+fn a_calibration_moves_no_servo_and_widens_no_range() {
+    let mut bench = one_servo();
+    bench.answer(1.0);
+    bench.run(1).command(Command::Servo { servo: 0, angle_rad: 1.2 }).unwrap();
+    assert_eq!(bench.sequencer.calibrate([0.4, 0.0, 0.0, 0.0]), Ok(()));
+    assert_eq!(bench.run(1).outputs.servos[0], ServoAction::Hold);
+    let refused = bench.command(Command::Servo { servo: 0, angle_rad: 1.2 });
+    assert!(matches!(refused, Err(CommandError::ServoRange { .. })), "the shaft would turn to 1.6 rad: {refused:?}");
+    bench.command(Command::Servo { servo: 0, angle_rad: 1.0 }).unwrap();
+    assert!(bench.run(1).target().is_some_and(|target| (target.angle_rad - 1.4).abs() < 1e-6));
+}
+
+#[test]
+fn a_table_whose_rows_leave_the_profile_range_does_not_play() {
+    let mut bench = Bench::new(&[start(), servo(1), row_with_servo(0, "", 1.4), end(10)]);
+    bench.sequencer.calibrate([0.2, 0.0, 0.0, 0.0]).unwrap();
+    assert!(matches!(bench.command(Command::Play), Err(CommandError::ServoRange { .. })));
+}
