@@ -14,128 +14,28 @@
 //!
 //! A stop goes past all orders: it is a counter that the tick looks at first. A command tells how many stops there were
 //! when it was asked for, and is refused when there has been another since.
+mod order;
+
 use core::cell::Cell;
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use darm_core::duty::{DutyMeters, MeterLimit};
-use darm_core::output::{Coil, MAX_SERVOS, ServoWiring, SwitchLimit};
-use darm_core::profile::Profile;
-use darm_core::sequencer::{Command, CommandError, Event, Outputs, Phase, Seen, Sequencer, ServoAction, ServoSeen};
+use darm_core::output::{MAX_SERVOS, ServoWiring};
+use darm_core::sequencer::{Command, CommandError, Event, Outputs, Seen, Sequencer, ServoAction, ServoSeen};
 use darm_core::table::Table;
-use darm_core::units::{Micros, ModelHash, Word};
-use darm_core::wire::message::{Calibration, OutputState};
+use darm_core::units::Micros;
+use darm_core::wire::message::OutputState;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 
 use crate::ring::Ring;
+use order::summary;
+pub use order::{Order, Outcome, Snapshot, Summary, Unloaded};
 
 /// Time from one control tick to the next.
 pub const TICK: Micros = Micros::from_millis(1);
 /// Events that wait for the dispatcher; beyond that the newest are lost, and their numbers show it.
 const WAITING_EVENTS: usize = 64;
-
-/// What the dispatcher asks of the control tick.
-pub enum Order<'t> {
-    /// Do what a person or a host asks for.
-    Command {
-        /// What.
-        command: Command,
-        /// How many [stops](Shared::stops) there were when it was asked for.
-        stops: u32,
-    },
-    /// Tell what you do now.
-    Status,
-    /// Tell what is loaded.
-    Summary,
-    /// Tell how the coil of one output is wired.
-    Coil(u8),
-    /// Tell how long one output has been on.
-    Output(u8),
-    /// Tell how one servo joint is wired.
-    Servo(u8),
-    /// Take this table.
-    Load(&'t mut Table),
-    /// Give the table back.
-    Unload,
-    /// Give the table back, ready to rehearse its rows.
-    Rehearse,
-    /// Put this profile in force, once after a start.
-    Configure(&'t Profile),
-    /// Take the zero offsets of the servos.
-    Calibrate(Calibration),
-}
-
-/// What the control tick answers to an [`Order`], variant by variant.
-pub enum Outcome<'t> {
-    /// To `Command` and `Calibrate`.
-    Command(Result<(), CommandError>),
-    /// To `Status`.
-    Status(Snapshot),
-    /// To `Summary`; `None` without a table.
-    Summary(Option<Summary>),
-    /// To `Coil`; `None` when it is not wired.
-    Coil(Option<Coil>),
-    /// To `Output`; `None` when the profile does not have it.
-    Output(Option<OutputState>),
-    /// To `Configure`.
-    Configured,
-    /// To `Servo`; `None` when it is not wired.
-    Servo(Option<ServoWiring>),
-    /// To `Load`: the table comes back when it cannot be taken now.
-    Load(Option<&'t mut Table>),
-    /// To `Unload` and `Rehearse`.
-    Unload(Unloaded<'t>),
-}
-
-/// What became of the wish to have the table back.
-pub enum Unloaded<'t> {
-    /// Here it is.
-    Table(&'t mut Table),
-    /// There is none.
-    Empty,
-    /// A program runs or a coil is on by hand.
-    Busy,
-}
-
-/// What the board does in one moment.
-#[derive(Clone, Copy, Debug)]
-pub struct Snapshot {
-    /// What the sequencer does.
-    pub phase: Phase,
-    /// The word that the coils hold.
-    pub word: Word,
-    /// Rows of the loaded table.
-    pub rows: u16,
-    /// The model of the loaded table.
-    pub model: Option<ModelHash>,
-    /// Limit switches as seen.
-    pub switches: u32,
-    /// Servo joints of the table; [`Shared::servo_seen`] tells what their servos answer.
-    pub n_servos: u8,
-    /// Whether a person holds the board's button.
-    pub button: bool,
-    /// Latest start of a tick so far, after its time.
-    pub worst_lateness: Micros,
-}
-
-/// A loaded table in numbers.
-#[derive(Clone, Copy, Debug)]
-pub struct Summary {
-    /// The model that it was made with.
-    pub model: ModelHash,
-    /// Rows.
-    pub rows: u16,
-    /// When the program ends.
-    pub end: Micros,
-    /// Discrete actuators.
-    pub actuators: u8,
-    /// Coils.
-    pub coils: u8,
-    /// Servo joints.
-    pub servos: u8,
-    /// What the supply can feed.
-    pub switch_limit: SwitchLimit,
-}
 
 /// An event with its number since the start.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -401,17 +301,4 @@ impl<'t> Control<'t> {
             shared.set_joints(joints);
         }
     }
-}
-
-fn summary(table: &Table) -> Option<Summary> {
-    let wiring = table.wiring();
-    Some(Summary {
-        model: table.model(),
-        rows: table.rows().len() as u16,
-        end: table.end()?,
-        actuators: wiring.actuators.len() as u8,
-        coils: wiring.coils.len() as u8,
-        servos: wiring.servos.len() as u8,
-        switch_limit: wiring.switch_limit,
-    })
 }

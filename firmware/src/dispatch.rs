@@ -2,29 +2,28 @@
 //!
 //! An order that changes something runs once: the answer to the last one is kept, and a repeated number gets it again.
 //! What cannot be read is counted and never answered. Text commands ([`crate::text`]) go through the same dispatcher.
+mod calibration;
+mod nearest;
+mod rehearsal;
+mod start;
+mod status;
+mod tables;
 mod uploads;
 
-use core::future::pending;
-
-use darm_core::nearest::{Coordinates, Found};
-use darm_core::output::MAX_COILS;
 use darm_core::profile::{BUILT_IN, Profile};
-use darm_core::sequencer::{Command, CommandError, Phase, ServoSeen};
-use darm_core::table::{self, RowError, Table, TableError};
-use darm_core::units::{DeviceId, Digest, Micros};
+use darm_core::sequencer::{Command, CommandError, Phase};
+use darm_core::table::Table;
+use darm_core::units::{DeviceId, Micros};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, ANSWER, CrashRecord, Identity, Version};
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
-use darm_core::wire::message::{
-    Answer, Calibration, Hello, ImageKind, OUTPUTS, OutputState, REQUEST, Refusal, Reply, Request, Status,
-};
-use embassy_futures::yield_now;
+use darm_core::wire::message::{Answer, Calibration, Hello, REQUEST, Refusal, Reply, Request};
 use embedded_storage_async::nor_flash::NorFlash;
 
 use crate::clock::Clock;
-use crate::control::{Numbered, Order, Outcome, Shared, Snapshot, Unloaded};
+use crate::control::{Numbered, Order, Outcome, Shared};
 use crate::log::EventLog;
-use crate::nearest::{self, Room};
+use crate::nearest::Room;
 use crate::store::Store;
 
 /// Version of this firmware: major, minor, patch.
@@ -49,8 +48,6 @@ const fn decimal(text: &str) -> u8 {
 const COPIES: Micros = Micros::from_millis(60_000);
 /// Connections whose `Hello` may still be on the line.
 const OLD_LINKS: usize = 8;
-/// Rows that are rehearsed at once: the console is heard in between.
-const REHEARSED: usize = 16;
 
 /// What the dispatcher knows of the board when it opens.
 pub struct Board {
@@ -133,35 +130,6 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             room,
             sought: None,
         }
-    }
-
-    /// Opens the store, puts the stored profile in force, loads the valid table and hands it to the control tick, which
-    /// must be running. Without a profile the one that is built in is in force; with one that cannot be read nothing is driven.
-    pub async fn open(&mut self, flash: Option<F>, table: &'t mut Table, profile: &'t mut Profile) {
-        if let Some(flash) = flash {
-            let mut store = Store::open(flash).await;
-            self.boots = store.count_boot().await.unwrap_or(0);
-            match store.load_valid_profile(profile).await {
-                Ok(true) => self.profile = profile,
-                // The built-in limits are for a board without a stored profile, not for one whose profile is damaged.
-                Ok(false) if store.is_readable() => {}
-                Ok(false) => self.drive_nothing(profile, Refusal::Storage),
-                Err(error) => self.drive_nothing(profile, error.into()),
-            }
-            self.calibration = store.calibration().await.map_err(|_| Refusal::NoCalibration);
-            self.store = Some(store);
-        }
-        self.shared.ask(Order::Configure(self.profile)).await;
-        if !self.apply_calibration().await {
-            self.calibration = Err(Refusal::NoCalibration);
-        }
-        self.restore(table).await;
-    }
-
-    fn drive_nothing(&mut self, profile: &'t mut Profile, reason: Refusal) {
-        *profile = Profile::empty();
-        self.profile = profile;
-        self.rejected = Some(reason);
     }
 
     /// Why the stored table or profile is not in force, if it is not.
@@ -346,64 +314,6 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         self.link_stops != self.shared.stops()
     }
 
-    async fn outputs(&self, from: u8) -> heapless::Vec<OutputState, OUTPUTS> {
-        let mut outputs = heapless::Vec::new();
-        for number in from..MAX_COILS as u8 {
-            if outputs.is_full() {
-                break;
-            }
-            if let Outcome::Output(Some(output)) = self.shared.ask(Order::Output(number)).await {
-                let _ = outputs.push(output);
-            }
-        }
-        outputs
-    }
-
-    /// Digest of the table that was loaded.
-    pub(crate) fn table_digest(&self) -> Option<Digest> {
-        self.store.as_ref().and_then(|store| store.digest(ImageKind::Table))
-    }
-
-    /// A word that brings the tool near a pose in the base, by the frames in the stored table.
-    pub(crate) async fn nearest(&mut self, target: &Coordinates) -> Result<Found<f32>, Refusal> {
-        self.sought = None;
-        self.begin_nearest(target).await?;
-        while self.room.step() {
-            yield_now().await;
-        }
-        self.room.found().ok_or(Refusal::NoFrames)
-    }
-
-    /// Reads the frames.
-    async fn begin_nearest(&mut self, target: &Coordinates) -> Result<(), Refusal> {
-        if !target.is_sound() {
-            return Err(Refusal::NoPose);
-        }
-        let Outcome::Summary(Some(table)) = self.shared.ask(Order::Summary).await else {
-            return Err(Refusal::NoFrames);
-        };
-        let store = self.store.as_mut().ok_or(Refusal::Storage)?;
-        self.room.begin(&target.pose(), table.actuators.into());
-        store.records(|record| nearest::take(self.room, record)).await?;
-        self.room.found().map(|_| ()).ok_or(Refusal::NoFrames)
-    }
-
-    /// Searches on for the nearest word that was last asked for; the frame that answers, once it is found. Waits for ever
-    /// where there is nothing to seek. It may be dropped at any time, and goes on where it was.
-    pub async fn seek(&mut self) -> Frame {
-        while let Some(header) = self.sought {
-            if !self.room.step() {
-                self.sought = None;
-                let reply = self.reply(self.room.found().map(Answer::Nearest).ok_or(Refusal::NoFrames));
-                if let Some(frame) = encode(Header { tag: header.tag | ANSWER, ..header }, &reply) {
-                    return frame;
-                }
-            }
-            yield_now().await;
-        }
-        pending().await
-    }
-
     /// Does what a person or a host asks for, or says why not.
     pub(crate) async fn command(&mut self, command: Command) -> Result<(), Refusal> {
         if command == Command::Play {
@@ -412,129 +322,6 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         match self.shared.ask(Order::Command { command, stops: self.stops }).await {
             Outcome::Command(result) => result.map_err(Refusal::Command),
             _ => Err(Refusal::Unknown),
-        }
-    }
-
-    /// Refuses a program that would exceed the limit of an output because of what has flowed before.
-    async fn rehearse(&mut self) -> Result<(), Refusal> {
-        match self.snapshot().await?.phase {
-            Phase::Idle => {}
-            Phase::Manual => {
-                self.shared.ask(Order::Command { command: Command::Stop, stops: self.stops }).await;
-            }
-            // The control tick refuses, and says why.
-            Phase::Approaching { .. } | Phase::Playing { .. } | Phase::Safe(_) => return Ok(()),
-        }
-        let Outcome::Unload(Unloaded::Table(table)) = self.shared.ask(Order::Rehearse).await else {
-            return Ok(());
-        };
-        let rehearsed = rehearse(table).await;
-        self.hand_over(table).await;
-        match rehearsed {
-            Err(TableError::Row { row, error: RowError::OnTooLong { output } | RowError::Duty { output } }) => {
-                let state = self.shared.ask(Order::Output(output)).await;
-                let wait_ms = if let Outcome::Output(Some(state)) = state { state.recovery_ms } else { 0 };
-                Err(Refusal::Recovering { row, output, wait_ms })
-            }
-            rehearsed => rehearsed.map_err(Refusal::Table),
-        }
-    }
-
-    pub(crate) async fn snapshot(&self) -> Result<Snapshot, Refusal> {
-        match self.shared.ask(Order::Status).await {
-            Outcome::Status(snapshot) => Ok(snapshot),
-            _ => Err(Refusal::Unknown),
-        }
-    }
-
-    async fn status(&mut self) -> Result<Status, Refusal> {
-        let now = self.snapshot().await?;
-        let mut servos = heapless::Vec::new();
-        for index in 0..now.n_servos.into() {
-            // There is room for every servo of a table.
-            let _ = servos.push(self.joint_seen(index));
-        }
-        Ok(Status {
-            phase: now.phase,
-            word: now.word,
-            rows: now.rows,
-            model: now.model,
-            switches: now.switches,
-            servos,
-            bad_frames: self.bad_frames,
-            worst_lateness_us: u32::try_from(now.worst_lateness.0).unwrap_or(u32::MAX),
-        })
-    }
-
-    /// What a servo answered last, with the angle of its joint.
-    pub(crate) fn joint_seen(&self, index: usize) -> ServoSeen {
-        let seen = self.shared.servo_seen(index);
-        let offset_rad = self.offsets().offsets_rad().get(index).copied().unwrap_or(0.0);
-        ServoSeen { angle_rad: seen.angle_rad - offset_rad, ..seen }
-    }
-
-    fn offsets(&self) -> Calibration {
-        self.calibration.ok().flatten().unwrap_or_default()
-    }
-
-    async fn calibrate(&mut self, calibration: Calibration) -> Result<Answer, Refusal> {
-        self.require_idle().await?;
-        self.store()?.set_calibration(calibration).await.map_err(|_| Refusal::Storage)?;
-        self.calibration = Ok(Some(calibration));
-        if self.apply_calibration().await { Ok(Answer::Done) } else { Err(Refusal::Busy) }
-    }
-
-    /// Gives the offsets to the control tick, which refuses them only while a program runs.
-    async fn apply_calibration(&self) -> bool {
-        matches!(self.shared.ask(Order::Calibrate(self.offsets())).await, Outcome::Command(Ok(())))
-    }
-
-    /// Offsets that are lost are not zero: no table that has servos is loaded with them.
-    fn check_calibration(&self, table: &Table) -> Result<(), Refusal> {
-        if table.wiring().servos.is_empty() { Ok(()) } else { self.calibration.map(|_| ()) }
-    }
-
-    /// Takes the table out of the control tick's hands.
-    async fn take_table(&mut self) -> Result<&'t mut Table, Refusal> {
-        if let Some(table) = self.table.take() {
-            return Ok(table);
-        }
-        match self.shared.ask(Order::Unload).await {
-            Outcome::Unload(Unloaded::Table(table)) => Ok(table),
-            _ => Err(Refusal::Busy),
-        }
-    }
-
-    /// Loads the valid table, if there is one, and hands it over; else keeps the empty table.
-    async fn restore(&mut self, table: &'t mut Table) {
-        let board = self.board_of_tables();
-        let loaded = match &mut self.store {
-            Some(store) if self.rejected != Some(Refusal::Storage) => store.load_valid(table, &board).await,
-            _ => Ok(false),
-        };
-        let checked = match loaded {
-            Ok(is_loaded) => self.check_calibration(table).map(|()| is_loaded),
-            Err(error) => Err(error.into()),
-        };
-        match checked {
-            Ok(true) => return self.hand_over(table).await,
-            Ok(false) => {}
-            Err(refusal) => {
-                self.rejected.get_or_insert(refusal);
-                table.clear();
-            }
-        }
-        self.table = Some(table);
-    }
-
-    fn board_of_tables(&self) -> table::Board<'t> {
-        table::Board { device: Some(self.device()), profile: self.profile }
-    }
-
-    /// Gives the table to the control tick.
-    async fn hand_over(&mut self, table: &'t mut Table) {
-        if let Outcome::Load(back) = self.shared.ask(Order::Load(table)).await {
-            self.table = back;
         }
     }
 
@@ -565,16 +352,6 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         let reply = Reply { at: self.clock.now(), result };
         postcard::to_slice(&reply, &mut bytes).map_or_else(|_| Payload::new(), |used| payload(used))
     }
-}
-
-/// Lets the limits of all outputs judge the rows, a few at a time.
-async fn rehearse(table: &mut Table) -> Result<(), TableError> {
-    let n_rows = table.rows().len();
-    for first in (0..n_rows.max(1)).step_by(REHEARSED) {
-        table.rehearse(first..first.saturating_add(REHEARSED).min(n_rows))?;
-        yield_now().await;
-    }
-    Ok(())
 }
 
 fn payload(bytes: &[u8]) -> Payload {

@@ -2,21 +2,24 @@
 //!
 //! Every line of an answer that is not a result starts with `?`; a line that starts with no letter is no command, so
 //! a terminal that echoes what it receives does not start a conversation of the board with itself.
+mod parse;
+
 use core::fmt;
 
 use darm_core::nearest::{Coordinates, Found};
 use darm_core::output::{Coil, MAX_COILS, MAX_SERVOS, ServoWiring};
 use darm_core::profile::{EmergencyStop, Output};
-use darm_core::sequencer::{Command, Event, Phase};
-use darm_core::units::{Digest, Micros, Word, WordError};
+use darm_core::sequencer::{Event, Phase};
+use darm_core::units::{Digest, Micros};
 use darm_core::wire::PROTOCOL;
-use darm_core::wire::bootstrap::{CrashKind, CrashRecord, Into};
+use darm_core::wire::bootstrap::{CrashKind, CrashRecord};
 use embedded_io_async::Write;
 use embedded_storage_async::nor_flash::NorFlash;
 
 use crate::clock::Clock;
 use crate::control::{Order, Outcome};
 use crate::dispatch::{Dispatcher, FIRMWARE};
+use parse::{Words, parse};
 
 const HELP: &[&str] = &[
     "help             this list",
@@ -37,115 +40,6 @@ const HELP: &[&str] = &[
     "log              the last events",
     "reboot           restart (reboot loader: into the chip's loader)",
 ];
-
-/// What a line asks for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Words {
-    Help,
-    Id,
-    Status,
-    Limits,
-    Profile,
-    Table,
-    Fault,
-    Log,
-    Reboot(Into),
-    Nearest(Coordinates),
-    Do(Command),
-}
-
-/// Why a line is no command.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum ParseError {
-    Unknown,
-    Usage(&'static str),
-    Word(WordError),
-}
-
-impl fmt::Display for ParseError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Unknown => f.write_str("no such command; type help"),
-            Self::Usage(usage) => write!(f, "usage: {usage}"),
-            Self::Word(error) => write!(f, "{error}; usage: word DIGITS, as in word 010,110"),
-        }
-    }
-}
-
-fn parse(line: &str) -> Result<Words, ParseError> {
-    let mut parts = line.split_ascii_whitespace();
-    let name = parts.next().unwrap_or_default();
-    let is = |word: &str| name.eq_ignore_ascii_case(word);
-    if is("word") {
-        let digits = line.get(name.len()..).unwrap_or_default();
-        let word: Word = digits.parse().map_err(ParseError::Word)?;
-        return if word.is_empty() {
-            Err(ParseError::Usage("word DIGITS, as in word 010,110"))
-        } else {
-            Ok(Words::Do(Command::Word(word)))
-        };
-    }
-    if is("nearest") {
-        return nearest(parts).map(Words::Nearest);
-    }
-    let (first, second, third) = (parts.next(), parts.next(), parts.next());
-    if is("coil") && parts.next().is_none() {
-        return coil(first, second, third);
-    }
-    if is("servo") && third.is_none() {
-        return servo(first, second);
-    }
-    match first {
-        None if is("help") => Ok(Words::Help),
-        None if is("id") => Ok(Words::Id),
-        None if is("status") => Ok(Words::Status),
-        None if is("limits") => Ok(Words::Limits),
-        None if is("profile") => Ok(Words::Profile),
-        None if is("table") => Ok(Words::Table),
-        None if is("play") => Ok(Words::Do(Command::Play)),
-        None if is("stop") => Ok(Words::Do(Command::Stop)),
-        None if is("clear") => Ok(Words::Do(Command::Clear)),
-        None if is("fault") => Ok(Words::Fault),
-        None if is("log") => Ok(Words::Log),
-        None if is("reboot") => Ok(Words::Reboot(Into::Application)),
-        Some(into) if is("reboot") && into.eq_ignore_ascii_case("loader") => Ok(Words::Reboot(Into::Loader)),
-        _ => Err(ParseError::Unknown),
-    }
-}
-
-fn coil(number: Option<&str>, on: Option<&str>, millis: Option<&str>) -> Result<Words, ParseError> {
-    let usage = ParseError::Usage("coil N on MS, as in coil 3 on 200, or coil N off");
-    let coil = number.and_then(|text| text.parse().ok()).ok_or(usage)?;
-    let on_ms = match (on, millis) {
-        (Some(on), Some(millis)) if on.eq_ignore_ascii_case("on") => millis.parse().map_err(|_| usage)?,
-        (Some(off), None) if off.eq_ignore_ascii_case("off") => 0,
-        _ => return Err(usage),
-    };
-    Ok(Words::Do(Command::Coil { coil, on_ms }))
-}
-
-fn servo(number: Option<&str>, angle: Option<&str>) -> Result<Words, ParseError> {
-    let usage = ParseError::Usage("servo N DEG, as in servo 0 -12.5");
-    let servo = number.and_then(|text| text.parse().ok()).ok_or(usage)?;
-    let angle_deg: f32 = angle.and_then(|text| text.parse().ok()).ok_or(usage)?;
-    Ok(Words::Do(Command::Servo { servo, angle_rad: angle_deg.to_radians() }))
-}
-
-/// A pose in mm and degrees: x, y and the angle about z, or x, y, z and a rotation vector.
-fn nearest<'l>(parts: impl Iterator<Item = &'l str>) -> Result<Coordinates, ParseError> {
-    let usage = ParseError::Usage("nearest X Y ANGLE, as in nearest 300 4200 10, or nearest X Y Z RX RY RZ; mm, deg");
-    let (mut numbers, mut count) = ([0f32; 6], 0usize);
-    for part in parts {
-        *numbers.get_mut(count).ok_or(usage)? = part.parse().map_err(|_| usage)?;
-        count = count.saturating_add(1);
-    }
-    let (position_mm, turn_deg) = match (count, numbers) {
-        (3, [x, y, angle, ..]) => ([x, y, 0.0], [0.0, 0.0, angle]),
-        (6, [x, y, z, rx, ry, rz]) => ([x, y, z], [rx, ry, rz]),
-        _ => return Err(usage),
-    };
-    Ok(Coordinates { turn_rad: turn_deg.map(f32::to_radians), position_m: position_mm.map(|mm| mm / 1e3) })
-}
 
 /// One line to the terminal. Longer lines are cut.
 async fn say<W: Write>(writer: &mut W, line: fmt::Arguments<'_>) -> Result<(), W::Error> {
@@ -397,48 +291,8 @@ impl fmt::Display for EventText<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::{CrashText, ParseError, Words, parse};
-    use darm_core::nearest::Coordinates;
-    use darm_core::sequencer::Command;
-    use darm_core::wire::bootstrap::{CrashKind, CrashRecord, Into};
-
-    #[test]
-    fn lines_are_commands() {
-        assert_eq!(parse("coil 3 on 200"), Ok(Words::Do(Command::Coil { coil: 3, on_ms: 200 })));
-        assert_eq!(parse("Coil 3 OFF"), Ok(Words::Do(Command::Coil { coil: 3, on_ms: 0 })));
-        assert_eq!(parse("word 010,1 1"), Ok(Words::Do(Command::Word("01011".parse().unwrap()))));
-        assert_eq!(parse("servo 1 -90"), Ok(Words::Do(Command::Servo { servo: 1, angle_rad: -90f32.to_radians() })));
-        assert_eq!(parse("REBOOT loader"), Ok(Words::Reboot(Into::Loader)));
-        assert_eq!(parse("play"), Ok(Words::Do(Command::Play)));
-        let plane = Coordinates { turn_rad: [0.0, 0.0, 90f32.to_radians()], position_m: [-0.3, 4.2, 0.0] };
-        assert_eq!(parse("nearest -300 4200 90"), Ok(Words::Nearest(plane)));
-        let space = Coordinates { turn_rad: [0.0, 90f32.to_radians(), 0.0], position_m: [0.1, 0.2, 0.3] };
-        assert_eq!(parse("nearest 100 200 300 0 90 0"), Ok(Words::Nearest(space)));
-    }
-
-    #[test]
-    fn what_is_wrong_is_said() {
-        assert_eq!(parse("dance"), Err(ParseError::Unknown));
-        assert_eq!(parse("play now"), Err(ParseError::Unknown));
-        for line in [
-            "coil",
-            "coil 3",
-            "coil 3 on",
-            "coil 300 on 5",
-            "coil 1 on -5",
-            "coil 1 on 5 6",
-            "servo 1",
-            "servo x 3",
-            "word",
-            "nearest",
-            "nearest 1 2 3 4",
-            "nearest 1 2 x",
-            "nearest 1 2 3 4 5 6 7",
-        ] {
-            assert!(matches!(parse(line), Err(ParseError::Usage(_) | ParseError::Unknown)), "{line}");
-        }
-        assert!(matches!(parse("word 0140"), Err(ParseError::Word(_))));
-    }
+    use super::CrashText;
+    use darm_core::wire::bootstrap::{CrashKind, CrashRecord};
 
     #[test]
     fn a_watchdog_record_says_which_task_was_silent() {

@@ -1,4 +1,5 @@
 //! Power cuts after every word of flash.
+use super::layout::RECORDS_BYTES;
 use super::*;
 use crate::tests::fakes::{Cells, MockFlash, profile, profile_image, run, table};
 use darm_core::output::SwitchLimit;

@@ -6,7 +6,8 @@ use darm_core::units::Micros;
 use darm_core::wire::message::{Answer, Calibration, Refusal, Request};
 
 use super::fakes::{Cells, profile, profile_image, run, table, table_under};
-use super::{Bench, loaded, servo_target};
+use super::servos::servo_target;
+use super::{Bench, loaded};
 use crate::store::Store;
 
 fn half_a_radian() -> Calibration {

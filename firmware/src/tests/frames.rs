@@ -7,7 +7,8 @@ use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
 use darm_core::wire::message::{Answer, CHUNK, Calibration, REQUEST, Refusal, Request, Status};
 
 use super::fakes::{profile, profile_image, table};
-use super::{Bench, LINK, along, loaded};
+use super::nearest::along;
+use super::{Bench, LINK, loaded};
 use crate::port::{Item, Port};
 
 /// Feeds bytes as they come from the line.

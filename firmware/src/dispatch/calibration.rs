@@ -1,0 +1,40 @@
+//! Zero offsets of the servos: stored, applied, and needed before a table with servos is loaded.
+
+use darm_core::sequencer::ServoSeen;
+use darm_core::table::Table;
+use darm_core::wire::message::{Answer, Calibration, Refusal};
+use embedded_storage_async::nor_flash::NorFlash;
+
+use super::Dispatcher;
+use crate::clock::Clock;
+use crate::control::{Order, Outcome};
+
+impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
+    /// What a servo answered last, with the angle of its joint.
+    pub(crate) fn joint_seen(&self, index: usize) -> ServoSeen {
+        let seen = self.shared.servo_seen(index);
+        let offset_rad = self.offsets().offsets_rad().get(index).copied().unwrap_or(0.0);
+        ServoSeen { angle_rad: seen.angle_rad - offset_rad, ..seen }
+    }
+
+    pub(super) fn offsets(&self) -> Calibration {
+        self.calibration.ok().flatten().unwrap_or_default()
+    }
+
+    pub(super) async fn calibrate(&mut self, calibration: Calibration) -> Result<Answer, Refusal> {
+        self.require_idle().await?;
+        self.store()?.set_calibration(calibration).await.map_err(|_| Refusal::Storage)?;
+        self.calibration = Ok(Some(calibration));
+        if self.apply_calibration().await { Ok(Answer::Done) } else { Err(Refusal::Busy) }
+    }
+
+    /// Gives the offsets to the control tick, which refuses them only while a program runs.
+    pub(super) async fn apply_calibration(&self) -> bool {
+        matches!(self.shared.ask(Order::Calibrate(self.offsets())).await, Outcome::Command(Ok(())))
+    }
+
+    /// Offsets that are lost are not zero: no table that has servos is loaded with them.
+    pub(super) fn check_calibration(&self, table: &Table) -> Result<(), Refusal> {
+        if table.wiring().servos.is_empty() { Ok(()) } else { self.calibration.map(|_| ()) }
+    }
+}

@@ -1,0 +1,42 @@
+//! What a start puts in force: the stored profile, calibration and table.
+
+use darm_core::profile::Profile;
+use darm_core::table::Table;
+use darm_core::wire::message::Refusal;
+use embedded_storage_async::nor_flash::NorFlash;
+
+use super::Dispatcher;
+use crate::clock::Clock;
+use crate::control::Order;
+use crate::store::Store;
+
+impl<'t, F: NorFlash, C: Clock> Dispatcher<'_, 't, F, C> {
+    /// Opens the store, puts the stored profile in force, loads the valid table and hands it to the control tick, which
+    /// must be running. Without a profile the one that is built in is in force; with one that cannot be read nothing is driven.
+    pub async fn open(&mut self, flash: Option<F>, table: &'t mut Table, profile: &'t mut Profile) {
+        if let Some(flash) = flash {
+            let mut store = Store::open(flash).await;
+            self.boots = store.count_boot().await.unwrap_or(0);
+            match store.load_valid_profile(profile).await {
+                Ok(true) => self.profile = profile,
+                // The built-in limits are for a board without a stored profile, not for one whose profile is damaged.
+                Ok(false) if store.is_readable() => {}
+                Ok(false) => self.drive_nothing(profile, Refusal::Storage),
+                Err(error) => self.drive_nothing(profile, error.into()),
+            }
+            self.calibration = store.calibration().await.map_err(|_| Refusal::NoCalibration);
+            self.store = Some(store);
+        }
+        self.shared.ask(Order::Configure(self.profile)).await;
+        if !self.apply_calibration().await {
+            self.calibration = Err(Refusal::NoCalibration);
+        }
+        self.restore(table).await;
+    }
+
+    fn drive_nothing(&mut self, profile: &'t mut Profile, reason: Refusal) {
+        *profile = Profile::empty();
+        self.profile = profile;
+        self.rejected = Some(reason);
+    }
+}

@@ -1,0 +1,50 @@
+//! What the board does now, as a host asks: state, servos, on-times of the outputs.
+
+use darm_core::output::MAX_COILS;
+use darm_core::wire::message::{OUTPUTS, OutputState, Refusal, Status};
+use embedded_storage_async::nor_flash::NorFlash;
+
+use super::Dispatcher;
+use crate::clock::Clock;
+use crate::control::{Order, Outcome, Snapshot};
+
+impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
+    pub(super) async fn outputs(&self, from: u8) -> heapless::Vec<OutputState, OUTPUTS> {
+        let mut outputs = heapless::Vec::new();
+        for number in from..MAX_COILS as u8 {
+            if outputs.is_full() {
+                break;
+            }
+            if let Outcome::Output(Some(output)) = self.shared.ask(Order::Output(number)).await {
+                let _ = outputs.push(output);
+            }
+        }
+        outputs
+    }
+
+    pub(crate) async fn snapshot(&self) -> Result<Snapshot, Refusal> {
+        match self.shared.ask(Order::Status).await {
+            Outcome::Status(snapshot) => Ok(snapshot),
+            _ => Err(Refusal::Unknown),
+        }
+    }
+
+    pub(super) async fn status(&mut self) -> Result<Status, Refusal> {
+        let now = self.snapshot().await?;
+        let mut servos = heapless::Vec::new();
+        for index in 0..now.n_servos.into() {
+            // There is room for every servo of a table.
+            let _ = servos.push(self.joint_seen(index));
+        }
+        Ok(Status {
+            phase: now.phase,
+            word: now.word,
+            rows: now.rows,
+            model: now.model,
+            switches: now.switches,
+            servos,
+            bad_frames: self.bad_frames,
+            worst_lateness_us: u32::try_from(now.worst_lateness.0).unwrap_or(u32::MAX),
+        })
+    }
+}

@@ -1,0 +1,70 @@
+//! Records that are written twice: one that is damaged would read as none.
+
+use embedded_storage_async::nor_flash::NorFlash;
+use sequential_storage::map::PostcardValue;
+use serde::{Deserialize, Serialize};
+
+use super::Store;
+use super::error::StorageError;
+use super::layout::SECOND;
+
+/// A record that is written twice.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Doubled<V> {
+    value: V,
+    /// How often it was written: where one copy is damaged or a power cut came between, the larger number holds.
+    version: u32,
+}
+
+impl<'a, V: Serialize + Deserialize<'a>> PostcardValue<'a> for Doubled<V> {}
+
+pub(super) fn newer<V>([first, second]: [Option<Doubled<V>>; 2]) -> Option<Doubled<V>> {
+    match (first, second) {
+        (Some(first), Some(second)) => Some(if first.version < second.version { second } else { first }),
+        (first, second) => first.or(second),
+    }
+}
+
+impl<F: NorFlash> Store<F> {
+    pub(super) async fn fetch_doubled<V>(&mut self, key: u8) -> Result<Option<V>, StorageError>
+    where
+        V: Serialize + for<'a> Deserialize<'a>,
+    {
+        Ok(newer(self.copies::<V>(key).await?).map(|doubled| doubled.value))
+    }
+
+    /// Reads a record, and writes it again where one copy is damaged or older: after a power cut, for example.
+    pub(super) async fn mend<V>(&mut self, key: u8) -> Result<Option<V>, StorageError>
+    where
+        V: Copy + PartialEq + Serialize + for<'a> Deserialize<'a>,
+    {
+        let copies = self.copies::<V>(key).await?;
+        let Some(newer) = newer(copies) else { return Ok(None) };
+        for (key, copy) in [key, key | SECOND].into_iter().zip(copies) {
+            if copy != Some(newer) {
+                // The other copy is good: what cannot be written now is tried again at the next start.
+                let _ = self.put(key, &newer).await;
+            }
+        }
+        Ok(Some(newer.value))
+    }
+
+    pub(super) async fn copies<V>(&mut self, key: u8) -> Result<[Option<Doubled<V>>; 2], StorageError>
+    where
+        V: Serialize + for<'a> Deserialize<'a>,
+    {
+        Ok([self.fetch(key).await?, self.fetch(key | SECOND).await?])
+    }
+
+    pub(super) async fn put_doubled<V>(&mut self, key: u8, value: V) -> Result<(), StorageError>
+    where
+        V: Serialize + for<'a> Deserialize<'a>,
+    {
+        // What cannot be read is replaced.
+        let old = self.copies::<V>(key).await.ok().and_then(newer);
+        let version = old.map_or(0, |old| old.version.saturating_add(1));
+        let doubled = Doubled { value, version };
+        self.put(key, &doubled).await?;
+        self.put(key | SECOND, &doubled).await
+    }
+}

@@ -1,0 +1,51 @@
+//! Servos move only when they are commanded: no table and no calibration moves one.
+
+use darm_core::sequencer::{Command, ServoAction, ServoSeen, ServoTarget};
+use darm_core::units::Micros;
+use darm_core::wire::message::{Answer, Calibration, Request};
+
+use super::Bench;
+use super::fakes::{Cells, table};
+
+/// A board with a table that has a servo, whose shaft is at `angle_rad`.
+pub(super) fn with_servo(angle_rad: f32) -> Bench {
+    let bench = Bench::new(Cells::with_profile());
+    bench.connect();
+    assert_eq!(bench.upload(&table(1, 4, true)), Ok(Answer::Committed { rows: 4 }));
+    let answered = Some(Micros(bench.clock.0.get()));
+    bench.shared.see_servo(0, ServoSeen { angle_rad, answered, ..ServoSeen::default() });
+    bench.tick();
+    bench
+}
+
+pub(super) fn servo_target(bench: &Bench) -> Option<ServoTarget> {
+    match bench.shared.joints()[0]?.action {
+        ServoAction::Go(target) => Some(target),
+        ServoAction::Hold | ServoAction::Release => None,
+    }
+}
+
+#[test]
+fn another_table_moves_no_servo() {
+    let bench = with_servo(0.0);
+    bench.command(Command::Servo { servo: 0, angle_rad: 0.3 }).unwrap();
+    bench.pass_ms(5);
+    assert!(servo_target(&bench).is_some());
+    bench.command(Command::Stop).unwrap();
+    assert_eq!(bench.upload(&table(2, 4, true)), Ok(Answer::Committed { rows: 4 }));
+    bench.pass_ms(5);
+    assert_eq!(servo_target(&bench), None);
+}
+
+#[test]
+fn another_model_moves_no_servo() {
+    let bench = with_servo(0.0);
+    let calibration = Calibration::try_from([0.5, 0.0, 0.0, 0.0]).unwrap();
+    assert_eq!(bench.ask(Request::Calibrate(calibration)), Ok(Answer::Done));
+    bench.upload(&table(2, 4, true)).unwrap();
+    let stands_at = bench.status().servos[0].angle_rad;
+    assert_eq!(stands_at, -0.5, "a horn does not turn on its shaft because the model is a better one");
+    let again = Bench::new(bench.cells);
+    again.connect();
+    assert_eq!(again.ask(Request::Calibration), Ok(Answer::Calibration(Some(calibration))));
+}
