@@ -274,7 +274,8 @@ impl<'t> Sequencer<'t> {
         for (answered, servo) in self.answered.iter_mut().zip(&seen.servos) {
             *answered = servo.answered;
         }
-        self.coils.pass(self.now)?;
+        let is_row_due = self.is_row_due();
+        self.coils.pass(self.now, is_row_due)?;
         if self.emergency_stop {
             return Err(FaultKind::EmergencyStop);
         }
@@ -296,6 +297,12 @@ impl<'t> Sequencer<'t> {
             }
         }
         Ok(())
+    }
+
+    /// Whether the next row goes out in this tick.
+    fn is_row_due(&self) -> bool {
+        let (Phase::Playing { started, next }, Some(table)) = (self.phase, self.table.as_deref()) else { return false };
+        table.rows().get(usize::from(next)).is_some_and(|row| row.at <= self.now - started)
     }
 
     fn advance(&mut self, seen: &Seen) -> Result<(), FaultKind> {

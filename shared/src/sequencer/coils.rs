@@ -1,7 +1,8 @@
 //! Coils of one board: which carry current, since when, and which lines that makes high.
 //!
 //! Coils are numbered by the output that feeds them. A tick touches what changes: coils that switch, peaks and pulses
-//! that end, and [`METERS_A_TICK`] meters in turn, also those of outputs that no table uses.
+//! that end, and [`METERS_A_TICK`] meters in turn, also those of outputs that no table uses. A row that switches many coils
+//! counts their meters as well: the turn then waits for the next tick, at most once in [`TICKS_A_TURN`].
 
 mod manual;
 mod output;
@@ -14,8 +15,11 @@ use crate::profile::Profile;
 use crate::units::{Micros, Word};
 use output::{NO_OUTPUT, Output, Wires, bit_of, limit_of};
 
-/// So many meters count in one tick: each of the most there can be within 8 ms.
-const METERS_A_TICK: usize = 6;
+/// Meters that count in turn in one tick.
+const METERS_A_TICK: usize = 7;
+/// Every meter counts once in so many ticks, one of which may leave the turn to the next.
+const TICKS_A_TURN: u8 = 8;
+const _: () = assert!(METERS_A_TICK * (TICKS_A_TURN as usize - 1) >= MAX_COILS);
 
 /// State of all coils. Sets of coils are masks: bit `o` is the coil of output `o`.
 #[derive(Debug)]
@@ -57,6 +61,8 @@ pub(super) struct Coils<'t> {
     n_taken: usize,
     /// The output whose meter counts next.
     next: usize,
+    /// Ticks since the turn of the meters waited last.
+    ticks_in_turn: u8,
     /// The meter of each output, which outlives table, stop and reset.
     used: &'t mut DutyMeters,
     supply: SwitchLimit,
@@ -88,6 +94,7 @@ impl<'t> Coils<'t> {
             n_outputs: 0,
             n_taken: MAX_COILS,
             next: 0,
+            ticks_in_turn: 0,
             used,
             supply: SwitchLimit::default(),
             switched: SwitchClock::default(),
@@ -208,18 +215,14 @@ impl<'t> Coils<'t> {
         Ok(ready && now >= self.peaks_from && self.unknown | self.pulsing == 0)
     }
 
-    /// Lets time pass: ends peaks and pulses, and finds the coil that carries current for too long.
-    pub(super) fn pass(&mut self, now: Micros) -> Result<(), FaultKind> {
+    /// Lets time pass: ends peaks and pulses, and finds the coil that carries current for too long. A row that is due
+    /// counts the meters of the coils that it switches.
+    pub(super) fn pass(&mut self, now: Micros, is_row_due: bool) -> Result<(), FaultKind> {
         for (index, _) in Bits::of(core::mem::take(&mut self.ending)) {
             // That the coil was on for too long no longer matters: it goes off.
             let _ = self.count(now, index, true);
         }
-        let fed = self.fed();
-        for _ in 0..METERS_A_TICK.min(self.n_outputs) {
-            self.count(now, self.next, fed >> self.next & 1 == 1)?;
-            let next = self.next.wrapping_add(1);
-            self.next = if next < self.n_outputs { next } else { 0 };
-        }
+        self.count_in_turn(now, is_row_due)?;
         let mut ended = 0;
         for (index, bit) in Bits::of(self.pulsing | self.peaking) {
             let Some(output) = self.outputs.get(index) else { continue };
@@ -231,6 +234,23 @@ impl<'t> Coils<'t> {
         self.pulsing &= !ended;
         self.peaking &= !ended;
         self.show(ended);
+        Ok(())
+    }
+
+    /// Lets the next meters count. Where there are more than count in one tick, a due row may have the tick to itself.
+    #[inline(always)]
+    fn count_in_turn(&mut self, now: Micros, is_row_due: bool) -> Result<(), FaultKind> {
+        if is_row_due && self.n_outputs > METERS_A_TICK && self.ticks_in_turn >= TICKS_A_TURN - 1 {
+            self.ticks_in_turn = 0;
+            return Ok(());
+        }
+        self.ticks_in_turn = self.ticks_in_turn.saturating_add(1);
+        let fed = self.fed();
+        for _ in 0..METERS_A_TICK.min(self.n_outputs) {
+            self.count(now, self.next, fed >> self.next & 1 == 1)?;
+            let next = self.next.wrapping_add(1);
+            self.next = if next < self.n_outputs { next } else { 0 };
+        }
         Ok(())
     }
 
@@ -348,3 +368,6 @@ impl<'t> Coils<'t> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests;
