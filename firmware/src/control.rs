@@ -178,7 +178,7 @@ impl<'t> Control<'t> {
             next_event: 0,
             waited: false,
         };
-        control.tell(now, Event::Booted, shared);
+        control.report(now, Event::Booted, shared);
         control
     }
 
@@ -199,7 +199,7 @@ impl<'t> Control<'t> {
         let outputs = self.sequencer.step(now, &self.seen);
         let events_before = self.next_event;
         while let Some((at, event)) = self.sequencer.next_event() {
-            self.tell(at, event, shared);
+            self.report(at, event, shared);
         }
         self.aim(&outputs, shared);
         shared.stops_done.store(stops, Ordering::Release);
@@ -284,7 +284,7 @@ impl<'t> Control<'t> {
         }
     }
 
-    fn tell(&mut self, at: Micros, event: Event, shared: &Shared<'t>) {
+    fn report(&mut self, at: Micros, event: Event, shared: &Shared<'t>) {
         let number = self.next_event;
         self.next_event = number.wrapping_add(1);
         // When the dispatcher is too slow the event is lost, and the gap in the numbers tells.

@@ -115,8 +115,8 @@ impl<T: Real> Drive<T> {
             Vec3::new(along * c - across * s, along * s + across * c, turned)
         };
         let mut covariance = carried * from.covariance * carried.transpose();
-        for (wheel, way) in [(per_turn(-one), left), (per_turn(one), right)] {
-            covariance += wheel * wheel.transpose() * (way.abs() * self.variance_per_m);
+        for (gradient, way) in [(per_turn(-one), left), (per_turn(one), right)] {
+            covariance += gradient * gradient.transpose() * (way.abs() * self.variance_per_m);
         }
         Estimate { pose, covariance }
     }
@@ -149,10 +149,10 @@ mod tests {
     /// Many small steps along an arc end where one step does.
     #[test]
     fn an_arc_is_exact() {
-        let whole = DRIVE.advance(&Estimate::start(), 8000, 12_000);
+        let total = DRIVE.advance(&Estimate::start(), 8000, 12_000);
         let parts = (0..4000).fold(Estimate::start(), |at, _| DRIVE.advance(&at, 2, 3));
-        assert!((whole.pose.position - parts.pose.position).norm() < 1e-10);
-        assert!((whole.pose.angle_rad - parts.pose.angle_rad).abs() < 1e-10);
+        assert!((total.pose.position - parts.pose.position).norm() < 1e-10);
+        assert!((total.pose.angle_rad - parts.pose.angle_rad).abs() < 1e-10);
     }
 
     #[test]
@@ -188,8 +188,8 @@ mod tests {
     #[test]
     fn velocity_is_the_lectures() {
         let v = DRIVE.velocity(100, 300, 50.0);
-        let wheel = |ticks: f64| TAU * 0.033 * 50.0 * ticks / 4096.0;
-        assert!((v.linear_m_s - (wheel(100.0) + wheel(300.0)) / 2.0).abs() < 1e-12);
-        assert!((v.angular_rad_s - (wheel(300.0) - wheel(100.0)) / 0.16).abs() < 1e-12);
+        let travel_m = |ticks: f64| TAU * 0.033 * 50.0 * ticks / 4096.0;
+        assert!((v.linear_m_s - (travel_m(100.0) + travel_m(300.0)) / 2.0).abs() < 1e-12);
+        assert!((v.angular_rad_s - (travel_m(300.0) - travel_m(100.0)) / 0.16).abs() < 1e-12);
     }
 }

@@ -24,7 +24,7 @@ impl Goals {
 fn is_met(value: f64, goal: &str) -> Result<bool> {
     let (sign, bound) =
         goal.split_once(' ').with_context(|| format!("the goal {goal:?} is not a sign and a number"))?;
-    let bound: f64 = bound.parse().with_context(|| format!("the goal {goal:?} has no number"))?;
+    let bound: f64 = bound.parse().with_context(|| format!("the goal {goal:?} does not contain a number"))?;
     match sign {
         "<=" => Ok(value <= bound),
         ">=" => Ok(value >= bound),

@@ -272,24 +272,24 @@ mod tests {
     #[test]
     fn a_last_line_that_was_cut_short_is_dropped_wherever_it_was_cut() {
         let (_folder, path) = three();
-        let whole = std::fs::read(&path).unwrap();
-        let last = whole[..whole.len() - 1].iter().rposition(|byte| *byte == b'\n').unwrap() + 1;
-        for cut in last..whole.len() {
-            std::fs::write(&path, &whole[..cut]).unwrap();
+        let complete = std::fs::read(&path).unwrap();
+        let last = complete[..complete.len() - 1].iter().rposition(|byte| *byte == b'\n').unwrap() + 1;
+        for cut in last..complete.len() {
+            std::fs::write(&path, &complete[..cut]).unwrap();
             let (file, known) = ResultFile::open(&path, &run(3)).unwrap();
             assert_eq!(known.len(), 2, "cut at {cut}");
             file.append("seed 2", &json!({ "error": 0.2 })).unwrap();
             drop(file);
-            assert_eq!(std::fs::read(&path).unwrap(), whole, "cut at {cut}");
+            assert_eq!(std::fs::read(&path).unwrap(), complete, "cut at {cut}");
         }
     }
 
     #[test]
     fn a_first_line_that_was_cut_short_is_written_again() {
         let (_folder, path) = three();
-        let whole = std::fs::read(&path).unwrap();
-        for cut in 0..whole.iter().position(|byte| *byte == b'\n').unwrap() {
-            std::fs::write(&path, &whole[..cut]).unwrap();
+        let complete = std::fs::read(&path).unwrap();
+        for cut in 0..complete.iter().position(|byte| *byte == b'\n').unwrap() {
+            std::fs::write(&path, &complete[..cut]).unwrap();
             let (_, known) = ResultFile::open(&path, &run(3)).unwrap();
             assert!(known.is_empty());
             assert!(std::fs::read_to_string(&path).unwrap().contains("\"run\""), "cut at {cut}");
@@ -299,8 +299,8 @@ mod tests {
     #[test]
     fn a_damaged_line_is_refused_with_its_number() {
         let (_folder, path) = three();
-        let whole = std::fs::read_to_string(&path).unwrap();
-        std::fs::write(&path, whole.replacen("seed 0", "seed 9", 1)).unwrap();
+        let complete = std::fs::read_to_string(&path).unwrap();
+        std::fs::write(&path, complete.replacen("seed 0", "seed 9", 1)).unwrap();
         let error = ResultFile::open(&path, &run(3)).unwrap_err().to_string();
         assert!(error.contains("a.results:2:"), "{error}");
     }

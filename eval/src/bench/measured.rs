@@ -23,20 +23,20 @@ struct Case {
     elsewhere: bool,
     options: &'static [&'static str],
     /// Names and goals of the norm and the axes that have one, in `tests/goals.toml`.
-    figures: &'static [Told],
+    figures: &'static [Report],
 }
 
 /// A figure of a case.
-enum Told {
+enum Report {
     /// The norm, times this, in this unit.
     Norm(f64, &'static str),
     /// The axis with this number, times this, in this unit.
     Axis(usize, f64, &'static str),
 }
 
-use Told::{Axis, Norm};
+use Report::{Axis, Norm};
 
-const TORQUE: &[Told] = &[
+const TORQUE: &[Report] = &[
     Axis(0, 1.0, "N·m"),
     Axis(1, 1.0, "N·m"),
     Axis(2, 1.0, "N·m"),
@@ -44,10 +44,10 @@ const TORQUE: &[Told] = &[
     Axis(4, 1.0, "N·m"),
     Axis(5, 1.0, "N·m"),
 ];
-const BALLS: &[Told] = &[Norm(1e3, "mm"), Axis(3, 1e3, "mm")];
-const PRESSURE: &[Told] = &[Axis(0, 1e3, "mm"), Axis(1, 1e3, "mm"), Norm(1e3, "mm")];
-const FORCE: &[Told] = &[Norm(1.0, "N")];
-const COUNTS: &[Told] = &[Norm(1.0, "count")];
+const BALLS: &[Report] = &[Norm(1e3, "mm"), Axis(3, 1e3, "mm")];
+const PRESSURE: &[Report] = &[Axis(0, 1e3, "mm"), Axis(1, 1e3, "mm"), Norm(1e3, "mm")];
+const FORCE: &[Report] = &[Norm(1.0, "N")];
+const COUNTS: &[Report] = &[Norm(1.0, "count")];
 const fn torque(split: &'static str, data: (&'static str, &'static str), options: &'static [&'static str]) -> Case {
     let (model, data) = data;
     Case { set: "staubli_tx40", split, model, data, elsewhere: false, options, figures: TORQUE }
@@ -168,7 +168,7 @@ impl Case {
     }
 }
 
-impl Told {
+impl Report {
     /// The held-out figure after and before.
     fn of(&self, name: &str, report: &Value) -> Result<[Figure; 2]> {
         let (pointer, factor, unit) = match self {

@@ -43,7 +43,7 @@ pub(super) fn measure() -> Result<Vec<Figure>> {
     let root = setup::root();
     let folder = root.join("target/peers");
     fs::create_dir_all(&folder).with_context(|| format!("{} cannot be made", folder.display()))?;
-    let theirs = pinocchio(&root, &folder, &wheel(&folder)?)?;
+    let theirs = pinocchio(&root, &folder, &python_wheel(&folder)?)?;
     let ours = ours(&root, &folder)?;
     eprintln!("running all sides (about a minute)");
     let output = Command::new(&ours)
@@ -59,7 +59,7 @@ pub(super) fn measure() -> Result<Vec<Figure>> {
 }
 
 /// Pinocchio's headers and libraries: the folder of the wheel, installed when it is missing.
-fn wheel(folder: &Path) -> Result<PathBuf> {
+fn python_wheel(folder: &Path) -> Result<PathBuf> {
     let venv = folder.join("venv");
     if let Some(found) = prefix(&venv) {
         return Ok(found);
@@ -151,8 +151,8 @@ mod tests {
 
     #[test]
     fn lines_become_ratios_with_goals() {
-        let told = figures("panda_urdf pose 100 400 -\npanda_urdf targets-reached 1000 999 800\n").unwrap();
-        assert_eq!(told.iter().map(|figure| figure.value).collect::<Vec<_>>(), [0.25, 1000.0]);
+        let reported = figures("panda_urdf pose 100 400 -\npanda_urdf targets-reached 1000 999 800\n").unwrap();
+        assert_eq!(reported.iter().map(|figure| figure.value).collect::<Vec<_>>(), [0.25, 1000.0]);
         assert!(figures("").is_err() && figures("words\n").is_err());
     }
 }

@@ -30,7 +30,7 @@ use super::judge::{Mark, pairs, right};
 /// Moments that a step may be at.
 const MOMENTS: usize = 6;
 /// Laws that the stepwise search takes in at most, as many as a model holds.
-const MOST: usize = 8;
+const MAX_EFFECTS: usize = 8;
 /// Folds of the sparse regression's threshold.
 const FOLDS: usize = 3;
 /// Thresholds tried, in units of the noise.
@@ -134,18 +134,18 @@ impl Dictionary {
     fn stepwise(&self) -> DVector<f64> {
         let sums = self.sums(|_| true);
         let (mut active, mut taken): (Vec<usize>, Vec<usize>) = (Vec::new(), Vec::new());
-        let mut least = sums.bic(&active);
-        while taken.len() < MOST {
+        let mut best_bic = sums.bic(&active);
+        while taken.len() < MAX_EFFECTS {
             let open = (0..self.effects.len()).filter(|effect| !taken.contains(effect));
             let tried = open.map(|effect| {
                 let more: Vec<usize> = active.iter().copied().chain(self.of(effect)).collect();
                 (sums.bic(&more), effect)
             });
             let Some((bic, best)) = tried.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
-            if bic >= least {
+            if bic >= best_bic {
                 break;
             }
-            least = bic;
+            best_bic = bic;
             taken.push(best);
             active.extend(self.of(best));
         }

@@ -15,7 +15,7 @@ use super::signals::{Bench, Elsewhere, SWING_RAD, middle};
 
 /// Held postures, and rows of each.
 const POSTURES: usize = 64;
-const HELD: usize = 6;
+const ROWS_PER_POSTURE: usize = 6;
 /// Noise: shift of the centre of pressure, m; forces, N.
 const COP_NOISE_M: f64 = 0.2e-3;
 const FORCE_NOISE_N: f64 = 0.3;
@@ -34,7 +34,7 @@ const VALUES: usize = 4;
 /// Where a floating base stood, and where else it could.
 struct Postures {
     robot: Robot,
-    held: Vec<Vec<f64>>,
+    postures: Vec<Vec<f64>>,
     elsewhere: Vec<Vec<f64>>,
 }
 
@@ -43,14 +43,14 @@ pub(super) fn floating(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Res
     let n = robot.joints.len();
     let heavy: Vec<usize> = (0..n).filter(|&k| robot.joints[k].joint.inertia.mass > 1.0).collect();
     let carrier = &robot.joints[heavy[rng.random_range(0..heavy.len())]].link;
-    let held: Vec<Vec<f64>> = (0..POSTURES).map(|_| posture(robot, rng)).collect();
+    let postures: Vec<Vec<f64>> = (0..POSTURES).map(|_| posture(robot, rng)).collect();
     let (mut given, mut wrench, mut backpack) = (vec![Vec::new(); 9 + n], vec![Vec::new(); 6], vec![Vec::new(); 6]);
-    for (posture, q) in held.iter().enumerate() {
+    for (posture, q) in postures.iter().enumerate() {
         let com = robot.com(q)?;
         let body = of_point(robot, &com.position).map(|part| com.mass_kg * part);
         let lump = of_point(robot, &robot.kinematics(frame(robot, carrier)?, q)?.pose_base_frame.position);
-        for k in 0..HELD {
-            let time_s = (posture * HELD + k) as f64 * 0.1;
+        for k in 0..ROWS_PER_POSTURE {
+            let time_s = (posture * ROWS_PER_POSTURE + k) as f64 * 0.1;
             let base = [time_s, posture as f64, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
             let all = base.into_iter().chain(q.iter().copied());
             given.iter_mut().zip(all).for_each(|(channel, number)| channel.push(number));
@@ -78,7 +78,7 @@ pub(super) fn floating(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Res
             }
         }
         Class::Outside => {
-            let rows = POSTURES * HELD;
+            let rows = POSTURES * ROWS_PER_POSTURE;
             let wave = |row: usize| (TAU * 3.0 * row as f64 / rows as f64).sin();
             let mut shape = vec![vec![0.0; rows]; 6];
             shape[4] = (0..rows).map(wave).collect();
@@ -86,7 +86,7 @@ pub(super) fn floating(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Res
         }
     }
     let elsewhere = (0..ELSEWHERE).map(|_| posture(robot, rng)).collect();
-    bench.elsewhere = Some(Box::new(Postures { robot: robot.clone(), held, elsewhere }));
+    bench.elsewhere = Some(Box::new(Postures { robot: robot.clone(), postures, elsewhere }));
     Ok(bench)
 }
 
@@ -131,8 +131,8 @@ impl Elsewhere for Postures {
         if law != "mass-distribution" {
             return Ok(None);
         }
-        let held = self.held.iter().flat_map(|q| std::iter::repeat_n(q, HELD));
-        let postures: Vec<&Vec<f64>> = if elsewhere { self.elsewhere.iter().collect() } else { held.collect() };
+        let measured = self.postures.iter().flat_map(|q| std::iter::repeat_n(q, ROWS_PER_POSTURE));
+        let postures: Vec<&Vec<f64>> = if elsewhere { self.elsewhere.iter().collect() } else { measured.collect() };
         let mut columns = DMatrix::zeros(6 * postures.len(), VALUES);
         for (k, q) in postures.iter().enumerate() {
             let pose = match link {

@@ -19,15 +19,15 @@ pub(super) fn carried<T: Real, const N: usize>(
         *mass = link.body.mass;
         *moment = add_scaled(&frame.turn(&link.body.moment), &frame.origin, link.body.mass);
     }
-    let mut whole = MassMoment { mass: T::zero(), moment: Vec3::zeros() };
+    let mut total = MassMoment { mass: T::zero(), moment: Vec3::zeros() };
     for (index, link) in tree.links.iter().enumerate().rev() {
         if let (Some(mass), Some(moment)) = (masses.get(index).copied(), moments.get(index).copied()) {
             let parent = usize::from(link.parent);
-            *masses.get_mut(parent).unwrap_or(&mut whole.mass) += mass;
-            *moments.get_mut(parent).unwrap_or(&mut whole.moment) += moment;
+            *masses.get_mut(parent).unwrap_or(&mut total.mass) += mass;
+            *moments.get_mut(parent).unwrap_or(&mut total.moment) += moment;
         }
     }
-    (masses, moments, whole)
+    (masses, moments, total)
 }
 
 /// Mass (kg) and centre of mass of all links (m, told in the base frame); the centre is the origin when there is no mass.
@@ -47,17 +47,17 @@ pub fn center_of_mass<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frame
 /// Column i is ẑᵢ × (cᵢ − pᵢ)·mᵢ/m for a revolute joint and ẑᵢ·mᵢ/m for a prismatic one, where mᵢ and cᵢ are those of all
 /// that joint i carries.
 pub fn com_jacobian<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<T, N>) -> (Vec3<T>, SMatrix<T, 3, N>) {
-    let (masses, moments, whole) = carried(tree, frames);
+    let (masses, moments, total) = carried(tree, frames);
     let mut jacobian = SMatrix::zeros();
-    if whole.mass <= T::zero() {
+    if total.mass <= T::zero() {
         return (Vec3::zeros(), jacobian);
     }
-    let per_mass = T::one() / whole.mass;
+    let per_mass = T::one() / total.mass;
     let columns = columns(tree, frames, &masses, &moments);
     for (column, moved) in jacobian.data.0.iter_mut().zip(&columns) {
         *column = [moved.x * per_mass, moved.y * per_mass, moved.z * per_mass];
     }
-    (whole.moment * per_mass, jacobian)
+    (total.moment * per_mass, jacobian)
 }
 
 /// G(q), N·m or N: the joint torques that hold the arm still against gravity.

@@ -44,7 +44,7 @@ pub fn momentum<T: Real, const N: usize>(
     qd: &[T; N],
 ) -> Momentum<T> {
     let twists = tree.twists(base, qd, frames);
-    let mut whole = MassMoment { mass: T::zero(), moment: Vec3::zeros() };
+    let mut total = MassMoment { mass: T::zero(), moment: Vec3::zeros() };
     let (mut angular, mut linear) = (Vec3::zeros(), Vec3::zeros());
     let links = tree.links.iter().map(|link| &link.body).zip(frames.links()).zip(&twists);
     for ((body, frame), twist) in links.chain([((&tree.base, frames.base()), base)]) {
@@ -52,11 +52,11 @@ pub fn momentum<T: Real, const N: usize>(
         let (spin, push) = about.momentum(&twist.angular, &twist.linear);
         angular += spin + frame.origin.cross(&push);
         linear += push;
-        whole.mass += body.mass;
-        whole.moment += about.moment + frame.origin * body.mass;
+        total.mass += body.mass;
+        total.moment += about.moment + frame.origin * body.mass;
     }
-    if whole.mass > T::zero() {
-        angular -= (whole.moment / whole.mass).cross(&linear);
+    if total.mass > T::zero() {
+        angular -= (total.moment / total.mass).cross(&linear);
     }
     Momentum { angular, linear }
 }

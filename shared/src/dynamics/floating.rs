@@ -88,12 +88,12 @@ pub fn forward_dynamics<T: Real, const N: usize>(
 /// Gravity alone: the load on the base (told in its frame) and the joint torques that hold the tree still.
 pub fn gravity<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<T, N>) -> (Wrench<T>, [T; N]) {
     let (masses, moments, links) = carried(tree, frames);
-    let whole = with_base(tree, frames, &links);
+    let total = with_base(tree, frames, &links);
     let base = frames.base();
-    let arm = whole.moment - base.origin * whole.mass;
+    let arm = total.moment - base.origin * total.mass;
     let load = Wrench {
         moment: base.turn_back(&-arm.cross(&tree.gravity)),
-        force: base.turn_back(&(-tree.gravity * whole.mass)),
+        force: base.turn_back(&(-tree.gravity * total.mass)),
     };
     (load, columns(tree, frames, &masses, &moments).map(|column| -column.dot(&tree.gravity)))
 }
@@ -107,14 +107,14 @@ pub fn mass<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<T, N>, q
         let (n, f) = (base.turn_back(&(about - base.origin.cross(along))), base.turn_back(along));
         [n.x, n.y, n.z, f.x, f.y, f.z]
     };
-    let whole = links.joined(&tree.base).in_base(base);
+    let total = links.joined(&tree.base).in_base(base);
     let mut block = Mat6::zeros();
     for (column, axis) in
         block.data.0.iter_mut().zip([base.x, base.y, base.z, base.x, base.y, base.z].iter().enumerate())
     {
         let (number, axis) = axis;
         let (angular, linear) = if number < 3 { (*axis, base.origin.cross(axis)) } else { (Vec3::zeros(), *axis) };
-        let (about, along) = whole.momentum(&angular, &linear);
+        let (about, along) = total.momentum(&angular, &linear);
         *column = in_base(&about, &along);
     }
     let mut coupling = SMatrix::zeros();
@@ -129,13 +129,13 @@ pub fn mass<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<T, N>, q
 /// Centre of mass and its Jacobian in the posture of `frames`; zeros when there is no mass.
 pub fn com_jacobian<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<T, N>) -> FloatingCom<T, N> {
     let (masses, moments, links) = carried(tree, frames);
-    let whole = with_base(tree, frames, &links);
+    let total = with_base(tree, frames, &links);
     let mut com = FloatingCom { position: Vec3::zeros(), base: SMatrix::zeros(), joints: SMatrix::zeros() };
-    if whole.mass <= T::zero() {
+    if total.mass <= T::zero() {
         return com;
     }
     let base = frames.base();
-    com.position = whole.moment / whole.mass;
+    com.position = total.moment / total.mass;
     let arm = com.position - base.origin;
     let axes = [base.x, base.y, base.z];
     let moved = axes.iter().map(|axis| axis.cross(&arm)).chain(axes);
@@ -143,7 +143,7 @@ pub fn com_jacobian<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<
         *column = [moved.x, moved.y, moved.z];
     }
     for (column, moved) in com.joints.data.0.iter_mut().zip(&columns(tree, frames, &masses, &moments)) {
-        let moved = moved / whole.mass;
+        let moved = moved / total.mass;
         *column = [moved.x, moved.y, moved.z];
     }
     com

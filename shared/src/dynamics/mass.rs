@@ -179,16 +179,16 @@ pub(super) fn composites<T: Real, const N: usize>(
     turns: &Turns<T, N>,
 ) -> ([Body<T>; N], Body<T>) {
     let mut bodies = own_bodies(tree);
-    let mut whole = Body::none();
+    let mut composite = Body::none();
     for (index, link) in tree.links.iter().enumerate().rev() {
         if let (Some(body), Some(q), Some((sine, cosine))) =
             (bodies.get(index).copied(), q.get(index), turns.get(index))
         {
-            let carrier = bodies.get_mut(usize::from(link.parent)).unwrap_or(&mut whole);
+            let carrier = bodies.get_mut(usize::from(link.parent)).unwrap_or(&mut composite);
             *carrier = carrier.joined(&link.body_on_parent(&body, *q, *sine, *cosine));
         }
     }
-    (bodies, whole)
+    (bodies, composite)
 }
 
 /// The momentum of what each joint carries when it moves by one unit, told along the axes of the base about its origin.

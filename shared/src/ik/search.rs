@@ -145,7 +145,7 @@ pub fn solve_observed<T: Real, const N: usize>(
             best = place;
         }
     }
-    search.tell(best, starts, met_again > 1)
+    search.solution(best, starts, met_again > 1)
 }
 
 struct Search<'a, T: Real, const N: usize> {
@@ -191,16 +191,16 @@ impl<T: Real, const N: usize> Search<'_, T, N> {
     fn stepped(&self, from: Place<T, N>, error: &Twist<T>, mut jacobian: SMatrix<T, 6, N>) -> [T; N] {
         let damping = from.cost * real(DAMPING) + real(LEAST_DAMPING);
         let mut step = damped_step(&jacobian, error, damping);
-        let mut held = false;
+        let mut limited = false;
         for (((step, q), [low, high]), column) in
             step.iter().zip(&from.q).zip(self.arm.limits).zip(&mut jacobian.data.0)
         {
             if (*q <= *low && *step < T::zero()) || (*q >= *high && *step > T::zero()) {
                 *column = [T::zero(); 6];
-                held = true;
+                limited = true;
             }
         }
-        if held {
+        if limited {
             step = damped_step(&jacobian, error, damping);
         }
         let mut q = from.q;
@@ -208,7 +208,7 @@ impl<T: Real, const N: usize> Search<'_, T, N> {
         self.arm.within_limits(&q)
     }
 
-    fn tell(&self, best: Place<T, N>, starts: usize, met_again: bool) -> Solution<T, N> {
+    fn solution(&self, best: Place<T, N>, starts: usize, met_again: bool) -> Solution<T, N> {
         let pose = self.arm.tree.pose(self.arm.tool, &best.q);
         let error = error(self.target, &pose);
         let status = if self.options.accepts(&error) {
@@ -238,11 +238,11 @@ impl Draw {
 
     /// Positions within the limits.
     fn start<T: Real, const N: usize>(&mut self, arm: &Arm<T, N>) -> [T; N] {
-        let most: T = real(UNLIMITED);
+        let unlimited: T = real(UNLIMITED);
         let mut q = [T::zero(); N];
         for (q, [low, high]) in q.iter_mut().zip(arm.limits) {
-            let low = if low.is_finite() { *low } else { -most };
-            let high = if high.is_finite() { *high } else { most };
+            let low = if low.is_finite() { *low } else { -unlimited };
+            let high = if high.is_finite() { *high } else { unlimited };
             *q = low + (high - low) * real(self.part());
         }
         arm.within_limits(&q)

@@ -61,11 +61,11 @@ pub fn inverse_step<T: Real, const N: usize>(jacobian: &SMatrix<T, 6, N>, error:
 pub fn pseudo_inverse_step<T: Real, const N: usize>(jacobian: &SMatrix<T, 6, N>, error: &Twist<T>) -> [T; N] {
     let ellipsoid = manipulability_ellipsoid(jacobian);
     let [longest, ..] = ellipsoid.lengths;
-    let least = longest * T::default_epsilon() * real(64.0);
+    let floor = longest * T::default_epsilon() * real(64.0);
     let error = six(error);
     let mut force = [T::zero(); 6];
     for (axis, length) in ellipsoid.axes.data.0.iter().zip(&ellipsoid.lengths) {
-        if *length > least {
+        if *length > floor {
             let part = dot(axis, &error) / (*length * *length);
             force.iter_mut().zip(axis).for_each(|(force, axis)| *force += *axis * part);
         }
@@ -112,10 +112,10 @@ pub fn damped_step<T: Real, const N: usize>(jacobian: &SMatrix<T, 6, N>, error: 
     clippy::needless_range_loop,
     reason = "loops over numbers are unrolled, iterators are not: four times as fast"
 )]
-fn solved<T: Real>(mut a: [[T; 6]; 6], mut b: [T; 6], least: T) -> [T; 6] {
+fn solved<T: Real>(mut a: [[T; 6]; 6], mut b: [T; 6], floor: T) -> [T; 6] {
     let mut inverse = [T::zero(); 6];
     for k in 0..6 {
-        let pivot = if a[k][k] > least { a[k][k] } else { least };
+        let pivot = if a[k][k] > floor { a[k][k] } else { floor };
         inverse[k] = T::one() / pivot;
         for i in k + 1..6 {
             let factor = a[i][k] * inverse[k];

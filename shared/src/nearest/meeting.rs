@@ -85,7 +85,7 @@ pub struct Search<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> {
     digits: usize,
     length_scale_m: f32,
     /// Every module and frame has found room.
-    whole: bool,
+    complete: bool,
     phase: Phase,
     /// The module that is chosen now.
     level: usize,
@@ -112,7 +112,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Default for Sea
             target: Motion::identity(),
             digits: 0,
             length_scale_m: 0.0,
-            whole: true,
+            complete: true,
             phase: Phase::Done,
             level: 0,
             beginnings: Vec::new(),
@@ -134,7 +134,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         self.beam.begin(target, digits);
         self.frames.clear();
         self.parts.clear();
-        (self.target, self.digits, self.whole) = (motion(target), digits, true);
+        (self.target, self.digits, self.complete) = (motion(target), digits, true);
         (self.phase, self.best) = (Phase::Told, None);
     }
 
@@ -151,7 +151,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
             size_m: 1.0 / 64.0,
             stride: stride.unwrap_or(0),
         };
-        self.whole &= self.parts.push(part).is_ok();
+        self.complete &= self.parts.push(part).is_ok();
     }
 
     /// The next frame of the module.
@@ -166,7 +166,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
             earlier.for_each(|frame| frame.at = frame.at.map(|number| number / 2));
         }
         part.count += 1;
-        self.whole &= self.frames.push(Small::of(&own, part.size_m, frame.digits)).is_ok();
+        self.complete &= self.frames.push(Small::of(&own, part.size_m, frame.digits)).is_ok();
     }
 
     /// Searches on for a while, once every frame has come; whether there is more to do.
@@ -210,7 +210,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         let n = self.parts.len();
         // Beginnings have the numbers below the stride of the module that follows them.
         let numbered = self.parts.iter().take(n.saturating_sub(2)).all(|part| part.stride > 0);
-        if !self.whole || !numbered || n < 2 || last.count > LAST {
+        if !self.complete || !numbered || n < 2 || last.count > LAST {
             return;
         }
         let frames = self.frames.get_mut(last.first..).unwrap_or_default();

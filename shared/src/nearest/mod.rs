@@ -32,7 +32,7 @@ use crate::units::Word;
 pub use meeting::Search;
 
 /// No coordinate of a pose that travels is larger than this, m or rad.
-const MOST: f32 = 1e3;
+const MAX_NUMBER: f32 = 1e3;
 
 /// A pose as it travels and is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -52,7 +52,7 @@ impl Coordinates {
 
     /// Whether every coordinate is a number of a size that an arm may have: a kilometre, or as many radians.
     pub fn is_sound(&self) -> bool {
-        self.turn_rad.iter().chain(&self.position_m).all(|x| x.abs() <= MOST)
+        self.turn_rad.iter().chain(&self.position_m).all(|x| x.abs() <= MAX_NUMBER)
     }
 
     /// The pose with these coordinates.

@@ -46,11 +46,11 @@ impl<T: Real> Pose2<T> {
 
     /// The pose reached by moving with the constant twist (ω, v_x, v_y) for one unit of time.
     pub fn exp(twist: &Vec3<T>) -> Self {
-        let whole = Pose::exp(&super::Twist {
+        let full = Pose::exp(&super::Twist {
             angular: Vec3::new(T::zero(), T::zero(), twist.x),
             linear: Vec3::new(twist.y, twist.z, T::zero()),
         });
-        Self { position: whole.position.xy(), angle_rad: twist.x }
+        Self { position: full.position.xy(), angle_rad: twist.x }
     }
 
     /// The twist (ω, v_x, v_y) with the least rotation whose [`exp`](Self::exp) is this pose up to whole turns.

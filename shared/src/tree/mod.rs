@@ -207,9 +207,10 @@ impl<T: Real, const N: usize> Tree<T, N> {
         let turns = self.turns(q);
         let mut before = Frame::identity();
         for (i, link) in self.links.iter().enumerate() {
-            let stand = if link.parent == BASE { link.stand() } else { link.stand_on(&frames.parent(link, i, before)) };
+            let at_rest =
+                if link.parent == BASE { link.at_rest() } else { link.at_rest_on(&frames.parent(link, i, before)) };
             if let (Some(frame), Some(q), Some((s, c))) = (frames.links.get_mut(i), q.get(i), turns.get(i)) {
-                before = link.moved(stand, *q, *s, *c);
+                before = link.moved(at_rest, *q, *s, *c);
                 *frame = before;
             }
         }
@@ -239,9 +240,9 @@ impl<T: Real, const N: usize> Tree<T, N> {
         let turns = self.turns(q);
         let mut before = frames.base;
         for (i, link) in self.links.iter().enumerate() {
-            let stand = link.stand_on(&frames.parent(link, i, before));
+            let at_rest = link.at_rest_on(&frames.parent(link, i, before));
             if let (Some(frame), Some(q), Some((s, c))) = (frames.links.get_mut(i), q.get(i), turns.get(i)) {
-                before = link.moved(stand, *q, *s, *c);
+                before = link.moved(at_rest, *q, *s, *c);
                 *frame = before;
             }
         }
@@ -294,13 +295,13 @@ impl<T: Real, const N: usize> Frames<T, N> {
 impl<T: Real> Link<T> {
     /// The joint's own frame on a fixed base, before it moves.
     #[inline(always)]
-    fn stand(&self) -> Frame<T> {
+    fn at_rest(&self) -> Frame<T> {
         Frame { origin: self.origin, ..Frame::turned_once(&self.turn) }
     }
 
     /// The joint's own frame on its parent, before it moves.
     #[inline(always)]
-    fn stand_on(&self, parent: &Frame<T>) -> Frame<T> {
+    fn at_rest_on(&self, parent: &Frame<T>) -> Frame<T> {
         Frame { origin: parent.point(&self.origin), ..parent.turned(&self.turn) }
     }
 
@@ -320,10 +321,10 @@ impl<T: Real> Link<T> {
 
     /// The link's frame once the joint has moved to `q`, or by the angle of this sine and cosine.
     #[inline(always)]
-    fn moved(&self, stand: Frame<T>, q: T, sine: T, cosine: T) -> Frame<T> {
+    fn moved(&self, at_rest: Frame<T>, q: T, sine: T, cosine: T) -> Frame<T> {
         match self.kind {
-            JointKind::Revolute => stand.about_z(sine, cosine),
-            JointKind::Prismatic => Frame { origin: add_scaled(&stand.origin, &stand.z, q), ..stand },
+            JointKind::Revolute => at_rest.about_z(sine, cosine),
+            JointKind::Prismatic => Frame { origin: add_scaled(&at_rest.origin, &at_rest.z, q), ..at_rest },
         }
     }
 }

@@ -54,8 +54,8 @@ fn reduced(x: f64) -> (f64, f64) {
     let sine = r + r * z * ((s1 + z * s2) + zz * ((s3 + z * s4) + zz * (s5 + z * s6)));
     let tail = zz * ((c1 + z * c2) + zz * ((c3 + z * c4) + zz * (c5 + z * c6)));
     let half = 0.5 * z;
-    let whole = 1.0 - half;
-    let cosine = whole + (((1.0 - whole) - half) + tail);
+    let leading = 1.0 - half;
+    let cosine = leading + (((1.0 - leading) - half) + tail);
     let odd = 0u64.wrapping_sub(quarters & 1);
     let (a, b) = (sine.to_bits(), cosine.to_bits());
     let swap = (a ^ b) & odd;

@@ -36,21 +36,21 @@ fn keep_least(all: &mut Measured, round: Measured) {
 
 /// Times one work on all postures of an arm.
 fn time<const N: usize>(into: &mut Measured, arm: &Arm<N>, work: &str, mut run: impl FnMut(&[[f64; N]; 3]) -> f64) {
-    let (mut least, mut sum) = (f64::INFINITY, 0.0);
+    let (mut fastest, mut sum) = (f64::INFINITY, 0.0);
     for _ in 0..RUNS {
         sum = 0.0;
         let start = Instant::now();
         for posture in &arm.postures {
             sum += run(std::hint::black_box(posture));
         }
-        least = least.min(start.elapsed().as_secs_f64() * 1e9 / POSTURES as f64);
+        fastest = fastest.min(start.elapsed().as_secs_f64() * 1e9 / POSTURES as f64);
     }
-    into.insert(format!("{} {work}", arm.name), (least, sum));
+    into.insert(format!("{} {work}", arm.name), (fastest, sum));
 }
 
 /// Times inverse kinematics on all targets: the mean, the 99th percentile, and how many were reached.
 fn time_inverse<const N: usize>(into: &mut Measured, arm: &Arm<N>, runs: usize, mut solve: impl FnMut(usize) -> bool) {
-    let mut least = (f64::INFINITY, 0.0, 0);
+    let mut fastest = (f64::INFINITY, 0.0, 0);
     for _ in 0..runs {
         let mut reached = 0;
         let mut times = Vec::with_capacity(arm.targets.len());
@@ -60,12 +60,12 @@ fn time_inverse<const N: usize>(into: &mut Measured, arm: &Arm<N>, runs: usize, 
             times.push(start.elapsed().as_secs_f64() * 1e9);
         }
         let mean = times.iter().sum::<f64>() / times.len() as f64;
-        if mean < least.0 {
+        if mean < fastest.0 {
             times.sort_by(f64::total_cmp);
-            least = (mean, times[times.len() * 99 / 100], reached);
+            fastest = (mean, times[times.len() * 99 / 100], reached);
         }
     }
-    let (mean, late, reached) = least;
+    let (mean, late, reached) = fastest;
     into.insert(format!("{} inverse-kinematics", arm.name), (mean, 0.0));
     into.insert(format!("{} inverse-kinematics-late", arm.name), (late, 0.0));
     into.insert(format!("{} {REACHED}", arm.name), (reached as f64, 0.0));
@@ -99,8 +99,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     names.sort();
     for name in names {
         let (ns, sum) = ours[name];
-        let tell = |side: &Measured| side.get(name).map_or("-".to_owned(), |(ns, _)| format!("{ns:.0}"));
-        println!("{name} {ns:.0} {} {}", tell(&theirs), tell(&k));
+        let shown = |side: &Measured| side.get(name).map_or("-".to_owned(), |(ns, _)| format!("{ns:.0}"));
+        println!("{name} {ns:.0} {} {}", shown(&theirs), shown(&k));
         for side in [&theirs, &k] {
             if let Some((_, other)) = side.get(name)
                 && (sum - other).abs() > 1e-9 * (1.0 + other.abs()) * POSTURES as f64

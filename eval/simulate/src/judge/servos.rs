@@ -220,7 +220,7 @@ impl Servos {
         let holds = seen.present.is_some_and(|present| present.abs_diff(goal) <= HOLD_STEPS);
         if !holds && !self.is_asked(goal) {
             self.verdict.note(JUDGE, "unasked-goal", now_ns, || {
-                format!("servo {id} is sent to step {goal}, which nobody asked for; it was seen at {:?}", seen.present)
+                format!("servo {id} is sent to step {goal}, which nobody requested; it was seen at {:?}", seen.present)
             });
         }
     }

@@ -13,7 +13,7 @@ use darm_core::tree::puma560::{NEAR_M, NEAR_NM, SAMPLE};
 use darm_core::tree::{Frames, Inertia, Joint, LinkFrame, Tree};
 use darm_firmware::board::measure::Stack;
 
-use crate::{check, puma560, tell};
+use crate::{check, print, puma560};
 
 const RUNS: u32 = 200;
 /// In flash.
@@ -79,14 +79,14 @@ fn counts(tree: &Tree<f32, 6>, tool: &LinkFrame<f32>, motion: &[[f32; 6]; 3]) ->
     let limits = [[-3.0, 3.0]; 6];
     let arm = ik::Arm { tree, tool, limits: &limits };
     let target = tree.pose(tool, &q.map(|q| q + 0.1));
-    let whole = count(|| ik::iterate(&arm, black_box(&target), &mut q.clone(), 1, (0.5, 1e-3)));
+    let full_step = count(|| ik::iterate(&arm, black_box(&target), &mut q.clone(), 1, (0.5, 1e-3)));
     let inverse = count(|| torques(tree, black_box(motion)));
     let matrix = count(|| mass(tree, black_box(q)));
     [
         ("forward_kinematics", pose),
         ("forward_kinematics_and_Jacobian", both),
         ("damped_least_squares_step", step),
-        ("whole_step_of_inverse_kinematics_and_check", whole),
+        ("whole_step_of_inverse_kinematics_and_check", full_step),
         ("inverse_dynamics", inverse),
         ("mass_matrix", matrix),
     ]
@@ -133,7 +133,7 @@ pub(crate) fn measure(stack: &Stack) {
     let used = stack.used();
     timer.disable_counter();
     for (arm, counts) in [("z_y_arm", of_plain), ("Puma_560", of_puma)] {
-        counts.iter().for_each(|(name, count)| tell(arm, name, count, "instructions"));
+        counts.iter().for_each(|(name, count)| print(arm, name, count, "instructions"));
     }
-    tell("kinematics", "stack", used, "bytes");
+    print("kinematics", "stack", used, "bytes");
 }

@@ -8,7 +8,7 @@ use darm_core::se::Pose;
 use darm_core::units::Word;
 use darm_firmware::board::measure::{self, Stack};
 
-use crate::{check, corrected, tell};
+use crate::{check, corrected, print};
 
 /// In flash.
 static MODEL: Model<f32, 6> = corrected::MODEL;
@@ -43,10 +43,10 @@ pub(crate) fn measure(stack: &Stack) {
         let Some(pose) = pose else { return check("the corrected arm has a pose", false) };
         let numbers = pose.rotation.transpose();
         for (index, number) in numbers.iter().chain(pose.position.iter()).enumerate() {
-            tell("pose", format_args!("{digits}.{index}"), number, "1");
+            print("pose", format_args!("{digits}.{index}"), number, "1");
         }
     }
-    tell("corrected_model", "pose_of_a_word_at_least", least, "instructions");
-    tell("corrected_model", "pose_of_a_word_at_most", most, "instructions");
-    tell("corrected_model", "stack", stack.used(), "bytes");
+    print("corrected_model", "pose_of_a_word_at_least", least, "instructions");
+    print("corrected_model", "pose_of_a_word_at_most", most, "instructions");
+    print("corrected_model", "stack", stack.used(), "bytes");
 }

@@ -239,7 +239,7 @@ fn wait_a_wake() {
     cortex_m::asm::wfi();
 }
 
-fn tell(arm: &str, name: impl Display, value: impl Display, unit: &str) {
+fn print(arm: &str, name: impl Display, value: impl Display, unit: &str) {
     hprintln!("{}.{} {} {}", arm, name, value, unit);
 }
 
@@ -278,8 +278,8 @@ fn measure_look_up() -> (Pose<f32>, Pose<f32>) {
     let word = (0..36).step_by(2).fold(Word::zeros(36).unwrap_or_default(), |word, leg| word.with_digit(leg, 1));
     let mut target = None;
     let look_up = measure::instructions(|| target = nearest::pose_base_tool(&modules, &word));
-    tell("nearest", "end_frame_of_six_modules", look_up, "instructions");
-    tell("nearest", "room", size_of::<Room>(), "bytes");
+    print("nearest", "end_frame_of_six_modules", look_up, "instructions");
+    print("nearest", "room", size_of::<Room>(), "bytes");
     (module.typical, target.unwrap_or(one))
 }
 
@@ -296,17 +296,17 @@ fn measure_search(room: &mut Room, typical: &Pose<f32>, target: &Pose<f32>) {
         }
     }
     let distance_mm = |room: &Room| room.found().map_or(-1.0, |found| 1e3 * found.distance_m);
-    tell("nearest", "a_frame_behind_all_choices", piece, "instructions");
-    tell("nearest", "beam_out_of_64^6", beam, "instructions");
-    tell("nearest", "beam_distance", distance_mm(room), "mm");
+    print("nearest", "a_frame_behind_all_choices", piece, "instructions");
+    print("nearest", "beam_out_of_64^6", beam, "instructions");
+    print("nearest", "beam_distance", distance_mm(room), "mm");
     let (mut longest, mut whole, mut more) = (0, 0, true);
     while more {
         let count = measure::instructions(|| more = room.step());
         (longest, whole) = (longest.max(count), whole + count);
     }
-    tell("nearest", "longest_piece_of_the_wider_search", longest, "instructions");
-    tell("nearest", "wider_search_out_of_64^6", whole, "instructions");
-    tell("nearest", "distance", distance_mm(room), "mm");
+    print("nearest", "longest_piece_of_the_wider_search", longest, "instructions");
+    print("nearest", "wider_search_out_of_64^6", whole, "instructions");
+    print("nearest", "distance", distance_mm(room), "mm");
 }
 
 #[inline(never)]
@@ -317,7 +317,7 @@ fn measure_all(stack: &Stack, profile: Digest) {
     let mut host = Host { number: 0 };
     // After power-up every output counts as used to its limit.
     host.watch(2 * LIMIT.window_ms);
-    tell("start", "control_tick", measure::take().tick, "instructions");
+    print("start", "control_tick", measure::take().tick, "instructions");
     static TABLE: StaticCell<Recorded> = StaticCell::new();
     let table = TABLE.init_with(|| Recorded::new(ImageKind::Table, 0));
     for (name, actuators, servos) in ARMS {
@@ -329,23 +329,23 @@ fn measure_all(stack: &Stack, profile: Digest) {
         let measured = measure::take();
         check("every coil was driven", measured.lines_seen.count_ones() as usize >= actuators.min(32));
         check("no fault was latched", measured.enabled);
-        tell(name, "control_tick", measured.tick, "instructions");
-        tell(name, "masked", measured.masked.saturating_sub(overhead), "instructions");
-        tell(name, "systick_handler", measured.handler, "instructions");
+        print(name, "control_tick", measured.tick, "instructions");
+        print(name, "masked", measured.masked.saturating_sub(overhead), "instructions");
+        print(name, "systick_handler", measured.handler, "instructions");
     }
     let [.., (_, actuators, servos)] = ARMS;
     record(table, profile, actuators, servos);
     (0..STORES).for_each(|_| host.upload(table));
-    tell("board", "stack", stack.used(), "bytes");
-    tell_lateness();
+    print("board", "stack", stack.used(), "bytes");
+    print_lateness();
 }
 
 /// Percentiles of how late ticks started, which mean something in free-running QEMU.
-fn tell_lateness() {
+fn print_lateness() {
     for (when, lateness) in ["outside_stores", "during_a_store"].into_iter().zip(&measure::LATENESS) {
-        tell("lateness", format_args!("{when}_count"), lateness.ticks(), "ticks");
+        print("lateness", format_args!("{when}_count"), lateness.ticks(), "ticks");
         for percent in [50, 99, 100] {
-            tell("lateness", format_args!("{when}_{percent}_%"), lateness.percentile(percent).0, "us");
+            print("lateness", format_args!("{when}_{percent}_%"), lateness.percentile(percent).0, "us");
         }
     }
 }
@@ -361,7 +361,7 @@ fn main() -> ! {
     // The stack has no room for a second one.
     let room = tasks::room();
     measure_nearest(room);
-    tell("nearest", "stack", stack.used(), "bytes");
+    print("nearest", "stack", stack.used(), "bytes");
     let profile = store_profile();
     // The measurements above had the stack of the thread to themselves, as no image does.
     let stack = Stack::paint();

@@ -30,9 +30,9 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         self.spread += squares / count - mean * mean.transpose();
         self.phase = Phase::Spread { part: index + 1 };
         if index + 1 == self.parts.len() {
-            let least = LEAST_VARIANCE * self.spread.trace() / 6.0 + f32::MIN_POSITIVE;
-            let whole = self.spread + Mat6::identity() * least;
-            self.spread = whole.cholesky().map_or(Mat6::identity(), |factor| factor.inverse());
+            let floor = LEAST_VARIANCE * self.spread.trace() / 6.0 + f32::MIN_POSITIVE;
+            let covariance = self.spread + Mat6::identity() * floor;
+            self.spread = covariance.cholesky().map_or(Mat6::identity(), |factor| factor.inverse());
             let grows = self.level + 3 < self.parts.len();
             self.phase = if grows { Phase::Grow { beginning: 0 } } else { Phase::Choose { beginning: 0 } };
         }

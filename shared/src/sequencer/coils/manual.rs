@@ -16,8 +16,8 @@ impl Coils<'_> {
         let target = self.target_of(&word);
         let switching = target ^ self.on | self.unknown;
         for (index, bit) in Bits::of(switching & (target | self.latches)) {
-            let least = if self.latches & bit == 0 { Micros(1) } else { self.burst(index) };
-            self.require(now, index, least)?;
+            let min_flow = if self.latches & bit == 0 { Micros(1) } else { self.burst(index) };
+            self.require(now, index, min_flow)?;
         }
         self.ask(word);
         self.timed = 0;
