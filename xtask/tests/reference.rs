@@ -21,14 +21,14 @@ const TABLES: [(&str, &str, &str); 5] = [
 ];
 /// The same, in sentences.
 const LISTS: [(&str, &str, &str); 11] = [
-    ("docs/wire.md", "shared/src/sequencer.rs", "Phase"),
-    ("docs/wire.md", "shared/src/sequencer.rs", "Event"),
+    ("docs/wire.md", "shared/src/sequencer/phase.rs", "Phase"),
+    ("docs/wire.md", "shared/src/sequencer/phase.rs", "Event"),
     ("docs/wire.md", "shared/src/sequencer/fault.rs", "FaultKind"),
     ("docs/wire.md", "shared/src/sequencer/command.rs", "CommandError"),
     ("docs/wire.md", "shared/src/table/error.rs", "TableError"),
     ("docs/wire.md", "shared/src/table/error.rs", "RowError"),
-    ("docs/wire.md", "shared/src/output.rs", "WiringError"),
-    ("docs/wire.md", "shared/src/profile.rs", "Mismatch"),
+    ("docs/wire.md", "shared/src/output/wiring_error.rs", "WiringError"),
+    ("docs/wire.md", "shared/src/profile/mismatch.rs", "Mismatch"),
     ("docs/wire.md", "shared/src/profile.rs", "ProfileError"),
     ("docs/formats.md", "shared/src/profile.rs", "ProfileRecord"),
     ("docs/formats.md", "shared/src/output.rs", "Drive"),
