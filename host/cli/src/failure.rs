@@ -20,7 +20,7 @@ use darm_device::client::stop::Confirmation;
 use darm_device::link::LinkError;
 use serde_json::json;
 
-use crate::interrupt::Interrupted;
+use crate::interrupted::Interrupted;
 use crate::port::PortError;
 
 /// Any failure without a separate exit code.

@@ -1,6 +1,5 @@
 //! Ctrl-C and SIGTERM while the arm moves: stops the arm and reports whether the board confirmed the stop.
 
-use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
@@ -11,33 +10,13 @@ use darm_device::client::Client;
 use darm_device::client::stop::{Confirmation, STOP_BOUND, StopHandle, stop_at};
 use darm_device::link::LinkError;
 
+use crate::interrupted::Interrupted;
 use crate::{failure, state_folder};
 
 /// Time for the command to write its data and end by itself.
 const GRACE: Duration = Duration::from_millis(1500);
 /// Interval at which the end of a stop is polled.
 const POLL: Duration = Duration::from_millis(10);
-
-/// The command was interrupted; result of the stop.
-#[derive(Debug)]
-pub(crate) struct Interrupted(pub(crate) Result<Confirmation, Arc<LinkError>>);
-
-impl fmt::Display for Interrupted {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match &self.0 {
-            Ok(Confirmation::Confirmed) => f.write_str("interrupted; the board confirmed that all coils are off"),
-            Ok(Confirmation::Missing) => f.write_str(
-                "interrupted; the stop was sent, but the board did not confirm it within 1 s; switch off the arm's supply",
-            ),
-            Err(error) => write!(
-                f,
-                "interrupted, and the stop could not be sent: {error}; the program continues, switch off the arm's supply"
-            ),
-        }
-    }
-}
-
-impl std::error::Error for Interrupted {}
 
 /// Handler of interrupts.
 #[derive(Clone)]

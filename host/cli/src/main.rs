@@ -6,6 +6,7 @@ mod csv_text;
 mod failure;
 mod firmware_image;
 mod interrupt;
+mod interrupted;
 mod output_file;
 mod port;
 mod state_folder;

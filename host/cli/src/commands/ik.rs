@@ -148,7 +148,8 @@ impl Ik {
         let methods = if self.compare { Method::STEPS.to_vec() } else { vec![self.method] };
         if self.all {
             let (Some(target), Some(posture)) = (targets.first(), postures.first()) else { return Ok(()) };
-            return self.report_all(&robot, frame, target, &posture.q, shown, ui);
+            let found = self.all_postures(&robot, frame, target, &posture.q, ui)?;
+            return ui.print(&all::All::new(&robot, frame, found, shown));
         }
         let bar = ui.progress_bar("solving", targets.len() as u64, "targets");
         let (mut answers, mut drawn) = (Vec::new(), Vec::new());

@@ -23,12 +23,7 @@
 //! assert!(slow.history.len() > fast.history.len());
 //! ```
 
-mod cma;
 pub mod configurations;
-mod differential;
-mod em;
-mod genetic;
-mod memr;
 pub mod objective;
 pub mod search;
 pub mod trials;

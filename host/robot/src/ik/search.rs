@@ -19,6 +19,12 @@
 //! assert!(run.value < 1e-3 && run.history.len() == 101);
 //! ```
 
+mod cma;
+mod differential;
+mod em;
+mod genetic;
+mod memr;
+
 use std::fmt;
 use std::str::FromStr;
 use std::time::{Duration, Instant};
@@ -28,7 +34,6 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 use super::objective::Objective;
-use super::{cma, differential, em, genetic};
 
 /// A way to search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

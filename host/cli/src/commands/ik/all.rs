@@ -11,8 +11,9 @@ use super::{ALL_STARTS, Ik, Target};
 use crate::commands::subject::Coordinate;
 use crate::ui::{Answer, Ui, columns, number};
 
+/// All postures that were found.
 #[derive(Serialize)]
-struct All {
+pub(super) struct All {
     name: String,
     frame: String,
     joints: Vec<String>,
@@ -22,17 +23,23 @@ struct All {
     shown: Vec<Coordinate>,
 }
 
+impl All {
+    pub(super) fn new(robot: &Robot, frame: &RobotFrame, found: Configurations, shown: Vec<Coordinate>) -> Self {
+        let joints = shown.iter().map(|joint| joint.name.clone()).collect();
+        Self { name: robot.name.clone(), frame: frame.name.clone(), joints, found, shown }
+    }
+}
+
 impl Ik {
-    /// Finds, prints and plots all postures.
-    pub(super) fn report_all(
+    /// Finds all postures from this one on, and plots them where a file is named for it.
+    pub(super) fn all_postures(
         &self,
         robot: &Robot,
         frame: &RobotFrame,
         target: &Target,
         q: &[f64],
-        shown: Vec<Coordinate>,
         ui: Ui,
-    ) -> anyhow::Result<()> {
+    ) -> anyhow::Result<Configurations> {
         let options = self.options(target, Method::LevenbergMarquardt.usual_steps(), ALL_STARTS);
         let spinner = ui.spinner("searching for postures");
         let found = robot.configurations(frame, &target.pose, q, &options, self.count)?;
@@ -41,8 +48,7 @@ impl Ik {
             let svg = convergence::postures(robot, frame, &found)?;
             std::fs::write(path, svg).with_context(|| format!("cannot write {}", path.display()))?;
         }
-        let joints = shown.iter().map(|joint| joint.name.clone()).collect();
-        ui.print(&All { name: robot.name.clone(), frame: frame.name.clone(), joints, found, shown })
+        Ok(found)
     }
 }
 

@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::RngExt as _;
 use rand_distr::StandardNormal;
 
-use super::search::Search;
+use super::Search;
 
 /// σ at the start, over the range of each variable.
 const STEP: f64 = 0.3;

@@ -4,7 +4,7 @@
 
 use rand::RngExt as _;
 
-use super::search::Search;
+use super::Search;
 
 /// F: how far a difference of two points carries a third.
 const WEIGHT: f64 = 0.5;

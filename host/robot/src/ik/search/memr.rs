@@ -12,7 +12,7 @@
 use rand::RngExt as _;
 use rand_distr::StandardNormal;
 
-use super::search::{Point, Search};
+use super::{Point, Search};
 
 /// Steps of one walk.
 const STEPS: usize = 10;

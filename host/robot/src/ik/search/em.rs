@@ -11,7 +11,7 @@
 use rand::RngExt as _;
 
 use super::memr;
-use super::search::{Point, Search, best_of};
+use super::{Point, Search, best_of};
 
 /// Searches; `travels` improves every point by record-to-record travel first, in the order of the paper's Figure 4.
 pub(super) fn search(search: &mut Search<'_>, travels: bool) {

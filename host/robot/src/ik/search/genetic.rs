@@ -7,7 +7,7 @@
 
 use rand::RngExt as _;
 
-use super::search::{Point, Search, best_of};
+use super::{Point, Search, best_of};
 
 /// Share of the pairs that cross.
 const CROSSOVER: f64 = 0.8;

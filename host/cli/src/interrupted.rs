@@ -1,0 +1,28 @@
+//! The error of a command that was interrupted, with the result of the stop.
+
+use std::fmt;
+use std::sync::Arc;
+
+use darm_device::client::stop::Confirmation;
+use darm_device::link::LinkError;
+
+/// The command was interrupted; result of the stop.
+#[derive(Debug)]
+pub(crate) struct Interrupted(pub(crate) Result<Confirmation, Arc<LinkError>>);
+
+impl fmt::Display for Interrupted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.0 {
+            Ok(Confirmation::Confirmed) => f.write_str("interrupted; the board confirmed that all coils are off"),
+            Ok(Confirmation::Missing) => f.write_str(
+                "interrupted; the stop was sent, but the board did not confirm it within 1 s; switch off the arm's supply",
+            ),
+            Err(error) => write!(
+                f,
+                "interrupted, and the stop could not be sent: {error}; the program continues, switch off the arm's supply"
+            ),
+        }
+    }
+}
+
+impl std::error::Error for Interrupted {}

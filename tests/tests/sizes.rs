@@ -1,0 +1,243 @@
+//! Sizes that a reader can hold in mind: lines of files and functions, parameters, and no circles of imports among files.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use syn::spanned::Spanned as _;
+use syn::visit::{self, Visit};
+
+/// Folders with Rust sources.
+const FOLDERS: [&str; 6] = ["shared", "firmware", "host", "tests", "eval", "xtask"];
+const MAX_FILE_LINES: usize = 400;
+const MAX_FUNCTION_LINES: usize = 60;
+const MAX_MEDIAN_LINES: usize = 9;
+const MAX_90TH_PERCENTILE_LINES: usize = 25;
+/// Without `self`.
+const MAX_PARAMETERS: usize = 5;
+
+/// A source file.
+struct Source {
+    /// From the root of the workspace.
+    path: String,
+    text: String,
+}
+
+impl Source {
+    fn is_test(&self) -> bool {
+        self.path.contains("/tests/") || self.path.ends_with("tests.rs") || self.path.ends_with("cases.rs")
+    }
+
+    fn parsed(&self) -> syn::File {
+        syn::parse_file(&self.text).unwrap_or_else(|error| panic!("{}: {error}", self.path))
+    }
+}
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ lies in the workspace").to_path_buf()
+}
+
+/// Every Rust source of the workspace.
+fn sources() -> Vec<Source> {
+    let mut found = Vec::new();
+    let mut folders: Vec<PathBuf> = FOLDERS.map(|name| root().join(name)).into();
+    while let Some(folder) = folders.pop() {
+        for path in fs::read_dir(folder).expect("a folder of the workspace").flatten().map(|entry| entry.path()) {
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                let text = fs::read_to_string(&path).expect("a readable source");
+                let path = path.strip_prefix(root()).expect("inside the workspace").display().to_string();
+                found.push(Source { path, text });
+            }
+        }
+    }
+    found.sort_by(|a, b| a.path.cmp(&b.path));
+    assert!(found.len() > 400, "only {} sources were found", found.len());
+    found
+}
+
+/// A function with a body.
+struct Function {
+    file: String,
+    line: usize,
+    name: String,
+    lines: usize,
+    parameters: usize,
+}
+
+/// Functions of a source; those of its tests are left out.
+struct Functions<'a> {
+    file: &'a str,
+    found: Vec<Function>,
+}
+
+impl Functions<'_> {
+    fn add(&mut self, signature: &syn::Signature, body: &syn::Block) {
+        let (line, end) = (signature.span().start().line, body.span().end().line);
+        let is_self = |input: &&syn::FnArg| matches!(input, syn::FnArg::Receiver(_));
+        let parameters = signature.inputs.len() - signature.inputs.iter().filter(is_self).count();
+        let (file, name) = (self.file.into(), signature.ident.to_string());
+        self.found.push(Function { file, line, name, lines: end - line + 1, parameters });
+    }
+}
+
+fn is_of_tests(attributes: &[syn::Attribute]) -> bool {
+    attributes.iter().any(|attribute| {
+        let is_test = |list: &syn::MetaList| list.tokens.to_string() == "test";
+        attribute.path().is_ident("test")
+            || attribute.path().is_ident("cfg") && attribute.meta.require_list().is_ok_and(is_test)
+    })
+}
+
+impl<'ast> Visit<'ast> for Functions<'_> {
+    fn visit_item_fn(&mut self, function: &'ast syn::ItemFn) {
+        if !is_of_tests(&function.attrs) {
+            self.add(&function.sig, &function.block);
+            visit::visit_item_fn(self, function);
+        }
+    }
+
+    fn visit_impl_item_fn(&mut self, function: &'ast syn::ImplItemFn) {
+        self.add(&function.sig, &function.block);
+        visit::visit_impl_item_fn(self, function);
+    }
+
+    fn visit_trait_item_fn(&mut self, function: &'ast syn::TraitItemFn) {
+        if let Some(body) = &function.default {
+            self.add(&function.sig, body);
+        }
+    }
+
+    fn visit_item_mod(&mut self, module: &'ast syn::ItemMod) {
+        if !is_of_tests(&module.attrs) {
+            visit::visit_item_mod(self, module);
+        }
+    }
+}
+
+/// Fails with every line that breaks a rule at once.
+fn none(broken: Vec<String>) {
+    assert!(broken.is_empty(), "\n{}", broken.join("\n"));
+}
+
+#[test]
+fn no_file_is_too_long() {
+    let lines = sources().into_iter().map(|source| (source.text.lines().count(), source.path));
+    none(lines.filter(|(n, _)| *n > MAX_FILE_LINES).map(|(n, path)| format!("{path}: {n} lines")).collect());
+}
+
+#[test]
+fn functions_are_short_and_take_few_parameters() {
+    let mut all = Vec::new();
+    for source in sources().iter().filter(|source| !source.is_test()) {
+        let mut functions = Functions { file: &source.path, found: Vec::new() };
+        functions.visit_file(&source.parsed());
+        all.append(&mut functions.found);
+    }
+    let is_broken = |of: &&Function| of.lines > MAX_FUNCTION_LINES || of.parameters > MAX_PARAMETERS;
+    let told = |of: &Function| {
+        format!("{}:{}: `{}` has {} lines and {} parameters", of.file, of.line, of.name, of.lines, of.parameters)
+    };
+    none(all.iter().filter(is_broken).map(told).collect());
+    let mut lines: Vec<usize> = all.iter().map(|of| of.lines).collect();
+    lines.sort_unstable();
+    let (median, high) = (lines[lines.len() / 2], lines[lines.len() * 9 / 10]);
+    assert!(lines.len() > 4000, "{} functions", lines.len());
+    assert!(median <= MAX_MEDIAN_LINES, "half of the functions have more than {median} lines");
+    assert!(high <= MAX_90TH_PERCENTILE_LINES, "a tenth of the functions have more than {high} lines");
+}
+
+/// A module by the names on its path.
+type Module = Vec<String>;
+
+/// What a source imports by `crate::` and `super::`, as paths from the root of its crate.
+struct Imports<'a> {
+    own: &'a [String],
+    found: BTreeSet<Module>,
+}
+
+impl Imports<'_> {
+    fn add(&mut self, path: &[String]) {
+        let own = &self.own[..self.own.len().saturating_sub(1)];
+        match path.split_first() {
+            Some((first, rest)) if first == "crate" => self.found.insert(rest.to_vec()),
+            Some((first, rest)) if first == "super" => self.found.insert([own, rest].concat()),
+            _ => false,
+        };
+    }
+
+    fn add_tree(&mut self, before: &[String], tree: &syn::UseTree) {
+        match tree {
+            syn::UseTree::Path(path) => self.add_tree(&[before, &[path.ident.to_string()]].concat(), &path.tree),
+            syn::UseTree::Group(group) => group.items.iter().for_each(|tree| self.add_tree(before, tree)),
+            syn::UseTree::Name(name) => self.add(&[before, &[name.ident.to_string()]].concat()),
+            syn::UseTree::Rename(name) => self.add(&[before, &[name.ident.to_string()]].concat()),
+            syn::UseTree::Glob(_) => self.add(before),
+        }
+    }
+}
+
+impl<'ast> Visit<'ast> for Imports<'_> {
+    fn visit_item_use(&mut self, item: &'ast syn::ItemUse) {
+        self.add_tree(&[], &item.tree);
+    }
+
+    fn visit_path(&mut self, path: &'ast syn::Path) {
+        let names: Vec<String> = path.segments.iter().map(|segment| segment.ident.to_string()).collect();
+        self.add(&names);
+        visit::visit_path(self, path);
+    }
+
+    fn visit_item_mod(&mut self, module: &'ast syn::ItemMod) {
+        // Within an inner module `super` is this file.
+        if !is_of_tests(&module.attrs) && module.content.is_none() {
+            visit::visit_item_mod(self, module);
+        }
+    }
+}
+
+/// The module that a file is, below the folder of its crate's sources; `None` of the root and of tests.
+fn module_of(source: &Source) -> Option<(&str, Module)> {
+    let (package, inside) = source.path.split_once("/src/")?;
+    let inside = inside.trim_end_matches(".rs").trim_end_matches("/mod");
+    (!source.is_test() && !matches!(inside, "lib" | "main"))
+        .then(|| (package, inside.split('/').map(Into::into).collect()))
+}
+
+/// A module and the modules inside it may import each other.
+#[test]
+fn files_import_in_no_circle() {
+    let sources = sources();
+    let mut packages: BTreeMap<&str, BTreeMap<Module, BTreeSet<Module>>> = BTreeMap::new();
+    for source in &sources {
+        let Some((package, own)) = module_of(source) else { continue };
+        let mut imports = Imports { own: &own, found: BTreeSet::new() };
+        imports.visit_file(&source.parsed());
+        packages.entry(package).or_default().insert(own.clone(), imports.found);
+    }
+    let mut broken = Vec::new();
+    for (package, mut files) in packages {
+        let names: BTreeSet<Module> = files.keys().cloned().collect();
+        for (own, used) in &mut files {
+            let file =
+                |path: &Module| (1..=path.len()).rev().map(|n| path[..n].to_vec()).find(|file| names.contains(file));
+            let is_apart = |file: &Module| !file.starts_with(own) && !own.starts_with(file);
+            *used = used.iter().filter_map(file).filter(is_apart).collect();
+        }
+        // Files that import none of those left, and files that none of those left imports, are in no circle.
+        while let Some(free) = files.keys().find(|own| {
+            let imports_none = !files[*own].iter().any(|used| files.contains_key(used));
+            imports_none || !files.values().any(|used| used.contains(*own))
+        }) {
+            let free = free.clone();
+            files.remove(&free);
+        }
+        broken.extend(files.iter().map(|(file, used)| {
+            let used: Vec<String> =
+                used.iter().filter(|used| files.contains_key(*used)).map(|used| used.join("/")).collect();
+            format!("{package}/src/{}.rs: in a circle of imports with {}", file.join("/"), used.join(", "))
+        }));
+    }
+    none(broken);
+}
