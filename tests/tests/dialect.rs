@@ -1,8 +1,7 @@
 //! Texts that users see, documents and names against the words in `tests/dialect.toml`.
 //!
 //! Texts are the string literals of the programs, the documentation comments of the command line (its help), and the
-//! Markdown files outside code. The exceptions of a folder are a number of hits; it only falls, and an exception without
-//! hits is removed.
+//! Markdown files outside code.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -15,7 +14,7 @@ const PROGRAMS: [&str; 4] = ["host", "firmware", "eval", "xtask"];
 /// Folder whose documentation comments are the help of the command line.
 const HELP: &str = "host/cli/src/commands";
 /// Folders that hold no sources of ours.
-const SKIPPED: [&str; 3] = ["target", ".git", "papers"];
+const SKIPPED: [&str; 2] = ["target", ".git"];
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ lies in the workspace").to_path_buf()
@@ -154,37 +153,9 @@ fn table(name: &str) -> BTreeMap<String, String> {
     table.iter().map(|(key, value)| (key.to_owned(), value.as_str().unwrap_or_default().to_owned())).collect()
 }
 
-/// The hits that are accepted below a path, the longest paths first.
-fn exceptions(name: &str) -> Vec<(String, usize)> {
-    let document: DocumentMut = include_str!("../dialect.toml").parse().expect("valid TOML");
-    let table = document[name].as_table().expect("a table");
-    let count = |(path, value): (&str, &toml_edit::Item)| (path.to_owned(), value.as_integer().unwrap_or(0) as usize);
-    let mut all: Vec<_> = table.iter().map(count).collect();
-    all.sort_by_key(|(path, _)| std::cmp::Reverse(path.len()));
-    all
-}
-
-/// Fails with the hits of every path that has more than its exception allows, or none.
-fn judge(hits: Vec<(String, String)>, exceptions: &[(String, usize)]) {
-    let mut by_path: BTreeMap<&str, Vec<String>> = BTreeMap::new();
-    for (file, hit) in &hits {
-        let path = exceptions.iter().find(|(path, _)| file.starts_with(path)).map_or("", |(path, _)| path.as_str());
-        by_path.entry(path).or_default().push(format!("{file}:{hit}"));
-    }
-    let mut broken: Vec<String> = by_path.remove("").unwrap_or_default();
-    for (path, allowed) in exceptions {
-        match by_path.get(path.as_str()) {
-            None => broken.push(format!("{path}: no hit is left, remove its exception from tests/dialect.toml")),
-            Some(hits) if hits.len() > *allowed => {
-                broken.push(format!("{path}: {} hits, {allowed} are allowed:\n{}", hits.len(), hits.join("\n")));
-            }
-            Some(hits) if hits.len() < *allowed => {
-                eprintln!("{path}: {} hits, lower its exception in tests/dialect.toml from {allowed}", hits.len());
-            }
-            Some(_) => {}
-        }
-    }
-    assert!(broken.is_empty(), "\n{}", broken.join("\n"));
+/// Fails with every hit at once.
+fn none(hits: Vec<String>) {
+    assert!(hits.is_empty(), "\n{}", hits.join("\n"));
 }
 
 #[test]
@@ -194,7 +165,7 @@ fn texts_for_users_use_the_terms_of_the_field() {
     let mut look = |file: &str, texts: &[Text]| {
         for Text { line, text } in texts {
             let found = words.iter().filter(|(word, _)| contains(text, word));
-            hits.extend(found.map(|(word, term)| (file.to_owned(), format!("{line}: `{word}`: write {term}"))));
+            hits.extend(found.map(|(word, term)| format!("{file}:{line}: `{word}`: write {term}")));
         }
     };
     for folder in PROGRAMS {
@@ -211,7 +182,7 @@ fn texts_for_users_use_the_terms_of_the_field() {
     for (file, text) in files(".", "md") {
         look(&file, &prose(&text));
     }
-    judge(hits, &exceptions("exceptions"));
+    none(hits);
 }
 
 #[test]
@@ -228,11 +199,11 @@ fn names_use_the_terms_of_the_field() {
                     before.chars().all(|c| !c.is_alphanumeric() || line.trim_start().starts_with("pub")).then_some(name)
                 });
                 let found = declared.filter_map(|name| Some((names.get(&name)?, name))).next();
-                hits.extend(found.map(|(term, name)| (file.clone(), format!("{number}: `{name}`: name it {term}"))));
+                hits.extend(found.map(|(term, name)| format!("{file}:{number}: `{name}`: name it {term}")));
             }
         }
     }
-    judge(hits, &exceptions("exceptions_of_names"));
+    none(hits);
 }
 
 #[test]

@@ -210,8 +210,8 @@ fn power_cuts_leave_the_old_or_the_new_table() {
         new += u64::from(found == model);
         loaded = found;
     }
-    println!("FIGURE power cuts with the old table whole = {} cuts", kills() - new);
-    println!("FIGURE power cuts with the new table whole = {new} cuts");
+    println!("FIGURE power cuts with the old table complete = {} cuts", kills() - new);
+    println!("FIGURE power cuts with the new table complete = {new} cuts");
     println!("FIGURE power cuts with a mixture or a lost calibration = 0 cuts");
 }
 

@@ -185,7 +185,7 @@ fn pictures(folder: &Path, lambdas: &[f64], sequence: &[Chosen]) -> Result<()> {
 
 /// Table 1, ours beside the paper's.
 fn table(sequence: &[Lambda]) {
-    println!("Table 1: the sequence of λ, and what it solves; the paper tells the first two percentages");
+    println!("Table 1: the sequence of λ, and what it solves; the paper gives the first two percentages");
     println!("{:>3} {:>7} {:>10} {:>12} {:>13} {:>10}", "k", "λ", "of rest %", "of all %", "λ, paper", "of rest %");
     for (k, chosen) in sequence.iter().enumerate() {
         let paper = PAPER_SUCCESS.get(k).map_or(String::new(), |success| format!("{success:.2}"));

@@ -131,7 +131,7 @@ impl Job for Memr {
         if let Some(Part { cell, link_m }) = parts.get(item) {
             return Ok(Outcome::Cell(Repeated::new(cell, *link_m, RUNS, self.seed)?.into()));
         }
-        let figures = if item == parts.len() { self.beside()? } else { panda()? };
+        let figures = if item == parts.len() { self.other_methods()? } else { panda()? };
         Ok(Outcome::Rows(figures.into_iter().map(|figure| (figure.name, figure.value, figure.unit)).collect()))
     }
 
@@ -185,7 +185,7 @@ fn pictures(repeated: &[Repeated]) -> Result<()> {
 
 impl Memr {
     /// Every method on the paper's targets: at MEMR's evaluations, and in MEMR's time.
-    fn beside(&self) -> Result<Vec<Figure>> {
+    fn other_methods(&self) -> Result<Vec<Figure>> {
         let settings = Settings { seed: self.seed, ..Settings::default() };
         let memr = self.all(Method::Population(Algorithm::Memr), &settings)?;
         let (evaluations, time_s) = (mean(&memr, |summary| summary.evaluations), mean(&memr, |summary| summary.time_s));
@@ -197,10 +197,10 @@ impl Memr {
                 let all = self.all(method, &settings)?;
                 figures.extend(rows(&format!("memr: {method}, {what}"), &all)?);
                 if method == Method::LevenbergMarquardt && settings.time == Duration::MAX {
-                    let most = all.iter().map(|trials| trials.summary().evaluations).fold(0.0, f64::max);
+                    let largest = all.iter().map(|trials| trials.summary().evaluations).fold(0.0, f64::max);
                     figures.push(Figure::new(
                         "memr: evaluations of lm over MEMR's, worst target",
-                        most / evaluations,
+                        largest / evaluations,
                         "",
                     )?);
                 }

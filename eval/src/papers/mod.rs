@@ -2,14 +2,14 @@
 
 mod grasp;
 mod memr;
-mod stand;
+mod sit_to_stand;
 
 use anyhow::Result;
 use darm_figures::items::{self, Spread};
 
 pub(crate) use grasp::Grasp;
 pub(crate) use memr::Memr;
-use stand::Stand;
+use sit_to_stand::SitToStand;
 
 /// Reproduces a paper, and prints its tables, ours beside theirs
 #[derive(clap::Args)]
@@ -22,7 +22,7 @@ pub(crate) struct Papers {
 enum Paper {
     Grasp(Spreadable<Grasp>),
     Memr(Spreadable<Memr>),
-    Stand(Stand),
+    Stand(SitToStand),
 }
 
 /// A paper whose runs several processes can share.

@@ -26,8 +26,8 @@ const COLORS: [RGBColor; 6] = [
 ];
 
 /// Below this an error is rounding.
-const LEAST: f64 = 1e-13;
-const MOST: f64 = 1e6;
+const MIN_ERROR: f64 = 1e-13;
+const MAX_ERROR: f64 = 1e6;
 /// Most points of a curve: no paper shows more.
 const POINTS: usize = 250;
 
@@ -56,7 +56,7 @@ struct Curve {
 /// not count. Of a search with restarts the last start is shown.
 pub fn convergence(histories: &[(Method, &[Residual])], length_scale_m: f64) -> String {
     let curve = |(method, history): &(Method, &[Residual])| {
-        let errors = history.iter().map(|residual| residual.distance_m(length_scale_m).clamp(LEAST, MOST));
+        let errors = history.iter().map(|residual| residual.distance_m(length_scale_m).clamp(MIN_ERROR, MAX_ERROR));
         let points = errors.enumerate().map(|(step, error)| (step as f64, error)).collect();
         Curve { name: method.name().to_owned(), points, ..Curve::default() }
     };
@@ -75,7 +75,7 @@ pub fn bands(label: &str, factor: f64, all: &[Runs<'_>]) -> String {
                 history.get(step).or(history.last()).map(|mark| mark.value)
             };
             let mut values: Vec<_> =
-                histories().filter_map(at).map(|value| (factor * value).clamp(LEAST, MOST)).collect();
+                histories().filter_map(at).map(|value| (factor * value).clamp(MIN_ERROR, MAX_ERROR)).collect();
             values.sort_by(f64::total_cmp);
             let share = |tenths: usize| values[tenths * (values.len() - 1) / 10];
             curve.points.push((step as f64, values.iter().sum::<f64>() / values.len() as f64));
@@ -107,7 +107,7 @@ fn svg(x: &str, y: &str, curves: &[Curve]) -> String {
 fn plot(svg: &mut String, x: &str, y: &str, curves: &[Curve]) -> Result<(), Box<dyn std::error::Error>> {
     let bands = || curves.iter().flat_map(|curve| curve.band.iter().flat_map(|(_, low, high)| [*low, *high]));
     let lines = || curves.iter().flat_map(|curve| curve.points.iter().map(|point| point.1).chain(curve.beside));
-    let low = lines().chain(bands()).fold(f64::INFINITY, f64::min).max(LEAST);
+    let low = lines().chain(bands()).fold(f64::INFINITY, f64::min).max(MIN_ERROR);
     let high = lines().chain(bands()).fold(2.0 * low, f64::max);
     let last = curves.iter().filter_map(|curve| curve.points.last()).map(|point| point.0).fold(1.0, f64::max);
     let area = SVGBackend::with_string(svg, SIZE).into_drawing_area();

@@ -140,7 +140,7 @@ impl Problem {
 
 impl Printed {
     /// The least value that is printed.
-    pub fn least(&self) -> f64 {
+    pub fn minimum(&self) -> f64 {
         match self {
             Self::Best { value, .. } => *value,
             Self::Runs(errors) => errors.iter().copied().fold(f64::INFINITY, f64::min),
@@ -229,7 +229,7 @@ impl Repeated {
 
     fn runs(&self) -> Runs<'_> {
         let name = printed_name(self.cell.algorithm);
-        Runs { name, trials: &self.trials, beside: Some(self.cell.printed.least()) }
+        Runs { name, trials: &self.trials, beside: Some(self.cell.printed.minimum()) }
     }
 
     /// How far the outcome lies from the paper's, as a part of its spread; up to 1 is within it.
@@ -241,7 +241,7 @@ impl Repeated {
         match self.cell.printed {
             Printed::Best { value, deviation } => (factor * summary.best - value).abs() / deviation,
             Printed::Runs(errors) => {
-                let low = self.cell.printed.least();
+                let low = self.cell.printed.minimum();
                 let high = errors.iter().copied().fold(0.0, f64::max);
                 (factor * summary.mean - 0.5 * (low + high)).abs() / (0.5 * (high - low))
             }
@@ -278,8 +278,8 @@ pub fn text(repeated: &[Repeated]) -> String {
             Printed::Best { value, deviation } => write!(text, "{value:9.2e} {deviation:9.2e}"),
             Printed::Runs(errors) => {
                 let mean = errors.iter().sum::<f64>() / 5.0;
-                let most = errors.iter().copied().fold(0.0, f64::max);
-                write!(text, "{mean:9.2e} {:9.2e} {most:9.2e}", cell.printed.least())
+                let largest = errors.iter().copied().fold(0.0, f64::max);
+                write!(text, "{mean:9.2e} {:9.2e} {largest:9.2e}", cell.printed.minimum())
             }
         };
         let _ = if *short_cm > 0.0 { writeln!(text, "   out of reach by {short_cm:.1} cm") } else { writeln!(text) };

@@ -34,7 +34,7 @@ const LEAST_PAIRS: f64 = 100.0;
 /// A residual counts as this multiple of the noise at most.
 const FAR: f64 = 4.0;
 /// Rows to either side that a number is held against, and how many times farther off than usual it is drawn in from.
-const BESIDE: usize = 2;
+const NEIGHBOURS: usize = 2;
 const STANDS_OUT: f64 = 7.5;
 
 /// What remains, and how much of what there was before it is.
@@ -116,8 +116,8 @@ fn curve_along(channel: &[f64], fitted: &[f64]) -> Vec<[f64; 2]> {
 
 /// Numbers with those brought back that stand out between the ones beside them, and the usual scatter about these.
 fn drawn_in(numbers: &[f64]) -> (Vec<f64>, f64) {
-    let beside = |k: usize| median(numbers[k.saturating_sub(BESIDE)..].iter().copied().take(2 * BESIDE + 1));
-    let near: Vec<f64> = (0..numbers.len()).map(|k| beside(k).unwrap_or(numbers[k])).collect();
+    let around = |k: usize| median(numbers[k.saturating_sub(NEIGHBOURS)..].iter().copied().take(2 * NEIGHBOURS + 1));
+    let near: Vec<f64> = (0..numbers.len()).map(|k| around(k).unwrap_or(numbers[k])).collect();
     let off = |k: usize| (numbers[k] - near[k]).abs();
     let largest = numbers.iter().fold(f64::MIN_POSITIVE, |largest, number| largest.max(number.abs()));
     let scatter = median((0..numbers.len()).map(off)).unwrap_or_default().max(1e-9 * largest);

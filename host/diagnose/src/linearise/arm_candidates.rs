@@ -106,7 +106,7 @@ pub fn place_name(arm: &Arm, effect: &Effect<f64>) -> String {
     match effect.law().place() {
         Part::Actuator(actuator) => arm.actuator_name(actuator.into()),
         Part::Module(module) => arm.stage_name(module.into()),
-        Part::Arm => "the whole arm".into(),
+        Part::Arm => "all actuators".into(),
         Part::Servo(servo) => format!("servo {}", servo + 1),
         Part::Base => "the base".into(),
         Part::Tool => "the tool".into(),

@@ -33,7 +33,7 @@ pub(crate) fn periods_a_turn(
     let rows: Vec<usize> = rows.iter().copied().step_by(rows.len().div_ceil(MOST_ROWS).max(1)).collect();
     let of = |channel: &[f64]| -> Vec<f64> { rows.iter().map(|row| channel[*row]).collect() };
     let spectrum = Spectrum::new(&of(coordinate.position), &of(coordinate.velocity), &of(coordinate.acceleration));
-    let left = spectrum.beside(of(residual));
+    let left = spectrum.without_plain(of(residual));
     let reach = range(&spectrum.position);
     if reach <= 0.0 {
         return Vec::new();
@@ -48,8 +48,9 @@ pub(crate) fn periods_a_turn(
 }
 
 fn is_peak(power: &[f64], k: usize) -> bool {
-    let beside = |other: Option<usize>| other.and_then(|other| power.get(other)).is_none_or(|other| *other < power[k]);
-    power[k] > 0.0 && beside(k.checked_sub(1)) && beside(Some(k + 1))
+    let is_lower =
+        |other: Option<usize>| other.and_then(|other| power.get(other)).is_none_or(|other| *other < power[k]);
+    power[k] > 0.0 && is_lower(k.checked_sub(1)) && is_lower(Some(k + 1))
 }
 
 /// The positions, and orthonormal columns of what any joint may have.
@@ -72,7 +73,7 @@ impl Spectrum {
     }
 
     /// What a column has beside the plain ones.
-    fn beside(&self, mut column: Vec<f64>) -> Vec<f64> {
+    fn without_plain(&self, mut column: Vec<f64>) -> Vec<f64> {
         self.plain.iter().for_each(|plain| take_out(&mut column, plain));
         column
     }
@@ -80,14 +81,14 @@ impl Spectrum {
     /// The same with length one; `None` of a column that the plain ones have.
     fn unit_beside(&self, column: Vec<f64>) -> Option<Vec<f64>> {
         let before = dot(&column, &column).sqrt();
-        unit(self.beside(column), before)
+        unit(self.without_plain(column), before)
     }
 
     /// The sum of squares of `left` that a ripple of `periods` a turn takes up.
     fn power(&self, left: &[f64], periods: f64) -> f64 {
         let wave = |shape: fn(f64) -> f64| self.position.iter().map(|q| shape(periods * q)).collect::<Vec<f64>>();
         let sine = self.unit_beside(wave(f64::sin));
-        let mut cosine = self.beside(wave(f64::cos));
+        let mut cosine = self.without_plain(wave(f64::cos));
         let length = dot(&cosine, &cosine).sqrt();
         sine.iter().for_each(|sine| take_out(&mut cosine, sine));
         let cosine = unit(cosine, length);

@@ -39,8 +39,8 @@ pub(super) fn content(path: &Path) -> Result<Content, ReadError> {
     }
     cut |= is_last_row_short(&text);
     if cut {
-        let whole = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1);
-        text.truncate(whole);
+        let end = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1);
+        text.truncate(end);
     }
     Ok(Content { text, cut })
 }

@@ -97,6 +97,6 @@ pub enum SelectError {
         text: String,
     },
     /// Words have no order.
-    #[error("`{0}` is no number, and only numbers are less or greater")]
+    #[error("`{0}` is not a number, and only numbers compare by < and >")]
     NoNumber(String),
 }

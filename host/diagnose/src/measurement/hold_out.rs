@@ -42,28 +42,28 @@ impl HoldOut {
     /// The rows of a table that are held out; of [`Each`](Self::Each) those of the value `each`.
     pub fn rows(&self, table: &Table, each: Option<&str>) -> Result<HeldOut, SelectError> {
         let n = table.lines.len();
-        let held = |rows: Vec<bool>, description: String| HeldOut { rows, description, keys: None };
+        let held_out = |rows: Vec<bool>, description: String| HeldOut { rows, description, keys: None };
         Ok(match self {
             Self::Own if table.quantity("held_out").is_some() => {
-                held(table.flags("held_out")?, "the column held_out".into())
+                held_out(table.flags("held_out")?, "the column held_out".into())
             }
             Self::Own => {
                 let block = |row: usize| (row * BLOCKS / n.max(1)) % 4 == 3;
-                held((0..n).map(block).collect(), "every fourth of 16 blocks of rows".into())
+                held_out((0..n).map(block).collect(), "every fourth of 16 blocks of rows".into())
             }
-            Self::Column(name) => held(table.flags(name)?, format!("the column {name}")),
+            Self::Column(name) => held_out(table.flags(name)?, format!("the column {name}")),
             Self::Last(share) => {
                 let first = ((1.0 - share) * n as f64).round() as usize;
-                held((0..n).map(|row| row >= first).collect(), format!("the last {:.0} %", 100.0 * share))
+                held_out((0..n).map(|row| row >= first).collect(), format!("the last {:.0} %", 100.0 * share))
             }
             Self::Where(selection) => {
                 let keys = selection.columns().next().and_then(|name| keys(table, name));
-                HeldOut { keys, ..held(selection.rows(table)?, "the rows that --hold-out names".into()) }
+                HeldOut { keys, ..held_out(selection.rows(table)?, "the rows that --hold-out names".into()) }
             }
             Self::Each(name) => {
                 let words = &table.chosen(name)?.words;
                 let rows = words.iter().map(|word| Some(word.as_str()) == each).collect();
-                HeldOut { keys: keys(table, name), ..held(rows, format!("each {name} in turn")) }
+                HeldOut { keys: keys(table, name), ..held_out(rows, format!("each {name} in turn")) }
             }
         })
     }

@@ -197,8 +197,9 @@ fn schema(header: &csv::StringRecord) -> Value {
 }
 
 fn value(name: &str, cell: &str) -> Value {
-    let whole = cell.parse::<i64>().ok().map(serde_json::Number::from);
-    let number = whole.or_else(|| serde_json::Number::from_f64(cell.parse().ok()?)).filter(|_| !DIGITS.contains(&name));
+    let integer = cell.parse::<i64>().ok().map(serde_json::Number::from);
+    let number =
+        integer.or_else(|| serde_json::Number::from_f64(cell.parse().ok()?)).filter(|_| !DIGITS.contains(&name));
     match number {
         _ if cell.is_empty() => Value::Null,
         Some(number) => Value::Number(number),

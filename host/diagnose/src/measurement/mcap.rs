@@ -45,7 +45,7 @@ pub enum McapError {
     #[error("the file does not begin as an MCAP log does")]
     Magic,
     /// A record reaches over the end, or the end is missing.
-    #[error("the log ends in the middle of a record, after {0} whole messages: was it closed?")]
+    #[error("the log ends in the middle of a record, after {0} complete messages: was it closed?")]
     Cut(usize),
     /// A chunk that cannot be expanded.
     #[error("a chunk in the compression `{0}` cannot be expanded; known are none, zstd and lz4")]
@@ -54,7 +54,7 @@ pub enum McapError {
     #[error("the check sum of {0} does not match: the log is damaged, use another copy")]
     Damaged(&'static str),
     /// A message of a channel that no record tells.
-    #[error("a message belongs to channel {0}, which no record tells")]
+    #[error("a message belongs to channel {0}, which no record declares")]
     Channel(u16),
 }
 
@@ -137,10 +137,10 @@ impl Log {
     pub fn read_whole_records(bytes: &[u8]) -> Result<(Self, bool), McapError> {
         let mut log = Self::default();
         let records = bytes.strip_prefix(&MAGIC).ok_or(McapError::Magic)?;
-        let whole = records.strip_suffix(&MAGIC);
-        let cut = match log.records(whole.unwrap_or(records)) {
+        let complete = records.strip_suffix(&MAGIC);
+        let cut = match log.records(complete.unwrap_or(records)) {
             Err(McapError::Cut(_)) => true,
-            end => end.map(|()| whole.is_none())?,
+            end => end.map(|()| complete.is_none())?,
         };
         log.check_sums(bytes)?;
         match log.messages.iter().find(|message| !log.channels.contains_key(&message.channel)) {
@@ -312,23 +312,23 @@ mod tests {
 
     #[test]
     fn every_changed_byte_of_data_and_summary_is_noticed() {
-        let whole = written();
-        let footer = whole.len() - MAGIC.len() - 29;
-        let summary = u64::from_le_bytes(whole[footer + 9..footer + 17].try_into().unwrap()) as usize;
+        let complete = written();
+        let footer = complete.len() - MAGIC.len() - 29;
+        let summary = u64::from_le_bytes(complete[footer + 9..footer + 17].try_into().unwrap()) as usize;
         let data_end = summary - 13;
         for at in (MAGIC.len()..data_end).chain(summary..footer) {
-            let mut damaged = whole.clone();
+            let mut damaged = complete.clone();
             damaged[at] ^= 0x10;
-            assert!(Log::read(&damaged).is_err(), "byte {at} of {}", whole.len());
+            assert!(Log::read(&damaged).is_err(), "byte {at} of {}", complete.len());
         }
     }
 
     #[test]
     fn a_log_that_was_cut_or_is_none_is_told() {
-        let whole = written();
-        for end in 8..whole.len() {
-            assert!(matches!(Log::read(&whole[..end]), Err(McapError::Cut(_))), "{end}");
-            assert!(matches!(Log::read_whole_records(&whole[..end]), Ok((_, true))), "{end}");
+        let complete = written();
+        for end in 8..complete.len() {
+            assert!(matches!(Log::read(&complete[..end]), Err(McapError::Cut(_))), "{end}");
+            assert!(matches!(Log::read_whole_records(&complete[..end]), Ok((_, true))), "{end}");
         }
         assert!(matches!(Log::read(b"t_s,x_mm\n1,2\n"), Err(McapError::Magic)));
     }

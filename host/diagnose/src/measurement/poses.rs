@@ -69,7 +69,7 @@ fn choose(run: &mut Run, table: &Table, which: &Which) -> Result<Option<Finding>
     if let Some(keep) = &which.keep {
         kept.retain(&keep.rows(table)?);
     }
-    let held = match &which.hold_out {
+    let held_out = match &which.hold_out {
         HoldOut::Own if kept.quantity("held_out").is_none() => HeldOut::default(),
         how => how.rows(&kept, None)?,
     };
@@ -80,12 +80,12 @@ fn choose(run: &mut Run, table: &Table, which: &Which) -> Result<Option<Finding>
     // The lines of a table rise.
     let at: Vec<Option<usize>> = run.lines.iter().map(|line| kept.lines.binary_search(line).ok()).collect();
     let samples = run.samples.iter_mut().zip(&at);
-    samples.for_each(|(sample, row)| sample.held_out = row.is_some_and(|row| held.rows.get(row) == Some(&true)));
-    let nothing = held.nothing(&which.hold_out);
+    samples.for_each(|(sample, row)| sample.held_out = row.is_some_and(|row| held_out.rows.get(row) == Some(&true)));
+    let nothing = held_out.nothing(&which.hold_out);
     run.choice = Choice {
         unused: at.iter().map(Option::is_none).collect(),
         parts: parts.map(|parts| at.iter().map(|row| row.map_or(0, |row| parts[row])).collect()),
-        description: held.description,
+        description: held_out.description,
     };
     Ok(nothing)
 }
@@ -174,7 +174,7 @@ impl Row<'_> {
         }
         let time_s = self.number(columns.time)?;
         let word: Word = self.required(columns.word, "digits 0 to 3")?;
-        let run = self.optional(columns.run, "a whole number")?.unwrap_or(0);
+        let run = self.optional(columns.run, "an integer")?.unwrap_or(0);
         let previous = match columns.previous {
             Some(column) => self.optional(Some(column), "digits 0 to 3")?,
             None => before.filter(|before| before.run == run).map(|before| before.word),
@@ -194,7 +194,7 @@ impl Row<'_> {
                 .measured(columns.temperature)?
                 .map(|t| if self.in_kelvin() { t - ZERO_CELSIUS } else { t }),
             run,
-            visit: self.optional(columns.visit, "a whole number")?.unwrap_or(index as u32),
+            visit: self.optional(columns.visit, "an integer")?.unwrap_or(index as u32),
             held_out: false,
         }))
     }

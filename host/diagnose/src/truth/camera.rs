@@ -24,7 +24,7 @@ impl Truth {
     /// What camera, supply sensor and thermometer tell.
     pub fn observe(&self, state: &TrueState, rng: &mut impl Rng) -> Result<Observed, ChainError> {
         let pose = self.pose(state)?;
-        let (supply, temperature_k) = self.surroundings.told(state.time_s, &state.word, rng);
+        let (supply, temperature_k) = self.surroundings.sensed(state.time_s, &state.word, rng);
         Ok(Observed { pose: self.seen(&pose, rng), supply, temperature_c: temperature_k - ZERO_CELSIUS })
     }
 

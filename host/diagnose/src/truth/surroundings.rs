@@ -96,7 +96,7 @@ impl Surroundings {
     }
 
     /// Supply and temperature (K) as the sensors tell them.
-    pub(crate) fn told(&self, time_s: f64, word: &Word, rng: &mut impl Rng) -> (f64, f64) {
+    pub(crate) fn sensed(&self, time_s: f64, word: &Word, rng: &mut impl Rng) -> (f64, f64) {
         let moment = self.at(time_s, word);
         let mut normal = || -> f64 { StandardNormal.sample(rng) };
         let supply = self.nominal_supply * (moment.supply_ratio + SUPPLY_SENSOR * normal());

@@ -94,8 +94,8 @@ impl Mechanism {
                 }
             }
             Self::Pawl { part, clearance_m } if part.holds(actuator, stage) => {
-                let held = state.previous.is_some_and(|previous| previous.digit(actuator) == digit);
-                let crept = if held { clearance_m * CREPT } else { 0.0 };
+                let stayed = state.previous.is_some_and(|previous| previous.digit(actuator) == digit);
+                let crept = if stayed { clearance_m * CREPT } else { 0.0 };
                 setting.value += back * crept;
             }
             Self::Pad { part, softness } if part.holds(actuator, stage) => {

@@ -99,12 +99,12 @@ impl Hand {
             length(a) + length(b) + bases
         };
         let pairs = || (0..FINGERS).flat_map(|b| (0..b).map(move |a| (a, b)));
-        let most = |(a, b): (usize, usize)| bridge(&self.fingers[a], &self.fingers[b]);
-        let best = pairs().map(most).fold(0.0, f64::max);
+        let span = |(a, b): (usize, usize)| bridge(&self.fingers[a], &self.fingers[b]);
+        let widest = pairs().map(span).fold(0.0, f64::max);
         pairs().find_map(|(a, b)| {
-            let (apart, most) =
-                ((contacts[a].point - contacts[b].point).norm(), if is_assigned { most((a, b)) } else { best });
-            (apart > most || apart.is_nan()).then_some((a, b, apart, most))
+            let apart = (contacts[a].point - contacts[b].point).norm();
+            let span = if is_assigned { span((a, b)) } else { widest };
+            (apart > span || apart.is_nan()).then_some((a, b, apart, span))
         })
     }
 
@@ -136,8 +136,8 @@ impl Hand {
 
 /// Two unit vectors that make a right-handed frame with the unit vector z.
 pub(super) fn across(z: &Vec3<f64>) -> (Vec3<f64>, Vec3<f64>) {
-    let least = z.iamin();
-    let x = Vec3::from_fn(|k, _| if k == least { 1.0 } else { 0.0 });
+    let shortest = z.iamin();
+    let x = Vec3::from_fn(|k, _| if k == shortest { 1.0 } else { 0.0 });
     let x = (x - z * z.dot(&x)).normalize();
     (x, z.cross(&x))
 }

@@ -93,12 +93,12 @@ fn gram(jacobian: &Jacobian) -> SMatrix<f64, ROWS, ROWS> {
     gram
 }
 
-/// K⁺·rows: the least step that makes these changes, truncated where K has lost rank.
+/// K⁺·rows: the floor step that makes these changes, truncated where K has lost rank.
 pub fn least_step(jacobian: &Jacobian, rows: &Rows) -> Step {
     let gram = gram(jacobian);
-    let least = TRUNCATED * TRUNCATED * gram.trace();
+    let floor = TRUNCATED * TRUNCATED * gram.trace();
     if let Some(factor) = gram.cholesky()
-        && factor.l_dirty().diagonal().iter().all(|pivot| pivot * pivot > least)
+        && factor.l_dirty().diagonal().iter().all(|pivot| pivot * pivot > floor)
     {
         return jacobian.tr_mul(&factor.solve(rows));
     }

@@ -68,11 +68,11 @@ impl Sight {
     /// Told along x and y, two unit vectors across the thumb's normal.
     fn of(hand: &Hand, contacts: &Contacts, x: &Vec3<f64>, y: &Vec3<f64>) -> Self {
         let thumb = contacts[THUMB];
-        let told = |v: Vec3<f64>| Vec3::new(x.dot(&v), y.dot(&v), thumb.direction.dot(&v));
+        let in_frame = |v: Vec3<f64>| Vec3::new(x.dot(&v), y.dot(&v), thumb.direction.dot(&v));
         let mut points = [Vec3::zeros(); 2 * THUMB];
         for i in 0..THUMB {
-            points[2 * i] = told(contacts[i].center(hand.fingers[i].tip_radius_m) - thumb.point);
-            points[2 * i + 1] = told(contacts[i].direction * RADIAN_M);
+            points[2 * i] = in_frame(contacts[i].center(hand.fingers[i].tip_radius_m) - thumb.point);
+            points[2 * i + 1] = in_frame(contacts[i].direction * RADIAN_M);
         }
         Self { points, size: points.iter().map(Vec3::norm_squared).sum() }
     }

@@ -148,12 +148,12 @@ impl Training {
             None if text.is_empty() => "",
             _ => return Err(other()),
         };
-        let whole = rows.rsplit_once('\n').map_or("", |(whole, _)| whole);
+        let complete = rows.rsplit_once('\n').map_or("", |(rows, _)| rows);
         let row = |line: &str| -> Option<Vec<bool>> {
             let digits: Option<Vec<bool>> = line.chars().map(|c| Some(c.to_digit(2)? == 1)).collect();
             digits.filter(|digits| digits.len() == self.lambdas)
         };
-        let solved: Option<Vec<_>> = whole.lines().map(row).collect();
+        let solved: Option<Vec<_>> = complete.lines().map(row).collect();
         let solved = solved.filter(|solved| solved.len() <= self.count).ok_or_else(other)?;
         let mut kept = File::create(path).map_err(failed)?;
         kept.write_all(format!("{head}\n{}", lines(&solved)).as_bytes()).map_err(failed)?;

@@ -10,8 +10,8 @@ use darm_robot::rigid_body::regressor::{BodyMotion, WrenchRegressor, joint_regre
 use darm_robot::robot::Robot;
 use darm_robot::robot::base_parameters::{BaseParameters, Inertial, grouped};
 
-/// Below this share of the largest singular value a direction of the parameters is not told.
-const TOLD: f64 = 1e-8;
+/// Below this share of the largest singular value a direction of the parameters is not identified.
+const IDENTIFIED: f64 = 1e-8;
 /// What an exactly known row counts as, in its own unit.
 const EXACT: f64 = 1e-6;
 
@@ -160,10 +160,10 @@ impl Equations {
         }
         let svd = columns.svd(false, true);
         let largest = svd.singular_values.max();
-        let told: Vec<usize> =
-            (0..svd.singular_values.len()).filter(|&k| svd.singular_values[k] > TOLD * largest).collect();
+        let identified: Vec<usize> =
+            (0..svd.singular_values.len()).filter(|&k| svd.singular_values[k] > IDENTIFIED * largest).collect();
         let turned = svd.v_t.map_or_else(|| DMatrix::zeros(self.unknowns.len(), 0), |v_t| v_t.transpose());
-        (told.len(), turned.select_columns(&told))
+        (identified.len(), turned.select_columns(&identified))
     }
 
     /// Which sums of inertial parameters the rows tell.

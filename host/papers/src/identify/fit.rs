@@ -64,8 +64,8 @@ impl<'a> Reduced<'a> {
         }
         // A direction that these few samples do not tell stays as it is.
         let eigen = matrix.symmetric_eigen();
-        let least = 1e-14 * eigen.eigenvalues.max();
-        let inverse = eigen.eigenvalues.map(|value| if value > least { 1.0 / value } else { 0.0 });
+        let floor = 1e-14 * eigen.eigenvalues.max();
+        let inverse = eigen.eigenvalues.map(|value| if value > floor { 1.0 / value } else { 0.0 });
         let inverse = &eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * eigen.eigenvectors.transpose();
         let values = &self.equations.nominal + &self.basis * (&inverse * right);
         (values, &self.basis * inverse * self.basis.transpose())

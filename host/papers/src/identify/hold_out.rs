@@ -40,8 +40,8 @@ pub fn hold_out(equations: &Equations, share: f64, splits: usize, seed: u64) -> 
         squares.iter_mut().zip(errors).for_each(|(sum, error)| *sum += error * error);
         worst = worst.max(errors[0]);
     }
-    let told = axes(equations);
-    let only = |numbers: [f64; 2]| std::array::from_fn(|k| told[k].then_some(numbers[k]));
+    let measured = axes(equations);
+    let only = |numbers: [f64; 2]| std::array::from_fn(|k| measured[k].then_some(numbers[k]));
     let noise = |k: usize| {
         let square = |e: &super::equations::Equation| e.cop_noise(&equations.noise)[k].powi(2);
         (equations.samples.iter().map(square).sum::<f64>() / equations.samples.len() as f64).sqrt()
@@ -52,7 +52,7 @@ pub fn hold_out(equations: &Equations, share: f64, splits: usize, seed: u64) -> 
         identified_m: only(squares.map(|sum| (sum / splits.max(1) as f64).sqrt())),
         nominal_m: only(rms_cop(equations, &equations.nominal, &order)),
         noise_m: only([noise(0), noise(1)]),
-        worst_m: told[0].then_some(worst),
+        worst_m: measured[0].then_some(worst),
     }
 }
 

@@ -21,7 +21,7 @@ const FALSE: f64 = 1e-3;
 /// Chance that the true link is not in the set that is told.
 const LEFT_OUT: f64 = 1e-3;
 /// Masses that are named at most.
-const MOST: usize = 6;
+const MAX_MASSES: usize = 6;
 /// Below this share of its length a column adds nothing to others.
 const NOTHING: f64 = 1e-8;
 
@@ -77,10 +77,10 @@ pub fn missing(robot: &Robot, equations: &Equations, held_out: &[usize]) -> Miss
     let (columns, right) = kept.stacked();
     let residual = &right - &columns * &kept.nominal;
     let search = Search { rows: right.len(), columns, residual };
-    let told = directions(&search.columns);
-    let noise = search.noise(&told);
+    let identified = directions(&search.columns);
+    let noise = search.noise(&identified);
     let (mut taken, mut chosen) = (Vec::<Option<usize>>::new(), Vec::new());
-    while chosen.len() < MOST {
+    while chosen.len() < MAX_MASSES {
         let Some((link, set)) = search.best(robot, &kept, &taken, noise) else { break };
         taken.push(link);
         chosen.push(set);
@@ -122,8 +122,8 @@ pub fn separable(robot: &Robot, equations: &Equations) -> Vec<Option<usize>> {
 /// Orthonormal directions of the columns.
 fn directions(columns: &DMatrix<f64>) -> DMatrix<f64> {
     let svd = columns.clone().svd(true, false);
-    let least = NOTHING * svd.singular_values.max();
-    let kept: Vec<usize> = (0..svd.singular_values.len()).filter(|&k| svd.singular_values[k] > least).collect();
+    let floor = NOTHING * svd.singular_values.max();
+    let kept: Vec<usize> = (0..svd.singular_values.len()).filter(|&k| svd.singular_values[k] > floor).collect();
     svd.u.map_or_else(|| DMatrix::zeros(columns.nrows(), 0), |u| u.select_columns(&kept))
 }
 
@@ -153,12 +153,12 @@ impl Search {
             return (DVector::zeros(self.columns.ncols()), DMatrix::zeros(0, 0));
         }
         let svd = self.columns.select_columns(free).svd(true, true);
-        let least = NOTHING * svd.singular_values.max();
+        let floor = NOTHING * svd.singular_values.max();
         let mut change = DVector::zeros(self.columns.ncols());
         let mut covariance = DMatrix::zeros(free.len(), free.len());
-        if let (Ok(values), Some(v_t)) = (svd.solve(&self.residual, least), &svd.v_t) {
+        if let (Ok(values), Some(v_t)) = (svd.solve(&self.residual, floor), &svd.v_t) {
             free.iter().zip(&values).for_each(|(&k, value)| change[k] = *value);
-            for (size, row) in svd.singular_values.iter().zip(v_t.row_iter()).filter(|(size, _)| **size > least) {
+            for (size, row) in svd.singular_values.iter().zip(v_t.row_iter()).filter(|(size, _)| **size > floor) {
                 covariance += row.transpose() * row / (size * size);
             }
         }

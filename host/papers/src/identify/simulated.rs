@@ -42,8 +42,8 @@ pub fn simulated(
             torque[joint] += row.dot(ten);
         }
     }
-    let whole: SVector<f64, 6> = loads.iter().zip(&tens).map(|(load, ten)| load * ten).sum();
-    let mut three = |at: usize, size: f64| Vec3::from_fn(|k, _| whole[at + k] + any(size));
+    let total: SVector<f64, 6> = loads.iter().zip(&tens).map(|(load, ten)| load * ten).sum();
+    let mut three = |at: usize, size: f64| Vec3::from_fn(|k, _| total[at + k] + any(size));
     let (force, moment) = (three(3, noise.force_n), three(0, noise.moment_nm));
     let wrench = Wrench { moment, force };
     Sample { line: 0, base, state, torque, contacts: vec![Contact { joint: None, wrench }] }

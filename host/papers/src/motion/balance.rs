@@ -126,12 +126,12 @@ impl Support {
 
     /// The balance of a motion with this centre of mass and zero-moment point.
     pub(super) fn balance(&self, zmp_m: Vec<[f64; 2]>, com: &[Vec3<f64>]) -> Balance {
-        let least = |at: &dyn Fn(usize) -> [f64; 2]| {
+        let minimum = |at: &dyn Fn(usize) -> [f64; 2]| {
             let margins = (0..zmp_m.len()).map(|k| (self.at(k).margin(at(k)), k + 1));
             margins.fold((f64::INFINITY, 0), |a, b| if b.0 < a.0 { b } else { a })
         };
-        let (zmp_margin_m, zmp_frame) = least(&|k| zmp_m[k]);
-        let (com_margin_m, com_frame) = least(&|k| [com[k].x, com[k].y]);
+        let (zmp_margin_m, zmp_frame) = minimum(&|k| zmp_m[k]);
+        let (com_margin_m, com_frame) = minimum(&|k| [com[k].x, com[k].y]);
         Balance { zmp_margin_m, zmp_frame, com_margin_m, com_frame, zmp_m }
     }
 }

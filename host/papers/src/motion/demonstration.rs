@@ -147,10 +147,10 @@ pub fn demonstrate(
     }
     let motion = dynamic(&postures, &time_s, 2.0 * CORNER_HZ, &own.gravity);
     let plates = wrench(&own, &motion).into_iter().map(|bodies| {
-        let whole: nalgebra::SVector<f64, 6> = bodies.into_iter().sum();
+        let total: nalgebra::SVector<f64, 6> = bodies.into_iter().sum();
         let [moment, force] = PLATE_NOISE;
         let mut any = |size: f64| size * random.sample::<f64, _>(StandardNormal);
-        let (fz, mx, my) = (whole[5] + any(force), whole[0] + any(moment), whole[1] + any(moment));
+        let (fz, mx, my) = (total[5] + any(force), total[0] + any(moment), total[1] + any(moment));
         Plate { cop: [-my / fz, mx / fz], force_n: fz }
     });
     let plates = plates.collect();

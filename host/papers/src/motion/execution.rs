@@ -98,7 +98,7 @@ pub fn execute(
     let mut touches = touches(setup, &placed);
     let mut posture = postures[0].clone();
     let mut velocity = DVector::zeros(6 + posture.q.len());
-    let mut told = Executed {
+    let mut executed = Executed {
         postures: Vec::new(),
         cop: Vec::new(),
         cop_margin_m: f64::INFINITY,
@@ -112,32 +112,34 @@ pub fn execute(
         let time_s = start_s + step as f64 * STEP_S;
         placed.place(&posture);
         let pushes: Vec<Push> = touches.iter_mut().map(|touch| push(touch, &placed, &velocity)).collect();
-        if told.postures.len() < plan.time_s.len() && time_s >= plan.time_s[told.postures.len()] - 0.5 * STEP_S {
-            let planned = &postures[told.postures.len()];
-            tell(&mut told, &posture, &placed, (&touches, &pushes), planned);
+        if executed.postures.len() < plan.time_s.len() && time_s >= plan.time_s[executed.postures.len()] - 0.5 * STEP_S
+        {
+            let planned = &postures[executed.postures.len()];
+            record(&mut executed, &posture, &placed, (&touches, &pushes), planned);
         }
         let next = advance(&placed, (&posture, &velocity), &pushes, &desired(plan, torque, time_s), gains);
         let Some(next) = next else { break };
         velocity = next;
         posture = posture.moved(&(&velocity * STEP_S));
     }
-    judge(&mut told, plan, &mut placed);
-    Ok(told)
+    judge(&mut executed, plan, &mut placed);
+    Ok(executed)
 }
 
 /// Whether it fell, and how near it came to tipping.
-fn judge(told: &mut Executed, plan: &Mapped, placed: &mut Placed) {
+fn judge(executed: &mut Executed, plan: &Mapped, placed: &mut Placed) {
     let mut com = |posture: &Posture| {
         placed.place(posture);
         placed.com().0
     };
-    let ends = told.postures.last().zip(plan.trajectory.postures.last());
+    let ends = executed.postures.last().zip(plan.trajectory.postures.last());
     let apart = ends.map_or(f64::NAN, |(last, planned)| (com(last) - com(planned)).norm());
-    told.fell = told.postures.len() < plan.time_s.len() || apart.is_nan() || apart >= FALLEN_M;
+    executed.fell = executed.postures.len() < plan.time_s.len() || apart.is_nan() || apart >= FALLEN_M;
     let soles = Polygon::hull(&plan.sole);
-    let margins = told.cop.iter().skip(plan.lift_off).map(|cop| soles.margin(*cop));
+    let margins = executed.cop.iter().skip(plan.lift_off).map(|cop| soles.margin(*cop));
     // The feet in the air have no centre of pressure.
-    told.cop_margin_m = margins.map(|margin| if margin.is_nan() { 0.0 } else { margin }).fold(f64::INFINITY, f64::min);
+    executed.cop_margin_m =
+        margins.map(|margin| if margin.is_nan() { 0.0 } else { margin }).fold(f64::INFINITY, f64::min);
 }
 
 fn touches(setup: &Setup, placed: &Placed) -> Vec<Touch> {
@@ -227,8 +229,8 @@ fn advance(
     Some(velocity + change)
 }
 
-fn tell(
-    told: &mut Executed,
+fn record(
+    executed: &mut Executed,
     posture: &Posture,
     placed: &Placed,
     (touches, pushes): (&[Touch], &[Push]),
@@ -246,8 +248,8 @@ fn tell(
         }
     }
     let apart = posture.q.iter().zip(&planned.q).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    told.worst_joint_rad = told.worst_joint_rad.max(apart);
-    told.cop.push(at.map(|at| if sum > 0.0 { at / sum } else { f64::NAN }));
-    told.chair_n.push(chair);
-    told.postures.push(posture.clone());
+    executed.worst_joint_rad = executed.worst_joint_rad.max(apart);
+    executed.cop.push(at.map(|at| if sum > 0.0 { at / sum } else { f64::NAN }));
+    executed.chair_n.push(chair);
+    executed.postures.push(posture.clone());
 }

@@ -14,7 +14,7 @@ use darm_robot::robot::Robot;
 /// A foot's moment counts as its force at this distance, m.
 const ARM_M: f64 = 0.1;
 /// The feet bear this share of the weight at least.
-const LEAST: f64 = 0.05;
+const MIN_SHARE: f64 = 0.05;
 
 /// Moment about the world's origin, and force.
 type Six = SVector<f64, 6>;
@@ -74,7 +74,7 @@ fn on_chair(whole: &Six, soles: &Polygon, setup: &Setup, placed: &Placed) -> f64
     let (to_seat, out) = ([seat.x - on_feet[0], seat.y - on_feet[1]], [at[0] - on_feet[0], at[1] - on_feet[1]]);
     let away = to_seat[0].powi(2) + to_seat[1].powi(2);
     let share = (out[0] * to_seat[0] + out[1] * to_seat[1]) / away.max(f64::MIN_POSITIVE);
-    whole[5] * share.clamp(0.0, 1.0 - LEAST)
+    whole[5] * share.clamp(0.0, 1.0 - MIN_SHARE)
 }
 
 /// The wrench on each foot: together `whole`, with the least forces, and moments about the middles of the soles.

@@ -65,7 +65,7 @@ pub struct Mapped {
     pub raised_m: f64,
     /// Where it is with the robot's masses, m.
     pub com: Vec<Vec3<f64>>,
-    /// Axes along which it is held.
+    /// Axes along which it is fixed.
     pub axes: [bool; 3],
     /// The largest distance between the two along these axes, m.
     pub com_error_m: f64,
@@ -86,7 +86,7 @@ pub fn map(robot: &Robot, setup: &Setup, person: &Person, capture: &Capture) -> 
     let feet = feet(robot, setup)?;
     let view = View::new(robot, setup, person, &feet)?;
     let com: Vec<Vec3<f64>> = person.com.iter().map(|com| view.at(com)).collect();
-    let standing = Stand { robot, feet: &feet, step_s: capture.step_s() };
+    let standing = OnFeet { robot, feet: &feet, step_s: capture.step_s() };
     let axes = standing.axes(&setup.sitting)?;
     let sitting = standing.near(&standing.posture(&setup.sitting), &com[..1], axes)?;
     let markers = overlaid(robot, setup, &view, (person, capture), &sitting)?;
@@ -107,9 +107,9 @@ pub fn map(robot: &Robot, setup: &Setup, person: &Person, capture: &Capture) -> 
             break;
         }
         shift(&mut target, &pulls, capture.step_s(), robot.gravity.norm());
-        plan = follow.whole(&target, &plan.postures)?;
+        plan = follow.solve_all(&target, &plan.postures)?;
     }
-    told(robot, (capture, view.scale, axes), (com, target), (markers, plan), ground)
+    mapped(robot, (capture, view.scale, axes), (com, target), (markers, plan), ground)
 }
 
 /// Moves the centre of mass so that the zero-moment point is pulled so far.
@@ -165,7 +165,7 @@ impl Ground {
 
 /// What the robot follows while it stands on its feet.
 struct Follow<'a> {
-    standing: &'a Stand<'a>,
+    standing: &'a OnFeet<'a>,
     markers: &'a [Fixed],
     targets: &'a [Vec<Option<Vec3<f64>>>],
     ground: &'a Ground,
@@ -195,7 +195,7 @@ impl Follow<'_> {
             let one = solve(&self.problem(com, frame..frame + 1), &postures[frame - 1..]);
             postures.extend(one.map_err(|error| at_frame(error, frame))?.postures);
         }
-        self.whole(com, &postures)
+        self.solve_all(com, &postures)
     }
 
     /// How far the centre of mass shall be above the person's from lift-off on, m: as on the chair at first, in place and speed.
@@ -214,7 +214,7 @@ impl Follow<'_> {
     }
 
     /// The same near a trajectory that there is.
-    fn whole(&self, com: &[Vec3<f64>], start: &[Posture]) -> Result<Trajectory, TrajectoryError> {
+    fn solve_all(&self, com: &[Vec3<f64>], start: &[Posture]) -> Result<Trajectory, TrajectoryError> {
         solve(&self.problem(com, 0..com.len()), start)
     }
 }
@@ -229,7 +229,7 @@ fn at_frame(error: TrajectoryError, frame: usize) -> TrajectoryError {
     }
 }
 
-fn told(
+fn mapped(
     robot: &Robot,
     (capture, scale, axes): (&Capture, f64, [bool; 3]),
     (person, mut target): (Vec<Vec3<f64>>, Vec<Vec3<f64>>),
@@ -293,13 +293,13 @@ fn feet(robot: &Robot, setup: &Setup) -> Result<Vec<Foot>, TreeError> {
 }
 
 /// A robot on its feet.
-struct Stand<'a> {
+struct OnFeet<'a> {
     robot: &'a Robot,
     feet: &'a [Foot],
     step_s: f64,
 }
 
-impl Stand<'_> {
+impl OnFeet<'_> {
     fn problem(&self) -> Problem<'_> {
         Problem {
             robot: self.robot,
@@ -332,9 +332,9 @@ impl Stand<'_> {
         placed.place(&posture);
         let (_, of_com) = placed.com();
         let rows: Vec<_> = self.feet.iter().map(|foot| placed.jacobian(foot.joint, &foot.pose)).collect();
-        let mut held = nalgebra::DMatrix::zeros(6 * rows.len(), of_com.ncols());
-        rows.iter().enumerate().for_each(|(k, block)| held.rows_mut(6 * k, 6).copy_from(block));
-        let eigen = held.tr_mul(&held).symmetric_eigen();
+        let mut fixed = nalgebra::DMatrix::zeros(6 * rows.len(), of_com.ncols());
+        rows.iter().enumerate().for_each(|(k, block)| fixed.rows_mut(6 * k, 6).copy_from(block));
+        let eigen = fixed.tr_mul(&fixed).symmetric_eigen();
         let free: Vec<usize> = (0..of_com.ncols()).filter(|&k| eigen.eigenvalues[k] < 1e-9).collect();
         let moved = of_com * eigen.eigenvectors.select_columns(&free);
         Ok(std::array::from_fn(|k| moved.row(k).norm() > MOVES_M))

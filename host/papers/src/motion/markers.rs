@@ -60,7 +60,7 @@ pub enum CaptureError {
     },
     /// A marker is missing for too long.
     #[error(
-        "marker {marker} is missing in {missing} of {frames} frames, first in frame {frame}: leave it out or mend it"
+        "marker {marker} is missing in {missing} of {frames} frames, first in frame {frame}: leave it out or repair it"
     )]
     Missing {
         /// The marker.
@@ -97,7 +97,7 @@ pub enum CaptureError {
         force_n: f64,
     },
     /// Too short.
-    #[error("{frames} frame(s) are no motion: {LEAST} at least, at even steps of time, are needed")]
+    #[error("{frames} frame(s) are no motion: {MIN_FRAMES} at least, at even steps of time, are needed")]
     TooShort {
         /// Frames.
         frames: usize,
@@ -113,7 +113,7 @@ pub enum CaptureError {
 }
 
 /// Frames below which there is no motion.
-const LEAST: usize = 10;
+const MIN_FRAMES: usize = 10;
 
 impl Capture {
     /// Reads the markers with these names, and the plates.
@@ -127,7 +127,7 @@ impl Capture {
     /// The same from a table.
     pub fn of(table: &Table, markers: &[String]) -> Result<Self, CaptureError> {
         let time_s = table.required("time")?.numbers.clone();
-        if time_s.len() < LEAST {
+        if time_s.len() < MIN_FRAMES {
             return Err(CaptureError::TooShort { frames: time_s.len() });
         }
         even(&time_s, &table.lines)?;

@@ -126,7 +126,7 @@ pub enum SetupError {
         markers: usize,
     },
     /// No foot at all.
-    #[error("{key} names no link: a motion is told from the feet")]
+    #[error("{key} names no link: a motion is measured from the feet")]
     NoFeet {
         /// The key of the file.
         key: &'static str,

@@ -24,7 +24,7 @@ const SEED: u64 = 1;
 
 /// Sit-to-stand: identification, an undeclared mass, motion mapping
 #[derive(clap::Args)]
-pub(crate) struct Stand {
+pub(crate) struct SitToStand {
     /// Seed of noise, masses and people
     #[arg(long, default_value_t = SEED)]
     seed: u64,
@@ -42,7 +42,7 @@ pub(crate) struct Stand {
     json: Option<PathBuf>,
 }
 
-impl Stand {
+impl SitToStand {
     pub(crate) fn run(&self) -> Result<()> {
         let progress = Progress::shown();
         let folder = self.output.clone().unwrap_or_else(|| setup::root().join("target/papers/stand"));

@@ -211,7 +211,7 @@ pub(super) fn from_motions(figures: &mut Vec<Figure>, robots: &Robots, seed: u64
     let [cad, _] = identify::rms_cop(&other, &other.nominal, &all);
     let (columns, right) = other.stacked();
     let residual = (right.clone() - &columns * &fit.values).norm() / (right.len() as f64).sqrt();
-    figures.push(figure("motions: sums that are told, of 58", fit.rank as f64, "")?);
+    figures.push(figure("motions: identifiable sums, of 58", fit.rank as f64, "")?);
     figures.push(figure("motions: centre of pressure of another motion, CAD", 1e3 * cad, "mm")?);
     figures.push(figure("motions: the same, identified", 1e3 * own, "mm")?);
     figures.push(figure("motions: residual of all rows of another motion over the noise", residual, "")?);

@@ -17,7 +17,7 @@ use darm_robot::urdf::{self, Locks};
 
 use super::figure;
 use super::postures::Robots;
-use super::robots::{Followed, executed, stand};
+use super::robots::{Followed, count_standing, executed};
 use darm_figures::figure::Figure;
 use darm_figures::progress::Progress;
 use xtask::setup;
@@ -51,7 +51,7 @@ pub(super) fn map_both(
         tell_person(figures, name, &found, &shown)?;
         let mapped = map(&robots.identified, &setup, &found, &shown.capture)?;
         let executed = executed(&robots.real, &robots.identified, &setup, &mapped)?;
-        tell(figures, name, &mapped)?;
+        push_figures(figures, name, &mapped)?;
         tell_executed(figures, robots, name, &mapped, &executed)?;
         let report =
             MotionReport { person: &found, mapped: &mapped, robot: &robots.identified, executed: Some(&executed) };
@@ -66,7 +66,7 @@ pub(super) fn map_both(
         tell_plane(figures, name, &mapped.com, &by_cad)?;
         let followed = Followed { name, setup: &setup, person: &found, capture: &shown.capture };
         by_cad_plan(figures, robots, &followed)?;
-        stand(figures, progress, drawn, &followed)?;
+        count_standing(figures, progress, drawn, &followed)?;
     }
     let picture = Picture { x: "forward, m", y: "up, m", mark: None, band: None, curves: plane };
     pictures
@@ -133,7 +133,7 @@ fn mass(robots: &Robots, joint: Option<usize>) -> darm_papers::identify::LinkMas
     darm_papers::identify::LinkMass { link, mass_kg: inertia.mass, com_m: inertia.com.into() }
 }
 
-fn tell(figures: &mut Vec<Figure>, name: &str, mapped: &Mapped) -> Result<()> {
+fn push_figures(figures: &mut Vec<Figure>, name: &str, mapped: &Mapped) -> Result<()> {
     figures.push(figure(&format!("{name}: centre of mass less its target, worst frame"), mapped.com_error_m, "m")?);
     figures.push(figure(
         &format!("{name}: feet and limits, worst frame"),

@@ -43,7 +43,7 @@ pub(super) fn executed(real: &Robot, believed: &Robot, setup: &Setup, plan: &Map
 }
 
 /// How many of the robots stand.
-pub(super) fn stand(
+pub(super) fn count_standing(
     figures: &mut Vec<Figure>,
     progress: &Progress,
     robots: &[Robots],
@@ -67,7 +67,7 @@ pub(super) fn stand(
     let runs = robots.par_iter().map(one).collect::<Result<Vec<_>>>()?;
     bar.finish_and_clear();
     let of = robots.len();
-    let mut tell = |what: &str, own: &dyn Fn(&Run) -> &Executed| -> Result<()> {
+    let mut push = |what: &str, own: &dyn Fn(&Run) -> &Executed| -> Result<()> {
         let standing = runs.iter().filter(|run| !own(run).fell).count();
         figures.push(figure(&format!("{name}: robots that stand, {what}, of {of}"), standing as f64, "")?);
         let mut margins: Vec<f64> = runs.iter().map(|run| 1e3 * own(run).cop_margin_m).collect();
@@ -77,9 +77,9 @@ pub(super) fn stand(
         figures.push(figure(&format!("{name}: margin of the centre of pressure, {what}, least"), least, "mm")?);
         Ok(())
     };
-    tell("identified", &|run| &run.identified)?;
-    tell("CAD", &|run| &run.cad)?;
-    tell("identified, PD alone", &|run| &run.loops_alone)?;
+    push("identified", &|run| &run.identified)?;
+    push("CAD", &|run| &run.cad)?;
+    push("identified, PD alone", &|run| &run.loops_alone)?;
     let moved = runs.iter().map(|run| run.moved_m).fold(0.0, f64::max);
     figures.push(figure(&format!("{name}: centre of mass moved for balance, most of {of}"), 1e3 * moved, "mm")?);
     Ok(())
