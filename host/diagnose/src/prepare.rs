@@ -3,4 +3,5 @@
 pub mod groups;
 pub mod observations;
 pub mod repeatability;
+pub mod sampling;
 pub mod signals;

@@ -59,6 +59,8 @@ pub enum FindingKind {
     IncompleteModel,
     /// The board's clock did not keep time.
     UnevenClock,
+    /// Rows were lost, or time stamps are not those of an even clock.
+    UnevenSampling,
 }
 
 impl Finding {

@@ -37,6 +37,7 @@ mod check;
 mod column;
 mod csv;
 mod error;
+pub mod even_grid;
 mod finding;
 pub mod hold_out;
 pub mod log;

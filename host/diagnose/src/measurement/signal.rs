@@ -61,19 +61,26 @@ impl LowPass {
     /// Filters a channel without delay, each stretch by itself, continued by reflection at its ends.
     pub fn apply(&self, values: &mut [f64], series: &[usize], settle: usize) {
         for stretch in stretches(series) {
-            let part = &mut values[stretch];
-            let pad = settle.min(part.len().saturating_sub(1));
-            let (first, last) = (part[0], part[part.len() - 1]);
-            let before = (1..=pad).rev().map(|k| 2.0 * first - part[k]);
-            let after = (1..=pad).map(|k| 2.0 * last - part[part.len() - 1 - k]);
-            let mut long: Vec<f64> = before.chain(part.iter().copied()).chain(after).collect();
-            self.once(&mut long);
-            long.reverse();
-            self.once(&mut long);
-            long.reverse();
-            let n = part.len();
-            part.copy_from_slice(&long[pad..pad + n]);
+            self.smooth(&mut values[stretch], settle);
         }
+    }
+
+    /// Filters one stretch of rows at even steps.
+    pub fn smooth(&self, part: &mut [f64], settle: usize) {
+        if part.is_empty() {
+            return;
+        }
+        let pad = settle.min(part.len().saturating_sub(1));
+        let (first, last) = (part[0], part[part.len() - 1]);
+        let before = (1..=pad).rev().map(|k| 2.0 * first - part[k]);
+        let after = (1..=pad).map(|k| 2.0 * last - part[part.len() - 1 - k]);
+        let mut long: Vec<f64> = before.chain(part.iter().copied()).chain(after).collect();
+        self.once(&mut long);
+        long.reverse();
+        self.once(&mut long);
+        long.reverse();
+        let n = part.len();
+        part.copy_from_slice(&long[pad..pad + n]);
     }
 
     fn once(&self, values: &mut [f64]) {

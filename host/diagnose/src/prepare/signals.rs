@@ -1,11 +1,13 @@
 //! A table prepared: rows chosen, segments found, rows held out, signals filtered and decimated, with findings.
 
+use crate::measurement::even_grid::EvenGrid;
 use crate::measurement::hold_out::{HeldOut, HoldOut};
 use crate::measurement::select::Selection;
-use crate::measurement::signal::{LowPass, interpolated, rate, rate_hz, stretches, unwrapped};
+use crate::measurement::signal::{LowPass, interpolated, stretches, unwrapped};
 use crate::measurement::table::Table;
 use crate::measurement::{Finding, FindingKind, ReadError, SelectError};
 use crate::prepare::groups::Row;
+use crate::prepare::sampling::{self, Sampling};
 
 /// Rows up to which all are looked at where nothing is said.
 const MOST_ROWS: usize = 10_000;
@@ -14,6 +16,8 @@ const MOST_ROWS: usize = 10_000;
 const LARGEST_ANGLE: f64 = 4.0 * std::f64::consts::PI;
 const LARGEST_LENGTH: f64 = 10.0;
 const LEAST_PRESSURE: f64 = 1e3;
+/// Steps of time longer than this, in usual ones, are gaps: nothing is interpolated across.
+const MAX_STEP: f64 = 5.0;
 
 /// How a table is made ready.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -66,8 +70,10 @@ pub struct Prepared {
     /// What the owner of the data should know.
     pub findings: Vec<Finding>,
     table: Table,
+    /// How the table was sampled.
+    pub sampling: Sampling,
     all_time_s: Vec<f64>,
-    all_series: Vec<usize>,
+    grid: EvenGrid,
     fresh: Option<Vec<bool>>,
     filter: Option<(LowPass, usize)>,
     kept: Vec<usize>,
@@ -87,12 +93,16 @@ impl Prepared {
         }
         constant(&table, &mut findings);
         units(&table, &mut findings);
-        let time_s = times_s(&table, how.rate_hz);
+        let mut time_s = times_s(&table, how.rate_hz);
         let chosen = how.hold_out.rows(&table, each)?;
         findings.extend(chosen.nothing(&how.hold_out));
         let HeldOut { rows: held, description: held_out, keys } = chosen;
-        let (series, motions) = series(&table, &how.within, &time_s, &held, &mut findings)?;
-        let steps = |hz: f64| (rate_hz(&time_s, &series) / hz).round().max(1.0) as usize;
+        let motions = motions(&table, &how.within, &time_s, &mut findings)?;
+        let sampling = sampling::find(&mut time_s, &motions, &moving_channels(&table));
+        findings.extend(sampling.sentence().map(|text| Finding::note(FindingKind::UnevenSampling, text)));
+        let series = parted_by(&held, &motions);
+        let grid = EvenGrid::new(&time_s, &series, sampling.period_s);
+        let steps = |hz: f64| (sampling.rate_hz() / hz).round().max(1.0) as usize;
         let every = how.thin_hz.map_or(table.lines.len().div_ceil(MOST_ROWS), steps);
         if how.thin_hz.is_none() && every > 1 {
             let text = format!("decimated by {every}, of {} rows; override with --thin", table.lines.len());
@@ -113,7 +123,7 @@ impl Prepared {
             held_out: held[row],
         };
         let rows: Vec<Row> = kept.iter().map(row).collect();
-        let filter = how.lowpass_hz.map(|corner| low_pass(corner, rate_hz(&time_s, &series))).transpose()?;
+        let filter = how.lowpass_hz.map(|corner| low_pass(corner, sampling.rate_hz())).transpose()?;
         let fresh = how.interpolate.as_deref().map(|name| table.flags(name)).transpose()?;
         let pick = |values: &[f64]| kept.iter().map(|&row| values[row]).collect();
         let [kept_series, kept_motions] =
@@ -127,7 +137,8 @@ impl Prepared {
             findings,
             table,
             all_time_s: time_s,
-            all_series: series,
+            sampling,
+            grid,
             fresh,
             filter,
             kept,
@@ -152,8 +163,8 @@ impl Prepared {
 
     /// A channel of every row with its rates, thinned.
     pub fn rates(&self, position: Vec<f64>) -> [Vec<f64>; 3] {
-        let velocity = rate(&position, &self.all_time_s, &self.all_series);
-        let acceleration = rate(&velocity, &self.all_time_s, &self.all_series);
+        let velocity = self.grid.rate(&position);
+        let acceleration = self.grid.rate(&velocity);
         [position, velocity, acceleration].map(|channel| self.thin(&channel))
     }
 
@@ -172,7 +183,7 @@ impl Prepared {
             }
         }
         if let Some((filter, settle)) = &self.filter {
-            filter.apply(&mut values, &self.all_series, *settle);
+            self.grid.apply(&mut values, |part| filter.smooth(part, *settle));
         }
         values
     }
@@ -180,7 +191,7 @@ impl Prepared {
     /// A channel of the kept rows through the low-pass again; unchanged where rows were decimated or nothing is filtered.
     pub fn again(&self, values: &mut [f64]) {
         if let (Some((filter, settle)), true) = (&self.filter, self.kept.len() == self.all_time_s.len()) {
-            filter.apply(values, &self.series, *settle);
+            self.grid.apply(values, |part| filter.smooth(part, *settle));
         }
     }
 
@@ -269,34 +280,59 @@ fn low_pass(corner_hz: f64, rate_hz: f64) -> Result<(LowPass, usize), PrepareErr
     Ok((LowPass::new(corner_hz, rate_hz).ok_or_else(none)?, 2 * (rate_hz / corner_hz).ceil() as usize))
 }
 
-/// The stretch and the motion of each row: a new one where a column of `within` changes, where time runs back, and where
-/// rows are missing; a new stretch also where rows begin or end to be held out.
-fn series(
+/// The motion of each row: a new one where a column of `within` changes, where time runs back, and at gaps.
+fn motions(
     table: &Table,
     within: &[String],
     time_s: &[f64],
-    held: &[bool],
     findings: &mut Vec<Finding>,
-) -> Result<(Vec<usize>, Vec<usize>), PrepareError> {
+) -> Result<Vec<usize>, PrepareError> {
     let mut parts = Vec::new();
     for name in within.iter().map(String::as_str).chain(table.quantity("run").map(|column| column.name.as_str())) {
         parts.push(&table.chosen(name)?.words);
     }
-    let usual = rate_hz(time_s, &vec![0; time_s.len()]);
-    let (mut series, mut motions) = (vec![0; time_s.len()], vec![0; time_s.len()]);
+    let steps_s: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let longest_s = MAX_STEP * sampling::usual_step_s(&steps_s);
+    let (mut motions, mut gaps_s) = (vec![0; time_s.len()], Vec::new());
     for row in 1..time_s.len() {
-        let step = time_s[row] - time_s[row - 1];
+        let step_s = steps_s[row - 1];
         let is_parted = parts.iter().any(|words| words[row] != words[row - 1]);
-        if step < 0.0 && !is_parted {
+        if step_s < 0.0 && !is_parted {
             let text = "time runs back here: rows before and after are not joined";
             findings.push(Finding::note(FindingKind::TimeRunsBack, text).at_line(table.lines[row]));
         }
-        let gap = usual > 0.0 && step * usual > 5.0;
-        let border = is_parted || step < 0.0 || gap;
-        motions[row] = motions[row - 1] + usize::from(border);
-        series[row] = series[row - 1] + usize::from(border || held[row] != held[row - 1]);
+        let is_gap = longest_s > 0.0 && step_s > longest_s;
+        if is_gap && !is_parted {
+            gaps_s.push(step_s);
+        }
+        motions[row] = motions[row - 1] + usize::from(is_parted || step_s < 0.0 || is_gap);
     }
-    Ok((series, motions))
+    if !gaps_s.is_empty() {
+        let longest_s = gaps_s.iter().copied().fold(0.0, f64::max);
+        let text = format!("{} gaps in time, the longest {longest_s:.3} s: not joined", gaps_s.len());
+        findings.push(Finding::note(FindingKind::UnevenSampling, text));
+    }
+    Ok(motions)
+}
+
+/// The stretch of each row: a motion, parted where rows begin or end to be held out.
+fn parted_by(held_out: &[bool], motions: &[usize]) -> Vec<usize> {
+    let mut series = vec![0; motions.len()];
+    for row in 1..motions.len() {
+        let is_border = motions[row] != motions[row - 1] || held_out[row] != held_out[row - 1];
+        series[row] = series[row - 1] + usize::from(is_border);
+    }
+    series
+}
+
+/// Columns of numbers that change in at least a tenth of the rows: their smoothness shows when they were sampled.
+fn moving_channels(table: &Table) -> Vec<&[f64]> {
+    let is_moving = |numbers: &[f64]| {
+        let changes = numbers.windows(2).filter(|pair| pair[0] != pair[1]).count();
+        numbers.iter().all(|number| number.is_finite()) && 10 * changes >= numbers.len()
+    };
+    let columns = table.columns.iter().filter(|column| column.meaning() != "time");
+    columns.map(|column| &column.numbers[..]).filter(|numbers| is_moving(numbers)).collect()
 }
 
 /// Time since a channel last changed, s.
