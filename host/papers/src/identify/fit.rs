@@ -4,12 +4,19 @@ use nalgebra::{DMatrix, DVector};
 
 use super::equations::Equations;
 use super::{Kind, Unknown};
-use darm_robot::rigid_body::inertia::project_physically_consistent;
+use darm_robot::rigid_body::cone::{Cone, ConicLeastSquares, Floor};
+use darm_robot::rigid_body::inertia::{MIN_MASS_SHARE, project_physically_consistent};
+use darm_robot::robot::base_parameters::Inertial;
 
-/// Rounds in which impossible bodies are made possible along what the rows do not tell.
+/// Rounds in which masses are raised along what the rows do not tell.
 const ROUNDS: usize = 500;
-/// The least mass of a body as a share of the nominal one, as for [`project_physically_consistent`].
-const LEAST_MASS: f64 = 0.1;
+/// Share of its prior by which a value begins inside what is possible.
+const INSIDE: f64 = 1e-2;
+/// The information of priors falls by this ratio until it is at most this share of the least that the rows tell.
+const PRIOR_RATIO: f64 = 1e-2;
+const MAX_PRIOR_SHARE: f64 = 1e-6;
+/// The last weight of the barriers, in units of the log-likelihood.
+const MIN_WEIGHT: f64 = 1e-9;
 
 /// Rows agree far better when the mean square of their residuals falls by this.
 const FAR: f64 = 25.0;
@@ -72,6 +79,29 @@ impl<'a> Reduced<'a> {
     }
 }
 
+impl Reduced<'_> {
+    /// Orthonormal directions of the unknowns in units of their priors, those that the samples tell best first, and the
+    /// information along each; 0 where they tell nothing. `None` where an eigenvalue is not found.
+    fn principal_directions(&self) -> Option<(DMatrix<f64>, Vec<f64>)> {
+        let n = self.equations.unknowns.len();
+        let mut normal = DMatrix::zeros(self.basis.ncols(), self.basis.ncols());
+        self.normal.iter().for_each(|(matrix, _)| normal += matrix);
+        let eigen = normal.try_symmetric_eigen(f64::EPSILON, 0)?;
+        let mut told = self.basis.clone() * eigen.eigenvectors;
+        told.row_iter_mut().zip(&self.equations.prior).for_each(|(mut row, prior)| row /= *prior);
+        // The rest of an orthonormal basis: the projector onto what is not told has eigenvalues 0 and 1.
+        let untold = DMatrix::identity(n, n) - &told * told.transpose();
+        let rest = untold.try_symmetric_eigen(f64::EPSILON, 0)?;
+        let open: Vec<usize> = (0..n).filter(|&k| rest.eigenvalues[k] > 0.5).collect();
+        let mut turned = DMatrix::zeros(n, told.ncols() + open.len());
+        turned.columns_mut(0, told.ncols()).copy_from(&told);
+        turned.columns_mut(told.ncols(), open.len()).copy_from(&rest.eigenvectors.select_columns(&open));
+        let mut weights: Vec<f64> = eigen.eigenvalues.iter().map(|value| value.max(f64::MIN_POSITIVE)).collect();
+        weights.resize(turned.ncols(), 0.0);
+        (turned.ncols() == n).then_some((turned, weights))
+    }
+}
+
 /// Sum of squared residuals over the rows less the rank.
 fn scatter((columns, right): (&DMatrix<f64>, &DVector<f64>), values: &DVector<f64>, rank: usize) -> f64 {
     (right - columns * values).norm_squared() / right.len().saturating_sub(rank).max(1) as f64
@@ -86,7 +116,7 @@ impl Equations {
         let rank = reduced.basis.ncols();
         let (columns, right) = self.stacked();
         let scatter = |values: &DVector<f64>| scatter((&columns, &right), values, rank);
-        let values = self.possible(&fitted, kind);
+        let values = self.possible(&fitted, &reduced, kind);
         let is_possible = scatter(&values) <= scatter(&fitted) * (1.0 + 1e-6) + 1e-12;
         Fit { scatter: scatter(&values), values, rank, covariance, is_possible }
     }
@@ -108,13 +138,31 @@ impl Equations {
         far.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(component, left)| (component, left.sqrt()))
     }
 
-    /// The nearest possible bodies, along what the rows do not tell as far as that goes: projections onto the one and the
-    /// other in turn.
-    fn possible(&self, fitted: &DVector<f64>, kind: Kind) -> DVector<f64> {
+    /// The parameters with possible bodies: those that the rows tell as near to `fitted` as their information asks, the others
+    /// as near to the nominal ones as their priors ask.
+    fn possible(&self, fitted: &DVector<f64>, reduced: &Reduced, kind: Kind) -> DVector<f64> {
+        match kind {
+            Kind::Static => self.with_least_masses(fitted),
+            Kind::Moving => self.in_cones(fitted, reduced),
+        }
+    }
+
+    /// No mass below a share of the nominal one: along what the rows do not tell as far as that goes, by projections onto
+    /// the one and the other in turn. Both are convex, and orthogonal in the unit of the priors.
+    fn with_least_masses(&self, fitted: &DVector<f64>) -> DVector<f64> {
         let (_, told) = self.directions();
+        let nearest = |values: &DVector<f64>| {
+            let mut nearest = values.clone();
+            for (k, unknown) in self.unknowns.iter().enumerate() {
+                if let Unknown::Inertial(Inertial { number: 0, .. }) = unknown {
+                    nearest[k] = values[k].max(MIN_MASS_SHARE * self.nominal[k]);
+                }
+            }
+            nearest
+        };
         let mut values = fitted.clone();
         for _ in 0..ROUNDS {
-            let nearest = self.nearest(&values, kind);
+            let nearest = nearest(&values);
             if (&nearest - &values).component_div(&self.prior).amax() < 1e-9 {
                 return nearest;
             }
@@ -122,29 +170,70 @@ impl Equations {
             let untold = &change - &told * told.tr_mul(&change);
             values = fitted + untold.component_mul(&self.prior);
         }
-        self.nearest(&values, kind)
+        nearest(&values)
     }
 
-    /// Every body alone made possible, and friction that does not push.
-    fn nearest(&self, values: &DVector<f64>, kind: Kind) -> DVector<f64> {
-        let mut nearest = values.clone();
+    /// Bodies with positive definite pseudo-inertias and friction that does not push: least squares in these cones.
+    fn in_cones(&self, fitted: &DVector<f64>, reduced: &Reduced) -> DVector<f64> {
+        let n = self.unknowns.len();
+        let Some((turned, weights)) = reduced.principal_directions() else { return fitted.clone() };
+        // x = fitted + D·Q·u, with Q orthonormal: what the rows tell first, in the order of `weights`.
+        let map = DMatrix::from_fn(n, n, |a, b| self.prior[a] * turned[(a, b)]);
+        let from_values = |values: &DVector<f64>| turned.tr_mul(&(values - fitted).component_div(&self.prior));
+        let (mut cones, mut floors) = (Vec::new(), Vec::new());
         for (k, unknown) in self.unknowns.iter().enumerate() {
             match unknown {
-                Unknown::Inertial(inertial) if inertial.number == 0 => match kind {
-                    Kind::Static => nearest[k] = values[k].max(LEAST_MASS * self.nominal[k]),
-                    Kind::Moving => {
-                        let ten = std::array::from_fn(|i| values[k + i]);
-                        let named = std::array::from_fn(|i| self.nominal[k + i]);
-                        project_physically_consistent(&ten, &named)
-                            .iter()
-                            .enumerate()
-                            .for_each(|(i, value)| nearest[k + i] = *value);
-                    }
-                },
+                Unknown::Inertial(Inertial { number: 0, .. }) => {
+                    let offset = std::array::from_fn(|i| fitted[k + i]);
+                    cones.push(Cone { first: k, offset, min_mass_kg: MIN_MASS_SHARE * self.nominal[k] });
+                }
                 Unknown::Inertial(_) => {}
-                Unknown::Coulomb(_) | Unknown::Viscous(_) => nearest[k] = values[k].max(0.0),
+                Unknown::Coulomb(_) | Unknown::Viscous(_) => floors.push(Floor { index: k, offset: fitted[k] }),
             }
         }
-        nearest
+        // Least squares about the fitted values, and about the nominal ones for what the rows do not tell.
+        let to_nominal = from_values(&self.nominal);
+        let is_told = |k: usize| weights[k] > 0.0;
+        let with_priors = |weight: f64| {
+            let information = DVector::from_fn(n, |k, _| if is_told(k) { weights[k] } else { weight });
+            let gradient = DVector::from_fn(n, |k, _| if is_told(k) { 0.0 } else { -weight * to_nominal[k] });
+            let information = DMatrix::from_diagonal(&information);
+            ConicLeastSquares {
+                information,
+                gradient,
+                map: Some(map.clone()),
+                cones: cones.clone(),
+                floors: floors.clone(),
+            }
+        };
+        let mut found = with_priors(1.0).solve(from_values(&self.inside_all_cones()), MIN_WEIGHT);
+        // What the rows tell comes before priors and barriers, however little they tell of it.
+        let least = weights.iter().copied().filter(|weight| *weight > 0.0).fold(f64::INFINITY, f64::min);
+        let mut of_priors = 1.0;
+        while of_priors > MAX_PRIOR_SHARE * least {
+            of_priors *= PRIOR_RATIO;
+            found = with_priors(of_priors).solve_at(of_priors * MIN_WEIGHT, found);
+        }
+        fitted + map * found
+    }
+
+    /// The nominal parameters, a little inside of what is possible.
+    fn inside_all_cones(&self) -> DVector<f64> {
+        let mut inside = self.nominal.clone();
+        for (k, unknown) in self.unknowns.iter().enumerate() {
+            match unknown {
+                Unknown::Inertial(Inertial { number: 0, .. }) => {
+                    let nominal: [f64; 10] = std::array::from_fn(|i| self.nominal[k + i]);
+                    let mut body = project_physically_consistent(&nominal, &nominal);
+                    [0, 4, 6, 9].iter().for_each(|&i| body[i] += INSIDE * self.prior[k + i]);
+                    (0..10).for_each(|i| inside[k + i] = body[i]);
+                }
+                Unknown::Inertial(_) => {}
+                Unknown::Coulomb(_) | Unknown::Viscous(_) => {
+                    inside[k] = inside[k].max(0.0) + INSIDE * self.prior[k];
+                }
+            }
+        }
+        inside
     }
 }

@@ -228,3 +228,76 @@ fn bad_samples_are_told() {
     lost[4].torque[0] = f64::NAN;
     assert!(new(&lost).starts_with("line 6:"), "{}", new(&lost));
 }
+
+/// Rows of a robot on a fixed base with other masses than its file says and friction, at random states.
+fn random_motion(nominal: &Robot, noise: &Noise, seed: u64) -> (Robot, Vec<Sample>) {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut real = nominal.clone();
+    for joint in &mut real.joints {
+        let own = &mut joint.joint.inertia;
+        let share = random.random_range(0.8..1.25);
+        own.mass *= share;
+        own.about_com *= share;
+        own.com *= random.random_range(0.9..1.1);
+        joint.friction = random.random_range(1.0..3.0);
+        joint.damping = random.random_range(0.5..2.0);
+    }
+    let states: Vec<[Vec<f64>; 3]> = (0..150)
+        .map(|_| std::array::from_fn(|_| real.joints.iter().map(|_| random.random_range(-2.0..2.0)).collect()))
+        .collect();
+    let sample = |(line, state)| Sample {
+        line,
+        ..simulated(&real, BodyMotion::resting(&real.gravity), state, noise, &mut random)
+    };
+    let samples = states.into_iter().enumerate().map(sample).collect();
+    (real, samples)
+}
+
+/// Errors of the parameters in the directions that the rows tell, in units of the priors, and the fit.
+fn errors_of_motion(text: &str, noise: &Noise, seed: u64) -> (nalgebra::DVector<f64>, super::fit::Fit, Equations) {
+    let nominal = parse(Path::new("robot.urdf"), text, &Locks::new()).unwrap();
+    let (real, samples) = random_motion(&nominal, noise, seed);
+    let rows = Rows { wrench: [true; 6], torque: vec![true; nominal.joints.len()] };
+    let equations = Equations::new(&nominal, &samples, &rows, NOISE, Kind::Moving).unwrap();
+    let fit = equations.fit(Kind::Moving);
+    let truth = Equations::new(&real, &samples, &rows, NOISE, Kind::Moving).unwrap().nominal;
+    let told = equations.directions().1;
+    (told.tr_mul(&(&fit.values - truth).component_div(&equations.prior)), fit, equations)
+}
+
+const MOVING: [(&str, &str); 4] = [
+    ("planar5", include_str!("../../../../tests/data/urdf/planar5.urdf")),
+    ("tx40", include_str!("../../../../tests/data/urdf/tx40.urdf")),
+    ("ur10", include_str!("../../../../tests/data/urdf/ur10.urdf")),
+    ("panda", include_str!("../../../../tests/data/urdf/panda.urdf")),
+];
+
+#[test]
+fn exact_motions_give_back_what_they_tell_with_possible_bodies() {
+    let exact = Noise { torque_nm: 0.0, force_n: 0.0, moment_nm: 0.0 };
+    for (name, text) in MOVING {
+        let (errors, fit, equations) = errors_of_motion(text, &exact, 3);
+        // Panda's flange and fingertip frames have no mass: there what the rows hardly tell is met to 2 % of its prior.
+        let bound = if name == "panda" { 0.02 } else { 1e-6 };
+        assert!(errors.amax() < bound && fit.scatter < 1e-6, "{name}: {} scatter {}", errors.amax(), fit.scatter);
+        assert!(name == "panda" || fit.is_possible, "{name}");
+        assert!(fit.values.iter().all(|value| value.is_finite()), "{name}");
+        for (k, unknown) in equations.unknowns.iter().enumerate() {
+            if matches!(unknown, super::Unknown::Inertial(inertial) if inertial.number == 0) {
+                let body = std::array::from_fn(|i| fit.values[k + i]);
+                let pseudo_inertia = darm_robot::rigid_body::inertia::pseudo_inertia(&body);
+                assert!(pseudo_inertia.cholesky().is_some(), "{name}: {body:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn motions_with_noise_fit_within_it() {
+    for (name, text) in MOVING {
+        let (_, fit, equations) = errors_of_motion(text, &NOISE, 5);
+        // χ² of n rows over n: its standard deviation is √(2/n), here within 4 of them; possible bodies cost a few more.
+        let n = equations.stacked().1.len() as f64;
+        assert!((fit.scatter - 1.0).abs() < 4.0 * (2.0 / n).sqrt() + 0.05, "{name}: {}", fit.scatter);
+    }
+}
