@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use toml_edit::DocumentMut;
 
 /// Folders with programs whose texts users see.
-const PROGRAMS: [&str; 4] = ["host", "firmware", "eval", "xtask"];
+const PROGRAMS: [&str; 5] = ["shared", "host", "firmware", "eval", "xtask"];
 /// Folder whose documentation comments are the help of the command line.
 const HELP: &str = "host/cli/src/commands";
 /// Folders that hold no sources of ours.
@@ -190,7 +190,7 @@ fn names_use_the_terms_of_the_field() {
     let names = table("names");
     let keywords = ["fn ", "struct ", "enum ", "trait ", "mod ", "type ", "const ", "static ", "let ", "let mut "];
     let mut hits = Vec::new();
-    for folder in PROGRAMS.into_iter().chain(["shared"]) {
+    for folder in PROGRAMS {
         for (file, text) in files(folder, "rs").iter().filter(|(file, _)| !is_test(file)) {
             for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.trim_start().starts_with("//")) {
                 let declared = keywords.iter().filter_map(|keyword| {

@@ -27,7 +27,7 @@ const LAYERS: [&str; 19] = [
     "wire",
 ];
 /// Packages with their folders, lowest first: a package depends only on those before it.
-const PACKAGES: [(&str, &str); 13] = [
+const PACKAGES: [(&str, &str); 14] = [
     ("shared", "darm-core"),
     ("firmware", "darm-firmware"),
     ("host/robot", "darm-robot"),
@@ -37,6 +37,7 @@ const PACKAGES: [(&str, &str); 13] = [
     ("host/papers", "darm-papers"),
     ("host/cli", "darm"),
     ("tests", "darm-tests"),
+    ("eval/figures", "darm-figures"),
     ("eval/simulate", "darm-simulate"),
     ("xtask", "xtask"),
     ("eval", "darm-eval"),

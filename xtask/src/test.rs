@@ -78,7 +78,7 @@ fn quick() -> Result<()> {
     let packages = UNIT_TESTED.iter().flat_map(|package| ["--package", package]);
     let unit_tests: Vec<&str> = ["test", "--quiet", "--lib"].into_iter().chain(packages).collect();
     cargo(&unit_tests)?;
-    cargo(&["test", "--quiet", "--package", "darm-tests", "--test", "tidy"])
+    cargo(&["test", "--quiet", "--package", "darm-tests", "--test", "tidy", "--test", "sizes", "--test", "dialect"])
 }
 
 fn cargo(arguments: &[&str]) -> Result<()> {

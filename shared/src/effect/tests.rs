@@ -39,6 +39,14 @@ fn one_of_each() -> [Effect<f64>; 15] {
 }
 
 #[test]
+fn there_is_one_of_each() {
+    let mut laws: std::vec::Vec<_> = one_of_each().iter().map(core::mem::discriminant).collect();
+    laws.dedup();
+    // The offset of a frame has two names.
+    assert_eq!(laws.len(), Effect::<f64>::EACH_AT.len());
+}
+
+#[test]
 fn each_law_is_made_from_its_name_and_place() {
     for mut effect in one_of_each() {
         let law = effect.law_mut();

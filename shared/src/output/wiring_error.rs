@@ -61,7 +61,9 @@ impl fmt::Display for WiringError {
                 )
             }
             Self::States { actuator } => write!(f, "actuator {} has not 2 to 4 states", actuator.0),
-            Self::CoilCount { coil } => write!(f, "coil {coil} belongs to no actuator or an actuator lacks a coil"),
+            Self::CoilCount { coil } => {
+                write!(f, "coil {coil} belongs to no actuator, or a coil of an actuator is missing")
+            }
             Self::Line { line } => write!(f, "line {line} is used twice or is not one of 0 to {}", MAX_LINES - 1),
             Self::Input { input } => {
                 write!(f, "switch input {input} is used twice or does not exist")

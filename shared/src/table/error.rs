@@ -75,8 +75,8 @@ pub enum RowError {
 impl fmt::Display for TableError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Order => f.write_str("a record of the table stands where it cannot stand"),
-            Self::Malformed => f.write_str("the bytes of the table are no record"),
+            Self::Order => f.write_str("the records of the table are in the wrong order"),
+            Self::Malformed => f.write_str("the bytes of the table are not a record"),
             Self::Wiring(error) => error.fmt(f),
             Self::OtherDevice => f.write_str("the table was made for another device"),
             Self::Profile(mismatch) => mismatch.fmt(f),
@@ -105,7 +105,7 @@ impl fmt::Display for RowError {
             Self::Travel { actuator } => {
                 write!(f, "actuator {} would switch again before it can have reached its stop", actuator.0)
             }
-            Self::TooManyCoils => f.write_str("more coils would go on at once than the supply can feed"),
+            Self::TooManyCoils => f.write_str("more coils would switch on at once than the supply can feed"),
         }
     }
 }

@@ -186,7 +186,7 @@ impl fmt::Display for TreeError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Parent { joint, parent } => {
-                write!(f, "joint {joint} stands on link {parent}, which does not come before it")
+                write!(f, "joint {joint} has link {parent} as its parent, which does not come before it")
             }
             Self::Axis { joint, length } => write!(f, "the axis of joint {joint} has the length {length}, not 1"),
             Self::TooMany { joints, most } => write!(f, "{joints} joints, of which there can be {most}"),

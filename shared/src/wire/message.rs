@@ -304,7 +304,7 @@ pub enum Refusal {
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotConnected => f.write_str("another host is connected or the board has started anew; connect again"),
+            Self::NotConnected => f.write_str("another host is connected or the board was restarted; connect again"),
             Self::Protocol { board } => write!(f, "the board speaks protocol version {board}; update host or firmware"),
             Self::Unknown => f.write_str("the request is not known to this firmware"),
             Self::Busy => f.write_str("a program runs or a coil is on; stop it first"),

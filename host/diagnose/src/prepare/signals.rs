@@ -102,12 +102,7 @@ impl Prepared {
         findings.extend(sampling.sentence().map(|text| Finding::note(FindingKind::UnevenSampling, text)));
         let series = parted_by(&held, &motions);
         let grid = EvenGrid::new(&time_s, &series, sampling.period_s);
-        let steps = |hz: f64| (sampling.rate_hz() / hz).round().max(1.0) as usize;
-        let every = how.thin_hz.map_or(table.lines.len().div_ceil(MOST_ROWS), steps);
-        if how.thin_hz.is_none() && every > 1 {
-            let text = format!("decimated by {every}, of {} rows; override with --thin", table.lines.len());
-            findings.push(Finding::note(FindingKind::Decimated, text));
-        }
+        let every = decimation(how, table.lines.len(), sampling.rate_hz(), &mut findings);
         let thinned = |stretch: std::ops::Range<usize>| stretch.step_by(every);
         let mut kept: Vec<usize> = stretches(&series).into_iter().flat_map(thinned).collect();
         if let Some(settled_s) = how.settled_s {
@@ -209,6 +204,19 @@ impl Prepared {
     fn thin(&self, values: &[f64]) -> Vec<f64> {
         self.kept.iter().map(|&row| values[row]).collect()
     }
+}
+
+/// One row of how many is kept.
+fn decimation(how: &Preparation, n_rows: usize, rate_hz: f64, findings: &mut Vec<Finding>) -> usize {
+    if let Some(hz) = how.thin_hz {
+        return (rate_hz / hz).round().max(1.0) as usize;
+    }
+    let every = n_rows.div_ceil(MOST_ROWS);
+    if every > 1 {
+        let text = format!("decimated by {every}, of {n_rows} rows; override with --thin");
+        findings.push(Finding::note(FindingKind::Decimated, text));
+    }
+    every
 }
 
 /// When each row was measured, s; without a column of time they follow each other at a rate.

@@ -87,15 +87,15 @@ impl Reduced<'_> {
         let mut normal = DMatrix::zeros(self.basis.ncols(), self.basis.ncols());
         self.normal.iter().for_each(|(matrix, _)| normal += matrix);
         let eigen = normal.try_symmetric_eigen(f64::EPSILON, 0)?;
-        let mut told = self.basis.clone() * eigen.eigenvectors;
-        told.row_iter_mut().zip(&self.equations.prior).for_each(|(mut row, prior)| row /= *prior);
+        let mut identified = self.basis.clone() * eigen.eigenvectors;
+        identified.row_iter_mut().zip(&self.equations.prior).for_each(|(mut row, prior)| row /= *prior);
         // The rest of an orthonormal basis: the projector onto what is not told has eigenvalues 0 and 1.
-        let untold = DMatrix::identity(n, n) - &told * told.transpose();
-        let rest = untold.try_symmetric_eigen(f64::EPSILON, 0)?;
+        let open_part = DMatrix::identity(n, n) - &identified * identified.transpose();
+        let rest = open_part.try_symmetric_eigen(f64::EPSILON, 0)?;
         let open: Vec<usize> = (0..n).filter(|&k| rest.eigenvalues[k] > 0.5).collect();
-        let mut turned = DMatrix::zeros(n, told.ncols() + open.len());
-        turned.columns_mut(0, told.ncols()).copy_from(&told);
-        turned.columns_mut(told.ncols(), open.len()).copy_from(&rest.eigenvectors.select_columns(&open));
+        let mut turned = DMatrix::zeros(n, identified.ncols() + open.len());
+        turned.columns_mut(0, identified.ncols()).copy_from(&identified);
+        turned.columns_mut(identified.ncols(), open.len()).copy_from(&rest.eigenvectors.select_columns(&open));
         let mut weights: Vec<f64> = eigen.eigenvalues.iter().map(|value| value.max(f64::MIN_POSITIVE)).collect();
         weights.resize(turned.ncols(), 0.0);
         (turned.ncols() == n).then_some((turned, weights))
@@ -208,9 +208,9 @@ impl Equations {
         };
         let mut found = with_priors(1.0).solve(from_values(&self.inside_all_cones()), MIN_WEIGHT);
         // What the rows tell comes before priors and barriers, however little they tell of it.
-        let least = weights.iter().copied().filter(|weight| *weight > 0.0).fold(f64::INFINITY, f64::min);
+        let min_weight = weights.iter().copied().filter(|weight| *weight > 0.0).fold(f64::INFINITY, f64::min);
         let mut of_priors = 1.0;
-        while of_priors > MAX_PRIOR_SHARE * least {
+        while of_priors > MAX_PRIOR_SHARE * min_weight {
             of_priors *= PRIOR_RATIO;
             found = with_priors(of_priors).solve_at(of_priors * MIN_WEIGHT, found);
         }
