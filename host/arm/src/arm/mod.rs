@@ -154,11 +154,13 @@ impl Arm {
         Ok(build::arm(&Source::of_text(path, text))?.0)
     }
 
-    /// Writes an arm file. It names the same profile, by the path from its own folder.
+    /// Writes an arm file. It names the same profile, by the path from its own folder. An arm that could not be read again
+    /// is not written.
     pub fn write(&self, path: &Path) -> Result<(), ArmError> {
         let profile = self.profile.as_ref().map(|profile| path_between(path, profile));
         let text = write::toml(self, profile.as_deref());
         let text = format!("# Arm of `darm`: lengths in m, angles in degrees.\n\n{text}");
+        Self::parse(path, &text)?;
         std::fs::write(path, text).map_err(|error| FileError {
             path: path.into(),
             place: None,
@@ -207,6 +209,12 @@ impl Arm {
     /// The word at rest: every actuator contracted, no coil fed.
     pub fn rest(&self) -> Word {
         Word::zeros(self.n_actuators() as u8).expect("an arm has at most as many actuators as a word has digits")
+    }
+
+    /// A word under the supply and temperature that the arm works at, with no word before. Commands that take single
+    /// postures predict under it, so that they agree with what a diagnosis has fitted.
+    pub fn working_condition<'a>(&self, word: Word, servos_rad: &'a [f64]) -> Condition<'a, f64> {
+        Condition { previous: None, ..self.model.working(word, word, servos_rad) }
     }
 
     /// An actuator as a person would call it: `module 2, left leg`.

@@ -323,29 +323,30 @@ fn answer(
     case: Case,
     found: &Found,
 ) -> Result<Synthesis, SynthesisError> {
-    let poses = problem.poses(&found.unknowns)?;
+    let unknowns = problem.without_rounding(found.unknowns.clone(), BROKEN);
+    let poses = problem.poses(&unknowns)?;
     let frames: Vec<Reached> = desired
         .iter()
         .enumerate()
         .map(|(index, frame)| {
-            let servos_rad = problem.servos(&found.unknowns, index).to_vec();
+            let servos_rad = problem.servos(&unknowns, index).to_vec();
             let frame = DesiredFrame { servos_rad, ..frame.clone() };
             reached(frame, &before[index], poses[index])
         })
         .collect();
     let met = frames.iter().all(Reached::is_met);
     Ok(Synthesis {
-        arm: problem.arm(&found.unknowns),
+        arm: problem.arm(&unknowns),
         status: if met { Status::Reached } else { Status::Closest },
-        obstacle: (!met).then(|| obstacle::of(problem, &found.unknowns)),
-        kept: problem.bounds.iter().all(|bound| bound.slack(&found.unknowns) > -BROKEN),
+        obstacle: (!met).then(|| obstacle::of(problem, &unknowns)),
+        kept: problem.bounds.iter().all(|bound| bound.slack(&unknowns) > -BROKEN),
         case,
         frames,
         iterations: found.iterations,
         starts: found.starts,
         time: Duration::ZERO,
-        alteration_m: problem.alteration(&found.unknowns),
-        anchors_moved_m: problem.anchors_moved_m(&found.unknowns),
+        alteration_m: problem.alteration(&unknowns),
+        anchors_moved_m: problem.anchors_moved_m(&unknowns),
     })
 }
 

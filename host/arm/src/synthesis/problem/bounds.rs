@@ -24,6 +24,20 @@ impl Bound {
 }
 
 impl Problem<'_> {
+    /// The unknowns with every bound that rounding broke kept exactly, so that the stops of an actuator are in order. What
+    /// is broken by more than `rounding` stays.
+    pub(in crate::synthesis) fn without_rounding(&self, mut unknowns: DVector<f64>, rounding: f64) -> DVector<f64> {
+        let (single, between): (Vec<_>, Vec<_>) = self.bounds.iter().partition(|bound| bound.terms.len() == 1);
+        // The order of two states comes last: a file with stops out of order cannot be read.
+        for bound in single.into_iter().chain(between) {
+            let slack = bound.slack(&unknowns);
+            if let (true, Some(&(index, factor))) = (slack < 0.0 && slack > -rounding, bound.terms.first()) {
+                unknowns[index] -= slack / factor;
+            }
+        }
+        unknowns
+    }
+
     pub(super) fn bound_stops(&mut self, bounds: &Bounds, ranges: &[StopRange]) {
         for (index, stop) in self.stops.iter().enumerate() {
             let Parameter::Stop { actuator, state } = *stop else {
