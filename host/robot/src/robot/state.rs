@@ -38,7 +38,7 @@ pub struct Dynamics {
     pub gravity: Vec<f64>,
     /// ½ q̇ᵀ M q̇, J.
     pub kinetic_j: f64,
-    /// −Σ m g·c, J.
+    /// −Σ m g·c of the links, and of a base that floats, J.
     pub potential_j: f64,
     /// What the base bears, or, when it floats, takes to stay as it is: M of base and joints.
     pub base: Option<FloatingBase>,
@@ -157,7 +157,7 @@ impl Robot {
             velocity_torque: biased.iter().zip(&gravity).map(|(biased, gravity)| biased - gravity).collect(),
             gravity,
             kinetic_j: tree.kinetic_energy(&links, qd),
-            potential_j: tree.potential_energy(&links),
+            potential_j: tree.potential_energy(&links, self.floating),
             base,
         })
     }

@@ -195,6 +195,20 @@ fn what_torques_do_takes_those_torques() {
     near(&torques, &torque, 1e-11);
 }
 
+/// Energy rises by m g h when the base is raised, whatever the joints do: its centre is that of the whole robot.
+#[test]
+fn a_floating_base_has_potential_energy() {
+    let mut robot = puma();
+    robot.base = darm_core::tree::Inertia { mass: 20.0, com: Vec3::new(0.1, 0.2, -0.1), ..robot.base };
+    let q = [0.3, 0.8, -1.2, 0.5, 0.9, -0.4];
+    let energy = |robot: &Robot| robot.dynamics(&Motion { state: [&q, &[], &[]], load: None }).unwrap().potential_j;
+    let links = energy(&robot);
+    robot.floating = true;
+    assert!((energy(&robot) - links - 20.0 * 9.81 * -0.1).abs() < 1e-9);
+    let com = robot.com(&q).unwrap();
+    assert!((energy(&robot) + com.mass_kg * com.position.dot(&robot.gravity)).abs() < 1e-9);
+}
+
 #[test]
 fn inverse_kinematics_meets_its_own_poses_and_tells_what_is_out_of_reach() {
     let robot = puma();

@@ -137,9 +137,10 @@ impl LinkTree {
         self.inertias(links).iter().zip(&motions).map(energy).sum()
     }
 
-    /// Potential energy of the links, −Σ m g·c, J.
-    pub fn potential_energy(&self, links: &Links) -> f64 {
-        -self.masses(links).iter().map(|mass| mass.moment.dot(&self.gravity)).sum::<f64>()
+    /// Potential energy of the links, and of the base where it floats, −Σ m g·c, J.
+    pub fn potential_energy(&self, links: &Links, floats: bool) -> f64 {
+        let base = floats.then(|| PointMass::new(&self.base, &links.base));
+        -self.masses(links).iter().chain(&base).map(|mass| mass.moment.dot(&self.gravity)).sum::<f64>()
     }
 
     /// Centre of mass of the links, and of the base where it floats.
