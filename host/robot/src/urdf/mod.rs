@@ -9,7 +9,7 @@
 //! | `mimic` | a joint that moves on its own; [`Robot::warnings`] says so |
 //! | `<inertial>` missing | no mass; the warnings say which |
 //! | `<limit>` missing, or 0 to 0 | no limits; the warnings say which |
-//! | `<visual>`, `<collision>`, `<transmission>` | not read |
+//! | `<visual>`, `<collision>`, `<transmission>`, `<material>`, `<gazebo>` | not read, and not checked |
 //!
 //! Joints stand in the order in which a walk from the root meets them, branch by branch, children in the order of the file.
 //! Roll, pitch and yaw are angles about the fixed x, y and z: R = Rot_z(y)·Rot_y(p)·Rot_x(r).
@@ -17,8 +17,10 @@
 
 mod build;
 mod fault;
+mod xml;
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::Path;
 
 use crate::robot::Robot;
@@ -43,11 +45,24 @@ pub fn parse(path: &Path, text: &str, locks: &Locks) -> Result<Robot, UrdfError>
 }
 
 fn robot(source: &Source, locks: &Locks) -> Result<Robot, UrdfError> {
-    let syntax = |error: urdf_rs::UrdfError| source.error(None, Fault::Syntax(error.to_string()));
-    let file = urdf_rs::read_from_string(source.text()).map_err(syntax)?;
+    let not_xml = |wrong: xml::NotXml| source.error(Some(wrong.span), Fault::Syntax(wrong.reason));
+    let outline = xml::outline(source.text()).map_err(not_xml)?;
+    let file = urdf_rs::read_from_string(&outline.text).map_err(|error| {
+        let (span, reason) = first_unreadable(&outline).unwrap_or((0..0, error.to_string()));
+        source.error(Some(span), Fault::Syntax(reason))
+    })?;
     build::robot(&file, locks).map_err(|(element, fault)| {
         let span = element.and_then(|element| element.span(source.text()));
         source.error(span, Fault::Content(Box::new(fault)))
+    })
+}
+
+/// The first link or joint that cannot be read even on its own, and why: the reader of URDF reports no place.
+fn first_unreadable(outline: &xml::Outline) -> Option<(Range<usize>, String)> {
+    outline.children.iter().find_map(|span| {
+        let alone = format!("<robot name=\"alone\">{}</robot>", outline.text.get(span.clone())?);
+        let reason = urdf_rs::read_from_string(&alone).err()?.to_string();
+        Some((span.clone(), reason.trim_start_matches("custom: ").to_owned()))
     })
 }
 

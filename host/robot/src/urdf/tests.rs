@@ -188,6 +188,34 @@ fn errors_name_file_line_and_element() {
 }
 
 #[test]
+fn what_is_not_read_cannot_fail() {
+    let visual =
+        "<visual><geometry><mesh/><ellipsoid radii=\"1 2 3\"/></geometry><material><texture/></material></visual>";
+    let inside = format!(
+        "{visual}<collision><geometry/></collision><inertial><mass value=\"2\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial>"
+    );
+    let text = format!(
+        "<robot name=\"r\"><material name=\"m\"><texture/></material><transmission/>\n<link name=\"base\">{inside}</link></robot>"
+    );
+    let robot = parse(Path::new("r.urdf"), &text, &Locks::new()).unwrap();
+    assert_eq!(robot.base.mass, 2.0);
+}
+
+#[test]
+fn what_does_not_parse_has_a_place() {
+    let cases = [
+        ("<link name=\"a\"><inertial><mass value=\"1x\"/></inertial></link>", "r.urdf:3:1: invalid float literal"),
+        ("<joint name=\"j\" type=\"bent\"/>", "r.urdf:3:1: "),
+        ("<link name=\"a\">", "r.urdf:4:1: "),
+        ("  <link", "r.urdf:3:3: "),
+    ];
+    for (body, expected) in cases {
+        let error = refused(body);
+        assert!(error.starts_with(expected), "{body}: {error}");
+    }
+}
+
+#[test]
 fn no_text_makes_it_panic() {
     let whole = std::fs::read_to_string(data("urdf/tx40.urdf")).unwrap();
     for cut in (0..whole.len()).step_by(97) {
