@@ -63,7 +63,7 @@ use std::path::{Path, PathBuf};
 
 use darm_core::actuator::{JointKind, Stage};
 use darm_core::chain::Scratch;
-use darm_core::model::Model;
+use darm_core::model::{Condition, Model};
 use darm_core::output::Wiring;
 use darm_core::profile::Profile;
 use darm_core::units::{ModelHash, Word};

@@ -107,7 +107,7 @@ fn of_robot(com: &darm_robot::robot::Com) -> (f64, Row) {
 /// Masses of the stages and of the payload, in the posture with the model's effects.
 fn of_arm(arm: &Arm, posture: &Posture) -> anyhow::Result<(f64, Row)> {
     let (model, mut scratch) = (&arm.model, ArmScratch::default());
-    let tool = model.predict(&model.nominal(posture.word, &posture.q), &mut scratch)?;
+    let tool = model.predict(&arm.working_condition(posture.word, &posture.q), &mut scratch)?;
     let stages = scratch.tops.iter().zip(&model.masses).take(model.chain.stages.len());
     let (mut mass, mut moment) = (0.0, Vec3::zeros());
     for (frame, body) in stages.chain([(&tool, &model.payload)]) {

@@ -63,7 +63,7 @@ impl Draw {
             Subject::Robot(robot) => Ok(Scene::of_robot(robot, frame_of(robot, self.frame.as_deref())?, &posture.q)?),
             Subject::Arm(arm) => {
                 let mut scratch = ArmScratch::default();
-                arm.model.predict(&arm.model.nominal(posture.word, &posture.q), &mut scratch)?;
+                arm.model.predict(&arm.working_condition(posture.word, &posture.q), &mut scratch)?;
                 Ok(Scene::of_arm(arm, &scratch, posture.word.iter()))
             }
         }

@@ -240,7 +240,7 @@ fn state(equation: Equation, acceleration: Option<Accelerations>) -> State {
 
 fn of_arm(arm: &Arm, posture: &Posture, subject: &Subject) -> anyhow::Result<ArmReport> {
     let (model, mut scratch) = (&arm.model, ArmScratch::default());
-    model.predict(&model.nominal(posture.word, &posture.q), &mut scratch)?;
+    model.predict(&arm.working_condition(posture.word, &posture.q), &mut scratch)?;
     let loads = model.loads(&scratch);
     let discrete = subject.columns().into_iter().skip(arm.n_servos());
     let actuators = discrete.zip(model.chain.actuators()).map(|(actuator, (stage, leg))| ActuatorLoad {

@@ -62,7 +62,7 @@ fn units(arm: &Arm, run: &Run) -> Option<Finding> {
 fn reach(arm: &Arm, run: &Run) -> Option<f64> {
     let mut scratch = ArmScratch::default();
     let poses = run.samples.iter().filter_map(|s| {
-        let condition = arm.model.nominal(s.word, &s.servos_rad);
+        let condition = arm.working_condition(s.word, &s.servos_rad);
         arm.model.predict(&condition, &mut scratch).ok()
     });
     poses.map(|pose| pose.position.norm()).reduce(f64::max)

@@ -241,7 +241,7 @@ fn arm_kinematics(arm: &Arm, posture: &Posture) -> anyhow::Result<Kinematics> {
     let mut scratch = ArmScratch::default();
     let pose = arm
         .model
-        .predict(&arm.model.nominal(posture.word, &posture.q), &mut scratch)
+        .predict(&arm.working_condition(posture.word, &posture.q), &mut scratch)
         .with_context(|| format!("{} has no pose for the word {}", arm.name, posture.word))?;
     let stops = (0..arm.n_actuators())
         .map(|actuator| Parameter::Stop { actuator: actuator as u8, state: posture.word.digit(actuator) });
