@@ -6,6 +6,8 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
+use crate::finite;
+
 /// Result of a command: its fields as JSON, its text for people.
 pub(crate) trait Answer: Serialize {
     /// Lines for people, with units, without a line end after the last.
@@ -20,8 +22,9 @@ pub(crate) struct Ui {
 }
 
 impl Ui {
-    /// Prints the answer on standard output. A closed pipe is no error.
+    /// Prints the answer on standard output, unless a number of it is infinite or NaN. A closed pipe is no error.
     pub(crate) fn print(self, answer: &impl Answer) -> anyhow::Result<()> {
+        finite::check(answer)?;
         let text = if self.json { serde_json::to_string(answer)? } else { answer.text() };
         if !text.is_empty() {
             let mut out = std::io::stdout().lock();

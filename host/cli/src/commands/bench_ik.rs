@@ -103,7 +103,8 @@ struct Line {
     best_m: f64,
     median_m: f64,
     mean_m: f64,
-    deviation_m: f64,
+    /// `None` of a single run.
+    deviation_m: Option<f64>,
     worst_m: f64,
     evaluations: f64,
     time_s: f64,
@@ -126,7 +127,8 @@ struct TableCell {
     algorithm: &'static str,
     best: f64,
     mean: f64,
-    deviation: f64,
+    /// `None` of a single run.
+    deviation: Option<f64>,
     printed: Vec<f64>,
     shortfall_m: f64,
 }
@@ -224,6 +226,11 @@ impl BenchIk {
     }
 }
 
+/// The standard deviation of a single run does not exist.
+fn finite(deviation: f64) -> Option<f64> {
+    Some(deviation).filter(|deviation| deviation.is_finite())
+}
+
 fn line(method: Method, trials: &Trials, bound_m: f64) -> Line {
     let Summary { best, median, mean, deviation, worst, evaluations, time_s } = trials.summary();
     Line {
@@ -232,7 +239,7 @@ fn line(method: Method, trials: &Trials, bound_m: f64) -> Line {
         best_m: best,
         median_m: median,
         mean_m: mean,
-        deviation_m: deviation,
+        deviation_m: finite(deviation),
         worst_m: worst,
         evaluations,
         time_s,
@@ -249,7 +256,7 @@ impl From<&Repeated> for TableCell {
             algorithm: memr::printed_name(cell.algorithm),
             best: factor * summary.best,
             mean: factor * summary.mean,
-            deviation: factor * summary.deviation,
+            deviation: finite(factor * summary.deviation),
             printed: match cell.printed {
                 memr::Printed::Best { value, deviation } => vec![value, deviation],
                 memr::Printed::Runs(errors) => errors.to_vec(),
@@ -264,8 +271,10 @@ impl Answer for Compared {
         let head =
             ["method", "reached", "best, mm", "median, mm", "mean, mm", "s.d., mm", "worst, mm", "evaluations", "ms"];
         let rows = self.methods.iter().map(|line| {
-            let errors = [line.best_m, line.median_m, line.mean_m, line.deviation_m, line.worst_m];
-            let errors = errors.map(|error_m| format!("{:.2e}", 1e3 * error_m));
+            let errors =
+                [Some(line.best_m), Some(line.median_m), Some(line.mean_m), line.deviation_m, Some(line.worst_m)];
+            let errors =
+                errors.map(|error_m| error_m.map_or("-".to_owned(), |error_m| format!("{:.2e}", 1e3 * error_m)));
             let head = [line.method.to_owned(), format!("{} of {}", line.reached, self.runs)];
             let cost = [format!("{:.0}", line.evaluations), format!("{:.3}", 1e3 * line.time_s)];
             head.into_iter().chain(errors).chain(cost).collect()

@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::subject::{Coordinate, Effects, FormerWrench, Posture, Subject, SubjectArgs, WrenchArgs, frame_of, listed};
 use crate::csv_text::csv_line;
 use crate::failure::Usage;
+use crate::number_text::numbers;
 use crate::ui::{Answer, Ui, columns, number};
 
 const EXAMPLES: &str = "\
@@ -169,9 +170,8 @@ impl Dynamics {
         }
         if let Some(torque) = &self.torque {
             let wrong = || Usage(format!("--torque {torque}: give {} numbers, in N m and N", joints.len()));
-            let numbers: Result<Vec<f64>, _> = torque.split(',').map(|cell| cell.trim().parse()).collect();
-            posture.torque = numbers.map_err(|_| wrong())?;
-            if posture.torque.len() != joints.len() || !posture.torque.iter().all(|t| t.is_finite()) {
+            posture.torque = numbers(torque, "--torque")?;
+            if posture.torque.len() != joints.len() {
                 return Err(wrong());
             }
         }

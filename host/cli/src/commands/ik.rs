@@ -16,6 +16,7 @@ use serde::Serialize;
 use super::subject::{Coordinate, PoseReport, SubjectArgs, frame_of};
 use crate::csv_text::csv_line;
 use crate::failure::Usage;
+use crate::number_text::{self, numbers};
 use crate::ui::{Answer, Ui, columns, number};
 
 const EXAMPLES: &str = "\
@@ -216,9 +217,8 @@ impl Target {
 }
 
 fn three(text: &str, option: &str) -> Result<Vec3<f64>, Usage> {
-    let numbers: Result<Vec<f64>, _> = text.split(',').map(|cell| cell.trim().parse::<f64>()).collect();
-    match numbers.as_deref() {
-        Ok([a, b, c]) if [a, b, c].iter().all(|number| number.is_finite()) => Ok(Vec3::new(*a, *b, *c)),
+    match numbers(text, option)?[..] {
+        [a, b, c] => Ok(Vec3::new(a, b, c)),
         _ => Err(Usage(format!("{option} {text}: give three numbers separated by commas"))),
     }
 }
@@ -247,9 +247,7 @@ fn read(path: &Path) -> anyhow::Result<Vec<Target>> {
         let record = record.with_context(|| format!("{shown}"))?;
         let number = |(index, factor): (usize, f64)| {
             let cell = record.get(index).unwrap_or_default();
-            let number = cell.parse::<f64>().ok().filter(|number| number.is_finite());
-            let wrong = || Usage(format!("{shown}:{}: `{cell}` is not a number", row + 2));
-            number.map(|number| number * factor).ok_or_else(wrong)
+            Ok::<_, Usage>(number_text::number(cell, &format!("{shown}:{}", row + 2))? * factor)
         };
         let position = Vec3::new(number(x)?, number(y)?, number(z)?);
         let (pose, is_oriented) = match (rotation, euler) {

@@ -14,6 +14,7 @@ use serde::Serialize;
 
 use super::path::{servos_rad, word};
 use crate::failure::Usage;
+use crate::number_text::numbers;
 use crate::port::PortArgs;
 use crate::ui::{Answer, Ui, columns};
 
@@ -254,11 +255,7 @@ fn pose(arm: &Arm, text: &str, position_only: bool) -> Result<Pose<f64>, Usage> 
         let form = if planar { "x,y,angle" } else { "x,y,z,rx,ry,rz" };
         Usage(format!("pose {text}: {what}; give {form} in mm and degrees, or only the position with --position-only"))
     };
-    let numbers: Vec<f64> = text
-        .split(',')
-        .map(|number| number.trim().parse().ok().filter(|number: &f64| number.is_finite()))
-        .collect::<Option<_>>()
-        .ok_or_else(|| wrong("not all values are numbers"))?;
+    let numbers = numbers(text, "pose")?;
     match (planar, numbers.as_slice()) {
         (true, &[x, y, angle]) => Ok(Pose2::new(1e-3 * x, 1e-3 * y, angle.to_radians()).into()),
         (true, &[x, y]) if position_only => Ok(Pose2::new(1e-3 * x, 1e-3 * y, 0.0).into()),

@@ -1,9 +1,9 @@
-//! What commands predict: at the model's working conditions.
+//! What commands predict: at the model's working conditions, in finite numbers.
 
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_core::model::Condition;
 
-use super::{Home, example};
+use super::{Home, example, text};
 
 /// An arm whose stroke follows the supply, at a working supply in bar.
 fn arm_at(home: &Home, name: &str, bar: &str) {
@@ -35,4 +35,15 @@ fn every_command_predicts_at_the_working_conditions() {
         std::fs::read_to_string(home.path("arm.svg")).unwrap()
     };
     assert_ne!(drawn("nominal.toml"), drawn("low.toml"));
+}
+
+#[test]
+fn numbers_that_overflow_are_refused() {
+    let (home, planar, puma) = (Home::new(), example("planar4.toml"), example("puma560.toml"));
+    let range = "is out of range; give a number from -1e12 to 1e12";
+    home.fails(&format!("nearest {planar} 1e308,0,0"), 2, &format!("darm: pose: `1e308` {range}"));
+    home.fails(&format!("dynamics {puma} --qd 1e200,0,0,0,0,0"), 2, &format!("darm: waist: `1e200` {range}"));
+    home.fails(&format!("ik {puma} --to 1,1e300,0"), 2, &format!("darm: --to: `1e300` {range}"));
+    let hot = home.darm(&format!("nearest {planar} 300,4200,10 --servos nan"));
+    assert!(!hot.status.success() && !text(&hot.stdout).contains("NaN"), "{}", text(&hot.stdout));
 }

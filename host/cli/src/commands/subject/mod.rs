@@ -16,6 +16,7 @@ use darm_robot::robot::{Jacobian, Kinematics, Robot, RobotFrame};
 use darm_robot::urdf::{self, Locks};
 
 use crate::failure::Usage;
+use crate::number_text::{number, numbers};
 pub(crate) use postures::{Posture, listed};
 
 /// The file and the postures.
@@ -93,10 +94,7 @@ impl Coordinate {
                 return Err(Usage(format!("{}: unit `{unit}` in `{text}` is invalid; use {units}", self.name)));
             }
         };
-        match digits.trim().parse::<f64>() {
-            Ok(number) if number.is_finite() => Ok(number * factor),
-            _ => Err(Usage(format!("{}: `{text}` is not a number", self.name))),
-        }
+        Ok(number(digits, &self.name)? * factor)
     }
 }
 
@@ -314,11 +312,8 @@ impl WrenchArgs {
 
 /// Six numbers separated by commas: moments, then forces.
 fn wrench(text: &str, option: &str) -> Result<Wrench<f64>, Usage> {
-    let numbers: Result<Vec<f64>, _> = text.split(',').map(|cell| cell.trim().parse::<f64>()).collect();
-    match numbers.as_deref() {
-        Ok([a, b, c, x, y, z]) if [a, b, c, x, y, z].iter().all(|number| number.is_finite()) => {
-            Ok(Wrench { moment: [*a, *b, *c].into(), force: [*x, *y, *z].into() })
-        }
+    match numbers(text, option)?[..] {
+        [a, b, c, x, y, z] => Ok(Wrench { moment: [a, b, c].into(), force: [x, y, z].into() }),
         _ => Err(Usage(format!(
             "{option} {text}: give six numbers, moments in N m, then forces in N, such as 0,0,0,0,0,-10"
         ))),

@@ -8,6 +8,7 @@ use darm_core::units::Word;
 
 use super::{Coordinate, Subject, SubjectArgs};
 use crate::failure::Usage;
+use crate::number_text::number;
 
 /// A posture with optional velocities, accelerations and torques; in rad and m.
 #[derive(Clone, Debug)]
@@ -163,12 +164,13 @@ fn read(path: &Path, subject: &Subject) -> anyhow::Result<Vec<Posture>> {
         let record = record.with_context(|| format!("{shown}"))?;
         let mut posture = Posture { time_s: row as f64, ..Posture::rest(subject) };
         for ((cell, column), name) in record.iter().zip(&columns).zip(&header) {
-            let wrong = |what: &str| Usage(format!("{shown}:{}: column {name}: `{cell}`: {what}", row + 2));
+            let place = || format!("{shown}:{}: column {name}", row + 2);
+            let wrong = |what: &str| Usage(format!("{}: `{cell}`: {what}", place()));
             match column {
                 Some(Column::Word) => posture.word = word_of(cell, subject).map_err(|error| wrong(&error.0))?,
-                Some(Column::Time) => posture.time_s = finite(cell).ok_or_else(|| wrong("expected a number"))?,
+                Some(Column::Time) => posture.time_s = number(cell, &place())?,
                 Some(Column::Number(index, quantity, factor)) => {
-                    let number = finite(cell).ok_or_else(|| wrong("expected a number"))? * factor;
+                    let number = number(cell, &place())? * factor;
                     posture.put(*index, *quantity, number);
                 }
                 None => {}
@@ -180,10 +182,6 @@ fn read(path: &Path, subject: &Subject) -> anyhow::Result<Vec<Posture>> {
         return Err(Usage(format!("{shown}: the file has no rows; add one per posture")).into());
     }
     Ok(postures)
-}
-
-fn finite(cell: &str) -> Option<f64> {
-    cell.parse::<f64>().ok().filter(|number| number.is_finite())
 }
 
 impl Posture {
