@@ -178,6 +178,8 @@ impl Nearest {
                     found.into_iter().map(Near::from).collect()
                 }
                 (None, Some(from), Some(within)) => {
+                    // A nearer word that switches more actuators is not looked for.
+                    lower_m = Some(0.0);
                     index.fewest_switches(target, 1e-3 * within, from, forbidden).into_iter().collect()
                 }
                 _ => index.nearest(target, self.count, forbidden),

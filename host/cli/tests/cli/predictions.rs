@@ -47,3 +47,14 @@ fn numbers_that_overflow_are_refused() {
     let hot = home.darm(&format!("nearest {planar} 300,4200,10 --servos nan"));
     assert!(!hot.status.success() && !text(&hot.stdout).contains("NaN"), "{}", text(&hot.stdout));
 }
+
+#[test]
+fn a_search_for_few_switches_proves_no_bound() {
+    let (home, arm) = (Home::new(), example("planar4.toml"));
+    let near = home.json(&format!("nearest {arm} 300,4200,10"));
+    let few = home.json(&format!("nearest {arm} 300,4200,10 --from 000000000000 --within 500"));
+    assert_eq!(few["lower_bound_m"], 0.0);
+    assert!(few["nearest"][0]["distance_m"].as_f64() > near["nearest"][0]["distance_m"].as_f64());
+    let said = home.succeeds(&format!("nearest {arm} 300,4200,10 --from 000000000000 --within 500"));
+    assert!(!said.contains("lower bound"), "{said}");
+}
