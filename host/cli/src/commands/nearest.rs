@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use darm_arm::arm::{Arm, ArmScratch};
-use darm_arm::reach::exact::{Index, Near, Options, Pattern, Query, switches};
+use darm_arm::reach::exact::{Index, Near, Options, Pattern, Query, switches, words_to_choose_from};
 use darm_arm::reach::servo::{Gap, with_servos};
 use darm_arm::reach::{ReachError, anytime, corrected};
 use darm_core::real::Vec3;
@@ -155,10 +155,11 @@ impl Nearest {
     ) -> anyhow::Result<Found> {
         let start = Instant::now();
         let query = Query { target, count: self.count, forbidden };
-        let (words, searched, index_bytes, near, lower_m) = if let Some(seconds) = self.seconds {
+        let words = words_to_choose_from(arm, &options, forbidden)?;
+        let (searched, index_bytes, near, lower_m) = if let Some(seconds) = self.seconds {
             let go_on = || start.elapsed().as_secs_f64() < seconds;
             let found = anytime::nearest(arm, &query, &options, go_on)?;
-            (found.words, found.settled, None, found.nearest, found.lower_bound_m)
+            (found.settled, None, found.nearest, found.lower_bound_m)
         } else {
             let (mut gap_near, mut lower_m) = (None, None);
             if let Some(gap) = self.gap {
@@ -185,7 +186,7 @@ impl Nearest {
                 _ => index.nearest(target, self.count, forbidden),
             };
             let nearest_m = near.first().map_or(0.0, |near: &Near| near.distance_m);
-            (index.words(), 1.0, Some(index.bytes()), near, lower_m.unwrap_or(nearest_m))
+            (1.0, Some(index.bytes()), near, lower_m.unwrap_or(nearest_m))
         };
         Ok(Found {
             words,

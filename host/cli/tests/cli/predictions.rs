@@ -49,7 +49,7 @@ fn numbers_that_overflow_are_refused() {
 }
 
 #[test]
-fn a_search_for_few_switches_proves_no_bound() {
+fn a_search_for_few_switches_proves_no_bound_and_forbidden_words_are_not_counted() {
     let (home, arm) = (Home::new(), example("planar4.toml"));
     let near = home.json(&format!("nearest {arm} 300,4200,10"));
     let few = home.json(&format!("nearest {arm} 300,4200,10 --from 000000000000 --within 500"));
@@ -57,4 +57,6 @@ fn a_search_for_few_switches_proves_no_bound() {
     assert!(few["nearest"][0]["distance_m"].as_f64() > near["nearest"][0]["distance_m"].as_f64());
     let said = home.succeeds(&format!("nearest {arm} 300,4200,10 --from 000000000000 --within 500"));
     assert!(!said.contains("lower bound"), "{said}");
+    let some = home.json(&format!("nearest {arm} 300,4200,10 --stuck 4=0 --forbid 111,***,***,*** 1**,***,***,***"));
+    assert_eq!((&near["words"], &some["words"]), (&4096.0.into(), &1024.0.into()));
 }

@@ -12,6 +12,8 @@
 mod pattern;
 mod seeker;
 
+use std::collections::BTreeMap;
+
 use darm_core::se::Pose;
 use darm_core::units::Word;
 
@@ -168,6 +170,32 @@ pub(super) enum Look {
 pub(super) fn stages(arm: &Arm, options: &Options) -> Result<Vec<Frames>, ReachError> {
     let dead = |actuator: usize| options.dead.iter().find(|(dead, _)| *dead == actuator).map(|(_, digit)| *digit);
     frames::of_stages(arm, &options.servos_rad, |actuator, digit| dead(actuator).is_none_or(|at| at == digit))
+}
+
+/// How many words a search chooses from: those that `options` allow and no pattern of `forbidden` names.
+pub fn words_to_choose_from(arm: &Arm, options: &Options, forbidden: &[Pattern]) -> Result<f64, ReachError> {
+    let stages = stages(arm, options)?;
+    let patterns: Vec<_> = forbidden.iter().filter(|pattern| pattern.digits() == arm.n_actuators()).collect();
+    let all: f64 = stages.iter().map(|stage| stage.len() as f64).product();
+    Ok(all - named_words(&stages, 0, &patterns))
+}
+
+/// How many words of `stages`, the digits of which begin at `first`, some pattern names.
+fn named_words(stages: &[Frames], first: usize, patterns: &[&Pattern]) -> f64 {
+    let Some((stage, rest)) = stages.split_first() else { return if patterns.is_empty() { 0.0 } else { 1.0 } };
+    let digits = first..first + stage.digits;
+    // Words of the stage that agree with the same patterns are counted together.
+    let mut alike: BTreeMap<Vec<usize>, f64> = BTreeMap::new();
+    for word in &stage.words {
+        let agree = |&k: &usize| patterns[k].agrees(word, digits.clone());
+        *alike.entry((0..patterns.len()).filter(agree).collect()).or_default() += 1.0;
+    }
+    alike.retain(|agreeing, _| !agreeing.is_empty());
+    let behind = |agreeing: &[usize]| {
+        let patterns: Vec<_> = agreeing.iter().map(|&k| patterns[k]).collect();
+        named_words(rest, digits.end, &patterns)
+    };
+    alike.iter().map(|(agreeing, words)| words * behind(agreeing)).sum()
 }
 
 /// Where the tail begins that has `max_tails` frames at most, or one stage.

@@ -1,6 +1,7 @@
 //! Patterns that name some words of an arm.
 
 use std::fmt;
+use std::ops::Range;
 use std::str::FromStr;
 
 use darm_core::units::Word;
@@ -14,6 +15,13 @@ impl Pattern {
     pub fn names(&self, word: &Word) -> bool {
         self.0.len() == word.len()
             && self.0.iter().zip(word.iter()).all(|(wanted, digit)| wanted.is_none_or(|wanted| wanted == digit))
+    }
+
+    /// Whether it agrees with these digits of `word`.
+    pub(super) fn agrees(&self, word: &Word, digits: Range<usize>) -> bool {
+        digits
+            .into_iter()
+            .all(|at| matches!(self.0.get(at), Some(wanted) if wanted.is_none_or(|d| d == word.digit(at))))
     }
 
     /// How many digits it has.

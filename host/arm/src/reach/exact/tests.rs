@@ -8,7 +8,7 @@ use darm_core::units::Word;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Index, NoPattern, Options, Pattern, switches};
+use super::{Index, NoPattern, Options, Pattern, switches, words_to_choose_from};
 use crate::arm::Arm;
 use crate::reach::frames;
 
@@ -98,6 +98,20 @@ fn a_forbidden_word_and_a_dead_actuator_stay_out() {
     let found = Index::new(&arm, &dead).unwrap().nearest(&target, 1, &[forbidden]);
     assert_eq!(found[0].word, wanted.1);
     assert_eq!("10x".parse::<Pattern>(), Err(NoPattern { character: 'x' }));
+}
+
+#[test]
+fn forbidden_words_are_not_counted() {
+    let arm = planar4();
+    let dead = Options { dead: vec![(4, 1)], ..options(&arm, 64) };
+    let patterns = ["1**,***,***,**0", "11*,***,0**,***", "***,*0*,***,***", "**,**"].map(|text| text.parse().unwrap());
+    let all = by_trying_all(&arm, &Pose::identity(), 0.5);
+    for count in 0..=patterns.len() {
+        let forbidden: &[Pattern] = &patterns[..count];
+        let left = |word: &Word| word.digit(4) == 1 && !forbidden.iter().any(|pattern| pattern.names(word));
+        let expected = all.iter().filter(|(_, word)| left(word)).count();
+        assert_eq!(words_to_choose_from(&arm, &dead, forbidden), Ok(expected as f64));
+    }
 }
 
 #[test]
