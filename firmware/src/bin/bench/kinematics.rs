@@ -86,7 +86,7 @@ fn counts(tree: &Tree<f32, 6>, tool: &LinkFrame<f32>, motion: &[[f32; 6]; 3]) ->
         ("forward_kinematics", pose),
         ("forward_kinematics_and_Jacobian", both),
         ("damped_least_squares_step", step),
-        ("whole_step_of_inverse_kinematics_and_check", full_step),
+        ("complete_step_of_inverse_kinematics_and_check", full_step),
         ("inverse_dynamics", inverse),
         ("mass_matrix", matrix),
     ]
