@@ -232,3 +232,39 @@ fn rows_of_poses_are_named_chosen_held_out_and_drawn() {
          with several values",
     );
 }
+
+#[test]
+fn poses_in_another_unit_are_asked_about_before_any_fit() {
+    let home = Home::new();
+    let (arm, run) = (example("planar4.toml"), std::fs::read_to_string(example("planar4-run.csv")).unwrap());
+    let scaled = |columns: &[&str], factor: f64| {
+        let mut header = Vec::new();
+        let lines = run.lines().map(|line| {
+            let cells: Vec<_> = line.split(',').map(str::to_owned).collect();
+            if line.starts_with('#') || header.is_empty() {
+                header = if line.starts_with('#') { Vec::new() } else { cells };
+                return format!("{line}\n");
+            }
+            let cell = |(name, cell): (&String, &String)| match columns.contains(&&name[..]) {
+                true => (cell.parse::<f64>().unwrap() * factor).to_string(),
+                false => cell.clone(),
+            };
+            header.iter().zip(&cells).map(cell).collect::<Vec<_>>().join(",") + "\n"
+        });
+        lines.collect::<String>()
+    };
+    let refused = |name: &str, expected: [&str; 2]| {
+        let said = home.darm(&format!("diagnose {arm} {name} --other-model"));
+        assert_eq!(said.status.code(), Some(1), "{name}");
+        let said = text(&said.stderr);
+        assert!(expected.iter().all(|part| said.contains(part)), "{name}: {said}");
+    };
+    home.write("mm.csv", &scaled(&["x_m", "y_m"], 1e3));
+    refused("mm.csv", ["m measured and ", "rename these to x_mm, y_mm, z_mm"]);
+    home.write("m.csv", &run.replace("x_m,y_m", "x_mm,y_mm"));
+    refused("m.csv", ["m measured and ", "rename these to x_m, y_m, z_m"]);
+    home.write("deg.csv", &run.replace("angle_deg", "angle_rad"));
+    refused("deg.csv", ["deg predicted", "let the names end in _deg"]);
+    home.write("rad.csv", &scaled(&["angle_deg"], 1f64.to_radians()));
+    refused("rad.csv", ["deg predicted", "let the names end in _rad"]);
+}

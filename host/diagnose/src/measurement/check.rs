@@ -1,10 +1,26 @@
 //! What is suspicious about measurements of an arm, row by row.
 
-use super::{Finding, FindingKind, Run, Sample};
 use darm_arm::arm::{Arm, ArmScratch};
+use darm_core::se::{Pose, rotation_exp, rotation_log};
+
+use super::{Finding, FindingKind, Run, Sample, median};
 
 /// A position that is this many times as far from the base as the arm reaches is taken for another unit.
 const TOO_FAR: f64 = 20.0;
+
+/// Scales of lengths that a wrong unit leads to, and which: no effect of an arm is as large.
+const WRONG_LENGTHS: [(f64, &str); 4] = [
+    (1000.0, "they look like mm in columns that end in _m: rename these to x_mm, y_mm, z_mm"),
+    (0.001, "they look like m in columns that end in _mm: rename these to x_m, y_m, z_m"),
+    (25.4, "they look like mm in columns of inches: correct the numbers, or rename the columns to x_mm, y_mm, z_mm"),
+    (1.0 / 25.4, "they look like inches in columns that end in _mm: convert the numbers to mm"),
+];
+/// A scale is taken for one of these within this factor.
+const ALIKE: f64 = 1.25;
+/// Orientations agree with degrees read as radians when the median difference is below this, rad; a third of what chance gives.
+const ALIKE_RAD: f64 = 0.5;
+/// Rows that a comparison of scales takes.
+const ROWS_TO_COMPARE: usize = 6;
 
 /// What the owner of these measurements should know: words that do not fit the arm, time that runs backwards, rows
 /// that are repeated, numbers that look like another unit.
@@ -15,7 +31,9 @@ pub fn check(arm: &Arm, run: &Run) -> Vec<Finding> {
         let order = index.checked_sub(1).and_then(|before| order(&run.samples[before], sample));
         findings.extend(fit.into_iter().chain(order).map(|finding| finding.at_line(run.line(index))));
     }
-    findings.extend(units(arm, run));
+    let predicted = predicted(arm, run);
+    let scales: Vec<Finding> = length_scale(run, &predicted).into_iter().chain(angle_scale(run, &predicted)).collect();
+    findings.extend(if scales.is_empty() { units(run, &predicted).into_iter().collect() } else { scales });
     findings
 }
 
@@ -47,23 +65,64 @@ fn order(before: &Sample, sample: &Sample) -> Option<Finding> {
     (sample.time_s <= before.time_s).then(|| Finding::note(FindingKind::TimeRunsBack, text()))
 }
 
-/// Millimetres for metres: reported once for the file.
-fn units(arm: &Arm, run: &Run) -> Option<Finding> {
-    let reach_m = reach(arm, run)?;
+/// Where the model predicts the tool of each sample.
+fn predicted(arm: &Arm, run: &Run) -> Vec<Option<Pose<f64>>> {
+    let mut scratch = ArmScratch::default();
+    let pose = |s: &Sample| arm.model.predict(&arm.working_condition(s.word, &s.servos_rad), &mut scratch).ok();
+    run.samples.iter().map(pose).collect()
+}
+
+/// Lengths of another unit. The way from one word to the next is compared, which does not depend on where the base of the
+/// camera stands.
+fn length_scale(run: &Run, predicted: &[Option<Pose<f64>>]) -> Option<Finding> {
+    let pairs = || run.samples.windows(2).zip(predicted.windows(2)).filter(|(pair, _)| pair[0].word != pair[1].word);
+    let ways = || pairs().filter_map(|(pair, predicted)| Some((pair, predicted[0]?, predicted[1]?)));
+    if ways().count() < ROWS_TO_COMPARE {
+        return None;
+    }
+    let measured_m = median(ways().map(|(pair, ..)| (pair[1].pose.position - pair[0].pose.position).norm()))?;
+    let predicted_m = median(ways().map(|(_, from, to)| (to.position - from.position).norm()))?;
+    let scale = measured_m / predicted_m;
+    let (_, cure) = WRONG_LENGTHS.iter().find(|(wrong, _)| (1.0 / ALIKE..ALIKE).contains(&(scale / wrong)))?;
+    let text = format!(
+        "the median distance from one word to the next is {measured_m:.4} m measured and {predicted_m:.4} m predicted, \
+         {scale:.4} times as much; {cure}"
+    );
+    Some(Finding::error(FindingKind::SuspectedUnit, text).at_line(run.line(0)))
+}
+
+/// Degrees read as radians, or radians as degrees: rotation vectors are compared with those predicted, times 57.3 or by it.
+fn angle_scale(run: &Run, predicted: &[Option<Pose<f64>>]) -> Option<Finding> {
+    let pairs = || run.samples.iter().zip(predicted).filter_map(|(sample, predicted)| Some((sample, (*predicted)?)));
+    let angle_rad = |predicted: &Pose<f64>| rotation_log(&predicted.rotation).norm();
+    let predicted_rad = median(pairs().map(|(_, predicted)| angle_rad(&predicted)))?;
+    let measured_rad = median(pairs().map(|(sample, _)| angle_rad(&sample.pose)))?;
+    let apart = |scale: f64| {
+        let scaled = |p: &Pose<f64>| rotation_exp(&(rotation_log(&p.rotation) * scale));
+        let apart = pairs().map(|(sample, p)| rotation_log(&(scaled(&p).transpose() * sample.pose.rotation)).norm());
+        median(apart).unwrap_or(f64::INFINITY)
+    };
+    let per_radian = 1f64.to_degrees();
+    let are_degrees = predicted_rad * per_radian > 2.0 * ALIKE_RAD && apart(per_radian) < ALIKE_RAD.min(apart(1.0));
+    let small = (1.0 / ALIKE..ALIKE).contains(&(measured_rad / predicted_rad * per_radian));
+    let are_radians = predicted_rad > 1e-3 && small && apart(1.0 / per_radian) < 0.2 * apart(1.0);
+    let cure = match (pairs().count() >= ROWS_TO_COMPARE, are_degrees, are_radians) {
+        (true, true, _) => "they look like degrees in columns that end in _rad: let the names end in _deg",
+        (true, _, true) => "they look like radians in columns that end in _deg: let the names end in _rad",
+        _ => return None,
+    };
+    let [measured, predicted] = [measured_rad, predicted_rad].map(f64::to_degrees);
+    let text = format!("the median orientation is {measured:.3} deg measured and {predicted:.3} deg predicted; {cure}");
+    Some(Finding::error(FindingKind::SuspectedUnit, text).at_line(run.line(0)))
+}
+
+/// Positions farther than the arm reaches: reported once for the file.
+fn units(run: &Run, predicted: &[Option<Pose<f64>>]) -> Option<Finding> {
+    let reach_m = predicted.iter().flatten().map(|pose| pose.position.norm()).reduce(f64::max)?;
     let farthest_m = run.samples.iter().map(|s| s.pose.position.norm()).fold(0.0, f64::max);
     let text = format!(
         "the positions go {farthest_m:.0} m far and the arm reaches {reach_m:.1} m: are they in mm? a column whose name \
          ends in _mm is read so"
     );
     (farthest_m > TOO_FAR * reach_m).then(|| Finding::note(FindingKind::SuspectedUnit, text))
-}
-
-/// The largest distance from the base that the model gives the words of the run.
-fn reach(arm: &Arm, run: &Run) -> Option<f64> {
-    let mut scratch = ArmScratch::default();
-    let poses = run.samples.iter().filter_map(|s| {
-        let condition = arm.working_condition(s.word, &s.servos_rad);
-        arm.model.predict(&condition, &mut scratch).ok()
-    });
-    poses.map(|pose| pose.position.norm()).reduce(f64::max)
 }
