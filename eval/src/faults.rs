@@ -26,13 +26,13 @@ pub(crate) struct Faults {
 /// How often each fault is injected.
 #[derive(clap::Args, Serialize, Deserialize)]
 pub(crate) struct Job {
-    /// Kill the emulator so many times during uploads and stores, and start it again on the same flash
+    /// Kill the emulator this many times during uploads and stores, and start it again on the same flash
     #[arg(long, value_name = "COUNT")]
     kills: Option<u64>,
-    /// Send so many random and mutated frames and lines to the decoder and the dispatcher
+    /// Send this many random and mutated frames and lines to the decoder and the dispatcher
     #[arg(long, value_name = "COUNT")]
     frames: Option<u64>,
-    /// Stop the arm so many times while another program holds the port
+    /// Stop the arm this many times while another program holds the port
     #[arg(long, value_name = "COUNT")]
     stops: Option<u64>,
 }

@@ -12,7 +12,7 @@
 //! The tick waits for nobody: orders are fetched when they are there, at most one a tick, and everything that is
 //! handed over is small or a reference. A table changes hands as `&mut`, so it is never copied and never shared.
 //!
-//! A stop goes past all orders: it is a counter that the tick looks at first. A command tells how many stops there were
+//! A stop goes past all orders: it is a counter that the tick looks at first. A command says how many stops there were
 //! when it was asked for, and is refused when there has been another since.
 mod order;
 

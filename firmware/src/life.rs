@@ -134,7 +134,7 @@ pub const fn crashes_in_a_row(before: u32, crashed: bool) -> u32 {
     if crashed { before.saturating_add(1) } else { 0 }
 }
 
-/// What to start after so many crashes in a row.
+/// What to start after this many crashes in a row.
 pub const fn start_after(crashes: u32) -> Start {
     if crashes >= MAX_CRASHES { Start::Held } else { Start::Normal }
 }

@@ -1,7 +1,7 @@
 //! Finds a stop in the bytes of the console, whatever stands around it.
 //!
 //! A stop must not depend on what else is on the line: an open frame of another program, lost zeros, noise before a typed
-//! word. So nothing is parsed here. A stop frame is what stands between any two zeros, if its checksum is right; a typed
+//! word. So nothing is parsed here. A stop frame is what is between any two zeros, if its checksum is right; a typed
 //! stop is a line that ends in `stop`. The bytes `stop\r` within the data of another frame are a stop too: by chance once
 //! in 10^12 bytes, and a stop too many does no harm.
 use darm_core::wire::bootstrap;

@@ -1,8 +1,8 @@
 //! Servo joints on a half-duplex bus: Feetech STS servos, up to [`MAX_SERVOS`] of them.
 //!
 //! The bus task visits every servo of the profile once a [`CYCLE`]: it reads position, load and status, writes what the
-//! servo is to do when that changed, and tells the control tick. A servo that does not answer keeps its last answer's
-//! time, and the sequencer finds that too old. What is written is held to the profile's limits once more.
+//! servo is to do when that changed, and gives the control tick. A servo that does not answer keeps its last answer's
+//! time, and the sequencer finds that too old. What is written is held to the profile's limits again.
 //!
 //! | action    | written                                                                                    |
 //! |-----------|--------------------------------------------------------------------------------------------|
@@ -33,7 +33,7 @@ pub const CYCLE: Micros = Micros::from_millis(10);
 pub const ANSWER_TIMEOUT: Micros = Micros::from_millis(20);
 /// The bus is quiet after so long without a byte.
 const QUIET: Micros = Micros::from_millis(2);
-/// A target is written again after so many visits even if it did not change: the servo may have lost power.
+/// A target is written again after this many visits even if it did not change: the servo may have lost power.
 const REWRITE_VISITS: u8 = 50;
 
 const MIDDLE: f32 = 2048.0;

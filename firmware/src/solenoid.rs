@@ -6,7 +6,7 @@
 //! is active low: high puts all lines off in one edge, whatever they hold.
 use embedded_hal::digital::OutputPin;
 
-/// Unchanged lines are shifted again after so many ticks, so that a disturbed register does not stay wrong.
+/// Unchanged lines are shifted again after this many ticks, so that a disturbed register does not stay wrong.
 const REFRESH_TICKS: u8 = 100;
 
 /// The four pins of the chain.

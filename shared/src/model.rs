@@ -1,6 +1,6 @@
 //! The model of an arm: its ideal geometry, its masses and the physical effects known so far, under one number.
 //!
-//! [`Model::predict`] tells where the tool stands under a [`Condition`]. A diagnosis that finds a new effect, or a
+//! [`Model::predict`] says where the tool is under a [`Condition`]. A diagnosis that finds a new effect, or a
 //! synthesis that changes the geometry, makes another model with the next number.
 
 use heapless::Vec;
@@ -16,7 +16,7 @@ use crate::units::Word;
 /// Effects that one model can hold.
 pub const MAX_EFFECTS: usize = 8;
 
-/// How often at most the loads are computed anew in the posture that they bend the arm to. A sag of 3 % of a lever
+/// How often at most the loads are computed again in the posture that they bend the arm to. A sag of 3 % of a lever
 /// changes the loads by as much, so each time leaves 3 % of what the last one left; near a singular posture it is more.
 const MAX_SETTLINGS: usize = 12;
 /// The arm has settled when no actuator moves by more than this, m or rad; 16 ε of the scalar come on top.
@@ -29,9 +29,9 @@ pub struct Model<T: Real, const N: usize> {
     pub number: u32,
     /// The ideal geometry.
     pub chain: Chain<T, N>,
-    /// What moves with the top of each stage, told in the top's frame; entries past the last stage are not used.
+    /// What moves with the top of each stage, given in the top's frame; entries past the last stage are not used.
     pub masses: [Mass<T>; N],
-    /// What the tool carries, itself included, told in the tool's frame.
+    /// What the tool carries, itself included, given in the tool's frame.
     pub payload: Mass<T>,
     /// The gravity field in the base frame, m/s²: (0, −9.81, 0) where y points up.
     pub gravity: Vec3<T>,
@@ -173,7 +173,7 @@ impl<T: Real, const N: usize> Model<T, N> {
         }
     }
 
-    /// What every actuator stands under, in the order of the digits, each with its number in the stage.
+    /// What every actuator is under, in the order of the digits, each with its number in the stage.
     pub fn sites(&self, condition: &Condition<T>) -> impl Iterator<Item = (Site<T>, usize)> {
         let actuators = self.chain.actuators().enumerate();
         actuators.map(|(actuator, (stage, leg))| (self.site(condition, actuator, stage, leg), leg))

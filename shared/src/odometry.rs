@@ -53,7 +53,7 @@ pub struct Drive<T: Real> {
 pub struct Estimate<T: Real> {
     /// Pose of the robot in the frame where it started.
     pub pose: Pose2<T>,
-    /// Covariance of (x, y, θ), told in the same frame: m², m·rad, rad².
+    /// Covariance of (x, y, θ), given in the same frame: m², m·rad, rad².
     pub covariance: Mat3<T>,
 }
 
@@ -74,7 +74,7 @@ impl<T: Real> Estimate<T> {
 }
 
 impl<T: Real> Drive<T> {
-    /// v and ω when the left and the right encoder count so many ticks at `rate_hz` readings a second.
+    /// v and ω when the left and the right encoder count this many ticks at `rate_hz` readings a second.
     pub fn velocity(&self, left_ticks: i32, right_ticks: i32, rate_hz: T) -> Velocity<T> {
         let (left, right) = (self.way(left_ticks) * rate_hz, self.way(right_ticks) * rate_hz);
         Velocity {
@@ -88,7 +88,7 @@ impl<T: Real> Drive<T> {
         real::<T>(TAU * f64::from(ticks)) * self.radius_m / self.ticks_per_turn
     }
 
-    /// The estimate after the encoders have counted on by so many ticks.
+    /// The estimate after the encoders have counted on by this many ticks.
     ///
     /// The covariance is carried along the arc to first order: P ← F P Fᵀ + G Q Gᵀ.
     pub fn advance(&self, from: &Estimate<T>, left_ticks: i32, right_ticks: i32) -> Estimate<T> {

@@ -68,7 +68,7 @@ pub enum Drive {
 }
 
 impl Drive {
-    /// From the beginning of one peak to that of the next it takes at least so many times the length of a peak.
+    /// From the beginning of one peak to that of the next it takes at least this many times the length of a peak.
     const PEAK_PERIODS: u32 = 10;
 
     /// The least time between the beginnings of two peaks of an output, so that the share of full current is at most

@@ -64,7 +64,7 @@ pub struct Sequencer<'t> {
 }
 
 impl<'t> Sequencer<'t> {
-    /// Idle, without a table, under the profile that is built in. `used` tells how long each output has been on, as far
+    /// Idle, without a table, under the profile that is built in. `used` says how long each output has been on, as far
     /// as memory has kept it.
     pub fn new(used: &'t mut DutyMeters) -> Self {
         let mut sequencer = Self {
@@ -127,7 +127,7 @@ impl<'t> Sequencer<'t> {
         }
     }
 
-    /// Gives the table back, to be filled anew. Nothing while a program runs or a coil is on by hand.
+    /// Gives the table back, to be filled again. Nothing while a program runs or a coil is on by hand.
     pub fn unload(&mut self) -> Option<&'t mut Table> {
         if self.is_idle() { self.table.take() } else { None }
     }

@@ -77,7 +77,7 @@ pub enum Record {
     Frame {
         /// Two bits for each actuator of the module, the first in the lowest.
         digits: u16,
-        /// Pose of the module's top in its base; the mount stands in the first module, the tool in the last.
+        /// Pose of the module's top in its base; the mount is in the first module, the tool in the last.
         pose: Coordinates,
     },
 }

@@ -22,7 +22,7 @@ const SAMPLES: usize = 10_000_000;
 const EXACT: usize = 1 << 18;
 /// Edge of the cubes that densities are compared on, m: whole cells, and 2¹⁵ words leave few to a smaller one.
 const COARSE_M: f64 = 0.4;
-/// The same for 64⁶ words, and of position and orientation together, where the cubes of rotation vectors are of so many
+/// The same for 64⁶ words, and of position and orientation together, where the cubes of rotation vectors are of this many
 /// cells.
 const COARSE_SPATIAL_M: f64 = 0.1;
 const COARSE_JOINT_M: f64 = 0.2;

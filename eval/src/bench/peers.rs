@@ -13,7 +13,7 @@ use anyhow::{Context, Result, bail};
 use darm_figures::figure::Figure;
 use xtask::{setup, step};
 
-/// The release whose figures stand in the README.
+/// The release whose figures are in the README.
 const PIN: &str = "pin==4.1.0";
 const EIGEN: &str = "cmeel-eigen";
 const BY_HAND: &str = "xtask/peers/README.md has the commands to do it by hand";
@@ -38,7 +38,7 @@ const PROMISED: [&str; 8] = [
 ];
 const REACHED: &str = "targets-reached";
 
-/// Builds what is missing, runs both sides, and tells the times and their ratios.
+/// Builds what is missing, runs both sides, and gives the times and their ratios.
 pub(super) fn measure() -> Result<Vec<Figure>> {
     let root = setup::root();
     let folder = root.join("target/peers");
@@ -123,7 +123,7 @@ fn ours(root: &Path, folder: &Path) -> Result<PathBuf> {
     Ok(target.join("release/peers"))
 }
 
-/// Prints the table, and tells the ratios beside their goals.
+/// Prints the table, and gives the ratios beside their goals.
 fn figures(text: &str) -> Result<Vec<Figure>> {
     println!("{:40} {:>10} {:>10} {:>10}", "", "ours, ns", "Pinocchio", "k");
     let mut figures = Vec::new();

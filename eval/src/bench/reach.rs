@@ -31,7 +31,7 @@ const DEPARTURE_M: f64 = 5e-3;
 /// Arms on which the exact search is held beside trying all words, and most digits of their words.
 const ARMS: usize = 1000;
 const MAX_DIGITS: usize = 20;
-/// A time is the best of so many runs: the machine may be shared.
+/// A time is the best of this many runs: the machine may be shared.
 const RUNS: usize = 5;
 /// Choices that the beam search keeps.
 const WIDTH: usize = 256;

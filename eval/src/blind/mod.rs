@@ -1,6 +1,6 @@
 //! The blind suite: arms with effects that nobody declared, diagnosed, and only then compared with the truth.
 //!
-//! Which answer is right stands in `rules`, written before the first run. Baselines see the same data.
+//! Which answer is right is in `rules`, written before the first run. Baselines see the same data.
 
 mod arms;
 mod baseline;

@@ -120,7 +120,7 @@ impl Bench {
         self.added.iter().map(one).collect::<Vec<_>>().join(" + ")
     }
 
-    /// Adds a mechanism of a drawn size: `shape` tells it on each axis.
+    /// Adds a mechanism of a drawn size: `shape` gives it on each axis.
     pub(super) fn add(
         &mut self,
         law: &'static str,

@@ -85,7 +85,7 @@ pub(crate) struct Closed {
     pub(crate) arm: Arm,
     /// What a person turned.
     pub(crate) settings: Vec<Setting>,
-    /// Errors with the stops set anew.
+    /// Errors with the stops set again.
     pub(crate) restopped: FrameErrors,
     /// The desired frames with the words that model n+1 chose for the metal as it was.
     pub(crate) words: Vec<DesiredFrame>,
@@ -135,7 +135,7 @@ impl Course {
     }
 }
 
-/// Runs the loop once. `keep` is told each result as it comes, before the next step can look at it.
+/// Runs the loop once. `keep` is given each result as it comes, before the next step can look at it.
 pub(crate) fn run(
     task: &Task,
     synthesis: Synthesis,
@@ -193,7 +193,7 @@ pub(crate) enum Keep<'a> {
     Arm(&'a Arm),
 }
 
-/// Both ways to close the loop with model n+1: stops set anew, and better words for the metal as it is.
+/// Both ways to close the loop with model n+1: stops set again, and better words for the metal as it is.
 fn close(
     task: &Task,
     corrected: &Arm,

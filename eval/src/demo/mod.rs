@@ -39,7 +39,7 @@ pub(crate) struct Demo {
     /// Run the firmware library in this process, in virtual time, in place of the image in the emulator
     #[arg(long)]
     in_process: bool,
-    /// Run the loop for so many seeds in this process, and print one table
+    /// Run the loop for this many seeds in this process, and print one table
     #[arg(long, value_name = "SEEDS")]
     sweep: Option<u64>,
     #[command(flatten)]

@@ -47,7 +47,7 @@ pub struct Measured {
     pub enabled: bool,
 }
 
-/// Reads the longest of each and starts anew.
+/// Reads the longest of each and starts again.
 pub fn take() -> Measured {
     let instructions = |longest: &Longest| (longest.0.swap(0, Ordering::Relaxed) * 25 + 64) / 128;
     Measured {
@@ -147,7 +147,7 @@ pub(super) fn storing(begins: bool, now: Micros) {
     STORING.store(begins, Ordering::Relaxed);
 }
 
-/// The stack, painted below where it stands at start.
+/// The stack, painted below where it is at start.
 pub struct Stack {
     bottom: *mut u32,
     top: *mut u32,

@@ -1,4 +1,4 @@
-//! Starting anew: into the firmware, or into the loader in the chip's system memory.
+//! Starting again: into the firmware, or into the loader in the chip's system memory.
 use core::mem::MaybeUninit;
 use core::ptr::addr_of_mut;
 

@@ -83,7 +83,7 @@ pub struct Snapshot {
     pub model: Option<ModelHash>,
     /// Limit switches as seen.
     pub switches: u32,
-    /// Servo joints of the table; [`super::Shared::servo_seen`] tells what their servos answer.
+    /// Servo joints of the table; [`super::Shared::servo_seen`] says what their servos answer.
     pub n_servos: u8,
     /// Whether a person holds the board's button.
     pub button: bool,

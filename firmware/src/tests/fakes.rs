@@ -196,7 +196,7 @@ impl Cells {
         (byte != 0xff).then_some(copy)
     }
 
-    /// The device on these cells, with power for so many words.
+    /// The device on these cells, with power for this many words.
     pub(crate) fn flash(&self, words_left: u32) -> MockFlash {
         MockFlash { cells: self.clone(), words_left, noise: words_left.wrapping_mul(2_654_435_761) | 1 }
     }

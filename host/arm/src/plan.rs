@@ -164,7 +164,7 @@ struct Timeline<'a> {
 }
 
 impl Timeline<'_> {
-    /// Adds the rows of a change that may begin at `free`, and tells when the arm rests.
+    /// Adds the rows of a change that may begin at `free`, and says when the arm rests.
     fn go_to(&mut self, visit: &Visit, index: usize, free: Micros) -> Micros {
         let servos: ServoAngles = visit.servos_rad.iter().map(|angle| *angle as f32).collect();
         let mut at = free.max(self.servos_may_turn(&servos));

@@ -1,4 +1,4 @@
-//! What no upload can change, told to a person with a screwdriver: which stop or anchor is to be moved, and by how much.
+//! What no upload can change, given to a person with a screwdriver: which stop or anchor is to be moved, and by how much.
 
 use std::fmt;
 
@@ -40,7 +40,7 @@ pub enum Part {
         /// The state.
         digit: u8,
     },
-    /// The anchor of a leg on the plate that it stands on, along x (0), y (1) or z (2) of that plate.
+    /// The anchor of a leg on the plate that it is on, along x (0), y (1) or z (2) of that plate.
     BaseAnchor {
         /// The direction.
         axis: u8,

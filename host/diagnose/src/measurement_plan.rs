@@ -195,7 +195,7 @@ fn as_run_away(arm: &Arm, steps: &[Step]) -> Run {
     as_run(arm, steps, AWAY.0 * arm.model.nominal_supply, arm.model.reference_temperature_k + AWAY.1)
 }
 
-/// Where the servos stand in a round: in the middle of their range, then to one side and to the other.
+/// Where the servos are in a round: in the middle of their range, then to one side and to the other.
 fn servo_positions(arm: &Arm, round: usize) -> Vec<f64> {
     let side = [0.0, -SERVO_SHARE, SERVO_SHARE][round % 3];
     let position = |k: usize| {

@@ -11,7 +11,7 @@
 //!   standard deviations of 4e-2 cm have means of 8e-2 cm (the error of a random search for a point is spread by half
 //!   its mean).
 //! - The law and number of the steps of a local search, whether the best point moves, and most of the genetic
-//!   algorithm are not printed: what was chosen stands in the files `memr`, `em` and `genetic`.
+//!   algorithm are not printed: what was chosen is in the files `memr`, `em` and `genetic`.
 
 use std::fmt::Write as _;
 
@@ -132,7 +132,7 @@ impl Problem {
         }
     }
 
-    /// What a value is multiplied by to be told in the paper's unit: of targets, m to cm.
+    /// What a value is multiplied by to be given in the paper's unit: of targets, m to cm.
     pub fn factor(self) -> f64 {
         if let Self::Target(_) = self { 100.0 } else { 1.0 }
     }

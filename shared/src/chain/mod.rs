@@ -9,7 +9,7 @@
 //!
 //! A [`Chain`] is constant; what a computation needs beside it lives in a [`Scratch`] that the caller owns:
 //! [`Chain::configure`] writes what every actuator is set to, [`Chain::assemble`] solves the stages,
-//! [`Chain::derivative`] tells how the tool moves with any one number of the geometry.
+//! [`Chain::derivative`] says how the tool moves with any one number of the geometry.
 #![allow(non_snake_case)]
 
 mod parameter;
@@ -29,7 +29,7 @@ pub use parameter::{NoSuchParameter, Parameter};
 pub struct Chain<T: Real, const N: usize> {
     /// Pose of the first stage's base in the base of the arm.
     pub mount: Pose<T>,
-    /// The stages from the base on; each stands on the top of the one before.
+    /// The stages from the base on; each is on the top of the one before.
     pub stages: Vec<Stage<T>, N>,
     /// Pose of the tool in the top of the last stage.
     pub tool: Pose<T>,

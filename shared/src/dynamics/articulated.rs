@@ -1,7 +1,7 @@
 //! Forward dynamics by articulated bodies: the motion of torques in as many steps as there are joints.
 //!
 //! Unlike [`forward_dynamics`](super::forward_dynamics), which solves with the mass matrix, it grows with N and not with N³;
-//! for short arms it is the slower of the two. All is told along the axes of the base about the base's origin.
+//! for short arms it is the slower of the two. All is given along the axes of the base about the base's origin.
 //!
 //! Source: R. Featherstone, Rigid Body Dynamics Algorithms, 2008, table 7.1, and table 9.4 for the floating base.
 

@@ -12,7 +12,7 @@
 //! | v      | `values`    | rad, m | turn and shift of the tool at u = 1                                 |
 //!
 //! Frame: at the tool; the directions are those of `frame`.
-//! Valid inside the range of u that was measured: nothing stands behind the term that would tell what it does outside.
+//! Valid inside the range of u that was measured: nothing is behind the term that would say what it does outside.
 //! Source: regression on what no law explained; see `darm diagnose --keep-terms`.
 //!
 //! # Example
@@ -41,7 +41,7 @@ pub struct FittedTerm<T: Real> {
     pub of: Variable<T>,
     /// Whether it goes with the square.
     pub square: bool,
-    /// Whose directions `values` are told in.
+    /// Whose directions `values` are given in.
     pub frame: Frame,
     /// Rotation vector, rad, and translation, m, at u = 1.
     pub values: [T; 6],

@@ -11,7 +11,7 @@
 //!
 //! Frame: a scalar about (along) the axis of the joint; of a sliding joint q and δ are lengths in m.
 //! Valid for a horn on the wrong tooth, a zero that was set badly. Of a joint at the base whose axis is fixed it cannot be
-//! told from a turn of the base.
+//! distinguished from a turn of the base.
 //! Source: definition.
 //!
 //! # Example

@@ -2,7 +2,7 @@
 //!
 //! A law acts through one of four hooks. Before the arm is assembled, [`Law::disturb`] changes what an actuator is set to
 //! (its anchors and its length) under the conditions at its [`Site`], and [`Law::turn`] a servo joint. When the arm stands,
-//! [`Law::deflection`] tells by how much a loaded actuator gives way; then the arm is assembled anew. [`Law::displace`]
+//! [`Law::deflection`] tells by how much a loaded actuator gives way; then the arm is assembled again. [`Law::displace`]
 //! moves the tool as a whole, as the camera sees it under a condition. Effects add up in the order of their list.
 //!
 //! Arm files, the diagnosis and its reports treat all laws alike: by name, place, constant, and values with names and
@@ -180,7 +180,7 @@ impl<T: Real> Condition<'_, T> {
     }
 }
 
-/// One actuator and the conditions that it stands under.
+/// One actuator and the conditions that it is under.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Site<T: Real> {
     /// Index of the stage.

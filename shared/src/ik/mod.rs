@@ -14,7 +14,7 @@
 //! [`solve`] is what a user should take: it keeps the limits, starts again elsewhere when a start leads nowhere, checks its
 //! answer by forward kinematics, and says whether the pose was reached.
 //!
-//! The error is told along the axes of the base: angular part first, the rotation vector of R_target·Rᵀ; then
+//! The error is given along the axes of the base: angular part first, the rotation vector of R_target·Rᵀ; then
 //! p_target − p. Its angular part is held equal to the linear one by a length ℓ, as in [`Pose::distance`].
 //! A tool that does not come closer although its target is within reach has met a joint's limit or a singularity.
 //!

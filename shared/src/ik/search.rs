@@ -100,7 +100,7 @@ impl<T: Real> Options<T> {
 #[derive(Clone, Copy)]
 struct Place<T: Real, const N: usize> {
     q: [T; N],
-    /// ε, told in rad and m.
+    /// ε, given in rad and m.
     error: Twist<T>,
     /// ε², m².
     cost: T,

@@ -4,7 +4,7 @@
 //! first. Here a beginning counts as good when the modules behind are likely to meet what it leaves: the pose x that
 //! remains to be reached, seen from K, what they typically do, is ξ = (2ℓ·vec q, p) of K⁻¹x, and the score is
 //! (ξ − μ)ᵀ·C⁻¹·(ξ − μ) with mean and covariance of what they do, both summed over the modules to first order:
-//! ξ of a module at the tool is Ad(B⁻¹) of its own, B what stands behind it. `WIDTH` beginnings are kept after each
+//! ξ of a module at the tool is Ad(B⁻¹) of its own, B what is behind it. `WIDTH` beginnings are kept after each
 //! module; behind each, the best of the third last module are met with all pairs of the last two. Of the last one only
 //! those are looked at whose place along x is nearer than the best word so far, after a look at the box of their places.
 //!
@@ -129,7 +129,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Default for Sea
 }
 
 impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WIDTH, FRAMES> {
-    /// Starts a search for a word of so many digits that brings the tool near `target`.
+    /// Starts a search for a word of this many digits that brings the tool near `target`.
     pub fn begin(&mut self, target: &Pose<f32>, digits: usize) {
         self.beam.begin(target, digits);
         self.frames.clear();

@@ -2,15 +2,15 @@
 //!
 //! # Model
 //!
-//! Each module of an arm stands in one of a few poses, 64 for six binary legs, which are constants: no platform is
+//! Each module of an arm is in one of a few poses, 64 for six binary legs, which are constants: no platform is
 //! solved on the chip. `T_base_tool = M_0 · M_1 ⋯ M_(n−1)`, with M_i the frame that the digits of module i name; the
-//! mount stands in the frames of the first module, the tool in those of the last.
+//! mount is in the frames of the first module, the tool in those of the last.
 //!
 //! # Search
 //!
 //! From the base on, the `WIDTH` best choices are kept after each module (a beam search). A choice is as good as the
 //! pose that it leaves to be reached, R = (M_0 ⋯ M_i)⁻¹·T, is near to what the modules behind it typically do, K:
-//! s² = |p_R' − p_K|² + ℓ²·(3 − tr(R_K⁻¹ R_R)), with p_R' − p_K told from the tool's end; 3 − tr = 2(1 − cos θ) ≈ θ²
+//! s² = |p_R' − p_K|² + ℓ²·(3 − tr(R_K⁻¹ R_R)), with p_R' − p_K measured from the tool's end; 3 − tr = 2(1 − cos θ) ≈ θ²
 //! needs neither root nor arc. A wider search follows: [`Search`]. The word found is near, not proven to be the nearest:
 //! that takes the host, `darm nearest`.
 //!
@@ -167,7 +167,7 @@ pub fn nearest<T: Real, const WIDTH: usize>(
 }
 
 impl<T: Real, const WIDTH: usize> Beam<T, WIDTH> {
-    /// Starts a search for a word of so many digits that brings the tool near `target`.
+    /// Starts a search for a word of this many digits that brings the tool near `target`.
     pub fn begin(&mut self, target: &Pose<T>, digits: usize) {
         (self.digits, self.placed, self.first) = (digits, 0, 0);
         self.next.clear();
@@ -176,7 +176,7 @@ impl<T: Real, const WIDTH: usize> Beam<T, WIDTH> {
         self.next.extend(word.map(|word| Choice { score: T::zero(), remaining: *target, word }));
     }
 
-    /// The frames of the next module come now: so many actuators, with what the modules after it typically do `behind`,
+    /// The frames of the next module come now: this many actuators, with what the modules after it typically do `behind`,
     /// and one radian held equal to `length_scale_m`.
     pub fn module(&mut self, actuators: u8, behind: &Pose<T>, length_scale_m: T) {
         core::mem::swap(&mut self.choices, &mut self.next);

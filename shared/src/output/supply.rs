@@ -61,7 +61,7 @@ impl SwitchClock {
         self.recent.iter().fold(limit.new_coils, |room, &(_, coils)| room.saturating_sub(coils))
     }
 
-    /// Notes that so many coils, no more than there was [`room`](Self::room) for, went on at `now`.
+    /// Notes that this many coils, no more than there was [`room`](Self::room) for, went on at `now`.
     pub fn note(&mut self, now: Micros, coils: u8) {
         if coils > 0 {
             // Each note takes room of at least one, so there are never more notes than a limit allows coils.

@@ -17,7 +17,7 @@ use output::{NO_OUTPUT, Output, Wires, bit_of, limit_of};
 
 /// Meters that count in turn in one tick.
 const METERS_A_TICK: usize = 7;
-/// Every meter counts once in so many ticks, one of which may leave the turn to the next.
+/// Every meter counts once in this many ticks, one of which may leave the turn to the next.
 const TICKS_A_TURN: u8 = 8;
 const _: () = assert!(METERS_A_TICK * (TICKS_A_TURN as usize - 1) >= MAX_COILS);
 

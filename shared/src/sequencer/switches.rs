@@ -5,7 +5,7 @@ use super::bits::Bits;
 use crate::output::{ActuatorWiring, MAX_ACTUATORS, MAX_INPUTS, Wiring};
 use crate::units::{ActuatorId, Micros, Word};
 
-/// A switch must contradict in so many ticks in a row before that is a fault: contacts bounce.
+/// A switch must contradict in this many ticks in a row before that is a fault: contacts bounce.
 const BOUNCE_TICKS: u8 = 3;
 
 /// What the switches must show. A tick touches the actuators that travel and the switches that contradict.

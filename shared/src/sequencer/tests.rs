@@ -52,7 +52,7 @@ impl Bench {
         Self { sequencer, begun: now, now, seen: Seen::default(), outputs: Outputs::default(), follows: true }
     }
 
-    /// Lets so many milliseconds pass, in ticks of one.
+    /// Lets this many milliseconds pass, in ticks of one.
     fn run(&mut self, millis: u64) -> &mut Self {
         for _ in 0..millis {
             self.now = self.now + Micros(MS);

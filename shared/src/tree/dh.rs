@@ -47,7 +47,7 @@ pub fn modified<T: Real, const N: usize>(rows: &[Row<T>; N], gravity: Vec3<T>) -
 
 /// The joints of a table in the standard notation.
 ///
-/// Their link frames stand at the joints, and the inertias of the rows are brought there; the frame of a row is its
+/// Their link frames are at the joints, and the inertias of the rows are brought there; the frame of a row is its
 /// [far end](Row::far_end).
 pub fn standard_joints<T: Real>(rows: &[Row<T>]) -> impl Iterator<Item = Joint<T>> {
     rows.iter().enumerate().scan(Pose::identity(), |far_end, (index, row)| {
@@ -84,7 +84,7 @@ impl<T: Real> Row<T> {
         Pose { rotation, position: Vec3::new(zero, zero, self.d_m) }
     }
 
-    /// Trans_x(a)·Rot_x(α): in the standard notation the row's frame in the link that stands at its joint.
+    /// Trans_x(a)·Rot_x(α): in the standard notation the row's frame in the link that is at its joint.
     pub fn far_end(&self) -> Pose<T> {
         let (one, zero) = (T::one(), T::zero());
         let (s, c) = trig::sin_cos(self.alpha_rad);

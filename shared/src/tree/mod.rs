@@ -59,19 +59,19 @@ pub(crate) use frame::Frame;
 pub use inertia::{Inertia, Symmetric};
 pub(crate) use kernel::{add_cross, add_scaled, cross, dot, fused, rotated};
 
-/// No link is its parent: the joint stands on the base.
+/// No link is its parent: the joint is on the base.
 pub const BASE: u8 = u8::MAX;
 
 /// A joint and the link that it moves, as an engineer gives them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Joint<T: Real> {
-    /// The link that the joint stands on, one before it in the list; `None`: the base.
+    /// The link that the joint is on, one before it in the list; `None`: the base.
     pub parent: Option<usize>,
-    /// What the link moves along, told in its own frame.
+    /// What the link moves along, given in its own frame.
     pub axis: Axis<T>,
     /// Pose of the link in the link of its parent at position zero.
     pub placement: Pose<T>,
-    /// Mass distribution of the link, told in its frame.
+    /// Mass distribution of the link, given in its frame.
     pub inertia: Inertia<T>,
 }
 
@@ -98,7 +98,7 @@ pub enum Turn<T: Real> {
 /// A link and its joint in the turned frame that computes fast: constants that can stand in a chip's flash.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Link<T: Real> {
-    /// The link that the joint stands on; [`BASE`]: none.
+    /// The link that the joint is on; [`BASE`]: none.
     pub parent: u8,
     /// Whether the joint turns about the link's z or slides along it.
     pub kind: JointKind,
@@ -108,7 +108,7 @@ pub struct Link<T: Real> {
     pub origin: Vec3<T>,
     /// The angle of a revolute joint at position zero, rad.
     pub offset: T,
-    /// Mass distribution, told in the turned frame about its origin.
+    /// Mass distribution, given in the turned frame about its origin.
     pub body: Body<T>,
     /// The turned frame in the frame that the joint was given with.
     pub turned: Mat3<T>,
@@ -145,7 +145,7 @@ pub struct LinkFrame<T: Real> {
     pub pose: Pose<T>,
 }
 
-/// Where every link of a tree stands in one posture.
+/// Where every link of a tree is in one posture.
 #[derive(Clone, Copy, Debug)]
 pub struct Frames<T: Real, const N: usize> {
     base: Frame<T>,
@@ -305,7 +305,7 @@ impl<T: Real> Link<T> {
         Frame { origin: parent.point(&self.origin), ..parent.turned(&self.turn) }
     }
 
-    /// A frame told in the link's, told in the parent's once the joint has moved to `q`, or by the angle of this sine and cosine.
+    /// A frame given in the link's, given in the parent's once the joint has moved to `q`, or by the angle of this sine and cosine.
     #[inline(always)]
     fn inward(&self, at: Frame<T>, q: T, sine: T, cosine: T) -> Frame<T> {
         let [x, y, z, origin] = match self.kind {

@@ -4,7 +4,7 @@ use core::f64::consts::FRAC_2_PI;
 
 /// Beyond this angle the remainder of the division by π/2 loses digits, rad.
 const LARGEST: f64 = 1e5;
-/// 1.5·2⁵²: adding it rounds to the nearest integer, which then stands in the low bits.
+/// 1.5·2⁵²: adding it rounds to the nearest integer, which then is in the low bits.
 const ROUND: f64 = 6_755_399_441_055_744.0;
 /// π/2 in three parts of 33 bits and fewer: k times the first two is exact for |k| < 2²⁰.
 const HALF_PI: [f64; 3] = [1.570_796_326_734_125_6, 6.077_100_506_303_966e-11, 2.022_266_248_795_950_6e-21];

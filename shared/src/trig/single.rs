@@ -2,9 +2,9 @@
 
 use core::f32::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, PI};
 
-/// Beyond so many quarter turns, 6434 rad, libm's: the remainder of the division by π/2 loses digits. A power of two.
+/// Beyond this many quarter turns, 6434 rad, libm's: the remainder of the division by π/2 loses digits. A power of two.
 const MOST_QUARTERS: u32 = 1 << 12;
-/// 1.5·2²³: adding it rounds to the nearest integer, which then stands in the low bits.
+/// 1.5·2²³: adding it rounds to the nearest integer, which then is in the low bits.
 const ROUND: f32 = 12_582_912.0;
 /// π/2 in three parts: k times the first two is exact for |k| < 2¹³.
 const HALF_PI: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];

@@ -32,7 +32,7 @@ pub enum Request {
     Stop,
     /// How did the firmware die last?
     ReadFault,
-    /// Start anew.
+    /// Start again.
     Reboot(Into),
 }
 

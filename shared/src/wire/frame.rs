@@ -13,7 +13,7 @@ pub const MAX_BODY: usize = HEADER + MAX_PAYLOAD + 4;
 /// Longest frame on the line, with COBS's overhead and both zero bytes.
 pub const MAX_FRAME: usize = MAX_BODY + MAX_BODY / 254 + 1 + 2;
 
-/// What stands before the payload.
+/// What is before the payload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
     /// What the payload is.

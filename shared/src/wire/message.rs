@@ -58,7 +58,7 @@ pub enum Request<'a> {
     Begin(Image),
     /// A piece of the table.
     Chunk {
-        /// Where it stands in the image.
+        /// Where it is in the image.
         offset: u32,
         /// At most [`CHUNK`] bytes.
         bytes: &'a [u8],
@@ -254,7 +254,7 @@ pub struct Events {
 /// Why the board does not do what was asked.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Refusal {
-    /// Another host has connected, or the board has started anew: say `Hello`.
+    /// Another host has connected, or the board has started again: say `Hello`.
     NotConnected,
     /// The board speaks another version.
     Protocol {

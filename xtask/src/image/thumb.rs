@@ -11,7 +11,7 @@ pub(crate) enum Op {
     CallRegister,
     /// Branches to the address in a register or in memory.
     BranchRegister,
-    /// Lowers the stack pointer by so many bytes.
+    /// Lowers the stack pointer by this many bytes.
     Push(u32),
     /// Changes the stack pointer by an amount that the instruction does not name.
     StackUnknown,

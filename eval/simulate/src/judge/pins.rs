@@ -11,7 +11,7 @@ const MS: u64 = 1_000_000;
 const NOTICE_MS: u64 = 10;
 /// A refresh is this much late at most: two ticks.
 const REFRESH_SLACK_MS: u32 = 2;
-/// A line of full current goes on again no sooner than after so many times the length of its peak.
+/// A line of full current goes on again no sooner than after this many times the length of its peak.
 const PEAK_PERIODS: u64 = 10;
 /// Its two times of going on may be nearer by a tick, in board time.
 const PEAK_SLACK_MS: u64 = 1;

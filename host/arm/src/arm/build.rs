@@ -99,7 +99,7 @@ fn conditions(model: &mut ArmModel, raw: Option<&RawConditions>) -> Checked<()> 
     Ok(())
 }
 
-/// What the stages add up to, and where each part stands in the file.
+/// What the stages add up to, and where each part is in the file.
 #[derive(Default)]
 struct Parts {
     stages: heapless::Vec<Stage<f64>, MAX_STAGES>,
@@ -293,7 +293,7 @@ fn check_keys(raw: &RawStage) -> Result<(), ArmFault> {
     }
 }
 
-/// Every module has to stand at rest and fully extended: a base-line that is singular or does not fit is told here.
+/// Every module has to stand at rest and fully extended: a base-line that is singular or does not fit is reported here.
 fn check_poses(arm: &Arm, raw: &RawArm) -> Checked<()> {
     let chain = &arm.model.chain;
     let servos = vec![0.0; arm.n_servos()];

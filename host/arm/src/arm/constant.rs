@@ -13,7 +13,7 @@ use darm_robot::literal::{number, numbers, pose, vector};
 const STAGES: [&str; 7] = ["Axis", "DiscreteJoint", "JointKind", "Leg", "Platform", "ServoJoint", "Stage"];
 
 impl Arm {
-    /// A module of Rust with the constant `MODEL` of this arm in `f32`, for `rustfmt`: `MODEL.predict` tells where the
+    /// A module of Rust with the constant `MODEL` of this arm in `f32`, for `rustfmt`: `MODEL.predict` says where the
     /// tool stands.
     pub fn constant(&self) -> String {
         let (model, n) = (&self.model, self.model.chain.stages.len());

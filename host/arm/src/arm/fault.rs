@@ -84,7 +84,7 @@ pub enum ArmFault {
         /// The value of the state before, m or rad.
         before: f64,
     },
-    /// An actuator with so many states needs another number of outputs.
+    /// An actuator with this many states needs another number of outputs.
     #[error(
         "the actuator has {found} outputs; give {expected}: `output` for two states, two in `outputs` for three or four"
     )]

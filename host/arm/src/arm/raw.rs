@@ -1,4 +1,4 @@
-//! The arm file as it stands in TOML, before it is checked.
+//! The arm file as it is in TOML, before it is checked.
 
 use std::collections::BTreeMap;
 

@@ -22,7 +22,7 @@
 //! - A step of Newton's method multiplies the rotation by that of the step: two roundings by entry of the one, three of
 //!   the product, 5√3·u = 8.7u. The equations of the legs take back what is a rotation of it, not the rest.
 //! - A leg is measured as |R·t + p − b|: 5.2u·|t| for R·t, u·(|t| + |p|) and u·l for the sums, 2.5u·l for the root of three
-//!   squares. It is told as b, t and l with u each, and e effects add to l with u each. The last step rounds R and p once
+//!   squares. It is given as b, t and l with u each, and e effects add to l with u each. The last step rounds R and p once
 //!   more: δ = u·[(7.2 + 8.7·(1 + n))·|t| + 2·|p| + |b| + (4.5 + e)·l]. What the last step leaves by its own curvature is
 //!   the square of ε^¾ and of no account. A joint: δ = u·(1 + e)·|value|.
 //! - Where legs give way, settling ends when no actuator moves by more than 10⁻⁸ + 16ε, [`Model::predict`], of both

@@ -3,7 +3,7 @@
 //!
 //! # Method
 //!
-//! As in [`exact`](super::exact) the frames of the last stages stand in a tree. The heads are not formed: a choice for the
+//! As in [`exact`](super::exact) the frames of the last stages are in a tree. The heads are not formed: a choice for the
 //! first j stages leaves the pose W to be reached by the others. The one that promises most is opened first, until it is
 //! a head, whose nearest tail is sought.
 //!
@@ -258,7 +258,7 @@ mod tests {
     use super::super::exact::Index;
     use super::*;
 
-    /// The spatial example with its first stages once more in front: 64^(6 + more) words.
+    /// The spatial example with its first stages again in front: 64^(6 + more) words.
     fn arm(name: &str, more: usize) -> Arm {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples").join(name);
         let mut arm = Arm::read(&path).unwrap();

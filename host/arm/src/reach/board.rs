@@ -1,7 +1,7 @@
 //! What a board needs to answer by itself which word is nearest: the frames of the arm's modules as records of a table.
 //!
 //! A module here is a run of neighbouring stages with at most 64 frames together, or one stage of any number:
-//! few large modules are searched better than many small ones. What the modules behind one typically do is told beside
+//! few large modules are searched better than many small ones. What the modules behind one typically do is given beside
 //! it, so that the board looks at each frame once, in the order of the table; see [`darm_core::nearest`].
 //!
 //! The frames are those of the model with its effects, under working conditions. What an effect does to a stage may
@@ -68,7 +68,7 @@ pub fn records(arm: &Arm) -> Result<Vec<Record>, ReachError> {
     Ok(records)
 }
 
-/// What the board answers by these records, of an arm with so many actuators: a word near `target`, `None` where they
+/// What the board answers by these records, of an arm with this many actuators: a word near `target`, `None` where they
 /// hold no frames for each of its digits.
 pub fn nearest(records: &[Record], actuators: usize, target: &Pose<f64>) -> Option<Found<f32>> {
     let mut room = Box::<Room>::default();

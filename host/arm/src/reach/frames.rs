@@ -50,7 +50,7 @@ pub(super) fn joined(a: &Word, b: &Word) -> Word {
 }
 
 /// The frames of each stage of `arm` for the digits that are `allowed`, with its servos at `servos_rad`; the mount
-/// stands in the first, the tool in the last.
+/// is in the first, the tool in the last.
 pub(super) fn of_stages(
     arm: &Arm,
     servos_rad: &[f64],

@@ -1,6 +1,6 @@
 //! An order of switching from one word to another that keeps the tool within a tube.
 //!
-//! Every actuator that differs is switched once, to its last digit; between two rests of the arm at most so many are
+//! Every actuator that differs is switched once, to its last digit; between two rests of the arm at most this many are
 //! switched at once. The tool has to rest within a distance of the straight line from its first to its last position;
 //! how it moves from rest to rest is not asked, for there the arm snaps. Of all such orders one with the least number
 //! of words between is found, by A*: a state is the set of actuators that have been switched and how many of them

@@ -7,7 +7,7 @@ use crate::arm::Arm;
 
 /// What one stage does to the frame that it is mounted on.
 pub(super) enum Step {
-    /// It stands in one of these poses, each for the digits of its actuators.
+    /// It is in one of these poses, each for the digits of its actuators.
     Poses(Vec<(Vec<u8>, Pose<f64>)>),
     /// It turns by any angle: the unit motion, and the angle at which the servo is at zero.
     Servo { axis: Twist<f64>, offset: f64 },

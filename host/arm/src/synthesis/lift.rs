@@ -99,7 +99,7 @@ impl<'p, 'a> Lift<'p, 'a> {
         Ok(lift)
     }
 
-    /// The number of the place with these legs; a new one stands at `pose`.
+    /// The number of the place with these legs; a new one is at `pose`.
     fn place(&mut self, stage: usize, legs: Vec<usize>, pose: Pose<f64>) -> usize {
         if let Some(known) = self.places.iter().position(|place| place.stage == stage && place.legs == legs) {
             return known;

@@ -14,7 +14,7 @@
 //! Where stops alone do not meet the frames, the coordinates of the legs' anchors join the unknowns, within
 //! [`Bounds::anchor_m`].
 //!
-//! Rows in rad are weighted by the arm's length scale. How many frames can be met is told by ranks, see [`Case`].
+//! Rows in rad are weighted by the arm's length scale. How many frames can be met is given by ranks, see [`Case`].
 //!
 //! - [`Method::Newton`] (default): Gauss–Newton on the group with analytic derivatives, damped where a full step does
 //!   not help, along the way from the base-line's own frames where that fails, from several starts after that. Bounds
@@ -83,7 +83,7 @@ pub enum Method {
     Newton,
     /// Undamped Gauss–Newton from the base-line, without bounds and other starts: what the rest is measured by.
     Plain,
-    /// The paper's: frames interpolated in so many steps, derivatives by differences, the actual frame fed back.
+    /// The paper's: frames interpolated in this many steps, derivatives by differences, the actual frame fed back.
     Paper {
         /// n_div of the paper.
         steps: u32,

@@ -29,7 +29,7 @@ pub enum Obstacle {
         frame: String,
     },
     /// No small change of any stop brings the tool nearer: the arm is stretched towards frames that are out of reach, or
-    /// stands in a hollow that only another start leads out of.
+    /// is in a hollow that only another start leads out of.
     OutOfReach,
     /// The search stopped where a small change of the stops still brings the tool nearer, but too little to be followed.
     Unsettled,

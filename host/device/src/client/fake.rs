@@ -41,7 +41,7 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    /// Loses what stands in RAM, as by a reset.
+    /// Loses what is in RAM, as by a reset.
     pub(super) fn reset(&mut self) {
         (self.connection, self.last, self.upload) = (None, None, None);
     }
@@ -172,7 +172,7 @@ pub(super) struct FakeBoard {
     memory: Arc<Mutex<Memory>>,
     reader: Reader,
     now_s: f64,
-    /// The cable is pulled after so many bytes from the host.
+    /// The cable is pulled after this many bytes from the host.
     cut_after: Option<usize>,
 }
 

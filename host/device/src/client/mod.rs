@@ -80,7 +80,7 @@ impl Client {
         Ok(client)
     }
 
-    /// Opens the connection anew: after another host has used the board, or the board has started anew.
+    /// Opens the connection again: after another host has used the board, or the board has started again.
     pub fn say_hello(&mut self) -> Result<Hello, ClientError> {
         let mut tries = 0;
         loop {
@@ -175,7 +175,7 @@ impl Client {
         CrashRecord::decode(&payload).ok_or(AnswerError::Payload { request: "read fault" }.into())
     }
 
-    /// Starts the board anew; the connection ends.
+    /// Starts the board again; the connection ends.
     pub fn reboot(&mut self, into: RebootInto) -> Result<(), ClientError> {
         self.exchange.ask_bootstrap("reboot", bootstrap::Request::Reboot(into)).map(drop)
     }

@@ -1,6 +1,6 @@
 //! Parts the byte stream from a board into frames and text.
 //!
-//! A frame stands between two zero bytes, everything else is text. A lost or damaged zero byte turns frames into text
+//! A frame is between two zero bytes, everything else is text. A lost or damaged zero byte turns frames into text
 //! and text into frames; the reader finds back: after a frame that cannot be read the zero byte behind it may as well
 //! begin the next one, and silence ends a frame that does not end.
 

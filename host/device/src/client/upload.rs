@@ -14,7 +14,7 @@ use super::{AnswerError, Client, ClientError};
 
 /// Chunks under way: together they fit the board's receive buffer of 1 KiB.
 const WINDOW: usize = 3;
-/// An upload that the board has forgotten or found damaged starts anew so many times.
+/// An upload that the board has forgotten or found damaged starts again this many times.
 const RESTARTS: u32 = 8;
 
 /// How far an upload is.

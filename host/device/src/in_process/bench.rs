@@ -91,7 +91,7 @@ impl Bench {
         }
     }
 
-    /// Lets the board's clock run fast by so many parts per million, slow if negative; at most ±10 %.
+    /// Lets the board's clock run fast by this many parts per million, slow if negative; at most ±10 %.
     pub fn set_clock_error(&mut self, ppm: i32) {
         let ppm = i64::from(ppm.clamp(-100_000, 100_000));
         self.tick_ns = TICK_NS * 1_000_000 / (1_000_000 + ppm) as u64;

@@ -15,7 +15,7 @@ use darm_arm::image::UploadImage;
 /// Pages and words of the board's chip.
 const PAGE: usize = 2048;
 const WORD: usize = 8;
-/// An erase gives way to other tasks so many times; a page takes 22 ms on the part.
+/// An erase gives way to other tasks this many times; a page takes 22 ms on the part.
 const ERASE_YIELDS: usize = 20;
 
 /// The bytes of a board's flash. Clones share them, as two starts of one board do.

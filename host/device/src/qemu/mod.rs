@@ -67,7 +67,7 @@ pub enum QemuError {
     Io(#[from] io::Error),
 }
 
-/// What stands behind the board's console port.
+/// What is behind the board's console port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Console {
     /// A Unix socket: whoever connects next has the port, as with a cable.
@@ -83,7 +83,7 @@ pub struct Machine {
     pub elf: PathBuf,
     /// The folder of the flash file, which is made blank when there is none.
     pub folder: PathBuf,
-    /// What stands behind the console port.
+    /// What is behind the console port.
     pub console: Console,
 }
 

@@ -103,7 +103,7 @@ impl Qtest {
         digits.chunks(2).map(byte).collect::<Option<_>>().ok_or(QtestError::Refused { command, answer: answer.clone() })
     }
 
-    /// Sends one command and returns what stands behind its `OK`.
+    /// Sends one command and returns what is behind its `OK`.
     fn command(&mut self, command: &str) -> Result<String, QtestError> {
         self.stream.write_all(format!("{command}\n").as_bytes())?;
         let answer = self.answers.recv_timeout(ANSWER_TIMEOUT).map_err(|e| match e {

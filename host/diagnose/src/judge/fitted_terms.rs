@@ -26,7 +26,7 @@ impl WithTerms {
     }
 }
 
-/// A model with what remains of it as fitted terms, until nothing remains that may be kept; `depends_on` is what there is
+/// A model with what remains of it as fitted terms, until nothing remains that may be kept; `depends_on` is what is available
 /// before, with what each term gains put in, and `structure` finds it. `None` where no term is worth it.
 pub(crate) fn with_terms(
     problem: &ToolPoses,

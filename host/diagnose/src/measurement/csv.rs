@@ -77,7 +77,7 @@ pub fn about(path: &Path) -> Result<BTreeMap<String, String>, ReadError> {
 }
 
 /// Writes a file of measurements, compressed when its name ends in `.gz`, a log when it ends in `.mcap`; `about` are
-/// comment lines (`# key value`) that stand before the table.
+/// comment lines (`# key value`) that are before the table.
 pub fn write(path: &Path, about: &str, run: &Run) -> io::Result<()> {
     let text = about.to_owned() + &write_text(run);
     match path.extension().and_then(|end| end.to_str()) {

@@ -1,9 +1,9 @@
 //! Measurements as MCAP logs: what a CSV has in its rows a log has in messages of JSON, with a registered schema.
 //!
-//! A log that is written has one topic, [`TOPIC`], with one message a row, told at the row's time, whose keys are the
+//! A log that is written has one topic, [`TOPIC`], with one message a row, given at the row's time, whose keys are the
 //! names of the columns; the schema ([`SCHEMA`], JSON Schema) names each column's type and unit. Comment lines before the
 //! table become the metadata record `about`. Log times are those of the clock on the wall: the column of time is counted from
-//! the first row, whose time is told by the key [`FIRST_ROW`]; without it the column itself is the log time.
+//! the first row, whose time is given by the key [`FIRST_ROW`]; without it the column itself is the log time.
 //!
 //! A log that is read may have several topics of JSON: messages with the same log time make one row. Keys within an object
 //! and numbers within a list become columns, joined by `_` and numbered from 1 (`{"q": [1, 2]}` is `q1`, `q2`); a column
@@ -110,7 +110,7 @@ fn table(log: &Log) -> Result<Vec<u8>, LogError> {
     Ok(text.into_inner().expect("a writer to memory does not fail"))
 }
 
-/// The columns of an object and what stands in them.
+/// The columns of an object and what is in them.
 fn cells(object: &Map<String, Value>) -> Vec<(String, String)> {
     fn into(name: String, value: &Value, cells: &mut Vec<(String, String)>) {
         match value {

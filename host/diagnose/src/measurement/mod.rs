@@ -98,7 +98,7 @@ pub struct Run {
 /// Which samples of a run count, and how those that no fit sees are chosen.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Choice {
-    /// Samples that only tell what came before; empty where there are none.
+    /// Samples that only say what came before; empty where there are none.
     pub unused: Vec<bool>,
     /// The part that each sample is left out with in turn, where nothing is held out for good; `None`: words by seed.
     pub parts: Option<Vec<usize>>,

@@ -15,7 +15,7 @@ use super::table::{Names, Table};
 use super::{Choice, Finding, FindingKind, Run, Sample};
 use darm_arm::arm::ZERO_CELSIUS;
 
-/// Servos that never turn by more than as many degrees are taken for told in radians.
+/// Servos that never turn by more than as many degrees are taken for given in radians.
 const HALF_TURN: f64 = 3.2;
 /// Rows from which on that is no chance.
 const SOME_ROWS: usize = 10;
@@ -26,13 +26,13 @@ const SPATIAL: [(&str, &str); 6] = [("x", "m"), ("y", "m"), ("z", "m"), ("rx", "
 /// Which rows of a file count, and which of them no fit may see.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Which {
-    /// Rows that count; `None`: all. The others only tell what came before.
+    /// Rows that count; `None`: all. The others only say what came before.
     pub keep: Option<Selection>,
     /// Rows that no fit may see.
     pub hold_out: HoldOut,
 }
 
-/// Reads a file of measurements; says what its owner should know about it. `names` tell what columns hold whose own names
+/// Reads a file of measurements; says what its owner should know about it. `names` say what columns hold whose own names
 /// do not.
 ///
 /// Rows in which the pose is not a number are left out and told.
@@ -63,7 +63,7 @@ pub fn of_table(table: &Table, which: &Which) -> Result<(Run, Vec<Finding>), Rea
     Ok((run, findings))
 }
 
-/// Which samples count, and how unseen ones are told apart; that none is, where some should be.
+/// Which samples count, and how unseen ones are given apart; that none is, where some should be.
 fn choose(run: &mut Run, table: &Table, which: &Which) -> Result<Option<Finding>, SelectError> {
     let mut kept = table.clone();
     if let Some(keep) = &which.keep {
@@ -155,7 +155,7 @@ impl<'a> Columns<'a> {
     }
 }
 
-/// One row with what is needed to tell what is wrong with it.
+/// One row with what is needed to say what is wrong with it.
 struct Row<'a> {
     row: usize,
     columns: &'a Columns<'a>,

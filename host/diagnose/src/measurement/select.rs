@@ -65,7 +65,7 @@ fn comparison(text: &str) -> Result<Comparison, SelectError> {
 }
 
 impl Selection {
-    /// Whether each row is meant. Numbers are compared as they stand in the file.
+    /// Whether each row is meant. Numbers are compared as they are in the file.
     pub fn rows(&self, table: &Table) -> Result<Vec<bool>, SelectError> {
         let mut meant = vec![true; table.lines.len()];
         for comparison in &self.comparisons {

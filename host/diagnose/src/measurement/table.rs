@@ -56,7 +56,7 @@ fn with_plain_ends(text: &[u8]) -> Vec<u8> {
 }
 
 impl Table {
-    /// Reads a table; `names` tell what columns hold whose own names do not.
+    /// Reads a table; `names` say what columns hold whose own names do not.
     pub fn read(path: &Path, names: &Names) -> Result<(Self, Vec<Finding>), ReadError> {
         let content = content(path)?;
         let (table, mut findings) = Self::read_text(path, &content.text, names)?;

@@ -38,7 +38,7 @@ const TIMES_SCATTER: std::ops::Range<f64> = 13.0..32.0;
 const DRAWS: usize = 64;
 /// Random words that an arm has to stand in with its effect.
 const STANDS_IN: usize = 256;
-/// What the arm is told and when.
+/// What the arm is given and when.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrueState<'a> {
     /// The stops where the actuators rest.
@@ -53,7 +53,7 @@ pub struct TrueState<'a> {
     pub history: Option<&'a History>,
 }
 
-/// What happened to an arm before the word that it stands in.
+/// What happened to an arm before the word that it is in.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct History {
     /// Blows of each actuator on its stops, each in shares of one at nominal supply.

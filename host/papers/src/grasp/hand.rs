@@ -16,7 +16,7 @@ pub const COORDINATES: usize = JOINTS + 2;
 /// Angles of the hand: φ₁₁, …, φ₄₆ of the paper, finger by finger.
 pub const ANGLES: usize = FINGERS * COORDINATES;
 
-/// Angles φᵢⱼ of all fingers, rad; that of finger i and joint j stands at `COORDINATES·i + j`, both from 0.
+/// Angles φᵢⱼ of all fingers, rad; that of finger i and joint j is at `COORDINATES·i + j`, both from 0.
 pub type Angles = [f64; ANGLES];
 
 /// Frames of all links in the palm, finger by finger.
@@ -82,7 +82,7 @@ pub struct Hand {
     pub pairs: Vec<Pair>,
 }
 
-/// A finger joint, virtual ones too, where it stands in one posture: told in the palm.
+/// A finger joint, virtual ones too, where it is in one posture: given in the palm.
 #[derive(Clone, Copy, Debug)]
 pub struct Axis {
     /// Unit vector.
@@ -91,7 +91,7 @@ pub struct Axis {
     pub point: Vec3<f64>,
 }
 
-/// The hand in one posture, told in the palm.
+/// The hand in one posture, given in the palm.
 #[derive(Clone, Debug)]
 pub struct Placed {
     /// Every joint.
@@ -133,7 +133,7 @@ impl Hand {
         std::array::from_fn(|k| angles[k].clamp(self.limits[k][0], self.limits[k][1]))
     }
 
-    /// Where joints, links and fingertips stand in the palm.
+    /// Where joints, links and fingertips are in the palm.
     pub fn place(&self, angles: &Angles) -> Placed {
         let nowhere = Axis { direction: Vec3::zeros(), point: Vec3::zeros() };
         let mut placed = Placed {

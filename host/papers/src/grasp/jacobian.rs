@@ -6,7 +6,7 @@
 //! # The paper's 18 × 25 Jacobian
 //!
 //! With P = (p₁, r₁, p₂, r₂, p₃, r₃) and pᵢ = rᵢ + ρnᵢ the paper's J has rank 15 at most, for |pᵢ − rᵢ| is constant:
-//! J = B·K, where K (15 × 25) tells how rᵢ moves (3 rows) and nᵢ turns (2 rows, along tᵢ₁ and tᵢ₂ across nᵢ), and B has the
+//! J = B·K, where K (15 × 25) says how rᵢ moves (3 rows) and nᵢ turns (2 rows, along tᵢ₁ and tᵢ₂ across nᵢ), and B has the
 //! block (I, ρ\[t₁ t₂\]; I, 0) for each finger. Both have full rank, so J⁺ = K⁺B⁺ = Kᵀ(KKᵀ)⁻¹(BᵀB)⁻¹Bᵀ, and
 //!
 //! B⁺ΔP = (Δr + ½ρ(n·n* − 1)·n, t₁·n*, t₂·n*) for ΔP = P* − P,
@@ -34,7 +34,7 @@ pub type Rows = SVector<f64, ROWS>;
 /// Singular values below this share of the largest are none.
 const TRUNCATED: f64 = 1e-5;
 
-/// K in one posture, told in the palm.
+/// K in one posture, given in the palm.
 pub fn jacobian(placed: &Placed) -> Jacobian {
     let mut jacobian = Jacobian::zeros();
     let thumb = Axis { direction: placed.normal(THUMB), point: placed.tips[THUMB].position };
@@ -59,7 +59,7 @@ pub fn jacobian(placed: &Placed) -> Jacobian {
 }
 
 impl Hand {
-    /// B⁺ΔP for the contacts that are asked for, told in the palm as `placed` is.
+    /// B⁺ΔP for the contacts that are asked for, given in the palm as `placed` is.
     pub fn paper_rows(&self, placed: &Placed, wanted: &Contacts) -> Rows {
         let mut rows = Rows::zeros();
         for (i, tip) in placed.tips.iter().enumerate().take(THUMB) {

@@ -85,7 +85,7 @@ const LEAST_DAMPING: f64 = 1e-12;
 const MOST_DAMPING: f64 = 1.0;
 /// A step that leaves more than this share of the cost has come to a local minimum.
 const SLOW: f64 = 0.999;
-/// Of all orders of the contacts, so many times the starts of one are tried.
+/// Of all orders of the contacts, this many times the starts of one are tried.
 const ORDERS_TRIED: usize = 6;
 
 impl Hand {

@@ -28,7 +28,7 @@ pub struct Fit {
     pub values: DVector<f64>,
     /// Sums of parameters that the rows tell.
     pub rank: usize,
-    /// Their covariance, in the unknowns; what is not told adds nothing.
+    /// Their covariance, in the unknowns; what is not given adds nothing.
     pub covariance: DMatrix<f64>,
     /// Sum of squared weighted residuals, over the rows less the rank: 1 when the noise is as it was said to be.
     pub scatter: f64,

@@ -3,10 +3,10 @@
 //! | column | holds |
 //! | --- | --- |
 //! | `JOINT` or `q1`… (`_rad`, `_deg`, `_m`, `_mm`) | position of a joint |
-//! | `tau_JOINT` or `tau1`… (`_nm`, `_n`) | its torque; a joint without one tells no row |
-//! | `Fx` … `Mz` (`_n`, `_nm`) | what the ground exerts on the base, in the world about its origin; what is missing tells no row |
+//! | `tau_JOINT` or `tau1`… (`_nm`, `_n`) | its torque; a joint without one gives no row |
+//! | `Fx` … `Mz` (`_n`, `_nm`) | what the ground exerts on the base, in the world about its origin; what is missing gives no row |
 //! | `LINK_Fx` … `LINK_Mz` | the same on another link, for several contacts |
-//! | `px` `py` `pz` `qx` `qy` `qz` `qw` | pose of the base in the world; without them it stands at the origin |
+//! | `px` `py` `pz` `qx` `qy` `qz` `qw` | pose of the base in the world; without them it is at the origin |
 //! | `t`, `fresh`, `held_out` | as for a diagnosis |
 
 use std::path::Path;

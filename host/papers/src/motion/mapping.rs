@@ -1,6 +1,6 @@
 //! A person's motion on a robot: the centre of mass of the person exactly, the markers as well as they can be followed.
 //!
-//! 1. The motion is told from the middle between the feet, on the ground, and scaled so that the robot's highest centre of mass
+//! 1. The motion is measured from the middle between the feet, on the ground, and scaled so that the robot's highest centre of mass
 //!    is a little higher than the person's highest one. (The paper's robot had a person's size: scale 1.)
 //! 2. The robot sits: the posture nearest to its sitting one whose centre of mass is the person's first one.
 //! 3. The markers of the first frame are overlaid on it: each keeps its place in the link that follows it from there.
@@ -8,7 +8,7 @@
 //!    time. A robot that sits has its centre of mass as high as the chair lets it: the height is followed there, and what it
 //!    differs fades after lift-off.
 //! 5. Where the zero-moment point comes too near to the edge of what bears the robot, the centre of mass moves by the least
-//!    that brings it back (`balance`), and 4 once more. The paper leaves this undone: its dynamics are not considered. A
+//!    that brings it back (`balance`), and 4 again. The paper leaves this undone: its dynamics are not considered. A
 //!    person's zero-moment point may be where the robot's cannot, for its feet and masses are others.
 //! 6. The balance check of `balance`.
 //!
@@ -41,9 +41,9 @@ const LIFTED_M: f64 = 0.003;
 
 /// After lift-off the height that the chair gave the centre of mass becomes the person's within this, s.
 const FADES_S: f64 = 1.0;
-/// Frames over which the speed at lift-off is told.
+/// Frames over which the speed at lift-off is given.
 const SLOPE: usize = 3;
-/// The centre of mass is moved in so many rounds at most, and until the zero-moment point lacks less than this of its margin, m.
+/// The centre of mass is moved in this many rounds at most, and until the zero-moment point lacks less than this of its margin, m.
 const ROUNDS: (usize, f64) = (8, 0.002);
 
 /// A motion of a robot.
@@ -163,7 +163,7 @@ impl Ground {
     }
 }
 
-/// What the robot follows while it stands on its feet.
+/// What the robot follows while it is on its feet.
 struct Follow<'a> {
     standing: &'a OnFeet<'a>,
     markers: &'a [Fixed],
@@ -219,7 +219,7 @@ impl Follow<'_> {
     }
 }
 
-/// An error of a problem of one frame, told with the frame's own number.
+/// An error of a problem of one frame, given with the frame's own number.
 fn at_frame(error: TrajectoryError, frame: usize) -> TrajectoryError {
     match error {
         TrajectoryError::OutOfReach { what, off_mm, .. } => {
@@ -341,7 +341,7 @@ impl OnFeet<'_> {
     }
 }
 
-/// How a place of the person is told for the robot.
+/// How a place of the person is given for the robot.
 struct View {
     from: Vec3<f64>,
     to: Vec3<f64>,

@@ -2,7 +2,7 @@
 //!
 //! | key | holds |
 //! | --- | --- |
-//! | `person.feet` | links of the person that stand on the ground; the motion is told from the middle between them |
+//! | `person.feet` | links of the person that stand on the ground; the motion is measured from the middle between them |
 //! | `person.markers.NAME` | `link` and `at` (m, in the link's frame) of a marker on the average person |
 //! | `robot.feet.LINK` | points of a link that touch the ground, m, in its frame: they stand at z = 0 |
 //! | `robot.seat.LINK` | points of a link that touch the chair, m: their middle stays where it is until lift-off |

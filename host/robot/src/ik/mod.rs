@@ -1,10 +1,10 @@
 //! Inverse kinematics by a method of choice, with the error before every step, so that methods can be compared.
 //!
-//! Take [`Method::LevenbergMarquardt`]; the others are there to be learned from. [`configurations`] tells all
+//! Take [`Method::LevenbergMarquardt`]; the others are there to be learned from. [`configurations`] gives all
 //! postures that reach a target, [`search`] holds the searches by populations of points, `memr` of `darm-papers` the tables that
 //! they are known from.
 //!
-//! [`solve`] never fails: [`Solution::status`] tells how it ended, and [`Solution::q`] holds the nearest positions
+//! [`solve`] never fails: [`Solution::status`] says how it ended, and [`Solution::q`] holds the nearest positions
 //! found.
 //!
 //! ```
@@ -153,7 +153,7 @@ impl From<&Twist<f64>> for Residual {
 ///
 /// The lecture's methods take up to `options.steps` steps from the one start, each joint kept within its limits, and
 /// end [`Status::NotConverged`] where the tool is not within the tolerances after them; only the recommended one
-/// restarts and tells what is out of reach. A population is drawn within the limits, not about `q`, takes
+/// restarts and says what is out of reach. A population is drawn within the limits, not about `q`, takes
 /// `options.steps` iterations with the settings of [`Settings::default`], and ends sooner when it is within the
 /// tolerances.
 pub fn solve<const N: usize>(

@@ -1,4 +1,4 @@
-//! Searches of a bounded function by a population of points: what they are told, what they keep, what stops them.
+//! Searches of a bounded function by a population of points: what they are given, what they keep, what stops them.
 //!
 //! | algorithm | file | source |
 //! | --- | --- | --- |
@@ -51,7 +51,7 @@ pub enum Algorithm {
     CmaEs,
 }
 
-/// What a search is told.
+/// What a search is given.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Points; fewer than 4 are taken as 4. Covariance matrix adaptation has a number of its own.
@@ -60,7 +60,7 @@ pub struct Settings {
     pub iterations: usize,
     /// DV of MEMR in the unit of the objective: how much worse than the record a neighbour may be.
     pub deviation: f64,
-    /// No iteration begins after so many evaluations.
+    /// No iteration begins after this many evaluations.
     pub evaluations: usize,
     /// No iteration begins after this time.
     pub time: Duration,
@@ -223,7 +223,7 @@ impl<'a> Search<'a> {
             .collect()
     }
 
-    /// Notes how far the search has come, and tells whether there is another iteration.
+    /// Notes how far the search has come, and says whether there is another iteration.
     pub(super) fn goes_on(&mut self) -> bool {
         self.history.push(Mark { evaluations: self.evaluations, value: self.best.value });
         self.history.len() <= self.settings.iterations

@@ -1,4 +1,4 @@
-//! A robot as a constant in Rust: what stands in a chip's flash and is not built at the start.
+//! A robot as a constant in Rust: what is in a chip's flash and is not built at the start.
 
 use darm_core::tree::{BASE, Body, Link, TreeError, Turn};
 

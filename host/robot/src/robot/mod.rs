@@ -29,7 +29,7 @@ pub struct Robot {
     pub name: String,
     /// Its joints and the links that they move, parents before children.
     pub joints: Vec<RobotJoint>,
-    /// Mass distribution of the base with all that is fixed to it, told in its frame; it counts when the base floats.
+    /// Mass distribution of the base with all that is fixed to it, given in its frame; it counts when the base floats.
     pub base: Inertia<f64>,
     /// Whether the base floats.
     pub floating: bool,
@@ -52,9 +52,9 @@ pub struct RobotJoint {
     pub joint: Joint<f64>,
     /// Least and greatest position, rad or m; `None` where it turns on and on or the file is silent.
     pub limits: Option<[f64; 2]>,
-    /// Greatest torque (N·m) or force (N), where the file tells it.
+    /// Greatest torque (N·m) or force (N), where the file gives it.
     pub effort: Option<f64>,
-    /// Greatest velocity, rad/s or m/s, where the file tells it.
+    /// Greatest velocity, rad/s or m/s, where the file gives it.
     pub velocity: Option<f64>,
     /// Viscous friction, N·m·s or N·s/m.
     pub damping: f64,
@@ -71,7 +71,7 @@ pub struct RobotFrame {
     pub joint: Option<usize>,
     /// Pose in the frame of that joint's link, or of the base.
     pub pose: Pose<f64>,
-    /// Whether nothing stands on it.
+    /// Whether nothing is on it.
     pub is_end: bool,
 }
 

@@ -109,7 +109,7 @@ fn base_parameters_of_the_planar_robot_are_the_textbooks() {
     assert_eq!(words(&puma()).len(), 36);
 }
 
-/// What stands in one sum goes to its first parameter, and what has no effect to nothing: no torque changes.
+/// What is in one sum goes to its first parameter, and what has no effect to nothing: no torque changes.
 #[test]
 fn base_parameters_alone_give_the_same_torques() {
     let mut floating = urdf("ur10");

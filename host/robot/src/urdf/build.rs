@@ -152,7 +152,7 @@ impl<'a> Walk<'a> {
         Self { file, locks, robot, unlimited: Vec::new(), impossible: Vec::new() }
     }
 
-    /// Takes a joint in, and tells where the link that it carries stands.
+    /// Takes a joint in, and says where the link that it carries stands.
     fn joint(&mut self, index: usize, on: &LinkPose, hierarchy: &Hierarchy) -> Result<LinkPose, Wrong> {
         let joint = &self.file.joints[index];
         let wrong = |fault| (Element::joint(joint), fault);

@@ -4,14 +4,14 @@
 //! | --- | --- |
 //! | `revolute`, `continuous`, `prismatic` | a joint; a continuous one has no limits |
 //! | `fixed` | merged: the child's inertia goes to the link that moves it, its frame keeps its name |
-//! | `floating` | the base floats, when the joint stands on the root and nothing else does; refused elsewhere |
+//! | `floating` | the base floats, when the joint is on the root and nothing else does; refused elsewhere |
 //! | `planar`, `spherical` | refused, with what to write in their place |
 //! | `mimic` | a joint that moves on its own; [`Robot::warnings`] says so |
 //! | `<inertial>` missing | no mass; the warnings say which |
 //! | `<limit>` missing, or 0 to 0 | no limits; the warnings say which |
 //! | `<visual>`, `<collision>`, `<transmission>`, `<material>`, `<gazebo>` | not read, and not checked |
 //!
-//! Joints stand in the order in which a walk from the root meets them, branch by branch, children in the order of the file.
+//! Joints are in the order in which a walk from the root meets them, branch by branch, children in the order of the file.
 //! Roll, pitch and yaw are angles about the fixed x, y and z: R = Rot_z(y)·Rot_y(p)·Rot_x(r).
 //! Source: <https://wiki.ros.org/urdf/XML>.
 

@@ -9,7 +9,7 @@
 //! | v | `Moment::velocity` | m/s or rad/s | velocity |
 //! | v₀ | `creep_speed` | m/s or rad/s | speed at which it has turned round to 76 %, > 0 |
 //!
-//! Valid in motion; at rest it tells no holding force (see `presliding_friction`).
+//! Valid in motion; at rest it gives no holding force (see `presliding_friction`).
 //! Source: C. A. Coulomb, Théorie des machines simples, 1785; smoothed as B. Armstrong-Hélouvry, P. Dupont, C.
 //! Canudas de Wit, Automatica 30 (1994) 1083.
 //!

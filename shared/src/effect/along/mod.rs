@@ -5,7 +5,7 @@
 //! ```
 //!
 //! One file a law. A law has a shape, with at most one constant in it that no linear fit finds, and a size that a fit
-//! determines; a [`Term`] is both. What a law remembers of earlier moments stands in a [`Memory`] that the caller owns, so
+//! determines; a [`Term`] is both. What a law remembers of earlier moments is in a [`Memory`] that the caller owns, so
 //! the same source runs row by row over a measurement and tick by tick on the chip.
 //!
 //! A new law is one file and its line in the list below.

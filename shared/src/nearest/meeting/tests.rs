@@ -20,7 +20,7 @@ fn planar() -> Vec<Vec<Frame<f32>>> {
     chain.stages.iter().map(|stage| frames(stage, &one, &one).collect()).collect()
 }
 
-/// The frames of an arm of so many six-legged modules, each askew in its own way.
+/// The frames of an arm of this many six-legged modules, each askew in its own way.
 fn spatial(modules: usize) -> Vec<Vec<Frame<f32>>> {
     let one = Pose::identity();
     let askew = |k: usize| Pose::<f64>::new(&Vec3::new(0.02 * k as f64, -0.1, 0.15), Vec3::new(0.01, 0.02, 0.0));

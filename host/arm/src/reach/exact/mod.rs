@@ -28,13 +28,13 @@ use crate::arm::Arm;
 
 /// Most heads that are formed at once; heads beyond them are formed again in every search.
 const MAX_FACTOR: usize = 1 << 18;
-/// Of so many heads one looks for a first bound.
+/// Of this many heads one looks for a first bound.
 const GLANCE_EVERY: usize = 2;
 
 /// What words an index holds, and how it measures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// Actuators that stand still, and the digit that each stands at.
+    /// Actuators that stand still, and the digit that each is at.
     pub dead: Vec<(usize, u8)>,
     /// Where the servo joints stand, rad.
     pub servos_rad: Vec<f64>,

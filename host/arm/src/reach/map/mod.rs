@@ -50,7 +50,7 @@ const MAX_EXACT: usize = 1 << 18;
 const MAX_MOVED: usize = 1 << 34;
 /// Most cells of the joint density that are kept, 12 bytes each.
 const MAX_KEPT: usize = 3 << 26;
-/// Of the whole arm, which is kept only to be looked at once more.
+/// Of the whole arm, which is kept only to be looked at again.
 const MAX_KEPT_AT_LAST: usize = 1 << 24;
 /// How finely frames are distinguished.
 #[derive(Clone, Copy, Debug, PartialEq)]

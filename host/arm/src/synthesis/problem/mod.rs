@@ -196,7 +196,7 @@ impl<'a> Problem<'a> {
         anchors.map(|anchor| (unknowns[anchor] - self.start[anchor]).abs()).fold(0.0, f64::max)
     }
 
-    /// Where the tool stands in each frame.
+    /// Where the tool is in each frame.
     pub(in crate::synthesis) fn poses(&mut self, unknowns: &DVector<f64>) -> Result<Vec<Pose<f64>>, SynthesisError> {
         self.take(unknowns);
         (0..self.n_frames()).map(|index| self.pose(unknowns, index)).collect()
@@ -217,7 +217,7 @@ impl<'a> Problem<'a> {
         (0..n_frames).map(posture).collect()
     }
 
-    /// Where the tool stands in the frames that are sensitive to one unknown; `None` for the others.
+    /// Where the tool is in the frames that are sensitive to one unknown; `None` for the others.
     pub(in crate::synthesis) fn poses_with(
         &mut self,
         unknowns: &DVector<f64>,

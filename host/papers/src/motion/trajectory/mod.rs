@@ -7,7 +7,7 @@
 //! min Σ_k Σ_i ‖m_i(x_k) − m̂_ik‖²/σ_m² + Σ_k ‖(x_{k+1} ⊖ x_k) − (x_k ⊖ x_{k−1})‖²/(Δt⁴ σ_a²)
 //! subject to c(x_k) = 0 (feet, centre of mass, and until it is left the chair) and q_min ≤ q_k ≤ q_max
 //!
-//! While a chair is sat on it tells how high the centre of mass can be: its height z is then followed, (z − ẑ)²/σ_z² in the
+//! While a chair is sat on it says how high the centre of mass can be: its height z is then followed, (z − ẑ)²/σ_z² in the
 //! sum, and not held.
 //!
 //! # Method
@@ -45,7 +45,7 @@ pub struct Foot {
     pub joint: Option<usize>,
     /// The frame in the link.
     pub pose: Pose<f64>,
-    /// Where it stands in the world.
+    /// Where it is in the world.
     pub stands: Pose<f64>,
 }
 
@@ -56,7 +56,7 @@ pub struct Chair<'a> {
     pub seat: &'a [Fixed],
     /// Where their middle is, m.
     pub at: Vec3<f64>,
-    /// In so many frames, the first ones.
+    /// In this many frames, the first ones.
     pub frames: usize,
 }
 
