@@ -26,6 +26,7 @@
 //!
 //! Source: Miyahara, Chirikjian, General Kinematic Synthesis Method for a Discretely Actuated Robotic Manipulator.
 
+mod accuracy;
 mod case;
 mod catalogue;
 mod lift;
@@ -50,6 +51,7 @@ use serde::Serialize;
 
 use crate::arm::frames::{self, DesiredFrame, StopRange};
 use crate::arm::{Arm, FrameFault, reason_of};
+pub use accuracy::Accuracy;
 pub use case::{BoundFrame, Case, CaseKind, WholeModules};
 pub use catalogue::{Bought, CatalogueError, Part, buy, read_catalogue};
 pub use obstacle::Obstacle;
@@ -170,16 +172,11 @@ pub struct Synthesis {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Status {
-    /// Every frame is met to [`REACHED_M`] and [`REACHED_RAD`].
+    /// Every frame is met to the [`Accuracy`] of the method.
     Reached,
     /// The frames cannot be met, or were not: the nearest that was found.
     Closest,
 }
-
-/// A frame is met when the tool is as near as this, m.
-pub const REACHED_M: f64 = 1e-9;
-/// A frame is met when the tool is turned as little as this, rad.
-pub const REACHED_RAD: f64 = 1e-9;
 
 /// A bound missed by more than this, m or rad, is broken.
 const BROKEN: f64 = 1e-9;
@@ -199,13 +196,15 @@ pub struct Reached {
     pub error_before_m: f64,
     /// Angle between the orientations with the base-line arm, rad.
     pub error_before_rad: f64,
+    /// What the method counts as met.
+    accuracy: Accuracy,
 }
 
 impl Reached {
     /// Whether the frame is met, a free orientation in any case.
     pub fn is_met(&self) -> bool {
         let free = self.frame.weights.orientation == 0.0;
-        self.error_m <= REACHED_M && (free || self.error_rad <= REACHED_RAD)
+        self.error_m <= self.accuracy.position_m && (free || self.error_rad <= self.accuracy.orientation_rad)
     }
 }
 
@@ -301,6 +300,7 @@ fn solve(
 ) -> Result<Synthesis, SynthesisError> {
     let mut problem = Problem::new(base_line, desired, &options.bounds, &options.ranges);
     problem.servos_fixed = servos_fixed;
+    problem.accuracy = Accuracy::of(options.method);
     let before = problem.start();
     let before_poses = problem.poses(&before)?;
     let case = case::of(&problem)?;
@@ -331,7 +331,7 @@ fn answer(
         .map(|(index, frame)| {
             let servos_rad = problem.servos(&unknowns, index).to_vec();
             let frame = DesiredFrame { servos_rad, ..frame.clone() };
-            reached(frame, &before[index], poses[index])
+            reached(frame, &before[index], poses[index], problem.accuracy)
         })
         .collect();
     let met = frames.iter().all(Reached::is_met);
@@ -372,13 +372,13 @@ impl Synthesis {
     }
 }
 
-fn reached(frame: DesiredFrame, before: &Pose<f64>, pose: Pose<f64>) -> Reached {
+fn reached(frame: DesiredFrame, before: &Pose<f64>, pose: Pose<f64>, accuracy: Accuracy) -> Reached {
     let apart = |pose: &Pose<f64>| {
         let apart = pose.to(&frame.pose_base_tool);
         (apart.position.norm(), apart.angle_rad())
     };
     let ((error_m, error_rad), (error_before_m, error_before_rad)) = (apart(&pose), apart(before));
-    Reached { frame, pose_base_tool: pose, error_m, error_rad, error_before_m, error_before_rad }
+    Reached { frame, pose_base_tool: pose, error_m, error_rad, error_before_m, error_before_rad, accuracy }
 }
 
 /// Where a scheme ended.

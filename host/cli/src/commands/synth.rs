@@ -26,7 +26,7 @@ Examples:
   darm synth planar4.toml planar4-frames.toml -o bought.toml --catalogue cylinders.csv --anchors 150
   darm synth planar4.toml planar4-frames.toml -o robust.toml --tolerance 0.05,0.1
   darm synth arm.toml planar4-frames.toml -o repaired.toml --stuck 4=0   # actuator 4 in state 0
-  darm synth planar4.toml planar4-frames.toml -o paper.toml --method paper --closest --plot plots
+  darm synth planar4.toml planar4-frames.toml -o paper.toml --method paper --plot plots
 
 Lengths in the files are in m, angles in degrees. Ctrl-C ends the search with the closest geometry so far. `darm adjust \
 planar4.toml arm.toml` lists by how many mm to adjust each stop.";
@@ -146,7 +146,7 @@ impl Synth {
             ui.note("interrupted: this is the closest geometry so far");
         }
         if found.status == Status::Closest && !self.closest && !watch.is_ended() {
-            return Err(not_met(&found).into());
+            return Err(not_met(&found, options.method).into());
         }
         self.write_files(&base.model, &found, ui)?;
         ui.print(&Synthesised::of(&found, &self.output, extras))

@@ -12,6 +12,7 @@ mod former_names;
 mod json_keys;
 mod limits;
 mod measurements;
+mod models;
 mod predictions;
 mod profile;
 mod recording;

@@ -12,7 +12,7 @@ use nalgebra::{DMatrix, DVector};
 pub(super) use self::bounds::Bound;
 use self::parameters::{anchors, is_leg, is_used, stops, turns, values};
 use self::target::{Target, rows};
-use super::{Bounds, SynthesisError};
+use super::{Accuracy, Bounds, Method, SynthesisError};
 use crate::arm::frames::{DesiredFrame, StopRange};
 use crate::arm::{Arm, ArmModel, ArmScratch};
 
@@ -36,6 +36,8 @@ pub(in crate::synthesis) struct Problem<'a> {
     n_servos: usize,
     /// Whether the servo angles stay as they are.
     pub(in crate::synthesis) servos_fixed: bool,
+    /// What counts as met.
+    pub(in crate::synthesis) accuracy: Accuracy,
     planar: bool,
 }
 
@@ -79,6 +81,7 @@ impl<'a> Problem<'a> {
             scratch: ArmScratch::default(),
             n_servos,
             servos_fixed: false,
+            accuracy: Accuracy::of(Method::Newton),
             planar,
             stops,
         };

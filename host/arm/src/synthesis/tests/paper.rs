@@ -16,6 +16,17 @@ fn the_papers_error_falls_with_the_square_of_its_steps() {
 }
 
 #[test]
+fn the_papers_method_is_judged_by_its_own_accuracy() {
+    let arm = planar4();
+    let (desired, options) = task("planar4-frames.toml", &arm);
+    let status = |steps| {
+        let method = Method::Paper { steps, regularisation: 1e-3 };
+        synthesize(&arm, &desired, &Options { method, ..options.clone() }).unwrap().status
+    };
+    assert_eq!((status(10), status(100)), (Status::Closest, Status::Reached));
+}
+
+#[test]
 fn the_papers_examples_are_met_and_their_cases_named() {
     let examples = [
         ("platform3", "platform3-frames", CaseKind::Sufficient),

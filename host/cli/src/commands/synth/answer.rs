@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use darm_arm::synthesis::{Bought, Case, Cost, Expected, Obstacle, Reached, Status, Synthesis};
+use darm_arm::synthesis::{Accuracy, Bought, Case, Cost, Expected, Method, Obstacle, Reached, Status, Synthesis};
 use serde::Serialize;
 
-use crate::ui::{Answer, columns};
+use crate::ui::{Answer, columns, number};
 
 /// Result of a synthesis.
 #[derive(Serialize)]
@@ -65,18 +65,23 @@ struct FrameReport {
 /// Frames that are not reached.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "frames not reached: {frames} (errors up to {worst_mm:.3} mm, {worst_deg:.3} deg); {case}; {why}; remove frames or move \
-     them closer, or accept the closest geometry with --closest"
+    "frames not reached: {frames} (errors up to {} mm, {} deg, met are {:.0e} m and {:.0e} rad); {case}; {why}; remove frames or move \
+     them closer, or accept the closest geometry with --closest",
+    number(*worst_mm, 3),
+    number(*worst_deg, 3),
+    accuracy.position_m,
+    accuracy.orientation_rad
 )]
 pub(super) struct NotMet {
     frames: String,
     worst_mm: f64,
     worst_deg: f64,
+    accuracy: Accuracy,
     case: String,
     why: String,
 }
 
-pub(super) fn not_met(found: &Synthesis) -> NotMet {
+pub(super) fn not_met(found: &Synthesis, method: Method) -> NotMet {
     let worst = |error: fn(&Reached) -> f64| found.frames.iter().map(error).fold(0.0, f64::max);
     let missed = found.frames.iter().filter(|reached| !reached.is_met());
     let names: Vec<_> = missed.map(|reached| reached.frame.name.as_str()).collect();
@@ -84,6 +89,7 @@ pub(super) fn not_met(found: &Synthesis) -> NotMet {
         frames: names.join(", "),
         worst_mm: 1e3 * worst(|reached| reached.error_m),
         worst_deg: worst(|reached| reached.error_rad).to_degrees(),
+        accuracy: Accuracy::of(method),
         case: found.case.to_string(),
         why: found.obstacle.as_ref().map_or_else(String::new, Obstacle::to_string),
     }
