@@ -10,8 +10,8 @@ use darm_arm::arm::frames::{self, DesiredFrame};
 use darm_arm::arm::{Arm, ArmModel, ArmScratch};
 use darm_arm::draw::{Scene, svg};
 use darm_arm::synthesis::{
-    Bounds, Dead, Method, Options, Status, Synthesis, Tolerance, Watch, buy, choose_words, expected, least_sensitive,
-    read_catalogue, repair, synthesize,
+    Bounds, Dead, Method, Options, Status, Synthesis, Tolerance, Watch, buy, choose_words, equal_stops, expected,
+    least_sensitive, least_strokes, read_catalogue, repair, synthesize,
 };
 
 use crate::failure::Usage;
@@ -89,6 +89,10 @@ pub(crate) struct Synth {
     /// Longest length of a leg, in percent of its longest in the initial arm
     #[arg(long, value_name = "PERCENT", default_value_t = 200.0)]
     longest: f64,
+    /// Least stroke between two states, in mm; default: that of a small solenoid. Where the frames cannot be reached so,
+    /// only actuators with a state that no frame uses keep it; bounds of strokes in FRAMES.toml come first
+    #[arg(long, value_name = "MM", default_value_t = 5.0)]
+    least_stroke: f64,
     /// Largest change of each coordinate of an anchor, in mm, used where stops alone do not reach the frames
     #[arg(long, value_name = "MM", default_value_t = 0.0, conflicts_with = "tolerance")]
     anchors: f64,
@@ -128,11 +132,12 @@ impl Synth {
         let task = read(&self.frames, &base)?;
         let watch = Watch::default();
         let options = Options { ranges: task.ranges, watch: watch.clone(), ..self.options()? };
+        let base = &base;
         let ended = watch.clone();
         ctrlc::set_handler(move || ended.end()).context("cannot wait for Ctrl-C")?;
         let spinner = ui.spinner("synthesising");
         let (found, extras) = std::thread::scope(|scope| {
-            let search = scope.spawn(|| self.search(&base, &task.frames, &options));
+            let search = scope.spawn(|| self.search_with_strokes(base, &task.frames, &options));
             while !search.is_finished() {
                 spinner.set_message(format!("synthesising, start {}", watch.starts()));
                 std::thread::sleep(Duration::from_millis(20));
@@ -148,8 +153,35 @@ impl Synth {
         if found.status == Status::Closest && !self.closest && !watch.is_ended() {
             return Err(not_met(&found, options.method).into());
         }
+        for actuator in equal_stops(&found.arm) {
+            let name = found.arm.actuator_name(actuator);
+            ui.note(&format!(
+                "warning: actuator {actuator} ({name}) has equal stops: it does not move; increase --least-stroke"
+            ));
+        }
         self.write_files(&base.model, &found, ui)?;
         ui.print(&Synthesised::of(&found, &self.output, extras))
+    }
+
+    /// Searches with the least stroke of every actuator, then with that of those that the frames leave free.
+    fn search_with_strokes(
+        &self,
+        base: &Arm,
+        desired: &[DesiredFrame],
+        options: &Options,
+    ) -> anyhow::Result<(Synthesis, Extras)> {
+        let least_m = 1e-3 * self.least_stroke;
+        let with = |free_only| {
+            let mut options = options.clone();
+            options.ranges.extend(least_strokes(base, desired, &options.ranges, least_m, free_only));
+            self.search(base, desired, &options)
+        };
+        let all = with(false)?;
+        if all.0.status == Status::Reached || least_m == 0.0 || options.watch.is_ended() {
+            return Ok(all);
+        }
+        let free = with(true)?;
+        Ok(if free.0.status == Status::Reached { free } else { all })
     }
 
     /// Runs the requested search; its result and what is reported with it.
@@ -219,6 +251,9 @@ impl Synth {
         }
         if !(self.worth > 0.0 && self.worth.is_finite()) {
             return Err(Usage(format!("--worth {}: give a length above 0 mm", self.worth)));
+        }
+        if !(self.least_stroke >= 0.0 && self.least_stroke.is_finite()) {
+            return Err(Usage(format!("--least-stroke {}: give a length of at least 0 mm", self.least_stroke)));
         }
         if !(self.anchors >= 0.0 && self.anchors.is_finite()) {
             return Err(Usage(format!("--anchors {}: give a length of at least 0 mm", self.anchors)));

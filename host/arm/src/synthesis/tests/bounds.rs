@@ -54,3 +54,19 @@ fn the_bounds_that_keep_the_arm_from_the_frames_are_named() {
     let met = synthesize(&arm, &own_frames(&arm, &WORDS), &Options::default()).unwrap();
     assert_eq!(met.obstacle, None);
 }
+
+/// Five words that leave actuators idle: without a stroke to keep, some search ends with equal stops.
+#[test]
+fn a_least_stroke_is_kept() {
+    let arm = planar4();
+    let mut dead = 0;
+    for seed in 0..20 {
+        let desired = moved(own_frames(&arm, &WORDS), 0.3, seed);
+        let found = synthesize(&arm, &desired, &Options::default()).unwrap();
+        dead += equal_stops(&found.arm).len();
+        let ranges = least_strokes(&arm, &desired, &[], 5e-3, false);
+        let found = synthesize(&arm, &desired, &Options { ranges, ..Options::default() }).unwrap();
+        assert_eq!(equal_stops(&found.arm), [0; 0], "seed {seed}");
+    }
+    assert!(dead > 0, "no case has equal stops");
+}
