@@ -1,7 +1,9 @@
 //! `darm model`: contents of a model file, and its base parameters.
 
-use darm_arm::arm::Arm;
+use darm_arm::arm::{Arm, ZERO_CELSIUS};
 use darm_core::actuator::{JointKind, Stage};
+use darm_core::effect::Quantity;
+use darm_diagnose::linearise::arm_candidates::site;
 use darm_robot::robot::Robot;
 use darm_robot::robot::base_parameters::BaseParameters;
 use serde::Serialize;
@@ -49,11 +51,43 @@ struct Report {
     mass_kg: f64,
     gravity_m_s2: [f64; 3],
     parts: Vec<Part>,
+    /// What a diagnosis changes in an arm.
+    #[serde(flatten)]
+    correction: Option<Correction>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     frames: Vec<String>,
     warnings: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     base_parameters: Option<Identifiable>,
+}
+
+/// Number, conditions and effects of the model of an arm.
+#[derive(Serialize)]
+struct Correction {
+    model: u32,
+    nominal_supply_pa: f64,
+    working_supply_pa: f64,
+    reference_temperature_k: f64,
+    working_temperature_k: f64,
+    effects: Vec<ModelledEffect>,
+}
+
+/// An effect of the file.
+#[derive(Serialize)]
+struct ModelledEffect {
+    law: String,
+    #[serde(rename = "where")]
+    place: String,
+    place_name: String,
+    parameters: Vec<ModelledValue>,
+}
+
+/// A value of an effect in its unit.
+#[derive(Serialize)]
+struct ModelledValue {
+    name: &'static str,
+    value: f64,
+    unit: &'static str,
 }
 
 /// A stage of an arm, or a joint of a robot with its link.
@@ -146,6 +180,7 @@ impl Model {
             mass_kg: robot.mass(),
             gravity_m_s2: robot.gravity.into(),
             parts: parts.collect(),
+            correction: None,
             frames: robot.frames.iter().map(|frame| frame.name.clone()).collect(),
             warnings: robot.warnings.clone(),
             base_parameters: None,
@@ -199,9 +234,60 @@ fn of_arm(arm: &Arm) -> Report {
         mass_kg,
         gravity_m_s2: arm.model.gravity.into(),
         parts: parts.collect(),
+        correction: Some(Correction::of(arm)),
         frames: Vec::new(),
         warnings,
         base_parameters: None,
+    }
+}
+
+impl Correction {
+    fn of(arm: &Arm) -> Self {
+        let model = &arm.model;
+        let effects = model.effects.iter().map(|effect| {
+            let (law, site) = (effect.law(), site(arm, effect));
+            let values = law.quantities().iter().zip(law.values());
+            let value = |(quantity, value): (&Quantity, &f64)| ModelledValue {
+                name: quantity.name,
+                value: *value,
+                unit: quantity.unit,
+            };
+            let parameters = values.map(value).collect();
+            ModelledEffect { law: law.name().to_string(), place: site.code, place_name: site.name, parameters }
+        });
+        Self {
+            model: model.number,
+            nominal_supply_pa: model.nominal_supply,
+            working_supply_pa: model.working_supply,
+            reference_temperature_k: model.reference_temperature_k,
+            working_temperature_k: model.working_temperature_k,
+            effects: effects.collect(),
+        }
+    }
+
+    /// Lines for people.
+    fn text(&self) -> String {
+        let [nominal, working] = [self.nominal_supply_pa, self.working_supply_pa].map(|pascal| pascal / 1e5);
+        let [reference, warm] =
+            [self.reference_temperature_k, self.working_temperature_k].map(|kelvin| kelvin - ZERO_CELSIUS);
+        let mut text = format!(
+            "\n\nmodel number {}; works at {working:.2} bar and {warm:.1} °C, geometry measured at {nominal:.2} bar and \
+             {reference:.1} °C",
+            self.model
+        );
+        if self.effects.is_empty() {
+            return text + "\nno effects";
+        }
+        let head = ["effect", "where", "", "value", ""].map(str::to_owned).to_vec();
+        let rows = self.effects.iter().flat_map(|effect| {
+            effect.parameters.iter().map(|value| {
+                let unit = if value.unit == "1" { "" } else { value.unit };
+                let number = format!("{:.6e}", value.value).parse::<f64>().unwrap_or(value.value);
+                [&effect.law, &effect.place, value.name, &number.to_string(), unit].map(str::to_owned).to_vec()
+            })
+        });
+        text += &format!("\n{}", columns(&std::iter::once(head).chain(rows).collect::<Vec<_>>()));
+        text
     }
 }
 
@@ -238,6 +324,9 @@ impl Answer for Report {
             names.into_iter().chain([limit(0), limit(1), unit, effort.unwrap_or_default()]).collect()
         });
         text += &columns(&std::iter::once(head).chain(rows).collect::<Vec<_>>());
+        if let Some(correction) = &self.correction {
+            text += &correction.text();
+        }
         if !self.frames.is_empty() {
             text += &format!("\n\nframes: {}", self.frames.join(", "));
         }

@@ -1,6 +1,25 @@
-//! Models: how they are synthesised.
+//! Models: what a corrected arm contains, and how they are synthesised.
 
 use super::{Home, example, text};
+
+#[test]
+fn a_corrected_arm_shows_number_conditions_and_effects() {
+    let home = Home::new();
+    let arm = std::fs::read_to_string(example("planar4.toml")).unwrap();
+    let arm = arm
+        .replace("model = 0", "model = 3")
+        .replace("supply_bar = 6.0\n", "supply_bar = 6.0\nworking_supply_bar = 5.2\n");
+    home.write(
+        "arm3.toml",
+        &format!("{arm}\n[[effect]]\nlaw = \"supply-stroke\"\nactuator = 4\nvalues = {{ gain = 0.25 }}\n"),
+    );
+    let said = home.succeeds("model arm3.toml");
+    assert!(said.contains("model number 3; works at 5.20 bar and 20.0 °C, geometry measured at 6.00 bar"), "{said}");
+    assert!(said.contains("supply-stroke") && said.contains("actuator 4") && said.contains("gain  0.25"), "{said}");
+    let json = home.json("model arm3.toml");
+    assert_eq!((&json["model"], &json["effects"][0]["parameters"][0]["value"]), (&3.into(), &0.25.into()));
+    assert!(home.succeeds(&format!("model {}", example("planar4.toml"))).contains("no effects"));
+}
 
 #[test]
 fn a_synthesis_keeps_a_least_stroke_and_names_equal_stops() {
