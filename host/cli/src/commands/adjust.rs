@@ -6,6 +6,7 @@ use darm_arm::arm::Arm;
 use darm_arm::stops::{Setting, differences};
 use serde::Serialize;
 
+use crate::failure::Usage;
 use crate::ui::{Answer, Ui, columns};
 
 const EXAMPLES: &str = "\
@@ -23,11 +24,17 @@ pub(crate) struct Adjust {
     /// The arm as it should be
     #[arg(value_name = "NEW.toml")]
     new: PathBuf,
+    /// Smallest adjustment that is listed, in mm; of an angle at the length scale of the arm
+    #[arg(long, value_name = "MM", default_value_t = 0.05)]
+    resolution_mm: f64,
 }
 
 #[derive(Serialize)]
 struct Report {
     settings: Vec<Line>,
+    /// Stops and anchors that differ by less than the resolution.
+    below_resolution: usize,
+    resolution_m: f64,
 }
 
 #[derive(Serialize)]
@@ -63,8 +70,17 @@ impl Values {
 impl Adjust {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let (old, new) = (Arm::read(&self.old)?, Arm::read(&self.new)?);
-        let settings = differences(&old, &new)?;
-        ui.print(&Report { settings: settings.iter().map(line).collect() })
+        let resolution_m = 1e-3 * self.resolution_mm;
+        if !(resolution_m >= 0.0 && resolution_m.is_finite()) {
+            return Err(Usage(format!("--resolution-mm {}: give a length of at least 0 mm", self.resolution_mm)).into());
+        }
+        let changes = |setting: &Setting| {
+            let per_unit_m = if setting.is_angle { old.length_scale_m } else { 1.0 };
+            (setting.to - setting.from).abs() * per_unit_m > resolution_m
+        };
+        let (listed, below): (Vec<_>, Vec<_>) = differences(&old, &new)?.into_iter().partition(changes);
+        let settings = listed.iter().map(line).collect();
+        ui.print(&Report { settings, below_resolution: below.len(), resolution_m })
     }
 }
 
@@ -85,8 +101,13 @@ fn line(setting: &Setting) -> Line {
 
 impl Answer for Report {
     fn text(&self) -> String {
+        let below = match self.below_resolution {
+            0 => String::new(),
+            1 => format!("\nthe other one stays: it differs by less than {} mm", 1e3 * self.resolution_m),
+            n => format!("\nthe other {n} stay: they differ by less than {} mm", 1e3 * self.resolution_m),
+        };
         if self.settings.is_empty() {
-            return "no adjustment: stops and anchors of both arms are the same".to_owned();
+            return format!("no adjustment: stops and anchors of both arms are the same{below}");
         }
         let head = ["actuator", "", "part", "from", "to", "adjustment", ""];
         let mut rows = vec![head.map(str::to_owned).to_vec()];
@@ -97,7 +118,7 @@ impl Answer for Report {
             head.into_iter().chain([from, to, change, line.direction.to_owned()]).collect()
         }));
         format!(
-            "{}\n\n`out` lengthens an actuator, `in` shortens it; anchors move forward or back along their axis",
+            "{}{below}\n\n`out` lengthens an actuator, `in` shortens it; anchors move forward or back along their axis",
             columns(&rows)
         )
     }

@@ -1,4 +1,4 @@
-//! Models: what a corrected arm contains, and how they are synthesised.
+//! Models: what a corrected arm contains, and what a person has to adjust.
 
 use super::{Home, example, text};
 
@@ -19,6 +19,21 @@ fn a_corrected_arm_shows_number_conditions_and_effects() {
     let json = home.json("model arm3.toml");
     assert_eq!((&json["model"], &json["effects"][0]["parameters"][0]["value"]), (&3.into(), &0.25.into()));
     assert!(home.succeeds(&format!("model {}", example("planar4.toml"))).contains("no effects"));
+}
+
+#[test]
+fn adjustments_below_the_resolution_are_counted() {
+    let home = Home::new();
+    let arm = std::fs::read_to_string(example("planar4.toml")).unwrap();
+    let altered = arm.replacen("length_m = [1.0, 1.25]", "length_m = [1.001, 1.25]", 1);
+    home.write("new.toml", &altered.replace("length_m = [1.0, 1.25]", "length_m = [1.00001, 1.25]"));
+    let adjust = format!("adjust {} new.toml", example("planar4.toml"));
+    let report = home.json(&adjust);
+    assert_eq!(report["settings"].as_array().unwrap().len(), 1);
+    let below = report["below_resolution"].as_u64().unwrap();
+    assert!(home.succeeds(&adjust).contains(&format!("the other {below} stay: they differ by less than 0.05 mm")));
+    let all = home.json(&format!("{adjust} --resolution-mm 0.001"));
+    assert_eq!(all["settings"].as_array().unwrap().len() as u64, below + 1);
 }
 
 #[test]
