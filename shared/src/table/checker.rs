@@ -11,7 +11,7 @@ use crate::units::{ActuatorId, Digest, Micros, ModelHash, Word};
 /// One row goes out in a tick, so rows are no nearer to each other.
 const TICK: Micros = Micros::from_millis(1);
 
-/// Checks records in their order: what [`Table::push`] does without keeping the rows.
+/// Checks records in their order: what [`Table::push`](super::Table::push) does without keeping the rows.
 ///
 /// The board streams a table from flash through it before the table is committed.
 #[derive(Clone, Debug)]
