@@ -29,9 +29,9 @@ pub struct Model<T: Real, const N: usize> {
     pub number: u32,
     /// The ideal geometry.
     pub chain: Chain<T, N>,
-    /// What moves with the top of each stage, given in the top's frame; entries past the last stage are not used.
+    /// What moves with the top of each stage, expressed in the top's frame; entries past the last stage are not used.
     pub masses: [Mass<T>; N],
-    /// What the tool carries, itself included, given in the tool's frame.
+    /// What the tool carries, itself included, expressed in the tool's frame.
     pub payload: Mass<T>,
     /// The gravity field in the base frame, m/s²: (0, −9.81, 0) where y points up.
     pub gravity: Vec3<T>,

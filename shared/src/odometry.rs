@@ -53,7 +53,7 @@ pub struct Drive<T: Real> {
 pub struct Estimate<T: Real> {
     /// Pose of the robot in the frame where it started.
     pub pose: Pose2<T>,
-    /// Covariance of (x, y, θ), given in the same frame: m², m·rad, rad².
+    /// Covariance of (x, y, θ), expressed in the same frame: m², m·rad, rad².
     pub covariance: Mat3<T>,
 }
 

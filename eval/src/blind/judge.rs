@@ -91,7 +91,7 @@ pub(super) fn right(truth: &[(&str, &str)], named: &[(&str, &str)]) -> (bool, bo
     (laws(&truth) == laws(&named), truth == named)
 }
 
-/// Whether each true effect is in the set of an effect of its own, and all members of the sets predict the same.
+/// Whether each true effect is in the set of a different effect, and all members of the sets predict the same.
 fn in_sets(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>, same_m: f64) -> Result<(bool, bool)> {
     let truth = blind.unseal();
     let n = outcome.correction.best_effects.len() - arm.model.effects.len();

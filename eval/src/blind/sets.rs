@@ -9,10 +9,10 @@ use super::signals::{Added, Bench, joint_of, law_of};
 
 /// Members of a set are alike where what they add differs by no more than this share of the noise, root mean square.
 const SAME: f64 = 0.5;
-/// Directions of a law's values with less than this share of the largest are not given.
+/// Directions of a law's values with less than this share of the largest are not reported.
 const MIN_SHARE: f64 = 1e-9;
 
-/// Whether all that is named is there, and of the rest each is in a set of its own whose members are alike elsewhere.
+/// Whether all that is named is there, and of the rest each is in a separate set whose members are alike elsewhere.
 pub(super) fn are_right(bench: &Bench, named: &[(&str, &str)], diagnosis: &Diagnosis) -> Result<bool> {
     let mut rest: Vec<&Added> = bench.added.iter().collect();
     for name in named {

@@ -39,7 +39,7 @@ struct Record {
 #[unsafe(link_section = ".uninit.CRASH")]
 static mut RECORD: MaybeUninit<Record> = MaybeUninit::uninit();
 
-/// Crashes in a row and the complement of that number, which gives it from noise. Outlives a reset as the record does.
+/// Crashes in a row and the complement of that number, which distinguishes it from noise. Outlives a reset as the record does.
 #[unsafe(link_section = ".uninit.CRASHES")]
 static mut CRASHES: MaybeUninit<[u32; 2]> = MaybeUninit::uninit();
 

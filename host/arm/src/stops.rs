@@ -1,4 +1,4 @@
-//! What no upload can change, given to a person with a screwdriver: which stop or anchor is to be moved, and by how much.
+//! What no upload can change, reported for a person with a screwdriver: which stop or anchor is to be moved, and by how much.
 
 use std::fmt;
 

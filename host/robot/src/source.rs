@@ -82,7 +82,7 @@ impl Source {
         self.error(Some(span), Fault::Content(Box::new(content)))
     }
 
-    /// The error that `fault` is at `span`, or in the file as a whole.
+    /// The error of `fault` at `span`, or in the file as a whole.
     pub fn error<F>(&self, span: Option<Range<usize>>, fault: Fault<F>) -> FileError<F> {
         FileError { path: self.path.clone(), place: span.map(|span| self.place(span.start)), fault }
     }

@@ -38,7 +38,7 @@ pub struct DiscreteJoint<T: Real> {
 pub struct ServoJoint<T: Real> {
     /// What it moves along.
     pub axis: Axis<T>,
-    /// The value of the joint when the servo is given 0, rad or m.
+    /// The value of the joint when the servo is commanded to 0, rad or m.
     pub offset: T,
 }
 
@@ -48,7 +48,7 @@ impl<T: Real> Axis<T> {
         Pose::exp(&(self.twist() * value))
     }
 
-    /// How the top moves per unit of the value: the same given in the base and in the top.
+    /// How the top moves per unit of the value: the same expressed in the base and in the top.
     pub fn twist(&self) -> Twist<T> {
         match self.kind {
             JointKind::Revolute => Twist { angular: self.direction, linear: Vec3::zeros() },

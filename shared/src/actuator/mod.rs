@@ -138,7 +138,7 @@ impl<T: Real> Stage<T> {
         })
     }
 
-    /// How the top moves, given in its own frame, per unit of one number of actuator `leg` (of a servo joint: leg 0).
+    /// How the top moves, expressed in its own frame, per unit of one number of actuator `leg` (of a servo joint: leg 0).
     pub fn twist(&self, settings: &Settings<T>, pose: &Pose<T>, leg: usize, part: Part) -> Twist<T> {
         match (self, part) {
             (Self::Planar(platform), _) => platform.twist(settings, pose, leg, part),
@@ -149,7 +149,7 @@ impl<T: Real> Stage<T> {
         }
     }
 
-    /// What each discrete actuator bears when `load` acts on the top, given in the top's frame, for the stage at rest.
+    /// What each discrete actuator bears when `load` acts on the top, expressed in the top's frame, for the stage at rest.
     ///
     /// N along a leg or prismatic joint, positive in compression (it pushes the top away); N·m about a revolute
     /// joint, positive when the joint drives its angle up.

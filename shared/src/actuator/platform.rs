@@ -15,7 +15,7 @@
 //! A leg grows by l̇ = u·(v + ω × R·t) when the top turns with ω and its origin moves with v: one row of the matrix D.
 //! Newton's method on the group starts at `home`, which names the assembly mode, and solves D·(ω, v) = l − |…|.
 //! As the row is the wrench of a unit force along the leg, Dᵀ·f = −w gives the forces that carry a load w.
-//! Both are given in the axes of the base plate, about the origin of the top.
+//! Both are expressed in the axes of the base plate, about the origin of the top.
 //!
 //! Valid while the legs do not pass a singular posture on the way from `home`: there det D changes its sign, and the
 //! platform may fall into another of its assembly modes (four in the plane, up to forty in space).
@@ -151,7 +151,7 @@ impl<T: Real, const LEGS: usize> Platform<T, LEGS> {
         anchors
     }
 
-    /// How the top moves, given in its own frame, per unit of one number of `leg`, with all others held.
+    /// How the top moves, expressed in its own frame, per unit of one number of `leg`, with all others held.
     pub(super) fn twist(&self, legs: &[Setting<T>; MAX_LEGS], pose: &Pose<T>, leg: usize, part: Part) -> Twist<T> {
         let Some(setting) = legs.get(leg) else { return Twist::zero() };
         let growth = match part {
@@ -164,7 +164,7 @@ impl<T: Real, const LEGS: usize> Platform<T, LEGS> {
         Twist { angular: pose.rotation.tr_mul(&in_base.angular), linear: pose.rotation.tr_mul(&in_base.linear) }
     }
 
-    /// What each leg pushes with, N, when `load` acts on the top, given in the top's frame. In the plane the part of
+    /// What each leg pushes with, N, when `load` acts on the top, expressed in the top's frame. In the plane the part of
     /// the load out of the plane is borne by guides.
     pub(super) fn loads(&self, legs: &[Setting<T>; MAX_LEGS], pose: &Pose<T>, load: &Wrench<T>) -> [T; MAX_LEGS] {
         let in_base = Wrench { moment: pose.rotation * -load.moment, force: pose.rotation * -load.force };
@@ -220,7 +220,7 @@ impl Leg<f64> {
     }
 }
 
-/// A leg in some posture, given in the axes of the base plate.
+/// A leg in some posture, expressed in the axes of the base plate.
 struct Line<T: Real> {
     /// From the origin of the top to the top anchor, m.
     arm: Vec3<T>,
@@ -256,7 +256,7 @@ fn limited<T: Real>(step: Twist<T>, length: T) -> Twist<T> {
     if square > real(MAX_STEP * MAX_STEP) { step * (real::<T>(MAX_STEP) / trig::sqrt(square)) } else { step }
 }
 
-/// The product of the largest entries by columns: what a determinant is given over, so that it has no unit.
+/// The product of the largest entries by columns: what a determinant is divided by, so that it has no unit.
 fn column_scale<T: Real, const LEGS: usize>(rows: &[[T; LEGS]; LEGS]) -> T {
     let largest = |column: usize| rows.iter().fold(T::default_epsilon(), |most, row| most.max(row[column].abs()));
     (0..LEGS).fold(T::one(), |product, column| product * largest(column))

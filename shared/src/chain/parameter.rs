@@ -34,7 +34,7 @@ pub enum Parameter {
         /// The coordinate.
         axis: u8,
     },
-    /// The value of a servo joint when the servo is given 0, rad or m.
+    /// The value of a servo joint when the servo is commanded to 0, rad or m.
     ServoOffset {
         /// Index of the servo.
         servo: u8,
@@ -99,7 +99,7 @@ impl<T: Real, const N: usize> Chain<T, N> {
         done.ok_or(NoSuchParameter(parameter))
     }
 
-    /// How the tool moves, given in its own frame, per unit of a parameter, in the posture that `scratch` was left in
+    /// How the tool moves, expressed in its own frame, per unit of a parameter, in the posture that `scratch` was left in
     /// by [`assemble`](Self::assemble): (T⁻¹·∂T/∂a)ᵛ.
     ///
     /// Zero for a number that has no part in this posture, such as a stop that the word does not use.
@@ -108,7 +108,7 @@ impl<T: Real, const N: usize> Chain<T, N> {
             .map_or(Twist::zero(), |(T_base_top, twist)| T_base_top.to(&scratch.pose_base_tool).adjoint_inverse(&twist))
     }
 
-    /// The columns of the Jacobian: how the tool moves, given in its own frame, per unit of each servo's position.
+    /// The columns of the Jacobian: how the tool moves, expressed in its own frame, per unit of each servo's position.
     pub fn servo_jacobian(&self, scratch: &Scratch<T, N>) -> impl Iterator<Item = Twist<T>> {
         self.servo_stages().map(|stage| {
             let twist = self.stage_twist(scratch, stage, 0, Part::Value);
@@ -116,7 +116,7 @@ impl<T: Real, const N: usize> Chain<T, N> {
         })
     }
 
-    /// The frame next after a parameter, in the base, and how it moves, given in itself.
+    /// The frame next after a parameter, in the base, and how it moves, expressed in itself.
     fn moved_frame(&self, parameter: Parameter, scratch: &Scratch<T, N>) -> Option<(Pose<T>, Twist<T>)> {
         let (actuator, part) = match parameter {
             Parameter::Stop { actuator, state } => {

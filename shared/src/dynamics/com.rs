@@ -7,7 +7,7 @@ use crate::actuator::JointKind;
 use crate::real::Real;
 use crate::tree::{Frames, Tree, add_scaled, cross, dot};
 
-/// Mass and mass moment of every link with all that it carries, given in the base, and of the whole tree.
+/// Mass and mass moment of every link with all that it carries, expressed in the base, and of the whole tree.
 #[inline(always)]
 pub(super) fn carried<T: Real, const N: usize>(
     tree: &Tree<T, N>,
@@ -30,7 +30,7 @@ pub(super) fn carried<T: Real, const N: usize>(
     (masses, moments, total)
 }
 
-/// Mass (kg) and centre of mass of all links (m, given in the base frame); the centre is the origin when there is no mass.
+/// Mass (kg) and centre of mass of all links (m, expressed in the base frame); the centre is the origin when there is no mass.
 ///
 /// The base of a fixed tree does not count.
 pub fn center_of_mass<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<T, N>) -> (T, Vec3<T>) {
@@ -42,7 +42,7 @@ pub fn center_of_mass<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frame
     if mass > T::zero() { (mass, moment / mass) } else { (mass, Vec3::zeros()) }
 }
 
-/// Centre of mass (m) and ∂c/∂q, 3 × N, given in the base frame; zeros when there is no mass.
+/// Centre of mass (m) and ∂c/∂q, 3 × N, expressed in the base frame; zeros when there is no mass.
 ///
 /// Column i is ẑᵢ × (cᵢ − pᵢ)·mᵢ/m for a revolute joint and ẑᵢ·mᵢ/m for a prismatic one, where mᵢ and cᵢ are those of all
 /// that joint i carries.

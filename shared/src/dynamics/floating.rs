@@ -1,6 +1,6 @@
 //! Dynamics of a tree on a floating base: a humanoid, or a person who stands up.
 //!
-//! The base adds six coordinates before the joints: its twist (ω, v), given in its own frame at its origin, and the load
+//! The base adds six coordinates before the joints: its twist (ω, v), expressed in its own frame at its origin, and the load
 //! (moment, force) on it in the same frame. They stay apart from the joints' numbers: M is held as four blocks.
 //! The mass of the base body is [`Tree::base`].
 
@@ -20,7 +20,7 @@ use crate::tree::{Frames, Tree};
 pub struct BaseMotion<T: Real> {
     /// Pose of the base in the world.
     pub pose: Pose<T>,
-    /// Its twist, given in its own frame.
+    /// Its twist, expressed in its own frame.
     pub twist: Twist<T>,
     /// The rate of the six numbers of the twist.
     pub twist_rate: Twist<T>,
@@ -31,13 +31,13 @@ pub struct BaseMotion<T: Real> {
 pub struct FloatingMass<T: Real, const N: usize> {
     /// The base alone: spatial inertia of the whole tree, 6 × 6, angular part first.
     pub base: Mat6<T>,
-    /// Momentum of the whole tree, given in the base's frame, per unit of each joint: 6 × N.
+    /// Momentum of the whole tree, expressed in the base's frame, per unit of each joint: 6 × N.
     pub coupling: SMatrix<T, 6, N>,
     /// The joints alone, N × N.
     pub joints: SMatrix<T, N, N>,
 }
 
-/// The Jacobian of the centre of mass, given in the world.
+/// The Jacobian of the centre of mass, expressed in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloatingCom<T: Real, const N: usize> {
     /// Centre of mass of base and links, m.
@@ -48,7 +48,7 @@ pub struct FloatingCom<T: Real, const N: usize> {
     pub joints: SMatrix<T, 3, N>,
 }
 
-/// The load on the base (given in its frame) and the joint torques (N·m or N) of a motion.
+/// The load on the base (expressed in its frame) and the joint torques (N·m or N) of a motion.
 ///
 /// `loads`: what the environment exerts on each link, as in [`inverse_dynamics`](super::inverse_dynamics). When the
 /// base is free the load on it is zero: what is left is the error of the motion.
@@ -67,9 +67,9 @@ pub fn inverse_dynamics<T: Real, const N: usize>(
     (carried + moving.load(&tree.base), torques)
 }
 
-/// The motion of torques: the rate of the base's twist, given in its frame, and q̈.
+/// The motion of torques: the rate of the base's twist, expressed in its frame, and q̈.
 ///
-/// Given are the pose of the base in the world and its twist given in its own frame; the joints' positions, velocities and
+/// Given are the pose of the base in the world and its twist expressed in its own frame; the joints' positions, velocities and
 /// torques (N·m or N). `on_base` is the load on the base, told
 /// in its frame, and `loads` what the environment exerts on each link, as in
 /// [`inverse_dynamics`](super::inverse_dynamics). Articulated bodies (Featherstone, table 9.4). `None` when a joint moves
@@ -85,7 +85,7 @@ pub fn forward_dynamics<T: Real, const N: usize>(
     on_floating_base(tree, (twist, &gravity), state, on_base, loads)
 }
 
-/// Gravity alone: the load on the base (given in its frame) and the joint torques that hold the tree still.
+/// Gravity alone: the load on the base (expressed in its frame) and the joint torques that hold the tree still.
 pub fn gravity<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Frames<T, N>) -> (Wrench<T>, [T; N]) {
     let (masses, moments, links) = carried(tree, frames);
     let total = with_base(tree, frames, &links);

@@ -113,7 +113,7 @@ fn rotated_square<T: Real>(a: T, b: T, c: T, sine: T, cosine: T) -> (T, T, T) {
 }
 
 impl<T: Real> Link<T> {
-    /// The momentum of `body` when the joint moves by one unit, all given in the link's frame about its origin.
+    /// The momentum of `body` when the joint moves by one unit, all expressed in the link's frame about its origin.
     #[inline(always)]
     fn own_momentum(&self, body: &Body<T>) -> Wrench<T> {
         let (h, i, zero) = (&body.moment, &body.inertia, T::zero());
@@ -134,7 +134,7 @@ impl<T: Real> Link<T> {
         }
     }
 
-    /// A body given in the link's frame, given in the parent's.
+    /// A body given in the link's frame, expressed in the parent's.
     #[inline(always)]
     fn body_on_parent(&self, body: &Body<T>, q: T, sine: T, cosine: T) -> Body<T> {
         let body = match self.kind {
@@ -168,7 +168,7 @@ fn own_bodies<T: Real, const N: usize>(tree: &Tree<T, N>) -> [Body<T>; N] {
     bodies
 }
 
-/// Every link with all that it carries as one rigid body, given in the link's frame; and all links together, given in the
+/// Every link with all that it carries as one rigid body, expressed in the link's frame; and all links together, given in the
 /// base's.
 ///
 /// A body is carried to the next frame by two rotations about coordinate axes and one shift: no product of matrices.

@@ -100,7 +100,7 @@ pub fn forward_dynamics<T: Real, const N: usize>(
     solve(&mass_matrix(tree, q), &rest)
 }
 
-/// Mass of a whole tree (kg) and mass times position of its centre of mass (kg·m), given in the base.
+/// Mass of a whole tree (kg) and mass times position of its centre of mass (kg·m), expressed in the base.
 pub(crate) struct MassMoment<T: Real> {
     pub(crate) mass: T,
     pub(crate) moment: Vec3<T>,

@@ -6,7 +6,7 @@ use crate::real::{Real, real};
 use crate::se::Wrench;
 use crate::tree::{Body, Link, Tree, add_cross, add_scaled, dot, fused, rotated};
 
-/// How a link moves, given in its own frame.
+/// How a link moves, expressed in its own frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Motion<T: Real> {
     /// ω, rad/s.
@@ -54,7 +54,7 @@ impl<T: Real> Motion<T> {
 }
 
 impl<T: Real> Link<T> {
-    /// Directions of the link's frame, given in the parent's.
+    /// Directions of the link's frame, expressed in the parent's.
     #[inline(always)]
     fn outward(&self, vectors: [Vec3<T>; 2], sine: T, cosine: T) -> [Vec3<T>; 2] {
         let turned = match self.kind {
@@ -67,7 +67,7 @@ impl<T: Real> Link<T> {
         self.turn.outward(&turned)
     }
 
-    /// Where the link's origin is, given in the parent's frame.
+    /// Where the link's origin is, expressed in the parent's frame.
     #[inline(always)]
     pub(super) fn origin_at(&self, q: T) -> Vec3<T> {
         match self.kind {
@@ -130,7 +130,7 @@ impl<T: Real> Link<T> {
         motion
     }
 
-    /// A load on the link about its origin, given in the parent's frame about the parent's.
+    /// A load on the link about its origin, expressed in the parent's frame about the parent's.
     #[inline(always)]
     pub(super) fn load_on_parent(&self, load: &Wrench<T>, q: T, sine: T, cosine: T) -> Wrench<T> {
         let [moment, force] = self.outward([load.moment, load.force], sine, cosine);
@@ -140,7 +140,7 @@ impl<T: Real> Link<T> {
 
 /// τ, N·m or N: the joint torques and forces of the motion q̈ (`qdd`) at positions `q` and velocities `qd`.
 ///
-/// `loads`: what the environment exerts on each link, given in the frame that its joint was given with, about its
+/// `loads`: what the environment exerts on each link, expressed in the frame that its joint was given with, about its
 /// origin; the lecture's f is what the arm exerts, hence the other sign.
 ///
 /// The lecture's iterations, outwards ω, ω̇, v̇, F, N and inwards f, n, τ; the base accelerates against gravity.

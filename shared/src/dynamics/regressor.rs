@@ -69,7 +69,7 @@ impl<T: Real> Frame<T> {
 }
 
 impl<T: Real> Motion<T> {
-    /// Power of the link's load, per parameter, along a motion (ω, v) given in the link's frame at its origin.
+    /// Power of the link's load, per parameter, along a motion (ω, v) expressed in the link's frame at its origin.
     #[inline(always)]
     fn turning(&self, w: &Vec3<T>, v: &Vec3<T>) -> [T; 10] {
         let (a, r, u) = (&self.angular, &self.angular_rate, cross(w, &self.angular));

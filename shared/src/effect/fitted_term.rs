@@ -12,7 +12,7 @@
 //! | v      | `values`    | rad, m | turn and shift of the tool at u = 1                                 |
 //!
 //! Frame: at the tool; the directions are those of `frame`.
-//! Valid inside the range of u that was measured: nothing is behind the term that would say what it does outside.
+//! Valid inside the range of u that was measured: no law says what it does outside.
 //! Source: regression on what no law explained; see `darm diagnose --keep-terms`.
 //!
 //! # Example

@@ -10,9 +10,9 @@
 //! | θ      | `values` 0–2 | rad    | rotation vector of the displacement                  |
 //! | d      | `values` 3–5 | m      | its translation                                      |
 //!
-//! Frame: θ and d are given in the frame where the base should be, or where the tool should be.
+//! Frame: θ and d are expressed in the frame where the base should be, or where the tool should be.
 //! Valid for any displacement. Of the base it is that of the sensor as well: a camera sees the arm in its own frame. On a
-//! planar arm θ_x, θ_y and d_z are not given. Loads are those of the arm in its ideal place.
+//! planar arm θ_x, θ_y and d_z are not determined. Loads are those of the arm in its ideal place.
 //! Source: definition.
 //!
 //! # Example

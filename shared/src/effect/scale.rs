@@ -7,7 +7,7 @@
 //! | symbol | field       | unit | meaning                                        |
 //! |--------|-------------|------|------------------------------------------------|
 //! | p₀     | `predicted` | m    | ideal position of the tool in the base         |
-//! | s      | `stretch`   | 1    | by how much too long a length is given          |
+//! | s      | `stretch`   | 1    | by how much too long a length is measured          |
 //!
 //! Frame: the base, which the camera's lengths are measured from. Orientations are not touched.
 //! Valid for a focal length, a marker size or a calibration board that is off.
@@ -35,7 +35,7 @@ use crate::se::Pose;
 /// A camera whose scale is off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale<T: Real> {
-    /// By how much too long a length is given, as a share of it.
+    /// By how much too long a length is measured, as a share of it.
     pub stretch: T,
 }
 

@@ -5,7 +5,7 @@
 //! - Rotations are active and right-handed. `T_a_b` is the pose of frame b in frame a: it takes the coordinates of a
 //!   point in b to those in a, and in a product the names that touch are equal, `T_a_b * T_b_c`.
 //! - Twists and wrenches have the angular part first: (ω, v) and (m, f).
-//! - A twist V of a moving pose T is given in the moving frame, T⁻¹·dT/dt = \[V\]; `T.adjoint(V)` gives the same
+//! - A twist V of a moving pose T is expressed in the moving frame, T⁻¹·dT/dt = \[V\]; `T.adjoint(V)` gives the same
 //!   motion in the frame that T is given in.
 //! - Metres, radians, newtons.
 //!
@@ -27,7 +27,7 @@ pub use screw::{Twist, Wrench};
 /// The pose of one frame in another: an element of SE(3).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose<T: Real> {
-    /// Columns are the moving frame's axes, given in the frame of reference.
+    /// Columns are the moving frame's axes, expressed in the frame of reference.
     pub rotation: Mat3<T>,
     /// The moving frame's origin in the frame of reference, m.
     pub position: Vec3<T>,
@@ -78,13 +78,13 @@ impl<T: Real> Pose<T> {
         Twist { angular: w, linear }
     }
 
-    /// The motion `twist`, given in the moving frame, given in the frame of reference: Ad(T)·V.
+    /// The motion `twist`, given in the moving frame, expressed in the frame of reference: Ad(T)·V.
     pub fn adjoint(&self, twist: &Twist<T>) -> Twist<T> {
         let angular = self.rotation * twist.angular;
         Twist { angular, linear: self.rotation * twist.linear + self.position.cross(&angular) }
     }
 
-    /// The motion `twist`, given in the frame of reference, given in the moving frame: Ad(T⁻¹)·V.
+    /// The motion `twist`, given in the frame of reference, expressed in the moving frame: Ad(T⁻¹)·V.
     pub fn adjoint_inverse(&self, twist: &Twist<T>) -> Twist<T> {
         Twist {
             angular: self.rotation.tr_mul(&twist.angular),
@@ -92,7 +92,7 @@ impl<T: Real> Pose<T> {
         }
     }
 
-    /// The load `wrench`, given in the frame of reference about its origin, given in the moving frame about its own:
+    /// The load `wrench`, given in the frame of reference about its origin, expressed in the moving frame about its own:
     /// Ad(T)ᵀ·F, so that the power of a load is the same in both frames.
     pub fn wrench_inverse(&self, wrench: &Wrench<T>) -> Wrench<T> {
         Wrench {
@@ -136,7 +136,7 @@ impl<T: Real> Pose<T> {
         Some(pose)
     }
 
-    /// How the pose moves, given in its own frame, per unit of one of its six numbers.
+    /// How the pose moves, expressed in its own frame, per unit of one of its six numbers.
     pub fn coordinate_twist(&self, component: u8) -> Twist<T> {
         let mut twist = Twist::zero();
         let unit = |axis: u8| Vec3::from_fn(|row, _| if row == usize::from(axis) { T::one() } else { T::zero() });
@@ -282,7 +282,7 @@ pub fn rotation_about<T: Real>(axis: &Vec3<T>, angle_rad: T) -> Mat3<T> {
     rodrigues(axis, (s + s) * c, (s + s) * s)
 }
 
-/// How the rotation exp \[w\] turns, given in its own frame, when w grows: the right Jacobian of SO(3).
+/// How the rotation exp \[w\] turns, expressed in its own frame, when w grows: the right Jacobian of SO(3).
 pub fn rotation_jacobian<T: Real>(w: &Vec3<T>) -> Mat3<T> {
     let f = Factors::of(w);
     rodrigues(w, -f.versine, f.excess())

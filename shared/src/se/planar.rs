@@ -59,7 +59,7 @@ impl<T: Real> Pose2<T> {
         Vec3::new(twist.angular.z, twist.linear.x, twist.linear.y)
     }
 
-    /// The motion (ω, v_x, v_y), given in the moving frame, given in the frame of reference.
+    /// The motion (ω, v_x, v_y), given in the moving frame, expressed in the frame of reference.
     pub fn adjoint(&self, twist: &Vec3<T>) -> Vec3<T> {
         let v = turned(&Vec2::new(twist.y, twist.z), self.angle_rad);
         Vec3::new(twist.x, v.x + self.position.y * twist.x, v.y - self.position.x * twist.x)

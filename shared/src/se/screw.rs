@@ -57,7 +57,7 @@ impl<T: Real> Wrench<T> {
         Self { moment: point.cross(&force), force }
     }
 
-    /// The power of this load on a body moving with `twist`, given in the same frame, W.
+    /// The power of this load on a body moving with `twist`, expressed in the same frame, W.
     pub fn power(&self, twist: &Twist<T>) -> T {
         self.moment.dot(&twist.angular) + self.force.dot(&twist.linear)
     }

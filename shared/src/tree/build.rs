@@ -10,7 +10,7 @@ use crate::trig;
 /// Why joints do not make a tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TreeError {
-    /// A joint is on itself, on a later one, or on none of these.
+    /// The parent of a joint is itself, a later one, or none of these.
     Parent {
         /// The joint.
         joint: usize,
@@ -54,7 +54,7 @@ impl<T: Real, const N: usize> Tree<T, N> {
         self.links.get(link).map_or([T::zero(); 10], |link| link.body.turned(&link.turned).parameters())
     }
 
-    /// Replaces the ten inertial parameters of a link, given in the frame that its joint was given with.
+    /// Replaces the ten inertial parameters of a link, expressed in the frame that its joint was given with.
     pub fn set_parameters(&mut self, link: usize, ten: &[T; 10]) {
         if let Some(link) = self.links.get_mut(link) {
             link.body = Body::from_parameters(ten).turned(&link.turned.transpose());

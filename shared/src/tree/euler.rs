@@ -54,7 +54,7 @@ impl<T: Real> From<&PoseVector<T>> for Pose<T> {
 
 /// ∂X/∂q, 6 × N, of the pose vector from the base Jacobian of the same frame; `None` at β = ±π/2.
 ///
-/// The rates of the angles are E⁻¹ω, with ω = E(α, β)·(α̇, β̇, γ̇) given in the base.
+/// The rates of the angles are E⁻¹ω, with ω = E(α, β)·(α̇, β̇, γ̇) expressed in the base.
 pub fn analytic_jacobian<T: Real, const N: usize>(
     jacobian_base: &SMatrix<T, 6, N>,
     vector: &PoseVector<T>,

@@ -5,7 +5,7 @@ use super::kernel::{add_scaled, dot, rotated};
 use crate::real::{Mat3, Real, Vec3};
 use crate::se::Pose;
 
-/// The axes of a frame and its origin, given in the base.
+/// The axes of a frame and its origin, expressed in the base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Frame<T: Real> {
     pub(crate) x: Vec3<T>,
@@ -32,19 +32,19 @@ impl<T: Real> Frame<T> {
         Mat3::from_columns(&[self.x, self.y, self.z])
     }
 
-    /// A direction of this frame, given in the base.
+    /// A direction of this frame, expressed in the base.
     #[inline(always)]
     pub(crate) fn turn(&self, v: &Vec3<T>) -> Vec3<T> {
         add_scaled(&add_scaled(&(self.x * v.x), &self.y, v.y), &self.z, v.z)
     }
 
-    /// A direction of the base, given in this frame.
+    /// A direction of the base, expressed in this frame.
     #[inline(always)]
     pub(crate) fn turn_back(&self, v: &Vec3<T>) -> Vec3<T> {
         Vec3::new(dot(&self.x, v), dot(&self.y, v), dot(&self.z, v))
     }
 
-    /// A point of this frame, given in the base.
+    /// A point of this frame, expressed in the base.
     #[inline(always)]
     pub(crate) fn point(&self, p: &Vec3<T>) -> Vec3<T> {
         add_scaled(&add_scaled(&add_scaled(&self.origin, &self.x, p.x), &self.y, p.y), &self.z, p.z)
@@ -80,7 +80,7 @@ impl<T: Real> Frame<T> {
         }
     }
 
-    /// Turned by a constant rotation given in itself.
+    /// Turned by a constant rotation expressed in itself.
     #[inline(always)]
     pub(crate) fn turned(&self, turn: &Turn<T>) -> Self {
         match turn {

@@ -62,7 +62,7 @@ impl<T: Real> Inertia<T> {
         }
     }
 
-    /// Two bodies fixed to each other, given in one frame.
+    /// Two bodies fixed to each other, expressed in one frame.
     pub fn joined(&self, other: &Self) -> Self {
         let mass = self.mass + other.mass;
         if mass <= T::zero() {

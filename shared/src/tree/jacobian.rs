@@ -1,4 +1,4 @@
-//! How a frame moves with the joints: its twist, the Jacobian given in the base or in the frame, and the Jacobian's rate.
+//! How a frame moves with the joints: its twist, the Jacobian expressed in the base or in the frame, and the Jacobian's rate.
 
 use nalgebra::SMatrix;
 
@@ -9,7 +9,7 @@ use crate::real::{Real, Vec3};
 use crate::se::{Twist, Wrench};
 
 impl<T: Real> Link<T> {
-    /// How a point moves, given in the base, per unit of this joint, whose link is at `frame`:
+    /// How a point moves, expressed in the base, per unit of this joint, whose link is at `frame`:
     /// (z, z × (p − o)) when the joint turns, (0, z) when it slides.
     #[inline(always)]
     pub(crate) fn column(&self, frame: &Frame<T>, point: &Vec3<T>) -> (Vec3<T>, Vec3<T>) {

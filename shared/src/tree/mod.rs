@@ -67,11 +67,11 @@ pub const BASE: u8 = u8::MAX;
 pub struct Joint<T: Real> {
     /// The link that the joint is on, one before it in the list; `None`: the base.
     pub parent: Option<usize>,
-    /// What the link moves along, given in its own frame.
+    /// What the link moves along, expressed in its own frame.
     pub axis: Axis<T>,
     /// Pose of the link in the link of its parent at position zero.
     pub placement: Pose<T>,
-    /// Mass distribution of the link, given in its frame.
+    /// Mass distribution of the link, expressed in its frame.
     pub inertia: Inertia<T>,
 }
 
@@ -108,7 +108,7 @@ pub struct Link<T: Real> {
     pub origin: Vec3<T>,
     /// The angle of a revolute joint at position zero, rad.
     pub offset: T,
-    /// Mass distribution, given in the turned frame about its origin.
+    /// Mass distribution, expressed in the turned frame about its origin.
     pub body: Body<T>,
     /// The turned frame in the frame that the joint was given with.
     pub turned: Mat3<T>,
@@ -305,7 +305,7 @@ impl<T: Real> Link<T> {
         Frame { origin: parent.point(&self.origin), ..parent.turned(&self.turn) }
     }
 
-    /// A frame given in the link's, given in the parent's once the joint has moved to `q`, or by the angle of this sine and cosine.
+    /// A frame given in the link's, expressed in the parent's once the joint has moved to `q`, or by the angle of this sine and cosine.
     #[inline(always)]
     fn inward(&self, at: Frame<T>, q: T, sine: T, cosine: T) -> Frame<T> {
         let [x, y, z, origin] = match self.kind {

@@ -254,7 +254,7 @@ pub struct Events {
 /// Why the board does not do what was asked.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Refusal {
-    /// Another host has connected, or the board has started again: say `Hello`.
+    /// Another host has connected, or the board was restarted: say `Hello`.
     NotConnected,
     /// The board speaks another version.
     Protocol {

@@ -19,10 +19,10 @@
 //! | `conditions.supply_bar`, `.temperature_c` ? | supply and temperature that the geometry was measured at, 6 and 20 |
 //! | `conditions.working_supply_bar`, `.working_temperature_c` ? | those that the arm works at; the same where left out |
 //! | `mount` ? | pose of the first stage in the base |
-//! | `tool.pose`, `.mass_kg`, `.center_m` ? | pose of the tool in the last stage; what it carries, given in its frame |
+//! | `tool.pose`, `.mass_kg`, `.center_m` ? | pose of the tool in the last stage; what it carries, expressed in its frame |
 //! | `[[stage]]` | one stage, from the base on |
 //! | `kind` | `planar-platform`, `spatial-platform`, `discrete-joint`, `servo` or `link` |
-//! | `name`, `mass_kg`, `center_m` ? | its name; what moves with its top, given in the top's frame |
+//! | `name`, `mass_kg`, `center_m` ? | its name; what moves with its top, expressed in the top's frame |
 //! | `home` | of a platform: a pose of the top near those that are meant; it names the assembly mode |
 //! | `[[stage.leg]]` | three (left, diagonal, right) or six, in the order of their digits |
 //! | `name` ?, `base_m`, `top_m` | anchors on the base and the top plate, two or three coordinates |

@@ -80,7 +80,7 @@ impl Client {
         Ok(client)
     }
 
-    /// Opens the connection again: after another host has used the board, or the board has started again.
+    /// Opens the connection again: after another host has used the board, or the board was restarted.
     pub fn say_hello(&mut self) -> Result<Hello, ClientError> {
         let mut tries = 0;
         loop {

@@ -15,7 +15,7 @@ use super::table::{Names, Table};
 use super::{Choice, Finding, FindingKind, Run, Sample};
 use darm_arm::arm::ZERO_CELSIUS;
 
-/// Servos that never turn by more than as many degrees are taken for given in radians.
+/// Servos that never turn by more than as many degrees are taken to be in radians.
 const HALF_TURN: f64 = 3.2;
 /// Rows from which on that is no chance.
 const SOME_ROWS: usize = 10;
@@ -63,7 +63,7 @@ pub fn of_table(table: &Table, which: &Which) -> Result<(Run, Vec<Finding>), Rea
     Ok((run, findings))
 }
 
-/// Which samples count, and how unseen ones are given apart; that none is, where some should be.
+/// Which samples count, and how unseen ones are distinguished; that none is, where some should be.
 fn choose(run: &mut Run, table: &Table, which: &Which) -> Result<Option<Finding>, SelectError> {
     let mut kept = table.clone();
     if let Some(keep) = &which.keep {

@@ -38,7 +38,7 @@ const TIMES_SCATTER: std::ops::Range<f64> = 13.0..32.0;
 const DRAWS: usize = 64;
 /// Random words that an arm has to stand in with its effect.
 const STANDS_IN: usize = 256;
-/// What the arm is given and when.
+/// What the arm is commanded, and when.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrueState<'a> {
     /// The stops where the actuators rest.

@@ -46,7 +46,7 @@ impl Contact {
         self.point - self.direction * tip_radius_m
     }
 
-    /// The contact given in the frame whose pose in the present one is given.
+    /// The contact expressed in the frame whose pose in the present one is given.
     pub fn seen_from(&self, pose: &Pose<f64>) -> Self {
         Self {
             point: pose.rotation.tr_mul(&(self.point - pose.position)),
@@ -56,7 +56,7 @@ impl Contact {
 }
 
 impl Hand {
-    /// The contacts that the fingertips make in a posture, given in the palm.
+    /// The contacts that the fingertips make in a posture, expressed in the palm.
     pub fn contacts(&self, placed: &Placed) -> Contacts {
         std::array::from_fn(|i| {
             let direction = placed.normal(i);

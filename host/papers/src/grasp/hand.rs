@@ -82,7 +82,7 @@ pub struct Hand {
     pub pairs: Vec<Pair>,
 }
 
-/// A finger joint, virtual ones too, where it is in one posture: given in the palm.
+/// A finger joint, virtual ones too, where it is in one posture: expressed in the palm.
 #[derive(Clone, Copy, Debug)]
 pub struct Axis {
     /// Unit vector.
@@ -91,7 +91,7 @@ pub struct Axis {
     pub point: Vec3<f64>,
 }
 
-/// The hand in one posture, given in the palm.
+/// The hand in one posture, expressed in the palm.
 #[derive(Clone, Debug)]
 pub struct Placed {
     /// Every joint.

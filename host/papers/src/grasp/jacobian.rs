@@ -34,7 +34,7 @@ pub type Rows = SVector<f64, ROWS>;
 /// Singular values below this share of the largest are none.
 const TRUNCATED: f64 = 1e-5;
 
-/// K in one posture, given in the palm.
+/// K in one posture, expressed in the palm.
 pub fn jacobian(placed: &Placed) -> Jacobian {
     let mut jacobian = Jacobian::zeros();
     let thumb = Axis { direction: placed.normal(THUMB), point: placed.tips[THUMB].position };
@@ -59,7 +59,7 @@ pub fn jacobian(placed: &Placed) -> Jacobian {
 }
 
 impl Hand {
-    /// B⁺ΔP for the contacts that are asked for, given in the palm as `placed` is.
+    /// B⁺ΔP for the contacts that are asked for, expressed in the palm as `placed` is.
     pub fn paper_rows(&self, placed: &Placed, wanted: &Contacts) -> Rows {
         let mut rows = Rows::zeros();
         for (i, tip) in placed.tips.iter().enumerate().take(THUMB) {

@@ -1,6 +1,6 @@
 //! Postures to start a search from: the one that makes contacts most like those that are asked for.
 //!
-//! A posture is kept as its contacts given in the frame of the thumb's. Laid on the thumb's contact of a query it can still
+//! A posture is kept as its contacts expressed in the frame of the thumb's. Laid on the thumb's contact of a query it can still
 //! turn about the contact's normal; the turn that brings the other fingertips nearest is known in closed form, and so is
 //! what is left. So thousands of postures are compared in the time of a few steps of the search.
 

@@ -8,7 +8,7 @@
 //! The palm's pose follows from the thumb's contact and the turn φ_T about its normal, so that the variables are 25 and the
 //! constraints of the other three fingers 15 ([`jacobian`]).
 //!
-//! The paper leaves unsaid: the dimensions of its hand (the Allegro hand is in), the range of the virtual joints (a
+//! The paper leaves unsaid: the dimensions of its hand (the Allegro hand is used), the range of the virtual joints (a
 //! quarter of a turn each, here), and how much of the rank of its 18 × 25 Jacobian there is (15).
 
 pub mod bare;

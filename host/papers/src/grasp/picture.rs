@@ -1,4 +1,4 @@
-//! The hand before, during and after a search as SVG: three columns, three views each, all given in the last palm.
+//! The hand before, during and after a search as SVG: three columns, three views each, all expressed in the last palm.
 
 use darm_core::real::Vec3;
 use darm_core::se::Pose;

@@ -4,7 +4,7 @@
 //! the link. Each link is tried beside what is named already; the one that explains most is named when chance would
 //! not explain as much, with every link that explains the rows as well. Rows that no link explains raise the noise.
 //!
-//! Two links cannot be given apart when the columns of the one lie in those of the other ([`separable`]), and a mass near
+//! Two links cannot be distinguished when the columns of the one lie in those of the other ([`separable`]), and a mass near
 //! the joint between two links acts as one on either.
 
 use nalgebra::{DMatrix, DVector};
@@ -18,7 +18,7 @@ use darm_robot::robot::Robot;
 
 /// Chance of naming a mass that is not there, for all links together.
 const FALSE: f64 = 1e-3;
-/// Chance that the true link is not in the set that is given.
+/// Chance that the true link is not in the set that is reported.
 const LEFT_OUT: f64 = 1e-3;
 /// Masses that are named at most.
 const MAX_MASSES: usize = 6;
@@ -69,7 +69,7 @@ struct Search {
     rows: usize,
 }
 
-/// Masses that the training rows tell beyond the nominal ones; `held_out` are given errors on and seen by no fit.
+/// Masses that the training rows tell beyond the nominal ones; errors are reported on `held_out`, which no fit has seen.
 pub fn missing(robot: &Robot, equations: &Equations, held_out: &[usize]) -> Missing {
     let training: Vec<_> = (0..equations.samples.len()).filter(|k| !held_out.contains(k)).collect();
     let kept =

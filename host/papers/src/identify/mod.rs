@@ -4,12 +4,12 @@
 //!
 //! K(q, q̇, q̈) φ = Sᵀ τ + J_Cᵀ λ, equations (1) to (8) of the paper: linear in the inertial parameters φ of all links, of
 //! static postures (m, m·c) of each, of motions all ten and the joint's friction f_c, f_v besides. The six rows of
-//! the base are given in the world about its origin, so that the wrench of a force plate enters as it is measured; a joint's row
+//! the base are expressed in the world about its origin, so that the wrench of a force plate enters as it is measured; a joint's row
 //! is its torque plus what the contacts beyond it exert along it. Every row counts by the noise of its sensors:
 //! rows that share the wrench of a contact beyond a joint are weighted by their covariance, not one by one.
 //!
 //! What the rows cannot separate stays as the nominal parameters have it: the least change of them in shares of each
-//! (`prior`), by the singular values. [`Equations::base_parameters`] says in words what can be given.
+//! (`prior`), by the singular values. [`Equations::base_parameters`] says in words what can be identified.
 //!
 //! The centre of pressure of a contact wrench is given in the plane z = 0 of the world, z up.
 //!
@@ -42,7 +42,7 @@ pub use simulated::simulated;
 /// One posture, or one moment of a motion, with what was measured in it.
 #[derive(Clone, Debug)]
 pub struct Sample {
-    /// Line of its file, by which it is given.
+    /// Line of its file, by which it is reported.
     pub line: usize,
     /// The base: where it is and how it moves in the world.
     pub base: BodyMotion,
@@ -117,7 +117,7 @@ pub struct LinkMass {
     pub com_m: [f64; 3],
 }
 
-/// Masses of all links by these values of the unknowns; where single links cannot be given, one choice of many that act alike.
+/// Masses of all links by these values of the unknowns; where single links cannot be identified, one choice of many that act alike.
 pub fn link_masses(robot: &Robot, equations: &Equations, values: &DVector<f64>) -> Vec<LinkMass> {
     let of = |joint: Option<usize>| {
         let own = equations.of_body(joint);

@@ -341,7 +341,7 @@ impl OnFeet<'_> {
     }
 }
 
-/// How a place of the person is given for the robot.
+/// How a place of the person is mapped to the robot.
 struct View {
     from: Vec3<f64>,
     to: Vec3<f64>,

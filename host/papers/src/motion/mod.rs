@@ -9,7 +9,7 @@
 //!                       balance: zero-moment point kept over the support ─► execution by joint PD control
 //! ```
 //!
-//! Everything is given in the world: z up, x forward, the ground at z = 0. The base of a tree moves by its twist, given in its own
+//! Everything is expressed in the world: z up, x forward, the ground at z = 0. The base of a tree moves by its twist, given in its own
 //! frame, angular part first, before its joints.
 //!
 //! Source: M. Mistry, A. Murai, K. Yamane, J. Hodgins, Sit-to-Stand Task on a Humanoid Robot from Human Demonstration,

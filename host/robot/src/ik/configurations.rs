@@ -3,10 +3,10 @@
 //! The search of [`ik::solve`](super::solve) begins at many starts drawn within the limits, and every end that
 //! reaches the target is kept. With as many joints as the target binds directions (the rank of the Jacobian) postures
 //! are isolated: ends nearer to each other than [`SAME`] in every joint are one posture, and revolute joints that can
-//! turn by 360 degrees are given apart modulo a turn. How often each posture was met says how likely one was missed.
+//! turn by 360 degrees are distinguished modulo a turn. How often each posture was met says how likely one was missed.
 //!
 //! With more joints the postures form manifolds, on which the arm moves without moving its tool (self-motion). Of
-//! those a sample is given: again and again the posture farthest from all that were chosen before.
+//! those a sample is reported: again and again the posture farthest from all that were chosen before.
 
 use darm_core::actuator::JointKind;
 use darm_core::ik::{self, Arm, Options, Status, scale};

@@ -1,7 +1,7 @@
 //! Base parameters: which combinations of the inertial parameters decide the torques, and so can be identified.
 //!
 //! The torques are linear in the ten parameters of each link ([`regressor`](darm_core::dynamics::regressor)). A
-//! parameter whose column depends on those before it, over many random states, cannot be given apart from them: it is
+//! parameter whose column depends on those before it, over many random states, cannot be distinguished from them: it is
 //! grouped with them. A column that is always zero has no effect at all.
 //!
 //! Source: M. Gautier, Numerical calculation of the base inertial parameters of robots, J. of Robotic Systems 8 (1991) 485,
@@ -47,7 +47,7 @@ pub struct Inertial {
 pub struct BaseParameter {
     /// The first of them, with the coefficient 1.
     pub leading: Inertial,
-    /// The others, which cannot be given apart from it, and their coefficients.
+    /// The others, which cannot be distinguished from it, and their coefficients.
     pub grouped: Vec<(f64, Inertial)>,
 }
 

@@ -29,7 +29,7 @@ pub struct Robot {
     pub name: String,
     /// Its joints and the links that they move, parents before children.
     pub joints: Vec<RobotJoint>,
-    /// Mass distribution of the base with all that is fixed to it, given in its frame; it counts when the base floats.
+    /// Mass distribution of the base with all that is fixed to it, expressed in its frame; it counts when the base floats.
     pub base: Inertia<f64>,
     /// Whether the base floats.
     pub floating: bool,

@@ -49,7 +49,7 @@ pub struct Dynamics {
 pub struct Accelerations {
     /// q̈, rad/s² or m/s².
     pub joints: Vec<f64>,
-    /// Rate of the twist of a floating base, given in its frame, rad/s² and m/s².
+    /// Rate of the twist of a floating base, expressed in its frame, rad/s² and m/s².
     pub base: Option<Twist<f64>>,
 }
 

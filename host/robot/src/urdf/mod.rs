@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | `revolute`, `continuous`, `prismatic` | a joint; a continuous one has no limits |
 //! | `fixed` | merged: the child's inertia goes to the link that moves it, its frame keeps its name |
-//! | `floating` | the base floats, when the joint is on the root and nothing else does; refused elsewhere |
+//! | `floating` | the base floats, when the joint is on the root and nothing else is; refused elsewhere |
 //! | `planar`, `spherical` | refused, with what to write in their place |
 //! | `mimic` | a joint that moves on its own; [`Robot::warnings`] says so |
 //! | `<inertial>` missing | no mass; the warnings say which |

@@ -108,7 +108,7 @@ impl Index {
         Ok(Self { outer: frames::product(outer, rest), inner: frames::product(inner, rest), tails })
     }
 
-    /// How many words the index stands for.
+    /// How many words the index holds.
     pub fn words(&self) -> f64 {
         [&self.outer, &self.inner].iter().map(|frames| frames.len() as f64).product::<f64>() * self.tails.words()
     }

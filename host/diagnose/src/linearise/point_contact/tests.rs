@@ -159,7 +159,7 @@ fn panda() -> Robot {
     robot
 }
 
-/// What is given of a fault: the laws, each with its place, and the verdict where it is another.
+/// What is reported of a fault: the laws, each with its place, and the verdict where it is another.
 fn told(robot: &Robot, fault: Fault, pair: Option<(String, f64)>) -> String {
     let point = ["place", "socket"].map(String::from).to_vec();
     let model = Model::from(What::Closure(robot.clone(), Points { point, pair, tool: Some("ball_link".into()) }));
