@@ -6,6 +6,7 @@ use darm_core::tree::Body;
 use nalgebra::{DMatrix, DVector, Matrix6xX, SVector};
 
 use super::{Kind, Noise, Sample, Unknown, bodies, unknowns};
+use darm_robot::rigid_body::inertia::prior_deviations;
 use darm_robot::rigid_body::regressor::{BodyMotion, WrenchRegressor, joint_regressor, link_motions, wrench_regressor};
 use darm_robot::robot::Robot;
 use darm_robot::robot::base_parameters::{BaseParameters, Inertial, grouped};
@@ -225,22 +226,14 @@ fn paths(robot: &Robot) -> Vec<Vec<usize>> {
     bodies(robot).map(|body| std::iter::successors(body, parent).collect()).collect()
 }
 
-/// The unknowns as the file has them, and how far they may be off, as
-/// [`prior_deviations`](darm_robot::rigid_body::inertia::prior_deviations).
+/// The unknowns as the file has them, and how far they may be off.
 fn nominal(robot: &Robot, unknowns: &[Unknown]) -> (DVector<f64>, DVector<f64>) {
-    let whole_kg = robot.mass().max(f64::MIN_POSITIVE);
+    let robot_kg = robot.mass().max(f64::MIN_POSITIVE);
     let of = |unknown: &Unknown| match unknown {
         Unknown::Inertial(Inertial { joint, number }) => {
             let body = joint.map_or(&robot.base, |joint| &robot.joints[joint].joint.inertia);
             let ten = Body::from(body).parameters();
-            let mass = ten[0].max(0.01 * whole_kg);
-            let inertia = ten[4].max(ten[6]).max(ten[9]).max(mass * 0.0025);
-            let prior = match number {
-                0 => 0.5 * mass,
-                1..=3 => 0.5 * (mass * inertia).sqrt(),
-                _ => inertia,
-            };
-            (ten[*number], prior)
+            (ten[*number], prior_deviations(&ten, robot_kg)[*number])
         }
         Unknown::Coulomb(joint) => (robot.joints[*joint].friction, 1.0),
         Unknown::Viscous(joint) => (robot.joints[*joint].damping, 1.0),

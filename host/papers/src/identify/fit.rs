@@ -28,7 +28,7 @@ pub struct Fit {
     pub values: DVector<f64>,
     /// Sums of parameters that the rows tell.
     pub rank: usize,
-    /// Their covariance, in the unknowns; what is not given adds nothing.
+    /// Their covariance, in the unknowns; what is not identified adds nothing.
     pub covariance: DMatrix<f64>,
     /// Sum of squared weighted residuals, over the rows less the rank: 1 when the noise is as it was said to be.
     pub scatter: f64,
@@ -63,12 +63,7 @@ impl<'a> Reduced<'a> {
 
     /// The parameters that these samples tell, and their covariance.
     pub(super) fn solve(&self, which: &[usize]) -> (DVector<f64>, DMatrix<f64>) {
-        let r = self.basis.ncols();
-        let (mut matrix, mut right) = (DMatrix::zeros(r, r), DVector::zeros(r));
-        for &sample in which {
-            matrix += &self.normal[sample].0;
-            right += &self.normal[sample].1;
-        }
+        let (matrix, right) = self.summed(which);
         // A direction that these few samples do not tell stays as it is.
         let eigen = matrix.symmetric_eigen();
         let floor = 1e-14 * eigen.eigenvalues.max();
@@ -77,28 +72,35 @@ impl<'a> Reduced<'a> {
         let values = &self.equations.nominal + &self.basis * (&inverse * right);
         (values, &self.basis * inverse * self.basis.transpose())
     }
-}
 
-impl Reduced<'_> {
-    /// Orthonormal directions of the unknowns in units of their priors, those that the samples tell best first, and the
-    /// information along each; 0 where they tell nothing. `None` where an eigenvalue is not found.
-    fn principal_directions(&self) -> Option<(DMatrix<f64>, Vec<f64>)> {
+    /// AᵀA and Aᵀr of these samples together.
+    fn summed(&self, which: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
+        let r = self.basis.ncols();
+        let (mut matrix, mut right) = (DMatrix::zeros(r, r), DVector::zeros(r));
+        for &sample in which {
+            matrix += &self.normal[sample].0;
+            right += &self.normal[sample].1;
+        }
+        (matrix, right)
+    }
+
+    /// An orthonormal basis of the unknowns in units of their priors, n × n: first the directions that these samples
+    /// identify, one for each information returned, then the others.
+    fn principal_directions(&self, which: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
         let n = self.equations.unknowns.len();
-        let mut normal = DMatrix::zeros(self.basis.ncols(), self.basis.ncols());
-        self.normal.iter().for_each(|(matrix, _)| normal += matrix);
-        let eigen = normal.try_symmetric_eigen(f64::EPSILON, 0)?;
-        let mut identified = self.basis.clone() * eigen.eigenvectors;
+        let eigen = self.summed(which).0.symmetric_eigen();
+        let mut identified = &self.basis * eigen.eigenvectors;
         identified.row_iter_mut().zip(&self.equations.prior).for_each(|(mut row, prior)| row /= *prior);
-        // The rest of an orthonormal basis: the projector onto what is not told has eigenvalues 0 and 1.
-        let open_part = DMatrix::identity(n, n) - &identified * identified.transpose();
-        let rest = open_part.try_symmetric_eigen(f64::EPSILON, 0)?;
-        let open: Vec<usize> = (0..n).filter(|&k| rest.eigenvalues[k] > 0.5).collect();
-        let mut turned = DMatrix::zeros(n, identified.ncols() + open.len());
-        turned.columns_mut(0, identified.ncols()).copy_from(&identified);
-        turned.columns_mut(identified.ncols(), open.len()).copy_from(&rest.eigenvectors.select_columns(&open));
-        let mut weights: Vec<f64> = eigen.eigenvalues.iter().map(|value| value.max(f64::MIN_POSITIVE)).collect();
-        weights.resize(turned.ncols(), 0.0);
-        (turned.ncols() == n).then_some((turned, weights))
+        // The projector onto what is not identified has the eigenvalues 0 and 1.
+        let rest = (DMatrix::identity(n, n) - &identified * identified.transpose()).symmetric_eigen();
+        let mut order: Vec<usize> = (0..n).collect();
+        order.sort_by(|&a, &b| rest.eigenvalues[b].total_cmp(&rest.eigenvalues[a]));
+        let n_identified = identified.ncols();
+        let mut directions = identified.resize_horizontally(n, 0.0);
+        for (column, &own) in (n_identified..n).zip(&order) {
+            directions.set_column(column, &rest.eigenvectors.column(own));
+        }
+        (directions, eigen.eigenvalues.map(|value| value.max(f64::MIN_POSITIVE)))
     }
 }
 
@@ -116,7 +118,10 @@ impl Equations {
         let rank = reduced.basis.ncols();
         let (columns, right) = self.stacked();
         let scatter = |values: &DVector<f64>| scatter((&columns, &right), values, rank);
-        let values = self.possible(&fitted, &reduced, kind);
+        let values = match kind {
+            Kind::Static => self.with_least_masses(&fitted),
+            Kind::Moving => self.in_cones(&fitted, reduced.principal_directions(&all)),
+        };
         let is_possible = scatter(&values) <= scatter(&fitted) * (1.0 + 1e-6) + 1e-12;
         Fit { scatter: scatter(&values), values, rank, covariance, is_possible }
     }
@@ -136,15 +141,6 @@ impl Equations {
         let far =
             measured.map(|(row, component)| (component, turned(row))).filter(|(_, left)| left * FAR < fit.scatter);
         far.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(component, left)| (component, left.sqrt()))
-    }
-
-    /// The parameters with possible bodies: those that the rows tell as near to `fitted` as their information asks, the others
-    /// as near to the nominal ones as their priors ask.
-    fn possible(&self, fitted: &DVector<f64>, reduced: &Reduced, kind: Kind) -> DVector<f64> {
-        match kind {
-            Kind::Static => self.with_least_masses(fitted),
-            Kind::Moving => self.in_cones(fitted, reduced),
-        }
     }
 
     /// No mass below a share of the nominal one: along what the rows do not tell as far as that goes, by projections onto
@@ -173,13 +169,43 @@ impl Equations {
         nearest(&values)
     }
 
-    /// Bodies with positive definite pseudo-inertias and friction that does not push: least squares in these cones.
-    fn in_cones(&self, fitted: &DVector<f64>, reduced: &Reduced) -> DVector<f64> {
-        let n = self.unknowns.len();
-        let Some((turned, weights)) = reduced.principal_directions() else { return fitted.clone() };
-        // x = fitted + D·Q·u, with Q orthonormal: what the rows tell first, in the order of `weights`.
-        let map = DMatrix::from_fn(n, n, |a, b| self.prior[a] * turned[(a, b)]);
-        let from_values = |values: &DVector<f64>| turned.tr_mul(&(values - fitted).component_div(&self.prior));
+    /// Bodies with positive definite pseudo-inertias and friction that does not push: what the rows identify is as near to
+    /// `fitted` as its information asks, the rest as near to the nominal parameters as the priors ask.
+    fn in_cones(
+        &self,
+        fitted: &DVector<f64>,
+        (directions, informations): (DMatrix<f64>, DVector<f64>),
+    ) -> DVector<f64> {
+        let (n, n_identified) = (self.unknowns.len(), informations.len());
+        // x = fitted + D·Q·u, with Q orthonormal.
+        let from_values = |values: &DVector<f64>| directions.tr_mul(&(values - fitted).component_div(&self.prior));
+        let (to_nominal, start) = (from_values(&self.nominal), from_values(&self.inside_all_cones()));
+        let (cones, floors) = self.cones_and_floors(fitted);
+        let map = DMatrix::from_fn(n, n, |a, b| self.prior[a] * directions[(a, b)]);
+        let mut problem = ConicLeastSquares {
+            information: DMatrix::from_diagonal(&informations.resize_vertically(n, 1.0)),
+            gradient: DVector::from_fn(n, |k, _| if k < n_identified { 0.0 } else { -to_nominal[k] }),
+            map: Some(map),
+            cones,
+            floors,
+        };
+        let mut found = problem.solve(start, MIN_WEIGHT);
+        // What the rows identify comes before priors and barriers, however little they tell of it.
+        let min_information = problem.information.diagonal().rows(0, n_identified).min();
+        let mut of_priors = 1.0;
+        while of_priors > MAX_PRIOR_SHARE * min_information {
+            of_priors *= PRIOR_RATIO;
+            for k in n_identified..n {
+                problem.information[(k, k)] = of_priors;
+                problem.gradient[k] = -of_priors * to_nominal[k];
+            }
+            found = problem.solve_at(of_priors * MIN_WEIGHT, found);
+        }
+        problem.mapped(&found) + fitted
+    }
+
+    /// The bodies and the friction among the changes of `fitted`.
+    fn cones_and_floors(&self, fitted: &DVector<f64>) -> (Vec<Cone>, Vec<Floor>) {
         let (mut cones, mut floors) = (Vec::new(), Vec::new());
         for (k, unknown) in self.unknowns.iter().enumerate() {
             match unknown {
@@ -191,30 +217,7 @@ impl Equations {
                 Unknown::Coulomb(_) | Unknown::Viscous(_) => floors.push(Floor { index: k, offset: fitted[k] }),
             }
         }
-        // Least squares about the fitted values, and about the nominal ones for what the rows do not tell.
-        let to_nominal = from_values(&self.nominal);
-        let is_told = |k: usize| weights[k] > 0.0;
-        let with_priors = |weight: f64| {
-            let information = DVector::from_fn(n, |k, _| if is_told(k) { weights[k] } else { weight });
-            let gradient = DVector::from_fn(n, |k, _| if is_told(k) { 0.0 } else { -weight * to_nominal[k] });
-            let information = DMatrix::from_diagonal(&information);
-            ConicLeastSquares {
-                information,
-                gradient,
-                map: Some(map.clone()),
-                cones: cones.clone(),
-                floors: floors.clone(),
-            }
-        };
-        let mut found = with_priors(1.0).solve(from_values(&self.inside_all_cones()), MIN_WEIGHT);
-        // What the rows tell comes before priors and barriers, however little they tell of it.
-        let min_weight = weights.iter().copied().filter(|weight| *weight > 0.0).fold(f64::INFINITY, f64::min);
-        let mut of_priors = 1.0;
-        while of_priors > MAX_PRIOR_SHARE * min_weight {
-            of_priors *= PRIOR_RATIO;
-            found = with_priors(of_priors).solve_at(of_priors * MIN_WEIGHT, found);
-        }
-        fitted + map * found
+        (cones, floors)
     }
 
     /// The nominal parameters, a little inside of what is possible.

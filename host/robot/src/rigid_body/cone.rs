@@ -130,7 +130,7 @@ impl ConicLeastSquares {
     }
 
     /// x of u.
-    fn mapped(&self, values: &DVector<f64>) -> DVector<f64> {
+    pub fn mapped(&self, values: &DVector<f64>) -> DVector<f64> {
         self.map.as_ref().map_or_else(|| values.clone(), |map| map * values)
     }
 
