@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use darm_arm::arm::{Arm, frames};
 use darm_arm::board_profile::{BoardProfile, longest_on_s};
-use darm_arm::plan::{Plan, Visit, plan};
+use darm_arm::plan::{Plan, Visit, plan, plan_with_rests};
 use darm_arm::reach::board;
 use darm_arm::wired_arm::WiredArm;
 use darm_core::output::Drive;
@@ -129,6 +129,9 @@ struct Made {
     end_s: f64,
     visits: usize,
     held_out: usize,
+    /// Rests that keep the limits of outputs, and the time they take.
+    rests: usize,
+    rests_s: f64,
     rows: Vec<RowReport>,
     #[serde(skip)]
     shown: usize,
@@ -159,7 +162,9 @@ impl Table {
         let device = if self.bind { Some(self.port.connect()?.identity().device) } else { None };
         let visits: Vec<Visit> = planned.iter().map(|planned| planned.visit.clone()).collect();
         let modules = if self.nearest { board::records(&arm)? } else { Vec::new() };
-        let plan = plan(&arm, &visits, &profile.board(device), &modules)?;
+        // A program of frames or words goes from one to the next; a measurement plan may rest between.
+        let make = if self.measurement_plan { plan_with_rests } else { plan };
+        let plan = make(&arm, &visits, &profile.board(device), &modules)?;
         let file = visits_of(&arm, &planned, &plan);
         check_servos(&arm, &profile, &plan)?;
         let (image, text) = (table_file::bytes(&plan.image), file.to_text());
@@ -228,6 +233,8 @@ impl Table {
             end_s: plan.end.0 as f64 * 1e-6,
             visits: file.rests.len(),
             held_out: file.rests.iter().filter(|rest| rest.held_out).count(),
+            rests: plan.rested.iter().filter(|rested| **rested).count(),
+            rests_s: plan.rests.0 as f64 * 1e-6,
             rows: rows.collect(),
             shown: if self.all { usize::MAX } else { SHOWN },
         }
@@ -253,7 +260,8 @@ fn default_dwell_s(arm: &Arm, profile: &BoardProfile) -> f64 {
 
 fn visits_of(arm: &Arm, planned: &[PlannedVisit], plan: &Plan) -> Visits {
     let mut previous = arm.rest();
-    let rests = planned.iter().zip(&plan.windows).map(|(planned, &(from, to))| {
+    let rests = planned.iter().zip(&plan.windows).zip(&plan.rested).map(|((planned, &(from, to)), &rested)| {
+        previous = if rested { arm.rest() } else { previous };
         let row = plan.rows.iter().rposition(|row| row.at < from).expect("the arm comes to rest after a row");
         let rest = Rest {
             label: planned.visit.label.clone(),
@@ -303,8 +311,12 @@ impl Answer for Made {
         }
         let held_out = if self.held_out == 0 { String::new() } else { format!(", {} held out", self.held_out) };
         let boards = self.device.as_ref().map_or("any board".to_owned(), |device| format!("board {device} only"));
+        let rests = match self.rests {
+            0 => String::new(),
+            n => format!("\n{n} rests of {:.1} s in all keep the on-times and duties of the profile", self.rests_s),
+        };
         text + &format!(
-            "\n\nwithin the limits: table {} with {} rows in {:.1} s for model {} and {boards}, {} bytes in {}\n{} visits{held_out}, in {}",
+            "\n\nwithin the limits: table {} with {} rows in {:.1} s for model {} and {boards}, {} bytes in {}\n{} visits{held_out}, in {}{rests}",
             self.digest.get(..16).unwrap_or(&self.digest),
             self.rows.len(),
             self.end_s,

@@ -104,3 +104,18 @@ fn messages_name_ports_profiles_and_refused_lines() {
         assert!(help.contains("Examples:\n  darm profile "), "{command}: {help}");
     }
 }
+
+#[test]
+fn a_measurement_plan_rests_where_the_first_profile_demands_it() {
+    let home = Home::new();
+    let arm = example("planar4.toml");
+    home.succeeds(&format!("profile make {arm} -o first.toml"));
+    let make = |profile: &str| format!("table {arm} {profile} --measurement-plan --size 16 --dwell 0.1 -o plan.darm");
+    let made = home.json(&make("--profile first.toml"));
+    assert!(made["rests"].as_u64().unwrap() > 0 && made["rests_s"].as_f64().unwrap() > 1.0, "{}", made["rests"]);
+    let said = home.succeeds(&make("--profile first.toml"));
+    assert!(said.contains(" s in all keep the on-times and duties of the profile"), "{said}");
+    let visits = std::fs::read_to_string(home.path("plan.visits.csv")).unwrap();
+    assert!(visits.lines().filter(|line| line.contains("000000000000")).count() >= 3, "{visits}");
+    assert_eq!(home.json(&make(""))["rests"], 0);
+}
