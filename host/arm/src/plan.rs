@@ -10,7 +10,7 @@ mod timeline;
 
 use std::fmt;
 
-use darm_core::output::Wiring;
+use darm_core::output::{CoilLimit, Wiring};
 use darm_core::table::{Board, Checker, MAX_ROWS, Record, Row, RowError, TableError};
 use darm_core::units::{Micros, Word};
 
@@ -89,6 +89,8 @@ pub enum PlanError {
         visit: String,
         /// What is wrong.
         error: RowError,
+        /// The limits of the output that it breaks, from the profile.
+        limit: Option<CoilLimit>,
     },
     /// The board would refuse the table.
     Table(TableError),
@@ -104,8 +106,18 @@ impl fmt::Display for PlanError {
             Self::TooManyRows { rows } => {
                 write!(f, "the program has {rows} rows, the board holds {MAX_ROWS}; visit fewer places")
             }
-            Self::Row { visit, error } => {
-                write!(f, "{visit}: {error}; dwell for a shorter time, or put a rest between")
+            Self::Row { visit, error, limit } => {
+                write!(f, "{visit}: {error}")?;
+                match (error, limit) {
+                    (RowError::OnTooLong { .. }, Some(limit)) => {
+                        write!(f, " (max_on_ms = {} in the profile)", limit.max_on_ms)
+                    }
+                    (RowError::Duty { .. }, Some(CoilLimit { duty_percent, window_ms, .. })) => {
+                        write!(f, " (duty_percent = {duty_percent}, window_ms = {window_ms} in the profile)")
+                    }
+                    _ => Ok(()),
+                }?;
+                write!(f, "; dwell for a shorter time, or put a rest between")
             }
             Self::Table(error) => write!(f, "{error}"),
         }
@@ -167,11 +179,18 @@ fn planned(arm: &Arm, visits: &[Visit], program: &Program<'_>) -> Result<Plan, P
         encode(arm, board, &Contents { wiring, modules, rows: &rows, end: free }).map_err(|error| match error {
             TableError::Row { row, error } => {
                 let visit = served.get(usize::from(row)).or(served.last()).and_then(|&visit| visits.get(visit));
-                PlanError::Row { visit: visit.map_or_else(String::new, |visit| visit.label.clone()), error }
+                let limit = limit_of(error, wiring);
+                PlanError::Row { visit: visit.map_or_else(String::new, |visit| visit.label.clone()), error, limit }
             }
             error => PlanError::Table(error),
         })?;
     Ok(Plan { rows, end: free, windows, rested, rests: added, image })
+}
+
+/// The limits of the output that a row would break.
+fn limit_of(error: RowError, wiring: &Wiring) -> Option<CoilLimit> {
+    let (RowError::OnTooLong { output } | RowError::Duty { output }) = error else { return None };
+    wiring.coils.iter().find(|coil| coil.output == output).map(|coil| coil.limit)
 }
 
 fn dwell(visit: &Visit) -> Micros {

@@ -110,6 +110,8 @@ struct Parts {
     places: Places,
     /// The stage that each servo moves.
     servo_stages: Vec<usize>,
+    /// The stage of each actuator.
+    actuator_stages: Vec<usize>,
 }
 
 /// The keys by which a discrete actuator is connected to the board, of a leg or of a joint.
@@ -223,10 +225,20 @@ impl Parts {
         Err(ArmFault::SameBusId { id, joints: stages.map(|stage| self.labels.stages[stage].clone()) })
     }
 
+    /// Number and names of an actuator, of its stage first where that has several.
+    fn actuator_in_full(&self, actuator: usize) -> String {
+        let stage = self.actuator_stages.get(actuator).and_then(|&stage| self.labels.stages.get(stage));
+        let own = self.labels.actuators.get(actuator);
+        let names: Vec<&str> =
+            stage.into_iter().chain(own.filter(|own| Some(*own) != stage)).map(String::as_str).collect();
+        format!("actuator {actuator} ({})", names.join(", "))
+    }
+
     fn connect(&mut self, raw: &RawActuator) -> Checked<()> {
         let closed_in = raw.switch.map(|switch| closed_in(switch, raw.states)).transpose()?;
         let (one, more) = (raw.output.map(Spanned::get_ref), raw.outputs.map(Spanned::get_ref));
         let outputs: Vec<u8> = one.into_iter().chain(more.into_iter().flatten()).copied().collect();
+        self.actuator_stages.push(self.labels.stages.len() - 1);
         let span = raw.outputs.map(Spanned::span).or(raw.output.map(Spanned::span)).unwrap_or(raw.span.clone());
         let wrong = |fault| Err((span.clone(), fault));
         let travel_ms = raw.travel_ms.unwrap_or(DEFAULT_TRAVEL_MS);
@@ -236,8 +248,13 @@ impl Parts {
             return wrong(ArmFault::OutputCount { expected, found });
         }
         for (index, &output) in outputs.iter().enumerate() {
-            let mut used = self.connections.iter().flat_map(|other| &other.outputs).chain(&outputs[..index]);
-            if usize::from(output) >= MAX_COILS || used.any(|&other| other == output) {
+            let used = self.connections.iter().position(|other| other.outputs.contains(&output));
+            let own = outputs[..index].contains(&output).then_some(self.connections.len());
+            if let Some(first) = used.or(own) {
+                let [first, second] = [first, self.connections.len()].map(|actuator| self.actuator_in_full(actuator));
+                return wrong(ArmFault::OutputTwice { output, first, second });
+            }
+            if usize::from(output) >= MAX_COILS {
                 return wrong(ArmFault::Wiring(WiringError::Output { output }));
             }
         }

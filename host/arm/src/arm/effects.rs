@@ -71,7 +71,7 @@ fn at_its_place(name: LawName, raw: &RawEffect, model: &ArmModel) -> Result<Effe
     };
     let effect = places.iter().find_map(|place| Effect::at(name, *place, detail));
     let effect = effect.ok_or_else(|| wrong_place_keys(name, raw))?;
-    if exists(effect.law(), model) { Ok(effect) } else { Err(ArmFault::NoSuchPlace) }
+    check_place(effect.law(), model).map(|()| effect)
 }
 
 /// Which key is missing, or which is too much, where a law cannot act at the place that the keys name.
@@ -91,21 +91,32 @@ fn wrong_place_keys(name: LawName, raw: &RawEffect) -> ArmFault {
     }
 }
 
-/// Whether the arm has the place of a law.
-fn exists(law: &dyn Law<f64>, model: &ArmModel) -> bool {
-    let state_exists = match (law.place(), law.detail()) {
-        (Place::Actuator(actuator), Detail::State(state)) => {
-            usize::from(state) < model.chain.n_states(actuator.into()).min(MAX_STATES)
+/// Refuses a place that the arm does not have.
+fn check_place(law: &dyn Law<f64>, model: &ArmModel) -> Result<(), ArmFault> {
+    let chain = &model.chain;
+    let name = law.name().as_str();
+    match (law.place(), law.detail()) {
+        (Place::Actuator(actuator), detail) => {
+            check_number(name, ("actuator", actuator), chain.n_actuators())?;
+            let Detail::State(state) = detail else { return Ok(()) };
+            check_state(name, (actuator, state), model)
         }
-        _ => true,
-    };
-    state_exists
-        && match law.place() {
-            Place::Actuator(actuator) => usize::from(actuator) < model.chain.n_actuators(),
-            Place::Module(module) => usize::from(module) < model.chain.stages.len(),
-            Place::Servo(servo) => usize::from(servo) < model.chain.n_servos(),
-            Place::Arm | Place::Base | Place::Tool | Place::Camera => true,
-        }
+        (Place::Module(module), _) => check_number(name, ("module", module), chain.stages.len()),
+        (Place::Servo(servo), _) => check_number(name, ("servo", servo), chain.n_servos()),
+        (Place::Arm | Place::Base | Place::Tool | Place::Camera, _) => Ok(()),
+    }
+}
+
+fn check_number(law: &'static str, (what, number): (&'static str, u8), count: usize) -> Result<(), ArmFault> {
+    let fault = ArmFault::NoSuchPlace { law, what, number, of: None, count };
+    if usize::from(number) < count { Ok(()) } else { Err(fault) }
+}
+
+fn check_state(law: &'static str, (actuator, state): (u8, u8), model: &ArmModel) -> Result<(), ArmFault> {
+    check_number(law, ("actuator", actuator), model.chain.n_actuators())?;
+    let count = model.chain.n_states(actuator.into()).min(MAX_STATES);
+    let fault = ArmFault::NoSuchPlace { law, what: "state", number: state, of: Some(actuator), count };
+    if usize::from(state) < count { Ok(()) } else { Err(fault) }
 }
 
 /// Sets the values of a law to those of the file.
@@ -127,19 +138,23 @@ fn fitted_term(raw: &RawEffect, model: &ArmModel) -> Result<FittedTerm<f64>, Arm
         RawFrame::Tool => Frame::Tool,
     };
     let of = variable(along);
-    let state_exists = |(actuator, state): (u8, u8)| {
-        usize::from(actuator) < model.chain.n_actuators() && usize::from(state) < model.chain.n_states(actuator.into())
-    };
-    let (exists, span) = match of {
-        Variable::Supply { span, .. } | Variable::Temperature { span, .. } => (true, span),
-        Variable::Servo { servo, span, .. } => (usize::from(servo) < model.chain.n_servos(), span),
-        Variable::Digits { first, second } => (state_exists(first) && second.is_none_or(state_exists), 1.0),
-        Variable::Stayed { actuator, .. } => (usize::from(actuator) < model.chain.n_actuators(), 1.0),
-    };
-    match (exists, span > 0.0) {
-        (true, true) => Ok(FittedTerm { of, square: raw.square.unwrap_or(false), frame, values: [0.0; 6] }),
-        (true, false) => Err(ArmFault::NotPositive { key: "the span of a fitted term", value: span }),
-        (false, _) => Err(ArmFault::NoSuchPlace),
+    let name = LawName::FittedTerm.as_str();
+    let mut span = 1.0;
+    match of {
+        Variable::Supply { span: given, .. } | Variable::Temperature { span: given, .. } => span = given,
+        Variable::Servo { servo, span: given, .. } => {
+            check_number(name, ("servo", servo), model.chain.n_servos())?;
+            span = given;
+        }
+        Variable::Digits { first, second } => {
+            check_state(name, first, model)?;
+            second.map_or(Ok(()), |second| check_state(name, second, model))?;
+        }
+        Variable::Stayed { actuator, .. } => check_number(name, ("actuator", actuator), model.chain.n_actuators())?,
+    }
+    match span > 0.0 {
+        true => Ok(FittedTerm { of, square: raw.square.unwrap_or(false), frame, values: [0.0; 6] }),
+        false => Err(ArmFault::NotPositive { key: "the span of a fitted term", value: span }),
     }
 }
 

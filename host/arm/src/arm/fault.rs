@@ -111,11 +111,24 @@ pub enum ArmFault {
         /// The names that there are.
         known: Vec<&'static str>,
     },
-    /// An effect names an actuator, module or state that the arm does not have.
+    /// An effect names an actuator, module, servo or state that the arm does not have.
     #[error(
-        "the effect acts on an actuator, module or state that is missing or does not exist; both count from 0 at the base"
+        "{law}: there is no {what} {number}{}; {}",
+        .of.map_or(String::new(), |actuator| format!(" of actuator {actuator}")),
+        numbers(*.count, what)
     )]
-    NoSuchPlace,
+    NoSuchPlace {
+        /// The law.
+        law: &'static str,
+        /// `actuator`, `module`, `servo` or `state`.
+        what: &'static str,
+        /// Its number in the file.
+        number: u8,
+        /// The actuator of a state.
+        of: Option<u8>,
+        /// How many there are.
+        count: usize,
+    },
     /// The values of an effect are not those of its law.
     #[error("the values of this law are {}", .expected.join(", "))]
     EffectValues {
@@ -146,7 +159,17 @@ pub enum ArmFault {
         /// The address.
         id: u8,
     },
-    /// No board could drive the arm: an output is named twice, or there are too many.
+    /// Two actuators name one output, or one actuator names it twice.
+    #[error("output {output} feeds both {first} and {second}; give each an output that nothing else uses")]
+    OutputTwice {
+        /// The output.
+        output: u8,
+        /// One actuator, by its number and name.
+        first: String,
+        /// The other.
+        second: String,
+    },
+    /// No board could drive the arm: an output does not exist, or there are too many.
     #[error("{0}; correct the wiring")]
     Wiring(WiringError),
     /// The profile of the board does not fit the arm.
@@ -261,6 +284,15 @@ fn unknown_format(found: u32) -> String {
               `darm profile migrate OLD.toml -o NEW.toml --profile PROFILE.toml`"
             .to_owned(),
         _ => format!("the file has format {found}, this program reads format {}", super::FORMAT),
+    }
+}
+
+/// Which numbers there are of something.
+fn numbers(count: usize, what: &str) -> String {
+    match count {
+        0 => format!("the arm has no {what}"),
+        count if what == "state" => format!("give 0 to {}", count - 1),
+        count => format!("give 0 to {}, counted from the base", count - 1),
     }
 }
 

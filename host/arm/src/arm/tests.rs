@@ -204,7 +204,12 @@ fn mistakes_are_told_by_line_and_column() {
         ("[1.0, 1.25]", "[1.0, nan]", "29:12: the number has to be finite"),
         ("[1.0, 1.25]", "[1.0]", "29:12: the actuator has 1 states; give 2 to 4, digit 0 first"),
         ("[-0.5, 0.0]", "[-0.5, 0.0, 0.0]", "27:10: 3 coordinates are given; give 2, in metres"),
-        ("output = 1\n", "output = 0\n", "39:10: output 0 is used twice or is not one of 0 to 47; correct the wiring"),
+        (
+            "output = 1\n",
+            "output = 0\n",
+            "39:10: output 0 feeds both actuator 0 (module 1, left) and actuator 1 (module 1, diagonal); give each an output \
+             that nothing else uses",
+        ),
         (
             "output = 4\n",
             "output = 48\n",
@@ -263,8 +268,15 @@ fn effects_that_cannot_be_are_told() {
     assert_eq!(message("\"play\"\nvalues = { w = 1.0 }"), "arm.toml:152:7: the values of this law are width_m");
     assert_eq!(
         message("\"play\"\nmodule = 4\nvalues = { width_m = 1.0 }"),
-        "arm.toml:152:7: the effect acts on an actuator, module or state that is missing or does not exist; both \
-         count from 0 at the base"
+        "arm.toml:152:7: play: there is no module 4; give 0 to 3, counted from the base"
+    );
+    assert_eq!(
+        message("\"stroke-loss\"\nactuator = 12\nstate = 1\nvalues = { loss_m = 1.0 }"),
+        "arm.toml:152:7: stroke-loss: there is no actuator 12; give 0 to 11, counted from the base"
+    );
+    assert_eq!(
+        message("\"stroke-loss\"\nactuator = 4\nstate = 2\nvalues = { loss_m = 1.0 }"),
+        "arm.toml:152:7: stroke-loss: there is no state 2 of actuator 4; give 0 to 1"
     );
 }
 

@@ -93,6 +93,6 @@ fn a_coil_that_would_be_on_too_long_is_told_by_its_visit() {
     let error = planned(&arm("planar4.toml"), &visits).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "000000000001: output 11 would be on for longer than it may; dwell for a shorter time, or put a rest between"
+        "000000000001: output 11 would be on for longer than it may (max_on_ms = 300000 in the profile); dwell for a shorter time, or put a rest between"
     );
 }

@@ -85,6 +85,19 @@ pub(crate) enum TableFileError {
         /// The checksum at its end.
         expected: u32,
     },
+    /// The end of the file is missing.
+    #[error(
+        "{path} is truncated: its {bytes} bytes end after {rows} rows, before the end of the table; copy it again, or make it \
+         again with `darm table`"
+    )]
+    Truncated {
+        /// The file.
+        path: PathBuf,
+        /// Bytes that it has.
+        bytes: usize,
+        /// Complete rows among them.
+        rows: usize,
+    },
     /// Bytes that are not a record.
     #[error("{path}: the bytes from offset {offset} are not a record; remake the table with `darm table`")]
     Bytes {
@@ -277,10 +290,32 @@ fn unpack<'b>(bytes: &'b [u8], path: &Path) -> Result<(Digest, &'b [u8]), TableF
     let (content, check) = bytes.split_last_chunk::<CHECK>().ok_or_else(no_table)?;
     let (digest, image) = content.strip_prefix(HEAD).and_then(<[u8]>::split_first_chunk).ok_or_else(no_table)?;
     let (found, expected) = (CRC.checksum(content), u32::from_le_bytes(*check));
-    match found == expected {
-        true => Ok((Digest(*digest), image)),
-        false => Err(TableFileError::Damaged { path: path.into(), found, expected }),
+    if found == expected {
+        return Ok((Digest(*digest), image));
     }
+    // A file that is cut off has records as far as it goes, the last one in pieces, and no checksum.
+    match rows_until_cut(bytes.get(HEAD.len() + DIGEST..).unwrap_or_default()) {
+        Some(rows) => Err(TableFileError::Truncated { path: path.into(), bytes: bytes.len(), rows }),
+        None => Err(TableFileError::Damaged { path: path.into(), found, expected }),
+    }
+}
+
+/// The rows of records of which the last ones are missing; `None` where an end record or bytes that are no record stand among
+/// them.
+fn rows_until_cut(bytes: &[u8]) -> Option<usize> {
+    let (mut rows, mut rest) = (0, bytes);
+    while !rest.is_empty() {
+        match postcard::take_from_bytes(rest) {
+            Ok((Record::End { .. }, _)) => return None,
+            Ok((record, after)) => {
+                rows += usize::from(matches!(record, Record::Row(_)));
+                rest = after;
+            }
+            Err(postcard::Error::DeserializeUnexpectedEnd) => return Some(rows),
+            Err(_) => return None,
+        }
+    }
+    Some(rows)
 }
 
 fn check(path: &Path, records: Vec<Record>) -> Result<Vec<Record>, TableFileError> {
@@ -319,50 +354,4 @@ fn start(records: &[Record]) -> Option<Start> {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::path::Path;
-
-    use darm_arm::arm::Arm;
-    use darm_arm::plan::{Visit, plan};
-    use darm_arm::wired_arm::profile_of;
-
-    use super::{TableFile, bytes, digest, records};
-
-    fn file() -> Vec<u8> {
-        let arm = Arm::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/planar4.toml")).unwrap();
-        let visit =
-            Visit { word: "000010000000".parse().unwrap(), servos_rad: vec![], dwell_s: 0.1, label: "A".into() };
-        let profile = profile_of(&arm, None).unwrap();
-        bytes(&plan(&arm, &[visit], &profile.board(None), &[]).unwrap().image)
-    }
-
-    #[test]
-    fn a_file_with_any_one_bit_changed_or_cut_off_anywhere_is_refused() {
-        let (path, mut file) = (Path::new("a.darm"), file());
-        assert!(TableFile::parse(path, &file).is_ok());
-        for bit in 0..8 * file.len() {
-            file[bit / 8] ^= 1 << (bit % 8);
-            assert!(TableFile::parse(path, &file).is_err(), "bit {} of byte {}", bit % 8, bit / 8);
-            file[bit / 8] ^= 1 << (bit % 8);
-        }
-        for end in 0..file.len() {
-            assert!(TableFile::parse(path, &file[..end]).is_err(), "{end} bytes");
-        }
-    }
-
-    #[test]
-    fn a_digest_has_sixty_four_digits() {
-        let table = TableFile::parse(Path::new("a.darm"), &file()).unwrap().digest();
-        let text = table.to_string();
-        assert_eq!(digest(&text), Some(table));
-        for wrong in [&text[1..], &format!("{text}0"), &text.replacen(&text[..1], "+", 1), ""] {
-            assert_eq!(digest(wrong), None, "{wrong}");
-        }
-    }
-
-    #[test]
-    fn the_offset_of_invalid_bytes_is_reported() {
-        assert_eq!(records(&[]), Ok(vec![]));
-        assert_eq!(records(&[0xff, 1]), Err(0));
-    }
-}
+mod tests;
