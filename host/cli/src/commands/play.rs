@@ -1,15 +1,17 @@
 //! `darm play`: starts the board's table and follows its events; the board runs it on its own clock.
 
 use std::path::PathBuf;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use darm_core::sequencer::{Event, Fault, Phase};
-use darm_device::client::{Client, Happening};
+use darm_core::wire::message::Refusal;
+use darm_device::client::{Client, ClientError, Happening};
 use serde::Serialize;
 
 use super::status::seconds;
 use super::table_file::TableFile;
 use crate::failure::{SafeState, Unfinished};
+use crate::interrupt::InterruptHandler;
 use crate::port::PortArgs;
 use crate::ui::{Answer, Ui};
 use crate::{interrupt, port};
@@ -18,6 +20,7 @@ const EXAMPLES: &str = "\
 Examples:
   darm play               # run the stored table and follow it to its end
   darm play visits.darm   # only if the board has exactly this table
+  darm play --wait        # when the outputs have rested long enough
   darm play --detach      # start it and return immediately
 
 The board runs the rows on its own clock: the program continues with the cable unplugged, or after --detach. Ctrl-C stops \
@@ -26,6 +29,11 @@ program stopped the arm before the end of its program.";
 
 /// Interval between two requests.
 const POLL: Duration = Duration::from_millis(50);
+
+/// Interval between two attempts to start.
+const RETRY: Duration = Duration::from_millis(500);
+/// Added to the time that the board has requested.
+const MARGIN: Duration = Duration::from_secs(5);
 
 /// Row 0 is applied in the tick of the start or the next one.
 const TICK_S: f64 = 2e-3;
@@ -37,6 +45,9 @@ pub(crate) struct Play {
     /// Table that the board must have; default: any
     #[arg(value_name = "TABLE.darm")]
     table: Option<PathBuf>,
+    /// Wait until the limits of outputs that have been on allow the program, instead of failing
+    #[arg(long)]
+    wait: bool,
     /// Return as soon as the program runs
     #[arg(long)]
     detach: bool,
@@ -80,7 +91,7 @@ impl Play {
         }
         let first_event = hello.next_event;
         let interrupt = interrupt::InterruptHandler::start(&port, handle)?;
-        interrupt.play(&mut client)?;
+        self.start(&mut client, &interrupt, ui)?;
         if self.detach {
             return ui.print(&Played { end: "started", rows, rows_played: 0, took_s: None, fault: None });
         }
@@ -94,6 +105,40 @@ impl Play {
         }
         let reported = monitor.report(ui, rows);
         interrupted.map_or(reported, |interrupted| Err(interrupted.into()))
+    }
+}
+
+impl Play {
+    /// Starts the program; with --wait again and again while the board refuses it for outputs that have been on. The board
+    /// keeps their on-times over resets and alone decides.
+    fn start(&self, client: &mut Client, interrupt: &InterruptHandler, ui: Ui) -> anyhow::Result<()> {
+        let mut deadline = None;
+        loop {
+            let refused = match interrupt.play(client) {
+                Err(error) => error,
+                Ok(()) => return Ok(()),
+            };
+            let Some(wait) = recovery(&refused) else { return Err(refused) };
+            if !self.wait {
+                ui.note("`darm play --wait` waits that long and plays");
+                return Err(refused);
+            }
+            if deadline.is_none() {
+                ui.note(&format!("outputs have been on: waiting for at most {} s", wait.as_secs_f64().ceil()));
+            }
+            if Instant::now() > *deadline.get_or_insert(Instant::now() + wait + MARGIN) {
+                return Err(refused);
+            }
+            std::thread::sleep(wait.min(RETRY));
+        }
+    }
+}
+
+/// How long the board says that an output has to rest; `None` of any other error.
+fn recovery(error: &anyhow::Error) -> Option<Duration> {
+    match error.downcast_ref::<ClientError>()? {
+        ClientError::Refused(Refusal::Recovering { wait_ms, .. }) => Some(Duration::from_millis((*wait_ms).into())),
+        _ => None,
     }
 }
 

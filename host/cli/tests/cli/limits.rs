@@ -119,3 +119,24 @@ fn a_measurement_plan_rests_where_the_first_profile_demands_it() {
     assert!(visits.lines().filter(|line| line.contains("000000000000")).count() >= 3, "{visits}");
     assert_eq!(home.json(&make(""))["rests"], 0);
 }
+
+#[test]
+fn a_program_waits_until_the_outputs_have_rested() {
+    let home = Home::new();
+    let arm = example("planar4.toml");
+    home.succeeds(&format!("profile make {arm} -o first.toml"));
+    let first = std::fs::read_to_string(home.path("first.toml")).unwrap();
+    let short = first.replace("max_on_ms = 1000", "max_on_ms = 1400").replace("duty_percent = 10", "duty_percent = 50");
+    home.write("short.toml", &short.replace("window_ms = 10000", "window_ms = 3000"));
+    home.succeeds(&format!("table {arm} --profile short.toml --words 000000000001 --dwell 1 -o one.darm"));
+    let board = Board::start(&home, &format!("{arm} --profile short.toml"));
+    let port = &board.port;
+    home.succeeds(&format!("upload one.darm {port}"));
+    home.succeeds(&format!("play --wait {port}"));
+    let refused = home.darm(&format!("play {port}"));
+    assert_eq!(refused.status.code(), Some(3), "{}", text(&refused.stderr));
+    assert!(text(&refused.stderr).contains("`darm play --wait` waits"), "{}", text(&refused.stderr));
+    let waited = home.darm(&format!("play --wait {port}"));
+    assert!(waited.status.success(), "{}", text(&waited.stderr));
+    assert!(text(&waited.stderr).starts_with("outputs have been on: waiting for at most "));
+}
