@@ -85,7 +85,7 @@ pub fn place_code(effect: &Effect<f64>) -> String {
 /// The variable of a fitted term, as a person would call it: `the square of temperature`.
 pub fn term_name(arm: &Arm, term: &FittedTerm<f64>) -> String {
     let actuator = |actuator: u8| arm.actuator_name(actuator.into());
-    variable(term.of.name(), term.square, &actuator, &|servo| format!("servo {}", servo + 1))
+    variable(term.of.name(), term.square, &actuator, &|servo| format!("servo {servo}"))
 }
 
 fn variable(of: VariableName, square: bool, actuator: &dyn Fn(u8) -> String, servo: &dyn Fn(u8) -> String) -> String {
@@ -107,7 +107,7 @@ pub fn place_name(arm: &Arm, effect: &Effect<f64>) -> String {
         Part::Actuator(actuator) => arm.actuator_name(actuator.into()),
         Part::Module(module) => arm.stage_name(module.into()),
         Part::Arm => "all actuators".into(),
-        Part::Servo(servo) => format!("servo {}", servo + 1),
+        Part::Servo(servo) => format!("servo {servo}"),
         Part::Base => "the base".into(),
         Part::Tool => "the tool".into(),
         Part::Camera => "the camera".into(),
