@@ -31,6 +31,7 @@ impl Merge {
         let results = Results::read(&self.files)?;
         match results.run.command.as_str() {
             blind::Job::COMMAND => self.report::<blind::Job>(results),
+            blind::Layouts::COMMAND => self.report::<blind::Layouts>(results),
             blind::Mechanisms::COMMAND => self.report::<blind::Mechanisms>(results),
             demo::Sweep::COMMAND => self.report::<demo::Sweep>(results),
             bench::SynthesisSweep::COMMAND => self.report::<bench::SynthesisSweep>(results),

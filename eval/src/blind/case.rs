@@ -1,5 +1,6 @@
 //! One seed: which arm, which effects, and the run that is diagnosed.
 
+use darm_diagnose::measurement_plan::Step;
 use darm_diagnose::truth::{Blind, Kind, TruthError};
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
@@ -52,15 +53,28 @@ impl Class {
 
 /// The true arm of a seed; effects that it cannot have are drawn again.
 pub(super) fn draw(subject: &Subject, seed: u64) -> Result<Blind, TruthError> {
+    draw_from(subject, subject.steps(seed), (Class::of(seed), seed), |_| true)
+}
+
+/// The true arm of a class and seed that makes these steps, with effects of the kinds that are allowed.
+pub(super) fn draw_from(
+    subject: &Subject,
+    steps: &[Step],
+    (class, seed): (Class, u64),
+    allows: impl Fn(Kind) -> bool,
+) -> Result<Blind, TruthError> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xca5e_0000);
     let mut last = TruthError::TooWeak { kind: Kind::Nothing };
     for _ in 0..DRAWS {
-        let kinds = Class::of(seed).kinds(&mut rng);
+        let kinds = class.kinds(&mut rng);
         if [Kind::BaseOffset, Kind::JointOffset].iter().all(|kind| kinds.contains(kind)) {
             // The servo stands at the base: both are one turn of it.
             continue;
         }
-        match Blind::draw(&subject.arm, subject.steps(seed), &kinds, seed) {
+        if !kinds.iter().all(|kind| allows(*kind)) {
+            continue;
+        }
+        match Blind::draw(&subject.arm, steps, &kinds, seed) {
             Ok(blind) => return Ok(blind),
             Err(error) => last = error,
         }

@@ -39,7 +39,46 @@ pub(super) struct Mark {
     pub(super) answer: String,
 }
 
-/// Marks a outcome.diagnosis.
+/// What an answer is worth where refusing is allowed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) enum Answer {
+    /// The right names, or none of an arm without effects.
+    Right,
+    /// No wrong name, and not all of the right ones: the verdict says that something is open.
+    Refused,
+    /// `no-effect` where there is one.
+    Missed,
+    /// A verdict against an arm without effects.
+    FalseAlarm,
+    /// A name that is wrong.
+    FalseName,
+}
+
+impl Answer {
+    /// An answer that is not right as it stands, by what it names.
+    pub(super) fn of(class: Class, verdict: Verdict, truth: &[(&str, &str)], named: &[(&str, &str)]) -> Self {
+        match verdict {
+            _ if class == Class::Clean && verdict == Verdict::NoEffect => Self::Right,
+            _ if class == Class::Clean => Self::FalseAlarm,
+            _ if !named.iter().all(|name| truth.contains(name)) => Self::FalseName,
+            Verdict::NoEffect => Self::Missed,
+            Verdict::EffectFound => Self::FalseName,
+            Verdict::UnexplainedStructure | Verdict::NotIdentifiable => Self::Refused,
+        }
+    }
+
+    /// Whether it says what is not so.
+    pub(super) fn is_wrong(&self) -> bool {
+        matches!(self, Self::FalseAlarm | Self::FalseName)
+    }
+}
+
+/// Law and part of an effect that is named.
+pub(super) fn law_and_part(found: &Found) -> (&str, &str) {
+    (found.law.as_str(), part(&found.site.code))
+}
+
+/// Marks the outcome of a diagnosis.
 pub(super) fn mark(arm: &Arm, class: Class, blind: &Blind, outcome: &Outcome<ArmCorrection>) -> Result<Mark> {
     let repeats_m = outcome.diagnosis.repeatability.as_ref().map_or(blind.scatter_m(), |repeats| repeats.norm.value);
     let mut mark = Mark { ratio: heldout_m(blind, outcome) / repeats_m, answer: answer(outcome), ..Mark::default() };
@@ -73,7 +112,7 @@ fn heldout_m(blind: &Blind, outcome: &Outcome<ArmCorrection>) -> f64 {
 
 /// Whether the laws, and whether the places too, are those of the truth, each once.
 fn named(truth: &[Sealed], effects: &[Found]) -> (bool, bool) {
-    let named: Vec<(&str, &str)> = effects.iter().map(|found| (found.law.as_str(), part(&found.site.code))).collect();
+    let named: Vec<(&str, &str)> = effects.iter().map(law_and_part).collect();
     right(&pairs(truth), &named)
 }
 

@@ -7,6 +7,8 @@ mod baseline;
 mod case;
 mod floating;
 mod judge;
+mod layout;
+mod layouts;
 mod mechanisms;
 mod robots;
 mod rules;
@@ -28,6 +30,8 @@ use arms::Subject;
 use case::Class;
 
 use judge::Mark;
+use layout::Layout;
+pub(crate) use layouts::Layouts;
 pub(crate) use mechanisms::Mechanisms;
 use robots::{Robots, Which};
 
@@ -39,6 +43,12 @@ pub(crate) struct Blind {
     /// Draw each mechanism alone, a few times, in place of the seeds
     #[arg(long, conflicts_with_all = ["seeds", "arm", "wrong"])]
     mechanisms: bool,
+    /// Draw N clean and N changed arms in every layout of measurements that others use, in place of the seeds
+    #[arg(long, value_name = "N", conflicts_with_all = ["seeds", "arm", "mechanisms"])]
+    layouts: Option<u64>,
+    /// One layout only
+    #[arg(long, value_enum, requires = "layouts")]
+    layout: Option<Layout>,
     #[command(flatten)]
     spread: Spread,
 }
@@ -93,6 +103,10 @@ impl Blind {
     pub(crate) fn run(&self) -> Result<()> {
         if self.mechanisms {
             return items::run(&Mechanisms { first_seed: self.job.first_seed }, &self.spread);
+        }
+        if let Some(arms) = self.layouts {
+            let Job { first_seed, wrong, .. } = self.job;
+            return items::run(&Layouts { arms, first_seed, layout: self.layout, wrong }, &self.spread);
         }
         items::run(&self.job, &self.spread)
     }

@@ -3,6 +3,7 @@
 use anyhow::Result;
 use darm_diagnose::diagnosis::{SignalOptions, diagnose_table};
 use darm_diagnose::linearise::model::{Model, What};
+use darm_diagnose::measurement::table::Table;
 use darm_diagnose::outcome::{Diagnosis, Verdict};
 use darm_diagnose::prepare::signals::Preparation;
 use darm_robot::robot::Robot;
@@ -13,7 +14,8 @@ use xtask::setup;
 
 use super::case::Class;
 use super::floating::floating;
-use super::judge::{Mark, right};
+use super::judge::{Answer, Mark, right};
+use super::layout::Layout;
 use super::serial::serial;
 use super::sets;
 use super::signals::{Bench, PERIODIC, joint_of, law_of};
@@ -40,29 +42,72 @@ impl Robots {
     /// Draws, measures, diagnoses and marks one seed; the truth in words.
     pub(super) fn run(&self, which: Which, class: Class, seed: u64) -> Result<(Mark, String)> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xc4a1_0000);
-        let (what, mut bench) = match which {
-            Which::Serial => (What::Torque(self.serial.clone(), None), serial(&self.serial, class, &mut rng)?),
-            Which::Floating => (What::Wrench(self.floating.clone()), floating(&self.floating, class, &mut rng)?),
-        };
-        let model = Model::from(what);
+        let (what, mut bench) = self.drawn(which, class, &mut rng)?;
         bench.spoil(&mut rng);
         let table = bench.table()?;
-        let within = if which == Which::Floating { vec!["posture".to_string()] } else { Vec::new() };
-        let preparation = Preparation { within, ..Preparation::default() };
-        let diagnosis =
-            diagnose_table(&model, &table, &SignalOptions { preparation, always: Vec::new(), seed })?.diagnosis;
+        let diagnosis = diagnosed(which, what, &table, seed)?;
         Ok((mark(&bench, class, &diagnosis)?, bench.truth()))
     }
+
+    /// The same in another layout, without speeds and accelerations in the table; the answer, and the truth in words.
+    pub(super) fn in_layout(
+        &self,
+        which: Which,
+        layout: Layout,
+        class: Class,
+        seed: u64,
+    ) -> Result<(Mark, Answer, String)> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x1a70_5160);
+        let (what, mut bench) = self.drawn(which, class, &mut rng)?;
+        bench.spoil(&mut rng);
+        let kept = layout.change_stamps(&mut bench.given[0], &mut rng);
+        let mut table = bench.table()?;
+        table.retain(&kept);
+        table.columns.retain(|column| !column.name.starts_with(['v', 'a']));
+        let diagnosis = diagnosed(which, what, &table, seed)?;
+        let mark = mark(&bench, class, &diagnosis)?;
+        let named = named(&diagnosis);
+        let answer = match mark.named && (mark.placed || class == Class::Clean) {
+            true => Answer::Right,
+            false => Answer::of(class, diagnosis.verdict, &truth(&bench), &named),
+        };
+        Ok((mark, answer, bench.truth()))
+    }
+
+    /// What the model of a robot is, and a measurement of it without noise.
+    fn drawn(&self, which: Which, class: Class, rng: &mut ChaCha8Rng) -> Result<(What, Bench)> {
+        Ok(match which {
+            Which::Serial => (What::Torque(self.serial.clone(), None), serial(&self.serial, class, rng)?),
+            Which::Floating => (What::Wrench(self.floating.clone()), floating(&self.floating, class, rng)?),
+        })
+    }
+}
+
+fn diagnosed(which: Which, what: What, table: &Table, seed: u64) -> Result<Diagnosis> {
+    let within = if which == Which::Floating { vec!["posture".to_string()] } else { Vec::new() };
+    let preparation = Preparation { within, ..Preparation::default() };
+    let options = SignalOptions { preparation, always: Vec::new(), seed };
+    Ok(diagnose_table(&Model::from(what), table, &options)?.diagnosis)
+}
+
+/// The laws and places that are named, a periodic one once.
+fn named(diagnosis: &Diagnosis) -> Vec<(&'static str, &str)> {
+    let mut named: Vec<(&str, &str)> =
+        diagnosis.effects.iter().map(|e| (law_of(e.law.as_str()), joint_of(&e.site.code))).collect();
+    named.sort_unstable();
+    named.dedup_by(|a, b| a == b && a.0 == PERIODIC);
+    named
+}
+
+/// The laws and places that are right.
+fn truth(bench: &Bench) -> Vec<(&'static str, &str)> {
+    bench.added.iter().map(|added| (added.law, added.place.as_str())).collect()
 }
 
 /// Whether the answer is right, by the rules of [`rules`](super::rules).
 fn mark(bench: &Bench, class: Class, diagnosis: &Diagnosis) -> Result<Mark> {
     let mut mark = Mark { ratio: ratio(bench, diagnosis), answer: answer(diagnosis), ..Mark::default() };
-    let mut named: Vec<(&str, &str)> =
-        diagnosis.effects.iter().map(|e| (law_of(e.law.as_str()), joint_of(&e.site.code))).collect();
-    named.sort_unstable();
-    named.dedup_by(|a, b| a == b && a.0 == PERIODIC);
-    let truth: Vec<(&str, &str)> = bench.added.iter().map(|added| (added.law, added.place.as_str())).collect();
+    let (named, truth) = (named(diagnosis), truth(bench));
     match class {
         Class::Clean => mark.named = diagnosis.verdict == Verdict::NoEffect,
         Class::Outside => {

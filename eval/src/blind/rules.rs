@@ -70,6 +70,22 @@
 //!   and outliers.
 //! - **Outside the list**: a verdict other than `unexplained-structure`, or any effect named beside it, is a false name.
 //!
+//! # Layouts
+//!
+//! `blind --layouts` draws the same arms and effects, measured as other people measure: without a column of held-out rows,
+//! with repeats at other times, few or none, in 60 to 120 rows, without supply and temperature, with 5 % outliers, with a
+//! camera that drifts, and signals with stamps that are off, rounded or lost. In every layout half of the arms are clean.
+//!
+//! - **False alarm**: an effect named on a clean arm, or the verdict that something is beyond the noise or cannot be
+//!   identified. `too-little-data` is none.
+//! - **False name**: an effect named on a changed arm whose law and place are not among the right ones.
+//! - **Refusal**: `not-identifiable` whose sets do not hold the right laws, `too-little-data`, or `partly-explained` and
+//!   `unexplained-structure` with nothing wrong named. It is counted beside the rates and is not right.
+//! - **Named rightly**: as above, of those layouts whose data suffice: all but the one of 60 to 120 rows.
+//! - A camera that drifts has no law: a clean arm before it counts as one outside the list (any name is false), and a
+//!   changed arm may be partly explained: it is right when what is named is right.
+//! - In the layout without supply and temperature no effect is drawn that follows them.
+//!
 //! # What is drawn
 //!
 //! Shares of the seeds: 50 % clean, 20 % one mechanism, 20 % two, 10 % outside the list. Two mechanisms are of different

@@ -94,13 +94,24 @@ impl Blind {
         for (sample, occasion) in clean.samples.iter_mut().zip(&occasions) {
             sample.pose = truth.pose(&occasion.state).map_err(no_pose)?;
         }
-        let spoiled = spoil(&mut measured, arm, rng);
+        let spoiled = spoil(&mut measured, arm, OUTLIERS, rng);
         Ok(Self { truth, sealed, measured, clean, spoiled })
     }
 
     /// What was measured.
     pub fn measured(&self) -> &Run {
         &self.measured
+    }
+
+    /// What was measured, for an evaluation that damages it.
+    pub fn measured_mut(&mut self) -> &mut Run {
+        &mut self.measured
+    }
+
+    /// Throws a further share of the poses far off, as those that are off already.
+    pub fn spoil(&mut self, arm: &Arm, share: f64, rng: &mut ChaCha8Rng) {
+        let more = spoil(&mut self.measured, arm, share, rng);
+        self.spoiled.extend(more);
     }
 
     /// The same without noise and outliers. To be asked for once the verdict is written.
@@ -124,10 +135,10 @@ impl Blind {
     }
 }
 
-/// Throws some of the poses far off; which.
-fn spoil(run: &mut Run, arm: &Arm, rng: &mut ChaCha8Rng) -> Vec<usize> {
+/// Throws a share of the poses far off; which.
+fn spoil(run: &mut Run, arm: &Arm, share: f64, rng: &mut ChaCha8Rng) -> Vec<usize> {
     let scatter_m = scatter_m(arm);
-    let spoiled: Vec<usize> = (0..run.samples.len()).filter(|_| rng.random_bool(OUTLIERS)).collect();
+    let spoiled: Vec<usize> = (0..run.samples.len()).filter(|_| rng.random_bool(share)).collect();
     for &sample in &spoiled {
         let size_m = scatter_m * rng.random_range(OUTLIER_SCATTERS);
         let aside = crate::truth::mechanism::tilt(arm.model.chain.is_planar(), rng) * size_m;

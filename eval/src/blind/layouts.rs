@@ -1,0 +1,186 @@
+//! Every layout of measurements with the same number of clean and changed arms: false alarms, false names, names, refusals.
+
+use anyhow::{Context as _, Result};
+use clap::ValueEnum as _;
+use darm_diagnose::diagnosis;
+use darm_diagnose::diagnosis::diagnose;
+use darm_diagnose::outcome::Verdict;
+use darm_diagnose::select::significance::clopper_pearson;
+use darm_figures::figure::Figure;
+use darm_figures::items;
+use darm_figures::shard::Shard;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use super::case::{self, Class};
+use super::judge::{self, Answer};
+use super::layout::{Layout, MORE_OUTLIERS};
+use super::robots::Which;
+use super::{Bench, arms, robots::Robots};
+
+/// Arms of every layout.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Layouts {
+    /// Of each layout: how many clean arms, and as many changed ones.
+    pub(super) arms: u64,
+    pub(super) first_seed: u64,
+    /// One layout only; `None`: all of them.
+    pub(super) layout: Option<Layout>,
+    /// Whether a line is printed for every wrong answer, as it comes.
+    #[serde(skip)]
+    pub(super) wrong: bool,
+}
+
+/// What came of one arm.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Outcome {
+    layout: Layout,
+    class: Class,
+    answer: Answer,
+    /// Intervals that hold the true value, of how many.
+    covered: [usize; 2],
+}
+
+impl Layouts {
+    fn layouts(&self) -> Vec<Layout> {
+        self.layout.map_or_else(|| Layout::value_variants().to_vec(), |layout| vec![layout])
+    }
+
+    /// Layout, class and seed of an item.
+    fn item(&self, item: usize) -> (Layout, Class, u64) {
+        let per_layout = 2 * self.arms as usize;
+        let number = item % per_layout;
+        let class = [Class::Clean, Class::One, Class::Clean, Class::Two][number % 4];
+        (self.layouts()[item / per_layout], class, self.first_seed + number as u64)
+    }
+}
+
+impl items::Job for Layouts {
+    const COMMAND: &'static str = "blind --layouts";
+    type Bench = Bench;
+    type Outcome = Outcome;
+
+    fn items(&self) -> Result<Vec<String>> {
+        let name = |layout: &Layout| layout.to_possible_value().map(|value| value.get_name().to_string());
+        let numbers = 0..2 * self.arms;
+        let of = |layout: &Layout| {
+            let name = name(layout).context("a layout without a name")?;
+            Ok(numbers.clone().map(move |k| format!("{name} {}", self.first_seed + k)).collect::<Vec<_>>())
+        };
+        Ok(self.layouts().iter().map(of).collect::<Result<Vec<_>>>()?.concat())
+    }
+
+    fn bench(&self, _: Shard) -> Result<Bench> {
+        Ok(Bench { subjects: arms::subjects()?, robots: Robots::read()? })
+    }
+
+    fn run(&self, bench: &Bench, item: usize) -> Result<Outcome> {
+        let (layout, class, seed) = self.item(item);
+        let outcome = run(bench, layout, class, seed).with_context(|| format!("{layout:?}, seed {seed}"))?;
+        if self.wrong && outcome.0.answer.is_wrong() {
+            println!("{layout:?} {seed} {:?} {}", outcome.0.answer, outcome.1);
+        }
+        Ok(outcome.0)
+    }
+
+    fn figures(&self, outcomes: &[Outcome]) -> Result<Vec<Figure>> {
+        by_layout(outcomes, &self.layouts());
+        figures(outcomes, &self.layouts())
+    }
+
+    fn seed(&self) -> u64 {
+        self.first_seed
+    }
+}
+
+/// One arm in one layout, and in words what was true and what was answered.
+fn run(bench: &Bench, layout: Layout, class: Class, seed: u64) -> Result<(Outcome, String)> {
+    if layout.is_of_signals() {
+        let which = [Which::Serial, Which::Floating][seed as usize / 4 % 2];
+        let (mark, answer, truth) = bench.robots.in_layout(which, layout, class, seed)?;
+        return Ok((Outcome { layout, class, answer, covered: [0, 0] }, format!("{truth}  ->  {}", mark.answer)));
+    }
+    let subject = &bench.subjects[seed as usize / 4 % 3];
+    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x1a70_0000);
+    let steps = layout.steps(subject.steps(seed), &mut rng);
+    let mut blind = case::draw_from(subject, &steps, (class, seed), |kind| layout.allows(kind))?;
+    if layout == Layout::Outliers {
+        blind.spoil(&subject.arm, MORE_OUTLIERS, &mut rng);
+    }
+    let scatter_m = blind.scatter_m();
+    layout.change(blind.measured_mut(), scatter_m, &mut rng);
+    let truth: Vec<String> =
+        blind.unseal().iter().map(|sealed| format!("{} {}", sealed.effect, sealed.place)).collect();
+    let outcome = match diagnose(&subject.arm, blind.measured(), &diagnosis::Options::default()) {
+        Ok(outcome) => outcome,
+        Err(error) => {
+            let answer = Answer::Refused;
+            return Ok((Outcome { layout, class, answer, covered: [0, 0] }, error.to_string()));
+        }
+    };
+    let mark = judge::mark(&subject.arm, class, &blind, &outcome)?;
+    let found = &outcome.diagnosis;
+    let named: Vec<(&str, &str)> = found.effects.iter().map(judge::law_and_part).collect();
+    let drifts = layout == Layout::CameraDrift;
+    let answer = match (class, found.verdict) {
+        (Class::Clean, Verdict::UnexplainedStructure) if drifts => Answer::Right,
+        (Class::Clean, _) if drifts => Answer::Missed,
+        _ if mark.named && mark.placed => Answer::Right,
+        _ => Answer::of(class, found.verdict, &judge::pairs(blind.unseal()), &named),
+    };
+    let answer = if drifts && class == Class::Clean && !named.is_empty() { Answer::FalseName } else { answer };
+    let outcome = Outcome { layout, class, answer, covered: mark.covered };
+    Ok((outcome, format!("{}  ->  {}", truth.join(" + "), mark.answer)))
+}
+
+/// Of the outcomes of a layout, how many clean (or changed) arms had this answer, of how many.
+fn count(outcomes: &[Outcome], layout: Option<Layout>, clean: bool, so: impl Fn(&Answer) -> bool) -> [usize; 2] {
+    let chosen = outcomes.iter().filter(|o| layout.is_none_or(|l| l == o.layout) && (o.class == Class::Clean) == clean);
+    chosen.fold([0, 0], |[hits, n], outcome| [hits + usize::from(so(&outcome.answer)), n + 1])
+}
+
+/// Prints hits and tries of each layout.
+fn by_layout(outcomes: &[Outcome], layouts: &[Layout]) {
+    let titles = ["false alarms", "right", "refused", "missed", "false names"];
+    println!("{:22} {}", "layout", titles.map(|title| format!("{title:>13}")).join(" "));
+    for layout in layouts {
+        let cell = |clean: bool, answer: fn(&Answer) -> bool| {
+            let [hits, n] = count(outcomes, Some(*layout), clean, answer);
+            format!("{:>13}", format!("{hits} of {n}"))
+        };
+        let cells = [
+            cell(true, Answer::is_wrong),
+            cell(false, |answer| *answer == Answer::Right),
+            cell(false, |answer| *answer == Answer::Refused),
+            cell(false, |answer| *answer == Answer::Missed),
+            cell(false, |answer| *answer == Answer::FalseName),
+        ];
+        println!("{:22} {}", format!("{layout:?}"), cells.join(" "));
+    }
+}
+
+fn figures(outcomes: &[Outcome], layouts: &[Layout]) -> Result<Vec<Figure>> {
+    let rate = |name: String, [hits, n]: [usize; 2]| {
+        let percent = |share: f64| (1000.0 * share).round() / 10.0;
+        let [low, high] = clopper_pearson(hits, n).map(percent);
+        Figure::new(&name, percent(hits as f64 / n.max(1) as f64), &format!("% of {n} ({low}–{high})"))
+    };
+    let mut figures = Vec::new();
+    for layout in layouts {
+        let name = layout.to_possible_value().context("a layout without a name")?.get_name().to_string();
+        let of = |clean, so: fn(&Answer) -> bool| count(outcomes, Some(*layout), clean, so);
+        figures.push(rate(format!("layout {name}: false alarms"), of(true, Answer::is_wrong))?);
+        figures.push(rate(format!("layout {name}: false names"), of(false, |answer| *answer == Answer::FalseName))?);
+        if layout.suffices() {
+            figures.push(rate(format!("layout {name}: named rightly"), of(false, |answer| *answer == Answer::Right))?);
+        }
+        figures.push(rate(format!("layout {name}: refused"), of(false, |answer| *answer == Answer::Refused))?);
+    }
+    let pooled = |clean, so: fn(&Answer) -> bool| count(outcomes, None, clean, so);
+    figures.push(rate("layouts: false alarms".into(), pooled(true, Answer::is_wrong))?);
+    figures.push(rate("layouts: false names".into(), pooled(false, |answer| *answer == Answer::FalseName))?);
+    let covered = outcomes.iter().fold([0, 0], |[hits, n], o| [hits + o.covered[0], n + o.covered[1]]);
+    figures.push(rate("layouts: intervals that hold the true value".into(), covered)?);
+    Ok(figures)
+}
