@@ -1,6 +1,7 @@
 //! Stage 3: which effects predict rows that no fit has seen better than the model without them.
 
 pub mod backward;
+mod change_point;
 mod columns;
 pub(crate) mod factored;
 pub mod forward;

@@ -32,7 +32,8 @@ pub struct Row {
     servos: Vec<f64>,
     supply: f64,
     temperature_k: f64,
-    time_s: f64,
+    /// Time since the run began, s.
+    pub time_s: f64,
     switches: Vec<f64>,
     inverse: Pose<f64>,
 }

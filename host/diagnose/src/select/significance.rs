@@ -36,24 +36,33 @@ pub struct LossReduction {
 /// The reduction from the residuals `before` to those `after`; `groups` has the word of each row.
 ///
 /// With Δ = before − after it is Σ w·(|Δ|² + 2·after·Δ); what of it is chance is the second part, whose terms are
-/// independent from word to word. A row far off by `after` has the weight w that a fit gives it.
+/// independent from word to word. A row far off by `after` has the weight w that a fit gives it. The degrees of freedom
+/// count the words that carry the change: (Σ v)² / Σ v² − 1 with v = Σ w·|Δ|² of each word, which is their number less one
+/// where all carry the same.
+///
+/// Source of the degrees of freedom: A. V. Carter, K. T. Schnepel, D. G. Steigerwald, Rev. Econ. Stat. 99 (2017) 698.
 pub fn clustered_t_test(before: &[f64], after: &[f64], groups: &[usize]) -> LossReduction {
     let n_axes = after.len() / groups.len().max(1);
     let row_weights = weights(after, n_axes.max(1));
-    let mut cross: BTreeMap<usize, f64> = BTreeMap::new();
+    let mut of_groups: BTreeMap<usize, [f64; 2]> = BTreeMap::new();
     let mut sum = 0.0;
     for (row, (group, weight)) in groups.iter().zip(row_weights).enumerate() {
         let range = row * n_axes..(row + 1) * n_axes;
         for (b, a) in before[range.clone()].iter().zip(&after[range]) {
             sum += weight * (b * b - a * a);
-            *cross.entry(*group).or_default() += 2.0 * weight * a * (b - a);
+            let [cross, change] = of_groups.entry(*group).or_default();
+            *cross += 2.0 * weight * a * (b - a);
+            *change += weight * (b - a).powi(2);
         }
     }
-    let error = cross.values().map(|c| c * c).sum::<f64>().sqrt();
-    if error == 0.0 || cross.len() < 2 {
-        return LossReduction { sum, error, p: if sum > 0.0 && cross.len() > 1 { 0.0 } else { 1.0 } };
+    let error = of_groups.values().map(|[cross, _]| cross * cross).sum::<f64>().sqrt();
+    let [changes, squares] =
+        of_groups.values().fold([0.0; 2], |[sum, squares], [_, change]| [sum + change, squares + change * change]);
+    let dof = changes * changes / squares - 1.0;
+    if error == 0.0 || dof.is_nan() || dof <= 0.0 {
+        return LossReduction { sum, error, p: if sum > 0.0 && dof > 0.0 { 0.0 } else { 1.0 } };
     }
-    let p = StudentsT::new(0.0, 1.0, cross.len() as f64 - 1.0).map_or(1.0, |t| t.sf(sum / error));
+    let p = StudentsT::new(0.0, 1.0, dof).map_or(1.0, |t| t.sf(sum / error));
     LossReduction { sum, error, p }
 }
 
@@ -148,13 +157,16 @@ mod tests {
     }
 
     #[test]
-    fn a_fall_in_one_word_counts() {
-        // Nine words as before, and one in which five times the noise goes: 25 of 2·5 standard errors.
-        let (mut before, after, groups) = ([1.0; 10], [1.0; 10], [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
-        before[3] = 6.0;
-        let fall = clustered_t_test(&before, &after, &groups);
-        assert_eq!((fall.sum, fall.error), (35.0, 10.0));
-        assert!(fall.p < 0.01);
+    fn a_fall_in_one_word_proves_nothing_and_in_some_of_many_it_does() {
+        // Words as before, and `n` in which five times the noise goes: 25·n of 2·5·√n standard errors.
+        let fall = |n: usize| {
+            let (mut before, after, groups) = ([1.0; 12], [1.0; 12], [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]);
+            before[..n].fill(6.0);
+            clustered_t_test(&before, &after, &groups)
+        };
+        assert_eq!((fall(1).sum, fall(1).error, fall(1).p), (35.0, 10.0, 1.0));
+        // t = 35·4/(10·√4) = 7 with 3 degrees of freedom.
+        assert!((fall(4).p - 0.003).abs() < 5e-4, "{}", fall(4).p);
     }
 
     #[test]

@@ -7,8 +7,9 @@ use darm_core::effect::step::Step;
 use darm_core::model::MAX_EFFECTS;
 use nalgebra::DVector;
 
+use super::change_point;
 use super::problem::{Loss, Neighbours, Policy, RegressionProblem, Trial};
-use super::robust_fit::{Fit, cross_validated, fit, losses, moved, weights};
+use super::robust_fit::{Fit, cross_validated, fit, losses, moved};
 use super::significance::{CONFIRMATION_LEVEL, LossReduction, clustered_t_test};
 use crate::effect::Law;
 use crate::linearise::arm_candidates;
@@ -54,11 +55,34 @@ impl ToolPoses {
     pub fn fitted(&self, model: &ArmModel) -> Result<Trial<Self>, NoPose> {
         let fit = fit(model, &self.training, &values(model), &mut ArmScratch::default())?;
         let last = fit.model.effects.last().copied();
-        Ok(self.judged(fit, last))
+        let steps = self.steps(&fit)?;
+        Ok(self.judged(fit, last, &steps))
+    }
+
+    /// The steps among the effects of a model, as cross-validation needs them.
+    fn steps(&self, fit: &Fit) -> Result<Vec<change_point::Step>, NoPose> {
+        let is_step = |&(_, &(owner, _)): &(usize, &Value)| matches!(fit.model.effects[owner], Effect::Step(_));
+        let mut own = fit.values.iter().enumerate().filter(is_step).peekable();
+        if own.peek().is_none() {
+            return Ok(Vec::new());
+        }
+        let sensitivity = Sensitivity::new(&fit.model, &self.training, &mut ArmScratch::default())?;
+        let step = |(value, &(owner, _)): (usize, &Value)| {
+            let Effect::Step(step) = fit.model.effects[owner] else { return None };
+            let always = sensitivity.column(&from_the_start(step), 0)?;
+            Some(change_point::Step { value, always, shift_m: step.shift_m })
+        };
+        Ok(own.filter_map(step).collect())
     }
 
     /// A candidate by its linear fit; `None` where it changes nothing in these rows.
-    fn candidate(&self, current: &Trial<Self>, effect: &Effect<f64>, sensitivity: &Sensitivity) -> Option<Trial<Self>> {
+    fn candidate(
+        &self,
+        current: &Trial<Self>,
+        effect: &Effect<f64>,
+        sensitivity: &Sensitivity,
+        current_steps: &[change_point::Step],
+    ) -> Option<Trial<Self>> {
         let mut model = current.fit.model.clone();
         let new = model.effects.len();
         model.effects.push(*effect).ok()?;
@@ -69,15 +93,24 @@ impl ToolPoses {
                 fit.columns.push(column);
             }
         }
-        (fit.values.len() > current.fit.values.len()).then(|| self.judged(fit, Some(*effect)))
+        if fit.values.len() == current.fit.values.len() {
+            return None;
+        }
+        let mut steps = current_steps.to_vec();
+        if let Effect::Step(step) = *effect {
+            let always = sensitivity.column(&from_the_start(step), 0)?;
+            steps.push(change_point::Step { value: fit.values.len() - 1, always, shift_m: 0.0 });
+        }
+        Some(self.judged(fit, Some(*effect), &steps))
     }
 
-    /// A step at the moment that it explains most from; any other effect as it is.
-    fn timed(&self, effect: &Effect<f64>, residuals: &[f64], sensitivity: &Sensitivity) -> Effect<f64> {
-        let Effect::Step(step) = *effect else { return *effect };
-        let always = Step { since_s: f64::NEG_INFINITY, ..step };
-        let since_s = sensitivity.column(&always.into(), 0).and_then(|column| self.change_point(&column, residuals));
-        Step { since_s: since_s.unwrap_or(step.since_s), ..step }.into()
+    /// A step at the moment that it explains most from, `None` where there is none; any other effect as it is.
+    fn timed(&self, effect: &Effect<f64>, residuals: &[f64], sensitivity: &Sensitivity) -> Option<Effect<f64>> {
+        let Effect::Step(step) = *effect else { return Some(*effect) };
+        let always = sensitivity.column(&from_the_start(step), 0)?;
+        let counts = vec![1.0; self.training.rows.len()];
+        let since_s = change_point::change_point(&self.training, &always, residuals, &counts)?;
+        Some(Step { since_s, ..step }.into())
     }
 
     /// The model with its steps at the moments that they explain most from, each beside all other effects; `None` where
@@ -92,31 +125,9 @@ impl ToolPoses {
             let Effect::Step(step) = *effect else { continue };
             let Some(own) = fit.values.iter().position(|&(of, _)| of == k) else { continue };
             let without = moved(&fit.columns[own..=own], &fit.residuals, &DVector::from_element(1, -step.shift_m));
-            model.effects[k] = self.timed(effect, &without, &sensitivity);
+            model.effects[k] = self.timed(effect, &without, &sensitivity).unwrap_or(*effect);
         }
         Ok((model.effects != fit.model.effects).then_some(model))
-    }
-
-    /// The moment t₀ for which a column that acts from then on takes most from the residuals: the largest
-    /// (Σ w·c·r)² / Σ w·c², the sums over all rows from t₀ on.
-    fn change_point(&self, column: &[f64], residuals: &[f64]) -> Option<f64> {
-        let n_axes = self.training.n_axes();
-        let row_weights = weights(residuals, n_axes);
-        let times: Vec<f64> = self.training.times_s().collect();
-        let mut order: Vec<usize> = (0..times.len()).collect();
-        order.sort_by(|&a, &b| times[b].total_cmp(&times[a]));
-        let (mut along, mut square, mut best) = (0.0, 0.0, (0.0, None));
-        for row in order {
-            for k in row * n_axes..(row + 1) * n_axes {
-                along += row_weights[row] * column[k] * residuals[k];
-                square += row_weights[row] * column[k] * column[k];
-            }
-            let gain = along * along / square;
-            if gain > best.0 {
-                best = (gain, Some(times[row]));
-            }
-        }
-        best.1
     }
 
     /// Error on rows that no fit saw, held out for good or in turn, as a distance d, root mean square, m.
@@ -128,12 +139,17 @@ impl ToolPoses {
         Ok(root_mean_square(&self.heldout.distances_m(&residuals)))
     }
 
-    fn judged(&self, fit: Fit, effect: Option<Effect<f64>>) -> Trial<Self> {
-        let predicted = cross_validated(&fit.columns, &fit.residuals, &self.training, &self.folds);
+    fn judged(&self, fit: Fit, effect: Option<Effect<f64>>, steps: &[change_point::Step]) -> Trial<Self> {
+        let predicted = cross_validated(&fit.columns, &fit.residuals, &self.training, &self.folds, steps);
         let loss = Loss::new(losses(&predicted, self.training.n_axes()).iter().sum(), &self.weighting);
         let error = root_mean_square(&self.training.distances_m(&predicted));
         Trial { effect, fit, predicted, loss, error }
     }
+}
+
+/// A step that is there from the start: one at any moment is a part of it.
+fn from_the_start(step: Step<f64>) -> Effect<f64> {
+    Step { since_s: f64::NEG_INFINITY, ..step }.into()
 }
 
 /// A model of tool poses, whose neighbours are to be computed.
@@ -150,8 +166,9 @@ impl Neighbours<ToolPoses> for Around<'_> {
             .filter(|effect| !model.fit.model.effects.iter().any(|known| arm_candidates::same(known, effect)))
             .collect();
         let sensitivity = Sensitivity::new(&model.fit.model, &problem.training, &mut ArmScratch::default())?;
-        let timed = candidates.iter().map(|effect| problem.timed(effect, &model.fit.residuals, &sensitivity));
-        Ok(timed.filter_map(|effect| problem.candidate(model, &effect, &sensitivity)).collect())
+        let steps = problem.steps(&model.fit)?;
+        let timed = candidates.iter().filter_map(|effect| problem.timed(effect, &model.fit.residuals, &sensitivity));
+        Ok(timed.filter_map(|effect| problem.candidate(model, &effect, &sensitivity, &steps)).collect())
     }
 
     fn with_one_less(&self, effect: usize) -> Result<Trial<ToolPoses>, NoPose> {
