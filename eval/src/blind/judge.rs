@@ -58,12 +58,13 @@ impl Answer {
     /// An answer that is not right as it stands, by what it names.
     pub(super) fn of(class: Class, verdict: Verdict, truth: &[(&str, &str)], named: &[(&str, &str)]) -> Self {
         match verdict {
-            _ if class == Class::Clean && verdict == Verdict::NoEffect => Self::Right,
+            Verdict::NoEffect if class == Class::Clean => Self::Right,
+            Verdict::TooLittleData => Self::Refused,
             _ if class == Class::Clean => Self::FalseAlarm,
             _ if !named.iter().all(|name| truth.contains(name)) => Self::FalseName,
             Verdict::NoEffect => Self::Missed,
-            Verdict::EffectFound => Self::FalseName,
-            Verdict::UnexplainedStructure | Verdict::NotIdentifiable => Self::Refused,
+            Verdict::EffectFound | Verdict::WrongModelOrLog => Self::FalseName,
+            Verdict::PartlyExplained | Verdict::UnexplainedStructure | Verdict::NotIdentifiable => Self::Refused,
         }
     }
 
@@ -91,11 +92,11 @@ pub(super) fn mark(arm: &Arm, class: Class, blind: &Blind, outcome: &Outcome<Arm
         }
         Class::One | Class::Two => {
             (mark.named, mark.placed) = match outcome.diagnosis.verdict {
-                Verdict::EffectFound => named(blind.unseal(), &outcome.diagnosis.effects),
+                verdict if verdict.names_effects() => named(blind.unseal(), &outcome.diagnosis.effects),
                 Verdict::NotIdentifiable => in_sets(arm, blind, outcome, SAME * repeats_m)?,
-                Verdict::NoEffect | Verdict::UnexplainedStructure => (false, false),
+                _ => (false, false),
             };
-            if mark.placed && outcome.diagnosis.verdict == Verdict::EffectFound {
+            if mark.placed && outcome.diagnosis.verdict.names_effects() {
                 mark.covered = covered(arm, blind, outcome)?;
             }
         }

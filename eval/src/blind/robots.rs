@@ -117,7 +117,7 @@ fn mark(bench: &Bench, class: Class, diagnosis: &Diagnosis) -> Result<Mark> {
         }
         Class::One | Class::Two => {
             (mark.named, mark.placed) = match diagnosis.verdict {
-                Verdict::EffectFound => right(&truth, &named),
+                verdict if verdict.names_effects() => right(&truth, &named),
                 Verdict::NotIdentifiable => {
                     let are_sets = sets::are_right(bench, &named, diagnosis)?;
                     (are_sets, are_sets)

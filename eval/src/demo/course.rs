@@ -117,9 +117,11 @@ impl Course {
     /// Whether the law that is right for the effect was named, or silence was kept where there is none.
     pub(crate) fn named_rightly(&self) -> bool {
         match self.diagnosis.verdict {
-            Verdict::EffectFound => self.diagnosis.effects.iter().all(|found| found.law.as_str() == self.sealed.effect),
+            verdict if verdict.names_effects() => {
+                self.diagnosis.effects.iter().all(|found| found.law.as_str() == self.sealed.effect)
+            }
             Verdict::NoEffect => self.sealed.effect == Kind::Nothing.law(),
-            Verdict::UnexplainedStructure | Verdict::NotIdentifiable => false,
+            _ => false,
         }
     }
 
@@ -169,7 +171,7 @@ pub(crate) fn run(
         diagnose(&arm, &run, &diagnosis::Options { seed: task.seed, ..diagnosis::Options::default() })?;
     keep("diagnosis.json", Keep::Diagnosis(&diagnosis))?;
     let closed = match diagnosis.verdict {
-        Verdict::EffectFound => {
+        verdict if verdict.names_effects() => {
             let corrected = correction.corrected(&arm, &run, correction::Keep::Effects);
             let corrected = corrected.context("a named effect corrects the model")?;
             keep("arm-corrected.toml", Keep::Arm(&corrected))?;

@@ -1,7 +1,6 @@
 //! The loop for many seeds in this process, in one table: how often is it right?
 
 use anyhow::Result;
-use darm_diagnose::outcome::Verdict;
 use darm_diagnose::truth::Kind;
 use darm_figures::figure::Figure;
 use darm_figures::items::Job;
@@ -71,7 +70,7 @@ impl Job for Sweep {
         Ok(Row {
             is_named: course.named_rightly(),
             is_placed: course.placed_rightly(),
-            is_false_name: course.diagnosis.verdict == Verdict::EffectFound && !course.named_rightly(),
+            is_false_name: course.diagnosis.verdict.names_effects() && !course.named_rightly(),
             reaches_goal: course.closed.as_ref().is_some_and(|closed| closed.restopped.rms_m() <= course.goal_m()),
             ratio: ratio(&course),
             line: line(seed, &course),

@@ -82,7 +82,8 @@ impl SignalCorrection {
             Keep::EffectsAndTerms => &self.terms,
         };
         let nothing = found.effects.is_empty() && terms.is_empty();
-        if nothing || found.verdict == Verdict::NotIdentifiable {
+        let holds = found.verdict.names_effects() || keep == Keep::EffectsAndTerms && !terms.is_empty();
+        if nothing || !holds || found.verdict == Verdict::WrongModelOrLog {
             return Ok(false);
         }
         let mut table = model_table(model, found.kind)?;

@@ -16,6 +16,7 @@ use crate::correction::{ArmCorrection, Outcome, SignalCorrection};
 use crate::effect::Law;
 use crate::error::{DiagnoseError, MIN_PIECES, MIN_WORDS};
 use crate::judge;
+use crate::judge::held_out::HeldOut;
 use crate::judge::next_words::Proposal;
 use crate::judge::selected::{SelectedPoses, SelectedSignals};
 use crate::linearise::experiment::Experiment;
@@ -30,7 +31,7 @@ use crate::prepare::groups::Groups;
 use crate::prepare::observations::{NoPose, Observations};
 use crate::prepare::repeatability::{self, Noise};
 use crate::prepare::signals::{Preparation, PrepareError, Prepared};
-use crate::project::project;
+use crate::project::{Projected, project};
 use crate::report::{self, sentences};
 use crate::select::forward::{Selection, forward_selection};
 use crate::select::robust_fit::folds;
@@ -90,7 +91,7 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
     diagnosis.plain = sentences::of_poses(arm, &diagnosis, &selected.effects(), with_terms.as_ref());
     let correction = ArmCorrection {
         best_effects: best.fit.model.effects.iter().copied().collect(),
-        is_named: diagnosis.verdict == crate::outcome::Verdict::EffectFound,
+        is_named: diagnosis.verdict.names_effects(),
         with_terms,
     };
     Ok(Outcome { diagnosis, correction })
@@ -172,7 +173,7 @@ pub fn diagnose_table(
     if let Some(keep) = &options.preparation.keep {
         kept.retain(&keep.rows(table).map_err(PrepareError::from)?);
     }
-    let mut pooled = report::signals::HeldOut::default();
+    let mut pooled = HeldOut::default();
     for value in kept.values_of(column).map_err(PrepareError::from)? {
         pooled.add(&select(model, table, options, Some(&value))?.selected);
     }
@@ -209,8 +210,8 @@ fn select(
     let n_known = always.len();
     let problem = Signals::new(experiment, groups);
     let (best, path) = search::select(&problem, always);
-    let best = project(&problem, best);
-    let selected = SelectedSignals { problem, best, n_known, path };
+    let Projected { best, impossible } = project(&problem, best, n_known);
+    let selected = SelectedSignals { problem, best, n_known, impossible, path };
     Ok(Searched { selected, held_out: data.held_out, findings: data.findings })
 }
 
@@ -218,11 +219,11 @@ fn select(
 fn conclude(
     model: &Model,
     searched: Searched,
-    pooled: Option<&report::signals::HeldOut>,
+    pooled: Option<&HeldOut>,
     options: &SignalOptions,
 ) -> Outcome<SignalCorrection> {
     let Searched { selected, held_out, findings } = searched;
-    let judgement = judge::signals::judge(&selected, options.preparation.lowpass_hz.is_some());
+    let judgement = judge::signals::judge(&selected, pooled, options.preparation.lowpass_hz.is_some());
     let mut diagnosis = report::signals::diagnosis(&selected, judgement, pooled, held_out, options.seed);
     diagnosis.findings = findings;
     diagnosis.plain = sentences::of_signals(&diagnosis);

@@ -1,6 +1,8 @@
 //! Stage 5: what the selected effects leave, what else explains the measurements as well, and what to measure next.
 
 pub mod fitted_terms;
+pub(crate) mod gate;
+pub(crate) mod held_out;
 pub mod intervals;
 pub mod next_rows;
 pub mod next_words;

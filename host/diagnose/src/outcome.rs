@@ -9,7 +9,7 @@
 //! | `held_out`, `left_out` | how the latter were chosen; what cross-validation leaves out together |
 //! | `repeatability` | scatter of repeated conditions with its degrees of freedom, or null where too little is repeated |
 //! | `error.before`, `error.after` | root mean square of predicted minus measured on `train` and `heldout`: each axis, and the norm |
-//! | `verdict` | `effect-found`, `no-effect`, `unexplained-structure`, `not-identifiable` |
+//! | `verdict` | `effect-found`, `partly-explained`, `no-effect`, `unexplained-structure`, `not-identifiable`, `too-little-data`, `wrong-model-or-log` |
 //! | `effects` | law, where, values with unit and 95 % interval, by how much the held-out norm grows without it |
 //! | `alternatives` | what would explain the rows as well in an effect's place |
 //! | `unobservable` | values that these rows do not identify: no number is given |
@@ -84,21 +84,37 @@ pub struct Diagnosis {
 pub enum Verdict {
     /// The effects named explain what was beyond the noise.
     EffectFound,
+    /// The effects named are there, and more than noise is left beside them.
+    PartlyExplained,
     /// There is nothing beyond the noise.
     NoEffect,
     /// There is something beyond the noise that no law explains.
     UnexplainedStructure,
     /// Several explanations are as good as each other: none of them is named.
     NotIdentifiable,
+    /// Nothing was found, and what these rows cannot show is not known.
+    TooLittleData,
+    /// The log is another than it says, or of another robot than the model's.
+    WrongModelOrLog,
+}
+
+impl Verdict {
+    /// Whether effects are named that belong in the model.
+    pub fn names_effects(self) -> bool {
+        matches!(self, Self::EffectFound | Self::PartlyExplained)
+    }
 }
 
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::EffectFound => "effect-found",
+            Self::PartlyExplained => "partly-explained",
             Self::NoEffect => "no-effect",
             Self::UnexplainedStructure => "unexplained-structure",
             Self::NotIdentifiable => "not-identifiable",
+            Self::TooLittleData => "too-little-data",
+            Self::WrongModelOrLog => "wrong-model-or-log",
         })
     }
 }
@@ -130,6 +146,18 @@ pub struct Repeatability {
     pub axes: Vec<AxisFigure>,
     /// Degrees of freedom that it rests on, per axis.
     pub dof: usize,
+    /// What the scatter is of.
+    pub repeated_in: RepeatedIn,
+}
+
+/// What a repeatability is the scatter of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RepeatedIn {
+    /// Rows under the same conditions.
+    Rows,
+    /// Each row between those beside it in time.
+    Neighbours,
 }
 
 /// Errors of two models.
@@ -275,6 +303,12 @@ pub struct Structure {
     pub p: Option<f64>,
     /// Whether there is more than noise.
     pub beyond_noise: bool,
+    /// Mean square beyond the noise, in units of the noise's own; without repeats what the dependences take.
+    #[serde(skip)]
+    pub(crate) excess: f64,
+    /// Root mean square in units of the noise; without repeats in units of what the dependences leave.
+    #[serde(skip)]
+    pub(crate) over_noise: f64,
     /// What the residual depends on, each beside those before it, the strongest first; of signals axis by axis.
     pub depends_on: Vec<Dependence>,
 }

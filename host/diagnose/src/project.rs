@@ -1,4 +1,5 @@
-//! Stage 4: projection to physically consistent bodies, and the effects that an inconsistent body replaced.
+//! Stage 4: projection to what can be: friction that takes power, physically consistent bodies, and the effects that an
+//! inconsistent body replaced.
 //!
 //! Free inertial parameters reproduce much that is no body: a spring on its joint, say. Once the body is constrained to be
 //! physically consistent, the rows that it no longer explains show which other effect is there.
@@ -17,8 +18,50 @@ use crate::select::significance::{DISCOVERY_LEVEL, RIVAL_LEVEL};
 /// The last μ, in units of the log-likelihood.
 const MIN_WEIGHT: f64 = 1e-3;
 
+/// A model of what can be, and what had to go for it.
+pub(crate) struct Projected {
+    pub(crate) best: Trial<Signals>,
+    /// The candidates that fit best with sizes which cannot be.
+    pub(crate) impossible: Vec<usize>,
+}
+
+/// The model with what can be; the first `n_known` effects stay.
+pub(crate) fn project(problem: &Signals, best: Trial<Signals>, n_known: usize) -> Projected {
+    let (best, impossible) = possible(problem, best, n_known);
+    Projected { best: with_consistent_bodies(problem, best), impossible }
+}
+
+/// The model without the effects whose sizes cannot be, and these; the one that is missed least goes first.
+fn possible(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> (Trial<Signals>, Vec<usize>) {
+    let mut impossible = Vec::new();
+    loop {
+        let open = best.fit.active[n_known..].iter().copied();
+        let cannot_be: Vec<usize> = open.filter(|&k| !can_be(problem, &best.fit, k)).collect();
+        let without = |&k: &usize| {
+            let is_other = |other: &&usize| {
+                let candidates = &problem.experiment.candidates;
+                !candidates[**other].is_same(&candidates[k])
+            };
+            let left = best.fit.active.iter().filter(is_other).copied().collect();
+            (k, judged(problem.weighted(&best), left, best.effect))
+        };
+        let tried = cannot_be.iter().map(without).min_by(|(_, a), (_, b)| a.loss.order(&b.loss));
+        let Some((gone, next)) = tried else { return (best, impossible) };
+        impossible.push(gone);
+        best = next;
+    }
+}
+
+/// Whether a law at its place, in all its shapes that a model has, is at least as large as is possible.
+fn can_be(problem: &Signals, fit: &Fit, of: usize) -> bool {
+    let candidates = &problem.experiment.candidates;
+    let Some(least) = candidates[of].values.first().map(|value| value.least) else { return true };
+    let own = fit.active.iter().filter(|&&k| candidates[k].is_same(&candidates[of]));
+    own.map(|&k| fit.values[problem.indices(&[k])[0]]).sum::<f64>() >= least
+}
+
 /// The model with physically consistent bodies, and with the effects beside them that this asks for.
-pub fn project(problem: &Signals, best: Trial<Signals>) -> Trial<Signals> {
+fn with_consistent_bodies(problem: &Signals, best: Trial<Signals>) -> Trial<Signals> {
     let weighting = Arc::clone(best.weighting());
     let weighted = Weighted { problem, weighting: &weighting };
     let Some(consistent) = consistent(weighted, &best.fit) else { return best };
@@ -73,4 +116,47 @@ fn consistent(weighted: Weighted, fit: &Fit) -> Option<Fit> {
     let mut fit = fit.clone();
     indices.iter().zip(values.iter()).for_each(|(&index, value)| fit.values[index] = *value);
     Some(fit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::{Law, Place, Site};
+    use crate::linearise::experiment::{Axis, Candidate, Experiment};
+    use crate::prepare::groups::{Groups, Row};
+
+    /// A joint whose speed waves, and a motor that gives power the more, the faster it turns.
+    #[test]
+    fn friction_that_would_give_power_goes_and_is_told() {
+        let speed = |k: usize| (k as f64 * 0.11).sin();
+        let noise = |k: usize| 0.02 * ((k * 7919 % 1013) as f64 / 1013.0 - 0.5);
+        let row = |k: usize| Row { line: k, time_s: k as f64, series: 0, motion: 0, key: None, held_out: false };
+        let column = (0..600).map(speed).collect();
+        let site = Site::new(Place::Joint(0), "joint 1");
+        let mut viscous = Candidate::one(Law::ViscousFriction, site, ("size", "N·m·s"), column);
+        let with = |viscous: Candidate| {
+            let experiment = Experiment {
+                kind: "joint-torque",
+                axes: vec![Axis::new("1", "N·m")],
+                n_norm: 1,
+                rows: (0..600).map(row).collect(),
+                residuals: (0..600).map(|k| 0.8 * speed(k) + noise(k)).collect(),
+                candidates: vec![viscous],
+                channels: Vec::new(),
+                bodies: Vec::new(),
+                relinearise: None,
+            };
+            let groups = Groups::new(&experiment.rows);
+            let problem = Signals::new(experiment, groups);
+            let Ok(best) = problem.reweight_until_converged(problem.start(vec![0]));
+            let Projected { best, impossible } = project(&problem, best, 0);
+            (best.fit.active, impossible)
+        };
+        assert_eq!(with(viscous.clone()), (vec![0], vec![]));
+        viscous.values[0].least = 0.0;
+        assert_eq!(with(viscous.clone()), (vec![], vec![0]));
+        // A model that has 1 N·m·s of it may lose 0.8.
+        viscous.values[0].least = -1.0;
+        assert_eq!(with(viscous), (vec![0], vec![]));
+    }
 }

@@ -58,7 +58,7 @@ fn verdict_card(report: &LoopReport) -> Markup {
         [first, ..] => (first.law.to_string(), first.site.name.clone()),
         [] => (diagnosis.verdict.to_string(), "no effect named".to_string()),
     };
-    let right = report.named_rightly().unwrap_or(diagnosis.verdict != Verdict::UnexplainedStructure);
+    let right = report.named_rightly().unwrap_or(matches!(diagnosis.verdict, Verdict::EffectFound | Verdict::NoEffect));
     card("diagnosis", &value, &note, right)
 }
 

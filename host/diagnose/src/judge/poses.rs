@@ -3,6 +3,7 @@
 use darm_core::effect::Effect;
 
 use super::fitted_terms::{WithTerms, with_terms};
+use super::gate::{self, Evidence};
 use super::next_words::{self, Proposal};
 use super::selected::SelectedPoses;
 use super::structure::structure;
@@ -16,6 +17,8 @@ use darm_arm::arm::ArmScratch;
 
 /// Share of what is beyond the noise that a named effect may leave.
 pub(crate) const UNEXPLAINED_SHARE: f64 = 0.1;
+/// What they may leave at most, root mean square, in units of the noise.
+pub(crate) const MOST_LEFT: f64 = 1.5;
 
 /// What is concluded.
 pub(crate) struct Judgement {
@@ -40,12 +43,22 @@ pub(crate) fn judge(
     let (mut before, mut remaining) = (structure(selected, &residuals, 0), structure_after(selected, best));
     let mut alternatives = alternatives(selected, last_rivals)?;
     let effects = selected.effects();
-    let is_ambiguous = alternatives.iter().any(|other| !is_same_part(other, &effects));
-    let verdict = verdict(effects.len(), is_ambiguous, &before, &remaining);
-    let mut kept = Vec::new();
     let look = |trial: &Trial<ToolPoses>| structure_after(selected, trial);
-    if matches!(verdict, Verdict::EffectFound | Verdict::UnexplainedStructure) {
-        kept.extend(with_terms(problem, best, &mut remaining.depends_on, look)?);
+    let with = with_terms(problem, best, &mut remaining.depends_on, look)?;
+    let evidence = Evidence {
+        named: effects.len(),
+        is_ambiguous: alternatives.iter().any(|other| !is_same_part(other, &effects)),
+        was_beyond_noise: before.beyond_noise,
+        is_left: remaining.beyond_noise && (remaining.over_noise > MOST_LEFT || !is_small_share(&before, &remaining)),
+        takes_most: is_small_share(&before, &remaining),
+        held_out_falls: problem.held_out_falls(start, best)?,
+        noise_dof: selected.repeats.map_or(0, |noise| noise.dof),
+        is_wrong: false,
+    };
+    let verdict = gate::verdict(&evidence);
+    let mut kept = Vec::new();
+    if verdict.names_effects() || verdict == Verdict::UnexplainedStructure {
+        kept.extend(with);
     }
     if verdict == Verdict::UnexplainedStructure {
         // What laws replace in the best model may be terms alone.
@@ -61,6 +74,11 @@ pub(crate) fn judge(
     Ok(Judgement { verdict, alternatives, structure: before, remaining, with_terms, next_measurement })
 }
 
+/// Whether what is left is a small share of what was there before.
+fn is_small_share(before: &Structure, after: &Structure) -> bool {
+    after.excess <= UNEXPLAINED_SHARE * before.excess
+}
+
 /// The structure that a model leaves.
 fn structure_after(selected: &SelectedPoses, trial: &Trial<ToolPoses>) -> Structure {
     structure(selected, &trial.fit.residuals, trial.fit.values.len())
@@ -70,18 +88,6 @@ fn structure_after(selected: &SelectedPoses, trial: &Trial<ToolPoses>) -> Struct
 fn is_same_part(other: &Alternative, effects: &[Effect<f64>]) -> bool {
     let effect = &effects[other.instead_of];
     other.law == effect.law().name() && other.site.place.is_same_part(&crate::effect::Place::of_arm(effect))
-}
-
-fn verdict(n_found: usize, is_ambiguous: bool, before: &Structure, after: &Structure) -> Verdict {
-    let excess = |structure: &Structure| structure.ratio.map_or(0.0, |ratio| ratio - 1.0).max(0.0);
-    let is_left = excess(after) > UNEXPLAINED_SHARE * excess(before) && after.beyond_noise;
-    match n_found {
-        0 if before.beyond_noise => Verdict::UnexplainedStructure,
-        0 => Verdict::NoEffect,
-        _ if is_left => Verdict::UnexplainedStructure,
-        _ if is_ambiguous => Verdict::NotIdentifiable,
-        _ => Verdict::EffectFound,
-    }
 }
 
 /// For every effect selected: what else explains the measurements as well in its place.

@@ -1,21 +1,33 @@
-//! Repeatability: the scatter of rows in which all that the prediction rests on was the very same.
+//! Repeatability of signals: the scatter of rows in which all that the prediction rests on was the very same; without such
+//! rows, of unfiltered signals, how far rows stand out between those beside them.
 
 use std::collections::BTreeMap;
 
+use super::gate::MIN_DOF;
 use crate::linearise::experiment::{Axis, Experiment};
-use crate::outcome::{AxisFigure, Number, Repeatability};
+use crate::measurement::median;
+use crate::outcome::{AxisFigure, Number, Repeatability, RepeatedIn};
+use crate::prepare::repeatability::MEDIAN_OF_NORMAL;
 
-/// Degrees of freedom from which on there is a figure.
-const MIN_DOF: usize = 10;
 /// Channels that a condition may differ in.
 const NOT_A_CONDITION: [&str; 2] = ["time", "temperature"];
+/// Variance of r₁ − (r₀ + r₂)/2 of independent r, in units of theirs.
+const BETWEEN_NEIGHBOURS: f64 = 1.5;
+/// Such differences of successive rows have this part of a degree of freedom each: 1/(1 + 2·(4/9 + 1/36)).
+const DOF_OF_DIFFERENCE: f64 = 18.0 / 35.0;
+
+/// The scatter of repeated rows; of few such rows, and of unfiltered ones, that between neighbours. `after` are the
+/// residuals of all rows with the effects selected.
+pub(crate) fn scatter(experiment: &Experiment, after: &[f64], is_filtered: bool) -> Option<Repeatability> {
+    repeated(experiment).or_else(|| if is_filtered { None } else { between_neighbours(experiment, after) })
+}
 
 /// Root mean square about the mean of each condition; `None` where few rows repeat others.
-pub(crate) fn scatter(experiment: &Experiment) -> Option<Repeatability> {
+fn repeated(experiment: &Experiment) -> Option<Repeatability> {
     let conditions = experiment.channels.iter().filter(|(name, _)| !NOT_A_CONDITION.contains(&name.as_str()));
     let conditions: Vec<&Vec<f64>> = conditions.map(|(_, channel)| channel).collect();
     let mut alike: BTreeMap<Vec<u64>, Vec<usize>> = BTreeMap::new();
-    for row in 0..experiment.rows.len() {
+    for row in (0..experiment.rows.len()).filter(|&row| !experiment.rows[row].held_out) {
         // Zero has two signs.
         let key = conditions.iter().map(|channel| (channel[row] + 0.0).to_bits()).collect();
         alike.entry(key).or_default().push(row);
@@ -33,11 +45,38 @@ pub(crate) fn scatter(experiment: &Experiment) -> Option<Repeatability> {
         };
         alike.values().map(of_rows).sum::<f64>() / dof as f64
     };
-    let figure =
-        |(k, axis): (usize, &Axis)| AxisFigure { axis: axis.name.clone(), value: square(k).sqrt(), unit: axis.unit };
-    Some(Repeatability {
-        norm: Number { value: (0..experiment.n_norm).map(square).sum::<f64>().sqrt(), unit: experiment.unit() },
-        axes: experiment.axes.iter().enumerate().map(figure).collect(),
+    Some(figure(experiment, (0..n_axes).map(square).collect(), dof, RepeatedIn::Rows))
+}
+
+/// By the median of how far each row stands out between those beside it, so that jumps do not count.
+fn between_neighbours(experiment: &Experiment, after: &[f64]) -> Option<Repeatability> {
+    let (rows, n_axes) = (&experiment.rows, experiment.axes.len());
+    let is_inside = |k: &usize| {
+        let three = &rows[k - 1..=k + 1];
+        three.iter().all(|row| row.series == rows[*k].series && !row.held_out)
+    };
+    let inside: Vec<usize> = (1..rows.len().saturating_sub(1)).filter(is_inside).collect();
+    let dof = (inside.len() as f64 * DOF_OF_DIFFERENCE) as usize;
+    if dof < MIN_DOF {
+        return None;
+    }
+    let square = |axis: usize| {
+        let at = |row: usize| after[row * n_axes + axis];
+        let off = inside.iter().map(|&row| (at(row) - 0.5 * (at(row - 1) + at(row + 1))).abs());
+        (median(off).unwrap_or_default() / MEDIAN_OF_NORMAL).powi(2) / BETWEEN_NEIGHBOURS
+    };
+    Some(figure(experiment, (0..n_axes).map(square).collect(), dof, RepeatedIn::Neighbours))
+}
+
+/// The figure of these mean squares of the axes.
+fn figure(experiment: &Experiment, squares: Vec<f64>, dof: usize, repeated_in: RepeatedIn) -> Repeatability {
+    let axis =
+        |(axis, square): (&Axis, &f64)| AxisFigure { axis: axis.name.clone(), value: square.sqrt(), unit: axis.unit };
+    let norm = squares.iter().take(experiment.n_norm).sum::<f64>().sqrt();
+    Repeatability {
+        norm: Number { value: norm, unit: experiment.unit() },
+        axes: experiment.axes.iter().zip(&squares).map(axis).collect(),
         dof,
-    })
+        repeated_in,
+    }
 }

@@ -46,6 +46,8 @@ pub(crate) struct SelectedSignals {
     pub(crate) best: Trial<Signals>,
     /// How many of its effects were in it from the start.
     pub(crate) n_known: usize,
+    /// Candidates that fit best with sizes which cannot be; the model is without them.
+    pub(crate) impossible: Vec<usize>,
     /// What was tried.
     pub(crate) path: Vec<SelectionStep>,
 }

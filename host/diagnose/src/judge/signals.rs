@@ -1,17 +1,22 @@
 //! The verdict on signals: what else explains them, what is not identifiable, what remains, and what is named.
 
 use crate::effect::Effect;
-use crate::judge::poses::UNEXPLAINED_SHARE;
+use crate::judge::gate::{self, Evidence};
+use crate::judge::held_out::HeldOut;
+use crate::judge::poses::{MOST_LEFT, UNEXPLAINED_SHARE};
 use crate::judge::remaining::{self, Remaining};
 use crate::judge::selected::SelectedSignals;
-use crate::judge::{intervals, next_rows};
+use crate::judge::{intervals, next_rows, scatter};
 use crate::linearise::experiment::Candidate;
-use crate::outcome::{Alternative, Dependence, NextMeasurement, Verdict};
+use crate::outcome::{Alternative, Dependence, NextMeasurement, Repeatability, RepeatedIn, Verdict};
 use crate::select::forward::rivals;
 use crate::select::simplify::surrogates;
 
 /// Effects up to which each is compared with all others that could be in its place.
 const MAX_COMPARED: usize = 3;
+
+/// Share of the squares that may be left by effects which are named beside what remains.
+const MOST_OF_ALL: f64 = 0.5;
 
 /// What is concluded.
 pub(crate) struct Judgement {
@@ -20,6 +25,7 @@ pub(crate) struct Judgement {
     pub(crate) alternatives: Vec<Alternative>,
     pub(crate) unobservable: Vec<String>,
     pub(crate) remaining: Vec<Dependence>,
+    pub(crate) repeatability: Option<Repeatability>,
     pub(crate) next_measurement: Option<NextMeasurement>,
 }
 
@@ -33,36 +39,58 @@ struct Rival {
     worse_with: f64,
 }
 
-/// Judges a selection; behind a filter noise goes on from row to row as well.
-pub(crate) fn judge(selected: &SelectedSignals, is_filtered: bool) -> Judgement {
+/// Judges a selection; behind a filter noise goes on from row to row as well. `pooled` has the held-out residuals of other
+/// searches.
+pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_filtered: bool) -> Judgement {
+    let (problem, best) = (&selected.problem, &selected.best);
     let rivals = rivals_of_effects(selected);
-    let (mut effects, unobservable) = intervals::effects(selected);
+    let (mut effects, mut unobservable) = intervals::effects(selected);
+    unobservable.extend(selected.impossible.iter().map(|&k| {
+        let candidate = &problem.experiment.candidates[k];
+        format!("{} at {} (it fits best with a size below the least possible)", candidate.law, candidate.site)
+    }));
     let has_rivals = |found: &Effect| {
         let own = rivals.iter().map(|rival| selected.candidate(rival.order));
         own.into_iter().any(|own| own.law == found.law && own.site == found.site)
     };
     effects.retain(|found| !has_rivals(found));
     // Effects that help together, and none of them by itself.
-    let is_undecided = effects.is_empty() && rivals.is_empty() && selected.best.fit.active.len() > selected.n_known;
+    let is_undecided = effects.is_empty() && rivals.is_empty() && best.fit.active.len() > selected.n_known;
     let doubtful = match is_undecided {
         true => intervals::likeliest(selected, MAX_COMPARED),
         false => of_rivals(selected, &rivals),
     };
-    let Remaining { terms: mut remaining, share: left } = remaining::remaining(&selected.problem, &selected.best);
+    let Remaining { terms: mut remaining, share: left } = remaining::remaining(problem, best);
     if effects.is_empty() && remaining.is_empty() && !is_filtered {
-        remaining = remaining::memory(&selected.problem, &selected.best);
+        remaining = remaining::memory(problem, best);
     }
-    let verdict = match effects.is_empty() && doubtful.is_empty() {
-        true if remaining.is_empty() => Verdict::NoEffect,
-        true => Verdict::UnexplainedStructure,
-        false if left > UNEXPLAINED_SHARE => Verdict::UnexplainedStructure,
-        false if !doubtful.is_empty() => Verdict::NotIdentifiable,
-        false => Verdict::EffectFound,
+    let repeatability = scatter::scatter(&problem.experiment, &problem.experiment.at(&best.fit.values), is_filtered);
+    let own = HeldOut::of(selected);
+    let evidence = Evidence {
+        named: effects.len(),
+        is_ambiguous: !doubtful.is_empty(),
+        was_beyond_noise: !remaining.is_empty() || !effects.is_empty() || !doubtful.is_empty(),
+        is_left: left > UNEXPLAINED_SHARE || is_far_from_repeats(selected, repeatability.as_ref()),
+        takes_most: left < MOST_OF_ALL,
+        held_out_falls: pooled.unwrap_or(&own).falls(&best.weighting().sigma),
+        noise_dof: repeatability.as_ref().map_or(0, |repeatability| repeatability.dof),
+        is_wrong: false,
     };
-    let next_measurement =
-        (!doubtful.is_empty()).then(|| next_rows::proposal(&selected.problem, &selected.best, &doubtful));
+    let verdict = gate::verdict(&evidence);
+    if !verdict.names_effects() && verdict != Verdict::NotIdentifiable {
+        effects.clear();
+    }
+    let next_measurement = (!doubtful.is_empty()).then(|| next_rows::proposal(problem, best, &doubtful));
     let alternatives = alternatives(selected, &rivals);
-    Judgement { verdict, effects, alternatives, unobservable, remaining, next_measurement }
+    Judgement { verdict, effects, alternatives, unobservable, remaining, repeatability, next_measurement }
+}
+
+/// Whether the error is far larger than the scatter of rows under the same conditions.
+fn is_far_from_repeats(selected: &SelectedSignals, repeatability: Option<&Repeatability>) -> bool {
+    let experiment = &selected.problem.experiment;
+    let rest = experiment.norm(&experiment.of_rows(&experiment.at(&selected.best.fit.values), false));
+    let repeated = repeatability.filter(|repeatability| repeatability.repeated_in == RepeatedIn::Rows);
+    rest.zip(repeated).is_some_and(|(rest, repeated)| rest > MOST_LEFT * repeated.norm.value)
 }
 
 /// What explains the rows as well in the place of an effect, where there are few of them.

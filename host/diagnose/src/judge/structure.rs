@@ -6,6 +6,7 @@
 //! Outliers are brought near first.
 
 use darm_core::effect::fitted_term::Frame;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::judge::pose_dictionary::dictionary;
 use crate::judge::regression::{Design, Term, of_axis, squares};
@@ -19,6 +20,8 @@ use darm_arm::arm::Arm;
 
 /// Terms that are listed at most.
 const MAX_TERMS: usize = 4;
+/// Share of the rows, the farthest off, that do not count in how much there is beyond the noise.
+const TRIMMED: f64 = 0.1;
 
 /// The structure in the residuals of some rows, after `fitted` values were fitted to them.
 pub(crate) fn structure(selected: &SelectedPoses, residuals: &[f64], fitted: usize) -> Structure {
@@ -28,9 +31,29 @@ pub(crate) fn structure(selected: &SelectedPoses, residuals: &[f64], fitted: usi
     let dof = drawn_in.len().saturating_sub(fitted);
     let ratio = drawn_in.iter().map(|r| r * r).sum::<f64>() / dof.max(1) as f64;
     let p = noise.map(|noise| f_test(ratio, dof, noise.dof * n_axes));
-    let depends_on = dependences(selected.arm, selected.run, observations, &huberized(residuals, n_axes));
+    let huberized = huberized(residuals, n_axes);
+    let depends_on = dependences(selected.arm, selected.run, observations, &huberized);
     let beyond_noise = p.is_some_and(|p| p < STRUCTURE_LEVEL) || !depends_on.is_empty();
-    Structure { ratio: noise.map(|_| ratio), p, beyond_noise, depends_on }
+    let square = trimmed_mean_square(residuals, n_axes);
+    let (excess, over_noise) = match noise {
+        Some(_) => ((square - 1.0).max(0.0), square.sqrt()),
+        None => {
+            let share = depends_on.iter().map(|term| term.share).sum::<f64>().min(1.0);
+            (square * share, (1.0 - share).sqrt().recip())
+        }
+    };
+    Structure { ratio: noise.map(|_| ratio), p, beyond_noise, excess, over_noise, depends_on }
+}
+
+/// Mean square of a component, without the rows that are farthest off, in units of what it is of normal noise.
+fn trimmed_mean_square(residuals: &[f64], n_axes: usize) -> f64 {
+    let mut squares: Vec<f64> = residuals.chunks(n_axes).map(|row| size(row).powi(2)).collect();
+    squares.sort_unstable_by(f64::total_cmp);
+    squares.truncate(squares.len() - (squares.len() as f64 * TRIMMED) as usize);
+    let mean = squares.iter().sum::<f64>() / (squares.len().max(1) * n_axes) as f64;
+    // Of χ² with n degrees of freedom, the mean of what lies below a quantile is n·F(n + 2)/F(n) there.
+    let [Ok(chi), Ok(next)] = [0, 2].map(|more| ChiSquared::new((n_axes + more) as f64)) else { return mean };
+    mean / (next.cdf(chi.inverse_cdf(1.0 - TRIMMED)) / (1.0 - TRIMMED))
 }
 
 /// The residuals with those brought near that are far off among themselves: a residual much larger than the noise keeps its

@@ -25,6 +25,8 @@ pub struct Value {
     pub unit: String,
     /// How large it may be before anything is measured (standard deviation); infinite where nothing is known.
     pub prior: f64,
+    /// The least change of it that is possible; −∞ where any is.
+    pub least: f64,
     /// How the residuals move with it: rows × axes.
     pub column: Vec<f64>,
 }
@@ -91,7 +93,8 @@ impl Axis {
 impl Candidate {
     /// A law with one value.
     pub fn one(law: Law, site: Site, (name, unit): (&str, &str), column: Vec<f64>) -> Self {
-        let value = Value { name: name.into(), unit: unit.into(), prior: f64::INFINITY, column };
+        let value =
+            Value { name: name.into(), unit: unit.into(), prior: f64::INFINITY, least: f64::NEG_INFINITY, column };
         Self { law, site, shape: None, values: vec![value] }
     }
 

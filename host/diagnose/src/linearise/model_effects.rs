@@ -109,6 +109,12 @@ pub(crate) fn apply(experiment: &mut Experiment, known: &[ModelEffect]) -> Resul
     if known.is_empty() {
         return Ok(());
     }
+    // What is least of the law at its place, is less what the model has of it, in whatever shape.
+    let sums: Vec<f64> =
+        experiment.candidates.iter().map(|candidate| known_size(experiment, &base, candidate)).collect();
+    for (candidate, sum) in experiment.candidates.iter_mut().zip(sums) {
+        candidate.values.iter_mut().for_each(|value| value.least -= sum);
+    }
     experiment.residuals = experiment.at(&base);
     for body in &mut experiment.bodies {
         let first = offsets[body.candidate];
@@ -120,6 +126,13 @@ pub(crate) fn apply(experiment: &mut Experiment, known: &[ModelEffect]) -> Resul
         }));
     }
     Ok(())
+}
+
+/// The first values of a law at its place, in all its shapes, together.
+fn known_size(experiment: &Experiment, values: &[f64], of: &Candidate) -> f64 {
+    let (offsets, _) = experiment.offsets();
+    let all = experiment.candidates.iter().zip(offsets).filter(|(candidate, _)| candidate.is_same(of));
+    all.filter_map(|(_, offset)| values.get(offset)).sum()
 }
 
 /// Adds a fitted term to the prediction; `None` where there is no such axis or channel.

@@ -119,6 +119,13 @@ fn of_motion(
         candidates.extend(coordinate.candidates(of_joint_laws(&coordinate, &periods), &site, &shares, known));
     }
     candidates.extend(couplings(&clock, motion, transmission, known));
+    // The torques are those of the motors: what takes power never lowers them.
+    for candidate in &mut candidates {
+        let law = Law::named(candidate.law, candidate.shape.as_ref().map(|(_, constant, _)| *constant));
+        if law.is_some_and(|law| law.along().takes_power()) {
+            candidate.values.iter_mut().for_each(|value| value.least = 0.0);
+        }
+    }
     let channel = |name: &str, of: &[Vec<f64>]| -> Vec<(String, Vec<f64>)> {
         of.iter().enumerate().map(|(k, values)| (format!("{name} of joint {}", k + 1), values.clone())).collect()
     };

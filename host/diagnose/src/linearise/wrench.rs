@@ -109,7 +109,13 @@ fn sensor_frame(measured: &[Vec<f64>], axes: &Axes) -> Candidate {
                 (false, false) => -turned(3),
             }
         };
-        Value { name: name.into(), unit: unit.into(), prior: f64::INFINITY, column: axes.column(part) }
+        Value {
+            name: name.into(),
+            unit: unit.into(),
+            prior: f64::INFINITY,
+            least: f64::NEG_INFINITY,
+            column: axes.column(part),
+        }
     };
     let names =
         [("x", "m"), ("y", "m"), ("z", "m"), ("turn about x", "rad"), ("turn about y", "rad"), ("turn about z", "rad")];

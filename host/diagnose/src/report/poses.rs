@@ -7,8 +7,8 @@ use crate::judge::selected::SelectedPoses;
 use crate::linearise::arm_candidates;
 use crate::measurement::{median, root_mean_square};
 use crate::outcome::{
-    AxisFigure, BeforeAfter, Diagnosis, Effect, ErrorFigure, Errors, Number, Outlier, Point, Repeatability, Rows,
-    SelectionStep, Value, Verdict, Visit,
+    AxisFigure, BeforeAfter, Diagnosis, Effect, ErrorFigure, Errors, Number, Outlier, Point, Repeatability, RepeatedIn,
+    Rows, SelectionStep, Value, Visit,
 };
 use crate::prepare::groups::FOLDS;
 use crate::prepare::observations::{self, NoPose, Observations, axes};
@@ -36,7 +36,7 @@ pub(crate) fn diagnosis(
         after: errors(arm, problem, &best.fit.model, &best.predicted)?,
     };
     let effects = match judgement.verdict {
-        Verdict::EffectFound => effects(selected, &error)?,
+        verdict if verdict.names_effects() => effects(selected, &error)?,
         _ => Vec::new(),
     };
     let (train, own) = (problem.training.rows.len(), problem.heldout.rows.len());
@@ -71,6 +71,7 @@ fn repeatability(arm: &Arm, noise: &Noise) -> Repeatability {
         norm: Number { value: noise.distance_m, unit: "m" },
         axes: axes(arm).iter().map(|&axis| axis_figure(axis, noise.sigma[axis])).collect(),
         dof: noise.dof,
+        repeated_in: RepeatedIn::Rows,
     }
 }
 

@@ -5,6 +5,7 @@ use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
 use darm_core::effect::drift::Drift;
 
 use crate::judge::fitted_terms::WithTerms;
+use crate::judge::gate::MIN_DOF;
 use crate::linearise::arm_candidates::{place_name, term_name};
 use crate::outcome::{self, Alternative, Diagnosis, NextMeasurement, Number, Value, Verdict};
 use darm_arm::arm::Arm;
@@ -20,7 +21,7 @@ pub(crate) fn of_poses(
     with_terms: Option<&WithTerms>,
 ) -> Vec<String> {
     let mut sentences = vec![verdict(diagnosis)];
-    if diagnosis.verdict == Verdict::EffectFound {
+    if diagnosis.verdict.names_effects() {
         sentences.extend(effects.iter().map(|effect| capitalised(&effect_sentence(arm, effect))));
         sentences.extend(error_sentence(diagnosis));
     }
@@ -28,7 +29,7 @@ pub(crate) fn of_poses(
         let candidates = diagnosis.alternatives.iter().map(|other| format!("{} at {}", other.law, other.site.name));
         sentences.push(format!("Candidates: {}.", candidates.collect::<Vec<_>>().join("; ")));
     }
-    if diagnosis.verdict == Verdict::UnexplainedStructure {
+    if matches!(diagnosis.verdict, Verdict::UnexplainedStructure | Verdict::PartlyExplained) {
         let names: Vec<String> = diagnosis.remaining.depends_on.iter().take(3).map(ToString::to_string).collect();
         if !names.is_empty() {
             sentences.push(format!("The residual correlates with: {}.", names.join("; ")));
@@ -68,14 +69,41 @@ pub(crate) fn of_signals(diagnosis: &Diagnosis) -> Vec<String> {
 fn verdict(diagnosis: &Diagnosis) -> String {
     match diagnosis.verdict {
         Verdict::EffectFound => "The model is missing an effect, and it was found.".into(),
+        Verdict::PartlyExplained => {
+            let [before, after] =
+                [&diagnosis.error.before, &diagnosis.error.after].map(|errors| errors.held_out_or_train().norm.value);
+            let share = 100.0 * (1.0 - (after / before).powi(2)).max(0.0);
+            format!(
+                "The model is missing an effect that was found; it takes {share:.0} % of the mean square error, and more than \
+                 noise is left."
+            )
+        }
         Verdict::NoEffect => "No missing effect found: no effect that was tried predicts held-out rows better.".into(),
         Verdict::UnexplainedStructure => {
-            "The measurement differs from the model by more than noise, and no known effect explains all of it.".into()
+            "The measurement differs from the model by more than noise, and no known effect explains it.".into()
         }
         Verdict::NotIdentifiable => {
             "The model is missing an effect, but these data do not identify which of several it is.".into()
         }
+        Verdict::TooLittleData if is_noise_known(diagnosis) => {
+            "No missing effect found: what fits the rows that fits see does not predict the held-out rows better."
+                .into()
+        }
+        Verdict::TooLittleData => {
+            let dof = diagnosis.repeatability.as_ref().map_or(0, |repeatability| repeatability.dof);
+            format!(
+                "No missing effect found, and these data cannot show that there is none: the repeatability rests on {dof} \
+                 degrees of freedom, {MIN_DOF} are needed. Repeat some of the rows."
+            )
+        }
+        Verdict::WrongModelOrLog => {
+            "The log does not fit the model: it is another robot's, or not what it says.".into()
+        }
     }
+}
+
+fn is_noise_known(diagnosis: &Diagnosis) -> bool {
+    diagnosis.repeatability.as_ref().is_some_and(|repeatability| repeatability.dof >= MIN_DOF)
 }
 
 /// `Held-out error 11.2 → 0.30 mm (repeatability 0.31 mm, 120 degrees of freedom; held out: …)`.

@@ -1,6 +1,6 @@
 //! The outcome of a diagnosis of signals: errors, outliers and points for plots.
 
-use crate::judge::scatter;
+use crate::judge::held_out::HeldOut;
 use crate::judge::selected::SelectedSignals;
 use crate::judge::signals::Judgement;
 use crate::linearise::experiment::{Axis, Experiment};
@@ -14,22 +14,6 @@ use crate::select::robust_fit::size;
 const FAR: f64 = 8.0;
 /// Rows that are listed or plotted at most.
 const MAX_ROWS: usize = 4000;
-
-/// Held-out residuals of several searches that each held out other rows.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct HeldOut {
-    before: Vec<f64>,
-    after: Vec<f64>,
-}
-
-impl HeldOut {
-    /// Adds the rows that a search has not seen.
-    pub(crate) fn add(&mut self, selected: &SelectedSignals) {
-        let experiment = &selected.problem.experiment;
-        self.before.extend(experiment.of_rows(&experiment.residuals, true));
-        self.after.extend(experiment.of_rows(&experiment.at(&selected.best.fit.values), true));
-    }
-}
 
 /// The diagnosis, without its sentences and findings; `pooled` has the held-out residuals of other searches.
 pub(crate) fn diagnosis(
@@ -49,7 +33,7 @@ pub(crate) fn diagnosis(
         rows: Rows { train: problem.groups.training.len(), heldout: n_heldout / experiment.axes.len() },
         held_out,
         left_out: problem.groups.left_out,
-        repeatability: scatter::scatter(experiment),
+        repeatability: judgement.repeatability,
         error: BeforeAfter {
             before: errors(experiment, &experiment.residuals, pooled.map(|pooled| &pooled.before[..])),
             after: errors(experiment, &after, pooled.map(|pooled| &pooled.after[..])),
@@ -60,7 +44,14 @@ pub(crate) fn diagnosis(
         unobservable: judgement.unobservable,
         outliers: outliers(selected),
         structure: None,
-        remaining: Structure { ratio: None, p: None, beyond_noise: !depends_on.is_empty(), depends_on },
+        remaining: Structure {
+            ratio: None,
+            p: None,
+            beyond_noise: !depends_on.is_empty(),
+            excess: 0.0,
+            over_noise: 0.0,
+            depends_on,
+        },
         selection_path: selected.path.clone(),
         condition: None,
         next_measurement: judgement.next_measurement,

@@ -3,7 +3,7 @@
 //!
 //! All candidates are judged by their linear fit first, cross-validated over groups of rows; the best few, if their gain may
 //! be more than chance, are fitted in full and judged again. The best is kept when its gain is significant
-//! ([`DISCOVERY_LEVEL`], over all that were tried) and is confirmed. After each addition the effects selected before must
+//! ([`DISCOVERY_LEVEL`], over all that were tried). After each addition the effects selected before must
 //! be significant again.
 
 use serde::Serialize;
@@ -80,7 +80,7 @@ pub fn forward_selection<P: RegressionProblem>(
         let Tried { mut refitted, steps } = try_candidates(problem, &best, step)?;
         append(&mut path, steps);
         let n_tried = path.iter().filter(|tried: &&SelectionStep| tried.step == step).count();
-        if let Some(first) = first_significant(problem, &best, &refitted, n_tried)? {
+        if let Some(first) = first_significant(problem, &best, &refitted, n_tried) {
             mark_kept(problem, &mut path, &refitted[first]);
             best = refitted.remove(first);
             rivals = refitted;
@@ -156,25 +156,14 @@ fn first_significant<P: RegressionProblem>(
     best: &Trial<P>,
     tried: &[Trial<P>],
     n_tried: usize,
-) -> Result<Option<usize>, P::Error> {
+) -> Option<usize> {
     let n_eligible = if problem.policy().laws_overlap { tried.len() } else { tried.len().min(1) };
-    for (k, trial) in tried.iter().enumerate().take(n_eligible) {
-        if is_significant(problem, best, trial, n_tried)? {
-            return Ok(Some(k));
-        }
-    }
-    Ok(None)
+    tried.iter().take(n_eligible).position(|trial| is_significant(problem, best, trial, n_tried))
 }
 
 /// Whether an effect, one of `n_tried`, predicts rows that it was not fitted to.
-fn is_significant<P: RegressionProblem>(
-    problem: &P,
-    without: &Trial<P>,
-    with: &Trial<P>,
-    n_tried: usize,
-) -> Result<bool, P::Error> {
-    let discovered = problem.loss_reduction(without, with).p * (n_tried as f64) < DISCOVERY_LEVEL;
-    Ok(discovered && problem.confirmed(without, with)?)
+fn is_significant<P: RegressionProblem>(problem: &P, without: &Trial<P>, with: &Trial<P>, n_tried: usize) -> bool {
+    problem.loss_reduction(without, with).p * (n_tried as f64) < DISCOVERY_LEVEL
 }
 
 /// The best model in which one selected effect is exchanged for another, where that predicts unseen rows better.
@@ -210,7 +199,7 @@ fn without_superfluous<P: RegressionProblem>(
         let without = neighbours.with_one_less(dropped)?;
         let is_missed = match problem.policy().laws_overlap {
             true => problem.loss_reduction(&without, best).p <= RIVAL_LEVEL,
-            false => is_significant(problem, &without, best, n_tried)?,
+            false => is_significant(problem, &without, best, n_tried),
         };
         if !is_missed {
             return Ok(Some(without));

@@ -15,7 +15,7 @@ use crate::effect::Law;
 pub struct Policy {
     /// The most effects that a model holds.
     pub max_effects: usize,
-    /// Whether laws overlap: another candidate than the best may then be the one that is confirmed, and an effect selected
+    /// Whether laws overlap: another candidate than the best may then be the one that is added, and an effect selected
     /// before stays as long as it is worth anything.
     pub laws_overlap: bool,
     /// Whether a selected effect may be exchanged for another when none can be added.
@@ -60,9 +60,6 @@ pub trait RegressionProblem: Sized {
 
     /// By how much one model predicts rows that its fit has not seen better than another does.
     fn loss_reduction(&self, before: &Trial<Self>, after: &Trial<Self>) -> LossReduction;
-
-    /// Whether rows that take part in nothing else agree.
-    fn confirmed(&self, without: &Trial<Self>, with: &Trial<Self>) -> Result<bool, Self::Error>;
 }
 
 /// The models around one model.

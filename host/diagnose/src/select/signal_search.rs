@@ -119,11 +119,6 @@ impl RegressionProblem for Signals {
         cells.retain(|[before, after]| before != after);
         paired_t_test(&cells)
     }
-
-    /// Rows that are held out take no part, so that the error reported on them is of rows that no fit has seen.
-    fn confirmed(&self, _without: &Trial<Self>, _with: &Trial<Self>) -> Result<bool, Infallible> {
-        Ok(true)
-    }
 }
 
 /// The candidates that a move adds to a model; `None` where it adds nothing, or where another move adds the same.

@@ -4,7 +4,7 @@
 //! | --- | --- | --- |
 //! | is there more than noise? | residuals against repeats: F, one-sided | [`STRUCTURE_LEVEL`] |
 //! | does an effect predict words that it was not fitted to? | reduction of the cross-validated squares, word by word: t, one-sided, times the number of effects tried (Bonferroni) | [`DISCOVERY_LEVEL`] |
-//! | does it predict held-out words? | the same on the held-out words, once | [`CONFIRMATION_LEVEL`] |
+//! | do all effects together predict held-out words? | the same on the held-out words, once, for the whole verdict | [`CONFIRMATION_LEVEL`] |
 //! | is another effect as good? | reduction from it to the best, word by word: t, one-sided | [`RIVAL_LEVEL`] |
 
 use std::collections::BTreeMap;
@@ -17,7 +17,7 @@ use crate::select::robust_fit::weights;
 pub const STRUCTURE_LEVEL: f64 = 1e-3;
 /// Chance to discover any effect, of all that are tried, where there is none.
 pub const DISCOVERY_LEVEL: f64 = 0.01;
-/// Chance that an effect which is not there is confirmed.
+/// Chance that effects which are not there lower the error on rows that no fit has seen.
 pub const CONFIRMATION_LEVEL: f64 = 0.025;
 /// An effect worse than the best one with at least this confidence is not its rival.
 pub const RIVAL_LEVEL: f64 = 0.05;

@@ -139,6 +139,17 @@ impl ToolPoses {
         Ok(root_mean_square(&self.heldout.distances_m(&residuals)))
     }
 
+    /// Whether the error on rows that no fit saw falls by more than its uncertainty: on the held-out ones, or, without any, on
+    /// those held out in turn. A row that is far off by both models does not hide it, nor do words that nothing changes.
+    pub(crate) fn held_out_falls(&self, before: &Trial<Self>, after: &Trial<Self>) -> Result<bool, NoPose> {
+        if self.heldout.rows.is_empty() {
+            return Ok(self.loss_reduction(before, after).p < CONFIRMATION_LEVEL);
+        }
+        let mut scratch = ArmScratch::default();
+        let [before, after] = [before, after].map(|trial| self.heldout.residuals(&trial.fit.model, &mut scratch));
+        Ok(clustered_t_test(&before?, &after?, &self.heldout.groups()).p < CONFIRMATION_LEVEL)
+    }
+
     fn judged(&self, fit: Fit, effect: Option<Effect<f64>>, steps: &[change_point::Step]) -> Trial<Self> {
         let predicted = cross_validated(&fit.columns, &fit.residuals, &self.training, &self.folds, steps);
         let loss = Loss::new(losses(&predicted, self.training.n_axes()).iter().sum(), &self.weighting);
@@ -223,17 +234,5 @@ impl RegressionProblem for ToolPoses {
 
     fn loss_reduction(&self, before: &Trial<Self>, after: &Trial<Self>) -> LossReduction {
         clustered_t_test(&before.predicted, &after.predicted, &self.training.groups())
-    }
-
-    /// Whether the held-out error falls by more than its uncertainty, by the noise that is left: a row that is far off by
-    /// both models does not hide the reduction, nor do words on which the effect does not act.
-    fn confirmed(&self, without: &Trial<Self>, with: &Trial<Self>) -> Result<bool, NoPose> {
-        if self.heldout.rows.is_empty() {
-            return Ok(true);
-        }
-        let mut scratch = ArmScratch::default();
-        let before = self.heldout.residuals(&without.fit.model, &mut scratch)?;
-        let after = self.heldout.residuals(&with.fit.model, &mut scratch)?;
-        Ok(clustered_t_test(&before, &after, &self.heldout.groups()).p < CONFIRMATION_LEVEL)
     }
 }

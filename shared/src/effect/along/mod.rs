@@ -55,6 +55,11 @@ pub trait Along<T: Real> {
         None
     }
 
+    /// Whether a drive that moves the coordinate never needs less force because of the law: its size is then never negative.
+    fn takes_power(&self) -> bool {
+        false
+    }
+
     /// What a size of one adds at this moment; `memory` is this law's own, and zero where a motion begins.
     fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T;
 }

@@ -50,6 +50,10 @@ impl<T: Real> Along<T> for PreslidingFriction<T> {
         Some(Constant { name: "presliding distance", value: self.distance, per: Per::Length })
     }
 
+    fn takes_power(&self) -> bool {
+        true
+    }
+
     fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T {
         memory.turn(now.position, self.distance)
     }

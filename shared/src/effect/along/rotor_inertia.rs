@@ -41,6 +41,10 @@ impl<T: Real> Along<T> for RotorInertia {
         "inertia"
     }
 
+    fn takes_power(&self) -> bool {
+        true
+    }
+
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         now.acceleration
     }

@@ -49,6 +49,10 @@ impl<T: Real> Along<T> for StribeckFriction<T> {
         Some(Constant { name: "speed of fall", value: self.fall_speed, per: Per::Speed })
     }
 
+    fn takes_power(&self) -> bool {
+        true
+    }
+
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         tanh(now.velocity * real(10.0) / self.fall_speed) * exp(-now.velocity.abs() / self.fall_speed)
     }

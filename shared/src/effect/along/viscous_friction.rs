@@ -40,6 +40,10 @@ impl<T: Real> Along<T> for ViscousFriction {
         "coefficient"
     }
 
+    fn takes_power(&self) -> bool {
+        true
+    }
+
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         now.velocity
     }

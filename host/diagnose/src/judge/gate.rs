@@ -1,0 +1,107 @@
+//! The gate that every verdict passes, the same for all kinds of measurement.
+//!
+//! | what the data say | verdict |
+//! | --- | --- |
+//! | another log or model would explain them as it is | `wrong-model-or-log` |
+//! | effects that lower the error on rows that no fit has seen, each by itself, and no more than noise is left | `effect-found` |
+//! | the same, they take most of what was there, and more than noise is left | `partly-explained` |
+//! | effects in whose place others do as well | `not-identifiable` |
+//! | no effect, and more than noise | `unexplained-structure` |
+//! | no effect, no more than noise, and the noise is known | `no-effect` |
+//! | no effect, no more than noise, and the noise is not known well enough | `too-little-data` |
+
+use crate::outcome::Verdict;
+
+/// Degrees of freedom of the repeatability from which on it is known.
+pub(crate) const MIN_DOF: usize = 10;
+
+/// What a verdict rests on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Evidence {
+    /// How many effects are named.
+    pub(crate) named: usize,
+    /// Whether there are effects in whose place others do as well.
+    pub(crate) is_ambiguous: bool,
+    /// Whether there is more than noise before any effect is added.
+    pub(crate) was_beyond_noise: bool,
+    /// Whether more than noise is left with them.
+    pub(crate) is_left: bool,
+    /// Whether the effects take most of what was there before.
+    pub(crate) takes_most: bool,
+    /// Whether the error on rows that no fit has seen falls beyond its own uncertainty.
+    pub(crate) held_out_falls: bool,
+    /// Degrees of freedom of the repeatability.
+    pub(crate) noise_dof: usize,
+    /// Whether another log or model explains the rows as it is.
+    pub(crate) is_wrong: bool,
+}
+
+/// The verdict.
+pub(crate) fn verdict(evidence: &Evidence) -> Verdict {
+    let is_any = evidence.named > 0 || evidence.is_ambiguous;
+    let without_names = || match evidence.was_beyond_noise {
+        true => Verdict::UnexplainedStructure,
+        false if evidence.noise_dof >= MIN_DOF => Verdict::NoEffect,
+        false => Verdict::TooLittleData,
+    };
+    match () {
+        () if evidence.is_wrong => Verdict::WrongModelOrLog,
+        () if !is_any => without_names(),
+        () if !evidence.held_out_falls => match without_names() {
+            Verdict::NoEffect => Verdict::TooLittleData,
+            other => other,
+        },
+        () if evidence.is_left && evidence.takes_most && !evidence.is_ambiguous => Verdict::PartlyExplained,
+        () if evidence.is_left => Verdict::UnexplainedStructure,
+        () if evidence.is_ambiguous => Verdict::NotIdentifiable,
+        () => Verdict::EffectFound,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn evidence() -> impl Strategy<Value = Evidence> {
+        (0usize..3, any::<[bool; 6]>(), 0usize..40).prop_map(|(named, all, noise_dof)| {
+            let [is_ambiguous, was_beyond_noise, is_left, takes_most, held_out_falls, is_wrong] = all;
+            let mut evidence = Evidence {
+                named,
+                is_ambiguous,
+                was_beyond_noise,
+                is_left,
+                takes_most,
+                held_out_falls,
+                noise_dof,
+                is_wrong,
+            };
+            evidence.is_left &= evidence.was_beyond_noise;
+            evidence
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn no_verdict_says_more_than_its_evidence(evidence in evidence()) {
+            let verdict = verdict(&evidence);
+            let Evidence { named, is_ambiguous, is_left, held_out_falls, noise_dof, is_wrong, .. } = evidence;
+            match verdict {
+                Verdict::EffectFound => {
+                    prop_assert!(named > 0 && held_out_falls && !is_left && !is_ambiguous && !is_wrong);
+                }
+                Verdict::PartlyExplained => {
+                    prop_assert!(named > 0 && held_out_falls && is_left && evidence.takes_most && !is_wrong);
+                }
+                Verdict::NoEffect => {
+                    prop_assert!(named == 0 && !is_ambiguous && !evidence.was_beyond_noise && noise_dof >= MIN_DOF);
+                }
+                Verdict::NotIdentifiable => prop_assert!(is_ambiguous && held_out_falls),
+                Verdict::UnexplainedStructure => prop_assert!(evidence.was_beyond_noise || is_left),
+                Verdict::TooLittleData => prop_assert!(noise_dof < MIN_DOF || !held_out_falls),
+                Verdict::WrongModelOrLog => prop_assert!(is_wrong),
+            }
+        }
+    }
+}

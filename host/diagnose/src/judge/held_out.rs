@@ -1,0 +1,49 @@
+//! Rows of signals that no fit has seen: their residuals before and after, and whether the error on them falls.
+
+use super::selected::SelectedSignals;
+use crate::select::robust_fit::losses;
+use crate::select::significance::{CONFIRMATION_LEVEL, paired_t_test};
+
+/// Pieces of successive rows that the fall is judged by.
+const PIECES: usize = 24;
+
+/// Held-out residuals, rows × axes, of one search or of several that each held out other rows.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct HeldOut {
+    pub(crate) before: Vec<f64>,
+    pub(crate) after: Vec<f64>,
+}
+
+impl HeldOut {
+    /// Those of one search.
+    pub(crate) fn of(selected: &SelectedSignals) -> Self {
+        let mut own = Self::default();
+        own.add(selected);
+        own
+    }
+
+    /// Adds the rows that a search has not seen.
+    pub(crate) fn add(&mut self, selected: &SelectedSignals) {
+        let experiment = &selected.problem.experiment;
+        self.before.extend(experiment.of_rows(&experiment.residuals, true));
+        self.after.extend(experiment.of_rows(&experiment.at(&selected.best.fit.values), true));
+    }
+
+    /// Whether the error falls by more than its uncertainty, each axis in units of its noise. Without rows the selection
+    /// has shown as much by cross-validation.
+    pub(crate) fn falls(&self, sigma: &[f64]) -> bool {
+        let n_axes = sigma.len();
+        if self.before.is_empty() {
+            return true;
+        }
+        let scaled = |residuals: &[f64]| {
+            let of = |(k, residual): (usize, &f64)| residual / sigma[k % n_axes];
+            losses(&residuals.iter().enumerate().map(of).collect::<Vec<f64>>(), 1)
+        };
+        let (before, after) = (scaled(&self.before), scaled(&self.after));
+        let length = (before.len() / n_axes).div_ceil(PIECES) * n_axes;
+        let pieces = before.chunks(length).zip(after.chunks(length));
+        let cells: Vec<[f64; 2]> = pieces.map(|(before, after)| [before.iter().sum(), after.iter().sum()]).collect();
+        paired_t_test(&cells).p < CONFIRMATION_LEVEL
+    }
+}
