@@ -18,7 +18,8 @@ fn every_constant_of_a_law_has_a_key_in_the_arm_file() {
     let arm = Arm::parse(Path::new("planar4.toml"), include_str!("../../examples/planar4.toml")).expect("an example");
     let mut n_constants = 0;
     for at in Effect::<f64>::EACH_AT {
-        let Some(mut effect) = at(Place::Actuator(0), Detail::All) else { continue };
+        let places = [Place::Actuator(0), Place::Base];
+        let Some(mut effect) = places.into_iter().find_map(|place| at(place, Detail::All)) else { continue };
         let Some(constant) = effect.law_mut().constant_mut() else { continue };
         *constant = 12.5;
         n_constants += 1;
@@ -30,5 +31,5 @@ fn every_constant_of_a_law_has_a_key_in_the_arm_file() {
         let read = Arm::read(&path).expect("an arm that can be read");
         assert_eq!(read.model.effects.as_slice(), [effect], "{}", effect.law().name());
     }
-    assert_eq!(n_constants, 3, "a step, a drift and wear");
+    assert_eq!(n_constants, 4, "a step, a drift, wear and a base that drifts");
 }

@@ -46,7 +46,7 @@ pub(super) enum Answer {
     Right,
     /// No wrong name, and not all of the right ones: the verdict says that something is open.
     Refused,
-    /// `no-effect` where there is one.
+    /// `no-effect` where there is one, or not all of them, and nothing else was said to be open.
     Missed,
     /// A verdict against an arm without effects.
     FalseAlarm,
@@ -56,14 +56,14 @@ pub(super) enum Answer {
 
 impl Answer {
     /// An answer that is not right as it stands, by what it names.
-    pub(super) fn of(class: Class, verdict: Verdict, truth: &[(&str, &str)], named: &[(&str, &str)]) -> Self {
+    pub(super) fn of(is_clean: bool, verdict: Verdict, truth: &[(&str, &str)], named: &[(&str, &str)]) -> Self {
         match verdict {
-            Verdict::NoEffect if class == Class::Clean => Self::Right,
+            Verdict::NoEffect if is_clean => Self::Right,
             Verdict::TooLittleData => Self::Refused,
-            _ if class == Class::Clean => Self::FalseAlarm,
+            _ if is_clean => Self::FalseAlarm,
             _ if !named.iter().all(|name| truth.contains(name)) => Self::FalseName,
-            Verdict::NoEffect => Self::Missed,
-            Verdict::EffectFound | Verdict::WrongModelOrLog => Self::FalseName,
+            Verdict::NoEffect | Verdict::EffectFound => Self::Missed,
+            Verdict::WrongModelOrLog => Self::FalseName,
             Verdict::PartlyExplained | Verdict::UnexplainedStructure | Verdict::NotIdentifiable => Self::Refused,
         }
     }

@@ -4,7 +4,6 @@ use anyhow::{Context as _, Result};
 use clap::ValueEnum as _;
 use darm_diagnose::diagnosis;
 use darm_diagnose::diagnosis::diagnose;
-use darm_diagnose::outcome::Verdict;
 use darm_diagnose::select::significance::clopper_pearson;
 use darm_figures::figure::Figure;
 use darm_figures::items;
@@ -37,7 +36,7 @@ pub(crate) struct Layouts {
 pub(crate) struct Outcome {
     layout: Layout,
     class: Class,
-    answer: Answer,
+    pub(super) answer: Answer,
     /// Intervals that hold the true value, of how many.
     covered: [usize; 2],
 }
@@ -122,14 +121,13 @@ fn run(bench: &Bench, layout: Layout, class: Class, seed: u64) -> Result<(Outcom
     let mark = judge::mark(&subject.arm, class, &blind, &outcome)?;
     let found = &outcome.diagnosis;
     let named: Vec<(&str, &str)> = found.effects.iter().map(judge::law_and_part).collect();
-    let drifts = layout == Layout::CameraDrift;
-    let answer = match (class, found.verdict) {
-        (Class::Clean, Verdict::UnexplainedStructure) if drifts => Answer::Right,
-        (Class::Clean, _) if drifts => Answer::Missed,
-        _ if mark.named && mark.placed => Answer::Right,
-        _ => Answer::of(class, found.verdict, &judge::pairs(blind.unseal()), &named),
+    let mut right = judge::pairs(blind.unseal());
+    right.extend((layout == Layout::CameraDrift).then_some(("base-drift", "base")));
+    let is_right = match layout {
+        Layout::CameraDrift => found.verdict.names_effects() && judge::right(&right, &named).1,
+        _ => mark.named && (mark.placed || class == Class::Clean),
     };
-    let answer = if drifts && class == Class::Clean && !named.is_empty() { Answer::FalseName } else { answer };
+    let answer = if is_right { Answer::Right } else { Answer::of(right.is_empty(), found.verdict, &right, &named) };
     let outcome = Outcome { layout, class, answer, covered: mark.covered };
     Ok((outcome, format!("{}  ->  {}", truth.join(" + "), mark.answer)))
 }

@@ -212,7 +212,24 @@ mod tests {
     use darm_diagnose::truth::Kind;
 
     use super::arms;
+    use darm_figures::items::Job as _;
+    use darm_figures::shard::Shard;
+
+    use super::layout::Layout;
+    use super::layouts::Layouts;
     use super::mechanisms::mark;
+
+    /// A sample; `blind --layouts` has all of them. The second of these clean arms once got a step in its last rows.
+    #[test]
+    fn an_arm_without_effects_gets_no_name_in_a_layout_without_anything_to_compare() {
+        let layout = Some(Layout::NothingToCompare);
+        let job = Layouts { arms: 2, first_seed: 0, layout, wrong: false };
+        let bench = job.bench(Shard::ALL).unwrap();
+        for clean in [0, 2] {
+            let outcome = job.run(&bench, clean).unwrap();
+            assert!(!outcome.answer.is_wrong(), "{clean}: {:?}", outcome.answer);
+        }
+    }
 
     /// A sample; `blind --mechanisms` has all of them.
     #[test]

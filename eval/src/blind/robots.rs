@@ -69,7 +69,7 @@ impl Robots {
         let named = named(&diagnosis);
         let answer = match mark.named && (mark.placed || class == Class::Clean) {
             true => Answer::Right,
-            false => Answer::of(class, diagnosis.verdict, &truth(&bench), &named),
+            false => Answer::of(class == Class::Clean, diagnosis.verdict, &truth(&bench), &named),
         };
         Ok((mark, answer, bench.truth()))
     }

@@ -33,8 +33,8 @@ use crate::prepare::repeatability::{self, Noise};
 use crate::prepare::signals::{Preparation, PrepareError, Prepared};
 use crate::project::{Projected, project};
 use crate::report::{self, sentences};
+use crate::select::cross_validation::folds;
 use crate::select::forward::{Selection, forward_selection};
-use crate::select::robust_fit::folds;
 use crate::select::search;
 use crate::select::signals::Signals;
 use crate::select::tool_pose::ToolPoses;
@@ -79,11 +79,11 @@ pub struct SignalOptions {
 pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCorrection>, DiagnoseError> {
     let no_pose = |NoPose { sample, error }| DiagnoseError::NoPose { line: run.line(sample), error };
     let repeats = repeatability::repeated(arm, run);
-    let problem = prepare_poses(arm, run, repeats.as_ref(), options)?;
+    let problem = prepare_poses(arm, run, repeats.as_ref().filter(|noise| noise.is_known()), options)?;
     let start = problem.fitted(&arm.model).map_err(no_pose)?;
     let selection = forward_selection(&problem, start.clone(), Vec::new()).map_err(no_pose)?;
     let Selection { best, rivals, path } = selection;
-    let selected = SelectedPoses { arm, run, problem: &problem, repeats: repeats.as_ref(), best: &best };
+    let selected = SelectedPoses { arm, run, problem: &problem, repeatability: repeats.as_ref(), best: &best };
     let how = Proposal { seed: options.seed, words: options.next_words };
     let mut judgement = judge::poses::judge(&selected, &start, rivals, how).map_err(no_pose)?;
     let with_terms = judgement.with_terms.take();
@@ -97,7 +97,7 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
     Ok(Outcome { diagnosis, correction })
 }
 
-/// The rows of a run as a regression problem, in units of the noise of its repeats; without repeats in that of the residuals
+/// The rows of a run as a regression problem, in units of the noise of its repeats; without enough repeats in that of the residuals
 /// that remain once the effects which are selected first are in the model.
 fn prepare_poses(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Options) -> Result<ToolPoses, DiagnoseError> {
     let no_pose = |NoPose { sample, error }| DiagnoseError::NoPose { line: run.line(sample), error };

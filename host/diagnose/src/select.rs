@@ -3,6 +3,7 @@
 pub mod backward;
 mod change_point;
 mod columns;
+pub mod cross_validation;
 pub(crate) mod factored;
 pub mod forward;
 pub mod problem;

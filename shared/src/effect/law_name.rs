@@ -29,6 +29,7 @@ names! {
     AxisError = "axis-error",
     Backlash = "backlash",
     BacklashByLoad = "backlash-by-load",
+    BaseDrift = "base-drift",
     BaseOffset = "base-offset",
     CoulombFriction = "coulomb-friction",
     Crowding = "crowding",

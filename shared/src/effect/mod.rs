@@ -13,6 +13,7 @@
 
 pub mod along;
 pub mod anchor_offset;
+pub mod base_drift;
 pub mod crowding;
 pub mod drift;
 pub mod fitted_term;
@@ -296,6 +297,7 @@ effects! {
     Drift in drift,
     Crowding in crowding,
     FrameOffset in frame_offset,
+    BaseDrift in base_drift,
     Scale in scale,
     JointOffset in joint_offset,
     StrokeLoss in stroke_loss,

@@ -6,7 +6,7 @@ use super::*;
 use crate::actuator::Setting;
 use crate::real::Vec3;
 
-fn one_of_each() -> [Effect<f64>; 15] {
+fn one_of_each() -> [Effect<f64>; 16] {
     let at = Place::Module(1);
     [
         stroke_loss::StrokeLoss { actuator: 4, state: 1, loss_m: 1e-3 }.into(),
@@ -26,6 +26,7 @@ fn one_of_each() -> [Effect<f64>; 15] {
         crowding::Crowding { at, values: [1e-3, 1e-3] }.into(),
         frame_offset::FrameOffset { frame: frame_offset::Frame::Base, values: [1e-3; 6] }.into(),
         frame_offset::FrameOffset { frame: frame_offset::Frame::Tool, values: [1e-3; 6] }.into(),
+        base_drift::BaseDrift { until_s: 100.0, values: [1e-5; 6] }.into(),
         fitted_term::FittedTerm {
             of: fitted_term::Variable::Supply { center: 1.0, span: 0.5 },
             square: true,

@@ -200,7 +200,7 @@ fn a_run_that_says_too_little_or_does_not_fit_is_refused() {
 fn every_law_is_a_candidate() {
     let names: std::collections::BTreeSet<_> = candidate::all(&arm().model).iter().map(|e| e.law().name()).collect();
     // All but the zero of a servo, which this arm has not.
-    assert_eq!(names.len(), 13);
+    assert_eq!(names.len(), 14);
     let supply = Effect::from(SupplyStroke { at: Place::Arm, gain: 0.1 });
     assert!(candidate::all(&arm().model).iter().any(|effect| candidate::same(effect, &supply)));
     let law: &dyn Law<f64> = supply.law();

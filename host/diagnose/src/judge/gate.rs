@@ -11,9 +11,7 @@
 //! | no effect, no more than noise, and the noise is not known well enough | `too-little-data` |
 
 use crate::outcome::Verdict;
-
-/// Degrees of freedom of the repeatability from which on it is known.
-pub(crate) const MIN_DOF: usize = 10;
+use crate::prepare::repeatability::MIN_DOF;
 
 /// What a verdict rests on.
 #[derive(Clone, Copy, Debug, PartialEq)]

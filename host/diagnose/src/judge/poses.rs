@@ -17,6 +17,8 @@ use darm_arm::arm::ArmScratch;
 
 /// Share of what is beyond the noise that a named effect may leave.
 pub(crate) const UNEXPLAINED_SHARE: f64 = 0.1;
+/// Share that may be left by effects which are named beside what remains: laws that only stand for another cause leave more.
+const MOST_BESIDE: f64 = 0.03;
 /// What they may leave at most, root mean square, in units of the noise.
 pub(crate) const MOST_LEFT: f64 = 1.5;
 
@@ -49,22 +51,23 @@ pub(crate) fn judge(
         named: effects.len(),
         is_ambiguous: alternatives.iter().any(|other| !is_same_part(other, &effects)),
         was_beyond_noise: before.beyond_noise,
-        is_left: remaining.beyond_noise && (remaining.over_noise > MOST_LEFT || !is_small_share(&before, &remaining)),
-        takes_most: is_small_share(&before, &remaining),
+        is_left: remaining.beyond_noise
+            && (remaining.over_noise > MOST_LEFT || remaining.excess > UNEXPLAINED_SHARE * before.excess),
+        takes_most: remaining.excess <= MOST_BESIDE * before.excess,
         held_out_falls: problem.held_out_falls(start, best)?,
-        noise_dof: selected.repeats.map_or(0, |noise| noise.dof),
+        noise_dof: selected.repeatability.map_or(0, |noise| noise.dof),
         is_wrong: false,
     };
     let verdict = gate::verdict(&evidence);
-    let mut kept = Vec::new();
-    if verdict.names_effects() || verdict == Verdict::UnexplainedStructure {
-        kept.extend(with);
+    let mut kept = with.filter(|_| verdict.names_effects() || verdict == Verdict::UnexplainedStructure);
+    if verdict == Verdict::UnexplainedStructure
+        && let Some(alone) = with_terms(problem, start, &mut before.depends_on, look)?
+        && kept.as_ref().is_none_or(|kept| alone.loss.order(&kept.loss).is_lt())
+    {
+        // What laws stood for in the best model are terms alone: the residual is that of the model as it is.
+        kept = Some(alone);
+        remaining = before.clone();
     }
-    if verdict == Verdict::UnexplainedStructure {
-        // What laws replace in the best model may be terms alone.
-        kept.extend(with_terms(problem, start, &mut before.depends_on, look)?);
-    }
-    let kept = kept.into_iter().min_by(|a, b| a.loss.order(&b.loss));
     let with_terms = kept.map(|with| WithTerms::of(problem, &with)).transpose()?;
     let mut next_measurement = None;
     if verdict == Verdict::NotIdentifiable {
@@ -72,11 +75,6 @@ pub(crate) fn judge(
         next_measurement = Some(next_words::proposal(selected, &alternatives, how)?);
     }
     Ok(Judgement { verdict, alternatives, structure: before, remaining, with_terms, next_measurement })
-}
-
-/// Whether what is left is a small share of what was there before.
-fn is_small_share(before: &Structure, after: &Structure) -> bool {
-    after.excess <= UNEXPLAINED_SHARE * before.excess
 }
 
 /// The structure that a model leaves.

@@ -3,11 +3,10 @@
 
 use std::collections::BTreeMap;
 
-use super::gate::MIN_DOF;
 use crate::linearise::experiment::{Axis, Experiment};
 use crate::measurement::median;
 use crate::outcome::{AxisFigure, Number, Repeatability, RepeatedIn};
-use crate::prepare::repeatability::MEDIAN_OF_NORMAL;
+use crate::prepare::repeatability::{MEDIAN_OF_NORMAL, MIN_DOF};
 
 /// Channels that a condition may differ in.
 const NOT_A_CONDITION: [&str; 2] = ["time", "temperature"];

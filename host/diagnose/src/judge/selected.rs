@@ -20,8 +20,8 @@ pub(crate) struct SelectedPoses<'a> {
     pub(crate) run: &'a Run,
     /// The rows.
     pub(crate) problem: &'a ToolPoses,
-    /// The noise of repeats.
-    pub(crate) repeats: Option<&'a Noise>,
+    /// The scatter of repeats, however few.
+    pub(crate) repeatability: Option<&'a Noise>,
     /// The model with the effects selected.
     pub(crate) best: &'a Trial<ToolPoses>,
 }
@@ -30,6 +30,11 @@ impl SelectedPoses<'_> {
     /// How many effects the arm had before.
     pub(crate) fn n_known(&self) -> usize {
         self.arm.model.effects.len()
+    }
+
+    /// The noise of repeats, where there are enough of them.
+    pub(crate) fn repeats(&self) -> Option<&Noise> {
+        self.repeatability.filter(|noise| noise.is_known())
     }
 
     /// The effects selected.

@@ -25,7 +25,7 @@ const TRIMMED: f64 = 0.1;
 
 /// The structure in the residuals of some rows, after `fitted` values were fitted to them.
 pub(crate) fn structure(selected: &SelectedPoses, residuals: &[f64], fitted: usize) -> Structure {
-    let (observations, noise) = (&selected.problem.training, selected.repeats);
+    let (observations, noise) = (&selected.problem.training, selected.repeats());
     let n_axes = observations.n_axes();
     let drawn_in = drawn_in(residuals, n_axes);
     let dof = drawn_in.len().saturating_sub(fitted);

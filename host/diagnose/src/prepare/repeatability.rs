@@ -1,7 +1,7 @@
 //! The noise of a measurement: how much the pose differs when everything is repeated.
 //!
 //! Samples repeat each other when word, word before and servo positions are the same and they follow each other
-//! directly, so that supply and temperature had no time to change. Where a run has no such repeats, equal conditions at
+//! directly, so that supply and temperature had no time to change. Where a run has few such repeats, equal conditions at
 //! any time serve.
 
 use darm_core::se::Pose;
@@ -13,6 +13,8 @@ use darm_arm::arm::Arm;
 
 /// The median of |x| of a normal x, in units of its standard deviation.
 pub(crate) const MEDIAN_OF_NORMAL: f64 = 0.674_489_75;
+/// Degrees of freedom from which on the scatter of repeats is known.
+pub(crate) const MIN_DOF: usize = 10;
 /// Chance that any repeat of a run without outliers is taken for one.
 const FAR_OFF: f64 = 0.01;
 
@@ -27,13 +29,20 @@ pub struct Noise {
     pub distance_m: f64,
 }
 
+impl Noise {
+    /// Whether it rests on enough repeats to weigh measurements by it.
+    pub(crate) fn is_known(&self) -> bool {
+        self.dof >= MIN_DOF
+    }
+}
+
 /// The noise by repeated conditions; `None` where nothing is repeated.
 ///
 /// Repeats that are far off by a first estimate, which rests on medians, do not count in the second.
 pub fn repeated(arm: &Arm, run: &Run) -> Option<Noise> {
     let training: Vec<&Sample> = run.training().map(|(_, sample)| sample).collect();
     let mut groups = successive(&training);
-    if groups.is_empty() {
+    if groups.iter().map(|group| group.len() - 1).sum::<usize>() < MIN_DOF {
         groups = anywhere(&training);
     }
     let groups: Vec<Vec<[f64; 6]>> = groups.iter().map(|group| twists(group)).collect();

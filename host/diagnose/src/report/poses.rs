@@ -29,7 +29,7 @@ pub(crate) fn diagnosis(
     selection_path: Vec<SelectionStep>,
     seed: u64,
 ) -> Result<Diagnosis, NoPose> {
-    let SelectedPoses { arm, problem, repeats, best, .. } = *selected;
+    let SelectedPoses { arm, problem, repeatability: repeats, best, .. } = *selected;
     let nominal = problem.training.residuals(&arm.model, &mut ArmScratch::default())?;
     let error = BeforeAfter {
         before: errors(arm, problem, &arm.model, &nominal)?,
@@ -152,7 +152,7 @@ fn unobservable(best: &Trial<ToolPoses>) -> Vec<String> {
 fn outliers(selected: &SelectedPoses) -> Vec<Outlier> {
     let training = &selected.problem.training;
     let (n_axes, residuals) = (training.n_axes(), &selected.best.fit.residuals);
-    let per_axis = selected.repeats.map_or(training.rows.len(), |noise| noise.dof);
+    let per_axis = selected.repeats().map_or(training.rows.len(), |noise| noise.dof);
     let noise_dof = (per_axis * n_axes) as f64;
     let (Ok(chi), Ok(f)) = (ChiSquared::new(n_axes as f64), FisherSnedecor::new(n_axes as f64, noise_dof)) else {
         return Vec::new();

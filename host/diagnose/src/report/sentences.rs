@@ -2,12 +2,13 @@
 
 use darm_core::effect::Effect;
 use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
+use darm_core::effect::base_drift::BaseDrift;
 use darm_core::effect::drift::Drift;
 
 use crate::judge::fitted_terms::WithTerms;
-use crate::judge::gate::MIN_DOF;
 use crate::linearise::arm_candidates::{place_name, term_name};
 use crate::outcome::{self, Alternative, Diagnosis, NextMeasurement, Number, Value, Verdict};
+use crate::prepare::repeatability::MIN_DOF;
 use darm_arm::arm::Arm;
 
 /// Outliers that are listed by line.
@@ -245,6 +246,7 @@ pub fn effect_sentence(arm: &Arm, effect: &Effect<f64>) -> String {
             let way = if law.stretch > 0.0 { "over-reads" } else { "under-reads" };
             format!("{place}: it {way} length by {:.3} %.", law.stretch.abs() * 100.0)
         }
+        Effect::BaseDrift(law) => base_drift_sentence(&place, law, arm.model.chain.is_planar()),
         Effect::FittedTerm(term) => {
             format!("{place}: its error depends on {}, which no law explains (fitted term).", term_name(arm, term))
         }
@@ -265,6 +267,20 @@ fn drift_sentence(place: &str, law: &Drift<f64>) -> String {
         (rate + 0.5 * change).abs(),
         longer(rate + 0.5 * change),
         change.abs()
+    )
+}
+
+fn base_drift_sentence(place: &str, law: &BaseDrift<f64>, planar: bool) -> String {
+    let [turn_x, turn_y, turn_z, x, y, z] = law.values.map(|rate| 60.0 * rate);
+    let [turn_x, turn_y, turn_z] = [turn_x, turn_y, turn_z].map(f64::to_degrees);
+    let [x, y, z] = [x, y, z].map(|way| 1e3 * way);
+    let (out, about) = match planar {
+        true => (String::new(), format!("{turn_z:+.4}°")),
+        false => (format!(", {z:+.3} mm in z"), format!("{turn_x:+.4}°, {turn_y:+.4}° and {turn_z:+.4}°")),
+    };
+    format!(
+        "{place}, as the camera sees it, moves by {x:+.3} mm in x, {y:+.3} mm in y{out} and turns by {about} each minute: \
+         fasten the camera."
     )
 }
 

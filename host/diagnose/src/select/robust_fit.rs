@@ -1,4 +1,4 @@
-//! Values fitted to residuals: robust least squares in one step, Gauss–Newton over the model, and cross-validation.
+//! Values fitted to residuals: robust least squares in one step, and Gauss–Newton over the model.
 //!
 //! # Method
 //!
@@ -6,27 +6,16 @@
 //! c·s − c²/2 beyond (Huber), with c² the 95 % quantile of χ² with as many degrees of freedom as axes. So a row that is
 //! far off pulls with a bounded force. Minimised by re-weighted least squares (w = min(1, c/s)) within each
 //! Gauss–Newton step; a step that does not lower the loss is halved.
-//!
-//! Cross-validation leaves whole words out: the rows of one word repeat each other, so any of them would give the
-//! others away. Each tenth of the words is predicted by the values that the other nine tenths give. Where the user says so
-//! it leaves out each value of a column in turn.
 
 use nalgebra::{DMatrix, DVector};
-use rand::SeedableRng;
-use rand::seq::SliceRandom;
-use rand_chacha::ChaCha8Rng;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::change_point::{Step, change_point, since};
 use crate::linearise::sensitivity::Sensitivity;
-use crate::prepare::groups::FOLDS;
 use crate::prepare::observations::{NoPose, Observations, Value};
 use darm_arm::arm::{ArmModel, ArmScratch};
 
 /// Re-weightings within one linear fit.
-const REWEIGHTINGS: usize = 6;
-/// The same where the weights are nearly known.
-const FEW_REWEIGHTINGS: usize = 2;
+pub(super) const REWEIGHTINGS: usize = 6;
 /// Gauss–Newton steps at most.
 const STEPS: usize = 12;
 /// Directions with less than this share of the largest eigenvalue of the scaled information are left alone.
@@ -113,15 +102,15 @@ pub fn pseudo_inverse(information: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// Residuals near a model, and how each value moves them.
-struct Linear<'a> {
-    columns: &'a [Vec<f64>],
-    residuals: &'a [f64],
-    n_axes: usize,
+pub(super) struct Linear<'a> {
+    pub(super) columns: &'a [Vec<f64>],
+    pub(super) residuals: &'a [f64],
+    pub(super) n_axes: usize,
 }
 
 impl Linear<'_> {
     /// The change of the values that fits the residuals best; `counts` says which rows count, `first` how much at first.
-    fn step(&self, counts: &[f64], first: &[f64], reweightings: usize) -> DVector<f64> {
+    pub(super) fn step(&self, counts: &[f64], first: &[f64], reweightings: usize) -> DVector<f64> {
         let &Self { columns, residuals, n_axes } = self;
         let mut row_weights: Vec<f64> = first.iter().zip(counts).map(|(w, c)| w * c).collect();
         let mut step = DVector::zeros(columns.len());
@@ -147,72 +136,6 @@ pub fn moved(columns: &[Vec<f64>], residuals: &[f64], step: &DVector<f64>) -> Ve
         after.iter_mut().zip(column).for_each(|(after, slope)| *after += slope * step);
     }
     after
-}
-
-/// Which fold each row belongs to: that of its group, which is a matter of chance.
-pub fn folds(groups: &[usize], seed: u64) -> Vec<usize> {
-    let n_groups = groups.iter().max().map_or(0, |last| last + 1);
-    let mut folds: Vec<usize> = (0..n_groups).map(|group| group % FOLDS).collect();
-    folds.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
-    groups.iter().map(|&group| folds[group]).collect()
-}
-
-/// The residuals of each row as the fit to the other folds leaves them; of `steps` the other folds give the moments too.
-pub(super) fn cross_validated(
-    columns: &[Vec<f64>],
-    residuals: &[f64],
-    observations: &Observations,
-    folds: &[usize],
-    steps: &[Step],
-) -> Vec<f64> {
-    let n_axes = observations.n_axes();
-    if columns.is_empty() {
-        return residuals.to_vec();
-    }
-    let all = vec![1.0; observations.rows.len()];
-    let linear = Linear { columns, residuals, n_axes };
-    let full = linear.step(&all, &all, REWEIGHTINGS);
-    let first = weights(&moved(columns, residuals, &full), n_axes);
-    let mut predicted = residuals.to_vec();
-    for fold in 0..=folds.iter().copied().max().unwrap_or_default() {
-        let counts: Vec<f64> = folds.iter().map(|own| if *own == fold { 0.0 } else { 1.0 }).collect();
-        let after = match steps {
-            [] => moved(columns, residuals, &linear.step(&counts, &first, FEW_REWEIGHTINGS)),
-            steps => {
-                let (columns, residuals) = with_moments(&linear, observations, steps, &counts);
-                let linear = Linear { columns: &columns, residuals: &residuals, n_axes };
-                moved(&columns, &residuals, &linear.step(&counts, &first, FEW_REWEIGHTINGS))
-            }
-        };
-        for (row, _) in counts.iter().enumerate().filter(|(_, counts)| **counts == 0.0) {
-            let range = row * n_axes..(row + 1) * n_axes;
-            predicted[range.clone()].copy_from_slice(&after[range]);
-        }
-    }
-    predicted
-}
-
-/// The columns of a model with its steps at the moments that some of the rows give, and residuals without these steps.
-fn with_moments(
-    linear: &Linear,
-    observations: &Observations,
-    steps: &[Step],
-    counts: &[f64],
-) -> (Vec<Vec<f64>>, Vec<f64>) {
-    let mut columns = linear.columns.to_vec();
-    let mut residuals = linear.residuals.to_vec();
-    let nothing = |step: &Step| DVector::from_element(1, -step.shift_m);
-    for step in steps {
-        let own = std::slice::from_ref(&linear.columns[step.value]);
-        residuals = moved(own, &residuals, &nothing(step));
-    }
-    for step in steps {
-        let own = std::slice::from_ref(&linear.columns[step.value]);
-        let without = moved(own, linear.residuals, &nothing(step));
-        let since_s = change_point(observations, &step.always, &without, counts).unwrap_or(f64::INFINITY);
-        columns[step.value] = since(observations, &step.always, since_s);
-    }
-    (columns, residuals)
 }
 
 /// The values of `model`'s effects that fit `observations` best, from where they stand.

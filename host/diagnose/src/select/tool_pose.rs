@@ -8,8 +8,9 @@ use darm_core::model::MAX_EFFECTS;
 use nalgebra::DVector;
 
 use super::change_point;
+use super::cross_validation::cross_validated;
 use super::problem::{Loss, Neighbours, Policy, RegressionProblem, Trial};
-use super::robust_fit::{Fit, cross_validated, fit, losses, moved};
+use super::robust_fit::{Fit, fit, losses, moved};
 use super::significance::{CONFIRMATION_LEVEL, LossReduction, clustered_t_test};
 use crate::effect::Law;
 use crate::linearise::arm_candidates;
