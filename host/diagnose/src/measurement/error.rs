@@ -76,8 +76,21 @@ pub enum ReadError {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SelectError {
     /// It does not compare.
-    #[error("`{0}` compares nothing: write COLUMN = VALUE, or !=, <, <=, >, >=")]
-    NoComparison(String),
+    #[error("character {character}: `{text}` compares nothing: write COLUMN = VALUE, or !=, <, <=, >, >=")]
+    NoComparison {
+        /// Where it begins, from 1.
+        character: usize,
+        /// What is there.
+        text: String,
+    },
+    /// Brackets do not match.
+    #[error("character {character} {what}")]
+    Bracket {
+        /// Where the bracket is, from 1.
+        character: usize,
+        /// What is wrong with it.
+        what: &'static str,
+    },
     /// There is no such column.
     #[error("no column {column}; the file has {present}")]
     NoColumn {
@@ -97,6 +110,11 @@ pub enum SelectError {
         text: String,
     },
     /// Words have no order.
-    #[error("`{0}` is not a number, and only numbers compare by < and >")]
-    NoNumber(String),
+    #[error("character {character}: `{text}` is not a number, and only numbers compare by < and >")]
+    NoNumber {
+        /// Where the comparison begins, from 1.
+        character: usize,
+        /// What is there.
+        text: String,
+    },
 }
