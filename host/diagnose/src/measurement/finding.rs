@@ -41,6 +41,8 @@ pub enum FindingKind {
     TimeRunsBack,
     /// A cell has no number.
     NotANumber,
+    /// Rows are left out because a cell that is needed is empty.
+    MissingValue,
     /// Numbers look like another unit than the one they are read in.
     SuspectedUnit,
     /// A column never changes.

@@ -35,7 +35,7 @@ pub struct Which {
 /// Reads a file of measurements; says what its owner should know about it. `names` say what columns hold whose own names
 /// do not.
 ///
-/// Rows in which the pose is not a number are left out and told.
+/// Rows in which the pose is not a number, or a cell that is needed is empty, are left out and told.
 pub fn read(path: &Path, names: &Names, which: &Which) -> Result<(Run, Vec<Finding>), ReadError> {
     let (table, mut about_file) = Table::read(path, names)?;
     // That a row repeats the one before is told where poses are checked, with what the arm knows.
@@ -49,7 +49,10 @@ pub fn read(path: &Path, names: &Names, which: &Which) -> Result<(Run, Vec<Findi
 pub fn of_table(table: &Table, which: &Which) -> Result<(Run, Vec<Finding>), ReadError> {
     let columns = Columns::find(table)?;
     let (mut run, mut findings) = (Run::default(), columns.findings());
-    for row in 0..table.lines.len() {
+    let empty = |row: &usize| columns.needed().find(|column| column.words[*row].is_empty());
+    let missing: Vec<(usize, &Column)> = (0..table.lines.len()).filter_map(|row| Some((row, empty(&row)?))).collect();
+    findings.extend(missing_values(table, &missing));
+    for row in (0..table.lines.len()).filter(|row| empty(row).is_none()) {
         match (Row { row, columns: &columns }).sample(run.samples.last(), run.samples.len())? {
             Ok(sample) => {
                 run.samples.push(sample);
@@ -61,6 +64,19 @@ pub fn of_table(table: &Table, which: &Which) -> Result<(Run, Vec<Finding>), Rea
     let wrong = |error| ReadError::Select { path: table.path.clone(), error };
     findings.extend(choose(&mut run, table, which).map_err(wrong)?);
     Ok((run, findings))
+}
+
+/// That rows are left out in which a cell is empty that is needed.
+fn missing_values(table: &Table, missing: &[(usize, &Column)]) -> Option<Finding> {
+    let (row, column) = missing.first()?;
+    let text = format!(
+        "{} of {} rows are left out because a cell is empty, the first in line {}, column {}",
+        missing.len(),
+        table.lines.len(),
+        table.lines[*row],
+        column.name
+    );
+    Some(Finding::note(FindingKind::MissingValue, text))
 }
 
 /// Which samples count, and how unseen ones are distinguished; that none is, where some should be.
@@ -129,12 +145,16 @@ impl<'a> Columns<'a> {
         })
     }
 
+    /// Columns without which a row is no sample.
+    fn needed(&self) -> impl Iterator<Item = &'a Column> {
+        [self.time, self.word].into_iter().chain(self.servos.iter().copied()).chain(self.pose.iter().copied())
+    }
+
     /// Columns that hold nothing which is known here, and angles that look like another unit.
     fn findings(&self) -> Vec<Finding> {
         let optional = [self.previous, self.supply, self.temperature, self.run, self.visit];
-        let known =
-            [self.time, self.word].into_iter().chain(self.servos.iter().copied()).chain(self.pose.iter().copied());
-        let known: Vec<&str> = known.chain(optional.into_iter().flatten()).map(|column| &column.name[..]).collect();
+        let known: Vec<&str> =
+            self.needed().chain(optional.into_iter().flatten()).map(|column| &column.name[..]).collect();
         let unread = |column: &&Column| !known.contains(&&column.name[..]) && column.meaning() != "held_out";
         let unread: Vec<&str> = self.table.columns.iter().filter(unread).map(|column| &column.name[..]).collect();
         let mut findings = Vec::new();

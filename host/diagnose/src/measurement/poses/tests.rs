@@ -37,6 +37,18 @@ fn without_its_column_the_word_before_is_that_of_the_row_before() {
 }
 
 #[test]
+fn rows_with_an_empty_cell_are_left_out_and_counted() {
+    let text = "time_s,word,x_m,y_m,angle_deg,supply_bar\n0,01,,0,0,5\n1,11,0,0,0,\n2,,0,0,0,5\n";
+    let (run, findings) = read(text).unwrap();
+    assert_eq!(run.lines, [3]);
+    let expected = "2 of 3 rows are left out because a cell is empty, the first in line 2, column x_m";
+    assert_eq!(
+        (findings.len(), findings[0].kind, findings[0].to_string().as_str()),
+        (1, FindingKind::MissingValue, expected)
+    );
+}
+
+#[test]
 fn a_row_without_a_pose_is_left_out_and_told() {
     let (run, findings) = read("time_s,word,x_m,y_m,angle_deg\n0,01,NaN,0,0\n1,11,0,0,0\n").unwrap();
     assert_eq!(run.samples.len(), 1);
