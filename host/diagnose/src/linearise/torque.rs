@@ -47,7 +47,7 @@ pub(crate) fn experiment(
     let n = robot.joints.len();
     let motion = match transmission {
         Some(transmission) if data.raw("qm1").is_some() => of_motors(data, transmission, n)?,
-        _ => of_joints(data, n)?,
+        _ => of_joints(data, robot)?,
     };
     Ok(of_motion(data.rows.clone(), robot, transmission, known, &motion))
 }
@@ -143,15 +143,20 @@ fn of_motion(
     }
 }
 
-fn of_joints(data: &Prepared, n: usize) -> Result<Motion, PrepareError> {
+/// Columns by the names of the joints, or by their numbers where there is none of that name.
+fn of_joints(data: &Prepared, robot: &Robot) -> Result<Motion, PrepareError> {
     let mut motion = Motion { q: Vec::new(), v: Vec::new(), a: Vec::new(), tau: Vec::new() };
-    for k in 1..=n {
-        let [q, v, a] = data.motion(&format!("q{k}"), false)?;
-        let v = data.optional(&format!("v{k}")).unwrap_or(v);
-        motion.a.push(data.optional(&format!("a{k}")).unwrap_or(a));
+    for (k, joint) in robot.joints.iter().enumerate() {
+        let named = |named: String, letter: &str| {
+            if data.raw(&named).is_some() { named } else { format!("{letter}{}", k + 1) }
+        };
+        let name = &joint.name;
+        let [q, v, a] = data.motion(&named(name.clone(), "q"), false)?;
+        let v = data.optional(&named(format!("v_{name}"), "v")).unwrap_or(v);
+        motion.a.push(data.optional(&named(format!("a_{name}"), "a")).unwrap_or(a));
         motion.q.push(q);
         motion.v.push(v);
-        motion.tau.push(data.channel(&format!("tau{k}"))?);
+        motion.tau.push(data.channel(&named(format!("tau_{name}"), "tau"))?);
     }
     Ok(motion)
 }

@@ -1,7 +1,7 @@
 //! A column of a table: its name gives quantity and unit, its numbers are in SI.
 
 /// Factors to SI by the unit that a column's name ends in, and the unit that comes of it.
-const UNITS: [(&str, f64, &str); 20] = [
+const UNITS: [(&str, f64, &str); 28] = [
     ("s", 1.0, "s"),
     ("ms", 1e-3, "s"),
     ("us", 1e-6, "s"),
@@ -21,6 +21,14 @@ const UNITS: [(&str, f64, &str); 20] = [
     ("c", 1.0, "°C"),
     ("count", 1.0, "count"),
     ("rad/s", 1.0, "rad/s"),
+    ("rad_s", 1.0, "rad/s"),
+    ("deg_s", std::f64::consts::PI / 180.0, "rad/s"),
+    ("rad_s2", 1.0, "rad/s²"),
+    ("deg_s2", std::f64::consts::PI / 180.0, "rad/s²"),
+    ("m_s", 1.0, "m/s"),
+    ("mm_s", 1e-3, "m/s"),
+    ("m_s2", 1.0, "m/s²"),
+    ("mm_s2", 1e-3, "m/s²"),
     ("m/s", 1.0, "m/s"),
 ];
 
@@ -61,14 +69,34 @@ impl Column {
 /// The quantity in a column's name, the factor that brings its numbers to SI, and the unit that comes of it.
 pub(super) fn name_parts(name: &str) -> (String, f64, &'static str) {
     let small = name.trim().to_lowercase();
-    let split = small.rsplit_once('_').and_then(|(quantity, unit)| {
-        let (_, factor, si) = UNITS.iter().find(|(known, ..)| *known == unit)?;
-        Some((quantity.to_string(), *factor, *si))
-    });
+    let quantity = |unit: &str| small.strip_suffix(unit)?.strip_suffix('_').map(str::to_string);
+    // Of the units that fit the longest: `v1_rad_s` is a velocity in rad/s.
+    let fitting = UNITS.iter().filter_map(|(unit, factor, si)| Some((unit.len(), (quantity(unit)?, *factor, *si))));
+    let split = fitting.max_by_key(|(length, _)| *length).map(|(_, parts)| parts);
     split.unwrap_or((small, 1.0, ""))
 }
 
 /// The quantity by its first name, where it goes by one of its other names.
 pub(super) fn meaning_of(quantity: &str) -> &str {
     ALIASES.iter().find(|(alias, _)| *alias == quantity).map_or(quantity, |(_, meant)| meant)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::name_parts;
+
+    #[test]
+    fn the_longest_unit_counts() {
+        let degree = 1f64.to_radians();
+        for (name, quantity, factor, unit) in [
+            ("v1_rad_s", "v1", 1.0, "rad/s"),
+            ("a1_deg_s2", "a1", degree, "rad/s²"),
+            ("q1_deg", "q1", degree, "rad"),
+            ("pressure_bar", "pressure", 1e5, "Pa"),
+            ("held_out", "held_out", 1.0, ""),
+            ("t_s", "t", 1.0, "s"),
+        ] {
+            assert_eq!(name_parts(name), (quantity.into(), factor, unit), "{name}");
+        }
+    }
 }

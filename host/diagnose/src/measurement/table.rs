@@ -11,6 +11,7 @@
 //! | `m`, `mm`, `um` | length | `bar`, `pa`, `kpa` | pressure over the surroundings' |
 //! | `rad`, `deg` | angle | `a`, `v` | current, voltage |
 //! | `c`, `k` | temperature | `count` | steps of an encoder |
+//! | `rad_s`, `deg_s`, `m_s`, `mm_s` | velocity | `rad_s2`, `deg_s2`, `m_s2`, `mm_s2` | acceleration |
 //!
 //! | quantity | names |
 //! | --- | --- |
@@ -18,7 +19,7 @@
 //! | position, target | `position`, `pos`, `x`; `target` |
 //! | pressure, force, load | `pressure`, `p`; `force`, `f`; `load` |
 //! | temperature, supply | `temperature`, `temp`; `supply` |
-//! | joint position, velocity, acceleration, torque | `q1`…, `v1`…, `a1`…, `tau1`… or the joints' names |
+//! | joint position, velocity, acceleration, torque | `q1`…, `v1`…, `a1`…, `tau1`… or `JOINT`, `v_JOINT`, `a_JOINT`, `tau_JOINT` |
 //! | motor position, torque | `qm1`…, `taum1`… |
 //! | wrench on the base's surroundings | `Fx`, `Fy`, `Fz`, `Mx`, `My`, `Mz` |
 //! | pose of a floating base | `px`, `py`, `pz`, `qx`, `qy`, `qz`, `qw` |
