@@ -69,6 +69,17 @@ pub struct SignalCorrection {
     pub terms: Vec<ModelEffect>,
 }
 
+/// A joint of a model that does not move: its name, and its position in deg or mm.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LockedJoint {
+    /// Its name.
+    pub name: String,
+    /// Whether it turns: the position is in deg, else in mm.
+    pub is_revolute: bool,
+    /// Its position, deg or mm.
+    pub position: f64,
+}
+
 impl SignalCorrection {
     /// Writes the model of a file with the effects of a diagnosis in it, and the next number; what a robot's file names
     /// stays where it is. `false`, and no file, where there is nothing to add.
@@ -77,6 +88,22 @@ impl SignalCorrection {
     ///
     /// A file that cannot be read or written.
     pub fn write(&self, model: &Path, output: &Path, found: &Diagnosis, keep: Keep) -> Result<bool, ModelError> {
+        self.write_locked(model, output, found, keep, &[])
+    }
+
+    /// The same of a model some joints of which were locked besides those that its file locks.
+    ///
+    /// # Errors
+    ///
+    /// As of [`SignalCorrection::write`].
+    pub fn write_locked(
+        &self,
+        model: &Path,
+        output: &Path,
+        found: &Diagnosis,
+        keep: Keep,
+        locked: &[LockedJoint],
+    ) -> Result<bool, ModelError> {
         let terms = match keep {
             Keep::Effects => &[][..],
             Keep::EffectsAndTerms => &self.terms,
@@ -88,6 +115,7 @@ impl SignalCorrection {
         }
         let mut table = model_table(model, found.kind)?;
         keep_urdf_where_it_is(&mut table, model, output)?;
+        keep_locks(&mut table, locked);
         let number = table.get("number").and_then(toml::Value::as_integer).unwrap_or(0);
         table.insert("number".into(), toml::Value::Integer(number + 1));
         let effects = self.effects.iter().chain(terms).filter_map(|effect| toml::Value::try_from(effect).ok());
@@ -110,6 +138,17 @@ fn model_table(model: &Path, kind: &str) -> Result<toml::Table, ModelError> {
     let name = model.display().to_string();
     let text = std::fs::read_to_string(model).map_err(|error| ModelError::Io(name.clone(), error))?;
     text.parse().map_err(|error| ModelError::Toml(name, error))
+}
+
+/// Adds the joints that were locked.
+fn keep_locks(table: &mut toml::Table, locked: &[LockedJoint]) {
+    for joint in locked {
+        let key = if joint.is_revolute { "lock_deg" } else { "lock_mm" };
+        let locks = table.entry(key).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+        if let Some(locks) = locks.as_table_mut() {
+            locks.insert(joint.name.clone(), toml::Value::Float(joint.position));
+        }
+    }
 }
 
 /// The path of the URDF, absolute where the output lies in another folder than the model.

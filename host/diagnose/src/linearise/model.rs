@@ -17,11 +17,13 @@
 //! | closure | `point` | columns whose values name the point that is touched |
 //! | closure | `pair`, `distance_mm` | the one of them in which two points differ that are so far apart |
 //! | closure | `tool` | the frame that touches; without it the robot's end |
+//! | all | `lock_deg`, `lock_mm` | positions of joints that do not move, by their names: the columns of a table are those of the others |
 //!
 //! `number` and `[[effect]]` (see [`model_effects`]) are what `darm diagnose --write-model` adds.
 //!
 //! A URDF alone is a robot whose torques are observed, or its contact wrench where the table has `Fz`.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use nalgebra::DMatrix;
@@ -81,6 +83,10 @@ enum Raw {
         pair: Option<String>,
         distance_mm: Option<f64>,
         tool: Option<String>,
+        #[serde(default)]
+        lock_deg: BTreeMap<String, f64>,
+        #[serde(default)]
+        lock_mm: BTreeMap<String, f64>,
     },
 }
 
@@ -95,8 +101,13 @@ enum Observed {
 impl Model {
     /// Reads a model; `None` where the file is an arm of words.
     pub fn read(path: &Path) -> Result<Option<Self>, ModelError> {
+        Self::read_locked(path, &Locks::new())
+    }
+
+    /// The same with some joints of its robot locked, besides those that the file locks.
+    pub fn read_locked(path: &Path, locks: &Locks) -> Result<Option<Self>, ModelError> {
         if path.extension().is_some_and(|end| end == "urdf") {
-            return Ok(Some(What::Any(urdf::read(path, &Locks::new())?).into()));
+            return Ok(Some(What::Any(urdf::read(path, locks)?).into()));
         }
         let name = path.display().to_string();
         let text = std::fs::read_to_string(path).map_err(|error| ModelError::Io(name.clone(), error))?;
@@ -109,8 +120,18 @@ impl Model {
         let effects = model_effects::extract_effects(&name, &mut table)?;
         // Parsed from the text where that can be, so that an error has its line.
         let raw: Result<Raw, _> = if is_raw { toml::from_str(&text) } else { table.try_into() };
-        let what = what(path, raw.map_err(|error| ModelError::Toml(name.clone(), error))?, &name)?;
+        let what = what(path, raw.map_err(|error| ModelError::Toml(name.clone(), error))?, locks)?;
         Ok(Some(Self { what, effects }))
+    }
+}
+
+impl What {
+    /// The robot, where it is one.
+    pub fn robot(&self) -> Option<&Robot> {
+        match self {
+            Self::Cylinder { .. } | Self::Servo => None,
+            Self::Torque(robot, _) | Self::Wrench(robot) | Self::Closure(robot, _) | Self::Any(robot) => Some(robot),
+        }
     }
 }
 
@@ -121,14 +142,17 @@ impl From<What> for Model {
 }
 
 /// What a file describes.
-fn what(path: &Path, raw: Raw, name: &str) -> Result<What, ModelError> {
-    let wrong = |what: &str| ModelError::Value(name.into(), what.into());
+fn what(path: &Path, raw: Raw, locks: &Locks) -> Result<What, ModelError> {
+    let wrong = |what: &str| ModelError::Value(path.display().to_string(), what.into());
     Ok(match raw {
         Raw::Cylinder { bore_mm } if bore_mm > 0.0 && bore_mm.is_finite() => What::Cylinder { bore_m: bore_mm * 1e-3 },
         Raw::Cylinder { .. } => return Err(wrong("bore_mm must be more than 0")),
         Raw::Servo {} => What::Servo,
-        Raw::Robot { urdf, observed, transmission, offset_deg, point, pair, distance_mm, tool } => {
-            let robot = urdf::read(&path.parent().unwrap_or(Path::new("")).join(urdf), &Locks::new())?;
+        Raw::Robot { urdf, observed, transmission, offset_deg, point, pair, distance_mm, tool, lock_deg, lock_mm } => {
+            let mut locks = locks.clone();
+            locks.extend(lock_deg.into_iter().map(|(joint, deg)| (joint, deg.to_radians())));
+            locks.extend(lock_mm.into_iter().map(|(joint, mm)| (joint, 1e-3 * mm)));
+            let robot = urdf::read(&path.parent().unwrap_or(Path::new("")).join(urdf), &locks)?;
             match observed {
                 Observed::Torque => {
                     let n = robot.joints.len();
