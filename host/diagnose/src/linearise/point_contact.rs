@@ -17,6 +17,8 @@
 //! | `encoder-periodic` | q + s·sin q + k·cos q | rad |
 //! | `tool-frame` | the tool moved in its link | m |
 
+mod calibrated;
+
 use darm_core::actuator::JointKind;
 use darm_core::real::{Mat3, Vec3};
 use darm_core::se::{Pose, rotation_exp};
@@ -26,6 +28,8 @@ use crate::linearise::experiment::{Axis, Candidate, Experiment, Relinearise, Val
 use crate::measurement::{Finding, FindingKind, root_mean_square};
 use crate::prepare::signals::{PrepareError, Prepared};
 use darm_robot::robot::Robot;
+
+pub use calibrated::{NotRigid, calibrated};
 
 /// How far each kind of value may be off before anything is measured.
 const PRIORS: [f64; 4] = [0.02, 0.005, 1e-4, 0.005];
@@ -172,7 +176,7 @@ fn candidates(contact: &PointContact, columns: Vec<Vec<f64>>) -> Vec<Candidate> 
         candidates.push(Candidate { law, site: site.clone(), shape: None, values: values.collect() });
     };
     for (k, &joint) in contact.path.iter().enumerate() {
-        let site = Site::new(Place::Joint(k), format!("joint {} ({})", k + 1, contact.robot.joints[joint].name));
+        let site = site_of_joint(&contact.robot, k, joint);
         add(Law::JointOffset, &site, &[("offset", "rad", turn)]);
         add(Law::AxisError, &site, &[("first turn across", "rad", turn), ("second turn across", "rad", turn)]);
         add(Law::LinkError, &site, &[("x", "m", shift), ("y", "m", shift), ("z", "m", shift)]);
@@ -183,6 +187,11 @@ fn candidates(contact: &PointContact, columns: Vec<Vec<f64>>) -> Vec<Candidate> 
     }
     add(Law::ToolFrame, &Site::new(Place::Tool, "the tool"), &[("x", "m", 0.02), ("y", "m", 0.02), ("z", "m", 0.02)]);
     candidates
+}
+
+/// The place of the joint of this index, which comes after `k` others on the way to the tool.
+fn site_of_joint(robot: &Robot, k: usize, joint: usize) -> Site {
+    Site::new(Place::Joint(k), format!("joint {} ({})", k + 1, robot.joints[joint].name))
 }
 
 /// Two axes across a unit vector.

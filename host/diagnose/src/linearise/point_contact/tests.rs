@@ -13,6 +13,7 @@ use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
 use super::*;
 use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::linearise::model::{Model, What};
+use crate::linearise::model_effects::ModelEffect;
 use crate::measurement::table::{Names, Table};
 use crate::outcome::Verdict;
 use crate::prepare::signals::Preparation;
@@ -204,4 +205,54 @@ fn each_law_alone_explains_the_case_of_its_fault() {
 #[test]
 fn without_a_known_distance_the_arm_keeps_its_size() {
     assert_eq!(wrong(None), []);
+}
+
+#[test]
+fn the_calibrated_robot_is_where_the_effects_put_the_tool() {
+    let robot = panda();
+    let points = Points { point: Vec::new(), pair: None, tool: Some("ball_link".into()) };
+    let tool = robot.frame("ball_link").unwrap();
+    let (path, q) = (robot.path(tool), [0.1, -0.4, 0.3, -1.2, 0.2, 0.9, -0.5]);
+    let posture = Posture { q: q.to_vec(), moments: Vec::new(), point: 0 };
+    let mut values = vec![0.0; path.len() * PER_JOINT + 3];
+    for k in 0..path.len() {
+        (0..6).for_each(|value| values[k * PER_JOINT + value] = 1e-3 * (k * 6 + value) as f64);
+    }
+    values[path.len() * PER_JOINT + 1] = 0.02;
+    let contact = PointContact {
+        robot: robot.clone(),
+        path: path.clone(),
+        tool: tool.pose,
+        postures: Vec::new(),
+        n_points: 0,
+        pairs: Vec::new(),
+        distance_m: 0.0,
+        reach_m: None,
+    };
+    let expected = contact.chain(&posture, &values).tool;
+    let named = |law, place: &str, names: &[&str], first: usize| ModelEffect {
+        law,
+        place: place.into(),
+        constant: None,
+        values: names.iter().enumerate().map(|(k, name)| ((*name).to_owned(), values[first + k])).collect(),
+        points: Vec::new(),
+    };
+    let mut effects = vec![named(Law::ToolFrame, "the tool", &["x", "y", "z"], path.len() * PER_JOINT)];
+    for (k, &joint) in path.iter().enumerate() {
+        let place = site_of_joint(&robot, k, joint).code;
+        effects.push(named(Law::JointOffset, &place, &["offset"], k * PER_JOINT));
+        effects.push(named(Law::AxisError, &place, &["first turn across", "second turn across"], k * PER_JOINT + 1));
+        effects.push(named(Law::LinkError, &place, &["x", "y", "z"], k * PER_JOINT + 3));
+    }
+    let found = calibrated(&robot, &points, &effects).unwrap();
+    let all = [&q[..], &vec![0.0; robot.joints.len() - q.len()]].concat();
+    let pose = found.kinematics(found.frame("ball_link").unwrap(), &all).unwrap().pose_base_frame;
+    assert!((pose.position - expected.position).norm() < 1e-12, "{} {}", pose.position, expected.position);
+    assert!((pose.rotation - expected.rotation).norm() < 1e-12);
+    effects[1].law = Law::JointCompliance;
+    let error = calibrated(&robot, &points, &effects).unwrap_err().to_string();
+    assert!(error.starts_with("joint-compliance at joint 1 (panda_joint1) depends on the load"), "{error}");
+    effects[1].place = "joint 9 (x)".into();
+    effects[1].law = Law::JointOffset;
+    assert!(matches!(calibrated(&robot, &points, &effects), Err(NotRigid::NoSuchPlace { .. })));
 }
