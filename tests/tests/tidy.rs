@@ -27,13 +27,14 @@ const LAYERS: [&str; 19] = [
     "wire",
 ];
 /// Packages with their folders, lowest first: a package depends only on those before it.
-const PACKAGES: [(&str, &str); 14] = [
+const PACKAGES: [(&str, &str); 15] = [
     ("shared", "darm-core"),
     ("firmware", "darm-firmware"),
     ("host/robot", "darm-robot"),
     ("host/arm", "darm-arm"),
     ("host/device", "darm-device"),
     ("host/diagnose", "darm-diagnose"),
+    ("host/import", "darm-import"),
     ("host/papers", "darm-papers"),
     ("host/cli", "darm"),
     ("tests", "darm-tests"),

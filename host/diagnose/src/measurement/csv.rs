@@ -79,14 +79,18 @@ pub fn about(path: &Path) -> Result<BTreeMap<String, String>, ReadError> {
 /// Writes a file of measurements, compressed when its name ends in `.gz`, a log when it ends in `.mcap`; `about` are
 /// comment lines (`# key value`) that are before the table.
 pub fn write(path: &Path, about: &str, run: &Run) -> io::Result<()> {
-    let text = about.to_owned() + &write_text(run);
+    write_table(path, &(about.to_owned() + &write_text(run)))
+}
+
+/// Writes a table of comma-separated text with its comment lines in the same way.
+pub fn write_table(path: &Path, text: &str) -> io::Result<()> {
     match path.extension().and_then(|end| end.to_str()) {
         Some("gz") => {
             let mut encoder = GzEncoder::new(File::create(path)?, Compression::default());
             encoder.write_all(text.as_bytes())?;
             encoder.finish()?.flush()
         }
-        Some("mcap") => std::fs::write(path, log::from_text(&text).map_err(io::Error::other)?),
+        Some("mcap") => std::fs::write(path, log::from_text(text).map_err(io::Error::other)?),
         _ => std::fs::write(path, text),
     }
 }

@@ -34,7 +34,7 @@ pub enum LogError {
     Mcap(#[from] McapError),
     /// A topic that cannot be read.
     #[error(
-        "topic {topic} holds messages in the encoding `{encoding}`, only `json` is read: record it as JSON, or convert the log"
+        "topic {topic} holds messages in the encoding `{encoding}`, only `json` is read: convert the log with `darm import`"
     )]
     Encoding {
         /// The topic.
@@ -111,7 +111,7 @@ fn table(log: &Log) -> Result<Vec<u8>, LogError> {
 }
 
 /// The columns of an object and what is in them.
-fn cells(object: &Map<String, Value>) -> Vec<(String, String)> {
+pub fn cells(object: &Map<String, Value>) -> Vec<(String, String)> {
     fn into(name: String, value: &Value, cells: &mut Vec<(String, String)>) {
         match value {
             Value::Object(object) => object.iter().for_each(|(key, value)| into(format!("{name}_{key}"), value, cells)),
@@ -232,7 +232,8 @@ mod tests {
         let mut log = Log::default();
         for (k, (topic, encoding, log_time, data)) in messages.iter().enumerate() {
             let number = k as u16;
-            log.channels.insert(number, Channel { topic: (*topic).into(), encoding: (*encoding).into() });
+            let channel = Channel { topic: (*topic).into(), encoding: (*encoding).into(), schema: String::new() };
+            log.channels.insert(number, channel);
             log.messages.push(Message { channel: number, log_time: *log_time, data: data.as_bytes().to_vec() });
         }
         log

@@ -65,6 +65,8 @@ pub struct Channel {
     pub topic: String,
     /// How its messages are written: `json`, say.
     pub encoding: String,
+    /// Name of the schema of its messages; empty where it has none.
+    pub schema: String,
 }
 
 /// One message.
@@ -87,6 +89,8 @@ pub struct Log {
     pub messages: Vec<Message>,
     /// Keys and values of all metadata records; of one that comes again the last.
     pub metadata: BTreeMap<String, String>,
+    /// Names of the schemas, by their numbers.
+    schemas: BTreeMap<u16, String>,
 }
 
 /// Bytes that are read from their front.
@@ -182,6 +186,7 @@ impl Log {
         let cut = McapError::Cut(self.messages.len());
         let Some((opcode, mut content)) = rest.record() else { return Err(cut) };
         match opcode {
+            3 => self.schema(&mut content).ok_or(cut),
             4 => self.channel(&mut content).ok_or(cut),
             5 => self.message(&mut content).ok_or(cut),
             6 => {
@@ -206,8 +211,14 @@ impl Log {
     }
 
     fn channel(&mut self, content: &mut Bytes) -> Option<()> {
-        let (id, _schema) = (content.u16()?, content.u16()?);
-        self.channels.insert(id, Channel { topic: content.text()?, encoding: content.text()? });
+        let (id, schema) = (content.u16()?, content.u16()?);
+        let schema = self.schemas.get(&schema).cloned().unwrap_or_default();
+        self.channels.insert(id, Channel { topic: content.text()?, encoding: content.text()?, schema });
+        Some(())
+    }
+
+    fn schema(&mut self, content: &mut Bytes) -> Option<()> {
+        self.schemas.insert(content.u16()?, content.text()?);
         Some(())
     }
 
@@ -279,7 +290,7 @@ mod tests {
     #[test]
     fn what_is_written_is_read() {
         let log = Log::read(&written()).unwrap();
-        assert_eq!(log.channels[&1], Channel { topic: "/a".into(), encoding: "json".into() });
+        assert_eq!(log.channels[&1], Channel { topic: "/a".into(), encoding: "json".into(), schema: "A".into() });
         assert_eq!(log.messages, [Message { channel: 1, log_time: 5, data: b"{}".to_vec() }]);
     }
 

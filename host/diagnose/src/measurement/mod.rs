@@ -54,7 +54,7 @@ use darm_core::units::Word;
 
 pub use check::check;
 pub use column::Column;
-pub use csv::{about, write, write_text};
+pub use csv::{about, write, write_table, write_text};
 pub use error::{ReadError, SelectError};
 pub use finding::{Finding, FindingKind, Severity};
 pub use stream::Stream;

@@ -1,0 +1,67 @@
+//! Arrays of numbers: files of NumPy and MATLAB, and the columns that they give.
+
+pub(crate) mod mat;
+pub(crate) mod npy;
+mod python_literal;
+
+use crate::recording::{Column, Part};
+
+/// Most bytes that a compressed array may expand to.
+const MAX_BYTES: u64 = 1 << 30;
+/// Most columns of one array: more are samples of an image, say, and no columns of a table.
+const MAX_COLUMNS: usize = 1024;
+
+/// An array, its first index running fastest.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Array {
+    pub(crate) name: String,
+    /// Type of its numbers: `float64`, `int32`.
+    pub(crate) kind: String,
+    pub(crate) shape: Vec<usize>,
+    pub(crate) numbers: Vec<f64>,
+}
+
+impl Array {
+    /// Rows and columns; a vector is a column, whichever way it lies.
+    fn rows_and_columns(&self) -> Option<(usize, usize)> {
+        match *self.shape {
+            [] => Some((1, 1)),
+            [n] => Some((n, 1)),
+            [1, n] if n > 1 => Some((n, 1)),
+            [n, m] => Some((n, m)),
+            _ => None,
+        }
+    }
+}
+
+/// Arrays as parts. Where the rows of a matrix are as many as the samples of the others, and its columns are not, it is
+/// addressed row by row.
+pub(crate) fn parts(arrays: Vec<Array>) -> Vec<Part> {
+    let lengths: Vec<usize> = arrays.iter().filter_map(|array| Some(array.rows_and_columns()?.0)).collect();
+    let votes = |n: usize| lengths.iter().filter(|length| **length == n).count();
+    let samples = lengths.iter().copied().max_by_key(|&n| (votes(n), n)).unwrap_or(0);
+    arrays.into_iter().map(|array| part(array, samples)).collect()
+}
+
+fn part(array: Array, samples: usize) -> Part {
+    let Array { name, kind, shape, numbers } = &array;
+    let part =
+        |kind: String, columns| Part { name: name.clone(), kind, shape: shape.clone(), columns, ..Part::default() };
+    let Some((rows, columns)) = array.rows_and_columns() else {
+        return part(format!("{kind}, not read: {} dimensions, at most 2 are", shape.len()), Vec::new());
+    };
+    let lies = rows != samples && (columns == samples || rows < columns);
+    if columns == 1 {
+        return part(kind.clone(), vec![Column::of_numbers(name, numbers.clone())]);
+    }
+    let (n, length) = if lies { (rows, columns) } else { (columns, rows) };
+    if n > MAX_COLUMNS {
+        return part(format!("{kind}, not read: {n} columns, at most {MAX_COLUMNS} are"), Vec::new());
+    }
+    let cell = |row: usize, column: usize| numbers[row + column * rows];
+    let column = |k: usize| match lies {
+        true => Column::of_numbers(format!("{name}[{k},:]"), (0..length).map(|at| cell(k, at)).collect()),
+        false => Column::of_numbers(format!("{name}[:,{k}]"), (0..length).map(|at| cell(at, k)).collect()),
+    };
+    part(kind.clone(), (0..n).map(column).collect())
+}

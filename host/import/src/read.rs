@@ -1,0 +1,66 @@
+//! Reading of a file or folder, by what its bytes begin with.
+
+use std::io::Read as _;
+use std::path::Path;
+
+use flate2::read::MultiGzDecoder;
+
+pub use crate::delimited::Dialect;
+
+use crate::array::{self, mat, npy};
+use crate::delimited;
+use crate::error::{Fault, ImportError};
+use crate::recording::{Part, Recording};
+use crate::ros;
+
+/// Reads a recording; `dialect` is about text files alone.
+///
+/// # Errors
+///
+/// A file that cannot be read, is damaged or is of a format that is not known, with what to do about it.
+pub fn read(path: &Path, dialect: Dialect) -> Result<Recording, ImportError> {
+    let load = |path: &Path| std::fs::read(path).map_err(|error| ImportError::io(path, &error));
+    let recording = |(parts, notes)| Recording { path: path.into(), parts, notes };
+    if path.is_dir() {
+        let files: Vec<Vec<u8>> = ros::bag::files(path)?.iter().map(|file| load(file)).collect::<Result<_, _>>()?;
+        return ros::log::read(&files).map(recording).map_err(|fault| fault.in_file(path));
+    }
+    let mut bytes = load(path)?;
+    if bytes.starts_with(&[0x1f, 0x8b]) {
+        let mut expanded = Vec::new();
+        let read = MultiGzDecoder::new(&bytes[..]).read_to_end(&mut expanded);
+        read.map_err(|error| ImportError::new(path, "", format!("cannot be expanded ({error}): the file is damaged")))?;
+        bytes = expanded;
+    }
+    if bytes.starts_with(b"SQLite format 3\0") {
+        return Err(ros::bag::sqlite(path));
+    }
+    parts(path, bytes, dialect).map(recording).map_err(|fault| fault.in_file(path))
+}
+
+fn parts(path: &Path, bytes: Vec<u8>, dialect: Dialect) -> Result<(Vec<Part>, Vec<String>), Fault> {
+    let end = path.extension().and_then(|end| end.to_str()).unwrap_or_default().to_lowercase();
+    if bytes.is_empty() {
+        return Err(Fault::of_file("the file is empty"));
+    }
+    if bytes.starts_with(npy::MAGIC) || end == "npy" {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        return Ok((array::parts(npy::read(&name, &bytes)?), Vec::new()));
+    }
+    if bytes.starts_with(b"PK") || end == "npz" {
+        return Ok((array::parts(npy::read_archive(&bytes)?), Vec::new()));
+    }
+    if bytes.starts_with(b"MATLAB") || bytes.starts_with(b"\x89HDF") || end == "mat" {
+        return Ok((array::parts(mat::read(&bytes)?), Vec::new()));
+    }
+    if bytes.starts_with(b"\x89MCAP") || end == "mcap" {
+        return ros::log::read(&[bytes]);
+    }
+    if bytes.starts_with(b"#ROSBAG V") {
+        let cure =
+            "a bag of ROS 1 is not read: convert it with `rosbags-convert --src log.bag --dst log --dst-storage mcap`";
+        return Err(Fault::of_file(cure));
+    }
+    let (part, notes) = delimited::read(&bytes, dialect)?;
+    Ok((vec![part], notes))
+}

@@ -1,0 +1,94 @@
+//! What a file holds: parts (a table, an array, a topic) of columns with the same rows.
+
+use std::path::PathBuf;
+
+/// What was read from one file or folder.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Recording {
+    /// Where it was read from.
+    pub path: PathBuf,
+    /// Its tables, arrays and topics, in the order of the file.
+    pub parts: Vec<Part>,
+    /// What its owner should know.
+    pub notes: Vec<String>,
+}
+
+/// Columns with the same rows.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Part {
+    /// Name of the array or topic; empty of the only table of a file.
+    pub name: String,
+    /// What it is: `table`, `float64`, `sensor_msgs/msg/JointState`.
+    pub kind: String,
+    /// Extent along each dimension; of a table or topic the number of rows.
+    pub shape: Vec<usize>,
+    /// Its columns; none where it cannot be read, as `kind` says.
+    pub columns: Vec<Column>,
+    /// Time stamps of the rows of a topic, ns since 1970; empty of tables and arrays.
+    pub stamps_ns: Vec<i64>,
+    /// Line of each row of a text file; empty elsewhere.
+    pub lines: Vec<usize>,
+}
+
+/// Numbers of one quantity, row by row.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Column {
+    /// By which a mapping addresses it; unique within a recording unless the file repeats it.
+    pub name: String,
+    /// Unit that the file names, as the file writes it.
+    pub unit: Option<String>,
+    /// The numbers; NaN where a cell is missing or a text.
+    pub numbers: Vec<f64>,
+    /// The cells of a text file; empty where all cells are binary numbers.
+    pub texts: Vec<String>,
+}
+
+impl Column {
+    /// A column of binary numbers.
+    pub(crate) fn of_numbers(name: impl Into<String>, numbers: Vec<f64>) -> Self {
+        Self { name: name.into(), numbers, ..Self::default() }
+    }
+
+    /// The first cell that is neither missing nor a number, with its row.
+    pub fn first_text(&self) -> Option<(usize, &str)> {
+        let is_text = |(row, text): &(usize, &String)| self.numbers[*row].is_nan() && !is_missing(text);
+        self.texts.iter().enumerate().find(is_text).map(|(row, text)| (row, text.as_str()))
+    }
+
+    /// Whether all cells with a value are numbers.
+    pub fn is_numeric(&self) -> bool {
+        self.first_text().is_none()
+    }
+
+    /// Number of cells with a value.
+    pub fn n_values(&self) -> usize {
+        let is_value = |row: &usize| match self.texts.get(*row) {
+            Some(text) => !is_missing(text),
+            None => !self.numbers[*row].is_nan(),
+        };
+        (0..self.numbers.len()).filter(is_value).count()
+    }
+
+    /// Smallest and largest finite number.
+    pub fn range(&self) -> Option<[f64; 2]> {
+        let finite = self.numbers.iter().copied().filter(|number| number.is_finite());
+        finite.fold(None, |range, x| Some(range.map_or([x; 2], |[low, high]: [f64; 2]| [low.min(x), high.max(x)])))
+    }
+}
+
+impl Part {
+    /// Number of rows of its columns.
+    pub fn n_rows(&self) -> usize {
+        self.columns.first().map_or(0, |column| column.numbers.len())
+    }
+
+    /// How messages call it.
+    pub(crate) fn shown(&self) -> &str {
+        if self.name.is_empty() { "table" } else { &self.name }
+    }
+}
+
+/// Whether a cell of a text file has no value.
+pub(crate) fn is_missing(cell: &str) -> bool {
+    ["", "nan", "na", "n/a", "null", "none", "-", "--"].contains(&cell.trim().to_ascii_lowercase().as_str())
+}

@@ -1,0 +1,81 @@
+//! Messages of ROS 2 that are read: their fields as columns, in the units of REP 103.
+
+use super::cdr::Cdr;
+
+/// A message: its time stamp, and its fields by name.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Message {
+    /// Of the header, ns since 1970; 0 where nobody set it.
+    pub(super) stamp_ns: i64,
+    pub(super) fields: Vec<(String, f64)>,
+}
+
+/// Types that are a header and numbers.
+const STAMPED: [(&str, &[&str]); 5] = [
+    (
+        "geometry_msgs/msg/PoseStamped",
+        &["position.x", "position.y", "position.z", "orientation.x", "orientation.y", "orientation.z", "orientation.w"],
+    ),
+    ("geometry_msgs/msg/WrenchStamped", &["force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z"]),
+    ("geometry_msgs/msg/TwistStamped", &["linear.x", "linear.y", "linear.z", "angular.x", "angular.y", "angular.z"]),
+    ("geometry_msgs/msg/PointStamped", &["point.x", "point.y", "point.z"]),
+    ("geometry_msgs/msg/Vector3Stamped", &["vector.x", "vector.y", "vector.z"]),
+];
+const JOINT_STATE: &str = "sensor_msgs/msg/JointState";
+
+/// Units of fields by what their names begin with; those of joints are of revolute ones.
+const UNITS: [(&str, &str); 9] = [
+    ("position.x", "m"),
+    ("position.y", "m"),
+    ("position.z", "m"),
+    ("force.", "N"),
+    ("torque.", "N·m"),
+    ("linear.", "m/s"),
+    ("angular.", "rad/s"),
+    ("point.", "m"),
+    ("rotation.", "rad"),
+];
+const JOINT_UNITS: [(&str, &str); 3] = [("position.", "rad"), ("velocity.", "rad/s"), ("effort.", "N·m")];
+
+/// Whether messages of this type are read.
+pub(super) fn is_known(kind: &str) -> bool {
+    kind == JOINT_STATE || STAMPED.iter().any(|(known, _)| *known == kind)
+}
+
+/// The unit of a field of a type.
+pub(super) fn unit(kind: &str, field: &str) -> Option<String> {
+    let units = if kind == JOINT_STATE { &JOINT_UNITS[..] } else { &UNITS };
+    units.iter().find(|(start, _)| field.starts_with(start)).map(|(_, unit)| (*unit).to_owned())
+}
+
+/// A message of a type that [`is_known`], or what is wrong with it.
+pub(super) fn read(kind: &str, bytes: &[u8]) -> Result<Message, String> {
+    let mut cdr = Cdr::new(bytes)?;
+    let cut = || "the message ends early or holds a wrong length: the log is damaged".to_owned();
+    let (seconds, nanoseconds) = cdr.i32().zip(cdr.u32()).ok_or_else(cut)?;
+    let _frame = cdr.text().ok_or_else(cut)?;
+    let stamp_ns = i64::from(seconds) * 1_000_000_000 + i64::from(nanoseconds);
+    let fields = match STAMPED.iter().find(|(known, _)| *known == kind) {
+        Some((_, names)) => {
+            let field = |name: &&str| Some(((*name).to_owned(), cdr.f64()?));
+            names.iter().map(field).collect::<Option<_>>().ok_or_else(cut)?
+        }
+        None => joints(&mut cdr).ok_or_else(cut)??,
+    };
+    Ok(Message { stamp_ns, fields })
+}
+
+/// Positions, velocities and efforts by the names of the joints; empty lists are not measured.
+fn joints(cdr: &mut Cdr) -> Option<Result<Vec<(String, f64)>, String>> {
+    let names = cdr.sequence(4, Cdr::text)?;
+    let mut fields = Vec::new();
+    for quantity in ["position", "velocity", "effort"] {
+        let numbers = cdr.sequence(8, Cdr::f64)?;
+        if !numbers.is_empty() && numbers.len() != names.len() {
+            let text = format!("{} names of joints and {} numbers of {quantity}", names.len(), numbers.len());
+            return Some(Err(text));
+        }
+        fields.extend(names.iter().zip(numbers).map(|(name, number)| (format!("{quantity}.{name}"), number)));
+    }
+    Some(Ok(fields))
+}
