@@ -44,7 +44,7 @@ pub(crate) struct BenchIk {
     /// Frame of the robot: the name of a link
     #[arg(long, value_name = "LINK", requires = "robot")]
     frame: Option<String>,
-    /// Fix a joint of a URDF at a position, in deg or mm
+    /// Fix a joint of a robot at a position, in deg or mm
     #[arg(long = "lock", value_name = "JOINT=Q", allow_hyphen_values = true, requires = "robot")]
     locks: Vec<String>,
     /// Methods, as of `darm ik --method`

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Context as _;
 use darm::report::diagnosis_page;
 use darm_arm::arm::Arm;
-use darm_diagnose::correction::Keep;
+use darm_diagnose::correction::{Keep, LockedJoint};
 use darm_diagnose::diagnosis::{Options, SignalOptions, diagnose, diagnose_file};
 use darm_diagnose::linearise::model::Model;
 use darm_diagnose::measurement::hold_out::HoldOut;
@@ -18,6 +18,7 @@ use darm_diagnose::prepare::signals::Preparation;
 use darm_diagnose::report::sentences::readable;
 use serde::Serialize;
 
+use super::subject::Locked;
 use crate::failure::Usage;
 use crate::ui::{Answer, Ui, columns};
 
@@ -68,6 +69,9 @@ pub(crate) struct Diagnose {
     /// Write a report with tables and plots
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
+    /// Fix a joint of the robot that the data do not have at a position, in deg or mm
+    #[arg(long = "lock", value_name = "JOINT=Q", allow_hyphen_values = true)]
+    locks: Vec<String>,
     #[command(flatten)]
     rows: RowOptions,
 }
@@ -75,7 +79,7 @@ pub(crate) struct Diagnose {
 /// Which rows of a table count, and how.
 #[derive(clap::Args, Debug)]
 struct RowOptions {
-    /// Use only the rows where this holds, such as `seal = NAPN, t >= 4.5`
+    /// Use only the rows where this holds, such as `seal = NAPN and (t >= 4.5 or run = 2)`; a comma is `and`
     #[arg(long = "where", value_name = "EXPR")]
     keep: Option<Selection>,
     /// Hold out the rows where this holds
@@ -127,8 +131,9 @@ struct Report {
 
 impl Diagnose {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
-        let report = match Model::read(&self.model)? {
-            Some(model) => self.signals(&model, ui)?,
+        let report = match Locked(&self.locks).read_model(&self.model)? {
+            Some((model, locked)) => self.signals(&model, &locked, ui)?,
+            None if !self.locks.is_empty() => return Err(Usage("--lock needs a robot, not an arm file".into()).into()),
             None => self.poses(ui)?,
         };
         if let (Some(_), None) = (&self.output, &report.output) {
@@ -141,7 +146,7 @@ impl Diagnose {
         ui.print(&report)
     }
 
-    fn signals(&self, model: &Model, ui: Ui) -> anyhow::Result<Report> {
+    fn signals(&self, model: &Model, locked: &[LockedJoint], ui: Ui) -> anyhow::Result<Report> {
         let (names, options) = (self.rows.names()?, self.rows.options(self.seed)?);
         let spinner = ui.spinner("diagnosing");
         let outcome = diagnose_file(model, &self.data, &names, &options);
@@ -149,7 +154,7 @@ impl Diagnose {
         let outcome = outcome.with_context(|| self.data.display().to_string())?;
         let mut output = None;
         if let Some(path) = &self.output
-            && outcome.correction.write(&self.model, path, &outcome.diagnosis, self.keep())?
+            && outcome.correction.write_locked(&self.model, path, &outcome.diagnosis, self.keep(), locked)?
         {
             output = Some(path.clone());
         }

@@ -13,6 +13,7 @@ mod fk;
 mod flash;
 mod grasp;
 mod ik;
+mod import;
 mod jacobian;
 mod map;
 mod model;
@@ -91,6 +92,7 @@ pub(crate) enum Command {
     Stop(stop::Stop),
     Status(status::Status),
     Record(record::Record),
+    Import(import::Import),
     Diagnose(diagnose::Diagnose),
     Console(console::Console),
     Flash(flash::Flash),
@@ -124,6 +126,7 @@ impl Command {
             Self::Stop(command) => command.run(ui),
             Self::Status(command) => command.run(ui),
             Self::Record(command) => command.run(ui),
+            Self::Import(command) => command.run(ui),
             Self::Diagnose(command) => command.run(ui),
             Self::Console(command) => command.run(ui),
             Self::Flash(command) => command.run(ui),

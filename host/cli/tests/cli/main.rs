@@ -9,6 +9,7 @@ mod digests;
 mod examples;
 mod files;
 mod former_names;
+mod import;
 mod json_keys;
 mod limits;
 mod measurements;
@@ -20,10 +21,10 @@ mod robots;
 mod stop;
 mod unfinished;
 
-const COMMANDS: [&str; 26] = [
-    "synth", "adjust", "table", "upload", "play", "stop", "status", "record", "diagnose", "console", "sim", "flash",
-    "doctor", "profile", "fk", "jacobian", "ik", "bench-ik", "dynamics", "com", "model", "draw", "nearest", "map",
-    "path", "grasp",
+const COMMANDS: [&str; 27] = [
+    "synth", "adjust", "table", "upload", "play", "stop", "status", "record", "import", "diagnose", "console", "sim",
+    "flash", "doctor", "profile", "fk", "jacobian", "ik", "bench-ik", "dynamics", "com", "model", "draw", "nearest",
+    "map", "path", "grasp",
 ];
 
 /// A user's empty home, and the folder the commands run in.

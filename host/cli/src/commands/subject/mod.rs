@@ -1,5 +1,7 @@
 //! Input of the commands of kinematics and dynamics: an arm or a robot, and its postures.
 
+mod calibrated;
+mod locks;
 mod postures;
 
 use std::path::PathBuf;
@@ -9,20 +11,20 @@ use darm_arm::arm::{Arm, ArmScratch};
 use darm_core::actuator::{JointKind, Stage};
 use darm_core::chain::Parameter;
 use darm_core::se::{Pose, Twist, Wrench, rotation_log};
-use darm_diagnose::linearise::model::{Model, What};
+use darm_diagnose::linearise::model::What;
 use darm_diagnose::linearise::model_effects::ModelEffect;
 use darm_diagnose::linearise::torque::Transmission;
 use darm_robot::robot::{Jacobian, Kinematics, Robot, RobotFrame};
-use darm_robot::urdf::{self, Locks};
 
 use crate::failure::Usage;
 use crate::number_text::{number, numbers};
+pub(crate) use locks::Locked;
 pub(crate) use postures::{Posture, listed};
 
 /// The file and the postures.
 #[derive(clap::Args, Debug)]
 pub(crate) struct SubjectArgs {
-    /// Arm file, Denavit-Hartenberg table, or robot as URDF
+    /// Arm file, Denavit-Hartenberg table, robot as URDF, or its calibrated model from `darm diagnose`
     #[arg(value_name = "ARM.toml|ROBOT.urdf")]
     pub(crate) file: PathBuf,
     /// Joint positions, base first, in deg or mm, or with a unit: 0.5rad,0.2m; default: all 0
@@ -34,7 +36,7 @@ pub(crate) struct SubjectArgs {
     /// Table of postures with the columns JOINT_deg, JOINT_mm, JOINT_rad, JOINT_m (or q1_deg, …), word
     #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["q", "word"])]
     pub(crate) postures: Option<PathBuf>,
-    /// Fix a joint of a URDF at a position, in deg or mm
+    /// Fix a joint of a robot at a position, in deg or mm; the numbers of the joints after it move up
     #[arg(long = "lock", value_name = "JOINT=Q", allow_hyphen_values = true)]
     pub(crate) locks: Vec<String>,
     /// Give a URDF a floating base
@@ -108,14 +110,15 @@ impl SubjectArgs {
     /// The robot and the effects of a model of torques, as `darm diagnose` uses it; `None` for other files.
     pub(crate) fn model(&self) -> anyhow::Result<Option<(Robot, Effects)>> {
         let is_toml = self.file.extension().is_some_and(|end| end == "toml");
-        let Some(model) = is_toml.then(|| Model::read(&self.file)).transpose()?.flatten() else { return Ok(None) };
+        let model = is_toml.then(|| Locked(&self.locks).read_model(&self.file)).transpose()?.flatten();
+        let Some((model, _)) = model else { return Ok(None) };
         let What::Torque(robot, transmission) = model.what else {
             let shown = self.file.display();
             let what = format!("{shown}: the model does not observe torques; add observed = \"torque\"");
             return Err(Usage(what).into());
         };
-        if self.floating || !self.locks.is_empty() {
-            return Err(Usage("--floating and --lock need a URDF".into()).into());
+        if self.floating {
+            return Err(Usage("--floating needs a URDF".into()).into());
         }
         Ok(Some((robot, Effects { transmission, known: model.effects })))
     }
@@ -125,32 +128,19 @@ impl SubjectArgs {
         let path = &self.file;
         let is_toml = path.extension().is_some_and(|end| end == "toml");
         let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+        if is_toml && let Some(robot) = calibrated::robot(path, Locked(&self.locks))? {
+            return Ok(Subject::Robot(Box::new(Robot { floating: robot.floating || self.floating, ..robot })));
+        }
         if is_toml && !darm_robot::dh::is_table(&text) {
             if self.floating || !self.locks.is_empty() {
                 return Err(Usage("--floating and --lock need a URDF".into()).into());
             }
             return Ok(Subject::Arm(Box::new(Arm::parse(path, &text)?)));
         }
-        let mut robot = if is_toml { darm_robot::dh::parse(path, &text)? } else { self.robot(&text)? };
+        let mut robot =
+            if is_toml { darm_robot::dh::parse(path, &text)? } else { Locked(&self.locks).parse_urdf(path, &text)? };
         robot.floating |= self.floating;
         Ok(Subject::Robot(Box::new(robot)))
-    }
-
-    fn robot(&self, text: &str) -> anyhow::Result<Robot> {
-        if self.locks.is_empty() {
-            return Ok(urdf::parse(&self.file, text, &Locks::new())?);
-        }
-        let free = urdf::parse(&self.file, text, &Locks::new())?;
-        let mut locks = Locks::new();
-        for lock in &self.locks {
-            let (name, value) = lock
-                .split_once('=')
-                .ok_or_else(|| Usage(format!("--lock {lock}: give JOINT=Q in deg or mm, such as --lock finger=0")))?;
-            let joint = free.joints.iter().find(|joint| joint.name == name);
-            let kind = joint.map_or(JointKind::Revolute, |joint| joint.joint.axis.kind);
-            locks.insert(name.to_owned(), Coordinate { name: name.to_owned(), kind }.typed(value)?);
-        }
-        Ok(urdf::parse(&self.file, text, &locks)?)
     }
 }
 

@@ -1,0 +1,36 @@
+//! The robot of a model of `darm diagnose`, with what a calibration found.
+
+use std::path::Path;
+
+use anyhow::Context as _;
+use darm_diagnose::effect::Law;
+use darm_diagnose::linearise::model::What;
+use darm_diagnose::linearise::point_contact::calibrated;
+use darm_robot::robot::Robot;
+
+use super::Locked;
+use crate::failure::Usage;
+
+/// The robot of a model; `None` of another file, such as an arm. Effects of a point-contact calibration are in its joints
+/// and its tool; those of torques move nothing.
+pub(super) fn robot(path: &Path, locks: Locked) -> anyhow::Result<Option<Robot>> {
+    let Some((model, _)) = locks.read_model(path)? else { return Ok(None) };
+    let shown = path.display();
+    match model.what {
+        What::Closure(robot, points) => {
+            let calibrated = calibrated(&robot, &points, &model.effects);
+            calibrated.map(Some).with_context(|| shown.to_string())
+        }
+        What::Torque(robot, _) | What::Wrench(robot) | What::Any(robot) => {
+            if model.effects.iter().any(|effect| effect.law == Law::MassDistribution) {
+                let text =
+                    format!("{shown}: its effect mass-distribution changes masses: use `darm dynamics`, or the URDF");
+                return Err(Usage(text).into());
+            }
+            Ok(Some(robot))
+        }
+        What::Cylinder { .. } | What::Servo => {
+            Err(Usage(format!("{shown}: a model of one actuator, this command needs an arm or a robot")).into())
+        }
+    }
+}

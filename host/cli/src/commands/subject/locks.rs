@@ -1,0 +1,66 @@
+//! Joints that are fixed on the command line.
+
+use std::path::Path;
+
+use darm_core::actuator::JointKind;
+use darm_diagnose::correction::LockedJoint;
+use darm_diagnose::linearise::model::Model;
+use darm_robot::robot::Robot;
+use darm_robot::urdf::{self, Locks};
+
+use super::Coordinate;
+use crate::failure::Usage;
+
+/// Options `--lock JOINT=Q`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Locked<'a>(pub(crate) &'a [String]);
+
+impl<'a> Locked<'a> {
+    /// The robot of a URDF with these joints fixed.
+    pub(crate) fn parse_urdf(self, path: &Path, text: &str) -> anyhow::Result<Robot> {
+        let free = urdf::parse(path, text, &Locks::new())?;
+        if self.0.is_empty() {
+            return Ok(free);
+        }
+        Ok(urdf::parse(path, text, &self.locks(&free)?)?)
+    }
+
+    /// The model of a file with these joints fixed, and which they are; `None` where the file is an arm of words.
+    pub(crate) fn read_model(self, path: &Path) -> anyhow::Result<Option<(Model, Vec<LockedJoint>)>> {
+        let Some(model) = Model::read(path)? else { return Ok(None) };
+        if self.0.is_empty() {
+            return Ok(Some((model, Vec::new())));
+        }
+        let free = model.what.robot().ok_or_else(|| Usage("--lock needs a model with a robot".into()))?;
+        let (locks, locked) = (self.locks(free)?, self.joints(free)?);
+        Ok(Model::read_locked(path, &locks)?.map(|model| (model, locked)))
+    }
+
+    fn locks(self, free: &Robot) -> Result<Locks, Usage> {
+        self.coordinates(free)?
+            .into_iter()
+            .map(|(joint, value)| Ok((joint.name.clone(), joint.typed(value)?)))
+            .collect()
+    }
+
+    fn joints(self, free: &Robot) -> Result<Vec<LockedJoint>, Usage> {
+        let locked = |(joint, value): (Coordinate, &str)| {
+            // Without the digits that the way through radians adds: 30 deg, not 29.999999999999996.
+            let position = (joint.shown(joint.typed(value)?) * 1e9).round() / 1e9;
+            Ok(LockedJoint { is_revolute: joint.kind == JointKind::Revolute, name: joint.name, position })
+        };
+        self.coordinates(free)?.into_iter().map(locked).collect()
+    }
+
+    /// The joints with the text of their position. A name that the robot does not have is left to the reader of the URDF.
+    fn coordinates(self, free: &Robot) -> Result<Vec<(Coordinate, &'a str)>, Usage> {
+        let coordinate = |text: &'a String| {
+            let wrong = || Usage(format!("--lock {text}: give JOINT=Q in deg or mm, such as --lock finger=0"));
+            let (name, value) = text.split_once('=').ok_or_else(wrong)?;
+            let joint = free.joints.iter().find(|joint| joint.name == name);
+            let kind = joint.map_or(JointKind::Revolute, |joint| joint.joint.axis.kind);
+            Ok((Coordinate { name: name.to_owned(), kind }, value))
+        };
+        self.0.iter().map(coordinate).collect()
+    }
+}
