@@ -69,25 +69,27 @@ pub enum What {
 #[derive(Debug, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 enum Raw {
-    Cylinder {
-        bore_mm: f64,
-    },
+    Cylinder { bore_mm: f64 },
     Servo {},
-    Robot {
-        urdf: PathBuf,
-        observed: Observed,
-        transmission: Option<Vec<Vec<f64>>>,
-        offset_deg: Option<Vec<f64>>,
-        #[serde(default)]
-        point: Vec<String>,
-        pair: Option<String>,
-        distance_mm: Option<f64>,
-        tool: Option<String>,
-        #[serde(default)]
-        lock_deg: BTreeMap<String, f64>,
-        #[serde(default)]
-        lock_mm: BTreeMap<String, f64>,
-    },
+    Robot(Box<RawRobot>),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawRobot {
+    urdf: PathBuf,
+    observed: Observed,
+    transmission: Option<Vec<Vec<f64>>>,
+    offset_deg: Option<Vec<f64>>,
+    #[serde(default)]
+    point: Vec<String>,
+    pair: Option<String>,
+    distance_mm: Option<f64>,
+    tool: Option<String>,
+    #[serde(default)]
+    lock_deg: BTreeMap<String, f64>,
+    #[serde(default)]
+    lock_mm: BTreeMap<String, f64>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -148,7 +150,19 @@ fn what(path: &Path, raw: Raw, locks: &Locks) -> Result<What, ModelError> {
         Raw::Cylinder { bore_mm } if bore_mm > 0.0 && bore_mm.is_finite() => What::Cylinder { bore_m: bore_mm * 1e-3 },
         Raw::Cylinder { .. } => return Err(wrong("bore_mm must be more than 0")),
         Raw::Servo {} => What::Servo,
-        Raw::Robot { urdf, observed, transmission, offset_deg, point, pair, distance_mm, tool, lock_deg, lock_mm } => {
+        Raw::Robot(raw) => {
+            let RawRobot {
+                urdf,
+                observed,
+                transmission,
+                offset_deg,
+                point,
+                pair,
+                distance_mm,
+                tool,
+                lock_deg,
+                lock_mm,
+            } = *raw;
             let mut locks = locks.clone();
             locks.extend(lock_deg.into_iter().map(|(joint, deg)| (joint, deg.to_radians())));
             locks.extend(lock_mm.into_iter().map(|(joint, mm)| (joint, 1e-3 * mm)));
