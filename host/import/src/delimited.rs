@@ -244,7 +244,7 @@ fn numbered(k: usize) -> String {
 fn column(name: String, unit: Option<String>, k: usize, rows: &[Row]) -> Column {
     let texts: Vec<String> = rows.iter().map(|row| row.cells[k].clone()).collect();
     let numbers: Vec<f64> = texts.iter().map(|text| number(text).unwrap_or(f64::NAN)).collect();
-    let unit = unit.or_else(|| unit::split(&name).1.map(|unit| unit.name.to_owned()));
+    let unit = unit.or_else(|| unit::text(&name).map(str::to_owned));
     let column = Column { name, unit, numbers, texts };
     // A column of calendar time is one of seconds since 1970.
     let stamps: Option<Vec<f64>> = column.texts.iter().map(|text| time_stamp::parse(text)).collect();

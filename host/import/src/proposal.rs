@@ -85,15 +85,17 @@ const OWN: [(&str, &str); 30] = [
 
 /// The column of time of a part, and its unit.
 pub fn time_column(part: &Part) -> Option<(usize, Unit)> {
-    let named = |column: &Column| {
-        let (base, unit) = unit::split(&column.name);
-        let base = base.rsplit(['/', '.']).next().unwrap_or(base).to_lowercase().replace(' ', "_");
-        // The unit of a column such as `sec` is its name.
-        let unit = Unit::named(column.unit.as_deref().unwrap_or("")).or(unit).or_else(|| Unit::named(&base));
-        let unit = unit.unwrap_or_else(|| of_size(column));
-        (TIMES.contains(&base.as_str()) && unit.dimension() == "time" && column.is_numeric()).then_some(unit)
-    };
-    part.columns.iter().enumerate().find_map(|(k, column)| Some((k, named(column)?)))
+    part.columns.iter().enumerate().find_map(|(k, column)| Some((k, time_unit(column)?)))
+}
+
+/// The unit of a column that is time by its name.
+fn time_unit(column: &Column) -> Option<Unit> {
+    let (base, unit) = unit::split(&column.name);
+    let base = base.rsplit(['/', '.']).next().unwrap_or(base).to_lowercase().replace(' ', "_");
+    // The unit of a column such as `sec` is its name.
+    let unit = Unit::named(column.unit.as_deref().unwrap_or("")).or(unit).or_else(|| Unit::named(&base));
+    let unit = unit.unwrap_or_else(|| of_size(column));
+    (TIMES.contains(&base.as_str()) && unit.dimension() == "time" && column.is_numeric()).then_some(unit)
 }
 
 /// The unit of time stamps since 1970 by their size: of the years 2001 to 2100, else s.
@@ -117,8 +119,7 @@ pub fn propose(recording: &Recording, units: &[(String, Unit)]) -> Mapping {
         }
         let zero_based = zero_based(part);
         for (k, column) in part.columns.iter().enumerate() {
-            let is_stamp = !part.stamps_ns.is_empty()
-                && (column.name.ends_with("/stamp") || time_column(part).map(|(at, _)| at) == Some(k));
+            let is_stamp = !part.stamps_ns.is_empty() && time_unit(column).is_some();
             if time.map(|(at, _)| at) != Some(k) && !is_stamp {
                 let (name, needed) = meaning(part, column, &zero_based);
                 let unit = known.unit_of(column).map(Unit::written).or_else(|| Unit::named(needed));

@@ -78,7 +78,7 @@ impl Unit {
     pub fn named(name: &str) -> Option<Self> {
         let small: String =
             name.trim().to_lowercase().chars().filter(|c| !matches!(c, ' ' | '·' | '*' | '⋅')).collect();
-        let small = small.replace('µ', "u").replace('μ', "u").replace(['/'], "_");
+        let small = small.replace(['µ', 'μ'], "u").replace('/', "_");
         let small = small.replace("²", "2").replace("^2", "2").replace("degrees", "deg").replace("degree", "deg");
         let small = small.replace("radians", "rad").replace("radian", "rad");
         let plain = match small.as_str() {
@@ -151,6 +151,13 @@ pub fn split(name: &str) -> (&str, Option<Unit>) {
     found.next().map_or((name, None), |(base, unit)| (base, Some(unit)))
 }
 
+/// The unit at the end of a foreign name, as it is written there.
+pub(crate) fn text(name: &str) -> Option<&str> {
+    let (base, unit) = split(name);
+    let end = name.trim().get(base.len()..).filter(|_| unit.is_some())?;
+    Some(end.trim_matches(|c: char| c.is_whitespace() || "[]()<>_/".contains(c)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -168,6 +175,10 @@ mod tests {
             assert_eq!(split(&format!("a {text}")), ("a", Unit::named(name)), "{text}");
         }
         assert_eq!(split("v1_rad_s"), ("v1", Unit::named("rad_s")));
+        assert_eq!(
+            [text("a [N·m]"), text("v1_rad_s"), text("v (m/s)"), text("gear")],
+            [Some("N·m"), Some("rad_s"), Some("m/s"), None]
+        );
         assert_eq!((split("gear"), split("m")), (("gear", None), ("m", None)));
         assert_eq!(Unit::of_target("q1_deg_s").unwrap().name, "deg_s");
         assert_eq!(Unit::of_target("word"), None);

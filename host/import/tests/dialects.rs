@@ -130,6 +130,6 @@ fn rows_that_do_not_fit_are_reported_with_their_line() {
     let cut = recording(b"a,b\n1,2\n3,4\n5").unwrap();
     assert_eq!((cut.parts[0].shape[0], cut.notes.len()), (2, 1));
     let latin = recording(b"winkel [\xb0],b\n1,2\n").unwrap();
-    assert_eq!(latin.parts[0].columns[0].unit.as_deref(), Some("deg"));
+    assert_eq!(latin.parts[0].columns[0].unit.as_deref(), Some("°"));
     assert!(recording(&[0xff, 0xfe, b'a', 0]).unwrap_err().contains("UTF-16"));
 }

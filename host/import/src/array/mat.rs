@@ -161,7 +161,7 @@ impl Variables {
         if !(1..=15).contains(&class) {
             // An opaque object: its name follows at once, and no dimensions.
             let name = String::from_utf8_lossy(inside.element()?.1).into_owned();
-            self.arrays.push(not_read(if own.is_empty() { &name } else { own }, "object", vec![0; 3]));
+            self.arrays.push(not_read(if own.is_empty() { &name } else { own }, "object", Vec::new()));
             return Some(());
         }
         let shape: Vec<usize> = inside.integers()?.into_iter().map(|n| n as usize).collect();
@@ -176,8 +176,8 @@ impl Variables {
                 let kind = NUMERIC[class as usize - 6].into();
                 self.arrays.push(Array { name, kind, shape, numbers });
             }
-            6..=15 => self.arrays.push(not_read(&name, "complex matrix", vec![0; 3])),
-            _ => self.arrays.push(not_read(&name, OTHERS[class as usize - 1], vec![0; 3])),
+            6..=15 => self.arrays.push(not_read(&name, "complex matrix", Vec::new())),
+            _ => self.arrays.push(not_read(&name, OTHERS[class as usize - 1], Vec::new())),
         }
         Some(())
     }

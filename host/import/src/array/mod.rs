@@ -37,7 +37,8 @@ impl Array {
 /// Arrays as parts. Where the rows of a matrix are as many as the samples of the others, and its columns are not, it is
 /// addressed row by row.
 pub(crate) fn parts(arrays: Vec<Array>) -> Vec<Part> {
-    let lengths: Vec<usize> = arrays.iter().filter_map(|array| Some(array.rows_and_columns()?.0)).collect();
+    let read = arrays.iter().filter(|array| !array.numbers.is_empty());
+    let lengths: Vec<usize> = read.filter_map(|array| Some(array.rows_and_columns()?.0)).collect();
     let votes = |n: usize| lengths.iter().filter(|length| **length == n).count();
     let samples = lengths.iter().copied().max_by_key(|&n| (votes(n), n)).unwrap_or(0);
     arrays.into_iter().map(|array| part(array, samples)).collect()
@@ -47,6 +48,9 @@ fn part(array: Array, samples: usize) -> Part {
     let Array { name, kind, shape, numbers } = &array;
     let part =
         |kind: String, columns| Part { name: name.clone(), kind, shape: shape.clone(), columns, ..Part::default() };
+    if kind.contains("not read") {
+        return part(kind.clone(), Vec::new());
+    }
     let Some((rows, columns)) = array.rows_and_columns() else {
         return part(format!("{kind}, not read: {} dimensions, at most 2 are", shape.len()), Vec::new());
     };

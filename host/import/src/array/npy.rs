@@ -78,7 +78,7 @@ fn read_member(name: &str, content: &[u8]) -> Result<Vec<Array>, Fault> {
     match self::read(name, content) {
         Err(fault) if fault.text.starts_with(NOT_READ) => {
             let kind = fault.text;
-            Ok(vec![Array { name: name.into(), kind, shape: vec![0, 0, 0], numbers: Vec::new() }])
+            Ok(vec![Array { name: name.into(), kind, shape: Vec::new(), numbers: Vec::new() }])
         }
         read => read,
     }

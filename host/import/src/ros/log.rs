@@ -176,7 +176,7 @@ impl Topic {
             }
         }
         if n > 0 {
-            let seconds = self.stamps_ns.iter().map(|stamp| stamp.saturating_sub(start_ns) as f64 * 1e-9).collect();
+            let seconds = self.stamps_ns.iter().map(|stamp| stamp.saturating_sub(start_ns) as f64 / 1e9).collect();
             let stamp = Column { unit: Some("s".into()), ..Column::of_numbers(format!("{name}/stamp"), seconds) };
             columns.insert(0, stamp);
         }

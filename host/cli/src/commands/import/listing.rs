@@ -14,15 +14,16 @@ pub(super) fn text(summary: &Summary) -> String {
 fn part(part: &PartSummary) -> String {
     let shape: Vec<String> = part.shape.iter().map(usize::to_string).collect();
     let what = match shape.len() {
-        1 => format!("{} rows", shape[0]),
-        _ => shape.join(" x "),
+        0 => String::new(),
+        1 => format!(", {} rows", shape[0]),
+        _ => format!(", {}", shape.join(" x ")),
     };
     let rate = part.rate_hz.map_or(String::new(), |hz| format!(", median rate {} Hz", short(hz)));
     let gaps = match part.gaps {
         Some(n) if n > 0 => format!(", {n} gaps"),
         _ => String::new(),
     };
-    let title = format!("{}: {}, {what}{rate}{gaps}", part.name, part.kind);
+    let title = format!("{}: {}{what}{rate}{gaps}", part.name, part.kind);
     if part.columns.is_empty() {
         return title;
     }
