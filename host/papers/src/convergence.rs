@@ -1,29 +1,13 @@
 //! How methods converge, as SVG: the error over the steps, of one search or of many.
 
-use darm_core::tree::TreeError;
-use plotters::prelude::{
-    ChartBuilder, DashedLineSeries, IntoDrawingArea, IntoLogRange, LineSeries, Polygon, RGBColor, Rectangle,
-    SVGBackend, SeriesLabelPosition, WHITE,
-};
-use plotters::style::{Color, IntoFont, TextStyle};
-
+use darm_arm::draw::chart::{Axis, Chart, Series, Shape};
+use darm_arm::draw::palette::SERIES;
 use darm_arm::draw::{self, Scene};
+use darm_core::tree::TreeError;
 use darm_robot::ik::configurations::Configurations;
 use darm_robot::ik::trials::Trials;
 use darm_robot::ik::{Method, Residual};
 use darm_robot::robot::{Robot, RobotFrame};
-
-const SIZE: (u32, u32) = (760, 420);
-const INK: RGBColor = RGBColor(0x33, 0x3d, 0x45);
-const GRID: RGBColor = RGBColor(0xe7, 0xeb, 0xee);
-const COLORS: [RGBColor; 6] = [
-    RGBColor(0xd1, 0x5b, 0x2c),
-    RGBColor(0x1f, 0x6f, 0x8b),
-    RGBColor(0x2e, 0x8b, 0x57),
-    RGBColor(0x8e, 0x44, 0xad),
-    RGBColor(0x7a, 0x86, 0x8f),
-    RGBColor(0xb8, 0x86, 0x0b),
-];
 
 /// Below this an error is rounding.
 const MIN_ERROR: f64 = 1e-13;
@@ -39,17 +23,18 @@ pub struct Runs<'a> {
     /// The runs.
     pub trials: &'a Trials,
     /// A value to compare with, drawn as a dashed line.
-    pub beside: Option<f64>,
+    pub compared: Option<f64>,
 }
 
 /// A line with what belongs to it.
 #[derive(Default)]
 struct Curve {
     name: String,
-    points: Vec<(f64, f64)>,
-    /// Where it begins and ends at each abscissa: (x, low, high).
-    band: Vec<(f64, f64, f64)>,
-    beside: Option<f64>,
+    points: Vec<[f64; 2]>,
+    /// The band around it: abscissa, lower and upper edge.
+    band: Vec<[f64; 3]>,
+    /// A level to compare with.
+    compared: Option<f64>,
 }
 
 /// Error of each method over its steps, √(|Δp|² + ℓ²θ²) in m with ℓ = `length_scale_m`; 0 where the orientation does
@@ -57,7 +42,7 @@ struct Curve {
 pub fn convergence(histories: &[(Method, &[Residual])], length_scale_m: f64) -> String {
     let curve = |(method, history): &(Method, &[Residual])| {
         let errors = history.iter().map(|residual| residual.distance_m(length_scale_m).clamp(MIN_ERROR, MAX_ERROR));
-        let points = errors.enumerate().map(|(step, error)| (step as f64, error)).collect();
+        let points = errors.enumerate().map(|(step, error)| [step as f64, error]).collect();
         Curve { name: method.name().to_owned(), points, ..Curve::default() }
     };
     svg("step", "error, m", &histories.iter().map(curve).collect::<Vec<_>>())
@@ -69,7 +54,7 @@ pub fn bands(label: &str, factor: f64, all: &[Runs<'_>]) -> String {
     let curve = |runs: &Runs<'_>| {
         let histories = || runs.trials.runs.iter().map(|run| &run.history);
         let length = histories().map(Vec::len).max().unwrap_or(0);
-        let mut curve = Curve { name: runs.name.to_owned(), beside: runs.beside, ..Curve::default() };
+        let mut curve = Curve { name: runs.name.to_owned(), compared: runs.compared, ..Curve::default() };
         for step in (0..length).step_by((length / POINTS).max(1)) {
             let at = |history: &Vec<darm_robot::ik::search::Mark>| {
                 history.get(step).or(history.last()).map(|mark| mark.value)
@@ -78,8 +63,8 @@ pub fn bands(label: &str, factor: f64, all: &[Runs<'_>]) -> String {
                 histories().filter_map(at).map(|value| (factor * value).clamp(MIN_ERROR, MAX_ERROR)).collect();
             values.sort_by(f64::total_cmp);
             let share = |tenths: usize| values[tenths * (values.len() - 1) / 10];
-            curve.points.push((step as f64, values.iter().sum::<f64>() / values.len() as f64));
-            curve.band.push((step as f64, share(1), share(9)));
+            curve.points.push([step as f64, values.iter().sum::<f64>() / values.len() as f64]);
+            curve.band.push([step as f64, share(1), share(9)]);
         }
         curve
     };
@@ -97,61 +82,21 @@ pub fn postures(robot: &Robot, tool: &RobotFrame, found: &Configurations) -> Res
     Ok(draw::svg(&scene, false))
 }
 
+/// Errors over steps from 0 on, one colour for each curve.
 fn svg(x: &str, y: &str, curves: &[Curve]) -> String {
-    let mut svg = String::new();
-    // Drawing into a string does not fail; a plot that cannot be drawn is left empty.
-    let _ = plot(&mut svg, x, y, curves);
-    svg
-}
-
-fn plot(svg: &mut String, x: &str, y: &str, curves: &[Curve]) -> Result<(), Box<dyn std::error::Error>> {
-    let bands = || curves.iter().flat_map(|curve| curve.band.iter().flat_map(|(_, low, high)| [*low, *high]));
-    let lines = || curves.iter().flat_map(|curve| curve.points.iter().map(|point| point.1).chain(curve.beside));
-    let low = lines().chain(bands()).fold(f64::INFINITY, f64::min).max(MIN_ERROR);
-    let high = lines().chain(bands()).fold(2.0 * low, f64::max);
-    let last = curves.iter().filter_map(|curve| curve.points.last()).map(|point| point.0).fold(1.0, f64::max);
-    let area = SVGBackend::with_string(svg, SIZE).into_drawing_area();
-    area.fill(&WHITE)?;
-    let font = || TextStyle::from(("sans-serif", 14).into_font()).color(&INK);
-    let mut chart = ChartBuilder::on(&area)
-        .margin(10)
-        .margin_right(26)
-        .x_label_area_size(40)
-        .y_label_area_size(66)
-        .build_cartesian_2d(0.0..last, (0.5 * low..2.0 * high).log_scale())?;
-    chart
-        .configure_mesh()
-        .label_style(font())
-        .axis_desc_style(font())
-        .bold_line_style(GRID)
-        .light_line_style(WHITE)
-        .x_desc(x)
-        .y_desc(y)
-        .y_label_formatter(&|y| format!("{y:.0e}"))
-        .x_label_formatter(&|x| format!("{x:.0}"))
-        .draw()?;
-    for (curve, color) in curves.iter().zip(COLORS.iter().cycle()) {
-        if !curve.band.is_empty() {
-            let there = curve.band.iter().map(|(x, low, _)| (*x, *low));
-            let back = curve.band.iter().rev().map(|(x, _, high)| (*x, *high));
-            chart.draw_series([Polygon::new(there.chain(back).collect::<Vec<_>>(), color.mix(0.15).filled())])?;
-        }
-        if let Some(level) = curve.beside {
-            let ends = [(0.0, level), (last, level)];
-            chart.draw_series(DashedLineSeries::new(ends, 6, 5, color.stroke_width(1)))?;
-        }
-        chart
-            .draw_series(LineSeries::new(curve.points.iter().copied(), color.stroke_width(2)))?
-            .label(&curve.name)
-            .legend(move |(x, y)| Rectangle::new([(x, y - 2), (x + 18, y + 2)], color.filled()));
+    let bands = curves.iter().flat_map(|curve| curve.band.iter().flat_map(|[_, low, high]| [*low, *high]));
+    let lines = curves.iter().flat_map(|curve| curve.points.iter().map(|point| point[1]).chain(curve.compared));
+    let values: Vec<f64> = bands.chain(lines).collect();
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min).max(MIN_ERROR);
+    let high = values.into_iter().fold(2.0 * low, f64::max);
+    let last = curves.iter().filter_map(|curve| curve.points.last()).map(|point| point[0]).fold(1.0, f64::max);
+    let mut series = Vec::new();
+    for (curve, color) in curves.iter().zip(SERIES.into_iter().cycle()) {
+        series.extend((!curve.band.is_empty()).then(|| Series::unnamed(color, Shape::Band(curve.band.clone()))));
+        let level = |level| Series::unnamed(color, Shape::Dashed(vec![[0.0, level], [last, level]]));
+        series.extend(curve.compared.map(level));
+        series.push(Series::named(&curve.name, color, Shape::Line(curve.points.clone())));
     }
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::UpperRight)
-        .label_font(font())
-        .background_style(WHITE)
-        .border_style(GRID)
-        .draw()?;
-    area.present()?;
-    Ok(())
+    let (x, y) = (Axis::linear(x, 0.0..last), Axis::logarithmic(y, 0.5 * low..2.0 * high));
+    Chart { x, y, series, ..Chart::default() }.svg()
 }

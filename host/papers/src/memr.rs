@@ -229,7 +229,7 @@ impl Repeated {
 
     fn runs(&self) -> Runs<'_> {
         let name = printed_name(self.cell.algorithm);
-        Runs { name, trials: &self.trials, beside: Some(self.cell.printed.minimum()) }
+        Runs { name, trials: &self.trials, compared: Some(self.cell.printed.minimum()) }
     }
 
     /// How far the outcome lies from the paper's, as a part of its spread; up to 1 is within it.

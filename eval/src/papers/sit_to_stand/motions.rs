@@ -4,13 +4,13 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::Result;
-use darm::report::{MotionReport, along_time, chair_along_time, sagittal};
+use darm::report::{MotionReport, along_time, chair_along_time, sagittal, sagittal_plane};
+use darm_arm::draw::palette::{AZURE, Color, GREEN, RED, SKY};
 use darm_core::real::Vec3;
 use darm_papers::motion::demonstration::{Demonstration, Style, demonstrate};
 use darm_papers::motion::execution::Executed;
 use darm_papers::motion::mapping::{Mapped, map};
 use darm_papers::motion::person::{Person, com, person};
-use darm_papers::motion::plot::{Curve, Figure as Picture};
 use darm_papers::motion::setup::Setup;
 use darm_papers::motion::{Capture, Fixed};
 use darm_robot::urdf::{self, Locks};
@@ -23,7 +23,7 @@ use darm_figures::progress::Progress;
 use xtask::setup;
 
 /// Colours of the paper's figure 7: natural and elderly, identified and CAD.
-const COLORS: [[[u8; 3]; 2]; 2] = [[[0xb2, 0x3a, 0x2e], [0x2a, 0x7f, 0x4f]], [[0x1b, 0x3f, 0x8b], [0x5f, 0xb0, 0xd6]]];
+const COLORS: [[Color; 2]; 2] = [[RED, GREEN], [AZURE, SKY]];
 
 /// Files of the pictures.
 const FILES: [&str; 5] = ["figure6-natural", "chair-natural", "figure6-elderly", "chair-elderly", "figure7"];
@@ -42,7 +42,7 @@ pub(super) fn map_both(
     let setup = Setup::read(&root.join("tests/data/stand/stand.toml"), &average, &robots.cad)?;
     let names: Vec<String> = setup.markers.iter().map(|marker| marker.name.clone()).collect();
     let markers: Vec<Fixed> = setup.markers.iter().map(|marker| marker.on_person).collect();
-    let (mut pictures, mut plane) = (Vec::new(), Vec::<Curve>::new());
+    let (mut pictures, mut plane) = (Vec::new(), Vec::new());
     for (style, colors) in [Style::Natural, Style::Elderly].into_iter().zip(COLORS) {
         let name = style.name();
         let shown = demonstrate(&average, (&names, &markers), &setup.person_feet, style, seed)?;
@@ -61,16 +61,15 @@ pub(super) fn map_both(
         ));
         pictures.extend(chair_along_time(&report).map(|chair| (format!("{name}: what the chair bears"), chair.svg())));
         let by_cad = com(&robots.cad, &mapped.trajectory.postures, &mapped.time_s)?;
-        plane.push(sagittal(&format!("{name}, identified"), colors[0], &mapped.com, mapped.lift_off));
-        plane.push(sagittal(&format!("{name}, CAD"), colors[1], &by_cad, mapped.lift_off));
+        plane.extend(sagittal(&format!("{name}, identified"), colors[0], &mapped.com, mapped.lift_off));
+        plane.extend(sagittal(&format!("{name}, CAD"), colors[1], &by_cad, mapped.lift_off));
         tell_plane(figures, name, &mapped.com, &by_cad)?;
         let followed = Followed { name, setup: &setup, person: &found, capture: &shown.capture };
         by_cad_plan(figures, robots, &followed)?;
         count_standing(figures, progress, drawn, &followed)?;
     }
-    let picture = Picture { x: "forward, m", y: "up, m", mark: None, band: None, curves: plane };
-    pictures
-        .push(("centre of mass in the sagittal plane, dots at lift-off (the paper's figure 7)".into(), picture.svg()));
+    let title = "centre of mass in the sagittal plane, dots at lift-off (the paper's figure 7)";
+    pictures.push((title.into(), sagittal_plane(plane).svg()));
     for ((_, svg), name) in pictures.iter().zip(FILES) {
         fs::write(folder.join(format!("{name}.svg")), svg)?;
     }

@@ -1,5 +1,7 @@
-//! A posture as a picture: lines in space ([`Scene`]), and their views as SVG ([`svg`]).
+//! Pictures: postures as lines in space ([`Scene`]) and their views as SVG ([`svg`]), charts, and the colours of both.
 
+pub mod chart;
+pub mod palette;
 mod views;
 
 use darm_core::actuator::JointKind;

@@ -3,15 +3,21 @@
 use darm_core::real::Vec3;
 use maud::{Markup, PreEscaped, html};
 
+use super::palette::{AZURE, BLUE, GREEN, GRID, INK, MUTED, ORANGE, PALE, PAPER, RED};
 use super::{Part, Scene};
 
-const STYLE: &str = "text{font:12px sans-serif;fill:#333d45;paint-order:stroke;stroke:#fff;stroke-width:3px}.name{font-size:11px;fill:#5d6a73}\
-.view{fill:none;stroke:#e0e5e8}.ground{stroke:#b3bcc2;stroke-width:1.5;stroke-dasharray:5 4}\
-line{stroke-linecap:round}.link{stroke:#333d45;stroke-width:4}.plate{stroke:#333d45;stroke-width:4}\
-.contracted{stroke:#7a868f;stroke-width:2.5}.extended{stroke:#1f6f8b;stroke-width:2.5}\
-.revolute{stroke:#d15b2c;stroke-width:7}.prismatic{stroke:#1f6f8b;stroke-width:7}\
-.x{stroke:#c0392b;stroke-width:2.5}.y{stroke:#2e8b57;stroke-width:2.5}.z{stroke:#2d5fbf;stroke-width:2.5}\
-.com{fill:#fff;stroke:#333d45;stroke-width:2}.bar{stroke:#333d45;stroke-width:2}";
+/// The style sheet of a picture.
+fn style() -> String {
+    format!(
+        "text{{font:12px sans-serif;fill:{INK};paint-order:stroke;stroke:{PAPER};stroke-width:3px}}.name{{font-size:11px;fill:{MUTED}}}\
+.view{{fill:none;stroke:{GRID}}}.ground{{stroke:{PALE};stroke-width:1.5;stroke-dasharray:5 4}}\
+line{{stroke-linecap:round}}.link,.plate{{stroke:{INK};stroke-width:4}}\
+.contracted{{stroke:{MUTED};stroke-width:2.5}}.extended{{stroke:{BLUE};stroke-width:2.5}}\
+.revolute{{stroke:{ORANGE};stroke-width:7}}.prismatic{{stroke:{BLUE};stroke-width:7}}\
+.x{{stroke:{RED};stroke-width:2.5}}.y{{stroke:{GREEN};stroke-width:2.5}}.z{{stroke:{AZURE};stroke-width:2.5}}\
+.com{{fill:{PAPER};stroke:{INK};stroke-width:2}}.bar{{stroke:{INK};stroke-width:2}}"
+    )
+}
 
 /// Room around a view for names and the title, pixels.
 const MARGIN: f64 = 34.0;
@@ -46,8 +52,8 @@ pub fn svg(scene: &Scene, has_names: bool) -> String {
     let [width, height] = size;
     let picture = html! {
         svg xmlns="http://www.w3.org/2000/svg" viewBox={ "0 0 " (width) " " (height) } width=(width) height=(height) role="img" aria-label=(scene.title) {
-            style { (PreEscaped(STYLE)) }
-            rect width="100%" height="100%" fill="#fff" {}
+            style { (PreEscaped(style())) }
+            rect width="100%" height="100%" fill=(PAPER) {}
             text x="12" y="21" style="font-weight:bold;font-size:14px" { (scene.title) }
             @for (index, view) in views.iter().enumerate() { (view.draw(scene, has_names && index == 0)) }
         }
@@ -86,8 +92,8 @@ impl View {
             }
             @if let Some([x, y]) = scene.com.as_ref().map(at) {
                 circle.com cx=(n(x)) cy=(n(y)) r="5" {}
-                line x1=(n(x - 5.0)) x2=(n(x + 5.0)) y1=(n(y)) y2=(n(y)) stroke="#333d45" {}
-                line x1=(n(x)) x2=(n(x)) y1=(n(y - 5.0)) y2=(n(y + 5.0)) stroke="#333d45" {}
+                line x1=(n(x - 5.0)) x2=(n(x + 5.0)) y1=(n(y)) y2=(n(y)) stroke=(INK) {}
+                line x1=(n(x)) x2=(n(x)) y1=(n(y - 5.0)) y2=(n(y + 5.0)) stroke=(INK) {}
             }
             @if has_names { (names(scene, &at, left + 0.85 * width)) }
             (place.bar(left + 16.0, top + height - 16.0))

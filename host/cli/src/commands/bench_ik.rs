@@ -191,7 +191,7 @@ impl BenchIk {
         }
         bar.finish_and_clear();
         if let Some(path) = &self.plot {
-            let runs = all.iter().map(|(method, trials)| Runs { name: method.name(), trials, beside: None });
+            let runs = all.iter().map(|(method, trials)| Runs { name: method.name(), trials, compared: None });
             let svg = bands("error, mm", 1e3, &runs.collect::<Vec<_>>());
             std::fs::write(path, svg).with_context(|| format!("cannot write {}", path.display()))?;
         }

@@ -27,7 +27,9 @@ use darm_diagnose::truth::Sealed;
 pub use diagnosis::diagnosis_page;
 pub use drawing::{Line, Posture, posture};
 pub use html::page;
-pub use motion::{MotionReport, along_time, chair_along_time, motion_page, page as page_of, plain_page, sagittal};
+pub use motion::{
+    MotionReport, along_time, chair_along_time, motion_page, page as page_of, plain_page, sagittal, sagittal_plane,
+};
 pub use terminal::table;
 
 /// Errors and time of the synthesis in the paper: errors of 1e-7 m and 1e-9 degrees after 10² s.

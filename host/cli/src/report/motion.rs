@@ -1,6 +1,8 @@
 //! The report of a mapped motion: centre of mass and of pressure along time, and the centre of mass in the sagittal plane.
 
 use anyhow::Result;
+use darm_arm::draw::chart::{Axis, Chart, Corner, Series, Shape};
+use darm_arm::draw::palette::{BLUE, Color, GREEN, GRID, INK, PAPER, RED};
 use darm_core::real::Vec3;
 use maud::{Markup, PreEscaped, html};
 
@@ -8,12 +10,13 @@ use super::skeleton::skeleton;
 use darm_papers::motion::execution::Executed;
 use darm_papers::motion::mapping::Mapped;
 use darm_papers::motion::person::{Person, com};
-use darm_papers::motion::plot::{Curve, Figure};
 use darm_robot::robot::Robot;
 
-const PERSON: [u8; 3] = [0x2a, 0x7f, 0x4f];
-const PLANNED: [u8; 3] = [0x1f, 0x6f, 0x8b];
-const EXECUTED: [u8; 3] = [0xb2, 0x3a, 0x2e];
+const PERSON: Color = GREEN;
+const PLANNED: Color = BLUE;
+const EXECUTED: Color = RED;
+/// Width and height of a chart, pixels.
+const SIZE: (u32, u32) = (820, 420);
 
 /// Contents of a report of a motion.
 #[derive(Clone, Copy)]
@@ -29,61 +32,81 @@ pub struct MotionReport<'a> {
 }
 
 /// Centre of mass and centre of pressure over time: figure 6 of the paper.
-pub fn along_time(report: &MotionReport<'_>) -> Result<Figure> {
+pub fn along_time(report: &MotionReport<'_>) -> Result<Chart> {
     let mapped = report.mapped;
     let over = |x: &dyn Fn(usize) -> f64| -> Vec<[f64; 2]> {
         mapped.time_s.iter().enumerate().map(|(k, time)| [*time, x(k)]).collect()
     };
-    let curve = |name: &str, color, dashed, points| Curve { name: name.into(), color, dashed, points, dot: None };
     let mut curves = vec![
-        curve("person, scaled", PERSON, true, over(&|k| mapped.person[k].x)),
-        curve("planned", PLANNED, false, over(&|k| mapped.com[k].x)),
-        curve("planned, zero-moment point", PLANNED, true, over(&|k| mapped.balance.zmp_m[k][0])),
+        Series::named("person, scaled", PERSON, Shape::Dashed(over(&|k| mapped.person[k].x))),
+        Series::named("planned", PLANNED, Shape::Line(over(&|k| mapped.com[k].x))),
+        Series::named("planned, zero-moment point", PLANNED, Shape::Dashed(over(&|k| mapped.balance.zmp_m[k][0]))),
     ];
     if let Some(executed) = report.executed {
         let own = com(report.robot, &executed.postures, &mapped.time_s[..executed.postures.len()])?;
         let x = |k: usize| own.get(k).map_or(f64::NAN, |com| com.x);
         let cop = |k: usize| executed.cop.get(k).map_or(f64::NAN, |cop| cop[0]);
-        curves.push(curve("executed, centre of mass", EXECUTED, false, over(&x)));
-        curves.push(curve("executed, centre of pressure of the feet", EXECUTED, true, over(&cop)));
+        curves.push(Series::named("executed, centre of mass", EXECUTED, Shape::Line(over(&x))));
+        curves.push(Series::named("executed, centre of pressure of the feet", EXECUTED, Shape::Dashed(over(&cop))));
     }
-    let mark = mapped.time_s.get(mapped.lift_off).copied();
     let along = || mapped.sole.iter().map(|corner| corner[0]);
-    let band = Some(("the soles", [along().fold(f64::INFINITY, f64::min), along().fold(f64::NEG_INFINITY, f64::max)]));
-    Ok(Figure { x: "time, s", y: "forward, m", mark, band, curves })
+    let soles = [along().fold(f64::INFINITY, f64::min), along().fold(f64::NEG_INFINITY, f64::max)];
+    Ok(over_time(mapped, "forward, m", Some(("the soles", soles)), curves))
 }
 
 /// Force on the chair over time, of an executed motion.
-pub fn chair_along_time(report: &MotionReport<'_>) -> Option<Figure> {
+pub fn chair_along_time(report: &MotionReport<'_>) -> Option<Chart> {
     let (mapped, executed) = (report.mapped, report.executed?);
     let points = mapped.time_s.iter().zip(&executed.chair_n).map(|(time, force)| [*time, *force]).collect();
-    let curve = Curve { name: "on the chair".into(), color: EXECUTED, dashed: false, points, dot: None };
-    let mark = mapped.time_s.get(mapped.lift_off).copied();
-    Some(Figure { x: "time, s", y: "force, N", mark, band: None, curves: vec![curve] })
+    Some(over_time(mapped, "force, N", None, vec![Series::unnamed(EXECUTED, Shape::Line(points))]))
 }
 
-/// A path of the centre of mass in the sagittal plane, with a dot at lift-off: a curve of the paper's figure 7.
-pub fn sagittal(name: &str, color: [u8; 3], com: &[Vec3<f64>], lift_off: usize) -> Curve {
+/// Curves over time, with a vertical line at lift-off, over a named interval of the ordinate.
+fn over_time(mapped: &Mapped, label: &str, interval: Option<(&str, [f64; 2])>, curves: Vec<Series>) -> Chart {
+    let edges = interval.iter().flat_map(|(_, edges)| *edges);
+    let x = Axis::around("time, s", coordinates(&curves, 0));
+    let y = Axis::around(label, coordinates(&curves, 1).chain(edges));
+    let area = |(name, [low, high]): (&str, [f64; 2])| {
+        Series::named(name, GRID, Shape::Box([[x.range.start, low], [x.range.end, high]]))
+    };
+    let line =
+        |at: &f64| Series::unnamed(PAPER.mix(INK, 0.4), Shape::Line(vec![[*at, y.range.start], [*at, y.range.end]]));
+    let lift_off = mapped.time_s.get(mapped.lift_off).map(line);
+    let series = interval.map(area).into_iter().chain(lift_off).chain(curves).collect();
+    Chart { size: SIZE, x, y, series, legend: Corner::UpperLeft, ..Chart::default() }
+}
+
+/// The coordinates of lines along one axis: 0 is x, 1 is y.
+fn coordinates(curves: &[Series], axis: usize) -> impl Iterator<Item = f64> + '_ {
+    let points = curves.iter().flat_map(|curve| match &curve.shape {
+        Shape::Line(points) | Shape::Dashed(points) => points.as_slice(),
+        _ => &[],
+    });
+    points.map(move |point| point[axis])
+}
+
+/// A path of the centre of mass in the sagittal plane, with a disc at lift-off: a curve of the paper's figure 7.
+pub fn sagittal(name: &str, color: Color, com: &[Vec3<f64>], lift_off: usize) -> [Series; 2] {
     let at = |com: &Vec3<f64>| [com.x, com.z];
-    Curve {
-        name: name.into(),
-        color,
-        dashed: false,
-        points: com.iter().map(at).collect(),
-        dot: com.get(lift_off).map(at),
-    }
+    let lift_off = com.get(lift_off).map(at).into_iter().collect();
+    [
+        Series::named(name, color, Shape::Line(com.iter().map(at).collect())),
+        Series::unnamed(color, Shape::Discs(5, lift_off)),
+    ]
+}
+
+/// Paths in the sagittal plane.
+pub fn sagittal_plane(series: Vec<Series>) -> Chart {
+    let x = Axis::around("forward, m", coordinates(&series, 0));
+    let y = Axis::around("up, m", coordinates(&series, 1));
+    Chart { size: SIZE, x, y, series, legend: Corner::UpperLeft, ..Chart::default() }
 }
 
 /// The page.
 pub fn motion_page(robot: &str, report: &MotionReport<'_>) -> Result<String> {
     let mapped = report.mapped;
-    let plane = Figure {
-        x: "forward, m",
-        y: "up, m",
-        mark: None,
-        band: None,
-        curves: vec![sagittal("planned centre of mass", PLANNED, &mapped.com, mapped.lift_off)],
-    };
+    let planned = sagittal("planned centre of mass", PLANNED, &mapped.com, mapped.lift_off);
+    let plane = sagittal_plane(planned.into());
     let number = |value: f64, digits: usize| format!("{value:.digits$}");
     let rows = [
         ("scale of the person's motion", number(mapped.scale, 3)),

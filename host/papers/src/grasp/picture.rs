@@ -1,5 +1,6 @@
 //! The hand before, during and after a search as SVG: three columns, three views each, all expressed in the last palm.
 
+use darm_arm::draw::palette::{BLUE, Color, GREEN, GRID, INK, OCHRE, PALE, PAPER, PURPLE, RED};
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use maud::{Markup, PreEscaped, html};
@@ -7,11 +8,8 @@ use maud::{Markup, PreEscaped, html};
 use super::contact::{Configuration, Contacts};
 use super::hand::{FINGERS, Hand, JOINTS, THUMB};
 
-const STYLE: &str = "text{font:12px sans-serif;fill:#333d45;paint-order:stroke;stroke:#fff;stroke-width:3px}\
-.view{fill:none;stroke:#e0e5e8}.shape{stroke-linecap:round;stroke-opacity:.82}.edge{stroke:#fff;stroke-linecap:round}\
-.contact{stroke:#c0392b;stroke-width:2.5}.point{fill:#c0392b}";
-const PALM: &str = "#b3bcc2";
-const COLORS: [&str; FINGERS] = ["#1f6f8b", "#2e8b57", "#8e44ad", "#d18b2c"];
+/// The colours of the fingers.
+const COLORS: [Color; FINGERS] = [BLUE, GREEN, PURPLE, OCHRE];
 
 /// Edge of a view, its margin, and the head above each column, pixels.
 const EDGE: f64 = 290.0;
@@ -20,6 +18,15 @@ const HEAD: f64 = 48.0;
 /// Length of the arrow of a contact, m.
 const ARROW_M: f64 = 0.03;
 
+/// The style sheet of the picture.
+fn style() -> String {
+    format!(
+        "text{{font:12px sans-serif;fill:{INK};paint-order:stroke;stroke:{PAPER};stroke-width:3px}}\
+.view{{fill:none;stroke:{GRID}}}.shape{{stroke-linecap:round;stroke-opacity:.82}}.edge{{stroke:{PAPER};stroke-linecap:round}}\
+.contact{{stroke:{RED};stroke-width:2.5}}.point{{fill:{RED}}}"
+    )
+}
+
 /// A view's name and the directions of the palm that point right and up on the paper.
 type View = (&'static str, Vec3<f64>, Vec3<f64>);
 
@@ -27,7 +34,7 @@ type View = (&'static str, Vec3<f64>, Vec3<f64>);
 struct Stroke {
     ends: [Vec3<f64>; 2],
     radius_m: f64,
-    color: &'static str,
+    color: Color,
 }
 
 /// Before, during and after, with a caption each; the contacts are arrows to the point that is touched.
@@ -56,8 +63,8 @@ pub fn svg(hand: &Hand, stages: &[(String, Configuration)], contacts: &Contacts)
     };
     let picture = html! {
         svg xmlns="http://www.w3.org/2000/svg" viewBox={ "0 0 " (width) " " (height) } width=(width) height=(height) role="img" aria-label=(hand.name) {
-            style { (PreEscaped(STYLE)) }
-            rect width="100%" height="100%" fill="#fff" {}
+            style { (PreEscaped(style())) }
+            rect width="100%" height="100%" fill=(PAPER) {}
             @for (index, ((caption, _), strokes)) in stages.iter().zip(&strokes).enumerate() {
                 text x=(EDGE * index as f64 + 12.0) y="20" style="font-weight:bold;font-size:14px" { (caption) }
                 (column(index, strokes))
@@ -74,7 +81,7 @@ fn names(hand: &Hand) -> Markup {
         @for (i, finger) in hand.fingers.iter().enumerate() {
             text x=(12.0 + 90.0 * i as f64) y="40" style={ "fill:" (COLORS[i]) } { (finger.name) }
         }
-        text x=(12.0 + 90.0 * FINGERS as f64) y="40" style="fill:#c0392b" { "contacts" }
+        text x=(12.0 + 90.0 * FINGERS as f64) y="40" style={ "fill:" (RED) } { "contacts" }
     }
 }
 
@@ -83,7 +90,7 @@ fn strokes(hand: &Hand, palm: &Pose<f64>, configuration: &Configuration) -> Vec<
     let of_capsule = |capsule: &super::hand::Capsule| Stroke {
         ends: capsule.ends(&placed.links).map(|end| pose * end),
         radius_m: capsule.radius_m,
-        color: capsule.link.map_or(PALM, |link| COLORS[(link / JOINTS).min(THUMB)]),
+        color: capsule.link.map_or(PALE, |link| COLORS[(link / JOINTS).min(THUMB)]),
     };
     let tips = (0..FINGERS).map(|i| {
         let end = pose * placed.tips[i].position;

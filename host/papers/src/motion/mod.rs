@@ -24,7 +24,6 @@ pub mod mapping;
 mod markers;
 pub mod person;
 mod placed;
-pub mod plot;
 pub mod setup;
 mod smooth;
 pub mod trajectory;
