@@ -4,8 +4,8 @@
 //! parameter whose column depends on those before it, over many random states, cannot be distinguished from them: it is
 //! grouped with them. A column that is always zero has no effect at all.
 //!
-//! Source: M. Gautier, Numerical calculation of the base inertial parameters of robots, J. of Robotic Systems 8 (1991) 485,
-//! with the Gram–Schmidt process, done twice, in place of QR.
+//! Source: M. Gautier, Numerical calculation of the base inertial parameters of robots, J. of Robotic Systems 8
+//! (1991) 485.
 
 use std::fmt;
 
@@ -13,7 +13,7 @@ use darm_core::dynamics::floating::BaseMotion;
 use darm_core::real::{Vec3, Vec6};
 use darm_core::se::{Pose, Twist};
 use darm_core::tree::{Body, TreeError};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use rand::{RngExt as _, SeedableRng as _};
 
 use super::Robot;
@@ -27,7 +27,7 @@ pub const PARAMETER_SYMBOLS: [&str; 10] = ["m", "mx", "my", "mz", "Ixx", "Ixy", 
 /// States per parameter and row of torques, so that a dependence is no accident of the draw.
 const STATES_PER_PARAMETER: usize = 3;
 
-/// What is left of a column that depends on others is rounding: below this part of its length.
+/// The remainder of a column that depends on others is rounding: below this part of its length.
 const DEPENDENT: f64 = 1e-8;
 
 /// A coefficient below this is rounding.
@@ -157,51 +157,34 @@ impl Posture {
 }
 
 /// The first columns that are independent, and how the others depend on them.
+///
+/// The QR decomposition has no pivots: a pivot would choose which parameter of a group leads it, and that is the first.
 pub fn grouped(parameters: &[Inertial], columns: &DMatrix<f64>) -> BaseParameters {
-    let largest = columns.column_iter().map(|column| column.norm()).fold(0.0, f64::max);
-    let (mut base, mut without_effect) = (Vec::<BaseParameter>::new(), Vec::new());
-    let mut axes: Vec<DVector<f64>> = Vec::new();
-    // How each independent column is made of the axes: upper triangular, column by column.
-    let mut made_of: Vec<Vec<f64>> = Vec::new();
-    for (parameter, column) in parameters.iter().zip(columns.column_iter()) {
-        let length = column.norm();
-        if length <= DEPENDENT * largest {
-            without_effect.push(*parameter);
-            continue;
-        }
-        let (mut rest, mut along) = (column.clone_owned(), vec![0.0; axes.len()]);
-        for _ in 0..2 {
-            for (axis, along) in axes.iter().zip(&mut along) {
-                let part = axis.dot(&rest);
-                rest.axpy(-part, axis, 1.0);
-                *along += part;
-            }
-        }
-        let left = rest.norm();
-        if left > DEPENDENT * length {
-            axes.push(rest / left);
-            along.push(left);
-            made_of.push(along);
-            base.push(BaseParameter { leading: *parameter, grouped: Vec::new() });
-            continue;
-        }
-        for (leading, coefficient) in base.iter_mut().zip(solve(&made_of, along)) {
-            if coefficient.abs() > TERM {
-                leading.grouped.push((coefficient, *parameter));
-            }
-        }
-    }
-    BaseParameters { base, without_effect }
-}
-
-/// The solution of an upper triangular system given by columns.
-fn solve(columns: &[Vec<f64>], mut right: Vec<f64>) -> Vec<f64> {
-    for (k, column) in columns.iter().enumerate().rev() {
-        let value = right[k] / column[k];
-        right[..k].iter_mut().zip(column).for_each(|(entry, factor)| *entry -= factor * value);
-        right[k] = value;
-    }
-    right
+    let lengths: Vec<f64> = columns.column_iter().map(|column| column.norm()).collect();
+    let largest = lengths.iter().copied().fold(0.0, f64::max);
+    let (effective, ineffective): (Vec<usize>, Vec<usize>) =
+        (0..parameters.len()).partition(|k| lengths[*k] > DEPENDENT * largest);
+    let mut units = columns.clone();
+    units.column_iter_mut().zip(&lengths).for_each(|(mut column, length)| column /= *length);
+    let left = units.select_columns(&effective).qr().r().diagonal();
+    let (independent, dependent): (Vec<_>, Vec<_>) =
+        effective.into_iter().zip(left.iter()).partition(|(_, left)| left.abs() > DEPENDENT);
+    let indices = |of: Vec<(usize, &f64)>| of.into_iter().map(|(k, _)| k).collect::<Vec<usize>>();
+    let (independent, dependent) = (indices(independent), indices(dependent));
+    let decomposition = units.select_columns(&independent).qr();
+    let mut combined = units.select_columns(&dependent);
+    decomposition.q_tr_mul(&mut combined);
+    let combined = combined.rows(0, independent.len());
+    let weights = decomposition.r().solve_upper_triangular(&combined).expect("independent columns have a full rank");
+    let parameter = |(row, leading): (usize, &usize)| {
+        let later = dependent.iter().enumerate().filter(|(_, other)| *other > leading);
+        let terms =
+            later.map(|(k, other)| (weights[(row, k)] * lengths[*other] / lengths[*leading], parameters[*other]));
+        let grouped = terms.filter(|(coefficient, _)| coefficient.abs() > TERM).collect();
+        BaseParameter { leading: parameters[*leading], grouped }
+    };
+    let base = independent.iter().enumerate().map(parameter).collect();
+    BaseParameters { base, without_effect: ineffective.into_iter().map(|k| parameters[k]).collect() }
 }
 
 impl BaseParameters {
