@@ -3,6 +3,7 @@
 //! An order that changes something runs once: the answer to the last one is kept, and a repeated number gets it again.
 //! What cannot be read is counted and never answered. Text commands ([`crate::text`]) go through the same dispatcher.
 mod calibration;
+mod encode;
 mod nearest;
 mod rehearsal;
 mod start;
@@ -25,6 +26,7 @@ use crate::control::{Numbered, Order, Outcome, Shared};
 use crate::log::EventLog;
 use crate::nearest::Room;
 use crate::store::Store;
+pub(crate) use encode::encode;
 
 /// Version of this firmware: major, minor, patch.
 pub const FIRMWARE: [u8; 3] = [
@@ -43,8 +45,8 @@ const fn decimal(text: &str) -> u8 {
     value
 }
 
-/// So long copies of a change may still be on the line. In less time nobody asks half the circle of request numbers: a
-/// request and its answer take 5 ms on the wire.
+/// For this time copies of a change may still be on the line. In less time nobody asks half the circle of request
+/// numbers: a request and its answer take 5 ms on the wire.
 const COPIES: Micros = Micros::from_millis(60_000);
 /// Connections whose `Hello` may still be on the line.
 const OLD_LINKS: usize = 8;
@@ -102,7 +104,7 @@ struct Answered {
 }
 
 type Payload = heapless::Vec<u8, MAX_PAYLOAD>;
-/// A whole frame on the line.
+/// A complete frame on the line.
 pub type Frame = heapless::Vec<u8, MAX_FRAME>;
 
 impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
@@ -252,7 +254,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         Ok(())
     }
 
-    /// What the board is to restart into now. A restart that somebody asked for before a stop is dropped, as all that came
+    /// What the board is to restart into now. A restart that was requested before a stop is dropped, as all that came
     /// before it.
     pub fn restart_due(&mut self, stopped: bool) -> Option<bootstrap::Into> {
         self.reboot.take().filter(|_| !stopped || self.is_profile_new)
@@ -356,12 +358,4 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
 
 fn payload(bytes: &[u8]) -> Payload {
     bytes.iter().copied().take(MAX_PAYLOAD).collect()
-}
-
-pub(crate) fn encode(header: Header, payload: &[u8]) -> Option<Frame> {
-    let mut frame = Frame::new();
-    frame.resize_default(MAX_FRAME).ok()?;
-    let len = frame::encode(header, payload, &mut frame).ok()?;
-    frame.truncate(len);
-    Some(frame)
 }

@@ -1,8 +1,9 @@
 //! `cargo xtask papers stand`: sit-to-stand on a humanoid robot from human demonstration.
 //!
 //! The robot is the planar one of five links (`tests/data/urdf/planar5.urdf`, 88 postures of the golden data): the paper gives
-//! no masses of its own. What its CAD data lacks is drawn here: a backpack and hoses.
+//! no masses. What is missing in its CAD data is drawn here: a backpack and hoses.
 
+mod figure;
 mod hidden;
 mod motions;
 mod postures;
@@ -15,7 +16,7 @@ use anyhow::{Context, Result};
 use darm::report::page_of;
 use maud::html;
 
-use darm_figures::figure::{Figure, Figures};
+use darm_figures::figure::Figures;
 use darm_figures::progress::Progress;
 use xtask::setup;
 
@@ -68,9 +69,4 @@ impl SitToStand {
         println!("2 mm of it: the rest was posture, play and elasticity of that robot, which nothing here can know.\n");
         Figures::new(figures, self.seed).report(self.json.as_deref())
     }
-}
-
-/// A figure without more digits than it deserves.
-fn figure(name: &str, value: f64, unit: &str) -> Result<Figure> {
-    Figure::new(&format!("stand: {name}"), value, unit)
 }

@@ -9,7 +9,8 @@ use darm_core::wire::message::{Answer, Refusal};
 use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::NorFlash;
 
-use super::{Dispatcher, Frame, encode};
+use super::encode::encode;
+use super::{Dispatcher, Frame};
 use crate::clock::Clock;
 use crate::control::{Order, Outcome};
 use crate::nearest;
@@ -39,8 +40,8 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         self.room.found().map(|_| ()).ok_or(Refusal::NoFrames)
     }
 
-    /// Searches on for the nearest word that was last asked for; the frame that answers, once it is found. Waits for ever
-    /// where there is nothing to seek. It may be dropped at any time, and goes on where it was.
+    /// Searches on for the nearest word that was last requested; the frame that answers, once it is found. Waits for
+    /// ever where there is nothing to seek. It may be dropped at any time, and continues where it was.
     pub async fn seek(&mut self) -> Frame {
         while let Some(header) = self.sought {
             if !self.room.step() {

@@ -40,6 +40,13 @@ pub struct Visit {
     pub label: String,
 }
 
+impl Visit {
+    /// How long the board rests there: no shorter than rows are apart.
+    fn dwell(&self) -> Micros {
+        Micros((self.dwell_s * 1e6).round() as u64).max(ROW_SPACING)
+    }
+}
+
 /// A program that the board accepts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
@@ -162,7 +169,7 @@ fn planned(arm: &Arm, visits: &[Visit], program: &Program<'_>) -> Result<Plan, P
         added = added + before.map_or(Micros(0), |until| Micros(until.0 - free.0));
         rested.push(before.is_some());
         let settled = timeline.go_to(visit, windows.len(), before.unwrap_or(free));
-        free = settled + dwell(visit);
+        free = settled + visit.dwell();
         windows.push((settled, free));
         if let Some(rests) = &mut rests {
             rests.admit(&timeline);
@@ -191,10 +198,6 @@ fn planned(arm: &Arm, visits: &[Visit], program: &Program<'_>) -> Result<Plan, P
 fn limit_of(error: RowError, wiring: &Wiring) -> Option<CoilLimit> {
     let (RowError::OnTooLong { output } | RowError::Duty { output }) = error else { return None };
     wiring.coils.iter().find(|coil| coil.output == output).map(|coil| coil.limit)
-}
-
-fn dwell(visit: &Visit) -> Micros {
-    Micros((visit.dwell_s * 1e6).round() as u64).max(ROW_SPACING)
 }
 
 fn check_visit(arm: &Arm, visit: &Visit) -> Result<(), PlanError> {

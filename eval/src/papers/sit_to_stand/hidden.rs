@@ -13,7 +13,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::figure;
+use super::figure::figure;
 use super::postures::{carry, equations, golden, measured, planar};
 use darm_figures::figure::Figure;
 use darm_figures::progress::Progress;
@@ -35,7 +35,7 @@ const ALONG_M: [(&str, [f64; 2]); 5] = [
 struct Found {
     link: String,
     mass_kg: f64,
-    told: Missing,
+    missing: Missing,
 }
 
 /// Robots with a mass on a link that is drawn, and complete ones.
@@ -49,10 +49,10 @@ pub(super) fn search(figures: &mut Vec<Figure>, progress: &Progress, robots: u64
     let found = (0..robots).into_par_iter().map(|k| one(k, true)).collect::<Result<Vec<_>>>()?;
     let clean = (0..robots).into_par_iter().map(|k| one(robots + k, false)).collect::<Result<Vec<_>>>()?;
     bar.finish_and_clear();
-    let first = |found: &Found| found.told.named.first().map(|named| named.links.clone()).unwrap_or_default();
+    let first = |found: &Found| found.missing.named.first().map(|named| named.links.clone()).unwrap_or_default();
     let right: Vec<&Found> = found.iter().filter(|f| first(f).contains(&f.link)).collect();
     for wrong in found.iter().filter(|f| !first(f).contains(&f.link)) {
-        println!("  not found: {:.1} kg on the {}; named: {:?}", wrong.mass_kg, wrong.link, wrong.told.named);
+        println!("  not found: {:.1} kg on the {}; named: {:?}", wrong.mass_kg, wrong.link, wrong.missing.named);
     }
     let alone = right.iter().filter(|f| first(f).len() == 1).count();
     let median = |numbers: Vec<f64>| {
@@ -60,28 +60,28 @@ pub(super) fn search(figures: &mut Vec<Figure>, progress: &Progress, robots: u64
         sorted.sort_by(f64::total_cmp);
         sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
     };
-    let off = right.iter().map(|f| (f.told.named[0].mass_kg - f.mass_kg).abs()).collect();
+    let off = right.iter().map(|f| (f.missing.named[0].mass_kg - f.mass_kg).abs()).collect();
     figures.push(figure(&format!("undeclared masses found on their link, of {robots}"), right.len() as f64, "")?);
     figures.push(figure("of them with one link named and no other", alone as f64, "")?);
     figures.push(figure(
         "robots with a second mass named that is not there",
-        found.iter().filter(|f| f.told.named.len() > 1).count() as f64,
+        found.iter().filter(|f| f.missing.named.len() > 1).count() as f64,
         "",
     )?);
     figures.push(figure(
         &format!("masses named on {robots} complete robots"),
-        clean.iter().filter(|f| !f.told.named.is_empty()).count() as f64,
+        clean.iter().filter(|f| !f.missing.named.is_empty()).count() as f64,
         "",
     )?);
     figures.push(figure("error of the mass, median", median(off), "kg")?);
     figures.push(figure(
         "held-out centre of pressure before, median",
-        1e3 * median(found.iter().map(|f| f.told.before_m[0]).collect()),
+        1e3 * median(found.iter().map(|f| f.missing.before_m[0]).collect()),
         "mm",
     )?);
     figures.push(figure(
         "held-out centre of pressure with the mass, median",
-        1e3 * median(found.iter().map(|f| f.told.after_m[0]).collect()),
+        1e3 * median(found.iter().map(|f| f.missing.after_m[0]).collect()),
         "mm",
     )?);
     Ok(())
@@ -105,7 +105,7 @@ fn robot(seed: u64, hidden: bool) -> Result<Found> {
         let other = random.random_range(k..held_out.len());
         held_out.swap(k, other);
     }
-    Ok(Found { link: name, mass_kg, told: missing(&cad, &equations, &held_out[..9]) })
+    Ok(Found { link: name, mass_kg, missing: missing(&cad, &equations, &held_out[..9]) })
 }
 
 /// The person of `human_forceplate`, split A: bodies that can be, and the held-out centre of pressure.

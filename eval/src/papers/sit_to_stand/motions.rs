@@ -1,4 +1,4 @@
-//! Two motions: a person stands up as a healthy one and as an elderly one, the robot follows and executes.
+//! Two motions: a person rises from a chair, once healthy and once elderly; the robot follows and executes.
 
 use std::fs;
 use std::path::Path;
@@ -15,7 +15,7 @@ use darm_papers::motion::setup::Setup;
 use darm_papers::motion::{Capture, Fixed};
 use darm_robot::urdf::{self, Locks};
 
-use super::figure;
+use super::figure::figure;
 use super::postures::Robots;
 use super::robots::{Followed, count_standing, executed};
 use darm_figures::figure::Figure;
@@ -48,11 +48,11 @@ pub(super) fn map_both(
         let shown = demonstrate(&average, (&names, &markers), &setup.person_feet, style, seed)?;
         fs::write(folder.join(format!("{name}.csv")), csv(&shown.capture))?;
         let found = person(&average, &markers, &shown.capture)?;
-        tell_person(figures, name, &found, &shown)?;
+        report_person(figures, name, &found, &shown)?;
         let mapped = map(&robots.identified, &setup, &found, &shown.capture)?;
         let executed = executed(&robots.real, &robots.identified, &setup, &mapped)?;
         push_figures(figures, name, &mapped)?;
-        tell_executed(figures, robots, name, &mapped, &executed)?;
+        report_executed(figures, robots, name, &mapped, &executed)?;
         let report =
             MotionReport { person: &found, mapped: &mapped, robot: &robots.identified, executed: Some(&executed) };
         pictures.push((
@@ -63,7 +63,7 @@ pub(super) fn map_both(
         let by_cad = com(&robots.cad, &mapped.trajectory.postures, &mapped.time_s)?;
         plane.extend(sagittal(&format!("{name}, identified"), colors[0], &mapped.com, mapped.lift_off));
         plane.extend(sagittal(&format!("{name}, CAD"), colors[1], &by_cad, mapped.lift_off));
-        tell_plane(figures, name, &mapped.com, &by_cad)?;
+        report_plane(figures, name, &mapped.com, &by_cad)?;
         let followed = Followed { name, setup: &setup, person: &found, capture: &shown.capture };
         by_cad_plan(figures, robots, &followed)?;
         count_standing(figures, progress, drawn, &followed)?;
@@ -78,7 +78,7 @@ pub(super) fn map_both(
     Ok(pictures)
 }
 
-fn tell_person(figures: &mut Vec<Figure>, name: &str, found: &Person, shown: &Demonstration) -> Result<()> {
+fn report_person(figures: &mut Vec<Figure>, name: &str, found: &Person, shown: &Demonstration) -> Result<()> {
     for (what, off_m) in [
         ("person's centre of pressure, worst, average masses", found.before.worst_m),
         ("person's centre of pressure, worst, scaled (paper 20)", found.after.worst_m),
@@ -89,7 +89,7 @@ fn tell_person(figures: &mut Vec<Figure>, name: &str, found: &Person, shown: &De
     Ok(())
 }
 
-fn tell_executed(
+fn report_executed(
     figures: &mut Vec<Figure>,
     robots: &Robots,
     name: &str,
@@ -109,7 +109,7 @@ fn tell_executed(
 }
 
 /// The plan's centre of mass, as the identified and as the CAD masses have it.
-fn tell_plane(figures: &mut Vec<Figure>, name: &str, com: &[Vec3<f64>], by_cad: &[Vec3<f64>]) -> Result<()> {
+fn report_plane(figures: &mut Vec<Figure>, name: &str, com: &[Vec3<f64>], by_cad: &[Vec3<f64>]) -> Result<()> {
     let shift = mean(com) - mean(by_cad);
     figures.push(figure(
         &format!("{name}: identified less CAD centre of mass, forward (paper: to the rear)"),

@@ -17,7 +17,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-use super::figure;
+use super::figure::figure;
 use darm_figures::figure::Figure;
 use xtask::setup;
 
@@ -27,7 +27,7 @@ pub(super) const NOISE: Noise = Noise { torque_nm: 5.0, force_n: 5.0, moment_nm:
 const PLANE: [bool; 6] = [false, true, false, true, false, true];
 /// Splits into 90 % and 10 %.
 const SPLITS: usize = 1000;
-/// What the CAD data lacks, link by link: kg and place in the link, m. Half of it is a backpack.
+/// What is missing in the CAD data, link by link: kg and place in the link, m. Half of it is a backpack.
 const UNDECLARED: [(&str, f64, [f64; 3]); 4] = [
     ("shank", 6.0, [-0.05, 0.0, 0.22]),
     ("thigh", 9.0, [-0.06, 0.0, 0.20]),

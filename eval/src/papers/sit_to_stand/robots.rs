@@ -9,7 +9,7 @@ use darm_papers::motion::{Capture, feed_forward};
 use darm_robot::robot::Robot;
 use rayon::prelude::*;
 
-use super::figure;
+use super::figure::figure;
 use super::postures::{Robots, drawn};
 use darm_figures::figure::Figure;
 use darm_figures::progress::Progress;
@@ -36,7 +36,7 @@ pub(super) fn draw(cad: &Robot, count: u64, seed: u64) -> Result<Vec<Robots>> {
     (0..count).into_par_iter().map(|k| drawn(cad, seed.wrapping_mul(2_000_003).wrapping_add(k))).collect()
 }
 
-/// A plan executed by joint loops on `real`, with the torques that `believed` tells beforehand.
+/// A plan executed by joint loops on `real`, with the torques that `believed` predicts.
 pub(super) fn executed(real: &Robot, believed: &Robot, setup: &Setup, plan: &Mapped) -> Result<Executed> {
     let torque = feed_forward(believed, setup, plan)?;
     Ok(execute(real, setup, plan, (Gains::default(), &torque))?)
@@ -72,9 +72,9 @@ pub(super) fn count_standing(
         figures.push(figure(&format!("{name}: robots that stand, {what}, of {of}"), standing as f64, "")?);
         let mut margins: Vec<f64> = runs.iter().map(|run| 1e3 * own(run).cop_margin_m).collect();
         margins.sort_by(f64::total_cmp);
-        let (least, median) = (margins[0], margins[of / 2]);
+        let (smallest, median) = (margins[0], margins[of / 2]);
         figures.push(figure(&format!("{name}: margin of the centre of pressure, {what}, median"), median, "mm")?);
-        figures.push(figure(&format!("{name}: margin of the centre of pressure, {what}, least"), least, "mm")?);
+        figures.push(figure(&format!("{name}: margin of the centre of pressure, {what}, smallest"), smallest, "mm")?);
         Ok(())
     };
     push("identified", &|run| &run.identified)?;

@@ -2,7 +2,8 @@
 
 use toml_edit::{DocumentMut, Item, Key};
 
-use super::{Actuator, OldArm, default_limit};
+use super::limit::default_limit;
+use super::{Actuator, OldArm};
 
 /// Comment at a value that the old file did not have.
 pub(super) const DEFAULT: &str = "# default of this version: the old file had none";

@@ -10,14 +10,16 @@
 //! | `[switch_limit]` | `[supply]` of the profile |
 
 mod edit;
+mod limit;
 
 use std::path::Path;
 
-use darm_core::output::{Drive, SwitchLimit};
+use darm_core::output::SwitchLimit;
 use serde::Deserialize;
 use toml::{Table, Value};
 
 use self::edit::{edited, marked};
+use self::limit::{default_limit, pair};
 use crate::arm::raw::RawHead;
 use crate::arm::{Arm, ArmError};
 use crate::board_profile::{self, BoardProfile, ProfileFault};
@@ -166,10 +168,6 @@ impl OldArm {
     }
 }
 
-fn pair((key, value): (&str, u32)) -> (String, Value) {
-    (key.to_owned(), Value::from(i64::from(value)))
-}
-
 /// The outputs of an actuator as the profile has them: the keys of a coil, and the limits that format 1 gave by itself.
 fn outputs(actuator: &Actuator) -> impl Iterator<Item = Table> {
     actuator.coils.iter().enumerate().map(|(index, (number, coil))| {
@@ -181,18 +179,6 @@ fn outputs(actuator: &Actuator) -> impl Iterator<Item = Table> {
         output.extend(actuator.input.filter(|_| index == 0).map(|input| pair(("input", input.into()))));
         output
     })
-}
-
-fn default_limit(drive: &str) -> Table {
-    let limit = match drive {
-        "latch" => Drive::Latch { set: 0, reset: 0, pulse_ms: 0 },
-        "peak-hold" => Drive::PeakHold { pull: 0, hold: 0, peak_ms: 0 },
-        _ => Drive::Hold { line: 0 },
-    }
-    .default_limit();
-    let limits =
-        [("max_on_ms", limit.max_on_ms), ("duty_percent", limit.duty_percent.into()), ("window_ms", limit.window_ms)];
-    limits.into_iter().map(pair).collect()
 }
 
 /// In format 1 every servo held its angle in the safe state.

@@ -4,8 +4,8 @@ use darm_core::output::Wiring;
 use darm_core::table::{Board, Checker, Record};
 use darm_core::units::Micros;
 
+use super::Visit;
 use super::timeline::Timeline;
-use super::{Visit, dwell};
 
 /// The shortest rest that is tried, and what a rest is longer than it has to be by at most.
 const STEP: Micros = Micros::from_millis(50);
@@ -81,7 +81,7 @@ impl<'a> Rests<'a> {
 
     /// Whether the board accepts the rows of a visit that begins at `free`, to the end of its dwell.
     fn keeps_limits(&self, mut timeline: Timeline<'_>, visit: &Visit, index: usize, free: Micros) -> bool {
-        let end = timeline.go_to(visit, index, free) + dwell(visit);
+        let end = timeline.go_to(visit, index, free) + visit.dwell();
         let mut checker = self.checker.clone();
         let rows = timeline.rows.iter().skip(self.admitted).map(|row| Record::Row(row.clone()));
         rows.chain([Record::End { at: end }]).all(|record| checker.admit(&record, self.board).is_ok())

@@ -54,7 +54,7 @@ pub enum Algorithm {
 /// What a search is given.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Points; fewer than 4 are taken as 4. Covariance matrix adaptation has a number of its own.
+    /// Points; fewer than 4 are taken as 4. Covariance matrix adaptation has another number.
     pub population: usize,
     /// Iterations.
     pub iterations: usize,
@@ -169,6 +169,13 @@ pub(super) struct Point {
     pub(super) value: f64,
 }
 
+impl Point {
+    /// The number of the best of some points; 0 of none.
+    pub(super) fn best_of(points: &[Self]) -> usize {
+        (0..points.len()).min_by(|a, b| points[*a].value.total_cmp(&points[*b].value)).unwrap_or(0)
+    }
+}
+
 /// A search under way.
 pub(super) struct Search<'a> {
     objective: &'a dyn Objective,
@@ -241,11 +248,6 @@ impl<'a> Search<'a> {
             history: self.history,
         }
     }
-}
-
-/// The number of the best of some points; 0 of none.
-pub(super) fn best_of(points: &[Point]) -> usize {
-    (0..points.len()).min_by(|a, b| points[*a].value.total_cmp(&points[*b].value)).unwrap_or(0)
 }
 
 #[cfg(test)]

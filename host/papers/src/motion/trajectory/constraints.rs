@@ -5,7 +5,7 @@ use std::ops::AddAssign as _;
 use darm_core::se::{Pose, rotation_log};
 use nalgebra::{DMatrix, DVector};
 
-use super::{Chair, Posture, Problem, TrajectoryError, each};
+use super::{Chair, Posture, Problem, TrajectoryError};
 use crate::motion::placed::Placed;
 use darm_robot::robot::{Robot, RobotJoint};
 
@@ -140,7 +140,7 @@ fn constrained(problem: &Problem<'_>, placed: &mut Placed, frame: usize, start: 
 
 /// The postures that hold the constraints, each near its start.
 pub(super) fn all_constrained(problem: &Problem<'_>, postures: &[Posture]) -> Result<Vec<Posture>, TrajectoryError> {
-    let found = each(problem, postures, |placed, frame, posture| constrained(problem, placed, frame, posture))?;
+    let found = problem.each(postures, |placed, frame, posture| constrained(problem, placed, frame, posture))?;
     let out = |(frame, found): (usize, Result<Posture, Off>)| {
         found.map_err(|(row, off)| {
             let what = problem.constraint(row, frame);

@@ -5,7 +5,7 @@ use darm_core::tree::TreeError;
 use nalgebra::{DMatrix, DVector};
 
 use super::constraints::hard;
-use super::{Posture, Problem, each};
+use super::{Posture, Problem};
 use crate::motion::placed::Placed;
 
 /// The height of the centre of mass above a chair is followed to this, m.
@@ -61,7 +61,7 @@ pub(super) fn bend(postures: &[Posture], k: usize) -> DVector<f64> {
 }
 
 pub(super) fn cost(problem: &Problem<'_>, postures: &[Posture]) -> Result<f64, TreeError> {
-    let soft: Result<Vec<f64>, TreeError> = each(problem, postures, |placed, frame, posture| {
+    let soft: Result<Vec<f64>, TreeError> = problem.each(postures, |placed, frame, posture| {
         let markers = followed(problem, placed, frame, posture).0;
         markers + problem.height(placed, frame).map_or(0.0, |(above, _)| (above / SEATED_M).powi(2))
     });

@@ -33,12 +33,12 @@ use super::placed::Placed;
 use super::{Fixed, Posture};
 use darm_robot::robot::Robot;
 
-/// Steps of the whole trajectory at most.
+/// Steps of the complete trajectory at most.
 const STEPS: usize = 40;
 /// The cost falls by less than this share: done; of a frame alone, which is a start for all together, by less than the second.
 const SETTLED: (f64, f64) = (1e-5, 1e-3);
 
-/// A frame of a link that stands still.
+/// A frame of a link that does not move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Foot {
     /// The joint that moves the link; `None`: the base.
@@ -80,6 +80,25 @@ pub struct Problem<'a> {
     pub marker_m: f64,
     /// σ_a, rad/s² or m/s².
     pub acceleration: f64,
+}
+
+impl Problem<'_> {
+    /// A function of every frame by itself, on all cores.
+    fn each<T: Send>(
+        &self,
+        postures: &[Posture],
+        of: impl Fn(&mut Placed, usize, &Posture) -> T + Sync,
+    ) -> Result<Vec<T>, TreeError> {
+        let make = || Placed::new(self.robot);
+        postures
+            .par_iter()
+            .enumerate()
+            .map_init(make, |placed, (frame, posture)| match placed {
+                Ok(placed) => Ok(of(placed, frame, posture)),
+                Err(error) => Err(*error),
+            })
+            .collect()
+    }
 }
 
 /// A trajectory that holds its constraints.
@@ -135,7 +154,7 @@ pub fn solve(problem: &Problem<'_>, start: &[Posture]) -> Result<Trajectory, Tra
     let (mut best, mut damping, mut steps, mut settled) = (cost(problem, &postures)?, 1e-3, 0, false);
     let enough = if start.len() == 1 { SETTLED.1 } else { SETTLED.0 };
     while steps < STEPS && !settled && damping < 1e12 {
-        let frames = each(problem, &postures, |placed, frame, posture| linear(problem, placed, frame, posture))?;
+        let frames = problem.each(&postures, |placed, frame, posture| linear(problem, placed, frame, posture))?;
         steps += 1;
         let Some(change) = limited(problem, &postures, &frames, damping) else {
             damping *= 100.0;
@@ -164,7 +183,7 @@ fn evaluated(
     steps: usize,
     settled: bool,
 ) -> Result<Trajectory, TrajectoryError> {
-    let off = each(problem, &postures, |placed, frame, posture| {
+    let off = problem.each(&postures, |placed, frame, posture| {
         placed.place(posture);
         let off = hard(problem, placed, frame).0;
         let worst = if off.is_empty() { 0.0 } else { off.amax() };
@@ -178,21 +197,4 @@ fn evaluated(
         steps,
         settled,
     })
-}
-
-/// Every frame on its own, on all cores.
-fn each<T: Send>(
-    problem: &Problem<'_>,
-    postures: &[Posture],
-    of: impl Fn(&mut Placed, usize, &Posture) -> T + Sync,
-) -> Result<Vec<T>, TreeError> {
-    let make = || Placed::new(problem.robot);
-    postures
-        .par_iter()
-        .enumerate()
-        .map_init(make, |placed, (frame, posture)| match placed {
-            Ok(placed) => Ok(of(placed, frame, posture)),
-            Err(error) => Err(*error),
-        })
-        .collect()
 }

@@ -11,7 +11,7 @@
 use rand::RngExt as _;
 
 use super::memr;
-use super::{Point, Search, best_of};
+use super::{Point, Search};
 
 /// Searches; `travels` improves every point by record-to-record travel first, in the order of the paper's Figure 4.
 pub(super) fn search(search: &mut Search<'_>, travels: bool) {
@@ -20,7 +20,7 @@ pub(super) fn search(search: &mut Search<'_>, travels: bool) {
         if travels {
             points.iter_mut().for_each(|point| *point = memr::travel(search, point));
         }
-        let best = best_of(&points);
+        let best = Point::best_of(&points);
         let forces = forces(&points, best);
         for (index, (point, force)) in points.iter_mut().zip(forces).enumerate() {
             if index != best {

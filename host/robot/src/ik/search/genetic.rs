@@ -7,7 +7,7 @@
 
 use rand::RngExt as _;
 
-use super::{Point, Search, best_of};
+use super::{Point, Search};
 
 /// Share of the pairs that cross.
 const CROSSOVER: f64 = 0.8;
@@ -19,7 +19,7 @@ pub(super) fn search(search: &mut Search<'_>) {
     let mut points = search.population();
     while search.goes_on() {
         let roulette = Roulette::new(&points);
-        let mut next = vec![points[best_of(&points)].clone()];
+        let mut next = vec![points[Point::best_of(&points)].clone()];
         while next.len() < points.len() {
             let parents = [(); 2].map(|()| &points[roulette.turn(search.random.random())].x);
             for x in children(search, parents) {
