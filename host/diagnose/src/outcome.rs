@@ -1,6 +1,6 @@
 //! What a diagnosis says: plain data in the shape of the JSON report, the same for all kinds of measurement.
 //!
-//! Numbers are in SI units and radians; every number stands beside its unit or carries it in its name.
+//! Numbers are in SI units and radians; every number has its unit next to it or in its name.
 //!
 //! | key | meaning |
 //! | --- | --- |
@@ -12,7 +12,7 @@
 //! | `verdict` | `effect-found`, `partly-explained`, `no-effect`, `unexplained-structure`, `not-identifiable`, `too-little-data`, `wrong-model-or-log` |
 //! | `effects` | law, where, values with unit and 95 % interval, by how much the held-out norm grows without it |
 //! | `alternatives` | what would explain the rows as well in an effect's place |
-//! | `unobservable` | values that these rows do not identify: no number is given |
+//! | `unobservable` | values that these rows do not identify, without numbers |
 //! | `structure`, `remaining` | what the residual depends on before and after |
 //! | `outliers` | rows that no model explains, by line |
 //! | `next_measurement` | what to measure to distinguish alternatives, or null |
@@ -294,7 +294,7 @@ pub struct Visit {
     pub after_m: f64,
 }
 
-/// What there is beyond the noise.
+/// The structure beyond the noise.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Structure {
     /// Mean square of the residual over that of repeats; `None` without repeats.

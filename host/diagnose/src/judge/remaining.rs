@@ -41,7 +41,7 @@ const STANDS_OUT: f64 = 7.5;
 pub(crate) struct Remaining {
     /// The terms, axis by axis.
     pub(crate) terms: Vec<Dependence>,
-    /// What they take up, as a share of the squares before anything was found, each axis in units of its own scatter.
+    /// What they take up, as a share of the squares before anything was found, each axis in units of its scatter.
     pub(crate) share: f64,
 }
 
@@ -66,7 +66,8 @@ pub(crate) fn remaining(problem: &Signals, best: &Trial<Signals>) -> Remaining {
     Remaining { terms, share: taken / before }
 }
 
-/// The terms of one axis, the strongest first. Rows repeat each other as far as what a term leaves goes on from row to row.
+/// The terms of one axis, the strongest first. Rows repeat each other as far as what a term leaves is correlated from row
+/// to row.
 fn dependences(problem: &Signals, axis: &Axis, designs: &[Design], own: Vec<f64>) -> Vec<Dependence> {
     let (experiment, rows) = (&problem.experiment, &problem.groups.training);
     let n_tried = (designs.len() * experiment.axes.len()) as f64;
@@ -125,7 +126,7 @@ fn drawn_in(numbers: &[f64]) -> (Vec<f64>, f64) {
     ((0..numbers.len()).map(back).collect(), scatter)
 }
 
-/// Axes whose residual goes on from row to row as noise does not, where no effect and no term was found: something is
+/// Axes whose residual is correlated from row to row, unlike noise, where no effect and no term was found: something is
 /// missing, of a shape that is not in the dictionary. The share is that of the mean square which the row before foretells.
 pub(crate) fn memory(problem: &Signals, best: &Trial<Signals>) -> Vec<Dependence> {
     let (rows, n_axes) = (&problem.experiment.rows, problem.experiment.axes.len());
@@ -195,7 +196,7 @@ fn dictionary(experiment: &Experiment) -> Vec<Term> {
     terms
 }
 
-/// The channel itself, and cubic pieces between knots that go on straight beyond the last ones.
+/// The channel itself, and cubic pieces between knots that continue straight beyond the last ones.
 fn curve(channel: &[f64]) -> Vec<Vec<f64>> {
     let mut sorted = channel.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);

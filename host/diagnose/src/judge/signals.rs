@@ -39,7 +39,7 @@ struct Rival {
     worse_with: f64,
 }
 
-/// Judges a selection; behind a filter noise goes on from row to row as well. `pooled` has the held-out residuals of other
+/// Judges a selection; behind a filter noise is correlated from row to row as well. `pooled` has the held-out residuals of other
 /// searches.
 pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_filtered: bool) -> Judgement {
     let (problem, best) = (&selected.problem, &selected.best);

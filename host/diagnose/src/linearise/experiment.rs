@@ -12,7 +12,7 @@ pub struct Axis {
     /// Its unit.
     pub unit: &'static str,
     /// Of an axis whose rows repeat each other, its noise as a multiple of that of the axes of the norm; it is fitted, and
-    /// proves nothing by itself. `None`: each row is one of its own, and the residuals tell the noise.
+    /// proves nothing by itself. `None`: each row is a group by itself, and the residuals give the noise.
     pub noise_if_repeated: Option<f64>,
 }
 
@@ -79,12 +79,12 @@ pub struct Experiment {
 }
 
 impl Axis {
-    /// An axis whose rows are each one of its own.
+    /// An axis of which each row is a group by itself.
     pub fn new(name: impl Into<String>, unit: &'static str) -> Self {
         Self { name: name.into(), unit, noise_if_repeated: None }
     }
 
-    /// Whether its rows prove something: each is one of its own.
+    /// Whether its rows prove something: each is a group by itself.
     pub fn proves(&self) -> bool {
         self.noise_if_repeated.is_none()
     }

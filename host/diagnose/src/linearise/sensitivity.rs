@@ -3,7 +3,7 @@
 //! A law changes what an actuator is set to; how the tool moves with that setting is known once for the posture. So the
 //! derivative with respect to a value of a law is Σ over its actuators of (∂setting/∂value) · (∂tool/∂setting), with the
 //! first by a small step of the law and the second in closed form. Of a law that bears load the change of the loads is
-//! left out; it is of second order. A law that moves the tool as a whole acts on where the tool is seen.
+//! left out; it is of second order. A law that moves the tool rigidly acts on where the tool is seen.
 
 use std::cell::OnceCell;
 

@@ -72,8 +72,8 @@ fn predicted(arm: &Arm, run: &Run) -> Vec<Option<Pose<f64>>> {
     run.samples.iter().map(pose).collect()
 }
 
-/// Lengths of another unit. The way from one word to the next is compared, which does not depend on where the base of the
-/// camera stands.
+/// Lengths of another unit. The way from one word to the next is compared, which does not depend on the place of the
+/// base of the camera.
 fn length_scale(run: &Run, predicted: &[Option<Pose<f64>>]) -> Option<Finding> {
     let pairs = || run.samples.windows(2).zip(predicted.windows(2)).filter(|(pair, _)| pair[0].word != pair[1].word);
     let ways = || pairs().filter_map(|(pair, predicted)| Some((pair, predicted[0]?, predicted[1]?)));

@@ -17,7 +17,7 @@ use super::{Run, Sample};
 
 /// The table in a file.
 pub(super) struct Content {
-    /// Comma-separated text of whole rows.
+    /// Comma-separated text of complete rows.
     pub(super) text: Vec<u8>,
     /// The file ends in the middle of a row, as when its writer was killed.
     pub(super) cut: bool,

@@ -51,7 +51,7 @@ pub enum ReadError {
         line: usize,
         /// The column.
         column: String,
-        /// What stands there.
+        /// What is there.
         text: String,
         /// What should.
         expected: &'static str,

@@ -9,9 +9,9 @@ use serde::Serialize;
 pub struct Finding {
     /// Whether a diagnosis is possible all the same.
     pub severity: Severity,
-    /// Line of the file, the header being 1; `None` of the file as a whole.
+    /// Line of the file, the header being 1; `None` of the complete file.
     pub line: Option<usize>,
-    /// Name of the column; `None` of the row as a whole.
+    /// Name of the column; `None` of the complete row.
     pub column: Option<String>,
     /// What it is.
     pub kind: FindingKind,
@@ -39,7 +39,7 @@ pub enum FindingKind {
     RepeatedRow,
     /// Time does not advance.
     TimeRunsBack,
-    /// A cell has no number.
+    /// A cell is not a number.
     NotANumber,
     /// Rows are left out because a cell that is needed is empty.
     MissingValue,
@@ -66,7 +66,7 @@ pub enum FindingKind {
 }
 
 impl Finding {
-    /// Worth knowing, of the file as a whole.
+    /// Worth knowing, of the complete file.
     pub fn note(kind: FindingKind, text: impl Into<String>) -> Self {
         Self { severity: Severity::Note, line: None, column: None, kind, text: text.into() }
     }

@@ -53,7 +53,7 @@ pub enum McapError {
     /// Bytes that have changed since they were written.
     #[error("the check sum of {0} does not match: the log is damaged, use another copy")]
     Damaged(&'static str),
-    /// A message of a channel that no record tells.
+    /// A message of a channel that no record describes.
     #[error("a message belongs to channel {0}, which no record declares")]
     Channel(u16),
 }

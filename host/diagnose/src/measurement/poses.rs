@@ -35,7 +35,7 @@ pub struct Which {
 /// Reads a file of measurements; says what its owner should know about it. `names` say what columns hold whose own names
 /// do not.
 ///
-/// Rows in which the pose is not a number, or a cell that is needed is empty, are left out and told.
+/// Rows in which the pose is not a number, or a cell that is needed is empty, are left out and reported.
 pub fn read(path: &Path, names: &Names, which: &Which) -> Result<(Run, Vec<Finding>), ReadError> {
     let (table, mut about_file) = Table::read(path, names)?;
     // That a row repeats the one before is told where poses are checked, with what the arm knows.

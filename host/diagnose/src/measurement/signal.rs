@@ -120,7 +120,7 @@ pub fn interpolated(values: &[f64], time_s: &[f64], fresh: &[bool]) -> Vec<f64> 
     (0..values.len()).map(between).collect()
 }
 
-/// An angle without jumps of whole turns.
+/// An angle without jumps of complete turns.
 pub fn unwrapped(angles: &[f64]) -> Vec<f64> {
     let turn = std::f64::consts::TAU;
     let mut turns = 0.0;

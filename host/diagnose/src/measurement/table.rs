@@ -174,7 +174,7 @@ impl Table {
         self.columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", ")
     }
 
-    /// The rows that `keep` tells, the others are left out.
+    /// The rows that `keep` selects, the others are left out.
     pub fn retain(&mut self, keep: &[bool]) {
         let kept = |k: &usize| keep.get(*k).copied().unwrap_or(false);
         let rows: Vec<usize> = (0..self.lines.len()).filter(kept).collect();

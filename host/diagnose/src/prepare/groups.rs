@@ -16,7 +16,7 @@ pub struct Row {
     pub time_s: f64,
     /// The stretch of rows that follow each other without a border.
     pub series: usize,
-    /// The motion that it belongs to: it goes on where rows begin or end to be held out.
+    /// The motion that it belongs to: it continues where rows begin or end to be held out.
     pub motion: usize,
     /// Number of the value of the column that is held out, where it has few.
     pub key: Option<usize>,

@@ -30,7 +30,7 @@ pub struct Preparation {
     pub within: Vec<String>,
     /// Rows a second, where the table has no time.
     pub rate_hz: Option<f64>,
-    /// Rows a second that are kept, as near as whole steps come; `None`: all of them up to 10 000, and of more about as
+    /// Rows a second that are kept, as near as integer steps come; `None`: all of them up to 10 000, and of more about as
     /// many.
     pub thin_hz: Option<f64>,
     /// Corner of the low-pass on all channels.

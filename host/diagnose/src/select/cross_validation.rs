@@ -1,6 +1,6 @@
 //! Residuals of rows as fits to the other rows leave them.
 //!
-//! Cross-validation leaves whole words out: the rows of one word repeat each other, so any of them would give the
+//! Cross-validation leaves complete words out: the rows of one word repeat each other, so any of them would give the
 //! others away. Each tenth of the words is predicted by the values that the other nine tenths give. Where the user says so
 //! it leaves out each value of a column in turn.
 

@@ -8,7 +8,7 @@ use super::signals::Signals;
 use super::significance::RIVAL_LEVEL;
 use super::simplify::{simplified, smaller_if_as_good};
 
-/// The model that was selected, under the weighting of its own residuals, and what was tried.
+/// The model that was selected, under the weighting of its residuals, and what was tried.
 pub fn select(problem: &Signals, known: Vec<usize>) -> (Trial<Signals>, Vec<SelectionStep>) {
     let n_known = known.len();
     let start = problem.start(known);

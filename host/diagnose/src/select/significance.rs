@@ -69,7 +69,7 @@ pub fn clustered_t_test(before: &[f64], after: &[f64], groups: &[usize]) -> Loss
 /// The same by the losses of each group before and after: t over the groups' falls and over their relative falls, which
 /// lie within ±1; the smaller chance counts twice.
 ///
-/// It holds where groups differ in size and what remains has structure of its own in every group. What does not lower the
+/// It holds where groups differ in size and what remains has separate structure in every group. What does not lower the
 /// sum is no fall.
 pub fn paired_t_test(losses: &[[f64; 2]]) -> LossReduction {
     let n = losses.len() as f64;

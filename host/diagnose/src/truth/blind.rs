@@ -114,17 +114,17 @@ impl Blind {
         self.spoiled.extend(more);
     }
 
-    /// The same without noise and outliers. To be asked for once the verdict is written.
+    /// The same without noise and outliers. To be read once the verdict is written.
     pub fn clean(&self) -> &Run {
         &self.clean
     }
 
-    /// The samples that were made outliers. To be asked for once the verdict is written.
+    /// The samples that were made outliers. To be read once the verdict is written.
     pub fn spoiled(&self) -> &[usize] {
         &self.spoiled
     }
 
-    /// The secrets. To be asked for once the verdict is written.
+    /// The secrets. To be read once the verdict is written.
     pub fn unseal(&self) -> &[Sealed] {
         &self.sealed
     }

@@ -28,7 +28,7 @@ pub enum Kind {
     Wear,
     /// Legs that switch together do not get as far.
     Crowding,
-    /// The camera stands elsewhere.
+    /// The camera is elsewhere.
     BaseOffset,
     /// The tool sits elsewhere.
     ToolOffset,

@@ -1,4 +1,4 @@
-//! What is really the matter with the true arm, by equations of its own.
+//! What is really the matter with the true arm, by separate equations.
 //!
 //! | kind | what happens | equation |
 //! | --- | --- | --- |
@@ -74,7 +74,7 @@ pub(crate) enum Mechanism {
     Echo { actuator: usize, short_m: f64 },
 }
 
-/// What puts the tool elsewhere as a whole.
+/// What displaces the tool rigidly.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Cause {
     Camera,
@@ -211,7 +211,7 @@ impl Cause {
 }
 
 impl Part {
-    /// A module or the whole arm.
+    /// A module or the complete arm.
     fn draw(chain: &Chain<f64, MAX_STAGES>, rng: &mut impl Rng) -> Option<Self> {
         let stages = chain.stages.iter().enumerate();
         let modules: Vec<usize> = stages.filter(|(_, stage)| stage.n_actuators() > 1).map(|(index, _)| index).collect();

@@ -27,9 +27,9 @@ use mechanism::Mechanism;
 use surroundings::Moment;
 pub use surroundings::Surroundings;
 
-/// Standard deviation of a coordinate that the camera tells.
+/// Standard deviation of a coordinate that the camera reports.
 pub const CAMERA_M: f64 = 0.2e-3;
-/// Standard deviation of an angle that the camera tells: 0.02°.
+/// Standard deviation of an angle that the camera reports: 0.02°.
 pub const CAMERA_RAD: f64 = 0.02 * std::f64::consts::PI / 180.0;
 /// The error at the desired frames is drawn from this range, in units of the camera's scatter, for settled
 /// surroundings; while they settle it is up to a quarter more or less.
@@ -203,7 +203,7 @@ impl Truth {
         true_pose::pose(&self.mechanisms, &self.body, state, surroundings, &mut ArmScratch::default())
     }
 
-    /// The secret. To be asked for once the verdict is written.
+    /// The secret. To be read once the verdict is written.
     pub fn unseal(&self) -> &Sealed {
         &self.sealed
     }

@@ -1,7 +1,7 @@
 //! Supply and temperature of the true arm as they go with time: slow, seeded, and never nominal.
 //!
 //! The temperature rises from 0.8 of its settled rise with one time constant while the coils warm the arm, and swings
-//! by a twentieth. The supply stands low, lower still while its reservoir fills, swings, and drops with the number of
+//! by a twentieth. The supply is low, lower still while its reservoir fills, swings, and drops with the number of
 //! coils that are fed. For a blind run both swing widely, each by itself.
 
 use std::f64::consts::TAU;

@@ -69,7 +69,7 @@ pub(crate) fn pose(
     Ok(mechanisms.iter().fold(pose, |pose, mechanism| mechanism.put_aside(pose, state, moment)))
 }
 
-/// Whether an actuator came to its word by a movement of its own.
+/// Whether an actuator came to its word by a separate movement.
 fn moved(state: &TrueState, actuator: usize) -> bool {
     state.previous.is_some_and(|previous| previous.digit(actuator) != state.word.digit(actuator))
 }
@@ -127,7 +127,7 @@ impl Mechanism {
         }
     }
 
-    /// What the effect does to the tool as a whole.
+    /// The rigid displacement of the tool by the effect.
     fn put_aside(&self, pose: Pose<f64>, state: &TrueState, moment: Moment) -> Pose<f64> {
         match *self {
             Self::Lens { stretch } => Pose { position: pose.position * (1.0 + stretch), ..pose },
