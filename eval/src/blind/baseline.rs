@@ -1,12 +1,12 @@
 //! Baselines on the same data: what a plain regression over the same laws would answer.
 //!
-//! Both see the same candidates as columns, linear where the model stands, in units of the same noise. A step has one
+//! Both see the same candidates as columns, linearised at the model, in units of the same noise. A step has one
 //! column for each of a few moments. Neither has robust weights, a confirmation, alternatives or `unexplained-structure`:
 //! whatever they take in is named.
 //!
 //! - **Stepwise**: least squares; the law that lowers the squares most is taken in while the Bayesian information criterion
 //!   n·ln(RSS/n) + k·ln n falls.
-//! - **Sparse**: sequentially thresholded least squares over the whole dictionary, columns scaled to a root mean square of
+//! - **Sparse**: sequentially thresholded least squares over the complete dictionary, columns scaled to a root mean square of
 //!   one, ridge 0.05 as PySINDy has it; the threshold is the one that predicts left-out words best. Source: S. L. Brunton,
 //!   J. L. Proctor, J. N. Kutz, PNAS 113 (2016) 3932.
 

@@ -90,7 +90,7 @@ pub(super) fn floating(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Res
     Ok(bench)
 }
 
-/// What a plate that stands askew about its middle tells more than one that stands well: force and moment in its own axes.
+/// What a plate that is tilted about its middle measures beyond one that is level: force and moment in its own axes.
 fn seen_askew(wrench: &[Vec<f64>], rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
     let turn = Vec3::from_fn(|_, _| rng.random_range(-1.0..=1.0)).normalize() * ASKEW_RAD;
     let to_plate = rotation_exp(&turn).transpose();

@@ -33,7 +33,7 @@ pub(super) struct Mark {
     pub(super) ratio: f64,
     /// Of intervals: how many hold the true value, of how many.
     pub(super) covered: [usize; 2],
-    /// Outside the list: the variable told first is the right one.
+    /// Outside the list: the variable reported first is the right one.
     pub(super) variable: bool,
     /// What was answered, in a line.
     pub(super) answer: String,
@@ -232,7 +232,7 @@ fn covered(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>) -> Result
     Ok(counts)
 }
 
-/// Whether the variable told first is the one that the mechanism follows.
+/// Whether the variable reported first is the one that the mechanism follows.
 fn right_variable(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>) -> bool {
     let Some(first) = outcome.diagnosis.remaining.depends_on.first() else { return false };
     blind.unseal().iter().any(|sealed| {

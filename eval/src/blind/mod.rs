@@ -158,7 +158,7 @@ impl Kin {
 }
 
 impl Bench {
-    /// One seed: drawn, diagnosed, unsealed, marked.
+    /// One seed: drawn, diagnosed, revealed, marked.
     fn outcome(&self, arm: Kin, seed: u64) -> Result<Outcome> {
         let class = Class::of(seed);
         let [planar, spatial, hybrid] = &self.subjects;

@@ -23,13 +23,13 @@
 //!
 //! # Mechanisms outside the list
 //!
-//! No law is right: the verdict must be `unexplained-structure`, and the variable told first must be the right one.
+//! No law is right: the verdict must be `unexplained-structure`, and the variable reported first must be the right one.
 //!
 //! | mechanism | right variable |
 //! | --- | --- |
 //! | the stand sways, with a period of a part of the run | time |
 //! | a bracket of two metals tilts the tool by the square of the temperature rise | temperature |
-//! | a hose stiffens and tilts the tool by the square of the supply's lack | supply |
+//! | a hose stiffens and tilts the tool by the square of the supply's drop | supply |
 //! | a valve remembers the word before the last | the word before the last, at its actuator |
 //! | a cable tilts the tool when two legs of different modules are both long | the digits of these two, either first |
 //!
@@ -46,7 +46,7 @@
 //! | | cogging | `gear-periodic-sine`, `gear-periodic-cosine` or both: a phase | joint |
 //! | | a hose that another joint pulls taut | none | variable: position of the other joint |
 //! | floating base, wrench | a backpack | `mass-distribution` | link |
-//! | | a plate that stands askew | `sensor-frame` | the plate |
+//! | | a tilted plate | `sensor-frame` | the plate |
 //! | | a plate that drifts | none | variable: time |
 //!
 //! The one mechanism of a floating base is a backpack in three of four seeds. The baselines are not asked.
@@ -58,17 +58,17 @@
 //!   fitted, must predict the same on all words: within half the repeatability, root mean square over random words under
 //!   the conditions of the run; else it counts as wrong. Of what is measured by channels every member, fitted to what the
 //!   right one adds and the noise, must give the same torques or the same wrench: within half the noise, root mean square
-//!   over another motion or random postures. A member with a constant of its own (a speed, a period) counts as wrong there.
+//!   over another motion or random postures. A member with a separate constant (a speed, a period) counts as wrong there.
 //!   `unexplained-structure` counts as wrong inside the list.
 //! - **Place**: as above, and each place is the right one up to the end of an anchor and the state of a stop. In a set one
 //!   member at the right place is enough, since the members predict the same.
 //! - **False alarm**: any verdict but `no-effect` on a clean arm.
 //! - **Held-out error**: root mean square on the held-out rows that are no outliers of the generator, over the
-//!   repeatability that the diagnosis tells.
+//!   repeatability that the diagnosis reports.
 //! - **Coverage**: of the values of all effects named rightly at the right place, those whose 95 % interval holds the
 //!   true value; that is the one which the right law takes when it is fitted in the same way to the same run without noise
 //!   and outliers.
-//! - **Outside the list**: a verdict other than `unexplained-structure`, or any effect named beside it, is a false name.
+//! - **Outside the list**: a verdict other than `unexplained-structure`, or any effect named with it, is a false name.
 //!
 //! # Layouts
 //!
@@ -99,6 +99,6 @@
 //! though a weight at a joint's centre hangs on either link alike; and cogging stood outside the list, where by now there
 //! is a law for it, so that the hose took its place. After the seeds from 5000 to 5099 two more changed, which count from
 //! 6000 on: in a serial arm a set counted as wrong, though a heavy motor on an upright first axis is its link; and values on
-//! the clean run were fitted with the same weight for a metre as for a radian. A plate that stands askew came after the
+//! the clean run were fitted with the same weight for a metre as for a radian. A tilted plate came after the
 //! seeds from 10000 to 10999, and counts from 11000 on; before, a floating base had a backpack in seeds of two as well, and
 //! nothing else.

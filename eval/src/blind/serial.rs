@@ -91,7 +91,7 @@ pub(super) fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Resul
 /// The law that is right, and the shape of a mechanism at one joint.
 fn of_joint(mechanism: usize, joint: usize, n: usize, given: &[Vec<f64>]) -> (&'static str, Vec<f64>) {
     let [q, v, a] = [0, 1, 2].map(|order| &given[1 + order * n + joint]);
-    let fastest = v.iter().fold(1e-9, |most: f64, v| most.max(v.abs()));
+    let fastest = v.iter().fold(1e-9, |largest: f64, v| largest.max(v.abs()));
     let of = |channel: &[f64], shape: &dyn Fn(f64) -> f64| channel.iter().map(|&x| shape(x)).collect::<Vec<f64>>();
     match mechanism {
         0 => ("coulomb-friction", of(v, &|v| v / (v * v + CREEP_RAD_S.powi(2)).sqrt())),

@@ -1,4 +1,4 @@
-//! Sets of effects that rows do not tell apart: whether their members are alike anywhere.
+//! Sets of effects that rows do not distinguish: whether their members are alike anywhere.
 
 use anyhow::Result;
 use darm_diagnose::measurement::root_mean_square;

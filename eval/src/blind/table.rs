@@ -12,7 +12,7 @@ use darm_figures::figure::Figure;
 /// Held-out error over the repeatability that still counts as explained.
 pub(super) const RATIO: f64 = 1.15;
 
-/// The figures: ours, then those of each baseline that it can be asked for.
+/// The figures: ours, then those of each baseline for which they are defined.
 pub(super) fn figures(outcomes: &[Outcome]) -> Result<Vec<Figure>> {
     let mut figures = Vec::new();
     let mut add = |name: String, [hits, n]: [usize; 2]| -> Result<()> {
@@ -73,7 +73,7 @@ fn clean(outcome: &Outcome) -> bool {
 /// Whose mark; `None` where a method was not asked.
 type Of = fn(&Outcome) -> Option<&Mark>;
 
-/// What every method can be asked for: name, hits, tries.
+/// What is counted for every method: name, hits, tries.
 fn common(outcomes: &[Outcome], of: Of) -> [(&'static str, [usize; 2]); 5] {
     [
         ("named rightly", count(outcomes, of, inside, |mark| mark.named)),
