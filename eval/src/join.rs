@@ -53,7 +53,7 @@ impl Merge {
 
 /// Compares two folders of figure files; exit code 1 if they differ
 ///
-/// Names, units, verdicts and whole numbers are to be identical, instruction counts within 1 %, other numbers within 1e-6
+/// Names, units, verdicts and integers are to be identical, instruction counts within 1 %, other numbers within 1e-6
 /// relative; times are left out. A missing row is a difference, a new one is not.
 #[derive(clap::Args)]
 pub(crate) struct Compare {

@@ -1,4 +1,4 @@
-//! The console task: bytes in, answers out, events kept. The same code runs on the chip and in a process on the PC.
+//! The console task: bytes in, answers out, events kept. The same code is used on the chip and in a process on the PC.
 //!
 //! ```text
 //!   port ──bytes──► scan ──bytes──► inbox ──► work ──► answers

@@ -13,7 +13,7 @@
 //! handed over is small or a reference. A table changes hands as `&mut`, so it is never copied and never shared.
 //!
 //! A stop goes past all orders: it is a counter that the tick looks at first. A command says how many stops there were
-//! when it was asked for, and is refused when there has been another since.
+//! when it was requested, and is refused when there has been another since.
 mod order;
 
 use core::cell::Cell;
@@ -79,7 +79,7 @@ pub struct Shared<'t> {
     pub events: Ring<Numbered, WAITING_EVENTS>,
     seen: Mutex<Raw, Cell<[ServoSeen; MAX_SERVOS]>>,
     joints: Mutex<Raw, Cell<Joints>>,
-    /// Stops that were asked for, and those that have been done.
+    /// Stops that were requested, and those that have been done.
     stops: AtomicU32,
     stops_done: AtomicU32,
 }
@@ -111,7 +111,7 @@ impl<'t> Shared<'t> {
         self.joints.lock(Cell::get)
     }
 
-    /// Tells the servo bus what it is to do.
+    /// Instructs the servo bus.
     pub fn set_joints(&self, joints: Joints) {
         self.joints.lock(|cell| cell.set(joints));
     }
@@ -121,7 +121,7 @@ impl<'t> Shared<'t> {
         self.seen.lock(Cell::get).get(index).copied().unwrap_or_default()
     }
 
-    /// Tells what a servo answered.
+    /// Takes in what a servo answered.
     pub fn see_servo(&self, index: usize, answer: ServoSeen) {
         self.seen.lock(|cell| {
             let mut seen = cell.get();
@@ -132,7 +132,7 @@ impl<'t> Shared<'t> {
         });
     }
 
-    /// How many stops were asked for.
+    /// Number of requested stops.
     pub fn stops(&self) -> u32 {
         self.stops.load(Ordering::Acquire)
     }
@@ -142,7 +142,7 @@ impl<'t> Shared<'t> {
         self.stops.store(self.stops().wrapping_add(1), Ordering::Release);
     }
 
-    /// Whether all stops that were asked for have been done.
+    /// Whether all requested stops have been done.
     pub fn has_stopped(&self) -> bool {
         self.stops_done.load(Ordering::Acquire) == self.stops()
     }

@@ -20,7 +20,7 @@ pub const SILENCE_LIMIT: Micros = Micros::from_millis(2_000);
 pub const REPORT_PERIOD: Micros = Micros::from_millis(250);
 /// Crashes in a row after which the board starts with its outputs disabled.
 pub const MAX_CRASHES: u32 = 3;
-/// A start that runs for so long ends the row of crashes.
+/// A start that runs for this time ends the row of crashes.
 pub const STEADY: Micros = Micros::from_millis(60_000);
 
 /// A task that has to report.
@@ -126,7 +126,7 @@ pub enum Start {
     /// Everything.
     Normal,
     /// The console with the bootstrap set; outputs stay disabled until a person or a host reboots the board.
-    Held,
+    Recovery,
 }
 
 /// Crashes in a row at a start, from those before and from whether the last start crashed.
@@ -136,7 +136,7 @@ pub const fn crashes_in_a_row(before: u32, crashed: bool) -> u32 {
 
 /// What to start after this many crashes in a row.
 pub const fn start_after(crashes: u32) -> Start {
-    if crashes >= MAX_CRASHES { Start::Held } else { Start::Normal }
+    if crashes >= MAX_CRASHES { Start::Recovery } else { Start::Normal }
 }
 
 #[cfg(test)]
@@ -190,7 +190,7 @@ mod tests {
     fn three_crashes_in_a_row_hold_the_board_and_one_good_start_ends_the_row() {
         let after = |crashed: &[bool]| crashed.iter().fold(0, |count, crashed| crashes_in_a_row(count, *crashed));
         assert_eq!(start_after(after(&[true, true])), Start::Normal);
-        assert_eq!(start_after(after(&[true, true, true])), Start::Held);
+        assert_eq!(start_after(after(&[true, true, true])), Start::Recovery);
         assert_eq!(start_after(after(&[true, true, false, true])), Start::Normal);
         assert_eq!(crashes_in_a_row(u32::MAX, true), u32::MAX);
     }

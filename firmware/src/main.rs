@@ -24,7 +24,7 @@ fn main() -> ! {
         defmt::error!("the last start died after {=u64} us: {=str}", crash.uptime_us, crash.text.as_str());
     }
     let start = life::start_after(crashes);
-    if start == Start::Held {
+    if start == Start::Recovery {
         defmt::error!("{=u32} crashes in a row: outputs disabled, bootstrap set only", crashes);
     }
     tasks::start(crash, start, tasks::room());

@@ -1,6 +1,6 @@
 //! Which word is nearest to a pose, answered by the board: a search that is fed with the records of the stored table.
 //!
-//! The frames of the modules are read from flash once, a few at a time, and kept small; then the search goes on in
+//! The frames of the modules are read from flash once, a few at a time, and kept small; then the search continues in
 //! pieces. Between them the console is heard and the other tasks of its priority run, and the control tick comes before
 //! all of them.
 

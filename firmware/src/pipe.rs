@@ -96,12 +96,12 @@ impl<const N: usize> Pipe<N> {
         n
     }
 
-    /// Tells the reader that bytes wait.
+    /// Wakes the reader: bytes wait.
     pub fn wake_reader(&self) {
         self.reader.wake();
     }
 
-    /// Tells the writer that there is room, or that the last byte has left.
+    /// Wakes the writer: there is room, or the last byte has left.
     pub fn wake_writer(&self) {
         self.writer.wake();
     }

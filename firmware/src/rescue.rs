@@ -11,7 +11,7 @@ use crate::dispatch::{Board, FIRMWARE};
 use crate::port::{Item, Port};
 
 /// Version of the messages of a held board: the bootstrap set alone.
-pub const PROTOCOL_OF_A_HELD_BOARD: u16 = 0;
+pub const RECOVERY_PROTOCOL: u16 = 0;
 
 /// Bytes of the longest answer on the line: header, payload, checksum, COBS's overhead and both zero bytes.
 const MAX_ANSWER: usize = frame::HEADER + bootstrap::MAX_PAYLOAD + 4 + 1 + 2;
@@ -58,7 +58,7 @@ async fn answer(board: &Board, encoded: &mut [u8], writer: &mut impl Write) -> O
 fn reply(board: &Board, request: Request) -> Payload {
     match request {
         Request::Identify => board.identity.encode(),
-        Request::Version => Version { protocol: PROTOCOL_OF_A_HELD_BOARD, firmware: FIRMWARE }.encode(),
+        Request::Version => Version { protocol: RECOVERY_PROTOCOL, firmware: FIRMWARE }.encode(),
         Request::ReadFault => CrashRecord::encode(board.crash.as_ref()),
         // Every output is disabled already.
         Request::Stop | Request::Reboot(_) => [0].into_iter().collect(),

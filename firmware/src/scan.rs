@@ -1,4 +1,4 @@
-//! Finds a stop in the bytes of the console, whatever stands around it.
+//! Finds a stop in the bytes of the console, whatever is around it.
 //!
 //! A stop must not depend on what else is on the line: an open frame of another program, lost zeros, noise before a typed
 //! word. So nothing is parsed here. A stop frame is what is between any two zeros, if its checksum is right; a typed

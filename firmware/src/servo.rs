@@ -31,7 +31,7 @@ use packet::{Packet, Parser};
 pub const CYCLE: Micros = Micros::from_millis(10);
 /// An answer takes at most this long; a servo answers within half a millisecond, an emulated one when its host runs.
 pub const ANSWER_TIMEOUT: Micros = Micros::from_millis(20);
-/// The bus is quiet after so long without a byte.
+/// The bus is quiet after this time without a byte.
 const QUIET: Micros = Micros::from_millis(2);
 /// A target is written again after this many visits even if it did not change: the servo may have lost power.
 const REWRITE_VISITS: u8 = 50;
@@ -53,7 +53,7 @@ const LOAD_SIGN: u16 = 1 << 10;
 pub enum BusError {
     /// No answer in time.
     Silent,
-    /// An answer of another length than asked for.
+    /// An answer of another length than requested.
     Length,
     /// The port failed.
     Port,

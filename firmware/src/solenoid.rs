@@ -25,7 +25,7 @@ pub struct Pins<D, C, L, E> {
 pub struct Solenoids<D, C, L, E> {
     pins: Pins<D, C, L, E>,
     /// Lines that the latch holds; `None` before the first time.
-    held: Option<u64>,
+    latched: Option<u64>,
     enabled: bool,
     age_ticks: u8,
 }
@@ -39,20 +39,20 @@ where
 {
     /// Takes the pins and switches all outputs off.
     pub fn new(pins: Pins<D, C, L, E>) -> Result<Self, Error> {
-        let mut solenoids = Self { pins, held: None, enabled: true, age_ticks: 0 };
+        let mut solenoids = Self { pins, latched: None, enabled: true, age_ticks: 0 };
         solenoids.safe()?;
         Ok(solenoids)
     }
 
     /// Drives the lines. Shifts only what changed or is due for a refresh. Call once a tick.
     ///
-    /// Off comes before the new lines, on after them: no line carries current that was not asked for.
+    /// Off comes before the new lines, on after them: no line carries current that was not requested.
     pub fn apply(&mut self, lines: u64, enabled: bool) -> Result<(), Error> {
         if !enabled {
             self.safe()?;
         }
         self.age_ticks = self.age_ticks.saturating_add(1);
-        if self.held != Some(lines) || self.age_ticks >= REFRESH_TICKS {
+        if self.latched != Some(lines) || self.age_ticks >= REFRESH_TICKS {
             self.shift(lines)?;
         }
         if enabled && !self.enabled {
@@ -92,7 +92,7 @@ where
         }
         self.pins.latch.set_high()?;
         self.pins.latch.set_low()?;
-        self.held = Some(lines);
+        self.latched = Some(lines);
         self.age_ticks = 0;
         Ok(())
     }

@@ -111,7 +111,7 @@ impl<F: NorFlash> Store<F> {
         self.put_doubled(KEY_CALIBRATION, calibration).await
     }
 
-    /// Checks the whole image that has arrived and fills `table` from it. Nothing is committed yet.
+    /// Checks the complete image that has arrived and fills `table` from it. Nothing is committed yet.
     pub async fn load_upload(&mut self, table: &mut Table, board: &Board<'_>) -> Result<(), LoadError> {
         let Upload { slot, image, .. } = self.upload.ok_or(LoadError::Damaged)?;
         let loaded = self.load(slot, image, table, board).await;

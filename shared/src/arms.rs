@@ -13,7 +13,7 @@ use crate::real::Vec3;
 use crate::se::{Pose, Pose2};
 use crate::units::Word;
 
-/// So many cases, the same ones in every run.
+/// The number of cases, the same ones in every run.
 pub(crate) fn seeded(cases: u32) -> Config {
     Config { cases, rng_seed: RngSeed::Fixed(0xda23), failure_persistence: None, ..Config::default() }
 }

@@ -78,7 +78,8 @@ impl MeterLimit {
         }
     }
 
-    /// The limit for a rehearsal: a program that keeps it keeps the whole limit although ticks are late by so much and,
+    /// The limit for a rehearsal: a program that keeps it keeps the complete limit although ticks are late by so much
+    /// and,
     /// `after_use`, although buckets close at other times than in the rehearsal.
     #[must_use]
     pub const fn rehearsed(self, lateness: Micros, after_use: bool) -> Self {
@@ -168,7 +169,7 @@ impl DutyMeter {
         self.closed_sum == 0 && self.filled_on_us == 0
     }
 
-    /// On-time that is left in the present window, in microseconds; a whole window where duty is not limited.
+    /// On-time that is left in the present window, in microseconds; a complete window where duty is not limited.
     pub fn left_us(&self, limit: &MeterLimit) -> u32 {
         if limit.is_duty_limited() {
             limit.allowed_us.saturating_sub(self.used_us(limit))

@@ -8,7 +8,7 @@
 //! | [`trig`]      | sine, cosine, arc tangent and root, fast on the chip                                       |
 //! | [`se`]        | rigid motions: poses, twists, wrenches                                                    |
 //! | [`actuator`]  | one stage of an arm: platform with discrete legs, discrete joint, servo joint, link       |
-//! | [`chain`]     | the stages of an arm: where its tool stands, and how it moves with each parameter         |
+//! | [`chain`]     | the stages of an arm: the pose of its tool, and how it moves with each parameter         |
 //! | [`tree`]      | trees of joints on a fixed or floating base: where links stand, Jacobians                 |
 //! | [`dynamics`]  | torques of a motion, mass matrix, gravity, centre of mass, regressor                      |
 //! | [`ik`]        | joint positions that bring a tool to a pose                                               |

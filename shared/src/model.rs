@@ -22,7 +22,7 @@ const MAX_SETTLINGS: usize = 12;
 /// The arm has settled when no actuator moves by more than this, m or rad; 16 ε of the scalar come on top.
 const SETTLED: f64 = 1e-8;
 
-/// An arm of at most `N` stages with everything that decides where its tool stands.
+/// An arm of at most `N` stages with everything that decides the pose of its tool.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model<T: Real, const N: usize> {
     /// Counts up with every change, so that a table or a measurement names what it was made with.
@@ -123,7 +123,7 @@ impl<T: Real, const N: usize> Model<T, N> {
         self.effects.iter().fold(pose_base_tool, |pose, effect| effect.law().displace(pose, condition))
     }
 
-    /// Lets the loaded actuators give way until the arm stands still; `scratch` holds it without load.
+    /// Lets the loaded actuators give way until the arm is at rest; `scratch` holds it without load.
     fn settle(&self, condition: &Condition<T>, scratch: &mut Scratch<T, N>) -> Result<(), ChainError> {
         let unloaded_settings = scratch.settings;
         let settled = real::<T>(SETTLED) + T::default_epsilon() * real(16.0);
@@ -159,7 +159,7 @@ impl<T: Real, const N: usize> Model<T, N> {
         loads
     }
 
-    /// The weight of a mass carried by a frame, about the origin of the base and told there.
+    /// The weight of a mass carried by a frame, expressed about the origin of the base.
     fn weight(&self, mass: &Mass<T>, frame: &Pose<T>) -> Wrench<T> {
         Wrench::of_force(self.gravity * mass.mass_kg, &(*frame * mass.center))
     }

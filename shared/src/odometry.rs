@@ -23,7 +23,7 @@
 //! ```
 //! use darm_core::odometry::{Drive, Estimate};
 //! let drive = Drive { radius_m: 0.05, half_track_m: 0.1, ticks_per_turn: 1000.0, variance_per_m: 1e-4 };
-//! // Left wheel still, right wheel once round: an arc of 2π·0.05/0.2 = π/2 about the left wheel, which stands at (0, 0.1).
+//! // Left wheel still, right wheel once round: an arc of 2π·0.05/0.2 = π/2 about the left wheel, which is at (0, 0.1).
 //! let there = drive.advance(&Estimate::start(), 0, 1000);
 //! assert!((there.pose.angle_rad - core::f64::consts::FRAC_PI_2).abs() < 1e-12);
 //! assert!((there.pose.position.x - 0.1).abs() < 1e-12 && (there.pose.position.y - 0.1).abs() < 1e-12);

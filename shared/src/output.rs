@@ -7,7 +7,7 @@
 //! |-------------|--------------|---------------------------------------------------------------|
 //! | `Hold`      | one          | the line is high (a valve)                                    |
 //! | `PeakHold`  | pull, hold   | both high for `peak_ms`, then only the hold line               |
-//! | `Latch`     | set, reset   | a pulse of `pulse_ms` on `set` when it goes on, on `reset` when it goes off, no current between |
+//! | `Latch`     | set, reset   | a pulse of `pulse_ms` on `set` when it is switched on, on `reset` when it is switched off, no current between |
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::unwrap_used))]
 
 mod servo;

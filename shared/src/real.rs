@@ -73,9 +73,9 @@ elementary! {
     exp: libm::expf, libm::exp;
     /// The hyperbolic tangent of x.
     tanh: libm::tanhf, libm::tanh;
-    /// √x; no number of what is negative.
+    /// √x; not a number where x is negative.
     sqrt: libm::sqrtf, libm::sqrt;
-    /// The nearest whole number, halves away from zero.
+    /// The nearest integer, halves away from zero.
     round: libm::roundf, libm::round;
 }
 

@@ -39,7 +39,7 @@ use switches::Switches;
 
 /// Outputs or actuators that one tick takes over.
 const TAKEN_A_TICK: usize = 12;
-/// The approach may take so long.
+/// The approach may take this time.
 const APPROACH_TIMEOUT: Micros = Micros::from_millis(30_000);
 
 /// The state machine. It borrows the table, so that the board can hand it over without copying it.
@@ -114,13 +114,13 @@ impl<'t> Sequencer<'t> {
     }
 
     /// Takes over at most `most` further outputs of the profile or, once it has them all, actuators of the table.
-    fn take_over(&mut self, most: usize) {
+    fn take_over(&mut self, max: usize) {
         if !self.coils.has_outputs() {
-            return self.coils.take_outputs(self.now, self.profile, most);
+            return self.coils.take_outputs(self.now, self.profile, max);
         }
         let Some(table) = self.table.as_deref().filter(|_| !self.is_ready()) else { return };
         let actuators = table.wiring().actuators_with_coils().enumerate();
-        for (index, (actuator, coils)) in actuators.skip(self.n_wired).take(most) {
+        for (index, (actuator, coils)) in actuators.skip(self.n_wired).take(max) {
             self.coils.wire(index, coils);
             self.switches.wire(index, actuator);
             self.n_wired = index.saturating_add(1);
@@ -236,7 +236,7 @@ impl<'t> Sequencer<'t> {
         Ok(())
     }
 
-    /// All coils off, nothing runs. The servos go on as they are.
+    /// All coils off, nothing runs. The servos continue as they are.
     fn rest(&mut self) {
         self.coils.rest();
         self.switches.rest();

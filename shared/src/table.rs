@@ -111,7 +111,7 @@ pub fn wiring<'r>(records: impl IntoIterator<Item = &'r Record>) -> Result<Wirin
     Ok(wiring)
 }
 
-/// A whole table in memory.
+/// A complete table in memory.
 #[derive(Clone, Debug, Default)]
 pub struct Table {
     checker: Checker,
@@ -142,7 +142,7 @@ impl Table {
         self.checker.stage = Stage::Empty;
     }
 
-    /// When the program ends; `None` while the table is not whole.
+    /// When the program ends; `None` while the table is not complete.
     pub fn end(&self) -> Option<Micros> {
         match self.checker.stage {
             Stage::Ended { at } => Some(at),
@@ -180,7 +180,7 @@ impl Table {
 
     /// Smallest and largest angle of a servo joint in all rows; nothing without rows.
     pub fn servo_span_rad(&self, servo: usize) -> Option<(f32, f32)> {
-        self.checker.servo_span_rad.get(servo).copied().filter(|(least, most)| least <= most)
+        self.checker.servo_span_rad.get(servo).copied().filter(|(low, high)| low <= high)
     }
 
     /// The rows in order of time.

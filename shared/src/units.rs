@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 pub struct Micros(pub u64);
 
 impl Micros {
-    /// A span of whole milliseconds.
+    /// A span of integer milliseconds.
     pub const fn from_millis(millis: u32) -> Self {
         Self((millis as u64).saturating_mul(1000))
     }

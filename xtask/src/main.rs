@@ -19,7 +19,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Task {
-    /// The whole loop: synthesis, table, upload, play, measure, diagnose, close; writes a report
+    /// The complete loop: synthesis, table, upload, play, measure, diagnose, close; writes a report
     Demo(Arguments),
     /// Measures, and prints a table beside the goals
     Bench(Arguments),
@@ -29,7 +29,7 @@ enum Task {
     Blind(Arguments),
     /// Cuts the power at seeded moments, sends damaged frames, stops through a port that is held; prints the counts
     Faults(Arguments),
-    /// Runs the whole system in virtual time under two judges; prints what they find
+    /// Runs the complete system in virtual time under two judges; prints what they find
     Simulate(Arguments),
     /// Joins the result files of a run that was spread over processes, and prints its table
     Merge(Arguments),

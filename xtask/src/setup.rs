@@ -1,4 +1,5 @@
-//! What a fresh machine lacks: the chip's target for the pinned toolchain, and an emulator that knows the board.
+//! What is missing on a fresh machine: the chip's target for the pinned toolchain, and an emulator that knows the
+//! board.
 //!
 //! Nothing is done twice: each part first looks whether it is there.
 

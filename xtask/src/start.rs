@@ -19,7 +19,7 @@ pub(crate) fn measurement(name: &str, arguments: &Arguments) -> Result<ExitCode>
     run(&["--package", "darm-eval", "--", name], arguments)
 }
 
-/// The simulation of the whole system, which the mutants build again and again and which is a package of its own therefore.
+/// The simulation of the complete system: a separate package, because the mutants build it again and again.
 pub(crate) fn simulation(arguments: &Arguments) -> Result<ExitCode> {
     run(&["--package", "darm-simulate", "--"], arguments)
 }

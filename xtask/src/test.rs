@@ -57,7 +57,7 @@ impl Test {
         cargo(&["doc", "--workspace", "--no-deps"])
     }
 
-    /// False where there is none and the tests on the image may be left out.
+    /// False where there is none and the tests on the image are optional.
     fn has_emulator(&self) -> Result<bool> {
         match setup::emulator() {
             Emulator::Ready => Ok(true),

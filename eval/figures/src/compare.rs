@@ -1,8 +1,9 @@
 //! Two folders of figure files, before and after a change that is not to change them.
 //!
-//! Rows are matched by file and name; a map has the names that were changed on purpose. Names, units, verdicts and whole
-//! numbers are to be identical, instruction counts within 1 %, other numbers within 1e-6 relative. Times, and what a search
-//! reaches in a given time, are left out. A row that is missing after the change is a difference, a new one is not.
+//! Rows are matched by file and name; a map has the names that were changed on purpose. Names, units, verdicts and
+//! integers are to be identical, instruction counts within 1 %, other numbers within 1e-6 relative. Times, and what a
+//! search reaches in a given time, are left out. A row that is missing after the change is a difference, a new one is
+//! not.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;

@@ -77,7 +77,7 @@ pub struct ArmPlan {
     pub actuators: Vec<ActuatorPlan>,
     /// Servo joints.
     pub servos: Vec<ServoPlan>,
-    /// Loads that may newly go on within the window.
+    /// Loads that may be newly switched on within the window.
     pub new_loads: u8,
     /// The window, ms.
     pub budget_ms: u16,

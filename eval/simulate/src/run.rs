@@ -7,7 +7,7 @@ use darm_device::link::faulty::FaultCounts;
 use crate::host::{FirstUpload, Host};
 use crate::judge::Verdict;
 use crate::panics::caught;
-use crate::script::{LEAST_MS, Script};
+use crate::script::{MIN_MS, Script};
 use crate::trace::Said;
 use crate::world::{self, World};
 
@@ -43,7 +43,7 @@ pub fn run(script: &Script, readable: bool) -> Outcome {
     let acted = caught(|| {
         host.run();
         let now_ms = world::with(|world| world.now_ns()) / 1_000_000;
-        world::pass(LEAST_MS.saturating_sub(now_ms));
+        world::pass(MIN_MS.saturating_sub(now_ms));
         host.look_back();
     });
     if let Err(message) = acted {

@@ -10,8 +10,8 @@ use crate::arm::{ArmPlan, Table, TablePlan};
 
 /// Loss rates of the line, percent.
 pub const LOSSES: [u32; 6] = [0, 1, 5, 10, 20, 30];
-/// A run lasts at least so long.
-pub const LEAST_MS: u64 = 60_000;
+/// A run lasts at least this time.
+pub const MIN_MS: u64 = 60_000;
 
 /// What the host does, one after the other.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -30,7 +30,7 @@ pub enum HostAct {
     Pulse(u8),
     /// Stops, then two coils, the second for a shorter time: each must go off at its own time.
     TwoPulses(u8, u8),
-    /// One coil on for so long, ms.
+    /// One coil on for this time, ms.
     Coil(u8, u32),
     /// One coil on as often as the board allows, then under another table as often as it allows, then after a restart.
     Exhaust(u8, usize),
@@ -51,25 +51,25 @@ pub enum HostAct {
 /// What happens to the board, at its time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum WorldAct {
-    /// The power goes for so long, ms.
+    /// The power is off for this time, ms.
     PowerCut(u32),
-    /// The power goes at the n-th word of flash from now on, for so long, ms.
+    /// The power fails at the n-th word of flash from now on, for this time, ms.
     FlashCut(u32, u32),
     /// The firmware starts again.
     Reset,
     /// The host is killed, whatever it waits for.
     KillHost,
-    /// These switches are stuck (closed if `true`) for so long, ms.
+    /// These switches are stuck (closed if `true`) for this time, ms.
     StuckSwitches(u32, bool, u32),
-    /// These switches bounce at random for so long, ms.
+    /// These switches bounce at random for this time, ms.
     BouncingSwitches(u32, u32),
-    /// These servos do not answer for so long, ms.
+    /// These servos do not answer for this time, ms.
     SilentServos(u8, u32),
-    /// These servos cannot turn for so long, ms.
+    /// These servos cannot turn for this time, ms.
     BlockedServos(u8, u32),
-    /// Somebody holds the emergency stop for so long, ms.
+    /// Somebody holds the emergency stop for this time, ms.
     EmergencyStop(u32),
-    /// Something sends random bytes on the servo bus for so long, ms.
+    /// Something sends random bytes on the servo bus for this time, ms.
     BabblingBus(u32),
     /// Valid frames with arbitrary values: how many, and whether under the link of the host.
     Frames(u32, bool),

@@ -180,7 +180,7 @@ impl Second<'_> {
         self.console.look(move |world| world.judge_stopped(Party::Second, began_ns, false));
     }
 
-    /// Stops, then switches one coil on for a moment: the line goes on once if that was confirmed.
+    /// Stops, then switches one coil on for a moment: the line is switched on once if that was confirmed.
     fn pulse(&mut self, coil: u8) {
         let began_ns = self.console.now_ns();
         let Some(line) = self.script.arm.pulsed_line(coil) else { return };

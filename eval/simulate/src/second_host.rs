@@ -7,8 +7,8 @@
 //!                            └── Send, Look, Receive, Pass ─────────────┘
 //! ```
 //!
-//! The world waits while the second host runs, and goes on when that host waits for bytes or lets time pass. So a seed
-//! decides the order of everything, although both clients are synchronous.
+//! The world waits while the second host runs, and continues when that host waits for bytes or lets time pass. So a
+//! seed decides the order of everything, although both clients are synchronous.
 
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, Sender, channel};

@@ -4,18 +4,18 @@ use crate::run::run;
 use crate::script::Script;
 
 /// Runs that shrinking may take.
-const MOST_RUNS: usize = 200;
+const MAX_RUNS: usize = 200;
 
 /// A script with fewer entries that still breaks `rule`: halves, then quarters, then single entries are left out.
 pub fn shrink(script: &Script, rule: &str) -> Script {
     let mut best = script.clone();
     let mut runs = 0;
     let mut part = best.world.len().max(best.host.len()).max(best.second.len()).max(1);
-    while part > 0 && runs < MOST_RUNS {
+    while part > 0 && runs < MAX_RUNS {
         let mut smaller = false;
         for cut in cuts(&best, part) {
             runs += 1;
-            if runs > MOST_RUNS {
+            if runs > MAX_RUNS {
                 break;
             }
             if run(&cut, false).verdict.has(rule) {

@@ -28,7 +28,7 @@ pub use plug::{Plug, enter, leave, pass, with};
 pub use senders::Party;
 
 /// No run lasts longer: whoever still waits finds the line closed.
-const MOST_NS: u64 = 600_000_000_000;
+const MAX_NS: u64 = 600_000_000_000;
 
 /// The world of one run.
 pub struct World {
@@ -186,7 +186,7 @@ impl World {
     }
 
     fn is_closed(&self, session: u32) -> bool {
-        session != self.session || self.now_ns() > MOST_NS
+        session != self.session || self.now_ns() > MAX_NS
     }
 
     /// One tick.

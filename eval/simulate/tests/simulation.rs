@@ -4,7 +4,7 @@ use std::path::Path;
 
 use darm_simulate::mutants;
 use darm_simulate::run::{Outcome, run};
-use darm_simulate::script::{LEAST_MS, Script};
+use darm_simulate::script::{MIN_MS, Script};
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 
 fn outcomes(seeds: std::ops::Range<u64>) -> Vec<Outcome> {
@@ -16,7 +16,7 @@ fn forty_seeds_break_no_rule_and_have_every_disturbance() {
     let outcomes = outcomes(0..40);
     let mut broken = Vec::new();
     for outcome in &outcomes {
-        assert!(outcome.virtual_ms >= LEAST_MS, "seed {}", outcome.seed);
+        assert!(outcome.virtual_ms >= MIN_MS, "seed {}", outcome.seed);
         for (violation, _) in outcome.verdict.firsts() {
             broken.push(format!("seed {}: {}: {}", outcome.seed, violation.rule, violation.sentence));
         }

@@ -20,7 +20,7 @@ use xtask::setup;
 const SAMPLES: usize = 10_000_000;
 /// Frames of the last stages that are formed one by one, as in `darm map`.
 const EXACT: usize = 1 << 18;
-/// Edge of the cubes that densities are compared on, m: whole cells, and 2¹⁵ words leave few to a smaller one.
+/// Edge of the cubes that densities are compared on, m: complete cells, and 2¹⁵ words leave few to a smaller one.
 const COARSE_M: f64 = 0.4;
 /// The same for 64⁶ words, and of position and orientation together, where the cubes of rotation vectors are of this many
 /// cells.
@@ -44,7 +44,7 @@ pub(super) fn measure(seed: u64) -> Result<Vec<Figure>> {
 struct Shares(HashMap<[i32; 3], f64>);
 
 impl Shares {
-    /// Cells of `cell_m` lie around whole multiples of it; the walls of the cubes are walls of cells.
+    /// Cells of `cell_m` lie around integer multiples of it; the walls of the cubes are walls of cells.
     fn add(&mut self, position: &Vec3<f64>, edge_m: f64, cell_m: f64, share: f64) {
         *self.0.entry(cube(position, edge_m, cell_m)).or_default() += share;
     }

@@ -134,7 +134,7 @@ pub(super) fn best_of<T>(runs: usize, mut run: impl FnMut() -> T) -> (T, f64) {
     })
 }
 
-/// Error and time of the searches; the board's own runs on this machine.
+/// Error and time of the searches; the board's own is timed on this machine.
 fn searches(
     arm: &Arm,
     index: &Index,
@@ -265,7 +265,7 @@ pub(super) fn spatial(random: &mut ChaCha8Rng) -> Result<Arm> {
     Ok(arm)
 }
 
-/// Where the arm stands for a random word, or with each leg of any length between its shortest and its longest.
+/// The pose of the arm for a random word, or with each leg of any length between its shortest and its longest.
 fn target(arm: &Arm, continuous: bool, random: &mut ChaCha8Rng) -> Result<Pose<f64>> {
     let digits: Vec<u8> = (0..arm.n_actuators()).map(|_| random.random_range(0..2)).collect();
     let mut scratch = ArmScratch::default();

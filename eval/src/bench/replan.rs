@@ -14,7 +14,7 @@ use xtask::setup;
 
 /// Desired frames.
 const FRAMES: usize = 100;
-/// They are where the arm stands for a random word, and so far off in every direction, m and rad.
+/// They are the poses of the arm for a random word, and this far off in every direction, m and rad.
 const OFF: f64 = 0.02;
 
 /// Root mean square errors that are measured on the arm: see `tests/data/corrected`.

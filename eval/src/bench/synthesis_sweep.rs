@@ -37,7 +37,7 @@ const PLANAR_SIZES: [f64; 4] = [0.1, 0.3, 0.5, 0.8];
 const SERIAL_SIZES: [f64; 3] = [0.1, 0.3, 1.0];
 const CHOICE: &str = "eight frames";
 
-/// The whole sweep; nothing about it can be chosen.
+/// The complete sweep; it has no options.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct SynthesisSweep {}
 
@@ -227,7 +227,7 @@ fn own_frames(file: &str, words: &[&str]) -> Result<Own> {
 
 fn moved(frames: &[DesiredFrame], size: f64, planar: bool, seed: u64) -> Vec<DesiredFrame> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut within = |most: f64| rng.random_range(-most..most);
+    let mut within = |limit: f64| rng.random_range(-limit..limit);
     let mut motion = || {
         if planar {
             let linear = Vector3::new(within(size), within(size), 0.0);

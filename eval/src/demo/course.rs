@@ -99,7 +99,7 @@ pub(crate) struct Course {
     pub(crate) synthesis: Synthesis,
     /// The desired frames, with the servo angles that it found.
     pub(crate) wanted: Vec<DesiredFrame>,
-    /// The measurement programme in numbers.
+    /// The measurement plan in numbers.
     pub(crate) programme: ProgrammeFigures,
     /// Errors at the desired frames before anything is known.
     pub(crate) before: FrameErrors,
@@ -266,7 +266,7 @@ fn figures(steps: &[Step], measured: &Measured) -> ProgrammeFigures {
     }
 }
 
-/// The samples at the desired frames, and those of the programme.
+/// The samples at the desired frames, and those of the measurement plan.
 fn split(run: Run, n_frame_stops: u32) -> (Run, Run) {
     let (frames, programme) = run.samples.into_iter().partition(|sample| sample.visit < n_frame_stops);
     (Run { samples: frames, ..Run::default() }, Run { samples: programme, ..Run::default() })

@@ -24,7 +24,7 @@ pub(crate) use sweep::Sweep;
 use xtask::image;
 use xtask::setup::{self, Emulator};
 
-/// The whole loop: synthesis, table, upload, play, measure, diagnose, close; writes a report
+/// The complete loop: synthesis, table, upload, play, measure, diagnose, close; writes a report
 #[derive(clap::Args)]
 pub(crate) struct Demo {
     /// Which arm
@@ -33,7 +33,7 @@ pub(crate) struct Demo {
     /// Seed of everything that is drawn: the hidden effect, the noise, the words
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Effect that the true arm hides; drawn by the seed where it is left out
+    /// Effect that the true arm hides; default: drawn by the seed
     #[arg(long, value_name = "LAW")]
     effect: Option<Kind>,
     /// Run the firmware library in this process, in virtual time, in place of the image in the emulator

@@ -251,7 +251,7 @@ fn compared(method: &str, runs: &[&Run]) -> Result<Vec<Figure>> {
     let solved = |starts: usize| runs.iter().filter(|run| run.solved_by.is_some_and(|by| by <= starts)).count() as f64;
     let percent = |starts: usize| 100.0 * solved(starts) / runs.len() as f64;
     let faults = |is: fn(&Faults) -> bool| runs.iter().filter(|run| is(&run.faults)).count() as f64;
-    let most_m = runs.iter().map(|run| run.faults.error_m).fold(0.0, f64::max);
+    let max_m = runs.iter().map(|run| run.faults.error_m).fold(0.0, f64::max);
     let iterations: f64 = runs.iter().map(|run| f64::from(run.iterations)).sum();
     let time_s: f64 = runs.iter().map(|run| run.time_s).sum();
     Ok(vec![
@@ -260,7 +260,7 @@ fn compared(method: &str, runs: &[&Run]) -> Result<Vec<Figure>> {
         Figure::new(&name("ten starts"), percent(LENGTH), "%")?,
         Figure::new(&name("answers that collide"), faults(|fault| fault.collides), "")?,
         Figure::new(&name("answers past a limit"), faults(|fault| fault.is_past_limits), "")?,
-        Figure::new(&name("largest error of an answer"), 1e3 * most_m, "mm")?,
+        Figure::new(&name("largest error of an answer"), 1e3 * max_m, "mm")?,
         Figure::new(&name("iterations for a grasp"), iterations / solved(LENGTH), "")?,
         Figure::new(&name("time for a grasp"), 1e3 * time_s / solved(LENGTH), "ms")?,
     ])

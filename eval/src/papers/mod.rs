@@ -22,7 +22,8 @@ pub(crate) struct Papers {
 enum Paper {
     Grasp(Spreadable<Grasp>),
     Memr(Spreadable<Memr>),
-    Stand(SitToStand),
+    #[command(name = "stand")]
+    SitToStand(SitToStand),
 }
 
 /// A paper whose runs several processes can share.
@@ -39,7 +40,7 @@ impl Papers {
         match &self.paper {
             Paper::Grasp(grasp) => items::run(&grasp.job, &grasp.spread),
             Paper::Memr(memr) => items::run(&memr.job, &memr.spread),
-            Paper::Stand(stand) => stand.run(),
+            Paper::SitToStand(sit_to_stand) => sit_to_stand.run(),
         }
     }
 }

@@ -132,7 +132,7 @@ fn outputs_off() {
     enable.port.bsrr().write(|w| w.set_bs(usize::from(enable.index), true));
 }
 
-/// Ends a start that cannot go on, as a panic does.
+/// Ends a start that cannot continue, as a panic does.
 pub fn give_up(why: fmt::Arguments) -> ! {
     outputs_off();
     die(Record::new(PANIC, (0, 0), why))
@@ -171,8 +171,8 @@ unsafe extern "C" {
     static _stack_end: u32;
 }
 
-/// Takes pc and lr from the frame that the processor has pushed, if the stack had room for it, and goes on at the top of
-/// the stack's memory. All code runs on the main stack.
+/// Takes pc and lr from the frame that the processor has pushed, if the stack had room for it, and continues at the
+/// top of the stack's memory. All code uses the main stack.
 #[unsafe(naked)]
 #[unsafe(no_mangle)]
 unsafe extern "C" fn HardFault() -> ! {

@@ -122,7 +122,8 @@ impl Lateness {
         self.0.iter().map(|bin| u32::from(bin.load(Ordering::Relaxed))).sum()
     }
 
-    /// So many percent of the ticks were no later than this, to 10 µs; what is later than 10 ms counts as 10 ms.
+    /// The lateness that this percentage of the ticks does not exceed, to 10 µs; what is later than 10 ms counts as
+    /// 10 ms.
     pub fn percentile(&self, percent: u32) -> Micros {
         let wanted = (self.ticks() * percent).div_ceil(100);
         let mut seen = 0;

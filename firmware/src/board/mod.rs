@@ -1,4 +1,5 @@
-//! B-L475E-IOT01A: the one place that knows the chip. The same image runs on silicon and in QEMU's machine of that name.
+//! B-L475E-IOT01A: the one place that knows the chip. The same image is used on silicon and in QEMU's machine of that
+//! name.
 //!
 //! | file       | holds                                                             |
 //! |------------|-------------------------------------------------------------------|

@@ -13,7 +13,7 @@ const MAGIC: u32 = 0x6c6f_6164;
 #[unsafe(link_section = ".uninit.LOADER")]
 static mut WISH: MaybeUninit<u32> = MaybeUninit::uninit();
 
-/// Resets the chip because somebody asked for it; output pins go back to their pull-ups, which hold the outputs off.
+/// Resets the chip on request; output pins go back to their pull-ups, which hold the outputs off.
 pub fn restart(into: Into) -> ! {
     super::crash::forget_crashes();
     let wish = match into {
@@ -25,7 +25,8 @@ pub fn restart(into: Into) -> ! {
     SCB::sys_reset()
 }
 
-/// Goes on into the loader when the last [`restart`] asked for it. Call first of all, while the chip is as after reset.
+/// Continues into the loader when the last [`restart`] requested it. Call first of all, while the chip is as after
+/// reset.
 ///
 /// QEMU has no loader: there the firmware starts.
 pub fn enter_loader_if_asked() {

@@ -51,15 +51,15 @@ static TABLE: StaticCell<Table> = StaticCell::new();
 static ROOM: StaticCell<Room> = StaticCell::new();
 static PROFILE: StaticCell<Profile> = StaticCell::new();
 /// How long each output has been on. Start-up code neither clears nor fills this section, so it outlives a reset, unless
-/// the option byte SRAM2_RST has it erased; each meter tells by its checksum whether it did.
+/// the option byte SRAM2_RST has it erased; each meter finds by its checksum whether it did.
 #[unsafe(link_section = ".above.USED")]
 static mut USED: MaybeUninit<DutyMeters> = MaybeUninit::uninit();
 /// In the memory that nothing clears at the start, see `memory.x`.
 #[unsafe(link_section = ".above.TICKER")]
 static mut TICKER: MaybeUninit<Ticker> = MaybeUninit::uninit();
 /// In the same memory.
-#[unsafe(link_section = ".above.DESK")]
-static mut DESK: MaybeUninit<OnBoard> = MaybeUninit::uninit();
+#[unsafe(link_section = ".above.DISPATCHER")]
+static mut DISPATCHER: MaybeUninit<OnBoard> = MaybeUninit::uninit();
 /// When the requested tick is due, modulo 2³² µs.
 static DUE_US: AtomicU32 = AtomicU32::new(0);
 
@@ -156,7 +156,7 @@ async fn console(
             });
             CONSOLE_PULSE.during(&BoardClock, work).await
         }
-        Start::Held => rescue::serve(&dispatcher.board, &BoardClock, &mut receiver, &mut sender).await,
+        Start::Recovery => rescue::serve(&dispatcher.board, &BoardClock, &mut receiver, &mut sender).await,
     };
     restart::restart(into)
 }
@@ -181,10 +181,10 @@ fn identity() -> Identity {
     Identity { device: super::device(), board: heapless::String::try_from(super::NAME).unwrap_or_default() }
 }
 
-/// What the console owns. Each of these is built in a call of its own, so that no two need their stack at once.
+/// What the console owns. Each of these is built in a separate call, so that no two need their stack at once.
 #[inline(never)]
 fn dispatcher(crash: Option<CrashRecord>, room: &'static mut Room) -> &'static mut OnBoard {
-    let dispatcher = &raw mut DESK;
+    let dispatcher = &raw mut DISPATCHER;
     // SAFETY: nothing else refers to it, as this takes the room, which can be built once only.
     unsafe { (*dispatcher).write(Dispatcher::new(Board { identity: identity(), crash }, BoardClock, &SHARED, room)) }
 }
@@ -230,7 +230,7 @@ fn start_control() {
 #[inline(never)]
 pub fn start(crash: Option<CrashRecord>, start: Start, room: &'static mut Room) {
     let Ok(console) = console(dispatcher(crash, room), table(), profile(), start) else { twice() };
-    if start == Start::Held {
+    if start == Start::Recovery {
         // The pin keeps the level that it gets here.
         ChainEnable::new(true);
         COMMON.start(super::COMMON).spawn(console);

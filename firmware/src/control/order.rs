@@ -13,7 +13,7 @@ pub enum Order<'t> {
     Command {
         /// What.
         command: Command,
-        /// How many [stops](super::Shared::stops) there were when it was asked for.
+        /// How many [stops](super::Shared::stops) there were when it was requested.
         stops: u32,
     },
     /// Tell what you do now.

@@ -1,4 +1,4 @@
-//! Uploads of tables and profiles: taken piece by piece, checked as a whole, then made valid.
+//! Uploads of tables and profiles: taken piece by piece, checked when complete, then made valid.
 
 use darm_core::profile::Profile;
 use darm_core::table::Table;
@@ -32,7 +32,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
 
     /// Fills the one table in memory from the new image, and only then makes the image valid.
     pub(super) async fn commit(&mut self, image: Image) -> Result<Answer, Refusal> {
-        if !self.store()?.is_whole(image) {
+        if !self.store()?.is_complete(image) {
             return Err(Refusal::NoUpload);
         }
         if image.kind == ImageKind::Profile {

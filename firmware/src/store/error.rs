@@ -8,7 +8,7 @@ use darm_core::wire::message::Refusal;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StorageError;
 
-/// Why an upload does not go on.
+/// Why an upload does not continue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UploadError {
     /// The image is longer than a slot, or empty.

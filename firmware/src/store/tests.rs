@@ -118,9 +118,9 @@ fn an_upload_resumes_and_ignores_what_it_has() {
     assert_eq!(now(store.chunk(0, &bytes[..10])), Ok(10));
     assert_eq!(now(store.chunk(20, &bytes[20..30])), Ok(10));
     assert_eq!(now(store.begin(image)), Ok(10));
-    assert!(!store.is_whole(image));
+    assert!(!store.is_complete(image));
     assert_eq!(now(store.chunk(10, &bytes[10..])), Ok(image.len));
-    assert!(store.is_whole(image));
+    assert!(store.is_complete(image));
     assert_eq!(now(store.begin(Image { digest: Digest([0; 32]), ..image })), Ok(0));
     assert_eq!(
         now(store.begin(Image { len: SLOT_BYTES as u32 + 1, ..image })),

@@ -85,7 +85,7 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// True when every byte of this image has arrived.
-    pub fn is_whole(&self, image: Image) -> bool {
+    pub fn is_complete(&self, image: Image) -> bool {
         self.upload.is_some_and(|upload| upload.image == image && upload.next == image.len)
     }
 

@@ -5,7 +5,7 @@ use crate::failure::Usage;
 /// The largest number that commands take, in the unit of the option: a million kilometres in mm.
 const LARGEST: f64 = 1e12;
 
-/// Why a text is no number that a command takes; `of` says of what the number is.
+/// Why a text is not a number that a command takes; `of` says of what the number is.
 pub(crate) fn number(text: &str, of: &str) -> Result<f64, Usage> {
     match text.trim().parse::<f64>() {
         Ok(number) if number.abs() <= LARGEST => Ok(number),

@@ -41,9 +41,9 @@ use std::time::Instant;
 
 use pace::{Pace, Paces};
 
-/// How far a board's clock is off at most, s/s: RC oscillators over their whole temperature range stay below.
+/// How far a board's clock is off at most, s/s: RC oscillators over their complete temperature range stay below.
 pub const LARGEST_RATE_ERROR: f64 = 0.02;
-/// The board's stamps are whole microseconds, rounded down; the rest is rounding of the host's numbers.
+/// The board's stamps are integer microseconds, rounded down; the rest is rounding of the host's numbers.
 const STAMP_S: f64 = 1.1e-6;
 
 /// The host's time since the first call, in seconds: one time for all links and the plant.
@@ -145,8 +145,8 @@ impl BoardClock {
     fn bounds_s(&self, board_s: f64, pace: Pace) -> [f64; 2] {
         self.trips.iter().fold([f64::NEG_INFINITY, f64::INFINITY], |[low_s, high_s], trip| {
             let passed_s = board_s - trip.board_s;
-            let [least_s, most_s] = pace.near(passed_s).passed_s(passed_s);
-            [low_s.max(trip.sent_s + least_s), high_s.min(trip.received_s + most_s)]
+            let [min_s, max_s] = pace.near(passed_s).passed_s(passed_s);
+            [low_s.max(trip.sent_s + min_s), high_s.min(trip.received_s + max_s)]
         })
     }
 
@@ -242,8 +242,8 @@ mod tests {
 
     fn line() -> impl Strategy<Value = Line> {
         let delays = (1e-4..2e-3f64, 1e-4..2e-2f64, 0.0..1.0f64, 0.0..1.0f64);
-        let delay = move |(least_s, jitter_s, out, back): (f64, f64, f64, f64)| {
-            (least_s + jitter_s * out * out, least_s + jitter_s * back * back * back)
+        let delay = move |(min_s, jitter_s, out, back): (f64, f64, f64, f64)| {
+            (min_s + jitter_s * out * out, min_s + jitter_s * back * back * back)
         };
         (0.98..=1.02f64, 0.01..0.5f64, vec(delays.prop_map(delay), 20..200)).prop_map(|(rate, gap_s, delays_s)| Line {
             rate,

@@ -66,10 +66,10 @@ impl Follower {
         let end = Arc::new(AtomicBool::new(false));
         let button = Arc::new(AtomicBool::new(false));
         let chain = Chain::new(board::CHAIN, MAX_LINES / 8, levels);
-        let (shown, held, refreshed) = (0, false, Instant::now());
+        let (shown, pressed, refreshed) = (0, false, Instant::now());
         let (plant, end_of_pins, button_of_pins) = (shared.clone(), end.clone(), button.clone());
         let mut pins =
-            Pins { plant, end: end_of_pins, qtest, chain, camera, shown, refreshed, button: button_of_pins, held };
+            Pins { plant, end: end_of_pins, qtest, chain, camera, shown, refreshed, button: button_of_pins, pressed };
         pins.show_switches()?;
         let (bus_plant, bus_end) = (shared.clone(), end.clone());
         let threads = vec![
@@ -98,8 +98,8 @@ impl Follower {
 
     /// A person holds the board's user button, or releases it. Returns before the pin has changed, by a few
     /// milliseconds.
-    pub fn hold_button(&self, held: bool) {
-        self.button.store(held, Ordering::Relaxed);
+    pub fn hold_button(&self, pressed: bool) {
+        self.button.store(pressed, Ordering::Relaxed);
     }
 
     /// What the camera takes.
@@ -107,7 +107,7 @@ impl Follower {
         self.film.clone()
     }
 
-    /// Lets go of the board and returns the plant as it stands, for the next board on the same metal.
+    /// Lets go of the board and returns the plant in its present state, for the next board on the same metal.
     pub fn stop(mut self) -> Plant {
         self.join();
         lock(&self.plant).clone()
@@ -145,7 +145,7 @@ struct Pins {
     refreshed: Instant,
     /// Whether the user button is to be pressed, and whether it is.
     button: Arc<AtomicBool>,
-    held: bool,
+    pressed: bool,
 }
 
 impl Pins {
@@ -206,10 +206,10 @@ impl Pins {
         }
         self.shown = switches;
         let is_pressed = self.button.load(Ordering::Relaxed);
-        if is_pressed != self.held || is_pressed && again {
+        if is_pressed != self.pressed || is_pressed && again {
             let (bank, pin) = board::BUTTON;
             self.qtest.set_input(bank, pin, !is_pressed)?;
-            self.held = is_pressed;
+            self.pressed = is_pressed;
         }
         Ok(())
     }

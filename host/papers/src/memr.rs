@@ -40,7 +40,7 @@ pub const LIMITS: [[f64; 2]; 4] = {
     use std::f64::consts::{PI, TAU};
     [[0.0, PI], [0.0, PI], [0.0, TAU], [0.0, PI]]
 };
-/// Nearer than this a target counts as met, m: 1e-10 cm.
+/// Closer than this a target counts as met, m: 1e-10 cm.
 pub const MET_M: f64 = 1e-12;
 
 /// What is solved.

@@ -2,7 +2,7 @@
 //!
 //! # Format
 //!
-//! Keys marked `?` may be left out; numbers that are left out are 0.
+//! Keys marked `?` are optional; the default of a number is 0.
 //!
 //! | key | meaning |
 //! | --- | --- |

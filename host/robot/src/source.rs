@@ -14,7 +14,7 @@ pub struct Source {
     text: String,
 }
 
-/// Where in a file something stands; both count from 1.
+/// A place in a file; both count from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
     /// The line.
@@ -28,7 +28,7 @@ pub struct Place {
 pub struct FileError<F> {
     /// The file.
     pub path: PathBuf,
-    /// Where in it; `None` of the file as a whole.
+    /// Where in it; `None` of the complete file.
     pub place: Option<Place>,
     /// What is wrong.
     pub fault: Fault<F>,
@@ -72,7 +72,7 @@ impl Source {
         self.path.parent().unwrap_or(Path::new("")).join(named)
     }
 
-    /// The whole text.
+    /// The complete text.
     pub fn text(&self) -> &str {
         &self.text
     }
@@ -82,7 +82,7 @@ impl Source {
         self.error(Some(span), Fault::Content(Box::new(content)))
     }
 
-    /// The error of `fault` at `span`, or in the file as a whole.
+    /// The error of `fault` at `span`, or in the complete file.
     pub fn error<F>(&self, span: Option<Range<usize>>, fault: Fault<F>) -> FileError<F> {
         FileError { path: self.path.clone(), place: span.map(|span| self.place(span.start)), fault }
     }

@@ -19,7 +19,7 @@ pub const MAX_STATES: usize = 4;
 /// Actuators that one stage can have at most.
 pub const MAX_LEGS: usize = 6;
 
-/// One actuator as it stands: where it is anchored and what it is set to.
+/// One actuator in its present state: where it is anchored and what it is set to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Setting<T: Real> {
     /// Anchor of a leg on the base plate, in the base frame, m; unused by a joint.

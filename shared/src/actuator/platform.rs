@@ -32,7 +32,7 @@ use crate::trig;
 /// Steps of Newton's method before a platform counts as impossible to assemble.
 pub const MAX_ITERATIONS: u8 = 30;
 
-/// A platform with less than this |det D|, over the largest entry of each column at home, stands too near a singular
+/// A platform with less than this |det D|, over the largest entry of each column at home, is too near a singular
 /// posture.
 pub const MIN_DETERMINANT: f64 = 1e-2;
 
@@ -83,7 +83,7 @@ pub enum PlatformError {
         /// The scaled determinant of D.
         determinant: f32,
         /// What it has to exceed.
-        least: f32,
+        min: f32,
     },
     /// The legs fit together, but the wrong way round.
     OtherMode {
@@ -113,7 +113,7 @@ impl<T: Real, const LEGS: usize> Platform<T, LEGS> {
         let mut pose = self.home;
         let mut home = None;
         let mut miss = T::zero();
-        let longest = legs.iter().take(LEGS).fold(T::default_epsilon(), |most, leg| most.max(leg.value));
+        let longest = legs.iter().take(LEGS).fold(T::default_epsilon(), |max, leg| max.max(leg.value));
         for iterations in 1..=MAX_ITERATIONS {
             let (rows, missing) = Self::rows(legs, &pose);
             let (motions, determinant) = solve(&rows, &missing);
@@ -122,7 +122,7 @@ impl<T: Real, const LEGS: usize> Platform<T, LEGS> {
             let step = limited(Self::to_twist(&motions), longest);
             pose =
                 Pose { rotation: rotation_exp(&step.angular) * pose.rotation, position: pose.position + step.linear };
-            miss = missing.iter().fold(T::zero(), |most, m| most.max(m.abs()));
+            miss = missing.iter().fold(T::zero(), |max, m| max.max(m.abs()));
             if miss < tolerance::<T>() * longest {
                 return in_mode(determinant / scale, home / scale).map(|()| Assembly { pose, iterations });
             }
@@ -258,7 +258,7 @@ fn limited<T: Real>(step: Twist<T>, length: T) -> Twist<T> {
 
 /// The product of the largest entries by columns: what a determinant is divided by, so that it has no unit.
 fn column_scale<T: Real, const LEGS: usize>(rows: &[[T; LEGS]; LEGS]) -> T {
-    let largest = |column: usize| rows.iter().fold(T::default_epsilon(), |most, row| most.max(row[column].abs()));
+    let largest = |column: usize| rows.iter().fold(T::default_epsilon(), |max, row| max.max(row[column].abs()));
     (0..LEGS).fold(T::one(), |product, column| product * largest(column))
 }
 
@@ -266,7 +266,7 @@ fn checked<T: Real>(determinant: T) -> Result<(), PlatformError> {
     if determinant.abs() > real(MIN_DETERMINANT) {
         return Ok(());
     }
-    Err(PlatformError::NearSingular { determinant: to_f32(determinant), least: MIN_DETERMINANT as f32 })
+    Err(PlatformError::NearSingular { determinant: to_f32(determinant), min: MIN_DETERMINANT as f32 })
 }
 
 fn in_mode<T: Real>(determinant: T, home: T) -> Result<(), PlatformError> {
@@ -282,10 +282,10 @@ impl fmt::Display for PlatformError {
             Self::NotAssembled { miss_m } => {
                 write!(f, "the legs cannot be assembled: one is missed by {:.3} mm", miss_m * 1e3)
             }
-            Self::NearSingular { determinant, least } => {
+            Self::NearSingular { determinant, min } => {
                 write!(
                     f,
-                    "the platform is near a singular posture: determinant {determinant:.1e} of at least {least:.0e}"
+                    "the platform is near a singular posture: determinant {determinant:.1e} of at least {min:.0e}"
                 )
             }
             Self::OtherMode { determinant, home } => {

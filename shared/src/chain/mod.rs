@@ -1,4 +1,4 @@
-//! A chain of stages from the base of an arm to its tool: where the tool stands for a word and servo positions.
+//! A chain of stages from the base of an arm to its tool: the pose of the tool for a word and servo positions.
 //!
 //! # Model
 //!
@@ -7,7 +7,7 @@
 //! Actuator k of a word is the k-th discrete actuator counted along the chain; a parallel platform counts its legs in
 //! their order. Servo k is the k-th servo joint counted along the chain.
 //!
-//! A [`Chain`] is constant; what a computation needs beside it lives in a [`Scratch`] that the caller owns:
+//! A [`Chain`] is constant; what a computation needs besides lives in a [`Scratch`] that the caller owns:
 //! [`Chain::configure`] writes what every actuator is set to, [`Chain::assemble`] solves the stages,
 //! [`Chain::derivative`] says how the tool moves with any one number of the geometry.
 #![allow(non_snake_case)]

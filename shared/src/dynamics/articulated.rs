@@ -21,7 +21,7 @@ struct Articulated<T: Real> {
     /// The joint's unit motion, and the acceleration that its velocity brings.
     screw: Vec6<T>,
     drift: Vec6<T>,
-    /// Inertia times screw, the inertia that the joint feels, and the torque that is left to accelerate it.
+    /// Inertia times screw, the inertia that acts on the joint, and the torque that is left to accelerate it.
     carried: Vec6<T>,
     felt: T,
     left: T,
@@ -103,7 +103,7 @@ fn bodies<T: Real, const N: usize>(
     (bodies, Articulated { inertia, load, ..Articulated::none() })
 }
 
-/// Joins every link to its parent through the joint between them; `None` when a joint feels no inertia.
+/// Joins every link to its parent through the joint between them; `None` when no inertia acts on a joint.
 fn inward<T: Real, const N: usize>(
     tree: &Tree<T, N>,
     bodies: &mut [Articulated<T>; N],

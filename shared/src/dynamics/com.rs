@@ -7,7 +7,7 @@ use crate::actuator::JointKind;
 use crate::real::Real;
 use crate::tree::{Frames, Tree, add_scaled, cross, dot};
 
-/// Mass and mass moment of every link with all that it carries, expressed in the base, and of the whole tree.
+/// Mass and mass moment of every link with all that it carries, expressed in the base, and of the complete tree.
 #[inline(always)]
 pub(super) fn carried<T: Real, const N: usize>(
     tree: &Tree<T, N>,

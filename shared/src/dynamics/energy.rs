@@ -5,7 +5,7 @@ use crate::real::{Real, real};
 use crate::se::Twist;
 use crate::tree::{Body, Frames, Tree};
 
-/// Momentum of a whole tree, told along the axes of the base.
+/// Momentum of a complete tree, expressed along the axes of the base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Momentum<T: Real> {
     /// About the centre of mass, N·m·s.
@@ -35,8 +35,8 @@ pub fn potential_energy<T: Real, const N: usize>(tree: &Tree<T, N>, frames: &Fra
     -moment.dot(&tree.gravity)
 }
 
-/// Momentum of a tree whose base moves with `base` (told along the axes of the reference frame, at the base's origin)
-/// and whose joints move with `qd`. For a fixed base the twist is zero, and its own mass does not move.
+/// Momentum of a tree whose base moves with `base` (expressed along the axes of the reference frame, at the base's
+/// origin) and whose joints move with `qd`. For a fixed base the twist is zero, and its own mass does not move.
 pub fn momentum<T: Real, const N: usize>(
     tree: &Tree<T, N>,
     frames: &Frames<T, N>,

@@ -1,4 +1,4 @@
-//! Dynamics of a tree on a floating base: a humanoid, or a person who stands up.
+//! Dynamics of a tree on a floating base: a humanoid, or a person who rises from a chair.
 //!
 //! The base adds six coordinates before the joints: its twist (ω, v), expressed in its own frame at its origin, and the load
 //! (moment, force) on it in the same frame. They stay apart from the joints' numbers: M is held as four blocks.
@@ -29,9 +29,9 @@ pub struct BaseMotion<T: Real> {
 /// M of base and joints, in blocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloatingMass<T: Real, const N: usize> {
-    /// The base alone: spatial inertia of the whole tree, 6 × 6, angular part first.
+    /// The base alone: spatial inertia of the complete tree, 6 × 6, angular part first.
     pub base: Mat6<T>,
-    /// Momentum of the whole tree, expressed in the base's frame, per unit of each joint: 6 × N.
+    /// Momentum of the complete tree, expressed in the base's frame, per unit of each joint: 6 × N.
     pub coupling: SMatrix<T, 6, N>,
     /// The joints alone, N × N.
     pub joints: SMatrix<T, N, N>,
@@ -70,10 +70,10 @@ pub fn inverse_dynamics<T: Real, const N: usize>(
 /// The motion of torques: the rate of the base's twist, expressed in its frame, and q̈.
 ///
 /// Given are the pose of the base in the world and its twist expressed in its own frame; the joints' positions, velocities and
-/// torques (N·m or N). `on_base` is the load on the base, told
+/// torques (N·m or N). `on_base` is the load on the base, expressed
 /// in its frame, and `loads` what the environment exerts on each link, as in
 /// [`inverse_dynamics`](super::inverse_dynamics). Articulated bodies (Featherstone, table 9.4). `None` when a joint moves
-/// no mass, or the whole tree has none.
+/// no mass, or the complete tree has none.
 pub fn forward_dynamics<T: Real, const N: usize>(
     tree: &Tree<T, N>,
     (pose, twist): (&Pose<T>, &Twist<T>),

@@ -10,7 +10,7 @@ use crate::se::Wrench;
 use crate::tree::{Body, Frame, Frames, Link, Symmetric, Tree, Turn, add_cross, add_scaled, cross, fused, rotated};
 
 impl<T: Real> Body<T> {
-    /// The same body told along the axes of the base about the base's origin.
+    /// The same body expressed along the axes of the base about the base's origin.
     pub(super) fn in_base(&self, frame: &Frame<T>) -> Self {
         self.turned(&frame.rotation()).shifted(&frame.origin)
     }
@@ -97,7 +97,7 @@ impl<T: Real> Body<T> {
         }
     }
 
-    /// Angular and linear momentum of the body in a motion told where the body is.
+    /// Angular and linear momentum of the body in a motion expressed where the body is.
     #[inline(always)]
     pub(super) fn momentum(&self, angular: &Vec3<T>, linear: &Vec3<T>) -> (Vec3<T>, Vec3<T>) {
         (self.inertia.times(angular) + self.moment.cross(linear), linear * self.mass + angular.cross(&self.moment))
@@ -151,7 +151,7 @@ impl<T: Real> Link<T> {
         .shifted(&self.origin_at(q))
     }
 
-    /// The joint's unit motion, told along the axes of the base about the base's origin.
+    /// The joint's unit motion, expressed along the axes of the base about the base's origin.
     #[inline(always)]
     pub(super) fn screw(&self, frame: &Frame<T>) -> (Vec3<T>, Vec3<T>) {
         match self.kind {
@@ -191,7 +191,8 @@ pub(super) fn composites<T: Real, const N: usize>(
     (bodies, composite)
 }
 
-/// The momentum of what each joint carries when it moves by one unit, told along the axes of the base about its origin.
+/// The momentum of what each joint carries when it moves by one unit, expressed along the axes of the base about its
+/// origin.
 pub(super) fn momenta<T: Real, const N: usize>(
     tree: &Tree<T, N>,
     frames: &Frames<T, N>,

@@ -94,13 +94,13 @@ pub fn forward_dynamics<T: Real, const N: usize>(
     torque: &[T; N],
 ) -> Option<[T; N]> {
     let mut rest = *torque;
-    for (rest, held) in rest.iter_mut().zip(inverse_dynamics(tree, q, qd, &[T::zero(); N], None)) {
-        *rest -= held;
+    for (rest, bias) in rest.iter_mut().zip(inverse_dynamics(tree, q, qd, &[T::zero(); N], None)) {
+        *rest -= bias;
     }
     solve(&mass_matrix(tree, q), &rest)
 }
 
-/// Mass of a whole tree (kg) and mass times position of its centre of mass (kg·m), expressed in the base.
+/// Mass of a complete tree (kg) and mass times position of its centre of mass (kg·m), expressed in the base.
 pub(crate) struct MassMoment<T: Real> {
     pub(crate) mass: T,
     pub(crate) moment: Vec3<T>,

@@ -10,7 +10,7 @@
 //! | v      | `values` 0       | m/s  | growth in every state when the measurement began     |
 //! | w      | `values` 1       | m/s² | change of this rate                                  |
 //! | t      | `Site::time_s`   | s    | since the measurement began                          |
-//! | t₁     | `until_s`        | s    | when the measurement that told the drift ended       |
+//! | t₁     | `until_s`        | s    | when the measurement that showed the drift ended       |
 //!
 //! Frame: a scalar along the actuator; of a revolute joint l is an angle in rad.
 //! Valid within one measurement: nothing creeps on for ever, so afterwards the actuator is held to stand where it stood
@@ -41,7 +41,7 @@ use crate::real::{Real, real};
 pub struct Drift<T: Real> {
     /// The actuators concerned; the same values serve all.
     pub at: Place,
-    /// When the measurement ended that told it, s since it began.
+    /// When the measurement ended that showed it, s since it began.
     pub until_s: T,
     /// Growth per time at the start, m/s (rad/s), and its change, m/s² (rad/s²).
     pub values: [T; 2],

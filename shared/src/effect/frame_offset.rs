@@ -1,4 +1,4 @@
-//! Frame offset: the base stands elsewhere in the camera's frame, or the tool sits elsewhere on the last stage.
+//! Frame offset: the base is elsewhere in the camera's frame, or the tool sits elsewhere on the last stage.
 //!
 //! # Model
 //!
@@ -45,7 +45,7 @@ pub struct FrameOffset<T: Real> {
 /// A frame at an end of the arm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Frame {
-    /// Where the arm stands, as the camera has it.
+    /// The pose of the arm in the camera's frame.
     Base,
     /// What the camera follows.
     Tool,

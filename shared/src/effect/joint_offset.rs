@@ -1,4 +1,4 @@
-//! Joint offset: a servo joint stands elsewhere than its servo tells.
+//! Joint offset: a servo joint is elsewhere than its servo reports.
 //!
 //! # Model
 //!
@@ -6,7 +6,7 @@
 //!
 //! | symbol | field            | unit | meaning                                              |
 //! |--------|------------------|------|------------------------------------------------------|
-//! | q₀     | `Setting::value` | rad  | ideal position of the joint for what the servo tells |
+//! | q₀     | `Setting::value` | rad  | ideal position of the joint for what the servo reports |
 //! | δ      | `offset_rad`     | rad  | what is added to it                                  |
 //!
 //! Frame: a scalar about (along) the axis of the joint; of a sliding joint q and δ are lengths in m.
@@ -37,7 +37,7 @@ use crate::real::{Real, real};
 pub struct JointOffset<T: Real> {
     /// Index of the servo.
     pub servo: u8,
-    /// By how much the joint stands farther, rad (m).
+    /// By how much the joint is farther, rad (m).
     pub offset_rad: T,
 }
 

@@ -1,9 +1,10 @@
 //! Physical effects that move an arm off its ideal geometry: one law per file, all behind one interface.
 //!
 //! A law acts through one of four hooks. Before the arm is assembled, [`Law::disturb`] changes what an actuator is set to
-//! (its anchors and its length) under the conditions at its [`Site`], and [`Law::turn`] a servo joint. When the arm stands,
-//! [`Law::deflection`] tells by how much a loaded actuator gives way; then the arm is assembled again. [`Law::displace`]
-//! moves the tool as a whole, as the camera sees it under a condition. Effects add up in the order of their list.
+//! (its anchors and its length) under the conditions at its [`Site`], and [`Law::turn`] a servo joint. When the arm
+//! is assembled, [`Law::deflection`] gives by how much a loaded actuator gives way; then the arm is assembled again.
+//! [`Law::displace`] moves the tool rigidly, as the camera sees it under a condition. Effects add up in the order of
+//! their list.
 //!
 //! Arm files, the diagnosis and its reports treat all laws alike: by name, place, constant, and values with names and
 //! units.
@@ -87,7 +88,7 @@ pub trait Law<T: Real> {
         T::zero()
     }
 
-    /// Changes where the servo joint at [`place`](Self::place) stands.
+    /// Changes the position of the servo joint at [`place`](Self::place).
     fn turn(&self, _setting: &mut Setting<T>) {}
 
     /// The pose of the tool in the base as it is seen, where the arm alone would have it `predicted`.
@@ -112,7 +113,7 @@ pub enum Place {
     Arm,
     /// The servo joint with this index.
     Servo(u8),
-    /// Where the arm stands.
+    /// The pose of the arm.
     Base,
     /// What the last stage carries.
     Tool,

@@ -14,7 +14,7 @@
 //! state 0 stops the contraction, so back is longer; every other state stops the extension, so back is shorter.
 //! Valid where a switching actuator strikes its stop, and where the motion of the others shakes one that holds; the
 //! memory reaches back by one word only.
-//! Source: definition, as the simplest law of (word, word before) that tells arrival from rest.
+//! Source: definition, as the simplest law of (word, word before) that distinguishes arrival from rest.
 //!
 //! # Example
 //!

@@ -21,9 +21,9 @@
 //! use darm_core::se::Pose;
 //! let law = Scale { stretch: 0.001 };
 //! let condition = Condition::of_word("01".parse().unwrap());
-//! // 2 m are told as 2.002 m.
-//! let told: Vec3<f64> = law.displace(Pose::at(Vec3::new(0.0, 2.0, 0.0)), &condition).position;
-//! assert!((told.y - 2.002).abs() < 1e-15);
+//! // 2 m are measured as 2.002 m.
+//! let measured: Vec3<f64> = law.displace(Pose::at(Vec3::new(0.0, 2.0, 0.0)), &condition).position;
+//! assert!((measured.y - 2.002).abs() < 1e-15);
 //! ```
 
 use core::slice;

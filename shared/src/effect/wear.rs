@@ -9,7 +9,7 @@
 //! | l₀     | `Setting::value` | m    | length when the measurement began                          |
 //! | w      | `per_switch_m`   | m    | how much farther a stop lets the actuator, for each switch |
 //! | n      | `Site::switches` | 1    | how often the actuator has switched since then             |
-//! | n₁     | `until_switches` | 1    | the same when the measurement that told the wear ended     |
+//! | n₁     | `until_switches` | 1    | the same when the measurement that showed the wear ended     |
 //!
 //! Frame: a scalar along the actuator, outwards: state 0 stops the contraction, every other state the extension; of a
 //! revolute joint l is an angle in rad. Valid while both stops wear alike and evenly.
@@ -39,7 +39,7 @@ use crate::real::{Real, real};
 pub struct Wear<T: Real> {
     /// Index of the actuator.
     pub actuator: u8,
-    /// How often it had switched when the measurement ended that told the wear.
+    /// How often it had switched when the measurement ended that showed the wear.
     pub until_switches: T,
     /// How much farther a stop lets it for each switch, m (rad).
     pub per_switch_m: T,

@@ -94,7 +94,8 @@ impl<T: Real, const N: usize> Arm<'_, T, N> {
     }
 }
 
-/// ε: the rotation vector (rad) and the way (m) from `pose` to `target`, told along the axes of the base at the tool.
+/// ε: the rotation vector (rad) and the way (m) from `pose` to `target`, expressed along the axes of the base at the
+/// tool.
 #[inline]
 pub fn error<T: Real>(target: &Pose<T>, pose: &Pose<T>) -> Twist<T> {
     Twist {

@@ -11,7 +11,7 @@ use crate::trig;
 /// μ per ε²: how strongly steps are damped far from the target.
 const DAMPING: f64 = 0.1;
 /// Damping is not below this, m²: steps stay finite at a singularity.
-const LEAST_DAMPING: f64 = 1e-9;
+const MIN_DAMPING: f64 = 1e-9;
 /// A descent in which the cost has not fallen by this factor in [`PATIENCE`] steps is given up.
 const STALLED: f64 = 0.7;
 const PATIENCE: usize = 5;
@@ -189,7 +189,7 @@ impl<T: Real, const N: usize> Search<'_, T, N> {
 
     /// One damped step; joints that it would take out of their limits stay on them, and the others take their part.
     fn stepped(&self, from: Place<T, N>, error: &Twist<T>, mut jacobian: SMatrix<T, 6, N>) -> [T; N] {
-        let damping = from.cost * real(DAMPING) + real(LEAST_DAMPING);
+        let damping = from.cost * real(DAMPING) + real(MIN_DAMPING);
         let mut step = damped_step(&jacobian, error, damping);
         let mut limited = false;
         for (((step, q), [low, high]), column) in

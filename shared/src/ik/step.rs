@@ -1,7 +1,7 @@
 //! One step of each method: joint motions that take away an error, as far as the linearised arm goes.
 //!
-//! All take the Jacobian J (6 × N) and the error ε told as the Jacobian is. To hold radians equal to metres, or to leave
-//! a component out, scale its row of both ([`scale`](super::scale)).
+//! All take the Jacobian J (6 × N) and the error ε expressed as the Jacobian is. To hold radians equal to metres, or
+//! to leave a component out, scale its row of both ([`scale`](super::scale)).
 
 use nalgebra::SMatrix;
 

@@ -1,12 +1,14 @@
-//! A wider search than a beam in little memory: the last two modules are tried whole behind thousands of beginnings.
+//! A wider search than a beam in little memory: the last two modules are tried completely behind thousands of
+//! beginnings.
 //!
 //! A beam chooses by the pose that the modules behind are nearest to on average, and its last choices are bound by the
 //! first. Here a beginning counts as good when the modules behind are likely to meet what it leaves: the pose x that
 //! remains to be reached, seen from K, what they typically do, is ξ = (2ℓ·vec q, p) of K⁻¹x, and the score is
 //! (ξ − μ)ᵀ·C⁻¹·(ξ − μ) with mean and covariance of what they do, both summed over the modules to first order:
-//! ξ of a module at the tool is Ad(B⁻¹) of its own, B what is behind it. `WIDTH` beginnings are kept after each
-//! module; behind each, the best of the third last module are met with all pairs of the last two. Of the last one only
-//! those are looked at whose place along x is nearer than the best word so far, after a look at the box of their places.
+//! ξ of a module at the tool is Ad(B⁻¹) of its ξ at the module, B what is behind it. `WIDTH` beginnings are kept
+//! after each module; behind each, the best of the third last module are met with all pairs of the last two. Of the
+//! last one only those are looked at whose place along x is closer than the best word so far, after a look at the box
+//! of their places.
 //!
 //! The search runs in pieces of at most some hundred thousand instructions: [`Search::step`]. Its room is `FRAMES`
 //! frames of 16 bytes, whose numbers of 16 bits are off by some 2·10⁻⁵ rad and of the module's size, and 12 bytes for
@@ -54,7 +56,7 @@ struct Part {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// The modules come.
-    Told,
+    Answered,
     /// What a module behind the present one does is added to the mean and the covariance.
     Spread {
         part: usize,
@@ -75,7 +77,8 @@ enum Phase {
     Done,
 }
 
-/// A search that begins with a beam of `BEAM` choices and goes on with `WIDTH` beginnings, and the room that it needs.
+/// A search that begins with a beam of `BEAM` choices and continues with `WIDTH` beginnings, and the room that it
+/// needs.
 #[derive(Clone, Debug)]
 pub struct Search<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> {
     beam: Beam<f32, BEAM>,
@@ -135,7 +138,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         self.frames.clear();
         self.parts.clear();
         (self.target, self.digits, self.complete) = (motion(target), digits, true);
-        (self.phase, self.best) = (Phase::Told, None);
+        (self.phase, self.best) = (Phase::Answered, None);
     }
 
     /// The frames of the next module come now, from the base on: see [`Beam::module`].
@@ -159,8 +162,8 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         self.beam.offer(frame);
         let Some(part) = self.parts.last_mut() else { return };
         let own = motion(&frame.pose);
-        let most_m = own.translation.vector.amax();
-        while part.size_m < most_m && part.size_m < f32::MAX / 4.0 {
+        let max_m = own.translation.vector.amax();
+        while part.size_m < max_m && part.size_m < f32::MAX / 4.0 {
             part.size_m *= 2.0;
             let earlier = self.frames.iter_mut().skip(part.first);
             earlier.for_each(|frame| frame.at = frame.at.map(|number| number / 2));
@@ -172,7 +175,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
     /// Searches on for a while, once every frame has come; whether there is more to do.
     pub fn step(&mut self) -> bool {
         match self.phase {
-            Phase::Told => self.start(),
+            Phase::Answered => self.start(),
             Phase::Spread { part } => self.add_spread(part),
             Phase::Grow { beginning } => self.grow(beginning),
             Phase::Choose { beginning } => self.choose(beginning),
@@ -232,7 +235,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         }
     }
 
-    /// Goes on with the next module.
+    /// Continues with the next module.
     fn enter(&mut self, level: usize) {
         self.level = level;
         (self.mean, self.spread) = (Vec6::zeros(), Mat6::zeros());

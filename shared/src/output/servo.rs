@@ -15,7 +15,7 @@ pub struct ServoWiring {
     pub max_speed_rad_s: f32,
     /// Largest torque as a share of the servo's own, 0 to 1.
     pub max_torque: f32,
-    /// No answer for so long is a fault.
+    /// No answer for this time is a fault.
     pub timeout_ms: u16,
 }
 

@@ -1,4 +1,4 @@
-//! What the supply can feed: how many coils may go on within a window.
+//! What the supply can feed: how many coils may be switched on within a window.
 
 use core::fmt;
 
@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::units::Micros;
 
-/// How many coils may go on within a window: what the supply can feed.
+/// How many coils may be switched on within a window: what the supply can feed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SwitchLimit {
-    /// Coils that may newly go on within the window, 1 to [`SwitchLimit::MAX_COILS`].
+    /// Coils that may be newly switched on within the window, 1 to [`SwitchLimit::MAX_COILS`].
     pub new_coils: u8,
     /// Length of the window.
     pub window_ms: u16,
@@ -52,7 +52,7 @@ pub struct SwitchClock {
 }
 
 impl SwitchClock {
-    /// How many coils may go on at `now`.
+    /// How many coils may be switched on at `now`.
     pub fn room(&mut self, now: Micros, limit: &SwitchLimit) -> u8 {
         let window = Micros::from_millis(u32::from(limit.window_ms));
         while self.recent.front().is_some_and(|&(then, _)| now - then >= window) {

@@ -53,7 +53,7 @@ impl<T: Real> Pose2<T> {
         Self { position: full.position.xy(), angle_rad: twist.x }
     }
 
-    /// The twist (ω, v_x, v_y) with the least rotation whose [`exp`](Self::exp) is this pose up to whole turns.
+    /// The twist (ω, v_x, v_y) with the least rotation whose [`exp`](Self::exp) is this pose up to complete turns.
     pub fn log(&self) -> Vec3<T> {
         let twist = Pose::from(*self).log();
         Vec3::new(twist.angular.z, twist.linear.x, twist.linear.y)
@@ -100,7 +100,7 @@ impl<T: Real> From<Pose2<T>> for Pose<T> {
     }
 }
 
-/// The angle `angle_rad` less whole turns, within −π..=π.
+/// The angle `angle_rad` less complete turns, within −π..=π.
 fn wrapped<T: Real>(angle_rad: T) -> T {
     angle_rad - T::two_pi() * real::round(angle_rad / T::two_pi())
 }

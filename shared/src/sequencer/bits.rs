@@ -1,11 +1,11 @@
 //! The bits of masks that are set, in their order.
 
-/// So many of the bits that are set, lowest first.
-pub(super) fn first_of(mask: u64, most: u8) -> u64 {
-    if mask.count_ones() <= u32::from(most) {
+/// This number of the bits that are set, lowest first.
+pub(super) fn first_of(mask: u64, max: u8) -> u64 {
+    if mask.count_ones() <= u32::from(max) {
         return mask;
     }
-    Bits::of(mask).take(usize::from(most)).fold(0, |first, (_, bit)| first | bit)
+    Bits::of(mask).take(usize::from(max)).fold(0, |first, (_, bit)| first | bit)
 }
 
 /// The bits of a mask that are set, lowest first: index and mask of each. In halves: the chip has 32 bits.

@@ -26,7 +26,7 @@ const _: () = assert!(METERS_A_TICK * (TICKS_A_TURN as usize - 1) >= MAX_COILS);
 pub(super) struct Coils<'t> {
     /// Digits that the coils hold.
     word: Word,
-    /// Digits that are asked for.
+    /// Requested digits.
     wanted: Word,
     /// Coils that are on in the wanted word.
     target: u64,
@@ -42,13 +42,14 @@ pub(super) struct Coils<'t> {
     latches: u64,
     /// Coils that pull in with full current.
     peaks: u64,
-    /// Latches whose state nobody knows: they are set before the first row, whatever they were.
+    /// Latches whose state is unknown: they are set before the first row, whatever they were.
     unknown: u64,
     /// Latches whose pulse runs.
     pulsing: u64,
     /// Coils with full current, to pull in.
     peaking: u64,
-    /// When every coil may have a peak again: computed when a program is asked for, which has no peak before its first row.
+    /// When every coil may have a peak again: computed when a program is requested, which has no peak before its
+    /// first row.
     peaks_from: Micros,
     /// Coils whose current ends with the outputs of the next tick: until then it is counted.
     ending: u64,
@@ -116,8 +117,8 @@ impl<'t> Coils<'t> {
         self.used
     }
 
-    /// Makes ready for the outputs of a profile after a start. The supply counts as exhausted: nobody knows what flowed
-    /// just before.
+    /// Makes ready for the outputs of a profile after a start. The supply counts as exhausted: it is unknown what
+    /// flowed just before.
     pub(super) fn configure(&mut self, now: Micros, profile: &Profile) {
         (self.n_taken, self.n_outputs) = (0, 0);
         self.supply = profile.supply;
@@ -126,13 +127,13 @@ impl<'t> Coils<'t> {
     }
 
     /// Takes over some more outputs of the profile. A meter that is not valid, or was another profile's, counts as
-    /// exhausted; a peak may have begun just now, nobody knows. All are this profile's when the last one is taken over,
+    /// exhausted; a peak may have begun just now. All are this profile's when the last one is taken over,
     /// and not before: a reset may come in between.
-    pub(super) fn take_outputs(&mut self, now: Micros, profile: &Profile, most: usize) {
+    pub(super) fn take_outputs(&mut self, now: Micros, profile: &Profile, max: usize) {
         let own = profile.digest.short().0;
         let same = self.used.profile == own;
         let wired = profile.outputs.iter().zip(self.outputs.iter_mut().zip(&mut self.used.meters)).enumerate();
-        for (number, (wired, (output, meter))) in wired.skip(self.n_taken).take(most) {
+        for (number, (wired, (output, meter))) in wired.skip(self.n_taken).take(max) {
             *output = Output { limit: limit_of(wired.as_ref()), changed: now, counted: now, ..NO_OUTPUT };
             if !(same && meter.is_valid()) {
                 meter.exhaust(&output.limit);
@@ -161,7 +162,7 @@ impl<'t> Coils<'t> {
         self.wanted = self.word;
     }
 
-    /// Takes over the coils of one actuator. How a latch stands is not known.
+    /// Takes over the coils of one actuator. The state of a latch is not known.
     pub(super) fn wire(&mut self, actuator: usize, coils: &[Coil]) {
         let masks = [0, 1].map(|digit_bit| coils.get(digit_bit).map_or(0, |coil| self.wire_coil(coil)));
         if let Some(of_digit) = self.of_digit.get_mut(actuator) {
@@ -199,14 +200,14 @@ impl<'t> Coils<'t> {
         (self.pulsing, self.peaking, self.lines, self.timed, self.asked) = (0, 0, 0, 0, 0);
     }
 
-    /// Makes ready for the first row. Nobody knows any more how the latches stand.
+    /// Makes ready for the first row. The states of the latches are unknown from now on.
     pub(super) fn prepare(&mut self) {
         self.unknown = self.latches;
         let peaks = Bits::of(self.peaks).filter_map(|(index, _)| self.outputs.get(index));
         self.peaks_from = peaks.map(Output::peak_from).max().unwrap_or_default();
     }
 
-    /// Sets the latches that nobody knows as a word says, no more at once than the supply can feed. True when they are
+    /// Sets the latches of unknown state as a word says, no more at once than the supply can feed. True when they are
     /// set, the supply is ready for as many coils as it can ever feed, and every coil may have a peak again.
     pub(super) fn set_latches(&mut self, now: Micros, word: Word) -> Result<bool, FaultKind> {
         self.ask(word);

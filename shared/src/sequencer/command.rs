@@ -15,7 +15,7 @@ pub enum Command {
     Stop,
     /// Leave the safe state.
     Clear,
-    /// The coil of one output on for so long; 0 ms switches it off.
+    /// The coil of one output on for this time; 0 ms switches it off.
     Coil {
         /// Number of the output.
         coil: u8,
@@ -42,24 +42,24 @@ pub enum CommandError {
     Safe,
     /// A program runs; stop it first.
     Playing,
-    /// A stop came after it was asked for, or after its connection was opened: say `Hello` on a new one.
+    /// A stop came after it was requested, or after its connection was opened: say `Hello` on a new one.
     Stopped,
     /// There is no such coil, servo or word.
     NotWired,
     /// The actuator has no state with both of its coils on.
     NoSuchState,
-    /// The coil may not be on for so long.
+    /// The coil may not be on for this time.
     OnTooLong {
         /// How long it may be on.
         max_ms: u32,
     },
-    /// The output has been on for so long, or has had a peak so lately, that its limit does not allow this now.
+    /// The output has been on for such a time, or has had a peak so lately, that its limit does not allow this now.
     Recovering {
         /// Its number.
         output: u8,
         /// How long it may still be on in its window; 0 before it may have another peak.
         left_ms: u32,
-        /// After so long without current all of its window is free, or it may have another peak.
+        /// After this time without current all of its window is free, or it may have another peak.
         wait_ms: u32,
     },
     /// The emergency stop is pressed.

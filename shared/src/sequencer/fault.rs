@@ -62,7 +62,7 @@ pub enum FaultKind {
     ServoTorque {
         /// Index of the servo joint.
         servo: u8,
-        /// Load as a share of its own torque.
+        /// Load as a share of the servo's own torque.
         load: f32,
     },
     /// A servo was seen out of its range.

@@ -31,7 +31,7 @@ pub enum Phase {
 
 /// What happened.
 ///
-/// A tag of a whole word keeps what follows it aligned: the chip copies it several times in a tick.
+/// A tag of a complete machine word keeps what follows it aligned: the chip copies it several times in a tick.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Event {

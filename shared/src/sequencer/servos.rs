@@ -23,7 +23,7 @@ impl Sequencer<'_> {
         Ok(())
     }
 
-    /// No servo goes on to its target.
+    /// No servo continues to its target.
     pub(super) fn hold_servos(&mut self) {
         for action in &mut self.servos {
             if matches!(action, ServoAction::Go(_)) {
@@ -87,7 +87,7 @@ impl Sequencer<'_> {
         let Some(table) = self.table.as_deref() else { return Ok(()) };
         for (index, joint) in table.wiring().servos.iter().enumerate() {
             let (min_rad, max_rad) = self.range_rad(index, joint);
-            let fits = |(least, most): (f32, f32)| min_rad <= least && most <= max_rad;
+            let fits = |(low, high): (f32, f32)| min_rad <= low && high <= max_rad;
             if !table.servo_span_rad(index).is_none_or(fits) {
                 return Err(CommandError::ServoRange { min_rad, max_rad });
             }

@@ -194,9 +194,9 @@ impl Checker {
             if !(wiring.min_rad..=wiring.max_rad).contains(&angle) {
                 return Err(RowError::Servo { servo });
             }
-            if let Some((least_rad, most_rad)) = self.servo_span_rad.get_mut(index) {
-                *least_rad = least_rad.min(angle);
-                *most_rad = most_rad.max(angle);
+            if let Some((min_rad, max_rad)) = self.servo_span_rad.get_mut(index) {
+                *min_rad = min_rad.min(angle);
+                *max_rad = max_rad.max(angle);
             }
             if let Some(last) = &self.last {
                 let span_s = (row.at - last.at).0 as f32 * 1e-6;

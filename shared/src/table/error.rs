@@ -12,7 +12,7 @@ use crate::units::ActuatorId;
 /// Why a record is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum TableError {
-    /// The record stands where it cannot stand.
+    /// A record of this kind may not be in this place.
     Order,
     /// The bytes are no record.
     Malformed,
@@ -68,7 +68,7 @@ pub enum RowError {
         /// Which actuator.
         actuator: ActuatorId,
     },
-    /// More coils would go on at once than the supply can feed.
+    /// More coils would be switched on at once than the supply can feed.
     TooManyCoils,
 }
 

@@ -29,7 +29,7 @@ pub enum TreeError {
         /// How many there are.
         joints: usize,
         /// How many there can be.
-        most: usize,
+        max: usize,
     },
 }
 
@@ -39,7 +39,7 @@ impl<T: Real, const N: usize> Tree<T, N> {
     /// The base has no mass until it is given one: set [`base`](Tree::base).
     pub fn new(joints: &[Joint<T>; N], gravity: Vec3<T>) -> Result<Self, TreeError> {
         if N > usize::from(BASE) {
-            return Err(TreeError::TooMany { joints: N, most: usize::from(BASE) });
+            return Err(TreeError::TooMany { joints: N, max: usize::from(BASE) });
         }
         for (index, joint) in joints.iter().enumerate() {
             joint.check(index)?;
@@ -189,7 +189,7 @@ impl fmt::Display for TreeError {
                 write!(f, "joint {joint} has link {parent} as its parent, which does not come before it")
             }
             Self::Axis { joint, length } => write!(f, "the axis of joint {joint} has the length {length}, not 1"),
-            Self::TooMany { joints, most } => write!(f, "{joints} joints, of which there can be {most}"),
+            Self::TooMany { joints, max } => write!(f, "{joints} joints, of which there can be {max}"),
         }
     }
 }

@@ -103,7 +103,7 @@ impl<T: Real> Frame<T> {
 }
 
 impl<T: Real> Turn<T> {
-    /// Directions after the turn, told before it.
+    /// Directions after the turn, expressed before it.
     #[inline(always)]
     pub(crate) fn outward<const K: usize>(&self, vectors: &[Vec3<T>; K]) -> [Vec3<T>; K] {
         match self {
@@ -122,7 +122,7 @@ impl<T: Real> Turn<T> {
         }
     }
 
-    /// Directions before the turn, told after it.
+    /// Directions before the turn, expressed after it.
     #[inline(always)]
     pub(crate) fn inward<const K: usize>(&self, vectors: &[Vec3<T>; K]) -> [Vec3<T>; K] {
         match self {

@@ -118,7 +118,7 @@ impl<T: Real> Symmetric<T> {
         Self { xx: m.m11, xy: m.m21, yy: m.m22, xz: m.m31, yz: m.m32, zz: m.m33 }
     }
 
-    /// The whole matrix.
+    /// The complete matrix.
     #[inline(always)]
     pub fn to_matrix(&self) -> Mat3<T> {
         Mat3::new(self.xx, self.xy, self.xz, self.xy, self.yy, self.yz, self.xz, self.yz, self.zz)

@@ -38,8 +38,8 @@ impl<T: Real, const N: usize> Tree<T, N> {
         }
     }
 
-    /// Where the first joint below `frame` stands (m, base), and a length (m) from there that the frame's origin never exceeds
-    /// while sliding joints keep these limits: that of all links together.
+    /// Position of the first joint below `frame` (m, base), and a length (m) from there that the frame's origin never
+    /// exceeds while sliding joints keep these limits: that of all links together.
     pub fn reach(&self, frame: &LinkFrame<T>, limits: &[[T; 2]; N]) -> (Vec3<T>, T) {
         let (mut first, mut length) = (frame.pose.position, T::zero());
         self.along(frame, |index, link| {
@@ -52,7 +52,8 @@ impl<T: Real, const N: usize> Tree<T, N> {
         (first, length)
     }
 
-    /// ⁰J, 6 × N: the twist of `frame`, told along the axes of the base at the frame's origin, per unit of each joint.
+    /// ⁰J, 6 × N: the twist of `frame`, expressed along the axes of the base at the frame's origin, per unit of each
+    /// joint.
     ///
     /// Column i is what the lecture's recursion ωᵢ₊₁ = ωᵢ + θ̇ẑ, vᵢ₊₁ = vᵢ + ωᵢ × pᵢ₊₁ carries from joint i to the
     /// frame: (ẑᵢ, ẑᵢ × (p − pᵢ)) for a revolute joint, (0, ẑᵢ) for a prismatic one; zero for a joint that is not
@@ -82,7 +83,7 @@ impl<T: Real, const N: usize> Tree<T, N> {
         }
     }
 
-    /// ᵉJ, 6 × N: as [`jacobian_base`](Self::jacobian_base), told along the axes of the frame itself.
+    /// ᵉJ, 6 × N: as [`jacobian_base`](Self::jacobian_base), expressed along the axes of the frame itself.
     #[inline]
     pub fn jacobian_tool(&self, frame: &LinkFrame<T>, frames: &Frames<T, N>) -> SMatrix<T, 6, N> {
         let pose = frames.pose(frame);
@@ -125,15 +126,16 @@ impl<T: Real, const N: usize> Tree<T, N> {
         rate
     }
 
-    /// The twist of every link, told along the axes of the base at the link's origin, when the base moves with `base`
+    /// The twist of every link, expressed along the axes of the base at the link's origin, when the base moves with
+    /// `base`
     /// (at its own origin) and the joints with `qd`: the outward recursion of the lecture.
     pub(crate) fn twists(&self, base: &Twist<T>, qd: &[T; N], frames: &Frames<T, N>) -> [Twist<T>; N] {
         let mut twists = [*base; N];
         for (index, link) in self.links.iter().enumerate() {
-            let (stand, at) = (frames.link(link.parent), frames.links().get(index));
+            let (parent, at) = (frames.link(link.parent), frames.links().get(index));
             let behind = *twists.get(usize::from(link.parent)).unwrap_or(base);
             if let (Some(at), Some(rate), Some(twist)) = (at, qd.get(index), twists.get_mut(index)) {
-                let linear = behind.linear + behind.angular.cross(&(at.origin - stand.origin));
+                let linear = behind.linear + behind.angular.cross(&(at.origin - parent.origin));
                 *twist = match link.kind {
                     JointKind::Revolute => Twist { angular: behind.angular + at.z * *rate, linear },
                     JointKind::Prismatic => Twist { angular: behind.angular, linear: linear + at.z * *rate },
@@ -157,7 +159,7 @@ pub fn twist<T: Real, const N: usize>(jacobian: &SMatrix<T, 6, N>, qd: &[T; N]) 
 }
 
 /// τ = Jᵀ F: the joint torques (N·m) and forces (N) that hold a frame which pushes on its environment with `load`,
-/// told as the Jacobian is: from the equality of virtual work, Fᵀ δχ = τᵀ δθ.
+/// expressed as the Jacobian is: from the equality of virtual work, Fᵀ δχ = τᵀ δθ.
 pub fn statics<T: Real, const N: usize>(jacobian: &SMatrix<T, 6, N>, load: &Wrench<T>) -> [T; N] {
     let (m, f) = (&load.moment, &load.force);
     let mut torques = [T::zero(); N];

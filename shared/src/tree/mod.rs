@@ -1,4 +1,4 @@
-//! Trees of revolute and prismatic joints on a fixed or floating base: where every link stands and how it moves.
+//! Trees of revolute and prismatic joints on a fixed or floating base: the pose of every link and how it moves.
 //!
 //! A serial arm is the tree in which each joint's parent is the one before it. [`Tree`] is constant; [`Frames`] is
 //! scratch that the caller owns: [`Tree::place`] fills it for one posture, and everything that depends on the posture
@@ -216,7 +216,8 @@ impl<T: Real, const N: usize> Tree<T, N> {
         }
     }
 
-    /// Pose of `frame` in a fixed base at the joints' positions `q` (rad or m), when nothing else of the posture is asked for.
+    /// Pose of `frame` in a fixed base at the joints' positions `q` (rad or m), when nothing else of the posture is
+    /// needed.
     ///
     /// Carried from the frame inwards, link by link, which needs no [`Frames`] and fewer products than [`place`](Self::place).
     #[inline(always)]

@@ -3,7 +3,7 @@
 use core::f32::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, PI};
 
 /// Beyond this many quarter turns, 6434 rad, libm's: the remainder of the division by π/2 loses digits. A power of two.
-const MOST_QUARTERS: u32 = 1 << 12;
+const MAX_QUARTERS: u32 = 1 << 12;
 /// 1.5·2²³: adding it rounds to the nearest integer, which then is in the low bits.
 const ROUND: f32 = 12_582_912.0;
 /// π/2 in three parts: k times the first two is exact for |k| < 2¹³.
@@ -17,7 +17,7 @@ const TAN_PI_8: f32 = 0.414_213_57;
 #[inline(always)]
 pub(super) fn sin_cos(x: f32) -> (f32, f32) {
     let (pair, quarters) = reduced(x);
-    if quarters < 2 * MOST_QUARTERS { pair } else { libm(x) }
+    if quarters < 2 * MAX_QUARTERS { pair } else { libm(x) }
 }
 
 /// As [`sin_cos`] of each angle, with one look for angles that are too large.
@@ -29,7 +29,7 @@ pub(super) fn sin_cos_all<const N: usize>(angle_rad: impl Fn(usize) -> f32) -> [
         all |= quarters;
         pair
     });
-    if all >= 2 * MOST_QUARTERS {
+    if all >= 2 * MAX_QUARTERS {
         pairs.iter_mut().enumerate().for_each(|(k, pair)| *pair = sin_cos(angle_rad(k)));
     }
     pairs
@@ -41,7 +41,7 @@ fn libm(x: f32) -> (f32, f32) {
     crate::real::sin_cos(x)
 }
 
-/// Reduces x = k·π/2 + r, |r| ≤ π/4, and turns the pair of r by k quarters; and k + [`MOST_QUARTERS`], which is below twice
+/// Reduces x = k·π/2 + r, |r| ≤ π/4, and turns the pair of r by k quarters; and k + [`MAX_QUARTERS`], which is below twice
 /// that where the pair holds.
 #[inline(always)]
 fn reduced(x: f32) -> ((f32, f32), u32) {
@@ -57,7 +57,7 @@ fn reduced(x: f32) -> ((f32, f32), u32) {
     let (sine, cosine) = if quarters & 1 == 0 { (sine, cosine) } else { (cosine, sine) };
     let sine = sine.to_bits() ^ ((quarters & 2) << 30);
     let cosine = cosine.to_bits() ^ ((quarters.wrapping_add(1) & 2) << 30);
-    let counted = quarters.wrapping_sub(ROUND.to_bits() - MOST_QUARTERS);
+    let counted = quarters.wrapping_sub(ROUND.to_bits() - MAX_QUARTERS);
     ((f32::from_bits(sine), f32::from_bits(cosine)), counted)
 }
 

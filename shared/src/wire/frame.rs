@@ -71,7 +71,7 @@ pub fn decode(encoded: &mut [u8]) -> Result<(Header, &[u8]), FrameError> {
     Ok((header, payload))
 }
 
-/// Writes a whole frame with both its zero bytes into `frame` and returns its length.
+/// Writes a complete frame with both its zero bytes into `frame` and returns its length.
 ///
 /// `frame` is best [`MAX_FRAME`] bytes long.
 pub fn encode(header: Header, payload: &[u8], frame: &mut [u8]) -> Result<usize, FrameError> {

@@ -7,7 +7,7 @@
 //! | `Events`    | `Events`    | often | what happened, from a number on                                         |
 //! | `Begin`     | `Upload`    | often | starts the upload of a table, or resumes the same one where it broke off |
 //! | `Chunk`     | `Upload`    | often | bytes at an offset; the answer says which offset is wanted next          |
-//! | `Commit`    | `Committed` | once  | checks the table, stores it whole and loads it                          |
+//! | `Commit`    | `Committed` | once  | checks the table, stores it and loads it                                |
 //! | `Command`   | `Done`      | once  | play, stop, clear, a coil, a word, a servo                              |
 //! | `Calibrate` | `Done`      | once  | stores the servos' zero offsets                                         |
 //! | `Calibration` | `Calibration` | often | the stored offsets                                                  |
@@ -198,7 +198,7 @@ pub struct OutputState {
     pub limit: CoilLimit,
     /// How long it may still be on in the present window.
     pub left_ms: u32,
-    /// After so long without current all of its window is free.
+    /// After this time without current all of its window is free.
     pub recovery_ms: u32,
 }
 
@@ -245,7 +245,7 @@ pub struct Status {
 /// What happened, in order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Events {
-    /// Number of the first event in the list; larger than asked for when older ones are lost.
+    /// Number of the first event in the list; larger than requested when older ones are lost.
     pub first: u32,
     /// The events with the board's time.
     pub list: heapless::Vec<(Micros, Event), EVENTS>,
@@ -284,7 +284,7 @@ pub enum Refusal {
         row: u16,
         /// Number of the output.
         output: u8,
-        /// After so long without current all of its window is free.
+        /// After this time without current all of its window is free.
         wait_ms: u32,
     },
     /// A profile is written only while a person holds the board's user button.

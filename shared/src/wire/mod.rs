@@ -2,7 +2,7 @@
 //!
 //! # Frames
 //!
-//! A frame on the line is `00 COBS(body) 00`; what stands outside frames is text. A body is
+//! A frame on the line is `00 COBS(body) 00`; what is outside frames is text. A body is
 //!
 //! | bytes     | field     | meaning                                                                  |
 //! |-----------|-----------|--------------------------------------------------------------------------|

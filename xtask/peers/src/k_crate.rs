@@ -13,7 +13,7 @@ use k::{InverseKinematicsSolver, JacobianIkSolver, JointType, Node, NodeBuilder,
 use super::{Measured, time, time_inverse};
 use crate::models::Arm;
 
-/// How long restarts go on for one target.
+/// How long restarts continue for one target.
 const PATIENCE: Duration = Duration::from_millis(5);
 
 pub(crate) fn measure<const N: usize>(into: &mut Measured, arm: &Arm<N>) -> Result<(), Box<dyn Error>> {

@@ -27,7 +27,7 @@ const REACHED: &str = "targets-reached";
 type Measured = HashMap<String, (f64, f64)>;
 
 /// Puts in what a later round measured: the least time counts.
-fn keep_least(all: &mut Measured, round: Measured) {
+fn keep_min(all: &mut Measured, round: Measured) {
     for (name, (ns, sum)) in round {
         let before = all.entry(name).or_insert((ns, sum));
         before.0 = before.0.min(ns);
@@ -87,9 +87,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         ours::measure(&mut round, &panda);
         ours::measure(&mut round, &ur10);
         ours::measure(&mut round, &puma);
-        keep_least(&mut ours, round);
+        keep_min(&mut ours, round);
         if let Some(program) = &program {
-            keep_least(&mut theirs, pinocchio::measure(Path::new(program), &texts)?);
+            keep_min(&mut theirs, pinocchio::measure(Path::new(program), &texts)?);
         }
     }
     k_crate::measure(&mut k, &panda)?;

@@ -23,8 +23,8 @@ pub(crate) fn measure(program: &Path, texts: &[&str]) -> Result<Measured, Box<dy
     let mut measured = Measured::new();
     for line in String::from_utf8(output.stdout)?.lines() {
         let words: Vec<_> = line.split_whitespace().collect();
-        let [model, work, least, second, last] = words[..] else { continue };
-        let (ns, last): (f64, f64) = (least.parse()?, last.parse()?);
+        let [model, work, min, second, last] = words[..] else { continue };
+        let (ns, last): (f64, f64) = (min.parse()?, last.parse()?);
         if work == "inverse-kinematics" {
             measured.insert(format!("{model} {work}"), (ns, 0.0));
             measured.insert(format!("{model} {work}-late"), (second.parse()?, 0.0));

@@ -100,7 +100,7 @@ pub(crate) const RECURSION: &[Recursion] = &[
 ];
 
 /// What ends a start: outputs off, crash record, reset. Should its stack overflow, the hard fault handler does the same
-/// on a stack of its own; so the bound leaves it out.
+/// on a separate stack; so the bound leaves it out.
 pub(crate) const ENDS: &[&str] =
     &["__rustc::rust_begin_unwind", "darm_firmware::board::crash::Record::new", "darm_firmware::board::crash::end_nmi"];
 

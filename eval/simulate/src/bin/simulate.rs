@@ -1,4 +1,4 @@
-//! `cargo xtask simulate`: many seeds of the whole system under two judges.
+//! `cargo xtask simulate`: many seeds of the complete system under two judges.
 
 use std::ops::Range;
 use std::process::ExitCode;
@@ -19,7 +19,7 @@ use darm_simulate::summary::{self, Record, Violated};
 /// Failing seeds that are shown when they are shrunk.
 const SHOWN: usize = 5;
 
-/// Runs the whole system in virtual time under two judges; prints what they find
+/// Runs the complete system in virtual time under two judges; prints what they find
 #[derive(Parser)]
 #[command(name = "cargo xtask simulate", bin_name = "cargo xtask simulate")]
 struct Arguments {

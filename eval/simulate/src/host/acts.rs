@@ -171,7 +171,7 @@ impl Host<'_> {
         self.note("command after a stop", result);
     }
 
-    /// Stops, then switches one coil on for a moment: the line goes on once if that was confirmed.
+    /// Stops, then switches one coil on for a moment: the line is switched on once if that was confirmed.
     pub(super) fn pulse(&mut self, coil: u8) {
         let began_ns = world::with(|world| world.now_ns());
         let Some(line) = self.script.arm.pulsed_line(coil) else { return };

@@ -15,13 +15,13 @@ use serde::de::{
 };
 
 /// Longest list of bytes.
-const MOST_BYTES: usize = 280;
+const MAX_BYTES: usize = 280;
 /// Longest list of anything else.
-const MOST_ITEMS: usize = 6;
+const MAX_ITEMS: usize = 6;
 
 /// The bytes of an arbitrary request. Some of its numbers are from `likely`: those that a check compares with.
 pub fn request_bytes(rng: &mut ChaCha8Rng, likely: &[u64]) -> Vec<u8> {
-    let chunk: Vec<u8> = (0..rng.random_range(0..=MOST_BYTES)).map(|_| rng.random()).collect();
+    let chunk: Vec<u8> = (0..rng.random_range(0..=MAX_BYTES)).map(|_| rng.random()).collect();
     let mut generator = Generator { rng, likely, chunk: &chunk, bytes: Vec::new() };
     let refused = Request::deserialize(&mut generator).is_err();
     let mut bytes = generator.bytes;
@@ -119,8 +119,8 @@ impl Generator<'_, '_> {
         }
     }
 
-    fn length(&mut self, most: usize) -> usize {
-        let length = if self.rng.random() { self.rng.random_range(0..=most) } else { most };
+    fn length(&mut self, max: usize) -> usize {
+        let length = if self.rng.random() { self.rng.random_range(0..=max) } else { max };
         self.varint(length as u128);
         length
     }
@@ -191,7 +191,7 @@ impl<'de> Deserializer<'de> for &mut Generator<'_, 'de> {
     }
 
     fn deserialize_str<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Refused> {
-        let length = self.length(MOST_ITEMS);
+        let length = self.length(MAX_ITEMS);
         self.bytes.extend(std::iter::repeat_n(b'x', length));
         visitor.visit_str(&"x".repeat(length))
     }
@@ -229,7 +229,7 @@ impl<'de> Deserializer<'de> for &mut Generator<'_, 'de> {
     }
 
     fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Refused> {
-        let left = self.length(MOST_ITEMS);
+        let left = self.length(MAX_ITEMS);
         visitor.visit_seq(Items { generator: self, left })
     }
 

@@ -17,7 +17,7 @@ use crate::panics::caught;
 pub struct Sent {
     /// Bytes on the line.
     pub bytes: Vec<u8>,
-    /// Servo angles asked for, rad.
+    /// Requested servo angles, rad.
     pub angles_rad: Vec<f32>,
     /// Zero offsets that it sets, rad.
     pub offsets_rad: Vec<f32>,

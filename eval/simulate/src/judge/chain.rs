@@ -14,7 +14,7 @@ pub const ENABLE: u8 = 3;
 pub struct Lines {
     /// Lines that are high for certain.
     pub high: u64,
-    /// Driven lines of whose level nobody knows anything.
+    /// Driven lines whose level is unknown.
     pub unknown: u64,
 }
 

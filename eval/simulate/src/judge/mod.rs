@@ -36,7 +36,7 @@ pub struct ServoCeiling {
     pub max_step: u16,
     /// Largest commanded speed, steps/s.
     pub max_steps_s: u16,
-    /// A driven servo that has not answered for so long is a fault, ms.
+    /// A driven servo that has not answered for this time is a fault, ms.
     pub timeout_ms: u32,
 }
 
@@ -47,7 +47,7 @@ pub struct Ceilings {
     pub lines: [Option<LineCeiling>; 64],
     /// Limits of the servos.
     pub servos: Vec<ServoCeiling>,
-    /// Loads that may newly go on within the budget's window.
+    /// Loads that may be newly switched on within the budget's window.
     pub new_loads: u8,
     /// The budget's window, ms.
     pub budget_ms: u32,

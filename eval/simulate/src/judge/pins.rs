@@ -7,17 +7,18 @@ use super::{Ceilings, LineCeiling, Verdict};
 
 const JUDGE: &str = "pins";
 const MS: u64 = 1_000_000;
-/// A limit is noticed and acted on within so long: each coil is looked at once in 8 ms, and the lines follow a tick later.
+/// A limit is noticed and acted on within this time: each coil is looked at once in 8 ms, and the lines follow a tick
+/// later.
 const NOTICE_MS: u64 = 10;
 /// A refresh is this much late at most: two ticks.
 const REFRESH_SLACK_MS: u32 = 2;
-/// A line of full current goes on again no sooner than after this many times the length of its peak.
+/// A line of full current is switched on again no sooner than after this many times the length of its peak.
 const PEAK_PERIODS: u64 = 10;
 /// Its two times of going on may be nearer by a tick, in board time.
 const PEAK_SLACK_MS: u64 = 1;
-/// After the emergency stop is pressed the lines are off within so long, in board time: it is read once a tick.
+/// After the emergency stop is pressed the lines are off within this time, in board time: it is read once a tick.
 const EMERGENCY_MS: u64 = 3;
-/// After the stated time of a fault the lines are off within so long, in board time.
+/// After the stated time of a fault the lines are off within this time, in board time.
 const SAFE_MS: u64 = 2;
 
 /// The judge's memory.
@@ -116,7 +117,7 @@ impl Pins {
         self.verdict.note(JUDGE, "panic", now_ns, || format!("the firmware panicked: {message}"));
     }
 
-    /// The board reports that it found a fault at `at_us` of its own clock, in its present start.
+    /// The board reports that it found a fault at `at_us` of the board's clock, in its present start.
     pub fn on_fault_report(&mut self, now_ns: u64, at_us: u64) {
         let board_ms = at_us.div_ceil(1000) + SAFE_MS;
         let limit_ns = self.started_ns + self.ceilings.true_ns(board_ms);
@@ -185,11 +186,11 @@ impl Pins {
     /// The time since the line of a peak went on before, also over resets and power cuts.
     fn check_peak(&mut self, now_ns: u64, line: usize) {
         let peak_ms = self.ceilings.lines[line].map_or(0, |ceiling| u64::from(ceiling.peak_ms));
-        let (apart_ns, least_ms) = (now_ns - self.since_ns[line], PEAK_PERIODS * peak_ms);
+        let (apart_ns, min_ms) = (now_ns - self.since_ns[line], PEAK_PERIODS * peak_ms);
         let is_again = peak_ms > 0 && self.rises[line] > 0;
-        if is_again && apart_ns < self.ceilings.true_ns(least_ms.saturating_sub(PEAK_SLACK_MS)) {
+        if is_again && apart_ns < self.ceilings.true_ns(min_ms.saturating_sub(PEAK_SLACK_MS)) {
             self.verdict.note(JUDGE, "peak-share", now_ns, || {
-                format!("line {line} carries full current again after {} ms, least are {least_ms}", apart_ns / MS)
+                format!("line {line} carries full current again after {} ms, least are {min_ms}", apart_ns / MS)
             });
         }
     }
@@ -226,7 +227,7 @@ impl Pins {
         }
     }
 
-    /// Loads that newly go on: lines of one load in one instant count once.
+    /// Loads that are newly switched on: lines of one load in one instant count once.
     fn count_fed(&mut self, now_ns: u64, rising: u64) {
         // A tick and the error of the clock are the board's to lose.
         let window_ns = self.ceilings.true_ns(u64::from(self.ceilings.budget_ms).saturating_sub(1));

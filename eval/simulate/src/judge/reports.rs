@@ -155,7 +155,8 @@ impl Reports {
             .note(JUDGE, "acts-after-stop", now_ns, || "the board confirmed a command from before a stop".into());
     }
 
-    /// Lines are on, so long after a stop that came in one piece with commands before it. Nobody has sent anything since.
+    /// Lines are on, this time after a stop that came in one piece with commands before it. Nobody has sent anything
+    /// since.
     pub fn on_lines_after_burst(&mut self, now_ns: u64, after_ns: u64, lines: u64) {
         self.verdict.note(JUDGE, "acts-after-stop", now_ns, || {
             let after_ms = after_ns / 1_000_000;

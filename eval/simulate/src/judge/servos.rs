@@ -1,4 +1,4 @@
-//! Judge 1, the servo bus: goals within the range, speeds, no motion that nobody asked for, silence that is noticed.
+//! Judge 1, the servo bus: goals within the range, speeds, no motion that nobody requested, silence that is noticed.
 //!
 //! Packets: `FF FF id n code parameters… sum`. Registers from 40 on: torque, acceleration, goal position (42, 43), time,
 //! speed (46, 47), torque limit (48, 49); from 56 on: present position. Source: Feetech, STS3215 memory table.
@@ -14,9 +14,9 @@ const SPEED: u8 = 46;
 const PRESENT: u8 = 56;
 /// A goal this near to a position that was seen lately holds it and moves nothing, steps: 1.4°.
 const HOLD_STEPS: u16 = 16;
-/// A goal is the one that was asked for when it is this near, steps.
+/// A goal is the requested one when it is this near, steps.
 const GOAL_STEPS: u16 = 2;
-/// A silent servo is noticed within so long after its time-out, in board time: two ticks.
+/// A silent servo is noticed within this time after its time-out, in board time: two ticks.
 const NOTICE_MS: u64 = 3;
 
 /// What the bus has shown of one servo.
@@ -33,13 +33,13 @@ struct Seen {
 pub struct Servos {
     ceilings: Ceilings,
     seen: [Seen; 256],
-    /// Joint angles that somebody has asked for, by any command or table, rad.
+    /// Joint angles that were requested, by any command or table, rad.
     asked_rad: Vec<f32>,
     /// Zero offsets that somebody has set, rad: what is added to a joint angle.
     offsets_rad: Vec<f32>,
     to_servos: Vec<u8>,
     to_board: Vec<u8>,
-    /// The register that each servo was asked for last.
+    /// The register that was last read from each servo.
     reads: [u8; 256],
     verdict: Verdict,
 }
@@ -66,7 +66,7 @@ impl Servos {
         }
     }
 
-    /// Somebody asks for this joint angle: it is no motion that nobody asked for, whatever becomes of it.
+    /// This joint angle is requested: a motion to it has a cause, whatever becomes of it.
     pub fn on_asked(&mut self, angle_rad: f32) {
         if !self.asked_rad.contains(&angle_rad) {
             self.asked_rad.push(angle_rad);
@@ -80,7 +80,7 @@ impl Servos {
         }
     }
 
-    /// Whether a goal is a joint angle that was asked for, with an offset that was set.
+    /// Whether a goal is a requested joint angle, with an offset that was set.
     fn is_asked(&self, goal: u16) -> bool {
         let step = |shaft_rad: f32| (shaft_rad * (4096.0 / std::f32::consts::TAU) + 2048.5).clamp(0.0, 4095.0) as u16;
         let near = |shaft_rad: f32| step(shaft_rad).abs_diff(goal) <= GOAL_STEPS;

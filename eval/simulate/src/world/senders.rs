@@ -6,9 +6,9 @@ use darm_core::wire::{bootstrap, frame};
 use super::World;
 use crate::judge::reports::Ending;
 
-/// After a stop that came behind a command the lines are off within so long, ms of the board's clock.
+/// After a stop that came behind a command the lines are off within this time, ms of the board's clock.
 const STOP_MS: u64 = 3;
-/// So long nothing that came before that stop may act, ms.
+/// For this time nothing that came before that stop may act, ms.
 const QUIET_MS: u64 = 60;
 
 /// Who sends to the board.

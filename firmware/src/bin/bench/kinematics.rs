@@ -116,7 +116,7 @@ fn check_values(tree: &Tree<f32, 6>, tool: &LinkFrame<f32>, motion: &[[f32; 6]; 
     check("the inverse leads back", found.status == ik::Status::Reached);
 }
 
-/// Counts, checks and tells; the stack is what all of this needs.
+/// Counts, checks and prints; the stack is what all of this needs.
 #[inline(never)]
 pub(crate) fn measure(stack: &Stack) {
     // SAFETY: nothing else uses the counter before the tasks start.

@@ -30,23 +30,23 @@ fn predict(word: Word, scratch: &mut Scratch<f32, 6>) -> Option<Pose<f32>> {
     MODEL.predict(&MODEL.working(word, rest, &[]), scratch).ok()
 }
 
-/// Tells the poses, by rows of the rotation and then the position, and what one of them takes.
+/// Prints the poses, by rows of the rotation and then the position, and what one of them takes.
 #[inline(never)]
 pub(crate) fn measure(stack: &Stack) {
     let mut scratch = Scratch::default();
-    let (mut most, mut least) = (0, u32::MAX);
+    let (mut longest, mut shortest) = (0, u32::MAX);
     for digits in WORDS {
         let word: Word = digits.parse().unwrap_or_default();
         let mut pose = None;
         let count = measure::instructions(|| pose = predict(black_box(word), &mut scratch));
-        (most, least) = (most.max(count), least.min(count));
+        (longest, shortest) = (longest.max(count), shortest.min(count));
         let Some(pose) = pose else { return check("the corrected arm has a pose", false) };
         let numbers = pose.rotation.transpose();
         for (index, number) in numbers.iter().chain(pose.position.iter()).enumerate() {
             print("pose", format_args!("{digits}.{index}"), number, "1");
         }
     }
-    print("corrected_model", "pose_of_a_word_at_least", least, "instructions");
-    print("corrected_model", "pose_of_a_word_at_most", most, "instructions");
+    print("corrected_model", "pose_of_a_word_at_least", shortest, "instructions");
+    print("corrected_model", "pose_of_a_word_at_most", longest, "instructions");
     print("corrected_model", "stack", stack.used(), "bytes");
 }

@@ -58,7 +58,7 @@ const MODULED: usize = 12;
 const BYTES_PER_WAKE: usize = 6;
 const SERVO_RAD: f32 = 0.2;
 
-/// Modules with six binary legs of the arm that it is asked for.
+/// Modules with six binary legs of the arm for which it is used.
 const MODULES: usize = 6;
 
 fn check(what: &str, holds: bool) {
@@ -299,13 +299,13 @@ fn measure_search(room: &mut Room, typical: &Pose<f32>, target: &Pose<f32>) {
     print("nearest", "a_frame_behind_all_choices", piece, "instructions");
     print("nearest", "beam_out_of_64^6", beam, "instructions");
     print("nearest", "beam_distance", distance_mm(room), "mm");
-    let (mut longest, mut whole, mut more) = (0, 0, true);
+    let (mut longest, mut total, mut more) = (0, 0, true);
     while more {
         let count = measure::instructions(|| more = room.step());
-        (longest, whole) = (longest.max(count), whole + count);
+        (longest, total) = (longest.max(count), total + count);
     }
     print("nearest", "longest_piece_of_the_wider_search", longest, "instructions");
-    print("nearest", "wider_search_out_of_64^6", whole, "instructions");
+    print("nearest", "wider_search_out_of_64^6", total, "instructions");
     print("nearest", "distance", distance_mm(room), "mm");
 }
 

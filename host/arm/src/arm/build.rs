@@ -34,7 +34,7 @@ pub(super) fn arm(source: &Source) -> Result<(Arm, Places), ArmError> {
 
 fn build(raw: &RawArm) -> Checked<(Arm, Places)> {
     if !(1..=MAX_STAGES).contains(&raw.stage.len()) {
-        let fault = ArmFault::StageCount { found: raw.stage.len(), most: MAX_STAGES };
+        let fault = ArmFault::StageCount { found: raw.stage.len(), max: MAX_STAGES };
         return Err((raw.stage.last().map_or(0..0, Spanned::span), fault));
     }
     let mut parts = Parts::default();
@@ -72,7 +72,7 @@ fn model(raw: &RawArm, parts: &mut Parts) -> Checked<ArmModel> {
     for raw in &raw.effect {
         let effect = effects::effect(raw.get_ref(), &model).map_err(|fault| (raw.get_ref().law.span(), fault))?;
         let capacity = model.effects.capacity();
-        model.effects.push(effect).map_err(|_| (raw.span(), ArmFault::TooManyEffects { most: capacity }))?;
+        model.effects.push(effect).map_err(|_| (raw.span(), ArmFault::TooManyEffects { max: capacity }))?;
     }
     Ok(model)
 }
@@ -138,7 +138,7 @@ impl Parts {
             RawKind::DiscreteJoint => Stage::Discrete(self.discrete_joint(raw)?),
             RawKind::Servo => Stage::Servo(self.servo_joint(raw)?),
         };
-        self.stages.push(stage).map_err(|_| (span, ArmFault::StageCount { found: index + 1, most: MAX_STAGES }))
+        self.stages.push(stage).map_err(|_| (span, ArmFault::StageCount { found: index + 1, max: MAX_STAGES }))
     }
 
     fn platform<const LEGS: usize>(&mut self, raw: &RawStage) -> Checked<Platform<f64, LEGS>> {

@@ -13,8 +13,8 @@ use darm_robot::literal::{number, numbers, pose, vector};
 const STAGES: [&str; 7] = ["Axis", "DiscreteJoint", "JointKind", "Leg", "Platform", "ServoJoint", "Stage"];
 
 impl Arm {
-    /// A module of Rust with the constant `MODEL` of this arm in `f32`, for `rustfmt`: `MODEL.predict` says where the
-    /// tool stands.
+    /// A module of Rust with the constant `MODEL` of this arm in `f32`, for `rustfmt`: `MODEL.predict` gives the pose
+    /// of the tool.
     pub fn constant(&self) -> String {
         let (model, n) = (&self.model, self.model.chain.stages.len());
         let (files, effects): (BTreeSet<String>, Vec<String>) = model.effects.iter().map(effect_text).unzip();

@@ -24,12 +24,12 @@ pub enum ArmFault {
         value: f64,
     },
     /// The arm has no stage, or more than fit.
-    #[error("the arm has {found} stages; give 1 to {most}")]
+    #[error("the arm has {found} stages; give 1 to {max}")]
     StageCount {
         /// How many there are.
         found: usize,
         /// How many fit.
-        most: usize,
+        max: usize,
     },
     /// A key is missing.
     #[error("{of} needs the key `{key}`; add it")]
@@ -39,7 +39,7 @@ pub enum ArmFault {
         /// What it is needed for.
         of: &'static str,
     },
-    /// A key stands where it means nothing.
+    /// A key is in a place where it has no meaning.
     #[error("{of} has no key `{key}`; remove it")]
     Useless {
         /// The key.
@@ -136,10 +136,10 @@ pub enum ArmFault {
         expected: Vec<String>,
     },
     /// More effects than a model holds.
-    #[error("a model holds at most {most} effects; remove some")]
+    #[error("a model holds at most {max} effects; remove some")]
     TooManyEffects {
         /// How many it holds.
-        most: usize,
+        max: usize,
     },
     /// Two servos answer to one address of the bus.
     #[error("{} and {} have the bus address {id}; give each servo a separate `id`", .joints[0], .joints[1])]

@@ -115,14 +115,22 @@ enum RawOrientation {
 #[serde(deny_unknown_fields)]
 struct RawBound {
     actuator: Spanned<usize>,
-    least_m: Option<Number>,
-    most_m: Option<Number>,
-    least_deg: Option<Number>,
-    most_deg: Option<Number>,
-    least_stroke_m: Option<Number>,
-    most_stroke_m: Option<Number>,
-    least_stroke_deg: Option<Number>,
-    most_stroke_deg: Option<Number>,
+    #[serde(rename = "least_m")]
+    min_m: Option<Number>,
+    #[serde(rename = "most_m")]
+    max_m: Option<Number>,
+    #[serde(rename = "least_deg")]
+    min_deg: Option<Number>,
+    #[serde(rename = "most_deg")]
+    max_deg: Option<Number>,
+    #[serde(rename = "least_stroke_m")]
+    min_stroke_m: Option<Number>,
+    #[serde(rename = "most_stroke_m")]
+    max_stroke_m: Option<Number>,
+    #[serde(rename = "least_stroke_deg")]
+    min_stroke_deg: Option<Number>,
+    #[serde(rename = "most_stroke_deg")]
+    max_stroke_deg: Option<Number>,
 }
 
 /// What a frames file asks for.
@@ -254,18 +262,17 @@ fn range(raw: &RawBound, arm: &Arm) -> Result<StopRange, (Range<usize>, FrameFau
     if actuator >= arm.n_actuators() {
         return Err(wrong(FrameFault::NoSuchActuator { actuator, actuators: arm.n_actuators() }));
     }
-    let metres = [raw.least_m, raw.most_m, raw.least_stroke_m, raw.most_stroke_m];
-    let degrees = [raw.least_deg, raw.most_deg, raw.least_stroke_deg, raw.most_stroke_deg];
+    let metres = [raw.min_m, raw.max_m, raw.min_stroke_m, raw.max_stroke_m];
+    let degrees = [raw.min_deg, raw.max_deg, raw.min_stroke_deg, raw.max_stroke_deg];
     let turns = arm.turns(actuator);
     let (given, useless) = if turns { (degrees, metres) } else { (metres, degrees) };
     if useless.iter().any(Option::is_some) {
         return Err(wrong(FrameFault::BoundUnit { actuator: arm.actuator_name(actuator), turns }));
     }
-    let [least, most, least_stroke, most_stroke] =
+    let [min, max, min_stroke, max_stroke] =
         given.map(|value| value.map(|value| if turns { value.0.to_radians() } else { value.0 }));
-    let pair =
-        |least: Option<f64>, most: Option<f64>| (least.unwrap_or(f64::NEG_INFINITY), most.unwrap_or(f64::INFINITY));
-    let range = StopRange { actuator, value: pair(least, most), stroke: pair(least_stroke, most_stroke) };
+    let pair = |min: Option<f64>, max: Option<f64>| (min.unwrap_or(f64::NEG_INFINITY), max.unwrap_or(f64::INFINITY));
+    let range = StopRange { actuator, value: pair(min, max), stroke: pair(min_stroke, max_stroke) };
     if range.value.0 > range.value.1 || range.stroke.0 > range.stroke.1 {
         return Err(wrong(FrameFault::EmptyBound { actuator: arm.actuator_name(actuator) }));
     }

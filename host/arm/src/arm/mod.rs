@@ -5,7 +5,7 @@
 //!
 //! # Format
 //!
-//! Lengths in m, angles in degrees; the unit is the end of the key. Keys marked `?` may be left out. Actuators and
+//! Lengths in m, angles in degrees; the unit is the end of the key. Keys marked `?` are optional. Actuators and
 //! modules (stages) count from 0 at the base; a leg's digit 0 is its shortest state.
 //!
 //! | key | meaning |
@@ -98,7 +98,7 @@ pub type ArmError = FileError<ArmFault>;
 pub struct Arm {
     /// Its name.
     pub name: String,
-    /// Where its tool stands: geometry, masses, effects, and the model's number.
+    /// What decides the pose of its tool: geometry, masses, effects, and the model's number.
     pub model: ArmModel,
     /// File of the profile of the board that drives it.
     pub profile: Option<PathBuf>,

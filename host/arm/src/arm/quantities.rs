@@ -12,7 +12,7 @@ use super::ArmFault;
 use super::raw::{RawMotion, RawPose, RawStage};
 use darm_robot::source::Number;
 
-/// What is wrong, and the bytes of the file where it stands.
+/// What is wrong, and the bytes of the file that hold it.
 type Wrong = (Range<usize>, ArmFault);
 /// A value of the file that has been checked.
 pub(super) type Checked<T> = Result<T, Wrong>;

@@ -13,7 +13,7 @@
 //! | i | | a stage, the mount and the tool |
 //! | n_i | | steps of Newton's method for a platform, 1 for a joint, 0 for a link; `f32` takes no more than `f64` |
 //! | p_i, r_i, q_i | m | position of its top in its base, in the tool, and in the arm's base; q is the tool's |
-//! | m | | effects that move the tool as a whole |
+//! | m | | effects that move the tool rigidly |
 //!
 //! To first order in u, and worst case: every rounding at its most, all of one sign.
 //!

@@ -30,9 +30,9 @@ const ADVICE: &str = "\
 ";
 
 impl BoardProfile {
-    /// A cautious profile for the outputs and servos that `arm` names: every output holds the line of its own number, with
-    /// the limits that are built into a board; servos are slow and weak; limit switches are at inputs that count along the
-    /// arm.
+    /// A cautious profile for the outputs and servos that `arm` names: every output holds the line with the same
+    /// number, with the limits that are built into a board; servos are slow and weak; limit switches are at inputs
+    /// that count along the arm.
     pub fn first(arm: &Arm) -> Self {
         let mut profile = Profile { supply: BUILT_IN.supply, ..Profile::empty() };
         let mut inputs = 0..MAX_INPUTS as u8;

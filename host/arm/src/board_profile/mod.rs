@@ -8,8 +8,8 @@
 //! derate_percent_per_k = 2.0       # by which every duty is reduced above it; needed where `ambient_c` is above `rated_c`
 //!
 //! [supply]
-//! new_outputs = 6                  # so many may go on
-//! window_ms = 10                   # within so long
+//! new_outputs = 6                  # at most this many are switched on
+//! window_ms = 10                   # within this time
 //!
 //! [emergency_stop]
 //! input = 12
@@ -29,7 +29,7 @@
 //! drive = "peak-hold"
 //! pull = 1                         # line of the full current
 //! hold = 2                         # line of the holding current
-//! peak_ms = 50                     # so long the full current lasts; the next peak begins no sooner
+//! peak_ms = 50                     # duration of the full current; the next peak begins no sooner
 //!                                  # than ten times as long after this one
 //! max_on_ms = 60000
 //! duty_percent = 60
@@ -40,7 +40,7 @@
 //! min_deg = -60.0                  # of the shaft
 //! max_deg = 60.0
 //! max_speed_deg_s = 60.0
-//! max_torque = 0.8                 # share of its own
+//! max_torque = 0.8                 # share of the servo's own
 //! timeout_ms = 100
 //! fallback = "hold"                # or "release"
 //! ```

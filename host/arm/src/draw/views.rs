@@ -31,7 +31,7 @@ struct View {
     area: [f64; 4],
 }
 
-/// The scene as one SVG, with the names of joints or stages where they are asked for.
+/// The scene as one SVG, with the names of joints or stages if requested.
 pub fn svg(scene: &Scene, has_names: bool) -> String {
     let (x, y, z) = (Vec3::x(), Vec3::y(), Vec3::z());
     let (views, size) = if scene.is_planar {

@@ -1,4 +1,4 @@
-//! Programs pass the checker of the board, with rests where they are asked for.
+//! Programs pass the checker of the board, with rests if requested.
 
 use std::path::Path;
 

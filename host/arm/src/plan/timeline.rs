@@ -47,7 +47,7 @@ impl Timeline<'_> {
         self.go_to(&rest, index, free)
     }
 
-    /// The words from where the arm stands to `goal`, each feeding no more new coils than the supply can at once.
+    /// The words from the arm's present one to `goal`, each feeding no more new coils than the supply can at once.
     fn steps(&self, goal: &Word) -> Vec<Word> {
         let from = self.word();
         let limit = u32::from(self.wiring.switch_limit.new_coils);

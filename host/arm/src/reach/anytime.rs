@@ -10,12 +10,12 @@
 //! # Bound
 //!
 //! All frames of stages j to n lie around one of them, K: no farther than r in position, no more than φ in orientation.
-//! The distance is left invariant, so no word behind the choice is nearer than
+//! The distance is left invariant, so no word behind the choice is closer than
 //!
 //! b² = max(|p_W − p_K| − r, 0)² + ℓ²·max(∠(W, K) − φ, 0)².
 //!
 //! For a stage with frames A before the rest K', r', φ': K = A₀·K' with A₀ amid the A, r = max |A·p_K' − p_K| + r', φ =
-//! max ∠(A, A₀) + φ'. Choices that cannot lead nearer than the words found are left out. What is not yet opened when
+//! max ∠(A, A₀) + φ'. Choices that cannot lead closer than the words found are left out. What is not yet opened when
 //! the time is over, or had to be forgotten for want of room, has the least of its bounds.
 
 use std::cmp::Ordering;
@@ -43,7 +43,7 @@ const ABREAST: usize = 256;
 pub struct Anytime {
     /// Nearest first.
     pub nearest: Vec<Near>,
-    /// No word is nearer than this, m: the distance of the nearest found, where that is proven.
+    /// No word is closer than this, m: the distance of the nearest found, where that is proven.
     pub lower_bound_m: f64,
     /// The share of all words that were looked at or cannot be nearer.
     pub settled: f64,

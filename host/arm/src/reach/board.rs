@@ -80,7 +80,7 @@ pub fn nearest(records: &[Record], actuators: usize, target: &Pose<f64>) -> Opti
     room.found()
 }
 
-/// The arm with what moves the tool as a whole in its mount and its tool.
+/// The arm with what moves the tool rigidly in its mount and its tool.
 fn displaced(arm: &Arm) -> Arm {
     let mut displaced = arm.clone();
     let condition = resting(arm);
@@ -100,8 +100,8 @@ fn displaced(arm: &Arm) -> Arm {
     displaced
 }
 
-/// The word of zeros under working conditions, at rest: laws that move the tool as a whole look at no digit, but for fitted
-/// terms.
+/// The word of zeros under working conditions, at rest: laws that move the tool rigidly look at no digit, but for
+/// fitted terms.
 fn resting(arm: &Arm) -> Condition<'_, f64> {
     arm.model.working(arm.rest(), arm.rest(), &[])
 }

@@ -2,8 +2,8 @@
 //!
 //! An [`Index`] knows the geometry alone. Where the geometry has the tool at G(w) and the model at G(w)·E(w), the word
 //! whose tool is at the target T has G(w) = T·E(w)⁻¹. E differs little between words that stand near each other, so the
-//! index is asked for T·E⁻¹ with E of the best word so far, the words that it names are judged by the model, and so on
-//! until none is nearer. The word found is near, not proven to be the nearest.
+//! index is searched for T·E⁻¹ with E of the best word so far, the words that it names are judged by the model, and
+//! so on until none is nearer. The word found is near, not proven to be the nearest.
 
 use std::collections::BTreeSet;
 

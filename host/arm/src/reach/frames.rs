@@ -108,7 +108,7 @@ fn of_poses(poses: Vec<(Vec<u8>, Pose<f64>)>, first: usize, rest: Word, allowed:
     frames
 }
 
-/// The product of all `stages`, or one frame that stands still.
+/// The product of all `stages`, or one frame that is fixed.
 pub(super) fn product(stages: &[Frames], rest: Word) -> Frames {
     stages.iter().fold(Frames::one(Pose::identity(), rest), |all, stage| all.times(stage))
 }

@@ -122,7 +122,7 @@ fn rests_of(line: &mut Line, best: &HashMap<State, (usize, State)>, all: u64) ->
     masks.into_iter().rev().filter_map(rest).collect()
 }
 
-/// The straight line between the first and the last position, and what stands beside it.
+/// The straight line between the first and the last position, and what belongs to it.
 struct Line<'a> {
     arm: &'a Arm,
     from: &'a Word,

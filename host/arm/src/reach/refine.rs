@@ -36,7 +36,8 @@ pub(super) fn refine(
             (pose.distance(target, scale_m) < before).then_some((next, pose, columns))
         });
         let Some((next, next_pose, next_columns)) = better else { break };
-        let moved = next.iter().zip(&angles_rad).fold(0.0, |most: f64, (next, angle)| most.max((next - angle).abs()));
+        let moved =
+            next.iter().zip(&angles_rad).fold(0.0, |largest: f64, (next, angle)| largest.max((next - angle).abs()));
         (angles_rad, pose, columns) = (next, next_pose, next_columns);
         if moved < 1e-12 {
             break;

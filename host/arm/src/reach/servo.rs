@@ -22,7 +22,7 @@ use crate::arm::{Arm, ArmScratch};
 /// When a search ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gap {
-    /// No word and angles are nearer than what is found by more than this, m.
+    /// No word and angles are closer than what is found by more than this, m.
     pub gap_m: f64,
     /// Most boxes that are looked at, whether or not the gap is closed.
     pub max_boxes: usize,
@@ -42,13 +42,13 @@ pub struct WithServos {
     pub nearest: Vec<Near>,
     /// Where the servo joints stand, rad.
     pub servos_rad: Vec<f64>,
-    /// No word at any angles within the servos' ranges is nearer than this, m.
+    /// No word at any angles within the servos' ranges is closer than this, m.
     pub lower_bound_m: f64,
     /// How many boxes were looked at.
     pub boxes: usize,
 }
 
-/// Angles from `center − half` to `center + half`, and what none of them can be nearer than, m.
+/// Angles from `center − half` to `center + half`, and the distance below which none of them can be, m.
 #[derive(Clone, Debug, PartialEq)]
 struct Angles {
     bound_m: f64,
@@ -109,7 +109,7 @@ fn growth_per_rad(arm: &Arm, length_scale_m: f64) -> Vec<f64> {
     for (stage, step) in arm.model.chain.stages.iter().zip(tabulate(arm)).rev() {
         match (step, stage) {
             (Step::Poses(poses), _) => {
-                lever_m += poses.iter().fold(0.0, |most: f64, (_, pose)| most.max(pose.position.norm()));
+                lever_m += poses.iter().fold(0.0, |largest: f64, (_, pose)| largest.max(pose.position.norm()));
             }
             (Step::Servo { .. }, Stage::Servo(joint)) if joint.axis.kind == JointKind::Prismatic => {
                 let (min, max) = range(arm, arm.n_servos() - 1 - growth.len());

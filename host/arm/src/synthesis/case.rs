@@ -31,7 +31,7 @@ pub enum CaseKind {
 /// The case and the ranks that it follows from.
 ///
 /// Between two modules a motion can be given to the one and taken from the other without any end frame noticing, so
-/// the unknowns reach less than their number: for words that switch whole modules of a platform arm, the rank of
+/// the unknowns reach less than their number: for words that switch complete modules of a platform arm, the rank of
 /// (states − 1) · modules + 1 frames. More frames than that are insufficient, however many unknowns are left.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Case {
@@ -41,23 +41,23 @@ pub struct Case {
     pub equations: usize,
     /// Rank of the derivatives of all desired frames.
     pub rank: usize,
-    /// The rank with as many more frames as one likes: of words that switch whole modules where the desired ones do, else
-    /// of words that set each module as a desired word does.
-    pub most: usize,
+    /// The rank with as many more frames as one likes: of words that switch complete modules where the desired ones
+    /// do, else of words that set each module as a desired word does.
+    pub max_rank: usize,
     /// Stops, and servo angles of the frames.
     pub unknowns: usize,
     /// Stops that no desired word uses.
     pub unused: usize,
-    /// Modules, where the words switch whole ones, all their actuators at once, and so choose
+    /// Modules, where the words switch complete ones, all their actuators at once, and so choose
     /// (states − 1) · modules + 1 frames.
-    pub whole_modules: Option<WholeModules>,
-    /// Frames that follow from those before them, in whole or in part.
+    pub complete_modules: Option<CompleteModules>,
+    /// Frames that follow from those before them, completely or in part.
     pub bound: Vec<BoundFrame>,
 }
 
-/// Words that switch whole modules.
+/// Words that switch complete modules.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct WholeModules {
+pub struct CompleteModules {
     /// How many modules.
     pub modules: usize,
     /// States of each.
@@ -66,7 +66,7 @@ pub struct WholeModules {
     pub frames: usize,
 }
 
-/// A frame that follows, in whole or in part, from those before it.
+/// A frame that follows, completely or in part, from those before it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct BoundFrame {
     /// Its place among the desired frames.
@@ -78,7 +78,8 @@ pub struct BoundFrame {
 }
 
 impl Case {
-    /// Directions of the used unknowns that no desired frame feels: motions that one module gives and the next takes.
+    /// Directions of the used unknowns to which no desired frame is sensitive: motions that one module gives and the
+    /// next takes.
     pub fn free(&self) -> usize {
         self.unknowns - self.unused - self.rank
     }
@@ -86,13 +87,16 @@ impl Case {
 
 impl fmt::Display for Case {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { kind, equations, rank, most, unknowns, unused, .. } = self;
+        let Self { kind, equations, rank, max_rank, unknowns, unused, .. } = self;
         let kind = match kind {
             CaseKind::Sufficient => "sufficient",
             CaseKind::Insufficient => "insufficient",
             CaseKind::Redundant => "redundant",
         };
-        write!(f, "{kind}: {equations} equations of rank {rank}, {unknowns} unknowns of which such words feel {most}")?;
+        write!(
+            f,
+            "{kind}: {equations} equations of rank {rank}, {unknowns} unknowns of which such words feel {max_rank}"
+        )?;
         write!(f, "; free: {} directions between modules", self.free())?;
         if *unused > 0 {
             write!(f, ", {unused} stops that are in no word")?;
@@ -105,8 +109,8 @@ impl fmt::Display for Case {
                 index + 1
             )?;
         }
-        match (self.kind, self.whole_modules) {
-            (CaseKind::Insufficient, Some(WholeModules { modules, states, frames })) => write!(
+        match (self.kind, self.complete_modules) {
+            (CaseKind::Insufficient, Some(CompleteModules { modules, states, frames })) => write!(
                 f,
                 "; what one module gives the next can take back, so words that switch complete modules choose (states - 1) x \
                  modules + 1 = ({states} - 1) x {modules} + 1 = {frames} frames: leave frames out, or use words that \
@@ -124,7 +128,7 @@ impl fmt::Display for Case {
 pub(super) fn of(problem: &Problem) -> Result<Case, SynthesisError> {
     let desired = problem.words();
     let module_of = modules(problem, &desired);
-    let complete = whole_modules(problem, &desired, &module_of);
+    let complete = complete_modules(problem, &desired, &module_of);
     let more: Vec<Word> = match complete {
         Some(modules) => switched(problem, &module_of, modules),
         None => mixed(problem, &desired, &module_of),
@@ -166,8 +170,8 @@ pub(super) fn of(problem: &Problem) -> Result<Case, SynthesisError> {
         CaseKind::Sufficient
     };
     let unused = problem.n_stops() - problem.n_used_stops();
-    let whole_modules = complete.filter(|modules| modules.frames * per_frame == max_rank);
-    Ok(Case { kind, equations, rank, most: max_rank, unknowns: own, unused, whole_modules, bound })
+    let complete_modules = complete.filter(|modules| modules.frames * per_frame == max_rank);
+    Ok(Case { kind, equations, rank, max_rank, unknowns: own, unused, complete_modules, bound })
 }
 
 /// The module of each actuator: a platform, or neighbouring joints that have one digit in every word.
@@ -191,16 +195,20 @@ fn alike(words: &[Word], actuator: usize) -> bool {
 }
 
 /// The modules, where every word gives all actuators of a module one digit.
-fn whole_modules(problem: &Problem, words: &[Word], module_of: &[usize]) -> Option<WholeModules> {
+fn complete_modules(problem: &Problem, words: &[Word], module_of: &[usize]) -> Option<CompleteModules> {
     let is_complete = (1..module_of.len()).all(|k| module_of[k] != module_of[k - 1] || alike(words, k));
     let modules = module_of.last()? + 1;
     let chain = &problem.base_line().model.chain;
     let states = (0..module_of.len()).map(|actuator| chain.n_states(actuator)).min()?;
-    is_complete.then_some(WholeModules { modules, states, frames: (states - 1) * modules + 1 })
+    is_complete.then_some(CompleteModules { modules, states, frames: (states - 1) * modules + 1 })
 }
 
-/// The word at rest, and those that switch one module: every other word of whole modules follows from them.
-fn switched(problem: &Problem, module_of: &[usize], WholeModules { modules, states, .. }: WholeModules) -> Vec<Word> {
+/// The word at rest, and those that switch one module: every other word of complete modules follows from them.
+fn switched(
+    problem: &Problem,
+    module_of: &[usize],
+    CompleteModules { modules, states, .. }: CompleteModules,
+) -> Vec<Word> {
     let rest = problem.base_line().rest();
     let switch = |switched: usize, digit: usize| {
         let actuators = module_of.iter().enumerate().filter(|&(_, &module)| module == switched);
@@ -229,12 +237,12 @@ fn mixed(problem: &Problem, desired: &[Word], module_of: &[usize]) -> Vec<Word> 
 /// The rows met so far, made orthonormal one after the other (Gram–Schmidt, twice).
 struct Span {
     rows: Vec<DVector<f64>>,
-    least: f64,
+    threshold: f64,
 }
 
 impl Span {
     fn new(size: f64) -> Self {
-        Self { rows: Vec::new(), least: INDEPENDENT * size }
+        Self { rows: Vec::new(), threshold: INDEPENDENT * size }
     }
 
     fn rank(&self) -> usize {
@@ -249,7 +257,7 @@ impl Span {
             }
         }
         let length = row.norm();
-        if length <= self.least {
+        if length <= self.threshold {
             return false;
         }
         self.rows.push(row / length);

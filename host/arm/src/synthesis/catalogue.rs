@@ -8,7 +8,7 @@
 //!
 //! # Method
 //!
-//! Each leg takes the cheapest part that fits the synthesis as it stands. Where none fits, the part that fits but for the
+//! Each leg takes the cheapest part that fits the synthesis. Where none fits, the part that fits but for the
 //! least change of its stops gives the leg's bounds, and the synthesis is done again within the bounds of all parts: by
 //! the stops, and where those do not suffice by the anchors, as far as [`Bounds::anchor_m`](super::Bounds) lets them go.
 
@@ -147,7 +147,7 @@ fn choose(found: &Synthesis, desired: &[DesiredFrame], parts: &[Part]) -> Result
         }
         let stop = |state| arm.model.chain.get(Parameter::Stop { actuator: actuator as u8, state }).unwrap_or(0.0);
         let states = (0..arm.model.chain.n_states(actuator) as u8).map(stop);
-        let stops_m = states.fold((f64::INFINITY, 0.0), |(least, most): (f64, f64), at| (least.min(at), most.max(at)));
+        let stops_m = states.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), at| (low.min(at), high.max(at)));
         let bought = parts.iter().filter(|part| part.force_n >= loads[actuator]).map(|part| Bought {
             actuator: arm.actuator_name(actuator),
             part: part.part.clone(),

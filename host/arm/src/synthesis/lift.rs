@@ -7,8 +7,9 @@
 //! bounds on l(X), det D(X) > 0  in the assembly mode of the base-line: enter where they are broken
 //!
 //! A platform has as many poses X as there are digits of its legs among the words; the lengths follow from them in closed
-//! form, so that no singular platform bars the way, as it does where the lengths are the unknowns (multiple shooting, told
-//! for an arm). For words that switch whole modules no leg is shared, and every choice of X is a geometry: the frames
+//! form, so that no singular platform bars the way, as it does where the lengths are the unknowns (multiple shooting,
+//! described for an arm). For words that switch complete modules no leg is shared, and every choice of X is a
+//! geometry: the frames
 //! and the gauge between the modules are all that is left.
 
 use darm_core::actuator::Stage;
@@ -22,7 +23,7 @@ use super::problem::Problem;
 /// Steps from one start.
 const MAX_STEPS: u32 = 60;
 /// The scaled determinant that a platform is kept above, three times of what it may be.
-const LEAST_DETERMINANT: f64 = 0.03;
+const MIN_DETERMINANT: f64 = 0.03;
 /// Half the interval of the determinant's differences.
 const HALF_INTERVAL: f64 = 1e-5;
 /// A step moves no platform by more than this, m and rad.
@@ -210,7 +211,7 @@ impl<'p, 'a> Lift<'p, 'a> {
         self.add_shared_legs(&mut rows);
         for bound in &self.problem.bounds {
             let value = |unknown| if unknown < self.owners.len() { self.stop(unknown) } else { self.unknowns[unknown] };
-            let slack = bound.terms.iter().map(|&(unknown, factor)| factor * value(unknown)).sum::<f64>() - bound.least;
+            let slack = bound.terms.iter().map(|&(unknown, factor)| factor * value(unknown)).sum::<f64>() - bound.min;
             if slack < 0.0 {
                 let mut slope = DVector::zeros(self.n_columns);
                 for &(unknown, factor) in &bound.terms {
@@ -309,7 +310,7 @@ impl<'p, 'a> Lift<'p, 'a> {
             _ => 1.0,
         };
         let pose = self.poses[place];
-        let slack = determinant(&pose) - LEAST_DETERMINANT;
+        let slack = determinant(&pose) - MIN_DETERMINANT;
         if slack >= 0.0 {
             return;
         }

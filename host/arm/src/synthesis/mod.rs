@@ -53,13 +53,13 @@ use serde::Serialize;
 use crate::arm::frames::{self, DesiredFrame, StopRange};
 use crate::arm::{Arm, FrameFault, reason_of};
 pub use accuracy::Accuracy;
-pub use case::{BoundFrame, Case, CaseKind, WholeModules};
+pub use case::{BoundFrame, Case, CaseKind, CompleteModules};
 pub use catalogue::{Bought, CatalogueError, Part, buy, read_catalogue};
 pub use obstacle::Obstacle;
 use problem::Problem;
 pub use repair::{Cost, Dead, repair};
-pub use stroke::{equal_stops, least_strokes};
-pub use tolerance::{Expected, Tolerance, expected, least_sensitive};
+pub use stroke::{equal_stops, min_strokes};
+pub use tolerance::{Expected, Tolerance, expected, minimize_sensitivity};
 pub use watch::Watch;
 pub use words::choose_words;
 
@@ -286,7 +286,7 @@ pub fn synthesize(base_line: &Arm, desired: &[DesiredFrame], options: &Options) 
     Ok(Synthesis { time: started.elapsed(), ..best })
 }
 
-/// A frame with the servo angles that the servos can hold, nearest to those asked for.
+/// A frame with the servo angles that the servos can hold, nearest to the requested ones.
 fn on_steps(frame: &DesiredFrame) -> DesiredFrame {
     let step_rad = std::f64::consts::TAU / f64::from(SERVO_STEPS_PER_TURN);
     let servos_rad = frame.servos_rad.iter().map(|angle| (angle / step_rad).round() * step_rad).collect();
@@ -317,7 +317,7 @@ fn solve(
     answer(&mut problem, desired, &before_poses, case, &found)
 }
 
-/// What a search found, told frame by frame.
+/// What a search found, frame by frame.
 fn answer(
     problem: &mut Problem,
     desired: &[DesiredFrame],
@@ -353,8 +353,9 @@ fn answer(
 }
 
 impl Synthesis {
-    /// The sum of squares of what all frames lack, m²; a radian weighs as the arm's length scale, a free one nothing.
-    pub fn lacking_m2(&self) -> f64 {
+    /// The sum of squares of the errors of all frames, m²; a radian weighs as the arm's length scale, a free one
+    /// nothing.
+    pub fn error_m2(&self) -> f64 {
         let turn_m = |reached: &Reached| match reached.frame.weights.orientation {
             0.0 => 0.0,
             _ => reached.error_rad * self.arm.length_scale_m,
@@ -362,9 +363,9 @@ impl Synthesis {
         self.frames.iter().map(|reached| reached.error_m.powi(2) + turn_m(reached).powi(2)).sum()
     }
 
-    /// Whether this one lacks less than another.
+    /// Whether the error of this one is less than that of another.
     fn is_nearer(&self, other: &Self) -> bool {
-        self.lacking_m2() < other.lacking_m2()
+        self.error_m2() < other.error_m2()
     }
 
     /// Stops that differ from those of another arm by more than a micrometre or microradian.

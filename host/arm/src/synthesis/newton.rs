@@ -20,7 +20,7 @@ const ON_THE_WAY: f64 = 1e-6;
 /// A residual below this is a solution that the last steps will make exact.
 pub(super) const SOLVED: f64 = 1e-9;
 /// The least share of the way that is worth a step.
-const LEAST_ADVANCE: f64 = 1.0 / 64.0;
+const MIN_ADVANCE: f64 = 1.0 / 64.0;
 /// Steps towards the least alteration.
 const TIDY_STEPS: u32 = 8;
 /// A step as small as this changes the alteration by its square only.
@@ -69,7 +69,7 @@ impl Search<'_, '_> {
         let to: Vec<Pose<f64>> = self.problem.targets.iter().map(|target| target.pose).collect();
         let mut unknowns = start.clone();
         let (mut done, mut advance) = (0.0, 0.25);
-        while done < 1.0 && advance >= LEAST_ADVANCE {
+        while done < 1.0 && advance >= MIN_ADVANCE {
             let share = f64::min(done + advance, 1.0);
             for ((target, from), to) in self.problem.targets.iter_mut().zip(&from).zip(&to) {
                 target.pose = *from * Pose::exp(&(from.to(to).log() * share));
@@ -142,7 +142,7 @@ impl Search<'_, '_> {
         loop {
             let kept: Vec<&Bound> = active.iter().map(|&index| &bounds[index]).collect();
             let face = Face::new(&kept, unknowns, weights);
-            let step = least_step(jacobian, residual, away.as_ref(), &face, damping).component_div(weights);
+            let step = smallest_step(jacobian, residual, away.as_ref(), &face, damping).component_div(weights);
             let next = unknowns + &step;
             let n_active = active.len();
             active.extend((0..bounds.len()).filter(|&index| bounds[index].slack(&next) < -1e-12));
@@ -185,7 +185,7 @@ impl Face {
 }
 
 /// The step on a face that takes the residual away: min |away + step| over `jacobian · step = residual`.
-fn least_step(
+fn smallest_step(
     jacobian: &DMatrix<f64>,
     residual: &DVector<f64>,
     away: Option<&DVector<f64>>,

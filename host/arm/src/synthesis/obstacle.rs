@@ -38,7 +38,7 @@ pub enum Obstacle {
 impl fmt::Display for Obstacle {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Bounds(held) => write!(f, "bounds hold back {}: widen them", held.join(", ")),
+            Self::Bounds(names) => write!(f, "bounds hold back {}: widen them", names.join(", ")),
             Self::Singular { module, frame } => {
                 write!(f, "{module} is about to leave its assembly mode in {frame}: move its anchors, or that frame")
             }

@@ -24,7 +24,7 @@ pub struct Cost {
     pub words_changed: usize,
     /// Frames that are met.
     pub frames_met: usize,
-    /// Frames that were asked for.
+    /// Requested frames.
     pub frames: usize,
     /// Stops that have to be turned, by more than a micrometre or microradian.
     pub stops_turned: usize,

@@ -42,7 +42,7 @@ pub(super) fn solve(problem: &mut Problem, options: &Options, insufficient: bool
         for way in ways {
             // A start that cannot be assembled is no start; the base-line's own failure is told.
             let Ok((error, unknowns)) = way(&mut search, &start) else { continue };
-            if best.as_ref().is_none_or(|(least, _)| error < *least) {
+            if best.as_ref().is_none_or(|(lowest, _)| error < *lowest) {
                 best = Some((error, unknowns));
             }
             if error < SOLVED {

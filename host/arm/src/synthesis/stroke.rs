@@ -8,11 +8,11 @@ const EQUAL: f64 = 1e-6;
 
 /// Ranges that keep a stroke of at least `least_m` between the states of actuators with lengths, where the frames file bounds
 /// no stroke itself; `free_only` leaves out the actuators all of whose states the frames use.
-pub fn least_strokes(
+pub fn min_strokes(
     arm: &Arm,
     frames: &[DesiredFrame],
     ranges: &[StopRange],
-    least_m: f64,
+    min_m: f64,
     free_only: bool,
 ) -> Vec<StopRange> {
     let bounded = |actuator| ranges.iter().any(|range| range.actuator == actuator && range.stroke.1.is_finite());
@@ -21,7 +21,7 @@ pub fn least_strokes(
         |actuator: usize| (0..arm.model.chain.n_states(actuator) as u8).any(|state| !is_used(actuator, state));
     let keeps = |actuator: &usize| !arm.turns(*actuator) && !bounded(*actuator) && (!free_only || is_free(*actuator));
     let range =
-        |actuator| StopRange { actuator, value: (f64::NEG_INFINITY, f64::INFINITY), stroke: (least_m, f64::INFINITY) };
+        |actuator| StopRange { actuator, value: (f64::NEG_INFINITY, f64::INFINITY), stroke: (min_m, f64::INFINITY) };
     (0..arm.n_actuators()).filter(keeps).map(range).collect()
 }
 

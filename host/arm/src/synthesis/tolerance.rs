@@ -97,7 +97,7 @@ pub fn expected(arm: &Arm, frames: &[DesiredFrame], tolerance: &Tolerance, seed:
 
 /// Alters the stops that `found` leaves free, until its frames are as little sensitive to errors of manufacturing as is
 /// worth the alteration.
-pub fn least_sensitive(
+pub fn minimize_sensitivity(
     base_line: &Arm,
     found: &Synthesis,
     tolerance: &Tolerance,

@@ -8,7 +8,7 @@
 //!
 //! | symbol | meaning |
 //! | --- | --- |
-//! | r | what the base-line lacks in each frame with its word, weighted as everywhere |
+//! | r | the error of the base-line in each frame with its word, weighted as everywhere |
 //! | J | derivatives of these words' end frames with respect to the stops |
 //! | μ | [`SOFT`] of |J|: directions weaker than this count as missing, so ill-conditioned sets of words cost much |
 //!
@@ -33,7 +33,7 @@ const CANDIDATES: usize = 48;
 /// First assignments.
 const ASSIGNMENTS: u64 = 48;
 /// Words that are looked at in an arm with more than these.
-const MOST_WORDS: usize = 1 << 14;
+const MAX_WORDS: usize = 1 << 14;
 
 /// A word that may serve a frame.
 #[derive(Clone)]
@@ -80,7 +80,7 @@ pub fn choose_words(
 fn words(arm: &Arm, seed: u64, allowed: &dyn Fn(&Word) -> bool) -> Vec<Word> {
     let states: Vec<u8> = (0..arm.n_actuators()).map(|actuator| arm.model.chain.n_states(actuator) as u8).collect();
     let count = states.iter().try_fold(1usize, |count, &states| count.checked_mul(states.into()));
-    let mut words: Vec<Word> = match count.filter(|&count| count <= MOST_WORDS) {
+    let mut words: Vec<Word> = match count.filter(|&count| count <= MAX_WORDS) {
         Some(count) => (0..count)
             .map(|mut number| {
                 states.iter().enumerate().fold(arm.rest(), |word, (actuator, &states)| {
@@ -98,7 +98,7 @@ fn words(arm: &Arm, seed: u64, allowed: &dyn Fn(&Word) -> bool) -> Vec<Word> {
                     word.with_digit(actuator, rng.random_range(0..states))
                 })
             };
-            (0..MOST_WORDS).map(&mut word).collect()
+            (0..MAX_WORDS).map(&mut word).collect()
         }
     };
     words.sort_unstable();

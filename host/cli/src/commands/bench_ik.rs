@@ -81,8 +81,8 @@ pub(crate) struct BenchIk {
 }
 
 /// Parser of a bounded number.
-fn up_to(least: i64, most: i64) -> clap::builder::RangedI64ValueParser<u32> {
-    clap::value_parser!(u32).range(least..=most)
+fn up_to(low: i64, high: i64) -> clap::builder::RangedI64ValueParser<u32> {
+    clap::value_parser!(u32).range(low..=high)
 }
 
 #[derive(Serialize)]

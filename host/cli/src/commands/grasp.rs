@@ -233,7 +233,7 @@ impl Solve {
 
 /// Rejects contacts that are further apart than the hand can span.
 fn check_reach(hand: &Hand, task: &Task) -> anyhow::Result<()> {
-    let Some((a, b, apart, most)) = hand.out_of_reach(&task.contacts, task.is_assigned) else { return Ok(()) };
+    let Some((a, b, apart, limit)) = hand.out_of_reach(&task.contacts, task.is_assigned) else { return Ok(()) };
     let name = |k: usize| match task.is_assigned {
         true => hand.fingers[k].name.clone(),
         false => (k + 1).to_string(),
@@ -243,7 +243,7 @@ fn check_reach(hand: &Hand, task: &Task) -> anyhow::Result<()> {
         name(a),
         name(b),
         1e3 * apart,
-        1e3 * most
+        1e3 * limit
     )
 }
 

@@ -104,7 +104,7 @@ impl Region {
 impl Map {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let arm = Arm::read(&self.arm)?;
-        let fine = |size: f64, least: f64, most: f64| size.is_finite() && (least..=most).contains(&size);
+        let fine = |size: f64, low: f64, high: f64| size.is_finite() && (low..=high).contains(&size);
         if !fine(self.cell, 0.1, 1e4) || !fine(self.angle, 0.1, 180.0) {
             return Err(Usage("--cell must be 0.1 to 10000 mm, --angle 0.1 to 180 deg".to_owned()).into());
         }

@@ -11,7 +11,7 @@ use darm_arm::arm::{Arm, ArmModel, ArmScratch};
 use darm_arm::draw::{Scene, svg};
 use darm_arm::synthesis::{
     Bounds, Dead, Method, Options, Status, Synthesis, Tolerance, Watch, buy, choose_words, equal_stops, expected,
-    least_sensitive, least_strokes, read_catalogue, repair, synthesize,
+    min_strokes, minimize_sensitivity, read_catalogue, repair, synthesize,
 };
 
 use crate::failure::Usage;
@@ -91,8 +91,8 @@ pub(crate) struct Synth {
     longest: f64,
     /// Least stroke between two states, in mm; default: that of a small solenoid. Where the frames cannot be reached so,
     /// only actuators with a state that no frame uses keep it; bounds of strokes in FRAMES.toml come first
-    #[arg(long, value_name = "MM", default_value_t = 5.0)]
-    least_stroke: f64,
+    #[arg(long = "least-stroke", value_name = "MM", default_value_t = 5.0)]
+    min_stroke: f64,
     /// Largest change of each coordinate of an anchor, in mm, used where stops alone do not reach the frames
     #[arg(long, value_name = "MM", default_value_t = 0.0, conflicts_with = "tolerance")]
     anchors: f64,
@@ -170,14 +170,14 @@ impl Synth {
         desired: &[DesiredFrame],
         options: &Options,
     ) -> anyhow::Result<(Synthesis, Extras)> {
-        let least_m = 1e-3 * self.least_stroke;
+        let min_m = 1e-3 * self.min_stroke;
         let with = |free_only| {
             let mut options = options.clone();
-            options.ranges.extend(least_strokes(base, desired, &options.ranges, least_m, free_only));
+            options.ranges.extend(min_strokes(base, desired, &options.ranges, min_m, free_only));
             self.search(base, desired, &options)
         };
         let all = with(false)?;
-        if all.0.status == Status::Reached || least_m == 0.0 || options.watch.is_ended() {
+        if all.0.status == Status::Reached || min_m == 0.0 || options.watch.is_ended() {
             return Ok(all);
         }
         let free = with(true)?;
@@ -211,7 +211,7 @@ impl Synth {
         };
         extras.alteration_before_m = Some(found.alteration_m);
         extras.expected_before = expected(&found.arm, &reached(&found), &tolerance, self.seed);
-        let found = least_sensitive(base, &found, &tolerance, options)?;
+        let found = minimize_sensitivity(base, &found, &tolerance, options)?;
         extras.expected = expected(&found.arm, &reached(&found), &tolerance, self.seed);
         Ok((found, extras))
     }
@@ -252,8 +252,8 @@ impl Synth {
         if !(self.worth > 0.0 && self.worth.is_finite()) {
             return Err(Usage(format!("--worth {}: give a length above 0 mm", self.worth)));
         }
-        if !(self.least_stroke >= 0.0 && self.least_stroke.is_finite()) {
-            return Err(Usage(format!("--least-stroke {}: give a length of at least 0 mm", self.least_stroke)));
+        if !(self.min_stroke >= 0.0 && self.min_stroke.is_finite()) {
+            return Err(Usage(format!("--least-stroke {}: give a length of at least 0 mm", self.min_stroke)));
         }
         if !(self.anchors >= 0.0 && self.anchors.is_finite()) {
             return Err(Usage(format!("--anchors {}: give a length of at least 0 mm", self.anchors)));

@@ -163,7 +163,7 @@ fn diagnosis(report: &LoopReport) -> Markup {
     }
 }
 
-/// The size of an effect; `1` stands for a number without unit.
+/// The size of an effect; `1` means a number without unit.
 fn size(value: f64, unit: &str) -> String {
     if unit == "1" { format!("{value:.4}") } else { format!("{value:.4e} {unit}") }
 }

@@ -81,7 +81,7 @@ pub enum AnswerError {
         /// What was wrong with the last.
         last: FrameError,
     },
-    /// The frame is whole, but its payload is not what this version of the protocol says.
+    /// The frame is complete, but its payload is not what this version of the protocol says.
     #[error(
         "the answer to `{request}` cannot be read; host and firmware may speak different versions: see `darm doctor`"
     )]

@@ -12,7 +12,7 @@ use super::reader::{Piece, Reader};
 use crate::clock::{BoardClock, RoundTrip};
 use crate::link::Link;
 
-/// Without an answer for so long the board is not there.
+/// Without an answer for this time the board is not there.
 pub(super) const PATIENCE_S: f64 = 8.0;
 /// Storing a table erases a slot and writes it.
 pub(super) const STORE_PATIENCE_S: f64 = 30.0;
@@ -24,7 +24,7 @@ pub struct Counts {
     pub sent: u32,
     /// Frames that were sent again.
     pub again: u32,
-    /// Frames that arrived whole.
+    /// Frames that arrived complete.
     pub received: u32,
     /// Frames that arrived damaged.
     pub damaged: u32,
@@ -201,7 +201,7 @@ impl Exchange {
         reply.result.map_err(ClientError::Refused)
     }
 
-    /// Sends a whole frame.
+    /// Sends a complete frame.
     pub(super) fn send(&mut self, frame: &[u8], again: bool) -> Result<(), ClientError> {
         self.counts.sent += 1;
         self.counts.again += u32::from(again);

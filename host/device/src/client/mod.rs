@@ -105,7 +105,7 @@ impl Client {
         self.exchange.replace_link(Box::new(Unplugged(name)));
     }
 
-    /// Goes on over another link to the same board: after the cable was pulled.
+    /// Continues over another link to the same board: after the cable was pulled.
     pub fn replug(&mut self, link: Box<dyn Link>) -> Result<(), ClientError> {
         self.exchange.replace_link(link);
         self.identity = identify(&mut self.exchange)?;
@@ -158,7 +158,7 @@ impl Client {
         self.exchange.send_raw(format!("{line}\r").as_bytes())
     }
 
-    /// Listens for so long, for text and for nothing else.
+    /// Listens for this time, for text and for nothing else.
     pub fn listen(&mut self, for_s: f64) -> Result<(), ClientError> {
         self.exchange.listen(for_s)
     }
@@ -246,8 +246,8 @@ impl Client {
         }
     }
 
-    /// Brings a table to the board whole or not at all, and returns the number of its rows. An upload that broke off,
-    /// even in another run of the host, goes on where the board says.
+    /// Brings a table to the board completely or not at all, and returns the number of its rows. An upload that broke
+    /// off, even in another run of the host, continues where the board says.
     pub fn upload(&mut self, image: &UploadImage, progress: &mut dyn FnMut(Progress)) -> Result<u16, ClientError> {
         self.check_version()?;
         upload::upload(self, image, progress)

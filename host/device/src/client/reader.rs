@@ -6,7 +6,7 @@
 
 use darm_core::wire::frame::{self, FrameError, Header, MAX_FRAME};
 
-/// A frame that goes on for so long without a byte has lost its end.
+/// A frame that has been incomplete for this time without a byte has lost its end.
 const SILENCE_S: f64 = 0.1;
 
 /// What comes out of the stream.

@@ -2,7 +2,8 @@
 
 use super::{LARGEST_RATE_ERROR, RoundTrip};
 
-/// So long the pace is taken to be constant: temperature changes it over longer times. In seconds of the board.
+/// The time over which the pace is taken to be constant: temperature changes it over longer times. In seconds of the
+/// board.
 const CONSTANT_S: f64 = 600.0;
 
 /// An interval of host seconds per board second.

@@ -143,9 +143,9 @@ impl Bench {
     }
 
     /// A person holds the user button, or releases it.
-    pub fn hold_button(&mut self, held: bool) {
-        self.button = held;
-        self.wires.button.set(held);
+    pub fn hold_button(&mut self, pressed: bool) {
+        self.button = pressed;
+        self.wires.button.set(pressed);
     }
 
     /// Bytes from the host.

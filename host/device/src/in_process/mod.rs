@@ -30,7 +30,7 @@ type Order = Box<dyn FnOnce(&mut Rig) + Send>;
 
 /// A board with its plant. Clones are the same board; it ends with the last of them.
 ///
-/// The firmware's futures cannot change threads, so the board has one of its own, which only acts while somebody waits
+/// The firmware's futures cannot change threads, so the board has a separate one, which only acts while somebody waits
 /// for it.
 #[derive(Clone)]
 pub struct InProcess {
@@ -98,8 +98,8 @@ impl InProcess {
     }
 
     /// A person holds the board's user button, or releases it.
-    pub fn hold_button(&self, held: bool) {
-        self.with((), move |rig| rig.bench.hold_button(held));
+    pub fn hold_button(&self, pressed: bool) {
+        self.with((), move |rig| rig.bench.hold_button(pressed));
     }
 
     /// Cuts the power and gives it back: RAM is lost, flash and plant stay.

@@ -66,7 +66,7 @@ struct Piece {
 /// Pieces on their way in one direction.
 #[derive(Default)]
 struct Lane {
-    held: Option<Vec<u8>>,
+    delayed: Option<Vec<u8>>,
     queue: VecDeque<Piece>,
 }
 
@@ -143,9 +143,9 @@ impl<L: Link> Faulty<L> {
         let twice = self.rng.random_bool(self.faults.duplicate);
         let hold = self.rng.random_bool(self.faults.reorder);
         let lane = if outward { &mut self.out } else { &mut self.back };
-        if hold && lane.held.is_none() {
+        if hold && lane.delayed.is_none() {
             self.counts.reordered += 1;
-            lane.held = Some(piece);
+            lane.delayed = Some(piece);
             return;
         }
         if twice {
@@ -153,7 +153,7 @@ impl<L: Link> Faulty<L> {
             lane.push(due_s, piece.clone());
         }
         lane.push(due_s, piece);
-        if let Some(earlier) = lane.held.take() {
+        if let Some(earlier) = lane.delayed.take() {
             lane.push(due_s, earlier);
         }
     }

@@ -145,7 +145,7 @@ impl Servo {
 #[derive(Clone, Debug)]
 pub struct ServoBus {
     servos: Vec<Servo>,
-    /// Bytes of a packet that is not whole.
+    /// Bytes of a packet that is not complete.
     pending: Vec<u8>,
     now_s: f64,
 }
@@ -238,14 +238,14 @@ impl ServoBus {
     }
 }
 
-/// What a whole request says.
+/// The content of a complete request.
 struct Packet {
     id: u8,
     instruction: u8,
     parameters: Vec<u8>,
 }
 
-/// Takes the first whole packet out; bytes that begin none are dropped.
+/// Takes the first complete packet out; bytes that begin none are dropped.
 fn next_packet(pending: &mut Vec<u8>) -> Option<Packet> {
     loop {
         let start = pending.windows(2).position(|pair| pair == [0xFF, 0xFF]);

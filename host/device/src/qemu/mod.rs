@@ -31,7 +31,7 @@ use tempfile::TempDir;
 use qmp::{Qmp, QmpError};
 pub use version::{OLDEST, PROGRAM, Version, VersionError, find};
 
-/// The file that stands for the flash that the firmware uses.
+/// The file that represents the flash that the firmware uses.
 pub const FLASH_FILE: &str = "flash.img";
 /// Longest wait for the emulator to open its sockets.
 const START_TIMEOUT: Duration = Duration::from_secs(30);

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-/// Why the emulator did not do as told.
+/// Why the emulator did not execute a command.
 #[derive(Debug, thiserror::Error)]
 pub enum QmpError {
     /// The socket failed or gave no answer.

@@ -20,7 +20,7 @@ pub struct Gap {
 }
 
 impl Hand {
-    /// Calls `visit` with each pair nearer than `margin_m`.
+    /// Calls `visit` with each pair closer than `margin_m`.
     pub fn near(&self, links: &Links, margin_m: f64, mut visit: impl FnMut(Gap)) {
         let ends: Vec<_> = self.capsules.iter().map(|capsule| capsule.ends(links)).collect();
         for pair in &self.pairs {

@@ -31,7 +31,7 @@ pub struct Configuration {
     pub angles: Angles,
 }
 
-/// How far a contact is from the one that is asked for.
+/// How far a contact is from the requested one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContactError {
     /// |p* − p|, m.
@@ -64,7 +64,7 @@ impl Hand {
         })
     }
 
-    /// How far the contacts of a configuration are from those that are asked for.
+    /// How far the contacts of a configuration are from the requested ones.
     pub fn errors(&self, configuration: &Configuration, contacts: &Contacts) -> [ContactError; FINGERS] {
         let reached = self.contacts(&self.place(&configuration.angles));
         std::array::from_fn(|i| {
@@ -76,8 +76,8 @@ impl Hand {
         })
     }
 
-    /// The pose of the palm that puts the thumb's contact where it is asked for, with the hand turned by `turn_rad`
-    /// about the contact's direction (φ_T of the paper, from a direction of its own for each contact).
+    /// The pose of the palm that puts the thumb's contact at its requested place, with the hand turned by `turn_rad`
+    /// about the contact's direction (φ_T of the paper, from another direction for each contact).
     pub fn on_thumb(&self, placed: &Placed, contacts: &Contacts, turn_rad: f64) -> Pose<f64> {
         let thumb = contacts[THUMB];
         let (s, c) = turn_rad.sin_cos();
@@ -111,7 +111,7 @@ impl Hand {
     /// A posture within the limits in which nothing touches, drawn evenly, and the contacts that it makes.
     ///
     /// The paper's random constraints: "generating a random hand configuration" and "choosing a contact point on each
-    /// fingertip"; the palm stands anywhere. `None` when a thousand draws all collide.
+    /// fingertip"; the palm is anywhere. `None` when a thousand draws all collide.
     pub fn draw(&self, random: &mut impl Rng) -> Option<(Configuration, Contacts)> {
         for _ in 0..1000 {
             let angles = self.limits.map(|[low, high]| low + (high - low) * random.random::<f64>());

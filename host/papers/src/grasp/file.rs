@@ -2,7 +2,7 @@
 //!
 //! # Hand
 //!
-//! Keys marked `?` may be left out.
+//! Keys marked `?` are optional.
 //!
 //! | key | meaning |
 //! | --- | --- |

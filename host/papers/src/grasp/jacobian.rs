@@ -59,7 +59,7 @@ pub fn jacobian(placed: &Placed) -> Jacobian {
 }
 
 impl Hand {
-    /// B⁺ΔP for the contacts that are asked for, expressed in the palm as `placed` is.
+    /// B⁺ΔP for the requested contacts, expressed in the palm as `placed` is.
     pub fn paper_rows(&self, placed: &Placed, wanted: &Contacts) -> Rows {
         let mut rows = Rows::zeros();
         for (i, tip) in placed.tips.iter().enumerate().take(THUMB) {
@@ -94,7 +94,7 @@ fn gram(jacobian: &Jacobian) -> SMatrix<f64, ROWS, ROWS> {
 }
 
 /// K⁺·rows: the floor step that makes these changes, truncated where K has lost rank.
-pub fn least_step(jacobian: &Jacobian, rows: &Rows) -> Step {
+pub fn smallest_step(jacobian: &Jacobian, rows: &Rows) -> Step {
     let gram = gram(jacobian);
     let floor = TRUNCATED * TRUNCATED * gram.trace();
     if let Some(factor) = gram.cholesky()

@@ -1,4 +1,4 @@
-//! Postures to start a search from: the one that makes contacts most like those that are asked for.
+//! Postures to start a search from: the one that makes contacts most like the requested ones.
 //!
 //! A posture is kept as its contacts expressed in the frame of the thumb's. Laid on the thumb's contact of a query it can still
 //! turn about the contact's normal; the turn that brings the other fingertips nearest is known in closed form, and so is
@@ -12,7 +12,7 @@ use super::contact::{Contacts, RADIAN_M, across};
 use super::hand::{Angles, Hand, THUMB};
 use super::paper::Variables;
 
-/// Centres and directions of the three other contacts, told about the thumb's.
+/// Centres and directions of the three other contacts, expressed about the thumb's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Sight {
     /// In the plane across the thumb's normal as (x, y), then along it: centres in m, directions as long as they count.
@@ -65,7 +65,7 @@ impl Library {
 }
 
 impl Sight {
-    /// Told along x and y, two unit vectors across the thumb's normal.
+    /// Expressed along x and y, two unit vectors across the thumb's normal.
     fn of(hand: &Hand, contacts: &Contacts, x: &Vec3<f64>, y: &Vec3<f64>) -> Self {
         let thumb = contacts[THUMB];
         let in_frame = |v: Vec3<f64>| Vec3::new(x.dot(&v), y.dot(&v), thumb.direction.dot(&v));

@@ -1,6 +1,6 @@
 //! The paper's search: initial configurations by λ, steps by the pseudo-inverse, four ending conditions.
 //!
-//! The printed loop goes on iterating when a configuration meets the contacts and collides; nothing changes any more
+//! The printed loop continues when a configuration meets the contacts and collides; nothing changes any more
 //! then, so it is taken as the end of that λ.
 //!
 //! Source: Suárez, Claret, Searching a valid hand configuration to perform a given grasp, SYROCO 2009.
@@ -11,13 +11,13 @@ use darm_core::real::Vec3;
 
 use super::contact::{Configuration, Contact, Contacts};
 use super::hand::{Angles, COORDINATES, Hand, JOINTS, Placed, THUMB};
-use super::jacobian::{jacobian, least_step};
+use super::jacobian::{jacobian, smallest_step};
 
 /// Constants of the search, the paper's by default.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// k_max: most iterations for one λ.
-    pub most_iterations: u32,
+    pub max_iterations: u32,
     /// α: share of the error that a step goes for.
     pub gain: f64,
     /// d_min: how near every pᵢ and rᵢ has to come, m.
@@ -30,7 +30,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { most_iterations: 1000, gain: 1.0, reached_m: 1e-3, stalled_m: 0.05e-3, stalled_iterations: 20 }
+        Self { max_iterations: 1000, gain: 1.0, reached_m: 1e-3, stalled_m: 0.05e-3, stalled_iterations: 20 }
     }
 }
 
@@ -136,7 +136,7 @@ impl Hand {
             if stalled >= settings.stalled_iterations {
                 return attempt(End::Stalled);
             }
-            if iterations >= settings.most_iterations {
+            if iterations >= settings.max_iterations {
                 return attempt(End::Exhausted);
             }
             before = Some(world);
@@ -144,7 +144,7 @@ impl Hand {
             if !rows.iter().all(|row| row.is_finite()) {
                 return attempt(End::Stalled);
             }
-            let step = least_step(&jacobian(&placed), &rows);
+            let step = smallest_step(&jacobian(&placed), &rows);
             q.turn_rad += step[0];
             let angles = std::array::from_fn(|k: usize| q.angles[k] + step[1 + k]);
             q.angles = self.within_limits(&angles);

@@ -20,12 +20,12 @@ pub struct Referee {
     pub tips: [RobotFrame; FINGERS],
 }
 
-/// What there is to say of a configuration.
+/// The judgement of a configuration.
 #[derive(Clone, Copy, Debug)]
 pub struct Verdict {
-    /// Largest distance of a contact point from the one asked for, m.
+    /// Largest distance of a contact point from the requested one, m.
     pub point_m: f64,
-    /// Largest angle between a contact's normal and the direction asked for, rad.
+    /// Largest angle between a contact's normal and the requested direction, rad.
     pub direction_rad: f64,
     /// How far the worst angle is past its limit, rad; zero within all.
     pub past_limit_rad: f64,

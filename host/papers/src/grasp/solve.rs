@@ -5,10 +5,10 @@
 //!
 //! Δq = Kᵀ(KKᵀ + μI)⁻¹·e,
 //!
-//! with every joint that it takes past a limit put on that limit and the others asked for the rest; μ follows whether a
+//! with every joint that it takes past a limit put on that limit and the others moved for the rest; μ follows whether a
 //! step was worth it. The redundancy of the hand, 25 − 15 joints, is what keeps the fingers apart.
 //!
-//! A search starts where a posture out of a library makes contacts like those that are asked for ([`Library`]): the
+//! A search starts where a posture out of a library makes contacts like the requested ones ([`Library`]): the
 //! nearest one first.
 
 use darm_core::real::Vec3;
@@ -31,7 +31,7 @@ pub struct Settings {
     /// Starts, the most promising first.
     pub starts: usize,
     /// Iterations of each.
-    pub most_iterations: u32,
+    pub max_iterations: u32,
     /// How near every pᵢ and rᵢ has to come, m.
     pub reached_m: f64,
     /// Distance that capsules are kept at while searching, m.
@@ -40,7 +40,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { starts: 10, most_iterations: 40, reached_m: 1e-7, apart_m: 0.1e-3 }
+        Self { starts: 10, max_iterations: 40, reached_m: 1e-7, apart_m: 0.1e-3 }
     }
 }
 
@@ -81,8 +81,8 @@ struct State {
 
 /// μ at first, and its bounds, m².
 const FIRST_DAMPING: f64 = 1e-5;
-const LEAST_DAMPING: f64 = 1e-12;
-const MOST_DAMPING: f64 = 1.0;
+const MIN_DAMPING: f64 = 1e-12;
+const MAX_DAMPING: f64 = 1.0;
 /// A step that leaves more than this share of the cost has come to a local minimum.
 const SLOW: f64 = 0.999;
 /// Of all orders of the contacts, this many times the starts of one are tried.
@@ -148,14 +148,14 @@ impl Hand {
         let mut state = self.state(start, contacts, settings);
         let mut path = vec![state.configuration];
         let (mut damping, mut iterations) = (FIRST_DAMPING, 0);
-        while iterations < settings.most_iterations && !self.is_solved(&state, settings) && damping <= MOST_DAMPING {
+        while iterations < settings.max_iterations && !self.is_solved(&state, settings) && damping <= MAX_DAMPING {
             let next = self.state(self.step(&state.q, &self.linear(&state, settings), damping), contacts, settings);
             iterations += 1;
             if next.cost >= state.cost {
                 damping *= 10.0;
                 continue;
             }
-            damping = (damping * 0.1).max(LEAST_DAMPING);
+            damping = (damping * 0.1).max(MIN_DAMPING);
             let is_slow = next.cost > SLOW * state.cost;
             state = next;
             path.push(state.configuration);
@@ -168,7 +168,7 @@ impl Hand {
             configuration: state.configuration,
             path,
             is_solved: self.is_solved(&state, settings),
-            error_m: errors.iter().fold(0.0, |most, error| error.point_m.max(error.center_m).max(most)),
+            error_m: errors.iter().fold(0.0, |largest, error| error.point_m.max(error.center_m).max(largest)),
             gap_m: state.near.first().map_or(settings.apart_m, |gap| gap.distance_m),
             starts: 1,
             iterations,

@@ -11,7 +11,7 @@ use super::bare::{Fingers, read_bare_hand};
 use super::contact::{Configuration, Contact, Contacts};
 use super::file::{HandFile, parse_contacts, read_hand};
 use super::hand::{COORDINATES, FINGERS, Hand, JOINTS, THUMB};
-use super::jacobian::{COLUMNS, ROWS, jacobian, least_step};
+use super::jacobian::{COLUMNS, ROWS, jacobian, smallest_step};
 use super::library::Library;
 use super::paper::{self, End};
 use super::solve::Settings;
@@ -111,13 +111,13 @@ fn the_least_step_is_that_of_the_truncated_pseudo_inverse_of_the_papers_jacobian
         let svd = whole.svd(true, true);
         assert!(svd.singular_values.iter().filter(|value| **value > 1e-9).count() == ROWS);
         let expected = svd.solve(&change, 1e-9).unwrap();
-        assert!((least_step(&short, &hand.paper_rows(&placed, &wanted)) - expected).amax() < 1e-9);
+        assert!((smallest_step(&short, &hand.paper_rows(&placed, &wanted)) - expected).amax() < 1e-9);
     }
 }
 
 #[test]
 fn a_jacobian_without_rank_gives_a_step_that_is_finite() {
-    let step = least_step(&super::jacobian::Jacobian::zeros(), &super::jacobian::Rows::repeat(1.0));
+    let step = smallest_step(&super::jacobian::Jacobian::zeros(), &super::jacobian::Rows::repeat(1.0));
     assert_eq!(step.amax(), 0.0);
 }
 
@@ -220,7 +220,7 @@ fn a_training_goes_on_where_it_was_stopped() {
     let hand = allegro().hand;
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("training.txt");
-    let settings = paper::Settings { most_iterations: 20, ..paper::Settings::default() };
+    let settings = paper::Settings { max_iterations: 20, ..paper::Settings::default() };
     let training = Training { count: 12, lambdas: 3, seed: 5, settings };
     let whole = training.run(&hand, Some(&file), |_| ()).unwrap();
     assert_eq!(whole, training.run(&hand, None, |_| ()).unwrap());

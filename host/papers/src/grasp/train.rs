@@ -1,7 +1,7 @@
 //! The greedy sequence of λ over a training set of random constraints (section 3.2 of the paper).
 //!
 //! Every constraint is searched from every λ; what solved what is all that is kept, a line of 0 and 1 for each
-//! constraint. A file that holds these lines lets a training go on where it was stopped.
+//! constraint. A file that holds these lines lets a training continue where it was stopped.
 
 use std::fmt::Write as _;
 use std::fs::File;
@@ -84,7 +84,7 @@ pub enum TrainingError {
     /// Every posture that was drawn collides.
     #[error("of {asked} postures only {found} could be drawn without a collision: check the capsules of the hand")]
     NoPosture {
-        /// How many were asked for.
+        /// How many were requested.
         asked: usize,
         /// How many there are.
         found: usize,
@@ -189,7 +189,7 @@ impl Outcomes {
             let Some(best) = (0..self.lambdas.len()).rev().max_by_key(|k| count(*k)).filter(|k| count(*k) > 0) else {
                 break;
             };
-            let percent = |part: usize, whole: usize| 100.0 * part as f64 / whole as f64;
+            let percent = |part: usize, total: usize| 100.0 * part as f64 / total as f64;
             let rates: Vec<f64> = (0..self.lambdas.len()).map(|k| percent(count(k), left.len())).collect();
             left.retain(|row| !row[best]);
             let accumulated = percent(self.solved.len() - left.len(), self.solved.len());

@@ -119,7 +119,7 @@ impl Equations {
         let (columns, right) = self.stacked();
         let scatter = |values: &DVector<f64>| scatter((&columns, &right), values, rank);
         let values = match kind {
-            Kind::Static => self.with_least_masses(&fitted),
+            Kind::Static => self.with_min_masses(&fitted),
             Kind::Moving => self.in_cones(&fitted, reduced.principal_directions(&all)),
         };
         let is_possible = scatter(&values) <= scatter(&fitted) * (1.0 + 1e-6) + 1e-12;
@@ -145,8 +145,8 @@ impl Equations {
 
     /// No mass below a share of the nominal one: along what the rows do not tell as far as that goes, by projections onto
     /// the one and the other in turn. Both are convex, and orthogonal in the unit of the priors.
-    fn with_least_masses(&self, fitted: &DVector<f64>) -> DVector<f64> {
-        let (_, told) = self.directions();
+    fn with_min_masses(&self, fitted: &DVector<f64>) -> DVector<f64> {
+        let (_, identified) = self.directions();
         let nearest = |values: &DVector<f64>| {
             let mut nearest = values.clone();
             for (k, unknown) in self.unknowns.iter().enumerate() {
@@ -163,8 +163,8 @@ impl Equations {
                 return nearest;
             }
             let change = (&nearest - fitted).component_div(&self.prior);
-            let untold = &change - &told * told.tr_mul(&change);
-            values = fitted + untold.component_mul(&self.prior);
+            let unidentified = &change - &identified * identified.tr_mul(&change);
+            values = fitted + unidentified.component_mul(&self.prior);
         }
         nearest(&values)
     }

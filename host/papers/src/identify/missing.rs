@@ -42,7 +42,7 @@ pub struct Named {
     pub p: f64,
 }
 
-/// What the nominal masses lack.
+/// What is missing in the nominal masses.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Missing {
     /// The masses, the one that explains most first.
@@ -95,11 +95,11 @@ pub fn missing(robot: &Robot, equations: &Equations, held_out: &[usize]) -> Miss
         search.named(&kept, (&own, first - own.len()), (&change, &covariance), set)
     });
     let named: Vec<Named> = named.collect();
-    let told_on: Vec<usize> =
+    let judged_on: Vec<usize> =
         if held_out.is_empty() { (0..equations.samples.len()).collect() } else { held_out.to_vec() };
     Missing {
-        before_m: rms_cop(equations, &equations.nominal, &told_on),
-        after_m: rms_cop(equations, &values, &told_on),
+        before_m: rms_cop(equations, &equations.nominal, &judged_on),
+        after_m: rms_cop(equations, &values, &judged_on),
         named,
         values,
     }
@@ -133,9 +133,9 @@ fn indices(equations: &Equations, links: &[Option<usize>]) -> Vec<usize> {
 
 impl Search {
     /// Variance of a row that no parameters explain, at least what the sensors were said to have.
-    fn noise(&self, told: &DMatrix<f64>) -> f64 {
-        let rest = self.residual.norm_squared() - told.tr_mul(&self.residual).norm_squared();
-        (rest / (self.rows - told.ncols().min(self.rows - 1)) as f64).max(1.0)
+    fn noise(&self, explained: &DMatrix<f64>) -> f64 {
+        let rest = self.residual.norm_squared() - explained.tr_mul(&self.residual).norm_squared();
+        (rest / (self.rows - explained.ncols().min(self.rows - 1)) as f64).max(1.0)
     }
 
     /// What is left of the squares when these unknowns are free.
@@ -187,14 +187,14 @@ impl Search {
             })
             .collect();
         tried.sort_by(|a, b| a.1.total_cmp(&b.1));
-        let &(link, least, degrees) = tried.first()?;
+        let &(link, smallest, degrees) = tried.first()?;
         let chance =
             |gain: f64, degrees: usize| ChiSquared::new(degrees as f64).map_or(1.0, |law| law.sf(gain / noise));
-        let p = chance(before - least, degrees);
+        let p = chance(before - smallest, degrees);
         if p * tried.len() as f64 > FALSE {
             return None;
         }
-        let as_well = tried.iter().filter(|(_, left, _)| chance(left - least, 3) > LEFT_OUT);
+        let as_well = tried.iter().filter(|(_, left, _)| chance(left - smallest, 3) > LEFT_OUT);
         let links = as_well.map(|(link, ..)| body_name(robot, *link)).collect();
         Some((link, Chosen { links, p }))
     }

@@ -1,10 +1,10 @@
-//! A simulated person who stands up: where the truth is known, and where nobody has recorded one.
+//! A simulated person who rises from a chair: where the truth is known, and where nobody has recorded one.
 //!
 //! The tree is that of `person.urdf` (links with x forward, y up, z to the right), with lengths and masses drawn about the
 //! average, markers that are not quite where they should be, and noise. The motion is made of absolute angles of shank, thigh,
 //! pelvis and trunk with the feet flat on the ground, shanks and thighs at rest until the chair is left; the plates under feet
-//! and chair together measure what inverse dynamics tells. The elderly style bends deeper and longer before it lifts off, as
-//! Papa and Cappozzo (J. Biomechanics 33, 2000, 1113) describe, and sways back at the end.
+//! and chair together measure what inverse dynamics computes. The elderly style bends deeper and longer before it
+//! lifts off, as Papa and Cappozzo (J. Biomechanics 33, 2000, 1113) describe, and sways back at the end.
 
 use darm_core::real::{Mat3, Vec3};
 use darm_core::se::{Pose, rotation_exp};
@@ -31,7 +31,7 @@ const PLATE_NOISE: [f64; 2] = [2.0, 2.0];
 /// Height of the ankle joint of the average person, m.
 const ANKLE_M: f64 = 0.08;
 
-/// How a person stands up.
+/// How a person rises from a chair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Style {

@@ -2,7 +2,8 @@
 //!
 //! Each joint has a PD loop about its plan, as in the paper, and the plan's torque beforehand where it is given
 //! ([`feed_forward`](super::feed_forward)): without it a joint of 10 kN·m/rad sags by 0.04 rad under this robot's weight, and it
-//! rocks on the edges of its soles or falls. Nothing looks at the balance while the robot moves: what stands was planned so.
+//! rocks on the edges of its soles or falls. Nothing looks at the balance while the robot moves: a robot that does
+//! not fall was planned so.
 //!
 //! The ground and the chair push at points: springs and dampers along the vertical, never pulling, with Coulomb friction about an
 //! anchor on the ground. The chair is level, and any point of the seat can touch it. Velocities step by the linearly implicit
@@ -149,7 +150,7 @@ fn touches(setup: &Setup, placed: &Placed) -> Vec<Touch> {
     feet.chain(seat).collect()
 }
 
-/// What a point feels.
+/// The force on a point.
 fn push(touch: &mut Touch, placed: &Placed, velocity: &DVector<f64>) -> Push {
     let point = placed.point(&touch.at);
     let jacobian = placed.jacobian(touch.at.joint, &Pose::at(touch.at.point)).rows(3, 3).into_owned();

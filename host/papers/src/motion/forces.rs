@@ -67,18 +67,18 @@ fn pushed(at: &Vec3<f64>, up_n: f64) -> Six {
 }
 
 /// What the chair bears so that the feet bear the rest within their soles, N.
-fn on_chair(whole: &Six, soles: &Polygon, setup: &Setup, placed: &Placed) -> f64 {
+fn on_chair(total: &Six, soles: &Polygon, setup: &Setup, placed: &Placed) -> f64 {
     let seat: Vec3<f64> = setup.seat.iter().map(|at| placed.point(at)).sum::<Vec3<f64>>() / setup.seat.len() as f64;
-    let at = zmp(whole);
+    let at = zmp(total);
     let on_feet = soles.pulled_in(at, MARGIN_M, [true; 2]);
     let (to_seat, out) = ([seat.x - on_feet[0], seat.y - on_feet[1]], [at[0] - on_feet[0], at[1] - on_feet[1]]);
     let away = to_seat[0].powi(2) + to_seat[1].powi(2);
     let share = (out[0] * to_seat[0] + out[1] * to_seat[1]) / away.max(f64::MIN_POSITIVE);
-    whole[5] * share.clamp(0.0, 1.0 - MIN_SHARE)
+    total[5] * share.clamp(0.0, 1.0 - MIN_SHARE)
 }
 
-/// The wrench on each foot: together `whole`, with the least forces, and moments about the middles of the soles.
-fn shared(whole: &Six, setup: &Setup, placed: &Placed) -> Vec<Six> {
+/// The wrench on each foot: together `total`, with the least forces, and moments about the middles of the soles.
+fn shared(total: &Six, setup: &Setup, placed: &Placed) -> Vec<Six> {
     if setup.feet.is_empty() {
         return Vec::new();
     }
@@ -98,7 +98,7 @@ fn shared(whole: &Six, setup: &Setup, placed: &Placed) -> Vec<Six> {
         .iter()
         .sum::<Matrix6<f64>>()
         .cholesky()
-        .map(|factor| factor.solve(whole))
+        .map(|factor| factor.solve(total))
         .expect("each foot adds a positive definite part");
     parts.iter().map(|part| part * needed).collect()
 }

@@ -12,7 +12,8 @@
 //!    person's zero-moment point may be where the robot's cannot, for its feet and masses are others.
 //! 6. The balance check of `balance`.
 //!
-//! An axis along which the robot's centre of mass cannot move (sideways, of a robot in the sagittal plane) is left free and told.
+//! An axis along which the robot's centre of mass cannot move (sideways, of a robot in the sagittal plane) is left
+//! free and reported.
 
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
@@ -34,7 +35,7 @@ const REACHED: f64 = 0.985;
 const MOVES_M: f64 = 1e-3;
 /// Markers that were overlaid follow this well, m; accelerations of the robot, rad/s².
 const FOLLOWS: (f64, f64) = (0.02, 3.0);
-/// The person stands up when the middle link is this much higher than in the first frame, m.
+/// The person has left the chair when the middle link is this much higher than in the first frame, m.
 const RISEN_M: f64 = 0.03;
 /// It left the chair when that link was this much higher than where it began to rise, m.
 const LIFTED_M: f64 = 0.003;
@@ -43,7 +44,8 @@ const LIFTED_M: f64 = 0.003;
 const FADES_S: f64 = 1.0;
 /// Frames over which the speed at lift-off is given.
 const SLOPE: usize = 3;
-/// The centre of mass is moved in this many rounds at most, and until the zero-moment point lacks less than this of its margin, m.
+/// The centre of mass is moved in this many rounds at most, and until the zero-moment point misses less than this of
+/// its margin, m.
 const ROUNDS: (usize, f64) = (8, 0.002);
 
 /// A motion of a robot.

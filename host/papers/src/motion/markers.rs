@@ -84,7 +84,7 @@ pub enum CaptureError {
         /// Those that are not.
         missing: String,
     },
-    /// The plates pull, or hold no number.
+    /// The plates pull, or a value is not a number.
     #[error(
         "frame {frame} (line {line}): the plates' vertical force is {force_n} N: the wrench must be what the ground exerts on the person, z up"
     )]
@@ -173,7 +173,7 @@ fn even(time_s: &[f64], lines: &[usize]) -> Result<(), CaptureError> {
     }
 }
 
-/// Gaps: told when they are short, refused when they are long.
+/// Gaps: reported when they are short, refused when they are long.
 fn seen(names: &[String], places: &[Vec<Option<Vec3<f64>>>], lines: &[usize]) -> Result<Vec<String>, CaptureError> {
     let mut findings = Vec::new();
     for (k, name) in names.iter().enumerate() {

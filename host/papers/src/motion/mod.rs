@@ -1,4 +1,4 @@
-//! A person's motion on a robot: markers on a tree, whole trajectories under hard constraints, balance, execution.
+//! A person's motion on a robot: markers on a tree, complete trajectories under hard constraints, balance, execution.
 //!
 //! ```text
 //! markers and force plates ─► person: lengths from the markers, masses from the centre of pressure ─► centre of mass
@@ -36,7 +36,7 @@ use darm_core::real::Vec3;
 use darm_core::se::{Pose, Twist, rotation_log};
 use nalgebra::DVector;
 
-/// Where a tree with a floating base stands.
+/// The posture of a tree with a floating base.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Posture {
     /// Pose of the base in the world.

@@ -18,7 +18,7 @@ use serde::Serialize;
 
 use super::objective::{Distance, Objective as _};
 
-/// Postures nearer than this in every joint are one, rad or m.
+/// Postures closer than this in every joint are one, rad or m.
 pub const SAME: f64 = 1e-3;
 /// Tightest tolerance of a posture that is compared, m and rad.
 const TOLERANCE: f64 = 1e-9;
@@ -56,7 +56,7 @@ pub fn configurations<const N: usize>(
     target: &Pose<f64>,
     q: &[f64; N],
     options: &Options<f64>,
-    most: usize,
+    max_count: usize,
 ) -> Configurations {
     let distance = Distance::new(arm, target, options);
     let turns = turns(arm);
@@ -82,8 +82,8 @@ pub fn configurations<const N: usize>(
     let rank = ends.iter().map(|end| rank(arm, target, end, options)).max().unwrap_or(0);
     let freedom = if ends.is_empty() { 0 } else { distance.bounds().len().saturating_sub(rank) };
     let apart = |a: &[f64; N], b: &[f64; N]| apart(a, b, &turns);
-    let (reach, most) = if freedom == 0 { (SAME, usize::MAX) } else { (0.0, most) };
-    let mut chosen = spread(&ends, q, apart, reach, most);
+    let (reach, max_count) = if freedom == 0 { (SAME, usize::MAX) } else { (0.0, max_count) };
+    let mut chosen = spread(&ends, q, apart, reach, max_count);
     chosen.sort_by(|a, b| apart(a, q).total_cmp(&apart(b, q)));
     let mut postures: Vec<_> = chosen.iter().map(|end| Posture { q: end.to_vec(), met: 0 }).collect();
     for end in &ends {
@@ -102,12 +102,12 @@ fn spread<const N: usize>(
     q: &[f64; N],
     apart: impl Fn(&[f64; N], &[f64; N]) -> f64,
     reach: f64,
-    most: usize,
+    max_count: usize,
 ) -> Vec<[f64; N]> {
     let mut next = ends.iter().min_by(|a, b| apart(a, q).total_cmp(&apart(b, q)));
     let mut far = vec![f64::INFINITY; ends.len()];
     let mut chosen = Vec::new();
-    while let Some(end) = next.filter(|_| chosen.len() < most) {
+    while let Some(end) = next.filter(|_| chosen.len() < max_count) {
         chosen.push(*end);
         far.iter_mut().zip(ends).for_each(|(far, other)| *far = far.min(apart(end, other)));
         let farthest = far.iter().zip(ends).max_by(|a, b| a.0.total_cmp(b.0));
@@ -126,7 +126,7 @@ fn apart<const N: usize>(a: &[f64; N], b: &[f64; N], turns: &[bool; N]) -> f64 {
             difference
         }
     };
-    a.iter().zip(b).zip(turns).map(difference).fold(0.0, |most: f64, difference| most.max(difference.abs()))
+    a.iter().zip(b).zip(turns).map(difference).fold(0.0, |largest: f64, difference| largest.max(difference.abs()))
 }
 
 /// Which joints can turn by 360 degrees.

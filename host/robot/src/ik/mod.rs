@@ -67,7 +67,7 @@ pub struct Traced<const N: usize> {
     /// The nearest positions found, and how the search ended.
     pub solution: Solution<f64, N>,
     /// The error before each step of the last start, and at its end. Of a population the least √(|Δp|² + ℓ²θ²) after
-    /// each iteration, told as a distance.
+    /// each iteration, expressed as a distance.
     pub history: Vec<Residual>,
 }
 

@@ -124,13 +124,14 @@ impl Robot {
         target: &Pose<f64>,
         q: &[f64],
         options: &Options<f64>,
-        most: usize,
+        max_count: usize,
     ) -> Result<Configurations, TreeError> {
         let Some(serial) = Serial::of_large(self, frame) else {
-            return in_its_size!(self.configurations_of(frame, target, q, (options, most)));
+            return in_its_size!(self.configurations_of(frame, target, q, (options, max_count)));
         };
         let start = serial.start(q);
-        let mut found = serial.robot.configurations_of::<MAX_JOINTS>(&serial.tool, target, &start, (options, most))?;
+        let mut found =
+            serial.robot.configurations_of::<MAX_JOINTS>(&serial.tool, target, &start, (options, max_count))?;
         found.postures.iter_mut().for_each(|posture| posture.q = serial.expand(self, q, &posture.q));
         Ok(found)
     }
@@ -183,7 +184,7 @@ impl Robot {
         frame: &RobotFrame,
         target: &Pose<f64>,
         q: &[f64],
-        (options, most): (&Options<f64>, usize),
+        (options, max_count): (&Options<f64>, usize),
     ) -> Result<Configurations, TreeError> {
         let tree = self.tree::<N>()?;
         let tool = frame.in_tree(&tree);
@@ -196,7 +197,7 @@ impl Robot {
             }
         }
         let arm = ik::Arm { tree: &tree, tool: &tool, limits: &limits };
-        let mut found = configurations(&arm, target, &start, options, most);
+        let mut found = configurations(&arm, target, &start, options, max_count);
         found.postures.iter_mut().for_each(|posture| posture.q.truncate(self.joints.len()));
         Ok(found)
     }

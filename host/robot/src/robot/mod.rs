@@ -81,7 +81,7 @@ impl Robot {
     /// So a few sizes serve all robots: what is computed for the joints past the last is zero, the mass matrix too.
     pub fn tree<const N: usize>(&self) -> Result<Tree<f64, N>, TreeError> {
         if self.joints.len() > N {
-            return Err(TreeError::TooMany { joints: self.joints.len(), most: N });
+            return Err(TreeError::TooMany { joints: self.joints.len(), max: N });
         }
         let idle = Joint::revolute(None, Vec3::z(), Pose::identity(), Inertia::none());
         let joints = std::array::from_fn(|index| self.joints.get(index).map_or(idle, |joint| joint.joint));

@@ -12,7 +12,7 @@ use crate::tree::{LinkTree, Links};
 /// A 6 × n Jacobian, angular rows first.
 pub type Jacobian = Matrix6xX<f64>;
 
-/// Where a frame stands, and how it moves.
+/// The pose of a frame, and how it moves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kinematics {
     /// Pose of the frame in the base.
@@ -58,9 +58,9 @@ pub struct Accelerations {
 pub struct FloatingBase {
     /// The load on the base (moment N·m, force N, in its frame) that the motion takes.
     pub load: Wrench<f64>,
-    /// Spatial inertia of the whole robot, 6 × 6, angular part first.
+    /// Spatial inertia of the complete robot, 6 × 6, angular part first.
     pub mass: Mat6<f64>,
-    /// Momentum of the whole per unit of each joint, 6 × n.
+    /// Momentum of the complete robot per unit of each joint, 6 × n.
     pub coupling: DMatrix<f64>,
 }
 

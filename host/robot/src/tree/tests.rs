@@ -140,5 +140,5 @@ fn a_chain_of_a_hundred_joints_bends_and_weighs() {
     let there = robot.kinematics(near_base, &found.q).unwrap().pose_base_frame.position;
     assert!((there - target.position).norm() < 1e-5);
     let none = robot.inverse(crate::ik::Method::LevenbergMarquardt, tip, &target, &[0.05; JOINTS], &options);
-    assert_eq!(none.unwrap_err(), TreeError::TooMany { joints: JOINTS, most: crate::robot::MAX_JOINTS });
+    assert_eq!(none.unwrap_err(), TreeError::TooMany { joints: JOINTS, max: crate::robot::MAX_JOINTS });
 }

@@ -49,14 +49,14 @@ pub(super) fn robot(file: &urdf_rs::Robot, locks: &Locks) -> Result<Robot, Wrong
     let mut walk = Walk::new(file, locks, hierarchy.root);
     let mut ahead = vec![(None, LinkPose::on_base())];
     let mut visited = vec![false; file.links.len()];
-    while let Some((joint, stand)) = ahead.pop() {
-        let (link, stand) = match joint {
-            Some(joint) => (hierarchy.child(joint), walk.joint(joint, &stand, &hierarchy)?),
-            None => (hierarchy.root, stand),
+    while let Some((joint, place)) = ahead.pop() {
+        let (link, place) = match joint {
+            Some(joint) => (hierarchy.child(joint), walk.joint(joint, &place, &hierarchy)?),
+            None => (hierarchy.root, place),
         };
         visited[link] = true;
-        walk.link(link, &stand, hierarchy.children[link].is_empty())?;
-        ahead.extend(hierarchy.children[link].iter().rev().map(|&joint| (Some(joint), stand)));
+        walk.link(link, &place, hierarchy.children[link].is_empty())?;
+        ahead.extend(hierarchy.children[link].iter().rev().map(|&joint| (Some(joint), place)));
     }
     if let Some(link) = visited.iter().position(|visited| !visited).and_then(|link| file.links.get(link)) {
         return Err((Element::link(link), UrdfFault::Loop { link: link.name.clone() }));
@@ -116,7 +116,7 @@ impl Hierarchy {
     }
 }
 
-/// Where a link stands: in the link of which moving joint, and with which pose.
+/// The place of a link: in the link of which moving joint, and with which pose.
 #[derive(Clone, Copy)]
 struct LinkPose {
     joint: Option<usize>,
@@ -152,7 +152,7 @@ impl<'a> Walk<'a> {
         Self { file, locks, robot, unlimited: Vec::new(), impossible: Vec::new() }
     }
 
-    /// Takes a joint in, and says where the link that it carries stands.
+    /// Takes a joint in, and gives the place of the link that it carries.
     fn joint(&mut self, index: usize, on: &LinkPose, hierarchy: &Hierarchy) -> Result<LinkPose, Wrong> {
         let joint = &self.file.joints[index];
         let wrong = |fault| (Element::joint(joint), fault);
@@ -216,19 +216,19 @@ impl<'a> Walk<'a> {
     }
 
     /// Takes a link in: its frame, and its inertia into the body that it is fixed to.
-    fn link(&mut self, index: usize, stand: &LinkPose, is_end: bool) -> Result<(), Wrong> {
+    fn link(&mut self, index: usize, place: &LinkPose, is_end: bool) -> Result<(), Wrong> {
         let link = &self.file.links[index];
         let wrong = |fault| (Element::link(link), fault);
         let inertia = inertia(link).map_err(wrong)?;
         if !is_possible(&inertia.about_com) {
             self.impossible.push(link.name.clone());
         }
-        let placed = inertia.placed(&stand.pose.rotation, &stand.pose.position);
-        let joint = stand.joint.and_then(|joint| self.robot.joints.get_mut(joint));
+        let placed = inertia.placed(&place.pose.rotation, &place.pose.position);
+        let joint = place.joint.and_then(|joint| self.robot.joints.get_mut(joint));
         let body = joint.map_or(&mut self.robot.base, |joint| &mut joint.joint.inertia);
         *body = if *body == Inertia::none() { placed } else { body.joined(&placed) };
         let name = link.name.clone();
-        self.robot.frames.push(RobotFrame { name, joint: stand.joint, pose: stand.pose, is_end });
+        self.robot.frames.push(RobotFrame { name, joint: place.joint, pose: place.pose, is_end });
         Ok(())
     }
 

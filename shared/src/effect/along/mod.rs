@@ -251,7 +251,7 @@ laws! {
 pub struct Term<T: Real> {
     /// The law.
     pub law: Law<T>,
-    /// Its size, in the unit that [`Along::per`] tells.
+    /// Its size, in the unit that [`Along::per`] gives.
     pub size: T,
 }
 

@@ -8,7 +8,7 @@
 //! |---|---|---|---|
 //! | x | `Moment::position` | m or rad | position |
 //!
-//! Valid within the spring's linear range; where it is slack at another position than zero an offset stands beside
+//! Valid within the spring's linear range; where it is slack at another position than zero there is an offset next to
 //! it.
 //! Source: Hooke's law.
 //!

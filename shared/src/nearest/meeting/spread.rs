@@ -5,7 +5,7 @@ use super::{Part, Phase, Search};
 use crate::real::{Mat6, Vec6};
 
 /// Variance in every direction, as a share of the mean one: no direction counts as impossible.
-const LEAST_VARIANCE: f32 = 1e-4;
+const MIN_VARIANCE: f32 = 1e-4;
 
 impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WIDTH, FRAMES> {
     pub(super) fn add_spread(&mut self, index: usize) {
@@ -30,7 +30,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         self.spread += squares / count - mean * mean.transpose();
         self.phase = Phase::Spread { part: index + 1 };
         if index + 1 == self.parts.len() {
-            let floor = LEAST_VARIANCE * self.spread.trace() / 6.0 + f32::MIN_POSITIVE;
+            let floor = MIN_VARIANCE * self.spread.trace() / 6.0 + f32::MIN_POSITIVE;
             let covariance = self.spread + Mat6::identity() * floor;
             self.spread = covariance.cholesky().map_or(Mat6::identity(), |factor| factor.inverse());
             let grows = self.level + 3 < self.parts.len();

@@ -25,7 +25,7 @@ impl Coils<'_> {
         Ok(())
     }
 
-    /// Switches one coil by hand: on for `on_ms`, or off. A latch is set for so long, then reset.
+    /// Switches one coil by hand: on for `on_ms`, or off. A latch is set for this time, then reset.
     pub(in crate::sequencer) fn pulse(
         &mut self,
         now: Micros,
@@ -63,7 +63,7 @@ impl Coils<'_> {
         self.outputs.get(index).map_or(Micros(0), |output| output.burst)
     }
 
-    /// Refuses to let current flow for so long from now on where the output's limits do not allow it.
+    /// Refuses to let current flow for this time from now on where the output's limits do not allow it.
     fn require(&mut self, now: Micros, index: usize, flows: Micros) -> Result<(), CommandError> {
         let fed = (self.fed() | self.ending) >> index & 1 == 1;
         // A breach is found again by the next tick, which latches it.
@@ -97,7 +97,7 @@ impl Coils<'_> {
         self.wanted.with_digit(index, if on { digit | mask } else { digit & !mask })
     }
 
-    /// Switches what is asked for by hand, no more coils at once than the supply can feed.
+    /// Switches what is requested by hand, no more coils at once than the supply can feed.
     pub(in crate::sequencer) fn release(&mut self, now: Micros) -> Result<(), FaultKind> {
         for (index, bit) in Bits::of(self.timed) {
             if self.outputs.get(index).is_some_and(|output| now >= output.off_at) {

@@ -16,7 +16,7 @@ pub(super) struct Output {
     pub(super) pause: Micros,
     /// When its last peak or pulse began.
     pub(super) changed: Micros,
-    /// How long it is on by hand, and when it goes off: counted from when the supply has let it go on.
+    /// How long it is on by hand, and when it goes off: counted from when the supply has let it be switched on.
     pub(super) on_for: Micros,
     pub(super) off_at: Micros,
     /// Until when its meter has counted.

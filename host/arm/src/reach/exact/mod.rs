@@ -210,7 +210,8 @@ pub(super) fn cut(stages: &[Frames], max_tails: usize) -> usize {
 
 /// The farthest that stages can reach, m.
 pub(super) fn extent_m(stages: &[Frames]) -> f64 {
-    let farthest = |frames: &Frames| frames.poses.iter().fold(0.0, |most: f64, pose| most.max(pose.position.norm()));
+    let farthest =
+        |frames: &Frames| frames.poses.iter().fold(0.0, |largest: f64, pose| largest.max(pose.position.norm()));
     stages.iter().map(farthest).sum()
 }
 

@@ -55,7 +55,7 @@ pub(super) struct FewestSwitches<'a> {
 
 impl Seeker for FewestSwitches<'_> {
     fn wants(&self, head: impl FnOnce() -> Word) -> bool {
-        self.best.as_ref().is_none_or(|(least, _)| switches(&head(), self.from, self.head) <= *least)
+        self.best.as_ref().is_none_or(|(fewest, _)| switches(&head(), self.from, self.head) <= *fewest)
     }
 
     fn reach_m(&self) -> f64 {
@@ -64,7 +64,7 @@ impl Seeker for FewestSwitches<'_> {
 
     fn see(&mut self, near: Near) {
         let count = switches(&near.word, self.from, near.word.len());
-        let better = |(least, other): &(usize, Near)| count.cmp(least).then(order(&near, other)).is_lt();
+        let better = |(fewest, other): &(usize, Near)| count.cmp(fewest).then(order(&near, other)).is_lt();
         if self.best.as_ref().is_none_or(better) && !named(&near.word, self.forbidden) {
             self.best = Some((count, near));
         }

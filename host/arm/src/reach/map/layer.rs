@@ -65,7 +65,7 @@ impl<'r> Counts<'r> {
         &mut self.words[(x * self.size[1] + y) * self.size[2] + z]
     }
 
-    /// Adds the words of a layer that is turned and begins at `start`, both in fractions of a cell: whole numbers, which
+    /// Adds the words of a layer that is turned and begins at `start`, both in fractions of a cell: integers, which
     /// a processor works on side by side.
     pub(super) fn add(&mut self, layer: &Layer, start: [i32; 3], turn: &Matrix3<i32>) {
         let [_, wide, deep] = self.size.map(|length| length as i32);
@@ -87,12 +87,12 @@ impl<'r> Counts<'r> {
         let Self { orientation, low, size, ref words } = *self;
         let reached = words.iter().filter(|words| **words > 0.0).count();
         let (mut positions, mut counts) = (Vec::with_capacity(reached), Vec::with_capacity(reached));
-        let (mut least, mut most) = ([u16::MAX; 3], [0; 3]);
+        let (mut min, mut max) = ([u16::MAX; 3], [0; 3]);
         for (row, words) in words.chunks(size[2].max(1)).enumerate() {
             let (x, y) = (row / size[1], row % size[1]);
             for (z, words) in words.iter().enumerate().filter(|(_, words)| **words > 0.0) {
                 let place = [x, y, z].map(|number| number as u16);
-                (least, most) = (each(least, place, u16::min), each(most, place, u16::max));
+                (min, max) = (each(min, place, u16::min), each(max, place, u16::max));
                 positions.push(packed(place));
                 counts.push(*words);
             }
@@ -100,10 +100,10 @@ impl<'r> Counts<'r> {
         if positions.is_empty() {
             return Layer { orientation, low, size: [0; 3], positions, words: counts };
         }
-        let corner = packed(least);
+        let corner = packed(min);
         positions.iter_mut().for_each(|place| *place -= corner);
-        let low = each(low, least.map(|number| number as i16), |low, least| low + least);
-        let size = each(most, least, |most, least| most - least + 1).map(usize::from);
+        let low = each(low, min.map(|number| number as i16), |low, min| low + min);
+        let size = each(max, min, |max, min| max - min + 1).map(usize::from);
         Layer { orientation, low, size, positions, words: counts }
     }
 }

@@ -4,7 +4,7 @@
 //!
 //! The frames of stages i to n are those of stage i times those behind it: their density is a convolution on the
 //! group. It is carried from the tool to the base on cells: a cell is a cube of positions times a cube of rotation
-//! vectors, stands for all frames in it by its centre, and holds how many words end there, a whole number. The cells of
+//! vectors, represents all frames in it by its centre, and holds how many words end there, an integer. The cells of
 //! one orientation are a layer; a pose in front of a layer turns it rigidly into one other layer, so that the cells of
 //! a new layer are counted in one box of memory, by one thread. The work grows with cells and poses, not with words.
 //!
@@ -18,8 +18,8 @@
 //! The last stages, up to 2¹⁸ frames, are exact. A convolution moves a frame to its cell's centre: by δ ≤ h√3/2 for
 //! cells of size h. What comes before it is a rigid motion and does not stretch δ, and the centre's orientation does not
 //! act on its position; after m convolutions a position is off by m·h√3/2 at most, and likewise the orientation. Words
-//! change places only where they lie as near to a wall: told on coarser cells of fixed size H, the L1 distance of the
-//! density falls with h in the first order. Words are neither lost nor made: counts are whole numbers below 2⁵³, which
+//! change places only where they lie as near to a wall: summed over coarser cells of fixed size H, the L1 distance of
+//! the density falls with h in the first order. Words are neither lost nor made: counts are integers below 2⁵³, which
 //! an `f64` adds without error.
 
 mod cell;
@@ -50,7 +50,7 @@ const MAX_EXACT: usize = 1 << 18;
 const MAX_MOVED: usize = 1 << 34;
 /// Most cells of the joint density that are kept, 12 bytes each.
 const MAX_KEPT: usize = 3 << 26;
-/// Of the whole arm, which is kept only to be looked at again.
+/// Of the complete arm, which is kept only to be looked at again.
 const MAX_KEPT_AT_LAST: usize = 1 << 24;
 /// How finely frames are distinguished.
 #[derive(Clone, Copy, Debug, PartialEq)]

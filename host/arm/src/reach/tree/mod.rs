@@ -2,7 +2,7 @@
 //!
 //! # Points
 //!
-//! A pose with position p and unit quaternion q stands as the point x = (p, 2ℓq) in seven dimensions. Of q and −q,
+//! A pose with position p and unit quaternion q is the point x = (p, 2ℓq) in seven dimensions. Of q and −q,
 //! which are the same rotation, the one nearer to a quaternion of reference is stored; a query asks for both.
 //!
 //! # Bound

@@ -13,13 +13,13 @@ use crate::synthesis::Bounds;
 pub(in crate::synthesis) struct Bound {
     /// Unknown and factor.
     pub(in crate::synthesis) terms: Vec<(usize, f64)>,
-    pub(in crate::synthesis) least: f64,
+    pub(in crate::synthesis) min: f64,
 }
 
 impl Bound {
     /// By how much the bound is kept; below zero it is broken.
     pub(in crate::synthesis) fn slack(&self, unknowns: &DVector<f64>) -> f64 {
-        self.terms.iter().map(|&(index, factor)| factor * unknowns[index]).sum::<f64>() - self.least
+        self.terms.iter().map(|&(index, factor)| factor * unknowns[index]).sum::<f64>() - self.min
     }
 }
 
@@ -43,12 +43,12 @@ impl Problem<'_> {
             let Parameter::Stop { actuator, state } = *stop else {
                 let here = self.start[index];
                 let sides = [1.0, -1.0].map(|side| (side, side * here - bounds.anchor_m));
-                let finite = sides.into_iter().filter(|(_, least)| least.is_finite());
-                self.bounds.extend(finite.map(|(side, least)| Bound { terms: vec![(index, side)], least }));
+                let finite = sides.into_iter().filter(|(_, min)| min.is_finite());
+                self.bounds.extend(finite.map(|(side, min)| Bound { terms: vec![(index, side)], min }));
                 continue;
             };
             let states = self.base_line.model.chain.n_states(actuator.into());
-            let (least, most) = if turns(self.base_line, stop) {
+            let (min, max) = if turns(self.base_line, stop) {
                 (-bounds.turn_rad, bounds.turn_rad)
             } else if is_leg(self.base_line, stop) {
                 let (short, long) = (index - usize::from(state), index - usize::from(state) + states - 1);
@@ -57,14 +57,14 @@ impl Problem<'_> {
                 (f64::NEG_INFINITY, f64::INFINITY)
             };
             let own = ranges.iter().filter(|range| range.actuator == usize::from(actuator));
-            let (mut value, mut stroke) = ((least, most), (bounds.stroke, f64::INFINITY));
+            let (mut value, mut stroke) = ((min, max), (bounds.stroke, f64::INFINITY));
             for range in own {
                 value = (value.0.max(range.value.0), value.1.min(range.value.1));
                 stroke = (stroke.0.max(range.stroke.0), stroke.1.min(range.stroke.1));
             }
-            let mut bound = |terms: &[(usize, f64)], least: f64| {
-                if least.is_finite() {
-                    self.bounds.push(Bound { terms: terms.to_vec(), least });
+            let mut bound = |terms: &[(usize, f64)], min: f64| {
+                if min.is_finite() {
+                    self.bounds.push(Bound { terms: terms.to_vec(), min });
                 }
             };
             if state > 0 {
@@ -80,8 +80,8 @@ impl Problem<'_> {
         for index in self.n_stops()..self.start.len() {
             let servo = (index - self.n_stops()) % self.n_servos;
             if let Some(servo) = self.base_line.servos.get(servo) {
-                self.bounds.push(Bound { terms: vec![(index, 1.0)], least: servo.min_rad.into() });
-                self.bounds.push(Bound { terms: vec![(index, -1.0)], least: (-servo.max_rad).into() });
+                self.bounds.push(Bound { terms: vec![(index, 1.0)], min: servo.min_rad.into() });
+                self.bounds.push(Bound { terms: vec![(index, -1.0)], min: (-servo.max_rad).into() });
             }
         }
     }

@@ -24,7 +24,7 @@ fn what_is_out_of_reach_gives_the_nearest() {
     let found = synthesize(&arm, &desired, &Options { starts: 2, ..Options::default() }).unwrap();
     assert!(found.status == Status::Closest && found.kept);
     assert!(found.frames.iter().all(|frame| frame.error_m.is_finite() && frame.error_rad.is_finite()));
-    assert!(found.lacking_m2() < 40f64.powi(2));
+    assert!(found.error_m2() < 40f64.powi(2));
     assert!(found.obstacle.is_some());
 }
 
@@ -64,7 +64,7 @@ fn a_least_stroke_is_kept() {
         let desired = moved(own_frames(&arm, &WORDS), 0.3, seed);
         let found = synthesize(&arm, &desired, &Options::default()).unwrap();
         dead += equal_stops(&found.arm).len();
-        let ranges = least_strokes(&arm, &desired, &[], 5e-3, false);
+        let ranges = min_strokes(&arm, &desired, &[], 5e-3, false);
         let found = synthesize(&arm, &desired, &Options { ranges, ..Options::default() }).unwrap();
         assert_eq!(equal_stops(&found.arm), [0; 0], "seed {seed}");
     }

@@ -51,7 +51,7 @@ fn fewer_frames_alter_less_and_more_are_met_as_well_as_can_be() {
     let desired = moved(own_frames(&arm, &words), 0.05, 3);
     let [few, all, many] = [3, 5, 6].map(|count| synthesize(&arm, &desired[..count], &Options::default()).unwrap());
     assert_eq!(few.case.rank, 9);
-    assert_eq!((all.case.kind, all.case.rank, all.case.most), (CaseKind::Sufficient, 15, 15));
+    assert_eq!((all.case.kind, all.case.rank, all.case.max_rank), (CaseKind::Sufficient, 15, 15));
     assert_eq!((many.case.kind, many.case.equations), (CaseKind::Insufficient, 18));
     assert_eq!([few.status, all.status, many.status], [Status::Reached, Status::Reached, Status::Closest]);
     assert!(few.alteration_m < all.alteration_m);

@@ -12,7 +12,8 @@ fn expected_errors_agree_with_drawn_arms_and_fall() {
     let tolerance = Tolerance { stop_m: 5e-5, stop_rad: 5e-5, anchor_m: 1e-4, worth_m: 3.0 };
     let found = synthesize(&arm, &desired, &Options::default()).unwrap();
     let calm = |worth_m| {
-        let calm = least_sensitive(&arm, &found, &Tolerance { worth_m, ..tolerance }, &Options::default()).unwrap();
+        let calm =
+            minimize_sensitivity(&arm, &found, &Tolerance { worth_m, ..tolerance }, &Options::default()).unwrap();
         assert!(calm.status == Status::Reached && calm.kept);
         calm
     };

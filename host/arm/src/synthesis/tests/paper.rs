@@ -54,7 +54,7 @@ fn one_frame_too_many_is_explained() {
     let (desired, options) = task("spatial3-insufficient.toml", &arm);
     let found = synthesize(&arm, &desired, &options).unwrap();
     assert_eq!((found.status, found.case.kind), (Status::Closest, CaseKind::Insufficient));
-    assert_eq!(found.case.whole_modules, Some(WholeModules { modules: 3, states: 2, frames: 4 }));
+    assert_eq!(found.case.complete_modules, Some(CompleteModules { modules: 3, states: 2, frames: 4 }));
     assert_eq!(found.case.bound, [BoundFrame { index: 4, equations: 6, open: 0 }]);
     let text = found.case.to_string();
     assert!(text.contains("(2 - 1) x 3 + 1 = 4 frames"), "{text}");

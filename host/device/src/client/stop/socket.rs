@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use super::{Confirmation, HOLDER_BOUND, StopHandle};
 
-/// A stop that is asked for takes at most this long, so that the answer arrives in the asker's time.
+/// A requested stop takes at most this long, so that the answer arrives in the asker's time.
 const HOLDER_WORK: Duration = Duration::from_millis(350);
 /// Longest request or answer.
 const LONGEST_LINE: u64 = 64;

@@ -1,10 +1,10 @@
 //! A person from markers and force plates: a general tree scaled to the person who moved.
 //!
 //! Lengths come from the markers: for given angles the markers are linear in the scales of the links, so angles and lengths are
-//! found in turn over frames of the whole motion. Masses come from the plates: for a given motion the wrench is linear in the
-//! scales of the masses, so one regularised least squares finds those whose centre of pressure is the measured one. Both are
-//! repeated until the simulated centre of pressure lies within [`WITHIN_M`] of the measured one, where the paper did it by hand.
-//! A left and a right link share their scale.
+//! found in turn over frames of the complete motion. Masses come from the plates: for a given motion the wrench is
+//! linear in the scales of the masses, so one regularised least squares finds those whose centre of pressure is the
+//! measured one. Both are repeated until the simulated centre of pressure lies within [`WITHIN_M`] of the measured
+//! one, where the paper did it by hand. A left and a right link share their scale.
 
 mod groups;
 mod lengths;

@@ -4,7 +4,7 @@
 //! deviation DV; the record, not the place where the walk ends, is what comes of it (Dueck 1993; the paper's Figures
 //! 5 to 7).
 //!
-//! The paper tells neither the law of the steps nor how many there are. Here each step is Gaussian in all variables,
+//! The paper states neither the law of the steps nor their number. Here each step is Gaussian in all variables,
 //! with a standard deviation of a thousandth of each range, and every point of the population takes ten of them in
 //! every iteration: an iteration of 50 points evaluates the objective 549 times, where one without local search does
 //! so 49 times.
