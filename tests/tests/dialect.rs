@@ -1,47 +1,24 @@
 //! Texts that users see, documents and names against the words in `tests/dialect.toml`.
 //!
-//! Texts are the string literals of the programs, the documentation comments of the command line (its help), and the
-//! Markdown files outside code.
+//! Texts are the string literals of the programs, their documentation comments and the Markdown files, all outside
+//! code. Names are compared word by word: `HeldOut` and `held_out` are two words.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::path::{Path, PathBuf};
 
+use darm_tests::{Source, assert_none, files, sources};
+use syn::visit::{self, Visit};
 use toml_edit::DocumentMut;
 
 /// Folders with programs whose texts users see.
 const PROGRAMS: [&str; 5] = ["shared", "host", "firmware", "eval", "xtask"];
-/// Folder whose documentation comments are the help of the command line.
+/// Folder whose documentation comments are the help of the command line: texts for users.
 const HELP: &str = "host/cli/src/commands";
-/// Folders that hold no sources of ours.
-const SKIPPED: [&str; 2] = ["target", ".git"];
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ lies in the workspace").to_path_buf()
-}
-
-/// All files with this extension, with their path from the root.
-fn files(folder: &str, extension: &str) -> Vec<(String, String)> {
-    let (mut found, mut folders) = (Vec::new(), vec![root().join(folder)]);
-    while let Some(folder) = folders.pop() {
-        for path in
-            fs::read_dir(folder).expect("a folder of the workspace").map(|entry| entry.expect("an entry").path())
-        {
-            let name = path.file_name().expect("a name").to_string_lossy().into_owned();
-            if path.is_dir() && !SKIPPED.contains(&name.as_str()) {
-                folders.push(path);
-            } else if path.extension().is_some_and(|found| found == extension) {
-                let from_root = path.strip_prefix(root()).expect("inside the workspace").display().to_string();
-                found.push((from_root, fs::read_to_string(&path).expect("readable text")));
-            }
-        }
-    }
-    found.sort();
-    found
-}
-
-fn is_test(file: &str) -> bool {
-    file.contains("/tests/") || file.ends_with("tests.rs") || file.ends_with("cases.rs")
+/// Folder of which the names of items are compared as one word each, and those of variables are not.
+const UNSPLIT: &str = "host/diagnose";
+/// The sources of the programs, without tests.
+fn programs() -> impl Iterator<Item = Source> {
+    let is_program = |source: &Source| PROGRAMS.iter().any(|folder| source.path.starts_with(&format!("{folder}/")));
+    sources().into_iter().filter(move |source| is_program(source) && !source.is_test())
 }
 
 /// A stretch of text with the number of its line.
@@ -52,14 +29,13 @@ struct Text {
 
 /// String literals and documentation comments of a source, without its tests.
 #[derive(Default)]
-struct Source {
+struct Parts {
     literals: Vec<Text>,
     docs: Vec<Text>,
 }
 
-impl Source {
-    fn of(source: &str) -> Self {
-        let code = source.split("#[cfg(test)]\nmod tests {").next().unwrap_or(source);
+impl Parts {
+    fn of(code: &str) -> Self {
         let (mut found, mut rest, mut line) = (Self::default(), code, 1);
         while !rest.is_empty() {
             let length = found.token(rest, line);
@@ -129,8 +105,7 @@ fn prose(text: &str) -> Vec<Text> {
         if line.trim_start().starts_with("```") {
             fenced = !fenced;
         } else if !fenced {
-            let words = line.split('`').step_by(2).collect::<Vec<_>>().join(" ");
-            found.push(Text { line: number, text: words });
+            found.push(Text { line: number, text: outside_code(line) });
         }
     }
     found
@@ -153,65 +128,132 @@ fn table(name: &str) -> BTreeMap<String, String> {
     table.iter().map(|(key, value)| (key.to_owned(), value.as_str().unwrap_or_default().to_owned())).collect()
 }
 
-/// Fails with every hit at once.
-fn none(hits: Vec<String>) {
-    assert!(hits.is_empty(), "\n{}", hits.join("\n"));
+/// The text outside spans of code.
+fn outside_code(text: &str) -> String {
+    text.split('`').step_by(2).collect::<Vec<_>>().join(" ")
 }
 
 #[test]
-fn texts_for_users_use_the_terms_of_the_field() {
-    let words = table("words");
+fn texts_use_the_terms_of_the_field() {
+    let (words, user_words) = (table("words"), table("user_words"));
     let mut hits = Vec::new();
-    let mut look = |file: &str, texts: &[Text]| {
+    let mut look = |file: &str, texts: &[Text], is_for_users: bool| {
         for Text { line, text } in texts {
-            let found = words.iter().filter(|(word, _)| contains(text, word));
+            let for_users = user_words.iter().filter(|_| is_for_users);
+            let found = words.iter().chain(for_users).filter(|(word, _)| contains(text, word));
             hits.extend(found.map(|(word, term)| format!("{file}:{line}: `{word}`: write {term}")));
         }
     };
-    for folder in PROGRAMS {
-        for (file, text) in files(folder, "rs").iter().filter(|(file, _)| !is_test(file)) {
-            let source = Source::of(text);
-            // A literal of one word is a key or a name.
-            let texts: Vec<Text> = source.literals.into_iter().filter(|text| text.text.trim().contains(' ')).collect();
-            look(file, &texts);
-            if file.starts_with(HELP) {
-                look(file, &source.docs);
-            }
+    for source in programs() {
+        let parts = Parts::of(source.code());
+        // A literal of one word is a key or a name.
+        let texts: Vec<Text> = parts.literals.into_iter().filter(|text| text.text.trim().contains(' ')).collect();
+        look(&source.path, &texts, true);
+        let docs = parts.docs.into_iter().map(|doc| Text { text: outside_code(&doc.text), ..doc });
+        look(&source.path, &docs.collect::<Vec<_>>(), source.path.starts_with(HELP));
+    }
+    for source in files("md") {
+        look(&source.path, &prose(&source.text), true);
+    }
+    assert_none(hits);
+}
+
+/// The names that a source declares, with their lines.
+#[derive(Default)]
+struct Names {
+    items: Vec<(usize, String)>,
+    variables: Vec<(usize, String)>,
+}
+
+impl Names {
+    fn add(&mut self, ident: &syn::Ident) {
+        self.items.push((ident.span().start().line, ident.to_string()));
+    }
+}
+
+/// Visits a declaration with the field `ident`, and what is inside it.
+macro_rules! declared {
+    ($($visit:ident: $node:ident),* $(,)?) => {
+        $(fn $visit(&mut self, node: &'ast syn::$node) {
+            self.add(&node.ident);
+            visit::$visit(self, node);
+        })*
+    };
+}
+
+impl<'ast> Visit<'ast> for Names {
+    declared!(
+        visit_signature: Signature,
+        visit_item_struct: ItemStruct,
+        visit_item_enum: ItemEnum,
+        visit_item_trait: ItemTrait,
+        visit_item_type: ItemType,
+        visit_item_const: ItemConst,
+        visit_item_static: ItemStatic,
+        visit_item_mod: ItemMod,
+        visit_impl_item_const: ImplItemConst,
+        visit_variant: Variant,
+    );
+
+    fn visit_pat_ident(&mut self, pattern: &'ast syn::PatIdent) {
+        self.variables.push((pattern.ident.span().start().line, pattern.ident.to_string()));
+        visit::visit_pat_ident(self, pattern);
+    }
+
+    fn visit_field(&mut self, field: &'ast syn::Field) {
+        field.ident.iter().for_each(|ident| self.add(ident));
+        visit::visit_field(self, field);
+    }
+}
+
+/// The words of a name in lower case: `held`, `out`, `m` of `held_out_m`, and `held`, `out` of `HeldOut`.
+fn words_of(name: &str) -> Vec<String> {
+    let mut words = vec![String::new()];
+    let mut before = '_';
+    for letter in name.chars() {
+        if letter == '_' || letter.is_uppercase() && before.is_lowercase() {
+            words.push(String::new());
         }
+        if letter != '_' {
+            words.last_mut().expect("one word at least").extend(letter.to_lowercase());
+        }
+        before = letter;
     }
-    for (file, text) in files(".", "md") {
-        look(&file, &prose(&text));
-    }
-    none(hits);
+    words
 }
 
 #[test]
 fn names_use_the_terms_of_the_field() {
-    let names = table("names");
-    let keywords = ["fn ", "struct ", "enum ", "trait ", "mod ", "type ", "const ", "static ", "let ", "let mut "];
+    let (names, terms) = (table("names"), table("terms"));
     let mut hits = Vec::new();
-    for folder in PROGRAMS {
-        for (file, text) in files(folder, "rs").iter().filter(|(file, _)| !is_test(file)) {
-            for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.trim_start().starts_with("//")) {
-                let declared = keywords.iter().filter_map(|keyword| {
-                    let (before, rest) = line.split_once(keyword)?;
-                    let name = rest.split(|c: char| !(c.is_alphanumeric() || c == '_')).next()?.to_lowercase();
-                    before.chars().all(|c| !c.is_alphanumeric() || line.trim_start().starts_with("pub")).then_some(name)
-                });
-                let found = declared.filter_map(|name| Some((names.get(&name)?, name))).next();
-                hits.extend(found.map(|(term, name)| format!("{file}:{number}: `{name}`: name it {term}")));
-            }
+    for source in programs() {
+        let mut declared = Names::default();
+        declared.visit_file(&syn::parse_file(source.code()).expect("a source that compiles"));
+        let is_split = !source.path.starts_with(UNSPLIT);
+        let variables = declared.variables.into_iter().filter(|_| is_split);
+        for (line, name) in declared.items.into_iter().chain(variables) {
+            let words = if is_split { words_of(&name) } else { vec![name.to_lowercase()] };
+            let text = terms.keys().fold(words.join(" "), |text, term| text.replace(term.as_str(), ""));
+            let found = text.split(' ').find_map(|word| names.get(word));
+            hits.extend(found.map(|term| format!("{}:{line}: `{name}`: name it {term}", source.path)));
         }
     }
-    none(hits);
+    assert_none(hits);
 }
 
 #[test]
 fn literals_and_phrases_are_found() {
     let source =
-        Source::of("//! Told.\nlet a = \"x \\\n   \\\"told\\\" y\"; // \"told\"\nlet b = ('\"', r#\"so \"many\"#);\n");
+        Parts::of("//! Told.\nlet a = \"x \\\n   \\\"told\\\" y\"; // \"told\"\nlet b = ('\"', r#\"so \"many\"#);\n");
     let literals: Vec<_> = source.literals.iter().map(|text| text.text.as_str()).collect();
     assert_eq!((literals, source.docs.len()), (vec!["x  told  y", "so \"many"], 1));
     assert!(contains("as Told.", "told") && !contains("untold", "told") && !contains("whole-body", "whole"));
     assert_eq!(prose("a `told` b\n```sh\ntold\n```\n").iter().filter(|text| contains(&text.text, "told")).count(), 0);
+}
+
+#[test]
+fn names_are_split_into_words() {
+    assert_eq!(words_of("held_out_m").join(" "), "held out m");
+    assert_eq!(words_of("HeldOut").join(" "), "held out");
+    assert_eq!(words_of("MOST_NS").join(" "), "most ns");
 }

@@ -1,14 +1,11 @@
 //! Sizes that a reader can hold in mind: lines of files and functions, parameters, and no circles of imports among files.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
-use std::path::{Path, PathBuf};
 
+use darm_tests::{Source, assert_none, sources};
 use syn::spanned::Spanned as _;
 use syn::visit::{self, Visit};
 
-/// Folders with Rust sources.
-const FOLDERS: [&str; 6] = ["shared", "firmware", "host", "tests", "eval", "xtask"];
 const MAX_FILE_LINES: usize = 400;
 const MAX_FUNCTION_LINES: usize = 60;
 const MAX_MEDIAN_LINES: usize = 9;
@@ -16,45 +13,8 @@ const MAX_90TH_PERCENTILE_LINES: usize = 25;
 /// Without `self`.
 const MAX_PARAMETERS: usize = 5;
 
-/// A source file.
-struct Source {
-    /// From the root of the workspace.
-    path: String,
-    text: String,
-}
-
-impl Source {
-    fn is_test(&self) -> bool {
-        self.path.contains("/tests/") || self.path.ends_with("tests.rs") || self.path.ends_with("cases.rs")
-    }
-
-    fn parsed(&self) -> syn::File {
-        syn::parse_file(&self.text).unwrap_or_else(|error| panic!("{}: {error}", self.path))
-    }
-}
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ lies in the workspace").to_path_buf()
-}
-
-/// Every Rust source of the workspace.
-fn sources() -> Vec<Source> {
-    let mut found = Vec::new();
-    let mut folders: Vec<PathBuf> = FOLDERS.map(|name| root().join(name)).into();
-    while let Some(folder) = folders.pop() {
-        for path in fs::read_dir(folder).expect("a folder of the workspace").flatten().map(|entry| entry.path()) {
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|extension| extension == "rs") {
-                let text = fs::read_to_string(&path).expect("a readable source");
-                let path = path.strip_prefix(root()).expect("inside the workspace").display().to_string();
-                found.push(Source { path, text });
-            }
-        }
-    }
-    found.sort_by(|a, b| a.path.cmp(&b.path));
-    assert!(found.len() > 400, "only {} sources were found", found.len());
-    found
+fn parsed(source: &Source) -> syn::File {
+    syn::parse_file(&source.text).unwrap_or_else(|error| panic!("{}: {error}", source.path))
 }
 
 /// A function with a body.
@@ -116,15 +76,10 @@ impl<'ast> Visit<'ast> for Functions<'_> {
     }
 }
 
-/// Fails with every line that breaks a rule at once.
-fn none(broken: Vec<String>) {
-    assert!(broken.is_empty(), "\n{}", broken.join("\n"));
-}
-
 #[test]
 fn no_file_is_too_long() {
     let lines = sources().into_iter().map(|source| (source.text.lines().count(), source.path));
-    none(lines.filter(|(n, _)| *n > MAX_FILE_LINES).map(|(n, path)| format!("{path}: {n} lines")).collect());
+    assert_none(lines.filter(|(n, _)| *n > MAX_FILE_LINES).map(|(n, path)| format!("{path}: {n} lines")));
 }
 
 #[test]
@@ -132,14 +87,14 @@ fn functions_are_short_and_take_few_parameters() {
     let mut all = Vec::new();
     for source in sources().iter().filter(|source| !source.is_test()) {
         let mut functions = Functions { file: &source.path, found: Vec::new() };
-        functions.visit_file(&source.parsed());
+        functions.visit_file(&parsed(source));
         all.append(&mut functions.found);
     }
     let is_broken = |of: &&Function| of.lines > MAX_FUNCTION_LINES || of.parameters > MAX_PARAMETERS;
-    let told = |of: &Function| {
+    let report = |of: &Function| {
         format!("{}:{}: `{}` has {} lines and {} parameters", of.file, of.line, of.name, of.lines, of.parameters)
     };
-    none(all.iter().filter(is_broken).map(told).collect());
+    assert_none(all.iter().filter(is_broken).map(report));
     let mut lines: Vec<usize> = all.iter().map(|of| of.lines).collect();
     lines.sort_unstable();
     let (median, high) = (lines[lines.len() / 2], lines[lines.len() * 9 / 10]);
@@ -213,7 +168,7 @@ fn files_import_in_no_circle() {
     for source in &sources {
         let Some((package, own)) = module_of(source) else { continue };
         let mut imports = Imports { own: &own, found: BTreeSet::new() };
-        imports.visit_file(&source.parsed());
+        imports.visit_file(&parsed(source));
         packages.entry(package).or_default().insert(own.clone(), imports.found);
     }
     let mut broken = Vec::new();
@@ -239,5 +194,58 @@ fn files_import_in_no_circle() {
             format!("{package}/src/{}.rs: in a circle of imports with {}", file.join("/"), used.join(", "))
         }));
     }
-    none(broken);
+    assert_none(broken);
+}
+
+/// The free functions of a source, and the modules that its code names by a path.
+#[derive(Default)]
+struct Calls {
+    functions: BTreeSet<String>,
+    named: BTreeSet<String>,
+}
+
+impl<'ast> Visit<'ast> for Calls {
+    fn visit_item_fn(&mut self, function: &'ast syn::ItemFn) {
+        self.functions.insert(function.sig.ident.to_string());
+        visit::visit_item_fn(self, function);
+    }
+
+    fn visit_item_use(&mut self, item: &'ast syn::ItemUse) {
+        // What is only exported again is no call.
+        let mut tree = &item.tree;
+        while let (syn::Visibility::Inherited, syn::UseTree::Path(path)) = (&item.vis, tree) {
+            self.named.insert(path.ident.to_string());
+            tree = &path.tree;
+        }
+    }
+
+    fn visit_path(&mut self, path: &'ast syn::Path) {
+        let modules = path.segments.iter().rev().skip(1);
+        self.named.extend(modules.map(|segment| segment.ident.to_string()));
+        visit::visit_path(self, path);
+    }
+}
+
+/// A module inside another may use its types, traits and constants, but no function of a module that calls it.
+#[test]
+fn no_function_of_a_module_is_called_from_inside_it_and_calls_there() {
+    let sources = sources();
+    let files: BTreeMap<(&str, Module), &Source> =
+        sources.iter().filter_map(|source| Some((module_of(source)?, source))).collect();
+    let mut broken = Vec::new();
+    for ((package, own), source) in &files {
+        let mut imports = Imports { own, found: BTreeSet::new() };
+        imports.visit_file(&parsed(source));
+        for n in 1..own.len() {
+            let Some(outer) = files.get(&(*package, own[..n].to_vec())) else { continue };
+            let mut calls = Calls::default();
+            calls.visit_file(&parsed(outer));
+            let is_called = |path: &&Module| path.len() == n + 1 && path.starts_with(&own[..n]);
+            let called = imports.found.iter().filter(is_called).filter(|path| calls.functions.contains(&path[n]));
+            if calls.named.contains(&own[n]) {
+                broken.extend(called.map(|path| format!("{}: calls `{}` of {}", source.path, path[n], outer.path)));
+            }
+        }
+    }
+    assert_none(broken);
 }

@@ -2,7 +2,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::{Path, PathBuf};
+
+use darm_tests::{Source, assert_none, root, sources};
+use toml_edit::DocumentMut;
 
 /// Modules of the core, lowest first: a module imports only from those before it.
 const LAYERS: [&str; 19] = [
@@ -26,53 +28,39 @@ const LAYERS: [&str; 19] = [
     "sequencer",
     "wire",
 ];
-/// Packages with their folders, lowest first: a package depends only on those before it.
-const PACKAGES: [(&str, &str); 15] = [
-    ("shared", "darm-core"),
-    ("firmware", "darm-firmware"),
-    ("host/robot", "darm-robot"),
-    ("host/arm", "darm-arm"),
-    ("host/device", "darm-device"),
-    ("host/diagnose", "darm-diagnose"),
-    ("host/import", "darm-import"),
-    ("host/papers", "darm-papers"),
-    ("host/cli", "darm"),
-    ("tests", "darm-tests"),
-    ("eval/figures", "darm-figures"),
-    ("eval/simulate", "darm-simulate"),
-    ("xtask", "xtask"),
-    ("eval", "darm-eval"),
-    ("fuzz", "darm-fuzz"),
+/// The crates with their folders, lowest first, and the crates that each depends on: exactly these.
+const CRATES: [(&str, &str, &[&str]); 15] = [
+    ("darm-core", "shared", &[]),
+    ("darm-firmware", "firmware", &["darm-core"]),
+    ("darm-robot", "host/robot", &["darm-core"]),
+    ("darm-arm", "host/arm", &["darm-core", "darm-firmware", "darm-robot"]),
+    ("darm-device", "host/device", &["darm-arm", "darm-core", "darm-firmware"]),
+    ("darm-diagnose", "host/diagnose", &["darm-arm", "darm-core", "darm-robot"]),
+    ("darm-import", "host/import", &["darm-diagnose"]),
+    ("darm-papers", "host/papers", &["darm-arm", "darm-core", "darm-diagnose", "darm-robot"]),
+    ("darm", "host/cli", &["darm-arm", "darm-core", "darm-device", "darm-diagnose", "darm-import", "darm-papers", "darm-robot"]),
+    ("darm-tests", "tests", &["darm-arm", "darm-core", "darm-device", "darm-firmware"]),
+    ("darm-figures", "eval/figures", &[]),
+    ("darm-simulate", "eval/simulate", &["darm-arm", "darm-core", "darm-device", "darm-figures"]),
+    ("xtask", "xtask", &[]),
+    (
+        "darm-eval",
+        "eval",
+        &[
+            "darm",
+            "darm-arm",
+            "darm-core",
+            "darm-device",
+            "darm-diagnose",
+            "darm-figures",
+            "darm-papers",
+            "darm-robot",
+            "darm-simulate",
+            "xtask",
+        ],
+    ),
+    ("darm-fuzz", "fuzz", &["darm-core", "darm-device"]),
 ];
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ lies in the workspace").to_path_buf()
-}
-
-/// Every Rust source of the packages, with its path from the root.
-fn sources() -> Vec<(String, String)> {
-    let mut found = Vec::new();
-    let mut folders: Vec<_> =
-        ["shared", "firmware", "host", "tests", "eval", "xtask"].map(|name| root().join(name)).into();
-    while let Some(folder) = folders.pop() {
-        for path in fs::read_dir(folder).expect("a folder of the workspace").flatten().map(|entry| entry.path()) {
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|extension| extension == "rs") {
-                let name = path.strip_prefix(root()).expect("inside the workspace").display().to_string();
-                found.push((name, fs::read_to_string(&path).expect("a readable source")));
-            }
-        }
-    }
-    found.sort();
-    assert!(found.len() > 20, "the sources were not found");
-    found
-}
-
-/// Fails with every line that breaks a rule at once.
-fn none(broken: Vec<String>) {
-    assert!(broken.is_empty(), "\n{}", broken.join("\n"));
-}
 
 /// The module of a file of the core: `se` of `shared/src/se/screw.rs`.
 fn core_module(file: &str) -> Option<&str> {
@@ -83,15 +71,15 @@ fn core_module(file: &str) -> Option<&str> {
 
 #[test]
 fn every_file_says_what_it_is() {
-    let broken = sources().into_iter().filter(|(_, text)| !text.starts_with("//! "));
-    none(broken.map(|(file, _)| format!("{file}: the first line must say what it is (`//! …`)")).collect());
+    let broken = sources().into_iter().filter(|source| !source.text.starts_with("//! "));
+    assert_none(broken.map(|source| format!("{}: the first line must say what it is (`//! …`)", source.path)));
 }
 
 #[test]
 fn the_core_imports_downward_only() {
     let level = |module: &str| LAYERS.iter().position(|layer| *layer == module);
     let mut broken = Vec::new();
-    for (file, text) in sources() {
+    for Source { path: file, text } in sources() {
         let Some(module) = core_module(&file).filter(|module| !matches!(*module, "lib" | "arms")) else { continue };
         let Some(own) = level(module) else {
             broken.push(format!("{file}: module `{module}` has no layer in this test"));
@@ -110,31 +98,54 @@ fn the_core_imports_downward_only() {
             }
         }
     }
-    none(broken);
+    assert_none(broken);
+}
+
+/// The crates of this workspace that a manifest names in any of its tables of dependencies.
+fn dependencies(manifest: &str) -> BTreeSet<String> {
+    let document: DocumentMut = manifest.parse().expect("a manifest in TOML");
+    let tables = ["dependencies", "dev-dependencies", "build-dependencies"];
+    let named = tables.iter().filter_map(|table| document.get(table)?.as_table_like());
+    let names = named.flat_map(|table| table.iter().map(|(name, _)| name.to_owned()).collect::<Vec<_>>());
+    names.filter(|name| CRATES.iter().any(|(known, ..)| known == name)).collect()
 }
 
 #[test]
-fn packages_depend_downward_only() {
+fn crates_depend_on_those_of_the_table() {
     let mut broken = Vec::new();
-    for (own, (folder, _)) in PACKAGES.iter().enumerate() {
-        let text = fs::read_to_string(root().join(folder).join("Cargo.toml")).expect("a manifest");
-        let used = PACKAGES.iter().enumerate().filter(|(_, (_, name))| text.contains(&format!("\n{name}.workspace")));
-        let upward =
-            used.filter(|(level, _)| *level >= own).map(|(_, (_, name))| format!("{folder} depends on {name}"));
-        broken.extend(upward);
+    for (level, (name, folder, allowed)) in CRATES.iter().enumerate() {
+        let path = format!("{folder}/Cargo.toml");
+        let used = dependencies(&fs::read_to_string(root().join(&path)).expect("a manifest"));
+        let allowed: BTreeSet<String> = allowed.iter().map(|name| (*name).to_owned()).collect();
+        let is_below = |lower: &String| CRATES[..level].iter().any(|(below, ..)| below == lower);
+        broken.extend(used.difference(&allowed).map(|other| format!("{path}: `{name}` may not depend on `{other}`")));
+        broken
+            .extend(allowed.difference(&used).map(|other| format!("{path}: `{name}` no longer depends on `{other}`")));
+        broken.extend(
+            allowed.iter().filter(|other| !is_below(other)).map(|other| format!("`{other}` is not below `{name}`")),
+        );
     }
-    none(broken);
+    assert_none(broken);
+}
+
+#[test]
+fn every_package_of_the_workspace_is_in_the_table() {
+    let manifest = fs::read_to_string(root().join("Cargo.toml")).expect("the manifest of the workspace");
+    let document: DocumentMut = manifest.parse().expect("a manifest in TOML");
+    let names = document["workspace"]["dependencies"].as_table_like().expect("a table").iter();
+    let own = names.filter(|(_, item)| item.as_table_like().is_some_and(|table| table.contains_key("path")));
+    let missing = own.filter(|(own, _)| !CRATES.iter().any(|(name, ..)| name == own));
+    assert_none(missing.map(|(name, _)| format!("`{name}` is missing in the table")));
 }
 
 /// The module of a file of a package and the modules of the package that it imports, its tests left out.
-fn imports(folder: &str, file: &str, text: &str) -> Option<(String, Vec<String>)> {
-    let inside = file.strip_prefix(folder)?.strip_prefix("/src/")?;
-    if inside.ends_with("tests.rs") || inside.ends_with("cases.rs") {
+fn imports(folder: &str, source: &Source) -> Option<(String, Vec<String>)> {
+    let inside = source.path.strip_prefix(folder)?.strip_prefix("/src/")?;
+    if source.is_test() {
         return None;
     }
     let module = inside.split('/').next()?.trim_end_matches(".rs").to_owned();
-    let code = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or(text);
-    let code = code.lines().filter(|line| !line.trim_start().starts_with("//"));
+    let code = source.code().lines().filter(|line| !line.trim_start().starts_with("//"));
     let named = code.flat_map(|line| line.split("crate::").skip(1));
     let names = named.map(|rest| rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>());
     Some((module.clone(), names.filter(|used| *used != module).collect()))
@@ -145,9 +156,9 @@ fn imports(folder: &str, file: &str, text: &str) -> Option<(String, Vec<String>)
 fn modules_of_the_host_import_in_no_circle() {
     let sources = sources();
     let mut broken = Vec::new();
-    for (folder, _) in PACKAGES.iter().filter(|(folder, _)| folder.starts_with("host/") && *folder != "host/cli") {
+    for (_, folder, _) in CRATES.iter().filter(|(_, folder, _)| folder.starts_with("host/") && *folder != "host/cli") {
         let mut modules: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
-        for (module, used) in sources.iter().filter_map(|(file, text)| imports(folder, file, text)) {
+        for (module, used) in sources.iter().filter_map(|source| imports(folder, source)) {
             modules.entry(module).or_default().extend(used);
         }
         assert!(modules.len() > 2, "{folder} has no modules");
@@ -157,19 +168,18 @@ fn modules_of_the_host_import_in_no_circle() {
         }
         broken.extend(modules.into_keys().map(|module| format!("{folder}: `{module}` is in a circle of imports")));
     }
-    none(broken);
+    assert_none(broken);
 }
 
 #[test]
 fn the_core_and_the_firmware_do_not_panic_on_input() {
     let mut broken = Vec::new();
-    for (file, text) in sources().into_iter().filter(|(file, _)| {
-        (file.starts_with("shared/src") || file.starts_with("firmware/src"))
-            && !file.ends_with("tests.rs")
-            && !file.contains("/tests/")
-            && !file.ends_with("arms.rs")
+    for source in sources().into_iter().filter(|source| {
+        (source.path.starts_with("shared/src") || source.path.starts_with("firmware/src"))
+            && !source.is_test()
+            && !source.path.ends_with("arms.rs")
     }) {
-        let code = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or(&text);
+        let (file, code) = (&source.path, source.code());
         for (number, line) in code.lines().enumerate().filter(|(_, line)| !line.trim_start().starts_with("//")) {
             if [".unwrap()", ".expect(", "panic!(", "todo!", "unimplemented!", "unreachable!"]
                 .iter()
@@ -179,25 +189,25 @@ fn the_core_and_the_firmware_do_not_panic_on_input() {
             }
         }
     }
-    none(broken);
+    assert_none(broken);
 }
 
 #[test]
 fn only_real_names_libm() {
-    let named = sources().into_iter().filter(|(file, text)| {
+    let named = sources().into_iter().filter(|Source { path: file, text }| {
         file.starts_with("shared/src")
             && !file.ends_with("real.rs")
             && !file.ends_with("trig.rs")
             && text.contains("libm::")
     });
-    none(named.map(|(file, _)| format!("{file}: libm is named in `real` alone")).collect());
+    assert_none(named.map(|source| format!("{}: libm is named in `real` alone", source.path)));
 }
 
 #[test]
 fn nothing_is_left_undone() {
     let banned = [concat!("TO", "DO"), concat!("FIX", "ME"), concat!("#[ig", "nore]"), concat!("#[should_", "panic]")];
     let mut broken = Vec::new();
-    for (file, text) in sources() {
+    for Source { path: file, text } in sources() {
         let found = banned.iter().filter(|word| text.contains(**word));
         broken.extend(found.map(|word| format!("{file}: {word}")));
         broken.extend(
@@ -207,5 +217,5 @@ fn nothing_is_left_undone() {
                 .map(|(number, _)| format!("{file}:{}: blanks at the end of the line", number + 1)),
         );
     }
-    none(broken);
+    assert_none(broken);
 }
