@@ -53,6 +53,19 @@ fn bodies<'s>(source: &'s str, start: &str) -> Vec<&'s str> {
     found
 }
 
+/// The keys of the structures of a file: the names of their fields, or those that serde is given for them.
+fn keys(source: &str) -> Vec<&str> {
+    let (mut found, mut renamed) = (Vec::new(), None);
+    for line in bodies(source, "struct Raw") {
+        if let Some(name) = line.trim().strip_prefix("#[serde(rename = \"").and_then(|rest| rest.strip_suffix("\")]")) {
+            renamed = Some(name);
+        } else if let Some(name) = declared(line) {
+            found.push(renamed.take().unwrap_or(name));
+        }
+    }
+    found
+}
+
 /// The name that a line of a structure or an enumeration declares.
 fn declared(line: &str) -> Option<&str> {
     let line = without_visibility(line.strip_prefix("    ")?);
@@ -77,7 +90,7 @@ fn every_key_of_a_file_is_described() {
     for (page, source) in KEYS {
         let (text, source_text) = (read(page), read(source));
         let words: Vec<&str> = text.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
-        let keys: Vec<_> = bodies(&source_text, "struct Raw").into_iter().filter_map(declared).collect();
+        let keys = keys(&source_text);
         assert!(keys.len() > 5, "the keys in {source} were not found");
         let absent = keys.iter().filter(|key| !words.contains(key));
         missing.extend(absent.map(|key| format!("{page}: the key {key} of {source} is missing")));

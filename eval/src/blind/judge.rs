@@ -55,7 +55,7 @@ pub(super) enum Answer {
 }
 
 impl Answer {
-    /// An answer that is not right as it stands, by what it names.
+    /// An answer that is not right by itself, by what it names.
     pub(super) fn of(is_clean: bool, verdict: Verdict, truth: &[(&str, &str)], named: &[(&str, &str)]) -> Self {
         match verdict {
             Verdict::NoEffect if is_clean => Self::Right,

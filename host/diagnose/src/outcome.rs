@@ -156,7 +156,7 @@ pub struct Repeatability {
 pub enum RepeatedIn {
     /// Rows under the same conditions.
     Rows,
-    /// Each row between those beside it in time.
+    /// Each row and its neighbours in time.
     Neighbours,
 }
 

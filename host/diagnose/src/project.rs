@@ -55,9 +55,9 @@ fn possible(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> (Tri
 /// Whether a law at its place, in all its shapes that a model has, is at least as large as is possible.
 fn can_be(problem: &Signals, fit: &Fit, of: usize) -> bool {
     let candidates = &problem.experiment.candidates;
-    let Some(least) = candidates[of].values.first().map(|value| value.least) else { return true };
+    let Some(min) = candidates[of].values.first().map(|value| value.min) else { return true };
     let own = fit.active.iter().filter(|&&k| candidates[k].is_same(&candidates[of]));
-    own.map(|&k| fit.values[problem.indices(&[k])[0]]).sum::<f64>() >= least
+    own.map(|&k| fit.values[problem.indices(&[k])[0]]).sum::<f64>() >= min
 }
 
 /// The model with physically consistent bodies, and with the effects beside them that this asks for.
@@ -153,10 +153,10 @@ mod tests {
             (best.fit.active, impossible)
         };
         assert_eq!(with(viscous.clone()), (vec![0], vec![]));
-        viscous.values[0].least = 0.0;
+        viscous.values[0].min = 0.0;
         assert_eq!(with(viscous.clone()), (vec![], vec![0]));
         // A model that has 1 N·m·s of it may lose 0.8.
-        viscous.values[0].least = -1.0;
+        viscous.values[0].min = -1.0;
         assert_eq!(with(viscous), (vec![0], vec![]));
     }
 }

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 pub struct ImportError {
     /// The file.
     pub path: PathBuf,
-    /// Line, array, topic or message; empty of the file as a whole.
+    /// Line, array, topic or message; empty of the complete file.
     pub place: String,
     /// What is wrong, and what to do about it.
     pub fault: String,
@@ -52,7 +52,7 @@ impl Fault {
         Self { place: place.into(), text: text.into() }
     }
 
-    /// Of the file as a whole.
+    /// Of the complete file.
     pub(crate) fn of_file(text: impl Into<String>) -> Self {
         Self::at("", text)
     }

@@ -101,7 +101,7 @@ fn time_unit(column: &Column) -> Option<Unit> {
 /// The unit of time stamps since 1970 by their size: of the years 2001 to 2100, else s.
 fn of_size(column: &Column) -> Unit {
     let largest = column.range().map_or(0.0, |[_, high]| high);
-    let unit = ["ns", "us", "ms"].into_iter().zip([1e18, 1e15, 1e12]).find(|(_, least)| largest > *least);
+    let unit = ["ns", "us", "ms"].into_iter().zip([1e18, 1e15, 1e12]).find(|(_, min)| largest > *min);
     Unit::named(unit.map_or("s", |(unit, _)| unit)).expect("these units are known")
 }
 

@@ -38,7 +38,7 @@ use crate::se::Pose;
 /// A base that creeps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaseDrift<T: Real> {
-    /// When the measurement ended that told it, s since it began.
+    /// When the measurement ended that it was found in, s since it began.
     pub until_s: T,
     /// Rate of the rotation vector, rad/s, and velocity, m/s.
     pub values: [T; 6],

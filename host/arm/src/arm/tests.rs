@@ -250,8 +250,8 @@ fn effects_that_cannot_be_are_told() {
     let message = |effect: &str| parse(&format!("{PLANAR4}\n[[effect]]\nlaw = {effect}\n")).unwrap_err().to_string();
     assert_eq!(
         message("\"sag\"\nvalues = {}"),
-        "arm.toml:152:7: there is no law `sag`; the laws are anchor-offset, base-offset, crowding, drift, \
-         fitted-term, gravity-sag, joint-offset, play, scale, step, stroke-loss, supply-stroke, thermal-growth, tool-offset, \
+        "arm.toml:152:7: there is no law `sag`; the laws are anchor-offset, base-drift, base-offset, \
+         crowding, drift, fitted-term, gravity-sag, joint-offset, play, scale, step, stroke-loss, supply-stroke, thermal-growth, tool-offset, \
          wear"
     );
     let values = "values = {}";

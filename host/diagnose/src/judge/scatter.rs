@@ -47,7 +47,7 @@ fn repeated(experiment: &Experiment) -> Option<Repeatability> {
     Some(figure(experiment, (0..n_axes).map(square).collect(), dof, RepeatedIn::Rows))
 }
 
-/// By the median of how far each row stands out between those beside it, so that jumps do not count.
+/// By the median of how far each row is off the mean of its neighbours, so that jumps do not count.
 fn between_neighbours(experiment: &Experiment, after: &[f64]) -> Option<Repeatability> {
     let (rows, n_axes) = (&experiment.rows, experiment.axes.len());
     let is_inside = |k: &usize| {

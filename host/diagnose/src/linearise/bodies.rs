@@ -19,7 +19,7 @@ pub(crate) fn candidate(
         name: name.into(),
         unit: unit.into(),
         prior,
-        least: f64::NEG_INFINITY,
+        min: f64::NEG_INFINITY,
         column,
     };
     let candidate = Candidate {

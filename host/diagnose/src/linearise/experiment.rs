@@ -26,7 +26,7 @@ pub struct Value {
     /// How large it may be before anything is measured (standard deviation); infinite where nothing is known.
     pub prior: f64,
     /// The least change of it that is possible; −∞ where any is.
-    pub least: f64,
+    pub min: f64,
     /// How the residuals move with it: rows × axes.
     pub column: Vec<f64>,
 }
@@ -94,7 +94,7 @@ impl Candidate {
     /// A law with one value.
     pub fn one(law: Law, site: Site, (name, unit): (&str, &str), column: Vec<f64>) -> Self {
         let value =
-            Value { name: name.into(), unit: unit.into(), prior: f64::INFINITY, least: f64::NEG_INFINITY, column };
+            Value { name: name.into(), unit: unit.into(), prior: f64::INFINITY, min: f64::NEG_INFINITY, column };
         Self { law, site, shape: None, values: vec![value] }
     }
 

@@ -172,7 +172,7 @@ impl Coordinate<'_> {
         let shape = along.constant().map(|constant| (constant.name, constant.value, self.dimension(constant.per)));
         let numbers = self.column(law);
         let column = numbers.iter().flat_map(|number| shares.iter().map(move |share| share * number)).collect();
-        let value = Value { name: along.size().into(), unit, prior: f64::INFINITY, least: f64::NEG_INFINITY, column };
+        let value = Value { name: along.size().into(), unit, prior: f64::INFINITY, min: f64::NEG_INFINITY, column };
         Candidate { law: along.name(), site: site.clone(), shape, values: vec![value] }
     }
 

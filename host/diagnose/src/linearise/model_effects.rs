@@ -113,7 +113,7 @@ pub(crate) fn apply(experiment: &mut Experiment, known: &[ModelEffect]) -> Resul
     let sums: Vec<f64> =
         experiment.candidates.iter().map(|candidate| known_size(experiment, &base, candidate)).collect();
     for (candidate, sum) in experiment.candidates.iter_mut().zip(sums) {
-        candidate.values.iter_mut().for_each(|value| value.least -= sum);
+        candidate.values.iter_mut().for_each(|value| value.min -= sum);
     }
     experiment.residuals = experiment.at(&base);
     for body in &mut experiment.bodies {

@@ -170,7 +170,7 @@ fn candidates(contact: &PointContact, columns: Vec<Vec<f64>>) -> Vec<Candidate> 
             name: (*name).into(),
             unit: (*unit).into(),
             prior: *prior,
-            least: f64::NEG_INFINITY,
+            min: f64::NEG_INFINITY,
             column: columns.next().expect("a column for each value"),
         });
         candidates.push(Candidate { law, site: site.clone(), shape: None, values: values.collect() });

@@ -123,7 +123,7 @@ fn of_motion(
     for candidate in &mut candidates {
         let law = Law::named(candidate.law, candidate.shape.as_ref().map(|(_, constant, _)| *constant));
         if law.is_some_and(|law| law.along().takes_power()) {
-            candidate.values.iter_mut().for_each(|value| value.least = 0.0);
+            candidate.values.iter_mut().for_each(|value| value.min = 0.0);
         }
     }
     let channel = |name: &str, of: &[Vec<f64>]| -> Vec<(String, Vec<f64>)> {

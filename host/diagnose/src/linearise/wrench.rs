@@ -113,7 +113,7 @@ fn sensor_frame(measured: &[Vec<f64>], axes: &Axes) -> Candidate {
             name: name.into(),
             unit: unit.into(),
             prior: f64::INFINITY,
-            least: f64::NEG_INFINITY,
+            min: f64::NEG_INFINITY,
             column: axes.column(part),
         }
     };

@@ -4,7 +4,7 @@
 //! | --- | --- | --- |
 //! | is there more than noise? | residuals against repeats: F, one-sided | [`STRUCTURE_LEVEL`] |
 //! | does an effect predict words that it was not fitted to? | reduction of the cross-validated squares, word by word: t, one-sided, times the number of effects tried (Bonferroni) | [`DISCOVERY_LEVEL`] |
-//! | do all effects together predict held-out words? | the same on the held-out words, once, for the whole verdict | [`CONFIRMATION_LEVEL`] |
+//! | do all effects together predict held-out words? | the same on the held-out words, once, for the verdict | [`CONFIRMATION_LEVEL`] |
 //! | is another effect as good? | reduction from it to the best, word by word: t, one-sided | [`RIVAL_LEVEL`] |
 
 use std::collections::BTreeMap;

@@ -19,6 +19,9 @@ use crate::measurement::root_mean_square;
 use crate::prepare::observations::{NoPose, Observations, Value};
 use darm_arm::arm::{ArmModel, ArmScratch};
 
+/// A fall expected to be less than this many standard errors may not be seen on the rows held out.
+const ERRORS_TO_SHOW: f64 = 4.0;
+
 /// Standard deviation of each component of a twist, rad and m.
 pub type Noise = [f64; 6];
 
@@ -142,13 +145,22 @@ impl ToolPoses {
 
     /// Whether the error on rows that no fit saw falls by more than its uncertainty: on the held-out ones, or, without any, on
     /// those held out in turn. A row that is far off by both models does not hide it, nor do words that nothing changes.
+    /// Held-out rows which the effects change by too little to show it do not veto what the others show, unless the error
+    /// rises there.
     pub(crate) fn held_out_falls(&self, before: &Trial<Self>, after: &Trial<Self>) -> Result<bool, NoPose> {
+        let falls_in_turn = self.loss_reduction(before, after).p < CONFIRMATION_LEVEL;
         if self.heldout.rows.is_empty() {
-            return Ok(self.loss_reduction(before, after).p < CONFIRMATION_LEVEL);
+            return Ok(falls_in_turn);
         }
         let mut scratch = ArmScratch::default();
         let [before, after] = [before, after].map(|trial| self.heldout.residuals(&trial.fit.model, &mut scratch));
-        Ok(clustered_t_test(&before?, &after?, &self.heldout.groups()).p < CONFIRMATION_LEVEL)
+        let (before, after) = (before?, after?);
+        let fall = clustered_t_test(&before, &after, &self.heldout.groups());
+        // An effect that is there lowers the sum by about the squares of what it changes.
+        let change: f64 = before.iter().zip(&after).map(|(before, after)| (before - after).powi(2)).sum();
+        let cannot_show = change < ERRORS_TO_SHOW * fall.error || fall.error == 0.0;
+        let rises = fall.sum < -fall.error;
+        Ok(fall.p < CONFIRMATION_LEVEL || cannot_show && falls_in_turn && !rises)
     }
 
     fn judged(&self, fit: Fit, effect: Option<Effect<f64>>, steps: &[change_point::Step]) -> Trial<Self> {
