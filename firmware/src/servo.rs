@@ -2,7 +2,7 @@
 //!
 //! The bus task visits every servo of the profile once a [`CYCLE`]: it reads position, load and status, writes what the
 //! servo is to do when that changed, and reports to the control tick. A servo that does not answer keeps its last answer's
-//! time, and the sequencer finds that too old. What is written is held to the profile's limits again.
+//! time, and the sequencer finds that too old. What is written is clamped to the profile's limits again.
 //!
 //! | action    | written                                                                                    |
 //! |-----------|--------------------------------------------------------------------------------------------|

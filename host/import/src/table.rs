@@ -21,7 +21,7 @@ pub struct Table {
     pub notes: Vec<String>,
 }
 
-/// Columns that tell appended files apart.
+/// Columns that number and name appended files.
 const FILES: [&str; 2] = ["run", "file"];
 
 impl Table {

@@ -190,7 +190,7 @@ impl Equations {
             floors,
         };
         let mut found = problem.solve(start, MIN_WEIGHT);
-        // What the rows identify comes before priors and barriers, however little they tell of it.
+        // What the rows identify comes before priors and barriers, however little that is.
         let min_information = problem.information.diagonal().rows(0, n_identified).min();
         let mut of_priors = 1.0;
         while of_priors > MAX_PRIOR_SHARE * min_information {

@@ -69,7 +69,7 @@ struct Search {
     rows: usize,
 }
 
-/// Masses that the training rows tell beyond the nominal ones; errors are reported on `held_out`, which no fit has seen.
+/// Masses that the training rows identify beyond the nominal ones; errors are reported on `held_out`, which no fit has seen.
 pub fn missing(robot: &Robot, equations: &Equations, held_out: &[usize]) -> Missing {
     let training: Vec<_> = (0..equations.samples.len()).filter(|k| !held_out.contains(k)).collect();
     let kept =
