@@ -63,7 +63,6 @@ impl Answer {
             _ if is_clean => Self::FalseAlarm,
             _ if !named.iter().all(|name| truth.contains(name)) => Self::FalseName,
             Verdict::NoEffect | Verdict::EffectFound => Self::Missed,
-            Verdict::WrongModelOrLog => Self::FalseName,
             Verdict::PartlyExplained | Verdict::UnexplainedStructure | Verdict::NotIdentifiable => Self::Refused,
         }
     }

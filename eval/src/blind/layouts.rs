@@ -4,7 +4,6 @@ use anyhow::{Context as _, Result};
 use clap::ValueEnum as _;
 use darm_diagnose::diagnosis;
 use darm_diagnose::diagnosis::diagnose;
-use darm_diagnose::select::significance::clopper_pearson;
 use darm_figures::figure::Figure;
 use darm_figures::items;
 use darm_figures::shard::Shard;
@@ -16,7 +15,7 @@ use super::case::{self, Class};
 use super::judge::{self, Answer};
 use super::layout::{Layout, MORE_OUTLIERS};
 use super::robots::Which;
-use super::{Bench, arms, robots::Robots};
+use super::{Bench, arms, robots::Robots, table};
 
 /// Arms of every layout.
 #[derive(Serialize, Deserialize)]
@@ -159,11 +158,7 @@ fn by_layout(outcomes: &[Outcome], layouts: &[Layout]) {
 }
 
 fn figures(outcomes: &[Outcome], layouts: &[Layout]) -> Result<Vec<Figure>> {
-    let rate = |name: String, [hits, n]: [usize; 2]| {
-        let percent = |share: f64| (1000.0 * share).round() / 10.0;
-        let [low, high] = clopper_pearson(hits, n).map(percent);
-        Figure::new(&name, percent(hits as f64 / n.max(1) as f64), &format!("% of {n} ({low}–{high})"))
-    };
+    let rate = |name: String, [hits, n]: [usize; 2]| table::rate(&name, hits, n);
     let mut figures = Vec::new();
     for layout in layouts {
         let name = layout.to_possible_value().context("a layout without a name")?.get_name().to_string();

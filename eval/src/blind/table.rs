@@ -90,7 +90,7 @@ fn count(outcomes: &[Outcome], of: Of, choose: fn(&Outcome) -> bool, so: fn(&Mar
     [chosen.iter().filter(|mark| so(mark)).count(), chosen.len()]
 }
 
-fn rate(name: &str, hits: usize, n: usize) -> Result<Figure> {
+pub(super) fn rate(name: &str, hits: usize, n: usize) -> Result<Figure> {
     let percent = |share: f64| (1000.0 * share).round() / 10.0;
     let [low, high] = clopper_pearson(hits, n).map(percent);
     Figure::new(name, percent(hits as f64 / n as f64), &format!("% of {n} ({low}–{high})"))

@@ -8,7 +8,7 @@ use crate::judge::fitted_terms::WithTerms;
 use crate::linearise::model_effects::ModelEffect;
 use crate::linearise::model_error::ModelError;
 use crate::measurement::Run;
-use crate::outcome::{Diagnosis, Verdict};
+use crate::outcome::Diagnosis;
 use crate::prepare::observations::Observations;
 use darm_arm::arm::{Arm, ZERO_CELSIUS};
 
@@ -110,7 +110,7 @@ impl SignalCorrection {
         };
         let nothing = found.effects.is_empty() && terms.is_empty();
         let holds = found.verdict.names_effects() || keep == Keep::EffectsAndTerms && !terms.is_empty();
-        if nothing || !holds || found.verdict == Verdict::WrongModelOrLog {
+        if nothing || !holds {
             return Ok(false);
         }
         let mut table = model_table(model, found.kind)?;

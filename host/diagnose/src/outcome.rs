@@ -9,7 +9,7 @@
 //! | `held_out`, `left_out` | how the latter were chosen; what cross-validation leaves out together |
 //! | `repeatability` | scatter of repeated conditions with its degrees of freedom, or null where too little is repeated |
 //! | `error.before`, `error.after` | root mean square of predicted minus measured on `train` and `heldout`: each axis, and the norm |
-//! | `verdict` | `effect-found`, `partly-explained`, `no-effect`, `unexplained-structure`, `not-identifiable`, `too-little-data`, `wrong-model-or-log` |
+//! | `verdict` | `effect-found`, `partly-explained`, `no-effect`, `unexplained-structure`, `not-identifiable`, `too-little-data` |
 //! | `effects` | law, where, values with unit and 95 % interval, by how much the held-out norm grows without it |
 //! | `alternatives` | what would explain the rows as well in an effect's place |
 //! | `unobservable` | values that these rows do not identify, without numbers |
@@ -94,8 +94,6 @@ pub enum Verdict {
     NotIdentifiable,
     /// Nothing was found, and what these rows cannot show is not known.
     TooLittleData,
-    /// The log is another than it says, or of another robot than the model's.
-    WrongModelOrLog,
 }
 
 impl Verdict {
@@ -114,7 +112,6 @@ impl fmt::Display for Verdict {
             Self::UnexplainedStructure => "unexplained-structure",
             Self::NotIdentifiable => "not-identifiable",
             Self::TooLittleData => "too-little-data",
-            Self::WrongModelOrLog => "wrong-model-or-log",
         })
     }
 }

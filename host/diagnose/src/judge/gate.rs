@@ -2,7 +2,6 @@
 //!
 //! | what the data say | verdict |
 //! | --- | --- |
-//! | another log or model would explain them as it is | `wrong-model-or-log` |
 //! | effects that lower the error on rows that no fit has seen, each by itself, and no more than noise is left | `effect-found` |
 //! | the same, they take most of what was there, and more than noise is left | `partly-explained` |
 //! | effects in whose place others do as well | `not-identifiable` |
@@ -12,6 +11,11 @@
 
 use crate::outcome::Verdict;
 use crate::prepare::repeatability::MIN_DOF;
+
+/// Share of what is beyond the noise that may be left where a verdict says that it is explained.
+pub(crate) const UNEXPLAINED_SHARE: f64 = 0.1;
+/// The same as a root mean square, in units of the noise.
+pub(crate) const MOST_LEFT: f64 = 1.5;
 
 /// What a verdict rests on.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,8 +34,6 @@ pub(crate) struct Evidence {
     pub(crate) held_out_falls: bool,
     /// Degrees of freedom of the repeatability.
     pub(crate) noise_dof: usize,
-    /// Whether another log or model explains the rows as it is.
-    pub(crate) is_wrong: bool,
 }
 
 /// The verdict.
@@ -43,7 +45,6 @@ pub(crate) fn verdict(evidence: &Evidence) -> Verdict {
         false => Verdict::TooLittleData,
     };
     match () {
-        () if evidence.is_wrong => Verdict::WrongModelOrLog,
         () if !is_any => without_names(),
         () if !evidence.held_out_falls => match without_names() {
             Verdict::NoEffect => Verdict::TooLittleData,
@@ -63,18 +64,10 @@ mod tests {
     use super::*;
 
     fn evidence() -> impl Strategy<Value = Evidence> {
-        (0usize..3, any::<[bool; 6]>(), 0usize..40).prop_map(|(named, all, noise_dof)| {
-            let [is_ambiguous, was_beyond_noise, is_left, takes_most, held_out_falls, is_wrong] = all;
-            let mut evidence = Evidence {
-                named,
-                is_ambiguous,
-                was_beyond_noise,
-                is_left,
-                takes_most,
-                held_out_falls,
-                noise_dof,
-                is_wrong,
-            };
+        (0usize..3, any::<[bool; 5]>(), 0usize..40).prop_map(|(named, all, noise_dof)| {
+            let [is_ambiguous, was_beyond_noise, is_left, takes_most, held_out_falls] = all;
+            let mut evidence =
+                Evidence { named, is_ambiguous, was_beyond_noise, is_left, takes_most, held_out_falls, noise_dof };
             evidence.is_left &= evidence.was_beyond_noise;
             evidence
         })
@@ -84,13 +77,13 @@ mod tests {
         #[test]
         fn no_verdict_says_more_than_its_evidence(evidence in evidence()) {
             let verdict = verdict(&evidence);
-            let Evidence { named, is_ambiguous, is_left, held_out_falls, noise_dof, is_wrong, .. } = evidence;
+            let Evidence { named, is_ambiguous, is_left, held_out_falls, noise_dof, .. } = evidence;
             match verdict {
                 Verdict::EffectFound => {
-                    prop_assert!(named > 0 && held_out_falls && !is_left && !is_ambiguous && !is_wrong);
+                    prop_assert!(named > 0 && held_out_falls && !is_left && !is_ambiguous);
                 }
                 Verdict::PartlyExplained => {
-                    prop_assert!(named > 0 && held_out_falls && is_left && evidence.takes_most && !is_wrong);
+                    prop_assert!(named > 0 && held_out_falls && is_left && evidence.takes_most);
                 }
                 Verdict::NoEffect => {
                     prop_assert!(named == 0 && !is_ambiguous && !evidence.was_beyond_noise && noise_dof >= MIN_DOF);
@@ -98,7 +91,6 @@ mod tests {
                 Verdict::NotIdentifiable => prop_assert!(is_ambiguous && held_out_falls),
                 Verdict::UnexplainedStructure => prop_assert!(evidence.was_beyond_noise || is_left),
                 Verdict::TooLittleData => prop_assert!(noise_dof < MIN_DOF || !held_out_falls),
-                Verdict::WrongModelOrLog => prop_assert!(is_wrong),
             }
         }
     }

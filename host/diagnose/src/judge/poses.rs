@@ -3,7 +3,7 @@
 use darm_core::effect::Effect;
 
 use super::fitted_terms::{WithTerms, with_terms};
-use super::gate::{self, Evidence};
+use super::gate::{self, Evidence, MOST_LEFT, UNEXPLAINED_SHARE};
 use super::next_words::{self, Proposal};
 use super::selected::SelectedPoses;
 use super::structure::structure;
@@ -15,12 +15,8 @@ use crate::select::problem::Trial;
 use crate::select::tool_pose::ToolPoses;
 use darm_arm::arm::ArmScratch;
 
-/// Share of what is beyond the noise that a named effect may leave.
-pub(crate) const UNEXPLAINED_SHARE: f64 = 0.1;
 /// Share that may be left by effects which are named beside what remains: laws that only stand for another cause leave more.
 const MOST_BESIDE: f64 = 0.03;
-/// What they may leave at most, root mean square, in units of the noise.
-pub(crate) const MOST_LEFT: f64 = 1.5;
 
 /// What is concluded.
 pub(crate) struct Judgement {
@@ -56,7 +52,6 @@ pub(crate) fn judge(
         takes_most: remaining.excess <= MOST_BESIDE * before.excess,
         held_out_falls: problem.held_out_falls(start, best)?,
         noise_dof: selected.repeatability.map_or(0, |noise| noise.dof),
-        is_wrong: false,
     };
     let verdict = gate::verdict(&evidence);
     let mut kept = with.filter(|_| verdict.names_effects() || verdict == Verdict::UnexplainedStructure);

@@ -1,20 +1,18 @@
 //! The verdict on signals: what else explains them, what is not identifiable, what remains, and what is named.
 
 use crate::effect::Effect;
-use crate::judge::gate::{self, Evidence};
+use crate::judge::gate::{self, Evidence, MOST_LEFT, UNEXPLAINED_SHARE};
 use crate::judge::held_out::HeldOut;
-use crate::judge::poses::{MOST_LEFT, UNEXPLAINED_SHARE};
 use crate::judge::remaining::{self, Remaining};
 use crate::judge::selected::SelectedSignals;
 use crate::judge::{intervals, next_rows, scatter};
-use crate::linearise::experiment::Candidate;
+use crate::linearise::experiment::{Candidate, Experiment};
 use crate::outcome::{Alternative, Dependence, NextMeasurement, Repeatability, RepeatedIn, Verdict};
 use crate::select::forward::rivals;
 use crate::select::simplify::surrogates;
 
 /// Effects up to which each is compared with all others that could be in its place.
 const MAX_COMPARED: usize = 3;
-
 /// Share of the squares that may be left by effects which are named beside what remains.
 const MOST_OF_ALL: f64 = 0.5;
 
@@ -64,17 +62,17 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
     if effects.is_empty() && remaining.is_empty() && !is_filtered {
         remaining = remaining::memory(problem, best);
     }
-    let repeatability = scatter::scatter(&problem.experiment, &problem.experiment.at(&best.fit.values), is_filtered);
-    let own = HeldOut::of(selected);
+    let after = problem.experiment.at(&best.fit.values);
+    let repeatability = scatter::scatter(&problem.experiment, &after, is_filtered);
+    let sigma = &best.weighting().sigma;
     let evidence = Evidence {
         named: effects.len(),
         is_ambiguous: !doubtful.is_empty(),
         was_beyond_noise: !remaining.is_empty() || !effects.is_empty() || !doubtful.is_empty(),
-        is_left: left > UNEXPLAINED_SHARE || is_far_from_repeats(selected, repeatability.as_ref()),
+        is_left: left > UNEXPLAINED_SHARE || is_far_from_repeats(&problem.experiment, &after, repeatability.as_ref()),
         takes_most: left < MOST_OF_ALL,
-        held_out_falls: pooled.unwrap_or(&own).falls(&best.weighting().sigma),
+        held_out_falls: pooled.map_or_else(|| HeldOut::of(selected).falls(sigma), |pooled| pooled.falls(sigma)),
         noise_dof: repeatability.as_ref().map_or(0, |repeatability| repeatability.dof),
-        is_wrong: false,
     };
     let verdict = gate::verdict(&evidence);
     if !verdict.names_effects() && verdict != Verdict::NotIdentifiable {
@@ -86,9 +84,8 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
 }
 
 /// Whether the error is far larger than the scatter of rows under the same conditions.
-fn is_far_from_repeats(selected: &SelectedSignals, repeatability: Option<&Repeatability>) -> bool {
-    let experiment = &selected.problem.experiment;
-    let rest = experiment.norm(&experiment.of_rows(&experiment.at(&selected.best.fit.values), false));
+fn is_far_from_repeats(experiment: &Experiment, after: &[f64], repeatability: Option<&Repeatability>) -> bool {
+    let rest = experiment.norm(&experiment.of_rows(after, false));
     let repeated = repeatability.filter(|repeatability| repeatability.repeated_in == RepeatedIn::Rows);
     rest.zip(repeated).is_some_and(|(rest, repeated)| rest > MOST_LEFT * repeated.norm.value)
 }

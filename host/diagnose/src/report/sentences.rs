@@ -97,9 +97,6 @@ fn verdict(diagnosis: &Diagnosis) -> String {
                  degrees of freedom, {MIN_DOF} are needed. Repeat some of the rows."
             )
         }
-        Verdict::WrongModelOrLog => {
-            "The log does not fit the model: it is another robot's, or not what it says.".into()
-        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Tool poses of an arm of discrete actuators: words are left out one after the other, and the held-out words confirm.
+//! Tool poses of an arm of discrete actuators: words are left out one after the other, and the held-out words may veto.
 
 use std::sync::Arc;
 
@@ -65,18 +65,11 @@ impl ToolPoses {
 
     /// The steps among the effects of a model, as cross-validation needs them.
     fn steps(&self, fit: &Fit) -> Result<Vec<change_point::Step>, NoPose> {
-        let is_step = |&(_, &(owner, _)): &(usize, &Value)| matches!(fit.model.effects[owner], Effect::Step(_));
-        let mut own = fit.values.iter().enumerate().filter(is_step).peekable();
-        if own.peek().is_none() {
+        if !has_step(&fit.model) {
             return Ok(Vec::new());
         }
         let sensitivity = Sensitivity::new(&fit.model, &self.training, &mut ArmScratch::default())?;
-        let step = |(value, &(owner, _)): (usize, &Value)| {
-            let Effect::Step(step) = fit.model.effects[owner] else { return None };
-            let always = sensitivity.column(&from_the_start(step), 0)?;
-            Some(change_point::Step { value, always, shift_m: step.shift_m })
-        };
-        Ok(own.filter_map(step).collect())
+        Ok(steps(fit, &sensitivity))
     }
 
     /// A candidate by its linear fit; `None` where it changes nothing in these rows.
@@ -121,7 +114,7 @@ impl ToolPoses {
     /// they are there already.
     fn timed_again(&self, fit: &Fit) -> Result<Option<ArmModel>, NoPose> {
         let mut model = fit.model.clone();
-        if !model.effects.iter().any(|effect| matches!(effect, Effect::Step(_))) {
+        if !has_step(&model) {
             return Ok(None);
         }
         let sensitivity = Sensitivity::new(&fit.model, &self.training, &mut ArmScratch::default())?;
@@ -171,6 +164,20 @@ impl ToolPoses {
     }
 }
 
+fn has_step(model: &ArmModel) -> bool {
+    model.effects.iter().any(|effect| matches!(effect, Effect::Step(_)))
+}
+
+/// The steps among the values of a fit, by the sensitivity of its model.
+fn steps(fit: &Fit, sensitivity: &Sensitivity) -> Vec<change_point::Step> {
+    let step = |(value, &(owner, _)): (usize, &Value)| {
+        let Effect::Step(step) = fit.model.effects[owner] else { return None };
+        let always = sensitivity.column(&from_the_start(step), 0)?;
+        Some(change_point::Step { value, always, shift_m: step.shift_m })
+    };
+    fit.values.iter().enumerate().filter_map(step).collect()
+}
+
 /// A step that is there from the start: one at any moment is a part of it.
 fn from_the_start(step: Step<f64>) -> Effect<f64> {
     Step { since_s: f64::NEG_INFINITY, ..step }.into()
@@ -190,7 +197,7 @@ impl Neighbours<ToolPoses> for Around<'_> {
             .filter(|effect| !model.fit.model.effects.iter().any(|known| arm_candidates::same(known, effect)))
             .collect();
         let sensitivity = Sensitivity::new(&model.fit.model, &problem.training, &mut ArmScratch::default())?;
-        let steps = problem.steps(&model.fit)?;
+        let steps = steps(&model.fit, &sensitivity);
         let timed = candidates.iter().filter_map(|effect| problem.timed(effect, &model.fit.residuals, &sensitivity));
         Ok(timed.filter_map(|effect| problem.candidate(model, &effect, &sensitivity, &steps)).collect())
     }
