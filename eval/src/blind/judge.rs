@@ -63,7 +63,10 @@ impl Answer {
             _ if is_clean => Self::FalseAlarm,
             _ if !named.iter().all(|name| truth.contains(name)) => Self::FalseName,
             Verdict::NoEffect | Verdict::EffectFound => Self::Missed,
-            Verdict::PartlyExplained | Verdict::UnexplainedStructure | Verdict::NotIdentifiable => Self::Refused,
+            Verdict::PartlyExplained
+            | Verdict::UnexplainedStructure
+            | Verdict::NotIdentifiable
+            | Verdict::WrongModelOrLog => Self::Refused,
         }
     }
 

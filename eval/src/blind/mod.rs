@@ -5,6 +5,11 @@
 mod arms;
 mod baseline;
 mod case;
+mod cells;
+mod damage;
+mod damage_of_poses;
+mod damage_of_signals;
+mod damages;
 mod floating;
 mod judge;
 mod layout;
@@ -28,6 +33,7 @@ use serde::{Deserialize, Serialize};
 
 use arms::Subject;
 use case::Class;
+use damages::Damages;
 
 use judge::Mark;
 use layout::Layout;
@@ -46,6 +52,9 @@ pub(crate) struct Blind {
     /// Draw N clean and N changed arms in every layout of measurements that others use, in place of the seeds
     #[arg(long, value_name = "N", conflicts_with_all = ["seeds", "arm", "mechanisms"])]
     layouts: Option<u64>,
+    /// Diagnose N logs of every sort of wrong model, wrong log and unusable log, in place of the seeds
+    #[arg(long, value_name = "N", conflicts_with_all = ["seeds", "arm", "mechanisms", "layouts"])]
+    damages: Option<u64>,
     /// One layout only
     #[arg(long, value_enum, requires = "layouts")]
     layout: Option<Layout>,
@@ -65,7 +74,7 @@ pub(crate) struct Job {
     /// One arm only, in place of all in turn
     #[arg(long, value_enum)]
     arm: Option<Kin>,
-    /// Print a line for every seed that was marked wrong, as it comes
+    /// Print a line for every seed that was marked wrong, as it comes; of damaged logs for each
     #[arg(long)]
     #[serde(skip)]
     wrong: bool,
@@ -107,6 +116,10 @@ impl Blind {
         if let Some(arms) = self.layouts {
             let Job { first_seed, wrong, .. } = self.job;
             return items::run(&Layouts { arms, first_seed, layout: self.layout, wrong }, &self.spread);
+        }
+        if let Some(logs) = self.damages {
+            let Job { first_seed, wrong, .. } = self.job;
+            return items::run(&Damages { logs, first_seed, messages: wrong }, &self.spread);
         }
         items::run(&self.job, &self.spread)
     }

@@ -13,6 +13,7 @@ use rand_chacha::ChaCha8Rng;
 use xtask::setup;
 
 use super::case::Class;
+use super::cells::Cells;
 use super::floating::floating;
 use super::judge::{Answer, Mark, right};
 use super::layout::Layout;
@@ -24,6 +25,8 @@ use super::signals::{Bench, PERIODIC, joint_of, law_of};
 pub(super) struct Robots {
     serial: Robot,
     floating: Robot,
+    /// A robot that is never measured, with as many joints as the serial one.
+    other: Robot,
 }
 
 /// Which of them.
@@ -33,10 +36,21 @@ pub(super) enum Which {
     Floating,
 }
 
+impl Which {
+    /// The model of a robot that is measured in this way.
+    pub(super) fn what(self, robot: Robot) -> What {
+        match self {
+            Self::Serial => What::Torque(robot, None),
+            Self::Floating => What::Wrench(robot),
+        }
+    }
+}
+
 impl Robots {
     pub(super) fn read() -> Result<Self> {
-        let read = |name: &str| urdf::read(&setup::root().join("tests/data/measured").join(name), &Locks::new());
-        Ok(Self { serial: read("tx40.urdf")?, floating: Robot { floating: true, ..read("human.urdf")? } })
+        let read = |name: &str| urdf::read(&setup::root().join("tests/data").join(name), &Locks::new());
+        let floating = Robot { floating: true, ..read("measured/human.urdf")? };
+        Ok(Self { serial: read("measured/tx40.urdf")?, floating, other: read("urdf/ur10.urdf")? })
     }
 
     /// Draws, measures, diagnoses and marks one seed; the truth in words.
@@ -74,16 +88,29 @@ impl Robots {
         Ok((mark, answer, bench.truth()))
     }
 
+    /// A log of a robot with noise and outliers, beside the robot.
+    pub(super) fn log(&self, which: Which, class: Class, rng: &mut ChaCha8Rng) -> Result<(Robot, Cells)> {
+        let (_, mut bench) = self.drawn(which, class, rng)?;
+        bench.spoil(rng);
+        let robot = if which == Which::Serial { &self.serial } else { &self.floating };
+        Ok((robot.clone(), Cells::of(&bench.text())))
+    }
+
+    /// A robot that is never measured, with as many joints as the serial one.
+    pub(super) fn other(&self) -> &Robot {
+        &self.other
+    }
+
     /// What the model of a robot is, and a measurement of it without noise.
     fn drawn(&self, which: Which, class: Class, rng: &mut ChaCha8Rng) -> Result<(What, Bench)> {
         Ok(match which {
-            Which::Serial => (What::Torque(self.serial.clone(), None), serial(&self.serial, class, rng)?),
-            Which::Floating => (What::Wrench(self.floating.clone()), floating(&self.floating, class, rng)?),
+            Which::Serial => (which.what(self.serial.clone()), serial(&self.serial, class, rng)?),
+            Which::Floating => (which.what(self.floating.clone()), floating(&self.floating, class, rng)?),
         })
     }
 }
 
-fn diagnosed(which: Which, what: What, table: &Table, seed: u64) -> Result<Diagnosis> {
+pub(super) fn diagnosed(which: Which, what: What, table: &Table, seed: u64) -> Result<Diagnosis> {
     let within = if which == Which::Floating { vec!["posture".to_string()] } else { Vec::new() };
     let preparation = Preparation { within, ..Preparation::default() };
     let options = SignalOptions { preparation, always: Vec::new(), seed };

@@ -86,6 +86,14 @@
 //!   came after seeds from 1000 to 2047 had been marked, when its place was outside the list; it counts from 3000 on.
 //! - In the layout without supply and temperature no effect is drawn that follows them.
 //!
+//! # Wrong models, wrong logs, unusable logs
+//!
+//! `blind --damages` draws the same arms, every second one with an effect, writes their logs and damages the cells, or gives
+//! another model. The sorts are the lists of `damage_of_poses` and `damage_of_signals`.
+//!
+//! - **Wrong model or log**: right is the verdict `wrong-model-or-log`, or an error. An effect that is named is wrong.
+//! - **Unusable**: an effect that is named is wrong; any error and any verdict without a name is right.
+//!
 //! # What is drawn
 //!
 //! Shares of the seeds: 50 % clean, 20 % one mechanism, 20 % two, 10 % outside the list. Two mechanisms are of different

@@ -104,6 +104,11 @@ impl Bench {
     }
 
     pub(super) fn table(&self) -> Result<Table> {
+        Ok(Table::read_text(Path::new("blind.csv"), self.text().as_bytes(), &Names::new())?.0)
+    }
+
+    /// The table as comma-separated text.
+    pub(super) fn text(&self) -> String {
         let mut text = [self.names.join(","), self.axes.join(",")].join(",") + ",temperature_c,supply_v\n";
         for row in 0..self.rows() {
             let numbers = self.given.iter().chain(&self.measured).map(|channel| format!("{:.9}", channel[row]));
@@ -112,7 +117,7 @@ impl Bench {
             text += &numbers.chain(distractors).collect::<Vec<_>>().join(",");
             text.push('\n');
         }
-        Ok(Table::read_text(Path::new("blind.csv"), text.as_bytes(), &Names::new())?.0)
+        text
     }
 
     pub(super) fn truth(&self) -> String {

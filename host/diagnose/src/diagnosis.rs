@@ -12,6 +12,7 @@
 
 use std::path::Path;
 
+use crate::agreement::{self, Agreement};
 use crate::correction::{ArmCorrection, Outcome, SignalCorrection};
 use crate::effect::Law;
 use crate::error::{DiagnoseError, MIN_PIECES, MIN_WORDS};
@@ -81,9 +82,15 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
     let repeats = repeatability::repeated(arm, run);
     let problem = prepare_poses(arm, run, repeats.as_ref().filter(|noise| noise.is_known()), options)?;
     let start = problem.fitted(&arm.model).map_err(no_pose)?;
-    let selection = forward_selection(&problem, start.clone(), Vec::new()).map_err(no_pose)?;
-    let Selection { best, rivals, path } = selection;
-    let selected = SelectedPoses { arm, run, problem: &problem, repeatability: repeats.as_ref(), best: &best };
+    let agreement = agreement::poses::agreement(arm, run);
+    let Selection { best, rivals, path } = match &agreement {
+        Agreement::Otherwise(_) => Selection { best: start.clone(), rivals: Vec::new(), path: Vec::new() },
+        Agreement::AsRead | Agreement::Hardly => {
+            forward_selection(&problem, start.clone(), Vec::new()).map_err(no_pose)?
+        }
+    };
+    let repeatability = repeats.as_ref();
+    let selected = SelectedPoses { arm, run, problem: &problem, repeatability, best: &best, agreement: &agreement };
     let how = Proposal { seed: options.seed, words: options.next_words };
     let mut judgement = judge::poses::judge(&selected, &start, rivals, how).map_err(no_pose)?;
     let with_terms = judgement.with_terms.take();
@@ -208,10 +215,18 @@ fn select(
     }
     let always = always(&experiment, &options.always)?;
     let n_known = always.len();
+    // Of rows that are held out in turn only the first search asks, which has them all.
+    let agreement = match each {
+        None => agreement::signals::agreement(model, &data, &experiment),
+        Some(_) => Agreement::AsRead,
+    };
     let problem = Signals::new(experiment, groups);
-    let (best, path) = search::select(&problem, always);
+    let (best, path) = match &agreement {
+        Agreement::Otherwise(_) => (problem.fitted(always), Vec::new()),
+        Agreement::AsRead | Agreement::Hardly => search::select(&problem, always),
+    };
     let Projected { best, impossible } = project(&problem, best, n_known);
-    let selected = SelectedSignals { problem, best, n_known, impossible, path };
+    let selected = SelectedSignals { problem, best, n_known, impossible, path, agreement };
     Ok(Searched { selected, held_out: data.held_out, findings: data.findings })
 }
 

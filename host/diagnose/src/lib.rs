@@ -11,6 +11,7 @@
 //! force, held position, contact wrench, point contact) differs from the others by how it predicts, by its laws and by its
 //! noise: see [`linearise`].
 
+pub(crate) mod agreement;
 pub mod correction;
 pub mod diagnosis;
 pub mod effect;
@@ -19,6 +20,7 @@ pub mod judge;
 pub mod linearise;
 pub mod measurement;
 pub mod measurement_plan;
+pub mod misreading;
 pub mod outcome;
 pub mod prepare;
 pub mod project;

@@ -20,7 +20,8 @@ pub mod wrench;
 
 use crate::error::DiagnoseError;
 use crate::prepare::signals::Prepared;
-use experiment::Experiment;
+use darm_robot::robot::Robot;
+use experiment::{Columns, Experiment};
 use model::{Model, What};
 
 /// The experiment of each kind of measurement: a new kind is a variant of [`What`] and its line here.
@@ -41,4 +42,24 @@ pub(crate) fn linearise(model: &Model, data: &mut Prepared) -> Result<Experiment
     };
     model_effects::apply(&mut experiment, known)?;
     Ok(experiment)
+}
+
+/// The columns that [`linearise`] reads, whose log may have them exchanged or in another unit.
+pub(crate) fn columns(model: &Model, data: &Prepared) -> Columns {
+    let named = |names: &[&str]| names.iter().map(|name| name.to_string()).collect::<Vec<_>>();
+    let of_wrench = |robot: &Robot| Columns {
+        measured: (0..3).map(|axis| named(&[wrench::WRENCH[axis], wrench::WRENCH[axis + 3]])).collect(),
+        moving: robot.joints.iter().map(|joint| vec![joint.name.clone()]).collect(),
+    };
+    match &model.what {
+        What::Cylinder { .. } => {
+            Columns { measured: vec![named(&["force"])], moving: vec![named(&["position", "velocity"])] }
+        }
+        What::Servo => Columns { measured: vec![named(&["position"])], moving: Vec::new() },
+        What::Closure(..) => Columns { measured: Vec::new(), moving: Vec::new() },
+        What::Wrench(robot) => of_wrench(robot),
+        What::Any(robot) if data.raw("fz").is_some() => of_wrench(robot),
+        What::Torque(robot, transmission) => torque::columns(data, robot, transmission.as_ref()),
+        What::Any(robot) => torque::columns(data, robot, None),
+    }
 }

@@ -9,7 +9,8 @@
 //! | `held_out`, `left_out` | how the latter were chosen; what cross-validation leaves out together |
 //! | `repeatability` | scatter of repeated conditions with its degrees of freedom, or null where too little is repeated |
 //! | `error.before`, `error.after` | root mean square of predicted minus measured on `train` and `heldout`: each axis, and the norm |
-//! | `verdict` | `effect-found`, `partly-explained`, `no-effect`, `unexplained-structure`, `not-identifiable`, `too-little-data` |
+//! | `verdict` | `effect-found`, `partly-explained`, `no-effect`, `unexplained-structure`, `not-identifiable`, `too-little-data`, `wrong-model-or-log` |
+//! | `other_reading` | of a wrong model or log: how it agrees, and the error then; null where no reading that was tried does |
 //! | `effects` | law, where, values with unit and 95 % interval, by how much the held-out norm grows without it |
 //! | `alternatives` | what would explain the rows as well in an effect's place |
 //! | `unobservable` | values that these rows do not identify, without numbers |
@@ -26,6 +27,7 @@ use serde::{Serialize, Serializer};
 pub use crate::effect::{Effect, Value};
 use crate::effect::{Law, Site, as_str};
 use crate::measurement::Finding;
+pub use crate::misreading::Misreading;
 pub use crate::select::forward::SelectionStep;
 
 /// What was found.
@@ -48,6 +50,8 @@ pub struct Diagnosis {
     pub error: BeforeAfter,
     /// The verdict.
     pub verdict: Verdict,
+    /// Of a wrong model or log: the reading under which they agree; `None` where none that was tried does.
+    pub other_reading: Option<OtherReading>,
     /// The effects that are named.
     pub effects: Vec<Effect>,
     /// What explains the measurements as well as an effect found does.
@@ -94,6 +98,8 @@ pub enum Verdict {
     NotIdentifiable,
     /// Nothing was found, and what these rows cannot show is not known.
     TooLittleData,
+    /// The model is not that of what was measured, or the log is not read as it was written.
+    WrongModelOrLog,
 }
 
 impl Verdict {
@@ -112,8 +118,19 @@ impl fmt::Display for Verdict {
             Self::UnexplainedStructure => "unexplained-structure",
             Self::NotIdentifiable => "not-identifiable",
             Self::TooLittleData => "too-little-data",
+            Self::WrongModelOrLog => "wrong-model-or-log",
         })
     }
+}
+
+/// A reading of model and log other than the one that was given.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct OtherReading {
+    /// What would have to be so.
+    #[serde(flatten)]
+    pub misreading: Misreading,
+    /// The error of the model as it is, in that reading; of signals with all laws fitted, in turn.
+    pub error: Number,
 }
 
 /// Numbers of rows.

@@ -1,7 +1,10 @@
 //! Stage 1: rows that count, rows that no fit may see, which rows are left out together, and the noise.
 
+pub(crate) mod column_reading;
+mod error;
 pub mod groups;
 pub mod observations;
 pub mod repeatability;
 pub mod sampling;
 pub mod signals;
+mod table_findings;

@@ -74,6 +74,7 @@ fn with_consistent_bodies(problem: &Signals, best: Trial<Signals>) -> Trial<Sign
             let free = weighted.least_squares(active);
             in_sample(weighted, self::consistent(weighted, &free).unwrap_or(free), Some(candidate))
         });
+        let tried = tried.filter(|trial| trial.effect.is_some_and(|added| can_be(problem, &trial.fit, added)));
         match tried.min_by(|a, b| a.loss.order(&b.loss)) {
             Some(next) if problem.loss_reduction(&best, &next).p * (open.len() as f64) < DISCOVERY_LEVEL => best = next,
             _ => break,
@@ -141,6 +142,7 @@ mod tests {
                 n_norm: 1,
                 rows: (0..600).map(row).collect(),
                 residuals: (0..600).map(|k| 0.8 * speed(k) + noise(k)).collect(),
+                measured: None,
                 candidates: vec![viscous],
                 channels: Vec::new(),
                 bodies: Vec::new(),
@@ -148,7 +150,7 @@ mod tests {
             };
             let groups = Groups::new(&experiment.rows);
             let problem = Signals::new(experiment, groups);
-            let Ok(best) = problem.reweight_until_converged(problem.start(vec![0]));
+            let best = problem.fitted(vec![0]);
             let Projected { best, impossible } = project(&problem, best, 0);
             (best.fit.active, impossible)
         };

@@ -8,6 +8,7 @@
 //! | no effect, and more than noise | `unexplained-structure` |
 //! | no effect, no more than noise, and the noise is known | `no-effect` |
 //! | no effect, no more than noise, and the noise is not known well enough | `too-little-data` |
+//! | another reading of model or log explains far more, or the model explains too little to belong to the log | `wrong-model-or-log` |
 
 use crate::outcome::Verdict;
 use crate::prepare::repeatability::MIN_DOF;
@@ -20,6 +21,8 @@ pub(crate) const MOST_LEFT: f64 = 1.5;
 /// What a verdict rests on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Evidence {
+    /// Whether model and log agree as they are read.
+    pub(crate) agrees: bool,
     /// How many effects are named.
     pub(crate) named: usize,
     /// Whether there are effects in whose place others do as well.
@@ -45,6 +48,7 @@ pub(crate) fn verdict(evidence: &Evidence) -> Verdict {
         false => Verdict::TooLittleData,
     };
     match () {
+        () if !evidence.agrees => Verdict::WrongModelOrLog,
         () if !is_any => without_names(),
         () if !evidence.held_out_falls => match without_names() {
             Verdict::NoEffect => Verdict::TooLittleData,
@@ -64,10 +68,18 @@ mod tests {
     use super::*;
 
     fn evidence() -> impl Strategy<Value = Evidence> {
-        (0usize..3, any::<[bool; 5]>(), 0usize..40).prop_map(|(named, all, noise_dof)| {
-            let [is_ambiguous, was_beyond_noise, is_left, takes_most, held_out_falls] = all;
-            let mut evidence =
-                Evidence { named, is_ambiguous, was_beyond_noise, is_left, takes_most, held_out_falls, noise_dof };
+        (0usize..3, any::<[bool; 6]>(), 0usize..40).prop_map(|(named, all, noise_dof)| {
+            let [agrees, is_ambiguous, was_beyond_noise, is_left, takes_most, held_out_falls] = all;
+            let mut evidence = Evidence {
+                agrees,
+                named,
+                is_ambiguous,
+                was_beyond_noise,
+                is_left,
+                takes_most,
+                held_out_falls,
+                noise_dof,
+            };
             evidence.is_left &= evidence.was_beyond_noise;
             evidence
         })
@@ -78,6 +90,7 @@ mod tests {
         fn no_verdict_says_more_than_its_evidence(evidence in evidence()) {
             let verdict = verdict(&evidence);
             let Evidence { named, is_ambiguous, is_left, held_out_falls, noise_dof, .. } = evidence;
+            prop_assert_eq!(verdict == Verdict::WrongModelOrLog, !evidence.agrees);
             match verdict {
                 Verdict::EffectFound => {
                     prop_assert!(named > 0 && held_out_falls && !is_left && !is_ambiguous);
@@ -91,6 +104,7 @@ mod tests {
                 Verdict::NotIdentifiable => prop_assert!(is_ambiguous && held_out_falls),
                 Verdict::UnexplainedStructure => prop_assert!(evidence.was_beyond_noise || is_left),
                 Verdict::TooLittleData => prop_assert!(noise_dof < MIN_DOF || !held_out_falls),
+                Verdict::WrongModelOrLog => {}
             }
         }
     }

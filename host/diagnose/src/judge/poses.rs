@@ -7,6 +7,7 @@ use super::gate::{self, Evidence, MOST_LEFT, UNEXPLAINED_SHARE};
 use super::next_words::{self, Proposal};
 use super::selected::SelectedPoses;
 use super::structure::structure;
+use crate::agreement;
 use crate::linearise::arm_candidates;
 use crate::outcome::{Alternative, NextMeasurement, Structure, Verdict};
 use crate::prepare::observations::NoPose;
@@ -43,7 +44,9 @@ pub(crate) fn judge(
     let effects = selected.effects();
     let look = |trial: &Trial<ToolPoses>| structure_after(selected, trial);
     let with = with_terms(problem, best, &mut remaining.depends_on, look)?;
+    let explained = agreement::poses::explained(arm, selected.run, best.error);
     let evidence = Evidence {
+        agrees: selected.agreement.allows(effects.len(), explained),
         named: effects.len(),
         is_ambiguous: alternatives.iter().any(|other| !is_same_part(other, &effects)),
         was_beyond_noise: before.beyond_noise,

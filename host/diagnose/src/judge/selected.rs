@@ -3,6 +3,7 @@
 use darm_arm::arm::Arm;
 use darm_core::effect::Effect;
 
+use crate::agreement::Agreement;
 use crate::linearise::experiment::Candidate;
 use crate::measurement::Run;
 use crate::prepare::repeatability::Noise;
@@ -24,6 +25,8 @@ pub(crate) struct SelectedPoses<'a> {
     pub(crate) repeatability: Option<&'a Noise>,
     /// The model with the effects selected.
     pub(crate) best: &'a Trial<ToolPoses>,
+    /// How the run agrees with the arm before them.
+    pub(crate) agreement: &'a Agreement,
 }
 
 impl SelectedPoses<'_> {
@@ -55,6 +58,8 @@ pub(crate) struct SelectedSignals {
     pub(crate) impossible: Vec<usize>,
     /// What was tried.
     pub(crate) path: Vec<SelectionStep>,
+    /// How the table agrees with the model before any effect is added.
+    pub(crate) agreement: Agreement,
 }
 
 impl SelectedSignals {

@@ -1,5 +1,6 @@
 //! The verdict on signals: what else explains them, what is not identifiable, what remains, and what is named.
 
+use crate::agreement;
 use crate::effect::Effect;
 use crate::judge::gate::{self, Evidence, MOST_LEFT, UNEXPLAINED_SHARE};
 use crate::judge::held_out::HeldOut;
@@ -45,7 +46,10 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
     let (mut effects, mut unobservable) = intervals::effects(selected);
     unobservable.extend(selected.impossible.iter().map(|&k| {
         let candidate = &problem.experiment.candidates[k];
-        format!("{} at {} (it fits best with a size below the least possible)", candidate.law, candidate.site)
+        format!(
+            "{} at {} (it fits best with a size below the least possible: is the sign of that channel right?)",
+            candidate.law, candidate.site
+        )
     }));
     let has_rivals = |found: &Effect| {
         let own = rivals.iter().map(|rival| selected.candidate(rival.order));
@@ -65,7 +69,9 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
     let after = problem.experiment.at(&best.fit.values);
     let repeatability = scatter::scatter(&problem.experiment, &after, is_filtered);
     let sigma = &best.weighting().sigma;
+    let explained = agreement::signals::explained(&problem.experiment, best.error);
     let evidence = Evidence {
+        agrees: selected.agreement.allows(effects.len(), explained),
         named: effects.len(),
         is_ambiguous: !doubtful.is_empty(),
         was_beyond_noise: !remaining.is_empty() || !effects.is_empty() || !doubtful.is_empty(),

@@ -56,6 +56,15 @@ pub struct BodyCandidate {
 /// Residuals and their derivatives at other values than zero: all values in, residuals and one column a value out.
 pub type Relinearise = Box<dyn Fn(&[f64]) -> (Vec<f64>, Vec<Vec<f64>>) + Send + Sync>;
 
+/// The columns of a table that an experiment reads.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Columns {
+    /// What is predicted: groups whose signs or names a log may have confused as one.
+    pub(crate) measured: Vec<Vec<String>>,
+    /// What moves, joint by joint: position, and the rates that the table has.
+    pub(crate) moving: Vec<Vec<String>>,
+}
+
 /// An experiment.
 pub struct Experiment {
     /// What was observed: `actuator-force`, say.
@@ -68,6 +77,8 @@ pub struct Experiment {
     pub rows: Vec<Row>,
     /// Predicted minus measured of the model as it is: rows × axes.
     pub residuals: Vec<f64>,
+    /// What was measured: rows × axes; `None` where only differences of predictions are.
+    pub measured: Option<Vec<f64>>,
     /// What may be missing.
     pub candidates: Vec<Candidate>,
     /// Quantities that the residual may depend on, one number a row.
@@ -115,7 +126,7 @@ impl Experiment {
         kind: &'static str,
         axis: Axis,
         data: &Prepared,
-        residuals: Vec<f64>,
+        (measured, residuals): (Vec<f64>, Vec<f64>),
         candidates: Vec<Candidate>,
     ) -> Self {
         Self {
@@ -124,6 +135,7 @@ impl Experiment {
             n_norm: 1,
             rows: data.rows.clone(),
             residuals,
+            measured: Some(measured),
             candidates,
             channels: Vec::new(),
             bodies: Vec::new(),

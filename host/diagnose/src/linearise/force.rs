@@ -40,5 +40,5 @@ pub(crate) fn experiment(data: &Prepared, bore_m: f64, known: &[ModelEffect]) ->
     ];
     channels.extend(temperature.map(|rise| ("temperature".into(), rise)));
     let axis = Axis::new("force", "N");
-    Ok(Experiment { channels, ..Experiment::of_one("actuator-force", axis, data, residuals, candidates) })
+    Ok(Experiment { channels, ..Experiment::of_one("actuator-force", axis, data, (force, residuals), candidates) })
 }

@@ -86,10 +86,7 @@ pub(crate) fn experiment(data: &mut Prepared, robot: &Robot, points: &Points) ->
         let why = format!("joint {name} before the tool slides: point contact identifies revolute joints only");
         return Err(PrepareError::Nothing(why));
     }
-    let mut q = Vec::new();
-    for k in 1..=path.len() {
-        q.push(data.channel(&format!("q{k}"))?);
-    }
+    let q = (1..=path.len()).map(|k| data.channel(&format!("q{k}"))).collect::<Result<Vec<_>, _>>()?;
     let (of_row, n_points, pairs) = named(data, points)?;
     let posture = |row: usize| Posture {
         q: q.iter().map(|channel| channel[row]).collect(),
@@ -130,6 +127,7 @@ pub(crate) fn experiment(data: &mut Prepared, robot: &Robot, points: &Points) ->
         n_norm: 3,
         rows: data.rows.clone(),
         residuals,
+        measured: None,
         candidates,
         channels,
         bodies: Vec::new(),

@@ -36,5 +36,5 @@ pub(crate) fn experiment(data: &Prepared, known: &[ModelEffect]) -> Result<Exper
     channels.extend(load.map(|load| ("load".into(), load)));
     channels.push(("target".into(), target));
     let axis = Axis::new("position", unit);
-    Ok(Experiment { channels, ..Experiment::of_one("joint-position", axis, data, residuals, candidates) })
+    Ok(Experiment { channels, ..Experiment::of_one("joint-position", axis, data, (position, residuals), candidates) })
 }

@@ -8,15 +8,17 @@ use nalgebra::DMatrix;
 use crate::effect::{Place, Site};
 use crate::error::DiagnoseError;
 use crate::linearise::bodies::candidate;
-use crate::linearise::experiment::{Axis, BodyCandidate, Candidate, Experiment};
+use crate::linearise::experiment::{Axis, BodyCandidate, Candidate, Columns, Experiment};
 use crate::linearise::laws::Coordinate;
 use crate::linearise::model_effects::{self, ModelEffect};
 use crate::linearise::ripple::periods_a_turn;
 use crate::prepare::groups::Row;
 use crate::prepare::signals::{PrepareError, Prepared};
 use darm_robot::rigid_body::regressor::{BodyMotion, joint_regressor, link_motions, wrench_regressor};
-use darm_robot::robot::Robot;
+use darm_robot::robot::{Robot, RobotJoint};
 
+/// A torque constant is not off by more than half of it.
+const MIN_GAIN: f64 = -0.5;
 /// Ripples of a torque that are tried where no gear ratio gives their periods.
 const RIPPLES: usize = 2;
 
@@ -93,7 +95,8 @@ fn of_motion(
     let n = robot.joints.len();
     let clock = Clock::new(&rows);
     let (nominal, regressor) = regressor(robot, motion, rows.len());
-    let residuals: Vec<f64> = (0..rows.len() * n).map(|k| nominal[k] - motion.tau[k % n][k / n]).collect();
+    let measured: Vec<f64> = (0..rows.len() * n).map(|k| motion.tau[k % n][k / n]).collect();
+    let residuals: Vec<f64> = nominal.iter().zip(&measured).map(|(nominal, measured)| nominal - measured).collect();
     let robot_kg = robot.mass();
     let (mut candidates, mut bodies): (Vec<Candidate>, Vec<BodyCandidate>) = (Vec::new(), Vec::new());
     for (joint, columns) in robot.joints.iter().zip(regressor) {
@@ -119,13 +122,7 @@ fn of_motion(
         candidates.extend(coordinate.candidates(of_joint_laws(&coordinate, &periods), &site, &shares, known));
     }
     candidates.extend(couplings(&clock, motion, transmission, known));
-    // The torques are those of the motors: what takes power never lowers them.
-    for candidate in &mut candidates {
-        let law = Law::named(candidate.law, candidate.shape.as_ref().map(|(_, constant, _)| *constant));
-        if law.is_some_and(|law| law.along().takes_power()) {
-            candidate.values.iter_mut().for_each(|value| value.min = 0.0);
-        }
-    }
+    candidates.iter_mut().for_each(bound);
     let channel = |name: &str, of: &[Vec<f64>]| -> Vec<(String, Vec<f64>)> {
         of.iter().enumerate().map(|(k, values)| (format!("{name} of joint {}", k + 1), values.clone())).collect()
     };
@@ -136,6 +133,7 @@ fn of_motion(
         n_norm: n,
         rows,
         residuals,
+        measured: Some(measured),
         candidates,
         channels: channels.concat(),
         bodies,
@@ -143,20 +141,50 @@ fn of_motion(
     }
 }
 
-/// Columns by the names of the joints, or by their numbers where there is none of that name.
+/// Bounds the values of a law: the torques are those of the motors, so what takes power never lowers them.
+fn bound(candidate: &mut Candidate) {
+    let law = Law::named(candidate.law, candidate.shape.as_ref().map(|(_, constant, _)| *constant));
+    let min = match law {
+        Some(Law::Gain(_)) => MIN_GAIN,
+        Some(law) if law.along().takes_power() => 0.0,
+        _ => return,
+    };
+    candidate.values.iter_mut().for_each(|value| value.min = min);
+}
+
+/// The columns of position, velocity, acceleration and torque of each joint, by its name, or by its number where there is none
+/// of that name.
+fn columns_of_joints(data: &Prepared, robot: &Robot) -> Vec<[String; 4]> {
+    let of_joint = |(k, joint): (usize, &RobotJoint)| {
+        [("", "q"), ("v_", "v"), ("a_", "a"), ("tau_", "tau")].map(|(beginning, letter)| {
+            let named = format!("{beginning}{}", joint.name);
+            if data.raw(&named).is_some() { named } else { format!("{letter}{}", k + 1) }
+        })
+    };
+    robot.joints.iter().enumerate().map(of_joint).collect()
+}
+
+/// The columns that the experiment reads.
+pub(crate) fn columns(data: &Prepared, robot: &Robot, transmission: Option<&Transmission>) -> Columns {
+    if transmission.is_some() && data.raw("qm1").is_some() {
+        let of_motors = |letters: &str| (1..=robot.joints.len()).map(|k| format!("{letters}{k}")).collect::<Vec<_>>();
+        let [measured, moving] =
+            ["taum", "qm"].map(|of| of_motors(of).into_iter().map(|column| vec![column]).collect());
+        return Columns { measured, moving };
+    }
+    let (measured, moving) =
+        columns_of_joints(data, robot).into_iter().map(|[q, v, a, tau]| (vec![tau], vec![q, v, a])).unzip();
+    Columns { measured, moving }
+}
+
 fn of_joints(data: &Prepared, robot: &Robot) -> Result<Motion, PrepareError> {
     let mut motion = Motion { q: Vec::new(), v: Vec::new(), a: Vec::new(), tau: Vec::new() };
-    for (k, joint) in robot.joints.iter().enumerate() {
-        let named = |named: String, letter: &str| {
-            if data.raw(&named).is_some() { named } else { format!("{letter}{}", k + 1) }
-        };
-        let name = &joint.name;
-        let [q, v, a] = data.motion(&named(name.clone(), "q"), false)?;
-        let v = data.optional(&named(format!("v_{name}"), "v")).unwrap_or(v);
-        motion.a.push(data.optional(&named(format!("a_{name}"), "a")).unwrap_or(a));
+    for [position, velocity, acceleration, torque] in columns_of_joints(data, robot) {
+        let [q, v, a] = data.motion(&position, false)?;
+        motion.v.push(data.optional(&velocity).unwrap_or(v));
+        motion.a.push(data.optional(&acceleration).unwrap_or(a));
         motion.q.push(q);
-        motion.v.push(v);
-        motion.tau.push(data.channel(&named(format!("tau_{name}"), "tau"))?);
+        motion.tau.push(data.channel(&torque)?);
     }
     Ok(motion)
 }
@@ -170,7 +198,7 @@ fn of_motors(data: &Prepared, transmission: &Transmission, n: usize) -> Result<M
     let mut torques = Vec::new();
     for k in 1..=n {
         let name = format!("qm{k}");
-        let raw = data.raw(&name).map(|numbers| data.full(numbers, false));
+        let raw = data.raw(&name).map(|numbers| data.full(&numbers, false));
         motors.push(raw.map_or_else(|| data.channel(&name), Ok)?);
         torques.push(data.channel(&format!("taum{k}"))?);
     }

@@ -20,7 +20,7 @@ use darm_robot::rigid_body::regressor::{BodyMotion, link_motions, wrench_regress
 use darm_robot::robot::{Robot, RobotJoint};
 
 /// Components of the wrench as they are named in a table: force, then moment.
-const WRENCH: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
+pub(crate) const WRENCH: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
 
 /// The experiment of a robot whose base moves as in the table.
 pub(crate) fn experiment(data: &Prepared, robot: &Robot) -> Result<Experiment, PrepareError> {
@@ -65,6 +65,7 @@ pub(crate) fn experiment(data: &Prepared, robot: &Robot) -> Result<Experiment, P
         n_norm: 2,
         rows: data.rows.clone(),
         residuals,
+        measured: Some(axes.measured()),
         candidates,
         channels: channels(data, robot, joints),
         bodies,
@@ -85,6 +86,13 @@ struct Axes<'a> {
 }
 
 impl Axes<'_> {
+    /// What was measured on each axis: rows × 6.
+    fn measured(&self) -> Vec<f64> {
+        let [fx, fy, fz, mx, my, mz] = self.measured else { return Vec::new() };
+        let row = |row: usize| [-my[row] / fz[row], mx[row] / fz[row], fx[row], fy[row], fz[row], mz[row]];
+        (0..fz.len()).flat_map(row).collect()
+    }
+
     /// The axes of a wrench: rows × 6. `wrench` gives a component in a row.
     fn column(&self, wrench: impl Fn(usize, usize) -> f64) -> Vec<f64> {
         let [_, _, fz, mx, my, _] = self.measured else { return Vec::new() };

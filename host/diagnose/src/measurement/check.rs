@@ -7,6 +7,8 @@ use super::{Finding, FindingKind, Run, Sample, median};
 
 /// A position that is this many times as far from the base as the arm reaches is taken for another unit.
 const TOO_FAR: f64 = 20.0;
+/// The same for no position in any unit.
+const ABSURD: f64 = 1e9;
 
 /// Scales of lengths that a wrong unit leads to, and which: no effect of an arm is as large.
 const WRONG_LENGTHS: [(f64, &str); 4] = [
@@ -19,11 +21,13 @@ const WRONG_LENGTHS: [(f64, &str); 4] = [
 const ALIKE: f64 = 1.25;
 /// Orientations agree with degrees read as radians when the median difference is below this, rad; a third of what chance gives.
 const ALIKE_RAD: f64 = 0.5;
+/// Successive rows with the same pose to the last digit, their words different, that no camera measures.
+const FROZEN_ROWS: usize = 5;
 /// Rows that a comparison of scales takes.
 const ROWS_TO_COMPARE: usize = 6;
 
 /// What the owner of these measurements should know: words that do not fit the arm, time that runs backwards, rows
-/// that are repeated, numbers that look like another unit.
+/// that are repeated, poses that never change, numbers that look like another unit.
 pub fn check(arm: &Arm, run: &Run) -> Vec<Finding> {
     let mut findings = Vec::new();
     for (index, sample) in run.samples.iter().enumerate() {
@@ -31,10 +35,34 @@ pub fn check(arm: &Arm, run: &Run) -> Vec<Finding> {
         let order = index.checked_sub(1).and_then(|before| order(&run.samples[before], sample));
         findings.extend(fit.into_iter().chain(order).map(|finding| finding.at_line(run.line(index))));
     }
+    findings.extend(frozen(run));
     let predicted = predicted(arm, run);
     let scales: Vec<Finding> = length_scale(run, &predicted).into_iter().chain(angle_scale(run, &predicted)).collect();
     findings.extend(if scales.is_empty() { units(run, &predicted).into_iter().collect() } else { scales });
     findings
+}
+
+/// Poses that do not change though the words do.
+fn frozen(run: &Run) -> Option<Finding> {
+    let samples = &run.samples;
+    let is_same = |k: &usize| samples[*k].pose == samples[k - 1].pose;
+    let mut first = 0;
+    for k in 1..=samples.len() {
+        if k < samples.len() && is_same(&k) {
+            continue;
+        }
+        let words = samples[first..k].windows(2).filter(|pair| pair[0].word != pair[1].word).count();
+        if words >= FROZEN_ROWS {
+            let text = format!(
+                "the pose is the same to the last digit up to line {}, and the word changes {words} times: these rows were not \
+                 measured; leave them out with --where",
+                run.line(k - 1)
+            );
+            return Some(Finding::error(FindingKind::RepeatedRow, text).at_line(run.line(first)));
+        }
+        first = k;
+    }
+    None
 }
 
 fn fit_of_word(arm: &Arm, sample: &Sample) -> Option<String> {
@@ -124,5 +152,6 @@ fn units(run: &Run, predicted: &[Option<Pose<f64>>]) -> Option<Finding> {
         "the positions go {farthest_m:.0} m far and the arm reaches {reach_m:.1} m: are they in mm? a column whose name \
          ends in _mm is read so"
     );
-    (farthest_m > TOO_FAR * reach_m).then(|| Finding::note(FindingKind::SuspectedUnit, text))
+    let finding = if farthest_m > ABSURD * reach_m { Finding::error } else { Finding::note };
+    (farthest_m > TOO_FAR * reach_m).then(|| finding(FindingKind::SuspectedUnit, text))
 }

@@ -1,21 +1,22 @@
 //! A table prepared: rows chosen, segments found, rows held out, signals filtered and decimated, with findings.
 
+use std::borrow::Cow;
+use std::sync::Arc;
+
 use crate::measurement::even_grid::EvenGrid;
 use crate::measurement::hold_out::{HeldOut, HoldOut};
 use crate::measurement::select::Selection;
 use crate::measurement::signal::{LowPass, interpolated, stretches, unwrapped};
 use crate::measurement::table::Table;
-use crate::measurement::{Finding, FindingKind, ReadError, SelectError};
+use crate::measurement::{Finding, FindingKind, ReadError};
+use crate::prepare::column_reading::ColumnReading;
+pub use crate::prepare::error::PrepareError;
 use crate::prepare::groups::Row;
 use crate::prepare::sampling::{self, Sampling};
+use crate::prepare::table_findings::{check_times, constant, leave_out_gaps, units};
 
 /// Rows up to which all are looked at where nothing is said.
 const MOST_ROWS: usize = 10_000;
-/// A joint that turns farther, rad, is taken for one in degrees; a position, m, for one in millimetres; a pressure that
-/// stays below, Pa, for one in bar.
-const LARGEST_ANGLE: f64 = 4.0 * std::f64::consts::PI;
-const LARGEST_LENGTH: f64 = 10.0;
-const LEAST_PRESSURE: f64 = 1e3;
 /// Steps of time longer than this, in usual ones, are gaps: nothing is interpolated across.
 const MAX_STEP: f64 = 5.0;
 
@@ -41,20 +42,6 @@ pub struct Preparation {
     pub settled_s: Option<f64>,
 }
 
-/// Why a table gives no experiment.
-#[derive(Debug, thiserror::Error)]
-pub enum PrepareError {
-    /// A column is missing.
-    #[error(transparent)]
-    Read(#[from] ReadError),
-    /// A selection makes no sense.
-    #[error(transparent)]
-    Select(#[from] SelectError),
-    /// Nothing is left.
-    #[error("{0}")]
-    Nothing(String),
-}
-
 /// A table made ready. Channels have one number a row that is kept.
 pub struct Prepared {
     /// The rows that are kept.
@@ -69,14 +56,20 @@ pub struct Prepared {
     pub held_out: String,
     /// What the owner of the data should know.
     pub findings: Vec<Finding>,
-    table: Table,
     /// How the table was sampled.
     pub sampling: Sampling,
-    all_time_s: Vec<f64>,
+    all: Arc<AllRows>,
+    reading: ColumnReading,
+    kept: Vec<usize>,
+}
+
+/// A table before rows of it are kept.
+struct AllRows {
+    table: Table,
+    time_s: Vec<f64>,
     grid: EvenGrid,
     fresh: Option<Vec<bool>>,
     filter: Option<(LowPass, usize)>,
-    kept: Vec<usize>,
 }
 
 impl Prepared {
@@ -94,6 +87,7 @@ impl Prepared {
         constant(&table, &mut findings);
         units(&table, &mut findings);
         let mut time_s = times_s(&table, how.rate_hz);
+        check_times(&time_s)?;
         let chosen = how.hold_out.rows(&table, each)?;
         findings.extend(chosen.nothing(&how.hold_out));
         let HeldOut { rows: held, description: held_out, keys } = chosen;
@@ -120,52 +114,84 @@ impl Prepared {
         let rows: Vec<Row> = kept.iter().map(row).collect();
         let filter = how.lowpass_hz.map(|corner| low_pass(corner, sampling.rate_hz())).transpose()?;
         let fresh = how.interpolate.as_deref().map(|name| table.flags(name)).transpose()?;
-        let pick = |values: &[f64]| kept.iter().map(|&row| values[row]).collect();
-        let [kept_series, kept_motions] =
-            [&series, &motions].map(|stretches| kept.iter().map(|&row| stretches[row]).collect());
-        Ok(Self {
+        let all = Arc::new(AllRows { table, time_s, grid, fresh, filter });
+        let data = Self {
             rows,
-            time_s: pick(&time_s),
-            series: kept_series,
-            motions: kept_motions,
+            time_s: Vec::new(),
+            series: Vec::new(),
+            motions: Vec::new(),
             held_out,
             findings,
-            table,
-            all_time_s: time_s,
             sampling,
-            grid,
-            fresh,
-            filter,
+            all,
+            reading: ColumnReading::default(),
             kept,
-        })
+        };
+        Ok(data.with_times())
+    }
+
+    /// Times, stretches and motions by those of the rows.
+    fn with_times(mut self) -> Self {
+        self.time_s = self.rows.iter().map(|row| row.time_s).collect();
+        self.series = self.rows.iter().map(|row| row.series).collect();
+        self.motions = self.rows.iter().map(|row| row.motion).collect();
+        self
+    }
+
+    /// The same table with its columns read in another way, and no more rows of it than these.
+    pub(crate) fn read_as(&self, reading: ColumnReading, max_rows: usize) -> Self {
+        let every = self.rows.len().div_ceil(max_rows).max(1);
+        let data = Self {
+            rows: self.rows.iter().step_by(every).copied().collect(),
+            time_s: Vec::new(),
+            series: Vec::new(),
+            motions: Vec::new(),
+            held_out: self.held_out.clone(),
+            findings: Vec::new(),
+            sampling: self.sampling.clone(),
+            all: Arc::clone(&self.all),
+            reading,
+            kept: self.kept.iter().step_by(every).copied().collect(),
+        };
+        data.with_times()
+    }
+
+    /// Rows of the table that count, before any is left out for its rate.
+    pub(crate) fn n_all_rows(&self) -> usize {
+        self.all.time_s.len()
     }
 
     /// The channel of a quantity.
     pub fn channel(&self, quantity: &str) -> Result<Vec<f64>, ReadError> {
-        Ok(self.thin(&self.full(&self.table.required(quantity)?.numbers, false)))
+        Ok(self.thin(&self.full(&self.required(quantity)?, false)))
     }
 
     /// The same where there is one.
     pub fn optional(&self, quantity: &str) -> Option<Vec<f64>> {
-        self.table.quantity(quantity).map(|column| self.thin(&self.full(&column.numbers, false)))
+        self.raw(quantity).map(|numbers| self.thin(&self.full(&numbers, false)))
+    }
+
+    fn required(&self, quantity: &str) -> Result<Cow<'_, [f64]>, ReadError> {
+        self.raw(quantity)
+            .map_or_else(|| self.all.table.required(quantity).map(|column| Cow::Borrowed(&column.numbers[..])), Ok)
     }
 
     /// Position, velocity and acceleration from one channel; `posture`: it is interpolated between fresh rows, and an angle.
     pub fn motion(&self, quantity: &str, posture: bool) -> Result<[Vec<f64>; 3], ReadError> {
-        let position = self.full(&self.table.required(quantity)?.numbers, posture);
+        let position = self.full(&self.required(quantity)?, posture);
         Ok(self.rates(position))
     }
 
     /// A channel of every row with its rates, thinned.
     pub fn rates(&self, position: Vec<f64>) -> [Vec<f64>; 3] {
-        let velocity = self.grid.rate(&position);
-        let acceleration = self.grid.rate(&velocity);
+        let velocity = self.all.grid.rate(&position);
+        let acceleration = self.all.grid.rate(&velocity);
         [position, velocity, acceleration].map(|channel| self.thin(&channel))
     }
 
     /// A channel of every row as the table has it; `None` without that quantity.
-    pub fn raw(&self, quantity: &str) -> Option<&[f64]> {
-        self.table.quantity(quantity).map(|column| &column.numbers[..])
+    pub fn raw(&self, quantity: &str) -> Option<Cow<'_, [f64]>> {
+        self.reading.numbers(&self.all.table, quantity)
     }
 
     /// A channel of every row, interpolated when it is a posture, filtered.
@@ -173,32 +199,32 @@ impl Prepared {
         let mut values = numbers.to_vec();
         if posture {
             values = unwrapped(&values);
-            if let Some(fresh) = &self.fresh {
-                values = interpolated(&values, &self.all_time_s, fresh);
+            if let Some(fresh) = &self.all.fresh {
+                values = interpolated(&values, &self.all.time_s, fresh);
             }
         }
-        if let Some((filter, settle)) = &self.filter {
-            self.grid.apply(&mut values, |part| filter.smooth(part, *settle));
+        if let Some((filter, settle)) = &self.all.filter {
+            self.all.grid.apply(&mut values, |part| filter.smooth(part, *settle));
         }
         values
     }
 
     /// A channel of the kept rows through the low-pass again; unchanged where rows were decimated or nothing is filtered.
     pub fn again(&self, values: &mut [f64]) {
-        if let (Some((filter, settle)), true) = (&self.filter, self.kept.len() == self.all_time_s.len()) {
-            self.grid.apply(values, |part| filter.smooth(part, *settle));
+        if let (Some((filter, settle)), true) = (&self.all.filter, self.kept.len() == self.all.time_s.len()) {
+            self.all.grid.apply(values, |part| filter.smooth(part, *settle));
         }
     }
 
     /// The words of a column at the kept rows.
     pub fn words(&self, name: &str) -> Result<Vec<&str>, PrepareError> {
-        let column = self.table.chosen(name)?;
+        let column = self.all.table.chosen(name)?;
         Ok(self.kept.iter().map(|&row| column.words[row].as_str()).collect())
     }
 
     /// The unit of a quantity.
     pub fn unit(&self, quantity: &str) -> &'static str {
-        self.table.quantity(quantity).map_or("", |column| column.unit)
+        self.all.table.quantity(quantity).map_or("", |column| column.unit)
     }
 
     fn thin(&self, values: &[f64]) -> Vec<f64> {
@@ -224,57 +250,6 @@ fn times_s(table: &Table, rate_hz: Option<f64>) -> Vec<f64> {
     let step_s = rate_hz.map_or(1.0, |hz| 1.0 / hz);
     let counted = || (0..table.lines.len()).map(|row| row as f64 * step_s).collect();
     table.quantity("time").map_or_else(counted, |column| column.numbers.clone())
-}
-
-/// Leaves out rows in which a column of numbers has none; says which.
-fn leave_out_gaps(table: &mut Table, findings: &mut Vec<Finding>) {
-    let mut keep = vec![true; table.lines.len()];
-    for column in &table.columns {
-        let numbers = column.numbers.iter().filter(|number| number.is_finite()).count();
-        if 2 * numbers <= column.numbers.len() {
-            continue;
-        }
-        for (row, number) in column.numbers.iter().enumerate().filter(|(_, number)| !number.is_finite()) {
-            let text =
-                format!("{} is `{}`, not a number ({number}): the row is left out", column.name, column.words[row]);
-            let finding = Finding::note(FindingKind::NotANumber, text).at_line(table.lines[row]);
-            findings.push(finding.in_column(&column.name));
-            keep[row] = false;
-        }
-    }
-    if keep.contains(&false) {
-        table.retain(&keep);
-    }
-}
-
-fn constant(table: &Table, findings: &mut Vec<Finding>) {
-    for column in table.columns.iter().filter(|column| column.numbers.len() > 10) {
-        if column.numbers.windows(2).all(|pair| pair[0] == pair[1]) {
-            let finding = Finding::note(FindingKind::ConstantColumn, format!("{} never changes", column.name));
-            findings.push(finding.in_column(&column.name));
-        }
-    }
-}
-
-/// Numbers that look like another unit than the one they are read in.
-fn units(table: &Table, findings: &mut Vec<Finding>) {
-    for column in &table.columns {
-        let largest =
-            column.numbers.iter().filter(|number| number.is_finite()).fold(0.0f64, |most, n| most.max(n.abs()));
-        let joint = column.quantity.strip_prefix('q').is_some_and(|number| number.parse::<u8>().is_ok());
-        let doubt = match (column.meaning(), column.unit) {
-            (_, "" | "rad") if joint && largest > LARGEST_ANGLE => ("rad", "degrees", "_deg"),
-            ("position", "" | "m") if largest > LARGEST_LENGTH => ("m", "millimetres", "_mm"),
-            ("pressure", _) if largest > 0.0 && largest < LEAST_PRESSURE => ("Pa", "bar", "_bar"),
-            _ => continue,
-        };
-        let (read, meant, end) = doubt;
-        let text = format!(
-            "{} goes up to {largest} {read}: are these {meant}? a column whose name ends in {end} is read so",
-            column.name
-        );
-        findings.push(Finding::note(FindingKind::SuspectedUnit, text).in_column(&column.name));
-    }
 }
 
 /// A low-pass with this corner, and how many rows it settles in.

@@ -49,6 +49,7 @@ pub(crate) fn diagnosis(
         repeatability: repeats.map(|noise| repeatability(arm, noise)),
         error,
         verdict: judgement.verdict,
+        other_reading: selected.agreement.other_reading(),
         effects,
         alternatives: judgement.alternatives,
         unobservable: unobservable(best),

@@ -7,7 +7,7 @@ use darm_core::effect::drift::Drift;
 
 use crate::judge::fitted_terms::WithTerms;
 use crate::linearise::arm_candidates::{place_name, term_name};
-use crate::outcome::{self, Alternative, Diagnosis, NextMeasurement, Number, Value, Verdict};
+use crate::outcome::{self, Alternative, Diagnosis, NextMeasurement, Number, OtherReading, Value, Verdict};
 use crate::prepare::repeatability::MIN_DOF;
 use darm_arm::arm::Arm;
 
@@ -22,6 +22,9 @@ pub(crate) fn of_poses(
     with_terms: Option<&WithTerms>,
 ) -> Vec<String> {
     let mut sentences = vec![verdict(diagnosis)];
+    if diagnosis.verdict == Verdict::WrongModelOrLog {
+        return sentences;
+    }
     if diagnosis.verdict.names_effects() {
         sentences.extend(effects.iter().map(|effect| capitalised(&effect_sentence(arm, effect))));
         sentences.extend(error_sentence(diagnosis));
@@ -45,6 +48,9 @@ pub(crate) fn of_poses(
 /// The sentences on signals.
 pub(crate) fn of_signals(diagnosis: &Diagnosis) -> Vec<String> {
     let mut sentences = vec![verdict(diagnosis)];
+    if diagnosis.verdict == Verdict::WrongModelOrLog {
+        return sentences;
+    }
     sentences
         .extend(diagnosis.effects.iter().map(|effect| effect_of_signals(effect, &diagnosis.error.after.train.norm)));
     sentences.extend(error_sentence(diagnosis));
@@ -86,6 +92,7 @@ fn verdict(diagnosis: &Diagnosis) -> String {
         Verdict::NotIdentifiable => {
             "The model is missing an effect, but these data do not identify which of several it is.".into()
         }
+        Verdict::WrongModelOrLog => wrong_model_or_log(diagnosis),
         Verdict::TooLittleData if is_noise_known(diagnosis) => {
             "No missing effect found: what fits the rows that fits see does not predict the held-out rows better."
                 .into()
@@ -97,6 +104,31 @@ fn verdict(diagnosis: &Diagnosis) -> String {
                  degrees of freedom, {MIN_DOF} are needed. Repeat some of the rows."
             )
         }
+    }
+}
+
+/// What has to be so for model and log to agree.
+fn wrong_model_or_log(diagnosis: &Diagnosis) -> String {
+    let before = readable(&diagnosis.error.before.train.norm);
+    match &diagnosis.other_reading {
+        Some(OtherReading { misreading, error }) => {
+            let after = readable(error);
+            format!(
+                "The model or the log is wrong, so no effect is named. They agree if {misreading}: the error falls from {} {} \
+                 to {} {}. Correct the log or the model and diagnose again.",
+                short(before.0),
+                before.1,
+                short(after.0),
+                after.1
+            )
+        }
+        None => format!(
+            "The model or the log is wrong, so no effect is named: the model explains too little of what was measured (error \
+             {} {}), and no other reading that was tried explains more. Check that the model is of this robot, that the columns \
+             are what their names say, and that rows of different sources belong together.",
+            short(before.0),
+            before.1
+        ),
     }
 }
 

@@ -39,6 +39,7 @@ pub(crate) fn diagnosis(
             after: errors(experiment, &after, pooled.map(|pooled| &pooled.after[..])),
         },
         verdict: judgement.verdict,
+        other_reading: selected.agreement.other_reading(),
         effects: judgement.effects,
         alternatives: judgement.alternatives,
         unobservable: judgement.unobservable,

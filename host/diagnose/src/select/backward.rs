@@ -26,7 +26,7 @@ const SWEEPS: usize = 8;
 /// The model that is left, and what went and what stayed; the first candidates of `start` always stay.
 pub(super) fn backward_elimination(problem: &Signals, start: &Trial<Signals>) -> (Trial<Signals>, Vec<SelectionStep>) {
     let known = start.fit.active.clone();
-    let Ok(full) = problem.reweight_until_converged(problem.start(every_law(problem, &known)));
+    let full = problem.fitted(every_law(problem, &known));
     let shaped = best_shapes(problem, full, known.len());
     let n_tried = shaped.fit.active.len() - known.len();
     let (mut best, mut path) = (shaped, Vec::new());
@@ -44,7 +44,7 @@ pub(super) fn backward_elimination(problem: &Signals, start: &Trial<Signals>) ->
 /// The model with every law at every place, and what each law gives.
 pub(super) fn all_laws(problem: &Signals, start: &Trial<Signals>) -> (Trial<Signals>, Vec<SelectionStep>) {
     let known = start.fit.active.clone();
-    let Ok(best) = problem.reweight_until_converged(problem.start(every_law(problem, &known)));
+    let best = problem.fitted(every_law(problem, &known));
     let path = {
         let model = Factored::new(problem.weighted(&best), best.fit.active.clone());
         let law = |k: usize| problem.experiment.candidates[k].law;
@@ -72,7 +72,7 @@ fn unless_empty_is_as_good(
 }
 
 /// One candidate for each law at each place, the middle one of its shapes, after those that are known.
-fn every_law(problem: &Signals, known: &[usize]) -> Vec<usize> {
+pub(crate) fn every_law(problem: &Signals, known: &[usize]) -> Vec<usize> {
     let candidates = &problem.experiment.candidates;
     let mut active = known.to_vec();
     for k in 0..candidates.len() {

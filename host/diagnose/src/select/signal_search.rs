@@ -40,6 +40,14 @@ impl Neighbours<Signals> for Around<'_> {
     }
 }
 
+impl Signals {
+    /// The model with these candidates, under the weighting that its residuals give.
+    pub(crate) fn fitted(&self, active: Vec<usize>) -> Trial<Self> {
+        let Ok(fitted) = self.reweight_until_converged(self.start(active));
+        fitted
+    }
+}
+
 impl RegressionProblem for Signals {
     type Effect = usize;
     type Fit = Fit;

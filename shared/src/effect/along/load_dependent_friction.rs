@@ -49,6 +49,10 @@ impl<T: Real> Along<T> for LoadDependentFriction<T> {
         Some(Constant { name: "creep speed", value: self.creep_speed, per: Per::Speed })
     }
 
+    fn takes_power(&self) -> bool {
+        true
+    }
+
     fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
         now.load.abs() * tanh(now.velocity / self.creep_speed)
     }

@@ -1,0 +1,57 @@
+//! Whether a log agrees with its model at all, or with another reading of either: before any effect is named.
+//!
+//! A log whose rows are shifted, whose columns are exchanged or in another unit, or that is of another robot, is explained by
+//! many effects to some degree. A reading here has no value that is fitted, so that it costs nothing to explain much with it.
+
+mod column_readings;
+pub(crate) mod poses;
+pub(crate) mod signals;
+
+use crate::measurement::root_mean_square;
+use crate::outcome::OtherReading;
+
+/// Share of the variance of what was measured that a model explains which belongs to its log.
+const MIN_EXPLAINED: f64 = 0.5;
+/// Effects that may be named beside a model which explains less: more of them build another model.
+const FEW: usize = 3;
+
+/// Share of the rows, the farthest off, that do not count.
+const TRIMMED: f64 = 0.1;
+
+/// How a log and its model agree before any effect is added.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Agreement {
+    /// As they are, or nearly.
+    AsRead,
+    /// Hardly: the model explains less of the variance than one that belongs to its log.
+    Hardly,
+    /// Read in another way, with this error.
+    Otherwise(OtherReading),
+}
+
+impl Agreement {
+    /// The reading under which they agree.
+    pub(crate) fn other_reading(&self) -> Option<OtherReading> {
+        match self {
+            Self::Otherwise(reading) => Some(reading.clone()),
+            Self::AsRead | Self::Hardly => None,
+        }
+    }
+
+    /// Whether a model with `n_effects`, which explains this share of the variance of rows that no fit has seen, belongs
+    /// to the log.
+    pub(crate) fn allows(&self, n_effects: usize, explained: f64) -> bool {
+        match self {
+            Self::AsRead => explained >= MIN_EXPLAINED,
+            Self::Hardly => explained >= MIN_EXPLAINED && n_effects <= FEW,
+            Self::Otherwise(_) => false,
+        }
+    }
+}
+
+/// Root mean square without the largest.
+fn trimmed_root_mean_square(mut numbers: Vec<f64>) -> f64 {
+    numbers.sort_unstable_by(|a, b| a.abs().total_cmp(&b.abs()));
+    numbers.truncate(numbers.len() - (numbers.len() as f64 * TRIMMED) as usize);
+    root_mean_square(&numbers)
+}

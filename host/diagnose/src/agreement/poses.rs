@@ -1,0 +1,272 @@
+//! Whether tool poses agree with the arm's model, read as they are or in another way.
+//!
+//! Errors are distances d between predicted and measured poses after the best rigid motion of the measured ones (W. Kabsch,
+//! Acta Cryst. A32 (1976) 922), since where the camera's base is says nothing about words; without the farthest tenth.
+
+use darm_arm::arm::{Arm, ArmScratch};
+use darm_core::real::{Mat3, Vec3};
+use darm_core::se::{Pose, rotation_log};
+use darm_core::units::Word;
+use nalgebra::Matrix3;
+
+use super::{Agreement, MIN_EXPLAINED, trimmed_root_mean_square};
+use crate::measurement::{Run, Sample};
+use crate::misreading::Misreading;
+use crate::outcome::{Number, OtherReading};
+
+/// A model whose error is below this share of the motion belongs to its log.
+const NEAR: f64 = 0.03;
+/// An error that is less than this share of that of the log as it is read shows another reading.
+const MUCH_LESS: f64 = 0.25;
+/// Lengths of model and log that differ by more than this share are of two arms or in two units.
+const OTHER_SIZE: f64 = 0.1;
+/// Rows that readings are compared on.
+const ROWS: usize = 64;
+/// Actuators up to which all orders near the present one are tried.
+const MAX_ORDERED: usize = 24;
+
+/// The rows of a log in one reading.
+#[derive(Clone)]
+struct Reading {
+    words: Vec<Word>,
+    poses: Vec<Pose<f64>>,
+}
+
+/// The arm, and what was commanded besides words.
+struct Comparison<'a> {
+    arm: &'a Arm,
+    servos: Vec<&'a [f64]>,
+    /// Numbers of the rows that are compared.
+    rows: Vec<usize>,
+}
+
+/// How a run agrees with its arm.
+pub(crate) fn agreement(arm: &Arm, run: &Run) -> Agreement {
+    let counted: Vec<usize> = (0..run.samples.len()).filter(|&sample| run.counts(sample)).collect();
+    let samples: Vec<&Sample> = counted.iter().map(|&sample| &run.samples[sample]).collect();
+    let as_read = Reading {
+        words: samples.iter().map(|sample| sample.word).collect(),
+        poses: samples.iter().map(|sample| sample.pose).collect(),
+    };
+    let rows = (0..samples.len()).step_by(samples.len().div_ceil(ROWS).max(1)).collect();
+    let comparison = Comparison { arm, servos: samples.iter().map(|sample| &sample.servos_rad[..]).collect(), rows };
+    let Some(error_m) = comparison.error_m(&as_read) else { return Agreement::AsRead };
+    let motion_m = motion_m(arm, &as_read.poses);
+    if error_m < NEAR * motion_m {
+        return Agreement::AsRead;
+    }
+    let lines: Vec<usize> = counted.iter().map(|&sample| run.line(sample)).collect();
+    match comparison.best(&as_read, &lines).filter(|(_, other_m)| *other_m < MUCH_LESS * error_m) {
+        Some((misreading, other_m)) => {
+            Agreement::Otherwise(OtherReading { misreading, error: Number { value: other_m, unit: "m" } })
+        }
+        None if 1.0 - (error_m / motion_m).powi(2) < MIN_EXPLAINED => Agreement::Hardly,
+        None => Agreement::AsRead,
+    }
+}
+
+/// Share of the variance of the poses of a run that a model with this error, m, explains.
+pub(crate) fn explained(arm: &Arm, run: &Run, error_m: f64) -> f64 {
+    let poses: Vec<Pose<f64>> = run.training().map(|(_, sample)| sample.pose).collect();
+    1.0 - (error_m / motion_m(arm, &poses)).powi(2)
+}
+
+impl Comparison<'_> {
+    /// The reading with the smallest error, m.
+    fn best(&self, as_read: &Reading, lines: &[usize]) -> Option<(Misreading, f64)> {
+        let mut all: Vec<(Misreading, Reading)> = self.of_poses(as_read);
+        all.extend(self.of_words(as_read));
+        let judged = |(misreading, reading): (Misreading, Reading)| Some((misreading, self.error_m(&reading)?));
+        let mut tried: Vec<(Misreading, f64)> = all.into_iter().filter_map(judged).collect();
+        tried.extend(self.out_of_step(as_read, lines));
+        tried.extend(self.other_size(as_read));
+        if self.arm.n_actuators() <= MAX_ORDERED {
+            tried.extend(self.other_order(as_read));
+        }
+        tried.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    /// Readings of the words, the poses as they are.
+    fn of_words(&self, as_read: &Reading) -> Vec<(Misreading, Reading)> {
+        let with = |words: Vec<Word>| Reading { words, poses: as_read.poses.clone() };
+        let n = self.arm.n_actuators();
+        let shifted =
+            [1, -1, 2, -2].map(|rows| (Misreading::ShiftedWords { rows }, with(shifted(&as_read.words, 0, rows))));
+        let inverted = |of: Option<usize>| {
+            let digit = |(k, digit): (usize, u8)| match of.is_none_or(|of| of == k) {
+                true => self.last_state(k).saturating_sub(digit),
+                false => digit,
+            };
+            let changed = |word: &Word| word_of(word.iter().enumerate().map(digit));
+            as_read.words.iter().map(changed).collect::<Option<Vec<Word>>>().map(with)
+        };
+        let reversed = as_read.words.iter().map(|word| word_of((0..n).rev().map(|k| word.digit(k))));
+        let all = inverted(None).map(|reading| (Misreading::InvertedDigits, reading));
+        let each = (0..n).filter_map(|k| Some((Misreading::InvertedActuator { actuator: k }, inverted(Some(k))?)));
+        let reversed = reversed.collect::<Option<Vec<Word>>>().map(|words| (Misreading::ReversedDigits, with(words)));
+        shifted.into_iter().chain(all).chain(each).chain(reversed).collect()
+    }
+
+    /// Readings of the poses, the words as they are.
+    fn of_poses(&self, as_read: &Reading) -> Vec<(Misreading, Reading)> {
+        let with = |change: &dyn Fn(&Pose<f64>) -> Pose<f64>| Reading {
+            words: as_read.words.clone(),
+            poses: as_read.poses.iter().map(change).collect(),
+        };
+        let moved = |change: &dyn Fn(Vec3<f64>) -> Vec3<f64>| {
+            with(&|pose| Pose { rotation: pose.rotation, position: change(pose.position) })
+        };
+        let planar = self.arm.model.chain.is_planar();
+        let (axes, names) = (if planar { 2 } else { 3 }, ['x', 'y', 'z']);
+        let mirrored = (0..axes).map(|k| {
+            let mirror = moved(&|mut p| {
+                p[k] = -p[k];
+                p
+            });
+            (Misreading::MirroredAxis { axis: names[k] }, mirror)
+        });
+        let pairs = [(0, 1), (1, 2), (0, 2)].into_iter().filter(|pair| pair.1 < axes);
+        let exchanged = pairs.map(|(a, b)| {
+            let swap = moved(&|mut p| {
+                p.swap_rows(a, b);
+                p
+            });
+            (Misreading::ExchangedAxes { axes: [names[a], names[b]] }, swap)
+        });
+        let turned = with(&|pose| Pose { rotation: pose.rotation.transpose(), position: pose.position });
+        let inverted = with(&Pose::inverse);
+        let both = [(Misreading::InvertedAngles, turned), (Misreading::InvertedPoses, inverted)];
+        mirrored.chain(exchanged).chain(both).collect()
+    }
+
+    /// Words that are one row late or early from some row on.
+    fn out_of_step(&self, as_read: &Reading, lines: &[usize]) -> Vec<(Misreading, f64)> {
+        let all = Comparison { rows: (0..as_read.words.len()).collect(), servos: self.servos.clone(), ..*self };
+        let Some((errors_m, _)) = all.errors_m(as_read) else { return Vec::new() };
+        let mut tried = Vec::new();
+        for rows in [1, -1] {
+            let shifted_all = Reading { words: shifted(&as_read.words, 0, rows), poses: as_read.poses.clone() };
+            let Some((later_m, _)) = all.errors_m(&shifted_all) else { continue };
+            // What the rows up to each gain as they are read: the step is where that is most.
+            let gains = errors_m.iter().zip(&later_m).scan(0.0, |sum, (own, later)| {
+                *sum += later.min(10.0 * own) - own.min(10.0 * later);
+                Some(*sum)
+            });
+            let Some((last, _)) = gains.enumerate().max_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
+            let words = shifted(&as_read.words, last + 1, rows);
+            if let Some(error_m) = self.error_m(&Reading { words, poses: as_read.poses.clone() }) {
+                let line = lines.get(last + 1).copied().unwrap_or_default();
+                tried.push((Misreading::WordsOutOfStep { line, rows }, error_m));
+            }
+        }
+        tried
+    }
+
+    /// Lengths of another size.
+    fn other_size(&self, as_read: &Reading) -> Option<(Misreading, f64)> {
+        let (_, factor) = self.errors_m(as_read)?;
+        let sized = |pose: &Pose<f64>| Pose { rotation: pose.rotation, position: pose.position / factor };
+        let reading = Reading { words: as_read.words.clone(), poses: as_read.poses.iter().map(sized).collect() };
+        let is_other = factor.is_normal() && (factor.ln()).abs() > OTHER_SIZE.ln_1p();
+        Some((Misreading::LengthScale { factor }, self.error_m(&reading)?)).filter(|_| is_other)
+    }
+
+    /// The order of actuators that is reached by exchanging two at a time as long as that lowers the error.
+    fn other_order(&self, as_read: &Reading) -> Option<(Misreading, f64)> {
+        let n = self.arm.n_actuators();
+        let mut order: Vec<usize> = (0..n).collect();
+        let mut best_m = f64::INFINITY;
+        for _ in 0..n {
+            let pairs = (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b)));
+            let tried = pairs.filter_map(|(a, b)| {
+                let mut order = order.clone();
+                order.swap(a, b);
+                Some((self.error_m(&ordered(as_read, &order)?)?, order))
+            });
+            let Some((error_m, next)) = tried.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+            if error_m >= best_m {
+                break;
+            }
+            (best_m, order) = (error_m, next);
+        }
+        best_m.is_finite().then_some((Misreading::ExchangedActuators { order }, best_m))
+    }
+
+    fn last_state(&self, actuator: usize) -> u8 {
+        (self.arm.model.chain.n_states(actuator).max(1) - 1) as u8
+    }
+
+    /// Root mean square error of the rows compared, m; `None` where the model has no pose for a word.
+    fn error_m(&self, reading: &Reading) -> Option<f64> {
+        Some(trimmed_root_mean_square(self.errors_m(reading)?.0))
+    }
+
+    /// The error of each row compared, m, and how much larger the log's positions are than the model's.
+    fn errors_m(&self, reading: &Reading) -> Option<(Vec<f64>, f64)> {
+        let mut scratch = ArmScratch::default();
+        let predicted = self.rows.iter().map(|&row| {
+            let condition = self.arm.working_condition(reading.words[row], self.servos[row]);
+            Some([self.arm.model.predict(&condition, &mut scratch).ok()?, reading.poses[row]])
+        });
+        let pairs = predicted.collect::<Option<Vec<_>>>().filter(|pairs| !pairs.is_empty())?;
+        let n = pairs.len() as f64;
+        let middle = |of: fn(&[Pose<f64>; 2]) -> Vec3<f64>| pairs.iter().map(of).sum::<Vec3<f64>>() / n;
+        let (p0, m0) = (middle(|pair| pair[0].position), middle(|pair| pair[1].position));
+        let mut turns = Matrix3::zeros();
+        let scale_m = self.arm.length_scale_m;
+        let (mut along, mut own) = (0.0, 0.0);
+        for [p, m] in &pairs {
+            let (dp, dm) = (p.position - p0, m.position - m0);
+            turns += dp * dm.transpose() + p.rotation * m.rotation.transpose() * (scale_m * scale_m);
+            along += dm.norm_squared();
+            own += dp.norm_squared();
+        }
+        let turn = nearest_rotation(&turns);
+        let error = |[p, m]: &[Pose<f64>; 2]| {
+            let aside = p.position - p0 - turn * (m.position - m0);
+            let angle = rotation_log(&(p.rotation.transpose() * turn * m.rotation)).norm();
+            aside.norm().hypot(scale_m * angle)
+        };
+        Some((pairs.iter().map(error).collect(), (along / own.max(f64::MIN_POSITIVE)).sqrt()))
+    }
+}
+
+/// How far poses are from their mean, root mean square, m.
+fn motion_m(arm: &Arm, poses: &[Pose<f64>]) -> f64 {
+    let position = poses.iter().map(|pose| pose.position).sum::<Vec3<f64>>() / poses.len().max(1) as f64;
+    let mean = Pose { rotation: nearest_rotation(&poses.iter().map(|pose| pose.rotation).sum()), position };
+    trimmed_root_mean_square(poses.iter().map(|pose| mean.distance(pose, arm.length_scale_m)).collect())
+}
+
+/// Words of rows that are `rows` later, from row `from` on; at an end as they are.
+fn shifted(words: &[Word], from: usize, rows: isize) -> Vec<Word> {
+    let of = |(k, word): (usize, &Word)| match k.checked_add_signed(rows) {
+        Some(other) if k >= from => *words.get(other).unwrap_or(word),
+        _ => *word,
+    };
+    words.iter().enumerate().map(of).collect()
+}
+
+/// Words whose digit k moves the actuator `order[k]` of the model.
+fn ordered(as_read: &Reading, order: &[usize]) -> Option<Reading> {
+    let mut place = vec![0; order.len()];
+    order.iter().enumerate().for_each(|(k, &of)| place[of] = k);
+    let words = as_read.words.iter().map(|word| word_of(place.iter().map(|&k| word.digit(k))));
+    Some(Reading { words: words.collect::<Option<_>>()?, poses: as_read.poses.clone() })
+}
+
+fn word_of(digits: impl Iterator<Item = u8>) -> Option<Word> {
+    Word::new(&digits.collect::<Vec<u8>>()).ok()
+}
+
+/// The rotation R that makes tr(Rᵀ·sum) largest.
+fn nearest_rotation(sum: &Mat3<f64>) -> Mat3<f64> {
+    let svd = sum.svd(true, true);
+    let (Some(u), Some(vt)) = (svd.u, svd.v_t) else { return Mat3::identity() };
+    let mut signs = Vec3::repeat(1.0);
+    signs[svd.singular_values.imin()] = (u * vt).determinant().signum();
+    u * Mat3::from_diagonal(&signs) * vt
+}
+
+#[cfg(test)]
+mod tests;

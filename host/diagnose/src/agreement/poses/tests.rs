@@ -1,0 +1,129 @@
+//! Each reading of a run is found, and a run that agrees has none.
+
+use std::path::Path;
+
+use super::*;
+use darm_core::se::Twist;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+/// Rows of a log.
+const ROWS: usize = 120;
+
+fn planar4() -> Arm {
+    Arm::parse(Path::new("planar4.toml"), include_str!("../../../../../examples/planar4.toml")).unwrap()
+}
+
+/// Poses of random words, off by a millimetre, seen by a camera whose base is elsewhere.
+fn run(arm: &Arm, rng: &mut ChaCha8Rng) -> Run {
+    let camera = Pose::new(&Vec3::new(0.0, 0.0, 0.4), Vec3::new(0.3, -0.2, 0.0));
+    let mut scratch = ArmScratch::default();
+    let mut sample = |visit: usize| {
+        let word = word_of((0..arm.n_actuators()).map(|_| rng.random_range(0..2))).unwrap();
+        let mut off = Twist::zero();
+        off.linear = Vec3::new(rng.random_range(-1e-3..1e-3), rng.random_range(-1e-3..1e-3), 0.0);
+        let pose = arm.model.predict(&arm.working_condition(word, &[]), &mut scratch).unwrap();
+        Sample {
+            time_s: visit as f64,
+            word,
+            previous: None,
+            servos_rad: Vec::new(),
+            pose: camera * pose * Pose::exp(&off),
+            supply: None,
+            temperature_c: None,
+            run: 0,
+            visit: visit as u32,
+            held_out: false,
+        }
+    };
+    Run { samples: (0..ROWS).map(&mut sample).collect(), ..Run::default() }
+}
+
+fn with_words(run: &Run, change: impl Fn(usize, Word) -> Word) -> Run {
+    let mut run = run.clone();
+    let words: Vec<Word> = run.samples.iter().enumerate().map(|(row, sample)| change(row, sample.word)).collect();
+    run.samples.iter_mut().zip(words).for_each(|(sample, word)| sample.word = word);
+    run
+}
+
+fn found(arm: &Arm, run: &Run) -> Option<Misreading> {
+    agreement(arm, run).other_reading().map(|other| other.misreading)
+}
+
+#[test]
+fn a_log_that_agrees_has_no_other_reading() {
+    let (arm, mut rng) = (planar4(), ChaCha8Rng::seed_from_u64(1));
+    assert_eq!(agreement(&arm, &run(&arm, &mut rng)), Agreement::AsRead);
+}
+
+#[test]
+fn readings_of_words_are_found_wherever_the_camera_is() {
+    let (arm, mut rng) = (planar4(), ChaCha8Rng::seed_from_u64(2));
+    let run = run(&arm, &mut rng);
+    let word = |row: usize| run.samples[row.min(ROWS - 1)].word;
+    let changed = |word: Word, digit: &dyn Fn(usize, u8) -> u8| {
+        word_of(word.iter().enumerate().map(|(k, own)| digit(k, own))).unwrap()
+    };
+    let cases = [
+        (with_words(&run, |row, _| word(row.saturating_sub(1))), Misreading::ShiftedWords { rows: 1 }),
+        (with_words(&run, |_, word| changed(word, &|_, own| 1 - own)), Misreading::InvertedDigits),
+        (with_words(&run, |_, word| changed(word, &|k, _| word.digit(11 - k))), Misreading::ReversedDigits),
+        (
+            with_words(&run, |_, word| changed(word, &|k, own| if k == 5 { 1 - own } else { own })),
+            Misreading::InvertedActuator { actuator: 5 },
+        ),
+    ];
+    for (run, expected) in cases {
+        assert_eq!(found(&arm, &run), Some(expected));
+    }
+}
+
+#[test]
+fn a_lost_row_is_found_with_its_line() {
+    let (arm, mut rng) = (planar4(), ChaCha8Rng::seed_from_u64(3));
+    let run = run(&arm, &mut rng);
+    let lost = with_words(&run, |row, word| match run.samples.get(row + 1) {
+        Some(next) if row >= 70 => next.word,
+        _ => word,
+    });
+    // Row 70 is in line 72; the words before it may agree by chance.
+    match found(&arm, &lost) {
+        Some(Misreading::WordsOutOfStep { line, rows: -1 }) => assert!((70..=74).contains(&line), "line {line}"),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn an_order_of_actuators_is_found() {
+    let (arm, mut rng) = (planar4(), ChaCha8Rng::seed_from_u64(4));
+    let run = run(&arm, &mut rng);
+    let order = [0, 1, 2, 9, 4, 5, 3, 7, 8, 6, 10, 11];
+    let rewired = with_words(&run, |_, word| word_of(order.iter().map(|&of| word.digit(of))).unwrap());
+    assert_eq!(found(&arm, &rewired), Some(Misreading::ExchangedActuators { order: order.to_vec() }));
+}
+
+#[test]
+fn readings_of_poses_are_found() {
+    let (arm, mut rng) = (planar4(), ChaCha8Rng::seed_from_u64(5));
+    let run = run(&arm, &mut rng);
+    let with = |change: &dyn Fn(Pose<f64>) -> Pose<f64>| {
+        let mut run = run.clone();
+        run.samples.iter_mut().for_each(|sample| sample.pose = change(sample.pose));
+        run
+    };
+    let turned = with(&|pose| Pose { rotation: pose.rotation.transpose(), position: pose.position });
+    assert_eq!(found(&arm, &turned), Some(Misreading::InvertedAngles));
+    let large = with(&|pose| Pose { rotation: pose.rotation, position: pose.position * 1.6 });
+    match found(&arm, &large) {
+        Some(Misreading::LengthScale { factor }) => assert!((factor / 1.6 - 1.0).abs() < 0.01, "{factor}"),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn words_of_another_table_hardly_agree() {
+    let (arm, mut rng) = (planar4(), ChaCha8Rng::seed_from_u64(6));
+    let [run, other] = [(); 2].map(|()| run(&arm, &mut rng));
+    let mixed = with_words(&run, |row, _| other.samples[row].word);
+    assert_eq!(agreement(&arm, &mixed), Agreement::Hardly);
+}
