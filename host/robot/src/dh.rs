@@ -29,7 +29,7 @@ use darm_core::tree::dh::{Row, modified_joints, standard_joints};
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::robot::{MAX_JOINTS, Robot, RobotFrame, RobotJoint};
+use crate::robot::{Robot, RobotFrame, RobotJoint};
 use crate::source::FileError;
 use crate::source::Number;
 use crate::source::Source;
@@ -48,12 +48,9 @@ pub enum TableFault {
         /// The number in the file.
         found: u32,
     },
-    /// There is no row, or more than fit.
-    #[error("the table has {found} rows, there can be 1 to {MAX_JOINTS}")]
-    Rows {
-        /// How many there are.
-        found: usize,
-    },
+    /// There is no row.
+    #[error("the table has no rows; add one [[row]] per joint")]
+    Rows,
     /// A limit of the other kind of joint, one limit without the other, or the lower one above.
     #[error("the limits of a {0} joint are {1}, both, the lower one first")]
     Limits(&'static str, &'static str),
@@ -136,8 +133,8 @@ fn robot(source: &Source) -> Result<Robot, TableError> {
     if *raw.format.get_ref() != FORMAT {
         return Err(source.wrong(raw.format.span(), TableFault::Format { found: *raw.format.get_ref() }));
     }
-    if !(1..=MAX_JOINTS).contains(&raw.row.len()) {
-        return Err(source.wrong(raw.format.span(), TableFault::Rows { found: raw.row.len() }));
+    if raw.row.is_empty() {
+        return Err(source.wrong(raw.format.span(), TableFault::Rows));
     }
     let mut rows = Vec::new();
     for raw in &raw.row {
@@ -150,12 +147,9 @@ fn robot(source: &Source) -> Result<Robot, TableError> {
     };
     let mut robot = Robot {
         name: raw.name.clone(),
-        joints: Vec::new(),
-        base: Inertia::none(),
-        floating: false,
         frames: vec![RobotFrame { name: "base".into(), joint: None, pose: Pose::identity(), is_end: false }],
         gravity: raw.gravity_m_s2.map_or(Vec3::new(0.0, 0.0, -9.81), |gravity| gravity.map(|number| number.0).into()),
-        warnings: Vec::new(),
+        ..Robot::empty()
     };
     for (index, ((joint, row), raw)) in joints.into_iter().zip(&rows).zip(&raw.row).enumerate() {
         let limits = limits(raw.get_ref()).map_err(|fault| source.wrong(raw.span(), fault))?;
@@ -166,16 +160,7 @@ fn robot(source: &Source) -> Result<Robot, TableError> {
             Notation::Modified => Pose::identity(),
         };
         robot.frames.push(RobotFrame { name: link.clone(), joint: Some(index), pose, is_end: index + 1 == rows.len() });
-        robot.joints.push(RobotJoint {
-            name,
-            link,
-            joint,
-            limits,
-            effort: None,
-            velocity: None,
-            damping: 0.0,
-            friction: 0.0,
-        });
+        robot.joints.push(RobotJoint { limits, ..RobotJoint::new(name, link, joint) });
     }
     Ok(robot)
 }

@@ -1,10 +1,14 @@
-//! Robots at run-time size: URDF and tables of Denavit and Hartenberg, kinematics, dynamics, inverse kinematics.
+//! Robots at run-time size: URDF, MJCF and tables of Denavit and Hartenberg, kinematics, dynamics, inverse kinematics.
 
+mod assembly;
+pub mod description;
 pub mod dh;
 pub mod ik;
 pub mod literal;
+pub mod mjcf;
 pub mod rigid_body;
 pub mod robot;
 pub mod source;
 pub mod tree;
 pub mod urdf;
+mod xml;

@@ -54,6 +54,14 @@ impl Source {
         }
     }
 
+    /// Reads the file; bytes that are not UTF-8 become replacement characters, which a name or comment survives.
+    pub fn read_lossy<F>(path: &Path) -> Result<Self, FileError<F>> {
+        match std::fs::read(path) {
+            Ok(bytes) => Ok(Self::of_text(path, &String::from_utf8_lossy(&bytes))),
+            Err(error) => Err(FileError { path: path.into(), place: None, fault: Fault::Io(error) }),
+        }
+    }
+
     /// A text, under the path that errors shall name.
     pub fn of_text(path: &Path, text: &str) -> Self {
         Self { path: path.into(), text: text.into() }
@@ -85,6 +93,12 @@ impl Source {
     /// The error of `fault` at `span`, or in the complete file.
     pub fn error<F>(&self, span: Option<Range<usize>>, fault: Fault<F>) -> FileError<F> {
         FileError { path: self.path.clone(), place: span.map(|span| self.place(span.start)), fault }
+    }
+
+    /// `FILE:LINE:COLUMN` of a span.
+    pub fn location(&self, span: Range<usize>) -> String {
+        let Place { line, column } = self.place(span.start);
+        format!("{}:{line}:{column}", self.path.display())
     }
 
     fn place(&self, offset: usize) -> Place {

@@ -30,7 +30,7 @@ A linearisation of n joints counts as 1 + n evaluations. Use lm; the other metho
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct BenchIk {
-    /// Robot as URDF, or Denavit-Hartenberg table
+    /// Robot as URDF or MJCF, or Denavit-Hartenberg table
     #[arg(value_name = "ROBOT", requires = "to")]
     robot: Option<PathBuf>,
     /// Planar arm instead of a file: lengths of its links, mm; joint limits of ±180 deg

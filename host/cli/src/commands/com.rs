@@ -14,7 +14,7 @@ use crate::ui::{Answer, Ui, columns, number};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm com panda.urdf --q 0,30,0,-90,0,90,45,0,0
+  darm com panda.urdf --q 0,30,0,-90,0,90,45,0
   darm com planar5.urdf --floating              # with the base
   darm com planar4.toml --word 010110011101     # stages and payload
   darm com puma560.toml --postures puma560-postures.csv --csv > com.csv

@@ -14,7 +14,7 @@ use crate::ui::{Answer, Ui};
 const EXAMPLES: &str = "\
 Examples:
   darm draw planar4.toml --word 010110011101 -o arm.svg
-  darm draw panda.urdf --q 0,30,0,-90,0,120,45,20,20 --frame panda_hand_tcp -o panda.svg
+  darm draw panda.urdf --q 0,30,0,-90,0,120,45,20 --frame panda_hand_tcp -o panda.svg
   darm draw puma560.toml --q 0,45,-90,0,30,0 --no-names -o puma.svg
 
 Extended legs are blue, revolute joints orange, prismatic joints blue; the circle is the centre of mass; red, green and \
@@ -52,6 +52,10 @@ impl Draw {
             return Err(Usage(format!("{} postures given; give one", postures.len())).into());
         };
         let scene = self.scene(&subject, posture)?;
+        let ends = scene.lines.iter().flat_map(|line| [line.from, line.to]).chain(scene.com);
+        if ends.flat_map(|point| [point.x, point.y, point.z]).any(|number| !number.is_finite()) {
+            anyhow::bail!("the drawing has a number that is not finite; give positions and a model of a usual size");
+        }
         let views = if scene.is_planar { 1 } else { 4 };
         std::fs::write(&self.output, svg(&scene, !self.no_names))
             .with_context(|| format!("cannot write {}", self.output.display()))?;

@@ -19,12 +19,13 @@ Examples:
   darm dynamics puma560.toml --q 0,45,-90,0,0,0 --torque 0,40,5,0,0,0   # accelerations
   darm dynamics panda.urdf --external-wrench 0,0,0,0,0,-50 --frame panda_hand_tcp   # 50 N down
   darm dynamics puma560.toml --postures puma560-postures.csv --csv > torque.csv
+  darm dynamics finger.xml --q 20,30   # an MJCF, with the inertia of its rotors
   darm dynamics planar5.urdf --floating --torque 0,0,0,0   # free fall
   darm dynamics planar4.toml --word 010110011101   # load of each leg
 
 Columns of a table: JOINT_deg, JOINT_deg_s, JOINT_deg_s2 (mm for prismatic joints; also rad and m), and JOINT_nm or JOINT_n \
-for --forward. Friction and rotor inertia are included only where the model contains them as effects, such as a model from \
-`darm diagnose --write-model`. The rows of its table are one motion, at the times in the column t_s.";
+for --forward. The `armature` of an MJCF is included; friction and the rotors of other files only where the model contains them as \
+effects, such as a model from `darm diagnose --write-model`. The rows of its table are one motion, at the times in the column t_s.";
 
 /// Compute torques, mass matrix, Coriolis matrix, gravity and energies, or accelerations from torques
 #[derive(clap::Args, Debug)]

@@ -10,7 +10,8 @@ const EXAMPLES: &str = "\
 Examples:
   darm fk planar4.toml --word 010110011101
   darm fk planar4-hybrid.toml --word 010110011101 --q 20   # the servo at 20 deg
-  darm fk panda.urdf --q 0,30,0,-90,0,90,45,0 --lock panda_finger_joint1=0
+  darm fk panda.urdf --q 0,30,0,-90,0,90,45 --lock panda_finger_joint1=0
+  darm fk finger.xml --q 20,30                             # an MJCF
   darm fk puma560.toml --q 10,20,30,40,50,60 --all         # every frame
   darm fk puma560.toml --postures puma560-postures.csv --csv > poses.csv
 

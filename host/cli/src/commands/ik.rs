@@ -30,7 +30,9 @@ Examples:
   darm ik puma560.toml --targets targets.csv --csv
 
 Positions are in mm, orientations are rotation vectors in deg, as `darm fk` prints them. The search starts at --q and keeps \
-the limits. A target that is not reached is no error: the status says so, and the closest posture is printed.";
+the limits. A target that is not reached is no error: the status says so, and the posture printed is the nearest of all \
+starts, a minimum of √(|Δp|² + (0.5 m·θ)²), or of the distance alone for a target without orientation. Coordinates are the \
+joints that mimic no other.";
 
 /// One degree in rad.
 const DEG: f64 = std::f64::consts::PI / 180.0;
@@ -129,9 +131,25 @@ struct Found {
     error_m: f64,
     /// `None` for a target without orientation.
     error_rad: Option<f64>,
+    #[serde(skip)]
+    is_reached: bool,
+    /// Whether no small motion within the limits comes nearer to the target.
+    is_minimum: bool,
     steps: usize,
     starts: usize,
     pose: PoseReport,
+}
+
+impl Found {
+    /// The status, and what the posture is where the target is not reached.
+    fn said(&self) -> String {
+        let Self { status, starts, .. } = self;
+        match (self.is_reached, self.is_minimum) {
+            (true, _) => (*status).into(),
+            (false, true) => format!("{status}, nearest of {starts} starts"),
+            (false, false) => format!("{status}, best of {starts} starts, no minimum"),
+        }
+    }
 }
 
 impl Ik {
@@ -282,6 +300,8 @@ fn found(index: usize, target: &Target, method: Method, inverse: &Inverse) -> Fo
         q: inverse.q.clone(),
         error_m: inverse.error_m,
         error_rad: target.is_oriented.then_some(inverse.error_rad),
+        is_reached: inverse.status == Status::Reached,
+        is_minimum: inverse.is_minimum,
         steps: inverse.steps,
         starts: inverse.starts,
         pose: (&inverse.pose).into(),
@@ -311,7 +331,7 @@ impl Answer for Report {
             let cells = [
                 found.target.to_string(),
                 found.method.to_owned(),
-                found.status.to_owned(),
+                found.said(),
                 format!("{:.1e} mm", 1e3 * found.error_m),
                 found.error_rad.map_or(String::new(), |error| format!("{:.1e} deg", error.to_degrees())),
                 found.steps.to_string(),

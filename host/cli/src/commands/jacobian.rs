@@ -11,7 +11,7 @@ use crate::ui::{Answer, Ui, columns, number};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm jacobian panda.urdf --frame panda_hand_tcp --q 0,30,0,-90,0,90,45,0,0
+  darm jacobian panda.urdf --frame panda_hand_tcp --q 0,30,0,-90,0,90,45,0
   darm jacobian puma560.toml --q 10,20,30,40,50,60 --external-wrench 0,0,0,0,0,-10   # 10 N down
   darm jacobian planar4.toml --word 010110011101   # one column per leg
   darm jacobian puma560.toml --postures puma560-postures.csv --csv > singular.csv

@@ -50,7 +50,7 @@ use crate::ui::Ui;
 ///
 /// The examples here and in the help of each command use the files of the folder `examples`, and build on each other.
 ///
-/// Arms, robots as URDF and Denavit-Hartenberg tables: `darm fk`, `jacobian`, `ik`, `bench-ik`,
+/// Arms, robots as URDF, MJCF and Denavit-Hartenberg tables: `darm fk`, `jacobian`, `ik`, `bench-ik`,
 /// `dynamics`, `com`, `model`, `draw`.
 ///
 /// `darm sim` runs until Ctrl-C, in its own terminal; all commands find the simulated board.

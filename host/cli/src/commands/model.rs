@@ -3,6 +3,7 @@
 use darm_arm::arm::{Arm, ZERO_CELSIUS};
 use darm_core::actuator::{JointKind, Stage};
 use darm_core::effect::Quantity;
+use darm_core::tree::{Inertia, Joint};
 use darm_diagnose::linearise::arm_candidates::site;
 use darm_robot::robot::Robot;
 use darm_robot::robot::base_parameters::BaseParameters;
@@ -15,6 +16,7 @@ const EXAMPLES: &str = "\
 Examples:
   darm model planar4.toml
   darm model panda.urdf
+  darm model finger.xml                                 # an MJCF
   darm model puma560.toml --base-parameters             # what torques can identify of the masses
   darm model planar5.urdf --floating --base-parameters
   darm model puma560.toml --rust > puma560.rs           # a constant for firmware, in flash, in f32
@@ -107,13 +109,29 @@ struct Part {
     /// Largest force of a prismatic joint.
     #[serde(skip_serializing_if = "Option::is_none")]
     max_force_n: Option<f64>,
+    /// Inertia of the rotor at the joint, kg·m² or kg; of a joint that has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    armature: Option<f64>,
+    /// The joint whose position prescribes that of this one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    follows: Option<Follows>,
+}
+
+/// q = factor · q of the joint + offset, in rad and m.
+#[derive(Serialize)]
+struct Follows {
+    joint: String,
+    factor: f64,
+    offset: f64,
 }
 
 impl Part {
     /// A part without limits.
     fn new(name: String, kind: impl Into<String>, parent: String, mass_kg: f64) -> Self {
         let kind = kind.into();
-        Self { name, kind, parent, mass_kg, limits_rad: None, limits_m: None, max_torque_nm: None, max_force_n: None }
+        let (limits_rad, limits_m, max_torque_nm, max_force_n) = (None, None, None, None);
+        let (armature, follows) = (None, None);
+        Self { name, kind, parent, mass_kg, limits_rad, limits_m, max_torque_nm, max_force_n, armature, follows }
     }
 
     /// The part with limits in rad or m.
@@ -146,6 +164,17 @@ impl Model {
         }
         if self.rust {
             let robot = subject.into_robot("model --rust")?;
+            let is_finite = |joint: &Joint<f32>| {
+                let Inertia { mass, com, about_com } = &joint.inertia;
+                let pose = joint.placement.position.iter().chain(joint.placement.rotation.iter());
+                pose.chain([mass]).chain(com.iter()).chain(about_com.iter()).all(|number| number.is_finite())
+            };
+            if let Some(joint) = robot.joints.iter().find(|joint| !is_finite(&joint.joint.cast())) {
+                anyhow::bail!(
+                    "joint {} has a number beyond those of the firmware, 3.4e38; correct the file",
+                    joint.name
+                );
+            }
             let rust = robot.constant(frame_of(&robot, self.frame.as_deref())?)?;
             return ui.print(&Constant { rust });
         }
@@ -166,11 +195,18 @@ impl Model {
             let parent = joint.joint.parent.and_then(|parent| robot.joints.get(parent));
             let parent = parent.map_or(base, |parent| parent.link.as_str());
             let name = if kind == JointKind::Revolute { "revolute" } else { "prismatic" };
+            let follows = joint.mimic.map(|mimic| Follows {
+                joint: robot.joints[mimic.joint].name.clone(),
+                factor: mimic.factor,
+                offset: mimic.offset,
+            });
             let part = Part::new(joint.name.clone(), name, parent.to_owned(), joint.joint.inertia.mass);
             let is_revolute = kind == JointKind::Revolute;
             Part {
                 max_torque_nm: joint.effort.filter(|_| is_revolute),
                 max_force_n: joint.effort.filter(|_| !is_revolute),
+                armature: Some(joint.armature).filter(|armature| *armature != 0.0),
+                follows,
                 ..part.with_limits(kind, joint.limits)
             }
         });
@@ -319,7 +355,9 @@ impl Answer for Report {
             let limit = |k: usize| limits.map_or(String::new(), |(limits, _)| format!("{:.2}", limits[k]));
             let torque = part.max_torque_nm.map(|torque| format!("{torque} N m"));
             let effort = torque.or(part.max_force_n.map(|force| format!("{force} N")));
-            let names = [part.name.clone(), part.kind.clone(), part.parent.clone(), format!("{:.4}", part.mass_kg)];
+            let follows = part.follows.as_ref().map(|other| format!(", follows {}", other.joint)).unwrap_or_default();
+            let names =
+                [part.name.clone(), part.kind.clone() + &follows, part.parent.clone(), format!("{:.4}", part.mass_kg)];
             let unit = limits.map_or(String::new(), |(_, unit)| unit.to_owned());
             names.into_iter().chain([limit(0), limit(1), unit, effort.unwrap_or_default()]).collect()
         });

@@ -8,6 +8,7 @@ use std::process::{Child, Command, Output, Stdio};
 mod digests;
 mod examples;
 mod files;
+mod formats;
 mod former_names;
 mod import;
 mod json_keys;

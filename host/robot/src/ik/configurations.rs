@@ -1,6 +1,6 @@
 //! All postures that bring a tool to one target.
 //!
-//! The search of [`ik::solve`](super::solve) begins at many starts drawn within the limits, and every end that
+//! The search of [`solve`](super::method::solve) begins at many starts drawn within the limits, and every end that
 //! reaches the target is kept. With as many joints as the target binds directions (the rank of the Jacobian) postures
 //! are isolated: ends nearer to each other than [`SAME`] in every joint are one posture, and revolute joints that can
 //! turn by 360 degrees are distinguished modulo a turn. How often each posture was met says how likely one was missed.
@@ -8,15 +8,14 @@
 //! With more joints the postures form manifolds, on which the arm moves without moving its tool (self-motion). Of
 //! those a sample is reported: again and again the posture farthest from all that were chosen before.
 
-use darm_core::actuator::JointKind;
-use darm_core::ik::{self, Arm, Options, Status, scale};
-use darm_core::se::Pose;
-use darm_core::tree::{Frames, singular};
+use darm_core::ik::{Options, Status};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-use super::objective::{Distance, Objective as _};
+use super::arm::{Problem, Variable};
+use super::nearest;
+use super::step::scaled;
 
 /// Postures closer than this in every joint are one, rad or m.
 pub const SAME: f64 = 1e-3;
@@ -47,68 +46,62 @@ pub struct Posture {
     pub met: usize,
 }
 
-/// All postures that bring the tool to `target`, those nearest to `q` first: at most `most` of a self-motion.
+/// All postures that bring the tool to its target, those nearest to `x` first: at most `max_count` of a self-motion.
 ///
 /// `options` are those of one search, [`Options::starts`] the number of starts; no posture where none reaches the
 /// target.
-pub fn configurations<const N: usize>(
-    arm: &Arm<f64, N>,
-    target: &Pose<f64>,
-    q: &[f64; N],
-    options: &Options<f64>,
-    max_count: usize,
-) -> Configurations {
-    let distance = Distance::new(arm, target, options);
-    let turns = turns(arm);
-    let tight = |tolerance: f64| if tolerance.is_finite() { tolerance.min(TOLERANCE) } else { tolerance };
-    let once = Options {
-        position_m: tight(options.position_m),
-        orientation_rad: tight(options.orientation_rad),
-        starts: 1,
-        ..*options
-    };
-    let mut random = ChaCha8Rng::seed_from_u64(options.seed);
-    let mut ends: Vec<[f64; N]> = Vec::new();
-    let mut start = *q;
-    for _ in 0..options.starts {
-        let found = ik::solve(arm, target, &start, &once);
-        if found.status == Status::Reached {
-            ends.push(found.q);
-        }
-        let x: Vec<_> =
-            distance.bounds().iter().map(|[low, high]| low + (high - low) * random.random::<f64>()).collect();
-        start = distance.positions(&x);
-    }
-    let rank = ends.iter().map(|end| rank(arm, target, end, options)).max().unwrap_or(0);
-    let freedom = if ends.is_empty() { 0 } else { distance.bounds().len().saturating_sub(rank) };
-    let apart = |a: &[f64; N], b: &[f64; N]| apart(a, b, &turns);
+pub fn configurations(problem: Problem<'_>, x: &[f64], max_count: usize) -> Configurations {
+    let (arm, ends) = (problem.arm, ends(problem, x));
+    let rank = ends.iter().map(|end| rank(problem, end)).max().unwrap_or(0);
+    let freedom = if ends.is_empty() { 0 } else { arm.variables.len().saturating_sub(rank) };
+    let apart = |a: &[f64], b: &[f64]| apart(a, b, &arm.variables);
     let (reach, max_count) = if freedom == 0 { (SAME, usize::MAX) } else { (0.0, max_count) };
-    let mut chosen = spread(&ends, q, apart, reach, max_count);
-    chosen.sort_by(|a, b| apart(a, q).total_cmp(&apart(b, q)));
+    let mut chosen = spread(&ends, x, apart, reach, max_count);
+    chosen.sort_by(|a, b| apart(a, x).total_cmp(&apart(b, x)));
     let mut postures: Vec<_> = chosen.iter().map(|end| Posture { q: end.to_vec(), met: 0 }).collect();
     for end in &ends {
-        let nearest = (0..chosen.len()).min_by(|a, b| apart(&chosen[*a], end).total_cmp(&apart(&chosen[*b], end)));
+        let nearest = (0..chosen.len()).min_by(|a, b| apart(chosen[*a], end).total_cmp(&apart(chosen[*b], end)));
         if let Some(posture) = nearest.and_then(|index| postures.get_mut(index)) {
             posture.met += 1;
         }
     }
-    Configurations { freedom, postures, starts: options.starts, reached: ends.len() }
+    let reached = ends.len();
+    Configurations { freedom, postures, starts: problem.options.starts, reached }
 }
 
-/// Up to `most` of the `ends`: that nearest to `q`, then again and again the farthest from all chosen, while it is
+/// Where the starts that reach the target end.
+fn ends(problem: Problem<'_>, x: &[f64]) -> Vec<Vec<f64>> {
+    let options = problem.options;
+    let tight = |tolerance: f64| if tolerance.is_finite() { tolerance.min(TOLERANCE) } else { tolerance };
+    let (position_m, orientation_rad) = (tight(options.position_m), tight(options.orientation_rad));
+    let once = &Options { position_m, orientation_rad, starts: 1, ..*options };
+    let (mut random, bounds) = (ChaCha8Rng::seed_from_u64(options.seed), problem.arm.bounds());
+    let mut start = x.to_vec();
+    let mut ends = Vec::new();
+    for _ in 0..options.starts {
+        let found = nearest::solve(Problem { options: once, ..problem }, &start, |_, _| ());
+        if found.status == Status::Reached {
+            ends.push(found.x);
+        }
+        start = bounds.iter().map(|[low, high]| low + (high - low) * random.random::<f64>()).collect();
+    }
+    ends
+}
+
+/// Up to `max_count` of the `ends`: that nearest to `x`, then again and again the farthest from all chosen, while it is
 /// farther than `reach`.
-fn spread<const N: usize>(
-    ends: &[[f64; N]],
-    q: &[f64; N],
-    apart: impl Fn(&[f64; N], &[f64; N]) -> f64,
+fn spread<'a>(
+    ends: &'a [Vec<f64>],
+    x: &[f64],
+    apart: impl Fn(&[f64], &[f64]) -> f64,
     reach: f64,
     max_count: usize,
-) -> Vec<[f64; N]> {
-    let mut next = ends.iter().min_by(|a, b| apart(a, q).total_cmp(&apart(b, q)));
+) -> Vec<&'a [f64]> {
+    let mut next = ends.iter().min_by(|a, b| apart(a, x).total_cmp(&apart(b, x)));
     let mut far = vec![f64::INFINITY; ends.len()];
-    let mut chosen = Vec::new();
+    let mut chosen: Vec<&[f64]> = Vec::new();
     while let Some(end) = next.filter(|_| chosen.len() < max_count) {
-        chosen.push(*end);
+        chosen.push(end);
         far.iter_mut().zip(ends).for_each(|(far, other)| *far = far.min(apart(end, other)));
         let farthest = far.iter().zip(ends).max_by(|a, b| a.0.total_cmp(b.0));
         next = farthest.filter(|(far, _)| **far > reach).map(|(_, end)| end);
@@ -116,38 +109,25 @@ fn spread<const N: usize>(
     chosen
 }
 
-/// The largest difference of a joint (rad or m), modulo a turn where it can turn round.
-fn apart<const N: usize>(a: &[f64; N], b: &[f64; N], turns: &[bool; N]) -> f64 {
-    let difference = |((a, b), turns): ((&f64, &f64), &bool)| {
+/// The largest difference of a variable (rad or m), modulo a turn where it can turn round.
+fn apart(a: &[f64], b: &[f64], variables: &[Variable]) -> f64 {
+    let difference = |((a, b), variable): ((&f64, &f64), &Variable)| {
         let difference = a - b;
-        if *turns {
-            difference - std::f64::consts::TAU * (difference / std::f64::consts::TAU).round()
-        } else {
-            difference
-        }
+        let turns = if variable.turns(SAME) { (difference / std::f64::consts::TAU).round() } else { 0.0 };
+        difference - std::f64::consts::TAU * turns
     };
-    a.iter().zip(b).zip(turns).map(difference).fold(0.0, |largest: f64, difference| largest.max(difference.abs()))
+    a.iter().zip(b).zip(variables).map(difference).fold(0.0, |largest: f64, difference| largest.max(difference.abs()))
 }
 
-/// Which joints can turn by 360 degrees.
-fn turns<const N: usize>(arm: &Arm<f64, N>) -> [bool; N] {
-    std::array::from_fn(|k| {
-        let [low, high] = arm.limits[k];
-        arm.tree.links[k].kind == JointKind::Revolute && high - low >= std::f64::consts::TAU - SAME
-    })
-}
-
-/// How many directions that count the joints which can move bind.
-fn rank<const N: usize>(arm: &Arm<f64, N>, target: &Pose<f64>, q: &[f64; N], options: &Options<f64>) -> usize {
-    let (mut error, mut jacobian) = arm.linearised(target, q, &mut Frames::default());
-    scale(&mut error, &mut jacobian, options.weights());
-    for (mut column, [low, high]) in jacobian.column_iter_mut().zip(arm.limits) {
-        if low >= high {
-            column.fill(0.0);
-        }
+/// How many directions that count the variables bind.
+fn rank(problem: Problem<'_>, x: &[f64]) -> usize {
+    let (error, jacobian) = problem.arm.linearised(problem.target, x);
+    let (_, jacobian) = scaled(&error, jacobian, problem.options.weights());
+    if jacobian.is_empty() {
+        return 0;
     }
-    let [largest, ..] = singular::singular_values(&jacobian);
-    singular::rank(&jacobian, RANK * largest)
+    let values = jacobian.singular_values();
+    values.iter().filter(|value| **value > RANK * values.max()).count()
 }
 
 #[cfg(test)]

@@ -1,9 +1,10 @@
 //! Functions of bounded variables that a search makes least: two test functions, and the distance of a tool from its
 //! target.
 
-use darm_core::ik::{Arm, Options, error};
+use darm_core::ik::error;
 use darm_core::se::{Pose, Twist};
-use darm_core::tree::{LinkFrame, Tree};
+
+use super::arm::{Arm, Problem};
 
 /// A function of variables within bounds, to be made as small as possible.
 pub trait Objective: Sync {
@@ -57,41 +58,21 @@ impl Objective for Function {
 /// √(|Δp|² + ℓ²θ²), m, between a tool and its target: the paper's equation (5), and beyond it any chain and
 /// orientation.
 ///
-/// Variables are the joints that can move; where a limit is missing 2π (rad or m) are searched.
+/// Variables are those of the arm; where a limit is missing 2π (rad or m) are searched.
 #[derive(Clone, Debug)]
-pub struct Distance<const N: usize> {
-    tree: Tree<f64, N>,
-    tool: LinkFrame<f64>,
+pub struct Distance<'a> {
+    arm: &'a Arm,
     target: Pose<f64>,
     /// (ℓ, 1), zero for a part that does not count.
     weights: [f64; 2],
     bounds: Vec<[f64; 2]>,
-    /// The joint of each variable.
-    joints: Vec<usize>,
-    /// Where the other joints stand.
-    rest: [f64; N],
 }
 
-impl<const N: usize> Distance<N> {
-    /// How far the arm's tool is from `target`; joints that cannot move stand where their limits are.
-    pub fn new(arm: &Arm<f64, N>, target: &Pose<f64>, options: &Options<f64>) -> Self {
-        use std::f64::consts::{PI, TAU};
-        let bounds = arm.limits.map(|[low, high]| match (low.is_finite(), high.is_finite()) {
-            (true, true) => [low.min(high), high],
-            (true, false) => [low, low + TAU],
-            (false, true) => [high - TAU, high],
-            (false, false) => [-PI, PI],
-        });
-        let joints: Vec<_> = (0..N).filter(|joint| bounds[*joint][0] < bounds[*joint][1]).collect();
-        Self {
-            tree: *arm.tree,
-            tool: *arm.tool,
-            target: *target,
-            weights: options.weights(),
-            bounds: joints.iter().map(|joint| bounds[*joint]).collect(),
-            joints,
-            rest: bounds.map(|[low, _]| low),
-        }
+impl<'a> Distance<'a> {
+    /// How far the arm's tool is from its target.
+    pub fn new(problem: Problem<'a>) -> Self {
+        let Problem { arm, target, options } = problem;
+        Self { arm, target: *target, weights: options.weights(), bounds: arm.bounds() }
     }
 
     /// The value of an error (rad, m).
@@ -99,26 +80,15 @@ impl<const N: usize> Distance<N> {
         let [angular, linear] = self.weights;
         (angular * error.angular.norm()).hypot(linear * error.linear.norm())
     }
-
-    /// All joint positions (rad or m) of a point.
-    pub fn positions(&self, x: &[f64]) -> [f64; N] {
-        let mut q = self.rest;
-        for (joint, x) in self.joints.iter().zip(x) {
-            if let Some(q) = q.get_mut(*joint) {
-                *q = *x;
-            }
-        }
-        q
-    }
 }
 
-impl<const N: usize> Objective for Distance<N> {
+impl Objective for Distance<'_> {
     fn bounds(&self) -> &[[f64; 2]] {
         &self.bounds
     }
 
     fn value(&self, x: &[f64]) -> f64 {
-        self.of(&error(&self.target, &self.tree.pose(&self.tool, &self.positions(x))))
+        self.of(&error(&self.target, &self.arm.pose(x)))
     }
 }
 

@@ -2,16 +2,16 @@
 
 use std::time::Instant;
 
-use darm_core::ik::{Arm, Options, solve_observed};
-use darm_core::se::Pose;
+use darm_core::ik::Options;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::arm::Problem;
+use super::method::{Method, solve};
 use super::objective::{Distance, Objective as _};
 use super::search::{Mark, Run, Settings, minimise};
-use super::{Method, solve};
 
 /// Runs that differ by their seeds alone.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -94,33 +94,18 @@ impl Trials {
 ///
 /// A linearisation gives the pose and one column of the Jacobian for each joint: of n joints it counts as 1 + n
 /// evaluations.
-pub fn run<const N: usize>(
-    method: Method,
-    arm: &Arm<f64, N>,
-    target: &Pose<f64>,
-    options: &Options<f64>,
-    settings: &Settings,
-) -> Run {
-    let distance = Distance::new(arm, target, options);
+pub fn run(method: Method, problem: Problem<'_>, settings: &Settings) -> Run {
+    let distance = Distance::new(problem);
     if let Method::Population(algorithm) = method {
-        let mut run = minimise(algorithm, &distance, settings);
-        run.x = distance.positions(&run.x).to_vec();
-        return run;
+        return minimise(algorithm, &distance, settings);
     }
     let begin = Instant::now();
     let mut random = ChaCha8Rng::seed_from_u64(settings.seed);
     let start: Vec<_> =
         distance.bounds().iter().map(|[low, high]| low + (high - low) * random.random::<f64>()).collect();
-    let start = distance.positions(&start);
-    let options = Options { seed: settings.seed, ..*options };
+    let options = &Options { seed: settings.seed, ..*problem.options };
     let mut values = Vec::new();
-    let solution = if method == Method::LevenbergMarquardt {
-        solve_observed(arm, target, &start, &options, |_, error| values.push(distance.of(error)))
-    } else {
-        let traced = solve(method, arm, target, &start, &options);
-        values.extend(traced.history.iter().map(|residual| residual.distance_m(options.weights()[0])));
-        traced.solution
-    };
+    let found = solve(method, Problem { options, ..problem }, &start, |_, error| values.push(distance.of(error)));
     let each = 1 + distance.bounds().len();
     let mut lowest = f64::INFINITY;
     let history = values.iter().enumerate().map(|(index, value)| {
@@ -128,13 +113,7 @@ pub fn run<const N: usize>(
         Mark { evaluations: each * (index + 1), value: lowest }
     });
     let history: Vec<_> = history.collect();
-    Run {
-        x: solution.q.to_vec(),
-        value: lowest,
-        evaluations: each * history.len(),
-        time_s: begin.elapsed().as_secs_f64(),
-        history,
-    }
+    Run { x: found.x, value: lowest, evaluations: each * history.len(), time_s: begin.elapsed().as_secs_f64(), history }
 }
 
 #[cfg(test)]

@@ -16,7 +16,7 @@ use darm_core::tree::{Body, TreeError};
 use nalgebra::DMatrix;
 use rand::{RngExt as _, SeedableRng as _};
 
-use super::Robot;
+use super::{Coupling, Robot};
 use crate::tree::spatial::{Motion, SpatialInertia};
 use crate::tree::{LinkTree, Links};
 
@@ -76,13 +76,13 @@ impl Robot {
 
     /// One column for each parameter: the torques that it alone causes, one random state under the other.
     fn columns(&self, tree: &LinkTree, parameters: &[Inertial], seed: u64) -> DMatrix<f64> {
-        let on_base = if self.floating { 6 } else { 0 };
-        let rows = self.joints.len() + on_base;
+        let (on_base, coupling) = (if self.floating { 6 } else { 0 }, self.coupling());
+        let rows = coupling.len() + on_base;
         let states = (STATES_PER_PARAMETER * parameters.len()).div_ceil(rows.max(1));
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
         let mut columns = DMatrix::zeros(rows * states, parameters.len());
         for state in 0..states {
-            let posture = Posture::new(tree, &self.random_state(&mut random));
+            let posture = Posture::new(tree, &self.random_state(&coupling, &mut random));
             for (parameter, mut column) in parameters.iter().zip(columns.column_iter_mut()) {
                 let mut part = column.rows_mut(state * rows, rows);
                 let wrench = posture.unit_wrench(parameter);
@@ -90,18 +90,19 @@ impl Robot {
                     part.rows_mut(0, 6).copy_from(&posture.links.base_screws().tr_mul(&wrench));
                 }
                 for joint in tree.path(parameter.joint) {
-                    part[on_base + joint] = posture.screws[joint].dot(&wrench);
+                    let row = coupling.rows()[joint];
+                    part[on_base + row.coordinate] += row.factor * posture.screws[joint].dot(&wrench);
                 }
             }
         }
         columns
     }
 
-    fn random_state(&self, random: &mut impl rand::Rng) -> RandomState {
+    fn random_state(&self, coupling: &Coupling, random: &mut impl rand::Rng) -> RandomState {
         let mut any = |low: f64, high: f64| random.random_range(low..=high);
         let mut joints: [Vec<f64>; 3] = Default::default();
-        for joint in &self.joints {
-            let [low, high] = joint.limits.unwrap_or([-std::f64::consts::PI, std::f64::consts::PI]);
+        for &joint in coupling.coordinates() {
+            let [low, high] = self.joints[joint].limits.unwrap_or([-std::f64::consts::PI, std::f64::consts::PI]);
             for (numbers, value) in joints.iter_mut().zip([any(low, high), any(-2.0, 2.0), any(-5.0, 5.0)]) {
                 numbers.push(value);
             }
@@ -114,7 +115,8 @@ impl Robot {
             base.twist = Twist { angular: three(2.0), linear: three(1.0) };
             base.twist_rate = Twist { angular: three(5.0), linear: three(5.0) };
         }
-        RandomState { base, joints }
+        let [q, qd, qdd] = &joints;
+        RandomState { base, joints: [coupling.positions(q), coupling.rates(qd), coupling.rates(qdd)] }
     }
 }
 

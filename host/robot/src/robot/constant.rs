@@ -4,7 +4,10 @@ use darm_core::tree::{BASE, Body, Link, TreeError, Turn};
 
 use crate::literal::{matrix, number, numbers, pose, vector};
 
-use super::{MAX_JOINTS, Robot, RobotFrame};
+use super::{Mimic, Robot, RobotFrame, RobotJoint};
+
+/// Joints that the numbers of a constant's links can count.
+const MAX_JOINTS: usize = BASE as usize;
 
 impl Robot {
     /// A module of Rust with the constants `TREE`, `TOOL` and `LIMITS` of this robot in `f32`, as `rustfmt` has it.
@@ -14,7 +17,7 @@ impl Robot {
         let free = [f64::NEG_INFINITY, f64::INFINITY];
         let limits = self.joints.iter().map(|joint| numbers(&joint.limits.unwrap_or(free)));
         Ok(format!(
-            "//! {}: made by `darm model --rust` from its file.\n\n\
+            "//! {}: made by `darm model --rust` from its file.\n{}\n\
              use darm_core::actuator::JointKind;\n\
              use darm_core::real::{{Mat3, Vec3}};\n\
              use darm_core::se::Pose;\n\
@@ -26,6 +29,7 @@ impl Robot {
              /// Least and greatest position of each joint, rad or m.\n\
              pub(crate) const LIMITS: [[f32; 2]; {n}] = [{}];\n",
             self.name,
+            self.followers(),
             tree.links.iter().take(n).map(link).collect::<String>(),
             body(&tree.base),
             vector(&tree.gravity),
@@ -34,6 +38,17 @@ impl Robot {
             pose(&at.pose),
             limits.collect::<Vec<_>>().join(", "),
         ))
+    }
+
+    /// A line for each joint that follows another, which the constant does not enforce.
+    fn followers(&self) -> String {
+        let line = |(index, joint): (usize, &RobotJoint)| {
+            let Mimic { joint: other, factor, offset } = joint.mimic?;
+            Some(format!(
+                "//! Give joint {index} the position {factor:?} times that of joint {other} plus {offset:?}.\n"
+            ))
+        };
+        self.joints.iter().enumerate().filter_map(line).collect()
     }
 }
 

@@ -1,11 +1,13 @@
 //! A robot of joints and links with the names, limits and frames that its file gives them: a [`Tree`] for people.
 //!
-//! It is read from a URDF ([`urdf`](crate::urdf)) or a table of Denavit and Hartenberg ([`dh`](crate::dh)). [`Robot::tree`]
-//! makes a [`Tree`] of the core and [`Robot::link_tree`] one of any size; [`Robot::kinematics`], [`Robot::dynamics`], [`Robot::com`] and [`Robot::inverse`] do it.
-//! [`Robot::constant`] writes it for firmware.
+//! It is read from a URDF ([`urdf`](crate::urdf)), an MJCF ([`mjcf`](crate::mjcf)) or a table of Denavit and Hartenberg
+//! ([`dh`](crate::dh)). [`Robot::kinematics`], [`Robot::dynamics`], [`Robot::com`] and [`Robot::inverse`] take and give
+//! numbers of its coordinates: the joints that follow no other ([`Coupling`]). [`Robot::link_tree`] and [`Robot::tree`] are
+//! trees of all joints; [`Robot::constant`] writes it for firmware.
 
 pub mod base_parameters;
 mod constant;
+mod coupling;
 mod inverse;
 pub mod planar;
 mod state;
@@ -16,11 +18,9 @@ use darm_core::tree::{Body, Inertia, Joint, LinkFrame, Tree, TreeError};
 
 use crate::tree::LinkTree;
 
+pub use coupling::{Coupling, Row};
 pub use inverse::Inverse;
 pub use state::{Accelerations, Com, Dynamics, FloatingBase, Jacobian, Kinematics, Motion};
-
-/// Joints that a [`Tree`] of the core has at most: those that inverse kinematics moves, or that a constant holds.
-pub const MAX_JOINTS: usize = 64;
 
 /// A robot on a fixed or floating base.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,6 +60,21 @@ pub struct RobotJoint {
     pub damping: f64,
     /// Coulomb friction, N·m or N.
     pub friction: f64,
+    /// Inertia of the rotor at the joint, kg·m² or kg: it adds to the diagonal of the mass matrix.
+    pub armature: f64,
+    /// The joint that prescribes its position; `None`: it moves independently and is a coordinate.
+    pub mimic: Option<Mimic>,
+}
+
+/// A joint follows another: q = factor · q of the other + offset.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mimic {
+    /// The other joint, which follows none.
+    pub joint: usize,
+    /// rad or m per rad or m of the other.
+    pub factor: f64,
+    /// rad or m where the other is at zero.
+    pub offset: f64,
 }
 
 /// A named frame fixed to a link.
@@ -75,7 +90,35 @@ pub struct RobotFrame {
     pub is_end: bool,
 }
 
+impl RobotJoint {
+    /// A joint and the name of its link, without limits, friction and rotor.
+    pub fn new(name: String, link: String, joint: Joint<f64>) -> Self {
+        let (limits, effort, velocity, mimic) = (None, None, None, None);
+        Self { name, link, joint, limits, effort, velocity, damping: 0.0, friction: 0.0, armature: 0.0, mimic }
+    }
+}
+
 impl Robot {
+    /// No joint, no frame, no mass, no gravity.
+    pub fn empty() -> Self {
+        Self {
+            name: String::new(),
+            joints: Vec::new(),
+            base: Inertia::none(),
+            floating: false,
+            frames: Vec::new(),
+            gravity: Vec3::zeros(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Adds the warning that something holds of these names, if there are any.
+    pub(crate) fn warn_of(&mut self, what: &str, names: Vec<String>) {
+        if !names.is_empty() {
+            self.warnings.push(format!("{what}: {}", names.join(", ")));
+        }
+    }
+
     /// The tree that computes, for the first joints of N; the others stand on the base and move nothing.
     ///
     /// So a few sizes serve all robots: what is computed for the joints past the last is zero, the mass matrix too.

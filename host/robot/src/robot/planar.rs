@@ -11,20 +11,11 @@ use super::{Robot, RobotFrame, RobotJoint};
 pub fn planar_arm(lengths_m: &[f64], limits: &[[f64; 2]]) -> (Robot, RobotFrame) {
     let last = lengths_m.len().checked_sub(1);
     let before = |index: usize| index.checked_sub(1).and_then(|index| lengths_m.get(index)).copied().unwrap_or(0.0);
-    let joint = |(index, limits): (usize, &[f64; 2])| RobotJoint {
-        name: format!("joint{}", index + 1),
-        link: format!("link{}", index + 1),
-        joint: Joint::revolute(
-            index.checked_sub(1),
-            Vec3::z(),
-            Pose::at(Vec3::new(before(index), 0.0, 0.0)),
-            Inertia::none(),
-        ),
-        limits: Some(*limits),
-        effort: None,
-        velocity: None,
-        damping: 0.0,
-        friction: 0.0,
+    let joint = |(index, limits): (usize, &[f64; 2])| {
+        let placement = Pose::at(Vec3::new(before(index), 0.0, 0.0));
+        let joint = Joint::revolute(index.checked_sub(1), Vec3::z(), placement, Inertia::none());
+        let [name, link] = ["joint", "link"].map(|what| format!("{what}{}", index + 1));
+        RobotJoint { limits: Some(*limits), ..RobotJoint::new(name, link, joint) }
     };
     let at = Pose::at(Vec3::new(before(lengths_m.len()), 0.0, 0.0));
     let tip = RobotFrame { name: "tip".into(), joint: last, pose: at, is_end: true };
@@ -32,11 +23,8 @@ pub fn planar_arm(lengths_m: &[f64], limits: &[[f64; 2]]) -> (Robot, RobotFrame)
     let arm = Robot {
         name: format!("planar arm of {} links", lengths_m.len()),
         joints: limits.iter().take(lengths_m.len()).enumerate().map(joint).collect(),
-        base: Inertia::none(),
-        floating: false,
         frames: vec![base, tip.clone()],
-        gravity: Vec3::zeros(),
-        warnings: Vec::new(),
+        ..Robot::empty()
     };
     (arm, tip)
 }

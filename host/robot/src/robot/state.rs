@@ -1,11 +1,11 @@
-//! What a robot does in one posture, or at one state of motion, in tables of as many rows as it has joints.
+//! What a robot does in one posture, or at one state of motion, in tables of as many rows as it has coordinates.
 
 use darm_core::real::{Mat6, Vec3};
 use darm_core::se::{Pose, Twist, Wrench};
 use darm_core::tree::TreeError;
 use nalgebra::{DMatrix, DVector, Matrix6xX, SMatrix};
 
-use super::{Robot, RobotFrame};
+use super::{Coupling, Robot, RobotFrame};
 use crate::tree::spatial::{Motion as LinkMotion, halves, six};
 use crate::tree::{LinkTree, Links};
 
@@ -67,7 +67,7 @@ pub struct FloatingBase {
 /// The state of the joints, and what the environment exerts on a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Motion<'a> {
-    /// Positions, velocities and accelerations, in rad and m.
+    /// Positions, velocities and accelerations of the coordinates, in rad and m.
     pub state: [&'a [f64]; 3],
     /// A frame, and the wrench that the environment exerts on it: moment and force along the axes of the base, about the
     /// frame's origin. A tool that pushes on its environment exerts the opposite wrench, which is what
@@ -107,11 +107,11 @@ impl Kinematics {
 }
 
 impl Robot {
-    /// Pose and Jacobians of a frame at the positions `q` (rad or m).
+    /// Pose and Jacobians of a frame at the coordinates `q` (rad or m).
     pub fn kinematics(&self, frame: &RobotFrame, q: &[f64]) -> Result<Kinematics, TreeError> {
-        let (tree, links) = self.placed(q)?;
+        let Placed { tree, links, coupling } = self.placed(q)?;
         let pose_base_frame = links.pose(frame.joint, &frame.pose);
-        let jacobian_base = tree.jacobian(&links, frame.joint, &frame.pose);
+        let jacobian_base = coupling.columns(&tree.jacobian(&links, frame.joint, &frame.pose));
         let mut jacobian_tool = jacobian_base.clone();
         for mut column in jacobian_tool.column_iter_mut() {
             let (angular, linear) = halves(&column.clone_owned());
@@ -121,29 +121,40 @@ impl Robot {
         Ok(Kinematics { pose_base_frame, jacobian_base, jacobian_tool })
     }
 
-    /// Pose of every frame in the base at the positions `q` (rad or m), in the order of [`Robot::frames`].
+    /// Pose of every frame in the base at the coordinates `q` (rad or m), in the order of [`Robot::frames`].
     pub fn poses(&self, q: &[f64]) -> Result<Vec<Pose<f64>>, TreeError> {
-        let (_, links) = self.placed(q)?;
+        let links = self.placed(q)?.links;
         Ok(self.frames.iter().map(|frame| links.pose(frame.joint, &frame.pose)).collect())
     }
 
     /// The equation of motion at a state. A floating base is at rest, its axes along those of the world.
     pub fn dynamics(&self, motion: &Motion<'_>) -> Result<Dynamics, TreeError> {
         let [q, qd, qdd] = motion.state;
-        let (tree, links) = self.placed(q)?;
+        let Placed { tree, links, coupling } = self.placed(q)?;
+        let [qd, qdd] = [qd, qdd].map(|rates| coupling.rates(rates));
         let rest = LinkMotion::at_rest(&Vec3::zeros());
-        let (on_base, mut torque) = tree.inverse_dynamics(&links, &rest, [qd, qdd]);
-        let mass = tree.mass_matrix(&links);
-        let gravity = tree.gravity_torque(&links);
-        let (_, biased) = tree.inverse_dynamics(&links, &rest, [qd, &[]]);
+        let (on_base, mut torque) = tree.inverse_dynamics(&links, &rest, [&qd, &qdd]);
+        let mut mass = tree.mass_matrix(&links);
+        let gravity = coupling.torques(&tree.gravity_torque(&links));
+        let (_, biased) = tree.inverse_dynamics(&links, &rest, [&qd, &[]]);
+        let biased = coupling.torques(&biased);
+        let mut kinetic_j = tree.kinetic_energy(&links, &qd);
+        for (k, rotor) in self.joints.iter().map(|joint| joint.armature).enumerate() {
+            mass.joints[(k, k)] += rotor;
+            torque[k] += rotor * qdd[k];
+            kinetic_j += 0.5 * rotor * qd[k] * qd[k];
+        }
+        let mut torque = coupling.torques(&torque);
         let (moment, force) = halves(&on_base);
+        let momenta = coupling.columns(&mass.coupling);
         let mut base = self.floating.then(|| FloatingBase {
             load: Wrench { moment, force },
             mass: mass.base,
-            coupling: DMatrix::from_iterator(6, tree.len(), mass.coupling.iter().copied()),
+            coupling: DMatrix::from_iterator(6, coupling.len(), momenta.iter().copied()),
         });
         if let Some((frame, load)) = &motion.load {
-            let by_load = tree.jacobian(&links, frame.joint, &frame.pose).tr_mul(&six(&load.moment, &load.force));
+            let jacobian = coupling.columns(&tree.jacobian(&links, frame.joint, &frame.pose));
+            let by_load = jacobian.tr_mul(&six(&load.moment, &load.force));
             torque.iter_mut().zip(&by_load).for_each(|(torque, by_load)| *torque -= by_load);
             if let Some(base) = &mut base {
                 let arm = links.pose(frame.joint, &frame.pose).position;
@@ -152,11 +163,11 @@ impl Robot {
         }
         Ok(Dynamics {
             torque,
-            mass: mass.joints,
-            coriolis: tree.coriolis_matrix(&links, qd),
+            mass: coupling.square(&mass.joints),
+            coriolis: coupling.square(&tree.coriolis_matrix(&links, &qd)),
             velocity_torque: biased.iter().zip(&gravity).map(|(biased, gravity)| biased - gravity).collect(),
             gravity,
-            kinetic_j: tree.kinetic_energy(&links, qd),
+            kinetic_j,
             potential_j: tree.potential_energy(&links, self.floating),
             base,
         })
@@ -169,7 +180,7 @@ impl Robot {
     pub fn accelerations(&self, motion: &Motion<'_>, torque: &[f64]) -> Result<Option<Accelerations>, TreeError> {
         let [q, qd, _] = motion.state;
         let bias = self.dynamics(&Motion { state: [q, qd, &[]], load: motion.load })?;
-        let (n, of_base) = (self.joints.len(), if self.floating { 6 } else { 0 });
+        let (n, of_base) = (bias.torque.len(), if self.floating { 6 } else { 0 });
         let mut mass = DMatrix::zeros(of_base + n, of_base + n);
         let mut right = DVector::zeros(of_base + n);
         mass.view_mut((of_base, of_base), (n, n)).copy_from(&bias.mass);
@@ -189,26 +200,38 @@ impl Robot {
         Ok(Some(Accelerations { joints, base }))
     }
 
-    /// Centre of mass and its Jacobian at the positions `q` (rad or m).
+    /// Centre of mass and its Jacobian at the coordinates `q` (rad or m).
     pub fn com(&self, q: &[f64]) -> Result<Com, TreeError> {
-        let (tree, links) = self.placed(q)?;
+        let Placed { tree, links, coupling } = self.placed(q)?;
         let com = tree.centre_of_mass(&links, self.floating);
         let mut of_base = SMatrix::<f64, 3, 6>::zeros();
         if com.mass_kg > 0.0 {
             of_base.fixed_view_mut::<3, 3>(0, 0).copy_from(&-com.position.cross_matrix());
             of_base.fixed_view_mut::<3, 3>(0, 3).fill_with_identity();
         }
+        let joints = coupling.columns(&com.joints);
         Ok(Com {
             mass_kg: self.mass(),
             position: com.position,
-            jacobian: DMatrix::from_iterator(3, tree.len(), com.joints.iter().copied()),
+            jacobian: DMatrix::from_iterator(3, coupling.len(), joints.iter().copied()),
             base: self.floating.then_some(of_base),
         })
     }
 
-    fn placed(&self, q: &[f64]) -> Result<(LinkTree, Links), TreeError> {
-        let tree = self.link_tree()?;
-        let links = tree.place(&Pose::identity(), q);
-        Ok((tree, links))
+    /// All links at the coordinates `q`; more numbers than coordinates are an error.
+    fn placed(&self, q: &[f64]) -> Result<Placed, TreeError> {
+        let (tree, coupling) = (self.link_tree()?, self.coupling());
+        if q.len() > coupling.len() && coupling.len() < tree.len() {
+            return Err(TreeError::TooMany { joints: q.len(), max: coupling.len() });
+        }
+        let links = tree.place(&Pose::identity(), &coupling.positions(q));
+        Ok(Placed { tree, links, coupling })
     }
+}
+
+/// A tree in one posture, and how its joints follow the coordinates.
+struct Placed {
+    tree: LinkTree,
+    links: Links,
+    coupling: Coupling,
 }

@@ -91,7 +91,7 @@ fn a_table_says_what_is_wrong_with_it() {
     assert!(refused("inertia_kg_m2 = [1, 2]").contains("2 moments of inertia, there must be 3"));
     assert!(refused("d_m = inf").contains("the number has to be finite"));
     let empty = dh::parse(Path::new("t.toml"), "format = 1\nname = \"t\"\nnotation = \"standard\"").unwrap_err();
-    assert_eq!(empty.to_string(), "t.toml:1:10: the table has 0 rows, there can be 1 to 64");
+    assert_eq!(empty.to_string(), "t.toml:1:10: the table has no rows; add one [[row]] per joint");
 }
 
 fn words(robot: &Robot) -> Vec<String> {

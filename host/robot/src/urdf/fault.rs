@@ -4,10 +4,10 @@
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum UrdfFault {
     /// There is no link.
-    #[error("the robot has no <link>")]
+    #[error("the robot has no <link>; add one")]
     Empty,
     /// Two elements have one name.
-    #[error("two <{element}> elements are named `{name}`")]
+    #[error("two <{element}> elements are named `{name}`; rename one")]
     Duplicate {
         /// `link` or `joint`.
         element: &'static str,
@@ -15,7 +15,7 @@ pub enum UrdfFault {
         name: String,
     },
     /// A joint names a link that there is not.
-    #[error("joint `{joint}` names the link `{link}`, which is not in the file")]
+    #[error("joint `{joint}` names the link `{link}`, which is not in the file; add it")]
     UnknownLink {
         /// The joint.
         joint: String,
@@ -33,7 +33,7 @@ pub enum UrdfFault {
         second: String,
     },
     /// More than one link, or none, is nobody's child.
-    #[error("the robot has {} root links ({}), there must be one", roots.len(), roots.join(", "))]
+    #[error("the robot has {} root links ({}), there must be one; connect them by joints", roots.len(), roots.join(", "))]
     Roots {
         /// The links.
         roots: Vec<String>,
@@ -55,21 +55,61 @@ pub enum UrdfFault {
         advice: &'static str,
     },
     /// An axis without direction.
-    #[error("joint `{joint}` has the axis 0 0 0")]
+    #[error("joint `{joint}` has an axis without direction; give xyz a length of 1")]
     Axis {
         /// The joint.
         joint: String,
     },
-    /// A number is infinite or none.
-    #[error("{element} `{name}` has a number that is not finite")]
-    NotFinite {
-        /// `link` or `joint`.
+    /// An attribute is not as many finite numbers as it should be.
+    #[error("{attribute} is `{value}`; give {expected} finite number{}", if *expected == 1 { "" } else { "s between blanks" })]
+    Numbers {
+        /// The attribute.
+        attribute: &'static str,
+        /// Its value.
+        value: String,
+        /// How many numbers it needs.
+        expected: usize,
+    },
+    /// An attribute is missing.
+    #[error("<{element}> has no {attribute}; add {attribute}=\"…\"")]
+    NoAttribute {
+        /// The element.
+        element: String,
+        /// The attribute.
+        attribute: &'static str,
+    },
+    /// An element is missing.
+    #[error("<{element}> has no <{what}>; add it")]
+    Missing {
+        /// The element.
         element: &'static str,
-        /// The name.
-        name: String,
+        /// What it should hold.
+        what: &'static str,
+    },
+    /// The root element is of another format.
+    #[error("the root element is <{tag}>, expected <robot>; give a URDF")]
+    Root {
+        /// The root element.
+        tag: String,
+    },
+    /// A joint mimics what there is not, or what does not move.
+    #[error("joint `{joint}` mimics `{other}`, which is no moving joint; there are {}", known.join(", "))]
+    UnknownMimic {
+        /// The joint.
+        joint: String,
+        /// What it mimics.
+        other: String,
+        /// The joints that move.
+        known: Vec<String>,
+    },
+    /// A joint mimics itself.
+    #[error("joint `{joint}` mimics itself, directly or through others; remove one <mimic>")]
+    MimicCycle {
+        /// The joint.
+        joint: String,
     },
     /// A mass below zero.
-    #[error("link `{link}` has the mass {mass} kg")]
+    #[error("link `{link}` has the mass {mass} kg; give at least 0")]
     Mass {
         /// The link.
         link: String,
@@ -77,7 +117,7 @@ pub enum UrdfFault {
         mass: f64,
     },
     /// Limits the wrong way round.
-    #[error("joint `{joint}` has the limits {lower} to {upper}: the lower one is above")]
+    #[error("joint `{joint}` has the limits {lower} to {upper}; exchange them")]
     Limits {
         /// The joint.
         joint: String,

@@ -151,19 +151,25 @@ fn errors_name_file_line_and_element() {
         ),
         (
             joint("j", "revolute", "gone", "a", ""),
-            "r.urdf:4:1: joint `j` names the link `gone`, which is not in the file",
+            "r.urdf:4:1: joint `j` names the link `gone`, which is not in the file; add it",
         ),
-        (joint("j", "revolute", "base", "a", "<axis xyz=\"0 0 0\"/>"), "r.urdf:4:1: joint `j` has the axis 0 0 0"),
+        (
+            joint("j", "revolute", "base", "a", "<axis xyz=\"0 0 0\"/>"),
+            "r.urdf:4:71: joint `j` has an axis without direction; give xyz a length of 1",
+        ),
         (
             joint("j", "revolute", "base", "a", "<origin xyz=\"0 NaN 0\"/>"),
-            "r.urdf:4:1: joint `j` has a number that is not finite",
+            "r.urdf:4:84: xyz is `0 NaN 0`; give 3 finite numbers between blanks",
         ),
         (
             joint("j", "revolute", "base", "a", "<limit lower=\"1\" upper=\"-1\" velocity=\"1\"/>"),
-            "r.urdf:4:1: joint `j` has the limits 1 to -1: the lower one is above",
+            "r.urdf:4:71: joint `j` has the limits 1 to -1; exchange them",
         ),
-        ("<link name=\"base\"/>".into(), "r.urdf:2:1: two <link> elements are named `base`"),
-        ("<link name=\"other\"/>".into(), "r.urdf: the robot has 2 root links (base, other), there must be one"),
+        ("<link name=\"base\"/>".into(), "r.urdf:3:1: two <link> elements are named `base`; rename one"),
+        (
+            "<link name=\"other\"/>".into(),
+            "r.urdf:1:1: the robot has 2 root links (base, other), there must be one; connect them by joints",
+        ),
         (
             joint("j", "fixed", "base", "a", "")
                 + "<joint name=\"k\" type=\"fixed\"><parent link=\"base\"/><child link=\"a\"/></joint>",
@@ -201,11 +207,50 @@ fn what_is_not_read_cannot_fail() {
     assert_eq!(robot.base.mass, 2.0);
 }
 
+/// q₃ = 0.5 q₂ + 0.1 and q₄ = −2 q₃ + 0.2 = −q₂; a lock of joint 2 holds both, one of joint 3 frees joint 4 of joint 2.
+#[test]
+fn a_joint_follows_through_others() {
+    let mimic = |of: &str, factor: f64, offset: f64| {
+        format!("<mimic joint=\"{of}\" multiplier=\"{factor}\" offset=\"{offset}\"/>")
+    };
+    let body = joint("j4", "continuous", "c", "d", &mimic("j3", -2.0, 0.2))
+        + &joint("j2", "continuous", "base", "b", "")
+        + &joint("j3", "continuous", "b", "c", &mimic("j2", 0.5, 0.1));
+    let text = format!("<robot name=\"r\"><link name=\"base\"/>{body}</robot>");
+    let read = |locks: &Locks| parse(Path::new("r.urdf"), &text, locks).unwrap();
+    let robot = read(&Locks::new());
+    assert_eq!(robot.coordinates().collect::<Vec<_>>(), [0]);
+    assert_eq!(robot.coupling().positions(&[0.6]), [0.6, 0.4, -0.6]);
+    let jacobian = robot.kinematics(robot.frame("d").unwrap(), &[0.6]).unwrap().jacobian_base;
+    assert_eq!(jacobian.column(0).iter().copied().collect::<Vec<_>>(), [0.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    assert!(read(&[("j2".to_owned(), 0.2)].into()).joints.is_empty());
+    let freed = read(&[("j3".to_owned(), 0.2)].into());
+    assert_eq!(freed.coordinates().count(), 1, "joint 4 is held at -0.2");
+    assert!(robot.kinematics(robot.frame("d").unwrap(), &[0.0; 3]).is_err(), "one coordinate, three numbers");
+}
+
+#[test]
+fn a_mimic_joint_of_none_or_itself_is_an_error() {
+    let mimic = |joint: &str| format!("<mimic joint=\"{joint}\"/>");
+    let unknown = joint("j", "continuous", "base", "a", &mimic("k"));
+    assert_eq!(refused(&unknown), "r.urdf:4:73: joint `j` mimics `k`, which is no moving joint; there are j");
+    let circle = joint("j", "continuous", "base", "a", &mimic("k")) + &joint("k", "continuous", "a", "b", &mimic("j"));
+    assert_eq!(
+        refused(&circle),
+        "r.urdf:4:73: joint `j` mimics itself, directly or through others; remove one <mimic>"
+    );
+}
+
 #[test]
 fn what_does_not_parse_has_a_place() {
     let cases = [
-        ("<link name=\"a\"><inertial><mass value=\"1x\"/></inertial></link>", "r.urdf:3:1: invalid float literal"),
-        ("<joint name=\"j\" type=\"bent\"/>", "r.urdf:3:1: "),
+        (
+            "<link name=\"a\"><inertial><mass value=\"1x\"/></inertial></link>\n\
+             <joint name=\"j\" type=\"fixed\"><parent link=\"base\"/><child link=\"a\"/></joint>",
+            "r.urdf:3:39: value is `1x`; give 1 finite number",
+        ),
+        ("<joint name=\"j\" type=\"bent\"/>", "r.urdf:3:1: <joint> has no <parent>; add it"),
+        ("<link name=\"a\"/><joint type=\"fixed\"/>", "r.urdf:3:17: <joint> has no name; add name=\"…\""),
         ("<link name=\"a\">", "r.urdf:4:1: "),
         ("  <link", "r.urdf:3:3: "),
     ];

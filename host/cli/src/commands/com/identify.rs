@@ -6,9 +6,9 @@ use anyhow::Context as _;
 use darm_papers::identify::{self, Equations, HeldOut, Kind, LinkMass, Missing, Noise, Unknown, WRENCH_COMPONENTS};
 use darm_robot::robot::Robot;
 use darm_robot::robot::base_parameters::{BaseParameters, Inertial};
-use darm_robot::urdf::{self, Locks};
 use serde::Serialize;
 
+use crate::commands::subject::floating;
 use crate::failure::Usage;
 use crate::ui::{Answer, Ui, columns, number};
 
@@ -27,7 +27,7 @@ contribute no equation.";
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Identify {
     /// The robot with its nominal masses
-    #[arg(value_name = "ROBOT.urdf")]
+    #[arg(value_name = "ROBOT.urdf|ROBOT.xml")]
     robot: PathBuf,
     /// Postures, torques and contact wrenches
     #[arg(value_name = "FILE.csv")]
@@ -96,8 +96,7 @@ struct FrictionRow {
 impl Identify {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let noise = self.noise()?;
-        let mut robot = urdf::read(&self.robot, &Locks::new())?;
-        robot.floating = true;
+        let robot = floating(&self.robot)?;
         let kind = if self.motion { Kind::Moving } else { Kind::Static };
         let read = identify::read(&self.samples, &robot, kind, self.lowpass)?;
         let equations = Equations::new(&robot, &read.samples, &read.rows, noise, kind)?;

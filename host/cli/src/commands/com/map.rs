@@ -11,9 +11,9 @@ use darm_papers::motion::person::{CopError, Person, Scale, WITHIN_M, person};
 use darm_papers::motion::setup::Setup;
 use darm_papers::motion::{Balance, Capture, Fixed, feed_forward};
 use darm_robot::robot::Robot;
-use darm_robot::urdf::{self, Locks};
 use serde::Serialize;
 
+use crate::commands::subject::floating;
 use crate::csv_text::csv_text;
 use crate::ui::{Answer, Ui, number};
 
@@ -31,10 +31,10 @@ host/papers/src/motion/setup.rs. --execute runs the motion on a simulated robot,
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Map {
     /// Model of an average person
-    #[arg(value_name = "PERSON.urdf")]
+    #[arg(value_name = "PERSON.urdf|PERSON.xml")]
     person: PathBuf,
     /// The robot
-    #[arg(value_name = "ROBOT.urdf")]
+    #[arg(value_name = "ROBOT.urdf|ROBOT.xml")]
     robot: PathBuf,
     /// Markers, feet and links
     #[arg(value_name = "SETUP.toml")]
@@ -117,12 +117,6 @@ impl Map {
 fn executed(robot: &Robot, setup: &Setup, mapped: &Mapped) -> anyhow::Result<Executed> {
     let torque = feed_forward(robot, setup, mapped)?;
     Ok(execute(robot, setup, mapped, (Gains::default(), &torque))?)
-}
-
-fn floating(path: &Path) -> anyhow::Result<Robot> {
-    let mut robot = urdf::read(path, &Locks::new())?;
-    robot.floating = true;
-    Ok(robot)
 }
 
 fn write(path: &Path, text: &str) -> anyhow::Result<()> {

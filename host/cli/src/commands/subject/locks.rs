@@ -5,8 +5,9 @@ use std::path::Path;
 use darm_core::actuator::JointKind;
 use darm_diagnose::correction::LockedJoint;
 use darm_diagnose::linearise::model::Model;
+use darm_robot::description;
 use darm_robot::robot::Robot;
-use darm_robot::urdf::{self, Locks};
+use darm_robot::urdf::Locks;
 
 use super::Coordinate;
 use crate::failure::Usage;
@@ -16,13 +17,13 @@ use crate::failure::Usage;
 pub(crate) struct Locked<'a>(pub(crate) &'a [String]);
 
 impl<'a> Locked<'a> {
-    /// The robot of a URDF with these joints fixed.
-    pub(crate) fn parse_urdf(self, path: &Path, text: &str) -> anyhow::Result<Robot> {
-        let free = urdf::parse(path, text, &Locks::new())?;
+    /// The robot of a URDF or MJCF with these joints fixed.
+    pub(crate) fn read_robot(self, path: &Path) -> anyhow::Result<Robot> {
+        let free = description::read(path, &Locks::new())?;
         if self.0.is_empty() {
             return Ok(free);
         }
-        Ok(urdf::parse(path, text, &self.locks(&free)?)?)
+        Ok(description::read(path, &self.locks(&free)?)?)
     }
 
     /// The model of a file with these joints fixed, and which they are; `None` where the file is an arm of words.
@@ -52,7 +53,7 @@ impl<'a> Locked<'a> {
         self.coordinates(free)?.into_iter().map(locked).collect()
     }
 
-    /// The joints with the text of their position. A name that the robot does not have is left to the reader of the URDF.
+    /// The joints with the text of their position. A name that the robot does not have is left to the reader of the file.
     fn coordinates(self, free: &Robot) -> Result<Vec<(Coordinate, &'a str)>, Usage> {
         let coordinate = |text: &'a String| {
             let wrong = || Usage(format!("--lock {text}: give JOINT=Q in deg or mm, such as --lock finger=0"));

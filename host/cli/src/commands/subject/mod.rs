@@ -24,8 +24,8 @@ pub(crate) use postures::{Posture, listed};
 /// The file and the postures.
 #[derive(clap::Args, Debug)]
 pub(crate) struct SubjectArgs {
-    /// Arm file, Denavit-Hartenberg table, robot as URDF, or its calibrated model from `darm diagnose`
-    #[arg(value_name = "ARM.toml|ROBOT.urdf")]
+    /// Arm file, Denavit-Hartenberg table, robot as URDF or MJCF, or its calibrated model from `darm diagnose`
+    #[arg(value_name = "ARM.toml|ROBOT.urdf|ROBOT.xml")]
     pub(crate) file: PathBuf,
     /// Joint positions, base first, in deg or mm, or with a unit: 0.5rad,0.2m; default: all 0
     #[arg(long, value_name = "Q,Q,…", allow_hyphen_values = true)]
@@ -39,7 +39,7 @@ pub(crate) struct SubjectArgs {
     /// Fix a joint of a robot at a position, in deg or mm; the numbers of the joints after it move up
     #[arg(long = "lock", value_name = "JOINT=Q", allow_hyphen_values = true)]
     pub(crate) locks: Vec<String>,
-    /// Give a URDF a floating base
+    /// Give a URDF or MJCF a floating base
     #[arg(long)]
     pub(crate) floating: bool,
 }
@@ -117,8 +117,13 @@ impl SubjectArgs {
             let what = format!("{shown}: the model does not observe torques; add observed = \"torque\"");
             return Err(Usage(what).into());
         };
+        if let Some(joint) = robot.joints.iter().find(|joint| joint.mimic.is_some()) {
+            let what =
+                format!("joint `{}` mimics another, and torques of a model do not; lock it in the model", joint.name);
+            return Err(Usage(what).into());
+        }
         if self.floating {
-            return Err(Usage("--floating needs a URDF".into()).into());
+            return Err(Usage("--floating needs a URDF or MJCF".into()).into());
         }
         Ok(Some((robot, Effects { transmission, known: model.effects })))
     }
@@ -127,18 +132,21 @@ impl SubjectArgs {
     pub(crate) fn subject(&self) -> anyhow::Result<Subject> {
         let path = &self.file;
         let is_toml = path.extension().is_some_and(|end| end == "toml");
-        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-        if is_toml && let Some(robot) = calibrated::robot(path, Locked(&self.locks))? {
+        if !is_toml {
+            let robot = Locked(&self.locks).read_robot(path)?;
             return Ok(Subject::Robot(Box::new(Robot { floating: robot.floating || self.floating, ..robot })));
         }
-        if is_toml && !darm_robot::dh::is_table(&text) {
+        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+        if let Some(robot) = calibrated::robot(path, Locked(&self.locks))? {
+            return Ok(Subject::Robot(Box::new(Robot { floating: robot.floating || self.floating, ..robot })));
+        }
+        if !darm_robot::dh::is_table(&text) {
             if self.floating || !self.locks.is_empty() {
-                return Err(Usage("--floating and --lock need a URDF".into()).into());
+                return Err(Usage("--floating and --lock need a URDF or MJCF".into()).into());
             }
             return Ok(Subject::Arm(Box::new(Arm::parse(path, &text)?)));
         }
-        let mut robot =
-            if is_toml { darm_robot::dh::parse(path, &text)? } else { Locked(&self.locks).parse_urdf(path, &text)? };
+        let mut robot = darm_robot::dh::parse(path, &text)?;
         robot.floating |= self.floating;
         Ok(Subject::Robot(Box::new(robot)))
     }
@@ -156,7 +164,8 @@ impl Subject {
     pub(crate) fn coordinates(&self) -> Vec<Coordinate> {
         match self {
             Self::Robot(robot) => {
-                robot.joints.iter().map(|j| Coordinate { name: j.name.clone(), kind: j.joint.axis.kind }).collect()
+                let joints = robot.coordinates().map(|joint| &robot.joints[joint]);
+                joints.map(|j| Coordinate { name: j.name.clone(), kind: j.joint.axis.kind }).collect()
             }
             Self::Arm(arm) => {
                 let stages = arm.model.chain.stages.iter().enumerate();
@@ -190,7 +199,7 @@ impl Subject {
         match self {
             Self::Robot(robot) => Ok(*robot),
             Self::Arm(_) => Err(Usage(format!(
-                "darm {command} needs a robot: a URDF or a Denavit-Hartenberg table; for the words of an arm file use `darm \
+                "darm {command} needs a robot: a URDF, an MJCF or a Denavit-Hartenberg table; for the words of an arm file use `darm \
                  nearest` and `darm path`"
             ))),
         }
@@ -216,6 +225,16 @@ impl Subject {
             Self::Arm(_) => Ok("tool".into()),
         }
     }
+}
+
+/// The robot of a file on a floating base, each of whose joints moves independently.
+pub(crate) fn floating(path: &std::path::Path) -> anyhow::Result<Robot> {
+    let robot = Locked(&[]).read_robot(path)?;
+    if let Some(joint) = robot.joints.iter().find(|joint| joint.mimic.is_some()) {
+        let what = format!("{}: joint `{}` mimics another; remove its <mimic>", path.display(), joint.name);
+        return Err(Usage(what).into());
+    }
+    Ok(Robot { floating: true, ..robot })
 }
 
 /// The frame of this name; default: the most likely tool.

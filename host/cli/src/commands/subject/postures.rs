@@ -132,7 +132,7 @@ fn beyond_limits(robot: &darm_robot::robot::Robot, postures: &[Posture]) -> Vec<
         let count = postures.iter().filter_map(|p| p.q.get(index)).filter(|q| **q < low || **q > high).count();
         (count > 0).then_some(count)
     };
-    let joints = robot.joints.iter().enumerate();
+    let joints = robot.coordinates().map(|joint| &robot.joints[joint]).enumerate();
     let beyond = joints.filter_map(|(index, joint)| {
         let count = outside(index, joint.limits?)?;
         Some(format!("joint {} is beyond its limits in {count} of {} postures", joint.name, postures.len()))

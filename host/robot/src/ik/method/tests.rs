@@ -1,21 +1,19 @@
 //! The methods side by side on the planar robot of the lecture.
 
 use darm_core::real::Vec3;
-use darm_core::tree::{Inertia, Joint, Tree};
+use darm_core::se::Pose;
 
 use super::*;
+use crate::robot::planar::planar_arm;
 
 /// Errors, m, before each step of a method from a bent posture to (0.4, 0.4) m.
 fn errors(method: Method, steps: usize) -> (Status, Vec<f64>) {
-    let upper = Joint::revolute(None, Vec3::z(), Pose::identity(), Inertia::none());
-    let lower = Joint::revolute(Some(0), Vec3::z(), Pose::at(Vec3::new(0.5, 0.0, 0.0)), Inertia::none());
-    let tree = Tree::new(&[upper, lower], Vec3::zeros()).unwrap();
-    let tool = tree.frame(1, &Pose::at(Vec3::new(0.3, 0.0, 0.0)));
-    let arm = Arm { tree: &tree, tool: &tool, limits: &[[-3.0, 3.0]; 2] };
+    let (arm, tip) = planar_arm(&[0.5, 0.3], &[[-3.0, 3.0]; 2]);
     let options = Options { orientation_rad: f64::INFINITY, steps, ..Options::default() };
-    let traced = solve(method, &arm, &Pose::at(Vec3::new(0.4, 0.4, 0.0)), &[0.3, 1.2], &options);
-    assert_eq!(traced.solution.steps + 1, traced.history.len());
-    (traced.solution.status, traced.history.iter().map(|residual| residual.error_m).collect())
+    let target = Pose::at(Vec3::new(0.4, 0.4, 0.0));
+    let found = arm.inverse(method, &tip, &target, &[0.3, 1.2], &options).unwrap();
+    assert_eq!(found.steps + 1, found.history.len());
+    (found.status, found.history.iter().map(|residual| residual.error_m).collect())
 }
 
 #[test]

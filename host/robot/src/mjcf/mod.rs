@@ -1,0 +1,63 @@
+//! Robots from MJCF, the robot description of MuJoCo: bodies, joints, limits and inertias into a [`Robot`].
+//!
+//! | in the file | here |
+//! | --- | --- |
+//! | `hinge`, `slide` | a joint; several joints of one body follow each other |
+//! | `free` | the base floats, when no other body on the world moves; refused elsewhere |
+//! | `ball` | refused, with what to write in its place |
+//! | body without joint | merged: its inertia goes to the body that moves it, its frame keeps its name |
+//! | `site` with a name | a frame |
+//! | `inertial`, `geom` | inertia as MuJoCo compiles it, by `compiler` (`inertiafromgeom`, `inertiagrouprange`, `boundmass`, `boundinertia`, `balanceinertia`, `settotalmass`) |
+//! | `mesh` of STL, OBJ, MSH, or with vertices and faces | read where a body has no `inertial`; inertia `exact` and `legacy`; others refused |
+//! | `default`, `childclass`, `include`, `frame` | resolved |
+//! | `armature` of a joint | adds to the diagonal of the mass matrix; of a free joint, tendon or actuator refused |
+//! | `equality` of two joints, by a straight line | the first follows the second; it is no coordinate |
+//! | other `equality`, `gravcomp`, `mocap` | not computed; the warnings say which, and where |
+//! | `replicate`, `composite`, `flexcomp`, `attach` | refused |
+//! | actuators, tendons, sensors, contacts, springs, visuals | not read |
+//!
+//! Joints are numbered as MuJoCo numbers them, without those that a free joint has. Positions are those of MuJoCo's `qpos`:
+//! a joint is at its `ref` where the body has the pose of the file.
+//! Source: <https://mujoco.readthedocs.io/en/stable/XMLreference.html>.
+
+mod bodies;
+mod build;
+mod classes;
+mod equality;
+mod fault;
+mod files;
+mod frame;
+mod geom;
+mod inertial;
+mod mesh;
+mod mesh_file;
+mod settings;
+
+use std::path::Path;
+
+use crate::assembly::Locks;
+use crate::robot::Robot;
+use crate::source::{FileError, Source};
+
+pub use fault::MjcfFault;
+
+/// Why a file gives no robot.
+pub type MjcfError = FileError<MjcfFault>;
+
+/// Reads a robot from an MJCF file and what it includes, with some of its joints locked.
+pub fn read(path: &Path, locks: &Locks) -> Result<Robot, MjcfError> {
+    robot(Source::read_lossy(path)?, locks)
+}
+
+/// The robot that `text` describes; `path` serves messages, and its folder what the text includes.
+pub fn parse(path: &Path, text: &str, locks: &Locks) -> Result<Robot, MjcfError> {
+    robot(Source::of_text(path, text), locks)
+}
+
+fn robot(source: Source, locks: &Locks) -> Result<Robot, MjcfError> {
+    let files = files::Files::read(source)?;
+    build::robot(&files, locks).map_err(|wrong| files.error(wrong))
+}
+
+#[cfg(test)]
+mod tests;
