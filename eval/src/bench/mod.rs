@@ -1,6 +1,7 @@
 //! Measurements, one file each; each prints its figures beside the goals.
 
 mod chip;
+mod foreign;
 mod map;
 mod measured;
 mod peers;
@@ -58,6 +59,10 @@ struct What {
     /// Real measurements: the error of each set before and after a diagnosis
     #[arg(long)]
     measured: bool,
+    /// Robot files of published packages beside Pinocchio and MuJoCo, in a virtual environment of Python that is made in
+    /// this folder where it is missing
+    #[arg(long, value_name = "FOLDER")]
+    foreign: Option<PathBuf>,
 }
 
 /// Seed of the arms and targets that a measurement draws.
@@ -95,13 +100,16 @@ impl Bench {
         if self.what.map {
             figures.extend(map::measure(SEED)?);
         }
+        if let Some(folder) = &self.what.foreign {
+            figures.extend(foreign::measure(folder)?);
+        }
         Figures::new(figures, SEED).report(self.spread.json.as_deref())
     }
 
     /// One measurement that is a list of items, over several processes.
     fn spread_out(&self) -> Result<()> {
-        let What { chip, image, peers, synthesis, synthesis_sweep, reach, map, measured } = self.what;
-        let others = chip || image || peers || synthesis || map || measured;
+        let What { chip, image, peers, synthesis, synthesis_sweep, reach, map, measured, ref foreign } = self.what;
+        let others = chip || image || peers || synthesis || map || measured || foreign.is_some();
         match (synthesis_sweep, reach) {
             (true, false) if !others => items::run(&SynthesisSweep {}, &self.spread),
             (false, true) if !others => items::run(&Reach { seed: SEED }, &self.spread),
