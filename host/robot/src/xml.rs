@@ -141,7 +141,7 @@ impl<'a> Element<'a> {
 }
 
 impl Attribute {
-    /// The numbers of the value, between blanks; `None` when one is no number or not finite.
+    /// The numbers of the value, between blanks; `None` when one is not a finite number.
     pub(crate) fn numbers(&self) -> Option<Vec<f64>> {
         let number = |word: &str| word.parse().ok().filter(|number: &f64| number.is_finite());
         self.value.split_whitespace().map(number).collect()

@@ -58,7 +58,8 @@ fn visits_of_another_table_or_of_none_are_refused() {
 fn recording(home: &Home, file: &str, header: &str) {
     let mut table = format!("{header}time_s,word,x_m,y_m,angle_deg\n");
     for k in 0..60 {
-        table += &format!("{k},{:06b}000000,0.1,3.9,1\n", k % 64);
+        let x_m = f64::from(k * 37 % 60) / 60.0;
+        table += &format!("{k},{:06b}000000,{x_m:.3},3.9,1\n", k % 64);
     }
     match file.ends_with(".mcap") {
         true => std::fs::write(home.path(file), darm_diagnose::measurement::log::from_text(&table).unwrap()).unwrap(),

@@ -92,7 +92,7 @@ pub enum UrdfFault {
         /// The root element.
         tag: String,
     },
-    /// A joint mimics what there is not, or what does not move.
+    /// A joint mimics one that is missing, or that does not move.
     #[error("joint `{joint}` mimics `{other}`, which is no moving joint; there are {}", known.join(", "))]
     UnknownMimic {
         /// The joint.
