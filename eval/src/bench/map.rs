@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 use anyhow::{Context, Result};
 use darm_arm::arm::{Arm, ArmScratch};
-use darm_arm::reach::map::{Map, Place, Resolution};
+use darm_arm::reach::map::{Map, Place, Resolution, holes};
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, rotation_log};
 use darm_core::units::Word;
@@ -18,6 +18,11 @@ use xtask::setup;
 
 /// Random words beside the map of 64⁶.
 const SAMPLES: usize = 10_000_000;
+/// Edge of fine cells, m.
+const FINE_M: f64 = 5e-3;
+/// Cells that are added in order to time it, and how often: the best time counts.
+const ADDED: usize = 1 << 25;
+const ADDED_RUNS: usize = 5;
 /// Frames of the last stages that are formed one by one, as in `darm map`.
 const EXACT: usize = 1 << 18;
 /// Edge of the cubes that densities are compared on, m: complete cells, and 2¹⁵ words leave few to a smaller one.
@@ -34,7 +39,9 @@ const PLANAR_ARMS: usize = 8;
 /// Counts, times and distances.
 pub(super) fn measure(seed: u64) -> Result<Vec<Figure>> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut figures = planar(&mut random)?;
+    // First: the memory of a process does not fall.
+    let mut figures = fine()?;
+    figures.extend(planar(&mut random)?);
     figures.extend(spatial_map(&mut random)?);
     Ok(figures)
 }
@@ -103,6 +110,33 @@ fn of_map(map: &Map, edge_m: f64) -> Shares {
     let cells = map.spots().into_iter().map(|(place, spot)| (place, spot.words));
     shares.add_cells(cells, edge_m, map.resolution.cell_m, map.words());
     shares
+}
+
+/// Fine cells: 2¹⁸ words of an arm in space, and its holes.
+fn fine() -> Result<Vec<Figure>> {
+    let arm = Arm::read(&setup::root().join("examples/spatial3.toml"))?;
+    let resolution = Resolution::new(FINE_M, 10f64.to_radians());
+    let run = || -> Result<usize> {
+        let map = Map::new(&arm, &[], resolution, |_| ())?;
+        Ok(holes(&map.spots(), false).len())
+    };
+    let (enclosed, took_ms) = best_of(1, run);
+    enclosed?;
+    Ok(vec![
+        Figure::new("map of 2^18 words, cells of 5 mm: time", 1e-3 * took_ms, "s")?,
+        Figure::new("map of 2^18 words, cells of 5 mm: memory", 1024.0 * peak_memory_gib(), "MiB")?,
+    ])
+}
+
+/// The time of adding as many cells in the order of memory, s: a part of them is timed.
+fn in_order_s(cells: f64) -> f64 {
+    let words = vec![1.0; ADDED];
+    let mut sums = vec![0.0; ADDED];
+    let (_, ms) = best_of(ADDED_RUNS, || {
+        sums.iter_mut().zip(&words).for_each(|(sum, words)| *sum += words);
+        std::hint::black_box(&mut sums);
+    });
+    1e-3 * ms * cells / ADDED as f64
 }
 
 /// Five planar modules: 2¹⁵ words, enumerated; means of arms whose legs are a little off, for those of equal modules
@@ -189,6 +223,11 @@ fn spatial_map(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
     let lost = (map.words() / 64f64.powi(6) - 1.0).abs();
     Ok(vec![
         Figure::new("map of 64^6: time", took_ms * 1e-3, "s")?,
+        Figure::new(
+            "map of 64^6: time over adding as many cells in order",
+            took_ms * 1e-3 / in_order_s(map.moved),
+            "",
+        )?,
         Figure::new("map of 64^6: memory", memory_gib, "GiB")?,
         Figure::new("map of 64^6: cells of position and orientation", map.n_cells().unwrap_or(0.0), "")?,
         Figure::new("map of 64^6: words of the joint density lost or made, relative", (counted - 1.0).abs(), "")?,

@@ -18,6 +18,6 @@ pub(super) fn place(vector: &Vec3<f64>, size: f64) -> Option<Place> {
 }
 
 /// Picks a number along each axis.
-pub(super) fn each<T: Copy>(a: [T; 3], b: [T; 3], pick: impl Fn(T, T) -> T) -> [T; 3] {
+pub(super) fn each<A: Copy, B: Copy, C>(a: [A; 3], b: [B; 3], pick: impl Fn(A, B) -> C) -> [C; 3] {
     std::array::from_fn(|axis| pick(a[axis], b[axis]))
 }

@@ -6,7 +6,8 @@
 //! group. It is carried from the tool to the base on cells: a cell is a cube of positions times a cube of rotation
 //! vectors, represents all frames in it by its centre, and holds how many words end there, an integer. The cells of
 //! one orientation are a layer; a pose in front of a layer turns it rigidly into one other layer, so that the cells of
-//! a new layer are counted in one box of memory, by one thread. The work grows with cells and poses, not with words.
+//! a new layer are counted in one box of memory, by one thread, or sorted where the box would be mostly empty. The work grows
+//! with cells and poses, not with words.
 //!
 //! Where a pose in front takes a position does not depend on the orientation there, nor the reverse: the densities over
 //! positions alone and over orientations alone are convolutions of their own, and cost little. They are always there.
@@ -25,6 +26,7 @@
 mod cell;
 mod holes;
 mod layer;
+mod runs;
 mod tally;
 
 use std::collections::BTreeMap;
@@ -39,7 +41,8 @@ use self::cell::{amid, each, place};
 pub use self::holes::holes;
 pub use self::layer::Layer;
 use self::layer::{Counts, fixed};
-use self::tally::Tally;
+use self::runs::Runs;
+use self::tally::{SPARSE, Tally};
 use super::ReachError;
 use super::frames::{self, Frames};
 use crate::arm::Arm;
@@ -83,6 +86,8 @@ pub struct Map {
     positions: Layer,
     /// The density over rotation vectors, in cells, whatever the position.
     pub orientations: BTreeMap<Place, f64>,
+    /// Cells of the joint density that all convolutions together have moved.
+    pub moved: f64,
 }
 
 /// The positions of one cell.
@@ -129,7 +134,10 @@ impl Map {
         }
         if before.is_empty() {
             map.layers.iter().for_each(see);
-            map.crowd = Some(Tally::of(&map.positions, &map.layers).into_layer(&map.positions)?);
+            let cells = map.layers.iter().map(|layer| layer.words.len()).sum();
+            let mut tally = Tally::new(&map.positions, cells)?;
+            map.layers.iter().for_each(|layer| tally.count(layer));
+            map.crowd = Some(tally.into_layer());
         }
         Ok(map)
     }
@@ -164,36 +172,32 @@ impl Map {
 
     /// The density of frames that stand where they are.
     fn exact(frames: &Frames, resolution: Resolution) -> Result<Self, ReachError> {
-        let mut layers: BTreeMap<Place, BTreeMap<Place, f64>> = BTreeMap::new();
-        let (mut positions, mut orientations) = (BTreeMap::new(), BTreeMap::new());
-        for pose in &frames.poses {
-            let position = place(&pose.position, resolution.cell_m).ok_or(ReachError::TooFine)?;
-            let turn = rotation_log(&pose.rotation);
-            let orientation = place(&turn, resolution.cell_rad).ok_or(ReachError::TooFine)?;
-            *layers.entry(orientation).or_default().entry(position).or_default() += 1.0;
-            *positions.entry(position).or_default() += 1.0;
-            *orientations.entry(orientation).or_default() += 1.0;
-        }
-        let layer = |(orientation, cells): (Place, BTreeMap<Place, f64>)| {
-            let low = cells.keys().fold([i16::MAX; 3], |low, place| each(low, *place, i16::min));
-            let high = cells.keys().fold([i16::MIN; 3], |high, place| each(high, *place, i16::max));
-            let mut room = Vec::new();
-            let mut counts = Counts::new(orientation, low, each(high, low, |high, low| high - low + 1), &mut room)?;
-            for (place, words) in cells {
-                let [x, y, z] = std::array::from_fn(|axis| (place[axis] - low[axis]) as usize);
-                *counts.at(x, y, z) += words;
-            }
-            Ok(counts.to_layer())
+        let cell = |pose: &Pose<f64>| {
+            let orientation = place(&rotation_log(&pose.rotation), resolution.cell_rad)?;
+            Some((orientation, place(&pose.position, resolution.cell_m)?))
         };
-        let positions = layer(([0; 3], positions))?;
-        let layers = layers.into_iter().map(layer).collect::<Result<_, ReachError>>()?;
-        Ok(Self { resolution, layers, crowd: None, positions, orientations })
+        let mut cells: Vec<(Place, Place)> =
+            frames.poses.par_iter().map(cell).collect::<Option<_>>().ok_or(ReachError::TooFine)?;
+        cells.par_sort_unstable();
+        let layer = |cells: &[(Place, Place)]| {
+            let places = || cells.iter().map(|(_, position)| position);
+            let mut runs = Runs::around(places())?;
+            places().for_each(|position| runs.add(*position, 1.0));
+            Ok(runs)
+        };
+        let groups: Vec<&[(Place, Place)]> = cells.chunk_by(|a, b| a.0 == b.0).collect();
+        let layers =
+            groups.par_iter().map(|cells| Ok(layer(cells)?.into_layer(cells[0].0))).collect::<Result<_, _>>()?;
+        let orientations = groups.iter().map(|cells| (cells[0].0, cells.len() as f64)).collect();
+        let positions = layer(&cells)?.into_layer([0; 3]);
+        Ok(Self { resolution, layers, crowd: None, positions, orientations, moved: 0.0 })
     }
 
     /// The density of the frames of `stage` times those of this map, its layers kept.
     fn after(&self, stage: &Frames) -> Result<Self, ReachError> {
         let map = self.apart_after(stage)?;
         let sources = self.sources(stage)?;
+        let moved = self.moved + if sources.is_empty() { 0.0 } else { self.n_moved(stage) as f64 };
         let kept = AtomicUsize::new(0);
         let layer = |room: &mut Vec<f64>, (orientation, sources): &(Place, Vec<_>)| {
             if kept.load(Ordering::Relaxed) > MAX_KEPT {
@@ -204,7 +208,7 @@ impl Map {
             Ok(Some(layer))
         };
         let layers: Vec<Option<Layer>> = sources.par_iter().map_init(Vec::new, layer).collect::<Result<_, _>>()?;
-        Ok(Self { layers: layers.into_iter().collect::<Option<_>>().unwrap_or_default(), ..map })
+        Ok(Self { layers: layers.into_iter().collect::<Option<_>>().unwrap_or_default(), moved, ..map })
     }
 
     /// The same of the first stage: each layer is shown, and kept where all are few.
@@ -214,8 +218,9 @@ impl Map {
         if sources.is_empty() {
             return Ok(map);
         }
-        let keep = self.moved(stage) <= MAX_KEPT_AT_LAST;
-        let start = || (Tally::of(&map.positions, &[]), Vec::new(), Vec::new());
+        let keep = self.n_moved(stage) <= MAX_KEPT_AT_LAST;
+        let none = Tally::new(&map.positions, self.n_moved(stage))?;
+        let start = || (none.clone(), Vec::new(), Vec::new());
         let (tally, layers, _) = sources
             .par_iter()
             .try_fold(start, |(mut tally, mut layers, mut room), (orientation, sources)| {
@@ -230,12 +235,11 @@ impl Map {
                 layers.extend(more);
                 Ok((tally, layers, room))
             })?;
-        let crowd = Some(tally.into_layer(&map.positions)?);
-        Ok(Self { layers, crowd, ..map })
+        Ok(Self { layers, crowd: Some(tally.into_layer()), moved: self.moved + self.n_moved(stage) as f64, ..map })
     }
 
     /// Cells of the joint density by poses of a stage in front.
-    fn moved(&self, stage: &Frames) -> usize {
+    fn n_moved(&self, stage: &Frames) -> usize {
         stage.len() * self.layers.iter().map(|layer| layer.words.len()).sum::<usize>()
     }
 
@@ -244,7 +248,7 @@ impl Map {
     #[allow(clippy::type_complexity, reason = "a list of layers, each with its poses and the layers behind them")]
     fn sources<'a>(&'a self, stage: &'a Frames) -> Result<Vec<(Place, Vec<(&'a Pose<f64>, &'a Layer)>)>, ReachError> {
         let mut sources: BTreeMap<Place, Vec<(&Pose<f64>, &Layer)>> = BTreeMap::new();
-        if self.moved(stage) > MAX_MOVED {
+        if self.n_moved(stage) > MAX_MOVED {
             return Ok(Vec::new());
         }
         for layer in &self.layers {
@@ -273,7 +277,14 @@ impl Map {
         }
         let positions: Vec<_> = stage.poses.iter().map(|pose| (pose, &self.positions)).collect();
         let positions = self.layer([0; 3], &positions, &mut Vec::new())?;
-        Ok(Self { resolution: self.resolution, layers: Vec::new(), crowd: None, positions, orientations })
+        Ok(Self {
+            resolution: self.resolution,
+            layers: Vec::new(),
+            crowd: None,
+            positions,
+            orientations,
+            moved: self.moved,
+        })
     }
 
     /// One layer: every source layer behind its pose, counted in `room`.
@@ -299,11 +310,23 @@ impl Map {
         // One cell of room on all sides for rounding.
         let low = low.map(|number| number.round() as i16 - 1);
         let size = each(high.map(|number| number.round() as i16), low, |h, l| h - l + 2);
-        let mut counts = Counts::new(orientation, low, size, room)?;
-        for (pose, layer) in sources {
+        let start = |pose: &Pose<f64>, layer: &Layer| -> [i32; 3] {
             let start = pose.position / cell_m + pose.rotation * Vec3::from(layer.low).map(f64::from);
-            let start = (start - Vec3::from(low).map(f64::from)).add_scalar(0.5);
-            counts.add(layer, start.map(fixed).into(), &pose.rotation.map(fixed));
+            (start - Vec3::from(low).map(f64::from)).add_scalar(0.5).map(fixed).into()
+        };
+        let moved: usize = sources.iter().map(|(_, layer)| layer.words.len()).sum();
+        let lengths = size.map(|length| length.max(0) as usize);
+        if lengths.iter().product::<usize>() / SPARSE > moved {
+            let mut runs = Runs::new(low, lengths)?;
+            for (pose, layer) in sources {
+                let cells = layer.moved(start(pose, layer), pose.rotation.map(fixed));
+                cells.for_each(|(place, words)| runs.add_inside(place.map(|number| number as u16), words));
+            }
+            return Ok(runs.into_layer(orientation));
+        }
+        let mut counts = Counts::new(orientation, low, lengths, room)?;
+        for (pose, layer) in sources {
+            counts.add(layer, start(pose, layer), &pose.rotation.map(fixed));
         }
         Ok(counts.to_layer())
     }
