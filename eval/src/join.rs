@@ -37,6 +37,7 @@ impl Merge {
             bench::SynthesisSweep::COMMAND => self.report::<bench::SynthesisSweep>(results),
             bench::Reach::COMMAND => self.report::<bench::Reach>(results),
             faults::Job::COMMAND => self.report::<faults::Job>(results),
+            papers::Darm::COMMAND => self.report::<papers::Darm>(results),
             papers::Grasp::COMMAND => self.report::<papers::Grasp>(results),
             papers::Memr::COMMAND => self.report::<papers::Memr>(results),
             darm_simulate::seeds::Seeds::COMMAND => self.report::<darm_simulate::seeds::Seeds>(results),

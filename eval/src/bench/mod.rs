@@ -1,13 +1,13 @@
 //! Measurements, one file each; each prints its figures beside the goals.
 
 mod chip;
+pub(crate) mod draws;
 mod foreign;
 mod map;
 mod measured;
 mod peers;
 mod reach;
 mod replan;
-mod synthesis;
 mod synthesis_sweep;
 
 use std::path::PathBuf;
@@ -44,9 +44,6 @@ struct What {
     /// Kinematics and dynamics beside Pinocchio and the crate `k`: what they take is built once, in minutes
     #[arg(long)]
     peers: bool,
-    /// The examples of the synthesis paper, by its method and by ours
-    #[arg(long)]
-    synthesis: bool,
     /// In how many of 200 draws a synthesis is exact, as the desired frames move away
     #[arg(long)]
     synthesis_sweep: bool,
@@ -88,9 +85,6 @@ impl Bench {
         if self.what.peers {
             figures.extend(peers::measure()?);
         }
-        if self.what.synthesis {
-            figures.extend(synthesis::measure()?);
-        }
         if self.what.synthesis_sweep {
             figures.extend(figures_of(&SynthesisSweep {})?);
         }
@@ -108,8 +102,8 @@ impl Bench {
 
     /// One measurement that is a list of items, over several processes.
     fn spread_out(&self) -> Result<()> {
-        let What { chip, image, peers, synthesis, synthesis_sweep, reach, map, measured, ref foreign } = self.what;
-        let others = chip || image || peers || synthesis || map || measured || foreign.is_some();
+        let What { chip, image, peers, synthesis_sweep, reach, map, measured, ref foreign } = self.what;
+        let others = chip || image || peers || map || measured || foreign.is_some();
         match (synthesis_sweep, reach) {
             (true, false) if !others => items::run(&SynthesisSweep {}, &self.spread),
             (false, true) if !others => items::run(&Reach { seed: SEED }, &self.spread),

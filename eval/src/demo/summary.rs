@@ -6,7 +6,7 @@ use darm::report::{
 };
 use darm_arm::arm::frames::DesiredFrame;
 use darm_arm::stops::Setting;
-use darm_arm::synthesis::{self, Method, Reached, Synthesis, synthesize};
+use darm_arm::synthesis::{self, Method, Reached, Scheme, Synthesis, synthesize};
 
 use super::course::{Course, FrameErrors, Task};
 
@@ -34,10 +34,8 @@ pub(super) fn report(task: &Task, course: Course, board: &str, time_s: f64) -> R
 }
 
 fn synthesis_figures(task: &Task, synthesis: &Synthesis) -> Result<SynthesisFigures> {
-    let options = synthesis::Options {
-        method: Method::Paper { steps: PAPER_STEPS, regularisation: 1e-3 },
-        ..synthesis::Options::default()
-    };
+    let options =
+        synthesis::Options { method: Method::Paper(Scheme::of(PAPER_STEPS)), ..synthesis::Options::default() };
     let paper = synthesize(&task.base_line, &task.desired, &options)?;
     Ok(SynthesisFigures {
         case: synthesis.case.to_string(),

@@ -1,5 +1,6 @@
 //! The papers: each by its own method, with its settings and tables, ours beside theirs.
 
+mod darm;
 mod grasp;
 mod memr;
 mod sit_to_stand;
@@ -7,6 +8,7 @@ mod sit_to_stand;
 use anyhow::Result;
 use darm_figures::items::{self, Spread};
 
+pub(crate) use darm::Darm;
 pub(crate) use grasp::Grasp;
 pub(crate) use memr::Memr;
 use sit_to_stand::SitToStand;
@@ -20,6 +22,7 @@ pub(crate) struct Papers {
 
 #[derive(clap::Subcommand)]
 enum Paper {
+    Darm(Spreadable<Darm>),
     Grasp(Spreadable<Grasp>),
     Memr(Spreadable<Memr>),
     #[command(name = "stand")]
@@ -38,6 +41,7 @@ struct Spreadable<J: clap::Args> {
 impl Papers {
     pub(crate) fn run(&self) -> Result<()> {
         match &self.paper {
+            Paper::Darm(darm) => items::run(&darm.job, &darm.spread),
             Paper::Grasp(grasp) => items::run(&grasp.job, &grasp.spread),
             Paper::Memr(memr) => items::run(&memr.job, &memr.spread),
             Paper::SitToStand(sit_to_stand) => sit_to_stand.run(),

@@ -258,6 +258,16 @@ pub enum FrameFault {
         /// Actuators of the arm.
         actuators: usize,
     },
+    /// A bound names a state that the actuator does not have.
+    #[error("{actuator} has no state {state}; give 0 to {}", states.saturating_sub(1))]
+    NoSuchState {
+        /// The actuator, by its name.
+        actuator: String,
+        /// The state.
+        state: u8,
+        /// States of the actuator.
+        states: usize,
+    },
     /// A bound is given in the wrong unit.
     #[error("bounds of {actuator} are in {}; give keys that end in _{}", unit(*turns), unit(*turns))]
     BoundUnit {

@@ -15,7 +15,8 @@
 //! | `position_weight`, `orientation_weight` ? | what an error counts where not all frames can be met, 1 |
 //! | `[[bound]]` ? | what the stops of one actuator may be set to in a synthesis |
 //! | `actuator` | its number, from 0 at the base |
-//! | `least_m`, `most_m`, `least_deg`, `most_deg` ? | of every state; degrees of a revolute joint |
+//! | `state` ? | the state that the bound is about; every state |
+//! | `least_m`, `most_m`, `least_deg`, `most_deg` ? | of the state; degrees of a revolute joint |
 //! | `least_stroke_m`, `most_stroke_m`, `least_stroke_deg`, `most_stroke_deg` ? | between a state and the one before it |
 
 use std::ops::Range;
@@ -75,10 +76,20 @@ impl Default for Weights {
 pub struct StopRange {
     /// Its number.
     pub actuator: usize,
-    /// Least and most of every state.
+    /// The state that it is about; `None` for every state.
+    pub state: Option<u8>,
+    /// Least and most of the state.
     pub value: (f64, f64),
-    /// Least and most difference of a state and the one before it.
+    /// Least and most difference of the state and the one before it.
     pub stroke: (f64, f64),
+}
+
+impl StopRange {
+    /// Any stops of an actuator.
+    pub fn any(actuator: usize) -> Self {
+        let any = (f64::NEG_INFINITY, f64::INFINITY);
+        Self { actuator, state: None, value: any, stroke: any }
+    }
 }
 
 #[derive(Deserialize)]
@@ -115,6 +126,7 @@ enum RawOrientation {
 #[serde(deny_unknown_fields)]
 struct RawBound {
     actuator: Spanned<usize>,
+    state: Option<Spanned<u8>>,
     #[serde(rename = "least_m")]
     min_m: Option<Number>,
     #[serde(rename = "most_m")]
@@ -272,7 +284,13 @@ fn range(raw: &RawBound, arm: &Arm) -> Result<StopRange, (Range<usize>, FrameFau
     let [min, max, min_stroke, max_stroke] =
         given.map(|value| value.map(|value| if turns { value.0.to_radians() } else { value.0 }));
     let pair = |min: Option<f64>, max: Option<f64>| (min.unwrap_or(f64::NEG_INFINITY), max.unwrap_or(f64::INFINITY));
-    let range = StopRange { actuator, value: pair(min, max), stroke: pair(min_stroke, max_stroke) };
+    let state = raw.state.as_ref().map(|state| (*state.get_ref(), state.span()));
+    let states = arm.model.chain.n_states(actuator);
+    if let Some((state, span)) = state.clone().filter(|(state, _)| usize::from(*state) >= states) {
+        return Err((span, FrameFault::NoSuchState { actuator: arm.actuator_name(actuator), state, states }));
+    }
+    let state = state.map(|(state, _)| state);
+    let range = StopRange { actuator, state, value: pair(min, max), stroke: pair(min_stroke, max_stroke) };
     if range.value.0 > range.value.1 || range.stroke.0 > range.stroke.1 {
         return Err(wrong(FrameFault::EmptyBound { actuator: arm.actuator_name(actuator) }));
     }

@@ -5,10 +5,12 @@ pub mod palette;
 mod views;
 
 use darm_core::actuator::JointKind;
+use darm_core::chain::ChainError;
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_core::tree::TreeError;
 
+use crate::arm::frames::DesiredFrame;
 use crate::arm::{Arm, ArmScratch};
 use darm_robot::robot::{Robot, RobotFrame};
 pub use views::svg;
@@ -124,6 +126,17 @@ impl Scene {
         scene.line(Part::Link, below.position, scratch.pose_base_tool.position);
         scene.axes(&scratch.pose_base_tool);
         scene
+    }
+
+    /// An arm as its model predicts it for the word of a desired frame, with the axes of that frame.
+    pub fn of_frame(arm: &Arm, frame: &DesiredFrame) -> Result<Self, ChainError> {
+        let mut scratch = ArmScratch::default();
+        arm.model.predict(&arm.model.working(frame.word, frame.previous, &frame.servos_rad), &mut scratch)?;
+        let mut scene = Self::of_arm(arm, &scratch, frame.word.iter());
+        scene.title = format!("{}, {}, word {}", arm.name, frame.name, frame.word);
+        scene.axes(&frame.pose_base_tool);
+        scene.labels.push(("desired".to_owned(), frame.pose_base_tool.position));
+        Ok(scene)
     }
 
     fn line(&mut self, part: Part, from: Vec3<f64>, to: Vec3<f64>) {

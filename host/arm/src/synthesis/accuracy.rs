@@ -23,7 +23,7 @@ impl Accuracy {
     pub fn of(method: Method) -> Self {
         match method {
             Method::Newton | Method::Plain => Self::EXACT,
-            Method::Paper { .. } => Self::OF_PAPER,
+            Method::Paper(_) => Self::OF_PAPER,
         }
     }
 }

@@ -14,9 +14,9 @@
 
 use std::path::Path;
 
-use darm_core::chain::Parameter;
 use serde::{Deserialize, Serialize};
 
+use super::stroke::stops;
 use super::{Options, Status, Synthesis, SynthesisError, synthesize};
 use crate::arm::frames::{DesiredFrame, StopRange};
 use crate::arm::{Arm, ArmScratch};
@@ -125,11 +125,8 @@ pub fn buy(
         if (fits && found.status == Status::Reached) || round == ROUNDS || options.watch.is_ended() {
             return Ok((found, chosen.into_iter().map(|(_, bought)| bought).collect()));
         }
-        let own = chosen.iter().map(|(actuator, bought)| StopRange {
-            actuator: *actuator,
-            value: bought.lengths_m,
-            stroke: (f64::NEG_INFINITY, f64::INFINITY),
-        });
+        let own =
+            chosen.iter().map(|(actuator, bought)| StopRange { value: bought.lengths_m, ..StopRange::any(*actuator) });
         let ranges = options.ranges.iter().copied().chain(own).collect();
         found = synthesize(base_line, desired, &Options { ranges, ..options.clone() })?;
         round += 1;
@@ -145,9 +142,9 @@ fn choose(found: &Synthesis, desired: &[DesiredFrame], parts: &[Part]) -> Result
         if arm.model.chain.stages[stage].leg(leg).is_none() {
             continue;
         }
-        let stop = |state| arm.model.chain.get(Parameter::Stop { actuator: actuator as u8, state }).unwrap_or(0.0);
-        let states = (0..arm.model.chain.n_states(actuator) as u8).map(stop);
-        let stops_m = states.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), at| (low.min(at), high.max(at)));
+        let stops_m = stops(arm, actuator)
+            .into_iter()
+            .fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), at| (low.min(at), high.max(at)));
         let bought = parts.iter().filter(|part| part.force_n >= loads[actuator]).map(|part| Bought {
             actuator: arm.actuator_name(actuator),
             part: part.part.clone(),

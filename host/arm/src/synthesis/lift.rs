@@ -15,6 +15,8 @@
 use darm_core::actuator::Stage;
 use darm_core::se::{Pose, Twist};
 use nalgebra::{DMatrix, DVector};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Normal};
 
 use super::SynthesisError;
 use super::newton::damped_inverse;
@@ -118,6 +120,29 @@ impl<'p, 'a> Lift<'p, 'a> {
         self.poses.push(pose);
         self.n_columns += motions.len();
         place
+    }
+
+    /// Shifts the plates between platforms at random: what one platform gives the next takes, so that no frame moves.
+    /// `length_m` and `angle_rad` are standard deviations.
+    pub(super) fn shift(&mut self, (length_m, angle_rad): (f64, f64), rng: &mut ChaCha8Rng) {
+        let stages = &self.problem.base_line().model.chain.stages;
+        let mut random = |sigma: f64| Normal::new(0.0, sigma).map_or(0.0, |normal| normal.sample(rng));
+        for stage in 0..stages.len().saturating_sub(1) {
+            if [stage, stage + 1].iter().any(|&stage| stages[stage].leg(0).is_none()) {
+                continue;
+            }
+            let motions = self.places.iter().find(|place| place.stage == stage).map_or(&[][..], |place| place.motions);
+            let mut six = [0.0; 6];
+            motions.iter().for_each(|&motion| six[motion] = random(if motion < 3 { angle_rad } else { length_m }));
+            let (given, taken) = (Pose::exp(&twist(six)), Pose::exp(&twist(six.map(|number| -number))));
+            for (place, pose) in self.places.iter().zip(&mut self.poses) {
+                *pose = match place.stage.checked_sub(stage) {
+                    Some(0) => *pose * given,
+                    Some(1) => taken * *pose,
+                    _ => *pose,
+                };
+            }
+        }
     }
 
     /// Stops that come as near to the frames as this way leads, and the steps taken.

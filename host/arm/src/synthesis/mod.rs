@@ -56,9 +56,10 @@ pub use accuracy::Accuracy;
 pub use case::{BoundFrame, Case, CaseKind, CompleteModules};
 pub use catalogue::{Bought, CatalogueError, Part, buy, read_catalogue};
 pub use obstacle::Obstacle;
+pub use paper::{Feedback, Scheme};
 use problem::Problem;
 pub use repair::{Cost, Dead, repair};
-pub use stroke::{equal_stops, min_strokes};
+pub use stroke::{MinStroke, equal_stops, min_strokes, short_strokes, stops_as_they_are};
 pub use tolerance::{Expected, Tolerance, expected, minimize_sensitivity};
 pub use watch::Watch;
 pub use words::choose_words;
@@ -87,13 +88,8 @@ pub enum Method {
     Newton,
     /// Undamped Gauss–Newton from the base-line, without bounds and other starts: what the rest is measured by.
     Plain,
-    /// The paper's: frames interpolated in this many steps, derivatives by differences, the actual frame fed back.
-    Paper {
-        /// n_div of the paper.
-        steps: u32,
-        /// Tikhonov's parameter in the insufficient case, as a share of the Jacobian's norm.
-        regularisation: f64,
-    },
+    /// The paper's: frames interpolated in steps, derivatives by differences.
+    Paper(Scheme),
 }
 
 /// What the stops may be set to.
@@ -136,7 +132,7 @@ impl Default for Options {
             method: Method::Newton,
             bounds: Bounds::default(),
             ranges: Vec::new(),
-            starts: 16,
+            starts: 256,
             seed: 1,
             watch: Watch::default(),
         }
@@ -309,9 +305,10 @@ fn solve(
     let found = match options.method {
         Method::Newton => search::solve(&mut problem, options, case.kind == CaseKind::Insufficient)?,
         Method::Plain => search::plain(&mut problem),
-        Method::Paper { steps, regularisation } => {
-            let damping = if case.kind == CaseKind::Insufficient { regularisation } else { 0.0 };
-            paper::solve(&mut problem, steps, damping)?
+        Method::Paper(scheme) => {
+            let is_regularised = case.kind == CaseKind::Insufficient;
+            let regularisation = if is_regularised { scheme.regularisation } else { 0.0 };
+            paper::solve(&mut problem, Scheme { regularisation, ..scheme })?
         }
     };
     answer(&mut problem, desired, &before_poses, case, &found)

@@ -207,9 +207,13 @@ fn smallest_step(
     &face.onto + face.free.as_ref().map_or(step.clone(), |free| free * &step)
 }
 
-/// The smallest x that makes |matrix · x − right|² + damping²·|matrix|²·|x|² least.
+/// The smallest x that makes |matrix · x − right|² + damping²·|matrix|²·|x|² least; 0 where a number has overflowed, for which
+/// a singular value decomposition would not end.
 pub(super) fn damped_inverse(matrix: &DMatrix<f64>, right: &DVector<f64>, damping: f64) -> DVector<f64> {
     let floor = damping * matrix.norm();
+    if !(floor.is_finite() && matrix.norm().is_finite() && right.norm().is_finite()) {
+        return DVector::zeros(matrix.ncols());
+    }
     well_posed_inverse(matrix, right, floor).unwrap_or_else(|| truncated_inverse(matrix, right, floor))
 }
 

@@ -1,9 +1,11 @@
 //! The paper's incremental scheme, for comparison.
 //!
-//! The end frames are led to the desired ones in n_div equal steps along the screws that join them (Rodrigues). At
-//! step d the frame that the arm really has is fed back: δx_k = (H_k⁻¹·H_k(d+1) − I)ᵛ, eq. (11); δa = G†·δx, eq. (13),
-//! with the Jacobian G by central differences. G† is the weighted generalized inverse: of all exact steps it takes the one
-//! with the least ‖δa‖ (redundant case), and Tikhonov's where there is none (insufficient case).
+//! The end frames are led to the desired ones in n_div equal steps along the screws that join them (Rodrigues):
+//! δx_k = (H_k(d)⁻¹·H_k(d+1) − I)ᵛ, eq. (11); δa = G†·δx, eq. (13), with the Jacobian G by central differences. G† is the
+//! weighted generalized inverse: of all exact steps it takes the one with the least ‖δa‖ (redundant case), and Tikhonov's
+//! where there is none (insufficient case).
+//!
+//! H_k(d) is a frame of the interpolation in the text before eq. (1), and the frame of the arm in eq. (5), see [`Feedback`].
 
 use darm_core::se::{Pose, Twist};
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -15,19 +17,54 @@ use super::{Found, SynthesisError};
 /// Half the interval of the differences, in units of the unknowns.
 const HALF_INTERVAL: f64 = 1e-6;
 
-pub(super) fn solve(problem: &mut Problem, steps: u32, damping: f64) -> Result<Found, SynthesisError> {
+/// The settings of the paper's scheme.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scheme {
+    /// n_div of the paper.
+    pub steps: u32,
+    /// Tikhonov's parameter in the insufficient case, as a share of the Jacobian's norm.
+    pub regularisation: f64,
+    /// The frame that a step starts from.
+    pub feedback: Feedback,
+}
+
+impl Scheme {
+    /// The scheme with this number of steps, each from the frames of the arm.
+    pub fn of(steps: u32) -> Self {
+        Self { steps, regularisation: 1e-3, feedback: Feedback::Actual }
+    }
+}
+
+/// The frame that a step starts from: H_k(d) of eq. (11).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Feedback {
+    /// That of the arm, eq. (5): each step corrects what the one before it left. The error falls as n_div⁻².
+    Actual,
+    /// That of the interpolation: what the steps leave adds up. The error falls as n_div⁻¹.
+    Interpolated,
+}
+
+pub(super) fn solve(problem: &mut Problem, scheme: Scheme) -> Result<Found, SynthesisError> {
     let mut unknowns = problem.start();
     let from = problem.poses(&unknowns)?;
     let ways: Vec<Twist<f64>> = from.iter().zip(&problem.targets).map(|(from, t)| from.to(&t.pose).log()).collect();
-    for step in 1..=steps {
-        let share = f64::from(step) / f64::from(steps);
+    let interpolated = |step: u32| -> Vec<Pose<f64>> {
+        let share = f64::from(step) / f64::from(scheme.steps);
+        from.iter().zip(&ways).map(|(from, way)| *from * Pose::exp(&(*way * share))).collect()
+    };
+    for step in 1..=scheme.steps {
         let poses = problem.poses(&unknowns)?;
-        let goals = from.iter().zip(&ways).map(|(from, way)| *from * Pose::exp(&(*way * share)));
-        let apart: Vec<Twist<f64>> = poses.iter().zip(goals).map(|(pose, goal)| vee(&pose.to(&goal))).collect();
+        let goals = interpolated(step);
+        let here = match scheme.feedback {
+            Feedback::Actual => poses.clone(),
+            Feedback::Interpolated => interpolated(step - 1),
+        };
+        let apart: Vec<Twist<f64>> = here.iter().zip(&goals).map(|(pose, goal)| vee(&pose.to(goal))).collect();
         let jacobian = differences(problem, &unknowns, &poses)?;
-        unknowns += damped_inverse(&jacobian, &stacked(problem, &apart), damping).component_div(problem.weights());
+        let change = damped_inverse(&jacobian, &stacked(problem, &apart), scheme.regularisation);
+        unknowns += change.component_div(problem.weights());
     }
-    Ok(Found { unknowns, iterations: steps, starts: 1 })
+    Ok(Found { unknowns, iterations: scheme.steps, starts: 1 })
 }
 
 /// (H − I)ᵛ, eq. (9): the part of a small motion that is a screw.

@@ -3,6 +3,7 @@
 use darm_core::units::Word;
 use serde::Serialize;
 
+use super::stroke::stops;
 use super::words::choose_words;
 use super::{Options, Status, Synthesis, SynthesisError, synthesize};
 use crate::arm::Arm;
@@ -30,6 +31,9 @@ pub struct Cost {
     pub stops_turned: usize,
     /// Root of the sum of squares of what they are turned by, m.
     pub alteration_m: f64,
+    /// What a stop of the dead actuator is turned by at most, m; an angle weighs as the arm's length scale. An actuator
+    /// that is jammed cannot be turned: [`stops_as_they_are`](super::stops_as_they_are) keeps its stops.
+    pub dead_turned_m: f64,
     /// Words that the arm has left, as a share of all.
     pub words_left: f64,
 }
@@ -64,9 +68,17 @@ pub fn repair(
         frames: desired.len(),
         stops_turned: found.stops_turned(arm),
         alteration_m: found.alteration_m,
+        dead_turned_m: turned_m(arm, &found.arm, actuator),
         words_left: 1.0 / arm.model.chain.n_states(actuator).max(1) as f64,
     };
     Ok((found, cost))
+}
+
+/// What the stops of one actuator are turned by at most, m.
+fn turned_m(from: &Arm, to: &Arm, actuator: usize) -> f64 {
+    let per_unit_m = if from.turns(actuator) { from.length_scale_m } else { 1.0 };
+    let turned = stops(from, actuator).into_iter().zip(stops(to, actuator)).map(|(from, to)| (to - from).abs());
+    per_unit_m * turned.fold(0.0, f64::max)
 }
 
 /// Whether one geometry meets the frames with less alteration than another, or comes nearer where neither meets them.

@@ -6,12 +6,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context as _;
-use darm_arm::arm::frames::{self, DesiredFrame};
-use darm_arm::arm::{Arm, ArmModel, ArmScratch};
+use darm_arm::arm::frames::{self, DesiredFrame, StopRange};
+use darm_arm::arm::{Arm, ArmModel};
 use darm_arm::draw::{Scene, svg};
 use darm_arm::synthesis::{
-    Bounds, Dead, Method, Options, Status, Synthesis, Tolerance, Watch, buy, choose_words, equal_stops, expected,
-    min_strokes, minimize_sensitivity, read_catalogue, repair, synthesize,
+    Bounds, Dead, Method, MinStroke, Options, Scheme as PaperScheme, Status, Synthesis, Tolerance, Watch, buy,
+    choose_words, equal_stops, expected, min_strokes, minimize_sensitivity, read_catalogue, repair, short_strokes,
+    stops_as_they_are, synthesize,
 };
 
 use crate::failure::Usage;
@@ -25,7 +26,9 @@ Examples:
   darm synth planar4.toml planar4-poses.toml -o chosen.toml --choose-words --frames-out words.toml
   darm synth planar4.toml planar4-frames.toml -o bought.toml --catalogue cylinders.csv --anchors 150
   darm synth planar4.toml planar4-frames.toml -o robust.toml --tolerance 0.05,0.1
+  darm synth platform3.toml platform3-anchors.toml -o moved.toml --anchors 200   # stops alone do not reach the frames
   darm synth arm.toml planar4-frames.toml -o repaired.toml --stuck 4=0   # actuator 4 in state 0
+  darm synth arm.toml planar4-frames.toml -o jammed.toml --stuck 4=0 --keep-stop   # its stops cannot be turned
   darm synth planar4.toml planar4-frames.toml -o paper.toml --method paper --plot plots
 
 Lengths in the files are in m, angles in degrees. Ctrl-C ends the search with the closest geometry so far. `darm adjust \
@@ -68,6 +71,9 @@ pub(crate) struct Synth {
     /// Repair: repeat the synthesis with an actuator that is stuck in one state
     #[arg(long, alias = "repair", value_name = "ACTUATOR=STATE", value_parser = stuck_actuator, group = "task")]
     stuck: Option<Dead>,
+    /// Keep the stops of the stuck actuator: it is jammed, and no screw moves it
+    #[arg(long, requires = "stuck")]
+    keep_stop: bool,
     /// Numerical method
     #[arg(long, value_enum, default_value_t = Scheme::Newton)]
     method: Scheme,
@@ -78,7 +84,7 @@ pub(crate) struct Synth {
     #[arg(long, value_name = "SHARE", default_value_t = 1e-3)]
     regularisation: f64,
     /// Starts before the closest geometry is accepted
-    #[arg(long, value_name = "N", default_value_t = 16)]
+    #[arg(long, value_name = "N", default_value_t = 256)]
     starts: u32,
     /// Seed of the starts
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -89,14 +95,19 @@ pub(crate) struct Synth {
     /// Longest length of a leg, in percent of its longest in the initial arm
     #[arg(long, value_name = "PERCENT", default_value_t = 200.0)]
     longest: f64,
-    /// Least stroke between two states, in mm; default: that of a small solenoid. Where the frames cannot be reached so,
-    /// only actuators with a state that no frame uses keep it; bounds of strokes in FRAMES.toml come first
+    /// Least stroke between two states, in mm: small solenoids have 5. Where the frames cannot be reached so, actuators all
+    /// of whose states the frames use may have a tenth of it; 0 accepts equal stops, with which an actuator does not move. A
+    /// revolute joint turns the tool as far at the length scale of the arm. Strokes that FRAMES.toml bounds come first; the
+    /// paper's method has no bounds
     #[arg(long = "least-stroke", value_name = "MM", default_value_t = 5.0)]
     min_stroke: f64,
     /// Largest change of each coordinate of an anchor, in mm, used where stops alone do not reach the frames
     #[arg(long, value_name = "MM", default_value_t = 0.0, conflicts_with = "tolerance")]
     anchors: f64,
 }
+
+/// Share of the least stroke that an actuator may have where the frames need it so.
+const SHORTER: f64 = 0.1;
 
 /// Method of a synthesis.
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
@@ -153,35 +164,50 @@ impl Synth {
         if found.status == Status::Closest && !self.closest && !watch.is_ended() {
             return Err(not_met(&found, options.method).into());
         }
-        for actuator in equal_stops(&found.arm) {
-            let name = found.arm.actuator_name(actuator);
-            ui.note(&format!(
-                "warning: actuator {actuator} ({name}) has equal stops: it does not move; increase --least-stroke"
-            ));
-        }
+        self.warn_of_strokes(&found.arm, ui);
         self.write_files(&base.model, &found, ui)?;
         ui.print(&Synthesised::of(&found, &self.output, extras))
     }
 
-    /// Searches with the least stroke of every actuator, then with that of those that the frames leave free.
+    /// Searches with the least stroke of every actuator, then with a tenth of it where the frames need the states.
     fn search_with_strokes(
         &self,
         base: &Arm,
         desired: &[DesiredFrame],
         options: &Options,
     ) -> anyhow::Result<(Synthesis, Extras)> {
-        let min_m = 1e-3 * self.min_stroke;
-        let with = |free_only| {
-            let mut options = options.clone();
-            options.ranges.extend(min_strokes(base, desired, &options.ranges, min_m, free_only));
-            self.search(base, desired, &options)
+        let kept = self.stuck.filter(|_| self.keep_stop).map(|dead| stops_as_they_are(base, dead.actuator));
+        let ranges: Vec<StopRange> = options.ranges.iter().copied().chain(kept.into_iter().flatten()).collect();
+        let with = |min| {
+            let strokes = min_strokes(base, desired, &ranges, min);
+            let ranges = ranges.iter().copied().chain(strokes).collect();
+            self.search(base, desired, &Options { ranges, ..options.clone() })
         };
-        let all = with(false)?;
-        if all.0.status == Status::Reached || min_m == 0.0 || options.watch.is_ended() {
+        let min_m = 1e-3 * self.min_stroke;
+        let all = with(MinStroke::of_all(min_m))?;
+        let has_bounds = options.method == Method::Newton && min_m > 0.0;
+        if all.0.status == Status::Reached || !has_bounds || options.watch.is_ended() {
             return Ok(all);
         }
-        let free = with(true)?;
-        Ok(if free.0.status == Status::Reached { free } else { all })
+        let shorter = with(MinStroke { free_m: min_m, used_m: SHORTER * min_m })?;
+        Ok(if shorter.0.status == Status::Reached { shorter } else { all })
+    }
+
+    /// Names actuators that do not move, and those that move less than the least stroke.
+    fn warn_of_strokes(&self, arm: &Arm, ui: Ui) {
+        let equal = equal_stops(arm);
+        for actuator in short_strokes(arm, 1e-3 * self.min_stroke).into_iter().filter(|short| !equal.contains(short)) {
+            let (name, least) = (arm.actuator_name(actuator), self.min_stroke);
+            ui.note(&format!(
+                "warning: actuator {actuator} ({name}) has a stroke below {least} mm; the frames need it so"
+            ));
+        }
+        for actuator in equal {
+            let name = arm.actuator_name(actuator);
+            ui.note(&format!(
+                "warning: actuator {actuator} ({name}) has equal stops: it does not move; increase --least-stroke"
+            ));
+        }
     }
 
     /// Runs the requested search; its result and what is reported with it.
@@ -260,7 +286,9 @@ impl Synth {
         }
         let method = match self.method {
             Scheme::Newton => Method::Newton,
-            Scheme::Paper => Method::Paper { steps: self.steps, regularisation: self.regularisation },
+            Scheme::Paper => {
+                Method::Paper(PaperScheme { regularisation: self.regularisation, ..PaperScheme::of(self.steps) })
+            }
         };
         let bounds = Bounds {
             shortest: self.shortest / 100.0,
@@ -287,14 +315,9 @@ fn check(arm: &Arm, Dead { actuator, state }: Dead) -> Result<(), Usage> {
 /// One SVG per frame, named by its number: the arm with its tool, and the desired position.
 fn draw(arm: &Arm, frames: &[DesiredFrame], folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot create the folder {}", folder.display()))?;
-    let mut scratch = ArmScratch::default();
     for (index, frame) in frames.iter().enumerate() {
         let path = folder.join(format!("frame-{:02}-{}.svg", index + 1, frame.word));
-        arm.model.predict(&arm.model.working(frame.word, frame.previous, &frame.servos_rad), &mut scratch)?;
-        let mut scene = Scene::of_arm(arm, &scratch, frame.word.iter());
-        scene.title = format!("{}, {}, word {}", arm.name, frame.name, frame.word);
-        scene.axes(&frame.pose_base_tool);
-        scene.labels.push(("desired".to_owned(), frame.pose_base_tool.position));
+        let scene = Scene::of_frame(arm, frame)?;
         std::fs::write(&path, svg(&scene, true)).with_context(|| format!("cannot write {}", path.display()))?;
     }
     Ok(())

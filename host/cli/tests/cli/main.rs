@@ -10,6 +10,7 @@ mod examples;
 mod files;
 mod formats;
 mod former_names;
+mod hostile;
 mod import;
 mod json_keys;
 mod limits;

@@ -55,3 +55,37 @@ fn a_synthesis_keeps_a_least_stroke_and_names_equal_stops() {
     let warning = "warning: actuator 0 (module 1, left leg) has equal stops: it does not move; increase --least-stroke";
     assert!(text(&dead.stderr).contains(warning), "{}", text(&dead.stderr));
 }
+
+#[test]
+fn a_stuck_actuator_keeps_its_stops_on_demand() {
+    let home = Home::new();
+    let (arm, frames) = (example("planar4.toml"), example("planar4-frames.toml"));
+    let turned = |options: &str| {
+        let cost =
+            home.json(&format!("synth {arm} {frames} -o new.toml --stuck 4=0 --frames-out words.toml {options}"));
+        let settings = home.json(&format!("adjust {arm} new.toml --resolution-mm 0"))["settings"].clone();
+        let own = settings.as_array().unwrap().iter().filter(|line| line["actuator"] == 4).count();
+        (cost["repair"]["dead_turned_m"].as_f64().unwrap(), own, cost["repair"]["frames_met"].clone())
+    };
+    let (by_m, own, met) = turned("");
+    assert!(by_m > 1e-3 && own > 0 && met == 5, "{by_m} {own} {met}");
+    let said = home.succeeds(&format!("synth {arm} {frames} -o new.toml --stuck 4=0 --frames-out words.toml"));
+    assert!(said.contains("a stop of the stuck actuator is to be turned by"), "{said}");
+    assert_eq!(turned("--keep-stop"), (0.0, 0, 5.into()));
+}
+
+/// Four frames of one module are twelve equations, and it has six stops.
+#[test]
+fn anchors_move_where_no_stops_reach_the_frames() {
+    let home = Home::new();
+    let synth = format!("synth {} {} -o moved.toml", example("platform3.toml"), example("platform3-anchors.toml"));
+    let fixed = home.darm(&synth);
+    let error = text(&fixed.stderr);
+    assert!(!fixed.status.success() && error.contains("12 equations of rank 6"), "{error}");
+    assert!(error.contains("let anchors move with --anchors"), "{error}");
+    assert!(!home.darm(&format!("{synth} --anchors 50")).status.success());
+    let moved = home.json(&format!("{synth} --anchors 200"));
+    assert_eq!(moved["reached"], true);
+    let by_m = moved["anchors_moved_m"].as_f64().unwrap();
+    assert!(by_m > 0.05 && by_m < 0.2, "{by_m}");
+}

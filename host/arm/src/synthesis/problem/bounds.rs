@@ -56,7 +56,10 @@ impl Problem<'_> {
             } else {
                 (f64::NEG_INFINITY, f64::INFINITY)
             };
-            let own = ranges.iter().filter(|range| range.actuator == usize::from(actuator));
+            let is_own = |range: &&StopRange| {
+                range.actuator == usize::from(actuator) && range.state.is_none_or(|own| own == state)
+            };
+            let own = ranges.iter().filter(is_own);
             let (mut value, mut stroke) = ((min, max), (bounds.stroke, f64::INFINITY));
             for range in own {
                 value = (value.0.max(range.value.0), value.1.min(range.value.1));

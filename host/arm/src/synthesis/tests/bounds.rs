@@ -35,7 +35,7 @@ fn bounds_of_single_actuators_hold() {
     let free = synthesize(&arm, &desired[..3], &Options::default()).unwrap();
     let stop = Parameter::Stop { actuator: 4, state: 1 };
     let most = free.arm.model.chain.get(stop).unwrap() - 0.01;
-    let range = StopRange { actuator: 4, value: (0.5, most), stroke: (0.1, 0.9) };
+    let range = StopRange { value: (0.5, most), stroke: (0.1, 0.9), ..StopRange::any(4) };
     let options = Options { ranges: vec![range], ..Options::default() };
     let found = synthesize(&arm, &desired[..3], &options).unwrap();
     assert!(found.status == Status::Reached && found.kept);
@@ -64,7 +64,7 @@ fn a_least_stroke_is_kept() {
         let desired = moved(own_frames(&arm, &WORDS), 0.3, seed);
         let found = synthesize(&arm, &desired, &Options::default()).unwrap();
         dead += equal_stops(&found.arm).len();
-        let ranges = min_strokes(&arm, &desired, &[], 5e-3, false);
+        let ranges = min_strokes(&arm, &desired, &[], MinStroke::of_all(5e-3));
         let found = synthesize(&arm, &desired, &Options { ranges, ..Options::default() }).unwrap();
         assert_eq!(equal_stops(&found.arm), [0; 0], "seed {seed}");
     }

@@ -6,13 +6,16 @@ use super::*;
 fn the_papers_error_falls_with_the_square_of_its_steps() {
     let arm = planar4();
     let desired = moved(own_frames(&arm, &WORDS), 0.1, 1);
-    let worst = |steps| {
-        let options = Options { method: Method::Paper { steps, regularisation: 1e-3 }, ..Options::default() };
+    let worst = |scheme| {
+        let options = Options { method: Method::Paper(scheme), ..Options::default() };
         let found = synthesize(&arm, &desired, &options).unwrap();
         found.frames.iter().fold(0.0, |worst: f64, frame| worst.max(frame.error_m))
     };
-    let (coarse, fine) = (worst(20), worst(80));
+    let (coarse, fine) = (worst(Scheme::of(20)), worst(Scheme::of(80)));
     assert!(fine < coarse / 10.0 && coarse < 1e-3, "{coarse} {fine}");
+    // Without the actual frame the errors of all steps add up: by the steps alone.
+    let [coarse, fine] = [20, 80].map(|steps| worst(Scheme { feedback: Feedback::Interpolated, ..Scheme::of(steps) }));
+    assert!(fine > coarse / 6.0 && fine < coarse / 3.0, "{coarse} {fine}");
 }
 
 #[test]
@@ -20,7 +23,7 @@ fn the_papers_method_is_judged_by_its_own_accuracy() {
     let arm = planar4();
     let (desired, options) = task("planar4-frames.toml", &arm);
     let status = |steps| {
-        let method = Method::Paper { steps, regularisation: 1e-3 };
+        let method = Method::Paper(Scheme::of(steps));
         synthesize(&arm, &desired, &Options { method, ..options.clone() }).unwrap().status
     };
     assert_eq!((status(10), status(100)), (Status::Closest, Status::Reached));

@@ -66,7 +66,7 @@ struct FrameReport {
 #[derive(Debug, thiserror::Error)]
 #[error(
     "frames not reached: {frames} (errors up to {} mm, {} deg, met are {:.0e} m and {:.0e} rad); {case}; {why}; remove frames or move \
-     them closer, or accept the closest geometry with --closest",
+     them closer, let anchors move with --anchors, or accept the closest geometry with --closest",
     number(*worst_mm, 3),
     number(*worst_deg, 3),
     accuracy.position_m,
@@ -186,13 +186,17 @@ impl Extras {
         if let Some(cost) = &self.repair {
             text += &format!(
                 "repair: {} of {} frames reached, {} with another word; {} stops to adjust, by {:.1} mm (RSS); {:.0} % of the \
-                 words remain\n\n",
+                 words remain\n{}\n",
                 cost.frames_met,
                 cost.frames,
                 cost.words_changed,
                 cost.stops_turned,
                 1e3 * cost.alteration_m,
-                100.0 * cost.words_left
+                100.0 * cost.words_left,
+                match 1e3 * cost.dead_turned_m {
+                    mm if mm < 1e-3 => String::new(),
+                    mm => format!("a stop of the stuck actuator is to be turned by {mm:.1} mm; --keep-stop keeps it\n"),
+                }
             );
         }
         if !self.expected.is_empty() {
