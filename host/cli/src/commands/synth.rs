@@ -197,9 +197,9 @@ impl Synth {
     fn warn_of_strokes(&self, arm: &Arm, ui: Ui) {
         let equal = equal_stops(arm);
         for actuator in short_strokes(arm, 1e-3 * self.min_stroke).into_iter().filter(|short| !equal.contains(short)) {
-            let (name, least) = (arm.actuator_name(actuator), self.min_stroke);
+            let (name, min) = (arm.actuator_name(actuator), self.min_stroke);
             ui.note(&format!(
-                "warning: actuator {actuator} ({name}) has a stroke below {least} mm; the frames need it so"
+                "warning: actuator {actuator} ({name}) has a stroke below {min} mm; the frames need it so"
             ));
         }
         for actuator in equal {
