@@ -180,14 +180,8 @@ fn planar_arm(random: &mut ChaCha8Rng) -> Result<Arm> {
     Ok(arm)
 }
 
-/// 64⁶ words at 20 mm and 10°, beside random words.
-fn spatial_map(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
-    let arm = spatial(random)?;
-    let resolution = Resolution::new(0.02, 10f64.to_radians());
-    let (map, took_ms) = best_of(1, || Map::new(&arm, &[], resolution, |_| ()));
-    let map = map?;
-    let memory_gib = peak_memory_gib();
-    let tables = Tables::new(&arm);
+/// Shares of random words by cubes of positions, and jointly with cubes of rotation vectors.
+fn random_words(tables: &Tables, resolution: &Resolution, random: &mut ChaCha8Rng) -> (Shares, Joint) {
     let modules = tables.modules();
     let (mut sampled, mut joint_sampled) = (Shares::default(), Joint::default());
     for _ in 0..SAMPLES {
@@ -199,6 +193,18 @@ fn spatial_map(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
         let shares = joint_sampled.entry(coarse(turn.into())).or_default();
         shares.add(&pose.position, COARSE_JOINT_M, resolution.cell_m, 1.0 / SAMPLES as f64);
     }
+    (sampled, joint_sampled)
+}
+
+/// 64⁶ words at 20 mm and 10°, beside random words.
+fn spatial_map(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
+    let arm = spatial(random)?;
+    let resolution = Resolution::new(0.02, 10f64.to_radians());
+    let (map, took_ms) = best_of(1, || Map::new(&arm, &[], resolution, |_| ()));
+    let map = map?;
+    let memory_gib = peak_memory_gib();
+    let tables = Tables::new(&arm);
+    let (sampled, joint_sampled) = random_words(&tables, &resolution, random);
     let (joint, words) = (Mutex::new(Joint::default()), map.words());
     Map::with_layers(
         &arm,
