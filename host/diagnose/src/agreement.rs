@@ -23,8 +23,8 @@ const TRIMMED: f64 = 0.1;
 pub(crate) enum Agreement {
     /// As they are, or nearly.
     AsRead,
-    /// Hardly: the model explains less of the variance than one that belongs to its log.
-    Hardly,
+    /// Hardly: the model explains less than one that belongs to its log; no more effects than this may be named.
+    Hardly(usize),
     /// Read in another way, with this error.
     Otherwise(OtherReading),
 }
@@ -34,7 +34,7 @@ impl Agreement {
     pub(crate) fn other_reading(&self) -> Option<OtherReading> {
         match self {
             Self::Otherwise(reading) => Some(reading.clone()),
-            Self::AsRead | Self::Hardly => None,
+            Self::AsRead | Self::Hardly(_) => None,
         }
     }
 
@@ -43,7 +43,7 @@ impl Agreement {
     pub(crate) fn allows(&self, n_effects: usize, explained: f64) -> bool {
         match self {
             Self::AsRead => explained >= MIN_EXPLAINED,
-            Self::Hardly => explained >= MIN_EXPLAINED && n_effects <= FEW,
+            Self::Hardly(most) => explained >= MIN_EXPLAINED && n_effects <= *most,
             Self::Otherwise(_) => false,
         }
     }

@@ -85,7 +85,7 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
     let agreement = agreement::poses::agreement(arm, run);
     let Selection { best, rivals, path } = match &agreement {
         Agreement::Otherwise(_) => Selection { best: start.clone(), rivals: Vec::new(), path: Vec::new() },
-        Agreement::AsRead | Agreement::Hardly => {
+        Agreement::AsRead | Agreement::Hardly(_) => {
             forward_selection(&problem, start.clone(), Vec::new()).map_err(no_pose)?
         }
     };
@@ -223,7 +223,7 @@ fn select(
     let problem = Signals::new(experiment, groups);
     let (best, path) = match &agreement {
         Agreement::Otherwise(_) => (problem.fitted(always), Vec::new()),
-        Agreement::AsRead | Agreement::Hardly => search::select(&problem, always),
+        Agreement::AsRead | Agreement::Hardly(_) => search::select(&problem, always),
     };
     let Projected { best, impossible } = project(&problem, best, n_known);
     let selected = SelectedSignals { problem, best, n_known, impossible, path, agreement };

@@ -26,9 +26,9 @@ Examples:
   darm synth planar4.toml planar4-poses.toml -o chosen.toml --choose-words --frames-out words.toml
   darm synth planar4.toml planar4-frames.toml -o bought.toml --catalogue cylinders.csv --anchors 150
   darm synth planar4.toml planar4-frames.toml -o robust.toml --tolerance 0.05,0.1
-  darm synth platform3.toml platform3-anchors.toml -o moved.toml --anchors 200   # stops alone do not reach the frames
+  darm synth platform3.toml platform3-anchors.toml -o moved.toml --anchors 200   # beyond the stops
   darm synth arm.toml planar4-frames.toml -o repaired.toml --stuck 4=0   # actuator 4 in state 0
-  darm synth arm.toml planar4-frames.toml -o jammed.toml --stuck 4=0 --keep-stop   # its stops cannot be turned
+  darm synth arm.toml planar4-frames.toml -o jammed.toml --stuck 4=0 --keep-stop   # its stops stay
   darm synth planar4.toml planar4-frames.toml -o paper.toml --method paper --plot plots
 
 Lengths in the files are in m, angles in degrees. Ctrl-C ends the search with the closest geometry so far. `darm adjust \

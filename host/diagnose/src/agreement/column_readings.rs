@@ -96,7 +96,11 @@ fn late(data: &Prepared, measured: &[String], rows: isize) -> Reading {
 pub(super) fn around(data: &Prepared, measured: &[String], delay_s: f64) -> Vec<Reading> {
     let rows = (delay_s / data.sampling.period_s).round() as isize;
     let step = (rows.abs() / 16).max(1);
-    (-6..=6).map(|k| late(data, measured, rows + k * step)).collect()
+    let near = (-6..=6).map(|k| rows + k * step);
+    let is_tried = |other: &isize| {
+        other.signum() == rows.signum() && other.unsigned_abs() as f64 * data.sampling.period_s >= MIN_DELAY_S
+    };
+    near.filter(is_tried).map(|rows| late(data, measured, rows)).collect()
 }
 
 /// The robot mounted in other ways.

@@ -9,8 +9,8 @@ use darm_core::se::{Pose, rotation_log};
 use darm_core::units::Word;
 use nalgebra::Matrix3;
 
-use super::{Agreement, MIN_EXPLAINED, trimmed_root_mean_square};
-use crate::measurement::{Run, Sample};
+use super::{Agreement, FEW, MIN_EXPLAINED, trimmed_root_mean_square};
+use crate::measurement::Run;
 use crate::misreading::Misreading;
 use crate::outcome::{Number, OtherReading};
 
@@ -18,8 +18,8 @@ use crate::outcome::{Number, OtherReading};
 const NEAR: f64 = 0.03;
 /// An error that is less than this share of that of the log as it is read shows another reading.
 const MUCH_LESS: f64 = 0.25;
-/// Lengths of model and log that differ by more than this share are of two arms or in two units.
-const OTHER_SIZE: f64 = 0.1;
+/// Lengths of model and log that differ by more than this share are of two arms or in two units; less is a camera's scale.
+const OTHER_SIZE: f64 = 0.25;
 /// Rows that readings are compared on.
 const ROWS: usize = 64;
 /// Actuators up to which all orders near the present one are tried.
@@ -40,45 +40,46 @@ struct Comparison<'a> {
     rows: Vec<usize>,
 }
 
-/// How a run agrees with its arm.
+/// How a run agrees with its arm, by the rows that fits see; words may be those of any row of the log.
 pub(crate) fn agreement(arm: &Arm, run: &Run) -> Agreement {
-    let counted: Vec<usize> = (0..run.samples.len()).filter(|&sample| run.counts(sample)).collect();
-    let samples: Vec<&Sample> = counted.iter().map(|&sample| &run.samples[sample]).collect();
+    let samples = &run.samples;
     let as_read = Reading {
         words: samples.iter().map(|sample| sample.word).collect(),
         poses: samples.iter().map(|sample| sample.pose).collect(),
     };
-    let rows = (0..samples.len()).step_by(samples.len().div_ceil(ROWS).max(1)).collect();
+    let training: Vec<usize> = run.training().map(|(row, _)| row).collect();
+    let rows = training.iter().step_by(training.len().div_ceil(ROWS).max(1)).copied().collect();
     let comparison = Comparison { arm, servos: samples.iter().map(|sample| &sample.servos_rad[..]).collect(), rows };
     let Some(error_m) = comparison.error_m(&as_read) else { return Agreement::AsRead };
-    let motion_m = motion_m(arm, &as_read.poses);
+    let poses: Vec<Pose<f64>> = training.iter().map(|&row| as_read.poses[row]).collect();
+    let motion_m = motion_m(arm, &poses);
     if error_m < NEAR * motion_m {
         return Agreement::AsRead;
     }
-    let lines: Vec<usize> = counted.iter().map(|&sample| run.line(sample)).collect();
-    match comparison.best(&as_read, &lines).filter(|(_, other_m)| *other_m < MUCH_LESS * error_m) {
+    let best = comparison.best(&as_read, run, &training);
+    match best.filter(|(_, other_m)| *other_m < MUCH_LESS * error_m) {
         Some((misreading, other_m)) => {
             Agreement::Otherwise(OtherReading { misreading, error: Number { value: other_m, unit: "m" } })
         }
-        None if 1.0 - (error_m / motion_m).powi(2) < MIN_EXPLAINED => Agreement::Hardly,
+        None if 1.0 - (error_m / motion_m).powi(2) < MIN_EXPLAINED => Agreement::Hardly(FEW),
         None => Agreement::AsRead,
     }
 }
 
-/// Share of the variance of the poses of a run that a model with this error, m, explains.
-pub(crate) fn explained(arm: &Arm, run: &Run, error_m: f64) -> f64 {
+/// Share of the variance of the poses of a run that a model with these errors, m, explains.
+pub(crate) fn explained(arm: &Arm, run: &Run, errors_m: Vec<f64>) -> f64 {
     let poses: Vec<Pose<f64>> = run.training().map(|(_, sample)| sample.pose).collect();
-    1.0 - (error_m / motion_m(arm, &poses)).powi(2)
+    1.0 - (trimmed_root_mean_square(errors_m) / motion_m(arm, &poses)).powi(2)
 }
 
 impl Comparison<'_> {
     /// The reading with the smallest error, m.
-    fn best(&self, as_read: &Reading, lines: &[usize]) -> Option<(Misreading, f64)> {
+    fn best(&self, as_read: &Reading, run: &Run, training: &[usize]) -> Option<(Misreading, f64)> {
         let mut all: Vec<(Misreading, Reading)> = self.of_poses(as_read);
         all.extend(self.of_words(as_read));
         let judged = |(misreading, reading): (Misreading, Reading)| Some((misreading, self.error_m(&reading)?));
         let mut tried: Vec<(Misreading, f64)> = all.into_iter().filter_map(judged).collect();
-        tried.extend(self.out_of_step(as_read, lines));
+        tried.extend(self.out_of_step(as_read, run, training));
         tried.extend(self.other_size(as_read));
         if self.arm.n_actuators() <= MAX_ORDERED {
             tried.extend(self.other_order(as_read));
@@ -140,8 +141,8 @@ impl Comparison<'_> {
     }
 
     /// Words that are one row late or early from some row on.
-    fn out_of_step(&self, as_read: &Reading, lines: &[usize]) -> Vec<(Misreading, f64)> {
-        let all = Comparison { rows: (0..as_read.words.len()).collect(), servos: self.servos.clone(), ..*self };
+    fn out_of_step(&self, as_read: &Reading, run: &Run, training: &[usize]) -> Vec<(Misreading, f64)> {
+        let all = Comparison { rows: training.to_vec(), servos: self.servos.clone(), ..*self };
         let Some((errors_m, _)) = all.errors_m(as_read) else { return Vec::new() };
         let mut tried = Vec::new();
         for rows in [1, -1] {
@@ -153,10 +154,10 @@ impl Comparison<'_> {
                 Some(*sum)
             });
             let Some((last, _)) = gains.enumerate().max_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
-            let words = shifted(&as_read.words, last + 1, rows);
+            let Some(&first) = training.get(last + 1) else { continue };
+            let words = shifted(&as_read.words, first, rows);
             if let Some(error_m) = self.error_m(&Reading { words, poses: as_read.poses.clone() }) {
-                let line = lines.get(last + 1).copied().unwrap_or_default();
-                tried.push((Misreading::WordsOutOfStep { line, rows }, error_m));
+                tried.push((Misreading::WordsOutOfStep { line: run.line(first), rows }, error_m));
             }
         }
         tried

@@ -8,9 +8,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
 
-use super::Agreement;
 use super::column_readings::{Reading, around, readings};
-use crate::agreement::trimmed_root_mean_square;
+use super::{Agreement, FEW, trimmed_root_mean_square};
 use crate::effect::Law;
 use crate::linearise::experiment::{Columns, Experiment};
 use crate::linearise::model::Model;
@@ -34,6 +33,8 @@ const MUCH_LESS_AS_IT_IS: f64 = 0.25;
 /// Share of the variance that a model explains whose error is larger than what was measured varies, by far: rough models of a
 /// robot have neither friction nor motors, and explain little.
 const WORSE_THAN_NONE: f64 = -1.0;
+/// Least variation of what is predicted, as a share of the error, with which an error says that a model is wrong.
+const MIN_VARIATION: f64 = 0.5;
 /// Error under another reading as a share of what was measured, at the most on every axis.
 const AGREES: f64 = 0.5;
 /// Factor between measured and predicted signals from which on they are in different units.
@@ -46,8 +47,14 @@ const COMPARED: usize = 12;
 /// How the training rows of a table agree with its model; `experiment` is of the table as it is read.
 pub(crate) fn agreement(model: &Model, data: &Prepared, experiment: &Experiment) -> Agreement {
     let Some(training) = Training::of(experiment) else { return Agreement::AsRead };
-    if (0..experiment.n_norm).all(|axis| training.share(experiment, axis) < NEAR) {
+    let is_near = (0..experiment.n_norm).all(|axis| training.share(experiment, axis) < NEAR);
+    if is_near {
         return Agreement::AsRead;
+    }
+    let error = norm(experiment, &training.residuals);
+    if !training.tests_the_model(experiment, error) {
+        // A constant error that is larger than all that was measured is no effect: the model is another robot's.
+        return if error > norm(experiment, &training.measured) { Agreement::Hardly(0) } else { Agreement::AsRead };
     }
     let columns = columns(model, data);
     if let Some(factor) = training.ratio(experiment).filter(|factor| factor.ln().abs() > OTHER_UNIT.ln()) {
@@ -58,18 +65,21 @@ pub(crate) fn agreement(model: &Model, data: &Prepared, experiment: &Experiment)
     let comparison = Comparison { model, data };
     match comparison.better(readings(model, data, &columns), &columns) {
         Some((own, misreading)) => otherwise(misreading, own.norm, experiment),
-        None if explained(experiment, norm(experiment, &training.residuals)) < WORSE_THAN_NONE => Agreement::Hardly,
+        None if explained(experiment, error) < WORSE_THAN_NONE => Agreement::Hardly(FEW),
         None => Agreement::AsRead,
     }
 }
 
 /// Share of the variance of the training rows that a model with this error explains, by the norm; 1 where nothing but
-/// differences is measured.
+/// differences is measured, or nothing is predicted but a constant.
 pub(crate) fn explained(experiment: &Experiment, error: f64) -> f64 {
-    Training::of(experiment).map_or(1.0, |training| {
-        let varies = norm(experiment, &training.variation(experiment));
-        1.0 - (error / varies.max(f64::MIN_POSITIVE)).powi(2)
-    })
+    match Training::of(experiment).filter(|training| training.tests_the_model(experiment, error)) {
+        None => 1.0,
+        Some(training) => {
+            let varies = norm(experiment, &variation(experiment, &training.measured));
+            1.0 - (error / varies.max(f64::MIN_POSITIVE)).powi(2)
+        }
+    }
 }
 
 /// The rows that fits see of what was predicted and measured: rows × axes.
@@ -85,18 +95,15 @@ impl Training {
         Some(Self { residuals, measured: experiment.of_rows(experiment.measured.as_ref()?, false) })
     }
 
-    /// What was measured less its mean on each axis.
-    fn variation(&self, experiment: &Experiment) -> Vec<f64> {
-        let n_axes = experiment.axes.len();
-        let rows = (self.measured.len() / n_axes).max(1) as f64;
-        let mean: Vec<f64> =
-            (0..n_axes).map(|axis| self.measured.iter().skip(axis).step_by(n_axes).sum::<f64>() / rows).collect();
-        self.measured.iter().enumerate().map(|(k, number)| number - mean[k % n_axes]).collect()
+    /// Whether what is predicted varies enough for an error of this size to say that the model is wrong: at rest it does not.
+    fn tests_the_model(&self, experiment: &Experiment, error: f64) -> bool {
+        let predicted: Vec<f64> = self.residuals.iter().zip(&self.measured).map(|(r, measured)| r + measured).collect();
+        norm(experiment, &variation(experiment, &predicted)) > MIN_VARIATION * error
     }
 
     /// The error of an axis as a share of how much it varies.
     fn share(&self, experiment: &Experiment, axis: usize) -> f64 {
-        let varies = experiment.mean_square(&self.variation(experiment), axis);
+        let varies = experiment.mean_square(&variation(experiment, &self.measured), axis);
         (experiment.mean_square(&self.residuals, axis) / varies).sqrt()
     }
 
@@ -121,6 +128,14 @@ impl Training {
         let read: Vec<f64> = pairs.map(|(residual, measured)| residual + measured * (1.0 - 1.0 / factor)).collect();
         otherwise(Misreading::ColumnScale { columns, factor }, norm(experiment, &read), experiment)
     }
+}
+
+/// Rows × axes less the mean of each axis.
+fn variation(experiment: &Experiment, rows: &[f64]) -> Vec<f64> {
+    let n_axes = experiment.axes.len();
+    let n_rows = (rows.len() / n_axes).max(1) as f64;
+    let mean: Vec<f64> = (0..n_axes).map(|axis| rows.iter().skip(axis).step_by(n_axes).sum::<f64>() / n_rows).collect();
+    rows.iter().enumerate().map(|(k, number)| number - mean[k % n_axes]).collect()
 }
 
 /// Root mean square of the norm; 0 without rows.
@@ -184,7 +199,7 @@ impl Comparison<'_> {
         let mut data = self.data.read_as(reading.columns.clone(), ROWS);
         let experiment = linearise(reading.model.as_ref().unwrap_or(self.model), &mut data).ok()?;
         let (n_axes, n_norm) = (experiment.axes.len(), experiment.n_norm);
-        let measured = Training::of(&experiment)?.variation(&experiment);
+        let measured = variation(&experiment, &Training::of(&experiment)?.measured);
         let predicted = match laws {
             Laws::None => experiment.of_rows(&experiment.residuals, false),
             Laws::All => predicted_in_turn(experiment, None),

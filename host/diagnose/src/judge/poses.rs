@@ -44,7 +44,7 @@ pub(crate) fn judge(
     let effects = selected.effects();
     let look = |trial: &Trial<ToolPoses>| structure_after(selected, trial);
     let with = with_terms(problem, best, &mut remaining.depends_on, look)?;
-    let explained = agreement::poses::explained(arm, selected.run, best.error);
+    let explained = agreement::poses::explained(arm, selected.run, problem.training.distances_m(&best.predicted));
     let evidence = Evidence {
         agrees: selected.agreement.allows(effects.len(), explained),
         named: effects.len(),
