@@ -8,7 +8,7 @@
 //! | [`Algorithm::CmaEs`] | `cma` | Hansen, The CMA Evolution Strategy: A Tutorial, arXiv 1604.00772 |
 //!
 //! The same seed gives the same run, save where time stops it. For the pose of a tool none of them is the one to
-//! take: [`ik::solve`](super::solve) with [`Method::LevenbergMarquardt`](super::Method) needs less than a hundredth
+//! take: [`method::solve`](super::method::solve) with [`Method::LevenbergMarquardt`](super::Method) needs less than a hundredth
 //! of their evaluations.
 //!
 //! ```
