@@ -126,7 +126,7 @@ mod tests {
             ["seed 1", "seed 2"]
         );
         assert_eq!(items::<demo::Sweep>(json!({ "seeds": 1, "arm": "hybrid", "effect": null })).len(), 1);
-        assert_eq!(items::<bench::SynthesisSweep>(json!({})).len(), 14 * 200 + 100);
+        assert_eq!(items::<bench::SynthesisSweep>(json!({})).len(), 17 * 200 + 100);
         assert_eq!(items::<bench::Reach>(json!({ "seed": 1 })).len(), 1 + 1000);
         assert_eq!(items::<faults::Job>(json!({ "kills": 51, "frames": null, "stops": 20 })).len(), 3);
         let grasp = items::<papers::Grasp>(json!({ "n": 10, "held_out": 250, "lambdas": 2 }));

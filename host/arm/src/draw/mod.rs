@@ -197,7 +197,7 @@ mod tests {
     fn a_robot_in_space_is_shown_from_four_sides() {
         let robot = panda();
         let scene =
-            Scene::of_robot(&robot, robot.tool().unwrap(), &[0.0, 0.5, 0.0, -1.6, 0.0, 2.0, 0.8, 0.02, 0.02]).unwrap();
+            Scene::of_robot(&robot, robot.tool().unwrap(), &[0.0, 0.5, 0.0, -1.6, 0.0, 2.0, 0.8, 0.02]).unwrap();
         assert!(!scene.is_planar);
         let count = |part| scene.lines.iter().filter(|line| line.part == part).count();
         assert_eq!((count(Part::Revolute), count(Part::Prismatic)), (7, 2));
