@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::mjcf::{self, MjcfError};
 use crate::robot::Robot;
+use crate::shape::LinkShape;
 use crate::source::Source;
 use crate::urdf::{self, Locks, UrdfError};
 use crate::xml::Document;
@@ -25,6 +26,15 @@ pub fn read(path: &Path, locks: &Locks) -> Result<Robot, DescriptionError> {
     match Document::parse(&source) {
         Ok(document) if document.root().tag() == "mujoco" => Ok(mjcf::parse(path, source.text(), locks)?),
         _ => Ok(urdf::parse(path, source.text(), locks)?),
+    }
+}
+
+/// Reads the shapes that collide from a URDF or MJCF file, by the names of the links that they are on.
+pub fn read_shapes(path: &Path) -> Result<Vec<LinkShape>, DescriptionError> {
+    let source = Source::read_lossy::<urdf::UrdfFault>(path)?;
+    match Document::parse(&source) {
+        Ok(document) if document.root().tag() == "mujoco" => Ok(mjcf::parse_shapes(path, source.text())?),
+        _ => Ok(urdf::parse_shapes(path, source.text())?),
     }
 }
 

@@ -5,10 +5,14 @@ pub mod description;
 pub mod dh;
 pub mod ik;
 pub mod literal;
+mod mesh_file;
 pub mod mjcf;
 pub mod rigid_body;
 pub mod robot;
+pub mod shape;
 pub mod source;
+#[cfg(test)]
+mod testing;
 pub mod tree;
 pub mod urdf;
 mod xml;

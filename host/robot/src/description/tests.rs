@@ -5,8 +5,11 @@ use std::io::Read as _;
 use proptest::prelude::*;
 use serde_json::Value;
 
+use darm_core::real::Vec3;
+
 use super::*;
 use crate::robot::Motion;
+use crate::shape::Geometry;
 
 fn list(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().flat_map(|x| x.as_f64().map_or_else(|| list(x), |x| vec![x])).collect()
@@ -163,12 +166,7 @@ fn as_mjcf(links: &[Link]) -> String {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 48,
-        failure_persistence: None,
-        rng_seed: proptest::test_runner::RngSeed::Fixed(6),
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(crate::testing::seeded(48))]
 
     #[test]
     fn a_tree_is_the_same_in_both_formats(links in links(), seed in -1.0..1.0f64) {
@@ -196,4 +194,69 @@ proptest! {
             let _ = parse(format, &String::from_utf8_lossy(&bytes));
         }
     }
+}
+
+/// The shapes of a text in a scratch folder, or the message.
+fn shapes(format: &str, body: &str) -> Result<Vec<LinkShape>, String> {
+    let path = Path::new("model").with_extension(format);
+    match format {
+        "urdf" => urdf::parse_shapes(&path, &format!("<robot>\n{body}\n</robot>")).map_err(|error| error.to_string()),
+        _ => mjcf::parse_shapes(&path, &format!("<mujoco>\n{body}\n</mujoco>")).map_err(|error| error.to_string()),
+    }
+}
+
+#[test]
+fn shapes_that_collide_are_the_same_in_both_formats() {
+    let of_link = |geometry: &str| {
+        format!(
+            "<collision><origin xyz='1 2 3'/><geometry>{geometry}</geometry></collision><collision><geometry><sphere radius='9'/></geometry></collision>"
+        )
+    };
+    let pairs = [
+        ("<box size='2 4 6'/>", "type='box' size='1 2 3'"),
+        ("<sphere radius='2'/>", "size='2'"),
+        ("<cylinder radius='2' length='6'/>", "type='cylinder' size='2 3'"),
+        ("<capsule radius='2' length='6'/>", "type='capsule' fromto='1 2 0 1 2 6' size='2'"),
+    ];
+    for (urdf, mjcf) in pairs {
+        let urdf = shapes("urdf", &format!("<link name='a'>{}</link>", of_link(urdf))).unwrap();
+        let pos = if mjcf.contains("fromto") { "" } else { "pos='1 2 3'" };
+        let geoms = format!("<geom {pos} {mjcf}/><geom size='9'/><geom contype='0' conaffinity='0' size='1'/>");
+        let mjcf =
+            shapes("xml", &format!("<worldbody><body name='a'>{geoms}<site/></body><geom type='plane'/></worldbody>"));
+        let mjcf: Vec<_> = mjcf.unwrap();
+        assert_eq!((urdf.len(), mjcf.len()), (2, 2));
+        for (one, other) in urdf.iter().zip(&mjcf) {
+            assert_eq!((&one.link, &one.geometry), (&other.link, &other.geometry));
+            assert_eq!(one.pose.position, other.pose.position);
+        }
+    }
+}
+
+#[test]
+fn meshes_collide_as_their_corners() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples");
+    let shapes = read_shapes(&folder.join("leap_hand.xml")).unwrap();
+    let tips: Vec<_> = shapes.iter().filter(|shape| matches!(shape.geometry, Geometry::Hull(_))).collect();
+    assert_eq!(tips.iter().map(|tip| tip.link.as_str()).collect::<Vec<_>>(), ["if_ds", "mf_ds", "rf_ds", "th_ds"]);
+    let Geometry::Hull(corners) = &tips[0].geometry else { panic!("{:?}", tips[0]) };
+    assert_eq!((corners.len(), corners[0]), (52, Vec3::new(0.00200284, -0.0199396, 0.0266029)));
+}
+
+#[test]
+fn shapes_that_cannot_be_read_have_a_place() {
+    let urdf = |geometry: &str| {
+        shapes("urdf", &format!("<link name='a'><collision>{geometry}</collision></link>")).unwrap_err()
+    };
+    assert!(urdf("").starts_with("model.urdf:2:16: <collision> of link `a` has no shape"), "{}", urdf(""));
+    let none = urdf("<geometry><plane/></geometry>");
+    assert!(none.contains("give it a <geometry> with a box"), "{none}");
+    let flat = urdf("<geometry><box size='1 0 1'/></geometry>");
+    assert!(flat.starts_with("model.urdf:2:48: size has a number that is not above 0"), "{flat}");
+    let lost = urdf("<geometry><mesh filename='package://none/a.stl'/></geometry>");
+    assert!(lost.starts_with("model.urdf:2:53: none/a.stl: No such file"), "{lost}");
+    let dae = urdf("<geometry><mesh filename='a.dae'/></geometry>");
+    assert!(dae.starts_with("model.urdf:2:53: a.dae: "), "{dae}");
+    let fitted = shapes("xml", "<worldbody><geom type='box' mesh='m'/></worldbody>").unwrap_err();
+    assert!(fitted.contains("a shape that is fitted to a mesh is not supported; give it a size"), "{fitted}");
 }

@@ -60,7 +60,7 @@ pub(super) fn inertia<'a>(
 }
 
 /// The pose of a geom and its sizes, from its ends where it has `fromto`.
-fn placed(geom: Settled<'_>, settings: &Settings) -> Result<(Pose<f64>, Vec<f64>), Wrong> {
+pub(super) fn placed(geom: Settled<'_>, settings: &Settings) -> Result<(Pose<f64>, Vec<f64>), Wrong> {
     let mut size = geom.list("size")?;
     let Some([a, b, c, d, e, f]) = geom.numbers("fromto")? else { return Ok((pose(geom, settings)?, size)) };
     let (from, to) = (Vec3::new(a, b, c), Vec3::new(d, e, f));

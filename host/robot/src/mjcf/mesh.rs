@@ -14,8 +14,8 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use super::classes::{Classes, MAIN, Settled};
 use super::fault::{MjcfFault, Wrong};
 use super::files::{Files, Part};
-use super::mesh_file::{Surface, parse};
 use super::settings::Settings;
+use crate::mesh_file::{Surface, parse};
 use crate::xml::Attribute;
 
 /// Volume in m³, centre in m, moments about the centre in m⁵.
@@ -43,13 +43,10 @@ impl<'a> Meshes<'a> {
 
     /// The solid of the mesh that a geom names, in the frame of its file.
     pub(super) fn solid(&mut self, geom: Settled<'a>, settings: &Settings) -> Result<Solid, Wrong> {
-        let missing = || geom.part.wrong(MjcfFault::Missing { element: "geom".into(), attribute: "mesh" });
-        let name = geom.value("mesh").ok_or_else(missing)?;
+        let (name, mesh) = self.named(geom)?;
         if let Some(solid) = self.read.get(name) {
             return Ok(*solid);
         }
-        let unknown = || geom.part.wrong(MjcfFault::Unknown { what: "mesh", name: name.into() });
-        let mesh = *self.listed.get(name).ok_or_else(unknown)?;
         let surface = self.surface(mesh, settings)?;
         let triangles: Vec<[Vec3<f64>; 3]> = surface.triangles().collect();
         let found = match mesh.value("inertia").unwrap_or("legacy") {
@@ -64,6 +61,19 @@ impl<'a> Meshes<'a> {
         let solid = found.ok_or_else(empty)?;
         self.read.insert(name.to_owned(), solid);
         Ok(solid)
+    }
+
+    /// The corners of the mesh that a geom names, in the frame of its file.
+    pub(super) fn corners(&self, geom: Settled<'a>, settings: &Settings) -> Result<Vec<Vec3<f64>>, Wrong> {
+        Ok(self.surface(self.named(geom)?.1, settings)?.vertices)
+    }
+
+    /// The mesh that a geom names.
+    fn named(&self, geom: Settled<'a>) -> Result<(&'a str, Settled<'a>), Wrong> {
+        let missing = || geom.part.wrong(MjcfFault::Missing { element: "geom".into(), attribute: "mesh" });
+        let name = geom.value("mesh").ok_or_else(missing)?;
+        let unknown = || geom.part.wrong(MjcfFault::Unknown { what: "mesh", name: name.into() });
+        Ok((name, *self.listed.get(name).ok_or_else(unknown)?))
     }
 
     /// The surface of a mesh, moved and scaled as its element says.

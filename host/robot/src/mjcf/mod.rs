@@ -14,6 +14,7 @@
 //! | `equality` of two joints, by a straight line | the first follows the second; it is no coordinate |
 //! | other `equality`, `gravcomp`, `mocap` | not computed; the warnings say which, and where |
 //! | `replicate`, `composite`, `flexcomp`, `attach` | refused |
+//! | `geom` with a `contype` or `conaffinity` | a shape that collides, read by [`parse_shapes`] alone; `exclude` is not read |
 //! | actuators, tendons, sensors, contacts, springs, visuals | not read |
 //!
 //! Joints are numbered as MuJoCo numbers them, without those that a free joint has. Positions are those of MuJoCo's `qpos`:
@@ -23,6 +24,7 @@
 mod bodies;
 mod build;
 mod classes;
+mod collision;
 mod equality;
 mod fault;
 mod files;
@@ -30,13 +32,13 @@ mod frame;
 mod geom;
 mod inertial;
 mod mesh;
-mod mesh_file;
 mod settings;
 
 use std::path::Path;
 
 use crate::assembly::Locks;
 use crate::robot::Robot;
+use crate::shape::LinkShape;
 use crate::source::{FileError, Source};
 
 pub use fault::MjcfFault;
@@ -52,6 +54,12 @@ pub fn read(path: &Path, locks: &Locks) -> Result<Robot, MjcfError> {
 /// The robot that `text` describes; `path` serves messages, and its folder what the text includes.
 pub fn parse(path: &Path, text: &str, locks: &Locks) -> Result<Robot, MjcfError> {
     robot(Source::of_text(path, text), locks)
+}
+
+/// The shapes that collide in the model that `text` describes; `path` as in [`parse`].
+pub fn parse_shapes(path: &Path, text: &str) -> Result<Vec<LinkShape>, MjcfError> {
+    let files = files::Files::read(Source::of_text(path, text))?;
+    collision::shapes(&files).map_err(|wrong| files.error(wrong))
 }
 
 fn robot(source: Source, locks: &Locks) -> Result<Robot, MjcfError> {

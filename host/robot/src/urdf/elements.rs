@@ -125,16 +125,16 @@ fn origin(element: Element<'_>) -> Result<Pose<f64>, Wrong> {
     Ok(Pose { rotation, position: numbers(origin, "xyz", [0.0; 3])?.into() })
 }
 
-fn required<'a>(element: Element<'a>, attribute: &'static str) -> Result<&'a str, Wrong> {
+pub(super) fn required<'a>(element: Element<'a>, attribute: &'static str) -> Result<&'a str, Wrong> {
     let missing = || (element.span(), UrdfFault::NoAttribute { element: element.tag().into(), attribute });
     element.value(attribute).ok_or_else(missing)
 }
 
-fn number(element: Element<'_>, attribute: &'static str, default: f64) -> Result<f64, Wrong> {
+pub(super) fn number(element: Element<'_>, attribute: &'static str, default: f64) -> Result<f64, Wrong> {
     numbers(element, attribute, [default]).map(|[number]| number)
 }
 
-fn numbers<const N: usize>(
+pub(super) fn numbers<const N: usize>(
     element: Element<'_>,
     attribute: &'static str,
     default: [f64; N],

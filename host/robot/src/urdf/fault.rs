@@ -126,6 +126,28 @@ pub enum UrdfFault {
         /// The upper limit.
         upper: f64,
     },
+    /// A `<collision>` without one of the shapes that are read.
+    #[error(
+        "<collision> of link `{link}` has no shape; give it a <geometry> with a box, sphere, cylinder, capsule or mesh"
+    )]
+    Shape {
+        /// The link.
+        link: String,
+    },
+    /// A length or scale that is not above zero.
+    #[error("{attribute} has a number that is not above 0; give sizes in m")]
+    Size {
+        /// The attribute.
+        attribute: &'static str,
+    },
+    /// The file of a mesh cannot be read.
+    #[error("{path}: {reason}; correct the path or the file")]
+    Mesh {
+        /// The file.
+        path: String,
+        /// Why.
+        reason: String,
+    },
     /// A joint is to be locked that there is not.
     #[error("there is no moving joint `{joint}` to lock; there are {}", known.join(", "))]
     UnknownLock {

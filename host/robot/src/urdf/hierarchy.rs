@@ -75,7 +75,7 @@ impl<'a> Hierarchy<'a> {
 }
 
 /// The children of this tag, by names that differ.
-fn named<'a>(robot: Element<'a>, tag: &'static str) -> Result<Vec<Named<'a>>, Wrong> {
+pub(super) fn named<'a>(robot: Element<'a>, tag: &'static str) -> Result<Vec<Named<'a>>, Wrong> {
     let (mut found, mut names) = (Vec::new(), HashMap::new());
     for element in robot.children().filter(|child| child.tag() == tag) {
         let named = Named::new(element)?;

@@ -9,6 +9,7 @@
 //! | `mimic` | follows the joint that it names, through any number of others; it is no coordinate |
 //! | `<inertial>` missing | no mass; the warnings say which |
 //! | `<limit>` missing, or 0 to 0 | no limits; the warnings say which |
+//! | `<collision>` | read by [`parse_shapes`] alone |
 //! | all other elements | not read, and not checked |
 //!
 //! Joints are in the order in which a walk from the root meets them, branch by branch, children in the order of the file.
@@ -16,6 +17,7 @@
 //! Source: <https://wiki.ros.org/urdf/XML>.
 
 mod build;
+mod collision;
 mod elements;
 mod fault;
 mod hierarchy;
@@ -23,6 +25,7 @@ mod hierarchy;
 use std::path::Path;
 
 use crate::robot::Robot;
+use crate::shape::LinkShape;
 use crate::source::{Fault, FileError, Source};
 use crate::xml::Document;
 
@@ -42,10 +45,18 @@ pub fn parse(path: &Path, text: &str, locks: &Locks) -> Result<Robot, UrdfError>
     robot(&Source::of_text(path, text), locks)
 }
 
+/// The shapes that collide in the URDF that `text` is; `path` serves messages, and its folder the files of meshes.
+pub fn parse_shapes(path: &Path, text: &str) -> Result<Vec<LinkShape>, UrdfError> {
+    let source = Source::of_text(path, text);
+    collision::shapes(document(&source)?.root(), &source).map_err(|(span, fault)| source.wrong(span, fault))
+}
+
 fn robot(source: &Source, locks: &Locks) -> Result<Robot, UrdfError> {
-    let document =
-        Document::parse(source).map_err(|wrong| source.error(Some(wrong.span), Fault::Syntax(wrong.reason)))?;
-    build::robot(document.root(), locks).map_err(|(span, fault)| source.wrong(span, fault))
+    build::robot(document(source)?.root(), locks).map_err(|(span, fault)| source.wrong(span, fault))
+}
+
+fn document(source: &Source) -> Result<Document, UrdfError> {
+    Document::parse(source).map_err(|wrong| source.error(Some(wrong.span), Fault::Syntax(wrong.reason)))
 }
 
 #[cfg(test)]

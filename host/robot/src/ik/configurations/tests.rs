@@ -26,12 +26,7 @@ fn all(links: usize, target: &Pose<f64>, orientation_rad: f64, most: usize) -> C
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 16,
-        failure_persistence: None,
-        rng_seed: proptest::test_runner::RngSeed::Fixed(6),
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(crate::testing::seeded(16))]
 
     /// Two links reach a point with the elbow on either side; three reach a pose so.
     #[test]

@@ -51,12 +51,7 @@ fn cost(problem: Problem<'_>, x: &[f64]) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 48,
-        failure_persistence: None,
-        rng_seed: proptest::test_runner::RngSeed::Fixed(6),
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(crate::testing::seeded(48))]
 
     #[test]
     fn gradient_and_hessian_are_those_of_differences(arm in arms(true), target in poses(), at in -1.0..1.0f64) {

@@ -49,12 +49,7 @@ fn short(seed: u64) -> Settings {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 24,
-        failure_persistence: None,
-        rng_seed: proptest::test_runner::RngSeed::Fixed(6),
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(crate::testing::seeded(24))]
 
     #[test]
     fn a_run_keeps_its_promises(

@@ -6,19 +6,19 @@ use darm_core::real::Vec3;
 
 /// Corners, and three of them for each face.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Surface {
-    pub(super) vertices: Vec<Vec3<f64>>,
-    pub(super) faces: Vec<[usize; 3]>,
+pub(crate) struct Surface {
+    pub(crate) vertices: Vec<Vec3<f64>>,
+    pub(crate) faces: Vec<[usize; 3]>,
 }
 
 impl Surface {
-    pub(super) fn triangles(&self) -> impl Iterator<Item = [Vec3<f64>; 3]> {
+    pub(crate) fn triangles(&self) -> impl Iterator<Item = [Vec3<f64>; 3]> {
         self.faces.iter().map(|face| face.map(|vertex| self.vertices[vertex]))
     }
 }
 
 /// The surface of a file, by the end of its name.
-pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Surface, String> {
+pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<Surface, String> {
     let end = path.extension().map(|end| end.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     let surface = match end.as_str() {
         "stl" => stl(bytes),
