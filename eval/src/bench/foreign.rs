@@ -4,7 +4,6 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
-use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail};
 use darm_figures::figure::Figure;
@@ -14,7 +13,8 @@ use darm_robot::source::{Fault, Place};
 use darm_robot::urdf::Locks;
 use nalgebra::DMatrix;
 use serde::Deserialize;
-use xtask::step;
+
+use crate::python;
 
 /// What computes the reference, and packages that hold robot files.
 const PACKAGES: [&str; 9] = [
@@ -28,7 +28,6 @@ const PACKAGES: [&str; 9] = [
     "robosuite==1.5.1",
     "numpy==2.4.6",
 ];
-const BY_HAND: &str = "make the environment by hand: python3 -m venv FOLDER, then its pip install the packages";
 /// Larger disagreement is listed.
 const AGREES: f64 = 1e-10;
 
@@ -73,7 +72,7 @@ const QUANTITIES: [&str; 3] = ["mass matrix", "gravity", "Jacobian"];
 
 /// Reads and compares all files below the folder.
 pub(super) fn measure(folder: &Path) -> Result<Vec<Figure>> {
-    let python = environment(folder)?;
+    let python = python::environment(folder, &PACKAGES)?;
     eprintln!("computing reference values (some minutes)");
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/src/bench/foreign.py");
     let output = Command::new(&python).arg(script).arg(folder).output()?;
@@ -91,20 +90,6 @@ pub(super) fn measure(folder: &Path) -> Result<Vec<Figure>> {
         figures.extend(tally.figures(format)?);
     }
     Ok(figures)
-}
-
-/// The Python of a virtual environment, made with all packages where it is missing.
-fn environment(folder: &Path) -> Result<std::path::PathBuf> {
-    let python = folder.join("bin/python");
-    if !python.exists() {
-        let mut create = Command::new("python3");
-        create.args(["-m", "venv"]).arg(folder);
-        step::run("making a virtual environment", &mut create, Duration::from_secs(120), BY_HAND)?;
-        let mut install = Command::new(folder.join("bin/pip"));
-        install.args(["install", "--quiet"]).args(PACKAGES);
-        step::run("installing the packages (about 2 GB)", &mut install, Duration::from_secs(3600), BY_HAND)?;
-    }
-    Ok(python)
 }
 
 impl Tally {

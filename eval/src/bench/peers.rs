@@ -13,6 +13,8 @@ use anyhow::{Context, Result, bail};
 use darm_figures::figure::Figure;
 use xtask::{setup, step};
 
+use crate::python;
+
 /// The release whose figures are in the README.
 const PIN: &str = "pin==4.1.0";
 const EIGEN: &str = "cmeel-eigen";
@@ -64,18 +66,7 @@ fn python_wheel(folder: &Path) -> Result<PathBuf> {
     if let Some(found) = prefix(&venv) {
         return Ok(found);
     }
-    let create = || {
-        let mut create = Command::new("python3");
-        create.args(["-m", "venv", "--clear"]).arg(&venv);
-        step::run("making a virtual environment for Pinocchio", &mut create, Duration::from_secs(120), BY_HAND)
-    };
-    if create().is_err() {
-        setup::install(&["python3-venv"], BY_HAND)?;
-        create()?;
-    }
-    let mut install = Command::new(venv.join("bin/pip"));
-    install.args(["install", "--quiet", PIN, EIGEN]);
-    step::run("installing Pinocchio there (about 100 MB)", &mut install, Duration::from_secs(900), BY_HAND)?;
+    python::environment(&venv, &[PIN, EIGEN])?;
     prefix(&venv).with_context(|| format!("{PIN} brought no headers; {BY_HAND}"))
 }
 

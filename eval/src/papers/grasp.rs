@@ -1,25 +1,29 @@
-//! Suárez and Claret, Searching a valid hand configuration to perform a given grasp: Table 1, Figures 4 and 5, and the
-//! method to use on constraints that the training never saw.
+//! Suárez and Claret, Searching a valid hand configuration to perform a given grasp: Table 1, Figures 4 to 8, and the
+//! method to use on constraints that the training never saw, for two hands.
 
-use std::iter;
-use std::path::Path;
+mod check;
+mod examples;
+
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context as _, Result, ensure};
+use darm_core::se::Pose;
 use darm_figures::figure::Figure;
 use darm_figures::items::Job;
-use darm_figures::progress::Progress;
 use darm_figures::shard::Shard;
+use darm_papers::grasp::assembly::HandFile;
 use darm_papers::grasp::contact::{Configuration, Contacts};
-use darm_papers::grasp::file::{HandFile, read_hand};
+use darm_papers::grasp::file::read_hand;
+use darm_papers::grasp::layout::ANGLES;
 use darm_papers::grasp::library::Library;
 use darm_papers::grasp::paper::{End, Settings};
-use darm_papers::grasp::train::{Chosen, PAPER_LAMBDAS, PAPER_SUCCESS, Training};
+use darm_papers::grasp::train::{Chosen, Outcomes, PAPER_LAMBDAS, PAPER_SUCCESS, Training};
 use darm_papers::grasp::{plot, solve};
 use serde::{Deserialize, Serialize};
 use xtask::setup;
 
-/// Finding a hand's configuration for a grasp: Table 1, Figures 4 and 5, and the method to use
+/// Finding a hand's configuration for a grasp: Table 1, Figures 4 to 8, and the method to use, for two hands
 #[derive(clap::Args, Serialize, Deserialize)]
 pub(crate) struct Grasp {
     /// Constraints of the training
@@ -37,11 +41,19 @@ const SEED: u64 = 1;
 /// Of the comparison.
 const HELD_OUT_SEED: u64 = 2;
 const LIBRARY_SEED: u64 = 3;
-const LIBRARY: usize = 1000;
+const LIBRARY: usize = 3000;
 /// The longest sequence of the paper.
 const LENGTH: usize = 10;
 /// Constraints of one item.
 const BATCH: usize = 100;
+/// Constraints that are searched for examples like the paper's.
+const EXAMPLES: usize = 2000;
+
+/// The hand of the paper's method, and another one; names of their figures.
+const HANDS: [(&str, &str, &str); 2] = [
+    ("Levenberg-Marquardt", "examples/allegro_hand.toml", "examples/allegro_hand.urdf"),
+    ("LEAP hand", "examples/leap_hand.toml", "examples/leap_hand.xml"),
+];
 
 /// What one method came to on one constraint.
 #[derive(Serialize, Deserialize)]
@@ -50,6 +62,8 @@ pub(crate) struct Run {
     solved_by: Option<usize>,
     iterations: u32,
     time_s: f64,
+    /// The angles of an answer, rad.
+    angles: Vec<f64>,
     /// What the independent forward kinematics finds wrong.
     faults: Faults,
 }
@@ -61,30 +75,50 @@ struct Faults {
     error_m: f64,
 }
 
-/// One λ of the sequence that was trained.
-#[derive(Serialize, Deserialize)]
-pub(crate) struct Lambda {
-    lambda: f64,
-    rate: f64,
-    accumulated: f64,
-}
-
 /// What came of one item.
 #[derive(Serialize, Deserialize)]
 pub(crate) enum Outcome {
-    /// The trained sequence.
-    Sequence(Vec<Lambda>),
+    /// For each constraint of the training, a digit for each λ: 1 where it solves.
+    Trained(Vec<String>),
     /// Some held-out constraints by both methods, and some with contacts in an order that nobody gave.
-    HeldOut { paper: Vec<Run>, ours: Vec<Run>, unassigned: Vec<Run> },
+    Allegro { paper: Vec<Run>, ours: Vec<Run>, unassigned: Vec<Run> },
+    /// Some of the other hand.
+    Leap(Vec<Run>),
 }
 
-/// The hand, what was trained, and constraints that the training never saw.
-pub(crate) struct Bench {
+/// A hand and constraints that no training saw.
+struct Subject {
     file: HandFile,
-    sequence: Vec<Chosen>,
-    lambdas: Vec<f64>,
     library: Library,
     held_out: Vec<Contacts>,
+}
+
+/// Both hands, and the constraints of the training.
+pub(crate) struct Bench {
+    allegro: Subject,
+    leap: Subject,
+    training: Vec<Contacts>,
+}
+
+impl Subject {
+    fn new(hand: &str, count: usize) -> Result<Self> {
+        let file = read_hand(&setup::root().join(hand))?;
+        let library = Library::draw(&file.hand, LIBRARY, LIBRARY_SEED);
+        let held_out = file.hand.draw_many(count, HELD_OUT_SEED);
+        ensure!(held_out.len() == count && !library.is_empty(), "{hand}: every posture that was drawn collides");
+        Ok(Self { file, library, held_out })
+    }
+}
+
+impl Grasp {
+    fn training(&self) -> Training {
+        Training { count: self.n, lambdas: self.lambdas, seed: SEED, settings: Settings::default() }
+    }
+
+    /// The items of the training, and those of a hand.
+    fn batches(&self) -> [usize; 2] {
+        [self.n.div_ceil(BATCH), self.held_out.div_ceil(BATCH)]
+    }
 }
 
 impl Job for Grasp {
@@ -93,51 +127,47 @@ impl Job for Grasp {
     type Outcome = Outcome;
 
     fn items(&self) -> Result<Vec<String>> {
-        let batches = (0..self.held_out).step_by(BATCH).map(|first| format!("constraints from {first}"));
-        Ok(iter::once("training".to_owned()).chain(batches).collect())
+        let named = |what: &'static str, count: usize| {
+            (0..count).step_by(BATCH).map(move |first| format!("{what}, constraints from {first}"))
+        };
+        let hands = ["Allegro hand", "LEAP hand"].into_iter().flat_map(|hand| named(hand, self.held_out));
+        Ok(named("training", self.n).chain(hands).collect())
     }
 
-    /// The training is the same in each process. A separate file lets it resume after an interruption.
-    fn bench(&self, shard: Shard) -> Result<Bench> {
-        let progress = Progress::shown();
-        let file = read_hand(&setup::root().join("examples/allegro_hand.toml"))?;
-        let folder = setup::root().join("target/papers/grasp");
-        std::fs::create_dir_all(&folder).with_context(|| format!("{} cannot be made", folder.display()))?;
-        let training = Training { count: self.n, lambdas: self.lambdas, seed: SEED, settings: Settings::default() };
-        progress
-            .say(format!("training: {} constraints, {} values of λ; it resumes if interrupted", self.n, self.lambdas));
-        let bar = progress.bar("constraints", self.n as u64);
-        let part = if shard.is_part() { format!("-{}", shard.number()) } else { String::new() };
-        let kept = folder.join(format!("training-{}-{}{part}.txt", self.n, self.lambdas));
-        let outcomes = training.run(&file.hand, Some(&kept), |done| bar.set_position(done as u64))?;
-        bar.finish_and_clear();
-        let sequence = outcomes.sequence(LENGTH);
-        ensure!(!sequence.is_empty(), "no λ solves any constraint");
-        pictures(&folder, &outcomes.lambdas, &sequence)?;
-        let held_out = file.hand.draw_many(self.held_out, HELD_OUT_SEED);
-        let lambdas = sequence.iter().map(|chosen| chosen.lambda).collect();
-        let library = Library::draw(&file.hand, LIBRARY, LIBRARY_SEED);
-        Ok(Bench { file, sequence, lambdas, library, held_out })
+    fn bench(&self, _: Shard) -> Result<Bench> {
+        let [allegro, leap] = [HANDS[0], HANDS[1]].map(|(_, hand, _)| Subject::new(hand, self.held_out));
+        let allegro = allegro?;
+        let training = allegro.file.hand.draw_many(self.n, SEED);
+        Ok(Bench { allegro, leap: leap?, training })
     }
 
     fn run(&self, bench: &Bench, item: usize) -> Result<Outcome> {
-        let Bench { file, lambdas, library, held_out, .. } = bench;
-        let Some(batch) = item.checked_sub(1) else {
-            let lambda = |Chosen { lambda, rate, accumulated, .. }: &Chosen| Lambda {
-                lambda: *lambda,
-                rate: *rate,
-                accumulated: *accumulated,
-            };
-            return Ok(Outcome::Sequence(bench.sequence.iter().map(lambda).collect()));
-        };
-        let first = batch * BATCH;
-        let batch = &held_out[first..held_out.len().min(first + BATCH)];
+        let [trained, held_out] = self.batches();
+        let batch = |all: &[Contacts], index: usize| all.chunks(BATCH).nth(index).map(<[Contacts]>::to_vec);
+        let missing = "an item past the last";
+        if item < trained {
+            let (hand, training) = (&bench.allegro.file.hand, self.training());
+            let digits = |solved: Vec<bool>| solved.iter().map(|solved| if *solved { '1' } else { '0' }).collect();
+            let rows = batch(&bench.training, item).context(missing)?;
+            return Ok(Outcome::Trained(rows.iter().map(|row| digits(training.solved(hand, row))).collect()));
+        }
+        let item = item - trained;
+        if item >= held_out {
+            let Subject { file, library, held_out: all } = &bench.leap;
+            let all = batch(all, item - held_out).context(missing)?;
+            return Ok(Outcome::Leap(
+                all.iter().map(|contacts| by_us(file, library, contacts)).collect::<Result<_>>()?,
+            ));
+        }
+        let Subject { file, library, held_out: all } = &bench.allegro;
         // A tenth of all constraints, the first ones.
-        let unassigned = held_out.len().div_ceil(10).saturating_sub(first).min(batch.len());
-        Ok(Outcome::HeldOut {
-            paper: batch.iter().map(|contacts| by_paper(file, lambdas, contacts)).collect::<Result<_>>()?,
-            ours: batch.iter().map(|contacts| by_us(file, library, contacts)).collect::<Result<_>>()?,
-            unassigned: batch[..unassigned]
+        let unassigned = all.len().div_ceil(10).saturating_sub(item * BATCH).min(BATCH);
+        let all = batch(all, item).context(missing)?;
+        let unassigned = &all[..unassigned.min(all.len())];
+        Ok(Outcome::Allegro {
+            paper: all.iter().map(|contacts| by_paper(file, contacts)).collect::<Result<_>>()?,
+            ours: all.iter().map(|contacts| by_us(file, library, contacts)).collect::<Result<_>>()?,
+            unassigned: unassigned
                 .iter()
                 .map(|contacts| unassigned_by_us(file, library, contacts))
                 .collect::<Result<_>>()?,
@@ -145,24 +175,29 @@ impl Job for Grasp {
     }
 
     fn figures(&self, outcomes: &[Outcome]) -> Result<Vec<Figure>> {
-        let mut figures = Vec::new();
-        let [mut all_paper, mut all_ours, mut all_unassigned] = [const { Vec::new() }; 3];
+        let mut solved = Vec::new();
+        let [mut by_paper, mut ours, mut unassigned, mut leap] = [const { Vec::<&Run>::new() }; 4];
         for outcome in outcomes {
             match outcome {
-                Outcome::Sequence(sequence) => {
-                    table(sequence);
-                    figures.extend(trained(sequence)?);
+                Outcome::Trained(rows) => solved.extend(rows.iter().map(|row| row.chars().map(|c| c == '1').collect())),
+                Outcome::Allegro { paper: first, ours: second, unassigned: third } => {
+                    by_paper.extend(first);
+                    ours.extend(second);
+                    unassigned.extend(third);
                 }
-                Outcome::HeldOut { paper, ours, unassigned } => {
-                    all_paper.extend(paper);
-                    all_ours.extend(ours);
-                    all_unassigned.extend(unassigned);
-                }
+                Outcome::Leap(runs) => leap.extend(runs),
             }
         }
-        figures.extend(compared("paper's method, held out", &all_paper)?);
-        figures.extend(compared("Levenberg-Marquardt", &all_ours)?);
-        figures.extend(assigned(&all_unassigned)?);
+        let folder = setup::root().join("target/papers/grasp");
+        std::fs::create_dir_all(&folder).with_context(|| format!("{} cannot be made", folder.display()))?;
+        let trained = Outcomes { lambdas: self.training().values(), solved };
+        let mut figures = reported(&trained, &folder)?;
+        let allegro = Judge::new(HANDS[0])?;
+        examples::pictures(&allegro.file, &allegro.file.hand.draw_many(EXAMPLES, HELD_OUT_SEED), &folder)?;
+        figures.extend(allegro.compared("paper's method, held out", &by_paper)?);
+        figures.extend(allegro.compared(HANDS[0].0, &ours)?);
+        figures.extend(assigned(&unassigned)?);
+        figures.extend(Judge::new(HANDS[1])?.compared(HANDS[1].0, &leap)?);
         Ok(figures)
     }
 
@@ -171,35 +206,21 @@ impl Job for Grasp {
     }
 }
 
-/// Figures 4 and 5.
-fn pictures(folder: &Path, lambdas: &[f64], sequence: &[Chosen]) -> Result<()> {
-    for (name, svg) in
-        [("figure-4.svg", plot::selection(lambdas, sequence)), ("figure-5.svg", plot::accumulation(sequence))]
-    {
+/// Table 1, Figures 4 and 5, and what the training promises.
+fn reported(trained: &Outcomes, folder: &Path) -> Result<Vec<Figure>> {
+    let sequence = trained.sequence(LENGTH);
+    ensure!(!sequence.is_empty(), "no λ solves any constraint");
+    table(&sequence);
+    for (name, svg) in [
+        ("figure-4.svg", plot::selection(&trained.lambdas, &sequence)),
+        ("figure-5.svg", plot::accumulation(&sequence)),
+    ] {
         let path = folder.join(name);
         std::fs::write(&path, svg).with_context(|| format!("{} cannot be written", path.display()))?;
     }
     println!("Figures 4 and 5: {}\n", folder.display());
-    Ok(())
-}
-
-/// Table 1, ours beside the paper's.
-fn table(sequence: &[Lambda]) {
-    println!("Table 1: the sequence of λ, and what it solves; the paper gives the first two percentages");
-    println!("{:>3} {:>7} {:>10} {:>12} {:>13} {:>10}", "k", "λ", "of rest %", "of all %", "λ, paper", "of rest %");
-    for (k, chosen) in sequence.iter().enumerate() {
-        let paper = PAPER_SUCCESS.get(k).map_or(String::new(), |success| format!("{success:.2}"));
-        let Lambda { lambda, rate, accumulated } = chosen;
-        let paper_lambda = PAPER_LAMBDAS.get(k).map_or(String::new(), |lambda| format!("{lambda:.2}"));
-        println!("{:>3} {lambda:>7.2} {rate:>10.2} {accumulated:>12.2} {paper_lambda:>13} {paper:>10}", k + 1);
-    }
-    println!();
-}
-
-/// What the training promises.
-fn trained(sequence: &[Lambda]) -> Result<Vec<Figure>> {
-    let (first, all) =
-        (sequence.first().map_or(0.0, |c| c.accumulated), sequence.last().map_or(0.0, |c| c.accumulated));
+    let accumulated = |chosen: Option<&Chosen>| chosen.map_or(0.0, |chosen| chosen.accumulated);
+    let (first, all) = (accumulated(sequence.first()), accumulated(sequence.last()));
     Ok(vec![
         Figure::new("grasp: paper's method, first lambda", first, "%")?,
         Figure::new("grasp: paper's method, first lambda, at most", first, "%")?,
@@ -207,9 +228,24 @@ fn trained(sequence: &[Lambda]) -> Result<Vec<Figure>> {
     ])
 }
 
-fn by_paper(file: &HandFile, lambdas: &[f64], contacts: &Contacts) -> Result<Run> {
+/// Table 1, ours beside the paper's.
+fn table(sequence: &[Chosen]) {
+    println!("Table 1: the sequence of λ, and what it solves; the paper gives the first two percentages");
+    println!("{:>3} {:>7} {:>10} {:>12} {:>13} {:>10}", "k", "λ", "of rest %", "of all %", "λ, paper", "of rest %");
+    for (k, chosen) in sequence.iter().enumerate() {
+        let paper = PAPER_SUCCESS.get(k).map_or(String::new(), |success| format!("{success:.2}"));
+        let Chosen { lambda, rate, accumulated, .. } = chosen;
+        let paper_lambda = PAPER_LAMBDAS.get(k).map_or(String::new(), |lambda| format!("{lambda:.2}"));
+        println!("{:>3} {lambda:>7.2} {rate:>10.2} {accumulated:>12.2} {paper_lambda:>13} {paper:>10}", k + 1);
+    }
+    let lambdas: Vec<_> = sequence.iter().map(|chosen| format!("{:.4}", chosen.lambda)).collect();
+    println!("{}: lambdas = [{}]\n", HANDS[0].1, lambdas.join(", "));
+}
+
+/// The paper's method with the sequence of the hand's file.
+fn by_paper(file: &HandFile, contacts: &Contacts) -> Result<Run> {
     let start = Instant::now();
-    let attempts = file.hand.search(lambdas, contacts, &Settings::default());
+    let attempts = file.hand.search(&file.lambdas, contacts, &Settings::default());
     let time_s = start.elapsed().as_secs_f64();
     let last = attempts.last().context("there is no λ")?;
     let is_solved = last.end == End::Solved;
@@ -217,6 +253,7 @@ fn by_paper(file: &HandFile, lambdas: &[f64], contacts: &Contacts) -> Result<Run
         solved_by: is_solved.then_some(attempts.len()),
         iterations: attempts.iter().map(|attempt| attempt.iterations).sum(),
         time_s,
+        angles: last.configuration.angles.to_vec(),
         faults: checked(file, is_solved, &last.configuration, contacts)?,
     })
 }
@@ -229,6 +266,7 @@ fn by_us(file: &HandFile, library: &Library, contacts: &Contacts) -> Result<Run>
         solved_by: solution.is_solved.then_some(solution.starts),
         iterations: solution.iterations,
         time_s,
+        angles: solution.configuration.angles.to_vec(),
         faults: checked(file, solution.is_solved, &solution.configuration, contacts)?,
     })
 }
@@ -240,30 +278,54 @@ fn checked(file: &HandFile, is_solved: bool, configuration: &Configuration, cont
     }
     let verdict = file.referee.judge(&file.hand, configuration, contacts)?;
     Ok(Faults {
-        collides: verdict.overlap.is_some(),
+        collides: verdict.collision.is_some(),
         is_past_limits: verdict.past_limit_rad > 0.0,
         error_m: verdict.point_m,
     })
 }
 
-fn compared(method: &str, runs: &[&Run]) -> Result<Vec<Figure>> {
-    let name = |what: &str| format!("grasp: {method}, {what}");
-    let solved = |starts: usize| runs.iter().filter(|run| run.solved_by.is_some_and(|by| by <= starts)).count() as f64;
-    let percent = |starts: usize| 100.0 * solved(starts) / runs.len() as f64;
-    let faults = |is: fn(&Faults) -> bool| runs.iter().filter(|run| is(&run.faults)).count() as f64;
-    let max_m = runs.iter().map(|run| run.faults.error_m).fold(0.0, f64::max);
-    let iterations: f64 = runs.iter().map(|run| f64::from(run.iterations)).sum();
-    let time_s: f64 = runs.iter().map(|run| run.time_s).sum();
-    Ok(vec![
-        Figure::new(&name("one start"), percent(1), "%")?,
-        Figure::new(&name("two starts"), percent(2), "%")?,
-        Figure::new(&name("ten starts"), percent(LENGTH), "%")?,
-        Figure::new(&name("answers that collide"), faults(|fault| fault.collides), "")?,
-        Figure::new(&name("answers past a limit"), faults(|fault| fault.is_past_limits), "")?,
-        Figure::new(&name("largest error of an answer"), 1e3 * max_m, "mm")?,
-        Figure::new(&name("iterations for a grasp"), iterations / solved(LENGTH), "")?,
-        Figure::new(&name("time for a grasp"), 1e3 * time_s / solved(LENGTH), "ms")?,
-    ])
+/// A hand and its robot's file, by which answers are judged.
+struct Judge {
+    file: HandFile,
+    robot: PathBuf,
+}
+
+impl Judge {
+    fn new((_, hand, robot): (&str, &str, &str)) -> Result<Self> {
+        Ok(Self { file: read_hand(&setup::root().join(hand))?, robot: setup::root().join(robot) })
+    }
+
+    /// Of the answers those that collide by the independent program.
+    fn collisions(&self, runs: &[&Run]) -> Result<usize> {
+        let answers = runs.iter().filter(|run| run.solved_by.is_some());
+        let configuration = |run: &&Run| -> Option<Configuration> {
+            let angles: [f64; ANGLES] = run.angles.clone().try_into().ok()?;
+            Some(Configuration { pose_world_palm: Pose::identity(), angles })
+        };
+        check::collisions(&self.robot, &self.file, &answers.filter_map(configuration).collect::<Vec<_>>())
+    }
+
+    fn compared(&self, method: &str, runs: &[&Run]) -> Result<Vec<Figure>> {
+        let name = |what: &str| format!("grasp: {method}, {what}");
+        let solved =
+            |starts: usize| runs.iter().filter(|run| run.solved_by.is_some_and(|by| by <= starts)).count() as f64;
+        let percent = |starts: usize| 100.0 * solved(starts) / runs.len() as f64;
+        let faults = |is: fn(&Faults) -> bool| runs.iter().filter(|run| is(&run.faults)).count() as f64;
+        let max_m = runs.iter().map(|run| run.faults.error_m).fold(0.0, f64::max);
+        let iterations: f64 = runs.iter().map(|run| f64::from(run.iterations)).sum();
+        let time_s: f64 = runs.iter().map(|run| run.time_s).sum();
+        Ok(vec![
+            Figure::new(&name("one start"), percent(1), "%")?,
+            Figure::new(&name("two starts"), percent(2), "%")?,
+            Figure::new(&name("ten starts"), percent(LENGTH), "%")?,
+            Figure::new(&name("answers that collide"), faults(|fault| fault.collides), "")?,
+            Figure::new(&name("answers that collide, by MuJoCo"), self.collisions(runs)? as f64, "")?,
+            Figure::new(&name("answers past a limit"), faults(|fault| fault.is_past_limits), "")?,
+            Figure::new(&name("largest error of an answer"), 1e3 * max_m, "mm")?,
+            Figure::new(&name("iterations for a grasp"), iterations / solved(LENGTH), "")?,
+            Figure::new(&name("time for a grasp"), 1e3 * time_s / solved(LENGTH), "ms")?,
+        ])
+    }
 }
 
 /// Contacts in an order that nobody gave.
@@ -275,7 +337,8 @@ fn unassigned_by_us(file: &HandFile, library: &Library, contacts: &Contacts) -> 
     let wanted = order.map(|k| shuffled[k]);
     let faults = checked(file, solution.is_solved, &solution.configuration, &wanted)?;
     let solved_by = solution.is_solved.then_some(solution.starts);
-    Ok(Run { solved_by, iterations: solution.iterations, time_s, faults })
+    let angles = solution.configuration.angles.to_vec();
+    Ok(Run { solved_by, iterations: solution.iterations, time_s, angles, faults })
 }
 
 fn assigned(runs: &[&Run]) -> Result<Vec<Figure>> {

@@ -8,6 +8,7 @@ mod hidden;
 mod motions;
 mod postures;
 mod robots;
+mod sequences;
 
 use std::fs;
 use std::path::PathBuf;

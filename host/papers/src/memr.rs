@@ -4,6 +4,10 @@
 //! # Where the paper is silent or wrong
 //!
 //! - The number of variables of the test functions is not printed: 4 fits the spreads of Table 1.
+//! - The genetic algorithm's best value on De Jong's function, 1.27e-6, does not fit the printed 100 iterations. About
+//!   800 variables mutate in these, each to any value within 10.24, so that none comes nearer to 0 than about 1e-2, and
+//!   crossover only contracts the population. It fits 1000 iterations, which every other problem has: with these the
+//!   sums Σx² of both functions are alike in the paper too, 1.27e-6 and 2.38e-4 / 200.
 //! - A "best value" is the least of the 20 runs: it lies far below what the standard deviations allow for a mean.
 //! - Links of 20 cm cannot reach (100, 50), (80, 30) and (90, 30) cm, which lie farther away than 80 cm. With 28 cm
 //!   all five targets are within reach; 30 cm is taken beside what is printed.
@@ -35,6 +39,10 @@ pub const LINK_M: f64 = 0.3;
 pub const RUNS: usize = 20;
 /// Variables of the test functions.
 const VARIABLES: usize = 4;
+/// Iterations with which the genetic algorithm's result on De Jong's function fits the printed one; 100 are printed.
+pub const GENETIC_DE_JONG_ITERATIONS: usize = 1000;
+/// Runs that Table 3 prints.
+const PRINTED_RUNS: usize = 5;
 /// Limits of the four joints, rad: the third turns by 360 degrees, the others by 180.
 pub const LIMITS: [[f64; 2]; 4] = {
     use std::f64::consts::{PI, TAU};
@@ -160,6 +168,15 @@ impl Cell {
         Settings { iterations, deviation, seed, ..Settings::default() }
     }
 
+    /// The genetic algorithm on De Jong's function, with its own number of iterations.
+    pub fn genetic_de_jong(iterations: usize, seed: u64) -> Repeated {
+        let cell = best(1, Problem::DeJong, Algorithm::Genetic, 1.27e-6, 4.24e-6);
+        let settings = Settings { iterations, ..cell.settings(seed) };
+        let function = Function::de_jong(VARIABLES);
+        let search = |seed| minimise(cell.algorithm, &function, &Settings { seed, ..settings });
+        Repeated { cell, trials: Trials::new(RUNS, seed, search), short_cm: 0.0 }
+    }
+
     /// The cell again: `runs` searches from `seed` on, targets with links of `link_m`. Values are in m where the
     /// paper has cm.
     pub fn repeat(&self, link_m: f64, runs: usize, seed: u64) -> Result<Trials, TreeError> {
@@ -232,6 +249,13 @@ impl Repeated {
         Runs { name, trials: &self.trials, compared: Some(self.cell.printed.minimum()) }
     }
 
+    /// As [`off`](Self::off) of Table 3, for the mean of the five best runs.
+    pub fn off_of_best(&self) -> Option<f64> {
+        let Printed::Runs(errors) = self.cell.printed else { return None };
+        let mean = self.trials.values().iter().take(PRINTED_RUNS).sum::<f64>() / PRINTED_RUNS as f64;
+        Some(off_range(self.cell.problem.factor() * mean, &errors))
+    }
+
     /// How far the outcome lies from the paper's, as a part of its spread; up to 1 is within it.
     ///
     /// Tables 1 and 2: distance of the best values over the printed standard deviation. Table 3: distance of the mean
@@ -240,13 +264,15 @@ impl Repeated {
         let (summary, factor) = (self.trials.summary(), self.cell.problem.factor());
         match self.cell.printed {
             Printed::Best { value, deviation } => (factor * summary.best - value).abs() / deviation,
-            Printed::Runs(errors) => {
-                let low = self.cell.printed.minimum();
-                let high = errors.iter().copied().fold(0.0, f64::max);
-                (factor * summary.mean - 0.5 * (low + high)).abs() / (0.5 * (high - low))
-            }
+            Printed::Runs(errors) => off_range(factor * summary.mean, &errors),
         }
     }
+}
+
+/// How far a mean lies from the middle of the errors, over half their range.
+fn off_range(mean: f64, errors: &[f64]) -> f64 {
+    let [low, high] = [f64::min, f64::max].map(|of| errors.iter().copied().reduce(of).unwrap_or(f64::NAN));
+    (mean - 0.5 * (low + high)).abs() / (0.5 * (high - low))
 }
 
 /// The tables for people, the paper's figures beside ours.

@@ -3,27 +3,33 @@
 use std::fs;
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use darm::report::{MotionReport, along_time, chair_along_time, sagittal, sagittal_plane};
 use darm_arm::draw::palette::{AZURE, Color, GREEN, RED, SKY};
 use darm_core::real::Vec3;
+use darm_core::se::Pose;
 use darm_papers::motion::demonstration::{Demonstration, Style, demonstrate};
 use darm_papers::motion::execution::Executed;
 use darm_papers::motion::mapping::{Mapped, map};
 use darm_papers::motion::person::{Person, com, person};
 use darm_papers::motion::setup::Setup;
-use darm_papers::motion::{Capture, Fixed};
+use darm_papers::motion::{Capture, Fixed, Posture};
+use darm_robot::robot::Robot;
 use darm_robot::urdf::{self, Locks};
 
 use super::figure::figure;
-use super::postures::Robots;
+use super::postures::{Robots, golden};
 use super::robots::{Followed, count_standing, executed};
+use super::sequences;
 use darm_figures::figure::Figure;
 use darm_figures::progress::Progress;
 use xtask::setup;
 
 /// Colours of the paper's figure 7: natural and elderly, identified and CAD.
 const COLORS: [[Color; 2]; 2] = [[RED, GREEN], [AZURE, SKY]];
+
+/// Postures of Figure 1.
+const SAMPLES: usize = 8;
 
 /// Files of the pictures.
 const FILES: [&str; 5] = ["figure6-natural", "chair-natural", "figure6-elderly", "chair-elderly", "figure7"];
@@ -42,7 +48,7 @@ pub(super) fn map_both(
     let setup = Setup::read(&root.join("tests/data/stand/stand.toml"), &average, &robots.cad)?;
     let names: Vec<String> = setup.markers.iter().map(|marker| marker.name.clone()).collect();
     let markers: Vec<Fixed> = setup.markers.iter().map(|marker| marker.on_person).collect();
-    let (mut pictures, mut plane) = (Vec::new(), Vec::new());
+    let (mut pictures, mut plane, mut sequences_shown) = (Vec::new(), Vec::new(), vec![samples(&robots.cad)?]);
     for (style, colors) in [Style::Natural, Style::Elderly].into_iter().zip(COLORS) {
         let name = style.name();
         let shown = demonstrate(&average, (&names, &markers), &setup.person_feet, style, seed)?;
@@ -64,6 +70,7 @@ pub(super) fn map_both(
         plane.extend(sagittal(&format!("{name}, identified"), colors[0], &mapped.com, mapped.lift_off));
         plane.extend(sagittal(&format!("{name}, CAD"), colors[1], &by_cad, mapped.lift_off));
         report_plane(figures, name, &mapped.com, &by_cad)?;
+        sequences_shown.extend(sequence(robots, style, &found, (&mapped, &executed))?);
         let followed = Followed { name, setup: &setup, person: &found, capture: &shown.capture };
         by_cad_plan(figures, robots, &followed)?;
         count_standing(figures, progress, drawn, &followed)?;
@@ -73,9 +80,65 @@ pub(super) fn map_both(
     for ((_, svg), name) in pictures.iter().zip(FILES) {
         fs::write(folder.join(format!("{name}.svg")), svg)?;
     }
+    for (file, title, svg) in sequences_shown {
+        fs::write(folder.join(format!("{file}.svg")), &svg)?;
+        pictures.push((title.into(), svg));
+    }
     let masses: Vec<_> = darm_papers::identify::bodies(&robots.cad).map(|joint| mass(robots, joint)).collect();
     fs::write(folder.join("masses.json"), serde_json::to_string_pretty(&masses)?)?;
     Ok(pictures)
+}
+
+/// A picture: its file, its title, and the SVG.
+type Picture = (&'static str, &'static str, String);
+
+/// Some of the postures of the identification: Figure 1.
+fn samples(robot: &Robot) -> Result<Picture> {
+    let postures = golden()?.0;
+    let base = Pose::identity();
+    let shown = postures.iter().step_by(postures.len().div_ceil(SAMPLES)).enumerate();
+    let frame = |(k, q): (usize, &Vec<f64>)| {
+        sequences::frame(
+            robot,
+            &Posture { base, q: q.clone() },
+            format!("posture {}", 1 + k * postures.len().div_ceil(SAMPLES)),
+        )
+    };
+    let frames = shown.map(frame).collect::<Result<Vec<_>>>()?;
+    Ok((
+        "figure1",
+        "sample postures of the identification (the paper's figure 1)",
+        sequences::svg(&[("robot", frames)]),
+    ))
+}
+
+/// The elderly person above the robot (Figure 4) with the trees of both (Figure 3), or the robot alone (Figure 5).
+fn sequence(
+    robots: &Robots,
+    style: Style,
+    found: &Person,
+    (mapped, executed): (&Mapped, &Executed),
+) -> Result<Vec<Picture>> {
+    let robot = sequences::frames(&robots.real, &executed.postures, &mapped.time_s)?;
+    if matches!(style, Style::Natural) {
+        let title = "standing up: the robot, natural motion (the paper's figure 5)";
+        return Ok(vec![("figure5", title, sequences::svg(&[("robot", robot)]))]);
+    }
+    let person = sequences::frames(&found.tree, &found.motion.postures, &mapped.time_s)?;
+    let last = |robot: &Robot, postures: &[Posture]| {
+        let posture = postures.last().context("a motion without frames")?;
+        Ok::<_, anyhow::Error>(vec![sequences::frame(robot, posture, format!("{} joints", robot.joints.len()))?])
+    };
+    let trees =
+        [("robot", last(&robots.real, &executed.postures)?), ("person", last(&found.tree, &found.motion.postures)?)];
+    Ok(vec![
+        ("figure3", "trees of the robot and of the person (the paper's figure 3)", sequences::svg(&trees)),
+        (
+            "figure4",
+            "standing up: person and robot, elderly motion (the paper's figure 4)",
+            sequences::svg(&[("person", person), ("robot", robot)]),
+        ),
+    ])
 }
 
 fn report_person(figures: &mut Vec<Figure>, name: &str, found: &Person, shown: &Demonstration) -> Result<()> {

@@ -1,26 +1,27 @@
-//! Hands from a bare URDF: fingers are the leaf links that stand on four joints, shapes are capsules along the links.
+//! Hands from a bare URDF: fingers are the leaf links that stand on four joints.
 //!
 //! | of the hand | found as |
 //! | --- | --- |
 //! | fingers | the leaf links on four joints that turn, with limits, in the order of the file |
 //! | thumb | the one with `thumb` in a name; else the one whose pad looks away from the others' in the middle posture |
 //! | fingertip | a sphere about the leaf link's origin; z from the last joint to there, x to the side where that joint bends further |
-//! | shapes | capsules as thick as the fingertips: along every link, and in the palm from the thumb to each finger |
+//! | shapes | those of the URDF |
 //!
-//! A hand's file says all this better, the shapes above all.
+//! A hand's file says the rest better.
 
 use std::path::Path;
 
 use darm_core::real::{Mat3, Vec3};
 use darm_core::se::Pose;
 
+use super::assembly::{Described, HandFile, Read, VIRTUAL_DEG, finger_at, limits};
+use super::collision::Body;
 use super::fault::{HandError, HandFault};
-use super::file::{HandFile, Read, VIRTUAL_DEG, assembled, finger_at, limits};
-use super::hand::{Capsule, FINGERS, Hand, JOINTS, THUMB};
+use super::hand::Hand;
+use super::layout::{FINGERS, JOINTS, THUMB};
 use super::train::PAPER_LAMBDAS;
 use darm_robot::robot::{Robot, RobotFrame};
 use darm_robot::source::Fault;
-use darm_robot::urdf::{self, Locks};
 
 /// Names of the fingers in their order, as contacts call them.
 const NAMES: [&str; FINGERS] = ["index", "medium", "ring", "thumb"];
@@ -40,26 +41,25 @@ pub struct Fingers {
 pub fn read_bare_hand(path: &Path, fingers: &Fingers) -> Result<HandFile, HandError> {
     let of_file =
         |fault: HandFault| HandError { path: path.into(), place: None, fault: Fault::Content(Box::new(fault)) };
-    let robot = urdf::read(path, &Locks::new()).map_err(|error| of_file(HandFault::Robot(error.to_string())))?;
-    bare_hand(robot, fingers).map_err(of_file)
+    Described::read(path).and_then(|described| bare_hand(described, fingers)).map_err(of_file)
 }
 
-fn bare_hand(robot: Robot, given: &Fingers) -> Result<HandFile, HandFault> {
-    let links = if given.tips.is_empty() { leaves(&robot) } else { named(&robot, &given.tips)? };
-    let tips: Vec<RobotFrame> = links.iter().map(|link| fingertip(&robot, link)).collect::<Result<_, _>>()?;
+fn bare_hand(described: Described, given: &Fingers) -> Result<HandFile, HandFault> {
+    let robot = &described.robot;
+    let links = if given.tips.is_empty() { leaves(robot) } else { named(robot, &given.tips)? };
+    let tips: Vec<RobotFrame> = links.iter().map(|link| fingertip(robot, link)).collect::<Result<_, _>>()?;
     let Ok(mut tips): Result<[RobotFrame; FINGERS], _> = tips.try_into() else {
         return Err(HandFault::Leaves {
             found: links.iter().map(|link| link.name.clone()).collect(),
-            ends: ends(&robot),
+            ends: ends(robot),
         });
     };
     if given.tips.is_empty() {
-        let thumb = thumb(&robot, &tips, given.tip_radius_m)?;
+        let thumb = thumb(robot, &tips, given.tip_radius_m)?;
         tips[thumb..].rotate_left(1);
     }
-    let fingers = fingers(&robot, &tips, given.tip_radius_m)?;
-    let capsules = capsules(&fingers, given.tip_radius_m);
-    assembled(robot.name.clone(), fingers, capsules, PAPER_LAMBDAS.to_vec(), robot)
+    let (name, fingers) = (robot.name.clone(), fingers(robot, &tips, given.tip_radius_m)?);
+    described.assemble(name, fingers, PAPER_LAMBDAS.to_vec())
 }
 
 fn fingers(robot: &Robot, tips: &[RobotFrame; FINGERS], radius_m: f64) -> Result<[Read; FINGERS], HandFault> {
@@ -112,26 +112,11 @@ fn thumb(robot: &Robot, tips: &[RobotFrame; FINGERS], radius_m: f64) -> Result<u
     }
     let read = fingers(robot, tips, radius_m)?;
     let limits = limits(&read);
-    let hand = Hand::new(String::new(), read.map(|finger| finger.finger), limits, Vec::new());
+    let bodies = std::array::from_fn(|_| Body::default());
+    let hand = Hand::new(String::new(), read.map(|finger| finger.finger), limits, bodies).map_err(HandFault::Flat)?;
     let links = hand.place(&hand.middle()).links;
     let pads: [Vec3<f64>; FINGERS] =
         std::array::from_fn(|i| (links[JOINTS * i + JOINTS - 1] * tips[i].pose).rotation.column(0).into());
     let alike = |i: usize| pads.iter().map(|pad| pad.dot(&pads[i])).sum::<f64>();
     Ok((0..FINGERS).min_by(|a, b| alike(*a).total_cmp(&alike(*b))).unwrap_or(THUMB))
-}
-
-/// Capsules along every link, and in the palm from the thumb to each finger.
-fn capsules(fingers: &[Read; FINGERS], radius_m: f64) -> Vec<Capsule> {
-    let mut capsules = Vec::new();
-    let root = |finger: &Read| finger.finger.joints[0].placement.position;
-    for (i, read) in fingers.iter().enumerate() {
-        if i != THUMB {
-            capsules.push(Capsule { link: None, from: root(&fingers[THUMB]), to: root(read), radius_m });
-        }
-        let ends = read.finger.joints.iter().skip(1).map(|joint| joint.placement.position);
-        for (j, to) in ends.chain([read.finger.tip.position]).enumerate() {
-            capsules.push(Capsule { link: Some(JOINTS * i + j), from: Vec3::zeros(), to, radius_m });
-        }
-    }
-    capsules
 }

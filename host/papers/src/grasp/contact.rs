@@ -5,7 +5,8 @@ use darm_core::se::Pose;
 use rand::{Rng, RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
-use super::hand::{Angles, FINGERS, Finger, Hand, Placed, THUMB};
+use super::hand::{Finger, Hand, Placed};
+use super::layout::{Angles, FINGERS, THUMB};
 
 /// One radian of a contact's direction counts as this many metres of its point: about the length of a last phalanx.
 pub(super) const RADIAN_M: f64 = 0.03;
@@ -114,9 +115,9 @@ impl Hand {
     /// fingertip"; the palm is anywhere. `None` when a thousand draws all collide.
     pub fn draw(&self, random: &mut impl Rng) -> Option<(Configuration, Contacts)> {
         for _ in 0..1000 {
-            let angles = self.limits.map(|[low, high]| low + (high - low) * random.random::<f64>());
+            let angles = self.random_angles(random);
             let placed = self.place(&angles);
-            if self.collision(&placed.links).is_some() {
+            if self.shapes.collision(&placed.links).is_some() {
                 continue;
             }
             let mut vector = || Vec3::from_fn(|_, _| 2.0 * random.random::<f64>() - 1.0);

@@ -74,12 +74,18 @@ pub enum HandFault {
         /// Those that there are.
         known: Vec<String>,
     },
-    /// A capsule on a link that belongs to no finger.
-    #[error("link `{link}` belongs neither to the palm nor to a finger")]
+    /// A shape on a link that belongs to no finger.
+    #[error("link `{link}` has a shape that collides, and belongs neither to the palm nor to a finger; fix its joints")]
     NoFinger {
         /// The link.
         link: String,
     },
+    /// No link has a shape that collides.
+    #[error("no link of the robot has a shape that collides; give each link a <collision> (URDF) or a geom (MJCF)")]
+    NoShapes,
+    /// A mesh whose corners are in a plane.
+    #[error("a shape of link `{0}` has no volume; correct its mesh")]
+    Flat(String),
     /// A length that has to be above zero.
     #[error("{value} mm; give a length above zero")]
     NotPositive {

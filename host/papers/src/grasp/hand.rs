@@ -1,26 +1,18 @@
-//! The hand: four fingers of four joints on a palm, spherical fingertips, and the capsules that may not touch.
+//! The hand: four fingers of four joints on a palm, with spherical fingertips and shapes that may not touch.
 
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, rotation_about};
+use rand::{Rng, RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
 
-use super::segments::nearest_points;
+use super::collision::{Body, Shapes};
+use super::layout::{ANGLES, Angles, BODIES, COORDINATES, FINGERS, JOINTS, Links};
 
-/// Fingers of the hand; the last is the thumb.
-pub const FINGERS: usize = 4;
-/// The thumb among the fingers.
-pub const THUMB: usize = FINGERS - 1;
-/// Joints of a finger that move.
-pub const JOINTS: usize = 4;
-/// Joints of a finger with the two virtual ones that place the contact on the fingertip.
-pub const COORDINATES: usize = JOINTS + 2;
-/// Angles of the hand: φ₁₁, …, φ₄₆ of the paper, finger by finger.
-pub const ANGLES: usize = FINGERS * COORDINATES;
-
-/// Angles φᵢⱼ of all fingers, rad; that of finger i and joint j is at `COORDINATES·i + j`, both from 0.
-pub type Angles = [f64; ANGLES];
-
-/// Frames of all links in the palm, finger by finger.
-pub type Links = [Pose<f64>; FINGERS * JOINTS];
+/// Postures in which it is looked which pairs touch.
+const SAMPLED: usize = 300;
+const SAMPLE_SEED: u64 = 1;
+/// Pairs that touch in this share of them are not checked.
+const NEARLY_ALL: f64 = 0.95;
 
 /// A revolute joint of a finger.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,30 +37,8 @@ pub struct Finger {
     pub tip_radius_m: f64,
 }
 
-/// A segment with a radius, fixed to a link or to the palm.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Capsule {
-    /// The link, numbered finger by finger; `None`: the palm.
-    pub link: Option<usize>,
-    /// One end of the segment in the frame of the link, m.
-    pub from: Vec3<f64>,
-    /// The other end.
-    pub to: Vec3<f64>,
-    /// Radius, m.
-    pub radius_m: f64,
-}
-
-/// Two capsules, by their numbers, that must not touch.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Pair {
-    /// The one.
-    pub first: usize,
-    /// The other.
-    pub second: usize,
-}
-
 /// A hand of four fingers, the thumb last.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Hand {
     /// Its name.
     pub name: String,
@@ -76,10 +46,10 @@ pub struct Hand {
     pub fingers: [Finger; FINGERS],
     /// Least and greatest of every angle, rad.
     pub limits: [[f64; 2]; ANGLES],
-    /// The shapes of palm and links.
-    pub capsules: Vec<Capsule>,
-    /// Pairs of capsules that must not touch.
-    pub pairs: Vec<Pair>,
+    /// Its links, finger by finger, and its palm.
+    pub bodies: [Body; BODIES],
+    /// Their shapes, and which of them must not touch.
+    pub shapes: Shapes,
 }
 
 /// A finger joint, virtual ones too, where it is in one posture: expressed in the palm.
@@ -102,25 +72,32 @@ pub struct Placed {
     pub links: Links,
 }
 
-impl Capsule {
-    /// The ends of the segment in the palm, for one posture.
-    pub fn ends(&self, links: &Links) -> [Vec3<f64>; 2] {
-        let pose = self.link.map_or(Pose::identity(), |link| links[link]);
-        [pose * self.from, pose * self.to]
-    }
-
-    /// The finger that it belongs to, and its joints between the palm and the capsule; the palm has none.
-    pub fn joints(&self) -> Option<(usize, usize)> {
-        self.link.map(|link| (link / JOINTS, link % JOINTS + 1))
-    }
-}
-
 impl Hand {
-    /// A hand of these parts; pairs of capsules that touch in its middle posture are neighbours and never checked.
-    pub fn new(name: String, fingers: [Finger; FINGERS], limits: [[f64; 2]; ANGLES], capsules: Vec<Capsule>) -> Self {
-        let mut hand = Self { name, fingers, limits, capsules, pairs: Vec::new() };
-        hand.pairs = pairs(&hand.capsules, &hand.place(&hand.middle()).links);
-        hand
+    /// A hand of these parts. `Err`: the link of a shape without volume.
+    ///
+    /// Pairs that touch in nearly all of a few hundred postures are not checked ([`Shapes::overlapping`]).
+    pub fn new(
+        name: String,
+        fingers: [Finger; FINGERS],
+        limits: [[f64; 2]; ANGLES],
+        bodies: [Body; BODIES],
+    ) -> Result<Self, String> {
+        let shapes = Shapes::new(&bodies)?;
+        let mut hand = Self { name, fingers, limits, bodies, shapes };
+        let mut random = ChaCha8Rng::seed_from_u64(SAMPLE_SEED);
+        let postures: Vec<Links> = (0..SAMPLED).map(|_| hand.place(&hand.random_angles(&mut random)).links).collect();
+        hand.shapes.leave_out(&postures, NEARLY_ALL);
+        Ok(hand)
+    }
+
+    /// Angles drawn evenly within the limits.
+    pub(super) fn random_angles(&self, random: &mut impl Rng) -> Angles {
+        self.limits.map(|[low, high]| low + (high - low) * random.random::<f64>())
+    }
+
+    /// The names of links that touch in nearly all postures and are not checked.
+    pub fn overlapping(&self) -> Vec<[String; 2]> {
+        self.shapes.overlapping.iter().map(|pair| pair.map(|body| self.bodies[body].name.clone())).collect()
     }
 
     /// Every angle in the middle of its range.
@@ -167,19 +144,4 @@ impl Placed {
     pub fn normal(&self, finger: usize) -> Vec3<f64> {
         self.tips[finger].rotation.column(2).into()
     }
-}
-
-/// The pairs of capsules of different links that are apart in this posture.
-fn pairs(capsules: &[Capsule], links: &Links) -> Vec<Pair> {
-    let apart = |a: &Capsule, b: &Capsule| {
-        let ([p, q], [r, s]) = (a.ends(links), b.ends(links));
-        let [x, y] = nearest_points(&p, &q, &r, &s);
-        (x - y).norm() > a.radius_m + b.radius_m
-    };
-    let all = (0..capsules.len()).flat_map(|second| (0..second).map(move |first| Pair { first, second }));
-    all.filter(|pair| {
-        let (a, b) = (&capsules[pair.first], &capsules[pair.second]);
-        a.link != b.link && apart(a, b)
-    })
-    .collect()
 }

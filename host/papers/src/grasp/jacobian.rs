@@ -18,7 +18,8 @@ use darm_core::real::Vec3;
 use nalgebra::{SMatrix, SVector};
 
 use super::contact::Contacts;
-use super::hand::{ANGLES, Axis, COORDINATES, FINGERS, Hand, Placed, THUMB};
+use super::hand::{Axis, Hand, Placed};
+use super::layout::{ANGLES, COORDINATES, FINGERS, THUMB};
 
 /// Constraints of the three fingers besides the thumb.
 pub const ROWS: usize = 5 * (FINGERS - 1);

@@ -9,7 +9,8 @@ use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
 use super::contact::{Contacts, RADIAN_M, across};
-use super::hand::{Angles, Hand, THUMB};
+use super::hand::Hand;
+use super::layout::{Angles, THUMB};
 use super::paper::Variables;
 
 /// Centres and directions of the three other contacts, expressed about the thumb's.

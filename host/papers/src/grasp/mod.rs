@@ -11,19 +11,21 @@
 //! The paper leaves unsaid: the dimensions of its hand (the Allegro hand is used), the range of the virtual joints (a
 //! quarter of a turn each, here), and how much of the rank of its 18 × 25 Jacobian there is (15).
 
+pub mod assembly;
 pub mod bare;
 pub mod collision;
 pub mod contact;
+pub mod contacts_file;
 pub mod fault;
 pub mod file;
 pub mod hand;
 pub mod jacobian;
+pub mod layout;
 pub mod library;
 pub mod paper;
 pub mod picture;
 pub mod plot;
 pub mod referee;
-mod segments;
 pub mod solve;
 pub mod train;
 

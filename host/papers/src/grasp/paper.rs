@@ -10,8 +10,9 @@ use std::fmt;
 use darm_core::real::Vec3;
 
 use super::contact::{Configuration, Contact, Contacts};
-use super::hand::{Angles, COORDINATES, Hand, JOINTS, Placed, THUMB};
+use super::hand::{Hand, Placed};
 use super::jacobian::{jacobian, smallest_step};
+use super::layout::{Angles, COORDINATES, JOINTS, THUMB};
 
 /// Constants of the search, the paper's by default.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -128,7 +129,11 @@ impl Hand {
             let reached = self.contacts(&placed);
             let attempt = |end| Attempt { configuration, end, iterations };
             if self.moved(&wanted, &reached).iter().flatten().all(|moved| *moved < settings.reached_m) {
-                return attempt(if self.collision(&placed.links).is_some() { End::Collides } else { End::Solved });
+                return attempt(if self.shapes.collision(&placed.links).is_some() {
+                    End::Collides
+                } else {
+                    End::Solved
+                });
             }
             let world = reached.map(|contact| contact.seen_from(&pose_world_palm.inverse()));
             let progress = before.map_or(f64::INFINITY, |b| self.moved(&b, &world).iter().flatten().sum());

@@ -6,7 +6,9 @@ use darm_core::se::Pose;
 use maud::{Markup, PreEscaped, html};
 
 use super::contact::{Configuration, Contacts};
-use super::hand::{FINGERS, Hand, JOINTS, THUMB};
+use super::hand::Hand;
+use super::layout::{FINGERS, joints_of};
+use darm_robot::shape::{Geometry, LinkShape};
 
 /// The colours of the fingers.
 const COLORS: [Color; FINGERS] = [BLUE, GREEN, PURPLE, OCHRE];
@@ -15,6 +17,8 @@ const COLORS: [Color; FINGERS] = [BLUE, GREEN, PURPLE, OCHRE];
 const EDGE: f64 = 290.0;
 const MARGIN: f64 = 18.0;
 const HEAD: f64 = 48.0;
+/// Points of a circle.
+const ROUND: usize = 16;
 /// Length of the arrow of a contact, m.
 const ARROW_M: f64 = 0.03;
 
@@ -22,7 +26,7 @@ const ARROW_M: f64 = 0.03;
 fn style() -> String {
     format!(
         "text{{font:12px sans-serif;fill:{INK};paint-order:stroke;stroke:{PAPER};stroke-width:3px}}\
-.view{{fill:none;stroke:{GRID}}}.shape{{stroke-linecap:round;stroke-opacity:.82}}.edge{{stroke:{PAPER};stroke-linecap:round}}\
+.view{{fill:none;stroke:{GRID}}}.shape{{fill-opacity:.82;stroke:{PAPER}}}\
 .contact{{stroke:{RED};stroke-width:2.5}}.point{{fill:{RED}}}"
     )
 }
@@ -30,10 +34,9 @@ fn style() -> String {
 /// A view's name and the directions of the palm that point right and up on the paper.
 type View = (&'static str, Vec3<f64>, Vec3<f64>);
 
-/// A capsule as a stroke on the paper.
-struct Stroke {
-    ends: [Vec3<f64>; 2],
-    radius_m: f64,
+/// Points whose hull is a shape.
+struct Solid {
+    points: Vec<Vec3<f64>>,
     color: Color,
 }
 
@@ -45,19 +48,19 @@ pub fn svg(hand: &Hand, stages: &[(String, Configuration)], contacts: &Contacts)
         ("top: y, −x", Vec3::y(), -Vec3::x()),
     ];
     let palm = stages.last().map_or(Pose::identity(), |(_, configuration)| configuration.pose_world_palm);
-    let strokes: Vec<_> = stages.iter().map(|(_, configuration)| strokes(hand, &palm, configuration)).collect();
+    let solids: Vec<_> = stages.iter().map(|(_, configuration)| solids(hand, &palm, configuration)).collect();
     let arrows: Vec<_> = contacts.iter().map(|contact| contact.seen_from(&palm)).collect();
     let arrows: Vec<_> =
         arrows.iter().map(|contact| [contact.point - contact.direction * ARROW_M, contact.point]).collect();
-    let (low, high) = bounds(strokes.iter().flatten(), &arrows);
+    let (low, high) = bounds(solids.iter().flatten(), &arrows);
     let scale = (EDGE - 2.0 * MARGIN) / (high - low).amax().max(1e-3);
     let middle = (low + high) * 0.5;
     let (width, height) = (EDGE * stages.len() as f64, HEAD + 3.0 * EDGE);
-    let column = |index: usize, strokes: &[Stroke]| {
+    let column = |index: usize, solids: &[Solid]| {
         html! {
             @for (row, view) in views.iter().enumerate() {
                 @let corner = [EDGE * index as f64, HEAD + EDGE * row as f64];
-                (draw(&Projection { view, corner, middle, scale }, strokes, &arrows))
+                (draw(&Projection { view, corner, middle, scale }, solids, &arrows))
             }
         }
     };
@@ -65,9 +68,9 @@ pub fn svg(hand: &Hand, stages: &[(String, Configuration)], contacts: &Contacts)
         svg xmlns="http://www.w3.org/2000/svg" viewBox={ "0 0 " (width) " " (height) } width=(width) height=(height) role="img" aria-label=(hand.name) {
             style { (PreEscaped(style())) }
             rect width="100%" height="100%" fill=(PAPER) {}
-            @for (index, ((caption, _), strokes)) in stages.iter().zip(&strokes).enumerate() {
+            @for (index, ((caption, _), solids)) in stages.iter().zip(&solids).enumerate() {
                 text x=(EDGE * index as f64 + 12.0) y="20" style="font-weight:bold;font-size:14px" { (caption) }
-                (column(index, strokes))
+                (column(index, solids))
             }
             (names(hand))
         }
@@ -85,26 +88,59 @@ fn names(hand: &Hand) -> Markup {
     }
 }
 
-fn strokes(hand: &Hand, palm: &Pose<f64>, configuration: &Configuration) -> Vec<Stroke> {
+fn solids(hand: &Hand, palm: &Pose<f64>, configuration: &Configuration) -> Vec<Solid> {
     let (placed, pose) = (hand.place(&configuration.angles), palm.to(&configuration.pose_world_palm));
-    let of_capsule = |capsule: &super::hand::Capsule| Stroke {
-        ends: capsule.ends(&placed.links).map(|end| pose * end),
-        radius_m: capsule.radius_m,
-        color: capsule.link.map_or(PALE, |link| COLORS[(link / JOINTS).min(THUMB)]),
+    let shapes = hand.bodies.iter().enumerate().flat_map(|(body, of)| of.shapes.iter().map(move |shape| (body, shape)));
+    let of_shape = |(body, shape): (usize, &LinkShape)| {
+        let at = pose * placed.links.get(body).copied().unwrap_or(Pose::identity()) * shape.pose;
+        let color = joints_of(body).map_or(PALE, |(finger, _)| COLORS[finger]);
+        Solid { points: outline(&shape.geometry).iter().map(|point| at * *point).collect(), color }
     };
     let tips = (0..FINGERS).map(|i| {
-        let end = pose * placed.tips[i].position;
-        Stroke { ends: [end, end], radius_m: hand.fingers[i].tip_radius_m, color: COLORS[i] }
+        let center = pose * placed.tips[i].position;
+        let points = ball(hand.fingers[i].tip_radius_m).map(|point| center + point).collect();
+        Solid { points, color: COLORS[i] }
     });
-    hand.capsules.iter().map(of_capsule).chain(tips).collect()
+    shapes.map(of_shape).chain(tips).collect()
 }
 
-fn bounds<'a>(strokes: impl Iterator<Item = &'a Stroke>, arrows: &[[Vec3<f64>; 2]]) -> (Vec3<f64>, Vec3<f64>) {
-    let around = |end: Vec3<f64>, radius: f64| [end.add_scalar(-radius), end.add_scalar(radius)];
-    let points = strokes.flat_map(|stroke| stroke.ends.map(|end| around(end, stroke.radius_m))).flatten();
+/// Points on a shape whose hull looks like it.
+fn outline(geometry: &Geometry) -> Vec<Vec3<f64>> {
+    let both = |half: f64| [Vec3::z() * half, Vec3::z() * -half];
+    match geometry {
+        Geometry::Sphere { radius_m } => ball(*radius_m).collect(),
+        Geometry::Capsule { radius_m, half_m } => {
+            both(*half_m).iter().flat_map(|end| ball(*radius_m).map(move |point| end + point)).collect()
+        }
+        Geometry::Cylinder { radius_m, half_m } => {
+            both(*half_m).iter().flat_map(|end| circle(*radius_m).map(move |point| end + point)).collect()
+        }
+        Geometry::Cuboid { half_m } => {
+            let sign = |corner: usize, axis: usize| if corner >> axis & 1 == 0 { 1.0 } else { -1.0 };
+            (0..8).map(|corner| Vec3::from_fn(|axis, _| half_m[axis] * sign(corner, axis))).collect()
+        }
+        Geometry::Hull(points) => points.clone(),
+    }
+}
+
+/// Points of a circle about z.
+fn circle(radius_m: f64) -> impl Iterator<Item = Vec3<f64>> {
+    let angle = |k: usize| std::f64::consts::TAU * k as f64 / ROUND as f64;
+    (0..ROUND).map(move |k| Vec3::new(radius_m * angle(k).cos(), radius_m * angle(k).sin(), 0.0))
+}
+
+/// Points of a sphere: circles of latitude.
+fn ball(radius_m: f64) -> impl Iterator<Item = Vec3<f64>> {
+    let latitude = |k: usize| std::f64::consts::PI * (k as f64 / ROUND as f64 - 0.5);
+    (0..=ROUND).flat_map(move |k| {
+        circle(radius_m * latitude(k).cos()).map(move |point| point + Vec3::z() * (radius_m * latitude(k).sin()))
+    })
+}
+
+fn bounds<'a>(solids: impl Iterator<Item = &'a Solid>, arrows: &[[Vec3<f64>; 2]]) -> (Vec3<f64>, Vec3<f64>) {
+    let points = solids.flat_map(|solid| &solid.points).chain(arrows.iter().flatten());
     let infinite = Vec3::repeat(f64::INFINITY);
-    let points = points.chain(arrows.iter().flatten().copied());
-    points.fold((infinite, -infinite), |(low, high), point| (low.inf(&point), high.sup(&point)))
+    points.fold((infinite, -infinite), |(low, high), point| (low.inf(point), high.sup(point)))
 }
 
 /// How a view puts points of the palm on the paper.
@@ -127,31 +163,48 @@ impl Projection<'_> {
     }
 }
 
-fn draw(on: &Projection<'_>, strokes: &[Stroke], arrows: &[[Vec3<f64>; 2]]) -> Markup {
+fn draw(on: &Projection<'_>, solids: &[Solid], arrows: &[[Vec3<f64>; 2]]) -> Markup {
     let ((name, right, up), [left, top]) = (on.view, on.corner);
     let towards = right.cross(up);
-    let mut sorted: Vec<_> = strokes.iter().collect();
-    let depth = |stroke: &Stroke| towards.dot(&(stroke.ends[0] + stroke.ends[1]));
+    let mut sorted: Vec<_> = solids.iter().collect();
+    let depth =
+        |solid: &Solid| solid.points.iter().map(|point| towards.dot(point)).sum::<f64>() / solid.points.len() as f64;
     sorted.sort_by(|a, b| depth(a).total_cmp(&depth(b)));
     html! {
         rect.view x=(left + 4.0) y=(top + 4.0) width=(EDGE - 8.0) height=(EDGE - 8.0) {}
-        @for stroke in sorted {
-            @let width = 2.0 * on.scale * stroke.radius_m;
-            (line("edge", stroke.ends.map(|end| on.at(&end)), &format!("stroke-width:{:.1}", width + 1.5)))
-            (line("shape", stroke.ends.map(|end| on.at(&end)), &format!("stroke:{};stroke-width:{width:.1}", stroke.color)))
+        @for solid in sorted {
+            @let corners = hull(solid.points.iter().map(|point| on.at(point)).collect());
+            @let corners = corners.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect::<Vec<_>>();
+            polygon.shape points=(corners.join(" ")) fill=(solid.color) {}
         }
         @for arrow in arrows {
-            @let [_, [x, y]] = arrow.map(|end| on.at(&end));
-            (line("contact", arrow.map(|end| on.at(&end)), ""))
+            @let [[ax, ay], [x, y]] = arrow.map(|end| on.at(&end));
+            line.contact x1=(n(ax)) y1=(n(ay)) x2=(n(x)) y2=(n(y)) {}
             circle.point cx=(n(x)) cy=(n(y)) r="4" {}
         }
         text x=(left + 12.0) y=(top + 22.0) { (name) }
     }
 }
 
-/// A line; one of no length is a dot, which a round cap draws only where the ends differ.
-fn line(class: &str, [[ax, ay], [bx, by]]: [[f64; 2]; 2], style: &str) -> Markup {
-    html! { line class=(class) x1=(n(ax)) y1=(n(ay)) x2=(n(bx + 0.1)) y2=(n(by)) style=(style) {} }
+/// The corners of the convex hull of points in a plane, in order: Andrew's monotone chain.
+fn hull(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    let turns =
+        |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0;
+    let chain = |points: &mut dyn Iterator<Item = [f64; 2]>| {
+        let mut chain: Vec<[f64; 2]> = Vec::new();
+        for point in points {
+            while chain.len() > 1 && !turns(chain[chain.len() - 2], chain[chain.len() - 1], point) {
+                chain.pop();
+            }
+            chain.push(point);
+        }
+        chain.pop();
+        chain
+    };
+    let mut lower = chain(&mut points.iter().copied());
+    lower.extend(chain(&mut points.iter().rev().copied()));
+    lower
 }
 
 /// A coordinate in an SVG.

@@ -4,9 +4,9 @@ use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_core::tree::TreeError;
 
-use super::collision::Gap;
 use super::contact::{Configuration, Contacts};
-use super::hand::{COORDINATES, FINGERS, Hand, JOINTS, Links};
+use super::hand::Hand;
+use super::layout::{COORDINATES, FINGERS, JOINTS, Links, Pair};
 use darm_robot::robot::{Robot, RobotFrame};
 
 /// The robot, and where the hand's fingers are in it.
@@ -29,8 +29,8 @@ pub struct Verdict {
     pub direction_rad: f64,
     /// How far the worst angle is past its limit, rad; zero within all.
     pub past_limit_rad: f64,
-    /// The deepest overlap of parts that must not touch.
-    pub overlap: Option<Gap>,
+    /// Two bodies that touch and must not.
+    pub collision: Option<Pair>,
 }
 
 impl Referee {
@@ -59,7 +59,7 @@ impl Referee {
     pub fn judge(&self, hand: &Hand, configuration: &Configuration, contacts: &Contacts) -> Result<Verdict, TreeError> {
         let (links, tips) = self.place(configuration)?;
         let mut verdict =
-            Verdict { point_m: 0.0, direction_rad: 0.0, past_limit_rad: 0.0, overlap: hand.collision(&links) };
+            Verdict { point_m: 0.0, direction_rad: 0.0, past_limit_rad: 0.0, collision: hand.shapes.collision(&links) };
         for (i, tip) in tips.iter().enumerate() {
             let [bend, lateral] = [JOINTS, JOINTS + 1].map(|j| configuration.angles[COORDINATES * i + j]);
             let (s, c) = bend.sin_cos();

@@ -1,7 +1,7 @@
 //! The method to use: projected Levenberg–Marquardt with limits, and collisions as constraints.
 //!
 //! The variables are the paper's (φ_T and all joints, the thumb on its contact), the residual has the five constraints of
-//! each of the other fingers and a row for each pair of capsules that comes too near. A step is the least one,
+//! each of the other fingers and a row for each pair of bodies that comes too near. A step is the least one,
 //!
 //! Δq = Kᵀ(KKᵀ + μI)⁻¹·e,
 //!
@@ -16,13 +16,16 @@ use nalgebra::{SMatrix, SVector};
 
 use super::collision::Gap;
 use super::contact::{Configuration, Contacts, RADIAN_M};
-use super::hand::{Axis, COORDINATES, FINGERS, Hand, Placed, THUMB};
+use super::hand::{Axis, Hand, Placed};
 use super::jacobian::{COLUMNS, Jacobian, ROWS, Rows, jacobian};
+use super::layout::{COORDINATES, FINGERS, THUMB, joints_of};
 use super::library::Library;
 use super::paper::Variables;
 
-/// Pairs of capsules that are kept apart at once: the nearest ones.
+/// Pairs of bodies that are kept apart at once: the nearest ones.
 const KEPT_APART: usize = 5;
+/// Bodies that are closer than this may touch by the numbers of another program, m.
+const CLEAR_M: f64 = 1e-6;
 const ALL_ROWS: usize = ROWS + KEPT_APART;
 
 /// Constants of the search.
@@ -34,7 +37,7 @@ pub struct Settings {
     pub max_iterations: u32,
     /// How near every pᵢ and rᵢ has to come, m.
     pub reached_m: f64,
-    /// Distance that capsules are kept at while searching, m.
+    /// Distance that bodies are kept at while searching, m.
     pub apart_m: f64,
 }
 
@@ -185,7 +188,7 @@ impl Hand {
         let pose_world_palm = self.on_thumb(&placed, contacts, q.turn_rad);
         let wanted = contacts.map(|contact| contact.seen_from(&pose_world_palm));
         let mut near = Vec::new();
-        self.near(&placed.links, settings.apart_m, |gap| near.push(gap));
+        self.shapes.near(&placed.links, settings.apart_m, |gap| near.push(gap));
         near.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
         near.truncate(KEPT_APART);
         let missing = near.iter().map(|gap| (settings.apart_m - gap.distance_m).powi(2)).sum::<f64>();
@@ -223,15 +226,13 @@ impl Hand {
         linear.jacobian.fixed_view_mut::<ROWS, COLUMNS>(0, 0).copy_from(&task);
         linear.rows.fixed_rows_mut::<ROWS>(0).copy_from(&self.rows(&state.placed, &state.wanted));
         for (k, gap) in state.near.iter().enumerate() {
-            let Some(apart) = (gap.points[0] - gap.points[1]).try_normalize(1e-9) else { continue };
             linear.rows[ROWS + k] = settings.apart_m - gap.distance_m;
-            for (capsule, point, sign) in [(gap.pair.first, gap.points[0], 1.0), (gap.pair.second, gap.points[1], -1.0)]
-            {
-                let Some((finger, joints)) = self.capsules[capsule].joints() else { continue };
+            for (body, point, sign) in [(gap.pair[0], gap.points[0], 1.0), (gap.pair[1], gap.points[1], -1.0)] {
+                let Some((finger, joints)) = joints_of(body) else { continue };
                 for j in 0..joints {
                     let axis = state.placed.axes[COORDINATES * finger + j];
                     linear.jacobian[(ROWS + k, 1 + COORDINATES * finger + j)] +=
-                        sign * lever(&axis, &point).dot(&apart);
+                        sign * lever(&axis, &point).dot(&gap.apart);
                 }
             }
         }
@@ -274,8 +275,9 @@ impl Hand {
     fn is_solved(&self, state: &State, settings: &Settings) -> bool {
         // The cost is no number where the contacts are none, and then nothing is solved.
         state.cost.is_finite()
-            && state.near.first().is_none_or(|gap| gap.distance_m > 0.0)
+            && state.near.first().is_none_or(|gap| gap.distance_m > CLEAR_M)
             && self.rows(&state.placed, &state.wanted).amax() < 0.5 * settings.reached_m
+            && self.shapes.collision(&state.placed.links).is_none()
     }
 }
 

@@ -7,11 +7,14 @@ use darm_core::real::Vec3;
 use nalgebra::SMatrix;
 use proptest::prelude::{prop_assert, proptest};
 
+use super::assembly::HandFile;
 use super::bare::{Fingers, read_bare_hand};
 use super::contact::{Configuration, Contact, Contacts};
-use super::file::{HandFile, parse_contacts, read_hand};
-use super::hand::{COORDINATES, FINGERS, Hand, JOINTS, THUMB};
+use super::contacts_file::parse_contacts;
+use super::file::read_hand;
+use super::hand::Hand;
 use super::jacobian::{COLUMNS, ROWS, jacobian, smallest_step};
+use super::layout::{COORDINATES, FINGERS, JOINTS, THUMB};
 use super::library::Library;
 use super::paper::{self, End};
 use super::solve::Settings;
@@ -139,22 +142,24 @@ fn the_initial_configuration_keeps_the_thumb_and_faces_the_others() {
 }
 
 #[test]
-fn the_papers_search_solves_about_three_of_four_with_one_lambda() {
+fn the_papers_search_meets_the_contacts_with_one_lambda_and_often_collides() {
     let HandFile { hand, referee, .. } = allegro();
     let all = some(&hand, 200);
-    let mut solved = 0;
+    let (mut solved, mut collides) = (0, 0);
     for contacts in &all {
         let mut path = 0;
         let attempt = hand.attempt(0.5, contacts, &paper::Settings::default(), |_| path += 1);
         assert_eq!(path, attempt.iterations + 1);
         let verdict = referee.judge(&hand, &attempt.configuration, contacts).unwrap();
         assert!(verdict.past_limit_rad <= 0.0);
-        if attempt.end == End::Solved {
-            solved += 1;
-            assert!(verdict.point_m < 1e-3 && verdict.overlap.is_none());
+        if matches!(attempt.end, End::Solved | End::Collides) {
+            assert!(verdict.point_m < 1e-3 && verdict.collision.is_some() == (attempt.end == End::Collides));
         }
+        solved += usize::from(attempt.end == End::Solved);
+        collides += usize::from(attempt.end == End::Collides);
     }
-    assert!((130..180).contains(&solved), "{solved}");
+    // It does not know of collisions until its end, and the boxes of palm and thumb touch in most postures.
+    assert!((70..110).contains(&solved) && (130..190).contains(&(solved + collides)), "{solved} {collides}");
 }
 
 proptest! {
@@ -168,7 +173,7 @@ proptest! {
         let verdict = referee.judge(&hand, &found.configuration, &contacts).unwrap();
         prop_assert!(verdict.past_limit_rad <= 0.0);
         if found.is_solved {
-            prop_assert!(verdict.point_m < 1e-6 && verdict.direction_rad < 1e-5 && verdict.overlap.is_none());
+            prop_assert!(verdict.point_m < 1e-6 && verdict.direction_rad < 1e-5 && verdict.collision.is_none());
         }
     }
 }
@@ -275,7 +280,6 @@ fn faults_of_a_hand_name_line_and_column() {
     check("tip_radius_mm = 12", "tip_radius_mm = inf", "hand.toml:12:17: the number has to be finite");
     check("tip_radius_mm = 12", "tip_radius_mm = 12\nbend_deg = [9, 0]", "hand.toml:13:12: the range 9 to 0 deg");
     check("lambdas = [0.5051", "lambdas = [1.5", "hand.toml:7:11: the lambdas must be");
-    check("link = \"palm_link\"", "link = \"palm\"", "hand.toml:32:8: the robot has no link `palm`");
     let three = "[[finger]]\nname = \"index\"\ntip = \"link_3.0_tip\"\ntip_radius_mm = 12\n";
     check(three, "", "hand.toml:3:10: the hand has 3 fingers");
 }

@@ -82,7 +82,9 @@ pub enum TrainingError {
         path: PathBuf,
     },
     /// Every posture that was drawn collides.
-    #[error("of {asked} postures only {found} could be drawn without a collision: check the capsules of the hand")]
+    #[error(
+        "of {asked} postures only {found} could be drawn without a collision: check the shapes and limits of the hand"
+    )]
     NoPosture {
         /// How many were requested.
         asked: usize,
@@ -118,11 +120,8 @@ impl Training {
         };
         progress(solved.len());
         while let Some(rest) = constraints.get(solved.len()..).filter(|rest| !rest.is_empty()) {
-            let row = |contacts: &Contacts| -> Vec<bool> {
-                let ends = lambdas.iter().map(|lambda| hand.attempt(*lambda, contacts, &self.settings, |_| ()).end);
-                ends.map(|end| end == End::Solved).collect()
-            };
-            let block: Vec<_> = rest[..rest.len().min(BLOCK)].par_iter().map(row).collect();
+            let block = &rest[..rest.len().min(BLOCK)];
+            let block: Vec<_> = block.par_iter().map(|contacts| self.solved(hand, contacts)).collect();
             if let (Some(kept), Some(path)) = (&mut kept, file) {
                 let written = kept.write_all(lines(&block).as_bytes());
                 written.map_err(|error| TrainingError::File { path: path.into(), error })?;
@@ -131,6 +130,12 @@ impl Training {
             progress(solved.len());
         }
         Ok(Outcomes { lambdas, solved })
+    }
+
+    /// Whether each λ solves the contacts.
+    pub fn solved(&self, hand: &Hand, contacts: &Contacts) -> Vec<bool> {
+        let end = |lambda: f64| hand.attempt(lambda, contacts, &self.settings, |_| ()).end;
+        self.values().into_iter().map(|lambda| end(lambda) == End::Solved).collect()
     }
 
     /// What the file holds, and the file open for more; a last line that was cut off is dropped.
