@@ -3,7 +3,9 @@
 use std::collections::BTreeSet;
 
 use darm_core::actuator::{Axis, Leg, Platform, Stage};
-use darm_core::effect::Effect;
+use darm_core::effect::anchor_offset::Plate;
+use darm_core::effect::fitted_term::{FittedTerm, Variable};
+use darm_core::effect::{Effect, Place};
 use darm_core::model::Mass;
 
 use super::Arm;
@@ -17,7 +19,7 @@ impl Arm {
     /// of the tool.
     pub fn constant(&self) -> String {
         let (model, n) = (&self.model, self.model.chain.stages.len());
-        let (files, effects): (BTreeSet<String>, Vec<String>) = model.effects.iter().map(effect_text).unzip();
+        let (files, effects): (BTreeSet<&str>, Vec<String>) = model.effects.iter().map(effect_text).unzip();
         let body = format!(
             "/// Geometry, masses and effects.\n\
              pub(crate) const MODEL: Model<f32, {n}> = Model {{\n\
@@ -37,7 +39,7 @@ impl Arm {
             number(model.working_temperature_k),
             effects.join(", "),
         );
-        let effect = ["Effect", "Place"].into_iter().chain(files.iter().map(String::as_str));
+        let effect = ["Effect", "Place"].into_iter().chain(files.iter().copied());
         format!(
             "//! {}, model {}: made by `darm model --rust` from its file.\n\n{}\
              use darm_core::chain::Chain;\n{}\
@@ -97,38 +99,129 @@ fn mass(mass: &Mass<f64>) -> String {
     format!("Mass {{ mass_kg: {}, center: {} }}", number(mass.mass_kg), vector(&mass.center))
 }
 
-/// The file of a law, and the effect. What is derived for [`Debug`] is Rust but for paths and vectors, of any law.
-fn effect_text(effect: &Effect<f64>) -> (String, String) {
-    let debug = format!("{:?}", effect.cast::<f32>());
-    let law = debug.split('(').next().expect("a split has a first part");
-    let file = law.chars().enumerate().fold(String::new(), |file, (at, letter)| {
-        let joint = if at > 0 && letter.is_uppercase() { "_" } else { "" };
-        file + joint + &letter.to_lowercase().to_string()
-    });
-    let text = debug
-        .replace("at: ", "at: Place::")
-        .replace("plate: ", &format!("plate: {file}::Plate::"))
-        .replace("frame: ", &format!("frame: {file}::Frame::"))
-        .replace("of: ", &format!("of: {file}::Variable::"))
-        .replace("[[", "Vec3::new(")
-        .replace("]]", ")")
-        .replacen('(', &format!("({file}::"), 1);
-    (file, format!("Effect::{text}"))
+/// The file of a law in `darm-core`, and the effect as Rust source.
+fn effect_text(effect: &Effect<f64>) -> (&'static str, String) {
+    let plate = |plate: Plate| format!("anchor_offset::Plate::{plate:?}");
+    let (file, law, fields) = match effect {
+        Effect::GravitySag(law) => (
+            "gravity_sag",
+            "GravitySag",
+            vec![("at", place(law.at)), ("compliance_m_per_n", number(law.compliance_m_per_n))],
+        ),
+        Effect::Play(law) => ("play", "Play", vec![("at", place(law.at)), ("width_m", number(law.width_m))]),
+        Effect::SupplyStroke(law) => {
+            ("supply_stroke", "SupplyStroke", vec![("at", place(law.at)), ("gain", number(law.gain))])
+        }
+        Effect::ThermalGrowth(law) => {
+            let expansion = ("expansion_per_k", number(law.expansion_per_k));
+            ("thermal_growth", "ThermalGrowth", vec![("at", place(law.at)), expansion])
+        }
+        Effect::Drift(law) => {
+            let [until, values] = [("until_s", number(law.until_s)), ("values", numbers(&law.values))];
+            ("drift", "Drift", vec![("at", place(law.at)), until, values])
+        }
+        Effect::Crowding(law) => {
+            ("crowding", "Crowding", vec![("at", place(law.at)), ("values", numbers(&law.values))])
+        }
+        Effect::FrameOffset(law) => {
+            let frame = format!("frame_offset::Frame::{:?}", law.frame);
+            ("frame_offset", "FrameOffset", vec![("frame", frame), ("values", numbers(&law.values))])
+        }
+        Effect::BaseDrift(law) => {
+            let until = ("until_s", number(law.until_s));
+            ("base_drift", "BaseDrift", vec![until, ("values", numbers(&law.values))])
+        }
+        Effect::Scale(law) => ("scale", "Scale", vec![("stretch", number(law.stretch))]),
+        Effect::JointOffset(law) => {
+            let offset = ("offset_rad", number(law.offset_rad));
+            ("joint_offset", "JointOffset", vec![("servo", law.servo.to_string()), offset])
+        }
+        Effect::StrokeLoss(law) => {
+            let [actuator, state] = [law.actuator, law.state].map(|k| k.to_string());
+            let loss = ("loss_m", number(law.loss_m));
+            ("stroke_loss", "StrokeLoss", vec![("actuator", actuator), ("state", state), loss])
+        }
+        Effect::Wear(law) => {
+            let until = ("until_switches", number(law.until_switches));
+            let per_switch = ("per_switch_m", number(law.per_switch_m));
+            ("wear", "Wear", vec![("actuator", law.actuator.to_string()), until, per_switch])
+        }
+        Effect::Step(law) => {
+            let [since, shift] = [("since_s", number(law.since_s)), ("shift_m", number(law.shift_m))];
+            ("step", "Step", vec![("actuator", law.actuator.to_string()), since, shift])
+        }
+        Effect::AnchorOffset(law) => {
+            let at = [("actuator", law.actuator.to_string()), ("plate", plate(law.plate))];
+            ("anchor_offset", "AnchorOffset", [&at[..], &[("offset", vector(&law.offset))]].concat())
+        }
+        Effect::FittedTerm(law) => ("fitted_term", "FittedTerm", term_fields(law)),
+    };
+    (file, format!("Effect::{law}({file}::{law} {{ {} }})", fields_text(&fields)))
+}
+
+fn fields_text(fields: &[(&str, String)]) -> String {
+    list(fields.iter().map(|(name, value)| format!("{name}: {value}")))
+}
+
+fn term_fields(term: &FittedTerm<f64>) -> Vec<(&'static str, String)> {
+    let centered = |center: f64, span: f64| vec![("center", number(center)), ("span", number(span))];
+    let (variant, fields) = match term.of {
+        Variable::Supply { center, span } => ("Supply", centered(center, span)),
+        Variable::Temperature { center, span } => ("Temperature", centered(center, span)),
+        Variable::Servo { servo, center, span } => {
+            ("Servo", [&[("servo", servo.to_string())], &centered(center, span)[..]].concat())
+        }
+        Variable::Digits { first, second } => {
+            ("Digits", vec![("first", format!("{first:?}")), ("second", format!("{second:?}"))])
+        }
+        Variable::Stayed { actuator, share } => {
+            ("Stayed", vec![("actuator", actuator.to_string()), ("share", number(share))])
+        }
+    };
+    vec![
+        ("of", format!("fitted_term::Variable::{variant} {{ {} }}", fields_text(&fields))),
+        ("square", term.square.to_string()),
+        ("frame", format!("fitted_term::Frame::{:?}", term.frame)),
+        ("values", numbers(&term.values)),
+    ]
+}
+
+fn place(at: Place) -> String {
+    format!("Place::{at:?}")
 }
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use darm_core::effect::anchor_offset::{AnchorOffset, Plate};
     use darm_core::effect::fitted_term::{FittedTerm, Variable};
     use darm_core::effect::frame_offset::{Frame, FrameOffset};
     use darm_core::effect::gravity_sag::GravitySag;
     use darm_core::effect::stroke_loss::StrokeLoss;
-    use darm_core::effect::{Effect, Place};
+    use darm_core::effect::{Detail, Effect, Place};
 
     use super::effect_text;
 
     #[test]
-    fn an_effect_is_told_with_its_paths() {
+    fn every_law_has_all_its_fields() {
+        let details = [Detail::All, Detail::State(1), Detail::Anchor(Plate::Top)];
+        let places = [Place::Actuator(2), Place::Servo(0), Place::Base, Place::Camera, Place::Arm];
+        let all = places.iter().flat_map(|place| details.iter().map(move |detail| (*place, *detail)));
+        let effects =
+            all.flat_map(|(place, detail)| Effect::<f64>::EACH_AT.iter().filter_map(move |at| at(place, detail)));
+        let fields = |text: &str| text.matches(": ").count();
+        let mut laws = BTreeSet::new();
+        for effect in effects {
+            assert_eq!(fields(&effect_text(&effect).1), fields(&format!("{effect:?}")), "{effect:?}");
+            laws.insert(effect.law().name());
+        }
+        // A fitted term is not made at a place.
+        assert!(laws.len() + 1 >= Effect::<f64>::EACH_AT.len(), "{laws:?}");
+    }
+
+    #[test]
+    fn an_effect_has_its_paths() {
         let offset = [1e-3, -2e-3, 0.0].into();
         let of = Variable::Digits { first: (3, 1), second: Some((7, 0)) };
         let effects: [(Effect<f64>, &str); 5] = [

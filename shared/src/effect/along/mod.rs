@@ -15,13 +15,14 @@ pub mod backlash_by_load;
 pub mod compliance;
 pub mod coulomb_friction;
 pub mod delay;
-pub mod drift;
+pub mod friction_wear;
 pub mod gain;
 pub mod hysteresis;
 pub mod load_dependent_friction;
 pub mod load_dependent_presliding;
 pub mod load_dependent_viscosity;
 pub mod offset;
+pub mod offset_drift;
 pub mod periodic_cosine;
 pub mod periodic_sine;
 pub mod position_dependent_friction;
@@ -34,7 +35,6 @@ pub mod stribeck_friction;
 pub mod thermal_drift;
 pub mod thermal_viscosity;
 pub mod viscous_friction;
-pub mod wear;
 
 use super::law_name::LawName;
 use crate::real::{Real, exp, real};
@@ -221,7 +221,7 @@ macro_rules! laws {
 laws! {
     Offset in offset,
     Spring in spring,
-    Drift in drift,
+    OffsetDrift in offset_drift,
     StepInTime<T> { at_s } in step_in_time,
     ViscousFriction in viscous_friction,
     CoulombFriction<T> { creep_speed } in coulomb_friction,
@@ -237,7 +237,7 @@ laws! {
     Delay in delay,
     ThermalDrift in thermal_drift,
     ThermalViscosity in thermal_viscosity,
-    Wear<T> { creep_speed } in wear,
+    FrictionWear<T> { creep_speed } in friction_wear,
     PeriodicSine<T> { per_turn } in periodic_sine,
     PeriodicCosine<T> { per_turn } in periodic_cosine,
     Backlash<T> { distance } in backlash,

@@ -5,7 +5,7 @@
 //!
 //! f = f₀
 //!
-//! Valid where the offset does not move with time or temperature; see `drift` and `thermal_drift` where it does.
+//! Valid where the offset does not move with time or temperature; see `offset_drift` and `thermal_drift` where it does.
 //! Source: definition.
 //!
 //! # Example

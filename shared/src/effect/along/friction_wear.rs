@@ -1,4 +1,4 @@
-//! Wear: friction that changes with the way that was gone.
+//! Wear of a friction: friction that changes with the way that was gone.
 //!
 //! # Model
 //!
@@ -17,8 +17,8 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, wear::Wear};
-//! let (law, mut memory) = (Wear { creep_speed: 0.01 }, Memory::default());
+//! use darm_core::effect::along::{Along, Memory, Moment, friction_wear::FrictionWear};
+//! let (law, mut memory) = (FrictionWear { creep_speed: 0.01 }, Memory::default());
 //! let mut at = |position: f64| law.shape(&Moment { position, velocity: 1.0, ..Moment::default() }, &mut memory);
 //! let last = [0.0, 2.0, -1.0].map(&mut at)[2];
 //! assert!((last - (5.0)).abs() < 1e-12);
@@ -29,14 +29,14 @@ use crate::real::{Real, tanh};
 
 /// Friction that changes with the way that was gone.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wear<T: Real> {
+pub struct FrictionWear<T: Real> {
     /// Creep speed, m/s or rad/s.
     pub creep_speed: T,
 }
 
-impl<T: Real> Along<T> for Wear<T> {
+impl<T: Real> Along<T> for FrictionWear<T> {
     fn name(&self) -> LawName {
-        LawName::Wear
+        LawName::FrictionWear
     }
 
     fn per(&self) -> &'static [Per] {

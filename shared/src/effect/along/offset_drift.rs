@@ -1,4 +1,4 @@
-//! Drift: something that grows evenly with time.
+//! Drift of an offset: something that grows evenly with time.
 //!
 //! # Model
 //!
@@ -14,8 +14,8 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, drift::Drift};
-//! let law = Drift;
+//! use darm_core::effect::along::{Along, Memory, Moment, offset_drift::OffsetDrift};
+//! let law = OffsetDrift;
 //! let now = Moment { time_s: 60.0, ..Moment::default() };
 //! assert!((law.shape(&now, &mut Memory::default()) - (60.0f64)).abs() < 1e-12);
 //! ```
@@ -25,11 +25,11 @@ use crate::real::Real;
 
 /// Something that grows evenly with time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Drift;
+pub struct OffsetDrift;
 
-impl<T: Real> Along<T> for Drift {
+impl<T: Real> Along<T> for OffsetDrift {
     fn name(&self) -> LawName {
-        LawName::Drift
+        LawName::OffsetDrift
     }
 
     fn per(&self) -> &'static [Per] {
