@@ -35,7 +35,7 @@ struct Topic {
 pub(crate) fn read(files: &[Vec<u8>]) -> Result<(Vec<Part>, Vec<String>), Fault> {
     let (mut topics, mut notes): (BTreeMap<String, Topic>, Vec<String>) = (BTreeMap::new(), Vec::new());
     for bytes in files {
-        let (log, is_cut) = Log::read_whole_records(bytes).map_err(|error| Fault::of_file(error.to_string()))?;
+        let (log, is_cut) = Log::read_complete_records(bytes).map_err(|error| Fault::of_file(error.to_string()))?;
         if is_cut {
             let text = format!(
                 "the log ends in the middle of a record; its {} complete messages are read",
