@@ -43,7 +43,7 @@ impl Agreement {
     pub(crate) fn allows(&self, n_effects: usize, explained: f64) -> bool {
         match self {
             Self::AsRead => explained >= MIN_EXPLAINED,
-            Self::Hardly(most) => explained >= MIN_EXPLAINED && n_effects <= *most,
+            Self::Hardly(max_effects) => explained >= MIN_EXPLAINED && n_effects <= *max_effects,
             Self::Otherwise(_) => false,
         }
     }

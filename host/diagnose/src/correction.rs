@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use darm_core::effect::Effect;
 
 use crate::judge::fitted_terms::WithTerms;
+use crate::linearise::model::is_robot_file;
 use crate::linearise::model_effects::ModelEffect;
 use crate::linearise::model_error::ModelError;
 use crate::measurement::Run;
-use crate::outcome::Diagnosis;
+use crate::outcome::{Diagnosis, Measured};
 use crate::prepare::observations::Observations;
 use darm_arm::arm::{Arm, ZERO_CELSIUS};
 
@@ -127,10 +128,10 @@ impl SignalCorrection {
     }
 }
 
-/// The keys of a model's file; of a URDF those of a model that names it.
-fn model_table(model: &Path, kind: &str) -> Result<toml::Table, ModelError> {
-    if model.extension().is_some_and(|end| end == "urdf") {
-        let observed = if kind == "contact-wrench" { "wrench" } else { "torque" };
+/// The keys of a model's file; of a robot's file those of a model that names it.
+fn model_table(model: &Path, kind: Measured) -> Result<toml::Table, ModelError> {
+    if is_robot_file(model) {
+        let observed = if kind == Measured::ContactWrench { "wrench" } else { "torque" };
         let own = model.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let keys = [("kind", "robot".to_string()), ("urdf", own), ("observed", observed.into())];
         return Ok(keys.map(|(key, value)| (key.to_string(), toml::Value::String(value))).into_iter().collect());

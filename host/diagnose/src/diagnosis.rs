@@ -92,9 +92,9 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
     let repeatability = repeats.as_ref();
     let selected = SelectedPoses { arm, run, problem: &problem, repeatability, best: &best, agreement: &agreement };
     let how = Proposal { seed: options.seed, words: options.next_words };
-    let mut judgement = judge::poses::judge(&selected, &start, rivals, how).map_err(no_pose)?;
-    let with_terms = judgement.with_terms.take();
-    let mut diagnosis = report::poses::diagnosis(&selected, judgement, path, options.seed).map_err(no_pose)?;
+    let (judgement, with_terms) = judge::poses::judge(&selected, &start, rivals, how).map_err(no_pose)?;
+    let summary = report::poses::summary(&selected, path).map_err(no_pose)?;
+    let mut diagnosis = report::diagnosis(summary, judgement, options.seed);
     diagnosis.plain = sentences::of_poses(arm, &diagnosis, &selected.effects(), with_terms.as_ref());
     let correction = ArmCorrection {
         best_effects: best.fit.model.effects.iter().copied().collect(),
@@ -239,7 +239,8 @@ fn conclude(
 ) -> Outcome<SignalCorrection> {
     let Searched { selected, held_out, findings } = searched;
     let judgement = judge::signals::judge(&selected, pooled, options.preparation.lowpass_hz.is_some());
-    let mut diagnosis = report::signals::diagnosis(&selected, judgement, pooled, held_out, options.seed);
+    let summary = report::signals::summary(&selected, pooled, held_out);
+    let mut diagnosis = report::diagnosis(summary, judgement, options.seed);
     diagnosis.findings = findings;
     diagnosis.plain = sentences::of_signals(&diagnosis);
     let effects = model_effects::merge(&model.effects, in_model(&selected));

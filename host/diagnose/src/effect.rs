@@ -15,7 +15,7 @@ pub enum Place {
     /// The only actuator of a force measurement.
     Actuator,
     /// The only joint of a position measurement.
-    HeldJoint,
+    SingleJoint,
     /// A joint of a robot, counted from 0.
     Joint(usize),
     /// A motor that drives several joints, counted from 0.
@@ -40,11 +40,12 @@ impl Place {
         Self::Arm(effect.law().place(), effect.law().detail())
     }
 
-    /// Whether both are the same part, whatever number of it is meant.
-    pub fn is_same_part(&self, other: &Self) -> bool {
-        match (self, other) {
-            (Self::Arm(own, _), Self::Arm(other, _)) => own == other,
-            _ => self == other,
+    /// The part that it is at, whatever number of it is meant.
+    #[must_use]
+    pub fn part(&self) -> Self {
+        match *self {
+            Self::Arm(part, _) => Self::Arm(part, Detail::All),
+            other => other,
         }
     }
 }
@@ -69,11 +70,6 @@ impl Site {
         let code = code.into();
         Self { place, name: code.clone(), code }
     }
-}
-
-/// The part of a place's code: `actuator 4` of `actuator 4, base anchor`.
-pub fn part_of(code: &str) -> &str {
-    code.split_once(',').map_or(code, |(part, _)| part)
 }
 
 impl PartialEq for Site {

@@ -10,7 +10,7 @@ use crate::prepare::signals::PrepareError;
 /// Training words without which nothing can be said.
 pub const MIN_WORDS: usize = 2 * FOLDS;
 /// Pieces of training rows without which nothing can be said.
-pub const MIN_PIECES: usize = 8;
+pub const MIN_PIECES: usize = 16;
 
 /// Why there is no diagnosis.
 #[derive(Debug, thiserror::Error)]

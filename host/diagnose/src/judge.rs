@@ -7,6 +7,7 @@ pub mod intervals;
 pub mod next_rows;
 pub mod next_words;
 pub mod pose_dictionary;
+pub mod pose_intervals;
 pub mod poses;
 pub mod regression;
 pub mod remaining;
@@ -14,3 +15,20 @@ pub mod scatter;
 pub mod selected;
 pub mod signals;
 pub mod structure;
+
+use crate::outcome::{Alternative, Effect, NextMeasurement, Repeatability, Structure, Verdict};
+
+/// What is concluded, whatever was measured.
+pub(crate) struct Judgement {
+    pub(crate) verdict: Verdict,
+    /// The effects that are named.
+    pub(crate) effects: Vec<Effect>,
+    pub(crate) alternatives: Vec<Alternative>,
+    pub(crate) unobservable: Vec<String>,
+    pub(crate) repeatability: Option<Repeatability>,
+    /// What the residual depends on before any effect is added; not looked for in signals.
+    pub(crate) structure: Option<Structure>,
+    /// What it depends on with the effects selected.
+    pub(crate) remaining: Structure,
+    pub(crate) next_measurement: Option<NextMeasurement>,
+}

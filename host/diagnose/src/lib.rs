@@ -18,6 +18,7 @@ pub mod effect;
 pub mod error;
 pub mod judge;
 pub mod linearise;
+pub mod measured;
 pub mod measurement;
 pub mod measurement_plan;
 pub mod misreading;

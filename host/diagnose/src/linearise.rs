@@ -21,7 +21,7 @@ pub mod wrench;
 use crate::error::DiagnoseError;
 use crate::prepare::signals::Prepared;
 use darm_robot::robot::Robot;
-use experiment::{Columns, Experiment};
+use experiment::{Columns, Experiment, Moving};
 use model::{Model, What};
 
 /// The experiment of each kind of measurement: a new kind is a variant of [`What`] and its line here.
@@ -37,11 +37,16 @@ pub(crate) fn linearise(model: &Model, data: &mut Prepared) -> Result<Experiment
         What::Torque(robot, transmission) => torque::experiment(data, robot, transmission.as_ref(), known)?,
         What::Wrench(robot) => wrench::experiment(data, robot)?,
         What::Closure(robot, points) => point_contact::experiment(data, robot, points)?,
-        What::Any(robot) if data.raw("fz").is_some() => wrench::experiment(data, robot)?,
+        What::Any(robot) if is_wrench(data) => wrench::experiment(data, robot)?,
         What::Any(robot) => torque::experiment(data, robot, None, known)?,
     };
     model_effects::apply(&mut experiment, known)?;
     Ok(experiment)
+}
+
+/// Whether a table of a robot has the wrench of a force plate; else torques.
+fn is_wrench(data: &Prepared) -> bool {
+    data.raw("fz").is_some()
 }
 
 /// The columns that [`linearise`] reads, whose log may have them exchanged or in another unit.
@@ -49,16 +54,17 @@ pub(crate) fn columns(model: &Model, data: &Prepared) -> Columns {
     let named = |names: &[&str]| names.iter().map(|name| name.to_string()).collect::<Vec<_>>();
     let of_wrench = |robot: &Robot| Columns {
         measured: (0..3).map(|axis| named(&[wrench::WRENCH[axis], wrench::WRENCH[axis + 3]])).collect(),
-        moving: robot.joints.iter().map(|joint| vec![joint.name.clone()]).collect(),
+        moving: robot.joints.iter().map(|joint| Moving::of(joint, vec![joint.name.clone()])).collect(),
     };
     match &model.what {
         What::Cylinder { .. } => {
-            Columns { measured: vec![named(&["force"])], moving: vec![named(&["position", "velocity"])] }
+            let moving = Moving { columns: named(&["position", "velocity"]), turns: false };
+            Columns { measured: vec![named(&["force"])], moving: vec![moving] }
         }
         What::Servo => Columns { measured: vec![named(&["position"])], moving: Vec::new() },
         What::Closure(..) => Columns { measured: Vec::new(), moving: Vec::new() },
         What::Wrench(robot) => of_wrench(robot),
-        What::Any(robot) if data.raw("fz").is_some() => of_wrench(robot),
+        What::Any(robot) if is_wrench(data) => of_wrench(robot),
         What::Torque(robot, transmission) => torque::columns(data, robot, transmission.as_ref()),
         What::Any(robot) => torque::columns(data, robot, None),
     }

@@ -5,11 +5,14 @@
 //! - Every word is visited a few times, each time after another word, so that memory of the word before shows; the
 //!   order is chosen so that each actuator comes to each word both moved and unmoved where that can be.
 //! - Some words are held for a few more visits in a row, with nothing changed: they tell the repeatability.
-//! - A share of the words is drawn before anything is measured, and held out of every fit.
+//! - A share of the words is drawn before anything is measured, each state of each actuator among them, and held out of every
+//!   fit.
 //! - Servo joints stand elsewhere in each round of visits.
 
 pub mod optimal_design;
 mod order;
+
+use std::collections::BTreeMap;
 
 use darm_core::model::Condition;
 use darm_core::units::Word;
@@ -21,7 +24,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::linearise::arm_candidates;
 use crate::linearise::sensitivity::Sensitivity;
 use crate::measurement::{Run, Sample};
-use crate::measurement_plan::optimal_design::most_informative;
+use crate::measurement_plan::optimal_design::informative_first;
 use crate::prepare::observations::Observations;
 use darm_arm::arm::{Arm, ArmScratch, ZERO_CELSIUS};
 
@@ -33,6 +36,8 @@ const NOISE: [f64; 6] = [3.5e-4, 3.5e-4, 3.5e-4, 2e-4, 2e-4, 2e-4];
 const AWAY: (f64, f64) = (0.9, 10.0);
 /// Size of an effect that is thought likely, in units of the noise.
 const LIKELY: f64 = 20.0;
+/// Held-out words that each state of each actuator is in, so that more than one shows an effect in that state.
+const SHOWN_IN: usize = 2;
 /// Share of a servo's range that it is moved by to either side.
 const SERVO_SHARE: f64 = 0.3;
 
@@ -81,7 +86,7 @@ pub fn plan(arm: &Arm, options: &Options) -> Vec<Step> {
     let mut drawn: Vec<usize> = (0..words.len()).collect();
     drawn.shuffle(&mut rng);
     let n_held_out = (options.hold_out * words.len() as f64).round() as usize;
-    let (held_out, training) = drawn.split_at(n_held_out.min(words.len()));
+    let (held_out, training) = held_out_and_training(&words, drawn, n_held_out.min(words.len()));
     let repeated = &training[..options.repeated_words.min(training.len())];
     let mut steps: Vec<Step> = Vec::new();
     for (round, order) in order::rounds(&words, options.visits, arm.rest(), &mut rng).into_iter().enumerate() {
@@ -98,6 +103,26 @@ pub fn plan(arm: &Arm, options: &Options) -> Vec<Step> {
         }
     }
     steps
+}
+
+/// Parts the numbers of words, in the order in which they were drawn, into `n` that are held out and the others. Each state
+/// of each actuator is in [`SHOWN_IN`] of the former where that can be and leaves one to the latter, since an effect in one
+/// state shows in no word without it.
+fn held_out_and_training(words: &[Word], drawn: Vec<usize>, n: usize) -> (Vec<usize>, Vec<usize>) {
+    let states = |&word: &usize| words[word].iter().enumerate();
+    let mut wanted: BTreeMap<(usize, u8), usize> = BTreeMap::new();
+    drawn.iter().flat_map(states).for_each(|state| *wanted.entry(state).or_default() += 1);
+    wanted.values_mut().for_each(|count| *count = (*count - 1).min(SHOWN_IN));
+    let (first, others): (Vec<usize>, Vec<usize>) = drawn.into_iter().partition(|word| {
+        let is_wanted = states(word).any(|state| wanted[&state] > 0);
+        for state in states(word) {
+            wanted.entry(state).and_modify(|count| *count = count.saturating_sub(1));
+        }
+        is_wanted
+    });
+    let mut all = [first, others].concat();
+    let training = all.split_off(n);
+    (all, training)
 }
 
 /// Words, each once, that could be visited: all of them where there are few, else as many as are worth weighing.
@@ -147,7 +172,7 @@ fn informative_words(arm: &Arm, options: &Options) -> Vec<Word> {
     let measurements: Vec<DMatrix<f64>> = (0..observations.rows.len())
         .map(|row| DMatrix::from_fn(n_axes, columns.len(), |axis, column| columns[column][row * n_axes + axis]))
         .collect();
-    let chosen = most_informative(DMatrix::identity(columns.len(), columns.len()), &measurements, options.words);
+    let chosen = informative_first(DMatrix::identity(columns.len(), columns.len()), &measurements, options.words);
     chosen.into_iter().map(|row| steps[observations.rows[row].sample].word).collect()
 }
 

@@ -124,6 +124,9 @@ impl fmt::Display for Misreading {
             }
             Self::ExchangedColumns { columns: [a, b] } => write!(f, "{a} and {b} are exchanged"),
             Self::InvertedColumns { columns } => write!(f, "{} has the other sign", names(columns)),
+            Self::ColumnScale { columns, factor } if *factor < 1.0 => {
+                write!(f, "{} is {} times too small", names(columns), rounded(1.0 / factor))
+            }
             Self::ColumnScale { columns, factor } => {
                 write!(f, "{} is {} times too large", names(columns), rounded(*factor))
             }

@@ -17,6 +17,10 @@
 //! | `structure`, `remaining` | what the residual depends on before and after |
 //! | `outliers` | rows that no model explains, by line |
 //! | `next_measurement` | what to measure to distinguish alternatives, or null |
+//! | `selection_path`, `condition` | every effect that was tried; condition number of the information, of tool poses |
+//! | `plain`, `findings` | the sentences of the report; what was found in the table, by line and column |
+//! | `points` | residuals of rows, for plots |
+//! | `seed`, `version` | of the shuffling into folds; of this program |
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -26,6 +30,7 @@ use serde::{Serialize, Serializer};
 
 pub use crate::effect::{Effect, Value};
 use crate::effect::{Law, Site, as_str};
+pub use crate::measured::Measured;
 use crate::measurement::Finding;
 pub use crate::misreading::Misreading;
 pub use crate::select::forward::SelectionStep;
@@ -34,7 +39,7 @@ pub use crate::select::forward::SelectionStep;
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Diagnosis {
     /// What was measured.
-    pub kind: &'static str,
+    pub kind: Measured,
     /// Number of the arm's model that was diagnosed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<u32>,
@@ -221,6 +226,15 @@ pub struct AxisFigure {
     pub unit: &'static str,
 }
 
+impl AxisFigure {
+    /// Of a component of a twist, ω first: rad or m.
+    pub(crate) fn of_twist(component: usize, value: f64) -> Self {
+        let names = [("about x", "rad"), ("about y", "rad"), ("about z", "rad"), ("x", "m"), ("y", "m"), ("z", "m")];
+        let (name, unit) = names[component];
+        Self { axis: name.into(), value, unit }
+    }
+}
+
 /// Another explanation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Alternative {
@@ -299,7 +313,7 @@ pub struct Visit {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub servos_rad: Vec<f64>,
     /// Supply, Pa.
-    pub supply: Option<f64>,
+    pub supply_pa: Option<f64>,
     /// Temperature.
     pub temperature_c: Option<f64>,
     /// Distance d between predicted and measured pose of the model as it was, m.

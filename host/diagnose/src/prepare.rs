@@ -8,3 +8,4 @@ pub mod repeatability;
 pub mod sampling;
 pub mod signals;
 mod table_findings;
+pub(crate) mod thinning;

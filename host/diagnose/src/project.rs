@@ -124,6 +124,7 @@ mod tests {
     use super::*;
     use crate::effect::{Law, Place, Site};
     use crate::linearise::experiment::{Axis, Candidate, Experiment};
+    use crate::measured::Measured;
     use crate::prepare::groups::{Groups, Row};
 
     /// A joint whose speed waves, and a motor that gives power the more, the faster it turns.
@@ -137,7 +138,7 @@ mod tests {
         let mut viscous = Candidate::one(Law::ViscousFriction, site, ("size", "N·m·s"), column);
         let with = |viscous: Candidate| {
             let experiment = Experiment {
-                kind: "joint-torque",
+                kind: Measured::JointTorque,
                 axes: vec![Axis::new("1", "N·m")],
                 n_norm: 1,
                 rows: (0..600).map(row).collect(),

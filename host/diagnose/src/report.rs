@@ -1,5 +1,53 @@
 //! Stage 6: the outcome as plain data, and in sentences.
 
+pub mod numbers;
 pub mod poses;
 pub mod sentences;
 pub mod signals;
+
+use crate::judge::Judgement;
+use crate::outcome::{BeforeAfter, Diagnosis, Measured, OtherReading, Outlier, Point, Rows, SelectionStep};
+
+/// What a report shows of the rows of a measurement and of the search.
+pub(crate) struct Summary {
+    pub(crate) kind: Measured,
+    pub(crate) model: Option<u32>,
+    pub(crate) rows: Rows,
+    pub(crate) held_out: String,
+    pub(crate) left_out: &'static str,
+    pub(crate) error: BeforeAfter,
+    pub(crate) other_reading: Option<OtherReading>,
+    pub(crate) outliers: Vec<Outlier>,
+    pub(crate) selection_path: Vec<SelectionStep>,
+    pub(crate) condition: Option<f64>,
+    pub(crate) points: Vec<Point>,
+}
+
+/// The diagnosis, without its sentences and findings.
+pub(crate) fn diagnosis(summary: Summary, judgement: Judgement, seed: u64) -> Diagnosis {
+    Diagnosis {
+        kind: summary.kind,
+        model: summary.model,
+        rows: summary.rows,
+        held_out: summary.held_out,
+        left_out: summary.left_out,
+        repeatability: judgement.repeatability,
+        error: summary.error,
+        verdict: judgement.verdict,
+        other_reading: summary.other_reading,
+        effects: judgement.effects,
+        alternatives: judgement.alternatives,
+        unobservable: judgement.unobservable,
+        outliers: summary.outliers,
+        structure: judgement.structure,
+        remaining: judgement.remaining,
+        selection_path: summary.selection_path,
+        condition: summary.condition,
+        next_measurement: judgement.next_measurement,
+        plain: Vec::new(),
+        findings: Vec::new(),
+        points: summary.points,
+        seed,
+        version: env!("CARGO_PKG_VERSION"),
+    }
+}

@@ -11,7 +11,7 @@ use darm_arm::arm::{Arm, ArmScratch};
 use darm_arm::synthesis::{self, synthesize};
 use darm_diagnose::diagnosis::Options;
 use darm_diagnose::diagnosis::diagnose;
-use darm_diagnose::effect::part_of;
+use darm_diagnose::effect::Effect;
 use darm_diagnose::measurement_plan::{self, Step, plan};
 use darm_diagnose::outcome::{Diagnosis, Verdict};
 use darm_diagnose::truth::{Kind, Sealed, Truth};
@@ -47,11 +47,12 @@ impl Case {
     fn named(&self) -> bool {
         self.diagnosis.verdict == Verdict::EffectFound
             && self.diagnosis.effects.len() == 1
-            && self.diagnosis.effects[0].law.as_str() == self.sealed.effect
+            && self.sealed.cause.is_some_and(|(law, _)| law == self.diagnosis.effects[0].law)
     }
 
     fn placed(&self) -> bool {
-        self.named() && part_of(&self.diagnosis.effects[0].site.code) == part_of(&self.sealed.place)
+        let is_at_place = |found: &Effect| self.sealed.is_at_part(found.law, &found.site.place);
+        self.named() && is_at_place(&self.diagnosis.effects[0])
     }
 
     fn ratio(&self) -> f64 {
@@ -74,11 +75,7 @@ impl Case {
             sealed.times_scatter,
             self.diagnosis.verdict,
             self.ratio(),
-            if self.placed() || sealed.effect == "none" && self.diagnosis.effects.is_empty() {
-                ""
-            } else {
-                "  <-- WRONG"
-            },
+            if self.placed() || sealed.is_nothing() && self.diagnosis.effects.is_empty() { "" } else { "  <-- WRONG" },
         )
     }
 }

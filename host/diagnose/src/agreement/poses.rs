@@ -13,6 +13,7 @@ use super::{Agreement, FEW, MIN_EXPLAINED, trimmed_root_mean_square};
 use crate::measurement::Run;
 use crate::misreading::Misreading;
 use crate::outcome::{Number, OtherReading};
+use crate::prepare::thinning::one_of_each_part;
 
 /// A model whose error is below this share of the motion belongs to its log.
 const NEAR: f64 = 0.03;
@@ -25,9 +26,9 @@ const ROWS: usize = 64;
 /// Actuators up to which all orders near the present one are tried.
 const MAX_ORDERED: usize = 24;
 
-/// The rows of a log in one reading.
+/// The rows of a log, read in one way.
 #[derive(Clone)]
-struct Reading {
+struct ReadRows {
     words: Vec<Word>,
     poses: Vec<Pose<f64>>,
 }
@@ -43,12 +44,12 @@ struct Comparison<'a> {
 /// How a run agrees with its arm, by the rows that fits see; words may be those of any row of the log.
 pub(crate) fn agreement(arm: &Arm, run: &Run) -> Agreement {
     let samples = &run.samples;
-    let as_read = Reading {
+    let as_read = ReadRows {
         words: samples.iter().map(|sample| sample.word).collect(),
         poses: samples.iter().map(|sample| sample.pose).collect(),
     };
     let training: Vec<usize> = run.training().map(|(row, _)| row).collect();
-    let rows = training.iter().step_by(training.len().div_ceil(ROWS).max(1)).copied().collect();
+    let rows = one_of_each_part(training.len(), ROWS).into_iter().map(|drawn| training[drawn]).collect();
     let comparison = Comparison { arm, servos: samples.iter().map(|sample| &sample.servos_rad[..]).collect(), rows };
     let Some(error_m) = comparison.error_m(&as_read) else { return Agreement::AsRead };
     let poses: Vec<Pose<f64>> = training.iter().map(|&row| as_read.poses[row]).collect();
@@ -74,10 +75,10 @@ pub(crate) fn explained(arm: &Arm, run: &Run, errors_m: Vec<f64>) -> f64 {
 
 impl Comparison<'_> {
     /// The reading with the smallest error, m.
-    fn best(&self, as_read: &Reading, run: &Run, training: &[usize]) -> Option<(Misreading, f64)> {
-        let mut all: Vec<(Misreading, Reading)> = self.of_poses(as_read);
+    fn best(&self, as_read: &ReadRows, run: &Run, training: &[usize]) -> Option<(Misreading, f64)> {
+        let mut all: Vec<(Misreading, ReadRows)> = self.of_poses(as_read);
         all.extend(self.of_words(as_read));
-        let judged = |(misreading, reading): (Misreading, Reading)| Some((misreading, self.error_m(&reading)?));
+        let judged = |(misreading, reading): (Misreading, ReadRows)| Some((misreading, self.error_m(&reading)?));
         let mut tried: Vec<(Misreading, f64)> = all.into_iter().filter_map(judged).collect();
         tried.extend(self.out_of_step(as_read, run, training));
         tried.extend(self.other_size(as_read));
@@ -88,8 +89,8 @@ impl Comparison<'_> {
     }
 
     /// Readings of the words, the poses as they are.
-    fn of_words(&self, as_read: &Reading) -> Vec<(Misreading, Reading)> {
-        let with = |words: Vec<Word>| Reading { words, poses: as_read.poses.clone() };
+    fn of_words(&self, as_read: &ReadRows) -> Vec<(Misreading, ReadRows)> {
+        let with = |words: Vec<Word>| ReadRows { words, poses: as_read.poses.clone() };
         let n = self.arm.n_actuators();
         let shifted =
             [1, -1, 2, -2].map(|rows| (Misreading::ShiftedWords { rows }, with(shifted(&as_read.words, 0, rows))));
@@ -109,8 +110,8 @@ impl Comparison<'_> {
     }
 
     /// Readings of the poses, the words as they are.
-    fn of_poses(&self, as_read: &Reading) -> Vec<(Misreading, Reading)> {
-        let with = |change: &dyn Fn(&Pose<f64>) -> Pose<f64>| Reading {
+    fn of_poses(&self, as_read: &ReadRows) -> Vec<(Misreading, ReadRows)> {
+        let with = |change: &dyn Fn(&Pose<f64>) -> Pose<f64>| ReadRows {
             words: as_read.words.clone(),
             poses: as_read.poses.iter().map(change).collect(),
         };
@@ -141,12 +142,12 @@ impl Comparison<'_> {
     }
 
     /// Words that are one row late or early from some row on.
-    fn out_of_step(&self, as_read: &Reading, run: &Run, training: &[usize]) -> Vec<(Misreading, f64)> {
+    fn out_of_step(&self, as_read: &ReadRows, run: &Run, training: &[usize]) -> Vec<(Misreading, f64)> {
         let all = Comparison { rows: training.to_vec(), servos: self.servos.clone(), ..*self };
         let Some((errors_m, _)) = all.errors_m(as_read) else { return Vec::new() };
         let mut tried = Vec::new();
         for rows in [1, -1] {
-            let shifted_all = Reading { words: shifted(&as_read.words, 0, rows), poses: as_read.poses.clone() };
+            let shifted_all = ReadRows { words: shifted(&as_read.words, 0, rows), poses: as_read.poses.clone() };
             let Some((later_m, _)) = all.errors_m(&shifted_all) else { continue };
             // What the rows up to each gain as they are read: the step is where that is most.
             let gains = errors_m.iter().zip(&later_m).scan(0.0, |sum, (own, later)| {
@@ -156,7 +157,7 @@ impl Comparison<'_> {
             let Some((last, _)) = gains.enumerate().max_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
             let Some(&first) = training.get(last + 1) else { continue };
             let words = shifted(&as_read.words, first, rows);
-            if let Some(error_m) = self.error_m(&Reading { words, poses: as_read.poses.clone() }) {
+            if let Some(error_m) = self.error_m(&ReadRows { words, poses: as_read.poses.clone() }) {
                 tried.push((Misreading::WordsOutOfStep { line: run.line(first), rows }, error_m));
             }
         }
@@ -164,16 +165,16 @@ impl Comparison<'_> {
     }
 
     /// Lengths of another size.
-    fn other_size(&self, as_read: &Reading) -> Option<(Misreading, f64)> {
+    fn other_size(&self, as_read: &ReadRows) -> Option<(Misreading, f64)> {
         let (_, factor) = self.errors_m(as_read)?;
         let sized = |pose: &Pose<f64>| Pose { rotation: pose.rotation, position: pose.position / factor };
-        let reading = Reading { words: as_read.words.clone(), poses: as_read.poses.iter().map(sized).collect() };
+        let reading = ReadRows { words: as_read.words.clone(), poses: as_read.poses.iter().map(sized).collect() };
         let is_other = factor.is_normal() && (factor.ln()).abs() > OTHER_SIZE.ln_1p();
         Some((Misreading::LengthScale { factor }, self.error_m(&reading)?)).filter(|_| is_other)
     }
 
     /// The order of actuators that is reached by exchanging two at a time as long as that lowers the error.
-    fn other_order(&self, as_read: &Reading) -> Option<(Misreading, f64)> {
+    fn other_order(&self, as_read: &ReadRows) -> Option<(Misreading, f64)> {
         let n = self.arm.n_actuators();
         let mut order: Vec<usize> = (0..n).collect();
         let mut best_m = f64::INFINITY;
@@ -198,12 +199,12 @@ impl Comparison<'_> {
     }
 
     /// Root mean square error of the rows compared, m; `None` where the model has no pose for a word.
-    fn error_m(&self, reading: &Reading) -> Option<f64> {
+    fn error_m(&self, reading: &ReadRows) -> Option<f64> {
         Some(trimmed_root_mean_square(self.errors_m(reading)?.0))
     }
 
     /// The error of each row compared, m, and how much larger the log's positions are than the model's.
-    fn errors_m(&self, reading: &Reading) -> Option<(Vec<f64>, f64)> {
+    fn errors_m(&self, reading: &ReadRows) -> Option<(Vec<f64>, f64)> {
         let mut scratch = ArmScratch::default();
         let predicted = self.rows.iter().map(|&row| {
             let condition = self.arm.working_condition(reading.words[row], self.servos[row]);
@@ -249,11 +250,11 @@ fn shifted(words: &[Word], from: usize, rows: isize) -> Vec<Word> {
 }
 
 /// Words whose digit k moves the actuator `order[k]` of the model.
-fn ordered(as_read: &Reading, order: &[usize]) -> Option<Reading> {
+fn ordered(as_read: &ReadRows, order: &[usize]) -> Option<ReadRows> {
     let mut place = vec![0; order.len()];
     order.iter().enumerate().for_each(|(k, &of)| place[of] = k);
     let words = as_read.words.iter().map(|word| word_of(place.iter().map(|&k| word.digit(k))));
-    Some(Reading { words: words.collect::<Option<_>>()?, poses: as_read.poses.clone() })
+    Some(ReadRows { words: words.collect::<Option<_>>()?, poses: as_read.poses.clone() })
 }
 
 fn word_of(digits: impl Iterator<Item = u8>) -> Option<Word> {

@@ -4,23 +4,26 @@
 //! by what is left with every law at every place, on rows that are left out in turn: the sum over the axes of the logarithm of
 //! the error as a share of what was measured, which another unit does not change.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use rayon::prelude::{IntoParallelIterator as _, ParallelIterator as _};
 
-use super::column_readings::{Reading, around, readings};
+use super::column_readings::{Hypothesis, around, hypotheses, units};
 use super::{Agreement, FEW, trimmed_root_mean_square};
 use crate::effect::Law;
+use crate::error::MIN_PIECES;
 use crate::linearise::experiment::{Columns, Experiment};
 use crate::linearise::model::Model;
 use crate::linearise::{columns, linearise};
-use crate::measurement::median;
+use crate::measurement::{median, root_mean_square};
 use crate::misreading::Misreading;
 use crate::outcome::{Number, OtherReading};
+use crate::prepare::column_reading::ColumnReading;
 use crate::prepare::groups::Groups;
 use crate::prepare::signals::Prepared;
 use crate::select::backward::every_law;
 use crate::select::signals::Signals;
+use crate::select::significance::{DISCOVERY_LEVEL, chance_of_mean};
 
 /// Rows that readings are compared on.
 const ROWS: usize = 600;
@@ -33,16 +36,20 @@ const MUCH_LESS_AS_IT_IS: f64 = 0.25;
 /// Share of the variance that a model explains whose error is larger than what was measured varies, by far: rough models of a
 /// robot have neither friction nor motors, and explain little.
 const WORSE_THAN_NONE: f64 = -1.0;
-/// Least variation of what is predicted, as a share of the error, with which an error says that a model is wrong.
-const MIN_VARIATION: f64 = 0.5;
-/// Error under another reading as a share of what was measured, at the most on every axis.
+/// Least variation of what is predicted, as a share of that of the error, with which an error says that a model is wrong.
+const MIN_VARIATION: f64 = 0.25;
+/// Error under another reading as a share of what was measured, at the most.
 const AGREES: f64 = 0.5;
+/// What remains of the variation of a log in another unit, as a share, at the most.
+const FOLLOWS: f64 = 0.9;
 /// Factor between measured and predicted signals from which on they are in different units.
 const OTHER_UNIT: f64 = 20.0;
-/// Correlation of measured and predicted from which on their ratio is that of units.
-const CORRELATED: f64 = 0.9;
-/// Readings that are compared with every law, the best ones of the model as it is.
+/// Hypotheses that are compared with every law, the best ones of the model as it is.
 const COMPARED: usize = 12;
+/// Times that laws with impossible sizes are taken out of a fit.
+const MAX_ROUNDS: usize = 4;
+/// A row counts as this multiple of the usual error at most.
+const FAR: f64 = 4.0;
 
 /// How the training rows of a table agree with its model; `experiment` is of the table as it is read.
 pub(crate) fn agreement(model: &Model, data: &Prepared, experiment: &Experiment) -> Agreement {
@@ -51,20 +58,21 @@ pub(crate) fn agreement(model: &Model, data: &Prepared, experiment: &Experiment)
     if is_near {
         return Agreement::AsRead;
     }
-    let error = norm(experiment, &training.residuals);
-    if !training.tests_the_model(experiment, error) {
-        // A constant error that is larger than all that was measured is no effect: the model is another robot's.
-        return if error > norm(experiment, &training.measured) { Agreement::Hardly(0) } else { Agreement::AsRead };
-    }
-    let columns = columns(model, data);
-    if let Some(factor) = training.ratio(experiment).filter(|factor| factor.ln().abs() > OTHER_UNIT.ln()) {
+    let (columns, error) = (columns(model, data), training.error(experiment));
+    if let Some((factor, error)) = training.other_unit(experiment) {
         // Of a wrench the norm is the centre of pressure, which moments are in.
-        let scaled = columns.measured.iter().filter_map(|group| group.last().cloned()).collect();
-        return training.in_another_unit(experiment, scaled, factor);
+        let columns = columns.measured.iter().filter_map(|group| group.last().cloned()).collect();
+        return otherwise(Misreading::ColumnScale { columns, factor }, error, experiment);
     }
-    let comparison = Comparison { model, data };
-    match comparison.better(readings(model, data, &columns), &columns) {
-        Some((own, misreading)) => otherwise(misreading, own.norm, experiment),
+    let (comparison, tests_the_model) = (Comparison { model, data }, training.tests_the_model(experiment));
+    let tried = if tests_the_model { hypotheses(model, data, &columns) } else { units(&columns) };
+    match comparison.better(tried, &columns) {
+        Some((error, misreading)) => otherwise(misreading, error, experiment),
+        None if !tests_the_model => {
+            // A constant error that is larger than all that was measured is no effect: the model is another robot's.
+            let all = experiment.norm(&training.measured).unwrap_or(f64::INFINITY);
+            if error > all { Agreement::Hardly(0) } else { Agreement::AsRead }
+        }
         None if explained(experiment, error) < WORSE_THAN_NONE => Agreement::Hardly(FEW),
         None => Agreement::AsRead,
     }
@@ -73,16 +81,13 @@ pub(crate) fn agreement(model: &Model, data: &Prepared, experiment: &Experiment)
 /// Share of the variance of the training rows that a model with this error explains, by the norm; 1 where nothing but
 /// differences is measured, or nothing is predicted but a constant.
 pub(crate) fn explained(experiment: &Experiment, error: f64) -> f64 {
-    match Training::of(experiment).filter(|training| training.tests_the_model(experiment, error)) {
+    match Training::of(experiment).filter(|training| training.tests_the_model(experiment)) {
         None => 1.0,
-        Some(training) => {
-            let varies = norm(experiment, &variation(experiment, &training.measured));
-            1.0 - (error / varies.max(f64::MIN_POSITIVE)).powi(2)
-        }
+        Some(training) => training.explained(experiment, error),
     }
 }
 
-/// The rows that fits see of what was predicted and measured: rows × axes.
+/// The rows that fits see of what was predicted and measured: rows × axes, one row at least.
 struct Training {
     residuals: Vec<f64>,
     measured: Vec<f64>,
@@ -92,13 +97,24 @@ impl Training {
     /// Those of an experiment; `None` where nothing but differences is measured.
     fn of(experiment: &Experiment) -> Option<Self> {
         let residuals = experiment.of_rows(&experiment.residuals, false);
-        Some(Self { residuals, measured: experiment.of_rows(experiment.measured.as_ref()?, false) })
+        let measured = experiment.of_rows(experiment.measured.as_ref()?, false);
+        (!residuals.is_empty()).then_some(Self { residuals, measured })
     }
 
-    /// Whether what is predicted varies enough for an error of this size to say that the model is wrong: at rest it does not.
-    fn tests_the_model(&self, experiment: &Experiment, error: f64) -> bool {
+    /// The error of the norm.
+    fn error(&self, experiment: &Experiment) -> f64 {
+        experiment.norm(&self.residuals).expect("there are training rows")
+    }
+
+    /// Whether what is predicted varies enough beside the error to say that the model is wrong: at rest it does not.
+    fn tests_the_model(&self, experiment: &Experiment) -> bool {
         let predicted: Vec<f64> = self.residuals.iter().zip(&self.measured).map(|(r, measured)| r + measured).collect();
-        norm(experiment, &variation(experiment, &predicted)) > MIN_VARIATION * error
+        varies(experiment, &predicted) > MIN_VARIATION * varies(experiment, &self.residuals)
+    }
+
+    /// Share of the variance that a model with this error explains.
+    fn explained(&self, experiment: &Experiment, error: f64) -> f64 {
+        1.0 - (error / varies(experiment, &self.measured).max(f64::MIN_POSITIVE)).powi(2)
     }
 
     /// The error of an axis as a share of how much it varies.
@@ -107,26 +123,29 @@ impl Training {
         (experiment.mean_square(&self.residuals, axis) / varies).sqrt()
     }
 
-    /// How many times what is predicted was measured, axes of the norm together; `None` where both hardly correlate.
-    fn ratio(&self, experiment: &Experiment) -> Option<f64> {
-        let n_axes = experiment.axes.len();
-        let of_norm = |(k, (residual, measured)): (usize, (&f64, &f64))| {
-            (k % n_axes < experiment.n_norm).then_some([residual + measured, *measured])
-        };
-        let pairs: Vec<[f64; 2]> = self.residuals.iter().zip(&self.measured).enumerate().filter_map(of_norm).collect();
-        let sum = |a: usize, b: usize| pairs.iter().map(|pair| pair[a] * pair[b]).sum::<f64>();
-        let correlation = sum(0, 1) / (sum(0, 0) * sum(1, 1)).sqrt();
-        let usual = (sum(0, 0) / pairs.len().max(1) as f64).sqrt();
-        let large = pairs.iter().filter(|[predicted, _]| predicted.abs() > 0.5 * usual);
-        let ratio = median(large.map(|[predicted, measured]| measured / predicted))?;
-        (correlation > CORRELATED && ratio > 0.0).then_some(ratio)
+    /// How many times larger the numbers of the log are where it is in another unit, and the error without that; most of what
+    /// was measured must be explained then, and some of what varies.
+    fn other_unit(&self, experiment: &Experiment) -> Option<(f64, f64)> {
+        let factor = self.ratio(experiment).filter(|factor| factor.ln().abs() > OTHER_UNIT.ln())?;
+        let pairs = self.residuals.iter().zip(&self.measured);
+        let residuals = pairs.map(|(residual, measured)| residual + measured * (1.0 - 1.0 / factor)).collect();
+        let measured = self.measured.iter().map(|measured| measured / factor).collect();
+        let read = Self { residuals, measured };
+        let is_near = size(experiment, &read.residuals) < AGREES * size(experiment, &read.measured);
+        let follows = varies(experiment, &read.residuals) < FOLLOWS * varies(experiment, &read.measured);
+        (is_near && follows).then(|| (factor, read.error(experiment)))
     }
 
-    /// That what was measured is `factor` times what is predicted.
-    fn in_another_unit(&self, experiment: &Experiment, columns: Vec<String>, factor: f64) -> Agreement {
-        let pairs = self.residuals.iter().zip(&self.measured);
-        let read: Vec<f64> = pairs.map(|(residual, measured)| residual + measured * (1.0 - 1.0 / factor)).collect();
-        otherwise(Misreading::ColumnScale { columns, factor }, norm(experiment, &read), experiment)
+    /// How many times what is predicted was measured, axes of the norm together, by the median of large numbers.
+    fn ratio(&self, experiment: &Experiment) -> Option<f64> {
+        let n_axes = experiment.axes.len();
+        let pairs =
+            self.residuals.iter().zip(&self.measured).map(|(r, measured)| [r + measured, *measured]).enumerate();
+        let pairs: Vec<[f64; 2]> =
+            pairs.filter(|(k, _)| k % n_axes < experiment.n_norm).map(|(_, pair)| pair).collect();
+        let usual = root_mean_square(&pairs.iter().map(|pair| pair[0]).collect::<Vec<f64>>());
+        let large = pairs.iter().filter(|[predicted, _]| predicted.abs() > 0.5 * usual);
+        median(large.map(|[predicted, measured]| measured / predicted)).filter(|ratio| *ratio > 0.0)
     }
 }
 
@@ -138,9 +157,17 @@ fn variation(experiment: &Experiment, rows: &[f64]) -> Vec<f64> {
     rows.iter().enumerate().map(|(k, number)| number - mean[k % n_axes]).collect()
 }
 
-/// Root mean square of the norm; 0 without rows.
-fn norm(experiment: &Experiment, rows: &[f64]) -> f64 {
-    experiment.norm(rows).unwrap_or_default()
+/// How much rows × axes vary.
+fn varies(experiment: &Experiment, rows: &[f64]) -> f64 {
+    size(experiment, &variation(experiment, rows))
+}
+
+/// Root mean square of the norm of rows × axes, without what is far off on each axis.
+fn size(experiment: &Experiment, rows: &[f64]) -> f64 {
+    let n_axes = experiment.axes.len();
+    let of_axis =
+        |axis: usize| trimmed_root_mean_square(rows.iter().skip(axis).step_by(n_axes).copied().collect()).powi(2);
+    (0..experiment.n_norm).map(of_axis).sum::<f64>().sqrt()
 }
 
 fn otherwise(misreading: Misreading, error: f64, experiment: &Experiment) -> Agreement {
@@ -154,66 +181,107 @@ struct Comparison<'a> {
     data: &'a Prepared,
 }
 
+/// A hypothesis with what it leaves.
+struct Tried {
+    left: Left,
+    hypothesis: Hypothesis,
+}
+
 impl Comparison<'_> {
-    /// The best of these readings, where it explains far more than the table as it is read, and most of it.
-    fn better(&self, readings: Vec<Reading>, columns: &Columns) -> Option<(Left, Misreading)> {
-        let as_read = self.left(&Reading::as_it_is(), Laws::None)?;
-        let mut tried = self.best(readings, |_| Laws::None);
-        if tried.first()?.0.norm < MUCH_LESS_AS_IT_IS * as_read.norm {
-            let (own, reading) = self.refined(tried.swap_remove(0), columns, Laws::None)?;
-            return Some((own, reading.misreading));
+    /// The best of these hypotheses, where it explains far more than the table as it is read and most of what was measured, and
+    /// its error.
+    fn better(&self, hypotheses: Vec<Hypothesis>, columns: &Columns) -> Option<(f64, Misreading)> {
+        let n_tried = hypotheses.len() as f64;
+        let is_chance = |as_read: &Left, left: &Left| as_read.chance_of_fall_to(left) * n_tried >= DISCOVERY_LEVEL;
+        let mut tried = self.tried(hypotheses, |_| Laws::None);
+        let mut as_read: BTreeMap<isize, Option<Left>> = BTreeMap::new();
+        let without_laws = tried.iter().position(|Tried { left, hypothesis }| {
+            let own_rows = as_read.entry(hypothesis.columns.rows_later());
+            let as_read = own_rows.or_insert_with(|| self.as_read(hypothesis, Laws::None)).as_ref();
+            as_read.is_some_and(|as_read| {
+                let is_near = left.share < AGREES || left.share < FOLLOWS && OTHER_UNIT * left.norm < as_read.norm;
+                is_near && left.norm < MUCH_LESS_AS_IT_IS * as_read.norm && !is_chance(as_read, left)
+            })
+        });
+        if let Some(best) = without_laws {
+            return self.refined(tried.swap_remove(best), columns, Laws::None);
         }
-        tried.truncate(COMPARED);
-        let tried = self.best(tried.into_iter().map(|(_, reading)| reading).collect(), Laws::compared_with);
-        let sets =
-            tried.iter().map(|(_, reading)| Laws::compared_with(&reading.misreading)).collect::<BTreeSet<Laws>>();
-        let as_read: BTreeMap<Laws, Left> =
-            sets.into_iter().filter_map(|laws| Some((laws, self.left(&Reading::as_it_is(), laws)?))).collect();
-        let far_better = |(own, reading): &(Left, Reading)| {
-            let as_read = as_read.get(&Laws::compared_with(&reading.misreading));
-            own.worst < AGREES && as_read.is_some_and(|as_read| own.log < as_read.log - MUCH_LESS.ln())
+        // Friction that the model does not have hides what a short delay changes.
+        let is_compared = |(rank, tried): &(usize, Tried)| *rank < COMPARED || tried.hypothesis.is_short_delay();
+        let compared = tried.into_iter().enumerate().filter(is_compared);
+        let hypotheses = compared.map(|(_, tried)| tried.hypothesis).collect();
+        let far_better = |Tried { left, hypothesis }: &Tried| {
+            let is_near = left.share < AGREES;
+            let as_read =
+                is_near.then(|| self.as_read(hypothesis, Laws::compared_with(&hypothesis.misreading))).flatten();
+            as_read.is_some_and(|as_read| left.log < as_read.log - MUCH_LESS.ln() && !is_chance(&as_read, left))
         };
-        let best = tried.into_iter().find(far_better)?;
-        let laws = Laws::compared_with(&best.1.misreading);
-        let (own, reading) = self.refined(best, columns, laws)?;
-        Some((own, reading.misreading))
+        let best = self.tried(hypotheses, Laws::compared_with).into_iter().find(far_better)?;
+        let laws = Laws::compared_with(&best.hypothesis.misreading);
+        self.refined(best, columns, laws)
     }
 
     /// A delay with those around it tried too; any other reading as it is.
-    fn refined(&self, best: (Left, Reading), columns: &Columns, laws: Laws) -> Option<(Left, Reading)> {
-        let Misreading::Delay { delay_s } = best.1.misreading else { return Some(best) };
-        self.best(around(self.data, &columns.measured.concat(), delay_s), |_| laws).into_iter().next()
+    fn refined(&self, best: Tried, columns: &Columns, laws: Laws) -> Option<(f64, Misreading)> {
+        let best = match best.hypothesis.misreading {
+            Misreading::Delay { delay_s } => {
+                self.tried(around(self.data, &columns.measured.concat(), delay_s), |_| laws).into_iter().next()?
+            }
+            _ => best,
+        };
+        Some((best.left.norm, best.hypothesis.misreading))
     }
 
-    /// Readings with what they leave, the best one first.
-    fn best(&self, readings: Vec<Reading>, laws: impl Fn(&Misreading) -> Laws + Sync) -> Vec<(Left, Reading)> {
-        let left = |reading: Reading| Some((self.left(&reading, laws(&reading.misreading))?, reading));
-        let tried = readings.into_par_iter().filter_map(left);
-        let mut tried: Vec<(Left, Reading)> = tried.collect();
-        tried.sort_by(|a, b| a.0.log.total_cmp(&b.0.log));
+    /// Hypotheses with what they leave, the best one first.
+    fn tried(&self, hypotheses: Vec<Hypothesis>, laws: impl Fn(&Misreading) -> Laws + Sync) -> Vec<Tried> {
+        let tried = hypotheses.into_par_iter().filter_map(|hypothesis| {
+            let Hypothesis { misreading, columns, model } = &hypothesis;
+            let left = self.left(columns, columns.rows_later(), model.as_ref(), laws(misreading))?;
+            Some(Tried { left, hypothesis })
+        });
+        let mut tried: Vec<Tried> = tried.collect();
+        tried.sort_by(|a, b| a.left.log.total_cmp(&b.left.log));
         tried
     }
 
-    /// What a reading leaves with these laws; `None` where it gives no experiment.
-    fn left(&self, reading: &Reading, laws: Laws) -> Option<Left> {
-        let mut data = self.data.read_as(reading.columns.clone(), ROWS);
-        let experiment = linearise(reading.model.as_ref().unwrap_or(self.model), &mut data).ok()?;
-        let (n_axes, n_norm) = (experiment.axes.len(), experiment.n_norm);
+    /// What the table leaves as it is read, in the rows that a hypothesis was judged by.
+    fn as_read(&self, hypothesis: &Hypothesis, laws: Laws) -> Option<Left> {
+        self.left(&ColumnReading::default(), hypothesis.columns.rows_later(), None, laws)
+    }
+
+    /// What a reading leaves with these laws, in rows from which the one `rows_later` is in the same stretch; `None` where
+    /// it gives no experiment.
+    fn left(&self, reading: &ColumnReading, rows_later: isize, model: Option<&Model>, laws: Laws) -> Option<Left> {
+        let mut data = self.data.read_as(reading.clone(), rows_later, ROWS);
+        let experiment = linearise(model.unwrap_or(self.model), &mut data).ok()?;
         let measured = variation(&experiment, &Training::of(&experiment)?.measured);
-        let predicted = match laws {
+        let (n_axes, n_norm) = (experiment.axes.len(), experiment.n_norm);
+        let groups = Groups::new(&experiment.rows);
+        let blocks = groups.blocks.clone();
+        if groups.n_blocks < MIN_PIECES {
+            return None;
+        }
+        let residuals = match laws {
             Laws::None => experiment.of_rows(&experiment.residuals, false),
-            Laws::All => predicted_in_turn(experiment, None),
-            Laws::AllBut(law) => predicted_in_turn(experiment, Some(law)),
+            Laws::All => predicted_in_turn(experiment, groups, None),
+            Laws::AllBut(law) => predicted_in_turn(experiment, groups, Some(law)),
         };
         let of = |numbers: &[f64], axis: usize| {
             trimmed_root_mean_square(numbers.iter().skip(axis).step_by(n_axes).copied().collect())
         };
-        let axes = (0..n_norm).map(|axis| [of(&predicted, axis), of(&measured, axis)]).filter(|[_, all]| *all > 0.0);
-        let log: f64 = axes.clone().map(|[left, all]| (left / all).max(f64::MIN_POSITIVE).ln()).sum();
-        let norm = axes.clone().map(|[left, _]| left * left).sum::<f64>().sqrt();
-        let worst = axes.map(|[left, all]| left / all).fold(0.0, f64::max);
-        log.is_finite().then_some(Left { log, norm, worst })
+        let axes: Vec<AxisLeft> = (0..n_norm)
+            .map(|axis| AxisLeft { axis, left: of(&residuals, axis), measured: of(&measured, axis) })
+            .filter(|axis| axis.measured > 0.0)
+            .collect();
+        Left::of(&axes, &residuals, n_axes, &blocks)
     }
+}
+
+/// The errors of one axis.
+struct AxisLeft {
+    axis: usize,
+    left: f64,
+    measured: f64,
 }
 
 /// Laws that a model is fitted with, each at all its places.
@@ -235,13 +303,25 @@ impl Laws {
     }
 }
 
-/// Residuals of the training rows, each of a fit with every law at every place that has not seen it.
-fn predicted_in_turn(experiment: Experiment, without: Option<Law>) -> Vec<f64> {
-    let groups = Groups::new(&experiment.rows);
+/// Residuals of the training rows, each of a fit with every law at every place that has not seen it; a law that fits best
+/// with an impossible size, a friction below zero, is left out.
+fn predicted_in_turn(experiment: Experiment, groups: Groups, without: Option<Law>) -> Vec<f64> {
     let problem = Signals::new(experiment, groups);
+    let candidates = &problem.experiment.candidates;
     let mut laws = every_law(&problem, &[]);
-    laws.retain(|&k| Some(problem.experiment.candidates[k].law) != without);
-    let best = problem.fitted(laws);
+    laws.retain(|&k| Some(candidates[k].law) != without);
+    let mut best = problem.fitted(laws);
+    for _ in 0..MAX_ROUNDS {
+        let can_be = |k: &usize| {
+            let values = problem.indices(&[*k]).into_iter().zip(&candidates[*k].values);
+            values.into_iter().all(|(index, value)| best.fit.values[index] >= value.min)
+        };
+        let possible: Vec<usize> = best.fit.active.iter().copied().filter(can_be).collect();
+        if possible.len() == best.fit.active.len() {
+            break;
+        }
+        best = problem.fitted(possible);
+    }
     let sigma = &best.weighting().sigma;
     best.predicted.iter().enumerate().map(|(k, residual)| residual * sigma[k % sigma.len()]).collect()
 }
@@ -252,6 +332,36 @@ struct Left {
     log: f64,
     /// Root mean square of these axes together.
     norm: f64,
-    /// The largest error of an axis as a share of what was measured there.
-    worst: f64,
+    /// The same as a share of what was measured.
+    share: f64,
+    /// Sum over the axes of the logarithm of the error in each piece of rows, rows that are far off drawn near.
+    pieces: Vec<f64>,
+}
+
+impl Left {
+    /// By the errors of the axes; `None` where nothing was measured.
+    fn of(axes: &[AxisLeft], residuals: &[f64], n_axes: usize, blocks: &[usize]) -> Option<Self> {
+        let log: f64 = axes.iter().map(|axis| (axis.left / axis.measured).max(f64::MIN_POSITIVE).ln()).sum();
+        let rows: Vec<(&[f64], usize)> = residuals.chunks(n_axes).zip(blocks.iter().copied()).collect();
+        let of_piece = |piece: &[(&[f64], usize)]| {
+            let square = |axis: &AxisLeft| {
+                let near = piece.iter().map(|(row, _)| row[axis.axis].abs().min(FAR * axis.left).powi(2));
+                near.sum::<f64>() / piece.len() as f64
+            };
+            axes.iter().map(|axis| 0.5 * square(axis).max(f64::MIN_POSITIVE).ln()).sum()
+        };
+        let norm = |of: fn(&AxisLeft) -> f64| axes.iter().map(|axis| of(axis).powi(2)).sum::<f64>().sqrt();
+        (!axes.is_empty() && log.is_finite()).then_some(Self {
+            log,
+            norm: norm(|axis| axis.left),
+            share: norm(|axis| axis.left) / norm(|axis| axis.measured),
+            pieces: rows.chunk_by(|a, b| a.1 == b.1).map(of_piece).collect(),
+        })
+    }
+
+    /// The chance of as large a fall to what another reading of the same rows leaves.
+    fn chance_of_fall_to(&self, other: &Self) -> f64 {
+        let falls: Vec<f64> = self.pieces.iter().zip(&other.pieces).map(|(own, other)| own - other).collect();
+        chance_of_mean(&falls)
+    }
 }

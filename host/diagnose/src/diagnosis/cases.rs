@@ -65,7 +65,7 @@ type Case = (&'static str, fn(&mut Now) -> f64);
 const FORCES: [Case; 18] = [
     ("offset", |_| 5.0),
     ("spring", |now| 0.4 * now.x),
-    ("drift", |now| 0.15 * now.t),
+    ("offset-drift", |now| 0.15 * now.t),
     ("step-in-time", |now| if now.t < 22.5 { 0.0 } else { 5.0 }),
     ("viscous-friction", |now| 0.5 * now.v),
     ("coulomb-friction", |now| 6.0 * now.dry(1.0)),
@@ -80,12 +80,12 @@ const FORCES: [Case; 18] = [
     ("delay", |now| area_n_per_bar() * (pressure(now.t - 0.06) - pressure(now.t))),
     ("thermal-drift", |now| now.warm),
     ("thermal-viscosity", |now| 0.1 * now.warm * now.v),
-    ("wear", |now| 0.01 * now.way() * now.dry(0.5)),
+    ("friction-wear", |now| 0.01 * now.way() * now.dry(0.5)),
 ];
 
 const POSITIONS: [Case; 9] = [
     ("offset", |_| 5.0),
-    ("drift", |now| 0.15 * now.t),
+    ("offset-drift", |now| 0.15 * now.t),
     ("step-in-time", |now| if now.t < 22.5 { 0.0 } else { 5.0 }),
     ("thermal-drift", |now| now.warm),
     ("backlash", |now| 4.0 * now.bristle(5.0)),

@@ -1,6 +1,9 @@
 //! Diagnoses of real measurements, and of files that are none.
 
+use std::collections::BTreeMap;
 use std::path::Path;
+
+use darm_robot::robot::Motion;
 
 use super::*;
 use crate::correction::Keep;
@@ -39,6 +42,30 @@ fn the_nominal_torques_of_a_real_arm_are_those_that_another_program_gives() {
         let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
         assert!((rms / expected - 1.0).abs() < 5e-3, "joint {}: {rms}", axis + 1);
     }
+}
+
+#[test]
+fn the_rotors_of_an_mjcf_are_in_its_torques() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/finger.xml");
+    let lock = BTreeMap::from([("tip".to_string(), 0.3)]);
+    let Some(Model { what: What::Any(robot), effects }) = Model::read_locked(&path, &lock).unwrap() else {
+        panic!("no robot")
+    };
+    let mut text = "time_s,q1_rad,q2_rad,v1,v2,a1,a2,tau1_nm,tau2_nm\n".to_string();
+    for row in 0..200 {
+        let t = 0.01 * f64::from(row);
+        let [q, v, a] =
+            [[t.sin(), (2.0 * t).cos()], [t.cos(), -2.0 * (2.0 * t).sin()], [-t.sin(), -4.0 * (2.0 * t).cos()]];
+        let torque = robot.dynamics(&Motion { state: [&q, &v, &a], load: None }).unwrap().torque;
+        let numbers = [vec![t], q.to_vec(), v.to_vec(), a.to_vec(), torque].concat();
+        text += &(numbers.iter().map(ToString::to_string).collect::<Vec<_>>().join(",") + "\n");
+    }
+    assert!(robot.joints.iter().all(|joint| joint.armature == 1e-5));
+    let table = Table::read_text(Path::new("finger.csv"), text.as_bytes(), &Names::new()).unwrap().0;
+    let model = Model { what: What::Any(robot), effects };
+    let experiment = linearise(&model, &mut Prepared::new(table, &Preparation::default(), None).unwrap()).unwrap();
+    let largest = experiment.residuals.iter().fold(0.0f64, |largest, r| largest.max(r.abs()));
+    assert!(largest < 1e-12, "{largest}");
 }
 
 #[test]

@@ -16,7 +16,7 @@ use crate::prepare::repeatability::MIN_DOF;
 /// Share of what is beyond the noise that may be left where a verdict says that it is explained.
 pub(crate) const UNEXPLAINED_SHARE: f64 = 0.1;
 /// The same as a root mean square, in units of the noise.
-pub(crate) const MOST_LEFT: f64 = 1.5;
+pub(crate) const MAX_LEFT: f64 = 1.5;
 
 /// What a verdict rests on.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,7 +32,7 @@ pub(crate) struct Evidence {
     /// Whether more than noise is left with them.
     pub(crate) is_left: bool,
     /// Whether the effects take most of what was there before.
-    pub(crate) takes_most: bool,
+    pub(crate) is_mainly_taken: bool,
     /// Whether the error on rows that no fit has seen falls beyond its own uncertainty.
     pub(crate) held_out_falls: bool,
     /// Degrees of freedom of the repeatability.
@@ -54,7 +54,7 @@ pub(crate) fn verdict(evidence: &Evidence) -> Verdict {
             Verdict::NoEffect => Verdict::TooLittleData,
             other => other,
         },
-        () if evidence.is_left && evidence.takes_most && !evidence.is_ambiguous => Verdict::PartlyExplained,
+        () if evidence.is_left && evidence.is_mainly_taken && !evidence.is_ambiguous => Verdict::PartlyExplained,
         () if evidence.is_left => Verdict::UnexplainedStructure,
         () if evidence.is_ambiguous => Verdict::NotIdentifiable,
         () => Verdict::EffectFound,
@@ -69,14 +69,14 @@ mod tests {
 
     fn evidence() -> impl Strategy<Value = Evidence> {
         (0usize..3, any::<[bool; 6]>(), 0usize..40).prop_map(|(named, all, noise_dof)| {
-            let [agrees, is_ambiguous, was_beyond_noise, is_left, takes_most, held_out_falls] = all;
+            let [agrees, is_ambiguous, was_beyond_noise, is_left, is_mainly_taken, held_out_falls] = all;
             let mut evidence = Evidence {
                 agrees,
                 named,
                 is_ambiguous,
                 was_beyond_noise,
                 is_left,
-                takes_most,
+                is_mainly_taken,
                 held_out_falls,
                 noise_dof,
             };
@@ -96,7 +96,7 @@ mod tests {
                     prop_assert!(named > 0 && held_out_falls && !is_left && !is_ambiguous);
                 }
                 Verdict::PartlyExplained => {
-                    prop_assert!(named > 0 && held_out_falls && is_left && evidence.takes_most);
+                    prop_assert!(named > 0 && held_out_falls && is_left && evidence.is_mainly_taken);
                 }
                 Verdict::NoEffect => {
                     prop_assert!(named == 0 && !is_ambiguous && !evidence.was_beyond_noise && noise_dof >= MIN_DOF);

@@ -79,7 +79,7 @@ pub(crate) fn effects(selected: &SelectedSignals) -> (Vec<Effect>, Vec<String>) 
         }
     }
     if problem.experiment.all_priors_informative() {
-        unobservable.extend(not_narrowed_beside(selected));
+        unobservable.extend(not_narrowed_with(selected));
     }
     (found, unobservable)
 }
@@ -90,7 +90,7 @@ fn shape((name, value, unit): &(&'static str, f64, String)) -> Value {
 }
 
 /// The values of the other candidates that these rows do not identify beside those of a model.
-fn not_narrowed_beside(selected: &SelectedSignals) -> Vec<String> {
+fn not_narrowed_with(selected: &SelectedSignals) -> Vec<String> {
     let SelectedSignals { problem, best, .. } = selected;
     let candidates = &problem.experiment.candidates;
     let not_narrowed = |k: usize| {

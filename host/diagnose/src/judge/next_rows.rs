@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::measurement_plan::optimal_design::most_informative;
+use crate::measurement_plan::optimal_design::informative_first;
 use crate::outcome::{NextMeasurement, NextRow};
 use crate::select::problem::Trial;
 use crate::select::robust_fit::pseudo_inverse;
@@ -29,7 +29,7 @@ pub(crate) fn proposal(problem: &Signals, best: &Trial<Signals>, candidates: &[u
     let measurement =
         |&row: &usize| DMatrix::from_fn(n_axes, indices.len(), |axis, value| columns[value][row * n_axes + axis]);
     let measurements: Vec<DMatrix<f64>> = rows.iter().map(measurement).collect();
-    let chosen = most_informative(pseudo_inverse(&(information + floor)), &measurements, ROWS);
+    let chosen = informative_first(pseudo_inverse(&(information + floor)), &measurements, ROWS);
     let row = |&k: &usize| {
         let row = training[rows[k]];
         let conditions = experiment.channels.iter().map(|(name, values)| (name.clone(), values[row])).collect();

@@ -8,7 +8,7 @@ use crate::judge::selected::SelectedPoses;
 use crate::linearise::arm_candidates::{all, same};
 use crate::linearise::sensitivity::Sensitivity;
 use crate::measurement::Run;
-use crate::measurement_plan::optimal_design::most_informative;
+use crate::measurement_plan::optimal_design::informative_first;
 use crate::measurement_plan::{Step, as_run, candidates};
 use crate::outcome::{Alternative, NextMeasurement};
 use crate::prepare::observations::{NoPose, Observations, Value};
@@ -61,13 +61,13 @@ pub(crate) fn proposal(
         let measurements = measurements(&sensitivity, &observations, &fit.model, &fit.values);
         let floor = DMatrix::from_diagonal(&information.diagonal().map(|d| FLOOR * d.max(f64::MIN_POSITIVE)));
         let covariance = pseudo_inverse(&(&information + floor));
-        let chosen = most_informative(covariance, &measurements, how.words);
+        let chosen = informative_first(covariance, &measurements, how.words);
         let after =
             chosen.iter().fold(information.clone(), |sum, &k| sum + measurements[k].transpose() * &measurements[k]);
         let condition = condition_of(&after);
         let visits = chosen.iter().map(|&row| &steps[observations.rows[row].sample]);
         let words = visited(visits).iter().map(Word::to_string).collect();
-        if nearest.as_ref().is_none_or(|(least, _)| condition < *least) {
+        if nearest.as_ref().is_none_or(|(lowest, _)| condition < *lowest) {
             nearest =
                 Some((condition, NextMeasurement { words, conditions: conditions.text, ..nothing(alternatives) }));
         }

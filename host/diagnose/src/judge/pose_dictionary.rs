@@ -130,7 +130,7 @@ fn memory(arm: &Arm, run: &Run, observations: &Observations) -> Vec<Term> {
             observations.rows.iter().zip(&own).map(same).collect()
         };
         let mut add = |what: &str, same: &[f64], kept| {
-            let (variable, columns) = (format!("{what}, at {name}"), vec![beside_digit(same, &own)]);
+            let (variable, columns) = (format!("{what}, at {name}"), vec![less_mean_of_digit(same, &own)]);
             terms.push(Term { variable, shape: "straight", columns, kept });
         };
         let stayed = same(&|row| observations.condition(row).previous);
@@ -155,7 +155,7 @@ fn second_last(run: &Run) -> Vec<Option<Word>> {
 
 /// A variable less its mean among the rows with the same digit, and of the other sign where the digit is 0: actuators
 /// come off their two stops in opposite directions.
-fn beside_digit(values: &[f64], digits: &[u8]) -> Vec<f64> {
+fn less_mean_of_digit(values: &[f64], digits: &[u8]) -> Vec<f64> {
     let mean = |digit: u8| {
         let same = || values.iter().zip(digits).filter(|(_, other)| **other == digit);
         same().map(|(value, _)| value).sum::<f64>() / same().count().max(1) as f64

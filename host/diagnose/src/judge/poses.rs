@@ -3,40 +3,31 @@
 use darm_core::effect::Effect;
 
 use super::fitted_terms::{WithTerms, with_terms};
-use super::gate::{self, Evidence, MOST_LEFT, UNEXPLAINED_SHARE};
+use super::gate::{self, Evidence, MAX_LEFT, UNEXPLAINED_SHARE};
 use super::next_words::{self, Proposal};
 use super::selected::SelectedPoses;
 use super::structure::structure;
+use super::{Judgement, pose_intervals};
 use crate::agreement;
 use crate::linearise::arm_candidates;
-use crate::outcome::{Alternative, NextMeasurement, Structure, Verdict};
-use crate::prepare::observations::NoPose;
+use crate::outcome::{Alternative, AxisFigure, Number, Repeatability, RepeatedIn, Structure, Verdict};
+use crate::prepare::observations::{NoPose, axes};
+use crate::prepare::repeatability::Noise;
 use crate::select::forward::rivals;
 use crate::select::problem::Trial;
 use crate::select::tool_pose::ToolPoses;
-use darm_arm::arm::ArmScratch;
+use darm_arm::arm::{Arm, ArmScratch};
 
 /// Share that may be left by effects which are named beside what remains: laws that only stand for another cause leave more.
-const MOST_BESIDE: f64 = 0.03;
+const MAX_PARTLY_LEFT: f64 = 0.03;
 
-/// What is concluded.
-pub(crate) struct Judgement {
-    pub(crate) verdict: Verdict,
-    pub(crate) alternatives: Vec<Alternative>,
-    /// What the residual depends on before any effect is added, and after.
-    pub(crate) structure: Structure,
-    pub(crate) remaining: Structure,
-    pub(crate) with_terms: Option<WithTerms>,
-    pub(crate) next_measurement: Option<NextMeasurement>,
-}
-
-/// Judges a selection; `start` is the model without the effects selected, fitted.
+/// Judges a selection, and keeps what no law explains; `start` is the model without the effects selected, fitted.
 pub(crate) fn judge(
     selected: &SelectedPoses,
     start: &Trial<ToolPoses>,
     last_rivals: Vec<Trial<ToolPoses>>,
     how: Proposal,
-) -> Result<Judgement, NoPose> {
+) -> Result<(Judgement, Option<WithTerms>), NoPose> {
     let SelectedPoses { arm, problem, best, .. } = *selected;
     let residuals = problem.training.residuals(&arm.model, &mut ArmScratch::default())?;
     let (mut before, mut remaining) = (structure(selected, &residuals, 0), structure_after(selected, best));
@@ -51,8 +42,8 @@ pub(crate) fn judge(
         is_ambiguous: alternatives.iter().any(|other| !is_same_part(other, &effects)),
         was_beyond_noise: before.beyond_noise,
         is_left: remaining.beyond_noise
-            && (remaining.over_noise > MOST_LEFT || remaining.excess > UNEXPLAINED_SHARE * before.excess),
-        takes_most: remaining.excess <= MOST_BESIDE * before.excess,
+            && (remaining.over_noise > MAX_LEFT || remaining.excess > UNEXPLAINED_SHARE * before.excess),
+        is_mainly_taken: remaining.excess <= MAX_PARTLY_LEFT * before.excess,
         held_out_falls: problem.held_out_falls(start, best)?,
         noise_dof: selected.repeatability.map_or(0, |noise| noise.dof),
     };
@@ -72,7 +63,26 @@ pub(crate) fn judge(
         alternatives.splice(0..0, selected_as_alternatives(selected));
         next_measurement = Some(next_words::proposal(selected, &alternatives, how)?);
     }
-    Ok(Judgement { verdict, alternatives, structure: before, remaining, with_terms, next_measurement })
+    let judgement = Judgement {
+        verdict,
+        effects: if verdict.names_effects() { pose_intervals::effects(selected)? } else { Vec::new() },
+        alternatives,
+        unobservable: pose_intervals::unobservable(best),
+        repeatability: selected.repeatability.map(|noise| repeatability(arm, noise)),
+        structure: Some(before),
+        remaining,
+        next_measurement,
+    };
+    Ok((judgement, with_terms))
+}
+
+fn repeatability(arm: &Arm, noise: &Noise) -> Repeatability {
+    Repeatability {
+        norm: Number { value: noise.distance_m, unit: "m" },
+        axes: axes(arm).iter().map(|&axis| AxisFigure::of_twist(axis, noise.sigma[axis])).collect(),
+        dof: noise.dof,
+        repeated_in: RepeatedIn::Rows,
+    }
 }
 
 /// The structure that a model leaves.
@@ -83,7 +93,7 @@ fn structure_after(selected: &SelectedPoses, trial: &Trial<ToolPoses>) -> Struct
 /// Whether an alternative is the effect that it could replace, up to which end of the part it names.
 fn is_same_part(other: &Alternative, effects: &[Effect<f64>]) -> bool {
     let effect = &effects[other.instead_of];
-    other.law == effect.law().name() && other.site.place.is_same_part(&crate::effect::Place::of_arm(effect))
+    other.law == effect.law().name() && other.site.place.part() == crate::effect::Place::of_arm(effect).part()
 }
 
 /// For every effect selected: what else explains the measurements as well in its place.

@@ -59,22 +59,22 @@ impl<'a> Design<'a> {
     pub fn take(&self, residuals: &[f64]) -> Taken {
         let k = self.columns.ncols();
         let n_axes = residuals.len() / self.columns.nrows();
-        let (mut whole, mut square, mut left) = (0.0, 0.0, residuals.to_vec());
+        let (mut total, mut square, mut left) = (0.0, 0.0, residuals.to_vec());
         for axis in 0..n_axes {
             let y = centred(&of_axis(residuals, n_axes, axis), self.rows);
             let mut along = DVector::zeros(k);
             for &row in self.rows {
                 along += self.columns.row(row).transpose() * y[row];
-                whole += y[row] * y[row];
+                total += y[row] * y[row];
             }
             let slopes = &self.inverse * &along;
             square += along.dot(&slopes);
             let fitted = &self.columns * slopes;
             left.iter_mut().skip(axis).step_by(n_axes).zip(fitted.iter()).for_each(|(left, fitted)| *left -= fitted);
         }
-        let rest = (whole - square).max(f64::MIN_POSITIVE);
+        let rest = (total - square).max(f64::MIN_POSITIVE);
         let (n, dof) = ((self.rows.len() * n_axes) as f64, (k * n_axes) as f64);
-        let criterion = n * (rest / whole.max(f64::MIN_POSITIVE)).ln() + dof * n.ln();
+        let criterion = n * (rest / total.max(f64::MIN_POSITIVE)).ln() + dof * n.ln();
         Taken { square, rest, size: [k, self.rows.len(), n_axes], criterion, left }
     }
 }

@@ -29,13 +29,13 @@ const KNOTS: [f64; 6] = [0.05, 0.23, 0.41, 0.59, 0.77, 0.95];
 /// Straight pieces of a listed term.
 const PIECES: usize = 128;
 /// Correlation of neighbouring rows from which on a residual is no noise, and how many pairs tell it at least.
-const GOES_ON: f64 = 0.5;
-const LEAST_PAIRS: f64 = 100.0;
+const MIN_CORRELATION: f64 = 0.5;
+const MIN_PAIRS: f64 = 100.0;
 /// A residual counts as this multiple of the noise at most.
 const FAR: f64 = 4.0;
 /// Rows to either side that a number is held against, and how many times farther off than usual it is drawn in from.
 const NEIGHBOURS: usize = 2;
-const STANDS_OUT: f64 = 7.5;
+const OUTLYING: f64 = 7.5;
 
 /// What remains, and how much of what there was before it is.
 pub(crate) struct Remaining {
@@ -55,12 +55,12 @@ pub(crate) fn remaining(problem: &Signals, best: &Trial<Signals>) -> Remaining {
     let mut terms = Vec::new();
     let (mut taken, mut before) = (0.0, f64::MIN_POSITIVE);
     for (axis, of) in own_axes(experiment) {
-        let (own, scatter) = drawn_in(&of_axis(&after, n_axes, axis));
+        let (own, scatter) = winsorized(&of_axis(&after, n_axes, axis));
         let in_scatter = |own: &[f64]| squares(own, rows) / (scatter * scatter);
         let total = in_scatter(&own);
         let depends = dependences(problem, of, &designs, own);
         taken += depends.iter().map(|term| term.share).sum::<f64>() * total;
-        before += in_scatter(&drawn_in(&of_axis(&experiment.residuals, n_axes, axis)).0);
+        before += in_scatter(&winsorized(&of_axis(&experiment.residuals, n_axes, axis)).0);
         terms.extend(depends);
     }
     Remaining { terms, share: taken / before }
@@ -116,13 +116,13 @@ fn curve_along(channel: &[f64], fitted: &[f64]) -> Vec<[f64; 2]> {
 }
 
 /// Numbers with those brought back that stand out between the ones beside them, and the usual scatter about these.
-fn drawn_in(numbers: &[f64]) -> (Vec<f64>, f64) {
+fn winsorized(numbers: &[f64]) -> (Vec<f64>, f64) {
     let around = |k: usize| median(numbers[k.saturating_sub(NEIGHBOURS)..].iter().copied().take(2 * NEIGHBOURS + 1));
     let near: Vec<f64> = (0..numbers.len()).map(|k| around(k).unwrap_or(numbers[k])).collect();
     let off = |k: usize| (numbers[k] - near[k]).abs();
     let largest = numbers.iter().fold(f64::MIN_POSITIVE, |largest, number| largest.max(number.abs()));
     let scatter = median((0..numbers.len()).map(off)).unwrap_or_default().max(1e-9 * largest);
-    let back = |k: usize| if off(k) > STANDS_OUT * scatter { near[k] } else { numbers[k] };
+    let back = |k: usize| if off(k) > OUTLYING * scatter { near[k] } else { numbers[k] };
     ((0..numbers.len()).map(back).collect(), scatter)
 }
 
@@ -139,7 +139,7 @@ pub(crate) fn memory(problem: &Signals, best: &Trial<Signals>) -> Vec<Dependence
             [both + r[0] * r[1], before + r[0] * r[0], after + r[1] * r[1], count + 1.0]
         });
         let correlation = both / (before * after).sqrt().max(f64::MIN_POSITIVE);
-        (correlation > GOES_ON && count >= LEAST_PAIRS).then(|| Dependence {
+        (correlation > MIN_CORRELATION && count >= MIN_PAIRS).then(|| Dependence {
             axis: Some(of.name.clone()),
             variable: "its own value a row before".into(),
             shape: "straight",

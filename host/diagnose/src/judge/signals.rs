@@ -2,31 +2,20 @@
 
 use crate::agreement;
 use crate::effect::Effect;
-use crate::judge::gate::{self, Evidence, MOST_LEFT, UNEXPLAINED_SHARE};
+use crate::judge::gate::{self, Evidence, MAX_LEFT, UNEXPLAINED_SHARE};
 use crate::judge::held_out::HeldOut;
 use crate::judge::remaining::{self, Remaining};
 use crate::judge::selected::SelectedSignals;
-use crate::judge::{intervals, next_rows, scatter};
+use crate::judge::{Judgement, intervals, next_rows, scatter};
 use crate::linearise::experiment::{Candidate, Experiment};
-use crate::outcome::{Alternative, Dependence, NextMeasurement, Repeatability, RepeatedIn, Verdict};
+use crate::outcome::{Alternative, Repeatability, RepeatedIn, Structure, Verdict};
 use crate::select::forward::rivals;
 use crate::select::simplify::surrogates;
 
 /// Effects up to which each is compared with all others that could be in its place.
 const MAX_COMPARED: usize = 3;
 /// Share of the squares that may be left by effects which are named beside what remains.
-const MOST_OF_ALL: f64 = 0.5;
-
-/// What is concluded.
-pub(crate) struct Judgement {
-    pub(crate) verdict: Verdict,
-    pub(crate) effects: Vec<Effect>,
-    pub(crate) alternatives: Vec<Alternative>,
-    pub(crate) unobservable: Vec<String>,
-    pub(crate) remaining: Vec<Dependence>,
-    pub(crate) repeatability: Option<Repeatability>,
-    pub(crate) next_measurement: Option<NextMeasurement>,
-}
+const MAX_PARTLY_LEFT: f64 = 0.5;
 
 /// A candidate that would do as well in the place of an effect.
 struct Rival {
@@ -76,7 +65,7 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
         is_ambiguous: !doubtful.is_empty(),
         was_beyond_noise: !remaining.is_empty() || !effects.is_empty() || !doubtful.is_empty(),
         is_left: left > UNEXPLAINED_SHARE || is_far_from_repeats(&problem.experiment, &after, repeatability.as_ref()),
-        takes_most: left < MOST_OF_ALL,
+        is_mainly_taken: left < MAX_PARTLY_LEFT,
         held_out_falls: pooled.map_or_else(|| HeldOut::of(selected).falls(sigma), |pooled| pooled.falls(sigma)),
         noise_dof: repeatability.as_ref().map_or(0, |repeatability| repeatability.dof),
     };
@@ -86,14 +75,23 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
     }
     let next_measurement = (!doubtful.is_empty()).then(|| next_rows::proposal(problem, best, &doubtful));
     let alternatives = alternatives(selected, &rivals);
-    Judgement { verdict, effects, alternatives, unobservable, remaining, repeatability, next_measurement }
+    let remaining = Structure {
+        ratio: None,
+        p: None,
+        beyond_noise: !remaining.is_empty(),
+        excess: 0.0,
+        over_noise: 0.0,
+        depends_on: remaining,
+    };
+    let structure = None;
+    Judgement { verdict, effects, alternatives, unobservable, repeatability, structure, remaining, next_measurement }
 }
 
 /// Whether the error is far larger than the scatter of rows under the same conditions.
 fn is_far_from_repeats(experiment: &Experiment, after: &[f64], repeatability: Option<&Repeatability>) -> bool {
     let rest = experiment.norm(&experiment.of_rows(after, false));
     let repeated = repeatability.filter(|repeatability| repeatability.repeated_in == RepeatedIn::Rows);
-    rest.zip(repeated).is_some_and(|(rest, repeated)| rest > MOST_LEFT * repeated.norm.value)
+    rest.zip(repeated).is_some_and(|(rest, repeated)| rest > MAX_LEFT * repeated.norm.value)
 }
 
 /// What explains the rows as well in the place of an effect, where there are few of them.

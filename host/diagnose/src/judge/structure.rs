@@ -27,9 +27,9 @@ const TRIMMED: f64 = 0.1;
 pub(crate) fn structure(selected: &SelectedPoses, residuals: &[f64], fitted: usize) -> Structure {
     let (observations, noise) = (&selected.problem.training, selected.repeats());
     let n_axes = observations.n_axes();
-    let drawn_in = drawn_in(residuals, n_axes);
-    let dof = drawn_in.len().saturating_sub(fitted);
-    let ratio = drawn_in.iter().map(|r| r * r).sum::<f64>() / dof.max(1) as f64;
+    let winsorized = winsorized(residuals, n_axes);
+    let dof = winsorized.len().saturating_sub(fitted);
+    let ratio = winsorized.iter().map(|r| r * r).sum::<f64>() / dof.max(1) as f64;
     let p = noise.map(|noise| f_test(ratio, dof, noise.dof * n_axes));
     let huberized = huberized(residuals, n_axes);
     let depends_on = dependences(selected.arm, selected.run, observations, &huberized);
@@ -62,11 +62,11 @@ fn huberized(residuals: &[f64], n_axes: usize) -> Vec<f64> {
     let usual = median(residuals.chunks(n_axes).map(size)).unwrap_or(1.0) / (n_axes as f64).sqrt();
     let scale = usual.max(1.0);
     let scaled: Vec<f64> = residuals.iter().map(|r| r / scale).collect();
-    drawn_in(&scaled, n_axes).into_iter().map(|r| r * scale).collect()
+    winsorized(&scaled, n_axes).into_iter().map(|r| r * scale).collect()
 }
 
 /// The residuals with those that are far off brought near.
-fn drawn_in(residuals: &[f64], n_axes: usize) -> Vec<f64> {
+fn winsorized(residuals: &[f64], n_axes: usize) -> Vec<f64> {
     let weights = weights(residuals, n_axes);
     residuals.iter().enumerate().map(|(k, r)| r * weights[k / n_axes]).collect()
 }

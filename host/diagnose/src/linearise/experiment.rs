@@ -1,6 +1,10 @@
 //! One measured experiment in numbers: residuals of the model as it is, and how each effect that may be missing moves them.
 
+use darm_core::actuator::JointKind;
+use darm_robot::robot::RobotJoint;
+
 use crate::effect::{Law, Site};
+use crate::measured::Measured;
 use crate::prepare::groups::Row;
 use crate::prepare::signals::Prepared;
 
@@ -61,14 +65,23 @@ pub type Relinearise = Box<dyn Fn(&[f64]) -> (Vec<f64>, Vec<Vec<f64>>) + Send + 
 pub(crate) struct Columns {
     /// What is predicted: groups whose signs or names a log may have confused as one.
     pub(crate) measured: Vec<Vec<String>>,
-    /// What moves, joint by joint: position, and the rates that the table has.
-    pub(crate) moving: Vec<Vec<String>>,
+    /// What moves, joint by joint.
+    pub(crate) moving: Vec<Moving>,
+}
+
+/// The columns of one joint's motion.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Moving {
+    /// Position, and the rates that the table has.
+    pub(crate) columns: Vec<String>,
+    /// Whether it turns: its position is an angle.
+    pub(crate) turns: bool,
 }
 
 /// An experiment.
 pub struct Experiment {
-    /// What was observed: `actuator-force`, say.
-    pub kind: &'static str,
+    /// What was measured.
+    pub kind: Measured,
     /// The axes of a residual.
     pub axes: Vec<Axis>,
     /// How many of the axes, from the first, have one unit and make the norm.
@@ -87,6 +100,13 @@ pub struct Experiment {
     pub bodies: Vec<BodyCandidate>,
     /// `None` where the residuals are linear in all values.
     pub relinearise: Option<Relinearise>,
+}
+
+impl Moving {
+    /// The columns of a robot's joint.
+    pub(crate) fn of(joint: &RobotJoint, columns: Vec<String>) -> Self {
+        Self { columns, turns: joint.joint.axis.kind == JointKind::Revolute }
+    }
 }
 
 impl Axis {
@@ -123,7 +143,7 @@ impl Candidate {
 impl Experiment {
     /// An experiment with one axis whose residuals are linear in all values, without channels.
     pub(crate) fn of_one(
-        kind: &'static str,
+        kind: Measured,
         axis: Axis,
         data: &Prepared,
         (measured, residuals): (Vec<f64>, Vec<f64>),

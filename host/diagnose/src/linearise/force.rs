@@ -4,16 +4,23 @@ use crate::effect::{Law, Place, Site};
 use crate::linearise::experiment::{Axis, Candidate, Experiment};
 use crate::linearise::laws::{Coordinate, demean};
 use crate::linearise::model_effects::ModelEffect;
+use crate::measured::Measured;
 use crate::measurement::ReadError;
-use crate::measurement::signal::rate;
 use crate::prepare::signals::Prepared;
 
 /// The experiment of one actuator with this bore, m.
 pub(crate) fn experiment(data: &Prepared, bore_m: f64, known: &[ModelEffect]) -> Result<Experiment, ReadError> {
     let [pressure, position, force] = [data.channel("pressure")?, data.channel("position")?, data.channel("force")?];
-    let along = |values: &[f64]| rate(values, &data.time_s, &data.series);
-    let velocity = data.optional("velocity").unwrap_or_else(|| along(&position));
-    let acceleration = along(&velocity);
+    let [velocity, acceleration] = match data.raw("velocity") {
+        Some(velocity) => {
+            let [velocity, acceleration, _] = data.rates(data.full(&velocity, false));
+            [velocity, acceleration]
+        }
+        None => {
+            let [_, velocity, acceleration] = data.motion("position", false)?;
+            [velocity, acceleration]
+        }
+    };
     let temperature = data.optional("temperature").map(|temperature| demean(&temperature));
     let area_m2 = std::f64::consts::FRAC_PI_4 * bore_m * bore_m;
     let residuals = pressure.iter().zip(&force).map(|(p, f)| p * area_m2 - f).collect();
@@ -40,5 +47,8 @@ pub(crate) fn experiment(data: &Prepared, bore_m: f64, known: &[ModelEffect]) ->
     ];
     channels.extend(temperature.map(|rise| ("temperature".into(), rise)));
     let axis = Axis::new("force", "N");
-    Ok(Experiment { channels, ..Experiment::of_one("actuator-force", axis, data, (force, residuals), candidates) })
+    Ok(Experiment {
+        channels,
+        ..Experiment::of_one(Measured::ActuatorForce, axis, data, (force, residuals), candidates)
+    })
 }

@@ -8,13 +8,14 @@ use darm_core::effect::along::backlash_by_load::BacklashByLoad;
 use darm_core::effect::along::compliance::Compliance;
 use darm_core::effect::along::coulomb_friction::CoulombFriction;
 use darm_core::effect::along::delay::Delay;
-use darm_core::effect::along::drift::Drift;
+use darm_core::effect::along::friction_wear::FrictionWear;
 use darm_core::effect::along::gain::Gain;
 use darm_core::effect::along::hysteresis::Hysteresis;
 use darm_core::effect::along::load_dependent_friction::LoadDependentFriction;
 use darm_core::effect::along::load_dependent_presliding::LoadDependentPresliding;
 use darm_core::effect::along::load_dependent_viscosity::LoadDependentViscosity;
 use darm_core::effect::along::offset::Offset;
+use darm_core::effect::along::offset_drift::OffsetDrift;
 use darm_core::effect::along::periodic_cosine::PeriodicCosine;
 use darm_core::effect::along::periodic_sine::PeriodicSine;
 use darm_core::effect::along::position_dependent_friction::PositionDependentFriction;
@@ -27,7 +28,6 @@ use darm_core::effect::along::stribeck_friction::StribeckFriction;
 use darm_core::effect::along::thermal_drift::ThermalDrift;
 use darm_core::effect::along::thermal_viscosity::ThermalViscosity;
 use darm_core::effect::along::viscous_friction::ViscousFriction;
-use darm_core::effect::along::wear::Wear;
 use darm_core::effect::along::{Law, Memory, Moment, Per};
 
 use crate::effect::Site;
@@ -90,7 +90,7 @@ impl Coordinate<'_> {
         let distances = PRESLIDING.map(|share| share * stroke);
         laws.extend(distances.map(|distance| Law::PreslidingFriction(PreslidingFriction { distance })));
         laws.extend(distances.map(|distance| Law::PositionDependentFriction(PositionDependentFriction { distance })));
-        laws.push(Law::Wear(Wear { creep_speed: CREEP[0] * usual }));
+        laws.push(Law::FrictionWear(FrictionWear { creep_speed: CREEP[0] * usual }));
         if self.load.is_some() {
             laws.extend(
                 CREEP.map(|share| Law::LoadDependentFriction(LoadDependentFriction { creep_speed: share * usual })),
@@ -117,7 +117,7 @@ impl Coordinate<'_> {
     /// Drift, a step, and what temperature moves.
     pub fn in_time(&self) -> Vec<Law<f64>> {
         let length_s = self.time_s.last().map_or(0.0, |last| last - self.start_s());
-        let mut laws = vec![Law::Drift(Drift)];
+        let mut laws = vec![Law::OffsetDrift(OffsetDrift)];
         laws.extend(STEPS.map(|share| Law::StepInTime(StepInTime { at_s: share * length_s })));
         if self.temperature.is_some() {
             laws.push(Law::ThermalDrift(ThermalDrift));

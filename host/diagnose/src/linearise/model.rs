@@ -1,4 +1,4 @@
-//! The model of an experiment that is no arm of words: a small TOML, or a URDF alone.
+//! The model of an experiment that is no arm of words: a small TOML, or the file of a robot alone, URDF or MJCF.
 //!
 //! ```toml
 //! kind = "cylinder"        # force of one fluid actuator: p·A
@@ -9,7 +9,7 @@
 //! | --- | --- | --- |
 //! | `cylinder` | `bore_mm` | force against gauge pressure |
 //! | `servo` | | position against target |
-//! | `robot` | `urdf` (beside this file), `observed` = `torque`, `wrench` or `closure` | see below |
+//! | `robot` | `urdf` (a URDF or MJCF, relative to this file), `observed` = `torque`, `wrench` or `closure` | see below |
 //!
 //! | of a robot | key | meaning |
 //! | --- | --- | --- |
@@ -21,7 +21,7 @@
 //!
 //! `number` and `[[effect]]` (see [`model_effects`]) are what `darm diagnose --write-model` adds.
 //!
-//! A URDF alone is a robot whose torques are observed, or its contact wrench where the table has `Fz`.
+//! The file of a robot alone is one whose torques are observed, or its contact wrench where the table has `Fz`.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -33,8 +33,9 @@ use crate::linearise::model_effects::{self, ModelEffect};
 use crate::linearise::model_error::ModelError;
 use crate::linearise::point_contact::Points;
 use crate::linearise::torque::Transmission;
+use darm_robot::description;
 use darm_robot::robot::Robot;
-use darm_robot::urdf::{self, Locks};
+use darm_robot::urdf::Locks;
 
 /// A model of an experiment: what predicts, and the effects known so far.
 #[derive(Clone, Debug, PartialEq)]
@@ -108,8 +109,8 @@ impl Model {
 
     /// The same with some joints of its robot locked, besides those that the file locks.
     pub fn read_locked(path: &Path, locks: &Locks) -> Result<Option<Self>, ModelError> {
-        if path.extension().is_some_and(|end| end == "urdf") {
-            return Ok(Some(What::Any(urdf::read(path, locks)?).into()));
+        if is_robot_file(path) {
+            return Ok(Some(What::Any(description::read(path, locks)?).into()));
         }
         let name = path.display().to_string();
         let text = std::fs::read_to_string(path).map_err(|error| ModelError::Io(name.clone(), error))?;
@@ -125,6 +126,11 @@ impl Model {
         let what = what(path, raw.map_err(|error| ModelError::Toml(name.clone(), error))?, locks)?;
         Ok(Some(Self { what, effects }))
     }
+}
+
+/// Whether a file describes a robot, by its name.
+pub(crate) fn is_robot_file(path: &Path) -> bool {
+    path.extension().is_some_and(|end| ["urdf", "xml"].iter().any(|known| end.eq_ignore_ascii_case(known)))
 }
 
 impl What {
@@ -166,7 +172,7 @@ fn what(path: &Path, raw: Raw, locks: &Locks) -> Result<What, ModelError> {
             let mut locks = locks.clone();
             locks.extend(lock_deg.into_iter().map(|(joint, deg)| (joint, deg.to_radians())));
             locks.extend(lock_mm.into_iter().map(|(joint, mm)| (joint, 1e-3 * mm)));
-            let robot = urdf::read(&path.parent().unwrap_or(Path::new("")).join(urdf), &locks)?;
+            let robot = description::read(&path.parent().unwrap_or(Path::new("")).join(urdf), &locks)?;
             match observed {
                 Observed::Torque => {
                     let n = robot.joints.len();

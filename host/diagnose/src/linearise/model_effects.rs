@@ -46,7 +46,13 @@ pub struct ModelEffect {
 
 fn named<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Law, D::Error> {
     let name = String::deserialize(deserializer)?;
-    Law::named(&name).ok_or_else(|| D::Error::custom(format!("no law is called {name:?}")))
+    // The names of these two before they were parted from the laws of arms.
+    let law = match &name[..] {
+        "drift" => Some(Law::OffsetDrift),
+        "wear" => Some(Law::FrictionWear),
+        _ => Law::named(&name),
+    };
+    law.ok_or_else(|| D::Error::custom(format!("no law is called {name:?}")))
 }
 
 impl ModelEffect {

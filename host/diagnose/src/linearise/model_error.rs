@@ -1,6 +1,6 @@
 //! Why a file is no model.
 
-use darm_robot::urdf;
+use darm_robot::description::DescriptionError;
 
 /// Why a file is no model.
 #[derive(Debug, thiserror::Error)]
@@ -13,7 +13,7 @@ pub enum ModelError {
     Toml(String, toml::de::Error),
     /// Its robot cannot be read.
     #[error(transparent)]
-    Urdf(#[from] urdf::UrdfError),
+    Robot(#[from] DescriptionError),
     /// A number makes no sense.
     #[error("{0}: {1}")]
     Value(String, String),

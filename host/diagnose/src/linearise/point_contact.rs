@@ -25,6 +25,7 @@ use darm_core::se::{Pose, rotation_exp};
 
 use crate::effect::{Law, Place, Site};
 use crate::linearise::experiment::{Axis, Candidate, Experiment, Relinearise, Value};
+use crate::measured::Measured;
 use crate::measurement::{Finding, FindingKind, root_mean_square};
 use crate::prepare::signals::{PrepareError, Prepared};
 use darm_robot::robot::Robot;
@@ -122,7 +123,7 @@ pub(crate) fn experiment(data: &mut Prepared, robot: &Robot, points: &Points) ->
         q.into_iter().enumerate().map(|(k, channel)| (format!("position of joint {}", k + 1), channel)).collect();
     let relinearise: Relinearise = Box::new(move |values| contact.at(values));
     Ok(Experiment {
-        kind: "closure",
+        kind: Measured::Closure,
         axes,
         n_norm: 3,
         rows: data.rows.clone(),

@@ -4,6 +4,7 @@ use crate::effect::{Law, Place, Site};
 use crate::linearise::experiment::{Axis, Candidate, Experiment};
 use crate::linearise::laws::{Coordinate, demean, range};
 use crate::linearise::model_effects::ModelEffect;
+use crate::measured::Measured;
 use crate::measurement::ReadError;
 use crate::prepare::signals::Prepared;
 
@@ -26,7 +27,7 @@ pub(crate) fn experiment(data: &Prepared, known: &[ModelEffect]) -> Result<Exper
         motion: &data.motions,
         units: [unit, unit, "load"],
     };
-    let site = Site::new(Place::HeldJoint, "the joint");
+    let site = Site::new(Place::SingleJoint, "the joint");
     let mut candidates = holding.candidates(holding.of_holding(), &site, &[1.0], known);
     if range(&target) > 0.0 {
         candidates.push(Candidate::one(Law::EncoderScale, site, ("scale", "1"), target.clone()));
@@ -36,5 +37,8 @@ pub(crate) fn experiment(data: &Prepared, known: &[ModelEffect]) -> Result<Exper
     channels.extend(load.map(|load| ("load".into(), load)));
     channels.push(("target".into(), target));
     let axis = Axis::new("position", unit);
-    Ok(Experiment { channels, ..Experiment::of_one("joint-position", axis, data, (position, residuals), candidates) })
+    Ok(Experiment {
+        channels,
+        ..Experiment::of_one(Measured::JointPosition, axis, data, (position, residuals), candidates)
+    })
 }

@@ -14,7 +14,7 @@ const STEPS: f64 = 8.0;
 /// Periods in the range, at least and at most: fewer are a spring, more are seldom distinguished from noise.
 const PERIODS: [f64; 2] = [1.5, 40.0];
 /// Rows that are looked at.
-const MOST_ROWS: usize = 4000;
+const MAX_ROWS: usize = 4000;
 /// v₀ of the friction that is taken out, over the root mean square of v.
 const CREEP: f64 = 0.1;
 /// A direction shorter than this share of itself is one that the others have.
@@ -30,7 +30,7 @@ pub(crate) fn periods_a_turn(
     count: usize,
 ) -> Vec<f64> {
     let rows: Vec<usize> = (0..residual.len()).filter(|row| seen(*row)).collect();
-    let rows: Vec<usize> = rows.iter().copied().step_by(rows.len().div_ceil(MOST_ROWS).max(1)).collect();
+    let rows: Vec<usize> = rows.iter().copied().step_by(rows.len().div_ceil(MAX_ROWS).max(1)).collect();
     let of = |channel: &[f64]| -> Vec<f64> { rows.iter().map(|row| channel[*row]).collect() };
     let spectrum = Spectrum::new(&of(coordinate.position), &of(coordinate.velocity), &of(coordinate.acceleration));
     let left = spectrum.without_plain(of(residual));
@@ -66,7 +66,7 @@ impl Spectrum {
         let columns = [vec![1.0; position.len()], position.into(), velocity.into(), acceleration.into(), friction];
         let mut spectrum = Self { position: position.into(), plain: Vec::new() };
         for column in columns {
-            let column = spectrum.unit_beside(column);
+            let column = spectrum.unit_without_plain(column);
             spectrum.plain.extend(column);
         }
         spectrum
@@ -79,7 +79,7 @@ impl Spectrum {
     }
 
     /// The same with length one; `None` of a column that the plain ones have.
-    fn unit_beside(&self, column: Vec<f64>) -> Option<Vec<f64>> {
+    fn unit_without_plain(&self, column: Vec<f64>) -> Option<Vec<f64>> {
         let before = dot(&column, &column).sqrt();
         unit(self.without_plain(column), before)
     }
@@ -87,7 +87,7 @@ impl Spectrum {
     /// The sum of squares of `left` that a ripple of `periods` a turn takes up.
     fn power(&self, left: &[f64], periods: f64) -> f64 {
         let wave = |shape: fn(f64) -> f64| self.position.iter().map(|q| shape(periods * q)).collect::<Vec<f64>>();
-        let sine = self.unit_beside(wave(f64::sin));
+        let sine = self.unit_without_plain(wave(f64::sin));
         let mut cosine = self.without_plain(wave(f64::cos));
         let length = dot(&cosine, &cosine).sqrt();
         sine.iter().for_each(|sine| take_out(&mut cosine, sine));

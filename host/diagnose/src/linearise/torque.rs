@@ -8,10 +8,11 @@ use nalgebra::DMatrix;
 use crate::effect::{Place, Site};
 use crate::error::DiagnoseError;
 use crate::linearise::bodies::candidate;
-use crate::linearise::experiment::{Axis, BodyCandidate, Candidate, Columns, Experiment};
+use crate::linearise::experiment::{Axis, BodyCandidate, Candidate, Columns, Experiment, Moving};
 use crate::linearise::laws::Coordinate;
 use crate::linearise::model_effects::{self, ModelEffect};
 use crate::linearise::ripple::periods_a_turn;
+use crate::measured::Measured;
 use crate::prepare::groups::Row;
 use crate::prepare::signals::{PrepareError, Prepared};
 use darm_robot::rigid_body::regressor::{BodyMotion, joint_regressor, link_motions, wrench_regressor};
@@ -128,7 +129,7 @@ fn of_motion(
     };
     let channels = [channel("position", &motion.q), channel("velocity", &motion.v), channel("acceleration", &motion.a)];
     Experiment {
-        kind: "joint-torque",
+        kind: Measured::JointTorque,
         axes: (1..=n).map(|k| Axis::new(format!("joint {k}"), "N·m")).collect(),
         n_norm: n,
         rows,
@@ -168,12 +169,13 @@ fn columns_of_joints(data: &Prepared, robot: &Robot) -> Vec<[String; 4]> {
 pub(crate) fn columns(data: &Prepared, robot: &Robot, transmission: Option<&Transmission>) -> Columns {
     if transmission.is_some() && data.raw("qm1").is_some() {
         let of_motors = |letters: &str| (1..=robot.joints.len()).map(|k| format!("{letters}{k}")).collect::<Vec<_>>();
-        let [measured, moving] =
-            ["taum", "qm"].map(|of| of_motors(of).into_iter().map(|column| vec![column]).collect());
-        return Columns { measured, moving };
+        let [measured, positions] = ["taum", "qm"].map(|of| of_motors(of).into_iter().map(|column| vec![column]));
+        let moving = positions.map(|columns| Moving { columns, turns: true }).collect();
+        return Columns { measured: measured.collect(), moving };
     }
+    let joints = robot.joints.iter().zip(columns_of_joints(data, robot));
     let (measured, moving) =
-        columns_of_joints(data, robot).into_iter().map(|[q, v, a, tau]| (vec![tau], vec![q, v, a])).unzip();
+        joints.map(|(joint, [q, v, a, tau])| (vec![tau], Moving::of(joint, vec![q, v, a]))).unzip();
     Columns { measured, moving }
 }
 
@@ -230,6 +232,9 @@ fn regressor(robot: &Robot, motion: &Motion, rows: usize) -> (Vec<f64>, Vec<[Vec
         let at = |of: &[Vec<f64>]| -> Vec<f64> { of.iter().map(|channel| channel[row]).collect() };
         let (q, v, a) = (at(&motion.q), at(&motion.v), at(&motion.a));
         let moving = link_motions(robot, &base, [&q, &v, &a]);
+        for (joint, rotor) in robot.joints.iter().map(|joint| joint.armature).enumerate() {
+            nominal[row * n + joint] += rotor * a[joint];
+        }
         for link in 0..n {
             let wrench = wrench_regressor(&moving[link]);
             let mut joint = Some(link);

@@ -14,7 +14,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use crate::effect::{Law, Place, Site};
 use crate::linearise::bodies::candidate;
 use crate::linearise::experiment::{Axis, Candidate, Experiment, Value};
-use crate::measurement::signal::rate;
+use crate::measured::Measured;
 use crate::prepare::signals::{PrepareError, Prepared};
 use darm_robot::rigid_body::regressor::{BodyMotion, link_motions, wrench_regressor};
 use darm_robot::robot::{Robot, RobotJoint};
@@ -60,7 +60,7 @@ pub(crate) fn experiment(data: &Prepared, robot: &Robot) -> Result<Experiment, P
     }
     candidates.push(sensor_frame(&measured, &axes));
     Ok(Experiment {
-        kind: "contact-wrench",
+        kind: Measured::ContactWrench,
         axes: AXES.iter().map(|(name, unit)| Axis::new(*name, unit)).collect(),
         n_norm: 2,
         rows: data.rows.clone(),
@@ -169,26 +169,23 @@ pub fn base(data: &Prepared, gravity: &Vec3<f64>) -> Result<Vec<BodyMotion>, Pre
         let [x, y, z, w] = std::array::from_fn(|k| turn[k][0][row]);
         UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
     };
-    let rows = data.rows.len();
-    let angular = |row: usize| {
-        let [x, y, z, w] = std::array::from_fn(|k| turn[k][1][row]);
+    // ω = 2·q̇·q*, and ω̇ = 2·q̈·q* but for a real part, since q̇·q̇* is real.
+    let angular = |order: usize, row: usize| {
+        let [x, y, z, w] = std::array::from_fn(|k| turn[k][order][row]);
         let spin = Quaternion::new(w, x, y, z) * quaternion(row).conjugate().into_inner() * 2.0;
         Vec3::new(spin.i, spin.j, spin.k)
     };
-    let turning: Vec<Vec3<f64>> = (0..rows).map(angular).collect();
-    let part = |k: usize| rate(&turning.iter().map(|w| w[k]).collect::<Vec<_>>(), &data.time_s, &data.series);
-    let rates = [part(0), part(1), part(2)];
     let moving = |row: usize| {
         let rotation: Mat3<f64> = quaternion(row).to_rotation_matrix().into_inner();
         let vector = |order: usize| Vec3::new(place[0][order][row], place[1][order][row], place[2][order][row]);
         BodyMotion {
             pose: Pose { rotation, position: vector(0) },
-            omega: turning[row],
-            alpha: Vec3::new(rates[0][row], rates[1][row], rates[2][row]),
+            omega: angular(1, row),
+            alpha: angular(2, row),
             acceleration: vector(2) - gravity,
         }
     };
-    Ok((0..rows).map(moving).collect())
+    Ok((0..data.rows.len()).map(moving).collect())
 }
 
 /// q and −q are the same turn: each row takes the sign that is nearer to the row before.

@@ -33,7 +33,7 @@ pub(super) fn content(path: &Path) -> Result<Content, ReadError> {
     if ends_in("gz") {
         (text, cut) = expanded(&text).map_err(io)?;
     } else if ends_in("mcap") {
-        let log = log::to_text_of_whole_rows(&text);
+        let log = log::to_text_of_complete_rows(&text);
         (text, cut) = log.map_err(|error| ReadError::Log { path: path.into(), error })?;
         return Ok(Content { text, cut });
     }
@@ -67,7 +67,7 @@ fn is_last_row_short(text: &[u8]) -> bool {
 pub fn about(path: &Path) -> Result<BTreeMap<String, String>, ReadError> {
     if path.extension().is_some_and(|end| end == "mcap") {
         let bytes = std::fs::read(path).map_err(|error| ReadError::Io { path: path.into(), error })?;
-        let log = Log::read_whole_records(&bytes);
+        let log = Log::read_complete_records(&bytes);
         return log
             .map(|(log, _)| log.metadata)
             .map_err(|error| ReadError::Log { path: path.into(), error: LogError::Mcap(error) });

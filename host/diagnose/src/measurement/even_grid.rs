@@ -81,7 +81,7 @@ fn between(places: &[f64], values: &[f64], at: f64) -> f64 {
         return values[after.min(places.len() - 1)];
     }
     let after = after.clamp(1, places.len() - 1);
-    if let Some(first) = places.len().checked_sub(4).map(|most| after.saturating_sub(2).min(most)) {
+    if let Some(first) = places.len().checked_sub(4).map(|last| after.saturating_sub(2).min(last)) {
         let [near, of] = [places, values].map(|all| std::array::from_fn(|k| all[first + k]));
         let steps = [near[1] - near[0], near[2] - near[1], near[3] - near[2]];
         let (short, long) = steps.iter().fold((f64::INFINITY, 0.0f64), |(s, l), step| (s.min(*step), l.max(*step)));

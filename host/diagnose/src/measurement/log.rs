@@ -61,8 +61,8 @@ pub fn to_text(log: &[u8]) -> Result<Vec<u8>, LogError> {
 }
 
 /// The table of a log that may end early, and whether it does. A log without a single message is an error.
-pub(super) fn to_text_of_whole_rows(log: &[u8]) -> Result<(Vec<u8>, bool), LogError> {
-    match Log::read_whole_records(log)? {
+pub(super) fn to_text_of_complete_rows(log: &[u8]) -> Result<(Vec<u8>, bool), LogError> {
+    match Log::read_complete_records(log)? {
         (log, true) if log.messages.is_empty() => Err(McapError::Cut(0).into()),
         (log, cut) => Ok((table(&log)?, cut)),
     }

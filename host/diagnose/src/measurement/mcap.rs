@@ -131,14 +131,14 @@ impl<'a> Bytes<'a> {
 impl Log {
     /// The channels and messages of a container.
     pub fn read(bytes: &[u8]) -> Result<Self, McapError> {
-        match Self::read_whole_records(bytes)? {
+        match Self::read_complete_records(bytes)? {
             (log, false) => Ok(log),
             (log, true) => Err(McapError::Cut(log.messages.len())),
         }
     }
 
     /// The same of a container that may end early, as when its writer was killed; true if it does.
-    pub fn read_whole_records(bytes: &[u8]) -> Result<(Self, bool), McapError> {
+    pub fn read_complete_records(bytes: &[u8]) -> Result<(Self, bool), McapError> {
         let mut log = Self::default();
         let records = bytes.strip_prefix(&MAGIC).ok_or(McapError::Magic)?;
         let complete = records.strip_suffix(&MAGIC);
@@ -339,7 +339,7 @@ mod tests {
         let complete = written();
         for end in 8..complete.len() {
             assert!(matches!(Log::read(&complete[..end]), Err(McapError::Cut(_))), "{end}");
-            assert!(matches!(Log::read_whole_records(&complete[..end]), Ok((_, true))), "{end}");
+            assert!(matches!(Log::read_complete_records(&complete[..end]), Ok((_, true))), "{end}");
         }
         assert!(matches!(Log::read(b"t_s,x_mm\n1,2\n"), Err(McapError::Magic)));
     }

@@ -163,9 +163,8 @@ impl<'a> Columns<'a> {
                 .push(Finding::note(FindingKind::UnreadColumns, format!("columns not read: {}", unread.join(", "))));
         }
         let in_degrees = self.servos.iter().filter(|column| column.name.to_lowercase().ends_with("_deg"));
-        let most_deg =
-            in_degrees.flat_map(|column| &column.numbers).fold(0f64, |most, q| most.max(q.to_degrees().abs()));
-        if most_deg > 0.0 && most_deg < HALF_TURN && self.table.lines.len() > SOME_ROWS {
+        let max_deg = in_degrees.flat_map(|column| &column.numbers).fold(0f64, |max, q| max.max(q.to_degrees().abs()));
+        if max_deg > 0.0 && max_deg < HALF_TURN && self.table.lines.len() > SOME_ROWS {
             let text = format!(
                 "no servo turns by more than {HALF_TURN}: are the positions in rad? the columns are read as degrees"
             );

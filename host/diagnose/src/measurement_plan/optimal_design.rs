@@ -11,7 +11,7 @@ use nalgebra::DMatrix;
 
 /// The numbers of `n` measurements, the most informative first; `covariance` is the inverse of the information that
 /// there is before.
-pub fn most_informative(mut covariance: DMatrix<f64>, measurements: &[DMatrix<f64>], n: usize) -> Vec<usize> {
+pub fn informative_first(mut covariance: DMatrix<f64>, measurements: &[DMatrix<f64>], n: usize) -> Vec<usize> {
     let mut chosen = Vec::new();
     let mut gains: Vec<(f64, usize)> = vec![(f64::INFINITY, 0); measurements.len()];
     let mut open: Vec<usize> = (0..measurements.len()).collect();
@@ -56,7 +56,7 @@ mod tests {
     fn what_is_known_already_is_chosen_last() {
         let measurement = |a: f64, b: f64| DMatrix::from_row_slice(1, 2, &[a, b]);
         let known = DMatrix::from_diagonal(&nalgebra::DVector::from_vec(vec![0.01, 1.0]));
-        let order = most_informative(known, &[measurement(1.0, 0.0), measurement(0.0, 1.0), measurement(0.0, 0.9)], 3);
+        let order = informative_first(known, &[measurement(1.0, 0.0), measurement(0.0, 1.0), measurement(0.0, 0.9)], 3);
         assert_eq!(order, [1, 2, 0]);
     }
 
@@ -65,7 +65,7 @@ mod tests {
         let units: Vec<_> =
             (0..3).flat_map(|k| [k, k]).map(|k| DMatrix::from_fn(1, 3, |_, c| f64::from(u8::from(c == k)))).collect();
         let mut first: Vec<usize> =
-            most_informative(DMatrix::identity(3, 3), &units, 3).into_iter().map(|k| k / 2).collect();
+            informative_first(DMatrix::identity(3, 3), &units, 3).into_iter().map(|k| k / 2).collect();
         first.sort();
         assert_eq!(first, [0, 1, 2]);
     }

@@ -37,6 +37,18 @@ fn nearly_every_actuator_comes_to_nearly_every_word_moved_and_unmoved() {
 }
 
 #[test]
+fn every_state_is_among_the_words_that_are_held_out() {
+    // A state that three of thirty words have, and that comes late in the draw.
+    let word = |k: u8| Word::new(&[k % 2, if [25, 26, 28].contains(&k) { 2 } else { k % 3 % 2 }]).unwrap();
+    let words: Vec<Word> = (0..30).map(word).collect();
+    let (held_out, training) = held_out_and_training(&words, (0..30).collect(), 8);
+    assert_eq!((held_out.len(), training.len()), (8, 22));
+    assert!(held_out.contains(&25) && held_out.contains(&26) && training.contains(&28), "{held_out:?}");
+    let states: BTreeSet<(usize, u8)> = held_out.iter().flat_map(|&k| words[k].iter().enumerate()).collect();
+    assert_eq!(states.len(), 5);
+}
+
+#[test]
 fn a_quarter_of_the_words_is_held_out_whole_and_not_repeated() {
     let steps = plan(&arm(), &Options::default());
     let words = |held_out| steps.iter().filter(|s| s.held_out == held_out).map(|s| s.word).collect::<BTreeSet<_>>();
@@ -51,7 +63,7 @@ fn the_words_tell_more_than_random_ones() {
     let steps = candidates(&arm, 7);
     let observations = Observations::new(&arm, &as_run_away(&arm, &steps), NOISE, |_| true);
     let columns = candidate_columns(&arm, &observations);
-    let told = |words: &[Word]| {
+    let information = |words: &[Word]| {
         let rows: Vec<usize> = (0..steps.len()).filter(|&row| words.contains(&steps[row].word)).collect();
         let j = DMatrix::from_fn(rows.len() * 3, columns.len(), |k, c| columns[c][rows[k / 3] * 3 + k % 3]);
         (DMatrix::identity(columns.len(), columns.len()) + j.transpose() * j)
@@ -62,7 +74,7 @@ fn the_words_tell_more_than_random_ones() {
             .map(f64::ln)
             .sum()
     };
-    let chosen = told(&informative_words(&arm, &Options { seed: 7, ..Options::default() }));
-    let random: f64 = told(&steps.iter().take(96).map(|step| step.word).collect::<Vec<_>>());
+    let chosen = information(&informative_words(&arm, &Options { seed: 7, ..Options::default() }));
+    let random: f64 = information(&steps.iter().take(96).map(|step| step.word).collect::<Vec<_>>());
     assert!(chosen > random + 1.0, "{chosen} {random}");
 }

@@ -41,6 +41,11 @@ impl ColumnReading {
         Self(quantities.iter().map(|own| (own.clone(), Source::of(own, 1.0, rows))).collect())
     }
 
+    /// By how many rows numbers are taken from a later row.
+    pub(crate) fn rows_later(&self) -> isize {
+        self.0.values().map(|source| source.later).max_by_key(|later| later.abs()).unwrap_or_default()
+    }
+
     /// The numbers of a quantity in this reading; `None` where the table has no such column.
     pub(crate) fn numbers<'t>(&self, table: &'t Table, quantity: &str) -> Option<Cow<'t, [f64]>> {
         let source = self.0.iter().find(|(own, _)| own.eq_ignore_ascii_case(quantity)).map(|(_, source)| source);
@@ -55,6 +60,7 @@ impl ColumnReading {
 }
 
 impl Source {
+    /// A quantity as it is, but for a factor and rows.
     fn of(quantity: &str, factor: f64, later: isize) -> Self {
         Self { quantity: quantity.into(), factor, zero: 0.0, later }
     }

@@ -14,9 +14,10 @@ pub use crate::prepare::error::PrepareError;
 use crate::prepare::groups::Row;
 use crate::prepare::sampling::{self, Sampling};
 use crate::prepare::table_findings::{check_times, constant, leave_out_gaps, units};
+use crate::prepare::thinning::one_of_each_part;
 
 /// Rows up to which all are looked at where nothing is said.
-const MOST_ROWS: usize = 10_000;
+const MAX_ROWS: usize = 10_000;
 /// Steps of time longer than this, in usual ones, are gaps: nothing is interpolated across.
 const MAX_STEP: f64 = 5.0;
 
@@ -67,6 +68,8 @@ pub struct Prepared {
 struct AllRows {
     table: Table,
     time_s: Vec<f64>,
+    /// The stretch of each row.
+    series: Vec<usize>,
     grid: EvenGrid,
     fresh: Option<Vec<bool>>,
     filter: Option<(LowPass, usize)>,
@@ -90,11 +93,11 @@ impl Prepared {
         check_times(&time_s)?;
         let chosen = how.hold_out.rows(&table, each)?;
         findings.extend(chosen.nothing(&how.hold_out));
-        let HeldOut { rows: held, description: held_out, keys } = chosen;
+        let HeldOut { rows: is_held_out, description: held_out, keys } = chosen;
         let motions = motions(&table, &how.within, &time_s, &mut findings)?;
         let sampling = sampling::find(&mut time_s, &motions, &moving_channels(&table));
         findings.extend(sampling.sentence().map(|text| Finding::note(FindingKind::UnevenSampling, text)));
-        let series = parted_by(&held, &motions);
+        let series = parted_by(&is_held_out, &motions);
         let grid = EvenGrid::new(&time_s, &series, sampling.period_s);
         let every = decimation(how, table.lines.len(), sampling.rate_hz(), &mut findings);
         let thinned = |stretch: std::ops::Range<usize>| stretch.step_by(every);
@@ -109,12 +112,12 @@ impl Prepared {
             series: series[row],
             motion: motions[row],
             key: keys.as_ref().map(|keys| keys[row]),
-            held_out: held[row],
+            held_out: is_held_out[row],
         };
         let rows: Vec<Row> = kept.iter().map(row).collect();
         let filter = how.lowpass_hz.map(|corner| low_pass(corner, sampling.rate_hz())).transpose()?;
         let fresh = how.interpolate.as_deref().map(|name| table.flags(name)).transpose()?;
-        let all = Arc::new(AllRows { table, time_s, grid, fresh, filter });
+        let all = Arc::new(AllRows { table, time_s, series, grid, fresh, filter });
         let data = Self {
             rows,
             time_s: Vec::new(),
@@ -138,11 +141,19 @@ impl Prepared {
         self
     }
 
-    /// The same table with its columns read in another way, and no more rows of it than these.
-    pub(crate) fn read_as(&self, reading: ColumnReading, max_rows: usize) -> Self {
-        let every = self.rows.len().div_ceil(max_rows).max(1);
+    /// The same table with its columns read in another way, and at most `max_rows` of those rows from which the one
+    /// `rows_later` is in the same stretch.
+    pub(crate) fn read_as(&self, reading: ColumnReading, rows_later: isize, max_rows: usize) -> Self {
+        let series = &self.all.series;
+        let is_inside = |&k: &usize| {
+            let other = self.kept[k].checked_add_signed(rows_later);
+            other.and_then(|other| series.get(other)) == Some(&series[self.kept[k]])
+        };
+        let inside: Vec<usize> = (0..self.kept.len()).filter(is_inside).collect();
+        let chosen: Vec<usize> =
+            one_of_each_part(inside.len(), max_rows).into_iter().map(|drawn| inside[drawn]).collect();
         let data = Self {
-            rows: self.rows.iter().step_by(every).copied().collect(),
+            rows: chosen.iter().map(|&k| self.rows[k]).collect(),
             time_s: Vec::new(),
             series: Vec::new(),
             motions: Vec::new(),
@@ -151,7 +162,7 @@ impl Prepared {
             sampling: self.sampling.clone(),
             all: Arc::clone(&self.all),
             reading,
-            kept: self.kept.iter().step_by(every).copied().collect(),
+            kept: chosen.iter().map(|&k| self.kept[k]).collect(),
         };
         data.with_times()
     }
@@ -237,7 +248,7 @@ fn decimation(how: &Preparation, n_rows: usize, rate_hz: f64, findings: &mut Vec
     if let Some(hz) = how.thin_hz {
         return (rate_hz / hz).round().max(1.0) as usize;
     }
-    let every = n_rows.div_ceil(MOST_ROWS);
+    let every = n_rows.div_ceil(MAX_ROWS);
     if every > 1 {
         let text = format!("decimated by {every}, of {n_rows} rows; override with --thin");
         findings.push(Finding::note(FindingKind::Decimated, text));

@@ -8,7 +8,7 @@ use crate::prepare::error::PrepareError;
 /// stays below, Pa, for one in bar.
 const LARGEST_ANGLE: f64 = 4.0 * std::f64::consts::PI;
 const LARGEST_LENGTH: f64 = 10.0;
-const LEAST_PRESSURE: f64 = 1e3;
+const MIN_PRESSURE: f64 = 1e3;
 /// Share of the rows in which time may run back: new recordings begin there.
 const MAX_BACKWARD: f64 = 0.1;
 
@@ -62,13 +62,12 @@ pub(super) fn constant(table: &Table, findings: &mut Vec<Finding>) {
 /// Numbers that look like another unit than the one they are read in.
 pub(super) fn units(table: &Table, findings: &mut Vec<Finding>) {
     for column in &table.columns {
-        let largest =
-            column.numbers.iter().filter(|number| number.is_finite()).fold(0.0f64, |most, n| most.max(n.abs()));
+        let largest = column.numbers.iter().filter(|number| number.is_finite()).fold(0.0f64, |max, n| max.max(n.abs()));
         let joint = column.quantity.strip_prefix('q').is_some_and(|number| number.parse::<u8>().is_ok());
         let doubt = match (column.meaning(), column.unit) {
             (_, "" | "rad") if joint && largest > LARGEST_ANGLE => ("rad", "degrees", "_deg"),
             ("position", "" | "m") if largest > LARGEST_LENGTH => ("m", "millimetres", "_mm"),
-            ("pressure", _) if largest > 0.0 && largest < LEAST_PRESSURE => ("Pa", "bar", "_bar"),
+            ("pressure", _) if largest > 0.0 && largest < MIN_PRESSURE => ("Pa", "bar", "_bar"),
             _ => continue,
         };
         let (read, meant, end) = doubt;

@@ -7,10 +7,14 @@ use darm_core::effect::drift::Drift;
 
 use crate::judge::fitted_terms::WithTerms;
 use crate::linearise::arm_candidates::{place_name, term_name};
-use crate::outcome::{self, Alternative, Diagnosis, NextMeasurement, Number, OtherReading, Value, Verdict};
+use crate::outcome::{
+    self, Alternative, BeforeAfter, Diagnosis, ErrorFigure, NextMeasurement, Number, OtherReading, Value, Verdict,
+};
 use crate::prepare::repeatability::MIN_DOF;
 use darm_arm::arm::Arm;
 
+/// An error that an effect changes falls below this share of itself.
+const SHOWN: f64 = 0.9;
 /// Outliers that are listed by line.
 const MAX_LINES: usize = 8;
 
@@ -144,13 +148,28 @@ fn error_sentence(diagnosis: &Diagnosis) -> Option<String> {
         let (value, unit) = readable(&repeatability.norm);
         format!("repeatability {} {unit} with {} degrees of freedom; ", short(value), repeatability.dof)
     });
+    let hardly = if is_hardly_shown(diagnosis) {
+        " The held-out rows hardly show what is named: hold out rows with the states and conditions that it acts in."
+    } else {
+        ""
+    };
     Some(format!(
-        "Held-out error {} → {} {} ({noise}held out: {}).",
+        "Held-out error {} → {} {} ({noise}held out: {}).{hardly}",
         short(before.0),
         short(after.0),
         after.1,
         diagnosis.held_out
     ))
+}
+
+/// Whether effects that are named change the error on the rows that fits see, and hardly that on those held out.
+fn is_hardly_shown(diagnosis: &Diagnosis) -> bool {
+    let falls = |before: &ErrorFigure, after: &ErrorFigure| after.norm.value < SHOWN * before.norm.value;
+    let BeforeAfter { before, after } = &diagnosis.error;
+    let held_out = before.heldout.as_ref().zip(after.heldout.as_ref());
+    diagnosis.verdict.names_effects()
+        && falls(&before.train, &after.train)
+        && held_out.is_some_and(|(before, after)| !falls(before, after))
 }
 
 fn next_sentence(next: &NextMeasurement) -> String {

@@ -1,13 +1,11 @@
-//! The outcome of a diagnosis of signals: errors, outliers and points for plots.
+//! What a report shows of signals: errors, outliers and points for plots.
 
 use crate::judge::held_out::HeldOut;
 use crate::judge::selected::SelectedSignals;
-use crate::judge::signals::Judgement;
 use crate::linearise::experiment::{Axis, Experiment};
-use crate::outcome::{
-    AxisFigure, BeforeAfter, Diagnosis, ErrorFigure, Errors, Number, Outlier, Point, Rows, Structure,
-};
+use crate::outcome::{AxisFigure, BeforeAfter, ErrorFigure, Errors, Number, Outlier, Point, Rows};
 use crate::prepare::groups::Row;
+use crate::report::Summary;
 use crate::select::robust_fit::size;
 
 /// Rows this many times farther off than usual are listed.
@@ -15,52 +13,26 @@ const FAR: f64 = 8.0;
 /// Rows that are listed or plotted at most.
 const MAX_ROWS: usize = 4000;
 
-/// The diagnosis, without its sentences and findings; `pooled` has the held-out residuals of other searches.
-pub(crate) fn diagnosis(
-    selected: &SelectedSignals,
-    judgement: Judgement,
-    pooled: Option<&HeldOut>,
-    held_out: String,
-    seed: u64,
-) -> Diagnosis {
+/// What a report shows of the rows; `pooled` has the held-out residuals of other searches.
+pub(crate) fn summary(selected: &SelectedSignals, pooled: Option<&HeldOut>, held_out: String) -> Summary {
     let (problem, experiment) = (&selected.problem, &selected.problem.experiment);
     let after = experiment.at(&selected.best.fit.values);
     let n_heldout = pooled.map_or(experiment.of_rows(&after, true).len(), |pooled| pooled.after.len());
-    let depends_on = judgement.remaining;
-    Diagnosis {
+    Summary {
         kind: experiment.kind,
         model: None,
         rows: Rows { train: problem.groups.training.len(), heldout: n_heldout / experiment.axes.len() },
         held_out,
         left_out: problem.groups.left_out,
-        repeatability: judgement.repeatability,
         error: BeforeAfter {
             before: errors(experiment, &experiment.residuals, pooled.map(|pooled| &pooled.before[..])),
             after: errors(experiment, &after, pooled.map(|pooled| &pooled.after[..])),
         },
-        verdict: judgement.verdict,
         other_reading: selected.agreement.other_reading(),
-        effects: judgement.effects,
-        alternatives: judgement.alternatives,
-        unobservable: judgement.unobservable,
         outliers: outliers(selected),
-        structure: None,
-        remaining: Structure {
-            ratio: None,
-            p: None,
-            beyond_noise: !depends_on.is_empty(),
-            excess: 0.0,
-            over_noise: 0.0,
-            depends_on,
-        },
         selection_path: selected.path.clone(),
         condition: None,
-        next_measurement: judgement.next_measurement,
-        plain: Vec::new(),
-        findings: Vec::new(),
         points: points(experiment, &after),
-        seed,
-        version: env!("CARGO_PKG_VERSION"),
     }
 }
 

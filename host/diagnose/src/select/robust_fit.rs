@@ -19,7 +19,7 @@ pub(super) const REWEIGHTINGS: usize = 6;
 /// Gauss–Newton steps at most.
 const STEPS: usize = 12;
 /// Directions with less than this share of the largest eigenvalue of the scaled information are left alone.
-const LEAST_EIGENVALUE: f64 = 1e-10;
+const MIN_EIGENVALUE: f64 = 1e-10;
 
 /// The residuals of a model at the values that fit best, and how they change with these values.
 #[derive(Clone, Debug)]
@@ -95,7 +95,7 @@ pub fn pseudo_inverse(information: &DMatrix<f64>) -> DMatrix<f64> {
     let scale = information.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
     let scaled = DMatrix::from_fn(scale.len(), scale.len(), |a, b| information[(a, b)] * scale[a] * scale[b]);
     let eigen = scaled.symmetric_eigen();
-    let smallest = LEAST_EIGENVALUE * eigen.eigenvalues.max();
+    let smallest = MIN_EIGENVALUE * eigen.eigenvalues.max();
     let inverted = eigen.eigenvalues.map(|l| if l > smallest && l > 0.0 { 1.0 / l } else { 0.0 });
     let inverse = &eigen.eigenvectors * DMatrix::from_diagonal(&inverted) * eigen.eigenvectors.transpose();
     DMatrix::from_fn(scale.len(), scale.len(), |a, b| inverse[(a, b)] * scale[a] * scale[b])

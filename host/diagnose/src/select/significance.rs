@@ -29,6 +29,8 @@ pub struct LossReduction {
     pub sum: f64,
     /// Its standard error, by the noise in `after`.
     pub error: f64,
+    /// Degrees of freedom that the test rests on.
+    pub dof: f64,
     /// Chance of at least this reduction where there is none.
     pub p: f64,
 }
@@ -60,10 +62,10 @@ pub fn clustered_t_test(before: &[f64], after: &[f64], groups: &[usize]) -> Loss
         of_groups.values().fold([0.0; 2], |[sum, squares], [_, change]| [sum + change, squares + change * change]);
     let dof = changes * changes / squares - 1.0;
     if error == 0.0 || dof.is_nan() || dof <= 0.0 {
-        return LossReduction { sum, error, p: if sum > 0.0 && dof > 0.0 { 0.0 } else { 1.0 } };
+        return LossReduction { sum, error, dof, p: if sum > 0.0 && dof > 0.0 { 0.0 } else { 1.0 } };
     }
     let p = StudentsT::new(0.0, 1.0, dof).map_or(1.0, |t| t.sf(sum / error));
-    LossReduction { sum, error, p }
+    LossReduction { sum, error, dof, p }
 }
 
 /// The same by the losses of each group before and after: t over the groups' falls and over their relative falls, which
@@ -72,25 +74,29 @@ pub fn clustered_t_test(before: &[f64], after: &[f64], groups: &[usize]) -> Loss
 /// It holds where groups differ in size and what remains has separate structure in every group. What does not lower the
 /// sum is no fall.
 pub fn paired_t_test(losses: &[[f64; 2]]) -> LossReduction {
-    let n = losses.len() as f64;
-    let sum: f64 = losses.iter().map(|[before, after]| before - after).sum();
+    let (sum, dof): (f64, f64) =
+        (losses.iter().map(|[before, after]| before - after).sum(), losses.len().saturating_sub(1) as f64);
     let relative: Vec<f64> =
         losses.iter().map(|[before, after]| (before - after) / (before + after).max(f64::MIN_POSITIVE)).collect();
     let absolute: Vec<f64> = losses.iter().map(|[before, after]| before - after).collect();
     if losses.len() < 2 || !sum.is_finite() || sum <= 0.0 {
-        return LossReduction { sum, error: 0.0, p: 1.0 };
+        return LossReduction { sum, error: 0.0, dof, p: 1.0 };
     }
-    let chance = |falls: &[f64]| {
-        let mean = falls.iter().sum::<f64>() / n;
-        let variance = falls.iter().map(|fall| (fall - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        let error = (variance / n).sqrt();
-        match mean / error {
-            _ if error == 0.0 => 0.0,
-            size if !size.is_finite() => 1.0,
-            size => StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |t| t.sf(size)),
-        }
-    };
-    LossReduction { sum, error: 0.0, p: (2.0 * chance(&relative).min(chance(&absolute))).min(1.0) }
+    LossReduction { sum, error: 0.0, dof, p: (2.0 * chance_of_mean(&relative).min(chance_of_mean(&absolute))).min(1.0) }
+}
+
+/// Chance that the mean of these numbers is as far above zero where that of all such numbers is not: t, one-sided; 1 of fewer
+/// than two.
+pub fn chance_of_mean(numbers: &[f64]) -> f64 {
+    let n = numbers.len() as f64;
+    let mean = numbers.iter().sum::<f64>() / n;
+    let variance = numbers.iter().map(|number| (number - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    let error = (variance / n).sqrt();
+    match mean / error {
+        _ if error == 0.0 && mean > 0.0 => 0.0,
+        size if !size.is_finite() => 1.0,
+        size => StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |t| t.sf(size)),
+    }
 }
 
 /// Chance that a mean square this many times the noise's is noise.
@@ -148,7 +154,10 @@ mod tests {
 
     #[test]
     fn a_fall_to_nothing_is_certain() {
-        assert_eq!(clustered_t_test(&[1.0, 2.0], &[0.0, 0.0], &[0, 1]), LossReduction { sum: 5.0, error: 0.0, p: 0.0 });
+        assert_eq!(
+            clustered_t_test(&[1.0, 2.0], &[0.0, 0.0], &[0, 1]),
+            LossReduction { sum: 5.0, error: 0.0, dof: 25.0 / 17.0 - 1.0, p: 0.0 }
+        );
     }
 
     #[test]

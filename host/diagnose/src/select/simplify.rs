@@ -135,6 +135,7 @@ mod tests {
     use super::*;
     use crate::effect::{Law, Place, Site};
     use crate::linearise::experiment::{Axis, Candidate, Experiment};
+    use crate::measured::Measured;
     use crate::prepare::groups::Groups;
     use crate::prepare::groups::Row;
 
@@ -154,7 +155,7 @@ mod tests {
             .map(|(law, place, of)| Candidate::one(*law, Site::new(*place, "here"), ("size", "N·m"), column(of)));
         let residuals: Vec<f64> = column(&residual).iter().enumerate().map(|(k, r)| noise(k) - r).collect();
         let experiment = Experiment {
-            kind: "joint-torque",
+            kind: Measured::JointTorque,
             axes: ["1", "2"].map(|name| Axis::new(name, "N·m")).into(),
             n_norm: 2,
             rows: (0..ROWS).map(row).collect(),

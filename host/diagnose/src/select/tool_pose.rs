@@ -129,17 +129,22 @@ impl ToolPoses {
 
     /// Error on rows that no fit saw, held out for good or in turn, as a distance d, root mean square, m.
     pub fn held_out_m(&self, trial: &Trial<Self>) -> Result<f64, NoPose> {
+        self.held_out_m_of(&trial.fit.model, &trial.predicted)
+    }
+
+    /// The same of a model that leaves these residuals of the training rows when they are held out in turn.
+    pub(crate) fn held_out_m_of(&self, model: &ArmModel, in_turn: &[f64]) -> Result<f64, NoPose> {
         if self.heldout.rows.is_empty() {
-            return Ok(trial.error);
+            return Ok(root_mean_square(&self.training.distances_m(in_turn)));
         }
-        let residuals = self.heldout.residuals(&trial.fit.model, &mut ArmScratch::default())?;
+        let residuals = self.heldout.residuals(model, &mut ArmScratch::default())?;
         Ok(root_mean_square(&self.heldout.distances_m(&residuals)))
     }
 
     /// Whether the error on rows that no fit saw falls by more than its uncertainty: on the held-out ones, or, without any, on
     /// those held out in turn. A row that is far off by both models does not hide it, nor do words that nothing changes.
-    /// Held-out rows which the effects change by too little to show it do not veto what the others show, unless the error
-    /// rises there.
+    /// Held-out rows which the effects change by too little to show it, or in a single word, do not veto what the others show,
+    /// unless the error rises there.
     pub(crate) fn held_out_falls(&self, before: &Trial<Self>, after: &Trial<Self>) -> Result<bool, NoPose> {
         let falls_in_turn = self.loss_reduction(before, after).p < CONFIRMATION_LEVEL;
         if self.heldout.rows.is_empty() {
@@ -151,7 +156,8 @@ impl ToolPoses {
         let fall = clustered_t_test(&before, &after, &self.heldout.groups());
         // An effect that is there lowers the sum by about the squares of what it changes.
         let change: f64 = before.iter().zip(&after).map(|(before, after)| (before - after).powi(2)).sum();
-        let cannot_show = change < ERRORS_TO_SHOW * fall.error || fall.error == 0.0;
+        let cannot_show =
+            change < ERRORS_TO_SHOW * fall.error || fall.error == 0.0 || fall.dof.is_nan() || fall.dof < 1.0;
         let rises = fall.sum < -fall.error;
         Ok(fall.p < CONFIRMATION_LEVEL || cannot_show && falls_in_turn && !rises)
     }

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use crate::effect::Law;
+
 /// A kind of effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
@@ -53,8 +55,13 @@ impl Kind {
     pub const EFFECTS: [Self; 6] =
         [Self::StrokeLoss, Self::AnchorOffset, Self::GravitySag, Self::Play, Self::SupplyStroke, Self::ThermalGrowth];
 
-    /// Name of the law that is right for it.
-    pub fn law(self) -> &'static str {
+    /// The law that is right for it.
+    pub fn law(self) -> Option<Law> {
+        Law::named(self.name())
+    }
+
+    /// Name of the law that is right for it; `none` of no effect, `no law` where none is right.
+    pub fn name(self) -> &'static str {
         match self {
             Self::Nothing => "none",
             Self::StrokeLoss => "stroke-loss",
@@ -89,7 +96,7 @@ impl Kind {
 
 impl fmt::Display for Kind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.law())
+        f.write_str(self.name())
     }
 }
 
@@ -103,6 +110,6 @@ impl FromStr for Kind {
 
     fn from_str(name: &str) -> Result<Self, NoSuchKind> {
         let all = Self::EFFECTS.into_iter().chain([Self::Nothing]);
-        all.into_iter().find(|kind| kind.law() == name).ok_or_else(|| NoSuchKind(name.into()))
+        all.into_iter().find(|kind| kind.name() == name).ok_or_else(|| NoSuchKind(name.into()))
     }
 }

@@ -32,11 +32,14 @@ use std::fmt;
 use std::ops::Range;
 
 use darm_core::chain::Chain;
+use darm_core::effect::anchor_offset::Plate;
+use darm_core::effect::{self, Detail};
 use darm_core::real::Vec3;
 use darm_core::se::Twist;
 use rand::{Rng, RngExt};
 
 use super::kind::Kind;
+use crate::effect::Place;
 use darm_arm::arm::MAX_STAGES;
 
 /// When a knock may come: within a run of some hundred steps.
@@ -161,8 +164,36 @@ impl Mechanism {
         }
     }
 
-    /// Where it is, exactly.
-    pub(crate) fn place(&self) -> String {
+    /// Where the law acts that is right for it; `None` where none is.
+    pub(crate) fn place(&self) -> Option<Place> {
+        let all = |part| Some(Place::Arm(part, Detail::All));
+        match *self {
+            Self::Chip { actuator, state, .. } => {
+                Some(Place::Arm(effect::Place::Actuator(actuator as u8), Detail::State(state)))
+            }
+            Self::Hole { actuator, top, .. } => {
+                let plate = if top { Plate::Top } else { Plate::Base };
+                Some(Place::Arm(effect::Place::Actuator(actuator as u8), Detail::Anchor(plate)))
+            }
+            Self::Springs { part, .. }
+            | Self::Pawl { part, .. }
+            | Self::Pad { part, .. }
+            | Self::Creep { part, .. }
+            | Self::Crowd { part, .. }
+            | Self::Metal { part, .. } => all(part.of_arm()),
+            Self::Knock { actuator, .. } | Self::Pounding { actuator, .. } => {
+                all(effect::Place::Actuator(actuator as u8))
+            }
+            Self::Frame { cause: Cause::Camera, .. } => all(effect::Place::Base),
+            Self::Frame { cause: Cause::Tool, .. } => all(effect::Place::Tool),
+            Self::Lens { .. } => all(effect::Place::Camera),
+            Self::Horn { servo, .. } => all(effect::Place::Servo(servo as u8)),
+            Self::Nothing | Self::Frame { .. } | Self::Echo { .. } => None,
+        }
+    }
+
+    /// Where it is, exactly, in words; where no law is right, what it depends on.
+    pub(crate) fn place_in_words(&self) -> String {
         match *self {
             Self::Nothing => String::new(),
             Self::Chip { actuator, state, .. } => format!("actuator {actuator}, state {state}"),
@@ -220,6 +251,14 @@ impl Part {
         }
         let total = modules.len() < 2 || rng.random_bool(0.5);
         Some(if total { Self::Arm } else { Self::Module(modules[rng.random_range(0..modules.len())]) })
+    }
+
+    fn of_arm(self) -> effect::Place {
+        match self {
+            Self::Actuator(actuator) => effect::Place::Actuator(actuator as u8),
+            Self::Module(module) => effect::Place::Module(module as u8),
+            Self::Arm => effect::Place::Arm,
+        }
     }
 
     pub(super) fn holds(&self, actuator: usize, stage: usize) -> bool {

@@ -19,6 +19,7 @@ use darm_core::units::Word;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::effect::{Law, Place};
 pub use blind::Blind;
 use darm_arm::arm::frames::DesiredFrame;
 use darm_arm::arm::{Arm, ArmScratch, MAX_STAGES};
@@ -36,8 +37,9 @@ pub const CAMERA_RAD: f64 = 0.02 * std::f64::consts::PI / 180.0;
 const TIMES_SCATTER: std::ops::Range<f64> = 13.0..32.0;
 /// Places drawn before a kind of effect is held to be impossible in an arm.
 const DRAWS: usize = 64;
-/// Random words that an arm has to stand in with its effect.
-const STANDS_IN: usize = 256;
+/// Random words in which an arm must have a pose with its effect.
+const POSE_TRIALS: usize = 256;
+
 /// What the arm is commanded, and when.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrueState<'a> {
@@ -108,6 +110,9 @@ pub struct Sealed {
     pub effect: &'static str,
     /// Where: `actuator 4, state 1`, `module 1`, `arm`; empty where there is none.
     pub place: String,
+    /// The law and the place that a diagnosis is to name; `None` where none is right.
+    #[serde(skip)]
+    pub cause: Option<(Law, Place)>,
     /// Its size.
     pub size: f64,
     /// Unit of the size.
@@ -170,14 +175,15 @@ impl Truth {
             let Some(unit) = unit else { break };
             if let Some(size) = self.size_for(&unit, occasions, error_m)? {
                 self.mechanisms.push(unit.scaled(size));
-                if !self.stands(rng) {
+                if !self.has_poses(rng) {
                     self.mechanisms.pop();
                     continue;
                 }
                 let desired_error_m = self.error_m(&[unit.scaled(size)], occasions)?;
                 let times_scatter = desired_error_m / scatter_of(self.body.chain.is_planar(), self.body.length_scale_m);
-                let (effect, place, unit) = (kind.law(), unit.place(), kind.unit());
-                return Ok(Sealed { effect, place, size, unit, desired_error_m, times_scatter, seed });
+                let cause = kind.law().zip(unit.place());
+                let (effect, place, unit) = (kind.name(), unit.place_in_words(), kind.unit());
+                return Ok(Sealed { effect, place, cause, size, unit, desired_error_m, times_scatter, seed });
             }
         }
         Err(TruthError::TooWeak { kind })
@@ -225,11 +231,11 @@ impl Truth {
     }
 
     /// Whether the arm has a pose in random words wherever its drawing has one: no effect is to break it.
-    fn stands(&self, rng: &mut impl Rng) -> bool {
+    fn has_poses(&self, rng: &mut impl Rng) -> bool {
         let mut scratch = ArmScratch::default();
         let chain = &self.body.chain;
         let servos_rad = vec![0.0; chain.n_servos()];
-        (0..STANDS_IN).all(|_| {
+        (0..POSE_TRIALS).all(|_| {
             let mut digit = |k| rng.random_range(0..chain.n_states(k).max(1) as u8);
             let digits: Vec<u8> = (0..chain.n_actuators()).map(&mut digit).collect();
             let word = Word::new(&digits).unwrap_or_default();
@@ -256,10 +262,20 @@ impl Truth {
 }
 
 impl Sealed {
+    /// Whether there is no effect.
+    pub fn is_nothing(&self) -> bool {
+        self.effect == Kind::Nothing.name()
+    }
+
+    /// Whether this law at this part of the arm is right.
+    pub fn is_at_part(&self, law: Law, place: &Place) -> bool {
+        self.cause.is_some_and(|(own, at)| own == law && at.part() == place.part())
+    }
+
     /// No effect at all.
     fn nothing(seed: u64) -> Self {
-        let effect = Kind::Nothing.law();
-        Self { effect, place: String::new(), size: 0.0, unit: "", desired_error_m: 0.0, times_scatter: 0.0, seed }
+        let (effect, place) = (Kind::Nothing.name(), String::new());
+        Self { effect, place, cause: None, size: 0.0, unit: "", desired_error_m: 0.0, times_scatter: 0.0, seed }
     }
 }
 

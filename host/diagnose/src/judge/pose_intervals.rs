@@ -1,0 +1,61 @@
+//! The effects selected for tool poses, with the confidence intervals of their values.
+
+use darm_arm::arm::ArmScratch;
+
+use super::selected::SelectedPoses;
+use crate::linearise::arm_candidates;
+use crate::outcome::{Effect, Value};
+use crate::prepare::observations::{self, NoPose};
+use crate::select::problem::RegressionProblem as _;
+use crate::select::problem::{Neighbours as _, Trial};
+use crate::select::robust_fit::covariance;
+use crate::select::significance::quantile_975;
+use crate::select::tool_pose::{ToolPoses, values};
+
+/// The effects selected, with intervals of their values.
+pub(crate) fn effects(selected: &SelectedPoses) -> Result<Vec<Effect>, NoPose> {
+    let SelectedPoses { arm, problem, best, .. } = *selected;
+    let fit = &best.fit;
+    let covariance = covariance(fit, &problem.training);
+    let width = quantile_975(problem.training.n_groups.saturating_sub(fit.values.len()));
+    let mut found = Vec::new();
+    for (index, effect) in fit.model.effects.iter().enumerate().skip(selected.n_known()) {
+        let law = effect.law();
+        let value = |(column, &(_, value)): (usize, &observations::Value)| {
+            let half = width * covariance[(column, column)].max(0.0).sqrt();
+            let (quantity, value) = (law.quantities()[value], law.values()[value]);
+            let ci95 = Some([value - half, value + half]);
+            Value { name: quantity.name.into(), value, unit: quantity.unit.into(), ci95 }
+        };
+        let of_effect = fit.values.iter().enumerate().filter(|(_, (owner, _))| *owner == index);
+        found.push(Effect {
+            law: law.name(),
+            site: arm_candidates::site(arm, effect),
+            values: of_effect.map(value).collect(),
+            heldout_gain: Some(heldout_gain(selected, index)?),
+        });
+    }
+    Ok(found)
+}
+
+/// By how much the held-out error is larger without one of the effects, m.
+fn heldout_gain(selected: &SelectedPoses, effect: usize) -> Result<f64, NoPose> {
+    let SelectedPoses { arm, problem, best, .. } = *selected;
+    let without = if best.fit.model.effects.len() == selected.n_known() + 1 {
+        let nominal = problem.training.residuals(&arm.model, &mut ArmScratch::default())?;
+        problem.held_out_m_of(&arm.model, &nominal)?
+    } else {
+        problem.held_out_m(&problem.neighbours(best).with_one_less(effect)?)?
+    };
+    Ok(without - problem.held_out_m(best)?)
+}
+
+/// Values of the effects selected that no row identifies; on a planar arm, offsets out of the plane say.
+pub(crate) fn unobservable(best: &Trial<ToolPoses>) -> Vec<String> {
+    let name = |&(effect, value): &observations::Value| {
+        let effect = &best.fit.model.effects[effect];
+        let law = effect.law();
+        format!("{} of {} at {}", law.quantities()[value].name, law.name(), arm_candidates::place_code(effect))
+    };
+    values(&best.fit.model).iter().filter(|value| !best.fit.values.contains(value)).map(name).collect()
+}

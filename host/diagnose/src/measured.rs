@@ -1,0 +1,48 @@
+//! The quantities that a measurement can be of.
+
+use std::fmt;
+
+use serde::{Serialize, Serializer};
+
+/// What was measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Measured {
+    /// Poses of the tool of an arm of discrete actuators.
+    ToolPose,
+    /// The force of an actuator.
+    ActuatorForce,
+    /// The position that a joint holds.
+    JointPosition,
+    /// Torques of the joints of a robot.
+    JointTorque,
+    /// The wrench between a floating base and a force plate.
+    ContactWrench,
+    /// Postures in which the tool touches one point.
+    Closure,
+}
+
+impl Measured {
+    /// The name in files and reports.
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::ToolPose => "tool-pose",
+            Self::ActuatorForce => "actuator-force",
+            Self::JointPosition => "joint-position",
+            Self::JointTorque => "joint-torque",
+            Self::ContactWrench => "contact-wrench",
+            Self::Closure => "closure",
+        }
+    }
+}
+
+impl fmt::Display for Measured {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+impl Serialize for Measured {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.as_str())
+    }
+}
