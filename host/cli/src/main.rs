@@ -12,7 +12,9 @@ mod number_text;
 mod output_file;
 mod port;
 mod state_folder;
+mod table_file;
 mod ui;
+mod visits;
 
 use std::process::ExitCode;
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use darm_diagnose::measurement;
 
-use crate::commands::{table_file, visits};
+use crate::{table_file, visits};
 
 /// Number of bytes that decide the kind of a file.
 const HEAD_BYTES: u64 = 512;

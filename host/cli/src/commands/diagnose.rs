@@ -15,6 +15,7 @@ use darm_diagnose::measurement::select::Selection;
 use darm_diagnose::measurement::{self, Finding, about, check};
 use darm_diagnose::outcome::{Diagnosis, Effect, ErrorFigure, Number};
 use darm_diagnose::prepare::signals::Preparation;
+use darm_diagnose::report::numbers::with_interval;
 use darm_diagnose::report::sentences::readable;
 use serde::Serialize;
 
@@ -288,8 +289,9 @@ impl Answer for Report {
 fn effect(found: &Effect) -> String {
     let values = found.values.iter().map(|value| {
         let unit = if value.unit == "1" { String::new() } else { format!(" {}", value.unit) };
-        let interval = value.ci95.map_or(String::new(), |[low, high]| format!(" (95 % CI {low:.6} to {high:.6})"));
-        format!("{} {:.6}{unit}{interval}", value.name, value.value)
+        let Some(ci95) = value.ci95 else { return format!("{} {}{unit}", value.name, value.value) };
+        let [size, low, high] = with_interval(value.value, ci95);
+        format!("{} {size}{unit} (95 % CI {low} to {high})", value.name)
     });
     format!("  {}, {}: {}", found.law, found.site.name, values.collect::<Vec<_>>().join(", "))
 }

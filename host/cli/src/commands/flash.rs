@@ -25,10 +25,9 @@ const ST_LINK_PRODUCTS: [&str; 2] = ["374", "375"];
 
 const EXAMPLES: &str = "\
 Examples:
-  cargo xtask image && darm flash   # build the image and write it to the board (no_run: probe)
-  darm flash darm-firmware          # an image that was built elsewhere (no_run: probe)
+  cargo xtask image && darm flash  # (no_run: probe)
 
-The board's own ST-LINK (USB connector CN7) is the probe. Tables and calibrations are kept: they are \
+This builds the image and writes it to the board; an image that was built elsewhere is named: darm flash IMAGE.elf. The board's own ST-LINK (USB connector CN7) is the probe. Tables and calibrations are kept: they are \
 in the other flash bank.";
 
 /// Write the firmware to the board, with probe-rs

@@ -5,10 +5,13 @@ mod answer;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use darm_papers::grasp::assembly::HandFile;
 use darm_papers::grasp::bare::{Fingers, read_bare_hand};
 use darm_papers::grasp::contact::{Configuration, Contacts};
-use darm_papers::grasp::file::{HandFile, Task, read_contacts, read_hand};
-use darm_papers::grasp::hand::{FINGERS, Hand};
+use darm_papers::grasp::contacts_file::{Task, read_contacts};
+use darm_papers::grasp::file::read_hand;
+use darm_papers::grasp::hand::Hand;
+use darm_papers::grasp::layout::FINGERS;
 use darm_papers::grasp::library::Library;
 use darm_papers::grasp::paper::{self, End};
 use darm_papers::grasp::train::Training;
@@ -32,9 +35,10 @@ Examples:
   darm --json grasp solve allegro_hand.toml grasp-contacts.toml > posture.json
 
 Either all contacts name their fingers, or none; without names, the assignment is found. In a URDF the base is the palm, \
-the fingers are the leaf links on four joints, and the shapes are capsules as thick as the fingertips. A hand file describes \
-the shapes better; its keys are documented in host/papers/src/grasp/file.rs. The plot shows the hand before, during and \
-after the search from three sides.";
+the fingers are the leaf links on four joints. The shapes that may not collide are those of the URDF or MJCF: boxes, \
+spheres, cylinders, capsules, and the convex hulls of meshes. Links that a joint connects are not checked, and links that \
+touch in nearly all postures neither; the answer names the latter. The keys of a hand file are documented in \
+host/papers/src/grasp/file.rs. The plot shows the hand before, during and after the search from three sides.";
 
 const TRAIN_EXAMPLES: &str = "\
 Examples:
@@ -111,7 +115,7 @@ struct Solve {
     #[arg(long, value_name = "COUNT", default_value_t = 10)]
     starts: usize,
     /// Number of postures to choose the starts from
-    #[arg(long, value_name = "COUNT", default_value_t = 1000)]
+    #[arg(long, value_name = "COUNT", default_value_t = 3000)]
     library: usize,
     /// Plot the hand before, during and after the search
     #[arg(long, alias = "picture", value_name = "FILE.svg")]
@@ -196,7 +200,7 @@ impl Solve {
 
     fn solve_lm(&self, hand: &Hand, task: &Task) -> anyhow::Result<Search> {
         let library = Library::draw(hand, self.library, LIBRARY_SEED);
-        anyhow::ensure!(!library.is_empty(), "every posture of the hand has a collision; check its capsules");
+        anyhow::ensure!(!library.is_empty(), "every posture of the hand has a collision; check its shapes and limits");
         let settings = solve::Settings { starts: self.starts, ..solve::Settings::default() };
         let (solution, order) = if task.is_assigned {
             (hand.solve(&library, &task.contacts, &settings), std::array::from_fn(|finger| finger))

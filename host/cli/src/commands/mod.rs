@@ -28,9 +28,7 @@ mod stop;
 mod subject;
 mod synth;
 mod table;
-pub(crate) mod table_file;
 mod upload;
-pub(crate) mod visits;
 
 use crate::ui::Ui;
 

@@ -9,10 +9,10 @@ use darm_device::client::{Client, ClientError, Happening};
 use serde::Serialize;
 
 use super::status::seconds;
-use super::table_file::TableFile;
 use crate::failure::{SafeState, Unfinished};
 use crate::interrupt::InterruptHandler;
 use crate::port::PortArgs;
+use crate::table_file::TableFile;
 use crate::ui::{Answer, Ui};
 use crate::{interrupt, port};
 

@@ -18,11 +18,11 @@ use darm_diagnose::measurement::{Finding, FindingKind, Run, check};
 use serde::Serialize;
 
 use super::play::{End, ProgramMonitor};
-use super::table_file::{TableFile, visits_file};
-use super::visits::Visits;
 use crate::failure::{SafeState, Unfinished};
 use crate::port::{PortArgs, emulated_camera};
+use crate::table_file::{TableFile, visits_file};
 use crate::ui::{Answer, Ui};
+use crate::visits::Visits;
 use crate::{interrupt, output_file, port};
 use output::{Earlier, Output};
 use program::{LostConnection, Program};

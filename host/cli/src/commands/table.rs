@@ -14,12 +14,12 @@ use darm_core::units::{DeviceId, Word};
 use darm_diagnose::measurement_plan;
 use serde::Serialize;
 
-use super::table_file::{self, visits_file};
-use super::visits::{Rest, Visits};
 use crate::failure::Usage;
 use crate::output_file;
 use crate::port::PortArgs;
+use crate::table_file::{self, visits_file};
 use crate::ui::{Answer, Ui, columns};
+use crate::visits::{Rest, Visits};
 
 const EXAMPLES: &str = "\
 Examples:

@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::table_file::TableFile;
 use crate::port::PortArgs;
+use crate::table_file::TableFile;
 use crate::ui::{Answer, Ui};
 
 const EXAMPLES: &str = "\

@@ -17,7 +17,7 @@ use rustyline::error::ReadlineError;
 use rustyline::history::DefaultHistory;
 use rustyline::{Config, Editor, ExternalPrinter as _};
 
-use crate::commands::table_file::TableFile;
+use crate::table_file::TableFile;
 use crate::ui::Ui;
 use crate::{failure, interrupt, port, state_folder};
 use completion::{CommandHelper, LocalCommand};

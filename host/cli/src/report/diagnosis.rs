@@ -34,7 +34,7 @@ pub fn diagnosis_page(diagnosis: &Diagnosis) -> Markup {
             " · seed " (diagnosis.seed)
         }
     };
-    skeleton(diagnosis.kind, &body)
+    skeleton(diagnosis.kind.as_str(), &body)
 }
 
 /// Effects, errors, plots and what was tried.

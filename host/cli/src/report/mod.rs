@@ -21,7 +21,6 @@ use serde::Serialize;
 
 use darm_arm::arm::frames::DesiredFrame;
 use darm_arm::arm::{Arm, ArmScratch};
-use darm_diagnose::effect::part_of;
 use darm_diagnose::outcome::Diagnosis;
 use darm_diagnose::truth::Sealed;
 pub use diagnosis::diagnosis_page;
@@ -203,8 +202,8 @@ impl LoopReport {
     pub fn named_rightly(&self) -> Option<bool> {
         let truth = self.truth.as_ref()?;
         Some(match &self.diagnosis.effects[..] {
-            [] => truth.effect == "none",
-            [one] => one.law.as_str() == truth.effect && part_of(&one.site.code) == part_of(&truth.place),
+            [] => truth.is_nothing(),
+            [one] => truth.is_at_part(one.law, &one.site.place),
             _ => false,
         })
     }

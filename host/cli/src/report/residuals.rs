@@ -39,7 +39,7 @@ fn suspects(d: &Diagnosis, first: &Visit) -> Vec<Markup> {
     let n_extended = |visit: &Visit| visit.word.chars().filter(|c| *c != '0').count() as f64;
     let mut all = vec![
         plots::over(d, "time, s", &|point, _| Some(point.time_s)),
-        plots::over(d, "supply, bar", &|_, visit| visit.supply.map(|supply_pa| supply_pa / 1e5)),
+        plots::over(d, "supply, bar", &|_, visit| visit.supply_pa.map(|supply_pa| supply_pa / 1e5)),
         plots::over(d, "temperature, °C", &|_, visit| visit.temperature_c),
         plots::over(d, "number of actuators extended", &|_, visit| Some(n_extended(visit))),
     ];

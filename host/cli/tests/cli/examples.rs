@@ -10,8 +10,8 @@ use std::time::Instant;
 use super::stop::interrupt;
 use super::{Home, text};
 
-/// Most lines that cannot run.
-const MOST_NOT_RUN: usize = 10;
+/// Lines that cannot run, at most.
+const MAX_NOT_RUN: usize = 10;
 /// First words of an example.
 const PROGRAMS: [&str; 3] = ["darm ", "cargo ", "printf "];
 /// The simulator that serves the examples of all commands, as the overview starts it.
@@ -210,7 +210,7 @@ fn of_document(path: &Path) -> Vec<Example> {
         let source = format!("{name}:{number}");
         match (&reason, line.strip_prefix("```")) {
             (None, Some(language)) => {
-                let is_shell = language.split_whitespace().next() == Some("sh");
+                let is_shell = language.split([',', ' ']).next() == Some("sh");
                 let no_run = language.split_once("no_run: ").map(|(_, reason)| format!("  # (no_run: {reason})"));
                 reason = Some(is_shell.then(|| no_run.unwrap_or_default()));
             }
@@ -250,6 +250,8 @@ fn few_command_lines_cannot_run() {
     let home = Home::new();
     let of_help = commands(&home, "").into_iter().flat_map(|(command, help)| of_help(&command, &help));
     let all = of_help.chain(documents().iter().flat_map(|path| of_document(path)).collect::<Vec<_>>());
-    let not_run: BTreeSet<String> = all.filter(|example| !example.is_run()).map(|example| example.line).collect();
-    assert!(not_run.len() <= MOST_NOT_RUN, "{not_run:#?}");
+    // This test is a part of what that line runs.
+    let lines = all.filter(|example| !example.is_run() && !example.line.starts_with("cargo xtask test "));
+    let not_run: BTreeSet<String> = lines.map(|example| example.line).collect();
+    assert!(not_run.len() <= MAX_NOT_RUN, "{} lines: {not_run:#?}", not_run.len());
 }

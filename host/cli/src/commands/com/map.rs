@@ -19,8 +19,7 @@ use crate::ui::{Answer, Ui, number};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm com map human.urdf robot.urdf stand.toml capture.csv -o motion.csv   # (no_run: data)
-  darm com map human.urdf robot.urdf stand.toml capture.csv --execute       # (no_run: data)
+  darm com map human.urdf robot.urdf stand.toml capture.csv --execute   # (no_run: data)
 
 The capture: t_s, MARKER_x MARKER_y MARKER_z (m, empty where not visible) and Fx_n … Mz_nm of all force plates together, z \
 up. stand.toml lists the markers, feet, seat and corresponding links; its keys are documented in \

@@ -2,7 +2,8 @@
 
 use darm_core::se::rotation_log;
 use darm_papers::grasp::contact::Configuration;
-use darm_papers::grasp::hand::{COORDINATES, Hand};
+use darm_papers::grasp::hand::Hand;
+use darm_papers::grasp::layout::COORDINATES;
 use darm_papers::grasp::referee::Verdict;
 use darm_papers::grasp::train::{Chosen, PAPER_LAMBDAS, PAPER_SUCCESS, Training};
 use serde::Serialize;
@@ -20,6 +21,8 @@ pub(super) struct Found {
     /// Largest distance of a contact from its target.
     error_m: f64,
     error_rad: f64,
+    /// Links that touch in nearly all postures: their collision is not checked.
+    unchecked_pairs: Vec<[String; 2]>,
 }
 
 /// Pose of the palm in the world.
@@ -54,6 +57,7 @@ impl Found {
             fingers: fingers.map(finger).collect(),
             error_m: verdict.point_m,
             error_rad: verdict.direction_rad,
+            unchecked_pairs: hand.overlapping(),
         }
     }
 }
@@ -66,11 +70,18 @@ impl Answer for Found {
             [finger.name.clone(), finger.contact.to_string()].into_iter().chain(angles).collect()
         });
         let table = columns(&std::iter::once(head).chain(rows).collect::<Vec<_>>());
+        let pairs: Vec<_> = self.unchecked_pairs.iter().map(|[a, b]| format!("{a} and {b}")).collect();
+        let unchecked = match &pairs[..] {
+            [] => String::new(),
+            pairs => {
+                format!("\nnot checked for collision, since they touch in nearly all postures: {}", pairs.join(", "))
+            }
+        };
         let vector = |v: [f64; 3], factor: f64| v.map(|x| number(factor * x, 2)).join(", ");
         format!(
             "{table}\n\npalm at {} mm, rotation vector {} deg\n\
              contact errors up to {:.1e} mm and {:.1e} deg, no collision: checked by independent forward kinematics\n\
-             {} start{}, {} iterations",
+             {} start{}, {} iterations{unchecked}",
             vector(self.palm.position_m, 1e3),
             vector(self.palm.rotation_vector_rad, 180.0 / std::f64::consts::PI),
             1e3 * self.error_m,

@@ -8,7 +8,7 @@ use darm_core::units::{Digest, Micros};
 use serde::Serialize;
 
 use super::SHOWN;
-use crate::commands::table_file::{TableFile, TableFileError};
+use crate::table_file::{TableFile, TableFileError};
 use crate::ui::{Answer, columns};
 
 #[derive(Serialize)]

@@ -21,8 +21,8 @@ use std::path::{Path, PathBuf};
 
 use darm_core::units::{Digest, ModelHash, Word};
 
-use super::table_file::digest;
 use crate::csv_text::csv_text;
+use crate::table_file::digest;
 
 /// One rest of a program.
 #[derive(Clone, Debug, PartialEq)]
