@@ -31,6 +31,7 @@ impl Merge {
         let results = Results::read(&self.files)?;
         match results.run.command.as_str() {
             blind::Job::COMMAND => self.report::<blind::Job>(results),
+            blind::Damages::COMMAND => self.report::<blind::Damages>(results),
             blind::Layouts::COMMAND => self.report::<blind::Layouts>(results),
             blind::Mechanisms::COMMAND => self.report::<blind::Mechanisms>(results),
             demo::Sweep::COMMAND => self.report::<demo::Sweep>(results),
@@ -121,6 +122,7 @@ mod tests {
         let blind = items::<blind::Job>(json!({ "seeds": 3, "first_seed": 5, "arm": "hybrid" }));
         assert_eq!(blind, ["seed 5", "seed 6", "seed 7"]);
         assert_eq!(items::<blind::Mechanisms>(json!({ "first_seed": 1 })).len(), 19);
+        assert_eq!(items::<blind::Damages>(json!({ "logs": 2, "first_seed": 1 })).len(), 2 * 81);
         assert_eq!(
             items::<demo::Sweep>(json!({ "seeds": 2, "arm": "planar", "effect": "play" })),
             ["seed 1", "seed 2"]

@@ -7,6 +7,7 @@ mod demo;
 mod faults;
 mod join;
 mod papers;
+mod python;
 
 use std::process::ExitCode;
 

@@ -14,8 +14,8 @@ use anyhow::{Context, Result};
 use darm_arm::arm::{Arm, ArmScratch};
 use darm_core::effect::Effect;
 use darm_core::effect::step::Step;
-use darm_diagnose::effect::part_of as part;
-use darm_diagnose::linearise::arm_candidates::{all, place_code};
+use darm_diagnose::effect::Place;
+use darm_diagnose::linearise::arm_candidates::all;
 use darm_diagnose::linearise::sensitivity::Sensitivity;
 use darm_diagnose::measurement::root_mean_square;
 use darm_diagnose::prepare::observations::{NoPose, Observations};
@@ -25,7 +25,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::case::Class;
-use super::judge::{Mark, pairs, right};
+use super::judge::{Mark, Named, pairs, right};
 
 /// Moments that a step may be at.
 const MOMENTS: usize = 6;
@@ -170,13 +170,13 @@ impl Dictionary {
 
     fn mark(&self, class: Class, blind: &Blind, solution: &DVector<f64>) -> Mark {
         let kept = |effect: &usize| self.of(*effect).any(|column| solution[column] != 0.0);
-        let mut named: Vec<(&str, String)> = (0..self.effects.len())
+        let mut named: Vec<Named> = (0..self.effects.len())
             .filter(kept)
-            .map(|effect| (self.effects[effect].law().name().as_str(), place_code(&self.effects[effect])))
+            .map(|effect| (self.effects[effect].law().name(), Place::of_arm(&self.effects[effect])))
             .collect();
         named.dedup();
-        let names: Vec<(&str, &str)> = named.iter().map(|(law, place)| (*law, part(place))).collect();
-        let (mut is_named, mut placed) = right(&pairs(blind.unseal()), &names);
+        let parts: Vec<Named> = named.iter().map(|(law, place)| (*law, place.part())).collect();
+        let (mut is_named, mut placed) = right(&pairs(blind.unseal()), &parts);
         if class == Class::Outside {
             (is_named, placed) = (named.is_empty(), false);
         }

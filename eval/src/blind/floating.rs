@@ -5,13 +5,14 @@ use std::f64::consts::TAU;
 use anyhow::{Context, Result};
 use darm_core::real::Vec3;
 use darm_core::se::{Pose, rotation_exp};
+use darm_diagnose::effect::{Law, Place, Site};
 use darm_robot::robot::{Robot, RobotFrame};
 use nalgebra::DMatrix;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::case::Class;
-use super::signals::{Bench, Elsewhere, SWING_RAD, middle};
+use super::signals::{Bench, Cause, Elsewhere, SWING_RAD, middle};
 
 /// Held postures, and rows of each.
 const POSTURES: usize = 64;
@@ -21,10 +22,6 @@ const COP_NOISE_M: f64 = 0.2e-3;
 const FORCE_NOISE_N: f64 = 0.3;
 /// Other postures.
 const ELSEWHERE: usize = 500;
-/// What the diagnosis calls the link that the others hang on.
-const ROOT: &str = "the base";
-/// What it calls the force plate.
-const PLATE: &str = "the plate";
 /// Chance that the one mechanism is in the plate, and the turn that it is drawn with before it is sized, rad.
 const ASKEW: f64 = 0.25;
 const ASKEW_RAD: f64 = 0.01;
@@ -42,13 +39,14 @@ struct Postures {
 pub(super) fn floating(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Result<Bench> {
     let n = robot.joints.len();
     let heavy: Vec<usize> = (0..n).filter(|&k| robot.joints[k].joint.inertia.mass > 1.0).collect();
-    let carrier = &robot.joints[heavy[rng.random_range(0..heavy.len())]].link;
+    let carrier = heavy[rng.random_range(0..heavy.len())];
+    let carrier_frame = frame(robot, &robot.joints[carrier].link)?;
     let postures: Vec<Vec<f64>> = (0..POSTURES).map(|_| posture(robot, rng)).collect();
     let (mut given, mut wrench, mut backpack) = (vec![Vec::new(); 9 + n], vec![Vec::new(); 6], vec![Vec::new(); 6]);
     for (posture, q) in postures.iter().enumerate() {
         let com = robot.com(q)?;
         let body = of_point(robot, &com.position).map(|part| com.mass_kg * part);
-        let lump = of_point(robot, &robot.kinematics(frame(robot, carrier)?, q)?.pose_base_frame.position);
+        let lump = of_point(robot, &robot.kinematics(carrier_frame, q)?.pose_base_frame.position);
         for k in 0..ROWS_PER_POSTURE {
             let time_s = (posture * ROWS_PER_POSTURE + k) as f64 * 0.1;
             let base = [time_s, posture as f64, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
@@ -70,11 +68,11 @@ pub(super) fn floating(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Res
         Class::One | Class::Two => {
             let askew = class == Class::Two || rng.random_bool(ASKEW);
             if class == Class::Two || !askew {
-                bench.add("mass-distribution", carrier.clone(), String::new(), backpack, rng);
+                bench.add(Cause::Law(Law::MassDistribution, Place::Link(carrier)), backpack, rng);
             }
             if askew {
                 let shape = seen_askew(&bench.measured, rng);
-                bench.add("sensor-frame", PLATE.into(), String::new(), shape, rng);
+                bench.add(Cause::Law(Law::SensorFrame, Place::ForcePlate), shape, rng);
             }
         }
         Class::Outside => {
@@ -82,7 +80,7 @@ pub(super) fn floating(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Res
             let wave = |row: usize| (TAU * 3.0 * row as f64 / rows as f64).sin();
             let mut shape = vec![vec![0.0; rows]; 6];
             shape[4] = (0..rows).map(wave).collect();
-            bench.add("", String::new(), "time".into(), shape, rng);
+            bench.add(Cause::Variable("time".into()), shape, rng);
         }
     }
     let elsewhere = (0..ELSEWHERE).map(|_| posture(robot, rng)).collect();
@@ -127,17 +125,19 @@ fn frame<'r>(robot: &'r Robot, link: &str) -> Result<&'r RobotFrame> {
 
 impl Elsewhere for Postures {
     /// The wrench of 1 kg at the link's frame, and of 1 kg·m along each of its axes; of the plate none.
-    fn columns(&self, law: &str, link: &str, elsewhere: bool) -> Result<Option<DMatrix<f64>>> {
-        if law != "mass-distribution" {
-            return Ok(None);
-        }
+    fn columns(&self, law: Law, site: &Site, elsewhere: bool) -> Result<Option<DMatrix<f64>>> {
+        let link = match (law, site.place) {
+            (Law::MassDistribution, Place::Base) => None,
+            (Law::MassDistribution, Place::Link(k)) => Some(frame(&self.robot, &self.robot.joints[k].link)?),
+            _ => return Ok(None),
+        };
         let measured = self.postures.iter().flat_map(|q| std::iter::repeat_n(q, ROWS_PER_POSTURE));
         let postures: Vec<&Vec<f64>> = if elsewhere { self.elsewhere.iter().collect() } else { measured.collect() };
         let mut columns = DMatrix::zeros(6 * postures.len(), VALUES);
         for (k, q) in postures.iter().enumerate() {
             let pose = match link {
-                ROOT => Pose::identity(),
-                _ => self.robot.kinematics(frame(&self.robot, link)?, q)?.pose_base_frame,
+                None => Pose::identity(),
+                Some(frame) => self.robot.kinematics(frame, q)?.pose_base_frame,
             };
             let at_frame = of_point(&self.robot, &pose.position);
             for value in 0..VALUES {

@@ -4,7 +4,7 @@ use anyhow::Result;
 use darm_arm::arm::{Arm, ArmModel, ArmScratch};
 use darm_core::effect::Effect;
 use darm_diagnose::correction::{ArmCorrection, Outcome};
-use darm_diagnose::effect::part_of as part;
+use darm_diagnose::effect::{Law, Place};
 use darm_diagnose::linearise::arm_candidates::{all, place_code};
 use darm_diagnose::measurement::Run;
 use darm_diagnose::measurement::root_mean_square;
@@ -39,6 +39,9 @@ pub(super) struct Mark {
     pub(super) answer: String,
 }
 
+/// A law at a place.
+pub(super) type Named = (Law, Place);
+
 /// What an answer is worth where refusing is allowed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Answer {
@@ -56,7 +59,7 @@ pub(super) enum Answer {
 
 impl Answer {
     /// An answer that is not right by itself, by what it names.
-    pub(super) fn of(is_clean: bool, verdict: Verdict, truth: &[(&str, &str)], named: &[(&str, &str)]) -> Self {
+    pub(super) fn of(is_clean: bool, verdict: Verdict, truth: &[Named], named: &[Named]) -> Self {
         match verdict {
             Verdict::NoEffect if is_clean => Self::Right,
             Verdict::TooLittleData => Self::Refused,
@@ -77,8 +80,8 @@ impl Answer {
 }
 
 /// Law and part of an effect that is named.
-pub(super) fn law_and_part(found: &Found) -> (&str, &str) {
-    (found.law.as_str(), part(&found.site.code))
+pub(super) fn law_and_part(found: &Found) -> Named {
+    (found.law, found.site.place.part())
 }
 
 /// Marks the outcome of a diagnosis.
@@ -115,21 +118,21 @@ fn heldout_m(blind: &Blind, outcome: &Outcome<ArmCorrection>) -> f64 {
 
 /// Whether the laws, and whether the places too, are those of the truth, each once.
 fn named(truth: &[Sealed], effects: &[Found]) -> (bool, bool) {
-    let named: Vec<(&str, &str)> = effects.iter().map(law_and_part).collect();
+    let named: Vec<Named> = effects.iter().map(law_and_part).collect();
     right(&pairs(truth), &named)
 }
 
-/// Law and part of each secret.
-pub(super) fn pairs(truth: &[Sealed]) -> Vec<(&str, &str)> {
-    truth.iter().map(|sealed| (sealed.effect, part(&sealed.place))).collect()
+/// Law and part of each secret that a law is right for.
+pub(super) fn pairs(truth: &[Sealed]) -> Vec<Named> {
+    truth.iter().filter_map(|sealed| sealed.cause).map(|(law, place)| (law, place.part())).collect()
 }
 
 /// Whether the laws, and whether the laws with their places, are the same on both sides, in any order.
-pub(super) fn right(truth: &[(&str, &str)], named: &[(&str, &str)]) -> (bool, bool) {
+pub(super) fn right(truth: &[Named], named: &[Named]) -> (bool, bool) {
     let [mut truth, mut named] = [truth.to_vec(), named.to_vec()];
     truth.sort_unstable();
     named.sort_unstable();
-    let laws = |pairs: &[(&str, &str)]| pairs.iter().map(|(law, _)| law.to_string()).collect::<Vec<_>>();
+    let laws = |pairs: &[Named]| pairs.iter().map(|(law, _)| *law).collect::<Vec<_>>();
     (laws(&truth) == laws(&named), truth == named)
 }
 
@@ -142,8 +145,9 @@ fn in_sets(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>, same_m: f
     }
     let holds = |set: usize, sealed: &Sealed, place: bool| {
         let members = outcome.diagnosis.alternatives.iter().filter(|other| other.instead_of == set);
-        members.into_iter().any(|other| {
-            other.law.as_str() == sealed.effect && (!place || part(&other.site.code) == part(&sealed.place))
+        members.into_iter().any(|other| match place {
+            true => sealed.is_at_part(other.law, &other.site.place),
+            false => sealed.cause.is_some_and(|(law, _)| law == other.law),
         })
     };
     let fits = |place: bool| {
@@ -164,7 +168,7 @@ fn predict_the_same(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>, 
     let observations = Observations::new(arm, &anywhere, sigma, |_| true);
     for other in &outcome.diagnosis.alternatives {
         let mut effects = outcome.correction.best_effects.to_vec();
-        let Some(effect) = candidate(arm, &effects, other.law.as_str(), &other.site.code) else { continue };
+        let Some(effect) = candidate(arm, &effects, (other.law, other.site.place)) else { continue };
         effects[arm.model.effects.len() + other.instead_of] = effect;
         let model = with_effects(arm, &effects);
         let fitted = fit(&model, &training, &values(&model), &mut scratch).map_err(|no_pose| no_pose.error)?;
@@ -200,9 +204,9 @@ fn with_effects(arm: &Arm, effects: &[Effect<f64>]) -> ArmModel {
 }
 
 /// The law at the place: the one that is known, or a new one.
-fn candidate(arm: &Arm, known: &[Effect<f64>], law: &str, place: &str) -> Option<Effect<f64>> {
+fn candidate(arm: &Arm, known: &[Effect<f64>], wanted: Named) -> Option<Effect<f64>> {
     let all = known.iter().copied().chain(all(&arm.model));
-    all.into_iter().find(|effect| effect.law().name().as_str() == law && place_code(effect) == place)
+    all.into_iter().find(|effect| (effect.law().name(), Place::of_arm(effect)) == wanted)
 }
 
 fn sigma(outcome: &Outcome<ArmCorrection>) -> [f64; 6] {
@@ -222,7 +226,7 @@ fn covered(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>) -> Result
     let truth = fit(&model, &clean, &values(&model), &mut ArmScratch::default()).map_err(|no_pose| no_pose.error)?;
     let mut counts = [0, 0];
     for (found, effect) in effects.iter().zip(truth.model.effects.iter()) {
-        let at_its_place = blind.unseal().iter().any(|s| s.effect == found.law.as_str() && s.place == found.site.code);
+        let at_its_place = blind.unseal().iter().any(|sealed| sealed.cause == Some((found.law, found.site.place)));
         for parameter in found.values.iter().filter(|_| at_its_place) {
             let of_name = effect.law().quantities().iter().position(|quantity| quantity.name == parameter.name);
             let Some(value) = of_name.map(|k| effect.law().values()[k]) else { continue };

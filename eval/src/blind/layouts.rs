@@ -2,8 +2,10 @@
 
 use anyhow::{Context as _, Result};
 use clap::ValueEnum as _;
+use darm_core::effect::Place as Part;
 use darm_diagnose::diagnosis;
 use darm_diagnose::diagnosis::diagnose;
+use darm_diagnose::effect::{Detail, Law, Place};
 use darm_figures::figure::Figure;
 use darm_figures::items;
 use darm_figures::shard::Shard;
@@ -12,7 +14,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use super::case::{self, Class};
-use super::judge::{self, Answer};
+use super::judge::{self, Answer, Named};
 use super::layout::{Layout, MORE_OUTLIERS};
 use super::robots::Which;
 use super::{Bench, arms, robots::Robots, table};
@@ -119,14 +121,15 @@ fn run(bench: &Bench, layout: Layout, class: Class, seed: u64) -> Result<(Outcom
     };
     let mark = judge::mark(&subject.arm, class, &blind, &outcome)?;
     let found = &outcome.diagnosis;
-    let named: Vec<(&str, &str)> = found.effects.iter().map(judge::law_and_part).collect();
+    let named: Vec<Named> = found.effects.iter().map(judge::law_and_part).collect();
     let mut right = judge::pairs(blind.unseal());
-    right.extend((layout == Layout::CameraDrift).then_some(("base-drift", "base")));
+    let is_clean = blind.unseal().is_empty() && layout != Layout::CameraDrift;
+    right.extend((layout == Layout::CameraDrift).then_some((Law::BaseDrift, Place::Arm(Part::Base, Detail::All))));
     let is_right = match layout {
         Layout::CameraDrift => found.verdict.names_effects() && judge::right(&right, &named).1,
         _ => mark.named && (mark.placed || class == Class::Clean),
     };
-    let answer = if is_right { Answer::Right } else { Answer::of(right.is_empty(), found.verdict, &right, &named) };
+    let answer = if is_right { Answer::Right } else { Answer::of(is_clean, found.verdict, &right, &named) };
     let outcome = Outcome { layout, class, answer, covered: mark.covered };
     Ok((outcome, format!("{}  ->  {}", truth.join(" + "), mark.answer)))
 }

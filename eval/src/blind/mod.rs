@@ -33,8 +33,8 @@ use serde::{Deserialize, Serialize};
 
 use arms::Subject;
 use case::Class;
-use damages::Damages;
 
+pub(crate) use damages::Damages;
 use judge::Mark;
 use layout::Layout;
 pub(crate) use layouts::Layouts;

@@ -4,7 +4,7 @@ use anyhow::Result;
 use darm_diagnose::diagnosis::{SignalOptions, diagnose_table};
 use darm_diagnose::linearise::model::{Model, What};
 use darm_diagnose::measurement::table::Table;
-use darm_diagnose::outcome::{Diagnosis, Verdict};
+use darm_diagnose::outcome::{Dependence, Diagnosis, Verdict};
 use darm_diagnose::prepare::signals::Preparation;
 use darm_robot::robot::Robot;
 use darm_robot::urdf::{self, Locks};
@@ -15,11 +15,11 @@ use xtask::setup;
 use super::case::Class;
 use super::cells::Cells;
 use super::floating::floating;
-use super::judge::{Answer, Mark, right};
+use super::judge::{Answer, Mark, Named, right};
 use super::layout::Layout;
 use super::serial::serial;
 use super::sets;
-use super::signals::{Bench, PERIODIC, joint_of, law_of};
+use super::signals::{Bench, Cause, PERIODIC, law_of};
 
 /// A robot that is measured by signals.
 pub(super) struct Robots {
@@ -118,17 +118,16 @@ pub(super) fn diagnosed(which: Which, what: What, table: &Table, seed: u64) -> R
 }
 
 /// The laws and places that are named, a periodic one once.
-fn named(diagnosis: &Diagnosis) -> Vec<(&'static str, &str)> {
-    let mut named: Vec<(&str, &str)> =
-        diagnosis.effects.iter().map(|e| (law_of(e.law.as_str()), joint_of(&e.site.code))).collect();
+fn named(diagnosis: &Diagnosis) -> Vec<Named> {
+    let mut named: Vec<Named> = diagnosis.effects.iter().map(|e| (law_of(e.law), e.site.place)).collect();
     named.sort_unstable();
     named.dedup_by(|a, b| a == b && a.0 == PERIODIC);
     named
 }
 
 /// The laws and places that are right.
-fn truth(bench: &Bench) -> Vec<(&'static str, &str)> {
-    bench.added.iter().map(|added| (added.law, added.place.as_str())).collect()
+fn truth(bench: &Bench) -> Vec<Named> {
+    bench.added.iter().filter_map(|added| added.cause.named()).collect()
 }
 
 /// Whether the answer is right, by the rules of [`rules`](super::rules).
@@ -140,7 +139,11 @@ fn mark(bench: &Bench, class: Class, diagnosis: &Diagnosis) -> Result<Mark> {
         Class::Outside => {
             mark.named = diagnosis.verdict == Verdict::UnexplainedStructure && diagnosis.effects.is_empty();
             let first = diagnosis.remaining.depends_on.first();
-            mark.variable = mark.named && first.is_some_and(|term| term.to_string().contains(&bench.added[0].variable));
+            let is_right = |term: &Dependence| match &bench.added[0].cause {
+                Cause::Variable(name) => term.to_string().contains(name),
+                Cause::Law(..) => false,
+            };
+            mark.variable = mark.named && first.is_some_and(is_right);
         }
         Class::One | Class::Two => {
             (mark.named, mark.placed) = match diagnosis.verdict {

@@ -6,6 +6,7 @@ use std::f64::consts::TAU;
 use anyhow::{Context, Result};
 use darm_core::effect::along::Law;
 use darm_core::effect::law_name::LawName;
+use darm_diagnose::effect::{Place, Site};
 use darm_diagnose::linearise::model_effects::ModelEffect;
 use darm_diagnose::linearise::torque;
 use darm_diagnose::measurement::root_mean_square;
@@ -16,7 +17,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::case::Class;
-use super::signals::{Bench, Elsewhere, PERIODIC, SWING_RAD, middle};
+use super::signals::{Bench, Cause, Elsewhere, PERIODIC, SWING_RAD, middle};
 
 /// Rows a second, and how long the arm moves.
 const RATE_HZ: f64 = 20.0;
@@ -60,7 +61,7 @@ pub(super) fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Resul
             let middle = middle(robot.joints[puller].limits);
             let mut shape = vec![vec![0.0; times.len()]; n];
             shape[pulled] = bench.given[1 + puller].iter().map(|q| (q - middle).max(0.0).powi(2)).collect();
-            bench.add("", String::new(), format!("position of joint {}", puller + 1), shape, rng);
+            bench.add(Cause::Variable(format!("position of joint {}", puller + 1)), shape, rng);
             Vec::new()
         }
         Class::One => vec![rng.random_range(0..MECHANISMS)],
@@ -74,14 +75,14 @@ pub(super) fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Resul
             // On the first link, whose axis is upright, a lump is a heavy motor.
             let joint = rng.random_range(1..n);
             let shape = lump(robot, joint, &times, &|time_s| motion.at(time_s))?;
-            bench.add("mass-distribution", robot.joints[joint].link.clone(), String::new(), shape, rng);
+            bench.add(Cause::Law(LawName::MassDistribution, Place::Link(joint)), shape, rng);
             continue;
         }
         let joint = rng.random_range(0..n);
         let (law, column) = of_joint(mechanism, joint, n, &bench.given);
         let mut shape = vec![vec![0.0; times.len()]; n];
         shape[joint] = column;
-        bench.add(law, format!("joint {}", joint + 1), String::new(), shape, rng);
+        bench.add(Cause::Law(law, Place::Joint(joint)), shape, rng);
     }
     let elsewhere = Swings::draw(robot, &mut ChaCha8Rng::seed_from_u64(rng.random()));
     bench.elsewhere = Some(Box::new(Motions { robot: robot.clone(), run: motion, elsewhere }));
@@ -89,16 +90,16 @@ pub(super) fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Resul
 }
 
 /// The law that is right, and the shape of a mechanism at one joint.
-fn of_joint(mechanism: usize, joint: usize, n: usize, given: &[Vec<f64>]) -> (&'static str, Vec<f64>) {
+fn of_joint(mechanism: usize, joint: usize, n: usize, given: &[Vec<f64>]) -> (LawName, Vec<f64>) {
     let [q, v, a] = [0, 1, 2].map(|order| &given[1 + order * n + joint]);
     let fastest = v.iter().fold(1e-9, |largest: f64, v| largest.max(v.abs()));
     let of = |channel: &[f64], shape: &dyn Fn(f64) -> f64| channel.iter().map(|&x| shape(x)).collect::<Vec<f64>>();
     match mechanism {
-        0 => ("coulomb-friction", of(v, &|v| v / (v * v + CREEP_RAD_S.powi(2)).sqrt())),
-        1 => ("viscous-friction", of(v, &|v| v / (1.0 + 0.1 * v.abs() / fastest))),
-        2 => ("offset", of(v, &|_| 1.0)),
-        3 => ("spring", of(q, &|q| q)),
-        4 => ("rotor-inertia", of(a, &|a| a)),
+        0 => (LawName::CoulombFriction, of(v, &|v| v / (v * v + CREEP_RAD_S.powi(2)).sqrt())),
+        1 => (LawName::ViscousFriction, of(v, &|v| v / (1.0 + 0.1 * v.abs() / fastest))),
+        2 => (LawName::Offset, of(v, &|_| 1.0)),
+        3 => (LawName::Spring, of(q, &|q| q)),
+        4 => (LawName::RotorInertia, of(a, &|a| a)),
         _ => (PERIODIC, of(q, &|q| (7.0 * q).sin())),
     }
 }
@@ -152,8 +153,7 @@ struct Motions {
 }
 
 impl Elsewhere for Motions {
-    fn columns(&self, law: &str, place: &str, elsewhere: bool) -> Result<Option<DMatrix<f64>>> {
-        let Some(law) = LawName::named(law) else { return Ok(None) };
+    fn columns(&self, law: LawName, site: &Site, elsewhere: bool) -> Result<Option<DMatrix<f64>>> {
         let names: Vec<&str> = match (law, Law::named(law, None)) {
             (LawName::MassDistribution, _) => INERTIAL_PARAMETERS.iter().map(|(name, _)| *name).collect(),
             (_, Some(law)) => vec![law.along().size()],
@@ -166,7 +166,7 @@ impl Elsewhere for Motions {
         let mut columns = Vec::new();
         for name in names {
             let values = BTreeMap::from([(name.to_string(), 1.0)]);
-            let one = ModelEffect { law, place: place.into(), constant: None, values, points: Vec::new() };
+            let one = ModelEffect { law, place: site.code.clone(), constant: None, values, points: Vec::new() };
             columns.push(DVector::from_vec(torque::added(&self.robot, None, &[one], &states, &times)?.concat()));
         }
         Ok(Some(DMatrix::from_columns(&columns)))

@@ -2,10 +2,11 @@
 
 use anyhow::Result;
 use darm_diagnose::measurement::root_mean_square;
-use darm_diagnose::outcome::Diagnosis;
+use darm_diagnose::outcome::{Alternative, Diagnosis};
 use nalgebra::{DMatrix, DVector};
 
-use super::signals::{Added, Bench, joint_of, law_of};
+use super::judge::Named;
+use super::signals::{Added, Bench, law_of};
 
 /// Members of a set are alike where what they add differs by no more than this share of the noise, root mean square.
 const SAME: f64 = 0.5;
@@ -13,10 +14,10 @@ const SAME: f64 = 0.5;
 const MIN_SHARE: f64 = 1e-9;
 
 /// Whether all that is named is there, and of the rest each is in a separate set whose members are alike elsewhere.
-pub(super) fn are_right(bench: &Bench, named: &[(&str, &str)], diagnosis: &Diagnosis) -> Result<bool> {
+pub(super) fn are_right(bench: &Bench, named: &[Named], diagnosis: &Diagnosis) -> Result<bool> {
     let mut rest: Vec<&Added> = bench.added.iter().collect();
     for name in named {
-        let Some(found) = rest.iter().position(|added| (added.law, &added.place[..]) == *name) else {
+        let Some(found) = rest.iter().position(|added| added.cause.named() == Some(*name)) else {
             return Ok(false);
         };
         rest.remove(found);
@@ -24,14 +25,10 @@ pub(super) fn are_right(bench: &Bench, named: &[(&str, &str)], diagnosis: &Diagn
     let mut sets: Vec<usize> = diagnosis.alternatives.iter().map(|other| other.instead_of).collect();
     sets.dedup();
     for set in &sets {
-        let members: Vec<(&'static str, &str)> = diagnosis
-            .alternatives
-            .iter()
-            .filter(|other| other.instead_of == *set)
-            .map(|other| (other.law.as_str(), &other.site.code[..]))
-            .collect();
+        let members: Vec<&Alternative> =
+            diagnosis.alternatives.iter().filter(|other| other.instead_of == *set).collect();
         let holds = |added: &&Added| {
-            members.iter().any(|(law, place)| (law_of(law), joint_of(place)) == (added.law, &added.place))
+            members.iter().any(|other| added.cause.named() == Some((law_of(other.law), other.site.place)))
         };
         let Some(found) = rest.iter().position(holds) else { return Ok(false) };
         if !alike(bench, rest.remove(found), &members)? {
@@ -42,7 +39,7 @@ pub(super) fn are_right(bench: &Bench, named: &[(&str, &str)], diagnosis: &Diagn
 }
 
 /// Whether members of a set, each fitted to what an effect added, with the noise, add the same elsewhere.
-fn alike(bench: &Bench, added: &Added, members: &[(&'static str, &str)]) -> Result<bool> {
+fn alike(bench: &Bench, added: &Added, members: &[&Alternative]) -> Result<bool> {
     let (rows, n_axes) = (bench.nominal.first().map_or(0, Vec::len), bench.noise.len());
     let others = |axis: usize, row: usize| -> f64 {
         bench.added.iter().filter(|other| !std::ptr::eq(*other, added)).map(|other| other.shape[axis][row]).sum()
@@ -54,8 +51,8 @@ fn alike(bench: &Bench, added: &Added, members: &[(&'static str, &str)]) -> Resu
     };
     let wanted = DVector::from_iterator(rows * n_axes, (0..rows * n_axes).map(left));
     let mut first: Option<DVector<f64>> = None;
-    for (law, place) in members {
-        let Some(there) = predicted(bench, law, place, &wanted)? else { return Ok(false) };
+    for other in members {
+        let Some(there) = predicted(bench, other, &wanted)? else { return Ok(false) };
         let right = first.get_or_insert_with(|| there.clone());
         if root_mean_square((there - &*right).as_slice()) > SAME {
             return Ok(false);
@@ -65,8 +62,9 @@ fn alike(bench: &Bench, added: &Added, members: &[(&'static str, &str)]) -> Resu
 }
 
 /// What a law, fitted to the run, adds elsewhere, in units of the noise.
-fn predicted(bench: &Bench, law: &str, place: &str, wanted: &DVector<f64>) -> Result<Option<DVector<f64>>> {
+fn predicted(bench: &Bench, other: &Alternative, wanted: &DVector<f64>) -> Result<Option<DVector<f64>>> {
     let Some(elsewhere) = &bench.elsewhere else { return Ok(None) };
+    let columns = |is_elsewhere| elsewhere.columns(other.law, &other.site, is_elsewhere);
     let (n_axes, noise) = (bench.noise.len(), &bench.noise);
     let in_noise = |mut columns: DMatrix<f64>, spoiled: &[usize]| {
         for (k, mut row) in columns.row_iter_mut().enumerate() {
@@ -74,8 +72,7 @@ fn predicted(bench: &Bench, law: &str, place: &str, wanted: &DVector<f64>) -> Re
         }
         columns
     };
-    let (Some(here), Some(there)) = (elsewhere.columns(law, place, false)?, elsewhere.columns(law, place, true)?)
-    else {
+    let (Some(here), Some(there)) = (columns(false)?, columns(true)?) else {
         return Ok(None);
     };
     let here = in_noise(here, &bench.spoiled);

@@ -16,14 +16,18 @@
 //! | a backpack on a link, held postures | weight of a point, by statics |
 //! | a plate that drifts, outside the list | Δ(cop x) = c·sin(2πt/P) |
 
+use std::fmt;
 use std::path::Path;
 
 use anyhow::Result;
+use darm_diagnose::effect::{Law, Place, Site};
 use darm_diagnose::measurement::root_mean_square;
 use darm_diagnose::measurement::table::{Names, Table};
 use nalgebra::DMatrix;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+
+use super::judge::Named;
 
 /// Outliers: share of the rows, in units of the noise.
 const OUTLIERS: f64 = 0.02;
@@ -32,24 +36,49 @@ const OUTLIER_NOISES: f64 = 60.0;
 const TIMES_NOISE: std::ops::Range<f64> = 8.0..32.0;
 /// Postures and motions reach so far from the middle of each joint's range, rad.
 pub(super) const SWING_RAD: f64 = 0.7;
-/// Error of a gear, as a sine, a cosine or both.
-pub(super) const PERIODIC: &str = "gear-periodic";
+/// Error of a gear, in whatever phase.
+pub(super) const PERIODIC: Law = Law::GearPeriodicSine;
 
-/// What was added, and where; `law` is empty where none is right.
+/// What was added.
 pub(super) struct Added {
-    pub(super) law: &'static str,
-    pub(super) place: String,
-    /// What the residual depends on where no law is right.
-    pub(super) variable: String,
+    /// What is right for it.
+    pub(super) cause: Cause,
     /// What it adds on each axis.
     pub(super) shape: Vec<Vec<f64>>,
+}
+
+/// What a diagnosis is to find.
+pub(super) enum Cause {
+    /// A law at a place.
+    Law(Law, Place),
+    /// No law: what the residual depends on.
+    Variable(String),
+}
+
+impl Cause {
+    /// The law and its place, where there is one.
+    pub(super) fn named(&self) -> Option<Named> {
+        match self {
+            Self::Law(law, place) => Some((*law, *place)),
+            Self::Variable(_) => None,
+        }
+    }
+}
+
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Law(law, place) => write!(f, "{law} {place:?}"),
+            Self::Variable(name) => f.write_str(name),
+        }
+    }
 }
 
 /// What laws add.
 pub(super) trait Elsewhere {
     /// A law's columns, one a value: rows × axes of the run, or of other conditions that were drawn; `None` where that is not
     /// known.
-    fn columns(&self, law: &str, place: &str, elsewhere: bool) -> Result<Option<DMatrix<f64>>>;
+    fn columns(&self, law: Law, site: &Site, elsewhere: bool) -> Result<Option<DMatrix<f64>>>;
 }
 
 /// One measurement that is being made.
@@ -121,19 +150,11 @@ impl Bench {
     }
 
     pub(super) fn truth(&self) -> String {
-        let one = |added: &Added| format!("{} {}{}", added.law, added.place, added.variable);
-        self.added.iter().map(one).collect::<Vec<_>>().join(" + ")
+        self.added.iter().map(|added| added.cause.to_string()).collect::<Vec<_>>().join(" + ")
     }
 
     /// Adds a mechanism of a drawn size: `shape` gives it on each axis.
-    pub(super) fn add(
-        &mut self,
-        law: &'static str,
-        place: String,
-        variable: String,
-        shape: Vec<Vec<f64>>,
-        rng: &mut ChaCha8Rng,
-    ) {
+    pub(super) fn add(&mut self, cause: Cause, shape: Vec<Vec<f64>>, rng: &mut ChaCha8Rng) {
         let noises = shape.iter().zip(&self.noise).map(|(column, noise)| root_mean_square(column) / noise);
         let largest = noises.fold(f64::MIN_POSITIVE, f64::max);
         let size = rng.random_range(TIMES_NOISE) / largest;
@@ -141,18 +162,16 @@ impl Bench {
         for (channel, column) in self.measured.iter_mut().zip(&shape) {
             channel.iter_mut().zip(column).for_each(|(value, more)| *value += more);
         }
-        self.added.push(Added { law, place, variable, shape });
+        self.added.push(Added { cause, shape });
     }
 }
 
 /// The law, of whatever phase where it is periodic.
-pub(super) fn law_of(name: &'static str) -> &'static str {
-    if name.starts_with(PERIODIC) { PERIODIC } else { name }
-}
-
-/// `joint 3` of `joint 3 (joint_3)`.
-pub(super) fn joint_of(place: &str) -> &str {
-    place.split(" (").next().unwrap_or(place)
+pub(super) fn law_of(law: Law) -> Law {
+    match law {
+        Law::GearPeriodicSine | Law::GearPeriodicCosine => PERIODIC,
+        other => other,
+    }
 }
 
 /// Standard normal, by the polar method.

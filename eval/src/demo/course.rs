@@ -118,9 +118,9 @@ impl Course {
     pub(crate) fn named_rightly(&self) -> bool {
         match self.diagnosis.verdict {
             verdict if verdict.names_effects() => {
-                self.diagnosis.effects.iter().all(|found| found.law.as_str() == self.sealed.effect)
+                self.diagnosis.effects.iter().all(|found| self.sealed.cause.is_some_and(|(law, _)| law == found.law))
             }
-            Verdict::NoEffect => self.sealed.effect == Kind::Nothing.law(),
+            Verdict::NoEffect => self.sealed.is_nothing(),
             _ => false,
         }
     }
@@ -133,7 +133,8 @@ impl Course {
 
     /// Whether the place was named rightly as well.
     pub(crate) fn placed_rightly(&self) -> bool {
-        self.named_rightly() && self.diagnosis.effects.iter().all(|found| found.site.code == self.sealed.place)
+        self.named_rightly()
+            && self.diagnosis.effects.iter().all(|found| self.sealed.cause == Some((found.law, found.site.place)))
     }
 }
 
