@@ -13,8 +13,7 @@ use toml_edit::DocumentMut;
 const PROGRAMS: [&str; 5] = ["shared", "host", "firmware", "eval", "xtask"];
 /// Folder whose documentation comments are the help of the command line: texts for users.
 const HELP: &str = "host/cli/src/commands";
-/// Folder of which the names of items are compared as one word each, and those of variables are not.
-const UNSPLIT: &str = "host/diagnose";
+
 /// The sources of the programs, without tests.
 fn programs() -> impl Iterator<Item = Source> {
     let is_program = |source: &Source| PROGRAMS.iter().any(|folder| source.path.starts_with(&format!("{folder}/")));
@@ -229,11 +228,8 @@ fn names_use_the_terms_of_the_field() {
     for source in programs() {
         let mut declared = Names::default();
         declared.visit_file(&syn::parse_file(source.code()).expect("a source that compiles"));
-        let is_split = !source.path.starts_with(UNSPLIT);
-        let variables = declared.variables.into_iter().filter(|_| is_split);
-        for (line, name) in declared.items.into_iter().chain(variables) {
-            let words = if is_split { words_of(&name) } else { vec![name.to_lowercase()] };
-            let text = terms.keys().fold(words.join(" "), |text, term| text.replace(term.as_str(), ""));
+        for (line, name) in declared.items.into_iter().chain(declared.variables) {
+            let text = terms.keys().fold(words_of(&name).join(" "), |text, term| text.replace(term.as_str(), ""));
             let found = text.split(' ').find_map(|word| names.get(word));
             hits.extend(found.map(|term| format!("{}:{line}: `{name}`: name it {term}", source.path)));
         }
