@@ -132,7 +132,9 @@ mod tests {
         assert_eq!(items::<bench::Reach>(json!({ "seed": 1 })).len(), 1 + 1000);
         assert_eq!(items::<faults::Job>(json!({ "kills": 51, "frames": null, "stops": 20 })).len(), 3);
         let grasp = items::<papers::Grasp>(json!({ "n": 10, "held_out": 250, "lambdas": 2 }));
-        assert_eq!(grasp, ["training", "constraints from 0", "constraints from 100", "constraints from 200"]);
+        let held_out = |hand: &str| [0, 100, 200].map(|first| format!("{hand}, constraints from {first}"));
+        let each = ["training, constraints from 0".to_owned()].into_iter();
+        assert_eq!(grasp, each.chain(held_out("Allegro hand")).chain(held_out("LEAP hand")).collect::<Vec<_>>());
         assert_eq!(items::<papers::Memr>(json!({ "seed": 1 })).len(), 15 + 21 + 2);
     }
 }

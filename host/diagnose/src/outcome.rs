@@ -22,11 +22,12 @@
 //! | `points` | residuals of rows, for plots |
 //! | `seed`, `version` | of the shuffling into folds; of this program |
 
+mod structure;
+
 use std::collections::BTreeMap;
 use std::fmt;
 
-use darm_core::effect::fitted_term::{Frame, Variable};
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 pub use crate::effect::{Effect, Value};
 use crate::effect::{Law, Site, as_str};
@@ -34,6 +35,7 @@ pub use crate::measured::Measured;
 use crate::measurement::Finding;
 pub use crate::misreading::Misreading;
 pub use crate::select::forward::SelectionStep;
+pub use structure::{Dependence, Shape, Structure, frame_name_of};
 
 /// What was found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -320,73 +322,4 @@ pub struct Visit {
     pub before_m: f64,
     /// The same with the effects found, m.
     pub after_m: f64,
-}
-
-/// The structure beyond the noise.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Structure {
-    /// Mean square of the residual over that of repeats; `None` without repeats.
-    pub ratio: Option<f64>,
-    /// Chance that this is noise; `None` without repeats.
-    pub p: Option<f64>,
-    /// Whether there is more than noise.
-    pub beyond_noise: bool,
-    /// Mean square beyond the noise, in units of the noise's own; without repeats what the dependences take.
-    #[serde(skip)]
-    pub(crate) excess: f64,
-    /// Root mean square in units of the noise; without repeats in units of what the dependences leave.
-    #[serde(skip)]
-    pub(crate) over_noise: f64,
-    /// What the residual depends on, each beside those before it, the strongest first; of signals axis by axis.
-    pub depends_on: Vec<Dependence>,
-}
-
-/// A variable that the residual depends on.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Dependence {
-    /// The axis of the residual; `None`: all axes together.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub axis: Option<String>,
-    /// The variable.
-    pub variable: String,
-    /// How: `straight`, `square`, `waves`, `step`, `together`, ….
-    pub shape: &'static str,
-    /// The frame in whose directions a tool pose depends on it.
-    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "frame_name")]
-    pub frame: Option<Frame>,
-    /// Share of the residual's mean square that it takes up.
-    pub share: f64,
-    /// Chance of such a share where there is none, times the number of terms tried.
-    pub p: Option<f64>,
-    /// By how much the held-out error falls when it is kept as a fitted term, in the unit of the norm (of signals: of the
-    /// axis); `None` where it is not worth it, or does not recur.
-    pub heldout_gain: Option<f64>,
-    /// Of signals: the variable, in SI units and radians, and what remains there; empty of a term of several variables.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub curve: Vec<[f64; 2]>,
-    /// What the model of an arm may keep of it: variables, and whether their squares.
-    #[serde(skip)]
-    pub terms: Vec<(Variable<f64>, bool)>,
-}
-
-impl fmt::Display for Dependence {
-    /// The variable, and how where it is not straight: `time (waves)`.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.shape {
-            "straight" => f.write_str(&self.variable),
-            shape => write!(f, "{} ({shape})", self.variable),
-        }
-    }
-}
-
-/// The frame's name.
-pub fn frame_name_of(frame: Frame) -> &'static str {
-    match frame {
-        Frame::Base => "base",
-        Frame::Tool => "tool",
-    }
-}
-
-fn frame_name<S: Serializer>(frame: &Option<Frame>, serializer: S) -> Result<S::Ok, S::Error> {
-    frame.map(frame_name_of).serialize(serializer)
 }

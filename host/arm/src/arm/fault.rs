@@ -115,7 +115,7 @@ pub enum ArmFault {
     #[error(
         "{law}: there is no {what} {number}{}; {}",
         .of.map_or(String::new(), |actuator| format!(" of actuator {actuator}")),
-        numbers(*.count, what)
+        numbers(*.count, what, *.of)
     )]
     NoSuchPlace {
         /// The law.
@@ -297,11 +297,11 @@ fn unknown_format(found: u32) -> String {
     }
 }
 
-/// Which numbers there are of something.
-fn numbers(count: usize, what: &str) -> String {
+/// Which numbers there are of something: of an arm, or of one of its actuators.
+fn numbers(count: usize, what: &str, of: Option<u8>) -> String {
     match count {
         0 => format!("the arm has no {what}"),
-        count if what == "state" => format!("give 0 to {}", count - 1),
+        count if of.is_some() => format!("give 0 to {}", count - 1),
         count => format!("give 0 to {}, counted from the base", count - 1),
     }
 }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use darm_core::sequencer::{Event, Fault, Phase};
 use darm_core::wire::message::Refusal;
 use darm_device::client::{Client, ClientError, Happening};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use super::status::seconds;
 use crate::failure::{SafeState, Unfinished};
@@ -55,10 +55,28 @@ pub(crate) struct Play {
     port: PortArgs,
 }
 
+/// How far the command followed the program.
+#[derive(Clone, Copy)]
+enum PlayedEnd {
+    /// It left it running.
+    Started,
+    /// To its end.
+    Ended(End),
+}
+
+impl Serialize for PlayedEnd {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(match self {
+            Self::Started => "started",
+            Self::Ended(end) => end.name(),
+        })
+    }
+}
+
 /// Result of a run.
 #[derive(Serialize)]
 struct Played {
-    end: &'static str,
+    end: PlayedEnd,
     rows: u16,
     rows_played: u16,
     took_s: Option<f64>,
@@ -69,11 +87,11 @@ impl Answer for Played {
     fn text(&self) -> String {
         let took = self.took_s.map_or(String::new(), |took_s| format!(" in {took_s:.3} s of the board's clock"));
         match self.end {
-            "started" => format!(
+            PlayedEnd::Started => format!(
                 "the program of {} rows is running; `darm status` shows its state, `darm stop` ends it",
                 self.rows
             ),
-            end => format!("{end}: {} of {} rows{took}", self.rows_played, self.rows),
+            PlayedEnd::Ended(end) => format!("{}: {} of {} rows{took}", end.name(), self.rows_played, self.rows),
         }
     }
 }
@@ -93,7 +111,7 @@ impl Play {
         let interrupt = interrupt::InterruptHandler::start(&port, handle)?;
         self.start(&mut client, &interrupt, ui)?;
         if self.detach {
-            return ui.print(&Played { end: "started", rows, rows_played: 0, took_s: None, fault: None });
+            return ui.print(&Played { end: PlayedEnd::Started, rows, rows_played: 0, took_s: None, fault: None });
         }
         let bar = ui.progress_bar("playing", u64::from(rows), "rows");
         let mut monitor = ProgramMonitor::new(first_event);
@@ -255,7 +273,7 @@ impl ProgramMonitor {
             Some(End::Finished | End::Stopped) | None => None,
         };
         ui.print(&Played {
-            end: self.end.map_or("stopped", End::name),
+            end: PlayedEnd::Ended(self.end.unwrap_or(End::Stopped)),
             rows,
             rows_played: self.rows_played,
             took_s: self.started_s.zip(self.ended_s).map(|(from_s, to_s)| to_s - from_s),

@@ -17,6 +17,7 @@ use darm_core::units::Word;
 
 use crate::judge::regression::Term;
 use crate::measurement::Run;
+use crate::outcome::Shape;
 use crate::prepare::observations::{Observations, Row};
 use darm_arm::arm::Arm;
 
@@ -33,7 +34,7 @@ pub fn dictionary(arm: &Arm, run: &Run, observations: &Observations) -> Vec<Term
     let rows = &observations.rows;
     let word = |group| rows.iter().map(|row| flag(row.group == group)).collect();
     let columns = (1..observations.n_groups).map(word).collect();
-    terms.push(Term { variable: "word".into(), shape: "each word by itself", columns, kept: Vec::new() });
+    terms.push(Term { variable: "word".into(), shape: Shape::EachWord, columns, kept: Vec::new() });
     terms
 }
 
@@ -64,8 +65,8 @@ fn surroundings(arm: &Arm, observations: &Observations) -> Vec<Term> {
         let values: Vec<f64> = observations.rows.iter().map(|row| of.of(&observations.condition(row))).collect();
         let squares = values.iter().map(|value| value * value).collect();
         let term = |shape, columns, kept| Term { variable: name.clone(), shape, columns, kept };
-        terms.push(term("straight", vec![values.clone()], vec![(of, false)]));
-        terms.push(term("square", vec![values, squares], vec![(of, false), (of, true)]));
+        terms.push(term(Shape::Straight, vec![values.clone()], vec![(of, false)]));
+        terms.push(term(Shape::Square, vec![values, squares], vec![(of, false), (of, true)]));
     }
     let (middle_s, half_s) = scale(observations.times_s());
     terms.extend(time(observations.times_s().map(|time_s| (time_s - middle_s) / half_s).collect()));
@@ -82,9 +83,9 @@ fn time(times: Vec<f64>) -> Vec<Term> {
         waves.extend([of_times(&|t| (turn * t).sin()), of_times(&|t| (turn * t).cos())]);
     }
     let moment = |k: usize| 2.0 * k as f64 / (MOMENTS + 1) as f64 - 1.0;
-    let steps = (1..=MOMENTS).map(|k| term("step", vec![of_times(&|t| flag(t >= moment(k)))]));
+    let steps = (1..=MOMENTS).map(|k| term(Shape::Step, vec![of_times(&|t| flag(t >= moment(k)))]));
     let mut terms: Vec<Term> = steps.collect();
-    terms.extend([term("straight", vec![times.clone()]), term("waves", waves)]);
+    terms.extend([term(Shape::Straight, vec![times.clone()]), term(Shape::Waves, waves)]);
     terms
 }
 
@@ -107,13 +108,13 @@ fn digits(arm: &Arm, observations: &Observations) -> Vec<Term> {
             let both = |i| states(b).map(move |j| digits((a as u8, i), Some((b as u8, j))));
             terms.push(Term {
                 variable,
-                shape: "together",
+                shape: Shape::Together,
                 columns: products,
                 kept: states(a).flat_map(both).collect(),
             });
         }
         let kept = states(a).map(|state| digits((a as u8, state), None)).collect();
-        terms.push(Term { variable, shape: "straight", columns: columns[a].clone(), kept });
+        terms.push(Term { variable, shape: Shape::Straight, columns: columns[a].clone(), kept });
     }
     terms
 }
@@ -131,7 +132,7 @@ fn memory(arm: &Arm, run: &Run, observations: &Observations) -> Vec<Term> {
         };
         let mut add = |what: &str, same: &[f64], kept| {
             let (variable, columns) = (format!("{what}, at {name}"), vec![less_mean_of_digit(same, &own)]);
-            terms.push(Term { variable, shape: "straight", columns, kept });
+            terms.push(Term { variable, shape: Shape::Straight, columns, kept });
         };
         let stayed = same(&|row| observations.condition(row).previous);
         let share = stayed.iter().sum::<f64>() / stayed.len().max(1) as f64;

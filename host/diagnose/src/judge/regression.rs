@@ -3,6 +3,7 @@
 use darm_core::effect::fitted_term::Variable;
 use nalgebra::{DMatrix, DVector};
 
+use crate::outcome::Shape;
 use crate::select::robust_fit::pseudo_inverse;
 use crate::select::significance::f_test;
 
@@ -11,7 +12,7 @@ pub struct Term {
     /// The variable, as a person would call it.
     pub variable: String,
     /// How the residual may depend on it.
-    pub shape: &'static str,
+    pub shape: Shape,
     /// One number a row in each.
     pub columns: Vec<Vec<f64>>,
     /// What an arm's model may keep of it: variables, and whether their squares. Empty of what does not come again, as a time.

@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 use crate::judge::regression::{Design, Term, centred, of_axis, squares};
 use crate::linearise::experiment::{Axis, Experiment};
 use crate::measurement::median;
-use crate::outcome::Dependence;
+use crate::outcome::{Dependence, Shape};
 use crate::select::problem::Trial;
 use crate::select::signals::Signals;
 use crate::select::significance::STRUCTURE_LEVEL;
@@ -21,7 +21,7 @@ const FEW: usize = 6;
 /// Terms of one axis that are listed at most.
 const MAX_TERMS: usize = 4;
 /// Periods of a wave in the range of its channel.
-const WAVES: [&str; 8] = ["1 wave", "2 waves", "3 waves", "4 waves", "5 waves", "6 waves", "7 waves", "8 waves"];
+const WAVES: u8 = 8;
 /// Where the pieces of a curve meet, as shares of the rows below.
 ///
 /// Source: F. E. Harrell, Regression Modeling Strategies, 2nd ed., Springer (2015), table 2.3.
@@ -142,7 +142,7 @@ pub(crate) fn memory(problem: &Signals, best: &Trial<Signals>) -> Vec<Dependence
         (correlation > MIN_CORRELATION && count >= MIN_PAIRS).then(|| Dependence {
             axis: Some(of.name.clone()),
             variable: "its own value a row before".into(),
-            shape: "straight",
+            shape: Shape::Straight,
             frame: None,
             share: correlation.powi(2),
             p: None,
@@ -172,15 +172,15 @@ fn dictionary(experiment: &Experiment) -> Vec<Term> {
         let mut term =
             |shape, columns| terms.push(Term { variable: variable.clone(), shape, columns, kept: Vec::new() });
         let of = |shape: &dyn Fn(f64) -> f64| scaled.iter().map(|c| shape(*c)).collect::<Vec<f64>>();
-        term("straight", vec![scaled.clone()]);
-        term("square", vec![of(&|c| c * c)]);
-        term("size", vec![of(&f64::abs)]);
-        term("sign", vec![of(&|c| (c / 0.05).tanh())]);
-        term("curve", curve(&scaled));
+        term(Shape::Straight, vec![scaled.clone()]);
+        term(Shape::Square, vec![of(&|c| c * c)]);
+        term(Shape::Size, vec![of(&f64::abs)]);
+        term(Shape::Sign, vec![of(&|c| (c / 0.05).tanh())]);
+        term(Shape::Curve, curve(&scaled));
         let (low, high) = scaled.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), c| (l.min(*c), h.max(*c)));
-        for (k, shape) in WAVES.into_iter().enumerate() {
-            let turn = |c: f64| TAU * (k + 1) as f64 * (c - low) / (high - low);
-            term(shape, vec![of(&|c| turn(c).sin()), of(&|c| turn(c).cos())]);
+        for periods in 1..=WAVES {
+            let turn = |c: f64| TAU * f64::from(periods) * (c - low) / (high - low);
+            term(Shape::Periods(periods), vec![of(&|c| turn(c).sin()), of(&|c| turn(c).cos())]);
         }
         straight.push((variable, scaled));
     }
@@ -189,7 +189,7 @@ fn dictionary(experiment: &Experiment) -> Vec<Term> {
             for (other, b) in &straight[k + 1..] {
                 let columns = vec![a.iter().zip(b).map(|(a, b)| a * b).collect()];
                 let variable = format!("{name} with {other}");
-                terms.push(Term { variable, shape: "together", columns, kept: Vec::new() });
+                terms.push(Term { variable, shape: Shape::Together, columns, kept: Vec::new() });
             }
         }
     }

@@ -97,7 +97,7 @@ fn dependences(arm: &Arm, run: &Run, observations: &Observations, residuals: &[f
         found.push(Dependence {
             axis: None,
             variable,
-            shape,
+            shape: *shape,
             frame: Some(frame),
             share,
             p: Some(p),

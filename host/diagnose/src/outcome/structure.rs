@@ -1,0 +1,123 @@
+//! What a residual depends on, as data.
+
+use std::fmt;
+
+use darm_core::effect::fitted_term::{Frame, Variable};
+use serde::{Serialize, Serializer};
+
+/// The structure beyond the noise.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Structure {
+    /// Mean square of the residual over that of repeats; `None` without repeats.
+    pub ratio: Option<f64>,
+    /// Chance that this is noise; `None` without repeats.
+    pub p: Option<f64>,
+    /// Whether there is more than noise.
+    pub beyond_noise: bool,
+    /// Mean square beyond the noise, in units of the noise's own; without repeats what the dependences take.
+    #[serde(skip)]
+    pub(crate) excess: f64,
+    /// Root mean square in units of the noise; without repeats in units of what the dependences leave.
+    #[serde(skip)]
+    pub(crate) over_noise: f64,
+    /// What the residual depends on, each beside those before it, the strongest first; of signals axis by axis.
+    pub depends_on: Vec<Dependence>,
+}
+
+/// A variable that the residual depends on.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Dependence {
+    /// The axis of the residual; `None`: all axes together.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axis: Option<String>,
+    /// The variable.
+    pub variable: String,
+    /// How.
+    #[serde(serialize_with = "shape_name")]
+    pub shape: Shape,
+    /// The frame in whose directions a tool pose depends on it.
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "frame_name")]
+    pub frame: Option<Frame>,
+    /// Share of the residual's mean square that it takes up.
+    pub share: f64,
+    /// Chance of such a share where there is none, times the number of terms tried.
+    pub p: Option<f64>,
+    /// By how much the held-out error falls when it is kept as a fitted term, in the unit of the norm (of signals: of the
+    /// axis); `None` where it is not worth it, or does not recur.
+    pub heldout_gain: Option<f64>,
+    /// Of signals: the variable, in SI units and radians, and what remains there; empty of a term of several variables.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub curve: Vec<[f64; 2]>,
+    /// What the model of an arm may keep of it: variables, and whether their squares.
+    #[serde(skip)]
+    pub terms: Vec<(Variable<f64>, bool)>,
+}
+
+impl fmt::Display for Dependence {
+    /// The variable, and how where it is not straight: `time (waves)`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.shape {
+            Shape::Straight => f.write_str(&self.variable),
+            shape => write!(f, "{} ({shape})", self.variable),
+        }
+    }
+}
+
+/// How a residual depends on a variable c.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// Linearly.
+    Straight,
+    /// With c².
+    Square,
+    /// With |c|.
+    Size,
+    /// With the sign of c.
+    Sign,
+    /// Along a smooth curve.
+    Curve,
+    /// Periodically, with so many periods in the range of c.
+    Periods(u8),
+    /// Slowly up and down in time.
+    Waves,
+    /// By a step at some time.
+    Step,
+    /// With the product of two variables.
+    Together,
+    /// By another amount at each word.
+    EachWord,
+}
+
+impl fmt::Display for Shape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Straight => "straight",
+            Self::Square => "square",
+            Self::Size => "size",
+            Self::Sign => "sign",
+            Self::Curve => "curve",
+            Self::Periods(1) => "1 wave",
+            Self::Periods(periods) => return write!(f, "{periods} waves"),
+            Self::Waves => "waves",
+            Self::Step => "step",
+            Self::Together => "together",
+            Self::EachWord => "each word by itself",
+        })
+    }
+}
+
+fn shape_name<S: Serializer>(shape: &Shape, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(shape)
+}
+
+/// The frame's name.
+pub fn frame_name_of(frame: Frame) -> &'static str {
+    match frame {
+        Frame::Base => "base",
+        Frame::Tool => "tool",
+    }
+}
+
+fn frame_name<S: Serializer>(frame: &Option<Frame>, serializer: S) -> Result<S::Ok, S::Error> {
+    frame.map(frame_name_of).serialize(serializer)
+}
