@@ -93,9 +93,10 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
     let selected = SelectedPoses { arm, run, problem: &problem, repeatability, best: &best, agreement: &agreement };
     let how = Proposal { seed: options.seed, words: options.next_words };
     let (judgement, with_terms) = judge::poses::judge(&selected, &start, rivals, how).map_err(no_pose)?;
-    let summary = report::poses::summary(&selected, path).map_err(no_pose)?;
-    let mut diagnosis = report::diagnosis(summary, judgement, options.seed);
-    diagnosis.plain = sentences::of_poses(arm, &diagnosis, &selected.effects(), with_terms.as_ref());
+    let summary = report::poses::summary(&selected, path, options.seed).map_err(no_pose)?;
+    let diagnosis = report::diagnosis(summary, judgement, |diagnosis| {
+        sentences::of_poses(arm, diagnosis, &selected.effects(), with_terms.as_ref())
+    });
     let correction = ArmCorrection {
         best_effects: best.fit.model.effects.iter().copied().collect(),
         is_named: diagnosis.verdict.names_effects(),
@@ -158,9 +159,7 @@ pub fn diagnose_file(
     options: &SignalOptions,
 ) -> Result<Outcome<SignalCorrection>, DiagnoseError> {
     let (table, findings) = Table::read(data, names)?;
-    let mut outcome = diagnose_table(model, &table, options)?;
-    outcome.diagnosis.findings.splice(0..0, findings);
-    Ok(outcome)
+    diagnose_table_read(model, &table, findings, options)
 }
 
 /// What a table says about what `model` is missing.
@@ -173,25 +172,34 @@ pub fn diagnose_table(
     table: &Table,
     options: &SignalOptions,
 ) -> Result<Outcome<SignalCorrection>, DiagnoseError> {
-    let HoldOut::Each(column) = &options.preparation.hold_out else {
-        return Ok(conclude(model, select(model, table, options, None)?, None, options));
-    };
+    diagnose_table_read(model, table, Vec::new(), options)
+}
+
+/// The same; `findings` are those of reading the table.
+fn diagnose_table_read(
+    model: &Model,
+    table: &Table,
+    findings: Vec<Finding>,
+    options: &SignalOptions,
+) -> Result<Outcome<SignalCorrection>, DiagnoseError> {
+    let pooled = held_out_in_turn(model, table, options)?;
+    let mut selected = select(model, table, options, None)?;
+    selected.findings.splice(0..0, findings);
+    Ok(conclude(model, &selected, pooled.as_ref(), options))
+}
+
+/// The held-out residuals of one search for each value of the column whose rows are held out in turn.
+fn held_out_in_turn(model: &Model, table: &Table, options: &SignalOptions) -> Result<Option<HeldOut>, DiagnoseError> {
+    let HoldOut::Each(column) = &options.preparation.hold_out else { return Ok(None) };
     let mut kept = table.clone();
     if let Some(keep) = &options.preparation.keep {
         kept.retain(&keep.rows(table).map_err(PrepareError::from)?);
     }
     let mut pooled = HeldOut::default();
     for value in kept.values_of(column).map_err(PrepareError::from)? {
-        pooled.add(&select(model, table, options, Some(&value))?.selected);
+        pooled.add(&select(model, table, options, Some(&value))?);
     }
-    Ok(conclude(model, select(model, table, options, None)?, Some(&pooled), options))
-}
-
-/// A selection, and what is known of its data.
-struct Searched {
-    selected: SelectedSignals,
-    held_out: String,
-    findings: Vec<Finding>,
+    Ok(Some(pooled))
 }
 
 /// Prepares, linearises, selects and projects; with `each` the rows of that value of the column are held out.
@@ -200,7 +208,7 @@ fn select(
     table: &Table,
     options: &SignalOptions,
     each: Option<&str>,
-) -> Result<Searched, DiagnoseError> {
+) -> Result<SelectedSignals, DiagnoseError> {
     let mut data = Prepared::new(table.clone(), &options.preparation, each)?;
     let mut experiment = linearise(model, &mut data)?;
     check_numbers(&experiment)?;
@@ -226,24 +234,21 @@ fn select(
         Agreement::AsRead | Agreement::Hardly(_) => search::select(&problem, always),
     };
     let Projected { best, impossible } = project(&problem, best, n_known);
-    let selected = SelectedSignals { problem, best, n_known, impossible, path, agreement };
-    Ok(Searched { selected, held_out: data.held_out, findings: data.findings })
+    let (held_out, findings) = (data.held_out, data.findings);
+    Ok(SelectedSignals { problem, best, n_known, impossible, path, agreement, held_out, findings })
 }
 
 /// Judges and reports.
 fn conclude(
     model: &Model,
-    searched: Searched,
+    selected: &SelectedSignals,
     pooled: Option<&HeldOut>,
     options: &SignalOptions,
 ) -> Outcome<SignalCorrection> {
-    let Searched { selected, held_out, findings } = searched;
-    let judgement = judge::signals::judge(&selected, pooled, options.preparation.lowpass_hz.is_some());
-    let summary = report::signals::summary(&selected, pooled, held_out);
-    let mut diagnosis = report::diagnosis(summary, judgement, options.seed);
-    diagnosis.findings = findings;
-    diagnosis.plain = sentences::of_signals(&diagnosis);
-    let effects = model_effects::merge(&model.effects, in_model(&selected));
+    let judgement = judge::signals::judge(selected, pooled, options.preparation.lowpass_hz.is_some());
+    let summary = report::signals::summary(selected, pooled, options.seed);
+    let diagnosis = report::diagnosis(summary, judgement, sentences::of_signals);
+    let effects = model_effects::merge(&model.effects, in_model(selected));
     let correction = SignalCorrection { effects, terms: terms(&diagnosis) };
     Outcome { diagnosis, correction }
 }

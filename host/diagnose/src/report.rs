@@ -6,6 +6,7 @@ pub mod sentences;
 pub mod signals;
 
 use crate::judge::Judgement;
+use crate::measurement::Finding;
 use crate::outcome::{BeforeAfter, Diagnosis, Measured, OtherReading, Outlier, Point, Rows, SelectionStep};
 
 /// What a report shows of the rows of a measurement and of the search.
@@ -21,11 +22,17 @@ pub(crate) struct Summary {
     pub(crate) selection_path: Vec<SelectionStep>,
     pub(crate) condition: Option<f64>,
     pub(crate) points: Vec<Point>,
+    pub(crate) findings: Vec<Finding>,
+    pub(crate) seed: u64,
 }
 
-/// The diagnosis, without its sentences and findings.
-pub(crate) fn diagnosis(summary: Summary, judgement: Judgement, seed: u64) -> Diagnosis {
-    Diagnosis {
+/// The diagnosis; `sentences` words it once its data are there.
+pub(crate) fn diagnosis(
+    summary: Summary,
+    judgement: Judgement,
+    sentences: impl Fn(&Diagnosis) -> Vec<String>,
+) -> Diagnosis {
+    let data = Diagnosis {
         kind: summary.kind,
         model: summary.model,
         rows: summary.rows,
@@ -45,9 +52,10 @@ pub(crate) fn diagnosis(summary: Summary, judgement: Judgement, seed: u64) -> Di
         condition: summary.condition,
         next_measurement: judgement.next_measurement,
         plain: Vec::new(),
-        findings: Vec::new(),
+        findings: summary.findings,
         points: summary.points,
-        seed,
+        seed: summary.seed,
         version: env!("CARGO_PKG_VERSION"),
-    }
+    };
+    Diagnosis { plain: sentences(&data), ..data }
 }

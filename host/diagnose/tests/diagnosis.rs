@@ -65,7 +65,8 @@ impl Case {
         let alternatives: Vec<String> =
             self.diagnosis.alternatives.iter().map(|a| format!("{} at {}", a.law, a.site)).collect();
         let steps = self.diagnosis.selection_path.iter();
-        let kept: Vec<String> = steps.filter(|r| r.kept).map(|r| format!("{} at {}", r.law, r.place)).collect();
+        let kept: Vec<String> =
+            steps.filter(|r| r.kept).map(|r| format!("{} at {}", r.candidate.law, r.candidate.text)).collect();
         let sealed = &self.sealed;
         format!(
             "seed {}: {} at {} ({:.0} x): {} {effects:?}, alternatives {alternatives:?}, kept {kept:?}, after/repeatability {:.2}{}",

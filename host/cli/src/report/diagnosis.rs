@@ -201,8 +201,8 @@ fn selection_path(path: &[SelectionStep], unit: &'static str) -> Markup {
             table.ladder {
                 @for tried in tried.iter().take(8) {
                     tr.kept[tried.kept] {
-                        td { (tried.law) }
-                        td { (tried.place) }
+                        td { (tried.candidate.law) }
+                        td { (tried.candidate.text) }
                         td.num { (with_unit(tried.cross_validated, unit)) }
                         td.bar { div style={ "width:" (format!("{:.1}", 100.0 * (tried.cross_validated / worst).min(1.0))) "%" } {} }
                         td.num { @if tried.kept { "kept" } @else { "p " (chance(tried.p)) } }

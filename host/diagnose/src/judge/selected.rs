@@ -5,7 +5,7 @@ use darm_core::effect::Effect;
 
 use crate::agreement::Agreement;
 use crate::linearise::experiment::Candidate;
-use crate::measurement::Run;
+use crate::measurement::{Finding, Run};
 use crate::prepare::repeatability::Noise;
 use crate::select::forward::SelectionStep;
 use crate::select::problem::Trial;
@@ -60,6 +60,10 @@ pub(crate) struct SelectedSignals {
     pub(crate) path: Vec<SelectionStep>,
     /// How the table agrees with the model before any effect is added.
     pub(crate) agreement: Agreement,
+    /// How the rows were chosen that the fit did not see.
+    pub(crate) held_out: String,
+    /// What was found in the table.
+    pub(crate) findings: Vec<Finding>,
 }
 
 impl SelectedSignals {

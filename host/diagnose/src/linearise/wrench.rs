@@ -19,8 +19,10 @@ use crate::prepare::signals::{PrepareError, Prepared};
 use darm_robot::rigid_body::regressor::{BodyMotion, link_motions, wrench_regressor};
 use darm_robot::robot::{Robot, RobotJoint};
 
-/// Components of the wrench as they are named in a table: force, then moment.
-pub(crate) const WRENCH: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
+/// Components of the wrench as they are named in a table: moment, then force.
+pub(crate) const WRENCH: [&str; 6] = ["Mx", "My", "Mz", "Fx", "Fy", "Fz"];
+/// The force along z among them.
+const FZ: usize = 5;
 
 /// The experiment of a robot whose base moves as in the table.
 pub(crate) fn experiment(data: &Prepared, robot: &Robot) -> Result<Experiment, PrepareError> {
@@ -33,7 +35,7 @@ pub(crate) fn experiment(data: &Prepared, robot: &Robot) -> Result<Experiment, P
     for name in WRENCH {
         measured.push(data.channel(name)?);
     }
-    if let Some(row) = measured[2].iter().position(|force| *force <= 0.0) {
+    if let Some(row) = measured[FZ].iter().position(|force| *force <= 0.0) {
         let what = format!("line {}: the ground does not push (Fz is not above 0): is z up?", data.rows[row].line);
         return Err(PrepareError::Nothing(what));
     }
@@ -88,18 +90,18 @@ struct Axes<'a> {
 impl Axes<'_> {
     /// What was measured on each axis: rows × 6.
     fn measured(&self) -> Vec<f64> {
-        let [fx, fy, fz, mx, my, mz] = self.measured else { return Vec::new() };
+        let [mx, my, mz, fx, fy, fz] = self.measured else { return Vec::new() };
         let row = |row: usize| [-my[row] / fz[row], mx[row] / fz[row], fx[row], fy[row], fz[row], mz[row]];
         (0..fz.len()).flat_map(row).collect()
     }
 
     /// The axes of a wrench: rows × 6. `wrench` gives a component in a row.
     fn column(&self, wrench: impl Fn(usize, usize) -> f64) -> Vec<f64> {
-        let [_, _, fz, mx, my, _] = self.measured else { return Vec::new() };
+        let [mx, my, _, _, _, fz] = self.measured else { return Vec::new() };
         let row = |row: usize| {
             let (x, y) = (-my[row] / fz[row], mx[row] / fz[row]);
             let w = |k: usize| wrench(row, k);
-            [(-w(4) - x * w(2)) / fz[row], (w(3) - y * w(2)) / fz[row], w(0), w(1), w(2), w(5)]
+            [(-w(1) - x * w(FZ)) / fz[row], (w(0) - y * w(FZ)) / fz[row], w(3), w(4), w(FZ), w(2)]
         };
         (0..fz.len()).flat_map(row).collect()
     }
@@ -111,10 +113,11 @@ fn sensor_frame(measured: &[Vec<f64>], axes: &Axes) -> Candidate {
         let about = Vec3::ith(k % 3, 1.0);
         let part = |row: usize, part: usize| {
             let turned = |first: usize| about.cross(&Vec3::from_fn(|axis, _| measured[first + axis][row]))[part % 3];
-            match (k < 3, part < 3) {
-                (true, true) => 0.0,
-                (true, false) | (false, true) => -turned(0),
-                (false, false) => -turned(3),
+            let (is_moved, is_moment) = (k < 3, part < 3);
+            match (is_moved, is_moment) {
+                (true, false) => 0.0,
+                (true, true) | (false, false) => -turned(3),
+                (false, true) => -turned(0),
             }
         };
         Value {
@@ -143,7 +146,7 @@ fn loads(data: &Prepared, robot: &Robot, base: &[BodyMotion], joints: &[Vec<Vec<
         for (body, moving) in std::iter::once(base).chain(&moving).enumerate() {
             let wrench = wrench_regressor(moving);
             for (k, parts) in all[body].iter_mut().enumerate() {
-                parts.iter_mut().enumerate().for_each(|(part, channel)| channel[row] = wrench[((part + 3) % 6, k)]);
+                parts.iter_mut().enumerate().for_each(|(part, channel)| channel[row] = wrench[(part, k)]);
             }
         }
     }

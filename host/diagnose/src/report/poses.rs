@@ -18,7 +18,11 @@ use darm_arm::arm::{Arm, ArmModel, ArmScratch};
 const OUTLIER_LEVEL: f64 = 0.01;
 
 /// What a report shows of the rows.
-pub(crate) fn summary(selected: &SelectedPoses, selection_path: Vec<SelectionStep>) -> Result<Summary, NoPose> {
+pub(crate) fn summary(
+    selected: &SelectedPoses,
+    selection_path: Vec<SelectionStep>,
+    seed: u64,
+) -> Result<Summary, NoPose> {
     let SelectedPoses { arm, problem, best, .. } = *selected;
     let nominal = problem.training.residuals(&arm.model, &mut ArmScratch::default())?;
     let (train, own) = (problem.training.rows.len(), problem.heldout.rows.len());
@@ -37,6 +41,8 @@ pub(crate) fn summary(selected: &SelectedPoses, selection_path: Vec<SelectionSte
         selection_path,
         condition: Some(condition(&best.fit, &problem.training)),
         points: points(selected)?,
+        findings: Vec::new(),
+        seed,
     })
 }
 

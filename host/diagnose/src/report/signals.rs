@@ -14,7 +14,7 @@ const FAR: f64 = 8.0;
 const MAX_ROWS: usize = 4000;
 
 /// What a report shows of the rows; `pooled` has the held-out residuals of other searches.
-pub(crate) fn summary(selected: &SelectedSignals, pooled: Option<&HeldOut>, held_out: String) -> Summary {
+pub(crate) fn summary(selected: &SelectedSignals, pooled: Option<&HeldOut>, seed: u64) -> Summary {
     let (problem, experiment) = (&selected.problem, &selected.problem.experiment);
     let after = experiment.at(&selected.best.fit.values);
     let n_heldout = pooled.map_or(experiment.of_rows(&after, true).len(), |pooled| pooled.after.len());
@@ -22,7 +22,7 @@ pub(crate) fn summary(selected: &SelectedSignals, pooled: Option<&HeldOut>, held
         kind: experiment.kind,
         model: None,
         rows: Rows { train: problem.groups.training.len(), heldout: n_heldout / experiment.axes.len() },
-        held_out,
+        held_out: selected.held_out.clone(),
         left_out: problem.groups.left_out,
         error: BeforeAfter {
             before: errors(experiment, &experiment.residuals, pooled.map(|pooled| &pooled.before[..])),
@@ -33,6 +33,8 @@ pub(crate) fn summary(selected: &SelectedSignals, pooled: Option<&HeldOut>, held
         selection_path: selected.path.clone(),
         condition: None,
         points: points(experiment, &after),
+        findings: selected.findings.clone(),
+        seed,
     }
 }
 

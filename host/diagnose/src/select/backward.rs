@@ -112,11 +112,9 @@ fn step(
     without: &Trial<Signals>,
     kept: bool,
 ) -> SelectionStep {
-    let (law, place) = problem.describe(&effects[0]);
     SelectionStep {
         step: 0,
-        law,
-        place: if effects.len() > 1 { format!("{} places", effects.len()) } else { place },
+        candidate: problem.name_of(effects),
         values: problem.indices(effects).len(),
         cross_validated: best.error,
         without: without.error,

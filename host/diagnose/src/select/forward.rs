@@ -8,9 +8,8 @@
 
 use serde::Serialize;
 
-use super::problem::{Neighbours, RegressionProblem, Trial};
+use super::problem::{CandidateName, Neighbours, RegressionProblem, Trial};
 use super::significance::{DISCOVERY_LEVEL, RIVAL_LEVEL};
-use crate::effect::{Law, as_str};
 
 /// Candidates of each step that are fitted in full.
 const MAX_REFITTED: usize = 8;
@@ -26,12 +25,9 @@ const MIN_GAIN: f64 = 1.0;
 pub struct SelectionStep {
     /// How many effects had been selected before.
     pub step: usize,
-    /// The law that was added; `None` of a model without one.
-    #[serde(serialize_with = "as_str")]
-    pub law: Law,
-    /// Where.
-    #[serde(rename = "where")]
-    pub place: String,
+    /// The law that was added, and where.
+    #[serde(flatten)]
+    pub candidate: CandidateName,
     /// How many values it has that these measurements determine.
     pub values: usize,
     /// Cross-validated error with it, in the unit of the observation's norm.
@@ -116,11 +112,9 @@ fn try_candidates<P: RegressionProblem>(problem: &P, current: &Trial<P>, step: u
     refitted.sort_by(|a, b| a.loss.order(&b.loss));
     let all = refitted.iter().map(|trial| (trial, true)).chain(screened.iter().map(|trial| (trial, false)));
     let selection_step = |(trial, refined): (&Trial<P>, bool)| {
-        let (law, place) = problem.describe(trial.effect.as_ref()?);
         Some(SelectionStep {
             step,
-            law,
-            place,
+            candidate: problem.name(trial.effect.as_ref()?),
             values: problem.n_values(&trial.fit) - problem.n_values(&current.fit),
             cross_validated: trial.error,
             without: current.error,
@@ -135,7 +129,7 @@ fn try_candidates<P: RegressionProblem>(problem: &P, current: &Trial<P>, step: u
 /// Adds the steps of candidates; one that was judged by its linear fit only is left out where its candidate is there.
 fn append(path: &mut Vec<SelectionStep>, steps: Vec<SelectionStep>) {
     for new in steps {
-        let is_same = |old: &SelectionStep| old.step == new.step && old.law == new.law && old.place == new.place;
+        let is_same = |old: &SelectionStep| old.step == new.step && old.candidate == new.candidate;
         if new.refined || !path.iter().any(is_same) {
             path.push(new);
         }
@@ -143,8 +137,8 @@ fn append(path: &mut Vec<SelectionStep>, steps: Vec<SelectionStep>) {
 }
 
 fn mark_kept<P: RegressionProblem>(problem: &P, path: &mut [SelectionStep], kept: &Trial<P>) {
-    let Some((law, place)) = kept.effect.as_ref().map(|effect| problem.describe(effect)) else { return };
-    let is_same = |step: &&mut SelectionStep| step.refined && step.law == law && step.place == place;
+    let Some(name) = kept.effect.as_ref().map(|effect| problem.name(effect)) else { return };
+    let is_same = |step: &&mut SelectionStep| step.refined && step.candidate == name;
     if let Some(step) = path.iter_mut().rev().find(is_same) {
         step.kept = true;
     }

@@ -7,8 +7,10 @@ use std::cmp::Ordering;
 use std::fmt::Debug;
 use std::sync::Arc;
 
+use serde::Serialize;
+
 use super::significance::LossReduction;
-use crate::effect::Law;
+use crate::effect::{Law, Place, as_str};
 
 /// How a selection proceeds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,6 +22,29 @@ pub struct Policy {
     pub laws_overlap: bool,
     /// Whether a selected effect may be exchanged for another when none can be added.
     pub exchanges: bool,
+}
+
+/// Which candidate it is: a law at one place, or at several together.
+#[derive(Clone, Debug, Serialize)]
+pub struct CandidateName {
+    /// The law.
+    #[serde(serialize_with = "as_str")]
+    pub law: Law,
+    /// Where it acts.
+    #[serde(skip)]
+    pub places: Vec<Place>,
+    /// The number that the law has and no fit changes.
+    #[serde(skip)]
+    pub constant: Option<f64>,
+    /// Places and constant as text.
+    #[serde(rename = "where")]
+    pub text: String,
+}
+
+impl PartialEq for CandidateName {
+    fn eq(&self, other: &Self) -> bool {
+        (self.law, &self.places, self.constant) == (other.law, &other.places, other.constant)
+    }
 }
 
 /// Rows, a model and the effects that it may be missing.
@@ -47,7 +72,7 @@ pub trait RegressionProblem: Sized {
     fn n_values(&self, fit: &Self::Fit) -> usize;
 
     /// The law and the place of a candidate.
-    fn describe(&self, effect: &Self::Effect) -> (Law, String);
+    fn name(&self, effect: &Self::Effect) -> CandidateName;
 
     /// The model under the weighting that its own residuals give, fitted again until both agree (IRLS).
     fn reweight_until_converged(&self, model: Trial<Self>) -> Result<Trial<Self>, Self::Error>;

@@ -4,11 +4,10 @@ use std::convert::Infallible;
 use std::sync::Arc;
 
 use super::factored::Factored;
-use super::problem::{Neighbours, Policy, RegressionProblem, Trial};
+use super::problem::{CandidateName, Neighbours, Policy, RegressionProblem, Trial};
 use super::robust_fit::losses;
 use super::signals::{Fit, Signals, Weighted, Weighting, in_noise};
 use super::significance::{LossReduction, paired_t_test};
-use crate::effect::Law;
 
 /// The most effects of one model.
 const MAX_EFFECTS: usize = 60;
@@ -41,6 +40,19 @@ impl Neighbours<Signals> for Around<'_> {
 }
 
 impl Signals {
+    /// The name of one candidate, or of one law at several places.
+    pub(super) fn name_of(&self, candidates: &[usize]) -> CandidateName {
+        let first = &self.experiment.candidates[candidates[0]];
+        let shape = first.shape.as_ref();
+        let text = if candidates.len() > 1 { format!("{} places", candidates.len()) } else { first.site.code.clone() };
+        CandidateName {
+            law: first.law,
+            places: candidates.iter().map(|&k| self.experiment.candidates[k].site.place).collect(),
+            constant: shape.map(|(_, constant, _)| *constant),
+            text: text + &shape.map_or(String::new(), |(name, value, unit)| format!(", {name} {value:.3} {unit}")),
+        }
+    }
+
     /// The model with these candidates, under the weighting that its residuals give.
     pub(crate) fn fitted(&self, active: Vec<usize>) -> Trial<Self> {
         let Ok(fitted) = self.reweight_until_converged(self.start(active));
@@ -68,13 +80,8 @@ impl RegressionProblem for Signals {
         self.indices(&fit.active).len()
     }
 
-    fn describe(&self, effect: &usize) -> (Law, String) {
-        let all = &self.moves[*effect];
-        let candidate = &self.experiment.candidates[all[0]];
-        let shape =
-            candidate.shape.as_ref().map_or(String::new(), |(name, value, unit)| format!(", {name} {value:.3} {unit}"));
-        let place = if all.len() > 1 { format!("{} places", all.len()) } else { candidate.site.code.clone() };
-        (candidate.law, place + &shape)
+    fn name(&self, effect: &usize) -> CandidateName {
+        self.name_of(&self.moves[*effect])
     }
 
     fn reweight_until_converged(&self, model: Trial<Self>) -> Result<Trial<Self>, Infallible> {

@@ -9,10 +9,10 @@ use nalgebra::DVector;
 
 use super::change_point;
 use super::cross_validation::cross_validated;
-use super::problem::{Loss, Neighbours, Policy, RegressionProblem, Trial};
+use super::problem::{CandidateName, Loss, Neighbours, Policy, RegressionProblem, Trial};
 use super::robust_fit::{Fit, fit, losses, moved};
 use super::significance::{CONFIRMATION_LEVEL, LossReduction, clustered_t_test};
-use crate::effect::Law;
+use crate::effect::Place;
 use crate::linearise::arm_candidates;
 use crate::linearise::sensitivity::Sensitivity;
 use crate::measurement::root_mean_square;
@@ -234,8 +234,13 @@ impl RegressionProblem for ToolPoses {
         fit.values.len()
     }
 
-    fn describe(&self, effect: &Effect<f64>) -> (Law, String) {
-        (effect.law().name(), arm_candidates::place_code(effect))
+    fn name(&self, effect: &Effect<f64>) -> CandidateName {
+        CandidateName {
+            law: effect.law().name(),
+            places: vec![Place::of_arm(effect)],
+            constant: None,
+            text: arm_candidates::place_code(effect),
+        }
     }
 
     /// The noise of repeats does not depend on the model.
