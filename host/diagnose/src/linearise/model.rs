@@ -103,11 +103,20 @@ enum Observed {
 
 impl Model {
     /// Reads a model; `None` where the file is an arm of words.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read; its robot file cannot be read; or it has a `kind`, but a key, frame or number of it is
+    /// wrong.
     pub fn read(path: &Path) -> Result<Option<Self>, ModelError> {
         Self::read_locked(path, &Locks::new())
     }
 
     /// The same with some joints of its robot locked, besides those that the file locks.
+    ///
+    /// # Errors
+    ///
+    /// As of [`read`](Self::read); also where the robot of the file has no such joint.
     pub fn read_locked(path: &Path, locks: &Locks) -> Result<Option<Self>, ModelError> {
         if is_robot_file(path) {
             return Ok(Some(What::Any(description::read(path, locks)?).into()));

@@ -46,6 +46,10 @@ struct Posture<'a> {
 
 impl<'a> Sensitivity<'a> {
     /// The postures of `model` under the conditions of all rows.
+    ///
+    /// # Errors
+    ///
+    /// The model has no pose under the conditions of a row.
     pub fn new(model: &'a ArmModel, observations: &'a Observations, scratch: &mut ArmScratch) -> Result<Self, NoPose> {
         let mut residuals = Vec::new();
         let posture = |row| {

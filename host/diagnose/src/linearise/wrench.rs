@@ -157,6 +157,10 @@ fn loads(data: &Prepared, robot: &Robot, base: &[BodyMotion], joints: &[Vec<Vec<
 }
 
 /// How the base moves.
+///
+/// # Errors
+///
+/// One of the columns `px`, `py`, `pz`, `qx`, `qy`, `qz` and `qw` is missing.
 pub fn base(data: &Prepared, gravity: &Vec3<f64>) -> Result<Vec<BodyMotion>, PrepareError> {
     let place = [data.motion("px", true)?, data.motion("py", true)?, data.motion("pz", true)?];
     let mut turn = Vec::new();

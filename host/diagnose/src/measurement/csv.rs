@@ -64,6 +64,10 @@ fn is_last_row_short(text: &[u8]) -> bool {
 }
 
 /// Comment lines (`# key value`) of a file of measurements, or the metadata of a log.
+///
+/// # Errors
+///
+/// The file cannot be read or decompressed, or its name ends in `.mcap` and it is not a sound log.
 pub fn about(path: &Path) -> Result<BTreeMap<String, String>, ReadError> {
     if path.extension().is_some_and(|end| end == "mcap") {
         let bytes = std::fs::read(path).map_err(|error| ReadError::Io { path: path.into(), error })?;
@@ -78,11 +82,19 @@ pub fn about(path: &Path) -> Result<BTreeMap<String, String>, ReadError> {
 
 /// Writes a file of measurements, compressed when its name ends in `.gz`, a log when it ends in `.mcap`; `about` are
 /// comment lines (`# key value`) that are before the table.
+///
+/// # Errors
+///
+/// The file cannot be written.
 pub fn write(path: &Path, about: &str, run: &Run) -> io::Result<()> {
     write_table(path, &(about.to_owned() + &write_text(run)))
 }
 
 /// Writes a table of comma-separated text with its comment lines in the same way.
+///
+/// # Errors
+///
+/// The file cannot be written. For a log also where `text` is not a table: a row is longer or shorter than the header.
 pub fn write_table(path: &Path, text: &str) -> io::Result<()> {
     match path.extension().and_then(|end| end.to_str()) {
         Some("gz") => {

@@ -40,6 +40,10 @@ pub struct HeldOut {
 
 impl HoldOut {
     /// The rows of a table that are held out; of [`Each`](Self::Each) those of the value `each`.
+    ///
+    /// # Errors
+    ///
+    /// The table has no column that is named, or a cell of a column of flags is neither empty nor a number.
     pub fn rows(&self, table: &Table, each: Option<&str>) -> Result<HeldOut, SelectError> {
         let n = table.lines.len();
         let held_out = |rows: Vec<bool>, description: String| HeldOut { rows, description, keys: None };

@@ -56,6 +56,10 @@ pub enum LogError {
 }
 
 /// The table of a log, as comma-separated text.
+///
+/// # Errors
+///
+/// The bytes are not a complete MCAP log, a topic is not encoded as `json`, or a message is not a JSON object.
 pub fn to_text(log: &[u8]) -> Result<Vec<u8>, LogError> {
     table(&Log::read(log)?)
 }
@@ -130,6 +134,10 @@ pub fn cells(object: &Map<String, Value>) -> Vec<(String, String)> {
 }
 
 /// A log of a table: comma-separated text, with comment lines before it.
+///
+/// # Errors
+///
+/// A row is longer or shorter than the header, or the text is not UTF-8.
 pub fn from_text(text: &str) -> Result<Vec<u8>, LogError> {
     let mut table = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
     let header = table.headers()?.clone();

@@ -130,6 +130,11 @@ impl<'a> Bytes<'a> {
 
 impl Log {
     /// The channels and messages of a container.
+    ///
+    /// # Errors
+    ///
+    /// The bytes do not begin as an MCAP log, end early, do not match their checksums, have a chunk that cannot be
+    /// expanded, or have a message of a channel that no record declares.
     pub fn read(bytes: &[u8]) -> Result<Self, McapError> {
         match Self::read_complete_records(bytes)? {
             (log, false) => Ok(log),
@@ -138,6 +143,10 @@ impl Log {
     }
 
     /// The same of a container that may end early, as when its writer was killed; true if it does.
+    ///
+    /// # Errors
+    ///
+    /// As of [`read`](Self::read), but for an early end.
     pub fn read_complete_records(bytes: &[u8]) -> Result<(Self, bool), McapError> {
         let mut log = Self::default();
         let records = bytes.strip_prefix(&MAGIC).ok_or(McapError::Magic)?;

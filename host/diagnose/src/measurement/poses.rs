@@ -36,6 +36,10 @@ pub struct Which {
 /// do not.
 ///
 /// Rows in which the pose is not a number, or a cell that is needed is empty, are left out and reported.
+///
+/// # Errors
+///
+/// The file cannot be read, is not a table or has no rows; or as of [`of_table`].
 pub fn read(path: &Path, names: &Names, which: &Which) -> Result<(Run, Vec<Finding>), ReadError> {
     let (table, mut about_file) = Table::read(path, names)?;
     // That a row repeats the one before is told where poses are checked, with what the arm knows.
@@ -46,6 +50,11 @@ pub fn read(path: &Path, names: &Names, which: &Which) -> Result<(Run, Vec<Findi
 }
 
 /// The same of a table.
+///
+/// # Errors
+///
+/// The column of time, word or pose is missing, a cell cannot be read as what its column holds, or `which` names a
+/// column that the table does not have.
 pub fn of_table(table: &Table, which: &Which) -> Result<(Run, Vec<Finding>), ReadError> {
     let columns = Columns::find(table)?;
     let (mut run, mut findings) = (Run::default(), columns.findings());

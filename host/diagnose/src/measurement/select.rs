@@ -182,6 +182,10 @@ fn comparison(text: &str, character: usize) -> Result<Comparison, SelectError> {
 
 impl Selection {
     /// Whether each row is meant. Numbers are compared as they are in the file.
+    ///
+    /// # Errors
+    ///
+    /// The table has no column of a name that the selection compares.
     pub fn rows(&self, table: &Table) -> Result<Vec<bool>, SelectError> {
         self.condition.rows(table)
     }

@@ -37,6 +37,10 @@ enum Sink {
 
 impl Stream {
     /// Opens a file for writing and leaves what it holds until [`Stream::begin`]; a missing file is made.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be opened or made.
     pub fn open(path: &Path) -> io::Result<Self> {
         let file = OpenOptions::new().write(true).create(true).truncate(false).open(path)?;
         let sink = match path.extension().and_then(|end| end.to_str()) {
@@ -48,12 +52,20 @@ impl Stream {
     }
 
     /// Drops what the file held and writes comment lines (`# key value`).
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be emptied or written.
     pub fn begin(&mut self, about: &str) -> io::Result<()> {
         self.file().set_len(0)?;
         self.note(about)
     }
 
     /// Writes comment lines, between rows or after the last.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be written.
     pub fn note(&mut self, lines: &str) -> io::Result<()> {
         match &mut self.sink {
             Sink::Log { about, rows: None, .. } => about.push_str(lines),
@@ -68,6 +80,10 @@ impl Stream {
     }
 
     /// Writes a row, after the header before the first one. All rows are of one kind of arm: planar or not.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be written.
     pub fn row(&mut self, sample: &Sample, planar: bool) -> io::Result<()> {
         let columns = match self.columns {
             Some(columns) => columns,
@@ -86,12 +102,20 @@ impl Stream {
     }
 
     /// Writes the rows of a run.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be written.
     pub fn rows(&mut self, run: &Run) -> io::Result<()> {
         let planar = run.samples.iter().all(|sample| sample.pose.is_planar());
         run.samples.iter().try_for_each(|sample| self.row(sample, planar))
     }
 
     /// Writes what belongs to the end.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be written.
     pub fn finish(&mut self) -> io::Result<()> {
         match &mut self.sink {
             Sink::Text(file) => file.flush(),

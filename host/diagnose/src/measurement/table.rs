@@ -58,6 +58,10 @@ fn with_plain_ends(text: &[u8]) -> Vec<u8> {
 
 impl Table {
     /// Reads a table; `names` say what columns hold whose own names do not.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read or decompressed; or as of [`read_text`](Self::read_text).
     pub fn read(path: &Path, names: &Names) -> Result<(Self, Vec<Finding>), ReadError> {
         let content = content(path)?;
         let (table, mut findings) = Self::read_text(path, &content.text, names)?;
@@ -72,6 +76,11 @@ impl Table {
     }
 
     /// The same of text that is in memory; `path` only serves messages.
+    ///
+    /// # Errors
+    ///
+    /// A row is longer or shorter than the header, a column that `names` gives a meaning is missing, or there are no
+    /// rows.
     pub fn read_text(path: &Path, text: &[u8], names: &Names) -> Result<(Self, Vec<Finding>), ReadError> {
         let wrong = |error| ReadError::Table { path: path.into(), error };
         let text = with_plain_ends(text);
@@ -128,6 +137,10 @@ impl Table {
     }
 
     /// The same, or what is missing.
+    ///
+    /// # Errors
+    ///
+    /// [`ReadError::NoColumn`]: no column holds this quantity.
     pub fn required(&self, quantity: &str) -> Result<&Column, ReadError> {
         self.quantity(quantity).ok_or_else(|| ReadError::NoColumn {
             path: self.path.clone(),
@@ -137,11 +150,19 @@ impl Table {
     }
 
     /// The column with this name in the file, or which there are.
+    ///
+    /// # Errors
+    ///
+    /// [`SelectError::NoColumn`]: no column has this name.
     pub fn chosen(&self, name: &str) -> Result<&Column, SelectError> {
         self.column(name).ok_or_else(|| SelectError::NoColumn { column: name.into(), present: self.present() })
     }
 
     /// Where a column is not 0; what is empty is 0.
+    ///
+    /// # Errors
+    ///
+    /// No column has this name or holds this quantity, or a cell of it is neither empty nor a number.
     pub fn flags(&self, name: &str) -> Result<Vec<bool>, SelectError> {
         let column = self.column(name).or_else(|| self.quantity(name)).map_or_else(|| self.chosen(name), Ok)?;
         let flag = |(row, number): (usize, &f64)| match &column.words[row][..] {
@@ -155,6 +176,10 @@ impl Table {
     }
 
     /// The different values of a column, in order.
+    ///
+    /// # Errors
+    ///
+    /// [`SelectError::NoColumn`]: no column has this name.
     pub fn values_of(&self, name: &str) -> Result<Vec<String>, SelectError> {
         let mut values = self.chosen(name)?.words.clone();
         values.sort();
@@ -163,6 +188,11 @@ impl Table {
     }
 
     /// The number of each row's value among the different ones of a column.
+    ///
+    /// # Errors
+    ///
+    /// [`SelectError::NoColumn`]: no column has this name.
+    #[expect(clippy::missing_panics_doc, reason = "the values are those of the words")]
     pub fn numbered(&self, name: &str) -> Result<Vec<usize>, SelectError> {
         let (values, words) = (self.values_of(name)?, &self.chosen(name)?.words);
         let number = |word: &String| values.binary_search(word).expect("the values are those of the words");

@@ -45,6 +45,7 @@ pub struct Groups {
 
 impl Groups {
     /// Groups of the rows that are not held out.
+    #[expect(clippy::missing_panics_doc, reason = "a key is searched among the keys themselves")]
     pub fn new(rows: &[Row]) -> Self {
         let training: Vec<usize> = (0..rows.len()).filter(|&row| !rows[row].held_out).collect();
         let mut follows = vec![false; training.len()];

@@ -68,6 +68,7 @@ pub fn axes(arm: &Arm) -> &'static [usize] {
 
 impl Observations {
     /// The samples that count and that `choose` takes; `sigma` is the noise of each component of a twist.
+    #[expect(clippy::missing_panics_doc, reason = "a word is searched among the words of the same samples")]
     pub fn new(arm: &Arm, run: &Run, sigma: [f64; 6], choose: impl Fn(&Sample) -> bool) -> Self {
         let choose = |&(index, s): &(usize, &Sample)| run.counts(index) && choose(s);
         let mut words: Vec<Word> = run.samples.iter().enumerate().filter(choose).map(|(_, s)| s.word).collect();
@@ -131,6 +132,10 @@ impl Observations {
     }
 
     /// The residuals of all rows, one after the other, in units of the noise.
+    ///
+    /// # Errors
+    ///
+    /// The model has no pose under the conditions of a row.
     pub fn residuals(&self, model: &ArmModel, scratch: &mut ArmScratch) -> Result<Vec<f64>, NoPose> {
         let mut all = Vec::with_capacity(self.rows.len() * self.axes.len());
         for row in &self.rows {

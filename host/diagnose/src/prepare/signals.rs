@@ -77,6 +77,11 @@ struct AllRows {
 
 impl Prepared {
     /// Makes a table ready; with `each` the rows of that value of the column are held out.
+    ///
+    /// # Errors
+    ///
+    /// A column that `how` names is missing, or holds what is not a flag; no row is left; time does not increase; or
+    /// the rows are too rare for the low-pass.
     pub fn new(mut table: Table, how: &Preparation, each: Option<&str>) -> Result<Self, PrepareError> {
         let mut findings = Vec::new();
         if let Some(keep) = &how.keep {
@@ -173,6 +178,10 @@ impl Prepared {
     }
 
     /// The channel of a quantity.
+    ///
+    /// # Errors
+    ///
+    /// [`ReadError::NoColumn`]: no column holds this quantity.
     pub fn channel(&self, quantity: &str) -> Result<Vec<f64>, ReadError> {
         Ok(self.thin(&self.full(&self.required(quantity)?, false)))
     }
@@ -188,6 +197,10 @@ impl Prepared {
     }
 
     /// Position, velocity and acceleration from one channel; `posture`: it is interpolated between fresh rows, and an angle.
+    ///
+    /// # Errors
+    ///
+    /// [`ReadError::NoColumn`]: no column holds this quantity.
     pub fn motion(&self, quantity: &str, posture: bool) -> Result<[Vec<f64>; 3], ReadError> {
         let position = self.full(&self.required(quantity)?, posture);
         Ok(self.rates(position))
@@ -228,6 +241,10 @@ impl Prepared {
     }
 
     /// The words of a column at the kept rows.
+    ///
+    /// # Errors
+    ///
+    /// [`SelectError::NoColumn`](crate::measurement::SelectError::NoColumn): no column has this name.
     pub fn words(&self, name: &str) -> Result<Vec<&str>, PrepareError> {
         let column = self.all.table.chosen(name)?;
         Ok(self.kept.iter().map(|&row| column.words[row].as_str()).collect())

@@ -60,6 +60,10 @@ struct Tried<P: RegressionProblem> {
 }
 
 /// Selects effects beside those of `start`; `path` has what was tried before, which counts among the effects tried.
+///
+/// # Errors
+///
+/// What the fits of `problem` fail with: a model that cannot predict its rows.
 pub fn forward_selection<P: RegressionProblem>(
     problem: &P,
     start: Trial<P>,
@@ -204,6 +208,10 @@ fn without_superfluous<P: RegressionProblem>(
 
 /// What else explains the rows as well as one effect of the best model does, with the confidence that it is worse; `known`
 /// are the candidates in its place where these have been fitted already.
+///
+/// # Errors
+///
+/// What the fits of `problem` fail with: a model that cannot predict its rows.
 pub fn rivals<P: RegressionProblem>(
     problem: &P,
     best: &Trial<P>,

@@ -75,12 +75,20 @@ pub trait RegressionProblem: Sized {
     fn name(&self, effect: &Self::Effect) -> CandidateName;
 
     /// The model under the weighting that its own residuals give, fitted again until both agree (IRLS).
+    ///
+    /// # Errors
+    ///
+    /// The model cannot predict a row.
     fn reweight_until_converged(&self, model: Trial<Self>) -> Result<Trial<Self>, Self::Error>;
 
     /// The model, ready for its neighbours.
     fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Self::Neighbours<'a>;
 
     /// A trial fitted in full.
+    ///
+    /// # Errors
+    ///
+    /// The model cannot predict a row.
     fn refitted(&self, trial: &Trial<Self>) -> Result<Trial<Self>, Self::Error>;
 
     /// By how much one model predicts rows that its fit has not seen better than another does.
@@ -90,9 +98,17 @@ pub trait RegressionProblem: Sized {
 /// The models around one model.
 pub trait Neighbours<P: RegressionProblem> {
     /// The models with one more effect each, fitted linearly.
+    ///
+    /// # Errors
+    ///
+    /// A model cannot predict a row.
     fn with_one_more(&self) -> Result<Vec<Trial<P>>, P::Error>;
 
     /// The model without one of its effects, fitted.
+    ///
+    /// # Errors
+    ///
+    /// The model cannot predict a row.
     fn with_one_less(&self, effect: usize) -> Result<Trial<P>, P::Error>;
 }
 
@@ -165,6 +181,10 @@ impl<W> Loss<W> {
     }
 
     /// By how much this loss is lower than another under the same weighting.
+    ///
+    /// # Panics
+    ///
+    /// The two losses are under different weightings.
     pub fn below(&self, other: &Self) -> f64 {
         assert!(Arc::ptr_eq(&self.weighting, &other.weighting), "losses under different weightings are compared");
         other.value - self.value

@@ -141,6 +141,10 @@ pub fn moved(columns: &[Vec<f64>], residuals: &[f64], step: &DVector<f64>) -> Ve
 /// The values of `model`'s effects that fit `observations` best, from where they stand.
 ///
 /// Values that change nothing in these observations keep what they have, and are not among the fit's.
+///
+/// # Errors
+///
+/// The model has no pose for a row, as it is or after a step.
 pub fn fit(
     model: &ArmModel,
     observations: &Observations,

@@ -56,6 +56,10 @@ impl ToolPoses {
     }
 
     /// A model with all its values fitted in full.
+    ///
+    /// # Errors
+    ///
+    /// The model has no pose for a training row.
     pub fn fitted(&self, model: &ArmModel) -> Result<Trial<Self>, NoPose> {
         let fit = fit(model, &self.training, &values(model), &mut ArmScratch::default())?;
         let last = fit.model.effects.last().copied();
@@ -128,6 +132,10 @@ impl ToolPoses {
     }
 
     /// Error on rows that no fit saw, held out for good or in turn, as a distance d, root mean square, m.
+    ///
+    /// # Errors
+    ///
+    /// The model has no pose for a row that is held out.
     pub fn held_out_m(&self, trial: &Trial<Self>) -> Result<f64, NoPose> {
         self.held_out_m_of(&trial.fit.model, &trial.predicted)
     }

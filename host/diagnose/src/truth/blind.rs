@@ -59,7 +59,10 @@ impl Blind {
 
     /// A true arm with effects of these kinds, places and sizes drawn by the seed, in one run of `steps`.
     ///
-    /// Fails where the arm can have no such effect, or not one that is large enough.
+    /// # Errors
+    ///
+    /// [`TruthError::NoPose`]: the arm has no pose for a word. [`TruthError::TooWeak`]: the arm can have no such effect, or no
+    /// draw gives one that is large enough.
     pub fn draw(arm: &Arm, steps: &[Step], kinds: &[Kind], seed: u64) -> Result<Self, TruthError> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xb11d_0000);
         let mut last = TruthError::TooWeak { kind: Kind::Nothing };

@@ -22,6 +22,10 @@ const STEP_S: f64 = 0.3;
 
 impl Truth {
     /// What camera, supply sensor and thermometer tell.
+    ///
+    /// # Errors
+    ///
+    /// The true arm has no pose in this state.
     pub fn observe(&self, state: &TrueState, rng: &mut impl Rng) -> Result<Observed, ChainError> {
         let pose = self.pose(state)?;
         let (supply, temperature_k) = self.surroundings.sensed(state.time_s, &state.word, rng);
@@ -43,6 +47,10 @@ impl Truth {
     }
 
     /// The measurement of a measurement plan that begins at `start_s`, with a camera seeded by `seed`.
+    ///
+    /// # Errors
+    ///
+    /// The true arm has no pose for a step.
     pub fn measure(&self, steps: &[Step], start_s: f64, seed: u64) -> Result<Run, ChainError> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xca3e_7a00);
         let mut run = Run::default();

@@ -146,6 +146,11 @@ pub enum TruthError {
 
 impl Truth {
     /// A true arm of `arm`'s geometry with an effect drawn by `seed`: of this `kind`, or of any.
+    ///
+    /// # Errors
+    ///
+    /// [`TruthError::NoPose`]: the arm has no pose for a desired word. [`TruthError::TooWeak`]: no place and size of
+    /// this kind give an effect that is large enough at the desired frames.
     pub fn draw(arm: &Arm, desired: &[DesiredFrame], seed: u64, kind: Option<Kind>) -> Result<Self, TruthError> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x7a11_ed00);
         let kind = kind.unwrap_or_else(|| Kind::EFFECTS[rng.random_range(0..Kind::EFFECTS.len())]);
@@ -204,6 +209,10 @@ impl Truth {
     }
 
     /// Pose of the tool in the base.
+    ///
+    /// # Errors
+    ///
+    /// The word or the servo positions do not fit the arm, or a platform cannot be assembled with such legs.
     pub fn pose(&self, state: &TrueState) -> Result<Pose<f64>, ChainError> {
         let surroundings = self.surroundings.at(state.time_s, &state.word);
         true_pose::pose(&self.mechanisms, &self.body, state, surroundings, &mut ArmScratch::default())
