@@ -20,6 +20,10 @@ impl UploadImage {
     }
 
     /// The image of records of a kind.
+    ///
+    /// # Panics
+    ///
+    /// A record cannot be serialised by postcard: it has a sequence of unknown length, say.
     pub fn of(kind: ImageKind, model: ModelHash, records: &[impl Serialize]) -> Self {
         let append = |bytes, record| postcard::to_extend(record, bytes).expect("memory takes any record");
         let bytes = records.iter().fold(Vec::new(), append);

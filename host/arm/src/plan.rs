@@ -135,12 +135,21 @@ impl std::error::Error for PlanError {}
 
 /// Plans the rows that take `arm` through `visits`, for this board; drives and limits are those of its profile. `modules` are
 /// records of modules and frames ([`crate::reach::board`]) that the table brings along, or none.
+///
+/// # Errors
+///
+/// There is no visit; the word, servo positions or dwell of a visit do not fit the arm; the arm does not fit the
+/// profile; there are more rows than the board holds; or the board would refuse a row or the table.
 pub fn plan(arm: &Arm, visits: &[Visit], board: &Board<'_>, modules: &[Record]) -> Result<Plan, PlanError> {
     let wiring = wiring(arm, board.profile).map_err(PlanError::Wiring)?;
     planned(arm, visits, &Program { board, modules, wiring: &wiring, rests: None })
 }
 
 /// The same with rests before the visits where the limits of an output demand them: every coil is off there.
+///
+/// # Errors
+///
+/// As of [`plan`]; of the limits of an output only those that no rest keeps.
 pub fn plan_with_rests(arm: &Arm, visits: &[Visit], board: &Board<'_>, modules: &[Record]) -> Result<Plan, PlanError> {
     let wiring = wiring(arm, board.profile).map_err(PlanError::Wiring)?;
     let rests = Rests::new(start(arm, board, &wiring), board, &wiring);

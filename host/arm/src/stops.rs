@@ -128,6 +128,10 @@ impl fmt::Display for Setting {
 }
 
 /// What is to be set on the arm `from` to make it the arm `to`, along the chain.
+///
+/// # Errors
+///
+/// [`StopsError::OtherArm`]: the arms differ in more than stops and anchors.
 pub fn differences(from: &Arm, to: &Arm) -> Result<Vec<Setting>, StopsError> {
     let (old, new) = (&from.model.chain, &to.model.chain);
     let mut settings = Vec::new();
@@ -148,6 +152,10 @@ pub fn differences(from: &Arm, to: &Arm) -> Result<Vec<Setting>, StopsError> {
 
 /// The arm after a person has made these settings: each part moved by its change, and by a normal error of standard
 /// deviation `error_m` (rad of a revolute joint: over the arm's length scale).
+///
+/// # Errors
+///
+/// [`StopsError::NoSuchPart`]: the arm has no such stop or anchor.
 pub fn apply(arm: &Arm, settings: &[Setting], error_m: f64, seed: u64) -> Result<Arm, StopsError> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut set = arm.clone();

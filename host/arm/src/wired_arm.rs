@@ -35,6 +35,10 @@ pub enum WiredArmError {
 
 impl WiredArm {
     /// Reads an arm and its [profile](profile_of()). Where they do not fit, the error names line and column of the arm file.
+    ///
+    /// # Errors
+    ///
+    /// The arm file or the profile cannot be read or is refused, or the arm does not fit the profile.
     pub fn read(path: &Path, profile: Option<&Path>) -> Result<Self, WiredArmError> {
         let file = ArmFile::read(path)?;
         let profile = profile_of(&file.arm, profile)?;
@@ -43,6 +47,10 @@ impl WiredArm {
     }
 
     /// The same of an arm that was read or made before, under the profile that it names.
+    ///
+    /// # Errors
+    ///
+    /// The profile cannot be read or is refused, or the arm does not fit it.
     pub fn new(arm: Arm) -> Result<Self, WiredArmError> {
         let profile = profile_of(&arm, None)?;
         let wiring = wiring(&arm, &profile.profile)?;
@@ -51,6 +59,10 @@ impl WiredArm {
 }
 
 /// The profile in the file that is `given`; else the one that the arm names; else the one that is built into boards.
+///
+/// # Errors
+///
+/// The file cannot be read, or is not a profile that the board could run safely. The built-in profile does not fail.
 pub fn profile_of(arm: &Arm, given: Option<&Path>) -> Result<BoardProfile, FileError<ProfileFault>> {
     match given.or(arm.profile.as_deref()) {
         Some(path) => BoardProfile::read(path),

@@ -155,21 +155,38 @@ pub struct Task {
 }
 
 /// Reads desired frames of an arm.
+///
+/// # Errors
+///
+/// As of [`read_task`].
 pub fn read(path: &Path, arm: &Arm) -> Result<Vec<DesiredFrame>, FramesError> {
     Ok(read_task(path, arm)?.frames)
 }
 
 /// Reads desired frames of an arm, and the bounds that stand beside them.
+///
+/// # Errors
+///
+/// The file cannot be read or is not TOML of this format, a key is missing or unknown, or as of [`check`]. The error
+/// names line and column.
 pub fn read_task(path: &Path, arm: &Arm) -> Result<Task, FramesError> {
     task(&Source::read(path)?, arm, Words::Given)
 }
 
 /// The same where words are still to be chosen: those in the file do not matter, the frames have that of rest.
+///
+/// # Errors
+///
+/// As of [`read_task`], but for missing and repeated words.
 pub fn read_task_without_words(path: &Path, arm: &Arm) -> Result<Task, FramesError> {
     task(&Source::read(path)?, arm, Words::Open)
 }
 
 /// The desired frames that `text` describes; `path` only serves messages.
+///
+/// # Errors
+///
+/// As of [`read_task`], but for a file that cannot be read.
 pub fn parse(path: &Path, text: &str, arm: &Arm) -> Result<Vec<DesiredFrame>, FramesError> {
     Ok(task(&Source::of_text(path, text), arm, Words::Given)?.frames)
 }
@@ -198,6 +215,11 @@ fn weight_lines(weights: &Weights) -> String {
 }
 
 /// Refuses frames that do not fit the arm, with the index of the frame.
+///
+/// # Errors
+///
+/// There is no frame; a word does not fit the arm or serves two frames; a frame has not one position for each servo
+/// joint; or the arm is planar and a frame is not.
 pub fn check(frames: &[DesiredFrame], arm: &Arm) -> Result<(), (usize, FrameFault)> {
     check_all(frames, arm, Words::Given)
 }
@@ -223,6 +245,10 @@ fn check_all(frames: &[DesiredFrame], arm: &Arm, words: Words) -> Result<(), (us
 }
 
 /// Refuses a word that the arm cannot take.
+///
+/// # Errors
+///
+/// The word has not one digit for each actuator, or a digit asks for a state that its actuator does not have.
 pub fn check_word(word: &Word, arm: &Arm) -> Result<(), FrameFault> {
     let actuators = arm.n_actuators();
     if word.len() != actuators {

@@ -145,17 +145,30 @@ pub struct Labels {
 
 impl Arm {
     /// Reads an arm file.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read; or as of [`parse`](Self::parse).
     pub fn read(path: &Path) -> Result<Self, ArmError> {
         Ok(ArmFile::read(path)?.arm)
     }
 
     /// The arm that `text` describes; `path` only serves messages.
+    ///
+    /// # Errors
+    ///
+    /// The text is not TOML of this format, a key is missing or unknown, or a value describes no arm. The error names
+    /// line and column.
     pub fn parse(path: &Path, text: &str) -> Result<Self, ArmError> {
         Ok(build::arm(&Source::of_text(path, text))?.0)
     }
 
     /// Writes an arm file. It names the same profile, by the path from its own folder. An arm that could not be read again
     /// is not written.
+    ///
+    /// # Errors
+    ///
+    /// The arm could not be read again, or the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), ArmError> {
         let profile = self.profile.as_ref().map(|profile| path_between(path, profile));
         let text = write::toml(self, profile.as_deref());
@@ -207,6 +220,7 @@ impl Arm {
     }
 
     /// The word at rest: every actuator contracted, no coil fed.
+    #[expect(clippy::missing_panics_doc, reason = "an arm has at most as many actuators as a word has digits")]
     pub fn rest(&self) -> Word {
         Word::zeros(self.n_actuators() as u8).expect("an arm has at most as many actuators as a word has digits")
     }

@@ -57,6 +57,10 @@ impl Arm {
     /// The most that a prediction in `f32` can be away from [`Model::predict`] in `f64`, m; see the [module](self).
     ///
     /// [`Model::predict`]: darm_core::model::Model::predict
+    ///
+    /// # Errors
+    ///
+    /// The model has no pose under `condition`.
     pub fn single_precision_bound_m(&self, condition: &Condition<f64>) -> Result<f64, ChainError> {
         let (model, scale_m) = (&self.model, self.length_scale_m);
         let mut scratch = ArmScratch::default();

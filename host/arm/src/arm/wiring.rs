@@ -100,7 +100,10 @@ impl std::error::Error for WiringFault {}
 
 /// What a table carries of `arm` on a board with this profile: drives and limits are those of the profile.
 ///
-/// Fails where the arm names an output, limit switch or servo that the profile does not have, or none.
+/// # Errors
+///
+/// The arm names an output, limit switch or servo that the profile does not have, or none; or the board could not run
+/// the wiring safely.
 pub fn wiring(arm: &Arm, profile: &Profile) -> Result<Wiring, WiringFault> {
     let mut wiring = Wiring { switch_limit: profile.supply, ..Wiring::default() };
     for (actuator, connection) in arm.connections.iter().enumerate() {

@@ -109,11 +109,20 @@ impl BoardProfile {
     }
 
     /// Reads and checks a file.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read; or as of [`parse`](Self::parse).
     pub fn read(path: &Path) -> Result<Self, FileError<ProfileFault>> {
         Self::of_source(&Source::read(path)?)
     }
 
     /// The profile that `text` describes; `path` only serves messages.
+    ///
+    /// # Errors
+    ///
+    /// The text is not TOML of this format, a key is missing or unknown, or the board could not run the profile safely.
+    /// The error names line and column.
     pub fn parse(path: &Path, text: &str) -> Result<Self, FileError<ProfileFault>> {
         Self::of_source(&Source::of_text(path, text))
     }

@@ -62,6 +62,10 @@ pub struct Scene {
 
 impl Scene {
     /// A robot at the positions `q` (rad or m): joints with their axes, links between them, and the frame `tool`.
+    ///
+    /// # Errors
+    ///
+    /// The joints of the robot make no tree, or are more than are computed.
     pub fn of_robot(robot: &Robot, tool: &RobotFrame, q: &[f64]) -> Result<Self, TreeError> {
         let at =
             |joint: Option<usize>| RobotFrame { name: String::new(), joint, pose: Pose::identity(), is_end: false };
@@ -129,6 +133,10 @@ impl Scene {
     }
 
     /// An arm as its model predicts it for the word of a desired frame, with the axes of that frame.
+    ///
+    /// # Errors
+    ///
+    /// The model has no pose for the frame's word and servo positions.
     pub fn of_frame(arm: &Arm, frame: &DesiredFrame) -> Result<Self, ChainError> {
         let mut scratch = ArmScratch::default();
         arm.model.predict(&arm.model.working(frame.word, frame.previous, &frame.servos_rad), &mut scratch)?;

@@ -61,6 +61,11 @@ pub enum MigrateFault {
 pub type MigrateError = FileError<MigrateFault>;
 
 /// Reads the arm file of format 1 at `old`. The new arm file at `new` will name the profile at `profile`.
+///
+/// # Errors
+///
+/// The file cannot be read, has another format than 1, or does not describe an arm; its limits make no profile that the
+/// board could run safely; or what it becomes is not an arm.
 pub fn read(old: &Path, new: &Path, profile: &Path) -> Result<Migrated, MigrateError> {
     let source = Source::read(old)?;
     let head: RawHead = source.parse()?;

@@ -74,6 +74,10 @@ struct Choice {
 }
 
 /// The nearest words, as far as they are found while `go_on` says so; it is asked every few milliseconds.
+///
+/// # Errors
+///
+/// [`ReachError::NoSetting`]: a stage cannot be assembled in any of the settings that `options` allow.
 pub fn nearest(
     arm: &Arm,
     query: &Query<'_>,

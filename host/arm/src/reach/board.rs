@@ -33,7 +33,10 @@ const WORDS: usize = 16;
 
 /// The modules of `arm` and their frames, effects and all.
 ///
-/// Fails where a stage cannot be assembled, and for an arm with servo joints: its frames depend on their angles.
+/// # Errors
+///
+/// [`ReachError::NoSetting`]: a stage cannot be assembled in any setting. [`ReachError::Servos`]: the arm has servo
+/// joints, and its frames depend on their angles.
 pub fn records(arm: &Arm) -> Result<Vec<Record>, ReachError> {
     if arm.n_servos() > 0 {
         return Err(ReachError::Servos);

@@ -21,7 +21,10 @@ const ROUNDS: usize = 8;
 /// The `count` words that bring the tool nearest to `target` by the model of `arm`, coming from the word `previous`, of
 /// those that the `index` of its geometry names; nearest first.
 ///
-/// Fails for an arm with servo joints, and where the model has no pose for any of the words.
+/// # Errors
+///
+/// [`ReachError::Servos`]: the arm has servo joints. [`ReachError::NoPose`]: the model has no pose for any of the
+/// words, or its geometry none for the nearest.
 pub fn nearest(
     arm: &Arm,
     index: &Index,

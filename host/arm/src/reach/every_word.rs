@@ -16,6 +16,11 @@ pub const MAX_WORDS: u64 = 1 << 20;
 const SERVO_STARTS: usize = 9;
 
 /// The `count` words that bring the tool nearest to `target`, coming from the word `previous`; nearest first.
+///
+/// # Errors
+///
+/// [`ReachError::TooManyWords`]: the arm has too many words to look at each. [`ReachError::NoPose`]: the model has no
+/// pose for any of them.
 pub fn best_words(arm: &Arm, target: &Pose<f64>, previous: &Word, count: usize) -> Result<Vec<Candidate>, ReachError> {
     let digits = arm.n_actuators();
     let words = (0..digits).try_fold(1u64, |words, k| words.checked_mul(arm.model.chain.n_states(k) as u64));

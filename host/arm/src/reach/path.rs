@@ -59,6 +59,11 @@ pub enum PathError {
 type State = (u64, u8);
 
 /// From `from` to `to`: the rests, both words included.
+///
+/// # Errors
+///
+/// [`PathError::NoPose`]: one of the two words gives the arm no pose. [`PathError::Narrow`]: no order of switching
+/// keeps within the tube of `limits`. [`PathError::Unknown`]: too many orders were tried to say so.
 pub fn path(arm: &Arm, from: &Word, to: &Word, limits: &Limits) -> Result<Vec<Rest>, PathError> {
     let differing: Vec<usize> = (0..from.len()).filter(|&k| from.digit(k) != to.digit(k)).collect();
     let mut line = Line::new(arm, from, to, limits, &differing)?;

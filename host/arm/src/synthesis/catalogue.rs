@@ -94,6 +94,11 @@ pub enum CatalogueError {
 }
 
 /// Reads a list of parts.
+///
+/// # Errors
+///
+/// The file cannot be read, is not a table of parts, or has a part with a length or force that is not above 0 or a
+/// price that is not a number.
 pub fn read_catalogue(path: &Path) -> Result<Vec<Part>, CatalogueError> {
     let list = |reason| CatalogueError::List { path: path.display().to_string(), reason };
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(list)?;
@@ -111,6 +116,10 @@ pub fn read_catalogue(path: &Path) -> Result<Vec<Part>, CatalogueError> {
 
 /// Synthesis with legs of the list: the geometry, and the part of every leg. Where the frames cannot be met with such
 /// parts, the nearest geometry.
+///
+/// # Errors
+///
+/// No part of the list bears what a leg bears, or as of [`synthesize`].
 pub fn buy(
     base_line: &Arm,
     desired: &[DesiredFrame],

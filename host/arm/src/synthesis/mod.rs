@@ -258,6 +258,10 @@ impl fmt::Display for SynthesisError {
 impl std::error::Error for SynthesisError {}
 
 /// Looks for the geometry with which `base_line` reaches `desired`.
+///
+/// # Errors
+///
+/// A desired frame does not fit the arm, or `base_line` has no pose for the word of one.
 pub fn synthesize(base_line: &Arm, desired: &[DesiredFrame], options: &Options) -> Result<Synthesis, SynthesisError> {
     let started = Instant::now();
     frames::check(desired, base_line).map_err(|(index, fault)| SynthesisError::Frame {

@@ -40,6 +40,10 @@ pub struct Cost {
 
 /// Looks for stops of `arm` with which its frames are met although one actuator is dead: with the same words but for the
 /// dead digit, where those stay distinct, or with other words where that alters the stops less.
+///
+/// # Errors
+///
+/// As of [`choose_words`]; with the words of `desired` nothing was found either.
 pub fn repair(
     arm: &Arm,
     desired: &[DesiredFrame],

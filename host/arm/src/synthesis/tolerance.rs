@@ -97,6 +97,10 @@ pub fn expected(arm: &Arm, frames: &[DesiredFrame], tolerance: &Tolerance, seed:
 
 /// Alters the stops that `found` leaves free, until its frames are as little sensitive to errors of manufacturing as is
 /// worth the alteration.
+///
+/// # Errors
+///
+/// `base_line` or `found` has no pose for the word of a frame.
 pub fn minimize_sensitivity(
     base_line: &Arm,
     found: &Synthesis,

@@ -45,6 +45,11 @@ struct Candidate {
 
 /// Looks for distinct words, one for each desired frame, and the geometry with which they reach the frames. The words in
 /// `desired` do not matter; only words that `allowed` takes are chosen.
+///
+/// # Errors
+///
+/// [`SynthesisError::NoWords`]: there are fewer allowed words near the frames than frames, or no choice of them has a
+/// synthesis. [`SynthesisError::NoPose`]: `base_line` has no pose for such a word at a frame.
 pub fn choose_words(
     base_line: &Arm,
     desired: &[DesiredFrame],

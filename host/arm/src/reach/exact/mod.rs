@@ -95,6 +95,11 @@ pub(super) struct Tails {
 
 impl Index {
     /// Forms the frames of the head and of the tail of `arm`, and sorts those of the tail.
+    ///
+    /// # Errors
+    ///
+    /// [`ReachError::NoSetting`]: a stage cannot be assembled in any of the settings that `options` allow.
+    /// [`ReachError::TooManyWords`]: the head has too many frames to form.
     pub fn new(arm: &Arm, options: &Options) -> Result<Self, ReachError> {
         let stages = stages(arm, options)?;
         let rest = arm.rest();
@@ -173,6 +178,10 @@ pub(super) fn stages(arm: &Arm, options: &Options) -> Result<Vec<Frames>, ReachE
 }
 
 /// How many words a search chooses from: those that `options` allow and no pattern of `forbidden` names.
+///
+/// # Errors
+///
+/// [`ReachError::NoSetting`]: a stage cannot be assembled in any of the settings that `options` allow.
 pub fn words_to_choose_from(arm: &Arm, options: &Options, forbidden: &[Pattern]) -> Result<f64, ReachError> {
     let stages = stages(arm, options)?;
     let patterns: Vec<_> = forbidden.iter().filter(|pattern| pattern.digits() == arm.n_actuators()).collect();

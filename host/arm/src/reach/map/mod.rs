@@ -102,7 +102,10 @@ pub struct Spot {
 impl Map {
     /// The density of the frames of `arm` with its servos at `servos_rad`; `done` hears the share of the stages behind.
     ///
-    /// Fails where the arm has no pose, or where cells are so small that the arm is some thousand of them long.
+    /// # Errors
+    ///
+    /// [`ReachError::NoSetting`]: a stage cannot be assembled in any setting. [`ReachError::TooFine`]: the cells are so
+    /// small that the arm is some thousand of them long.
     pub fn new(
         arm: &Arm,
         servos_rad: &[f64],
@@ -113,6 +116,10 @@ impl Map {
     }
 
     /// The same; where the joint density is not too large `see` is shown each layer of it, in any order.
+    ///
+    /// # Errors
+    ///
+    /// As of [`new`](Self::new).
     pub fn with_layers(
         arm: &Arm,
         servos_rad: &[f64],
