@@ -21,6 +21,11 @@ pub enum DescriptionError {
 }
 
 /// Reads a robot from a URDF or MJCF file, with some of its joints locked.
+///
+/// # Errors
+///
+/// The file cannot be read, is neither URDF nor MJCF, describes no robot that is computed, or has no joint of a name in
+/// `locks`. The error names line and column.
 pub fn read(path: &Path, locks: &Locks) -> Result<Robot, DescriptionError> {
     let source = Source::read_lossy::<urdf::UrdfFault>(path)?;
     match Document::parse(&source) {
@@ -30,6 +35,10 @@ pub fn read(path: &Path, locks: &Locks) -> Result<Robot, DescriptionError> {
 }
 
 /// Reads the shapes that collide from a URDF or MJCF file, by the names of the links that they are on.
+///
+/// # Errors
+///
+/// The file, or a file of a mesh, cannot be read; or a shape has no size above 0 or is of a kind that is not read.
 pub fn read_shapes(path: &Path) -> Result<Vec<LinkShape>, DescriptionError> {
     let source = Source::read_lossy::<urdf::UrdfFault>(path)?;
     match Document::parse(&source) {

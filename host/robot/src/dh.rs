@@ -119,11 +119,20 @@ pub fn is_table(text: &str) -> bool {
 }
 
 /// Reads a table.
+///
+/// # Errors
+///
+/// The file cannot be read; or as [`parse`].
 pub fn read(path: &Path) -> Result<Robot, TableError> {
     robot(&Source::read(path)?)
 }
 
 /// The arm that `text` describes; `path` only serves messages.
+///
+/// # Errors
+///
+/// The text is not TOML of this format, has no row, or a row has limits, a mass or moments of inertia that cannot be.
+/// The error names line and column.
 pub fn parse(path: &Path, text: &str) -> Result<Robot, TableError> {
     robot(&Source::of_text(path, text))
 }

@@ -47,6 +47,10 @@ pub enum Fault<F> {
 
 impl Source {
     /// Reads the file.
+    ///
+    /// # Errors
+    ///
+    /// [`Fault::Io`]: the file cannot be read, or is not UTF-8.
     pub fn read<F>(path: &Path) -> Result<Self, FileError<F>> {
         match std::fs::read_to_string(path) {
             Ok(text) => Ok(Self { path: path.into(), text }),
@@ -55,6 +59,10 @@ impl Source {
     }
 
     /// Reads the file; bytes that are not UTF-8 become replacement characters, which a name or comment survives.
+    ///
+    /// # Errors
+    ///
+    /// [`Fault::Io`]: the file cannot be read.
     pub fn read_lossy<F>(path: &Path) -> Result<Self, FileError<F>> {
         match std::fs::read(path) {
             Ok(bytes) => Ok(Self::of_text(path, &String::from_utf8_lossy(&bytes))),
@@ -68,6 +76,10 @@ impl Source {
     }
 
     /// The file as a value of TOML.
+    ///
+    /// # Errors
+    ///
+    /// [`Fault::Syntax`]: the file is not TOML, or not of the keys and types of `T`.
     pub fn parse<T: DeserializeOwned, F>(&self) -> Result<T, FileError<F>> {
         toml::from_str(&self.text).map_err(|error| {
             let message = error.message().trim_end().replace('\n', ", ");

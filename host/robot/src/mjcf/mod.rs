@@ -47,16 +47,30 @@ pub use fault::MjcfFault;
 pub type MjcfError = FileError<MjcfFault>;
 
 /// Reads a robot from an MJCF file and what it includes, with some of its joints locked.
+///
+/// # Errors
+///
+/// The file cannot be read; or as [`parse`].
 pub fn read(path: &Path, locks: &Locks) -> Result<Robot, MjcfError> {
     robot(Source::read_lossy(path)?, locks)
 }
 
 /// The robot that `text` describes; `path` serves messages, and its folder what the text includes.
+///
+/// # Errors
+///
+/// The text is not MJCF; a file that it includes cannot be read; it has something that changes motion or mass and is
+/// not computed, or a name or number that cannot be; or `locks` names a joint that it does not have. The error names
+/// file, line and column.
 pub fn parse(path: &Path, text: &str, locks: &Locks) -> Result<Robot, MjcfError> {
     robot(Source::of_text(path, text), locks)
 }
 
 /// The shapes that collide in the model that `text` describes; `path` as in [`parse`].
+///
+/// # Errors
+///
+/// The text is not MJCF, a file that it includes or a mesh cannot be read, or a shape has a size that cannot be.
 pub fn parse_shapes(path: &Path, text: &str) -> Result<Vec<LinkShape>, MjcfError> {
     let files = files::Files::read(Source::of_text(path, text))?;
     collision::shapes(&files).map_err(|wrong| files.error(wrong))

@@ -63,6 +63,10 @@ pub struct BaseParameters {
 impl Robot {
     /// The base parameters, found over random states of the seed within the limits; of a floating base, the load on it
     /// is measured too and its own parameters count.
+    ///
+    /// # Errors
+    ///
+    /// As [`link_tree`](Self::link_tree).
     pub fn base_parameters(&self, seed: u64) -> Result<BaseParameters, TreeError> {
         let tree = self.link_tree()?;
         let bodies =
@@ -161,6 +165,10 @@ impl Posture {
 /// The first columns that are independent, and how the others depend on them.
 ///
 /// The QR decomposition has no pivots: a pivot would choose which parameter of a group leads it, and that is the first.
+///
+/// # Panics
+///
+/// `columns` has fewer columns than there are `parameters`.
 pub fn grouped(parameters: &[Inertial], columns: &DMatrix<f64>) -> BaseParameters {
     let lengths: Vec<f64> = columns.column_iter().map(|column| column.norm()).collect();
     let largest = lengths.iter().copied().fold(0.0, f64::max);

@@ -11,6 +11,10 @@ const MAX_JOINTS: usize = BASE as usize;
 
 impl Robot {
     /// A module of Rust with the constants `TREE`, `TOOL` and `LIMITS` of this robot in `f32`, as `rustfmt` has it.
+    ///
+    /// # Errors
+    ///
+    /// The robot has more joints than links can be numbered; or as [`link_tree`](Self::link_tree).
     pub fn constant(&self, tool: &RobotFrame) -> Result<String, TreeError> {
         let (n, tree) = (self.joints.len(), self.tree::<MAX_JOINTS>()?);
         let at = tool.in_tree(&tree);

@@ -122,6 +122,10 @@ impl Robot {
     }
 
     /// The runs of an experiment that brings `frame` to `target`: see [`trials::run`].
+    ///
+    /// # Errors
+    ///
+    /// As [`link_tree`](Self::link_tree).
     pub fn trials(
         &self,
         frame: &RobotFrame,
@@ -140,6 +144,10 @@ impl Robot {
 
     /// All postures that bring `frame` to `target`, those nearest to `q` first: see [`configurations`]. Coordinates that
     /// do not move the frame stay at `q`.
+    ///
+    /// # Errors
+    ///
+    /// As [`link_tree`](Self::link_tree).
     pub fn configurations(
         &self,
         frame: &RobotFrame,

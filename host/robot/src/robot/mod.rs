@@ -122,6 +122,11 @@ impl Robot {
     /// The tree that computes, for the first joints of N; the others stand on the base and move nothing.
     ///
     /// So a few sizes serve all robots: what is computed for the joints past the last is zero, the mass matrix too.
+    ///
+    /// # Errors
+    ///
+    /// [`TreeError::TooMany`]: the robot has more than N joints. [`TreeError::Parent`], [`TreeError::Axis`]: a joint
+    /// does not come after its parent, or its axis is not a unit vector.
     pub fn tree<const N: usize>(&self) -> Result<Tree<f64, N>, TreeError> {
         if self.joints.len() > N {
             return Err(TreeError::TooMany { joints: self.joints.len(), max: N });

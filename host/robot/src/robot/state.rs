@@ -108,6 +108,10 @@ impl Kinematics {
 
 impl Robot {
     /// Pose and Jacobians of a frame at the coordinates `q` (rad or m).
+    ///
+    /// # Errors
+    ///
+    /// As [`link_tree`](Self::link_tree); or, where joints follow others, `q` has more coordinates than the robot.
     pub fn kinematics(&self, frame: &RobotFrame, q: &[f64]) -> Result<Kinematics, TreeError> {
         let Placed { tree, links, coupling } = self.placed(q)?;
         let pose_base_frame = links.pose(frame.joint, &frame.pose);
@@ -122,12 +126,20 @@ impl Robot {
     }
 
     /// Pose of every frame in the base at the coordinates `q` (rad or m), in the order of [`Robot::frames`].
+    ///
+    /// # Errors
+    ///
+    /// As [`kinematics`](Self::kinematics).
     pub fn poses(&self, q: &[f64]) -> Result<Vec<Pose<f64>>, TreeError> {
         let links = self.placed(q)?.links;
         Ok(self.frames.iter().map(|frame| links.pose(frame.joint, &frame.pose)).collect())
     }
 
     /// The equation of motion at a state. A floating base is at rest, its axes along those of the world.
+    ///
+    /// # Errors
+    ///
+    /// As [`kinematics`](Self::kinematics).
     pub fn dynamics(&self, motion: &Motion<'_>) -> Result<Dynamics, TreeError> {
         let [q, qd, qdd] = motion.state;
         let Placed { tree, links, coupling } = self.placed(q)?;
@@ -177,6 +189,10 @@ impl Robot {
     ///
     /// M q̈ = τ − C q̇ − G + Jᵀ F; a floating base is at rest and free, and nothing but gravity and the load of the motion
     /// acts on it. `None` when M is singular: a joint that moves no mass.
+    ///
+    /// # Errors
+    ///
+    /// As [`kinematics`](Self::kinematics).
     pub fn accelerations(&self, motion: &Motion<'_>, torque: &[f64]) -> Result<Option<Accelerations>, TreeError> {
         let [q, qd, _] = motion.state;
         let bias = self.dynamics(&Motion { state: [q, qd, &[]], load: motion.load })?;
@@ -201,6 +217,10 @@ impl Robot {
     }
 
     /// Centre of mass and its Jacobian at the coordinates `q` (rad or m).
+    ///
+    /// # Errors
+    ///
+    /// As [`kinematics`](Self::kinematics).
     pub fn com(&self, q: &[f64]) -> Result<Com, TreeError> {
         let Placed { tree, links, coupling } = self.placed(q)?;
         let com = tree.centre_of_mass(&links, self.floating);
