@@ -41,6 +41,10 @@ pub fn read(path: &Path) -> Result<Mapping, MapFileError> {
 }
 
 /// The mapping of a text; `path` only serves messages.
+///
+/// # Errors
+///
+/// The text is not TOML of this form, or a quantity, column or unit in it is unknown. The error names line and column.
 pub fn parse(source: &Source, path: &Path) -> Result<Mapping, MapFileError> {
     let raw: Raw = source.parse()?;
     let mut columns: Vec<_> = raw.columns.into_iter().collect();

@@ -89,6 +89,10 @@ impl Table {
     }
 
     /// The table as comma-separated text, after its comment lines.
+    ///
+    /// # Panics
+    ///
+    /// A row has not as many cells as there are names; the rows of a table that was read have.
     pub fn text(&self) -> String {
         let about: String = self.about.iter().map(|(key, value)| format!("# {key} {value}\n")).collect();
         let mut writer = csv::Writer::from_writer(Vec::new());
