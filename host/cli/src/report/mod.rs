@@ -209,6 +209,10 @@ impl LoopReport {
     }
 
     /// Writes `report.html` and `report.json` into a folder.
+    ///
+    /// # Errors
+    ///
+    /// The folder cannot be made, or a file in it cannot be written.
     pub fn write(&self, folder: &Path) -> io::Result<()> {
         std::fs::create_dir_all(folder)?;
         std::fs::write(folder.join("report.html"), page(self).into_string())?;

@@ -32,6 +32,10 @@ pub struct MotionReport<'a> {
 }
 
 /// Centre of mass and centre of pressure over time: figure 6 of the paper.
+///
+/// # Errors
+///
+/// The robot of the report makes no tree of joints.
 pub fn along_time(report: &MotionReport<'_>) -> Result<Chart> {
     let mapped = report.mapped;
     let over = |x: &dyn Fn(usize) -> f64| -> Vec<[f64; 2]> {
@@ -103,6 +107,10 @@ pub fn sagittal_plane(series: Vec<Series>) -> Chart {
 }
 
 /// The page.
+///
+/// # Errors
+///
+/// As [`along_time`].
 pub fn motion_page(robot: &str, report: &MotionReport<'_>) -> Result<String> {
     let mapped = report.mapped;
     let planned = sagittal("planned centre of mass", PLANNED, &mapped.com, mapped.lift_off);
