@@ -44,6 +44,11 @@ pub struct Command {
 
 impl Command {
     /// Builds, and analyses what the options name.
+    ///
+    /// # Errors
+    ///
+    /// The image cannot be built or read, the budget cannot be written, or as [`check`] where the stack or the panics
+    /// are analysed.
     pub fn run(self) -> Result<()> {
         let path = build()?;
         if self.ram {
@@ -111,6 +116,11 @@ pub fn figures() -> Result<[(&'static str, f64, &'static str); 5]> {
 }
 
 /// Checks the stack's bound and the panics of a built image, and prints the bound.
+///
+/// # Errors
+///
+/// The image cannot be read or analysed, the stack may need more than its share, the control tick can panic, or other
+/// code can panic at a place that is not listed.
 pub fn check(path: &Path) -> Result<()> {
     let image = code::Image::read(path)?;
     let graph = graph::Graph::new(&image)?;
@@ -121,16 +131,28 @@ pub fn check(path: &Path) -> Result<()> {
 }
 
 /// Builds the image and returns its path.
+///
+/// # Errors
+///
+/// The compiler does not start or fails.
 pub fn build() -> Result<PathBuf> {
     build_binary("darm-firmware", "chip")
 }
 
 /// Builds the image that counts instructions and returns its path.
+///
+/// # Errors
+///
+/// The compiler does not start or fails.
 pub fn build_bench() -> Result<PathBuf> {
     build_binary("bench", "bench")
 }
 
 /// Builds the image that does kinematics alone and fails when anything in it can panic: no code of that may be linked.
+///
+/// # Errors
+///
+/// The image cannot be built or read, has no symbols, or has code that panics.
 pub fn check_that_kinematics_cannot_panic() -> Result<()> {
     use object::{Object as _, ObjectSymbol as _};
     let elf = build_binary("probe", "chip")?;

@@ -37,6 +37,10 @@ fn toolchain() -> Result<String> {
 }
 
 /// Adds the chip's target, and the smallest that the tests build for, to the pinned toolchain.
+///
+/// # Errors
+///
+/// The pinned toolchain cannot be read, or `rustup` cannot add a target to it.
 pub fn rust() -> Result<()> {
     let toolchain = toolchain()?;
     let installed = Command::new("rustup").args(["target", "list", "--installed", "--toolchain", &toolchain]).output();
@@ -106,6 +110,10 @@ fn install_emulator() -> Result<()> {
 }
 
 /// Installs packages of the distribution.
+///
+/// # Errors
+///
+/// `apt-get` fails or takes longer than its limit. The error says `by_hand`: what a person can do.
 pub fn install(packages: &[&str], by_hand: &str) -> Result<()> {
     let apt = |arguments: &[&str]| {
         let mut command = as_root("apt-get");

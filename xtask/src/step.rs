@@ -8,6 +8,11 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 
 /// Runs `command` to its end, or kills it at `limit`. What it prints is shown only when it fails.
+///
+/// # Errors
+///
+/// The command does not start, exits with an error, or takes longer than `limit`. The error says `by_hand`: what a
+/// person can do.
 pub fn run(what: &str, command: &mut Command, limit: Duration, by_hand: &str) -> Result<()> {
     eprintln!("set-up: {what}");
     let child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
