@@ -25,11 +25,16 @@ impl Source {
 }
 
 /// The root of the workspace.
+#[expect(clippy::missing_panics_doc, reason = "the folder of a crate has a parent")]
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ is in the workspace").to_path_buf()
 }
 
 /// All files with this extension by path, outside build outputs and hidden folders.
+///
+/// # Panics
+///
+/// A folder or file of the workspace cannot be read, or a file is not UTF-8.
 pub fn files(extension: &str) -> Vec<Source> {
     let root = root();
     let (mut found, mut folders) = (Vec::new(), vec![root.clone()]);
@@ -51,6 +56,10 @@ pub fn files(extension: &str) -> Vec<Source> {
 }
 
 /// Every Rust source of the workspace by path.
+///
+/// # Panics
+///
+/// A folder or file cannot be read, or there are 400 sources or fewer: the search is wrong then.
 pub fn sources() -> Vec<Source> {
     let found = files("rs");
     assert!(found.len() > 400, "only {} sources were found", found.len());
@@ -58,6 +67,10 @@ pub fn sources() -> Vec<Source> {
 }
 
 /// Fails with all violations of a rule at once.
+///
+/// # Panics
+///
+/// There is a violation.
 #[track_caller]
 pub fn assert_none(violations: impl IntoIterator<Item = String>) {
     let violations: Vec<String> = violations.into_iter().collect();
