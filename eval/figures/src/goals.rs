@@ -9,12 +9,20 @@ pub struct Goals(toml::Table);
 
 impl Goals {
     /// Reads them.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read, or is not TOML.
     pub fn read(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path).with_context(|| format!("{} cannot be read", path.display()))?;
         Ok(Self(text.parse().with_context(|| format!("{} is no TOML", path.display()))?))
     }
 
     /// The goal of this name, if there is one, and whether the number meets it.
+    ///
+    /// # Errors
+    ///
+    /// The goal is not `<=` or `>=` and a number.
     pub fn judge(&self, name: &str, value: f64) -> Result<Option<(String, bool)>> {
         let Some(goal) = self.0.get(name).and_then(toml::Value::as_str) else { return Ok(None) };
         Ok(Some((goal.to_owned(), is_met(value, goal)?)))

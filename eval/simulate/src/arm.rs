@@ -284,6 +284,10 @@ impl Table {
 }
 
 /// Records of the wiring and of rows in which each digit changes with probability `changes`.
+///
+/// # Panics
+///
+/// `changes` is not a probability from 0 to 1, or the range of a servo is empty.
 pub fn draw_records(rng: &mut ChaCha8Rng, plan: &TablePlan<'_>, changes: f64) -> Vec<Record> {
     let TablePlan { wiring, profile, model, rows } = *plan;
     let mut records = wiring_records(wiring, profile, model);

@@ -73,6 +73,10 @@ impl Caught {
 }
 
 /// The mutants of a folder, by name.
+///
+/// # Errors
+///
+/// The folder or a patch cannot be read, or a patch has no description before its first `diff`.
 pub fn list(folder: &Path) -> Result<Vec<Mutant>> {
     let mut mutants = Vec::new();
     for entry in std::fs::read_dir(folder).with_context(|| format!("{} cannot be read", folder.display()))? {
@@ -93,6 +97,10 @@ pub fn list(folder: &Path) -> Result<Vec<Mutant>> {
 }
 
 /// Refuses mutants whose patches do not fit the tree, and names them all.
+///
+/// # Errors
+///
+/// A patch does not apply to the tree at `root`.
 pub fn check(root: &Path, mutants: &[Mutant]) -> Result<()> {
     let no_longer_fits = |mutant: &&Mutant| {
         let mut apply = Command::new("git");
@@ -136,6 +144,11 @@ impl Scratch {
     }
 
     /// Puts a mutant in, builds it and runs its seeds; all of them, or until it is caught.
+    ///
+    /// # Errors
+    ///
+    /// The tree cannot be copied, the patch does not apply, the mutant does not build or start, or the results of its
+    /// run cannot be read.
     pub fn judge(&self, mutant: &Mutant, seeds: Range<u64>, all: bool) -> Result<Caught> {
         self.copy_tree()?;
         let mut apply = Command::new("git");

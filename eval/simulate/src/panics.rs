@@ -10,6 +10,10 @@ thread_local! {
 }
 
 /// Runs something that may panic; the panic's message where it does.
+///
+/// # Errors
+///
+/// The message of the panic, with its place.
 pub fn caught<T>(act: impl FnOnce() -> T) -> Result<T, String> {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {

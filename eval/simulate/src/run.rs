@@ -37,6 +37,7 @@ pub struct Outcome {
 }
 
 /// Runs a script.
+#[expect(clippy::missing_panics_doc, reason = "the world was entered at the beginning")]
 pub fn run(script: &Script, readable: bool) -> Outcome {
     world::enter(World::new(script, readable));
     let mut host = Host::new(script);

@@ -7,11 +7,19 @@ use rand_chacha::ChaCha8Rng;
 use crate::arm::ArmPlan;
 
 /// A word of the arm.
+///
+/// # Panics
+///
+/// An actuator has no state or more than four, or there are more actuators than a word has digits.
 pub fn word(arm: &ArmPlan, seed: u64) -> Word {
     Word::new(&digits(arm, seed)).expect("a few actuators of at most four states")
 }
 
 /// A word that the arm does not have, in whichever order a table wires its actuators.
+///
+/// # Panics
+///
+/// An actuator has no state, or there are as many actuators as a word has digits, or more.
 pub fn wrong_word(arm: &ArmPlan, seed: u64) -> Word {
     let mut digits = digits(arm, seed);
     let states = arm.actuators.iter().map(|actuator| actuator.states).max().unwrap_or(0);

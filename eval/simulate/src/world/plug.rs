@@ -22,6 +22,10 @@ pub fn leave() -> Option<World> {
 }
 
 /// Does something with the world of this thread.
+///
+/// # Panics
+///
+/// This thread has no world: none was [entered](enter).
 pub fn with<T>(act: impl FnOnce(&mut World) -> T) -> T {
     WORLD.with_borrow_mut(|world| act(world.as_mut().expect("a client runs only beside a world")))
 }
