@@ -149,7 +149,7 @@ pub fn plan(arm: &Arm, visits: &[Visit], board: &Board<'_>, modules: &[Record]) 
 ///
 /// # Errors
 ///
-/// As of [`plan`]; of the limits of an output only those that no rest keeps.
+/// As [`plan`]; of the limits of an output only those that no rest keeps.
 pub fn plan_with_rests(arm: &Arm, visits: &[Visit], board: &Board<'_>, modules: &[Record]) -> Result<Plan, PlanError> {
     let wiring = wiring(arm, board.profile).map_err(PlanError::Wiring)?;
     let rests = Rests::new(start(arm, board, &wiring), board, &wiring);

@@ -96,7 +96,7 @@ impl SignalCorrection {
     ///
     /// # Errors
     ///
-    /// As of [`SignalCorrection::write`].
+    /// As [`SignalCorrection::write`].
     pub fn write_locked(
         &self,
         model: &Path,

@@ -158,7 +158,7 @@ pub struct Task {
 ///
 /// # Errors
 ///
-/// As of [`read_task`].
+/// As [`read_task`].
 pub fn read(path: &Path, arm: &Arm) -> Result<Vec<DesiredFrame>, FramesError> {
     Ok(read_task(path, arm)?.frames)
 }
@@ -167,7 +167,7 @@ pub fn read(path: &Path, arm: &Arm) -> Result<Vec<DesiredFrame>, FramesError> {
 ///
 /// # Errors
 ///
-/// The file cannot be read or is not TOML of this format, a key is missing or unknown, or as of [`check`]. The error
+/// The file cannot be read or is not TOML of this format, a key is missing or unknown, or as [`check`]. The error
 /// names line and column.
 pub fn read_task(path: &Path, arm: &Arm) -> Result<Task, FramesError> {
     task(&Source::read(path)?, arm, Words::Given)
@@ -177,7 +177,7 @@ pub fn read_task(path: &Path, arm: &Arm) -> Result<Task, FramesError> {
 ///
 /// # Errors
 ///
-/// As of [`read_task`], but for missing and repeated words.
+/// As [`read_task`], but for missing and repeated words.
 pub fn read_task_without_words(path: &Path, arm: &Arm) -> Result<Task, FramesError> {
     task(&Source::read(path)?, arm, Words::Open)
 }
@@ -186,7 +186,7 @@ pub fn read_task_without_words(path: &Path, arm: &Arm) -> Result<Task, FramesErr
 ///
 /// # Errors
 ///
-/// As of [`read_task`], but for a file that cannot be read.
+/// As [`read_task`], but for a file that cannot be read.
 pub fn parse(path: &Path, text: &str, arm: &Arm) -> Result<Vec<DesiredFrame>, FramesError> {
     Ok(task(&Source::of_text(path, text), arm, Words::Given)?.frames)
 }

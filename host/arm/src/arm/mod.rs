@@ -148,7 +148,7 @@ impl Arm {
     ///
     /// # Errors
     ///
-    /// The file cannot be read; or as of [`parse`](Self::parse).
+    /// The file cannot be read; or as [`parse`](Self::parse).
     pub fn read(path: &Path) -> Result<Self, ArmError> {
         Ok(ArmFile::read(path)?.arm)
     }

@@ -112,7 +112,7 @@ impl BoardProfile {
     ///
     /// # Errors
     ///
-    /// The file cannot be read; or as of [`parse`](Self::parse).
+    /// The file cannot be read; or as [`parse`](Self::parse).
     pub fn read(path: &Path) -> Result<Self, FileError<ProfileFault>> {
         Self::of_source(&Source::read(path)?)
     }

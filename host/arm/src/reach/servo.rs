@@ -60,7 +60,7 @@ struct Angles {
 ///
 /// # Errors
 ///
-/// As of [`Index::new`], at some angles of the servos.
+/// As [`Index::new`], at some angles of the servos.
 pub fn with_servos(arm: &Arm, query: &Query<'_>, options: &Options, gap: &Gap) -> Result<WithServos, ReachError> {
     let &Query { target, count, forbidden } = query;
     let at = |servos: &[f64]| Index::new(arm, &Options { servos_rad: servos.to_vec(), ..options.clone() });

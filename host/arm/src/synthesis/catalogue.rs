@@ -119,7 +119,7 @@ pub fn read_catalogue(path: &Path) -> Result<Vec<Part>, CatalogueError> {
 ///
 /// # Errors
 ///
-/// No part of the list bears what a leg bears, or as of [`synthesize`].
+/// No part of the list bears what a leg bears, or as [`synthesize`].
 pub fn buy(
     base_line: &Arm,
     desired: &[DesiredFrame],

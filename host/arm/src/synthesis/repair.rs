@@ -43,7 +43,7 @@ pub struct Cost {
 ///
 /// # Errors
 ///
-/// As of [`choose_words`]; with the words of `desired` nothing was found either.
+/// As [`choose_words`]; with the words of `desired` nothing was found either.
 pub fn repair(
     arm: &Arm,
     desired: &[DesiredFrame],

@@ -116,7 +116,7 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// As of [`read`](Self::read); also where the robot of the file has no such joint.
+    /// As [`read`](Self::read); also where the robot of the file has no such joint.
     pub fn read_locked(path: &Path, locks: &Locks) -> Result<Option<Self>, ModelError> {
         if is_robot_file(path) {
             return Ok(Some(What::Any(description::read(path, locks)?).into()));

@@ -146,7 +146,7 @@ impl Log {
     ///
     /// # Errors
     ///
-    /// As of [`read`](Self::read), but for an early end.
+    /// As [`read`](Self::read), but for an early end.
     pub fn read_complete_records(bytes: &[u8]) -> Result<(Self, bool), McapError> {
         let mut log = Self::default();
         let records = bytes.strip_prefix(&MAGIC).ok_or(McapError::Magic)?;

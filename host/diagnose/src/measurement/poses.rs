@@ -39,7 +39,7 @@ pub struct Which {
 ///
 /// # Errors
 ///
-/// The file cannot be read, is not a table or has no rows; or as of [`of_table`].
+/// The file cannot be read, is not a table or has no rows; or as [`of_table`].
 pub fn read(path: &Path, names: &Names, which: &Which) -> Result<(Run, Vec<Finding>), ReadError> {
     let (table, mut about_file) = Table::read(path, names)?;
     // That a row repeats the one before is told where poses are checked, with what the arm knows.

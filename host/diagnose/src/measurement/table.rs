@@ -61,7 +61,7 @@ impl Table {
     ///
     /// # Errors
     ///
-    /// The file cannot be read or decompressed; or as of [`read_text`](Self::read_text).
+    /// The file cannot be read or decompressed; or as [`read_text`](Self::read_text).
     pub fn read(path: &Path, names: &Names) -> Result<(Self, Vec<Finding>), ReadError> {
         let content = content(path)?;
         let (table, mut findings) = Self::read_text(path, &content.text, names)?;

@@ -119,7 +119,7 @@ impl Map {
     ///
     /// # Errors
     ///
-    /// As of [`new`](Self::new).
+    /// As [`new`](Self::new).
     pub fn with_layers(
         arm: &Arm,
         servos_rad: &[f64],
