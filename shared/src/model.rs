@@ -88,6 +88,11 @@ impl<T: Real, const N: usize> Model<T, N> {
 
     /// Pose of the tool in the base under `condition`, with all effects; the posture is left in `scratch`, the tool where
     /// the arm alone has it.
+    ///
+    /// # Errors
+    ///
+    /// The word, the word before or the servo positions of `condition` do not fit the chain, or a platform cannot be
+    /// assembled with the legs that the effects give it.
     pub fn predict(&self, condition: &Condition<T>, scratch: &mut Scratch<T, N>) -> Result<Pose<T>, ChainError> {
         self.chain.configure(&condition.word, condition.servos, scratch)?;
         if self.effects.is_empty() {

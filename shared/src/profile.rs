@@ -144,6 +144,10 @@ impl Profile {
     }
 
     /// Refuses a profile that the board could not run safely.
+    ///
+    /// # Errors
+    ///
+    /// [`ProfileError::Wiring`]: a line or input is missing or used twice, or a limit bounds nothing.
     pub fn check(&self) -> Result<(), ProfileError> {
         self.check_as_wiring().map_err(ProfileError::Wiring)
     }
@@ -168,6 +172,10 @@ impl Profile {
     }
 
     /// Refuses a coil of a table that this profile does not allow.
+    ///
+    /// # Errors
+    ///
+    /// The profile has no such output, the output has another drive, or the coil's limit is wider than the profile's.
     pub fn check_coil(&self, coil: &Coil) -> Result<(), Mismatch> {
         let number = coil.output;
         let output = self.output(number).ok_or(Mismatch::NoOutput { output: number })?;
@@ -181,6 +189,11 @@ impl Profile {
     }
 
     /// Refuses a wiring of a table that this profile does not allow. Its coils were [checked](Self::check_coil).
+    ///
+    /// # Errors
+    ///
+    /// The limit of the supply, or the range of a servo, is wider than the profile's; a servo is missing in the
+    /// profile; or a limit switch is at another input than that of the actuator's first output.
     pub fn check_wiring(&self, wiring: &Wiring) -> Result<(), Mismatch> {
         if !self.supply.allows(&wiring.switch_limit) {
             return Err(Mismatch::Supply { profile: self.supply, table: wiring.switch_limit });
@@ -245,6 +258,11 @@ pub enum ProfileReader {
 
 impl ProfileReader {
     /// Takes the next record into `profile`.
+    ///
+    /// # Errors
+    ///
+    /// [`ProfileError::Order`]: a record of this kind, or an output with this number, may not come here.
+    /// [`ProfileError::Wiring`]: there are too many outputs or servos, or the board could not run the profile safely.
     pub fn push(&mut self, record: &ProfileRecord, profile: &mut Profile) -> Result<(), ProfileError> {
         let at = core::mem::take(self);
         *self = match (at, record) {

@@ -20,6 +20,7 @@ mod coils;
 mod command;
 mod fault;
 mod io;
+mod loading;
 mod phase;
 mod servos;
 mod switches;
@@ -93,45 +94,6 @@ impl<'t> Sequencer<'t> {
         self.fall_back();
     }
 
-    /// Takes a table to run. The sequencer must be idle; the table comes back if it is not.
-    pub fn load(&mut self, table: &'t mut Table) -> Result<(), &'t mut Table> {
-        if !self.is_idle() || self.table.is_some() {
-            return Err(table);
-        }
-        self.coils.load(table.wiring());
-        self.switches.load();
-        self.n_wired = 0;
-        self.hold_servos();
-        self.table = Some(table);
-        Ok(())
-    }
-
-    /// Whether the outputs of the profile and the actuators of the table are taken over, some in each tick. A command that
-    /// comes earlier takes over the rest at once, which makes its tick longer.
-    pub fn is_ready(&self) -> bool {
-        let is_wired = |table: &Table| self.n_wired >= table.wiring().actuators.len();
-        self.coils.has_outputs() && self.table.as_deref().is_none_or(is_wired)
-    }
-
-    /// Takes over at most `most` further outputs of the profile or, once it has them all, actuators of the table.
-    fn take_over(&mut self, max: usize) {
-        if !self.coils.has_outputs() {
-            return self.coils.take_outputs(self.now, self.profile, max);
-        }
-        let Some(table) = self.table.as_deref().filter(|_| !self.is_ready()) else { return };
-        let actuators = table.wiring().actuators_with_coils().enumerate();
-        for (index, (actuator, coils)) in actuators.skip(self.n_wired).take(max) {
-            self.coils.wire(index, coils);
-            self.switches.wire(index, actuator);
-            self.n_wired = index.saturating_add(1);
-        }
-    }
-
-    /// Gives the table back, to be filled again. Nothing while a program runs or a coil is on by hand.
-    pub fn unload(&mut self) -> Option<&'t mut Table> {
-        if self.is_idle() { self.table.take() } else { None }
-    }
-
     /// True when nothing runs; the safe state counts, no coil carries current in it.
     pub fn is_idle(&self) -> bool {
         matches!(self.phase, Phase::Idle | Phase::Safe(_))
@@ -183,6 +145,10 @@ impl<'t> Sequencer<'t> {
     }
 
     /// Does what is asked or says why not. Outputs change with the next [`step`](Self::step).
+    ///
+    /// # Errors
+    ///
+    /// Why the command is refused: see [`CommandError`]. A stop is never refused.
     pub fn command(&mut self, command: Command) -> Result<(), CommandError> {
         if !matches!(command, Command::Stop | Command::Clear) {
             while !self.is_ready() {

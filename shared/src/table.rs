@@ -97,6 +97,10 @@ pub struct Board<'p> {
 }
 
 /// The wiring that records describe, not yet checked.
+///
+/// # Errors
+///
+/// [`TableError::Wiring`]: there are more coils, actuators or servos than the board drives.
 pub fn wiring<'r>(records: impl IntoIterator<Item = &'r Record>) -> Result<Wiring, TableError> {
     let mut wiring = Wiring::default();
     for record in records {
@@ -122,6 +126,10 @@ impl Table {
     /// Appends a record or says why not. A `Start` record empties the table first, so one place in memory serves all tables.
     ///
     /// After an error the table is empty.
+    ///
+    /// # Errors
+    ///
+    /// As [`Checker::admit`]; or [`TableError::TooManyRows`].
     pub fn push(&mut self, record: &Record, board: &Board<'_>) -> Result<(), TableError> {
         if matches!(record, Record::Start { .. }) {
             self.rows.clear();
@@ -158,6 +166,10 @@ impl Table {
 
     /// Lets the limits of all outputs judge these rows, after what was [recalled](Self::recall), and the end where `rows`
     /// reaches it. The first rows come first. Nothing is driven.
+    ///
+    /// # Errors
+    ///
+    /// [`TableError::Row`]: a row, or the end, would break a limit of an output.
     pub fn rehearse(&mut self, rows: core::ops::Range<usize>) -> Result<(), TableError> {
         if rows.start == 0 {
             self.checker.rewind();

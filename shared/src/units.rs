@@ -155,6 +155,11 @@ impl Word {
     const STATES: u32 = Self::MAX_DIGIT as u32 + 1;
 
     /// The word with these digits, base first.
+    ///
+    /// # Errors
+    ///
+    /// [`WordError::TooLong`]: there are more than [`MAX_LEN`](Self::MAX_LEN) digits. [`WordError::Digit`]: a digit is
+    /// above [`MAX_DIGIT`](Self::MAX_DIGIT).
     pub fn new(digits: &[u8]) -> Result<Self, WordError> {
         let mut word = Self::zeros(u8::try_from(digits.len()).unwrap_or(u8::MAX))
             .ok_or(WordError::TooLong { len: digits.len() })?;

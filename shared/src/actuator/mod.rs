@@ -128,6 +128,10 @@ impl<T: Real> Stage<T> {
     }
 
     /// The pose of the top in the base.
+    ///
+    /// # Errors
+    ///
+    /// As [`Platform::assemble`]; a link and a joint always have a pose.
     pub fn pose(&self, settings: &Settings<T>) -> Result<Pose<T>, PlatformError> {
         Ok(match self {
             Self::Link(pose) => *pose,

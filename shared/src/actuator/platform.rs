@@ -109,6 +109,12 @@ impl<T: Real, const LEGS: usize> Platform<T, LEGS> {
     };
 
     /// The pose of the top whose legs are as `legs` says, in the assembly mode of `home`.
+    ///
+    /// # Errors
+    ///
+    /// [`PlatformError::NotAssembled`]: no pose was found that gives the legs their lengths.
+    /// [`PlatformError::NearSingular`]: a motion of the top changes no leg. [`PlatformError::OtherMode`]: the pose
+    /// found is in another assembly mode than `home`.
     pub fn assemble(&self, legs: &[Setting<T>; MAX_LEGS]) -> Result<Assembly<T>, PlatformError> {
         let mut pose = self.home;
         let mut home = None;

@@ -128,6 +128,10 @@ impl<T: Real, const N: usize> Chain<T, N> {
     }
 
     /// Pose of the tool in the base for `word` and the positions of the `servos`, rad or m.
+    ///
+    /// # Errors
+    ///
+    /// As [`configure`](Self::configure) and [`assemble`](Self::assemble).
     pub fn pose_base_tool(
         &self,
         word: &Word,
@@ -139,6 +143,12 @@ impl<T: Real, const N: usize> Chain<T, N> {
     }
 
     /// Writes what each actuator is set to, and leaves the poses of `scratch` as they were.
+    ///
+    /// # Errors
+    ///
+    /// [`ChainError::WordLength`]: the word has not one digit for each actuator. [`ChainError::ServoCount`]: there is
+    /// not one position for each servo joint. [`ChainError::NoSuchState`]: a digit asks for a state that its actuator
+    /// does not have.
     pub fn configure(&self, word: &Word, servos: &[T], scratch: &mut Scratch<T, N>) -> Result<(), ChainError> {
         let (actuators, digits) = (self.n_actuators(), word.len());
         if actuators != digits {
@@ -168,6 +178,10 @@ impl<T: Real, const N: usize> Chain<T, N> {
     }
 
     /// Pose of the tool in the base for the settings in `scratch`; the poses of all stages are left there.
+    ///
+    /// # Errors
+    ///
+    /// [`ChainError::Platform`]: a parallel platform has no pose for its settings.
     pub fn assemble(&self, scratch: &mut Scratch<T, N>) -> Result<Pose<T>, ChainError> {
         let mut T_base_top = self.mount;
         for (index, stage) in self.stages.iter().enumerate() {

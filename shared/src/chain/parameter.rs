@@ -86,6 +86,10 @@ impl<T: Real, const N: usize> Chain<T, N> {
     }
 
     /// Gives a parameter another value.
+    ///
+    /// # Errors
+    ///
+    /// The chain has no such parameter.
     pub fn set(&mut self, parameter: Parameter, value: T) -> Result<(), NoSuchParameter> {
         let done = match parameter {
             Parameter::Link { component, .. } | Parameter::Mount { component } | Parameter::Tool { component } => {

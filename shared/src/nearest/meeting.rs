@@ -185,7 +185,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         self.phase != Phase::Done
     }
 
-    /// The word that brings the tool nearest of those that were looked at; `None` as of [`Beam::found`].
+    /// The word that brings the tool nearest of those that were looked at; `None` as [`Beam::found`].
     pub fn found(&self) -> Option<Found<f32>> {
         let beam = self.beam.found()?;
         match self.met() {

@@ -43,6 +43,11 @@ impl Wiring {
     }
 
     /// Refuses a wiring that the board could not run safely.
+    ///
+    /// # Errors
+    ///
+    /// An actuator has fewer than 2 or more than 4 states, or not the coils that its states need; an output, line or
+    /// input is missing or used twice; or a limit of a coil, of a servo or of the supply bounds nothing.
     pub fn check(&self) -> Result<(), WiringError> {
         self.check_actuators()?;
         self.check_coils()?;
@@ -97,6 +102,11 @@ impl Wiring {
 }
 
 /// Refuses servos that make no sense, and two with one address.
+///
+/// # Errors
+///
+/// [`WiringError::Servo`]: the range, speed, torque or time-out of a servo makes no sense, or an earlier one has its
+/// address.
 pub fn check_servos<'s>(servos: impl Iterator<Item = &'s ServoWiring> + Clone) -> Result<(), WiringError> {
     for (index, servo) in servos.clone().enumerate() {
         let is_new = servos.clone().take(index).all(|earlier| earlier.id != servo.id);
@@ -118,6 +128,10 @@ pub struct InputUse(u32);
 
 impl InputUse {
     /// Takes an input, or says that it does not exist or is in use.
+    ///
+    /// # Errors
+    ///
+    /// [`WiringError::Input`]: the input does not exist or was taken before.
     pub fn take(&mut self, input: u8) -> Result<(), WiringError> {
         let bit = input_bit(input);
         if bit == 0 || self.0 & bit != 0 {
@@ -134,6 +148,10 @@ pub struct LineUse(u64);
 
 impl LineUse {
     /// Takes the lines of a drive, or says which does not exist or is in use.
+    ///
+    /// # Errors
+    ///
+    /// [`WiringError::Line`]: the line does not exist or was taken before. Lines of the drive before it stay taken.
     pub fn take(&mut self, drive: &Drive) -> Result<(), WiringError> {
         let (first, second) = drive.lines();
         for line in core::iter::once(first).chain(second) {
@@ -148,6 +166,10 @@ impl LineUse {
 }
 
 /// Refuses a limit of the supply that bounds nothing.
+///
+/// # Errors
+///
+/// [`WiringError::SwitchLimit`]: the limit is 0 or above what the board counts.
 pub fn check_supply(limit: &SwitchLimit) -> Result<(), WiringError> {
     if limit.is_sound() { Ok(()) } else { Err(WiringError::SwitchLimit) }
 }

@@ -14,6 +14,10 @@ pub(super) const APPROACH_TOLERANCE_RAD: f32 = 0.01;
 
 impl Sequencer<'_> {
     /// Takes zero offsets of the servos: joint angle = shaft angle − offset. No servo moves. No program may run.
+    ///
+    /// # Errors
+    ///
+    /// [`CommandError::Playing`]: a program runs.
     pub fn calibrate(&mut self, offsets_rad: [f32; MAX_SERVOS]) -> Result<(), CommandError> {
         if matches!(self.phase, Phase::Approaching { .. } | Phase::Playing { .. }) {
             return Err(CommandError::Playing);

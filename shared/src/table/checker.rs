@@ -68,6 +68,12 @@ impl Default for Checker {
 
 impl Checker {
     /// Accepts the next record or says why not; after an error nothing more is accepted than a new `Start`.
+    ///
+    /// # Errors
+    ///
+    /// The record may not come in this place, the board could not run the wiring safely, the table is of another device
+    /// or asks for more than the profile of the board allows, the modules do not fit the actuators, or a row breaks a
+    /// limit.
     pub fn admit(&mut self, record: &Record, board: &Board<'_>) -> Result<(), TableError> {
         let result = self.admit_in_order(record, board);
         if result.is_err() {

@@ -37,6 +37,11 @@ impl<T: Real, const N: usize> Tree<T, N> {
     /// A tree of `joints`, parents before children, in the field of free fall `gravity` (base frame, m/s²).
     ///
     /// The base has no mass until it is given one: set [`base`](Tree::base).
+    ///
+    /// # Errors
+    ///
+    /// [`TreeError::TooMany`]: N is above the number of links that can be numbered. [`TreeError::Parent`]: a joint does
+    /// not come after its parent. [`TreeError::Axis`]: an axis is not a unit vector.
     pub fn new(joints: &[Joint<T>; N], gravity: Vec3<T>) -> Result<Self, TreeError> {
         if N > usize::from(BASE) {
             return Err(TreeError::TooMany { joints: N, max: usize::from(BASE) });

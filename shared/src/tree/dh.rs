@@ -32,6 +32,10 @@ pub struct Row<T: Real> {
 }
 
 /// A serial arm in the standard notation, and the frame of its last row in its last link.
+///
+/// # Errors
+///
+/// [`TreeError::TooMany`]: N is above the number of links that can be numbered.
 pub fn standard<T: Real, const N: usize>(
     rows: &[Row<T>; N],
     gravity: Vec3<T>,
@@ -41,6 +45,10 @@ pub fn standard<T: Real, const N: usize>(
 }
 
 /// A serial arm in the modified notation; the frame of its last row is that of its last link.
+///
+/// # Errors
+///
+/// [`TreeError::TooMany`]: N is above the number of links that can be numbered.
 pub fn modified<T: Real, const N: usize>(rows: &[Row<T>; N], gravity: Vec3<T>) -> Result<Tree<T, N>, TreeError> {
     Tree::new(&collected(modified_joints(rows)), gravity)
 }

@@ -113,6 +113,10 @@ impl Sample {
 }
 
 /// The arm with z up, and its tool: the frame of the last row.
+///
+/// # Errors
+///
+/// As [`standard`]; six joints are not too many.
 pub fn arm<T: Real>() -> Result<(Tree<T, 6>, LinkFrame<T>), TreeError> {
     let mut links = LINKS.iter();
     let rows = TABLE.map(|[d, a, alpha]| {

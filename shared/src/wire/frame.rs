@@ -54,6 +54,11 @@ impl fmt::Display for FrameError {
 impl core::error::Error for FrameError {}
 
 /// Decodes what stood between two zero bytes, in place.
+///
+/// # Errors
+///
+/// [`FrameError::Cobs`]: the bytes are not valid COBS. [`FrameError::Length`]: the body is shorter or longer than any.
+/// [`FrameError::Crc`]: the checksum differs.
 pub fn decode(encoded: &mut [u8]) -> Result<(Header, &[u8]), FrameError> {
     let len = cobs::decode_in_place(encoded).map_err(|_| FrameError::Cobs)?;
     let body = encoded.get(..len).filter(|body| body.len() <= MAX_BODY);
@@ -74,6 +79,10 @@ pub fn decode(encoded: &mut [u8]) -> Result<(Header, &[u8]), FrameError> {
 /// Writes a complete frame with both its zero bytes into `frame` and returns its length.
 ///
 /// `frame` is best [`MAX_FRAME`] bytes long.
+///
+/// # Errors
+///
+/// [`FrameError::TooLong`]: the payload does not fit a body, or `frame` is too short.
 pub fn encode(header: Header, payload: &[u8], frame: &mut [u8]) -> Result<usize, FrameError> {
     let mut body = heapless::Vec::<u8, MAX_BODY>::new();
     let mut append = |bytes: &[u8]| body.extend_from_slice(bytes).map_err(|_| FrameError::TooLong);
