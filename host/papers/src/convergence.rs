@@ -72,6 +72,10 @@ pub fn bands(label: &str, factor: f64, all: &[Runs<'_>]) -> String {
 }
 
 /// All postures that were found in one picture.
+///
+/// # Errors
+///
+/// The joints of `robot` make no tree.
 pub fn postures(robot: &Robot, tool: &RobotFrame, found: &Configurations) -> Result<String, TreeError> {
     let mut scene = Scene { title: robot.name.clone(), is_planar: true, ..Scene::default() };
     for posture in &found.postures {

@@ -177,8 +177,10 @@ impl Cell {
         Repeated { cell, trials: Trials::new(RUNS, seed, search), short_cm: 0.0 }
     }
 
-    /// The cell again: `runs` searches from `seed` on, targets with links of `link_m`. Values are in m where the
-    /// paper has cm.
+    /// The cell again: `runs` searches from `seed` on, links of `link_m`; values in m where the paper has cm.
+    ///
+    /// # Errors
+    /// As [`reach`].
     pub fn repeat(&self, link_m: f64, runs: usize, seed: u64) -> Result<Trials, TreeError> {
         let settings = self.settings(seed);
         let on = |function: Function| {
@@ -193,6 +195,9 @@ impl Cell {
 }
 
 /// Runs of any method to a target (cm) by the paper's arm with links of this length.
+///
+/// # Errors
+/// None: the four joints of this arm make a tree.
 pub fn reach(
     link_m: f64,
     method: Method,
@@ -219,6 +224,9 @@ pub struct Repeated {
 
 impl Repeated {
     /// Repeats a cell, and finds out whether its target can be reached.
+    ///
+    /// # Errors
+    /// As [`reach`].
     pub fn new(cell: &Cell, link_m: f64, runs: usize, seed: u64) -> Result<Self, TreeError> {
         let trials = cell.repeat(link_m, runs, seed)?;
         let short_m = match cell.problem {

@@ -38,6 +38,11 @@ pub struct Fingers {
 }
 
 /// Reads a hand from its URDF alone; the base is the palm.
+///
+/// # Errors
+///
+/// The URDF cannot be read; it has not the fingers that `fingers` says, of four turning joints with limits each; or it
+/// has no shapes that collide, or one without volume.
 pub fn read_bare_hand(path: &Path, fingers: &Fingers) -> Result<HandFile, HandError> {
     let of_file =
         |fault: HandFault| HandError { path: path.into(), place: None, fault: Fault::Content(Box::new(fault)) };

@@ -64,6 +64,10 @@ pub struct Gap {
 
 impl Shapes {
     /// The shapes of bodies; pairs that a joint connects are not checked. `Err`: the link of a shape without volume.
+    ///
+    /// # Errors
+    ///
+    /// The corners of a shape are in a plane: the name of its link.
     pub fn new(bodies: &[Body; BODIES]) -> Result<Self, String> {
         let mut shapes = Self {
             bodies: std::array::from_fn(|_| (Sphere::around(&[]), Vec::new())),

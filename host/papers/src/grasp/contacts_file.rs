@@ -52,11 +52,20 @@ struct RawContact {
 type Wrong = (Range<usize>, ContactFault);
 
 /// Reads the contacts that a hand is to make.
+///
+/// # Errors
+///
+/// The file cannot be read; or as [`parse_contacts`].
 pub fn read_contacts(path: &Path, hand: &Hand) -> Result<Task, ContactsError> {
     contacts(&Source::read(path)?, hand)
 }
 
 /// The contacts that `text` describes; `path` only serves messages.
+///
+/// # Errors
+///
+/// The text is not TOML of this format; there are not as many contacts as fingers; some of them name a finger and others
+/// none, or a finger is unknown or named twice; or a contact has no direction. The error names line and column.
 pub fn parse_contacts(path: &Path, text: &str, hand: &Hand) -> Result<Task, ContactsError> {
     contacts(&Source::of_text(path, text), hand)
 }

@@ -54,6 +54,11 @@ struct RawFinger {
 type Wrong = (Range<usize>, HandFault);
 
 /// Reads a hand.
+///
+/// # Errors
+///
+/// The file or its robot cannot be read; it is not TOML of this format; or it does not describe four fingers of four
+/// turning joints each, with limits, and with shapes that have a volume. The error names line and column.
 pub fn read_hand(path: &Path) -> Result<HandFile, HandError> {
     let source = Source::read(path)?;
     let raw: RawHand = source.parse()?;

@@ -76,6 +76,10 @@ impl Hand {
     /// A hand of these parts. `Err`: the link of a shape without volume.
     ///
     /// Pairs that touch in nearly all of a few hundred postures are not checked ([`Shapes::overlapping`]).
+    ///
+    /// # Errors
+    ///
+    /// The corners of a shape are in a plane: the name of its link.
     pub fn new(
         name: String,
         fingers: [Finger; FINGERS],

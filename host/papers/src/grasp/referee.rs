@@ -35,6 +35,10 @@ pub struct Verdict {
 
 impl Referee {
     /// Where the links and fingertips are, by the robot's forward kinematics.
+    ///
+    /// # Errors
+    ///
+    /// The joints of the robot make no tree.
     pub fn place(&self, configuration: &Configuration) -> Result<(Links, [Pose<f64>; FINGERS]), TreeError> {
         let mut q = vec![0.0; self.robot.joints.len()];
         for (i, joints) in self.joints.iter().enumerate() {
@@ -56,6 +60,10 @@ impl Referee {
     }
 
     /// Checks contacts, limits and collisions of a configuration.
+    ///
+    /// # Errors
+    ///
+    /// The joints of the robot make no tree.
     pub fn judge(&self, hand: &Hand, configuration: &Configuration, contacts: &Contacts) -> Result<Verdict, TreeError> {
         let (links, tips) = self.place(configuration)?;
         let mut verdict =

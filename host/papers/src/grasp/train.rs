@@ -103,6 +103,12 @@ impl Training {
     /// Searches every constraint from every λ on all cores; `progress` hears how many constraints are done.
     ///
     /// With a `file` whatever it holds already is not done again, and what is done is added to it.
+    ///
+    /// # Errors
+    ///
+    /// [`TrainingError::NoPosture`]: too few of the postures that were drawn are free of collisions.
+    /// [`TrainingError::File`]: `file` cannot be read or written. [`TrainingError::Other`]: it belongs to another
+    /// training.
     pub fn run(
         &self,
         hand: &Hand,

@@ -114,6 +114,11 @@ pub struct Equations {
 
 impl Equations {
     /// The equations of these samples of a robot.
+    ///
+    /// # Errors
+    ///
+    /// There are too few samples; the ground pulls in one; a torque opposes that of gravity on the nominal robot; or a
+    /// number is not finite.
     pub fn new(
         robot: &Robot,
         samples: &[Sample],

@@ -54,6 +54,11 @@ pub enum ReadSamplesError {
 }
 
 /// Reads the samples of a robot. At rest velocities count as zero; of a motion the channels are low-passed at `lowpass_hz`.
+///
+/// # Errors
+///
+/// The file is not a table, a column of a joint or of the base is missing, no contact with the ground was measured, or
+/// as [`Prepared::new`].
 pub fn read(path: &Path, robot: &Robot, kind: Kind, lowpass_hz: Option<f64>) -> Result<Measurement, ReadSamplesError> {
     let (table, findings) = Table::read(path, &Names::new())?;
     let interpolate = table.quantity("fresh").map(|column| column.name.clone());

@@ -119,6 +119,10 @@ impl Turn {
 }
 
 /// Draws a person from the seed and lets it stand up; `feet` are the links that the ankles move.
+///
+/// # Errors
+///
+/// The joints of `tree` make no tree that can be computed.
 pub fn demonstrate(
     tree: &Robot,
     (names, markers): (&[String], &[Fixed]),

@@ -87,6 +87,10 @@ struct Push {
 }
 
 /// Executes a plan on `robot`, with the joints' torques frame by frame, or none.
+///
+/// # Errors
+///
+/// The joints of `robot` make no tree that can be computed.
 pub fn execute(
     robot: &Robot,
     setup: &Setup,

@@ -23,6 +23,10 @@ type Six = SVector<f64, 6>;
 ///
 /// The chair bears, straight up, what the zero-moment point lies outside the soles; the feet bear the rest, shared by least
 /// forces and moments about their own middles.
+///
+/// # Errors
+///
+/// The joints of `believed` make no tree that can be computed.
 pub fn feed_forward(believed: &Robot, setup: &Setup, plan: &Mapped) -> Result<Vec<Vec<f64>>, TreeError> {
     let mut placed = Placed::new(believed)?;
     let soles = Polygon::hull(&plan.sole);

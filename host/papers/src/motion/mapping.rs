@@ -84,6 +84,10 @@ pub struct Mapped {
 }
 
 /// Maps the motion of a person on a robot.
+///
+/// # Errors
+///
+/// The joints of `robot` make no tree, or a frame has no posture that holds the constraints within the limits.
 pub fn map(robot: &Robot, setup: &Setup, person: &Person, capture: &Capture) -> Result<Mapped, TrajectoryError> {
     let feet = feet(robot, setup)?;
     let view = View::new(robot, setup, person, &feet)?;

@@ -117,6 +117,10 @@ const MIN_FRAMES: usize = 10;
 
 impl Capture {
     /// Reads the markers with these names, and the plates.
+    ///
+    /// # Errors
+    ///
+    /// The file is not a table; or as [`of`](Self::of).
     pub fn read(path: &Path, markers: &[String]) -> Result<Self, CaptureError> {
         let (table, findings) = Table::read(path, &Names::new())?;
         let mut capture = Self::of(&table, markers)?;
@@ -125,6 +129,11 @@ impl Capture {
     }
 
     /// The same from a table.
+    ///
+    /// # Errors
+    ///
+    /// The column of time, a marker or a column of the plates is missing; time is uneven or too short; a marker is
+    /// missing for too long, or too many in one frame; or the plates pull.
     pub fn of(table: &Table, markers: &[String]) -> Result<Self, CaptureError> {
         let time_s = table.required("time")?.numbers.clone();
         if time_s.len() < MIN_FRAMES {

@@ -135,12 +135,21 @@ pub enum SetupError {
 
 impl Setup {
     /// Reads the setup of a person and a robot.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read; or as [`parse`](Self::parse).
     pub fn read(path: &Path, person: &Robot, robot: &Robot) -> Result<Self, SetupError> {
         let text = std::fs::read_to_string(path).map_err(|error| SetupError::Read { path: path.into(), error })?;
         Self::parse(path, &text, person, robot)
     }
 
     /// The same of text; `path` only serves messages.
+    ///
+    /// # Errors
+    ///
+    /// The text is not TOML of this form, names a link or joint that its tree does not have, has fewer than three
+    /// markers that the robot follows, a sole of fewer than three points, or no foot.
     pub fn parse(path: &Path, text: &str, person: &Robot, robot: &Robot) -> Result<Self, SetupError> {
         let syntax = |error| SetupError::Syntax { path: path.into(), error: Box::new(error) };
         let raw: Raw = toml::from_str(text).map_err(syntax)?;

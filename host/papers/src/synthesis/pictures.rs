@@ -17,11 +17,19 @@ const MIN_ERROR: f64 = 1e-16;
 pub type Picture = (String, String);
 
 /// Every configuration of a small arm: Figures 1 and 2.
+///
+/// # Errors
+///
+/// The arm has no pose for a word.
 pub fn configurations(figure: u32, arm: &Arm) -> Result<Vec<Picture>, ChainError> {
     words(arm).into_iter().map(|word| configuration(figure, arm, &word)).collect()
 }
 
 /// An arm with one word: Figure 3.
+///
+/// # Errors
+///
+/// The arm has no pose for the word.
 pub fn configuration(figure: u32, arm: &Arm, word: &Word) -> Result<Picture, ChainError> {
     let mut scratch = ArmScratch::default();
     arm.model.chain.pose_base_tool(word, &[], &mut scratch)?;
@@ -30,6 +38,10 @@ pub fn configuration(figure: u32, arm: &Arm, word: &Word) -> Result<Picture, Cha
 }
 
 /// An arm in each of its desired frames: Figures 5 to 9.
+///
+/// # Errors
+///
+/// The arm has no pose for the word of a frame.
 pub fn in_frames(figure: u32, arm: &Arm, frames: &[DesiredFrame]) -> Result<Vec<Picture>, ChainError> {
     let picture = |(index, frame): (usize, &DesiredFrame)| {
         let name = format!("figure-{figure:02}-frame-{}-{}.svg", index + 1, frame.word);

@@ -75,6 +75,11 @@ pub struct Person {
 }
 
 /// Fits a tree with markers to a motion.
+///
+/// # Errors
+///
+/// The joints of `tree` make no tree, a frame has no posture that meets the markers within the limits, or the moment of
+/// the plates has the wrong sign.
 pub fn person(tree: &Robot, markers: &[Fixed], capture: &Capture) -> Result<Person, TrajectoryError> {
     let groups = Groups::new(tree);
     let average = follow(tree, markers, capture)?;
@@ -118,6 +123,10 @@ pub fn person(tree: &Robot, markers: &[Fixed], capture: &Capture) -> Result<Pers
 }
 
 /// The centre of mass along a motion, low-passed.
+///
+/// # Errors
+///
+/// The joints of `tree` make no tree that can be computed.
 pub fn com(tree: &Robot, postures: &[Posture], time_s: &[f64]) -> Result<Vec<Vec3<f64>>, TrajectoryError> {
     let mut placed = Placed::new(tree)?;
     let raw: Vec<Vec3<f64>> = postures

@@ -149,6 +149,10 @@ pub enum TrajectoryError {
 }
 
 /// The trajectory that follows the markers best, from these postures.
+///
+/// # Errors
+///
+/// The joints of the robot make no tree, or a frame has no posture that holds the constraints within the limits.
 pub fn solve(problem: &Problem<'_>, start: &[Posture]) -> Result<Trajectory, TrajectoryError> {
     let mut postures = all_constrained(problem, start)?;
     let (mut best, mut damping, mut steps, mut settled) = (cost(problem, &postures)?, 1e-3, 0, false);
