@@ -155,6 +155,8 @@ fn place(error: &DescriptionError) -> Option<Place> {
     match error {
         DescriptionError::Urdf(error) => error.place,
         DescriptionError::Mjcf(error) => error.place,
+        DescriptionError::Table(error) => error.place,
+        DescriptionError::LockedTable { .. } => None,
     }
 }
 
@@ -169,6 +171,7 @@ fn reason(error: &DescriptionError) -> String {
             Fault::Syntax(_) => "not XML".into(),
             fault => fault.to_string(),
         },
+        DescriptionError::Table(_) | DescriptionError::LockedTable { .. } => error.to_string(),
     };
     let quoted = text.split('`').enumerate().map(|(k, part)| if k % 2 == 0 { part } else { "…" });
     quoted.collect::<Vec<_>>().join("`").chars().take(100).collect()

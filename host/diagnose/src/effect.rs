@@ -32,6 +32,8 @@ pub enum Place {
     Tool,
     /// The force plate.
     ForcePlate,
+    /// What measures a tool from outside.
+    Instrument,
 }
 
 impl Place {

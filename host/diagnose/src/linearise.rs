@@ -5,9 +5,13 @@
 
 pub mod arm_candidates;
 pub mod bodies;
+pub mod calibrated;
 pub mod experiment;
+#[cfg(test)]
+mod faulty_robot;
 pub mod force;
 pub mod laws;
+pub mod measured_tool;
 pub mod model;
 pub mod model_effects;
 pub mod model_error;
@@ -15,6 +19,7 @@ pub mod point_contact;
 pub mod position;
 pub mod ripple;
 pub mod sensitivity;
+mod serial_chain;
 pub mod torque;
 pub mod wrench;
 
@@ -37,6 +42,7 @@ pub(crate) fn linearise(model: &Model, data: &mut Prepared) -> Result<Experiment
         What::Torque(robot, transmission) => torque::experiment(data, robot, transmission.as_ref(), known)?,
         What::Wrench(robot) => wrench::experiment(data, robot)?,
         What::Closure(robot, points) => point_contact::experiment(data, robot, points)?,
+        What::Tool(robot, how) => measured_tool::experiment(data, robot, how)?,
         What::Any(robot) if is_wrench(data) => wrench::experiment(data, robot)?,
         What::Any(robot) => torque::experiment(data, robot, None, known)?,
     };
@@ -63,6 +69,7 @@ pub(crate) fn columns(model: &Model, data: &Prepared) -> Columns {
         }
         What::Servo => Columns { measured: vec![named(&["position"])], moving: Vec::new() },
         What::Closure(..) => Columns { measured: Vec::new(), moving: Vec::new() },
+        What::Tool(robot, how) => measured_tool::columns(data, robot, how),
         What::Wrench(robot) => of_wrench(robot),
         What::Any(robot) if is_wrench(data) => of_wrench(robot),
         What::Torque(robot, transmission) => torque::columns(data, robot, transmission.as_ref()),

@@ -7,7 +7,7 @@ use serde::{Serialize, Serializer};
 /// What was measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Measured {
-    /// Poses of the tool of an arm of discrete actuators.
+    /// Poses of a tool: of an arm of discrete actuators, or of a serial robot.
     ToolPose,
     /// The force of an actuator.
     ActuatorForce,
@@ -17,6 +17,8 @@ pub enum Measured {
     JointTorque,
     /// The wrench between a floating base and a force plate.
     ContactWrench,
+    /// Positions of the tool of a serial robot.
+    ToolPosition,
     /// Postures in which the tool touches one point.
     Closure,
 }
@@ -30,6 +32,7 @@ impl Measured {
             Self::JointPosition => "joint-position",
             Self::JointTorque => "joint-torque",
             Self::ContactWrench => "contact-wrench",
+            Self::ToolPosition => "tool-position",
             Self::Closure => "closure",
         }
     }

@@ -1,7 +1,8 @@
-//! A robot from a file in XML: its root element says whether it is URDF or MJCF.
+//! A robot from a file: XML, whose root element says whether it is URDF or MJCF, or a Denavit–Hartenberg table in TOML.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use crate::dh::{self, TableError};
 use crate::mjcf::{self, MjcfError};
 use crate::robot::Robot;
 use crate::shape::LinkShape;
@@ -18,15 +19,32 @@ pub enum DescriptionError {
     /// Of an MJCF.
     #[error(transparent)]
     Mjcf(#[from] MjcfError),
+    /// Of a Denavit–Hartenberg table.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// Joints of a table are not locked.
+    #[error("{}: joint {joint} cannot be locked in a Denavit-Hartenberg table: give a URDF", .path.display())]
+    LockedTable {
+        /// The table.
+        path: PathBuf,
+        /// The joint.
+        joint: String,
+    },
 }
 
-/// Reads a robot from a URDF or MJCF file, with some of its joints locked.
+/// Reads a robot from a URDF or MJCF file, with some of its joints locked, or from a Denavit–Hartenberg table.
 ///
 /// # Errors
 ///
 /// The file cannot be read, is neither URDF nor MJCF, describes no robot that is computed, or has no joint of a name in
 /// `locks`. The error names line and column.
 pub fn read(path: &Path, locks: &Locks) -> Result<Robot, DescriptionError> {
+    if path.extension().is_some_and(|end| end == "toml") {
+        return match locks.keys().next() {
+            Some(joint) => Err(DescriptionError::LockedTable { path: path.into(), joint: joint.clone() }),
+            None => Ok(dh::read(path)?),
+        };
+    }
     let source = Source::read_lossy::<urdf::UrdfFault>(path)?;
     match Document::parse(&source) {
         Ok(document) if document.root().tag() == "mujoco" => Ok(mjcf::parse(path, source.text(), locks)?),

@@ -4,13 +4,14 @@
 //! Acta Cryst. A32 (1976) 922), since where the camera's base is says nothing about words; without the farthest tenth.
 
 use darm_arm::arm::{Arm, ArmScratch};
-use darm_core::real::{Mat3, Vec3};
+use darm_core::real::Vec3;
 use darm_core::se::{Pose, rotation_log};
 use darm_core::units::Word;
 use nalgebra::Matrix3;
 
 use super::{Agreement, FEW, MIN_EXPLAINED, trimmed_root_mean_square};
 use crate::measurement::Run;
+use crate::measurement::rigid_motion::nearest_rotation;
 use crate::misreading::Misreading;
 use crate::outcome::{Number, OtherReading};
 use crate::prepare::thinning::one_of_each_part;
@@ -259,15 +260,6 @@ fn ordered(as_read: &ReadRows, order: &[usize]) -> Option<ReadRows> {
 
 fn word_of(digits: impl Iterator<Item = u8>) -> Option<Word> {
     Word::new(&digits.collect::<Vec<u8>>()).ok()
-}
-
-/// The rotation R that makes tr(Rᵀ·sum) largest.
-fn nearest_rotation(sum: &Mat3<f64>) -> Mat3<f64> {
-    let svd = sum.svd(true, true);
-    let (Some(u), Some(vt)) = (svd.u, svd.v_t) else { return Mat3::identity() };
-    let mut signs = Vec3::repeat(1.0);
-    signs[svd.singular_values.imin()] = (u * vt).determinant().signum();
-    u * Mat3::from_diagonal(&signs) * vt
 }
 
 #[cfg(test)]

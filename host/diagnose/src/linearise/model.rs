@@ -9,14 +9,15 @@
 //! | --- | --- | --- |
 //! | `cylinder` | `bore_mm` | force against gauge pressure |
 //! | `servo` | | position against target |
-//! | `robot` | `urdf` (a URDF or MJCF, relative to this file), `observed` = `torque`, `wrench` or `closure` | see below |
+//! | `robot` | `urdf` (a URDF, MJCF or Denavit–Hartenberg table, relative to this file), `observed` = `torque`, `wrench`, `closure`, `tool-position` or `tool-pose` | see below |
 //!
 //! | of a robot | key | meaning |
 //! | --- | --- | --- |
 //! | torque | `transmission`, `offset_deg` | N (rows) and q where the motors are at zero: motor = N·(q − offset), τ = Nᵀ·motor torque |
 //! | closure | `point` | columns whose values name the point that is touched |
 //! | closure | `pair`, `distance_mm` | the one of them in which two points differ that are so far apart |
-//! | closure | `tool` | the frame that touches; without it the robot's end |
+//! | closure, tool | `tool` | the frame that touches or is measured; without it the robot's end |
+//! | tool | `frame` | `base` (the default): what was measured is in the robot's base frame, nearly; `unknown`: anywhere |
 //! | all | `lock_deg`, `lock_mm` | positions of joints that do not move, by their names: the columns of a table are those of the others |
 //!
 //! `number` and `[[effect]]` (see [`model_effects`]) are what `darm diagnose --write-model` adds.
@@ -29,6 +30,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::DMatrix;
 use serde::Deserialize;
 
+use crate::linearise::measured_tool::MeasuredTool;
 use crate::linearise::model_effects::{self, ModelEffect};
 use crate::linearise::model_error::ModelError;
 use crate::linearise::point_contact::Points;
@@ -62,6 +64,8 @@ pub enum What {
     Wrench(Robot),
     /// Points that a robot touches again and again.
     Closure(Robot, Points),
+    /// The tool of a robot, measured from outside.
+    Tool(Robot, MeasuredTool),
     /// A robot: torques, or the wrench where the table has one.
     Any(Robot),
 }
@@ -88,6 +92,8 @@ struct RawRobot {
     distance_mm: Option<f64>,
     tool: Option<String>,
     #[serde(default)]
+    frame: InstrumentFrame,
+    #[serde(default)]
     lock_deg: BTreeMap<String, f64>,
     #[serde(default)]
     lock_mm: BTreeMap<String, f64>,
@@ -99,6 +105,17 @@ enum Observed {
     Torque,
     Wrench,
     Closure,
+    ToolPosition,
+    ToolPose,
+}
+
+/// The frame that a tool was measured in.
+#[derive(Debug, Default, Deserialize, PartialEq)]
+#[serde(rename_all = "kebab-case")]
+enum InstrumentFrame {
+    #[default]
+    Base,
+    Unknown,
 }
 
 impl Model {
@@ -147,7 +164,8 @@ impl What {
     pub fn robot(&self) -> Option<&Robot> {
         match self {
             Self::Cylinder { .. } | Self::Servo => None,
-            Self::Torque(robot, _) | Self::Wrench(robot) | Self::Closure(robot, _) | Self::Any(robot) => Some(robot),
+            Self::Torque(robot, _) | Self::Wrench(robot) | Self::Closure(robot, _) => Some(robot),
+            Self::Tool(robot, _) | Self::Any(robot) => Some(robot),
         }
     }
 }
@@ -175,6 +193,7 @@ fn what(path: &Path, raw: Raw, locks: &Locks) -> Result<What, ModelError> {
                 pair,
                 distance_mm,
                 tool,
+                frame,
                 lock_deg,
                 lock_mm,
             } = *raw;
@@ -192,6 +211,12 @@ fn what(path: &Path, raw: Raw, locks: &Locks) -> Result<What, ModelError> {
                 Observed::Closure => {
                     let points = points(&robot, point, (pair, distance_mm), tool);
                     What::Closure(robot, points.map_err(|what| wrong(&what))?)
+                }
+                Observed::ToolPosition | Observed::ToolPose => {
+                    known_frame(&robot, tool.as_deref()).map_err(|what| wrong(&what))?;
+                    let oriented = matches!(observed, Observed::ToolPose);
+                    let in_base_frame = frame == InstrumentFrame::Base;
+                    What::Tool(robot, MeasuredTool { tool, oriented, in_base_frame })
                 }
             }
         }
@@ -220,10 +245,15 @@ fn points(
     if let Some((column, _)) = pair.as_ref().filter(|(column, _)| !point.contains(column)) {
         return Err(format!("pair = {column:?} must be one of the columns of point"));
     }
-    if let Some(name) = tool.as_ref().filter(|name| robot.frame(name).is_none()) {
-        return Err(format!("the robot has no frame {name}; it has {}", robot.frame_names()));
-    }
+    known_frame(robot, tool.as_deref())?;
     Ok(Points { point, pair, tool })
+}
+
+fn known_frame(robot: &Robot, name: Option<&str>) -> Result<(), String> {
+    match name.filter(|name| robot.frame(name).is_none()) {
+        Some(name) => Err(format!("the robot has no frame {name}; it has {}", robot.frame_names())),
+        None => Ok(()),
+    }
 }
 
 fn matrix(rows: &[Vec<f64>], n: usize, offset_deg: Option<Vec<f64>>) -> Result<Transmission, String> {

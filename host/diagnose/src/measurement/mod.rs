@@ -44,6 +44,7 @@ pub mod log;
 pub mod mcap;
 pub mod origin;
 pub mod poses;
+pub(crate) mod rigid_motion;
 pub mod select;
 pub mod signal;
 mod stream;

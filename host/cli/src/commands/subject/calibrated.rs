@@ -4,8 +4,10 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use darm_diagnose::effect::Law;
+use darm_diagnose::linearise::calibrated::calibrated;
+use darm_diagnose::linearise::measured_tool::MeasuredTool;
 use darm_diagnose::linearise::model::What;
-use darm_diagnose::linearise::point_contact::calibrated;
+use darm_diagnose::linearise::point_contact::Points;
 use darm_robot::robot::Robot;
 
 use super::Locked;
@@ -17,8 +19,8 @@ pub(super) fn robot(path: &Path, locks: Locked) -> anyhow::Result<Option<Robot>>
     let Some((model, _)) = locks.read_model(path)? else { return Ok(None) };
     let shown = path.display();
     match model.what {
-        What::Closure(robot, points) => {
-            let calibrated = calibrated(&robot, &points, &model.effects);
+        What::Closure(robot, Points { tool, .. }) | What::Tool(robot, MeasuredTool { tool, .. }) => {
+            let calibrated = calibrated(&robot, tool.as_deref(), &model.effects);
             calibrated.map(Some).with_context(|| shown.to_string())
         }
         What::Torque(robot, _) | What::Wrench(robot) | What::Any(robot) => {

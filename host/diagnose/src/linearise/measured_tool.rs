@@ -1,0 +1,239 @@
+//! The tool of a serial robot, measured from outside: its position by a laser tracker, its pose by a camera.
+//!
+//! The residual of a row is predicted less measured, in the instrument's frame: x, y, z, and of a pose the rotation vector
+//! of R·R'ᵀ with R predicted and R' measured. With S the pose of the robot's base in the instrument's frame, the prediction
+//! is S times the tool of the [`serial_chain`](super::serial_chain).
+//!
+//! Where the instrument measures in the robot's base frame, S is the identity, and what it is off by is the law
+//! `sensor-frame`: S = (exp θ, d). Where its frame is unknown, S is no effect: at any values it is what brings the robot
+//! nearest to the training rows (W. Kabsch, Acta Cryst. A32 (1976) 922), and the columns are those that are left beside
+//! its own (G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413, variable projection).
+
+use darm_core::real::{Mat3, Vec3};
+use darm_core::se::{Pose, Twist, rotation_exp, rotation_jacobian, rotation_log};
+use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion};
+
+use crate::effect::{Law, Place, Site};
+use crate::linearise::experiment::{Axis, Candidate, Columns, Experiment, Moving, Relinearise, Value};
+use crate::linearise::serial_chain::{self, FrameChain, SerialChain};
+use crate::measured::Measured;
+use crate::measurement::rigid_motion::nearest_rotation;
+use crate::prepare::signals::{PrepareError, Prepared};
+use darm_robot::robot::Robot;
+
+/// Columns of the tool's position.
+const POSITION: [&str; 3] = ["x", "y", "z"];
+/// Columns of its orientation, a quaternion.
+const ORIENTATION: [&str; 4] = ["qx", "qy", "qz", "qw"];
+/// How far the instrument's frame may be off: m, rad.
+const FRAME_PRIORS: [f64; 2] = [0.02, 0.02];
+/// Singular values of the frame's columns below this share of the largest say nothing: positions in a line.
+const RANK_TOL: f64 = 1e-9;
+/// Values of the instrument's frame: d, θ.
+const FRAME_VALUES: usize = 6;
+
+/// How the tool was measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeasuredTool {
+    /// The frame that is measured; `None`: the robot's tool.
+    pub tool: Option<String>,
+    /// Whether its orientation was measured besides its position.
+    pub oriented: bool,
+    /// Whether the instrument's frame is the robot's base, nearly; else it is fitted before anything is predicted.
+    pub in_base_frame: bool,
+}
+
+struct ToolRows {
+    chain: SerialChain,
+    measured: Vec<Pose<f64>>,
+    oriented: bool,
+    /// Where the instrument's frame is unknown: whether each row takes part in its fit.
+    fits_frame: Option<Vec<bool>>,
+}
+
+/// A prediction: the robot's base in the instrument's frame, and the tool in each row.
+struct Predicted {
+    chains: Vec<FrameChain>,
+    base: Pose<f64>,
+    tools: Vec<Pose<f64>>,
+}
+
+/// Adds to `data` the finding on what compliances rest on.
+pub(crate) fn experiment(data: &mut Prepared, robot: &Robot, how: &MeasuredTool) -> Result<Experiment, PrepareError> {
+    let chain = SerialChain::new(data, robot, how.tool.as_deref(), how.oriented)?;
+    let measured = poses(data, how.oriented)?;
+    let fits_frame = (!how.in_base_frame).then(|| data.rows.iter().map(|row| !row.held_out).collect());
+    let rows = ToolRows { chain, measured, oriented: how.oriented, fits_frame };
+    data.findings.extend(rows.chain.finding());
+    let (residuals, columns) = rows.at(&vec![0.0; rows.n_values()]);
+    let mut columns = columns.into_iter();
+    let mut candidates = rows.chain.candidates(&mut columns);
+    if how.in_base_frame {
+        candidates.push(instrument_frame(columns));
+    }
+    let mut axes: Vec<Axis> = POSITION.map(|name| Axis::new(name, "m")).into();
+    if how.oriented {
+        axes.extend(["about x", "about y", "about z"].map(|name| Axis::new(name, "rad")));
+    }
+    let channels = rows.chain.channels();
+    let relinearise: Relinearise = Box::new(move |values| rows.at(values));
+    Ok(Experiment {
+        kind: if how.oriented { Measured::ToolPose } else { Measured::ToolPosition },
+        axes,
+        n_norm: 3,
+        rows: data.rows.clone(),
+        residuals,
+        measured: None,
+        candidates,
+        channels,
+        bodies: Vec::new(),
+        relinearise: Some(relinearise),
+    })
+}
+
+/// The columns that a log may have exchanged or in another unit.
+pub(crate) fn columns(data: &Prepared, robot: &Robot, how: &MeasuredTool) -> Columns {
+    let path = robot.frame_or_tool(how.tool.as_deref()).map_or(Vec::new(), |tool| robot.path(tool));
+    let joints = serial_chain::columns(data, robot, &path);
+    Columns {
+        measured: POSITION.map(|name| vec![name.to_string()]).into(),
+        moving: joints.into_iter().map(|column| Moving { columns: vec![column], turns: true }).collect(),
+    }
+}
+
+/// What was measured in each row.
+fn poses(data: &Prepared, oriented: bool) -> Result<Vec<Pose<f64>>, PrepareError> {
+    let channels = |names: &[&str]| names.iter().map(|name| data.channel(name)).collect::<Result<Vec<_>, _>>();
+    let position = channels(&POSITION)?;
+    let turn = if oriented { channels(&ORIENTATION)? } else { Vec::new() };
+    let pose = |row: usize| Pose {
+        position: Vec3::from_fn(|axis, _| position[axis][row]),
+        rotation: match &turn[..] {
+            [x, y, z, w] => UnitQuaternion::from_quaternion(Quaternion::new(w[row], x[row], y[row], z[row]))
+                .to_rotation_matrix()
+                .into(),
+            _ => Mat3::identity(),
+        },
+    };
+    Ok((0..data.rows.len()).map(pose).collect())
+}
+
+/// Where the instrument is; its columns are the next ones.
+fn instrument_frame(mut columns: impl Iterator<Item = Vec<f64>>) -> Candidate {
+    let [shift, turn] = FRAME_PRIORS;
+    let moved = POSITION.map(|name| (name, "m", shift));
+    let turned = ["turn about x", "turn about y", "turn about z"].map(|name| (name, "rad", turn));
+    let value = |(name, unit, prior): (&str, &str, f64)| Value {
+        name: name.into(),
+        unit: unit.into(),
+        prior,
+        min: f64::NEG_INFINITY,
+        column: columns.next().expect("a column for each value"),
+    };
+    let values = moved.into_iter().chain(turned).map(value).collect();
+    let site = Site::new(Place::Instrument, "the measuring instrument");
+    Candidate { law: Law::SensorFrame, site, shape: None, values }
+}
+
+impl ToolRows {
+    fn n_values(&self) -> usize {
+        self.chain.n_values() + if self.fits_frame.is_none() { FRAME_VALUES } else { 0 }
+    }
+
+    /// Residuals and columns at these values.
+    fn at(&self, values: &[f64]) -> (Vec<f64>, Vec<Vec<f64>>) {
+        let (own, frame) = values.split_at(self.chain.n_values());
+        let frame = if frame.is_empty() { [0.0; FRAME_VALUES].as_slice() } else { frame };
+        let (shift, turn) = (Vec3::from_column_slice(&frame[..3]), Vec3::from_column_slice(&frame[3..]));
+        let predicted = self.predicted(own, Pose { rotation: rotation_exp(&turn), position: shift });
+        let pairs = predicted.tools.iter().zip(&self.measured);
+        let residuals = pairs.flat_map(|(predicted, measured)| self.axes(residual(predicted, measured))).collect();
+        let mut columns = self.chain_columns(own, &predicted);
+        let of_frame = self.frame_columns(&predicted, &turn);
+        match &self.fits_frame {
+            None => columns.extend(of_frame),
+            Some(fits) => self.leave_beside(&mut columns, &of_frame, fits),
+        }
+        (residuals, columns)
+    }
+
+    fn predicted(&self, own: &[f64], base: Pose<f64>) -> Predicted {
+        let chains = self.chain.frames(own);
+        let base = self.fits_frame.as_ref().map_or(base, |fits| self.nearest_base(&chains, fits));
+        let tools = chains.iter().map(|chain| base * chain.tool).collect();
+        Predicted { chains, base, tools }
+    }
+
+    /// The base that brings the tool nearest to what was measured in the rows that take part.
+    fn nearest_base(&self, chains: &[FrameChain], fits: &[bool]) -> Pose<f64> {
+        let pairs: Vec<(Vec3<f64>, Vec3<f64>)> = (0..chains.len())
+            .filter(|row| fits[*row])
+            .map(|row| (chains[row].tool.position, self.measured[row].position))
+            .collect();
+        let n = pairs.len().max(1) as f64;
+        let (own, seen) = pairs.iter().fold((Vec3::zeros(), Vec3::zeros()), |(a, b), (own, seen)| (a + own, b + seen));
+        let (own, seen) = (own / n, seen / n);
+        let turns: Mat3<f64> = pairs.iter().map(|(from, to)| (to - seen) * (from - own).transpose()).sum();
+        let rotation = nearest_rotation(&turns);
+        Pose { rotation, position: seen - rotation * own }
+    }
+
+    /// A column for each value of the chain.
+    fn chain_columns(&self, own: &[f64], predicted: &Predicted) -> Vec<Vec<f64>> {
+        let rotation = &predicted.base.rotation;
+        let slopes = self.chain.slopes(own, &predicted.chains);
+        let of = |twist: &Twist<f64>| Twist { angular: rotation * twist.angular, linear: rotation * twist.linear };
+        (0..own.len()).map(|k| slopes.iter().flat_map(|row| self.axes(of(&row[k]))).collect()).collect()
+    }
+
+    /// A column for each value of the instrument's frame, turned by the rotation vector `turn`.
+    fn frame_columns(&self, predicted: &Predicted, turn: &Vec3<f64>) -> Vec<Vec<f64>> {
+        // The left Jacobian of SO(3) at θ is the right one at −θ.
+        let turns = rotation_jacobian(&-turn);
+        let slope = |k: usize, tool: &Pose<f64>| match k {
+            0..3 => Twist { angular: Vec3::zeros(), linear: Vec3::ith(k, 1.0) },
+            _ => {
+                let angular: Vec3<f64> = turns.column(k - 3).into();
+                Twist { angular, linear: angular.cross(&(tool.position - predicted.base.position)) }
+            }
+        };
+        let column = |k: usize| predicted.tools.iter().flat_map(|tool| self.axes(slope(k, tool))).collect();
+        (0..FRAME_VALUES).map(column).collect()
+    }
+
+    /// Takes out of each column what the frame's columns have of it in the positions of the rows that take part.
+    fn leave_beside(&self, columns: &mut [Vec<f64>], of_frame: &[Vec<f64>], fits: &[bool]) {
+        let n_axes = self.n_axes();
+        let counts: Vec<usize> =
+            (0..fits.len() * n_axes).filter(|entry| fits[entry / n_axes] && entry % n_axes < 3).collect();
+        let frame = DMatrix::from_fn(counts.len(), FRAME_VALUES, |row, k| of_frame[k][counts[row]]);
+        let svd = frame.svd(true, true);
+        for column in columns {
+            let own = DVector::from_iterator(counts.len(), counts.iter().map(|&entry| column[entry]));
+            let Ok(sizes) = svd.solve(&own, RANK_TOL * svd.singular_values.max()) else { continue };
+            for (size, frame) in sizes.iter().zip(of_frame) {
+                column.iter_mut().zip(frame).for_each(|(own, frame)| *own -= size * frame);
+            }
+        }
+    }
+
+    fn n_axes(&self) -> usize {
+        if self.oriented { 6 } else { 3 }
+    }
+
+    /// The axes of a motion of the tool: x, y, z, and of a pose those about x, y, z.
+    fn axes(&self, Twist { linear, angular }: Twist<f64>) -> impl Iterator<Item = f64> {
+        [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z].into_iter().take(self.n_axes())
+    }
+}
+
+/// The motion from a measured pose to the predicted one, in the instrument's frame.
+fn residual(predicted: &Pose<f64>, measured: &Pose<f64>) -> Twist<f64> {
+    Twist {
+        angular: rotation_log(&(predicted.rotation * measured.rotation.transpose())),
+        linear: predicted.position - measured.position,
+    }
+}
+
+#[cfg(test)]
+mod tests;

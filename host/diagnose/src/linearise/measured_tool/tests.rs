@@ -1,0 +1,88 @@
+//! Each law alone explains the case of its own fault, in the robot's base frame and in an unknown one.
+
+use std::path::Path;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
+
+use super::*;
+use crate::diagnosis::{SignalOptions, diagnose_table};
+use crate::linearise::faulty_robot::{Fault, Faulty, JOINTS, cases, named, normal, panda};
+use crate::linearise::model::{Model, What};
+use crate::measurement::table::{Names, Table};
+use crate::prepare::signals::Preparation;
+
+const POSTURES: usize = 150;
+const NOISE_M: f64 = 1e-4;
+const SEED: u64 = 3;
+const TOOL: &str = "ball_link";
+
+/// Postures of a robot with a fault, and its tool as an instrument measures it whose frame has the base there.
+fn table(robot: &Robot, fault: Fault, base: &Pose<f64>) -> Table {
+    let (mut random, faulty) = (ChaCha8Rng::seed_from_u64(SEED), Faulty::new(robot, fault));
+    let limits: Vec<[f64; 2]> = robot.joints.iter().map(|joint| joint.limits.expect("the Panda has limits")).collect();
+    let mut text = String::from("q1,q2,q3,q4,q5,q6,q7,x,y,z\n");
+    for _ in 0..POSTURES {
+        let q: Vec<f64> = limits.iter().map(|[low, high]| random.random_range(*low..*high)).collect();
+        let seen = *base * faulty.touch(&q).0 + normal(&mut random) * NOISE_M;
+        let numbers: Vec<String> = q[..JOINTS].iter().chain(seen.iter()).map(f64::to_string).collect();
+        text += &format!("{}\n", numbers.join(","));
+    }
+    Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0
+}
+
+fn wrong(base: Pose<f64>, in_base_frame: bool) -> Vec<(&'static str, String)> {
+    let robot = panda();
+    let model = |robot: &Robot| {
+        let how = MeasuredTool { tool: Some(TOOL.into()), oriented: false, in_base_frame };
+        Model::from(What::Tool(robot.clone(), how))
+    };
+    let reported = |fault: Fault| {
+        let options = SignalOptions { preparation: Preparation::default(), always: Vec::new(), seed: 1 };
+        named(&diagnose_table(&model(&robot), &table(&robot, fault, &base), &options).unwrap().diagnosis)
+    };
+    let all = cases();
+    all.par_iter().map(|(right, fault)| (*right, reported(*fault))).filter(|(right, found)| right != found).collect()
+}
+
+#[test]
+fn each_law_alone_explains_the_case_of_its_fault() {
+    assert_eq!(wrong(Pose::identity(), true), []);
+}
+
+#[test]
+fn an_instrument_may_be_anywhere() {
+    assert_eq!(wrong(Pose::new(&Vec3::new(0.3, -1.1, 2.0), Vec3::new(1.5, -0.4, 0.8)), false), []);
+}
+
+/// A column is the derivative of the residuals: central differences at zero. Compliances turn by up to 20 N·m times their
+/// value, so that the third derivative is up to 20³ m: 1e-9 at the step, beside 1e-10 of rounding.
+#[test]
+fn columns_are_derivatives_of_positions_and_orientations() {
+    let robot = panda();
+    let (tool, mut random) = (robot.frame(TOOL).unwrap(), ChaCha8Rng::seed_from_u64(SEED));
+    let base = Pose::new(&Vec3::new(0.3, -1.1, 2.0), Vec3::new(1.5, -0.4, 0.8));
+    let mut posture = || (0..JOINTS).map(|_| random.random_range(-1.5..1.5)).collect::<Vec<f64>>();
+    let postures: Vec<Vec<f64>> = (0..6).map(|_| posture()).collect();
+    for (fits_frame, base) in [(None, Pose::identity()), (Some(vec![true, true, false, true, true, true]), base)] {
+        let chain = SerialChain::in_postures(&robot, tool, postures.clone().into_iter(), true);
+        let measured = chain.frames(&vec![0.0; chain.n_values()]).iter().map(|chain| base * chain.tool).collect();
+        let rows = ToolRows { chain, measured, oriented: true, fits_frame };
+        let zero = vec![0.0; rows.n_values()];
+        let (residuals, columns) = rows.at(&zero);
+        assert!(residuals.iter().all(|residual| residual.abs() < 1e-12));
+        for (k, column) in columns.iter().enumerate() {
+            let step = 1e-6;
+            let at = |size: f64| {
+                let mut values = zero.clone();
+                values[k] = size;
+                rows.at(&values).0
+            };
+            let slopes = at(step).into_iter().zip(at(-step)).map(|(up, down)| (up - down) / (2.0 * step));
+            for (slope, own) in slopes.zip(column) {
+                assert!((slope - own).abs() < 1e-8 * (1.0 + own.abs()), "value {k}: {slope} {own}");
+            }
+        }
+    }
+}
