@@ -51,6 +51,11 @@ pub enum FollowError {
 
 impl Follower {
     /// Connects a plant to a machine that does not run yet, so that it sees every edge from the first.
+    ///
+    /// # Errors
+    ///
+    /// [`FollowError::Input`]: a limit switch is wired to an input that the board does not have. [`FollowError::Pins`],
+    /// [`FollowError::Bus`]: the emulator does not answer at its test socket or servo bus, or a thread cannot start.
     pub fn start(qemu: &Qemu, wiring: &Wiring, plant: Plant) -> Result<Self, FollowError> {
         let inputs = wiring.actuators.iter().filter_map(|actuator| actuator.switch).map(|switch| switch.input);
         if let Some(input) = inputs.filter(|&input| usize::from(input) >= board::SWITCHES.len()).max() {

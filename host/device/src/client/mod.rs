@@ -64,11 +64,20 @@ impl Client {
     /// Connects to whatever board is at the port, however it was left. Another host's connection ends.
     ///
     /// A board of another protocol version can be identified, stopped and rebooted; everything else it refuses.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::Transport`]: the port fails, or no answer comes. [`ClientError::Frame`]: what comes is not a
+    /// valid answer. [`ClientError::Refused`]: the board refuses the connection.
     pub fn connect(link: Box<dyn Link>) -> Result<Self, ClientError> {
         Self::connect_as(link, rand::random())
     }
 
     /// Connects with a given number of the connection, so that a run can be repeated.
+    ///
+    /// # Errors
+    ///
+    /// As [`connect`](Self::connect).
     pub fn connect_as(link: Box<dyn Link>, connection: u32) -> Result<Self, ClientError> {
         let mut exchange = Exchange::new(link, connection);
         let identity = identify(&mut exchange)?;
@@ -81,6 +90,10 @@ impl Client {
     }
 
     /// Opens the connection again: after another host has used the board, or the board was restarted.
+    ///
+    /// # Errors
+    ///
+    /// As [`connect`](Self::connect).
     pub fn say_hello(&mut self) -> Result<Hello, ClientError> {
         let mut tries = 0;
         loop {
@@ -106,6 +119,10 @@ impl Client {
     }
 
     /// Continues over another link to the same board: after the cable was pulled.
+    ///
+    /// # Errors
+    ///
+    /// As [`connect`](Self::connect).
     pub fn replug(&mut self, link: Box<dyn Link>) -> Result<(), ClientError> {
         self.exchange.replace_link(link);
         self.identity = identify(&mut self.exchange)?;
@@ -154,33 +171,58 @@ impl Client {
     }
 
     /// Sends a line as a person would type it; the answer comes as text.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::Transport`]: the port fails.
     pub fn type_line(&mut self, line: &str) -> Result<(), ClientError> {
         self.exchange.send_raw(format!("{line}\r").as_bytes())
     }
 
     /// Listens for this time, for text and for nothing else.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::Transport`]: the port fails.
     pub fn listen(&mut self, for_s: f64) -> Result<(), ClientError> {
         self.exchange.listen(for_s)
     }
 
     /// All coils off at once, in any version of the protocol. The board takes no command from any connection that was
     /// opened before a stop: [`Client::say_hello`] opens a new one.
+    ///
+    /// # Errors
+    ///
+    /// The port fails, no answer comes, or what comes is not a valid answer.
     pub fn stop_at_once(&mut self) -> Result<(), ClientError> {
         self.exchange.ask_bootstrap("stop", bootstrap::Request::Stop).map(drop)
     }
 
     /// How the firmware died last, if it did.
+    ///
+    /// # Errors
+    ///
+    /// The port fails, no answer comes, or what comes is not a valid answer.
     pub fn last_crash(&mut self) -> Result<Option<CrashRecord>, ClientError> {
         let payload = self.exchange.ask_bootstrap("read fault", bootstrap::Request::ReadFault)?;
         CrashRecord::decode(&payload).ok_or(AnswerError::Payload { request: "read fault" }.into())
     }
 
     /// Starts the board again; the connection ends.
+    ///
+    /// # Errors
+    ///
+    /// The port fails, no answer comes, or what comes is not a valid answer.
     pub fn reboot(&mut self, into: RebootInto) -> Result<(), ClientError> {
         self.exchange.ask_bootstrap("reboot", bootstrap::Request::Reboot(into)).map(drop)
     }
 
     /// What the board does now.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::Transport`]: the port fails, or no answer comes. [`ClientError::Frame`]: what comes is not a
+    /// valid answer. [`ClientError::Refused`]: the board is of another protocol version, or its connection has ended.
     pub fn status(&mut self) -> Result<Status, ClientError> {
         match self.ask("status", &Request::Status)? {
             Answer::Status(status) => Ok(status),
@@ -189,6 +231,10 @@ impl Client {
     }
 
     /// Up to eight things that happened, from a number on; the first number is larger where older ones are lost.
+    ///
+    /// # Errors
+    ///
+    /// As [`status`](Self::status).
     pub fn events(&mut self, from: u32) -> Result<Vec<Happening>, ClientError> {
         match self.ask("events", &Request::Events { from })? {
             Answer::Events(events) => {
@@ -200,6 +246,10 @@ impl Client {
     }
 
     /// Asks a few times for the status, so that the board's time is known as well as the line allows.
+    ///
+    /// # Errors
+    ///
+    /// As [`status`](Self::status).
     pub fn set_clock(&mut self, round_trips: u32) -> Result<&BoardClock, ClientError> {
         for _ in 0..round_trips {
             self.status()?;
@@ -208,16 +258,28 @@ impl Client {
     }
 
     /// Does something on the board.
+    ///
+    /// # Errors
+    ///
+    /// As [`status`](Self::status); [`ClientError::Refused`] also where the sequencer refuses the command.
     pub fn command(&mut self, command: Command) -> Result<(), ClientError> {
         self.expect_done("command", &Request::Command(command))
     }
 
     /// Stores the servos' zero offsets on the board.
+    ///
+    /// # Errors
+    ///
+    /// As [`status`](Self::status); [`ClientError::Refused`] also where a program runs or the flash cannot be written.
     pub fn calibrate(&mut self, calibration: Calibration) -> Result<(), ClientError> {
         self.expect_done("calibrate", &Request::Calibrate(calibration))
     }
 
     /// The stored zero offsets of the servos.
+    ///
+    /// # Errors
+    ///
+    /// As [`status`](Self::status).
     pub fn calibration(&mut self) -> Result<Option<Calibration>, ClientError> {
         match self.ask("calibration", &Request::Calibration)? {
             Answer::Calibration(calibration) => Ok(calibration),
@@ -226,6 +288,10 @@ impl Client {
     }
 
     /// How long each output of the board's profile has been on, and how long it may be.
+    ///
+    /// # Errors
+    ///
+    /// As [`status`](Self::status).
     pub fn outputs(&mut self) -> Result<Vec<OutputState>, ClientError> {
         let (mut outputs, mut from) = (Vec::new(), 0);
         loop {
@@ -239,6 +305,10 @@ impl Client {
     }
 
     /// A word that brings the tool near a pose in the base, sought by the board among the frames in its table.
+    ///
+    /// # Errors
+    ///
+    /// As [`status`](Self::status); [`ClientError::Refused`] also where the board has no frames to seek among.
     pub fn nearest(&mut self, target: &Pose<f64>) -> Result<Found<f32>, ClientError> {
         match self.ask("nearest", &Request::Nearest(Coordinates::of(target)))? {
             Answer::Nearest(found) => Ok(found),
@@ -248,6 +318,10 @@ impl Client {
 
     /// Brings a table to the board completely or not at all, and returns the number of its rows. An upload that broke
     /// off, even in another run of the host, continues where the board says.
+    ///
+    /// # Errors
+    ///
+    /// As [`status`](Self::status); [`ClientError::Refused`] also where the board refuses the image, with its reason.
     pub fn upload(&mut self, image: &UploadImage, progress: &mut dyn FnMut(Progress)) -> Result<u16, ClientError> {
         self.check_version()?;
         upload::upload(self, image, progress)

@@ -102,6 +102,10 @@ impl Cells {
 
 impl MemoryFlash {
     /// The flash of a board that holds this profile and nothing else.
+    ///
+    /// # Panics
+    ///
+    /// The image is empty or longer than its slot.
     pub fn with_profile(profile: &UploadImage) -> Self {
         let flash = Self::default();
         let stored = block_on(async {

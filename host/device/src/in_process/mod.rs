@@ -48,6 +48,10 @@ struct Rig {
 
 impl InProcess {
     /// Starts a board with this flash and this plant.
+    ///
+    /// # Errors
+    ///
+    /// The thread of the board cannot start.
     pub fn boot(plant: Plant, flash: MemoryFlash) -> std::io::Result<Self> {
         let (orders, todo) = mpsc::channel::<Order>();
         let now_ns = Arc::new(AtomicU64::new(0));

@@ -22,9 +22,17 @@ use std::time::{Duration, Instant};
 /// Bytes to and from a board, in order, without meaning.
 pub trait Link: Send {
     /// Sends all bytes or fails.
+    ///
+    /// # Errors
+    ///
+    /// The port is closed or fails, or does not take the bytes in time.
     fn send(&mut self, bytes: &[u8]) -> Result<(), LinkError>;
 
     /// Waits for bytes, at most `timeout`; 0 means that none came.
+    ///
+    /// # Errors
+    ///
+    /// The port is closed or fails. That no bytes came is not an error.
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize, LinkError>;
 
     /// The host's time in seconds from an arbitrary start; virtual when the board lives in this process.
@@ -74,6 +82,10 @@ impl Urgent {
     }
 
     /// Sends all bytes before `until`, or fails.
+    ///
+    /// # Errors
+    ///
+    /// The port is closed or fails, or does not take the bytes before `until`.
     pub fn send(&self, bytes: &[u8], until: Instant) -> Result<(), LinkError> {
         let timeout = until.saturating_duration_since(Instant::now());
         let sent = descriptor::send(self.port.as_fd(), bytes, until);
@@ -217,6 +229,11 @@ impl<'a> Address<'a> {
 }
 
 /// Opens a port by its name and holds it; the table of names is in the module's documentation.
+///
+/// # Errors
+///
+/// The name is in none of the known forms; the port does not exist, may not be opened by this user or is held by
+/// another program; or nobody listens on the socket.
 pub fn open(port: &str) -> Result<Box<dyn Link>, LinkError> {
     Ok(match Address::parse(port)? {
         Address::Unix(path) => Box::new(socket::Socket::unix(path)?),
@@ -226,6 +243,10 @@ pub fn open(port: &str) -> Result<Box<dyn Link>, LinkError> {
 }
 
 /// Opens a port by its name even if another program uses it, unless that program holds it exclusively.
+///
+/// # Errors
+///
+/// As [`open`], but for a port that another program uses without holding it exclusively.
 pub fn open_shared(port: &str) -> Result<Box<dyn Link>, LinkError> {
     match Address::parse(port)? {
         Address::Serial(path) => Ok(Box::new(serial::Serial::open_shared(path)?)),

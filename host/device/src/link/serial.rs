@@ -24,6 +24,10 @@ pub struct Serial {
 impl Serial {
     /// Opens a port at [`BAUD`], 8 data bits, no parity, and holds it exclusively: `TIOCEXCL` and `flock`. What waited in
     /// its buffers is dropped.
+    ///
+    /// # Errors
+    ///
+    /// The port does not exist, may not be opened by this user, is held by another program, or cannot be set up.
     pub fn open(path: &str) -> Result<Self, LinkError> {
         let open = || {
             let port = open_raw(path)?;
@@ -39,6 +43,10 @@ impl Serial {
 
     /// Opens a port beside another program that uses it without holding it exclusively, and drops nothing that waits for
     /// that program.
+    ///
+    /// # Errors
+    ///
+    /// The port does not exist, may not be opened by this user, or is held exclusively by another program.
     pub fn open_shared(path: &str) -> Result<Self, LinkError> {
         let port = open_raw(path).map_err(|error| LinkError::of(path, error))?;
         // The other program may have set the port up so that no change is accepted; the bytes are what counts.

@@ -31,6 +31,10 @@ pub struct Socket {
 
 impl Socket {
     /// Connects to a Unix socket that somebody listens on.
+    ///
+    /// # Errors
+    ///
+    /// The socket does not exist, may not be used by this user, or nobody listens on it.
     pub fn unix(path: &Path) -> Result<Self, LinkError> {
         let name = format!("unix:{}", path.display());
         let stream = UnixStream::connect(path).map_err(|e| LinkError::of(&name, e))?;
@@ -38,6 +42,10 @@ impl Socket {
     }
 
     /// Connects to `HOST:PORT`.
+    ///
+    /// # Errors
+    ///
+    /// The address cannot be resolved or reached, or nobody listens on it.
     pub fn tcp(address: &str) -> Result<Self, LinkError> {
         let name = format!("tcp:{address}");
         let connect = || {

@@ -23,6 +23,10 @@ const ODR: u32 = 0x4800_0014;
 ///
 /// The emulator takes every intercepted pin for low and reports only what differs from that. So a pin that is high
 /// already, as output enable is by its pull-up, is driven low and high once, and the registers are put back.
+///
+/// # Errors
+///
+/// The emulator has ended, does not answer in time, or refuses a command.
 pub fn intercept_chain(qtest: &mut Qtest) -> Result<u16, QtestError> {
     qtest.intercept_outputs(CHAIN_BANK)?;
     let (mode, out) = (qtest.read_u32(MODER)?, qtest.read_u32(ODR)?);

@@ -98,6 +98,11 @@ pub struct Qemu {
 
 impl Qemu {
     /// Starts the emulator with the machine stopped before its first instruction.
+    ///
+    /// # Errors
+    ///
+    /// The emulator is missing or too old, the image is missing, the emulator ends while it starts, a socket does not
+    /// open in time, or a file or process fails.
     pub fn start(machine: &Machine) -> Result<Self, QemuError> {
         find()?;
         let elf = machine.elf.canonicalize().map_err(|_| QemuError::NoImage(machine.elf.clone()))?;
@@ -144,21 +149,37 @@ impl Qemu {
     }
 
     /// Connects to the board's servo bus.
+    ///
+    /// # Errors
+    ///
+    /// The socket of the bus cannot be opened: the emulator has ended.
     pub fn connect_servo_bus(&self) -> io::Result<UnixStream> {
         UnixStream::connect(self.sockets.path().join("bus"))
     }
 
     /// Lets the machine run, after everything that must not miss its first moments is connected.
+    ///
+    /// # Errors
+    ///
+    /// The emulator has ended, does not answer in time, or refuses the command.
     pub fn resume(&mut self) -> Result<(), QmpError> {
         self.qmp.command("cont").map(drop)
     }
 
     /// Stops the machine's time.
+    ///
+    /// # Errors
+    ///
+    /// As [`resume`](Self::resume).
     pub fn pause(&mut self) -> Result<(), QmpError> {
         self.qmp.command("stop").map(drop)
     }
 
     /// Presses the board's reset button; RAM keeps what the image does not load.
+    ///
+    /// # Errors
+    ///
+    /// As [`resume`](Self::resume).
     pub fn reset(&mut self) -> Result<(), QmpError> {
         self.qmp.command("system_reset").map(drop)
     }

@@ -31,6 +31,10 @@ pub struct Qmp {
 
 impl Qmp {
     /// Connects and leaves the negotiation mode.
+    ///
+    /// # Errors
+    ///
+    /// Nobody listens on the socket, or as [`command`](Self::command).
     pub fn connect(path: &Path) -> Result<Self, QmpError> {
         let stream = UnixStream::connect(path)?;
         stream.set_read_timeout(Some(Duration::from_secs(20)))?;
@@ -41,6 +45,11 @@ impl Qmp {
     }
 
     /// Sends a command without arguments; greetings and events before the answer are passed over.
+    ///
+    /// # Errors
+    ///
+    /// [`QmpError::Socket`]: the socket is closed, fails or gives no answer in time. [`QmpError::Refused`]: the
+    /// emulator refuses the command.
     pub fn command(&mut self, command: &'static str) -> Result<Value, QmpError> {
         let request = json!({ "execute": command });
         self.stream.write_all(format!("{request}\n").as_bytes())?;
@@ -60,6 +69,10 @@ impl Qmp {
     }
 
     /// The path of the pseudo terminal behind a serial port of the machine.
+    ///
+    /// # Errors
+    ///
+    /// As [`command`](Self::command).
     pub fn pty(&mut self, label: &str) -> Result<Option<String>, QmpError> {
         let devices = self.command("query-chardev")?;
         let device = devices.as_array().into_iter().flatten().find(|device| device["label"] == label);

@@ -60,6 +60,10 @@ pub struct Qtest {
 
 impl Qtest {
     /// Connects; edges come out of the second value from the moment a device is intercepted.
+    ///
+    /// # Errors
+    ///
+    /// Nobody listens on the socket, or the thread that reads it cannot start.
     pub fn connect(path: &Path) -> Result<(Self, Receiver<Edge>), QtestError> {
         let stream = UnixStream::connect(path)?;
         let reader = BufReader::new(stream.try_clone()?);
@@ -70,16 +74,28 @@ impl Qtest {
     }
 
     /// Reports the output edges of one device from now on.
+    ///
+    /// # Errors
+    ///
+    /// The emulator has ended, does not answer in time, or refuses the command: there is no such device.
     pub fn intercept_outputs(&mut self, device: &str) -> Result<(), QtestError> {
         self.command(&format!("irq_intercept_out {device}")).map(drop)
     }
 
     /// Drives an input pin of a GPIO bank.
+    ///
+    /// # Errors
+    ///
+    /// The emulator has ended, does not answer in time, or refuses the command: there is no such device or pin.
     pub fn set_input(&mut self, device: &str, pin: u8, high: bool) -> Result<(), QtestError> {
         self.command(&format!("set_irq_in {device} unnamed-gpio-in {pin} {}", u8::from(high))).map(drop)
     }
 
     /// Reads a 32-bit word of the board's memory or a register.
+    ///
+    /// # Errors
+    ///
+    /// The emulator has ended, does not answer in time, or answers no number.
     pub fn read_u32(&mut self, address: u32) -> Result<u32, QtestError> {
         let command = format!("readl {address:#x}");
         let answer = self.command(&command)?;
@@ -90,11 +106,19 @@ impl Qtest {
     }
 
     /// Writes a 32-bit word of the board's memory or a register.
+    ///
+    /// # Errors
+    ///
+    /// The emulator has ended, does not answer in time, or refuses the command.
     pub fn write_u32(&mut self, address: u32, value: u32) -> Result<(), QtestError> {
         self.command(&format!("writel {address:#x} {value:#x}")).map(drop)
     }
 
     /// Reads a stretch of the board's memory.
+    ///
+    /// # Errors
+    ///
+    /// The emulator has ended, does not answer in time, or answers no bytes.
     pub fn read_bytes(&mut self, address: u32, count: usize) -> Result<Vec<u8>, QtestError> {
         let command = format!("read {address:#x} {count:#x}");
         let answer = self.command(&command)?;

@@ -46,6 +46,10 @@ pub enum VersionError {
 }
 
 /// Finds the emulator and its version; refuses one that is too old.
+///
+/// # Errors
+///
+/// The emulator is not installed, does not start, reports no version that can be read, or is too old.
 pub fn find() -> Result<Version, VersionError> {
     let output = Command::new(PROGRAM).arg("--version").stdin(Stdio::null()).output().map_err(|e| match e.kind() {
         io::ErrorKind::NotFound => VersionError::Missing,
