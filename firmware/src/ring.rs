@@ -56,6 +56,10 @@ impl<T, const N: usize> Ring<T, N> {
     }
 
     /// Hands a value over, or gives it back when the ring is full.
+    ///
+    /// # Errors
+    ///
+    /// The ring is full: the value comes back.
     pub fn put(&self, value: T) -> Result<(), T> {
         let head = self.head.load(Ordering::Relaxed);
         let Some(slot) = self.slots.get(head).filter(|slot| slot.seize(EMPTY)) else {

@@ -38,6 +38,10 @@ where
     E: OutputPin<Error = Error>,
 {
     /// Takes the pins and switches all outputs off.
+    ///
+    /// # Errors
+    ///
+    /// A pin cannot be driven.
     pub fn new(pins: Pins<D, C, L, E>) -> Result<Self, Error> {
         let mut solenoids = Self { pins, latched: None, enabled: true, age_ticks: 0 };
         solenoids.safe()?;
@@ -47,6 +51,10 @@ where
     /// Drives the lines. Shifts only what changed or is due for a refresh. Call once a tick.
     ///
     /// Off comes before the new lines, on after them: no line carries current that was not requested.
+    ///
+    /// # Errors
+    ///
+    /// A pin cannot be driven: the outputs may have other levels than those requested.
     pub fn apply(&mut self, lines: u64, enabled: bool) -> Result<(), Error> {
         if !enabled {
             self.safe()?;
@@ -63,6 +71,10 @@ where
     }
 
     /// All lines off, in one edge.
+    ///
+    /// # Errors
+    ///
+    /// The pin of output enable cannot be driven: the outputs may still be on.
     pub fn safe(&mut self) -> Result<(), Error> {
         if self.enabled {
             self.pins.enable.set_high()?;

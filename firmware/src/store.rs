@@ -95,6 +95,10 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Counts this start and returns how many there were.
+    ///
+    /// # Errors
+    ///
+    /// The flash cannot be read or written.
     pub async fn count_boot(&mut self) -> Result<u32, StorageError> {
         let boots = self.fetch::<u32>(KEY_BOOTS).await?.unwrap_or(0).saturating_add(1);
         self.put(KEY_BOOTS, &boots).await?;
@@ -102,16 +106,30 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// The stored zero offsets.
+    ///
+    /// # Errors
+    ///
+    /// The flash cannot be read.
     pub async fn calibration(&mut self) -> Result<Option<Calibration>, StorageError> {
         self.mend(KEY_CALIBRATION).await
     }
 
     /// Stores the zero offsets.
+    ///
+    /// # Errors
+    ///
+    /// The flash cannot be written.
     pub async fn set_calibration(&mut self, calibration: Calibration) -> Result<(), StorageError> {
         self.put_doubled(KEY_CALIBRATION, calibration).await
     }
 
     /// Checks the complete image that has arrived and fills `table` from it. Nothing is committed yet.
+    ///
+    /// # Errors
+    ///
+    /// [`LoadError::Damaged`]: there is no upload, or its length, digest or model differ from what was announced.
+    /// [`LoadError::Table`]: the table breaks a limit. [`LoadError::Storage`]: the flash cannot be read. The upload is
+    /// dropped then.
     pub async fn load_upload(&mut self, table: &mut Table, board: &Board<'_>) -> Result<(), LoadError> {
         let Upload { slot, image, .. } = self.upload.ok_or(LoadError::Damaged)?;
         let loaded = self.load(slot, image, table, board).await;
@@ -122,6 +140,11 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// The same of a profile.
+    ///
+    /// # Errors
+    ///
+    /// As [`load_upload`](Self::load_upload), but for [`LoadError::Profile`]: the board could not run the profile
+    /// safely.
     pub async fn load_profile_upload(&mut self, profile: &mut Profile) -> Result<(), LoadError> {
         let Upload { slot, image, .. } = self.upload.ok_or(LoadError::Damaged)?;
         let loaded = self.load_profile(slot, image, profile).await;
@@ -132,6 +155,11 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Makes the uploaded image the valid one: the one write that replaces it.
+    ///
+    /// # Errors
+    ///
+    /// [`UploadError::NoUpload`]: no upload has begun. [`UploadError::Storage`]: the flash cannot be written; which
+    /// image is valid is read from it again.
     pub async fn commit(&mut self) -> Result<(), UploadError> {
         let upload = self.upload.take().ok_or(UploadError::NoUpload)?;
         let kind = upload.image.kind;
@@ -143,6 +171,10 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Fills `table` from the valid slot; false, and an empty table, when there is none.
+    ///
+    /// # Errors
+    ///
+    /// The image in the slot is damaged, the table breaks a limit, or the flash cannot be read.
     pub async fn load_valid(&mut self, table: &mut Table, board: &Board<'_>) -> Result<bool, LoadError> {
         table.clear();
         let Some(Valid { slot, image }) = self.table else { return Ok(false) };
@@ -150,6 +182,10 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Fills `profile` from its valid slot; false when there is none.
+    ///
+    /// # Errors
+    ///
+    /// The image in the slot is damaged, the board could not run the profile safely, or the flash cannot be read.
     pub async fn load_valid_profile(&mut self, profile: &mut Profile) -> Result<bool, LoadError> {
         let Some(Valid { slot, image }) = self.profile else { return Ok(false) };
         self.load_profile(slot, image, profile).await.map(|()| true)

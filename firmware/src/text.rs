@@ -61,6 +61,10 @@ impl fmt::Write for Line {
 
 impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     /// Does what a line says and writes the answer.
+    ///
+    /// # Errors
+    ///
+    /// `out` fails. What the board refuses is an answer.
     pub async fn execute<W: Write>(&mut self, line: &str, out: &mut W) -> Result<(), W::Error> {
         self.begin_item();
         if !line.starts_with(|first: char| first.is_ascii_alphabetic()) {

@@ -72,6 +72,10 @@ impl<F: NorFlash> Store<F> {
 
     /// Hands the records of the valid table to `take`, in their order, until it says that it has enough; nothing without
     /// a valid table.
+    ///
+    /// # Errors
+    ///
+    /// The image in the slot is damaged or has bytes that are not a record, or the flash cannot be read.
     pub async fn records(&mut self, mut take: impl FnMut(&Record) -> bool) -> Result<(), LoadError> {
         let Some(Valid { slot, image }) = self.table else { return Ok(()) };
         let malformed = LoadError::Table(TableError::Malformed);

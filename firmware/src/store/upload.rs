@@ -39,6 +39,11 @@ impl Upload {
 
 impl<F: NorFlash> Store<F> {
     /// Starts an upload, or resumes the same one; the offset that is wanted next.
+    ///
+    /// # Errors
+    ///
+    /// [`UploadError::TooLong`]: the image is empty or longer than a slot. [`UploadError::Storage`]: records that
+    /// cannot be read cannot be erased either.
     pub async fn begin(&mut self, image: Image) -> Result<u32, UploadError> {
         let max = slot_bytes(image.kind) as u32;
         if image.len == 0 || image.len > max {
@@ -65,6 +70,11 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Takes bytes of the image. What has arrived already, or comes too early, changes nothing; the offset wanted next.
+    ///
+    /// # Errors
+    ///
+    /// [`UploadError::NoUpload`]: no upload has begun. [`UploadError::Storage`]: the flash cannot be written, and the
+    /// upload is dropped.
     pub async fn chunk(&mut self, offset: u32, bytes: &[u8]) -> Result<u32, UploadError> {
         let mut upload = self.upload.ok_or(UploadError::NoUpload)?;
         let end = offset.checked_add(bytes.len() as u32);
