@@ -39,7 +39,7 @@ pub struct Model<T: Real, const N: usize> {
     pub nominal_supply: T,
     /// The temperature that the geometry was measured at, K.
     pub reference_temperature_k: T,
-    /// The supply that the arm works at; tables and syntheses are made for it.
+    /// The supply that the arm works at, V or Pa like the nominal one; tables and syntheses are made for it.
     pub working_supply: T,
     /// The temperature that the arm works at, K.
     pub working_temperature_k: T,

@@ -63,7 +63,7 @@ pub enum Parameter {
 pub struct NoSuchParameter(pub Parameter);
 
 impl<T: Real, const N: usize> Chain<T, N> {
-    /// The value of a parameter; `None` where the chain has no such number.
+    /// The value of a parameter, m or rad as [`Parameter`] says; `None` where the chain has no such number.
     pub fn get(&self, parameter: Parameter) -> Option<T> {
         match parameter {
             Parameter::Stop { actuator, state } => {
@@ -85,7 +85,7 @@ impl<T: Real, const N: usize> Chain<T, N> {
         }
     }
 
-    /// Gives a parameter another value.
+    /// Gives a parameter another value, m or rad as [`Parameter`] says.
     ///
     /// # Errors
     ///

@@ -55,7 +55,7 @@ pub struct Solution<T: Real, const N: usize> {
     pub status: Status,
     /// Joint positions within the limits, rad or m.
     pub q: [T; N],
-    /// Where they bring the tool, by forward kinematics.
+    /// Where they bring the tool in the base, by forward kinematics.
     pub pose: Pose<T>,
     /// Distance from the target, m.
     pub error_m: T,

@@ -52,9 +52,9 @@ pub struct Scene {
     pub title: String,
     /// All lines.
     pub lines: Vec<Line>,
-    /// Names and the points they belong to.
+    /// Names and the points they belong to, in the base frame, m.
     pub labels: Vec<(String, Vec3<f64>)>,
-    /// The centre of mass, where there is mass.
+    /// The centre of mass in the base frame, m, where there is mass.
     pub com: Option<Vec3<f64>>,
     /// Whether everything lies in the xy-plane.
     pub is_planar: bool,

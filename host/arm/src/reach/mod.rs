@@ -37,7 +37,7 @@ pub struct Candidate {
     pub word: Word,
     /// Angles of the servo joints, rad.
     pub servos_rad: Vec<f64>,
-    /// Where the model predicts the tool.
+    /// Where the model predicts the tool in the base.
     pub pose_base_tool: Pose<f64>,
     /// Distance from the wanted pose, m.
     pub distance_m: f64,

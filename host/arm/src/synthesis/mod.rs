@@ -184,7 +184,7 @@ const BROKEN: f64 = 1e-9;
 pub struct Reached {
     /// The frame, with the servo angles that were found.
     pub frame: DesiredFrame,
-    /// Where the tool is predicted.
+    /// Where the tool is predicted in the base.
     pub pose_base_tool: Pose<f64>,
     /// Distance of the positions, m.
     pub error_m: f64,

@@ -308,7 +308,8 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// As [`status`](Self::status); [`ClientError::Refused`] also where the board has no frames to seek among.
+    /// As [`status`](Self::status); [`ClientError::Refused`] also where the target is not a pose or the
+    /// board has no frames to seek among.
     pub fn nearest(&mut self, target: &Pose<f64>) -> Result<Found<f32>, ClientError> {
         match self.ask("nearest", &Request::Nearest(Coordinates::of(target)))? {
             Answer::Nearest(found) => Ok(found),

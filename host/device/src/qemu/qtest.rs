@@ -95,7 +95,7 @@ impl Qtest {
     ///
     /// # Errors
     ///
-    /// The emulator has ended, does not answer in time, or answers no number.
+    /// The emulator has ended, does not answer in time, or answers with what is not a number.
     pub fn read_u32(&mut self, address: u32) -> Result<u32, QtestError> {
         let command = format!("readl {address:#x}");
         let answer = self.command(&command)?;
@@ -118,7 +118,7 @@ impl Qtest {
     ///
     /// # Errors
     ///
-    /// The emulator has ended, does not answer in time, or answers no bytes.
+    /// The emulator has ended, does not answer in time, or answers with what are not bytes.
     pub fn read_bytes(&mut self, address: u32, count: usize) -> Result<Vec<u8>, QtestError> {
         let command = format!("read {address:#x} {count:#x}");
         let answer = self.command(&command)?;

@@ -56,9 +56,9 @@ const STEPS: [f64; 7] = [0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875];
 pub struct Coordinate<'a> {
     /// Position, m or rad.
     pub position: &'a [f64],
-    /// Its rate.
+    /// Its rate, m/s or rad/s.
     pub velocity: &'a [f64],
-    /// The rate of that.
+    /// The rate of that, m/s² or rad/s².
     pub acceleration: &'a [f64],
     /// What presses on it or drives it, where that is known.
     pub load: Option<&'a [f64]>,

@@ -156,7 +156,7 @@ fn loads(data: &Prepared, robot: &Robot, base: &[BodyMotion], joints: &[Vec<Vec<
     all
 }
 
-/// How the base moves.
+/// How the base moves in the world at each row; `gravity`, m/s² in the world, is subtracted from its acceleration.
 ///
 /// # Errors
 ///

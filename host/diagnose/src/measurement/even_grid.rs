@@ -58,7 +58,7 @@ impl EvenGrid {
         }
     }
 
-    /// The rate of a channel by central differences, one-sided at the ends of a stretch.
+    /// The rate of a channel, in its unit per s, by central differences, one-sided at the ends of a stretch.
     pub fn rate(&self, values: &[f64]) -> Vec<f64> {
         let mut rates = values.to_vec();
         self.apply(&mut rates, |part| {

@@ -14,7 +14,7 @@ pub fn stretches(series: &[usize]) -> Vec<Range<usize>> {
     all
 }
 
-/// The rate of a channel by central differences, one-sided at borders.
+/// The rate of a channel, in its unit per s, by central differences, one-sided at borders.
 pub fn rate(values: &[f64], time_s: &[f64], series: &[usize]) -> Vec<f64> {
     let mut rates = vec![0.0; values.len()];
     for stretch in stretches(series) {

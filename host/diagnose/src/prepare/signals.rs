@@ -177,7 +177,7 @@ impl Prepared {
         self.all.time_s.len()
     }
 
-    /// The channel of a quantity.
+    /// The channel of a quantity, in SI units.
     ///
     /// # Errors
     ///

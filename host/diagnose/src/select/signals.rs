@@ -66,7 +66,7 @@ pub(super) struct Linearised {
 /// How rows and axes count: the noise, and the equations of all values in units of it.
 #[derive(Debug)]
 pub struct Weighting {
-    /// Noise of each axis.
+    /// Noise of each axis, in the unit of its residuals.
     pub sigma: Vec<f64>,
     /// Autocorrelation time of the residuals, rows.
     pub autocorrelation_time: f64,

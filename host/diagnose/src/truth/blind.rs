@@ -61,8 +61,8 @@ impl Blind {
     ///
     /// # Errors
     ///
-    /// [`TruthError::NoPose`]: the arm has no pose for a word. [`TruthError::TooWeak`]: the arm can have no such effect, or no
-    /// draw gives one that is large enough.
+    /// [`TruthError::NoPose`]: the arm has no pose for a word. [`TruthError::TooWeak`]: the arm can have no such effect, or
+    /// no draw gives one that is large enough.
     pub fn draw(arm: &Arm, steps: &[Step], kinds: &[Kind], seed: u64) -> Result<Self, TruthError> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0xb11d_0000);
         let mut last = TruthError::TooWeak { kind: Kind::Nothing };

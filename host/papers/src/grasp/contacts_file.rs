@@ -64,8 +64,8 @@ pub fn read_contacts(path: &Path, hand: &Hand) -> Result<Task, ContactsError> {
 ///
 /// # Errors
 ///
-/// The text is not TOML of this format; there are not as many contacts as fingers; some of them name a finger and others
-/// none, or a finger is unknown or named twice; or a contact has no direction. The error names line and column.
+/// The text is not TOML of this format; there are not as many contacts as fingers; some of them name a finger and
+/// others none, or a finger is unknown or named twice; or a contact has no direction. The error names line and column.
 pub fn parse_contacts(path: &Path, text: &str, hand: &Hand) -> Result<Task, ContactsError> {
     contacts(&Source::of_text(path, text), hand)
 }

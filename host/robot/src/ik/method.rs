@@ -40,7 +40,7 @@ const DAMPING: f64 = 1e-3;
 pub struct Solution {
     /// How it ended.
     pub status: Status,
-    /// The nearest positions found, one of each variable.
+    /// The nearest positions found, one of each variable, rad or m.
     pub x: Vec<f64>,
     /// Whether no small motion within the limits comes nearer; not known of a method that takes a number of steps.
     pub is_minimum: bool,

@@ -67,19 +67,19 @@ impl Coupling {
         &self.coordinates
     }
 
-    /// C θ + d: positions of all joints; a missing coordinate is 0.
+    /// C θ + d: positions of all joints, rad or m; a missing coordinate is 0.
     pub fn positions(&self, coordinates: &[f64]) -> Vec<f64> {
         let at = |row: &Row| row.factor * coordinates.get(row.coordinate).copied().unwrap_or(0.0) + row.offset;
         self.rows.iter().map(at).collect()
     }
 
-    /// C θ̇: rates of all joints; a missing one is 0.
+    /// C θ̇: rates of all joints, rad/s or m/s; a missing one is 0.
     pub fn rates(&self, coordinates: &[f64]) -> Vec<f64> {
         let at = |row: &Row| row.factor * coordinates.get(row.coordinate).copied().unwrap_or(0.0);
         self.rows.iter().map(at).collect()
     }
 
-    /// Cᵀ τ.
+    /// Cᵀ τ: what the torques of all joints are at the coordinates, N·m or N.
     pub fn torques(&self, joints: &[f64]) -> Vec<f64> {
         let mut sums = vec![0.0; self.len()];
         self.rows.iter().zip(joints).for_each(|(row, torque)| sums[row.coordinate] += row.factor * torque);

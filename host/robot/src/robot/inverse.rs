@@ -20,7 +20,7 @@ pub struct Inverse {
     pub status: Status,
     /// Coordinates within the limits, rad or m.
     pub q: Vec<f64>,
-    /// Where they bring the frame.
+    /// Where they bring the frame in the base.
     pub pose: Pose<f64>,
     /// Distance from the target, m.
     pub error_m: f64,

@@ -28,13 +28,13 @@ pub struct Kinematics {
 pub struct Dynamics {
     /// τ that the accelerations take, N·m or N.
     pub torque: Vec<f64>,
-    /// M, n × n.
+    /// M, n × n; kg·m² of joints that turn, kg of those that slide.
     pub mass: DMatrix<f64>,
     /// C of Christoffel's symbols, n × n; of a fixed base.
     pub coriolis: DMatrix<f64>,
-    /// C q̇: centrifugal and Coriolis torques.
+    /// C q̇: centrifugal and Coriolis torques, N·m or N.
     pub velocity_torque: Vec<f64>,
-    /// G: what holds the arm against gravity.
+    /// G: what holds the arm against gravity, N·m or N.
     pub gravity: Vec<f64>,
     /// ½ q̇ᵀ M q̇, J.
     pub kinetic_j: f64,

@@ -109,7 +109,7 @@ pub struct Moment<T: Real> {
     pub time_s: T,
     /// What the coordinate bears: a torque, a pressure, a current, in the caller's unit.
     pub load: T,
-    /// Its rate, each second.
+    /// Its rate, in that unit per s.
     pub load_rate: T,
     /// Temperature less that of reference, K.
     pub temperature_rise_k: T,
