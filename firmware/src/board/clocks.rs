@@ -17,6 +17,10 @@ pub enum ClockError {
 }
 
 /// Brings the core to [`HCLK_HZ`] and clocks the ports, the USARTs and SYSCFG. RM0351, chapters 3.3.3 and 6.
+///
+/// # Errors
+///
+/// The oscillator, the PLL or the switch to it did not come up in time: see [`ClockError`].
 pub fn start() -> Result<(), ClockError> {
     FLASH.acr().modify(|w| {
         w.set_prften(true);

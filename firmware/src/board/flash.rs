@@ -80,6 +80,11 @@ pub struct Flash(Backend);
 
 impl Flash {
     /// Takes the flash; in QEMU opens its file, or creates it erased.
+    ///
+    /// # Errors
+    ///
+    /// [`FlashError::File`]: in QEMU the file can be neither opened nor created, or not written. The chip's flash does
+    /// not fail here.
     pub fn open() -> Result<Self, FlashError> {
         if !super::emulated() {
             return Ok(Self(Backend::Silicon));
