@@ -76,7 +76,7 @@ pub enum Shape {
     Sign,
     /// Along a smooth curve.
     Curve,
-    /// Periodically, with so many periods in the range of c.
+    /// Periodically, with this number of periods in the range of c.
     Periods(u8),
     /// Slowly up and down in time.
     Waves,
