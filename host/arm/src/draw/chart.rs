@@ -87,6 +87,8 @@ pub enum Corner {
     UpperLeft,
     /// Above, at the right.
     UpperRight,
+    /// Below, at the left.
+    LowerLeft,
     /// Below, at the right.
     LowerRight,
 }
@@ -202,6 +204,7 @@ impl Chart {
             let corner = match self.legend {
                 Corner::UpperLeft => SeriesLabelPosition::UpperLeft,
                 Corner::UpperRight => SeriesLabelPosition::UpperRight,
+                Corner::LowerLeft => SeriesLabelPosition::LowerLeft,
                 Corner::LowerRight => SeriesLabelPosition::LowerRight,
             };
             let mut legend = plane.configure_series_labels();

@@ -35,7 +35,7 @@ pub const PURPLE: Color = Color(0x8e, 0x44, 0xad);
 /// A series among others.
 pub const OCHRE: Color = Color(0xb8, 0x86, 0x0b);
 /// Series in their order; they repeat from the start where there are more.
-pub const SERIES: [Color; 6] = [ORANGE, BLUE, GREEN, PURPLE, MUTED, OCHRE];
+pub const SERIES: [Color; 8] = [ORANGE, BLUE, GREEN, PURPLE, MUTED, OCHRE, RED, SKY];
 /// Ends of the scale of a density: low and high.
 pub const DENSITY: [Color; 2] = [Color(222, 235, 247), Color(8, 48, 107)];
 

@@ -62,7 +62,7 @@ fn words(arm: &Arm) -> Vec<Word> {
 pub fn charts(all: &[Runs]) -> Vec<Picture> {
     let position = chart(all, "position error, m", |run| Some(run.position_m));
     let orientation = chart(all, "orientation error, deg", |run| run.orientation_rad.map(f64::to_degrees));
-    let time = chart(all, "time, s", |run| Some(run.time_s));
+    let time = Chart { legend: Corner::LowerRight, ..chart(all, "time, s", |run| Some(run.time_s)) };
     let charts = [("position", position), ("orientation", orientation), ("time", time)];
     charts.map(|(what, chart)| (format!("{what}-over-steps.svg"), chart.svg())).to_vec()
 }
@@ -76,7 +76,8 @@ pub fn trade_off(points: &[[f64; 3]]) -> Picture {
         vec![series("error of the frames, RSS", SERIES[0], 1), series("alteration of the stops", SERIES[1], 2)];
     let values = || points.iter().flat_map(|point| [point[1], point[2]]);
     let x = Axis::logarithmic("regularisation, share of the Jacobian", spread(points.iter().map(|point| point[0])));
-    let chart = Chart { x, y: Axis::logarithmic("m", spread(values())), series, ..Chart::default() };
+    let y = Axis::logarithmic("m", spread(values()));
+    let chart = Chart { x, y, series, legend: Corner::LowerLeft, ..Chart::default() };
     ("figure-07-regularisation.svg".to_owned(), chart.svg())
 }
 
@@ -100,7 +101,7 @@ fn chart(all: &[Runs], label: &str, value: impl Fn(&super::Run) -> Option<f64>) 
         x: Axis::logarithmic("steps", spread(drawn.iter().map(|point| point[0]))),
         y: Axis::logarithmic(label, spread(drawn.iter().map(|point| point[1]))),
         series,
-        legend: Corner::UpperRight,
+        legend: Corner::LowerLeft,
         ..Chart::default()
     }
 }
