@@ -115,7 +115,7 @@ struct Solve {
     #[arg(long, value_name = "COUNT", default_value_t = 10)]
     starts: usize,
     /// Number of postures to choose the starts from
-    #[arg(long, value_name = "COUNT", default_value_t = 3000)]
+    #[arg(long, value_name = "COUNT", default_value_t = 10_000)]
     library: usize,
     /// Plot the hand before, during and after the search
     #[arg(long, alias = "picture", value_name = "FILE.svg")]

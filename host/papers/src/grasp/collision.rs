@@ -5,12 +5,15 @@
 //! [`Shapes::overlapping`] names them. All others are. The distance of a pair is that of its nearest or deepest pieces;
 //! its gradient comes from the two points and the normal between them, which the solver takes as a constraint.
 
+mod bounds;
+
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use parry3d_f64::math::{Matrix, Pose as Placed, Rotation, Vector};
 use parry3d_f64::query;
 use parry3d_f64::shape::SharedShape;
 
+use self::bounds::{Bounds, Sphere};
 use super::layout::{BODIES, Links, Pair, is_joined};
 use darm_robot::shape::{Geometry, LinkShape};
 
@@ -29,14 +32,10 @@ struct Piece {
     shape: SharedShape,
     /// In the frame of the body.
     pose: Placed,
-    /// A sphere around it.
+    /// A sphere around it, in the frame of the body.
     sphere: Sphere,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Sphere {
-    center: Vector,
-    radius: f64,
+    /// A box around it, in its own frame.
+    bounds: Bounds,
 }
 
 /// The shapes of a hand, and which of them may not touch.
@@ -129,7 +128,7 @@ impl Shapes {
         self.close_pieces(at, pair, 0.0, intersect)
     }
 
-    /// Whether `is_enough` holds of any two pieces of a pair whose spheres are closer than the margin.
+    /// Whether `is_enough` holds of any two pieces of a pair whose spheres and boxes are closer than the margin.
     fn close_pieces<'a>(
         &'a self,
         at: &[Placed; BODIES],
@@ -145,7 +144,11 @@ impl Shapes {
             let sphere = piece.sphere.at(&at[*a]);
             let place = at[*a] * piece.pose;
             let mut near = others.iter().filter(|other| sphere.is_near(&other.sphere.at(&at[*b]), margin_m));
-            near.any(|other| is_enough((place, piece), (at[*b] * other.pose, other)))
+            near.any(|other| {
+                let other_place = at[*b] * other.pose;
+                piece.bounds.is_near(&place, &other.bounds, &other_place, margin_m)
+                    && is_enough((place, piece), (other_place, other))
+            })
         })
     }
 }
@@ -171,25 +174,9 @@ impl Piece {
         };
         let sphere = shape.compute_bounding_sphere(&pose);
         let sphere = Sphere { center: sphere.center, radius: sphere.radius };
-        Some(Self { shape, pose, sphere })
-    }
-}
-
-impl Sphere {
-    /// Around spheres; it is the least one only where there is one.
-    fn around(spheres: &[Self]) -> Self {
-        let center = spheres.iter().map(|sphere| sphere.center).sum::<Vector>() / spheres.len().max(1) as f64;
-        let reach = spheres.iter().map(|sphere| (sphere.center - center).length() + sphere.radius);
-        Self { center, radius: reach.fold(0.0, f64::max) }
-    }
-
-    fn at(&self, pose: &Placed) -> Self {
-        Self { center: pose * self.center, radius: self.radius }
-    }
-
-    fn is_near(&self, other: &Self, margin_m: f64) -> bool {
-        let reach = self.radius + other.radius + margin_m;
-        (self.center - other.center).length_squared() <= reach * reach
+        let aabb = shape.compute_local_aabb();
+        let bounds = Bounds { center: aabb.center(), half: aabb.half_extents() };
+        Some(Self { shape, pose, sphere, bounds })
     }
 }
 

@@ -117,3 +117,33 @@ fn the_gradient_of_a_gap_is_the_derivative_of_its_distance() {
         assert!(checked > 500 && worst < 1e-5, "{name}: {checked}, {worst:e}");
     }
 }
+
+/// What the boxes leave out is no gap: the gaps are those of all pieces, asked one by one.
+#[test]
+fn boxes_leave_out_no_piece_that_is_near() {
+    const MARGIN_M: f64 = 2e-3;
+    for name in HANDS {
+        let hand = hand(name).hand;
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        let (mut near, mut skipped) = (0, 0);
+        for _ in 0..40 {
+            let links = hand.place(&hand.random_angles(&mut random)).links;
+            let at = placed(&links);
+            for [a, b] in &hand.shapes.pairs {
+                for (first, second) in hand.shapes.bodies[*a]
+                    .1
+                    .iter()
+                    .flat_map(|one| hand.shapes.bodies[*b].1.iter().map(move |o| (one, o)))
+                {
+                    let [one, other] = [at[*a] * first.pose, at[*b] * second.pose];
+                    let found = query::contact(&one, &*first.shape, &other, &*second.shape, MARGIN_M).unwrap();
+                    let by_boxes = first.bounds.is_near(&one, &second.bounds, &other, MARGIN_M);
+                    assert!(by_boxes || found.is_none(), "{name}: {found:?}");
+                    near += usize::from(found.is_some());
+                    skipped += usize::from(!by_boxes);
+                }
+            }
+        }
+        assert!(near > 20 && skipped > 20 * near, "{name}: {near} near, {skipped} left out");
+    }
+}
