@@ -17,6 +17,7 @@ use darm_core::table::Table;
 use darm_core::units::{DeviceId, Micros};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::bootstrap::{self, ANSWER, CrashRecord, Identity, Version};
+use darm_core::wire::caps::{BuildId, Caps};
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
 use darm_core::wire::message::{Answer, Calibration, Hello, REQUEST, Refusal, Reply, Request};
 use embedded_storage_async::nor_flash::NorFlash;
@@ -34,6 +35,9 @@ pub const FIRMWARE: [u8; 3] = [
     decimal(env!("CARGO_PKG_VERSION_MINOR")),
     decimal(env!("CARGO_PKG_VERSION_PATCH")),
 ];
+
+/// Which source this firmware was built from: eight bytes, written by the build script.
+pub const BUILD: BuildId = BuildId(*include_bytes!(concat!(env!("OUT_DIR"), "/build-id")));
 
 #[expect(clippy::indexing_slicing, clippy::arithmetic_side_effects, reason = "evaluated by the compiler")]
 const fn decimal(text: &str) -> u8 {
@@ -57,6 +61,8 @@ pub struct Board {
     pub identity: Identity,
     /// How the start before ended.
     pub crash: Option<CrashRecord>,
+    /// What it can do.
+    pub caps: Caps,
 }
 
 /// Answers to the host.
@@ -285,6 +291,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             profile: self.profile.digest,
             boots: self.boots,
             next_event: self.log.next(),
+            caps: self.board.caps.clone(),
         }))
     }
 

@@ -79,7 +79,7 @@ async fn execute(line: &str, writer: &mut impl Write) -> Option<bootstrap::Into>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::fakes::{HandClock, run};
+    use crate::tests::fakes::{HandClock, caps, run};
     use core::convert::Infallible;
     use darm_core::units::DeviceId;
     use darm_core::wire::bootstrap::{CrashKind, Identity};
@@ -115,7 +115,7 @@ mod tests {
         let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("test").unwrap() };
         let text = heapless::String::try_from("why").unwrap();
         let crash = Some(CrashRecord { kind: CrashKind::Watchdog, uptime_us: 1, pc: 2, lr: 3, text });
-        Board { identity, crash }
+        Board { identity, crash, caps: caps() }
     }
 
     /// What the board answers to these bytes, and into what it reboots.
@@ -133,7 +133,7 @@ mod tests {
 
     #[test]
     fn the_bootstrap_set_is_answered_and_ends_with_a_reboot() {
-        let Board { identity, crash } = board();
+        let Board { identity, crash, .. } = board();
         let requests = [
             Request::Identify,
             Request::Version,

@@ -21,7 +21,7 @@ use crate::app::serve;
 use crate::control::{Control, Inputs, Shared, TICK};
 use crate::dispatch::{Board, Dispatcher};
 use crate::pipe::{Pipe, PipeReader, PipeWriter};
-use fakes::{Cells, HandClock, MockFlash, profile, profile_image, run, table};
+use fakes::{Cells, HandClock, MockFlash, caps, profile, profile_image, run, table};
 
 const LINK: u32 = 77;
 
@@ -66,8 +66,8 @@ impl Bench {
             cells,
         };
         let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("bench").unwrap() };
-        let mut dispatcher =
-            Dispatcher::new(Board { identity, crash: None }, bench.clock, bench.shared, Box::leak(Box::default()));
+        let board = Board { identity, crash: None, caps: caps() };
+        let mut dispatcher = Dispatcher::new(board, bench.clock, bench.shared, Box::leak(Box::default()));
         let profile = Box::leak(Box::new(Profile::empty()));
         let opening = dispatcher.open(Some(bench.cells.flash(u32::MAX)), Box::leak(Box::default()), profile);
         run(opening, || bench.tick());

@@ -303,6 +303,42 @@ pub enum ProfileError {
     Malformed,
     /// The board cannot run it safely.
     Wiring(WiringError),
+    /// It wires what the board does not have.
+    Board(Shortage),
+}
+
+/// What a profile wires and the board does not have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Shortage {
+    /// An output line.
+    Line {
+        /// Its number.
+        line: u8,
+        /// Lines of the board, numbered from 0.
+        lines: u8,
+    },
+    /// An input.
+    Input {
+        /// Its number.
+        input: u8,
+        /// Inputs of the board, numbered from 0.
+        inputs: u8,
+    },
+    /// More servos than the bus carries.
+    Servos {
+        /// Servos that it carries.
+        servos: u8,
+    },
+}
+
+impl fmt::Display for Shortage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line { line, lines } => write!(f, "line {line} is wired, and the board has {lines} lines"),
+            Self::Input { input, inputs } => write!(f, "input {input} is wired, and the board has {inputs} inputs"),
+            Self::Servos { servos } => write!(f, "the bus of the board carries {servos} servos"),
+        }
+    }
 }
 
 impl fmt::Display for ProfileError {
@@ -311,6 +347,7 @@ impl fmt::Display for ProfileError {
             Self::Order => f.write_str("a record of the profile is out of order or missing"),
             Self::Malformed => f.write_str("the bytes are not a profile"),
             Self::Wiring(error) => error.fmt(f),
+            Self::Board(shortage) => shortage.fmt(f),
         }
     }
 }

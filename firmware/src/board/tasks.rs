@@ -21,23 +21,26 @@ use darm_core::profile::Profile;
 use darm_core::table::Table;
 use darm_core::units::Micros;
 use darm_core::wire::bootstrap::{CrashRecord, Identity};
+use darm_core::wire::caps::Caps;
 use embassy_executor::InterruptExecutor;
 use static_cell::StaticCell;
 use stm32_metapac::interrupt;
 
 use super::flash::Flash;
 use super::gpio::{ChainClock, ChainData, ChainEnable, ChainLatch, Switches, user_button_pressed};
+use super::pins::SWITCHES;
 use super::time::BoardClock;
 use super::{crash, restart, uart, watchdog};
 use crate::app::serve;
 use crate::clock::Clock;
 use crate::control::{Control, Inputs, Shared};
-use crate::dispatch::{Board, Dispatcher};
+use crate::dispatch::{BUILD, Board, Dispatcher};
 use crate::life::{Pulse, STEADY, Start, Watch};
 use crate::nearest::Room;
 use crate::rescue;
 use crate::servo::Bus;
 use crate::solenoid::{Pins, Solenoids};
+use crate::store::SLOT_BYTES;
 
 static COMMON: InterruptExecutor = InterruptExecutor::new();
 /// What the tasks share.
@@ -181,12 +184,17 @@ fn identity() -> Identity {
     Identity { device: super::device(), board: heapless::String::try_from(super::NAME).unwrap_or_default() }
 }
 
+fn caps() -> Caps {
+    Caps { inputs: SWITCHES.len() as u8, ..Caps::largest(super::NAME, SLOT_BYTES as u32, BUILD) }
+}
+
 /// What the console owns. Each of these is built in a separate call, so that no two need their stack at once.
 #[inline(never)]
 fn dispatcher(crash: Option<CrashRecord>, room: &'static mut Room) -> &'static mut OnBoard {
     let dispatcher = &raw mut DISPATCHER;
+    let board = Board { identity: identity(), crash, caps: caps() };
     // SAFETY: nothing else refers to it, as this takes the room, which can be built once only.
-    unsafe { (*dispatcher).write(Dispatcher::new(Board { identity: identity(), crash }, BoardClock, &SHARED, room)) }
+    unsafe { (*dispatcher).write(Dispatcher::new(board, BoardClock, &SHARED, room)) }
 }
 
 /// The room for a search. Called once.

@@ -18,7 +18,11 @@ impl<'t, F: NorFlash, C: Clock> Dispatcher<'_, 't, F, C> {
             let mut store = Store::open(flash).await;
             self.boots = store.count_boot().await.unwrap_or(0);
             match store.load_valid_profile(profile).await {
-                Ok(true) => self.profile = profile,
+                Ok(true) => match self.board.caps.check(profile) {
+                    Ok(()) => self.profile = profile,
+                    // Written by the firmware of another board.
+                    Err(error) => self.drive_nothing(profile, Refusal::Profile(error)),
+                },
                 // The built-in limits are for a board without a stored profile, not for one whose profile is damaged.
                 Ok(false) if store.is_readable() => {}
                 Ok(false) => self.drive_nothing(profile, Refusal::Storage),

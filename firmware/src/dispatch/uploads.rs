@@ -67,6 +67,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         self.require_idle().await?;
         let mut profile = Profile::empty();
         self.store()?.load_profile_upload(&mut profile).await?;
+        self.board.caps.check(&profile).map_err(Refusal::Profile)?;
         if !self.snapshot().await?.button {
             return Err(Refusal::NobodyPresent);
         }

@@ -9,6 +9,7 @@ use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, Ser
 use darm_core::profile::{Profile, ProfileRecord};
 use darm_core::table::{Record, Row, wiring};
 use darm_core::units::{Digest, Micros, ModelHash, Word};
+use darm_core::wire::caps::Caps;
 use darm_core::wire::message::{Image, ImageKind};
 use embedded_storage_async::nor_flash::{
     ErrorType, MultiwriteNorFlash, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
@@ -18,6 +19,7 @@ use serde::Serialize;
 use sha2::{Digest as _, Sha256};
 
 use crate::clock::Clock;
+use crate::dispatch::BUILD;
 use crate::store::{FLASH_BYTES, PROFILE_BYTES, SLOT_BYTES, Store};
 
 /// A small arm: two valves with a limit switch each and, where asked for, a servo; one row every 100 ms.
@@ -286,3 +288,8 @@ impl NorFlash for MockFlash {
 }
 
 impl MultiwriteNorFlash for MockFlash {}
+
+/// A board with all that the firmware supports.
+pub(crate) fn caps() -> Caps {
+    Caps::largest("bench", SLOT_BYTES as u32, BUILD)
+}

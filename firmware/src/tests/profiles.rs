@@ -1,7 +1,7 @@
 //! The board's profile: who may write it, what it refuses, how outputs recover under it.
 
-use darm_core::output::SwitchLimit;
-use darm_core::profile::{BUILT_IN, Mismatch, Profile};
+use darm_core::output::{Drive, SwitchLimit};
+use darm_core::profile::{BUILT_IN, Mismatch, Output, Profile, ProfileError, Shortage};
 use darm_core::sequencer::{Command, CommandError};
 use darm_core::table::TableError;
 use darm_core::wire::bootstrap;
@@ -67,4 +67,28 @@ fn a_damaged_profile_drives_nothing() {
     with_built_in = profile_image(&profile());
     bench.button.set(true);
     assert_eq!(bench.upload(&with_built_in), Ok(Answer::Done));
+}
+
+#[test]
+fn a_profile_of_a_larger_board_is_refused_and_drives_nothing() {
+    let bench = Bench::new(Cells::with_profile());
+    bench.connect();
+    bench.button.set(true);
+    let mut larger = profile();
+    let output = larger.outputs[0].unwrap();
+    larger.outputs[0] = Some(Output { drive: Drive::Hold { line: 63 }, ..output });
+    let short = |bench: &Bench, lines| bench.dispatcher.borrow_mut().as_mut().unwrap().board.caps.lines = lines;
+    short(&bench, 63);
+    let refusal = Refusal::Profile(ProfileError::Board(Shortage::Line { line: 63, lines: 63 }));
+    assert_eq!(bench.upload(&profile_image(&larger)), Err(refusal));
+    assert_eq!(hello(&bench).profile, profile_image(&profile()).0.digest);
+    short(&bench, 64);
+    assert_eq!(bench.upload(&profile_image(&larger)), Ok(Answer::Done));
+}
+
+#[test]
+fn hello_says_what_the_board_can_do() {
+    let bench = Bench::new(Cells::erased());
+    bench.connect();
+    assert_eq!(hello(&bench).caps, super::caps());
 }

@@ -27,6 +27,7 @@ use crate::profile::ProfileError;
 use crate::sequencer::{Command, CommandError, Event, Phase, ServoSeen};
 use crate::table::TableError;
 use crate::units::{DeviceId, Digest, Micros, ModelHash, Word};
+use crate::wire::caps::Caps;
 
 /// Tag of requests.
 pub const REQUEST: u8 = 0x10;
@@ -202,8 +203,8 @@ pub struct OutputState {
     pub recovery_ms: u32,
 }
 
-/// Who answers, and what it holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// Who answers, what it holds and what it can do.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Hello {
     /// Version that the board speaks.
     pub protocol: u16,
@@ -219,6 +220,8 @@ pub struct Hello {
     pub boots: u32,
     /// Number that the next event will have.
     pub next_event: u32,
+    /// What the board can do.
+    pub caps: Caps,
 }
 
 /// What the board does now.

@@ -32,8 +32,9 @@
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::unwrap_used))]
 
 pub mod bootstrap;
+pub mod caps;
 pub mod frame;
 pub mod message;
 
 /// Version of the messages under tag 10. A host of another version can still use the bootstrap set.
-pub const PROTOCOL: u16 = 2;
+pub const PROTOCOL: u16 = 3;

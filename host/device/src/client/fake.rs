@@ -8,6 +8,7 @@ use std::time::Duration;
 use darm_core::sequencer::{Command, Phase};
 use darm_core::units::{DeviceId, Digest, Micros, Word};
 use darm_core::wire::bootstrap::{ANSWER, Identity, Request as Bootstrap, Version};
+use darm_core::wire::caps::{BuildId, Caps};
 use darm_core::wire::frame::{Header, MAX_FRAME, encode};
 use darm_core::wire::message::{Answer, Hello, Image, REPLY, REQUEST, Refusal, Reply, Request, Status};
 
@@ -114,6 +115,7 @@ impl Memory {
                 profile: Digest::default(),
                 boots: 1,
                 next_event: 0,
+                caps: Caps::largest("fake", 65_536, BuildId::default()),
             }));
         }
         if self.connection != Some(link) {

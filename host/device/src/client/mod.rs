@@ -101,7 +101,7 @@ impl Client {
             tries += 1;
             match self.exchange.ask("hello", &Request::Hello { protocol: PROTOCOL }) {
                 Ok(Answer::Hello(hello)) => {
-                    self.hello = Some(hello);
+                    self.hello = Some(hello.clone());
                     return Ok(hello);
                 }
                 Ok(_) => return Err(AnswerError::Payload { request: "hello" }.into()),
@@ -141,8 +141,8 @@ impl Client {
     }
 
     /// What it said when the connection was opened; nothing if it speaks another version.
-    pub fn hello(&self) -> Option<Hello> {
-        self.hello
+    pub fn hello(&self) -> Option<&Hello> {
+        self.hello.as_ref()
     }
 
     /// The port.

@@ -11,14 +11,16 @@ use darm_core::profile::Profile;
 use darm_core::table::Table;
 use darm_core::units::{DeviceId, Micros};
 use darm_core::wire::bootstrap::{Identity, Into};
+use darm_core::wire::caps::Caps;
 use darm_firmware::app::serve;
 use darm_firmware::clock::Clock;
 use darm_firmware::control::{Control, Inputs, Shared, TICK};
-use darm_firmware::dispatch::{Board, Dispatcher};
+use darm_firmware::dispatch::{BUILD, Board, Dispatcher};
 use darm_firmware::nearest::Room;
 use darm_firmware::pipe::{Pipe, PipeReader, PipeWriter};
 use darm_firmware::servo::Bus;
 use darm_firmware::solenoid::{Pins, Solenoids};
+use darm_firmware::store::SLOT_BYTES;
 use embassy_futures::select::{Either3, select3};
 use embedded_hal::digital::{ErrorType, OutputPin};
 
@@ -139,9 +141,10 @@ pub(super) async fn run(wires: Rc<Wires>, flash: MemoryFlash, used: Rc<RefCell<D
     let mut used = used.borrow_mut();
     let shared = Shared::new();
     let console = async {
-        let board = "in-process".parse().expect("a name that fits");
-        let identity = Identity { device: DEVICE, board };
-        let mut dispatcher = Dispatcher::new(Board { identity, crash: None }, &wires.clock, &shared, &mut room);
+        let name = "in-process";
+        let identity = Identity { device: DEVICE, board: name.parse().expect("a name that fits") };
+        let caps = Caps::largest(name, SLOT_BYTES as u32, BUILD);
+        let mut dispatcher = Dispatcher::new(Board { identity, crash: None, caps }, &wires.clock, &shared, &mut room);
         dispatcher.open(Some(flash), &mut table, &mut profile).await;
         serve(&mut dispatcher, &mut PipeReader(&wires.console_in), &mut PipeWriter(&wires.console_out)).await
     };
