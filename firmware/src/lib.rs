@@ -3,17 +3,11 @@
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::arithmetic_side_effects, clippy::unwrap_used))]
 
 pub mod app;
-#[cfg(feature = "chip")]
-#[allow(
-    clippy::arithmetic_side_effects,
-    clippy::indexing_slicing,
-    reason = "addresses and registers; what of it can panic in the image is checked there"
-)]
-pub mod board;
 pub mod clock;
 pub mod control;
+pub mod crash;
 pub mod dispatch;
-pub mod ecc;
+pub mod hardware;
 pub mod life;
 pub mod log;
 pub mod nearest;
@@ -26,6 +20,7 @@ pub mod servo;
 pub mod solenoid;
 pub mod store;
 pub mod text;
+pub mod tick;
 
 #[cfg(test)]
 mod tests;

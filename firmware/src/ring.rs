@@ -5,10 +5,11 @@
 use core::cell::UnsafeCell;
 use core::future::poll_fn;
 use core::mem::MaybeUninit;
-use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
+use core::sync::atomic::Ordering;
 use core::task::Poll;
 
 use embassy_sync::waitqueue::AtomicWaker;
+use portable_atomic::{AtomicU8, AtomicUsize};
 
 const EMPTY: u8 = 0;
 /// Somebody writes or reads the value.

@@ -29,9 +29,10 @@ const LAYERS: [&str; 19] = [
     "wire",
 ];
 /// The crates with their folders, lowest first, and the crates that each depends on: exactly these.
-const CRATES: [(&str, &str, &[&str]); 15] = [
+const CRATES: [(&str, &str, &[&str]); 16] = [
     ("darm-core", "shared", &[]),
     ("darm-firmware", "firmware", &["darm-core"]),
+    ("darm-b-l475e-iot01a", "firmware/boards/b-l475e-iot01a", &["darm-core", "darm-firmware"]),
     ("darm-robot", "host/robot", &["darm-core"]),
     ("darm-arm", "host/arm", &["darm-core", "darm-firmware", "darm-robot"]),
     ("darm-device", "host/device", &["darm-arm", "darm-core", "darm-firmware"]),
@@ -191,8 +192,10 @@ fn modules_of_the_host_import_in_no_circle() {
 fn the_core_and_the_firmware_do_not_panic_on_input() {
     let mut broken = Vec::new();
     for source in sources().into_iter().filter(|source| {
-        (source.path.starts_with("shared/src") || source.path.starts_with("firmware/src"))
+        (source.path.starts_with("shared/src") || source.path.starts_with("firmware/"))
             && !source.is_test()
+            && !source.path.contains("/src/bin/")
+            && !source.path.ends_with("build.rs")
             && !source.path.ends_with("arms.rs")
     }) {
         let (file, code) = (&source.path, source.code());

@@ -136,7 +136,7 @@ pub fn check(path: &Path) -> Result<()> {
 ///
 /// The compiler does not start or fails.
 pub fn build() -> Result<PathBuf> {
-    build_binary("darm-firmware", "chip")
+    build_binary("b-l475e-iot01a", "chip")
 }
 
 /// Builds the image that counts instructions and returns its path.
@@ -175,12 +175,12 @@ fn build_binary(name: &str, feature: &str) -> Result<PathBuf> {
     let root = setup::root();
     let status = process::Command::new("cargo")
         .current_dir(&root)
-        .args(["build", "--package", "darm-firmware", "--features", feature, "--profile", "firmware"])
+        .args(["build", "--package", "darm-b-l475e-iot01a", "--features", feature, "--profile", "firmware"])
         .args(["--target", setup::TARGET, "--bin", name])
         .status()
         .context("cargo did not start")?;
     if !status.success() {
         bail!("the firmware does not build; the compiler's words stand above");
     }
-    Ok(root.join("target").join(setup::TARGET).join("firmware").join(name))
+    Ok(setup::target().join(setup::TARGET).join("firmware").join(name))
 }

@@ -42,7 +42,7 @@ impl Test {
         let has_emulator = self.has_emulator()?;
         cargo(&["fmt", "--all", "--check"])?;
         cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
-        let chip = ["--package", "darm-firmware", "--features", "chip", "--target", TARGET];
+        let chip = ["--package", "darm-b-l475e-iot01a", "--features", "chip", "--target", TARGET];
         cargo(&[&["clippy"], &chip[..], &["--", "-D", "warnings"]].concat())?;
         for target in [TARGET, SMALL_TARGET] {
             cargo(&["build", "--package", "darm-core", "--target", target])?;

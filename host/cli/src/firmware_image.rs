@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 /// Environment variable with its path.
 pub(crate) const VARIABLE: &str = "DARM_FIRMWARE";
 /// Path in a workspace.
-const BUILT: &str = "target/thumbv7em-none-eabihf/firmware/darm-firmware";
+const BUILT: &str = "target/thumbv7em-none-eabihf/firmware/b-l475e-iot01a";
 
 /// Why no image was found.
 #[derive(Debug, thiserror::Error)]

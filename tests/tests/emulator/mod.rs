@@ -16,7 +16,7 @@ pub(crate) struct Ready {
 
 /// Waits until no other test has an emulator. `None` where image or emulator are missing, see [`missing`].
 pub(crate) fn ready() -> Option<Ready> {
-    let elf = target().join("thumbv7em-none-eabihf/firmware/darm-firmware");
+    let elf = target().join("thumbv7em-none-eabihf/firmware/b-l475e-iot01a");
     if let Err(error) = qemu::find() {
         return missing(&error.to_string());
     }

@@ -52,7 +52,7 @@ pub(crate) const INDIRECT: &[Indirect] = &[
     Indirect {
         callers: &[
             "core::fmt::",
-            "board::crash",
+            "darm_firmware::crash",
             "firmware::text",
             "<core::pin::Pin<P> as core::future::future::Future>",
             "<&mut F as core::future::future::Future>",
@@ -72,7 +72,15 @@ pub(crate) const INDIRECT: &[Indirect] = &[
     },
     // All else that calls indirectly wakes a task or clones and drops its waker.
     Indirect {
-        callers: &["TSC", "SysTick", "USART", "embassy_", "embedded_io_async", "darm_firmware::"],
+        callers: &[
+            "TSC",
+            "SysTick",
+            "USART",
+            "embassy_",
+            "embedded_io_async",
+            "darm_firmware::",
+            "darm_b_l475e_iot01a::",
+        ],
         callees: &[Named("embassy_executor::raw::waker::")],
     },
 ];
@@ -102,14 +110,14 @@ pub(crate) const RECURSION: &[Recursion] = &[
 /// What ends a start: outputs off, crash record, reset. Should its stack overflow, the hard fault handler does the same
 /// on a separate stack; so the bound leaves it out.
 pub(crate) const ENDS: &[&str] =
-    &["__rustc::rust_begin_unwind", "darm_firmware::board::crash::Record::new", "darm_firmware::board::crash::end_nmi"];
+    &["__rustc::rust_begin_unwind", "darm_firmware::crash::Record::new", "darm_b_l475e_iot01a::fault::end_nmi"];
 
-/// What has returned before the first task starts, in the order of `board::tasks::start`.
+/// What has returned before the first task starts, in the order of `tasks::start`.
 pub(crate) const BEFORE_TASKS: &[&str] = &[
-    "darm_firmware::board::tasks::dispatcher",
-    "darm_firmware::board::tasks::room",
-    "darm_firmware::board::tasks::table",
-    "darm_firmware::board::tasks::start_control",
+    "darm_b_l475e_iot01a::tasks::dispatcher",
+    "darm_b_l475e_iot01a::tasks::room",
+    "darm_b_l475e_iot01a::tasks::table",
+    "darm_b_l475e_iot01a::tasks::start_control",
 ];
 
 /// A panic outside the control task that may stay.

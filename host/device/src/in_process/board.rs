@@ -159,7 +159,7 @@ pub(super) async fn run(wires: Rc<Wires>, flash: MemoryFlash, used: Rc<RefCell<D
 /// The control task, as on the chip: reads the switches, decides, drives the chain once per millisecond.
 async fn control<'t>(wires: &Rc<Wires>, shared: &Shared<'t>, used: &'t mut DutyMeters) -> ! {
     let pin = |pin| Wire(wires.clone(), pin);
-    let Ok(mut solenoids) = Solenoids::new(Pins {
+    let mut solenoids = Solenoids::new(Pins {
         data: pin(Pin::Data),
         clock: pin(Pin::Clock),
         latch: pin(Pin::Latch),
@@ -172,6 +172,6 @@ async fn control<'t>(wires: &Rc<Wires>, shared: &Shared<'t>, used: &'t mut DutyM
         wires.clock.wait_until(due).await;
         let inputs = Inputs { switches: wires.switches.get(), button: wires.button.get() };
         let outputs = control.tick(wires.clock.now(), due, inputs, shared);
-        let Ok(()) = solenoids.apply(outputs.lines, outputs.enabled);
+        solenoids.apply(outputs.lines, outputs.enabled);
     }
 }

@@ -13,8 +13,8 @@ use embassy_time::{Instant, Timer};
 use embassy_time_driver::Driver;
 use embassy_time_queue_utils::Queue;
 
-use super::clocks::HCLK_HZ;
-use crate::clock::Clock;
+use crate::clocks::HCLK_HZ;
+use darm_firmware::clock::Clock;
 
 /// Grain of alarms; a divisor of the control tick.
 pub const TICK_US: u32 = 500;
@@ -125,7 +125,7 @@ impl Clock for BoardClock {
 
 /// Core cycles since [`start`], modulo 2³².
 #[cfg(feature = "bench")]
-pub(super) fn cycles() -> u32 {
+pub(crate) fn cycles() -> u32 {
     let before = TIME.ticks.load(Ordering::Acquire);
     let left = SYST::get_current();
     let (ticks, left) = if pending() { (before + 1, SYST::get_current()) } else { (before, left) };
@@ -137,7 +137,7 @@ pub(super) fn cycles() -> u32 {
 
 /// Counts a tick of the SysTick. Only its handler calls this.
 #[inline(always)]
-pub(super) fn count_tick() {
+pub(crate) fn count_tick() {
     if TIME.ticks.fetch_add(1, Ordering::AcqRel) == u32::MAX {
         TIME.wraps.fetch_add(1, Ordering::AcqRel);
     }
@@ -145,13 +145,13 @@ pub(super) fn count_tick() {
 
 /// Time at the last counted tick, µs.
 #[inline(always)]
-pub(super) fn last_tick_us() -> u64 {
+pub(crate) fn last_tick_us() -> u64 {
     TIME.ticks() * u64::from(TICK_US)
 }
 
 /// Wakes the tasks that wait until then or earlier.
 #[inline(always)]
-pub(super) fn wake_sleeping(now_us: u64) {
+pub(crate) fn wake_sleeping(now_us: u64) {
     critical_section::with(|cs| {
         let Ok(mut sleeping) = TIME.sleeping.borrow(cs).try_borrow_mut() else { return };
         if now_us >= sleeping.next_us {

@@ -2,7 +2,7 @@
 //!
 //! RM0351, 3.7.7: bits 0 to 18 are the address in the bank, bit 19 the bank, bit 20 the system flash, bit 31 a double
 //! error that was detected and could not be corrected.
-use crate::store::FLASH_BYTES;
+use darm_firmware::store::FLASH_BYTES;
 
 const ADDRESS: u32 = 0x7_FFFF;
 const BANK_2: u32 = 1 << 19;
@@ -50,7 +50,7 @@ pub const fn double_error(eccr: u32) -> Option<DoubleError> {
 #[cfg(test)]
 mod tests {
     use super::{DoubleError, double_error};
-    use crate::store::FLASH_BYTES;
+    use darm_firmware::store::FLASH_BYTES;
 
     const DETECTED: u32 = 0x8000_0000;
     const CORRECTED: u32 = 0x4000_0000;

@@ -15,7 +15,6 @@ static mut WISH: MaybeUninit<u32> = MaybeUninit::uninit();
 
 /// Resets the chip on request; output pins go back to their pull-ups, which hold the outputs off.
 pub fn restart(into: Into) -> ! {
-    super::crash::forget_crashes();
     let wish = match into {
         Into::Application => 0,
         Into::Loader => MAGIC,
@@ -35,7 +34,7 @@ pub fn enter_loader_if_asked() {
     let asked = unsafe { slot.read_volatile() } == MAGIC;
     // SAFETY: as above.
     unsafe { slot.write_volatile(0) };
-    if asked && !super::emulated() {
+    if asked && !crate::board::emulated() {
         // SAFETY: nothing has started yet, and the loader's vector table lies at this address on every chip of the line.
         unsafe { cortex_m::asm::bootload(SYSTEM_MEMORY as *const u32) }
     }

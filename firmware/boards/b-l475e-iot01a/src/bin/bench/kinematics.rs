@@ -5,13 +5,13 @@ use core::hint::black_box;
 
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
+use darm_b_l475e_iot01a::measure::Stack;
 use darm_core::dynamics::{inverse_dynamics, mass_matrix};
 use darm_core::ik;
 use darm_core::real::{Mat6, Vec3};
 use darm_core::se::{Pose, Twist};
 use darm_core::tree::puma560::{NEAR_M, NEAR_NM, SAMPLE};
 use darm_core::tree::{Frames, Inertia, Joint, LinkFrame, Tree};
-use darm_firmware::board::measure::Stack;
 
 use crate::{check, print, puma560};
 

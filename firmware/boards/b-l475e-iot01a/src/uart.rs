@@ -13,10 +13,11 @@ use stm32_metapac::gpio::vals::{Ot, Pupdr};
 use stm32_metapac::usart::Usart;
 use stm32_metapac::{Interrupt, USART1, USART2, interrupt};
 
-use super::clocks::HCLK_HZ;
-use super::gpio::alternate;
-use super::pins::{CONSOLE_RX, CONSOLE_TX, SERVO_BUS};
-use crate::pipe::Pipe;
+use crate::board::emulated;
+use crate::clocks::HCLK_HZ;
+use crate::gpio::alternate;
+use crate::pins::{CONSOLE_RX, CONSOLE_TX, SERVO_BUS};
+use darm_firmware::pipe::Pipe;
 
 /// Both USARTs are alternate function 7 on these pins (DS10969, table 17).
 const AF_USART: u8 = 7;
@@ -49,7 +50,7 @@ pub fn start_console() -> (impl Read, impl Write) {
 pub fn start_servo_bus() -> (impl Read, impl Write) {
     alternate(SERVO_BUS, AF_USART, Ot::OPEN_DRAIN, Pupdr::PULL_UP);
     USART2.cr3().modify(|w| w.set_hdsel(true));
-    SERVOS.mute_receiver.store(!super::emulated(), Ordering::Relaxed);
+    SERVOS.mute_receiver.store(!emulated(), Ordering::Relaxed);
     SERVOS.start(1_000_000, Interrupt::USART2)
 }
 

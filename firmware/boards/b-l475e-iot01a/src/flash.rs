@@ -22,10 +22,11 @@ use embedded_storage_async::nor_flash::{
 };
 use stm32_metapac::FLASH;
 
-use super::time::BoardClock;
-use crate::clock::Clock as _;
+use crate::board::emulated;
 use crate::ecc::{DoubleError, double_error};
-use crate::store::FLASH_BYTES;
+use crate::time::BoardClock;
+use darm_firmware::clock::Clock as _;
+use darm_firmware::store::FLASH_BYTES;
 
 /// First byte of bank 2.
 const BANK_2: usize = 0x0808_0000;
@@ -86,7 +87,7 @@ impl Flash {
     /// [`FlashError::File`]: in QEMU the file can be neither opened nor created, or not written. The chip's flash does
     /// not fail here.
     pub fn open() -> Result<Self, FlashError> {
-        if !super::emulated() {
+        if !emulated() {
             return Ok(Self(Backend::Silicon));
         }
         const READ_WRITE: usize = 3;
@@ -189,7 +190,7 @@ impl Storing {
     fn begin() -> Self {
         FLASH.acr().modify(|w| w.set_dcen(false));
         #[cfg(feature = "bench")]
-        super::measure::storing(true, BoardClock.now());
+        crate::measure::storing(true, BoardClock.now());
         Self
     }
 }
@@ -201,7 +202,7 @@ impl Drop for Storing {
         FLASH.acr().modify(|w| w.set_dcrst(false));
         FLASH.acr().modify(|w| w.set_dcen(true));
         #[cfg(feature = "bench")]
-        super::measure::storing(false, BoardClock.now());
+        crate::measure::storing(false, BoardClock.now());
     }
 }
 
@@ -278,7 +279,7 @@ unsafe fn NonMaskableInt() {
             LAST_DOUBLE_ERROR.store(offset, Ordering::Relaxed);
             DOUBLE_ERRORS.fetch_add(1, Ordering::Relaxed);
         }
-        fatal => super::crash::end_nmi(fatal),
+        fatal => crate::fault::end_nmi(fatal),
     }
 }
 

@@ -12,7 +12,7 @@
 //! | limit switches 0..12         | see [`SWITCHES`] | | inputs with pull-down, closed = high       |
 //! | user button                  | PC13 | –      | blue button B2, pull-up, pressed = low         |
 //!
-//! PA15 is JTDI after reset: its pull-up holds the outputs off until [`super::gpio::Output`] takes over.
+//! PA15 is JTDI after reset: its pull-up holds the outputs off until [`crate::gpio::Output`] takes over.
 use stm32_metapac::gpio::Gpio;
 use stm32_metapac::{GPIOA, GPIOB, GPIOC, GPIOD};
 
@@ -44,7 +44,7 @@ pub const CHAIN_LATCH: Pin = pin(GPIOA, 4);
 /// Output enable of the solenoid chain, active low.
 pub const CHAIN_ENABLE: Pin = pin(GPIOA, 15);
 
-/// The chain's four pins, as [`super::gpio::Output`] numbers them.
+/// The chain's four pins, as [`crate::gpio::Output`] numbers them.
 pub const CHAIN: [Pin; 4] = [CHAIN_DATA, CHAIN_CLOCK, CHAIN_LATCH, CHAIN_ENABLE];
 
 /// The blue button B2 on the board (UM2153, "Buttons and LEDs"), low while it is pressed.

@@ -5,7 +5,7 @@ use embedded_hal::digital::{ErrorType, OutputPin};
 use stm32_metapac::gpio::Gpio;
 use stm32_metapac::gpio::vals::{Moder, Ot, Pupdr};
 
-use super::pins::{CHAIN, Pin, SWITCHES, USER_BUTTON};
+use crate::pins::{CHAIN, Pin, SWITCHES, USER_BUTTON};
 
 /// A push-pull output: the pin of [`CHAIN`] with this number. The pin is in the type, so that an edge is one store.
 pub struct Output<const LINE: usize>(());
@@ -98,7 +98,7 @@ fn make_input(Pin { port, index }: Pin, pull: Pupdr) {
 }
 
 /// Hands a pin to its alternate function.
-pub(super) fn alternate(pin: Pin, function: u8, kind: Ot, pull: Pupdr) {
+pub(crate) fn alternate(pin: Pin, function: u8, kind: Ot, pull: Pupdr) {
     let (port, n): (Gpio, usize) = (pin.port, usize::from(pin.index));
     port.otyper().modify(|w| w.set_ot(n, kind));
     port.pupdr().modify(|w| w.set_pupdr(n, pull));

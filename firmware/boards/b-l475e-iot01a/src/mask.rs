@@ -12,7 +12,7 @@ unsafe impl Impl for Mask {
         interrupt::disable();
         #[cfg(feature = "bench")]
         if was_active {
-            super::measure::begin_masked();
+            crate::measure::begin_masked();
         }
         was_active
     }
@@ -20,7 +20,7 @@ unsafe impl Impl for Mask {
     unsafe fn release(was_active: RawRestoreState) {
         if was_active {
             #[cfg(feature = "bench")]
-            super::measure::end_masked();
+            crate::measure::end_masked();
             // SAFETY: the outermost section ends here, as the caller promises.
             unsafe { interrupt::enable() }
         }

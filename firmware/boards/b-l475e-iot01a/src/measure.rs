@@ -7,7 +7,7 @@ use core::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
 use darm_core::sequencer::Outputs;
 use darm_core::units::Micros;
 
-use super::time::cycles;
+use crate::time::cycles;
 
 static TICK: Longest = Longest::new();
 static MASKED: Longest = Longest::new();
@@ -69,27 +69,27 @@ pub fn instructions(work: impl FnOnce()) -> u32 {
 }
 
 /// Start of a tick: the time, and what preemption took before.
-pub(super) fn begin_tick() -> (u32, u32) {
+pub(crate) fn begin_tick() -> (u32, u32) {
     (cycles(), PREEMPTED.load(Ordering::Relaxed))
 }
 
-pub(super) fn end_tick((began, preempted): (u32, u32), outputs: &Outputs) {
+pub(crate) fn end_tick((began, preempted): (u32, u32), outputs: &Outputs) {
     let taken = PREEMPTED.load(Ordering::Relaxed).wrapping_sub(preempted);
     TICK.note(cycles().wrapping_sub(began).wrapping_sub(taken));
     LINES_SEEN.fetch_or(outputs.lines as u32, Ordering::Relaxed);
     ENABLED.store(outputs.enabled, Ordering::Relaxed);
 }
 
-pub(super) fn begin_masked() {
+pub(crate) fn begin_masked() {
     MASKED_FROM.store(cycles(), Ordering::Relaxed);
 }
 
-pub(super) fn end_masked() {
+pub(crate) fn end_masked() {
     MASKED.note(cycles().wrapping_sub(MASKED_FROM.load(Ordering::Relaxed)));
 }
 
 /// The SysTick handler ran from `began` to now.
-pub(super) fn end_handler(began: u32) {
+pub(crate) fn end_handler(began: u32) {
     let taken = cycles().wrapping_sub(began);
     HANDLER.note(taken);
     PREEMPTED.fetch_add(taken, Ordering::Relaxed);
@@ -136,14 +136,14 @@ impl Lateness {
 }
 
 /// A tick that was due then starts now. One that was due before a store ended counts as during it.
-pub(super) fn note_lateness(due: Micros, now: Micros) {
+pub(crate) fn note_lateness(due: Micros, now: Micros) {
     let due_before_its_end = STORED.load(Ordering::Relaxed).wrapping_sub(due.0 as u32) < 1 << 31;
     let during = STORING.load(Ordering::Relaxed) || due_before_its_end;
     LATENESS[usize::from(during)].note(now - due);
 }
 
 /// The flash is written or erased from now on, or no more.
-pub(super) fn storing(begins: bool, now: Micros) {
+pub(crate) fn storing(begins: bool, now: Micros) {
     STORED.store(now.0 as u32, Ordering::Relaxed);
     STORING.store(begins, Ordering::Relaxed);
 }

@@ -15,6 +15,10 @@ mod puma560;
 use core::fmt::Display;
 
 use cortex_m_semihosting::{debug, hprintln};
+use darm_b_l475e_iot01a::flash::Flash;
+use darm_b_l475e_iot01a::measure::Stack;
+use darm_b_l475e_iot01a::tasks::SHARED;
+use darm_b_l475e_iot01a::{board, clocks, measure, tasks, time, uart};
 use darm_core::actuator::{Leg, Platform, Stage};
 use darm_core::nearest::{self, Coordinates, Frame, Module};
 use darm_core::output::{
@@ -30,10 +34,6 @@ use darm_core::units::{Digest, Micros, ModelHash, Word};
 use darm_core::wire::PROTOCOL;
 use darm_core::wire::frame::{self, Header, MAX_FRAME, MAX_PAYLOAD};
 use darm_core::wire::message::{CHUNK, Image, ImageKind, REQUEST, Request};
-use darm_firmware::board::flash::Flash;
-use darm_firmware::board::measure::Stack;
-use darm_firmware::board::tasks::SHARED;
-use darm_firmware::board::{self, clocks, crash, measure, tasks, time, uart};
 use darm_firmware::clock::Clock;
 use darm_firmware::life::Start;
 use darm_firmware::nearest::Room;
@@ -365,7 +365,7 @@ fn main() -> ! {
     let profile = store_profile();
     // The measurements above had the stack of the thread to themselves, as no image does.
     let stack = Stack::paint();
-    tasks::start(crash::take(), Start::Normal, room);
+    tasks::start(None, Start::Normal, room);
     measure_all(&stack, profile);
     debug::exit(debug::EXIT_SUCCESS);
     loop {

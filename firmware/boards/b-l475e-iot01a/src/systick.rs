@@ -2,8 +2,8 @@
 use cortex_m_rt::exception;
 use darm_core::units::Micros;
 
-use super::{tasks, time};
-use crate::control::TICK;
+use crate::{tasks, time};
+use darm_firmware::control::TICK;
 
 #[exception]
 fn SysTick() {
@@ -16,5 +16,5 @@ fn SysTick() {
     }
     time::wake_sleeping(now_us);
     #[cfg(feature = "bench")]
-    super::measure::end_handler(began);
+    crate::measure::end_handler(began);
 }

@@ -4,22 +4,25 @@
 #![no_std]
 #![no_main]
 
-use darm_firmware::board::{self, clocks, crash, gpio, restart, tasks, time};
+use darm_b_l475e_iot01a::board::{self, Board};
+use darm_b_l475e_iot01a::{clocks, gpio, restart, tasks, time, watchdog};
+use darm_firmware::crash;
+use darm_firmware::hardware::Hardware as _;
 use darm_firmware::life::{self, Start};
 use defmt_rtt as _;
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
     restart::enter_loader_if_asked();
-    let crash = crash::take();
-    let crashes = crash::count_crash(crash.is_some());
+    let crash = crash::take(Board::kept(), watchdog::take_bite());
+    let crashes = crash::count_crash(Board::kept(), crash.is_some());
     if let Err(error) = clocks::start() {
-        crash::give_up(format_args!("the clock does not start: {error:?}"));
+        crash::give_up::<Board>(format_args!("the clock does not start: {error:?}"));
     }
     gpio::start_user_button();
     time::start();
     board::prioritise();
-    defmt::info!("start of {=str}, emulated {=bool}", board::NAME, board::emulated());
+    defmt::info!("start of {=str}, emulated {=bool}", Board::NAME, board::emulated());
     if let Some(crash) = &crash {
         defmt::error!("the last start died after {=u64} us: {=str}", crash.uptime_us, crash.text.as_str());
     }

@@ -2,11 +2,11 @@
 //! against its own.
 use core::hint::black_box;
 
+use darm_b_l475e_iot01a::measure::{self, Stack};
 use darm_core::chain::Scratch;
 use darm_core::model::Model;
 use darm_core::se::Pose;
 use darm_core::units::Word;
-use darm_firmware::board::measure::{self, Stack};
 
 use crate::{check, corrected, print};
 

@@ -1,0 +1,54 @@
+//! B-L475E-IOT01A: the one place that knows the chip. The same image is used on silicon and in QEMU's machine of that
+//! name.
+//!
+//! | file       | holds                                                             |
+//! |------------|-------------------------------------------------------------------|
+//! | `board`    | what the firmware's library asks of a board; priorities           |
+//! | `pins`     | the pin table                                                     |
+//! | `clocks`   | 80 MHz from the internal oscillator, peripheral clocks            |
+//! | `gpio`     | outputs of the solenoid chain, limit switches                     |
+//! | `uart`     | two USARTs with queues filled and emptied by interrupts           |
+//! | `time`     | SysTick as the clock of all tasks                                 |
+//! | `systick`  | the handler of SysTick: counts time, requests the control tick    |
+//! | `flash`    | bank 2 as NOR flash; a file of the host in QEMU                   |
+//! | `ecc`      | what a failed error check of the flash means                      |
+//! | `watchdog` | resets the chip when the control tick, or a task it looks after, stops |
+//! | `fault`    | handlers of panic, hard fault and unknown interrupts              |
+//! | `restart`  | reset into the firmware or into the chip's loader                 |
+//! | `tasks`    | the control tick, the two tasks, and what they own                |
+//! | `mask`     | the critical section                                              |
+//! | `measure`  | longest tick and longest masked stretch, in the bench image only  |
+//!
+//! Priorities, most urgent first: SysTick, control tick, USARTs, the executor of all else.
+#![cfg_attr(not(test), no_std)]
+#![cfg_attr(not(test), deny(clippy::unwrap_used))]
+
+#[cfg(feature = "chip")]
+pub mod board;
+#[cfg(feature = "chip")]
+pub mod clocks;
+pub mod ecc;
+#[cfg(feature = "chip")]
+mod fault;
+#[cfg(feature = "chip")]
+pub mod flash;
+#[cfg(feature = "chip")]
+pub mod gpio;
+#[cfg(feature = "chip")]
+mod mask;
+#[cfg(feature = "bench")]
+pub mod measure;
+#[cfg(feature = "chip")]
+pub mod pins;
+#[cfg(feature = "chip")]
+pub mod restart;
+#[cfg(feature = "chip")]
+mod systick;
+#[cfg(feature = "chip")]
+pub mod tasks;
+#[cfg(feature = "chip")]
+pub mod time;
+#[cfg(feature = "chip")]
+pub mod uart;
+#[cfg(feature = "chip")]
+pub mod watchdog;

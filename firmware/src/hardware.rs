@@ -1,0 +1,126 @@
+//! What differs between boards, behind one trait: a board is a type that implements [`Hardware`], its pins, and a start.
+//!
+//! ```text
+//!   board crate                         this library
+//!   ───────────                         ────────────
+//!   timer interrupt, 1 ms ────────────► tick::Ticker::tick ──► Pins: chain, switches, button
+//!   console port (Read, Write) ───────► console ─────────────► Flash, restart
+//!   servo port (Read, Write) ─────────► servos
+//!   panic, fault of the processor ────► crash::end ──────────► disable_outputs, Kept, reset
+//! ```
+//!
+//! Everything that decides is in this library and is tested on a PC; a board only moves bits. `docs/add-a-board.md` says
+//! how a board is added.
+
+use core::pin::pin;
+
+use darm_core::output::{MAX_LINES, MAX_SERVOS};
+use darm_core::profile::Profile;
+use darm_core::table::Table;
+use darm_core::units::DeviceId;
+use darm_core::wire::bootstrap::{CrashRecord, Identity, Into};
+use darm_core::wire::caps::Caps;
+use embedded_io_async::{Read, Write};
+use embedded_storage_async::nor_flash::NorFlash;
+
+use crate::app::serve;
+use crate::clock::Clock;
+use crate::control::{Inputs, Shared};
+use crate::crash::{self, Kept};
+use crate::dispatch::{BUILD, Board, Dispatcher};
+use crate::life::{Pulse, Start};
+use crate::rescue;
+use crate::servo::Bus;
+use crate::solenoid::Chain;
+use crate::store::SLOT_BYTES;
+
+/// A board. All its functions may be called from any interrupt.
+pub trait Hardware: Sized + 'static {
+    /// Name by which it identifies itself, at most 16 bytes of ASCII.
+    const NAME: &'static str;
+    /// Output lines that a chain of shift registers may have.
+    const LINES: u8 = MAX_LINES as u8;
+    /// Inputs for limit switches.
+    const INPUTS: u8;
+    /// Servos on its bus.
+    const SERVOS: u8 = MAX_SERVOS as u8;
+    /// Time since its start.
+    type Clock: Clock + Copy;
+    /// The clock of all tasks; the board has started it.
+    const CLOCK: Self::Clock;
+    /// What the control tick drives and reads.
+    type Pins: Pins;
+    /// What holds tables, profile and records.
+    type Flash: NorFlash;
+
+    /// The chip's unique number.
+    fn device() -> DeviceId;
+
+    /// Takes the flash, once; `None` when it does not answer.
+    fn open_flash() -> Option<Self::Flash>;
+
+    /// Gives the control tick another period of the watchdog, which the board has started.
+    fn feed_watchdog();
+
+    /// Masks interrupts, then disables the output chain in one edge.
+    fn disable_outputs();
+
+    /// Resets the chip after a crash. Memory of [`Hardware::kept`] keeps its content.
+    fn reset() -> !;
+
+    /// Resets the chip on request, into the firmware or into the chip's loader.
+    fn restart(into: Into) -> !;
+
+    /// Memory that start-up code neither clears nor fills.
+    fn kept() -> &'static Kept;
+}
+
+/// The pins of the control tick.
+pub trait Pins: Chain {
+    /// Switches and button as they are now.
+    fn inputs(&self) -> Inputs;
+}
+
+/// What a board can do.
+pub fn caps<H: Hardware>() -> Caps {
+    Caps { lines: H::LINES, inputs: H::INPUTS, servos: H::SERVOS, ..Caps::largest(H::NAME, SLOT_BYTES as u32, BUILD) }
+}
+
+/// What the dispatcher knows of a board.
+pub fn describe<H: Hardware>(crash: Option<CrashRecord>) -> Board {
+    let board = heapless::String::try_from(H::NAME).unwrap_or_default();
+    Board { identity: Identity { device: H::device(), board }, crash, caps: caps::<H>() }
+}
+
+/// The dispatcher of a board.
+pub type OnBoard<H> = Dispatcher<'static, 'static, <H as Hardware>::Flash, <H as Hardware>::Clock>;
+
+/// Serves the console until somebody asks for a restart; into what.
+///
+/// A board that is held after crashes answers the bootstrap set alone, see [`crate::rescue`].
+pub async fn console<H: Hardware>(
+    dispatcher: &'static mut OnBoard<H>,
+    (table, profile): (&'static mut Table, &'static mut Profile),
+    start: Start,
+    pulse: &Pulse,
+    (reader, writer): (&mut impl Read, &mut impl Write),
+) -> Into {
+    let into = match start {
+        Start::Normal => {
+            let work = pin!(async {
+                dispatcher.open(H::open_flash(), table, profile).await;
+                serve(dispatcher, reader, writer).await
+            });
+            pulse.during(&H::CLOCK, work).await
+        }
+        Start::Recovery => rescue::serve(&dispatcher.board, &H::CLOCK, reader, writer).await,
+    };
+    crash::forget_crashes(H::kept());
+    into
+}
+
+/// Serves the servo bus for ever, and reports.
+pub async fn servos<H: Hardware>(shared: &Shared<'static>, pulse: &Pulse, reader: impl Read, writer: impl Write) -> ! {
+    let mut bus = Bus::new(reader, writer, H::CLOCK);
+    pulse.at_each_poll(pin!(bus.run(shared))).await
+}
