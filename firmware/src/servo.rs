@@ -13,6 +13,7 @@
 //! Angles are those of the shaft; its zero is the servo's middle position, 2048 of 4096 steps a turn.
 //! Source: Feetech, STS3215 memory table.
 
+pub mod echo;
 mod packet;
 
 use core::f32::consts::TAU;

@@ -1,11 +1,13 @@
 //! What survives power: two slots for table images, and a few small records.
 //!
-//! | bytes from the start of bank 2 | holds                                                                |
+//! | bytes from the start           | holds                                                                |
 //! |--------------------------------|----------------------------------------------------------------------|
 //! | 0 to 64 KiB                    | slot A: a table image                                                |
 //! | 64 to 128 KiB                  | slot B: a table image                                                |
 //! | 128 to 144 KiB                 | records: which slots are valid, calibration, number of starts        |
 //! | 144 to 148 KiB                 | slots A and B of the board profile, a page each                      |
+//!
+//! Where a page is longer than 2 KiB, a profile's slot is as long as a page.
 //!
 //! An upload fills the slot that is not valid. Writing the record that names it is the commit: before, the old image
 //! is there, after it the new one, and the records survive a power cut at any byte. The record carries length, digest
@@ -32,7 +34,7 @@ use sequential_storage::map::{MapConfig, MapStorage};
 use serde::{Deserialize, Serialize};
 
 pub use error::{LoadError, StorageError, UploadError};
-pub use layout::{FLASH_BYTES, PROFILE_BYTES, SLOT_BYTES, slot_bytes};
+pub use layout::{FLASH_BYTES, PROFILE_BYTES, SLOT_BYTES, flash_bytes, slot_bytes};
 use layout::{KEY_BOOTS, KEY_CALIBRATION, RECORDS, Slot, valid_key};
 use upload::{BLOCK, Upload};
 
@@ -58,7 +60,7 @@ impl<F: NorFlash> Store<F> {
     pub async fn open(flash: F) -> Self {
         const { assert!(F::READ_SIZE == 1 && BLOCK.is_multiple_of(F::WRITE_SIZE)) };
         const { assert!(SLOT_BYTES.is_multiple_of(F::ERASE_SIZE) && F::ERASE_SIZE.is_multiple_of(BLOCK)) };
-        const { assert!(PROFILE_BYTES.is_multiple_of(F::ERASE_SIZE)) };
+        const { assert!(PROFILE_BYTES.is_multiple_of(F::ERASE_SIZE) || F::ERASE_SIZE.is_multiple_of(PROFILE_BYTES)) };
         let records = MapStorage::new(flash, const { MapConfig::new(RECORDS) }, Cache::new_uncached());
         let mut store = Self { records, table: None, profile: None, upload: None, unreadable: false };
         for kind in [ImageKind::Table, ImageKind::Profile] {

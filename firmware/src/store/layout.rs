@@ -1,4 +1,4 @@
-//! Where images and records lie in bank 2, and the keys of the records.
+//! Where images and records lie in the flash, and the keys of the records.
 
 use core::ops::Range;
 
@@ -15,8 +15,13 @@ pub(super) const RECORDS: Range<u32> = 2 * SLOT_BYTES as u32..(2 * SLOT_BYTES + 
 /// Bytes of one slot of a profile.
 pub const PROFILE_BYTES: usize = 2 * 1024;
 
-/// Bytes of flash in use.
-pub const FLASH_BYTES: usize = RECORDS.end as usize + 2 * PROFILE_BYTES;
+/// Bytes in use of a flash that erases so many bytes at once, at most [`SLOT_BYTES`]: a slot begins with a page.
+pub const fn flash_bytes(erase_bytes: usize) -> usize {
+    (RECORDS.end as usize).saturating_add(slot_pitch(ImageKind::Profile, erase_bytes).saturating_mul(2))
+}
+
+/// Bytes in use of a flash whose pages are no longer than a profile.
+pub const FLASH_BYTES: usize = flash_bytes(PROFILE_BYTES);
 
 pub(super) const KEY_CALIBRATION: u8 = 6;
 
@@ -41,6 +46,12 @@ pub const fn slot_bytes(kind: ImageKind) -> usize {
     }
 }
 
+/// From the start of slot A to that of slot B.
+const fn slot_pitch(kind: ImageKind, erase_bytes: usize) -> usize {
+    let bytes = slot_bytes(kind);
+    if bytes < erase_bytes { erase_bytes } else { bytes }
+}
+
 /// One of the two places for an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Slot {
@@ -49,14 +60,14 @@ pub(super) enum Slot {
 }
 
 impl Slot {
-    pub(super) fn start(self, kind: ImageKind) -> u32 {
+    pub(super) fn start(self, kind: ImageKind, erase_bytes: usize) -> u32 {
         let first = match kind {
             ImageKind::Table => 0,
             ImageKind::Profile => RECORDS.end,
         };
         match self {
             Self::A => first,
-            Self::B => first.saturating_add(slot_bytes(kind) as u32),
+            Self::B => first.saturating_add(slot_pitch(kind, erase_bytes) as u32),
         }
     }
 

@@ -109,7 +109,7 @@ impl<F: NorFlash> Store<F> {
     }
 
     async fn read(&mut self, slot: Slot, kind: ImageKind, offset: u32, bytes: &mut [u8]) -> Result<(), LoadError> {
-        let at = slot.start(kind).saturating_add(offset);
+        let at = slot.start(kind, F::ERASE_SIZE).saturating_add(offset);
         self.records.flash().read(at, bytes).await.map_err(|_| LoadError::Storage)
     }
 }

@@ -104,7 +104,7 @@ impl<F: NorFlash> Store<F> {
         let last = upload.next.saturating_sub(1);
         let start = last.saturating_sub((last as usize % BLOCK) as u32);
         let used = (upload.next.saturating_sub(start) as usize).next_multiple_of(F::WRITE_SIZE);
-        let at = upload.slot.start(upload.image.kind).saturating_add(start);
+        let at = upload.slot.start(upload.image.kind, F::ERASE_SIZE).saturating_add(start);
         let flash = self.records.flash();
         if at.is_multiple_of(F::ERASE_SIZE as u32) {
             flash.erase(at, at.saturating_add(F::ERASE_SIZE as u32)).await.map_err(|_| StorageError)?;

@@ -1,0 +1,161 @@
+//! What the firmware's library asks of a board: the Raspberry Pi Pico.
+//!
+//! | what                 | pins         | notes                                                                   |
+//! |----------------------|--------------|-------------------------------------------------------------------------|
+//! | console              | USB          | a serial port of class CDC                                              |
+//! | servo bus            | GP0, GP1     | UART0: GP0 sends through 1 kΩ to the one wire, GP1 hears it              |
+//! | output chain         | GP2 to GP5   | data, clock, latch, output enable (active low)                          |
+//! | inputs 0 to 12       | GP6 to GP18  | pull-down, closed is high                                               |
+//! | jumper               | GP22         | pull-up, connected to ground is pressed                                 |
+//!
+//! After a reset every pin has a pull-down: output enable needs an external pull-up of 4.7 kΩ or less to hold the outputs
+//! off until [`super::chain`] takes over.
+
+use darm_core::units::{DeviceId, Micros};
+use darm_core::wire::bootstrap::Into;
+use darm_firmware::clock::Clock;
+use darm_firmware::control::Inputs;
+use darm_firmware::crash::Kept;
+use darm_firmware::hardware::{Hardware, Pins};
+use embassy_rp::pac;
+use embassy_rp::rom_data::reset_to_usb_boot;
+use embassy_time::{Instant, Timer};
+
+use crate::chain::Chain;
+use crate::flash::{Flash, unique_id};
+
+const FIRST_INPUT: usize = 6;
+const INPUTS: usize = 13;
+const JUMPER: usize = 22;
+/// Output enable of the chain, active low.
+pub(crate) const ENABLE: usize = 5;
+
+/// Longest time between two control ticks.
+const WATCHDOG: Micros = Micros::from_millis(50);
+
+/// Start-up code neither clears nor fills this section.
+#[unsafe(link_section = ".uninit.KEPT")]
+static KEPT: Kept = Kept::new();
+
+/// The board.
+pub(crate) struct Board;
+
+/// The clock of the tasks.
+#[derive(Clone, Copy)]
+pub(crate) struct BoardClock;
+
+impl Clock for BoardClock {
+    fn now(&self) -> Micros {
+        Micros(Instant::now().as_micros())
+    }
+
+    async fn wait_until(&self, at: Micros) {
+        Timer::at(Instant::from_micros(at.0)).await;
+    }
+}
+
+impl Hardware for Board {
+    const NAME: &'static str = "Pico";
+    const INPUTS: u8 = INPUTS as u8;
+    type Clock = BoardClock;
+    const CLOCK: BoardClock = BoardClock;
+    type Pins = BoardPins;
+    type Flash = Flash;
+
+    /// The number of the flash chip, which every Pico has its own of.
+    fn device() -> DeviceId {
+        let mut id = DeviceId(*b"rp20\0\0\0\0\0\0\0\0");
+        id.0.iter_mut().skip(4).zip(unique_id()).for_each(|(to, from)| *to = from);
+        id
+    }
+
+    fn open_flash() -> Option<Flash> {
+        Some(Flash::open())
+    }
+
+    fn feed_watchdog() {
+        feed(WATCHDOG);
+    }
+
+    fn disable_outputs() {
+        cortex_m::interrupt::disable();
+        pac::SIO.gpio_out(0).value_set().write_value(1 << ENABLE);
+    }
+
+    /// The watchdog resets all but the oscillators, which a reset of the core alone does not.
+    fn reset() -> ! {
+        pac::PSM.wdsel().write_value(pac::psm::regs::Wdsel(0x1_fffc));
+        pac::WATCHDOG.ctrl().write(|w| w.set_trigger(true));
+        loop {
+            cortex_m::asm::nop();
+        }
+    }
+
+    fn restart(into: Into) -> ! {
+        Self::disable_outputs();
+        if into == Into::Loader {
+            reset_to_usb_boot(0, 0);
+        }
+        Self::reset()
+    }
+
+    fn kept() -> &'static Kept {
+        &KEPT
+    }
+}
+
+/// Gives the control tick this time until the watchdog resets the chip. Erratum RP2040-E1: it counts two per µs.
+pub(crate) fn feed(time: Micros) {
+    pac::WATCHDOG.load().write_value(pac::watchdog::regs::Load(time.0 as u32 * 2));
+}
+
+/// Starts the watchdog.
+pub(crate) fn start_watchdog() {
+    pac::PSM.wdsel().write_value(pac::psm::regs::Wdsel(0x1_fffc));
+    feed(WATCHDOG);
+    pac::WATCHDOG.ctrl().modify(|w| w.set_enable(true));
+}
+
+/// Whether the watchdog caused the last reset because nobody fed it.
+pub(crate) fn take_bite() -> bool {
+    pac::WATCHDOG.reason().read().timer()
+}
+
+/// Makes switches and jumper readable.
+pub(crate) fn start_inputs() {
+    for pin in (FIRST_INPUT..FIRST_INPUT + INPUTS).chain([JUMPER]) {
+        pac::PADS_BANK0.gpio(pin).modify(|w| {
+            w.set_ie(true);
+            w.set_pue(pin == JUMPER);
+            w.set_pde(pin != JUMPER);
+        });
+        pac::IO_BANK0.gpio(pin).ctrl().write(|w| w.set_funcsel(pac::io::vals::Gpio0ctrlFuncsel::SIO_0 as u8));
+    }
+}
+
+/// The pins of the control tick.
+pub(crate) struct BoardPins(Chain);
+
+impl BoardPins {
+    /// Takes the chain, outputs disabled.
+    pub(crate) fn new(chain: Chain) -> Self {
+        Self(chain)
+    }
+}
+
+impl darm_firmware::solenoid::Chain for BoardPins {
+    fn shift(&mut self, lines: u64) {
+        self.0.shift(lines);
+    }
+
+    fn set_enabled(&mut self, enabled: bool) {
+        self.0.set_enabled(enabled);
+    }
+}
+
+impl Pins for BoardPins {
+    fn inputs(&self) -> Inputs {
+        let levels = pac::SIO.gpio_in(0).read();
+        Inputs { switches: levels >> FIRST_INPUT & ((1 << INPUTS) - 1), button: levels >> JUMPER & 1 == 0 }
+    }
+}

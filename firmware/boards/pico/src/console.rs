@@ -1,0 +1,105 @@
+//! The console as a serial port over USB.
+//!
+//! No packet is full: a host waits for more after a full one. A host that reads nothing for a second loses what is sent,
+//! so that a closed port never blocks the console.
+
+use core::convert::Infallible;
+
+use darm_firmware::hardware::Hardware as _;
+use embassy_rp::peripherals::USB;
+use embassy_rp::usb::{Driver, InterruptHandler};
+use embassy_rp::{Peri, bind_interrupts};
+use embassy_time::{Duration, with_timeout};
+use embassy_usb::class::cdc_acm::{self, CdcAcmClass, State};
+use embassy_usb::{Builder, Config, UsbDevice};
+use embedded_io_async::{ErrorType, Read, Write};
+use static_cell::StaticCell;
+
+use crate::board::Board;
+
+bind_interrupts!(struct Irqs {
+    USBCTRL_IRQ => InterruptHandler<USB>;
+});
+
+const PACKET: usize = 64;
+/// Longest wait for the host to fetch a packet.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// Numbers of pid.codes for devices that are not sold.
+const VENDOR_PRODUCT: (u16, u16) = (0x1209, 0x0001);
+
+type Bus = Driver<'static, USB>;
+/// The device on the bus.
+pub(crate) type Usb = UsbDevice<'static, Bus>;
+
+/// Both directions of the port.
+pub(crate) struct UsbConsole {
+    /// What the host sends.
+    pub(crate) receiver: Receiver,
+    /// What the host gets.
+    pub(crate) sender: Sender,
+}
+
+static DESCRIPTORS: StaticCell<([u8; 128], [u8; 32], [u8; 64])> = StaticCell::new();
+static STATE: StaticCell<State> = StaticCell::new();
+static SERIAL: StaticCell<[u8; 24]> = StaticCell::new();
+
+/// The device, which a task runs, and the port.
+pub(crate) fn start(usb: Peri<'static, USB>) -> (Usb, UsbConsole) {
+    let mut config = Config::new(VENDOR_PRODUCT.0, VENDOR_PRODUCT.1);
+    (config.manufacturer, config.product) = (Some("darm"), Some("darm on Pico"));
+    config.serial_number = core::str::from_utf8(SERIAL.init(serial())).ok();
+    let (configuration, bos, control) = DESCRIPTORS.init(([0; 128], [0; 32], [0; 64]));
+    let mut builder = Builder::new(Driver::new(usb, Irqs), config, configuration, bos, &mut [], control);
+    let class = CdcAcmClass::new(&mut builder, STATE.init(State::new()), PACKET as u16);
+    let (sender, receiver) = class.split();
+    (builder.build(), UsbConsole { receiver: Receiver(receiver), sender: Sender(sender) })
+}
+
+/// The chip's number in hexadecimal digits.
+fn serial() -> [u8; 24] {
+    let mut serial = [0; 24];
+    for (digits, byte) in serial.chunks_exact_mut(2).zip(Board::device().0) {
+        for (digit, nibble) in digits.iter_mut().zip([byte >> 4, byte & 15]) {
+            *digit = if nibble < 10 { b'0' + nibble } else { b'a' + nibble - 10 };
+        }
+    }
+    serial
+}
+
+/// Waits for packets, and for the cable where there is none.
+pub(crate) struct Receiver(cdc_acm::Receiver<'static, Bus>);
+/// Sends packets, where somebody fetches them.
+pub(crate) struct Sender(cdc_acm::Sender<'static, Bus>);
+
+impl ErrorType for Receiver {
+    type Error = Infallible;
+}
+impl ErrorType for Sender {
+    type Error = Infallible;
+}
+
+impl Read for Receiver {
+    /// `bytes` has room for a packet.
+    async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
+        loop {
+            match self.0.read_packet(bytes).await {
+                Ok(0) => {}
+                Ok(count) => return Ok(count),
+                Err(_) => self.0.wait_connection().await,
+            }
+        }
+    }
+}
+
+impl Write for Sender {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        let packet = bytes.get(..PACKET - 1).unwrap_or(bytes);
+        // A host that is not there or does not read has nobody behind it.
+        let _ = with_timeout(PATIENCE, self.0.write_packet(packet)).await;
+        Ok(packet.len())
+    }
+
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}

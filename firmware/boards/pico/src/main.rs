@@ -1,0 +1,206 @@
+//! The image of the Raspberry Pi Pico (RP2040): starts the board and its tasks, then sleeps.
+//!
+//! | what           | runs in                | priority | does                                              |
+//! |----------------|------------------------|----------|---------------------------------------------------|
+//! | `TIMER_IRQ_1`  | interrupt              | 0        | the control tick, once a millisecond              |
+//! | `TIMER_IRQ_0`  | interrupt of the HAL   | 1        | wakes the tasks whose time has come               |
+//! | `UART0_IRQ`    | interrupt              | 2        | bytes of the servo bus                            |
+//! | `USBCTRL_IRQ`  | interrupt of the HAL   | 2        | packets of the console                            |
+//! | `SWI_IRQ_0`    | executor of the tasks  | 3        | USB, console with storage, servo bus              |
+//!
+//! | file      | holds                                                                       |
+//! |-----------|-----------------------------------------------------------------------------|
+//! | `board`   | what the firmware's library asks of a board; switches and jumper             |
+//! | `chain`   | the output chain by PIO                                                      |
+//! | `console` | a serial port over USB                                                       |
+//! | `servos`  | the servo bus by UART                                                        |
+//! | `flash`   | the second MiB of the flash                                                  |
+//! | `fault`   | handlers of panic and hard fault                                             |
+#![no_std]
+#![no_main]
+
+mod board;
+mod chain;
+mod console;
+mod fault;
+mod flash;
+mod servos;
+
+use core::mem::MaybeUninit;
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use darm_core::duty::DutyMeters;
+use darm_core::profile::Profile;
+use darm_core::table::Table;
+use darm_core::units::Micros;
+use darm_core::wire::bootstrap::CrashRecord;
+use darm_firmware::clock::Clock as _;
+use darm_firmware::control::{Shared, TICK};
+use darm_firmware::crash;
+use darm_firmware::dispatch::Dispatcher;
+use darm_firmware::hardware::{self, Hardware as _, OnBoard};
+use darm_firmware::life::{self, Pulse, Start, Task};
+use darm_firmware::nearest::Room;
+use darm_firmware::tick::Ticker;
+use embassy_executor::{InterruptExecutor, SpawnError, SpawnToken, Spawner};
+use embassy_rp::interrupt::{InterruptExt as _, Priority};
+use embassy_rp::peripherals::USB;
+use embassy_rp::{Peri, Peripherals, interrupt, pac};
+use static_cell::StaticCell;
+
+use board::{Board, BoardClock, BoardPins};
+use console::UsbConsole;
+
+static EXECUTOR: InterruptExecutor = InterruptExecutor::new();
+/// What the tasks share.
+static SHARED: Shared<'static> = Shared::new();
+/// Reports of the console and of the servo bus.
+static PULSES: [Pulse; Task::ALL.len()] = [const { Pulse::new() }; Task::ALL.len()];
+
+static TABLE: StaticCell<Table> = StaticCell::new();
+static ROOM: StaticCell<Room> = StaticCell::new();
+static PROFILE: StaticCell<Profile> = StaticCell::new();
+static DISPATCHER: StaticCell<OnBoard<Board>> = StaticCell::new();
+static mut TICKER: MaybeUninit<Ticker<Board>> = MaybeUninit::uninit();
+/// How long each output has been on. Outlives a reset; each meter finds by its checksum whether it did.
+#[unsafe(link_section = ".uninit.USED")]
+static mut USED: MaybeUninit<DutyMeters> = MaybeUninit::uninit();
+/// When the next control tick is due, modulo 2³² µs.
+static DUE_US: AtomicU32 = AtomicU32::new(0);
+
+/// The alarm of the timer that the control tick has; the HAL has alarm 0.
+const ALARM: usize = 1;
+const TICK_US: u32 = TICK.0 as u32;
+
+#[interrupt]
+fn TIMER_IRQ_1() {
+    pac::TIMER.intr().write(|w| w.set_alarm(ALARM, true));
+    let now = BoardClock.now();
+    let due_us = DUE_US.load(Ordering::Relaxed);
+    let late_us = (now.0 as u32).wrapping_sub(due_us);
+    request_tick(due_us);
+    let ticker = &raw mut TICKER;
+    // SAFETY: this is unmasked when the value is there; nothing else refers to it, and an interrupt does not nest in itself.
+    let ticker = unsafe { (*ticker).assume_init_mut() };
+    ticker.tick(now, now - Micros(late_us.into()), &SHARED, &PULSES);
+}
+
+/// Requests the control tick after the one that was due then; those that were missed meanwhile are left out.
+fn request_tick(due_us: u32) {
+    let is_past = |us: u32| pac::TIMER.timerawl().read().wrapping_sub(us) < 1 << 31;
+    let mut next_us = due_us.wrapping_add(TICK_US);
+    loop {
+        while is_past(next_us) {
+            next_us = next_us.wrapping_add(TICK_US);
+        }
+        pac::TIMER.alarm(ALARM).write_value(next_us);
+        DUE_US.store(next_us, Ordering::Relaxed);
+        // The alarm compares for equality: one that was set too late would come after 72 minutes.
+        if !is_past(next_us) {
+            return;
+        }
+    }
+}
+
+#[interrupt]
+unsafe fn SWI_IRQ_0() {
+    // SAFETY: this is the interrupt of the executor, unmasked when that starts.
+    unsafe { EXECUTOR.on_interrupt() }
+}
+
+/// What the console task owns.
+struct Owned {
+    dispatcher: &'static mut OnBoard<Board>,
+    table: &'static mut Table,
+    profile: &'static mut Profile,
+    start: Start,
+}
+
+/// Runs the device on the bus; the console runs beside it.
+#[embassy_executor::task]
+async fn usb_task(usb: Peri<'static, USB>, owned: Owned) {
+    let (mut device, line) = console::start(usb);
+    // The driver may not move between executors, so that this task spawns.
+    // SAFETY: a task is polled by its executor.
+    let spawner = unsafe { Spawner::for_current_executor() }.await;
+    spawner.spawn(require(console_task(owned, line)));
+    device.run().await
+}
+
+#[embassy_executor::task]
+async fn console_task(owned: Owned, line: UsbConsole) {
+    let [pulse, _] = &PULSES;
+    let Owned { dispatcher, table, profile, start } = owned;
+    let UsbConsole { mut receiver, mut sender } = line;
+    let line = (&mut receiver, &mut sender);
+    let into = hardware::console::<Board>(dispatcher, (table, profile), start, pulse, line).await;
+    Board::restart(into)
+}
+
+#[embassy_executor::task]
+async fn servo_task(port: servos::Port) -> ! {
+    let [_, pulse] = &PULSES;
+    let wire = darm_firmware::servo::echo::Wire::default();
+    let (ear, mouth) = wire.split(servos::Receiver, port);
+    hardware::servos::<Board>(&SHARED, pulse, ear, mouth).await
+}
+
+fn require<T>(task: Result<SpawnToken<T>, SpawnError>) -> SpawnToken<T> {
+    match task {
+        Ok(task) => task,
+        Err(_) => crash::give_up::<Board>(format_args!("a task was started twice")),
+    }
+}
+
+fn set_priorities() {
+    interrupt::TIMER_IRQ_1.set_priority(Priority::P0);
+    interrupt::TIMER_IRQ_0.set_priority(Priority::P1);
+    interrupt::UART0_IRQ.set_priority(Priority::P2);
+    interrupt::USBCTRL_IRQ.set_priority(Priority::P2);
+    interrupt::SWI_IRQ_0.set_priority(Priority::P3);
+}
+
+/// Starts the control tick and the watchdog that it feeds.
+fn start_control(pins: BoardPins) {
+    let (ticker, used) = (&raw mut TICKER, &raw mut USED);
+    // SAFETY: every bit pattern is a meter, valid or not; nothing else refers to them, as this is called once.
+    let used = unsafe { (*used).assume_init_mut() };
+    // SAFETY: nothing else refers to it, as its interrupt is still masked.
+    unsafe { (*ticker).write(Ticker::new(BoardClock.now(), pins, used, &SHARED)) };
+    board::start_watchdog();
+    pac::TIMER.inte().modify(|w| w.set_alarm(ALARM, true));
+    request_tick(pac::TIMER.timerawl().read());
+    // SAFETY: what the handler uses is there.
+    unsafe { interrupt::TIMER_IRQ_1.enable() };
+}
+
+/// Builds what the tasks own and starts them. A board that is held has the console alone, and its outputs disabled.
+fn start(p: Peripherals, crash: Option<CrashRecord>, start: Start) {
+    let pins = BoardPins::new(chain::Chain::new(p.PIO0, (p.PIN_2, p.PIN_3, p.PIN_4), p.PIN_5));
+    board::start_inputs();
+    set_priorities();
+    let description = hardware::describe::<Board>(crash);
+    let dispatcher = Dispatcher::new(description, BoardClock, &SHARED, ROOM.init_with(Room::default));
+    let dispatcher = DISPATCHER.init(dispatcher);
+    let (table, profile) = (TABLE.init_with(Table::default), PROFILE.init_with(Profile::empty));
+    let spawner = EXECUTOR.start(interrupt::SWI_IRQ_0);
+    if start == Start::Normal {
+        start_control(pins);
+        spawner.spawn(require(servo_task(servos::start(p.UART0, p.PIN_0, p.PIN_1))));
+    } else {
+        // The pin keeps its level.
+        core::mem::forget(pins);
+    }
+    spawner.spawn(require(usb_task(p.USB, Owned { dispatcher, table, profile, start })));
+}
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    let p = embassy_rp::init(embassy_rp::config::Config::default());
+    let crash = crash::take(Board::kept(), board::take_bite());
+    let crashes = crash::count_crash(Board::kept(), crash.is_some());
+    start(p, crash, life::start_after(crashes));
+    loop {
+        cortex_m::asm::wfi();
+    }
+}

@@ -1,0 +1,74 @@
+//! The servo bus by UART0 at 1 Mbaud: a request fits the transmit FIFO, what comes is taken by the interrupt.
+use core::convert::Infallible;
+
+use darm_firmware::pipe::Pipe;
+use embassy_futures::yield_now;
+use embassy_rp::interrupt::InterruptExt as _;
+use embassy_rp::peripherals::{PIN_0, PIN_1, UART0};
+use embassy_rp::uart::{Blocking, Config, Uart, UartTx};
+use embassy_rp::{Peri, interrupt, pac};
+use embedded_io_async::{ErrorType, Read, Write};
+
+/// One packet of 16 bytes, its echo, and what of a late answer may precede it.
+static RECEIVED: Pipe<128> = Pipe::new();
+
+/// The sending half.
+pub(crate) struct Port(UartTx<'static, Blocking>);
+/// The receiving half.
+pub(crate) struct Receiver;
+
+/// Takes the UART and its pins.
+pub(crate) fn start(uart: Peri<'static, UART0>, tx: Peri<'static, PIN_0>, rx: Peri<'static, PIN_1>) -> Port {
+    let mut config = Config::default();
+    config.baudrate = 1_000_000;
+    let (sender, receiver) = Uart::new_blocking(uart, tx, rx, config).split();
+    // Its registers stay as they are; the interrupt below reads them.
+    core::mem::forget(receiver);
+    pac::UART0.uartimsc().modify(|w| {
+        w.set_rxim(true);
+        w.set_rtim(true);
+    });
+    // SAFETY: the handler uses the queue and the registers, which are ready.
+    unsafe { interrupt::UART0_IRQ.enable() };
+    Port(sender)
+}
+
+#[interrupt]
+fn UART0_IRQ() {
+    while !pac::UART0.uartfr().read().rxfe() {
+        // A byte that finds the queue full is lost, and the packet with it: the bus asks again.
+        RECEIVED.push(pac::UART0.uartdr().read().data());
+    }
+    pac::UART0.uarticr().write(|w| {
+        w.set_rxic(true);
+        w.set_rtic(true);
+    });
+    RECEIVED.wake_reader();
+}
+
+impl ErrorType for Receiver {
+    type Error = Infallible;
+}
+impl ErrorType for Port {
+    type Error = Infallible;
+}
+
+impl Read for Receiver {
+    async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
+        Ok(RECEIVED.read(bytes).await)
+    }
+}
+
+impl Write for Port {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        let Ok(()) = self.0.blocking_write(bytes).or(Ok::<_, Infallible>(()));
+        Ok(bytes.len())
+    }
+
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        while self.0.busy() {
+            yield_now().await;
+        }
+        Ok(())
+    }
+}
