@@ -82,10 +82,11 @@ impl Read for Receiver {
     /// `bytes` has room for a packet.
     async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
         loop {
+            // Before a host has configured the device the driver reads whatever its registers hold.
+            self.0.wait_connection().await;
             match self.0.read_packet(bytes).await {
-                Ok(0) => {}
-                Ok(count) => return Ok(count),
-                Err(_) => self.0.wait_connection().await,
+                Ok(count) if count > 0 => return Ok(count),
+                Ok(_) | Err(_) => {}
             }
         }
     }

@@ -77,7 +77,8 @@ fn TIMER_IRQ_1() {
     pac::TIMER.intr().write(|w| w.set_alarm(ALARM, true));
     let now = BoardClock.now();
     let due_us = DUE_US.load(Ordering::Relaxed);
-    let late_us = (now.0 as u32).wrapping_sub(due_us);
+    // A comparison that rounds down is early by less than a microsecond.
+    let late_us = Some((now.0 as u32).wrapping_sub(due_us)).filter(|late_us| *late_us < 1 << 31).unwrap_or(0);
     request_tick(due_us);
     let ticker = &raw mut TICKER;
     // SAFETY: this is unmasked when the value is there; nothing else refers to it, and an interrupt does not nest in itself.
@@ -161,6 +162,7 @@ fn set_priorities() {
 }
 
 /// Starts the control tick and the watchdog that it feeds.
+#[inline(never)]
 fn start_control(pins: BoardPins) {
     let (ticker, used) = (&raw mut TICKER, &raw mut USED);
     // SAFETY: every bit pattern is a meter, valid or not; nothing else refers to them, as this is called once.
@@ -174,15 +176,34 @@ fn start_control(pins: BoardPins) {
     unsafe { interrupt::TIMER_IRQ_1.enable() };
 }
 
+// Each of these is built in a separate call, so that no two need their stack at once.
+
+#[inline(never)]
+fn dispatcher(crash: Option<CrashRecord>) -> &'static mut OnBoard<Board> {
+    DISPATCHER.init_with(|| Dispatcher::new(hardware::describe::<Board>(crash), BoardClock, &SHARED, room()))
+}
+
+#[inline(never)]
+fn room() -> &'static mut Room {
+    ROOM.init_with(Room::default)
+}
+
+#[inline(never)]
+fn table() -> &'static mut Table {
+    TABLE.init_with(Table::default)
+}
+
+#[inline(never)]
+fn profile() -> &'static mut Profile {
+    PROFILE.init_with(Profile::empty)
+}
+
 /// Builds what the tasks own and starts them. A board that is held has the console alone, and its outputs disabled.
 fn start(p: Peripherals, crash: Option<CrashRecord>, start: Start) {
     let pins = BoardPins::new(chain::Chain::new(p.PIO0, (p.PIN_2, p.PIN_3, p.PIN_4), p.PIN_5));
     board::start_inputs();
     set_priorities();
-    let description = hardware::describe::<Board>(crash);
-    let dispatcher = Dispatcher::new(description, BoardClock, &SHARED, ROOM.init_with(Room::default));
-    let dispatcher = DISPATCHER.init(dispatcher);
-    let (table, profile) = (TABLE.init_with(Table::default), PROFILE.init_with(Profile::empty));
+    let owned = Owned { dispatcher: dispatcher(crash), table: table(), profile: profile(), start };
     let spawner = EXECUTOR.start(interrupt::SWI_IRQ_0);
     if start == Start::Normal {
         start_control(pins);
@@ -191,7 +212,7 @@ fn start(p: Peripherals, crash: Option<CrashRecord>, start: Start) {
         // The pin keeps its level.
         core::mem::forget(pins);
     }
-    spawner.spawn(require(usb_task(p.USB, Owned { dispatcher, table, profile, start })));
+    spawner.spawn(require(usb_task(p.USB, owned)));
 }
 
 #[cortex_m_rt::entry]

@@ -1,0 +1,159 @@
+// The chip from one reset to the next: the image in its flash, its pins, its ports, its time.
+
+import { bootRom, call } from './rom.mjs';
+import { createUsbHost } from './usb.mjs';
+
+const XIP_CONTROL = 0x14000;
+const VECTORS = 0x100;
+const RAM = 0x20000000;
+const NS_PER_CYCLE = 8;
+// Output pins whose edges are reported.
+const REPORTED = [2, 3, 4, 5];
+// What the stack's memory holds before it is used.
+const PAINT = 0x5c;
+// The exception of TIMER_IRQ_1, in which the control tick runs.
+const CONTROL = 16 + 1;
+const UART_BYTE_NS = 10_000;
+
+// Parts of an ELF file that lie in the flash, with their offsets in it.
+export function segments(elf) {
+  const [table, size, count] = [elf.readUInt32LE(28), elf.readUInt16LE(42), elf.readUInt16LE(44)];
+  const found = [];
+  for (let k = 0; k < count; k++) {
+    const entry = table + k * size;
+    const [type, offset, , address, length] = [0, 4, 8, 12, 16].map((at) => elf.readUInt32LE(entry + at));
+    if (type === 1 && address >= 0x10000000 && address < 0x11000000) {
+      found.push({ at: address - 0x10000000, bytes: elf.subarray(offset, offset + length) });
+    }
+  }
+  return found;
+}
+
+export function createChip(module, image, flash, report) {
+  const { RP2040, BasePeripheral, ConsoleLogger, LogLevel } = module;
+  const chip = new RP2040();
+  const { clock } = chip;
+  chip.logger = new ConsoleLogger(LogLevel.Error);
+  chip.loadBootrom(bootRom());
+  flash.load(chip);
+  image.forEach(({ at, bytes }) => chip.flash.set(bytes, at));
+
+  class Xip extends BasePeripheral {
+    readUint32() {
+      return 0;
+    }
+    writeUint32() {}
+  }
+  chip.peripherals[XIP_CONTROL] = new Xip(chip, 'XIP_CTRL');
+  const watchdog = chip.peripherals[0x40058];
+  const stack = new DataView(chip.flash.buffer).getUint32(VECTORS, true) - RAM;
+  const state = { chip, clock, stack, ended: null, ticks: { count: 0, longest: 0, longestCycles: 0 } };
+
+  const end = (why) => {
+    state.ended ??= why;
+  };
+  watchdog.onWatchdogTrigger = () => end({ why: 'reset', reason: watchdog.reason });
+  flash.onCut = () => end({ why: 'cut' });
+  flash.onTime = (nanoseconds) => clock.tick(nanoseconds);
+  chip.onBreak = (number) => call(number, chip, flash, () => end({ why: 'loader' }));
+
+  state.usb = createUsbHost(module, chip.usbCtrl, (bytes) => report.bytes('console', bytes));
+  chip.uart[0].onByte = (byte) => {
+    // One wire: what is sent is heard.
+    state.feedBus([byte]);
+    report.bytes('bus', [byte]);
+  };
+  const coming = [];
+  const arrival = clock.createAlarm(() => {
+    chip.uart[0].feedByte(coming.shift());
+    if (coming.length > 0) arrival.schedule(UART_BYTE_NS);
+  });
+  state.feedBus = (bytes) => {
+    if (coming.length === 0 && bytes.length > 0) arrival.schedule(UART_BYTE_NS);
+    coming.push(...bytes);
+  };
+  REPORTED.forEach((pin) => {
+    let level = null;
+    chip.gpio[pin].addListener(() => {
+      const { outputEnable, outputValue } = chip.gpio[pin];
+      // Nobody drives it: the pull-up of output enable holds it high, the others are low.
+      const now = outputEnable ? outputValue : pin === 5;
+      if (now !== level) report.edge(clock.nanos, pin, now);
+      level = now;
+    });
+  });
+  runPio(chip.pio[0], clock, state);
+  return state;
+}
+
+// Steps the first state machine with the chip's clock; the emulator steps all of them with the host's.
+function runPio(pio, clock, state) {
+  pio.run = () => {};
+  const machine = pio.machines[0];
+  let at = 0;
+  state.stepPio = () => {
+    if (!machine.enabled) return;
+    const cycleNs = NS_PER_CYCLE * (machine.clockDivInt + machine.clockDivFrac / 256);
+    if (machine.waiting) at = clock.nanos;
+    while (!machine.waiting && at < clock.nanos) {
+      const before = machine.cycles;
+      machine.step();
+      pio.checkChangedPins();
+      at += (machine.cycles - before) * cycleNs;
+    }
+  };
+  state.isPioBusy = () => machine.enabled && !machine.waiting;
+}
+
+// Starts the image as the boot ROM does after power-up, or with the memory of the chip before a reset.
+export function start(state, before) {
+  const { chip, stack } = state;
+  const vectors = new DataView(chip.flash.buffer);
+  if (before) {
+    chip.sram.set(before.chip.sram);
+    const [to, from] = [chip, before.chip].map((chip) => chip.peripherals[0x40058]);
+    to.scratchData.set(from.scratchData);
+    to.reason = before.ended.reason ?? 0;
+  } else {
+    // Memory holds noise after power-up.
+    for (let k = 0; k < chip.sram.length; k++) chip.sram[k] = (k * 167 + (k >> 8) * 59) & 255;
+  }
+  chip.sram.fill(PAINT, 0, stack);
+  chip.core.SP = vectors.getUint32(VECTORS, true);
+  chip.core.PC = vectors.getUint32(VECTORS + 4, true) & ~1;
+  chip.core.VTOR = 0x10000000 + VECTORS;
+}
+
+// Bytes of the stack that were ever in use.
+export function stackUsed({ chip, stack }) {
+  let free = 0;
+  while (free < stack && chip.sram[free] === PAINT) free++;
+  return stack - free;
+}
+
+// Runs until this time of its clock, or until it ends.
+export function run(state, untilNs) {
+  const { chip, clock, ticks } = state;
+  const { core } = chip;
+  let [instructions, cycles] = [0, 0];
+  while (clock.nanos < untilNs && state.ended === null) {
+    if (core.waiting) {
+      const next = clock.nextAlarm === null ? Infinity : clock.nanosToNextAlarm;
+      const wait = Math.max(Math.min(next, untilNs - clock.nanos), 0);
+      clock.tick(state.isPioBusy() ? Math.min(wait, 10 * NS_PER_CYCLE) : wait);
+    } else {
+      const used = core.executeInstruction();
+      clock.tick(used * NS_PER_CYCLE);
+      if (core.IPSR === CONTROL) {
+        instructions += 1;
+        cycles += used;
+      } else if (instructions > 0) {
+        ticks.count += 1;
+        ticks.longest = Math.max(ticks.longest, instructions);
+        ticks.longestCycles = Math.max(ticks.longestCycles, cycles);
+        [instructions, cycles] = [0, 0];
+      }
+    }
+    state.stepPio();
+  }
+}
