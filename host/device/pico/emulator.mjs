@@ -32,7 +32,7 @@ let earlierNs = 0;
 const hex = (bytes) => Buffer.from(bytes).toString('hex');
 const report = {
   edge: (atNs, pin, level) => said.push(`edge ${Math.round(earlierNs + atNs)} ${pin} ${level ? 1 : 0}`),
-  bytes: (port, bytes) => said.push(`${port} ${hex(bytes)}`),
+  bytes: (port, bytes) => bytes.length > 0 && said.push(`${port} ${hex(bytes)}`),
 };
 
 function boot(before) {

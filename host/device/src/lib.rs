@@ -5,5 +5,6 @@ pub mod clock;
 pub mod follow;
 pub mod in_process;
 pub mod link;
+pub mod pico;
 pub mod plant;
 pub mod qemu;

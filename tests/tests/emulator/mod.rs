@@ -1,10 +1,13 @@
 //! The flashed image in the emulator, as several tests need it.
 
+mod missing;
+
 use std::fs::File;
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use darm_device::qemu;
+
+pub(crate) use missing::{missing, target};
 
 /// What a test needs to start the image.
 pub(crate) struct Ready {
@@ -26,19 +29,4 @@ pub(crate) fn ready() -> Option<Ready> {
     let lock = File::create(std::env::temp_dir().join("darm-qemu-tests.lock")).unwrap();
     lock.lock().unwrap();
     Some(Ready { elf, lock })
-}
-
-/// A test that cannot run: it fails in CI and in `cargo xtask test`; elsewhere a notice is printed and it passes.
-pub(crate) fn missing<T>(what: &str) -> Option<T> {
-    let is_required = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
-    assert!(!is_required("CI") && !is_required("DARM_EMULATOR_REQUIRED"), "{what}");
-    let name = std::thread::current().name().unwrap_or_default().to_owned();
-    // Not `eprintln`, whose output is hidden when a test passes.
-    let _ = writeln!(std::io::stderr(), "NOT RUN: {name}: {what}");
-    None
-}
-
-/// The folder that cargo builds into.
-pub(crate) fn target() -> &'static Path {
-    Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap()
 }

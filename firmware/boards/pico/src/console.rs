@@ -9,7 +9,7 @@ use darm_firmware::hardware::Hardware as _;
 use embassy_rp::peripherals::USB;
 use embassy_rp::usb::{Driver, InterruptHandler};
 use embassy_rp::{Peri, bind_interrupts};
-use embassy_time::{Duration, with_timeout};
+use embassy_time::{Duration, Timer, with_timeout};
 use embassy_usb::class::cdc_acm::{self, CdcAcmClass, State};
 use embassy_usb::{Builder, Config, UsbDevice};
 use embedded_io_async::{ErrorType, Read, Write};
@@ -24,6 +24,8 @@ bind_interrupts!(struct Irqs {
 const PACKET: usize = 64;
 /// Longest wait for the host to fetch a packet.
 const PATIENCE: Duration = Duration::from_secs(1);
+/// A host that polls fetches the empty packet within this time.
+const FETCHED: Duration = Duration::from_millis(5);
 /// Numbers of pid.codes for devices that are not sold.
 const VENDOR_PRODUCT: (u16, u16) = (0x1209, 0x0001);
 
@@ -100,7 +102,10 @@ impl Write for Sender {
         Ok(packet.len())
     }
 
+    /// Waits until the host has fetched the last packet: an empty one can follow it.
     async fn flush(&mut self) -> Result<(), Infallible> {
+        let _ = with_timeout(PATIENCE, self.0.write_packet(&[])).await;
+        Timer::after(FETCHED).await;
         Ok(())
     }
 }

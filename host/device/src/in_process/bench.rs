@@ -11,6 +11,7 @@ use darm_core::duty::DutyMeters;
 use darm_core::wire::bootstrap::Into as RebootInto;
 use darm_firmware::control::TICK;
 
+use super::Stepped;
 use super::board::{self, Pin, Wires};
 use super::flash::MemoryFlash;
 use crate::plant::Plant;
@@ -268,5 +269,42 @@ impl Bench {
         if !answer.is_empty() {
             self.send_bus(&answer);
         }
+    }
+}
+
+impl Stepped for Bench {
+    /// Nobody looks at the pins.
+    fn step(&mut self) {
+        Bench::step(self);
+        self.happened.clear();
+    }
+
+    fn now_ns(&self) -> u64 {
+        self.now_ns
+    }
+
+    fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
+    fn plant_mut(&mut self) -> &mut Plant {
+        &mut self.plant
+    }
+
+    fn send(&mut self, bytes: &[u8]) {
+        Bench::send(self, bytes);
+    }
+
+    fn received(&mut self) -> &mut VecDeque<u8> {
+        &mut self.to_host
+    }
+
+    fn hold_button(&mut self, pressed: bool) {
+        Bench::hold_button(self, pressed);
+    }
+
+    fn power_cycle(&mut self) {
+        self.power_off();
+        self.power_on(0);
     }
 }

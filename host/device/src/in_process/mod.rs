@@ -12,6 +12,7 @@ mod bench;
 mod board;
 mod flash;
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, Sender};
@@ -25,25 +26,55 @@ pub use bench::{Bench, Physical};
 pub use board::{DEVICE, Pin};
 pub use flash::{FlashError, MemoryFlash};
 
+/// A board with a plant that somebody steps, in virtual time.
+pub trait Stepped {
+    /// One millisecond, or what is nearest to it.
+    fn step(&mut self);
+    /// True time since the beginning, ns; a power cut does not set it back.
+    fn now_ns(&self) -> u64;
+    /// What hangs on the board.
+    fn plant(&self) -> &Plant;
+    /// What hangs on the board, to break or repair it.
+    fn plant_mut(&mut self) -> &mut Plant;
+    /// Bytes from the host.
+    fn send(&mut self, bytes: &[u8]);
+    /// Bytes for the host.
+    fn received(&mut self) -> &mut VecDeque<u8>;
+    /// A person holds the user button, or releases it.
+    fn hold_button(&mut self, pressed: bool);
+    /// Cuts the power and gives it back: RAM is lost, flash and plant stay.
+    fn power_cycle(&mut self);
+    /// Whether what runs the board has failed, so that nothing comes any more.
+    fn has_failed(&self) -> bool {
+        false
+    }
+}
+
 /// What the board's thread is asked to do.
-type Order = Box<dyn FnOnce(&mut Rig) + Send>;
+type Order<B> = Box<dyn FnOnce(&mut Rig<B>) + Send>;
 
 /// A board with its plant. Clones are the same board; it ends with the last of them.
 ///
 /// The firmware's futures cannot change threads, so the board has a separate one, which only acts while somebody waits
 /// for it.
-#[derive(Clone)]
-pub struct InProcess {
-    orders: Sender<Order>,
+pub struct InProcess<B = Bench> {
+    orders: Sender<Order<B>>,
     /// Time since the beginning, in nanoseconds.
     now_ns: Arc<AtomicU64>,
+    name: &'static str,
 }
 
 /// What the board's thread owns.
-struct Rig {
-    bench: Bench,
+struct Rig<B> {
+    bench: B,
     camera: Camera,
     now_ns: Arc<AtomicU64>,
+}
+
+impl<B> Clone for InProcess<B> {
+    fn clone(&self) -> Self {
+        Self { orders: self.orders.clone(), now_ns: self.now_ns.clone(), name: self.name }
+    }
 }
 
 impl InProcess {
@@ -53,14 +84,21 @@ impl InProcess {
     ///
     /// The thread of the board cannot start.
     pub fn boot(plant: Plant, flash: MemoryFlash) -> std::io::Result<Self> {
-        let (orders, todo) = mpsc::channel::<Order>();
+        Self::run("in-process", move || Bench::new(plant, flash))
+    }
+}
+
+impl<B: Stepped + 'static> InProcess<B> {
+    /// Runs the board that `make` gives in a thread; `name` is that of its port.
+    pub fn run(name: &'static str, make: impl FnOnce() -> B + Send + 'static) -> std::io::Result<Self> {
+        let (orders, todo) = mpsc::channel::<Order<B>>();
         let now_ns = Arc::new(AtomicU64::new(0));
         let shown = now_ns.clone();
         thread::Builder::new().name("board".into()).spawn(move || {
-            let mut rig = Rig { bench: Bench::new(plant, flash), camera: Camera::default(), now_ns: shown };
+            let mut rig = Rig { bench: make(), camera: Camera::default(), now_ns: shown };
             todo.iter().for_each(|order| order(&mut rig));
         })?;
-        Ok(Self { orders, now_ns })
+        Ok(Self { orders, now_ns, name })
     }
 
     /// A plug of the board's console.
@@ -71,8 +109,8 @@ impl InProcess {
     /// Lets time pass.
     pub fn pass(&self, span_s: f64) {
         self.with((), move |rig| {
-            let end_s = rig.bench.now_s() + span_s;
-            while rig.bench.now_s() < end_s {
+            let end_s = rig.now_s() + span_s;
+            while rig.now_s() < end_s {
                 rig.step();
             }
         });
@@ -91,9 +129,14 @@ impl InProcess {
     /// Breaks or repairs something, from now on.
     pub fn set_broken(&self, broken: Broken) {
         self.with((), move |rig| {
-            let now_s = rig.bench.now_s();
+            let now_s = rig.now_s();
             rig.bench.plant_mut().set_broken(now_s, broken);
         });
+    }
+
+    /// Has something done with the board itself; `None` if the board's thread has ended by a panic.
+    pub fn with_board<T: Send + 'static>(&self, act: impl FnOnce(&mut B) -> T + Send + 'static) -> Option<T> {
+        self.with(None, move |rig| Some(act(&mut rig.bench)))
     }
 
     /// What the camera takes.
@@ -108,16 +151,13 @@ impl InProcess {
 
     /// Cuts the power and gives it back: RAM is lost, flash and plant stay.
     pub fn power_cycle(&self) {
-        self.with((), |rig| {
-            rig.bench.power_off();
-            rig.bench.power_on(0);
-        });
+        self.with((), |rig| rig.bench.power_cycle());
     }
 
     /// Has the board's thread do something and waits for it; `ended` if the thread has ended by a panic.
-    fn with<T: Send + 'static>(&self, ended: T, act: impl FnOnce(&mut Rig) -> T + Send + 'static) -> T {
+    fn with<T: Send + 'static>(&self, ended: T, act: impl FnOnce(&mut Rig<B>) -> T + Send + 'static) -> T {
         let (answer, answered) = mpsc::channel();
-        let order = move |rig: &mut Rig| {
+        let order = move |rig: &mut Rig<B>| {
             // The asker waits below.
             let _ = answer.send(act(rig));
         };
@@ -128,19 +168,22 @@ impl InProcess {
     }
 }
 
-impl Rig {
+impl<B: Stepped> Rig<B> {
+    fn now_s(&self) -> f64 {
+        1e-9 * self.bench.now_ns() as f64
+    }
+
     /// One tick. Nobody looks at the pins.
     fn step(&mut self) {
         self.bench.step();
-        drop(self.bench.take_happened());
-        self.camera.look(self.bench.now_s(), self.bench.plant());
+        self.camera.look(self.now_s(), self.bench.plant());
         self.now_ns.store(self.bench.now_ns(), Ordering::Relaxed);
     }
 
     /// Waits for bytes to the host, at most `timeout_s`.
     fn receive(&mut self, room: usize, timeout_s: f64) -> Vec<u8> {
-        let end_s = self.bench.now_s() + timeout_s;
-        while self.bench.received().is_empty() && self.bench.now_s() < end_s {
+        let end_s = self.now_s() + timeout_s;
+        while self.bench.received().is_empty() && self.now_s() < end_s {
             self.step();
         }
         let received = self.bench.received();
@@ -150,9 +193,9 @@ impl Rig {
 }
 
 /// The host's end of the console.
-struct Plug(InProcess);
+struct Plug<B>(InProcess<B>);
 
-impl Link for Plug {
+impl<B: Stepped + 'static> Link for Plug<B> {
     fn send(&mut self, bytes: &[u8]) -> Result<(), LinkError> {
         let bytes = bytes.to_vec();
         let sent = self.0.with(false, move |rig| {
@@ -164,7 +207,10 @@ impl Link for Plug {
 
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> Result<usize, LinkError> {
         let room = buffer.len();
-        let received = self.0.with(None, move |rig| Some(rig.receive(room, timeout.as_secs_f64())));
+        let received = self.0.with(None, move |rig| {
+            let received = rig.receive(room, timeout.as_secs_f64());
+            (!received.is_empty() || !rig.bench.has_failed()).then_some(received)
+        });
         let bytes = received.ok_or_else(|| LinkError::Closed { port: self.name().to_owned() })?;
         buffer[..bytes.len()].copy_from_slice(&bytes);
         Ok(bytes.len())
@@ -175,7 +221,7 @@ impl Link for Plug {
     }
 
     fn name(&self) -> &str {
-        "in-process"
+        self.0.name
     }
 }
 

@@ -1,0 +1,221 @@
+//! The image of the Raspberry Pi Pico in its emulator, with a plant at its pins, in virtual time.
+//!
+//! `cargo xtask test` installs the emulator and builds the image; without them see `missing`.
+
+#[path = "emulator/missing.rs"]
+mod missing;
+#[path = "bench/tables.rs"]
+mod tables;
+
+use std::path::{Path, PathBuf};
+
+use darm_core::output::Wiring;
+use darm_core::sequencer::{Command, Event, FaultKind, Phase};
+use darm_core::units::{ModelHash, Word};
+use darm_core::wire::bootstrap::Into as RebootInto;
+use darm_core::wire::message::{Calibration, Refusal};
+use darm_device::client::{Client, Happening};
+use darm_device::in_process::InProcess;
+use darm_device::pico::{self, Ended, PicoBench};
+use darm_device::plant::{Broken, Plant};
+use missing::{missing, target};
+use tables::{profile, servo_angle_rad, stepped, table, table_with, wiring};
+
+/// Longest wait for anything, in the board's time.
+const LIMIT_S: f64 = 60.0;
+
+/// A running board that has its profile.
+struct Bench {
+    board: InProcess<PicoBench>,
+    wiring: Wiring,
+    folder: tempfile::TempDir,
+}
+
+fn image() -> Option<PathBuf> {
+    if let Err(error) = pico::find() {
+        return missing(&error.to_string());
+    }
+    let elf = target().join("thumbv6m-none-eabi/firmware/pico");
+    if elf.exists() { Some(elf) } else { missing(&pico::PicoError::NoImage(elf).to_string()) }
+}
+
+impl Bench {
+    fn start(servo: bool) -> Option<Self> {
+        let elf = image()?;
+        let folder = tempfile::tempdir().unwrap();
+        let wiring = wiring(servo);
+        let board = pico::boot(&elf, folder.path(), Plant::new(&wiring, &[])).unwrap();
+        pico::write_profile(&board, &profile(&wiring).image()).unwrap();
+        Some(Self { board, wiring, folder })
+    }
+
+    fn connect(&self) -> Client {
+        Client::connect(self.board.link()).unwrap()
+    }
+
+    /// Lets time pass until something is so.
+    #[track_caller]
+    fn wait(&self, what: &str, mut is_so: impl FnMut() -> bool) {
+        let end_s = self.board.now_s() + LIMIT_S;
+        while !is_so() {
+            assert!(self.board.now_s() < end_s, "waited in vain for {what}");
+            self.board.pass(0.002);
+        }
+    }
+
+    fn reached(&self) -> Word {
+        self.board.state().unwrap().reached
+    }
+
+    fn lines(&self) -> u64 {
+        self.with(|bench| darm_device::in_process::Stepped::plant(bench).lines())
+    }
+
+    fn with<T: Send + 'static>(&self, act: impl FnOnce(&mut PicoBench) -> T + Send + 'static) -> T {
+        self.board.with_board(act).expect("the board's thread runs")
+    }
+
+    /// All events since the board's start until one of a kind has come.
+    #[track_caller]
+    fn events_until(&self, client: &mut Client, is_last: impl Fn(Event) -> bool) -> Vec<Happening> {
+        let mut happened: Vec<Happening> = Vec::new();
+        self.wait("the last event", || {
+            let from = happened.last().map_or(0, |last| last.number + 1);
+            happened.extend(client.events(from).unwrap());
+            happened.iter().any(|happening| is_last(happening.event))
+        });
+        happened
+    }
+}
+
+fn row_words(happened: &[Happening]) -> Vec<Word> {
+    happened.iter().filter_map(|h| if let Event::Row { word, .. } = h.event { Some(word) } else { None }).collect()
+}
+
+#[test]
+fn a_table_is_uploaded_and_played_by_the_pins() {
+    let Some(bench) = Bench::start(false) else { return };
+    let mut client = bench.connect();
+    assert_eq!(client.identity().board, "Pico");
+    let caps = client.hello().unwrap().caps.clone();
+    assert_eq!((caps.lines, caps.inputs, caps.servos, caps.board.as_str()), (64, 13, 4, "Pico"));
+    assert_eq!(client.last_crash().unwrap(), None);
+    let words = stepped(8);
+    let rows = client.upload(&table(&bench.wiring, &words, ModelHash(1)), &mut |_| {}).unwrap();
+    assert_eq!(usize::from(rows), words.len());
+    client.command(Command::Play).unwrap();
+    for word in &words {
+        bench.wait("the next word at the pins", || bench.reached() == *word);
+    }
+    let happened = bench.events_until(&mut client, |event| event == Event::Finished);
+    assert_eq!(row_words(&happened), words);
+    assert_eq!(bench.with(|board| (board.resets(), board.ended())), (1, None), "one restart, for the profile");
+}
+
+#[test]
+fn a_program_runs_on_without_its_cable_and_a_stop_ends_it() {
+    let Some(bench) = Bench::start(false) else { return };
+    let mut client = bench.connect();
+    let words = stepped(6);
+    client.upload(&table(&bench.wiring, &words, ModelHash(2)), &mut |_| {}).unwrap();
+    client.command(Command::Play).unwrap();
+    drop(client);
+    bench.wait("the last row", || bench.reached() == words[5]);
+    let mut client = bench.connect();
+    bench.events_until(&mut client, |event| event == Event::Finished);
+    client.command(Command::Play).unwrap();
+    bench.wait("the second row", || bench.reached() == words[1]);
+    assert_ne!(bench.lines(), 0);
+    let (asked_s, mut link) = (bench.board.now_s(), bench.board.link());
+    link.send(b"stop\r").unwrap();
+    bench.wait("all lines low", || bench.lines() == 0);
+    let took_s = bench.board.now_s() - asked_s;
+    assert!(took_s <= 0.005, "{took_s} s");
+    assert_eq!(bench.connect().status().unwrap().phase, Phase::Idle);
+}
+
+#[test]
+fn a_servo_goes_where_the_rows_say_and_its_silence_is_a_fault() {
+    let Some(bench) = Bench::start(true) else { return };
+    let mut client = bench.connect();
+    let words = stepped(4);
+    client.upload(&table(&bench.wiring, &words, ModelHash(7)), &mut |_| {}).unwrap();
+    client.command(Command::Play).unwrap();
+    let happened = bench.events_until(&mut client, |event| event == Event::Finished);
+    assert_eq!(row_words(&happened), words);
+    let angle_rad = bench.board.state().unwrap().servos_rad[0];
+    assert!((angle_rad - servo_angle_rad(3)).abs() < 2e-3, "{angle_rad} rad");
+    client.command(Command::Play).unwrap();
+    bench.board.set_broken(Broken { servos_silent: 1, ..Broken::default() });
+    bench.wait("the safe state", || matches!(client.status().unwrap().phase, Phase::Safe(_)));
+    let Phase::Safe(fault) = client.status().unwrap().phase else { unreachable!("the safe state is latched") };
+    assert_eq!(fault.kind, FaultKind::ServoSilent { servo: 0 });
+}
+
+#[test]
+fn a_profile_needs_the_jumper_and_a_reboot_starts_again() {
+    let Some(bench) = Bench::start(false) else { return };
+    let mut client = bench.connect();
+    let refused = client.upload(&profile(&wiring(true)).image(), &mut |_| {}).unwrap_err();
+    assert_eq!(refused.refusal(), Some(Refusal::NobodyPresent));
+    let boots = client.hello().unwrap().boots;
+    client.reboot(RebootInto::Application).unwrap();
+    bench.board.pass(1.0);
+    assert_eq!(bench.connect().hello().unwrap().boots, boots + 1);
+    bench.connect().reboot(RebootInto::Loader).unwrap();
+    bench.board.pass(0.1);
+    assert_eq!(bench.with(|board| board.ended()), Some(Ended::Loader));
+    bench.board.power_cycle();
+    bench.board.pass(1.0);
+    assert_eq!(bench.connect().hello().unwrap().boots, boots + 2);
+}
+
+/// How many noises each operation is cut with: 1, or as many as the environment variable `DARM_PICO_NOISES` says.
+fn noises() -> u32 {
+    std::env::var("DARM_PICO_NOISES").map_or(1, |text| text.parse().unwrap())
+}
+
+#[test]
+fn a_power_cut_within_any_operation_of_the_flash_leaves_the_old_or_the_new_table() {
+    let Some(bench) = Bench::start(false) else { return };
+    let images = [11, 12].map(|model| table_with(&bench.wiring, &stepped(40), ModelHash(model), &[]));
+    bench.connect().upload(&images[0], &mut |_| {}).unwrap();
+    let calibration = Calibration::try_from([0.25, 0.0, 0.0, 0.0]).unwrap();
+    bench.connect().calibrate(calibration).unwrap();
+    let operations = |bench: &Bench| bench.with(|board| board.measure().flash_operations);
+    let (mut loaded, mut old, mut new, mut cuts) = (ModelHash(11), 0, 0, 0);
+    for noise in 1..=noises() {
+        // Beyond the last operation of an upload no power fails: then all have been cut.
+        for operation in 1.. {
+            let next = images[usize::from(loaded == ModelHash(11))].clone();
+            let model = next.image().model;
+            let before = operations(&bench);
+            bench.with(move |board| board.cut_within(operation, noise.wrapping_mul(0x9e37_79b9) ^ operation));
+            let acknowledged =
+                Client::connect(bench.board.link()).is_ok_and(|mut client| client.upload(&next, &mut |_| {}).is_ok());
+            let is_cut = bench.with(|board| board.ended()) == Some(Ended::Cut);
+            assert!(is_cut || acknowledged && operations(&bench) > before);
+            bench.board.power_cycle();
+            bench.board.pass(1.0);
+            let mut client = bench.connect();
+            let found = client.status().unwrap().model.expect("a table is there");
+            assert!([loaded, model].contains(&found), "operation {operation}, noise {noise}: {found}");
+            assert!(!acknowledged || found == model, "operation {operation}: an acknowledged table was lost");
+            assert_eq!(client.calibration().unwrap(), Some(calibration), "operation {operation}, noise {noise}");
+            let profile = profile(&bench.wiring).profile.digest;
+            assert_eq!(client.hello().unwrap().profile, profile, "operation {operation}, noise {noise}");
+            loaded = found;
+            if !is_cut {
+                break;
+            }
+            cuts += 1;
+            *if found == model { &mut new } else { &mut old } += 1;
+        }
+    }
+    assert!(cuts > 5, "only {cuts} operations were cut");
+    println!("FIGURE pico: power cuts within an operation of the flash = {cuts} cuts");
+    println!("FIGURE pico: power cuts with the old table complete = {old} cuts");
+    println!("FIGURE pico: power cuts with the new table complete = {new} cuts");
+    println!("FIGURE pico: power cuts with a mixture or a lost calibration = 0 cuts");
+    assert!(Path::exists(&bench.folder.path().join(pico::FLASH_FILE)));
+}
