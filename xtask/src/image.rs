@@ -2,6 +2,7 @@
 //!
 //! | file     | holds                                                            |
 //! |----------|------------------------------------------------------------------|
+//! | `board`  | the boards that there are images for                              |
 //! | `thumb`  | the instructions that matter for calls and stack                  |
 //! | `code`   | functions, frames and direct calls of a linked image              |
 //! | `graph`  | the call graph with indirect calls, deepest chains                |
@@ -10,6 +11,7 @@
 //! | `panics` | which panics can be reached                                       |
 //! | `ram`    | static RAM by symbol                                              |
 
+mod board;
 mod code;
 mod graph;
 mod lists;
@@ -23,11 +25,15 @@ use std::process;
 
 use anyhow::{Context, Result, bail};
 
-use crate::setup;
+use crate::setup::{self, Emulator};
+pub use board::Board;
 
 /// Builds the firmware image and prints its path, or analyses it
 #[derive(clap::Args)]
 pub struct Command {
+    /// Which board
+    #[arg(long, value_enum, default_value = "b-l475e-iot01a")]
+    board: Board,
     /// Prints the bound of the stack with the deepest call chains; fails above 85 % of the stack
     #[arg(long)]
     stack: bool,
@@ -50,6 +56,16 @@ impl Command {
     /// The image cannot be built or read, the budget cannot be written, or as [`check`] where the stack or the panics
     /// are analysed.
     pub fn run(self) -> Result<()> {
+        if self.board != Board::BL475eIot01a {
+            if self.ram || self.budget || self.stack || self.panics {
+                bail!("only the image of b-l475e-iot01a is analysed; drop the option");
+            }
+            if let Emulator::Absent(why) = self.board.emulator() {
+                eprintln!("NO EMULATOR for this image: {why}");
+            }
+            println!("{}", build_for(self.board)?.display());
+            return Ok(());
+        }
         let path = build()?;
         if self.ram {
             print!("{}", ram::table(&path)?);
@@ -130,13 +146,22 @@ pub fn check(path: &Path) -> Result<()> {
     panics::check(&graph)
 }
 
-/// Builds the image and returns its path.
+/// Builds the image of the first board and returns its path.
 ///
 /// # Errors
 ///
 /// The compiler does not start or fails.
 pub fn build() -> Result<PathBuf> {
-    build_binary("b-l475e-iot01a", "chip")
+    build_for(Board::BL475eIot01a)
+}
+
+/// Builds the image of a board and returns its path.
+///
+/// # Errors
+///
+/// The compiler does not start or fails.
+pub fn build_for(board: Board) -> Result<PathBuf> {
+    build_binary(board, board.name(), "chip")
 }
 
 /// Builds the image that counts instructions and returns its path.
@@ -145,7 +170,7 @@ pub fn build() -> Result<PathBuf> {
 ///
 /// The compiler does not start or fails.
 pub fn build_bench() -> Result<PathBuf> {
-    build_binary("bench", "bench")
+    build_binary(Board::BL475eIot01a, "bench", "bench")
 }
 
 /// Builds the image that does kinematics alone and fails when anything in it can panic: no code of that may be linked.
@@ -155,7 +180,7 @@ pub fn build_bench() -> Result<PathBuf> {
 /// The image cannot be built or read, has no symbols, or has code that panics.
 pub fn check_that_kinematics_cannot_panic() -> Result<()> {
     use object::{Object as _, ObjectSymbol as _};
-    let elf = build_binary("probe", "chip")?;
+    let elf = build_binary(Board::BL475eIot01a, "probe", "chip")?;
     let bytes = std::fs::read(&elf).with_context(|| format!("{} cannot be read", elf.display()))?;
     let file = object::File::parse(&*bytes).with_context(|| format!("{} is no ELF", elf.display()))?;
     let names: Vec<&str> = file.symbols().filter_map(|symbol| symbol.name().ok()).collect();
@@ -169,18 +194,17 @@ pub fn check_that_kinematics_cannot_panic() -> Result<()> {
     Ok(())
 }
 
-/// Builds one of the firmware's binaries for the chip and returns its path.
-fn build_binary(name: &str, feature: &str) -> Result<PathBuf> {
+/// Builds one of a board's binaries for its chip and returns its path.
+fn build_binary(board: Board, name: &str, feature: &str) -> Result<PathBuf> {
     setup::rust()?;
-    let root = setup::root();
     let status = process::Command::new("cargo")
-        .current_dir(&root)
-        .args(["build", "--package", "darm-b-l475e-iot01a", "--features", feature, "--profile", "firmware"])
-        .args(["--target", setup::TARGET, "--bin", name])
+        .current_dir(setup::root())
+        .args(["build", "--package", board.package(), "--features", feature, "--profile", "firmware"])
+        .args(["--target", board.target(), "--bin", name])
         .status()
         .context("cargo did not start")?;
     if !status.success() {
         bail!("the firmware does not build; the compiler's words stand above");
     }
-    Ok(setup::target().join(setup::TARGET).join("firmware").join(name))
+    Ok(setup::target().join(board.target()).join("firmware").join(name))
 }

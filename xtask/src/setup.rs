@@ -114,6 +114,49 @@ fn install_emulator() -> Result<()> {
     step::run("installing qemu-system-arm (about 15 s)", &mut install, Duration::from_secs(600), BY_HAND)
 }
 
+/// Where the emulator of the Pico is installed: Node.js looks for packages there.
+pub fn pico_emulator_folder() -> PathBuf {
+    target().join("pico-emulator")
+}
+
+/// Finds the emulator of the Pico or installs it: Node.js from the distribution, the package by `npm`, in the version that
+/// the lock file pins.
+pub fn pico_emulator() -> Emulator {
+    let folder = pico_emulator_folder();
+    let is_there = |folder: &Path| folder.join("node_modules/rp2040js/dist/esm/index.js").is_file();
+    match install_pico_emulator(&folder, is_there(&folder)) {
+        Ok(()) if is_there(&folder) => Emulator::Ready,
+        Ok(()) => Emulator::Absent(format!("{} has no package rp2040js", folder.display())),
+        Err(error) => Emulator::Absent(format!("{error:#}")),
+    }
+}
+
+const NODE_BY_HAND: &str = "install Node.js 18 or newer with npm yourself";
+
+fn install_pico_emulator(folder: &Path, is_there: bool) -> Result<()> {
+    let has = |program: &str| {
+        Command::new(program).arg("--version").stdin(Stdio::null()).output().is_ok_and(|output| output.status.success())
+    };
+    if !has("node") || !is_there && !has("npm") {
+        install(&["nodejs", "npm"], NODE_BY_HAND)?;
+    }
+    if is_there {
+        return Ok(());
+    }
+    fs::create_dir_all(folder)?;
+    for name in ["package.json", "package-lock.json"] {
+        fs::copy(root().join("host/device/pico").join(name), folder.join(name))?;
+    }
+    let mut npm = Command::new("npm");
+    npm.current_dir(folder).args(["ci", "--ignore-scripts", "--no-audit", "--no-fund"]);
+    step::run(
+        "installing rp2040js (a few seconds)",
+        &mut npm,
+        Duration::from_secs(120),
+        "run `npm ci` where there is a network",
+    )
+}
+
 /// Installs packages of the distribution.
 ///
 /// # Errors

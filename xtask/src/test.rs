@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 
-use xtask::image;
+use xtask::image::{self, Board};
 use xtask::setup::{self, Emulator, SMALL_TARGET, TARGET};
 
 /// All tests: format, lints, documentation, unit and system tests, the image in the emulator
@@ -42,12 +42,15 @@ impl Test {
         let has_emulator = self.has_emulator()?;
         cargo(&["fmt", "--all", "--check"])?;
         cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
-        let chip = ["--package", "darm-b-l475e-iot01a", "--features", "chip", "--target", TARGET];
-        cargo(&[&["clippy"], &chip[..], &["--", "-D", "warnings"]].concat())?;
+        for board in Board::ALL {
+            let chip = ["--package", board.package(), "--features", "chip", "--target", board.target()];
+            cargo(&[&["clippy"], &chip[..], &["--", "-D", "warnings"]].concat())?;
+        }
         for target in [TARGET, SMALL_TARGET] {
             cargo(&["build", "--package", "darm-core", "--target", target])?;
         }
         image::check(&image::build()?)?;
+        image::build_for(Board::Pico)?;
         image::check_that_kinematics_cannot_panic()?;
         let mut tests = command(&["test", "--workspace"]);
         if has_emulator {
@@ -57,18 +60,18 @@ impl Test {
         cargo(&["doc", "--workspace", "--no-deps"])
     }
 
-    /// False where there is none and the tests on the image are optional.
+    /// False where one is missing and the tests on the images are optional.
     fn has_emulator(&self) -> Result<bool> {
-        match setup::emulator() {
-            Emulator::Ready => Ok(true),
-            Emulator::Absent(why) if self.without_emulator => {
-                eprintln!("NO EMULATOR: the tests on the image are left out. {why}");
-                Ok(false)
-            }
-            Emulator::Absent(why) => {
-                bail!("there is no emulator for the tests on the image: {why}; --without-emulator leaves them out")
+        for board in Board::ALL {
+            if let Emulator::Absent(why) = board.emulator() {
+                if !self.without_emulator {
+                    bail!("there is no emulator of {}: {why}; --without-emulator leaves its tests out", board.name());
+                }
+                eprintln!("NO EMULATOR of {}: the tests on its image are left out. {why}", board.name());
+                return Ok(false);
             }
         }
+        Ok(true)
     }
 }
 

@@ -51,6 +51,8 @@ impl Chain {
         config.clock_divider = FixedU32::<U8>::from_bits(12 << 8 | 128);
         machine.set_config(&config);
         machine.set_pin_dirs(Direction::Out, &[&data, &clock, &latch]);
+        // Empties the output shift register, so that the first word is the first that leaves.
+        machine.restart();
         machine.set_enable(true);
         Self { machine, enable }
     }

@@ -1,0 +1,52 @@
+//! The boards that there are images for: packages, targets, emulators.
+
+use clap::ValueEnum;
+
+use crate::setup::{self, Emulator};
+
+/// A board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Board {
+    /// B-L475E-IOT01A (STM32L475); runs in QEMU
+    #[value(name = "b-l475e-iot01a")]
+    BL475eIot01a,
+    /// Raspberry Pi Pico (RP2040); runs in rp2040js
+    Pico,
+}
+
+impl Board {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::BL475eIot01a, Self::Pico];
+
+    /// Name of its folder and of its image.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::BL475eIot01a => "b-l475e-iot01a",
+            Self::Pico => "pico",
+        }
+    }
+
+    /// Name of its package.
+    pub fn package(self) -> &'static str {
+        match self {
+            Self::BL475eIot01a => "darm-b-l475e-iot01a",
+            Self::Pico => "darm-pico",
+        }
+    }
+
+    /// Target of its chip.
+    pub fn target(self) -> &'static str {
+        match self {
+            Self::BL475eIot01a => setup::TARGET,
+            Self::Pico => setup::SMALL_TARGET,
+        }
+    }
+
+    /// Finds or installs what its image runs in.
+    pub fn emulator(self) -> Emulator {
+        match self {
+            Self::BL475eIot01a => setup::emulator(),
+            Self::Pico => setup::pico_emulator(),
+        }
+    }
+}
