@@ -36,6 +36,9 @@ pub(crate) struct Demo {
     /// Effect that the true arm hides; default: drawn by the seed
     #[arg(long, value_name = "LAW")]
     effect: Option<Kind>,
+    /// Board whose image runs in its emulator
+    #[arg(long, value_enum, default_value = "b-l475e-iot01a", conflicts_with = "in_process")]
+    board: image::Board,
     /// Run the firmware library in this process, in virtual time, in place of the image in the emulator
     #[arg(long)]
     in_process: bool,
@@ -88,13 +91,14 @@ impl Demo {
 
     /// One course on the emulated board, with a report.
     fn once(&self) -> Result<()> {
-        let emulated = if self.in_process { None } else { emulated_image()? };
+        let emulated = if self.in_process { None } else { emulated_image(self.board)? };
         fs::create_dir_all(&self.out).with_context(|| format!("{} cannot be made", self.out.display()))?;
         let progress = Progress::shown();
         let task = self.arm.task(self.seed, self.effect)?;
         progress.say("synthesis");
         let synthesis = task.synthesis()?;
         let mut rig = match emulated {
+            Some(elf) if self.board == image::Board::Pico => Rig::pico(&elf, &self.out, &synthesis.arm)?,
             Some(elf) => Rig::emulated(elf, &self.out, &synthesis.arm)?,
             None => Rig::in_process(&synthesis.arm)?,
         };
@@ -110,9 +114,9 @@ impl Demo {
 }
 
 /// The image for the emulator; `None` on a machine that has no emulator and cannot get one.
-fn emulated_image() -> Result<Option<PathBuf>> {
-    match setup::emulator() {
-        Emulator::Ready => image::build().map(Some),
+fn emulated_image(board: image::Board) -> Result<Option<PathBuf>> {
+    match board.emulator() {
+        Emulator::Ready => image::build_for(board).map(Some),
         Emulator::Absent(why) => {
             eprintln!("NO EMULATOR: the firmware's library runs in this process instead. {why}");
             Ok(None)

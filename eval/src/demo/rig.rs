@@ -10,6 +10,7 @@ use darm_device::client::Client;
 use darm_device::follow::Follower;
 use darm_device::in_process::{InProcess, MemoryFlash};
 use darm_device::link;
+use darm_device::pico::{self, PicoBench};
 use darm_device::plant::Plant;
 use darm_device::plant::camera::Film;
 use darm_device::qemu::{self, Console, Machine, Qemu};
@@ -32,6 +33,7 @@ pub(crate) struct Rig {
 enum Board {
     Emulated { _follower: Follower, _qemu: Qemu },
     InProcess { _board: InProcess },
+    Pico { _board: InProcess<PicoBench> },
 }
 
 impl Rig {
@@ -50,6 +52,18 @@ impl Rig {
         let film = follower.film();
         let what = "the firmware image in QEMU b-l475e-iot01a".to_owned();
         Ok(Self { client, film, what, profile, _board: Board::Emulated { _follower: follower, _qemu: qemu } })
+    }
+
+    /// Boots the image of the Pico at `elf` in its emulator, in virtual time; the plant follows its pins. The flash lives in
+    /// `folder`, and the profile is written with the jumper set.
+    pub(crate) fn pico(elf: &Path, folder: &Path, arm: &Arm) -> Result<Self> {
+        let WiredArm { profile, wiring, .. } = WiredArm::new(arm.clone())?;
+        let board = pico::boot(elf, folder, Plant::new(&wiring, &[]))?;
+        pico::write_profile(&board, &profile.image()).context("the emulated Pico takes no profile")?;
+        let client = Client::connect_as(board.link(), 1).context("the emulated Pico does not answer")?;
+        let film = board.film();
+        let what = "the firmware image of the Pico in rp2040js, in virtual time".to_owned();
+        Ok(Self { client, film, what, profile, _board: Board::Pico { _board: board } })
     }
 
     /// Runs the firmware library in this process, in virtual time.
