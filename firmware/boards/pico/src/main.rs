@@ -117,7 +117,7 @@ struct Owned {
     start: Start,
 }
 
-/// Runs the device on the bus; the console runs beside it.
+/// Runs the device on the bus; the console is a separate task.
 #[embassy_executor::task]
 async fn usb_task(usb: Peri<'static, USB>, owned: Owned) {
     let (mut device, line) = console::start(usb);

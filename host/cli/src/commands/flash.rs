@@ -1,4 +1,6 @@
-//! `darm flash`: writes the firmware to the board with probe-rs.
+//! `darm flash`: writes the firmware to the board, with probe-rs or over the boot drive of a Pico.
+
+mod uf2;
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -11,6 +13,10 @@ use crate::ui::{Answer, Ui};
 
 /// Name of the chip as probe-rs knows it.
 pub(crate) const CHIP: &str = "STM32L475VG";
+/// The same of the Pico's.
+const CHIP_OF_PICO: &str = "RP2040";
+/// Mounted drives of Linux.
+const MOUNTS: &str = "/proc/mounts";
 
 /// How to install probe-rs.
 pub(crate) const INSTALL: &str = "install it with `curl -LsSf \
@@ -25,18 +31,25 @@ const ST_LINK_PRODUCTS: [&str; 2] = ["374", "375"];
 
 const EXAMPLES: &str = "\
 Examples:
-  cargo xtask image && darm flash  # (no_run: probe)
+  cargo xtask image && darm flash                            # (no_run: probe)
+  cargo xtask image --board pico && darm flash --board pico  # (no_run: drive)
 
 This builds the image and writes it to the board; an image that was built elsewhere is named: darm flash IMAGE.elf. The board's own ST-LINK (USB connector CN7) is the probe. Tables and calibrations are kept: they are \
-in the other flash bank.";
+in the other flash bank. A Pico that is plugged in with its button BOOTSEL held is a drive, RPI-RP2: the image is copied to it.";
 
-/// Write the firmware to the board, with probe-rs
+/// Write the firmware to the board, with probe-rs or to the boot drive of a Pico
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Flash {
     /// ELF file of the firmware; default: the one built in this workspace
     #[arg(value_name = "ELF", env = firmware_image::VARIABLE)]
     elf: Option<PathBuf>,
+    /// Board whose built image is written
+    #[arg(long, value_enum, default_value = "b-l475e-iot01a", conflicts_with = "elf")]
+    board: firmware_image::Board,
+    /// Folder of the boot drive, where it is not found
+    #[arg(long, value_name = "FOLDER")]
+    drive: Option<PathBuf>,
 }
 
 /// Why the firmware was not written.
@@ -50,6 +63,18 @@ enum FlashError {
     NoProbe(String),
     #[error("probe-rs failed: {0}; run `darm doctor`")]
     Failed(String),
+    #[error(
+        "no boot drive RPI-RP2 and no probe; hold BOOTSEL while you plug the Pico in, or name the drive: --drive FOLDER"
+    )]
+    NoDrive,
+    #[error(
+        "{0} is not the boot drive of a Pico: it has no INFO_UF2.TXT that names RPI-RP2; hold BOOTSEL while you plug it in"
+    )]
+    NotADrive(PathBuf),
+    #[error("{0} is an image of another chip than the Pico's, and takes no --drive")]
+    OtherChip(PathBuf),
+    #[error("cannot write {0}: {1}; plug the Pico in again with BOOTSEL held")]
+    Drive(PathBuf, std::io::Error),
 }
 
 #[derive(Serialize)]
@@ -66,13 +91,43 @@ impl Answer for Flashed {
 
 impl Flash {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
-        let elf = firmware_image::find(self.elf.as_deref())?;
+        let elf = firmware_image::find_for(self.board, self.elf.as_deref())?;
+        let segments = std::fs::read(&elf).ok().and_then(|bytes| uf2::segments(&bytes));
         let spinner = ui.spinner("flashing");
-        probe_rs(&["download", "--chip", CHIP, "--verify", "--disable-progressbars"], Some(&elf))?;
-        probe_rs(&["reset", "--chip", CHIP], None)?;
+        let chip = match (segments, &self.drive) {
+            (Some(segments), drive) => {
+                Self::flash_pico(&elf, &segments, drive.as_deref())?;
+                CHIP_OF_PICO
+            }
+            (None, Some(_)) => return Err(FlashError::OtherChip(elf).into()),
+            (None, None) => {
+                flash_by_probe(CHIP, &elf)?;
+                CHIP
+            }
+        };
         spinner.finish_and_clear();
-        ui.print(&Flashed { elf, chip: CHIP })
+        ui.print(&Flashed { elf, chip })
     }
+
+    /// Copies the image to the boot drive; where there is none, a probe may be connected.
+    fn flash_pico(elf: &Path, segments: &[(u32, Vec<u8>)], named: Option<&Path>) -> Result<(), FlashError> {
+        let drive = match named {
+            Some(folder) if uf2::is_drive(folder) => Some(folder.to_path_buf()),
+            Some(folder) => return Err(FlashError::NotADrive(folder.to_path_buf())),
+            None => uf2::drive(Path::new(MOUNTS)),
+        };
+        let Some(drive) = drive else {
+            return flash_by_probe(CHIP_OF_PICO, elf).map_err(|_| FlashError::NoDrive);
+        };
+        // The chip starts the image when the last block has come, and the drive disappears.
+        let file = drive.join("darm.uf2");
+        std::fs::write(&file, uf2::file(segments)).map_err(|error| FlashError::Drive(file, error))
+    }
+}
+
+fn flash_by_probe(chip: &str, elf: &Path) -> Result<(), FlashError> {
+    probe_rs(&["download", "--chip", chip, "--verify", "--disable-progressbars"], Some(elf))?;
+    probe_rs(&["reset", "--chip", chip], None)
 }
 
 fn probe_rs(arguments: &[&str], file: Option<&Path>) -> Result<(), FlashError> {

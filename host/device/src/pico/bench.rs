@@ -50,12 +50,12 @@ impl PicoBench {
 
     /// Lets the power fail within this operation of the flash from now on, 1 for the next; `noise` decides what it leaves.
     pub fn cut_within(&mut self, operation: u32, noise: u32) {
-        self.tell(&format!("cut {operation} {noise}\n"));
+        self.command(&format!("cut {operation} {noise}\n"));
     }
 
     /// Presses the reset button: memory stays.
     pub fn press_reset(&mut self) {
-        self.tell("reset\n");
+        self.command("reset\n");
         self.ended = None;
     }
 
@@ -89,7 +89,7 @@ impl PicoBench {
         self.failure.as_ref()
     }
 
-    fn tell(&mut self, lines: &str) {
+    fn command(&mut self, lines: &str) {
         if self.failure.is_none() {
             self.failure = self.emulator.send(lines).err();
         }
@@ -109,7 +109,7 @@ impl PicoBench {
         let lines: String = lines.collect();
         self.shown = switches;
         if !lines.is_empty() {
-            self.tell(&lines);
+            self.command(&lines);
         }
     }
 
@@ -124,7 +124,7 @@ impl PicoBench {
             Report::Bus(bytes) => {
                 let answer = self.plant.servo_bytes(1e-9 * self.now_ns as f64, &bytes);
                 if !answer.is_empty() {
-                    self.tell(&format!("bus {}\n", hex(&answer)));
+                    self.command(&format!("bus {}\n", hex(&answer)));
                 }
             }
             Report::Reset => self.resets += 1,
@@ -160,7 +160,7 @@ impl Stepped for PicoBench {
     }
 
     fn send(&mut self, bytes: &[u8]) {
-        self.tell(&format!("console {}\n", hex(bytes)));
+        self.command(&format!("console {}\n", hex(bytes)));
     }
 
     fn received(&mut self) -> &mut VecDeque<u8> {
@@ -168,11 +168,11 @@ impl Stepped for PicoBench {
     }
 
     fn hold_button(&mut self, pressed: bool) {
-        self.tell(&format!("pin {JUMPER} {}\n", u8::from(!pressed)));
+        self.command(&format!("pin {JUMPER} {}\n", u8::from(!pressed)));
     }
 
     fn power_cycle(&mut self) {
-        self.tell("power\n");
+        self.command("power\n");
         self.ended = None;
         self.to_host.clear();
     }
