@@ -8,7 +8,7 @@ use darm_figures::figure::Figure;
 use darm_figures::items::{self, Spread};
 use darm_figures::shard::Shard;
 use serde::{Deserialize, Serialize};
-use xtask::image;
+use xtask::image::{self, Board};
 use xtask::setup::{self, Emulator};
 use xtask::step;
 
@@ -35,6 +35,10 @@ pub(crate) struct Job {
     /// Stop the arm this many times while another program holds the port
     #[arg(long, value_name = "COUNT")]
     stops: Option<u64>,
+    /// Cut the power of the Pico within each operation of an upload this many times, each time with another noise; prints
+    /// its longest control tick, stack, sizes and upload rate too
+    #[arg(long, value_name = "COUNT")]
+    pico: Option<u64>,
 }
 
 /// A test that injects faults, as often as a variable says.
@@ -65,6 +69,13 @@ const STOPS: Injection = Injection {
     batch: 20,
 };
 
+const PICO: Injection = Injection {
+    name: "pico",
+    arguments: &["--package", "darm-tests", "--test", "pico"],
+    variable: "DARM_PICO_NOISES",
+    batch: u64::MAX,
+};
+
 /// Part of an injection.
 pub(crate) struct Item {
     injection: &'static Injection,
@@ -83,7 +94,7 @@ pub(crate) struct Row {
 impl Faults {
     pub(crate) fn run(&self) -> Result<()> {
         if self.job.parts().is_empty() {
-            bail!("nothing to do: give --kills COUNT, --frames COUNT or --stops COUNT");
+            bail!("nothing to do: give --kills COUNT, --frames COUNT, --stops COUNT or --pico COUNT");
         }
         items::run(&self.job, &self.spread)
     }
@@ -91,7 +102,7 @@ impl Faults {
 
 impl Job {
     fn parts(&self) -> Vec<Item> {
-        let injections = [(&KILLS, self.kills), (&FRAMES, self.frames), (&STOPS, self.stops)];
+        let injections = [(&KILLS, self.kills), (&FRAMES, self.frames), (&STOPS, self.stops), (&PICO, self.pico)];
         let of = |(injection, count): (&'static Injection, Option<u64>)| {
             let (count, batch) = (count.unwrap_or(0), injection.batch);
             (0..count.div_ceil(batch)).map(move |k| Item { injection, seed: k, count: batch.min(count - k * batch) })
@@ -111,7 +122,10 @@ impl items::Job for Job {
 
     fn bench(&self, _: Shard) -> Result<Vec<Item>> {
         if self.kills.or(self.stops).is_some() {
-            prepare_emulator()?;
+            prepare_emulator(Board::BL475eIot01a)?;
+        }
+        if self.pico.is_some() {
+            prepare_emulator(Board::Pico)?;
         }
         if self.stops.is_some() {
             let mut build = Command::new("cargo");
@@ -132,6 +146,12 @@ impl items::Job for Job {
 
     /// Counts are added up; of times the longest counts.
     fn figures(&self, outcomes: &[Vec<Row>]) -> Result<Vec<Figure>> {
+        let mut sizes = Vec::new();
+        if self.pico.is_some() {
+            let elf = image::build_for(Board::Pico)?;
+            sizes =
+                image::sizes(&elf)?.map(|(name, bytes)| Figure::new(&format!("pico: {name}"), bytes, "bytes")).into();
+        }
         let mut all: Vec<(&str, f64, &str)> = Vec::new();
         for Row { name, value, unit } in outcomes.iter().flatten() {
             match all.iter_mut().find(|(known, _, _)| known == name) {
@@ -140,7 +160,7 @@ impl items::Job for Job {
                 None => all.push((name, *value, unit)),
             }
         }
-        all.into_iter().map(|(name, value, unit)| Figure::new(name, value, unit)).collect()
+        all.into_iter().map(|(name, value, unit)| Figure::new(name, value, unit)).chain(sizes).collect()
     }
 
     fn seed(&self) -> u64 {
@@ -148,11 +168,11 @@ impl items::Job for Job {
     }
 }
 
-fn prepare_emulator() -> Result<()> {
-    if let Emulator::Absent(why) = setup::emulator() {
+fn prepare_emulator(board: Board) -> Result<()> {
+    if let Emulator::Absent(why) = board.emulator() {
         bail!("this runs in the emulator, and there is none: {why}");
     }
-    image::build().map(|_| ())
+    image::build_for(board).map(|_| ())
 }
 
 /// Runs a test with its seed; its figures are the lines `FIGURE name = value unit`.
@@ -186,7 +206,7 @@ mod tests {
 
     use super::{Job, Row, row};
 
-    const JOB: Job = Job { kills: Some(120), frames: None, stops: Some(20) };
+    const JOB: Job = Job { kills: Some(120), frames: None, stops: Some(20), pico: None };
 
     #[test]
     fn faults_are_split_into_seeded_parts_that_add_up() {

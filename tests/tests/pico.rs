@@ -219,3 +219,30 @@ fn a_power_cut_within_any_operation_of_the_flash_leaves_the_old_or_the_new_table
     println!("FIGURE pico: power cuts with a mixture or a lost calibration = 0 cuts");
     assert!(Path::exists(&bench.folder.path().join(pico::FLASH_FILE)));
 }
+
+/// Clock of the chip.
+const CYCLES_PER_TICK: f64 = 125e3;
+
+#[test]
+fn the_longest_control_tick_and_the_stack_keep_their_limits() {
+    let Some(bench) = Bench::start(true) else { return };
+    let mut client = bench.connect();
+    let image = table(&bench.wiring, &stepped(200), ModelHash(9));
+    let (bytes, began_s) = (f64::from(image.image().len), bench.board.now_s());
+    client.upload(&image, &mut |_| {}).unwrap();
+    let upload_s = bench.board.now_s() - began_s;
+    bench.with(|board| drop(board.measure()));
+    client.command(Command::Play).unwrap();
+    bench.wait("row 20", || bench.reached() == stepped(200)[20]);
+    client.status().unwrap();
+    let measured = bench.with(|board| board.measure());
+    let share = 100.0 * measured.longest_cycles as f64 / CYCLES_PER_TICK;
+    println!("FIGURE pico: longest control tick = {} instructions", measured.longest_instructions);
+    println!("FIGURE pico: longest control tick of 1 ms at 125 MHz = {} %", (10.0 * share).round() / 10.0);
+    println!("FIGURE pico: stack in use, measured = {} bytes", measured.stack_bytes);
+    println!("FIGURE pico: upload in the time of the board = {} bytes/s", (bytes / upload_s).round());
+    assert!(measured.ticks > 5_000, "{measured:?}");
+    assert!(share <= 40.0, "{measured:?}");
+    // Of the 20 KiB that `memory.x` gives.
+    assert!(measured.stack_bytes <= 85 * 20 * 1024 / 100, "{measured:?}");
+}

@@ -131,6 +131,23 @@ pub fn figures() -> Result<[(&'static str, f64, &'static str); 5]> {
     ])
 }
 
+/// Bytes of flash and of RAM without the stack that an image takes, from the section headers of its ELF.
+///
+/// # Errors
+/// When the image cannot be read.
+pub fn sizes(elf: &Path) -> Result<[(&'static str, f64); 2]> {
+    use object::{Object as _, ObjectSection as _};
+    let bytes = std::fs::read(elf).with_context(|| format!("{} cannot be read", elf.display()))?;
+    let file = object::File::parse(&*bytes).with_context(|| format!("{} is no ELF", elf.display()))?;
+    let size = |names: &[&str]| {
+        let sections = file.sections().filter(|section| section.name().is_ok_and(|name| names.contains(&name)));
+        sections.map(|section| section.size()).sum::<u64>() as f64
+    };
+    let flash = size(&[".boot2", ".vector_table", ".text", ".rodata", ".data"]);
+    let ram = size(&[".data", ".bss", ".uninit", ".above"]);
+    Ok([("flash of the image", flash), ("RAM of the image without its stack", ram)])
+}
+
 /// Checks the stack's bound and the panics of a built image, and prints the bound.
 ///
 /// # Errors

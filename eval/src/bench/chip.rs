@@ -27,7 +27,9 @@ pub(super) fn measure() -> Result<Vec<Figure>> {
     figures.extend(corrected(&poses)?);
     let free = run(&bench, &[])?;
     figures.extend(free.lines().filter(|line| line.starts_with(LATENESS)).map(figure).collect::<Result<Vec<_>>>()?);
-    figures.extend(sizes(&image::build()?)?);
+    for (name, bytes) in image::sizes(&image::build()?)? {
+        figures.push(Figure::new(name, bytes, "bytes")?);
+    }
     Ok(figures)
 }
 
@@ -90,19 +92,4 @@ fn figure(line: &str) -> Result<Figure> {
         value.with_context(|| format!("{line:?} has no value"))?,
         unit,
     )
-}
-
-/// Flash and RAM of the image, from the section headers of its ELF.
-fn sizes(elf: &Path) -> Result<Vec<Figure>> {
-    use object::{Object as _, ObjectSection as _};
-    let bytes = std::fs::read(elf).with_context(|| format!("{} cannot be read", elf.display()))?;
-    let file = object::File::parse(&*bytes).with_context(|| format!("{} is no ELF", elf.display()))?;
-    let size = |names: &[&str]| {
-        let sections = file.sections().filter(|section| section.name().is_ok_and(|name| names.contains(&name)));
-        sections.map(|section| section.size()).sum::<u64>() as f64
-    };
-    Ok(vec![
-        Figure::new("flash of the image", size(&[".vector_table", ".text", ".rodata", ".data"]), "bytes")?,
-        Figure::new("RAM of the image without its stack", size(&[".data", ".bss", ".uninit", ".above"]), "bytes")?,
-    ])
 }
