@@ -26,8 +26,8 @@ use embedded_storage_async::nor_flash::NorFlash;
 use crate::app::serve;
 use crate::clock::Clock;
 use crate::control::{Inputs, Shared};
-use crate::crash::{self, Kept};
 use crate::dispatch::{BUILD, Board, Dispatcher};
+use crate::kept::{Kept, forget_crashes};
 use crate::life::{Pulse, Start};
 use crate::rescue;
 use crate::servo::Bus;
@@ -115,7 +115,7 @@ pub async fn console<H: Hardware>(
         }
         Start::Recovery => rescue::serve(&dispatcher.board, &H::CLOCK, reader, writer).await,
     };
-    crash::forget_crashes(H::kept());
+    forget_crashes(H::kept());
     into
 }
 

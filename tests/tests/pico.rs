@@ -227,22 +227,32 @@ const CYCLES_PER_TICK: f64 = 125e3;
 fn the_longest_control_tick_and_the_stack_keep_their_limits() {
     let Some(bench) = Bench::start(true) else { return };
     let mut client = bench.connect();
-    let image = table(&bench.wiring, &stepped(200), ModelHash(9));
-    let (bytes, began_s) = (f64::from(image.image().len), bench.board.now_s());
-    client.upload(&image, &mut |_| {}).unwrap();
-    let upload_s = bench.board.now_s() - began_s;
-    bench.with(|board| drop(board.measure()));
+    let words = stepped(10);
+    client.upload(&table(&bench.wiring, &words, ModelHash(9)), &mut |_| {}).unwrap();
+    bench.with(PicoBench::measure);
     client.command(Command::Play).unwrap();
-    bench.wait("row 20", || bench.reached() == stepped(200)[20]);
+    bench.events_until(&mut client, |event| event == Event::Finished);
     client.status().unwrap();
-    let measured = bench.with(|board| board.measure());
+    let measured = bench.with(PicoBench::measure);
     let share = 100.0 * measured.longest_cycles as f64 / CYCLES_PER_TICK;
     println!("FIGURE pico: longest control tick = {} instructions", measured.longest_instructions);
     println!("FIGURE pico: longest control tick of 1 ms at 125 MHz = {} %", (10.0 * share).round() / 10.0);
     println!("FIGURE pico: stack in use, measured = {} bytes", measured.stack_bytes);
-    println!("FIGURE pico: upload in the time of the board = {} bytes/s", (bytes / upload_s).round());
-    assert!(measured.ticks > 5_000, "{measured:?}");
+    assert!(measured.ticks > 3_000, "{measured:?}");
     assert!(share <= 40.0, "{measured:?}");
     // Of the 20 KiB that `memory.x` gives.
     assert!(measured.stack_bytes <= 85 * 20 * 1024 / 100, "{measured:?}");
+}
+
+#[test]
+fn a_long_table_is_uploaded_in_reasonable_time() {
+    let Some(bench) = Bench::start(false) else { return };
+    let image = table(&bench.wiring, &stepped(900), ModelHash(10));
+    let mut client = bench.connect();
+    let began_s = bench.board.now_s();
+    client.upload(&image, &mut |_| {}).unwrap();
+    let bytes_per_s = f64::from(image.image().len) / (bench.board.now_s() - began_s);
+    println!("FIGURE pico: upload in the time of the board = {} bytes/s", bytes_per_s.round());
+    // A line of 115 200 baud would carry 11 520.
+    assert!(bytes_per_s > 1_000.0, "{bytes_per_s}");
 }

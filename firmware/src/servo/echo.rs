@@ -40,8 +40,8 @@ impl Expected {
             self.matched = self.matched.saturating_add(1);
             return false;
         }
-        for held in self.sent.iter().take(self.matched) {
-            let _ = self.passing.push_back(*held);
+        for byte in self.sent.iter().take(self.matched) {
+            let _ = self.passing.push_back(*byte);
         }
         self.sent.clear();
         self.matched = 0;

@@ -15,7 +15,7 @@ pub(super) const RECORDS: Range<u32> = 2 * SLOT_BYTES as u32..(2 * SLOT_BYTES + 
 /// Bytes of one slot of a profile.
 pub const PROFILE_BYTES: usize = 2 * 1024;
 
-/// Bytes in use of a flash that erases so many bytes at once, at most [`SLOT_BYTES`]: a slot begins with a page.
+/// Bytes in use of a flash that erases this number of bytes at once, at most [`SLOT_BYTES`]: a slot begins with a page.
 pub const fn flash_bytes(erase_bytes: usize) -> usize {
     (RECORDS.end as usize).saturating_add(slot_pitch(ImageKind::Profile, erase_bytes).saturating_mul(2))
 }

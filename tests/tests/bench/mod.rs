@@ -6,12 +6,9 @@ use std::fs::File;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use darm_arm::board_profile::BoardProfile;
-use darm_arm::image::UploadImage;
-use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, LimitSwitch, ServoWiring, Wiring};
+use darm_core::output::Wiring;
 use darm_core::sequencer::Event;
-use darm_core::table::{Record, Row};
-use darm_core::units::{Micros, ModelHash, Word};
+use darm_core::units::Word;
 use darm_device::client::{Client, Happening};
 use darm_device::clock::HostTime;
 use darm_device::follow::Follower;

@@ -6,8 +6,9 @@ use darm_firmware::control::Inputs;
 use darm_firmware::crash::Kept;
 use darm_firmware::hardware::{Hardware, Pins};
 use darm_firmware::solenoid::{self, Chain};
-use stm32_metapac::{FLASH, Interrupt, UID};
+use stm32_metapac::{Interrupt, UID};
 
+use crate::emulated::emulated;
 use crate::flash::Flash;
 use crate::gpio::{ChainClock, ChainData, ChainEnable, ChainLatch, Switches, user_button_pressed};
 use crate::pins::{CHAIN_ENABLE, SWITCHES};
@@ -119,11 +120,6 @@ impl Pins for BoardPins {
     fn inputs(&self) -> Inputs {
         Inputs { switches: self.switches.read(), button: user_button_pressed() }
     }
-}
-
-/// True in QEMU, which models no flash controller: the option register reads 0 there and never on silicon.
-pub fn emulated() -> bool {
-    FLASH.optr().read().0 == 0
 }
 
 /// Sets the priorities of all interrupts in use. Call once, before any of them is unmasked.

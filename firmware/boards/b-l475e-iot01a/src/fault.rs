@@ -9,9 +9,11 @@ use cortex_m::peripheral::SCB;
 use cortex_m_rt::exception;
 use darm_core::wire::bootstrap::CrashKind;
 use darm_firmware::crash::{end, panicked};
+use stm32_metapac::FLASH;
 
 use crate::board::Board;
-use crate::ecc::DoubleError;
+use crate::ecc::{DoubleError, double_error};
+use crate::flash::note_double_error;
 
 #[panic_handler]
 fn panic(info: &PanicInfo) -> ! {
@@ -72,8 +74,17 @@ unsafe fn DefaultHandler(number: i16) -> ! {
     end::<Board>(CrashKind::HardFault, (0, 0), format_args!("unexpected interrupt {number}"))
 }
 
+/// The error check of a flash word failed. Fatal unless the word is in the data, which has checksums.
+#[exception]
+unsafe fn NonMaskableInt() {
+    match double_error(FLASH.eccr().read().0) {
+        Some(DoubleError::Data { offset }) => note_double_error(offset),
+        fatal => end_nmi(fatal),
+    }
+}
+
 /// Ends a start in which the code can no longer be read from the flash, or whose NMI has another cause.
-pub(crate) fn end_nmi(error: Option<DoubleError>) -> ! {
+fn end_nmi(error: Option<DoubleError>) -> ! {
     let (what, offset) = match error {
         Some(DoubleError::Code { bank: 1, offset }) => ("double ECC error in bank 1", offset),
         Some(DoubleError::Code { offset, .. } | DoubleError::Data { offset }) => ("double ECC error in bank 2", offset),

@@ -13,7 +13,6 @@
 //! and survive the end of the emulator.
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use cortex_m_rt::exception;
 use cortex_m_semihosting::syscall;
 use darm_core::units::Micros;
 use embassy_futures::yield_now;
@@ -22,8 +21,7 @@ use embedded_storage_async::nor_flash::{
 };
 use stm32_metapac::FLASH;
 
-use crate::board::emulated;
-use crate::ecc::{DoubleError, double_error};
+use crate::emulated::emulated;
 use crate::time::BoardClock;
 use darm_firmware::clock::Clock as _;
 use darm_firmware::store::FLASH_BYTES;
@@ -270,17 +268,11 @@ async fn finish() -> Result<(), FlashError> {
 static DOUBLE_ERRORS: AtomicU32 = AtomicU32::new(0);
 static LAST_DOUBLE_ERROR: AtomicU32 = AtomicU32::new(0);
 
-/// The error check of a flash word failed. Fatal unless the word is in the data, which has checksums.
-#[exception]
-unsafe fn NonMaskableInt() {
-    match double_error(FLASH.eccr().read().0) {
-        Some(DoubleError::Data { offset }) => {
-            FLASH.eccr().modify(|w| w.set_eccd(true));
-            LAST_DOUBLE_ERROR.store(offset, Ordering::Relaxed);
-            DOUBLE_ERRORS.fetch_add(1, Ordering::Relaxed);
-        }
-        fatal => crate::fault::end_nmi(fatal),
-    }
+/// Notes a double error in the data, which has checksums. From the NMI.
+pub(crate) fn note_double_error(offset: u32) {
+    FLASH.eccr().modify(|w| w.set_eccd(true));
+    LAST_DOUBLE_ERROR.store(offset, Ordering::Relaxed);
+    DOUBLE_ERRORS.fetch_add(1, Ordering::Relaxed);
 }
 
 /// Logs what the NMI has noted since the last call. From the one task that reads the flash.

@@ -4,6 +4,7 @@
 //! | file       | holds                                                             |
 //! |------------|-------------------------------------------------------------------|
 //! | `board`    | what the firmware's library asks of a board; priorities           |
+//! | `emulated` | whether the image runs in QEMU                                    |
 //! | `pins`     | the pin table                                                     |
 //! | `clocks`   | 80 MHz from the internal oscillator, peripheral clocks            |
 //! | `gpio`     | outputs of the solenoid chain, limit switches                     |
@@ -28,6 +29,8 @@ pub mod board;
 #[cfg(feature = "chip")]
 pub mod clocks;
 pub mod ecc;
+#[cfg(feature = "chip")]
+pub mod emulated;
 #[cfg(feature = "chip")]
 mod fault;
 #[cfg(feature = "chip")]

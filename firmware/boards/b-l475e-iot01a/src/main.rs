@@ -5,6 +5,7 @@
 #![no_main]
 
 use darm_b_l475e_iot01a::board::{self, Board};
+use darm_b_l475e_iot01a::emulated::emulated;
 use darm_b_l475e_iot01a::{clocks, gpio, restart, tasks, time, watchdog};
 use darm_firmware::crash;
 use darm_firmware::hardware::Hardware as _;
@@ -22,7 +23,7 @@ fn main() -> ! {
     gpio::start_user_button();
     time::start();
     board::prioritise();
-    defmt::info!("start of {=str}, emulated {=bool}", Board::NAME, board::emulated());
+    defmt::info!("start of {=str}, emulated {=bool}", Board::NAME, emulated());
     if let Some(crash) = &crash {
         defmt::error!("the last start died after {=u64} us: {=str}", crash.uptime_us, crash.text.as_str());
     }

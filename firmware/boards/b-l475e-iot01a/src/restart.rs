@@ -34,7 +34,7 @@ pub fn enter_loader_if_asked() {
     let asked = unsafe { slot.read_volatile() } == MAGIC;
     // SAFETY: as above.
     unsafe { slot.write_volatile(0) };
-    if asked && !crate::board::emulated() {
+    if asked && !crate::emulated::emulated() {
         // SAFETY: nothing has started yet, and the loader's vector table lies at this address on every chip of the line.
         unsafe { cortex_m::asm::bootload(SYSTEM_MEMORY as *const u32) }
     }

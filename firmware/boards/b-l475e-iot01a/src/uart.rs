@@ -13,8 +13,8 @@ use stm32_metapac::gpio::vals::{Ot, Pupdr};
 use stm32_metapac::usart::Usart;
 use stm32_metapac::{Interrupt, USART1, USART2, interrupt};
 
-use crate::board::emulated;
 use crate::clocks::HCLK_HZ;
+use crate::emulated::emulated;
 use crate::gpio::alternate;
 use crate::pins::{CONSOLE_RX, CONSOLE_TX, SERVO_BUS};
 use darm_firmware::pipe::Pipe;

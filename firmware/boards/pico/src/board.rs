@@ -23,15 +23,13 @@ use embassy_time::{Instant, Timer};
 
 use crate::chain::Chain;
 use crate::flash::{Flash, unique_id};
+use crate::watchdog;
 
 const FIRST_INPUT: usize = 6;
 const INPUTS: usize = 13;
 const JUMPER: usize = 22;
 /// Output enable of the chain, active low.
 pub(crate) const ENABLE: usize = 5;
-
-/// Longest time between two control ticks.
-const WATCHDOG: Micros = Micros::from_millis(50);
 
 /// Start-up code neither clears nor fills this section.
 #[unsafe(link_section = ".uninit.KEPT")]
@@ -74,7 +72,7 @@ impl Hardware for Board {
     }
 
     fn feed_watchdog() {
-        feed(WATCHDOG);
+        watchdog::feed(watchdog::PERIOD);
     }
 
     fn disable_outputs() {
@@ -84,11 +82,7 @@ impl Hardware for Board {
 
     /// The watchdog resets all but the oscillators, which a reset of the core alone does not.
     fn reset() -> ! {
-        pac::PSM.wdsel().write_value(pac::psm::regs::Wdsel(0x1_fffc));
-        pac::WATCHDOG.ctrl().write(|w| w.set_trigger(true));
-        loop {
-            cortex_m::asm::nop();
-        }
+        watchdog::reset()
     }
 
     fn restart(into: Into) -> ! {
@@ -102,23 +96,6 @@ impl Hardware for Board {
     fn kept() -> &'static Kept {
         &KEPT
     }
-}
-
-/// Gives the control tick this time until the watchdog resets the chip. Erratum RP2040-E1: it counts two per µs.
-pub(crate) fn feed(time: Micros) {
-    pac::WATCHDOG.load().write_value(pac::watchdog::regs::Load(time.0 as u32 * 2));
-}
-
-/// Starts the watchdog.
-pub(crate) fn start_watchdog() {
-    pac::PSM.wdsel().write_value(pac::psm::regs::Wdsel(0x1_fffc));
-    feed(WATCHDOG);
-    pac::WATCHDOG.ctrl().modify(|w| w.set_enable(true));
-}
-
-/// Whether the watchdog caused the last reset because nobody fed it.
-pub(crate) fn take_bite() -> bool {
-    pac::WATCHDOG.reason().read().timer()
 }
 
 /// Makes switches and jumper readable.

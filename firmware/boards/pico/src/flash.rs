@@ -11,7 +11,7 @@ use embassy_rp::flash::{self, Blocking, ERASE_SIZE, Error};
 use embassy_rp::peripherals::FLASH;
 use embedded_storage_async::nor_flash::{ErrorType, MultiwriteNorFlash, NorFlash, ReadNorFlash};
 
-use crate::board::feed;
+use crate::watchdog::feed;
 
 /// All of the chip.
 const CHIP_BYTES: usize = 2 * 1024 * 1024;

@@ -15,6 +15,7 @@
 //! | `console` | a serial port over USB                                                       |
 //! | `servos`  | the servo bus by UART                                                        |
 //! | `flash`   | the second MiB of the flash                                                  |
+//! | `watchdog` | resets the chip when the control tick stops                                |
 //! | `fault`   | handlers of panic and hard fault                                             |
 #![no_std]
 #![no_main]
@@ -25,6 +26,7 @@ mod console;
 mod fault;
 mod flash;
 mod servos;
+mod watchdog;
 
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -169,7 +171,7 @@ fn start_control(pins: BoardPins) {
     let used = unsafe { (*used).assume_init_mut() };
     // SAFETY: nothing else refers to it, as its interrupt is still masked.
     unsafe { (*ticker).write(Ticker::new(BoardClock.now(), pins, used, &SHARED)) };
-    board::start_watchdog();
+    watchdog::start();
     pac::TIMER.inte().modify(|w| w.set_alarm(ALARM, true));
     request_tick(pac::TIMER.timerawl().read());
     // SAFETY: what the handler uses is there.
@@ -218,7 +220,7 @@ fn start(p: Peripherals, crash: Option<CrashRecord>, start: Start) {
 #[cortex_m_rt::entry]
 fn main() -> ! {
     let p = embassy_rp::init(embassy_rp::config::Config::default());
-    let crash = crash::take(Board::kept(), board::take_bite());
+    let crash = crash::take(Board::kept(), watchdog::take_bite());
     let crashes = crash::count_crash(Board::kept(), crash.is_some());
     start(p, crash, life::start_after(crashes));
     loop {

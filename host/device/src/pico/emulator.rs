@@ -11,7 +11,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use tempfile::TempDir;
 
-/// Oldest version of Node.js that the package runs on.
+/// Oldest version of Node.js that the package supports.
 const OLDEST_NODE: u32 = 18;
 /// Where `cargo xtask` installs the package, from the folder that cargo builds into.
 const PACKAGE: &str = "pico-emulator/node_modules/rp2040js/dist/esm/index.js";
