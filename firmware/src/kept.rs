@@ -142,7 +142,9 @@ pub fn forget_crashes(kept: &Kept) {
     kept.set_crashes(0);
 }
 
-/// Keeps how this start ended, for [`take`] at the next one. In a handler that never returns, with interrupts masked.
+/// Keeps how this start ended, for [`take`] at the next one. In a handler that never returns, with interrupts masked. Not inlined:
+/// the analysis of the image ends here, see `xtask/src/image/lists.rs`.
+#[inline(never)]
 pub(crate) fn keep(kept: &Kept, kind: CrashKind, uptime: Micros, place: (u32, u32), message: fmt::Arguments) {
     let record = Record::new(kind, uptime, place, message);
     // SAFETY: interrupts are masked or of lower priority; nothing reads the record before the reset.

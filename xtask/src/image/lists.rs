@@ -111,7 +111,7 @@ pub(crate) const RECURSION: &[Recursion] = &[
 /// What ends a start: outputs off, crash record, reset. Should its stack overflow, the hard fault handler does the same
 /// on a separate stack; so the bound leaves it out.
 pub(crate) const ENDS: &[&str] =
-    &["__rustc::rust_begin_unwind", "darm_firmware::kept::Record::new", "darm_b_l475e_iot01a::fault::end_nmi"];
+    &["__rustc::rust_begin_unwind", "darm_firmware::kept::keep", "darm_b_l475e_iot01a::fault::end_nmi"];
 
 /// What has returned before the first task starts, in the order of `tasks::start`.
 pub(crate) const BEFORE_TASKS: &[&str] = &[
