@@ -135,6 +135,6 @@ mod tests {
         let held_out = |hand: &str| [0, 100, 200].map(|first| format!("{hand}, constraints from {first}"));
         let each = ["training, constraints from 0".to_owned()].into_iter();
         assert_eq!(grasp, each.chain(held_out("Allegro hand")).chain(held_out("LEAP hand")).collect::<Vec<_>>());
-        assert_eq!(items::<papers::Memr>(json!({ "seed": 1 })).len(), 15 + 21 + 2);
+        assert_eq!(items::<papers::Memr>(json!({ "seed": 1 })).len(), 15 + 21 + 3);
     }
 }

@@ -29,7 +29,6 @@ pub(crate) struct Rig {
 }
 
 /// Keeps the board alive. The emulator ends with it.
-#[expect(clippy::large_enum_variant, reason = "there is one, for as long as the demo runs")]
 enum Board {
     Emulated { _follower: Follower, _qemu: Qemu },
     InProcess { _board: InProcess },

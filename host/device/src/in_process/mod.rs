@@ -90,6 +90,10 @@ impl InProcess {
 
 impl<B: Stepped + 'static> InProcess<B> {
     /// Runs the board that `make` gives in a thread; `name` is that of its port.
+    ///
+    /// # Errors
+    ///
+    /// The system gives no thread.
     pub fn run(name: &'static str, make: impl FnOnce() -> B + Send + 'static) -> std::io::Result<Self> {
         let (orders, todo) = mpsc::channel::<Order<B>>();
         let now_ns = Arc::new(AtomicU64::new(0));

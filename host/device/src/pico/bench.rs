@@ -38,6 +38,10 @@ pub struct PicoBench {
 
 impl PicoBench {
     /// Starts the image at `elf` on the flash in `folder`.
+    ///
+    /// # Errors
+    ///
+    /// The folder cannot be made, Node.js or the package is missing, or the emulator does not take the image.
     pub fn start(elf: &Path, folder: &Path, plant: Plant) -> Result<Self, PicoError> {
         std::fs::create_dir_all(folder)?;
         let mut emulator = Emulator::start(elf, &folder.join(FLASH_FILE))?;

@@ -42,6 +42,10 @@ pub enum PicoError {
 }
 
 /// Finds Node.js and the package; the path of the package.
+///
+/// # Errors
+///
+/// There is no Node.js, it is too old, or the package is not installed: `cargo xtask image --board pico` installs it.
 pub fn find() -> Result<PathBuf, PicoError> {
     let output = Command::new("node").arg("--version").stdin(Stdio::null()).output().map_err(|_| PicoError::NoNode)?;
     let version = String::from_utf8_lossy(&output.stdout).into_owned();

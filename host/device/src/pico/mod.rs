@@ -24,12 +24,20 @@ pub use emulator::{Ended, Measured, PicoError, find};
 pub const FLASH_FILE: &str = "pico-flash.img";
 
 /// Starts the image at `elf`; its flash is in `folder`, blank where there is none.
+///
+/// # Errors
+///
+/// As [`PicoBench::start`]; the system gives no thread.
 pub fn boot(elf: &Path, folder: &Path, plant: Plant) -> Result<InProcess<PicoBench>, PicoError> {
     let bench = PicoBench::start(elf, folder, plant)?;
     Ok(InProcess::run("pico", move || bench)?)
 }
 
 /// Writes a profile as a person at the board does: with the jumper set. The board starts again with it.
+///
+/// # Errors
+///
+/// As [`Client::connect`] and [`Client::upload`]: the board refuses the profile, or does not answer.
 pub fn write_profile(board: &InProcess<PicoBench>, profile: &UploadImage) -> Result<(), ClientError> {
     board.hold_button(true);
     board.pass(0.1);
