@@ -61,7 +61,7 @@ pub fn side_by_side(recordings: Vec<Recording>) -> Result<Recording, ImportError
     for recording in recordings {
         let stem = recording.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         for mut part in recording.parts {
-            if part.kind.starts_with("table") {
+            if part.is_text_table() {
                 part.name.clone_from(&stem);
                 part.stamps_ns = stamps_ns(&part).ok_or_else(|| {
                     let text = "no column of time, by which it could be joined: name one time_s, t or timestamp";

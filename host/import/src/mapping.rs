@@ -184,7 +184,7 @@ fn find<'a>(recording: &'a Recording, name: &str) -> Result<(&'a Part, &'a Colum
             _ => {}
         }
     }
-    let table = recording.parts.first().filter(|part| part.kind.starts_with("table") && recording.parts.len() == 1);
+    let table = recording.parts.first().filter(|part| part.is_text_table() && recording.parts.len() == 1);
     let numbered =
         name.parse::<usize>().ok().and_then(|number| Some((table?, table?.columns.get(number.checked_sub(1)?)?)));
     numbered.ok_or_else(|| format!("no column `{name}`; {}", listed(recording)))
@@ -249,7 +249,7 @@ mod tests {
     fn columns_are_found_by_several_names() {
         let column = |name: &str| Column::of_numbers(name, vec![0.0]);
         let names = ["/a/x", "/b/x", "/b/y", "q[:,0]", "q[:,1]", "Time [s]", "twice", "twice"];
-        let part = Part { kind: "table".into(), columns: names.map(column).into(), ..Part::default() };
+        let part = Part { kind: "table".into(), columns: names.map(column).into(), lines: vec![2], ..Part::default() };
         let recording = Recording { parts: vec![part], ..Recording::default() };
         let name = |text: &str| find(&recording, text).map(|(_, column)| column.name.clone());
         for (text, full) in [

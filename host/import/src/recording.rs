@@ -77,6 +77,11 @@ impl Column {
 }
 
 impl Part {
+    /// Whether it is the table of a text file.
+    pub fn is_text_table(&self) -> bool {
+        !self.lines.is_empty()
+    }
+
     /// Number of rows of its columns.
     pub fn n_rows(&self) -> usize {
         self.columns.first().map_or(0, |column| column.numbers.len())

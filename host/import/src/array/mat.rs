@@ -156,7 +156,7 @@ impl Variables {
         let (class, is_complex) = (flags & 0xff, flags & 0x800 != 0);
         let not_read = |name: &str, what: &str, shape| {
             let kind = format!("{what}, not read: save numeric matrices, or structs of them");
-            Array { name: name.into(), kind, shape, numbers: Vec::new() }
+            Array { name: name.into(), kind, shape, numbers: None }
         };
         if !(1..=15).contains(&class) {
             // An opaque object: its name follows at once, and no dimensions.
@@ -174,7 +174,7 @@ impl Variables {
                 let (kind, content) = inside.element()?;
                 let numbers = self.numbers(kind, content).filter(|numbers| numbers.len() == n)?;
                 let kind = NUMERIC[class as usize - 6].into();
-                self.arrays.push(Array { name, kind, shape, numbers });
+                self.arrays.push(Array { name, kind, shape, numbers: Some(numbers) });
             }
             6..=15 => self.arrays.push(not_read(&name, "complex matrix", Vec::new())),
             _ => self.arrays.push(not_read(&name, OTHERS[class as usize - 1], Vec::new())),

@@ -15,10 +15,11 @@ const MAX_COLUMNS: usize = 1024;
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Array {
     pub(crate) name: String,
-    /// Type of its numbers: `float64`, `int32`.
+    /// Type of its numbers: `float64`, `int32`; or why they are not read.
     pub(crate) kind: String,
     pub(crate) shape: Vec<usize>,
-    pub(crate) numbers: Vec<f64>,
+    /// `None` where they are not read.
+    pub(crate) numbers: Option<Vec<f64>>,
 }
 
 impl Array {
@@ -37,7 +38,7 @@ impl Array {
 /// Arrays as parts. Where the rows of a matrix are as many as the samples of the others, and its columns are not, it is
 /// addressed row by row.
 pub(crate) fn parts(arrays: Vec<Array>) -> Vec<Part> {
-    let read = arrays.iter().filter(|array| !array.numbers.is_empty());
+    let read = arrays.iter().filter(|array| array.numbers.as_ref().is_some_and(|numbers| !numbers.is_empty()));
     let lengths: Vec<usize> = read.filter_map(|array| Some(array.rows_and_columns()?.0)).collect();
     let votes = |n: usize| lengths.iter().filter(|length| **length == n).count();
     let samples = lengths.iter().copied().max_by_key(|&n| (votes(n), n)).unwrap_or(0);
@@ -48,9 +49,7 @@ fn part(array: Array, samples: usize) -> Part {
     let Array { name, kind, shape, numbers } = &array;
     let part =
         |kind: String, columns| Part { name: name.clone(), kind, shape: shape.clone(), columns, ..Part::default() };
-    if kind.contains("not read") {
-        return part(kind.clone(), Vec::new());
-    }
+    let Some(numbers) = numbers else { return part(kind.clone(), Vec::new()) };
     let Some((rows, columns)) = array.rows_and_columns() else {
         return part(format!("{kind}, not read: {} dimensions, at most 2 are", shape.len()), Vec::new());
     };

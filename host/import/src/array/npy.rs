@@ -43,7 +43,7 @@ pub(crate) fn read(name: &str, bytes: &[u8]) -> Result<Vec<Array>, Fault> {
     let order = order(&shape, is_fortran);
     let array = |field: &Field| {
         let number = |at: &usize| field.kind.number(&data[at * size + field.offset..]);
-        let numbers = order.iter().map(number).collect();
+        let numbers = Some(order.iter().map(number).collect());
         Array { name: field.name.clone(), kind: field.kind.shown(), shape: shape.clone(), numbers }
     };
     Ok(fields.iter().map(array).collect())
@@ -78,7 +78,7 @@ fn read_member(name: &str, content: &[u8]) -> Result<Vec<Array>, Fault> {
     match self::read(name, content) {
         Err(fault) if fault.text.starts_with(NOT_READ) => {
             let kind = fault.text;
-            Ok(vec![Array { name: name.into(), kind, shape: Vec::new(), numbers: Vec::new() }])
+            Ok(vec![Array { name: name.into(), kind, shape: Vec::new(), numbers: None }])
         }
         read => read,
     }
@@ -227,12 +227,12 @@ mod tests {
     #[test]
     fn orders_and_types_are_read() {
         let big = file("{'descr': '>i2', 'fortran_order': False, 'shape': (2, 2)}", &[0, 1, 0, 2, 0, 3, 0xff, 0xfc]);
-        assert_eq!(read("a", &big).unwrap()[0].numbers, [1.0, 3.0, 2.0, -4.0]);
+        assert_eq!(read("a", &big).unwrap()[0].numbers, Some(vec![1.0, 3.0, 2.0, -4.0]));
         let record =
             file("{'descr': [('t', '<u1'), ('x', '<f4')], 'fortran_order': False, 'shape': (1,)}", &[7, 0, 0, 0, 0x40]);
         let read = read("r", &record).unwrap();
         assert_eq!([&read[0].name, &read[1].name], ["r.t", "r.x"]);
-        assert_eq!((read[0].numbers[0], read[1].numbers[0]), (7.0, 2.0));
+        assert_eq!([&read[0].numbers, &read[1].numbers], [&Some(vec![7.0]), &Some(vec![2.0])]);
         assert_eq!([half(0x3c00), half(0xc000), half(1)], [1.0, -2.0, 2f64.powi(-24)]);
     }
 
