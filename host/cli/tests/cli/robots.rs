@@ -126,20 +126,20 @@ fn a_measured_tool_calibrates_its_robot() {
     let home = Home::new();
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/measured");
     let found = home.json(&format!(
-        "diagnose {folder}/ur5_tracker.toml {folder}/ur5_tracker.csv.gz --hold-out \"set = random\" -o found.toml"
+        "diagnose {folder}/ur5_tracker.toml {folder}/ur5_tracker.csv.gz --hold-out set=random -o found.toml"
     ));
     assert_eq!((&found["kind"], &found["verdict"]), (&"tool-position".into(), &"effect-found".into()));
     let heldout_m = |when: &str| found["error"][when]["heldout"]["norm"]["value"].as_f64().unwrap();
     assert!((heldout_m("before") - 2.577e-3).abs() < 1e-6 && heldout_m("after") < 0.105e-3, "{}", found["error"]);
     // Its posture-dependent effects are no rigid links.
-    home.fails("fk found.toml 0,0,0,0,0,0", 1, "darm: found.toml: encoder-periodic at joint");
+    home.fails("fk found.toml --q 0,0,0,0,0,0", 1, "darm: found.toml: encoder-periodic at joint");
     let model = std::fs::read_to_string(home.path("found.toml")).unwrap();
     let rigid: Vec<&str> = model
         .split("[[effect]]")
         .filter(|effect| !["encoder", "compliance"].iter().any(|law| effect.contains(law)))
         .collect();
     home.write("rigid.toml", &rigid.join("[[effect]]"));
-    home.succeeds("fk rigid.toml 0,0,0,0,0,0");
+    home.succeeds("fk rigid.toml --q 0,0,0,0,0,0");
 }
 
 #[test]
