@@ -31,11 +31,13 @@ const ST_LINK_PRODUCTS: [&str; 2] = ["374", "375"];
 
 const EXAMPLES: &str = "\
 Examples:
-  cargo xtask image && darm flash                            # (no_run: probe)
-  cargo xtask image --board pico && darm flash --board pico  # (no_run: drive)
+  cargo xtask image && darm flash   # (no_run: probe)
 
-This builds the image and writes it to the board; an image that was built elsewhere is named: darm flash IMAGE.elf. The board's own ST-LINK (USB connector CN7) is the probe. Tables and calibrations are kept: they are \
-in the other flash bank. A Pico that is plugged in with its button BOOTSEL held is a drive, RPI-RP2: the image is copied to it.";
+This builds the image and writes it to the board; an image that was built elsewhere is named: darm flash IMAGE.elf. The board's \
+own ST-LINK (USB connector CN7) is the probe. Tables and calibrations are kept: they are in the other flash bank.
+
+With --board pico after both, the image is that of a Raspberry Pi Pico. Plugged in with its button BOOTSEL held it is a drive, \
+RPI-RP2: the image is copied to it.";
 
 /// Write the firmware to the board, with probe-rs or to the boot drive of a Pico
 #[derive(clap::Args, Debug)]
