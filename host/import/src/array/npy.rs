@@ -16,6 +16,22 @@ pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
 
 /// The array of a `.npy` file; of records one array for each field.
 pub(crate) fn read(name: &str, bytes: &[u8]) -> Result<Vec<Array>, Fault> {
+    match read_array(name, bytes)? {
+        Content::Numbers(arrays) => Ok(arrays),
+        Content::OtherType(unread) => Err(Fault::at(format!("array {name}"), unread.0)),
+    }
+}
+
+/// What an array holds.
+enum Content {
+    Numbers(Vec<Array>),
+    OtherType(OtherType),
+}
+
+/// A type that is not read, as a sentence.
+struct OtherType(String);
+
+fn read_array(name: &str, bytes: &[u8]) -> Result<Content, Fault> {
     let fault = |text: String| Fault::at(format!("array {name}"), text);
     let cut = || fault("the file ends within its header: it is damaged, copy or save it again".into());
     let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| fault("the bytes do not begin as an array of NumPy".into()))?;
@@ -30,7 +46,10 @@ pub(crate) fn read(name: &str, bytes: &[u8]) -> Result<Vec<Array>, Fault> {
     };
     let shape: Vec<usize> = shape.iter().map(extent).collect::<Option<_>>().ok_or_else(unknown)?;
     let is_fortran = header.get("fortran_order") == Some(&Literal::Truth(true));
-    let (fields, size) = fields(name, header.get("descr").ok_or_else(unknown)?).map_err(fault)?;
+    let (fields, size) = match fields(name, header.get("descr").ok_or_else(unknown)?) {
+        Ok(fields) => fields,
+        Err(other) => return Ok(Content::OtherType(other)),
+    };
     let n = shape.iter().try_fold(1usize, |n, extent| n.checked_mul(*extent)).ok_or_else(unknown)?;
     let needed = n.checked_mul(size).ok_or_else(unknown)?;
     if data.len() < needed {
@@ -46,7 +65,7 @@ pub(crate) fn read(name: &str, bytes: &[u8]) -> Result<Vec<Array>, Fault> {
         let numbers = Some(order.iter().map(number).collect());
         Array { name: field.name.clone(), kind: field.kind.shown(), shape: shape.clone(), numbers }
     };
-    Ok(fields.iter().map(array).collect())
+    Ok(Content::Numbers(fields.iter().map(array).collect()))
 }
 
 /// The arrays of a `.npz` file.
@@ -75,17 +94,13 @@ pub(crate) fn read_archive(bytes: &[u8]) -> Result<Vec<Array>, Fault> {
 
 /// An array of an archive; of a type that is not read an array without numbers whose type says so.
 fn read_member(name: &str, content: &[u8]) -> Result<Vec<Array>, Fault> {
-    match self::read(name, content) {
-        Err(fault) if fault.text.starts_with(NOT_READ) => {
-            let kind = fault.text;
-            Ok(vec![Array { name: name.into(), kind, shape: Vec::new(), numbers: None }])
+    Ok(match read_array(name, content)? {
+        Content::Numbers(arrays) => arrays,
+        Content::OtherType(OtherType(kind)) => {
+            vec![Array { name: name.into(), kind, shape: Vec::new(), numbers: None }]
         }
-        read => read,
-    }
+    })
 }
-
-/// How the description of a type begins that is not read.
-const NOT_READ: &str = "type";
 
 fn split_header(rest: &[u8]) -> Option<(&[u8], &[u8])> {
     let (version, rest) = rest.split_at_checked(2)?;
@@ -135,7 +150,7 @@ struct Kind {
 }
 
 /// The fields of an element and its size in bytes.
-fn fields(name: &str, description: &Literal) -> Result<(Vec<Field>, usize), String> {
+fn fields(name: &str, description: &Literal) -> Result<(Vec<Field>, usize), OtherType> {
     match description {
         Literal::Text(text) => {
             let kind = Kind::named(text)?;
@@ -159,11 +174,11 @@ fn fields(name: &str, description: &Literal) -> Result<(Vec<Field>, usize), Stri
 }
 
 impl Kind {
-    fn unknown(text: &str) -> String {
-        format!("{NOT_READ} {text} is not read, only numbers are: save it with .astype(float)")
+    fn unknown(text: &str) -> OtherType {
+        OtherType(format!("type {text} is not read, only numbers are: save it with .astype(float)"))
     }
 
-    fn named(text: &str) -> Result<Self, String> {
+    fn named(text: &str) -> Result<Self, OtherType> {
         let unknown = || Self::unknown(text);
         let mut letters = text.bytes();
         let (order, letter) = (letters.next().ok_or_else(unknown)?, letters.next().ok_or_else(unknown)?);
