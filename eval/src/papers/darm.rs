@@ -254,7 +254,7 @@ fn rows_of(Runs { example, paper, default }: &Runs) -> Result<Vec<Figure>> {
         };
         push("position error", run.position_m, "m")?;
         run.orientation_rad.map_or(Ok(()), |rad| push("orientation error", rad.to_degrees(), "deg"))?;
-        if example.name.ends_with("redundant") {
+        if example.is_redundant {
             push("alteration", run.alteration_m, "m")?;
         }
         push("steps", run.steps.into(), "")?;

@@ -35,6 +35,8 @@ pub struct Example {
     pub max_steps: u32,
     /// Whether the scheme is run from the frames of the interpolation too.
     pub both_readings: bool,
+    /// Whether stops remain free, so that the least alteration is chosen.
+    pub is_redundant: bool,
     /// What the paper prints.
     pub printed: Option<Printed>,
 }
@@ -57,7 +59,7 @@ pub const STEPS: [u32; 5] = [10, 100, 1000, 10_000, 100_000];
 
 const fn example(name: &'static str, place: &'static str, files: [&'static str; 2], max_steps: u32) -> Example {
     let [arm, frames] = files;
-    Example { name, place, arm, frames, max_steps, both_readings: false, printed: None }
+    Example { name, place, arm, frames, max_steps, both_readings: false, is_redundant: false, printed: None }
 }
 
 /// The examples in the order of the paper.
@@ -80,7 +82,10 @@ pub const EXAMPLES: [Example; 8] = [
         )
     },
     example("spatial 3 modules, insufficient", "Figure 7", ["spatial3.toml", "spatial3-insufficient.toml"], 10_000),
-    example("spatial 3 modules, redundant", "Figure 8", ["spatial3.toml", "spatial3-redundant.toml"], 10_000),
+    Example {
+        is_redundant: true,
+        ..example("spatial 3 modules, redundant", "Figure 8", ["spatial3.toml", "spatial3-redundant.toml"], 10_000)
+    },
     example("serial 12 joints, sufficient", "Figure 9", ["serial12.toml", "serial12-frames.toml"], 100_000),
     example("hybrid 6 x 6 bits, sufficient", "Figure 3", ["hybrid6.toml", "hybrid6-frames.toml"], 1000),
 ];
