@@ -19,7 +19,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 
 use super::SynthesisError;
-use super::newton::damped_inverse;
+use super::newton::{Damping, damped_inverse};
 use super::problem::Problem;
 
 /// Steps from one start.
@@ -151,22 +151,22 @@ impl<'p, 'a> Lift<'p, 'a> {
             return (self.unknowns, 0);
         }
         let mut rows = self.rows();
-        let mut damping = 0.0;
+        let mut damping = Damping::default();
         for iteration in 0..MAX_STEPS {
             let size = rows.size();
-            if size < SOLVED || damping > 10.0 {
+            if size < SOLVED || damping.is_exhausted() {
                 return (self.stops(), iteration);
             }
-            let step = rows.step(self.n_columns, damping);
+            let step = rows.step(self.n_columns, damping.value());
             let (poses, unknowns) = (self.poses.clone(), self.unknowns.clone());
             self.advance(&step);
             let next = self.rows();
             if next.size() < size {
                 rows = next;
-                damping = if damping > 1e-4 { damping / 16.0 } else { 0.0 };
+                damping.lower();
             } else {
                 (self.poses, self.unknowns) = (poses, unknowns);
-                damping = (damping * 8.0).max(1e-3);
+                damping.raise();
             }
         }
         (self.stops(), MAX_STEPS)

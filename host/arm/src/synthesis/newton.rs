@@ -28,6 +28,32 @@ const TIDY: f64 = 1e-5;
 /// The least ratio of pivots at which the normal equations lose no more digits than a later step brings back.
 const WELL_POSED: f64 = 1e-4;
 
+/// By how much a step is damped: not at all as long as full steps lower the residual.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Damping(f64);
+
+impl Damping {
+    /// What is added to the diagonal.
+    pub(super) fn value(self) -> f64 {
+        self.0
+    }
+
+    /// After a step that lowers the residual.
+    pub(super) fn lower(&mut self) {
+        self.0 = if self.0 > 1e-4 { self.0 / 16.0 } else { 0.0 };
+    }
+
+    /// After a step that does not.
+    pub(super) fn raise(&mut self) {
+        self.0 = (self.0 * 8.0).max(1e-3);
+    }
+
+    /// Whether a shorter step would be none.
+    pub(super) fn is_exhausted(self) -> bool {
+        self.0 > 10.0
+    }
+}
+
 pub(super) struct Search<'p, 'a> {
     pub(super) problem: &'p mut Problem<'a>,
     pub(super) iterations: u32,
@@ -38,24 +64,24 @@ impl Search<'_, '_> {
     pub(super) fn descend(&mut self, start: &DVector<f64>, enough: f64) -> Result<(f64, DVector<f64>), SynthesisError> {
         let mut unknowns = start.clone();
         let (mut residual, mut jacobian) = self.problem.linearise(&unknowns)?;
-        let mut damping = 0.0;
+        let mut damping = Damping::default();
         for _ in 0..MAX_STEPS {
             if residual.amax() < enough {
                 break;
             }
             self.iterations += 1;
-            let next = &unknowns + self.step(&jacobian, &residual, &unknowns, None, damping);
+            let next = &unknowns + self.step(&jacobian, &residual, &unknowns, None, damping.value());
             let lower = self.problem.linearise(&next).ok().filter(|(next, _)| next.norm() < residual.norm());
             let Some((lower, steeper)) = lower else {
-                if damping > 10.0 || residual.amax() < SOLVED {
+                if damping.is_exhausted() || residual.amax() < SOLVED {
                     break;
                 }
-                damping = (damping * 8.0).max(1e-3);
+                damping.raise();
                 continue;
             };
-            let settled = residual.norm() - lower.norm() < 1e-12 * residual.norm() && damping == 0.0;
+            let settled = residual.norm() - lower.norm() < 1e-12 * residual.norm() && damping.value() == 0.0;
             (unknowns, residual, jacobian) = (next, lower, steeper);
-            damping = if damping > 1e-4 { damping / 16.0 } else { 0.0 };
+            damping.lower();
             if settled {
                 break;
             }
