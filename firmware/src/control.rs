@@ -287,7 +287,7 @@ impl<'t> Control<'t> {
     fn report(&mut self, at: Micros, event: Event, shared: &Shared<'t>) {
         let number = self.next_event;
         self.next_event = number.wrapping_add(1);
-        // When the dispatcher is too slow the event is lost, and the gap in the numbers tells.
+        // When the dispatcher is too slow the event is lost, and the gap in the numbers shows it.
         let _ = shared.events.put(Numbered { number, at, event });
     }
 

@@ -306,7 +306,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
             Request::Begin(image) => self.begin(image).await,
             Request::Chunk { offset, bytes } => self.chunk(offset, bytes).await,
             Request::Commit(image) => self.commit(image).await,
-            // A command may have been asked for before a stop and come, or come again, after it.
+            // A command may have been requested before a stop and come, or come again, after it.
             Request::Command(command) if command != Command::Stop && self.is_stopped() => {
                 Err(Refusal::Command(CommandError::Stopped))
             }

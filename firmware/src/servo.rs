@@ -110,7 +110,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
                 Ok(None) => self.set_written(index, None),
                 Err(_) => {
                     self.failures = self.failures.saturating_add(1);
-                    // Where a servo stands that holds is no new goal: its load bends it.
+                    // The position of a servo that holds is no new goal: its load bends it.
                     if joint.is_none_or(|joint| joint.action != ServoAction::Hold) {
                         self.set_written(index, None);
                     }
@@ -167,7 +167,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
                     [_] => {
                         let (speed_rad_s, torque) = (joint.limit.max_speed_rad_s, joint.limit.max_torque);
                         // Out of the range, or further round than one turn, it holds too: to turn back would be a motion
-                        // that nobody asked for.
+                        // that nobody requested.
                         self.write(id, &registers(position, speed_rad_s, torque)).await
                     }
                     _ => Err(BusError::Length),

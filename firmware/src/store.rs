@@ -166,7 +166,7 @@ impl<F: NorFlash> Store<F> {
         let upload = self.upload.take().ok_or(UploadError::NoUpload)?;
         let kind = upload.image.kind;
         let stored = self.put_doubled(valid_key(kind), Valid { slot: upload.slot, image: upload.image }).await;
-        // After an error only the flash knows whether the record stands.
+        // After an error only the flash knows whether the record is valid.
         *self.valid_mut(kind) = self.fetch_doubled(valid_key(kind)).await?;
         stored?;
         Ok(())

@@ -1,7 +1,7 @@
 //! Texts that users see, documents and names against the words in `tests/dialect.toml`.
 //!
-//! Texts are the string literals of the programs, their documentation comments and the Markdown files, all outside
-//! code. Names are compared word by word: `HeldOut` and `held_out` are two words.
+//! Texts are the string literals of the programs, their comments and the Markdown files, all outside code. Names are
+//! compared word by word: `HeldOut` and `held_out` are two words.
 
 use std::collections::BTreeMap;
 
@@ -26,11 +26,11 @@ struct Text {
     text: String,
 }
 
-/// String literals and documentation comments of a source, without its tests.
+/// String literals and comments of a source, without its tests.
 #[derive(Default)]
 struct Parts {
     literals: Vec<Text>,
-    docs: Vec<Text>,
+    comments: Vec<Text>,
 }
 
 impl Parts {
@@ -48,9 +48,7 @@ impl Parts {
     fn token(&mut self, rest: &str, line: usize) -> usize {
         if let Some(comment) = rest.strip_prefix("//") {
             let length = comment.find('\n').unwrap_or(comment.len());
-            if let Some(doc) = comment[..length].strip_prefix(['/', '!']) {
-                self.docs.push(Text { line, text: doc.to_owned() });
-            }
+            self.comments.push(Text { line, text: comment[..length].trim_start_matches(['/', '!']).to_owned() });
             return 2 + length;
         }
         if let Some((length, text)) = raw_literal(rest).or_else(|| literal(rest)) {
@@ -148,8 +146,8 @@ fn texts_use_the_terms_of_the_field() {
         // A literal of one word is a key or a name.
         let texts: Vec<Text> = parts.literals.into_iter().filter(|text| text.text.trim().contains(' ')).collect();
         look(&source.path, &texts, true);
-        let docs = parts.docs.into_iter().map(|doc| Text { text: outside_code(&doc.text), ..doc });
-        look(&source.path, &docs.collect::<Vec<_>>(), source.path.starts_with(HELP));
+        let comments = parts.comments.into_iter().map(|comment| Text { text: outside_code(&comment.text), ..comment });
+        look(&source.path, &comments.collect::<Vec<_>>(), source.path.starts_with(HELP));
     }
     for source in files("md") {
         look(&source.path, &prose(&source.text), true);
@@ -242,7 +240,7 @@ fn literals_and_phrases_are_found() {
     let source =
         Parts::of("//! Told.\nlet a = \"x \\\n   \\\"told\\\" y\"; // \"told\"\nlet b = ('\"', r#\"so \"many\"#);\n");
     let literals: Vec<_> = source.literals.iter().map(|text| text.text.as_str()).collect();
-    assert_eq!((literals, source.docs.len()), (vec!["x  told  y", "so \"many"], 1));
+    assert_eq!((literals, source.comments.len()), (vec!["x  told  y", "so \"many"], 2));
     assert!(contains("as Told.", "told") && !contains("untold", "told") && !contains("whole-body", "whole"));
     assert_eq!(prose("a `told` b\n```sh\ntold\n```\n").iter().filter(|text| contains(&text.text, "told")).count(), 0);
 }

@@ -215,10 +215,7 @@ fn the_core_and_the_firmware_do_not_panic_on_input() {
 #[test]
 fn only_real_names_libm() {
     let named = sources().into_iter().filter(|Source { path: file, text }| {
-        file.starts_with("shared/src")
-            && !file.ends_with("real.rs")
-            && !file.ends_with("trig.rs")
-            && text.contains("libm::")
+        file.starts_with("shared/src") && !file.ends_with("real.rs") && text.contains("libm::")
     });
     assert_none(named.map(|source| format!("{}: libm is named in `real` alone", source.path)));
 }

@@ -231,7 +231,7 @@ fn genetic(modules: &[Module<f64>], target: &Pose<f64>, scale_m: f64, random: &m
             let (one, other) = (winner(random), winner(random));
             let pick = |(a, b): (&usize, &usize)| if random.random_range(0..2) == 0 { *a } else { *b };
             let mut genes: Vec<usize> = all[one].1.iter().zip(&all[other].1).map(pick).collect();
-            // Of a frame's bits one leg switches; in every third child a whole module.
+            // Of a frame's bits one leg switches; in every third child a complete module.
             let changed = random.random_range(0..genes.len());
             let module = &modules[changed];
             genes[changed] = match random.random_range(0..3) {

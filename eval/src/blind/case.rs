@@ -68,7 +68,7 @@ pub(super) fn draw_from(
     for _ in 0..DRAWS {
         let kinds = class.kinds(&mut rng);
         if [Kind::BaseOffset, Kind::JointOffset].iter().all(|kind| kinds.contains(kind)) {
-            // The servo stands at the base: both are one turn of it.
+            // The servo is at the base: both are one turn of it.
             continue;
         }
         if !kinds.iter().all(|kind| allows(*kind)) {

@@ -157,7 +157,7 @@ impl Elsewhere for Motions {
         let names: Vec<&str> = match (law, Law::named(law, None)) {
             (LawName::MassDistribution, _) => INERTIAL_PARAMETERS.iter().map(|(name, _)| *name).collect(),
             (_, Some(law)) => vec![law.along().size()],
-            // What has a constant of its own is not known elsewhere.
+            // Laws with separate constants are not known elsewhere.
             _ => return Ok(None),
         };
         let (swings, times) = (if elsewhere { &self.elsewhere } else { &self.run }, times_s());

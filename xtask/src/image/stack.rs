@@ -31,7 +31,7 @@ const LEVELS: [Level; 6] = [
     Level { name: "control task", handlers: &["TSC"] },
     Level { name: "clock", handlers: &["SysTick"] },
     Level { name: "NMI (flash ECC)", handlers: &["NonMaskableInt"] },
-    // Goes on at the top of the stack's memory; only its frame is pushed here.
+    // Continues at the top of the stack's memory; only its frame is pushed here.
     Level { name: "hard fault", handlers: &[] },
 ];
 /// Of [`LEVELS`], those that can interrupt the start, before the tasks run.

@@ -23,7 +23,7 @@ pub(super) struct Rests<'a> {
 impl<'a> Rests<'a> {
     pub(super) fn new(start: Vec<Record>, board: &'a Board<'a>, wiring: &Wiring) -> Self {
         let mut checker = Checker::default();
-        // What is wrong with these is found again, and reported, when the whole table is checked.
+        // What is wrong with these is found again, and reported, when the complete table is checked.
         for record in start {
             let _ = checker.admit(&record, board);
         }
@@ -35,7 +35,7 @@ impl<'a> Rests<'a> {
     /// Passes the rows that were added to the timeline.
     pub(super) fn admit(&mut self, timeline: &Timeline<'_>) {
         for row in timeline.rows.iter().skip(self.admitted) {
-            // The first error is found again when the whole table is checked.
+            // The first error is found again when the complete table is checked.
             let _ = self.checker.admit(&Record::Row(row.clone()), self.board);
         }
         self.admitted = timeline.rows.len();

@@ -41,7 +41,7 @@ pub fn records(arm: &Arm) -> Result<Vec<Record>, ReachError> {
     if arm.n_servos() > 0 {
         return Err(ReachError::Servos);
     }
-    // A moved mount turns what is told of the tool, not the weights that the arm bears in its own mount.
+    // A moved mount turns what is reported of the tool, not the weights that the arm bears in its own mount.
     let modules = modules(frames::of_steps(&displaced(arm), with_effects(arm), &[], |_, _| true)?);
     let mut first = 0;
     let framed = modules.iter().map(|module| {
@@ -93,7 +93,7 @@ fn displaced(arm: &Arm) -> Arm {
         match law.place() {
             Place::Base => chain.mount = law.displace(chain.mount, &condition),
             Place::Tool => chain.tool = law.displace(chain.tool, &condition),
-            // A length told too long is too long in every frame.
+            // A length given too long is too long in every frame.
             Place::Camera => {
                 [&mut chain.mount, &mut chain.tool].into_iter().for_each(|pose| *pose = law.displace(*pose, &condition))
             }

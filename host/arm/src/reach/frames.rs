@@ -84,7 +84,7 @@ pub(super) fn of_steps(
         if frames.len() == 0 {
             return Err(ReachError::NoSetting { stage: index });
         }
-        // A stage that stands still is no factor of its own.
+        // A stage that does not move is no separate factor.
         match stages.last_mut() {
             Some(last) if last.len() == 1 || frames.len() == 1 => *last = last.times(&frames),
             _ => stages.push(frames),

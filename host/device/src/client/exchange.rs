@@ -235,7 +235,7 @@ impl Exchange {
             attempts += 1;
             let end_s = self.link.now_s() + self.patience.wait_s();
             if let Some(arrival) = self.next_arrival(end_s, |header| *header == answered)? {
-                // Which of several requests an answer belongs to cannot be told (RFC 6298, section 3).
+                // Which of several requests an answer belongs to cannot be decided (RFC 6298, section 3).
                 if attempts == 1 {
                     self.patience.on_answer(arrival.received_s - sent_s);
                 }

@@ -109,6 +109,6 @@ pub fn smallest_step(jacobian: &Jacobian, rows: &Rows) -> Step {
     }
     let svd = jacobian.svd(true, true);
     let cut = TRUNCATED * svd.singular_values.max();
-    // It has both sides of the decomposition, which is all that it could lack.
+    // It has both sides of the decomposition, which is all that could be missing.
     svd.solve(rows, cut).unwrap_or_else(|_| Step::zeros())
 }

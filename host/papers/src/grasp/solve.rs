@@ -273,7 +273,7 @@ impl Hand {
     }
 
     fn is_solved(&self, state: &State, settings: &Settings) -> bool {
-        // The cost is no number where the contacts are none, and then nothing is solved.
+        // The cost is not a number where the contacts are none, and then nothing is solved.
         state.cost.is_finite()
             && state.near.first().is_none_or(|gap| gap.distance_m > CLEAR_M)
             && self.rows(&state.placed, &state.wanted).amax() < 0.5 * settings.reached_m

@@ -117,7 +117,7 @@ pub(super) fn dynamic(postures: &[Posture], time_s: &[f64], corner_hz: f64, grav
     let joints: Vec<[Vec<f64>; 3]> = (0..n).map(|k| rates(postures.iter().map(|p| p.q[k]).collect())).collect();
     let place: [[Vec<f64>; 3]; 3] =
         std::array::from_fn(|k| rates(postures.iter().map(|p| p.base.position[k]).collect()));
-    // ω of the base by central differences of its rotation, told in the world.
+    // ω of the base by central differences of its rotation, in world coordinates.
     let spin: Vec<Vec3<f64>> = (0..postures.len())
         .map(|k| {
             let (a, b) = (k.saturating_sub(1), (k + 1).min(postures.len() - 1));

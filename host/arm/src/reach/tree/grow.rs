@@ -101,7 +101,7 @@ impl Tree {
             parts.push((first..last, part));
             rest = after;
         }
-        // Every thread reads all keys and places those of its own buckets.
+        // Every thread reads all keys and places those of the buckets it owns.
         parts.into_par_iter().for_each(|(own, part)| {
             let mut places: Vec<_> = starts[own.clone()].iter().map(|start| start - starts[own.start]).collect();
             for (index, key) in keys.iter().enumerate() {
