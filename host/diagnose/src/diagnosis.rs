@@ -26,7 +26,7 @@ use crate::linearise::model::Model;
 use crate::linearise::model_effects::{self, ModelEffect};
 use crate::measurement::hold_out::HoldOut;
 use crate::measurement::table::{Names, Table};
-use crate::measurement::{Finding, Run, Severity, check};
+use crate::measurement::{Finding, FindingKind, Run, Severity, check};
 use crate::outcome::{Dependence, Diagnosis};
 use crate::prepare::groups::Groups;
 use crate::prepare::observations::{NoPose, Observations};
@@ -234,7 +234,11 @@ fn select(
         Agreement::AsRead | Agreement::Hardly(_) => search::select(&problem, always),
     };
     let Projected { best, impossible } = project(&problem, best, n_known);
-    let (held_out, findings) = (data.held_out, data.findings);
+    let (held_out, mut findings) = (data.held_out, data.findings);
+    if !best.weighting.has_converged {
+        let text = "the noise and the fit that it weighs did not settle: intervals may be too narrow";
+        findings.push(Finding::note(FindingKind::NoConvergence, text));
+    }
     Ok(SelectedSignals { problem, best, n_known, impossible, path, agreement, held_out, findings })
 }
 

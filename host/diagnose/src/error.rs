@@ -3,6 +3,7 @@
 use darm_core::chain::ChainError;
 
 use crate::effect::Law;
+use crate::linearise::model_effects::UnknownValue;
 use crate::measurement::{Finding, ReadError};
 use crate::prepare::groups::FOLDS;
 use crate::prepare::signals::PrepareError;
@@ -74,6 +75,9 @@ pub enum DiagnoseError {
         /// The place.
         place: String,
     },
+    /// A value that a law of the model does not have.
+    #[error(transparent)]
+    UnknownValue(#[from] UnknownValue),
     /// The model predicts NaN or infinity.
     #[error("the model predicts NaN or infinity in line {line}: is this the right model, are these its units?")]
     NotANumber {

@@ -22,6 +22,7 @@ pub mod measured;
 pub mod measurement;
 pub mod measurement_plan;
 pub mod misreading;
+pub mod model_file;
 pub mod outcome;
 pub mod prepare;
 pub mod project;

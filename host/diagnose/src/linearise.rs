@@ -41,7 +41,7 @@ pub(crate) fn linearise(model: &Model, data: &mut Prepared) -> Result<Experiment
         What::Servo => position::experiment(data, known)?,
         What::Torque(robot, transmission) => torque::experiment(data, robot, transmission.as_ref(), known)?,
         What::Wrench(robot) => wrench::experiment(data, robot)?,
-        What::Closure(robot, points) => point_contact::experiment(data, robot, points)?,
+        What::PointContact(robot, points) => point_contact::experiment(data, robot, points)?,
         What::Tool(robot, how) => measured_tool::experiment(data, robot, how)?,
         What::Any(robot) if is_wrench(data) => wrench::experiment(data, robot)?,
         What::Any(robot) => torque::experiment(data, robot, None, known)?,
@@ -68,7 +68,7 @@ pub(crate) fn columns(model: &Model, data: &Prepared) -> Columns {
             Columns { measured: vec![named(&["force"])], moving: vec![moving] }
         }
         What::Servo => Columns { measured: vec![named(&["position"])], moving: Vec::new() },
-        What::Closure(..) => Columns { measured: Vec::new(), moving: Vec::new() },
+        What::PointContact(..) => Columns { measured: Vec::new(), moving: Vec::new() },
         What::Tool(robot, how) => measured_tool::columns(data, robot, how),
         What::Wrench(robot) => of_wrench(robot),
         What::Any(robot) if is_wrench(data) => of_wrench(robot),

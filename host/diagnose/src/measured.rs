@@ -20,7 +20,7 @@ pub enum Measured {
     /// Positions of the tool of a serial robot.
     ToolPosition,
     /// Postures in which the tool touches one point.
-    Closure,
+    PointContact,
 }
 
 impl Measured {
@@ -33,7 +33,7 @@ impl Measured {
             Self::JointTorque => "joint-torque",
             Self::ContactWrench => "contact-wrench",
             Self::ToolPosition => "tool-position",
-            Self::Closure => "closure",
+            Self::PointContact => "point-contact",
         }
     }
 }

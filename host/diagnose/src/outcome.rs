@@ -4,7 +4,7 @@
 //!
 //! | key | meaning |
 //! | --- | --- |
-//! | `kind` | what was measured: `tool-pose`, `actuator-force`, `joint-position`, `joint-torque`, `contact-wrench`, `tool-position`, `closure` |
+//! | `kind` | what was measured: `tool-pose`, `actuator-force`, `joint-position`, `joint-torque`, `contact-wrench`, `tool-position`, `point-contact` |
 //! | `rows.train`, `rows.heldout` | rows that fits saw, and rows that no fit has seen |
 //! | `held_out`, `left_out` | how the latter were chosen; what cross-validation leaves out together |
 //! | `repeatability` | scatter of repeated conditions with its degrees of freedom, or null where too little is repeated |

@@ -11,8 +11,8 @@ use nalgebra::DVector;
 
 use crate::linearise::experiment::BodyCandidate;
 use crate::select::factored::judged;
-use crate::select::problem::{RegressionProblem as _, Trial};
-use crate::select::signals::{Fit, Signals, Weighted};
+use crate::select::problem::{RegressionProblem as _, Trial, Under};
+use crate::select::signals::{Fit, Signals};
 use crate::select::significance::{DISCOVERY_LEVEL, RIVAL_LEVEL};
 
 /// The last μ, in units of the log-likelihood.
@@ -43,9 +43,9 @@ fn possible(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> (Tri
                 !candidates[**other].is_same(&candidates[k])
             };
             let left = best.fit.active.iter().filter(is_other).copied().collect();
-            (k, judged(problem.weighted(&best), left, best.effect))
+            (k, judged(problem.under(&best), left, best.effect))
         };
-        let tried = cannot_be.iter().map(without).min_by(|(_, a), (_, b)| a.loss.order(&b.loss));
+        let tried = problem.under(&best).lowest(cannot_be.iter().map(without), |(_, trial)| trial);
         let Some((gone, next)) = tried else { return (best, impossible) };
         impossible.push(gone);
         best = next;
@@ -62,12 +62,12 @@ fn can_be(problem: &Signals, fit: &Fit, of: usize) -> bool {
 
 /// The model with physically consistent bodies, and with the effects beside them that this asks for.
 fn with_consistent_bodies(problem: &Signals, best: Trial<Signals>) -> Trial<Signals> {
-    let weighting = Arc::clone(best.weighting());
-    let weighted = Weighted { problem, weighting: &weighting };
+    let weighting = Arc::clone(&best.weighting);
+    let weighted = Under { problem, weighting: &weighting };
     let Some(consistent) = consistent(weighted, &best.fit) else { return best };
     let free = in_sample(weighted, best.fit, best.effect);
     let mut best = in_sample(weighted, consistent, best.effect);
-    while problem.loss_reduction(&best, &free).p < RIVAL_LEVEL {
+    while weighted.reduction(&best, &free).p < RIVAL_LEVEL {
         let open: Vec<usize> = open(problem, &best.fit);
         let tried = open.iter().map(|&candidate| {
             let active = [&best.fit.active[..], &[candidate]].concat();
@@ -75,8 +75,8 @@ fn with_consistent_bodies(problem: &Signals, best: Trial<Signals>) -> Trial<Sign
             in_sample(weighted, self::consistent(weighted, &free).unwrap_or(free), Some(candidate))
         });
         let tried = tried.filter(|trial| trial.effect.is_some_and(|added| can_be(problem, &trial.fit, added)));
-        match tried.min_by(|a, b| a.loss.order(&b.loss)) {
-            Some(next) if problem.loss_reduction(&best, &next).p * (open.len() as f64) < DISCOVERY_LEVEL => best = next,
+        match weighted.lowest(tried, |trial| trial) {
+            Some(next) if weighted.reduction(&best, &next).p * (open.len() as f64) < DISCOVERY_LEVEL => best = next,
             _ => break,
         }
     }
@@ -90,13 +90,13 @@ fn open(problem: &Signals, fit: &Fit) -> Vec<usize> {
 }
 
 /// A model judged by the rows that it was fitted to.
-fn in_sample(weighted: Weighted, fit: Fit, effect: Option<usize>) -> Trial<Signals> {
-    let predicted = weighted.training_residuals(&fit);
+fn in_sample(weighted: Under<Signals>, fit: Fit, effect: Option<usize>) -> Trial<Signals> {
+    let predicted = weighted.problem.training_residuals(&fit);
     weighted.predicting(fit, effect, predicted)
 }
 
 /// The values that fit best with physically consistent bodies; `None` where those of `fit` are consistent already.
-fn consistent(weighted: Weighted, fit: &Fit) -> Option<Fit> {
+fn consistent(weighted: Under<Signals>, fit: &Fit) -> Option<Fit> {
     let problem = weighted.problem;
     let indices = problem.indices(&fit.active);
     let of = |body: &BodyCandidate| {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Context as _;
 use darm::report::diagnosis_page;
 use darm_arm::arm::Arm;
-use darm_diagnose::correction::{Keep, LockedJoint};
+use darm_diagnose::correction::Keep;
 use darm_diagnose::diagnosis::{Options, SignalOptions, diagnose, diagnose_file};
 use darm_diagnose::linearise::model::Model;
 use darm_diagnose::measurement::hold_out::HoldOut;
@@ -13,6 +13,7 @@ use darm_diagnose::measurement::origin::Origin;
 use darm_diagnose::measurement::poses::{self, Which};
 use darm_diagnose::measurement::select::Selection;
 use darm_diagnose::measurement::{self, Finding, about, check};
+use darm_diagnose::model_file::{LockedJoint, ModelFile};
 use darm_diagnose::outcome::{Diagnosis, Effect, ErrorFigure, Number};
 use darm_diagnose::prepare::signals::Preparation;
 use darm_diagnose::report::numbers::with_interval;
@@ -155,8 +156,10 @@ impl Diagnose {
         let outcome = outcome.with_context(|| self.data.display().to_string())?;
         let mut output = None;
         if let Some(path) = &self.output
-            && outcome.correction.write_locked(&self.model, path, &outcome.diagnosis, self.keep(), locked)?
+            && let file = ModelFile::read(&self.model, outcome.diagnosis.kind)?
+            && let Some(corrected) = outcome.correction.corrected(&file, &outcome.diagnosis, self.keep())
         {
+            corrected.with_locked(locked).write(path)?;
             output = Some(path.clone());
         }
         Ok(Report { diagnosis: outcome.diagnosis, output })

@@ -86,7 +86,7 @@ fn selections_have_or_and_report_the_character_of_a_fault() {
 fn calibrated(home: &Home, effects: &str) {
     let urdf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/measured/panda.urdf");
     std::fs::copy(urdf, home.path("panda.urdf")).unwrap();
-    let head = "kind = 'robot'\nurdf = 'panda.urdf'\nobserved = 'closure'\npoint = ['place']\ntool = 'ball_link'\nnumber = 1\n";
+    let head = "kind = 'robot'\nurdf = 'panda.urdf'\nobserved = 'point-contact'\npoint = ['place']\ntool = 'ball_link'\nnumber = 1\n";
     home.write("model.toml", &format!("{head}{effects}"));
 }
 

@@ -103,7 +103,7 @@ fn points_that_make_no_sense_are_told() {
         ("point = ['place']\ntool = 'hook'", "no frame hook; it has"),
         ("point = ['where']\ntool = 'ball_link'", "no column where"),
     ] {
-        home.write("model.toml", &format!("kind = 'robot'\nurdf = 'panda.urdf'\nobserved = 'closure'\n{keys}\n"));
+        home.write("model.toml", &format!("kind = 'robot'\nurdf = 'panda.urdf'\nobserved = 'point-contact'\n{keys}\n"));
         let output = home.darm("diagnose model.toml touched.csv");
         let told = text(&output.stderr);
         assert_eq!(output.status.code(), Some(1), "{keys}: {told}");

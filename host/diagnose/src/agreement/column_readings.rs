@@ -6,7 +6,7 @@ use std::f64::consts::FRAC_PI_2;
 use darm_core::real::Vec3;
 
 use crate::linearise::experiment::{Columns, Moving};
-use crate::linearise::model::{Model, What};
+use crate::linearise::model::Model;
 use crate::misreading::Misreading;
 use crate::prepare::column_reading::ColumnReading;
 use crate::prepare::signals::Prepared;
@@ -144,7 +144,7 @@ fn mounted(model: &Model) -> Vec<Hypothesis> {
     let other = axes.filter(|down| down.dot(&robot.gravity) < 0.5 * size);
     let reading = |down: Vec3<f64>| {
         let mut model = model.clone();
-        if let What::Torque(robot, _) | What::Any(robot) | What::Wrench(robot) = &mut model.what {
+        if let Some(robot) = model.what.weighing_robot_mut() {
             robot.gravity = down * size;
         }
         let misreading = Misreading::Mounting { down: [down.x, down.y, down.z] };

@@ -322,8 +322,7 @@ fn predicted_in_turn(experiment: Experiment, groups: Groups, without: Option<Law
         }
         best = problem.fitted(possible);
     }
-    let sigma = &best.weighting().sigma;
-    best.predicted.iter().enumerate().map(|(k, residual)| residual * sigma[k % sigma.len()]).collect()
+    best.predicted
 }
 
 /// What is left by a reading.

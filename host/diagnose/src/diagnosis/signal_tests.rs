@@ -9,6 +9,7 @@ use super::*;
 use crate::correction::Keep;
 use crate::linearise::model::What;
 use crate::measurement::FindingKind;
+use crate::model_file::ModelFile;
 use crate::outcome::{ErrorFigure, Errors, RepeatedIn, Verdict};
 use crate::select::factored::{Factored, judged};
 use crate::select::problem::{Neighbours as _, RegressionProblem as _, Trial};
@@ -148,7 +149,8 @@ fn a_model_with_what_was_found_predicts_as_told_and_lacks_nothing() {
     let Outcome { diagnosis: first, correction } = diagnose_table(&model("cylinder.toml"), &table, &how).unwrap();
     assert_eq!(first.verdict, Verdict::EffectFound, "{:?}", first.plain);
     let output = tempfile::NamedTempFile::with_suffix(".toml").unwrap();
-    assert!(correction.write(&measured("cylinder.toml"), output.path(), &first, Keep::Effects).unwrap());
+    let file = ModelFile::read(&measured("cylinder.toml"), first.kind).unwrap();
+    correction.corrected(&file, &first, Keep::Effects).unwrap().write(output.path()).unwrap();
     let second = diagnose_table(&Model::read(output.path()).unwrap().unwrap(), &table, &how).unwrap().diagnosis;
     let (told, predicted) = (heldout(&first.error.after).norm.value, heldout(&second.error.before).norm.value);
     assert!((told / predicted - 1.0).abs() < 1e-9, "{told} {predicted}");
@@ -164,8 +166,9 @@ fn what_no_law_explains_is_told_by_its_channel_and_may_be_kept() {
     let term = &first.remaining.depends_on[0];
     assert!(term.variable.starts_with("position") && term.share > 0.9 && term.heldout_gain > Some(2.0), "{term:?}");
     let output = tempfile::NamedTempFile::with_suffix(".toml").unwrap();
-    assert!(!correction.write(&measured("cylinder.toml"), output.path(), &first, Keep::Effects).unwrap());
-    assert!(correction.write(&measured("cylinder.toml"), output.path(), &first, Keep::EffectsAndTerms).unwrap());
+    let file = ModelFile::read(&measured("cylinder.toml"), first.kind).unwrap();
+    assert_eq!(correction.corrected(&file, &first, Keep::Effects), None);
+    correction.corrected(&file, &first, Keep::EffectsAndTerms).unwrap().write(output.path()).unwrap();
     let second = diagnose_table(&Model::read(output.path()).unwrap().unwrap(), &table, &how).unwrap().diagnosis;
     // Noise is even over 1 N: 0.29 N.
     assert!(heldout(&first.error.before).norm.value > 3.0 && heldout(&second.error.before).norm.value < 0.35);
@@ -191,10 +194,10 @@ fn models_with_more_and_with_fewer_effects_follow_from_one_that_is_factorised() 
     let groups = Groups::new(&experiment.rows);
     let problem = Signals::new(experiment, groups);
     let Ok(base) = problem.reweight_until_converged(problem.start(vec![0, 4, 20]));
-    let weighted = problem.weighted(&base);
+    let weighted = problem.under(&base);
     let same = |a: &Trial<Signals>, b: &Trial<Signals>| {
         assert_eq!(a.fit.active, b.fit.active);
-        assert!((a.loss.below(&b.loss) / a.error).abs() < 1e-4, "{:?}: {:?} {:?}", a.fit.active, a.error, b.error);
+        assert!((weighted.gain(a, b) / a.error).abs() < 1e-4, "{:?}: {:?} {:?}", a.fit.active, a.error, b.error);
         let apart = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-5 * (a.abs() + b.abs()) + 1e-9;
         assert!(a.fit.values.iter().zip(&b.fit.values).all(apart), "{:?}", a.fit.active);
     };

@@ -61,7 +61,7 @@ fn add_terms(
         let has_room = terms.map(|term| model.effects.push(term.into())).all(|pushed| pushed.is_ok());
         // A term that leaves the arm without a pose somewhere is not the one.
         let Some(trial) = has_room.then(|| problem.fitted(&model).ok()).flatten() else { continue };
-        if problem.loss_reduction(&with, &trial).p * n_tried < DISCOVERY_LEVEL {
+        if problem.under(&with).reduction(&with, &trial).p * n_tried < DISCOVERY_LEVEL {
             let left_m = problem.held_out_m(&trial)?;
             dependence.heldout_gain = Some(held_out_m - left_m);
             (with, held_out_m) = (trial, left_m);

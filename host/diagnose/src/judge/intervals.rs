@@ -21,7 +21,7 @@ const OWN_SHARE: f64 = 1e-6;
 /// (sandwich), whichever is larger.
 fn deviations(selected: &SelectedSignals, indices: &[usize]) -> Vec<f64> {
     let SelectedSignals { problem, best, .. } = selected;
-    let weighted = problem.weighted(best);
+    let weighted = problem.under(best);
     let inverse = pseudo_inverse(&weighted.information(indices));
     let residuals = weighted.training_residuals(&best.fit);
     let n_axes = problem.experiment.axes.len();
@@ -29,7 +29,7 @@ fn deviations(selected: &SelectedSignals, indices: &[usize]) -> Vec<f64> {
     let mut scores = DMatrix::<f64>::zeros(indices.len(), problem.groups.n_blocks);
     for (a, &value) in indices.iter().enumerate() {
         for (k, slope) in weighted.column(value).iter().enumerate() {
-            let score = entry_weights[k] * slope * residuals[k] / best.weighting().autocorrelation_time;
+            let score = entry_weights[k] * slope * residuals[k] / best.weighting.autocorrelation_time;
             scores[(a, problem.groups.blocks[k / n_axes])] += score;
         }
     }
@@ -42,7 +42,7 @@ pub(crate) fn effects(selected: &SelectedSignals) -> (Vec<Effect>, Vec<String>) 
     let SelectedSignals { problem, best, n_known, .. } = selected;
     let indices = problem.indices(&best.fit.active);
     let deviations = deviations(selected, &indices);
-    let information = problem.weighted(best).information(&indices);
+    let information = problem.under(best).information(&indices);
     let inverse = pseudo_inverse(&information);
     let width = quantile_975(problem.groups.n_blocks.saturating_sub(1));
     let (mut found, mut unobservable, mut next): (Vec<Effect>, _, _) = (Vec::new(), Vec::new(), 0);
@@ -95,7 +95,7 @@ fn not_narrowed_with(selected: &SelectedSignals) -> Vec<String> {
     let candidates = &problem.experiment.candidates;
     let not_narrowed = |k: usize| {
         let indices = problem.indices(&[&best.fit.active[..], &[k]].concat());
-        let inverse = pseudo_inverse(&problem.weighted(best).information(&indices));
+        let inverse = pseudo_inverse(&problem.under(best).information(&indices));
         let first = indices.len() - candidates[k].values.len();
         let values = candidates[k].values.iter().enumerate();
         let open = values.filter(move |(n, value)| !narrows(value, inverse[(first + n, first + n)]));

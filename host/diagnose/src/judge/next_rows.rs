@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 use crate::measurement_plan::optimal_design::informative_first;
 use crate::outcome::{NextMeasurement, NextRow};
-use crate::select::problem::Trial;
+use crate::select::problem::{RegressionProblem as _, Trial};
 use crate::select::robust_fit::pseudo_inverse;
 use crate::select::signals::Signals;
 
@@ -18,7 +18,7 @@ const FLOOR: f64 = 1e-6;
 /// The conditions under which one more row is most informative about all values of these candidates together, under the
 /// weighting of `best`.
 pub(crate) fn proposal(problem: &Signals, best: &Trial<Signals>, candidates: &[usize]) -> NextMeasurement {
-    let (weighted, experiment) = (problem.weighted(best), &problem.experiment);
+    let (weighted, experiment) = (problem.under(best), &problem.experiment);
     let indices = problem.indices(candidates);
     let n_axes = experiment.axes.len();
     let information = weighted.information(&indices);

@@ -14,7 +14,7 @@ use crate::outcome::{Alternative, AxisFigure, Number, Repeatability, RepeatedIn,
 use crate::prepare::observations::{NoPose, axes};
 use crate::prepare::repeatability::Noise;
 use crate::select::forward::rivals;
-use crate::select::problem::Trial;
+use crate::select::problem::{RegressionProblem as _, Trial};
 use crate::select::tool_pose::ToolPoses;
 use darm_arm::arm::{Arm, ArmScratch};
 
@@ -51,7 +51,7 @@ pub(crate) fn judge(
     let mut kept = with.filter(|_| verdict.names_effects() || verdict == Verdict::UnexplainedStructure);
     if verdict == Verdict::UnexplainedStructure
         && let Some(alone) = with_terms(problem, start, &mut before.depends_on, look)?
-        && kept.as_ref().is_none_or(|kept| alone.loss.order(&kept.loss).is_lt())
+        && kept.as_ref().is_none_or(|kept| problem.under(kept).is_lower(&alone, kept))
     {
         // What laws stood for in the best model are terms alone: the residual is that of the model as it is.
         kept = Some(alone);

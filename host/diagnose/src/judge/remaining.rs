@@ -12,7 +12,7 @@ use crate::judge::regression::{Design, Term, centred, of_axis, squares};
 use crate::linearise::experiment::{Axis, Experiment};
 use crate::measurement::median;
 use crate::outcome::{Dependence, Shape};
-use crate::select::problem::Trial;
+use crate::select::problem::{RegressionProblem as _, Trial};
 use crate::select::signals::Signals;
 use crate::select::significance::STRUCTURE_LEVEL;
 
@@ -130,7 +130,7 @@ fn winsorized(numbers: &[f64]) -> (Vec<f64>, f64) {
 /// missing, of a shape that is not in the dictionary. The share is that of the mean square which the row before foretells.
 pub(crate) fn memory(problem: &Signals, best: &Trial<Signals>) -> Vec<Dependence> {
     let (rows, n_axes) = (&problem.experiment.rows, problem.experiment.axes.len());
-    let residuals = problem.weighted(best).training_residuals(&best.fit);
+    let residuals = problem.under(best).training_residuals(&best.fit);
     let dependence = |(axis, of): (usize, &Axis)| {
         let own: Vec<f64> = of_axis(&residuals, n_axes, axis).iter().map(|r| r.clamp(-FAR, FAR)).collect();
         let training = problem.groups.training.windows(2).zip(own.windows(2));

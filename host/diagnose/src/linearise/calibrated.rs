@@ -5,8 +5,8 @@ use darm_core::se::Pose;
 use darm_robot::robot::Robot;
 
 use crate::effect::Law;
-use crate::linearise::model_effects::ModelEffect;
-use crate::linearise::serial_chain::{across, site_of_joint};
+use crate::linearise::model_effects::{ModelEffect, UnknownValue};
+use crate::linearise::serial_chain::{OFFSET, SHIFT, TOOL, TURNS, across, site_of_joint};
 
 /// Why a calibrated model is no robot of rigid links.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -32,6 +32,9 @@ pub enum NotRigid {
         /// The place.
         place: String,
     },
+    /// A value that the law does not have.
+    #[error(transparent)]
+    Unknown(#[from] UnknownValue),
 }
 
 /// The robot with the geometric effects of a calibration in its joints and its tool: `joint-offset`, `axis-error`,
@@ -47,8 +50,6 @@ pub fn calibrated(robot: &Robot, tool: Option<&str>, effects: &[ModelEffect]) ->
     let nominal: Vec<Pose<f64>> = robot.joints.iter().map(|joint| joint.joint.placement).collect();
     let mut changes = vec![(Vec3::zeros(), Vec3::zeros(), 0.0); path.len()];
     for effect in effects {
-        let value = |name: &str| effect.values.get(name).copied().unwrap_or(0.0);
-        let vector = || Vec3::new(value("x"), value("y"), value("z"));
         let depends = |on| NotRigid::Depends { law: effect.law, place: effect.place.clone(), on };
         let none = || NotRigid::NoSuchPlace { law: effect.law, place: effect.place.clone() };
         let joint = path.iter().enumerate().position(|(k, &joint)| site_of_joint(robot, k, joint).code == effect.place);
@@ -56,15 +57,16 @@ pub fn calibrated(robot: &Robot, tool: Option<&str>, effects: &[ModelEffect]) ->
             Law::ToolFrame => {
                 let name = tool.map(|tool| tool.name.clone()).ok_or_else(none)?;
                 let frame = calibrated.frames.iter_mut().find(|frame| frame.name == name).ok_or_else(none)?;
-                let turn = Vec3::new(value("turn about x"), value("turn about y"), value("turn about z"));
-                frame.pose = frame.pose * Pose::new(&turn, vector());
+                let [x, y, z, about_x, about_y, about_z] = effect.numbers(TOOL)?;
+                frame.pose = frame.pose * Pose::new(&Vec3::new(about_x, about_y, about_z), Vec3::new(x, y, z));
             }
-            Law::JointOffset => changes[joint.ok_or_else(none)?].2 += value("offset"),
-            Law::LinkError => changes[joint.ok_or_else(none)?].0 += vector(),
+            Law::JointOffset => changes[joint.ok_or_else(none)?].2 += effect.numbers(OFFSET)?[0],
+            Law::LinkError => changes[joint.ok_or_else(none)?].0 += Vec3::from(effect.numbers(SHIFT)?),
             Law::AxisError => {
                 let k = joint.ok_or_else(none)?;
                 let [first, second] = across(&robot.joints[path[k]].joint.axis.direction);
-                changes[k].1 += first * value("first turn across") + second * value("second turn across");
+                let turns = effect.numbers(TURNS)?;
+                changes[k].1 += first * turns[0] + second * turns[1];
             }
             // Where the instrument is moves no part of the robot.
             Law::SensorFrame => {}
@@ -106,18 +108,12 @@ mod tests {
             values: names.iter().enumerate().map(|(k, name)| ((*name).to_owned(), values[first + k])).collect(),
             points: Vec::new(),
         };
-        const TOOL: [&str; 6] = ["x", "y", "z", "turn about x", "turn about y", "turn about z"];
         let mut effects = vec![named(Law::ToolFrame, "the tool", &TOOL, path.len() * PER_JOINT)];
         for (k, &joint) in path.iter().enumerate() {
             let place = site_of_joint(&robot, k, joint).code;
-            effects.push(named(Law::JointOffset, &place, &["offset"], k * PER_JOINT));
-            effects.push(named(
-                Law::AxisError,
-                &place,
-                &["first turn across", "second turn across"],
-                k * PER_JOINT + 1,
-            ));
-            effects.push(named(Law::LinkError, &place, &["x", "y", "z"], k * PER_JOINT + 3));
+            effects.push(named(Law::JointOffset, &place, &OFFSET, k * PER_JOINT));
+            effects.push(named(Law::AxisError, &place, &TURNS, k * PER_JOINT + 1));
+            effects.push(named(Law::LinkError, &place, &SHIFT, k * PER_JOINT + 3));
         }
         let found = calibrated(&robot, Some("ball_link"), &effects).unwrap();
         let all = [&q[..], &vec![0.0; robot.joints.len() - q.len()]].concat();
@@ -130,5 +126,9 @@ mod tests {
         effects[1].place = "joint 9 (x)".into();
         effects[1].law = Law::JointOffset;
         assert!(matches!(calibrated(&robot, Some("ball_link"), &effects), Err(NotRigid::NoSuchPlace { .. })));
+        effects[1].place = site_of_joint(&robot, 0, path[0]).code;
+        effects[1].values.insert("ofset".into(), 0.01);
+        let error = calibrated(&robot, Some("ball_link"), &effects).unwrap_err().to_string();
+        assert!(error.starts_with("joint-offset at joint 1 (panda_joint1) has no value \"ofset\""), "{error}");
     }
 }

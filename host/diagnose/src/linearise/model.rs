@@ -9,14 +9,14 @@
 //! | --- | --- | --- |
 //! | `cylinder` | `bore_mm` | force against gauge pressure |
 //! | `servo` | | position against target |
-//! | `robot` | `urdf` (a URDF, MJCF or Denavit–Hartenberg table, relative to this file), `observed` = `torque`, `wrench`, `closure`, `tool-position` or `tool-pose` | see below |
+//! | `robot` | `urdf` (a URDF, MJCF or Denavit–Hartenberg table, relative to this file), `observed` = `torque`, `wrench`, `point-contact`, `tool-position` or `tool-pose` | see below |
 //!
 //! | of a robot | key | meaning |
 //! | --- | --- | --- |
 //! | torque | `transmission`, `offset_deg` | N (rows) and q where the motors are at zero: motor = N·(q − offset), τ = Nᵀ·motor torque |
-//! | closure | `point` | columns whose values name the point that is touched |
-//! | closure | `pair`, `distance_mm` | the one of them in which two points differ that are so far apart |
-//! | closure, tool | `tool` | the frame that touches or is measured; without it the robot's end |
+//! | point contact | `point` | columns whose values name the point that is touched |
+//! | point contact | `pair`, `distance_mm` | the one of them in which two points differ that are so far apart |
+//! | point contact, tool | `tool` | the frame that touches or is measured; without it the robot's end |
 //! | tool | `frame` | `base` (the default): what was measured is in the robot's base frame, nearly; `unknown`: anywhere |
 //! | all | `lock_deg`, `lock_mm` | positions of joints that do not move, by their names: the columns of a table are those of the others |
 //!
@@ -63,7 +63,7 @@ pub enum What {
     /// What a robot that moves freely exerts on a plate.
     Wrench(Robot),
     /// Points that a robot touches again and again.
-    Closure(Robot, Points),
+    PointContact(Robot, Points),
     /// The tool of a robot, measured from outside.
     Tool(Robot, MeasuredTool),
     /// A robot: torques, or the wrench where the table has one.
@@ -104,7 +104,8 @@ struct RawRobot {
 enum Observed {
     Torque,
     Wrench,
-    Closure,
+    #[serde(alias = "closure")]
+    PointContact,
     ToolPosition,
     ToolPose,
 }
@@ -164,8 +165,16 @@ impl What {
     pub fn robot(&self) -> Option<&Robot> {
         match self {
             Self::Cylinder { .. } | Self::Servo => None,
-            Self::Torque(robot, _) | Self::Wrench(robot) | Self::Closure(robot, _) => Some(robot),
+            Self::Torque(robot, _) | Self::Wrench(robot) | Self::PointContact(robot, _) => Some(robot),
             Self::Tool(robot, _) | Self::Any(robot) => Some(robot),
+        }
+    }
+
+    /// The robot whose weight the prediction depends on; `None` where it does not.
+    pub(crate) fn weighing_robot_mut(&mut self) -> Option<&mut Robot> {
+        match self {
+            Self::Cylinder { .. } | Self::Servo | Self::PointContact(..) | Self::Tool(..) => None,
+            Self::Torque(robot, _) | Self::Wrench(robot) | Self::Any(robot) => Some(robot),
         }
     }
 }
@@ -208,9 +217,9 @@ fn what(path: &Path, raw: Raw, locks: &Locks) -> Result<What, ModelError> {
                     What::Torque(robot, transmission.map_err(|what| wrong(&what))?)
                 }
                 Observed::Wrench => What::Wrench(robot),
-                Observed::Closure => {
+                Observed::PointContact => {
                     let points = points(&robot, point, (pair, distance_mm), tool);
-                    What::Closure(robot, points.map_err(|what| wrong(&what))?)
+                    What::PointContact(robot, points.map_err(|what| wrong(&what))?)
                 }
                 Observed::ToolPosition | Observed::ToolPose => {
                     known_frame(&robot, tool.as_deref()).map_err(|what| wrong(&what))?;

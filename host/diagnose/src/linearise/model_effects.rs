@@ -55,7 +55,31 @@ fn named<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Law, D::Error> {
     law.ok_or_else(|| D::Error::custom(format!("no law is called {name:?}")))
 }
 
+/// A value that a law does not have.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{law} at {place} has no value {name:?}, only {known}: correct the name in the model's file")]
+pub struct UnknownValue {
+    law: Law,
+    place: String,
+    name: String,
+    known: String,
+}
+
 impl ModelEffect {
+    /// Its values with these names, zero where the file gives none.
+    pub(crate) fn numbers<const N: usize>(&self, names: [&str; N]) -> Result<[f64; N], UnknownValue> {
+        self.check(&names)?;
+        Ok(names.map(|name| self.values.get(name).copied().unwrap_or(0.0)))
+    }
+
+    /// Refuses values with other names.
+    fn check(&self, names: &[&str]) -> Result<(), UnknownValue> {
+        let unknown = self.values.keys().find(|name| !names.contains(&name.as_str()));
+        unknown.map_or(Ok(()), |name| {
+            Err(UnknownValue { law: self.law, place: self.place.clone(), name: name.clone(), known: names.join(", ") })
+        })
+    }
+
     /// The effect that a candidate becomes with these values.
     pub(crate) fn of(candidate: &Candidate, values: &[f64]) -> Self {
         Self {
@@ -108,7 +132,9 @@ pub(crate) fn apply(experiment: &mut Experiment, known: &[ModelEffect]) -> Resul
             continue;
         }
         let candidate = experiment.candidates.iter().position(|candidate| effect.is(candidate)).ok_or_else(none)?;
-        for (k, value) in experiment.candidates[candidate].values.iter().enumerate() {
+        let values = &experiment.candidates[candidate].values;
+        effect.check(&values.iter().map(|value| value.name.as_str()).collect::<Vec<_>>())?;
+        for (k, value) in values.iter().enumerate() {
             base[offsets[candidate] + k] += effect.values.get(&value.name).copied().unwrap_or(0.0);
         }
     }

@@ -66,7 +66,7 @@ pub(crate) fn experiment(data: &mut Prepared, robot: &Robot, points: &Points) ->
     let channels = contact.chain.channels();
     let relinearise: Relinearise = Box::new(move |values| contact.at(values));
     Ok(Experiment {
-        kind: Measured::Closure,
+        kind: Measured::PointContact,
         axes,
         n_norm: 3,
         rows: data.rows.clone(),
@@ -148,7 +148,7 @@ impl PointContact {
                 let way = apart(pair);
                 way.dot(&(mean[pair.1] - mean[pair.0])) / way.norm().max(1e-12)
             });
-            // What moves the first joint itself takes the whole arm along.
+            // What moves the first joint itself takes the complete arm along.
             if let Some(reach_m) = self.reach_m.filter(|_| k >= PER_JOINT) {
                 let outward: f64 = arms.iter().zip(&moved).map(|(arm, moved)| arm.dot(moved)).sum();
                 let growth = outward / (arms.len() as f64 * reach * reach_m);

@@ -26,6 +26,11 @@ use darm_robot::robot::{Robot, RobotFrame};
 const PRIORS: [f64; 4] = [0.02, 0.005, 1e-4, 0.005];
 /// The same of the tool's place, m, and of its turn, rad.
 const TOOL_PRIORS: [f64; 2] = [0.02, 0.05];
+/// The names of the values of `joint-offset`, of `axis-error`, of `link-error`, and of `tool-frame`.
+pub(super) const OFFSET: [&str; 1] = ["offset"];
+pub(super) const TURNS: [&str; 2] = ["first turn across", "second turn across"];
+pub(super) const SHIFT: [&str; 3] = ["x", "y", "z"];
+pub(super) const TOOL: [&str; 6] = ["x", "y", "z", "turn about x", "turn about y", "turn about z"];
 /// Values of one joint: offset, two turns, three shifts, compliance, two of the link, sine and cosine.
 pub(super) const PER_JOINT: usize = 11;
 
@@ -149,18 +154,17 @@ impl SerialChain {
         };
         for (k, &joint) in self.path.iter().enumerate() {
             let site = site_of_joint(&self.robot, k, joint);
-            add(Law::JointOffset, &site, &[("offset", "rad", turn)]);
-            add(Law::AxisError, &site, &[("first turn across", "rad", turn), ("second turn across", "rad", turn)]);
-            add(Law::LinkError, &site, &[("x", "m", shift), ("y", "m", shift), ("z", "m", shift)]);
+            add(Law::JointOffset, &site, &OFFSET.map(|name| (name, "rad", turn)));
+            add(Law::AxisError, &site, &TURNS.map(|name| (name, "rad", turn)));
+            add(Law::LinkError, &site, &SHIFT.map(|name| (name, "m", shift)));
             add(Law::JointCompliance, &site, &[("compliance", "rad/(N·m)", compliance)]);
             let across = [("first, across", "rad/(N·m)", compliance), ("second, across", "rad/(N·m)", compliance)];
             add(Law::LinkCompliance, &site, &across);
             add(Law::EncoderPeriodic, &site, &[("sine", "rad", periodic), ("cosine", "rad", periodic)]);
         }
         let [shift, turn] = TOOL_PRIORS;
-        let moved = ["x", "y", "z"].map(|name| (name, "m", shift));
-        let turned = ["turn about x", "turn about y", "turn about z"].map(|name| (name, "rad", turn));
-        let all = [moved, turned].concat();
+        let dimension = |(k, name)| if k < 3 { (name, "m", shift) } else { (name, "rad", turn) };
+        let all: Vec<(&str, &str, f64)> = TOOL.into_iter().enumerate().map(dimension).collect();
         add(Law::ToolFrame, &Site::new(Place::Tool, "the tool"), &all[..if self.turns_tool { 6 } else { 3 }]);
         candidates
     }

@@ -63,6 +63,8 @@ pub enum FindingKind {
     UnevenClock,
     /// Rows were lost, or time stamps are not those of an even clock.
     UnevenSampling,
+    /// The noise of the residuals and the fit that it weighs do not settle.
+    NoConvergence,
 }
 
 impl Finding {

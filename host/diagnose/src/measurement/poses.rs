@@ -42,7 +42,7 @@ pub struct Which {
 /// The file cannot be read, is not a table or has no rows; or as [`of_table`].
 pub fn read(path: &Path, names: &Names, which: &Which) -> Result<(Run, Vec<Finding>), ReadError> {
     let (table, mut about_file) = Table::read(path, names)?;
-    // That a row repeats the one before is told where poses are checked, with what the arm knows.
+    // That a row repeats the one before is reported where poses are checked, with what the arm knows.
     about_file.retain(|finding| finding.line.is_none());
     let (run, findings) = of_table(&table, which)?;
     about_file.extend(findings);

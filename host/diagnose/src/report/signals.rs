@@ -6,6 +6,7 @@ use crate::linearise::experiment::{Axis, Experiment};
 use crate::outcome::{AxisFigure, BeforeAfter, ErrorFigure, Errors, Number, Outlier, Point, Rows};
 use crate::prepare::groups::Row;
 use crate::report::Summary;
+use crate::select::problem::RegressionProblem as _;
 use crate::select::robust_fit::size;
 
 /// Rows this many times farther off than usual are listed.
@@ -61,7 +62,7 @@ fn figure(experiment: &Experiment, residuals: &[f64]) -> Option<ErrorFigure> {
 }
 
 fn outliers(selected: &SelectedSignals) -> Vec<Outlier> {
-    let (problem, weighted) = (&selected.problem, selected.problem.weighted(&selected.best));
+    let (problem, weighted) = (&selected.problem, selected.problem.under(&selected.best));
     let (n_axes, n_norm) = (problem.experiment.axes.len(), problem.experiment.n_norm);
     let residuals = weighted.training_residuals(&selected.best.fit);
     let sigmas = residuals.chunks(n_axes).map(|row| (size(row) / (n_axes as f64).sqrt(), row));

@@ -46,7 +46,7 @@ pub(super) fn all_laws(problem: &Signals, start: &Trial<Signals>) -> (Trial<Sign
     let known = start.fit.active.clone();
     let best = problem.fitted(every_law(problem, &known));
     let path = {
-        let model = Factored::new(problem.weighted(&best), best.fit.active.clone());
+        let model = Factored::new(problem.under(&best), best.fit.active.clone());
         let law = |k: usize| problem.experiment.candidates[k].law;
         let mut laws: Vec<(Law, Vec<usize>)> = Vec::new();
         for &k in &best.fit.active[known.len()..] {
@@ -67,8 +67,8 @@ fn unless_empty_is_as_good(
     best: Trial<Signals>,
     path: Vec<SelectionStep>,
 ) -> (Trial<Signals>, Vec<SelectionStep>) {
-    let empty = judged(problem.weighted(&best), known, None);
-    if problem.loss_reduction(&empty, &best).p < DISCOVERY_LEVEL { (best, path) } else { (empty, Vec::new()) }
+    let empty = judged(problem.under(&best), known, None);
+    if problem.under(&best).reduction(&empty, &best).p < DISCOVERY_LEVEL { (best, path) } else { (empty, Vec::new()) }
 }
 
 /// One candidate for each law at each place, the middle one of its shapes, after those that are known.
@@ -95,8 +95,8 @@ fn best_shapes(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> T
         };
         let active: Vec<usize> = best.fit.active.iter().enumerate().map(other).collect();
         if active != best.fit.active {
-            let trial = judged(problem.weighted(&best), active, None);
-            if trial.loss.order(&best.loss).is_lt() {
+            let trial = judged(problem.under(&best), active, None);
+            if problem.under(&best).is_lower(&trial, &best) {
                 best = trial;
             }
         }
@@ -118,7 +118,7 @@ fn step(
         values: problem.indices(effects).len(),
         cross_validated: best.error,
         without: without.error,
-        p: problem.loss_reduction(without, best).p,
+        p: problem.under(best).reduction(without, best).p,
         refined: true,
         kept,
     }
@@ -131,21 +131,21 @@ fn sweep(
     n_known: usize,
     n_tried: usize,
 ) -> (Trial<Signals>, Vec<SelectionStep>) {
-    let weighted = problem.weighted(&start);
-    let mut model = Factored::new(weighted, start.fit.active.clone());
+    let under = problem.under(&start);
+    let mut model = Factored::new(under, start.fit.active.clone());
     let mut n_left = start.fit.active.len() - n_known;
-    let loss = |&k: &usize| (model.without(&[k]).loss, k);
-    let mut order: Vec<_> = start.fit.active[n_known..].par_iter().map(loss).collect();
-    order.sort_by(|a, b| a.0.order(&b.0));
+    let missed = |&k: &usize| (k, under.gain(&model.without(&[k]), &start));
+    let mut order: Vec<(usize, f64)> = start.fit.active[n_known..].par_iter().map(missed).collect();
+    order.sort_by(|(_, a), (_, b)| a.total_cmp(b));
     let (mut best, mut path) = (start.clone(), Vec::new());
-    for (_, effect) in order {
+    for (effect, _) in order {
         let without = model.without(&[effect]);
-        let kept = problem.loss_reduction(&without, &best).p <= FALSE_SHARE * n_left as f64 / n_tried as f64;
+        let kept = under.reduction(&without, &best).p <= FALSE_SHARE * n_left as f64 / n_tried as f64;
         path.push(step(problem, &[effect], &best, &without, kept));
         if !kept {
             best = without;
             n_left -= 1;
-            model = Factored::new(weighted, best.fit.active.clone());
+            model = Factored::new(under, best.fit.active.clone());
         }
     }
     (best, path)

@@ -12,13 +12,13 @@ use rayon::prelude::{
     IndexedParallelIterator as _, IntoParallelIterator as _, IntoParallelRefIterator as _, ParallelIterator as _,
 };
 
-use super::problem::Trial;
-use super::signals::{Fit, Signals, System, Weighted};
+use super::problem::{Trial, Under};
+use super::signals::{Fit, Signals, System};
 
 /// A model, factorised under a weighting.
 pub(crate) struct Factored<'a> {
     /// The problem under the weighting.
-    pub(crate) weighted: Weighted<'a>,
+    pub(crate) weighted: Under<'a, Signals>,
     /// Its candidates.
     pub(crate) active: Vec<usize>,
     indices: Vec<usize>,
@@ -36,7 +36,7 @@ struct Part {
 }
 
 /// The model with these candidates, fitted and cross-validated.
-pub(crate) fn judged(weighted: Weighted, active: Vec<usize>, effect: Option<usize>) -> Trial<Signals> {
+pub(crate) fn judged(weighted: Under<Signals>, active: Vec<usize>, effect: Option<usize>) -> Trial<Signals> {
     Factored::new(weighted, active).trial(effect)
 }
 
@@ -69,7 +69,7 @@ impl Part {
 
 impl<'a> Factored<'a> {
     /// The model with these candidates.
-    pub(crate) fn new(weighted: Weighted<'a>, active: Vec<usize>) -> Self {
+    pub(crate) fn new(weighted: Under<'a, Signals>, active: Vec<usize>) -> Self {
         let indices = weighted.problem.indices(&active);
         let parts = weighted.weighting.systems.par_iter().map(|system| Part::new(system, &indices)).collect();
         Self { weighted, active, indices, parts }

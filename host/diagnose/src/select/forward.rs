@@ -105,15 +105,14 @@ pub fn forward_selection<P: RegressionProblem>(
 
 /// The best candidates beside the effects of `current`, fitted in full, the best first.
 fn try_candidates<P: RegressionProblem>(problem: &P, current: &Trial<P>, step: usize) -> Result<Tried<P>, P::Error> {
-    let mut screened = problem.neighbours(current).with_one_more()?;
-    screened.sort_by(|a, b| a.loss.order(&b.loss));
+    let under = problem.under(current);
+    let screened = under.sorted(problem.neighbours(current).with_one_more()?);
     let n_tried = screened.len() as f64;
-    let chance = |trial: &Trial<P>| (problem.loss_reduction(current, trial).p * n_tried).min(1.0);
+    let chance = |trial: &Trial<P>| (under.reduction(current, trial).p * n_tried).min(1.0);
     let promising = screened.iter().filter(|trial| chance(trial) < 1.0);
     // A candidate that leaves the arm without a pose somewhere is dropped, and the next one is fitted.
-    let mut refitted: Vec<Trial<P>> =
-        promising.filter_map(|trial| problem.refitted(trial).ok()).take(MAX_REFITTED).collect();
-    refitted.sort_by(|a, b| a.loss.order(&b.loss));
+    let refitted = promising.filter_map(|trial| problem.refitted(trial).ok()).take(MAX_REFITTED).collect();
+    let refitted = under.sorted(refitted);
     let all = refitted.iter().map(|trial| (trial, true)).chain(screened.iter().map(|trial| (trial, false)));
     let selection_step = |(trial, refined): (&Trial<P>, bool)| {
         Some(SelectionStep {
@@ -161,19 +160,19 @@ fn first_significant<P: RegressionProblem>(
 
 /// Whether an effect, one of `n_tried`, predicts rows that it was not fitted to.
 fn is_significant<P: RegressionProblem>(problem: &P, without: &Trial<P>, with: &Trial<P>, n_tried: usize) -> bool {
-    problem.loss_reduction(without, with).p * (n_tried as f64) < DISCOVERY_LEVEL
+    problem.under(without).reduction(without, with).p * (n_tried as f64) < DISCOVERY_LEVEL
 }
 
 /// The best model in which one selected effect is exchanged for another, where that predicts unseen rows better.
 fn exchanged<P: RegressionProblem>(problem: &P, best: &Trial<P>, n_known: usize) -> Result<Option<Trial<P>>, P::Error> {
-    let neighbours = problem.neighbours(best);
+    let (neighbours, under) = (problem.neighbours(best), problem.under(best));
     let mut better: Option<Trial<P>> = None;
     for effect in n_known..problem.n_effects(&best.fit) {
         let without = neighbours.with_one_less(effect)?;
-        let tried = problem.neighbours(&without).with_one_more()?.into_iter().min_by(|a, b| a.loss.order(&b.loss));
+        let tried = under.lowest(problem.neighbours(&without).with_one_more()?.into_iter(), |trial| trial);
         let Some(tried) = tried.and_then(|trial| problem.refitted(&trial).ok()) else { continue };
-        let lowest = better.as_ref().map_or(&best.loss, |better| &better.loss);
-        if tried.loss.below(lowest) > MIN_GAIN && problem.loss_reduction(best, &tried).p < RIVAL_LEVEL {
+        let gain = under.gain(better.as_ref().unwrap_or(best), &tried);
+        if gain > MIN_GAIN && under.reduction(best, &tried).p < RIVAL_LEVEL {
             better = Some(tried);
         }
     }
@@ -196,7 +195,7 @@ fn without_superfluous<P: RegressionProblem>(
     for dropped in n_known..n - 1 {
         let without = neighbours.with_one_less(dropped)?;
         let is_missed = match problem.policy().laws_overlap {
-            true => problem.loss_reduction(&without, best).p <= RIVAL_LEVEL,
+            true => problem.under(best).reduction(&without, best).p <= RIVAL_LEVEL,
             false => is_significant(problem, &without, best, n_tried),
         };
         if !is_missed {
@@ -226,7 +225,7 @@ pub fn rivals<P: RegressionProblem>(
         }
     };
     let judged = rivals.into_iter().map(|rival| {
-        let as_good = problem.loss_reduction(&rival, best).p;
+        let as_good = problem.under(best).reduction(&rival, best).p;
         (rival, as_good)
     });
     Ok(judged.filter(|(_, as_good)| *as_good > RIVAL_LEVEL).map(|(rival, p)| (rival, 1.0 - p)).collect())

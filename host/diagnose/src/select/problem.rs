@@ -3,7 +3,6 @@
 //! The selection does not know what was measured. A problem is a set of tool poses ([`tool_pose`](super::tool_pose)) or a
 //! set of signals whose residuals are linear in what may be missing, near the model ([`signals`](super::signals)).
 
-use std::cmp::Ordering;
 use std::fmt::Debug;
 use std::sync::Arc;
 
@@ -53,7 +52,7 @@ pub trait RegressionProblem: Sized {
     type Effect: Clone + Debug;
     /// A model with effects in it, fitted to all training rows.
     type Fit: Clone + Debug;
-    /// How rows and axes are weighted: losses are comparable under one weighting only.
+    /// How rows and axes count, where that depends on the model; `()` where the problem gives it.
     type Weighting: Debug;
     /// A model from which those with one effect more or less are computed.
     type Neighbours<'a>: Neighbours<Self>
@@ -91,8 +90,16 @@ pub trait RegressionProblem: Sized {
     /// The model cannot predict a row.
     fn refitted(&self, trial: &Trial<Self>) -> Result<Trial<Self>, Self::Error>;
 
-    /// By how much one model predicts rows that its fit has not seen better than another does.
-    fn loss_reduction(&self, before: &Trial<Self>, after: &Trial<Self>) -> LossReduction;
+    /// The loss of residuals of rows that no fit has seen, in their units, under a weighting.
+    fn loss(&self, weighting: &Self::Weighting, predicted: &[f64]) -> Loss;
+
+    /// By how much the residuals `after` of rows that no fit has seen are less than those `before`.
+    fn loss_reduction(&self, weighting: &Self::Weighting, before: &[f64], after: &[f64]) -> LossReduction;
+
+    /// The problem under the weighting of a model.
+    fn under<'a>(&'a self, model: &'a Trial<Self>) -> Under<'a, Self> {
+        Under { problem: self, weighting: &model.weighting }
+    }
 }
 
 /// The models around one model.
@@ -119,10 +126,10 @@ pub struct Trial<P: RegressionProblem> {
     pub effect: Option<P::Effect>,
     /// The model with it.
     pub fit: P::Fit,
-    /// Cross-validated residuals, in units of the noise.
+    /// Cross-validated residuals.
     pub predicted: Vec<f64>,
-    /// Their loss.
-    pub loss: Loss<P::Weighting>,
+    /// How rows and axes counted in its fit.
+    pub weighting: Arc<P::Weighting>,
     /// Cross-validated error, root mean square, in the unit of the problem's norm.
     pub error: f64,
 }
@@ -133,60 +140,70 @@ impl<P: RegressionProblem> Clone for Trial<P> {
             effect: self.effect.clone(),
             fit: self.fit.clone(),
             predicted: self.predicted.clone(),
-            loss: self.loss.clone(),
+            weighting: Arc::clone(&self.weighting),
             error: self.error,
         }
     }
 }
 
-impl<P: RegressionProblem> Trial<P> {
-    /// The weighting that the loss was computed under.
-    pub fn weighting(&self) -> &Arc<P::Weighting> {
-        &self.loss.weighting
+/// A loss. It has no order: only [`Under`] one weighting are losses compared.
+#[derive(Clone, Copy, Debug)]
+pub struct Loss(f64);
+
+impl Loss {
+    /// A loss of this size.
+    pub fn new(size: f64) -> Self {
+        Self(size)
     }
 }
 
-/// A loss under a weighting. Losses under different weightings have no order.
+/// A problem under one weighting: models are compared under it, whatever weighting they were fitted under.
 #[derive(Debug)]
-pub struct Loss<W> {
-    value: f64,
-    weighting: Arc<W>,
+pub struct Under<'a, P: RegressionProblem> {
+    /// The problem.
+    pub problem: &'a P,
+    /// The weighting.
+    pub weighting: &'a Arc<P::Weighting>,
 }
 
-impl<W> Clone for Loss<W> {
+impl<P: RegressionProblem> Clone for Under<'_, P> {
     fn clone(&self) -> Self {
-        Self { value: self.value, weighting: Arc::clone(&self.weighting) }
+        *self
     }
 }
 
-impl<W> Loss<W> {
-    /// A loss under this weighting.
-    pub fn new(value: f64, weighting: &Arc<W>) -> Self {
-        Self { value, weighting: Arc::clone(weighting) }
+impl<P: RegressionProblem> Copy for Under<'_, P> {}
+
+impl<P: RegressionProblem> Under<'_, P> {
+    fn loss(&self, trial: &Trial<P>) -> f64 {
+        self.problem.loss(self.weighting, &trial.predicted).0
     }
 
-    /// The same loss under a weighting that differs by no more than its tolerance.
-    pub fn under(self, weighting: &Arc<W>) -> Self {
-        Self { weighting: Arc::clone(weighting), ..self }
+    /// Whether one model's loss is lower than another's.
+    pub fn is_lower(&self, one: &Trial<P>, other: &Trial<P>) -> bool {
+        self.loss(one) < self.loss(other)
     }
 
-    /// Which of two losses under the same weighting is lower.
-    ///
-    /// # Panics
-    ///
-    /// The weightings differ.
-    pub fn order(&self, other: &Self) -> Ordering {
-        assert!(Arc::ptr_eq(&self.weighting, &other.weighting), "losses under different weightings are compared");
-        self.value.total_cmp(&other.value)
+    /// By how much the loss of the model `after` is lower than that of the model `before`.
+    pub fn gain(&self, before: &Trial<P>, after: &Trial<P>) -> f64 {
+        self.loss(before) - self.loss(after)
     }
 
-    /// By how much this loss is lower than another under the same weighting.
-    ///
-    /// # Panics
-    ///
-    /// The two losses are under different weightings.
-    pub fn below(&self, other: &Self) -> f64 {
-        assert!(Arc::ptr_eq(&self.weighting, &other.weighting), "losses under different weightings are compared");
-        other.value - self.value
+    /// The models with the lowest loss first.
+    pub fn sorted(&self, trials: Vec<Trial<P>>) -> Vec<Trial<P>> {
+        let mut losses: Vec<(f64, Trial<P>)> = trials.into_iter().map(|trial| (self.loss(&trial), trial)).collect();
+        losses.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        losses.into_iter().map(|(_, trial)| trial).collect()
+    }
+
+    /// The element whose model has the lowest loss.
+    pub fn lowest<T>(&self, trials: impl Iterator<Item = T>, trial: impl Fn(&T) -> &Trial<P>) -> Option<T> {
+        let losses = trials.map(|element| (self.loss(trial(&element)), element));
+        losses.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, element)| element)
+    }
+
+    /// By how much one model predicts rows that its fit has not seen better than another does.
+    pub fn reduction(&self, before: &Trial<P>, after: &Trial<P>) -> LossReduction {
+        self.problem.loss_reduction(self.weighting, &before.predicted, &after.predicted)
     }
 }

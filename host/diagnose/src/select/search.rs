@@ -25,8 +25,8 @@ pub fn select(problem: &Signals, known: Vec<usize>) -> (Trial<Signals>, Vec<Sele
 fn sparse_or_full(problem: &Signals, start: &Trial<Signals>) -> (Trial<Signals>, Vec<SelectionStep>) {
     let Ok(sparse) = forward_selection(problem, start.clone(), Vec::new());
     let (full, path) = all_laws(problem, start);
-    let sparse_best = judged(problem.weighted(&full), sparse.best.fit.active, None);
-    if problem.loss_reduction(&sparse_best, &full).p > RIVAL_LEVEL {
+    let sparse_best = judged(problem.under(&full), sparse.best.fit.active, None);
+    if problem.under(&full).reduction(&sparse_best, &full).p > RIVAL_LEVEL {
         return (sparse_best, sparse.path);
     }
     (full, path)
@@ -36,7 +36,7 @@ fn sparse_or_full(problem: &Signals, start: &Trial<Signals>) -> (Trial<Signals>,
 fn forward_and_backward(problem: &Signals, start: &Trial<Signals>) -> (Trial<Signals>, Vec<SelectionStep>) {
     let Ok(grown) = forward_selection(problem, start.clone(), Vec::new());
     let (left, path) = backward_elimination(problem, start);
-    let grown_best = judged(problem.weighted(&left), grown.best.fit.active, None);
+    let grown_best = judged(problem.under(&left), grown.best.fit.active, None);
     if smaller_if_as_good(problem, &grown_best, &left).fit.active != left.fit.active {
         return (grown_best, grown.path);
     }

@@ -4,9 +4,8 @@ use std::convert::Infallible;
 use std::sync::Arc;
 
 use super::factored::Factored;
-use super::problem::{CandidateName, Neighbours, Policy, RegressionProblem, Trial};
-use super::robust_fit::losses;
-use super::signals::{Fit, Signals, Weighted, Weighting, in_noise};
+use super::problem::{CandidateName, Loss, Neighbours, Policy, RegressionProblem, Trial, Under};
+use super::signals::{Fit, Signals, Weighting, in_noise};
 use super::significance::{LossReduction, paired_t_test};
 
 /// The most effects of one model.
@@ -93,27 +92,27 @@ impl RegressionProblem for Signals {
             let is_same = |(now, before): (&f64, &f64)| (now / before - 1.0).abs() < NOISE_REL_TOL;
             if round >= MIN_ROUNDS && sigma.iter().zip(&before).all(is_same) {
                 // The equations are those of the round before, the noise is the last one: they differ by the tolerance.
-                let last = best.weighting();
-                let weighting = Arc::new(Weighting {
+                let last = &best.weighting;
+                best.weighting = Arc::new(Weighting {
                     autocorrelation_time: self.groups.autocorrelation_time(&residuals, sigma.len()),
                     sigma,
+                    has_converged: true,
                     linearised,
                     systems: Arc::clone(&last.systems),
                     sums: Arc::clone(&last.sums),
                 });
-                best.loss = best.loss.under(&weighting);
                 return Ok(best);
             }
             before.clone_from(&sigma);
             let weighting = Arc::new(self.weigh(&residuals, sigma, linearised));
-            let weighted = Weighted { problem: self, weighting: &weighting };
-            best = Factored::new(weighted, best.fit.active).trial(best.effect);
+            let under = Under { problem: self, weighting: &weighting };
+            best = Factored::new(under, best.fit.active).trial(best.effect);
         }
         Ok(best)
     }
 
     fn neighbours<'a>(&'a self, model: &'a Trial<Self>) -> Around<'a> {
-        Around { factored: Factored::new(self.weighted(model), model.fit.active.clone()), fit: &model.fit }
+        Around { factored: Factored::new(self.under(model), model.fit.active.clone()), fit: &model.fit }
     }
 
     /// A linear fit is a full one.
@@ -121,10 +120,14 @@ impl RegressionProblem for Signals {
         Ok(trial.clone())
     }
 
-    fn loss_reduction(&self, before: &Trial<Self>, after: &Trial<Self>) -> LossReduction {
+    fn loss(&self, weighting: &Weighting, predicted: &[f64]) -> Loss {
+        Loss::new(weighting.losses(predicted).iter().sum())
+    }
+
+    fn loss_reduction(&self, weighting: &Weighting, before: &[f64], after: &[f64]) -> LossReduction {
         let n_axes = self.experiment.axes.len();
         let mut cells = vec![[0.0; 2]; self.groups.n_blocks * n_axes];
-        let pairs = losses(&before.predicted, 1).into_iter().zip(losses(&after.predicted, 1));
+        let pairs = weighting.losses(before).into_iter().zip(weighting.losses(after));
         let is_own = |(k, _): &(usize, _)| self.experiment.axes[k % n_axes].proves();
         for (k, (before, after)) in pairs.enumerate().filter(is_own) {
             let cell = &mut cells[self.groups.blocks[k / n_axes] * n_axes + k % n_axes];

@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::{IntoParallelIterator as _, IntoParallelRefIterator as _, ParallelIterator as _};
 
 use super::columns::Columns;
-use super::problem::{Loss, Trial};
+use super::problem::{Trial, Under};
 use super::robust_fit::{losses, weights};
 use crate::effect::Law;
 use crate::linearise::experiment::{Candidate, Experiment};
@@ -70,6 +70,8 @@ pub struct Weighting {
     pub sigma: Vec<f64>,
     /// Autocorrelation time of the residuals, rows.
     pub autocorrelation_time: f64,
+    /// Whether noise and weights are those of the residuals that they give.
+    pub has_converged: bool,
     pub(super) linearised: Arc<Linearised>,
     /// All normal equations: without each fold, then of all rows.
     pub(super) systems: Arc<Vec<System>>,
@@ -86,6 +88,13 @@ pub(super) struct System {
     pub(super) gradient: DVector<f64>,
     /// What x is multiplied by to be in the values' units.
     pub(super) scale: DVector<f64>,
+}
+
+impl Weighting {
+    /// The loss of each residual of rows × axes.
+    pub(super) fn losses(&self, residuals: &[f64]) -> Vec<f64> {
+        losses(&in_noise(residuals.to_vec(), &self.sigma), 1)
+    }
 }
 
 impl System {
@@ -125,17 +134,12 @@ impl Signals {
         let weighting = Arc::new(Weighting {
             sigma: vec![1.0; self.experiment.axes.len()],
             autocorrelation_time: 1.0,
+            has_converged: false,
             linearised: Arc::clone(&self.linearised),
             systems: Arc::default(),
             sums: Arc::new(DMatrix::zeros(0, 0)),
         });
-        let loss = Loss::new(f64::INFINITY, &weighting);
-        Trial { effect: None, fit, predicted: Vec::new(), loss, error: f64::INFINITY }
-    }
-
-    /// The problem under the weighting of a trial.
-    pub fn weighted<'a>(&'a self, trial: &'a Trial<Self>) -> Weighted<'a> {
-        Weighted { problem: self, weighting: trial.weighting() }
+        Trial { effect: None, fit, predicted: Vec::new(), weighting, error: f64::INFINITY }
     }
 
     /// The numbers of the values of these candidates among all values.
@@ -145,6 +149,19 @@ impl Signals {
             first..first + self.experiment.candidates[candidate].values.len()
         };
         active.iter().flat_map(of).collect()
+    }
+
+    /// Residuals of the training rows, of a model.
+    pub(crate) fn training_residuals(&self, fit: &Fit) -> Vec<f64> {
+        training(&self.groups, self.experiment.axes.len(), &self.experiment.at(&fit.values))
+    }
+
+    /// Root mean square of the norm of residuals, in its unit.
+    fn norm(&self, residuals: &[f64]) -> f64 {
+        let (n_axes, n_norm) = (self.experiment.axes.len(), self.experiment.n_norm);
+        let square = |row: &[f64]| row.iter().take(n_norm).map(|r| r * r).sum::<f64>();
+        let rows = (residuals.len() / n_axes).max(1) as f64;
+        (residuals.chunks(n_axes).map(square).sum::<f64>() / rows).sqrt()
     }
 
     /// Residuals of the training rows at these values, in their units, and the columns there.
@@ -198,7 +215,14 @@ impl Signals {
         let mut systems: Vec<System> =
             folds.par_iter().map(|fold| self.system(&all - fold, autocorrelation_time)).collect();
         systems.push(self.system(all.clone(), autocorrelation_time));
-        Weighting { sigma, autocorrelation_time, linearised, systems: Arc::new(systems), sums: Arc::new(all) }
+        Weighting {
+            sigma,
+            autocorrelation_time,
+            has_converged: false,
+            linearised,
+            systems: Arc::new(systems),
+            sums: Arc::new(all),
+        }
     }
 
     fn system(&self, mut sums: DMatrix<f64>, autocorrelation_time: f64) -> System {
@@ -214,25 +238,15 @@ impl Signals {
     }
 }
 
-/// A problem under a weighting.
-#[derive(Clone, Copy)]
-pub struct Weighted<'a> {
-    /// The problem.
-    pub problem: &'a Signals,
-    /// The weighting.
-    pub weighting: &'a Arc<Weighting>,
-}
-
-impl Weighted<'_> {
+impl Under<'_, Signals> {
     /// Residuals of the training rows in units of the noise, of a model.
     pub fn training_residuals(&self, fit: &Fit) -> Vec<f64> {
-        let all = self.problem.experiment.at(&fit.values);
-        self.in_noise(training(&self.problem.groups, self.weighting.sigma.len(), &all))
+        in_noise(self.problem.training_residuals(fit), &self.weighting.sigma)
     }
 
     /// Column of a value over the training rows, in units of the noise.
     pub fn column(&self, value: usize) -> Vec<f64> {
-        self.in_noise(self.weighting.linearised.columns.column(value))
+        in_noise(self.weighting.linearised.columns.column(value), &self.weighting.sigma)
     }
 
     /// Information of these values: of independent rows, and of the priors.
@@ -255,14 +269,13 @@ impl Weighted<'_> {
         let mut predicted = vec![0.0; zero.len()];
         moved.iter().enumerate().for_each(|(fold, moved)| columns.put(fold, moved, &mut predicted));
         predicted.iter_mut().zip(zero).for_each(|(moved, zero)| *moved += zero);
-        self.predicting(fit, effect, self.in_noise(predicted))
+        self.predicting(fit, effect, predicted)
     }
 
-    /// A model that predicts these residuals, in units of the noise.
+    /// A model that leaves these residuals of the training rows.
     pub(crate) fn predicting(&self, fit: Fit, effect: Option<usize>, predicted: Vec<f64>) -> Trial<Signals> {
-        let loss = Loss::new(losses(&predicted, 1).iter().sum(), self.weighting);
-        let error = self.norm(&predicted);
-        Trial { effect, fit, predicted, loss, error }
+        let error = self.problem.norm(&predicted);
+        Trial { effect, fit, predicted, weighting: Arc::clone(self.weighting), error }
     }
 
     /// The values of a model that fit all training rows best.
@@ -272,18 +285,6 @@ impl Weighted<'_> {
         let mut values = vec![0.0; self.problem.n_values];
         indices.iter().zip(solve(information, &gradient).iter()).for_each(|(&index, value)| values[index] = -value);
         Fit { active, values }
-    }
-
-    /// Root mean square of the norm of scaled residuals, in its unit.
-    pub fn norm(&self, scaled: &[f64]) -> f64 {
-        let (sigma, n_norm) = (&self.weighting.sigma, self.problem.experiment.n_norm);
-        let square = |row: &[f64]| row.iter().zip(sigma).take(n_norm).map(|(r, s)| (r * s).powi(2)).sum::<f64>();
-        let rows = (scaled.len() / sigma.len()).max(1) as f64;
-        (scaled.chunks(sigma.len()).map(square).sum::<f64>() / rows).sqrt()
-    }
-
-    fn in_noise(&self, numbers: Vec<f64>) -> Vec<f64> {
-        in_noise(numbers, &self.weighting.sigma)
     }
 }
 

@@ -27,8 +27,8 @@ pub const RIVAL_LEVEL: f64 = 0.05;
 pub struct LossReduction {
     /// Σ w·(|before|² − |after|²).
     pub sum: f64,
-    /// Its standard error, by the noise in `after`.
-    pub error: f64,
+    /// Its standard error, by the noise in `after`; `None` of a test that needs none.
+    pub error: Option<f64>,
     /// Degrees of freedom that the test rests on.
     pub dof: f64,
     /// Chance of at least this reduction where there is none.
@@ -62,10 +62,10 @@ pub fn clustered_t_test(before: &[f64], after: &[f64], groups: &[usize]) -> Loss
         of_groups.values().fold([0.0; 2], |[sum, squares], [_, change]| [sum + change, squares + change * change]);
     let dof = changes * changes / squares - 1.0;
     if error == 0.0 || dof.is_nan() || dof <= 0.0 {
-        return LossReduction { sum, error, dof, p: if sum > 0.0 && dof > 0.0 { 0.0 } else { 1.0 } };
+        return LossReduction { sum, error: Some(error), dof, p: if sum > 0.0 && dof > 0.0 { 0.0 } else { 1.0 } };
     }
     let p = StudentsT::new(0.0, 1.0, dof).map_or(1.0, |t| t.sf(sum / error));
-    LossReduction { sum, error, dof, p }
+    LossReduction { sum, error: Some(error), dof, p }
 }
 
 /// The same by the losses of each group before and after: t over the groups' falls and over their relative falls, which
@@ -80,9 +80,14 @@ pub fn paired_t_test(losses: &[[f64; 2]]) -> LossReduction {
         losses.iter().map(|[before, after]| (before - after) / (before + after).max(f64::MIN_POSITIVE)).collect();
     let absolute: Vec<f64> = losses.iter().map(|[before, after]| before - after).collect();
     if losses.len() < 2 || !sum.is_finite() || sum <= 0.0 {
-        return LossReduction { sum, error: 0.0, dof, p: 1.0 };
+        return LossReduction { sum, error: None, dof, p: 1.0 };
     }
-    LossReduction { sum, error: 0.0, dof, p: (2.0 * chance_of_mean(&relative).min(chance_of_mean(&absolute))).min(1.0) }
+    LossReduction {
+        sum,
+        error: None,
+        dof,
+        p: (2.0 * chance_of_mean(&relative).min(chance_of_mean(&absolute))).min(1.0),
+    }
 }
 
 /// Chance that the mean of these numbers is as far above zero where that of all such numbers is not: t, one-sided; 1 of fewer
@@ -156,7 +161,7 @@ mod tests {
     fn a_fall_to_nothing_is_certain() {
         assert_eq!(
             clustered_t_test(&[1.0, 2.0], &[0.0, 0.0], &[0, 1]),
-            LossReduction { sum: 5.0, error: 0.0, dof: 25.0 / 17.0 - 1.0, p: 0.0 }
+            LossReduction { sum: 5.0, error: Some(0.0), dof: 25.0 / 17.0 - 1.0, p: 0.0 }
         );
     }
 
@@ -173,7 +178,7 @@ mod tests {
             before[..n].fill(6.0);
             clustered_t_test(&before, &after, &groups)
         };
-        assert_eq!((fall(1).sum, fall(1).error, fall(1).p), (35.0, 10.0, 1.0));
+        assert_eq!((fall(1).sum, fall(1).error, fall(1).p), (35.0, Some(10.0), 1.0));
         // t = 35·4/(10·√4) = 7 with 3 degrees of freedom.
         assert!((fall(4).p - 0.003).abs() < 5e-4, "{}", fall(4).p);
     }

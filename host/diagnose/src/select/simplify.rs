@@ -30,10 +30,11 @@ pub(super) fn smaller_if_as_good<'t>(
     a: &'t Trial<Signals>,
     b: &'t Trial<Signals>,
 ) -> &'t Trial<Signals> {
-    let (low, high) = if b.loss.order(&a.loss).is_lt() { (b, a) } else { (a, b) };
+    let under = problem.under(a);
+    let (low, high) = if under.is_lower(b, a) { (b, a) } else { (a, b) };
     let is_smaller = problem.n_values(&high.fit) < problem.n_values(&low.fit);
     let is_free = |fit: &Fit| !fit.active.iter().any(|&k| problem.experiment.candidates[k].has_prior());
-    if is_smaller && is_free(&low.fit) && problem.loss_reduction(high, low).p > RIVAL_LEVEL { high } else { low }
+    if is_smaller && is_free(&low.fit) && under.reduction(high, low).p > RIVAL_LEVEL { high } else { low }
 }
 
 /// The model with sets of effects replaced by one that does as well; the first `n_known` stay.
@@ -49,7 +50,7 @@ pub(super) fn simplified(problem: &Signals, mut best: Trial<Signals>, n_known: u
 
 /// The candidates that a model spans already with several of its effects together, with another law or elsewhere.
 fn spanned_by_active(problem: &Signals, best: &Trial<Signals>) -> Vec<usize> {
-    let (weighted, active) = (problem.weighted(best), &best.fit.active);
+    let (weighted, active) = (problem.under(best), &best.fit.active);
     let inside = problem.indices(active);
     let root = weighted.information(&inside).cholesky();
     let candidates = &problem.experiment.candidates;
@@ -72,22 +73,22 @@ fn spanned_by_active(problem: &Signals, best: &Trial<Signals>) -> Vec<usize> {
 
 /// The model with one more effect, and without those that are not missed then; `None` where it is not smaller or worse.
 fn replaced(problem: &Signals, best: &Trial<Signals>, n_known: usize, other: usize) -> Option<Trial<Signals>> {
-    let (weighted, mut active) = (problem.weighted(best), best.fit.active.clone());
+    let (weighted, mut active) = (problem.under(best), best.fit.active.clone());
     active.push(other);
     let mut model = Factored::new(weighted, active);
     let mut now = model.trial(best.effect);
     loop {
         let own = &now.fit.active;
         let open = own[n_known..].iter().filter(|&&k| k != other);
-        let tried = open.map(|&k| model.without(&[k])).min_by(|a, b| a.loss.order(&b.loss));
-        let Some(without) = tried.filter(|without| problem.loss_reduction(without, &now).p > RIVAL_LEVEL) else {
+        let tried = weighted.lowest(open.map(|&k| model.without(&[k])), |trial| trial);
+        let Some(without) = tried.filter(|without| weighted.reduction(without, &now).p > RIVAL_LEVEL) else {
             break;
         };
         model = Factored::new(weighted, without.fit.active);
         now = model.trial(best.effect);
     }
     let is_smaller = problem.n_values(&now.fit) < problem.n_values(&best.fit);
-    (is_smaller && problem.loss_reduction(&now, best).p > RIVAL_LEVEL).then_some(now)
+    (is_smaller && weighted.reduction(&now, best).p > RIVAL_LEVEL).then_some(now)
 }
 
 /// Of all effects of a model whether each is only a surrogate of others at its place; the first `n_known` are named anyway.
@@ -99,7 +100,7 @@ pub(crate) fn surrogates(problem: &Signals, best: &Trial<Signals>, n_known: usiz
     let sizes: Vec<usize> = active.iter().map(|&k| candidates[k].values.len()).collect();
     let first = |order: usize| sizes[..order].iter().sum::<usize>();
     let indices = problem.indices(active);
-    let information = problem.weighted(best).information(&indices);
+    let information = problem.under(best).information(&indices);
     let inverse = pseudo_inverse(&information);
     let taken = |orders: &[usize]| {
         let at: Vec<usize> = orders.iter().flat_map(|&order| first(order)..first(order) + sizes[order]).collect();

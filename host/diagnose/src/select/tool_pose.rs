@@ -34,7 +34,6 @@ pub struct ToolPoses {
     pub heldout: Observations,
     /// The fold of each training row.
     pub folds: Vec<usize>,
-    weighting: Arc<Noise>,
 }
 
 /// The values of all effects of a model.
@@ -46,8 +45,7 @@ pub fn values(model: &ArmModel) -> Vec<Value> {
 impl ToolPoses {
     /// Training rows with their folds, and held-out rows, both in units of the same noise.
     pub fn new(training: Observations, heldout: Observations, folds: Vec<usize>) -> Self {
-        let weighting = Arc::new(training.sigma);
-        Self { training, heldout, folds, weighting }
+        Self { training, heldout, folds }
     }
 
     /// The same rows in units of another noise.
@@ -154,7 +152,7 @@ impl ToolPoses {
     /// Held-out rows which the effects change by too little to show it, or in a single word, do not veto what the others show,
     /// unless the error rises there.
     pub(crate) fn held_out_falls(&self, before: &Trial<Self>, after: &Trial<Self>) -> Result<bool, NoPose> {
-        let falls_in_turn = self.loss_reduction(before, after).p < CONFIRMATION_LEVEL;
+        let falls_in_turn = self.under(before).reduction(before, after).p < CONFIRMATION_LEVEL;
         if self.heldout.rows.is_empty() {
             return Ok(falls_in_turn);
         }
@@ -164,17 +162,16 @@ impl ToolPoses {
         let fall = clustered_t_test(&before, &after, &self.heldout.groups());
         // An effect that is there lowers the sum by about the squares of what it changes.
         let change: f64 = before.iter().zip(&after).map(|(before, after)| (before - after).powi(2)).sum();
-        let cannot_show =
-            change < ERRORS_TO_SHOW * fall.error || fall.error == 0.0 || fall.dof.is_nan() || fall.dof < 1.0;
-        let rises = fall.sum < -fall.error;
+        let error = fall.error.unwrap_or(0.0);
+        let cannot_show = change < ERRORS_TO_SHOW * error || error == 0.0 || fall.dof.is_nan() || fall.dof < 1.0;
+        let rises = fall.sum < -error;
         Ok(fall.p < CONFIRMATION_LEVEL || cannot_show && falls_in_turn && !rises)
     }
 
     fn judged(&self, fit: Fit, effect: Option<Effect<f64>>, steps: &[change_point::Step]) -> Trial<Self> {
         let predicted = cross_validated(&fit.columns, &fit.residuals, &self.training, &self.folds, steps);
-        let loss = Loss::new(losses(&predicted, self.training.n_axes()).iter().sum(), &self.weighting);
         let error = root_mean_square(&self.training.distances_m(&predicted));
-        Trial { effect, fit, predicted, loss, error }
+        Trial { effect, fit, predicted, weighting: Arc::default(), error }
     }
 }
 
@@ -226,7 +223,7 @@ impl Neighbours<ToolPoses> for Around<'_> {
 impl RegressionProblem for ToolPoses {
     type Effect = Effect<f64>;
     type Fit = Fit;
-    type Weighting = Noise;
+    type Weighting = ();
     type Neighbours<'a> = Around<'a>;
     type Error = NoPose;
 
@@ -267,11 +264,15 @@ impl RegressionProblem for ToolPoses {
             return Ok(Trial { effect: trial.effect, ..refitted });
         };
         let again = self.fitted(&model)?;
-        let better = if again.loss.order(&refitted.loss).is_lt() { again } else { refitted };
+        let better = if self.under(&again).is_lower(&again, &refitted) { again } else { refitted };
         Ok(Trial { effect: better.fit.model.effects.last().copied(), ..better })
     }
 
-    fn loss_reduction(&self, before: &Trial<Self>, after: &Trial<Self>) -> LossReduction {
-        clustered_t_test(&before.predicted, &after.predicted, &self.training.groups())
+    fn loss(&self, (): &(), predicted: &[f64]) -> Loss {
+        Loss::new(losses(predicted, self.training.n_axes()).iter().sum())
+    }
+
+    fn loss_reduction(&self, (): &(), before: &[f64], after: &[f64]) -> LossReduction {
+        clustered_t_test(before, after, &self.training.groups())
     }
 }

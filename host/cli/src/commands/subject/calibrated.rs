@@ -19,7 +19,7 @@ pub(super) fn robot(path: &Path, locks: Locked) -> anyhow::Result<Option<Robot>>
     let Some((model, _)) = locks.read_model(path)? else { return Ok(None) };
     let shown = path.display();
     match model.what {
-        What::Closure(robot, Points { tool, .. }) | What::Tool(robot, MeasuredTool { tool, .. }) => {
+        What::PointContact(robot, Points { tool, .. }) | What::Tool(robot, MeasuredTool { tool, .. }) => {
             let calibrated = calibrated(&robot, tool.as_deref(), &model.effects);
             calibrated.map(Some).with_context(|| shown.to_string())
         }

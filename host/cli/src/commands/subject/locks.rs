@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use darm_core::actuator::JointKind;
-use darm_diagnose::correction::LockedJoint;
 use darm_diagnose::linearise::model::Model;
+use darm_diagnose::model_file::LockedJoint;
 use darm_robot::description;
 use darm_robot::robot::Robot;
 use darm_robot::urdf::Locks;

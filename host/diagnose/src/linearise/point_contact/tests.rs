@@ -66,7 +66,7 @@ fn table(robot: &Robot, fault: Fault, seed: u64) -> Table {
 /// What is reported of a fault: the laws, each with its place, and the verdict where it is another.
 fn reported(robot: &Robot, fault: Fault, pair: Option<(String, f64)>) -> String {
     let point = ["place", "socket"].map(String::from).to_vec();
-    let model = Model::from(What::Closure(robot.clone(), Points { point, pair, tool: Some("ball_link".into()) }));
+    let model = Model::from(What::PointContact(robot.clone(), Points { point, pair, tool: Some("ball_link".into()) }));
     let options = SignalOptions { preparation: Preparation::default(), always: Vec::new(), seed: 1 };
     let found = diagnose_table(&model, &table(robot, fault, SEED), &options).unwrap().diagnosis;
     // What turns or moves all points alike.

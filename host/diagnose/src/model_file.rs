@@ -1,0 +1,96 @@
+//! The file of a model of signals: what a correction is written to.
+
+use std::path::{Path, PathBuf};
+
+use crate::linearise::model::is_robot_file;
+use crate::linearise::model_effects::ModelEffect;
+use crate::linearise::model_error::ModelError;
+use crate::measured::Measured;
+
+/// A joint of a model that does not move: its name, and its position in deg or mm.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LockedJoint {
+    /// Its name.
+    pub name: String,
+    /// Whether it turns: the position is in deg, else in mm.
+    pub is_revolute: bool,
+    /// Its position, deg or mm.
+    pub position: f64,
+}
+
+/// The keys of a model's file, and where it lies.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ModelFile {
+    path: PathBuf,
+    keys: toml::Table,
+}
+
+impl ModelFile {
+    /// Reads the file of a model; of a robot's file the keys are those of a model of `kind` that names it.
+    ///
+    /// # Errors
+    ///
+    /// A file that cannot be read, or that is not TOML.
+    pub fn read(path: &Path, kind: Measured) -> Result<Self, ModelError> {
+        let keys = if is_robot_file(path) {
+            let observed = if kind == Measured::ContactWrench { "wrench" } else { "torque" };
+            let own = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let keys = [("kind", "robot".to_string()), ("urdf", own), ("observed", observed.into())];
+            keys.map(|(key, value)| (key.to_string(), toml::Value::String(value))).into_iter().collect()
+        } else {
+            let name = path.display().to_string();
+            let text = std::fs::read_to_string(path).map_err(|error| ModelError::Io(name.clone(), error))?;
+            text.parse().map_err(|error| ModelError::Toml(name, error))?
+        };
+        Ok(Self { path: path.into(), keys })
+    }
+
+    /// The model with joints locked besides those that its file locks.
+    #[must_use]
+    pub fn with_locked(mut self, locked: &[LockedJoint]) -> Self {
+        for joint in locked {
+            let key = if joint.is_revolute { "lock_deg" } else { "lock_mm" };
+            let locks = self.keys.entry(key).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+            if let Some(locks) = locks.as_table_mut() {
+                locks.insert(joint.name.clone(), toml::Value::Float(joint.position));
+            }
+        }
+        self
+    }
+
+    /// The next model: with these effects in place of its own.
+    #[must_use]
+    pub(crate) fn with_effects<'a>(&self, effects: impl Iterator<Item = &'a ModelEffect>) -> Self {
+        let mut next = self.clone();
+        let number = next.keys.get("number").and_then(toml::Value::as_integer).unwrap_or(0);
+        next.keys.insert("number".into(), toml::Value::Integer(number + 1));
+        let tables = effects.map(|effect| toml::Value::try_from(effect).expect("an effect is names and numbers"));
+        next.keys.insert("effect".into(), toml::Value::Array(tables.collect()));
+        next
+    }
+
+    /// Writes the file of the model; the robot's file that it names stays where it is.
+    ///
+    /// # Errors
+    ///
+    /// The robot's file is not there, or the output cannot be written.
+    pub fn write(&self, output: &Path) -> Result<(), ModelError> {
+        let mut keys = self.keys.clone();
+        if let Some(toml::Value::String(urdf)) = keys.get_mut("urdf")
+            && folder(&self.path) != folder(output)
+        {
+            let path = self.path.parent().unwrap_or(Path::new("")).join(&*urdf);
+            let absolute = path.canonicalize().map_err(|error| ModelError::Io(path.display().to_string(), error))?;
+            *urdf = absolute.display().to_string();
+        }
+        let name = output.display().to_string();
+        let text = toml::to_string(&keys).map_err(|error| ModelError::Value(name.clone(), error.to_string()))?;
+        std::fs::write(output, text).map_err(|error| ModelError::Io(name, error))
+    }
+}
+
+/// The folder of a file; none of one that is not there.
+fn folder(path: &Path) -> Option<PathBuf> {
+    let parent = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    parent.unwrap_or(Path::new(".")).canonicalize().ok()
+}
