@@ -8,7 +8,7 @@ use darm_diagnose::measurement_plan::{Options, Step, plan};
 
 use xtask::setup;
 
-/// Programmes that the seeds of an arm share.
+/// Measurement plans that the seeds of an arm share.
 const PLANS: usize = 4;
 /// Weights of the spatial arm, whose file has none: its plates and what it carries, kg.
 const PLATE_KG: f64 = 1.5;

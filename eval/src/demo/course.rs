@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use darm::report::ProgrammeFigures;
+use darm::report::PlanFigures;
 use darm_arm::arm::{Arm, frames, frames::DesiredFrame};
 use darm_arm::plan::Visit;
 use darm_arm::reach::best_words;
@@ -100,7 +100,7 @@ pub(crate) struct Course {
     /// The desired frames, with the servo angles that it found.
     pub(crate) wanted: Vec<DesiredFrame>,
     /// The measurement plan in numbers.
-    pub(crate) programme: ProgrammeFigures,
+    pub(crate) plan: PlanFigures,
     /// Errors at the desired frames before anything is known.
     pub(crate) before: FrameErrors,
     /// What the diagnosis says; it was made without a look at the truth.
@@ -159,10 +159,10 @@ pub(crate) fn run(
     stops.extend(
         steps
             .iter()
-            .map(|step| Stop { visit: visit(step.word, &step.servos_rad, "programme"), held_out: step.held_out }),
+            .map(|step| Stop { visit: visit(step.word, &step.servos_rad, "plan"), held_out: step.held_out }),
     );
     let measured = measure(&mut station, &arm, &truth, &stops)?;
-    let programme = figures(&steps, &measured);
+    let plan = figures(&steps, &measured);
     let (at_frames, run) = split(measured.run, n_frame_stops as u32);
     let before = errors(&arm, &wanted, &at_frames);
     keep("run.csv", Keep::Run(&run))?;
@@ -183,7 +183,7 @@ pub(crate) fn run(
         _ => None,
     };
     let sealed = truth.unseal().clone();
-    Ok(Course { synthesis, wanted, programme, before, diagnosis, sealed, closed, scatter_m: scatter_m(&arm) })
+    Ok(Course { synthesis, wanted, plan, before, diagnosis, sealed, closed, scatter_m: scatter_m(&arm) })
 }
 
 /// A result to keep.
@@ -252,11 +252,11 @@ fn frame_visits(frames: &[DesiredFrame]) -> Vec<Stop> {
 }
 
 /// What was measured, in numbers.
-fn figures(steps: &[Step], measured: &Measured) -> ProgrammeFigures {
+fn figures(steps: &[Step], measured: &Measured) -> PlanFigures {
     let words: BTreeSet<Word> = steps.iter().map(|step| step.word).collect();
     let held_out: BTreeSet<Word> = steps.iter().filter(|step| step.held_out).map(|step| step.word).collect();
     let repeats = steps.iter().filter(|step| step.repeat).count();
-    ProgrammeFigures {
+    PlanFigures {
         words: words.len(),
         held_out: held_out.len(),
         visits: (steps.len() - repeats) / words.len().max(1),
@@ -269,8 +269,8 @@ fn figures(steps: &[Step], measured: &Measured) -> ProgrammeFigures {
 
 /// The samples at the desired frames, and those of the measurement plan.
 fn split(run: Run, n_frame_stops: u32) -> (Run, Run) {
-    let (frames, programme) = run.samples.into_iter().partition(|sample| sample.visit < n_frame_stops);
-    (Run { samples: frames, ..Run::default() }, Run { samples: programme, ..Run::default() })
+    let (frames, plan) = run.samples.into_iter().partition(|sample| sample.visit < n_frame_stops);
+    (Run { samples: frames, ..Run::default() }, Run { samples: plan, ..Run::default() })
 }
 
 /// Distances of the measured poses from the desired ones; `run` holds the visits of [`frame_visits`].

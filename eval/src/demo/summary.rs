@@ -26,7 +26,7 @@ pub(super) fn report(task: &Task, course: Course, board: &str, time_s: f64) -> R
         synthesis: synthesis_figures(task, &course.synthesis)?,
         stops,
         closures: closures(&course),
-        programme: course.programme,
+        plan: course.plan,
         diagnosis: course.diagnosis,
         truth: Some(course.sealed),
         drawing,

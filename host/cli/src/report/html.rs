@@ -14,7 +14,7 @@ pub fn page(report: &LoopReport) -> Markup {
         (head(report))
         (figures(report))
         (synthesis(report))
-        (programme(report))
+        (measurement_plan(report))
         (diagnosis(report))
         (closing(report))
         footer { "darm " (report.version) " · seed " (report.seed) " · the same numbers are in report.json" }
@@ -131,8 +131,8 @@ fn paper_table(s: &SynthesisFigures) -> Markup {
     }
 }
 
-fn programme(report: &LoopReport) -> Markup {
-    let p = &report.programme;
+fn measurement_plan(report: &LoopReport) -> Markup {
+    let p = &report.plan;
     html! {
         section {
             h2 { "Measurement" }

@@ -51,7 +51,7 @@ pub struct LoopReport {
     pub synthesis: SynthesisFigures,
     /// The measurement plan.
     #[serde(rename = "measurement_plan")]
-    pub programme: ProgrammeFigures,
+    pub plan: PlanFigures,
     /// Result of the diagnosis.
     pub diagnosis: Diagnosis,
     /// Injected effect, revealed after the verdict; `None` for a real arm.
@@ -112,7 +112,7 @@ pub struct FrameFigure {
 
 /// Figures of a measurement plan.
 #[derive(Clone, Debug, Serialize)]
-pub struct ProgrammeFigures {
+pub struct PlanFigures {
     /// Different words.
     pub words: usize,
     /// Of these held out.

@@ -44,7 +44,7 @@ fn synthesis(report: &LoopReport, row: &mut impl FnMut(&str, String)) {
 }
 
 fn measurement_plan(report: &LoopReport) -> String {
-    let p = &report.programme;
+    let p = &report.plan;
     format!(
         "{} words, {} held out, {} rows with {} exact repeats, played in {:.0} s",
         p.words, p.held_out, p.rows, p.repeats, p.time_s

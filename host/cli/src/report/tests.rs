@@ -34,7 +34,7 @@ fn report() -> LoopReport {
         board: "no board".into(),
         time_s: 61.0,
         synthesis: synthesis_figures(&found),
-        programme: ProgrammeFigures {
+        plan: PlanFigures {
             words: 96,
             held_out: 24,
             visits: 3,

@@ -40,7 +40,7 @@ fn changing(time_s: f64) -> (f64, f64) {
     (5.5e5 + 1e4 * (time_s / 7.0).sin(), 303.0 + 5.0 * (time_s / 40.0).sin())
 }
 
-/// A programme measured on `arm` with these effects, 0.2 mm and 0.02° of noise.
+/// A measurement plan played on `arm` with these effects, 0.2 mm and 0.02° of noise.
 fn measured(arm: &Arm, effects: &[Effect<f64>], surroundings: Surroundings) -> Run {
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     let mut model = arm.model.clone();
