@@ -83,6 +83,33 @@ impl<T: Real> Drive<T> {
         }
     }
 
+    /// v and ω when the left and the right wheel turn at these speeds, rad/s.
+    pub fn velocity_of_speeds(&self, left_rad_s: T, right_rad_s: T) -> Velocity<T> {
+        let (left, right) = (left_rad_s * self.radius_m, right_rad_s * self.radius_m);
+        Velocity {
+            linear_m_s: (left + right) * real(0.5),
+            angular_rad_s: (right - left) / (self.half_track_m * real(2.0)),
+        }
+    }
+
+    /// Speeds of the left and the right wheel, rad/s, that give this velocity: the inverse of
+    /// [`velocity_of_speeds`](Self::velocity_of_speeds).
+    pub fn speeds(&self, velocity: &Velocity<T>) -> [T; 2] {
+        let across = velocity.angular_rad_s * self.half_track_m;
+        [velocity.linear_m_s - across, velocity.linear_m_s + across].map(|speed| speed / self.radius_m)
+    }
+
+    /// Travel of the left and the right wheel, m, along the arc that leads to `place` (x ahead and y to the left, m, in the
+    /// robot's frame). The robot turns by twice the bearing of the place, at most half a turn; to a place behind it, it
+    /// drives backwards.
+    pub fn arc_to(&self, place: &Vec2<T>) -> [T; 2] {
+        let sign = if place.x < T::zero() { -T::one() } else { T::one() };
+        let half = trig::atan2(sign * place.y, sign * place.x);
+        let ahead = sign * place.norm() / sinc(half).0;
+        let across = half * real(2.0) * self.half_track_m;
+        [ahead - across, ahead + across]
+    }
+
     /// The way of a wheel, m.
     fn way(&self, ticks: i32) -> T {
         real::<T>(TAU * f64::from(ticks)) * self.radius_m / self.ticks_per_turn
@@ -92,7 +119,11 @@ impl<T: Real> Drive<T> {
     ///
     /// The covariance is carried along the arc to first order: P ← F P Fᵀ + G Q Gᵀ.
     pub fn advance(&self, from: &Estimate<T>, left_ticks: i32, right_ticks: i32) -> Estimate<T> {
-        let (left, right) = (self.way(left_ticks), self.way(right_ticks));
+        self.advance_by(from, [self.way(left_ticks), self.way(right_ticks)])
+    }
+
+    /// As [`advance`](Self::advance), from the travel of the left and the right wheel, m.
+    pub fn advance_by(&self, from: &Estimate<T>, [left, right]: [T; 2]) -> Estimate<T> {
         let ahead = (left + right) * real(0.5);
         let turn = (right - left) / (self.half_track_m * real(2.0));
         let half = turn * real(0.5);
@@ -183,6 +214,18 @@ mod tests {
             sum + g * g.transpose() * (way * DRIVE.variance_per_m)
         });
         assert!((by_hand - expected).amax() < 1e-12, "{by_hand} {expected}");
+    }
+
+    /// Speeds of wheels and velocity are inverse to each other, and an arc ends in the place that it was asked to reach.
+    #[test]
+    fn speeds_and_arcs_are_inverse() {
+        let [left, right] = DRIVE.speeds(&DRIVE.velocity_of_speeds(-1.5, 4.0));
+        assert!((left + 1.5).abs() < 1e-12 && (right - 4.0).abs() < 1e-12);
+        for place in [[0.7, 0.4], [-0.7, 0.4], [-0.2, -0.3], [0.0, 0.5], [0.3, 0.0], [0.0, 0.0]].map(Vec2::from) {
+            let end = DRIVE.advance_by(&Estimate::start(), DRIVE.arc_to(&place)).pose;
+            assert!((end.position - place).norm() < 1e-12, "{place} {end:?}");
+            assert!(end.angle_rad.abs() <= core::f64::consts::PI + 1e-12);
+        }
     }
 
     #[test]
