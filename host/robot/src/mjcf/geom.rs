@@ -1,6 +1,6 @@
 //! Mass distribution of geoms: solids of constant density, by their shape and size.
 
-use darm_core::real::{Mat3, Vec3};
+use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_core::tree::Inertia;
 
@@ -9,17 +9,11 @@ use super::fault::{MjcfFault, Wrong};
 use super::frame::{along, pose};
 use super::mesh::Meshes;
 use super::settings::Settings;
+use crate::rigid_body::solid::Solid;
 
 const DENSITY_KG_M3: f64 = 1000.0;
 /// A segment shorter than this has no direction, m.
 const SHORT_M: f64 = 1e-14;
-
-/// A solid of density 1: its volume in m³, and its moments about its centre, m⁵.
-struct Solid {
-    volume: f64,
-    center: Vec3<f64>,
-    moments: Mat3<f64>,
-}
 
 /// The mass distribution of a geom in the frame that its pose is given in; `None` where its mass does not count.
 pub(super) fn inertia<'a>(
@@ -44,18 +38,13 @@ pub(super) fn inertia<'a>(
     }
     let (placed, size) = placed(geom, settings)?;
     let solid = match shape {
-        "mesh" => {
-            let (volume, center, moments) = meshes.solid(geom, settings)?;
-            Solid { volume, center, moments }
-        }
+        "mesh" => meshes.solid(geom, settings)?,
         _ if geom.has("mesh") => {
             return Err(geom.part.unsupported("a shape that is fitted to a mesh", "give the body an <inertial>"));
         }
         _ => primitive(geom, shape, &size)?,
     };
-    let scale = mass.map_or(density, |mass| mass / solid.volume);
-    let about_com = solid.moments * scale;
-    let inertia = Inertia { mass: scale * solid.volume, com: solid.center, about_com };
+    let inertia = mass.map_or_else(|| solid.with_density(density), |mass| solid.with_mass(mass));
     Ok(Some(inertia.placed(&placed.rotation, &placed.position)))
 }
 
@@ -76,45 +65,16 @@ pub(super) fn placed(geom: Settled<'_>, settings: &Settings) -> Result<(Pose<f64
 }
 
 fn primitive(geom: Settled<'_>, shape: &str, size: &[f64]) -> Result<Solid, Wrong> {
-    use std::f64::consts::PI;
     let side = |k: usize| {
         let above_zero = size.get(k).copied().filter(|size| *size > 0.0);
         above_zero.ok_or_else(|| geom.wrong_value("size", "as many sizes above 0 as the type has"))
     };
-    let solid = |volume: f64, moments: [f64; 3]| Solid {
-        volume,
-        center: Vec3::zeros(),
-        moments: Mat3::from_diagonal(&Vec3::from(moments)) * volume,
-    };
     match shape {
-        "sphere" => {
-            let r = side(0)?;
-            Ok(solid(4.0 / 3.0 * PI * r * r * r, [0.4 * r * r; 3]))
-        }
-        "box" => {
-            let [a, b, c] = [side(0)?, side(1)?, side(2)?];
-            let squares = [b * b + c * c, a * a + c * c, a * a + b * b];
-            Ok(solid(8.0 * a * b * c, squares.map(|sum| sum / 3.0)))
-        }
-        "ellipsoid" => {
-            let [a, b, c] = [side(0)?, side(1)?, side(2)?];
-            let squares = [b * b + c * c, a * a + c * c, a * a + b * b];
-            Ok(solid(4.0 / 3.0 * PI * a * b * c, squares.map(|sum| sum / 5.0)))
-        }
-        "cylinder" => {
-            let [r, h] = [side(0)?, 2.0 * side(1)?];
-            let across = (3.0 * r * r + h * h) / 12.0;
-            Ok(solid(PI * r * r * h, [across, across, 0.5 * r * r]))
-        }
-        "capsule" => {
-            let [r, h] = [side(0)?, 2.0 * side(1)?];
-            // Shares of the two half balls and of the cylinder between them.
-            let ball = 4.0 * r / (4.0 * r + 3.0 * h);
-            let middle = 1.0 - ball;
-            let across = middle * (3.0 * r * r + h * h) / 12.0 + ball * (0.4 * r * r + h * (3.0 * r + 2.0 * h) / 8.0);
-            let along = middle * 0.5 * r * r + ball * 0.4 * r * r;
-            Ok(solid(PI * (r * r * h + 4.0 / 3.0 * r * r * r), [across, across, along]))
-        }
+        "sphere" => Ok(Solid::sphere(side(0)?)),
+        "box" => Ok(Solid::cuboid([side(0)?, side(1)?, side(2)?].map(|half| 2.0 * half))),
+        "ellipsoid" => Ok(Solid::ellipsoid([side(0)?, side(1)?, side(2)?])),
+        "cylinder" => Ok(Solid::cylinder(side(0)?, 2.0 * side(1)?)),
+        "capsule" => Ok(Solid::capsule(side(0)?, 2.0 * side(1)?)),
         _ => Err(geom.part.unsupported(format!("the mass of a geom of type {shape}"), "give the body an <inertial>")),
     }
 }

@@ -1,14 +1,12 @@
-//! Solids of triangles: volume, centre and moments of inertia of a mesh, by the pyramids over its faces.
+//! Meshes of a model: their surfaces, and the solids that these enclose.
 //!
-//! `exact` sums pyramids with their signs, which is right for a closed surface; `legacy`, the default, takes all as positive
-//! with the apex at the centroid of the surface and then, for volume and moments, at the centre that this gives, which is
-//! right for a convex one. Source:
-//! MuJoCo, XML reference, asset/mesh/inertia; E. Catto's and J. Blow's covariance of a tetrahedron.
+//! `exact` sums pyramids with their signs, which is right for a closed surface; `legacy`, the default, takes all as positive,
+//! which is right for a convex one. Source: MuJoCo, XML reference, asset/mesh/inertia.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-use darm_core::real::{Mat3, Vec3};
+use darm_core::real::Vec3;
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use super::classes::{Classes, MAIN, Settled};
@@ -16,10 +14,8 @@ use super::fault::{MjcfFault, Wrong};
 use super::files::{Files, Part};
 use super::settings::Settings;
 use crate::mesh_file::{Surface, parse};
+use crate::rigid_body::solid::{Pyramids, Solid};
 use crate::xml::Attribute;
-
-/// Volume in m³, centre in m, moments about the centre in m⁵.
-pub(super) type Solid = (f64, Vec3<f64>, Mat3<f64>);
 
 /// The meshes that a model lists, each read when its mass is needed.
 pub(super) struct Meshes<'a> {
@@ -50,8 +46,8 @@ impl<'a> Meshes<'a> {
         let surface = self.surface(mesh, settings)?;
         let triangles: Vec<[Vec3<f64>; 3]> = surface.triangles().collect();
         let found = match mesh.value("inertia").unwrap_or("legacy") {
-            "legacy" => solid(&triangles, f64::abs),
-            "exact" => solid(&triangles, |part| part),
+            "legacy" => Solid::of_triangles(&triangles, Pyramids::Positive),
+            "exact" => Solid::of_triangles(&triangles, Pyramids::Signed),
             mode => {
                 let what = format!("the inertia `{mode}` of a mesh");
                 return Err(mesh.part.unsupported(what, "give the body an <inertial>"));
@@ -126,39 +122,4 @@ fn inline(mesh: Part<'_>, vertices: &Attribute) -> Result<Surface, Wrong> {
         return Err(mesh.unsupported("a face of vertices that the mesh does not have", "correct its numbers"));
     }
     Ok(Surface { vertices, faces })
-}
-
-/// The sum of the pyramids over the faces with this apex, about the apex.
-fn pyramids(triangles: &[[Vec3<f64>; 3]], apex: &Vec3<f64>, sign: fn(f64) -> f64) -> Solid {
-    let (mut volume, mut moment, mut second) = (0.0, Vec3::zeros(), Mat3::zeros());
-    for triangle in triangles {
-        let [a, b, c] = triangle.map(|corner| corner - apex);
-        let part = sign(a.dot(&b.cross(&c)) / 6.0);
-        let sum = a + b + c;
-        volume += part;
-        moment += sum * (0.25 * part);
-        let squares = a * a.transpose() + b * b.transpose() + c * c.transpose() + sum * sum.transpose();
-        second += squares * (part / 20.0);
-    }
-    (volume, moment, Mat3::from_diagonal_element(second.trace()) - second)
-}
-
-/// The solid of a surface, its pyramids counted by this sign.
-fn solid(triangles: &[[Vec3<f64>; 3]], sign: fn(f64) -> f64) -> Option<Solid> {
-    let apex = centroid(triangles)?;
-    let (volume, moment, _) = pyramids(triangles, &apex, sign);
-    let center = apex + moment / volume;
-    let (volume, _, moments) = pyramids(triangles, &center, sign);
-    (volume > 0.0 && center.iter().all(|x| x.is_finite())).then_some((volume, center, moments))
-}
-
-/// The centroid of the surface.
-fn centroid(triangles: &[[Vec3<f64>; 3]]) -> Option<Vec3<f64>> {
-    let (mut area, mut moment) = (0.0, Vec3::zeros());
-    for [a, b, c] in triangles {
-        let part = (b - a).cross(&(c - a)).norm();
-        area += part;
-        moment += (a + b + c) * (part / 3.0);
-    }
-    (area > 0.0).then(|| moment / area)
 }

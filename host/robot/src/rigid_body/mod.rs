@@ -3,3 +3,4 @@
 pub mod cone;
 pub mod inertia;
 pub mod regressor;
+pub mod solid;
