@@ -8,9 +8,12 @@
 pub mod base_parameters;
 mod constant;
 mod coupling;
+pub mod euler;
 mod inverse;
 pub mod planar;
+pub mod recursion;
 mod state;
+mod velocity;
 
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
@@ -20,7 +23,8 @@ use crate::tree::LinkTree;
 
 pub use coupling::{Coupling, Row};
 pub use inverse::Inverse;
-pub use state::{Accelerations, Com, Dynamics, FloatingBase, Jacobian, Kinematics, Motion};
+pub use state::{Accelerations, Com, Dynamics, FloatingBase, Jacobian, Kinematics, Motion, base_at_rest};
+pub use velocity::{Rates, Task};
 
 /// A robot on a fixed or floating base.
 #[derive(Clone, Debug, PartialEq)]
@@ -193,5 +197,7 @@ impl RobotFrame {
     }
 }
 
+#[cfg(test)]
+mod floating_tests;
 #[cfg(test)]
 mod tests;

@@ -1,11 +1,13 @@
 //! What a robot does in one posture, or at one state of motion, in tables of as many rows as it has coordinates.
 
-use darm_core::real::{Mat6, Vec3};
+use darm_core::dynamics::floating::BaseMotion;
+use darm_core::real::{Mat6, Vec3, Vec6};
 use darm_core::se::{Pose, Twist, Wrench};
 use darm_core::tree::TreeError;
 use nalgebra::{DMatrix, DVector, Matrix6xX, SMatrix};
 
 use super::{Coupling, Robot, RobotFrame};
+use crate::tree::dynamics::MassMatrix;
 use crate::tree::spatial::{Motion as LinkMotion, halves, six};
 use crate::tree::{LinkTree, Links};
 
@@ -30,9 +32,9 @@ pub struct Dynamics {
     pub torque: Vec<f64>,
     /// M, n × n; kg·m² of joints that turn, kg of those that slide.
     pub mass: DMatrix<f64>,
-    /// C of Christoffel's symbols, n × n; of a fixed base.
+    /// C of Christoffel's symbols, n × n: the block of the joints when the base moves.
     pub coriolis: DMatrix<f64>,
-    /// C q̇: centrifugal and Coriolis torques, N·m or N.
+    /// Centrifugal and Coriolis torques, N·m or N: C q̇ of a base at rest.
     pub velocity_torque: Vec<f64>,
     /// G: what holds the arm against gravity, N·m or N.
     pub gravity: Vec<f64>,
@@ -40,7 +42,7 @@ pub struct Dynamics {
     pub kinetic_j: f64,
     /// −Σ m g·c of the links, and of a base that floats, J.
     pub potential_j: f64,
-    /// What the base bears, or, when it floats, takes to stay as it is: M of base and joints.
+    /// When the base floats: the wrench that its motion takes, M and C of base and joints.
     pub base: Option<FloatingBase>,
 }
 
@@ -53,15 +55,22 @@ pub struct Accelerations {
     pub base: Option<Twist<f64>>,
 }
 
-/// What a floating base at rest adds.
+/// What a floating base adds, in its own frame and about its origin, angular part first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FloatingBase {
-    /// The load on the base (moment N·m, force N, in its frame) that the motion takes.
+    /// The load on the base (moment N·m, force N) that the motion takes.
     pub load: Wrench<f64>,
-    /// Spatial inertia of the complete robot, 6 × 6, angular part first.
+    /// Spatial inertia of the complete robot, 6 × 6.
     pub mass: Mat6<f64>,
     /// Momentum of the complete robot per unit of each joint, 6 × n.
     pub coupling: DMatrix<f64>,
+    /// C of Christoffel's symbols of base and joints, (6 + n) × (6 + n): C (V, q̇) is what the velocities take.
+    pub coriolis: DMatrix<f64>,
+}
+
+/// A base at rest in the origin of the world.
+pub fn base_at_rest() -> BaseMotion<f64> {
+    BaseMotion { pose: Pose::identity(), twist: Twist::zero(), twist_rate: Twist::zero() }
 }
 
 /// The state of the joints, and what the environment exerts on a frame.
@@ -141,48 +150,43 @@ impl Robot {
     ///
     /// As [`kinematics`](Self::kinematics).
     pub fn dynamics(&self, motion: &Motion<'_>) -> Result<Dynamics, TreeError> {
+        self.dynamics_on(&base_at_rest(), motion)
+    }
+
+    /// The equation of motion on a base that moves; the load of the motion is along the axes of the base.
+    ///
+    /// # Errors
+    ///
+    /// As [`kinematics`](Self::kinematics).
+    pub fn dynamics_on(&self, base: &BaseMotion<f64>, motion: &Motion<'_>) -> Result<Dynamics, TreeError> {
         let [q, qd, qdd] = motion.state;
-        let Placed { tree, links, coupling } = self.placed(q)?;
+        let placed = self.placed_on(&base.pose, q)?;
+        let Placed { tree, links, coupling } = &placed;
         let [qd, qdd] = [qd, qdd].map(|rates| coupling.rates(rates));
-        let rest = LinkMotion::at_rest(&Vec3::zeros());
-        let (on_base, mut torque) = tree.inverse_dynamics(&links, &rest, [&qd, &qdd]);
-        let mut mass = tree.mass_matrix(&links);
-        let gravity = coupling.torques(&tree.gravity_torque(&links));
-        let (_, biased) = tree.inverse_dynamics(&links, &rest, [&qd, &[]]);
+        let [moving, steady] = [base.twist_rate, Twist::zero()].map(|rate| in_world(links, &base.twist, &rate));
+        let (on_base, mut torque) = tree.inverse_dynamics(links, &moving, [&qd, &qdd]);
+        let mut mass = tree.mass_matrix(links);
+        let gravity = coupling.torques(&tree.gravity_torque(links));
+        let (_, biased) = tree.inverse_dynamics(links, &steady, [&qd, &[]]);
         let biased = coupling.torques(&biased);
-        let mut kinetic_j = tree.kinetic_energy(&links, &qd);
         for (k, rotor) in self.joints.iter().map(|joint| joint.armature).enumerate() {
             mass.joints[(k, k)] += rotor;
             torque[k] += rotor * qdd[k];
-            kinetic_j += 0.5 * rotor * qd[k] * qd[k];
         }
-        let mut torque = coupling.torques(&torque);
-        let (moment, force) = halves(&on_base);
-        let momenta = coupling.columns(&mass.coupling);
-        let mut base = self.floating.then(|| FloatingBase {
-            load: Wrench { moment, force },
-            mass: mass.base,
-            coupling: DMatrix::from_iterator(6, coupling.len(), momenta.iter().copied()),
-        });
-        if let Some((frame, load)) = &motion.load {
-            let jacobian = coupling.columns(&tree.jacobian(&links, frame.joint, &frame.pose));
-            let by_load = jacobian.tr_mul(&six(&load.moment, &load.force));
-            torque.iter_mut().zip(&by_load).for_each(|(torque, by_load)| *torque -= by_load);
-            if let Some(base) = &mut base {
-                let arm = links.pose(frame.joint, &frame.pose).position;
-                base.load = base.load - Wrench { moment: load.moment + arm.cross(&load.force), force: load.force };
-            }
-        }
-        Ok(Dynamics {
-            torque,
-            mass: coupling.square(&mass.joints),
-            coriolis: coupling.square(&tree.coriolis_matrix(&links, &qd)),
+        let mut equation = Dynamics {
+            torque: coupling.torques(&torque),
+            coriolis: coupling.square(&tree.coriolis_matrix(links, &moving.velocity, &qd).joints),
             velocity_torque: biased.iter().zip(&gravity).map(|(biased, gravity)| biased - gravity).collect(),
             gravity,
-            kinetic_j,
-            potential_j: tree.potential_energy(&links, self.floating),
-            base,
-        })
+            kinetic_j: mass.kinetic_energy(&moving.velocity, &qd),
+            potential_j: tree.potential_energy(links, self.floating),
+            base: self.floating.then(|| placed.floating(&on_base, &mass, (&moving.velocity, &qd))),
+            mass: coupling.square(&mass.joints),
+        };
+        if let Some((frame, load)) = &motion.load {
+            placed.subtract(frame, load, &mut equation);
+        }
+        Ok(equation)
     }
 
     /// What `torque` (N·m or N) does at the positions and velocities of a state, whose accelerations do not count.
@@ -194,8 +198,23 @@ impl Robot {
     ///
     /// As [`kinematics`](Self::kinematics).
     pub fn accelerations(&self, motion: &Motion<'_>, torque: &[f64]) -> Result<Option<Accelerations>, TreeError> {
+        self.accelerations_on(&base_at_rest(), motion, torque)
+    }
+
+    /// The same on a base that moves; its own acceleration does not count.
+    ///
+    /// # Errors
+    ///
+    /// As [`kinematics`](Self::kinematics).
+    pub fn accelerations_on(
+        &self,
+        base: &BaseMotion<f64>,
+        motion: &Motion<'_>,
+        torque: &[f64],
+    ) -> Result<Option<Accelerations>, TreeError> {
         let [q, qd, _] = motion.state;
-        let bias = self.dynamics(&Motion { state: [q, qd, &[]], load: motion.load })?;
+        let steady = BaseMotion { twist_rate: Twist::zero(), ..*base };
+        let bias = self.dynamics_on(&steady, &Motion { state: [q, qd, &[]], load: motion.load })?;
         let (n, of_base) = (bias.torque.len(), if self.floating { 6 } else { 0 });
         let mut mass = DMatrix::zeros(of_base + n, of_base + n);
         let mut right = DVector::zeros(of_base + n);
@@ -239,19 +258,71 @@ impl Robot {
     }
 
     /// All links at the coordinates `q`; more numbers than coordinates are an error.
-    fn placed(&self, q: &[f64]) -> Result<Placed, TreeError> {
+    pub(super) fn placed(&self, q: &[f64]) -> Result<Placed, TreeError> {
+        self.placed_on(&Pose::identity(), q)
+    }
+
+    /// The same with this pose of the base.
+    pub(super) fn placed_on(&self, base: &Pose<f64>, q: &[f64]) -> Result<Placed, TreeError> {
         let (tree, coupling) = (self.link_tree()?, self.coupling());
         if q.len() > coupling.len() && coupling.len() < tree.len() {
             return Err(TreeError::TooMany { joints: q.len(), max: coupling.len() });
         }
-        let links = tree.place(&Pose::identity(), &coupling.positions(q));
+        let links = tree.place(base, &coupling.positions(q));
         Ok(Placed { tree, links, coupling })
     }
 }
 
+/// The motion of a base about the world's origin, from its twist and the rate of that in its own frame.
+pub(super) fn in_world(links: &Links, twist: &Twist<f64>, rate: &Twist<f64>) -> LinkMotion {
+    let screws = links.base_screws();
+    LinkMotion { velocity: screws * twist.to_vector(), acceleration: screws * rate.to_vector() }
+}
+
 /// A tree in one posture, and how its joints follow the coordinates.
-struct Placed {
-    tree: LinkTree,
-    links: Links,
-    coupling: Coupling,
+pub(super) struct Placed {
+    pub(super) tree: LinkTree,
+    pub(super) links: Links,
+    pub(super) coupling: Coupling,
+}
+
+impl Placed {
+    /// What a floating base adds, from the wrench on it (about the world's origin) and velocities of base and joints.
+    fn floating(&self, on_base: &Vec6<f64>, mass: &MassMatrix, (velocity, qd): (&Vec6<f64>, &[f64])) -> FloatingBase {
+        let (screws, n) = (self.links.base_screws(), self.coupling.len());
+        let (moment, force) = halves(&screws.tr_mul(on_base));
+        let in_base = |columns: &Jacobian| {
+            let columns = self.coupling.columns(&Jacobian::from_columns(
+                &columns.column_iter().map(|column| screws.tr_mul(&column)).collect::<Vec<_>>(),
+            ));
+            DMatrix::from_iterator(6, n, columns.iter().copied())
+        };
+        let rates = self.tree.coriolis_matrix(&self.links, velocity, qd);
+        let mut coriolis = DMatrix::zeros(6 + n, 6 + n);
+        coriolis.view_mut((0, 0), (6, 6)).copy_from(&(screws.tr_mul(&rates.base) * screws));
+        coriolis.view_mut((0, 6), (6, n)).copy_from(&in_base(&rates.by_joints));
+        coriolis.view_mut((6, 0), (n, 6)).copy_from(&in_base(&rates.by_base).transpose());
+        coriolis.view_mut((6, 6), (n, n)).copy_from(&self.coupling.square(&rates.joints));
+        FloatingBase {
+            load: Wrench { moment, force },
+            mass: screws.tr_mul(&mass.base) * screws,
+            coupling: in_base(&mass.coupling),
+            coriolis,
+        }
+    }
+
+    /// Leaves to the environment what it exerts on a frame, along the axes of the base.
+    fn subtract(&self, frame: &RobotFrame, load: &Wrench<f64>, equation: &mut Dynamics) {
+        let Self { tree, links, coupling } = self;
+        let turned = |v: &Vec3<f64>| links.base.rotation * v;
+        let (moment, force) = (turned(&load.moment), turned(&load.force));
+        let jacobian = coupling.columns(&tree.jacobian(links, frame.joint, &frame.pose));
+        let by_load = jacobian.tr_mul(&six(&moment, &force));
+        equation.torque.iter_mut().zip(&by_load).for_each(|(torque, by_load)| *torque -= by_load);
+        if let Some(base) = &mut equation.base {
+            let at = links.pose(frame.joint, &frame.pose).position;
+            let (moment, force) = halves(&links.base_screws().tr_mul(&six(&(moment + at.cross(&force)), &force)));
+            base.load = base.load - Wrench { moment, force };
+        }
+    }
 }

@@ -19,23 +19,23 @@ fn puma() -> Robot {
     dh::read(&at("examples/puma560.toml")).unwrap()
 }
 
-fn urdf(name: &str) -> Robot {
+pub(super) fn urdf(name: &str) -> Robot {
     urdf::read(&at(&format!("tests/data/urdf/{name}.urdf")), &urdf::Locks::new()).unwrap()
 }
 
-fn golden(name: &str) -> Value {
+pub(super) fn golden(name: &str) -> Value {
     let mut text = String::new();
     let file = std::fs::File::open(at(&format!("tests/data/golden/{name}.json.gz"))).unwrap();
     flate2::read::GzDecoder::new(file).read_to_string(&mut text).unwrap();
     serde_json::from_str(&text).unwrap()
 }
 
-fn list(value: &Value) -> Vec<f64> {
+pub(super) fn list(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().flat_map(|x| x.as_f64().map_or_else(|| list(x), |x| vec![x])).collect()
 }
 
 #[track_caller]
-fn near(ours: &[f64], theirs: &[f64], part: f64) {
+pub(super) fn near(ours: &[f64], theirs: &[f64], part: f64) {
     assert_eq!(ours.len(), theirs.len());
     let scale = theirs.iter().fold(1.0, |scale: f64, x| scale.max(x.abs()));
     for (a, b) in ours.iter().zip(theirs) {

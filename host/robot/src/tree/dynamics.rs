@@ -3,7 +3,7 @@
 use std::ops::AddAssign;
 
 use darm_core::real::{Mat6, Vec3, Vec6};
-use nalgebra::{DMatrix, Matrix3xX, Matrix6xX};
+use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6xX};
 
 use super::spatial::{Motion, PointMass, SpatialInertia, cross, halves};
 use super::{LinkTree, Links};
@@ -17,6 +17,28 @@ pub struct MassMatrix {
     pub coupling: Matrix6xX<f64>,
     /// The joints alone, n × n.
     pub joints: DMatrix<f64>,
+}
+
+/// Coriolis matrix of base and joints, in blocks; velocities of the base are about the world's origin.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CoriolisMatrix {
+    /// The base alone, 6 × 6.
+    pub base: Mat6<f64>,
+    /// What the base takes per rate of each joint, 6 × n.
+    pub by_joints: Matrix6xX<f64>,
+    /// What each joint takes per velocity of the base, transposed, 6 × n.
+    pub by_base: Matrix6xX<f64>,
+    /// The joints alone, n × n.
+    pub joints: DMatrix<f64>,
+}
+
+impl MassMatrix {
+    /// ½ (V, q̇)ᵀ M (V, q̇), J, for a velocity of the base about the world's origin and rates of the joints.
+    pub fn kinetic_energy(&self, base: &Vec6<f64>, qd: &[f64]) -> f64 {
+        let joints = DVector::from_column_slice(qd);
+        let of_base = 0.5 * base.dot(&(self.base * base)) + base.dot(&(&self.coupling * &joints));
+        of_base + 0.5 * joints.dot(&(&self.joints * &joints))
+    }
 }
 
 /// Centre of mass and how it moves.
@@ -95,31 +117,40 @@ impl LinkTree {
         MassMatrix { base: base.to_matrix(), coupling, joints }
     }
 
-    /// C of Christoffel's symbols, for which Ṁ − 2C is skew, n × n, on a fixed base.
+    /// C of Christoffel's symbols, for which Ṁ − 2C is skew, of a base with this velocity about the world's origin.
     ///
-    /// Source: S. Echeandia, P. M. Wensing, J. of Computational and Nonlinear Dynamics 16 (2021) 091004, algorithm 1.
-    pub fn coriolis_matrix(&self, links: &Links, qd: &[f64]) -> DMatrix<f64> {
-        let rest = Motion::at_rest(&Vec3::zeros());
-        let (motions, screws) = (self.motions(links, &rest, qd, &[]), self.screws(links));
+    /// Source: S. Echeandia, P. M. Wensing, J. of Computational and Nonlinear Dynamics 16 (2021) 091004, algorithm 1; the
+    /// base is its first body.
+    pub fn coriolis_matrix(&self, links: &Links, base: &Vec6<f64>, qd: &[f64]) -> CoriolisMatrix {
+        let moving = Motion { velocity: *base, acceleration: Vec6::zeros() };
+        let (motions, screws) = (self.motions(links, &moving, qd, &[]), self.screws(links));
         let mut inertias: Vec<Mat6<f64>> = self.inertias(links).iter().map(SpatialInertia::to_matrix).collect();
         let mut couplings: Vec<Mat6<f64>> =
             inertias.iter().zip(&motions).map(|(inertia, motion)| body_coriolis(inertia, &motion.velocity)).collect();
         let rate = |k: usize| cross(&motions[k].velocity, &screws[k]);
-        let mut matrix = DMatrix::zeros(self.len(), self.len());
-        for j in (0..self.len()).rev() {
+        let mut base_inertia = SpatialInertia::new(&self.base, &links.base).to_matrix();
+        let mut base_coupling = body_coriolis(&base_inertia, base);
+        let moved = across(base);
+        let n = self.len();
+        let (mut by_joints, mut by_base, mut joints) = (Matrix6xX::zeros(n), Matrix6xX::zeros(n), DMatrix::zeros(n, n));
+        for j in (0..n).rev() {
             let (inertia, coupling) = (inertias[j], couplings[j]);
             let along = inertia * rate(j) + coupling * screws[j];
-            let (carried, across) = (inertia * screws[j], coupling.tr_mul(&screws[j]));
+            let (carried, crossed) = (inertia * screws[j], coupling.tr_mul(&screws[j]));
             for i in self.path(Some(j)) {
-                matrix[(j, i)] = rate(i).dot(&carried) + screws[i].dot(&across);
-                matrix[(i, j)] = screws[i].dot(&along);
+                joints[(j, i)] = rate(i).dot(&carried) + screws[i].dot(&crossed);
+                joints[(i, j)] = screws[i].dot(&along);
             }
-            if let Some(parent) = self.joints[j].parent {
-                inertias[parent] += inertia;
-                couplings[parent] += coupling;
-            }
+            by_joints.set_column(j, &along);
+            by_base.set_column(j, &(moved.tr_mul(&carried) + crossed));
+            let (of_inertia, of_coupling) = match self.joints[j].parent {
+                Some(parent) => (&mut inertias[parent], &mut couplings[parent]),
+                None => (&mut base_inertia, &mut base_coupling),
+            };
+            *of_inertia += inertia;
+            *of_coupling += coupling;
         }
-        matrix
+        CoriolisMatrix { base: base_inertia * moved + base_coupling, by_joints, by_base, joints }
     }
 
     /// Torques (N·m) or forces (N) of the joints that hold the tree against gravity.
@@ -127,14 +158,6 @@ impl LinkTree {
         let (screws, mut carried) = (self.screws(links), self.masses(links));
         self.carry(&mut carried, PointMass::none());
         carried.iter().zip(&screws).map(|(carried, screw)| -carried.momentum(screw).dot(&self.gravity)).collect()
-    }
-
-    /// Kinetic energy of the links on a fixed base, J.
-    pub fn kinetic_energy(&self, links: &Links, qd: &[f64]) -> f64 {
-        let motions = self.motions(links, &Motion::at_rest(&Vec3::zeros()), qd, &[]);
-        let energy =
-            |(inertia, motion): (&SpatialInertia, &Motion)| 0.5 * motion.velocity.dot(&inertia.times(&motion.velocity));
-        self.inertias(links).iter().zip(&motions).map(energy).sum()
     }
 
     /// Potential energy of the links, and of the base where it floats, −Σ m g·c, J.
@@ -163,15 +186,21 @@ impl LinkTree {
 
 /// ½ (V ×* I + (I V) ×̄* − I V ×) of one body with the velocity V.
 fn body_coriolis(inertia: &Mat6<f64>, velocity: &Vec6<f64>) -> Mat6<f64> {
-    let (w, v) = halves(velocity);
-    let mut moving = Mat6::zeros();
-    moving.fixed_view_mut::<3, 3>(0, 0).copy_from(&w.cross_matrix());
-    moving.fixed_view_mut::<3, 3>(3, 3).copy_from(&w.cross_matrix());
-    moving.fixed_view_mut::<3, 3>(3, 0).copy_from(&v.cross_matrix());
+    let moving = across(velocity);
     let (n, f) = halves(&(inertia * velocity));
     let mut bar = Mat6::zeros();
     bar.fixed_view_mut::<3, 3>(0, 0).copy_from(&-n.cross_matrix());
     bar.fixed_view_mut::<3, 3>(0, 3).copy_from(&-f.cross_matrix());
     bar.fixed_view_mut::<3, 3>(3, 0).copy_from(&-f.cross_matrix());
     (bar - moving.transpose() * inertia - inertia * moving) * 0.5
+}
+
+/// V ×: the rate of a velocity that is fixed to a body with the velocity V, as a matrix.
+fn across(velocity: &Vec6<f64>) -> Mat6<f64> {
+    let (w, v) = halves(velocity);
+    let mut moving = Mat6::zeros();
+    moving.fixed_view_mut::<3, 3>(0, 0).copy_from(&w.cross_matrix());
+    moving.fixed_view_mut::<3, 3>(3, 3).copy_from(&w.cross_matrix());
+    moving.fixed_view_mut::<3, 3>(3, 0).copy_from(&v.cross_matrix());
+    moving
 }
