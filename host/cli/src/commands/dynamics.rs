@@ -1,11 +1,17 @@
 //! `darm dynamics`: inverse and forward dynamics, and the matrices of the equation of motion.
 
-use darm_arm::arm::{Arm, ArmScratch};
-use darm_core::actuator::JointKind;
+mod arm;
+mod base;
+mod links;
+
+use darm_core::dynamics::floating::BaseMotion;
 use darm_diagnose::linearise::torque;
 use darm_robot::robot::{Accelerations, Dynamics as Equation, Motion, Robot};
 use serde::Serialize;
 
+use self::arm::of_arm;
+use self::base::{Base, BaseArgs};
+use self::links::LinkRow;
 use super::subject::{Coordinate, Effects, FormerWrench, Posture, Subject, SubjectArgs, WrenchArgs, frame_of, listed};
 use crate::csv_text::csv_line;
 use crate::failure::Usage;
@@ -20,7 +26,9 @@ Examples:
   darm dynamics panda.urdf --external-wrench 0,0,0,0,0,-50 --frame panda_hand_tcp   # 50 N down
   darm dynamics puma560.toml --postures puma560-postures.csv --csv > torque.csv
   darm dynamics finger.xml --q 20,30   # an MJCF, with the inertia of its rotors
+  darm dynamics puma560.toml --q 0,45,-90,0,0,0 --qd 10,20,0,0,0,0 --links   # link by link
   darm dynamics planar5.urdf --floating --torque 0,0,0,0   # free fall
+  darm dynamics planar5.urdf --floating --base-rotation 0,10,0 --base-twist 0,20,0,100,0,0
   darm dynamics planar4.toml --word 010110011101   # load of each leg
 
 Columns of a table: JOINT_deg, JOINT_deg_s, JOINT_deg_s2 (mm for prismatic joints; also rad and m), and JOINT_nm or JOINT_n \
@@ -50,6 +58,11 @@ pub(crate) struct Dynamics {
     /// Frame that the wrench acts on: the name of a link
     #[arg(long, value_name = "LINK", requires = "WrenchArgs")]
     frame: Option<String>,
+    #[command(flatten)]
+    base: BaseArgs,
+    /// Print velocities, accelerations, forces and moments of each link, along its own axes
+    #[arg(long)]
+    links: bool,
     /// Print comma-separated values: torques, or accelerations in deg/s² and mm/s²
     #[arg(long)]
     csv: bool,
@@ -88,47 +101,9 @@ struct State {
     base_acceleration: Option<[f64; 6]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     base: Option<Base>,
-}
-
-/// Rows of a floating base at rest: six rows, angular first, in its frame.
-#[derive(Serialize)]
-struct Base {
-    /// Wrench on the base that the motion needs.
-    wrench: [f64; 6],
-    mass: Vec<Vec<f64>>,
-    coupling: Vec<Vec<f64>>,
-}
-
-#[derive(Serialize)]
-struct ArmReport {
-    name: String,
-    actuators: Vec<ActuatorLoad>,
-}
-
-/// Load of a discrete actuator by the weights beyond it.
-#[derive(Serialize)]
-struct ActuatorLoad {
-    actuator: String,
-    #[serde(flatten)]
-    load: Load,
-}
-
-/// A force, or the torque on a revolute joint.
-#[derive(Clone, Copy, Serialize)]
-#[serde(untagged)]
-enum Load {
-    Force { load_n: f64 },
-    Torque { load_nm: f64 },
-}
-
-impl Load {
-    /// Value and unit.
-    fn shown(self) -> (f64, &'static str) {
-        match self {
-            Self::Force { load_n } => (load_n, "N"),
-            Self::Torque { load_nm } => (load_nm, "N m"),
-        }
-    }
+    /// The recursion of Newton and Euler, link by link.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    links: Option<Vec<LinkRow>>,
 }
 
 impl Dynamics {
@@ -152,8 +127,11 @@ impl Dynamics {
         if let [posture] = &mut postures[..] {
             self.complete(posture, &shown)?;
         }
-        let mut states =
-            postures.iter().map(|posture| self.state(&robot, posture)).collect::<anyhow::Result<Vec<State>>>()?;
+        let base = self.base.motion(&robot)?;
+        let mut states = postures
+            .iter()
+            .map(|posture| self.state(&robot, &base, posture))
+            .collect::<anyhow::Result<Vec<State>>>()?;
         if let Some(effects) = &effects {
             add(effects, &robot, &postures, &mut states)?;
         }
@@ -179,27 +157,33 @@ impl Dynamics {
         Ok(())
     }
 
-    fn state(&self, robot: &Robot, posture: &Posture) -> anyhow::Result<State> {
+    fn state(&self, robot: &Robot, base: &BaseMotion<f64>, posture: &Posture) -> anyhow::Result<State> {
         let load = match self.wrench.external(FormerWrench::OnTool)? {
             Some(wrench) => Some((frame_of(robot, self.frame.as_deref())?, wrench)),
             None => None,
         };
         let motion = Motion { state: [&posture.q, &posture.qd, &posture.qdd], load };
-        let equation = robot.dynamics(&motion)?;
+        let equation = robot.dynamics_on(base, &motion)?;
         let is_forward = self.torque.is_some() || self.forward;
-        let acceleration = if is_forward { Some(accelerations(robot, &motion, &posture.torque)?) } else { None };
-        Ok(state(equation, acceleration))
+        let found = if is_forward { Some(accelerations(robot, base, &motion, &posture.torque)?) } else { None };
+        let links = if self.links { Some(links::rows(robot, base, &motion, found.as_ref())?) } else { None };
+        Ok(State { links, ..state(equation, found) })
     }
 }
 
-fn accelerations(robot: &Robot, motion: &Motion<'_>, torque: &[f64]) -> anyhow::Result<Accelerations> {
+fn accelerations(
+    robot: &Robot,
+    base: &BaseMotion<f64>,
+    motion: &Motion<'_>,
+    torque: &[f64],
+) -> anyhow::Result<Accelerations> {
     if torque.is_empty() {
         return Err(Usage("the table has no torques; add columns JOINT_nm or JOINT_n".into()).into());
     }
     let massless = || {
         anyhow::anyhow!("the mass matrix is singular: a joint of {} moves no mass; give its link a mass", robot.name)
     };
-    robot.accelerations(motion, torque)?.ok_or_else(massless)
+    robot.accelerations_on(base, motion, torque)?.ok_or_else(massless)
 }
 
 /// Adds the torques of the model's effects.
@@ -218,11 +202,7 @@ fn state(equation: Equation, acceleration: Option<Accelerations>) -> State {
     let rows = |matrix: &nalgebra::DMatrix<f64>| -> Vec<Vec<f64>> {
         matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
     };
-    let base = equation.base.as_ref().map(|base| {
-        let (n, f) = (&base.load.moment, &base.load.force);
-        let mass = base.mass.row_iter().map(|row| row.iter().copied().collect()).collect();
-        Base { wrench: [n.x, n.y, n.z, f.x, f.y, f.z], mass, coupling: rows(&base.coupling) }
-    });
+    let base = equation.base.as_ref().map(Base::from);
     let (joints, of_base) = acceleration.map_or((None, None), |found| (Some(found.joints), found.base));
     State {
         mass_matrix: rows(&equation.mass),
@@ -236,36 +216,7 @@ fn state(equation: Equation, acceleration: Option<Accelerations>) -> State {
         acceleration: joints,
         base_acceleration: of_base.map(|rate| rate.to_vector().into()),
         base,
-    }
-}
-
-fn of_arm(arm: &Arm, posture: &Posture, subject: &Subject) -> anyhow::Result<ArmReport> {
-    let (model, mut scratch) = (&arm.model, ArmScratch::default());
-    model.predict(&arm.working_condition(posture.word, &posture.q), &mut scratch)?;
-    let loads = model.loads(&scratch);
-    let discrete = subject.columns().into_iter().skip(arm.n_servos());
-    let actuators = discrete.zip(model.chain.actuators()).map(|(actuator, (stage, leg))| ActuatorLoad {
-        load: match actuator.kind {
-            JointKind::Revolute => Load::Torque { load_nm: loads[stage][leg] },
-            JointKind::Prismatic => Load::Force { load_n: loads[stage][leg] },
-        },
-        actuator: actuator.name,
-    });
-    Ok(ArmReport { name: arm.name.clone(), actuators: actuators.collect() })
-}
-
-impl Answer for ArmReport {
-    fn text(&self) -> String {
-        let head = ["actuator", "load", ""].map(str::to_owned).to_vec();
-        let rows = self.actuators.iter().map(|actuator| {
-            let (load, unit) = actuator.load.shown();
-            vec![actuator.actuator.clone(), format!("{load:.3}"), unit.to_owned()]
-        });
-        let table = columns(&std::iter::once(head).chain(rows).collect::<Vec<_>>());
-        format!(
-            "{table}\n\nloads by the weight of {} at rest; compression is positive, and a torque that increases the angle",
-            self.name
-        )
+        links: None,
     }
 }
 
@@ -324,19 +275,19 @@ impl Report {
             columns(&rows.iter().map(|row| row.iter().map(|x| number(*x, 4)).collect()).collect::<Vec<_>>())
         };
         text += &format!("\n\nmass matrix M, per rad or m\n{}", matrix(&state.mass_matrix));
-        if state.velocity_torque.iter().any(|torque| *torque != 0.0) {
+        let moves = state.velocity_torque.iter().any(|torque| *torque != 0.0);
+        let base_moves = state.base.as_ref().is_some_and(|base| base.moves);
+        if moves && !base_moves {
             text += &format!("\n\nCoriolis matrix C, V = C q̇\n{}", matrix(&state.coriolis_matrix));
         }
         text += &format!("\n\nkinetic energy {:.4} J, potential {:.4} J", state.kinetic_j, state.potential_j);
-        if let Some(base) = &state.base {
-            let [a, b, c, x, y, z] = base.wrench;
-            text += &format!("\n\nwrench on the base: {a:.3} {b:.3} {c:.3} N m, {x:.3} {y:.3} {z:.3} N");
-        }
+        text += &state.base.as_ref().map(|base| base.text(&matrix)).unwrap_or_default();
         if let Some([a, b, c, x, y, z]) = state.base_acceleration {
             let [a, b, c] = [a, b, c].map(f64::to_degrees);
             text +=
                 &format!("\n\nacceleration of the floating base: {a:.2} {b:.2} {c:.2} °/s², {x:.3} {y:.3} {z:.3} m/s²");
         }
+        text += &state.links.as_deref().map(links::text).unwrap_or_default();
         text
     }
 }

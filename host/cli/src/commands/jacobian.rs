@@ -1,28 +1,43 @@
-//! `darm jacobian`: Jacobian, singular values, manipulability and statics.
+//! `darm jacobian`: Jacobian, singular values, manipulability, statics, and velocities in both directions.
 
-use darm_core::se::Wrench;
+mod euler;
+mod velocity;
+
+use darm_core::real::Vec3;
+use darm_core::se::{Twist, Wrench};
 use darm_core::tree::singular::{self, Ellipsoid};
-use darm_robot::robot::Kinematics;
+use darm_robot::robot::euler::EulerAxes;
+use darm_robot::robot::{Kinematics, Task};
 use serde::Serialize;
 
-use super::subject::{Coordinate, FormerWrench, SubjectArgs, WrenchArgs};
+use self::euler::Euler;
+use self::velocity::{Forward, Inverse, TWIST_COLUMNS};
+use super::subject::{Coordinate, FormerWrench, Posture, SubjectArgs, WrenchArgs, listed, twist};
 use crate::csv_text::csv_line;
+use crate::failure::Usage;
+use crate::number_text::numbers;
 use crate::ui::{Answer, Ui, columns, number};
 
 const EXAMPLES: &str = "\
 Examples:
   darm jacobian panda.urdf --frame panda_hand_tcp --q 0,30,0,-90,0,90,45,0
   darm jacobian puma560.toml --q 10,20,30,40,50,60 --external-wrench 0,0,0,0,0,-10   # 10 N down
+  darm jacobian puma560.toml --q 10,20,30,40,50,60 --qd 5,0,0,0,10,0   # its twist
+  darm jacobian puma560.toml --q 10,20,30,40,50,60 --twist 0,0,0,100,0,0   # the inverse
+  darm jacobian planar2.toml --q 30,0 --velocity 100,0,0   # the stretched arm cannot do it
+  darm jacobian puma560.toml --q 10,20,30,40,50,60 --euler zyz   # rates of Euler angles
   darm jacobian planar4.toml --word 010110011101   # one column per leg
   darm jacobian puma560.toml --postures puma560-postures.csv --csv > singular.csv
 
 The angular rows come first. The column of a discrete actuator is the rate per m of its length or rad of its angle. \
-Lengths and angles have different units, so the angular and the linear rows also get singular values of their own.";
+Lengths and angles have different units, so the angular and the linear rows also get singular values of their own. \
+Joint velocities are also read from the columns JOINT_deg_s and JOINT_mm_s of --postures. In a singular posture, \
+--twist and --velocity give the joint velocities of least squares and what they miss; rad and m count alike there.";
 
 /// A singular value below this share of the largest counts as zero.
 const RANK: f64 = 1e-9;
 
-/// Compute the Jacobian: columns, singular values, manipulability, ellipsoids, statics
+/// Compute the Jacobian: columns, singular values, manipulability, statics, velocities in both directions
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Jacobian {
@@ -31,6 +46,18 @@ pub(crate) struct Jacobian {
     /// Frame of a robot: the name of a link
     #[arg(long, value_name = "LINK")]
     frame: Option<String>,
+    /// Joint velocities, base first, in deg/s or mm/s; print the twist of the frame
+    #[arg(long, value_name = "QD,QD,…", allow_hyphen_values = true, conflicts_with = "postures")]
+    qd: Option<String>,
+    /// Twist of the frame along the axes of the base, in deg/s, then in mm/s; print the joint velocities
+    #[arg(long, value_name = "WX,WY,WZ,VX,VY,VZ", allow_hyphen_values = true)]
+    twist: Option<String>,
+    /// Velocity of the frame's origin along the axes of the base, in mm/s, its orientation free; print the joint velocities
+    #[arg(long, value_name = "VX,VY,VZ", allow_hyphen_values = true, conflicts_with = "twist")]
+    velocity: Option<String>,
+    /// Print the Jacobian of Euler angles about these axes, each moved by the turns before it: zyx, zyz, …
+    #[arg(long, value_name = "AXES")]
+    euler: Option<EulerAxes>,
     #[command(flatten)]
     wrench: WrenchArgs,
     /// Print comma-separated values, one row per posture
@@ -62,6 +89,22 @@ struct Row {
     /// Torques (N m) or forces (N) of the joints that hold the external wrench F: τ = -Jᵀ F.
     #[serde(skip_serializing_if = "Option::is_none")]
     statics: Option<Vec<f64>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    forward: Option<Forward>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    inverse: Option<Inverse>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    euler: Option<Euler>,
+}
+
+/// What is requested beside the Jacobian itself.
+struct Requests<'a> {
+    shown: &'a [Coordinate],
+    wrench: Option<Wrench<f64>>,
+    twist: Option<(Twist<f64>, Task)>,
+    euler: Option<EulerAxes>,
+    /// Whether the postures have joint velocities.
+    moves: bool,
 }
 
 /// Singular values and ellipsoids of a part of the Jacobian.
@@ -81,16 +124,25 @@ struct Part {
 impl Jacobian {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let subject = self.subject.subject()?;
-        let (postures, notes) = self.subject.postures(&subject)?;
+        let (mut postures, notes) = self.subject.postures(&subject)?;
         notes.iter().for_each(|note| ui.note(note));
         let frame = self.frame.as_deref();
+        let shown = subject.columns();
+        if let (Some(qd), [posture]) = (&self.qd, &mut postures[..]) {
+            posture.qd = listed(qd, &shown, "--qd")?;
+        }
         // The joints hold the opposite of what the environment exerts.
         let external = self.wrench.external(FormerWrench::ByTool)?;
-        let wrench = external.map(|w| Wrench { moment: -w.moment, force: -w.force });
-        let shown = subject.columns();
+        let requests = Requests {
+            shown: &shown,
+            wrench: external.map(|w| Wrench { moment: -w.moment, force: -w.force }),
+            twist: self.wanted()?,
+            euler: self.euler,
+            moves: self.qd.is_some() || postures.iter().any(|posture| posture.qd.iter().any(|qd| *qd != 0.0)),
+        };
         let mut rows = Vec::new();
         for posture in &postures {
-            rows.push(row(&subject.kinematics(frame, posture)?, shown.len(), wrench.as_ref()));
+            rows.push(row(&subject.kinematics(frame, posture)?, posture, &requests));
         }
         ui.print(&Report {
             name: subject.name().to_owned(),
@@ -103,7 +155,23 @@ impl Jacobian {
     }
 }
 
-fn row(kinematics: &Kinematics, count: usize, wrench: Option<&Wrench<f64>>) -> Row {
+impl Jacobian {
+    /// The twist for which joint velocities are requested, and which rows of it count.
+    fn wanted(&self) -> Result<Option<(Twist<f64>, Task)>, Usage> {
+        if let Some(text) = &self.velocity {
+            let wrong = |_| Usage(format!("--velocity {text}: give three numbers, in mm/s, such as 100,0,0"));
+            let speeds: [f64; 3] = numbers(text, "--velocity")?.try_into().map_err(wrong)?;
+            let linear = speeds.map(|speed| 1e-3 * speed).into();
+            return Ok(Some((Twist { angular: Vec3::zeros(), linear }, Task::Position)));
+        }
+        let twist = self.twist.as_deref().map(|text| twist(text, "--twist")).transpose()?;
+        Ok(twist.map(|twist| (twist, Task::Pose)))
+    }
+}
+
+fn row(kinematics: &Kinematics, posture: &Posture, requests: &Requests<'_>) -> Row {
+    let count = requests.shown.len();
+    let qd = requests.moves.then_some(&posture.qd[..]);
     let jacobian = &kinematics.compact_jacobian();
     let by_rows = |matrix: &darm_robot::robot::Jacobian| -> Vec<Vec<f64>> {
         (0..6).map(|row| (0..count).map(|column| matrix[(row, column)]).collect()).collect()
@@ -115,7 +183,10 @@ fn row(kinematics: &Kinematics, count: usize, wrench: Option<&Wrench<f64>>) -> R
         full: part(&singular::manipulability_ellipsoid(jacobian), count),
         angular: part(&singular::manipulability_ellipsoid(&angular), count),
         linear: part(&singular::manipulability_ellipsoid(&linear), count),
-        statics: wrench.map(|wrench| kinematics.statics(wrench)),
+        statics: requests.wrench.as_ref().map(|wrench| kinematics.statics(wrench)),
+        forward: qd.map(|qd| Forward::new(kinematics, qd)),
+        inverse: requests.twist.as_ref().map(|twist| Inverse::new(kinematics, twist, requests.shown)),
+        euler: requests.euler.map(|axes| Euler::new(kinematics, axes, qd)),
     }
 }
 
@@ -135,25 +206,7 @@ fn part<const R: usize>(ellipsoid: &Ellipsoid<f64, R>, count: usize) -> Part {
 impl Answer for Report {
     fn text(&self) -> String {
         if self.csv {
-            let head =
-                "posture,rank,distance_to_singularity,manipulability,manipulability_angular,manipulability_linear_m3";
-            let statics = self
-                .shown
-                .iter()
-                .map(|column| format!("{}_{}", column.name, column.load_unit().replace(' ', "").to_lowercase()));
-            let has_statics = self.postures.iter().any(|row| row.statics.is_some());
-            let head = csv_line(head.split(',').map(str::to_owned).chain(statics.filter(|_| has_statics)));
-            let rows = self.postures.iter().enumerate().map(|(index, row)| {
-                let numbers = [
-                    row.full.smallest_singular_value,
-                    row.full.manipulability,
-                    row.angular.manipulability,
-                    row.linear.manipulability,
-                ];
-                let numbers = numbers.iter().chain(row.statics.iter().flatten()).map(|x| format!("{x:?}"));
-                csv_line([(index + 1).to_string(), row.full.rank.to_string()].into_iter().chain(numbers))
-            });
-            return std::iter::once(head).chain(rows).collect::<Vec<_>>().join("\n");
+            return self.table();
         }
         let postures: Vec<_> = self.postures.iter().enumerate().map(|(index, row)| self.one(index, row)).collect();
         postures.join("\n\n")
@@ -161,6 +214,39 @@ impl Answer for Report {
 }
 
 impl Report {
+    fn table(&self) -> String {
+        let mut head: Vec<String> =
+            "posture,rank,distance_to_singularity,manipulability,manipulability_angular,manipulability_linear_m3"
+                .split(',')
+                .map(str::to_owned)
+                .collect();
+        if self.postures.iter().any(|row| row.statics.is_some()) {
+            let unit = |column: &Coordinate| column.load_unit().replace(' ', "").to_lowercase();
+            head.extend(self.shown.iter().map(|column| format!("{}_{}", column.name, unit(column))));
+        }
+        if self.postures.iter().any(|row| row.forward.is_some()) {
+            head.extend(TWIST_COLUMNS.map(str::to_owned));
+        }
+        if self.postures.iter().any(|row| row.inverse.is_some()) {
+            let unit = |column: &Coordinate| if column.unit() == "deg" { "rad_s" } else { "m_s" };
+            head.extend(self.shown.iter().map(|column| format!("{}_{}", column.name, unit(column))));
+        }
+        let rows = self.postures.iter().enumerate().map(|(index, row)| {
+            let mut numbers = vec![
+                row.full.smallest_singular_value,
+                row.full.manipulability,
+                row.angular.manipulability,
+                row.linear.manipulability,
+            ];
+            numbers.extend(row.statics.iter().flatten());
+            numbers.extend(row.forward.iter().flat_map(Forward::si));
+            numbers.extend(row.inverse.iter().flat_map(|inverse| &inverse.joint_velocities).map(|rate| rate.si()));
+            let numbers = numbers.iter().map(|x| format!("{x:?}"));
+            csv_line([(index + 1).to_string(), row.full.rank.to_string()].into_iter().chain(numbers))
+        });
+        std::iter::once(csv_line(head)).chain(rows).collect::<Vec<_>>().join("\n")
+    }
+
     fn one(&self, index: usize, row: &Row) -> String {
         let mut text = String::new();
         if self.postures.len() > 1 {
@@ -203,6 +289,12 @@ impl Report {
                     .collect::<Vec<_>>(),
             );
         }
+        let more = [
+            row.forward.as_ref().map(|forward| forward.text(&self.frame)),
+            row.inverse.as_ref().map(|inverse| inverse.text(&self.shown)),
+            row.euler.as_ref().map(|euler| euler.text(&self.columns)),
+        ];
+        more.iter().flatten().for_each(|part| text += &format!("\n\n{part}"));
         text
     }
 }

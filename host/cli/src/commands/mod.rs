@@ -14,10 +14,12 @@ mod flash;
 mod grasp;
 mod ik;
 mod import;
+mod inertia;
 mod jacobian;
 mod map;
 mod model;
 mod nearest;
+mod odometry;
 mod path;
 mod play;
 pub(crate) mod profile;
@@ -49,7 +51,7 @@ use crate::ui::Ui;
 /// The examples here and in the help of each command use the files of the folder `examples`, and build on each other.
 ///
 /// Arms, robots as URDF, MJCF and Denavit-Hartenberg tables: `darm fk`, `jacobian`, `ik`, `bench-ik`,
-/// `dynamics`, `com`, `model`, `draw`.
+/// `dynamics`, `com`, `model`, `inertia`, `odometry`, `draw`.
 ///
 /// `darm sim` runs until Ctrl-C, in its own terminal; all commands find the simulated board.
 #[derive(clap::Parser, Debug)]
@@ -104,6 +106,8 @@ pub(crate) enum Command {
     Dynamics(dynamics::Dynamics),
     Com(com::Com),
     Model(model::Model),
+    Inertia(inertia::Inertia),
+    Odometry(odometry::Odometry),
     Draw(draw::Draw),
     Grasp(grasp::Grasp),
     Doctor(doctor::Doctor),
@@ -137,6 +141,8 @@ impl Command {
             Self::Dynamics(command) => command.run(ui),
             Self::Com(command) => command.run(ui),
             Self::Model(command) => command.run(ui),
+            Self::Inertia(command) => command.run(ui),
+            Self::Odometry(command) => command.run(ui),
             Self::Draw(command) => command.run(ui),
             Self::Grasp(command) => command.run(ui),
             Self::Doctor(command) => command.run(ui),

@@ -5,6 +5,7 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
+mod differential;
 mod digests;
 mod examples;
 mod files;
@@ -23,10 +24,10 @@ mod robots;
 mod stop;
 mod unfinished;
 
-const COMMANDS: [&str; 27] = [
+const COMMANDS: [&str; 29] = [
     "synth", "adjust", "table", "upload", "play", "stop", "status", "record", "import", "diagnose", "console", "sim",
     "flash", "doctor", "profile", "fk", "jacobian", "ik", "bench-ik", "dynamics", "com", "model", "draw", "nearest",
-    "map", "path", "grasp",
+    "map", "path", "grasp", "inertia", "odometry",
 ];
 
 /// A user's empty home, and the folder the commands run in.

@@ -329,6 +329,17 @@ fn wrench(text: &str, option: &str) -> Result<Wrench<f64>, Usage> {
     }
 }
 
+/// Six numbers of a twist separated by commas, in deg/s, then in mm/s.
+pub(crate) fn twist(text: &str, option: &str) -> Result<Twist<f64>, Usage> {
+    match numbers(text, option)?[..] {
+        [a, b, c, x, y, z] => Ok(Twist {
+            angular: [a, b, c].map(f64::to_radians).into(),
+            linear: [x, y, z].map(|speed| 1e-3 * speed).into(),
+        }),
+        _ => Err(Usage(format!("{option} {text}: give six numbers, in deg/s, then in mm/s, such as 0,0,0,100,0,0"))),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
