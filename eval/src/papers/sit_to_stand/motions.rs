@@ -13,7 +13,7 @@ use darm_papers::motion::execution::Executed;
 use darm_papers::motion::mapping::{Mapped, map};
 use darm_papers::motion::person::{Person, com, person};
 use darm_papers::motion::setup::Setup;
-use darm_papers::motion::{Capture, Fixed, Posture};
+use darm_papers::motion::{Capture, Fixed, Posture, lift_off};
 use darm_robot::robot::Robot;
 use darm_robot::urdf::{self, Locks};
 
@@ -52,12 +52,13 @@ pub(super) fn map_both(
     for (style, colors) in [Style::Natural, Style::Elderly].into_iter().zip(COLORS) {
         let name = style.name();
         let shown = demonstrate(&average, (&names, &markers), &setup.person_feet, style, seed)?;
-        fs::write(folder.join(format!("{name}.csv")), csv(&shown.capture))?;
+        fs::write(folder.join(format!("{name}.csv")), csv(&shown))?;
         let found = person(&average, &markers, &shown.capture)?;
         report_person(figures, name, &found, &shown)?;
         let mapped = map(&robots.identified, &setup, &found, &shown.capture)?;
         let executed = executed(&robots.real, &robots.identified, &setup, &mapped)?;
         push_figures(figures, name, &mapped)?;
+        report_lift_off(figures, name, &found, (&mapped, &shown))?;
         report_executed(figures, robots, name, &mapped, &executed)?;
         let report =
             MotionReport { person: &found, mapped: &mapped, robot: &robots.identified, executed: Some(&executed) };
@@ -148,6 +149,23 @@ fn report_person(figures: &mut Vec<Figure>, name: &str, found: &Person, shown: &
         ("person's centre of mass against the truth, RMS", apart(&found.com, shown)),
     ] {
         figures.push(figure(&format!("{name}: {what}"), 1e3 * off_m, "mm")?);
+    }
+    Ok(())
+}
+
+/// Lift-off by the force of the chair's plate, and what the height of the pelvis would have given.
+fn report_lift_off(
+    figures: &mut Vec<Figure>,
+    name: &str,
+    found: &Person,
+    (mapped, shown): (&Mapped, &Demonstration),
+) -> Result<()> {
+    let unseen = Capture { chair_n: None, ..shown.capture.clone() };
+    let time = |frame: usize| mapped.time_s.get(frame).copied().unwrap_or(f64::NAN);
+    let (by_height, _) = lift_off(&unseen, &found.motion.postures, mapped.scale);
+    for (what, frame) in [("the chair's force", mapped.lift_off), ("the pelvis's height", by_height)] {
+        let off_s = time(frame) - time(shown.lift_off());
+        figures.push(figure(&format!("{name}: lift-off by {what}, less the true one"), off_s, "s")?);
     }
     Ok(())
 }
@@ -244,19 +262,27 @@ fn apart(com: &[Vec3<f64>], shown: &Demonstration) -> f64 {
     (square / com.len().max(1) as f64).sqrt()
 }
 
-/// A capture as `darm com map` reads it.
-fn csv(capture: &Capture) -> String {
+/// A capture as `darm com map` reads it, with the plates of floor and chair.
+fn csv(Demonstration { capture, chair, .. }: &Demonstration) -> String {
     let markers = capture.names.iter().flat_map(|name| ["x", "y", "z"].map(|axis| format!("{name}_{axis}")));
-    let head = std::iter::once("t_s".to_owned()).chain(markers).chain(["Fz_n", "Mx_nm", "My_nm"].map(str::to_owned));
+    let plates =
+        ["floor", "chair"].iter().flat_map(|plate| ["Fz_n", "Mx_nm", "My_nm"].map(|part| format!("{plate}_{part}")));
+    let head = std::iter::once("t_s".to_owned()).chain(markers).chain(plates);
     let mut text = head.collect::<Vec<_>>().join(",") + "\n";
-    for ((time, places), plate) in capture.time_s.iter().zip(&capture.places).zip(&capture.plates) {
+    let measured = capture.chair_n.iter().flatten().zip(chair);
+    for (((time, places), plate), (chair_n, [_, mx, my])) in
+        capture.time_s.iter().zip(&capture.places).zip(&capture.plates).zip(measured)
+    {
         let place = |place: &Option<Vec3<f64>>| match place {
             Some(place) => place.map(|x| format!("{x:.5}")).data.0[0].clone(),
             None => [const { String::new() }; 3],
         };
-        let wrench = [plate.force_n, plate.cop[1] * plate.force_n, -plate.cop[0] * plate.force_n];
+        let total = [plate.force_n, plate.cop[1] * plate.force_n, -plate.cop[0] * plate.force_n];
+        let own = [*chair_n, *mx, *my];
+        let floor = [0, 1, 2].map(|k| total[k] - own[k]);
         let cells = std::iter::once(format!("{time:.4}")).chain(places.iter().flat_map(place));
-        text += &(cells.chain(wrench.iter().map(|x| format!("{x:.4}"))).collect::<Vec<_>>().join(",") + "\n");
+        let wrenches = floor.iter().chain(&own).map(|x| format!("{x:.4}"));
+        text += &(cells.chain(wrenches).collect::<Vec<_>>().join(",") + "\n");
     }
     text
 }

@@ -3,7 +3,8 @@
 //! The tree is that of `person.urdf` (links with x forward, y up, z to the right), with lengths and masses drawn about the
 //! average, markers that are not quite where they should be, and noise. The motion is made of absolute angles of shank, thigh,
 //! pelvis and trunk with the feet flat on the ground, shanks and thighs at rest until the chair is left; the plates under feet
-//! and chair together measure what inverse dynamics computes. The elderly style bends deeper and longer before it
+//! and chair together measure what inverse dynamics computes. The chair bears what feet that press about their middle do not,
+//! and a small share of the weight at least; its cushion follows the hips for a few millimetres as the thighs begin to turn. The elderly style bends deeper and longer before it
 //! lifts off, as Papa and Cappozzo (J. Biomechanics 33, 2000, 1113) describe, and sways back at the end.
 
 use darm_core::real::{Mat3, Vec3};
@@ -28,6 +29,11 @@ const MASSES: f64 = 0.2;
 const MISPLACED_M: f64 = 0.006;
 const MARKER_NOISE_M: f64 = 0.001;
 const PLATE_NOISE: [f64; 2] = [2.0, 2.0];
+/// The middle of the soles ahead of the ankles, m, and the smallest and largest share of the weight on a chair.
+const MIDFOOT_M: f64 = 0.06;
+const CHAIR_SHARE: [f64; 2] = [0.08, 0.95];
+/// The chair is left when the hips are this much higher than at first, m.
+const CUSHION_M: f64 = 0.005;
 /// Height of the ankle joint of the average person, m.
 const ANKLE_M: f64 = 0.08;
 
@@ -50,6 +56,8 @@ pub struct Demonstration {
     pub tree: Robot,
     /// The person's true centre of mass, m.
     pub com: Vec<Vec3<f64>>,
+    /// What the chair exerts, frame by frame: Fz (N), Mx and My (N·m, about the world's origin), without noise.
+    pub chair: Vec<[f64; 3]>,
 }
 
 /// An angle that goes from one value to another between two times, rad, s.
@@ -150,16 +158,50 @@ pub fn demonstrate(
         places.push(worn.iter().map(|m| Some(placed.point(m) + three(&mut random, MARKER_NOISE_M))).collect());
     }
     let motion = dynamic(&postures, &time_s, 2.0 * CORNER_HZ, &own.gravity);
-    let plates = wrench(&own, &motion).into_iter().map(|bodies| {
-        let total: nalgebra::SVector<f64, 6> = bodies.into_iter().sum();
-        let [moment, force] = PLATE_NOISE;
+    let totals: Vec<nalgebra::SVector<f64, 6>> =
+        wrench(&own, &motion).into_iter().map(|bodies| bodies.into_iter().sum()).collect();
+    let hips: Vec<Vec3<f64>> = postures.iter().map(|posture| hip(&mut placed, &own, posture)).collect();
+    let chair: Vec<[f64; 3]> =
+        totals.iter().zip(&hips).map(|(total, hip)| on_chair(total, hip.x, hip.z - hips[0].z)).collect();
+    let [moment, force] = PLATE_NOISE;
+    let plates = totals.iter().map(|total| {
         let mut any = |size: f64| size * random.sample::<f64, _>(StandardNormal);
         let (fz, mx, my) = (total[5] + any(force), total[0] + any(moment), total[1] + any(moment));
         Plate { cop: [-my / fz, mx / fz], force_n: fz }
     });
     let plates = plates.collect();
-    let capture = Capture { names: names.to_vec(), time_s, places, plates, findings: Vec::new() };
-    Ok(Demonstration { capture, tree: own, com })
+    let measured = chair.iter().map(|[fz, ..]| fz + force * random.sample::<f64, _>(StandardNormal));
+    let chair_n = Some(measured.collect());
+    let (names, findings) = (names.to_vec(), Vec::new());
+    let capture = Capture { names, time_s, places, plates, chair_n, hands_n: None, findings };
+    Ok(Demonstration { capture, tree: own, com, chair })
+}
+
+/// The middle between the hip joints; the base where there is none.
+fn hip(placed: &mut Placed, tree: &Robot, posture: &Posture) -> Vec3<f64> {
+    placed.place(posture);
+    let hips = || tree.joints.iter().enumerate().filter(|(_, joint)| joint.name.ends_with("hip_Z"));
+    let sum: Vec3<f64> = hips().map(|(k, _)| placed.pose(Some(k), &Pose::identity()).position).sum();
+    match hips().count() {
+        0 => posture.base.position,
+        count => sum / count as f64,
+    }
+}
+
+/// What the chair bears of a wrench, straight up at `seat` ahead of the ankles (m), so that the feet press about their middle;
+/// less as the hips rise (m), and nothing when they have left the cushion.
+fn on_chair(total: &nalgebra::SVector<f64, 6>, seat: f64, risen: f64) -> [f64; 3] {
+    let pressed = -total[1] / total[5];
+    let share = ((MIDFOOT_M - pressed) / (MIDFOOT_M - seat)).clamp(CHAIR_SHARE[0], CHAIR_SHARE[1]);
+    let force = share * total[5] * (1.0 - risen / CUSHION_M).clamp(0.0, 1.0);
+    [force, 0.0, -seat * force]
+}
+
+impl Demonstration {
+    /// The first frame in which the chair bears nothing to the end.
+    pub fn lift_off(&self) -> usize {
+        self.chair.iter().rposition(|[force, ..]| *force > 0.0).map_or(0, |last| last + 1)
+    }
 }
 
 fn three(random: &mut impl Rng, size: f64) -> Vec3<f64> {

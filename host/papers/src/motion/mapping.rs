@@ -21,6 +21,7 @@ use darm_core::tree::TreeError;
 use nalgebra::SVector;
 
 use super::balance::{Support, cart, zmp};
+use super::lift_off::{LiftOffBy, lift_off};
 use super::markers::Capture;
 use super::person::{CORNER_HZ, Person, com};
 use super::placed::{Placed, dynamic, wrench};
@@ -35,11 +36,6 @@ const REACHED: f64 = 0.985;
 const MOVES_M: f64 = 1e-3;
 /// Markers that were overlaid follow this well, m; accelerations of the robot, rad/s².
 const FOLLOWS: (f64, f64) = (0.02, 3.0);
-/// The person has left the chair when the middle link is this much higher than in the first frame, m.
-const RISEN_M: f64 = 0.03;
-/// It left the chair when that link was this much higher than where it began to rise, m.
-const LIFTED_M: f64 = 0.003;
-
 /// After lift-off the height that the chair gave the centre of mass becomes the person's within this, s.
 const FADES_S: f64 = 1.0;
 /// Frames over which the speed at lift-off is given.
@@ -75,6 +71,8 @@ pub struct Mapped {
     pub markers: Vec<(usize, Fixed)>,
     /// The first frame off the chair, from 0.
     pub lift_off: usize,
+    /// What it was read from.
+    pub lift_off_by: LiftOffBy,
     /// The balance check.
     pub balance: Balance,
     /// Corners of the feet on the ground, m.
@@ -101,8 +99,8 @@ pub fn map(robot: &Robot, setup: &Setup, person: &Person, capture: &Capture) -> 
         .iter()
         .map(|places| markers.iter().map(|(k, _)| places[*k].map(|place| view.at(&place))).collect())
         .collect();
-    let lift_off = lift_off(&person.motion.postures, view.scale);
-    let ground = Ground::new(robot, setup, &sitting, (lift_off, capture.step_s()))?;
+    let (off_at, lift_off_by) = lift_off(capture, &person.motion.postures, view.scale);
+    let ground = Ground::new(robot, setup, &sitting, (off_at, capture.step_s()))?;
     let on_robot: Vec<Fixed> = markers.iter().map(|(_, marker)| *marker).collect();
     let follow = Follow { standing: &standing, markers: &on_robot, targets: &targets, ground: &ground, axes };
     let mut target = com.clone();
@@ -115,7 +113,8 @@ pub fn map(robot: &Robot, setup: &Setup, person: &Person, capture: &Capture) -> 
         shift(&mut target, &pulls, capture.step_s(), robot.gravity.norm());
         plan = follow.solve_all(&target, &plan.postures)?;
     }
-    mapped(robot, (capture, view.scale, axes), (com, target), (markers, plan), ground)
+    let mapped = mapped(robot, (capture, view.scale, axes), (com, target), (markers, plan), ground)?;
+    Ok(Mapped { lift_off_by, ..mapped })
 }
 
 /// Moves the centre of mass so that the zero-moment point is pulled so far.
@@ -272,17 +271,10 @@ fn mapped(
         com_error_m,
         markers,
         lift_off: ground.lift_off,
+        lift_off_by: LiftOffBy::ChairForce,
         sole: ground.sole,
         chair: ground.chair,
     })
-}
-
-/// The first frame in which the base is off the chair; the number of frames when it never is.
-fn lift_off(postures: &[Posture], scale: f64) -> usize {
-    let height: Vec<f64> = postures.iter().map(|posture| scale * posture.base.position.z).collect();
-    let Some(risen) = height.iter().position(|z| *z > height[0] + RISEN_M) else { return height.len() };
-    let lowest = (1..=risen).rev().find(|&k| height[k - 1] >= height[k]).unwrap_or(0);
-    (lowest..risen).find(|&k| height[k] > height[lowest] + LIFTED_M).unwrap_or(risen)
 }
 
 /// Feet on the ground, each where the robot's zero posture has it and turned as there, with its sole at z = 0.

@@ -4,7 +4,10 @@
 //! | --- | --- |
 //! | `t` | time, s |
 //! | `MARKER_x`, `MARKER_y`, `MARKER_z` | place of a marker in the world, m; empty where nobody saw it |
-//! | `Fx` … `Mz` (`_n`, `_nm`) | what all plates together exert on the person, about the world's origin |
+//! | `Fz`, `Mx`, `My` (`_n`, `_nm`) | what all plates together exert on the person, about the world's origin |
+//! | `floor_Fz` … `floor_My` | instead: the plate under the feet alone; `chair_` and `hands_` are added to it |
+//! | `chair_Fz` … `chair_My` | the plate under the chair, which gives lift-off; next to `Fz` its force is enough |
+//! | `hands_Fz` … `hands_My` | arm rests or whatever else hands push on |
 //!
 //! The world has z up and the ground at z = 0.
 
@@ -38,8 +41,12 @@ pub struct Capture {
     pub time_s: Vec<f64>,
     /// Places frame by frame, in the order of the names; `None`: not seen.
     pub places: Vec<Vec<Option<Vec3<f64>>>>,
-    /// The plates, frame by frame.
+    /// All plates together, frame by frame.
     pub plates: Vec<Plate>,
+    /// Vertical force of the chair's plate, frame by frame, N; `None`: it was not measured separately.
+    pub chair_n: Option<Vec<f64>>,
+    /// The same of what hands push on.
+    pub hands_n: Option<Vec<f64>>,
     /// What the owner of the data should know.
     pub findings: Vec<String>,
 }
@@ -158,7 +165,9 @@ impl Capture {
             (0..time_s.len()).map(|frame| axes.iter().map(|axes| place(frame, axes)).collect()).collect();
         let findings = seen(markers, &places, &table.lines)?;
         let plates = plates(table)?;
-        Ok(Self { names: markers.to_vec(), time_s, places, plates, findings })
+        let [chair_n, hands_n] = ["chair", "hands"].map(|plate| vertical(table, plate));
+        let [chair_n, hands_n] = [chair_n?, hands_n?];
+        Ok(Self { names: markers.to_vec(), time_s, places, plates, chair_n, hands_n, findings })
     }
 
     /// Time between two frames, s.
@@ -211,9 +220,33 @@ fn seen(names: &[String], places: &[Vec<Option<Vec3<f64>>>], lines: &[usize]) ->
     Ok(findings)
 }
 
+/// The vertical force of one plate, where there are columns of it; every cell has to be a number.
+fn vertical(table: &Table, plate: &str) -> Result<Option<Vec<f64>>, CaptureError> {
+    let Some(column) = table.quantity(&format!("{plate}_fz")) else { return Ok(None) };
+    match column.numbers.iter().position(|force| !force.is_finite()) {
+        Some(frame) => {
+            let force_n = column.numbers[frame];
+            Err(CaptureError::Pulls { frame: frame + 1, line: table.lines[frame], force_n })
+        }
+        None => Ok(Some(column.numbers.clone())),
+    }
+}
+
+/// A part of the wrench of all plates: as one column, or the sum of those of floor, chair and hands.
+fn summed(table: &Table, part: &str) -> Result<Vec<f64>, CaptureError> {
+    if table.quantity("floor_fz").is_none() {
+        return Ok(table.required(part)?.numbers.clone());
+    }
+    let mut sum = table.required(&format!("floor_{part}"))?.numbers.clone();
+    for plate in ["chair", "hands"].iter().filter(|plate| table.quantity(&format!("{plate}_fz")).is_some()) {
+        let own = &table.required(&format!("{plate}_{part}"))?.numbers;
+        sum.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+    }
+    Ok(sum)
+}
+
 fn plates(table: &Table) -> Result<Vec<Plate>, CaptureError> {
-    let part = |name: &str| table.required(name).map(|column| &column.numbers);
-    let (fz, mx, my) = (part("fz")?, part("mx")?, part("my")?);
+    let (fz, mx, my) = (summed(table, "fz")?, summed(table, "mx")?, summed(table, "my")?);
     let plate = |frame: usize| {
         let force_n = fz[frame];
         let cop = [-my[frame] / force_n, mx[frame] / force_n];

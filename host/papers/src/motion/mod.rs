@@ -20,6 +20,7 @@ mod banded;
 pub mod demonstration;
 pub mod execution;
 mod forces;
+mod lift_off;
 pub mod mapping;
 mod markers;
 pub mod person;
@@ -30,6 +31,7 @@ pub mod trajectory;
 
 pub use balance::{Balance, Polygon};
 pub use forces::feed_forward;
+pub use lift_off::{LiftOffBy, lift_off};
 pub use markers::{Capture, CaptureError, Plate};
 
 use darm_core::real::Vec3;

@@ -17,7 +17,7 @@ use super::mapping::map;
 use super::person::{Person, person};
 use super::placed::Placed;
 use super::setup::{Setup, SetupError};
-use super::{Capture, CaptureError, Fixed, Polygon, Posture, feed_forward};
+use super::{Capture, CaptureError, Fixed, LiftOffBy, Polygon, Posture, feed_forward};
 use darm_diagnose::measurement::table::{Names, Table};
 use darm_robot::robot::Robot;
 use darm_robot::urdf::{Locks, parse};
@@ -127,6 +127,7 @@ fn shown(setup: &Setup) -> &'static (Capture, Person) {
             time_s: shown.capture.time_s.iter().step_by(4).copied().collect(),
             places: shown.capture.places.iter().step_by(4).cloned().collect(),
             plates: shown.capture.plates.iter().step_by(4).copied().collect(),
+            chair_n: shown.capture.chair_n.as_ref().map(|all| all.iter().step_by(4).copied().collect()),
             ..shown.capture
         };
         // A marker may hide for a while.
@@ -144,6 +145,9 @@ fn a_motion_is_mapped_with_the_centre_of_mass_held() {
     assert!(found.after.worst_m < 0.02, "{:?}", found.after);
     let mapped = map(&robot, &setup, found, capture).unwrap();
     assert_eq!(mapped.axes, [true, false, true], "in the sagittal plane");
+    assert_eq!(mapped.lift_off_by, LiftOffBy::ChairForce);
+    let lift_off_s = mapped.time_s[mapped.lift_off];
+    assert!((1.3..1.5).contains(&lift_off_s), "the thighs begin to turn at 1.25 s: {lift_off_s}");
     assert!(mapped.com_error_m < 1e-6 && mapped.trajectory.worst_constraint < 1e-6, "{}", mapped.com_error_m);
     assert!(mapped.balance.zmp_margin_m > 0.02, "{:?}", mapped.balance);
     for posture in &mapped.trajectory.postures {
@@ -163,6 +167,31 @@ fn a_motion_is_mapped_with_the_centre_of_mass_held() {
     let executed = execute(&robot, &setup, &mapped, (Gains::default(), &torque)).unwrap();
     assert!(!executed.fell && executed.cop_margin_m > 0.0, "{}", executed.cop_margin_m);
     assert!(*executed.chair_n.last().unwrap() == 0.0 && executed.chair_n[0] > 300.0);
+}
+
+/// Plates of floor, chair and arm rests are one wrench: they add, and chair and hands are kept apart.
+#[test]
+fn separate_plates_are_one_wrench() {
+    let names: Vec<String> = ["A", "B", "C"].map(str::to_owned).to_vec();
+    let read = |head: &str, row: &str| {
+        let mut text = format!("t_s,A_x,A_y,A_z,B_x,B_y,B_z,C_x,C_y,C_z,{head}\n");
+        for k in 0..12 {
+            text += &format!("{},0,0,1,1,0,1,0,1,1,{row}\n", 0.02 * f64::from(k));
+        }
+        let (table, _) = Table::read_text(Path::new("c.csv"), text.as_bytes(), &Names::new()).unwrap();
+        Capture::of(&table, &names)
+    };
+    let one = read("Fz_n,Mx_nm,My_nm,chair_Fz_n", "700,14,-70,400").unwrap();
+    let parts =
+        "floor_Fz_n,floor_Mx_nm,floor_My_nm,chair_Fz_n,chair_Mx_nm,chair_My_nm,hands_Fz_n,hands_Mx_nm,hands_My_nm";
+    let separate = read(parts, "200,4,-10,400,10,-50,100,0,-10").unwrap();
+    assert_eq!((&one.plates, &one.chair_n), (&separate.plates, &separate.chair_n));
+    assert_eq!((one.hands_n, separate.hands_n), (None, Some(vec![100.0; 12])));
+    assert!((separate.plates[0].cop[0] - 0.1).abs() < 1e-12 && (separate.plates[0].cop[1] - 0.02).abs() < 1e-12);
+    let lost = read("floor_Fz_n,floor_Mx_nm,floor_My_nm,chair_Fz_n", "700,14,-70,400").unwrap_err().to_string();
+    assert!(lost.contains("chair_mx"), "{lost}");
+    let empty = read("Fz_n,Mx_nm,My_nm,chair_Fz_n", "700,14,-70,").unwrap_err();
+    assert!(matches!(empty, CaptureError::Pulls { frame: 1, .. }), "{empty}");
 }
 
 #[test]

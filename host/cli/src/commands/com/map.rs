@@ -9,7 +9,7 @@ use darm_papers::motion::execution::{Executed, Gains, execute};
 use darm_papers::motion::mapping::{Mapped, map};
 use darm_papers::motion::person::{CopError, Person, Scale, WITHIN_M, person};
 use darm_papers::motion::setup::Setup;
-use darm_papers::motion::{Balance, Capture, Fixed, feed_forward};
+use darm_papers::motion::{Balance, Capture, Fixed, LiftOffBy, feed_forward};
 use darm_robot::robot::Robot;
 use serde::Serialize;
 
@@ -21,8 +21,9 @@ const EXAMPLES: &str = "\
 Examples:
   darm com map human.urdf robot.urdf stand.toml capture.csv --execute   # (no_run: data)
 
-The capture: t_s, MARKER_x MARKER_y MARKER_z (m, empty where not visible) and Fx_n … Mz_nm of all force plates together, z \
-up. stand.toml lists the markers, feet, seat and corresponding links; its keys are documented in \
+The capture: t_s, MARKER_x MARKER_y MARKER_z (m, empty where not visible) and Fz_n, Mx_nm, My_nm of all force plates together, \
+z up, or of each: floor_Fz_n …, chair_Fz_n …, hands_Fz_n … for arm rests. Lift-off is read from chair_Fz_n; without it, from the \
+height of the pelvis. stand.toml lists the markers, feet, seat and corresponding links; its keys are documented in \
 host/papers/src/motion/setup.rs. --execute runs the motion on a simulated robot, --masses uses identified masses.";
 
 /// Map a person's motion on a robot: centre of mass as a hard constraint, markers in the least-squares sense
@@ -72,6 +73,10 @@ struct Summary {
     com_axes: Vec<&'static str>,
     marker_rms_m: f64,
     lift_off_s: Option<f64>,
+    lift_off_by: LiftOffBy,
+    /// Largest force of the person's hands on arm rests; the robot rises without hands.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    hands_max_n: Option<f64>,
     balance: Balance,
     #[serde(skip_serializing_if = "Option::is_none")]
     fell: Option<bool>,
@@ -148,6 +153,20 @@ impl Summary {
                 number(1e3 * WITHIN_M, 0)
             ));
         }
+        if mapped.lift_off_by == LiftOffBy::PelvisHeight {
+            findings.push(
+                "lift-off is read from the height of the pelvis, which rises early when the pelvis rolls; add the column \
+                 chair_Fz_n"
+                    .into(),
+            );
+        }
+        let hands = capture.hands_n.as_ref().map(|forces| forces.iter().copied().fold(0.0, f64::max));
+        if let Some(force) = hands {
+            findings.push(format!(
+                "the person's hands push with up to {} N; the robot rises without hands",
+                number(force, 0)
+            ));
+        }
         findings.extend((0..3).filter(free).map(|k| {
             format!("the robot cannot move its centre of mass along {}: unconstrained there", ["x", "y", "z"][k])
         }));
@@ -164,6 +183,8 @@ impl Summary {
             com_axes: (0..3).filter(|k| mapped.axes[*k]).map(|k| ["x", "y", "z"][k]).collect(),
             marker_rms_m: mapped.trajectory.marker_rms_m,
             lift_off_s: mapped.time_s.get(mapped.lift_off).copied(),
+            lift_off_by: mapped.lift_off_by,
+            hands_max_n: hands,
             balance: mapped.balance.clone(),
             fell,
             findings,
@@ -193,7 +214,11 @@ impl Answer for Summary {
             self.balance.com_frame,
         );
         if let Some(lift_off) = self.lift_off_s {
-            text += &format!("\nlift-off from the chair at {} s", number(lift_off, 2));
+            let by = match self.lift_off_by {
+                LiftOffBy::ChairForce => "force of the chair",
+                LiftOffBy::PelvisHeight => "height of the pelvis",
+            };
+            text += &format!("\nlift-off from the chair at {} s, by the {by}", number(lift_off, 2));
         }
         text += &format!(
             "\ncentre of mass deviates from the person's by up to {} mm horizontally, for balance, and {} mm vertically, on the chair",
