@@ -2,6 +2,7 @@
 
 mod darm;
 mod grasp;
+mod lecture;
 mod memr;
 mod sit_to_stand;
 
@@ -10,6 +11,7 @@ use darm_figures::items::{self, Spread};
 
 pub(crate) use darm::Darm;
 pub(crate) use grasp::Grasp;
+use lecture::Lecture;
 pub(crate) use memr::Memr;
 use sit_to_stand::SitToStand;
 
@@ -24,6 +26,7 @@ pub(crate) struct Papers {
 enum Paper {
     Darm(Spreadable<Darm>),
     Grasp(Spreadable<Grasp>),
+    Lecture(Lecture),
     Memr(Spreadable<Memr>),
     #[command(name = "stand")]
     SitToStand(SitToStand),
@@ -43,6 +46,7 @@ impl Papers {
         match &self.paper {
             Paper::Darm(darm) => items::run(&darm.job, &darm.spread),
             Paper::Grasp(grasp) => items::run(&grasp.job, &grasp.spread),
+            Paper::Lecture(lecture) => lecture.run(),
             Paper::Memr(memr) => items::run(&memr.job, &memr.spread),
             Paper::SitToStand(sit_to_stand) => sit_to_stand.run(),
         }

@@ -4,6 +4,7 @@
 pub mod convergence;
 pub mod grasp;
 pub mod identify;
+pub mod lecture;
 pub mod memr;
 pub mod motion;
 pub mod synthesis;
