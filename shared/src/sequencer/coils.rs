@@ -127,14 +127,16 @@ impl<'t> Coils<'t> {
     }
 
     /// Takes over some more outputs of the profile. A meter that is not valid, or was another profile's, counts as
-    /// exhausted; a peak may have begun just now. All are this profile's when the last one is taken over,
+    /// exhausted; the longest peak of the profile may have begun just now. All are this profile's when the last one is taken over,
     /// and not before: a reset may come in between.
     pub(super) fn take_outputs(&mut self, now: Micros, profile: &Profile, max: usize) {
         let own = profile.digest.short().0;
         let same = self.used.profile == own;
         let wired = profile.outputs.iter().zip(self.outputs.iter_mut().zip(&mut self.used.meters)).enumerate();
         for (number, (wired, (output, meter))) in wired.skip(self.n_taken).take(max) {
-            *output = Output { limit: limit_of(wired.as_ref()), changed: now, counted: now, ..NO_OUTPUT };
+            let peak_from = now + wired.as_ref().map_or(Micros(0), |wired| wired.drive.peak_pause());
+            let limit = limit_of(wired.as_ref());
+            *output = Output { limit, peak_from, changed: now, counted: now, ..NO_OUTPUT };
             if !(same && meter.is_valid()) {
                 meter.exhaust(&output.limit);
             }
@@ -204,7 +206,7 @@ impl<'t> Coils<'t> {
     pub(super) fn prepare(&mut self) {
         self.unknown = self.latches;
         let peaks = Bits::of(self.peaks).filter_map(|(index, _)| self.outputs.get(index));
-        self.peaks_from = peaks.map(Output::peak_from).max().unwrap_or_default();
+        self.peaks_from = peaks.map(|output| output.peak_from).max().unwrap_or_default();
     }
 
     /// Sets the latches of unknown state as a word says, no more at once than the supply can feed. True when they are
@@ -331,10 +333,10 @@ impl<'t> Coils<'t> {
         }
         for (index, _) in Bits::of(coils & (self.pulsing | self.peaking)) {
             if let Some(output) = self.outputs.get_mut(index) {
-                if now - output.changed < output.pause {
+                if now < output.peak_from {
                     return Err(FaultKind::Duty { output: index as u8 });
                 }
-                output.changed = now;
+                (output.changed, output.peak_from) = (now, now + output.pause);
             }
         }
         for (index, _) in Bits::of(self.timed & on) {

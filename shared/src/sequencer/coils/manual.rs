@@ -77,7 +77,7 @@ impl Coils<'_> {
         }
         let left_us = meter.left_us(limit);
         if flows <= Micros(left_us.into()) {
-            let wait = if self.on >> index & 1 == 1 { Micros(0) } else { output.peak_from() - now };
+            let wait = if self.on >> index & 1 == 1 { Micros(0) } else { output.peak_from - now };
             let wait_ms = wait.0.div_ceil(1000) as u32;
             let recovering = CommandError::Recovering { output: index as u8, left_ms: 0, wait_ms };
             return if wait_ms == 0 { Ok(()) } else { Err(recovering) };

@@ -12,8 +12,10 @@ pub(super) struct Output {
     pub(super) limit: MeterLimit,
     /// Length of its peak or pulse.
     pub(super) burst: Micros,
-    /// Least time between the beginnings of two peaks; 0 without a peak.
+    /// Least time from the beginning of a peak of this table to that of the next; 0 without a peak.
     pub(super) pause: Micros,
+    /// When it may have a peak again: the last peak set it, and no other table makes it earlier.
+    pub(super) peak_from: Micros,
     /// When its last peak or pulse began.
     pub(super) changed: Micros,
     /// How long it is on by hand, and when it goes off: counted from when the supply has let it be switched on.
@@ -37,6 +39,7 @@ pub(super) const NO_OUTPUT: Output = Output {
     limit: MeterLimit::NONE,
     burst: Micros(0),
     pause: Micros(0),
+    peak_from: Micros(0),
     changed: Micros(0),
     on_for: Micros(0),
     off_at: Micros(0),
@@ -54,11 +57,8 @@ impl Output {
         self.wires = Wires { first, second };
         self.burst = Micros::from_millis(burst_ms.into());
         self.pause = drive.peak_pause();
-    }
-
-    /// When it may have a peak again.
-    pub(super) fn peak_from(&self) -> Micros {
-        self.changed + self.pause
+        // A peak also waits for its own pause after a shorter one.
+        self.peak_from = self.peak_from.max(self.changed + self.pause);
     }
 }
 

@@ -219,3 +219,70 @@ fn a_peak_that_a_late_tick_brings_too_near_latches_the_safe_state() {
         assert_eq!(bench.outputs.lines == 0, fault.is_some());
     }
 }
+
+/// A table whose output 0 has peaks of this length, under a profile that allows 1 s.
+fn with_peaks_of(peak_ms: u16) -> Vec<Record> {
+    let drive = Drive::PeakHold { pull: 0, hold: 1, peak_ms };
+    [&[start()], wired(drive, UNLIMITED).as_slice(), &[end(10)]].concat()
+}
+
+impl Bench {
+    /// Puts another table in the place of the loaded one, while nothing runs.
+    fn replace(&mut self, records: &[Record]) {
+        let profile = self.sequencer.profile();
+        self.command(Command::Stop).unwrap();
+        self.run(2).sequencer.unload().expect("nothing runs");
+        self.sequencer.load(table(records, profile)).expect("nothing is loaded");
+    }
+
+    /// Switches output 0 on whenever that is possible; for how long its full current flowed, and since when, in ms.
+    fn peaks_whenever_possible(&mut self, on_ms: u32, ticks: u64) -> (u64, Option<u64>) {
+        let (mut full_ms, mut first) = (0, None);
+        for _ in 0..ticks {
+            if self.outputs.lines == 0 {
+                let _ = self.command(Command::Coil { coil: 0, on_ms });
+            }
+            if self.run(1).outputs.lines & 1 == 1 {
+                full_ms += 1;
+                first = first.or(Some((self.now - self.begun).0 / MS));
+            }
+        }
+        (full_ms, first)
+    }
+}
+
+#[test]
+fn a_second_table_waits_for_the_pause_after_a_peak_of_the_first() {
+    let mut bench = Bench::new(&with_peaks_of(1000));
+    bench.follows = false;
+    bench.command(Command::Coil { coil: 0, on_ms: 1000 }).unwrap();
+    bench.run(1005).replace(&with_peaks_of(100));
+    assert_eq!(bench.peaks_whenever_possible(100, 8_990), (0, None), "full current for 1 s of 10 s");
+    let (_, first_ms) = bench.peaks_whenever_possible(100, 100);
+    assert_eq!(first_ms, Some(10_002), "the pause after the long peak is over");
+}
+
+#[test]
+fn a_long_peak_after_short_ones_waits_for_its_own_pause() {
+    let mut bench = Bench::new(&with_peaks_of(1000));
+    bench.follows = false;
+    bench.replace(&with_peaks_of(100));
+    let (full_ms, _) = bench.peaks_whenever_possible(50, 9_000);
+    assert!((400..=450).contains(&full_ms), "cut peaks are a second apart: {full_ms} ms");
+    let last_ms = (bench.now - bench.begun).0 / MS;
+    bench.replace(&with_peaks_of(1000));
+    let (_, first_ms) = bench.peaks_whenever_possible(1000, 10_000);
+    assert!(first_ms > Some(last_ms + 9_000), "the last short peak began at most 1 s before: {first_ms:?}");
+}
+
+#[test]
+fn after_a_reset_the_longest_peak_of_the_profile_counts() {
+    let (long, short) = (with_peaks_of(1000), with_peaks_of(100));
+    let profile = Box::leak(Box::new(profile(&long)));
+    let mut sequencer = Sequencer::new(Box::leak(Box::default()));
+    sequencer.configure(profile);
+    sequencer.load(table(&short, profile)).expect("a new sequencer is idle");
+    take_over(&mut sequencer);
+    let refused = Err(CommandError::Recovering { output: 0, left_ms: 0, wait_ms: 10_000 });
+    assert_eq!(sequencer.command(Command::Coil { coil: 0, on_ms: 5 }), refused);
+}
