@@ -40,6 +40,8 @@ use switches::Switches;
 
 /// Outputs or actuators that one tick takes over.
 const TAKEN_A_TICK: usize = 12;
+/// A tick that comes later after the one before says nothing of the servos: whoever asks them did not run either.
+const LATE: Micros = Micros::from_millis(2);
 /// The approach may take this time.
 const APPROACH_TIMEOUT: Micros = Micros::from_millis(30_000);
 
@@ -57,7 +59,7 @@ pub struct Sequencer<'t> {
     servos: [ServoAction; MAX_SERVOS],
     /// Joint angle = shaft angle − offset.
     offsets_rad: [f32; MAX_SERVOS],
-    /// When each servo answered last.
+    /// When each servo answered last, without the time since then in which no tick ran.
     answered: [Option<Micros>; MAX_SERVOS],
     emergency_stop: bool,
     now: Micros,
@@ -131,6 +133,7 @@ impl<'t> Sequencer<'t> {
 
     /// Looks at what the board sees, decides, and says what the outputs are until the next call.
     pub fn step(&mut self, now: Micros, seen: &Seen) -> Outputs {
+        self.excuse_servos(now - self.now);
         self.now = now;
         self.take_over(TAKEN_A_TICK);
         self.emergency_stop = self.profile.emergency_stop.is_some_and(|stop| stop.is_pressed(seen.switches));
@@ -238,7 +241,7 @@ impl<'t> Sequencer<'t> {
     /// Everything that must hold before anything moves.
     fn look(&mut self, seen: &Seen) -> Result<(), FaultKind> {
         for (answered, servo) in self.answered.iter_mut().zip(&seen.servos) {
-            *answered = servo.answered;
+            *answered = (*answered).max(servo.answered);
         }
         let is_row_due = self.is_row_due();
         self.coils.pass(self.now, is_row_due)?;
@@ -250,14 +253,15 @@ impl<'t> Sequencer<'t> {
         };
         let wiring = table.wiring();
         self.switches.check(self.now, seen.switches, &self.coils.word(), wiring)?;
-        let servos = wiring.servos.iter().zip(&self.servos).zip(&seen.servos).zip(&self.offsets_rad);
+        let joints = wiring.servos.iter().zip(&self.servos).zip(&self.answered);
+        let servos = joints.zip(&seen.servos).zip(&self.offsets_rad);
         let is_active = !matches!(self.phase, Phase::Idle | Phase::Safe(_));
-        for (index, (((joint, action), servo), offset_rad)) in servos.enumerate() {
+        for (index, ((((joint, action), &answered), servo), offset_rad)) in servos.enumerate() {
             let number = index as u8;
             if matches!(action, ServoAction::Go(_)) {
                 let angle_rad = servo.angle_rad - offset_rad;
-                check_servo(self.now, number, joint, &ServoSeen { angle_rad, ..*servo })?;
-            } else if is_active && is_silent(self.now, joint, servo.answered) {
+                check_servo(self.now, number, joint, &ServoSeen { angle_rad, answered, ..*servo })?;
+            } else if is_active && is_silent(self.now, joint, answered) {
                 // A servo that holds may bear the arm: while anything is driven it has to answer, too.
                 return Err(FaultKind::ServoSilent { servo: number });
             }

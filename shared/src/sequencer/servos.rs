@@ -1,6 +1,6 @@
 //! The servos: what they are sent, what each must answer, and which commands they allow.
 
-use super::{CommandError, FaultKind, Phase, Sequencer, ServoAction, ServoSeen, ServoTarget};
+use super::{CommandError, FaultKind, LATE, Phase, Seen, Sequencer, ServoAction, ServoSeen, ServoTarget};
 use crate::output::{MAX_SERVOS, ServoWiring};
 use crate::profile::Fallback;
 use crate::table::ServoAngles;
@@ -12,7 +12,27 @@ pub(super) const APPROACH_SPEED: f32 = 0.25;
 /// A servo has reached the first row when it is this near.
 pub(super) const APPROACH_TOLERANCE_RAD: f32 = 0.01;
 
+/// A servo that is farther from its target moves. One that bears a load stays a little short of it.
+const MOTION_RAD: f32 = 0.05;
+
 impl Sequencer<'_> {
+    /// Whether a servo is on its way to a target.
+    pub fn has_moving_servo(&self, seen: &Seen) -> bool {
+        self.servos.iter().zip(&seen.servos).any(|(action, servo)| match action {
+            ServoAction::Go(target) => (servo.angle_rad - target.angle_rad).abs() > MOTION_RAD,
+            ServoAction::Hold | ServoAction::Release => false,
+        })
+    }
+
+    /// Time in which no tick ran, as while code and tables share a flash that is erased, is no silence of a servo.
+    pub(super) fn excuse_servos(&mut self, since_tick: Micros) {
+        if since_tick > LATE {
+            for answered in self.answered.iter_mut().flatten() {
+                *answered = *answered + since_tick - LATE;
+            }
+        }
+    }
+
     /// Takes zero offsets of the servos: joint angle = shaft angle − offset. No servo moves. No program may run.
     ///
     /// # Errors

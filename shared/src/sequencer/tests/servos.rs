@@ -122,3 +122,34 @@ fn a_table_whose_rows_leave_the_profile_range_does_not_play() {
     bench.sequencer.calibrate([0.2, 0.0, 0.0, 0.0]).unwrap();
     assert!(matches!(bench.command(Command::Play), Err(CommandError::ServoRange { .. })));
 }
+
+/// While a flash is erased that holds the code too, neither ticks nor the servo bus run.
+#[test]
+fn time_without_ticks_is_no_silence_of_a_servo() {
+    for (late_ms, ticks, fault) in
+        [(45, 16, None), (400, 16, None), (45, 30, Some(FaultKind::ServoSilent { servo: 0 }))]
+    {
+        let mut bench = servo_arm();
+        bench.command(Command::Play).unwrap();
+        bench.servo(0.5).run(2);
+        bench.now = bench.now + Micros::from_millis(late_ms);
+        assert_eq!(bench.run(ticks).fault(), fault, "{late_ms} ms without ticks, then {ticks} of them");
+        if fault.is_none() {
+            assert_eq!(bench.run(4).fault(), Some(FaultKind::ServoSilent { servo: 0 }), "silent for 23 ticks");
+        }
+    }
+}
+
+#[test]
+fn a_servo_moves_until_it_is_near_its_target() {
+    let mut bench = one_servo();
+    bench.answer(0.6);
+    bench.run(1).command(Command::Servo { servo: 0, angle_rad: 1.4 }).unwrap();
+    bench.run(1);
+    assert!(bench.sequencer.has_moving_servo(&bench.seen));
+    bench.answer(1.37);
+    assert!(!bench.sequencer.has_moving_servo(&bench.seen), "a load keeps it a little away");
+    bench.answer(0.6);
+    bench.command(Command::Stop).unwrap();
+    assert!(!bench.sequencer.has_moving_servo(&bench.seen));
+}
