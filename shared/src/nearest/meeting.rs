@@ -32,8 +32,13 @@ use small::{Motion, Small, motion};
 
 /// Most modules.
 const MODULES: usize = 8;
-/// Most frames of the last module, and most choices of the third last behind one beginning.
+/// Most frames of a module, and most choices of the third last behind one beginning: a module of six binary legs. The
+/// beam alone answers for an arm with a larger one.
 const LAST: usize = 64;
+/// Frames that one step scores, and frames of the last but one that it meets with those of the last: what bounds the
+/// time of a step, whatever the table.
+const SCORED: usize = 16;
+const MET: usize = 4;
 /// Beginnings with the third last module, for each of the beginnings without.
 const FOLLOWED: usize = 24;
 
@@ -64,15 +69,18 @@ enum Phase {
     /// A beginning is followed by every frame of the present module.
     Grow {
         beginning: usize,
+        frame: usize,
     },
     /// The best frames of the third last module behind a beginning are chosen.
     Choose {
         beginning: usize,
+        frame: usize,
     },
     /// One of them is met with the pairs of the last two modules.
     Meet {
         beginning: usize,
         follower: usize,
+        second: usize,
     },
     Done,
 }
@@ -177,9 +185,9 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         match self.phase {
             Phase::Answered => self.start(),
             Phase::Spread { part } => self.add_spread(part),
-            Phase::Grow { beginning } => self.grow(beginning),
-            Phase::Choose { beginning } => self.choose(beginning),
-            Phase::Meet { beginning, follower } => self.meet(beginning, follower),
+            Phase::Grow { beginning, frame } => self.grow(beginning, frame),
+            Phase::Choose { beginning, frame } => self.choose(beginning, frame),
+            Phase::Meet { beginning, follower, second } => self.meet(beginning, follower, second),
             Phase::Done => {}
         }
         self.phase != Phase::Done
@@ -213,7 +221,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         let n = self.parts.len();
         // Beginnings have the numbers below the stride of the module that follows them.
         let numbered = self.parts.iter().take(n.saturating_sub(2)).all(|part| part.stride > 0);
-        if !self.complete || !numbered || n < 2 || last.count > LAST {
+        if !self.complete || !numbered || n < 2 || self.parts.iter().any(|part| part.count > LAST) {
             return;
         }
         let frames = self.frames.get_mut(last.first..).unwrap_or_default();
@@ -229,7 +237,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         self.followers.clear();
         if n == 2 {
             self.followers.offer(0.0, 0);
-            self.phase = Phase::Meet { beginning: 0, follower: 0 };
+            self.phase = Phase::Meet { beginning: 0, follower: 0, second: 0 };
         } else {
             self.enter(0);
         }
@@ -243,14 +251,19 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         self.phase = Phase::Spread { part: level + 1 };
     }
 
-    fn grow(&mut self, index: usize) {
+    fn grow(&mut self, index: usize, from: usize) {
         let (Some(&beginning), Some(part)) = (self.beginnings.get(index), self.parts.get(self.level)) else { return };
         let remaining = self.remaining(beginning, self.level);
-        for (number, frame) in self.frames.iter().skip(part.first).take(part.count).enumerate() {
+        let frames = self.frames.iter().skip(part.first).take(part.count).enumerate();
+        for (number, frame) in frames.skip(from).take(SCORED) {
             let score = self.score(part, &frame.motion(part.size_m).inv_mul(&remaining));
             self.next.offer(score, beginning + number as u32 * part.stride);
         }
-        self.phase = Phase::Grow { beginning: index + 1 };
+        if from + SCORED < part.count {
+            self.phase = Phase::Grow { beginning: index, frame: from + SCORED };
+            return;
+        }
+        self.phase = Phase::Grow { beginning: index + 1, frame: 0 };
         if index + 1 == self.beginnings.len() {
             self.next.sort();
             refill(&mut self.beginnings, self.next.list.iter().map(|(_, number)| *number));
@@ -258,39 +271,49 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         }
     }
 
-    fn choose(&mut self, index: usize) {
+    fn choose(&mut self, index: usize, from: usize) {
         let Some(part) = self.parts.get(self.level) else { return };
-        self.followers.clear();
+        if from == 0 {
+            self.followers.clear();
+        }
         let Some(&beginning) = self.beginnings.get(index) else {
             self.phase = Phase::Done;
             return;
         };
         let remaining = self.remaining(beginning, self.level);
-        for (number, frame) in self.frames.iter().skip(part.first).take(part.count).enumerate() {
+        let frames = self.frames.iter().skip(part.first).take(part.count).enumerate();
+        for (number, frame) in frames.skip(from).take(SCORED) {
             let score = self.score(part, &frame.motion(part.size_m).inv_mul(&remaining));
             self.followers.offer(score, number as u32);
+        }
+        if from + SCORED < part.count {
+            self.phase = Phase::Choose { beginning: index, frame: from + SCORED };
+            return;
         }
         self.followers.sort();
         self.followers
             .list
             .truncate((FOLLOWED * WIDTH).checked_div(self.beginnings.len()).map_or(1, |each| each.max(1)));
-        self.phase = Phase::Meet { beginning: index, follower: 0 };
+        self.phase = Phase::Meet { beginning: index, follower: 0, second: 0 };
     }
 
-    fn meet(&mut self, index: usize, follower: usize) {
+    fn meet(&mut self, index: usize, follower: usize, from: usize) {
         let n = self.parts.len();
         let (Some(&beginning), Some(&(_, number))) = (self.beginnings.get(index), self.followers.list.get(follower))
         else {
-            self.phase = if n == 2 { Phase::Done } else { Phase::Choose { beginning: index + 1 } };
+            self.phase = if n == 2 { Phase::Done } else { Phase::Choose { beginning: index + 1, frame: 0 } };
             return;
         };
-        self.phase = Phase::Meet { beginning: index, follower: follower + 1 };
         let (Some(joint), Some(last)) = (self.parts.get(n - 2), self.parts.get(n - 1)) else { return };
+        let ends = from + MET >= joint.count;
+        let (follower, second) = if ends { (follower + 1, 0) } else { (follower, from + MET) };
+        self.phase = Phase::Meet { beginning: index, follower, second };
         let mut remaining = self.remaining(beginning, self.level.min(n - 2));
         if n > 2 {
             remaining = self.motion(n - 3, number as usize).inv_mul(&remaining);
         }
-        for (second, frame) in self.frames.iter().skip(joint.first).take(joint.count).enumerate() {
+        let frames = self.frames.iter().skip(joint.first).take(joint.count).enumerate();
+        for (second, frame) in frames.skip(from).take(MET) {
             let own = frame.motion(joint.size_m);
             let at = own.rotation.inverse_transform_vector(&(remaining.translation.vector - own.translation.vector));
             let reach = self.nearest_m;

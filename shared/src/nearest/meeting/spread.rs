@@ -34,7 +34,8 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
             let covariance = self.spread + Mat6::identity() * floor;
             self.spread = covariance.cholesky().map_or(Mat6::identity(), |factor| factor.inverse());
             let grows = self.level + 3 < self.parts.len();
-            self.phase = if grows { Phase::Grow { beginning: 0 } } else { Phase::Choose { beginning: 0 } };
+            self.phase =
+                if grows { Phase::Grow { beginning: 0, frame: 0 } } else { Phase::Choose { beginning: 0, frame: 0 } };
         }
     }
 

@@ -94,7 +94,7 @@ proptest! {
             (steps, least_m) = (steps + 1, now_m.min(least_m));
         }
         prop_assert_eq!(search.found().unwrap(), found);
-        prop_assert!(steps < 4 * (8 + 16) + 16 * (16 + 64 + 2), "{steps}");
+        prop_assert!(steps < 4 * (8 + 4 * 16) + 16 * (4 + 16 * (24 + 1) + 2), "{steps}");
     }
 
     #[test]
