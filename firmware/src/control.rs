@@ -14,6 +14,7 @@
 //!
 //! A stop goes past all orders: it is a counter that the tick looks at first. A command says how many stops there were
 //! when it was requested, and is refused when there has been another since.
+mod button;
 mod order;
 
 use core::cell::Cell;
@@ -29,6 +30,7 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 
 use crate::ring::Ring;
+use button::Button;
 use order::summary;
 pub use order::{Order, Outcome, Snapshot, Summary, Unloaded};
 
@@ -65,7 +67,7 @@ pub type Joints = [Option<Joint>; MAX_SERVOS];
 pub struct Inputs {
     /// Bit `i` is input `i`, high when closed.
     pub switches: u32,
-    /// A person holds the button of the board.
+    /// The contact of the board's button is closed.
     pub button: bool,
 }
 
@@ -159,7 +161,8 @@ pub struct Control<'t> {
     sequencer: Sequencer<'t>,
     joints: Joints,
     seen: Seen,
-    button: bool,
+    button: Button,
+    now: Micros,
     worst_lateness: Micros,
     next_event: u32,
     /// An order may wait since the last tick.
@@ -173,7 +176,8 @@ impl<'t> Control<'t> {
             sequencer: Sequencer::new(used),
             joints: [None; MAX_SERVOS],
             seen: Seen::default(),
-            button: false,
+            button: Button::new(now),
+            now,
             worst_lateness: Micros(0),
             next_event: 0,
             waited: false,
@@ -189,7 +193,8 @@ impl<'t> Control<'t> {
     pub fn tick(&mut self, now: Micros, due: Micros, inputs: Inputs, shared: &Shared<'t>) -> Outputs {
         self.worst_lateness = self.worst_lateness.max(now - due);
         self.seen.switches = inputs.switches;
-        self.button = inputs.button;
+        self.button.look(now, inputs.button);
+        self.now = now;
         let stops = shared.stops();
         if stops != shared.stops_done.load(Ordering::Relaxed) {
             // Stop is never refused.
@@ -279,7 +284,8 @@ impl<'t> Control<'t> {
             model: table.map(Table::model),
             switches: self.seen.switches,
             n_servos: table.map_or(0, |table| table.wiring().servos.len() as u8),
-            button: self.button,
+            button: self.button.is_held(self.now),
+            is_moving: self.sequencer.has_moving_servo(&self.seen),
             worst_lateness: self.worst_lateness,
         }
     }

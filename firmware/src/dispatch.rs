@@ -63,6 +63,16 @@ pub struct Board {
     pub crash: Option<CrashRecord>,
     /// What it can do.
     pub caps: Caps,
+    /// Whether it may restart into the chip's loader now; see
+    /// [`Hardware::allows_loader`](crate::hardware::Hardware::allows_loader).
+    pub allows_loader: fn() -> bool,
+}
+
+impl Board {
+    /// Whether it may restart into this now.
+    pub fn allows(&self, into: bootstrap::Into) -> bool {
+        into != bootstrap::Into::Loader || (self.allows_loader)()
+    }
 }
 
 /// Answers to the host.
@@ -256,6 +266,9 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
     /// Restarts the board where nothing runs.
     pub(crate) async fn restart(&mut self, into: bootstrap::Into) -> Result<(), Refusal> {
         self.require_idle().await?;
+        if !self.board.allows(into) {
+            return Err(Refusal::NobodyPresent);
+        }
         self.reboot = Some(into);
         Ok(())
     }
@@ -334,8 +347,11 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         }
     }
 
+    /// Nothing runs and no servo moves: while a flash is written or the board restarts nobody looks after a servo.
     async fn require_idle(&self) -> Result<(), Refusal> {
-        match self.snapshot().await?.phase {
+        let now = self.snapshot().await?;
+        match now.phase {
+            Phase::Idle | Phase::Safe(_) if now.is_moving => Err(Refusal::Busy),
             Phase::Idle | Phase::Safe(_) => Ok(()),
             Phase::Manual | Phase::Approaching { .. } | Phase::Playing { .. } => Err(Refusal::Busy),
         }

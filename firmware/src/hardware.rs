@@ -17,9 +17,10 @@ use core::pin::pin;
 use darm_core::output::{MAX_LINES, MAX_SERVOS};
 use darm_core::profile::Profile;
 use darm_core::table::Table;
-use darm_core::units::DeviceId;
+use darm_core::units::{DeviceId, Micros};
 use darm_core::wire::bootstrap::{CrashRecord, Identity, Into};
 use darm_core::wire::caps::Caps;
+use embassy_futures::select::{Either, select};
 use embedded_io_async::{Read, Write};
 use embedded_storage_async::nor_flash::NorFlash;
 
@@ -33,6 +34,9 @@ use crate::rescue;
 use crate::servo::Bus;
 use crate::solenoid::Chain;
 use crate::store::SLOT_BYTES;
+
+/// Time from one feed of the watchdog to the next while a board is held; its period is at least 47 ms.
+const HELD_FEED: Micros = Micros::from_millis(10);
 
 /// A board. All its functions may be called from any interrupt.
 pub trait Hardware: Sized + 'static {
@@ -68,6 +72,10 @@ pub trait Hardware: Sized + 'static {
     /// Resets the chip after a crash. Memory of [`Hardware::kept`] keeps its content.
     fn reset() -> !;
 
+    /// Whether the chip's loader may be entered now. Where its port is the console's own cable anyone with the port could
+    /// write firmware: then only while a person at the board allows it.
+    fn allows_loader() -> bool;
+
     /// Resets the chip on request, into the firmware or into the chip's loader.
     fn restart(into: Into) -> !;
 
@@ -89,7 +97,12 @@ pub fn caps<H: Hardware>() -> Caps {
 /// What the dispatcher knows of a board.
 pub fn describe<H: Hardware>(crash: Option<CrashRecord>) -> Board {
     let board = heapless::String::try_from(H::NAME).unwrap_or_default();
-    Board { identity: Identity { device: H::device(), board }, crash, caps: caps::<H>() }
+    Board {
+        identity: Identity { device: H::device(), board },
+        crash,
+        caps: caps::<H>(),
+        allows_loader: H::allows_loader,
+    }
 }
 
 /// The dispatcher of a board.
@@ -113,10 +126,26 @@ pub async fn console<H: Hardware>(
             });
             pulse.during(&H::CLOCK, work).await
         }
-        Start::Recovery => rescue::serve(&dispatcher.board, &H::CLOCK, reader, writer).await,
+        Start::Recovery => {
+            let clock = H::CLOCK;
+            let serve = rescue::serve(&dispatcher.board, &clock, reader, writer);
+            match select(serve, feed_for_ever::<H>()).await {
+                Either::First(into) => into,
+                Either::Second(never) => never,
+            }
+        }
     };
     forget_crashes(H::kept());
     into
+}
+
+/// Feeds the watchdog of a board that is held: no control tick does. A console that hangs is reset, and the crashes in a
+/// row, which only a reboot ends, hold the board again.
+async fn feed_for_ever<H: Hardware>() -> ! {
+    loop {
+        H::feed_watchdog();
+        H::CLOCK.wait_until(H::CLOCK.now() + HELD_FEED).await;
+    }
 }
 
 /// Serves the servo bus for ever, and reports.

@@ -4,6 +4,7 @@
 //! messages: a host then identifies it, stops it, reads the crash record and reboots it, and asks for nothing else.
 use darm_core::wire::bootstrap::{self, ANSWER, CrashRecord, Payload, Request, Version};
 use darm_core::wire::frame::{self, Header};
+use embassy_futures::yield_now;
 use embedded_io_async::{Read, Write};
 
 use crate::clock::Clock;
@@ -18,6 +19,7 @@ const MAX_ANSWER: usize = frame::HEADER + bootstrap::MAX_PAYLOAD + 4 + 1 + 2;
 
 const HELP: &str = "outputs disabled after several crashes in a row; read the fault, then: reboot\r\n";
 const REBOOTS: &str = "ok, reboots\r\n";
+const NO_LOADER: &str = "refused: close the jumper of the board first\r\n";
 
 /// Serves the bootstrap set until somebody asks for a reboot; what the board is to start into.
 pub async fn serve(
@@ -30,10 +32,14 @@ pub async fn serve(
     let mut bytes = [0; 16];
     loop {
         let n = reader.read(&mut bytes).await.unwrap_or(0);
+        if n == 0 {
+            // A port that fails at once must not keep the processor from what else the board does.
+            yield_now().await;
+        }
         for &byte in bytes.iter().take(n) {
             let into = match port.push(byte, clock.now()) {
                 Some(Item::Frame(encoded)) => answer(board, encoded, writer).await,
-                Some(Item::Line(line)) => execute(line, writer).await,
+                Some(Item::Line(line)) => execute(board, line, writer).await,
                 Some(Item::Dropped) | None => None,
             };
             if let Some(into) = into {
@@ -52,7 +58,7 @@ async fn answer(board: &Board, encoded: &mut [u8], writer: &mut impl Write) -> O
     let mut bytes = [0; MAX_ANSWER];
     let len = frame::encode(Header { tag: header.tag | ANSWER, ..header }, &reply(board, request), &mut bytes).ok()?;
     let _ = writer.write_all(bytes.get(..len)?).await;
-    if let Request::Reboot(into) = request { Some(into) } else { None }
+    if let Request::Reboot(into) = request { Some(into).filter(|into| board.allows(*into)) } else { None }
 }
 
 fn reply(board: &Board, request: Request) -> Payload {
@@ -60,18 +66,24 @@ fn reply(board: &Board, request: Request) -> Payload {
         Request::Identify => board.identity.encode(),
         Request::Version => Version { protocol: RECOVERY_PROTOCOL, firmware: FIRMWARE }.encode(),
         Request::ReadFault => CrashRecord::encode(board.crash.as_ref()),
+        Request::Reboot(into) if !board.allows(into) => [1].into_iter().collect(),
         // Every output is disabled already.
         Request::Stop | Request::Reboot(_) => [0].into_iter().collect(),
     }
 }
 
-async fn execute(line: &str, writer: &mut impl Write) -> Option<bootstrap::Into> {
-    let into = match line {
+async fn execute(board: &Board, line: &str, writer: &mut impl Write) -> Option<bootstrap::Into> {
+    let asked = match line {
         "reboot" => Some(bootstrap::Into::Application),
         "reboot loader" => Some(bootstrap::Into::Loader),
         _ => None,
     };
-    let text = if into.is_some() { REBOOTS } else { HELP };
+    let into = asked.filter(|into| board.allows(*into));
+    let text = match (asked, into) {
+        (_, Some(_)) => REBOOTS,
+        (Some(_), None) => NO_LOADER,
+        (None, None) => HELP,
+    };
     let _ = writer.write_all(text.as_bytes()).await;
     into
 }
@@ -115,13 +127,17 @@ mod tests {
         let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("test").unwrap() };
         let text = heapless::String::try_from("why").unwrap();
         let crash = Some(CrashRecord { kind: CrashKind::Watchdog, uptime_us: 1, pc: 2, lr: 3, text });
-        Board { identity, crash, caps: caps() }
+        Board { identity, crash, caps: caps(), allows_loader: || true }
     }
 
     /// What the board answers to these bytes, and into what it reboots.
     fn exchange(sent: &[u8]) -> (Vec<u8>, bootstrap::Into) {
+        exchange_with(&board(), sent)
+    }
+
+    fn exchange_with(board: &Board, sent: &[u8]) -> (Vec<u8>, bootstrap::Into) {
         let (mut reader, mut writer) = (Line(sent.to_vec()), Line(Vec::new()));
-        let into = run(serve(&board(), &HandClock::default(), &mut reader, &mut writer), || {});
+        let into = run(serve(board, &HandClock::default(), &mut reader, &mut writer), || {});
         (writer.0, into)
     }
 
@@ -157,6 +173,15 @@ mod tests {
             (String::from_utf8(text).unwrap(), into),
             (format!("{HELP}{REBOOTS}"), bootstrap::Into::Application)
         );
+    }
+
+    #[test]
+    fn the_loader_is_entered_only_where_the_board_allows_it() {
+        let board = Board { allows_loader: || false, ..board() };
+        let request = Request::Reboot(bootstrap::Into::Loader);
+        let sent = [&frame_of(request.tag(), request.payload()), &b"reboot loader\rreboot\r"[..]].concat();
+        let expected = [&frame_of(request.tag() | ANSWER, &[1]), NO_LOADER.as_bytes(), REBOOTS.as_bytes()].concat();
+        assert_eq!(exchange_with(&board, &sent), (expected, bootstrap::Into::Application));
     }
 
     #[test]

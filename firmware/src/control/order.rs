@@ -85,8 +85,10 @@ pub struct Snapshot {
     pub switches: u32,
     /// Servo joints of the table; [`super::Shared::servo_seen`] says what their servos answer.
     pub n_servos: u8,
-    /// Whether a person holds the board's button.
+    /// Whether a person holds the board's button: it was open since the start, and was closed less than a minute ago.
     pub button: bool,
+    /// Whether a servo is on its way to a target.
+    pub is_moving: bool,
     /// Latest start of a tick so far, after its time.
     pub worst_lateness: Micros,
 }

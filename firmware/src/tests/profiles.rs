@@ -5,6 +5,7 @@ use darm_core::profile::{BUILT_IN, Mismatch, Output, Profile, ProfileError, Shor
 use darm_core::sequencer::{Command, CommandError};
 use darm_core::table::TableError;
 use darm_core::wire::bootstrap;
+use darm_core::wire::frame::Header;
 use darm_core::wire::message::{Answer, Refusal, Request};
 
 use super::fakes::{Cells, profile, profile_image, table};
@@ -26,6 +27,37 @@ fn a_profile_is_written_only_while_a_person_holds_the_button() {
     again.connect();
     assert_eq!(hello(&again).profile, image.digest);
     assert_eq!(again.upload(&table(1, 4, false)), Ok(Answer::Committed { rows: 4 }));
+}
+
+#[test]
+fn a_jumper_that_was_left_in_its_place_writes_no_profile() {
+    let cells = Cells::erased();
+    let bench = Bench::new(cells.copy());
+    bench.connect();
+    let new = profile_image(&profile());
+    bench.button.set(true);
+    bench.pass_ms(60_001);
+    assert_eq!(bench.upload(&new), Err(Refusal::NobodyPresent), "pressed a minute ago");
+    bench.button.set(false);
+    bench.pass_ms(100);
+    bench.button.set(true);
+    bench.pass_ms(50_000);
+    assert_eq!(bench.upload(&new), Ok(Answer::Done));
+}
+
+#[test]
+fn a_board_enters_its_loader_only_where_it_allows_that() {
+    let bench = Bench::new(Cells::with_profile());
+    let due = |bench: &Bench| bench.dispatcher.borrow_mut().as_mut().unwrap().restart_due(false);
+    let request = bootstrap::Request::Reboot(bootstrap::Into::Loader);
+    let header = Header { tag: request.tag(), link: 0, number: 9 };
+    bench.dispatcher.borrow_mut().as_mut().unwrap().board.allows_loader = || false;
+    assert_eq!(bench.send(header, request.payload()), Some(vec![1]));
+    assert!(bench.type_line("reboot loader").starts_with('?'));
+    assert_eq!(due(&bench), None);
+    bench.dispatcher.borrow_mut().as_mut().unwrap().board.allows_loader = || true;
+    assert_eq!(bench.send(header, request.payload()), Some(vec![0]));
+    assert_eq!(due(&bench), Some(bootstrap::Into::Loader));
 }
 
 #[test]

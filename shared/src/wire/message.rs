@@ -310,7 +310,7 @@ impl fmt::Display for Refusal {
             Self::NotConnected => f.write_str("another host is connected or the board was restarted; connect again"),
             Self::Protocol { board } => write!(f, "the board speaks protocol version {board}; update host or firmware"),
             Self::Unknown => f.write_str("the request is not known to this firmware"),
-            Self::Busy => f.write_str("a program runs or a coil is on; stop it first"),
+            Self::Busy => f.write_str("a program runs, a coil is on or a servo moves; stop it first"),
             Self::NoUpload => f.write_str("no upload of this table has begun; start it again"),
             Self::TooLong { max } => {
                 write!(f, "the table is longer than the {max} bytes of a slot")
@@ -323,7 +323,9 @@ impl fmt::Display for Refusal {
                 "row {row} would exceed the limit of output {output}, which has lately been on; play again in at most {} s",
                 wait_ms.div_ceil(1000)
             ),
-            Self::NobodyPresent => f.write_str("hold the user button of the board while the profile is written"),
+            Self::NobodyPresent => f.write_str(
+                "hold the user button of the board, or set its jumper, less than 60 s before; one that is already closed must be opened first",
+            ),
             Self::Profile(error) => error.fmt(f),
             Self::Storage => f.write_str("the flash could not be written; the old table is still there"),
             Self::NoFrames => {

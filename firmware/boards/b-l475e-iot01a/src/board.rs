@@ -69,6 +69,11 @@ impl Hardware for Board {
         SCB::sys_reset()
     }
 
+    /// The loader does not listen on the pins of the console.
+    fn allows_loader() -> bool {
+        true
+    }
+
     fn restart(into: Into) -> ! {
         restart::restart(into)
     }

@@ -166,6 +166,8 @@ pub fn start(crash: Option<CrashRecord>, start: Start, room: &'static mut Room) 
     if start == Start::Recovery {
         // The pin keeps the level that it gets here.
         ChainEnable::new(true);
+        // The console feeds it.
+        watchdog::start();
         EXECUTOR.start(COMMON).spawn(console);
         return;
     }

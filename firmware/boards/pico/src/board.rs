@@ -85,6 +85,11 @@ impl Hardware for Board {
         watchdog::reset()
     }
 
+    /// The loader is a drive on the console's own cable.
+    fn allows_loader() -> bool {
+        is_jumper_closed()
+    }
+
     fn restart(into: Into) -> ! {
         Self::disable_outputs();
         if into == Into::Loader {
@@ -110,6 +115,10 @@ pub(crate) fn start_inputs() {
     }
 }
 
+fn is_jumper_closed() -> bool {
+    pac::SIO.gpio_in(0).read() >> JUMPER & 1 == 0
+}
+
 /// The pins of the control tick.
 pub(crate) struct BoardPins(Chain);
 
@@ -133,6 +142,6 @@ impl darm_firmware::solenoid::Chain for BoardPins {
 impl Pins for BoardPins {
     fn inputs(&self) -> Inputs {
         let levels = pac::SIO.gpio_in(0).read();
-        Inputs { switches: levels >> FIRST_INPUT & ((1 << INPUTS) - 1), button: levels >> JUMPER & 1 == 0 }
+        Inputs { switches: levels >> FIRST_INPUT & ((1 << INPUTS) - 1), button: is_jumper_closed() }
     }
 }

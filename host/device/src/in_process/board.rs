@@ -144,7 +144,12 @@ pub(super) async fn run(wires: Rc<Wires>, flash: MemoryFlash, used: Rc<RefCell<D
         let name = "in-process";
         let identity = Identity { device: DEVICE, board: name.parse().expect("a name that fits") };
         let caps = Caps::largest(name, SLOT_BYTES as u32, BUILD);
-        let mut dispatcher = Dispatcher::new(Board { identity, crash: None, caps }, &wires.clock, &shared, &mut room);
+        let mut dispatcher = Dispatcher::new(
+            Board { identity, crash: None, caps, allows_loader: || true },
+            &wires.clock,
+            &shared,
+            &mut room,
+        );
         dispatcher.open(Some(flash), &mut table, &mut profile).await;
         serve(&mut dispatcher, &mut PipeReader(&wires.console_in), &mut PipeWriter(&wires.console_out)).await
     };

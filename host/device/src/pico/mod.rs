@@ -39,6 +39,8 @@ pub fn boot(elf: &Path, folder: &Path, plant: Plant) -> Result<InProcess<PicoBen
 ///
 /// As [`Client::connect`] and [`Client::upload`]: the board refuses the profile, or does not answer.
 pub fn write_profile(board: &InProcess<PicoBench>, profile: &UploadImage) -> Result<(), ClientError> {
+    // A press is a contact that closes after it was open.
+    board.pass(0.2);
     board.hold_button(true);
     board.pass(0.1);
     let written = Client::connect(board.link()).and_then(|mut client| client.upload(profile, &mut |_| {}));
