@@ -1,4 +1,4 @@
-//! Discretely actuated arms: their files, board profiles, synthesis, reach, and the table of a list of words.
+//! Discretely actuated arms: their files, board profiles, synthesis, reach, and the table of a list of words with its file.
 
 pub mod arm;
 pub mod board_profile;
@@ -9,4 +9,5 @@ pub mod plan;
 pub mod reach;
 pub mod stops;
 pub mod synthesis;
+pub mod table_file;
 pub mod wired_arm;

@@ -12,7 +12,6 @@ mod number_text;
 mod output_file;
 mod port;
 mod state_folder;
-mod table_file;
 mod ui;
 mod visits;
 

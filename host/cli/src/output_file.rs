@@ -5,9 +5,10 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use darm_arm::table_file;
 use darm_diagnose::measurement;
 
-use crate::{table_file, visits};
+use crate::visits;
 
 /// Number of bytes that decide the kind of a file.
 const HEAD_BYTES: u64 = 512;

@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 use darm_core::units::{Digest, ModelHash, Word};
 
 use crate::csv_text::csv_text;
-use crate::table_file::digest;
+use darm_arm::table_file::digest;
 
 /// One rest of a program.
 #[derive(Clone, Debug, PartialEq)]

@@ -12,9 +12,9 @@ use super::status::seconds;
 use crate::failure::{SafeState, Unfinished};
 use crate::interrupt::InterruptHandler;
 use crate::port::PortArgs;
-use crate::table_file::TableFile;
 use crate::ui::{Answer, Ui};
 use crate::{interrupt, port};
+use darm_arm::table_file::TableFile;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -17,9 +17,9 @@ use serde::Serialize;
 use crate::failure::Usage;
 use crate::output_file;
 use crate::port::PortArgs;
-use crate::table_file::{self, visits_file};
 use crate::ui::{Answer, Ui, columns};
 use crate::visits::{Rest, Visits};
+use darm_arm::table_file::{self, visits_file};
 
 const EXAMPLES: &str = "\
 Examples:

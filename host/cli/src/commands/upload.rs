@@ -6,8 +6,8 @@ use std::time::Instant;
 use serde::Serialize;
 
 use crate::port::PortArgs;
-use crate::table_file::TableFile;
 use crate::ui::{Answer, Ui};
+use darm_arm::table_file::TableFile;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -17,10 +17,10 @@ use rustyline::error::ReadlineError;
 use rustyline::history::DefaultHistory;
 use rustyline::{Config, Editor, ExternalPrinter as _};
 
-use crate::table_file::TableFile;
 use crate::ui::Ui;
 use crate::{failure, interrupt, port, state_folder};
 use completion::{CommandHelper, LocalCommand};
+use darm_arm::table_file::TableFile;
 use pump::{Pump, Show};
 
 /// Longest wait for a lost port.

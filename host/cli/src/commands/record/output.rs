@@ -9,7 +9,7 @@ use darm_diagnose::measurement::poses::{self, Which};
 use darm_diagnose::measurement::{ReadError, Run, Sample, Stream, about};
 
 use super::RecordError;
-use crate::table_file::digest;
+use darm_arm::table_file::digest;
 
 /// Contents of an earlier recording of the same program.
 pub(crate) struct Earlier {

@@ -8,8 +8,8 @@ use darm_core::units::{Digest, Micros};
 use serde::Serialize;
 
 use super::SHOWN;
-use crate::table_file::{TableFile, TableFileError};
 use crate::ui::{Answer, columns};
+use darm_arm::table_file::{TableFile, TableFileError};
 
 #[derive(Serialize)]
 pub(super) struct Shown {

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use darm_arm::arm::Arm;
-use darm_arm::plan::{Visit, plan};
-use darm_arm::wired_arm::profile_of;
+use crate::arm::Arm;
+use crate::plan::{Visit, plan};
+use crate::wired_arm::profile_of;
 
 use super::{TableFile, bytes, digest, records};
 
