@@ -29,7 +29,7 @@ const LAYERS: [&str; 19] = [
     "wire",
 ];
 /// The crates with their folders, lowest first, and the crates that each depends on: exactly these.
-const CRATES: [(&str, &str, &[&str]); 17] = [
+const CRATES: [(&str, &str, &[&str]); 18] = [
     ("darm-core", "shared", &[]),
     ("darm-firmware", "firmware", &["darm-core"]),
     ("darm-b-l475e-iot01a", "firmware/boards/b-l475e-iot01a", &["darm-core", "darm-firmware"]),
@@ -40,10 +40,20 @@ const CRATES: [(&str, &str, &[&str]); 17] = [
     ("darm-diagnose", "host/diagnose", &["darm-arm", "darm-core", "darm-robot"]),
     ("darm-import", "host/import", &["darm-core", "darm-diagnose", "darm-robot"]),
     ("darm-papers", "host/papers", &["darm-arm", "darm-core", "darm-diagnose", "darm-robot"]),
+    ("darm-serve", "host/serve", &["darm-arm", "darm-core", "darm-device"]),
     (
         "darm",
         "host/cli",
-        &["darm-arm", "darm-core", "darm-device", "darm-diagnose", "darm-import", "darm-papers", "darm-robot"],
+        &[
+            "darm-arm",
+            "darm-core",
+            "darm-device",
+            "darm-diagnose",
+            "darm-import",
+            "darm-papers",
+            "darm-robot",
+            "darm-serve",
+        ],
     ),
     ("darm-tests", "tests", &["darm-arm", "darm-core", "darm-device", "darm-firmware"]),
     ("darm-figures", "eval/figures", &[]),

@@ -24,6 +24,7 @@ mod path;
 mod play;
 pub(crate) mod profile;
 mod record;
+mod serve;
 mod sim;
 mod status;
 mod stop;
@@ -53,7 +54,7 @@ use crate::ui::Ui;
 /// Arms, robots as URDF, MJCF and Denavit-Hartenberg tables: `darm fk`, `jacobian`, `ik`, `bench-ik`,
 /// `dynamics`, `com`, `model`, `inertia`, `odometry`, `draw`.
 ///
-/// `darm sim` runs until Ctrl-C, in its own terminal; all commands find the simulated board.
+/// `darm sim` runs until Ctrl-C, in its own terminal; all commands find the simulated board. `darm serve` shows it in a browser.
 #[derive(clap::Parser, Debug)]
 #[command(name = "darm", version, verbatim_doc_comment, after_help = AFTER_HELP)]
 pub(crate) struct Cli {
@@ -94,6 +95,7 @@ pub(crate) enum Command {
     Record(record::Record),
     Import(import::Import),
     Diagnose(diagnose::Diagnose),
+    Serve(serve::Serve),
     Console(console::Console),
     Flash(flash::Flash),
     #[command(alias = "plant")]
@@ -130,6 +132,7 @@ impl Command {
             Self::Record(command) => command.run(ui),
             Self::Import(command) => command.run(ui),
             Self::Diagnose(command) => command.run(ui),
+            Self::Serve(command) => command.run(ui),
             Self::Console(command) => command.run(ui),
             Self::Flash(command) => command.run(ui),
             Self::Sim(command) => command.run(ui),

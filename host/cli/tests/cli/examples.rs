@@ -28,7 +28,12 @@ impl Example {
         !self.line.contains("(no_run: ")
     }
 
-    /// Whether it runs until Ctrl-C.
+    /// Whether it runs until Ctrl-C and uses the simulator.
+    fn is_server(&self) -> bool {
+        self.line.starts_with("darm serve")
+    }
+
+    /// Whether it runs until Ctrl-C and is the simulator.
     fn is_simulator(&self) -> bool {
         ["darm sim ", "darm plant "].iter().any(|start| self.line.starts_with(start))
     }
@@ -75,6 +80,8 @@ impl Scratch {
         let started = Instant::now();
         if example.is_simulator() {
             self.start_simulator(&example.line);
+        } else if example.is_server() {
+            self.run_server(&example.line);
         } else {
             let output = self.shell(&example.line).output().unwrap();
             let printed = || format!("{}: `{}`: {}", example.source, example.line, text(&output.stderr));
@@ -86,14 +93,27 @@ impl Scratch {
 
     fn start_simulator(&mut self, line: &str) {
         self.stop_simulator();
-        // The shell is replaced by the simulator, which then gets the signal.
+        let (child, output) = self.start_until(line, "camera ");
+        self.simulator = Some((line.to_owned(), child, output));
+    }
+
+    /// Starts a command that runs until Ctrl-C, and waits until a line that it prints begins with `ready`.
+    fn start_until(&self, line: &str, ready: &str) -> (Child, BufReader<ChildStdout>) {
+        // The shell is replaced by the command, which then gets the signal.
         let mut child = self.shell(&format!("exec {line}")).stdout(Stdio::piped()).spawn().unwrap();
         let mut output = BufReader::new(child.stdout.take().unwrap());
         let mut printed = String::new();
-        while !printed.lines().any(|line| line.starts_with("camera ")) {
+        while !printed.lines().any(|line| line.starts_with(ready)) {
             assert!(output.read_line(&mut printed).unwrap() > 0, "`{line}` ended: {printed}");
         }
-        self.simulator = Some((line.to_owned(), child, output));
+        (child, output)
+    }
+
+    /// Starts the server of the live page and ends it by Ctrl-C: it holds the port while it runs.
+    fn run_server(&self, line: &str) {
+        let (mut child, _output) = self.start_until(line, "page ");
+        interrupt(&child);
+        assert!(child.wait().unwrap().success(), "`{line}`");
     }
 
     /// Ends the simulator by Ctrl-C.

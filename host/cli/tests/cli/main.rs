@@ -24,10 +24,11 @@ mod robots;
 mod stop;
 mod unfinished;
 
-const COMMANDS: [&str; 29] = [
+const COMMANDS: [&str; 30] = [
     "synth", "adjust", "table", "upload", "play", "stop", "status", "record", "import", "diagnose", "console", "sim",
     "flash", "doctor", "profile", "fk", "jacobian", "ik", "bench-ik", "dynamics", "com", "model", "draw", "nearest",
     "map", "path", "grasp", "inertia", "odometry",
+    "serve",
 ];
 
 /// A user's empty home, and the folder the commands run in.

@@ -1,0 +1,106 @@
+//! `darm serve`: the live page of a board and its arm, until Ctrl-C.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+use anyhow::Context as _;
+use darm_arm::wired_arm::WiredArm;
+use darm_serve::access::Token;
+use darm_serve::server::{BoardPort, Config, Server};
+use serde::Serialize;
+
+use crate::failure::Usage;
+use crate::port::{self, PortArgs};
+use crate::state_folder;
+use crate::ui::{Answer, Ui};
+
+const EXAMPLES: &str = "\
+Examples:
+  darm serve arm.toml                          # the only board there is, with this arm on it
+  darm serve arm.toml --listen 127.0.0.1:0     # at a free port
+  darm serve                                   # without a picture
+
+Open the printed address in a browser. Ctrl-C ends the server; a program on the board continues, `darm stop` stops it. Stop \
+and the space bar stop the arm on every page; a page moves the arm only after \"Take control\", one page at a time.
+
+Only this computer can open the pages. --listen 0.0.0.0:8420 opens them to the network, over plain HTTP, and needs a \
+token: a secret of at least 16 letters and digits in DARM_TOKEN. A tunnel (ssh -L 8420:127.0.0.1:8420) is safer.";
+
+/// Interval between two checks that the server still runs.
+const POLL: Duration = Duration::from_millis(200);
+
+/// Serve a live page of the board and its arm
+#[derive(clap::Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Serve {
+    /// Arm on the board; default: outputs without a picture
+    #[arg(value_name = "ARM.toml")]
+    arm: Option<PathBuf>,
+    /// Profile of the board; default: the one that the arm names
+    #[arg(long, value_name = "PROFILE.toml", requires = "arm")]
+    profile: Option<PathBuf>,
+    /// Address to listen on; one that is not loopback needs a token
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8420")]
+    listen: SocketAddr,
+    /// Name of this computer in the address of the pages; can be given several times
+    #[arg(long, value_name = "NAME")]
+    name: Vec<String>,
+    /// Secret that pages must know
+    #[arg(long, value_name = "TOKEN", env = "DARM_TOKEN", hide_env_values = true)]
+    token: Option<String>,
+    #[command(flatten)]
+    port: PortArgs,
+}
+
+/// The running server.
+#[derive(Serialize)]
+struct Serving {
+    port: String,
+    arm: Option<String>,
+    url: String,
+}
+
+impl Answer for Serving {
+    fn text(&self) -> String {
+        let arm = self.arm.as_deref().unwrap_or("none given: no picture");
+        format!("port     {}\narm      {arm}\npage     {}\n\nCtrl-C ends the server", self.port, self.url)
+    }
+}
+
+impl Serve {
+    pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        let arm = self.arm.as_deref().map(|arm| WiredArm::read(arm, self.profile.as_deref())).transpose()?;
+        let name = self.port.name()?;
+        let token = self.token.as_deref().filter(|token| !token.is_empty()).map(Token::new).transpose();
+        let token = token.map_err(|error| Usage(error.to_string()))?;
+        let arm_name = arm.as_ref().map(|wired| wired.arm.name.clone());
+        let opened = name.clone();
+        let board = BoardPort {
+            name: name.clone(),
+            stop_socket: state_folder::stop_socket(&name),
+            open: Box::new(move || port::open(&opened)),
+        };
+        let server = Server::start(Config { listen: self.listen, names: self.name.clone(), token, board, arm })?;
+        let (interrupted, interrupt) = channel();
+        let handler = move || {
+            // The receiver is gone once the server has ended.
+            let _ = interrupted.send(());
+        };
+        ctrlc::set_handler(handler).context("cannot wait for Ctrl-C")?;
+        ui.print(&Serving { port: name, arm: arm_name, url: self.url(server.address()) })?;
+        while let Err(RecvTimeoutError::Timeout) = interrupt.recv_timeout(POLL) {
+            anyhow::ensure!(server.is_running(), "the server ended; its reason is above");
+        }
+        Ok(())
+    }
+
+    /// The address of the page, with the token behind `#`, where a browser keeps it to itself.
+    fn url(&self, address: SocketAddr) -> String {
+        let named = self.name.first().filter(|_| !address.ip().is_loopback());
+        let host = named.map_or_else(|| address.to_string(), |name| format!("{name}:{}", address.port()));
+        let token = self.token.as_deref().filter(|token| !token.is_empty());
+        token.map_or_else(|| format!("http://{host}/"), |token| format!("http://{host}/#token={token}"))
+    }
+}

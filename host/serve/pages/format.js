@@ -1,0 +1,39 @@
+// Numbers with their units, and small helpers to change a page without building it again.
+
+export const mm = (m) => `${(1e3 * m).toFixed(1)} mm`;
+export const degrees = (rad) => `${((180 / Math.PI) * rad).toFixed(2)}°`;
+export const percent = (share) => `${(100 * share).toFixed(0)} %`;
+
+export function seconds(s) {
+  if (s === null || s === undefined) return '–';
+  return s < 0.1 ? `${(1e3 * s).toFixed(1)} ms` : `${s.toFixed(s < 10 ? 2 : 1)} s`;
+}
+
+export const short = (digest) => (digest ? digest.slice(0, 16) : 'none');
+export const byId = (id) => document.getElementById(id);
+
+// Writes only what differs: twenty times a second, and a screen reader hears no repetition.
+export function setText(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+export function make(tag, properties = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(properties)) {
+    if (name in element) element[name] = value;
+    else element.setAttribute(name, value);
+  }
+  element.append(...children);
+  return element;
+}
+
+// A list of terms and values: `[['port', 'unix:…'], …]`.
+export function setFacts(list, facts) {
+  if (list.children.length !== 2 * facts.length) {
+    list.replaceChildren(...facts.flatMap(() => [make('dt'), make('dd')]));
+  }
+  facts.forEach(([term, value], index) => {
+    setText(list.children[2 * index], term);
+    setText(list.children[2 * index + 1], value);
+  });
+}

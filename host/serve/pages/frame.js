@@ -1,0 +1,180 @@
+// What every page has: the state of the link, the stop, and control.
+
+import { get, post, Refusal } from './server.js';
+import { byId, seconds, setText } from './format.js';
+
+const KEY = 'darm-control-key';
+// Without an answer of the server for this time the page says so.
+const SERVER_LOST_MS = 1000;
+const RENEW_MS = 1000;
+
+// Control moves to the next page of this tab with a click on a link, and to no other tab.
+const control = { key: sessionStorage.getItem(KEY), page: null };
+sessionStorage.removeItem(KEY);
+let isMovingOn = false;
+let lastAnswer = performance.now();
+let last = null;
+
+const listeners = [];
+export const hasControl = () => control.key !== null;
+
+// ---------------------------------------------------------------- the stop
+
+async function stop() {
+  const note = byId('stopped');
+  note.hidden = false;
+  note.dataset.outcome = 'sent';
+  setText(note, 'Stopping …');
+  try {
+    const { confirmed, took_s } = await post('/api/stop', {}, { timeoutMs: 3000 });
+    note.dataset.outcome = confirmed ? 'confirmed' : 'missing';
+    setText(note, confirmed
+      ? `Stopped: the board confirmed after ${seconds(took_s)} that all outputs are off.`
+      : 'The stop was sent, but the board did not confirm it: switch off the supply of the arm.');
+  } catch (error) {
+    note.dataset.outcome = 'failed';
+    setText(note, `NOT STOPPED: ${error.message}. Switch off the supply of the arm.`);
+  }
+}
+
+byId('stop-form').addEventListener('submit', (event) => {
+  event.preventDefault();
+  stop();
+});
+
+// A button acts when the key goes up, so both are taken away from it.
+for (const type of ['keydown', 'keyup']) {
+  window.addEventListener(type, (event) => {
+    if (event.code !== 'Space' || event.ctrlKey || event.altKey || event.metaKey) return;
+    event.preventDefault();
+    event.stopPropagation();
+    if (type === 'keydown' && !event.repeat) stop();
+  }, { capture: true });
+}
+
+// ---------------------------------------------------------------- refusals
+
+export function showAlert(text) {
+  const alert = byId('alert');
+  alert.hidden = !text;
+  setText(alert, text ?? '');
+}
+
+// Sends an order of this page; the text of a refusal is shown, the refusal is returned.
+export async function order(path, body) {
+  showAlert(null);
+  try {
+    await post(path, body, { key: control.key });
+    return null;
+  } catch (error) {
+    showAlert(error.message);
+    if (error instanceof Refusal && error.kind === 'control') control.key = null;
+    return error;
+  }
+}
+
+// ---------------------------------------------------------------- control
+
+async function takeOrRelease() {
+  showAlert(null);
+  try {
+    if (hasControl()) {
+      await post('/api/control', { do: 'release' }, { key: control.key });
+      control.key = null;
+    } else {
+      const granted = await post('/api/control', { do: 'take' });
+      [control.key, control.page] = [granted.key, granted.page];
+    }
+  } catch (error) {
+    control.key = null;
+    showAlert(error.message);
+  }
+  showControl();
+}
+
+async function renew() {
+  if (!hasControl()) return;
+  try {
+    await post('/api/control', { do: 'renew' }, { key: control.key, timeoutMs: 2000 });
+  } catch (error) {
+    if (error.kind === 'control') {
+      control.key = null;
+      showAlert('This page has lost control.');
+      showControl();
+    }
+  }
+}
+
+function showControl() {
+  const holder = last?.control ?? null;
+  const take = byId('take');
+  take.disabled = !last || (holder !== null && !hasControl());
+  setText(take, hasControl() ? 'Release control' : 'Take control');
+  document.body.toggleAttribute('data-controls', hasControl());
+  const other = holder !== null ? `page ${holder} controls` : 'no page controls';
+  setText(byId('holder'), hasControl() ? 'this page controls' : last ? other : '');
+  for (const button of document.querySelectorAll('[data-needs-control]')) {
+    button.disabled = !hasControl() || document.body.dataset.link !== 'live' || button.dataset.ready === 'false';
+  }
+}
+
+byId('take').addEventListener('click', takeOrRelease);
+setInterval(renew, RENEW_MS);
+for (const link of document.querySelectorAll('nav a')) {
+  link.addEventListener('click', (event) => {
+    if (event.ctrlKey || event.metaKey || event.shiftKey || !hasControl()) return;
+    isMovingOn = true;
+    sessionStorage.setItem(KEY, control.key);
+  });
+}
+window.addEventListener('pagehide', () => {
+  if (hasControl() && !isMovingOn) post('/api/control', { do: 'release' }, { key: control.key, keepalive: true });
+});
+
+// ---------------------------------------------------------------- what is live
+
+const LINKS = {
+  connecting: () => 'connecting to the board',
+  live: (live) => `live, ${live.port}`,
+  silent: (live) => `the board is silent: values are ${seconds(live.age_s)} old`,
+  lost: (live) => `no connection to the board: ${live.link.reason}`,
+  server: () => 'darm serve does not answer: values are old, the stop cannot be sent from here',
+};
+
+function showLink(state) {
+  document.body.dataset.link = state;
+  const text = LINKS[state](last);
+  const age = state === 'lost' && last.age_s !== null ? `; values are ${Math.round(last.age_s)} s old` : '';
+  setText(byId('link'), text + age);
+  showControl();
+}
+
+setInterval(() => {
+  if (performance.now() - lastAnswer > SERVER_LOST_MS) showLink('server');
+}, 200);
+
+// Calls `listener` with each state of the board, about 20 times a second.
+export function onLive(listener) {
+  listeners.push(listener);
+}
+
+export async function follow() {
+  let after = 0;
+  for (;;) {
+    try {
+      const live = await get(`/api/live?after=${after}`);
+      lastAnswer = performance.now();
+      // A server that was started again counts from the beginning.
+      after = live.revision;
+      last = live;
+      showLink(live.link.state);
+      for (const listener of listeners) listener(live);
+    } catch (error) {
+      if (error.kind === 'denied') {
+        showAlert(error.message);
+        lastAnswer = -Infinity;
+      }
+      await new Promise((wake) => setTimeout(wake, 300));
+    }
+  }
+}

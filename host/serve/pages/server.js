@@ -1,0 +1,53 @@
+// Requests to the server. An answer that is a refusal is thrown as `Refusal`: its kind decides, its text is for people.
+
+const TOKEN = 'darm-token';
+
+// The address that `darm serve` prints has the token behind `#`, which a browser sends to nobody.
+const given = new URLSearchParams(location.hash.slice(1)).get('token');
+if (given) {
+  sessionStorage.setItem(TOKEN, given);
+  history.replaceState(null, '', location.pathname);
+}
+
+export class Refusal extends Error {
+  constructor(refused) {
+    super(refused.text);
+    this.kind = refused.kind;
+    this.row = refused.row;
+    this.output = refused.output;
+    this.limit = refused.limit;
+  }
+}
+
+async function request(path, options, timeoutMs) {
+  const headers = { ...options.headers };
+  const token = sessionStorage.getItem(TOKEN);
+  if (token) headers.authorization = `Bearer ${token}`;
+  const signal = timeoutMs ? AbortSignal.timeout(timeoutMs) : undefined;
+  let answer;
+  try {
+    answer = await fetch(path, { ...options, headers, signal, cache: 'no-store' });
+  } catch {
+    throw new Refusal({ kind: 'server', text: 'darm serve does not answer' });
+  }
+  let body = null;
+  try {
+    body = await answer.json();
+  } catch {
+    // A refusal of the server itself has no JSON.
+  }
+  if (answer.ok) return body;
+  throw new Refusal(body?.refused ?? { kind: 'server', text: `darm serve answered with status ${answer.status}` });
+}
+
+export function get(path, timeoutMs = 2000) {
+  return request(path, { method: 'GET' }, timeoutMs);
+}
+
+export function post(path, body, { key, timeoutMs, keepalive } = {}) {
+  const headers = {};
+  if (key) headers['x-darm-control'] = key;
+  const isBytes = body instanceof ArrayBuffer;
+  if (!isBytes) headers['content-type'] = 'application/json';
+  return request(path, { method: 'POST', headers, body: isBytes ? body : JSON.stringify(body), keepalive }, timeoutMs);
+}

@@ -1,0 +1,246 @@
+//! The requests of the pages.
+//!
+//! | request             | needs control | does                                                                   |
+//! |---------------------|---------------|------------------------------------------------------------------------|
+//! | `GET /api/live`     | no            | the state, as soon as there is one after `?after=REVISION`              |
+//! | `GET /api/arm`      | no            | names of actuators and servos                                           |
+//! | `GET /api/picture`  | no            | the arm as lines                                                        |
+//! | `GET /api/program`  | no            | the opened table                                                        |
+//! | `POST /api/stop`    | no            | switches all outputs off, past everything else                          |
+//! | `POST /api/control` | no            | takes, renews or releases control                                       |
+//! | `POST /api/open`    | no            | opens a table file: its bytes; nothing is sent to the board             |
+//! | `POST /api/upload`  | yes           | brings the opened table to the board                                    |
+//! | `POST /api/command` | yes           | plays, clears the safe state, switches an output, a word or a servo     |
+//!
+//! A page shows its control by the header `x-darm-control`. No `GET` changes anything.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use axum::Json;
+use axum::body::Bytes;
+use axum::extract::{Query, State};
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::{IntoResponse, Response};
+use darm_arm::table_file::digest;
+use darm_core::sequencer::Command;
+use darm_device::client::stop::Confirmation;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use crate::control::LEASE;
+use crate::hub::Hub;
+use crate::order::Task;
+use crate::program::Program;
+use crate::refusal::{Kind, Refused};
+
+/// A page gets an answer after this time, also where nothing has changed: it shows the age.
+const PATIENCE: Duration = Duration::from_millis(250);
+/// Longest name of a file that is shown.
+const MAX_NAME: usize = 100;
+
+type Shared = State<Arc<Hub>>;
+type Answer<T> = Result<Json<T>, Refused>;
+
+impl IntoResponse for Refused {
+    fn into_response(self) -> Response {
+        let status = match self.kind {
+            Kind::Denied => StatusCode::FORBIDDEN,
+            Kind::Control | Kind::Stopped | Kind::Refused => StatusCode::CONFLICT,
+            Kind::Invalid => StatusCode::UNPROCESSABLE_ENTITY,
+            Kind::Link => StatusCode::SERVICE_UNAVAILABLE,
+        };
+        (status, Json(json!({ "refused": self }))).into_response()
+    }
+}
+
+#[derive(Deserialize)]
+pub(crate) struct After {
+    #[serde(default)]
+    after: u64,
+}
+
+pub(crate) async fn live(State(hub): Shared, Query(After { after }): Query<After>) -> Response {
+    hub.news(after, PATIENCE).await;
+    Json(hub.view()).into_response()
+}
+
+#[derive(Serialize)]
+struct ArmView<'a> {
+    name: &'a str,
+    model: String,
+    is_planar: bool,
+    actuators: Vec<ActuatorName>,
+    servos: Vec<ServoName>,
+}
+
+#[derive(Serialize)]
+struct ActuatorName {
+    name: String,
+    states: usize,
+}
+
+#[derive(Serialize)]
+struct ServoName {
+    name: String,
+    min_rad: f32,
+    max_rad: f32,
+}
+
+/// The arm's names; `null` where the server was started without an arm.
+pub(crate) async fn arm(State(hub): Shared) -> Response {
+    let view = hub.wired().map(|wired| {
+        let arm = &wired.arm;
+        let chain = &arm.model.chain;
+        let actuator = |index| ActuatorName { name: arm.actuator_name(index), states: chain.n_states(index) };
+        let servo = |(index, servo): (usize, &darm_arm::arm::Servo)| ServoName {
+            name: arm.servo_name(index),
+            min_rad: servo.min_rad,
+            max_rad: servo.max_rad,
+        };
+        ArmView {
+            name: &arm.name,
+            model: arm.hash().to_string(),
+            is_planar: chain.is_planar(),
+            actuators: (0..arm.n_actuators()).map(actuator).collect(),
+            servos: arm.servos.iter().enumerate().map(servo).collect(),
+        }
+    });
+    Json(view).into_response()
+}
+
+/// The picture, `{"error": …}` where the model has no pose, `null` where there is no arm or no word yet.
+pub(crate) async fn picture(State(hub): Shared) -> Response {
+    match hub.picture().as_deref() {
+        Some(Ok(picture)) => Json(picture).into_response(),
+        Some(Err(error)) => Json(json!({ "error": error })).into_response(),
+        None => Json(json!(null)).into_response(),
+    }
+}
+
+pub(crate) async fn program(State(hub): Shared) -> Response {
+    Json(hub.program().as_ref().map(|program| &program.view)).into_response()
+}
+
+#[derive(Serialize)]
+pub(crate) struct Stopped {
+    /// The board has answered: all outputs are off. Otherwise the stop was sent and no answer came.
+    confirmed: bool,
+    took_s: f64,
+}
+
+/// Runs in a thread: it waits for nothing that the server does.
+pub(crate) async fn stop(State(hub): Shared) -> Answer<Stopped> {
+    let began = Instant::now();
+    let stopped = tokio::task::spawn_blocking(move || hub.stop()).await;
+    let not_sent = |error: &dyn std::fmt::Display| {
+        Refused::new(Kind::Link, format!("the stop could not be sent: {error}; switch off the arm's supply"))
+    };
+    let confirmation = stopped.map_err(|error| not_sent(&error))?.map_err(|error| not_sent(&error))?;
+    Ok(Json(Stopped { confirmed: confirmation == Confirmation::Confirmed, took_s: began.elapsed().as_secs_f64() }))
+}
+
+#[derive(Deserialize)]
+#[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) enum ControlRequest {
+    Take,
+    Renew,
+    Release,
+}
+
+#[derive(Serialize)]
+pub(crate) struct Granted {
+    page: Option<u32>,
+    key: Option<String>,
+    lease_s: f64,
+}
+
+pub(crate) async fn control(
+    State(hub): Shared,
+    headers: HeaderMap,
+    Json(request): Json<ControlRequest>,
+) -> Answer<Granted> {
+    let granted = |page, key| Json(Granted { page, key, lease_s: LEASE.as_secs_f64() });
+    match request {
+        ControlRequest::Take => {
+            let grant = hub.control(|control, now| control.take(now, rand::random()))?;
+            Ok(granted(Some(grant.page), Some(format!("{:016x}", grant.key))))
+        }
+        ControlRequest::Renew => {
+            let key = key(&headers)?;
+            hub.control(|control, now| control.renew(now, key))?;
+            Ok(granted(None, None))
+        }
+        ControlRequest::Release => {
+            let key = key(&headers)?;
+            hub.control(|control, _| {
+                control.release(key);
+                Ok(())
+            })?;
+            Ok(granted(None, None))
+        }
+    }
+}
+
+/// The key that the page shows.
+fn key(headers: &HeaderMap) -> Result<u64, Refused> {
+    let shown = headers.get("x-darm-control").and_then(|value| value.to_str().ok());
+    let key = shown.and_then(|text| u64::from_str_radix(text, 16).ok());
+    key.ok_or_else(|| Refused::new(Kind::Control, "this page does not control the arm; take control first"))
+}
+
+#[derive(Deserialize)]
+pub(crate) struct Named {
+    name: String,
+}
+
+pub(crate) async fn open(State(hub): Shared, Query(Named { name }): Query<Named>, bytes: Bytes) -> Answer<u64> {
+    let name: String = name.chars().filter(|c| !c.is_control()).take(MAX_NAME).collect();
+    hub.set_program(Arc::new(Program::open(&name, &bytes)?));
+    Ok(Json(hub.view().program))
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct UploadRequest {
+    /// Digest of the table that the page shows.
+    table: String,
+}
+
+pub(crate) async fn upload(State(hub): Shared, headers: HeaderMap, Json(request): Json<UploadRequest>) -> Answer<()> {
+    let program = hub.program().filter(|program| program.view.digest.as_ref() == Some(&request.table));
+    let program =
+        program.ok_or_else(|| Refused::new(Kind::Invalid, "another table was opened meanwhile; look at it"))?;
+    execute(&hub, &headers, Task::Upload(program)).await
+}
+
+#[derive(Deserialize)]
+#[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) enum CommandRequest {
+    Play { table: String },
+    Clear,
+    Coil { coil: u8, on_ms: u32 },
+    Word { word: String },
+    Servo { servo: u8, angle_rad: f32 },
+}
+
+pub(crate) async fn command(State(hub): Shared, headers: HeaderMap, Json(request): Json<CommandRequest>) -> Answer<()> {
+    let invalid = |text: &str| Refused::new(Kind::Invalid, text);
+    let task = match request {
+        CommandRequest::Play { table } => {
+            Task::Play { table: digest(&table).ok_or_else(|| invalid("a digest has 64 hexadecimal digits"))? }
+        }
+        CommandRequest::Clear => Task::Command(Command::Clear),
+        CommandRequest::Coil { coil, on_ms } => Task::Command(Command::Coil { coil, on_ms }),
+        CommandRequest::Word { word } => Task::Command(Command::Word(
+            word.parse().map_err(|_| invalid("a word has one digit 0 to 3 for each actuator"))?,
+        )),
+        CommandRequest::Servo { servo, angle_rad } => Task::Command(Command::Servo { servo, angle_rad }),
+    };
+    execute(&hub, &headers, task).await
+}
+
+async fn execute(hub: &Hub, headers: &HeaderMap, task: Task) -> Answer<()> {
+    let answered = hub.order(key(headers)?, task)?;
+    answered.await.map_err(|_| Refused::new(Kind::Link, "the server is ending"))?.map(Json)
+}

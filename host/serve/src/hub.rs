@@ -1,0 +1,233 @@
+//! What watcher and pages share: the last state of the board, who controls the arm, the opened table, and the stop.
+
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use darm_arm::wired_arm::WiredArm;
+use darm_device::client::stop::{Confirmation, STOP_BOUND, StopHandle, stop_at};
+use darm_device::link::LinkError;
+use tokio::sync::{oneshot, watch};
+
+use crate::control::{Control, ControlError};
+use crate::order::{Order, PATIENCE, Task};
+use crate::picture::Picture;
+use crate::program::Program;
+use crate::refusal::{Kind, Refused};
+use crate::view::{BoardView, EventView, LinkView, LiveView, UploadView};
+
+/// What is older than this is not live: ten times the interval of the questions.
+pub const LIVE: Duration = Duration::from_millis(500);
+/// Events that are kept for pages.
+const EVENTS: usize = 60;
+
+/// What watcher and pages share.
+pub struct Hub {
+    port: String,
+    stop_socket: Option<PathBuf>,
+    wired: Option<WiredArm>,
+    orders: Sender<Order>,
+    state: Mutex<State>,
+    /// Wakes pages that wait for news.
+    revision: watch::Sender<u64>,
+    /// Number of stops that pages have sent.
+    stops: AtomicU64,
+    has_ended: AtomicBool,
+}
+
+struct State {
+    link: LinkView,
+    seen: Option<Instant>,
+    board: Option<BoardView>,
+    events: VecDeque<EventView>,
+    upload: Option<UploadView>,
+    control: Control,
+    /// Stops the board past the watcher, while the port is open.
+    handle: Option<StopHandle>,
+    picture: (u64, Option<Arc<Result<Picture, String>>>),
+    program: (u64, Option<Arc<Program>>),
+}
+
+/// What a hub is made of.
+pub(crate) struct HubParts {
+    pub(crate) port: String,
+    pub(crate) stop_socket: Option<PathBuf>,
+    pub(crate) wired: Option<WiredArm>,
+    pub(crate) orders: Sender<Order>,
+}
+
+impl Hub {
+    pub(crate) fn new(parts: HubParts) -> Self {
+        let HubParts { port, stop_socket, wired, orders } = parts;
+        let state = State {
+            link: LinkView::Connecting,
+            seen: None,
+            board: None,
+            events: VecDeque::new(),
+            upload: None,
+            control: Control::default(),
+            handle: None,
+            picture: (0, None),
+            program: (0, None),
+        };
+        Self {
+            port,
+            stop_socket,
+            wired,
+            orders,
+            state: Mutex::new(state),
+            revision: watch::Sender::new(1),
+            stops: AtomicU64::new(0),
+            has_ended: AtomicBool::new(false),
+        }
+    }
+
+    /// The arm on its board, where one is known.
+    pub fn wired(&self) -> Option<&WiredArm> {
+        self.wired.as_ref()
+    }
+
+    /// Stops the board, within [`STOP_BOUND`]: past the watcher where the port is open, else through the port itself. What was
+    /// ordered before is not sent any more.
+    ///
+    /// # Errors
+    ///
+    /// The stop could not be sent.
+    pub fn stop(&self) -> Result<Confirmation, LinkError> {
+        self.stops.fetch_add(1, Ordering::SeqCst);
+        let handle = self.state().handle.clone();
+        let past = handle.map(|handle| handle.stop(STOP_BOUND));
+        past.and_then(Result::ok).map_or_else(|| stop_at(&self.port, self.stop_socket.clone()), Ok)
+    }
+
+    /// Number of stops so far.
+    pub(crate) fn stops(&self) -> u64 {
+        self.stops.load(Ordering::SeqCst)
+    }
+
+    /// Queues an order of the page with this key; its result comes through the receiver.
+    pub(crate) fn order(&self, key: u64, task: Task) -> Result<oneshot::Receiver<Result<(), Refused>>, Refused> {
+        let stops = self.stops();
+        self.control(|control, now| control.check(now, key))?;
+        let (answer, answered) = oneshot::channel();
+        let order = Order { task, stops, until: Instant::now() + PATIENCE, answer };
+        self.orders.send(order).map_err(|_| Refused::new(Kind::Link, "the server is ending"))?;
+        Ok(answered)
+    }
+
+    /// Changes or asks who controls the arm.
+    pub(crate) fn control<T>(
+        &self,
+        act: impl FnOnce(&mut Control, Instant) -> Result<T, ControlError>,
+    ) -> Result<T, ControlError> {
+        let done = act(&mut self.state().control, Instant::now());
+        self.wake();
+        done
+    }
+
+    /// What pages show now.
+    pub(crate) fn view(&self) -> LiveView {
+        let (state, now) = (self.state(), Instant::now());
+        let age = state.seen.map(|seen| now.saturating_duration_since(seen));
+        let is_old = age.is_none_or(|age| age > LIVE);
+        let link = if state.link == LinkView::Live && is_old { LinkView::Silent } else { state.link.clone() };
+        LiveView {
+            revision: *self.revision.borrow(),
+            link,
+            port: self.port.clone(),
+            age_s: age.map(|age| age.as_secs_f64()),
+            control: state.control.holder(now),
+            picture: state.picture.0,
+            program: state.program.0,
+            upload: state.upload,
+            board: state.board.clone(),
+            events: state.events.iter().cloned().collect(),
+        }
+    }
+
+    /// Waits until there is something newer than `revision`, at most this long.
+    pub(crate) async fn news(&self, revision: u64, patience: Duration) {
+        let mut changes = self.revision.subscribe();
+        // Nothing new in time is an answer too: it has the age.
+        let _ = tokio::time::timeout(patience, changes.wait_for(|newest| *newest > revision)).await;
+    }
+
+    /// The posture that the model predicts, or why it has none; `None` before the board has answered or without an arm.
+    pub(crate) fn picture(&self) -> Option<Arc<Result<Picture, String>>> {
+        self.state().picture.1.clone()
+    }
+
+    pub(crate) fn set_picture(&self, picture: Result<Picture, String>) {
+        let mut state = self.state();
+        state.picture = (state.picture.0 + 1, Some(Arc::new(picture)));
+    }
+
+    /// The opened table.
+    pub(crate) fn program(&self) -> Option<Arc<Program>> {
+        self.state().program.1.clone()
+    }
+
+    pub(crate) fn set_program(&self, program: Arc<Program>) {
+        {
+            let mut state = self.state();
+            state.program = (state.program.0 + 1, Some(program));
+        }
+        self.wake();
+    }
+
+    /// The port is open.
+    pub(crate) fn set_handle(&self, handle: StopHandle) {
+        self.state().handle = Some(handle);
+    }
+
+    /// The board has answered.
+    pub(crate) fn set_board(&self, board: BoardView, new_events: Vec<EventView>) {
+        {
+            let mut state = self.state();
+            state.events.extend(new_events);
+            let old = state.events.len().saturating_sub(EVENTS);
+            state.events.drain(..old);
+            (state.link, state.seen, state.board) = (LinkView::Live, Some(Instant::now()), Some(board));
+        }
+        self.wake();
+    }
+
+    /// The board started again: its events count from the beginning.
+    pub(crate) fn forget_events(&self) {
+        self.state().events.clear();
+    }
+
+    /// The port is lost, or did not open.
+    pub(crate) fn set_lost(&self, reason: String) {
+        {
+            let mut state = self.state();
+            (state.link, state.handle, state.upload) = (LinkView::Lost { reason }, None, None);
+        }
+        self.wake();
+    }
+
+    pub(crate) fn set_upload(&self, upload: Option<UploadView>) {
+        self.state().upload = upload;
+        self.wake();
+    }
+
+    /// Watcher and server are to end.
+    pub(crate) fn end(&self) {
+        self.has_ended.store(true, Ordering::Relaxed);
+    }
+
+    pub(crate) fn has_ended(&self) -> bool {
+        self.has_ended.load(Ordering::Relaxed)
+    }
+
+    fn wake(&self) {
+        self.revision.send_modify(|revision| *revision += 1);
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,28 @@
+//! The live page: a board and its arm in a browser.
+//!
+//! ```text
+//!  board ◄─► watcher (one thread, the only user of the client) ─► hub ─► api ─► pages
+//!    ▲                            ▲ orders: play, set, upload             │
+//!    └── stop: past the watcher, from any page, at any time ◄─────────────┘
+//! ```
+//!
+//! The watcher asks the board 20 times a second and puts what it learns into the [`hub`]; pages fetch it from there and
+//! wait at the server until there is something newer. They do not hold a connection open: a browser opens six to one
+//! server, and a stop must never wait for one that is free. A stop goes to the port itself, past watcher and orders, and
+//! nothing that was ordered before it is sent after it.
+//!
+//! The host is not in the real-time path: programs run on the board, which enforces every limit.
+
+pub mod access;
+mod api;
+pub mod assets;
+pub mod control;
+pub mod hub;
+pub mod order;
+mod pages;
+pub mod picture;
+pub mod program;
+pub mod refusal;
+pub mod server;
+pub mod view;
+mod watcher;

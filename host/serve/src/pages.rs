@@ -1,0 +1,180 @@
+//! The pages: a frame with the stop in it, and what each page has inside.
+
+use axum::response::Html;
+use maud::{DOCTYPE, Markup, html};
+
+/// A page.
+#[derive(Clone, Copy)]
+pub(crate) struct Page {
+    /// Its path on the server.
+    pub(crate) path: &'static str,
+    name: &'static str,
+    script: &'static str,
+    main: fn() -> Markup,
+}
+
+/// All of them, in the order of the navigation.
+pub(crate) const ALL: [Page; 2] = [
+    Page { path: "/", name: "Live", script: "/live.js", main: live },
+    Page { path: "/program", name: "Program", script: "/program.js", main: program },
+];
+
+impl Page {
+    /// The page.
+    pub(crate) fn html(self) -> Html<String> {
+        let page = html! {
+            (DOCTYPE)
+            html lang="en" {
+                head {
+                    meta charset="utf-8";
+                    meta name="viewport" content="width=device-width, initial-scale=1";
+                    meta name="color-scheme" content="light dark";
+                    title { (self.name) " · darm" }
+                    link rel="icon" href="/icon.svg";
+                    link rel="stylesheet" href="/style.css";
+                    script type="module" src=(self.script) {}
+                }
+                body data-link="connecting" {
+                    (self.header())
+                    main { ((self.main)()) }
+                    footer {
+                        p { kbd { "Space" } " stops the arm on every page, whatever has the focus. " kbd { "Enter" } " presses the focused button." }
+                    }
+                }
+            }
+        };
+        Html(page.into_string())
+    }
+
+    /// The stop is a form: it works where no script does.
+    fn header(self) -> Markup {
+        html! {
+            header.bar {
+                nav aria-label="Pages" {
+                    @for page in ALL {
+                        a href=(page.path) aria-current=[(page.path == self.path).then_some("page")] { (page.name) }
+                    }
+                }
+                p #link .link role="status" { "connecting" }
+                div.control {
+                    button #take type="button" disabled { "Take control" }
+                    span #holder role="status" {}
+                }
+                form #stop-form action="/api/stop" method="post" {
+                    button #stop type="submit" aria-keyshortcuts="Space" { "Stop" }
+                }
+            }
+            p #stopped role="alert" hidden {}
+            p #alert .alert role="alert" hidden {}
+            noscript { p.alert { "Scripts are off: this page shows nothing live. The stop works." } }
+        }
+    }
+}
+
+fn live() -> Markup {
+    html! {
+        h1.hidden { "Live" }
+        div.columns {
+            section #arm-section aria-labelledby="arm-title" {
+                h2 #arm-title { "Arm" }
+                div.picture.values { canvas #arm role="img" aria-label="The arm" tabindex="0" {} }
+                p #tool .values aria-live="off" {}
+                p.legend {
+                    span.leg.contracted {} "contracted leg: thick over its length "
+                    span.leg.extended {} "extended leg: thin rod with a ring "
+                    "· drag, wheel or arrow keys turn the view"
+                }
+                p #picture-note .note {}
+            }
+            div {
+                section aria-labelledby="state-title" {
+                    h2 #state-title { "State" }
+                    p #phase .phase.values role="status" { "unknown" }
+                    div #progress .values {}
+                    div.buttons {
+                        button #play type="button" disabled { "Play the table" }
+                        button #clear type="button" disabled { "Clear the safe state" }
+                    }
+                    dl #facts .facts.values {}
+                }
+                section aria-labelledby="events-title" {
+                    h2 #events-title { "Events" }
+                    ol #events .events.values reversed {}
+                }
+                section aria-labelledby="quality-title" {
+                    h2 #quality-title { "Link" }
+                    dl #quality .facts.values {}
+                }
+            }
+        }
+        (tables())
+    }
+}
+
+fn tables() -> Markup {
+    html! {
+        section #servo-section aria-labelledby="servo-title" hidden {
+            h2 #servo-title { "Servos" }
+            div.scroll tabindex="0" role="region" aria-labelledby="servo-title" {
+                table.values {
+                    thead { tr {
+                        th scope="col" { "Servo" } th scope="col" { "Joint" } th.num scope="col" { "Angle" }
+                        th.num scope="col" { "Load" } th scope="col" { "State" } th scope="col" { "Move to" }
+                    } }
+                    tbody #servos {}
+                }
+            }
+        }
+        section aria-labelledby="output-title" {
+            h2 #output-title { "Outputs" }
+            div.scroll tabindex="0" role="region" aria-labelledby="output-title" {
+                table.values {
+                    thead { tr {
+                        th scope="col" { "Output" } th scope="col" { "Actuator" } th scope="col" { "Is" }
+                        th.num scope="col" { "On for" } th scope="col" { "Left in its window" } th scope="col" { "Switch" }
+                        th scope="col" { "Set the actuator to" }
+                    } }
+                    tbody #outputs {}
+                }
+            }
+        }
+    }
+}
+
+fn program() -> Markup {
+    html! {
+        h1.hidden { "Program" }
+        section aria-labelledby="table-title" {
+            h2 #table-title { "Table" }
+            div #drop .drop {
+                label for="file" { "Open a table of " code { "darm table" } " (.darm), or drop it here" }
+                input #file type="file" accept=".darm";
+            }
+            p #table-note .note role="status" {}
+            p #refusal .alert role="alert" hidden {}
+            dl #table-facts .facts {}
+            div.buttons {
+                button #upload type="button" disabled { "Upload" }
+                button #play type="button" disabled { "Play" }
+            }
+            p #running .phase.values role="status" {}
+            div #upload-progress hidden { label for="progress" { "Upload" } progress #progress max="1" value="0" {} }
+        }
+        section #timeline-section aria-labelledby="timeline-title" hidden {
+            h2 #timeline-title { "Time line" }
+            div.scroll tabindex="0" role="region" aria-labelledby="timeline-title" { div #timeline {} }
+        }
+        section #rows-section aria-labelledby="rows-title" hidden {
+            h2 #rows-title { "Rows" }
+            div.scroll.tall tabindex="0" role="region" aria-labelledby="rows-title" {
+                table {
+                    thead { tr {
+                        th.num scope="col" { "Row" } th.num scope="col" { "Time" } th scope="col" { "Word" }
+                        th scope="col" { "Servos" } th scope="col" { "Refused because" }
+                    } }
+                    tbody #rows {}
+                }
+            }
+        }
+    }
+}

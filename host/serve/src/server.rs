@@ -1,0 +1,197 @@
+//! The server: started with a port and an arm, ended when it is dropped.
+
+use std::io;
+use std::net::{SocketAddr, TcpListener};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::mpsc::channel;
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use axum::Router;
+use axum::extract::{DefaultBodyLimit, Request, State};
+use axum::http::header::{self, HeaderName, HeaderValue};
+use axum::middleware::{self, Next};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use axum::serve::ListenerExt;
+use darm_arm::wired_arm::WiredArm;
+use darm_device::client::stop::StopHandle;
+use darm_device::link::{Link, LinkError};
+use tokio::sync::oneshot;
+
+use crate::access::{Access, AccessError, Token};
+use crate::assets::ASSETS;
+use crate::hub::{Hub, HubParts};
+use crate::refusal::Refused;
+use crate::watcher::Watcher;
+use crate::{api, pages};
+
+/// Largest body of a request: a table of 1024 rows has 60 kB.
+const MAX_BODY: usize = 1 << 18;
+/// What still runs when the server ends is given this time.
+const ENDING: Duration = Duration::from_secs(2);
+
+/// Headers of every answer: nothing is loaded from elsewhere, and no other site may embed a page.
+const HEADERS: [(HeaderName, &str); 5] = [
+    (
+        header::CONTENT_SECURITY_POLICY,
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; \
+         base-uri 'none'; form-action 'self'; frame-ancestors 'none'",
+    ),
+    (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    // Without it a form would be sent with the origin `null`.
+    (header::REFERRER_POLICY, "same-origin"),
+    (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
+    (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
+];
+
+/// What is served.
+pub struct Config {
+    /// Address to listen on; port 0 chooses a free one.
+    pub listen: SocketAddr,
+    /// Names of the server besides `localhost` and its numbers.
+    pub names: Vec<String>,
+    /// What pages must know; needed where the address is not loopback.
+    pub token: Option<Token>,
+    /// The board.
+    pub board: BoardPort,
+    /// The arm on it: without one there are no picture and no names.
+    pub arm: Option<WiredArm>,
+}
+
+/// How the board is reached.
+pub struct BoardPort {
+    /// Name of the port.
+    pub name: String,
+    /// Socket of the process that holds the port, for a stop while this server does not.
+    pub stop_socket: Option<PathBuf>,
+    /// Opens the port, and makes it one that can be stopped past its user: `darm_device::client::stop::hold`.
+    #[expect(clippy::type_complexity, reason = "it is written once")]
+    pub open: Box<dyn FnMut() -> Result<(Box<dyn Link>, StopHandle), LinkError> + Send>,
+}
+
+/// Why the server does not start.
+#[derive(Debug, thiserror::Error)]
+pub enum ServeError {
+    /// The address is not for everybody.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+    /// The address cannot be listened on.
+    #[error("cannot listen on {address}: {source}; choose another one with --listen")]
+    Listen {
+        /// The address.
+        address: SocketAddr,
+        /// What the operating system said.
+        source: io::Error,
+    },
+    /// A thread cannot start.
+    #[error("cannot start the server: {0}")]
+    Start(#[from] io::Error),
+}
+
+/// A running server. It ends when it is dropped; the board does what it did, and a program on it continues.
+pub struct Server {
+    address: SocketAddr,
+    hub: Arc<Hub>,
+    end: Option<oneshot::Sender<()>>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl Server {
+    /// Starts a server. The board need not be there yet: the port is opened again and again.
+    ///
+    /// # Errors
+    ///
+    /// The address is not loopback and there is no token, or it cannot be listened on.
+    pub fn start(config: Config) -> Result<Self, ServeError> {
+        let Config { listen, names, token, board, arm } = config;
+        let access = Access::new(listen, names, token)?;
+        let listener = TcpListener::bind(listen).map_err(|source| ServeError::Listen { address: listen, source })?;
+        let address = listener.local_addr()?;
+        listener.set_nonblocking(true)?;
+        let (orders, ordered) = channel();
+        let BoardPort { name, stop_socket, open } = board;
+        let hub = Arc::new(Hub::new(HubParts { port: name, stop_socket, wired: arm, orders }));
+        let watcher = Watcher::new(Arc::clone(&hub), open, ordered);
+        let (end, ended) = oneshot::channel();
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
+        let router = router(Arc::clone(&hub), access);
+        let http = move || {
+            let served = runtime.block_on(async {
+                let listener = tokio::net::TcpListener::from_std(listener)?.tap_io(|stream| {
+                    // Where it fails answers come a little later.
+                    let _ = stream.set_nodelay(true);
+                });
+                let ended = async { drop(ended.await) };
+                axum::serve(listener, router).with_graceful_shutdown(ended).await
+            });
+            runtime.shutdown_timeout(ENDING);
+            if let Err(error) = served {
+                eprintln!("darm serve: {error}");
+            }
+        };
+        let threads = vec![
+            thread::Builder::new().name("watcher".into()).spawn(move || watcher.run())?,
+            thread::Builder::new().name("http".into()).spawn(http)?,
+        ];
+        Ok(Self { address, hub, end: Some(end), threads })
+    }
+
+    /// The address that it listens on.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Whether both threads still run.
+    pub fn is_running(&self) -> bool {
+        self.threads.iter().all(|thread| !thread.is_finished())
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.hub.end();
+        // The thread may have ended already.
+        let _ = self.end.take().map(|end| end.send(()));
+        for thread in self.threads.drain(..) {
+            // A panic of the thread was printed already.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn router(hub: Arc<Hub>, access: Access) -> Router {
+    let pages = pages::ALL
+        .into_iter()
+        .fold(Router::new(), |router, page| router.route(page.path, get(move || async move { page.html() })));
+    let assets =
+        ASSETS.into_iter().fold(pages, |router, asset| router.route(asset.path, get(move || async move { asset })));
+    assets
+        .route("/api/live", get(api::live))
+        .route("/api/arm", get(api::arm))
+        .route("/api/picture", get(api::picture))
+        .route("/api/program", get(api::program))
+        .route("/api/stop", post(api::stop))
+        .route("/api/control", post(api::control))
+        .route("/api/open", post(api::open))
+        .route("/api/upload", post(api::upload))
+        .route("/api/command", post(api::command))
+        .with_state(hub)
+        .layer(DefaultBodyLimit::max(MAX_BODY))
+        .layer(middleware::from_fn_with_state(Arc::new(access), guard))
+}
+
+/// Refuses requests from elsewhere, before anything reads them.
+async fn guard(State(access): State<Arc<Access>>, request: Request, next: Next) -> Response {
+    let mut response = match access.check(request.method(), request.uri().path(), request.headers()) {
+        Ok(()) => next.run(request).await,
+        Err(denied) => Refused::from(denied).into_response(),
+    };
+    let headers = response.headers_mut();
+    for (name, value) in HEADERS {
+        headers.insert(name, HeaderValue::from_static(value));
+    }
+    headers.entry(header::CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
+    response
+}

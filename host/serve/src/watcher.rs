@@ -1,0 +1,178 @@
+//! The only user of the client: asks the board again and again, and sends what pages order, one after the other.
+
+mod observer;
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant};
+
+use darm_core::sequencer::Command;
+use darm_core::wire::message::Refusal;
+use darm_device::client::stop::StopHandle;
+use darm_device::client::{Client, ClientError};
+use darm_device::link::{Link, LinkError};
+
+use crate::hub::Hub;
+use crate::order::{Order, Task};
+use crate::program::Program;
+use crate::refusal::{Kind, Refused};
+use crate::view::UploadView;
+use observer::Observer;
+
+/// Interval of the questions.
+const PERIOD: Duration = Duration::from_millis(50);
+/// A lost port is opened again after this time.
+const RETRY: Duration = Duration::from_millis(500);
+
+/// Opens the port, and makes it one that can be stopped past its user.
+pub(crate) type Opener = Box<dyn FnMut() -> Result<(Box<dyn Link>, StopHandle), LinkError> + Send>;
+
+/// Asks the board, and sends it what pages order.
+pub(crate) struct Watcher {
+    hub: Arc<Hub>,
+    open: Opener,
+    orders: Receiver<Order>,
+    /// Number of stops before the connection was opened: after another one the board takes no command from it. `None` where
+    /// the board has ended it for another reason.
+    stops_at_hello: Option<u64>,
+}
+
+impl Watcher {
+    pub(crate) fn new(hub: Arc<Hub>, open: Opener, orders: Receiver<Order>) -> Self {
+        Self { hub, open, orders, stops_at_hello: None }
+    }
+
+    /// Runs until the server ends.
+    pub(crate) fn run(mut self) {
+        while !self.hub.has_ended() {
+            let lost = match self.connect() {
+                Ok(mut client) => self.follow(&mut client),
+                Err(error) => error,
+            };
+            self.hub.set_lost(lost.to_string());
+            self.refuse_orders(Instant::now() + RETRY);
+        }
+    }
+
+    fn connect(&mut self) -> Result<Client, ClientError> {
+        let stops = self.hub.stops();
+        let (link, handle) = (self.open)()?;
+        self.hub.set_handle(handle);
+        let client = Client::connect(link)?;
+        self.stops_at_hello = Some(stops);
+        Ok(client)
+    }
+
+    /// Asks and sends until the port is lost; why it was.
+    fn follow(&mut self, client: &mut Client) -> ClientError {
+        let mut observer = Observer::new(Arc::clone(&self.hub), client.hello());
+        loop {
+            let due = Instant::now() + PERIOD;
+            match observer.look(client) {
+                Err(ClientError::Refused(Refusal::NotConnected)) => match self.say_hello(client) {
+                    Ok(()) => observer = Observer::new(Arc::clone(&self.hub), client.hello()),
+                    Err(error) => return error,
+                },
+                Err(error) => return error,
+                Ok(()) => {}
+            }
+            while let Some(order) = self.next_order(due) {
+                self.execute(client, order);
+            }
+            if self.hub.has_ended() {
+                return LinkError::Closed { port: client.port().to_owned() }.into();
+            }
+        }
+    }
+
+    /// The next order, if one comes before `due`.
+    fn next_order(&self, due: Instant) -> Option<Order> {
+        match self.orders.recv_timeout(due.saturating_duration_since(Instant::now())) {
+            Ok(order) => Some(order),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => {
+                self.hub.end();
+                None
+            }
+        }
+    }
+
+    fn refuse_orders(&self, until: Instant) {
+        while let Some(order) = self.next_order(until) {
+            let refused = Refused::new(Kind::Link, "the board is not connected; nothing was sent");
+            // The page may have gone away.
+            let _ = order.answer.send(Err(refused));
+        }
+    }
+
+    fn execute(&mut self, client: &mut Client, order: Order) {
+        let done = self.prepare(client, &order).and_then(|()| self.send(client, &order.task));
+        // The page may have gone away.
+        let _ = order.answer.send(done);
+    }
+
+    /// Refuses an order that is too old or that a stop has overtaken. The number of stops is compared after the connection was
+    /// opened: the board itself refuses a command after a stop that comes later.
+    fn prepare(&mut self, client: &mut Client, order: &Order) -> Result<(), Refused> {
+        if self.stops_at_hello != Some(self.hub.stops()) {
+            self.say_hello(client)?;
+        }
+        if order.stops != self.hub.stops() {
+            return Err(Refused::new(Kind::Stopped, "a stop came meanwhile; nothing was sent"));
+        }
+        if Instant::now() > order.until {
+            return Err(Refused::new(Kind::Link, "the board did not answer in time; nothing was sent"));
+        }
+        Ok(())
+    }
+
+    fn say_hello(&mut self, client: &mut Client) -> Result<(), ClientError> {
+        let stops = self.hub.stops();
+        client.say_hello()?;
+        self.stops_at_hello = Some(stops);
+        Ok(())
+    }
+
+    fn send(&mut self, client: &mut Client, task: &Task) -> Result<(), Refused> {
+        let done = match task {
+            Task::Command(command) => client.command(*command),
+            Task::Play { table } if client.hello().and_then(|hello| hello.table) == Some(*table) => {
+                client.command(Command::Play)
+            }
+            Task::Play { .. } => {
+                return Err(Refused::new(
+                    Kind::Refused,
+                    "the board has another table than this page shows; upload it first",
+                ));
+            }
+            Task::Upload(program) => return self.upload(client, program),
+        };
+        done.map_err(|error| self.refused(error))
+    }
+
+    fn upload(&mut self, client: &mut Client, program: &Program) -> Result<(), Refused> {
+        let file = program.file.as_ref().ok_or_else(|| {
+            program.view.refusal.clone().unwrap_or_else(|| Refused::new(Kind::Refused, "the table breaks a limit"))
+        })?;
+        file.check_device(client.identity().device)?;
+        if let Some(hello) = client.hello() {
+            file.check_profile(hello.profile)?;
+        }
+        let hub = Arc::clone(&self.hub);
+        let uploaded = client.upload(&file.image, &mut |progress| {
+            hub.set_upload(Some(UploadView { done: progress.done, total: progress.total }));
+        });
+        self.hub.set_upload(None);
+        // The answer to hello names the table that the board has now.
+        uploaded.and_then(|_| self.say_hello(client)).map_err(|error| self.refused(error))
+    }
+
+    /// Opens the connection again before the next order where the board has ended it.
+    fn refused(&mut self, error: ClientError) -> Refused {
+        let refused = Refused::from(error);
+        if refused.kind != Kind::Refused {
+            self.stops_at_hello = None;
+        }
+        refused
+    }
+}

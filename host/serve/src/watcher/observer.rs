@@ -1,0 +1,206 @@
+//! One look at the board: asks it, and makes of its answers what pages show.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use darm_core::output::Wiring;
+use darm_core::sequencer::ServoSeen;
+use darm_core::units::{Digest, Micros, Word};
+use darm_core::wire::message::{Hello, OutputState, Status};
+use darm_device::client::{Client, ClientError};
+
+use crate::hub::Hub;
+use crate::picture::{Picture, Posture};
+use crate::program::drive_name;
+use crate::view::{ActuatorView, BoardView, EventView, OutputView, PhaseView, QualityView, ServoView, SwitchView};
+
+/// Interval at which on-times are requested: four answers of the largest board.
+const OUTPUTS_PERIOD: Duration = Duration::from_millis(500);
+/// Events from before the connection that are fetched.
+const EARLIER_EVENTS: u32 = 20;
+/// Requests for events in one look.
+const EVENT_REQUESTS: usize = 8;
+/// A servo that turns less changes no picture, rad.
+const SMALLEST_TURN_RAD: f64 = 2e-4;
+
+/// What was seen at earlier looks.
+pub(super) struct Observer {
+    hub: Arc<Hub>,
+    next_event: u32,
+    outputs: Vec<OutputState>,
+    outputs_due: Instant,
+    word: Word,
+    previous: Word,
+    /// Since when each coil is on, s of the link's time: bit of the wiring.
+    on_since_s: Vec<Option<f64>>,
+    /// When each actuator changed last, s of the link's time.
+    changed_s: Vec<f64>,
+    shown: Option<Posture>,
+}
+
+impl Observer {
+    pub(super) fn new(hub: Arc<Hub>, hello: Option<&Hello>) -> Self {
+        hub.forget_events();
+        Self {
+            hub,
+            next_event: hello.map_or(0, |hello| hello.next_event.saturating_sub(EARLIER_EVENTS)),
+            outputs: Vec::new(),
+            outputs_due: Instant::now(),
+            word: Word::default(),
+            previous: Word::default(),
+            on_since_s: Vec::new(),
+            changed_s: Vec::new(),
+            shown: None,
+        }
+    }
+
+    /// Asks the board and shows what it answers.
+    pub(super) fn look(&mut self, client: &mut Client) -> Result<(), ClientError> {
+        let asked_s = client.now_s();
+        let status = client.status()?;
+        let now_s = client.now_s();
+        let events = self.new_events(client)?;
+        if Instant::now() >= self.outputs_due {
+            self.outputs = client.outputs()?;
+            self.outputs_due = Instant::now() + OUTPUTS_PERIOD;
+        }
+        let hub = Arc::clone(&self.hub);
+        let wiring = hub.wired().map(|wired| &wired.wiring);
+        self.follow_word(&status, wiring, now_s);
+        self.show_picture(&status);
+        let board = self.board(client, &status, now_s, now_s - asked_s);
+        hub.set_board(board, events);
+        Ok(())
+    }
+
+    fn new_events(&mut self, client: &mut Client) -> Result<Vec<EventView>, ClientError> {
+        let mut events = Vec::new();
+        for _ in 0..EVENT_REQUESTS {
+            let new = client.events(self.next_event)?;
+            let Some(last) = new.last() else { break };
+            self.next_event = last.number.wrapping_add(1);
+            events.extend(new.iter().map(|happening| EventView::of(happening.number, happening.at, &happening.event)));
+        }
+        Ok(events)
+    }
+
+    /// Notes when coils and actuators changed.
+    fn follow_word(&mut self, status: &Status, wiring: Option<&Wiring>, now_s: f64) {
+        let Some(wiring) = wiring else { return };
+        let coils_on = wiring.coils_on(&status.word);
+        self.on_since_s.resize(wiring.coils.len(), None);
+        for (index, since_s) in self.on_since_s.iter_mut().enumerate() {
+            let is_on = coils_on >> index & 1 == 1;
+            *since_s = is_on.then(|| since_s.unwrap_or(now_s));
+        }
+        self.changed_s.resize(wiring.actuators.len(), f64::NEG_INFINITY);
+        let differing = status.word.differing(&self.word);
+        let changed = self.changed_s.iter_mut().enumerate().filter(|(index, _)| differing >> index & 1 == 1);
+        changed.for_each(|(_, changed_s)| *changed_s = now_s);
+        if differing != 0 || self.word.len() != status.word.len() {
+            (self.previous, self.word) = (self.word, status.word);
+        }
+    }
+
+    /// Draws the arm again where its posture has changed.
+    fn show_picture(&mut self, status: &Status) {
+        let Some(wired) = self.hub.wired() else { return };
+        let is_word = status.word.len() == wired.arm.n_actuators();
+        let word = if is_word { status.word } else { wired.arm.rest() };
+        let previous = if self.previous.len() == word.len() { self.previous } else { word };
+        let angle = |servo: usize| status.servos.get(servo).map_or(0.0, |seen| f64::from(seen.angle_rad));
+        let posture = Posture { word, previous, servos_rad: (0..wired.arm.n_servos()).map(angle).collect() };
+        if self.shown.as_ref().is_some_and(|shown| is_same(shown, &posture)) {
+            return;
+        }
+        self.hub.set_picture(Picture::of(&wired.arm, &posture));
+        self.shown = Some(posture);
+    }
+
+    fn board(&self, client: &Client, status: &Status, now_s: f64, round_trip_s: f64) -> BoardView {
+        let (hello, counts) = (client.hello(), client.counts());
+        let [major, minor, patch] = client.version().firmware;
+        let arm = self.hub.wired().map(|wired| wired.arm.hash());
+        let profile = hello.map(|hello| hello.profile).filter(|profile| *profile != Digest::default());
+        let wiring = self.hub.wired().map(|wired| &wired.wiring);
+        let board_now = client.clock().offset().map_or(0.0, |offset| now_s - offset.at_s);
+        BoardView {
+            name: client.identity().board.to_string(),
+            device: client.identity().device.to_string(),
+            firmware: format!("{major}.{minor}.{patch}"),
+            boots: hello.map_or(0, |hello| hello.boots),
+            table: hello.and_then(|hello| hello.table).map(|table| table.to_string()),
+            profile: profile.map(|profile| profile.to_string()),
+            has_other_model: arm.zip(status.model).is_some_and(|(arm, board)| arm != board),
+            rows: status.rows,
+            phase: PhaseView::of(&status.phase, Micros((1e6 * board_now.max(0.0)) as u64)),
+            word: status.word.to_string(),
+            actuators: wiring.map_or_else(Vec::new, |wiring| self.actuators(wiring, status, now_s)),
+            outputs: self.outputs.iter().map(|output| self.output(output, wiring, now_s)).collect(),
+            servos: status.servos.iter().map(servo).collect(),
+            quality: QualityView {
+                round_trip_s,
+                sent: counts.sent,
+                again: counts.again,
+                damaged: counts.damaged,
+                bad_frames: status.bad_frames,
+                worst_lateness_s: 1e-6 * f64::from(status.worst_lateness_us),
+            },
+        }
+    }
+
+    fn actuators(&self, wiring: &Wiring, status: &Status, now_s: f64) -> Vec<ActuatorView> {
+        let actuators = wiring.actuators.iter().enumerate().zip(&self.changed_s);
+        let view = |((index, actuator), changed_s): ((usize, &darm_core::output::ActuatorWiring), &f64)| {
+            let digit = status.word.digit(index);
+            let is_moving = now_s < changed_s + 1e-3 * f64::from(actuator.travel_ms);
+            let switch = actuator.switch.map(|switch| SwitchView {
+                input: switch.input,
+                expected: switch.closed(digit),
+                seen: status.switches.checked_shr(switch.input.into()).unwrap_or(0) & 1 == 1,
+                is_moving,
+            });
+            ActuatorView { digit, switch }
+        };
+        actuators.map(view).collect()
+    }
+
+    fn output(&self, state: &OutputState, wiring: Option<&Wiring>, now_s: f64) -> OutputView {
+        let coil = wiring.and_then(|wiring| wiring.coils.iter().position(|coil| coil.output == state.output));
+        let seconds = |ms: u32| 1e-3 * f64::from(ms);
+        let since_s = coil.and_then(|coil| self.on_since_s.get(coil).copied().flatten());
+        OutputView {
+            output: state.output,
+            actuator: wiring.zip(coil).and_then(|(wiring, coil)| owner(wiring, coil)),
+            drive: wiring
+                .zip(coil)
+                .and_then(|(wiring, coil)| wiring.coils.get(coil))
+                .map(|coil| drive_name(&coil.drive)),
+            is_on: coil.map(|_| since_s.is_some()),
+            on_s: since_s.map(|since_s| now_s - since_s),
+            left_s: seconds(state.left_ms),
+            allowed_s: 0.01 * f64::from(state.limit.duty_percent) * seconds(state.limit.window_ms),
+            recovery_s: seconds(state.recovery_ms),
+            limit: state.limit.into(),
+        }
+    }
+}
+
+/// The actuator that a coil of the wiring belongs to.
+fn owner(wiring: &Wiring, coil: usize) -> Option<usize> {
+    (0..wiring.actuators.len()).rev().find(|actuator| wiring.first_coil(*actuator) <= coil)
+}
+
+fn is_same(shown: &Posture, posture: &Posture) -> bool {
+    let turns = shown.servos_rad.iter().zip(&posture.servos_rad);
+    shown.word == posture.word && turns.into_iter().all(|(from, to)| (from - to).abs() < SMALLEST_TURN_RAD)
+}
+
+fn servo(seen: &ServoSeen) -> ServoView {
+    ServoView {
+        angle_rad: seen.angle_rad,
+        load: seen.load,
+        error_bits: seen.error,
+        has_answered: seen.answered.is_some(),
+    }
+}

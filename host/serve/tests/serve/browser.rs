@@ -1,0 +1,83 @@
+//! A person at the pages, in a real browser: takes control, uploads, plays, sees the arm move, stops, loses the board.
+
+use darm_arm::arm::ArmScratch;
+
+use super::board::{Bench, RealTime};
+use super::webdriver::Browser;
+
+/// Width of the window, pixels.
+const WIDTH: u32 = 1280;
+
+#[test]
+fn a_person_uploads_plays_sees_the_arm_move_and_stops_it() {
+    let Some(browser) = Browser::start(WIDTH) else { return };
+    let bench = Bench::start("planar4.toml");
+    let _time = RealTime::start(&bench.board);
+    browser.open(&format!("http://{}/", bench.address()));
+    browser.wait("document.body.dataset.link === 'live'");
+    browser.wait("document.querySelectorAll('#outputs tr').length === 12");
+    upload_and_play(&browser, &bench);
+    see_the_arm(&browser, &bench);
+    stop(&browser, &bench);
+    lose_the_board(&browser, &bench);
+    // The page loaded nothing that the content security policy forbids.
+    let errors =
+        browser.value("performance.getEntriesByType('resource').filter((r) => r.responseStatus >= 400).length");
+    assert_eq!(errors, 0);
+}
+
+fn upload_and_play(browser: &Browser, bench: &Bench) {
+    browser.click("#take");
+    browser.wait("document.body.hasAttribute('data-controls')");
+    browser.click("a[href=\"/program\"]");
+    browser.wait("document.body.hasAttribute('data-controls') && document.body.dataset.link === 'live'");
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("long.darm");
+    std::fs::write(&file, bench.table(&["000010000000", "101000000000"], 60.0)).unwrap();
+    browser.choose("#file", file.to_str().unwrap());
+    browser.wait("document.querySelectorAll('#timeline .span').length === 3");
+    browser.click("#upload");
+    browser.wait("document.querySelector('#table-note').textContent.includes('has this table')");
+    browser.click("#play");
+    browser.wait("document.querySelector('#running').textContent.startsWith('playing')");
+    bench.phase("playing");
+}
+
+/// The scene graph has the tool where the model has it.
+fn see_the_arm(browser: &Browser, bench: &Bench) {
+    browser.click("a[href=\"/\"]");
+    browser.wait("document.querySelector('#arm')?.dataset.tool && document.body.dataset.link === 'live'");
+    let arm = &bench.wired.arm;
+    let word = "000010000000".parse().unwrap();
+    let pose = arm.model.predict(&arm.working_condition(word, &[]), &mut ArmScratch::default()).unwrap();
+    let [x, y] = [pose.position.x, pose.position.y];
+    browser.wait(&format!(
+        "(([x, y, z]) => Math.hypot(x - {x}, y - {y}, z) < 1e-6)(JSON.parse(document.querySelector('#arm').dataset.tool))"
+    ));
+    browser.wait("document.querySelector('#outputs tr:nth-child(5)').classList.contains('on')");
+}
+
+/// The space bar stops wherever the focus is, also on a button, which it does not press.
+fn stop(browser: &Browser, bench: &Bench) {
+    assert_ne!(bench.pins().0, 0);
+    browser.value("document.querySelector('#take').focus()");
+    browser.press(" ");
+    browser.wait("document.querySelector('#stopped').dataset.outcome === 'confirmed'");
+    assert_eq!(bench.pins().0, 0);
+    browser.wait("document.body.hasAttribute('data-controls')");
+    bench.phase("idle");
+    browser.value("document.querySelector('#stopped').dataset.outcome = ''");
+    browser.click("#stop");
+    browser.wait("document.querySelector('#stopped').dataset.outcome === 'confirmed'");
+    browser.open(&format!("http://{}/", bench.address()));
+    browser.wait("document.body.dataset.link === 'live' && !document.body.hasAttribute('data-controls')");
+    bench.live(|live| live["control"].is_null());
+}
+
+fn lose_the_board(browser: &Browser, bench: &Bench) {
+    bench.plug(false);
+    browser.wait("document.body.dataset.link === 'lost'");
+    browser.wait("getComputedStyle(document.querySelector('#phase')).opacity < 1");
+    bench.plug(true);
+    browser.wait("document.body.dataset.link === 'live'");
+}

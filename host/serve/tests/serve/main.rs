@@ -1,0 +1,11 @@
+//! The server over HTTP, with the firmware's library as its board: its time passes only while somebody waits for it, or
+//! lets it pass.
+
+mod access;
+mod board;
+mod browser;
+mod http;
+mod live;
+mod moves;
+mod table;
+mod webdriver;

@@ -1,0 +1,97 @@
+//! Who may move the arm, and what a stop does.
+
+use std::thread;
+
+use darm_serve::control::LEASE;
+use serde_json::json;
+
+use super::board::Bench;
+
+/// From the request to the pins, s of the board's time: a question of the watcher may be on the line.
+const STOP_S: f64 = 0.1;
+
+#[test]
+fn a_stop_is_confirmed_and_the_pins_are_off() {
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    let page = bench.page_in_control();
+    let digest = page.upload(&bench.table(&["111111000000"], 20.0));
+    page.play(&digest);
+    bench.board.pass(0.5);
+    bench.phase("playing");
+    let (lines, before_s) = bench.pins();
+    assert_eq!(lines.count_ones(), 6);
+    let stopped = bench.stop();
+    let (lines, after_s) = bench.pins();
+    assert_eq!((stopped.json()["confirmed"].as_bool(), lines), (Some(true), 0));
+    assert!(after_s - before_s < STOP_S, "{} s", after_s - before_s);
+    bench.phase("idle");
+    // The page still has control, and its connection to the board is opened again.
+    page.play(&digest);
+    bench.phase("playing");
+    assert_eq!(bench.stop().status, 200);
+}
+
+#[test]
+fn many_stops_at_once_are_all_confirmed() {
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    thread::scope(|scope| {
+        let stops: Vec<_> = (0..8).map(|_| scope.spawn(|| bench.stop().json()["confirmed"].as_bool())).collect();
+        assert!(stops.into_iter().all(|stop| stop.join().unwrap() == Some(true)));
+    });
+}
+
+#[test]
+fn only_the_page_in_control_moves_the_arm() {
+    let bench = Bench::start("planar4.toml");
+    bench.phase("idle");
+    let word = json!({"do": "word", "word": "000010000000"});
+    let refused = bench.post("/api/command", &[], &word);
+    assert_eq!((refused.status, refused.json()["refused"]["kind"].as_str()), (409, Some("control")));
+    let first = bench.page_in_control();
+    first.upload(&bench.table(&["000010000000"], 0.2));
+    let taken = bench.post("/api/control", &[], &json!({"do": "take"}));
+    assert_eq!((taken.status, taken.json()["refused"]["kind"].as_str()), (409, Some("control")));
+    assert_eq!(bench.get("/api/live")["control"], first.number, "both pages see who controls");
+    let forged = bench.post("/api/command", &["x-darm-control: 0123456789abcdef"], &word);
+    assert_eq!(forged.status, 409);
+    let moved = first.command(&word);
+    assert_eq!(moved.status, 200, "{}", moved.json());
+    let live = bench.phase("manual");
+    assert_eq!(live["board"]["outputs"][4]["is_on"], true);
+    assert_eq!(bench.stop().status, 200, "a stop needs no control");
+    bench.phase("idle");
+    assert_eq!(first.control("release").status, 200);
+    assert!(bench.get("/api/live")["control"].is_null());
+    let second = bench.page_in_control();
+    assert_ne!(second.number, first.number);
+    assert_eq!(first.command(&word).status, 409);
+}
+
+#[test]
+fn a_page_that_has_gone_loses_control() {
+    let bench = Bench::start("planar4.toml");
+    let gone = bench.page_in_control();
+    assert_eq!(gone.control("renew").status, 200);
+    thread::sleep(LEASE);
+    let other = bench.page_in_control();
+    assert_eq!(gone.control("renew").status, 409);
+    assert_eq!(bench.get("/api/live")["control"], other.number);
+}
+
+#[test]
+fn the_board_refuses_and_says_where() {
+    let bench = Bench::start("planar4-hybrid.toml");
+    bench.phase("idle");
+    let page = bench.page_in_control();
+    page.upload(&bench.table(&["000010000000"], 0.2));
+    bench.board.pass(0.5);
+    let refused = page.command(&json!({"do": "servo", "servo": 0, "angle_rad": 2.0}));
+    assert_eq!((refused.status, refused.json()["refused"]["kind"].as_str()), (409, Some("refused")));
+    assert_eq!(page.command(&json!({"do": "servo", "servo": 0, "angle_rad": 0.3})).status, 200);
+    bench.board.pass(2.0);
+    bench.live(|live| (live["board"]["servos"][0]["angle_rad"].as_f64().unwrap_or(0.0) - 0.3).abs() < 2e-3);
+    assert_eq!(page.command(&json!({"do": "coil", "coil": 1, "on_ms": 100})).status, 200);
+    assert_eq!(page.command(&json!({"do": "coil", "coil": 99, "on_ms": 100})).status, 409);
+}

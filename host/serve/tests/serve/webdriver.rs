@@ -1,0 +1,122 @@
+//! Headless Chromium, driven by `chromedriver`: the few requests of WebDriver that the tests need. A complete client
+//! would double what this crate builds.
+
+use std::io::{BufRead as _, BufReader};
+use std::net::SocketAddr;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+
+use super::http::request;
+
+/// Set where a missing browser is a failure.
+const REQUIRED: &str = "DARM_BROWSER_REQUIRED";
+const PATIENCE: Duration = Duration::from_secs(60);
+/// The key of a reference to an element, by the WebDriver recommendation.
+const ELEMENT: &str = "element-6066-11e4-a52e-4f735466cecf";
+
+/// A browser with one window.
+pub(crate) struct Browser {
+    driver: Child,
+    address: SocketAddr,
+    session: String,
+    _profile: tempfile::TempDir,
+}
+
+impl Browser {
+    /// Starts a browser of this width; `None` with a notice where there is none.
+    pub(crate) fn start(width: u32) -> Option<Self> {
+        let mut command = Command::new("chromedriver");
+        let started = command.arg("--port=0").stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
+        let Ok(mut driver) = started else {
+            assert!(
+                std::env::var_os(REQUIRED).is_none(),
+                "chromedriver is not installed: apt-get install chromium-driver"
+            );
+            eprintln!("NO BROWSER: the test in a browser is left out; apt-get install chromium chromium-driver");
+            return None;
+        };
+        let mut lines = BufReader::new(driver.stdout.take().unwrap()).lines();
+        // It names port 0 before it has one.
+        let port_of = |line: &str| line.split_once("on port ")?.1.trim_end_matches('.').parse().ok();
+        let port: Option<u16> = lines.find_map(|line| port_of(&line.unwrap()).filter(|port| *port > 0));
+        let address = SocketAddr::from(([127, 0, 0, 1], port.expect("chromedriver prints its port")));
+        // It blocks once nobody reads what it prints.
+        std::thread::spawn(move || lines.for_each(drop));
+        let profile = tempfile::tempdir().unwrap();
+        let folder = format!("--user-data-dir={}", profile.path().display());
+        let size = format!("--window-size={width},900");
+        let software = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
+        let arguments = [&["--headless=new", "--no-sandbox", &folder, &size][..], &software].concat();
+        let wanted = json!({"capabilities": {"alwaysMatch": {"goog:chromeOptions": {"args": arguments}}}});
+        let mut browser = Self { driver, address, session: String::new(), _profile: profile };
+        let session = browser.send("POST", "/session", &wanted);
+        browser.session = format!("/session/{}", session["sessionId"].as_str().unwrap());
+        Some(browser)
+    }
+
+    fn send(&self, method: &str, path: &str, body: &Value) -> Value {
+        let body = if method == "POST" { body.to_string() } else { String::new() };
+        let headers = ["Content-Type: application/json"];
+        let answer = request(self.address, method, &format!("{}{path}", self.session), &headers, body.as_bytes());
+        assert_eq!(answer.status, 200, "{path}: {}", answer.json());
+        answer.json()["value"].clone()
+    }
+
+    pub(crate) fn open(&self, url: &str) {
+        self.send("POST", "/url", &json!({ "url": url }));
+    }
+
+    /// The value of an expression in the page.
+    pub(crate) fn value(&self, expression: &str) -> Value {
+        self.send("POST", "/execute/sync", &json!({"script": format!("return {expression};"), "args": []}))
+    }
+
+    /// Waits until an expression in the page is true.
+    #[track_caller]
+    pub(crate) fn wait(&self, expression: &str) {
+        let since = Instant::now();
+        while self.value(&format!("Boolean({expression})")) != true {
+            let page = || self.value("document.body.innerText");
+            assert!(since.elapsed() < PATIENCE, "{expression}: {}", page().as_str().unwrap_or_default());
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    fn element(&self, selector: &str) -> String {
+        let found = self.send("POST", "/element", &json!({"using": "css selector", "value": selector}));
+        found[ELEMENT].as_str().unwrap().to_owned()
+    }
+
+    /// Clicks an element as a person does, once it can be clicked.
+    #[track_caller]
+    pub(crate) fn click(&self, selector: &str) {
+        self.wait(&format!(
+            "document.querySelector('{selector}')?.disabled === false || \
+                            document.querySelector('{selector}')?.tagName === 'A'"
+        ));
+        self.send("POST", &format!("/element/{}/click", self.element(selector)), &json!({}));
+    }
+
+    /// Gives a file to an input.
+    pub(crate) fn choose(&self, selector: &str, file: &str) {
+        self.send("POST", &format!("/element/{}/value", self.element(selector)), &json!({ "text": file }));
+    }
+
+    /// Presses a key, wherever the focus is.
+    pub(crate) fn press(&self, key: &str) {
+        let strokes = json!([{"type": "keyDown", "value": key}, {"type": "keyUp", "value": key}]);
+        self.send("POST", "/actions", &json!({"actions": [{"type": "key", "id": "keys", "actions": strokes}]}));
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        if !self.session.is_empty() && !std::thread::panicking() {
+            self.send("DELETE", "", &json!({}));
+        }
+        let _ = self.driver.kill();
+        let _ = self.driver.wait();
+    }
+}
