@@ -1,6 +1,6 @@
 //! `darm serve`: the live page of a board and its arm, until Ctrl-C.
 
-use std::net::SocketAddr;
+use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, TcpListener};
 use std::path::PathBuf;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
@@ -28,6 +28,8 @@ and the space bar stop the arm on every page; a page moves the arm only after \"
 Only this computer can open the pages. --listen 0.0.0.0:8420 opens them to the network, over plain HTTP, and needs a \
 token: a secret of at least 16 letters and digits in DARM_TOKEN. A tunnel (ssh -L 8420:127.0.0.1:8420) is safer.";
 
+/// Default address.
+const LISTEN: SocketAddr = SocketAddr::V4(SocketAddrV4::new(Ipv4Addr::LOCALHOST, 8420));
 /// Interval between two checks that the server still runs.
 const POLL: Duration = Duration::from_millis(200);
 
@@ -41,9 +43,10 @@ pub(crate) struct Serve {
     /// Profile of the board; default: the one that the arm names
     #[arg(long, value_name = "PROFILE.toml", requires = "arm")]
     profile: Option<PathBuf>,
-    /// Address to listen on; one that is not loopback needs a token
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8420")]
-    listen: SocketAddr,
+    /// Address to listen on; one that is not loopback needs a token; default: 127.0.0.1:8420, or a free port where that is
+    /// taken
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    listen: Option<SocketAddr>,
     /// Name of this computer in the address of the pages; can be given several times
     #[arg(long, value_name = "NAME")]
     name: Vec<String>,
@@ -82,7 +85,7 @@ impl Serve {
             stop_socket: state_folder::stop_socket(&name),
             open: Box::new(move || port::open(&opened)),
         };
-        let server = Server::start(Config { listen: self.listen, names: self.name.clone(), token, board, arm })?;
+        let server = Server::start(Config { listen: self.listen(), names: self.name.clone(), token, board, arm })?;
         let (interrupted, interrupt) = channel();
         let handler = move || {
             // The receiver is gone once the server has ended.
@@ -94,6 +97,12 @@ impl Serve {
             anyhow::ensure!(server.is_running(), "the server ended; its reason is above");
         }
         Ok(())
+    }
+
+    /// The address that is given; else the default one, or a free port where another program has that.
+    fn listen(&self) -> SocketAddr {
+        let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+        self.listen.unwrap_or_else(|| if TcpListener::bind(LISTEN).is_ok() { LISTEN } else { any })
     }
 
     /// The address of the page, with the token behind `#`, where a browser keeps it to itself.
