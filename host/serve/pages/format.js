@@ -1,7 +1,10 @@
 // Numbers with their units, and small helpers to change a page without building it again.
 
-export const mm = (m) => `${(1e3 * m).toFixed(1)} mm`;
-export const degrees = (rad) => `${((180 / Math.PI) * rad).toFixed(2)}°`;
+// What rounds to zero has no sign.
+const fixed = (value, decimals) => value.toFixed(decimals).replace(/^-(?=[0.]+$)/, '');
+
+export const mm = (m) => `${fixed(1e3 * m, 1)} mm`;
+export const degrees = (rad) => `${fixed((180 / Math.PI) * rad, 2)}°`;
 export const percent = (share) => `${(100 * share).toFixed(0)} %`;
 
 export function seconds(s) {

@@ -136,16 +136,17 @@ window.addEventListener('pagehide', () => {
 const LINKS = {
   connecting: () => 'connecting to the board',
   live: (live) => `live, ${live.port}`,
-  silent: (live) => `the board is silent: values are ${seconds(live.age_s)} old`,
+  silent: () => 'the board is silent: values are old',
   lost: (live) => `no connection to the board: ${live.link.reason}`,
   server: () => 'darm serve does not answer: values are old, the stop cannot be sent from here',
 };
 
 function showLink(state) {
   document.body.dataset.link = state;
-  const text = LINKS[state](last);
-  const age = state === 'lost' && last.age_s !== null ? `; values are ${Math.round(last.age_s)} s old` : '';
-  setText(byId('link'), text + age);
+  setText(byId('link'), LINKS[state](last));
+  // Apart from the text above, which a screen reader says again when it changes.
+  const isOld = (state === 'lost' || state === 'silent') && last.age_s !== null;
+  setText(byId('age'), isOld ? `(seen ${last.age_s.toFixed(1)} s ago)` : '');
   showControl();
 }
 

@@ -203,5 +203,13 @@ function show(now) {
 byId('play').addEventListener('click', () => order('/api/command', { do: 'play', table: live.board.table }));
 byId('clear').addEventListener('click', () => order('/api/command', { do: 'clear' }));
 onLive(show);
-get('/api/arm').then((answer) => { arm = answer; }).catch(() => {});
+// The names do not change while the server runs; without an arm there are none.
+async function fetchArm() {
+  try {
+    arm = await get('/api/arm');
+  } catch {
+    setTimeout(fetchArm, 500);
+  }
+}
+fetchArm();
 follow();

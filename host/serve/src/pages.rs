@@ -55,7 +55,7 @@ impl Page {
                         a href=(page.path) aria-current=[(page.path == self.path).then_some("page")] { (page.name) }
                     }
                 }
-                p #link .link role="status" { "connecting" }
+                p.link { span #link role="status" { "connecting" } " " span #age {} }
                 div.control {
                     button #take type="button" disabled { "Take control" }
                     span #holder role="status" {}
