@@ -20,8 +20,17 @@ pub(crate) struct Test {
 }
 
 /// Packages whose unit tests are quick.
-const UNIT_TESTED: [&str; 8] =
-    ["darm-core", "darm-firmware", "darm-robot", "darm-arm", "darm-device", "darm-diagnose", "darm", "darm-figures"];
+const UNIT_TESTED: [&str; 9] = [
+    "darm-core",
+    "darm-firmware",
+    "darm-robot",
+    "darm-arm",
+    "darm-device",
+    "darm-diagnose",
+    "darm-serve",
+    "darm",
+    "darm-figures",
+];
 
 impl Test {
     /// Runs the checks in turn and stops at the first that fails.
