@@ -157,9 +157,7 @@ pub(crate) fn run(
     let mut stops = frame_visits(&wanted);
     let n_frame_stops = stops.len();
     stops.extend(
-        steps
-            .iter()
-            .map(|step| Stop { visit: visit(step.word, &step.servos_rad, "plan"), held_out: step.held_out }),
+        steps.iter().map(|step| Stop { visit: visit(step.word, &step.servos_rad, "plan"), held_out: step.held_out }),
     );
     let measured = measure(&mut station, &arm, &truth, &stops)?;
     let plan = figures(&steps, &measured);

@@ -27,8 +27,7 @@ mod unfinished;
 const COMMANDS: [&str; 30] = [
     "synth", "adjust", "table", "upload", "play", "stop", "status", "record", "import", "diagnose", "console", "sim",
     "flash", "doctor", "profile", "fk", "jacobian", "ik", "bench-ik", "dynamics", "com", "model", "draw", "nearest",
-    "map", "path", "grasp", "inertia", "odometry",
-    "serve",
+    "map", "path", "grasp", "inertia", "odometry", "serve",
 ];
 
 /// A user's empty home, and the folder the commands run in.
