@@ -284,7 +284,7 @@ impl<'t> Control<'t> {
             model: table.map(Table::model),
             switches: self.seen.switches,
             n_servos: table.map_or(0, |table| table.wiring().servos.len() as u8),
-            button: self.button.is_held(self.now),
+            button: self.button.is_pressed(self.now),
             is_moving: self.sequencer.has_moving_servo(&self.seen),
             worst_lateness: self.worst_lateness,
         }

@@ -7,7 +7,7 @@ use darm_core::units::Micros;
 
 /// A contact that opens for a shorter time bounces.
 const OPEN: Micros = Micros::from_millis(20);
-/// A press counts so long, while the contact stays closed.
+/// A press counts for this time, while the contact stays closed.
 const PRESS: Micros = Micros::from_millis(60_000);
 
 /// The contact over time.
@@ -37,7 +37,7 @@ impl Button {
     }
 
     /// Whether a person holds it.
-    pub(super) fn is_held(&self, now: Micros) -> bool {
+    pub(super) fn is_pressed(&self, now: Micros) -> bool {
         self.closed && self.pressed.is_some_and(|at| now - at < PRESS)
     }
 }
@@ -56,7 +56,7 @@ mod tests {
             }
             closed = !closed;
         }
-        button.is_held(now)
+        button.is_pressed(now)
     }
 
     #[test]

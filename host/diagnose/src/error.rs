@@ -3,7 +3,6 @@
 use darm_core::chain::ChainError;
 
 use crate::effect::Law;
-use crate::linearise::model_effects::UnknownValue;
 use crate::measurement::{Finding, ReadError};
 use crate::prepare::groups::FOLDS;
 use crate::prepare::signals::PrepareError;
@@ -12,6 +11,20 @@ use crate::prepare::signals::PrepareError;
 pub const MIN_WORDS: usize = 2 * FOLDS;
 /// Pieces of training rows without which nothing can be said.
 pub const MIN_PIECES: usize = 16;
+
+/// A value of an effect in a model's file that its law does not have.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{law} at {place} has no value {name:?}, only {known}: correct the name in the model's file")]
+pub struct UnknownValue {
+    /// The law.
+    pub law: Law,
+    /// Where it acts.
+    pub place: String,
+    /// The name in the file.
+    pub name: String,
+    /// The names that it has.
+    pub known: String,
+}
 
 /// Why there is no diagnosis.
 #[derive(Debug, thiserror::Error)]

@@ -8,7 +8,7 @@ pub mod bodies;
 pub mod calibrated;
 pub mod experiment;
 #[cfg(test)]
-mod faulty_robot;
+mod faulty_robot_cases;
 pub mod force;
 pub mod laws;
 pub mod measured_tool;

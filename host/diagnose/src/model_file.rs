@@ -58,7 +58,7 @@ impl ModelFile {
         self
     }
 
-    /// The next model: with these effects in place of its own.
+    /// The next model: with these effects in place of those that it has.
     #[must_use]
     pub(crate) fn with_effects<'a>(&self, effects: impl Iterator<Item = &'a ModelEffect>) -> Self {
         let mut next = self.clone();

@@ -5,7 +5,8 @@ use darm_core::se::Pose;
 use darm_robot::robot::Robot;
 
 use crate::effect::Law;
-use crate::linearise::model_effects::{ModelEffect, UnknownValue};
+use crate::error::UnknownValue;
+use crate::linearise::model_effects::ModelEffect;
 use crate::linearise::serial_chain::{OFFSET, SHIFT, TOOL, TURNS, across, site_of_joint};
 
 /// Why a calibrated model is no robot of rigid links.
@@ -85,7 +86,7 @@ pub fn calibrated(robot: &Robot, tool: Option<&str>, effects: &[ModelEffect]) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::linearise::faulty_robot::panda;
+    use crate::linearise::faulty_robot_cases::panda;
     use crate::linearise::serial_chain::{PER_JOINT, SerialChain};
 
     #[test]

@@ -152,7 +152,7 @@ impl ToolRows {
         let of_frame = self.frame_columns(&predicted, &turn);
         match &self.fits_frame {
             None => columns.extend(of_frame),
-            Some(fits) => self.leave_beside(&mut columns, &of_frame, fits),
+            Some(fits) => self.project_out(&mut columns, &of_frame, fits),
         }
         (residuals, columns)
     }
@@ -202,7 +202,7 @@ impl ToolRows {
     }
 
     /// Takes out of each column what the frame's columns have of it in the positions of the rows that take part.
-    fn leave_beside(&self, columns: &mut [Vec<f64>], of_frame: &[Vec<f64>], fits: &[bool]) {
+    fn project_out(&self, columns: &mut [Vec<f64>], of_frame: &[Vec<f64>], fits: &[bool]) {
         let n_axes = self.n_axes();
         let counts: Vec<usize> =
             (0..fits.len() * n_axes).filter(|entry| fits[entry / n_axes] && entry % n_axes < 3).collect();

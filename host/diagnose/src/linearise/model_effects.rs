@@ -19,7 +19,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::effect::{Law, as_str};
-use crate::error::DiagnoseError;
+use crate::error::{DiagnoseError, UnknownValue};
 use crate::linearise::experiment::{Candidate, Experiment};
 use crate::linearise::model_error::ModelError;
 
@@ -53,16 +53,6 @@ fn named<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Law, D::Error> {
         _ => Law::named(&name),
     };
     law.ok_or_else(|| D::Error::custom(format!("no law is called {name:?}")))
-}
-
-/// A value that a law does not have.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{law} at {place} has no value {name:?}, only {known}: correct the name in the model's file")]
-pub struct UnknownValue {
-    law: Law,
-    place: String,
-    name: String,
-    known: String,
 }
 
 impl ModelEffect {

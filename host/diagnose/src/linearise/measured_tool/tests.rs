@@ -8,7 +8,7 @@ use rayon::prelude::{IntoParallelRefIterator as _, ParallelIterator as _};
 
 use super::*;
 use crate::diagnosis::{SignalOptions, diagnose_table};
-use crate::linearise::faulty_robot::{Fault, Faulty, JOINTS, cases, named, normal, panda};
+use crate::linearise::faulty_robot_cases::{Fault, Faulty, JOINTS, cases, named, normal, panda};
 use crate::linearise::model::{Model, What};
 use crate::measurement::table::{Names, Table};
 use crate::prepare::signals::Preparation;
