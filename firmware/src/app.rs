@@ -6,22 +6,25 @@
 //!                    └──► control tick
 //! ```
 //!
-//! Two futures share the console. `scan` only receives: it knows a typed `stop` and the stop frame of the bootstrap set
-//! whatever `work` is doing, and the control tick obeys within a millisecond. `work` does one thing after the other; while
-//! one lasts a stop is answered at once, and what a typed command still has to print is dropped.
+//! Two futures share the console. [`scan`] only receives: it knows a typed `stop` and the stop frame of the bootstrap set
+//! whatever [`work`] is doing, and the control tick obeys within a millisecond. `work` does one thing after the other; while
+//! one lasts a stop is answered at once, and what a typed command still has to print is dropped. Where a piece of work
+//! takes long, `scan` runs at a higher priority; elsewhere [`serve`] runs both.
 //!
 //! A board in a process is built from the same parts as the image: a [`Shared`], a
 //! [`Control`](crate::control::Control) that is ticked once a millisecond, [`serve`] on two byte pipes, and
 //! [`crate::servo::Bus`] on two more. All futures are polled by hand while a [`Clock`] is moved.
 use core::cell::Cell;
-use core::future::Future;
+use core::future::{Future, poll_fn};
 use core::pin::pin;
+use core::task::Poll;
 
 use darm_core::wire::bootstrap::{self, ANSWER};
 use darm_core::wire::frame::Header;
 use embassy_futures::select::{Either, Either4, select, select4};
 use embassy_futures::yield_now;
-use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::blocking_mutex;
+use embassy_sync::blocking_mutex::raw::{CriticalSectionRawMutex, NoopRawMutex};
 use embassy_sync::mutex::Mutex;
 use embassy_sync::signal::Signal;
 use embedded_io_async::{ErrorType, Read, Write};
@@ -36,11 +39,37 @@ use crate::scan::{Scanner, Stop};
 
 /// Bytes that wait for `work`: three chunks of an upload.
 const INBOX: usize = 1152;
+/// Bytes that `work` takes at once.
+const PIECE: usize = 16;
 
-/// What has been received and not yet looked at.
-struct Inbox {
+/// What has been received and not yet looked at. [`scan`] fills it, at the priority of [`work`] or a higher one.
+pub struct Inbox {
     bytes: Pipe<INBOX>,
-    stop: Signal<NoopRawMutex, Stop>,
+    stop: Signal<CriticalSectionRawMutex, Stop>,
+    /// While `work` takes bytes no stop comes in between.
+    taking: blocking_mutex::Mutex<CriticalSectionRawMutex, ()>,
+}
+
+impl Inbox {
+    /// Nothing received.
+    pub const fn new() -> Self {
+        Self { bytes: Pipe::new(), stop: Signal::new(), taking: blocking_mutex::Mutex::new(()) }
+    }
+
+    /// Waits for bytes that came after every stop: where one is not yet answered, for its answer.
+    async fn read(&self, bytes: &mut [u8; PIECE]) -> usize {
+        let mut read = pin!(self.bytes.read(bytes));
+        poll_fn(|context| {
+            self.taking.lock(|()| if self.stop.signaled() { Poll::Pending } else { read.as_mut().poll(context) })
+        })
+        .await
+    }
+}
+
+impl Default for Inbox {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 /// Serves the console until somebody asks for a restart; what the board is to start into.
@@ -49,7 +78,7 @@ pub async fn serve<F: NorFlash, C: Clock>(
     reader: &mut impl Read,
     writer: &mut impl Write,
 ) -> bootstrap::Into {
-    let inbox = Inbox { bytes: Pipe::new(), stop: Signal::new() };
+    let inbox = Inbox::new();
     let shared = dispatcher.shared;
     match select(scan(&inbox, shared, reader), work(&inbox, dispatcher, writer)).await {
         Either::First(never) => never,
@@ -57,8 +86,9 @@ pub async fn serve<F: NorFlash, C: Clock>(
     }
 }
 
-/// Receives. What does not fit the inbox is lost, and its sender asks again; a stop never is.
-async fn scan(inbox: &Inbox, shared: &Shared<'_>, reader: &mut impl Read) -> ! {
+/// Receives. What does not fit the inbox is lost, and its sender asks again; a stop never is. Nothing else may stop
+/// `shared`.
+pub async fn scan(inbox: &Inbox, shared: &Shared<'_>, reader: &mut impl Read) -> ! {
     let mut scanner = Scanner::default();
     let mut bytes = [0; 64];
     loop {
@@ -81,26 +111,27 @@ async fn scan(inbox: &Inbox, shared: &Shared<'_>, reader: &mut impl Read) -> ! {
     }
 }
 
-/// Does what comes, one thing after the other.
-async fn work<F: NorFlash, C: Clock>(
+/// Does what comes, one thing after the other, until somebody asks for a restart; into what.
+pub async fn work<F: NorFlash, C: Clock>(
     inbox: &Inbox,
     dispatcher: &mut Dispatcher<'_, '_, F, C>,
     writer: &mut impl Write,
 ) -> bootstrap::Into {
     let out = Out { writer: Mutex::new(writer), is_cut: Cell::new(false), cut: Signal::new() };
     let mut port: Port = Port::default();
-    let mut bytes = [0; 64];
+    let mut bytes = [0; PIECE];
     loop {
         // All futures may be dropped half-way: none takes anything before it is ready.
         let shared = dispatcher.shared;
-        match select4(inbox.stop.wait(), inbox.bytes.read(&mut bytes), shared.events.next(), dispatcher.seek()).await {
+        match select4(inbox.stop.wait(), inbox.read(&mut bytes), shared.events.next(), dispatcher.seek()).await {
             Either4::First(stop) => {
                 port = Port::default();
                 out.confirm(stop, shared).await;
             }
             Either4::Second(n) => {
                 for &byte in bytes.iter().take(n) {
-                    // What was received before a stop is not done after it.
+                    // What was received before a stop is not done after it: one that comes from here on refuses it.
+                    dispatcher.begin_item();
                     if inbox.stop.signaled() {
                         break;
                     }

@@ -63,16 +63,8 @@ pub struct Board {
     pub crash: Option<CrashRecord>,
     /// What it can do.
     pub caps: Caps,
-    /// Whether it may restart into the chip's loader now; see
-    /// [`Hardware::allows_loader`](crate::hardware::Hardware::allows_loader).
-    pub allows_loader: fn() -> bool,
-}
-
-impl Board {
-    /// Whether it may restart into this now.
-    pub fn allows(&self, into: bootstrap::Into) -> bool {
-        into != bootstrap::Into::Loader || (self.allows_loader)()
-    }
+    /// The chip's loader is entered only while a person holds the button.
+    pub guards_loader: bool,
 }
 
 /// Answers to the host.
@@ -170,7 +162,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
         self.store.is_some()
     }
 
-    /// From here on a stop refuses what is asked.
+    /// From here on a stop refuses what is done next. Before every frame and line.
     pub(crate) fn begin_item(&mut self) {
         self.stops = self.shared.stops();
     }
@@ -188,7 +180,6 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
     /// Answers what stood between two zero bytes. `None`: it was no frame, or a late copy of an old one, or its answer is
     /// still [sought](Self::seek).
     pub async fn answer(&mut self, encoded: &mut [u8]) -> Option<Frame> {
-        self.begin_item();
         let Ok((header, payload)) = frame::decode(encoded) else {
             self.note_bad();
             return None;
@@ -266,7 +257,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
     /// Restarts the board where nothing runs.
     pub(crate) async fn restart(&mut self, into: bootstrap::Into) -> Result<(), Refusal> {
         self.require_idle().await?;
-        if !self.board.allows(into) {
+        if into == bootstrap::Into::Loader && self.board.guards_loader && !self.snapshot().await?.button {
             return Err(Refusal::NobodyPresent);
         }
         self.reboot = Some(into);

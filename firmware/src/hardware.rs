@@ -24,7 +24,7 @@ use embassy_futures::select::{Either, select};
 use embedded_io_async::{Read, Write};
 use embedded_storage_async::nor_flash::NorFlash;
 
-use crate::app::serve;
+use crate::app::{Inbox, serve, work};
 use crate::clock::Clock;
 use crate::control::{Inputs, Shared};
 use crate::dispatch::{BUILD, Board, Dispatcher};
@@ -48,6 +48,9 @@ pub trait Hardware: Sized + 'static {
     const INPUTS: u8;
     /// Servos on its bus.
     const SERVOS: u8 = MAX_SERVOS as u8;
+    /// The chip's loader is on the console's own cable, where anyone with the port could write firmware: it is entered only
+    /// while a person holds the button.
+    const GUARDS_LOADER: bool;
     /// Time since its start.
     type Clock: Clock + Copy;
     /// The clock of all tasks; the board has started it.
@@ -72,9 +75,8 @@ pub trait Hardware: Sized + 'static {
     /// Resets the chip after a crash. Memory of [`Hardware::kept`] keeps its content.
     fn reset() -> !;
 
-    /// Whether the chip's loader may be entered now. Where its port is the console's own cable anyone with the port could
-    /// write firmware: then only while a person at the board allows it.
-    fn allows_loader() -> bool;
+    /// Whether the contact of the button is closed.
+    fn is_button_closed() -> bool;
 
     /// Resets the chip on request, into the firmware or into the chip's loader.
     fn restart(into: Into) -> !;
@@ -101,7 +103,7 @@ pub fn describe<H: Hardware>(crash: Option<CrashRecord>) -> Board {
         identity: Identity { device: H::device(), board },
         crash,
         caps: caps::<H>(),
-        allows_loader: H::allows_loader,
+        guards_loader: H::GUARDS_LOADER,
     }
 }
 
@@ -128,13 +130,30 @@ pub async fn console<H: Hardware>(
         }
         Start::Recovery => {
             let clock = H::CLOCK;
-            let serve = rescue::serve(&dispatcher.board, &clock, reader, writer);
+            let serve = rescue::serve(&dispatcher.board, H::is_button_closed, &clock, reader, writer);
             match select(serve, feed_for_ever::<H>()).await {
                 Either::First(into) => into,
                 Either::Second(never) => never,
             }
         }
     };
+    forget_crashes(H::kept());
+    into
+}
+
+/// Serves the console of a board that is not held, as [`console`] does, where [`crate::app::scan`] fills the inbox at a higher
+/// priority.
+pub async fn console_behind<H: Hardware>(
+    dispatcher: &'static mut OnBoard<H>,
+    (table, profile): (&'static mut Table, &'static mut Profile),
+    pulse: &Pulse,
+    (inbox, writer): (&Inbox, &mut impl Write),
+) -> Into {
+    let work = pin!(async {
+        dispatcher.open(H::open_flash(), table, profile).await;
+        work(inbox, dispatcher, writer).await
+    });
+    let into = pulse.during(&H::CLOCK, work).await;
     forget_crashes(H::kept());
     into
 }

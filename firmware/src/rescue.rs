@@ -21,13 +21,16 @@ const HELP: &str = "outputs disabled after several crashes in a row; read the fa
 const REBOOTS: &str = "ok, reboots\r\n";
 const NO_LOADER: &str = "refused: close the jumper of the board first\r\n";
 
-/// Serves the bootstrap set until somebody asks for a reboot; what the board is to start into.
+/// Serves the bootstrap set until somebody asks for a reboot; what the board is to start into. No tick looks at the button
+/// here: that it is closed allows the loader.
 pub async fn serve(
     board: &Board,
+    is_button_closed: impl Fn() -> bool,
     clock: &impl Clock,
     reader: &mut impl Read,
     writer: &mut impl Write,
 ) -> bootstrap::Into {
+    let allows = |into| into != bootstrap::Into::Loader || !board.guards_loader || is_button_closed();
     let mut port: Port = Port::default();
     let mut bytes = [0; 16];
     loop {
@@ -38,8 +41,8 @@ pub async fn serve(
         }
         for &byte in bytes.iter().take(n) {
             let into = match port.push(byte, clock.now()) {
-                Some(Item::Frame(encoded)) => answer(board, encoded, writer).await,
-                Some(Item::Line(line)) => execute(board, line, writer).await,
+                Some(Item::Frame(encoded)) => answer(board, &allows, encoded, writer).await,
+                Some(Item::Line(line)) => execute(&allows, line, writer).await,
                 Some(Item::Dropped) | None => None,
             };
             if let Some(into) = into {
@@ -52,13 +55,21 @@ pub async fn serve(
 }
 
 /// Answers a frame of the bootstrap set; what to start into, if it asks for that. A failed write has no reader.
-async fn answer(board: &Board, encoded: &mut [u8], writer: &mut impl Write) -> Option<bootstrap::Into> {
+async fn answer(
+    board: &Board,
+    allows: &impl Fn(bootstrap::Into) -> bool,
+    encoded: &mut [u8],
+    writer: &mut impl Write,
+) -> Option<bootstrap::Into> {
     let (header, payload) = frame::decode(encoded).ok()?;
     let request = Request::decode(header.tag, payload)?;
+    let into = if let Request::Reboot(into) = request { Some(into) } else { None };
+    let is_refused = into.is_some_and(|into| !allows(into));
+    let payload = if is_refused { [1].into_iter().collect() } else { reply(board, request) };
     let mut bytes = [0; MAX_ANSWER];
-    let len = frame::encode(Header { tag: header.tag | ANSWER, ..header }, &reply(board, request), &mut bytes).ok()?;
+    let len = frame::encode(Header { tag: header.tag | ANSWER, ..header }, &payload, &mut bytes).ok()?;
     let _ = writer.write_all(bytes.get(..len)?).await;
-    if let Request::Reboot(into) = request { Some(into).filter(|into| board.allows(*into)) } else { None }
+    into.filter(|_| !is_refused)
 }
 
 fn reply(board: &Board, request: Request) -> Payload {
@@ -66,19 +77,22 @@ fn reply(board: &Board, request: Request) -> Payload {
         Request::Identify => board.identity.encode(),
         Request::Version => Version { protocol: RECOVERY_PROTOCOL, firmware: FIRMWARE }.encode(),
         Request::ReadFault => CrashRecord::encode(board.crash.as_ref()),
-        Request::Reboot(into) if !board.allows(into) => [1].into_iter().collect(),
         // Every output is disabled already.
         Request::Stop | Request::Reboot(_) => [0].into_iter().collect(),
     }
 }
 
-async fn execute(board: &Board, line: &str, writer: &mut impl Write) -> Option<bootstrap::Into> {
+async fn execute(
+    allows: &impl Fn(bootstrap::Into) -> bool,
+    line: &str,
+    writer: &mut impl Write,
+) -> Option<bootstrap::Into> {
     let asked = match line {
         "reboot" => Some(bootstrap::Into::Application),
         "reboot loader" => Some(bootstrap::Into::Loader),
         _ => None,
     };
-    let into = asked.filter(|into| board.allows(*into));
+    let into = asked.filter(|into| allows(*into));
     let text = match (asked, into) {
         (_, Some(_)) => REBOOTS,
         (Some(_), None) => NO_LOADER,
@@ -127,17 +141,17 @@ mod tests {
         let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("test").unwrap() };
         let text = heapless::String::try_from("why").unwrap();
         let crash = Some(CrashRecord { kind: CrashKind::Watchdog, uptime_us: 1, pc: 2, lr: 3, text });
-        Board { identity, crash, caps: caps(), allows_loader: || true }
+        Board { identity, crash, caps: caps(), guards_loader: true }
     }
 
     /// What the board answers to these bytes, and into what it reboots.
     fn exchange(sent: &[u8]) -> (Vec<u8>, bootstrap::Into) {
-        exchange_with(&board(), sent)
+        exchange_with(true, sent)
     }
 
-    fn exchange_with(board: &Board, sent: &[u8]) -> (Vec<u8>, bootstrap::Into) {
+    fn exchange_with(closed: bool, sent: &[u8]) -> (Vec<u8>, bootstrap::Into) {
         let (mut reader, mut writer) = (Line(sent.to_vec()), Line(Vec::new()));
-        let into = run(serve(board, &HandClock::default(), &mut reader, &mut writer), || {});
+        let into = run(serve(&board(), || closed, &HandClock::default(), &mut reader, &mut writer), || {});
         (writer.0, into)
     }
 
@@ -176,12 +190,11 @@ mod tests {
     }
 
     #[test]
-    fn the_loader_is_entered_only_where_the_board_allows_it() {
-        let board = Board { allows_loader: || false, ..board() };
+    fn a_guarded_loader_is_entered_only_while_the_button_is_closed() {
         let request = Request::Reboot(bootstrap::Into::Loader);
         let sent = [&frame_of(request.tag(), request.payload()), &b"reboot loader\rreboot\r"[..]].concat();
         let expected = [&frame_of(request.tag() | ANSWER, &[1]), NO_LOADER.as_bytes(), REBOOTS.as_bytes()].concat();
-        assert_eq!(exchange_with(&board, &sent), (expected, bootstrap::Into::Application));
+        assert_eq!(exchange_with(false, &sent), (expected, bootstrap::Into::Application));
     }
 
     #[test]

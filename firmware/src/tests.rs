@@ -66,7 +66,7 @@ impl Bench {
             cells,
         };
         let identity = Identity { device: DeviceId([7; 12]), board: heapless::String::try_from("bench").unwrap() };
-        let board = Board { identity, crash: None, caps: caps(), allows_loader: || true };
+        let board = Board { identity, crash: None, caps: caps(), guards_loader: true };
         let mut dispatcher = Dispatcher::new(board, bench.clock, bench.shared, Box::leak(Box::default()));
         let profile = Box::leak(Box::new(Profile::empty()));
         let opening = dispatcher.open(Some(bench.cells.flash(u32::MAX)), Box::leak(Box::default()), profile);
@@ -97,6 +97,7 @@ impl Bench {
     fn frame(&self, encoded: &mut [u8]) -> Option<Vec<u8>> {
         let mut dispatcher = self.dispatcher.borrow_mut();
         let dispatcher = dispatcher.as_mut().unwrap();
+        dispatcher.begin_item();
         let mut answer = match run(dispatcher.answer(encoded), || self.tick()) {
             None if dispatcher.sought.is_some() => run(dispatcher.seek(), || self.tick()),
             answer => answer?,
@@ -155,6 +156,7 @@ impl Bench {
     fn type_line(&self, line: &str) -> String {
         let pipe = Pipe::<4096>::new();
         let mut dispatcher = self.dispatcher.borrow_mut();
+        dispatcher.as_mut().unwrap().begin_item();
         run(dispatcher.as_mut().unwrap().execute(line, &mut PipeWriter(&pipe)), || self.tick()).unwrap();
         core::iter::from_fn(|| pipe.pop()).map(char::from).collect()
     }

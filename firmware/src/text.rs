@@ -66,7 +66,6 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
     ///
     /// `out` fails. What the board refuses is an answer.
     pub async fn execute<W: Write>(&mut self, line: &str, out: &mut W) -> Result<(), W::Error> {
-        self.begin_item();
         if !line.starts_with(|first: char| first.is_ascii_alphabetic()) {
             return Ok(());
         }

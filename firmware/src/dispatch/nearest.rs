@@ -3,6 +3,7 @@
 use core::future::pending;
 
 use darm_core::nearest::{Coordinates, Found};
+use darm_core::sequencer::CommandError;
 use darm_core::wire::bootstrap::ANSWER;
 use darm_core::wire::frame::Header;
 use darm_core::wire::message::{Answer, Refusal};
@@ -16,12 +17,15 @@ use crate::control::{Order, Outcome};
 use crate::nearest;
 
 impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
-    /// A word that brings the tool near a pose in the base, by the frames in the stored table.
+    /// A word that brings the tool near a pose in the base, by the frames in the stored table. A stop ends the search.
     pub(crate) async fn nearest(&mut self, target: &Coordinates) -> Result<Found<f32>, Refusal> {
         self.sought = None;
         self.begin_nearest(target).await?;
         while self.room.step() {
             yield_now().await;
+            if self.shared.stops() != self.stops {
+                return Err(Refusal::Command(CommandError::Stopped));
+            }
         }
         self.room.found().ok_or(Refusal::NoFrames)
     }

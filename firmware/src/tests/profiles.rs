@@ -46,16 +46,16 @@ fn a_jumper_that_was_left_in_its_place_writes_no_profile() {
 }
 
 #[test]
-fn a_board_enters_its_loader_only_where_it_allows_that() {
+fn a_guarded_loader_is_entered_only_while_a_person_holds_the_button() {
     let bench = Bench::new(Cells::with_profile());
     let due = |bench: &Bench| bench.dispatcher.borrow_mut().as_mut().unwrap().restart_due(false);
     let request = bootstrap::Request::Reboot(bootstrap::Into::Loader);
     let header = Header { tag: request.tag(), link: 0, number: 9 };
-    bench.dispatcher.borrow_mut().as_mut().unwrap().board.allows_loader = || false;
     assert_eq!(bench.send(header, request.payload()), Some(vec![1]));
     assert!(bench.type_line("reboot loader").starts_with('?'));
     assert_eq!(due(&bench), None);
-    bench.dispatcher.borrow_mut().as_mut().unwrap().board.allows_loader = || true;
+    bench.button.set(true);
+    bench.pass_ms(1);
     assert_eq!(bench.send(header, request.payload()), Some(vec![0]));
     assert_eq!(due(&bench), Some(bootstrap::Into::Loader));
 }

@@ -10,6 +10,7 @@
 // | `cut COUNT SEED`    | the power fails in this operation of the flash from now on, 1 for the next      |
 // | `power`             | the power was off: memory is lost, the flash stays                             |
 // | `reset`             | the reset button                                                               |
+// | `bite`              | the watchdog, which found no feed                                              |
 // | `run NANOSECONDS`   | runs so long                                                                   |
 // | `measure`           | prints `stack BYTES` and `ticks COUNT INSTRUCTIONS CYCLES OPERATIONS`, the longest tick since the last time |
 //
@@ -81,6 +82,9 @@ const commands = {
   },
   reset: () => {
     state = restart(Object.assign(state, { ended: { why: 'reset' } }), true);
+  },
+  bite: () => {
+    state = restart(Object.assign(state, { ended: { why: 'reset', reason: 1 } }), true);
   },
   run: ([nanoseconds]) => {
     if (state.ended === null) runFor(Number(nanoseconds));

@@ -30,6 +30,8 @@ pub struct Board;
 impl Hardware for Board {
     const NAME: &'static str = "B-L475E-IOT01A";
     const INPUTS: u8 = SWITCHES.len() as u8;
+    /// The loader does not listen on the pins of the console.
+    const GUARDS_LOADER: bool = false;
     type Clock = BoardClock;
     const CLOCK: BoardClock = BoardClock;
     type Pins = BoardPins;
@@ -69,9 +71,8 @@ impl Hardware for Board {
         SCB::sys_reset()
     }
 
-    /// The loader does not listen on the pins of the console.
-    fn allows_loader() -> bool {
-        true
+    fn is_button_closed() -> bool {
+        user_button_pressed()
     }
 
     fn restart(into: Into) -> ! {

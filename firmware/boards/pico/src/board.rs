@@ -55,6 +55,8 @@ impl Clock for BoardClock {
 impl Hardware for Board {
     const NAME: &'static str = "Pico";
     const INPUTS: u8 = INPUTS as u8;
+    /// The loader is a drive on the console's own cable.
+    const GUARDS_LOADER: bool = true;
     type Clock = BoardClock;
     const CLOCK: BoardClock = BoardClock;
     type Pins = BoardPins;
@@ -85,8 +87,7 @@ impl Hardware for Board {
         watchdog::reset()
     }
 
-    /// The loader is a drive on the console's own cable.
-    fn allows_loader() -> bool {
+    fn is_button_closed() -> bool {
         is_jumper_closed()
     }
 

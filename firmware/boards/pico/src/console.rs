@@ -4,11 +4,17 @@
 //! so that a closed port never blocks the console.
 
 use core::convert::Infallible;
+use core::ops::Range;
 
 use darm_firmware::hardware::Hardware as _;
+use darm_firmware::pipe::Pipe;
+use embassy_futures::select::{Either, select};
+use embassy_futures::yield_now;
 use embassy_rp::peripherals::USB;
 use embassy_rp::usb::{Driver, InterruptHandler};
 use embassy_rp::{Peri, bind_interrupts};
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Timer, with_timeout};
 use embassy_usb::class::cdc_acm::{self, CdcAcmClass, State};
 use embassy_usb::{Builder, Config, UsbDevice};
@@ -28,6 +34,12 @@ const PATIENCE: Duration = Duration::from_secs(1);
 const FETCHED: Duration = Duration::from_millis(5);
 /// Numbers of pid.codes for devices that are not sold.
 const VENDOR_PRODUCT: (u16, u16) = (0x1209, 0x0001);
+
+/// What the console says, on its way to the cable: two packets.
+static SAID: Pipe<128> = Pipe::new();
+/// Somebody waits until the host has all of it, and it has.
+static FLUSH: Signal<CriticalSectionRawMutex, ()> = Signal::new();
+static FLUSHED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
 type Bus = Driver<'static, USB>;
 /// The device on the bus.
@@ -54,7 +66,10 @@ pub(crate) fn start(usb: Peri<'static, USB>) -> (Usb, UsbConsole) {
     let mut builder = Builder::new(Driver::new(usb, Irqs), config, configuration, bos, &mut [], control);
     let class = CdcAcmClass::new(&mut builder, STATE.init(State::new()), PACKET as u16);
     let (sender, receiver) = class.split();
-    (builder.build(), UsbConsole { receiver: Receiver(receiver), sender: Sender(sender) })
+    (
+        builder.build(),
+        UsbConsole { receiver: Receiver { port: receiver, packet: [0; PACKET], unread: 0..0 }, sender: Sender(sender) },
+    )
 }
 
 /// The chip's number in hexadecimal digits.
@@ -69,7 +84,12 @@ fn serial() -> [u8; 24] {
 }
 
 /// Waits for packets, and for the cable where there is none.
-pub(crate) struct Receiver(cdc_acm::Receiver<'static, Bus>);
+pub(crate) struct Receiver {
+    port: cdc_acm::Receiver<'static, Bus>,
+    /// The last packet, and what of it nobody has read: the driver keeps one that does not fit, and is then deaf.
+    packet: [u8; PACKET],
+    unread: Range<usize>,
+}
 /// Sends packets, where somebody fetches them.
 pub(crate) struct Sender(cdc_acm::Sender<'static, Bus>);
 
@@ -81,16 +101,20 @@ impl ErrorType for Sender {
 }
 
 impl Read for Receiver {
-    /// `bytes` has room for a packet.
     async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
-        loop {
+        while self.unread.is_empty() {
             // Before a host has configured the device the driver reads whatever its registers hold.
-            self.0.wait_connection().await;
-            match self.0.read_packet(bytes).await {
-                Ok(count) if count > 0 => return Ok(count),
-                Ok(_) | Err(_) => {}
+            self.port.wait_connection().await;
+            match self.port.read_packet(&mut self.packet).await {
+                Ok(count) => self.unread = 0..count,
+                Err(_) => yield_now().await,
             }
         }
+        let unread = self.packet.get(self.unread.clone()).unwrap_or_default();
+        let count = unread.len().min(bytes.len());
+        bytes.iter_mut().zip(unread).for_each(|(to, from)| *to = *from);
+        self.unread.start = if unread.is_empty() { self.unread.end } else { self.unread.start.saturating_add(count) };
+        Ok(count)
     }
 }
 
@@ -106,6 +130,42 @@ impl Write for Sender {
     async fn flush(&mut self) -> Result<(), Infallible> {
         let _ = with_timeout(PATIENCE, self.0.write_packet(&[])).await;
         Timer::after(FETCHED).await;
+        Ok(())
+    }
+}
+
+/// Sends what [`Voice`] says, for ever.
+pub(crate) async fn send_said(sender: &mut Sender) -> ! {
+    let mut bytes = [0; PACKET - 1];
+    loop {
+        match select(SAID.read(&mut bytes), FLUSH.wait()).await {
+            Either::First(count) => {
+                let Ok(_) = sender.write(bytes.get(..count).unwrap_or_default()).await;
+            }
+            Either::Second(()) => {
+                let Ok(()) = sender.flush().await;
+                FLUSHED.signal(());
+            }
+        }
+    }
+}
+
+/// What the console says, from any executor: the driver of the cable stays in one.
+pub(crate) struct Voice;
+
+impl ErrorType for Voice {
+    type Error = Infallible;
+}
+
+impl Write for Voice {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        Ok(SAID.write(bytes).await)
+    }
+
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        FLUSHED.reset();
+        FLUSH.signal(());
+        FLUSHED.wait().await;
         Ok(())
     }
 }

@@ -6,7 +6,8 @@
 //! | `TIMER_IRQ_0`  | interrupt of the HAL   | 1        | wakes the tasks whose time has come               |
 //! | `UART0_IRQ`    | interrupt              | 2        | bytes of the servo bus                            |
 //! | `USBCTRL_IRQ`  | interrupt of the HAL   | 2        | packets of the console                            |
-//! | `SWI_IRQ_0`    | executor of the tasks  | 3        | USB, console with storage, servo bus              |
+//! | `SWI_IRQ_1`    | executor, never long   | 2        | USB, what finds a stop, servo bus                 |
+//! | `SWI_IRQ_0`    | executor of the work   | 3        | console with storage and search                   |
 //!
 //! | file      | holds                                                                       |
 //! |-----------|-----------------------------------------------------------------------------|
@@ -36,6 +37,7 @@ use darm_core::profile::Profile;
 use darm_core::table::Table;
 use darm_core::units::Micros;
 use darm_core::wire::bootstrap::CrashRecord;
+use darm_firmware::app::{Inbox, scan};
 use darm_firmware::clock::Clock as _;
 use darm_firmware::control::{Shared, TICK};
 use darm_firmware::crash;
@@ -44,7 +46,9 @@ use darm_firmware::hardware::{self, Hardware as _, OnBoard};
 use darm_firmware::life::{self, Pulse, Start, Task};
 use darm_firmware::nearest::Room;
 use darm_firmware::tick::Ticker;
-use embassy_executor::{InterruptExecutor, SpawnError, SpawnToken, Spawner};
+use embassy_executor::{InterruptExecutor, SpawnError, SpawnToken};
+use embassy_futures::join::join3;
+use embassy_futures::select::{Either, select};
 use embassy_rp::interrupt::{InterruptExt as _, Priority};
 use embassy_rp::peripherals::USB;
 use embassy_rp::{Peri, Peripherals, interrupt, pac};
@@ -53,7 +57,12 @@ use static_cell::StaticCell;
 use board::{Board, BoardClock, BoardPins};
 use console::UsbConsole;
 
-static EXECUTOR: InterruptExecutor = InterruptExecutor::new();
+/// Of what must not wait for a piece of work: the search for a word computes for milliseconds.
+static PROMPT: InterruptExecutor = InterruptExecutor::new();
+/// Of the work.
+static WORK: InterruptExecutor = InterruptExecutor::new();
+/// What the console has received.
+static INBOX: Inbox = Inbox::new();
 /// What the tasks share.
 static SHARED: Shared<'static> = Shared::new();
 /// Reports of the console and of the servo bus.
@@ -108,7 +117,13 @@ fn request_tick(due_us: u32) {
 #[interrupt]
 unsafe fn SWI_IRQ_0() {
     // SAFETY: this is the interrupt of the executor, unmasked when that starts.
-    unsafe { EXECUTOR.on_interrupt() }
+    unsafe { WORK.on_interrupt() }
+}
+
+#[interrupt]
+unsafe fn SWI_IRQ_1() {
+    // SAFETY: this is the interrupt of the executor, unmasked when that starts.
+    unsafe { PROMPT.on_interrupt() }
 }
 
 /// What the console task owns.
@@ -116,28 +131,35 @@ struct Owned {
     dispatcher: &'static mut OnBoard<Board>,
     table: &'static mut Table,
     profile: &'static mut Profile,
-    start: Start,
 }
 
-/// Runs the device on the bus; the console is a separate task.
+/// Runs the device on the bus, hands on what comes, and finds a stop in it.
 #[embassy_executor::task]
-async fn usb_task(usb: Peri<'static, USB>, owned: Owned) {
-    let (mut device, line) = console::start(usb);
-    // The driver may not move between executors, so that this task spawns.
-    // SAFETY: a task is polled by its executor.
-    let spawner = unsafe { Spawner::for_current_executor() }.await;
-    spawner.spawn(require(console_task(owned, line)));
-    device.run().await
+async fn usb_task(usb: Peri<'static, USB>) {
+    let (mut device, UsbConsole { mut receiver, mut sender }) = console::start(usb);
+    join3(device.run(), scan(&INBOX, &SHARED, &mut receiver), console::send_said(&mut sender)).await;
 }
 
 #[embassy_executor::task]
-async fn console_task(owned: Owned, line: UsbConsole) {
+async fn console_task(owned: Owned) {
     let [pulse, _] = &PULSES;
-    let Owned { dispatcher, table, profile, start } = owned;
-    let UsbConsole { mut receiver, mut sender } = line;
-    let line = (&mut receiver, &mut sender);
-    let into = hardware::console::<Board>(dispatcher, (table, profile), start, pulse, line).await;
+    let Owned { dispatcher, table, profile } = owned;
+    let line = (&INBOX, &mut console::Voice);
+    let into = hardware::console_behind::<Board>(dispatcher, (table, profile), pulse, line).await;
     Board::restart(into)
+}
+
+/// The console of a board that is held.
+#[embassy_executor::task]
+async fn held_task(usb: Peri<'static, USB>, owned: Owned) {
+    let [pulse, _] = &PULSES;
+    let Owned { dispatcher, table, profile } = owned;
+    let (mut device, UsbConsole { mut receiver, mut sender }) = console::start(usb);
+    let line = (&mut receiver, &mut sender);
+    let console = hardware::console::<Board>(dispatcher, (table, profile), Start::Recovery, pulse, line);
+    if let Either::Second(into) = select(device.run(), console).await {
+        Board::restart(into)
+    }
 }
 
 #[embassy_executor::task]
@@ -160,6 +182,7 @@ fn set_priorities() {
     interrupt::TIMER_IRQ_0.set_priority(Priority::P1);
     interrupt::UART0_IRQ.set_priority(Priority::P2);
     interrupt::USBCTRL_IRQ.set_priority(Priority::P2);
+    interrupt::SWI_IRQ_1.set_priority(Priority::P2);
     interrupt::SWI_IRQ_0.set_priority(Priority::P3);
 }
 
@@ -205,16 +228,20 @@ fn start(p: Peripherals, crash: Option<CrashRecord>, start: Start) {
     let pins = BoardPins::new(chain::Chain::new(p.PIO0, (p.PIN_2, p.PIN_3, p.PIN_4), p.PIN_5));
     board::start_inputs();
     set_priorities();
-    let owned = Owned { dispatcher: dispatcher(crash), table: table(), profile: profile(), start };
-    let spawner = EXECUTOR.start(interrupt::SWI_IRQ_0);
-    if start == Start::Normal {
-        start_control(pins);
-        spawner.spawn(require(servo_task(servos::start(p.UART0, p.PIN_0, p.PIN_1))));
-    } else {
+    let owned = Owned { dispatcher: dispatcher(crash), table: table(), profile: profile() };
+    let prompt = PROMPT.start(interrupt::SWI_IRQ_1);
+    if start == Start::Recovery {
         // The pin keeps its level.
         core::mem::forget(pins);
+        // The console feeds it.
+        watchdog::start();
+        prompt.spawn(require(held_task(p.USB, owned)));
+        return;
     }
-    spawner.spawn(require(usb_task(p.USB, owned)));
+    start_control(pins);
+    prompt.spawn(require(servo_task(servos::start(p.UART0, p.PIN_0, p.PIN_1))));
+    prompt.spawn(require(usb_task(p.USB)));
+    WORK.start(interrupt::SWI_IRQ_0).spawn(require(console_task(owned)));
 }
 
 #[cortex_m_rt::entry]

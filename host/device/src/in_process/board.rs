@@ -145,7 +145,7 @@ pub(super) async fn run(wires: Rc<Wires>, flash: MemoryFlash, used: Rc<RefCell<D
         let identity = Identity { device: DEVICE, board: name.parse().expect("a name that fits") };
         let caps = Caps::largest(name, SLOT_BYTES as u32, BUILD);
         let mut dispatcher = Dispatcher::new(
-            Board { identity, crash: None, caps, allows_loader: || true },
+            Board { identity, crash: None, caps, guards_loader: false },
             &wires.clock,
             &shared,
             &mut room,

@@ -63,6 +63,12 @@ impl PicoBench {
         self.ended = None;
     }
 
+    /// Lets the watchdog reset the chip, as after a tick that does not end: memory stays.
+    pub fn bite(&mut self) {
+        self.command("bite\n");
+        self.ended = None;
+    }
+
     /// What has been counted since the last call.
     pub fn measure(&mut self) -> Measured {
         let mut measured = Measured::default();
