@@ -158,6 +158,17 @@ impl ArmPlan {
         Wiring { coils, actuators, ..wiring.clone() }
     }
 
+    /// The same wiring with peaks half as long: the board's pauses between peaks must not depend on the table.
+    pub fn hasty_wiring(&self) -> Wiring {
+        let mut wiring = self.wiring();
+        for coil in &mut wiring.coils {
+            if let Drive::PeakHold { peak_ms, .. } = &mut coil.drive {
+                *peak_ms /= 2;
+            }
+        }
+        wiring
+    }
+
     /// The line that a short command of a coil switches on exactly once; `None` for a latch, which may be set already.
     pub fn pulsed_line(&self, coil: u8) -> Option<u8> {
         match self.coils.get(usize::from(coil))?.drive {

@@ -257,9 +257,10 @@ impl Script {
 fn draw_arm(rng: &mut ChaCha8Rng, seed: u64) -> (ArmPlan, Vec<Table>) {
     loop {
         let arm = ArmPlan::draw(rng);
-        let (wiring, reversed, profile) = (arm.wiring(), arm.reversed_wiring(), arm.profile().profile.digest);
+        let (wirings, profile) =
+            ([arm.wiring(), arm.reversed_wiring(), arm.hasty_wiring()], arm.profile().profile.digest);
         let mut table = |index: u64| {
-            let wiring = if index == 2 { &reversed } else { &wiring };
+            let wiring = &wirings[index as usize - 1];
             let rows = rng.random_range(4..60);
             let model = (seed << 8 | index).wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
             Table::draw(rng, &TablePlan { wiring, profile, model, rows })

@@ -12,8 +12,10 @@ const MS: u64 = 1_000_000;
 const NOTICE_MS: u64 = 10;
 /// A refresh is this much late at most: two ticks.
 const REFRESH_SLACK_MS: u32 = 2;
-/// A line of full current is switched on again no sooner than after this many times the length of its peak.
+/// From one peak of full current of a line to the next it takes at least this many times the length of either, as seen.
 const PEAK_PERIODS: u64 = 10;
+/// A peak that is shorter than the ceiling's may last this much longer than its table says: two late ticks.
+const PEAK_LATE_MS: u64 = 2;
 /// Its two times of going on may be nearer by a tick, in board time.
 const PEAK_SLACK_MS: u64 = 1;
 /// After the emergency stop is pressed the lines are off within this time, in board time: it is read once a tick.
@@ -31,6 +33,10 @@ pub struct Pins {
     spans: Vec<VecDeque<(u64, u64)>>,
     /// How often each line went on.
     rises: [u32; 64],
+    /// Time between the last two times of going on of each line.
+    apart_ns: [u64; 64],
+    /// How long full current flowed in each line before it went off last, ms; 0 where the line carries none.
+    peak_ms: [u64; 64],
     /// When loads went on lately.
     fed: VecDeque<(u64, u8)>,
     /// When lines were all off, as times of change: to off at even, to on at odd indices.
@@ -50,6 +56,8 @@ impl Pins {
             since_ns: [0; 64],
             spans: vec![VecDeque::new(); 64],
             rises: [0; 64],
+            apart_ns: [u64::MAX; 64],
+            peak_ms: [0; 64],
             fed: VecDeque::new(),
             changes: vec![0],
             latched_ns: 0,
@@ -175,7 +183,10 @@ impl Pins {
     }
 
     fn rise(&mut self, now_ns: u64, line: usize) {
-        self.check_peak(now_ns, line);
+        if self.rises[line] > 0 {
+            self.apart_ns[line] = now_ns - self.since_ns[line];
+            self.check_peak(now_ns, line, self.peak_ms[line]);
+        }
         self.since_ns[line] = now_ns;
         self.rises[line] += 1;
         if self.ceilings.lines[line].is_none() {
@@ -183,21 +194,31 @@ impl Pins {
         }
     }
 
-    /// The time since the line of a peak went on before, also over resets and power cuts.
-    fn check_peak(&mut self, now_ns: u64, line: usize) {
-        let peak_ms = self.ceilings.lines[line].map_or(0, |ceiling| u64::from(ceiling.peak_ms));
-        let (apart_ns, min_ms) = (now_ns - self.since_ns[line], PEAK_PERIODS * peak_ms);
-        let is_again = peak_ms > 0 && self.rises[line] > 0;
-        if is_again && apart_ns < self.ceilings.true_ns(min_ms.saturating_sub(PEAK_SLACK_MS)) {
+    /// The time from one peak to the next against the length of either, also over tables, resets and power cuts. The
+    /// length is that of the line, so no table can say another.
+    fn check_peak(&mut self, now_ns: u64, line: usize, peak_ms: u64) {
+        let (apart_ns, min_ms) = (self.apart_ns[line], PEAK_PERIODS * peak_ms);
+        if peak_ms > 0 && apart_ns < self.ceilings.true_ns(min_ms.saturating_sub(PEAK_SLACK_MS)) {
             self.verdict.note(JUDGE, "peak-share", now_ns, || {
                 format!("line {line} carries full current again after {} ms, least are {min_ms}", apart_ns / MS)
             });
         }
     }
 
+    /// How long full current has flowed in a line that goes off after this time, ms.
+    fn peak_ms(&self, line: usize, on_ns: u64) -> u64 {
+        let longest_ms = self.ceilings.lines[line].map_or(0, |ceiling| u64::from(ceiling.peak_ms));
+        if on_ns >= self.ceilings.true_ns(longest_ms) {
+            return longest_ms;
+        }
+        (on_ns / MS).saturating_sub(PEAK_LATE_MS)
+    }
+
     fn fall(&mut self, now_ns: u64, line: usize) {
         let Some(ceiling) = self.ceilings.lines[line] else { return };
         let on_ns = now_ns - self.since_ns[line];
+        self.peak_ms[line] = if ceiling.peak_ms > 0 { self.peak_ms(line, on_ns) } else { 0 };
+        self.check_peak(now_ns, line, self.peak_ms[line]);
         let allowed_ns = self.ceilings.true_ns(u64::from(ceiling.max_on_ms) + NOTICE_MS);
         if on_ns > allowed_ns {
             self.verdict.note(JUDGE, "on-time", now_ns, || {
@@ -309,10 +330,20 @@ mod tests {
         assert!(rules(&peaks(208).map(|(at_ms, lines)| (at_ms, lines >> 1))).is_empty(), "line 2 has no peak");
         let mut judge = judge();
         set(&mut judge, 10, 8);
-        judge.on_power_off(20 * MS);
+        judge.on_power_off(29 * MS);
         judge.on_start(30 * MS, true);
         set(&mut judge, 100, 8);
         assert!(judge.verdict.has("peak-share"));
+    }
+
+    /// A table's peaks may be shorter than the profile's: the length counts that the line shows.
+    #[test]
+    fn a_short_peak_after_a_long_one_waits_for_the_long_one() {
+        let peaks = |at_ms| [(10, 8), (20, 0), (110, 8), (130, 0), (at_ms, 8), (at_ms + 10, 0)];
+        assert_eq!(rules(&peaks(400)), ["peak-share"], "the long one comes 100 ms after the short one");
+        let peaks = |at_ms| [(10, 8), (30, 0), (at_ms, 8), (at_ms + 10, 0), (at_ms + 90, 8), (at_ms + 100, 0)];
+        assert!(rules(&peaks(210)).is_empty(), "two short ones, 90 ms apart");
+        assert_eq!(rules(&peaks(110)), ["peak-share"]);
     }
 
     #[test]
