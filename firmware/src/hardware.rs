@@ -36,7 +36,7 @@ use crate::solenoid::Chain;
 use crate::store::SLOT_BYTES;
 
 /// Time from one feed of the watchdog to the next while a board is held; its period is at least 47 ms.
-const RESCUE_FEED: Micros = Micros::from_millis(10);
+const RECOVERY_FEED: Micros = Micros::from_millis(10);
 
 /// A board. All its functions may be called from any interrupt.
 pub trait Hardware: Sized + 'static {
@@ -163,7 +163,7 @@ pub async fn console_behind<H: Hardware>(
 async fn feed_for_ever<H: Hardware>() -> ! {
     loop {
         H::feed_watchdog();
-        H::CLOCK.wait_until(H::CLOCK.now() + RESCUE_FEED).await;
+        H::CLOCK.wait_until(H::CLOCK.now() + RECOVERY_FEED).await;
     }
 }
 

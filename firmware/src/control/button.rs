@@ -36,7 +36,7 @@ impl Button {
         (self.closed, self.since) = (closed, now);
     }
 
-    /// Whether a person holds it.
+    /// Whether a person presses it.
     pub(super) fn is_pressed(&self, now: Micros) -> bool {
         self.closed && self.pressed.is_some_and(|at| now - at < PRESS)
     }
@@ -46,8 +46,8 @@ impl Button {
 mod tests {
     use super::{Button, Micros};
 
-    /// Whether it is held at the end of these spans, in ms, closed in turn after it is open.
-    fn held_after(spans_ms: &[u32]) -> bool {
+    /// Whether it is pressed at the end of these spans, in ms, closed in turn after it is open.
+    fn pressed_after(spans_ms: &[u32]) -> bool {
         let (mut button, mut now, mut closed) = (Button::new(Micros(0)), Micros(0), false);
         for span_ms in spans_ms {
             for _ in 0..*span_ms {
@@ -61,19 +61,19 @@ mod tests {
 
     #[test]
     fn a_press_counts_for_a_minute_and_a_jumper_that_was_left_does_not() {
-        assert!(!held_after(&[0, 70_000]), "closed since the start");
-        assert!(!held_after(&[100]));
-        assert!(held_after(&[100, 1]));
-        assert!(held_after(&[100, 60_000]));
-        assert!(!held_after(&[100, 60_001]));
-        assert!(!held_after(&[100, 50, 1]), "released");
-        assert!(held_after(&[100, 60_001, 100, 50]), "pressed again");
+        assert!(!pressed_after(&[0, 70_000]), "closed since the start");
+        assert!(!pressed_after(&[100]));
+        assert!(pressed_after(&[100, 1]));
+        assert!(pressed_after(&[100, 60_000]));
+        assert!(!pressed_after(&[100, 60_001]));
+        assert!(!pressed_after(&[100, 50, 1]), "released");
+        assert!(pressed_after(&[100, 60_001, 100, 50]), "pressed again");
     }
 
     #[test]
     fn a_contact_that_bounces_is_pressed_once() {
-        assert!(held_after(&[100, 1, 1, 1, 1, 50]));
-        assert!(!held_after(&[1, 1, 1, 50]), "a loose jumper");
-        assert!(!held_after(&[100, 59_000, 1, 2_000]), "a bounce is no second press");
+        assert!(pressed_after(&[100, 1, 1, 1, 1, 50]));
+        assert!(!pressed_after(&[1, 1, 1, 50]), "a loose jumper");
+        assert!(!pressed_after(&[100, 59_000, 1, 2_000]), "a bounce is no second press");
     }
 }

@@ -134,7 +134,7 @@ impl Write for Sender {
     }
 }
 
-/// Sends what [`Voice`] says, for ever.
+/// Sends what [`Outlet`] says, for ever.
 pub(crate) async fn send_said(sender: &mut Sender) -> ! {
     let mut bytes = [0; PACKET - 1];
     loop {
@@ -151,13 +151,13 @@ pub(crate) async fn send_said(sender: &mut Sender) -> ! {
 }
 
 /// What the console says, from any executor: the driver of the cable stays in one.
-pub(crate) struct Voice;
+pub(crate) struct Outlet;
 
-impl ErrorType for Voice {
+impl ErrorType for Outlet {
     type Error = Infallible;
 }
 
-impl Write for Voice {
+impl Write for Outlet {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
         Ok(SAID.write(bytes).await)
     }

@@ -144,22 +144,21 @@ async fn usb_task(usb: Peri<'static, USB>) {
 async fn console_task(owned: Owned) {
     let [pulse, _] = &PULSES;
     let Owned { dispatcher, table, profile } = owned;
-    let line = (&INBOX, &mut console::Voice);
+    let line = (&INBOX, &mut console::Outlet);
     let into = hardware::console_behind::<Board>(dispatcher, (table, profile), pulse, line).await;
     Board::restart(into)
 }
 
 /// The console of a board that is held.
 #[embassy_executor::task]
-async fn held_task(usb: Peri<'static, USB>, owned: Owned) {
+async fn recovery_task(usb: Peri<'static, USB>, owned: Owned) {
     let [pulse, _] = &PULSES;
     let Owned { dispatcher, table, profile } = owned;
     let (mut device, UsbConsole { mut receiver, mut sender }) = console::start(usb);
     let line = (&mut receiver, &mut sender);
     let console = hardware::console::<Board>(dispatcher, (table, profile), Start::Recovery, pulse, line);
-    if let Either::Second(into) = select(device.run(), console).await {
-        Board::restart(into)
-    }
+    let Either::Second(into) = select(device.run(), console).await;
+    Board::restart(into)
 }
 
 #[embassy_executor::task]
@@ -235,7 +234,7 @@ fn start(p: Peripherals, crash: Option<CrashRecord>, start: Start) {
         core::mem::forget(pins);
         // The console feeds it.
         watchdog::start();
-        prompt.spawn(require(held_task(p.USB, owned)));
+        prompt.spawn(require(recovery_task(p.USB, owned)));
         return;
     }
     start_control(pins);
