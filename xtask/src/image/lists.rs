@@ -77,6 +77,7 @@ pub(crate) const INDIRECT: &[Indirect] = &[
             "TSC",
             "SysTick",
             "USART",
+            "<core::future::poll_fn::PollFn<F> as core::future::future::Future>",
             "embassy_",
             "embedded_io_async",
             "darm_firmware::",
