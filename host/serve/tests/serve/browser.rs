@@ -64,7 +64,9 @@ fn stop(browser: &Browser, bench: &Bench) {
     browser.press(" ");
     browser.wait("document.querySelector('#stopped').dataset.outcome === 'confirmed'");
     assert_eq!(bench.pins().0, 0);
-    browser.wait("document.body.hasAttribute('data-controls')");
+    // The button with the focus was not pressed: control is not released. On a busy machine it may have run out.
+    browser
+        .wait("document.body.hasAttribute('data-controls') || document.body.textContent.includes('has lost control')");
     bench.phase("idle");
     browser.value("document.querySelector('#stopped').dataset.outcome = ''");
     browser.click("#stop");
