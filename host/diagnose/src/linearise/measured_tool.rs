@@ -2,7 +2,7 @@
 //!
 //! The residual of a row is predicted less measured, in the instrument's frame: x, y, z, and of a pose the rotation vector
 //! of R·R'ᵀ with R predicted and R' measured. With S the pose of the robot's base in the instrument's frame, the prediction
-//! is S times the tool of the [`serial_chain`](super::serial_chain).
+//! is S times the tool of the module `serial_chain`.
 //!
 //! Where the instrument measures in the robot's base frame, S is the identity, and what it is off by is the law
 //! `sensor-frame`: S = (exp θ, d). Where its frame is unknown, S is no effect: at any values it is what brings the robot

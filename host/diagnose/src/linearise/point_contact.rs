@@ -5,7 +5,7 @@
 //! alike cannot show. Where no distance is known, an arm with all its lengths shorter closes better by itself: there the
 //! residual is scaled to the size that the model has, and the scale of the arm is fixed.
 //!
-//! What may be wrong with the robot: [`serial_chain`](super::serial_chain).
+//! What may be wrong with the robot: the module `serial_chain`.
 
 use darm_core::real::Vec3;
 
