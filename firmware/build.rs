@@ -9,7 +9,7 @@ const SOURCES: [&str; 5] = ["src", "../shared/src", "../Cargo.toml", "../Cargo.l
 
 fn main() -> io::Result<()> {
     println!("cargo:rerun-if-changed=build.rs");
-    let variable = |name: &str| PathBuf::from(env::var_os(name).unwrap_or_default());
+    let variable = |name: &str| PathBuf::from(env::var_os(name).expect("cargo sets it"));
     let (folder, out) = (variable("CARGO_MANIFEST_DIR"), variable("OUT_DIR"));
     fs::write(out.join("build-id"), build_id(&folder)?)?;
     Ok(())

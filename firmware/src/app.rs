@@ -230,7 +230,7 @@ impl<W: Write> Out<'_, W> {
         }
     }
 
-    /// A writer that fails has nobody behind it: there is nobody to tell.
+    /// A writer that fails has no reader, so there is nowhere to report it.
     async fn send(&self, bytes: &[u8]) {
         let _ = self.writer.lock().await.write_all(bytes).await;
     }

@@ -80,13 +80,13 @@ impl Record {
     fn new(kind: CrashKind, uptime: Micros, (pc, lr): (u32, u32), message: fmt::Arguments) -> Self {
         let (kind, uptime_us) = (number(kind), uptime.0);
         let mut record = Self { magic: MAGIC, kind, uptime_us, pc, lr, len: 0, message: [0; MAX_TEXT], check: 0 };
-        // A message that does not fit is cut; there is nobody to tell.
+        // A message that does not fit is cut; there is nowhere to report it.
         let _ = record.write_fmt(message);
         record.check = record.sum();
         record
     }
 
-    /// A plain sum is enough to tell a record from noise.
+    /// A plain sum is enough to distinguish a record from noise.
     fn sum(&self) -> u32 {
         let head = [self.magic, self.kind, self.uptime_us as u32, self.pc, self.lr, self.len];
         let text = self.message.iter().fold(1u32, |sum, byte| sum.wrapping_mul(31).wrapping_add(u32::from(*byte)));

@@ -1,7 +1,7 @@
 //! The arm as lines in space, as its model predicts it for the word that the board drives.
 
 use darm_arm::arm::{Arm, ArmScratch};
-use darm_arm::draw::{Line, Part, Scene};
+use darm_arm::draw::{Line, Scene};
 use darm_core::se::{Pose, rotation_log};
 use darm_core::units::Word;
 use serde::Serialize;
@@ -81,18 +81,7 @@ impl Tool {
 
 impl Stroke {
     fn of(line: &Line) -> Self {
-        let part = match line.part {
-            Part::Link => "link",
-            Part::Plate => "plate",
-            Part::Contracted => "contracted",
-            Part::Extended => "extended",
-            Part::Revolute => "revolute",
-            Part::Prismatic => "prismatic",
-            Part::ToolAxis(0) => "x",
-            Part::ToolAxis(1) => "y",
-            Part::ToolAxis(_) => "z",
-        };
-        Self { part, from_m: line.from.into(), to_m: line.to.into() }
+        Self { part: line.part.name(), from_m: line.from.into(), to_m: line.to.into() }
     }
 }
 

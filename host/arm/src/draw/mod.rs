@@ -34,6 +34,23 @@ pub enum Part {
     ToolAxis(u8),
 }
 
+impl Part {
+    /// Its name: the class of its lines in an SVG, and its key in JSON.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Link => "link",
+            Self::Plate => "plate",
+            Self::Contracted => "contracted",
+            Self::Extended => "extended",
+            Self::Revolute => "revolute",
+            Self::Prismatic => "prismatic",
+            Self::ToolAxis(0) => "x",
+            Self::ToolAxis(1) => "y",
+            Self::ToolAxis(_) => "z",
+        }
+    }
+}
+
 /// A straight line in the base frame, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {

@@ -88,7 +88,7 @@ impl View {
             }
             @for line in lines {
                 @let ([ax, ay], [bx, by]) = (at(&line.from), at(&line.to));
-                line class=(class(line.part)) x1=(n(ax)) y1=(n(ay)) x2=(n(bx)) y2=(n(by)) {}
+                line class=(line.part.name()) x1=(n(ax)) y1=(n(ay)) x2=(n(bx)) y2=(n(by)) {}
             }
             @if let Some([x, y]) = scene.com.as_ref().map(at) {
                 circle.com cx=(n(x)) cy=(n(y)) r="5" {}
@@ -166,20 +166,6 @@ fn rank(part: Part) -> u16 {
         Part::Contracted | Part::Extended => 0,
         Part::Revolute | Part::Prismatic => 100,
         Part::ToolAxis(_) => 200,
-    }
-}
-
-fn class(part: Part) -> &'static str {
-    match part {
-        Part::Link => "link",
-        Part::Plate => "plate",
-        Part::Contracted => "contracted",
-        Part::Extended => "extended",
-        Part::Revolute => "revolute",
-        Part::Prismatic => "prismatic",
-        Part::ToolAxis(0) => "x",
-        Part::ToolAxis(1) => "y",
-        Part::ToolAxis(_) => "z",
     }
 }
 

@@ -22,8 +22,9 @@ const JOINT: usize = 3;
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Fault {
     None,
-    /// The joint stands elsewhere than told: by as much, and by as much times the sine of its angle a little further, rad.
-    Told {
+    /// The joint is not where its encoder shows it: off by `offset`, and by `ripple` times the sine of its angle plus
+    /// 0.5 rad; rad.
+    Encoder {
         offset: f64,
         ripple: f64,
     },
@@ -78,18 +79,18 @@ impl Faulty {
         turned(own * along + (moment - own) * across)
     }
 
-    /// Where it touches, and how that moves with each joint, nearly.
-    pub(super) fn touch(&self, told: &[f64]) -> (Vec3<f64>, DMatrix<f64>) {
-        let (mut q, mut tip, mut robot) = (told.to_vec(), Vec3::zeros(), Cow::Borrowed(&self.robot));
+    /// Where it touches with these positions of its encoders, and how that moves with each joint, nearly.
+    pub(super) fn touch(&self, shown: &[f64]) -> (Vec3<f64>, DMatrix<f64>) {
+        let (mut q, mut tip, mut robot) = (shown.to_vec(), Vec3::zeros(), Cow::Borrowed(&self.robot));
         match self.fault {
             Fault::None | Fault::Frame { .. } => {}
-            Fault::Told { offset, ripple } => q[JOINT] += offset + ripple * (q[JOINT] + 0.5).sin(),
-            Fault::Soft { along, across } => robot = Cow::Owned(self.bent(told, along, across)),
+            Fault::Encoder { offset, ripple } => q[JOINT] += offset + ripple * (q[JOINT] + 0.5).sin(),
+            Fault::Soft { along, across } => robot = Cow::Owned(self.bent(shown, along, across)),
             Fault::Tool(shift) => tip = shift.into(),
         }
-        let stands = robot.kinematics(self.robot.frame("ball_link").unwrap(), &q).unwrap();
-        let moves = DMatrix::from_fn(3, JOINTS, |row, k| stands.jacobian_base[(3 + row, k)]);
-        (stands.pose_base_frame * tip, moves)
+        let reached = robot.kinematics(self.robot.frame("ball_link").unwrap(), &q).unwrap();
+        let moves = DMatrix::from_fn(3, JOINTS, |row, k| reached.jacobian_base[(3 + row, k)]);
+        (reached.pose_base_frame * tip, moves)
     }
 }
 
@@ -114,15 +115,15 @@ pub(super) fn panda() -> Robot {
 pub(super) fn named(found: &Diagnosis) -> String {
     let effects =
         found.effects.iter().map(|effect| format!("{} {}", effect.law, effect.site.code.split(" (").next().unwrap()));
-    let told = effects.collect::<Vec<_>>().join(" + ");
-    if found.verdict == Verdict::EffectFound { told } else { format!("{} {told}", found.verdict) }
+    let effects = effects.collect::<Vec<_>>().join(" + ");
+    if found.verdict == Verdict::EffectFound { effects } else { format!("{} {effects}", found.verdict) }
 }
 
 pub(super) fn cases() -> [(&'static str, Fault); 8] {
     [
         ("no-effect ", Fault::None),
-        ("joint-offset joint 4", Fault::Told { offset: 0.01, ripple: 0.0 }),
-        ("encoder-periodic joint 4", Fault::Told { offset: 0.0, ripple: 0.005 }),
+        ("joint-offset joint 4", Fault::Encoder { offset: 0.01, ripple: 0.0 }),
+        ("encoder-periodic joint 4", Fault::Encoder { offset: 0.0, ripple: 0.005 }),
         ("axis-error joint 4", Fault::Frame { turn: [0.004, 0.003, 0.0], shift: [0.0; 3] }),
         ("link-error joint 4", Fault::Frame { turn: [0.0; 3], shift: [0.002, 0.003, 0.0] }),
         ("joint-compliance joint 4", Fault::Soft { along: 2e-4, across: 0.0 }),
