@@ -166,7 +166,8 @@ impl Elsewhere for Motions {
         let mut columns = Vec::new();
         for name in names {
             let values = BTreeMap::from([(name.to_string(), 1.0)]);
-            let one = ModelEffect { law, place: site.code.clone(), constant: None, values, points: Vec::new() };
+            let one =
+                ModelEffect { law, place: site.code.clone(), constant: None, values, along: None, points: Vec::new() };
             columns.push(DVector::from_vec(torque::added(&self.robot, None, &[one], &states, &times)?.concat()));
         }
         Ok(Some(DMatrix::from_columns(&columns)))

@@ -107,6 +107,7 @@ mod tests {
             place: place.into(),
             constant: None,
             values: names.iter().enumerate().map(|(k, name)| ((*name).to_owned(), values[first + k])).collect(),
+            along: None,
             points: Vec::new(),
         };
         let mut effects = vec![named(Law::ToolFrame, "the tool", &TOOL, path.len() * PER_JOINT)];

@@ -9,7 +9,8 @@
 //!
 //! [[effect]]
 //! law = "fitted-term"      # no law: what remained of an axis along a signal, straight between points
-//! where = "joint 6: position of joint 4"
+//! where = "joint 6"
+//! along = "position of joint 4"
 //! points = [[-0.7, 0.0], [0.1, 0.02], [0.9, 0.31]]
 //! ```
 
@@ -39,7 +40,10 @@ pub struct ModelEffect {
     /// Its values by their names.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub values: BTreeMap<String, f64>,
-    /// Of a fitted term: the channel, and what it adds to the prediction there; constant beyond the ends.
+    /// Of a fitted term: the signal that it depends on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub along: Option<String>,
+    /// Of a fitted term: the signal, and what it adds to the prediction there; constant beyond the ends.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub points: Vec<[f64; 2]>,
 }
@@ -77,6 +81,7 @@ impl ModelEffect {
             place: candidate.site.code.clone(),
             constant: candidate.shape.as_ref().map(|(_, constant, _)| *constant),
             values: candidate.values.iter().zip(values).map(|(value, size)| (value.name.clone(), *size)).collect(),
+            along: None,
             points: Vec::new(),
         }
     }
@@ -85,9 +90,10 @@ impl ModelEffect {
     pub(crate) fn fitted_term(axis: &str, signal: &str, curve: &[[f64; 2]]) -> Self {
         Self {
             law: Law::FittedTerm,
-            place: format!("{axis}: {signal}"),
+            place: axis.into(),
             constant: None,
             values: BTreeMap::new(),
+            along: Some(signal.into()),
             points: curve.iter().map(|[at, remains]| [*at, -remains]).collect(),
         }
     }
@@ -159,9 +165,8 @@ fn known_size(experiment: &Experiment, values: &[f64], of: &Candidate) -> f64 {
 
 /// Adds a fitted term to the prediction; `None` where there is no such axis or channel.
 fn add_fitted(experiment: &mut Experiment, term: &ModelEffect) -> Option<()> {
-    let (axis, channel) = term.place.split_once(": ")?;
-    let axis = experiment.axes.iter().position(|of| of.name == axis)?;
-    let (_, channel) = experiment.channels.iter().find(|(name, _)| name == channel)?;
+    let axis = experiment.axes.iter().position(|of| of.name == term.place)?;
+    let (_, channel) = experiment.channels.iter().find(|(name, _)| Some(name) == term.along.as_ref())?;
     let own = experiment.residuals.iter_mut().skip(axis).step_by(experiment.axes.len());
     own.zip(channel).for_each(|(residual, channel)| *residual += term.at(*channel));
     Some(())
@@ -176,12 +181,14 @@ pub(crate) fn extract_effects(name: &str, table: &mut toml::Table) -> Result<Vec
     }
 }
 
-/// The effects of a model and those that were found beside them, one for each law, place and constant.
+/// The effects of a model and those that were found beside them, one for each law, place and constant. Fitted terms stay
+/// as they are: each adds its own curve.
 pub(crate) fn merge(known: &[ModelEffect], found: Vec<ModelEffect>) -> Vec<ModelEffect> {
     let mut all = known.to_vec();
     for effect in found {
         let same = |own: &&mut ModelEffect| {
-            (own.law, &own.place, own.constant) == (effect.law, &effect.place, effect.constant)
+            let key = (own.law, &own.place, own.constant);
+            own.law != Law::FittedTerm && key == (effect.law, &effect.place, effect.constant)
         };
         match all.iter_mut().find(same) {
             Some(own) => {
@@ -191,4 +198,24 @@ pub(crate) fn merge(known: &[ModelEffect], found: Vec<ModelEffect>) -> Vec<Model
         }
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn merged_effects_add_their_values_and_keep_all_fitted_terms() {
+        let friction = |level: f64| ModelEffect {
+            law: Law::CoulombFriction,
+            place: "joint 3 (elbow)".into(),
+            constant: None,
+            values: BTreeMap::from([("level".into(), level)]),
+            along: None,
+            points: Vec::new(),
+        };
+        let term = |height: f64| ModelEffect::fitted_term("joint 6", "temperature", &[[0.0, 0.0], [1.0, height]]);
+        let all = merge(&[friction(1.0), term(0.1)], vec![friction(0.5), term(0.2)]);
+        assert_eq!(all, [friction(1.5), term(0.1), term(0.2)]);
+    }
 }
