@@ -9,7 +9,7 @@ use darm_diagnose::linearise::arm_candidates::{all, place_code};
 use darm_diagnose::measurement::Run;
 use darm_diagnose::measurement::root_mean_square;
 use darm_diagnose::measurement_plan::candidates;
-use darm_diagnose::outcome::{Effect as Found, Verdict};
+use darm_diagnose::outcome::{Effect as Found, Regressor, Verdict};
 use darm_diagnose::prepare::observations::Observations;
 use darm_diagnose::select::robust_fit::fit;
 use darm_diagnose::select::tool_pose::values;
@@ -93,7 +93,7 @@ pub(super) fn mark(arm: &Arm, class: Class, blind: &Blind, outcome: &Outcome<Arm
         Class::Outside => {
             mark.named =
                 outcome.diagnosis.verdict == Verdict::UnexplainedStructure && outcome.diagnosis.effects.is_empty();
-            mark.variable = mark.named && right_variable(arm, blind, outcome);
+            mark.variable = mark.named && right_variable(blind, outcome);
         }
         Class::One | Class::Two => {
             (mark.named, mark.placed) = match outcome.diagnosis.verdict {
@@ -239,21 +239,11 @@ fn covered(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>) -> Result
 }
 
 /// Whether the variable reported first is the one that the mechanism follows.
-fn right_variable(arm: &Arm, blind: &Blind, outcome: &Outcome<ArmCorrection>) -> bool {
+fn right_variable(blind: &Blind, outcome: &Outcome<ArmCorrection>) -> bool {
     let Some(first) = outcome.diagnosis.remaining.depends_on.first() else { return false };
-    blind.unseal().iter().any(|sealed| {
-        let place = &sealed.place;
-        if let Some((_, actuators)) = place.split_once("actuators ") {
-            let numbers = actuators.split(" and ").filter_map(|number| number.parse().ok());
-            return numbers.into_iter().any(|k: usize| first.variable.contains(&arm.actuator_name(k)));
-        }
-        match place.split_once(", at actuator ") {
-            Some((memory, number)) => {
-                let name = number.parse().map(|k: usize| arm.actuator_name(k)).unwrap_or_default();
-                first.variable == format!("{memory}, at {name}")
-            }
-            None => first.variable == *place,
-        }
+    blind.unseal().iter().filter_map(|sealed| sealed.regressor.as_ref()).any(|truth| match truth {
+        Regressor::Digits(both) => both.iter().any(|&actuator| first.regressor.is_of_actuator(actuator)),
+        truth => first.regressor == *truth,
     })
 }
 

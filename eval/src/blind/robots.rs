@@ -4,7 +4,7 @@ use anyhow::Result;
 use darm_diagnose::diagnosis::{SignalOptions, diagnose_table};
 use darm_diagnose::linearise::model::{Model, What};
 use darm_diagnose::measurement::table::Table;
-use darm_diagnose::outcome::{Dependence, Diagnosis, Verdict};
+use darm_diagnose::outcome::{Dependence, Diagnosis, Regressor, Verdict};
 use darm_diagnose::prepare::signals::Preparation;
 use darm_robot::robot::Robot;
 use darm_robot::urdf::{self, Locks};
@@ -140,7 +140,9 @@ fn mark(bench: &Bench, class: Class, diagnosis: &Diagnosis) -> Result<Mark> {
             mark.named = diagnosis.verdict == Verdict::UnexplainedStructure && diagnosis.effects.is_empty();
             let first = diagnosis.remaining.depends_on.first();
             let is_right = |term: &Dependence| match &bench.added[0].cause {
-                Cause::Variable(name) => term.to_string().contains(name),
+                Cause::Variable(name) => {
+                    matches!(&term.regressor, Regressor::Signals(names) if names.contains(name))
+                }
                 Cause::Law(..) => false,
             };
             mark.variable = mark.named && first.is_some_and(is_right);

@@ -35,7 +35,7 @@ pub use crate::measured::Measured;
 use crate::measurement::Finding;
 pub use crate::misreading::Misreading;
 pub use crate::select::forward::SelectionStep;
-pub use structure::{Dependence, Shape, Structure, frame_name_of};
+pub use structure::{Dependence, Regressor, Shape, Structure, frame_name_of};
 
 /// What was found.
 #[derive(Clone, Debug, PartialEq, Serialize)]

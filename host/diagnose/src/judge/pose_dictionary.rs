@@ -17,7 +17,7 @@ use darm_core::units::Word;
 
 use crate::judge::regression::Term;
 use crate::measurement::Run;
-use crate::outcome::Shape;
+use crate::outcome::{Regressor, Shape};
 use crate::prepare::observations::{Observations, Row};
 use darm_arm::arm::Arm;
 
@@ -34,7 +34,7 @@ pub fn dictionary(arm: &Arm, run: &Run, observations: &Observations) -> Vec<Term
     let rows = &observations.rows;
     let word = |group| rows.iter().map(|row| flag(row.group == group)).collect();
     let columns = (1..observations.n_groups).map(word).collect();
-    terms.push(Term { variable: "word".into(), shape: Shape::EachWord, columns, kept: Vec::new() });
+    terms.push(Term { regressor: Regressor::Word, shape: Shape::EachWord, columns, kept: Vec::new() });
     terms
 }
 
@@ -53,18 +53,18 @@ fn surroundings(arm: &Arm, observations: &Observations) -> Vec<Term> {
     let (supply, span) = range(&|row| observations.condition(row).supply);
     let (temperature, span_k) = range(&|row| observations.condition(row).temperature_k);
     let mut channels = vec![
-        ("supply".to_string(), Variable::Supply { center: supply, span }),
-        ("temperature".to_string(), Variable::Temperature { center: temperature, span: span_k }),
+        (Regressor::Supply, Variable::Supply { center: supply, span }),
+        (Regressor::Temperature, Variable::Temperature { center: temperature, span: span_k }),
     ];
     for k in 0..arm.n_servos() {
         let (center, span) = range(&|row| observations.condition(row).servos[k]);
-        channels.push((format!("position of servo {}", k + 1), Variable::Servo { servo: k as u8, center, span }));
+        channels.push((Regressor::Servo(k), Variable::Servo { servo: k as u8, center, span }));
     }
     let mut terms = Vec::new();
-    for (name, of) in channels {
+    for (regressor, of) in channels {
         let values: Vec<f64> = observations.rows.iter().map(|row| of.of(&observations.condition(row))).collect();
         let squares = values.iter().map(|value| value * value).collect();
-        let term = |shape, columns, kept| Term { variable: name.clone(), shape, columns, kept };
+        let term = |shape, columns, kept| Term { regressor: regressor.clone(), shape, columns, kept };
         terms.push(term(Shape::Straight, vec![values.clone()], vec![(of, false)]));
         terms.push(term(Shape::Square, vec![values, squares], vec![(of, false), (of, true)]));
     }
@@ -75,7 +75,7 @@ fn surroundings(arm: &Arm, observations: &Observations) -> Vec<Term> {
 
 /// Terms of the time, given from −1 to 1.
 fn time(times: Vec<f64>) -> Vec<Term> {
-    let term = |shape, columns| Term { variable: "time".into(), shape, columns, kept: Vec::new() };
+    let term = |shape, columns| Term { regressor: Regressor::Time, shape, columns, kept: Vec::new() };
     let of_times = |value: &dyn Fn(f64) -> f64| times.iter().map(|&t| value(t)).collect::<Vec<f64>>();
     let mut waves = vec![times.clone(), of_times(&|t| t * t)];
     for k in 1..=WAVES {
@@ -100,21 +100,19 @@ fn digits(arm: &Arm, observations: &Observations) -> Vec<Term> {
     let digits = |first, second| (Variable::Digits { first, second }, false);
     let mut terms = Vec::new();
     for a in 0..n {
-        let variable = format!("digit of {}", arm.actuator_name(a));
         for b in a + 1..n {
             let product = |x: &Vec<f64>, y: &Vec<f64>| x.iter().zip(y).map(|(x, y)| x * y).collect();
             let products = columns[a].iter().flat_map(|x| columns[b].iter().map(move |y| product(x, y))).collect();
-            let variable = format!("{variable} with digit of {}", arm.actuator_name(b));
             let both = |i| states(b).map(move |j| digits((a as u8, i), Some((b as u8, j))));
             terms.push(Term {
-                variable,
+                regressor: Regressor::Digits([a, b]),
                 shape: Shape::Together,
                 columns: products,
                 kept: states(a).flat_map(both).collect(),
             });
         }
         let kept = states(a).map(|state| digits((a as u8, state), None)).collect();
-        terms.push(Term { variable, shape: Shape::Straight, columns: columns[a].clone(), kept });
+        terms.push(Term { regressor: Regressor::Digit(a), shape: Shape::Straight, columns: columns[a].clone(), kept });
     }
     terms
 }
@@ -124,20 +122,19 @@ fn memory(arm: &Arm, run: &Run, observations: &Observations) -> Vec<Term> {
     let second_last = second_last(run);
     let mut terms = Vec::new();
     for k in 0..arm.n_actuators() {
-        let name = arm.actuator_name(k);
         let own: Vec<u8> = observations.rows.iter().map(|row| observations.condition(row).word.digit(k)).collect();
         let same = |earlier: &dyn Fn(&Row) -> Option<Word>| -> Vec<f64> {
             let same = |(row, digit): (&Row, &u8)| flag(earlier(row).is_some_and(|word| word.digit(k) == *digit));
             observations.rows.iter().zip(&own).map(same).collect()
         };
-        let mut add = |what: &str, same: &[f64], kept| {
-            let (variable, columns) = (format!("{what}, at {name}"), vec![less_mean_of_digit(same, &own)]);
-            terms.push(Term { variable, shape: Shape::Straight, columns, kept });
+        let mut add = |regressor, same: &[f64], kept| {
+            let columns = vec![less_mean_of_digit(same, &own)];
+            terms.push(Term { regressor, shape: Shape::Straight, columns, kept });
         };
         let stayed = same(&|row| observations.condition(row).previous);
         let share = stayed.iter().sum::<f64>() / stayed.len().max(1) as f64;
-        add("word before", &stayed, vec![(Variable::Stayed { actuator: k as u8, share }, false)]);
-        add("word before the last", &same(&|row| second_last[row.sample]), Vec::new());
+        add(Regressor::WordBefore(k), &stayed, vec![(Variable::Stayed { actuator: k as u8, share }, false)]);
+        add(Regressor::WordBeforeLast(k), &same(&|row| second_last[row.sample]), Vec::new());
     }
     terms
 }

@@ -3,14 +3,14 @@
 use darm_core::effect::fitted_term::Variable;
 use nalgebra::{DMatrix, DVector};
 
-use crate::outcome::Shape;
+use crate::outcome::{Regressor, Shape};
 use crate::select::robust_fit::pseudo_inverse;
 use crate::select::significance::f_test;
 
 /// A term of a dictionary.
 pub struct Term {
-    /// The variable, as a person would call it.
-    pub variable: String,
+    /// What the residual may depend on.
+    pub regressor: Regressor,
     /// How the residual may depend on it.
     pub shape: Shape,
     /// One number a row in each.

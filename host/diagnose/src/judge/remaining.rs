@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 use crate::judge::regression::{Design, Term, centred, of_axis, squares};
 use crate::linearise::experiment::{Axis, Experiment};
 use crate::measurement::median;
-use crate::outcome::{Dependence, Shape};
+use crate::outcome::{Dependence, Regressor, Shape};
 use crate::select::problem::{RegressionProblem as _, Trial};
 use crate::select::signals::Signals;
 use crate::select::significance::STRUCTURE_LEVEL;
@@ -88,10 +88,13 @@ fn dependences(problem: &Signals, axis: &Axis, designs: &[Design], own: Vec<f64>
         }
         let fitted: Vec<f64> = left.iter().zip(&taken.left).map(|(before, after)| before - after + mean).collect();
         mean = 0.0;
-        let channel = experiment.channels.iter().find(|(name, _)| *name == design.term.variable);
+        let regressor = design.term.regressor.clone();
+        let variable = regressor.to_string();
+        let channel = experiment.channels.iter().find(|(name, _)| *name == variable);
         found.push(Dependence {
             axis: Some(axis.name.clone()),
-            variable: design.term.variable.clone(),
+            regressor,
+            variable,
             shape: design.term.shape,
             frame: None,
             share: taken.square / total,
@@ -141,7 +144,8 @@ pub(crate) fn memory(problem: &Signals, best: &Trial<Signals>) -> Vec<Dependence
         let correlation = both / (before * after).sqrt().max(f64::MIN_POSITIVE);
         (correlation > MIN_CORRELATION && count >= MIN_PAIRS).then(|| Dependence {
             axis: Some(of.name.clone()),
-            variable: "its own value a row before".into(),
+            regressor: Regressor::RowBefore,
+            variable: Regressor::RowBefore.to_string(),
             shape: Shape::Straight,
             frame: None,
             share: correlation.powi(2),
@@ -169,8 +173,10 @@ fn dictionary(experiment: &Experiment) -> Vec<Term> {
             continue;
         }
         let scaled: Vec<f64> = channel.iter().map(|c| c / spread).collect();
-        let mut term =
-            |shape, columns| terms.push(Term { variable: variable.clone(), shape, columns, kept: Vec::new() });
+        let mut term = |shape, columns| {
+            let regressor = Regressor::Signals(vec![variable.clone()]);
+            terms.push(Term { regressor, shape, columns, kept: Vec::new() });
+        };
         let of = |shape: &dyn Fn(f64) -> f64| scaled.iter().map(|c| shape(*c)).collect::<Vec<f64>>();
         term(Shape::Straight, vec![scaled.clone()]);
         term(Shape::Square, vec![of(&|c| c * c)]);
@@ -188,8 +194,8 @@ fn dictionary(experiment: &Experiment) -> Vec<Term> {
         for (k, (name, a)) in straight.iter().enumerate() {
             for (other, b) in &straight[k + 1..] {
                 let columns = vec![a.iter().zip(b).map(|(a, b)| a * b).collect()];
-                let variable = format!("{name} with {other}");
-                terms.push(Term { variable, shape: Shape::Together, columns, kept: Vec::new() });
+                let regressor = Regressor::Signals(vec![(*name).clone(), (*other).clone()]);
+                terms.push(Term { regressor, shape: Shape::Together, columns, kept: Vec::new() });
             }
         }
     }

@@ -92,18 +92,18 @@ fn dependences(arm: &Arm, run: &Run, observations: &Observations, residuals: &[f
             break;
         }
         left = if frame == Frame::Base { observations.in_tool(&taken.left) } else { taken.left };
-        let Term { variable, shape, kept, .. } = design.term;
-        let (variable, share, kept) = (variable.clone(), taken.square / total, kept.clone());
+        let Term { regressor, shape, kept, .. } = design.term;
         found.push(Dependence {
             axis: None,
-            variable,
+            regressor: regressor.clone(),
+            variable: regressor.name_in(arm),
             shape: *shape,
             frame: Some(frame),
-            share,
+            share: taken.square / total,
             p: Some(p),
             heldout_gain: None,
             curve: Vec::new(),
-            terms: kept,
+            terms: kept.clone(),
         });
     }
     found

@@ -5,6 +5,8 @@ use std::fmt;
 use darm_core::effect::fitted_term::{Frame, Variable};
 use serde::{Serialize, Serializer};
 
+use darm_arm::arm::Arm;
+
 /// The structure beyond the noise.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Structure {
@@ -30,7 +32,10 @@ pub struct Dependence {
     /// The axis of the residual; `None`: all axes together.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub axis: Option<String>,
-    /// The variable.
+    /// What it depends on.
+    #[serde(skip)]
+    pub regressor: Regressor,
+    /// Its name.
     pub variable: String,
     /// How.
     #[serde(serialize_with = "shape_name")]
@@ -60,6 +65,71 @@ impl fmt::Display for Dependence {
             Shape::Straight => f.write_str(&self.variable),
             shape => write!(f, "{} ({shape})", self.variable),
         }
+    }
+}
+
+/// What a residual can depend on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Regressor {
+    /// The whole word of an arm.
+    Word,
+    /// The time in a run of an arm.
+    Time,
+    /// Supply.
+    Supply,
+    /// Temperature.
+    Temperature,
+    /// Position of a servo, counted from 0.
+    Servo(usize),
+    /// The digit of an actuator.
+    Digit(usize),
+    /// The digits of two actuators.
+    Digits([usize; 2]),
+    /// Whether an actuator stood the same in the word before.
+    WordBefore(usize),
+    /// Whether an actuator stood the same in the word before the last.
+    WordBeforeLast(usize),
+    /// One signal of a log, or the product of two.
+    Signals(Vec<String>),
+    /// The residual of the row before.
+    RowBefore,
+}
+
+impl Regressor {
+    /// Its name in a sentence, with the names that the arm gives to its actuators.
+    pub(crate) fn name_in(&self, arm: &Arm) -> String {
+        self.name(|actuator| arm.actuator_name(actuator))
+    }
+
+    fn name(&self, actuator: impl Fn(usize) -> String) -> String {
+        match self {
+            Self::Word => "word".into(),
+            Self::Time => "time".into(),
+            Self::Supply => "supply".into(),
+            Self::Temperature => "temperature".into(),
+            Self::Servo(servo) => format!("position of servo {}", servo + 1),
+            Self::Digit(of) => format!("digit of {}", actuator(*of)),
+            Self::Digits([a, b]) => format!("digit of {} with digit of {}", actuator(*a), actuator(*b)),
+            Self::WordBefore(of) => format!("word before, at {}", actuator(*of)),
+            Self::WordBeforeLast(of) => format!("word before the last, at {}", actuator(*of)),
+            Self::Signals(names) => names.join(" with "),
+            Self::RowBefore => "its own value a row before".into(),
+        }
+    }
+
+    /// Whether it is of this actuator.
+    pub fn is_of_actuator(&self, actuator: usize) -> bool {
+        match self {
+            Self::Digit(of) | Self::WordBefore(of) | Self::WordBeforeLast(of) => *of == actuator,
+            Self::Digits(both) => both.contains(&actuator),
+            _ => false,
+        }
+    }
+}
+
+impl fmt::Display for Regressor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.name(|actuator| format!("actuator {actuator}")))
     }
 }
 

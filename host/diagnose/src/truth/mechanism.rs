@@ -40,6 +40,7 @@ use rand::{Rng, RngExt};
 
 use super::kind::Kind;
 use crate::effect::Place;
+use crate::outcome::Regressor;
 use darm_arm::arm::MAX_STAGES;
 
 /// When a knock may come: within a run of some hundred steps.
@@ -189,6 +190,18 @@ impl Mechanism {
             Self::Lens { .. } => all(effect::Place::Camera),
             Self::Horn { servo, .. } => all(effect::Place::Servo(servo as u8)),
             Self::Nothing | Self::Frame { .. } | Self::Echo { .. } => None,
+        }
+    }
+
+    /// What it depends on, where no law is right.
+    pub(crate) fn regressor(&self) -> Option<Regressor> {
+        match *self {
+            Self::Frame { cause: Cause::Sway { .. }, .. } => Some(Regressor::Time),
+            Self::Frame { cause: Cause::Bimetal, .. } => Some(Regressor::Temperature),
+            Self::Frame { cause: Cause::Hose, .. } => Some(Regressor::Supply),
+            Self::Frame { cause: Cause::Cable { actuators }, .. } => Some(Regressor::Digits(actuators)),
+            Self::Echo { actuator, .. } => Some(Regressor::WordBeforeLast(actuator)),
+            _ => None,
         }
     }
 

@@ -20,6 +20,7 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::effect::{Law, Place};
+use crate::outcome::Regressor;
 pub use blind::Blind;
 use darm_arm::arm::frames::DesiredFrame;
 use darm_arm::arm::{Arm, ArmScratch, MAX_STAGES};
@@ -113,6 +114,9 @@ pub struct Sealed {
     /// The law and the place that a diagnosis is to name; `None` where none is right.
     #[serde(skip)]
     pub cause: Option<(Law, Place)>,
+    /// Where no law is right: what it depends on.
+    #[serde(skip)]
+    pub regressor: Option<Regressor>,
     /// Its size.
     pub size: f64,
     /// Unit of the size.
@@ -186,9 +190,19 @@ impl Truth {
                 }
                 let desired_error_m = self.error_m(&[unit.scaled(size)], occasions)?;
                 let times_scatter = desired_error_m / scatter_of(self.body.chain.is_planar(), self.body.length_scale_m);
-                let cause = kind.law().zip(unit.place());
+                let (cause, regressor) = (kind.law().zip(unit.place()), unit.regressor());
                 let (effect, place, unit) = (kind.name(), unit.place_in_words(), kind.unit());
-                return Ok(Sealed { effect, place, cause, size, unit, desired_error_m, times_scatter, seed });
+                return Ok(Sealed {
+                    effect,
+                    place,
+                    cause,
+                    regressor,
+                    size,
+                    unit,
+                    desired_error_m,
+                    times_scatter,
+                    seed,
+                });
             }
         }
         Err(TruthError::TooWeak { kind })
@@ -284,7 +298,17 @@ impl Sealed {
     /// No effect at all.
     fn nothing(seed: u64) -> Self {
         let (effect, place) = (Kind::Nothing.name(), String::new());
-        Self { effect, place, cause: None, size: 0.0, unit: "", desired_error_m: 0.0, times_scatter: 0.0, seed }
+        Self {
+            effect,
+            place,
+            cause: None,
+            regressor: None,
+            size: 0.0,
+            unit: "",
+            desired_error_m: 0.0,
+            times_scatter: 0.0,
+            seed,
+        }
     }
 }
 
