@@ -23,6 +23,7 @@ use darm_core::wire::caps::Caps;
 use embassy_futures::select::{Either, select};
 use embedded_io_async::{Read, Write};
 use embedded_storage_async::nor_flash::NorFlash;
+use static_cell::StaticCell;
 
 use crate::app::{Inbox, serve, work};
 use crate::clock::Clock;
@@ -30,6 +31,7 @@ use crate::control::{Inputs, Shared};
 use crate::dispatch::{BUILD, Board, Dispatcher};
 use crate::kept::{Kept, forget_crashes};
 use crate::life::{Pulse, Start};
+use crate::nearest::Room;
 use crate::rescue;
 use crate::servo::Bus;
 use crate::solenoid::Chain;
@@ -78,8 +80,12 @@ pub trait Hardware: Sized + 'static {
     /// Whether the contact of the button is closed.
     fn is_button_closed() -> bool;
 
-    /// Resets the chip on request, into the firmware or into the chip's loader.
-    fn restart(into: Into) -> !;
+    /// Resets the chip on request, into the firmware or into the chip's loader. A board whose loader starts by a jumper alone
+    /// starts the firmware again.
+    fn restart(_: Into) -> ! {
+        Self::disable_outputs();
+        Self::reset()
+    }
 
     /// Memory that start-up code neither clears nor fills.
     fn kept() -> &'static Kept;
@@ -94,6 +100,71 @@ pub trait Pins: Chain {
 /// What a board can do.
 pub fn caps<H: Hardware>() -> Caps {
     Caps { lines: H::LINES, inputs: H::INPUTS, servos: H::SERVOS, ..Caps::largest(H::NAME, SLOT_BYTES as u32, BUILD) }
+}
+
+/// Memory of what the console task owns.
+pub struct ConsoleMemory<H: Hardware> {
+    table: StaticCell<Table>,
+    room: StaticCell<Room>,
+    profile: StaticCell<Profile>,
+    dispatcher: StaticCell<OnBoard<H>>,
+}
+
+/// What the console task owns.
+pub struct Owned<H: Hardware> {
+    /// Answers requests.
+    pub dispatcher: &'static mut OnBoard<H>,
+    /// Room for a table and for a profile.
+    pub rooms: (&'static mut Table, &'static mut Profile),
+}
+
+impl<H: Hardware> ConsoleMemory<H> {
+    /// Nothing is built yet.
+    pub const fn new() -> Self {
+        Self {
+            table: StaticCell::new(),
+            room: StaticCell::new(),
+            profile: StaticCell::new(),
+            dispatcher: StaticCell::new(),
+        }
+    }
+
+    /// Builds it, once, before the tasks run: a task that built it would need its room on the stack for ever.
+    pub fn build(&'static self, crash: Option<CrashRecord>, shared: &'static Shared<'static>) -> Owned<H> {
+        Owned { dispatcher: self.dispatcher(crash, shared), rooms: (self.table(), self.profile()) }
+    }
+
+    // Each of these is built in a separate call, so that no two need their stack at once.
+
+    #[inline(never)]
+    fn dispatcher(
+        &'static self,
+        crash: Option<CrashRecord>,
+        shared: &'static Shared<'static>,
+    ) -> &'static mut OnBoard<H> {
+        self.dispatcher.init_with(|| Dispatcher::new(describe::<H>(crash), H::CLOCK, shared, self.room()))
+    }
+
+    #[inline(never)]
+    fn room(&'static self) -> &'static mut Room {
+        self.room.init_with(Room::default)
+    }
+
+    #[inline(never)]
+    fn table(&'static self) -> &'static mut Table {
+        self.table.init_with(Table::default)
+    }
+
+    #[inline(never)]
+    fn profile(&'static self) -> &'static mut Profile {
+        self.profile.init_with(Profile::empty)
+    }
+}
+
+impl<H: Hardware> Default for ConsoleMemory<H> {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 /// What the dispatcher knows of a board.

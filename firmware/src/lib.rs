@@ -19,6 +19,7 @@ pub mod ring;
 mod scan;
 pub mod servo;
 pub mod solenoid;
+pub mod sparse_flash;
 pub mod store;
 pub mod text;
 pub mod tick;

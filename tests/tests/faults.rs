@@ -46,8 +46,7 @@ impl Board {
     fn start() -> Option<Self> {
         let Ready { elf, lock } = emulator::ready()?;
         let folder = tempfile::tempdir().unwrap();
-        let mut qemu =
-            Qemu::start(&Machine { elf, folder: folder.path().to_owned(), console: Console::Socket }).unwrap();
+        let mut qemu = Qemu::start(&Machine::new(elf, folder.path().to_owned(), Console::Socket)).unwrap();
         let (qtest, _) = Qtest::connect(&qemu.pins_socket()).unwrap();
         qemu.resume().unwrap();
         Some(Self { qemu, qtest, _folder: folder, _lock: lock })

@@ -34,7 +34,7 @@ fn profile_of_the_board(port: &str) -> Digest {
 fn a_profile_is_written_while_the_button_is_held_and_not_before() {
     let Some(Ready { elf, lock: _lock }) = emulator::ready() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let machine = Machine { elf, folder: folder.path().to_owned(), console: Console::Pty };
+    let machine = Machine::new(elf, folder.path().to_owned(), Console::Pty);
     let mut qemu = Qemu::start(&machine).unwrap();
     let arm = Arm::read(Path::new(&example("planar4.toml"))).unwrap();
     let wiring = WiredArm::new(arm).unwrap().wiring;

@@ -63,7 +63,7 @@ impl Rig {
         }
         let arm = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/planar4.toml");
         let WiredArm { profile, wiring, .. } = WiredArm::new(Arm::read(&arm).unwrap()).unwrap();
-        let machine = Machine { elf, folder: folder.path().to_owned(), console: Console::Pty };
+        let machine = Machine::new(elf, folder.path().to_owned(), Console::Pty);
         std::fs::write(folder.path().join(qemu::FLASH_FILE), MemoryFlash::with_profile(&profile.image()).bytes())
             .unwrap();
         let mut qemu = Qemu::start(&machine).unwrap();

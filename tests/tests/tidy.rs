@@ -29,11 +29,12 @@ const LAYERS: [&str; 19] = [
     "wire",
 ];
 /// The crates with their folders, lowest first, and the crates that each depends on: exactly these.
-const CRATES: [(&str, &str, &[&str]); 18] = [
+const CRATES: [(&str, &str, &[&str]); 19] = [
     ("darm-core", "shared", &[]),
     ("darm-firmware", "firmware", &["darm-core"]),
     ("darm-b-l475e-iot01a", "firmware/boards/b-l475e-iot01a", &["darm-core", "darm-firmware"]),
     ("darm-pico", "firmware/boards/pico", &["darm-core", "darm-firmware"]),
+    ("darm-olimex-stm32-h405", "firmware/boards/olimex-stm32-h405", &["darm-core", "darm-firmware"]),
     ("darm-robot", "host/robot", &["darm-core"]),
     ("darm-arm", "host/arm", &["darm-core", "darm-firmware", "darm-robot"]),
     ("darm-device", "host/device", &["darm-arm", "darm-core", "darm-firmware"]),

@@ -60,6 +60,7 @@ impl Test {
         }
         image::check(&image::build()?)?;
         image::build_for(Board::Pico)?;
+        image::build_for(Board::OlimexStm32H405)?;
         image::check_that_kinematics_cannot_panic()?;
         let mut tests = command(&["test", "--workspace"]);
         if has_emulator {

@@ -43,7 +43,7 @@ impl Rig {
         if !flash.exists() {
             std::fs::write(&flash, MemoryFlash::with_profile(&profile.image()).bytes())?;
         }
-        let machine = Machine { elf, folder: folder.to_path_buf(), console: Console::Socket };
+        let machine = Machine::new(elf, folder.to_path_buf(), Console::Socket);
         let mut qemu = Qemu::start(&machine)?;
         let follower = Follower::start(&qemu, &wiring, Plant::new(&wiring, &[]))?;
         qemu.resume()?;

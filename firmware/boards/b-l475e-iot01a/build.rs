@@ -1,4 +1,4 @@
-//! Hands the board's `memory.x` to the linker.
+//! Hands the board's `memory.x` to the linker, with the scripts of the start-up code and of the log.
 use std::path::PathBuf;
 use std::{env, fs, io};
 
@@ -7,5 +7,10 @@ fn main() -> io::Result<()> {
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     fs::copy("memory.x", out.join("memory.x"))?;
     println!("cargo:rustc-link-search={}", out.display());
+    if env::var("CARGO_CFG_TARGET_OS").is_ok_and(|os| os == "none") {
+        for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
+            println!("cargo:rustc-link-arg-bins={argument}");
+        }
+    }
     Ok(())
 }

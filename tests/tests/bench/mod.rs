@@ -42,7 +42,7 @@ impl Bench {
     pub(crate) fn start(console: Console, servo: bool) -> Option<Self> {
         let Ready { elf, lock } = emulator::ready()?;
         let folder = tempfile::tempdir().unwrap();
-        let machine = Machine { elf, folder: folder.path().to_owned(), console };
+        let machine = Machine::new(elf, folder.path().to_owned(), console);
         let wiring = wiring(servo);
         let flash = MemoryFlash::with_profile(&profile(&wiring).image());
         std::fs::write(folder.path().join(qemu::FLASH_FILE), flash.bytes()).unwrap();

@@ -19,12 +19,17 @@ pub(crate) struct Ready {
 
 /// Waits until no other test has an emulator. `None` where image or emulator are missing, see [`missing`].
 pub(crate) fn ready() -> Option<Ready> {
-    let elf = target().join("thumbv7em-none-eabihf/firmware/b-l475e-iot01a");
+    ready_for("b-l475e-iot01a")
+}
+
+/// The same with the image of another board.
+pub(crate) fn ready_for(board: &str) -> Option<Ready> {
+    let elf = target().join("thumbv7em-none-eabihf/firmware").join(board);
     if let Err(error) = qemu::find() {
         return missing(&error.to_string());
     }
     if !elf.exists() {
-        return missing(&format!("no image at {}; build it with `cargo xtask image`", elf.display()));
+        return missing(&format!("no image at {}; build it with `cargo xtask image --board {board}`", elf.display()));
     }
     let lock = File::create(std::env::temp_dir().join("darm-qemu-tests.lock")).unwrap();
     lock.lock().unwrap();

@@ -12,17 +12,21 @@ pub enum Board {
     BL475eIot01a,
     /// Raspberry Pi Pico (RP2040); runs in rp2040js
     Pico,
+    /// Olimex STM32-H405 (STM32F405); runs in QEMU, without pins
+    #[value(name = "olimex-stm32-h405")]
+    OlimexStm32H405,
 }
 
 impl Board {
     /// All of them.
-    pub const ALL: [Self; 2] = [Self::BL475eIot01a, Self::Pico];
+    pub const ALL: [Self; 3] = [Self::BL475eIot01a, Self::Pico, Self::OlimexStm32H405];
 
     /// Name of its folder and of its image.
     pub fn name(self) -> &'static str {
         match self {
             Self::BL475eIot01a => "b-l475e-iot01a",
             Self::Pico => "pico",
+            Self::OlimexStm32H405 => "olimex-stm32-h405",
         }
     }
 
@@ -31,13 +35,14 @@ impl Board {
         match self {
             Self::BL475eIot01a => "darm-b-l475e-iot01a",
             Self::Pico => "darm-pico",
+            Self::OlimexStm32H405 => "darm-olimex-stm32-h405",
         }
     }
 
     /// Target of its chip.
     pub fn target(self) -> &'static str {
         match self {
-            Self::BL475eIot01a => setup::TARGET,
+            Self::BL475eIot01a | Self::OlimexStm32H405 => setup::TARGET,
             Self::Pico => setup::SMALL_TARGET,
         }
     }
@@ -45,7 +50,7 @@ impl Board {
     /// Finds or installs what its image runs in.
     pub fn emulator(self) -> Emulator {
         match self {
-            Self::BL475eIot01a => setup::emulator(),
+            Self::BL475eIot01a | Self::OlimexStm32H405 => setup::emulator(),
             Self::Pico => setup::pico_emulator(),
         }
     }

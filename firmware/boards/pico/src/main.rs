@@ -33,18 +33,14 @@ use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use darm_core::duty::DutyMeters;
-use darm_core::profile::Profile;
-use darm_core::table::Table;
 use darm_core::units::Micros;
 use darm_core::wire::bootstrap::CrashRecord;
 use darm_firmware::app::{Inbox, scan};
 use darm_firmware::clock::Clock as _;
 use darm_firmware::control::{Shared, TICK};
 use darm_firmware::crash;
-use darm_firmware::dispatch::Dispatcher;
-use darm_firmware::hardware::{self, Hardware as _, OnBoard};
+use darm_firmware::hardware::{self, ConsoleMemory, Hardware as _, Owned};
 use darm_firmware::life::{self, Pulse, Start, Task};
-use darm_firmware::nearest::Room;
 use darm_firmware::tick::Ticker;
 use embassy_executor::{InterruptExecutor, SpawnError, SpawnToken};
 use embassy_futures::join::join3;
@@ -52,7 +48,6 @@ use embassy_futures::select::{Either, select};
 use embassy_rp::interrupt::{InterruptExt as _, Priority};
 use embassy_rp::peripherals::USB;
 use embassy_rp::{Peri, Peripherals, interrupt, pac};
-use static_cell::StaticCell;
 
 use board::{Board, BoardClock, BoardPins};
 use console::UsbConsole;
@@ -68,10 +63,7 @@ static SHARED: Shared<'static> = Shared::new();
 /// Reports of the console and of the servo bus.
 static PULSES: [Pulse; Task::ALL.len()] = [const { Pulse::new() }; Task::ALL.len()];
 
-static TABLE: StaticCell<Table> = StaticCell::new();
-static ROOM: StaticCell<Room> = StaticCell::new();
-static PROFILE: StaticCell<Profile> = StaticCell::new();
-static DISPATCHER: StaticCell<OnBoard<Board>> = StaticCell::new();
+static CONSOLE: ConsoleMemory<Board> = ConsoleMemory::new();
 static mut TICKER: MaybeUninit<Ticker<Board>> = MaybeUninit::uninit();
 /// How long each output has been on. Outlives a reset; each meter finds by its checksum whether it did.
 #[unsafe(link_section = ".uninit.USED")]
@@ -126,13 +118,6 @@ unsafe fn SWI_IRQ_1() {
     unsafe { PROMPT.on_interrupt() }
 }
 
-/// What the console task owns.
-struct Owned {
-    dispatcher: &'static mut OnBoard<Board>,
-    table: &'static mut Table,
-    profile: &'static mut Profile,
-}
-
 /// Runs the device on the bus, hands on what comes, and finds a stop in it.
 #[embassy_executor::task]
 async fn usb_task(usb: Peri<'static, USB>) {
@@ -141,22 +126,20 @@ async fn usb_task(usb: Peri<'static, USB>) {
 }
 
 #[embassy_executor::task]
-async fn console_task(owned: Owned) {
+async fn console_task(owned: Owned<Board>) {
     let [pulse, _] = &PULSES;
-    let Owned { dispatcher, table, profile } = owned;
     let line = (&INBOX, &mut console::Outlet);
-    let into = hardware::console_behind::<Board>(dispatcher, (table, profile), pulse, line).await;
+    let into = hardware::console_behind::<Board>(owned.dispatcher, owned.rooms, pulse, line).await;
     Board::restart(into)
 }
 
 /// The console of a board that is held.
 #[embassy_executor::task]
-async fn recovery_task(usb: Peri<'static, USB>, owned: Owned) {
+async fn recovery_task(usb: Peri<'static, USB>, owned: Owned<Board>) {
     let [pulse, _] = &PULSES;
-    let Owned { dispatcher, table, profile } = owned;
     let (mut device, UsbConsole { mut receiver, mut sender }) = console::start(usb);
     let line = (&mut receiver, &mut sender);
-    let console = hardware::console::<Board>(dispatcher, (table, profile), Start::Recovery, pulse, line);
+    let console = hardware::console::<Board>(owned.dispatcher, owned.rooms, Start::Recovery, pulse, line);
     let Either::Second(into) = select(device.run(), console).await;
     Board::restart(into)
 }
@@ -200,34 +183,12 @@ fn start_control(pins: BoardPins) {
     unsafe { interrupt::TIMER_IRQ_1.enable() };
 }
 
-// Each of these is built in a separate call, so that no two need their stack at once.
-
-#[inline(never)]
-fn dispatcher(crash: Option<CrashRecord>) -> &'static mut OnBoard<Board> {
-    DISPATCHER.init_with(|| Dispatcher::new(hardware::describe::<Board>(crash), BoardClock, &SHARED, room()))
-}
-
-#[inline(never)]
-fn room() -> &'static mut Room {
-    ROOM.init_with(Room::default)
-}
-
-#[inline(never)]
-fn table() -> &'static mut Table {
-    TABLE.init_with(Table::default)
-}
-
-#[inline(never)]
-fn profile() -> &'static mut Profile {
-    PROFILE.init_with(Profile::empty)
-}
-
 /// Builds what the tasks own and starts them. A board that is held has the console alone, and its outputs disabled.
 fn start(p: Peripherals, crash: Option<CrashRecord>, start: Start) {
     let pins = BoardPins::new(chain::Chain::new(p.PIO0, (p.PIN_2, p.PIN_3, p.PIN_4), p.PIN_5));
     board::start_inputs();
     set_priorities();
-    let owned = Owned { dispatcher: dispatcher(crash), table: table(), profile: profile() };
+    let owned = CONSOLE.build(crash, &SHARED);
     let prompt = PROMPT.start(interrupt::SWI_IRQ_1);
     if start == Start::Recovery {
         // The pin keeps its level.

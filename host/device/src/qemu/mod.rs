@@ -79,12 +79,21 @@ pub enum Console {
 /// A board to be emulated.
 #[derive(Clone, Debug)]
 pub struct Machine {
+    /// The emulator's name of the board.
+    pub board: &'static str,
     /// The image, the very ELF that is flashed.
     pub elf: PathBuf,
     /// The folder of the flash file, which is made blank when there is none.
     pub folder: PathBuf,
     /// What is behind the console port.
     pub console: Console,
+}
+
+impl Machine {
+    /// The first board, `b-l475e-iot01a`.
+    pub fn new(elf: PathBuf, folder: PathBuf, console: Console) -> Self {
+        Self { board: "b-l475e-iot01a", elf, folder, console }
+    }
 }
 
 /// A running emulator. It ends with this value, and with this process however that ends.
@@ -221,7 +230,7 @@ fn command(elf: &Path, machine: &Machine, sockets: &Path) -> io::Result<Command>
     };
     let mut command = Command::new(PROGRAM);
     command
-        .args(["-M", "b-l475e-iot01a", "-display", "none", "-monitor", "none", "-S"])
+        .args(["-M", machine.board, "-display", "none", "-monitor", "none", "-S"])
         .args(["-serial", &console, "-serial", &socket("bus")])
         .args(["-qtest", &socket("pins"), "-qtest-log", "/dev/null", "-qmp", &socket("control")])
         .args(["-semihosting-config", "enable=on,target=native"])

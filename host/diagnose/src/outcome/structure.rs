@@ -71,7 +71,7 @@ impl fmt::Display for Dependence {
 /// What a residual can depend on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Regressor {
-    /// The whole word of an arm.
+    /// The word of an arm.
     Word,
     /// The time in a run of an arm.
     Time,

@@ -61,7 +61,7 @@ impl Board {
     ) -> anyhow::Result<(Self, Frames)> {
         let Emulator { elf, console } = emulator;
         let what = format!("{} in {} {}", elf.display(), qemu::PROGRAM, qemu::find()?);
-        let mut qemu = Qemu::start(&Machine { elf, folder: folder.into(), console })?;
+        let mut qemu = Qemu::start(&Machine::new(elf, folder.into(), console))?;
         let mut plant = Plant::new(wiring, &[]);
         // Before the machine runs: an emergency stop that opens when pressed is seen released from the first tick.
         plant.set_broken(0.0, broken);
