@@ -30,6 +30,12 @@ pub(crate) enum OutputError {
         /// The file.
         path: PathBuf,
     },
+    /// The name belongs to a file that the command reads.
+    #[error("{path} is a file that is read; choose another name")]
+    Input {
+        /// The file.
+        path: PathBuf,
+    },
     /// Two options name one file.
     #[error("{first} and {second} are the same file; choose two different names")]
     Same {
@@ -55,6 +61,71 @@ pub(crate) fn refuse_other_than_visits(path: &Path) -> Result<(), OutputError> {
 pub(crate) fn refuse_other_than_measurement(path: &Path, force: bool) -> Result<(), OutputError> {
     refuse_unless(path, "a recording of `darm record`", |_| is_recording(path))?;
     refuse_existing(&[path], force)
+}
+
+/// What a file of text is written in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Syntax {
+    Html,
+    Svg,
+    Json,
+    Toml,
+    /// With the columns of the text that is written.
+    Csv,
+}
+
+impl Syntax {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Html => "an HTML page",
+            Self::Svg => "an SVG picture",
+            Self::Json => "a JSON file",
+            Self::Toml => "a TOML file",
+            Self::Csv => "a CSV file with the same columns",
+        }
+    }
+
+    fn is_that_of(self, old: &str, new: &str) -> bool {
+        let columns = |text: &str| text.lines().next().map(str::to_owned);
+        match self {
+            Self::Html => old.starts_with("<!DOCTYPE html"),
+            Self::Svg => old.starts_with("<svg"),
+            Self::Json => serde_json::from_str::<serde_json::Value>(old).is_ok(),
+            Self::Toml => old.parse::<toml_edit::DocumentMut>().is_ok(),
+            Self::Csv => columns(old) == columns(new),
+        }
+    }
+}
+
+/// Writes a text; replaces only a file in the same syntax.
+pub(crate) fn write_text(path: &Path, syntax: Syntax, text: &str) -> anyhow::Result<()> {
+    refuse_other_syntax(path, syntax, text)?;
+    write_all(&[(path, text.as_bytes())])
+}
+
+/// Refuses to replace anything but a TOML file, and a file that is read.
+pub(crate) fn refuse_other_than_toml(path: &Path, inputs: &[&Path]) -> Result<(), OutputError> {
+    refuse_other_syntax(path, Syntax::Toml, "")?;
+    match inputs.iter().find(|input| real(input) == real(path)) {
+        Some(_) => Err(OutputError::Input { path: path.into() }),
+        None => Ok(()),
+    }
+}
+
+/// Refuses to replace anything but an HTML page.
+pub(crate) fn refuse_other_than_page(path: &Path) -> Result<(), OutputError> {
+    refuse_other_syntax(path, Syntax::Html, "")
+}
+
+fn refuse_other_syntax(path: &Path, syntax: Syntax, text: &str) -> Result<(), OutputError> {
+    let other = || OutputError::OtherKind { path: path.into(), kind: syntax.name() };
+    match holds_bytes(path) {
+        // What is no text is no file of these.
+        true => {
+            std::fs::read_to_string(path).ok().filter(|old| syntax.is_that_of(old, text)).map(drop).ok_or_else(other)
+        }
+        false => Ok(()),
+    }
 }
 
 /// Refuses files that exist, without `force`.
@@ -146,7 +217,33 @@ fn temporary(path: &Path) -> PathBuf {
 
 #[cfg(test)]
 mod tests {
-    use super::write_all;
+    use super::{Syntax, write_all, write_text};
+
+    #[test]
+    fn a_text_replaces_only_a_file_in_its_syntax() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        let texts = [
+            (Syntax::Html, "<!DOCTYPE html><p>1"),
+            (Syntax::Svg, "<svg/>"),
+            (Syntax::Json, "{\"a\": 1}"),
+            (Syntax::Toml, "a = 1"),
+            (Syntax::Csv, "x_m,y_m\n1,2\n"),
+        ];
+        for (old, content) in texts {
+            for (new, text) in texts {
+                std::fs::write(&path, content).unwrap();
+                assert_eq!(write_text(&path, new, text).is_ok(), old == new, "{new:?} over {old:?}");
+                assert_eq!(std::fs::read_to_string(&path).unwrap(), content);
+            }
+        }
+        for other in [&b"notes"[..], b"x_m,z_m\n1,2\n", b"\xff\xfe"] {
+            std::fs::write(&path, other).unwrap();
+            assert!(texts.iter().all(|(syntax, text)| write_text(&path, *syntax, text).is_err()), "{other:?}");
+        }
+        std::fs::write(&path, "").unwrap();
+        write_text(&path, Syntax::Svg, "<svg/>").unwrap();
+    }
 
     #[test]
     fn all_files_are_written_or_none() {

@@ -15,6 +15,7 @@ use serde::Serialize;
 use super::ik::{OrientationArgs, Target};
 use super::subject::{SubjectArgs, frame_of};
 use crate::failure::Usage;
+use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui, columns};
 
 const EXAMPLES: &str = "\
@@ -193,7 +194,7 @@ impl BenchIk {
         if let Some(path) = &self.plot {
             let runs = all.iter().map(|(method, trials)| Runs { name: method.name(), trials, compared: None });
             let svg = bands("error, mm", 1e3, &runs.collect::<Vec<_>>());
-            std::fs::write(path, svg).with_context(|| format!("cannot write {}", path.display()))?;
+            output_file::write_text(path, Syntax::Svg, &svg)?;
         }
         // The error of a pose is the root of two squares, each within its tolerance.
         let bound = if target.is_oriented { std::f64::consts::SQRT_2 * tolerance_m } else { tolerance_m };
@@ -218,7 +219,7 @@ impl BenchIk {
                 .with_context(|| format!("cannot create the folder {}", folder.display()))?;
             for (file, svg) in memr::figures(&repeated) {
                 let path = folder.join(file);
-                std::fs::write(&path, svg).with_context(|| format!("cannot write {}", path.display()))?;
+                output_file::write_text(&path, Syntax::Svg, &svg)?;
             }
         }
         let cells = repeated.iter().map(TableCell::from).collect();

@@ -22,6 +22,7 @@ use serde::Serialize;
 
 use super::subject::Locked;
 use crate::failure::Usage;
+use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui, columns};
 
 const EXAMPLES: &str = "\
@@ -133,6 +134,12 @@ struct Report {
 
 impl Diagnose {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        if let Some(path) = &self.output {
+            output_file::refuse_other_than_toml(path, &[&self.model])?;
+        }
+        if let Some(path) = &self.report {
+            output_file::refuse_other_than_page(path)?;
+        }
         let report = match Locked(&self.locks).read_model(&self.model)? {
             Some((model, locked)) => self.signals(&model, &locked, ui)?,
             None if !self.locks.is_empty() => return Err(Usage("--lock needs a robot, not an arm file".into()).into()),
@@ -143,7 +150,7 @@ impl Diagnose {
         }
         if let Some(path) = &self.report {
             let page = diagnosis_page(&report.diagnosis).into_string();
-            std::fs::write(path, page).with_context(|| format!("cannot write {}", path.display()))?;
+            output_file::write_text(path, Syntax::Html, &page)?;
         }
         ui.print(&report)
     }

@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context as _;
 use darm_arm::arm::ArmScratch;
 use darm_arm::draw::{Scene, svg};
 use serde::Serialize;
 
 use super::subject::{Posture, Subject, SubjectArgs, frame_of};
 use crate::failure::Usage;
+use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui};
 
 const EXAMPLES: &str = "\
@@ -57,8 +57,7 @@ impl Draw {
             anyhow::bail!("the drawing has a number that is not finite; give positions and a model of a usual size");
         }
         let views = if scene.is_planar { 1 } else { 4 };
-        std::fs::write(&self.output, svg(&scene, !self.no_names))
-            .with_context(|| format!("cannot write {}", self.output.display()))?;
+        output_file::write_text(&self.output, Syntax::Svg, &svg(&scene, !self.no_names))?;
         ui.print(&Drawn { output: self.output.clone(), views })
     }
 

@@ -2,7 +2,7 @@
 
 mod answer;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Context as _;
 use darm_papers::grasp::assembly::HandFile;
@@ -19,6 +19,7 @@ use darm_papers::grasp::{picture, plot, solve};
 
 use self::answer::{Found, Trained};
 use crate::failure::Usage;
+use crate::output_file::{self, Syntax};
 use crate::ui::Ui;
 
 const EXAMPLES: &str = "\
@@ -193,7 +194,7 @@ impl Solve {
             search.path.last().copied().context("the search has no configuration; please report this error of darm")?;
         let verdict = file.referee.judge(&file.hand, &configuration, &contacts)?;
         if let Some(path) = &self.plot {
-            write(path, &picture::svg(&file.hand, &stages(&search.path), &contacts))?;
+            output_file::write_text(path, Syntax::Svg, &picture::svg(&file.hand, &stages(&search.path), &contacts))?;
         }
         ui.print(&Found::new(&file.hand, &search, &configuration, &verdict))
     }
@@ -289,13 +290,13 @@ impl Train {
         if let Some(folder) = &self.plot {
             std::fs::create_dir_all(folder)
                 .with_context(|| format!("cannot create the folder {}", folder.display()))?;
-            write(&folder.join("figure-4.svg"), &plot::selection(&outcomes.lambdas, &sequence))?;
-            write(&folder.join("figure-5.svg"), &plot::accumulation(&sequence))?;
+            output_file::write_text(
+                &folder.join("figure-4.svg"),
+                Syntax::Svg,
+                &plot::selection(&outcomes.lambdas, &sequence),
+            )?;
+            output_file::write_text(&folder.join("figure-5.svg"), Syntax::Svg, &plot::accumulation(&sequence))?;
         }
         ui.print(&Trained::new(&training, &sequence))
     }
-}
-
-fn write(path: &Path, text: &str) -> anyhow::Result<()> {
-    std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
 }

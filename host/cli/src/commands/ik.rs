@@ -17,6 +17,7 @@ use super::subject::{Coordinate, PoseReport, SubjectArgs, frame_of};
 use crate::csv_text::csv_line;
 use crate::failure::Usage;
 use crate::number_text::{self, numbers};
+use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui, columns, number};
 
 const EXAMPLES: &str = "\
@@ -187,8 +188,7 @@ impl Ik {
         if let Some(path) = &self.plot {
             let histories: Vec<_> = drawn.iter().map(|(method, history)| (*method, &history[..])).collect();
             let scale = if targets.first().is_some_and(|target| target.is_oriented) { 0.5 } else { 0.0 };
-            std::fs::write(path, convergence(&histories, scale))
-                .with_context(|| format!("cannot write {}", path.display()))?;
+            output_file::write_text(path, Syntax::Svg, &convergence(&histories, scale))?;
         }
         let joints = shown.iter().map(|joint| joint.name.clone()).collect();
         ui.print(&Report { name: robot.name.clone(), frame: frame.name.clone(), joints, answers, shown, csv: self.csv })

@@ -1,6 +1,6 @@
 //! `darm map`: density of the reachable frames, and holes.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::Context as _;
@@ -12,6 +12,7 @@ use serde::Serialize;
 use super::path::servos_rad;
 use crate::csv_text::csv_text;
 use crate::failure::Usage;
+use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui};
 
 const EXAMPLES: &str = "\
@@ -132,7 +133,7 @@ impl Map {
                 Some(View::Yz) => [1, 2],
                 None => [0, if planar { 1 } else { 2 }],
             };
-            write(path, &density::svg(&spots, axes, resolution.cell_m))?;
+            output_file::write_text(path, Syntax::Svg, &density::svg(&spots, axes, resolution.cell_m))?;
         }
         if let Some(path) = &self.csv {
             let head = ["x_m", "y_m", "z_m", "words", "orientations"].map(str::to_owned);
@@ -141,7 +142,7 @@ impl Map {
                 let orientations = spot.orientations.map_or_else(String::new, |count| count.to_string());
                 [x, y, z, spot.words.to_string(), orientations]
             });
-            write(path, &csv_text(std::iter::once(head).chain(rows)))?;
+            output_file::write_text(path, Syntax::Csv, &csv_text(std::iter::once(head).chain(rows)))?;
         }
         ui.print(&Reached {
             words: map.words(),
@@ -157,10 +158,6 @@ impl Map {
             took_s: start.elapsed().as_secs_f64(),
         })
     }
-}
-
-fn write(path: &Path, text: &str) -> anyhow::Result<()> {
-    std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
 }
 
 impl Answer for Reached {

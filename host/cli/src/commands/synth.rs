@@ -16,6 +16,7 @@ use darm_arm::synthesis::{
 };
 
 use crate::failure::Usage;
+use crate::output_file::{self, Syntax};
 use crate::ui::Ui;
 use answer::{Extras, Synthesised, not_met};
 
@@ -138,6 +139,9 @@ fn stuck_actuator(text: &str) -> Result<Dead, String> {
 
 impl Synth {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        for path in [Some(&self.output), self.frames_out.as_ref()].into_iter().flatten() {
+            output_file::refuse_other_than_toml(path, &[&self.base, &self.frames])?;
+        }
         let base = Arm::read(&self.base)?;
         let read = if self.choose_words { frames::read_task_without_words } else { frames::read_task };
         let task = read(&self.frames, &base)?;
@@ -250,8 +254,7 @@ impl Synth {
             draw(&found.arm, &frames, folder)?;
         }
         if let Some(path) = &self.frames_out {
-            return std::fs::write(path, frames::to_toml(&frames))
-                .with_context(|| format!("cannot write {}", path.display()));
+            return output_file::write_text(path, Syntax::Toml, &frames::to_toml(&frames));
         }
         if base.chain.n_servos() > 0 {
             ui.note("the servo angles that were found are not saved; --frames-out FILE.toml saves them");
@@ -318,7 +321,7 @@ fn draw(arm: &Arm, frames: &[DesiredFrame], folder: &Path) -> anyhow::Result<()>
     for (index, frame) in frames.iter().enumerate() {
         let path = folder.join(format!("frame-{:02}-{}.svg", index + 1, frame.word));
         let scene = Scene::of_frame(arm, frame)?;
-        std::fs::write(&path, svg(&scene, true)).with_context(|| format!("cannot write {}", path.display()))?;
+        output_file::write_text(&path, Syntax::Svg, &svg(&scene, true))?;
     }
     Ok(())
 }

@@ -20,6 +20,28 @@ fn a_table_replaces_tables_only() {
 }
 
 #[test]
+fn texts_and_pictures_replace_neither_another_kind_nor_an_input() {
+    let home = Home::new();
+    let read = |file: &str| std::fs::read_to_string(example(file)).unwrap();
+    home.write("arm.toml", &read("planar4.toml"));
+    home.write("frames.toml", &read("planar4-frames.toml"));
+    home.write("run.csv", "time_s,word\n");
+    let kind = |file: &str, kind: &str| {
+        format!("darm: {file} exists and is not {kind}; choose another name, or remove it first")
+    };
+    let input = "darm: arm.toml is a file that is read; choose another name";
+    home.fails("synth arm.toml frames.toml -o arm.toml", 1, input);
+    home.fails("synth arm.toml frames.toml -o run.csv", 1, &kind("run.csv", "a TOML file"));
+    home.fails("draw arm.toml -o run.csv", 1, &kind("run.csv", "an SVG picture"));
+    home.fails("diagnose arm.toml run.csv --report run.csv", 1, &kind("run.csv", "an HTML page"));
+    home.fails("diagnose arm.toml run.csv -o arm.toml", 1, input);
+    home.fails("map arm.toml --csv run.csv", 1, &kind("run.csv", "a CSV file with the same columns"));
+    assert_eq!(std::fs::read_to_string(home.path("run.csv")).unwrap(), "time_s,word\n");
+    home.succeeds("draw arm.toml -o arm.svg");
+    home.succeeds("draw arm.toml -o arm.svg");
+}
+
+#[test]
 fn a_recording_replaces_a_measurement_with_force_only() {
     let home = Home::new();
     let arm = example("planar4.toml");

@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context as _;
 use darm_papers::identify::{self, Equations, HeldOut, Kind, LinkMass, Missing, Noise, Unknown, WRENCH_COMPONENTS};
 use darm_robot::robot::Robot;
 use darm_robot::robot::base_parameters::{BaseParameters, Inertial};
@@ -10,6 +9,7 @@ use serde::Serialize;
 
 use crate::commands::subject::floating;
 use crate::failure::Usage;
+use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui, columns, number};
 
 const EXAMPLES: &str = "\
@@ -145,11 +145,11 @@ impl Identify {
         };
         if let Some(path) = &self.output {
             let text = serde_json::to_string_pretty(&identified.links)?;
-            std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))?;
+            output_file::write_text(path, Syntax::Json, &text)?;
         }
         if let Some(path) = &self.report {
             let page = darm::report::plain_page("Identified link masses", &identified.text());
-            std::fs::write(path, page).with_context(|| format!("cannot write {}", path.display()))?;
+            output_file::write_text(path, Syntax::Html, &page)?;
         }
         ui.print(&identified)
     }

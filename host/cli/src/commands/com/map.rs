@@ -1,6 +1,6 @@
 //! `darm com map`: a person's motion on a robot, with the centre of mass as a hard constraint.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Context as _;
 use darm::report::{MotionReport, motion_page};
@@ -15,6 +15,7 @@ use serde::Serialize;
 
 use crate::commands::subject::floating;
 use crate::csv_text::csv_text;
+use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui, number};
 
 const EXAMPLES: &str = "\
@@ -98,11 +99,11 @@ impl Map {
         let executed = self.execute.then(|| executed(&robot, &setup, &mapped)).transpose()?;
         spinner.finish_and_clear();
         if let Some(path) = &self.output {
-            write(path, &motion_csv(&robot, &mapped))?;
+            output_file::write_text(path, Syntax::Csv, &motion_csv(&robot, &mapped))?;
         }
         if let Some(path) = &self.report {
             let curves = MotionReport { person: &found, mapped: &mapped, robot: &robot, executed: executed.as_ref() };
-            write(path, &motion_page(&robot.name, &curves)?)?;
+            output_file::write_text(path, Syntax::Html, &motion_page(&robot.name, &curves)?)?;
         }
         ui.print(&Summary::of(&robot, (&found, &mapped), executed.map(|executed| executed.fell), &capture))
     }
@@ -121,10 +122,6 @@ impl Map {
 fn executed(robot: &Robot, setup: &Setup, mapped: &Mapped) -> anyhow::Result<Executed> {
     let torque = feed_forward(robot, setup, mapped)?;
     Ok(execute(robot, setup, mapped, (Gains::default(), &torque))?)
-}
-
-fn write(path: &Path, text: &str) -> anyhow::Result<()> {
-    std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// Time, base and joints, frame by frame.

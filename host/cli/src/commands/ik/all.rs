@@ -1,6 +1,5 @@
 //! `darm ik --all`: all postures that reach a target, as a list and as a plot.
 
-use anyhow::Context as _;
 use darm_papers::convergence;
 use darm_robot::ik::Method;
 use darm_robot::ik::configurations::Configurations;
@@ -9,6 +8,7 @@ use serde::Serialize;
 
 use super::{ALL_STARTS, Ik, Target};
 use crate::commands::subject::Coordinate;
+use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui, columns, number};
 
 /// All postures that were found.
@@ -46,7 +46,7 @@ impl Ik {
         spinner.finish_and_clear();
         if let Some(path) = &self.plot {
             let svg = convergence::postures(robot, frame, &found)?;
-            std::fs::write(path, svg).with_context(|| format!("cannot write {}", path.display()))?;
+            output_file::write_text(path, Syntax::Svg, &svg)?;
         }
         Ok(found)
     }
