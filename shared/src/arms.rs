@@ -27,7 +27,7 @@ pub(crate) fn word<const N: usize>(chain: Chain<f64, N>) -> impl Strategy<Value 
     })
 }
 
-/// One module of the planar base-line arm: legs left, diagonal, right between 1 m plates, 25 % stroke.
+/// One module of the planar initial arm: legs left, diagonal, right between 1 m plates, 25 % stroke.
 pub(crate) fn planar_module() -> Platform<f64, 3> {
     let (left, right) = (Vec3::new(-0.5, 0.0, 0.0), Vec3::new(0.5, 0.0, 0.0));
     let leg = |base, top, length: f64| Leg { base, top, length_m: [length, 1.25 * length, 0.0, 0.0], states: 2 };
@@ -57,7 +57,7 @@ fn chain<const N: usize>(stages: [Stage<f64>; N]) -> Chain<f64, N> {
     Chain { mount: Pose::identity(), stages: stages.into_iter().collect(), tool: Pose::identity() }
 }
 
-/// The planar base-line arm of four modules: twelve binary legs.
+/// The planar initial arm of four modules: twelve binary legs.
 pub(crate) fn planar_arm() -> Chain<f64, 4> {
     chain([Stage::Planar(planar_module()); 4])
 }

@@ -10,7 +10,7 @@ use darm_core::se::{Pose, Pose2, Twist};
 use darm_core::units::Word;
 use nalgebra::SMatrix;
 
-/// One module of the planar base-line arm of Miyahara and Chirikjian: 1 m plates, 25 % stroke.
+/// One module of the planar initial arm of Miyahara and Chirikjian: 1 m plates, 25 % stroke.
 fn planar_module() -> Platform<f64, 3> {
     let (left, right) = (Vec3::new(-0.5, 0.0, 0.0), Vec3::new(0.5, 0.0, 0.0));
     let leg = |base, top, length: f64| Leg { base, top, length_m: [length, 1.25 * length, 0.0, 0.0], states: 2 };

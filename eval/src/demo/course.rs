@@ -40,7 +40,7 @@ const SETTING_ERROR_M: f64 = 20e-6;
 
 /// What one course starts from.
 pub(crate) struct Task {
-    /// The base-line arm.
+    /// The initial arm.
     pub(crate) base_line: Arm,
     /// Where its tool is to go.
     pub(crate) desired: Vec<DesiredFrame>,

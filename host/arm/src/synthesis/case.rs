@@ -95,11 +95,11 @@ impl fmt::Display for Case {
         };
         write!(
             f,
-            "{kind}: {equations} equations of rank {rank}, {unknowns} unknowns of which such words feel {max_rank}"
+            "{kind}: {equations} equations of rank {rank}, {max_rank} of {unknowns} unknowns affect these words"
         )?;
         write!(f, "; free: {} directions between modules", self.free())?;
         if *unused > 0 {
-            write!(f, ", {unused} stops that are in no word")?;
+            write!(f, ", {unused} stops that no word uses")?;
         }
         for BoundFrame { index, equations, open } in &self.bound {
             let missing = equations - open;

@@ -7,7 +7,7 @@
 //! | symbol | meaning                                                                                      |
 //! |--------|----------------------------------------------------------------------------------------------|
 //! | a      | the unknowns: every stop of every discrete actuator (m, rad), the servo angles of each frame |
-//! | a₀     | the same of the base-line arm                                                                |
+//! | a₀     | the same of the initial arm                                                                |
 //! | T_k(a) | where the model, with its effects, predicts the tool for the word of frame k                 |
 //! | T_k*   | the desired frame k                                                                          |
 //!
@@ -95,9 +95,9 @@ pub enum Method {
 /// What the stops may be set to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
-    /// Shortest length of a leg, as a share of its shortest length in the base-line arm.
+    /// Shortest length of a leg, as a share of its shortest length in the initial arm.
     pub shortest: f64,
-    /// Longest length of a leg, as a share of its longest length in the base-line arm.
+    /// Longest length of a leg, as a share of its longest length in the initial arm.
     pub longest: f64,
     /// Least difference of a state and the one before it, m (rad of a revolute joint).
     pub stroke: f64,
@@ -190,9 +190,9 @@ pub struct Reached {
     pub error_m: f64,
     /// Angle between the orientations, rad.
     pub error_rad: f64,
-    /// Distance of the positions with the base-line arm, m.
+    /// Distance of the positions with the initial arm, m.
     pub error_before_m: f64,
-    /// Angle between the orientations with the base-line arm, rad.
+    /// Angle between the orientations with the initial arm, rad.
     pub error_before_rad: f64,
     /// What the method counts as met.
     accuracy: Accuracy,
@@ -216,7 +216,7 @@ pub enum SynthesisError {
         /// What is wrong with it.
         fault: FrameFault,
     },
-    /// The base-line arm, or the arm on the paper's way, has no pose for the word of a frame.
+    /// The initial arm, or the arm on the paper's way, has no pose for the word of a frame.
     NoPose {
         /// The frame's name.
         frame: String,

@@ -189,7 +189,7 @@ pub struct DrawnFrame {
     pub name: String,
     /// The word.
     pub word: String,
-    /// The base-line arm.
+    /// The initial arm.
     pub base_line: Posture,
     /// The synthesised arm.
     pub synthesised: Posture,

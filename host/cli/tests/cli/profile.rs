@@ -11,7 +11,7 @@ fn old() -> String {
 fn an_arm_file_of_format_1_is_refused_with_a_fix_and_split_in_two() {
     let home = Home::new();
     std::fs::copy(old(), home.path("old.toml")).unwrap();
-    let message = "darm: old.toml:5:10: the file has format 1, in which the arm carried the limits of its board; bring it over \
+    let message = "darm: old.toml:5:10: the file has format 1, in which the arm carried the limits of its board; convert it \
                    by `darm profile migrate OLD.toml -o NEW.toml --profile PROFILE.toml`";
     for line in [
         "table old.toml --words 000010000000 -o one.darm",

@@ -79,7 +79,7 @@ fn fit_of_word(arm: &Arm, sample: &Sample) -> Option<String> {
     }
     (0..actuators)
         .find(|&k| usize::from(sample.word.digit(k)) >= arm.model.chain.n_states(k))
-        .map(|k| format!("digit {} of actuator {k} is no state that it has", sample.word.digit(k)))
+        .map(|k| format!("actuator {k} has no state {}", sample.word.digit(k)))
 }
 
 fn order(before: &Sample, sample: &Sample) -> Option<Finding> {

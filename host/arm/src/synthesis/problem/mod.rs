@@ -90,7 +90,7 @@ impl<'a> Problem<'a> {
         problem
     }
 
-    /// The unknowns of the base-line arm.
+    /// The unknowns of the initial arm.
     pub(in crate::synthesis) fn start(&self) -> DVector<f64> {
         self.start.clone()
     }
@@ -301,7 +301,7 @@ impl<'a> Problem<'a> {
         ideal
     }
 
-    /// The derivatives at the base-line arm without its effects: the rows of the desired frames, then those of `more`
+    /// The derivatives at the initial arm without its effects: the rows of the desired frames, then those of `more`
     /// words.
     pub(in crate::synthesis) fn ideal_jacobian(&self, more: &[Word]) -> Result<DMatrix<f64>, SynthesisError> {
         let words: Vec<Word> = self.words().iter().chain(more).copied().collect();
@@ -318,7 +318,7 @@ impl<'a> Problem<'a> {
         (0..self.n_stops()).filter(uses).count()
     }
 
-    /// [`linearise`](Self::linearise) at the base-line arm.
+    /// [`linearise`](Self::linearise) at the initial arm.
     pub(in crate::synthesis) fn linearise_start(&mut self) -> Result<(DVector<f64>, DMatrix<f64>), SynthesisError> {
         let start = self.start();
         self.linearise(&start)

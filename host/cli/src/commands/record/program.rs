@@ -81,7 +81,7 @@ impl Program {
     fn handle_error(&mut self, error: anyhow::Error) -> anyhow::Result<()> {
         match error.downcast_ref::<ClientError>() {
             Some(ClientError::Transport(_) | ClientError::Frame(_)) => {
-                self.ui.note(&format!("{error}; the program continues, waiting for the port"));
+                self.ui.note(&format!("connection lost: {error}. The program of the board continues; waiting for the port, Ctrl-C ends the recording"));
                 self.lost_connections.push(LostConnection { reason: error.to_string(), lasted_s: None });
                 self.lost = Some(Instant::now());
                 self.client.unplug();
