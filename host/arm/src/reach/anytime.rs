@@ -27,7 +27,7 @@ use darm_core::units::Word;
 use rayon::prelude::*;
 
 use super::ReachError;
-use super::exact::{Look, Near, Nearest, Options, Query, Seeker as _, Tails, cut, extent_m, stages};
+use super::exact::{Near, Nearest, Options, Query, Seeker as _, Tails, cut, extent_m, stages};
 use super::frames::{Frames, joined};
 use crate::arm::Arm;
 
@@ -174,8 +174,11 @@ impl Search<'_> {
             || before.clone(),
             |mut seeker, head| {
                 let wanted = head.pose.to(target);
-                tails.look(&wanted, Look::Nearby, || (head.pose, head.word), &mut seeker);
-                tails.look(&wanted, Look::Within, || (head.pose, head.word), &mut seeker);
+                let (wanted, head) = (std::slice::from_ref(&wanted), |_| (head.pose, head.word));
+                let free = tails.glance(wanted, head, &mut seeker)[0];
+                if free <= tails.square(seeker.reach_m()) {
+                    tails.search(wanted, head, &mut seeker);
+                }
                 seeker
             },
         );

@@ -16,20 +16,21 @@ use std::collections::BTreeMap;
 
 use darm_core::se::Pose;
 use darm_core::units::Word;
+use rayon::prelude::*;
 
 pub use self::pattern::{NoPattern, Pattern};
-use self::seeker::FewestSwitches;
 pub use self::seeker::switches;
+use self::seeker::{FewestSwitches, Shared};
 pub(super) use self::seeker::{Nearest, Seeker};
 use super::ReachError;
 use super::frames::{self, Frames, joined};
-use super::tree::{Probe, Tree};
+use super::tree::{Cell, Probe, Tree};
 use crate::arm::Arm;
 
+/// Leaves whose memory is fetched at once.
+const FETCHED: usize = 64;
 /// Most heads that are formed at once; heads beyond them are formed again in every search.
 const MAX_FACTOR: usize = 1 << 18;
-/// Of this many heads one looks for a first bound.
-const GLANCE_EVERY: usize = 2;
 
 /// What words an index holds, and how it measures.
 #[derive(Clone, Debug, PartialEq)]
@@ -124,13 +125,29 @@ impl Index {
     }
 
     /// The `count` words nearest to `target` that no pattern of `forbidden` names; nearest first.
+    ///
+    /// First each head looks into one leaf, which gives a bound and how far the leaf extends around the wanted pose.
+    /// Then those heads search whose leaf does not extend as far as the bound. All cores share the heads and the bound.
     pub fn nearest(&self, target: &Pose<f64>, count: usize, forbidden: &[Pattern]) -> Vec<Near> {
-        let mut seeker = Nearest { count, forbidden, best: Vec::with_capacity(count + 1) };
-        if count > 0 {
-            self.pass(target, GLANCE_EVERY, Look::Nearby, &mut seeker);
-            self.pass(target, 1, Look::Within, &mut seeker);
+        let nearest = Nearest { count, forbidden, best: Vec::with_capacity(count + 1) };
+        if count == 0 {
+            return nearest.best;
         }
-        seeker.best
+        let shared = Shared::new(nearest);
+        let outer = || (0..self.outer.len()).into_par_iter();
+        let glance = |outer: usize| {
+            let wanted = self.wanted(outer, target);
+            let free = self.tails.glance(&wanted, |inner| self.head(outer, inner), &mut &shared);
+            (wanted, free)
+        };
+        let glanced: Vec<_> = outer().map(glance).collect();
+        outer().zip(glanced).for_each(|(outer, (wanted, free))| {
+            let reach = self.tails.square(shared.reach_m());
+            let left: Vec<usize> = (0..wanted.len()).filter(|&inner| free[inner] <= reach).collect();
+            let wanted: Vec<_> = left.iter().map(|&inner| wanted[inner]).collect();
+            self.tails.search(&wanted, |k| self.head(outer, left[k]), &mut &shared);
+        });
+        shared.into_best()
     }
 
     /// Of the words no further than `tolerance_m` from `target` the one that switches the fewest actuators coming from
@@ -144,31 +161,26 @@ impl Index {
     ) -> Option<Near> {
         let head = self.outer.digits + self.inner.digits;
         let mut seeker = FewestSwitches { tolerance_m, from, head, forbidden, best: None };
-        self.pass(target, 1, Look::Within, &mut seeker);
-        seeker.best.map(|(_, near)| near)
-    }
-
-    /// Shows `seeker` words from every `step`-th head, as far as they are within its reach.
-    fn pass<S: Seeker>(&self, target: &Pose<f64>, step: usize, what: Look, seeker: &mut S) {
-        for (outer, outer_word) in self.outer.poses.iter().zip(&self.outer.words) {
-            let from_outer = outer.to(target);
-            for (inner, inner_word) in self.inner.poses.iter().zip(&self.inner.words).step_by(step) {
-                if seeker.wants(|| joined(outer_word, inner_word)) {
-                    let head = || (*outer * *inner, joined(outer_word, inner_word));
-                    self.tails.look(&inner.to(&from_outer), what, head, seeker);
+        for outer in 0..self.outer.len() {
+            for (inner, wanted) in self.wanted(outer, target).iter().enumerate() {
+                if seeker.wants(|| joined(&self.outer.words[outer], &self.inner.words[inner])) {
+                    self.tails.search(std::slice::from_ref(wanted), |_| self.head(outer, inner), &mut seeker);
                 }
             }
         }
+        seeker.best.map(|(_, near)| near)
     }
-}
 
-/// What a search shows of the tails.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Look {
-    /// A few that lie nearby.
-    Nearby,
-    /// All that lie within reach.
-    Within,
+    /// Where the tails are to end of the heads that begin with the outer frame of this number.
+    fn wanted(&self, outer: usize, target: &Pose<f64>) -> Vec<Pose<f64>> {
+        let from_outer = self.outer.poses[outer].to(target);
+        self.inner.poses.iter().map(|inner| inner.to(&from_outer)).collect()
+    }
+
+    fn head(&self, outer: usize, inner: usize) -> (Pose<f64>, Word) {
+        let word = joined(&self.outer.words[outer], &self.inner.words[inner]);
+        (self.outer.poses[outer] * self.inner.poses[inner], word)
+    }
 }
 
 /// The frames of the stages that `options` allow.
@@ -243,35 +255,87 @@ impl Tails {
         self.left.bytes() + self.right.bytes() + self.tree.bytes()
     }
 
-    /// Shows `seeker` words of one head, of which the tail is to stand at `wanted`, within its reach.
-    pub(super) fn look<S: Seeker>(
+    /// Shows `seeker` words of some heads, of which the tails are to end at `wanted`, from the leaves where these would be. For
+    /// each head the result is the square of a distance: tails closer than that are all in its leaf.
+    pub(super) fn glance<S: Seeker>(
         &self,
-        wanted: &Pose<f64>,
-        what: Look,
-        head: impl Fn() -> (Pose<f64>, Word),
+        wanted: &[Pose<f64>],
+        head: impl Fn(usize) -> (Pose<f64>, Word),
+        seeker: &mut S,
+    ) -> Vec<f32> {
+        let mut free = vec![f32::INFINITY; wanted.len()];
+        let (heads, probes) = self.probes(wanted, self.square(seeker.reach_m()));
+        let cells = Probe::cells(&self.tree, &probes);
+        self.tree.fetch(cells.iter().map(|cell| cell.number));
+        for ((probe, Cell { number, free: to_split }), &k) in probes.iter().zip(cells).zip(&heads) {
+            free[k] = free[k].min(to_split);
+            let reach = self.square(seeker.reach_m());
+            probe.leaf(number, reach, |product| self.look(product, &wanted[k], || head(k), seeker));
+        }
+        free
+    }
+
+    /// Shows `seeker` all words of some heads within its reach.
+    pub(super) fn search<S: Seeker>(
+        &self,
+        wanted: &[Pose<f64>],
+        head: impl Fn(usize) -> (Pose<f64>, Word),
         seeker: &mut S,
     ) {
-        let square = |reach_m: f64| (reach_m + self.rounding_m).powi(2) as f32;
-        let mut reach = square(seeker.reach_m());
-        let mut look = |product: u32| {
-            let (left, right) = self.tree.factors(product);
-            let tail = self.left.poses[left] * self.right.poses[right];
-            let distance_m = tail.distance(wanted, self.length_scale_m);
-            if distance_m <= seeker.reach_m() {
-                let (pose, word) = head();
-                let word = joined(&word, &joined(&self.left.words[left], &self.right.words[right]));
-                seeker.see(Near { word, pose_base_tool: pose * tail, distance_m });
+        let (heads, probes) = self.probes(wanted, self.square(seeker.reach_m()));
+        let mut leaves: Vec<(usize, u32)> = Vec::with_capacity(FETCHED);
+        let mut search = |leaves: &mut Vec<(usize, u32)>| {
+            let reach = self.square(seeker.reach_m());
+            leaves.retain(|&(at, number)| probes[at].reaches(number, reach));
+            self.tree.fetch(leaves.iter().map(|(_, number)| *number));
+            for (at, number) in leaves.drain(..) {
+                let (reach, k) = (self.square(seeker.reach_m()), heads[at]);
+                probes[at].leaf(number, reach, |product| self.look(product, &wanted[k], || head(k), seeker));
             }
-            square(seeker.reach_m())
+            self.square(seeker.reach_m())
         };
-        for probe in Probe::around(&self.tree, wanted) {
-            if probe.box_distance_squared() <= reach {
-                match what {
-                    Look::Nearby => probe.glance(&mut reach, &mut look),
-                    Look::Within => probe.search(&mut reach, &mut look),
+        let mut reach = search(&mut leaves);
+        for (at, probe) in probes.iter().enumerate() {
+            probe.leaves(reach, &mut |number| {
+                leaves.push((at, number));
+                if leaves.len() == FETCHED {
+                    reach = search(&mut leaves);
                 }
-            }
+                reach
+            });
         }
+        search(&mut leaves);
+    }
+
+    /// The balls around some poses that touch the tree, each with the place of its pose.
+    fn probes(&self, wanted: &[Pose<f64>], reach: f32) -> (Vec<usize>, Vec<Probe<'_>>) {
+        let around = |(k, wanted)| Probe::around(&self.tree, wanted).map(move |probe| (k, probe));
+        let near = |(_, probe): &(usize, Probe<'_>)| probe.box_distance_squared() <= reach;
+        wanted.iter().enumerate().flat_map(around).filter(near).unzip()
+    }
+
+    /// Shows `seeker` one tail; the square of its reach afterwards.
+    fn look<S: Seeker>(
+        &self,
+        product: u32,
+        wanted: &Pose<f64>,
+        head: impl Fn() -> (Pose<f64>, Word),
+        seeker: &mut S,
+    ) -> f32 {
+        let (left, right) = self.tree.factors(product);
+        let tail = self.left.poses[left] * self.right.poses[right];
+        let distance_m = tail.distance(wanted, self.length_scale_m);
+        if distance_m <= seeker.reach_m() {
+            let (pose, word) = head();
+            let word = joined(&word, &joined(&self.left.words[left], &self.right.words[right]));
+            seeker.see(Near { word, pose_base_tool: pose * tail, distance_m });
+        }
+        self.square(seeker.reach_m())
+    }
+
+    /// The square of a reach, with room for rounding.
+    pub(super) fn square(&self, reach_m: f64) -> f32 {
+        (reach_m + self.rounding_m).powi(2) as f32
     }
 }
 

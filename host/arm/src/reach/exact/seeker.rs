@@ -1,6 +1,8 @@
 //! What a search looks for: the nearest words, or the word that switches the fewest actuators.
 
 use std::cmp::Ordering;
+use std::sync::atomic::{AtomicU64, Ordering as Memory};
+use std::sync::{Mutex, PoisonError};
 
 use darm_core::units::Word;
 
@@ -40,6 +42,44 @@ impl Seeker for Nearest<'_> {
             self.best.insert(place, near);
             self.best.truncate(self.count);
         }
+    }
+}
+
+/// The nearest words for several threads, which share their reach.
+pub(super) struct Shared<'a> {
+    nearest: Mutex<Nearest<'a>>,
+    /// The bits of the reach, m.
+    reach: AtomicU64,
+}
+
+impl<'a> Shared<'a> {
+    pub(super) fn new(nearest: Nearest<'a>) -> Self {
+        let reach = AtomicU64::new(nearest.reach_m().to_bits());
+        Self { nearest: Mutex::new(nearest), reach }
+    }
+
+    pub(super) fn reach_m(&self) -> f64 {
+        f64::from_bits(self.reach.load(Memory::Relaxed))
+    }
+
+    pub(super) fn into_best(self) -> Vec<Near> {
+        self.nearest.into_inner().unwrap_or_else(PoisonError::into_inner).best
+    }
+}
+
+impl Seeker for &Shared<'_> {
+    fn wants(&self, _: impl FnOnce() -> Word) -> bool {
+        true
+    }
+
+    fn reach_m(&self) -> f64 {
+        (*self).reach_m()
+    }
+
+    fn see(&mut self, near: Near) {
+        let mut nearest = self.nearest.lock().unwrap_or_else(PoisonError::into_inner);
+        nearest.see(near);
+        self.reach.store(nearest.reach_m().to_bits(), Memory::Relaxed);
     }
 }
 

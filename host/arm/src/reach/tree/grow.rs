@@ -1,109 +1,104 @@
-//! How the tree grows: products are sorted into buckets by a sample, then split within each bucket.
+//! How the tree grows: products are sorted into buckets by a sample, then into leaves within each bucket by another one.
 
 use rayon::prelude::*;
 
-use super::{DIMS, Node, Point, Tree};
+use super::{DIMS, LeafBox, NOTHING, Point, Split, Tree};
 
-/// Most products in a leaf.
-const LEAF: usize = 32;
+/// Products in a leaf, at most in the mean.
+const LEAF: usize = 16;
 /// Products in a bucket, about: what fits the cache of a core as points.
 const BUCKET: usize = 4096;
-/// Products of the sample for one bucket.
-const SAMPLES: usize = 32;
-/// Points that a split looks at to find its dimension and place.
+/// Products of the sample for one bucket, and for one leaf.
+const BUCKET_SAMPLES: usize = 32;
+const LEAF_SAMPLES: usize = 4;
+/// Points that a split looks at to find its dimension.
 const LOOKS: usize = 32;
-/// Products that are sorted into buckets side by side.
+/// Products that are sorted side by side.
 const ABREAST: usize = 16;
 
-/// A split above the buckets.
-#[derive(Clone, Copy, Debug)]
-struct Upper {
-    dim: u32,
-    at: f32,
-}
-
-/// A product while the tree grows.
-#[derive(Clone, Copy)]
-struct Entry {
-    point: Point,
-    product: u32,
-}
+/// A point with room for an index that is masked in place of checked.
+type Padded = [f32; DIMS + 1];
 
 impl Tree {
-    fn entry(&self, product: u32) -> Entry {
-        Entry { point: self.point(product), product }
+    fn padded(&self, product: u32) -> Padded {
+        let [x, y, z, a, b, c, d] = self.point(product);
+        [x, y, z, a, b, c, d, 0.0]
     }
 
     /// Sorts all products.
     pub(super) fn grow(&mut self) {
-        let buckets = (self.len() / BUCKET).max(1).next_power_of_two();
+        let leaves = self.len().div_ceil(LEAF).next_power_of_two();
+        let buckets = (self.len() / BUCKET).max(1).next_power_of_two().min(leaves);
+        self.bucket_levels = buckets.trailing_zeros();
+        self.leaf_levels = (leaves / buckets).trailing_zeros();
         let upper = self.upper_splits(buckets);
-        let (mut order, starts) = self.in_buckets(&upper, buckets);
+        let (mut order, firsts) = self.in_buckets(&upper);
+        let in_each = leaves / buckets;
+        let mut lower = vec![Split::default(); leaves];
+        let mut leaf_boxes = vec![LeafBox::default(); leaves];
+        let mut starts = vec![0; leaves + 1];
+        starts[leaves] = self.len() as u32;
         let mut rest = order.as_mut_slice();
         let mut parts = Vec::with_capacity(buckets);
-        for bounds in starts.windows(2) {
-            let (part, after) = rest.split_at_mut(bounds[1] - bounds[0]);
-            parts.push((bounds[0] as u32, part));
+        let own = lower.chunks_mut(in_each).zip(starts.chunks_mut(in_each)).zip(leaf_boxes.chunks_mut(in_each));
+        for (bounds, ((splits, starts), boxes)) in firsts.windows(2).zip(own) {
+            let (products, after) = rest.split_at_mut(bounds[1] - bounds[0]);
+            parts.push(Bucket { first: bounds[0] as u32, products, splits, starts, boxes });
             rest = after;
         }
-        let grown: Vec<_> = parts.into_par_iter().map(|(first, part)| self.bucket(first, part)).collect();
-        for (_, (low, high)) in &grown {
-            widen(&mut self.low, &mut self.high, low);
-            widen(&mut self.low, &mut self.high, high);
-        }
-        self.nodes.reserve_exact(grown.iter().map(|(nodes, _)| nodes.len()).sum::<usize>() + buckets);
-        self.assemble(0, &upper, &grown);
-        self.order = order;
+        let boxes: Vec<_> = parts.into_par_iter().map(|bucket| self.in_leaves(bucket)).collect();
+        boxes.iter().for_each(|corners| join(&mut self.corners, corners));
+        (self.boxes, self.leaf_boxes) = (boxes, leaf_boxes);
+        self.splits = upper;
+        self.splits.extend(lower);
+        (self.starts, self.order) = (starts, order);
     }
 
-    /// The splits down to `buckets`, level by level, from a sample.
-    fn upper_splits(&self, buckets: usize) -> Vec<Upper> {
+    /// The splits down to `buckets` from a sample of all products.
+    fn upper_splits(&self, buckets: usize) -> Vec<Split> {
         // Multiples of the golden ratio: a stride would fall in step with the factors.
         let spread = |k: usize| (((k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as usize * self.len()) >> 32;
-        let count = self.len().min(buckets * SAMPLES);
-        let mut sample: Vec<_> = (0..count).map(|k| self.entry(self.product(spread(k)))).collect();
-        let mut upper = Vec::with_capacity(buckets - 1);
-        let mut level: Vec<&mut [Entry]> = vec![&mut sample];
-        while level.len() < buckets {
-            let mut next = Vec::with_capacity(2 * level.len());
-            for part in level {
-                let (dim, _) = cut(part);
-                let at = if part.is_empty() { 0.0 } else { median(part, dim) };
-                upper.push(Upper { dim: dim as u32, at });
-                let (left, right) = part.split_at_mut(part.len() / 2);
-                next.extend([left, right]);
-            }
-            level = next;
-        }
+        let count = if buckets > 1 { self.len().min(buckets * BUCKET_SAMPLES) } else { 0 };
+        let mut sample: Vec<_> = (0..count).map(|k| self.padded(self.product(spread(k)))).collect();
+        let mut upper = vec![Split::default(); buckets];
+        split(&mut sample, &mut upper);
         upper
     }
 
     /// All products sorted by bucket, and where each bucket begins.
-    fn in_buckets(&self, upper: &[Upper], buckets: usize) -> (Vec<u32>, Vec<usize>) {
+    fn in_buckets(&self, upper: &[Split]) -> (Vec<u32>, Vec<usize>) {
+        let buckets = upper.len();
         let mut keys = vec![0; self.len()];
         let rows = keys.par_chunks_mut(self.rights.len()).enumerate();
         rows.for_each(|(left, keys)| {
             let first = (left << self.right_bits) as u32;
+            let mut points = [[0.0; DIMS + 1]; ABREAST];
             for (block, keys) in keys.chunks_mut(ABREAST).enumerate() {
-                self.sort_into(upper, first + (block * ABREAST) as u32, keys);
+                let products = first + (block * ABREAST) as u32..;
+                points
+                    .iter_mut()
+                    .zip(products)
+                    .take(keys.len())
+                    .for_each(|(point, product)| *point = self.padded(product));
+                route(upper, &points, keys);
             }
         });
-        let mut starts = vec![0; buckets + 1];
-        keys.iter().for_each(|key| starts[*key as usize + 1] += 1);
-        (0..buckets).for_each(|bucket| starts[bucket + 1] += starts[bucket]);
+        let mut firsts = vec![0; buckets + 1];
+        keys.iter().for_each(|key| firsts[*key as usize + 1] += 1);
+        (0..buckets).for_each(|bucket| firsts[bucket + 1] += firsts[bucket]);
         let mut order = vec![0; self.len()];
         let share = buckets.div_ceil(rayon::current_num_threads());
         let mut rest = order.as_mut_slice();
         let mut parts = Vec::new();
         for first in (0..buckets).step_by(share) {
             let last = buckets.min(first + share);
-            let (part, after) = rest.split_at_mut(starts[last] - starts[first]);
+            let (part, after) = rest.split_at_mut(firsts[last] - firsts[first]);
             parts.push((first..last, part));
             rest = after;
         }
         // Every thread reads all keys and places those of the buckets it owns.
         parts.into_par_iter().for_each(|(own, part)| {
-            let mut places: Vec<_> = starts[own.clone()].iter().map(|start| start - starts[own.start]).collect();
+            let mut places: Vec<_> = firsts[own.clone()].iter().map(|first| first - firsts[own.start]).collect();
             for (index, key) in keys.iter().enumerate() {
                 if let Some(place) = (*key as usize).checked_sub(own.start).and_then(|key| places.get_mut(key)) {
                     part[*place] = self.product(index);
@@ -111,110 +106,112 @@ impl Tree {
                 }
             }
         });
-        (order, starts)
+        (order, firsts)
     }
 
-    /// The buckets of a few products, from `first` on: level by level for all, so that none waits for another.
-    fn sort_into(&self, upper: &[Upper], first: u32, keys: &mut [u32]) {
-        let mut points = [[0.0; DIMS + 1]; ABREAST];
-        let count = keys.len() as u32;
-        for (point, product) in points.iter_mut().zip(first..first + count) {
-            point[..DIMS].copy_from_slice(&self.point(product));
+    /// Puts the products of one bucket in the order of its leaves; the corners of their box.
+    fn in_leaves(&self, Bucket { first, products, splits, starts, boxes }: Bucket<'_>) -> [Point; 2] {
+        let points: Vec<_> = products.iter().map(|product| self.padded(*product)).collect();
+        let step = (points.len() / (LEAF_SAMPLES * splits.len())).max(1);
+        let mut sample: Vec<_> = points.iter().step_by(step).copied().collect();
+        split(&mut sample, splits);
+        let mut keys = vec![0; points.len()];
+        for (points, keys) in points.chunks(ABREAST).zip(keys.chunks_mut(ABREAST)) {
+            route(splits, points, keys);
         }
-        keys.fill(0);
-        for _ in 0..upper.len().count_ones() {
-            for (key, point) in keys.iter_mut().zip(&points) {
-                let Upper { dim, at } = upper[*key as usize];
-                *key = 2 * *key + 1 + u32::from(point[dim as usize % (DIMS + 1)] >= at);
+        let corners = boxed(&points, &keys, boxes);
+        keys.iter().for_each(|key| starts[*key as usize] += 1);
+        let mut next = 0;
+        for start in starts.iter_mut() {
+            next += std::mem::replace(start, next);
+        }
+        let mut places = starts.to_vec();
+        let mut sorted = vec![0; products.len()];
+        for (product, key) in products.iter().zip(&keys) {
+            let place = &mut places[*key as usize];
+            sorted[*place as usize] = *product;
+            *place += 1;
+        }
+        products.copy_from_slice(&sorted);
+        starts.iter_mut().for_each(|start| *start += first);
+        corners
+    }
+}
+
+/// A bucket while its products are sorted into leaves.
+struct Bucket<'a> {
+    /// The place of its first product.
+    first: u32,
+    products: &'a mut [u32],
+    splits: &'a mut [Split],
+    starts: &'a mut [u32],
+    boxes: &'a mut [LeafBox],
+}
+
+/// The boxes around the points of each leaf, and the corners of that around all.
+fn boxed(points: &[Padded], keys: &[u32], boxes: &mut [LeafBox]) -> [Point; 2] {
+    let mut leaves = vec![NOTHING; boxes.len()];
+    keys.iter().zip(points).for_each(|(key, point)| widen(&mut leaves[*key as usize], point));
+    let mut corners = NOTHING;
+    leaves.iter().for_each(|leaf| join(&mut corners, leaf));
+    boxes.iter_mut().zip(&leaves).for_each(|(own, leaf)| *own = LeafBox::new(leaf, &corners));
+    corners
+}
+
+/// Splits a sample at its medians, level by level, into as many parts as there are `splits`; the first one is not used.
+fn split(sample: &mut [Padded], splits: &mut [Split]) {
+    let mut level = vec![sample];
+    let mut at = 1;
+    while at < splits.len() {
+        let mut next = Vec::with_capacity(2 * level.len());
+        for part in level {
+            let dim = widest(part);
+            let middle = part.len() / 2;
+            if middle > 0 {
+                let order = |a: &Padded, b: &Padded| a[dim].total_cmp(&b[dim]);
+                let value = part.select_nth_unstable_by(middle, order).1[dim];
+                splits[at] = Split { dim: dim as u32, at: value };
             }
+            at += 1;
+            let (left, right) = part.split_at_mut(middle);
+            next.extend([left, right]);
         }
-        keys.iter_mut().for_each(|key| *key -= upper.len() as u32);
-    }
-
-    /// Puts the products of one bucket in order: its nodes, numbered from 0, and the corners of its box.
-    fn bucket(&self, first: u32, products: &mut [u32]) -> (Vec<Node>, (Point, Point)) {
-        let mut entries: Vec<_> = products.iter().map(|product| self.entry(*product)).collect();
-        let (mut low, mut high) = ([f32::INFINITY; DIMS], [f32::NEG_INFINITY; DIMS]);
-        entries.iter().for_each(|entry| widen(&mut low, &mut high, &entry.point));
-        let mut nodes = Vec::with_capacity(4 * entries.len() / LEAF + 1);
-        split(&mut entries, first, &mut nodes);
-        products.iter_mut().zip(&entries).for_each(|(product, entry)| *product = entry.product);
-        (nodes, (low, high))
-    }
-
-    /// Appends the nodes below the upper split `at`.
-    fn assemble(&mut self, at: usize, upper: &[Upper], grown: &[(Vec<Node>, (Point, Point))]) {
-        let Some(&Upper { dim, at: split }) = upper.get(at) else {
-            let offset = self.nodes.len() as u32;
-            let moved = |node: &Node| match *node {
-                Node::Split { dim, at, right } => Node::Split { dim, at, right: right + offset },
-                leaf @ Node::Leaf { .. } => leaf,
-            };
-            self.nodes.extend(grown[at - upper.len()].0.iter().map(moved));
-            return;
-        };
-        let index = self.nodes.len();
-        self.nodes.push(Node::Leaf { len: 0, first: 0 });
-        self.assemble(2 * at + 1, upper, grown);
-        self.nodes[index] = Node::Split { dim: dim as u8, at: split, right: self.nodes.len() as u32 };
-        self.assemble(2 * at + 2, upper, grown);
+        level = next;
     }
 }
 
-/// Splits near the medians down to the leaves.
-fn split(entries: &mut [Entry], first: u32, nodes: &mut Vec<Node>) {
-    if entries.len() <= LEAF {
-        nodes.push(Node::Leaf { len: entries.len() as u8, first });
-        return;
+/// The parts in which points lie: level by level for all, so that none waits for another.
+#[inline]
+fn route(splits: &[Split], points: &[Padded], keys: &mut [u32]) {
+    keys.fill(1);
+    for _ in 0..splits.len().trailing_zeros() {
+        for (key, point) in keys.iter_mut().zip(points) {
+            let Split { dim, at } = splits[*key as usize];
+            *key = 2 * *key + u32::from(point[dim as usize % (DIMS + 1)] >= at);
+        }
     }
-    let (dim, mut at) = cut(entries);
-    let mut middle = parted(entries, dim, at);
-    if middle == 0 || middle == entries.len() {
-        // Many points in one place: any order serves, both halves touch the cut.
-        middle = entries.len() / 2;
-        at = median(entries, dim);
-    }
-    let index = nodes.len();
-    nodes.push(Node::Leaf { len: 0, first });
-    let (left, right) = entries.split_at_mut(middle);
-    split(left, first, nodes);
-    nodes[index] = Node::Split { dim: dim as u8, at, right: nodes.len() as u32 };
-    split(right, first + middle as u32, nodes);
+    keys.iter_mut().for_each(|key| *key -= splits.len() as u32);
 }
 
-/// Puts the lower half of the points first, and returns where the upper half begins; there is one point at least.
-fn median(entries: &mut [Entry], dim: usize) -> f32 {
-    let middle = entries.len() / 2;
-    entries.select_nth_unstable_by(middle, |a, b| a.point[dim].total_cmp(&b.point[dim])).1.point[dim]
-}
-
-/// Puts the points below `at` first, and returns how many they are. Each is moved, so that no branch is guessed.
-fn parted(entries: &mut [Entry], dim: usize, at: f32) -> usize {
-    let mut below = 0;
-    for index in 0..entries.len() {
-        let is_below = entries[index].point[dim] < at;
-        entries.swap(index, below);
-        below += usize::from(is_below);
-    }
-    below
-}
-
-/// Where to cut points in two: the dimension that a sample of them differs most in, and the sample's median in it.
-fn cut(entries: &[Entry]) -> (usize, f32) {
-    let (mut low, mut high) = ([f32::INFINITY; DIMS], [f32::NEG_INFINITY; DIMS]);
-    let sample = || entries.iter().step_by((entries.len() / LOOKS).max(1)).take(LOOKS);
-    sample().for_each(|entry| widen(&mut low, &mut high, &entry.point));
-    let dim = (0..DIMS).max_by(|a, b| (high[*a] - low[*a]).total_cmp(&(high[*b] - low[*b]))).unwrap_or(0);
-    let mut along = [f32::INFINITY; LOOKS];
-    along.iter_mut().zip(sample()).for_each(|(x, entry)| *x = entry.point[dim]);
-    let middle = entries.len().min(LOOKS) / 2;
-    (dim, *along.select_nth_unstable_by(middle, f32::total_cmp).1)
+/// The dimension that a sample of points differs most in.
+fn widest(points: &[Padded]) -> usize {
+    let mut corners = NOTHING;
+    let sample = points.iter().step_by((points.len() / LOOKS).max(1)).take(LOOKS);
+    sample.for_each(|point| widen(&mut corners, point));
+    let extent = |dim: &usize| corners[1][*dim] - corners[0][*dim];
+    (0..DIMS).max_by(|a, b| extent(a).total_cmp(&extent(b))).unwrap_or(0)
 }
 
 #[inline]
-fn widen(low: &mut Point, high: &mut Point, point: &Point) {
-    for dim in 0..DIMS {
-        low[dim] = low[dim].min(point[dim]);
-        high[dim] = high[dim].max(point[dim]);
+fn widen([low, high]: &mut [Point; 2], point: &[f32]) {
+    for ((low, high), x) in low.iter_mut().zip(high).zip(point) {
+        *low = low.min(*x);
+        *high = high.max(*x);
     }
+}
+
+/// Widens a box to hold another one.
+fn join([low, high]: &mut [Point; 2], [other_low, other_high]: &[Point; 2]) {
+    low.iter_mut().zip(other_low).for_each(|(low, x)| *low = low.min(*x));
+    high.iter_mut().zip(other_high).for_each(|(high, x)| *high = high.max(*x));
 }

@@ -15,8 +15,11 @@
 //! # Layout
 //!
 //! A product is a number of its two factors, 4 bytes, in the order of the leaves; its point is computed when it is
-//! looked at. The upper splits come from a sample, so that all products are sorted into buckets in one pass; each
-//! bucket is then split near its medians down to the leaves, one bucket in the cache at a time.
+//! looked at. The upper splits come from a sample, so that all products are sorted into buckets in one pass; the
+//! splits of a bucket come from a sample of it, and its products are sorted into its leaves, one bucket in the cache at a time.
+//!
+//! Splits have the numbers of a heap: 1 is the root, 2n and 2n + 1 are below n. Those above the buckets are stored first, then
+//! those of each bucket, so that a descent touches few lines of the cache.
 
 mod grow;
 mod probe;
@@ -24,7 +27,7 @@ mod probe;
 use darm_core::se::Pose;
 use nalgebra::{Rotation3, UnitQuaternion};
 
-pub(super) use self::probe::Probe;
+pub(super) use self::probe::{Cell, Probe};
 use super::frames::Frames;
 
 /// Coordinates of a point: three of the position, four of the quaternion.
@@ -33,13 +36,36 @@ const DIMS: usize = 7;
 /// A point: position, and 2ℓ times the quaternion w, x, y, z.
 type Point = [f32; DIMS];
 
-/// What a node of the tree is.
-#[derive(Clone, Copy, Debug)]
-enum Node {
-    /// Left of `at` in `dim` is the next node, right of it the node `right`.
-    Split { dim: u8, at: f32, right: u32 },
-    /// The products `first .. first + len` in the order of the leaves.
-    Leaf { len: u8, first: u32 },
+/// Points with a smaller coordinate `dim` than `at` are left of it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Split {
+    dim: u32,
+    at: f32,
+}
+
+/// The corners of the box around the points of a leaf, in 255ths of the box around its bucket, rounded outward.
+#[derive(Clone, Copy, Debug, Default)]
+struct LeafBox([[u8; DIMS]; 2]);
+
+impl LeafBox {
+    fn new([low, high]: &[Point; 2], [from, to]: &[Point; 2]) -> Self {
+        let part = |x: f32, dim: usize| 255.0 * (x - from[dim]) / (to[dim] - from[dim]).max(f32::MIN_POSITIVE);
+        Self([
+            std::array::from_fn(|dim| part(low[dim], dim).floor() as u8),
+            std::array::from_fn(|dim| part(high[dim], dim).ceil() as u8),
+        ])
+    }
+
+    /// The square of its distance from a point.
+    #[inline]
+    fn distance_squared(&self, point: &Point, [from, to]: &[Point; 2]) -> f32 {
+        let Self([low, high]) = self;
+        let outside = |dim: usize| {
+            let (part, at) = ((to[dim] - from[dim]) / 255.0, point[dim] - from[dim]);
+            (f32::from(low[dim]) * part - at).max(at - f32::from(high[dim]) * part).max(0.0)
+        };
+        (0..DIMS).map(outside).map(|outside| outside * outside).sum()
+    }
 }
 
 /// The left factor of a product in `f32`.
@@ -67,11 +93,21 @@ pub(in crate::reach) struct Tree {
     /// Twice the length scale ℓ, m.
     chord_scale: f32,
     reference: [f32; 4],
-    nodes: Vec<Node>,
+    /// Levels of splits above the buckets, and within a bucket.
+    bucket_levels: u32,
+    leaf_levels: u32,
+    splits: Vec<Split>,
+    /// Where the products of each leaf begin, and of the last one end.
+    starts: Vec<u32>,
     order: Vec<u32>,
-    low: Point,
-    high: Point,
+    /// The corners of the box around the products of each bucket, and of all.
+    boxes: Vec<[Point; 2]>,
+    leaf_boxes: Vec<LeafBox>,
+    corners: [Point; 2],
 }
+
+/// The corners of a box around nothing.
+const NOTHING: [Point; 2] = [[f32::INFINITY; DIMS], [f32::NEG_INFINITY; DIMS]];
 
 /// The quaternion w, x, y, z of a pose.
 fn quaternion(pose: &Pose<f64>) -> [f64; 4] {
@@ -93,10 +129,14 @@ impl Tree {
             right_bits,
             chord_scale: 2.0 * length_scale_m as f32,
             reference: quaternion(&reference).map(|q| q as f32),
-            nodes: Vec::new(),
+            bucket_levels: 0,
+            leaf_levels: 0,
+            splits: Vec::new(),
+            starts: Vec::new(),
             order: Vec::new(),
-            low: [f32::INFINITY; DIMS],
-            high: [f32::NEG_INFINITY; DIMS],
+            boxes: Vec::new(),
+            leaf_boxes: Vec::new(),
+            corners: NOTHING,
         };
         tree.set_reference();
         tree.grow();
@@ -105,7 +145,9 @@ impl Tree {
 
     /// Bytes that the tree takes.
     pub(in crate::reach) fn bytes(&self) -> usize {
-        size_of_val(&*self.nodes) + size_of_val(&*self.order) + size_of_val(&*self.lefts) + size_of_val(&*self.rights)
+        let tree = size_of_val(&*self.splits) + size_of_val(&*self.starts) + size_of_val(&*self.order);
+        let boxes = size_of_val(&*self.boxes) + size_of_val(&*self.leaf_boxes);
+        tree + boxes + size_of_val(&*self.lefts) + size_of_val(&*self.rights)
     }
 
     /// Left and right factor of a product.
@@ -116,6 +158,37 @@ impl Tree {
     /// How many products there are.
     pub(in crate::reach) fn len(&self) -> usize {
         self.lefts.len() * self.rights.len()
+    }
+
+    /// The split of this number.
+    #[inline]
+    fn split(&self, number: usize) -> Split {
+        let level = usize::BITS - 1 - number.leading_zeros();
+        let Some(below) = level.checked_sub(self.bucket_levels) else { return self.splits[number] };
+        let bucket = number >> below;
+        let within = 1 << below | (number & ((1 << below) - 1));
+        self.splits[(bucket << self.leaf_levels) - (((1 << self.leaf_levels) - 1) << self.bucket_levels) + within]
+    }
+
+    #[inline]
+    fn is_leaf(&self, number: u32) -> bool {
+        number >> (self.bucket_levels + self.leaf_levels) != 0
+    }
+
+    /// The products of the leaf of this number.
+    #[inline]
+    fn leaf(&self, number: u32) -> &[u32] {
+        let leaf = (number as usize) - (1 << (self.bucket_levels + self.leaf_levels));
+        &self.order[self.starts[leaf] as usize..self.starts[leaf + 1] as usize]
+    }
+
+    /// Reads the ends of leaves that are searched next: the memory fetches all of them at once, where a search would wait for each.
+    pub(in crate::reach) fn fetch(&self, leaves: impl Iterator<Item = u32>) {
+        let ends = leaves.map(|number| {
+            let leaf = self.leaf(number);
+            leaf.first().copied().unwrap_or(0) ^ leaf.last().copied().unwrap_or(0)
+        });
+        std::hint::black_box(ends.fold(0, |all, end| all ^ end));
     }
 
     fn product(&self, index: usize) -> u32 {
