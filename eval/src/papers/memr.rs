@@ -228,13 +228,17 @@ fn several() -> Result<String> {
     Ok(convergence::postures(&arm, &tip, &found)?)
 }
 
-/// How far our tables lie from the paper's: EMW and MEMR have a goal, GA has none.
+/// Our tables beside the paper's, and how far they lie from each other.
 fn within(repeated: &[Repeated]) -> Result<Vec<Figure>> {
     let mut figures = Vec::new();
     for repeated in repeated {
         let algorithm = memr::printed_name(repeated.cell.algorithm);
         let name = format!("memr: Table {}, {}, {algorithm}", repeated.cell.table, repeated.cell.problem.name());
         figures.push(Figure::new(&name, repeated.off(), "of spread")?);
+        let ([ours, paper], unit) = (repeated.compared(), if repeated.cell.table > 1 { "cm" } else { "" });
+        let what = if repeated.cell.table == 3 { "mean" } else { "best" };
+        figures.push(Figure::new(&format!("{name}: {what}, ours"), ours, unit)?);
+        figures.push(Figure::new(&format!("{name}: {what}, paper"), paper, unit)?);
         if let Some(count) = repeated.printed_within() {
             figures.push(Figure::new(&format!("{name}: printed runs within ours, of 5"), count as f64, "")?);
         }

@@ -28,3 +28,14 @@ pub fn planar_arm(lengths_m: &[f64], limits: &[[f64; 2]]) -> (Robot, RobotFrame)
     };
     (arm, tip)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_arm_without_links_ends_at_its_base() {
+        let (arm, tip) = planar_arm(&[], &[]);
+        assert_eq!(arm.kinematics(&tip, &[]).unwrap().pose_base_frame, Pose::identity());
+    }
+}
