@@ -279,7 +279,7 @@ fn faults_of_a_hand_name_line_and_column() {
     check("tip_radius_mm = 12", "tip_radius_mm = 0", "hand.toml:12:17: 0 mm; give a length above zero");
     check("tip_radius_mm = 12", "tip_radius_mm = inf", "hand.toml:12:17: the number has to be finite");
     check("tip_radius_mm = 12", "tip_radius_mm = 12\nbend_deg = [9, 0]", "hand.toml:13:12: the range 9 to 0 deg");
-    check("lambdas = [0.5051", "lambdas = [1.5", "hand.toml:7:11: the lambdas must be");
+    check("lambdas = [0.8889", "lambdas = [1.5", "hand.toml:7:11: the lambdas must be");
     let three = "[[finger]]\nname = \"index\"\ntip = \"link_3.0_tip\"\ntip_radius_mm = 12\n";
     check(three, "", "hand.toml:3:10: the hand has 3 fingers");
 }
