@@ -3,6 +3,8 @@
 //! The robot is the planar one of five links (`tests/data/urdf/planar5.urdf`, 88 postures of the golden data): the paper gives
 //! no masses. What is missing in its CAD data is drawn here: a backpack and hoses.
 
+mod arm_rests;
+mod capture;
 mod figure;
 mod hidden;
 mod motions;

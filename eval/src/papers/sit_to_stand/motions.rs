@@ -17,6 +17,8 @@ use darm_papers::motion::{Capture, Fixed, Posture, lift_off};
 use darm_robot::robot::Robot;
 use darm_robot::urdf::{self, Locks};
 
+use super::arm_rests;
+use super::capture::csv;
 use super::figure::figure;
 use super::postures::{Robots, golden};
 use super::robots::{Followed, count_standing, executed};
@@ -52,7 +54,7 @@ pub(super) fn map_both(
     for (style, colors) in [Style::Natural, Style::Elderly].into_iter().zip(COLORS) {
         let name = style.name();
         let shown = demonstrate(&average, (&names, &markers), &setup.person_feet, style, seed)?;
-        fs::write(folder.join(format!("{name}.csv")), csv(&shown))?;
+        fs::write(folder.join(format!("{name}.csv")), csv(&shown, None))?;
         let found = person(&average, &markers, &shown.capture)?;
         report_person(figures, name, &found, &shown)?;
         let mapped = map(&robots.identified, &setup, &found, &shown.capture)?;
@@ -75,6 +77,9 @@ pub(super) fn map_both(
         let followed = Followed { name, setup: &setup, person: &found, capture: &shown.capture };
         by_cad_plan(figures, robots, &followed)?;
         count_standing(figures, progress, drawn, &followed)?;
+        if style == Style::Natural {
+            arm_rests::with_hands(figures, robots, &followed, (&average, &shown))?;
+        }
     }
     let title = "centre of mass in the sagittal plane, dots at lift-off (the paper's figure 7)";
     pictures.push((title.into(), sagittal_plane(plane).svg()));
@@ -260,29 +265,4 @@ fn mean(path: &[Vec3<f64>]) -> Vec3<f64> {
 fn apart(com: &[Vec3<f64>], shown: &Demonstration) -> f64 {
     let square: f64 = com.iter().zip(&shown.com).map(|(a, b)| (a - b).norm_squared()).sum();
     (square / com.len().max(1) as f64).sqrt()
-}
-
-/// A capture as `darm com map` reads it, with the plates of floor and chair.
-fn csv(Demonstration { capture, chair, .. }: &Demonstration) -> String {
-    let markers = capture.names.iter().flat_map(|name| ["x", "y", "z"].map(|axis| format!("{name}_{axis}")));
-    let plates =
-        ["floor", "chair"].iter().flat_map(|plate| ["Fz_n", "Mx_nm", "My_nm"].map(|part| format!("{plate}_{part}")));
-    let head = std::iter::once("t_s".to_owned()).chain(markers).chain(plates);
-    let mut text = head.collect::<Vec<_>>().join(",") + "\n";
-    let measured = capture.chair_n.iter().flatten().zip(chair);
-    for (((time, places), plate), (chair_n, [_, mx, my])) in
-        capture.time_s.iter().zip(&capture.places).zip(&capture.plates).zip(measured)
-    {
-        let place = |place: &Option<Vec3<f64>>| match place {
-            Some(place) => place.map(|x| format!("{x:.5}")).data.0[0].clone(),
-            None => [const { String::new() }; 3],
-        };
-        let total = [plate.force_n, plate.cop[1] * plate.force_n, -plate.cop[0] * plate.force_n];
-        let own = [*chair_n, *mx, *my];
-        let floor = [0, 1, 2].map(|k| total[k] - own[k]);
-        let cells = std::iter::once(format!("{time:.4}")).chain(places.iter().flat_map(place));
-        let wrenches = floor.iter().chain(&own).map(|x| format!("{x:.4}"));
-        text += &(cells.chain(wrenches).collect::<Vec<_>>().join(",") + "\n");
-    }
-    text
 }
