@@ -81,7 +81,10 @@ impl Program {
     fn handle_error(&mut self, error: anyhow::Error) -> anyhow::Result<()> {
         match error.downcast_ref::<ClientError>() {
             Some(ClientError::Transport(_) | ClientError::Frame(_)) => {
-                self.ui.note(&format!("connection lost: {error}. The program of the board continues; waiting for the port, Ctrl-C ends the recording"));
+                let limit_s = self.reconnect_timeout.as_secs();
+                let text =
+                    format!("connection lost: {error}. The board's program continues; trying the port for {limit_s} s");
+                self.ui.note(&text);
                 self.lost_connections.push(LostConnection { reason: error.to_string(), lasted_s: None });
                 self.lost = Some(Instant::now());
                 self.client.unplug();
