@@ -14,7 +14,7 @@
 //! | `from_s`, `to_s`        | when the arm rests there                                  |
 //! | `row`                   | the row of the table that completes the word              |
 //! | `word`, `previous`      | digits, and those of the visit before                     |
-//! | `servo1_deg`, …         | positions of the servo joints                             |
+//! | `servo0_deg`, …         | positions of the servo joints                             |
 //! | `held_out`              | 1 if the visit is held out                                |
 
 use std::path::{Path, PathBuf};
@@ -110,7 +110,7 @@ impl Visits {
     pub(crate) fn to_text(&self) -> String {
         let n_servos = self.rests.first().map_or(0, |rest| rest.servos_rad.len());
         let columns = HEADER.split_terminator(',').chain(["row", "word", "previous"]).map(str::to_owned);
-        let servos = (1..=n_servos).map(|number| format!("servo{number}_deg"));
+        let servos = (0..n_servos).map(|number| format!("servo{number}_deg"));
         let header: Vec<String> = columns.chain(servos).chain(["held_out".to_owned()]).collect();
         let rows = self.rests.iter().enumerate().map(|(visit, rest)| rest.cells(visit));
         let Self { model, table, geometry, .. } = self;

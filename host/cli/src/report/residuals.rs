@@ -44,7 +44,7 @@ fn suspects(d: &Diagnosis, first: &Visit) -> Vec<Markup> {
         plots::over(d, "number of actuators extended", &|_, visit| Some(n_extended(visit))),
     ];
     for k in 0..first.servos_rad.len() {
-        let name = format!("position of servo {}, rad or m", k + 1);
+        let name = format!("position of servo {k}, rad or m");
         all.push(plots::over(d, &name, &|_, visit| visit.servos_rad.get(k).copied()));
     }
     all.into_iter().flatten().collect()

@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
+use csv::StringRecord;
 use darm_core::se::{Pose, Pose2};
 use flate2::Compression;
 use flate2::read::MultiGzDecoder;
@@ -111,44 +112,50 @@ pub fn write_table(path: &Path, text: &str) -> io::Result<()> {
 pub fn write_text(run: &Run) -> String {
     let planar = run.samples.iter().all(|sample| sample.pose.is_planar());
     let n_servos = run.samples.first().map_or(0, |sample| sample.servos_rad.len());
-    let rows: String = run.samples.iter().map(|sample| row(sample, planar) + "\n").collect();
-    header(planar, n_servos) + "\n" + &rows
+    text([header(planar, n_servos)].into_iter().chain(run.samples.iter().map(|sample| row(sample, planar))))
 }
 
-/// The names of the columns, with commas between.
-pub(super) fn header(planar: bool, n_servos: usize) -> String {
-    let servos: String = (1..=n_servos).map(|k| format!("servo{k}_deg,")).collect();
-    let pose = if planar { "x_m,y_m,angle_deg" } else { "x_m,y_m,z_m,rx_deg,ry_deg,rz_deg" };
-    format!("time_s,word,previous,{servos}{pose},supply_bar,temperature_c,run,visit,held_out")
+/// Lines of comma-separated text.
+pub(super) fn text(records: impl IntoIterator<Item = StringRecord>) -> String {
+    let mut writer = csv::WriterBuilder::new().flexible(true).from_writer(Vec::new());
+    for record in records {
+        writer.write_record(&record).expect("memory takes every record");
+    }
+    String::from_utf8(writer.into_inner().expect("memory takes every record")).expect("every cell is text")
 }
 
-/// The cells of a sample under [`header`], with commas between.
-pub(super) fn row(sample: &Sample, planar: bool) -> String {
-    let previous = sample.previous.map_or(String::new(), |word| word.to_string());
-    let servos: String = sample.servos_rad.iter().map(|angle| format!("{:.4},", angle.to_degrees())).collect();
+/// The names of the columns.
+pub(super) fn header(planar: bool, n_servos: usize) -> StringRecord {
+    let pose: &[_] =
+        if planar { &["x_m", "y_m", "angle_deg"] } else { &["x_m", "y_m", "z_m", "rx_deg", "ry_deg", "rz_deg"] };
+    let mut header = StringRecord::from(vec!["time_s", "word", "previous"]);
+    header.extend((0..n_servos).map(|k| format!("servo{k}_deg")));
+    header.extend(pose);
+    header.extend(["supply_bar", "temperature_c", "run", "visit", "held_out"]);
+    header
+}
+
+/// The cells of a sample under [`header`].
+pub(super) fn row(sample: &Sample, planar: bool) -> StringRecord {
     let optional = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.4}"));
-    format!(
-        "{:.6},{},{previous},{servos}{},{},{},{},{},{}",
-        sample.time_s,
-        sample.word,
-        pose_text(&sample.pose, planar),
-        optional(sample.supply.map(|supply_pa| supply_pa / PA_PER_BAR)),
-        optional(sample.temperature_c),
-        sample.run,
-        sample.visit,
-        u8::from(sample.held_out),
-    )
+    let previous = sample.previous.map_or(String::new(), |word| word.to_string());
+    let mut row = StringRecord::from(vec![format!("{:.6}", sample.time_s), sample.word.to_string(), previous]);
+    row.extend(sample.servos_rad.iter().map(|angle| format!("{:.4}", angle.to_degrees())));
+    row.extend(pose_cells(&sample.pose, planar));
+    row.extend([optional(sample.supply.map(|supply_pa| supply_pa / PA_PER_BAR)), optional(sample.temperature_c)]);
+    row.extend([sample.run.to_string(), sample.visit.to_string(), u8::from(sample.held_out).to_string()]);
+    row
 }
 
 /// Files hold bar, samples Pa.
 const PA_PER_BAR: f64 = 1e5;
 
-fn pose_text(pose: &Pose<f64>, planar: bool) -> String {
+fn pose_cells(pose: &Pose<f64>, planar: bool) -> Vec<String> {
+    let (metres, degrees) = (|x: f64| format!("{x:.7}"), |angle: f64| format!("{:.6}", angle.to_degrees()));
     let p = &pose.position;
     if planar {
-        let flat = Pose2::projection(pose);
-        return format!("{:.7},{:.7},{:.6}", p.x, p.y, flat.angle_rad.to_degrees());
+        return vec![metres(p.x), metres(p.y), degrees(Pose2::projection(pose).angle_rad)];
     }
-    let w = pose.log().angular.map(f64::to_degrees);
-    format!("{:.7},{:.7},{:.7},{:.6},{:.6},{:.6}", p.x, p.y, p.z, w.x, w.y, w.z)
+    let w = pose.log().angular;
+    vec![metres(p.x), metres(p.y), metres(p.z), degrees(w.x), degrees(w.y), degrees(w.z)]
 }

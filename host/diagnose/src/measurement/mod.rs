@@ -12,7 +12,7 @@
 //! | `time_s` | when the pose was taken, on the board's clock |
 //! | `word` | digits of all discrete actuators, base first |
 //! | `previous` ? | the word before; without this column that of the row before in the same run; empty: not known |
-//! | `servo1_deg`, `servo2_deg`, … | positions of the servo joints, as many as the arm has |
+//! | `servo0_deg`, `servo1_deg`, … | positions of the servo joints, as many as the arm has |
 //! | `x_m`, `y_m`, `angle_deg` | pose of the tool in the base, of a planar arm |
 //! | `x_m`, `y_m`, `z_m`, `rx_deg`, `ry_deg`, `rz_deg` | the same of any arm, with a rotation vector |
 //! | `supply_bar`, `temperature_c` ? | supply and temperature of the arm |

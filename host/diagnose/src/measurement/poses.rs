@@ -140,12 +140,15 @@ impl<'a> Columns<'a> {
             let none = ReadError::NoColumn { path: table.path.clone(), column, present: table.present() };
             in_unit(quantity, unit).ok_or(none)
         };
+        let servo = |k: usize| in_unit(&format!("servo{k}"), "rad");
+        // Older files count servos from 1.
+        let first_servo = usize::from(servo(0).is_none());
         Ok(Self {
             table,
             time: needed("time", "s")?,
             word: needed("word", "")?,
             previous: table.quantity("previous"),
-            servos: (1..).map_while(|k| in_unit(&format!("servo{k}"), "rad")).collect(),
+            servos: (first_servo..).map_while(servo).collect(),
             pose: pose.iter().map(|(quantity, unit)| needed(quantity, unit)).collect::<Result<_, _>>()?,
             supply: in_unit("supply", "Pa"),
             temperature: in_unit("temperature", "°C").or_else(|| in_unit("temperature", "K")),

@@ -8,7 +8,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 
-use super::csv::{header, row};
+use super::csv::{header, row, text};
 use super::log::{self, Rows};
 use super::{Run, Sample};
 
@@ -91,11 +91,11 @@ impl Stream {
         };
         let row = row(sample, columns.planar);
         match &mut self.sink {
-            Sink::Text(file) => file.write_all((row + "\n").as_bytes()),
-            Sink::Compressed(encoder) => write_compressed(encoder, &(row + "\n")),
+            Sink::Text(file) => file.write_all(text([row]).as_bytes()),
+            Sink::Compressed(encoder) => write_compressed(encoder, &text([row])),
             Sink::Log { file, rows, .. } => {
                 let Some(rows) = rows else { return Ok(()) };
-                rows.push(&row.split(',').collect());
+                rows.push(&row);
                 file.write_all(&rows.log.take())
             }
         }
@@ -131,12 +131,12 @@ impl Stream {
     fn header(&mut self, planar: bool, n_servos: usize) -> io::Result<Columns> {
         let header = header(planar, n_servos);
         match &mut self.sink {
-            Sink::Text(file) => file.write_all((header + "\n").as_bytes())?,
-            Sink::Compressed(encoder) => write_compressed(encoder, &(header + "\n"))?,
+            Sink::Text(file) => file.write_all(text([header]).as_bytes())?,
+            Sink::Compressed(encoder) => write_compressed(encoder, &text([header]))?,
             Sink::Log { file, about, rows } => {
                 let now = SystemTime::now().duration_since(UNIX_EPOCH).map_err(io::Error::other)?;
                 about.push_str(&format!("# {} {:.3}\n", log::FIRST_ROW, now.as_secs_f64()));
-                let rows = rows.insert(Rows::new(&log::about(about.lines()), header.split(',').collect()));
+                let rows = rows.insert(Rows::new(&log::about(about.lines()), header));
                 file.write_all(&rows.log.take())?;
             }
         }

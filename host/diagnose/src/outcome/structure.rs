@@ -107,7 +107,7 @@ impl Regressor {
             Self::Time => "time".into(),
             Self::Supply => "supply".into(),
             Self::Temperature => "temperature".into(),
-            Self::Servo(servo) => format!("position of servo {}", servo + 1),
+            Self::Servo(servo) => format!("position of servo {servo}"),
             Self::Digit(of) => format!("digit of {}", actuator(*of)),
             Self::Digits([a, b]) => format!("digit of {} with digit of {}", actuator(*a), actuator(*b)),
             Self::WordBefore(of) => format!("word before, at {}", actuator(*of)),
