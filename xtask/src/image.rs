@@ -221,7 +221,7 @@ fn build_binary(board: Board, name: &str, feature: &str) -> Result<PathBuf> {
         .status()
         .context("cargo did not start")?;
     if !status.success() {
-        bail!("the firmware does not build; the compiler's words stand above");
+        bail!("the firmware does not build; see the compiler's errors above");
     }
     Ok(setup::target().join(board.target()).join("firmware").join(name))
 }

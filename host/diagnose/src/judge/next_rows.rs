@@ -1,4 +1,4 @@
-//! The measurement that would tell explanations apart: rows of this one, chosen by D-optimality.
+//! The measurement that would distinguish explanations: rows of this one, chosen by D-optimality.
 
 use nalgebra::DMatrix;
 

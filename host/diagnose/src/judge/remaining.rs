@@ -89,12 +89,16 @@ fn dependences(problem: &Signals, axis: &Axis, designs: &[Design], own: Vec<f64>
         let fitted: Vec<f64> = left.iter().zip(&taken.left).map(|(before, after)| before - after + mean).collect();
         mean = 0.0;
         let regressor = design.term.regressor.clone();
-        let variable = regressor.to_string();
-        let channel = experiment.channels.iter().find(|(name, _)| *name == variable);
+        let channel = match &regressor {
+            Regressor::Signals(names) if names.len() == 1 => {
+                experiment.channels.iter().find(|(name, _)| *name == names[0])
+            }
+            _ => None,
+        };
         found.push(Dependence {
             axis: Some(axis.name.clone()),
+            variable: regressor.to_string(),
             regressor,
-            variable,
             shape: design.term.shape,
             frame: None,
             share: taken.square / total,

@@ -98,7 +98,7 @@ fn verdict(diagnosis: &Diagnosis) -> String {
         }
         Verdict::WrongModelOrLog => wrong_model_or_log(diagnosis),
         Verdict::TooLittleData if is_noise_known(diagnosis) => {
-            "No missing effect found: what fits the rows that fits see does not predict the held-out rows better."
+            "No missing effect found: effects that fit the training rows do not lower the error on the held-out rows."
                 .into()
         }
         Verdict::TooLittleData => {
@@ -149,7 +149,7 @@ fn error_sentence(diagnosis: &Diagnosis) -> Option<String> {
         format!("repeatability {} {unit} with {} degrees of freedom; ", short(value), repeatability.dof)
     });
     let hardly = if is_hardly_shown(diagnosis) {
-        " The held-out rows hardly show what is named: hold out rows with the states and conditions that it acts in."
+        " The held-out rows show little of these effects: hold out rows with the states and conditions in which they act."
     } else {
         ""
     };
@@ -162,7 +162,7 @@ fn error_sentence(diagnosis: &Diagnosis) -> Option<String> {
     ))
 }
 
-/// Whether effects that are named change the error on the rows that fits see, and hardly that on those held out.
+/// Whether effects that are named lower the error on the training rows, and that on the held-out rows by little.
 fn is_hardly_shown(diagnosis: &Diagnosis) -> bool {
     let falls = |before: &ErrorFigure, after: &ErrorFigure| after.norm.value < SHOWN * before.norm.value;
     let BeforeAfter { before, after } = &diagnosis.error;
