@@ -25,7 +25,7 @@ pub(crate) struct Adjust {
     #[arg(value_name = "NEW.toml")]
     new: PathBuf,
     /// Smallest adjustment that is listed, in mm; of an angle at the length scale of the arm
-    #[arg(long, value_name = "MM", default_value_t = 0.05)]
+    #[arg(long = "resolution", alias = "resolution-mm", value_name = "MM", default_value_t = 0.05)]
     resolution_mm: f64,
 }
 
@@ -72,7 +72,7 @@ impl Adjust {
         let (old, new) = (Arm::read(&self.old)?, Arm::read(&self.new)?);
         let resolution_m = 1e-3 * self.resolution_mm;
         if !(resolution_m >= 0.0 && resolution_m.is_finite()) {
-            return Err(Usage(format!("--resolution-mm {}: give a length of at least 0 mm", self.resolution_mm)).into());
+            return Err(Usage(format!("--resolution {}: give a length of at least 0 mm", self.resolution_mm)).into());
         }
         let changes = |setting: &Setting| {
             let per_unit_m = if setting.is_angle { old.length_scale_m } else { 1.0 };

@@ -3,7 +3,8 @@
 use super::{Home, example, robot, text};
 
 /// Options of a command that the help no longer shows.
-const OPTIONS: [(&str, &[&str]); 10] = [
+const OPTIONS: [(&str, &[&str]); 11] = [
+    ("adjust", &["--resolution-mm"]),
     ("synth", &["--draw", "--repair"]),
     ("nearest", &["--dead", "--k ", "-k"]),
     ("map", &["--picture"]),
@@ -48,6 +49,8 @@ fn former_names_mean_the_same() {
     let (arm, frames) = (example("planar4.toml"), example("planar4-frames.toml"));
     home.succeeds(&format!("synth {arm} {frames} -o arm.toml"));
     same(&home, &format!("stops {arm} arm.toml"), &format!("adjust {arm} arm.toml"));
+    let adjust = format!("adjust {arm} arm.toml");
+    same(&home, &format!("{adjust} --resolution-mm 1"), &format!("{adjust} --resolution 1"));
     let synth = format!("synth arm.toml {frames} -o new.toml");
     same(&home, &format!("{synth} --repair 4=0 --draw plots"), &format!("{synth} --stuck 4=0 --plot plots"));
     let table = format!("table {arm} -o plan.darm --size 28");

@@ -32,7 +32,7 @@ fn adjustments_below_the_resolution_are_counted() {
     assert_eq!(report["settings"].as_array().unwrap().len(), 1);
     let below = report["below_resolution"].as_u64().unwrap();
     assert!(home.succeeds(&adjust).contains(&format!("the other {below} stay: they differ by less than 0.05 mm")));
-    let all = home.json(&format!("{adjust} --resolution-mm 0.001"));
+    let all = home.json(&format!("{adjust} --resolution 0.001"));
     assert_eq!(all["settings"].as_array().unwrap().len() as u64, below + 1);
 }
 
@@ -63,7 +63,7 @@ fn a_stuck_actuator_keeps_its_stops_on_demand() {
     let turned = |options: &str| {
         let cost =
             home.json(&format!("synth {arm} {frames} -o new.toml --stuck 4=0 --frames-out words.toml {options}"));
-        let settings = home.json(&format!("adjust {arm} new.toml --resolution-mm 0"))["settings"].clone();
+        let settings = home.json(&format!("adjust {arm} new.toml --resolution 0"))["settings"].clone();
         let own = settings.as_array().unwrap().iter().filter(|line| line["actuator"] == 4).count();
         (cost["repair"]["dead_turned_m"].as_f64().unwrap(), own, cost["repair"]["frames_met"].clone())
     };
