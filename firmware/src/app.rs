@@ -77,7 +77,7 @@ pub async fn serve<F: NorFlash, C: Clock>(
     dispatcher: &mut Dispatcher<'_, '_, F, C>,
     reader: &mut impl Read,
     writer: &mut impl Write,
-) -> bootstrap::Into {
+) -> bootstrap::RebootTarget {
     let inbox = Inbox::new();
     let shared = dispatcher.shared;
     match select(scan(&inbox, shared, reader), work(&inbox, dispatcher, writer)).await {
@@ -116,7 +116,7 @@ pub async fn work<F: NorFlash, C: Clock>(
     inbox: &Inbox,
     dispatcher: &mut Dispatcher<'_, '_, F, C>,
     writer: &mut impl Write,
-) -> bootstrap::Into {
+) -> bootstrap::RebootTarget {
     let out = Out { writer: Mutex::new(writer), is_cut: Cell::new(false), cut: Signal::new() };
     let mut port: Port = Port::default();
     let mut bytes = [0; PIECE];

@@ -211,12 +211,12 @@ impl<'t> Control<'t> {
         // A tick that switched coils has done enough; the order waits for the next one, and never longer.
         self.waited = self.next_event != events_before && !self.waited;
         if !self.waited && self.sequencer.is_ready() {
-            self.attend(shared);
+            self.poll_request(shared);
         }
         outputs
     }
 
-    fn attend(&mut self, shared: &Shared<'t>) {
+    fn poll_request(&mut self, shared: &Shared<'t>) {
         if let Some(order) = shared.orders.take() {
             // The dispatcher has fetched the last outcome before it asked again, so there is room.
             let _ = shared.outcomes.put(self.execute(order, shared.stops()));

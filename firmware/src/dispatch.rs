@@ -74,7 +74,7 @@ pub struct Dispatcher<'s, 't, F: NorFlash, C> {
     pub(crate) shared: &'s Shared<'t>,
     pub(crate) log: EventLog,
     /// Set when the board is to restart, once the answer has left.
-    reboot: Option<bootstrap::Into>,
+    reboot: Option<bootstrap::RebootTarget>,
     /// A new profile is stored: no stop puts off the restart that brings it into force.
     is_profile_new: bool,
     /// `None` when the flash does not answer.
@@ -255,9 +255,9 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
     }
 
     /// Restarts the board where nothing runs.
-    pub(crate) async fn restart(&mut self, into: bootstrap::Into) -> Result<(), Refusal> {
+    pub(crate) async fn restart(&mut self, into: bootstrap::RebootTarget) -> Result<(), Refusal> {
         self.require_idle().await?;
-        if into == bootstrap::Into::Loader && self.board.guards_loader && !self.snapshot().await?.button {
+        if into == bootstrap::RebootTarget::Loader && self.board.guards_loader && !self.snapshot().await?.button {
             return Err(Refusal::NobodyPresent);
         }
         self.reboot = Some(into);
@@ -266,7 +266,7 @@ impl<'s, 't, F: NorFlash, C: Clock> Dispatcher<'s, 't, F, C> {
 
     /// What the board is to restart into now. A restart that was requested before a stop is dropped, as all that came
     /// before it.
-    pub fn restart_due(&mut self, stopped: bool) -> Option<bootstrap::Into> {
+    pub fn restart_due(&mut self, stopped: bool) -> Option<bootstrap::RebootTarget> {
         self.reboot.take().filter(|_| !stopped || self.is_profile_new)
     }
 

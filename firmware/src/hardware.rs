@@ -18,7 +18,7 @@ use darm_core::output::{MAX_LINES, MAX_SERVOS};
 use darm_core::profile::Profile;
 use darm_core::table::Table;
 use darm_core::units::{DeviceId, Micros};
-use darm_core::wire::bootstrap::{CrashRecord, Identity, Into};
+use darm_core::wire::bootstrap::{CrashRecord, Identity, RebootTarget};
 use darm_core::wire::caps::Caps;
 use embassy_futures::select::{Either, select};
 use embedded_io_async::{Read, Write};
@@ -82,7 +82,7 @@ pub trait Hardware: Sized + 'static {
 
     /// Resets the chip on request, into the firmware or into the chip's loader. A board whose loader starts by a jumper alone
     /// starts the firmware again.
-    fn restart(_: Into) -> ! {
+    fn restart(_: RebootTarget) -> ! {
         Self::disable_outputs();
         Self::reset()
     }
@@ -190,7 +190,7 @@ pub async fn console<H: Hardware>(
     start: Start,
     pulse: &Pulse,
     (reader, writer): (&mut impl Read, &mut impl Write),
-) -> Into {
+) -> RebootTarget {
     let into = match start {
         Start::Normal => {
             let work = pin!(async {
@@ -219,7 +219,7 @@ pub async fn console_behind<H: Hardware>(
     (table, profile): (&'static mut Table, &'static mut Profile),
     pulse: &Pulse,
     (inbox, writer): (&Inbox, &mut impl Write),
-) -> Into {
+) -> RebootTarget {
     let work = pin!(async {
         dispatcher.open(H::open_flash(), table, profile).await;
         work(inbox, dispatcher, writer).await

@@ -29,8 +29,8 @@ pub async fn serve(
     clock: &impl Clock,
     reader: &mut impl Read,
     writer: &mut impl Write,
-) -> bootstrap::Into {
-    let allows = |into| into != bootstrap::Into::Loader || !board.guards_loader || is_button_closed();
+) -> bootstrap::RebootTarget {
+    let allows = |into| into != bootstrap::RebootTarget::Loader || !board.guards_loader || is_button_closed();
     let mut port: Port = Port::default();
     let mut bytes = [0; 16];
     loop {
@@ -57,10 +57,10 @@ pub async fn serve(
 /// Answers a frame of the bootstrap set; what to start into, if it asks for that. A failed write has no reader.
 async fn answer(
     board: &Board,
-    allows: &impl Fn(bootstrap::Into) -> bool,
+    allows: &impl Fn(bootstrap::RebootTarget) -> bool,
     encoded: &mut [u8],
     writer: &mut impl Write,
-) -> Option<bootstrap::Into> {
+) -> Option<bootstrap::RebootTarget> {
     let (header, payload) = frame::decode(encoded).ok()?;
     let request = Request::decode(header.tag, payload)?;
     let into = if let Request::Reboot(into) = request { Some(into) } else { None };
@@ -83,13 +83,13 @@ fn reply(board: &Board, request: Request) -> Payload {
 }
 
 async fn execute(
-    allows: &impl Fn(bootstrap::Into) -> bool,
+    allows: &impl Fn(bootstrap::RebootTarget) -> bool,
     line: &str,
     writer: &mut impl Write,
-) -> Option<bootstrap::Into> {
+) -> Option<bootstrap::RebootTarget> {
     let asked = match line {
-        "reboot" => Some(bootstrap::Into::Application),
-        "reboot loader" => Some(bootstrap::Into::Loader),
+        "reboot" => Some(bootstrap::RebootTarget::Application),
+        "reboot loader" => Some(bootstrap::RebootTarget::Loader),
         _ => None,
     };
     let into = asked.filter(|into| allows(*into));
@@ -145,11 +145,11 @@ mod tests {
     }
 
     /// What the board answers to these bytes, and into what it reboots.
-    fn exchange(sent: &[u8]) -> (Vec<u8>, bootstrap::Into) {
+    fn exchange(sent: &[u8]) -> (Vec<u8>, bootstrap::RebootTarget) {
         exchange_with(true, sent)
     }
 
-    fn exchange_with(closed: bool, sent: &[u8]) -> (Vec<u8>, bootstrap::Into) {
+    fn exchange_with(closed: bool, sent: &[u8]) -> (Vec<u8>, bootstrap::RebootTarget) {
         let (mut reader, mut writer) = (Line(sent.to_vec()), Line(Vec::new()));
         let into = run(serve(&board(), || closed, &HandClock::default(), &mut reader, &mut writer), || {});
         (writer.0, into)
@@ -169,7 +169,7 @@ mod tests {
             Request::Version,
             Request::Stop,
             Request::ReadFault,
-            Request::Reboot(bootstrap::Into::Loader),
+            Request::Reboot(bootstrap::RebootTarget::Loader),
         ];
         let sent: Vec<u8> = requests.iter().flat_map(|request| frame_of(request.tag(), request.payload())).collect();
         let version = Version { protocol: 0, firmware: FIRMWARE };
@@ -177,7 +177,7 @@ mod tests {
             [identity.encode(), version.encode(), reply(&board(), Request::Stop), CrashRecord::encode(crash.as_ref())];
         let answers = payloads.iter().zip(1..).flat_map(|(payload, tag): (_, u8)| frame_of(tag | ANSWER, payload));
         let expected: Vec<u8> = answers.chain(frame_of(5 | ANSWER, &[0])).collect();
-        assert_eq!(exchange(&sent), (expected, bootstrap::Into::Loader));
+        assert_eq!(exchange(&sent), (expected, bootstrap::RebootTarget::Loader));
     }
 
     #[test]
@@ -185,16 +185,16 @@ mod tests {
         let (text, into) = exchange(b"play\rreboot\r");
         assert_eq!(
             (String::from_utf8(text).unwrap(), into),
-            (format!("{HELP}{REBOOTS}"), bootstrap::Into::Application)
+            (format!("{HELP}{REBOOTS}"), bootstrap::RebootTarget::Application)
         );
     }
 
     #[test]
     fn a_guarded_loader_is_entered_only_while_the_button_is_closed() {
-        let request = Request::Reboot(bootstrap::Into::Loader);
+        let request = Request::Reboot(bootstrap::RebootTarget::Loader);
         let sent = [&frame_of(request.tag(), request.payload()), &b"reboot loader\rreboot\r"[..]].concat();
         let expected = [&frame_of(request.tag() | ANSWER, &[1]), NO_LOADER.as_bytes(), REBOOTS.as_bytes()].concat();
-        assert_eq!(exchange_with(false, &sent), (expected, bootstrap::Into::Application));
+        assert_eq!(exchange_with(false, &sent), (expected, bootstrap::RebootTarget::Application));
     }
 
     #[test]

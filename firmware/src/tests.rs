@@ -311,7 +311,7 @@ fn the_console_serves_both_languages_until_it_starts_anew() {
     let mut dispatcher = bench.dispatcher.borrow_mut();
     let served = async {
         let into = serve(dispatcher.as_mut().unwrap(), &mut PipeReader(&input), &mut PipeWriter(&output)).await;
-        assert_eq!(into, bootstrap::Into::Application);
+        assert_eq!(into, bootstrap::RebootTarget::Application);
     };
     let text = RefCell::new(String::new());
     run(served, || {
@@ -354,7 +354,7 @@ fn nobody_restarts_a_board_whose_program_runs() {
     bench.command(Command::Play).unwrap();
     bench.pass_ms(150);
     assert!(bench.type_line("reboot").starts_with('?'));
-    let request = bootstrap::Request::Reboot(bootstrap::Into::Application);
+    let request = bootstrap::Request::Reboot(bootstrap::RebootTarget::Application);
     bench.send(Header { tag: request.tag(), link: 0, number: 9 }, request.payload());
     assert_eq!(bench.dispatcher.borrow_mut().as_mut().unwrap().restart_due(false), None);
 }

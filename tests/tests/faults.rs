@@ -126,7 +126,7 @@ fn three_crashes_in_a_row_hold_the_board_until_a_reboot() {
     held.stop_at_once().unwrap();
     assert!(held.status().is_err(), "a held board answers the bootstrap set alone");
     assert_eq!(held.last_crash().unwrap().map(|record| record.kind), Some(CrashKind::HardFault));
-    held.reboot(bootstrap::Into::Application).unwrap();
+    held.reboot(bootstrap::RebootTarget::Application).unwrap();
     drop(held);
     let start = Instant::now();
     while board.connect().version().protocol != PROTOCOL {

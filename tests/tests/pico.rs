@@ -13,9 +13,9 @@ use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, Wiring};
 use darm_core::sequencer::{Command, Event, FaultKind, Phase};
 use darm_core::table::{Record, Row};
 use darm_core::units::{Micros, ModelHash, Word};
-use darm_core::wire::bootstrap::Into as RebootInto;
+use darm_core::wire::bootstrap::RebootTarget;
 use darm_core::wire::message::{Calibration, Refusal};
-use darm_device::client::{Client, Happening};
+use darm_device::client::{Client, TimedEvent};
 use darm_device::in_process::InProcess;
 use darm_device::pico::{self, Ended, PicoBench};
 use darm_device::plant::{Broken, Plant};
@@ -81,18 +81,18 @@ impl Bench {
 
     /// All events since the board's start until one of a kind has come.
     #[track_caller]
-    fn events_until(&self, client: &mut Client, is_last: impl Fn(Event) -> bool) -> Vec<Happening> {
-        let mut happened: Vec<Happening> = Vec::new();
+    fn events_until(&self, client: &mut Client, is_last: impl Fn(Event) -> bool) -> Vec<TimedEvent> {
+        let mut happened: Vec<TimedEvent> = Vec::new();
         self.wait("the last event", || {
             let from = happened.last().map_or(0, |last| last.number + 1);
             happened.extend(client.events(from).unwrap());
-            happened.iter().any(|happening| is_last(happening.event))
+            happened.iter().any(|timed| is_last(timed.event))
         });
         happened
     }
 }
 
-fn row_words(happened: &[Happening]) -> Vec<Word> {
+fn row_words(happened: &[TimedEvent]) -> Vec<Word> {
     happened.iter().filter_map(|h| if let Event::Row { word, .. } = h.event { Some(word) } else { None }).collect()
 }
 
@@ -163,15 +163,15 @@ fn a_profile_needs_the_jumper_and_a_reboot_starts_again() {
     let refused = client.upload(&profile(&wiring(true)).image(), &mut |_| {}).unwrap_err();
     assert_eq!(refused.refusal(), Some(Refusal::NobodyPresent));
     let boots = client.hello().unwrap().boots;
-    client.reboot(RebootInto::Application).unwrap();
+    client.reboot(RebootTarget::Application).unwrap();
     bench.board.pass(1.0);
     assert_eq!(bench.connect().hello().unwrap().boots, boots + 1);
-    bench.connect().reboot(RebootInto::Loader).unwrap();
+    bench.connect().reboot(RebootTarget::Loader).unwrap();
     bench.board.pass(0.1);
     assert_eq!(bench.with(|board| board.ended()), None, "the loader is on the console's cable");
     bench.board.hold_button(true);
     bench.board.pass(0.1);
-    bench.connect().reboot(RebootInto::Loader).unwrap();
+    bench.connect().reboot(RebootTarget::Loader).unwrap();
     bench.board.pass(0.1);
     bench.board.hold_button(false);
     assert_eq!(bench.with(|board| board.ended()), Some(Ended::Loader));
@@ -289,7 +289,7 @@ fn a_held_board_answers_packets_of_any_length_and_stays_held() {
     bench.with(PicoBench::bite);
     bench.board.pass(1.0);
     assert_eq!(protocol(&bench), 0, "a held board that is reset is held again");
-    bench.connect().reboot(RebootInto::Loader).unwrap();
+    bench.connect().reboot(RebootTarget::Loader).unwrap();
     bench.board.pass(0.5);
     assert_eq!(protocol(&bench), 0, "the loader is on the console's cable");
     link.send(b"reboot\r").unwrap();

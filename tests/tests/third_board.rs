@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, Wiring};
 use darm_core::sequencer::{Command, Event, Phase};
 use darm_core::units::{ModelHash, Word};
-use darm_device::client::{Client, Happening};
+use darm_device::client::{Client, TimedEvent};
 use darm_device::in_process::MemoryFlash;
 use darm_device::qemu::qtest::Qtest;
 use darm_device::qemu::{Console, Machine, Qemu};
@@ -53,9 +53,9 @@ fn model(flash: &[u8]) -> Vec<u8> {
 }
 
 #[track_caller]
-fn events_until(client: &mut Client, is_last: impl Fn(Event) -> bool) -> Vec<Happening> {
-    let (start, mut happened) = (Instant::now(), Vec::<Happening>::new());
-    while !happened.iter().any(|happening| is_last(happening.event)) {
+fn events_until(client: &mut Client, is_last: impl Fn(Event) -> bool) -> Vec<TimedEvent> {
+    let (start, mut happened) = (Instant::now(), Vec::<TimedEvent>::new());
+    while !happened.iter().any(|timed| is_last(timed.event)) {
         assert!(start.elapsed() < LIMIT, "waited in vain, so far {happened:?}");
         let from = happened.last().map_or(0, |last| last.number + 1);
         happened.extend(client.events(from).unwrap());
@@ -83,7 +83,7 @@ fn a_board_that_only_began_identifies_itself_stores_a_table_and_plays_it() {
     assert_eq!(client.upload(&table(&wiring, &words, ModelHash(7)), &mut |_| {}).unwrap(), 8);
     client.command(Command::Play).unwrap();
     let happened = events_until(&mut client, |event| event == Event::Finished);
-    let row = |happening: &Happening| match happening.event {
+    let row = |timed: &TimedEvent| match timed.event {
         Event::Row { word, .. } => Some(word),
         _ => None,
     };

@@ -146,8 +146,8 @@ impl<'s> Host<'s> {
             }
             let Some(last) = events.last() else { return };
             self.next_event.0 = last.number + 1;
-            for happening in &events {
-                world::with(|world| match happening.event {
+            for timed in &events {
+                world::with(|world| match timed.event {
                     Event::Fault(fault) => {
                         world.pins.on_fault_report(world.now_ns(), fault.at.0);
                         judge_fault_in_program(world, &fault, started_ns);

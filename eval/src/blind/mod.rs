@@ -73,7 +73,7 @@ pub(crate) struct Job {
     first_seed: u64,
     /// One arm only, in place of all in turn
     #[arg(long, value_enum)]
-    arm: Option<Kin>,
+    arm: Option<ArmKind>,
     /// Print a line for every seed that was marked wrong, as it comes; of damaged logs for each
     #[arg(long)]
     #[serde(skip)]
@@ -83,7 +83,7 @@ pub(crate) struct Job {
 /// An arm of the suite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-enum Kin {
+enum ArmKind {
     /// Four planar modules, tool poses
     Planar,
     /// Three modules of six legs, tool poses
@@ -100,7 +100,7 @@ enum Kin {
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Outcome {
     seed: u64,
-    arm: Kin,
+    arm: ArmKind,
     class: Class,
     truth: String,
     darm: Mark,
@@ -140,7 +140,7 @@ impl items::Job for Job {
 
     fn run(&self, bench: &Bench, item: usize) -> Result<Outcome> {
         let seed = self.first_seed + item as u64;
-        let outcome = bench.outcome(self.arm.unwrap_or(Kin::of(seed)), seed)?;
+        let outcome = bench.outcome(self.arm.unwrap_or(ArmKind::of(seed)), seed)?;
         if self.wrong && outcome.is_wrong() {
             println!("{}", outcome.line());
         }
@@ -163,7 +163,7 @@ pub(crate) struct Bench {
     robots: Robots,
 }
 
-impl Kin {
+impl ArmKind {
     /// The arm of a seed.
     fn of(seed: u64) -> Self {
         [Self::Planar, Self::Spatial, Self::Hybrid, Self::Serial, Self::Floating][(seed / 10) as usize % 5]
@@ -172,22 +172,22 @@ impl Kin {
 
 impl Bench {
     /// One seed: drawn, diagnosed, revealed, marked.
-    fn outcome(&self, arm: Kin, seed: u64) -> Result<Outcome> {
+    fn outcome(&self, arm: ArmKind, seed: u64) -> Result<Outcome> {
         let class = Class::of(seed);
         let [planar, spatial, hybrid] = &self.subjects;
         let which = match arm {
-            Kin::Planar => return poses(planar, arm, seed),
-            Kin::Spatial => return poses(spatial, arm, seed),
-            Kin::Hybrid => return poses(hybrid, arm, seed),
-            Kin::Serial => Which::Serial,
-            Kin::Floating => Which::Floating,
+            ArmKind::Planar => return poses(planar, arm, seed),
+            ArmKind::Spatial => return poses(spatial, arm, seed),
+            ArmKind::Hybrid => return poses(hybrid, arm, seed),
+            ArmKind::Serial => Which::Serial,
+            ArmKind::Floating => Which::Floating,
         };
         let (darm, truth) = self.robots.run(which, class, seed)?;
         Ok(Outcome { seed, arm, class, truth, darm, baselines: None })
     }
 }
 
-fn poses(subject: &Subject, arm: Kin, seed: u64) -> Result<Outcome> {
+fn poses(subject: &Subject, arm: ArmKind, seed: u64) -> Result<Outcome> {
     let class = Class::of(seed);
     let blind = case::draw(subject, seed)?;
     let diagnosis = diagnose(&subject.arm, blind.measured(), &diagnosis::Options::default())?;

@@ -6,7 +6,7 @@ use darm_diagnose::select::significance::clopper_pearson;
 
 use super::case::Class;
 use super::judge::Mark;
-use super::{Kin, Outcome};
+use super::{ArmKind, Outcome};
 use darm_figures::figure::Figure;
 
 /// Held-out error over the repeatability that still counts as explained.
@@ -41,7 +41,7 @@ pub(super) fn figures(outcomes: &[Outcome]) -> Result<Vec<Figure>> {
 /// Prints hits and tries of each arm by itself.
 pub(super) fn by_arm(outcomes: &[Outcome]) {
     println!("{:10} {:>12} {:>12} {:>12} {:>12} {:>12}", "arm", "named", "place", "error", "false alarm", "variable");
-    for arm in Kin::value_variants() {
+    for arm in ArmKind::value_variants() {
         let own: Vec<&Outcome> = outcomes.iter().filter(|outcome| outcome.arm == *arm).collect();
         let cell = |choose: fn(&Outcome) -> bool, so: fn(&Mark) -> bool| {
             let chosen: Vec<&Mark> =

@@ -106,10 +106,10 @@ fn play(rig: &mut Rig, rows: usize, progress: &Progress) -> Result<Micros> {
     let bar = progress.bar("playing", rows as u64);
     let mut started = None;
     loop {
-        for happening in rig.client.events(next)? {
-            next = happening.number + 1;
-            match happening.event {
-                Event::Started => started = Some(happening.at),
+        for timed in rig.client.events(next)? {
+            next = timed.number + 1;
+            match timed.event {
+                Event::Started => started = Some(timed.at),
                 Event::Row { row, .. } => bar.set_position(u64::from(row) + 1),
                 Event::Finished => {
                     bar.finish_and_clear();

@@ -29,7 +29,7 @@ use xtask::setup::{self, Emulator};
 pub(crate) struct Demo {
     /// Which arm
     #[arg(long, value_enum, default_value = "planar")]
-    arm: Kin,
+    arm: ArmKind,
     /// Seed of everything that is drawn: the hidden effect, the noise, the words
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -55,14 +55,14 @@ pub(crate) struct Demo {
 /// An arm of the demo.
 #[derive(Clone, Copy, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum Kin {
+pub(crate) enum ArmKind {
     /// Four planar modules, twelve bits
     Planar,
     /// The same on a servo joint
     Hybrid,
 }
 
-impl Kin {
+impl ArmKind {
     fn files(self) -> [PathBuf; 2] {
         let name = match self {
             Self::Planar => "planar4",

@@ -8,7 +8,7 @@ use darm_figures::progress::Progress;
 use darm_figures::shard::Shard;
 use serde::{Deserialize, Serialize};
 
-use super::Kin;
+use super::ArmKind;
 use super::course::{self, Course};
 use super::rig::Rig;
 
@@ -16,7 +16,7 @@ use super::rig::Rig;
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Sweep {
     pub(super) seeds: u64,
-    pub(super) arm: Kin,
+    pub(super) arm: ArmKind,
     #[serde(with = "effect")]
     pub(super) effect: Option<Kind>,
 }

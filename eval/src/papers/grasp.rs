@@ -283,7 +283,7 @@ fn checked(file: &HandFile, is_solved: bool, configuration: &Configuration, cont
     if !is_solved {
         return Ok(Faults::default());
     }
-    let verdict = file.referee.judge(&file.hand, configuration, contacts)?;
+    let verdict = file.cross_check.judge(&file.hand, configuration, contacts)?;
     Ok(Faults {
         collides: verdict.collision.is_some(),
         is_past_limits: verdict.past_limit_rad > 0.0,

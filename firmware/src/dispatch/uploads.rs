@@ -73,7 +73,7 @@ impl<F: NorFlash, C: Clock> Dispatcher<'_, '_, F, C> {
         }
         self.store()?.commit().await?;
         self.is_profile_new = true;
-        self.reboot = Some(bootstrap::Into::Application);
+        self.reboot = Some(bootstrap::RebootTarget::Application);
         Ok(Answer::Done)
     }
 }

@@ -22,7 +22,10 @@ fn a_profile_is_written_only_while_a_person_holds_the_button() {
     assert!(matches!(refused, Err(Refusal::Table(TableError::Profile(Mismatch::Limit { output: 0, .. })))));
     bench.button.set(true);
     assert_eq!(bench.upload(&(image, bytes)), Ok(Answer::Done));
-    assert_eq!(bench.dispatcher.borrow_mut().as_mut().unwrap().restart_due(false), Some(bootstrap::Into::Application));
+    assert_eq!(
+        bench.dispatcher.borrow_mut().as_mut().unwrap().restart_due(false),
+        Some(bootstrap::RebootTarget::Application)
+    );
     let again = Bench::new(bench.cells);
     again.connect();
     assert_eq!(hello(&again).profile, image.digest);
@@ -49,7 +52,7 @@ fn a_jumper_that_was_left_in_its_place_writes_no_profile() {
 fn a_guarded_loader_is_entered_only_while_a_person_holds_the_button() {
     let bench = Bench::new(Cells::with_profile());
     let due = |bench: &Bench| bench.dispatcher.borrow_mut().as_mut().unwrap().restart_due(false);
-    let request = bootstrap::Request::Reboot(bootstrap::Into::Loader);
+    let request = bootstrap::Request::Reboot(bootstrap::RebootTarget::Loader);
     let header = Header { tag: request.tag(), link: 0, number: 9 };
     assert_eq!(bench.send(header, request.payload()), Some(vec![1]));
     assert!(bench.type_line("reboot loader").starts_with('?'));
@@ -57,7 +60,7 @@ fn a_guarded_loader_is_entered_only_while_a_person_holds_the_button() {
     bench.button.set(true);
     bench.pass_ms(1);
     assert_eq!(bench.send(header, request.payload()), Some(vec![0]));
-    assert_eq!(due(&bench), Some(bootstrap::Into::Loader));
+    assert_eq!(due(&bench), Some(bootstrap::RebootTarget::Loader));
 }
 
 #[test]

@@ -151,5 +151,5 @@ fn a_stop_drops_a_restart_unless_a_new_profile_waits_for_it() {
     assert_eq!(restart_due(), None);
     bench.button.set(true);
     assert_eq!(bench.upload(&profile_image(&profile())), Ok(Answer::Done));
-    assert_eq!(restart_due(), Some(bootstrap::Into::Application));
+    assert_eq!(restart_due(), Some(bootstrap::RebootTarget::Application));
 }

@@ -5,7 +5,7 @@ use core::fmt;
 use darm_core::nearest::Coordinates;
 use darm_core::sequencer::Command;
 use darm_core::units::{Word, WordError};
-use darm_core::wire::bootstrap::Into;
+use darm_core::wire::bootstrap::RebootTarget;
 
 /// What a line asks for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,7 +18,7 @@ pub(super) enum Words {
     Table,
     Fault,
     Log,
-    Reboot(Into),
+    Reboot(RebootTarget),
     Nearest(Coordinates),
     Do(Command),
 }
@@ -76,8 +76,8 @@ pub(super) fn parse(line: &str) -> Result<Words, ParseError> {
         None if is("clear") => Ok(Words::Do(Command::Clear)),
         None if is("fault") => Ok(Words::Fault),
         None if is("log") => Ok(Words::Log),
-        None if is("reboot") => Ok(Words::Reboot(Into::Application)),
-        Some(into) if is("reboot") && into.eq_ignore_ascii_case("loader") => Ok(Words::Reboot(Into::Loader)),
+        None if is("reboot") => Ok(Words::Reboot(RebootTarget::Application)),
+        Some(into) if is("reboot") && into.eq_ignore_ascii_case("loader") => Ok(Words::Reboot(RebootTarget::Loader)),
         _ => Err(ParseError::Unknown),
     }
 }
@@ -121,7 +121,7 @@ mod tests {
     use super::{ParseError, Words, parse};
     use darm_core::nearest::Coordinates;
     use darm_core::sequencer::Command;
-    use darm_core::wire::bootstrap::Into;
+    use darm_core::wire::bootstrap::RebootTarget;
 
     #[test]
     fn lines_are_commands() {
@@ -129,7 +129,7 @@ mod tests {
         assert_eq!(parse("Coil 3 OFF"), Ok(Words::Do(Command::Coil { coil: 3, on_ms: 0 })));
         assert_eq!(parse("word 010,1 1"), Ok(Words::Do(Command::Word("01011".parse().unwrap()))));
         assert_eq!(parse("servo 1 -90"), Ok(Words::Do(Command::Servo { servo: 1, angle_rad: -90f32.to_radians() })));
-        assert_eq!(parse("REBOOT loader"), Ok(Words::Reboot(Into::Loader)));
+        assert_eq!(parse("REBOOT loader"), Ok(Words::Reboot(RebootTarget::Loader)));
         assert_eq!(parse("play"), Ok(Words::Do(Command::Play)));
         let plane = Coordinates { turn_rad: [0.0, 0.0, 90f32.to_radians()], position_m: [-0.3, 4.2, 0.0] };
         assert_eq!(parse("nearest -300 4200 90"), Ok(Words::Nearest(plane)));

@@ -33,12 +33,12 @@ pub enum Request {
     /// How did the firmware die last?
     ReadFault,
     /// Start again.
-    Reboot(Into),
+    Reboot(RebootTarget),
 }
 
 /// What a board starts into.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Into {
+pub enum RebootTarget {
     /// The firmware.
     Application,
     /// The chip's own loader.
@@ -61,8 +61,8 @@ impl Request {
     pub const fn payload(&self) -> &'static [u8] {
         match self {
             Self::Identify | Self::Version | Self::Stop | Self::ReadFault => &[],
-            Self::Reboot(Into::Application) => &[0],
-            Self::Reboot(Into::Loader) => &[1],
+            Self::Reboot(RebootTarget::Application) => &[0],
+            Self::Reboot(RebootTarget::Loader) => &[1],
         }
     }
 
@@ -73,8 +73,8 @@ impl Request {
             (2, []) => Some(Self::Version),
             (3, []) => Some(Self::Stop),
             (4, []) => Some(Self::ReadFault),
-            (5, [0]) => Some(Self::Reboot(Into::Application)),
-            (5, [1]) => Some(Self::Reboot(Into::Loader)),
+            (5, [0]) => Some(Self::Reboot(RebootTarget::Application)),
+            (5, [1]) => Some(Self::Reboot(RebootTarget::Loader)),
             _ => None,
         }
     }
@@ -212,7 +212,7 @@ mod tests {
     fn requests_and_their_bytes_are_inverse() {
         let all = [Request::Identify, Request::Version, Request::Stop, Request::ReadFault]
             .into_iter()
-            .chain([Request::Reboot(Into::Application), Request::Reboot(Into::Loader)]);
+            .chain([Request::Reboot(RebootTarget::Application), Request::Reboot(RebootTarget::Loader)]);
         for (request, tag) in all.zip([1, 2, 3, 4, 5, 5]) {
             assert_eq!(request.tag(), tag);
             assert_eq!(Request::decode(tag, request.payload()), Some(request));

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use darm_core::output::Wiring;
 use darm_core::sequencer::Event;
 use darm_core::units::Word;
-use darm_device::client::{Client, Happening};
+use darm_device::client::{Client, TimedEvent};
 use darm_device::clock::HostTime;
 use darm_device::follow::Follower;
 use darm_device::in_process::MemoryFlash;
@@ -96,18 +96,18 @@ pub(crate) fn wait(what: &str, mut is_so: impl FnMut() -> bool) {
 
 /// All events since the board's start until one of a kind has come.
 #[track_caller]
-pub(crate) fn events_until(client: &mut Client, is_last: impl Fn(Event) -> bool) -> Vec<Happening> {
-    let mut happened: Vec<Happening> = Vec::new();
+pub(crate) fn events_until(client: &mut Client, is_last: impl Fn(Event) -> bool) -> Vec<TimedEvent> {
+    let mut happened: Vec<TimedEvent> = Vec::new();
     wait("the last event", || {
         let from = happened.last().map_or(0, |last| last.number + 1);
         happened.extend(client.events(from).unwrap());
-        happened.iter().any(|happening| is_last(happening.event))
+        happened.iter().any(|timed| is_last(timed.event))
     });
     happened
 }
 
 /// The words of the rows that went out.
-pub(crate) fn row_words(happened: &[Happening]) -> Vec<Word> {
+pub(crate) fn row_words(happened: &[TimedEvent]) -> Vec<Word> {
     happened.iter().filter_map(|h| if let Event::Row { word, .. } = h.event { Some(word) } else { None }).collect()
 }
 
@@ -120,12 +120,12 @@ pub(crate) struct RowTime {
 }
 
 /// Start and end of every row but the last, in host time.
-pub(crate) fn rows_in_host_time(client: &Client, happened: &[Happening]) -> Vec<(RowTime, RowTime)> {
+pub(crate) fn rows_in_host_time(client: &Client, happened: &[TimedEvent]) -> Vec<(RowTime, RowTime)> {
     let mut previous = Word::zeros(12).unwrap();
     let mut rows = Vec::new();
-    for happening in happened {
-        if let Event::Row { word, .. } = happening.event {
-            let at = client.clock().host_time(1e-6 * happening.at.0 as f64).unwrap();
+    for timed in happened {
+        if let Event::Row { word, .. } = timed.event {
+            let at = client.clock().host_time(1e-6 * timed.at.0 as f64).unwrap();
             rows.push(RowTime { at, word, previous });
             previous = word;
         }

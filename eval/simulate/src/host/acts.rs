@@ -1,7 +1,7 @@
 //! The host's acts that need more than one request, each with what the judges learn from it.
 
 use darm_core::sequencer::{Command, Phase};
-use darm_core::wire::bootstrap::Into as RebootInto;
+use darm_core::wire::bootstrap::RebootTarget;
 use darm_core::wire::message::Calibration;
 use darm_device::client::{Client, ClientError};
 
@@ -32,7 +32,7 @@ impl Host<'_> {
             world.servos.on_asked(0.0);
             world.silence_servos(u8::MAX);
         });
-        self.ask("reboot", |client| client.reboot(RebootInto::Application));
+        self.ask("reboot", |client| client.reboot(RebootTarget::Application));
         world::pass(SETTLE_MS);
         for _ in 0..2 {
             self.command("turn", Command::Servo { servo, angle_rad: 0.0 });
@@ -51,7 +51,7 @@ impl Host<'_> {
         self.upload(table);
         self.use_up(coil);
         self.ask("stop", |client| client.command(Command::Stop));
-        self.ask("reboot", |client| client.reboot(RebootInto::Application));
+        self.ask("reboot", |client| client.reboot(RebootTarget::Application));
         world::pass(SETTLE_MS);
         self.use_up(coil);
     }

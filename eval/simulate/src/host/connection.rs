@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use darm_core::sequencer::Command;
 use darm_core::wire::message::Status;
-use darm_device::client::{Client, ClientError, Happening, TransportError};
+use darm_device::client::{Client, ClientError, TimedEvent, TransportError};
 use darm_device::link::faulty::{Faults, Faulty};
 use darm_device::link::{Link, LinkError};
 use rand::RngExt as _;
@@ -147,7 +147,7 @@ pub(super) trait Observed {
 
 impl Observed for () {}
 
-impl Observed for Vec<Happening> {}
+impl Observed for Vec<TimedEvent> {}
 
 impl Observed for Status {
     fn observe(&self, asked_ns: u64) {

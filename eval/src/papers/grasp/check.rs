@@ -20,8 +20,8 @@ const ROUNDING_M: f64 = 1e-8;
 pub(super) fn collisions(robot: &Path, file: &HandFile, configurations: &[Configuration]) -> Result<usize> {
     let folder = setup::root().join("target/papers/grasp");
     let python = python::environment(&folder.join("python"), &PACKAGES)?;
-    let joints = file.referee.joints.as_flattened();
-    let names: Vec<&str> = joints.iter().map(|joint| file.referee.robot.joints[*joint].name.as_str()).collect();
+    let joints = file.cross_check.joints.as_flattened();
+    let names: Vec<&str> = joints.iter().map(|joint| file.cross_check.robot.joints[*joint].name.as_str()).collect();
     let of_joints = |configuration: &Configuration| -> Vec<f64> {
         configuration.angles.chunks(COORDINATES).flat_map(|finger| &finger[..JOINTS]).copied().collect()
     };

@@ -1,7 +1,7 @@
 //! What the firmware's library asks of a board: the B-L475E-IOT01A.
 use cortex_m::peripheral::SCB;
 use darm_core::units::DeviceId;
-use darm_core::wire::bootstrap::Into;
+use darm_core::wire::bootstrap::RebootTarget;
 use darm_firmware::control::Inputs;
 use darm_firmware::crash::Kept;
 use darm_firmware::hardware::{Hardware, Pins};
@@ -75,7 +75,7 @@ impl Hardware for Board {
         user_button_pressed()
     }
 
-    fn restart(into: Into) -> ! {
+    fn restart(into: RebootTarget) -> ! {
         restart::restart(into)
     }
 

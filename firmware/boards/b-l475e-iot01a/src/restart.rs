@@ -3,7 +3,7 @@ use core::mem::MaybeUninit;
 use core::ptr::addr_of_mut;
 
 use cortex_m::peripheral::SCB;
-use darm_core::wire::bootstrap::Into;
+use darm_core::wire::bootstrap::RebootTarget;
 
 /// Vector table of the system memory (AN2606).
 const SYSTEM_MEMORY: u32 = 0x1FFF_0000;
@@ -14,10 +14,10 @@ const MAGIC: u32 = 0x6c6f_6164;
 static mut WISH: MaybeUninit<u32> = MaybeUninit::uninit();
 
 /// Resets the chip on request; output pins go back to their pull-ups, which hold the outputs off.
-pub fn restart(into: Into) -> ! {
+pub fn restart(into: RebootTarget) -> ! {
     let wish = match into {
-        Into::Application => 0,
-        Into::Loader => MAGIC,
+        RebootTarget::Application => 0,
+        RebootTarget::Loader => MAGIC,
     };
     // SAFETY: one word that only this file touches.
     unsafe { addr_of_mut!(WISH).cast::<u32>().write_volatile(wish) };

@@ -12,7 +12,7 @@
 //! off until [`super::chain`] takes over.
 
 use darm_core::units::{DeviceId, Micros};
-use darm_core::wire::bootstrap::Into;
+use darm_core::wire::bootstrap::RebootTarget;
 use darm_firmware::clock::Clock;
 use darm_firmware::control::Inputs;
 use darm_firmware::crash::Kept;
@@ -91,9 +91,9 @@ impl Hardware for Board {
         is_jumper_closed()
     }
 
-    fn restart(into: Into) -> ! {
+    fn restart(into: RebootTarget) -> ! {
         Self::disable_outputs();
-        if into == Into::Loader {
+        if into == RebootTarget::Loader {
             reset_to_usb_boot(0, 0);
         }
         Self::reset()

@@ -58,7 +58,7 @@ pub use catalogue::{Bought, CatalogueError, Part, buy, read_catalogue};
 pub use obstacle::Obstacle;
 pub use paper::{Feedback, Scheme};
 use problem::Problem;
-pub use repair::{Cost, Dead, repair};
+pub use repair::{Cost, StuckActuator, repair};
 pub use stroke::{MinStroke, equal_stops, min_strokes, short_strokes, stops_as_they_are};
 pub use tolerance::{Expected, Tolerance, expected, minimize_sensitivity};
 pub use watch::Watch;

@@ -11,7 +11,7 @@ use crate::arm::frames::DesiredFrame;
 
 /// An actuator that stays in one state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Dead {
+pub struct StuckActuator {
     /// Its number.
     pub actuator: usize,
     /// The state that it stays in.
@@ -47,10 +47,10 @@ pub struct Cost {
 pub fn repair(
     arm: &Arm,
     desired: &[DesiredFrame],
-    dead: Dead,
+    dead: StuckActuator,
     options: &Options,
 ) -> Result<(Synthesis, Cost), SynthesisError> {
-    let Dead { actuator, state } = dead;
+    let StuckActuator { actuator, state } = dead;
     let stuck: Vec<DesiredFrame> = desired
         .iter()
         .map(|frame| DesiredFrame { word: frame.word.with_digit(actuator, state), ..frame.clone() })

@@ -90,7 +90,7 @@ impl HandArgs {
             return Err(Usage(format!("--tip-radius {radius_mm}: give a length above 0 mm")).into());
         }
         let file = read_bare_hand(&self.hand, &Fingers { tips: self.tips.clone(), tip_radius_m: 1e-3 * radius_mm })?;
-        let tips = file.referee.tips.iter().zip(&file.hand.fingers);
+        let tips = file.cross_check.tips.iter().zip(&file.hand.fingers);
         let tips: Vec<_> = tips.map(|(tip, finger)| format!("{} {}", finger.name, tip.name)).collect();
         ui.note(&format!("fingers: {}; radius of their tips: {radius_mm} mm", tips.join(", ")));
         Ok(file)
@@ -192,7 +192,7 @@ impl Solve {
         let contacts = search.order.map(|contact| task.contacts[contact]);
         let configuration =
             search.path.last().copied().context("the search has no configuration; please report this error of darm")?;
-        let verdict = file.referee.judge(&file.hand, &configuration, &contacts)?;
+        let verdict = file.cross_check.judge(&file.hand, &configuration, &contacts)?;
         if let Some(path) = &self.plot {
             output_file::write_text(path, Syntax::Svg, &picture::svg(&file.hand, &stages(&search.path), &contacts))?;
         }

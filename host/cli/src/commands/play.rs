@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use darm_core::sequencer::{Event, Fault, Phase};
 use darm_core::wire::message::Refusal;
-use darm_device::client::{Client, ClientError, Happening};
+use darm_device::client::{Client, ClientError, TimedEvent};
 use serde::{Serialize, Serializer};
 
 use super::status::seconds;
@@ -215,8 +215,8 @@ impl ProgramMonitor {
     ) -> anyhow::Result<()> {
         while self.end.is_none() && interrupt.interrupted().is_none() {
             std::thread::sleep(POLL);
-            for happening in self.poll(client)? {
-                if let Event::Row { row, .. } = happening.event {
+            for timed in self.poll(client)? {
+                if let Event::Row { row, .. } = timed.event {
                     on_row(row);
                 }
             }
@@ -225,7 +225,7 @@ impl ProgramMonitor {
     }
 
     /// Requests the events since the last poll.
-    pub(crate) fn poll(&mut self, client: &mut Client) -> anyhow::Result<Vec<Happening>> {
+    pub(crate) fn poll(&mut self, client: &mut Client) -> anyhow::Result<Vec<TimedEvent>> {
         // The phase is requested first: an end between the two requests is then in the events.
         let phase = client.status()?.phase;
         let mut seen = Vec::new();
@@ -233,7 +233,7 @@ impl ProgramMonitor {
             let new = client.events(self.next_event)?;
             let Some(last) = new.last() else { break };
             self.next_event = last.number + 1;
-            new.iter().for_each(|happening| self.take(happening));
+            new.iter().for_each(|timed| self.take(timed));
             seen.extend(new);
         }
         if self.end.is_none() && !matches!(phase, Phase::Playing { .. } | Phase::Approaching { .. }) {
@@ -245,25 +245,25 @@ impl ProgramMonitor {
         Ok(seen)
     }
 
-    fn take(&mut self, happening: &Happening) {
-        let earlier = seconds(happening.at) < self.since_s;
+    fn take(&mut self, timed: &TimedEvent) {
+        let earlier = seconds(timed.at) < self.since_s;
         // The board ends a phase by hand with `Stopped` before it starts the program.
-        let by_hand = self.started_s.is_none() && happening.event == Event::Stopped;
+        let by_hand = self.started_s.is_none() && timed.event == Event::Stopped;
         if self.end.is_some() || earlier || by_hand {
             return;
         }
-        match happening.event {
-            Event::Started if self.started_s.is_some_and(|own_s| seconds(happening.at) > own_s + TICK_S) => {
+        match timed.event {
+            Event::Started if self.started_s.is_some_and(|own_s| seconds(timed.at) > own_s + TICK_S) => {
                 self.end = Some(End::Stopped);
             }
-            Event::Started => self.started_s = Some(seconds(happening.at)),
+            Event::Started => self.started_s = Some(seconds(timed.at)),
             Event::Row { row, .. } => self.rows_played = row + 1,
             Event::Finished => self.end = Some(End::Finished),
             Event::Stopped | Event::Booted => self.end = Some(End::Stopped),
             Event::Fault(fault) => self.end = Some(End::Fault(fault)),
             Event::Cleared => {}
         }
-        self.ended_s = Some(seconds(happening.at));
+        self.ended_s = Some(seconds(timed.at));
     }
 
     /// Prints the result; a fault or an early stop is also an error.
@@ -293,14 +293,14 @@ impl ProgramMonitor {
 mod tests {
     use darm_core::sequencer::Event;
     use darm_core::units::Micros;
-    use darm_device::client::Happening;
+    use darm_device::client::TimedEvent;
 
     use super::{End, ProgramMonitor};
 
     fn followed(events: &[Event]) -> ProgramMonitor {
         let mut monitor = ProgramMonitor::new(0);
         for (number, event) in (0..).zip(events) {
-            monitor.take(&Happening { number, at: Micros::from_millis(10 * number), event: *event });
+            monitor.take(&TimedEvent { number, at: Micros::from_millis(10 * number), event: *event });
         }
         monitor
     }

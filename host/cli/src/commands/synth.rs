@@ -10,7 +10,7 @@ use darm_arm::arm::frames::{self, DesiredFrame, StopRange};
 use darm_arm::arm::{Arm, ArmModel};
 use darm_arm::draw::{Scene, svg};
 use darm_arm::synthesis::{
-    Bounds, Dead, Method, MinStroke, Options, Scheme as PaperScheme, Status, Synthesis, Tolerance, Watch, buy,
+    Bounds, Method, MinStroke, Options, Scheme as PaperScheme, Status, StuckActuator, Synthesis, Tolerance, Watch, buy,
     choose_words, equal_stops, expected, min_strokes, minimize_sensitivity, read_catalogue, repair, short_strokes,
     stops_as_they_are, synthesize,
 };
@@ -71,7 +71,7 @@ pub(crate) struct Synth {
     worth: f64,
     /// Repair: repeat the synthesis with an actuator that is stuck in one state
     #[arg(long, alias = "repair", value_name = "ACTUATOR=STATE", value_parser = stuck_actuator, group = "task")]
-    stuck: Option<Dead>,
+    stuck: Option<StuckActuator>,
     /// Keep the stops of the stuck actuator: it is jammed, and no screw moves it
     #[arg(long, requires = "stuck")]
     keep_stop: bool,
@@ -131,10 +131,10 @@ fn tolerance(text: &str) -> Result<Tolerance, String> {
     Ok(Tolerance { stop_m, stop_rad: stop_m, anchor_m: metres(anchor)?, worth_m: 1.0 })
 }
 
-fn stuck_actuator(text: &str) -> Result<Dead, String> {
+fn stuck_actuator(text: &str) -> Result<StuckActuator, String> {
     let parts = text.split_once('=').and_then(|(actuator, state)| Some((actuator.parse().ok()?, state.parse().ok()?)));
     let (actuator, state) = parts.ok_or("give ACTUATOR=STATE, such as 4=0")?;
-    Ok(Dead { actuator, state })
+    Ok(StuckActuator { actuator, state })
 }
 
 impl Synth {
@@ -304,7 +304,7 @@ impl Synth {
 }
 
 /// Rejects an actuator or state that the arm does not have.
-fn check(arm: &Arm, Dead { actuator, state }: Dead) -> Result<(), Usage> {
+fn check(arm: &Arm, StuckActuator { actuator, state }: StuckActuator) -> Result<(), Usage> {
     let states = arm.model.chain.n_states(actuator);
     if usize::from(state) < states {
         return Ok(());

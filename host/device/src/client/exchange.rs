@@ -7,8 +7,8 @@ use darm_core::wire::frame::{self, FrameError, Header, MAX_FRAME};
 use darm_core::wire::message::{Answer, REPLY, REQUEST, Refusal, Reply, Request};
 
 use super::error::{AnswerError, ClientError, TransportError};
-use super::patience::Patience;
 use super::reader::{Piece, Reader};
+use super::retry_timer::RetryTimer;
 use crate::clock::{BoardClock, RoundTrip};
 use crate::link::Link;
 
@@ -81,7 +81,7 @@ pub(super) struct Exchange {
     connection: u32,
     numbers: Numbers,
     clock: BoardClock,
-    patience: Patience,
+    retry_timer: RetryTimer,
     counts: Counts,
     last_damage: Option<FrameError>,
     /// Frames that were read and not yet looked at.
@@ -98,7 +98,7 @@ impl Exchange {
             // Answers to an earlier host's last requests may still be on the line.
             numbers: Numbers::from(connection as u16),
             clock: BoardClock::default(),
-            patience: Patience::default(),
+            retry_timer: RetryTimer::default(),
             counts: Counts::default(),
             last_damage: None,
             arrived: std::collections::VecDeque::new(),
@@ -118,8 +118,8 @@ impl Exchange {
     }
 
     /// How long the line takes to answer.
-    pub(super) fn patience(&mut self) -> &mut Patience {
-        &mut self.patience
+    pub(super) fn retry_timer(&mut self) -> &mut RetryTimer {
+        &mut self.retry_timer
     }
 
     pub(super) fn set_on_text(&mut self, on_text: OnText) {
@@ -233,15 +233,15 @@ impl Exchange {
         loop {
             self.send(bytes, attempts > 0)?;
             attempts += 1;
-            let end_s = self.link.now_s() + self.patience.wait_s();
+            let end_s = self.link.now_s() + self.retry_timer.wait_s();
             if let Some(arrival) = self.next_arrival(end_s, |header| *header == answered)? {
                 // Which of several requests an answer belongs to cannot be decided (RFC 6298, section 3).
                 if attempts == 1 {
-                    self.patience.on_answer(arrival.received_s - sent_s);
+                    self.retry_timer.on_answer(arrival.received_s - sent_s);
                 }
                 return Ok(Exchanged { arrival, sent_s, attempts });
             }
-            self.patience.on_silence();
+            self.retry_timer.on_silence();
             let waited_s = self.link.now_s() - sent_s;
             if waited_s > patience_s {
                 return Err(self.silence(attempts, waited_s, damaged_before));

@@ -1,6 +1,6 @@
 //! The host's end of the wire: connect, ask, command, upload.
 //!
-//! Requests are numbered, answered once and sent again with growing patience until an answer comes; the board runs what
+//! Requests are numbered, answered once and sent again at growing intervals until an answer comes; the board runs what
 //! changes something exactly once. So a host may be killed and started again at any moment, and a cable pulled.
 //!
 //! ```no_run
@@ -15,8 +15,8 @@ mod error;
 mod exchange;
 #[cfg(test)]
 mod fake;
-mod patience;
 mod reader;
+mod retry_timer;
 pub mod stop;
 mod upload;
 
@@ -28,7 +28,7 @@ use darm_core::se::Pose;
 use darm_core::sequencer::{Command, Event};
 use darm_core::units::Micros;
 use darm_core::wire::PROTOCOL;
-use darm_core::wire::bootstrap::{self, CrashRecord, Identity, Into as RebootInto, Version};
+use darm_core::wire::bootstrap::{self, CrashRecord, Identity, RebootTarget, Version};
 use darm_core::wire::message::{Answer, Calibration, Hello, OutputState, Refusal, Request, Status};
 
 use crate::clock::{BoardClock, host_now_s};
@@ -51,7 +51,7 @@ pub struct Client {
 
 /// Something that happened on the board.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Happening {
+pub struct TimedEvent {
     /// Its number since the board's start.
     pub number: u32,
     /// When, on the board's clock.
@@ -213,7 +213,7 @@ impl Client {
     /// # Errors
     ///
     /// The port fails, no answer comes, or what comes is not a valid answer.
-    pub fn reboot(&mut self, into: RebootInto) -> Result<(), ClientError> {
+    pub fn reboot(&mut self, into: RebootTarget) -> Result<(), ClientError> {
         self.exchange.ask_bootstrap("reboot", bootstrap::Request::Reboot(into)).map(drop)
     }
 
@@ -235,11 +235,11 @@ impl Client {
     /// # Errors
     ///
     /// As [`status`](Self::status).
-    pub fn events(&mut self, from: u32) -> Result<Vec<Happening>, ClientError> {
+    pub fn events(&mut self, from: u32) -> Result<Vec<TimedEvent>, ClientError> {
         match self.ask("events", &Request::Events { from })? {
             Answer::Events(events) => {
                 let numbered = (events.first..).zip(events.list);
-                Ok(numbered.map(|(number, (at, event))| Happening { number, at, event }).collect())
+                Ok(numbered.map(|(number, (at, event))| TimedEvent { number, at, event }).collect())
             }
             _ => Err(AnswerError::Payload { request: "events" }.into()),
         }

@@ -13,14 +13,14 @@ const LONGEST_S: f64 = 1.0;
 
 /// What is known of the line's round trips.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Patience {
+pub(super) struct RetryTimer {
     /// Smoothed round trip and deviation, after the first answer.
     round_trip_s: Option<(f64, f64)>,
     /// Silences in a row.
     silences: u32,
 }
 
-impl Patience {
+impl RetryTimer {
     /// How long to wait now.
     pub(super) fn wait_s(&self) -> f64 {
         let (smooth_s, deviation_s) = self.round_trip_s.unwrap_or((0.0, 0.0));
@@ -48,23 +48,23 @@ impl Patience {
 
 #[cfg(test)]
 mod tests {
-    use super::{LONGEST_S, Patience, SHORTEST_S};
+    use super::{LONGEST_S, RetryTimer, SHORTEST_S};
 
     #[test]
     fn a_fast_line_waits_shortest_and_silence_doubles() {
-        let mut patience = Patience::default();
-        patience.on_answer(0.001);
-        assert_eq!(patience.wait_s(), SHORTEST_S);
-        patience.on_silence();
-        assert_eq!(patience.wait_s(), 2.0 * SHORTEST_S);
-        (0..40).for_each(|_| patience.on_silence());
-        assert_eq!(patience.wait_s(), LONGEST_S);
+        let mut retry_timer = RetryTimer::default();
+        retry_timer.on_answer(0.001);
+        assert_eq!(retry_timer.wait_s(), SHORTEST_S);
+        retry_timer.on_silence();
+        assert_eq!(retry_timer.wait_s(), 2.0 * SHORTEST_S);
+        (0..40).for_each(|_| retry_timer.on_silence());
+        assert_eq!(retry_timer.wait_s(), LONGEST_S);
     }
 
     #[test]
     fn a_slow_line_is_given_its_time() {
-        let mut patience = Patience::default();
-        (0..50).for_each(|n| patience.on_answer(0.2 + 0.02 * f64::from(n % 2)));
-        assert!((0.22..0.3).contains(&patience.wait_s()), "{}", patience.wait_s());
+        let mut retry_timer = RetryTimer::default();
+        (0..50).for_each(|n| retry_timer.on_answer(0.2 + 0.02 * f64::from(n % 2)));
+        assert!((0.22..0.3).contains(&retry_timer.wait_s()), "{}", retry_timer.wait_s());
     }
 }

@@ -125,18 +125,18 @@ struct Wanted {
 
 /// The next answer to a chunk, if one comes in time. Chunks that were sent before it and have no answer have lost theirs.
 fn next_answer(client: &mut Client, under_way: &mut VecDeque<Sent>) -> Result<Option<Wanted>, ClientError> {
-    let end_s = client.now_s() + client.exchange.patience().wait_s();
+    let end_s = client.now_s() + client.exchange.retry_timer().wait_s();
     while let Some(arrival) = client.exchange.next_reply(end_s)? {
         let Some(at) = under_way.iter().position(|sent| sent.number == arrival.number) else {
             continue;
         };
         if let Some(sent) = under_way.drain(..=at).next_back() {
             let wanted = wanted(&client.exchange.open("chunk", &arrival, sent.at_s)?)?;
-            client.exchange.patience().on_answer(arrival.received_s - sent.at_s);
+            client.exchange.retry_timer().on_answer(arrival.received_s - sent.at_s);
             return Ok(Some(Wanted { wanted, gap: sent.offset > wanted }));
         }
     }
-    client.exchange.patience().on_silence();
+    client.exchange.retry_timer().on_silence();
     Ok(None)
 }
 

@@ -8,7 +8,7 @@ use std::rc::Rc;
 use std::task::{Context, Waker};
 
 use darm_core::duty::DutyMeters;
-use darm_core::wire::bootstrap::Into as RebootInto;
+use darm_core::wire::bootstrap::RebootTarget;
 use darm_firmware::control::TICK;
 
 use super::Stepped;
@@ -49,7 +49,7 @@ pub enum Physical {
 /// A board with its plant.
 pub struct Bench {
     /// Nothing runs without power.
-    firmware: Option<Pinned<Box<dyn Future<Output = RebootInto>>>>,
+    firmware: Option<Pinned<Box<dyn Future<Output = RebootTarget>>>>,
     wires: Rc<Wires>,
     flash: MemoryFlash,
     /// How long each output has been on: memory that survives a reset.

@@ -10,7 +10,7 @@ use darm_core::duty::DutyMeters;
 use darm_core::profile::Profile;
 use darm_core::table::Table;
 use darm_core::units::{DeviceId, Micros};
-use darm_core::wire::bootstrap::{Identity, Into};
+use darm_core::wire::bootstrap::{Identity, RebootTarget};
 use darm_core::wire::caps::Caps;
 use darm_firmware::app::serve;
 use darm_firmware::clock::Clock;
@@ -134,7 +134,7 @@ impl OutputPin for Wire {
 
 /// Runs the firmware from its start until a restart is requested. `used` is memory that survives a reset.
 #[expect(clippy::await_holding_refcell_ref, reason = "one start at a time holds the meters, and ends with its future")]
-pub(super) async fn run(wires: Rc<Wires>, flash: MemoryFlash, used: Rc<RefCell<DutyMeters>>) -> Into {
+pub(super) async fn run(wires: Rc<Wires>, flash: MemoryFlash, used: Rc<RefCell<DutyMeters>>) -> RebootTarget {
     let mut table = Box::<Table>::default();
     let mut room = Box::<Room>::default();
     let mut profile = Box::new(Profile::empty());

@@ -6,7 +6,7 @@ use darm_core::table::{Record, Row};
 use darm_core::units::{ActuatorId, Micros, ModelHash, Word};
 
 use super::{InProcess, MemoryFlash};
-use crate::client::{Client, Happening};
+use crate::client::{Client, TimedEvent};
 use crate::link::faulty::{Faults, Faulty};
 use crate::plant::{Broken, Plant};
 use darm_arm::board_profile::BoardProfile;
@@ -65,8 +65,8 @@ fn loaded() -> (InProcess, Client) {
     (board, client)
 }
 
-fn all_events(client: &mut Client) -> Vec<Happening> {
-    let mut happened: Vec<Happening> = Vec::new();
+fn all_events(client: &mut Client) -> Vec<TimedEvent> {
+    let mut happened: Vec<TimedEvent> = Vec::new();
     loop {
         let next = client.events(happened.last().map_or(0, |last| last.number + 1)).unwrap();
         if next.is_empty() {

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use darm_core::actuator::JointKind;
 
 use super::collision::Body;
+use super::cross_check::CrossCheck;
 use super::fault::HandFault;
 use super::hand::{Finger, FingerJoint, Hand};
 use super::layout::{ANGLES, BODIES, COORDINATES, FINGERS, JOINTS, PALM};
-use super::referee::Referee;
 use darm_robot::description::{read, read_shapes};
 use darm_robot::robot::{Robot, RobotFrame};
 use darm_robot::shape::LinkShape;
@@ -20,7 +20,7 @@ pub struct HandFile {
     /// The hand that computes.
     pub hand: Hand,
     /// The same hand as a robot, which checks every answer.
-    pub referee: Referee,
+    pub cross_check: CrossCheck,
     /// The sequence of λ for the paper's search.
     pub lambdas: Vec<f64>,
 }
@@ -64,7 +64,7 @@ impl Described {
         let tips = std::array::from_fn(|i| fingers[i].tip.clone());
         let limits = limits(&fingers);
         let hand = Hand::new(name, fingers.map(|finger| finger.finger), limits, bodies).map_err(HandFault::Flat)?;
-        Ok(HandFile { hand, referee: Referee { robot: self.robot, joints, tips }, lambdas })
+        Ok(HandFile { hand, cross_check: CrossCheck { robot: self.robot, joints, tips }, lambdas })
     }
 
     /// The links of the fingers and the palm, each with its shapes.

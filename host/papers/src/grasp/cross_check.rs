@@ -11,7 +11,7 @@ use darm_robot::robot::{Robot, RobotFrame};
 
 /// The robot, and where the hand's fingers are in it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Referee {
+pub struct CrossCheck {
     /// The robot.
     pub robot: Robot,
     /// The joints of every finger, by their number in the robot.
@@ -33,7 +33,7 @@ pub struct Verdict {
     pub collision: Option<Pair>,
 }
 
-impl Referee {
+impl CrossCheck {
     /// Where the links and fingertips are, by the robot's forward kinematics.
     ///
     /// # Errors

@@ -3,7 +3,7 @@
 //! 30 degrees of freedom: six of the wrist, four joints of each finger, and two virtual ones that place the contact on the
 //! spherical fingertip; 20 constraints, for a contact is a point and a direction. [`paper`] is the search of Suárez and
 //! Claret with its constants, [`train`] its sequence of initial configurations, [`solve`] the method to use. Every answer
-//! can be checked by another forward kinematics ([`referee`]).
+//! can be checked by another forward kinematics ([`cross_check`]).
 //!
 //! The palm's pose follows from the thumb's contact and the turn φ_T about its normal, so that the variables are 25 and the
 //! constraints of the other three fingers 15 ([`jacobian`]).
@@ -16,6 +16,7 @@ pub mod bare;
 pub mod collision;
 pub mod contact;
 pub mod contacts_file;
+pub mod cross_check;
 pub mod fault;
 pub mod file;
 pub mod hand;
@@ -25,7 +26,6 @@ pub mod library;
 pub mod paper;
 pub mod picture;
 pub mod plot;
-pub mod referee;
 pub mod solve;
 pub mod train;
 

@@ -40,7 +40,7 @@ fn fingertips_stand_where_pinocchio_puts_them() {
     let mut text = String::new();
     flate2::read::GzDecoder::new(file).read_to_string(&mut text).unwrap();
     let golden: serde_json::Value = serde_json::from_str(&text).unwrap();
-    let HandFile { hand, referee, .. } = allegro();
+    let HandFile { hand, cross_check, .. } = allegro();
     for sample in golden["samples"].as_array().unwrap() {
         let angles = std::array::from_fn(|k| {
             let (finger, j) = (&hand.fingers[k / COORDINATES].name, k % COORDINATES);
@@ -48,7 +48,7 @@ fn fingertips_stand_where_pinocchio_puts_them() {
         });
         let placed = hand.place(&angles);
         let pose_world_palm = darm_core::se::Pose::identity();
-        let (links, tips) = referee.place(&Configuration { pose_world_palm, angles }).unwrap();
+        let (links, tips) = cross_check.place(&Configuration { pose_world_palm, angles }).unwrap();
         for (i, finger) in hand.fingers.iter().enumerate() {
             let number = |row: usize, column: usize| sample[&finger.name]["T"][row][column].as_f64().unwrap();
             let center = Vec3::from_fn(|row, _| number(row, 3));
@@ -143,14 +143,14 @@ fn the_initial_configuration_keeps_the_thumb_and_faces_the_others() {
 
 #[test]
 fn the_papers_search_meets_the_contacts_with_one_lambda_and_often_collides() {
-    let HandFile { hand, referee, .. } = allegro();
+    let HandFile { hand, cross_check, .. } = allegro();
     let all = some(&hand, 200);
     let (mut solved, mut collides) = (0, 0);
     for contacts in &all {
         let mut path = 0;
         let attempt = hand.attempt(0.5, contacts, &paper::Settings::default(), |_| path += 1);
         assert_eq!(path, attempt.iterations + 1);
-        let verdict = referee.judge(&hand, &attempt.configuration, contacts).unwrap();
+        let verdict = cross_check.judge(&hand, &attempt.configuration, contacts).unwrap();
         assert!(verdict.past_limit_rad <= 0.0);
         if matches!(attempt.end, End::Solved | End::Collides) {
             assert!(verdict.point_m < 1e-3 && verdict.collision.is_some() == (attempt.end == End::Collides));
@@ -166,11 +166,11 @@ proptest! {
     #![proptest_config(proptest::prelude::ProptestConfig::with_cases(40))]
     #[test]
     fn every_answer_makes_its_contacts_within_the_limits_and_without_a_collision(seed in 0..1_000_000u64) {
-        let HandFile { hand, referee, .. } = allegro();
+        let HandFile { hand, cross_check, .. } = allegro();
         let library = Library::draw(&hand, 200, 1);
         let contacts = hand.draw_many(1, seed)[0];
         let found = hand.solve(&library, &contacts, &Settings::default());
-        let verdict = referee.judge(&hand, &found.configuration, &contacts).unwrap();
+        let verdict = cross_check.judge(&hand, &found.configuration, &contacts).unwrap();
         prop_assert!(verdict.past_limit_rad <= 0.0);
         if found.is_solved {
             prop_assert!(verdict.point_m < 1e-6 && verdict.direction_rad < 1e-5 && verdict.collision.is_none());
@@ -180,13 +180,13 @@ proptest! {
 
 #[test]
 fn contacts_are_assigned_where_nobody_said_whose_they_are() {
-    let HandFile { hand, referee, .. } = allegro();
+    let HandFile { hand, cross_check, .. } = allegro();
     let library = Library::draw(&hand, 300, 1);
     for contacts in some(&hand, 10) {
         let shuffled = [2, 3, 1, 0].map(|k: usize| contacts[k]);
         let (found, order) = hand.solve_any(&library, &shuffled, &Settings::default());
         assert!(found.is_solved && (0..FINGERS).all(|k| order.contains(&k)));
-        let verdict = referee.judge(&hand, &found.configuration, &order.map(|k| shuffled[k])).unwrap();
+        let verdict = cross_check.judge(&hand, &found.configuration, &order.map(|k| shuffled[k])).unwrap();
         assert!(verdict.point_m < 1e-6);
     }
 }

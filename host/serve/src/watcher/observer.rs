@@ -79,7 +79,7 @@ impl Observer {
             let new = client.events(self.next_event)?;
             let Some(last) = new.last() else { break };
             self.next_event = last.number.wrapping_add(1);
-            events.extend(new.iter().map(|happening| EventView::of(happening.number, happening.at, &happening.event)));
+            events.extend(new.iter().map(|timed| EventView::of(timed.number, timed.at, &timed.event)));
         }
         Ok(events)
     }

@@ -30,7 +30,7 @@ fn chosen_words_meet_frames_that_complete_modules_could_not() {
 fn a_dead_actuator_is_worked_around() {
     let arm = planar4();
     let desired = moved(own_frames(&arm, &WORDS), 0.05, 5);
-    let dead = Dead { actuator: 4, state: 0 };
+    let dead = StuckActuator { actuator: 4, state: 0 };
     let (found, cost) = repair(&arm, &desired, dead, &Options::default()).unwrap();
     assert_eq!((found.status, cost.frames_met), (Status::Reached, 5));
     assert!(found.frames.iter().all(|reached| reached.frame.word.digit(4) == 0));

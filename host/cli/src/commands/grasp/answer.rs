@@ -2,9 +2,9 @@
 
 use darm_core::se::rotation_log;
 use darm_papers::grasp::contact::Configuration;
+use darm_papers::grasp::cross_check::Verdict;
 use darm_papers::grasp::hand::Hand;
 use darm_papers::grasp::layout::COORDINATES;
-use darm_papers::grasp::referee::Verdict;
 use darm_papers::grasp::train::{Chosen, PAPER_LAMBDAS, PAPER_SUCCESS, Training};
 use serde::Serialize;
 

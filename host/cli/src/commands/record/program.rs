@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use darm_core::units::Digest;
 use darm_core::wire::message::Refusal;
-use darm_device::client::{Client, ClientError, Happening};
+use darm_device::client::{Client, ClientError, TimedEvent};
 use serde::Serialize;
 
 use super::RecordError;
@@ -61,7 +61,7 @@ impl Program {
     }
 
     /// Events since the last poll; `None` while the connection is lost.
-    pub(crate) fn poll(&mut self) -> anyhow::Result<Option<Vec<Happening>>> {
+    pub(crate) fn poll(&mut self) -> anyhow::Result<Option<Vec<TimedEvent>>> {
         if let Some(since) = self.lost {
             match self.reconnect() {
                 Ok(()) => self.connected(since),

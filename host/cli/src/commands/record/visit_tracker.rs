@@ -1,7 +1,7 @@
 //! Follows a running program: gives the certain time span of each visit, soon after its end.
 
 use darm_core::sequencer::Event;
-use darm_device::client::Happening;
+use darm_device::client::TimedEvent;
 use darm_device::clock::BoardClock;
 
 use super::join::Span;
@@ -39,9 +39,9 @@ impl<'a> VisitTracker<'a> {
     }
 
     /// Adds new events and the time at which the program ended, in seconds of the board.
-    pub(crate) fn update(&mut self, events: &[Happening], ended_s: Option<f64>) {
-        let first = events.iter().find(|happening| matches!(happening.event, Event::Row { row: 0, .. }));
-        self.start_s = self.start_s.or(first.map(|happening| seconds(happening.at)));
+    pub(crate) fn update(&mut self, events: &[TimedEvent], ended_s: Option<f64>) {
+        let first = events.iter().find(|timed| matches!(timed.event, Event::Row { row: 0, .. }));
+        self.start_s = self.start_s.or(first.map(|timed| seconds(timed.at)));
         self.ended_s = ended_s;
     }
 
@@ -75,7 +75,7 @@ fn span(clock: &BoardClock, from_s: f64, to_s: f64) -> Option<Span> {
 mod tests {
     use darm_core::sequencer::Event;
     use darm_core::units::{Digest, Micros, ModelHash};
-    use darm_device::client::Happening;
+    use darm_device::client::TimedEvent;
     use darm_device::clock::{BoardClock, RoundTrip};
 
     use super::VisitTracker;
@@ -86,8 +86,8 @@ mod tests {
         Rest { label: "A".into(), from_s, to_s, row: 0, word, previous: word, servos_rad: vec![], held_out: false }
     }
 
-    fn happening(at_ms: u32, event: Event) -> Happening {
-        Happening { number: 0, at: Micros::from_millis(at_ms), event }
+    fn timed(at_ms: u32, event: Event) -> TimedEvent {
+        TimedEvent { number: 0, at: Micros::from_millis(at_ms), event }
     }
 
     #[test]
@@ -104,10 +104,10 @@ mod tests {
             let board_s = 5.0 + 0.1 * f64::from(tick);
             clock.observe(RoundTrip { sent_s: board_s + 2.0, board_s, received_s: board_s + 2.002 });
         }
-        let row = happening(5_000, Event::Row { row: 0, word: "01".parse().unwrap() });
+        let row = timed(5_000, Event::Row { row: 0, word: "01".parse().unwrap() });
         tracker.update(&[row], None);
         assert_eq!(tracker.over(&clock, 8.0), [], "at board time 6.0 the first visit is too recent");
-        tracker.update(&[happening(6_700, Event::Stopped)], Some(6.7));
+        tracker.update(&[timed(6_700, Event::Stopped)], Some(6.7));
         let over = tracker.over(&clock, 9.9);
         assert_eq!(over.len(), 1, "stopped before the end of the second visit");
         let length_s = over[0].1.to_s - over[0].1.from_s;

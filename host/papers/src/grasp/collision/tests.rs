@@ -37,13 +37,13 @@ fn any_touch(hand: &Hand, links: &Links) -> bool {
 #[test]
 fn no_two_shapes_of_an_answer_touch() {
     for name in HANDS {
-        let HandFile { hand, referee, .. } = hand(name);
+        let HandFile { hand, cross_check, .. } = hand(name);
         assert!(hand.overlapping().is_empty(), "{name}: {:?}", hand.overlapping());
         let library = Library::draw(&hand, 300, 1);
         let mut solved = 0;
         for contacts in hand.draw_many(10, 4) {
             let found = hand.solve(&library, &contacts, &Settings::default());
-            let (links, _) = referee.place(&found.configuration).unwrap();
+            let (links, _) = cross_check.place(&found.configuration).unwrap();
             assert!(!found.is_solved || !any_touch(&hand, &links), "{name}");
             solved += usize::from(found.is_solved);
         }
