@@ -2,12 +2,16 @@
 
 use std::os::unix::fs::FileTypeExt as _;
 use std::os::unix::net::UnixStream;
+use std::time::{Duration, Instant};
 
 use darm_device::client::Client;
-use darm_device::client::stop::{StopHandle, hold};
+use darm_device::client::stop::{StopHandle, hold, is_in_use};
 use darm_device::link::{self, Link, LinkError};
 
 use crate::state_folder;
+
+/// Time for a process that ends to let go of its port.
+const HANDOVER: Duration = Duration::from_secs(1);
 
 /// Port option.
 #[derive(clap::Args, Debug)]
@@ -23,6 +27,12 @@ pub(crate) enum PortError {
     /// No port was found.
     #[error("no board found; plug one in, simulate one with `darm sim`, or name its port with --port")]
     None,
+    /// Another process holds the port.
+    #[error(
+        "another `darm` holds {0}: a program that plays, a recording, a console or a live page; end it first. `darm stop` stops \
+         the arm past it"
+    )]
+    InUse(String),
     /// Several ports were found.
     #[error("several boards found ({}); choose one with --port or DARM_PORT", .0.join(", "))]
     Several(Vec<String>),
@@ -39,13 +49,27 @@ impl PortArgs {
 
     /// Connects to the board at the port.
     pub(crate) fn connect(&self) -> anyhow::Result<Client> {
-        Ok(Client::connect(open(&self.name()?)?.0)?)
+        Ok(Client::connect(open_free(&self.name()?)?.0)?)
     }
 }
 
 /// Opens a port; other processes can send a stop through this one.
 pub(crate) fn open(name: &str) -> Result<(Box<dyn Link>, StopHandle), LinkError> {
     Ok(hold(link::open(name)?, state_folder::stop_socket(name).as_deref()))
+}
+
+/// Opens a port that no other process holds: a second program that waited for the first would move the arm when nobody
+/// expects it.
+pub(crate) fn open_free(name: &str) -> anyhow::Result<(Box<dyn Link>, StopHandle)> {
+    let holder = state_folder::stop_socket(name);
+    let since = Instant::now();
+    while holder.as_deref().is_some_and(is_in_use) {
+        if since.elapsed() > HANDOVER {
+            return Err(PortError::InUse(name.to_owned()).into());
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    Ok(open(name)?)
 }
 
 /// Every possible port of a board: USB serial ports, and that of a running simulator.

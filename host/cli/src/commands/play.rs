@@ -100,7 +100,7 @@ impl Play {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let table = self.table.as_deref().map(TableFile::read).transpose()?;
         let port = self.port.name()?;
-        let (link, handle) = port::open(&port)?;
+        let (link, handle) = port::open_free(&port)?;
         let mut client = Client::connect(link)?;
         let rows = client.status()?.rows;
         let hello = client.say_hello()?;

@@ -162,7 +162,7 @@ impl Record {
         let (mut output, earlier) = self.open_output()?;
         let camera = self.camera.clone().or_else(emulated_camera).ok_or(RecordError::NoCamera)?;
         let port = self.port.name()?;
-        let (link, handle) = port::open(&port)?;
+        let (link, handle) = port::open_free(&port)?;
         let mut client = Client::connect(link)?;
         table.check_loaded(client.hello().and_then(|hello| hello.table))?;
         let camera = Camera::open(&camera)?;

@@ -119,7 +119,7 @@ fn print_line(line: &str, ui: Ui) {
 impl<'a> Session<'a> {
     fn start(port: &'a str, ui: Ui, show: Show) -> anyhow::Result<Self> {
         let mut pump = Pump::new(show);
-        let (link, handle) = port::open(port)?;
+        let (link, handle) = port::open_free(port)?;
         pump.start(link);
         let interrupt = interrupt::InterruptHandler::start(port, handle.clone())?;
         Ok(Self { port, ui, pump, interrupt, handle })

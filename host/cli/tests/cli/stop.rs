@@ -166,6 +166,22 @@ fn ctrl_c_stops_the_arm_and_reports_it() {
     assert_eq!(home.json(&format!("status {}", board.port))["phase"], "playing");
 }
 
+#[test]
+fn a_second_command_does_not_wait_to_move_the_arm() {
+    let home = Home::new();
+    let board = long_program(&home);
+    let first = playing(&home, &format!("play {}", board.port));
+    for line in ["play", "status", "record long.darm -o run.csv"] {
+        let (refused, took) = timed(&home, &format!("{line} {}", board.port));
+        assert_eq!(refused.status.code(), Some(4), "{line}: {}", text(&refused.stderr));
+        assert!(text(&refused.stderr).starts_with("darm: another `darm` holds "), "{}", text(&refused.stderr));
+        assert!(took < 2 * BOUND, "{line}: {took:?}");
+    }
+    home.succeeds(&format!("stop {}", board.port));
+    first.wait_with_output().unwrap();
+    assert_eq!(home.json(&format!("status {}", board.port))["phase"], "idle");
+}
+
 /// A process that does not answer holds the port, as far as anyone can tell: the frame goes to the port itself.
 #[test]
 fn a_process_that_hangs_and_holds_the_port_does_not_block_the_stop() {

@@ -67,6 +67,11 @@ fn stop_before(port: &str, holder: Option<&Path>, until: Instant) -> Result<Conf
     sent.or_else(|error| asked.ok_or(error))
 }
 
+/// Whether another process holds the port whose socket this is.
+pub fn is_in_use(holder: &Path) -> bool {
+    socket::is_served(holder)
+}
+
 /// The stop's frame with this number.
 fn stop_frame(number: u16) -> Vec<u8> {
     let header = Header { tag: Request::Stop.tag(), link: 0, number };

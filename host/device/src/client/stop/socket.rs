@@ -36,7 +36,7 @@ impl Drop for Serving {
 
 /// Serves stops at `socket`; `None` if another process serves there or the socket cannot be made.
 pub(super) fn serve(socket: &Path, handle: StopHandle) -> Option<Serving> {
-    if UnixStream::connect(socket).is_ok() {
+    if is_served(socket) {
         return None;
     }
     // A process that was killed has left its socket behind.
@@ -55,6 +55,11 @@ pub(super) fn serve(socket: &Path, handle: StopHandle) -> Option<Serving> {
         }
     });
     Some(serving)
+}
+
+/// Whether a process serves at `socket`.
+pub(super) fn is_served(socket: &Path) -> bool {
+    UnixStream::connect(socket).is_ok()
 }
 
 fn answer(mut asker: UnixStream, handle: &StopHandle) -> std::io::Result<()> {
