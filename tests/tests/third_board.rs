@@ -3,42 +3,23 @@
 //!
 //! `cargo xtask test` installs the emulator and builds the image; without them see `emulator::missing`.
 
-#[expect(dead_code, reason = "the images of other boards are started elsewhere")]
+#[expect(dead_code, unused_imports, reason = "what needs pins is tested on the other boards")]
+mod bench;
 mod emulator;
-#[expect(dead_code, reason = "servos and frames of modules are tested on the other boards")]
-#[path = "bench/tables.rs"]
-mod tables;
 
-use std::time::{Duration, Instant};
-
-use darm_core::output::{ActuatorWiring, Coil, CoilLimit, Drive, Wiring};
+use bench::{events_until, profile, row_words, stepped, table, wiring};
 use darm_core::sequencer::{Command, Event, Phase};
-use darm_core::units::{ModelHash, Word};
-use darm_device::client::{Client, TimedEvent};
+use darm_core::units::ModelHash;
+use darm_device::client::Client;
 use darm_device::in_process::MemoryFlash;
 use darm_device::qemu::qtest::Qtest;
 use darm_device::qemu::{Console, Machine, Qemu};
 use darm_firmware::sparse_flash::{MAGIC, PAGE};
 use emulator::Ready;
-use tables::{profile, stepped, table};
 
 /// Where `memory.x` of the board puts the model of the flash.
 const FLASH_MODEL: u32 = 0x1000_4000;
 const MODEL_BYTES: usize = 48 * 1024;
-/// Longest wait for anything: a loaded machine is slow, not wrong.
-const LIMIT: Duration = Duration::from_secs(60);
-
-/// Twelve valves without switches: there are no pins.
-fn wiring() -> Wiring {
-    let mut wiring = Wiring::default();
-    for index in 0..12 {
-        let drive = Drive::Hold { line: index };
-        let limit = CoilLimit { duty_percent: 100, ..drive.default_limit() };
-        wiring.coils.push(Coil { output: index, drive, limit }).unwrap();
-        wiring.actuators.push(ActuatorWiring { states: 2, switch: None, travel_ms: 200 }).unwrap();
-    }
-    wiring
-}
 
 /// The pages of a flash as the board keeps them: a magic, then number and bytes of each that is not blank.
 fn model(flash: &[u8]) -> Vec<u8> {
@@ -52,21 +33,12 @@ fn model(flash: &[u8]) -> Vec<u8> {
     model
 }
 
-#[track_caller]
-fn events_until(client: &mut Client, is_last: impl Fn(Event) -> bool) -> Vec<TimedEvent> {
-    let (start, mut happened) = (Instant::now(), Vec::<TimedEvent>::new());
-    while !happened.iter().any(|timed| is_last(timed.event)) {
-        assert!(start.elapsed() < LIMIT, "waited in vain, so far {happened:?}");
-        let from = happened.last().map_or(0, |last| last.number + 1);
-        happened.extend(client.events(from).unwrap());
-    }
-    happened
-}
-
 #[test]
 fn a_board_that_only_began_identifies_itself_stores_a_table_and_plays_it() {
     let Some(Ready { elf, lock: _lock }) = emulator::ready_for("olimex-stm32-h405") else { return };
-    let (folder, wiring) = (tempfile::tempdir().unwrap(), wiring());
+    let (folder, mut wiring) = (tempfile::tempdir().unwrap(), wiring(false));
+    // There are no pins for them.
+    wiring.actuators.iter_mut().for_each(|actuator| actuator.switch = None);
     let machine =
         Machine { board: "olimex-stm32-h405", ..Machine::new(elf, folder.path().to_owned(), Console::Socket) };
     let mut qemu = Qemu::start(&machine).unwrap();
@@ -83,11 +55,7 @@ fn a_board_that_only_began_identifies_itself_stores_a_table_and_plays_it() {
     assert_eq!(client.upload(&table(&wiring, &words, ModelHash(7)), &mut |_| {}).unwrap(), 8);
     client.command(Command::Play).unwrap();
     let happened = events_until(&mut client, |event| event == Event::Finished);
-    let row = |timed: &TimedEvent| match timed.event {
-        Event::Row { word, .. } => Some(word),
-        _ => None,
-    };
-    assert_eq!(happened.iter().filter_map(row).collect::<Vec<Word>>(), words);
+    assert_eq!(row_words(&happened), words);
     let status = client.status().unwrap();
     assert_eq!((status.phase, status.model), (Phase::Idle, Some(ModelHash(7))));
     let boots = client.hello().unwrap().boots;

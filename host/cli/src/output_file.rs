@@ -118,14 +118,9 @@ pub(crate) fn refuse_other_than_page(path: &Path) -> Result<(), OutputError> {
 }
 
 fn refuse_other_syntax(path: &Path, syntax: Syntax, text: &str) -> Result<(), OutputError> {
-    let other = || OutputError::OtherKind { path: path.into(), kind: syntax.name() };
-    match holds_bytes(path) {
-        // What is no text is no file of these.
-        true => {
-            std::fs::read_to_string(path).ok().filter(|old| syntax.is_that_of(old, text)).map(drop).ok_or_else(other)
-        }
-        false => Ok(()),
-    }
+    // Some of them are known by all of the text alone.
+    let is_that = |old: &[u8]| std::str::from_utf8(old).is_ok_and(|old| syntax.is_that_of(old, text));
+    refuse_unless_in(path, syntax.name(), u64::MAX, is_that)
 }
 
 /// Refuses files that exist, without `force`.
@@ -170,12 +165,22 @@ pub(crate) fn write_all(files: &[(&Path, &[u8])]) -> anyhow::Result<()> {
 }
 
 fn refuse_unless(path: &Path, kind: &'static str, is_kind: impl Fn(&[u8]) -> bool) -> Result<(), OutputError> {
+    refuse_unless_in(path, kind, HEAD_BYTES, is_kind)
+}
+
+/// The same by the first `n_bytes` of the file.
+fn refuse_unless_in(
+    path: &Path,
+    kind: &'static str,
+    n_bytes: u64,
+    is_kind: impl Fn(&[u8]) -> bool,
+) -> Result<(), OutputError> {
     let other = || OutputError::OtherKind { path: path.into(), kind };
     if path.is_dir() {
         return Err(other());
     }
     match holds_bytes(path) {
-        true => first_bytes(path).filter(|bytes| is_kind(bytes)).map(drop).ok_or_else(other),
+        true => first_bytes(path, n_bytes).filter(|bytes| is_kind(bytes)).map(drop).ok_or_else(other),
         false => Ok(()),
     }
 }
@@ -185,9 +190,9 @@ fn holds_bytes(path: &Path) -> bool {
     path.metadata().is_ok_and(|metadata| metadata.is_file() && metadata.len() > 0)
 }
 
-fn first_bytes(path: &Path) -> Option<Vec<u8>> {
+fn first_bytes(path: &Path, n_bytes: u64) -> Option<Vec<u8>> {
     let mut bytes = Vec::new();
-    std::fs::File::open(path).ok()?.take(HEAD_BYTES).read_to_end(&mut bytes).ok()?;
+    std::fs::File::open(path).ok()?.take(n_bytes).read_to_end(&mut bytes).ok()?;
     Some(bytes)
 }
 

@@ -19,8 +19,7 @@ use darm_device::plant::camera::Film;
 use darm_device::qemu::{self, Console, Machine, Qemu};
 
 use crate::emulator::{self, Ready};
-use tables::{profile, wiring};
-pub(crate) use tables::{servo_angle_rad, stepped, table, table_with};
+pub(crate) use tables::{profile, servo_angle_rad, stepped, table, table_with, wiring};
 
 /// Longest wait for anything: a loaded machine is slow, not wrong.
 const LIMIT: Duration = Duration::from_secs(60);
