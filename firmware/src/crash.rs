@@ -13,25 +13,25 @@ use darm_core::wire::bootstrap::CrashKind;
 use crate::clock::Clock;
 use crate::hardware::Hardware;
 use crate::kept::keep;
-pub use crate::kept::{Kept, count_crash, forget_crashes, take};
+pub use crate::kept::{Kept, Registers, count_crash, forget_crashes, take};
 use crate::life;
 
-/// Ends this start: outputs disabled, record, reset. `place` is program counter and link register, 0 where not known.
-pub fn end<H: Hardware>(kind: CrashKind, place: (u32, u32), message: fmt::Arguments) -> ! {
+/// Ends this start: outputs disabled, record, reset.
+pub fn end<H: Hardware>(kind: CrashKind, at: Registers, message: fmt::Arguments) -> ! {
     H::disable_outputs();
-    keep(H::kept(), kind, H::CLOCK.now(), place, message);
+    keep(H::kept(), kind, H::CLOCK.now(), at, message);
     H::reset()
 }
 
 /// Ends a start that cannot continue, as a panic does.
 pub fn give_up<H: Hardware>(why: fmt::Arguments) -> ! {
-    end::<H>(CrashKind::Panic, (0, 0), why)
+    end::<H>(CrashKind::Panic, Registers::UNKNOWN, why)
 }
 
 /// Ends a start in which a task no longer runs.
 pub fn end_silence<H: Hardware>(task: life::Task) -> ! {
     let limit_ms = life::SILENCE_LIMIT.0 / 1000;
-    end::<H>(CrashKind::Watchdog, (0, 0), format_args!("{} silent for {limit_ms} ms", task.name()))
+    end::<H>(CrashKind::Watchdog, Registers::UNKNOWN, format_args!("{} silent for {limit_ms} ms", task.name()))
 }
 
 /// What a board's panic handler does.

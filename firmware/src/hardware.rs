@@ -114,8 +114,10 @@ pub struct ConsoleMemory<H: Hardware> {
 pub struct Owned<H: Hardware> {
     /// Answers requests.
     pub dispatcher: &'static mut OnBoard<H>,
-    /// Room for a table and for a profile.
-    pub rooms: (&'static mut Table, &'static mut Profile),
+    /// Memory for the table that is loaded.
+    pub table: &'static mut Table,
+    /// Memory for the profile in force.
+    pub profile: &'static mut Profile,
 }
 
 impl<H: Hardware> ConsoleMemory<H> {
@@ -131,7 +133,7 @@ impl<H: Hardware> ConsoleMemory<H> {
 
     /// Builds it, once, before the tasks run: a task that built it would need its room on the stack for ever.
     pub fn build(&'static self, crash: Option<CrashRecord>, shared: &'static Shared<'static>) -> Owned<H> {
-        Owned { dispatcher: self.dispatcher(crash, shared), rooms: (self.table(), self.profile()) }
+        Owned { dispatcher: self.dispatcher(crash, shared), table: self.table(), profile: self.profile() }
     }
 
     // Each of these is built in a separate call, so that no two need their stack at once.
@@ -185,11 +187,11 @@ pub type OnBoard<H> = Dispatcher<'static, 'static, <H as Hardware>::Flash, <H as
 ///
 /// A board that is held after crashes answers the bootstrap set alone, see [`crate::rescue`].
 pub async fn console<H: Hardware>(
-    dispatcher: &'static mut OnBoard<H>,
-    (table, profile): (&'static mut Table, &'static mut Profile),
+    Owned { dispatcher, table, profile }: Owned<H>,
     start: Start,
     pulse: &Pulse,
-    (reader, writer): (&mut impl Read, &mut impl Write),
+    reader: &mut impl Read,
+    writer: &mut impl Write,
 ) -> RebootTarget {
     let into = match start {
         Start::Normal => {
@@ -215,10 +217,10 @@ pub async fn console<H: Hardware>(
 /// Serves the console of a board that is not held, as [`console`] does, where [`crate::app::scan`] fills the inbox at a higher
 /// priority.
 pub async fn console_behind<H: Hardware>(
-    dispatcher: &'static mut OnBoard<H>,
-    (table, profile): (&'static mut Table, &'static mut Profile),
+    Owned { dispatcher, table, profile }: Owned<H>,
     pulse: &Pulse,
-    (inbox, writer): (&Inbox, &mut impl Write),
+    inbox: &Inbox,
+    writer: &mut impl Write,
 ) -> RebootTarget {
     let work = pin!(async {
         dispatcher.open(H::open_flash(), table, profile).await;

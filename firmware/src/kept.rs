@@ -68,6 +68,20 @@ impl Default for Kept {
     }
 }
 
+/// Where a start ended.
+#[derive(Clone, Copy)]
+pub struct Registers {
+    /// The program counter, 0 where it is not known.
+    pub pc: u32,
+    /// The link register, 0 where it is not known.
+    pub lr: u32,
+}
+
+impl Registers {
+    /// Those of an end that no exception reported.
+    pub const UNKNOWN: Self = Self { pc: 0, lr: 0 };
+}
+
 const fn number(kind: CrashKind) -> u32 {
     match kind {
         CrashKind::Panic => 1,
@@ -77,8 +91,9 @@ const fn number(kind: CrashKind) -> u32 {
 }
 
 impl Record {
-    fn new(kind: CrashKind, uptime: Micros, (pc, lr): (u32, u32), message: fmt::Arguments) -> Self {
+    fn new(kind: CrashKind, uptime: Micros, at: Registers, message: fmt::Arguments) -> Self {
         let (kind, uptime_us) = (number(kind), uptime.0);
+        let Registers { pc, lr } = at;
         let mut record = Self { magic: MAGIC, kind, uptime_us, pc, lr, len: 0, message: [0; MAX_TEXT], check: 0 };
         // A message that does not fit is cut; there is nowhere to report it.
         let _ = record.write_fmt(message);
@@ -145,8 +160,8 @@ pub fn forget_crashes(kept: &Kept) {
 /// Keeps how this start ended, for [`take`] at the next one. In a handler that never returns, with interrupts masked. Not inlined:
 /// the analysis of the image ends here, see `xtask/src/image/lists.rs`.
 #[inline(never)]
-pub(crate) fn keep(kept: &Kept, kind: CrashKind, uptime: Micros, place: (u32, u32), message: fmt::Arguments) {
-    let record = Record::new(kind, uptime, place, message);
+pub(crate) fn keep(kept: &Kept, kind: CrashKind, uptime: Micros, at: Registers, message: fmt::Arguments) {
+    let record = Record::new(kind, uptime, at, message);
     // SAFETY: interrupts are masked or of lower priority; nothing reads the record before the reset.
     unsafe { kept.record().write_volatile(record) };
 }

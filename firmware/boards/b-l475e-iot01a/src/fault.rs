@@ -8,7 +8,7 @@ use core::panic::PanicInfo;
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::exception;
 use darm_core::wire::bootstrap::CrashKind;
-use darm_firmware::crash::{end, panicked};
+use darm_firmware::crash::{Registers, end, panicked};
 use stm32_metapac::FLASH;
 
 use crate::board::Board;
@@ -65,13 +65,13 @@ extern "C" fn on_hard_fault(pc: u32, lr: u32, sp: u32) -> ! {
     let (cfsr, hfsr) = unsafe { ((*SCB::PTR).cfsr.read(), (*SCB::PTR).hfsr.read()) };
     let what = if sp < (&raw const _stack_end) as u32 { "stack overflow, " } else { "" };
     let text = format_args!("{what}cfsr {cfsr:#010x}, hfsr {hfsr:#010x}, sp {sp:#010x}");
-    end::<Board>(CrashKind::HardFault, (pc, lr), text)
+    end::<Board>(CrashKind::HardFault, Registers { pc, lr }, text)
 }
 
 /// An interrupt that nobody handles.
 #[exception]
 unsafe fn DefaultHandler(number: i16) -> ! {
-    end::<Board>(CrashKind::HardFault, (0, 0), format_args!("unexpected interrupt {number}"))
+    end::<Board>(CrashKind::HardFault, Registers::UNKNOWN, format_args!("unexpected interrupt {number}"))
 }
 
 /// The error check of a flash word failed. Fatal unless the word is in the data, which has checksums.
@@ -91,5 +91,5 @@ fn end_nmi(error: Option<DoubleError>) -> ! {
         Some(DoubleError::System { offset }) => ("double ECC error in system flash", offset),
         None => ("non-maskable interrupt of no known cause", 0),
     };
-    end::<Board>(CrashKind::HardFault, (0, 0), format_args!("{what}, offset {offset:#x}"))
+    end::<Board>(CrashKind::HardFault, Registers::UNKNOWN, format_args!("{what}, offset {offset:#x}"))
 }

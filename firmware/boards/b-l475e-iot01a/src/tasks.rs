@@ -24,7 +24,7 @@ use darm_firmware::clock::Clock;
 use darm_firmware::control::Shared;
 use darm_firmware::crash;
 use darm_firmware::dispatch::Dispatcher;
-use darm_firmware::hardware::{self, Hardware as _, OnBoard};
+use darm_firmware::hardware::{self, Hardware as _, OnBoard, Owned};
 use darm_firmware::life::{Pulse, Start, Task};
 use darm_firmware::nearest::Room;
 use darm_firmware::tick::Ticker;
@@ -101,8 +101,8 @@ async fn console(
 ) {
     let [pulse, _] = &PULSES;
     let (mut receiver, mut sender) = uart::start_console();
-    let line = (&mut receiver, &mut sender);
-    let into = hardware::console::<Board>(dispatcher, (table, profile), start, pulse, line).await;
+    let owned = Owned { dispatcher, table, profile };
+    let into = hardware::console::<Board>(owned, start, pulse, &mut receiver, &mut sender).await;
     Board::restart(into)
 }
 

@@ -5,7 +5,7 @@ use core::panic::PanicInfo;
 
 use cortex_m_rt::{ExceptionFrame, exception};
 use darm_core::wire::bootstrap::CrashKind;
-use darm_firmware::crash::{end, panicked};
+use darm_firmware::crash::{Registers, end, panicked};
 
 use crate::board::Board;
 
@@ -16,11 +16,15 @@ fn panic(info: &PanicInfo) -> ! {
 
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    end::<Board>(CrashKind::HardFault, (frame.pc(), frame.lr()), format_args!("psr {:#010x}", frame.xpsr()))
+    end::<Board>(
+        CrashKind::HardFault,
+        Registers { pc: frame.pc(), lr: frame.lr() },
+        format_args!("psr {:#010x}", frame.xpsr()),
+    )
 }
 
 /// An interrupt that nobody handles.
 #[exception]
 unsafe fn DefaultHandler(number: i16) -> ! {
-    end::<Board>(CrashKind::HardFault, (0, 0), format_args!("unexpected interrupt {number}"))
+    end::<Board>(CrashKind::HardFault, Registers::UNKNOWN, format_args!("unexpected interrupt {number}"))
 }

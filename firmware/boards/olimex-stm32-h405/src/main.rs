@@ -66,8 +66,7 @@ unsafe fn SDIO() {
 async fn console(owned: Owned<Board>, start: Start) {
     let [pulse, _] = &PULSES;
     let (mut receiver, mut sender) = uart::start_console();
-    let line = (&mut receiver, &mut sender);
-    let into = hardware::console::<Board>(owned.dispatcher, owned.rooms, start, pulse, line).await;
+    let into = hardware::console::<Board>(owned, start, pulse, &mut receiver, &mut sender).await;
     Board::restart(into)
 }
 

@@ -7,7 +7,7 @@ use core::panic::PanicInfo;
 
 use cortex_m_rt::exception;
 use darm_core::wire::bootstrap::CrashKind;
-use darm_firmware::crash::{end, panicked};
+use darm_firmware::crash::{Registers, end, panicked};
 
 use crate::board::Board;
 
@@ -51,11 +51,11 @@ unsafe extern "C" fn HardFault() -> ! {
 /// `sp` is where the frame of the fault was pushed; below the stack's memory that failed, and pc and lr are 0.
 extern "C" fn on_hard_fault(pc: u32, lr: u32, sp: u32) -> ! {
     let what = if sp < (&raw const _stack_end) as u32 { "stack overflow, " } else { "" };
-    end::<Board>(CrashKind::HardFault, (pc, lr), format_args!("{what}sp {sp:#010x}"))
+    end::<Board>(CrashKind::HardFault, Registers { pc, lr }, format_args!("{what}sp {sp:#010x}"))
 }
 
 /// An interrupt that nobody handles.
 #[exception]
 unsafe fn DefaultHandler(number: i16) -> ! {
-    end::<Board>(CrashKind::HardFault, (0, 0), format_args!("unexpected interrupt {number}"))
+    end::<Board>(CrashKind::HardFault, Registers::UNKNOWN, format_args!("unexpected interrupt {number}"))
 }

@@ -128,8 +128,7 @@ async fn usb_task(usb: Peri<'static, USB>) {
 #[embassy_executor::task]
 async fn console_task(owned: Owned<Board>) {
     let [pulse, _] = &PULSES;
-    let line = (&INBOX, &mut console::Outlet);
-    let into = hardware::console_behind::<Board>(owned.dispatcher, owned.rooms, pulse, line).await;
+    let into = hardware::console_behind::<Board>(owned, pulse, &INBOX, &mut console::Outlet).await;
     Board::restart(into)
 }
 
@@ -138,8 +137,7 @@ async fn console_task(owned: Owned<Board>) {
 async fn recovery_task(usb: Peri<'static, USB>, owned: Owned<Board>) {
     let [pulse, _] = &PULSES;
     let (mut device, UsbConsole { mut receiver, mut sender }) = console::start(usb);
-    let line = (&mut receiver, &mut sender);
-    let console = hardware::console::<Board>(owned.dispatcher, owned.rooms, Start::Recovery, pulse, line);
+    let console = hardware::console::<Board>(owned, Start::Recovery, pulse, &mut receiver, &mut sender);
     let Either::Second(into) = select(device.run(), console).await;
     Board::restart(into)
 }
