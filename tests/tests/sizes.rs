@@ -10,11 +10,24 @@ const MAX_FILE_LINES: usize = 400;
 const MAX_FUNCTION_LINES: usize = 60;
 const MAX_MEDIAN_LINES: usize = 9;
 const MAX_90TH_PERCENTILE_LINES: usize = 25;
-/// Without `self`.
+/// Without `self`; formulas of the core may take more.
 const MAX_PARAMETERS: usize = 5;
 
 fn parsed(source: &Source) -> syn::File {
     syn::parse_file(&source.text).unwrap_or_else(|error| panic!("{}: {error}", source.path))
+}
+
+/// How many values a parameter brings: those of a tuple count one by one, by its pattern and by its type.
+fn n_values(pattern: &syn::Pat, of: &syn::Type) -> usize {
+    let by_pattern = match pattern {
+        syn::Pat::Tuple(tuple) => tuple.elems.len(),
+        _ => 1,
+    };
+    let by_type = match of {
+        syn::Type::Tuple(tuple) => tuple.elems.len(),
+        _ => 1,
+    };
+    by_pattern.max(by_type)
 }
 
 /// A function with a body.
@@ -35,8 +48,11 @@ struct Functions<'a> {
 impl Functions<'_> {
     fn add(&mut self, signature: &syn::Signature, body: &syn::Block) {
         let (line, end) = (signature.span().start().line, body.span().end().line);
-        let is_self = |input: &&syn::FnArg| matches!(input, syn::FnArg::Receiver(_));
-        let parameters = signature.inputs.len() - signature.inputs.iter().filter(is_self).count();
+        let values = signature.inputs.iter().map(|input| match input {
+            syn::FnArg::Receiver(_) => 0,
+            syn::FnArg::Typed(input) => n_values(&input.pat, &input.ty),
+        });
+        let parameters = values.sum();
         let (file, name) = (self.file.into(), signature.ident.to_string());
         self.found.push(Function { file, line, name, lines: end - line + 1, parameters });
     }
@@ -90,7 +106,8 @@ fn functions_are_short_and_take_few_parameters() {
         functions.visit_file(&parsed(source));
         all.append(&mut functions.found);
     }
-    let is_broken = |of: &&Function| of.lines > MAX_FUNCTION_LINES || of.parameters > MAX_PARAMETERS;
+    let takes_too_many = |of: &Function| of.parameters > MAX_PARAMETERS && !of.file.starts_with("shared/src/");
+    let is_broken = |of: &&Function| of.lines > MAX_FUNCTION_LINES || takes_too_many(of);
     let report = |of: &Function| {
         format!("{}:{}: `{}` has {} lines and {} parameters", of.file, of.line, of.name, of.lines, of.parameters)
     };

@@ -185,11 +185,11 @@ impl Report {
             Axis(axis, factor, unit) => (format!("axes/{axis}"), factor, unit),
         };
         let number = |when: &str| {
-            let value = report.pointer(&format!("/error/{when}/heldout/{pointer}/value")).and_then(Value::as_f64);
+            let value = report.pointer(&format!("/error/{when}/held_out/{pointer}/value")).and_then(Value::as_f64);
             value.map(|value| value * factor).with_context(|| format!("{name}: no error {when}"))
         };
         let axis =
-            report.pointer(&format!("/error/after/heldout/{pointer}/axis")).and_then(Value::as_str).unwrap_or("norm");
+            report.pointer(&format!("/error/after/held_out/{pointer}/axis")).and_then(Value::as_str).unwrap_or("norm");
         println!("  {axis}: {:.3} -> {:.3} {unit}", number("before")?, number("after")?);
         let rounded = |value: f64| (value * 1000.0).round() / 1000.0;
         Ok([

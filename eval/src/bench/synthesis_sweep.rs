@@ -12,7 +12,7 @@ use anyhow::{Context, Result};
 use darm_arm::arm::Arm;
 use darm_arm::arm::frames::{DesiredFrame, StopRange};
 use darm_arm::synthesis::{
-    Bounds, Method, Obstacle, Options, Status, Synthesis, choose_words, equal_stops, synthesize,
+    Bounds, Infeasibility, Method, Options, Status, Synthesis, choose_words, equal_stops, synthesize,
 };
 use darm_core::chain::Parameter;
 use darm_figures::figure::Figure;
@@ -177,10 +177,10 @@ fn draw(own: &Own, case: &Case, seed: u64) -> Result<Outcome> {
     let plain = synthesize(&own.arm, &frames, &Options { method: Method::Plain, starts: 1, ..options.clone() })?;
     let ours = synthesize(&own.arm, &frames, &options)?;
     let obstacle = match &ours.obstacle {
-        Some(Obstacle::Bounds(_)) | None => "held back by bounds",
-        Some(Obstacle::Singular { .. }) => "stopped by a singular platform",
-        Some(Obstacle::OutOfReach) => "stretched, or in a hollow",
-        Some(Obstacle::Unsettled) => "not at its end",
+        Some(Infeasibility::Bounds(_)) | None => "held back by bounds",
+        Some(Infeasibility::Singular { .. }) => "stopped by a singular platform",
+        Some(Infeasibility::OutOfReach) => "stretched, or in a hollow",
+        Some(Infeasibility::Unsettled) => "not at its end",
     };
     let asks = case.within == Within::Stroke;
     Ok(Outcome::Draw {

@@ -65,9 +65,9 @@ struct Dictionary {
     residuals: DVector<f64>,
     /// The fold of each row.
     folds: Vec<usize>,
-    heldout: Observations,
-    heldout_columns: DMatrix<f64>,
-    heldout_residuals: Vec<f64>,
+    held_out: Observations,
+    held_out_columns: DMatrix<f64>,
+    held_out_residuals: Vec<f64>,
     noise: Noise,
 }
 
@@ -84,16 +84,16 @@ impl Dictionary {
     fn new(arm: &Arm, blind: &Blind, noise: Noise) -> Result<Self, NoPose> {
         let (run, mut scratch) = (blind.measured(), ArmScratch::default());
         let training = Observations::new(arm, run, noise.sigma, |sample| !sample.held_out);
-        let heldout = Observations::new(arm, run, noise.sigma, |sample| sample.held_out);
+        let held_out = Observations::new(arm, run, noise.sigma, |sample| sample.held_out);
         let seen = Sensitivity::new(&arm.model, &training, &mut scratch)?;
-        let unseen = Sensitivity::new(&arm.model, &heldout, &mut scratch)?;
+        let unseen = Sensitivity::new(&arm.model, &held_out, &mut scratch)?;
         let (effects, mut owner, mut columns, mut others) =
             (candidates(arm, training.last().0), Vec::new(), Vec::new(), Vec::new());
         for (index, effect) in effects.iter().enumerate() {
             for value in 0..effect.law().values().len() {
                 let Some(column) = seen.column(effect, value) else { continue };
                 let scale = 1.0 / root_mean_square(&column);
-                let other = unseen.column(effect, value).unwrap_or_else(|| vec![0.0; unseen_len(&heldout)]);
+                let other = unseen.column(effect, value).unwrap_or_else(|| vec![0.0; unseen_len(&held_out)]);
                 columns.push(DVector::from_vec(column) * scale);
                 others.push(DVector::from_vec(other) * scale);
                 owner.push(index);
@@ -107,9 +107,9 @@ impl Dictionary {
             columns: DMatrix::from_columns(&columns),
             residuals: DVector::from_vec(seen.into_residuals()),
             folds,
-            heldout_columns: DMatrix::from_columns(&others),
-            heldout_residuals: unseen.into_residuals(),
-            heldout,
+            held_out_columns: DMatrix::from_columns(&others),
+            held_out_residuals: unseen.into_residuals(),
+            held_out,
             noise,
         })
     }
@@ -185,16 +185,16 @@ impl Dictionary {
 
     /// Held-out error over the repeatability, without the rows that the generator spoiled.
     fn ratio(&self, blind: &Blind, solution: &DVector<f64>) -> f64 {
-        let after = DVector::from_vec(self.heldout_residuals.clone()) + &self.heldout_columns * solution;
-        let distances = self.heldout.distances_m(after.as_slice());
-        let rows = self.heldout.rows.iter().zip(distances);
+        let after = DVector::from_vec(self.held_out_residuals.clone()) + &self.held_out_columns * solution;
+        let distances = self.held_out.distances_m(after.as_slice());
+        let rows = self.held_out.rows.iter().zip(distances);
         let good = rows.filter(|(row, _)| !blind.spoiled().contains(&row.sample)).map(|(_, distance)| distance);
         root_mean_square(&good.collect::<Vec<_>>()) / self.noise.distance_m
     }
 }
 
-fn unseen_len(heldout: &Observations) -> usize {
-    heldout.rows.len() * heldout.n_axes()
+fn unseen_len(held_out: &Observations) -> usize {
+    held_out.rows.len() * held_out.n_axes()
 }
 
 /// All candidates, steps at several moments of a run of this length.

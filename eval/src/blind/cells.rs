@@ -1,5 +1,6 @@
 //! A log as a text of cells: what damages it reads and writes no numbers but those in the cells.
 
+use darm_diagnose::measurement::csv_text::{csv_cells, csv_text};
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
@@ -16,15 +17,13 @@ impl Cells {
     /// Those of comma-separated text with a header.
     pub(super) fn of(text: &str) -> Self {
         let mut lines = text.lines().filter(|line| !line.starts_with('#'));
-        let cells = |line: &str| line.split(',').map(str::to_string).collect::<Vec<_>>();
-        let header = lines.next().map(cells).unwrap_or_default();
-        Self { header, rows: lines.map(cells).collect() }
+        let header = lines.next().map(csv_cells).expect("a log that was written has a header");
+        Self { header, rows: lines.map(csv_cells).collect() }
     }
 
     /// The text again.
     pub(super) fn text(&self) -> String {
-        let lines = std::iter::once(&self.header).chain(&self.rows);
-        lines.map(|cells| cells.join(",") + "\n").collect()
+        csv_text(std::iter::once(&self.header).chain(&self.rows))
     }
 
     /// The table that a command would read.

@@ -12,7 +12,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::case::Class;
-use super::signals::{Bench, Cause, Elsewhere, SWING_RAD, middle};
+use super::signals::{Bench, Cause, Channels, Elsewhere, SWING_RAD, middle};
 
 /// Held postures, and rows of each.
 const POSTURES: usize = 64;
@@ -62,7 +62,12 @@ pub(super) fn floating(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Res
         fixed.into_iter().chain(robot.joints.iter().map(|joint| format!("{}_rad", joint.name))).collect();
     let axes = ["Fx_n", "Fy_n", "Fz_n", "Mx_nm", "My_nm", "Mz_nm"].map(str::to_string).to_vec();
     let noise = vec![FORCE_NOISE_N, FORCE_NOISE_N, FORCE_NOISE_N, moment, moment, moment];
-    let mut bench = Bench::new((names, given), (axes, wrench), noise, vec![COP_NOISE_M, COP_NOISE_M]);
+    let mut bench = Bench::new(
+        Channels { names, values: given },
+        Channels { names: axes, values: wrench },
+        noise,
+        vec![COP_NOISE_M, COP_NOISE_M],
+    );
     match class {
         Class::Clean => {}
         Class::One | Class::Two => {

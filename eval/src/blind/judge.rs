@@ -87,7 +87,7 @@ pub(super) fn law_and_part(found: &Found) -> Named {
 /// Marks the outcome of a diagnosis.
 pub(super) fn mark(arm: &Arm, class: Class, blind: &Blind, outcome: &Outcome<ArmCorrection>) -> Result<Mark> {
     let repeats_m = outcome.diagnosis.repeatability.as_ref().map_or(blind.scatter_m(), |repeats| repeats.norm.value);
-    let mut mark = Mark { ratio: heldout_m(blind, outcome) / repeats_m, answer: answer(outcome), ..Mark::default() };
+    let mut mark = Mark { ratio: held_out_m(blind, outcome) / repeats_m, answer: answer(outcome), ..Mark::default() };
     match class {
         Class::Clean => mark.named = outcome.diagnosis.verdict == Verdict::NoEffect,
         Class::Outside => {
@@ -110,7 +110,7 @@ pub(super) fn mark(arm: &Arm, class: Class, blind: &Blind, outcome: &Outcome<Arm
 }
 
 /// Root mean square of the held-out rows that the generator did not spoil, m.
-fn heldout_m(blind: &Blind, outcome: &Outcome<ArmCorrection>) -> f64 {
+fn held_out_m(blind: &Blind, outcome: &Outcome<ArmCorrection>) -> f64 {
     let spoiled: Vec<f64> = blind.spoiled().iter().map(|&sample| blind.measured().samples[sample].time_s).collect();
     let good = outcome.diagnosis.points.iter().filter(|point| point.held_out && !spoiled.contains(&point.time_s));
     root_mean_square(&good.filter_map(|point| point.visit.as_ref()).map(|visit| visit.after_m).collect::<Vec<_>>())

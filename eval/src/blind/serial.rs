@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use anyhow::{Context, Result};
-use darm_core::effect::along::Law;
+use darm_core::effect::basis::Law;
 use darm_core::effect::law_name::LawName;
 use darm_diagnose::effect::{Place, Site};
 use darm_diagnose::linearise::model_effects::ModelEffect;
@@ -17,7 +17,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::case::Class;
-use super::signals::{Bench, Cause, Elsewhere, PERIODIC, SWING_RAD, middle};
+use super::signals::{Bench, Cause, Channels, Elsewhere, PERIODIC, SWING_RAD, middle};
 
 /// Rows a second, and how long the arm moves.
 const RATE_HZ: f64 = 20.0;
@@ -52,7 +52,12 @@ pub(super) fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Resul
     let names = [vec!["time_s".to_string()], named("q", "_rad"), named("v", "_rad/s"), named("a", "")].concat();
     let noise: Vec<f64> = nominal.iter().map(|channel| TORQUE_NOISE * root_mean_square(channel).max(1.0)).collect();
     let norm_noise = noise.clone();
-    let mut bench = Bench::new((names, given), (named("tau", "_nm"), nominal), noise, norm_noise);
+    let mut bench = Bench::new(
+        Channels { names, values: given },
+        Channels { names: named("tau", "_nm"), values: nominal },
+        noise,
+        norm_noise,
+    );
     let mechanisms: Vec<usize> = match class {
         Class::Clean => Vec::new(),
         Class::Outside => {
@@ -156,7 +161,7 @@ impl Elsewhere for Motions {
     fn columns(&self, law: LawName, site: &Site, elsewhere: bool) -> Result<Option<DMatrix<f64>>> {
         let names: Vec<&str> = match (law, Law::named(law, None)) {
             (LawName::MassDistribution, _) => INERTIAL_PARAMETERS.iter().map(|(name, _)| *name).collect(),
-            (_, Some(law)) => vec![law.along().size()],
+            (_, Some(law)) => vec![law.basis_law().coefficient()],
             // Laws with separate constants are not known elsewhere.
             _ => return Ok(None),
         };

@@ -16,6 +16,7 @@
 //! | a backpack on a link, held postures | weight of a point, by statics |
 //! | a plate that drifts, outside the list | Δ(cop x) = c·sin(2πt/P) |
 
+use darm_diagnose::measurement::csv_text::csv_text;
 use std::fmt;
 use std::path::Path;
 
@@ -81,6 +82,12 @@ pub(super) trait Elsewhere {
     fn columns(&self, law: Law, site: &Site, elsewhere: bool) -> Result<Option<DMatrix<f64>>>;
 }
 
+/// Names and numbers of channels.
+pub(super) struct Channels {
+    pub(super) names: Vec<String>,
+    pub(super) values: Vec<Vec<f64>>,
+}
+
 /// One measurement that is being made.
 pub(super) struct Bench {
     /// Columns of the table that are not measured with noise.
@@ -101,14 +108,11 @@ pub(super) struct Bench {
 }
 
 impl Bench {
-    /// A bench on which nothing is added yet: names and numbers of what is given, of what the model predicts, its noise,
-    /// and that of the axes that make the norm.
-    pub(super) fn new(
-        (names, given): (Vec<String>, Vec<Vec<f64>>),
-        (axes, nominal): (Vec<String>, Vec<Vec<f64>>),
-        noise: Vec<f64>,
-        norm_noise: Vec<f64>,
-    ) -> Self {
+    /// A bench on which nothing is added yet: what is given, what the model predicts, its noise, and that of the axes that
+    /// make the norm.
+    pub(super) fn new(given: Channels, nominal: Channels, noise: Vec<f64>, norm_noise: Vec<f64>) -> Self {
+        let Channels { names, values: given } = given;
+        let Channels { names: axes, values: nominal } = nominal;
         let (measured, spoiled, added) = (nominal.clone(), Vec::new(), Vec::new());
         Self { names, given, axes, measured, noise, spoiled, added, norm_noise, nominal, elsewhere: None }
     }
@@ -138,15 +142,15 @@ impl Bench {
 
     /// The table as comma-separated text.
     pub(super) fn text(&self) -> String {
-        let mut text = [self.names.join(","), self.axes.join(",")].join(",") + ",temperature_c,supply_v\n";
-        for row in 0..self.rows() {
+        let distractors = ["temperature_c", "supply_v"].map(str::to_owned);
+        let header: Vec<String> = self.names.iter().chain(&self.axes).cloned().chain(distractors).collect();
+        let row = |row: usize| -> Vec<String> {
             let numbers = self.given.iter().chain(&self.measured).map(|channel| format!("{:.9}", channel[row]));
             let slow = row as f64 / self.rows() as f64;
             let distractors = [20.0 + 8.0 * slow, 24.0 - (7.0 * slow).sin()].map(|number| format!("{number:.4}"));
-            text += &numbers.chain(distractors).collect::<Vec<_>>().join(",");
-            text.push('\n');
-        }
-        text
+            numbers.chain(distractors).collect()
+        };
+        csv_text(std::iter::once(header).chain((0..self.rows()).map(row)))
     }
 
     pub(super) fn truth(&self) -> String {

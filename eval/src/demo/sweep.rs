@@ -113,7 +113,7 @@ seed  hidden effect    place                       verdict                named 
 
 /// Held-out error with the effects found over the repeatability.
 fn ratio(course: &Course) -> Option<f64> {
-    let after = course.diagnosis.error.after.heldout.as_ref()?.norm.value;
+    let after = course.diagnosis.error.after.held_out.as_ref()?.norm.value;
     Some(after / course.diagnosis.repeatability.as_ref()?.norm.value)
 }
 

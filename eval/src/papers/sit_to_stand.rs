@@ -19,6 +19,8 @@ use anyhow::{Context, Result};
 use darm::report::page_of;
 use maud::html;
 
+use motions::Study;
+
 use darm_figures::figure::Figures;
 use darm_figures::progress::Progress;
 use xtask::setup;
@@ -62,7 +64,8 @@ impl SitToStand {
         hidden::person(&mut figures)?;
         progress.say(format!("two motions on the robot, and on {} of other masses", self.standing));
         let drawn = robots::draw(&robots.cad, self.standing.max(1), self.seed)?;
-        let pictures = motions::map_both(&mut figures, &progress, (&robots, &drawn), self.seed, &folder)?;
+        let study = Study { robots: &robots, drawn: &drawn, seed: self.seed, folder: &folder };
+        let pictures = motions::map_both(&mut figures, &progress, &study)?;
         let body = html! { @for (title, svg) in &pictures { section { h2 { (title) } (maud::PreEscaped(svg)) } } };
         fs::write(folder.join("report.html"), page_of("Sit to stand", &body))?;
         progress.say(format!("pictures and tables are in {}", folder.display()));

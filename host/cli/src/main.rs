@@ -2,7 +2,6 @@
 
 mod commands;
 mod console;
-mod csv_text;
 mod failure;
 mod finite;
 mod firmware_image;

@@ -21,8 +21,8 @@ use std::path::{Path, PathBuf};
 
 use darm_core::units::{Digest, ModelHash, Word};
 
-use crate::csv_text::csv_text;
 use darm_arm::table_file::digest;
+use darm_diagnose::measurement::csv_text::csv_text;
 
 /// One rest of a program.
 #[derive(Clone, Debug, PartialEq)]

@@ -117,7 +117,7 @@ fn prepare_poses(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Option
         None => scatter(arm, run).map_err(no_pose)?.sigma,
     };
     let training = Observations::new(arm, run, sigma, |sample| !sample.held_out);
-    let heldout = Observations::new(arm, run, sigma, |sample| sample.held_out);
+    let held_out = Observations::new(arm, run, sigma, |sample| sample.held_out);
     let of_rows = |parts: &[usize]| -> Vec<usize> { training.rows.iter().map(|row| parts[row.sample]).collect() };
     let folds = match (run.choice.parts_in_turn(), &run.choice.parts) {
         (Some(parts), _) => of_rows(parts),
@@ -130,7 +130,7 @@ fn prepare_poses(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Option
     if folds.iter().all(|fold| *fold == folds[0]) {
         return Err(DiagnoseError::OneGroup { selection: run.choice.description.clone() });
     }
-    let problem = ToolPoses::new(training, heldout, folds);
+    let problem = ToolPoses::new(training, held_out, folds);
     if repeats.is_some() {
         return Ok(problem);
     }

@@ -7,6 +7,8 @@ pub use darm_core::effect::Detail;
 pub use darm_core::effect::law_name::LawName as Law;
 use serde::{Serialize, Serializer};
 
+use crate::number::Number;
+
 /// Where an effect acts. Two effects are at the same place when these are equal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Place {
@@ -98,8 +100,8 @@ pub struct Effect {
     /// Its values.
     #[serde(rename = "parameters")]
     pub values: Vec<Value>,
-    /// By how much the held-out error, in the unit of its norm, is larger without it; `None` where no rows are held out.
-    pub heldout_gain: Option<f64>,
+    /// By how much the norm of the held-out error is larger without it; `None` where no rows are held out.
+    pub held_out_gain: Option<Number>,
 }
 
 /// One value of an effect.

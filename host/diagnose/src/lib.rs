@@ -23,6 +23,7 @@ pub mod measurement;
 pub mod measurement_plan;
 pub mod misreading;
 pub mod model_file;
+pub(crate) mod number;
 pub mod outcome;
 pub mod prepare;
 pub mod project;

@@ -5,10 +5,10 @@
 //! | key | meaning |
 //! | --- | --- |
 //! | `kind` | what was measured: `tool-pose`, `actuator-force`, `joint-position`, `joint-torque`, `contact-wrench`, `tool-position`, `point-contact` |
-//! | `rows.train`, `rows.heldout` | rows that fits saw, and rows that no fit has seen |
+//! | `rows.train`, `rows.held_out` | rows that fits saw, and rows that no fit has seen |
 //! | `held_out`, `left_out` | how the latter were chosen; what cross-validation leaves out together |
 //! | `repeatability` | scatter of repeated conditions with its degrees of freedom, or null where too little is repeated |
-//! | `error.before`, `error.after` | root mean square of predicted minus measured on `train` and `heldout`: each axis, and the norm |
+//! | `error.before`, `error.after` | root mean square of predicted minus measured on `train` and `held_out`: each axis, and the norm |
 //! | `verdict` | `effect-found`, `partly-explained`, `no-effect`, `unexplained-structure`, `not-identifiable`, `too-little-data`, `wrong-model-or-log` |
 //! | `other_reading` | of a wrong model or log: how it agrees, and the error then; null where no reading that was tried does |
 //! | `effects` | law, where, values with unit and 95 % interval, by how much the held-out norm grows without it |
@@ -27,6 +27,7 @@ mod structure;
 use std::collections::BTreeMap;
 use std::fmt;
 
+pub use crate::number::Number;
 use serde::Serialize;
 
 pub use crate::effect::{Effect, Value};
@@ -146,16 +147,7 @@ pub struct Rows {
     /// That the fit saw.
     pub train: usize,
     /// That it did not.
-    pub heldout: usize,
-}
-
-/// A number with its unit.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Number {
-    /// The number.
-    pub value: f64,
-    /// Its unit.
-    pub unit: &'static str,
+    pub held_out: usize,
 }
 
 /// Scatter of repeated conditions.
@@ -196,13 +188,13 @@ pub struct Errors {
     /// On the rows that the fit saw.
     pub train: ErrorFigure,
     /// On the rows that it did not see; `None` where none were held out.
-    pub heldout: Option<ErrorFigure>,
+    pub held_out: Option<ErrorFigure>,
 }
 
 impl Errors {
     /// On rows that no fit has seen; on those that it saw where none were held out.
     pub fn held_out_or_train(&self) -> &ErrorFigure {
-        self.heldout.as_ref().unwrap_or(&self.train)
+        self.held_out.as_ref().unwrap_or(&self.train)
     }
 }
 
@@ -214,7 +206,7 @@ pub struct ErrorFigure {
     /// Of poses the distance d, m; of signals the axes that share the first one's unit, together.
     pub norm: Number,
     /// The largest norm of a row.
-    pub largest: f64,
+    pub largest: Number,
 }
 
 /// One number of one axis.
@@ -259,8 +251,8 @@ pub struct Alternative {
 pub struct Outlier {
     /// Its line in the file, the header being 1.
     pub line: usize,
-    /// How far it is off, in the unit of the norm.
-    pub error: f64,
+    /// The norm of its error.
+    pub error: Number,
     /// The same in units of the noise.
     pub sigmas: f64,
 }

@@ -56,7 +56,7 @@ impl Case {
     }
 
     fn ratio(&self) -> f64 {
-        let after = self.diagnosis.error.after.heldout.as_ref().unwrap().norm.value;
+        let after = self.diagnosis.error.after.held_out.as_ref().unwrap().norm.value;
         after / self.diagnosis.repeatability.as_ref().unwrap().norm.value
     }
 

@@ -1,5 +1,6 @@
 //! The table that a mapping makes of recordings: parts joined, units converted, files appended.
 
+use darm_diagnose::measurement::csv_text::csv_text;
 use darm_diagnose::measurement::log::FIRST_ROW;
 
 use crate::error::ImportError;
@@ -89,18 +90,9 @@ impl Table {
     }
 
     /// The table as comma-separated text, after its comment lines.
-    ///
-    /// # Panics
-    ///
-    /// A row has not as many cells as there are names; the rows of a table that was read have.
     pub fn text(&self) -> String {
         let about: String = self.about.iter().map(|(key, value)| format!("# {key} {value}\n")).collect();
-        let mut writer = csv::Writer::from_writer(Vec::new());
-        let all = std::iter::once(&self.names).chain(&self.rows);
-        let written = all.map(|row| writer.write_record(row)).collect::<Result<Vec<()>, _>>();
-        written.expect("all rows have as many cells, and memory does not fail");
-        let bytes = writer.into_inner().expect("a writer to memory does not fail");
-        about + &String::from_utf8_lossy(&bytes)
+        about + &csv_text(std::iter::once(&self.names).chain(&self.rows))
     }
 }
 

@@ -10,11 +10,11 @@
 //! units.
 //!
 //! A new law is one file, its line in the list of [`Effect`] and its name in [`law_name`]. Laws of a joint's torque, an
-//! actuator's force or a held position are in [`along`].
+//! actuator's force or a held position are in [`basis`].
 
-pub mod along;
 pub mod anchor_offset;
 pub mod base_drift;
+pub mod basis;
 pub mod crowding;
 pub mod drift;
 pub mod fitted_term;

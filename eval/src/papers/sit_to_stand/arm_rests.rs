@@ -11,7 +11,7 @@ use darm_diagnose::measurement::table::{Names, Table};
 use darm_papers::motion::demonstration::Demonstration;
 use darm_papers::motion::mapping::map;
 use darm_papers::motion::person::person;
-use darm_papers::motion::{Capture, Fixed, Plate};
+use darm_papers::motion::{Capture, Plate};
 use darm_robot::robot::Robot;
 
 use super::capture::csv;
@@ -61,7 +61,7 @@ pub(super) fn with_hands(
     (average, shown): (&Robot, &Demonstration),
 ) -> Result<()> {
     let Followed { name, setup, capture, .. } = *followed;
-    let markers: Vec<Fixed> = setup.markers.iter().map(|marker| marker.on_person).collect();
+    let markers = setup.on_person();
     let hands = pushed(shown);
     let text = csv(&relieved(shown, &hands), Some(&hands));
     let (table, _) = Table::read_text(Path::new("hands.csv"), text.as_bytes(), &Names::new())?;

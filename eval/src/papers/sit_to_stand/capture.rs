@@ -1,6 +1,7 @@
 //! A demonstration as the table that `darm com map` reads.
 
 use darm_core::real::Vec3;
+use darm_diagnose::measurement::csv_text::csv_text;
 use darm_papers::motion::demonstration::Demonstration;
 
 /// A capture as `darm com map` reads it, with the plates of floor and chair, and of arm rests where hands push: Fz, Mx, My
@@ -10,7 +11,7 @@ pub(super) fn csv(Demonstration { capture, chair, .. }: &Demonstration, hands: O
     let plates = ["floor", "chair"].into_iter().chain(hands.map(|_| "hands"));
     let plates = plates.flat_map(|plate| ["Fz_n", "Mx_nm", "My_nm"].map(|part| format!("{plate}_{part}")));
     let head = std::iter::once("t_s".to_owned()).chain(markers).chain(plates);
-    let mut text = head.collect::<Vec<_>>().join(",") + "\n";
+    let mut rows = vec![head.collect::<Vec<_>>()];
     let measured = capture.chair_n.iter().flatten().zip(chair);
     for (frame, (((time, places), plate), (chair_n, [_, mx, my]))) in
         capture.time_s.iter().zip(&capture.places).zip(&capture.plates).zip(measured).enumerate()
@@ -25,7 +26,7 @@ pub(super) fn csv(Demonstration { capture, chair, .. }: &Demonstration, hands: O
         let floor = [0, 1, 2].map(|k| total[k] - own[k] - pushed.map_or(0.0, |pushed| pushed[k]));
         let cells = std::iter::once(format!("{time:.4}")).chain(places.iter().flat_map(place));
         let wrenches = floor.iter().chain(&own).chain(pushed.into_iter().flatten()).map(|x| format!("{x:.4}"));
-        text += &(cells.chain(wrenches).collect::<Vec<_>>().join(",") + "\n");
+        rows.push(cells.chain(wrenches).collect());
     }
-    text
+    csv_text(rows)
 }

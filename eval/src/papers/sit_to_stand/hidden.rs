@@ -123,7 +123,7 @@ pub(super) fn person(figures: &mut Vec<Figure>) -> Result<()> {
     let diagnosis =
         diagnose_file(&model, &folder.join("human_wholebody_30hz.csv.gz"), &Names::new(), &options)?.diagnosis;
     let norm = |errors: &darm_diagnose::outcome::Errors| {
-        errors.heldout.as_ref().map_or(f64::NAN, |figure| 1e3 * figure.norm.value)
+        errors.held_out.as_ref().map_or(f64::NAN, |figure| 1e3 * figure.norm.value)
     };
     figures.push(figure("person A, centre of pressure held out, tables", norm(&diagnosis.error.before), "mm")?);
     let after = (1e3 * norm(&diagnosis.error.after)).round() / 1e3;

@@ -13,7 +13,7 @@ use darm_papers::motion::execution::Executed;
 use darm_papers::motion::mapping::{Mapped, map};
 use darm_papers::motion::person::{Person, com, person};
 use darm_papers::motion::setup::Setup;
-use darm_papers::motion::{Capture, Fixed, Posture, lift_off};
+use darm_papers::motion::{Capture, Posture, lift_off};
 use darm_robot::robot::Robot;
 use darm_robot::urdf::{self, Locks};
 
@@ -36,24 +36,31 @@ const SAMPLES: usize = 8;
 /// Files of the pictures.
 const FILES: [&str; 5] = ["figure6-natural", "chair-natural", "figure6-elderly", "chair-elderly", "figure7"];
 
+/// The robots that rise, and the folder of the pictures.
+pub(super) struct Study<'a> {
+    pub(super) robots: &'a Robots,
+    /// Robots of other masses.
+    pub(super) drawn: &'a [Robots],
+    /// Of the people.
+    pub(super) seed: u64,
+    pub(super) folder: &'a Path,
+}
+
 /// Maps both motions; pictures with their titles.
 pub(super) fn map_both(
     figures: &mut Vec<Figure>,
     progress: &Progress,
-    (robots, drawn): (&Robots, &[Robots]),
-    seed: u64,
-    folder: &Path,
+    &Study { robots, drawn, seed, folder }: &Study<'_>,
 ) -> Result<Vec<(String, String)>> {
     let root = setup::root();
     let mut average = urdf::read(&root.join("tests/data/stand/person.urdf"), &Locks::new())?;
     average.floating = true;
     let setup = Setup::read(&root.join("tests/data/stand/stand.toml"), &average, &robots.cad)?;
-    let names: Vec<String> = setup.markers.iter().map(|marker| marker.name.clone()).collect();
-    let markers: Vec<Fixed> = setup.markers.iter().map(|marker| marker.on_person).collect();
+    let markers = setup.on_person();
     let (mut pictures, mut plane, mut sequences_shown) = (Vec::new(), Vec::new(), vec![samples(&robots.cad)?]);
     for (style, colors) in [Style::Natural, Style::Elderly].into_iter().zip(COLORS) {
         let name = style.name();
-        let shown = demonstrate(&average, (&names, &markers), &setup.person_feet, style, seed)?;
+        let shown = demonstrate(&average, &setup, style, seed)?;
         fs::write(folder.join(format!("{name}.csv")), csv(&shown, None))?;
         let found = person(&average, &markers, &shown.capture)?;
         report_person(figures, name, &found, &shown)?;

@@ -1,5 +1,6 @@
 //! Identification: from static postures, and with friction from motions.
 
+use darm_diagnose::measurement::csv_text::csv_text;
 use std::fs;
 use std::io::Read as _;
 use std::path::Path;
@@ -248,12 +249,12 @@ fn moving(waves: &[[f64; 6]], time_s: f64) -> [Vec<f64>; 3] {
 fn csv(robot: &Robot, samples: &[Sample]) -> String {
     let joints = || robot.joints.iter().map(|joint| joint.name.as_str());
     let head = joints().map(|name| format!("{name}_rad")).chain(joints().map(|name| format!("tau_{name}_nm")));
-    let mut text = head.chain(["Fx_n", "Fz_n", "My_nm"].map(str::to_owned)).collect::<Vec<_>>().join(",") + "\n";
-    for sample in samples {
+    let head: Vec<String> = head.chain(["Fx_n", "Fz_n", "My_nm"].map(str::to_owned)).collect();
+    let rows = samples.iter().map(|sample| {
         let wrench = &sample.contacts[0].wrench;
         let ground = [wrench.force.x, wrench.force.z, wrench.moment.y];
         let cells = sample.state[0].iter().chain(&sample.torque).chain(&ground).map(|x| format!("{x:.6}"));
-        text += &(cells.collect::<Vec<_>>().join(",") + "\n");
-    }
-    text
+        cells.collect()
+    });
+    csv_text(std::iter::once(head).chain(rows))
 }

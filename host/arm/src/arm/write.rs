@@ -28,10 +28,10 @@ fn write_arm(w: &mut String, arm: &Arm, profile: Option<&Path>) -> fmt::Result {
     writeln!(w, "model = {}", model.number)?;
     writeln!(w, "length_scale_m = {:?}\n", arm.length_scale_m)?;
     writeln!(w, "[conditions]\ngravity_m_s2 = {}", list(model.gravity.as_slice()))?;
-    writeln!(w, "supply_bar = {:?}", tidy(model.nominal_supply / 1e5))?;
-    writeln!(w, "temperature_c = {:?}", tidy(model.reference_temperature_k - ZERO_CELSIUS))?;
-    writeln!(w, "working_supply_bar = {:?}", tidy(model.working_supply / 1e5))?;
-    writeln!(w, "working_temperature_c = {:?}\n", tidy(model.working_temperature_k - ZERO_CELSIUS))?;
+    writeln!(w, "supply_bar = {:?}", converted(model.nominal_supply / 1e5))?;
+    writeln!(w, "temperature_c = {:?}", converted(model.reference_temperature_k - ZERO_CELSIUS))?;
+    writeln!(w, "working_supply_bar = {:?}", converted(model.working_supply / 1e5))?;
+    writeln!(w, "working_temperature_c = {:?}\n", converted(model.working_temperature_k - ZERO_CELSIUS))?;
     writeln!(w, "[mount]\n{}\n", pose_lines(&model.chain.mount))?;
     writeln!(w, "[tool]\npose = {}", pose(&model.chain.tool))?;
     write_mass(w, &model.payload)?;
@@ -90,7 +90,7 @@ impl Parts<'_> {
             }
             Stage::Servo(joint) => {
                 write_axis(w, &joint.axis)?;
-                writeln!(w, "offset_deg = {:?}", tidy(joint.offset.to_degrees()))?;
+                writeln!(w, "offset_deg = {:?}", converted(joint.offset.to_degrees()))?;
                 let own = self.arm.servos.get(self.servo);
                 self.servo += 1;
                 own.map_or(Ok(()), |own| writeln!(w, "servo = {}", servo(own)))
@@ -152,7 +152,7 @@ pub(super) fn pose(pose: &Pose<f64>) -> String {
 fn pose_lines(pose: &Pose<f64>) -> String {
     if pose.is_planar() {
         let flat = Pose2::projection(pose);
-        let angle_deg = tidy(flat.angle_rad.to_degrees());
+        let angle_deg = converted(flat.angle_rad.to_degrees());
         return format!("position_m = {}\nangle_deg = {angle_deg:?}", list(flat.position.as_slice()));
     }
     let rotation = pose.log().angular;
@@ -165,11 +165,11 @@ fn list(numbers: &[f64]) -> String {
 }
 
 fn degrees(angles_rad: &[f64]) -> String {
-    list(&angles_rad.iter().map(|angle| tidy(angle.to_degrees())).collect::<Vec<_>>())
+    list(&angles_rad.iter().map(|angle| converted(angle.to_degrees())).collect::<Vec<_>>())
 }
 
-/// Rounded to 10⁻¹², coarser than what a conversion of units loses: so the text of what was read does not change.
-fn tidy(value: f64) -> f64 {
+/// A number in another unit, rounded to 10⁻¹², coarser than what a conversion of units loses: so the text of what was read does not change.
+fn converted(value: f64) -> f64 {
     rounded(value, 12)
 }
 

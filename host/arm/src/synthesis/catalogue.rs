@@ -131,7 +131,7 @@ pub fn buy(
     loop {
         let chosen = choose(&found, desired, parts)?;
         let fits = chosen.iter().all(|(_, bought)| fits(bought));
-        if (fits && found.status == Status::Reached) || round == ROUNDS || options.watch.is_ended() {
+        if (fits && found.status == Status::Reached) || round == ROUNDS || options.handle.is_ended() {
             return Ok((found, chosen.into_iter().map(|(_, bought)| bought).collect()));
         }
         let own =

@@ -5,12 +5,12 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 /// Shared with a search: how far it is, and whether it is to end with the best so far. Clones share.
 #[derive(Clone, Debug, Default)]
-pub struct Watch {
+pub struct SearchHandle {
     ended: Arc<AtomicBool>,
     starts: Arc<AtomicU32>,
 }
 
-impl Watch {
+impl SearchHandle {
     /// Lets the search end with the best so far.
     pub fn end(&self) {
         self.ended.store(true, Ordering::Relaxed);

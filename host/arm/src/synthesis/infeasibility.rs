@@ -18,7 +18,7 @@ const SETTLED: f64 = 1e-4;
 /// What keeps the nearest geometry from the frames.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Obstacle {
+pub enum Infeasibility {
     /// Bounds on the stops of these actuators, by their names.
     Bounds(Vec<String>),
     /// A platform is about to leave its assembly mode.
@@ -35,7 +35,7 @@ pub enum Obstacle {
     Unsettled,
 }
 
-impl fmt::Display for Obstacle {
+impl fmt::Display for Infeasibility {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Bounds(names) => write!(f, "bounds hold back {}: widen them", names.join(", ")),
@@ -55,21 +55,25 @@ impl fmt::Display for Obstacle {
 }
 
 /// What keeps the geometry of `unknowns` from the frames.
-pub(super) fn of(problem: &mut Problem, unknowns: &DVector<f64>) -> Obstacle {
+pub(super) fn of(problem: &mut Problem, unknowns: &DVector<f64>) -> Infeasibility {
     let at_bounds = problem.at_bounds(unknowns, AT_A_BOUND);
     if !at_bounds.is_empty() {
-        return Obstacle::Bounds(at_bounds);
+        return Infeasibility::Bounds(at_bounds);
     }
     if let Some((stage, frame)) = singular(problem, unknowns) {
         let module = problem.base_line().stage_name(stage);
-        return Obstacle::Singular { module, frame: problem.targets[frame].name.clone() };
+        return Infeasibility::Singular { module, frame: problem.targets[frame].name.clone() };
     }
     match problem.linearise(unknowns) {
         Ok((residual, jacobian)) => {
             let falls = jacobian.tr_mul(&residual).norm();
-            if falls < SETTLED * jacobian.norm() * residual.norm() { Obstacle::OutOfReach } else { Obstacle::Unsettled }
+            if falls < SETTLED * jacobian.norm() * residual.norm() {
+                Infeasibility::OutOfReach
+            } else {
+                Infeasibility::Unsettled
+            }
         }
-        Err(_) => Obstacle::Unsettled,
+        Err(_) => Infeasibility::Unsettled,
     }
 }
 

@@ -29,16 +29,16 @@
 mod accuracy;
 mod case;
 mod catalogue;
+mod handle;
+mod infeasibility;
 mod lift;
 mod newton;
-mod obstacle;
 mod paper;
 mod problem;
 mod repair;
 mod search;
 mod stroke;
 mod tolerance;
-mod watch;
 mod words;
 
 use std::fmt;
@@ -55,13 +55,13 @@ use crate::arm::{Arm, FrameFault, reason_of};
 pub use accuracy::Accuracy;
 pub use case::{BoundFrame, Case, CaseKind, CompleteModules};
 pub use catalogue::{Bought, CatalogueError, Part, buy, read_catalogue};
-pub use obstacle::Obstacle;
+pub use handle::SearchHandle;
+pub use infeasibility::Infeasibility;
 pub use paper::{Feedback, Scheme};
 use problem::Problem;
 pub use repair::{Cost, StuckActuator, repair};
 pub use stroke::{MinStroke, equal_stops, min_strokes, short_strokes, stops_as_they_are};
 pub use tolerance::{Expected, Tolerance, expected, minimize_sensitivity};
-pub use watch::Watch;
 pub use words::choose_words;
 
 /// How to look for the geometry.
@@ -78,7 +78,7 @@ pub struct Options {
     /// Seed of the starts.
     pub seed: u64,
     /// Shows how far the search is, and ends it early.
-    pub watch: Watch,
+    pub handle: SearchHandle,
 }
 
 /// The scheme of a synthesis.
@@ -134,7 +134,7 @@ impl Default for Options {
             ranges: Vec::new(),
             starts: 256,
             seed: 1,
-            watch: Watch::default(),
+            handle: SearchHandle::default(),
         }
     }
 }
@@ -149,7 +149,7 @@ pub struct Synthesis {
     /// Whether the stops keep all bounds, as they do but for the paper's and the plain scheme.
     pub kept: bool,
     /// What keeps the nearest geometry from the frames; `None` where all are met.
-    pub obstacle: Option<Obstacle>,
+    pub obstacle: Option<Infeasibility>,
     /// Whether the frames are few enough to be met.
     pub case: Case,
     /// What became of each desired frame.
@@ -270,7 +270,7 @@ pub fn synthesize(base_line: &Arm, desired: &[DesiredFrame], options: &Options) 
     })?;
     let by_stops = Options { bounds: Bounds { anchor_m: 0.0, ..options.bounds }, ..options.clone() };
     let (mut best, mut by) = (solve(base_line, desired, &by_stops, false)?, &by_stops);
-    if best.status == Status::Closest && options.bounds.anchor_m > 0.0 && !options.watch.is_ended() {
+    if best.status == Status::Closest && options.bounds.anchor_m > 0.0 && !options.handle.is_ended() {
         let moved = solve(base_line, desired, options, false)?;
         if moved.status == Status::Reached || moved.is_nearer(&best) {
             (best, by) = (moved, options);
@@ -341,7 +341,7 @@ fn answer(
     Ok(Synthesis {
         arm: problem.arm(&unknowns),
         status: if met { Status::Reached } else { Status::Closest },
-        obstacle: (!met).then(|| obstacle::of(problem, &unknowns)),
+        obstacle: (!met).then(|| infeasibility::of(problem, &unknowns)),
         kept: problem.bounds.iter().all(|bound| bound.slack(&unknowns) > -BROKEN),
         case,
         frames,

@@ -22,9 +22,9 @@ pub(super) const SOLVED: f64 = 1e-9;
 /// The least share of the way that is worth a step.
 const MIN_ADVANCE: f64 = 1.0 / 64.0;
 /// Steps towards the least alteration.
-const TIDY_STEPS: u32 = 8;
+const MINIMISING_STEPS: u32 = 8;
 /// A step as small as this changes the alteration by its square only.
-const TIDY: f64 = 1e-5;
+const SETTLED_CHANGE: f64 = 1e-5;
 /// The least ratio of pivots at which the normal equations lose no more digits than a later step brings back.
 const WELL_POSED: f64 = 1e-4;
 
@@ -114,15 +114,15 @@ impl Search<'_, '_> {
     }
 
     /// Makes the alteration small where the frames leave it free, and the residual exact again.
-    pub(super) fn tidy(&mut self, solved: DVector<f64>) -> DVector<f64> {
+    pub(super) fn minimise_change(&mut self, solved: DVector<f64>) -> DVector<f64> {
         let anchor = self.problem.start();
         let mut unknowns = solved.clone();
-        for _ in 0..TIDY_STEPS {
+        for _ in 0..MINIMISING_STEPS {
             let Ok((residual, jacobian)) = self.problem.linearise(&unknowns) else { return solved };
             self.iterations += 1;
             let step = self.step(&jacobian, &residual, &unknowns, Some(&anchor), 0.0);
             unknowns += &step;
-            if step.norm() < TIDY {
+            if step.norm() < SETTLED_CHANGE {
                 break;
             }
         }

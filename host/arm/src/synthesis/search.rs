@@ -37,7 +37,7 @@ pub(super) fn solve(problem: &mut Problem, options: &Options, insufficient: bool
             n => scattered(search.problem, &base_line, SCATTER[n as usize % SCATTER.len()], &mut rng),
         };
         starts += 1;
-        options.watch.count();
+        options.handle.count();
         let mut keep = |way: Way| {
             // A start that cannot be assembled is no start; the failure of the base-line is reported.
             let Ok((error, unknowns)) = way else { return false };
@@ -67,7 +67,7 @@ pub(super) fn solve(problem: &mut Problem, options: &Options, insufficient: bool
             }
         }
         // More equations than rank: other starts find the same compromise.
-        if insufficient || options.watch.is_ended() || best.as_ref().is_some_and(|(error, _)| *error < SOLVED) {
+        if insufficient || options.handle.is_ended() || best.as_ref().is_some_and(|(error, _)| *error < SOLVED) {
             break;
         }
     }
@@ -76,7 +76,7 @@ pub(super) fn solve(problem: &mut Problem, options: &Options, insufficient: bool
         return Ok(Found { unknowns: base_line, iterations: search.iterations, starts });
     };
     if error < SOLVED {
-        unknowns = search.tidy(unknowns);
+        unknowns = search.minimise_change(unknowns);
     }
     Ok(Found { unknowns, iterations: search.iterations, starts })
 }

@@ -65,7 +65,7 @@ const NOISE: f64 = 1e-9;
 pub(super) fn stops(arm: &Arm, actuator: usize) -> Vec<f64> {
     let value = |state| {
         let stop = Parameter::Stop { actuator: actuator as u8, state };
-        arm.model.chain.get(stop).unwrap_or_default()
+        arm.model.chain.get(stop).expect("every state of an actuator has a stop")
     };
     (0..arm.model.chain.n_states(actuator) as u8).map(value).collect()
 }

@@ -76,9 +76,7 @@ pub fn expected(arm: &Arm, frames: &[DesiredFrame], tolerance: &Tolerance, seed:
         let mut made = arm.clone();
         for &(parameter, sigma) in &parameters {
             let off: f64 = StandardNormal.sample(&mut rng);
-            let value = made.model.chain.get(parameter).unwrap_or(0.0) + sigma * off;
-            // The parameters are those of this very chain.
-            let _ = made.model.chain.set(parameter, value);
+            shift(&mut made, parameter, sigma * off);
         }
         for ((sum, frame), nominal) in sampled.iter_mut().zip(frames).zip(&nominal) {
             if let (Some(made), Some(nominal)) = (pose(&made, frame), nominal) {
@@ -93,6 +91,13 @@ pub fn expected(arm: &Arm, frames: &[DesiredFrame], tolerance: &Tolerance, seed:
         Expected { linear_m, linear_rad, sampled_m: mean(square_m), sampled_rad: mean(square_rad) }
     };
     frames.iter().zip(sampled).map(expected).collect()
+}
+
+/// Shifts a parameter of the arm's own chain.
+fn shift(arm: &mut Arm, parameter: Parameter, by: f64) {
+    let chain = &mut arm.model.chain;
+    let value = chain.get(parameter).expect("a parameter of this chain") + by;
+    chain.set(parameter, value).expect("a parameter of this chain");
 }
 
 /// Alters the stops that `found` leaves free, until its frames are as little sensitive to errors of manufacturing as is
@@ -116,7 +121,7 @@ pub fn minimize_sensitivity(
     let mut lowest = cost(search.problem, &unknowns, &frames, tolerance);
     let mut size = 0.05;
     for _ in 0..STEPS {
-        if size < 1e-4 || options.watch.is_ended() {
+        if size < 1e-4 || options.handle.is_ended() {
             break;
         }
         let downhill = downhill(search.problem, &unknowns, &frames, tolerance);

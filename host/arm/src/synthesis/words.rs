@@ -74,7 +74,7 @@ pub fn choose_words(
         if best.as_ref().is_none_or(|best| found.is_nearer(best)) {
             best = Some(found);
         }
-        if best.as_ref().is_some_and(|best| best.status == Status::Reached) || options.watch.is_ended() {
+        if best.as_ref().is_some_and(|best| best.status == Status::Reached) || options.handle.is_ended() {
             break;
         }
     }

@@ -15,7 +15,7 @@ use darm_core::real::Vec3;
 use darm_core::se::{Pose, Pose2};
 use darm_device::clock::host_now_s;
 
-use crate::csv_text::csv_line;
+use darm_diagnose::measurement::csv_text::{csv_cells, csv_line};
 
 /// One bar in the unit of the model's supply, Pa.
 pub(crate) const BAR: f64 = 1e5;
@@ -87,7 +87,7 @@ pub(crate) struct Columns {
 impl Columns {
     /// Reads the header.
     pub(crate) fn parse(header: &str) -> Result<Self, LineError> {
-        let names: Vec<String> = header.trim().split(',').map(|name| name.trim().to_owned()).collect();
+        let names = csv_cells(header);
         let has = |wanted: &str| names.iter().any(|name| name == wanted);
         let planar = !has("z_m");
         let pose: &[&'static str] = if planar { &PLANAR } else { &SPATIAL };
@@ -104,7 +104,7 @@ impl Columns {
 
     /// Reads a line; `None` when the camera has not seen the tool: its pose is NaN.
     pub(crate) fn picture(&self, line: &str) -> Result<Option<Picture>, LineError> {
-        let cells: Vec<&str> = line.trim().split(',').map(str::trim).collect();
+        let cells = csv_cells(line);
         let time_s = self.number(&cells, "time_s")?;
         let pose = if self.planar {
             let [x, y, angle] = self.numbers(&cells, &PLANAR)?;
@@ -120,7 +120,7 @@ impl Columns {
         Ok(seen.then_some(picture))
     }
 
-    fn numbers<const N: usize>(&self, cells: &[&str], columns: &[&'static str; N]) -> Result<[f64; N], LineError> {
+    fn numbers<const N: usize>(&self, cells: &[String], columns: &[&'static str; N]) -> Result<[f64; N], LineError> {
         let mut numbers = [0.0; N];
         for (number, column) in numbers.iter_mut().zip(columns) {
             *number = self.number(cells, column)?;
@@ -128,9 +128,9 @@ impl Columns {
         Ok(numbers)
     }
 
-    fn number(&self, cells: &[&str], column: &'static str) -> Result<f64, LineError> {
+    fn number(&self, cells: &[String], column: &'static str) -> Result<f64, LineError> {
         let at = self.names.iter().position(|name| name == column);
-        let text = at.and_then(|at| cells.get(at)).copied().unwrap_or_default();
+        let text = at.and_then(|at| cells.get(at)).map_or("", String::as_str);
         text.parse().map_err(|_| LineError::Cell { column, text: text.to_owned() })
     }
 }

@@ -8,9 +8,9 @@ use darm_core::real::Vec3;
 use serde::Serialize;
 
 use super::subject::{Posture, Subject, SubjectArgs};
-use crate::csv_text::csv_line;
 use crate::failure::Usage;
 use crate::ui::{Answer, Ui, columns, number};
+use darm_diagnose::measurement::csv_text::csv_line;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -327,8 +327,8 @@ impl Report {
             head,
             cells("fitted", rows.train, Some(&error.before.train), "before"),
             cells("", rows.train, Some(&error.after.train), "after"),
-            cells("held out", rows.heldout, error.before.heldout.as_ref(), "before"),
-            cells("", rows.heldout, error.after.heldout.as_ref(), "after"),
+            cells("held out", rows.held_out, error.before.held_out.as_ref(), "before"),
+            cells("", rows.held_out, error.after.held_out.as_ref(), "after"),
         ])
     }
 }

@@ -13,10 +13,10 @@ use self::arm::of_arm;
 use self::base::{Base, BaseArgs};
 use self::links::LinkRow;
 use super::subject::{Coordinate, Effects, FormerWrench, Posture, Subject, SubjectArgs, WrenchArgs, frame_of, listed};
-use crate::csv_text::csv_line;
 use crate::failure::Usage;
 use crate::number_text::numbers;
 use crate::ui::{Answer, Ui, columns, number};
+use darm_diagnose::measurement::csv_text::csv_line;
 
 const EXAMPLES: &str = "\
 Examples:

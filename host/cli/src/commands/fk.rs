@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use super::subject::{PoseReport, Subject, SubjectArgs};
-use crate::csv_text::csv_line;
 use crate::ui::{Answer, Ui, columns, number};
+use darm_diagnose::measurement::csv_text::csv_line;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -14,11 +14,11 @@ use darm_robot::robot::{Inverse, Robot, RobotFrame};
 use serde::Serialize;
 
 use super::subject::{Coordinate, PoseReport, SubjectArgs, frame_of};
-use crate::csv_text::csv_line;
 use crate::failure::Usage;
 use crate::number_text::{self, numbers};
 use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui, columns, number};
+use darm_diagnose::measurement::csv_text::csv_line;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -13,10 +13,10 @@ use serde::Serialize;
 use self::euler::Euler;
 use self::velocity::{Forward, Inverse, TWIST_COLUMNS};
 use super::subject::{Coordinate, FormerWrench, Posture, SubjectArgs, WrenchArgs, listed, twist};
-use crate::csv_text::csv_line;
 use crate::failure::Usage;
 use crate::number_text::numbers;
 use crate::ui::{Answer, Ui, columns, number};
+use darm_diagnose::measurement::csv_text::csv_line;
 
 const EXAMPLES: &str = "\
 Examples:

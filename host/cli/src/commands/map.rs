@@ -10,10 +10,10 @@ use darm_arm::reach::map::{Map as Density, Place, Resolution, holes};
 use serde::Serialize;
 
 use super::path::servos_rad;
-use crate::csv_text::csv_text;
 use crate::failure::Usage;
 use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui};
+use darm_diagnose::measurement::csv_text::csv_text;
 
 const EXAMPLES: &str = "\
 Examples:

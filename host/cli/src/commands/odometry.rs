@@ -10,10 +10,10 @@ use darm_core::real::Vec2;
 use serde::Serialize;
 
 use self::readings::{Reading, read};
-use crate::csv_text::csv_line;
 use crate::failure::Usage;
 use crate::number_text::numbers;
 use crate::ui::{Answer, Ui, columns, number};
+use darm_diagnose::measurement::csv_text::csv_line;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -10,9 +10,9 @@ use darm_arm::arm::frames::{self, DesiredFrame, StopRange};
 use darm_arm::arm::{Arm, ArmModel};
 use darm_arm::draw::{Scene, svg};
 use darm_arm::synthesis::{
-    Bounds, Method, MinStroke, Options, Scheme as PaperScheme, Status, StuckActuator, Synthesis, Tolerance, Watch, buy,
-    choose_words, equal_stops, expected, min_strokes, minimize_sensitivity, read_catalogue, repair, short_strokes,
-    stops_as_they_are, synthesize,
+    Bounds, Method, MinStroke, Options, Scheme as PaperScheme, SearchHandle, Status, StuckActuator, Synthesis,
+    Tolerance, buy, choose_words, equal_stops, expected, min_strokes, minimize_sensitivity, read_catalogue, repair,
+    short_strokes, stops_as_they_are, synthesize,
 };
 
 use crate::failure::Usage;
@@ -145,16 +145,16 @@ impl Synth {
         let base = Arm::read(&self.base)?;
         let read = if self.choose_words { frames::read_task_without_words } else { frames::read_task };
         let task = read(&self.frames, &base)?;
-        let watch = Watch::default();
-        let options = Options { ranges: task.ranges, watch: watch.clone(), ..self.options()? };
+        let handle = SearchHandle::default();
+        let options = Options { ranges: task.ranges, handle: handle.clone(), ..self.options()? };
         let base = &base;
-        let ended = watch.clone();
+        let ended = handle.clone();
         ctrlc::set_handler(move || ended.end()).context("cannot wait for Ctrl-C")?;
         let spinner = ui.spinner("synthesising");
         let (found, extras) = std::thread::scope(|scope| {
             let search = scope.spawn(|| self.search_with_strokes(base, &task.frames, &options));
             while !search.is_finished() {
-                spinner.set_message(format!("synthesising, start {}", watch.starts()));
+                spinner.set_message(format!("synthesising, start {}", handle.starts()));
                 std::thread::sleep(Duration::from_millis(20));
             }
             search
@@ -162,10 +162,10 @@ impl Synth {
                 .map_err(|_| anyhow::anyhow!("the search thread panicked; please report this error of darm"))?
         })?;
         spinner.finish_and_clear();
-        if watch.is_ended() {
+        if handle.is_ended() {
             ui.note("interrupted: this is the closest geometry so far");
         }
-        if found.status == Status::Closest && !self.closest && !watch.is_ended() {
+        if found.status == Status::Closest && !self.closest && !handle.is_ended() {
             return Err(not_met(&found, options.method).into());
         }
         self.warn_of_strokes(&found.arm, ui);
@@ -190,7 +190,7 @@ impl Synth {
         let min_m = 1e-3 * self.min_stroke;
         let all = with(MinStroke::of_all(min_m))?;
         let has_bounds = options.method == Method::Newton && min_m > 0.0;
-        if all.0.status == Status::Reached || !has_bounds || options.watch.is_ended() {
+        if all.0.status == Status::Reached || !has_bounds || options.handle.is_ended() {
             return Ok(all);
         }
         let shorter = with(MinStroke { free_m: min_m, used_m: SHORTER * min_m })?;

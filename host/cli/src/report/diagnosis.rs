@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use darm_diagnose::outcome::{
-    AxisFigure, Dependence, Diagnosis, ErrorFigure, NextMeasurement, SelectionStep, Structure, frame_name_of,
+    AxisFigure, Diagnosis, ErrorFigure, NextMeasurement, SelectionStep, Structure, frame_name_of,
 };
 use maud::{Markup, html};
 
@@ -53,7 +53,6 @@ pub(super) fn tables_and_plots(d: &Diagnosis) -> Markup {
 }
 
 fn effects_table(d: &Diagnosis) -> Markup {
-    let unit = d.error.before.train.norm.unit;
     html! {
         @if !d.effects.is_empty() {
             table {
@@ -67,7 +66,7 @@ fn effects_table(d: &Diagnosis) -> Markup {
                                 td { (value.name) }
                                 td.num { (shown(value, value.value)) }
                                 td.num { @if let Some([low, high]) = value.ci95 { (shown(value, low)) " … " (shown(value, high)) } @else { "fixed" } }
-                                td.num { @if let Some(gain) = effect.heldout_gain { (with_unit(gain, unit)) } @else { "–" } }
+                                td.num { @if let Some(gain) = &effect.held_out_gain { (with_unit(gain.value, gain.unit)) } @else { "–" } }
                             }
                         }
                     }
@@ -80,9 +79,9 @@ fn effects_table(d: &Diagnosis) -> Markup {
 fn errors_table(d: &Diagnosis) -> Markup {
     let rows = [
         ("before, training rows", d.rows.train, Some(&d.error.before.train)),
-        ("before, held-out rows", d.rows.heldout, d.error.before.heldout.as_ref()),
+        ("before, held-out rows", d.rows.held_out, d.error.before.held_out.as_ref()),
         ("after, training rows", d.rows.train, Some(&d.error.after.train)),
-        ("after, held-out rows", d.rows.heldout, d.error.after.heldout.as_ref()),
+        ("after, held-out rows", d.rows.held_out, d.error.after.held_out.as_ref()),
     ];
     html! {
         table {
@@ -103,7 +102,7 @@ fn errors_table(d: &Diagnosis) -> Markup {
                             td.num { (n) }
                             (cells(axes))
                             td.num { b { (with_unit(norm.value, norm.unit)) } }
-                            td.num { (with_unit(*largest, norm.unit)) }
+                            td.num { (with_unit(largest.value, largest.unit)) }
                         }
                     }
                 }
@@ -158,19 +157,15 @@ fn depends(d: &Diagnosis) -> Markup {
     html! {
         h3 { "What the residual correlates with" }
         div.two {
-            @if let Some(before) = &d.structure { (dependences("before", before, d)) }
-            (dependences("after", &d.remaining, d))
+            @if let Some(before) = &d.structure { (dependences("before", before)) }
+            (dependences("after", &d.remaining))
         }
         @for one in d.remaining.depends_on.iter().filter(|one| !one.curve.is_empty()) { (residuals::curve(one)) }
     }
 }
 
-fn dependences(side: &str, structure: &Structure, d: &Diagnosis) -> Markup {
-    let unit = |one: &Dependence| {
-        let of_axis = d.error.before.train.axes.iter().find(|axis| Some(&axis.axis) == one.axis.as_ref());
-        of_axis.map_or(d.error.before.train.norm.unit, |axis| axis.unit)
-    };
-    let has_gain = structure.depends_on.iter().any(|one| one.heldout_gain.is_some());
+fn dependences(side: &str, structure: &Structure) -> Markup {
+    let has_gain = structure.depends_on.iter().any(|one| one.held_out_gain.is_some());
     html! {
         table {
             thead { tr { th { (side) } th { "direction" } th.num { "share" } th.num { "chance" } @if has_gain { th.num { "gain as a fitted term" } } } }
@@ -181,7 +176,7 @@ fn dependences(side: &str, structure: &Structure, d: &Diagnosis) -> Markup {
                         td { @if let Some(frame) = one.frame { "of the " (frame_name_of(frame)) } @else if let Some(axis) = &one.axis { (axis) } }
                         td.num { (format!("{:.0} %", 100.0 * one.share)) }
                         td.num { (one.p.map_or("–".into(), chance)) }
-                        @if has_gain { td.num { (one.heldout_gain.map_or("–".into(), |gain| with_unit(gain, unit(one)))) } }
+                        @if has_gain { td.num { (one.held_out_gain.as_ref().map_or("–".into(), |gain| with_unit(gain.value, gain.unit))) } }
                     }
                 }
                 @if structure.depends_on.is_empty() { tr { td colspan="4" { "nothing that was measured" } } }

@@ -36,8 +36,8 @@ fn head(report: &LoopReport) -> Markup {
 fn figures(report: &LoopReport) -> Markup {
     let (error_m, _) = report.synthesis.largest();
     let diagnosis = &report.diagnosis;
-    let heldout = diagnosis.error.after.held_out_or_train();
-    let ratio = diagnosis.repeatability.as_ref().map(|r| heldout.norm.value / r.norm.value);
+    let held_out = diagnosis.error.after.held_out_or_train();
+    let ratio = diagnosis.repeatability.as_ref().map(|r| held_out.norm.value / r.norm.value);
     html! {
         div.cards {
             (card("synthesis error", &power(error_m, "m"), "largest of the desired frames", error_m <= 1e-9))

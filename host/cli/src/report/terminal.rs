@@ -77,7 +77,7 @@ fn diagnosis(report: &LoopReport, row: &mut impl FnMut(&str, String)) {
             if truth.place.is_empty() { truth.effect.into() } else { format!("{} at {}", truth.effect, truth.place) };
         row("  injected effect", format!("{what}: {right}"));
     }
-    if let (Some(before), Some(after)) = (&diagnosis.error.before.heldout, &diagnosis.error.after.heldout) {
+    if let (Some(before), Some(after)) = (&diagnosis.error.before.held_out, &diagnosis.error.after.held_out) {
         let repeats = diagnosis.repeatability.as_ref().map_or(String::new(), |r| {
             let ratio = after.norm.value / r.norm.value;
             format!(", repeatability {} ({ratio:.2} x)", mm(r.norm.value))

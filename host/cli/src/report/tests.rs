@@ -96,7 +96,7 @@ fn page_and_json_have_the_same_numbers() {
     assert_eq!(report.named_rightly(), Some(true));
     assert_eq!(json["diagnosis"]["verdict"], "effect-found");
     assert_eq!(json["diagnosis"]["effects"][0]["law"], "stroke-loss");
-    let after_mm = json["diagnosis"]["error"]["after"]["heldout"]["norm"]["value"].as_f64().unwrap() * 1e3;
+    let after_mm = json["diagnosis"]["error"]["after"]["held_out"]["norm"]["value"].as_f64().unwrap() * 1e3;
     assert!(page.contains(&format!("{after_mm:.3} mm")), "{after_mm}");
     assert_eq!(page.matches("<svg").count(), page.matches("</svg>").count());
     assert!(!page.contains("http://") || page.matches("http://").count() == page.matches("http://www.w3.org").count());

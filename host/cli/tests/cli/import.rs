@@ -68,7 +68,7 @@ fn selections_have_or_and_report_the_character_of_a_fault() {
         let mut command = home.command(&format!("--json {ask}"));
         let said = text(&command.args(["--where", selection]).output().unwrap().stdout);
         let said: serde_json::Value = serde_json::from_str(&said).unwrap();
-        said["rows"]["train"].as_u64().unwrap() + said["rows"]["heldout"].as_u64().unwrap()
+        said["rows"]["train"].as_u64().unwrap() + said["rows"]["held_out"].as_u64().unwrap()
     };
     let [either, between] =
         ["(set_bar = 3 or set_bar = 5) and seal != x", "set_bar >= 3, set_bar <= 5, set_bar != 4"].map(run);

@@ -205,7 +205,7 @@ fn rows_of_poses_are_named_chosen_held_out_and_drawn() {
     assert_eq!(told["held_out"], "each word in turn, in 10 parts");
     assert_eq!((&told["verdict"], &told["effects"][0]["law"]), (&"effect-found".into(), &"stroke-loss".into()));
     let [before, after] =
-        ["before", "after"].map(|when| told["error"][when]["heldout"]["norm"]["value"].as_f64().unwrap());
+        ["before", "after"].map(|when| told["error"][when]["held_out"]["norm"]["value"].as_f64().unwrap());
     assert!(after < 0.2 * before, "{before} {after}");
     let page = std::fs::read_to_string(home.path("page.html")).unwrap();
     assert!(page.contains("Missing effects") && page.contains("stroke-loss") && page.contains("<svg"));
@@ -215,7 +215,7 @@ fn rows_of_poses_are_named_chosen_held_out_and_drawn() {
         ("--hold-out-last 0.25", "the last 25 %", &(rows / 4).into()),
     ] {
         let told = home.json(&format!("{ask} {how}"));
-        assert_eq!((&told["held_out"], &told["rows"]["heldout"]), (&held_out.into(), rows));
+        assert_eq!((&told["held_out"], &told["rows"]["held_out"]), (&held_out.into(), rows));
     }
     let some = home.json(&format!("{ask} --where day!=1"));
     assert!(some["rows"]["train"].as_u64() < Some(rows));

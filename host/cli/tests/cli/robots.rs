@@ -129,8 +129,8 @@ fn a_measured_tool_calibrates_its_robot() {
         "diagnose {folder}/ur5_tracker.toml {folder}/ur5_tracker.csv.gz --hold-out set=random -o found.toml"
     ));
     assert_eq!((&found["kind"], &found["verdict"]), (&"tool-position".into(), &"effect-found".into()));
-    let heldout_m = |when: &str| found["error"][when]["heldout"]["norm"]["value"].as_f64().unwrap();
-    assert!((heldout_m("before") - 2.577e-3).abs() < 1e-6 && heldout_m("after") < 0.105e-3, "{}", found["error"]);
+    let held_out_m = |when: &str| found["error"][when]["held_out"]["norm"]["value"].as_f64().unwrap();
+    assert!((held_out_m("before") - 2.577e-3).abs() < 1e-6 && held_out_m("after") < 0.105e-3, "{}", found["error"]);
     // Its posture-dependent effects are no rigid links.
     let refused = text(&home.darm("fk found.toml --q 0,0,0,0,0,0").stderr);
     assert!(

@@ -61,7 +61,7 @@ pub(crate) fn agreement(arm: &Arm, run: &Run) -> Agreement {
     let best = comparison.best(&as_read, run, &training);
     match best.filter(|(_, other_m)| *other_m < MUCH_LESS * error_m) {
         Some((misreading, other_m)) => {
-            Agreement::Otherwise(OtherReading { misreading, error: Number { value: other_m, unit: "m" } })
+            Agreement::Otherwise(OtherReading { misreading, error: Number::new(other_m, "m") })
         }
         None if 1.0 - (error_m / motion_m).powi(2) < MIN_EXPLAINED => Agreement::Hardly(FEW),
         None => Agreement::AsRead,

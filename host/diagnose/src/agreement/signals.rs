@@ -171,7 +171,7 @@ fn size(experiment: &Experiment, rows: &[f64]) -> f64 {
 }
 
 fn otherwise(misreading: Misreading, error: f64, experiment: &Experiment) -> Agreement {
-    let error = Number { value: error, unit: experiment.unit() };
+    let error = Number::new(error, experiment.unit());
     Agreement::Otherwise(OtherReading { misreading, error })
 }
 

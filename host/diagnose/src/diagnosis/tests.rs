@@ -145,7 +145,7 @@ fn what_no_law_explains_is_kept_as_fitted_terms() {
         assert_eq!(diagnosis.verdict, Verdict::UnexplainedStructure, "{:?}", diagnosis.plain);
         assert_eq!(correction.corrected(&arm(), &run, Keep::Effects), None);
         let term = &diagnosis.remaining.depends_on[0];
-        assert!(term.heldout_gain > Some(0.3e-3), "{:?} {:?}", diagnosis.plain, diagnosis.remaining);
+        assert!(term.held_out_gain.as_ref().unwrap().value > 0.3e-3, "{:?} {:?}", diagnosis.plain, diagnosis.remaining);
         let kept = correction.corrected(&arm(), &run, Keep::EffectsAndTerms).unwrap();
         assert!(kept.model.effects.iter().any(|effect| effect.law().name() == LawName::FittedTerm));
         let again = diagnose(&kept, &run, &Options::default()).unwrap().diagnosis;

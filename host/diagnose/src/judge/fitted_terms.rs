@@ -3,7 +3,7 @@
 use darm_core::effect::Effect;
 use darm_core::effect::fitted_term::{FittedTerm, Frame};
 
-use crate::outcome::{Dependence, Structure};
+use crate::outcome::{Dependence, Number, Structure};
 use crate::prepare::observations::NoPose;
 use crate::select::problem::{RegressionProblem as _, Trial};
 use crate::select::significance::DISCOVERY_LEVEL;
@@ -63,7 +63,7 @@ fn add_terms(
         let Some(trial) = has_room.then(|| problem.fitted(&model).ok()).flatten() else { continue };
         if problem.under(&with).reduction(&with, &trial).p * n_tried < DISCOVERY_LEVEL {
             let left_m = problem.held_out_m(&trial)?;
-            dependence.heldout_gain = Some(held_out_m - left_m);
+            dependence.held_out_gain = Some(Number::new(held_out_m - left_m, "m"));
             (with, held_out_m) = (trial, left_m);
         }
     }

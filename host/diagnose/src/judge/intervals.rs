@@ -5,6 +5,7 @@ use nalgebra::DMatrix;
 use crate::effect::{Effect, Value};
 use crate::judge::selected::SelectedSignals;
 use crate::linearise::experiment::{self, Candidate};
+use crate::outcome::Number;
 use crate::select::backward::FALSE_SHARE;
 use crate::select::problem::{Neighbours as _, RegressionProblem as _};
 use crate::select::robust_fit::{pseudo_inverse, weights};
@@ -74,8 +75,8 @@ pub(crate) fn effects(selected: &SelectedSignals) -> (Vec<Effect>, Vec<String>) 
             same.values.extend(values);
         } else if values.len() > n_shape && named[order] {
             let Ok(without) = neighbours.with_one_less(order);
-            let heldout_gain = heldout_gain(selected, &without.fit);
-            found.push(Effect { law: candidate.law, site: candidate.site.clone(), values, heldout_gain });
+            let held_out_gain = held_out_gain(selected, &without.fit);
+            found.push(Effect { law: candidate.law, site: candidate.site.clone(), values, held_out_gain });
         }
     }
     if problem.experiment.all_priors_informative() {
@@ -151,9 +152,10 @@ pub(crate) fn likeliest(selected: &SelectedSignals, count: usize) -> Vec<usize> 
 }
 
 /// By how much the held-out norm is larger without an effect.
-fn heldout_gain(selected: &SelectedSignals, without: &Fit) -> Option<f64> {
+fn held_out_gain(selected: &SelectedSignals, without: &Fit) -> Option<Number> {
     let SelectedSignals { problem, best, .. } = selected;
-    Some(held_out_norm(problem, &without.values)? - held_out_norm(problem, &best.fit.values)?)
+    let gain = held_out_norm(problem, &without.values)? - held_out_norm(problem, &best.fit.values)?;
+    Some(Number::new(gain, problem.experiment.unit()))
 }
 
 fn held_out_norm(problem: &Signals, values: &[f64]) -> Option<f64> {

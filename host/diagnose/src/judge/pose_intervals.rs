@@ -4,7 +4,7 @@ use darm_arm::arm::ArmScratch;
 
 use super::selected::SelectedPoses;
 use crate::linearise::arm_candidates;
-use crate::outcome::{Effect, Value};
+use crate::outcome::{Effect, Number, Value};
 use crate::prepare::observations::{self, NoPose};
 use crate::select::problem::RegressionProblem as _;
 use crate::select::problem::{Neighbours as _, Trial};
@@ -32,14 +32,14 @@ pub(crate) fn effects(selected: &SelectedPoses) -> Result<Vec<Effect>, NoPose> {
             law: law.name(),
             site: arm_candidates::site(arm, effect),
             values: of_effect.map(value).collect(),
-            heldout_gain: Some(heldout_gain(selected, index)?),
+            held_out_gain: Some(Number::new(held_out_gain_m(selected, index)?, "m")),
         });
     }
     Ok(found)
 }
 
 /// By how much the held-out error is larger without one of the effects, m.
-fn heldout_gain(selected: &SelectedPoses, effect: usize) -> Result<f64, NoPose> {
+fn held_out_gain_m(selected: &SelectedPoses, effect: usize) -> Result<f64, NoPose> {
     let SelectedPoses { arm, problem, best, .. } = *selected;
     let without = if best.fit.model.effects.len() == selected.n_known() + 1 {
         let nominal = problem.training.residuals(&arm.model, &mut ArmScratch::default())?;

@@ -78,7 +78,7 @@ pub(crate) fn judge(
 
 fn repeatability(arm: &Arm, noise: &Noise) -> Repeatability {
     Repeatability {
-        norm: Number { value: noise.distance_m, unit: "m" },
+        norm: Number::new(noise.distance_m, "m"),
         axes: axes(arm).iter().map(|&axis| AxisFigure::of_twist(axis, noise.sigma[axis])).collect(),
         dof: noise.dof,
         repeated_in: RepeatedIn::Rows,

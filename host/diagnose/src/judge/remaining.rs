@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 use crate::judge::regression::{Design, Term, centred, of_axis, squares};
 use crate::linearise::experiment::{Axis, Experiment};
 use crate::measurement::median;
-use crate::outcome::{Dependence, Regressor, Shape};
+use crate::outcome::{Dependence, Number, Regressor, Shape};
 use crate::select::problem::{RegressionProblem as _, Trial};
 use crate::select::signals::Signals;
 use crate::select::significance::STRUCTURE_LEVEL;
@@ -103,7 +103,7 @@ fn dependences(problem: &Signals, axis: &Axis, designs: &[Design], own: Vec<f64>
             frame: None,
             share: taken.square / total,
             p: Some(p),
-            heldout_gain: (!held_out.is_empty()).then(|| error(&left) - error(&taken.left)),
+            held_out_gain: (!held_out.is_empty()).then(|| Number::new(error(&left) - error(&taken.left), axis.unit)),
             curve: channel.map_or(Vec::new(), |(_, channel)| curve_along(channel, &fitted)),
             terms: Vec::new(),
         });
@@ -154,7 +154,7 @@ pub(crate) fn memory(problem: &Signals, best: &Trial<Signals>) -> Vec<Dependence
             frame: None,
             share: correlation.powi(2),
             p: None,
-            heldout_gain: None,
+            held_out_gain: None,
             curve: Vec::new(),
             terms: Vec::new(),
         })

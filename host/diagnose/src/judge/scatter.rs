@@ -62,7 +62,7 @@ fn between_neighbours(experiment: &Experiment, after: &[f64]) -> Option<Repeatab
     let square = |axis: usize| {
         let at = |row: usize| after[row * n_axes + axis];
         let off = inside.iter().map(|&row| (at(row) - 0.5 * (at(row - 1) + at(row + 1))).abs());
-        (median(off).unwrap_or_default() / MEDIAN_OF_NORMAL).powi(2) / BETWEEN_NEIGHBOURS
+        (median(off).expect("degrees of freedom come from rows inside") / MEDIAN_OF_NORMAL).powi(2) / BETWEEN_NEIGHBOURS
     };
     Some(figure(experiment, (0..n_axes).map(square).collect(), dof, RepeatedIn::Neighbours))
 }
@@ -73,7 +73,7 @@ fn figure(experiment: &Experiment, squares: Vec<f64>, dof: usize, repeated_in: R
         |(axis, square): (&Axis, &f64)| AxisFigure { axis: axis.name.clone(), value: square.sqrt(), unit: axis.unit };
     let norm = squares.iter().take(experiment.n_norm).sum::<f64>().sqrt();
     Repeatability {
-        norm: Number { value: norm, unit: experiment.unit() },
+        norm: Number::new(norm, experiment.unit()),
         axes: experiment.axes.iter().zip(&squares).map(axis).collect(),
         dof,
         repeated_in,

@@ -101,7 +101,7 @@ fn dependences(arm: &Arm, run: &Run, observations: &Observations, residuals: &[f
             frame: Some(frame),
             share: taken.square / total,
             p: Some(p),
-            heldout_gain: None,
+            held_out_gain: None,
             curve: Vec::new(),
             terms: kept.clone(),
         });

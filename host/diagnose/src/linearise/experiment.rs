@@ -146,7 +146,7 @@ impl Experiment {
         kind: Measured,
         axis: Axis,
         data: &Prepared,
-        (measured, residuals): (Vec<f64>, Vec<f64>),
+        residuals: Vec<f64>,
         candidates: Vec<Candidate>,
     ) -> Self {
         Self {
@@ -155,7 +155,7 @@ impl Experiment {
             n_norm: 1,
             rows: data.rows.clone(),
             residuals,
-            measured: Some(measured),
+            measured: None,
             candidates,
             channels: Vec::new(),
             bodies: Vec::new(),

@@ -49,6 +49,7 @@ pub(crate) fn experiment(data: &Prepared, bore_m: f64, known: &[ModelEffect]) ->
     let axis = Axis::new("force", "N");
     Ok(Experiment {
         channels,
-        ..Experiment::of_one(Measured::ActuatorForce, axis, data, (force, residuals), candidates)
+        measured: Some(force),
+        ..Experiment::of_one(Measured::ActuatorForce, axis, data, residuals, candidates)
     })
 }

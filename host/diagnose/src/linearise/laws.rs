@@ -1,34 +1,34 @@
-//! The laws of `darm_core::effect::along` as candidates: columns along the rows of a measurement.
+//! The laws of `darm_core::effect::basis` as candidates: columns along the rows of a measurement.
 //!
 //! Constants that no linear fit finds (the speed at which friction falls, the distance over which it turns round) are taken
 //! from a few values spread over what the measurement covers, so that they have the measurement's own scale.
 
-use darm_core::effect::along::backlash::Backlash;
-use darm_core::effect::along::backlash_by_load::BacklashByLoad;
-use darm_core::effect::along::compliance::Compliance;
-use darm_core::effect::along::coulomb_friction::CoulombFriction;
-use darm_core::effect::along::delay::Delay;
-use darm_core::effect::along::friction_wear::FrictionWear;
-use darm_core::effect::along::gain::Gain;
-use darm_core::effect::along::hysteresis::Hysteresis;
-use darm_core::effect::along::load_dependent_friction::LoadDependentFriction;
-use darm_core::effect::along::load_dependent_presliding::LoadDependentPresliding;
-use darm_core::effect::along::load_dependent_viscosity::LoadDependentViscosity;
-use darm_core::effect::along::offset::Offset;
-use darm_core::effect::along::offset_drift::OffsetDrift;
-use darm_core::effect::along::periodic_cosine::PeriodicCosine;
-use darm_core::effect::along::periodic_sine::PeriodicSine;
-use darm_core::effect::along::position_dependent_friction::PositionDependentFriction;
-use darm_core::effect::along::presliding_friction::PreslidingFriction;
-use darm_core::effect::along::rotor_inertia::RotorInertia;
-use darm_core::effect::along::speed_dependent_offset::SpeedDependentOffset;
-use darm_core::effect::along::spring::Spring;
-use darm_core::effect::along::step_in_time::StepInTime;
-use darm_core::effect::along::stribeck_friction::StribeckFriction;
-use darm_core::effect::along::thermal_drift::ThermalDrift;
-use darm_core::effect::along::thermal_viscosity::ThermalViscosity;
-use darm_core::effect::along::viscous_friction::ViscousFriction;
-use darm_core::effect::along::{Law, Memory, Moment, Per};
+use darm_core::effect::basis::backlash::Backlash;
+use darm_core::effect::basis::backlash_by_load::BacklashByLoad;
+use darm_core::effect::basis::compliance::Compliance;
+use darm_core::effect::basis::coulomb_friction::CoulombFriction;
+use darm_core::effect::basis::delay::Delay;
+use darm_core::effect::basis::friction_wear::FrictionWear;
+use darm_core::effect::basis::gain::Gain;
+use darm_core::effect::basis::hysteresis::Hysteresis;
+use darm_core::effect::basis::load_dependent_friction::LoadDependentFriction;
+use darm_core::effect::basis::load_dependent_presliding::LoadDependentPresliding;
+use darm_core::effect::basis::load_dependent_viscosity::LoadDependentViscosity;
+use darm_core::effect::basis::offset::Offset;
+use darm_core::effect::basis::offset_drift::OffsetDrift;
+use darm_core::effect::basis::periodic_cosine::PeriodicCosine;
+use darm_core::effect::basis::periodic_sine::PeriodicSine;
+use darm_core::effect::basis::position_dependent_friction::PositionDependentFriction;
+use darm_core::effect::basis::presliding_friction::PreslidingFriction;
+use darm_core::effect::basis::rotor_inertia::RotorInertia;
+use darm_core::effect::basis::speed_dependent_offset::SpeedDependentOffset;
+use darm_core::effect::basis::spring::Spring;
+use darm_core::effect::basis::step_in_time::StepInTime;
+use darm_core::effect::basis::stribeck_friction::StribeckFriction;
+use darm_core::effect::basis::thermal_drift::ThermalDrift;
+use darm_core::effect::basis::thermal_viscosity::ThermalViscosity;
+use darm_core::effect::basis::viscous_friction::ViscousFriction;
+use darm_core::effect::basis::{CoordinateSample, Law, Memory, Per};
 
 use crate::effect::Site;
 use crate::linearise::experiment::{Candidate, Value};
@@ -167,12 +167,14 @@ impl Coordinate<'_> {
 
     /// A law at a place, acting on each axis by its share.
     fn candidate(&self, law: &Law<f64>, site: &Site, shares: &[f64]) -> Candidate {
-        let along = law.along();
+        let along = law.basis_law();
         let unit = self.unit(along.per());
-        let shape = along.constant().map(|constant| (constant.name, constant.value, self.dimension(constant.per)));
+        let shape =
+            along.shape_parameter().map(|constant| (constant.name, constant.value, self.dimension(constant.per)));
         let numbers = self.column(law);
         let column = numbers.iter().flat_map(|number| shares.iter().map(move |share| share * number)).collect();
-        let value = Value { name: along.size().into(), unit, prior: f64::INFINITY, min: f64::NEG_INFINITY, column };
+        let value =
+            Value { name: along.coefficient().into(), unit, prior: f64::INFINITY, min: f64::NEG_INFINITY, column };
         Candidate { law: along.name(), site: site.clone(), shape, values: vec![value] }
     }
 
@@ -185,7 +187,7 @@ impl Coordinate<'_> {
             if k > 0 && self.motion[k] != self.motion[k - 1] {
                 memory = Memory::default();
             }
-            let now = Moment {
+            let now = CoordinateSample {
                 position: self.position[k],
                 velocity: self.velocity[k],
                 acceleration: self.acceleration[k],
@@ -194,7 +196,7 @@ impl Coordinate<'_> {
                 load_rate: load_rate.as_ref().map_or(0.0, |rate| rate[k]),
                 temperature_rise_k: self.temperature.map_or(0.0, |temperature| temperature[k]),
             };
-            law.along().shape(&now, &mut memory)
+            law.basis_law().basis(&now, &mut memory)
         };
         (0..self.position.len()).map(at).collect()
     }

@@ -39,6 +39,7 @@ pub(crate) fn experiment(data: &Prepared, known: &[ModelEffect]) -> Result<Exper
     let axis = Axis::new("position", unit);
     Ok(Experiment {
         channels,
-        ..Experiment::of_one(Measured::JointPosition, axis, data, (position, residuals), candidates)
+        measured: Some(position),
+        ..Experiment::of_one(Measured::JointPosition, axis, data, residuals, candidates)
     })
 }

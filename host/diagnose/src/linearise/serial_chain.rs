@@ -108,8 +108,8 @@ impl SerialChain {
         postures: impl Iterator<Item = Vec<f64>>,
         turns_tool: bool,
     ) -> Self {
-        let postures = postures.map(|q| Posture { q, moments: Vec::new() }).collect();
         let (robot, path) = (robot.clone(), robot.path(tool));
+        let postures = postures.map(|q| Posture { q, moments: vec![Vec3::zeros(); path.len()] }).collect();
         let mut chain = Self { robot, path, tool: tool.pose, postures, turns_tool };
         chain.load();
         chain
@@ -186,7 +186,7 @@ impl SerialChain {
             let joint = &self.robot.joints[joint].joint;
             let own = &values[k * PER_JOINT..(k + 1) * PER_JOINT];
             let [first, second] = across(&joint.axis.direction);
-            let load = posture.moments.get(k).copied().unwrap_or_default();
+            let load = posture.moments[k];
             let shift = Vec3::new(own[3], own[4], own[5]);
             let turn = first * (own[1] + own[7] * load.y) + second * (own[2] + own[8] * load.z);
             pose = pose * Pose::at(shift) * joint.placement * Pose::new(&turn, Vec3::zeros());

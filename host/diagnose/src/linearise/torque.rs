@@ -1,7 +1,7 @@
 //! Joint torques along motions: predicted by inverse dynamics of the robot, beside the motors' torque at the joints.
 
-use darm_core::effect::along::Law;
-use darm_core::effect::along::rotor_inertia::RotorInertia;
+use darm_core::effect::basis::Law;
+use darm_core::effect::basis::rotor_inertia::RotorInertia;
 use darm_core::tree::Body;
 use nalgebra::DMatrix;
 
@@ -147,7 +147,7 @@ fn bound(candidate: &mut Candidate) {
     let law = Law::named(candidate.law, candidate.shape.as_ref().map(|(_, constant, _)| *constant));
     let min = match law {
         Some(Law::Gain(_)) => MIN_GAIN,
-        Some(law) if law.along().takes_power() => 0.0,
+        Some(law) if law.basis_law().takes_power() => 0.0,
         _ => return,
     };
     candidate.values.iter_mut().for_each(|value| value.min = min);

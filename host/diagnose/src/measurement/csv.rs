@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read, Write};
+use std::iter;
 use std::path::Path;
 
 use csv::StringRecord;
@@ -11,6 +12,7 @@ use flate2::Compression;
 use flate2::read::MultiGzDecoder;
 use flate2::write::GzEncoder;
 
+use super::csv_text::csv_text;
 use super::error::ReadError;
 use super::log::{self, LogError};
 use super::mcap::Log;
@@ -112,16 +114,8 @@ pub fn write_table(path: &Path, text: &str) -> io::Result<()> {
 pub fn write_text(run: &Run) -> String {
     let planar = run.samples.iter().all(|sample| sample.pose.is_planar());
     let n_servos = run.samples.first().map_or(0, |sample| sample.servos_rad.len());
-    text([header(planar, n_servos)].into_iter().chain(run.samples.iter().map(|sample| row(sample, planar))))
-}
-
-/// Lines of comma-separated text.
-pub(super) fn text(records: impl IntoIterator<Item = StringRecord>) -> String {
-    let mut writer = csv::WriterBuilder::new().flexible(true).from_writer(Vec::new());
-    for record in records {
-        writer.write_record(&record).expect("memory takes every record");
-    }
-    String::from_utf8(writer.into_inner().expect("memory takes every record")).expect("every cell is text")
+    let rows = run.samples.iter().map(|sample| row(sample, planar));
+    csv_text(&iter::once(header(planar, n_servos)).chain(rows).collect::<Vec<_>>())
 }
 
 /// The names of the columns.

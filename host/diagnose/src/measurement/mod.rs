@@ -36,6 +36,7 @@
 mod check;
 mod column;
 mod csv;
+pub mod csv_text;
 mod error;
 pub mod even_grid;
 mod finding;

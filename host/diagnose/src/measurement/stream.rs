@@ -1,5 +1,6 @@
 //! A file of measurements that grows row by row: what was written is readable at any moment.
 
+use super::csv_text::csv_text;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write as _};
 use std::path::Path;
@@ -8,7 +9,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 
-use super::csv::{header, row, text};
+use super::csv::{header, row};
 use super::log::{self, Rows};
 use super::{Run, Sample};
 
@@ -91,8 +92,8 @@ impl Stream {
         };
         let row = row(sample, columns.planar);
         match &mut self.sink {
-            Sink::Text(file) => file.write_all(text([row]).as_bytes()),
-            Sink::Compressed(encoder) => write_compressed(encoder, &text([row])),
+            Sink::Text(file) => file.write_all(csv_text([&row]).as_bytes()),
+            Sink::Compressed(encoder) => write_compressed(encoder, &csv_text([&row])),
             Sink::Log { file, rows, .. } => {
                 let Some(rows) = rows else { return Ok(()) };
                 rows.push(&row);
@@ -131,8 +132,8 @@ impl Stream {
     fn header(&mut self, planar: bool, n_servos: usize) -> io::Result<Columns> {
         let header = header(planar, n_servos);
         match &mut self.sink {
-            Sink::Text(file) => file.write_all(text([header]).as_bytes())?,
-            Sink::Compressed(encoder) => write_compressed(encoder, &text([header]))?,
+            Sink::Text(file) => file.write_all(csv_text([&header]).as_bytes())?,
+            Sink::Compressed(encoder) => write_compressed(encoder, &csv_text([&header]))?,
             Sink::Log { file, about, rows } => {
                 let now = SystemTime::now().duration_since(UNIX_EPOCH).map_err(io::Error::other)?;
                 about.push_str(&format!("# {} {:.3}\n", log::FIRST_ROW, now.as_secs_f64()));

@@ -5,6 +5,7 @@ use std::fmt;
 use darm_core::effect::fitted_term::{Frame, Variable};
 use serde::{Serialize, Serializer};
 
+use crate::number::Number;
 use darm_arm::arm::Arm;
 
 /// The structure beyond the noise.
@@ -47,9 +48,8 @@ pub struct Dependence {
     pub share: f64,
     /// Chance of such a share where there is none, times the number of terms tried.
     pub p: Option<f64>,
-    /// By how much the held-out error falls when it is kept as a fitted term, in the unit of the norm (of signals: of the
-    /// axis); `None` where it is not worth it, or does not recur.
-    pub heldout_gain: Option<f64>,
+    /// By how much the held-out error falls when it is kept as a fitted term: its norm, of signals its axis; `None` where it is not worth it, or does not recur.
+    pub held_out_gain: Option<Number>,
     /// Of signals: the variable, in SI units and radians, and what remains there; empty of a term of several variables.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub curve: Vec<[f64; 2]>,

@@ -45,6 +45,9 @@ pub fn repeated(arm: &Arm, run: &Run) -> Option<Noise> {
     if groups.iter().map(|group| group.len() - 1).sum::<usize>() < MIN_DOF {
         groups = anywhere(&training);
     }
+    if groups.is_empty() {
+        return None;
+    }
     let groups: Vec<Vec<[f64; 6]>> = groups.iter().map(|group| twists(group)).collect();
     let rough = rough_variance(&groups);
     let n_repeats = groups.iter().map(Vec::len).sum::<usize>();
@@ -76,13 +79,13 @@ fn rough_variance(groups: &[Vec<[f64; 6]>]) -> [f64; 6] {
             let few = group.len() as f64 / (group.len() as f64 - 1.0);
             group.iter().map(move |twist| (twist[axis] - middle[axis]).abs() * few.sqrt())
         });
-        (median(sizes).unwrap_or_default() / MEDIAN_OF_NORMAL).powi(2)
+        (median(sizes).expect("a word was repeated") / MEDIAN_OF_NORMAL).powi(2)
     };
     std::array::from_fn(of_axis)
 }
 
 fn middle(twists: &[[f64; 6]]) -> [f64; 6] {
-    std::array::from_fn(|axis| median(twists.iter().map(|twist| twist[axis])).unwrap_or_default())
+    std::array::from_fn(|axis| median(twists.iter().map(|twist| twist[axis])).expect("a group holds repeats"))
 }
 
 fn mean(twists: &[[f64; 6]]) -> [f64; 6] {

@@ -25,11 +25,11 @@ pub(crate) fn summary(
 ) -> Result<Summary, NoPose> {
     let SelectedPoses { arm, problem, best, .. } = *selected;
     let nominal = problem.training.residuals(&arm.model, &mut ArmScratch::default())?;
-    let (train, own) = (problem.training.rows.len(), problem.heldout.rows.len());
+    let (train, own) = (problem.training.rows.len(), problem.held_out.rows.len());
     Ok(Summary {
         kind: Measured::ToolPose,
         model: Some(arm.model.number),
-        rows: Rows { train, heldout: if own == 0 { train } else { own } },
+        rows: Rows { train, held_out: if own == 0 { train } else { own } },
         held_out: held_out(selected),
         left_out: "words",
         error: BeforeAfter {
@@ -49,7 +49,7 @@ pub(crate) fn summary(
 /// How the rows were chosen that the fit did not see.
 fn held_out(selected: &SelectedPoses) -> String {
     let choice = &selected.run.choice;
-    match (selected.problem.heldout.rows.is_empty(), &choice.parts) {
+    match (selected.problem.held_out.rows.is_empty(), &choice.parts) {
         (false, _) if choice.description.is_empty() => "the column held_out".into(),
         (false, _) => choice.description.clone(),
         (true, Some(_)) if choice.parts_in_turn().is_some() => choice.description.clone(),
@@ -61,13 +61,13 @@ fn held_out(selected: &SelectedPoses) -> String {
 /// Errors of a model; `cross_validated` are its residuals in turn, which serve where nothing is held out for good.
 fn errors(arm: &Arm, problem: &ToolPoses, model: &ArmModel, cross_validated: &[f64]) -> Result<Errors, NoPose> {
     let mut scratch = ArmScratch::default();
-    let ToolPoses { training, heldout, .. } = problem;
+    let ToolPoses { training, held_out, .. } = problem;
     let train = error_figure(arm, training, &training.residuals(model, &mut scratch)?);
-    let heldout = match heldout.rows.is_empty() {
+    let held_out = match held_out.rows.is_empty() {
         true => error_figure(arm, training, cross_validated),
-        false => error_figure(arm, heldout, &heldout.residuals(model, &mut scratch)?),
+        false => error_figure(arm, held_out, &held_out.residuals(model, &mut scratch)?),
     };
-    Ok(Errors { train, heldout: Some(heldout) })
+    Ok(Errors { train, held_out: Some(held_out) })
 }
 
 /// Rows that are farther off than the noise, itself known by limited degrees of freedom, would ever be.
@@ -87,7 +87,7 @@ fn outliers(selected: &SelectedPoses) -> Vec<Outlier> {
     let far = squares.iter().enumerate().filter(|(_, square)| **square > limit);
     let outlier = |(row, square): (usize, &f64)| Outlier {
         line: selected.run.line(training.rows[row].sample),
-        error: distances[row],
+        error: Number::new(distances[row], "m"),
         sigmas: square.sqrt(),
     };
     far.map(outlier).collect()
@@ -96,7 +96,7 @@ fn outliers(selected: &SelectedPoses) -> Vec<Outlier> {
 fn points(selected: &SelectedPoses) -> Result<Vec<Point>, NoPose> {
     let SelectedPoses { arm, run, problem, best, .. } = *selected;
     let (mut points, mut scratch) = (Vec::new(), ArmScratch::default());
-    for (held_out, observations) in [(false, &problem.training), (true, &problem.heldout)] {
+    for (held_out, observations) in [(false, &problem.training), (true, &problem.held_out)] {
         let before = observations.residuals(&arm.model, &mut scratch)?;
         let after = observations.residuals(&best.fit.model, &mut scratch)?;
         let (before_m, after_m) = (observations.distances_m(&before), observations.distances_m(&after));
@@ -129,7 +129,7 @@ fn error_figure(arm: &Arm, observations: &Observations, residuals: &[f64]) -> Er
         axes(arm).iter().zip(observations.rms(residuals)).map(|(&axis, rms)| AxisFigure::of_twist(axis, rms)).collect();
     ErrorFigure {
         axes,
-        norm: Number { value: root_mean_square(&distances), unit: "m" },
-        largest: distances.iter().copied().fold(0.0, f64::max),
+        norm: Number::new(root_mean_square(&distances), "m"),
+        largest: Number::new(distances.iter().copied().fold(0.0, f64::max), "m"),
     }
 }

@@ -55,8 +55,7 @@ pub(crate) fn of_signals(diagnosis: &Diagnosis) -> Vec<String> {
     if diagnosis.verdict == Verdict::WrongModelOrLog {
         return sentences;
     }
-    sentences
-        .extend(diagnosis.effects.iter().map(|effect| effect_of_signals(effect, &diagnosis.error.after.train.norm)));
+    sentences.extend(diagnosis.effects.iter().map(effect_of_signals));
     sentences.extend(error_sentence(diagnosis));
     if !diagnosis.unobservable.is_empty() {
         sentences.push(format!("Not identifiable from these data: {}.", diagnosis.unobservable.join("; ")));
@@ -142,7 +141,7 @@ fn is_noise_known(diagnosis: &Diagnosis) -> bool {
 
 /// `Held-out error 11.2 → 0.30 mm (repeatability 0.31 mm, 120 degrees of freedom; held out: …)`.
 fn error_sentence(diagnosis: &Diagnosis) -> Option<String> {
-    let [before, after] = [&diagnosis.error.before, &diagnosis.error.after].map(|errors| errors.heldout.as_ref());
+    let [before, after] = [&diagnosis.error.before, &diagnosis.error.after].map(|errors| errors.held_out.as_ref());
     let (before, after) = (readable(&before?.norm), readable(&after?.norm));
     let noise = diagnosis.repeatability.as_ref().map_or(String::new(), |repeatability| {
         let (value, unit) = readable(&repeatability.norm);
@@ -166,7 +165,7 @@ fn error_sentence(diagnosis: &Diagnosis) -> Option<String> {
 fn is_hardly_shown(diagnosis: &Diagnosis) -> bool {
     let falls = |before: &ErrorFigure, after: &ErrorFigure| after.norm.value < SHOWN * before.norm.value;
     let BeforeAfter { before, after } = &diagnosis.error;
-    let held_out = before.heldout.as_ref().zip(after.heldout.as_ref());
+    let held_out = before.held_out.as_ref().zip(after.held_out.as_ref());
     diagnosis.verdict.names_effects()
         && falls(&before.train, &after.train)
         && held_out.is_some_and(|(before, after)| !falls(before, after))
@@ -213,12 +212,12 @@ fn terms_sentence(arm: &Arm, diagnosis: &Diagnosis, with_terms: &WithTerms) -> S
     )
 }
 
-fn effect_of_signals(effect: &outcome::Effect, norm: &Number) -> String {
+fn effect_of_signals(effect: &outcome::Effect) -> String {
     let value = |value: &Value| format!("{} {} {}", value.name, short(value.value), value.unit);
     let values: Vec<String> = effect.values.iter().map(value).collect();
-    let gain = match effect.heldout_gain {
-        Some(gain) if gain > 0.0 => {
-            let (gain, unit) = readable(&Number { value: gain, unit: norm.unit });
+    let gain = match &effect.held_out_gain {
+        Some(gain) if gain.value > 0.0 => {
+            let (gain, unit) = readable(gain);
             format!("; removing it raises the held-out error by {} {unit}", short(gain))
         }
         _ => String::new(),

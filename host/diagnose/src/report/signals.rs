@@ -18,11 +18,11 @@ const MAX_ROWS: usize = 4000;
 pub(crate) fn summary(selected: &SelectedSignals, pooled: Option<&HeldOut>, seed: u64) -> Summary {
     let (problem, experiment) = (&selected.problem, &selected.problem.experiment);
     let after = experiment.at(&selected.best.fit.values);
-    let n_heldout = pooled.map_or(experiment.of_rows(&after, true).len(), |pooled| pooled.after.len());
+    let n_held_out = pooled.map_or(experiment.of_rows(&after, true).len(), |pooled| pooled.after.len());
     Summary {
         kind: experiment.kind,
         model: None,
-        rows: Rows { train: problem.groups.training.len(), heldout: n_heldout / experiment.axes.len() },
+        rows: Rows { train: problem.groups.training.len(), held_out: n_held_out / experiment.axes.len() },
         held_out: selected.held_out.clone(),
         left_out: problem.groups.left_out,
         error: BeforeAfter {
@@ -39,12 +39,13 @@ pub(crate) fn summary(selected: &SelectedSignals, pooled: Option<&HeldOut>, seed
     }
 }
 
-fn errors(experiment: &Experiment, residuals: &[f64], heldout: Option<&[f64]>) -> Errors {
+fn errors(experiment: &Experiment, residuals: &[f64], held_out: Option<&[f64]>) -> Errors {
     let own = experiment.of_rows(residuals, true);
-    let empty = || ErrorFigure { axes: Vec::new(), norm: Number { value: 0.0, unit: experiment.unit() }, largest: 0.0 };
+    let zero = Number::new(0.0, experiment.unit());
+    let empty = || ErrorFigure { axes: Vec::new(), norm: zero, largest: zero };
     Errors {
         train: figure(experiment, &experiment.of_rows(residuals, false)).unwrap_or_else(empty),
-        heldout: figure(experiment, heldout.unwrap_or(&own)),
+        held_out: figure(experiment, held_out.unwrap_or(&own)),
     }
 }
 
@@ -54,10 +55,11 @@ fn figure(experiment: &Experiment, residuals: &[f64]) -> Option<ErrorFigure> {
         let value = experiment.mean_square(residuals, k).sqrt();
         AxisFigure { axis: axis.name.clone(), value, unit: axis.unit }
     };
+    let norms = residuals.chunks(experiment.axes.len()).map(|row| size(&row[..experiment.n_norm]));
     Some(ErrorFigure {
-        norm: Number { value: experiment.norm(residuals)?, unit: experiment.unit() },
+        norm: Number::new(experiment.norm(residuals)?, experiment.unit()),
         axes: experiment.axes.iter().enumerate().map(axis).collect(),
-        largest: residuals.chunks(experiment.axes.len()).map(|row| size(&row[..experiment.n_norm])).fold(0.0, f64::max),
+        largest: Number::new(norms.fold(0.0, f64::max), experiment.unit()),
     })
 }
 
@@ -70,7 +72,7 @@ fn outliers(selected: &SelectedSignals) -> Vec<Outlier> {
     let outlier = |(row, (sigmas, scaled)): (usize, (f64, &[f64]))| {
         let squares = scaled.iter().zip(&weighted.weighting.sigma).take(n_norm).map(|(r, s)| (r * s).powi(2));
         let line = problem.experiment.rows[problem.groups.training[row]].line;
-        Outlier { line, error: squares.sum::<f64>().sqrt(), sigmas }
+        Outlier { line, error: Number::new(squares.sum::<f64>().sqrt(), problem.experiment.unit()), sigmas }
     };
     far.take(MAX_ROWS).map(outlier).collect()
 }

@@ -31,7 +31,7 @@ pub struct ToolPoses {
     /// Rows that fits see.
     pub training: Observations,
     /// Rows that judge; may be none.
-    pub heldout: Observations,
+    pub held_out: Observations,
     /// The fold of each training row.
     pub folds: Vec<usize>,
 }
@@ -44,13 +44,13 @@ pub fn values(model: &ArmModel) -> Vec<Value> {
 
 impl ToolPoses {
     /// Training rows with their folds, and held-out rows, both in units of the same noise.
-    pub fn new(training: Observations, heldout: Observations, folds: Vec<usize>) -> Self {
-        Self { training, heldout, folds }
+    pub fn new(training: Observations, held_out: Observations, folds: Vec<usize>) -> Self {
+        Self { training, held_out, folds }
     }
 
     /// The same rows in units of another noise.
     pub fn with_noise(self, sigma: Noise) -> Self {
-        Self::new(self.training.with_noise(sigma), self.heldout.with_noise(sigma), self.folds)
+        Self::new(self.training.with_noise(sigma), self.held_out.with_noise(sigma), self.folds)
     }
 
     /// A model with all its values fitted in full.
@@ -140,11 +140,11 @@ impl ToolPoses {
 
     /// The same of a model that leaves these residuals of the training rows when they are held out in turn.
     pub(crate) fn held_out_m_of(&self, model: &ArmModel, in_turn: &[f64]) -> Result<f64, NoPose> {
-        if self.heldout.rows.is_empty() {
+        if self.held_out.rows.is_empty() {
             return Ok(root_mean_square(&self.training.distances_m(in_turn)));
         }
-        let residuals = self.heldout.residuals(model, &mut ArmScratch::default())?;
-        Ok(root_mean_square(&self.heldout.distances_m(&residuals)))
+        let residuals = self.held_out.residuals(model, &mut ArmScratch::default())?;
+        Ok(root_mean_square(&self.held_out.distances_m(&residuals)))
     }
 
     /// Whether the error on rows that no fit saw falls by more than its uncertainty: on the held-out ones, or, without any, on
@@ -153,13 +153,13 @@ impl ToolPoses {
     /// unless the error rises there.
     pub(crate) fn held_out_falls(&self, before: &Trial<Self>, after: &Trial<Self>) -> Result<bool, NoPose> {
         let falls_in_turn = self.under(before).reduction(before, after).p < CONFIRMATION_LEVEL;
-        if self.heldout.rows.is_empty() {
+        if self.held_out.rows.is_empty() {
             return Ok(falls_in_turn);
         }
         let mut scratch = ArmScratch::default();
-        let [before, after] = [before, after].map(|trial| self.heldout.residuals(&trial.fit.model, &mut scratch));
+        let [before, after] = [before, after].map(|trial| self.held_out.residuals(&trial.fit.model, &mut scratch));
         let (before, after) = (before?, after?);
-        let fall = clustered_t_test(&before, &after, &self.heldout.groups());
+        let fall = clustered_t_test(&before, &after, &self.held_out.groups());
         // An effect that is there lowers the sum by about the squares of what it changes.
         let change: f64 = before.iter().zip(&after).map(|(before, after)| (before - after).powi(2)).sum();
         let error = fall.error.unwrap_or(0.0);

@@ -26,7 +26,7 @@ use darm_arm::arm::frames::DesiredFrame;
 use darm_arm::arm::{Arm, ArmScratch, MAX_STAGES};
 pub use kind::Kind;
 use mechanism::Mechanism;
-use surroundings::Moment;
+use surroundings::Conditions;
 pub use surroundings::Surroundings;
 
 /// Standard deviation of a coordinate that the camera reports.
@@ -91,7 +91,7 @@ pub struct Truth {
 #[derive(Clone, Copy, Debug)]
 struct Occasion<'a> {
     state: TrueState<'a>,
-    moment: Moment,
+    moment: Conditions,
 }
 
 /// The nominal arm, as far as physics goes.
@@ -261,7 +261,7 @@ impl Truth {
         (0..POSE_TRIALS).all(|_| {
             let mut digit = |k| rng.random_range(0..chain.n_states(k).max(1) as u8);
             let digits: Vec<u8> = (0..chain.n_actuators()).map(&mut digit).collect();
-            let word = Word::new(&digits).unwrap_or_default();
+            let word = Word::new(&digits).expect("one digit for each actuator of a chain");
             let state = TrueState { word, previous: None, servos_rad: &servos_rad, time_s: 0.0, history: None };
             let moment = self.surroundings.settled(&word);
             chain.pose_base_tool(&word, &servos_rad, &mut scratch).is_err()

@@ -35,7 +35,7 @@ pub struct Surroundings {
 
 /// Supply and temperature at one moment, away from nominal.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Moment {
+pub(crate) struct Conditions {
     /// Supply over nominal supply.
     pub(crate) supply_ratio: f64,
     /// Temperature less reference temperature, K.
@@ -80,19 +80,19 @@ impl Surroundings {
         }
     }
 
-    pub(crate) fn at(&self, time_s: f64, word: &Word) -> Moment {
+    pub(crate) fn at(&self, time_s: f64, word: &Word) -> Conditions {
         let turn = (TAU * time_s / self.period_s + self.phase).sin();
         let moment = self.settled(word);
         let warm_turn = (TAU * time_s / self.warm_period_s + self.warm_phase).sin();
         let warming = 1.0 - 0.2 * (-time_s / self.warming_s).exp() + self.warm_swing * warm_turn;
         let filling = 0.25 * self.droop * (-time_s / self.filling_s).exp();
-        Moment { supply_ratio: moment.supply_ratio - filling + self.swing * turn, rise_k: moment.rise_k * warming }
+        Conditions { supply_ratio: moment.supply_ratio - filling + self.swing * turn, rise_k: moment.rise_k * warming }
     }
 
     /// What it all comes to in the mean.
-    pub(crate) fn settled(&self, word: &Word) -> Moment {
+    pub(crate) fn settled(&self, word: &Word) -> Conditions {
         let fed = word.iter().filter(|&digit| digit > 0).count() as f64 / word.len().max(1) as f64;
-        Moment { supply_ratio: 1.0 - self.droop - self.load_drop * (fed - 0.5), rise_k: self.rise_k }
+        Conditions { supply_ratio: 1.0 - self.droop - self.load_drop * (fed - 0.5), rise_k: self.rise_k }
     }
 
     /// Supply and temperature (K) as the sensors tell them.

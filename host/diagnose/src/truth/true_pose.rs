@@ -8,7 +8,7 @@ use darm_core::chain::{Chain, ChainError};
 use darm_core::se::Pose;
 
 use super::mechanism::{Cause, Mechanism};
-use super::surroundings::Moment;
+use super::surroundings::Conditions;
 use super::{Body, TrueState};
 
 /// How far the pawl has crept back when the next word comes.
@@ -33,7 +33,7 @@ pub(crate) fn pose(
     mechanisms: &[Mechanism],
     body: &Body,
     state: &TrueState,
-    moment: Moment,
+    moment: Conditions,
     scratch: &mut ArmScratch,
 ) -> Result<Pose<f64>, ChainError> {
     let mut servos_rad = state.servos_rad.to_vec();
@@ -76,7 +76,7 @@ fn moved(state: &TrueState, actuator: usize) -> bool {
 
 impl Mechanism {
     /// What the effect does to one actuator, all but weight.
-    fn alter(&self, leg: &Leg, state: &TrueState, moment: Moment, setting: &mut Setting<f64>) {
+    fn alter(&self, leg: &Leg, state: &TrueState, moment: Conditions, setting: &mut Setting<f64>) {
         let Leg { actuator, stage, others, stroke } = *leg;
         let digit = state.word.digit(actuator);
         // Away from the stop that the digit names, as long as the leg has one.
@@ -128,7 +128,7 @@ impl Mechanism {
     }
 
     /// The rigid displacement of the tool by the effect.
-    fn put_aside(&self, pose: Pose<f64>, state: &TrueState, moment: Moment) -> Pose<f64> {
+    fn put_aside(&self, pose: Pose<f64>, state: &TrueState, moment: Conditions) -> Pose<f64> {
         match *self {
             Self::Lens { stretch } => Pose { position: pose.position * (1.0 + stretch), ..pose },
             Self::Frame { cause, aside } => {

@@ -62,6 +62,14 @@ struct Chosen {
     p: f64,
 }
 
+/// What freed unknowns change.
+struct Fitted {
+    /// Of all unknowns.
+    change: DVector<f64>,
+    /// Of those that were free.
+    covariance: DMatrix<f64>,
+}
+
 /// Rows, and what the masses that are named change.
 struct Search {
     columns: DMatrix<f64>,
@@ -86,13 +94,13 @@ pub fn missing(robot: &Robot, equations: &Equations, held_out: &[usize]) -> Miss
         chosen.push(set);
     }
     // Masses that were named later change those that were named before.
-    let (change, covariance) = search.fitted(&indices(&kept, &taken));
-    let values = &kept.nominal + &change;
+    let fitted = search.fitted(&indices(&kept, &taken));
+    let values = &kept.nominal + &fitted.change;
     let mut first = 0;
     let named = taken.iter().zip(chosen).map(|(link, set)| {
         let own = kept.of_body(*link);
         first += own.len();
-        search.named(&kept, (&own, first - own.len()), (&change, &covariance), set)
+        search.named(&kept, &own, first - own.len(), &fitted, set)
     });
     let named: Vec<Named> = named.collect();
     let judged_on: Vec<usize> =
@@ -147,10 +155,10 @@ impl Search {
         (self.residual.norm_squared() - axes.tr_mul(&self.residual).norm_squared(), axes.ncols())
     }
 
-    /// The change of all unknowns when these are free, and the covariance of these.
-    fn fitted(&self, free: &[usize]) -> (DVector<f64>, DMatrix<f64>) {
+    /// With these unknowns free.
+    fn fitted(&self, free: &[usize]) -> Fitted {
         if free.is_empty() {
-            return (DVector::zeros(self.columns.ncols()), DMatrix::zeros(0, 0));
+            return Fitted { change: DVector::zeros(self.columns.ncols()), covariance: DMatrix::zeros(0, 0) };
         }
         let svd = self.columns.select_columns(free).svd(true, true);
         let floor = NOTHING * svd.singular_values.max();
@@ -162,7 +170,7 @@ impl Search {
                 covariance += row.transpose() * row / (size * size);
             }
         }
-        (change, covariance)
+        Fitted { change, covariance }
     }
 
     /// The link that explains most of what is left, if chance would not.
@@ -182,7 +190,7 @@ impl Search {
             .filter_map(|link| {
                 let free = with(&link);
                 let (left, of) = self.left(&free);
-                let mass = self.fitted(&free).0[*free.get(known.len())?];
+                let mass = self.fitted(&free).change[*free.get(known.len())?];
                 (mass > 0.0 && of > rank).then_some((link, left, of - rank))
             })
             .collect();
@@ -199,13 +207,16 @@ impl Search {
         Some((link, Chosen { links, p }))
     }
 
+    /// The mass whose unknowns are `own`, from `first` on among those that were free.
     fn named(
         &self,
         equations: &Equations,
-        (own, first): (&[usize], usize),
-        (change, covariance): (&DVector<f64>, &DMatrix<f64>),
+        own: &[usize],
+        first: usize,
+        fitted: &Fitted,
         Chosen { links, p }: Chosen,
     ) -> Named {
+        let Fitted { change, covariance } = fitted;
         let mass_kg = own.first().map_or(0.0, |&k| change[k]);
         let mut place_m = [None; 3];
         for &k in own {

@@ -15,10 +15,11 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use serde::Serialize;
 
+use super::Posture;
 use super::markers::{Capture, Plate};
 use super::person::{CORNER_HZ, Groups};
 use super::placed::{Placed, dynamic, wrench};
-use super::{Fixed, Posture};
+use super::setup::Setup;
 use darm_robot::robot::Robot;
 
 /// Frames a second.
@@ -126,31 +127,26 @@ impl Turn {
     }
 }
 
-/// Draws a person from the seed and lets it stand up; `feet` are the links that the ankles move.
+/// Draws a person from the seed, with the markers and feet of the set-up, and lets it stand up.
 ///
 /// # Errors
 ///
 /// The joints of `tree` make no tree that can be computed.
-pub fn demonstrate(
-    tree: &Robot,
-    (names, markers): (&[String], &[Fixed]),
-    feet: &[Option<usize>],
-    style: Style,
-    seed: u64,
-) -> Result<Demonstration, TreeError> {
+pub fn demonstrate(tree: &Robot, setup: &Setup, style: Style, seed: u64) -> Result<Demonstration, TreeError> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let groups = Groups::new(tree);
     let lengths = groups.drawn(&mut random, LENGTHS);
     let masses = groups.drawn(&mut random, MASSES);
     let own = groups.scaled(tree, &lengths, &masses);
-    let mut worn = groups.markers(markers, &lengths);
+    let mut worn = groups.markers(&setup.on_person(), &lengths);
     for marker in &mut worn {
         marker.point += three(&mut random, MISPLACED_M);
     }
     let frames = (style.lasts_s() * RATE_HZ) as usize + 1;
     let time_s: Vec<f64> = (0..frames).map(|k| k as f64 / RATE_HZ).collect();
     let mut placed = Placed::new(&own)?;
-    let postures: Vec<Posture> = time_s.iter().map(|&t| stood(&mut placed, &own, feet, &style.angles(t))).collect();
+    let postures: Vec<Posture> =
+        time_s.iter().map(|&t| stood(&mut placed, &own, &setup.person_feet, &style.angles(t))).collect();
     let (mut places, mut com) = (Vec::new(), Vec::new());
     for posture in &postures {
         placed.place(posture);
@@ -172,7 +168,7 @@ pub fn demonstrate(
     let plates = plates.collect();
     let measured = chair.iter().map(|[fz, ..]| fz + force * random.sample::<f64, _>(StandardNormal));
     let chair_n = Some(measured.collect());
-    let (names, findings) = (names.to_vec(), Vec::new());
+    let (names, findings) = (setup.marker_names(), Vec::new());
     let capture = Capture { names, time_s, places, plates, chair_n, hands_n: None, findings };
     Ok(Demonstration { capture, tree: own, com, chair })
 }

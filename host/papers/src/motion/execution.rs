@@ -19,7 +19,7 @@ use super::balance::Polygon;
 use super::mapping::Mapped;
 use super::placed::Placed;
 use super::setup::Setup;
-use super::{Fixed, Posture};
+use super::{BodyPoint, Posture};
 use darm_robot::robot::Robot;
 
 /// Time step, s.
@@ -70,7 +70,7 @@ pub struct Executed {
 
 /// A point that may touch, and what it touches.
 struct Touch {
-    at: Fixed,
+    at: BodyPoint,
     /// Height of what it touches, m.
     height: f64,
     spring: (f64, f64),
@@ -101,8 +101,8 @@ pub fn execute(
     let postures = &plan.trajectory.postures;
     placed.place(&postures[0]);
     let mut touches = touches(setup, &placed);
-    let mut posture = postures[0].clone();
-    let mut velocity = DVector::zeros(6 + posture.q.len());
+    let posture = postures[0].clone();
+    let mut state = State { velocity: DVector::zeros(6 + posture.q.len()), posture };
     let mut executed = Executed {
         postures: Vec::new(),
         cop: Vec::new(),
@@ -115,17 +115,16 @@ pub fn execute(
     let steps = ((plan.time_s[plan.time_s.len() - 1] - start_s) / STEP_S).round() as usize;
     for step in 0..=steps {
         let time_s = start_s + step as f64 * STEP_S;
-        placed.place(&posture);
-        let pushes: Vec<Push> = touches.iter_mut().map(|touch| push(touch, &placed, &velocity)).collect();
+        placed.place(&state.posture);
+        let pushes: Vec<Push> = touches.iter_mut().map(|touch| push(touch, &placed, &state.velocity)).collect();
         if executed.postures.len() < plan.time_s.len() && time_s >= plan.time_s[executed.postures.len()] - 0.5 * STEP_S
         {
             let planned = &postures[executed.postures.len()];
-            record(&mut executed, &posture, &placed, (&touches, &pushes), planned);
+            executed.record(&state.posture, &placed, &touches, &pushes, planned);
         }
-        let next = advance(&placed, (&posture, &velocity), &pushes, &desired(plan, torque, time_s), gains);
+        let next = state.advanced(&placed, &pushes, &desired(plan, torque, time_s), gains);
         let Some(next) = next else { break };
-        velocity = next;
-        posture = posture.moved(&(&velocity * STEP_S));
+        state = next;
     }
     judge(&mut executed, plan, &mut placed);
     Ok(executed)
@@ -203,58 +202,59 @@ fn desired(plan: &Mapped, torque: &[Vec<f64>], time_s: f64) -> Desired {
     Desired { q: between(a, b), rate, torque: torque.map_or(vec![0.0; a.len()], |(a, b)| between(a, b)) }
 }
 
-/// Velocities one step later; `None` when the mass matrix is singular.
-fn advance(
-    placed: &Placed,
-    (posture, velocity): (&Posture, &DVector<f64>),
-    pushes: &[Push],
-    desired: &Desired,
-    gains: Gains,
-) -> Option<DVector<f64>> {
-    let mut matrix = placed.mass();
-    let bias = placed.bias(velocity.as_slice());
-    let mut load = -DVector::from_vec(bias);
-    let h = STEP_S;
-    for (k, q) in posture.q.iter().enumerate() {
-        let row = 6 + k;
-        load[row] += desired.torque[k]
-            + gains.stiffness * (desired.q[k] - q - h * velocity[row])
-            + gains.damping * (desired.rate[k] - velocity[row]);
-        matrix[(row, row)] += h * gains.damping + h * h * gains.stiffness;
-    }
-    for push in pushes.iter().filter(|push| push.force.z > 0.0) {
-        let moving = &push.jacobian * velocity;
-        for k in 0..3 {
-            let row = push.jacobian.row(k);
-            load += row.transpose() * (push.force[k] - h * push.stiffness[k] * moving[k]);
-            matrix += row.transpose() * row * (h * push.damping[k] + h * h * push.stiffness[k]);
-        }
-    }
-    let change = matrix.cholesky()?.solve(&(load * h));
-    Some(velocity + change)
+/// Posture and velocity of a robot.
+struct State {
+    posture: Posture,
+    /// Of the base, then of the joints, m/s and rad/s.
+    velocity: DVector<f64>,
 }
 
-fn record(
-    executed: &mut Executed,
-    posture: &Posture,
-    placed: &Placed,
-    (touches, pushes): (&[Touch], &[Push]),
-    planned: &Posture,
-) {
-    let (mut sum, mut at, mut chair) = (0.0, [0.0; 2], 0.0);
-    for (touch, push) in touches.iter().zip(pushes) {
-        let point = placed.point(&touch.at);
-        if touch.is_foot {
-            sum += push.force.z;
-            at[0] += point.x * push.force.z;
-            at[1] += point.y * push.force.z;
-        } else {
-            chair += push.force.z;
+impl State {
+    /// One step later; `None` when the mass matrix is singular.
+    fn advanced(&self, placed: &Placed, pushes: &[Push], desired: &Desired, gains: Gains) -> Option<Self> {
+        let Self { posture, velocity } = self;
+        let mut matrix = placed.mass();
+        let bias = placed.bias(velocity.as_slice());
+        let mut load = -DVector::from_vec(bias);
+        let h = STEP_S;
+        for (k, q) in posture.q.iter().enumerate() {
+            let row = 6 + k;
+            load[row] += desired.torque[k]
+                + gains.stiffness * (desired.q[k] - q - h * velocity[row])
+                + gains.damping * (desired.rate[k] - velocity[row]);
+            matrix[(row, row)] += h * gains.damping + h * h * gains.stiffness;
         }
+        for push in pushes.iter().filter(|push| push.force.z > 0.0) {
+            let moving = &push.jacobian * velocity;
+            for k in 0..3 {
+                let row = push.jacobian.row(k);
+                load += row.transpose() * (push.force[k] - h * push.stiffness[k] * moving[k]);
+                matrix += row.transpose() * row * (h * push.damping[k] + h * h * push.stiffness[k]);
+            }
+        }
+        let change = matrix.cholesky()?.solve(&(load * h));
+        let velocity = velocity + change;
+        Some(Self { posture: posture.moved(&(&velocity * STEP_S)), velocity })
     }
-    let apart = posture.q.iter().zip(&planned.q).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    executed.worst_joint_rad = executed.worst_joint_rad.max(apart);
-    executed.cop.push(at.map(|at| if sum > 0.0 { at / sum } else { f64::NAN }));
-    executed.chair_n.push(chair);
-    executed.postures.push(posture.clone());
+}
+
+impl Executed {
+    fn record(&mut self, posture: &Posture, placed: &Placed, touches: &[Touch], pushes: &[Push], planned: &Posture) {
+        let (mut sum, mut at, mut chair) = (0.0, [0.0; 2], 0.0);
+        for (touch, push) in touches.iter().zip(pushes) {
+            let point = placed.point(&touch.at);
+            if touch.is_foot {
+                sum += push.force.z;
+                at[0] += point.x * push.force.z;
+                at[1] += point.y * push.force.z;
+            } else {
+                chair += push.force.z;
+            }
+        }
+        let apart = posture.q.iter().zip(&planned.q).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        self.worst_joint_rad = self.worst_joint_rad.max(apart);
+        self.cop.push(at.map(|at| if sum > 0.0 { at / sum } else { f64::NAN }));
+        self.chair_n.push(chair);
+        self.postures.push(posture.clone());
+    }
 }

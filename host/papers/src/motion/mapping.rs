@@ -27,7 +27,7 @@ use super::person::{CORNER_HZ, Person, com};
 use super::placed::{Placed, dynamic, wrench};
 use super::setup::Setup;
 use super::trajectory::{Chair, Foot, Problem, Trajectory, TrajectoryError, solve};
-use super::{Balance, Fixed, Posture};
+use super::{Balance, BodyPoint, Posture};
 use darm_robot::robot::Robot;
 
 /// Of the robot's highest centre of mass this share is used, so that the knees keep a bend.
@@ -68,7 +68,7 @@ pub struct Mapped {
     /// The largest distance between the two along these axes, m.
     pub com_error_m: f64,
     /// The markers on the robot, and which of the capture they are.
-    pub markers: Vec<(usize, Fixed)>,
+    pub markers: Vec<(usize, BodyPoint)>,
     /// The first frame off the chair, from 0.
     pub lift_off: usize,
     /// What it was read from.
@@ -93,7 +93,7 @@ pub fn map(robot: &Robot, setup: &Setup, person: &Person, capture: &Capture) -> 
     let standing = OnFeet { robot, feet: &feet, step_s: capture.step_s() };
     let axes = standing.axes(&setup.sitting)?;
     let sitting = standing.near(&standing.posture(&setup.sitting), &com[..1], axes)?;
-    let markers = overlaid(robot, setup, &view, (person, capture), &sitting)?;
+    let markers = view.markers_on(robot, setup, person, capture, &sitting)?;
     let targets: Vec<Vec<Option<Vec3<f64>>>> = capture
         .places
         .iter()
@@ -101,7 +101,7 @@ pub fn map(robot: &Robot, setup: &Setup, person: &Person, capture: &Capture) -> 
         .collect();
     let (off_at, lift_off_by) = lift_off(capture, &person.motion.postures, view.scale);
     let ground = Ground::new(robot, setup, &sitting, (off_at, capture.step_s()))?;
-    let on_robot: Vec<Fixed> = markers.iter().map(|(_, marker)| *marker).collect();
+    let on_robot: Vec<BodyPoint> = markers.iter().map(|(_, marker)| *marker).collect();
     let follow = Follow { standing: &standing, markers: &on_robot, targets: &targets, ground: &ground, axes };
     let mut target = com.clone();
     let mut plan = follow.walk(&mut target, sitting)?;
@@ -113,8 +113,8 @@ pub fn map(robot: &Robot, setup: &Setup, person: &Person, capture: &Capture) -> 
         shift(&mut target, &pulls, capture.step_s(), robot.gravity.norm());
         plan = follow.solve_all(&target, &plan.postures)?;
     }
-    let mapped = mapped(robot, (capture, view.scale, axes), (com, target), (markers, plan), ground)?;
-    Ok(Mapped { lift_off_by, ..mapped })
+    let followed = Followed { scale: view.scale, axes, person: com, target, markers, trajectory: plan, lift_off_by };
+    followed.mapped(robot, capture, ground)
 }
 
 /// Moves the centre of mass so that the zero-moment point is pulled so far.
@@ -143,7 +143,7 @@ struct Ground {
     sole: Vec<[f64; 2]>,
     chair: Vec<[f64; 2]>,
     support: Support,
-    seat: Vec<Fixed>,
+    seat: Vec<BodyPoint>,
     /// Where the middle of the seat is, m.
     middle: Vec3<f64>,
     lift_off: usize,
@@ -171,7 +171,7 @@ impl Ground {
 /// What the robot follows while it is on its feet.
 struct Follow<'a> {
     standing: &'a OnFeet<'a>,
-    markers: &'a [Fixed],
+    markers: &'a [BodyPoint],
     targets: &'a [Vec<Option<Vec3<f64>>>],
     ground: &'a Ground,
     axes: [bool; 3],
@@ -234,47 +234,55 @@ fn at_frame(error: TrajectoryError, frame: usize) -> TrajectoryError {
     }
 }
 
-fn mapped(
-    robot: &Robot,
-    (capture, scale, axes): (&Capture, f64, [bool; 3]),
-    (person, mut target): (Vec<Vec3<f64>>, Vec<Vec3<f64>>),
-    (markers, trajectory): (Vec<(usize, Fixed)>, Trajectory),
-    ground: Ground,
-) -> Result<Mapped, TrajectoryError> {
-    let mut placed = Placed::new(robot)?;
-    let mut own = Vec::new();
-    for posture in &trajectory.postures {
-        placed.place(posture);
-        own.push(placed.com().0);
-    }
-    let sits = if ground.seat.is_empty() { 0 } else { ground.lift_off };
-    target.iter_mut().zip(&own).take(sits).for_each(|(target, own)| target.z = own.z);
-    let apart = |a: &[Vec3<f64>], of: std::ops::Range<usize>| {
-        let own = |(a, b): (&Vec3<f64>, &Vec3<f64>)| -> f64 {
-            of.clone().filter(|&k| axes[k]).map(|k| (a[k] - b[k]).powi(2)).sum()
+/// A trajectory, and what it follows; the fields are those of [`Mapped`].
+struct Followed {
+    scale: f64,
+    axes: [bool; 3],
+    person: Vec<Vec3<f64>>,
+    target: Vec<Vec3<f64>>,
+    markers: Vec<(usize, BodyPoint)>,
+    trajectory: Trajectory,
+    lift_off_by: LiftOffBy,
+}
+
+impl Followed {
+    fn mapped(self, robot: &Robot, capture: &Capture, ground: Ground) -> Result<Mapped, TrajectoryError> {
+        let Self { scale, axes, person, mut target, markers, trajectory, lift_off_by } = self;
+        let mut placed = Placed::new(robot)?;
+        let mut own = Vec::new();
+        for posture in &trajectory.postures {
+            placed.place(posture);
+            own.push(placed.com().0);
+        }
+        let sits = if ground.seat.is_empty() { 0 } else { ground.lift_off };
+        target.iter_mut().zip(&own).take(sits).for_each(|(target, own)| target.z = own.z);
+        let apart = |a: &[Vec3<f64>], of: std::ops::Range<usize>| {
+            let own = |(a, b): (&Vec3<f64>, &Vec3<f64>)| -> f64 {
+                of.clone().filter(|&k| axes[k]).map(|k| (a[k] - b[k]).powi(2)).sum()
+            };
+            a.iter().zip(&target).map(own).fold(0.0, f64::max).sqrt()
         };
-        a.iter().zip(&target).map(own).fold(0.0, f64::max).sqrt()
-    };
-    let (com_error_m, moved_m, raised_m) = (apart(&own, 0..3), apart(&person, 0..2), apart(&person, 2..3));
-    let smooth = com(robot, &trajectory.postures, &capture.time_s)?;
-    Ok(Mapped {
-        balance: ground.support.balance(zero_moment(robot, &trajectory.postures, &capture.time_s), &smooth),
-        time_s: capture.time_s.clone(),
-        trajectory,
-        scale,
-        person,
-        target,
-        moved_m,
-        raised_m,
-        com: own,
-        axes,
-        com_error_m,
-        markers,
-        lift_off: ground.lift_off,
-        lift_off_by: LiftOffBy::ChairForce,
-        sole: ground.sole,
-        chair: ground.chair,
-    })
+        let (com_error_m, moved_m, raised_m) = (apart(&own, 0..3), apart(&person, 0..2), apart(&person, 2..3));
+        let smooth = com(robot, &trajectory.postures, &capture.time_s)?;
+        Ok(Mapped {
+            balance: ground.support.balance(zero_moment(robot, &trajectory.postures, &capture.time_s), &smooth),
+            time_s: capture.time_s.clone(),
+            trajectory,
+            scale,
+            person,
+            target,
+            moved_m,
+            raised_m,
+            com: own,
+            axes,
+            com_error_m,
+            markers,
+            lift_off: ground.lift_off,
+            lift_off_by,
+            sole: ground.sole,
+            chair: ground.chair,
+        })
+    }
 }
 
 /// Feet on the ground, each where the robot's zero posture has it and turned as there, with its sole at z = 0.
@@ -366,24 +374,25 @@ impl View {
     fn at(&self, place: &Vec3<f64>) -> Vec3<f64> {
         self.to + (place - self.from) * self.scale
     }
-}
 
-/// The markers of the first frame in the links that follow them; where one is not seen, where the person's tree has it.
-fn overlaid(
-    robot: &Robot,
-    setup: &Setup,
-    view: &View,
-    (person, capture): (&Person, &Capture),
-    sitting: &Posture,
-) -> Result<Vec<(usize, Fixed)>, TreeError> {
-    let (mut own, mut placed) = (Placed::new(robot)?, Placed::new(&person.tree)?);
-    own.place(sitting);
-    placed.place(&person.motion.postures[0]);
-    let on = |(k, marker): (usize, &super::setup::Marker)| {
-        let joint = marker.follower?;
-        let place = capture.places[0][k].unwrap_or_else(|| placed.point(&person.markers[k]));
-        let point = own.pose(joint, &Pose::identity()).inverse() * view.at(&place);
-        Some((k, Fixed { joint, point }))
-    };
-    Ok(setup.markers.iter().enumerate().filter_map(on).collect())
+    /// The markers of the first frame in the links that follow them; where one is not seen, where the person's tree has it.
+    fn markers_on(
+        &self,
+        robot: &Robot,
+        setup: &Setup,
+        person: &Person,
+        capture: &Capture,
+        sitting: &Posture,
+    ) -> Result<Vec<(usize, BodyPoint)>, TreeError> {
+        let (mut own, mut placed) = (Placed::new(robot)?, Placed::new(&person.tree)?);
+        own.place(sitting);
+        placed.place(&person.motion.postures[0]);
+        let on = |(k, marker): (usize, &super::setup::Marker)| {
+            let joint = marker.follower?;
+            let place = capture.places[0][k].unwrap_or_else(|| placed.point(&person.markers[k]));
+            let point = own.pose(joint, &Pose::identity()).inverse() * self.at(&place);
+            Some((k, BodyPoint { joint, point }))
+        };
+        Ok(setup.markers.iter().enumerate().filter_map(on).collect())
+    }
 }

@@ -49,7 +49,7 @@ pub struct Posture {
 
 /// A point fixed to a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fixed {
+pub struct BodyPoint {
     /// The joint that moves the link; `None`: the base.
     pub joint: Option<usize>,
     /// The point in the link's frame, m.

@@ -6,7 +6,7 @@ use darm_core::tree::{Body, TreeError};
 use nalgebra::{DMatrix, Matrix3xX, Matrix6xX, SVector};
 
 use super::smooth::Smooth;
-use super::{Fixed, Posture};
+use super::{BodyPoint, Posture};
 use darm_diagnose::measurement::signal::rate;
 use darm_robot::rigid_body::regressor::{BodyMotion, link_motions, wrench_regressor};
 use darm_robot::robot::Robot;
@@ -38,7 +38,7 @@ impl Placed {
     }
 
     /// Where a point is.
-    pub(super) fn point(&self, at: &Fixed) -> Vec3<f64> {
+    pub(super) fn point(&self, at: &BodyPoint) -> Vec3<f64> {
         self.pose(at.joint, &Pose::at(at.point)).position
     }
 

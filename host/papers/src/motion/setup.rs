@@ -16,7 +16,7 @@ use darm_core::actuator::JointKind;
 use darm_core::real::Vec3;
 use serde::Deserialize;
 
-use super::Fixed;
+use super::BodyPoint;
 use darm_robot::robot::{Robot, RobotFrame};
 
 /// The file as it is written.
@@ -58,7 +58,7 @@ pub struct Marker {
     /// Its name.
     pub name: String,
     /// Where it is on the average person.
-    pub on_person: Fixed,
+    pub on_person: BodyPoint,
     /// The link of the robot that follows, by the joint that moves it; `None`: no link follows.
     pub follower: Option<Option<usize>>,
 }
@@ -73,7 +73,7 @@ pub struct Setup {
     /// Links of the robot with the points that touch the ground.
     pub feet: Vec<(Option<usize>, Vec<Vec3<f64>>)>,
     /// Points of the robot that sit on the chair.
-    pub seat: Vec<Fixed>,
+    pub seat: Vec<BodyPoint>,
     /// Joint positions near which the robot sits, rad or m.
     pub sitting: Vec<f64>,
 }
@@ -134,6 +134,16 @@ pub enum SetupError {
 }
 
 impl Setup {
+    /// Names of the markers, as columns of a capture have them.
+    pub fn marker_names(&self) -> Vec<String> {
+        self.markers.iter().map(|marker| marker.name.clone()).collect()
+    }
+
+    /// Where the markers are on the person.
+    pub fn on_person(&self) -> Vec<BodyPoint> {
+        self.markers.iter().map(|marker| marker.on_person).collect()
+    }
+
     /// Reads the setup of a person and a robot.
     ///
     /// # Errors
@@ -193,8 +203,8 @@ impl Setup {
 
 impl Setup {
     /// The points that touch the ground.
-    pub fn soles(&self) -> impl Iterator<Item = Fixed> {
-        self.feet.iter().flat_map(|(joint, points)| points.iter().map(|&point| Fixed { joint: *joint, point }))
+    pub fn soles(&self) -> impl Iterator<Item = BodyPoint> {
+        self.feet.iter().flat_map(|(joint, points)| points.iter().map(|&point| BodyPoint { joint: *joint, point }))
     }
 }
 
@@ -223,6 +233,6 @@ fn link<'a>(tree: &'a Robot, key: &'static str, name: &str) -> Result<&'a RobotF
 }
 
 /// A point of a link.
-fn fixed(link: &RobotFrame, point: [f64; 3]) -> Fixed {
-    Fixed { joint: link.joint, point: link.pose * Vec3::from(point) }
+fn fixed(link: &RobotFrame, point: [f64; 3]) -> BodyPoint {
+    BodyPoint { joint: link.joint, point: link.pose * Vec3::from(point) }
 }

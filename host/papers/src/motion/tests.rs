@@ -17,7 +17,7 @@ use super::mapping::map;
 use super::person::{Person, person};
 use super::placed::Placed;
 use super::setup::{Setup, SetupError};
-use super::{Capture, CaptureError, Fixed, LiftOffBy, Polygon, Posture, feed_forward};
+use super::{BodyPoint, Capture, CaptureError, LiftOffBy, Polygon, Posture, feed_forward};
 use darm_diagnose::measurement::table::{Names, Table};
 use darm_robot::robot::Robot;
 use darm_robot::urdf::{Locks, parse};
@@ -64,7 +64,7 @@ fn jacobians_are_differences() {
         base: Pose::new(&Vec3::new(0.3, -0.2, 0.5), Vec3::new(0.1, 0.2, 0.9)),
         q: (0..robot.joints.len()).map(|k| 0.3 * (k as f64).sin()).collect(),
     };
-    let marker = Fixed { joint: Some(18), point: Vec3::new(0.02, -0.1, 0.03) };
+    let marker = BodyPoint { joint: Some(18), point: Vec3::new(0.02, -0.1, 0.03) };
     placed.place(&posture);
     let (of_point, (com, of_com)) = (placed.jacobian(marker.joint, &Pose::at(marker.point)), placed.com());
     let point = placed.point(&marker);
@@ -120,9 +120,7 @@ fn shown(setup: &Setup) -> &'static (Capture, Person) {
     static SHOWN: OnceLock<(Capture, Person)> = OnceLock::new();
     SHOWN.get_or_init(|| {
         let human = floating(HUMAN);
-        let names: Vec<String> = setup.markers.iter().map(|marker| marker.name.clone()).collect();
-        let markers: Vec<Fixed> = setup.markers.iter().map(|marker| marker.on_person).collect();
-        let shown = demonstrate(&human, (&names, &markers), &setup.person_feet, Style::Natural, 5).unwrap();
+        let shown = demonstrate(&human, setup, Style::Natural, 5).unwrap();
         let mut capture = Capture {
             time_s: shown.capture.time_s.iter().step_by(4).copied().collect(),
             places: shown.capture.places.iter().step_by(4).cloned().collect(),
@@ -132,7 +130,7 @@ fn shown(setup: &Setup) -> &'static (Capture, Person) {
         };
         // A marker may hide for a while.
         capture.places[3][3] = None;
-        let found = person(&human, &markers, &capture).unwrap();
+        let found = person(&human, &setup.on_person(), &capture).unwrap();
         (capture, found)
     })
 }

@@ -15,14 +15,14 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, backlash::Backlash};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, backlash::Backlash};
 //! let (law, mut memory) = (Backlash { distance: 1.0 }, Memory::default());
-//! let mut at = |position: f64| law.shape(&Moment { position, ..Moment::default() }, &mut memory);
+//! let mut at = |position: f64| law.basis(&CoordinateSample { position, ..CoordinateSample::default() }, &mut memory);
 //! let last = [0.0, 90.0, 3.0].map(&mut at)[2];
 //! assert!((last - (-1.0)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per, ShapeParameter};
 use crate::real::Real;
 
 /// A position that lags behind its target by half a gap, whichever way it was reached.
@@ -32,7 +32,7 @@ pub struct Backlash<T: Real> {
     pub distance: T,
 }
 
-impl<T: Real> Along<T> for Backlash<T> {
+impl<T: Real> BasisLaw<T> for Backlash<T> {
     fn name(&self) -> LawName {
         LawName::Backlash
     }
@@ -41,15 +41,15 @@ impl<T: Real> Along<T> for Backlash<T> {
         &[]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "half width"
     }
 
-    fn constant(&self) -> Option<Constant<T>> {
-        Some(Constant { name: "memory of direction", value: self.distance, per: Per::Length })
+    fn shape_parameter(&self) -> Option<ShapeParameter<T>> {
+        Some(ShapeParameter { name: "memory of direction", value: self.distance, per: Per::Length })
     }
 
-    fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T {
-        memory.turn(now.position, self.distance)
+    fn basis(&self, now: &CoordinateSample<T>, memory: &mut Memory<T>) -> T {
+        memory.presliding_state(now.position, self.distance)
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | L | `Moment::load` | its own | load, with its sign |
+//! | L | `CoordinateSample::load` | its own | load, with its sign |
 //! | L₀ | `seating` | its own | load that presses the joint to 76 % of the way, > 0 |
 //!
 //! Valid where the load, not friction, moves the joint within its gap.
@@ -15,13 +15,13 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, backlash_by_load::BacklashByLoad};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, backlash_by_load::BacklashByLoad};
 //! let law = BacklashByLoad { seating: 0.1 };
-//! let now = Moment { load: -9.0, ..Moment::default() };
-//! assert!((law.shape(&now, &mut Memory::default()) - (-1.0f64)).abs() < 1e-12);
+//! let now = CoordinateSample { load: -9.0, ..CoordinateSample::default() };
+//! assert!((law.basis(&now, &mut Memory::default()) - (-1.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per, ShapeParameter};
 use crate::real::{Real, tanh};
 
 /// The joint lies at the side of its gap that the load presses it to.
@@ -31,7 +31,7 @@ pub struct BacklashByLoad<T: Real> {
     pub seating: T,
 }
 
-impl<T: Real> Along<T> for BacklashByLoad<T> {
+impl<T: Real> BasisLaw<T> for BacklashByLoad<T> {
     fn name(&self) -> LawName {
         LawName::BacklashByLoad
     }
@@ -40,15 +40,15 @@ impl<T: Real> Along<T> for BacklashByLoad<T> {
         &[]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "half width"
     }
 
-    fn constant(&self) -> Option<Constant<T>> {
-        Some(Constant { name: "load that seats", value: self.seating, per: Per::Load })
+    fn shape_parameter(&self) -> Option<ShapeParameter<T>> {
+        Some(ShapeParameter { name: "load that seats", value: self.seating, per: Per::Load })
     }
 
-    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+    fn basis(&self, now: &CoordinateSample<T>, _memory: &mut Memory<T>) -> T {
         tanh(now.load / self.seating)
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | L | `Moment::load` | its own | load, with its sign |
+//! | L | `CoordinateSample::load` | its own | load, with its sign |
 //!
 //! Valid within the linear range of gear and bearing.
 //! Source: Hooke's law.
@@ -14,20 +14,20 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, compliance::Compliance};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, compliance::Compliance};
 //! let law = Compliance;
-//! let now = Moment { load: 3.0, ..Moment::default() };
-//! assert!((law.shape(&now, &mut Memory::default()) - (3.0f64)).abs() < 1e-12);
+//! let now = CoordinateSample { load: 3.0, ..CoordinateSample::default() };
+//! assert!((law.basis(&now, &mut Memory::default()) - (3.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per};
 use crate::real::Real;
 
 /// A joint that gives way to its load at once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compliance;
 
-impl<T: Real> Along<T> for Compliance {
+impl<T: Real> BasisLaw<T> for Compliance {
     fn name(&self) -> LawName {
         LawName::JointCompliance
     }
@@ -36,11 +36,11 @@ impl<T: Real> Along<T> for Compliance {
         &[Per::Load]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "compliance"
     }
 
-    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+    fn basis(&self, now: &CoordinateSample<T>, _memory: &mut Memory<T>) -> T {
         now.load
     }
 }

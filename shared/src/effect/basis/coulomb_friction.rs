@@ -6,7 +6,7 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | v | `Moment::velocity` | m/s or rad/s | velocity |
+//! | v | `CoordinateSample::velocity` | m/s or rad/s | velocity |
 //! | v₀ | `creep_speed` | m/s or rad/s | speed at which it has turned round to 76 %, > 0 |
 //!
 //! Valid in motion; at rest it gives no holding force (see `presliding_friction`).
@@ -16,13 +16,13 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, coulomb_friction::CoulombFriction};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, coulomb_friction::CoulombFriction};
 //! let law = CoulombFriction { creep_speed: 0.01 };
-//! let now = Moment { velocity: -1.0, ..Moment::default() };
-//! assert!((law.shape(&now, &mut Memory::default()) - (-1.0f64)).abs() < 1e-12);
+//! let now = CoordinateSample { velocity: -1.0, ..CoordinateSample::default() };
+//! assert!((law.basis(&now, &mut Memory::default()) - (-1.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per, ShapeParameter};
 use crate::real::{Real, tanh};
 
 /// A force of one size against motion, which turns round over a creep speed.
@@ -32,7 +32,7 @@ pub struct CoulombFriction<T: Real> {
     pub creep_speed: T,
 }
 
-impl<T: Real> Along<T> for CoulombFriction<T> {
+impl<T: Real> BasisLaw<T> for CoulombFriction<T> {
     fn name(&self) -> LawName {
         LawName::CoulombFriction
     }
@@ -41,19 +41,19 @@ impl<T: Real> Along<T> for CoulombFriction<T> {
         &[]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "level"
     }
 
-    fn constant(&self) -> Option<Constant<T>> {
-        Some(Constant { name: "creep speed", value: self.creep_speed, per: Per::Speed })
+    fn shape_parameter(&self) -> Option<ShapeParameter<T>> {
+        Some(ShapeParameter { name: "creep speed", value: self.creep_speed, per: Per::Speed })
     }
 
     fn takes_power(&self) -> bool {
         true
     }
 
-    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+    fn basis(&self, now: &CoordinateSample<T>, _memory: &mut Memory<T>) -> T {
         tanh(now.velocity / self.creep_speed)
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | dL/dt | `Moment::load_rate` | its own/s | rate of the channel |
+//! | dL/dt | `CoordinateSample::load_rate` | its own/s | rate of the channel |
 //! | δ | size | s | by how much it is late |
 //!
 //! Valid where δ times the highest frequency of the channel is well below 1.
@@ -15,20 +15,20 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, delay::Delay};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, delay::Delay};
 //! let law = Delay;
-//! let now = Moment { load_rate: 3.0, ..Moment::default() };
-//! assert!((law.shape(&now, &mut Memory::default()) - (-3.0f64)).abs() < 1e-12);
+//! let now = CoordinateSample { load_rate: 3.0, ..CoordinateSample::default() };
+//! assert!((law.basis(&now, &mut Memory::default()) - (-3.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per};
 use crate::real::Real;
 
 /// The measured channel comes late.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Delay;
 
-impl<T: Real> Along<T> for Delay {
+impl<T: Real> BasisLaw<T> for Delay {
     fn name(&self) -> LawName {
         LawName::Delay
     }
@@ -37,11 +37,11 @@ impl<T: Real> Along<T> for Delay {
         &[Per::LoadRate]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "delay"
     }
 
-    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+    fn basis(&self, now: &CoordinateSample<T>, _memory: &mut Memory<T>) -> T {
         -now.load_rate
     }
 }

@@ -6,8 +6,8 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | x | `Moment::position` | m or rad | position |
-//! | v | `Moment::velocity` | m/s or rad/s | velocity |
+//! | x | `CoordinateSample::position` | m or rad | position |
+//! | v | `CoordinateSample::velocity` | m/s or rad/s | velocity |
 //! | s | `Memory::state` | m or rad | way gone since the measurement began |
 //! | v₀ | `creep_speed` | m/s or rad/s | speed at which it has turned round, > 0 |
 //!
@@ -17,14 +17,14 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, friction_wear::FrictionWear};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, friction_wear::FrictionWear};
 //! let (law, mut memory) = (FrictionWear { creep_speed: 0.01 }, Memory::default());
-//! let mut at = |position: f64| law.shape(&Moment { position, velocity: 1.0, ..Moment::default() }, &mut memory);
+//! let mut at = |position: f64| law.basis(&CoordinateSample { position, velocity: 1.0, ..CoordinateSample::default() }, &mut memory);
 //! let last = [0.0, 2.0, -1.0].map(&mut at)[2];
 //! assert!((last - (5.0)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per, ShapeParameter};
 use crate::real::{Real, tanh};
 
 /// Friction that changes with the way that was gone.
@@ -34,7 +34,7 @@ pub struct FrictionWear<T: Real> {
     pub creep_speed: T,
 }
 
-impl<T: Real> Along<T> for FrictionWear<T> {
+impl<T: Real> BasisLaw<T> for FrictionWear<T> {
     fn name(&self) -> LawName {
         LawName::FrictionWear
     }
@@ -43,15 +43,15 @@ impl<T: Real> Along<T> for FrictionWear<T> {
         &[Per::Length]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "slope"
     }
 
-    fn constant(&self) -> Option<Constant<T>> {
-        Some(Constant { name: "creep speed", value: self.creep_speed, per: Per::Speed })
+    fn shape_parameter(&self) -> Option<ShapeParameter<T>> {
+        Some(ShapeParameter { name: "creep speed", value: self.creep_speed, per: Per::Speed })
     }
 
-    fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T {
-        memory.way(now.position) * tanh(now.velocity / self.creep_speed)
+    fn basis(&self, now: &CoordinateSample<T>, memory: &mut Memory<T>) -> T {
+        memory.path_length(now.position) * tanh(now.velocity / self.creep_speed)
     }
 }

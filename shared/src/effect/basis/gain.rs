@@ -6,7 +6,7 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | L | `Moment::load` | its own | ideal force or torque, with its sign |
+//! | L | `CoordinateSample::load` | its own | ideal force or torque, with its sign |
 //! | g | size | 1 | share by which the true constant is larger |
 //!
 //! Valid where current and torque are in proportion; a motor near saturation is not.
@@ -15,20 +15,20 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, gain::Gain};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, gain::Gain};
 //! let law = Gain;
-//! let now = Moment { load: -4.0, ..Moment::default() };
-//! assert!((law.shape(&now, &mut Memory::default()) - (-4.0f64)).abs() < 1e-12);
+//! let now = CoordinateSample { load: -4.0, ..CoordinateSample::default() };
+//! assert!((law.basis(&now, &mut Memory::default()) - (-4.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per};
 use crate::real::Real;
 
 /// A current-to-torque constant or a sensor's scale that is off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gain;
 
-impl<T: Real> Along<T> for Gain {
+impl<T: Real> BasisLaw<T> for Gain {
     fn name(&self) -> LawName {
         LawName::Gain
     }
@@ -37,11 +37,11 @@ impl<T: Real> Along<T> for Gain {
         &[Per::Load]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "gain"
     }
 
-    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+    fn basis(&self, now: &CoordinateSample<T>, _memory: &mut Memory<T>) -> T {
         now.load
     }
 }

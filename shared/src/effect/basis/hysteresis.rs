@@ -15,14 +15,14 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, hysteresis::Hysteresis};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, hysteresis::Hysteresis};
 //! let (law, mut memory) = (Hysteresis { half_width: 1.0 }, Memory::default());
-//! let mut at = |load: f64| law.shape(&Moment { load, ..Moment::default() }, &mut memory);
+//! let mut at = |load: f64| law.basis(&CoordinateSample { load, ..CoordinateSample::default() }, &mut memory);
 //! let last = [0.0, 3.0, 2.0].map(&mut at)[2];
 //! assert!((last - (2.0)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per, ShapeParameter};
 use crate::real::Real;
 
 /// A joint that follows its load with slack.
@@ -32,7 +32,7 @@ pub struct Hysteresis<T: Real> {
     pub half_width: T,
 }
 
-impl<T: Real> Along<T> for Hysteresis<T> {
+impl<T: Real> BasisLaw<T> for Hysteresis<T> {
     fn name(&self) -> LawName {
         LawName::Hysteresis
     }
@@ -41,15 +41,15 @@ impl<T: Real> Along<T> for Hysteresis<T> {
         &[Per::Load]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "compliance"
     }
 
-    fn constant(&self) -> Option<Constant<T>> {
-        Some(Constant { name: "half width", value: self.half_width, per: Per::Load })
+    fn shape_parameter(&self) -> Option<ShapeParameter<T>> {
+        Some(ShapeParameter { name: "half width", value: self.half_width, per: Per::Load })
     }
 
-    fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T {
+    fn basis(&self, now: &CoordinateSample<T>, memory: &mut Memory<T>) -> T {
         memory.play(now.load, self.half_width)
     }
 }

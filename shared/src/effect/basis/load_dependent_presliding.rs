@@ -6,7 +6,7 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | L | `Moment::load` | its own | size of what presses, ≥ 0 |
+//! | L | `CoordinateSample::load` | its own | size of what presses, ≥ 0 |
 //! | d | `distance` | m or rad | distance over which it turns round, > 0 |
 //!
 //! Valid for seals that pressure presses on their bore.
@@ -15,14 +15,14 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, load_dependent_presliding::LoadDependentPresliding};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, load_dependent_presliding::LoadDependentPresliding};
 //! let (law, mut memory) = (LoadDependentPresliding { distance: 1.0 }, Memory::default());
-//! let mut at = |position: f64| law.shape(&Moment { position, load: 2.0, ..Moment::default() }, &mut memory);
+//! let mut at = |position: f64| law.basis(&CoordinateSample { position, load: 2.0, ..CoordinateSample::default() }, &mut memory);
 //! let last = [0.0, 90.0, 3.0].map(&mut at)[2];
 //! assert!((last - (-2.0)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per, ShapeParameter};
 use crate::real::Real;
 
 /// Presliding whose level grows with what presses on the contact.
@@ -32,7 +32,7 @@ pub struct LoadDependentPresliding<T: Real> {
     pub distance: T,
 }
 
-impl<T: Real> Along<T> for LoadDependentPresliding<T> {
+impl<T: Real> BasisLaw<T> for LoadDependentPresliding<T> {
     fn name(&self) -> LawName {
         LawName::LoadDependentPresliding
     }
@@ -41,15 +41,15 @@ impl<T: Real> Along<T> for LoadDependentPresliding<T> {
         &[Per::Load]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "per load"
     }
 
-    fn constant(&self) -> Option<Constant<T>> {
-        Some(Constant { name: "presliding distance", value: self.distance, per: Per::Length })
+    fn shape_parameter(&self) -> Option<ShapeParameter<T>> {
+        Some(ShapeParameter { name: "presliding distance", value: self.distance, per: Per::Length })
     }
 
-    fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T {
-        now.load.abs() * memory.turn(now.position, self.distance)
+    fn basis(&self, now: &CoordinateSample<T>, memory: &mut Memory<T>) -> T {
+        now.load.abs() * memory.presliding_state(now.position, self.distance)
     }
 }

@@ -6,8 +6,8 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | v | `Moment::velocity` | m/s or rad/s | velocity |
-//! | L | `Moment::load` | its own | what presses |
+//! | v | `CoordinateSample::velocity` | m/s or rad/s | velocity |
+//! | L | `CoordinateSample::load` | its own | what presses |
 //!
 //! Valid beside `viscous_friction`.
 //! Source: definition.
@@ -15,20 +15,20 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, load_dependent_viscosity::LoadDependentViscosity};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, load_dependent_viscosity::LoadDependentViscosity};
 //! let law = LoadDependentViscosity;
-//! let now = Moment { velocity: 2.0, load: 3.0, ..Moment::default() };
-//! assert!((law.shape(&now, &mut Memory::default()) - (6.0f64)).abs() < 1e-12);
+//! let now = CoordinateSample { velocity: 2.0, load: 3.0, ..CoordinateSample::default() };
+//! assert!((law.basis(&now, &mut Memory::default()) - (6.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per};
 use crate::real::Real;
 
 /// Viscous friction that grows with load.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoadDependentViscosity;
 
-impl<T: Real> Along<T> for LoadDependentViscosity {
+impl<T: Real> BasisLaw<T> for LoadDependentViscosity {
     fn name(&self) -> LawName {
         LawName::LoadDependentViscosity
     }
@@ -37,11 +37,11 @@ impl<T: Real> Along<T> for LoadDependentViscosity {
         &[Per::Speed, Per::Load]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "coefficient"
     }
 
-    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+    fn basis(&self, now: &CoordinateSample<T>, _memory: &mut Memory<T>) -> T {
         now.load * now.velocity
     }
 }

@@ -1,11 +1,11 @@
 //! Laws along one coordinate: what a joint's torque, an actuator's force or a held position has beyond its ideal.
 //!
 //! ```text
-//! measured = ideal + Σ size · shape(moment, memory)
+//! measured = ideal + Σ coefficient · basis(sample, memory)
 //! ```
 //!
-//! One file a law. A law has a shape, with at most one constant in it that no linear fit finds, and a size that a fit
-//! determines; a [`Term`] is both. What a law remembers of earlier moments is in a [`Memory`] that the caller owns, so
+//! One file a law. A law is a basis function, with at most one parameter of its shape that no linear fit finds, and a
+//! coefficient that a fit determines; a [`Term`] is both. What a law remembers of earlier samples is in a [`Memory`] that the caller owns, so
 //! the same source runs row by row over a measurement and tick by tick on the chip.
 //!
 //! A new law is one file and its line in the list below.
@@ -40,31 +40,31 @@ use super::law_name::LawName;
 use crate::real::{Real, exp, real};
 
 /// A law along one coordinate.
-pub trait Along<T: Real> {
+pub trait BasisLaw<T: Real> {
     /// The law's name.
     fn name(&self) -> LawName;
 
-    /// What the size is called.
-    fn size(&self) -> &'static str;
+    /// What the coefficient is called.
+    fn coefficient(&self) -> &'static str;
 
-    /// The size's unit: that of the force (or of the position, where it is held), divided by these.
+    /// The coefficient's unit: that of the force (or of the position, where it is held), divided by these.
     fn per(&self) -> &'static [Per];
 
-    /// The number in its shape that a linear fit does not find.
-    fn constant(&self) -> Option<Constant<T>> {
+    /// The parameter of its shape that a linear fit does not find.
+    fn shape_parameter(&self) -> Option<ShapeParameter<T>> {
         None
     }
 
-    /// Whether a drive that moves the coordinate never needs less force because of the law: its size is then never negative.
+    /// Whether a drive that moves the coordinate never needs less force because of the law: its coefficient is then never negative.
     fn takes_power(&self) -> bool {
         false
     }
 
-    /// What a size of one adds at this moment; `memory` is this law's own, and zero where a motion begins.
-    fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T;
+    /// What a coefficient of one adds at this sample; `memory` is this law's own, and zero where a motion begins.
+    fn basis(&self, now: &CoordinateSample<T>, memory: &mut Memory<T>) -> T;
 }
 
-/// What a size is divided by.
+/// What a coefficient is divided by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Per {
     /// Nothing.
@@ -85,9 +85,9 @@ pub enum Per {
     Kelvin,
 }
 
-/// A number in the shape of a law.
+/// A parameter of the shape of a law.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Constant<T> {
+pub struct ShapeParameter<T> {
     /// Its name.
     pub name: &'static str,
     /// The number.
@@ -96,9 +96,9 @@ pub struct Constant<T> {
     pub per: Per,
 }
 
-/// A coordinate at one moment.
+/// A coordinate at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moment<T: Real> {
+pub struct CoordinateSample<T: Real> {
     /// Position, m or rad.
     pub position: T,
     /// Velocity, m/s or rad/s.
@@ -115,7 +115,7 @@ pub struct Moment<T: Real> {
     pub temperature_rise_k: T,
 }
 
-impl<T: Real> Default for Moment<T> {
+impl<T: Real> Default for CoordinateSample<T> {
     /// At rest at zero, unloaded.
     fn default() -> Self {
         let zero = T::zero();
@@ -134,7 +134,7 @@ impl<T: Real> Default for Moment<T> {
 /// What a law remembers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Memory<T: Real> {
-    /// What it followed a moment ago; `None` at the start.
+    /// What it followed one sample ago; `None` at the start.
     pub before: Option<T>,
     /// What came of it.
     pub state: T,
@@ -148,7 +148,7 @@ impl<T: Real> Default for Memory<T> {
 
 impl<T: Real> Memory<T> {
     /// z with dz = (sign(dx) − z)·|dx|/d: the way that the last few `distance` went.
-    pub fn turn(&mut self, position: T, distance: T) -> T {
+    pub fn presliding_state(&mut self, position: T, distance: T) -> T {
         let step = self.before.map_or(T::zero(), |before| position - before);
         if step != T::zero() {
             let way = step.signum();
@@ -166,8 +166,8 @@ impl<T: Real> Memory<T> {
         self.state
     }
 
-    /// The way that was gone.
-    pub fn way(&mut self, position: T) -> T {
+    /// The length of the path so far.
+    pub fn path_length(&mut self, position: T) -> T {
         self.state += self.before.map_or(T::zero(), |before| (position - before).abs());
         self.before = Some(position);
         self.state
@@ -184,7 +184,7 @@ macro_rules! laws {
 
         impl<T: Real> Law<T> {
             /// The law.
-            pub fn along(&self) -> &dyn Along<T> {
+            pub fn basis_law(&self) -> &dyn BasisLaw<T> {
                 match self {
                     $(Self::$law(law) => law,)+
                 }
@@ -195,7 +195,7 @@ macro_rules! laws {
             /// The law with this name, and with this constant where it has one; `None` where there is none such.
             pub fn named(name: LawName, constant: Option<f64>) -> Option<Self> {
                 let all = [$(laws!(@new constant $file $law $($constant)?)),+];
-                all.into_iter().flatten().find(|law| law.along().name() == name)
+                all.into_iter().flatten().find(|law| law.basis_law().name() == name)
             }
 
             /// The same law in numbers of type `U`.
@@ -246,26 +246,26 @@ laws! {
     Hysteresis<T> { half_width } in hysteresis,
 }
 
-/// A law with its size.
+/// A law with its coefficient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Term<T: Real> {
     /// The law.
     pub law: Law<T>,
-    /// Its size, in the unit that [`Along::per`] gives.
-    pub size: T,
+    /// Its coefficient, in the unit that [`BasisLaw::per`] gives.
+    pub coefficient: T,
 }
 
 impl<T: Real> Term<T> {
-    /// What the law adds at this moment.
-    pub fn at(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T {
-        self.size * self.law.along().shape(now, memory)
+    /// What the law adds at this sample.
+    pub fn at(&self, now: &CoordinateSample<T>, memory: &mut Memory<T>) -> T {
+        self.coefficient * self.law.basis_law().basis(now, memory)
     }
 }
 
 impl Term<f64> {
     /// The same term in numbers of type `U`.
     pub fn cast<U: Real>(&self) -> Term<U> {
-        Term { law: self.law.cast(), size: real(self.size) }
+        Term { law: self.law.cast(), coefficient: real(self.coefficient) }
     }
 }
 
@@ -289,7 +289,7 @@ mod tests {
     fn laws_are_found_by_their_names_and_only_by_them() {
         assert_eq!(laws().len(), 25);
         for law in laws() {
-            let (name, constant) = (law.along().name(), law.along().constant().map(|_| 0.3));
+            let (name, constant) = (law.basis_law().name(), law.basis_law().shape_parameter().map(|_| 0.3));
             assert_eq!(Law::named(name, constant), Some(law));
             assert_eq!(Law::named(name, if constant.is_some() { None } else { Some(0.3) }), None);
         }
@@ -308,13 +308,13 @@ mod tests {
                     let row = row.map(|number| f64::from(number as f32));
                     let [position, velocity, acceleration, time_s, load, load_rate, temperature_rise_k] = row;
                     let now =
-                        Moment { position, velocity, acceleration, time_s, load, load_rate, temperature_rise_k };
+                        CoordinateSample { position, velocity, acceleration, time_s, load, load_rate, temperature_rise_k };
                     let [position, velocity, acceleration, time_s, load, load_rate, temperature_rise_k] =
                         row.map(|number| number as f32);
                     let on_chip =
-                        Moment { position, velocity, acceleration, time_s, load, load_rate, temperature_rise_k };
-                    let exact = Term { law, size: 2.0 }.at(&now, &mut fine);
-                    let rounded = Term { law, size: 2.0 }.cast::<f32>().at(&on_chip, &mut coarse);
+                        CoordinateSample { position, velocity, acceleration, time_s, load, load_rate, temperature_rise_k };
+                    let exact = Term { law, coefficient: 2.0 }.at(&now, &mut fine);
+                    let rounded = Term { law, coefficient: 2.0 }.cast::<f32>().at(&on_chip, &mut coarse);
                     let bound = 32.0 * f64::from(f32::EPSILON) * (20.0 + exact.abs());
                     prop_assert!((exact - f64::from(rounded)).abs() <= bound, "{law:?} {exact} {rounded}");
                 }
@@ -323,7 +323,7 @@ mod tests {
 
         #[test]
         fn friction_takes_power_and_never_gives_any(v in -5.0f64..5.0, load in -5.0f64..5.0) {
-            let now = Moment { velocity: v, load, ..Moment::default() };
+            let now = CoordinateSample { velocity: v, load, ..CoordinateSample::default() };
             for name in [
                 LawName::ViscousFriction,
                 LawName::CoulombFriction,
@@ -331,7 +331,7 @@ mod tests {
                 LawName::LoadDependentFriction,
             ] {
                 let law = Law::named(name, None).or(Law::named(name, Some(0.1))).unwrap();
-                prop_assert!(law.along().shape(&now, &mut Memory::default()) * v >= 0.0, "{name}");
+                prop_assert!(law.basis_law().basis(&now, &mut Memory::default()) * v >= 0.0, "{name}");
             }
         }
     }

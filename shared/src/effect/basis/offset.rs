@@ -11,20 +11,20 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, offset::Offset};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, offset::Offset};
 //! let law = Offset;
-//! let now = Moment { velocity: 3.0, ..Moment::default() };
-//! assert!((law.shape(&now, &mut Memory::default()) - (1.0f64)).abs() < 1e-12);
+//! let now = CoordinateSample { velocity: 3.0, ..CoordinateSample::default() };
+//! assert!((law.basis(&now, &mut Memory::default()) - (1.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per};
 use crate::real::Real;
 
 /// A force or torque that is always there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Offset;
 
-impl<T: Real> Along<T> for Offset {
+impl<T: Real> BasisLaw<T> for Offset {
     fn name(&self) -> LawName {
         LawName::Offset
     }
@@ -33,11 +33,11 @@ impl<T: Real> Along<T> for Offset {
         &[]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "offset"
     }
 
-    fn shape(&self, _now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+    fn basis(&self, _now: &CoordinateSample<T>, _memory: &mut Memory<T>) -> T {
         T::one()
     }
 }

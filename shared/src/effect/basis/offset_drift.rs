@@ -6,7 +6,7 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | t | `Moment::time_s` | s | time since the measurement began |
+//! | t | `CoordinateSample::time_s` | s | time since the measurement began |
 //!
 //! Valid over one measurement; it does not say what drifts.
 //! Source: definition.
@@ -14,20 +14,20 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, offset_drift::OffsetDrift};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, offset_drift::OffsetDrift};
 //! let law = OffsetDrift;
-//! let now = Moment { time_s: 60.0, ..Moment::default() };
-//! assert!((law.shape(&now, &mut Memory::default()) - (60.0f64)).abs() < 1e-12);
+//! let now = CoordinateSample { time_s: 60.0, ..CoordinateSample::default() };
+//! assert!((law.basis(&now, &mut Memory::default()) - (60.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per};
 use crate::real::Real;
 
 /// Something that grows evenly with time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OffsetDrift;
 
-impl<T: Real> Along<T> for OffsetDrift {
+impl<T: Real> BasisLaw<T> for OffsetDrift {
     fn name(&self) -> LawName {
         LawName::OffsetDrift
     }
@@ -36,11 +36,11 @@ impl<T: Real> Along<T> for OffsetDrift {
         &[Per::Time]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "rate"
     }
 
-    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+    fn basis(&self, now: &CoordinateSample<T>, _memory: &mut Memory<T>) -> T {
         now.time_s
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | q | `Moment::position` | rad | position |
+//! | q | `CoordinateSample::position` | rad | position |
 //! | n | `per_turn` | 1 | periods a turn, > 0 |
 //!
 //! Valid for one harmonic; with `periodic_sine` for any phase.
@@ -15,13 +15,13 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, periodic_cosine::PeriodicCosine};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, periodic_cosine::PeriodicCosine};
 //! let law = PeriodicCosine { per_turn: 2.0 };
-//! let now = Moment { position: 0.0, ..Moment::default() };
-//! assert!((law.shape(&now, &mut Memory::default()) - (1.0f64)).abs() < 1e-12);
+//! let now = CoordinateSample { position: 0.0, ..CoordinateSample::default() };
+//! assert!((law.basis(&now, &mut Memory::default()) - (1.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per, ShapeParameter};
 use crate::real::{Real, cos};
 
 /// Periodic error of a gear or an encoder, the part that is largest at position zero.
@@ -31,7 +31,7 @@ pub struct PeriodicCosine<T: Real> {
     pub per_turn: T,
 }
 
-impl<T: Real> Along<T> for PeriodicCosine<T> {
+impl<T: Real> BasisLaw<T> for PeriodicCosine<T> {
     fn name(&self) -> LawName {
         LawName::GearPeriodicCosine
     }
@@ -40,15 +40,15 @@ impl<T: Real> Along<T> for PeriodicCosine<T> {
         &[]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "cosine"
     }
 
-    fn constant(&self) -> Option<Constant<T>> {
-        Some(Constant { name: "periods a turn", value: self.per_turn, per: Per::One })
+    fn shape_parameter(&self) -> Option<ShapeParameter<T>> {
+        Some(ShapeParameter { name: "periods a turn", value: self.per_turn, per: Per::One })
     }
 
-    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+    fn basis(&self, now: &CoordinateSample<T>, _memory: &mut Memory<T>) -> T {
         cos(now.position * self.per_turn)
     }
 }

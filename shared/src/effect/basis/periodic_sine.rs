@@ -6,7 +6,7 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | q | `Moment::position` | rad | position |
+//! | q | `CoordinateSample::position` | rad | position |
 //! | n | `per_turn` | 1 | periods a turn, > 0 |
 //!
 //! Valid for one harmonic; with `periodic_cosine` for any phase.
@@ -15,13 +15,13 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, periodic_sine::PeriodicSine};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, periodic_sine::PeriodicSine};
 //! let law = PeriodicSine { per_turn: 1.0 };
-//! let now = Moment { position: core::f64::consts::FRAC_PI_2, ..Moment::default() };
-//! assert!((law.shape(&now, &mut Memory::default()) - (1.0f64)).abs() < 1e-12);
+//! let now = CoordinateSample { position: core::f64::consts::FRAC_PI_2, ..CoordinateSample::default() };
+//! assert!((law.basis(&now, &mut Memory::default()) - (1.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per, ShapeParameter};
 use crate::real::{Real, sin};
 
 /// Periodic error of a gear or an encoder, the part that is zero at position zero.
@@ -31,7 +31,7 @@ pub struct PeriodicSine<T: Real> {
     pub per_turn: T,
 }
 
-impl<T: Real> Along<T> for PeriodicSine<T> {
+impl<T: Real> BasisLaw<T> for PeriodicSine<T> {
     fn name(&self) -> LawName {
         LawName::GearPeriodicSine
     }
@@ -40,15 +40,15 @@ impl<T: Real> Along<T> for PeriodicSine<T> {
         &[]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "sine"
     }
 
-    fn constant(&self) -> Option<Constant<T>> {
-        Some(Constant { name: "periods a turn", value: self.per_turn, per: Per::One })
+    fn shape_parameter(&self) -> Option<ShapeParameter<T>> {
+        Some(ShapeParameter { name: "periods a turn", value: self.per_turn, per: Per::One })
     }
 
-    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+    fn basis(&self, now: &CoordinateSample<T>, _memory: &mut Memory<T>) -> T {
         sin(now.position * self.per_turn)
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | x | `Moment::position` | m or rad | position |
+//! | x | `CoordinateSample::position` | m or rad | position |
 //! | d | `distance` | m or rad | distance over which it turns round, > 0 |
 //!
 //! Valid for a friction that changes in proportion to position; beside `presliding_friction`.
@@ -15,14 +15,14 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, position_dependent_friction::PositionDependentFriction};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, position_dependent_friction::PositionDependentFriction};
 //! let (law, mut memory) = (PositionDependentFriction { distance: 1.0 }, Memory::default());
-//! let mut at = |position: f64| law.shape(&Moment { position, ..Moment::default() }, &mut memory);
+//! let mut at = |position: f64| law.basis(&CoordinateSample { position, ..CoordinateSample::default() }, &mut memory);
 //! let last = [0.0, 90.0, 3.0].map(&mut at)[2];
 //! assert!((last - (-3.0)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per, ShapeParameter};
 use crate::real::Real;
 
 /// Friction that changes along the stroke.
@@ -32,7 +32,7 @@ pub struct PositionDependentFriction<T: Real> {
     pub distance: T,
 }
 
-impl<T: Real> Along<T> for PositionDependentFriction<T> {
+impl<T: Real> BasisLaw<T> for PositionDependentFriction<T> {
     fn name(&self) -> LawName {
         LawName::PositionDependentFriction
     }
@@ -41,15 +41,15 @@ impl<T: Real> Along<T> for PositionDependentFriction<T> {
         &[Per::Length]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "slope"
     }
 
-    fn constant(&self) -> Option<Constant<T>> {
-        Some(Constant { name: "presliding distance", value: self.distance, per: Per::Length })
+    fn shape_parameter(&self) -> Option<ShapeParameter<T>> {
+        Some(ShapeParameter { name: "presliding distance", value: self.distance, per: Per::Length })
     }
 
-    fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T {
-        now.position * memory.turn(now.position, self.distance)
+    fn basis(&self, now: &CoordinateSample<T>, memory: &mut Memory<T>) -> T {
+        now.position * memory.presliding_state(now.position, self.distance)
     }
 }

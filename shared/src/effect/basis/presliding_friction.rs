@@ -6,7 +6,7 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | x | `Moment::position` | m or rad | position |
+//! | x | `CoordinateSample::position` | m or rad | position |
 //! | z | `Memory::state` | 1 | −1 after going down by several d, +1 after going up; 0 at the start |
 //! | d | `distance` | m or rad | distance over which it turns round, > 0 |
 //!
@@ -16,14 +16,14 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, presliding_friction::PreslidingFriction};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, presliding_friction::PreslidingFriction};
 //! let (law, mut memory) = (PreslidingFriction { distance: 1.0 }, Memory::default());
-//! let mut at = |position: f64| law.shape(&Moment { position, ..Moment::default() }, &mut memory);
+//! let mut at = |position: f64| law.basis(&CoordinateSample { position, ..CoordinateSample::default() }, &mut memory);
 //! let last = [0.0, 90.0, 3.0].map(&mut at)[2];
 //! assert!((last - (-1.0)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per, ShapeParameter};
 use crate::real::Real;
 
 /// Friction that turns round over a distance.
@@ -33,7 +33,7 @@ pub struct PreslidingFriction<T: Real> {
     pub distance: T,
 }
 
-impl<T: Real> Along<T> for PreslidingFriction<T> {
+impl<T: Real> BasisLaw<T> for PreslidingFriction<T> {
     fn name(&self) -> LawName {
         LawName::PreslidingFriction
     }
@@ -42,19 +42,19 @@ impl<T: Real> Along<T> for PreslidingFriction<T> {
         &[]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "level"
     }
 
-    fn constant(&self) -> Option<Constant<T>> {
-        Some(Constant { name: "presliding distance", value: self.distance, per: Per::Length })
+    fn shape_parameter(&self) -> Option<ShapeParameter<T>> {
+        Some(ShapeParameter { name: "presliding distance", value: self.distance, per: Per::Length })
     }
 
     fn takes_power(&self) -> bool {
         true
     }
 
-    fn shape(&self, now: &Moment<T>, memory: &mut Memory<T>) -> T {
-        memory.turn(now.position, self.distance)
+    fn basis(&self, now: &CoordinateSample<T>, memory: &mut Memory<T>) -> T {
+        memory.presliding_state(now.position, self.distance)
     }
 }

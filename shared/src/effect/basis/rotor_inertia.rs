@@ -6,7 +6,7 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | a | `Moment::acceleration` | m/s² or rad/s² | acceleration |
+//! | a | `CoordinateSample::acceleration` | m/s² or rad/s² | acceleration |
 //! | I_m | size | kg·m² or kg | inertia of the rotor times the square of its gear ratio |
 //!
 //! Valid for gears so steep that the rotor's gyroscopic moments do not count.
@@ -15,20 +15,20 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, rotor_inertia::RotorInertia};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, rotor_inertia::RotorInertia};
 //! let law = RotorInertia;
-//! let now = Moment { acceleration: 5.0, ..Moment::default() };
-//! assert!((law.shape(&now, &mut Memory::default()) - (5.0f64)).abs() < 1e-12);
+//! let now = CoordinateSample { acceleration: 5.0, ..CoordinateSample::default() };
+//! assert!((law.basis(&now, &mut Memory::default()) - (5.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per};
 use crate::real::Real;
 
 /// What the motor's own rotor and gear ask when they speed up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RotorInertia;
 
-impl<T: Real> Along<T> for RotorInertia {
+impl<T: Real> BasisLaw<T> for RotorInertia {
     fn name(&self) -> LawName {
         LawName::RotorInertia
     }
@@ -37,7 +37,7 @@ impl<T: Real> Along<T> for RotorInertia {
         &[Per::Acceleration]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "inertia"
     }
 
@@ -45,7 +45,7 @@ impl<T: Real> Along<T> for RotorInertia {
         true
     }
 
-    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+    fn basis(&self, now: &CoordinateSample<T>, _memory: &mut Memory<T>) -> T {
         now.acceleration
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | v | `Moment::velocity` | m/s or rad/s | velocity |
+//! | v | `CoordinateSample::velocity` | m/s or rad/s | velocity |
 //!
 //! Valid where flow or switching, not friction, costs force.
 //! Source: definition.
@@ -14,20 +14,20 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, speed_dependent_offset::SpeedDependentOffset};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, speed_dependent_offset::SpeedDependentOffset};
 //! let law = SpeedDependentOffset;
-//! let now = Moment { velocity: -2.0, ..Moment::default() };
-//! assert!((law.shape(&now, &mut Memory::default()) - (2.0f64)).abs() < 1e-12);
+//! let now = CoordinateSample { velocity: -2.0, ..CoordinateSample::default() };
+//! assert!((law.basis(&now, &mut Memory::default()) - (2.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per};
 use crate::real::Real;
 
 /// An offset that grows with speed whichever way the motion goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedDependentOffset;
 
-impl<T: Real> Along<T> for SpeedDependentOffset {
+impl<T: Real> BasisLaw<T> for SpeedDependentOffset {
     fn name(&self) -> LawName {
         LawName::SpeedDependentOffset
     }
@@ -36,11 +36,11 @@ impl<T: Real> Along<T> for SpeedDependentOffset {
         &[Per::Speed]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "coefficient"
     }
 
-    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+    fn basis(&self, now: &CoordinateSample<T>, _memory: &mut Memory<T>) -> T {
         now.velocity.abs()
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | x | `Moment::position` | m or rad | position |
+//! | x | `CoordinateSample::position` | m or rad | position |
 //!
 //! Valid within the spring's linear range; where it is slack at another position than zero there is an offset next to
 //! it.
@@ -15,20 +15,20 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, spring::Spring};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, spring::Spring};
 //! let law = Spring;
-//! let now = Moment { position: 0.02, ..Moment::default() };
-//! assert!((law.shape(&now, &mut Memory::default()) - (0.02f64)).abs() < 1e-12);
+//! let now = CoordinateSample { position: 0.02, ..CoordinateSample::default() };
+//! assert!((law.basis(&now, &mut Memory::default()) - (0.02f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per};
 use crate::real::Real;
 
 /// A force that grows with position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spring;
 
-impl<T: Real> Along<T> for Spring {
+impl<T: Real> BasisLaw<T> for Spring {
     fn name(&self) -> LawName {
         LawName::Spring
     }
@@ -37,11 +37,11 @@ impl<T: Real> Along<T> for Spring {
         &[Per::Length]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "stiffness"
     }
 
-    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+    fn basis(&self, now: &CoordinateSample<T>, _memory: &mut Memory<T>) -> T {
         now.position
     }
 }

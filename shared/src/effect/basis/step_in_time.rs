@@ -6,7 +6,7 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | t | `Moment::time_s` | s | time since the measurement began |
+//! | t | `CoordinateSample::time_s` | s | time since the measurement began |
 //! | t₀ | `at_s` | s | when it happened |
 //!
 //! Valid for one step; before it the ideal holds.
@@ -15,13 +15,13 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, step_in_time::StepInTime};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, step_in_time::StepInTime};
 //! let law = StepInTime { at_s: 10.0 };
-//! let now = Moment { time_s: 12.0, ..Moment::default() };
-//! assert!((law.shape(&now, &mut Memory::default()) - (1.0f64)).abs() < 1e-12);
+//! let now = CoordinateSample { time_s: 12.0, ..CoordinateSample::default() };
+//! assert!((law.basis(&now, &mut Memory::default()) - (1.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per, ShapeParameter};
 use crate::real::Real;
 
 /// From one moment on something is off.
@@ -31,7 +31,7 @@ pub struct StepInTime<T: Real> {
     pub at_s: T,
 }
 
-impl<T: Real> Along<T> for StepInTime<T> {
+impl<T: Real> BasisLaw<T> for StepInTime<T> {
     fn name(&self) -> LawName {
         LawName::StepInTime
     }
@@ -40,15 +40,15 @@ impl<T: Real> Along<T> for StepInTime<T> {
         &[]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "step"
     }
 
-    fn constant(&self) -> Option<Constant<T>> {
-        Some(Constant { name: "time of the step", value: self.at_s, per: Per::Time })
+    fn shape_parameter(&self) -> Option<ShapeParameter<T>> {
+        Some(ShapeParameter { name: "time of the step", value: self.at_s, per: Per::Time })
     }
 
-    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+    fn basis(&self, now: &CoordinateSample<T>, _memory: &mut Memory<T>) -> T {
         if now.time_s < self.at_s { T::zero() } else { T::one() }
     }
 }

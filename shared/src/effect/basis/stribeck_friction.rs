@@ -6,7 +6,7 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | v | `Moment::velocity` | m/s or rad/s | velocity |
+//! | v | `CoordinateSample::velocity` | m/s or rad/s | velocity |
 //! | v_s | `fall_speed` | m/s or rad/s | speed at which 37 % is left, > 0 |
 //!
 //! Valid beside `coulomb_friction`, whose level is what is left at speed.
@@ -16,13 +16,13 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, stribeck_friction::StribeckFriction};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, stribeck_friction::StribeckFriction};
 //! let law = StribeckFriction { fall_speed: 0.1 };
-//! let now = Moment { velocity: 5.0, ..Moment::default() };
-//! assert!((law.shape(&now, &mut Memory::default()) - (0.0f64)).abs() < 1e-12);
+//! let now = CoordinateSample { velocity: 5.0, ..CoordinateSample::default() };
+//! assert!((law.basis(&now, &mut Memory::default()) - (0.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, Constant, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per, ShapeParameter};
 use crate::real::{Real, exp, real, tanh};
 
 /// What friction has more at creep than at speed.
@@ -32,7 +32,7 @@ pub struct StribeckFriction<T: Real> {
     pub fall_speed: T,
 }
 
-impl<T: Real> Along<T> for StribeckFriction<T> {
+impl<T: Real> BasisLaw<T> for StribeckFriction<T> {
     fn name(&self) -> LawName {
         LawName::StribeckFriction
     }
@@ -41,19 +41,19 @@ impl<T: Real> Along<T> for StribeckFriction<T> {
         &[]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "level"
     }
 
-    fn constant(&self) -> Option<Constant<T>> {
-        Some(Constant { name: "speed of fall", value: self.fall_speed, per: Per::Speed })
+    fn shape_parameter(&self) -> Option<ShapeParameter<T>> {
+        Some(ShapeParameter { name: "speed of fall", value: self.fall_speed, per: Per::Speed })
     }
 
     fn takes_power(&self) -> bool {
         true
     }
 
-    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+    fn basis(&self, now: &CoordinateSample<T>, _memory: &mut Memory<T>) -> T {
         tanh(now.velocity * real(10.0) / self.fall_speed) * exp(-now.velocity.abs() / self.fall_speed)
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | Δϑ | `Moment::temperature_rise_k` | K | temperature less that of reference |
+//! | Δϑ | `CoordinateSample::temperature_rise_k` | K | temperature less that of reference |
 //!
 //! Valid near the temperature of reference.
 //! Source: definition.
@@ -14,20 +14,20 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, thermal_drift::ThermalDrift};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, thermal_drift::ThermalDrift};
 //! let law = ThermalDrift;
-//! let now = Moment { temperature_rise_k: 10.0, ..Moment::default() };
-//! assert!((law.shape(&now, &mut Memory::default()) - (10.0f64)).abs() < 1e-12);
+//! let now = CoordinateSample { temperature_rise_k: 10.0, ..CoordinateSample::default() };
+//! assert!((law.basis(&now, &mut Memory::default()) - (10.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per};
 use crate::real::Real;
 
 /// An offset that moves with temperature.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThermalDrift;
 
-impl<T: Real> Along<T> for ThermalDrift {
+impl<T: Real> BasisLaw<T> for ThermalDrift {
     fn name(&self) -> LawName {
         LawName::ThermalDrift
     }
@@ -36,11 +36,11 @@ impl<T: Real> Along<T> for ThermalDrift {
         &[Per::Kelvin]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "slope"
     }
 
-    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+    fn basis(&self, now: &CoordinateSample<T>, _memory: &mut Memory<T>) -> T {
         now.temperature_rise_k
     }
 }

@@ -6,8 +6,8 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | v | `Moment::velocity` | m/s or rad/s | velocity |
-//! | Δϑ | `Moment::temperature_rise_k` | K | temperature less that of reference |
+//! | v | `CoordinateSample::velocity` | m/s or rad/s | velocity |
+//! | Δϑ | `CoordinateSample::temperature_rise_k` | K | temperature less that of reference |
 //!
 //! Valid beside `viscous_friction`, near the temperature of reference; c is negative of grease.
 //! Source: first order of the Andrade–Reynolds law of viscosity.
@@ -15,20 +15,20 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, thermal_viscosity::ThermalViscosity};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, thermal_viscosity::ThermalViscosity};
 //! let law = ThermalViscosity;
-//! let now = Moment { velocity: 2.0, temperature_rise_k: 10.0, ..Moment::default() };
-//! assert!((law.shape(&now, &mut Memory::default()) - (20.0f64)).abs() < 1e-12);
+//! let now = CoordinateSample { velocity: 2.0, temperature_rise_k: 10.0, ..CoordinateSample::default() };
+//! assert!((law.basis(&now, &mut Memory::default()) - (20.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per};
 use crate::real::Real;
 
 /// Viscous friction that changes with temperature.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThermalViscosity;
 
-impl<T: Real> Along<T> for ThermalViscosity {
+impl<T: Real> BasisLaw<T> for ThermalViscosity {
     fn name(&self) -> LawName {
         LawName::ThermalViscosity
     }
@@ -37,11 +37,11 @@ impl<T: Real> Along<T> for ThermalViscosity {
         &[Per::Speed, Per::Kelvin]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "slope"
     }
 
-    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+    fn basis(&self, now: &CoordinateSample<T>, _memory: &mut Memory<T>) -> T {
         now.velocity * now.temperature_rise_k
     }
 }

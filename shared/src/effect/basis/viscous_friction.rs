@@ -6,7 +6,7 @@
 //!
 //! | symbol | field | unit | meaning |
 //! |---|---|---|---|
-//! | v | `Moment::velocity` | m/s or rad/s | velocity |
+//! | v | `CoordinateSample::velocity` | m/s or rad/s | velocity |
 //!
 //! Valid for lubricated contacts at one temperature; a real bearing's rises less than in proportion at high speed.
 //! Source: O. Reynolds, Phil. Trans. R. Soc. 177 (1886) 157, of a lubricant film.
@@ -14,20 +14,20 @@
 //! # Example
 //!
 //! ```
-//! use darm_core::effect::along::{Along, Memory, Moment, viscous_friction::ViscousFriction};
+//! use darm_core::effect::basis::{BasisLaw, Memory, CoordinateSample, viscous_friction::ViscousFriction};
 //! let law = ViscousFriction;
-//! let now = Moment { velocity: -2.0, ..Moment::default() };
-//! assert!((law.shape(&now, &mut Memory::default()) - (-2.0f64)).abs() < 1e-12);
+//! let now = CoordinateSample { velocity: -2.0, ..CoordinateSample::default() };
+//! assert!((law.basis(&now, &mut Memory::default()) - (-2.0f64)).abs() < 1e-12);
 //! ```
 
-use super::{Along, LawName, Memory, Moment, Per};
+use super::{BasisLaw, CoordinateSample, LawName, Memory, Per};
 use crate::real::Real;
 
 /// A force against motion that grows with speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ViscousFriction;
 
-impl<T: Real> Along<T> for ViscousFriction {
+impl<T: Real> BasisLaw<T> for ViscousFriction {
     fn name(&self) -> LawName {
         LawName::ViscousFriction
     }
@@ -36,7 +36,7 @@ impl<T: Real> Along<T> for ViscousFriction {
         &[Per::Speed]
     }
 
-    fn size(&self) -> &'static str {
+    fn coefficient(&self) -> &'static str {
         "coefficient"
     }
 
@@ -44,7 +44,7 @@ impl<T: Real> Along<T> for ViscousFriction {
         true
     }
 
-    fn shape(&self, now: &Moment<T>, _memory: &mut Memory<T>) -> T {
+    fn basis(&self, now: &CoordinateSample<T>, _memory: &mut Memory<T>) -> T {
         now.velocity
     }
 }

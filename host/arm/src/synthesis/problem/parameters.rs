@@ -27,7 +27,8 @@ pub(super) fn anchors(arm: &Arm) -> Vec<Parameter> {
 }
 
 pub(super) fn values(arm: &Arm, parameters: &[Parameter]) -> Vec<f64> {
-    parameters.iter().map(|parameter| arm.model.chain.get(*parameter).unwrap_or(0.0)).collect()
+    let value = |parameter: &Parameter| arm.model.chain.get(*parameter).expect("a parameter of this chain");
+    parameters.iter().map(value).collect()
 }
 
 pub(super) fn is_leg(arm: &Arm, stop: &Parameter) -> bool {

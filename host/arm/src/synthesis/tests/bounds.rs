@@ -49,7 +49,7 @@ fn the_bounds_that_keep_the_arm_from_the_frames_are_named() {
     let desired = moved(own_frames(&arm, &WORDS), 0.3, 5);
     let bounds = Bounds { shortest: 1.0, longest: 1.0, ..Bounds::default() };
     let found = synthesize(&arm, &desired, &Options { starts: 1, bounds, ..Options::default() }).unwrap();
-    let Some(Obstacle::Bounds(held)) = &found.obstacle else { panic!("{:?}", found.obstacle) };
+    let Some(Infeasibility::Bounds(held)) = &found.obstacle else { panic!("{:?}", found.obstacle) };
     assert!(held.iter().all(|name| name.starts_with("module ")), "{held:?}");
     let met = synthesize(&arm, &own_frames(&arm, &WORDS), &Options::default()).unwrap();
     assert_eq!(met.obstacle, None);

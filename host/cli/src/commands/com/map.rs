@@ -9,14 +9,14 @@ use darm_papers::motion::execution::{Executed, Gains, execute};
 use darm_papers::motion::mapping::{Mapped, map};
 use darm_papers::motion::person::{CopError, Person, Scale, WITHIN_M, person};
 use darm_papers::motion::setup::Setup;
-use darm_papers::motion::{Balance, Capture, Fixed, LiftOffBy, feed_forward};
+use darm_papers::motion::{Balance, BodyPoint, Capture, LiftOffBy, feed_forward};
 use darm_robot::robot::Robot;
 use serde::Serialize;
 
 use crate::commands::subject::floating;
-use crate::csv_text::csv_text;
 use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui, number};
+use darm_diagnose::measurement::csv_text::csv_text;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -91,7 +91,7 @@ impl Map {
         let names: Vec<String> = setup.markers.iter().map(|marker| marker.name.clone()).collect();
         let capture = Capture::read(&self.capture, &names)?;
         let spinner = ui.spinner("scaling the person");
-        let on_person: Vec<Fixed> = setup.markers.iter().map(|marker| marker.on_person).collect();
+        let on_person: Vec<BodyPoint> = setup.markers.iter().map(|marker| marker.on_person).collect();
         let found = person(&average, &on_person, &capture)?;
         spinner.set_message("mapping the motion");
         let mapped = map(&robot, &setup, &found, &capture)?;

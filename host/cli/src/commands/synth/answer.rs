@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use darm_arm::synthesis::{Accuracy, Bought, Case, Cost, Expected, Method, Obstacle, Reached, Status, Synthesis};
+use darm_arm::synthesis::{Accuracy, Bought, Case, Cost, Expected, Infeasibility, Method, Reached, Status, Synthesis};
 use serde::Serialize;
 
 use crate::ui::{Answer, columns, number};
@@ -17,7 +17,7 @@ pub(super) struct Synthesised {
     ranks: Case,
     /// Why not all frames are reached.
     #[serde(skip_serializing_if = "Option::is_none")]
-    obstacle: Option<Obstacle>,
+    obstacle: Option<Infeasibility>,
     iterations: u32,
     starts: u32,
     took_s: f64,
@@ -91,7 +91,7 @@ pub(super) fn not_met(found: &Synthesis, method: Method) -> NotMet {
         worst_deg: worst(|reached| reached.error_rad).to_degrees(),
         accuracy: Accuracy::of(method),
         case: found.case.to_string(),
-        why: found.obstacle.as_ref().map_or_else(String::new, Obstacle::to_string),
+        why: found.obstacle.as_ref().map_or_else(String::new, Infeasibility::to_string),
     }
 }
 

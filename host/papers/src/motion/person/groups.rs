@@ -3,7 +3,7 @@
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
 
-use crate::motion::Fixed;
+use crate::motion::BodyPoint;
 use darm_robot::robot::Robot;
 
 /// Links that share their scales.
@@ -56,7 +56,7 @@ impl Groups {
         scaled
     }
 
-    pub(in crate::motion) fn markers(&self, markers: &[Fixed], lengths: &[f64]) -> Vec<Fixed> {
-        markers.iter().map(|m| Fixed { point: m.point * lengths[self.body(m.joint)], ..*m }).collect()
+    pub(in crate::motion) fn markers(&self, markers: &[BodyPoint], lengths: &[f64]) -> Vec<BodyPoint> {
+        markers.iter().map(|m| BodyPoint { point: m.point * lengths[self.body(m.joint)], ..*m }).collect()
     }
 }

@@ -14,14 +14,14 @@ use darm_core::real::Vec3;
 use serde::Serialize;
 
 pub(super) use self::groups::Groups;
-use self::lengths::{follow, lengths};
+use self::lengths::{Average, follow};
 pub use self::pressure::measured_cop;
 use self::pressure::simulated;
 use super::markers::Capture;
 use super::placed::Placed;
 use super::smooth::Smooth;
 use super::trajectory::{Trajectory, TrajectoryError};
-use super::{Fixed, Posture};
+use super::{BodyPoint, Posture};
 use darm_robot::robot::Robot;
 
 /// How near the simulated centre of pressure shall come to the measured one, m (the paper's 2 cm).
@@ -59,7 +59,7 @@ pub struct Person {
     /// The tree with the person's lengths and masses.
     pub tree: Robot,
     /// The markers on it.
-    pub markers: Vec<Fixed>,
+    pub markers: Vec<BodyPoint>,
     /// How it moved.
     pub motion: Trajectory,
     /// Its centre of mass, low-passed, m.
@@ -80,13 +80,13 @@ pub struct Person {
 ///
 /// The joints of `tree` make no tree, a frame has no posture that meets the markers within the limits, or the moment of
 /// the plates has the wrong sign.
-pub fn person(tree: &Robot, markers: &[Fixed], capture: &Capture) -> Result<Person, TrajectoryError> {
+pub fn person(tree: &Robot, markers: &[BodyPoint], capture: &Capture) -> Result<Person, TrajectoryError> {
     let groups = Groups::new(tree);
     let average = follow(tree, markers, capture)?;
     let simulated_before = simulated(tree, &groups, &average, capture);
     simulated_before.agrees(capture)?;
     let before = simulated_before.error;
-    let lengths = lengths(tree, markers, capture, &groups)?;
+    let lengths = Average { tree, markers, groups: &groups }.lengths(capture)?;
     let even = vec![1.0; groups.names.len()];
     let long = groups.scaled(tree, &lengths, &even);
     let placed_on = groups.markers(markers, &lengths);

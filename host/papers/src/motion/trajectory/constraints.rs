@@ -18,7 +18,7 @@ const CORRECTIONS: usize = 40;
 const REDUNDANT: f64 = 1e-6;
 
 /// Constraints of a frame and their Jacobian.
-pub(super) fn hard(problem: &Problem<'_>, placed: &Placed, frame: usize) -> (DVector<f64>, DMatrix<f64>) {
+pub(super) fn constraint_rows(problem: &Problem<'_>, placed: &Placed, frame: usize) -> (DVector<f64>, DMatrix<f64>) {
     let wide = 6 + problem.robot.joints.len();
     let chair = problem.chair_of(frame);
     let axes = problem.constrained_axes(frame);
@@ -123,7 +123,7 @@ fn constrained(problem: &Problem<'_>, placed: &mut Placed, frame: usize, start: 
     let mut worst = (0, f64::INFINITY);
     for _ in 0..CORRECTIONS {
         placed.place(&posture);
-        let (off, jacobian) = hard(problem, placed, frame);
+        let (off, jacobian) = constraint_rows(problem, placed, frame);
         let row = if off.is_empty() { 0 } else { off.iamax() };
         worst = (row, off.get(row).map_or(0.0, |off| off.abs()));
         if worst.1 <= TOLERANCE {

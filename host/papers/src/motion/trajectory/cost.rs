@@ -4,7 +4,7 @@ use darm_core::se::Pose;
 use darm_core::tree::TreeError;
 use nalgebra::{DMatrix, DVector};
 
-use super::constraints::hard;
+use super::constraints::constraint_rows;
 use super::{Posture, Problem};
 use crate::motion::placed::Placed;
 
@@ -42,7 +42,7 @@ pub(super) fn linear(problem: &Problem<'_>, placed: &mut Placed, frame: usize, p
         soft.matrix.ger(weight, &row, &row, 1.0);
         soft.right.axpy(-weight * above, &row, 1.0);
     }
-    let (off, jacobian) = hard(problem, placed, frame);
+    let (off, jacobian) = constraint_rows(problem, placed, frame);
     Linear { soft, off, jacobian }
 }
 
@@ -56,7 +56,7 @@ pub(super) fn followed(problem: &Problem<'_>, placed: &mut Placed, frame: usize,
 }
 
 /// Change of the change about a frame.
-pub(super) fn bend(postures: &[Posture], k: usize) -> DVector<f64> {
+pub(super) fn second_difference(postures: &[Posture], k: usize) -> DVector<f64> {
     postures[k].to(&postures[k + 1]) - postures[k - 1].to(&postures[k])
 }
 
@@ -66,7 +66,8 @@ pub(super) fn cost(problem: &Problem<'_>, postures: &[Posture]) -> Result<f64, T
         markers + problem.height(placed, frame).map_or(0.0, |(above, _)| (above / SEATED_M).powi(2))
     });
     let weight = smoothness(problem);
-    let bends: f64 = (1..postures.len().saturating_sub(1)).map(|k| bend(postures, k).norm_squared() * weight).sum();
+    let bends: f64 =
+        (1..postures.len().saturating_sub(1)).map(|k| second_difference(postures, k).norm_squared() * weight).sum();
     Ok(soft?.iter().sum::<f64>() + bends)
 }
 

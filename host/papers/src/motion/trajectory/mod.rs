@@ -26,11 +26,11 @@ use darm_core::se::Pose;
 use darm_core::tree::TreeError;
 use rayon::prelude::*;
 
-use self::constraints::{all_constrained, hard};
+use self::constraints::{all_constrained, constraint_rows};
 use self::cost::{cost, followed, linear};
 use self::step::limited;
 use super::placed::Placed;
-use super::{Fixed, Posture};
+use super::{BodyPoint, Posture};
 use darm_robot::robot::Robot;
 
 /// Steps of the complete trajectory at most.
@@ -53,7 +53,7 @@ pub struct Foot {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chair<'a> {
     /// Points that sit.
-    pub seat: &'a [Fixed],
+    pub seat: &'a [BodyPoint],
     /// Where their middle is, m.
     pub at: Vec3<f64>,
     /// In this many frames, the first ones.
@@ -67,7 +67,7 @@ pub struct Problem<'a> {
     /// Time between two frames, s.
     pub step_s: f64,
     /// Markers on the tree.
-    pub markers: &'a [Fixed],
+    pub markers: &'a [BodyPoint],
     /// Where each marker shall be, frame by frame; `None`: nobody saw it.
     pub targets: &'a [Vec<Option<Vec3<f64>>>],
     /// Links that stand still.
@@ -189,7 +189,7 @@ fn evaluated(
 ) -> Result<Trajectory, TrajectoryError> {
     let off = problem.each(&postures, |placed, frame, posture| {
         placed.place(posture);
-        let off = hard(problem, placed, frame).0;
+        let off = constraint_rows(problem, placed, frame).0;
         let worst = if off.is_empty() { 0.0 } else { off.amax() };
         (worst, followed(problem, placed, frame, posture))
     })?;

@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::constraints::split;
-use super::cost::{Linear, bend, smoothness};
+use super::cost::{Linear, second_difference, smoothness};
 use super::{Posture, Problem};
 use crate::motion::banded::Banded;
 
@@ -43,7 +43,7 @@ fn step(
     let weight = smoothness(problem);
     for k in 1..parts.len().saturating_sub(1) {
         let near = [(k - 1, 1.0), (k, -2.0), (k + 1, 1.0)];
-        let left = near.iter().fold(bend(postures, k), |sum, (j, factor)| sum + &parts[*j].0 * *factor);
+        let left = near.iter().fold(second_difference(postures, k), |sum, (j, factor)| sum + &parts[*j].0 * *factor);
         for (i, (a, of_a)) in near.iter().enumerate() {
             let pull = parts[*a].1.tr_mul(&left) * (-weight * of_a);
             right.rows_mut(start[*a], pull.len()).add_assign(&pull);
