@@ -128,19 +128,21 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
 
     /// Reads first: what is written may depend on where the servo is.
     async fn visit(&mut self, index: usize, joint: Joint, shared: &Shared<'_>) -> Result<ServoSeen, BusError> {
+        // An answer may wait to be read while the flash lets nothing run: it is as old as its request.
+        let asked = self.clock.now();
         let answer = self.ask(&Packet::read(joint.limit.id, PRESENT, PRESENT_LEN)).await?;
         let &[p0, p1, _, _, l0, l1] = answer.parameters() else { return Err(BusError::Length) };
         let position = u16::from_le_bytes([p0, p1]);
         let load = u16::from_le_bytes([l0, l1]) & (LOAD_SIGN - 1);
-        let seen = |answered| ServoSeen {
+        let seen = ServoSeen {
             angle_rad: angle_rad(position),
             load: f32::from(load) * 1e-3,
             error: answer.code,
-            answered: Some(answered),
+            answered: Some(asked),
         };
         if shared.servo_seen(index).answered.is_none() {
             // What is written next may drive it although its answer is lost: from now on its silence counts.
-            shared.see_servo(index, seen(self.clock.now()));
+            shared.see_servo(index, seen);
         }
         let visits = match self.written.get(index).copied().flatten() {
             Some(last) if last.joint == joint && last.visits < REWRITE_VISITS => last.visits.saturating_add(1),
@@ -152,7 +154,7 @@ impl<R: Read, W: Write, C: Clock> Bus<R, W, C> {
             }
         };
         self.set_written(index, Some(Written { joint, visits }));
-        Ok(seen(self.clock.now()))
+        Ok(seen)
     }
 
     async fn act(&mut self, joint: &Joint, position: u16) -> Result<(), BusError> {

@@ -3,6 +3,7 @@
 //! Times are true time in milliseconds. Every entry carries the seed of what it draws, so that leaving one out does not
 //! change the others.
 
+use darm_device::in_process::Chip;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
@@ -134,6 +135,8 @@ pub struct Timed<A> {
 pub struct Script {
     /// Where it comes from.
     pub seed: u64,
+    /// The chip of the board.
+    pub chip: Chip,
     /// The arm.
     pub arm: ArmPlan,
     /// Tables that the host uploads.
@@ -151,14 +154,19 @@ pub struct Script {
 }
 
 impl Script {
-    /// The script of a seed.
+    /// The script of a seed, on the first board.
     pub fn of(seed: u64) -> Self {
+        Self::on(Chip::default(), seed)
+    }
+
+    /// The same on a board with this chip.
+    pub fn on(chip: Chip, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let (arm, tables) = draw_arm(&mut rng, seed);
         let loss_percent = LOSSES[rng.random_range(0..LOSSES.len())];
         let clock_ppm = rng.random_range(-20_000..=20_000);
         let (host, second, world) = (Vec::new(), Vec::new(), Vec::new());
-        let mut script = Self { seed, arm, tables, clock_ppm, loss_percent, host, second, world };
+        let mut script = Self { seed, chip, arm, tables, clock_ppm, loss_percent, host, second, world };
         if seed % 50 == 49 {
             script.poll_for_long(&mut rng);
         } else {

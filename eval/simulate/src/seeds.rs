@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use anyhow::Result;
+use darm_device::in_process::Chip;
 use darm_figures::figure::Figure;
 use darm_figures::items::Job;
 use darm_figures::shard::Shard;
@@ -20,15 +21,16 @@ const BATCH: usize = 20;
 pub struct Seeds {
     from: u64,
     to: u64,
+    chip: Chip,
     /// Stop soon after the first seed in which a rule is broken.
     #[serde(skip)]
     until_broken: bool,
 }
 
 impl Seeds {
-    /// The seeds of a range.
-    pub fn new(seeds: Range<u64>, until_broken: bool) -> Self {
-        Self { from: seeds.start, to: seeds.end, until_broken }
+    /// The seeds of a range, on a board with this chip.
+    pub fn new(seeds: Range<u64>, chip: Chip, until_broken: bool) -> Self {
+        Self { from: seeds.start, to: seeds.end, chip, until_broken }
     }
 }
 
@@ -46,7 +48,7 @@ impl Job for Seeds {
     }
 
     fn run(&self, (): &(), item: usize) -> Result<Record> {
-        Ok(Record::from(&run(&Script::of(self.from + item as u64), false)))
+        Ok(Record::from(&run(&Script::on(self.chip, self.from + item as u64), false)))
     }
 
     fn batch(&self) -> usize {

@@ -81,7 +81,8 @@ impl World {
     /// The world of a script. With `readable`, the trace is kept for people.
     pub fn new(script: &Script, readable: bool) -> Self {
         let (wiring, profile) = (script.arm.wiring(), script.arm.profile());
-        let mut bench = Bench::new(Plant::new(&wiring, &[]), MemoryFlash::with_profile(&profile.image()));
+        let mut bench =
+            Bench::new(Plant::new(&wiring, &[]), MemoryFlash::with_profile_on(script.chip, &profile.image()));
         bench.set_clock_error(script.clock_ppm);
         bench.set_polls(2);
         let ceilings = script.arm.ceilings(script.clock_ppm);
@@ -202,6 +203,10 @@ impl World {
             self.act_on();
         }
         let was_powered = self.bench.is_powered();
+        if self.bench.is_paused() {
+            self.pins.on_pause(now_ns);
+            self.servos.on_pause(self.bench.tick_ns());
+        }
         let bench = &mut self.bench;
         if let Err(message) = panics::caught(|| bench.step()) {
             self.pins.on_panic(now_ns, &message);

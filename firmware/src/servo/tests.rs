@@ -18,6 +18,8 @@ struct Fake {
     mute_to_writes: Cell<bool>,
     error: Cell<u8>,
     writes: Cell<u32>,
+    /// Polls for which a read waits although an answer is there.
+    unread: Cell<u32>,
 }
 
 impl Fake {
@@ -29,6 +31,7 @@ impl Fake {
             mute_to_writes: Cell::new(false),
             error: Cell::new(0),
             writes: Cell::new(0),
+            unread: Cell::new(0),
         }
     }
 
@@ -58,6 +61,10 @@ impl ErrorType for &Fake {
 impl Read for &Fake {
     async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
         poll_fn(|_| {
+            if self.unread.get() > 0 {
+                self.unread.set(self.unread.get() - 1);
+                return Poll::Pending;
+            }
             let mut out = self.out.borrow_mut();
             let n = out.len().min(bytes.len()).min(5);
             bytes.iter_mut().zip(out.drain(..n)).for_each(|(to, from)| *to = from);
@@ -182,6 +189,17 @@ fn a_silent_servo_keeps_its_old_answer() {
     fake.mute.set(true);
     assert_eq!(visit(&fake, &shared, &clock, 3), before);
     assert!(clock.now() >= Micros(3 * ANSWER_TIMEOUT.0));
+}
+
+/// As while a flash is erased: silence is counted from the request on.
+#[test]
+fn an_answer_that_is_read_late_is_as_old_as_its_request() {
+    let (fake, shared, clock) = (Fake::new(), Shared::new(), HandClock::default());
+    shared.set_joints([joint(0.0), None, None, None]);
+    clock.0.set(1000);
+    fake.unread.set(5);
+    assert_eq!(visit(&fake, &shared, &clock, 1).answered, Some(Micros(1000)));
+    assert!(clock.now() >= Micros(1500));
 }
 
 #[test]

@@ -23,7 +23,7 @@ pub struct ServoSeen {
     pub load: f32,
     /// Error bits of its status byte, 0 when it is well.
     pub error: u8,
-    /// When it answered; `None` before its first answer.
+    /// When this answer was requested; `None` before the first one.
     pub answered: Option<Micros>,
 }
 

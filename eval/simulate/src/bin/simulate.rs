@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use anyhow::{Context as _, Result};
 use clap::Parser;
+use darm_device::in_process::Chip;
 use darm_figures::figure::Figures;
 use darm_figures::items::{self, Job as _, Spread};
 use darm_simulate::markdown;
@@ -29,6 +30,9 @@ struct Arguments {
     /// Print what happens in one seed, line by line
     #[arg(long, value_name = "SEED")]
     replay: Option<u64>,
+    /// The chip whose flash and times the board has: stm32l475 or rp2040
+    #[arg(long, default_value_t, conflicts_with = "mutants")]
+    chip: Chip,
     #[command(flatten)]
     spread: Spread,
     /// Put known defects in, one by one, and see in how many seeds the judges find each
@@ -66,7 +70,7 @@ impl Arguments {
     /// True when no rule was broken.
     fn run(&self) -> Result<bool> {
         match self.replay {
-            Some(seed) => Ok(replay(&Script::of(seed))),
+            Some(seed) => Ok(replay(&Script::on(self.chip, seed))),
             None if self.mutants => self.run_mutants(),
             None => self.run_seeds(),
         }
@@ -76,7 +80,7 @@ impl Arguments {
         let seeds = range(&self.seeds)?;
         let from = seeds.start;
         let began = Instant::now();
-        let Some(records) = items::outcomes(&Seeds::new(seeds, self.until_broken), &self.spread)? else {
+        let Some(records) = items::outcomes(&Seeds::new(seeds, self.chip, self.until_broken), &self.spread)? else {
             return Ok(true);
         };
         let took_s = began.elapsed().as_secs_f64();
@@ -100,7 +104,7 @@ impl Arguments {
             println!("seed {seed}, {rule} at {at_ms} ms: {sentence} ({count} times)");
         }
         let Some(first) = record.violations.first().filter(|_| !self.no_shrink) else { return };
-        let small = shrink(&Script::of(seed), &first.rule);
+        let small = shrink(&Script::on(self.chip, seed), &first.rule);
         println!("  {} needs only:", first.rule);
         small.host.iter().for_each(|entry| println!("  {:6} ms host  {:?}", entry.at_ms, entry.act));
         small.second.iter().for_each(|entry| println!("  {:6} ms second {:?}", entry.at_ms, entry.act));

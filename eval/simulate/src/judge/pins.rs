@@ -93,6 +93,16 @@ impl Pins {
         self.look(now_ns);
     }
 
+    /// The flash lets nothing run: nobody would switch a line off in time.
+    pub fn on_pause(&mut self, now_ns: u64) {
+        let high = self.lines.high;
+        if high != 0 {
+            self.verdict.note(JUDGE, "flash-under-current", now_ns, || {
+                format!("lines {high:#018x} are on while the flash lets no control tick run")
+            });
+        }
+    }
+
     /// The lines were on since the last latching and longer than they may be without another one.
     fn check_refresh(&mut self, now_ns: u64) {
         let (gap_ns, refresh_ms) = (now_ns - self.latched_ns, self.ceilings.refresh_ms);

@@ -142,6 +142,13 @@ impl Servos {
         }
     }
 
+    /// For this time the flash let nothing run, so that no servo was asked: it does not count as silence.
+    pub fn on_pause(&mut self, span_ns: u64) {
+        for seen in &mut self.seen {
+            seen.answered_ns = seen.answered_ns.map(|at_ns| at_ns + span_ns);
+        }
+    }
+
     /// The end of a tick in which any line was on: a driven servo that has fallen silent must have been noticed.
     pub fn on_lines_on(&mut self, now_ns: u64) {
         for index in 0..self.ceilings.servos.len() {

@@ -8,6 +8,7 @@ use std::rc::Rc;
 use std::task::{Context, Waker};
 
 use darm_core::duty::DutyMeters;
+use darm_core::units::Micros;
 use darm_core::wire::bootstrap::RebootTarget;
 use darm_firmware::control::TICK;
 
@@ -63,6 +64,8 @@ pub struct Bench {
     now_ns: u64,
     tick_ns: u64,
     polls: usize,
+    /// For this time the flash lets nothing run.
+    paused: Micros,
     /// Switch inputs that read the opposite of the plant's switches.
     inverted: u32,
     edges: Vec<(Pin, bool)>,
@@ -86,6 +89,7 @@ impl Bench {
             now_ns: 0,
             tick_ns: TICK_NS,
             polls: POLLS,
+            paused: Micros(0),
             inverted: 0,
             edges: Vec::new(),
             happened: vec![Physical::Power(true)],
@@ -98,9 +102,19 @@ impl Bench {
         self.tick_ns = TICK_NS * 1_000_000 / (1_000_000 + ppm) as u64;
     }
 
+    /// True time of one tick, ns.
+    pub fn tick_ns(&self) -> u64 {
+        self.tick_ns
+    }
+
     /// Polls the tasks so often within a tick, at least once. Fewer are faster, and a search for a word takes longer.
     pub fn set_polls(&mut self, polls: usize) {
         self.polls = polls.max(1);
+    }
+
+    /// The flash lets nothing run, for this tick at least.
+    pub fn is_paused(&self) -> bool {
+        self.paused >= TICK
     }
 
     /// True time since the beginning; a power cut does not set it back.
@@ -204,6 +218,8 @@ impl Bench {
     /// Nothing drives the pins any more.
     fn release(&mut self) {
         self.firmware = None;
+        self.paused = Micros(0);
+        self.flash.take_pause();
         self.wires = Rc::new(Wires::default());
         self.chain.edge(CHAIN.enable, true);
         self.to_board.clear();
@@ -242,8 +258,21 @@ impl Bench {
     /// True when the firmware asks for a restart.
     fn poll(&mut self) -> bool {
         let Some(firmware) = &mut self.firmware else { return false };
+        if self.paused >= TICK {
+            self.paused = Micros(self.paused.0 - TICK.0);
+            return false;
+        }
         let mut context = Context::from_waker(Waker::noop());
-        (0..self.polls).any(|_| firmware.as_mut().poll(&mut context).is_ready())
+        for _ in 0..self.polls {
+            if firmware.as_mut().poll(&mut context).is_ready() {
+                return true;
+            }
+            self.paused = self.paused + self.flash.take_pause();
+            if self.paused >= TICK {
+                break;
+            }
+        }
+        false
     }
 
     fn drive_plant(&mut self) {

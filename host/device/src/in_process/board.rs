@@ -23,8 +23,10 @@ use darm_firmware::solenoid::{Pins, Solenoids};
 use darm_firmware::store::SLOT_BYTES;
 use embassy_futures::select::{Either3, select3};
 use embedded_hal::digital::{ErrorType, OutputPin};
+use embedded_storage_async::nor_flash::NorFlash;
 
-use super::flash::MemoryFlash;
+use super::chip::Chip;
+use super::flash::{MemoryFlash, Rp2040, Stm32l475};
 
 /// Number of the simulated device.
 pub const DEVICE: DeviceId = DeviceId(*b"in-process!!");
@@ -133,8 +135,15 @@ impl OutputPin for Wire {
 }
 
 /// Runs the firmware from its start until a restart is requested. `used` is memory that survives a reset.
-#[expect(clippy::await_holding_refcell_ref, reason = "one start at a time holds the meters, and ends with its future")]
 pub(super) async fn run(wires: Rc<Wires>, flash: MemoryFlash, used: Rc<RefCell<DutyMeters>>) -> RebootTarget {
+    match flash.chip() {
+        Chip::Stm32l475 => run_on(Stm32l475(flash), Chip::Stm32l475, wires, used).await,
+        Chip::Rp2040 => run_on(Rp2040(flash), Chip::Rp2040, wires, used).await,
+    }
+}
+
+#[expect(clippy::await_holding_refcell_ref, reason = "one start at a time holds the meters, and ends with its future")]
+async fn run_on(flash: impl NorFlash, chip: Chip, wires: Rc<Wires>, used: Rc<RefCell<DutyMeters>>) -> RebootTarget {
     let mut table = Box::<Table>::default();
     let mut room = Box::<Room>::default();
     let mut profile = Box::new(Profile::empty());
@@ -145,7 +154,7 @@ pub(super) async fn run(wires: Rc<Wires>, flash: MemoryFlash, used: Rc<RefCell<D
         let identity = Identity { device: DEVICE, board: name.parse().expect("a name that fits") };
         let caps = Caps::largest(name, SLOT_BYTES as u32, BUILD);
         let mut dispatcher = Dispatcher::new(
-            Board { identity, crash: None, caps, guards_loader: false },
+            Board { identity, crash: None, caps, guards_loader: chip.guards_loader() },
             &wires.clock,
             &shared,
             &mut room,
@@ -175,6 +184,10 @@ async fn control<'t>(wires: &Rc<Wires>, shared: &Shared<'t>, used: &'t mut DutyM
     loop {
         due = due + TICK;
         wires.clock.wait_until(due).await;
+        // Ticks that were missed meanwhile are left out, as the timers of the boards do.
+        while due + TICK <= wires.clock.now() {
+            due = due + TICK;
+        }
         let inputs = Inputs { switches: wires.switches.get(), button: wires.button.get() };
         let outputs = control.tick(wires.clock.now(), due, inputs, shared);
         solenoids.apply(outputs.lines, outputs.enabled);

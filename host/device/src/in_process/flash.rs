@@ -1,19 +1,22 @@
 //! Flash in memory, stricter than the part: what outlives a power cut of a board in this process.
 //!
 //! A word is written once after an erase; the power can be made to fail at any written or erased word, which leaves that
-//! word torn. Without power no operation completes.
+//! word torn. Without power no operation completes. Sizes and times are those of a [`Chip`].
 
 use std::future::pending;
+use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use darm_firmware::store::{FLASH_BYTES, Store};
+use darm_core::units::Micros;
+use darm_firmware::store::{Store, flash_bytes};
 use embassy_futures::{block_on, yield_now};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 
 use darm_arm::image::UploadImage;
 
-/// Pages and words of the board's chip.
-const PAGE: usize = 2048;
+use super::chip::Chip;
+
+/// Bytes at which the power can fail.
 const WORD: usize = 8;
 /// An erase gives way to other tasks this many times; a page takes 22 ms on the part.
 const ERASE_YIELDS: usize = 20;
@@ -24,7 +27,10 @@ pub struct MemoryFlash(Arc<Mutex<Cells>>);
 
 #[derive(Debug)]
 struct Cells {
+    chip: Chip,
     bytes: Vec<u8>,
+    /// Time for which operations since it was taken last let no control tick run.
+    paused: Micros,
     /// Words until the power fails; `None` if it does not.
     words_left: Option<u32>,
     noise: u64,
@@ -51,10 +57,9 @@ impl NorFlashError for FlashError {
 }
 
 impl Default for MemoryFlash {
-    /// Erased.
+    /// That of the first board's chip, erased.
     fn default() -> Self {
-        let bytes = vec![0xff; FLASH_BYTES];
-        Self(Arc::new(Mutex::new(Cells { bytes, words_left: None, noise: 1, overwrites: 0 })))
+        Self::new(Chip::default())
     }
 }
 
@@ -74,27 +79,42 @@ impl Cells {
 
     /// Erases a page. A power failure leaves noise in the rest of it.
     fn erase_page(&mut self, page: usize) {
-        for word in (page..page + PAGE).step_by(WORD) {
+        let end = page + self.chip.erase_bytes();
+        for word in (page..end).step_by(WORD) {
             let torn = self.spend();
             self.bytes[word..word + WORD].fill(0xff);
             if let Some(noise) = torn {
-                let rest = self.bytes[word..page + PAGE].iter_mut().zip(noise.to_le_bytes().into_iter().cycle());
+                let rest = self.bytes[word..end].iter_mut().zip(noise.to_le_bytes().into_iter().cycle());
                 rest.for_each(|(cell, noise)| *cell |= noise);
                 return;
             }
         }
     }
 
-    /// Writes one word. A power failure leaves some of its bits unwritten.
+    /// Writes one word, or part of it. A power failure leaves some of its bits unwritten.
     fn write_word(&mut self, at: usize, word: &[u8]) -> Result<(), FlashError> {
-        let erased = self.bytes[at..at + WORD].iter().all(|cell| *cell == 0xff);
+        let range = at..at + word.len();
+        let erased = self.bytes[range.clone()].iter().all(|cell| *cell == 0xff);
         if !erased && word.iter().any(|byte| *byte != 0) {
             self.overwrites += 1;
             return Err(FlashError::NotErased);
         }
         let unwritten = self.spend().unwrap_or(0).to_le_bytes();
-        for ((cell, byte), keep) in self.bytes[at..at + WORD].iter_mut().zip(word).zip(unwritten) {
+        for ((cell, byte), keep) in self.bytes[range].iter_mut().zip(word).zip(unwritten) {
             *cell &= byte | keep;
+        }
+        Ok(())
+    }
+}
+
+impl Cells {
+    /// Writes bytes of one page, word by word; nothing more once the power has failed.
+    fn write_page(&mut self, mut at: usize, bytes: &[u8]) -> Result<(), FlashError> {
+        let mut rest = bytes;
+        while !rest.is_empty() && self.words_left != Some(0) {
+            let (word, later) = rest.split_at(rest.len().min(WORD - at % WORD));
+            self.write_word(at, word)?;
+            (at, rest) = (at + word.len(), later);
         }
         Ok(())
     }
@@ -107,15 +127,39 @@ impl MemoryFlash {
     ///
     /// The image is empty or longer than its slot.
     pub fn with_profile(profile: &UploadImage) -> Self {
-        let flash = Self::default();
-        let stored = block_on(async {
-            let mut store = Store::open(flash.clone()).await;
-            store.begin(profile.image()).await?;
-            store.chunk(0, profile.bytes()).await?;
-            store.commit().await
-        });
-        stored.expect("an erased flash takes a profile");
+        Self::with_profile_on(Chip::default(), profile)
+    }
+
+    /// The same of a board with this chip.
+    ///
+    /// # Panics
+    ///
+    /// The image is empty or longer than its slot.
+    pub fn with_profile_on(chip: Chip, profile: &UploadImage) -> Self {
+        let flash = Self::new(chip);
+        match chip {
+            Chip::Stm32l475 => block_on(put(Stm32l475(flash.clone()), profile)),
+            Chip::Rp2040 => block_on(put(Rp2040(flash.clone()), profile)),
+        }
+        flash.take_pause();
         flash
+    }
+
+    /// Erased.
+    pub fn new(chip: Chip) -> Self {
+        let bytes = vec![0xff; flash_bytes(chip.erase_bytes())];
+        let paused = Micros(0);
+        Self(Arc::new(Mutex::new(Cells { chip, bytes, paused, words_left: None, noise: 1, overwrites: 0 })))
+    }
+
+    /// The chip.
+    pub fn chip(&self) -> Chip {
+        self.cells().chip
+    }
+
+    /// Time for which operations since the last call let no control tick run.
+    pub(super) fn take_pause(&self) -> Micros {
+        std::mem::take(&mut self.cells().paused)
     }
 
     /// All its bytes, as a file of an emulated board's flash holds them.
@@ -153,58 +197,19 @@ impl MemoryFlash {
     /// Whether `image` is at the start of one of the flash's pages.
     pub fn holds(&self, image: &[u8]) -> bool {
         let cells = self.cells();
-        (0..FLASH_BYTES).step_by(PAGE).any(|page| cells.bytes[page..].starts_with(image))
+        let pages = (0..cells.bytes.len()).step_by(cells.chip.erase_bytes());
+        pages.into_iter().any(|page| cells.bytes[page..].starts_with(image))
     }
 }
 
-fn range(offset: u32, len: usize, grain: usize) -> Result<std::ops::Range<usize>, FlashError> {
-    let start = offset as usize;
-    let fits = start + len <= FLASH_BYTES && start.is_multiple_of(grain) && len.is_multiple_of(grain);
-    if fits { Ok(start..start + len) } else { Err(FlashError::Bounds) }
-}
-
-impl ErrorType for MemoryFlash {
-    type Error = FlashError;
-}
-
-impl ReadNorFlash for MemoryFlash {
-    const READ_SIZE: usize = 1;
-
-    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
-        self.power().await;
-        bytes.copy_from_slice(&self.cells().bytes[range(offset, bytes.len(), 1)?]);
-        Ok(())
-    }
-
-    fn capacity(&self) -> usize {
-        FLASH_BYTES
-    }
-}
-
-impl NorFlash for MemoryFlash {
-    const WRITE_SIZE: usize = WORD;
-    const ERASE_SIZE: usize = PAGE;
-
-    async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
-        for page in range(from, to.saturating_sub(from) as usize, PAGE)?.step_by(PAGE) {
-            self.power().await;
-            self.cells().erase_page(page);
-            for _ in 0..ERASE_YIELDS {
-                yield_now().await;
-            }
-        }
-        self.power().await;
-        Ok(())
-    }
-
-    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
-        for (at, word) in range(offset, bytes.len(), WORD)?.step_by(WORD).zip(bytes.chunks_exact(WORD)) {
-            self.power().await;
-            self.cells().write_word(at, word)?;
-        }
-        self.power().await;
-        Ok(())
-    }
+async fn put<F: NorFlash>(flash: F, profile: &UploadImage) {
+    let stored = async {
+        let mut store = Store::open(flash).await;
+        store.begin(profile.image()).await?;
+        store.chunk(0, profile.bytes()).await?;
+        store.commit().await
+    };
+    stored.await.expect("an erased flash takes a profile");
 }
 
 impl MemoryFlash {
@@ -214,4 +219,94 @@ impl MemoryFlash {
             pending().await
         }
     }
+
+    /// The bytes at an address, which are multiples of `grain`.
+    fn range(&self, offset: u32, len: usize, grain: usize) -> Result<Range<usize>, FlashError> {
+        let start = offset as usize;
+        let fits = start + len <= self.cells().bytes.len() && start.is_multiple_of(grain) && len.is_multiple_of(grain);
+        if fits { Ok(start..start + len) } else { Err(FlashError::Bounds) }
+    }
+
+    async fn read(&self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+        self.power().await;
+        let range = self.range(offset, bytes.len(), 1)?;
+        bytes.copy_from_slice(&self.cells().bytes[range]);
+        Ok(())
+    }
+
+    async fn erase(&self, from: u32, to: u32) -> Result<(), FlashError> {
+        let chip = self.chip();
+        let pages = self.range(from, to.saturating_sub(from) as usize, chip.erase_bytes())?;
+        for page in pages.step_by(chip.erase_bytes()) {
+            self.power().await;
+            self.pause(chip.erase_pause(), |cells| cells.erase_page(page));
+            for _ in 0..ERASE_YIELDS {
+                yield_now().await;
+            }
+        }
+        self.power().await;
+        Ok(())
+    }
+
+    async fn write(&self, offset: u32, bytes: &[u8], grain: usize) -> Result<(), FlashError> {
+        let chip = self.chip();
+        let (mut at, mut rest) = (self.range(offset, bytes.len(), grain)?.start, bytes);
+        while !rest.is_empty() {
+            self.power().await;
+            let (now, later) = rest.split_at(rest.len().min(chip.page_bytes() - at % chip.page_bytes()));
+            self.pause(chip.write_pause(), |cells| cells.write_page(at, now))?;
+            (at, rest) = (at + now.len(), later);
+            if chip.write_pause() > Micros(0) {
+                yield_now().await;
+            }
+        }
+        self.power().await;
+        Ok(())
+    }
+
+    /// Does something during which no control tick runs for this time.
+    fn pause<T>(&self, span: Micros, work: impl FnOnce(&mut Cells) -> T) -> T {
+        let mut cells = self.cells();
+        cells.paused = cells.paused + span;
+        work(&mut cells)
+    }
 }
+
+/// The flash of one chip, as the firmware sees it.
+macro_rules! nor_flash {
+    ($chip:ident, $write_bytes:literal) => {
+        pub(super) struct $chip(pub(super) MemoryFlash);
+
+        impl ErrorType for $chip {
+            type Error = FlashError;
+        }
+
+        impl ReadNorFlash for $chip {
+            const READ_SIZE: usize = 1;
+
+            async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+                self.0.read(offset, bytes).await
+            }
+
+            fn capacity(&self) -> usize {
+                flash_bytes(Self::ERASE_SIZE)
+            }
+        }
+
+        impl NorFlash for $chip {
+            const WRITE_SIZE: usize = $write_bytes;
+            const ERASE_SIZE: usize = Chip::$chip.erase_bytes();
+
+            async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
+                self.0.erase(from, to).await
+            }
+
+            async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
+                self.0.write(offset, bytes, Self::WRITE_SIZE).await
+            }
+        }
+    };
+}
+
+nor_flash!(Stm32l475, 8);
+nor_flash!(Rp2040, 1);

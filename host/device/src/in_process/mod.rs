@@ -10,6 +10,7 @@
 
 mod bench;
 mod board;
+mod chip;
 mod flash;
 
 use std::collections::VecDeque;
@@ -24,6 +25,7 @@ use crate::plant::camera::{Camera, Film};
 use crate::plant::{Broken, Plant, PlantState};
 pub use bench::{Bench, Physical};
 pub use board::{DEVICE, Pin};
+pub use chip::Chip;
 pub use flash::{FlashError, MemoryFlash};
 
 /// A board with a plant that somebody steps, in virtual time.

@@ -5,7 +5,7 @@ use darm_core::sequencer::{Command, Event, FaultKind, Phase};
 use darm_core::table::{Record, Row};
 use darm_core::units::{ActuatorId, Micros, ModelHash, Word};
 
-use super::{InProcess, MemoryFlash};
+use super::{Chip, InProcess, MemoryFlash};
 use crate::client::{Client, TimedEvent};
 use crate::link::faulty::{Faults, Faulty};
 use crate::plant::{Broken, Plant};
@@ -177,4 +177,25 @@ fn a_run_repeats_exactly() {
         (board.film().take(), all_events(&mut client))
     };
     assert_eq!(run(), run());
+}
+
+/// How long it takes to store a table where an older one was, s.
+fn overwriting_s(chip: Chip) -> f64 {
+    let flash = MemoryFlash::with_profile_on(chip, &profile().image());
+    let board = InProcess::boot(Plant::new(&wiring(), &[0.0]), flash).unwrap();
+    let mut client = Client::connect_as(board.link(), 1).unwrap();
+    // Two tables fill both slots: from the third on an older one is erased.
+    let times = [8, 9, 10].map(|n_words| {
+        let from_s = board.now_s();
+        client.upload(&table(&words(n_words)), &mut |_| {}).unwrap();
+        board.now_s() - from_s
+    });
+    times[2]
+}
+
+#[test]
+fn nothing_runs_while_a_flash_that_holds_the_code_is_erased() {
+    let [apart_s, shared_s] = [Chip::Stm32l475, Chip::Rp2040].map(overwriting_s);
+    let pause_s = 1e-6 * Chip::Rp2040.erase_pause().0 as f64;
+    assert!(shared_s > apart_s + pause_s, "{apart_s} s and {shared_s} s");
 }
