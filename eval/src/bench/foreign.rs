@@ -156,7 +156,6 @@ fn place(error: &DescriptionError) -> Option<Place> {
         DescriptionError::Urdf(error) => error.place,
         DescriptionError::Mjcf(error) => error.place,
         DescriptionError::Table(error) => error.place,
-        DescriptionError::LockedTable { .. } => None,
     }
 }
 
@@ -171,7 +170,7 @@ fn reason(error: &DescriptionError) -> String {
             Fault::Syntax(_) => "not XML".into(),
             fault => fault.to_string(),
         },
-        DescriptionError::Table(_) | DescriptionError::LockedTable { .. } => error.to_string(),
+        DescriptionError::Table(_) => error.to_string(),
     };
     let quoted = text.split('`').enumerate().map(|(k, part)| if k % 2 == 0 { part } else { "…" });
     quoted.collect::<Vec<_>>().join("`").chars().take(100).collect()

@@ -14,6 +14,7 @@
 
 use std::error::Error;
 use std::fmt;
+use std::path::Path;
 
 use darm_device::client::ClientError;
 use darm_device::client::stop::Confirmation;
@@ -152,6 +153,12 @@ fn code_of_cause(cause: &(dyn Error + 'static)) -> Option<u8> {
     } else {
         None
     }
+}
+
+/// The error of a table, with its file, and with the line where the error is in one row.
+pub(crate) fn in_table(path: &Path, line: Option<usize>, error: impl Into<anyhow::Error>) -> anyhow::Error {
+    let file = path.display();
+    error.into().context(line.map_or(file.to_string(), |line| format!("{file}:{line}")))
 }
 
 /// One sentence without a full stop: what failed, where, what to do.

@@ -2,6 +2,7 @@
 
 mod commands;
 mod console;
+mod exchanged;
 mod failure;
 mod finite;
 mod firmware_image;
@@ -17,10 +18,11 @@ mod visits;
 use std::process::ExitCode;
 
 use clap::Parser as _;
+use clap::error::{ContextKind, ContextValue};
 use ui::Ui;
 
 fn main() -> ExitCode {
-    let cli = commands::Cli::parse();
+    let cli = commands::Cli::try_parse().unwrap_or_else(|error| without_dashes(error).exit());
     let ui = Ui { json: cli.json };
     match cli.command.run(ui) {
         Ok(()) => ExitCode::SUCCESS,
@@ -33,4 +35,16 @@ fn main() -> ExitCode {
             ExitCode::from(failure::code(&error))
         }
     }
+}
+
+/// The error of a command line without the tip to put `--` before an option that does not exist: no command has values that
+/// look like options.
+fn without_dashes(mut error: clap::Error) -> clap::Error {
+    let Some(ContextValue::String(argument)) = error.get(ContextKind::InvalidArg).cloned() else { return error };
+    let Some(ContextValue::StyledStrs(mut tips)) = error.remove(ContextKind::Suggested) else { return error };
+    tips.retain(|tip| !tip.to_string().contains(&format!("-- {argument}")));
+    if !tips.is_empty() {
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(tips));
+    }
+    error
 }

@@ -1,9 +1,8 @@
 //! Numbers of the command line and of tables: finite, and small enough that no square of them overflows.
 
-use crate::failure::Usage;
+use darm_robot::csv_table::LARGEST;
 
-/// The largest number that commands take, in the unit of the option: a million kilometres in mm.
-const LARGEST: f64 = 1e12;
+use crate::failure::Usage;
 
 /// Why a text is not a number that a command takes; `of` says of what the number is.
 pub(crate) fn number(text: &str, of: &str) -> Result<f64, Usage> {

@@ -20,6 +20,7 @@
 use std::path::{Path, PathBuf};
 
 use darm_core::units::{Digest, ModelHash, Word};
+use darm_robot::csv_table::{CsvError, CsvRow, CsvTable};
 
 use darm_arm::table_file::digest;
 use darm_diagnose::measurement::csv_text::csv_text;
@@ -62,20 +63,23 @@ pub(crate) struct Visits {
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum VisitsError {
     /// The file cannot be read.
-    #[error("cannot read {path}: {source}; `darm table` writes it together with the table")]
+    #[error("{path}: cannot be read: {source}; `darm table` writes it together with the table")]
     Read {
         /// The file.
         path: PathBuf,
         /// Error of the operating system.
         source: std::io::Error,
     },
-    /// A line is invalid.
-    #[error("{path}:{line}: {what}; remake the file with `darm table`")]
+    /// A row is invalid.
+    #[error(transparent)]
+    Csv(#[from] CsvError),
+    /// A comment line is invalid.
+    #[error("{path}:{line}:1: {what}; remake the file with `darm table`")]
     Line {
         /// The file.
         path: PathBuf,
         /// Line, the first being 1.
-        line: u64,
+        line: usize,
         /// What is wrong.
         what: String,
     },
@@ -121,64 +125,49 @@ impl Visits {
     /// Reads the file.
     pub(crate) fn read(path: &Path) -> Result<Self, VisitsError> {
         let text = std::fs::read_to_string(path).map_err(|source| VisitsError::Read { path: path.into(), source })?;
-        Self::parse(&text).map_err(|(line, what)| VisitsError::Line { path: path.into(), line, what })
+        Self::parse(path, &text)
     }
 
-    fn parse(text: &str) -> Result<Self, (u64, String)> {
+    /// The same of a text; `path` only serves messages.
+    fn parse(path: &Path, text: &str) -> Result<Self, VisitsError> {
+        let wrong = |(line, what)| VisitsError::Line { path: path.into(), line, what };
         let hash = |value: &str| u64::from_str_radix(value, 16).ok().map(ModelHash);
-        let model = comment(text, 1, MODEL, hash)?;
-        let table = comment(text, 2, TABLE, digest)?;
-        let geometry = comment(text, 3, GEOMETRY, hash)?;
-        let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
-        let header = reader.headers().map_err(|error| (2, error.to_string()))?.clone();
-        let mut rests = Vec::new();
-        for record in reader.records() {
-            let record =
-                record.map_err(|error| (error.position().map_or(0, csv::Position::line), error.to_string()))?;
-            let line = record.position().map_or(0, csv::Position::line);
-            let row = Cells { header: &header, record: &record };
-            rests.push(row.rest().map_err(|column| (line, format!("column {column} is missing or invalid")))?);
-        }
-        Ok(Self { model, geometry, table, rests })
+        let model = comment(text, 1, MODEL, hash).map_err(wrong)?;
+        let digest = comment(text, 2, TABLE, digest).map_err(wrong)?;
+        let geometry = comment(text, 3, GEOMETRY, hash).map_err(wrong)?;
+        let table = CsvTable::of_text(path, text)?;
+        let rests = table.rows().map(|row| rest(&table, row)).collect::<Result<_, _>>()?;
+        Ok(Self { model, geometry, table: digest, rests })
     }
 }
 
 /// The value of a comment line; the first line is 1.
-fn comment<T>(text: &str, line: usize, key: &str, read: impl Fn(&str) -> Option<T>) -> Result<T, (u64, String)> {
+fn comment<T>(text: &str, line: usize, key: &str, read: impl Fn(&str) -> Option<T>) -> Result<T, (usize, String)> {
     let value = text.lines().nth(line - 1).and_then(|line| line.strip_prefix(key));
-    let missing = || (line as u64, format!("expected `{}` and a hash", key.trim_end()));
+    let missing = || (line, format!("expected `{}` and a hash", key.trim_end()));
     value.and_then(|value| read(value.trim())).ok_or_else(missing)
 }
 
-struct Cells<'a> {
-    header: &'a csv::StringRecord,
-    record: &'a csv::StringRecord,
-}
-
-impl Cells<'_> {
-    fn rest(&self) -> Result<Rest, String> {
-        let servos = self.header.iter().filter(|name| name.starts_with("servo"));
-        Ok(Rest {
-            label: self.cell("label")?,
-            from_s: self.cell("from_s")?,
-            to_s: self.cell("to_s")?,
-            row: self.cell("row")?,
-            word: self.cell("word")?,
-            previous: self.cell("previous")?,
-            servos_rad: servos.map(|name| self.cell(name).map(f64::to_radians)).collect::<Result<_, _>>()?,
-            held_out: self.cell::<u8>("held_out")? != 0,
-        })
-    }
-
-    fn cell<T: std::str::FromStr>(&self, column: &str) -> Result<T, String> {
-        let at = self.header.iter().position(|name| name == column);
-        let text = at.and_then(|at| self.record.get(at));
-        text.and_then(|text| text.parse().ok()).ok_or_else(|| column.to_owned())
-    }
+/// The visit of a row.
+fn rest(table: &CsvTable, row: CsvRow<'_>) -> Result<Rest, CsvError> {
+    let at = |name: &str| table.column(name).ok_or_else(|| table.no_column(name));
+    let servos = table.header().enumerate().filter(|(_, name)| name.starts_with("servo"));
+    Ok(Rest {
+        label: row.cell(at("label")?).to_owned(),
+        from_s: row.number(at("from_s")?)?,
+        to_s: row.number(at("to_s")?)?,
+        row: row.value(at("row")?, "the number of a row")?,
+        word: row.value(at("word")?, "digits 0 to 3")?,
+        previous: row.value(at("previous")?, "digits 0 to 3")?,
+        servos_rad: servos.map(|(column, _)| row.number(column).map(f64::to_radians)).collect::<Result<_, _>>()?,
+        held_out: row.value::<u8>(at("held_out")?, "0 or 1")? != 0,
+    })
 }
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::{Rest, TABLE, Visits};
     use darm_core::units::{Digest, ModelHash};
 
@@ -201,17 +190,22 @@ mod tests {
         }
     }
 
+    fn parse(text: &str) -> Result<Visits, String> {
+        Visits::parse(Path::new("a.visits.csv"), text).map_err(|error| error.to_string())
+    }
+
     #[test]
     fn visits_survive_writing_and_parsing() {
-        assert_eq!(Visits::parse(&visits().to_text()), Ok(visits()));
+        assert_eq!(parse(&visits().to_text()), Ok(visits()));
     }
 
     #[test]
     fn an_invalid_cell_is_reported_by_line_and_column() {
-        let text = visits().to_text().replace("0.45", "soon");
-        assert_eq!(Visits::parse(&text), Err((5, "column to_s is missing or invalid".into())));
-        assert_eq!(Visits::parse("visit\n").unwrap_err().0, 1);
+        let text = visits().to_text().replace("0.450000", "soon");
+        let said = "a.visits.csv:5:14: column to_s holds `soon`, expected a number; correct the cell";
+        assert_eq!(parse(&text), Err(said.into()));
+        assert!(parse("visit\n").unwrap_err().starts_with("a.visits.csv:1:1: expected `# model`"));
         let old = visits().to_text().replace(TABLE, "# ");
-        assert_eq!(Visits::parse(&old).unwrap_err().0, 2);
+        assert!(parse(&old).unwrap_err().starts_with("a.visits.csv:2:1: expected `# table`"));
     }
 }

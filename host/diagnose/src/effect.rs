@@ -115,6 +115,9 @@ pub struct Value {
     pub unit: String,
     /// Its 95 % confidence interval; `None` of a number that was chosen and not fitted.
     pub ci95: Option<[f64; 2]>,
+    /// Of a change of a quantity of the model, such as a mass: what the model has.
+    #[serde(skip)]
+    pub changed_from: Option<f64>,
 }
 
 pub(crate) fn as_str<S: Serializer>(law: &Law, serializer: S) -> Result<S::Ok, S::Error> {

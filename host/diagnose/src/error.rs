@@ -30,10 +30,10 @@ pub struct UnknownValue {
 #[derive(Debug, thiserror::Error)]
 pub enum DiagnoseError {
     /// A row does not fit the arm.
-    #[error("{0}")]
+    #[error("{}", .0.text)]
     Row(Finding),
     /// The model has no pose for a row.
-    #[error("line {line}: the model has no pose for this row: {error}")]
+    #[error("the model has no pose for this row: {error}; leave the row out, or correct the model")]
     NoPose {
         /// Line of the file, the header being 1.
         line: usize,
@@ -92,9 +92,21 @@ pub enum DiagnoseError {
     #[error(transparent)]
     UnknownValue(#[from] UnknownValue),
     /// The model predicts NaN or infinity.
-    #[error("the model predicts NaN or infinity in line {line}: is this the right model, are these its units?")]
+    #[error("the model predicts NaN or infinity; check that this is the right model, and the units of the columns")]
     NotANumber {
         /// Line of the file.
         line: usize,
     },
+}
+
+impl DiagnoseError {
+    /// Line of the file, where the error is in one row.
+    pub fn line(&self) -> Option<usize> {
+        match self {
+            Self::Row(finding) => finding.line,
+            Self::NoPose { line, .. } | Self::NotANumber { line } => Some(*line),
+            Self::Prepare(PrepareError::Row { line, .. }) => Some(*line),
+            _ => None,
+        }
+    }
 }

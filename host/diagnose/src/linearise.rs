@@ -14,7 +14,6 @@ pub mod laws;
 pub mod measured_tool;
 pub mod model;
 pub mod model_effects;
-pub mod model_error;
 pub mod point_contact;
 pub mod position;
 pub mod ripple;

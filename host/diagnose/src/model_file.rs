@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::linearise::model::is_robot_file;
+use crate::linearise::model::{ModelError, is_robot_file};
 use crate::linearise::model_effects::ModelEffect;
-use crate::linearise::model_error::ModelError;
 use crate::measured::Measured;
+use darm_robot::source::Source;
 
 /// A joint of a model that does not move: its name, and its position in deg or mm.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,9 +38,7 @@ impl ModelFile {
             let keys = [("kind", "robot".to_string()), ("urdf", own), ("observed", observed.into())];
             keys.map(|(key, value)| (key.to_string(), toml::Value::String(value))).into_iter().collect()
         } else {
-            let name = path.display().to_string();
-            let text = std::fs::read_to_string(path).map_err(|error| ModelError::Io(name.clone(), error))?;
-            text.parse().map_err(|error| ModelError::Toml(name, error))?
+            Source::read(path)?.parse()?
         };
         Ok(Self { path: path.into(), keys })
     }
@@ -80,12 +78,11 @@ impl ModelFile {
             && folder(&self.path) != folder(output)
         {
             let path = self.path.parent().unwrap_or(Path::new("")).join(&*urdf);
-            let absolute = path.canonicalize().map_err(|error| ModelError::Io(path.display().to_string(), error))?;
+            let absolute = path.canonicalize().map_err(|error| ModelError::unreadable(&path, error))?;
             *urdf = absolute.display().to_string();
         }
-        let name = output.display().to_string();
-        let text = toml::to_string(&keys).map_err(|error| ModelError::Value(name.clone(), error.to_string()))?;
-        std::fs::write(output, text).map_err(|error| ModelError::Io(name, error))
+        let text = toml::to_string(&keys).expect("keys that were read can be written");
+        std::fs::write(output, text).map_err(|error| ModelError::unwritable(output, error))
     }
 }
 

@@ -10,7 +10,7 @@
 //!
 //! Byte order marks, `\r\n`, quotes, a separator after the last cell, and Latin-1 are read as well.
 
-use crate::error::Fault;
+use crate::error::{Fault, Where};
 use crate::recording::{Column, Part, is_missing};
 use crate::time_stamp;
 use crate::unit::{self, Unit};
@@ -193,11 +193,11 @@ fn rows(body: &str, delimiter: char, ends_early: bool, notes: &mut Vec<String>) 
     match rows.iter().find(|row| row.cells.len() != width) {
         Some(row) => {
             let text = format!(
-                "{} cells, the first row has {width} ({}): repair the row, or name the separator with --delimiter",
+                "{} cells, the first row has {width} ({}); repair the row, or name the separator with --delimiter",
                 row.cells.len(),
                 described(delimiter)
             );
-            Err(Fault::at(format!("line {}", row.line), text))
+            Err(Fault::at(Where::Line(row.line), text))
         }
         None => Ok(rows),
     }

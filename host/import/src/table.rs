@@ -3,7 +3,7 @@
 use darm_diagnose::measurement::csv_text::csv_text;
 use darm_diagnose::measurement::log::FIRST_ROW;
 
-use crate::error::ImportError;
+use crate::error::{ImportError, Where};
 use crate::join;
 use crate::mapping::{Found, Mapping, Scale};
 use crate::recording::{Part, Recording};
@@ -62,21 +62,21 @@ impl Table {
     }
 
     fn of_one(recording: &Recording, mapping: &Mapping) -> Result<Self, ImportError> {
-        let fault = |place: &str, text: String| ImportError::new(&recording.path, place, text);
-        let found = mapping.resolve(recording).map_err(|text| fault("", text))?;
+        let fault = |place: Where, text: String| ImportError::new(&recording.path, place, text);
+        let found = mapping.resolve(recording).map_err(|text| fault(Where::File, text))?;
         let is_time = |found: &&Found| Unit::of_target(&found.target).is_some_and(|unit| unit.dimension() == "time");
         let Some(base) = found.iter().find(is_time).or(found.first()).map(|found| found.part) else {
-            return Err(fault("", "nothing is mapped: give --column TARGET=SOURCE".into()));
+            return Err(fault(Where::File, "nothing is mapped: give --column TARGET=SOURCE".into()));
         };
         let n = base.n_rows();
         if n == 0 {
-            return Err(fault(base.shown(), "no rows".into()));
+            return Err(fault(base.shown().into(), "no rows".into()));
         }
         let mut notes = recording.notes.clone();
         let mut columns = Vec::with_capacity(found.len());
         for one in &found {
             let cells = converted(one, &mut notes).and_then(|cells| joined(cells, one, base));
-            columns.push(cells.map_err(|(place, text)| fault(&place, format!("{}: {text}", one.origin)))?);
+            columns.push(cells.map_err(|(place, text)| fault(place, format!("{}: {text}", one.origin)))?);
         }
         notes.extend(missing(&found, base, &columns));
         let row = |row: usize| columns.iter().map(|cells| cells.text(row)).collect();
@@ -129,7 +129,7 @@ fn number_text(number: f64) -> String {
 }
 
 /// A place and a fault.
-type Wrong = (String, String);
+type Wrong = (Where, String);
 
 /// The cells of a column in the unit of its target.
 fn converted(found: &Found, notes: &mut Vec<String>) -> Result<Cells, Wrong> {
@@ -151,7 +151,7 @@ fn converted(found: &Found, notes: &mut Vec<String>) -> Result<Cells, Wrong> {
                 found.target,
                 unit.written().name
             );
-            return Err((String::new(), text));
+            return Err((Where::File, text));
         }
         (_, None, _) if !column.texts.is_empty() => {
             return Ok(Cells::Texts(column.texts.iter().map(|text| trimmed(text)).collect()));
@@ -164,7 +164,7 @@ fn converted(found: &Found, notes: &mut Vec<String>) -> Result<Cells, Wrong> {
             } else {
                 String::new()
             };
-            (String::new(), format!("{a} does not convert to {b}{cure}"))
+            (Where::File, format!("{a} does not convert to {b}{cure}"))
         })?,
         (_, Some(target), None) => {
             if target.dimension() != "count" {
@@ -177,7 +177,8 @@ fn converted(found: &Found, notes: &mut Vec<String>) -> Result<Cells, Wrong> {
         }
     };
     if let Some((row, text)) = column.first_text() {
-        let place = found.part.lines.get(row).map_or(format!("row {}", row + 1), |line| format!("line {line}"));
+        let numbered = || Where::Part(format!("row {}", row + 1));
+        let place = found.part.lines.get(row).map_or_else(numbered, |line| Where::Line(*line));
         return Err((place, format!("column {} holds `{text}`, expected a number", column.name)));
     }
     if (factor, offset) == (1.0, 0.0) {

@@ -118,8 +118,8 @@ fn headers_are_found_in_comments_and_above_units() {
 #[test]
 fn rows_that_do_not_fit_are_reported_with_their_line() {
     for (text, expected) in [
-        ("a,b\n1,2\n3\n4,5\n", "log.csv: line 3: 1 cells, the first row has 2"),
-        ("# c\n\na;b\n1;2\n1;2;3\n", "log.csv: line 5: 3 cells, the first row has 2"),
+        ("a,b\n1,2\n3\n4,5\n", "log.csv:3: 1 cells, the first row has 2"),
+        ("# c\n\na;b\n1;2\n1;2;3\n", "log.csv:5: 3 cells, the first row has 2"),
         ("a,b\n", "log.csv: there is a header and no rows"),
         ("", "log.csv: the file is empty"),
         ("# only a comment\n", "log.csv: no rows"),

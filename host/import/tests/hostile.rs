@@ -81,7 +81,7 @@ fn mappings_that_do_not_fit_are_reported() {
         (&["x_m=x"], "log.csv: `x_m=x`: columns 3, 4 are all called `x`"),
         (&["x_m=angle"], "log.csv: `x_m=angle`: deg (angle) does not convert to m (length)"),
         (&["q1=angle*deg"], "log.csv: `q1=angle*deg`: q1 ends in no unit"),
-        (&["q1_rad=note"], "log.csv: line 2: `q1_rad=note`: column note holds `a`, expected a number"),
+        (&["q1_rad=note"], "log.csv:2: `q1_rad=note`: column note holds `a`, expected a number"),
         (&["q1_rad=angle", "q1_rad=3"], "log.csv: `q1_rad=3`: the target q1_rad is given twice"),
         (&["q*_rad=z*"], "log.csv: `q*_rad=z*`: no column matches"),
         (&["x_m=3", "q1_rad=angle", "word=note"], "ok"),

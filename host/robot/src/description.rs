@@ -1,12 +1,12 @@
 //! A robot from a file: XML, whose root element says whether it is URDF or MJCF, or a Denavit–Hartenberg table in TOML.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::dh::{self, TableError};
 use crate::mjcf::{self, MjcfError};
 use crate::robot::Robot;
 use crate::shape::LinkShape;
-use crate::source::Source;
+use crate::source::{FileError, Source};
 use crate::urdf::{self, Locks, UrdfError};
 use crate::xml::Document;
 
@@ -22,14 +22,16 @@ pub enum DescriptionError {
     /// Of a Denavit–Hartenberg table.
     #[error(transparent)]
     Table(#[from] TableError),
-    /// Joints of a table are not locked.
-    #[error("{}: joint {joint} cannot be locked in a Denavit-Hartenberg table: give a URDF", .path.display())]
-    LockedTable {
-        /// The table.
-        path: PathBuf,
-        /// The joint.
-        joint: String,
-    },
+}
+
+impl From<DescriptionError> for FileError<String> {
+    fn from(error: DescriptionError) -> Self {
+        match error {
+            DescriptionError::Urdf(error) => error.map(|fault| fault.to_string()),
+            DescriptionError::Mjcf(error) => error.map(|fault| fault.to_string()),
+            DescriptionError::Table(error) => error.map(|fault| fault.to_string()),
+        }
+    }
 }
 
 /// Reads a robot from a URDF or MJCF file, with some of its joints locked, or from a Denavit–Hartenberg table.
@@ -41,7 +43,7 @@ pub enum DescriptionError {
 pub fn read(path: &Path, locks: &Locks) -> Result<Robot, DescriptionError> {
     if path.extension().is_some_and(|end| end == "toml") {
         return match locks.keys().next() {
-            Some(joint) => Err(DescriptionError::LockedTable { path: path.into(), joint: joint.clone() }),
+            Some(joint) => Err(dh::locked(path, joint).into()),
             None => Ok(dh::read(path)?),
         };
     }

@@ -30,9 +30,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use crate::robot::{Robot, RobotFrame, RobotJoint};
-use crate::source::FileError;
-use crate::source::Number;
-use crate::source::Source;
+use crate::source::{Fault, FileError, Number, Source};
 
 const FORMAT: u32 = 1;
 
@@ -52,19 +50,25 @@ pub enum TableFault {
     #[error("the table has no rows; add one [[row]] per joint")]
     Rows,
     /// A limit of the other kind of joint, one limit without the other, or the lower one above.
-    #[error("the limits of a {0} joint are {1}, both, the lower one first")]
+    #[error("the limits of a {0} joint are {1}; give both, the lower one first")]
     Limits(&'static str, &'static str),
     /// Neither three nor six moments of inertia.
-    #[error("{found} moments of inertia, there must be 3 (xx, yy, zz) or 6 (xx, xy, yy, xz, yz, zz)")]
+    #[error("{found} moments of inertia, give 3 (xx, yy, zz) or 6 (xx, xy, yy, xz, yz, zz)")]
     Moments {
         /// How many there are.
         found: usize,
     },
     /// A mass below zero.
-    #[error("the mass {mass} kg is below zero")]
+    #[error("the mass {mass} kg is below zero; give at least 0")]
     Mass {
         /// The mass.
         mass: f64,
+    },
+    /// Joints of a table are not locked.
+    #[error("joint {joint} cannot be locked in a Denavit-Hartenberg table; give a URDF")]
+    Locked {
+        /// The joint.
+        joint: String,
     },
 }
 
@@ -111,6 +115,11 @@ struct RawRow {
     mass_kg: Option<Number>,
     center_m: Option<[Number; 3]>,
     inertia_kg_m2: Option<Spanned<Vec<Number>>>,
+}
+
+/// The error that a joint of a table is to be locked.
+pub(crate) fn locked(path: &Path, joint: &str) -> TableError {
+    Source::of_text(path, "").error(None, Fault::Content(Box::new(TableFault::Locked { joint: joint.into() })))
 }
 
 /// Whether the text of a TOML file is a table, and no arm file.

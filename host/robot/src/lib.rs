@@ -1,6 +1,7 @@
 //! Robots at run-time size: URDF, MJCF and tables of Denavit and Hartenberg, kinematics, dynamics, inverse kinematics.
 
 mod assembly;
+pub mod csv_table;
 pub mod description;
 pub mod dh;
 pub mod ik;

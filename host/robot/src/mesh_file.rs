@@ -24,12 +24,16 @@ pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<Surface, String> {
         "stl" => stl(bytes),
         "obj" => obj(&String::from_utf8_lossy(bytes)),
         "msh" => msh(bytes),
-        _ => return Err(format!("a mesh of the type `{end}`, this program reads stl, obj and msh")),
+        _ => return Err(format!("a mesh of the type `{end}`, this program reads stl, obj and msh; convert it")),
     };
-    let surface = surface.ok_or_else(|| format!("the file is no {end} with triangles"))?;
+    let surface = surface.ok_or_else(|| format!("the file is no {end} with triangles; export it again"))?;
     let is_known = surface.faces.iter().flatten().all(|&vertex| vertex < surface.vertices.len());
     let is_finite = surface.vertices.iter().all(|vertex| vertex.iter().all(|x| x.is_finite()));
-    if is_known && is_finite { Ok(surface) } else { Err("a face of vertices that the file does not have".into()) }
+    if is_known && is_finite {
+        Ok(surface)
+    } else {
+        Err("a face of vertices that the file does not have; export it again".into())
+    }
 }
 
 fn float(bytes: &[u8], at: usize) -> Option<f64> {

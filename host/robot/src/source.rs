@@ -37,8 +37,10 @@ pub struct FileError<F> {
 /// What is wrong with a file.
 #[derive(Debug)]
 pub enum Fault<F> {
-    /// It cannot be read or written.
-    Io(io::Error),
+    /// It cannot be read.
+    Read(io::Error),
+    /// It cannot be written.
+    Write(io::Error),
     /// It is no TOML or XML, or a key is missing, unknown or of the wrong type.
     Syntax(String),
     /// It says what cannot be.
@@ -50,11 +52,11 @@ impl Source {
     ///
     /// # Errors
     ///
-    /// [`Fault::Io`]: the file cannot be read, or is not UTF-8.
+    /// [`Fault::Read`]: the file cannot be read, or is not UTF-8.
     pub fn read<F>(path: &Path) -> Result<Self, FileError<F>> {
         match std::fs::read_to_string(path) {
             Ok(text) => Ok(Self { path: path.into(), text }),
-            Err(error) => Err(FileError { path: path.into(), place: None, fault: Fault::Io(error) }),
+            Err(error) => Err(FileError::unreadable(path, error)),
         }
     }
 
@@ -62,11 +64,11 @@ impl Source {
     ///
     /// # Errors
     ///
-    /// [`Fault::Io`]: the file cannot be read.
+    /// [`Fault::Read`]: the file cannot be read.
     pub fn read_lossy<F>(path: &Path) -> Result<Self, FileError<F>> {
         match std::fs::read(path) {
             Ok(bytes) => Ok(Self::of_text(path, &String::from_utf8_lossy(&bytes))),
-            Err(error) => Err(FileError { path: path.into(), place: None, fault: Fault::Io(error) }),
+            Err(error) => Err(FileError::unreadable(path, error)),
         }
     }
 
@@ -83,7 +85,7 @@ impl Source {
     pub fn parse<T: DeserializeOwned, F>(&self) -> Result<T, FileError<F>> {
         toml::from_str(&self.text).map_err(|error| {
             let message = error.message().trim_end().replace('\n', ", ");
-            self.error(error.span(), Fault::Syntax(message))
+            self.error(error.span(), Fault::Syntax(format!("{message}; correct the TOML")))
         })
     }
 
@@ -142,6 +144,34 @@ pub fn path_between(from: &Path, to: &Path) -> PathBuf {
     up.chain(to.components().skip(common).map(|component| Path::new(component.as_os_str()))).collect()
 }
 
+/// What an error says of a file that cannot be read.
+pub fn unreadable(error: &io::Error) -> String {
+    format!("cannot be read: {error}; check the path")
+}
+
+impl<F> FileError<F> {
+    /// The error that the file cannot be read.
+    pub fn unreadable(path: &Path, error: io::Error) -> Self {
+        Self { path: path.into(), place: None, fault: Fault::Read(error) }
+    }
+
+    /// The error that the file cannot be written.
+    pub fn unwritable(path: &Path, error: io::Error) -> Self {
+        Self { path: path.into(), place: None, fault: Fault::Write(error) }
+    }
+
+    /// The same error with another kind of content.
+    pub fn map<G>(self, content: impl FnOnce(F) -> G) -> FileError<G> {
+        let fault = match self.fault {
+            Fault::Read(error) => Fault::Read(error),
+            Fault::Write(error) => Fault::Write(error),
+            Fault::Syntax(message) => Fault::Syntax(message),
+            Fault::Content(fault) => Fault::Content(Box::new(content(*fault))),
+        };
+        FileError { path: self.path, place: self.place, fault }
+    }
+}
+
 impl<F: fmt::Display> fmt::Display for FileError<F> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}:", self.path.display())?;
@@ -155,7 +185,8 @@ impl<F: fmt::Display> fmt::Display for FileError<F> {
 impl<F: fmt::Display> fmt::Display for Fault<F> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Io(error) => write!(f, "{error}"),
+            Self::Read(error) => f.write_str(&unreadable(error)),
+            Self::Write(error) => write!(f, "cannot be written: {error}; check the path"),
             Self::Syntax(message) => write!(f, "{message}"),
             Self::Content(content) => write!(f, "{content}"),
         }

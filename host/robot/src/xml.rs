@@ -36,6 +36,8 @@ struct Node {
 pub(crate) struct Attribute {
     pub(crate) name: String,
     pub(crate) value: String,
+    /// Where the name is.
+    pub(crate) name_span: Range<usize>,
     /// Where the value is.
     pub(crate) span: Range<usize>,
 }
@@ -151,12 +153,20 @@ impl Attribute {
 fn attributes(tag: &BytesStart<'_>, text: &str) -> Vec<Attribute> {
     let mut found: Vec<Attribute> = Vec::new();
     for attribute in tag.attributes().with_checks(false).map_while(Result::ok) {
-        let start = (attribute.value.as_ptr() as usize).wrapping_sub(text.as_ptr() as usize);
-        let end = start.wrapping_add(attribute.value.len());
-        let span = if start <= end && end <= text.len() { start..end } else { 0..0 };
+        let span_of = |part: &[u8]| {
+            let start = (part.as_ptr() as usize).wrapping_sub(text.as_ptr() as usize);
+            let end = start.wrapping_add(part.len());
+            if start <= end && end <= text.len() { start..end } else { 0..0 }
+        };
+        let (span, name_span) = (span_of(&attribute.value), span_of(attribute.key.as_ref()));
         let raw = String::from_utf8_lossy(&attribute.value);
         let value = quick_xml::escape::unescape(&raw).map_or_else(|_| raw.to_string(), |value| value.into_owned());
-        found.push(Attribute { name: String::from_utf8_lossy(attribute.key.as_ref()).into_owned(), value, span });
+        found.push(Attribute {
+            name: String::from_utf8_lossy(attribute.key.as_ref()).into_owned(),
+            value,
+            name_span,
+            span,
+        });
     }
     found
 }

@@ -174,11 +174,7 @@ impl Arm {
         let text = write::toml(self, profile.as_deref());
         let text = format!("# Arm of `darm`: lengths in m, angles in degrees.\n\n{text}");
         Self::parse(path, &text)?;
-        std::fs::write(path, text).map_err(|error| FileError {
-            path: path.into(),
-            place: None,
-            fault: Fault::Io(error),
-        })
+        std::fs::write(path, text).map_err(|error| FileError::unwritable(path, error))
     }
 
     /// The arm file's text: every key, in one order, without comments.

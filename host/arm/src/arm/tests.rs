@@ -158,7 +158,10 @@ fn files_read_and_write() {
     assert_eq!(again.hash(), arm.hash(), "where its profile is does not make it another model");
     assert_eq!(Arm { profile: arm.profile.clone(), ..again }, arm);
     let missing = Arm::read(&folder.path().join("none.toml")).unwrap_err().to_string();
-    assert!(missing.ends_with("none.toml: No such file or directory (os error 2)"), "{missing}");
+    assert!(
+        missing.ends_with("none.toml: cannot be read: No such file or directory (os error 2); check the path"),
+        "{missing}"
+    );
 }
 
 #[test]
@@ -187,12 +190,12 @@ fn mistakes_are_told_by_line_and_column() {
             "5:10: the file has format 1, in which the arm carried the limits of its board; convert it by `darm profile \
              migrate OLD.toml -o NEW.toml --profile PROFILE.toml`",
         ),
-        ("model = 0", "model = ", "8:9: string values must be quoted, expected literal string"),
+        ("model = 0", "model = ", "8:9: string values must be quoted, expected literal string; correct the TOML"),
         (
             "model = 0",
             "modle = 0",
             "8:1: unknown field `modle`, expected one of `format`, `name`, `profile`, `model`, `length_scale_m`, `conditions`, \
-             `mount`, `tool`, `stage`, `effect`",
+             `mount`, `tool`, `stage`, `effect`; correct the TOML",
         ),
         (
             "[1.0, 1.25]",
@@ -225,7 +228,7 @@ fn mistakes_are_told_by_line_and_column() {
             "closed_in = [2]",
             "31:10: the switch is closed in state 2, which the actuator does not have; correct `closed_in`",
         ),
-        ("{ closed_in", "{ input = 3, closed_in", "31:12: unknown field `input`, expected `closed_in`"),
+        ("{ closed_in", "{ input = 3, closed_in", "31:12: unknown field `input`, expected `closed_in`; correct the TOML"),
         ("planar-platform", "link", "20:8: a link has no key `home`; remove it"),
     ];
     for (from, to, expected) in cases {

@@ -14,7 +14,8 @@
 
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
+use darm_robot::csv_table::{CsvError, CsvFault, CsvRow, CsvTable};
+use serde::Serialize;
 
 use super::stroke::stops;
 use super::{Options, Status, Synthesis, SynthesisError, synthesize};
@@ -27,8 +28,7 @@ const ROUNDS: usize = 6;
 const ROUNDING_M: f64 = 1e-9;
 
 /// A part that can be bought.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Part {
     /// What to order.
     pub part: String,
@@ -62,24 +62,9 @@ pub struct Bought {
 /// Why a list of parts serves no purpose.
 #[derive(Debug, thiserror::Error)]
 pub enum CatalogueError {
-    /// The list cannot be read.
-    #[error("{path}: {reason}; the header is part,stroke_mm,retracted_mm,force_n,price")]
-    List {
-        /// The file.
-        path: String,
-        /// Why.
-        reason: csv::Error,
-    },
-    /// A part's numbers make no sense.
-    #[error("{path}: line {line}: the part {part} needs a stroke, a length and a force above zero")]
-    Part {
-        /// The file.
-        path: String,
-        /// The line.
-        line: usize,
-        /// The part.
-        part: String,
-    },
+    /// The list cannot be read, or a part's numbers make no sense.
+    #[error(transparent)]
+    List(#[from] CsvError),
     /// No part of the list bears what a leg bears.
     #[error("{actuator} bears {load_n:.1} N in the desired frames, more than any part of the list")]
     TooWeak {
@@ -100,18 +85,28 @@ pub enum CatalogueError {
 /// The file cannot be read, is not a table of parts, or has a part with a length or force that is not above 0 or a
 /// price that is not a number.
 pub fn read_catalogue(path: &Path) -> Result<Vec<Part>, CatalogueError> {
-    let list = |reason| CatalogueError::List { path: path.display().to_string(), reason };
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(list)?;
-    let mut parts = Vec::new();
-    for (index, part) in reader.deserialize::<Part>().enumerate() {
-        let part = part.map_err(list)?;
-        let sound = |value: f64| value.is_finite() && value > 0.0;
-        if !(sound(part.stroke_mm) && sound(part.retracted_mm) && sound(part.force_n) && part.price.is_finite()) {
-            return Err(CatalogueError::Part { path: path.display().to_string(), line: index + 2, part: part.part });
-        }
-        parts.push(part);
+    let table = CsvTable::read(path)?;
+    let column = |name: &str| table.column(name).ok_or_else(|| table.no_column(name));
+    let (name, price) = (column("part")?, column("price")?);
+    let [stroke, retracted, force] = ["stroke_mm", "retracted_mm", "force_n"].map(column);
+    let (stroke, retracted, force) = (stroke?, retracted?, force?);
+    if table.rows().len() == 0 {
+        return Err(table.wrong(CsvFault::Empty { what: "part" }).into());
     }
-    Ok(parts)
+    let above_zero = |row: CsvRow, column: usize| match row.number(column)? {
+        number if number > 0.0 => Ok(number),
+        _ => Err(row.wrong_cell(column, "a number above 0")),
+    };
+    let part = |row: CsvRow| {
+        Ok(Part {
+            part: row.cell(name).into(),
+            stroke_mm: above_zero(row, stroke)?,
+            retracted_mm: above_zero(row, retracted)?,
+            force_n: above_zero(row, force)?,
+            price: row.number(price)?,
+        })
+    };
+    table.rows().map(part).collect()
 }
 
 /// Synthesis with legs of the list: the geometry, and the part of every leg. Where the frames cannot be met with such

@@ -11,7 +11,7 @@ use super::visits_file;
 #[derive(Debug, thiserror::Error)]
 pub enum TableFileError {
     /// The file cannot be read.
-    #[error("cannot read {path}: {source}")]
+    #[error("{path}: {}", darm_robot::source::unreadable(source))]
     Read {
         /// The file.
         path: PathBuf,

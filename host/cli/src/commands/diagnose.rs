@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context as _;
 use darm::report::diagnosis_page;
 use darm_arm::arm::Arm;
 use darm_diagnose::correction::Keep;
@@ -21,7 +20,8 @@ use darm_diagnose::report::sentences::readable;
 use serde::Serialize;
 
 use super::subject::Locked;
-use crate::failure::Usage;
+use crate::exchanged;
+use crate::failure::{Usage, in_table};
 use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui, columns};
 
@@ -31,13 +31,13 @@ Examples:
   darm diagnose arm.toml run.csv -o arm2.toml       # and the corrected model, for the next table
   darm diagnose planar4.toml planar4-run.csv        # a recording that is shipped
   darm --json diagnose arm.toml run.csv --hold-out-each word
-  darm diagnose tx40.toml tx40-motion.csv.gz --split heldout -o tx40-2.toml   # torques of a robot
+  darm diagnose tx40.toml tx40-motion.csv.gz --hold-out-column heldout -o tx40-2.toml   # torques of a robot
   darm diagnose cylinder.toml cylinder-force.csv.gz --where 'seal = O-ring' \\
                 --hold-out 'set_bar = 5' -o cylinder2.toml --keep-terms --report page.html
 
 Held-out rows are never used by a fit; the error after the correction is reported on them. By default they are the rows marked \
-in the column held_out; without that column every fourth block of rows, or for tool poses each word in turn. --map names \
-columns of other names, such as --map x_mm=cam_x. The columns and units of tables are listed in \
+in the column held_out; without that column every fourth block of rows, or for tool poses each word in turn. --column names \
+columns of other names, such as --column x_mm=cam_x. The columns and units of tables are listed in \
 docs/formats.md.
 
 A recording of `darm record` names the model of its table. A MODEL that differs from it only in its effects, such as one from \
@@ -58,7 +58,7 @@ pub(crate) struct Diagnose {
     #[arg(value_name = "DATA")]
     data: PathBuf,
     /// Write the model with the effects that were found
-    #[arg(short, long, visible_alias = "write-model", value_name = "NEW.toml")]
+    #[arg(short, long, alias = "write-model", value_name = "NEW.toml")]
     output: Option<PathBuf>,
     /// Accept a recording of the table of another arm file
     #[arg(long)]
@@ -70,7 +70,7 @@ pub(crate) struct Diagnose {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Write a report with tables and plots
-    #[arg(long, value_name = "OUT.html")]
+    #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
     /// Fix a joint of the robot that the data do not have at a position, in deg or mm
     #[arg(long = "lock", value_name = "JOINT=Q", allow_hyphen_values = true)]
@@ -95,8 +95,8 @@ struct RowOptions {
     #[arg(long, value_name = "COLUMN", group = "held_out_rows")]
     hold_out_each: Option<String>,
     /// Hold out the rows where a column is not 0
-    #[arg(long, value_name = "COLUMN", group = "held_out_rows")]
-    split: Option<String>,
+    #[arg(long, alias = "split", value_name = "COLUMN", group = "held_out_rows")]
+    hold_out_column: Option<String>,
     /// Columns whose values separate the rows into segments
     #[arg(long, value_name = "COLUMN,…", value_delimiter = ',')]
     within: Vec<String>,
@@ -110,17 +110,17 @@ struct RowOptions {
     #[arg(long, value_name = "HZ")]
     lowpass: Option<f64>,
     /// Interpolate the posture between the rows where this column is not 0
-    #[arg(long, value_name = "FLAG")]
+    #[arg(long, value_name = "COLUMN")]
     interpolate: Option<String>,
     /// Skip rows within this time after a change of target
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "S")]
     settled: Option<f64>,
     /// Laws to include from the start
     #[arg(long, value_name = "LAW,…", value_delimiter = ',')]
     always: Vec<String>,
     /// Meaning of columns with other names, such as `load=duty,position_count=pos`
-    #[arg(long, value_name = "NAME=COLUMN,…", value_delimiter = ',')]
-    map: Vec<String>,
+    #[arg(long = "column", alias = "map", value_name = "NAME=COLUMN,…", value_delimiter = ',')]
+    columns: Vec<String>,
 }
 
 /// What is printed.
@@ -134,6 +134,7 @@ struct Report {
 
 impl Diagnose {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        exchanged::refuse(&self.model, &self.data)?;
         if let Some(path) = &self.output {
             output_file::refuse_other_than_toml(path, &[&self.model])?;
         }
@@ -160,7 +161,7 @@ impl Diagnose {
         let spinner = ui.spinner("diagnosing");
         let outcome = diagnose_file(model, &self.data, &names, &options);
         spinner.finish_and_clear();
-        let outcome = outcome.with_context(|| self.data.display().to_string())?;
+        let outcome = outcome.map_err(|error| in_table(&self.data, error.line(), error))?;
         let mut output = None;
         if let Some(path) = &self.output
             && let file = ModelFile::read(&self.model, outcome.diagnosis.kind)?
@@ -182,7 +183,7 @@ impl Diagnose {
         let spinner = ui.spinner("diagnosing");
         let outcome = diagnose(&arm, &run, &Options { seed: self.seed, ..Options::default() });
         spinner.finish_and_clear();
-        let outcome = outcome.with_context(|| self.data.display().to_string())?;
+        let outcome = outcome.map_err(|error| in_table(&self.data, error.line(), error))?;
         let mut output = None;
         if let Some(path) = &self.output
             && let Some(corrected) = outcome.correction.corrected(&arm, &run, self.keep())
@@ -211,13 +212,13 @@ impl RowOptions {
     fn names(&self) -> anyhow::Result<measurement::table::Names> {
         let pair = |text: &String| {
             let parts = text.split_once('=').map(|(name, column)| (name.trim().to_string(), column.trim().to_string()));
-            parts.ok_or_else(|| Usage(format!("--map {text}: give NAME=COLUMN")).into())
+            parts.ok_or_else(|| Usage(format!("--column {text}: give NAME=COLUMN")).into())
         };
-        self.map.iter().map(pair).collect()
+        self.columns.iter().map(pair).collect()
     }
 
     fn held_out(&self) -> anyhow::Result<HoldOut> {
-        Ok(match (&self.hold_out, self.hold_out_last, &self.hold_out_each, &self.split) {
+        Ok(match (&self.hold_out, self.hold_out_last, &self.hold_out_each, &self.hold_out_column) {
             (Some(selection), ..) => HoldOut::Where(selection.clone()),
             (_, Some(share), ..) if !(share > 0.0 && share < 1.0) => {
                 return Err(Usage(format!("--hold-out-last {share}: give a share between 0 and 1")).into());
@@ -232,7 +233,11 @@ impl RowOptions {
     /// Poses are visits, not a signal: filters and decimation mean nothing there, and laws are in the arm file.
     fn refuse_those_of_signals(&self) -> anyhow::Result<()> {
         let given = [
-            ("--within", !self.within.is_empty(), "visits are separated by their column `run`: use --map run=COLUMN"),
+            (
+                "--within",
+                !self.within.is_empty(),
+                "visits are separated by their column `run`: use --column run=COLUMN",
+            ),
             ("--rate", self.rate.is_some(), "poses need a column of time"),
             ("--thin", self.thin.is_some(), "each row is a separate visit: choose rows with --where"),
             ("--lowpass", self.lowpass.is_some(), "each row is a separate visit, there is no signal to filter"),
@@ -274,13 +279,14 @@ fn positive(option: &str, number: Option<f64>) -> anyhow::Result<Option<f64>> {
 
 impl Answer for Report {
     fn text(&self) -> String {
-        let Diagnosis { findings, plain, effects, repeatability, held_out, .. } = &self.diagnosis;
+        let Diagnosis { findings, verdict, plain, effects, repeatability, held_out, .. } = &self.diagnosis;
         let (of_rows, of_file): (Vec<&Finding>, Vec<&Finding>) = findings.iter().partition(|f| f.line.is_some());
         let shown = of_file.into_iter().chain(of_rows.iter().copied().take(MAX_NOTES));
         let mut lines: Vec<String> = shown.map(|finding| format!("note: {finding}")).collect();
         if of_rows.len() > MAX_NOTES {
             lines.push(format!("note: and {} more rows; --json lists them", of_rows.len() - MAX_NOTES));
         }
+        lines.push(format!("verdict: {verdict}"));
         lines.extend(plain.clone());
         lines.extend(effects.iter().map(effect));
         lines.push(String::new());
@@ -299,9 +305,14 @@ impl Answer for Report {
 fn effect(found: &Effect) -> String {
     let values = found.values.iter().map(|value| {
         let unit = if value.unit == "1" { String::new() } else { format!(" {}", value.unit) };
-        let Some(ci95) = value.ci95 else { return format!("{} {}{unit}", value.name, value.value) };
-        let [size, low, high] = with_interval(value.value, ci95);
-        format!("{} {size}{unit} (95 % CI {low} to {high})", value.name)
+        let Some(ci95) = value.ci95 else { return format!("{} {:.3}{unit}", value.name, value.value) };
+        let Some(from) = value.changed_from else {
+            let [size, low, high] = with_interval(value.value, ci95);
+            return format!("{} {size}{unit} (95 % CI {low} to {high})", value.name);
+        };
+        let [size, low, high] = with_interval(from + value.value, ci95.map(|end| from + end));
+        let [from, ..] = with_interval(from, ci95);
+        format!("{} {from} → {size}{unit} (95 % CI {low} to {high})", value.name)
     });
     format!("  {}, {}: {}", found.law, found.site.name, values.collect::<Vec<_>>().join(", "))
 }

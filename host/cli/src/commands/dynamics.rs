@@ -33,7 +33,7 @@ Examples:
 
 Columns of a table: JOINT_deg, JOINT_deg_s, JOINT_deg_s2 (mm for prismatic joints; also rad and m), and JOINT_nm or JOINT_n \
 for --forward. The `armature` of an MJCF is included; friction and the rotors of other files only where the model contains them as \
-effects, such as a model from `darm diagnose --write-model`. The rows of its table are one motion, at the times in the column t_s.";
+effects, such as a model from `darm diagnose -o`. The rows of its table are one motion, at the times in the column t_s.";
 
 /// Compute torques, mass matrix, Coriolis matrix, gravity and energies, or accelerations from torques
 #[derive(clap::Args, Debug)]

@@ -43,9 +43,9 @@ host/papers/src/grasp/file.rs. The plot shows the hand before, during and after 
 
 const TRAIN_EXAMPLES: &str = "\
 Examples:
-  darm grasp train allegro_hand.toml --constraints 20 --lambdas 5 --file training.txt --plot plots
+  darm grasp train allegro_hand.toml --constraints 20 --lambdas 5 -o training.txt --plot plots
 
-The defaults are those of the paper, and take hours; an interrupted training with --file resumes where it stopped. The \
+The defaults are those of the paper, and take hours; an interrupted training with -o resumes where it stopped. The \
 constraints are contacts of random postures without a collision. Only `darm grasp solve --method paper` uses the sequence: \
 copy it into the hand file as `lambdas`.";
 
@@ -113,10 +113,10 @@ struct Solve {
     #[arg(long, value_enum, default_value_t = Method::Lm)]
     method: Method,
     /// Number of starts; of the paper's method, values of lambda
-    #[arg(long, value_name = "COUNT", default_value_t = 10)]
+    #[arg(long, value_name = "N", default_value_t = 10)]
     starts: usize,
     /// Number of postures to choose the starts from
-    #[arg(long, value_name = "COUNT", default_value_t = 10_000)]
+    #[arg(long, value_name = "N", default_value_t = 10_000)]
     library: usize,
     /// Plot the hand before, during and after the search
     #[arg(long, alias = "picture", value_name = "FILE.svg")]
@@ -137,20 +137,20 @@ struct Train {
     #[command(flatten)]
     hand: HandArgs,
     /// Number of constraints
-    #[arg(long, alias = "n", value_name = "COUNT", default_value_t = 10_000)]
+    #[arg(long, alias = "n", value_name = "N", default_value_t = 10_000)]
     constraints: usize,
     /// Number of values of lambda, evenly from 0 to 1
-    #[arg(long, value_name = "COUNT", default_value_t = 100)]
+    #[arg(long, value_name = "N", default_value_t = 100)]
     lambdas: usize,
     /// Length of the sequence
-    #[arg(long, value_name = "COUNT", default_value_t = 10)]
+    #[arg(long, value_name = "N", default_value_t = 10)]
     length: usize,
     /// Seed of the constraints
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Save the progress in this file, and resume from it
-    #[arg(long, value_name = "FILE")]
-    file: Option<PathBuf>,
+    #[arg(short, long, alias = "file", value_name = "FILE.txt")]
+    output: Option<PathBuf>,
     /// Plot figures 4 and 5 of the paper, as SVG files in this folder
     #[arg(long, alias = "figures", value_name = "FOLDER")]
     plot: Option<PathBuf>,
@@ -284,7 +284,7 @@ impl Train {
         let settings = paper::Settings::default();
         let training = Training { count: self.constraints, lambdas: self.lambdas, seed: self.seed, settings };
         let bar = ui.progress_bar("training", self.constraints as u64, "constraints");
-        let outcomes = training.run(&hand, self.file.as_deref(), |done| bar.set_position(done as u64))?;
+        let outcomes = training.run(&hand, self.output.as_deref(), |done| bar.set_position(done as u64))?;
         bar.finish_and_clear();
         let sequence = outcomes.sequence(self.length);
         if let Some(folder) = &self.plot {

@@ -4,18 +4,18 @@ mod all;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_core::tree::euler::PoseVector;
 use darm_papers::convergence::convergence;
+use darm_robot::csv_table::{CsvError, CsvFault, CsvTable};
 use darm_robot::ik::{Method, Options, Status};
 use darm_robot::robot::{Inverse, Robot, RobotFrame};
 use serde::Serialize;
 
 use super::subject::{Coordinate, PoseReport, SubjectArgs, frame_of};
 use crate::failure::Usage;
-use crate::number_text::{self, numbers};
+use crate::number_text::numbers;
 use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui, columns, number};
 use darm_diagnose::measurement::csv_text::csv_line;
@@ -242,31 +242,19 @@ fn three(text: &str, option: &str) -> Result<Vec3<f64>, Usage> {
 }
 
 /// Reads a table of targets.
-fn read(path: &Path) -> anyhow::Result<Vec<Target>> {
-    let shown = path.display();
-    let mut table =
-        csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).with_context(|| format!("{shown}"))?;
-    let header = table.headers().with_context(|| format!("{shown}"))?.clone();
-    let column = |names: &[(&str, f64)]| {
-        names.iter().find_map(|(name, factor)| Some((header.iter().position(|column| column == *name)?, *factor)))
-    };
+fn read(path: &Path) -> Result<Vec<Target>, CsvError> {
+    let table = CsvTable::read(path)?;
+    let column = |names: &[(&str, f64)]| names.iter().find_map(|(name, factor)| Some((table.column(name)?, *factor)));
     let position = ["x", "y", "z"].map(|axis| column(&[(&format!("{axis}_m"), 1.0), (&format!("{axis}_mm"), 1e-3)]));
     let angle = |name: &str| column(&[(&format!("{name}_deg"), DEG), (&format!("{name}_rad"), 1.0)]);
     let rotation = ["rx", "ry", "rz"].map(angle);
     let euler = ["euler_z", "euler_y", "euler_x"].map(angle);
     let [Some(x), Some(y), Some(z)] = position else {
-        let present = header.iter().collect::<Vec<_>>().join(", ");
-        return Err(
-            Usage(format!("{shown}: columns x_m, y_m, z_m (or _mm) are required; its columns are {present}")).into()
-        );
+        return Err(table.no_column("x_m, y_m or z_m (or _mm)"));
     };
     let mut targets = Vec::new();
-    for (row, record) in table.records().enumerate() {
-        let record = record.with_context(|| format!("{shown}"))?;
-        let number = |(index, factor): (usize, f64)| {
-            let cell = record.get(index).unwrap_or_default();
-            Ok::<_, Usage>(number_text::number(cell, &format!("{shown}:{}", row + 2))? * factor)
-        };
+    for row in table.rows() {
+        let number = |(column, factor): (usize, f64)| row.number(column).map(|number| number * factor);
         let position = Vec3::new(number(x)?, number(y)?, number(z)?);
         let (pose, is_oriented) = match (rotation, euler) {
             ([Some(x), Some(y), Some(z)], _) => {
@@ -280,11 +268,7 @@ fn read(path: &Path) -> anyhow::Result<Vec<Target>> {
         };
         targets.push(Target { pose, is_oriented });
     }
-    if targets.is_empty() {
-        Err(Usage(format!("{shown}: the file has no rows; add one per target")).into())
-    } else {
-        Ok(targets)
-    }
+    if targets.is_empty() { Err(table.wrong(CsvFault::Empty { what: "target" })) } else { Ok(targets) }
 }
 
 fn found(index: usize, target: &Target, method: Method, inverse: &Inverse) -> Found {
@@ -325,15 +309,16 @@ impl Answer for Report {
             return std::iter::once(head).chain(rows).collect::<Vec<_>>().join("\n");
         }
         let units = self.shown.iter().map(|joint| format!("{}, {}", joint.name, joint.unit()));
-        let head = ["target", "method", "", "error", "", "steps", "starts"].into_iter().map(str::to_owned);
+        let head =
+            ["target", "method", "", "error, mm", "error, deg", "steps", "starts"].into_iter().map(str::to_owned);
         let rows = self.answers.iter().map(|found| {
             let q = found.q.iter().zip(&self.shown).map(|(q, joint)| number(joint.shown(*q), 3));
             let cells = [
                 found.target.to_string(),
                 found.method.to_owned(),
                 found.said(),
-                format!("{:.1e} mm", 1e3 * found.error_m),
-                found.error_rad.map_or(String::new(), |error| format!("{:.1e} deg", error.to_degrees())),
+                format!("{:.1e}", 1e3 * found.error_m),
+                found.error_rad.map_or(String::new(), |error| format!("{:.1e}", error.to_degrees())),
                 found.steps.to_string(),
                 found.starts.to_string(),
             ];

@@ -47,7 +47,7 @@ pub(crate) struct Import {
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
     /// Write the measurements: CSV, compressed (.csv.gz) or MCAP (.mcap)
-    #[arg(short, long, value_name = "OUT.csv")]
+    #[arg(short, long, value_name = "FILE.csv")]
     output: Option<PathBuf>,
     /// A column of the result, such as q1_rad=Var3*deg
     #[arg(long = "column", value_name = "TARGET=SOURCE", allow_hyphen_values = true)]

@@ -9,7 +9,7 @@ use darm_arm::arm::Arm;
 use darm_arm::reach::map::{Map as Density, Place, Resolution, holes};
 use serde::Serialize;
 
-use super::path::servos_rad;
+use super::servos::ServoArgs;
 use crate::failure::Usage;
 use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui};
@@ -37,9 +37,8 @@ pub(crate) struct Map {
     /// Edge of a cell of orientation, in degrees
     #[arg(long, value_name = "DEG", default_value_t = 10.0)]
     angle: f64,
-    /// Servo angles, in degrees; default: 0
-    #[arg(long, value_name = "DEG", num_args = 1.., allow_negative_numbers = true)]
-    servos: Vec<f64>,
+    #[command(flatten)]
+    servos: ServoArgs,
     /// Plot the density, summed along the line of sight
     #[arg(long, alias = "picture", value_name = "FILE.svg")]
     plot: Option<PathBuf>,
@@ -110,7 +109,7 @@ impl Map {
             return Err(Usage("--cell must be 0.1 to 10000 mm, --angle 0.1 to 180 deg".to_owned()).into());
         }
         let resolution = Resolution::new(1e-3 * self.cell, self.angle.to_radians());
-        let servos_rad = servos_rad(&arm, &self.servos)?;
+        let servos_rad = self.servos.rad(&arm)?;
         let start = Instant::now();
         let bar = ui.progress_bar("stages", 100, "%");
         let map = Density::new(&arm, &servos_rad, resolution, |share| bar.set_position((100.0 * share) as u64))?;

@@ -25,6 +25,7 @@ mod play;
 pub(crate) mod profile;
 mod record;
 mod serve;
+mod servos;
 mod sim;
 mod status;
 mod stop;

@@ -218,7 +218,7 @@ impl Model {
             parts: parts.collect(),
             correction: None,
             frames: robot.frames.iter().map(|frame| frame.name.clone()).collect(),
-            warnings: robot.warnings.clone(),
+            warnings: [robot.warnings.clone(), robot.ignored.clone()].concat(),
             base_parameters: None,
         };
         if self.base_parameters {

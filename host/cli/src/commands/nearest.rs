@@ -12,7 +12,8 @@ use darm_core::se::{Pose, Pose2};
 use darm_core::units::Word;
 use serde::Serialize;
 
-use super::path::{servos_rad, word};
+use super::path::word;
+use super::servos::ServoArgs;
 use crate::failure::Usage;
 use crate::number_text::numbers;
 use crate::port::PortArgs;
@@ -63,11 +64,10 @@ pub(crate) struct Nearest {
     /// Ignore the orientation
     #[arg(long)]
     position_only: bool,
-    /// Servo angles, in degrees; default: 0
-    #[arg(long, value_name = "DEG", num_args = 1.., allow_negative_numbers = true)]
-    servos: Vec<f64>,
+    #[command(flatten)]
+    servos: ServoArgs,
     /// Optimise the servo angles too, until the distance is within this of the minimum, in mm
-    #[arg(long, value_name = "MM", conflicts_with_all = ["servos", "from"])]
+    #[arg(long, value_name = "MM", conflicts_with_all = ["ServoArgs", "from"])]
     gap: Option<f64>,
     /// Time limit of the search, in seconds, for arms of any number of words; report a lower bound on the distance
     #[arg(long, value_name = "S", conflicts_with_all = ["from", "gap"])]
@@ -76,7 +76,7 @@ pub(crate) struct Nearest {
     #[arg(long, conflicts_with_all = ["forbid", "from", "position_only", "gap", "seconds"])]
     effects: bool,
     /// Let the board search the frames in its table (`darm table --nearest`); not exact
-    #[arg(long, conflicts_with_all = ["count", "forbid", "stuck", "from", "position_only", "servos", "gap", "seconds", "effects"])]
+    #[arg(long, conflicts_with_all = ["count", "forbid", "stuck", "from", "position_only", "ServoArgs", "gap", "seconds", "effects"])]
     board: bool,
     #[command(flatten)]
     port: PortArgs,
@@ -130,7 +130,7 @@ impl Nearest {
         }
         let mut options = Options {
             dead: self.stuck.iter().map(|text| stuck_actuator(&arm, text)).collect::<Result<_, _>>()?,
-            servos_rad: servos_rad(&arm, &self.servos)?,
+            servos_rad: self.servos.rad(&arm)?,
             ..Options::of(&arm)
         };
         if self.position_only {
@@ -299,15 +299,15 @@ impl Answer for OnBoard {
 impl Answer for Found {
     fn text(&self) -> String {
         let counted = self.nearest.iter().any(|line| line.switches.is_some());
-        let mut head = ["word", "d", "position", "orientation"].map(str::to_owned).to_vec();
+        let mut head = ["word", "d, mm", "position, mm", "orientation, deg"].map(str::to_owned).to_vec();
         head.extend(counted.then(|| "switches".to_owned()));
         let mut rows = vec![head];
         rows.extend(self.nearest.iter().map(|line| {
             let mut row = vec![
                 line.word.clone(),
-                format!("{:.4} mm", 1e3 * line.distance_m),
-                format!("{:.4} mm", 1e3 * line.error_m),
-                format!("{:.4} deg", line.error_rad.to_degrees()),
+                format!("{:.4}", 1e3 * line.distance_m),
+                format!("{:.4}", 1e3 * line.error_m),
+                format!("{:.4}", line.error_rad.to_degrees()),
             ];
             row.extend(line.switches.map(|count| count.to_string()));
             row

@@ -8,6 +8,7 @@ use darm_arm::wired_arm::profile_of;
 use darm_core::units::Word;
 use serde::Serialize;
 
+use super::servos::ServoArgs;
 use crate::failure::Usage;
 use crate::ui::{Answer, Ui, columns};
 
@@ -42,9 +43,8 @@ pub(crate) struct Path {
     /// Profile of the board; default: the one that the arm names, else the one built into boards
     #[arg(long, value_name = "PROFILE.toml")]
     profile: Option<PathBuf>,
-    /// Servo angles, in degrees; default: 0
-    #[arg(long, value_name = "DEG", num_args = 1.., allow_negative_numbers = true)]
-    servos: Vec<f64>,
+    #[command(flatten)]
+    servos: ServoArgs,
 }
 
 #[derive(Serialize)]
@@ -72,7 +72,7 @@ impl Path {
             Some(at_once) => at_once,
             None => profile_of(&arm, self.profile.as_deref())?.profile.supply.new_coils.into(),
         };
-        let limits = Limits { at_once, tube_m: 1e-3 * self.tube, servos_rad: servos_rad(&arm, &self.servos)? };
+        let limits = Limits { at_once, tube_m: 1e-3 * self.tube, servos_rad: self.servos.rad(&arm)? };
         let spinner = ui.spinner("searching for an order");
         let rests = path(&arm, &from, &to, &limits);
         spinner.finish_and_clear();
@@ -95,23 +95,12 @@ pub(super) fn word(arm: &Arm, text: &str) -> Result<Word, Usage> {
     Ok(word)
 }
 
-/// The given servo angles; all 0 by default.
-pub(super) fn servos_rad(arm: &Arm, degrees: &[f64]) -> Result<Vec<f64>, Usage> {
-    let (given, wanted) = (degrees.len(), arm.n_servos());
-    if given > 0 && given != wanted {
-        return Err(Usage(format!(
-            "--servos has {given} angles, the arm has {wanted} servo joints; give one angle per servo"
-        )));
-    }
-    Ok(if given == 0 { vec![0.0; wanted] } else { degrees.iter().map(|angle| angle.to_radians()).collect() })
-}
-
 impl Answer for SwitchingOrder {
     fn text(&self) -> String {
-        let mut rows = vec![["word", "x", "y", "z", "deviation"].map(str::to_owned).to_vec()];
+        let mut rows = vec![["word", "x, mm", "y, mm", "z, mm", "deviation, mm"].map(str::to_owned).to_vec()];
         rows.extend(self.rests.iter().map(|line| {
-            let [x, y, z] = line.position_m.map(|x| format!("{x:.4} m"));
-            vec![line.word.clone(), x, y, z, format!("{:.1} mm", 1e3 * line.deviation_m)]
+            let [x, y, z] = line.position_m.map(|x| format!("{:.1}", 1e3 * x));
+            vec![line.word.clone(), x, y, z, format!("{:.1}", 1e3 * line.deviation_m)]
         }));
         format!(
             "{}\n\n{} words in between, at most {} actuators at once",

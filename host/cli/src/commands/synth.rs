@@ -23,8 +23,8 @@ use answer::{Extras, Synthesised, not_met};
 const EXAMPLES: &str = "\
 Examples:
   darm synth planar4.toml planar4-frames.toml -o arm.toml
-  darm synth planar4-hybrid.toml planar4-hybrid-frames.toml -o hybrid.toml --frames-out found.toml
-  darm synth planar4.toml planar4-poses.toml -o chosen.toml --choose-words --frames-out words.toml
+  darm synth planar4-hybrid.toml planar4-hybrid-frames.toml -o hybrid.toml --write-frames found.toml
+  darm synth planar4.toml planar4-poses.toml -o chosen.toml --choose-words --write-frames words.toml
   darm synth planar4.toml planar4-frames.toml -o bought.toml --catalogue cylinders.csv --anchors 150
   darm synth planar4.toml planar4-frames.toml -o robust.toml --tolerance 0.05,0.1
   darm synth platform3.toml platform3-anchors.toml -o moved.toml --anchors 200   # beyond the stops
@@ -49,8 +49,8 @@ pub(crate) struct Synth {
     #[arg(short, long, value_name = "NEW.toml")]
     output: PathBuf,
     /// Write the frames with the servo angles and words that were found
-    #[arg(long, value_name = "FILE.toml")]
-    frames_out: Option<PathBuf>,
+    #[arg(long, alias = "frames-out", value_name = "FRAMES.toml")]
+    write_frames: Option<PathBuf>,
     /// Draw the new arm in each frame, as SVG files in this folder
     #[arg(long, alias = "draw", value_name = "FOLDER")]
     plot: Option<PathBuf>,
@@ -139,7 +139,7 @@ fn stuck_actuator(text: &str) -> Result<StuckActuator, String> {
 
 impl Synth {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
-        for path in [Some(&self.output), self.frames_out.as_ref()].into_iter().flatten() {
+        for path in [Some(&self.output), self.write_frames.as_ref()].into_iter().flatten() {
             output_file::refuse_other_than_toml(path, &[&self.base, &self.frames])?;
         }
         let base = Arm::read(&self.base)?;
@@ -253,14 +253,14 @@ impl Synth {
         if let Some(folder) = &self.plot {
             draw(&found.arm, &frames, folder)?;
         }
-        if let Some(path) = &self.frames_out {
+        if let Some(path) = &self.write_frames {
             return output_file::write_text(path, Syntax::Toml, &frames::to_toml(&frames));
         }
         if base.chain.n_servos() > 0 {
-            ui.note("the servo angles that were found are not saved; --frames-out FILE.toml saves them");
+            ui.note("the servo angles that were found are not saved; --write-frames FRAMES.toml saves them");
         }
         if self.choose_words || self.stuck.is_some() {
-            ui.note("the words that were found are not saved; --frames-out FILE.toml saves them");
+            ui.note("the words that were found are not saved; --write-frames FRAMES.toml saves them");
         }
         Ok(())
     }

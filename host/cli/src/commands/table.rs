@@ -14,6 +14,7 @@ use darm_core::units::{DeviceId, Word};
 use darm_diagnose::measurement_plan;
 use serde::Serialize;
 
+use super::servos::ServoArgs;
 use crate::failure::Usage;
 use crate::output_file;
 use crate::port::PortArgs;
@@ -58,9 +59,8 @@ pub(crate) struct Table {
     /// Words to visit: one digit per actuator, base first; commas are ignored
     #[arg(long, value_name = "DIGITS", num_args = 1..)]
     words: Vec<String>,
-    /// Servo angles at all of the words, in degrees
-    #[arg(long, value_name = "DEG", num_args = 1.., allow_negative_numbers = true, requires = "words")]
-    servos: Vec<f64>,
+    #[command(flatten)]
+    servos: ServoArgs,
     /// Visit the words that are most informative about missing effects
     #[arg(long, alias = "programme")]
     measurement_plan: bool,
@@ -206,13 +206,13 @@ impl Table {
     fn word_visit(&self, arm: &Arm, text: &str, dwell_s: f64) -> Result<PlannedVisit, Usage> {
         let word: Word = text.parse().map_err(|error| Usage(format!("--words {text}: {error}")))?;
         frames::check_word(&word, arm).map_err(|fault| Usage(format!("--words {text}: {fault}")))?;
-        let (given, wanted) = (self.servos.len(), arm.n_servos());
-        if given != wanted {
+        let servos_rad = self.servos.given_rad(arm)?.unwrap_or_default();
+        if servos_rad.len() != arm.n_servos() {
             return Err(Usage(format!(
-                "--servos has {given} angles, the arm has {wanted} servo joints; give one angle per servo"
+                "--q is missing; give one position for each of {} servo joints",
+                arm.n_servos()
             )));
         }
-        let servos_rad = self.servos.iter().map(|angle| angle.to_radians()).collect();
         Ok(PlannedVisit { visit: Visit { word, servos_rad, dwell_s, label: word.to_string() }, held_out: false })
     }
 

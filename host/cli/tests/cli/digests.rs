@@ -130,7 +130,7 @@ fn a_table_file_shows_its_contents() {
     let arm = example("planar4-hybrid.toml");
     let words: Vec<String> = (1..15).map(|k| format!("0000{k:04b}0000")).collect();
     let words = words.join(" ");
-    let made = home.json(&format!("table {arm} --words {words} --servos 10 -o a.darm"));
+    let made = home.json(&format!("table {arm} --words {words} --q 10 -o a.darm"));
     let shown = home.json("table --show a.darm");
     for key in ["digest", "model", "end_s", "device"] {
         assert_eq!(shown[key], made[key], "{key}");

@@ -3,18 +3,20 @@
 use super::{Home, example, robot, text};
 
 /// Options of a command that the help no longer shows.
-const OPTIONS: [(&str, &[&str]); 11] = [
+const OPTIONS: [(&str, &[&str]); 13] = [
     ("adjust", &["--resolution-mm"]),
-    ("synth", &["--draw", "--repair"]),
-    ("nearest", &["--dead", "--k ", "-k"]),
-    ("map", &["--picture"]),
-    ("table", &["--programme"]),
+    ("synth", &["--draw", "--repair", "--frames-out"]),
+    ("nearest", &["--dead", "--k ", "-k", "--servos"]),
+    ("map", &["--picture", "--servos"]),
+    ("table", &["--programme", "--servos"]),
+    ("path", &["--servos"]),
+    ("diagnose", &["--map", "--split", "--write-model"]),
     ("ik", &["--picture", "--angles", "--most", "--tolerance-mm", "--tolerance-deg"]),
     ("bench-ik", &["--figures", "--angles"]),
     ("jacobian", &["--wrench"]),
     ("dynamics", &["--wrench"]),
     ("grasp solve", &["--picture", "--tip-radius-mm"]),
-    ("grasp train", &["--figures", "--n "]),
+    ("grasp train", &["--figures", "--n ", "--file"]),
 ];
 
 #[test]
@@ -53,6 +55,14 @@ fn former_names_mean_the_same() {
     same(&home, &format!("{adjust} --resolution-mm 1"), &format!("{adjust} --resolution 1"));
     let synth = format!("synth arm.toml {frames} -o new.toml");
     same(&home, &format!("{synth} --repair 4=0 --draw plots"), &format!("{synth} --stuck 4=0 --plot plots"));
+    let hybrid = format!("nearest {} 300,4200,10", example("planar4-hybrid.toml"));
+    same(&home, &format!("{hybrid} --servos -20"), &format!("{hybrid} --q -20"));
+    let run = format!("diagnose {arm} {}", example("planar4-run.csv"));
+    same(
+        &home,
+        &format!("{run} --split held_out --map run=run --write-model a.toml"),
+        &format!("{run} --hold-out-column held_out --column run=run -o a.toml"),
+    );
     let table = format!("table {arm} -o plan.darm --size 28");
     same(&home, &format!("{table} --programme"), &format!("{table} --measurement-plan"));
     let nearest = format!("nearest {arm} 300,4200,10");

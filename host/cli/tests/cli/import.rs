@@ -57,7 +57,11 @@ fn wrong_options_and_maps_are_reported() {
         text(&home.darm(&format!("import {foreign} --map map.toml")).stderr)
             .starts_with("darm: map.toml:1:2: unknown field")
     );
-    home.fails("import missing.csv", 1, "darm: missing.csv: cannot be read: No such file or directory (os error 2)");
+    home.fails(
+        "import missing.csv",
+        1,
+        "darm: missing.csv: cannot be read: No such file or directory (os error 2); check the path",
+    );
 }
 
 #[test]

@@ -29,7 +29,7 @@ fn renamed_keys_are_printed_by_their_new_names_only() {
         std::fs::copy(&file, home.path(&file.file_name().unwrap().to_string_lossy())).unwrap();
     }
     home.succeeds("synth planar4.toml planar4-frames.toml -o arm.toml");
-    home.succeeds("table planar4-hybrid.toml --words 000010000000 --servos 10 -o hybrid.darm");
+    home.succeeds("table planar4-hybrid.toml --words 000010000000 --q 10 -o hybrid.darm");
     let map = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/renamed-keys.toml");
     let map: DocumentMut = std::fs::read_to_string(map).unwrap().parse().unwrap();
     let mut checked = 0;

@@ -14,7 +14,7 @@ fn rows_that_leave_the_range_of_a_servo_are_refused_where_the_table_is_made() {
     let home = Home::new();
     let arm = narrow(&home);
     let make = |angle: &str| {
-        format!("table {arm} --profile narrow.toml --words 000010000000 --servos {angle} --dwell 0.2 -o one.darm")
+        format!("table {arm} --profile narrow.toml --words 000010000000 --q={angle} --dwell 0.2 -o one.darm")
     };
     let refused = "darm: row 0, word 000010000000: servo 0 (base joint) would go to 45.0 deg, but the profile allows \
                    -60.0 to 30.0 deg without a zero offset; choose an angle within the range, or correct the range in the profile";

@@ -8,6 +8,7 @@ use std::process::{Child, Command, Output, Stdio};
 mod differential;
 mod digests;
 mod examples;
+mod file_errors;
 mod files;
 mod formats;
 mod former_names;
@@ -154,8 +155,8 @@ fn a_hand_makes_contacts_or_reports_which_it_cannot() {
     home.write("three.toml", text.rsplit_once("[[contact]]").unwrap().0);
     let three = "darm: three.toml:2:10: 3 contacts are given, there must be 4, each a [[contact]]";
     home.fails(&format!("grasp solve {hand} three.toml"), 1, three);
-    let trained = home.json(&format!("grasp train {hand} --constraints 5 --lambdas 3 --file training.txt"));
-    assert_eq!(trained, home.json(&format!("grasp train {hand} --constraints 5 --lambdas 3 --file training.txt")));
+    let trained = home.json(&format!("grasp train {hand} --constraints 5 --lambdas 3 -o training.txt"));
+    assert_eq!(trained, home.json(&format!("grasp train {hand} --constraints 5 --lambdas 3 -o training.txt")));
 }
 
 #[test]
@@ -194,13 +195,17 @@ fn bad_usage_has_the_code_two() {
 #[test]
 fn files_that_are_not_tables_are_reported() {
     let home = Home::new();
-    home.fails("upload a.darm", 1, "darm: cannot read a.darm: No such file or directory (os error 2)");
+    home.fails(
+        "upload a.darm",
+        1,
+        "darm: a.darm: cannot be read: No such file or directory (os error 2); check the path",
+    );
     home.write("a.darm", "no table");
     home.fails("upload a.darm", 1, "darm: a.darm is not a table of this version; remake it with `darm table`");
     home.fails(
         "record a.darm -o run.csv",
         1,
-        "darm: cannot read a.visits.csv: No such file or directory (os error 2); `darm table` writes it together with the table",
+        "darm: a.visits.csv: cannot be read: No such file or directory (os error 2); `darm table` writes it together with the table",
     );
 }
 

@@ -44,7 +44,7 @@ fn numbers_that_overflow_are_refused() {
     home.fails(&format!("nearest {planar} 1e308,0,0"), 2, &format!("darm: pose: `1e308` {range}"));
     home.fails(&format!("dynamics {puma} --qd 1e200,0,0,0,0,0"), 2, &format!("darm: waist: `1e200` {range}"));
     home.fails(&format!("ik {puma} --to 1,1e300,0"), 2, &format!("darm: --to: `1e300` {range}"));
-    let hot = home.darm(&format!("nearest {planar} 300,4200,10 --servos nan"));
+    let hot = home.darm(&format!("nearest {planar} 300,4200,10 --q nan"));
     assert!(!hot.status.success() && !text(&hot.stdout).contains("NaN"), "{}", text(&hot.stdout));
 }
 

@@ -183,11 +183,11 @@ fn an_invalid_posture_is_reported() {
         "darm: flange: unit `mm` in `6mm` is invalid; use deg or rad",
     );
     home.write("run.csv", "q1_deg\n1\n");
-    let message = "darm: run.csv: no column shoulder_deg (or q2_deg); its columns are q1_deg";
-    home.fails(&format!("fk {puma} --postures run.csv"), 2, message);
+    let message = "darm: run.csv: no column shoulder_deg (or q2_deg); the file has q1_deg; add or rename a column";
+    home.fails(&format!("fk {puma} --postures run.csv"), 1, message);
     home.write("run.csv", "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n1,2,x,4,5,6\n");
-    let message = "darm: run.csv:2: column q3_deg: `x` is not a number";
-    home.fails(&format!("fk {puma} --postures run.csv"), 2, message);
+    let message = "darm: run.csv:2:5: column q3_deg holds `x`, expected a number; correct the cell";
+    home.fails(&format!("fk {puma} --postures run.csv"), 1, message);
     let message = "darm: no frame `hand`; the frames are base, link 1, link 2, link 3, link 4, link 5, link 6";
     home.fails(&format!("fk {puma} --frame hand"), 2, message);
 }

@@ -193,7 +193,7 @@ fn a_run_that_says_too_little_or_does_not_fit_is_refused() {
     assert!(matches!(diagnose(&arm(), &little, &Options::default()), Err(DiagnoseError::TooFewWords { .. })));
     run.samples[3].word = "0101".parse().unwrap();
     let error = diagnose(&arm(), &run, &Options::default()).unwrap_err();
-    assert_eq!(error.to_string(), "line 5: the word has 4 digits, the arm has 12 actuators");
+    assert_eq!((error.line(), error.to_string()), (Some(5), "the word has 4 digits, the arm has 12 actuators".into()));
 }
 
 #[test]

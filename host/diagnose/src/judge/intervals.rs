@@ -53,7 +53,9 @@ pub(crate) fn effects(selected: &SelectedSignals) -> (Vec<Effect>, Vec<String>) 
         let candidate = selected.candidate(order);
         let mut values: Vec<Value> = candidate.shape.iter().map(shape).collect();
         let n_shape = values.len();
-        for value in &candidate.values {
+        let number = best.fit.active[order];
+        let body = problem.experiment.bodies.iter().find(|body| body.candidate == number);
+        for (k, value) in candidate.values.iter().enumerate() {
             let (at, half) = (best.fit.values[indices[next]], width * deviations[next]);
             let own_share = 1.0 / (information[(next, next)] * inverse[(next, next)]).max(f64::MIN_POSITIVE);
             let is_identified = match value.prior.is_finite() {
@@ -63,7 +65,14 @@ pub(crate) fn effects(selected: &SelectedSignals) -> (Vec<Effect>, Vec<String>) 
             next += 1;
             if is_identified && at.is_finite() {
                 let ci95 = Some([at - half, at + half]);
-                values.push(Value { name: value.name.clone(), value: at, unit: value.unit.clone(), ci95 });
+                let changed_from = body.map(|body| body.nominal[k]);
+                values.push(Value {
+                    name: value.name.clone(),
+                    value: at,
+                    unit: value.unit.clone(),
+                    ci95,
+                    changed_from,
+                });
             } else {
                 unobservable.push(value_name(value, candidate));
             }
@@ -87,7 +96,7 @@ pub(crate) fn effects(selected: &SelectedSignals) -> (Vec<Effect>, Vec<String>) 
 
 /// The number in the shape of a law.
 fn shape((name, value, unit): &(&'static str, f64, String)) -> Value {
-    Value { name: (*name).into(), value: *value, unit: unit.clone(), ci95: None }
+    Value { name: (*name).into(), value: *value, unit: unit.clone(), ci95: None, changed_from: None }
 }
 
 /// The values of the other candidates that these rows do not identify beside those of a model.

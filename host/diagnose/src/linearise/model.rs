@@ -20,24 +20,30 @@
 //! | tool | `frame` | `base` (the default): what was measured is in the robot's base frame, nearly; `unknown`: anywhere |
 //! | all | `lock_deg`, `lock_mm` | positions of joints that do not move, by their names: the columns of a table are those of the others |
 //!
-//! `number` and `[[effect]]` (see [`model_effects`]) are what `darm diagnose --write-model` adds.
+//! `number` and `[[effect]]` (see [`model_effects`]) are what `darm diagnose -o` adds.
 //!
 //! The file of a robot alone is one whose torques are observed, or its contact wrench where the table has `Fz`.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::ops::Range;
+use std::path::Path;
 
 use nalgebra::DMatrix;
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 use crate::linearise::measured_tool::MeasuredTool;
-use crate::linearise::model_effects::{self, ModelEffect};
-use crate::linearise::model_error::ModelError;
+use crate::linearise::model_effects::ModelEffect;
 use crate::linearise::point_contact::Points;
 use crate::linearise::torque::Transmission;
-use darm_robot::description;
+use darm_robot::description::{self, DescriptionError};
 use darm_robot::robot::Robot;
+use darm_robot::source::{FileError, Source};
 use darm_robot::urdf::Locks;
+use toml::Spanned;
+
+/// Why a file is no model: with file, line and column.
+pub type ModelError = FileError<String>;
 
 /// A model of an experiment: what predicts, and the effects known so far.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,27 +76,61 @@ pub enum What {
     Any(Robot),
 }
 
-/// A model as a file has it.
+/// The key that says which others a file has.
 #[derive(Debug, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-enum Raw {
-    Cylinder { bore_mm: f64 },
-    Servo {},
-    Robot(Box<RawRobot>),
+struct RawKind {
+    kind: Kind,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Kind {
+    Cylinder,
+    Servo,
+    Robot,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawServo {
+    #[serde(rename = "kind")]
+    _kind: IgnoredAny,
+    #[serde(rename = "number")]
+    _number: Option<IgnoredAny>,
+    #[serde(default)]
+    effect: Vec<ModelEffect>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawCylinder {
+    #[serde(rename = "kind")]
+    _kind: IgnoredAny,
+    #[serde(rename = "number")]
+    _number: Option<IgnoredAny>,
+    #[serde(default)]
+    effect: Vec<ModelEffect>,
+    bore_mm: Spanned<f64>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawRobot {
-    urdf: PathBuf,
-    observed: Observed,
-    transmission: Option<Vec<Vec<f64>>>,
-    offset_deg: Option<Vec<f64>>,
+    #[serde(rename = "kind")]
+    _kind: IgnoredAny,
+    #[serde(rename = "number")]
+    _number: Option<IgnoredAny>,
+    #[serde(default)]
+    effect: Vec<ModelEffect>,
+    urdf: Spanned<String>,
+    observed: Spanned<Observed>,
+    transmission: Option<Spanned<Vec<Vec<f64>>>>,
+    offset_deg: Option<Spanned<Vec<f64>>>,
     #[serde(default)]
     point: Vec<String>,
-    pair: Option<String>,
-    distance_mm: Option<f64>,
-    tool: Option<String>,
+    pair: Option<Spanned<String>>,
+    distance_mm: Option<Spanned<f64>>,
+    tool: Option<Spanned<String>>,
     #[serde(default)]
     frame: InstrumentFrame,
     #[serde(default)]
@@ -139,18 +179,25 @@ impl Model {
         if is_robot_file(path) {
             return Ok(Some(What::Any(description::read(path, locks)?).into()));
         }
-        let name = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| ModelError::Io(name.clone(), error))?;
-        let Some(mut table) =
-            text.parse::<toml::Table>().ok().filter(|t| t.get("kind").is_some_and(toml::Value::is_str))
-        else {
+        let source = Source::read(path)?;
+        let table = source.text().parse::<toml::Table>().ok();
+        if !table.is_some_and(|table| table.get("kind").is_some_and(toml::Value::is_str)) {
             return Ok(None);
+        }
+        let RawKind { kind } = source.parse()?;
+        let (what, effects) = match kind {
+            Kind::Cylinder => {
+                let RawCylinder { bore_mm, effect, .. } = source.parse()?;
+                let bore_m = length_m(&bore_mm).map_err(|wrong| wrong.at(&source))?;
+                (What::Cylinder { bore_m }, effect)
+            }
+            Kind::Servo => (What::Servo, source.parse::<RawServo, _>()?.effect),
+            Kind::Robot => {
+                let mut raw: RawRobot = source.parse()?;
+                let effects = std::mem::take(&mut raw.effect);
+                (robot(&source, raw, locks)?, effects)
+            }
         };
-        let is_raw = !table.contains_key("number") && !table.contains_key("effect");
-        let effects = model_effects::extract_effects(&name, &mut table)?;
-        // Parsed from the text where that can be, so that an error has its line.
-        let raw: Result<Raw, _> = if is_raw { toml::from_str(&text) } else { table.try_into() };
-        let what = what(path, raw.map_err(|error| ModelError::Toml(name.clone(), error))?, locks)?;
         Ok(Some(Self { what, effects }))
     }
 }
@@ -185,94 +232,99 @@ impl From<What> for Model {
     }
 }
 
-/// What a file describes.
-fn what(path: &Path, raw: Raw, locks: &Locks) -> Result<What, ModelError> {
-    let wrong = |what: &str| ModelError::Value(path.display().to_string(), what.into());
-    Ok(match raw {
-        Raw::Cylinder { bore_mm } if bore_mm > 0.0 && bore_mm.is_finite() => What::Cylinder { bore_m: bore_mm * 1e-3 },
-        Raw::Cylinder { .. } => return Err(wrong("bore_mm must be more than 0")),
-        Raw::Servo {} => What::Servo,
-        Raw::Robot(raw) => {
-            let RawRobot {
-                urdf,
-                observed,
-                transmission,
-                offset_deg,
-                point,
-                pair,
-                distance_mm,
-                tool,
-                frame,
-                lock_deg,
-                lock_mm,
-            } = *raw;
-            let mut locks = locks.clone();
-            locks.extend(lock_deg.into_iter().map(|(joint, deg)| (joint, deg.to_radians())));
-            locks.extend(lock_mm.into_iter().map(|(joint, mm)| (joint, 1e-3 * mm)));
-            let robot = description::read(&path.parent().unwrap_or(Path::new("")).join(urdf), &locks)?;
-            match observed {
-                Observed::Torque => {
-                    let n = robot.joints.len();
-                    let transmission = transmission.map(|rows| matrix(&rows, n, offset_deg)).transpose();
-                    What::Torque(robot, transmission.map_err(|what| wrong(&what))?)
-                }
-                Observed::Wrench => What::Wrench(robot),
-                Observed::PointContact => {
-                    let points = points(&robot, point, (pair, distance_mm), tool);
-                    What::PointContact(robot, points.map_err(|what| wrong(&what))?)
-                }
-                Observed::ToolPosition | Observed::ToolPose => {
-                    known_frame(&robot, tool.as_deref()).map_err(|what| wrong(&what))?;
-                    let oriented = matches!(observed, Observed::ToolPose);
-                    let in_base_frame = frame == InstrumentFrame::Base;
-                    What::Tool(robot, MeasuredTool { tool, oriented, in_base_frame })
-                }
-            }
+/// What is wrong, and at which value of the file.
+struct Wrong(Range<usize>, String);
+
+impl Wrong {
+    fn at(self, source: &Source) -> ModelError {
+        source.wrong(self.0, self.1)
+    }
+}
+
+/// A length above zero, in m.
+fn length_m(mm: &Spanned<f64>) -> Result<f64, Wrong> {
+    match *mm.get_ref() {
+        length if length > 0.0 && length.is_finite() => Ok(1e-3 * length),
+        length => Err(Wrong(mm.span(), format!("the length is {length} mm; give a number above 0"))),
+    }
+}
+
+/// What a model of a robot describes.
+fn robot(source: &Source, raw: RawRobot, locks: &Locks) -> Result<What, ModelError> {
+    let mut locks = locks.clone();
+    locks.extend(raw.lock_deg.iter().map(|(joint, deg)| (joint.clone(), deg.to_radians())));
+    locks.extend(raw.lock_mm.iter().map(|(joint, mm)| (joint.clone(), 1e-3 * mm)));
+    let path = source.companion(raw.urdf.get_ref());
+    let named = |error: DescriptionError| source.wrong(raw.urdf.span(), error.to_string());
+    let robot = description::read(&path, &locks).map_err(named)?;
+    observed(robot, raw).map_err(|wrong| wrong.at(source))
+}
+
+fn observed(robot: Robot, raw: RawRobot) -> Result<What, Wrong> {
+    if let Some(tool) = &raw.tool {
+        known_frame(&robot, tool)?;
+    }
+    Ok(match raw.observed.get_ref() {
+        Observed::Torque => {
+            let transmission = transmission(raw.transmission, raw.offset_deg, robot.joints.len())?;
+            What::Torque(robot, transmission)
+        }
+        Observed::Wrench => What::Wrench(robot),
+        Observed::PointContact => What::PointContact(robot, points(raw)?),
+        Observed::ToolPosition | Observed::ToolPose => {
+            let oriented = matches!(raw.observed.get_ref(), Observed::ToolPose);
+            let in_base_frame = raw.frame == InstrumentFrame::Base;
+            What::Tool(robot, MeasuredTool { tool: raw.tool.map(Spanned::into_inner), oriented, in_base_frame })
         }
     })
 }
 
-fn points(
-    robot: &Robot,
-    point: Vec<String>,
-    pair: (Option<String>, Option<f64>),
-    tool: Option<String>,
-) -> Result<Points, String> {
-    let pair = match pair {
+fn points(raw: RawRobot) -> Result<Points, Wrong> {
+    let apart =
+        "pair and distance_mm go together: in which column two points differ, how far apart they are; add the other";
+    let pair = match (raw.pair, &raw.distance_mm) {
         (None, None) => None,
-        (Some(column), Some(mm)) if mm > 0.0 && mm.is_finite() => Some((column, mm * 1e-3)),
-        (Some(_), Some(_)) => return Err("distance_mm must be more than 0".into()),
-        _ => {
-            return Err(
-                "pair and distance_mm go together: in which column two points differ, how far apart they are".into()
-            );
+        (Some(column), Some(mm)) if raw.point.contains(column.get_ref()) => Some((column.into_inner(), length_m(mm)?)),
+        (Some(column), Some(_)) => {
+            let what = format!("pair is {:?}; give one of the columns of `point`", column.get_ref());
+            return Err(Wrong(column.span(), what));
         }
+        (Some(column), None) => return Err(Wrong(column.span(), apart.into())),
+        (None, Some(mm)) => return Err(Wrong(mm.span(), apart.into())),
     };
-    if point.is_empty() {
-        return Err("point must name the columns that name a point".into());
+    if raw.point.is_empty() {
+        let what = "the key `point` is missing; give the columns whose values name the point that is touched";
+        return Err(Wrong(raw.observed.span(), what.into()));
     }
-    if let Some((column, _)) = pair.as_ref().filter(|(column, _)| !point.contains(column)) {
-        return Err(format!("pair = {column:?} must be one of the columns of point"));
-    }
-    known_frame(robot, tool.as_deref())?;
-    Ok(Points { point, pair, tool })
+    Ok(Points { point: raw.point, pair, tool: raw.tool.map(Spanned::into_inner) })
 }
 
-fn known_frame(robot: &Robot, name: Option<&str>) -> Result<(), String> {
-    match name.filter(|name| robot.frame(name).is_none()) {
-        Some(name) => Err(format!("the robot has no frame {name}; it has {}", robot.frame_names())),
-        None => Ok(()),
+fn known_frame(robot: &Robot, name: &Spanned<String>) -> Result<(), Wrong> {
+    match robot.frame(name.get_ref()) {
+        Some(_) => Ok(()),
+        None => {
+            let what = format!("the robot has no frame {}; give one of {}", name.get_ref(), robot.frame_names());
+            Err(Wrong(name.span(), what))
+        }
     }
 }
 
-fn matrix(rows: &[Vec<f64>], n: usize, offset_deg: Option<Vec<f64>>) -> Result<Transmission, String> {
+/// The transmission of a robot of `n` joints.
+fn transmission(
+    rows: Option<Spanned<Vec<Vec<f64>>>>,
+    offset_deg: Option<Spanned<Vec<f64>>>,
+    n: usize,
+) -> Result<Option<Transmission>, Wrong> {
+    let Some(rows) = rows else { return Ok(None) };
+    let (span, rows) = (rows.span(), rows.into_inner());
     if rows.len() != n || rows.iter().any(|row| row.len() != n) {
-        return Err(format!("transmission must have {n} rows of {n} numbers"));
+        return Err(Wrong(span, format!("the robot has {n} joints; give {n} rows of {n} numbers")));
     }
-    let offset = offset_deg.unwrap_or_else(|| vec![0.0; n]);
-    if offset.len() != n {
-        return Err(format!("offset_deg must have {n} numbers"));
-    }
+    let offset = match offset_deg {
+        None => vec![0.0; n],
+        Some(offset) if offset.get_ref().len() == n => offset.into_inner(),
+        Some(offset) => return Err(Wrong(offset.span(), format!("the robot has {n} joints; give {n} numbers"))),
+    };
     let matrix = DMatrix::from_fn(n, n, |row, column| rows[row][column]);
-    Ok(Transmission { matrix, offset: offset.into_iter().map(f64::to_radians).collect() })
+    Ok(Some(Transmission { matrix, offset: offset.into_iter().map(f64::to_radians).collect() }))
 }

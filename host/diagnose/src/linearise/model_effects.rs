@@ -22,7 +22,6 @@ use serde::{Deserialize, Deserializer, Serialize};
 use crate::effect::{Law, as_str};
 use crate::error::{DiagnoseError, UnknownValue};
 use crate::linearise::experiment::{Candidate, Experiment};
-use crate::linearise::model_error::ModelError;
 
 /// One effect with all its values, in SI units and radians.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -170,15 +169,6 @@ fn add_fitted(experiment: &mut Experiment, term: &ModelEffect) -> Option<()> {
     let own = experiment.residuals.iter_mut().skip(axis).step_by(experiment.axes.len());
     own.zip(channel).for_each(|(residual, channel)| *residual += term.at(*channel));
     Some(())
-}
-
-/// The effects that a model's table holds, taken out of it with its number.
-pub(crate) fn extract_effects(name: &str, table: &mut toml::Table) -> Result<Vec<ModelEffect>, ModelError> {
-    table.remove("number");
-    match table.remove("effect") {
-        Some(effects) => effects.try_into().map_err(|error| ModelError::Toml(name.into(), error)),
-        None => Ok(Vec::new()),
-    }
 }
 
 /// The effects of a model and those that were found beside them, one for each law, place and constant. Fitted terms stay

@@ -180,6 +180,10 @@ pub(crate) fn columns(data: &Prepared, robot: &Robot, transmission: Option<&Tran
 }
 
 fn of_joints(data: &Prepared, robot: &Robot) -> Result<Motion, PrepareError> {
+    if robot.joints.is_empty() {
+        let what = "the robot of the model has no moving joint, so it has no torques; give the model of these data";
+        return Err(PrepareError::Nothing(what.into()));
+    }
     let mut motion = Motion { q: Vec::new(), v: Vec::new(), a: Vec::new(), tau: Vec::new() };
     for [position, velocity, acceleration, torque] in columns_of_joints(data, robot) {
         let [q, v, a] = data.motion(&position, false)?;

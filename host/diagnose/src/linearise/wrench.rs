@@ -36,8 +36,9 @@ pub(crate) fn experiment(data: &Prepared, robot: &Robot) -> Result<Experiment, P
         measured.push(data.channel(name)?);
     }
     if let Some(row) = measured[FZ].iter().position(|force| *force <= 0.0) {
-        let what = format!("line {}: the ground does not push (Fz is not above 0): is z up?", data.rows[row].line);
-        return Err(PrepareError::Nothing(what));
+        let what =
+            "the ground does not push (Fz is not above 0); give what the ground exerts on the robot, z up".into();
+        return Err(PrepareError::Row { line: data.rows[row].line, what });
     }
     let loads = loads(data, robot, &base, &joints);
     let tens: Vec<[f64; 10]> = std::iter::once(&robot.base)

@@ -3,27 +3,25 @@
 use std::io;
 use std::path::PathBuf;
 
+use darm_robot::csv_table::CsvError;
+use darm_robot::source::unreadable;
+
 use super::log::LogError;
 
 /// Why a file gives no measurements.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// The file cannot be opened or read.
-    #[error("{}: cannot be read: {error}", path.display())]
+    #[error("{}: {}", path.display(), unreadable(error))]
     Io {
         /// The file.
         path: PathBuf,
         /// What the system says.
         error: io::Error,
     },
-    /// The text is no table: a row is longer or shorter than the header, say.
-    #[error("{}: not a table of comma-separated values: {error}", path.display())]
-    Table {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        error: csv::Error,
-    },
+    /// The text is no table, or a cell is not what its column holds.
+    #[error(transparent)]
+    Csv(#[from] CsvError),
     /// A log gives no table.
     #[error("{}: {error}", path.display())]
     Log {
@@ -42,20 +40,6 @@ pub enum ReadError {
         /// The columns that there are.
         present: String,
     },
-    /// A cell cannot be read as what its column says.
-    #[error("{}: line {line}: column {column} holds `{text}`, expected {expected}", path.display())]
-    Cell {
-        /// The file.
-        path: PathBuf,
-        /// Line of the file, the header being 1.
-        line: usize,
-        /// The column.
-        column: String,
-        /// What is there.
-        text: String,
-        /// What should.
-        expected: &'static str,
-    },
     /// A selection of rows makes no sense.
     #[error("{}: {error}", path.display())]
     Select {
@@ -65,7 +49,7 @@ pub enum ReadError {
         error: SelectError,
     },
     /// There is a header, or not even that, and no rows.
-    #[error("{}: no rows, there is nothing to diagnose", path.display())]
+    #[error("{}: no rows, there is nothing to diagnose; record again", path.display())]
     Empty {
         /// The file.
         path: PathBuf,

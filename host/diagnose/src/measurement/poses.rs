@@ -250,14 +250,8 @@ impl Row<'_> {
     }
 
     fn required<T: FromStr>(&self, column: &Column, expected: &'static str) -> Result<T, ReadError> {
-        let (table, text) = (self.columns.table, &column.words[self.row]);
-        text.parse().map_err(|_| ReadError::Cell {
-            path: table.path.clone(),
-            line: table.lines[self.row],
-            column: column.name.clone(),
-            text: text.clone(),
-            expected,
-        })
+        let wrong = |_| self.columns.table.wrong_cell(self.row, column, expected).into();
+        column.words[self.row].parse().map_err(wrong)
     }
 
     /// `None` of an empty cell or a missing column.

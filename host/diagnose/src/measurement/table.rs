@@ -30,6 +30,10 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use darm_robot::csv_table::{CsvError, CsvFault, csv_error, place_of};
+use darm_robot::source::Fault;
 
 use super::column::{Column, name_parts};
 use super::csv::content;
@@ -45,6 +49,9 @@ pub struct Table {
     pub columns: Vec<Column>,
     /// The line of each row, the header being 1.
     pub lines: Vec<usize>,
+    /// The text that it was read from, for the places of cells, and where in it each row is.
+    text: Arc<[u8]>,
+    positions: Vec<csv::Position>,
 }
 
 /// Names given to columns: quantity (with its unit, if any) to the column's name in the file.
@@ -82,8 +89,8 @@ impl Table {
     /// A row is longer or shorter than the header, a column that `names` gives a meaning is missing, or there are no
     /// rows.
     pub fn read_text(path: &Path, text: &[u8], names: &Names) -> Result<(Self, Vec<Finding>), ReadError> {
-        let wrong = |error| ReadError::Table { path: path.into(), error };
-        let text = with_plain_ends(text);
+        let text: Arc<[u8]> = with_plain_ends(text).into();
+        let wrong = |error| csv_error(path, &text, &error);
         let mut file = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(&text[..]);
         let header = file.headers().map_err(wrong)?.clone();
         if let Some(missing) = names.values().find(|column| !header.iter().any(|name| name == column.as_str())) {
@@ -104,10 +111,11 @@ impl Table {
                 words: Vec::new(),
             })
             .collect();
-        let (mut lines, mut findings, mut before) = (Vec::new(), Vec::new(), None);
+        let (mut lines, mut positions, mut findings, mut before) = (Vec::new(), Vec::new(), Vec::new(), None);
         for record in file.records() {
             let record = record.map_err(wrong)?;
-            let line = record.position().map_or(0, |position| position.line() as usize);
+            let position = record.position().cloned().unwrap_or_else(csv::Position::new);
+            let line = position.line() as usize;
             if before.as_ref() == Some(&record) {
                 findings.push(Finding::note(FindingKind::RepeatedRow, "the row repeats the one before").at_line(line));
             }
@@ -116,12 +124,25 @@ impl Table {
                 column.words.push(cell.into());
             }
             lines.push(line);
+            positions.push(position);
             before = Some(record);
         }
         if lines.is_empty() {
             return Err(ReadError::Empty { path: path.into() });
         }
-        Ok((Self { path: path.into(), columns, lines }, findings))
+        Ok((Self { path: path.into(), columns, lines, text, positions }, findings))
+    }
+
+    /// The error that a cell is not what its column holds.
+    pub(super) fn wrong_cell(&self, row: usize, column: &Column, expected: &str) -> CsvError {
+        let number = self.columns.iter().position(|own| own.name == column.name).unwrap_or(0);
+        let fault =
+            CsvFault::Cell { column: column.name.clone(), text: column.words[row].clone(), expected: expected.into() };
+        CsvError {
+            path: self.path.clone(),
+            place: place_of(&self.text, self.positions.get(row), number),
+            fault: Fault::Content(fault.into()),
+        }
     }
 
     /// The column with this name in the file.
@@ -144,7 +165,7 @@ impl Table {
     pub fn required(&self, quantity: &str) -> Result<&Column, ReadError> {
         self.quantity(quantity).ok_or_else(|| ReadError::NoColumn {
             path: self.path.clone(),
-            column: format!("{quantity} (a column can be given that meaning with --map {quantity}=COLUMN)"),
+            column: format!("{quantity} (a column can be given that meaning with --column {quantity}=COLUMN)"),
             present: self.present(),
         })
     }
@@ -213,5 +234,6 @@ impl Table {
             column.words = rows.iter().map(|&row| std::mem::take(&mut column.words[row])).collect();
         }
         self.lines = rows.iter().map(|&row| self.lines[row]).collect();
+        self.positions = rows.iter().map(|&row| self.positions[row].clone()).collect();
     }
 }

@@ -11,6 +11,14 @@ pub enum PrepareError {
     /// A selection makes no sense.
     #[error(transparent)]
     Select(#[from] SelectError),
+    /// A row contradicts the model.
+    #[error("{what}")]
+    Row {
+        /// Line of the file, the header being 1.
+        line: usize,
+        /// What is wrong, and what to do about it.
+        what: String,
+    },
     /// Nothing is left.
     #[error("{0}")]
     Nothing(String),

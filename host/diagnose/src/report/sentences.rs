@@ -213,7 +213,10 @@ fn terms_sentence(arm: &Arm, diagnosis: &Diagnosis, with_terms: &WithTerms) -> S
 }
 
 fn effect_of_signals(effect: &outcome::Effect) -> String {
-    let value = |value: &Value| format!("{} {} {}", value.name, short(value.value), value.unit);
+    let value = |value: &Value| match value.changed_from {
+        Some(from) => format!("{} {} → {} {}", value.name, short(from), short(from + value.value), value.unit),
+        None => format!("{} {} {}", value.name, short(value.value), value.unit),
+    };
     let values: Vec<String> = effect.values.iter().map(value).collect();
     let gain = match &effect.held_out_gain {
         Some(gain) if gain.value > 0.0 => {

@@ -61,8 +61,9 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Vec<Array>, Fault> {
     let mut arrays = Vec::new();
     while !reader.rest.is_empty() {
         let place = format!("variable {}", arrays.len() + 1);
-        let cut =
-            |what: &str| Fault::at(&place, format!("{what}: the file is damaged or was not closed, save it again"));
+        let cut = |what: &str| {
+            Fault::at(place.clone(), format!("{what}: the file is damaged or was not closed, save it again"))
+        };
         let (kind, content) = reader.element().ok_or_else(|| cut("it ends early"))?;
         let expanded;
         let (kind, content) = match kind {

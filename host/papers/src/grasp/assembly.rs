@@ -9,7 +9,7 @@ use super::cross_check::CrossCheck;
 use super::fault::HandFault;
 use super::hand::{Finger, FingerJoint, Hand};
 use super::layout::{ANGLES, BODIES, COORDINATES, FINGERS, JOINTS, PALM};
-use darm_robot::description::{read, read_shapes};
+use darm_robot::description::{DescriptionError, read, read_shapes};
 use darm_robot::robot::{Robot, RobotFrame};
 use darm_robot::shape::LinkShape;
 use darm_robot::urdf::Locks;
@@ -44,9 +44,8 @@ pub(super) const VIRTUAL_DEG: [[f64; 2]; 2] = [[0.0, 90.0], [-45.0, 45.0]];
 
 impl Described {
     /// Reads a URDF or MJCF.
-    pub(super) fn read(path: &Path) -> Result<Self, HandFault> {
-        let robot = read(path, &Locks::new()).map_err(|error| HandFault::Robot(error.to_string()))?;
-        Ok(Self { robot, path: path.into() })
+    pub(super) fn read(path: &Path) -> Result<Self, DescriptionError> {
+        Ok(Self { robot: read(path, &Locks::new())?, path: path.into() })
     }
 
     /// The hand of four fingers, none of which share a joint.

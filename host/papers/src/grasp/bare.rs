@@ -21,7 +21,7 @@ use super::hand::Hand;
 use super::layout::{FINGERS, JOINTS, THUMB};
 use super::train::PAPER_LAMBDAS;
 use darm_robot::robot::{Robot, RobotFrame};
-use darm_robot::source::Fault;
+use darm_robot::source::{Fault, FileError};
 
 /// Names of the fingers in their order, as contacts call them.
 const NAMES: [&str; FINGERS] = ["index", "medium", "ring", "thumb"];
@@ -46,7 +46,8 @@ pub struct Fingers {
 pub fn read_bare_hand(path: &Path, fingers: &Fingers) -> Result<HandFile, HandError> {
     let of_file =
         |fault: HandFault| HandError { path: path.into(), place: None, fault: Fault::Content(Box::new(fault)) };
-    Described::read(path).and_then(|described| bare_hand(described, fingers)).map_err(of_file)
+    let described = Described::read(path).map_err(|error| FileError::from(error).map(HandFault::Robot))?;
+    bare_hand(described, fingers).map_err(of_file)
 }
 
 fn bare_hand(described: Described, given: &Fingers) -> Result<HandFile, HandFault> {

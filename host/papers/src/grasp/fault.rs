@@ -17,7 +17,7 @@ pub enum HandFault {
         found: u32,
     },
     /// Its robot cannot be read.
-    #[error("the robot cannot be read: {0}")]
+    #[error("{0}")]
     Robot(String),
     /// Not four fingers.
     #[error("the hand has {found} fingers, there must be 4: index, medium, ring and thumb, each a [[finger]]")]

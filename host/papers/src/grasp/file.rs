@@ -24,6 +24,7 @@ use super::assembly::{Described, HandFile, Read, VIRTUAL_DEG, finger_at, shared,
 use super::fault::{HandError, HandFault};
 use super::layout::FINGERS;
 use super::train::PAPER_LAMBDAS;
+use darm_robot::description::DescriptionError;
 use darm_robot::robot::Robot;
 use darm_robot::source::{Number, Source};
 
@@ -67,7 +68,8 @@ pub fn read_hand(path: &Path) -> Result<HandFile, HandError> {
         return Err(of_file((raw.format.span(), HandFault::Format { found: *raw.format.get_ref() })));
     }
     let robot_path = path.parent().unwrap_or(Path::new("")).join(raw.robot.get_ref());
-    let described = Described::read(&robot_path).map_err(|fault| of_file((raw.robot.span(), fault)))?;
+    let named = |error: DescriptionError| of_file((raw.robot.span(), HandFault::Robot(error.to_string())));
+    let described = Described::read(&robot_path).map_err(named)?;
     hand_file(&raw, described).map_err(of_file)
 }
 

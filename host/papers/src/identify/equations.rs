@@ -45,7 +45,7 @@ pub enum IdentifyError {
     },
     /// The ground pulls.
     #[error(
-        "line {line}: the contacts pull the robot down (Fz = {force_n:.1} N), in {count} of {of} postures: the wrench must be what the ground exerts on the robot, z up; turn its sign round"
+        "the contacts pull the robot down (Fz = {force_n:.1} N), in {count} of {of} postures; give what the ground exerts on the robot, z up"
     )]
     Pulls {
         /// Line of the first.
@@ -68,11 +68,21 @@ pub enum IdentifyError {
         correlation: f64,
     },
     /// A number that is none.
-    #[error("line {line}: the equations hold no finite number: is a cell empty, or a mass of the robot missing?")]
+    #[error("the equations hold no finite number; fill empty cells, and give the robot its masses")]
     NoNumber {
         /// Line of the file.
         line: usize,
     },
+}
+
+impl IdentifyError {
+    /// Line of the file, where the error is in one row.
+    pub fn line(&self) -> Option<usize> {
+        match self {
+            Self::Pulls { line, .. } | Self::NoNumber { line } => Some(*line),
+            _ => None,
+        }
+    }
 }
 
 /// Postures below which nothing can be identified and held out.

@@ -46,7 +46,7 @@ pub enum ReadSamplesError {
     #[error(transparent)]
     Prepare(#[from] PrepareError),
     /// Nobody measured a contact.
-    #[error("{path} has no contact wrench: it needs Fx, Fz and My at least (ground on robot, N and N·m, world)")]
+    #[error("{path}: no contact wrench; add at least the columns Fx, Fz and My (ground on robot, N and N·m, world)")]
     NoWrench {
         /// The file.
         path: String,

@@ -205,14 +205,17 @@ fn two_feet_tell_as_much_as_one_plate() {
 fn bad_samples_are_told() {
     let (robot, samples) = (robot(), samples());
     let new = |samples: &[Sample]| {
-        Equations::new(&robot, samples, &rows(), NOISE, Kind::Static).err().map(|error| error.to_string()).unwrap()
+        Equations::new(&robot, samples, &rows(), NOISE, Kind::Static)
+            .err()
+            .map(|error| format!("{:?}: {error}", error.line()))
+            .unwrap()
     };
     assert!(new(&samples[..1]).contains("at least 10"), "{}", new(&samples[..1]));
     let mut reversed = samples.clone();
     for sample in &mut reversed {
         sample.contacts[0].wrench = -sample.contacts[0].wrench;
     }
-    assert!(new(&reversed).starts_with("line 2: the contacts pull"), "{}", new(&reversed));
+    assert!(new(&reversed).starts_with("Some(2): the contacts pull"), "{}", new(&reversed));
     let mut opposite = samples.clone();
     opposite.iter_mut().for_each(|sample| sample.torque[1] = -sample.torque[1]);
     assert!(new(&opposite).contains("knee"), "{}", new(&opposite));
@@ -226,7 +229,7 @@ fn bad_samples_are_told() {
     assert_eq!(turned(&moment).map(|(component, _)| component), Some(1), "My");
     let mut lost = samples;
     lost[4].torque[0] = f64::NAN;
-    assert!(new(&lost).starts_with("line 6:"), "{}", new(&lost));
+    assert!(new(&lost).starts_with("Some(6):"), "{}", new(&lost));
 }
 
 /// Rows of a robot on a fixed base with other masses than its file says and friction, at random states.

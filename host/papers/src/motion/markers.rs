@@ -80,7 +80,7 @@ pub enum CaptureError {
         frame: usize,
     },
     /// Too few markers in a frame.
-    #[error("frame {frame} (line {line}): {seen} markers are seen, {FEWEST} at least are needed; missing: {missing}")]
+    #[error("{seen} markers are seen in frame {frame}; give at least {FEWEST}, {missing} are missing")]
     TooFew {
         /// The frame, from 1.
         frame: usize,
@@ -93,7 +93,7 @@ pub enum CaptureError {
     },
     /// The plates pull, or a value is not a number.
     #[error(
-        "frame {frame} (line {line}): the plates' vertical force is {force_n} N: the wrench must be what the ground exerts on the person, z up"
+        "the plates' vertical force is {force_n} N in frame {frame}; give what the ground exerts on the person, z up"
     )]
     Pulls {
         /// The frame, from 1.
@@ -110,13 +110,23 @@ pub enum CaptureError {
         frames: usize,
     },
     /// Time does not run.
-    #[error("frame {frame} (line {line}): time does not run on at the pace of the others")]
+    #[error("the time step before frame {frame} differs from the others; resample to even steps")]
     Time {
         /// The frame, from 1.
         frame: usize,
         /// Its line.
         line: usize,
     },
+}
+
+impl CaptureError {
+    /// Line of the file, where the error is in one row.
+    pub fn line(&self) -> Option<usize> {
+        match self {
+            Self::TooFew { line, .. } | Self::Pulls { line, .. } | Self::Time { line, .. } => Some(*line),
+            _ => None,
+        }
+    }
 }
 
 /// Frames below which there is no motion.

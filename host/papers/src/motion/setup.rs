@@ -10,14 +10,17 @@
 //! | `robot.links.LINK` | which link of the robot follows a link of the person |
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::ops::Range;
+use std::path::Path;
 
 use darm_core::actuator::JointKind;
 use darm_core::real::Vec3;
 use serde::Deserialize;
+use toml::Spanned;
 
 use super::BodyPoint;
 use darm_robot::robot::{Robot, RobotFrame};
+use darm_robot::source::{FileError, Source};
 
 /// The file as it is written.
 #[derive(Clone, Debug, Deserialize)]
@@ -30,26 +33,26 @@ struct Raw {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawPerson {
-    feet: Vec<String>,
+    feet: Spanned<Vec<Spanned<String>>>,
     markers: BTreeMap<String, RawMarker>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawMarker {
-    link: String,
+    link: Spanned<String>,
     at: [f64; 3],
 }
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawRobot {
-    feet: BTreeMap<String, Vec<[f64; 3]>>,
+    feet: Spanned<BTreeMap<Spanned<String>, Vec<[f64; 3]>>>,
     #[serde(default)]
-    seat: BTreeMap<String, Vec<[f64; 3]>>,
+    seat: BTreeMap<Spanned<String>, Vec<[f64; 3]>>,
     #[serde(default)]
-    sitting_deg: BTreeMap<String, f64>,
-    links: BTreeMap<String, String>,
+    sitting_deg: BTreeMap<Spanned<String>, f64>,
+    links: Spanned<BTreeMap<Spanned<String>, Spanned<String>>>,
 }
 
 /// A marker by name, on the person and, where a link follows, on the robot.
@@ -78,30 +81,15 @@ pub struct Setup {
     pub sitting: Vec<f64>,
 }
 
-/// Why a file is no setup.
-#[derive(Debug, thiserror::Error)]
-pub enum SetupError {
-    /// It cannot be read.
-    #[error("{path} cannot be read: {error}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        error: std::io::Error,
-    },
-    /// It is no TOML of this shape.
-    #[error("{path}: {error}")]
-    Syntax {
-        /// The file.
-        path: PathBuf,
-        /// Where and why.
-        error: Box<toml::de::Error>,
-    },
+/// Why a file is no setup: with file, line and column.
+pub type SetupError = FileError<SetupFault>;
+
+/// What is wrong with a setup, and what to do about it.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SetupFault {
     /// A name that its tree does not have.
-    #[error("{key}: {tree} has no {what} `{name}`; there are {known}")]
+    #[error("{tree} has no {what} `{name}`; give one of {known}")]
     Unknown {
-        /// The key of the file.
-        key: &'static str,
         /// The tree.
         tree: String,
         /// Link or joint.
@@ -112,7 +100,7 @@ pub enum SetupError {
         known: String,
     },
     /// A foot of fewer points than make a plane.
-    #[error("robot.feet.{link}: {points} points are no sole, 3 at least are needed")]
+    #[error("the sole of {link} has {points} points; give at least 3")]
     Sole {
         /// The link.
         link: String,
@@ -120,18 +108,18 @@ pub enum SetupError {
         points: usize,
     },
     /// Nothing follows.
-    #[error("robot.links: {markers} marker(s) are on links that the robot follows, 3 at least are needed")]
+    #[error("{markers} marker(s) are on links that the robot follows; give at least 3")]
     Followers {
         /// How many.
         markers: usize,
     },
     /// No foot at all.
-    #[error("{key} names no link: a motion is measured from the feet")]
-    NoFeet {
-        /// The key of the file.
-        key: &'static str,
-    },
+    #[error("no foot is named; name a link, a motion is measured from the feet")]
+    NoFeet,
 }
+
+/// What is wrong, and where in the file.
+type Wrong = (Range<usize>, SetupFault);
 
 impl Setup {
     /// Names of the markers, as columns of a capture have them.
@@ -150,8 +138,7 @@ impl Setup {
     ///
     /// The file cannot be read; or as [`parse`](Self::parse).
     pub fn read(path: &Path, person: &Robot, robot: &Robot) -> Result<Self, SetupError> {
-        let text = std::fs::read_to_string(path).map_err(|error| SetupError::Read { path: path.into(), error })?;
-        Self::parse(path, &text, person, robot)
+        Self::of_source(&Source::read(path)?, person, robot)
     }
 
     /// The same of text; `path` only serves messages.
@@ -161,41 +148,51 @@ impl Setup {
     /// The text is not TOML of this form, names a link or joint that its tree does not have, has fewer than three
     /// markers that the robot follows, a sole of fewer than three points, or no foot.
     pub fn parse(path: &Path, text: &str, person: &Robot, robot: &Robot) -> Result<Self, SetupError> {
-        let syntax = |error| SetupError::Syntax { path: path.into(), error: Box::new(error) };
-        let raw: Raw = toml::from_str(text).map_err(syntax)?;
+        Self::of_source(&Source::of_text(path, text), person, robot)
+    }
+
+    fn of_source(source: &Source, person: &Robot, robot: &Robot) -> Result<Self, SetupError> {
+        let raw: Raw = source.parse()?;
+        Self::of_raw(&raw, person, robot).map_err(|(span, fault)| source.wrong(span, fault))
+    }
+
+    fn of_raw(raw: &Raw, person: &Robot, robot: &Robot) -> Result<Self, Wrong> {
+        let links = raw.robot.links.get_ref();
         let mut markers = Vec::new();
         for (name, marker) in &raw.person.markers {
-            let on_person = fixed(link(person, "person.markers", &marker.link)?, marker.at);
-            let followed = raw.robot.links.get(&marker.link);
-            let follower = followed.map(|name| link(robot, "robot.links", name)).transpose()?.map(|link| link.joint);
+            let on_person = fixed(link(person, &marker.link)?, marker.at);
+            let followed = links.get(marker.link.get_ref().as_str());
+            let follower = followed.map(|name| link(robot, name)).transpose()?.map(|link| link.joint);
             markers.push(Marker { name: name.clone(), on_person, follower });
         }
-        for name in raw.robot.links.keys() {
-            link(person, "robot.links", name)?;
+        for name in links.keys() {
+            link(person, name)?;
         }
         let followed = markers.iter().filter(|marker| marker.follower.is_some()).count();
         if followed < 3 {
-            return Err(SetupError::Followers { markers: followed });
+            return Err((raw.robot.links.span(), SetupFault::Followers { markers: followed }));
         }
-        let person_feet: Result<Vec<_>, _> =
-            raw.person.feet.iter().map(|name| Ok(link(person, "person.feet", name)?.joint)).collect();
         let (mut feet, mut seat) = (Vec::new(), Vec::new());
-        for (name, points) in &raw.robot.feet {
+        for (name, points) in raw.robot.feet.get_ref() {
             if points.len() < 3 {
-                return Err(SetupError::Sole { link: name.clone(), points: points.len() });
+                let link = name.get_ref().clone();
+                return Err((name.span(), SetupFault::Sole { link, points: points.len() }));
             }
-            let foot = link(robot, "robot.feet", name)?;
+            let foot = link(robot, name)?;
             feet.push((foot.joint, points.iter().map(|point| fixed(foot, *point).point).collect()));
         }
         for (name, points) in &raw.robot.seat {
-            let sits = link(robot, "robot.seat", name)?;
+            let sits = link(robot, name)?;
             seat.extend(points.iter().map(|point| fixed(sits, *point)));
         }
-        let person_feet = person_feet?;
-        for (key, none) in [("person.feet", person_feet.is_empty()), ("robot.feet", feet.is_empty())] {
-            if none {
-                return Err(SetupError::NoFeet { key });
-            }
+        let own = &raw.person.feet;
+        let person_feet =
+            own.get_ref().iter().map(|name| Ok(link(person, name)?.joint)).collect::<Result<Vec<_>, _>>()?;
+        if person_feet.is_empty() {
+            return Err((own.span(), SetupFault::NoFeet));
+        }
+        if feet.is_empty() {
+            return Err((raw.robot.feet.span(), SetupFault::NoFeet));
         }
         Ok(Self { markers, person_feet, feet, seat, sitting: sitting(robot, &raw.robot.sitting_deg)? })
     }
@@ -208,13 +205,11 @@ impl Setup {
     }
 }
 
-fn sitting(robot: &Robot, given: &BTreeMap<String, f64>) -> Result<Vec<f64>, SetupError> {
+fn sitting(robot: &Robot, given: &BTreeMap<Spanned<String>, f64>) -> Result<Vec<f64>, Wrong> {
     let mut q = vec![0.0; robot.joints.len()];
     for (name, value) in given {
-        let Some(at) = robot.joints.iter().position(|joint| joint.name == *name) else {
-            let known = robot.joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>().join(", ");
-            let (tree, name) = (robot.name.clone(), name.clone());
-            return Err(SetupError::Unknown { key: "robot.sitting_deg", tree, what: "joint", name, known });
+        let Some(at) = robot.joints.iter().position(|joint| joint.name == *name.get_ref()) else {
+            return Err(unknown(robot, "joint", name, robot.joints.iter().map(|joint| joint.name.as_str())));
         };
         q[at] = match robot.joints[at].joint.axis.kind {
             JointKind::Revolute => value.to_radians(),
@@ -225,11 +220,19 @@ fn sitting(robot: &Robot, given: &BTreeMap<String, f64>) -> Result<Vec<f64>, Set
 }
 
 /// A link by its name: the joint that moves it, and its frame there.
-fn link<'a>(tree: &'a Robot, key: &'static str, name: &str) -> Result<&'a RobotFrame, SetupError> {
-    tree.frame(name).ok_or_else(|| {
-        let known = tree.frames.iter().map(|frame| frame.name.as_str()).collect::<Vec<_>>().join(", ");
-        SetupError::Unknown { key, tree: tree.name.clone(), what: "link", name: name.to_owned(), known }
-    })
+fn link<'a>(tree: &'a Robot, name: &Spanned<String>) -> Result<&'a RobotFrame, Wrong> {
+    let known = || tree.frames.iter().map(|frame| frame.name.as_str());
+    tree.frame(name.get_ref()).ok_or_else(|| unknown(tree, "link", name, known()))
+}
+
+fn unknown<'a>(
+    tree: &Robot,
+    what: &'static str,
+    name: &Spanned<String>,
+    known: impl Iterator<Item = &'a str>,
+) -> Wrong {
+    let known = known.collect::<Vec<_>>().join(", ");
+    (name.span(), SetupFault::Unknown { tree: tree.name.clone(), what, name: name.get_ref().clone(), known })
 }
 
 /// A point of a link.

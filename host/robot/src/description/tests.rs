@@ -254,7 +254,7 @@ fn shapes_that_cannot_be_read_have_a_place() {
     let flat = urdf("<geometry><box size='1 0 1'/></geometry>");
     assert!(flat.starts_with("model.urdf:2:48: size has a number that is not above 0"), "{flat}");
     let lost = urdf("<geometry><mesh filename='package://none/a.stl'/></geometry>");
-    assert!(lost.starts_with("model.urdf:2:53: none/a.stl: No such file"), "{lost}");
+    assert!(lost.starts_with("model.urdf:2:53: none/a.stl: cannot be read: No such file"), "{lost}");
     let dae = urdf("<geometry><mesh filename='a.dae'/></geometry>");
     assert!(dae.starts_with("model.urdf:2:53: a.dae: "), "{dae}");
     let fitted = shapes("xml", "<worldbody><geom type='box' mesh='m'/></worldbody>").unwrap_err();

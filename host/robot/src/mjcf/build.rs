@@ -7,6 +7,7 @@ use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_core::tree::{Inertia, Joint};
 
+use super::attributes::unknown;
 use super::bodies::{Body, Item, bodies};
 use super::classes::{Classes, Settled};
 use super::equality::{References, coupled};
@@ -66,6 +67,7 @@ pub(super) fn robot(files: &Files, locks: &Locks) -> Result<Robot, Wrong> {
     let mut robot = assembly.finish();
     robot.warnings.extend(coupled.warnings);
     robot.warnings.extend(warnings(&bodies));
+    robot.ignored = unknown(root);
     Ok(robot)
 }
 

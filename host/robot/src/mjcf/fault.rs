@@ -12,7 +12,7 @@ pub enum MjcfFault {
         tag: String,
     },
     /// A file that is included cannot be read.
-    #[error("{path}: {reason}; correct the path or the file")]
+    #[error("{path}: {reason}")]
     File {
         /// The file.
         path: String,

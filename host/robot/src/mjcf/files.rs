@@ -42,7 +42,7 @@ impl Files {
                     source.wrong(span.clone(), MjcfFault::File { path, reason })
                 };
                 if all.files.len() >= MAX_FILES {
-                    return Err(failed("more than 1000 files include each other".into()));
+                    return Err(failed("more than 1000 files include each other; remove an <include>".into()));
                 }
                 let next = Source::read_lossy::<MjcfFault>(&path).map_err(|error| failed(error.fault.to_string()))?;
                 let document = Document::parse(&next).map_err(|wrong| not_xml(&next, wrong))?;
@@ -137,6 +137,11 @@ impl<'a> Part<'a> {
     /// The element is refused.
     pub(super) fn unsupported(self, what: impl Into<String>, cure: &'static str) -> Wrong {
         self.wrong(MjcfFault::Unsupported { what: what.into(), cure })
+    }
+
+    /// `FILE:LINE:COLUMN` of an attribute.
+    pub(super) fn place_of(self, attribute: &Attribute) -> String {
+        self.files.files[self.file].0.location(attribute.name_span.clone())
     }
 
     /// `FILE:LINE:COLUMN` of the element.

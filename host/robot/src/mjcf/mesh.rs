@@ -15,6 +15,7 @@ use super::files::{Files, Part};
 use super::settings::Settings;
 use crate::mesh_file::{Surface, parse};
 use crate::rigid_body::solid::{Pyramids, Solid};
+use crate::source::unreadable;
 use crate::xml::Attribute;
 
 /// The meshes that a model lists, each read when its mass is needed.
@@ -98,7 +99,7 @@ impl<'a> Meshes<'a> {
         let named = PathBuf::from(file.value.replace('\\', "/"));
         let named = if settings.strip_path { named.file_name().map_or(PathBuf::new(), PathBuf::from) } else { named };
         let path = self.files.path(&PathBuf::from(&settings.mesh_folder).join(named).to_string_lossy());
-        let read = std::fs::read(&path).map_err(|error| error.to_string());
+        let read = std::fs::read(&path).map_err(|error| unreadable(&error));
         read.and_then(|bytes| parse(&path, &bytes)).map_err(|reason| {
             let fault = MjcfFault::File { path: path.display().to_string(), reason };
             Wrong { span: file.span.clone(), ..mesh.wrong(fault) }

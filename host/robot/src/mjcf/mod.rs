@@ -13,6 +13,7 @@
 //! | `armature` of a joint | adds to the diagonal of the mass matrix; of a free joint, tendon or actuator refused |
 //! | `equality` of two joints, by a straight line | the first follows the second; it is no coordinate |
 //! | other `equality`, `gravcomp`, `mocap` | not computed; the warnings say which, and where |
+//! | an attribute that its element does not have | not read; the robot's `ignored` says which, and where |
 //! | `replicate`, `composite`, `flexcomp`, `attach` | refused |
 //! | `geom` with a `contype` or `conaffinity` | a shape that collides, read by [`parse_shapes`] alone; `exclude` is not read |
 //! | actuators, tendons, sensors, contacts, springs, visuals | not read |
@@ -21,6 +22,7 @@
 //! a joint is at its `ref` where the body has the pose of the file.
 //! Source: <https://mujoco.readthedocs.io/en/stable/XMLreference.html>.
 
+mod attributes;
 mod bodies;
 mod build;
 mod classes;

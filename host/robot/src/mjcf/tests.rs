@@ -34,7 +34,7 @@ fn errors_name_file_line_and_cure() {
         (world("<body><freejoint/></body><body><joint/></body>"), "m.xml:3:32: a joint beside a body that floats"),
         ("<compiler coordinate=\"global\"/>".into(), "m.xml:2:1: coordinate=\"global\" is not supported; save"),
         ("<asset/>".into(), "m.xml:1:1: the model has no <worldbody>; add one"),
-        ("<include file=\"none.xml\"/>".into(), "m.xml:2:1: none.xml: No such file"),
+        ("<include file=\"none.xml\"/>".into(), "m.xml:2:1: none.xml: cannot be read: No such file"),
         (
             world("<body><joint name=\"j\"/></body>") + "<equality><joint joint1=\"j\" joint2=\"k\"/></equality>",
             "m.xml:4:23: no hinge or slide joint is named `k`; add it",
@@ -96,6 +96,18 @@ fn joints_of_equalities_follow_and_are_held() {
         said.contains("m.xml:4:") && said.contains("<connect> is not enforced") && !said.contains("weld"),
         "{said}"
     );
+}
+
+#[test]
+fn an_attribute_that_is_misspelt_is_reported_with_its_place() {
+    let finger = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/finger.xml");
+    assert_eq!(read(&finger, &Locks::new()).unwrap().ignored, [""; 0]);
+    let text = "<body name=\"a\"><joint rnage=\"0 1\"/><geom size=\"1\" solref=\"1 1\"/><camera foo=\"1\"/></body>";
+    let robot =
+        parse_text(&format!("{}<equality><joint joint1=\"j\" active=\"false\"/></equality>", world(text))).unwrap();
+    let [said] = &robot.ignored[..] else { panic!("{:?}", robot.ignored) };
+    assert!(said.ends_with(": unknown attribute `rnage` of <joint> is ignored; correct it"), "{said}");
+    assert_eq!(said.split(':').nth(2), Some("23"), "{said}");
 }
 
 #[test]

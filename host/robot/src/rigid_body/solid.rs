@@ -14,6 +14,7 @@ use darm_core::real::{Mat3, Vec3};
 use darm_core::tree::Inertia;
 
 use crate::mesh_file;
+use crate::source::unreadable;
 
 /// A solid of density 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,7 +40,7 @@ pub enum Pyramids {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SolidError {
     /// It cannot be read.
-    #[error("cannot read {path}: {reason}")]
+    #[error("{path}: {reason}")]
     File {
         /// The file.
         path: String,
@@ -125,7 +126,7 @@ impl Solid {
     /// The file cannot be read, is not a mesh of a known type, or its triangles enclose no volume.
     pub fn read(path: &Path, scale: f64) -> Result<Self, SolidError> {
         let shown = || path.display().to_string();
-        let read = std::fs::read(path).map_err(|error| error.to_string());
+        let read = std::fs::read(path).map_err(|error| unreadable(&error));
         let surface = read.and_then(|bytes| mesh_file::parse(path, &bytes));
         let surface = surface.map_err(|reason| SolidError::File { path: shown(), reason })?;
         let triangles: Vec<_> = surface.triangles().map(|face| face.map(|corner| corner * scale)).collect();

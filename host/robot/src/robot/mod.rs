@@ -43,6 +43,8 @@ pub struct Robot {
     pub gravity: Vec3<f64>,
     /// What a user should know before trusting what is computed.
     pub warnings: Vec<String>,
+    /// What the file says and nothing reads, such as a misspelt attribute, with its place.
+    pub ignored: Vec<String>,
 }
 
 /// A joint, the link that it moves, and its limits.
@@ -113,6 +115,7 @@ impl Robot {
             frames: Vec::new(),
             gravity: Vec3::zeros(),
             warnings: Vec::new(),
+            ignored: Vec::new(),
         }
     }
 

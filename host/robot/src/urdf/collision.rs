@@ -9,7 +9,7 @@ use super::fault::UrdfFault;
 use super::hierarchy::named;
 use crate::mesh_file;
 use crate::shape::{Geometry, LinkShape};
-use crate::source::Source;
+use crate::source::{Source, unreadable};
 use crate::xml::Element;
 
 pub(super) fn shapes(robot: Element<'_>, source: &Source) -> Result<Vec<LinkShape>, Wrong> {
@@ -52,7 +52,7 @@ fn above_zero(element: Element<'_>, attribute: &'static str, value: f64) -> Resu
 fn corners(element: Element<'_>, source: &Source) -> Result<Vec<Vec3<f64>>, Wrong> {
     let path = path(required(element, "filename")?, source);
     let scale = Vec3::from(numbers(element, "scale", [1.0; 3])?);
-    let read = std::fs::read(&path).map_err(|error| error.to_string());
+    let read = std::fs::read(&path).map_err(|error| unreadable(&error));
     let surface = read.and_then(|bytes| mesh_file::parse(&path, &bytes)).map_err(|reason| {
         let span = element.attribute("filename").map_or_else(|| element.span(), |attribute| attribute.span.clone());
         (span, UrdfFault::Mesh { path: path.display().to_string(), reason })

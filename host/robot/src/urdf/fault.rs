@@ -141,7 +141,7 @@ pub enum UrdfFault {
         attribute: &'static str,
     },
     /// The file of a mesh cannot be read.
-    #[error("{path}: {reason}; correct the path or the file")]
+    #[error("{path}: {reason}")]
     Mesh {
         /// The file.
         path: String,

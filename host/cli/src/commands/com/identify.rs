@@ -8,7 +8,8 @@ use darm_robot::robot::base_parameters::{BaseParameters, Inertial};
 use serde::Serialize;
 
 use crate::commands::subject::floating;
-use crate::failure::Usage;
+use crate::exchanged;
+use crate::failure::{Usage, in_table};
 use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui, columns, number};
 
@@ -95,17 +96,20 @@ struct FrictionRow {
 
 impl Identify {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        exchanged::refuse(&self.robot, &self.samples)?;
         let noise = self.noise()?;
         let robot = floating(&self.robot)?;
         let kind = if self.motion { Kind::Moving } else { Kind::Static };
         let read = identify::read(&self.samples, &robot, kind, self.lowpass)?;
-        let equations = Equations::new(&robot, &read.samples, &read.rows, noise, kind)?;
+        let equations = Equations::new(&robot, &read.samples, &read.rows, noise, kind);
+        let equations = equations.map_err(|error| in_table(&self.samples, error.line(), error))?;
         let spinner = ui.spinner("fitting");
         let fit = equations.fit(kind);
         if let Some((component, left)) = equations.turned(&fit) {
             anyhow::bail!(
-                "{}: its sign is probably wrong: reversed, the residual falls from {} to {} of the noise; give what the ground \
+                "{}: the sign of {} is probably wrong: reversed, the residual falls from {} to {} of the noise; give what the ground \
                  exerts on the robot, about the world's origin, z up",
+                self.samples.display(),
                 WRENCH_COMPONENTS[component],
                 number(fit.scatter.sqrt(), 1),
                 number(left, 1)

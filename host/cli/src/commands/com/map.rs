@@ -1,8 +1,7 @@
 //! `darm com map`: a person's motion on a robot, with the centre of mass as a hard constraint.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
 use darm::report::{MotionReport, motion_page};
 use darm_papers::identify::{LinkMass, with_masses};
 use darm_papers::motion::execution::{Executed, Gains, execute};
@@ -11,9 +10,12 @@ use darm_papers::motion::person::{CopError, Person, Scale, WITHIN_M, person};
 use darm_papers::motion::setup::Setup;
 use darm_papers::motion::{Balance, BodyPoint, Capture, LiftOffBy, feed_forward};
 use darm_robot::robot::Robot;
+use darm_robot::source::{Fault, FileError, Place, Source};
 use serde::Serialize;
 
 use crate::commands::subject::floating;
+use crate::exchanged;
+use crate::failure::in_table;
 use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui, number};
 use darm_diagnose::measurement::csv_text::csv_text;
@@ -86,10 +88,14 @@ struct Summary {
 
 impl Map {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        for model in [&self.person, &self.robot, &self.setup] {
+            exchanged::refuse(model, &self.capture)?;
+        }
         let (average, robot) = (floating(&self.person)?, self.robot()?);
         let setup = Setup::read(&self.setup, &average, &robot)?;
         let names: Vec<String> = setup.markers.iter().map(|marker| marker.name.clone()).collect();
-        let capture = Capture::read(&self.capture, &names)?;
+        let capture = Capture::read(&self.capture, &names);
+        let capture = capture.map_err(|error| in_table(&self.capture, error.line(), error))?;
         let spinner = ui.spinner("scaling the person");
         let on_person: Vec<BodyPoint> = setup.markers.iter().map(|marker| marker.on_person).collect();
         let found = person(&average, &on_person, &capture)?;
@@ -111,12 +117,17 @@ impl Map {
     fn robot(&self) -> anyhow::Result<Robot> {
         let robot = floating(&self.robot)?;
         let Some(path) = &self.masses else { return Ok(robot) };
-        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-        let masses: Vec<LinkMass> = serde_json::from_str(&text).with_context(|| {
-            format!("{} contains no masses; write them with `darm com identify -o`", path.display())
-        })?;
+        let source = Source::read::<String>(path)?;
+        let masses: Vec<LinkMass> = serde_json::from_str(source.text()).map_err(|error| no_masses(path, &error))?;
         Ok(with_masses(&robot, &masses))
     }
+}
+
+fn no_masses(path: &Path, error: &serde_json::Error) -> FileError<String> {
+    let (text, place) = (error.to_string(), Place { line: error.line().max(1), column: error.column().max(1) });
+    let what = text.split(" at line ").next().unwrap_or_default();
+    let fault = Fault::Syntax(format!("{what}; write the masses with `darm com identify -o`"));
+    FileError { path: path.into(), place: Some(place), fault }
 }
 
 fn executed(robot: &Robot, setup: &Setup, mapped: &Mapped) -> anyhow::Result<Executed> {

@@ -3,11 +3,10 @@
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
-use anyhow::Context as _;
 use darm_core::odometry::Drive;
+use darm_robot::csv_table::{CsvError, CsvFault, CsvTable};
 
 use crate::failure::Usage;
-use crate::number_text::number;
 
 /// What the wheels did between two rows.
 #[derive(Clone, Copy, Debug)]
@@ -47,14 +46,11 @@ pub(super) fn read(path: &Path, drive: &Drive<f64>, ticks_per_turn: Option<f64>)
     let shown = path.display();
     let Rows { kind, t_s, wheels } = rows(path)?;
     if kind != Kind::Speeds && ticks_per_turn.is_none() {
-        return Err(Usage(format!("{shown} has ticks; give --ticks-per-turn")).into());
+        return Err(Usage(format!("{shown}: the columns are ticks; give --ticks-per-turn")).into());
     }
     let per_tick = TAU * drive.radius_m / drive.ticks_per_turn;
     let time = |row: usize| t_s.as_ref().map(|times| times[row]);
     let duration = |row: usize| time(row).zip(row.checked_sub(1).and_then(time)).map(|(end, start)| end - start);
-    if let Some(row) = (1..wheels.len()).find(|row| duration(*row).is_some_and(|duration| duration <= 0.0)) {
-        return Err(Usage(format!("{shown}:{}: column t_s does not increase; sort the rows by time", row + 2)).into());
-    }
     let reading = |row: usize, travel_m: [f64; 2]| Reading { t_s: time(row), duration_s: duration(row), travel_m };
     let pairs = || wheels.windows(2).enumerate().map(|(row, pair)| (row + 1, pair[0], pair[1]));
     let readings: Vec<Reading> = match kind {
@@ -65,7 +61,7 @@ pub(super) fn read(path: &Path, drive: &Drive<f64>, ticks_per_turn: Option<f64>)
             .map(|(row, before, after)| reading(row, [0, 1].map(|k| (after[k] - before[k]) * per_tick)))
             .collect(),
         Kind::Speeds => {
-            let missing = || Usage(format!("{shown} has speeds and no column t_s; add the time of each row, in s"));
+            let missing = || Usage(format!("{shown}: speeds need the column t_s; add the time of each row, in s"));
             t_s.as_ref().ok_or_else(missing)?;
             pairs()
                 .map(|(row, speeds, _)| {
@@ -76,38 +72,33 @@ pub(super) fn read(path: &Path, drive: &Drive<f64>, ticks_per_turn: Option<f64>)
         }
     };
     if readings.is_empty() {
-        return Err(Usage(format!("{shown} has too few rows; counts and speeds need two")).into());
+        return Err(Usage(format!("{shown}: too few rows; add rows, counts and speeds need two")).into());
     }
     Ok(readings)
 }
 
-fn rows(path: &Path) -> anyhow::Result<Rows> {
-    let shown = path.display();
-    let mut table =
-        csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).with_context(|| format!("{shown}"))?;
-    let header = table.headers().with_context(|| format!("{shown}"))?.clone();
-    let at = |name: &str| header.iter().position(|column| column == name);
+fn rows(path: &Path) -> Result<Rows, CsvError> {
+    let table = CsvTable::read(path)?;
+    let at = |name: &str| table.column(name);
     let found = COLUMNS.iter().find_map(|(ending, kind, factor)| {
         Some(([at(&format!("left_{ending}"))?, at(&format!("right_{ending}"))?], *kind, *factor))
     });
     let Some((sides, kind, factor)) = found else {
-        let columns = header.iter().collect::<Vec<_>>().join(", ");
-        return Err(Usage(format!(
-            "{shown}: no columns left_ticks and right_ticks, left_count and right_count, or left_rad_s and right_rad_s; its columns \
-             are {columns}"
-        ))
-        .into());
+        let pairs = "left_ticks and right_ticks, left_count and right_count, or left_rad_s and right_rad_s";
+        return Err(table.no_column(pairs));
     };
     let time = at("t_s");
     let (mut wheels, mut times) = (Vec::new(), Vec::new());
-    for (row, record) in table.records().enumerate() {
-        let record = record.with_context(|| format!("{shown}"))?;
-        let cell = |column: usize| {
-            let place = format!("{shown}:{}: column {}", row + 2, &header[column]);
-            number(record.get(column).unwrap_or_default(), &place)
-        };
-        wheels.push([cell(sides[0])? * factor, cell(sides[1])? * factor]);
-        times.extend(time.map(cell).transpose()?);
+    for row in table.rows() {
+        wheels.push([row.number(sides[0])? * factor, row.number(sides[1])? * factor]);
+        if let Some(column) = time {
+            let time_s = row.number(column)?;
+            if times.last().is_some_and(|before| *before >= time_s) {
+                let what = "the time does not increase; sort the rows by time";
+                return Err(row.wrong(column, CsvFault::Row(what.into())));
+            }
+            times.push(time_s);
+        }
     }
     Ok(Rows { kind, t_s: time.map(|_| times), wheels })
 }

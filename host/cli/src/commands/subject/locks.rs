@@ -20,6 +20,7 @@ impl<'a> Locked<'a> {
     /// The robot of a URDF or MJCF with these joints fixed.
     pub(crate) fn read_robot(self, path: &Path) -> anyhow::Result<Robot> {
         let free = description::read(path, &Locks::new())?;
+        free.ignored.iter().for_each(|ignored| eprintln!("note: {ignored}"));
         if self.0.is_empty() {
             return Ok(free);
         }

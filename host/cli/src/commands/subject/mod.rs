@@ -15,6 +15,7 @@ use darm_diagnose::linearise::model::What;
 use darm_diagnose::linearise::model_effects::ModelEffect;
 use darm_diagnose::linearise::torque::Transmission;
 use darm_robot::robot::{Jacobian, Kinematics, Robot, RobotFrame};
+use darm_robot::source::Source;
 
 use crate::failure::Usage;
 use crate::number_text::{number, numbers};
@@ -25,7 +26,7 @@ pub(crate) use postures::{Posture, listed};
 #[derive(clap::Args, Debug)]
 pub(crate) struct SubjectArgs {
     /// Arm file, Denavit-Hartenberg table, robot as URDF or MJCF, or its calibrated model from `darm diagnose`
-    #[arg(value_name = "ARM.toml|ROBOT.urdf|ROBOT.xml")]
+    #[arg(value_name = "MODEL")]
     pub(crate) file: PathBuf,
     /// Joint positions, base first, in deg or mm, or with a unit: 0.5rad,0.2m; default: all 0
     #[arg(long, value_name = "Q,Q,…", allow_hyphen_values = true)]
@@ -136,17 +137,17 @@ impl SubjectArgs {
             let robot = Locked(&self.locks).read_robot(path)?;
             return Ok(Subject::Robot(Box::new(Robot { floating: robot.floating || self.floating, ..robot })));
         }
-        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
         if let Some(robot) = calibrated::robot(path, Locked(&self.locks))? {
             return Ok(Subject::Robot(Box::new(Robot { floating: robot.floating || self.floating, ..robot })));
         }
-        if !darm_robot::dh::is_table(&text) {
+        let source = Source::read::<String>(path)?;
+        if !darm_robot::dh::is_table(source.text()) {
             if self.floating || !self.locks.is_empty() {
                 return Err(Usage("--floating and --lock need a URDF or MJCF".into()).into());
             }
-            return Ok(Subject::Arm(Box::new(Arm::parse(path, &text)?)));
+            return Ok(Subject::Arm(Box::new(Arm::parse(path, source.text())?)));
         }
-        let mut robot = darm_robot::dh::parse(path, &text)?;
+        let mut robot = darm_robot::dh::parse(path, source.text())?;
         robot.floating |= self.floating;
         Ok(Subject::Robot(Box::new(robot)))
     }
@@ -167,14 +168,7 @@ impl Subject {
                 let joints = robot.coordinates().map(|joint| &robot.joints[joint]);
                 joints.map(|j| Coordinate { name: j.name.clone(), kind: j.joint.axis.kind }).collect()
             }
-            Self::Arm(arm) => {
-                let stages = arm.model.chain.stages.iter().enumerate();
-                let servos = stages.filter_map(|(stage, kind)| match kind {
-                    Stage::Servo(joint) => Some(Coordinate { name: arm.stage_name(stage), kind: joint.axis.kind }),
-                    _ => None,
-                });
-                servos.collect()
-            }
+            Self::Arm(arm) => servo_joints(arm),
         }
     }
 
@@ -225,6 +219,16 @@ impl Subject {
             Self::Arm(_) => Ok("tool".into()),
         }
     }
+}
+
+/// The servo joints of an arm, base first.
+pub(crate) fn servo_joints(arm: &Arm) -> Vec<Coordinate> {
+    let stages = arm.model.chain.stages.iter().enumerate();
+    let servos = stages.filter_map(|(stage, kind)| match kind {
+        Stage::Servo(joint) => Some(Coordinate { name: arm.stage_name(stage), kind: joint.axis.kind }),
+        _ => None,
+    });
+    servos.collect()
 }
 
 /// The robot of a file on a floating base, each of whose joints moves independently.

@@ -2,13 +2,12 @@
 
 use std::path::Path;
 
-use anyhow::Context as _;
 use darm_core::actuator::JointKind;
 use darm_core::units::Word;
+use darm_robot::csv_table::{CsvFault, CsvTable};
 
 use super::{Coordinate, Subject, SubjectArgs};
 use crate::failure::Usage;
-use crate::number_text::number;
 
 /// A posture with optional velocities, accelerations and torques; in rad and m.
 #[derive(Clone, Debug)]
@@ -141,37 +140,27 @@ fn beyond_limits(robot: &darm_robot::robot::Robot, postures: &[Posture]) -> Vec<
 }
 
 fn read(path: &Path, subject: &Subject) -> anyhow::Result<Vec<Posture>> {
-    let shown = path.display();
-    let mut table =
-        csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).with_context(|| format!("{shown}"))?;
+    let table = CsvTable::read(path)?;
     let coordinates = subject.coordinates();
-    let header = table.headers().with_context(|| format!("{shown}"))?.clone();
-    let columns: Vec<_> = header.iter().map(|name| column(name, &coordinates)).collect();
+    let columns: Vec<_> = table.header().map(|name| column(name, &coordinates)).collect();
     let given =
         |index| columns.iter().flatten().any(|c| matches!(c, Column::Number(k, Quantity::Position, _) if *k == index));
     if let Some((index, missing)) = coordinates.iter().enumerate().find(|(index, _)| !given(*index)) {
         let unit = missing.unit();
-        return Err(Usage(format!(
-            "{shown}: no column {}_{unit} (or q{}_{unit}); its columns are {}",
-            missing.name,
-            index + 1,
-            header.iter().collect::<Vec<_>>().join(", ")
-        ))
-        .into());
+        return Err(table.no_column(format!("{}_{unit} (or q{}_{unit})", missing.name, index + 1)).into());
     }
     let mut postures = Vec::new();
-    for (row, record) in table.records().enumerate() {
-        let record = record.with_context(|| format!("{shown}"))?;
-        let mut posture = Posture { time_s: row as f64, ..Posture::rest(subject) };
-        for ((cell, column), name) in record.iter().zip(&columns).zip(&header) {
-            let place = || format!("{shown}:{}: column {name}", row + 2);
-            let wrong = |what: &str| Usage(format!("{}: `{cell}`: {what}", place()));
+    for (index, row) in table.rows().enumerate() {
+        let mut posture = Posture { time_s: index as f64, ..Posture::rest(subject) };
+        for (at, column) in columns.iter().enumerate() {
             match column {
-                Some(Column::Word) => posture.word = word_of(cell, subject).map_err(|error| wrong(&error.0))?,
-                Some(Column::Time) => posture.time_s = number(cell, &place())?,
+                Some(Column::Word) => {
+                    let word = word_of(row.cell(at), subject);
+                    posture.word = word.map_err(|error| row.wrong(at, CsvFault::Row(error.0)))?;
+                }
+                Some(Column::Time) => posture.time_s = row.number(at)?,
                 Some(Column::Number(index, quantity, factor)) => {
-                    let number = number(cell, &place())? * factor;
-                    posture.put(*index, *quantity, number);
+                    posture.put(*index, *quantity, row.number(at)? * factor);
                 }
                 None => {}
             }
@@ -179,7 +168,7 @@ fn read(path: &Path, subject: &Subject) -> anyhow::Result<Vec<Posture>> {
         postures.push(posture);
     }
     if postures.is_empty() {
-        return Err(Usage(format!("{shown}: the file has no rows; add one per posture")).into());
+        return Err(table.wrong(CsvFault::Empty { what: "posture" }).into());
     }
     Ok(postures)
 }

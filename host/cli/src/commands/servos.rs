@@ -1,0 +1,34 @@
+//! Positions of the servo joints of an arm, for the commands of words.
+
+use darm_arm::arm::Arm;
+
+use super::subject::{listed, servo_joints};
+use crate::failure::Usage;
+
+/// The positions, by one of two options.
+#[derive(clap::Args, Debug)]
+pub(crate) struct ServoArgs {
+    /// Positions of the servo joints, base first, in deg, or with a unit: 0.5rad
+    #[arg(long, value_name = "Q,Q,…", allow_hyphen_values = true, conflicts_with = "servos")]
+    q: Option<String>,
+    /// Former name, with blanks between the numbers
+    #[arg(long, value_name = "DEG", num_args = 1.., allow_negative_numbers = true, hide = true)]
+    servos: Vec<f64>,
+}
+
+impl ServoArgs {
+    /// The given positions, rad; `None` where none are given.
+    pub(crate) fn given_rad(&self, arm: &Arm) -> Result<Option<Vec<f64>>, Usage> {
+        let text = match (&self.q, &self.servos[..]) {
+            (Some(text), _) => text.clone(),
+            (None, []) => return Ok(None),
+            (None, servos) => servos.iter().map(f64::to_string).collect::<Vec<_>>().join(","),
+        };
+        listed(&text, &servo_joints(arm), "--q").map(Some)
+    }
+
+    /// The same, all 0 by default.
+    pub(crate) fn rad(&self, arm: &Arm) -> Result<Vec<f64>, Usage> {
+        Ok(self.given_rad(arm)?.unwrap_or_else(|| vec![0.0; arm.n_servos()]))
+    }
+}
