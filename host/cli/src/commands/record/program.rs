@@ -15,6 +15,10 @@ use crate::{interrupt, port};
 /// Interval between two requests, and between two attempts to open a lost port.
 pub(crate) const POLL: Duration = Duration::from_millis(50);
 
+/// How long a connection is lost until the user is reminded, and how often after that.
+const FIRST_REMINDER: Duration = Duration::from_secs(2);
+const REMINDERS: Duration = Duration::from_secs(10);
+
 /// A connection that was lost.
 #[derive(Debug, Serialize)]
 pub(crate) struct LostConnection {
@@ -31,6 +35,8 @@ pub(crate) struct Program {
     /// Start and table of the board when the connection was opened.
     board_state: Option<BoardState>,
     lost: Option<Instant>,
+    /// How long the connection is to be lost until the user is reminded.
+    next_reminder: Duration,
     /// Connections that were lost.
     pub(crate) lost_connections: Vec<LostConnection>,
     /// Longest wait for a lost port.
@@ -54,6 +60,7 @@ impl Program {
             interrupt,
             board_state,
             lost: None,
+            next_reminder: FIRST_REMINDER,
             lost_connections: Vec::new(),
             reconnect_timeout,
             ui,
@@ -66,7 +73,10 @@ impl Program {
             match self.reconnect() {
                 Ok(()) => self.connected(since),
                 Err(error) if since.elapsed() > self.reconnect_timeout => return Err(error),
-                Err(_) => return Ok(None),
+                Err(_) => {
+                    self.say_what_is_awaited(since);
+                    return Ok(None);
+                }
             }
             self.check_board()?;
             self.lost = None;
@@ -87,6 +97,7 @@ impl Program {
                 self.ui.note(&text);
                 self.lost_connections.push(LostConnection { reason: error.to_string(), lasted_s: None });
                 self.lost = Some(Instant::now());
+                self.next_reminder = FIRST_REMINDER;
                 self.client.unplug();
                 Ok(())
             }
@@ -96,6 +107,17 @@ impl Program {
             }
             _ => Err(error),
         }
+    }
+
+    /// After 2 s and from then on from time to time: whether the port is there, and how long it is waited for.
+    fn say_what_is_awaited(&mut self, since: Instant) {
+        if since.elapsed() < self.next_reminder {
+            return;
+        }
+        self.next_reminder += REMINDERS;
+        let (port, left_s) = (self.client.port(), self.reconnect_timeout.saturating_sub(since.elapsed()).as_secs());
+        let what = if port::has_vanished(port) { "vanished" } else { "does not answer" };
+        self.ui.note(&format!("the port {port} {what}; waiting for it, {left_s} s left; Ctrl-C ends the recording"));
     }
 
     fn reconnect(&mut self) -> anyhow::Result<()> {
