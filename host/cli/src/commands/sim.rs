@@ -22,6 +22,7 @@ use darm_diagnose::truth::{Sealed, Truth};
 use serde::Serialize;
 
 use crate::failure::Usage;
+use crate::firmware_image::NoImage;
 use crate::ui::{Answer, Ui};
 use crate::{firmware_image, state_folder};
 use board::{Board, Emulator};
@@ -69,7 +70,7 @@ pub(crate) struct Sim {
     /// `darm stop` directly after another command may end with exit code 5 although the arm is idle
     #[arg(long)]
     pty: bool,
-    /// Run the firmware's library in this process; the default where the emulator is not installed
+    /// Run the firmware's library in this process; the default without the emulator or without an image
     #[arg(long, conflicts_with = "pty")]
     in_process: bool,
     /// Undeclared effect in the arm: none, any, stroke-loss, anchor-offset, gravity-sag, play, supply-stroke or
@@ -196,8 +197,16 @@ impl Sim {
             ui.note(&format!("{error}; running the firmware's library in this process instead"));
             return Ok(None);
         }
-        let elf = firmware_image::find(self.firmware.as_deref())?;
-        Ok(Some(Emulator { elf, console: if self.pty { Console::Pty } else { Console::Socket } }))
+        match firmware_image::find(self.firmware.as_deref()) {
+            Err(NoImage::NotBuilt) if !self.pty => {
+                let cure = "`cargo xtask image` builds one for the emulator";
+                ui.note(&format!(
+                    "no firmware image found, running the firmware's library in this process instead; {cure}"
+                ));
+                Ok(None)
+            }
+            found => Ok(Some(Emulator { elf: found?, console: if self.pty { Console::Pty } else { Console::Socket } })),
+        }
     }
 
     /// The true arm: with the effect drawn for the arm before its adjustment, if there is one.
