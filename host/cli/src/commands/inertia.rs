@@ -184,7 +184,7 @@ impl Answer for Report {
         format!(
             "mass {} kg, volume {} cm³, density {} kg/m³, centre of mass {mm} mm\n\n\
              inertia about the centre of mass, kg m²\n{}\n\ninertia about the origin of the link, kg m²\n{}\n\n\
-             principal moments, kg m²: {}\n\n{}",
+             principal moments, kg m²: {}\n\nfor a URDF, in m, kg and kg m²:\n{}",
             number(self.mass_kg, 4),
             number(1e6 * self.volume_m3, 3),
             number(self.density_kg_m3, 1),

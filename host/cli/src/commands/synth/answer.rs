@@ -65,12 +65,12 @@ struct FrameReport {
 /// Frames that are not reached.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "frames not reached: {frames} (errors up to {} mm, {} deg, met are {:.0e} m and {:.0e} rad); {case}; {why}; remove frames or move \
+    "frames not reached: {frames} (errors up to {} mm, {} deg, met are {:.0e} mm and {:.0e} deg); {case}; {why}; remove frames or move \
      them closer, let anchors move with --anchors, or accept the closest geometry with --closest",
     number(*worst_mm, 3),
     number(*worst_deg, 3),
-    accuracy.position_m,
-    accuracy.orientation_rad
+    1e3 * accuracy.position_m,
+    accuracy.orientation_rad.to_degrees()
 )]
 pub(super) struct NotMet {
     frames: String,
@@ -129,15 +129,16 @@ fn frame_report(reached: &Reached) -> FrameReport {
 
 impl Answer for Synthesised {
     fn text(&self) -> String {
-        let mut rows = vec![["frame", "word", "before", "", "after", ""].map(str::to_owned).to_vec()];
+        let mut rows =
+            vec![["frame", "word", "before, mm", "before, deg", "after, mm", "after, deg"].map(str::to_owned).to_vec()];
         rows.extend(self.frames.iter().map(|frame| {
             vec![
                 frame.name.clone(),
                 frame.word.clone(),
-                format!("{:.1} mm", 1e3 * frame.before_m),
-                format!("{:.2} deg", frame.before_rad.to_degrees()),
-                format!("{:.1e} m", frame.error_m),
-                format!("{:.1e} rad", frame.error_rad),
+                format!("{:.1}", 1e3 * frame.before_m),
+                format!("{:.2}", frame.before_rad.to_degrees()),
+                format!("{:.1e}", 1e3 * frame.error_m),
+                format!("{:.1e}", frame.error_rad.to_degrees()),
             ]
         }));
         format!(
@@ -170,15 +171,15 @@ impl Extras {
     fn text(&self, frames: &[FrameReport], alteration_m: f64) -> String {
         let mut text = String::new();
         if !self.parts.is_empty() {
-            let mut rows = vec![["leg", "part", "price", "stops", "load"].map(str::to_owned).to_vec()];
+            let mut rows = vec![["leg", "part", "price", "stops, mm", "load, N"].map(str::to_owned).to_vec()];
             rows.extend(self.parts.iter().map(|part| {
                 let (short, long) = part.stops_m;
                 vec![
                     part.actuator.clone(),
                     part.part.clone(),
                     format!("{:.2}", part.price),
-                    format!("{:.1} to {:.1} mm", 1e3 * short, 1e3 * long),
-                    format!("{:.1} N", part.load_n),
+                    format!("{:.1} to {:.1}", 1e3 * short, 1e3 * long),
+                    format!("{:.1}", part.load_n),
                 ]
             }));
             text += &format!("{}\ntotal price: {:.2}\n\n", columns(&rows), self.price.unwrap_or(0.0));
@@ -200,16 +201,23 @@ impl Extras {
             );
         }
         if !self.expected.is_empty() {
-            let head = ["frame", "expected before", "expected", "", "sampled arms", ""];
+            let head = [
+                "frame",
+                "expected before, mm",
+                "expected, mm",
+                "expected, deg",
+                "sampled arms, mm",
+                "sampled arms, deg",
+            ];
             let mut rows = vec![head.map(str::to_owned).to_vec()];
             for ((frame, before), now) in frames.iter().zip(&self.expected_before).zip(&self.expected) {
                 rows.push(vec![
                     frame.name.clone(),
-                    format!("{:.3} mm", 1e3 * before.linear_m),
-                    format!("{:.3} mm", 1e3 * now.linear_m),
-                    format!("{:.4} deg", now.linear_rad.to_degrees()),
-                    format!("{:.3} mm", 1e3 * now.sampled_m),
-                    format!("{:.4} deg", now.sampled_rad.to_degrees()),
+                    format!("{:.3}", 1e3 * before.linear_m),
+                    format!("{:.3}", 1e3 * now.linear_m),
+                    format!("{:.4}", now.linear_rad.to_degrees()),
+                    format!("{:.3}", 1e3 * now.sampled_m),
+                    format!("{:.4}", now.sampled_rad.to_degrees()),
                 ]);
             }
             let root = |of: &[Expected]| 1e3 * of.iter().map(|frame| frame.linear_m.powi(2)).sum::<f64>().sqrt();
