@@ -72,10 +72,12 @@ pub(crate) fn open_free(name: &str) -> anyhow::Result<(Box<dyn Link>, StopHandle
     Ok(open(name)?)
 }
 
-/// Whether there is nothing at the name of a port, or only a link to a terminal that was closed.
+/// Whether nothing is at the name of a port: no device, a link to a terminal that was closed, a socket of a program that ended.
 pub(crate) fn has_vanished(name: &str) -> bool {
-    let path = name.strip_prefix("unix:").unwrap_or(name);
-    !name.starts_with("tcp:") && !std::path::Path::new(path).exists()
+    match name.strip_prefix("unix:") {
+        Some(path) => UnixStream::connect(path).is_err(),
+        None => !name.starts_with("tcp:") && !std::path::Path::new(name).exists(),
+    }
 }
 
 /// Every possible port of a board: USB serial ports, and that of a running simulator.

@@ -14,6 +14,7 @@ use crate::error::{Fault, Where};
 use crate::recording::{Column, Part, is_missing};
 use crate::time_stamp;
 use crate::unit::{self, Unit};
+use darm_robot::csv_table::place_of;
 
 /// What a user says about a text file; what is `None` is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -178,7 +179,7 @@ fn rows(body: &str, delimiter: char, ends_early: bool, notes: &mut Vec<String>) 
     } else {
         for record in reader(body, delimiter).records() {
             let record = record.map_err(|error| Fault::of_file(format!("no table: {error}")))?;
-            let line = record.position().map_or(0, |position| position.line() as usize);
+            let line = place_of(body.as_bytes(), record.position(), 0).map_or(0, |place| place.line);
             rows.push(Row { line, cells: record.iter().map(str::to_owned).collect() });
         }
     }

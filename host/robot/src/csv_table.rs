@@ -196,8 +196,7 @@ pub fn csv_error(path: &Path, text: &[u8], error: &csv::Error) -> CsvError {
 /// Line and column where a cell of the row at `position` begins, or where the row ends that has fewer cells.
 pub fn place_of(text: &[u8], position: Option<&csv::Position>, cell: usize) -> Option<Place> {
     let position = position?;
-    let row = text.get(usize::try_from(position.byte()).ok()?..)?;
-    let row = &row[row.iter().position(|byte| !matches!(byte, b'\r' | b'\n')).unwrap_or(row.len())..];
+    let (row, skipped) = without_blank_lines(text.get(usize::try_from(position.byte()).ok()?..)?);
     let (mut start, mut commas, mut is_quoted) = (0, 0, false);
     let mut end = row.len();
     for (at, byte) in row.iter().enumerate() {
@@ -217,7 +216,28 @@ pub fn place_of(text: &[u8], position: Option<&csv::Position>, cell: usize) -> O
     let before = if commas < cell { end } else { start };
     let blanks = row[before..end].iter().take_while(|byte| matches!(byte, b' ' | b'\t')).count();
     let characters = String::from_utf8_lossy(&row[..before + blanks]).chars().count();
-    Some(Place { line: usize::try_from(position.line()).unwrap_or(usize::MAX), column: characters + 1 })
+    Some(Place { line: usize::try_from(position.line()).ok()? + skipped, column: characters + 1 })
+}
+
+/// The text from the first row on, and how many line ends are before it: a position is before the empty lines and comments
+/// that the reader skips.
+fn without_blank_lines(mut text: &[u8]) -> (&[u8], usize) {
+    let mut skipped = 0;
+    loop {
+        let is_comment = text.starts_with(b"#");
+        let end = text.iter().position(|byte| *byte == b'\n');
+        match (text.first(), end) {
+            (Some(b'\r' | b'\n'), _) => {
+                skipped += usize::from(text[0] == b'\n');
+                text = &text[1..];
+            }
+            (_, Some(end)) if is_comment => {
+                skipped += 1;
+                text = &text[end + 1..];
+            }
+            _ => return (text, skipped),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -236,7 +256,7 @@ mod tests {
         let wrong = "column b holds `x`, expected a number; correct the cell";
         for (text, place) in [
             ("a,b\n1,x\n", "2:3"),
-            ("# c\na,b\n\n1,2\n\n1,  x\n", "6:5"),
+            ("# c\na,b\n\n1,2\n\n# d\n1,  x\n", "7:5"),
             ("a,b\r\n1,2\r\n1,x\r\n", "3:3"),
             ("a,b\n\"1,1\",x\n", "2:7"),
             ("a,b\nä,x\n", "2:3"),

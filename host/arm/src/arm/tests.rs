@@ -228,7 +228,11 @@ fn mistakes_are_told_by_line_and_column() {
             "closed_in = [2]",
             "31:10: the switch is closed in state 2, which the actuator does not have; correct `closed_in`",
         ),
-        ("{ closed_in", "{ input = 3, closed_in", "31:12: unknown field `input`, expected `closed_in`; correct the TOML"),
+        (
+            "{ closed_in",
+            "{ input = 3, closed_in",
+            "31:12: unknown field `input`, expected `closed_in`; correct the TOML",
+        ),
         ("planar-platform", "link", "20:8: a link has no key `home`; remove it"),
     ];
     for (from, to, expected) in cases {

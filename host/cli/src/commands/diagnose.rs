@@ -31,7 +31,7 @@ Examples:
   darm diagnose arm.toml run.csv -o arm2.toml       # and the corrected model, for the next table
   darm diagnose planar4.toml planar4-run.csv        # a recording that is shipped
   darm --json diagnose arm.toml run.csv --hold-out-each word
-  darm diagnose tx40.toml tx40-motion.csv.gz --hold-out-column heldout -o tx40-2.toml   # torques of a robot
+  darm diagnose tx40.toml tx40-motion.csv.gz --hold-out-column heldout -o tx40-2.toml   # torques
   darm diagnose cylinder.toml cylinder-force.csv.gz --where 'seal = O-ring' \\
                 --hold-out 'set_bar = 5' -o cylinder2.toml --keep-terms --report page.html
 

@@ -37,7 +37,7 @@ fn damaged() -> Vec<(&'static str, &'static str, String, i32, &'static str)> {
         ("no-numbers", force, all("nan,nan,nan,nan"), 1, ":2: the model predicts NaN or infinity"),
         ("words", force, all("x,y,z,w"), 1, ":2: the model predicts NaN or infinity"),
         ("overflow", force, all("1,2,1e300,1e300"), 1, "time never increases"),
-        ("control-characters", force, "\u{1}\n\u{2},\u{3}\n".into(), 1, ":2:2: the row has 2 cells, the header has 1"),
+        ("control-characters", force, "\u{1}\n\u{2},\u{3}\n".into(), 1, ":2:3: the row has 2 cells, the header has 1"),
         ("constant", force, all("1,1,1,1"), 1, "time never increases"),
         ("zeros", force, all("0,0,0,0"), 1, "time never increases"),
         ("some-nan", force, HEAD.to_string() + &good(100) + "10,nan,2,98\n", 0, "line 102"),
@@ -91,16 +91,16 @@ fn points_that_make_no_sense_are_told() {
     let postures = (0..60).map(|k| format!("p{},{},0.1,0.2,0.3,-{k},0.5,0.6,0.7\n", k % 2, k % 3)).collect::<String>();
     home.write("touched.csv", &format!("place,socket,q1,q2,q3,q4,q5,q6,q7\n{postures}"));
     for (keys, message) in [
-        ("", "point must name"),
+        ("", "model.toml:3:12: the key `point` is missing"),
         ("point = ['place']\npair = 'socket'", "pair and distance_mm go together"),
-        ("point = ['place']\npair = 'socket'\ndistance_mm = 50", "one of the columns of point"),
-        ("point = ['place', 'socket']\npair = 'socket'\ndistance_mm = 0", "more than 0"),
+        ("point = ['place']\npair = 'socket'\ndistance_mm = 50", "one of the columns of `point`"),
+        ("point = ['place', 'socket']\npair = 'socket'\ndistance_mm = 0", "give a number above 0"),
         ("point = ['place']", "joint panda_finger_joint1 before the tool slides"),
         (
             "point = ['place', 'socket']\npair = 'socket'\ndistance_mm = 50\ntool = 'ball_link'",
             "p0 has more than two values of socket",
         ),
-        ("point = ['place']\ntool = 'hook'", "no frame hook; it has"),
+        ("point = ['place']\ntool = 'hook'", "no frame hook; give one of"),
         ("point = ['where']\ntool = 'ball_link'", "no column where"),
     ] {
         home.write("model.toml", &format!("kind = 'robot'\nurdf = 'panda.urdf'\nobserved = 'point-contact'\n{keys}\n"));

@@ -38,7 +38,7 @@ fn an_arm_file_of_format_1_is_refused_with_a_fix_and_split_in_two() {
     home.fails(
         "profile migrate outside.toml -o b.toml --profile b.profile.toml",
         1,
-        "darm: outside.toml: the drives and limits of this arm make no profile: invalid value: integer `300`, expected u8",
+        "darm: outside.toml: the drives and limits of this arm make no profile: invalid value: integer `300`, expected u8; correct the TOML",
     );
     let checked = home.json("profile check boards/valves.toml --arm arm.toml");
     assert_eq!(checked["digest"], made["digest"]);

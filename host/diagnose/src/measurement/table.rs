@@ -115,7 +115,7 @@ impl Table {
         for record in file.records() {
             let record = record.map_err(wrong)?;
             let position = record.position().cloned().unwrap_or_else(csv::Position::new);
-            let line = position.line() as usize;
+            let line = place_of(&text, Some(&position), 0).map_or(0, |place| place.line);
             if before.as_ref() == Some(&record) {
                 findings.push(Finding::note(FindingKind::RepeatedRow, "the row repeats the one before").at_line(line));
             }

@@ -277,8 +277,8 @@ fn bad_captures_and_setups_are_told() {
         Capture::of(&table, &names)
     };
     let seen = || "0.5".to_owned();
-    let pull = table(&|k| (seen(), if k == 4 { "-700" } else { "700" }.into())).unwrap_err().to_string();
-    assert!(pull.starts_with("frame 5 (line 6)"), "{pull}");
+    let pull = table(&|k| (seen(), if k == 4 { "-700" } else { "700" }.into())).unwrap_err();
+    assert!(pull.line() == Some(6) && pull.to_string().contains("-700 N in frame 5"), "{pull}");
     let few = table(&|k| (if k == 2 { String::new() } else { seen() }, "700".into())).unwrap_err().to_string();
     assert!(few.contains("frame 3") && few.ends_with("A are missing"), "{few}");
     let long = table(&|k| (if k > 3 { String::new() } else { seen() }, "700".into())).unwrap_err().to_string();

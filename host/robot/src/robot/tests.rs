@@ -83,12 +83,12 @@ fn a_table_says_what_is_wrong_with_it() {
         let text = format!("format = 1\nname = \"t\"\nnotation = \"modified\"\n\n[[row]]\n{rows}\n");
         dh::parse(Path::new("t.toml"), &text).unwrap_err().to_string()
     };
-    assert_eq!(refused("mass_kg = -1"), "t.toml:5:1: the mass -1 kg is below zero");
+    assert_eq!(refused("mass_kg = -1"), "t.toml:5:1: the mass -1 kg is below zero; give at least 0");
     assert_eq!(
         refused("min_deg = 1"),
-        "t.toml:5:1: the limits of a revolute joint are min_deg and max_deg, both, the lower one first"
+        "t.toml:5:1: the limits of a revolute joint are min_deg and max_deg; give both, the lower one first"
     );
-    assert!(refused("inertia_kg_m2 = [1, 2]").contains("2 moments of inertia, there must be 3"));
+    assert!(refused("inertia_kg_m2 = [1, 2]").contains("2 moments of inertia, give 3"));
     assert!(refused("d_m = inf").contains("the number has to be finite"));
     let empty = dh::parse(Path::new("t.toml"), "format = 1\nname = \"t\"\nnotation = \"standard\"").unwrap_err();
     assert_eq!(empty.to_string(), "t.toml:1:10: the table has no rows; add one [[row]] per joint");

@@ -67,9 +67,9 @@ fn errors_say_where_and_what() {
     );
     assert_eq!(
         told("time_s,word,x_m,y_m,angle_deg\n0,15,0,0,0\n"),
-        "run.csv: line 2: column word holds `15`, expected digits 0 to 3"
+        "run.csv:2:3: column word holds `15`, expected digits 0 to 3; correct the cell"
     );
-    assert_eq!(told(HEADER), "run.csv: no rows, there is nothing to diagnose");
+    assert_eq!(told(HEADER), "run.csv: no rows, there is nothing to diagnose; record again");
 }
 
 #[test]
@@ -144,6 +144,6 @@ fn a_selection_that_makes_no_sense_is_told_with_the_file() {
 fn lines_are_counted_whatever_they_end_in() {
     for end in ["\n", "\r\n"] {
         let text = format!("{POSES}0,01,0,0,0\n1,x,0,0,0\n").replace('\n', end);
-        assert!(read(&text).unwrap_err().to_string().contains("line 3:"), "{end:?}");
+        assert!(read(&text).unwrap_err().to_string().starts_with("run.csv:3:3:"), "{end:?}");
     }
 }
