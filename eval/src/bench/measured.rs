@@ -76,7 +76,7 @@ const fn plate(split: &'static str, options: &'static [&'static str]) -> Case {
 const MAP: &str = "position_count=pos,target_count=target,load=duty";
 
 const CASES: &[Case] = &[
-    torque("A", ("tx40.toml", "tx40_joint_200hz.csv.gz"), &["--split", "heldout"]),
+    torque("A", ("tx40.toml", "tx40_joint_200hz.csv.gz"), &["--hold-out-column", "heldout"]),
     torque("B", ("tx40.toml", "tx40_joint_200hz.csv.gz"), &["--hold-out", "t >= 4.5"]),
     balls("panda_1", "panda.toml", &["--where", "robot = panda_1", "--hold-out-each", "tool_position"]),
     balls("panda_2", "panda.toml", &["--where", "robot = panda_2", "--hold-out-each", "tool_position"]),
@@ -92,22 +92,22 @@ const CASES: &[Case] = &[
         options: &["--hold-out", "set = random"],
         figures: &[Norm(1e3, "mm")],
     },
-    plate("A", &["--split", "heldout", "--interpolate", "fresh", "--lowpass", "3"]),
+    plate("A", &["--hold-out-column", "heldout", "--interpolate", "fresh", "--lowpass", "3"]),
     plate("B", &["--hold-out-last", "0.3", "--interpolate", "fresh", "--lowpass", "3"]),
     cylinder("O-ring", &["--where", "seal = O-ring", "--hold-out", "set_bar = 5"]),
     cylinder("NAPN", &["--where", "seal = NAPN", "--hold-out", "set_bar = 5"]),
     cylinder("NAP310", &["--where", "seal = NAP310", "--hold-out", "set_bar = 5"]),
     servo(
         "single_sts3215",
-        &["--map", MAP, "--settled", "0.8", "--where", "test = single_sts3215", "--hold-out-last", "0.5"],
+        &["--column", MAP, "--settled", "0.8", "--where", "test = single_sts3215", "--hold-out-last", "0.5"],
     ),
     servo(
         "dual_nocomp_m1",
-        &["--map", MAP, "--settled", "0.8", "--where", "test = dual_nocomp_m1", "--hold-out-last", "0.5"],
+        &["--column", MAP, "--settled", "0.8", "--where", "test = dual_nocomp_m1", "--hold-out-last", "0.5"],
     ),
     servo(
         "dual_pretension_m1",
-        &["--map", MAP, "--settled", "0.8", "--where", "test = dual_pretension_m1", "--hold-out-last", "0.5"],
+        &["--column", MAP, "--settled", "0.8", "--where", "test = dual_pretension_m1", "--hold-out-last", "0.5"],
     ),
     Case {
         figures: &[Norm(1.0, "N·m")],

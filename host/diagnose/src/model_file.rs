@@ -72,6 +72,7 @@ impl ModelFile {
     /// # Errors
     ///
     /// The robot's file is not there, or the output cannot be written.
+    #[expect(clippy::missing_panics_doc, reason = "keys that were read can be written")]
     pub fn write(&self, output: &Path) -> Result<(), ModelError> {
         let mut keys = self.keys.clone();
         if let Some(toml::Value::String(urdf)) = keys.get_mut("urdf")

@@ -198,6 +198,6 @@ fn ticks_counts_and_speeds_of_a_table_are_one_path() {
     home.fails(
         &format!("odometry {} --radius 33 --track 160", example("drive.csv")),
         2,
-        &format!("darm: {} has ticks; give --ticks-per-turn", example("drive.csv")),
+        &format!("darm: {}: the columns are ticks; give --ticks-per-turn", example("drive.csv")),
     );
 }
