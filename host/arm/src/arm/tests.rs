@@ -204,7 +204,7 @@ fn mistakes_are_told_by_line_and_column() {
              outputs off, 1: the first on, 2: the second on, 3: both on). A spring-centred actuator of two opposed coils is \
              not supported yet",
         ),
-        ("[1.0, 1.25]", "[1.0, nan]", "29:12: the number has to be finite"),
+        ("[1.0, 1.25]", "[1.0, nan]", "29:12: the number has to be finite; correct the TOML"),
         ("[1.0, 1.25]", "[1.0]", "29:12: the actuator has 1 states; give 2 to 4, digit 0 first"),
         ("[-0.5, 0.0]", "[-0.5, 0.0, 0.0]", "27:10: 3 coordinates are given; give 2, in metres"),
         (
