@@ -105,16 +105,7 @@ impl Identify {
         let equations = equations.map_err(|error| in_table(&self.samples, error.line(), error))?;
         let spinner = ui.spinner("fitting");
         let fit = equations.fit(kind);
-        if let Some((component, left)) = equations.turned(&fit) {
-            anyhow::bail!(
-                "{}: the sign of {} is probably wrong: reversed, the residual falls from {} to {} of the noise; give what the ground \
-                 exerts on the robot, about the world's origin, z up",
-                self.samples.display(),
-                WRENCH_COMPONENTS[component],
-                number(fit.scatter.sqrt(), 1),
-                number(left, 1)
-            );
-        }
+        self.check_signs(&equations, &fit)?;
         let held_out = identify::hold_out(&equations, 0.9, self.splits.max(1), self.seed);
         let tenth: Vec<usize> = if read.held_out.is_empty() {
             (0..equations.samples.len()).step_by(10).collect()
@@ -156,6 +147,19 @@ impl Identify {
             output_file::write_text(path, Syntax::Html, &page)?;
         }
         ui.print(&identified)
+    }
+
+    /// Refuses a component of the wrench whose sign is probably wrong.
+    fn check_signs(&self, equations: &Equations, fit: &identify::Fit) -> anyhow::Result<()> {
+        let Some((component, left)) = equations.turned(fit) else { return Ok(()) };
+        anyhow::bail!(
+            "{}: the sign of {} is probably wrong: reversed, the residual falls from {} to {} of the noise; give what the ground \
+             exerts on the robot, about the world's origin, z up",
+            self.samples.display(),
+            WRENCH_COMPONENTS[component],
+            number(fit.scatter.sqrt(), 1),
+            number(left, 1)
+        )
     }
 
     fn noise(&self) -> Result<Noise, Usage> {

@@ -201,36 +201,35 @@ impl Extras {
             );
         }
         if !self.expected.is_empty() {
-            let head = [
-                "frame",
-                "expected before, mm",
-                "expected, mm",
-                "expected, deg",
-                "sampled arms, mm",
-                "sampled arms, deg",
-            ];
-            let mut rows = vec![head.map(str::to_owned).to_vec()];
-            for ((frame, before), now) in frames.iter().zip(&self.expected_before).zip(&self.expected) {
-                rows.push(vec![
-                    frame.name.clone(),
-                    format!("{:.3}", 1e3 * before.linear_m),
-                    format!("{:.3}", 1e3 * now.linear_m),
-                    format!("{:.4}", now.linear_rad.to_degrees()),
-                    format!("{:.3}", 1e3 * now.sampled_m),
-                    format!("{:.4}", now.sampled_rad.to_degrees()),
-                ]);
-            }
-            let root = |of: &[Expected]| 1e3 * of.iter().map(|frame| frame.linear_m.powi(2)).sum::<f64>().sqrt();
-            text += &format!(
-                "{}\nall frames together (RSS): {:.3} mm, before {:.3} mm, for stops changed by {:.1} mm instead of {:.1} mm; a \
-                 larger --worth changes more\n\n",
-                columns(&rows),
-                root(&self.expected),
-                root(&self.expected_before),
-                1e3 * alteration_m,
-                1e3 * self.alteration_before_m.unwrap_or(alteration_m)
-            );
+            text += &self.expected_text(frames, alteration_m);
         }
         text
+    }
+
+    /// Expected errors before and after, frame by frame.
+    fn expected_text(&self, frames: &[FrameReport], alteration_m: f64) -> String {
+        let head =
+            ["frame", "expected before, mm", "expected, mm", "expected, deg", "sampled arms, mm", "sampled arms, deg"];
+        let mut rows = vec![head.map(str::to_owned).to_vec()];
+        for ((frame, before), now) in frames.iter().zip(&self.expected_before).zip(&self.expected) {
+            rows.push(vec![
+                frame.name.clone(),
+                format!("{:.3}", 1e3 * before.linear_m),
+                format!("{:.3}", 1e3 * now.linear_m),
+                format!("{:.4}", now.linear_rad.to_degrees()),
+                format!("{:.3}", 1e3 * now.sampled_m),
+                format!("{:.4}", now.sampled_rad.to_degrees()),
+            ]);
+        }
+        let root = |of: &[Expected]| 1e3 * of.iter().map(|frame| frame.linear_m.powi(2)).sum::<f64>().sqrt();
+        format!(
+            "{}\nall frames together (RSS): {:.3} mm, before {:.3} mm, for stops changed by {:.1} mm instead of {:.1} mm; a \
+             larger --worth changes more\n\n",
+            columns(&rows),
+            root(&self.expected),
+            root(&self.expected_before),
+            1e3 * alteration_m,
+            1e3 * self.alteration_before_m.unwrap_or(alteration_m)
+        )
     }
 }
