@@ -116,7 +116,7 @@ pub struct Value {
     /// Its 95 % confidence interval; `None` of a number that was chosen and not fitted.
     pub ci95: Option<[f64; 2]>,
     /// Of a change of a quantity of the model, such as a mass: what the model has.
-    #[serde(skip)]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub changed_from: Option<f64>,
 }
 
