@@ -25,6 +25,28 @@ are in `tests/goals.toml`.
 #[serde(deny_unknown_fields)]
 struct Index {
     figures: Vec<Entry>,
+    #[serde(default)]
+    tables: Vec<Table>,
+}
+
+/// Figures of several subjects side by side.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Table {
+    title: String,
+    note: Option<String>,
+    /// Names of the subjects.
+    columns: Vec<String>,
+    rows: Vec<Row>,
+}
+
+/// One figure of each subject.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Row {
+    title: String,
+    /// File and name of the figure of each subject; both empty where it has none.
+    of: Vec<[String; 2]>,
 }
 
 /// One file of figures.
@@ -72,7 +94,34 @@ pub fn page(folder: &Path, goals: &Goals) -> Result<String> {
         page += "| figure | value | goal | command |\n| --- | --- | --- | --- |\n";
         page += &missed;
     }
+    for table in &index.tables {
+        page += &side_by_side(folder, table)?;
+    }
     Ok(page + &sections)
+}
+
+fn side_by_side(folder: &Path, table: &Table) -> Result<String> {
+    let Table { title, note, columns, rows } = table;
+    let mut text = format!("\n## {title}\n\n");
+    text.extend(note.iter().map(|note| format!("{note}\n\n")));
+    text += &format!("| figure | {} |\n| --- |{}\n", columns.join(" | "), " --- |".repeat(columns.len()));
+    for Row { title, of } in rows {
+        ensure!(of.len() == columns.len(), "{INDEX}: {title:?} has {} figures, give {}", of.len(), columns.len());
+        let values = of.iter().map(|[file, name]| value_in(folder, file, name)).collect::<Result<Vec<_>>>()?;
+        text += &format!("| {} | {} |\n", cell(title), values.join(" | "));
+    }
+    Ok(text)
+}
+
+/// The value of a figure with its unit; a dash where no file is named.
+fn value_in(folder: &Path, file: &str, name: &str) -> Result<String> {
+    if file.is_empty() {
+        return Ok("–".into());
+    }
+    let figures = Figures::read(&folder.join(file))?;
+    let found = figures.rows.iter().find(|figure| figure.name == name);
+    let Figure { value, unit, .. } = found.with_context(|| format!("{INDEX}: {file} has no figure {name:?}"))?;
+    Ok(cell(format!("{} {unit}", short(*value)).trim_end()))
 }
 
 fn note_of(note: Option<&str>) -> String {
@@ -140,6 +189,11 @@ mod tests {
         assert!(page.contains("| far \\| wide | 2.500 mm | <= 1 | `measure` |"), "{page}");
         assert!(page.contains("## Errors\n\n`measure`: a minute\n"), "{page}");
         assert!(page.contains("| near | 0.500 mm | <= 1 | met |\n| free | 7 mm |  |  |\n"), "{page}");
+        let table = "[[tables]]\ntitle = \"Both\"\ncolumns = [\"a\", \"b\"]\n\
+                     rows = [{ title = \"Nearest\", of = [[\"a.json\", \"near\"], [\"\", \"\"]] }]\n";
+        std::fs::write(folder.path().join(INDEX), index.to_owned() + table).unwrap();
+        let with_table = super::page(folder.path(), &goals).unwrap();
+        assert!(with_table.contains("## Both\n\n| figure | a | b |\n| --- | --- | --- |\n| Nearest | 0.500 mm | – |"));
         figures.write(&folder.path().join("b.json")).unwrap();
         let error = super::page(folder.path(), &goals).unwrap_err().to_string();
         assert!(error.contains("b.json is not in index.toml"), "{error}");

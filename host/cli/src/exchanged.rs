@@ -21,15 +21,24 @@ pub(crate) fn refuse(model: &Path, data: &Path) -> Result<(), Usage> {
     )))
 }
 
-/// The words of a command line with two of them exchanged.
+/// The words of a command line with two arguments exchanged; the value of an option is none of them.
 fn with(given: &[String], one: &str, other: &str) -> String {
-    let exchanged = given.iter().map(|word| match word.as_str() {
-        word if word == one => other,
-        word if word == other => one,
-        word => word,
-    });
-    let quoted = |word: &str| if word.contains(' ') { format!("'{word}'") } else { word.to_owned() };
-    exchanged.map(quoted).collect::<Vec<_>>().join(" ")
+    let mut words: Vec<&str> = given.iter().map(String::as_str).collect();
+    let is_value = |k: usize| k > 0 && given[k - 1].starts_with('-');
+    let place = |argument: &str| {
+        let places = || (0..given.len()).filter(|&k| given[k] == argument);
+        places().find(|&k| !is_value(k)).or(places().next())
+    };
+    if let (Some(first), Some(second)) = (place(one), place(other)) {
+        words.swap(first, second);
+    }
+    words.into_iter().map(quoted).collect::<Vec<_>>().join(" ")
+}
+
+/// A word as a shell takes it literally.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "_-./=,:+@%".contains(c);
+    if word.chars().all(is_plain) { word.into() } else { format!("'{}'", word.replace('\'', "'\\''")) }
 }
 
 #[cfg(test)]
@@ -45,5 +54,7 @@ mod tests {
         assert!(!is_refused("arm.toml", "run.csv") && !is_refused("arm.toml", "arm.toml"));
         let given = ["diagnose", "run.csv", "my arm.toml", "-o", "new.toml"].map(str::to_owned);
         assert_eq!(with(&given, "my arm.toml", "run.csv"), "diagnose 'my arm.toml' run.csv -o new.toml");
+        let given = ["diagnose", "-o", "arm.toml", "run.csv", "arm.toml", "--where", "t>=4"].map(str::to_owned);
+        assert_eq!(with(&given, "arm.toml", "run.csv"), "diagnose -o arm.toml arm.toml run.csv --where 't>=4'");
     }
 }

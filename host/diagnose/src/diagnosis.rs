@@ -33,7 +33,7 @@ use crate::prepare::observations::{NoPose, Observations};
 use crate::prepare::repeatability::{self, Noise};
 use crate::prepare::signals::{Preparation, PrepareError, Prepared};
 use crate::project::{Projected, project};
-use crate::report::{self, sentences};
+use crate::report::{self, Summary, sentences};
 use crate::select::cross_validation::folds;
 use crate::select::forward::{Selection, forward_selection};
 use crate::select::search;
@@ -72,13 +72,17 @@ pub struct SignalOptions {
     pub seed: u64,
 }
 
-/// What `run` says about what the model of `arm` is missing.
+/// What `run` says about what the model of `arm` is missing, with what is suspicious about its rows.
 ///
 /// # Errors
 ///
 /// A run that does not fit the arm, or has too few words.
 pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCorrection>, DiagnoseError> {
     let no_pose = |NoPose { sample, error }| DiagnoseError::NoPose { line: run.line(sample), error };
+    let findings = check(arm, run);
+    if let Some(finding) = findings.iter().find(|finding| finding.severity == Severity::Error) {
+        return Err(DiagnoseError::Row(finding.clone()));
+    }
     let repeats = repeatability::repeated(arm, run);
     let problem = prepare_poses(arm, run, repeats.as_ref().filter(|noise| noise.is_known()), options)?;
     let start = problem.fitted(&arm.model).map_err(no_pose)?;
@@ -94,6 +98,7 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
     let how = Proposal { seed: options.seed, words: options.next_words };
     let (judgement, with_terms) = judge::poses::judge(&selected, &start, rivals, how).map_err(no_pose)?;
     let summary = report::poses::summary(&selected, path, options.seed).map_err(no_pose)?;
+    let summary = Summary { findings, ..summary };
     let diagnosis = report::diagnosis(summary, judgement, |diagnosis| {
         sentences::of_poses(arm, diagnosis, &selected.effects(), with_terms.as_ref())
     });
@@ -109,9 +114,6 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
 /// that remain once the effects which are selected first are in the model.
 fn prepare_poses(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Options) -> Result<ToolPoses, DiagnoseError> {
     let no_pose = |NoPose { sample, error }| DiagnoseError::NoPose { line: run.line(sample), error };
-    if let Some(finding) = check(arm, run).into_iter().find(|finding| finding.severity == Severity::Error) {
-        return Err(DiagnoseError::Row(finding));
-    }
     let sigma = match repeats {
         Some(noise) => noise.sigma,
         None => scatter(arm, run).map_err(no_pose)?.sigma,
@@ -209,8 +211,8 @@ fn select(
     options: &SignalOptions,
     each: Option<&str>,
 ) -> Result<SelectedSignals, DiagnoseError> {
-    let mut data = Prepared::new(table.clone(), &options.preparation, each)?;
-    let mut experiment = linearise(model, &mut data)?;
+    let data = Prepared::new(table.clone(), &options.preparation, each)?;
+    let mut experiment = linearise(model, &data)?;
     check_numbers(&experiment)?;
     // A column that overflows determines nothing.
     let values = experiment.candidates.iter_mut().flat_map(|candidate| &mut candidate.values);
@@ -228,6 +230,7 @@ fn select(
         None => agreement::signals::agreement(model, &data, &experiment),
         Some(_) => Agreement::AsRead,
     };
+    let of_model = std::mem::take(&mut experiment.findings);
     let problem = Signals::new(experiment, groups);
     let (best, path) = match &agreement {
         Agreement::Otherwise(_) => (problem.fitted(always), Vec::new()),
@@ -235,6 +238,7 @@ fn select(
     };
     let Projected { best, impossible } = project(&problem, best, n_known);
     let (held_out, mut findings) = (data.held_out, data.findings);
+    findings.extend(of_model);
     if !best.weighting.has_converged {
         let text = "the noise and the fit that it weighs did not settle: intervals may be too narrow";
         findings.push(Finding::note(FindingKind::NoConvergence, text));

@@ -115,9 +115,9 @@ pub struct Value {
     pub unit: String,
     /// Its 95 % confidence interval; `None` of a number that was chosen and not fitted.
     pub ci95: Option<[f64; 2]>,
-    /// Of a change of a quantity of the model, such as a mass: what the model has.
+    /// Of a quantity that the model has, such as a mass: its value there. The value and its interval are the change from it.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub changed_from: Option<f64>,
+    pub nominal: Option<f64>,
 }
 
 pub(crate) fn as_str<S: Serializer>(law: &Law, serializer: S) -> Result<S::Ok, S::Error> {

@@ -33,7 +33,7 @@ use model::{Model, What};
 /// # Errors
 ///
 /// A table without the columns of its kind, and an effect of the model that has no place in it.
-pub(crate) fn linearise(model: &Model, data: &mut Prepared) -> Result<Experiment, DiagnoseError> {
+pub(crate) fn linearise(model: &Model, data: &Prepared) -> Result<Experiment, DiagnoseError> {
     let known = &model.effects;
     let mut experiment = match &model.what {
         What::Cylinder { bore_m } => force::experiment(data, *bore_m, known)?,

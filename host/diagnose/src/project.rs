@@ -147,6 +147,7 @@ mod tests {
                 candidates: vec![viscous],
                 channels: Vec::new(),
                 bodies: Vec::new(),
+                findings: Vec::new(),
                 relinearise: None,
             };
             let groups = Groups::new(&experiment.rows);

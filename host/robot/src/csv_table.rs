@@ -58,6 +58,9 @@ pub enum CsvFault {
         /// Names of the columns of the file.
         present: String,
     },
+    /// Two columns have one name.
+    #[error("two columns are named {0}; remove one")]
+    Doubled(String),
     /// The file has no header.
     #[error("the file is empty; give a table with a header")]
     NoHeader,
@@ -102,13 +105,20 @@ impl CsvTable {
     ///
     /// # Errors
     ///
-    /// There is no header, or a row is longer or shorter than it.
+    /// There is no header, it names a column twice, or a row is longer or shorter than it.
     pub fn of_text(path: &Path, text: &str) -> Result<Self, CsvError> {
         let wrong = |error: csv::Error| csv_error(path, text.as_bytes(), &error);
         let mut reader = csv::ReaderBuilder::new().trim(Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
         let header = reader.headers().map_err(wrong)?.clone();
         if header.is_empty() {
             return Err(Source::of_text(path, text).error(None, Fault::Content(Box::new(CsvFault::NoHeader))));
+        }
+        let named = |k: usize| header.get(k).filter(|name| !name.is_empty());
+        if let Some(doubled) = (1..header.len()).find(|&k| named(k).is_some() && (0..k).any(|j| named(j) == named(k))) {
+            let fault = CsvFault::Doubled(header[doubled].into());
+            let place = place_of(text.as_bytes(), header.position(), doubled);
+            let error = Source::of_text(path, text).error(None, Fault::Content(Box::new(fault)));
+            return Err(FileError { place, ..error });
         }
         let rows = reader.records().collect::<Result<Vec<_>, _>>().map_err(wrong)?;
         Ok(Self { source: Source::of_text(path, text), header, rows })
@@ -198,10 +208,16 @@ pub fn place_of(text: &[u8], position: Option<&csv::Position>, cell: usize) -> O
     let position = position?;
     let (row, skipped) = without_blank_lines(text.get(usize::try_from(position.byte()).ok()?..)?);
     let (mut start, mut commas, mut is_quoted) = (0, 0, false);
+    // A quote counts at the start of a cell, and again where one has just ended: two stand for one.
+    let mut may_open = true;
     let mut end = row.len();
     for (at, byte) in row.iter().enumerate() {
         match byte {
-            b'"' => is_quoted = !is_quoted,
+            b'"' if is_quoted || may_open => {
+                is_quoted = !is_quoted;
+                may_open = true;
+                continue;
+            }
             b'\r' | b'\n' if !is_quoted => {
                 end = at;
                 break;
@@ -212,6 +228,7 @@ pub fn place_of(text: &[u8], position: Option<&csv::Position>, cell: usize) -> O
             }
             _ => {}
         }
+        may_open = *byte == b',' && !is_quoted;
     }
     let before = if commas < cell { end } else { start };
     let blanks = row[before..end].iter().take_while(|byte| matches!(byte, b' ' | b'\t')).count();
@@ -260,9 +277,17 @@ mod tests {
             ("a,b\r\n1,2\r\n1,x\r\n", "3:3"),
             ("a,b\n\"1,1\",x\n", "2:7"),
             ("a,b\nä,x\n", "2:3"),
+            ("a,b\n5\" y,x\n1,2\n", "2:6"),
+            ("a,b\n\"5\"\" y\",x\n1,2\n", "2:9"),
         ] {
             assert_eq!(error(text), format!("a.csv:{place}: {wrong}"), "{text}");
         }
+    }
+
+    #[test]
+    fn a_column_that_is_named_twice_is_found() {
+        assert_eq!(error("# c\na,b,a\n1,2,3\n"), "a.csv:2:5: two columns are named a; remove one");
+        assert_eq!(error("a,b,,\n1,2,3,4\n"), "");
     }
 
     #[test]

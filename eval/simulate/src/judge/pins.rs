@@ -333,6 +333,17 @@ mod tests {
     }
 
     #[test]
+    fn current_while_the_flash_lets_nothing_run_is_seen() {
+        let mut judge = judge();
+        set(&mut judge, 0, 0);
+        judge.on_pause(MS);
+        assert!(!judge.verdict.has("flash-under-current"));
+        set(&mut judge, 2, 1);
+        judge.on_pause(3 * MS);
+        assert!(judge.verdict.has("flash-under-current"));
+    }
+
+    #[test]
     fn full_current_that_comes_again_too_soon_is_seen() {
         let peaks = |at_ms| [(10, 8), (20, 0), (at_ms, 8), (at_ms + 20, 0)];
         assert!(rules(&peaks(209)).is_empty(), "200 ms, less a tick");

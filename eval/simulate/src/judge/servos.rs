@@ -331,9 +331,10 @@ mod tests {
         judge.on_bytes(0, true, &packet(1, 2, &[56, 6]));
         judge.on_bytes(0, false, &packet(1, 0, &[0, 8, 0, 0, 0, 0]));
         judge.on_bytes(0, true, &goal(2048, 9));
-        judge.on_lines_on(103_000_000);
-        assert!(!judge.verdict.has("servo-silence"));
-        judge.on_lines_on(103_000_001);
+        judge.on_pause(45_000_000);
+        judge.on_lines_on(148_000_000);
+        assert!(!judge.verdict.has("servo-silence"), "a pause does not count");
+        judge.on_lines_on(148_000_001);
         assert!(judge.verdict.has("servo-silence"));
     }
 }

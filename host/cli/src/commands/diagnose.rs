@@ -11,7 +11,7 @@ use darm_diagnose::measurement::hold_out::HoldOut;
 use darm_diagnose::measurement::origin::Origin;
 use darm_diagnose::measurement::poses::{self, Which};
 use darm_diagnose::measurement::select::Selection;
-use darm_diagnose::measurement::{self, Finding, about, check};
+use darm_diagnose::measurement::{self, Finding, about};
 use darm_diagnose::model_file::{LockedJoint, ModelFile};
 use darm_diagnose::outcome::{Diagnosis, Effect, ErrorFigure, Number};
 use darm_diagnose::prepare::signals::Preparation;
@@ -177,9 +177,8 @@ impl Diagnose {
         self.rows.refuse_those_of_signals()?;
         let arm = Arm::read(&self.model)?;
         let which = Which { keep: self.rows.keep.clone(), hold_out: self.rows.held_out()? };
-        let (run, mut findings) = poses::read(&self.data, &self.rows.names()?, &which)?;
-        findings.extend(self.origin(&arm)?);
-        findings.extend(check(&arm, &run));
+        let (run, read) = poses::read(&self.data, &self.rows.names()?, &which)?;
+        let origin = self.origin(&arm)?;
         let spinner = ui.spinner("diagnosing");
         let outcome = diagnose(&arm, &run, &Options { seed: self.seed, ..Options::default() });
         spinner.finish_and_clear();
@@ -191,6 +190,7 @@ impl Diagnose {
             corrected.write(path)?;
             output = Some(path.clone());
         }
+        let findings = read.into_iter().chain(origin).chain(outcome.diagnosis.findings).collect();
         Ok(Report { diagnosis: Diagnosis { findings, ..outcome.diagnosis }, output })
     }
 
@@ -306,7 +306,7 @@ fn effect(found: &Effect) -> String {
     let values = found.values.iter().map(|value| {
         let unit = if value.unit == "1" { String::new() } else { format!(" {}", value.unit) };
         let Some(ci95) = value.ci95 else { return format!("{} {:.3}{unit}", value.name, value.value) };
-        let Some(from) = value.changed_from else {
+        let Some(from) = value.nominal else {
             let [size, low, high] = with_interval(value.value, ci95);
             return format!("{} {size}{unit} (95 % CI {low} to {high})", value.name);
         };

@@ -252,6 +252,19 @@ fn read(path: &Path) -> Result<Vec<Target>, CsvError> {
     let [Some(x), Some(y), Some(z)] = position else {
         return Err(table.no_column("x_m, y_m or z_m (or _mm)"));
     };
+    let is_doubled = |name: &str, [a, b]: [&str; 2]| {
+        table.column(&format!("{name}_{a}")).is_some() && table.column(&format!("{name}_{b}")).is_some()
+    };
+    let lengths = ["x", "y", "z"].map(|name| (name, ["m", "mm"]));
+    let angles = ["rx", "ry", "rz", "euler_z", "euler_y", "euler_x"].map(|name| (name, ["deg", "rad"]));
+    if let Some((name, [a, b])) = lengths.into_iter().chain(angles).find(|(name, units)| is_doubled(name, *units)) {
+        return Err(table.wrong(CsvFault::Row(format!("{name}_{a} and {name}_{b} are both given; remove one"))));
+    }
+    for (columns, names) in [(rotation, "rx, ry or rz"), (euler, "euler_z, euler_y or euler_x")] {
+        if columns.iter().any(Option::is_some) && columns.iter().any(Option::is_none) {
+            return Err(table.no_column(format!("{names} (_deg or _rad)")));
+        }
+    }
     let mut targets = Vec::new();
     for row in table.rows() {
         let number = |(column, factor): (usize, f64)| row.number(column).map(|number| number * factor);

@@ -17,6 +17,11 @@ pub(crate) struct ServoArgs {
 }
 
 impl ServoArgs {
+    /// Whether any are given.
+    pub(crate) fn are_given(&self) -> bool {
+        self.q.is_some() || !self.servos.is_empty()
+    }
+
     /// The given positions, rad; `None` where none are given.
     pub(crate) fn given_rad(&self, arm: &Arm) -> Result<Option<Vec<f64>>, Usage> {
         let text = match (&self.q, &self.servos[..]) {

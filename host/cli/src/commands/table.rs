@@ -147,6 +147,9 @@ struct RowReport {
 
 impl Table {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
+        if self.servos.are_given() && self.words.is_empty() {
+            return Err(Usage("--q needs --words: frames and measurement plans have their own positions".into()).into());
+        }
         match (&self.show, &self.arm, &self.output) {
             (Some(path), ..) => ui.print(&show::shown(path, self.all)?),
             (None, Some(arm), Some(output)) => self.make(arm, output, ui),

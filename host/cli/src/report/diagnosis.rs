@@ -64,7 +64,7 @@ fn effects_table(d: &Diagnosis) -> Markup {
                                 td { b { (effect.law) } }
                                 td { (effect.site.name) @if effect.site.name != effect.site.code { " (" (effect.site.code) ")" } }
                                 td { (value.name) }
-                                td.num { @if let Some(from) = value.changed_from { (shown(value, from)) " → " } (shown(value, to(value, value.value))) }
+                                td.num { @if let Some(from) = value.nominal { (shown(value, from)) " → " } (shown(value, to(value, value.value))) }
                                 td.num { @if let Some([low, high]) = value.ci95 { (shown(value, to(value, low))) " … " (shown(value, to(value, high))) } @else { "fixed" } }
                                 td.num { @if let Some(gain) = &effect.held_out_gain { (with_unit(gain.value, gain.unit)) } @else { "–" } }
                             }
@@ -210,5 +210,5 @@ fn selection_path(path: &[SelectionStep], unit: &'static str) -> Markup {
 
 /// What the model has after a change; other values as they are.
 fn to(value: &Value, size: f64) -> f64 {
-    value.changed_from.map_or(size, |from| from + size)
+    value.nominal.map_or(size, |from| from + size)
 }

@@ -60,6 +60,15 @@ impl Chip {
         }
     }
 
+    /// How often an erase gives way to other tasks: 22 ms of an STM32L475, where they run meanwhile; on the RP2040 once, after
+    /// it.
+    pub(super) const fn erase_yields(self) -> usize {
+        match self {
+            Self::Stm32l475 => 20,
+            Self::Rp2040 => 1,
+        }
+    }
+
     /// Bytes that are written in one piece.
     pub(super) const fn page_bytes(self) -> usize {
         match self {

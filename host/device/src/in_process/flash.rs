@@ -18,8 +18,6 @@ use super::chip::Chip;
 
 /// Bytes at which the power can fail.
 const WORD: usize = 8;
-/// An erase gives way to other tasks this many times; a page takes 22 ms on the part.
-const ERASE_YIELDS: usize = 20;
 
 /// The bytes of a board's flash. Clones share them, as two starts of one board do.
 #[derive(Clone, Debug)]
@@ -240,7 +238,7 @@ impl MemoryFlash {
         for page in pages.step_by(chip.erase_bytes()) {
             self.power().await;
             self.pause(chip.erase_pause(), |cells| cells.erase_page(page));
-            for _ in 0..ERASE_YIELDS {
+            for _ in 0..chip.erase_yields() {
                 yield_now().await;
             }
         }

@@ -5,8 +5,8 @@
 //! [`InProcess::pass`], one millisecond a step. A run is repeated exactly by repeating its calls.
 //!
 //! The firmware drives the real shift driver and the real servo bus; the chain of eight 74HC595 is decoded from the edges
-//! of four pins. What the chip's own layer does, moving bytes by interrupts and writing flash, is left out; that is seen
-//! with the image in the emulator.
+//! of four pins. What the chip's own layer does, moving bytes by interrupts and writing registers of the flash, is left out; that is
+//! seen with the image in the emulator.
 
 mod bench;
 mod board;

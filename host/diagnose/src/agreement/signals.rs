@@ -252,8 +252,8 @@ impl Comparison<'_> {
     /// What a reading leaves with these laws, in rows from which the one `rows_later` is in the same stretch; `None` where
     /// it gives no experiment.
     fn left(&self, reading: &ColumnReading, rows_later: isize, model: Option<&Model>, laws: Laws) -> Option<Left> {
-        let mut data = self.data.read_as(reading.clone(), rows_later, ROWS);
-        let experiment = linearise(model.unwrap_or(self.model), &mut data).ok()?;
+        let data = self.data.read_as(reading.clone(), rows_later, ROWS);
+        let experiment = linearise(model.unwrap_or(self.model), &data).ok()?;
         let measured = variation(&experiment, &Training::of(&experiment)?.measured);
         let (n_axes, n_norm) = (experiment.axes.len(), experiment.n_norm);
         let groups = Groups::new(&experiment.rows);

@@ -36,7 +36,7 @@ fn held_out(errors: &Errors) -> &ErrorFigure {
 fn the_nominal_torques_of_a_real_arm_are_those_that_another_program_gives() {
     let how = options(HoldOut::Column("heldout".into()), None, &[]).preparation;
     let (table, _) = Table::read(&measured("tx40_joint_200hz.csv.gz"), &Names::new()).unwrap();
-    let experiment = linearise(&model("tx40.urdf"), &mut Prepared::new(table, &how, None).unwrap()).unwrap();
+    let experiment = linearise(&model("tx40.urdf"), &Prepared::new(table, &how, None).unwrap()).unwrap();
     for (axis, expected) in [30.7, 21.4, 12.7, 6.48, 9.02, 5.47].into_iter().enumerate() {
         let held_out = experiment.rows.iter().enumerate().filter(|(_, row)| row.held_out);
         let squares: Vec<f64> = held_out.map(|(k, _)| experiment.residuals[k * 6 + axis].powi(2)).collect();
@@ -64,7 +64,7 @@ fn the_rotors_of_an_mjcf_are_in_its_torques() {
     assert!(robot.joints.iter().all(|joint| joint.armature == 1e-5));
     let table = Table::read_text(Path::new("finger.csv"), text.as_bytes(), &Names::new()).unwrap().0;
     let model = Model { what: What::Any(robot), effects };
-    let experiment = linearise(&model, &mut Prepared::new(table, &Preparation::default(), None).unwrap()).unwrap();
+    let experiment = linearise(&model, &Prepared::new(table, &Preparation::default(), None).unwrap()).unwrap();
     let largest = experiment.residuals.iter().fold(0.0f64, |largest, r| largest.max(r.abs()));
     assert!(largest < 1e-12, "{largest}");
 }
@@ -89,7 +89,7 @@ fn moving_a_plate_does_what_its_columns_say() {
         column.numbers.iter_mut().zip(arms).for_each(|(number, arm)| *number -= arm);
     }
     let [before, after] = [table, moved]
-        .map(|table| linearise(&model("human.urdf"), &mut Prepared::new(table, &how, None).unwrap()).unwrap());
+        .map(|table| linearise(&model("human.urdf"), &Prepared::new(table, &how, None).unwrap()).unwrap());
     let frame = after.candidates.iter().find(|candidate| candidate.law == Law::SensorFrame).unwrap();
     for (row, fz) in fz.iter().enumerate() {
         for axis in 0..2 {
@@ -190,8 +190,8 @@ fn what_cannot_be_told_apart_is_not_named_and_the_rows_that_would_are_proposed()
 #[test]
 fn models_with_more_and_with_fewer_effects_follow_from_one_that_is_factorised() {
     let table = cylinder(|x, v, p| 0.4 * v + 3.0 + 0.01 * x * p);
-    let mut prepared = Prepared::new(table, &options(HoldOut::Last(0.3), None, &[]).preparation, None).unwrap();
-    let experiment = linearise(&model("cylinder.toml"), &mut prepared).unwrap();
+    let prepared = Prepared::new(table, &options(HoldOut::Last(0.3), None, &[]).preparation, None).unwrap();
+    let experiment = linearise(&model("cylinder.toml"), &prepared).unwrap();
     let groups = Groups::new(&experiment.rows);
     let problem = Signals::new(experiment, groups);
     let Ok(base) = problem.reweight_until_converged(problem.start(vec![0, 4, 20]));

@@ -65,14 +65,8 @@ pub(crate) fn effects(selected: &SelectedSignals) -> (Vec<Effect>, Vec<String>) 
             next += 1;
             if is_identified && at.is_finite() {
                 let ci95 = Some([at - half, at + half]);
-                let changed_from = body.map(|body| body.nominal[k]);
-                values.push(Value {
-                    name: value.name.clone(),
-                    value: at,
-                    unit: value.unit.clone(),
-                    ci95,
-                    changed_from,
-                });
+                let nominal = body.map(|body| body.nominal[k]);
+                values.push(Value { name: value.name.clone(), value: at, unit: value.unit.clone(), ci95, nominal });
             } else {
                 unobservable.push(value_name(value, candidate));
             }
@@ -96,7 +90,7 @@ pub(crate) fn effects(selected: &SelectedSignals) -> (Vec<Effect>, Vec<String>) 
 
 /// The number in the shape of a law.
 fn shape((name, value, unit): &(&'static str, f64, String)) -> Value {
-    Value { name: (*name).into(), value: *value, unit: unit.clone(), ci95: None, changed_from: None }
+    Value { name: (*name).into(), value: *value, unit: unit.clone(), ci95: None, nominal: None }
 }
 
 /// The values of the other candidates that these rows do not identify beside those of a model.

@@ -25,7 +25,7 @@ pub(crate) fn effects(selected: &SelectedPoses) -> Result<Vec<Effect>, NoPose> {
             let half = width * covariance[(column, column)].max(0.0).sqrt();
             let (quantity, value) = (law.quantities()[value], law.values()[value]);
             let ci95 = Some([value - half, value + half]);
-            Value { name: quantity.name.into(), value, unit: quantity.unit.into(), ci95, changed_from: None }
+            Value { name: quantity.name.into(), value, unit: quantity.unit.into(), ci95, nominal: None }
         };
         let of_effect = fit.values.iter().enumerate().filter(|(_, (owner, _))| *owner == index);
         found.push(Effect {

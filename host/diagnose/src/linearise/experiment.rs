@@ -5,6 +5,7 @@ use darm_robot::robot::RobotJoint;
 
 use crate::effect::{Law, Site};
 use crate::measured::Measured;
+use crate::measurement::Finding;
 use crate::prepare::groups::Row;
 use crate::prepare::signals::Prepared;
 
@@ -98,6 +99,8 @@ pub struct Experiment {
     pub channels: Vec<(String, Vec<f64>)>,
     /// Bodies whose mass distribution must stay possible.
     pub bodies: Vec<BodyCandidate>,
+    /// What its values rest on.
+    pub findings: Vec<Finding>,
     /// `None` where the residuals are linear in all values.
     pub relinearise: Option<Relinearise>,
 }
@@ -159,6 +162,7 @@ impl Experiment {
             candidates,
             channels: Vec::new(),
             bodies: Vec::new(),
+            findings: Vec::new(),
             relinearise: None,
         }
     }

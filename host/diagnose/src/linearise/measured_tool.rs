@@ -58,13 +58,13 @@ struct Predicted {
     tools: Vec<Pose<f64>>,
 }
 
-/// Adds to `data` the finding on what compliances rest on.
-pub(crate) fn experiment(data: &mut Prepared, robot: &Robot, how: &MeasuredTool) -> Result<Experiment, PrepareError> {
+/// The experiment of measured tool positions or poses.
+pub(crate) fn experiment(data: &Prepared, robot: &Robot, how: &MeasuredTool) -> Result<Experiment, PrepareError> {
     let chain = SerialChain::new(data, robot, how.tool.as_deref(), how.oriented)?;
     let measured = poses(data, how.oriented)?;
     let fits_frame = (!how.in_base_frame).then(|| data.rows.iter().map(|row| !row.held_out).collect());
     let rows = ToolRows { chain, measured, oriented: how.oriented, fits_frame };
-    data.findings.extend(rows.chain.finding());
+    let findings = rows.chain.finding().into_iter().collect();
     let (residuals, columns) = rows.at(&vec![0.0; rows.n_values()]);
     let mut columns = columns.into_iter();
     let mut candidates = rows.chain.candidates(&mut columns);
@@ -87,6 +87,7 @@ pub(crate) fn experiment(data: &mut Prepared, robot: &Robot, how: &MeasuredTool)
         candidates,
         channels,
         bodies: Vec::new(),
+        findings,
         relinearise: Some(relinearise),
     })
 }

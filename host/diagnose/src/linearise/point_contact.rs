@@ -45,8 +45,8 @@ struct PointContact {
     reach_m: Option<f64>,
 }
 
-/// Adds to `data` the findings on what lengths and compliances rest on.
-pub(crate) fn experiment(data: &mut Prepared, robot: &Robot, points: &Points) -> Result<Experiment, PrepareError> {
+/// The experiment of touched points.
+pub(crate) fn experiment(data: &Prepared, robot: &Robot, points: &Points) -> Result<Experiment, PrepareError> {
     let chain = SerialChain::new(data, robot, points.tool.as_deref(), false)?;
     let (of_row, n_points, pairs) = named(data, points)?;
     let distance_m = points.pair.as_ref().map_or(0.0, |(_, distance)| *distance);
@@ -56,7 +56,7 @@ pub(crate) fn experiment(data: &mut Prepared, robot: &Robot, points: &Points) ->
         let reach = reach(&contact.arms(&contact.chain.frames(&zero)));
         contact.reach_m = Some(reach).filter(|reach| *reach > 0.0);
     }
-    data.findings.extend(contact.findings());
+    let findings = contact.findings().collect();
     let (residuals, columns) = contact.at(&zero);
     let candidates = contact.chain.candidates(columns.into_iter());
     let mut axes: Vec<Axis> = ["x", "y", "z"].map(|name| Axis::new(name, "m")).into();
@@ -75,6 +75,7 @@ pub(crate) fn experiment(data: &mut Prepared, robot: &Robot, points: &Points) ->
         candidates,
         channels,
         bodies: Vec::new(),
+        findings,
         relinearise: Some(relinearise),
     })
 }

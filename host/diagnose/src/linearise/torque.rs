@@ -138,6 +138,7 @@ fn of_motion(
         candidates,
         channels: channels.concat(),
         bodies,
+        findings: Vec::new(),
         relinearise: None,
     }
 }

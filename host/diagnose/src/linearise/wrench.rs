@@ -72,6 +72,7 @@ pub(crate) fn experiment(data: &Prepared, robot: &Robot) -> Result<Experiment, P
         candidates,
         channels: channels(data, robot, joints),
         bodies,
+        findings: Vec::new(),
         relinearise: None,
     })
 }

@@ -12,7 +12,7 @@ use flate2::Compression;
 use flate2::read::MultiGzDecoder;
 use flate2::write::GzEncoder;
 
-use super::csv_text::csv_text;
+use super::csv_text::{csv_cells, csv_text};
 use super::error::ReadError;
 use super::log::{self, LogError};
 use super::mcap::Log;
@@ -60,7 +60,7 @@ fn expanded(bytes: &[u8]) -> io::Result<(Vec<u8>, bool)> {
 
 /// Whether the last line has no end and fewer cells than the header.
 fn is_last_row_short(text: &[u8]) -> bool {
-    let cells = |line: &[u8]| line.iter().filter(|&&byte| byte == b',').count();
+    let cells = |line: &[u8]| csv_cells(&String::from_utf8_lossy(line)).len();
     let mut lines = text.split(|&byte| byte == b'\n').filter(|line| !line.starts_with(b"#"));
     let header = lines.next().map_or(0, cells);
     lines.next_back().is_some_and(|last| !last.is_empty() && cells(last) < header)

@@ -213,7 +213,7 @@ fn terms_sentence(arm: &Arm, diagnosis: &Diagnosis, with_terms: &WithTerms) -> S
 }
 
 fn effect_of_signals(effect: &outcome::Effect) -> String {
-    let value = |value: &Value| match value.changed_from {
+    let value = |value: &Value| match value.nominal {
         Some(from) => format!("{} {} → {} {}", value.name, short(from), short(from + value.value), value.unit),
         None => format!("{} {} {}", value.name, short(value.value), value.unit),
     };

@@ -165,6 +165,7 @@ mod tests {
             candidates: all.collect(),
             channels: Vec::new(),
             bodies: Vec::new(),
+            findings: Vec::new(),
             relinearise: None,
         };
         let groups = Groups::new(&experiment.rows);

@@ -84,7 +84,9 @@ impl<'a> Meshes<'a> {
         };
         let reference = Vec3::from(mesh.numbers("refpos")?.unwrap_or([0.0; 3]));
         let [w, x, y, z] = mesh.numbers("refquat")?.unwrap_or([1.0, 0.0, 0.0, 0.0]);
-        let turn = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 0.0).unwrap_or_default().inverse();
+        let turn = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 0.0);
+        let wrong = || mesh.wrong_value("refquat", "a quaternion other than 0 0 0 0");
+        let turn = turn.ok_or_else(wrong)?.inverse();
         let scale = Vec3::from(mesh.numbers("scale")?.unwrap_or([1.0; 3]));
         for vertex in &mut surface.vertices {
             *vertex = (turn * (*vertex - reference)).component_mul(&scale);

@@ -10,6 +10,7 @@ use serde::Serialize;
 use crate::commands::subject::floating;
 use crate::exchanged;
 use crate::failure::{Usage, in_table};
+use crate::number_text::numbers;
 use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui, columns, number};
 
@@ -163,9 +164,9 @@ impl Identify {
     }
 
     fn noise(&self) -> Result<Noise, Usage> {
-        let numbers: Vec<f64> = self.noise.split(',').filter_map(|cell| cell.trim().parse().ok()).collect();
+        let numbers = numbers(&self.noise, "--noise")?;
         match numbers[..] {
-            [torque_nm, force_n, moment_nm] if numbers.iter().all(|x| *x > 0.0 && x.is_finite()) => {
+            [torque_nm, force_n, moment_nm] if numbers.iter().all(|x| *x > 0.0) => {
                 Ok(Noise { torque_nm, force_n, moment_nm })
             }
             _ => Err(Usage(format!("--noise {}: give three numbers above 0, such as 5,5,2", self.noise))),

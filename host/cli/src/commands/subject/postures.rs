@@ -35,7 +35,17 @@ enum Column {
     Number(usize, Quantity, f64),
 }
 
-#[derive(Clone, Copy)]
+impl Column {
+    /// Which quantity of which coordinate it has.
+    fn number(&self) -> Option<(usize, Quantity)> {
+        match self {
+            Self::Number(index, quantity, _) => Some((*index, *quantity)),
+            Self::Word | Self::Time => None,
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq)]
 enum Quantity {
     Position,
     Velocity,
@@ -148,6 +158,13 @@ fn read(path: &Path, subject: &Subject) -> anyhow::Result<Vec<Posture>> {
     if let Some((index, missing)) = coordinates.iter().enumerate().find(|(index, _)| !given(*index)) {
         let unit = missing.unit();
         return Err(table.no_column(format!("{}_{unit} (or q{}_{unit})", missing.name, index + 1)).into());
+    }
+    let number = |k: usize| columns[k].as_ref().and_then(Column::number);
+    if let Some(k) = (1..columns.len()).find(|&k| number(k).is_some() && (0..k).any(|j| number(j) == number(k))) {
+        let name = table.header().nth(k).unwrap_or_default();
+        return Err(table
+            .wrong(CsvFault::Row(format!("{name} gives the same quantity as another column; remove one")))
+            .into());
     }
     let mut postures = Vec::new();
     for (index, row) in table.rows().enumerate() {
