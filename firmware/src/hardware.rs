@@ -12,7 +12,7 @@
 //! Everything that decides is in this library and is tested on a PC; a board only moves bits. `docs/add-a-board.md` says
 //! how a board is added.
 
-use core::pin::pin;
+use core::pin::{Pin, pin};
 
 use darm_core::output::{MAX_LINES, MAX_SERVOS};
 use darm_core::profile::Profile;
@@ -30,7 +30,7 @@ use crate::clock::Clock;
 use crate::control::{Inputs, Shared};
 use crate::dispatch::{BUILD, Board, Dispatcher};
 use crate::kept::{Kept, forget_crashes};
-use crate::life::{Pulse, Start};
+use crate::life::Pulse;
 use crate::nearest::Room;
 use crate::rescue;
 use crate::servo::Bus;
@@ -183,52 +183,52 @@ pub fn describe<H: Hardware>(crash: Option<CrashRecord>) -> Board {
 /// The dispatcher of a board.
 pub type OnBoard<H> = Dispatcher<'static, 'static, <H as Hardware>::Flash, <H as Hardware>::Clock>;
 
-/// Serves the console until somebody asks for a restart; into what.
+/// Opens the store and serves the console until somebody asks for a restart; into what.
 ///
-/// A board that is held after crashes answers the bootstrap set alone, see [`crate::rescue`].
+/// Table and profile come apart: in one value with the dispatcher they cost the stack of a task 8 KiB.
 pub async fn console<H: Hardware>(
-    Owned { dispatcher, table, profile }: Owned<H>,
-    start: Start,
-    pulse: &Pulse,
+    dispatcher: &'static mut OnBoard<H>,
+    table: &'static mut Table,
+    profile: &'static mut Profile,
     reader: &mut impl Read,
     writer: &mut impl Write,
 ) -> RebootTarget {
-    let into = match start {
-        Start::Normal => {
-            let work = pin!(async {
-                dispatcher.open(H::open_flash(), table, profile).await;
-                serve(dispatcher, reader, writer).await
-            });
-            pulse.during(&H::CLOCK, work).await
-        }
-        Start::Recovery => {
-            let clock = H::CLOCK;
-            let serve = rescue::serve(&dispatcher.board, H::is_button_closed, &clock, reader, writer);
-            match select(serve, feed_for_ever::<H>()).await {
-                Either::First(into) => into,
-                Either::Second(never) => never,
-            }
-        }
-    };
-    forget_crashes(H::kept());
-    into
+    dispatcher.open(H::open_flash(), table, profile).await;
+    serve(dispatcher, reader, writer).await
 }
 
-/// Serves the console of a board that is not held, as [`console`] does, where [`crate::app::scan`] fills the inbox at a higher
-/// priority.
+/// The same where [`crate::app::scan`] fills the inbox at a higher priority.
 pub async fn console_behind<H: Hardware>(
-    Owned { dispatcher, table, profile }: Owned<H>,
-    pulse: &Pulse,
+    dispatcher: &'static mut OnBoard<H>,
+    table: &'static mut Table,
+    profile: &'static mut Profile,
     inbox: &Inbox,
     writer: &mut impl Write,
 ) -> RebootTarget {
-    let work = pin!(async {
-        dispatcher.open(H::open_flash(), table, profile).await;
-        work(inbox, dispatcher, writer).await
-    });
-    let into = pulse.during(&H::CLOCK, work).await;
+    dispatcher.open(H::open_flash(), table, profile).await;
+    work(inbox, dispatcher, writer).await
+}
+
+/// Serves the console of a board that is held after crashes, the bootstrap set alone (see [`crate::rescue`]), and restarts as
+/// it says.
+pub async fn held_console<H: Hardware>(dispatcher: &OnBoard<H>, reader: &mut impl Read, writer: &mut impl Write) -> ! {
+    let clock = H::CLOCK;
+    let serve = rescue::serve(&dispatcher.board, H::is_button_closed, &clock, reader, writer);
+    match select(serve, feed_for_ever::<H>()).await {
+        Either::First(into) => restart::<H>(into),
+        Either::Second(never) => never,
+    }
+}
+
+/// Runs the console, which reports by its pulse, and restarts as it says.
+pub async fn until_restart<H: Hardware>(pulse: &Pulse, console: Pin<&mut impl Future<Output = RebootTarget>>) -> ! {
+    restart::<H>(pulse.during(&H::CLOCK, console).await)
+}
+
+/// A restart on request ends the crashes in a row.
+fn restart<H: Hardware>(into: RebootTarget) -> ! {
     forget_crashes(H::kept());
-    into
+    H::restart(into)
 }
 
 /// Feeds the watchdog of a board that is held: no control tick does. A console that hangs is reset, and the crashes in a

@@ -12,6 +12,7 @@
 //! A board that is held after crashes has the console alone, with the bootstrap set, see [`darm_firmware::rescue`].
 //! Else the console and the servo bus report to the control tick; it resets the board when one is silent, see [`darm_firmware::life`].
 use core::mem::MaybeUninit;
+use core::pin::pin;
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m::peripheral::NVIC;
@@ -24,7 +25,7 @@ use darm_firmware::clock::Clock;
 use darm_firmware::control::Shared;
 use darm_firmware::crash;
 use darm_firmware::dispatch::Dispatcher;
-use darm_firmware::hardware::{self, Hardware as _, OnBoard, Owned};
+use darm_firmware::hardware::{self, OnBoard};
 use darm_firmware::life::{Pulse, Start, Task};
 use darm_firmware::nearest::Room;
 use darm_firmware::tick::Ticker;
@@ -98,12 +99,14 @@ async fn console(
     table: &'static mut Table,
     profile: &'static mut Profile,
     start: Start,
-) {
+) -> ! {
     let [pulse, _] = &PULSES;
     let (mut receiver, mut sender) = uart::start_console();
-    let owned = Owned { dispatcher, table, profile };
-    let into = hardware::console::<Board>(owned, start, pulse, &mut receiver, &mut sender).await;
-    Board::restart(into)
+    if start == Start::Recovery {
+        hardware::held_console::<Board>(dispatcher, &mut receiver, &mut sender).await
+    }
+    let work = pin!(hardware::console::<Board>(dispatcher, table, profile, &mut receiver, &mut sender));
+    hardware::until_restart::<Board>(pulse, work).await
 }
 
 #[embassy_executor::task]

@@ -15,6 +15,7 @@ mod time;
 mod uart;
 
 use core::mem::MaybeUninit;
+use core::pin::pin;
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m::peripheral::scb::SystemHandler;
@@ -63,11 +64,15 @@ unsafe fn SDIO() {
 }
 
 #[embassy_executor::task]
-async fn console(owned: Owned<Board>, start: Start) {
+async fn console(owned: Owned<Board>, start: Start) -> ! {
     let [pulse, _] = &PULSES;
     let (mut receiver, mut sender) = uart::start_console();
-    let into = hardware::console::<Board>(owned, start, pulse, &mut receiver, &mut sender).await;
-    Board::restart(into)
+    let Owned { dispatcher, table, profile } = owned;
+    if start == Start::Recovery {
+        hardware::held_console::<Board>(dispatcher, &mut receiver, &mut sender).await
+    }
+    let work = pin!(hardware::console::<Board>(dispatcher, table, profile, &mut receiver, &mut sender));
+    hardware::until_restart::<Board>(pulse, work).await
 }
 
 #[embassy_executor::task]

@@ -30,6 +30,7 @@ mod servos;
 mod watchdog;
 
 use core::mem::MaybeUninit;
+use core::pin::pin;
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use darm_core::duty::DutyMeters;
@@ -43,8 +44,7 @@ use darm_firmware::hardware::{self, ConsoleMemory, Hardware as _, Owned};
 use darm_firmware::life::{self, Pulse, Start, Task};
 use darm_firmware::tick::Ticker;
 use embassy_executor::{InterruptExecutor, SpawnError, SpawnToken};
-use embassy_futures::join::join3;
-use embassy_futures::select::{Either, select};
+use embassy_futures::join::{join, join3};
 use embassy_rp::interrupt::{InterruptExt as _, Priority};
 use embassy_rp::peripherals::USB;
 use embassy_rp::{Peri, Peripherals, interrupt, pac};
@@ -126,20 +126,20 @@ async fn usb_task(usb: Peri<'static, USB>) {
 }
 
 #[embassy_executor::task]
-async fn console_task(owned: Owned<Board>) {
+async fn console_task(owned: Owned<Board>) -> ! {
     let [pulse, _] = &PULSES;
-    let into = hardware::console_behind::<Board>(owned, pulse, &INBOX, &mut console::Outlet).await;
-    Board::restart(into)
+    let Owned { dispatcher, table, profile } = owned;
+    let mut outlet = console::Outlet;
+    let work = pin!(hardware::console_behind::<Board>(dispatcher, table, profile, &INBOX, &mut outlet));
+    hardware::until_restart::<Board>(pulse, work).await
 }
 
 /// The console of a board that is held.
 #[embassy_executor::task]
 async fn recovery_task(usb: Peri<'static, USB>, owned: Owned<Board>) {
-    let [pulse, _] = &PULSES;
     let (mut device, UsbConsole { mut receiver, mut sender }) = console::start(usb);
-    let console = hardware::console::<Board>(owned, Start::Recovery, pulse, &mut receiver, &mut sender);
-    let Either::Second(into) = select(device.run(), console).await;
-    Board::restart(into)
+    let console = hardware::held_console::<Board>(owned.dispatcher, &mut receiver, &mut sender);
+    join(device.run(), console).await;
 }
 
 #[embassy_executor::task]
