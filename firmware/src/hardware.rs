@@ -211,7 +211,11 @@ pub async fn console_behind<H: Hardware>(
 
 /// Serves the console of a board that is held after crashes, the bootstrap set alone (see [`crate::rescue`]), and restarts as
 /// it says.
-pub async fn held_console<H: Hardware>(dispatcher: &OnBoard<H>, reader: &mut impl Read, writer: &mut impl Write) -> ! {
+pub async fn recovery_console<H: Hardware>(
+    dispatcher: &OnBoard<H>,
+    reader: &mut impl Read,
+    writer: &mut impl Write,
+) -> ! {
     let clock = H::CLOCK;
     let serve = rescue::serve(&dispatcher.board, H::is_button_closed, &clock, reader, writer);
     match select(serve, feed_for_ever::<H>()).await {

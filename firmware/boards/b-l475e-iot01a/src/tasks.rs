@@ -103,7 +103,7 @@ async fn console(
     let [pulse, _] = &PULSES;
     let (mut receiver, mut sender) = uart::start_console();
     if start == Start::Recovery {
-        hardware::held_console::<Board>(dispatcher, &mut receiver, &mut sender).await
+        hardware::recovery_console::<Board>(dispatcher, &mut receiver, &mut sender).await
     }
     let work = pin!(hardware::console::<Board>(dispatcher, table, profile, &mut receiver, &mut sender));
     hardware::until_restart::<Board>(pulse, work).await

@@ -138,7 +138,7 @@ async fn console_task(owned: Owned<Board>) -> ! {
 #[embassy_executor::task]
 async fn recovery_task(usb: Peri<'static, USB>, owned: Owned<Board>) {
     let (mut device, UsbConsole { mut receiver, mut sender }) = console::start(usb);
-    let console = hardware::held_console::<Board>(owned.dispatcher, &mut receiver, &mut sender);
+    let console = hardware::recovery_console::<Board>(owned.dispatcher, &mut receiver, &mut sender);
     join(device.run(), console).await;
 }
 
