@@ -20,7 +20,7 @@
 //! | tool | `frame` | `base` (the default): what was measured is in the robot's base frame, nearly; `unknown`: anywhere |
 //! | all | `lock_deg`, `lock_mm` | positions of joints that do not move, by their names: the columns of a table are those of the others |
 //!
-//! `number` and `[[effect]]` (see [`model_effects`]) are what `darm diagnose -o` adds.
+//! `number` and `[[effect]]` (see [`model_effects`](super::model_effects)) are what `darm diagnose -o` adds.
 //!
 //! The file of a robot alone is one whose torques are observed, or its contact wrench where the table has `Fz`.
 
