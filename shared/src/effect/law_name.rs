@@ -1,4 +1,4 @@
-//! The names of all laws in one list: those of arms of discrete actuators, those [`along`](super::along) a coordinate, and
+//! The names of all laws in one list: those of arms of discrete actuators, those along a coordinate ([`basis`](super::basis)), and
 //! those that only a regression on the host evaluates.
 
 macro_rules! names {
