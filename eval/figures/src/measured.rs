@@ -1,5 +1,6 @@
 //! The page `docs/measured.md`, written from the committed files of figures and the goals.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -70,6 +71,7 @@ pub fn page(folder: &Path, goals: &Goals) -> Result<String> {
     let index: Index = toml::from_str(&text).with_context(|| index.display().to_string())?;
     every_file_is_listed(folder, &index)?;
     let (mut sections, mut missed, mut with_goal) = (String::new(), String::new(), 0);
+    let mut files = BTreeMap::new();
     for entry in &index.figures {
         let mut figures = Figures::read(&folder.join(&entry.file))?;
         for figure in &mut figures.rows {
@@ -87,6 +89,7 @@ pub fn page(folder: &Path, goals: &Goals) -> Result<String> {
                 let _ = writeln!(missed, "| {} | `{command}` |", row(figure));
             }
         }
+        files.insert(entry.file.as_str(), figures);
     }
     let n_missed = missed.lines().count();
     let mut page = format!("{HEAD}\nOf {with_goal} figures with a goal {n_missed} miss it:\n\n");
@@ -95,30 +98,30 @@ pub fn page(folder: &Path, goals: &Goals) -> Result<String> {
         page += &missed;
     }
     for table in &index.tables {
-        page += &side_by_side(folder, table)?;
+        page += &side_by_side(&files, table)?;
     }
     Ok(page + &sections)
 }
 
-fn side_by_side(folder: &Path, table: &Table) -> Result<String> {
+fn side_by_side(files: &BTreeMap<&str, Figures>, table: &Table) -> Result<String> {
     let Table { title, note, columns, rows } = table;
     let mut text = format!("\n## {title}\n\n");
     text.extend(note.iter().map(|note| format!("{note}\n\n")));
     text += &format!("| figure | {} |\n| --- |{}\n", columns.join(" | "), " --- |".repeat(columns.len()));
     for Row { title, of } in rows {
         ensure!(of.len() == columns.len(), "{INDEX}: {title:?} has {} figures, give {}", of.len(), columns.len());
-        let values = of.iter().map(|[file, name]| value_in(folder, file, name)).collect::<Result<Vec<_>>>()?;
+        let values = of.iter().map(|[file, name]| value_in(files, file, name)).collect::<Result<Vec<_>>>()?;
         text += &format!("| {} | {} |\n", cell(title), values.join(" | "));
     }
     Ok(text)
 }
 
 /// The value of a figure with its unit; a dash where no file is named.
-fn value_in(folder: &Path, file: &str, name: &str) -> Result<String> {
+fn value_in(files: &BTreeMap<&str, Figures>, file: &str, name: &str) -> Result<String> {
     if file.is_empty() {
         return Ok("–".into());
     }
-    let figures = Figures::read(&folder.join(file))?;
+    let figures = files.get(file).with_context(|| format!("{INDEX}: {file} is not among its figures"))?;
     let found = figures.rows.iter().find(|figure| figure.name == name);
     let Figure { value, unit, .. } = found.with_context(|| format!("{INDEX}: {file} has no figure {name:?}"))?;
     Ok(cell(format!("{} {unit}", short(*value)).trim_end()))

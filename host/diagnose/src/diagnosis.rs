@@ -230,7 +230,6 @@ fn select(
         None => agreement::signals::agreement(model, &data, &experiment),
         Some(_) => Agreement::AsRead,
     };
-    let of_model = std::mem::take(&mut experiment.findings);
     let problem = Signals::new(experiment, groups);
     let (best, path) = match &agreement {
         Agreement::Otherwise(_) => (problem.fitted(always), Vec::new()),
@@ -238,7 +237,7 @@ fn select(
     };
     let Projected { best, impossible } = project(&problem, best, n_known);
     let (held_out, mut findings) = (data.held_out, data.findings);
-    findings.extend(of_model);
+    findings.extend(problem.experiment.findings.iter().cloned());
     if !best.weighting.has_converged {
         let text = "the noise and the fit that it weighs did not settle: intervals may be too narrow";
         findings.push(Finding::note(FindingKind::NoConvergence, text));

@@ -115,10 +115,12 @@ impl CsvTable {
         }
         let named = |k: usize| header.get(k).filter(|name| !name.is_empty());
         if let Some(doubled) = (1..header.len()).find(|&k| named(k).is_some() && (0..k).any(|j| named(j) == named(k))) {
-            let fault = CsvFault::Doubled(header[doubled].into());
-            let place = place_of(text.as_bytes(), header.position(), doubled);
-            let error = Source::of_text(path, text).error(None, Fault::Content(Box::new(fault)));
-            return Err(FileError { place, ..error });
+            let fault = Fault::Content(CsvFault::Doubled(header[doubled].into()).into());
+            return Err(FileError {
+                path: path.into(),
+                place: place_of(text.as_bytes(), header.position(), doubled),
+                fault,
+            });
         }
         let rows = reader.records().collect::<Result<Vec<_>, _>>().map_err(wrong)?;
         Ok(Self { source: Source::of_text(path, text), header, rows })

@@ -11,10 +11,12 @@
 //! encodings are refused by name.
 
 use std::collections::BTreeMap;
+use std::iter;
 
 use serde_json::{Map, Value, json};
 
 use super::column::{meaning_of, name_parts};
+use super::csv_text::csv_text;
 use super::mcap::{Log, McapError, Writer};
 
 /// The topic of a log that is written.
@@ -101,17 +103,16 @@ fn table(log: &Log) -> Result<Vec<u8>, LogError> {
         _ => format!("{}/{key}", topic.trim_start_matches('/')),
     };
     let timed = columns.iter().any(|(_, key)| meaning_of(&name_parts(key).0) == "time");
-    let mut text = csv::Writer::from_writer(Vec::new());
     let own = (!timed && !rows.is_empty()).then(|| "time_s".to_string());
-    text.write_record(own.into_iter().chain(columns.iter().map(name)))?;
-    for (time_ns, row) in &rows {
+    let header: Vec<String> = own.into_iter().chain(columns.iter().map(name)).collect();
+    let lines = rows.iter().map(|(time_ns, row)| -> Vec<String> {
         let own = (!timed).then(|| format!("{}.{:09}", time_ns / 1_000_000_000, time_ns % 1_000_000_000));
         let cell = |(topic, key): &(String, String)| {
             row.iter().find(|(t, k, _)| t == topic && k == key).map_or(String::new(), |(.., cell)| cell.clone())
         };
-        text.write_record(own.into_iter().chain(columns.iter().map(cell)))?;
-    }
-    Ok(text.into_inner().expect("a writer to memory does not fail"))
+        own.into_iter().chain(columns.iter().map(cell)).collect()
+    });
+    Ok(csv_text(iter::once(header).chain(lines)).into_bytes())
 }
 
 /// The columns of an object and what is in them.

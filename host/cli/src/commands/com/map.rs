@@ -8,7 +8,7 @@ use darm_papers::motion::execution::{Executed, Gains, execute};
 use darm_papers::motion::mapping::{Mapped, map};
 use darm_papers::motion::person::{CopError, Person, Scale, WITHIN_M, person};
 use darm_papers::motion::setup::Setup;
-use darm_papers::motion::{Balance, BodyPoint, Capture, LiftOffBy, feed_forward};
+use darm_papers::motion::{Balance, Capture, LiftOffBy, feed_forward};
 use darm_robot::robot::Robot;
 use darm_robot::source::{Fault, FileError, Place, Source};
 use serde::Serialize;
@@ -93,12 +93,10 @@ impl Map {
         }
         let (average, robot) = (floating(&self.person)?, self.robot()?);
         let setup = Setup::read(&self.setup, &average, &robot)?;
-        let names: Vec<String> = setup.markers.iter().map(|marker| marker.name.clone()).collect();
-        let capture = Capture::read(&self.capture, &names);
+        let capture = Capture::read(&self.capture, &setup.marker_names());
         let capture = capture.map_err(|error| in_table(&self.capture, error.line(), error))?;
         let spinner = ui.spinner("scaling the person");
-        let on_person: Vec<BodyPoint> = setup.markers.iter().map(|marker| marker.on_person).collect();
-        let found = person(&average, &on_person, &capture)?;
+        let found = person(&average, &setup.on_person(), &capture)?;
         spinner.set_message("mapping the motion");
         let mapped = map(&robot, &setup, &found, &capture)?;
         spinner.set_message("executing the motion");
