@@ -64,7 +64,7 @@ impl<F: NorFlash> Store<F> {
         let records = MapStorage::new(flash, const { MapConfig::new(RECORDS) }, Cache::new_uncached());
         let mut store = Self { records, table: None, profile: None, upload: None, unreadable: false };
         for kind in [ImageKind::Table, ImageKind::Profile] {
-            match store.mend::<Valid>(valid_key(kind)).await {
+            match store.repair::<Valid>(valid_key(kind)).await {
                 Ok(valid) => *store.valid_mut(kind) = valid,
                 Err(StorageError) => store.unreadable = true,
             }
@@ -113,7 +113,7 @@ impl<F: NorFlash> Store<F> {
     ///
     /// The flash cannot be read.
     pub async fn calibration(&mut self) -> Result<Option<Calibration>, StorageError> {
-        self.mend(KEY_CALIBRATION).await
+        self.repair(KEY_CALIBRATION).await
     }
 
     /// Stores the zero offsets.

@@ -75,7 +75,7 @@ impl Digest {
     }
 }
 
-/// The first eight bytes of a [`Digest`], enough to tell two apart at a glance.
+/// The first eight bytes of a [`Digest`], enough to distinguish two at a glance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ShortDigest(pub u64);
 

@@ -204,7 +204,7 @@ fn draw_coil(rng: &mut ChaCha8Rng, kind: u8, lines: &mut Vec<u8>) -> Option<Coil
 
 fn servo_ceiling(servo: &ServoPlan) -> ServoCeiling {
     let per_rad = 4096.0 / std::f32::consts::TAU;
-    let range = (servo.range_rad * per_rad) as u16 + 1;
+    let range = (servo.range_rad * per_rad) as i16 + 1;
     ServoCeiling {
         id: servo.id,
         min_step: 2048 - range,

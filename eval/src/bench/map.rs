@@ -97,7 +97,7 @@ fn apart(one: &Joint, other: &Joint) -> f64 {
     cubes.into_iter().map(|cube| one.get(cube).unwrap_or(&none).distance(other.get(cube).unwrap_or(&none))).sum()
 }
 
-/// The most memory that this process has had so far; 0 where the system does not tell.
+/// The most memory that this process has had so far; 0 where the system does not report it.
 fn peak_memory_gib() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));

@@ -99,15 +99,24 @@ const CASES: &[Case] = &[
     cylinder("NAP310", &["--where", "seal = NAP310", "--hold-out", "set_bar = 5"]),
     servo(
         "single_sts3215",
-        &["--column", MAP, "--settled", "0.8", "--where", "test = single_sts3215", "--hold-out-last", "0.5"],
+        &["--column", MAP, "--skip-after-change", "0.8", "--where", "test = single_sts3215", "--hold-out-last", "0.5"],
     ),
     servo(
         "dual_nocomp_m1",
-        &["--column", MAP, "--settled", "0.8", "--where", "test = dual_nocomp_m1", "--hold-out-last", "0.5"],
+        &["--column", MAP, "--skip-after-change", "0.8", "--where", "test = dual_nocomp_m1", "--hold-out-last", "0.5"],
     ),
     servo(
         "dual_pretension_m1",
-        &["--column", MAP, "--settled", "0.8", "--where", "test = dual_pretension_m1", "--hold-out-last", "0.5"],
+        &[
+            "--column",
+            MAP,
+            "--skip-after-change",
+            "0.8",
+            "--where",
+            "test = dual_pretension_m1",
+            "--hold-out-last",
+            "0.5",
+        ],
     ),
     Case {
         figures: &[Norm(1.0, "N·m")],

@@ -31,7 +31,7 @@ pub(super) fn measure(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
         let digits: Vec<u8> = (0..real.n_actuators()).map(|_| random.random_range(0..2)).collect();
         let mut off = || random.random_range(-OFF..OFF);
         let off = Twist { angular: [off(), off(), off()].into(), linear: [off(), off(), off()].into() };
-        let target = stands(&real, &Word::new(&digits)?)? * Pose::exp(&off);
+        let target = pose_at_rest(&real, &Word::new(&digits)?)? * Pose::exp(&off);
         let on_board =
             |records: &[_]| board::nearest(records, digits.len(), &target).context("the board finds no word");
         let words = [
@@ -41,7 +41,7 @@ pub(super) fn measure(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
             on_board(&bent)?.word,
         ];
         for (square, word) in squares.iter_mut().zip(words) {
-            *square += stands(&real, &word)?.distance(&target, real.length_scale_m).powi(2);
+            *square += pose_at_rest(&real, &word)?.distance(&target, real.length_scale_m).powi(2);
         }
     }
     let [nominal, corrected, flat, bent] = squares.map(|square: f64| 1e3 * (square / FRAMES as f64).sqrt());
@@ -55,6 +55,6 @@ pub(super) fn measure(random: &mut ChaCha8Rng) -> Result<Vec<Figure>> {
 }
 
 /// Where the arm has its tool for a word, coming from rest.
-fn stands(arm: &Arm, word: &Word) -> Result<Pose<f64>> {
+fn pose_at_rest(arm: &Arm, word: &Word) -> Result<Pose<f64>> {
     Ok(arm.model.predict(&arm.model.working(*word, arm.rest(), &[]), &mut ArmScratch::default())?)
 }

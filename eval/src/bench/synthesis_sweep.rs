@@ -34,7 +34,7 @@ const CHOSEN: usize = 8;
 /// Starts of one synthesis, and of one within tight bounds, where most draws have no solution to be found.
 const STARTS: u32 = 64;
 const BOUNDED_STARTS: u32 = 6;
-/// Least stroke of a real actuator, m, and starts that tell whether a draw has a solution.
+/// Least stroke of a real actuator, m, and starts that decide whether a draw has a solution.
 const STROKE_M: f64 = 0.02;
 const RANDOM_STARTS: usize = 1000;
 const SHARES: [f64; 3] = [1.0, 0.5, 0.25];

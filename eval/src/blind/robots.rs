@@ -111,8 +111,8 @@ impl Robots {
 }
 
 pub(super) fn diagnosed(which: Which, what: What, table: &Table, seed: u64) -> Result<Diagnosis> {
-    let within = if which == Which::Floating { vec!["posture".to_string()] } else { Vec::new() };
-    let preparation = Preparation { within, ..Preparation::default() };
+    let segment_by = if which == Which::Floating { vec!["posture".to_string()] } else { Vec::new() };
+    let preparation = Preparation { segment_by, ..Preparation::default() };
     let options = SignalOptions { preparation, always: Vec::new(), seed };
     Ok(diagnose_table(&Model::from(what), table, &options)?.diagnosis)
 }

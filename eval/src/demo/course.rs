@@ -33,7 +33,7 @@ const DWELL_S: f64 = 0.045;
 const FRAME_VISITS: usize = 3;
 /// What may be left of the error at the desired frames, as a share of what it was.
 const SHARE_LEFT: f64 = 0.2;
-/// The same in units of the repeatability: what a measurement cannot tell from nothing.
+/// The same in units of the repeatability: what a measurement cannot distinguish from nothing.
 const REPEATS_LEFT: f64 = 1.3;
 /// A person turns a stop or an anchor to within this, one standard deviation.
 const SETTING_ERROR_M: f64 = 20e-6;

@@ -290,8 +290,8 @@ fn panda() -> Result<Vec<Figure>> {
         let [a, b, c, x, y, z] = six.try_into().context("a target has no six numbers")?;
         let target = Pose::new(&Vec3::new(a, b, c), Vec3::new(x, y, z));
         let found = robot.inverse(Method::LevenbergMarquardt, frame, &target, start, &Options::default())?;
-        let stands = robot.kinematics(frame, &found.q)?.pose_base_frame.to(&target);
-        let near = stands.position.norm() <= 1e-5 && stands.angle_rad() <= 1e-5;
+        let reached = robot.kinematics(frame, &found.q)?.pose_base_frame.to(&target);
+        let near = reached.position.norm() <= 1e-5 && reached.angle_rad() <= 1e-5;
         met += usize::from(found.status == Status::Reached && near);
         steps += found.steps;
     }

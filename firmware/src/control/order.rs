@@ -16,15 +16,15 @@ pub enum Order<'t> {
         /// How many [stops](super::Shared::stops) there were when it was requested.
         stops: u32,
     },
-    /// Tell what you do now.
+    /// Report the present state.
     Status,
-    /// Tell what is loaded.
+    /// Report what is loaded.
     Summary,
-    /// Tell how the coil of one output is wired.
+    /// Report how the coil of one output is wired.
     Coil(u8),
-    /// Tell how long one output has been on.
+    /// Report how long one output has been on.
     Output(u8),
-    /// Tell how one servo joint is wired.
+    /// Report how one servo joint is wired.
     Servo(u8),
     /// Take this table.
     Load(&'t mut Table),

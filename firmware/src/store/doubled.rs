@@ -34,7 +34,7 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Reads a record, and writes it again where one copy is damaged or older: after a power cut, for example.
-    pub(super) async fn mend<V>(&mut self, key: u8) -> Result<Option<V>, StorageError>
+    pub(super) async fn repair<V>(&mut self, key: u8) -> Result<Option<V>, StorageError>
     where
         V: Copy + PartialEq + Serialize + for<'a> Deserialize<'a>,
     {

@@ -1,4 +1,5 @@
-//! Output files: a command replaces only files of the kind that it writes, and writes all of its files or none.
+//! Output files: a command replaces only files of the kind that it writes, and replaces none before all are complete
+//! under temporary names.
 
 use std::ffi::OsString;
 use std::io::Read as _;
@@ -139,7 +140,7 @@ pub(crate) fn refuse_same(first: &Path, second: &Path) -> Result<(), OutputError
     }
 }
 
-/// Writes all files, or none of them and returns which could not be written.
+/// Writes all files under temporary names, then renames them; where one cannot be written, all keep what they were.
 pub(crate) fn write_all(files: &[(&Path, &[u8])]) -> anyhow::Result<()> {
     let mut written = Vec::new();
     let result = files.iter().try_for_each(|&(path, bytes)| {

@@ -1,4 +1,4 @@
-//! Board time and host time: what round trips tell, and how uncertain it is.
+//! Board time and host time: what round trips determine, and how uncertain it is.
 //!
 //! # Model
 //!

@@ -4,7 +4,7 @@
 //!   words, see [`design`](crate::measurement_plan::optimal_design)); on a small arm all words are taken.
 //! - Every word is visited a few times, each time after another word, so that memory of the word before shows; the
 //!   order is chosen so that each actuator comes to each word both moved and unmoved where that can be.
-//! - Some words are held for a few more visits in a row, with nothing changed: they tell the repeatability.
+//! - Some words are held for a few more visits in a row, with nothing changed: they measure the repeatability.
 //! - A share of the words is drawn before anything is measured, each state of each actuator among them, and held out of every
 //!   fit.
 //! - Servo joints stand elsewhere in each round of visits.
@@ -160,7 +160,7 @@ fn word(states: &[u64], mut number: u64) -> Word {
     Word::new(&digits).expect("an arm has no more actuators than a word has digits")
 }
 
-/// The words that tell most of all candidate effects together.
+/// The words that are most informative about all candidate effects together.
 fn informative_words(arm: &Arm, options: &Options) -> Vec<Word> {
     let steps = candidates(arm, options.seed);
     if steps.len() <= options.words {

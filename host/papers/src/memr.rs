@@ -367,10 +367,10 @@ mod tests {
     fn the_arm_is_that_of_the_paper() {
         let (lengths, q) = ([0.3, 0.25, 0.2, 0.15], [0.4f64, 1.1, -0.7, 2.0]);
         let (arm, tip) = planar_arm(&lengths, &LIMITS);
-        let stands = arm.kinematics(&tip, &q).unwrap().pose_base_frame.position;
+        let reached = arm.kinematics(&tip, &q).unwrap().pose_base_frame.position;
         let sums = (1..=4).map(|n| q[..n].iter().sum::<f64>());
         let [x, y] = [f64::cos, f64::sin].map(|of| sums.clone().zip(lengths).map(|(sum, l)| l * of(sum)).sum::<f64>());
-        assert!((stands.x - x).abs() < 1e-15 && (stands.y - y).abs() < 1e-15);
+        assert!((reached.x - x).abs() < 1e-15 && (reached.y - y).abs() < 1e-15);
     }
 
     #[test]

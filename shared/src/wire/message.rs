@@ -70,7 +70,7 @@ pub enum Request<'a> {
     Command(Command),
     /// Store the servos' zero offsets.
     Calibrate(Calibration),
-    /// Tell the stored offsets.
+    /// Report the stored offsets.
     Calibration,
     /// Find a word that brings the tool near this pose in the base.
     Nearest(Coordinates),

@@ -31,9 +31,9 @@ pub struct ServoCeiling {
     /// Address on the bus.
     pub id: u8,
     /// Smallest goal position.
-    pub min_step: u16,
+    pub min_step: i16,
     /// Largest goal position.
-    pub max_step: u16,
+    pub max_step: i16,
     /// Largest commanded speed, steps/s.
     pub max_steps_s: u16,
     /// A driven servo that has not answered for this time is a fault, ms.

@@ -23,10 +23,10 @@ const NOTICE_MS: u64 = 3;
 #[derive(Clone, Copy, Debug, Default)]
 struct Seen {
     answered_ns: Option<u64>,
-    present: Option<u16>,
+    present: Option<i16>,
     /// Since when it is driven.
     driven_ns: Option<u64>,
-    goal: Option<u16>,
+    goal: Option<i16>,
 }
 
 /// The judge's memory.
@@ -81,8 +81,8 @@ impl Servos {
     }
 
     /// Whether a goal is a requested joint angle, with an offset that was set.
-    fn is_asked(&self, goal: u16) -> bool {
-        let step = |shaft_rad: f32| (shaft_rad * (4096.0 / std::f32::consts::TAU) + 2048.5).clamp(0.0, 4095.0) as u16;
+    fn is_asked(&self, goal: i16) -> bool {
+        let step = |shaft_rad: f32| (shaft_rad * (4096.0 / std::f32::consts::TAU) + 2048.5).clamp(0.0, 4095.0) as i16;
         let near = |shaft_rad: f32| step(shaft_rad).abs_diff(goal) <= GOAL_STEPS;
         self.asked_rad.iter().any(|angle| self.offsets_rad.iter().any(|offset| near(angle + offset)))
     }
@@ -106,7 +106,7 @@ impl Servos {
     }
 
     /// Address, goal and position of each driven servo.
-    pub fn goals(&self) -> Vec<(u8, u16, u16)> {
+    pub fn goals(&self) -> Vec<(u8, i16, i16)> {
         let of = |servo: &ServoCeiling| {
             let Seen { goal, present, driven_ns, .. } = self.seen[usize::from(servo.id)];
             Some((servo.id, driven_ns.and(goal)?, present?))
@@ -115,7 +115,7 @@ impl Servos {
     }
 
     /// Nothing but a calibration came since the servos had these goals: each keeps its goal or holds where it was.
-    pub fn on_calibrated(&mut self, now_ns: u64, before: &[(u8, u16, u16)]) {
+    pub fn on_calibrated(&mut self, now_ns: u64, before: &[(u8, i16, i16)]) {
         for (id, goal, _) in self.goals() {
             let Some(&(_, old_goal, present)) = before.iter().find(|before| before.0 == id) else { continue };
             if goal != old_goal && goal.abs_diff(present) > HOLD_STEPS {
@@ -175,7 +175,7 @@ impl Servos {
         let seen = &mut self.seen[usize::from(packet.id)];
         seen.answered_ns = Some(now_ns);
         if let (PRESENT, [low, high, ..]) = (self.reads[usize::from(packet.id)], packet.parameters.as_slice()) {
-            seen.present = Some(u16::from_le_bytes([*low, *high]) & 0x7fff);
+            seen.present = Some(position([*low, *high]));
         }
     }
 
@@ -184,14 +184,14 @@ impl Servos {
             let (first, values) = packet.parameters.split_first()?;
             values.get(usize::from(at.checked_sub(*first)?)).copied()
         };
-        let pair = |at: u8| Some(u16::from_le_bytes([register(at)?, register(at + 1)?]));
+        let pair = |at: u8| Some([register(at)?, register(at + 1)?]);
         let seen = &mut self.seen[usize::from(packet.id)];
         match register(TORQUE) {
             Some(0) => seen.driven_ns = None,
             Some(_) => seen.driven_ns = Some(seen.driven_ns.unwrap_or(now_ns)),
             None => {}
         }
-        seen.goal = pair(GOAL).or(seen.goal);
+        seen.goal = pair(GOAL).map(position).or(seen.goal);
         let seen = *seen;
         let id = packet.id;
         if register(TORQUE).is_some_and(|torque| torque != 0) && seen.present.is_none() {
@@ -199,10 +199,10 @@ impl Servos {
                 format!("servo {id} gets torque and its position was never read")
             });
         }
-        if let Some(goal) = pair(GOAL) {
+        if let Some(goal) = pair(GOAL).map(position) {
             self.check_goal(now_ns, id, goal, &seen);
         }
-        if let Some(speed) = pair(SPEED) {
+        if let Some(speed) = pair(SPEED).map(u16::from_le_bytes) {
             self.check_speed(now_ns, id, speed);
         }
     }
@@ -211,7 +211,7 @@ impl Servos {
         self.ceilings.servos.iter().copied().find(|servo| servo.id == id)
     }
 
-    fn check_goal(&mut self, now_ns: u64, id: u8, goal: u16, seen: &Seen) {
+    fn check_goal(&mut self, now_ns: u64, id: u8, goal: i16, seen: &Seen) {
         match self.ceiling(id) {
             None => {
                 self.verdict.note(JUDGE, "servo-wiring", now_ns, || format!("servo {id} is driven and does not exist"))
@@ -266,6 +266,13 @@ fn next_packet(bytes: &mut Vec<u8>) -> Option<Packet> {
     }
 }
 
+/// A position register: its sign is the highest bit.
+fn position(register: [u8; 2]) -> i16 {
+    let register = u16::from_le_bytes(register);
+    let steps = (register & 0x7fff) as i16;
+    if register >> 15 == 1 { -steps } else { steps }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::{Ceilings, ServoCeiling};
@@ -288,13 +295,13 @@ mod tests {
         Servos::new(Ceilings { lines: [None; 64], servos, new_loads: 1, budget_ms: 10, refresh_ms: 100, clock_ppm: 0 })
     }
 
-    /// A servo that was seen at its middle and is sent somewhere.
-    fn rules(seen: bool, asked_rad: f32, step: u16, speed: u16) -> Vec<&'static str> {
+    /// A servo that was seen at a register of position and is sent somewhere.
+    fn rules(seen: Option<u16>, asked_rad: f32, step: u16, speed: u16) -> Vec<&'static str> {
         let mut judge = judge();
         judge.on_asked(asked_rad);
         judge.on_bytes(0, true, &packet(1, 2, &[56, 6]));
-        if seen {
-            judge.on_bytes(1, false, &packet(1, 0, &[0, 8, 0, 0, 0, 0]));
+        if let Some([low, high]) = seen.map(u16::to_le_bytes) {
+            judge.on_bytes(1, false, &packet(1, 0, &[low, high, 0, 0, 0, 0]));
         }
         judge.on_bytes(2, true, &goal(step, speed));
         judge.finish().firsts().iter().map(|(first, _)| first.rule).collect()
@@ -302,13 +309,16 @@ mod tests {
 
     #[test]
     fn each_rule_is_seen_and_only_where_it_is_broken() {
-        assert!(rules(true, 0.0, 2050, 500).is_empty());
-        assert!(rules(true, 1.0, 2048 + 652, 1).is_empty());
-        assert_eq!(rules(false, 0.0, 2048, 500), ["torque-unseen"]);
-        assert_eq!(rules(true, 2.0, 2048 + 1304, 500), ["servo-range"]);
-        assert_eq!(rules(true, 0.0, 2500, 500), ["unasked-goal"]);
-        assert_eq!(rules(true, 0.0, 2048, 0), ["servo-speed"]);
-        assert_eq!(rules(true, 0.0, 2048, 501), ["servo-speed"]);
+        const MIDDLE: Option<u16> = Some(2048);
+        assert!(rules(MIDDLE, 0.0, 2050, 500).is_empty());
+        assert!(rules(MIDDLE, 1.0, 2048 + 652, 1).is_empty());
+        assert_eq!(rules(None, 0.0, 2048, 500), ["torque-unseen"]);
+        assert_eq!(rules(MIDDLE, 2.0, 2048 + 1304, 500), ["servo-range"]);
+        assert_eq!(rules(MIDDLE, 0.0, 2500, 500), ["unasked-goal"]);
+        assert_eq!(rules(Some(2500), 0.0, 2500, 500), [] as [&str; 0], "it holds");
+        assert_eq!(rules(Some(2500 | 1 << 15), 0.0, 2500, 500), ["unasked-goal"], "seen at -2500");
+        assert_eq!(rules(MIDDLE, 0.0, 2048, 0), ["servo-speed"]);
+        assert_eq!(rules(MIDDLE, 0.0, 2048, 501), ["servo-speed"]);
     }
 
     #[test]

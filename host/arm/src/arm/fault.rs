@@ -291,7 +291,7 @@ pub enum FrameFault {
 fn unknown_format(found: u32) -> String {
     match found {
         1 => "the file has format 1, in which the arm carried the limits of its board; convert it by \
-              `darm profile migrate OLD.toml -o NEW.toml --profile PROFILE.toml`"
+              `darm profile migrate OLD.toml -o NEW.toml --new-profile PROFILE.toml`"
             .to_owned(),
         _ => format!("the file has format {found}, this program reads format {}", super::FORMAT),
     }

@@ -78,7 +78,7 @@ pub use wiring::{Part, WiringFault, WiringReason, wiring};
 /// The version of the file format.
 pub const FORMAT: u32 = 2;
 
-/// 0 °C, K: files tell °C, models hold K.
+/// 0 °C, K: files give °C, models hold K.
 pub const ZERO_CELSIUS: f64 = 273.15;
 
 /// Stages that one arm can have.

@@ -188,7 +188,7 @@ fn mistakes_are_told_by_line_and_column() {
             "format = 2",
             "format = 1",
             "5:10: the file has format 1, in which the arm carried the limits of its board; convert it by `darm profile \
-             migrate OLD.toml -o NEW.toml --profile PROFILE.toml`",
+             migrate OLD.toml -o NEW.toml --new-profile PROFILE.toml`",
         ),
         ("model = 0", "model = ", "8:9: string values must be quoted, expected literal string; correct the TOML"),
         (

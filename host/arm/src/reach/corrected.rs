@@ -95,7 +95,7 @@ mod tests {
         [nominal, corrected, read("tests/data/corrected/real.toml")]
     }
 
-    fn stands(arm: &Arm, word: &Word) -> Pose<f64> {
+    fn pose_at_rest(arm: &Arm, word: &Word) -> Pose<f64> {
         arm.model.predict(&arm.model.working(*word, arm.rest(), &[]), &mut ArmScratch::default()).unwrap()
     }
 
@@ -109,12 +109,12 @@ mod tests {
         let mut squares = [0.0; 4];
         for _ in 0..TARGETS {
             let digits: Vec<u8> = (0..36).map(|_| random.random_range(0..2)).collect();
-            let target = stands(&real, &Word::new(&digits).unwrap()) * Pose::at([3e-3, -2e-3, 1e-3].into());
+            let target = pose_at_rest(&real, &Word::new(&digits).unwrap()) * Pose::at([3e-3, -2e-3, 1e-3].into());
             let by_host = nearest(&corrected, &index, &target, &corrected.rest(), 1).unwrap()[0].word;
             let by_board = frames.each_ref().map(|frames| board::nearest(frames, 36, &target).unwrap().word);
             let words = [index.nearest(&target, 1, &[])[0].word, by_host, by_board[0], by_board[1]];
             for (square, word) in squares.iter_mut().zip(words) {
-                *square += stands(&real, &word).distance(&target, real.length_scale_m).powi(2);
+                *square += pose_at_rest(&real, &word).distance(&target, real.length_scale_m).powi(2);
             }
         }
         let [host, host_corrected, board, board_corrected] =
@@ -128,7 +128,7 @@ mod tests {
     fn without_effects_the_words_are_those_of_the_index() {
         let arm = read("examples/planar4.toml");
         let index = Index::new(&arm, &Options::of(&arm)).unwrap();
-        let target = stands(&arm, &"010110011101".parse().unwrap()) * Pose::at([2e-3, 1e-3, 0.0].into());
+        let target = pose_at_rest(&arm, &"010110011101".parse().unwrap()) * Pose::at([2e-3, 1e-3, 0.0].into());
         let found = nearest(&arm, &index, &target, &arm.rest(), 3).unwrap();
         let near = index.nearest(&target, 3, &[]);
         assert_eq!((found.len(), found[0].word), (3, near[0].word));

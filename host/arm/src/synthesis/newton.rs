@@ -136,7 +136,7 @@ impl Search<'_, '_> {
         }
     }
 
-    /// The unknowns nearest to `wanted` that the frames do not tell from `unknowns`, to first order.
+    /// The unknowns nearest to `wanted` that the frames do not distinguish from `unknowns`, to first order.
     pub(super) fn nearest(
         &mut self,
         unknowns: &DVector<f64>,

@@ -98,8 +98,8 @@ struct RowOptions {
     #[arg(long, alias = "split", value_name = "COLUMN", group = "held_out_rows")]
     hold_out_column: Option<String>,
     /// Columns whose values separate the rows into segments
-    #[arg(long, value_name = "COLUMN,…", value_delimiter = ',')]
-    within: Vec<String>,
+    #[arg(long, value_name = "COLUMN,…", value_delimiter = ',', alias = "within")]
+    segment_by: Vec<String>,
     /// Sampling rate, where the table has no time
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
@@ -113,8 +113,8 @@ struct RowOptions {
     #[arg(long, value_name = "COLUMN")]
     interpolate: Option<String>,
     /// Skip rows within this time after a change of target
-    #[arg(long, value_name = "S")]
-    settled: Option<f64>,
+    #[arg(long, alias = "settled", value_name = "S")]
+    skip_after_change: Option<f64>,
     /// Laws to include from the start
     #[arg(long, value_name = "LAW,…", value_delimiter = ',')]
     always: Vec<String>,
@@ -234,15 +234,19 @@ impl RowOptions {
     fn refuse_those_of_signals(&self) -> anyhow::Result<()> {
         let given = [
             (
-                "--within",
-                !self.within.is_empty(),
+                "--segment-by",
+                !self.segment_by.is_empty(),
                 "visits are separated by their column `run`: use --column run=COLUMN",
             ),
             ("--rate", self.rate.is_some(), "poses need a column of time"),
             ("--thin", self.thin.is_some(), "each row is a separate visit: choose rows with --where"),
             ("--lowpass", self.lowpass.is_some(), "each row is a separate visit, there is no signal to filter"),
             ("--interpolate", self.interpolate.is_some(), "each row is a separate visit"),
-            ("--settled", self.settled.is_some(), "each row is a separate visit: choose rows with --where"),
+            (
+                "--skip-after-change",
+                self.skip_after_change.is_some(),
+                "each row is a separate visit: choose rows with --where",
+            ),
             ("--always", !self.always.is_empty(), "add the effect to the arm file, its values are fitted again"),
         ];
         match given.into_iter().find(|(_, given, _)| *given) {
@@ -257,12 +261,12 @@ impl RowOptions {
         let preparation = Preparation {
             keep: self.keep.clone(),
             hold_out: self.held_out()?,
-            within: self.within.clone(),
+            segment_by: self.segment_by.clone(),
             rate_hz: positive("--rate", self.rate)?,
             thin_hz: positive("--thin", self.thin)?,
             lowpass_hz: positive("--lowpass", self.lowpass)?,
             interpolate: self.interpolate.clone(),
-            settled_s: self.settled,
+            skip_after_change_s: self.skip_after_change,
         };
         Ok(SignalOptions { preparation, always: self.always.clone(), seed })
     }

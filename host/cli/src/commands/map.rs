@@ -18,7 +18,7 @@ use darm_diagnose::measurement::csv_text::csv_text;
 const EXAMPLES: &str = "\
 Examples:
   darm map planar4.toml                                   # in cells of 20 mm and 10 deg
-  darm map planar4.toml --plot map.svg --csv map.csv
+  darm map planar4.toml --plot map.svg -o map.csv
   darm map spatial6.toml --cell 200 --angle 30 --view yz --plot side.svg
 
 The CSV has one line per cell of position: x_m,y_m,z_m, number of words, number of cells of orientation. The last is empty \
@@ -46,8 +46,8 @@ pub(crate) struct Map {
     #[arg(long, value_enum)]
     view: Option<View>,
     /// Write the densities
-    #[arg(long, value_name = "FILE.csv")]
-    csv: Option<PathBuf>,
+    #[arg(short, long, alias = "csv", value_name = "FILE.csv")]
+    output: Option<PathBuf>,
 }
 
 /// Plane of a plot.
@@ -134,7 +134,7 @@ impl Map {
             };
             output_file::write_text(path, Syntax::Svg, &density::svg(&spots, axes, resolution.cell_m))?;
         }
-        if let Some(path) = &self.csv {
+        if let Some(path) = &self.output {
             let head = ["x_m", "y_m", "z_m", "words", "orientations"].map(str::to_owned);
             let rows = spots.iter().map(|(place, spot)| {
                 let [x, y, z] = at(place).map(|number| format!("{number:.6}"));

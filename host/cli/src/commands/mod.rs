@@ -43,7 +43,7 @@ use crate::ui::Ui;
 ///   darm synth planar4.toml planar4-frames.toml -o arm.toml         # geometry for desired frames
 ///   darm sim arm.toml --effect stroke-loss                          # or a real board
 ///   darm profile write --arm arm.toml                               # wiring and limits, once
-///   darm table arm.toml --measurement-plan --size 28 --dwell 0.1 -o plan.darm   # timed rows
+///   darm table arm.toml --measurement-plan --plan-words 28 --dwell 0.1 -o plan.darm   # timed rows
 ///   darm upload plan.darm                                           # the board stores them
 ///   darm record plan.darm -o run.csv                                # play and measure
 ///   darm diagnose arm.toml run.csv -o arm2.toml                     # which effect is missing

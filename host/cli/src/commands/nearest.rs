@@ -30,10 +30,10 @@ Examples:
   darm nearest spatial6.toml 100,200,1900,0,15,0 --seconds 3   # stop after 3 s, with a lower bound
   darm nearest arm2.toml 300,4200,10 --effects                 # with the effects of the model
   darm table arm.toml planar4-frames.toml --nearest -o nearest.darm && darm upload nearest.darm
-  darm nearest arm.toml 300,4200,10 --board                    # the board searches
+  darm nearest arm.toml 300,4200,10 --on-board                 # the board searches
 
 d^2 = |dp|^2 + (l theta)^2 with l from the arm file. The search is exact over all words of the arm's geometry; effects of \
-the model are neglected. Two searches are not exact: --effects, with the effects, coming from the word at rest, and --board, \
+the model are neglected. Two searches are not exact: --effects, with the effects, coming from the word at rest, and --on-board, \
 which needs a table from `darm table --nearest` on the board.";
 
 /// Find the words that bring the tool nearest to a pose, among all words of the arm
@@ -76,8 +76,8 @@ pub(crate) struct Nearest {
     #[arg(long, conflicts_with_all = ["forbid", "from", "position_only", "gap", "seconds"])]
     effects: bool,
     /// Let the board search the frames in its table (`darm table --nearest`); not exact
-    #[arg(long, conflicts_with_all = ["count", "forbid", "stuck", "from", "position_only", "ServoArgs", "gap", "seconds", "effects"])]
-    board: bool,
+    #[arg(long, alias = "board", conflicts_with_all = ["count", "forbid", "stuck", "from", "position_only", "ServoArgs", "gap", "seconds", "effects"])]
+    on_board: bool,
     #[command(flatten)]
     port: PortArgs,
 }
@@ -118,7 +118,7 @@ impl Nearest {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let arm = Arm::read(&self.arm)?;
         let target = pose(&arm, &self.pose, self.position_only)?;
-        if self.board {
+        if self.on_board {
             return ui.print(&self.ask_board(&arm, &target)?);
         }
         let forbidden = self.forbidden(&arm)?;
@@ -285,7 +285,7 @@ impl Answer for OnBoard {
     fn text(&self) -> String {
         format!(
             "{}  {:.4} mm  position {:.4} mm  orientation {:.4} deg\n\nfrom {} in {:.2} s, by a search that is not exact; \
-             without --board it is exact",
+             without --on-board it is exact",
             self.word,
             1e3 * self.distance_m,
             1e3 * self.error_m,

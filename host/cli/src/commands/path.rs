@@ -14,14 +14,14 @@ use crate::ui::{Answer, Ui, columns};
 
 const EXAMPLES: &str = "\
 Examples:
-  darm path planar4.toml 000,000,000,000 111,000,111,000 --tube 2000
-  darm path planar4.toml 000,000,000,000 111,000,111,000 --at-once 2 --tube 2000
-  darm --json path planar4.toml 000,000,000,000 111,000,111,000 --tube 2000
+  darm path planar4.toml 000,000,000,000 111,000,111,000 --deviation 2000
+  darm path planar4.toml 000,000,000,000 111,000,111,000 --max-switches 2 --deviation 2000
+  darm --json path planar4.toml 000,000,000,000 111,000,111,000 --deviation 2000
 
-The axis of the tube is the straight line between the two positions of the tool. Only resting poses are checked; motion \
+Deviations are distances from the straight line between the two positions of the tool. Only resting poses are checked; motion \
 between words is not. Every actuator that differs is switched once.";
 
-/// Find an order of switching between two words that keeps the tool in a tube, with the fewest words in between
+/// Find an order of switching between two words that keeps the tool near the straight line, with the fewest words in between
 #[derive(clap::Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Path {
@@ -34,12 +34,12 @@ pub(crate) struct Path {
     /// Target word
     #[arg(value_name = "TO")]
     to: String,
-    /// Radius of the tube: largest distance of a resting tool from the straight line, in mm
-    #[arg(long, value_name = "MM")]
-    tube: f64,
+    /// Largest distance of a resting tool from the straight line, in mm
+    #[arg(long, alias = "tube", value_name = "MM")]
+    deviation: f64,
     /// Largest number of actuators that switch together; default: what the board's supply can feed
-    #[arg(long, value_name = "N")]
-    at_once: Option<usize>,
+    #[arg(long, alias = "at-once", value_name = "N")]
+    max_switches: Option<usize>,
     /// Profile of the board; default: the one that the arm names, else the one built into boards
     #[arg(long, value_name = "PROFILE.toml")]
     profile: Option<PathBuf>,
@@ -65,14 +65,14 @@ impl Path {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         let arm = Arm::read(&self.arm)?;
         let (from, to) = (word(&arm, &self.from)?, word(&arm, &self.to)?);
-        if self.tube.is_nan() || self.tube < 0.0 || self.at_once == Some(0) {
-            return Err(Usage("--tube must be at least 0 mm, --at-once at least 1".to_owned()).into());
+        if self.deviation.is_nan() || self.deviation < 0.0 || self.max_switches == Some(0) {
+            return Err(Usage("--deviation must be at least 0 mm, --max-switches at least 1".to_owned()).into());
         }
-        let at_once = match self.at_once {
+        let at_once = match self.max_switches {
             Some(at_once) => at_once,
             None => profile_of(&arm, self.profile.as_deref())?.profile.supply.new_coils.into(),
         };
-        let limits = Limits { at_once, tube_m: 1e-3 * self.tube, servos_rad: self.servos.rad(&arm)? };
+        let limits = Limits { at_once, tube_m: 1e-3 * self.deviation, servos_rad: self.servos.rad(&arm)? };
         let spinner = ui.spinner("searching for an order");
         let rests = path(&arm, &from, &to, &limits);
         spinner.finish_and_clear();

@@ -72,7 +72,7 @@ enum What {
     },
     /// Split an arm file of format 1 into an arm file of the present format and the profile of its board
     #[command(
-        after_help = "Examples:\n  darm profile migrate planar4-format-1.toml -o new.toml --profile new.profile.toml"
+        after_help = "Examples:\n  darm profile migrate planar4-format-1.toml -o new.toml --new-profile new.profile.toml"
     )]
     Migrate {
         /// The arm file of format 1
@@ -82,8 +82,8 @@ enum What {
         #[arg(short, long, value_name = "NEW_ARM.toml")]
         output: PathBuf,
         /// Profile to write
-        #[arg(long, value_name = "PROFILE.toml")]
-        profile: PathBuf,
+        #[arg(long, alias = "profile", value_name = "PROFILE.toml")]
+        new_profile: PathBuf,
         /// Overwrite the files
         #[arg(long)]
         force: bool,
@@ -133,7 +133,7 @@ impl Command {
     pub(crate) fn run(&self, ui: Ui) -> anyhow::Result<()> {
         match &self.what {
             What::Make { arm, output, force } => make(arm, output, *force, ui),
-            What::Migrate { old, output, profile, force } => migrate(old, output, profile, *force, ui),
+            What::Migrate { old, output, new_profile, force } => migrate(old, output, new_profile, *force, ui),
             What::Check { profile, arm } => check(profile, arm.as_deref(), ui),
             What::Write { profile, arm, port } => {
                 let profile = match (profile, arm) {

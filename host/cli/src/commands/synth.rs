@@ -26,7 +26,7 @@ Examples:
   darm synth planar4-hybrid.toml planar4-hybrid-frames.toml -o hybrid.toml --write-frames found.toml
   darm synth planar4.toml planar4-poses.toml -o chosen.toml --choose-words --write-frames words.toml
   darm synth planar4.toml planar4-frames.toml -o bought.toml --catalogue cylinders.csv --anchors 150
-  darm synth planar4.toml planar4-frames.toml -o robust.toml --tolerance 0.05,0.1
+  darm synth planar4.toml planar4-frames.toml -o robust.toml --part-error 0.05,0.1
   darm synth platform3.toml platform3-anchors.toml -o moved.toml --anchors 200   # beyond the stops
   darm synth arm.toml planar4-frames.toml -o repaired.toml --stuck 4=0   # actuator 4 in state 0
   darm synth arm.toml planar4-frames.toml -o jammed.toml --stuck 4=0 --keep-stop   # its stops stay
@@ -64,11 +64,11 @@ pub(crate) struct Synth {
     #[arg(long, value_name = "FILE.csv", group = "task")]
     catalogue: Option<PathBuf>,
     /// Minimise the sensitivity of the frames to errors of stops and anchors of this size, mm
-    #[arg(long, value_name = "STOP[,ANCHOR]", value_parser = tolerance, group = "task")]
-    tolerance: Option<Tolerance>,
+    #[arg(long, alias = "tolerance", value_name = "STOP[,ANCHOR]", value_parser = tolerance, group = "task")]
+    part_error: Option<Tolerance>,
     /// Stop adjustment (RSS, mm) worth halving the sensitivity
-    #[arg(long, value_name = "MM", default_value_t = 1000.0, requires = "tolerance")]
-    worth: f64,
+    #[arg(long, alias = "worth", value_name = "MM", default_value_t = 1000.0, requires = "part_error")]
+    adjustment_per_halving: f64,
     /// Repair: repeat the synthesis with an actuator that is stuck in one state
     #[arg(long, alias = "repair", value_name = "ACTUATOR=STATE", value_parser = stuck_actuator, group = "task")]
     stuck: Option<StuckActuator>,
@@ -103,7 +103,7 @@ pub(crate) struct Synth {
     #[arg(long = "least-stroke", value_name = "MM", default_value_t = 5.0)]
     min_stroke: f64,
     /// Largest change of each coordinate of an anchor, in mm, used where stops alone do not reach the frames
-    #[arg(long, value_name = "MM", default_value_t = 0.0, conflicts_with = "tolerance")]
+    #[arg(long, value_name = "MM", default_value_t = 0.0, conflicts_with = "part_error")]
     anchors: f64,
 }
 
@@ -232,10 +232,10 @@ impl Synth {
         } else {
             synthesize(base, desired, options)?
         };
-        let Some(tolerance) = self.tolerance.filter(|_| found.status == Status::Reached) else {
+        let Some(tolerance) = self.part_error.filter(|_| found.status == Status::Reached) else {
             return Ok((found, extras));
         };
-        let tolerance = Tolerance { worth_m: 1e-3 * self.worth, ..tolerance };
+        let tolerance = Tolerance { worth_m: 1e-3 * self.adjustment_per_halving, ..tolerance };
         let reached = |found: &Synthesis| -> Vec<DesiredFrame> {
             found.frames.iter().map(|reached| reached.frame.clone()).collect()
         };
@@ -278,8 +278,11 @@ impl Synth {
                 "--steps {steps} --regularisation {regularisation}: give steps of at least 1 and a parameter of at least 0"
             )));
         }
-        if !(self.worth > 0.0 && self.worth.is_finite()) {
-            return Err(Usage(format!("--worth {}: give a length above 0 mm", self.worth)));
+        if !(self.adjustment_per_halving > 0.0 && self.adjustment_per_halving.is_finite()) {
+            return Err(Usage(format!(
+                "--adjustment-per-halving {}: give a length above 0 mm",
+                self.adjustment_per_halving
+            )));
         }
         if !(self.min_stroke >= 0.0 && self.min_stroke.is_finite()) {
             return Err(Usage(format!("--least-stroke {}: give a length of at least 0 mm", self.min_stroke)));

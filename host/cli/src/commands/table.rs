@@ -28,7 +28,7 @@ Examples:
   darm table arm.toml --words 000,000,000,000 111,000,000,000 -o two.darm
   darm table arm.toml --measurement-plan -o plan96.darm   # 96 words, three visits each
   darm table arm.toml --measurement-plan --bind -o bound.darm   # for the connected board only
-  darm table arm.toml planar4-frames.toml --nearest -o nearest.darm   # for `darm nearest --board`
+  darm table arm.toml planar4-frames.toml --nearest -o nearest.darm   # `darm nearest --on-board`
   darm table --show visits.darm   # contents of a table
 
 The file TABLE.visits.csv, written with TABLE.darm, lists when the arm rests at each visit and which visits are held \
@@ -65,8 +65,8 @@ pub(crate) struct Table {
     #[arg(long, alias = "programme")]
     measurement_plan: bool,
     /// Number of different words in the measurement plan
-    #[arg(long, value_name = "N", default_value_t = 96, requires = "measurement_plan")]
-    size: usize,
+    #[arg(long, alias = "size", value_name = "N", default_value_t = 96, requires = "measurement_plan")]
+    plan_words: usize,
     /// Seed of the measurement plan and of its held-out words
     #[arg(long, value_name = "N", default_value_t = 1, requires = "measurement_plan")]
     seed: u64,
@@ -190,8 +190,11 @@ impl Table {
 
     fn measurement_plan(&self, arm: &Arm, ui: Ui) -> Vec<PlannedVisit> {
         let spinner = ui.spinner("choosing informative words");
-        let options =
-            measurement_plan::Options { words: self.size, seed: self.seed, ..measurement_plan::Options::default() };
+        let options = measurement_plan::Options {
+            words: self.plan_words,
+            seed: self.seed,
+            ..measurement_plan::Options::default()
+        };
         let steps = measurement_plan::plan(arm, &options);
         spinner.finish_and_clear();
         let visit = |(number, step): (usize, measurement_plan::Step)| PlannedVisit {

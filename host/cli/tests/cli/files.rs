@@ -35,7 +35,7 @@ fn texts_and_pictures_replace_neither_another_kind_nor_an_input() {
     home.fails("draw arm.toml -o run.csv", 1, &kind("run.csv", "an SVG picture"));
     home.fails("diagnose arm.toml run.csv --report run.csv", 1, &kind("run.csv", "an HTML page"));
     home.fails("diagnose arm.toml run.csv -o arm.toml", 1, input);
-    home.fails("map arm.toml --csv run.csv", 1, &kind("run.csv", "a CSV file with the same columns"));
+    home.fails("map arm.toml -o run.csv", 1, &kind("run.csv", "a CSV file with the same columns"));
     assert_eq!(std::fs::read_to_string(home.path("run.csv")).unwrap(), "time_s,word\n");
     home.succeeds("draw arm.toml -o arm.svg");
     home.succeeds("draw arm.toml -o arm.svg");
@@ -73,9 +73,9 @@ fn an_arm_and_its_profile_are_two_files_or_none() {
     let home = Home::new();
     let old = example("../tests/data/arms-format-1/planar4.toml");
     let same = "darm: both.toml and ./both.toml are the same file; choose two different names";
-    home.fails(&format!("profile migrate {old} -o both.toml --profile ./both.toml"), 1, same);
+    home.fails(&format!("profile migrate {old} -o both.toml --new-profile ./both.toml"), 1, same);
     assert!(!home.path("both.toml").exists());
-    let output = home.darm(&format!("profile migrate {old} -o arm.toml --profile missing/board.toml"));
+    let output = home.darm(&format!("profile migrate {old} -o arm.toml --new-profile missing/board.toml"));
     assert_eq!(output.status.code(), Some(1), "{output:?}");
     assert!(!home.path("arm.toml").exists(), "a failed second file leaves no first one");
 }

@@ -3,14 +3,15 @@
 use super::{Home, example, robot, text};
 
 /// Options of a command that the help no longer shows.
-const OPTIONS: [(&str, &[&str]); 13] = [
+const OPTIONS: [(&str, &[&str]); 14] = [
     ("adjust", &["--resolution-mm"]),
-    ("synth", &["--draw", "--repair", "--frames-out"]),
-    ("nearest", &["--dead", "--k ", "-k", "--servos"]),
-    ("map", &["--picture", "--servos"]),
-    ("table", &["--programme", "--servos"]),
-    ("path", &["--servos"]),
-    ("diagnose", &["--map", "--split", "--write-model"]),
+    ("synth", &["--draw", "--repair", "--frames-out", "--tolerance", "--worth"]),
+    ("nearest", &["--dead", "--k ", "-k", "--servos", "--board"]),
+    ("map", &["--picture", "--servos", "--csv"]),
+    ("table", &["--programme", "--servos", "--size"]),
+    ("path", &["--servos", "--tube", "--at-once"]),
+    ("profile migrate", &["--profile"]),
+    ("diagnose", &["--map", "--split", "--write-model", "--within", "--settled"]),
     ("ik", &["--picture", "--angles", "--most", "--tolerance-mm", "--tolerance-deg"]),
     ("bench-ik", &["--figures", "--angles"]),
     ("jacobian", &["--wrench"]),
@@ -63,12 +64,21 @@ fn former_names_mean_the_same() {
         &format!("{run} --split held_out --map run=run --write-model a.toml"),
         &format!("{run} --hold-out-column held_out --column run=run -o a.toml"),
     );
-    let table = format!("table {arm} -o plan.darm --size 28");
-    same(&home, &format!("{table} --programme"), &format!("{table} --measurement-plan"));
+    let table = format!("table {arm} -o plan.darm");
+    same(&home, &format!("{table} --programme --size 28"), &format!("{table} --measurement-plan --plan-words 28"));
     let nearest = format!("nearest {arm} 300,4200,10");
     same(&home, &format!("{nearest} --dead 4=0 --k 3"), &format!("{nearest} --stuck 4=0 --count 3"));
     same(&home, &format!("{nearest} -k 3"), &format!("{nearest} --count 3"));
     same(&home, &format!("map {arm} --picture map.svg"), &format!("map {arm} --plot map.svg"));
+    same(&home, &format!("map {arm} --csv map.csv"), &format!("map {arm} -o map.csv"));
+    let path = format!("path {arm} 000000000000 111000111000");
+    same(&home, &format!("{path} --tube 2000 --at-once 2"), &format!("{path} --deviation 2000 --max-switches 2"));
+    let robust = format!("synth {arm} {frames} -o robust.toml");
+    same(
+        &home,
+        &format!("{robust} --tolerance 0.05 --worth 500"),
+        &format!("{robust} --part-error 0.05 --adjustment-per-halving 500"),
+    );
     let ik = format!("ik {} --to 400,150,900", example("puma560.toml"));
     same(
         &home,

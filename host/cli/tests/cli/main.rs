@@ -313,16 +313,16 @@ fn the_board_searches_the_nearest_word() {
     let board = Board::start(&home, &arm);
     let port = &board.port;
     let ask = format!("nearest {arm} 300,4200,10");
-    let none = home.darm(&format!("{ask} --board {port}"));
+    let none = home.darm(&format!("{ask} --on-board {port}"));
     assert!(text(&none.stderr).contains("the board has no table"), "{}", text(&none.stderr));
     home.succeeds(&format!("upload plain.darm {port}"));
     home.fails(
-        &format!("{ask} --board {port}"),
+        &format!("{ask} --on-board {port}"),
         3,
         "darm: the board refused: the table has no frames of modules; make it with darm table --nearest, upload it",
     );
     home.succeeds(&format!("upload framed.darm {port}"));
-    let (near, exact) = (home.json(&format!("{ask} --board {port}")), home.json(&ask));
+    let (near, exact) = (home.json(&format!("{ask} --on-board {port}")), home.json(&ask));
     let [distance_m, smallest_m] = [&near, &exact["nearest"][0]].map(|found| found["distance_m"].as_f64().unwrap());
     assert!(distance_m > smallest_m - 1e-6 && distance_m < 2.0 * smallest_m, "{distance_m} {smallest_m}");
     let said = home.types(&format!("console {port}"), "nearest 300 4200 10\nquit\n");

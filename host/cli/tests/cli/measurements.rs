@@ -77,9 +77,12 @@ fn damaged_measurements_are_told_and_none_panics() {
         let file = if name.contains('.') { name.to_string() } else { format!("{name}.csv") };
         home.write(&file, &content);
         let output = home.darm(&format!("diagnose {model} {file}"));
-        let told = text(&output.stdout) + &text(&output.stderr);
-        assert_eq!(output.status.code(), Some(code), "{name}: {told}");
-        assert!(told.contains(message) && !told.contains("panicked") && !told.contains("NaN kg"), "{name}: {told}");
+        let reported = text(&output.stdout) + &text(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{name}: {reported}");
+        assert!(
+            reported.contains(message) && !reported.contains("panicked") && !reported.contains("NaN kg"),
+            "{name}: {reported}"
+        );
     }
 }
 
@@ -105,9 +108,9 @@ fn points_that_make_no_sense_are_told() {
     ] {
         home.write("model.toml", &format!("kind = 'robot'\nurdf = 'panda.urdf'\nobserved = 'point-contact'\n{keys}\n"));
         let output = home.darm("diagnose model.toml touched.csv");
-        let told = text(&output.stderr);
-        assert_eq!(output.status.code(), Some(1), "{keys}: {told}");
-        assert!(told.contains(message) && !told.contains("panicked"), "{keys}: {told}");
+        let reported = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{keys}: {reported}");
+        assert!(reported.contains(message) && !reported.contains("panicked"), "{keys}: {reported}");
     }
 }
 
@@ -152,10 +155,10 @@ fn postures(change: impl Fn(&mut Vec<f64>)) -> String {
 fn masses_are_identified_and_bad_postures_are_told() {
     let (home, planar) = (Home::new(), robot("planar5.urdf"));
     home.write("good.csv", &postures(|_| ()));
-    let told = home.json(&format!("com identify {planar} good.csv --splits 5 -o masses.json"));
-    assert_eq!((told["rank"].as_u64(), told["physically_consistent"].as_bool()), (Some(10), Some(true)));
-    assert!(told["held_out"]["identified_m"][0].as_f64().unwrap() < 1e-6, "{told}");
-    assert!(told["missing"]["named"].as_array().unwrap().is_empty(), "{told}");
+    let reported = home.json(&format!("com identify {planar} good.csv --splits 5 -o masses.json"));
+    assert_eq!((reported["rank"].as_u64(), reported["physically_consistent"].as_bool()), (Some(10), Some(true)));
+    assert!(reported["held_out"]["identified_m"][0].as_f64().unwrap() < 1e-6, "{reported}");
+    assert!(reported["missing"]["named"].as_array().unwrap().is_empty(), "{reported}");
     assert!(std::fs::read_to_string(home.path("masses.json")).unwrap().contains("torso"));
     let refused = |table: String| {
         home.write("bad.csv", &table);
@@ -164,7 +167,7 @@ fn masses_are_identified_and_bad_postures_are_told() {
         text(&output.stderr)
     };
     let one = postures(|_| ()).lines().take(2).collect::<Vec<_>>().join("\n");
-    assert!(refused(one).contains("1 posture(s) tell"));
+    assert!(refused(one).contains("1 posture(s) determine"));
     let reversed = refused(postures(|row| row[8..].iter_mut().for_each(|x| *x = -*x)));
     assert!(reversed.starts_with("darm: bad.csv:2: the contacts pull the robot down"), "{reversed}");
     let human = example("../tests/data/measured/human.urdf");
@@ -201,21 +204,21 @@ fn rows_of_poses_are_named_chosen_held_out_and_drawn() {
     std::fs::copy(example("planar4.toml"), home.path("planar4.toml")).unwrap();
     poses_in_mm(&home);
     let ask = "diagnose planar4.toml run.csv --column x_mm=right_mm,y_mm=up_mm";
-    let told = home.json(&format!("{ask} --report page.html"));
-    assert_eq!(told["held_out"], "each word in turn, in 10 parts");
-    assert_eq!((&told["verdict"], &told["effects"][0]["law"]), (&"effect-found".into(), &"stroke-loss".into()));
+    let reported = home.json(&format!("{ask} --report page.html"));
+    assert_eq!(reported["held_out"], "each word in turn, in 10 parts");
+    assert_eq!((&reported["verdict"], &reported["effects"][0]["law"]), (&"effect-found".into(), &"stroke-loss".into()));
     let [before, after] =
-        ["before", "after"].map(|when| told["error"][when]["held_out"]["norm"]["value"].as_f64().unwrap());
+        ["before", "after"].map(|when| reported["error"][when]["held_out"]["norm"]["value"].as_f64().unwrap());
     assert!(after < 0.2 * before, "{before} {after}");
     let page = std::fs::read_to_string(home.path("page.html")).unwrap();
     assert!(page.contains("Missing effects") && page.contains("stroke-loss") && page.contains("<svg"));
-    let rows = told["rows"]["train"].as_u64().unwrap();
+    let rows = reported["rows"]["train"].as_u64().unwrap();
     for (how, held_out, rows) in [
         ("--hold-out-each day", "each day in turn", &rows.into()),
         ("--hold-out-last 0.25", "the last 25 %", &(rows / 4).into()),
     ] {
-        let told = home.json(&format!("{ask} {how}"));
-        assert_eq!((&told["held_out"], &told["rows"]["held_out"]), (&held_out.into(), rows));
+        let reported = home.json(&format!("{ask} {how}"));
+        assert_eq!((&reported["held_out"], &reported["rows"]["held_out"]), (&held_out.into(), rows));
     }
     let some = home.json(&format!("{ask} --where day!=1"));
     assert!(some["rows"]["train"].as_u64() < Some(rows));

@@ -83,8 +83,11 @@ fn compressed_and_logged_recordings_are_readable_at_any_moment() {
         child.wait().unwrap();
         let arm = example("planar4.toml");
         let said = home.darm(&format!("diagnose {arm} {file}"));
-        let told = text(&said.stderr);
-        assert!(told.contains("words are not enough") || told.contains("the file ends early"), "{file}: {told}");
+        let reported = text(&said.stderr);
+        assert!(
+            reported.contains("words are not enough") || reported.contains("the file ends early"),
+            "{file}: {reported}"
+        );
     }
 }
 

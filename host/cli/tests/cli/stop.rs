@@ -182,7 +182,7 @@ fn a_second_command_does_not_wait_to_move_the_arm() {
     assert_eq!(home.json(&format!("status {}", board.port))["phase"], "idle");
 }
 
-/// A process that does not answer holds the port, as far as anyone can tell: the frame goes to the port itself.
+/// A process that does not answer holds the port, as far as can be seen: the frame goes to the port itself.
 #[test]
 fn a_process_that_hangs_and_holds_the_port_does_not_block_the_stop() {
     let home = Home::new();

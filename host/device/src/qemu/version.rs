@@ -34,7 +34,7 @@ pub enum VersionError {
         /// The version that is installed.
         found: Version,
     },
-    /// The program would not tell its version.
+    /// The program did not print its version.
     #[error("{PROGRAM} --version said {text:?}")]
     Unreadable {
         /// What it said.

@@ -152,8 +152,8 @@ fn a_model_with_what_was_found_predicts_as_told_and_lacks_nothing() {
     let file = ModelFile::read(&measured("cylinder.toml"), first.kind).unwrap();
     correction.corrected(&file, &first, Keep::Effects).unwrap().write(output.path()).unwrap();
     let second = diagnose_table(&Model::read(output.path()).unwrap().unwrap(), &table, &how).unwrap().diagnosis;
-    let (told, predicted) = (held_out(&first.error.after).norm.value, held_out(&second.error.before).norm.value);
-    assert!((told / predicted - 1.0).abs() < 1e-9, "{told} {predicted}");
+    let (reported, predicted) = (held_out(&first.error.after).norm.value, held_out(&second.error.before).norm.value);
+    assert!((reported / predicted - 1.0).abs() < 1e-9, "{reported} {predicted}");
     assert_eq!((second.verdict, second.effects.len()), (Verdict::NoEffect, 0), "{:?}", second.plain);
 }
 
@@ -241,10 +241,12 @@ fn repeatability_is_the_scatter_of_rows_under_the_same_conditions() {
     );
     let found =
         diagnose_table(&What::Servo.into(), &table.unwrap().0, &options(HoldOut::Own, None, &[])).unwrap().diagnosis;
-    let told = found.repeatability.unwrap();
+    let reported = found.repeatability.unwrap();
     assert!(
-        (told.norm.value - (152.0f64 / 150.0).sqrt()).abs() < 1e-9 && told.norm.unit == "count" && told.dof == 150,
-        "{told:?}"
+        (reported.norm.value - (152.0f64 / 150.0).sqrt()).abs() < 1e-9
+            && reported.norm.unit == "count"
+            && reported.dof == 150,
+        "{reported:?}"
     );
     let moving = diagnose_table(&model("cylinder.toml"), &cylinder(|_, _, _| 0.0), &options(HoldOut::Own, None, &[]));
     assert_eq!(moving.unwrap().diagnosis.repeatability.unwrap().repeated_in, RepeatedIn::Neighbours);
@@ -253,10 +255,10 @@ fn repeatability_is_the_scatter_of_rows_under_the_same_conditions() {
 #[test]
 fn the_same_table_gives_the_same_numbers() {
     let (table, options) = (cylinder(|_, v, _| 0.3 * v), options(HoldOut::Last(0.3), None, &[]));
-    let told = || {
+    let reported = || {
         serde_json::to_string(&diagnose_table(&model("cylinder.toml"), &table, &options).unwrap().diagnosis).unwrap()
     };
-    assert_eq!(told(), told());
+    assert_eq!(reported(), reported());
 }
 
 #[test]

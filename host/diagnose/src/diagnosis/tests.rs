@@ -135,7 +135,7 @@ fn a_drift_that_no_law_knows_is_not_given_a_name() {
 
 #[test]
 fn what_no_law_explains_is_kept_as_fitted_terms() {
-    // A bracket of two metals, a cable between two legs: neither is any law's. What it shifts is told in mm by the row.
+    // A bracket of two metals, a cable between two legs: neither is any law's. What it shifts is reported in mm by the row.
     let bracket = |sample: &Sample| 3.0 * ((sample.temperature_c.unwrap() - 32.35) / 2.5).powi(2);
     let cable = |sample: &Sample| if sample.word.digit(2) == 1 && sample.word.digit(9) == 1 { 4.0 } else { 0.0 };
     for shift_mm in [&bracket as &dyn Fn(&Sample) -> f64, &cable] {
@@ -173,15 +173,15 @@ fn without_repeats_there_is_no_repeatability_but_a_diagnosis() {
     let mut run = measured(&arm(), &[stroke_loss()], changing);
     run.samples.retain(|sample| sample.previous != Some(sample.word));
     let diagnosis = diagnose(&arm(), &run, &Options::default()).unwrap().diagnosis;
-    let told = (diagnosis.repeatability.is_none(), laws(&diagnosis));
-    assert_eq!(told, (true, vec!["stroke-loss"]), "{:?}", diagnosis.plain);
+    let reported = (diagnosis.repeatability.is_none(), laws(&diagnosis));
+    assert_eq!(reported, (true, vec!["stroke-loss"]), "{:?}", diagnosis.plain);
 }
 
 #[test]
 fn the_same_run_gives_the_same_numbers() {
     let run = measured(&arm(), &[thermal_growth()], changing);
-    let told = || serde_json::to_string(&diagnose(&arm(), &run, &Options::default()).unwrap().diagnosis).unwrap();
-    assert_eq!(told(), told());
+    let reported = || serde_json::to_string(&diagnose(&arm(), &run, &Options::default()).unwrap().diagnosis).unwrap();
+    assert_eq!(reported(), reported());
 }
 
 #[test]

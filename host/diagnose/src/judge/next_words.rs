@@ -1,4 +1,4 @@
-//! The measurement that would tell several explanations apart.
+//! The measurement that would distinguish several explanations.
 
 use darm_core::units::Word;
 use nalgebra::DMatrix;
@@ -39,8 +39,8 @@ struct Conditions {
     text: Option<String>,
 }
 
-/// Words that tell the best effects and their alternatives apart, by D-optimality over all their values together: under
-/// the conditions of this run, or where these cannot tell, at another supply or temperature.
+/// Words that distinguish the best effects and their alternatives, by D-optimality over all their values together: under
+/// the conditions of this run, or where these do not suffice, at another supply or temperature.
 pub(crate) fn proposal(
     selected: &SelectedPoses,
     alternatives: &[Alternative],

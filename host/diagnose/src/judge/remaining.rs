@@ -28,7 +28,7 @@ const WAVES: u8 = 8;
 const KNOTS: [f64; 6] = [0.05, 0.23, 0.41, 0.59, 0.77, 0.95];
 /// Straight pieces of a listed term.
 const PIECES: usize = 128;
-/// Correlation of neighbouring rows from which on a residual is no noise, and how many pairs tell it at least.
+/// Correlation of neighbouring rows from which on a residual is no noise, and the least number of pairs for it.
 const MIN_CORRELATION: f64 = 0.5;
 const MIN_PAIRS: f64 = 100.0;
 /// A residual counts as this multiple of the noise at most.

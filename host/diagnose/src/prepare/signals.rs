@@ -29,7 +29,7 @@ pub struct Preparation {
     /// Rows that no fit may see.
     pub hold_out: HoldOut,
     /// Columns whose values part the rows into stretches.
-    pub within: Vec<String>,
+    pub segment_by: Vec<String>,
     /// Rows a second, where the table has no time.
     pub rate_hz: Option<f64>,
     /// Rows a second that are kept, as near as integer steps come; `None`: all of them up to 10 000, and of more about as
@@ -40,7 +40,7 @@ pub struct Preparation {
     /// A column that is 0 where a row only repeats the one before.
     pub interpolate: Option<String>,
     /// Rows sooner than this after a change of target do not count, s.
-    pub settled_s: Option<f64>,
+    pub skip_after_change_s: Option<f64>,
 }
 
 /// A table made ready. Channels have one number a row that is kept.
@@ -99,7 +99,7 @@ impl Prepared {
         let chosen = how.hold_out.rows(&table, each)?;
         findings.extend(chosen.nothing(&how.hold_out));
         let HeldOut { rows: is_held_out, description: held_out, keys } = chosen;
-        let motions = motions(&table, &how.within, &time_s, &mut findings)?;
+        let motions = motions(&table, &how.segment_by, &time_s, &mut findings)?;
         let sampling = sampling::find(&mut time_s, &motions, &moving_channels(&table));
         findings.extend(sampling.sentence().map(|text| Finding::note(FindingKind::UnevenSampling, text)));
         let series = parted_by(&is_held_out, &motions);
@@ -107,9 +107,9 @@ impl Prepared {
         let every = decimation(how, table.lines.len(), sampling.rate_hz(), &mut findings);
         let thinned = |stretch: std::ops::Range<usize>| stretch.step_by(every);
         let mut kept: Vec<usize> = stretches(&series).into_iter().flat_map(thinned).collect();
-        if let Some(settled_s) = how.settled_s {
+        if let Some(skip_after_change_s) = how.skip_after_change_s {
             let since = since_change(&table.required("target")?.numbers, &time_s);
-            kept.retain(|&row| since[row] >= settled_s);
+            kept.retain(|&row| since[row] >= skip_after_change_s);
         }
         let row = |&row: &usize| Row {
             line: table.lines[row],
@@ -291,15 +291,15 @@ fn low_pass(corner_hz: f64, rate_hz: f64) -> Result<(LowPass, usize), PrepareErr
     Ok((LowPass::new(corner_hz, rate_hz).ok_or_else(none)?, 2 * (rate_hz / corner_hz).ceil() as usize))
 }
 
-/// The motion of each row: a new one where a column of `within` changes, where time runs back, and at gaps.
+/// The motion of each row: a new one where a column of `segment_by` changes, where time runs back, and at gaps.
 fn motions(
     table: &Table,
-    within: &[String],
+    segment_by: &[String],
     time_s: &[f64],
     findings: &mut Vec<Finding>,
 ) -> Result<Vec<usize>, PrepareError> {
     let mut parts = Vec::new();
-    for name in within.iter().map(String::as_str).chain(table.quantity("run").map(|column| column.name.as_str())) {
+    for name in segment_by.iter().map(String::as_str).chain(table.quantity("run").map(|column| column.name.as_str())) {
         parts.push(&table.chosen(name)?.words);
     }
     let steps_s: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();

@@ -56,7 +56,7 @@ impl Part {
         let n = indices.len();
         let matrix = DMatrix::from_fn(n, n, |a, b| system.matrix[(indices[a], indices[b])]);
         let gradient = DVector::from_fn(n, |a, _| system.gradient[indices[a]]);
-        // Numbers that are none tell nothing.
+        // A value that is not a number does not count.
         let (root, gradient) = match Cholesky::new(matrix) {
             Some(root) => (root, gradient),
             None => (Cholesky::pack_dirty(DMatrix::identity(n, n)), DVector::zeros(n)),

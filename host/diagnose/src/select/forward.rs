@@ -53,7 +53,7 @@ pub struct Selection<P: RegressionProblem> {
     pub path: Vec<SelectionStep>,
 }
 
-/// The models tried in one step, the best first, and the steps that tell of all of them.
+/// The models tried in one step, the best first, and the steps that report all of them.
 struct Tried<P: RegressionProblem> {
     refitted: Vec<Trial<P>>,
     steps: Vec<SelectionStep>,

@@ -82,12 +82,12 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// x with A·x = b for an information matrix A, zero along what A does not tell.
+/// x with A·x = b for an information matrix A, zero along directions that A does not determine.
 pub fn solve(information: &DMatrix<f64>, gradient: &DVector<f64>) -> DVector<f64> {
     &pseudo_inverse(information) * gradient
 }
 
-/// The inverse of an information matrix, zero along what it does not tell; scaled first, so that units do not matter.
+/// The inverse of an information matrix, zero along directions that it does not determine; scaled first, so that units do not matter.
 pub fn pseudo_inverse(information: &DMatrix<f64>) -> DMatrix<f64> {
     if information.is_empty() {
         return information.clone();

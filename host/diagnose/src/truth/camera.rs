@@ -1,4 +1,4 @@
-//! What the camera, the supply sensor and the thermometer tell of the true arm.
+//! What the camera, the supply sensor and the thermometer measure of the true arm.
 
 use darm_core::chain::ChainError;
 use darm_core::real::Vec3;
@@ -21,7 +21,7 @@ use darm_arm::arm::ZERO_CELSIUS;
 const STEP_S: f64 = 0.3;
 
 impl Truth {
-    /// What camera, supply sensor and thermometer tell.
+    /// What camera, supply sensor and thermometer measure.
     ///
     /// # Errors
     ///

@@ -67,7 +67,7 @@ pub struct History {
     last: Option<Word>,
 }
 
-/// What the instruments tell.
+/// What the instruments measure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observed {
     /// Pose of the tool in the base, by the camera.

@@ -95,7 +95,7 @@ impl Surroundings {
         Conditions { supply_ratio: 1.0 - self.droop - self.load_drop * (fed - 0.5), rise_k: self.rise_k }
     }
 
-    /// Supply and temperature (K) as the sensors tell them.
+    /// Supply and temperature (K) as the sensors measure them.
     pub(crate) fn sensed(&self, time_s: f64, word: &Word, rng: &mut impl Rng) -> (f64, f64) {
         let moment = self.at(time_s, word);
         let mut normal = || -> f64 { StandardNormal.sample(rng) };

@@ -213,8 +213,8 @@ fn the_greedy_sequence_takes_what_solves_most_of_what_is_left() {
     let solved = solved.map(|row| row.chars().map(|c| c == '1').collect()).to_vec();
     let outcomes = Outcomes { lambdas: vec![0.0, 0.3, 0.6, 1.0], solved };
     let sequence = outcomes.sequence(10);
-    let told: Vec<_> = sequence.iter().map(|c| (c.lambda, c.rate, c.accumulated)).collect();
-    assert_eq!(told, [(0.0, 60.0, 60.0), (0.6, 50.0, 80.0), (1.0, 100.0, 100.0)]);
+    let reported: Vec<_> = sequence.iter().map(|c| (c.lambda, c.rate, c.accumulated)).collect();
+    assert_eq!(reported, [(0.0, 60.0, 60.0), (0.6, 50.0, 80.0), (1.0, 100.0, 100.0)]);
     assert_eq!(sequence[1].rates, [0.0, 0.0, 50.0, 50.0]);
     let pictures = [plot::selection(&outcomes.lambdas, &sequence), plot::accumulation(&sequence)];
     assert!(pictures.iter().all(|svg| svg.contains("the paper") && !svg.contains("NaN")));
@@ -268,8 +268,8 @@ fn hand_message(from: &str, to: &str) -> String {
 #[test]
 fn faults_of_a_hand_name_line_and_column() {
     let check = |from, to, message: &str| {
-        let told = hand_message(from, to);
-        assert!(told.starts_with(message), "{told}");
+        let reported = hand_message(from, to);
+        assert!(reported.starts_with(message), "{reported}");
     };
     check("format = 1", "format = 2", "hand.toml:3:10: format 2 is not known");
     check("hand.urdf", "claw.urdf", "hand.toml:5:9: ");

@@ -28,17 +28,17 @@ pub struct Rows {
     pub torque: Vec<bool>,
 }
 
-/// Why there are no equations, or why they tell too little.
+/// Why there are no equations, or why they determine too little.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentifyError {
     /// Fewer than two different postures.
     #[error(
-        "{samples} posture(s) tell {rank} of {parameters} parameters: measure at least {FEWEST} different postures"
+        "{samples} posture(s) determine {rank} of {parameters} parameters: measure at least {FEWEST} different postures"
     )]
     TooFew {
         /// Postures.
         samples: usize,
-        /// How many sums of parameters they tell.
+        /// How many sums of parameters they determine.
         rank: usize,
         /// How many parameters there are.
         parameters: usize,
@@ -168,7 +168,7 @@ impl Equations {
         (columns, right)
     }
 
-    /// Rank of the equations, and the directions of the scaled unknowns that they tell, as columns.
+    /// Rank of the equations, and the directions of the scaled unknowns that they determine, as columns.
     pub fn directions(&self) -> (usize, DMatrix<f64>) {
         let (mut columns, _) = self.stacked();
         for (mut column, prior) in columns.column_iter_mut().zip(&self.prior) {
@@ -182,7 +182,7 @@ impl Equations {
         (identified.len(), turned.select_columns(&identified))
     }
 
-    /// Which sums of inertial parameters the rows tell.
+    /// Which sums of inertial parameters the rows determine.
     pub fn base_parameters(&self) -> BaseParameters {
         let inertial = |(k, unknown): (usize, &Unknown)| match unknown {
             Unknown::Inertial(inertial) => Some((k, *inertial)),

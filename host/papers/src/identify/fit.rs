@@ -1,4 +1,4 @@
-//! Weighted least squares over the directions that the rows tell, and the nearest parameters that a body can have.
+//! Weighted least squares over the directions that the rows determine, and the nearest parameters that a body can have.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -8,11 +8,11 @@ use darm_robot::rigid_body::cone::{Cone, ConicLeastSquares, Floor};
 use darm_robot::rigid_body::inertia::{MIN_MASS_SHARE, project_physically_consistent};
 use darm_robot::robot::base_parameters::Inertial;
 
-/// Rounds in which masses are raised along what the rows do not tell.
+/// Rounds in which masses are raised along what the rows do not determine.
 const ROUNDS: usize = 500;
 /// Share of its prior by which a value begins inside what is possible.
 const INSIDE: f64 = 1e-2;
-/// The information of priors falls by this ratio until it is at most this share of the least that the rows tell.
+/// The information of priors falls by this ratio until it is at most this share of the least that the rows determine.
 const PRIOR_RATIO: f64 = 1e-2;
 const MAX_PRIOR_SHARE: f64 = 1e-6;
 /// The last weight of the barriers, in units of the log-likelihood.
@@ -26,7 +26,7 @@ const FAR: f64 = 25.0;
 pub struct Fit {
     /// In the order of [`Equations::unknowns`].
     pub values: DVector<f64>,
-    /// Sums of parameters that the rows tell.
+    /// Sums of parameters that the rows determine.
     pub rank: usize,
     /// Their covariance, in the unknowns; what is not identified adds nothing.
     pub covariance: DMatrix<f64>,
@@ -36,7 +36,7 @@ pub struct Fit {
     pub is_possible: bool,
 }
 
-/// Equations in the directions that they tell, ready to be fitted to any of the samples.
+/// Equations in the directions that they determine, ready to be fitted to any of the samples.
 #[derive(Clone, Debug)]
 pub(super) struct Reduced<'a> {
     equations: &'a Equations,
@@ -61,10 +61,10 @@ impl<'a> Reduced<'a> {
         Self { equations, basis, normal }
     }
 
-    /// The parameters that these samples tell, and their covariance.
+    /// The parameters that these samples determine, and their covariance.
     pub(super) fn solve(&self, which: &[usize]) -> (DVector<f64>, DMatrix<f64>) {
         let (matrix, right) = self.summed(which);
-        // A direction that these few samples do not tell stays as it is.
+        // A direction that these few samples do not determine stays as it is.
         let eigen = matrix.symmetric_eigen();
         let floor = 1e-14 * eigen.eigenvalues.max();
         let inverse = eigen.eigenvalues.map(|value| if value > floor { 1.0 / value } else { 0.0 });
@@ -110,7 +110,7 @@ fn scatter((columns, right): (&DMatrix<f64>, &DVector<f64>), values: &DVector<f6
 }
 
 impl Equations {
-    /// The parameters that all samples tell, with bodies as possible as the rows leave them.
+    /// The parameters that all samples determine, with bodies as possible as the rows leave them.
     pub fn fit(&self, kind: Kind) -> Fit {
         let all: Vec<usize> = (0..self.samples.len()).collect();
         let reduced = Reduced::new(self);
@@ -143,7 +143,7 @@ impl Equations {
         far.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(component, left)| (component, left.sqrt()))
     }
 
-    /// No mass below a share of the nominal one: along what the rows do not tell as far as that goes, by projections onto
+    /// No mass below a share of the nominal one: along what the rows do not determine as far as that goes, by projections onto
     /// the one and the other in turn. Both are convex, and orthogonal in the unit of the priors.
     fn with_min_masses(&self, fitted: &DVector<f64>) -> DVector<f64> {
         let (_, identified) = self.directions();

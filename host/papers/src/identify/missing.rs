@@ -1,6 +1,6 @@
 //! A mass that the nominal model does not declare: on which link it is, on which side, how heavy.
 //!
-//! A point of mass Δm at c on a link adds Δm·(1, c) to the link's mass and first moment: as many columns of K as rows tell of
+//! A point of mass Δm at c on a link adds Δm·(1, c) to the link's mass and first moment: as many columns of K as rows determine of
 //! the link. Each link is tried beside what is named already; the one that explains most is named when chance would
 //! not explain as much, with every link that explains the rows as well. Rows that no link explains raise the noise.
 //!
@@ -34,7 +34,7 @@ pub struct Named {
     pub mass_kg: f64,
     /// Its standard deviation, kg.
     pub mass_sd_kg: f64,
-    /// Its place in the frame of the first link, m; `None` where the rows do not tell it.
+    /// Its place in the frame of the first link, m; `None` where the rows do not determine it.
     pub place_m: [Option<f64>; 3],
     /// Before or behind the link's origin, and above or below, in words.
     pub side: String,

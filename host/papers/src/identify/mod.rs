@@ -23,6 +23,7 @@ mod missing;
 mod read;
 mod simulated;
 
+use darm_core::actuator::JointKind;
 use darm_core::real::Vec3;
 use darm_core::se::Wrench;
 use nalgebra::DVector;
@@ -102,6 +103,28 @@ impl Unknown {
             Self::Inertial(inertial) => inertial.words(robot),
             Self::Coulomb(k) => format!("fc {}", joint(k)),
             Self::Viscous(k) => format!("fv {}", joint(k)),
+        }
+    }
+
+    /// Its unit.
+    pub fn unit(&self, robot: &Robot) -> &'static str {
+        let turns = |k: &usize| robot.joints[*k].joint.axis.kind == JointKind::Revolute;
+        match self {
+            Self::Inertial(inertial) => inertial.unit(),
+            Self::Coulomb(k) => {
+                if turns(k) {
+                    "N·m"
+                } else {
+                    "N"
+                }
+            }
+            Self::Viscous(k) => {
+                if turns(k) {
+                    "N·m·s"
+                } else {
+                    "N·s/m"
+                }
+            }
         }
     }
 }

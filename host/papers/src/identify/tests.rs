@@ -256,7 +256,7 @@ fn random_motion(nominal: &Robot, noise: &Noise, seed: u64) -> (Robot, Vec<Sampl
     (real, samples)
 }
 
-/// Errors of the parameters in the directions that the rows tell, in units of the priors, and the fit.
+/// Errors of the parameters in the directions that the rows determine, in units of the priors, and the fit.
 fn errors_of_motion(text: &str, noise: &Noise, seed: u64) -> (nalgebra::DVector<f64>, super::fit::Fit, Equations) {
     let nominal = parse(Path::new("robot.urdf"), text, &Locks::new()).unwrap();
     let (real, samples) = random_motion(&nominal, noise, seed);
@@ -264,8 +264,8 @@ fn errors_of_motion(text: &str, noise: &Noise, seed: u64) -> (nalgebra::DVector<
     let equations = Equations::new(&nominal, &samples, &rows, NOISE, Kind::Moving).unwrap();
     let fit = equations.fit(Kind::Moving);
     let truth = Equations::new(&real, &samples, &rows, NOISE, Kind::Moving).unwrap().nominal;
-    let told = equations.directions().1;
-    (told.tr_mul(&(&fit.values - truth).component_div(&equations.prior)), fit, equations)
+    let reported = equations.directions().1;
+    (reported.tr_mul(&(&fit.values - truth).component_div(&equations.prior)), fit, equations)
 }
 
 const MOVING: [(&str, &str); 4] = [
@@ -280,7 +280,7 @@ fn exact_motions_give_back_what_they_tell_with_possible_bodies() {
     let exact = Noise { torque_nm: 0.0, force_n: 0.0, moment_nm: 0.0 };
     for (name, text) in MOVING {
         let (errors, fit, equations) = errors_of_motion(text, &exact, 3);
-        // Panda's flange and fingertip frames have no mass: there what the rows hardly tell is met to 2 % of its prior.
+        // Panda's flange and fingertip frames have no mass: there what the rows hardly determine is met to 2 % of its prior.
         let bound = if name == "panda" { 0.02 } else { 1e-6 };
         assert!(errors.amax() < bound && fit.scatter < 1e-6, "{name}: {} scatter {}", errors.amax(), fit.scatter);
         assert!(name == "panda" || fit.is_possible, "{name}");

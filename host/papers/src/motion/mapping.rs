@@ -290,10 +290,10 @@ fn feet(robot: &Robot, setup: &Setup) -> Result<Vec<Foot>, TreeError> {
     let mut placed = Placed::new(robot)?;
     placed.place(&Posture { base: Pose::identity(), q: vec![0.0; robot.joints.len()] });
     let foot = |(joint, points): &(Option<usize>, Vec<Vec3<f64>>)| {
-        let mut stands = placed.pose(*joint, &Pose::identity());
-        let sole = points.iter().map(|point| (stands * *point).z).fold(f64::INFINITY, f64::min);
-        stands.position.z -= sole;
-        Foot { joint: *joint, pose: Pose::identity(), stands }
+        let mut placed_foot = placed.pose(*joint, &Pose::identity());
+        let sole = points.iter().map(|point| (placed_foot * *point).z).fold(f64::INFINITY, f64::min);
+        placed_foot.position.z -= sole;
+        Foot { joint: *joint, pose: Pose::identity(), placed: placed_foot }
     };
     Ok(setup.feet.iter().map(foot).collect())
 }
@@ -361,12 +361,12 @@ impl View {
         let on_ground = |sum: Vec3<f64>, count: usize| Vec3::new(sum.x, sum.y, 0.0) / count.max(1) as f64;
         let ankles = setup.person_feet.iter().map(|&joint| placed.pose(joint, &Pose::identity()).position);
         let from = on_ground(ankles.sum(), setup.person_feet.len());
-        let to = on_ground(feet.iter().map(|foot| foot.stands.position).sum(), feet.len());
+        let to = on_ground(feet.iter().map(|foot| foot.placed.position).sum(), feet.len());
         let mut upright = Placed::new(robot)?;
         let q: Vec<f64> = robot.joints.iter().map(|j| j.limits.map_or(0.0, |[l, h]| 0.0f64.clamp(l, h))).collect();
         upright.place(&Posture { base: Pose::identity(), q });
         let foot =
-            feet.first().map_or(0.0, |foot| foot.stands.position.z - upright.pose(foot.joint, &foot.pose).position.z);
+            feet.first().map_or(0.0, |foot| foot.placed.position.z - upright.pose(foot.joint, &foot.pose).position.z);
         let highest = person.com.iter().map(|com| com.z).fold(f64::NEG_INFINITY, f64::max);
         Ok(Self { from, to, scale: REACHED * (upright.com().0.z + foot) / highest })
     }

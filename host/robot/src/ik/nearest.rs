@@ -164,7 +164,7 @@ impl Search<'_> {
                 damping *= 0.1;
                 visit(&here.error);
             } else if there.cost.is_finite() && damping > 1e9 * here.hessian.amax() {
-                // No step that numbers can tell from none leads down.
+                // No step that differs from none in floating point leads down.
                 place.is_minimum = true;
                 break;
             } else {

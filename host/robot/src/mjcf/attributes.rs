@@ -1,4 +1,4 @@
-//! Attributes that the elements of bodies, defaults and settings have: any other one is a slip of the pen, and is reported.
+//! Attributes that the elements of bodies, defaults and settings have: any other one is probably misspelled, and is reported.
 //!
 //! Source: <https://mujoco.readthedocs.io/en/stable/XMLreference.html>.
 

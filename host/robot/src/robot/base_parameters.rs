@@ -51,7 +51,7 @@ pub struct BaseParameter {
     pub grouped: Vec<(f64, Inertial)>,
 }
 
-/// What the torques of a robot can tell of its inertial parameters.
+/// What the torques of a robot can determine of its inertial parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BaseParameters {
     /// The independent ones.
@@ -217,6 +217,15 @@ impl Inertial {
         let base = robot.frames.first().map_or("base", |frame| frame.name.as_str());
         let link = self.joint.and_then(|joint| robot.joints.get(joint)).map_or(base, |joint| joint.link.as_str());
         format!("{} {link}", PARAMETER_SYMBOLS.get(self.number).copied().unwrap_or("?"))
+    }
+
+    /// Its unit.
+    pub fn unit(&self) -> &'static str {
+        match self.number {
+            0 => "kg",
+            1..=3 => "kg·m",
+            _ => "kg·m²",
+        }
     }
 }
 

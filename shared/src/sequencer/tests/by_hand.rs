@@ -86,5 +86,5 @@ fn a_pulse_that_is_cut_leaves_its_latch_unknown() {
     bench.command(Command::Stop).unwrap();
     bench.run(1);
     bench.command(Command::Word(word("1"))).unwrap();
-    assert_eq!(bench.run(2).outputs.lines, 0b01, "the latch is set again: nobody knows how it stands");
+    assert_eq!(bench.run(2).outputs.lines, 0b01, "the latch is set again: its state is unknown");
 }

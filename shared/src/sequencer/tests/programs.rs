@@ -46,7 +46,7 @@ fn a_latch_gets_pulses_and_is_set_whatever_it_was() {
     let quiet = Record::Actuator(ActuatorWiring { states: 2, switch: None, travel_ms: 5 });
     let mut bench = Bench::new(&[start(), coil(0, drive), quiet, row(0, "0"), row(20, "1"), end(40)]);
     bench.command(Command::Play).unwrap();
-    assert_eq!(bench.run(2).outputs.lines, 0b10, "nobody knows how the latch stands");
+    assert_eq!(bench.run(2).outputs.lines, 0b10, "the state of the latch is unknown");
     assert_eq!(bench.run(5).outputs.lines, 0);
     assert_eq!(bench.run(20).outputs.lines, 0b01);
     assert_eq!(bench.run(5).outputs.lines, 0, "no current between");

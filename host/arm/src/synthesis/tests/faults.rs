@@ -33,13 +33,13 @@ fn weights_and_bounds_are_read_and_refused_at_their_place() {
     assert_eq!((task.ranges[0].actuator, task.ranges[0].value), (4, (1.2, f64::INFINITY)));
     let again = frames::parse(Path::new("frames.toml"), &frames::to_toml(&task.frames), &arm).unwrap();
     assert_eq!(again, task.frames);
-    for (more, told) in [
+    for (more, reported) in [
         ("position_weight = 0.0\n", "the weight is 0"),
         ("[[bound]]\nactuator = 12\nleast_m = 1.0\n", "there is no actuator 12; give 0 to 11"),
         ("[[bound]]\nactuator = 4\nleast_deg = 1.0\n", "bounds of module 2, diagonal leg are in m"),
         ("[[bound]]\nactuator = 4\nleast_m = 2.0\nmost_m = 1.0\n", "is above the most"),
     ] {
         let error = read(more).unwrap_err();
-        assert!(error.contains(told), "{error}");
+        assert!(error.contains(reported), "{error}");
     }
 }

@@ -83,6 +83,7 @@ const MAX_RESIDUAL: f64 = 3.0;
 #[derive(Serialize)]
 struct BaseRow {
     parameter: String,
+    unit: &'static str,
     nominal: f64,
     identified: f64,
     sd: f64,
@@ -91,6 +92,7 @@ struct BaseRow {
 #[derive(Serialize)]
 struct FrictionRow {
     parameter: String,
+    unit: &'static str,
     value: f64,
     sd: f64,
 }
@@ -183,6 +185,7 @@ fn base_rows(robot: &Robot, equations: &Equations, fit: &identify::Fit) -> Vec<B
         let variance: f64 = terms.iter().map(|(a, i)| sum(&|j| a * fit.covariance[(*i, j)])).sum();
         BaseRow {
             parameter: BaseParameters::words(parameter, robot),
+            unit: parameter.leading.unit(),
             nominal: sum(&|k| equations.nominal[k]),
             identified: sum(&|k| fit.values[k]),
             sd: variance.max(0.0).sqrt(),
@@ -196,6 +199,7 @@ fn friction(robot: &Robot, equations: &Equations, fit: &identify::Fit) -> Vec<Fr
         equations.unknowns.iter().enumerate().filter(|(_, unknown)| !matches!(unknown, Unknown::Inertial(_)));
     let row = |(k, unknown): (usize, &Unknown)| FrictionRow {
         parameter: unknown.words(robot),
+        unit: unknown.unit(robot),
         value: fit.values[k],
         sd: fit.covariance[(k, k)].max(0.0).sqrt(),
     };
@@ -218,9 +222,15 @@ impl Answer for Identified {
                 "physically consistent bodies would fit worse"
             },
         );
-        let mut rows = vec![head(&["identifiable sum (kg, kg m, kg m2)", "nominal", "identified", "sd"])];
+        let mut rows = vec![head(&["identifiable sum", "unit", "nominal", "identified", "sd"])];
         rows.extend(self.base_parameters.iter().map(|row| {
-            vec![row.parameter.clone(), number(row.nominal, 3), number(row.identified, 3), number(row.sd, 3)]
+            vec![
+                row.parameter.clone(),
+                row.unit.into(),
+                number(row.nominal, 3),
+                number(row.identified, 3),
+                number(row.sd, 3),
+            ]
         }));
         text += &format!("\n\n{}", columns(&rows));
         let mut rows = vec![head(&["held-out error of the centre of pressure, mm", "x", "y"])];
@@ -233,8 +243,12 @@ impl Answer for Identified {
         rows.extend(named.map(|(name, of)| std::iter::once(name.to_owned()).chain(mm(of)).collect()));
         text += &format!("\n\n{}", columns(&rows));
         if !self.friction.is_empty() {
-            let mut rows = vec![head(&["friction (N m, N m s)", "identified", "sd"])];
-            rows.extend(self.friction.iter().map(|f| vec![f.parameter.clone(), number(f.value, 3), number(f.sd, 3)]));
+            let mut rows = vec![head(&["friction", "unit", "identified", "sd"])];
+            rows.extend(
+                self.friction
+                    .iter()
+                    .map(|f| vec![f.parameter.clone(), f.unit.into(), number(f.value, 3), number(f.sd, 3)]),
+            );
             text += &format!("\n\n{}", columns(&rows));
         }
         text += &missing(&self.missing);

@@ -53,28 +53,20 @@ pub(super) fn read(path: &Path, drive: &Drive<f64>, ticks_per_turn: Option<f64>)
     let duration = |row: usize| time(row).zip(row.checked_sub(1).and_then(time)).map(|(end, start)| end - start);
     let reading = |row: usize, travel_m: [f64; 2]| Reading { t_s: time(row), duration_s: duration(row), travel_m };
     let pairs = || wheels.windows(2).enumerate().map(|(row, pair)| (row + 1, pair[0], pair[1]));
-    let readings: Vec<Reading> = match kind {
+    Ok(match kind {
         Kind::Ticks => {
             wheels.iter().enumerate().map(|(row, ticks)| reading(row, ticks.map(|ticks| ticks * per_tick))).collect()
         }
         Kind::Counts => pairs()
             .map(|(row, before, after)| reading(row, [0, 1].map(|k| (after[k] - before[k]) * per_tick)))
             .collect(),
-        Kind::Speeds => {
-            let missing = || Usage(format!("{shown}: speeds need the column t_s; add the time of each row, in s"));
-            t_s.as_ref().ok_or_else(missing)?;
-            pairs()
-                .map(|(row, speeds, _)| {
-                    let seconds = duration(row).unwrap_or(0.0);
-                    reading(row, speeds.map(|speed| speed * drive.radius_m * seconds))
-                })
-                .collect()
-        }
-    };
-    if readings.is_empty() {
-        return Err(Usage(format!("{shown}: too few rows; add rows, counts and speeds need two")).into());
-    }
-    Ok(readings)
+        Kind::Speeds => pairs()
+            .map(|(row, speeds, _)| {
+                let seconds = duration(row).unwrap_or(0.0);
+                reading(row, speeds.map(|speed| speed * drive.radius_m * seconds))
+            })
+            .collect(),
+    })
 }
 
 fn rows(path: &Path) -> Result<Rows, CsvError> {
@@ -88,6 +80,9 @@ fn rows(path: &Path) -> Result<Rows, CsvError> {
         return Err(table.no_column(pairs));
     };
     let time = at("t_s");
+    if kind == Kind::Speeds && time.is_none() {
+        return Err(table.no_column("t_s, the time of each row in s, which speeds need"));
+    }
     let (mut wheels, mut times) = (Vec::new(), Vec::new());
     for row in table.rows() {
         wheels.push([row.number(sides[0])? * factor, row.number(sides[1])? * factor]);
@@ -99,6 +94,10 @@ fn rows(path: &Path) -> Result<Rows, CsvError> {
             }
             times.push(time_s);
         }
+    }
+    let min_rows = if kind == Kind::Ticks { 1 } else { 2 };
+    if wheels.len() < min_rows {
+        return Err(table.wrong(CsvFault::Row("too few rows; add rows, counts and speeds need two".into())));
     }
     Ok(Rows { kind, t_s: time.map(|_| times), wheels })
 }

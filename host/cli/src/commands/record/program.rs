@@ -74,7 +74,7 @@ impl Program {
                 Ok(()) => self.connected(since),
                 Err(error) if since.elapsed() > self.reconnect_timeout => return Err(error),
                 Err(_) => {
-                    self.say_what_is_awaited(since);
+                    self.remind_of_port(since);
                     return Ok(None);
                 }
             }
@@ -110,7 +110,7 @@ impl Program {
     }
 
     /// After 2 s and from then on from time to time: whether the port is there, and how long it is waited for.
-    fn say_what_is_awaited(&mut self, since: Instant) {
+    fn remind_of_port(&mut self, since: Instant) {
         if since.elapsed() < self.next_reminder {
             return;
         }

@@ -224,7 +224,7 @@ impl Extras {
         let root = |of: &[Expected]| 1e3 * of.iter().map(|frame| frame.linear_m.powi(2)).sum::<f64>().sqrt();
         format!(
             "{}\nall frames together (RSS): {:.3} mm, before {:.3} mm, for stops changed by {:.1} mm instead of {:.1} mm; a \
-             larger --worth changes more\n\n",
+             larger --adjustment-per-halving changes more\n\n",
             columns(&rows),
             root(&self.expected),
             root(&self.expected_before),

@@ -131,7 +131,7 @@ impl Shown {
         let profile = if self.built_in_profile { "built in" } else { &self.profile };
         let modules = match self.modules {
             0 => "none".to_owned(),
-            modules => format!("of {modules} modules, for `darm nearest --board`"),
+            modules => format!("of {modules} modules, for `darm nearest --on-board`"),
         };
         format!(
             "table    {}\nmodel    {}\nfor      {device}\nprofile  {profile}\nlength   {} bytes, {} rows, {:.3} s\nframes   {modules}",

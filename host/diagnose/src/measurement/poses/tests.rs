@@ -60,16 +60,16 @@ fn a_row_without_a_pose_is_left_out_and_told() {
 
 #[test]
 fn errors_say_where_and_what() {
-    let told = |text: &str| read(text).unwrap_err().to_string();
+    let reported = |text: &str| read(text).unwrap_err().to_string();
     assert_eq!(
-        told("time_s,word,x_deg,y_m,angle_deg\n0,1,0,0,0\n"),
+        reported("time_s,word,x_deg,y_m,angle_deg\n0,1,0,0,0\n"),
         "run.csv: no column x_m; the file has time_s, word, x_deg, y_m, angle_deg; rename a column so that it carries this quantity and unit"
     );
     assert_eq!(
-        told("time_s,word,x_m,y_m,angle_deg\n0,15,0,0,0\n"),
+        reported("time_s,word,x_m,y_m,angle_deg\n0,15,0,0,0\n"),
         "run.csv:2:3: column word holds `15`, expected digits 0 to 3; correct the cell"
     );
-    assert_eq!(told(HEADER), "run.csv: no rows, there is nothing to diagnose; record again");
+    assert_eq!(reported(HEADER), "run.csv: no rows, there is nothing to diagnose; record again");
 }
 
 #[test]

@@ -27,9 +27,9 @@ pub(super) fn constraint_rows(problem: &Problem<'_>, placed: &Placed, frame: usi
     let (mut off, mut jacobian) = (DVector::zeros(rows), DMatrix::zeros(rows, wide));
     for (k, foot) in problem.feet.iter().enumerate() {
         let pose = placed.pose(foot.joint, &foot.pose);
-        let turn = rotation_log(&(pose.rotation * foot.stands.rotation.transpose()));
+        let turn = rotation_log(&(pose.rotation * foot.placed.rotation.transpose()));
         off.fixed_rows_mut::<3>(6 * k).copy_from(&turn);
-        off.fixed_rows_mut::<3>(6 * k + 3).copy_from(&(pose.position - foot.stands.position));
+        off.fixed_rows_mut::<3>(6 * k + 3).copy_from(&(pose.position - foot.placed.position));
         jacobian.rows_mut(6 * k, 6).copy_from(&placed.jacobian(foot.joint, &foot.pose));
     }
     if let Some((targets, _)) = problem.com {

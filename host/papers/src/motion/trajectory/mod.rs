@@ -46,7 +46,7 @@ pub struct Foot {
     /// The frame in the link.
     pub pose: Pose<f64>,
     /// Where it is in the world.
-    pub stands: Pose<f64>,
+    pub placed: Pose<f64>,
 }
 
 /// A chair on which something sits still.

@@ -17,8 +17,8 @@ fn all(links: usize, target: &Pose<f64>, orientation_rad: f64, most: usize) -> C
     let options = Options { orientation_rad, starts: 300, ..Options::default() };
     let found = arm.configurations(&tip, target, &[], &options, most).unwrap();
     for posture in &found.postures {
-        let stands = arm.kinematics(&tip, &posture.q).unwrap().pose_base_frame.to(target);
-        assert!(stands.position.norm() <= 1e-9 && (orientation_rad.is_infinite() || stands.angle_rad() <= 1e-9));
+        let reached = arm.kinematics(&tip, &posture.q).unwrap().pose_base_frame.to(target);
+        assert!(reached.position.norm() <= 1e-9 && (orientation_rad.is_infinite() || reached.angle_rad() <= 1e-9));
         assert!(posture.met > 0 && posture.q.iter().all(|q| q.abs() <= PI));
     }
     assert_eq!(found.postures.iter().map(|posture| posture.met).sum::<usize>(), found.reached);
