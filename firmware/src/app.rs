@@ -40,7 +40,7 @@ use crate::scan::{Scanner, Stop};
 /// Bytes that wait for `work`: three chunks of an upload.
 const INBOX: usize = 1152;
 /// Bytes that `work` takes at once.
-const PIECE: usize = 16;
+const PIECE: usize = 8;
 
 /// What has been received and not yet looked at. [`scan`] fills it, at the priority of [`work`] or a higher one.
 pub struct Inbox {

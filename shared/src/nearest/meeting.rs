@@ -15,6 +15,7 @@
 //! each of `WIDTH`. Where the modules have more frames, or the last one more than 64, the beam alone answers; it always
 //! runs, so the word is never worse than the beam's.
 
+mod pairs;
 mod shortlist;
 mod small;
 mod spread;
@@ -25,7 +26,6 @@ use super::sort::sort_by;
 use super::{Beam, Found, Frame, Module};
 use crate::real::{Mat6, Vec3, Vec6};
 use crate::se::Pose;
-use crate::trig;
 use crate::units::Word;
 use shortlist::{Shortlist, refill};
 use small::{Motion, Small, motion};
@@ -58,7 +58,7 @@ struct Part {
 }
 
 /// What comes next.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
     /// The modules come.
     Answered,
@@ -81,6 +81,8 @@ enum Phase {
         beginning: usize,
         follower: usize,
         second: usize,
+        /// The pose of the target behind the follower.
+        remaining: Motion,
     },
     Done,
 }
@@ -187,7 +189,9 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
             Phase::Spread { part } => self.add_spread(part),
             Phase::Grow { beginning, frame } => self.grow(beginning, frame),
             Phase::Choose { beginning, frame } => self.choose(beginning, frame),
-            Phase::Meet { beginning, follower, second } => self.meet(beginning, follower, second),
+            Phase::Meet { beginning, follower, second, remaining } => {
+                self.meet(beginning, follower, second, &remaining)
+            }
             Phase::Done => {}
         }
         self.phase != Phase::Done
@@ -237,7 +241,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         self.followers.clear();
         if n == 2 {
             self.followers.offer(0.0, 0);
-            self.phase = Phase::Meet { beginning: 0, follower: 0, second: 0 };
+            self.phase = self.meeting(0, 0);
         } else {
             self.enter(0);
         }
@@ -294,54 +298,7 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
         self.followers
             .list
             .truncate((FOLLOWED * WIDTH).checked_div(self.beginnings.len()).map_or(1, |each| each.max(1)));
-        self.phase = Phase::Meet { beginning: index, follower: 0, second: 0 };
-    }
-
-    fn meet(&mut self, index: usize, follower: usize, from: usize) {
-        let n = self.parts.len();
-        let (Some(&beginning), Some(&(_, number))) = (self.beginnings.get(index), self.followers.list.get(follower))
-        else {
-            self.phase = if n == 2 { Phase::Done } else { Phase::Choose { beginning: index + 1, frame: 0 } };
-            return;
-        };
-        let (Some(joint), Some(last)) = (self.parts.get(n - 2), self.parts.get(n - 1)) else { return };
-        let ends = from + MET >= joint.count;
-        let (follower, second) = if ends { (follower + 1, 0) } else { (follower, from + MET) };
-        self.phase = Phase::Meet { beginning: index, follower, second };
-        let mut remaining = self.remaining(beginning, self.level.min(n - 2));
-        if n > 2 {
-            remaining = self.motion(n - 3, number as usize).inv_mul(&remaining);
-        }
-        let frames = self.frames.iter().skip(joint.first).take(joint.count).enumerate();
-        for (second, frame) in frames.skip(from).take(MET) {
-            let own = frame.motion(joint.size_m);
-            let at = own.rotation.inverse_transform_vector(&(remaining.translation.vector - own.translation.vector));
-            let reach = self.nearest_m;
-            let sides = self.corners[0].iter().zip(&self.corners[1]);
-            if at.iter().zip(sides).any(|(x, (low, high))| *x < low - reach || *x > high + reach) {
-                continue;
-            }
-            let turn = own.rotation.inverse() * remaining.rotation;
-            let from = self.ends.partition_point(|end| end.x < at.x - self.nearest_m);
-            for (third, end) in self.ends.iter().enumerate().skip(from) {
-                if end.x > at.x + self.nearest_m {
-                    break;
-                }
-                let square = (end - at).norm_squared();
-                if square >= self.nearest_m * self.nearest_m {
-                    continue;
-                }
-                let Some(frame) = self.frames.get(last.first + third) else { continue };
-                // θ² = 4·arcsin²(s), s the sine of half the angle, by its series in s².
-                let sine2 = (frame.turn().conjugate() * turn.into_inner()).imag().norm_squared();
-                let arc = 4.0 * sine2 * (1.0 + sine2 * (1.0 / 3.0 + sine2 * (8.0 / 45.0)));
-                let square = square + self.length_scale_m * self.length_scale_m * arc;
-                if square < self.nearest_m * self.nearest_m {
-                    self.nearest_m = trig::sqrt(square);
-                    self.best = Some((beginning, [number as usize, second, third]));
-                }
-            }
-        }
+        self.phase = self.meeting(index, 0);
     }
 
     /// A frame of a module.
