@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_papers::convergence;
-use darm_papers::memr::{self, CELLS, Cell, LINK_M, MET_M, PRINTED_LINK_M, RUNS, Repeated, TARGETS};
+use darm_papers::memr::{self, CELLS, Cell, LINK_M, MET_M, PRINTED_LINK_M, Printed, RUNS, Repeated, TARGETS};
 use darm_robot::ik::search::{Algorithm, Mark, Run, Settings};
 use darm_robot::ik::trials::{Summary, Trials};
 use darm_robot::ik::{Method, Options, Status};
@@ -239,6 +239,11 @@ fn within(repeated: &[Repeated]) -> Result<Vec<Figure>> {
         let what = if repeated.cell.table == 3 { "mean" } else { "best" };
         figures.push(Figure::new(&format!("{name}: {what}, ours"), ours, unit)?);
         figures.push(Figure::new(&format!("{name}: {what}, paper"), paper, unit)?);
+        if let Printed::Best { deviation, .. } = repeated.cell.printed {
+            let ours = repeated.cell.problem.factor() * repeated.trials.summary().deviation;
+            figures.push(Figure::new(&format!("{name}: standard deviation, ours"), ours, unit)?);
+            figures.push(Figure::new(&format!("{name}: standard deviation, paper"), deviation, unit)?);
+        }
         if let Some(count) = repeated.printed_within() {
             figures.push(Figure::new(&format!("{name}: printed runs within ours, of 5"), count as f64, "")?);
         }

@@ -15,8 +15,8 @@ pub enum ArmFault {
         /// The number in the file.
         found: u32,
     },
-    /// A number has to be above zero.
-    #[error("{key} is {value}; give a number above zero")]
+    /// A number has to be above zero, and of a size that can be computed with.
+    #[error("{key} is {value}; give a number above zero, at most 1e9")]
     NotPositive {
         /// The key.
         key: &'static str,

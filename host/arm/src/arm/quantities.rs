@@ -62,9 +62,16 @@ pub(super) fn needed<'a, T>(
     value.as_ref().ok_or_else(|| (span.clone(), ArmFault::Missing { key, of }))
 }
 
+/// Least and greatest value of a quantity that is above zero: what lies outside is a slip, and overflows later.
+const MIN_POSITIVE: f64 = 1e-9;
+const MAX_POSITIVE: f64 = 1e9;
+
 pub(super) fn positive(key: &'static str, number: &Spanned<Number>) -> Checked<f64> {
     let value = number.get_ref().0;
-    if value > 0.0 { Ok(value) } else { Err((number.span(), ArmFault::NotPositive { key, value })) }
+    match value {
+        MIN_POSITIVE..=MAX_POSITIVE => Ok(value),
+        _ => Err((number.span(), ArmFault::NotPositive { key, value })),
+    }
 }
 
 pub(super) fn mass(mass_kg: Option<&Spanned<Number>>, center: Option<&[Number; 3]>) -> Checked<Mass<f64>> {

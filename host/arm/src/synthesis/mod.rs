@@ -29,6 +29,7 @@
 mod accuracy;
 mod case;
 mod catalogue;
+mod closest;
 mod handle;
 mod infeasibility;
 mod lift;
@@ -307,7 +308,7 @@ fn solve(
     let before_poses = problem.poses(&before)?;
     let case = case::of(&problem)?;
     let found = match options.method {
-        Method::Newton => search::solve(&mut problem, options, case.kind == CaseKind::Insufficient)?,
+        Method::Newton => search::solve(&mut problem, options)?,
         Method::Plain => search::plain(&mut problem),
         Method::Paper(scheme) => {
             let is_regularised = case.kind == CaseKind::Insufficient;

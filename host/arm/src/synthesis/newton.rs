@@ -153,7 +153,7 @@ impl Search<'_, '_> {
 
     /// The step from `unknowns` that takes the residual away within the bounds; the smallest one, or the one that ends
     /// nearest to `anchor`.
-    fn step(
+    pub(super) fn step(
         &self,
         jacobian: &DMatrix<f64>,
         residual: &DVector<f64>,

@@ -24,11 +24,12 @@ const EARLY: u32 = 16;
 /// Standard deviations of the shifts in turn, in the arm's length scale and rad.
 const SHIFT: [(f64, f64); 4] = [(0.2, 0.1), (0.4, 0.2), (0.6, 0.3), (0.4, 0.5)];
 
-pub(super) fn solve(problem: &mut Problem, options: &Options, insufficient: bool) -> Result<Found, SynthesisError> {
+pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, SynthesisError> {
     let base_line = within(problem, problem.start());
     let platforms = (0..problem.n_stops()).any(|stop| problem.is_leg(stop));
     let mut search = Search { problem, iterations: 0 };
     let mut best: Option<(f64, DVector<f64>)> = None;
+    let mut ends = Vec::new();
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let mut starts = 0;
     while starts < options.starts.max(1) {
@@ -41,6 +42,7 @@ pub(super) fn solve(problem: &mut Problem, options: &Options, insufficient: bool
         let mut keep = |way: Way| {
             // A start that cannot be assembled is no start; the failure of the base-line is reported.
             let Ok((error, unknowns)) = way else { return false };
+            ends.push(unknowns.clone());
             if best.as_ref().is_none_or(|(lowest, _)| error < *lowest) {
                 best = Some((error, unknowns));
             }
@@ -66,8 +68,7 @@ pub(super) fn solve(problem: &mut Problem, options: &Options, insufficient: bool
                 break;
             }
         }
-        // More equations than rank: other starts find the same compromise.
-        if insufficient || options.handle.is_ended() || best.as_ref().is_some_and(|(error, _)| *error < SOLVED) {
+        if options.handle.is_ended() || best.as_ref().is_some_and(|(error, _)| *error < SOLVED) {
             break;
         }
     }
@@ -77,6 +78,8 @@ pub(super) fn solve(problem: &mut Problem, options: &Options, insufficient: bool
     };
     if error < SOLVED {
         unknowns = search.minimise_change(unknowns);
+    } else {
+        unknowns = search.closest(&ends).unwrap_or(unknowns);
     }
     Ok(Found { unknowns, iterations: search.iterations, starts })
 }

@@ -35,7 +35,8 @@ Examples:
   darm grasp solve allegro_hand.urdf grasp-contacts.toml --tip-radius 12
   darm --json grasp solve allegro_hand.toml grasp-contacts.toml > posture.json
 
-Either all contacts name their fingers, or none; without names, the assignment is found. In a URDF the base is the palm, \
+Either all contacts name their fingers, or none; without names, the assignment is found. The pose of the palm is that of the \
+base frame of the robot file, which the answer names. Without a hand file \
 the fingers are the leaf links on four joints. The shapes that may not collide are those of the URDF or MJCF: boxes, \
 spheres, cylinders, capsules, and the convex hulls of meshes. Links that a joint connects are not checked, and links that \
 touch in nearly all postures neither; the answer names the latter. The keys of a hand file are documented in \
@@ -263,7 +264,7 @@ fn why_unsolved(hand: &Hand, solution: &solve::Solution, contacts: &Contacts) ->
         format!("{} misses its contact by {:.2} mm", hand.fingers[worst].name, 1e3 * errors[worst].point_m)
     };
     format!(
-        "no posture makes these contacts: in the closest one, {cause} ({tried}); move the contacts, or increase --starts"
+        "no posture found that makes these contacts: in the closest one, {cause} ({tried}); increase --starts, or move the contacts"
     )
 }
 

@@ -330,8 +330,8 @@ impl Answer for Report {
                 found.target.to_string(),
                 found.method.to_owned(),
                 found.said(),
-                format!("{:.1e}", 1e3 * found.error_m),
-                found.error_rad.map_or(String::new(), |error| format!("{:.1e}", error.to_degrees())),
+                number(1e3 * found.error_m, 2),
+                found.error_rad.map_or(String::new(), |error| number(error.to_degrees(), 2)),
                 found.steps.to_string(),
                 found.starts.to_string(),
             ];

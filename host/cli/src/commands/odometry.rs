@@ -143,17 +143,17 @@ impl Odometry {
     }
 
     fn drive(&self) -> Result<Drive<f64>, Usage> {
-        let positive = |value: f64, option: &str| match value > 0.0 && value <= 1e12 {
+        let size = |value: f64, option: &str| match (1e-3..=1e12).contains(&value) {
             true => Ok(value),
-            false => Err(Usage(format!("{option} {value}: give a number above 0 and at most 1e12"))),
+            false => Err(Usage(format!("{option} {value}: give a number from 0.001 to 1e12"))),
         };
         if !(0.0..=1e12).contains(&self.variance) {
             return Err(Usage(format!("--variance {}: give a number from 0 to 1e12", self.variance)));
         }
         Ok(Drive {
-            radius_m: 1e-3 * positive(self.radius, "--radius")?,
-            half_track_m: 0.5e-3 * positive(self.track, "--track")?,
-            ticks_per_turn: positive(self.ticks_per_turn.unwrap_or(1.0), "--ticks-per-turn")?,
+            radius_m: 1e-3 * size(self.radius, "--radius")?,
+            half_track_m: 0.5e-3 * size(self.track, "--track")?,
+            ticks_per_turn: size(self.ticks_per_turn.unwrap_or(1.0), "--ticks-per-turn")?,
             variance_per_m: 1e-6 * self.variance,
         })
     }

@@ -68,7 +68,7 @@ impl<'a> Problem<'a> {
             previous: frame.previous,
             pose: frame.pose_base_tool,
             rows: rows(frame, planar, base_line.length_scale_m),
-            free_orientation: frame.weights.orientation == 0.0,
+            by_parts: frame.weights.orientation == 0.0,
             used: stops.iter().copied().enumerate().filter(|(_, stop)| is_used(stop, &frame.word)).collect(),
         };
         let mut problem = Self {

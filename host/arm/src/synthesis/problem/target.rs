@@ -1,7 +1,7 @@
 //! A desired frame as rows of the equations.
 
 use darm_core::chain::Parameter;
-use darm_core::se::{Pose, Twist};
+use darm_core::se::{Pose, Twist, rotation_log};
 use darm_core::units::Word;
 
 use crate::arm::frames::DesiredFrame;
@@ -14,8 +14,9 @@ pub(in crate::synthesis) struct Target {
     pub(in crate::synthesis) pose: Pose<f64>,
     /// Components of (ω, v) that the frame is judged by, and what each weighs.
     pub(in crate::synthesis) rows: Vec<(usize, f64)>,
-    /// Whether the tool may be turned as it likes.
-    pub(in crate::synthesis) free_orientation: bool,
+    /// Whether the error is that of the rotation vector and of the position, whose sum of squares is the distance that is
+    /// reported, and whose gradient is exact. Otherwise it is the screw, along which Gauss–Newton takes fewer steps.
+    pub(in crate::synthesis) by_parts: bool,
     /// The stops that its word uses, with their columns.
     pub(in crate::synthesis) used: Vec<(usize, Parameter)>,
 }
@@ -24,7 +25,11 @@ impl Target {
     /// Writes the weighted error of the frame with the tool at `pose`; how many rows that is.
     pub(in crate::synthesis) fn error(&self, pose: &Pose<f64>, into: &mut [f64]) -> usize {
         let apart = pose.to(&self.pose);
-        let six = if self.free_orientation { Twist { linear: apart.position, ..Twist::zero() } } else { apart.log() };
+        let six = if self.by_parts {
+            Twist { angular: rotation_log(&apart.rotation), linear: apart.position }
+        } else {
+            apart.log()
+        };
         let six = numbers(&six);
         for (row, &(component, weight)) in into.iter_mut().zip(&self.rows) {
             *row = weight * six[component];
@@ -41,7 +46,7 @@ impl Target {
     /// How the error of the frame falls, row by row, when the tool at `pose` moves with `twist`.
     pub(in crate::synthesis) fn seen(&self, twist: &Twist<f64>, pose: &Pose<f64>) -> [f64; 6] {
         let mut twist = *twist;
-        if self.free_orientation {
+        if self.by_parts {
             twist.linear += twist.angular.cross(&pose.to(&self.pose).position);
         }
         numbers(&twist)

@@ -1,6 +1,7 @@
 //! Laws of the synthesis: arms, frames and draws that its tests share.
 
 mod bounds;
+mod closest;
 mod exactness;
 mod faults;
 mod manufacture;

@@ -4,7 +4,7 @@ use darm_core::se::rotation_log;
 use darm_papers::grasp::contact::Configuration;
 use darm_papers::grasp::cross_check::Verdict;
 use darm_papers::grasp::hand::Hand;
-use darm_papers::grasp::layout::COORDINATES;
+use darm_papers::grasp::layout::{COORDINATES, PALM};
 use darm_papers::grasp::train::{Chosen, PAPER_LAMBDAS, PAPER_SUCCESS, Training};
 use serde::Serialize;
 
@@ -28,6 +28,8 @@ pub(super) struct Found {
 /// Pose of the palm in the world.
 #[derive(Serialize)]
 struct Palm {
+    /// The base frame of the robot file, whose pose it is.
+    frame: String,
     position_m: [f64; 3],
     rotation_vector_rad: [f64; 3],
 }
@@ -53,7 +55,11 @@ impl Found {
         Self {
             starts: search.starts,
             iterations: search.iterations,
-            palm: Palm { position_m: pose.position.into(), rotation_vector_rad: rotation_log(&pose.rotation).into() },
+            palm: Palm {
+                frame: hand.bodies[PALM].name.clone(),
+                position_m: pose.position.into(),
+                rotation_vector_rad: rotation_log(&pose.rotation).into(),
+            },
             fingers: fingers.map(finger).collect(),
             error_m: verdict.point_m,
             error_rad: verdict.direction_rad,
@@ -79,9 +85,10 @@ impl Answer for Found {
         };
         let vector = |v: [f64; 3], factor: f64| v.map(|x| number(factor * x, 2)).join(", ");
         format!(
-            "{table}\n\npalm at {} mm, rotation vector {} deg\n\
+            "{table}\n\npalm (frame `{}` of the robot file) at {} mm, rotation vector {} deg\n\
              contact errors up to {:.1e} mm and {:.1e} deg, no collision: checked by independent forward kinematics\n\
              {} start{}, {} iterations{unchecked}",
+            self.palm.frame,
             vector(self.palm.position_m, 1e3),
             vector(self.palm.rotation_vector_rad, 180.0 / std::f64::consts::PI),
             1e3 * self.error_m,

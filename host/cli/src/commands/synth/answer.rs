@@ -137,8 +137,8 @@ impl Answer for Synthesised {
                 frame.word.clone(),
                 format!("{:.1}", 1e3 * frame.before_m),
                 format!("{:.2}", frame.before_rad.to_degrees()),
-                format!("{:.1e}", 1e3 * frame.error_m),
-                format!("{:.1e}", frame.error_rad.to_degrees()),
+                number(1e3 * frame.error_m, 2),
+                number(frame.error_rad.to_degrees(), 2),
             ]
         }));
         format!(

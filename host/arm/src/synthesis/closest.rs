@@ -1,0 +1,65 @@
+//! The closest geometry, where the frames cannot be met: the sum of squares of their distances is made small.
+//!
+//! Here the error does not vanish at the end, so that the model of Gauss–Newton is wrong by as much as the error and the
+//! arm are curved. Steps are damped, and the gradient decides when the search has settled. That gradient is exact: the
+//! error of a frame is written by parts (see `by_parts` of its target).
+
+use nalgebra::DVector;
+
+use super::newton::{Damping, Search};
+
+/// The best ends of all starts are improved.
+const IMPROVED: usize = 8;
+/// Steps from one of them.
+const MAX_STEPS: u32 = 2000;
+/// The search has settled when a step lowers the sum of squares by less than this share of it, this number of times in a row.
+const SETTLED: f64 = 1e-13;
+const SETTLED_STEPS: u32 = 3;
+/// Distances that differ by less than this share are equal.
+const EQUAL: f64 = 1e-9;
+
+impl Search<'_, '_> {
+    /// The closest geometry from the ends of several searches, of which the first began at the base-line; of equally close
+    /// ones that with the least changes. `None` where none of them can be assembled.
+    pub(super) fn closest(&mut self, ends: &[DVector<f64>]) -> Option<DVector<f64>> {
+        self.problem.targets.iter_mut().for_each(|target| target.by_parts = true);
+        let mut by_distance: Vec<(f64, &DVector<f64>)> =
+            ends.iter().filter_map(|end| Some((self.problem.residual(end).ok()?.norm(), end))).collect();
+        by_distance.sort_by(|a, b| a.0.total_cmp(&b.0));
+        by_distance.truncate(IMPROVED);
+        let candidates = by_distance.iter().map(|(_, end)| *end).chain(ends.first());
+        let improved: Vec<(f64, DVector<f64>)> = candidates.filter_map(|end| self.improve(end)).collect();
+        let least = improved.iter().map(|(distance, _)| *distance).min_by(f64::total_cmp)?;
+        let equal = improved.into_iter().filter(|(distance, _)| *distance <= (1.0 + EQUAL) * least);
+        equal
+            .map(|(_, unknowns)| unknowns)
+            .min_by(|a, b| self.problem.alteration(a).total_cmp(&self.problem.alteration(b)))
+    }
+
+    /// Lowers the sum of squares until it settles; its root and the unknowns.
+    fn improve(&mut self, start: &DVector<f64>) -> Option<(f64, DVector<f64>)> {
+        let mut unknowns = start.clone();
+        let (mut residual, mut jacobian) = self.problem.linearise(&unknowns).ok()?;
+        let (mut damping, mut settled) = (Damping::default(), 0);
+        for _ in 0..MAX_STEPS {
+            self.iterations += 1;
+            let next = &unknowns + self.step(&jacobian, &residual, &unknowns, None, damping.value());
+            let lower = self.problem.linearise(&next).ok().filter(|(next, _)| next.norm() < residual.norm());
+            let Some((lower, steeper)) = lower else {
+                if damping.is_exhausted() {
+                    break;
+                }
+                damping.raise();
+                continue;
+            };
+            let fell = 1.0 - (lower.norm_squared() / residual.norm_squared());
+            (unknowns, residual, jacobian) = (next, lower, steeper);
+            damping.lower();
+            settled = if fell < SETTLED { settled + 1 } else { 0 };
+            if settled == SETTLED_STEPS {
+                break;
+            }
+        }
+        Some((residual.norm(), unknowns))
+    }
+}
