@@ -195,24 +195,26 @@ fn likely(column: Vec<f64>) -> Vec<f64> {
 /// The steps as an exact measurement of the arm as its model has it, at this supply and temperature.
 pub fn as_run(arm: &Arm, steps: &[Step], supply: f64, temperature_k: f64) -> Run {
     let mut scratch = ArmScratch::default();
-    let sample = |(visit, step): (usize, &Step)| {
+    let mut samples = Vec::new();
+    for (visit, step) in steps.iter().enumerate() {
         let previous = Some(step.previous);
         let nominal = arm.model.nominal(step.word, &step.servos_rad);
         let condition = Condition { previous, supply, temperature_k, ..nominal };
-        Some(Sample {
+        let Ok(pose) = arm.model.predict(&condition, &mut scratch) else { continue };
+        samples.push(Sample {
             time_s: visit as f64,
             word: step.word,
             previous,
             servos_rad: step.servos_rad.clone(),
-            pose: arm.model.predict(&condition, &mut scratch).ok()?,
+            pose,
             supply: Some(supply),
             temperature_c: Some(temperature_k - ZERO_CELSIUS),
             run: 0,
             visit: visit as u32,
             held_out: step.held_out,
-        })
-    };
-    Run { samples: steps.iter().enumerate().filter_map(sample).collect(), ..Run::default() }
+        });
+    }
+    Run { samples, ..Run::default() }
 }
 
 /// The same away from nominal supply and temperature, so that effects of either show.

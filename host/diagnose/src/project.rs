@@ -37,12 +37,10 @@ fn possible(problem: &Signals, mut best: Trial<Signals>, n_known: usize) -> (Tri
     loop {
         let open = best.fit.active[n_known..].iter().copied();
         let cannot_be: Vec<usize> = open.filter(|&k| !can_be(problem, &best.fit, k)).collect();
+        let candidates = &problem.experiment.candidates;
         let without = |&k: &usize| {
-            let is_other = |other: &&usize| {
-                let candidates = &problem.experiment.candidates;
-                !candidates[**other].is_same(&candidates[k])
-            };
-            let left = best.fit.active.iter().filter(is_other).copied().collect();
+            let is_other = |other: &usize| !candidates[*other].is_same(&candidates[k]);
+            let left = best.fit.active.iter().copied().filter(is_other).collect();
             (k, judged(problem.under(&best), left, best.effect))
         };
         let tried = problem.under(&best).lowest(cannot_be.iter().map(without), |(_, trial)| trial);

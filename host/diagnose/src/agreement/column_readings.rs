@@ -142,13 +142,14 @@ fn mounted(model: &Model) -> Vec<Hypothesis> {
     let size = robot.gravity.norm();
     let axes = (0..3).flat_map(|axis| [1.0, -1.0].map(|sign| Vec3::ith(axis, sign)));
     let other = axes.filter(|down| down.dot(&robot.gravity) < 0.5 * size);
-    let reading = |down: Vec3<f64>| {
-        let mut model = model.clone();
-        if let Some(robot) = model.what.weighing_robot_mut() {
-            robot.gravity = down * size;
-        }
-        let misreading = Misreading::Mounting { down: [down.x, down.y, down.z] };
-        Hypothesis { misreading, columns: ColumnReading::default(), model: Some(model) }
-    };
-    other.map(reading).collect()
+    other.map(|down| mounted_with(model.clone(), down, size)).collect()
+}
+
+/// The robot mounted with this direction down, where gravity is `size` (m/s²).
+fn mounted_with(mut model: Model, down: Vec3<f64>, size: f64) -> Hypothesis {
+    if let Some(robot) = model.what.weighing_robot_mut() {
+        robot.gravity = down * size;
+    }
+    let misreading = Misreading::Mounting { down: [down.x, down.y, down.z] };
+    Hypothesis { misreading, columns: ColumnReading::default(), model: Some(model) }
 }

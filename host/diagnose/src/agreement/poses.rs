@@ -96,18 +96,23 @@ impl Comparison<'_> {
         let shifted =
             [1, -1, 2, -2].map(|rows| (Misreading::ShiftedWords { rows }, with(shifted(&as_read.words, 0, rows))));
         let inverted = |of: Option<usize>| {
-            let digit = |(k, digit): (usize, u8)| match of.is_none_or(|of| of == k) {
-                true => self.last_state(k).saturating_sub(digit),
-                false => digit,
-            };
-            let changed = |word: &Word| word_of(word.iter().enumerate().map(digit));
-            as_read.words.iter().map(changed).collect::<Option<Vec<Word>>>().map(with)
+            let words = as_read.words.iter().map(|word| self.inverted(word, of));
+            words.collect::<Option<Vec<Word>>>().map(with)
         };
         let reversed = as_read.words.iter().map(|word| word_of((0..n).rev().map(|k| word.digit(k))));
         let all = inverted(None).map(|reading| (Misreading::InvertedDigits, reading));
         let each = (0..n).filter_map(|k| Some((Misreading::InvertedActuator { actuator: k }, inverted(Some(k))?)));
         let reversed = reversed.collect::<Option<Vec<Word>>>().map(|words| (Misreading::ReversedDigits, with(words)));
         shifted.into_iter().chain(all).chain(each).chain(reversed).collect()
+    }
+
+    /// The word with the digit of one actuator inverted, or with all.
+    fn inverted(&self, word: &Word, actuator: Option<usize>) -> Option<Word> {
+        let digit = |(k, digit): (usize, u8)| match actuator.is_none_or(|actuator| actuator == k) {
+            true => self.last_state(k).saturating_sub(digit),
+            false => digit,
+        };
+        word_of(word.iter().enumerate().map(digit))
     }
 
     /// Readings of the poses, the words as they are.

@@ -95,17 +95,20 @@ fn shape((name, value, unit): &(&'static str, f64, String)) -> Value {
 
 /// The values of the other candidates that these rows do not identify beside those of a model.
 fn not_narrowed_with(selected: &SelectedSignals) -> Vec<String> {
+    let others = (0..selected.problem.experiment.candidates.len()).filter(|k| !selected.best.fit.active.contains(k));
+    others.flat_map(|k| not_narrowed(selected, k)).collect()
+}
+
+/// The values of the candidate `k` that these rows do not identify beside those of a model.
+fn not_narrowed(selected: &SelectedSignals, k: usize) -> Vec<String> {
     let SelectedSignals { problem, best, .. } = selected;
-    let candidates = &problem.experiment.candidates;
-    let not_narrowed = |k: usize| {
-        let indices = problem.indices(&[&best.fit.active[..], &[k]].concat());
-        let inverse = pseudo_inverse(&problem.under(best).information(&indices));
-        let first = indices.len() - candidates[k].values.len();
-        let values = candidates[k].values.iter().enumerate();
-        let open = values.filter(move |(n, value)| !narrows(value, inverse[(first + n, first + n)]));
-        open.map(move |(_, value)| value_name(value, &candidates[k]))
-    };
-    (0..candidates.len()).filter(|k| !best.fit.active.contains(k)).flat_map(not_narrowed).collect()
+    let candidate = &problem.experiment.candidates[k];
+    let indices = problem.indices(&[&best.fit.active[..], &[k]].concat());
+    let inverse = pseudo_inverse(&problem.under(best).information(&indices));
+    let first = indices.len() - candidate.values.len();
+    let values = candidate.values.iter().enumerate();
+    let open = values.filter(|(n, value)| !narrows(value, inverse[(first + n, first + n)]));
+    open.map(|(_, value)| value_name(value, candidate)).collect()
 }
 
 /// Whether the rows leave a value with a prior a variance that identifies it.
@@ -133,12 +136,12 @@ fn named(selected: &SelectedSignals, deviations: &[f64]) -> Vec<bool> {
 fn chances(selected: &SelectedSignals, deviations: &[f64]) -> Vec<f64> {
     let SelectedSignals { problem, best, .. } = selected;
     let mut deviations = deviations.iter();
+    let of_value = |(&index, deviation): (&usize, &f64)| {
+        let errors = best.fit.values[index] / deviation.max(f64::MIN_POSITIVE);
+        chance_beyond(errors, problem.groups.n_blocks.saturating_sub(1))
+    };
     let chance = |candidate: &usize| {
         let values = problem.indices(&[*candidate]);
-        let of_value = |(&index, deviation): (&usize, &f64)| {
-            let errors = best.fit.values[index] / deviation.max(f64::MIN_POSITIVE);
-            chance_beyond(errors, problem.groups.n_blocks.saturating_sub(1))
-        };
         let smallest = values.iter().zip(deviations.by_ref()).map(of_value).fold(1.0, f64::min);
         smallest * values.len() as f64
     };

@@ -136,30 +136,41 @@ fn winsorized(numbers: &[f64]) -> (Vec<f64>, f64) {
 /// Axes whose residual is correlated from row to row, unlike noise, where no effect and no term was found: something is
 /// missing, of a shape that is not in the dictionary. The share is that of the mean square which the row before foretells.
 pub(crate) fn memory(problem: &Signals, best: &Trial<Signals>) -> Vec<Dependence> {
-    let (rows, n_axes) = (&problem.experiment.rows, problem.experiment.axes.len());
+    let n_axes = problem.experiment.axes.len();
     let residuals = problem.under(best).training_residuals(&best.fit);
     let dependence = |(axis, of): (usize, &Axis)| {
         let own: Vec<f64> = of_axis(&residuals, n_axes, axis).iter().map(|r| r.clamp(-FAR, FAR)).collect();
-        let training = problem.groups.training.windows(2).zip(own.windows(2));
-        let pairs = training.filter(|(at, _)| at[1] == at[0] + 1 && rows[at[0]].series == rows[at[1]].series);
-        let [both, before, after, count] = pairs.fold([0.0; 4], |[both, before, after, count], (_, r)| {
-            [both + r[0] * r[1], before + r[0] * r[0], after + r[1] * r[1], count + 1.0]
-        });
-        let correlation = both / (before * after).sqrt().max(f64::MIN_POSITIVE);
-        (correlation > MIN_CORRELATION && count >= MIN_PAIRS).then(|| Dependence {
-            axis: Some(of.name.clone()),
-            regressor: Regressor::RowBefore,
-            variable: Regressor::RowBefore.to_string(),
-            shape: Shape::Straight,
-            frame: None,
-            share: correlation.powi(2),
-            p: None,
-            held_out_gain: None,
-            curve: Vec::new(),
-            terms: Vec::new(),
-        })
+        let (correlation, n_pairs) = correlation_with_row_before(problem, &own);
+        (correlation > MIN_CORRELATION && n_pairs >= MIN_PAIRS).then(|| on_row_before(of, correlation.powi(2)))
     };
     own_axes(&problem.experiment).filter_map(dependence).collect()
+}
+
+/// The correlation of the residuals of training rows with those of the rows before, and the number of pairs.
+fn correlation_with_row_before(problem: &Signals, residuals: &[f64]) -> (f64, f64) {
+    let rows = &problem.experiment.rows;
+    let training = problem.groups.training.windows(2).zip(residuals.windows(2));
+    let pairs = training.filter(|(at, _)| at[1] == at[0] + 1 && rows[at[0]].series == rows[at[1]].series);
+    let [both, before, after, count] = pairs.fold([0.0; 4], |[both, before, after, count], (_, r)| {
+        [both + r[0] * r[1], before + r[0] * r[0], after + r[1] * r[1], count + 1.0]
+    });
+    (both / (before * after).sqrt().max(f64::MIN_POSITIVE), count)
+}
+
+/// The dependence of an axis on its row before, which explains `share` of the mean square.
+fn on_row_before(axis: &Axis, share: f64) -> Dependence {
+    Dependence {
+        axis: Some(axis.name.clone()),
+        regressor: Regressor::RowBefore,
+        variable: Regressor::RowBefore.to_string(),
+        shape: Shape::Straight,
+        frame: None,
+        share,
+        p: None,
+        held_out_gain: None,
+        curve: Vec::new(),
+        terms: Vec::new(),
+    }
 }
 
 /// The axes that prove something, with their numbers.

@@ -35,16 +35,15 @@ fn repeated(experiment: &Experiment) -> Option<Repeatability> {
     if conditions.is_empty() || dof < MIN_DOF {
         return None;
     }
-    let n_axes = experiment.axes.len();
-    let square = |axis: usize| {
-        let of_rows = |rows: &Vec<usize>| {
-            let numbers = || rows.iter().map(|row| experiment.residuals[row * n_axes + axis]);
-            let mean = numbers().sum::<f64>() / rows.len() as f64;
-            numbers().map(|number| (number - mean).powi(2)).sum::<f64>()
-        };
-        alike.values().map(of_rows).sum::<f64>() / dof as f64
-    };
-    Some(figure(experiment, (0..n_axes).map(square).collect(), dof, RepeatedIn::Rows))
+    let square = |axis| alike.values().map(|rows| squares(experiment, rows, axis)).sum::<f64>() / dof as f64;
+    Some(figure(experiment, (0..experiment.axes.len()).map(square).collect(), dof, RepeatedIn::Rows))
+}
+
+/// The sum of the squares of an axis of some rows about their mean, in the unit of the axis squared.
+fn squares(experiment: &Experiment, rows: &[usize], axis: usize) -> f64 {
+    let numbers = || rows.iter().map(|row| experiment.residuals[row * experiment.axes.len() + axis]);
+    let mean = numbers().sum::<f64>() / rows.len() as f64;
+    numbers().map(|number| (number - mean).powi(2)).sum::<f64>()
 }
 
 /// By the median of how far each row is off the mean of its neighbours, so that jumps do not count.

@@ -182,23 +182,26 @@ impl Coordinate<'_> {
     pub fn column(&self, law: &Law<f64>) -> Vec<f64> {
         let load_rate = self.load.map(|load| rate(load, self.time_s, self.series));
         let mut memory = Memory::default();
-        let start_s = self.start_s();
         let at = |k: usize| {
             if k > 0 && self.motion[k] != self.motion[k - 1] {
                 memory = Memory::default();
             }
-            let now = CoordinateSample {
-                position: self.position[k],
-                velocity: self.velocity[k],
-                acceleration: self.acceleration[k],
-                time_s: self.time_s[k] - start_s,
-                load: self.load.map_or(0.0, |load| load[k]),
-                load_rate: load_rate.as_ref().map_or(0.0, |rate| rate[k]),
-                temperature_rise_k: self.temperature.map_or(0.0, |temperature| temperature[k]),
-            };
-            law.basis_law().basis(&now, &mut memory)
+            law.basis_law().basis(&self.sample(k, load_rate.as_deref()), &mut memory)
         };
         (0..self.position.len()).map(at).collect()
+    }
+
+    /// The coordinate in row `k`; `load_rate` is in the unit of the load per second.
+    fn sample(&self, k: usize, load_rate: Option<&[f64]>) -> CoordinateSample<f64> {
+        CoordinateSample {
+            position: self.position[k],
+            velocity: self.velocity[k],
+            acceleration: self.acceleration[k],
+            time_s: self.time_s[k] - self.start_s(),
+            load: self.load.map_or(0.0, |load| load[k]),
+            load_rate: load_rate.map_or(0.0, |rate| rate[k]),
+            temperature_rise_k: self.temperature.map_or(0.0, |temperature| temperature[k]),
+        }
     }
 
     fn start_s(&self) -> f64 {

@@ -107,16 +107,15 @@ fn poses(data: &Prepared, oriented: bool) -> Result<Vec<Pose<f64>>, PrepareError
     let channels = |names: &[&str]| names.iter().map(|name| data.channel(name)).collect::<Result<Vec<_>, _>>();
     let position = channels(&POSITION)?;
     let turn = if oriented { channels(&ORIENTATION)? } else { Vec::new() };
-    let pose = |row: usize| Pose {
-        position: Vec3::from_fn(|axis, _| position[axis][row]),
-        rotation: match &turn[..] {
-            [x, y, z, w] => UnitQuaternion::from_quaternion(Quaternion::new(w[row], x[row], y[row], z[row]))
-                .to_rotation_matrix()
-                .into(),
-            _ => Mat3::identity(),
-        },
-    };
+    let pose =
+        |row: usize| Pose { position: Vec3::from_fn(|axis, _| position[axis][row]), rotation: rotation(&turn, row) };
     Ok((0..data.rows.len()).map(pose).collect())
+}
+
+/// The rotation in a row by the columns x, y, z and w of its quaternion; the identity without columns.
+fn rotation(quaternion: &[Vec<f64>], row: usize) -> Mat3<f64> {
+    let [x, y, z, w] = quaternion else { return Mat3::identity() };
+    UnitQuaternion::from_quaternion(Quaternion::new(w[row], x[row], y[row], z[row])).to_rotation_matrix().into()
 }
 
 /// Where the instrument is; its columns are the next ones.

@@ -137,18 +137,14 @@ impl PointContact {
         let arms = self.arms(&chains);
         let reach = reach(&arms);
         let size = self.reach_m.map_or(1.0, |reach_m| reach / reach_m);
-        let apart = |(a, b): &Pair| means[*b] - means[*a];
-        let distance = |pair: &Pair| apart(pair).norm() - self.distance_m;
+        let distance = |(a, b): &Pair| (means[*b] - means[*a]).norm() - self.distance_m;
         let mut residuals = self.axes(&places, &means, &distance);
         residuals.iter_mut().for_each(|residual| *residual /= size);
         let slopes = self.chain.slopes(values, &chains);
-        let column = |k: usize| {
+        let mut columns = Vec::with_capacity(values.len());
+        for k in 0..values.len() {
             let moved: Vec<Vec3<f64>> = slopes.iter().map(|row| row[k].linear).collect();
-            let mean = self.means(&moved);
-            let mut column = self.axes(&moved, &mean, &|pair| {
-                let way = apart(pair);
-                way.dot(&(mean[pair.1] - mean[pair.0])) / way.norm().max(1e-12)
-            });
+            let mut column = self.moved_axes(&moved, &means);
             // What moves the first joint itself takes the complete arm along.
             if let Some(reach_m) = self.reach_m.filter(|_| k >= PER_JOINT) {
                 let outward: f64 = arms.iter().zip(&moved).map(|(arm, moved)| arm.dot(moved)).sum();
@@ -156,10 +152,18 @@ impl PointContact {
                 column.iter_mut().zip(&residuals).for_each(|(slope, residual)| *slope -= residual * growth);
             }
             column.iter_mut().for_each(|slope| *slope /= size);
-            column
-        };
-        let columns = (0..values.len()).map(column).collect();
+            columns.push(column);
+        }
         (residuals, columns)
+    }
+
+    /// How the axes change, rows × axes, where the places move like this; `means` are those of the points, m.
+    fn moved_axes(&self, moved: &[Vec3<f64>], means: &[Vec3<f64>]) -> Vec<f64> {
+        let moved_means = self.means(moved);
+        self.axes(moved, &moved_means, &|&(a, b)| {
+            let apart = means[b] - means[a];
+            apart.dot(&(moved_means[b] - moved_means[a])) / apart.norm().max(1e-12)
+        })
     }
 
     fn means(&self, places: &[Vec3<f64>]) -> Vec<Vec3<f64>> {

@@ -12,7 +12,7 @@ use darm_core::effect::{Effect, Law, Place, Site};
 use darm_core::model::Condition;
 use darm_core::se::{Pose, Twist};
 
-use crate::prepare::observations::{NoPose, Observations};
+use crate::prepare::observations::{NoPose, Observations, Row};
 use darm_arm::arm::{ArmModel, ArmScratch};
 
 /// The step of a law's value; laws are smooth at this scale in all their units.
@@ -53,23 +53,9 @@ impl<'a> Sensitivity<'a> {
     pub fn new(model: &'a ArmModel, observations: &'a Observations, scratch: &mut ArmScratch) -> Result<Self, NoPose> {
         let mut residuals = Vec::new();
         let posture = |row| {
-            let condition = observations.condition(row);
-            let pose = model.predict(&condition, scratch).map_err(|error| NoPose { sample: row.sample, error })?;
-            residuals.extend(observations.residual(row, &pose));
-            let n = model.chain.stages.len();
-            let sites: Vec<(Site<f64>, usize)> = model.sites(&condition).collect();
-            let loads = model.loads(scratch);
-            Ok(Posture {
-                condition,
-                settings: scratch.settings[..n].to_vec(),
-                stages: scratch.stages[..n].to_vec(),
-                tool: scratch.pose_base_tool,
-                seen: pose,
-                tools: scratch.tops[..n].iter().map(|top| top.to(&scratch.pose_base_tool)).collect(),
-                loads: sites.iter().map(|(site, leg)| loads[site.stage][*leg]).collect(),
-                twists: sites.iter().map(|_| OnceCell::new()).collect(),
-                sites,
-            })
+            let posture = Posture::new(model, observations, row, scratch)?;
+            residuals.extend(observations.residual(row, &posture.seen));
+            Ok(posture)
         };
         let postures = observations.rows.iter().map(posture).collect::<Result<_, NoPose>>()?;
         Ok(Self { model, observations, postures, residuals })
@@ -172,6 +158,33 @@ impl<'a> Sensitivity<'a> {
         let kind = &self.model.chain.stages[stage];
         let of_top = kind.twist(&posture.settings[stage], &posture.stages[stage], leg, part);
         posture.tools[stage].adjoint_inverse(&of_top)
+    }
+}
+
+impl<'a> Posture<'a> {
+    /// The posture of `model` under the conditions of a row.
+    fn new(
+        model: &ArmModel,
+        observations: &Observations,
+        row: &'a Row,
+        scratch: &mut ArmScratch,
+    ) -> Result<Self, NoPose> {
+        let condition = observations.condition(row);
+        let seen = model.predict(&condition, scratch).map_err(|error| NoPose { sample: row.sample, error })?;
+        let n = model.chain.stages.len();
+        let sites: Vec<(Site<f64>, usize)> = model.sites(&condition).collect();
+        let loads = model.loads(scratch);
+        Ok(Self {
+            condition,
+            settings: scratch.settings[..n].to_vec(),
+            stages: scratch.stages[..n].to_vec(),
+            tool: scratch.pose_base_tool,
+            seen,
+            tools: scratch.tops[..n].iter().map(|top| top.to(&scratch.pose_base_tool)).collect(),
+            loads: sites.iter().map(|(site, leg)| loads[site.stage][*leg]).collect(),
+            twists: sites.iter().map(|_| OnceCell::new()).collect(),
+            sites,
+        })
     }
 }
 

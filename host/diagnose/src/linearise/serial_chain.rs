@@ -143,13 +143,7 @@ impl SerialChain {
         let [turn, shift, compliance, periodic] = PRIORS;
         let mut candidates = Vec::new();
         let mut add = |law, site: &Site, values: &[(&str, &str, f64)]| {
-            let values = values.iter().map(|(name, unit, prior)| Value {
-                name: (*name).into(),
-                unit: (*unit).into(),
-                prior: *prior,
-                min: f64::NEG_INFINITY,
-                column: columns.next().expect("a column for each value"),
-            });
+            let values = values.iter().map(|of| value(*of, columns.next().expect("a column for each value")));
             candidates.push(Candidate { law, site: site.clone(), shape: None, values: values.collect() });
         };
         for (k, &joint) in self.path.iter().enumerate() {
@@ -277,4 +271,9 @@ pub(super) fn columns(data: &Prepared, robot: &Robot, path: &[usize]) -> Vec<Str
         if data.raw(name).is_some() { name.clone() } else { format!("q{}", k + 1) }
     };
     path.iter().enumerate().map(column).collect()
+}
+
+/// A value of this name, unit and prior deviation, without a lower limit.
+fn value((name, unit, prior): (&str, &str, f64), column: Vec<f64>) -> Value {
+    Value { name: name.into(), unit: unit.into(), prior, min: f64::NEG_INFINITY, column }
 }

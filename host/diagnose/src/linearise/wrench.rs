@@ -6,7 +6,7 @@
 //! law `sensor-frame`: with d where its origin is and θ how it is turned, F' = F − θ×F and M' = M − d×F − θ×M, to first order
 //! and of the measured wrench.
 
-use darm_core::real::{Mat3, Vec3};
+use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_core::tree::Body;
 use nalgebra::{Quaternion, UnitQuaternion};
@@ -112,29 +112,26 @@ impl Axes<'_> {
 /// The plate is displaced or rotated.
 fn sensor_frame(measured: &[Vec<f64>], axes: &Axes) -> Candidate {
     let value = |(k, (name, unit)): (usize, (&str, &str))| {
-        let about = Vec3::ith(k % 3, 1.0);
-        let part = |row: usize, part: usize| {
-            let turned = |first: usize| about.cross(&Vec3::from_fn(|axis, _| measured[first + axis][row]))[part % 3];
-            let (is_moved, is_moment) = (k < 3, part < 3);
-            match (is_moved, is_moment) {
-                (true, false) => 0.0,
-                (true, true) | (false, false) => -turned(3),
-                (false, true) => -turned(0),
-            }
-        };
-        Value {
-            name: name.into(),
-            unit: unit.into(),
-            prior: f64::INFINITY,
-            min: f64::NEG_INFINITY,
-            column: axes.column(part),
-        }
+        let column = axes.column(|row, part| wrench_of_frame(measured, k, row, part));
+        Value { name: name.into(), unit: unit.into(), prior: f64::INFINITY, min: f64::NEG_INFINITY, column }
     };
     let names =
         [("x", "m"), ("y", "m"), ("z", "m"), ("turn about x", "rad"), ("turn about y", "rad"), ("turn about z", "rad")];
     let values = names.into_iter().enumerate().map(value).collect();
     let site = Site::new(Place::ForcePlate, "the plate");
     Candidate { law: Law::SensorFrame, site, shape: None, values }
+}
+
+/// What 1 m or 1 rad of the error `k` of the plate's frame adds to a part of the wrench in a row, N or N·m.
+fn wrench_of_frame(measured: &[Vec<f64>], k: usize, row: usize, part: usize) -> f64 {
+    let about = Vec3::ith(k % 3, 1.0);
+    let turned = |first: usize| about.cross(&Vec3::from_fn(|axis, _| measured[first + axis][row]))[part % 3];
+    let (is_moved, is_moment) = (k < 3, part < 3);
+    match (is_moved, is_moment) {
+        (true, false) => 0.0,
+        (true, true) | (false, false) => -turned(3),
+        (false, true) => -turned(0),
+    }
 }
 
 /// Each body's load per parameter and component of the wrench, along the rows: the base first.
@@ -185,14 +182,10 @@ pub fn base(data: &Prepared, gravity: &Vec3<f64>) -> Result<Vec<BodyMotion>, Pre
         Vec3::new(spin.i, spin.j, spin.k)
     };
     let moving = |row: usize| {
-        let rotation: Mat3<f64> = quaternion(row).to_rotation_matrix().into_inner();
         let vector = |order: usize| Vec3::new(place[0][order][row], place[1][order][row], place[2][order][row]);
-        BodyMotion {
-            pose: Pose { rotation, position: vector(0) },
-            omega: angular(1, row),
-            alpha: angular(2, row),
-            acceleration: vector(2) - gravity,
-        }
+        let pose = Pose { rotation: quaternion(row).to_rotation_matrix().into_inner(), position: vector(0) };
+        let acceleration = vector(2) - gravity;
+        BodyMotion { pose, omega: angular(1, row), alpha: angular(2, row), acceleration }
     };
     Ok((0..data.rows.len()).map(moving).collect())
 }

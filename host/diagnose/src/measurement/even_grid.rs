@@ -29,16 +29,7 @@ struct Part {
 impl EvenGrid {
     /// The grid of these times; rows of a step of 0 are taken as even.
     pub fn new(time_s: &[f64], series: &[usize], step_s: f64) -> Self {
-        let part = |rows: Range<usize>| {
-            let start_s = time_s[rows.start];
-            let place = |time_s: &f64| {
-                let place = (time_s - start_s) / step_s;
-                if (place - place.round()).abs() < ON_POINT { place.round() } else { place }
-            };
-            let places: Vec<f64> = time_s[rows.clone()].iter().map(place).collect();
-            let is_even = step_s <= 0.0 || places.iter().enumerate().all(|(k, place)| *place == k as f64);
-            Part { rows, places: (!is_even).then_some(places) }
-        };
+        let part = |rows| Part::new(time_s, rows, step_s);
         Self { step_s, parts: stretches(series).into_iter().map(part).collect() }
     }
 
@@ -71,6 +62,20 @@ impl EvenGrid {
             part.copy_from_slice(&differences);
         });
         rates
+    }
+}
+
+impl Part {
+    /// These rows, with their places in steps from the first one unless they are even.
+    fn new(time_s: &[f64], rows: Range<usize>, step_s: f64) -> Self {
+        let start_s = time_s[rows.start];
+        let place = |time_s: &f64| {
+            let place = (time_s - start_s) / step_s;
+            if (place - place.round()).abs() < ON_POINT { place.round() } else { place }
+        };
+        let places: Vec<f64> = time_s[rows.clone()].iter().map(place).collect();
+        let is_even = step_s <= 0.0 || places.iter().enumerate().all(|(k, place)| *place == k as f64);
+        Self { rows, places: (!is_even).then_some(places) }
     }
 }
 

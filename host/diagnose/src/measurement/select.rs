@@ -200,25 +200,25 @@ impl Selection {
 
 impl Condition {
     fn rows(&self, table: &Table) -> Result<Vec<bool>, SelectError> {
-        let joined = |parts: &[Self], is_all: bool| {
-            let mut meant = vec![is_all; table.lines.len()];
-            for part in parts {
-                let rows = part.rows(table)?;
-                meant
-                    .iter_mut()
-                    .zip(rows)
-                    .for_each(|(meant, row)| *meant = if is_all { *meant && row } else { *meant || row });
-            }
-            Ok(meant)
-        };
         match self {
             Self::One(comparison) => {
                 let column = table.chosen(&comparison.column)?;
                 Ok(column.words.iter().map(|cell| comparison.holds(cell)).collect())
             }
-            Self::All(parts) => joined(parts, true),
-            Self::Any(parts) => joined(parts, false),
+            Self::All(parts) => Self::joined(parts, table, true),
+            Self::Any(parts) => Self::joined(parts, table, false),
         }
+    }
+
+    /// For each line whether all of `parts` hold, or any.
+    fn joined(parts: &[Self], table: &Table, is_all: bool) -> Result<Vec<bool>, SelectError> {
+        let mut meant = vec![is_all; table.lines.len()];
+        for part in parts {
+            let rows = part.rows(table)?;
+            let both = meant.iter_mut().zip(rows);
+            both.for_each(|(meant, row)| *meant = if is_all { *meant && row } else { *meant || row });
+        }
+        Ok(meant)
     }
 
     fn collect_columns<'a>(&'a self, columns: &mut Vec<&'a str>) {

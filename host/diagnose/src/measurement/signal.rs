@@ -105,19 +105,21 @@ pub fn rate_hz(time_s: &[f64], series: &[usize]) -> f64 {
 /// Values between the rows that are fresh, along straight lines; held at the ends.
 pub fn interpolated(values: &[f64], time_s: &[f64], fresh: &[bool]) -> Vec<f64> {
     let known: Vec<usize> = (0..values.len()).filter(|&k| fresh[k]).collect();
-    let between = |k: usize| {
-        let after = known.partition_point(|&row| row < k);
-        match (after.checked_sub(1).and_then(|before| known.get(before)), known.get(after)) {
-            (_, Some(&b)) if b == k => values[k],
-            (Some(&a), Some(&b)) => {
-                let share = (time_s[k] - time_s[a]) / (time_s[b] - time_s[a]).max(f64::MIN_POSITIVE);
-                values[a] + share * (values[b] - values[a])
-            }
-            (Some(&only), None) | (None, Some(&only)) => values[only],
-            (None, None) => values[k],
+    (0..values.len()).map(|k| between(values, time_s, &known, k)).collect()
+}
+
+/// The value in row `k` on the straight line between the `known` rows before and after it.
+fn between(values: &[f64], time_s: &[f64], known: &[usize], k: usize) -> f64 {
+    let after = known.partition_point(|&row| row < k);
+    match (after.checked_sub(1).and_then(|before| known.get(before)), known.get(after)) {
+        (_, Some(&b)) if b == k => values[k],
+        (Some(&a), Some(&b)) => {
+            let share = (time_s[k] - time_s[a]) / (time_s[b] - time_s[a]).max(f64::MIN_POSITIVE);
+            values[a] + share * (values[b] - values[a])
         }
-    };
-    (0..values.len()).map(between).collect()
+        (Some(&only), None) | (None, Some(&only)) => values[only],
+        (None, None) => values[k],
+    }
 }
 
 /// An angle without jumps of complete turns.

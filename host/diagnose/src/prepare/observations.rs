@@ -81,21 +81,22 @@ impl Observations {
             switches.iter_mut().enumerate().filter(|(k, _)| switched(*k)).for_each(|(_, count)| *count += 1.0);
             switches.clone()
         };
-        let row = |((sample, s), switches): ((usize, &Sample), Vec<f64>)| Row {
-            time_s: s.time_s - start_s,
-            switches,
-            sample,
-            group: words.binary_search(&s.word).expect("words has the word of every chosen sample"),
-            word: s.word,
-            previous: s.previous,
-            servos: s.servos_rad.clone(),
-            supply: s.supply.unwrap_or(arm.model.nominal_supply),
-            temperature_k: s.temperature_c.map_or(arm.model.reference_temperature_k, |c| c + ZERO_CELSIUS),
-            inverse: s.pose.inverse(),
-        };
         let counted = run.samples.iter().map(&mut count).collect::<Vec<_>>();
-        let chosen = run.samples.iter().enumerate().zip(counted).filter(|(sample, _)| choose(sample));
-        let rows = chosen.map(row).collect();
+        let mut rows = Vec::new();
+        for ((sample, s), switches) in run.samples.iter().enumerate().zip(counted).filter(|(of, _)| choose(of)) {
+            rows.push(Row {
+                time_s: s.time_s - start_s,
+                switches,
+                sample,
+                group: words.binary_search(&s.word).expect("words has the word of every chosen sample"),
+                word: s.word,
+                previous: s.previous,
+                servos: s.servos_rad.clone(),
+                supply: s.supply.unwrap_or(arm.model.nominal_supply),
+                temperature_k: s.temperature_c.map_or(arm.model.reference_temperature_k, |c| c + ZERO_CELSIUS),
+                inverse: s.pose.inverse(),
+            });
+        }
         Self { rows, n_groups: words.len(), axes: axes(arm), sigma, length_scale_m: arm.length_scale_m }
     }
 
@@ -163,16 +164,18 @@ impl Observations {
     }
 
     fn turned(&self, residuals: &[f64], turn: impl Fn(&Row, Vec3<f64>) -> Vec3<f64>) -> Vec<f64> {
-        let n = self.axes.len();
-        let of_row = |(row, parts): (&Row, &[f64])| {
-            let mut twist = [0.0; 6];
-            self.axes.iter().zip(parts).for_each(|(&axis, part)| twist[axis] = part * self.sigma[axis]);
-            let [a, b, c, x, y, z] = twist;
-            let (angular, linear) = (turn(row, Vec3::new(a, b, c)), turn(row, Vec3::new(x, y, z)));
-            let twist = [angular.x, angular.y, angular.z, linear.x, linear.y, linear.z];
-            self.axes.iter().map(|&axis| twist[axis] / self.sigma[axis]).collect::<Vec<_>>()
-        };
-        self.rows.iter().zip(residuals.chunks(n)).flat_map(of_row).collect()
+        let rows = self.rows.iter().zip(residuals.chunks(self.axes.len()));
+        rows.flat_map(|(row, parts)| self.turned_row(parts, |v| turn(row, v))).collect()
+    }
+
+    /// The residuals of one row, in units of the noise, with both vectors of its twist turned.
+    fn turned_row(&self, parts: &[f64], turn: impl Fn(Vec3<f64>) -> Vec3<f64>) -> Vec<f64> {
+        let mut twist = [0.0; 6];
+        self.axes.iter().zip(parts).for_each(|(&axis, part)| twist[axis] = part * self.sigma[axis]);
+        let [a, b, c, x, y, z] = twist;
+        let (angular, linear) = (turn(Vec3::new(a, b, c)), turn(Vec3::new(x, y, z)));
+        let twist = [angular.x, angular.y, angular.z, linear.x, linear.y, linear.z];
+        self.axes.iter().map(|&axis| twist[axis] / self.sigma[axis]).collect()
     }
 
     /// The residual of each row as a distance d, m, from residuals in units of the noise.

@@ -73,15 +73,18 @@ pub fn repeated(arm: &Arm, run: &Run) -> Option<Noise> {
 /// The variance of each component by the median of the deviations from each group's median.
 fn rough_variance(groups: &[Vec<[f64; 6]>]) -> [f64; 6] {
     let of_axis = |axis: usize| {
-        let sizes = groups.iter().flat_map(|group| {
-            let middle = middle(group);
-            // Deviations from the middle of a few are smaller than those from the true one.
-            let few = group.len() as f64 / (group.len() as f64 - 1.0);
-            group.iter().map(move |twist| (twist[axis] - middle[axis]).abs() * few.sqrt())
-        });
+        let sizes = groups.iter().flat_map(|group| deviations(group, axis));
         (median(sizes).expect("a word was repeated") / MEDIAN_OF_NORMAL).powi(2)
     };
     std::array::from_fn(of_axis)
+}
+
+/// How far a component of each twist of a group is from the middle one, rad or m.
+fn deviations(group: &[[f64; 6]], axis: usize) -> impl Iterator<Item = f64> {
+    let middle = middle(group);
+    // Deviations from the middle of a few are smaller than those from the true one.
+    let few = group.len() as f64 / (group.len() as f64 - 1.0);
+    group.iter().map(move |twist| (twist[axis] - middle[axis]).abs() * few.sqrt())
 }
 
 fn middle(twists: &[[f64; 6]]) -> [f64; 6] {

@@ -174,18 +174,20 @@ fn slope(stamps: &[f64], parts: &[Range<usize>], numbers: &[f64]) -> Option<f64>
 
 /// Mean logarithm of how far the values of each channel are from the cubic through their four neighbours.
 fn roughness(times_s: &[f64], parts: &[Range<usize>], channels: &[&[f64]]) -> f64 {
-    let of = |channel: &&[f64]| {
-        let rows = parts.iter().flat_map(|part| (part.start + 2)..part.end.saturating_sub(2).max(part.start + 2));
-        let errors = rows.map(|k| {
-            let near = [k - 2, k - 1, k + 1, k + 2];
-            (through(near.map(|j| times_s[j]), near.map(|j| channel[j]), times_s[k]) - channel[k]).abs()
-        });
-        let (sum, n) = errors.fold((0.0, 0usize), |(sum, n), error| (sum + error, n + 1));
-        let mean = sum / n.max(1) as f64;
-        if mean.is_finite() { (mean > 0.0).then(|| mean.ln()) } else { Some(f64::INFINITY) }
-    };
-    let logs: Vec<f64> = channels.iter().filter_map(of).collect();
+    let logs: Vec<f64> = channels.iter().filter_map(|channel| log_of_mean_error(times_s, parts, channel)).collect();
     if logs.is_empty() { 0.0 } else { logs.iter().sum::<f64>() / logs.len() as f64 }
+}
+
+/// The logarithm of how far the values of a channel are from those cubics in the mean; `None` where they are all on them.
+fn log_of_mean_error(times_s: &[f64], parts: &[Range<usize>], channel: &[f64]) -> Option<f64> {
+    let rows = parts.iter().flat_map(|part| (part.start + 2)..part.end.saturating_sub(2).max(part.start + 2));
+    let errors = rows.map(|k| {
+        let near = [k - 2, k - 1, k + 1, k + 2];
+        (through(near.map(|j| times_s[j]), near.map(|j| channel[j]), times_s[k]) - channel[k]).abs()
+    });
+    let (sum, n) = errors.fold((0.0, 0usize), |(sum, n), error| (sum + error, n + 1));
+    let mean = sum / n.max(1) as f64;
+    if mean.is_finite() { (mean > 0.0).then(|| mean.ln()) } else { Some(f64::INFINITY) }
 }
 
 #[cfg(test)]

@@ -111,15 +111,12 @@ impl Prepared {
             let since = since_change(&table.required("target")?.numbers, &time_s);
             kept.retain(|&row| since[row] >= skip_after_change_s);
         }
-        let row = |&row: &usize| Row {
-            line: table.lines[row],
-            time_s: time_s[row],
-            series: series[row],
-            motion: motions[row],
-            key: keys.as_ref().map(|keys| keys[row]),
-            held_out: is_held_out[row],
-        };
-        let rows: Vec<Row> = kept.iter().map(row).collect();
+        let mut rows = Vec::with_capacity(kept.len());
+        for &row in &kept {
+            let key = keys.as_ref().map(|keys| keys[row]);
+            let (line, time_s, series, motion) = (table.lines[row], time_s[row], series[row], motions[row]);
+            rows.push(Row { line, time_s, series, motion, key, held_out: is_held_out[row] });
+        }
         let filter = how.lowpass_hz.map(|corner| low_pass(corner, sampling.rate_hz())).transpose()?;
         let fresh = how.interpolate.as_deref().map(|name| table.flags(name)).transpose()?;
         let all = Arc::new(AllRows { table, time_s, series, grid, fresh, filter });

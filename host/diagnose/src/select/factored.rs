@@ -65,6 +65,16 @@ impl Part {
         let values = -root.solve(&gradient);
         Self { root, half, values }
     }
+
+    /// The values where those at `at` are held at zero; `unit` has a column of the identity for each of these.
+    fn without(&self, at: &[usize], unit: &DMatrix<f64>) -> DVector<f64> {
+        let spread = self.root.solve(unit);
+        let own = self.values.select_rows(at);
+        let taken = Cholesky::new(spread.select_rows(at)).map_or(own.clone(), |root| root.solve(&own));
+        let mut values = &self.values - spread * taken;
+        at.iter().for_each(|&k| values[k] = 0.0);
+        values
+    }
 }
 
 impl<'a> Factored<'a> {
@@ -86,16 +96,8 @@ impl<'a> Factored<'a> {
         let at: Vec<usize> = (0..self.indices.len()).filter(|&k| gone.contains(&self.indices[k])).collect();
         let mut unit = DMatrix::zeros(self.indices.len(), at.len());
         at.iter().enumerate().for_each(|(column, &row)| unit[(row, column)] = 1.0);
-        let left = |part: &Part| {
-            let spread = part.root.solve(&unit);
-            let own = part.values.select_rows(&at);
-            let taken = Cholesky::new(spread.select_rows(&at)).map_or(own.clone(), |root| root.solve(&own));
-            let mut values = &part.values - spread * taken;
-            at.iter().for_each(|&k| values[k] = 0.0);
-            values
-        };
         let active = self.active.iter().copied().filter(|k| !dropped.contains(k)).collect();
-        self.predicted(active, None, self.each(left))
+        self.predicted(active, None, self.each(|part| part.without(&at, &unit)))
     }
 
     /// The models with more candidates, each move's beside this one's.
@@ -184,14 +186,18 @@ impl Extension<'_> {
         let alone = columns.moved(fold, &self.system.unscaled(&self.base.indices, &self.part.values));
         let with = |places: &Vec<usize>| {
             let mut moved = alone.clone();
-            for (&place, size) in places.iter().zip(self.solved(places).iter()) {
-                for (axis, numbers) in each.iter().enumerate() {
-                    let of_axis = moved.iter_mut().skip(axis).step_by(each.len());
-                    of_axis.zip(numbers.column(place).iter()).for_each(|(sum, number)| *sum += number * size);
-                }
-            }
+            let sizes = self.solved(places);
+            places.iter().zip(sizes.iter()).for_each(|(&place, size)| add_column(&mut moved, &each, place, *size));
             moved
         };
         moves.iter().map(with).collect()
+    }
+}
+
+/// Adds the column `place` of each axis to rows × axes, times `size`.
+fn add_column(rows: &mut [f64], of_axes: &[DMatrix<f64>], place: usize, size: f64) {
+    for (axis, numbers) in of_axes.iter().enumerate() {
+        let of_axis = rows.iter_mut().skip(axis).step_by(of_axes.len());
+        of_axis.zip(numbers.column(place).iter()).for_each(|(sum, number)| *sum += number * size);
     }
 }

@@ -114,19 +114,21 @@ fn try_candidates<P: RegressionProblem>(problem: &P, current: &Trial<P>, step: u
     let refitted = promising.filter_map(|trial| problem.refitted(trial).ok()).take(MAX_REFITTED).collect();
     let refitted = under.sorted(refitted);
     let all = refitted.iter().map(|trial| (trial, true)).chain(screened.iter().map(|trial| (trial, false)));
-    let selection_step = |(trial, refined): (&Trial<P>, bool)| {
-        Some(SelectionStep {
+    let mut steps = Vec::new();
+    for (trial, refined) in all {
+        let Some(effect) = &trial.effect else { continue };
+        steps.push(SelectionStep {
             step,
-            candidate: problem.name(trial.effect.as_ref()?),
+            candidate: problem.name(effect),
             values: problem.n_values(&trial.fit) - problem.n_values(&current.fit),
             cross_validated: trial.error,
             without: current.error,
             p: chance(trial),
             refined,
             kept: false,
-        })
-    };
-    Ok(Tried { steps: all.filter_map(selection_step).collect(), refitted })
+        });
+    }
+    Ok(Tried { steps, refitted })
 }
 
 /// Adds the steps of candidates; one that was judged by its linear fit only is left out where its candidate is there.

@@ -183,15 +183,8 @@ impl Signals {
     pub(super) fn noise(&self, residuals: &[f64]) -> Vec<f64> {
         let (n_axes, n_norm) = (self.experiment.axes.len(), self.experiment.n_norm);
         let of_axis = |axis: usize| {
-            let mut squares: Vec<f64> = residuals.iter().skip(axis).step_by(n_axes).map(|r| r * r).collect();
-            squares.sort_unstable_by(f64::total_cmp);
-            let mean = if self.experiment.all_priors_informative() {
-                squares.get(squares.len() / 2).copied().unwrap_or_default() / MEDIAN_OF_NORMAL.powi(2)
-            } else {
-                squares.truncate(squares.len() - squares.len() / TRIMMED);
-                squares.iter().sum::<f64>() / squares.len().max(1) as f64
-            };
-            mean.sqrt().max(1e-12)
+            let squares = residuals.iter().skip(axis).step_by(n_axes).map(|r| r * r).collect();
+            mean_square(squares, self.experiment.all_priors_informative()).sqrt().max(1e-12)
         };
         let mut sigma: Vec<f64> = (0..n_axes).map(of_axis).collect();
         let of_norm = sigma.iter().take(n_norm).map(|sigma| sigma * sigma).sum::<f64>();
@@ -236,6 +229,16 @@ impl Signals {
         let gradient = DVector::from_fn(n, |k, _| sums[(k, n)] * scale[k]);
         System { matrix, gradient, scale }
     }
+}
+
+/// The mean of squares of noise: by their median, or without the largest of them.
+fn mean_square(mut squares: Vec<f64>, by_median: bool) -> f64 {
+    squares.sort_unstable_by(f64::total_cmp);
+    if by_median {
+        return squares.get(squares.len() / 2).map_or(0.0, |median| median / MEDIAN_OF_NORMAL.powi(2));
+    }
+    squares.truncate(squares.len() - squares.len() / TRIMMED);
+    squares.iter().sum::<f64>() / squares.len().max(1) as f64
 }
 
 impl Under<'_, Signals> {

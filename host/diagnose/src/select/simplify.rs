@@ -9,10 +9,10 @@
 //! The shape of a law is not exact: friction grows a little less than with the speed, and a second law at the same place
 //! takes what the first leaves. Such an effect, a surrogate, stays in the model and is not named.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DVector, Dyn};
 
 use super::factored::Factored;
-use super::problem::{RegressionProblem as _, Trial};
+use super::problem::{RegressionProblem as _, Trial, Under};
 use super::robust_fit::pseudo_inverse;
 use super::signals::{Fit, Signals};
 use super::significance::RIVAL_LEVEL;
@@ -54,21 +54,21 @@ fn spanned_by_active(problem: &Signals, best: &Trial<Signals>) -> Vec<usize> {
     let inside = problem.indices(active);
     let root = weighted.information(&inside).cholesky();
     let candidates = &problem.experiment.candidates;
-    let is_spanned = |&candidate: &usize| {
-        let own = problem.indices(&[candidate]);
-        let all = weighted.information(&[&inside[..], &own].concat());
-        let n = inside.len();
-        let cross = all.view((0, n), (n, own.len())).into_owned();
-        let explained = root.as_ref().map(|root| cross.tr_mul(&root.solve(&cross)));
-        let leaves_little = |explained: &DMatrix<f64>| {
-            (0..own.len()).all(|k| all[(n + k, n + k)] - explained[(k, k)] <= SPANNED * all[(n + k, n + k)])
-        };
-        explained.is_some_and(|explained| leaves_little(&explained))
-    };
+    let is_spanned = |&candidate: &usize| root.as_ref().is_some_and(|root| spans(&weighted, &inside, root, candidate));
     let is_open = |&k: &usize| {
         !candidates[k].has_prior() && !active.iter().any(|&other| candidates[other].is_same(&candidates[k]))
     };
     (0..candidates.len()).filter(is_open).filter(is_spanned).collect()
+}
+
+/// Whether the values `inside`, with the root of their information, explain those of a candidate.
+fn spans(weighted: &Under<Signals>, inside: &[usize], root: &Cholesky<f64, Dyn>, candidate: usize) -> bool {
+    let own = weighted.problem.indices(&[candidate]);
+    let all = weighted.information(&[inside, &own].concat());
+    let n = inside.len();
+    let cross = all.view((0, n), (n, own.len())).into_owned();
+    let explained = cross.tr_mul(&root.solve(&cross));
+    (0..own.len()).all(|k| all[(n + k, n + k)] - explained[(k, k)] <= SPANNED * all[(n + k, n + k)])
 }
 
 /// The model with one more effect, and without those that are not missed then; `None` where it is not smaller or worse.
@@ -115,17 +115,17 @@ pub(crate) fn surrogates(problem: &Signals, best: &Trial<Signals>, n_known: usiz
         let correlated = of(one).any(|a| of(other).any(|b| correlation(a, b) > TOGETHER * TOGETHER));
         candidate(one).site == candidate(other).site && correlated
     };
+    let law = |order: usize| candidate(order).law;
+    // One law in several shapes is one effect.
+    let of_law = |here: &[usize], named: usize| {
+        let own: Vec<usize> = here.iter().copied().filter(|&other| law(other) == law(named)).collect();
+        taken(&own)
+    };
+    // Where none takes up much beside the others the largest of them is named.
     let is_surrogate = |order: usize| {
         let here: Vec<usize> = (0..active.len()).filter(|&other| together(order, other)).collect();
-        let law = |order: usize| candidate(order).law;
-        // One law in several shapes is one effect.
-        let of_law = |named: usize| {
-            let own: Vec<usize> = here.iter().copied().filter(|&other| law(other) == law(named)).collect();
-            taken(&own)
-        };
-        // Where none takes up much beside the others the largest of them is named.
-        let own = of_law(order);
-        let is_less = here.iter().any(|&other| law(other) != law(order) && of_law(other) > own);
+        let own = of_law(&here, order);
+        let is_less = here.iter().any(|&other| law(other) != law(order) && of_law(&here, other) > own);
         !candidate(order).has_prior() && is_less && own < SURROGATE * taken(&here)
     };
     (0..active.len()).map(|order| order >= n_known && is_surrogate(order)).collect()
