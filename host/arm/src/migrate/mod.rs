@@ -135,19 +135,13 @@ impl OldArm {
     /// Every leg and joint in the order of the file. A coil that names no output has the number of its place.
     fn numbered(&self) -> Vec<Actuator> {
         let mut next = 0i64;
-        let mut numbered = |coil: &Option<Table>, coils: &Option<Vec<Table>>, switch: Option<OldSwitch>| {
-            let coils = coil.iter().chain(coils.iter().flatten()).map(|coil| {
-                let place = Value::from(next);
-                next += 1;
-                // A number that is none is refused where the profile is read.
-                (coil.get("output").cloned().unwrap_or(place), coil.clone())
-            });
-            Actuator { coils: coils.collect(), input: switch.map(|switch| switch.input) }
-        };
         let mut actuators = Vec::new();
         for stage in &self.stage {
-            actuators.extend(stage.leg.iter().map(|leg| numbered(&leg.coil, &leg.coils, leg.switch)));
-            actuators.push(numbered(&stage.coil, &stage.coils, stage.switch));
+            for leg in &stage.leg {
+                actuators.push(Actuator::new(leg.coil.iter().chain(leg.coils.iter().flatten()), leg.switch, &mut next));
+            }
+            let coils = stage.coil.iter().chain(stage.coils.iter().flatten());
+            actuators.push(Actuator::new(coils, stage.switch, &mut next));
         }
         actuators.retain(|actuator| !actuator.coils.is_empty());
         actuators
@@ -170,6 +164,19 @@ impl OldArm {
             ("output".to_owned(), Value::Array(outputs)),
             ("servo".to_owned(), Value::Array(servos)),
         ])
+    }
+}
+
+impl Actuator {
+    /// The actuator of these coils, the first of which has the place `next`; afterwards `next` is the place behind them.
+    fn new<'a>(coils: impl Iterator<Item = &'a Table>, switch: Option<OldSwitch>, next: &mut i64) -> Self {
+        let coils = coils.map(|coil| {
+            let place = Value::from(*next);
+            *next += 1;
+            // A number that is none is refused where the profile is read.
+            (coil.get("output").cloned().unwrap_or(place), coil.clone())
+        });
+        Self { coils: coils.collect(), input: switch.map(|switch| switch.input) }
     }
 }
 

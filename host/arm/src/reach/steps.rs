@@ -15,25 +15,29 @@ pub(super) enum Step {
 
 /// The pose of each stage for each setting of its actuators; settings that cannot be assembled are left out.
 pub(super) fn tabulate(arm: &Arm) -> Vec<Step> {
-    let step = |stage: &Stage<f64>| {
-        if let Stage::Servo(joint) = stage {
-            return Step::Servo { axis: joint.axis.twist(), offset: joint.offset };
-        }
-        let legs = stage.n_actuators();
-        let count = (0..legs).map(|leg| stage.n_states(leg)).product();
-        let poses = (0..count).filter_map(|index| {
-            let mut rest = index;
-            let mut settings = [Setting::of_joint(0.0); MAX_LEGS];
-            let mut digits = Vec::with_capacity(legs);
-            for (leg, setting) in settings.iter_mut().enumerate().take(legs) {
-                let digit = (rest % stage.n_states(leg)) as u8;
-                rest /= stage.n_states(leg);
-                *setting = stage.setting(leg, digit)?;
-                digits.push(digit);
-            }
-            Some((digits, stage.pose(&settings).ok()?))
-        });
-        Step::Poses(poses.collect())
-    };
     arm.model.chain.stages.iter().map(step).collect()
+}
+
+/// What a stage does, in each setting of its actuators that can be assembled.
+fn step(stage: &Stage<f64>) -> Step {
+    if let Stage::Servo(joint) = stage {
+        return Step::Servo { axis: joint.axis.twist(), offset: joint.offset };
+    }
+    let count = (0..stage.n_actuators()).map(|leg| stage.n_states(leg)).product();
+    Step::Poses((0..count).filter_map(|index| pose(stage, index)).collect())
+}
+
+/// The digits of the setting with this index, the first digit changing fastest, and the pose of the stage in it.
+fn pose(stage: &Stage<f64>, index: usize) -> Option<(Vec<u8>, Pose<f64>)> {
+    let legs = stage.n_actuators();
+    let mut rest = index;
+    let mut settings = [Setting::of_joint(0.0); MAX_LEGS];
+    let mut digits = Vec::with_capacity(legs);
+    for (leg, setting) in settings.iter_mut().enumerate().take(legs) {
+        let digit = (rest % stage.n_states(leg)) as u8;
+        rest /= stage.n_states(leg);
+        *setting = stage.setting(leg, digit)?;
+        digits.push(digit);
+    }
+    Some((digits, stage.pose(&settings).ok()?))
 }

@@ -98,13 +98,9 @@ pub fn read_catalogue(path: &Path) -> Result<Vec<Part>, CatalogueError> {
         _ => Err(row.wrong_cell(column, "a number above 0")),
     };
     let part = |row: CsvRow| {
-        Ok(Part {
-            part: row.cell(name).into(),
-            stroke_mm: above_zero(row, stroke)?,
-            retracted_mm: above_zero(row, retracted)?,
-            force_n: above_zero(row, force)?,
-            price: row.number(price)?,
-        })
+        let (stroke_mm, retracted_mm) = (above_zero(row, stroke)?, above_zero(row, retracted)?);
+        let (force_n, price) = (above_zero(row, force)?, row.number(price)?);
+        Ok(Part { part: row.cell(name).into(), stroke_mm, retracted_mm, force_n, price })
     };
     table.rows().map(part).collect()
 }

@@ -21,16 +21,16 @@ const EQUAL: f64 = 1e-9;
 impl Search<'_, '_> {
     /// The closest geometry from the ends of several searches, of which the first began at the base-line; of equally close
     /// ones that with the least changes. `None` where none of them can be assembled.
-    pub(super) fn closest(&mut self, ends: &[DVector<f64>]) -> Option<DVector<f64>> {
+    pub(super) fn closest(&mut self, ends: &[(f64, DVector<f64>)]) -> Option<DVector<f64>> {
         self.problem.targets.iter_mut().for_each(|target| target.by_parts = true);
         let mut by_distance: Vec<(f64, &DVector<f64>)> =
-            ends.iter().filter_map(|end| Some((self.problem.residual(end).ok()?.norm(), end))).collect();
+            ends.iter().filter_map(|(_, end)| Some((self.problem.residual(end).ok()?.norm(), end))).collect();
         by_distance.sort_by(|a, b| a.0.total_cmp(&b.0));
         by_distance.truncate(IMPROVED);
-        let candidates = by_distance.iter().map(|(_, end)| *end).chain(ends.first());
+        let candidates = by_distance.iter().map(|(_, end)| *end).chain(ends.first().map(|(_, end)| end));
         let improved: Vec<(f64, DVector<f64>)> = candidates.filter_map(|end| self.improve(end)).collect();
-        let least = improved.iter().map(|(distance, _)| *distance).min_by(f64::total_cmp)?;
-        let equal = improved.into_iter().filter(|(distance, _)| *distance <= (1.0 + EQUAL) * least);
+        let min = improved.iter().map(|(distance, _)| *distance).min_by(f64::total_cmp)?;
+        let equal = improved.into_iter().filter(|(distance, _)| *distance <= (1.0 + EQUAL) * min);
         equal
             .map(|(_, unknowns)| unknowns)
             .min_by(|a, b| self.problem.alteration(a).total_cmp(&self.problem.alteration(b)))

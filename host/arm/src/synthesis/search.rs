@@ -28,7 +28,6 @@ pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, S
     let base_line = within(problem, problem.start());
     let platforms = (0..problem.n_stops()).any(|stop| problem.is_leg(stop));
     let mut search = Search { problem, iterations: 0 };
-    let mut best: Option<(f64, DVector<f64>)> = None;
     let mut ends = Vec::new();
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     let mut starts = 0;
@@ -39,22 +38,13 @@ pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, S
         };
         starts += 1;
         options.handle.count();
-        let mut keep = |way: Way| {
-            // A start that cannot be assembled is no start; the failure of the base-line is reported.
-            let Ok((error, unknowns)) = way else { return false };
-            ends.push(unknowns.clone());
-            if best.as_ref().is_none_or(|(lowest, _)| error < *lowest) {
-                best = Some((error, unknowns));
-            }
-            error < SOLVED
-        };
         if platforms && starts > EARLY {
             let shift = SHIFT[(starts / 2) as usize % SHIFT.len()];
             let late = match starts % 2 {
                 0 => Start { unknowns: &start, shift: None },
                 _ => Start { unknowns: &base_line, shift: Some(shift) },
             };
-            keep(lift_from(&mut search, &late, &mut rng));
+            keep(&mut ends, lift_from(&mut search, &late, &mut rng));
         }
         let ways: &[fn(&mut Search, &DVector<f64>) -> Way] = match (starts, platforms) {
             (1, true) => &[descend, follow, lift],
@@ -64,24 +54,31 @@ pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, S
             (_, false) => &[descend],
         };
         for way in ways {
-            if keep(way(&mut search, &start)) {
+            if keep(&mut ends, way(&mut search, &start)) {
                 break;
             }
         }
-        if options.handle.is_ended() || best.as_ref().is_some_and(|(error, _)| *error < SOLVED) {
+        if options.handle.is_ended() || ends.iter().any(|(error, _)| *error < SOLVED) {
             break;
         }
     }
-    let Some((error, mut unknowns)) = best else {
+    let Some((error, unknowns)) = ends.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else {
         search.problem.residual(&base_line)?;
         return Ok(Found { unknowns: base_line, iterations: search.iterations, starts });
     };
-    if error < SOLVED {
-        unknowns = search.minimise_change(unknowns);
-    } else {
-        unknowns = search.closest(&ends).unwrap_or(unknowns);
-    }
+    let unknowns = match *error < SOLVED {
+        true => search.minimise_change(unknowns.clone()),
+        false => search.closest(&ends).unwrap_or_else(|| unknowns.clone()),
+    };
     Ok(Found { unknowns, iterations: search.iterations, starts })
+}
+
+/// Keeps where a way ended; whether it meets all frames there.
+fn keep(ends: &mut Vec<(f64, DVector<f64>)>, way: Way) -> bool {
+    // A start that cannot be assembled is no start; the failure of the base-line is reported.
+    let Ok((error, unknowns)) = way else { return false };
+    ends.push((error, unknowns));
+    error < SOLVED
 }
 
 /// Undamped steps from the base-line, as long as the arm can be assembled.

@@ -130,20 +130,28 @@ fn candidates(
         })
         .collect();
     let of_frame = |frame: &DesiredFrame| {
-        let apart = |pose: &Pose<f64>| pose.distance(&frame.pose_base_tool, arm.length_scale_m);
-        let mut near: Vec<(f64, Word)> = poses.iter().map(|(word, pose)| (apart(pose), *word)).collect();
-        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut near = by_distance(&poses, &frame.pose_base_tool, arm.length_scale_m);
         near.truncate(CANDIDATES.max(desired.len()));
-        let candidate = |(_, word): (f64, Word)| {
-            let frame = [DesiredFrame { word, ..frame.clone() }];
-            let mut problem = Problem::new(arm, &frame, &options.bounds, &options.ranges);
-            let (residual, jacobian) = problem.linearise_start()?;
-            let jacobian = jacobian.columns(0, problem.n_stops()).into_owned();
-            Ok(Candidate { word, residual, jacobian })
-        };
-        near.into_iter().map(candidate).collect()
+        near.into_iter().map(|(_, word)| candidate(arm, frame, word, options)).collect()
     };
     desired.iter().map(of_frame).collect()
+}
+
+/// The words with the distances of their poses from `pose`, m, the nearest first.
+fn by_distance(poses: &[(Word, Pose<f64>)], pose: &Pose<f64>, length_scale_m: f64) -> Vec<(f64, Word)> {
+    let apart = |of: &Pose<f64>| of.distance(pose, length_scale_m);
+    let mut near: Vec<(f64, Word)> = poses.iter().map(|(word, pose)| (apart(pose), *word)).collect();
+    near.sort_by(|a, b| a.0.total_cmp(&b.0));
+    near
+}
+
+/// The equations of a frame at the base-line, where `word` is to reach it.
+fn candidate(arm: &Arm, frame: &DesiredFrame, word: Word, options: &Options) -> Result<Candidate, SynthesisError> {
+    let frame = [DesiredFrame { word, ..frame.clone() }];
+    let mut problem = Problem::new(arm, &frame, &options.bounds, &options.ranges);
+    let (residual, jacobian) = problem.linearise_start()?;
+    let jacobian = jacobian.columns(0, problem.n_stops()).into_owned();
+    Ok(Candidate { word, residual, jacobian })
 }
 
 /// One assignment that no exchange of a single word makes cheaper.

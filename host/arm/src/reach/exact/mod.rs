@@ -269,8 +269,7 @@ impl Tails {
         self.tree.fetch(cells.iter().map(|cell| cell.number));
         for ((probe, Cell { number, free: to_split }), &k) in probes.iter().zip(cells).zip(&heads) {
             free[k] = free[k].min(to_split);
-            let reach = self.square(seeker.reach_m());
-            probe.leaf(number, reach, |product| self.look(product, &wanted[k], || head(k), seeker));
+            self.look_in_leaf(probe, number, &wanted[k], || head(k), seeker);
         }
         free
     }
@@ -285,12 +284,9 @@ impl Tails {
         let (heads, probes) = self.probes(wanted, self.square(seeker.reach_m()));
         let mut leaves: Vec<(usize, u32)> = Vec::with_capacity(FETCHED);
         let mut search = |leaves: &mut Vec<(usize, u32)>| {
-            let reach = self.square(seeker.reach_m());
-            leaves.retain(|&(at, number)| probes[at].reaches(number, reach));
-            self.tree.fetch(leaves.iter().map(|(_, number)| *number));
+            self.fetch_within(self.square(seeker.reach_m()), &probes, leaves);
             for (at, number) in leaves.drain(..) {
-                let (reach, k) = (self.square(seeker.reach_m()), heads[at]);
-                probes[at].leaf(number, reach, |product| self.look(product, &wanted[k], || head(k), seeker));
+                self.look_in_leaf(&probes[at], number, &wanted[heads[at]], || head(heads[at]), seeker);
             }
             self.square(seeker.reach_m())
         };
@@ -312,6 +308,26 @@ impl Tails {
         let around = |(k, wanted)| Probe::around(&self.tree, wanted).map(move |probe| (k, probe));
         let near = |(_, probe): &(usize, Probe<'_>)| probe.box_distance_squared() <= reach;
         wanted.iter().enumerate().flat_map(around).filter(near).unzip()
+    }
+
+    /// Drops the leaves beyond the square `reach` of their probes, and fetches the memory of the others.
+    fn fetch_within(&self, reach: f32, probes: &[Probe<'_>], leaves: &mut Vec<(usize, u32)>) {
+        leaves.retain(|&(at, number)| probes[at].reaches(number, reach));
+        self.tree.fetch(leaves.iter().map(|(_, number)| *number));
+    }
+
+    /// Shows `seeker` the tails of one leaf within its reach.
+    #[inline]
+    fn look_in_leaf<S: Seeker>(
+        &self,
+        probe: &Probe<'_>,
+        number: u32,
+        wanted: &Pose<f64>,
+        head: impl Fn() -> (Pose<f64>, Word),
+        seeker: &mut S,
+    ) {
+        let reach = self.square(seeker.reach_m());
+        probe.leaf(number, reach, |product| self.look(product, wanted, &head, seeker));
     }
 
     /// Shows `seeker` one tail; the square of its reach afterwards.

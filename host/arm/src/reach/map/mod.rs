@@ -207,12 +207,10 @@ impl Map {
         let moved = self.moved + if sources.is_empty() { 0.0 } else { self.n_moved(stage) as f64 };
         let kept = AtomicUsize::new(0);
         let layer = |room: &mut Vec<f64>, (orientation, sources): &(Place, Vec<_>)| {
-            if kept.load(Ordering::Relaxed) > MAX_KEPT {
-                return Ok(None);
-            }
-            let layer = self.layer(*orientation, sources, room)?;
-            kept.fetch_add(layer.words.len(), Ordering::Relaxed);
-            Ok(Some(layer))
+            let is_kept = kept.load(Ordering::Relaxed) <= MAX_KEPT;
+            let layer = is_kept.then(|| self.layer(*orientation, sources, room)).transpose()?;
+            kept.fetch_add(layer.as_ref().map_or(0, |layer| layer.words.len()), Ordering::Relaxed);
+            Ok(layer)
         };
         let layers: Vec<Option<Layer>> = sources.par_iter().map_init(Vec::new, layer).collect::<Result<_, _>>()?;
         Ok(Self { layers: layers.into_iter().collect::<Option<_>>().unwrap_or_default(), moved, ..map })

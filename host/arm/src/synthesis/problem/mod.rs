@@ -62,18 +62,9 @@ impl<'a> Problem<'a> {
             weights.resize(start.len(), SERVO_WEIGHT * base_line.length_scale_m);
         }
         let planar = chain.is_planar() && desired.iter().all(|frame| frame.pose_base_tool.is_planar());
-        let target = |frame: &DesiredFrame| Target {
-            name: frame.name.clone(),
-            word: frame.word,
-            previous: frame.previous,
-            pose: frame.pose_base_tool,
-            rows: rows(frame, planar, base_line.length_scale_m),
-            by_parts: frame.weights.orientation == 0.0,
-            used: stops.iter().copied().enumerate().filter(|(_, stop)| is_used(stop, &frame.word)).collect(),
-        };
         let mut problem = Self {
             base_line,
-            targets: desired.iter().map(target).collect(),
+            targets: desired.iter().map(|frame| target(base_line, &stops, frame, planar)).collect(),
             weights: weights.into(),
             start: start.into(),
             bounds: Vec::new(),
@@ -285,20 +276,24 @@ impl<'a> Problem<'a> {
     /// where the frames are to go does not matter.
     pub(in crate::synthesis) fn ideal(&self, words: &[Word]) -> Problem<'a> {
         let servos_rad: Vec<f64> = self.start.iter().skip(self.n_stops()).take(self.n_servos).copied().collect();
-        let frame = |word: &Word| DesiredFrame {
-            name: word.to_string(),
-            word: *word,
-            previous: self.base_line.rest(),
-            servos_rad: servos_rad.clone(),
-            pose_base_tool: self.targets.first().map_or(Pose::identity(), |target| target.pose),
-            weights: Default::default(),
-        };
-        let frames: Vec<_> = words.iter().map(frame).collect();
+        let frames: Vec<_> = words.iter().map(|word| self.frame_from_rest(word, &servos_rad)).collect();
         let anchors = (0..self.n_stops()).any(|stop| self.is_anchor(stop));
         let anchor_m = if anchors { f64::INFINITY } else { 0.0 };
         let mut ideal = Problem::new(self.base_line, &frames, &Bounds { anchor_m, ..Bounds::none() }, &[]);
         ideal.model.effects.clear();
         ideal
+    }
+
+    /// The first frame's pose for a word from rest; `servos_rad` are the servo angles.
+    fn frame_from_rest(&self, word: &Word, servos_rad: &[f64]) -> DesiredFrame {
+        DesiredFrame {
+            name: word.to_string(),
+            word: *word,
+            previous: self.base_line.rest(),
+            servos_rad: servos_rad.to_vec(),
+            pose_base_tool: self.targets.first().map_or(Pose::identity(), |target| target.pose),
+            weights: Default::default(),
+        }
     }
 
     /// The derivatives at the initial arm without its effects: the rows of the desired frames, then those of `more`
@@ -348,5 +343,18 @@ impl<'a> Problem<'a> {
             },
             reason,
         })
+    }
+}
+
+/// The target of a desired frame: how far each row counts, and which of `stops` its word uses.
+fn target(base_line: &Arm, stops: &[Parameter], frame: &DesiredFrame, planar: bool) -> Target {
+    Target {
+        name: frame.name.clone(),
+        word: frame.word,
+        previous: frame.previous,
+        pose: frame.pose_base_tool,
+        rows: rows(frame, planar, base_line.length_scale_m),
+        by_parts: frame.weights.orientation == 0.0,
+        used: stops.iter().copied().enumerate().filter(|(_, stop)| is_used(stop, &frame.word)).collect(),
     }
 }
