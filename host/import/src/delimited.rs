@@ -133,21 +133,24 @@ fn reader(text: &str, delimiter: char) -> csv::Reader<&[u8]> {
 fn delimiter(body: &str) -> char {
     let lines: Vec<&str> =
         body.split(['\n', '\r']).filter(|line| !line.trim().is_empty()).take(LINES_TO_LOOK_AT).collect();
-    let score = |delimiter: char| {
-        let rows: Vec<Vec<String>> = lines.iter().map(|line| cells(line, delimiter)).collect();
-        let width = rows.last().map_or(0, Vec::len).max(rows.get(1).map_or(0, Vec::len));
-        if width < 2 {
-            return (0, 0);
-        }
-        let alike = rows.iter().filter(|row| row.len() == width).count();
-        let all: Vec<&String> = rows.iter().flatten().collect();
-        let numbers =
-            all.iter().filter(|cell| is_missing(cell) || number(cell).is_some() || is_comma_number(cell)).count();
-        (1000 * alike / lines.len(), 1000 * numbers / all.len().max(1))
-    };
+    let score = |delimiter: &char| score(&lines, *delimiter);
     // Of equal ones the first: `max_by_key` gives the last.
-    let best = DELIMITERS.into_iter().rev().max_by_key(|delimiter| score(*delimiter)).filter(|best| score(*best).0 > 0);
+    let best = DELIMITERS.into_iter().rev().max_by_key(score).filter(|best| score(best).0 > 0);
     best.unwrap_or(',')
+}
+
+/// Thousandths of the lines that have as many cells as each other, and of the cells that are numbers.
+fn score(lines: &[&str], delimiter: char) -> (usize, usize) {
+    let rows: Vec<Vec<String>> = lines.iter().map(|line| cells(line, delimiter)).collect();
+    let width = rows.last().map_or(0, Vec::len).max(rows.get(1).map_or(0, Vec::len));
+    if width < 2 {
+        return (0, 0);
+    }
+    let alike = rows.iter().filter(|row| row.len() == width).count();
+    let all: Vec<&String> = rows.iter().flatten().collect();
+    let is_number = |cell: &&&String| is_missing(cell) || number(cell).is_some() || is_comma_number(cell);
+    let numbers = all.iter().filter(is_number).count();
+    (1000 * alike / lines.len(), 1000 * numbers / all.len().max(1))
 }
 
 /// A number as text; `inf` and `nan` are numbers, digits with other signs between are not.

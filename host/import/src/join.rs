@@ -24,19 +24,21 @@ pub fn n_gaps(stamps_ns: &[i64]) -> usize {
 /// Numbers with rising time stamps at other times, on straight lines; NaN before the first, behind the last and in gaps.
 pub fn interpolated(stamps_ns: &[i64], numbers: &[f64], at_ns: &[i64]) -> Vec<f64> {
     let longest = usual_step_ns(stamps_ns).map_or(0.0, |step| MAX_STEP * step);
-    let value = |time: &i64| {
-        let after = stamps_ns.partition_point(|stamp| stamp < time);
-        match (after.checked_sub(1), stamps_ns.get(after)) {
-            (_, Some(stamp)) if stamp == time => numbers[after],
-            (Some(before), Some(stamp)) => {
-                let step = stamp.saturating_sub(stamps_ns[before]) as f64;
-                let share = time.saturating_sub(stamps_ns[before]) as f64 / step;
-                if step > longest { f64::NAN } else { numbers[before] + share * (numbers[after] - numbers[before]) }
-            }
-            _ => f64::NAN,
+    at_ns.iter().map(|time_ns| value(stamps_ns, numbers, *time_ns, longest)).collect()
+}
+
+/// The number at a time, on the straight line between its neighbours; NaN where these are more than `longest_ns` apart.
+fn value(stamps_ns: &[i64], numbers: &[f64], time_ns: i64, longest_ns: f64) -> f64 {
+    let after = stamps_ns.partition_point(|stamp| *stamp < time_ns);
+    match (after.checked_sub(1), stamps_ns.get(after)) {
+        (_, Some(stamp)) if *stamp == time_ns => numbers[after],
+        (Some(before), Some(stamp)) => {
+            let step = stamp.saturating_sub(stamps_ns[before]) as f64;
+            let share = time_ns.saturating_sub(stamps_ns[before]) as f64 / step;
+            if step > longest_ns { f64::NAN } else { numbers[before] + share * (numbers[after] - numbers[before]) }
         }
-    };
-    at_ns.iter().map(value).collect()
+        _ => f64::NAN,
+    }
 }
 
 /// Texts with rising time stamps at other times: that of the last row before, empty where [`interpolated`] has none.

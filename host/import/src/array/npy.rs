@@ -123,15 +123,17 @@ fn order(shape: &[usize], is_fortran: bool) -> Vec<usize> {
     if is_fortran || shape.len() < 2 {
         return (0..n).collect();
     }
-    let place = |element: usize| {
-        let (mut rest, mut place) = (element, 0);
-        for (k, extent) in shape.iter().enumerate() {
-            place += (rest % extent) * shape[k + 1..].iter().product::<usize>();
-            rest /= extent;
-        }
-        place
-    };
-    (0..n).map(place).collect()
+    (0..n).map(|element| place(shape, element)).collect()
+}
+
+/// Place in a file with the last index running fastest of an element counted with the first one running fastest.
+fn place(shape: &[usize], element: usize) -> usize {
+    let (mut rest, mut place) = (element, 0);
+    for (k, extent) in shape.iter().enumerate() {
+        place += (rest % extent) * shape[k + 1..].iter().product::<usize>();
+        rest /= extent;
+    }
+    place
 }
 
 /// Where in an element a number is, and of which type.
