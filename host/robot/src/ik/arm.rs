@@ -155,16 +155,20 @@ impl Arm {
     pub fn is_beyond_reach(&self, position: &Vec3<f64>, tolerance_m: f64) -> bool {
         let Some(first) = self.joints.first() else { return (self.tool.position - position).norm() > tolerance_m };
         let links = self.joints.iter().skip(1).map(|joint| joint.placement.position.norm()).sum::<f64>();
-        let stroke = |joint: &ArmJoint| match (joint.axis.kind, joint.variable) {
+        let strokes = self.joints.iter().map(|joint| self.stroke_m(joint)).sum::<f64>();
+        (position - first.placement.position).norm() > links + strokes + self.tool.position.norm() + tolerance_m
+    }
+
+    /// How far a joint moves what it carries along its axis at most, m; 0 of a joint that turns.
+    fn stroke_m(&self, joint: &ArmJoint) -> f64 {
+        match (joint.axis.kind, joint.variable) {
             (JointKind::Revolute, _) => 0.0,
             (JointKind::Prismatic, None) => joint.offset.abs(),
             (JointKind::Prismatic, Some(variable)) => {
                 let ends = self.variables[variable].limits.map(|limit| (joint.factor * limit + joint.offset).abs());
                 ends[0].max(ends[1])
             }
-        };
-        let strokes = self.joints.iter().map(stroke).sum::<f64>();
-        (position - first.placement.position).norm() > links + strokes + self.tool.position.norm() + tolerance_m
+        }
     }
 
     /// Pose of the tool, and the angular and linear velocity at its origin per unit of each joint.
