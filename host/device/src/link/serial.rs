@@ -29,15 +29,7 @@ impl Serial {
     ///
     /// The port does not exist, may not be opened by this user, is held by another program, or cannot be set up.
     pub fn open(path: &str) -> Result<Self, LinkError> {
-        let open = || {
-            let port = open_raw(path)?;
-            ioctl_tiocexcl(&port)?;
-            flock(&port, FlockOperation::NonBlockingLockExclusive).map_err(busy)?;
-            set_up(&port)?;
-            tcflush(&port, QueueSelector::IOFlush)?;
-            Ok(port)
-        };
-        let port = open().map_err(|error| LinkError::of(path, error))?;
+        let port = open_alone(path).map_err(|error| LinkError::of(path, error))?;
         Ok(Self { port, name: path.to_owned(), drop_unsent: false })
     }
 
@@ -63,6 +55,16 @@ impl Drop for Serial {
             let _ = tcflush(&self.port, QueueSelector::OFlush);
         }
     }
+}
+
+/// A port that no other program has, set up, its buffers empty.
+fn open_alone(path: &str) -> io::Result<OwnedFd> {
+    let port = open_raw(path)?;
+    ioctl_tiocexcl(&port)?;
+    flock(&port, FlockOperation::NonBlockingLockExclusive).map_err(busy)?;
+    set_up(&port)?;
+    tcflush(&port, QueueSelector::IOFlush)?;
+    Ok(port)
 }
 
 fn open_raw(path: &str) -> io::Result<OwnedFd> {
