@@ -118,14 +118,7 @@ impl Server {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
         let router = router(Arc::clone(&hub), access);
         let http = move || {
-            let served = runtime.block_on(async {
-                let listener = tokio::net::TcpListener::from_std(listener)?.tap_io(|stream| {
-                    // Where it fails answers come a little later.
-                    let _ = stream.set_nodelay(true);
-                });
-                let ended = async { drop(ended.await) };
-                axum::serve(listener, router).with_graceful_shutdown(ended).await
-            });
+            let served = runtime.block_on(serve(listener, router, ended));
             runtime.shutdown_timeout(ENDING);
             if let Err(error) = served {
                 eprintln!("darm serve: {error}");
@@ -159,6 +152,16 @@ impl Drop for Server {
             let _ = thread.join();
         }
     }
+}
+
+/// Answers requests until `ended` is sent or its sender is gone.
+async fn serve(listener: TcpListener, router: Router, ended: oneshot::Receiver<()>) -> io::Result<()> {
+    let listener = tokio::net::TcpListener::from_std(listener)?.tap_io(|stream| {
+        // Where it fails answers come a little later.
+        let _ = stream.set_nodelay(true);
+    });
+    let ended = async { drop(ended.await) };
+    axum::serve(listener, router).with_graceful_shutdown(ended).await
 }
 
 fn router(hub: Arc<Hub>, access: Access) -> Router {

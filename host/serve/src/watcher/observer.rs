@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use darm_core::output::Wiring;
+use darm_core::output::{ActuatorWiring, Wiring};
 use darm_core::sequencer::ServoSeen;
 use darm_core::units::{Digest, Micros, Word};
 use darm_core::wire::message::{Hello, OutputState, Status};
@@ -151,16 +151,9 @@ impl Observer {
 
     fn actuators(&self, wiring: &Wiring, status: &Status, now_s: f64) -> Vec<ActuatorView> {
         let actuators = wiring.actuators.iter().enumerate().zip(&self.changed_s);
-        let view = |((index, actuator), changed_s): ((usize, &darm_core::output::ActuatorWiring), &f64)| {
-            let digit = status.word.digit(index);
+        let view = |((index, actuator), changed_s): ((usize, &ActuatorWiring), &f64)| {
             let is_moving = now_s < changed_s + 1e-3 * f64::from(actuator.travel_ms);
-            let switch = actuator.switch.map(|switch| SwitchView {
-                input: switch.input,
-                expected: switch.closed(digit),
-                seen: status.switches.checked_shr(switch.input.into()).unwrap_or(0) & 1 == 1,
-                is_moving,
-            });
-            ActuatorView { digit, switch }
+            actuator_view(actuator, status.word.digit(index), status.switches, is_moving)
         };
         actuators.map(view).collect()
     }
@@ -184,6 +177,17 @@ impl Observer {
             limit: state.limit.into(),
         }
     }
+}
+
+/// An actuator at a digit; `switches` are the bits of the limit switches as seen.
+fn actuator_view(actuator: &ActuatorWiring, digit: u8, switches: u32, is_moving: bool) -> ActuatorView {
+    let switch = actuator.switch.map(|switch| SwitchView {
+        input: switch.input,
+        expected: switch.closed(digit),
+        seen: switches.checked_shr(switch.input.into()).unwrap_or(0) & 1 == 1,
+        is_moving,
+    });
+    ActuatorView { digit, switch }
 }
 
 /// The actuator that a coil of the wiring belongs to.
