@@ -5,6 +5,7 @@ use darm_arm::draw::palette::SERIES;
 use darm_arm::draw::{self, Scene};
 use darm_core::tree::TreeError;
 use darm_robot::ik::configurations::Configurations;
+use darm_robot::ik::search::Mark;
 use darm_robot::ik::trials::Trials;
 use darm_robot::ik::{Method, Residual};
 use darm_robot::robot::{Robot, RobotFrame};
@@ -51,24 +52,24 @@ pub fn convergence(histories: &[(Method, &[Residual])], length_scale_m: f64) -> 
 /// The mean of the best values of many runs over the iterations, and the band that eight tenths of them lie in; times
 /// `factor`, which takes them to the unit of `label`.
 pub fn bands(label: &str, factor: f64, all: &[Runs<'_>]) -> String {
-    let curve = |runs: &Runs<'_>| {
-        let histories = || runs.trials.runs.iter().map(|run| &run.history);
-        let length = histories().map(Vec::len).max().unwrap_or(0);
-        let mut curve = Curve { name: runs.name.to_owned(), compared: runs.compared, ..Curve::default() };
-        for step in (0..length).step_by((length / POINTS).max(1)) {
-            let at = |history: &Vec<darm_robot::ik::search::Mark>| {
-                history.get(step).or(history.last()).map(|mark| mark.value)
-            };
-            let mut values: Vec<_> =
-                histories().filter_map(at).map(|value| (factor * value).clamp(MIN_ERROR, MAX_ERROR)).collect();
-            values.sort_by(f64::total_cmp);
-            let share = |tenths: usize| values[tenths * (values.len() - 1) / 10];
-            curve.points.push([step as f64, values.iter().sum::<f64>() / values.len() as f64]);
-            curve.band.push([step as f64, share(1), share(9)]);
-        }
-        curve
-    };
-    svg("iteration", label, &all.iter().map(curve).collect::<Vec<_>>())
+    svg("iteration", label, &all.iter().map(|runs| curve(runs, factor)).collect::<Vec<_>>())
+}
+
+/// The mean and the band of the best values of some runs, each times `factor`.
+fn curve(runs: &Runs<'_>, factor: f64) -> Curve {
+    let histories = || runs.trials.runs.iter().map(|run| &run.history);
+    let length = histories().map(Vec::len).max().unwrap_or(0);
+    let mut curve = Curve { name: runs.name.to_owned(), compared: runs.compared, ..Curve::default() };
+    for step in (0..length).step_by((length / POINTS).max(1)) {
+        let at = |history: &Vec<Mark>| history.get(step).or(history.last()).map(|mark| mark.value);
+        let mut values: Vec<_> =
+            histories().filter_map(at).map(|value| (factor * value).clamp(MIN_ERROR, MAX_ERROR)).collect();
+        values.sort_by(f64::total_cmp);
+        let share = |tenths: usize| values[tenths * (values.len() - 1) / 10];
+        curve.points.push([step as f64, values.iter().sum::<f64>() / values.len() as f64]);
+        curve.band.push([step as f64, share(1), share(9)]);
+    }
+    curve
 }
 
 /// All postures that were found in one picture.

@@ -15,6 +15,7 @@
 //! where K loses rank itself is the pseudo-inverse truncated by its singular values.
 
 use darm_core::real::Vec3;
+use darm_core::se::Pose;
 use nalgebra::{SMatrix, SVector};
 
 use super::contact::Contacts;
@@ -40,15 +41,9 @@ pub fn jacobian(placed: &Placed) -> Jacobian {
     let mut jacobian = Jacobian::zeros();
     let thumb = Axis { direction: placed.normal(THUMB), point: placed.tips[THUMB].position };
     for (i, tip) in placed.tips.iter().enumerate().take(THUMB) {
-        let across = [tip.rotation.column(0).into_owned(), tip.rotation.column(1).into_owned()];
         let normal = placed.normal(i);
         let mut column = |k: usize, axis: &Axis, sign: f64| {
-            let moved = axis.direction.cross(&(tip.position - axis.point)) * sign;
-            let turned: Vec3<f64> = axis.direction.cross(&normal) * sign;
-            let mut part = jacobian.fixed_view_mut::<5, 1>(5 * i, k);
-            part.fixed_rows_mut::<3>(0).copy_from(&moved);
-            part[3] = across[0].dot(&turned);
-            part[4] = across[1].dot(&turned);
+            jacobian.fixed_view_mut::<5, 1>(5 * i, k).copy_from(&slopes(tip, &normal, axis, sign));
         };
         column(0, &thumb, 1.0);
         for j in 0..COORDINATES {
@@ -57,6 +52,14 @@ pub fn jacobian(placed: &Placed) -> Jacobian {
         }
     }
     jacobian
+}
+
+/// How a tip moves, m/rad, and its normal turns across, rad/rad, about `axis`; where `sign` is −1, the other way.
+fn slopes(tip: &Pose<f64>, normal: &Vec3<f64>, axis: &Axis, sign: f64) -> SVector<f64, 5> {
+    let moved = axis.direction.cross(&(tip.position - axis.point)) * sign;
+    let turned: Vec3<f64> = axis.direction.cross(normal) * sign;
+    let across = |k: usize| tip.rotation.column(k).into_owned().dot(&turned);
+    SVector::from([moved.x, moved.y, moved.z, across(0), across(1)])
 }
 
 impl Hand {

@@ -56,21 +56,16 @@ pub fn svg(hand: &Hand, stages: &[(String, Configuration)], contacts: &Contacts)
     let scale = (EDGE - 2.0 * MARGIN) / (high - low).amax().max(1e-3);
     let middle = (low + high) * 0.5;
     let (width, height) = (EDGE * stages.len() as f64, HEAD + 3.0 * EDGE);
-    let column = |index: usize, solids: &[Solid]| {
-        html! {
-            @for (row, view) in views.iter().enumerate() {
-                @let corner = [EDGE * index as f64, HEAD + EDGE * row as f64];
-                (draw(&Projection { view, corner, middle, scale }, solids, &arrows))
-            }
-        }
-    };
     let picture = html! {
         svg xmlns="http://www.w3.org/2000/svg" viewBox={ "0 0 " (width) " " (height) } width=(width) height=(height) role="img" aria-label=(hand.name) {
             style { (PreEscaped(style())) }
             rect width="100%" height="100%" fill=(PAPER) {}
             @for (index, ((caption, _), solids)) in stages.iter().zip(&solids).enumerate() {
                 text x=(EDGE * index as f64 + 12.0) y="20" style="font-weight:bold;font-size:14px" { (caption) }
-                (column(index, solids))
+                @for (row, view) in views.iter().enumerate() {
+                    @let corner = [EDGE * index as f64, HEAD + EDGE * row as f64];
+                    (draw(&Projection { view, corner, middle, scale }, solids, &arrows))
+                }
             }
             (names(hand))
         }
@@ -189,22 +184,24 @@ fn draw(on: &Projection<'_>, solids: &[Solid], arrows: &[[Vec3<f64>; 2]]) -> Mar
 /// The corners of the convex hull of points in a plane, in order: Andrew's monotone chain.
 fn hull(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    let mut lower = chain(points.iter().copied());
+    lower.extend(chain(points.iter().rev().copied()));
+    lower
+}
+
+/// One side of the hull of points in order, without the last point.
+fn chain(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
     let turns =
         |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0;
-    let chain = |points: &mut dyn Iterator<Item = [f64; 2]>| {
-        let mut chain: Vec<[f64; 2]> = Vec::new();
-        for point in points {
-            while chain.len() > 1 && !turns(chain[chain.len() - 2], chain[chain.len() - 1], point) {
-                chain.pop();
-            }
-            chain.push(point);
+    let mut chain: Vec<[f64; 2]> = Vec::new();
+    for point in points {
+        while chain.len() > 1 && !turns(chain[chain.len() - 2], chain[chain.len() - 1], point) {
+            chain.pop();
         }
-        chain.pop();
-        chain
-    };
-    let mut lower = chain(&mut points.iter().copied());
-    lower.extend(chain(&mut points.iter().rev().copied()));
-    lower
+        chain.push(point);
+    }
+    chain.pop();
+    chain
 }
 
 /// A coordinate in an SVG.

@@ -5,7 +5,7 @@ use darm_core::se::Wrench;
 use darm_core::tree::Body;
 use nalgebra::{DMatrix, DVector, Matrix6xX, SVector};
 
-use super::{Kind, Noise, Sample, Unknown, bodies, unknowns};
+use super::{Contact, Kind, Noise, Sample, Unknown, bodies, unknowns};
 use darm_robot::rigid_body::inertia::prior_deviations;
 use darm_robot::rigid_body::regressor::{BodyMotion, WrenchRegressor, joint_regressor, link_motions, wrench_regressor};
 use darm_robot::robot::Robot;
@@ -245,16 +245,19 @@ fn paths(robot: &Robot) -> Vec<Vec<usize>> {
 fn nominal(robot: &Robot, unknowns: &[Unknown]) -> (DVector<f64>, DVector<f64>) {
     let robot_kg = robot.mass().max(f64::MIN_POSITIVE);
     let of = |unknown: &Unknown| match unknown {
-        Unknown::Inertial(Inertial { joint, number }) => {
-            let body = joint.map_or(&robot.base, |joint| &robot.joints[joint].joint.inertia);
-            let ten = Body::from(body).parameters();
-            (ten[*number], prior_deviations(&ten, robot_kg)[*number])
-        }
+        Unknown::Inertial(inertial) => nominal_of_body(robot, inertial, robot_kg),
         Unknown::Coulomb(joint) => (robot.joints[*joint].friction, 1.0),
         Unknown::Viscous(joint) => (robot.joints[*joint].damping, 1.0),
     };
     let (nominal, prior): (Vec<f64>, Vec<f64>) = unknowns.iter().map(of).unzip();
     (DVector::from_vec(nominal), DVector::from_vec(prior))
+}
+
+/// A parameter of a body as the file has it, and how far it may be off; `robot_kg` is the mass of the robot.
+fn nominal_of_body(robot: &Robot, Inertial { joint, number }: &Inertial, robot_kg: f64) -> (f64, f64) {
+    let body = joint.map_or(&robot.base, |joint| &robot.joints[joint].joint.inertia);
+    let ten = Body::from(body).parameters();
+    (ten[*number], prior_deviations(&ten, robot_kg)[*number])
 }
 
 struct Assembly<'a> {
@@ -308,23 +311,25 @@ impl Assembly<'_> {
 
     /// J_Cᵀ of each contact, in the measured rows: rows × 6.
     fn exerted(&self, sample: &Sample, moving: &[BodyMotion], base: &[usize], joints: &[usize]) -> Vec<DMatrix<f64>> {
-        let of = |contact: &super::Contact| {
-            let mut block = DMatrix::zeros(base.len() + joints.len(), 6);
-            base.iter().enumerate().for_each(|(row, &part)| block[(row, part)] = 1.0);
-            let path = &self.paths[contact.joint.map_or(0, |joint| joint + 1)];
-            for (row, &joint) in joints.iter().enumerate().filter(|(_, joint)| path.contains(joint)) {
-                let axis = moving[joint].pose.rotation * self.robot.joints[joint].joint.axis.direction;
-                let (moment, force) = match self.robot.joints[joint].joint.axis.kind {
-                    // axis·(m − o × f)
-                    JointKind::Revolute => (axis, -axis.cross(&moving[joint].pose.position)),
-                    JointKind::Prismatic => (nalgebra::Vector3::zeros(), axis),
-                };
-                let row = base.len() + row;
-                (0..3).for_each(|k| (block[(row, k)], block[(row, 3 + k)]) = (moment[k], force[k]));
-            }
-            block
-        };
-        sample.contacts.iter().map(of).collect()
+        sample.contacts.iter().map(|contact| self.exerted_by(contact, moving, base, joints)).collect()
+    }
+
+    /// J_Cᵀ of a contact, in the measured rows.
+    fn exerted_by(&self, contact: &Contact, moving: &[BodyMotion], base: &[usize], joints: &[usize]) -> DMatrix<f64> {
+        let mut block = DMatrix::zeros(base.len() + joints.len(), 6);
+        base.iter().enumerate().for_each(|(row, &part)| block[(row, part)] = 1.0);
+        let path = &self.paths[contact.joint.map_or(0, |joint| joint + 1)];
+        for (row, &joint) in joints.iter().enumerate().filter(|(_, joint)| path.contains(joint)) {
+            let axis = moving[joint].pose.rotation * self.robot.joints[joint].joint.axis.direction;
+            let (moment, force) = match self.robot.joints[joint].joint.axis.kind {
+                // axis·(m − o × f)
+                JointKind::Revolute => (axis, -axis.cross(&moving[joint].pose.position)),
+                JointKind::Prismatic => (nalgebra::Vector3::zeros(), axis),
+            };
+            let row = base.len() + row;
+            (0..3).for_each(|k| (block[(row, k)], block[(row, 3 + k)]) = (moment[k], force[k]));
+        }
+        block
     }
 
     /// Rows over the Cholesky factor of their covariance.

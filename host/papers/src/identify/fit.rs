@@ -147,18 +147,9 @@ impl Equations {
     /// the one and the other in turn. Both are convex, and orthogonal in the unit of the priors.
     fn with_min_masses(&self, fitted: &DVector<f64>) -> DVector<f64> {
         let (_, identified) = self.directions();
-        let nearest = |values: &DVector<f64>| {
-            let mut nearest = values.clone();
-            for (k, unknown) in self.unknowns.iter().enumerate() {
-                if let Unknown::Inertial(Inertial { number: 0, .. }) = unknown {
-                    nearest[k] = values[k].max(MIN_MASS_SHARE * self.nominal[k]);
-                }
-            }
-            nearest
-        };
         let mut values = fitted.clone();
         for _ in 0..ROUNDS {
-            let nearest = nearest(&values);
+            let nearest = self.with_raised_masses(&values);
             if (&nearest - &values).component_div(&self.prior).amax() < 1e-9 {
                 return nearest;
             }
@@ -166,7 +157,18 @@ impl Equations {
             let unidentified = &change - &identified * identified.tr_mul(&change);
             values = fitted + unidentified.component_mul(&self.prior);
         }
-        nearest(&values)
+        self.with_raised_masses(&values)
+    }
+
+    /// The same unknowns but for masses below a share of the nominal one, which are raised to it.
+    fn with_raised_masses(&self, values: &DVector<f64>) -> DVector<f64> {
+        let mut raised = values.clone();
+        for (k, unknown) in self.unknowns.iter().enumerate() {
+            if let Unknown::Inertial(Inertial { number: 0, .. }) = unknown {
+                raised[k] = values[k].max(MIN_MASS_SHARE * self.nominal[k]);
+            }
+        }
+        raised
     }
 
     /// Bodies with positive definite pseudo-inertias and friction that does not push: what the rows identify is as near to

@@ -88,22 +88,23 @@ pub fn read(path: &Path, robot: &Robot, kind: Kind, lowpass_hz: Option<f64>) -> 
         return Err(ReadSamplesError::NoWrench { path: path.display().to_string() });
     }
     let base = base(&data, robot, kind)?;
-    let sample = |row: usize| Sample {
-        line: data.rows[row].line,
-        base: base[row],
-        state: std::array::from_fn(|order| {
-            let at = |joint: &[Vec<f64>; 3]| if order > 0 && kind == Kind::Static { 0.0 } else { joint[order][row] };
-            joints.iter().map(at).collect()
-        }),
-        torque: torques.iter().map(|torque| torque.as_ref().map_or(0.0, |torque| torque[row])).collect(),
-        contacts: contacts
-            .iter()
-            .map(|(joint, wrench)| Contact { joint: *joint, wrench: wrench_at(wrench, row) })
-            .collect(),
-    };
+    let mut samples = Vec::with_capacity(data.rows.len());
+    for row in 0..data.rows.len() {
+        let at = |joint: &[Vec<f64>; 3], order: usize| {
+            if order > 0 && kind == Kind::Static { 0.0 } else { joint[order][row] }
+        };
+        let contact = |(joint, wrench): &(_, _)| Contact { joint: *joint, wrench: wrench_at(wrench, row) };
+        samples.push(Sample {
+            line: data.rows[row].line,
+            base: base[row],
+            state: std::array::from_fn(|order| joints.iter().map(|joint| at(joint, order)).collect()),
+            torque: torques.iter().map(|torque| torque.as_ref().map_or(0.0, |torque| torque[row])).collect(),
+            contacts: contacts.iter().map(contact).collect(),
+        });
+    }
     let held_out = (0..data.rows.len()).filter(|&row| names_own && data.rows[row].held_out).collect();
     let findings = findings.iter().chain(&data.findings).map(ToString::to_string).collect();
-    Ok(Measurement { samples: (0..data.rows.len()).map(sample).collect(), rows, held_out, findings })
+    Ok(Measurement { samples, rows, held_out, findings })
 }
 
 type Channels = [Option<Vec<f64>>; 6];

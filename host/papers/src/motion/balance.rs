@@ -43,21 +43,8 @@ impl Polygon {
     pub fn hull(points: &[[f64; 2]]) -> Self {
         let mut sorted = points.to_vec();
         sorted.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-        let chain = |points: &mut dyn Iterator<Item = [f64; 2]>| {
-            let mut chain: Vec<[f64; 2]> = Vec::new();
-            for point in points {
-                while let [.., a, b] = chain[..]
-                    && turn(a, b, point) <= 0.0
-                {
-                    chain.pop();
-                }
-                chain.push(point);
-            }
-            chain.pop();
-            chain
-        };
-        let mut corners = chain(&mut sorted.iter().copied());
-        corners.extend(chain(&mut sorted.iter().rev().copied()));
+        let mut corners = chain(sorted.iter().copied());
+        corners.extend(chain(sorted.iter().rev().copied()));
         Self { corners }
     }
 
@@ -88,6 +75,21 @@ impl Polygon {
             (turn(a, b, point) / length, [(a[1] - b[1]) / length, (b[0] - a[0]) / length])
         })
     }
+}
+
+/// One side of the hull of points in order, without the last point.
+fn chain(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
+    let mut chain: Vec<[f64; 2]> = Vec::new();
+    for point in points {
+        while let [.., a, b] = chain[..]
+            && turn(a, b, point) <= 0.0
+        {
+            chain.pop();
+        }
+        chain.push(point);
+    }
+    chain.pop();
+    chain
 }
 
 fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {

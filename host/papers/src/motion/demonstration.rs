@@ -206,18 +206,9 @@ fn three(random: &mut impl Rng, size: f64) -> Vec3<f64> {
 
 /// The posture of these angles with the ankles over the origin of the ground.
 fn stood(placed: &mut Placed, tree: &Robot, feet: &[Option<usize>], angles: &Angles) -> Posture {
-    let q = |name: &str| -> f64 {
-        match name.split_once('_').map_or(name, |(_, joint)| joint) {
-            "hip_Z" => angles.thigh - angles.pelvis,
-            "knee" => angles.thigh - angles.shank,
-            "ankle_Z" => -angles.shank,
-            "lumbar_Z" | "thoracic_Z" => 0.5 * (angles.trunk - angles.pelvis),
-            "cervical_Z" => -0.5 * angles.trunk,
-            _ => 0.0,
-        }
-    };
     let within = |joint: &darm_robot::robot::RobotJoint| {
-        joint.limits.map_or(q(&joint.name), |[low, high]| q(&joint.name).clamp(low, high))
+        let angle = angles.of_joint(&joint.name);
+        joint.limits.map_or(angle, |[low, high]| angle.clamp(low, high))
     };
     // The pelvis has x forward and y up; the world z up.
     let upright = Mat3::new(1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0);
@@ -228,4 +219,18 @@ fn stood(placed: &mut Placed, tree: &Robot, feet: &[Option<usize>], angles: &Ang
     let ankles: Vec3<f64> = feet.iter().map(|&foot| placed.pose(foot, &Pose::identity()).position).sum();
     posture.base.position = Vec3::new(0.0, 0.0, ANKLE_M) - ankles / feet.len().max(1) as f64;
     posture
+}
+
+impl Angles {
+    /// The angle of the joint with this name, rad.
+    fn of_joint(&self, name: &str) -> f64 {
+        match name.split_once('_').map_or(name, |(_, joint)| joint) {
+            "hip_Z" => self.thigh - self.pelvis,
+            "knee" => self.thigh - self.shank,
+            "ankle_Z" => -self.shank,
+            "lumbar_Z" | "thoracic_Z" => 0.5 * (self.trunk - self.pelvis),
+            "cervical_Z" => -0.5 * self.trunk,
+            _ => 0.0,
+        }
+    }
 }

@@ -260,11 +260,9 @@ fn plates(table: &Table) -> Result<Vec<Plate>, CaptureError> {
     let plate = |frame: usize| {
         let force_n = fz[frame];
         let cop = [-my[frame] / force_n, mx[frame] / force_n];
-        if force_n > 0.0 && cop.iter().all(|x| x.is_finite()) {
-            Ok(Plate { cop, force_n })
-        } else {
-            Err(CaptureError::Pulls { frame: frame + 1, line: table.lines[frame], force_n })
-        }
+        let presses = force_n > 0.0 && cop.iter().all(|x| x.is_finite());
+        let pulls = || CaptureError::Pulls { frame: frame + 1, line: table.lines[frame], force_n };
+        presses.then_some(Plate { cop, force_n }).ok_or_else(pulls)
     };
     (0..fz.len()).map(plate).collect()
 }

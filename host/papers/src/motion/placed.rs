@@ -129,14 +129,10 @@ pub(super) fn dynamic(postures: &[Posture], time_s: &[f64], corner_hz: f64, grav
     let omega: [Vec<f64>; 3] = std::array::from_fn(|k| smooth.pass(spin.iter().map(|w| w[k]).collect()));
     let alpha: [Vec<f64>; 3] = std::array::from_fn(|k| rate(&omega[k], time_s, &one));
     let moving = |row: usize| {
-        let three = |of: &[Vec<f64>; 3]| Vec3::new(of[0][row], of[1][row], of[2][row]);
+        let [omega, alpha] = [&omega, &alpha].map(|of| Vec3::new(of[0][row], of[1][row], of[2][row]));
         let order = |k: usize| Vec3::new(place[0][k][row], place[1][k][row], place[2][k][row]);
-        BodyMotion {
-            pose: Pose { rotation: postures[row].base.rotation, position: order(0) },
-            omega: three(&omega),
-            alpha: three(&alpha),
-            acceleration: order(2) - gravity,
-        }
+        let pose = Pose { rotation: postures[row].base.rotation, position: order(0) };
+        BodyMotion { pose, omega, alpha, acceleration: order(2) - gravity }
     };
     let state = |row: usize| std::array::from_fn(|order| joints.iter().map(|joint| joint[order][row]).collect());
     Dynamic { base: (0..postures.len()).map(moving).collect(), state: (0..postures.len()).map(state).collect() }

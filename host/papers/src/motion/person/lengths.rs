@@ -144,16 +144,17 @@ impl Average<'_> {
         let spread = SPREAD.0.powi(-2);
         let mut matrix = DMatrix::from_diagonal_element(g, g, spread);
         let mut right = DVector::from_iterator(g, lengths.iter().map(|length| (1.0 - length) * spread));
-        let grown = |k: Option<usize>| -> Result<(Placed, Vec<BodyPoint>), TrajectoryError> {
-            let mut own = lengths.to_vec();
-            if let Some(k) = k {
-                own[k] += SMALL;
-            }
-            let (tree, markers) = self.scaled(&own);
+        let placed = |lengths: &[f64]| -> Result<(Placed, Vec<BodyPoint>), TrajectoryError> {
+            let (tree, markers) = self.scaled(lengths);
             Ok((Placed::new(&tree)?, markers))
         };
-        let mut now = grown(None)?;
-        let mut others = (0..g).map(|k| grown(Some(k))).collect::<Result<Vec<_>, _>>()?;
+        let grown = |k: usize| {
+            let mut own = lengths.to_vec();
+            own[k] += SMALL;
+            placed(&own)
+        };
+        let mut now = placed(lengths)?;
+        let mut others = (0..g).map(grown).collect::<Result<Vec<_>, _>>()?;
         for (posture, targets) in postures.iter().zip(targets) {
             let points = |(placed, on): &mut (Placed, Vec<BodyPoint>)| -> DVector<f64> {
                 placed.place(posture);
