@@ -325,15 +325,6 @@ impl Report {
     /// Errors before and after, on rows that the fit saw and on those that it did not.
     fn errors(&self) -> String {
         let Diagnosis { rows, error, .. } = &self.diagnosis;
-        let cells = |name: &str, n: usize, figure: Option<&ErrorFigure>, when: &str| {
-            let numbers = figure.map_or(Vec::new(), |figure| {
-                let axes = figure.axes.iter().map(|axis| Number { value: axis.value, unit: axis.unit });
-                let axes = axes.map(|number| format!("{:.3}", readable(&number).0));
-                let (norm, unit) = readable(&figure.norm);
-                axes.chain([format!("{norm:.3} {unit}")]).collect()
-            });
-            [vec![name.to_owned(), n.to_string(), when.to_owned()], numbers].concat()
-        };
         let unit = |unit: &'static str| readable(&Number { value: 0.0, unit }).1;
         let names = error.before.train.axes.iter().map(|axis| format!("{}, {}", axis.axis, unit(axis.unit)));
         let head: Vec<String> =
@@ -346,4 +337,15 @@ impl Report {
             cells("", rows.held_out, error.after.held_out.as_ref(), "after"),
         ])
     }
+}
+
+/// The cells of errors: of which rows, how many these are, when, and the error of each axis and the norm.
+fn cells(name: &str, n: usize, figure: Option<&ErrorFigure>, when: &str) -> Vec<String> {
+    let numbers = figure.map_or(Vec::new(), |figure| {
+        let axes = figure.axes.iter().map(|axis| Number { value: axis.value, unit: axis.unit });
+        let axes = axes.map(|number| format!("{:.3}", readable(&number).0));
+        let (norm, unit) = readable(&figure.norm);
+        axes.chain([format!("{norm:.3} {unit}")]).collect()
+    });
+    [vec![name.to_owned(), n.to_string(), when.to_owned()], numbers].concat()
 }

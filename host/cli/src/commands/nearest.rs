@@ -228,16 +228,18 @@ impl Nearest {
     }
 
     fn forbidden(&self, arm: &Arm) -> Result<Vec<Pattern>, Usage> {
-        let pattern = |text: &String| {
-            let pattern: Pattern = text.parse().map_err(|error| Usage(format!("--forbid {text}: {error}")))?;
-            let (given, wanted) = (pattern.digits(), arm.n_actuators());
-            if given != wanted {
-                return Err(Usage(format!("--forbid {text}: {given} digits, the arm has {wanted} actuators")));
-            }
-            Ok(pattern)
-        };
-        self.forbid.iter().map(pattern).collect()
+        self.forbid.iter().map(|text| pattern(text, arm.n_actuators())).collect()
     }
+}
+
+/// Parses words to leave out, of an arm with this number of actuators.
+fn pattern(text: &str, n_actuators: usize) -> Result<Pattern, Usage> {
+    let pattern: Pattern = text.parse().map_err(|error| Usage(format!("--forbid {text}: {error}")))?;
+    let given = pattern.digits();
+    if given != n_actuators {
+        return Err(Usage(format!("--forbid {text}: {given} digits, the arm has {n_actuators} actuators")));
+    }
+    Ok(pattern)
 }
 
 fn line(near: &Near, target: &Pose<f64>, from: Option<&Word>) -> Line {

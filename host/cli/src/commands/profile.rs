@@ -215,17 +215,18 @@ fn servo_warnings(wired: &WiredArm) -> Vec<String> {
     let joints = wired.arm.servos.iter().zip(&wired.profile.profile.servos).enumerate();
     let outside =
         joints.filter(|(_, (joint, servo))| joint.min_rad < servo.limit.min_rad || joint.max_rad > servo.limit.max_rad);
-    let warning = |(number, (joint, servo)): (usize, (&Servo, &ProfileServo))| {
-        let angles = [joint.min_rad, joint.max_rad, servo.limit.min_rad, servo.limit.max_rad];
-        let [from, to, min, max] = angles.map(f32::to_degrees);
-        format!(
-            "{}: servo {} has the range {from:.1} to {to:.1} deg in the arm file, but the profile allows {min:.1} to {max:.1} \
-             deg without a zero offset; `darm table` refuses angles outside it",
-            wired.arm.servo_name(number),
-            number
-        )
-    };
-    outside.map(warning).collect()
+    outside.map(|(number, (joint, servo))| servo_warning(wired, number, joint, servo)).collect()
+}
+
+/// The warning for the servo with this number.
+fn servo_warning(wired: &WiredArm, number: usize, joint: &Servo, servo: &ProfileServo) -> String {
+    let angles = [joint.min_rad, joint.max_rad, servo.limit.min_rad, servo.limit.max_rad];
+    let [from, to, min, max] = angles.map(f32::to_degrees);
+    format!(
+        "{}: servo {number} has the range {from:.1} to {to:.1} deg in the arm file, but the profile allows {min:.1} to \
+         {max:.1} deg without a zero offset; `darm table` refuses angles outside it",
+        wired.arm.servo_name(number),
+    )
 }
 
 /// Stores a profile and waits until the board has restarted with it.

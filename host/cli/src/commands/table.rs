@@ -197,16 +197,18 @@ impl Table {
         };
         let steps = measurement_plan::plan(arm, &options);
         spinner.finish_and_clear();
-        let visit = |(number, step): (usize, measurement_plan::Step)| PlannedVisit {
-            held_out: step.held_out,
-            visit: Visit {
-                word: step.word,
-                servos_rad: step.servos_rad,
-                dwell_s: self.dwell.unwrap_or(MEASUREMENT_DWELL_S),
-                label: format!("visit {number}"),
-            },
+        steps.into_iter().enumerate().map(|(number, step)| self.planned_visit(number, step)).collect()
+    }
+
+    /// The visit with this number, for a step of a measurement plan.
+    fn planned_visit(&self, number: usize, step: measurement_plan::Step) -> PlannedVisit {
+        let visit = Visit {
+            word: step.word,
+            servos_rad: step.servos_rad,
+            dwell_s: self.dwell.unwrap_or(MEASUREMENT_DWELL_S),
+            label: format!("visit {number}"),
         };
-        steps.into_iter().enumerate().map(visit).collect()
+        PlannedVisit { held_out: step.held_out, visit }
     }
 
     fn word_visit(&self, arm: &Arm, text: &str, dwell_s: f64) -> Result<PlannedVisit, Usage> {

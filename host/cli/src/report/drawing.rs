@@ -102,14 +102,7 @@ fn bounds(frames: &[DrawnFrame]) -> [f64; 4] {
 fn one(frame: &DrawnFrame, [x0, y0, x1, y1]: [f64; 4]) -> Markup {
     let (width, height) = ((x1 - x0) * SCALE, (y1 - y0) * SCALE);
     let at = |[x, y]: [f64; 2]| ((x - x0) * SCALE, (y1 - y) * SCALE);
-    let lines = |class: &str, lines: &[Line]| {
-        html! {
-            @for [a, b] in lines {
-                @let ((ax, ay), (bx, by)) = (at(*a), at(*b));
-                line class=(class) x1=(n(ax)) y1=(n(ay)) x2=(n(bx)) y2=(n(by)) {}
-            }
-        }
-    };
+    let lines = |class, drawn| lines(class, drawn, at);
     let (ground_left, ground_right) = (at([x0 + 0.1, 0.0]), at([x1 - 0.1, 0.0]));
     html! {
         svg viewBox={ "0 0 " (n(width)) " " (n(height)) } role="img" aria-label={ "arm in frame " (frame.name) } {
@@ -121,6 +114,16 @@ fn one(frame: &DrawnFrame, [x0, y0, x1, y1]: [f64; 4]) -> Markup {
             (lines("leg out", &frame.synthesised.extended))
             (lines("plate", &frame.synthesised.plates))
             (axes(frame.desired, at))
+        }
+    }
+}
+
+/// Lines of this class; `at` gives where a point (m) is on the page.
+fn lines(class: &str, lines: &[Line], at: impl Fn([f64; 2]) -> (f64, f64)) -> Markup {
+    html! {
+        @for [a, b] in lines {
+            @let ((ax, ay), (bx, by)) = (at(*a), at(*b));
+            line class=(class) x1=(n(ax)) y1=(n(ay)) x2=(n(bx)) y2=(n(by)) {}
         }
     }
 }

@@ -109,24 +109,26 @@ fn frames_table(s: &SynthesisFigures) -> Markup {
 fn paper_table(s: &SynthesisFigures) -> Markup {
     let (error_m, error_rad) = s.largest();
     let ours = PaperFigures { error_m, error_rad, time_s: s.time_s };
-    let row = |name: &str, figures: &PaperFigures| {
-        html! {
-            tr {
-                td { (name) }
-                td.num { (power(figures.error_m, "m")) }
-                td.num { (angle(figures.error_rad)) }
-                td.num { (seconds(figures.time_s)) }
-            }
-        }
-    };
     html! {
         table {
             thead { tr { th { "largest error" } th.num { "position" } th.num { "angle error" } th.num { "time" } } }
             tbody {
-                (row(&format!("default method, {} steps", s.iterations), &ours))
-                @if let Some(here) = &s.paper_method { (row("the paper's method, our implementation", here)) }
-                (row("as printed in the paper", &s.paper))
+                (paper_row(&format!("default method, {} steps", s.iterations), &ours))
+                @if let Some(here) = &s.paper_method { (paper_row("the paper's method, our implementation", here)) }
+                (paper_row("as printed in the paper", &s.paper))
             }
+        }
+    }
+}
+
+/// A row of the largest errors and the time of one method.
+fn paper_row(name: &str, figures: &PaperFigures) -> Markup {
+    html! {
+        tr {
+            td { (name) }
+            td.num { (power(figures.error_m, "m")) }
+            td.num { (angle(figures.error_rad)) }
+            td.num { (seconds(figures.time_s)) }
         }
     }
 }

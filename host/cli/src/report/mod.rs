@@ -224,17 +224,22 @@ impl Drawing {
     /// The two arms in each of the desired frames; frames without a pose are left out.
     pub fn of(base_line: &Arm, synthesised: &Arm, desired: &[DesiredFrame]) -> Self {
         let mut scratch = ArmScratch::default();
-        let mut drawn = |frame: &DesiredFrame| {
-            let Pose { rotation, position } = frame.pose_base_tool;
-            Some(DrawnFrame {
-                name: frame.name.clone(),
-                word: frame.word.to_string(),
-                base_line: posture(base_line, frame, &mut scratch)?,
-                synthesised: posture(synthesised, frame, &mut scratch)?,
-                desired: [position.x, position.y, rotation.m21.atan2(rotation.m11)],
-            })
-        };
-        Self { frames: desired.iter().filter_map(&mut drawn).collect() }
+        let drawn = |frame| DrawnFrame::of(base_line, synthesised, frame, &mut scratch);
+        Self { frames: desired.iter().filter_map(drawn).collect() }
+    }
+}
+
+impl DrawnFrame {
+    /// The two arms in a desired frame; `None` where one of them has no pose.
+    fn of(base_line: &Arm, synthesised: &Arm, frame: &DesiredFrame, scratch: &mut ArmScratch) -> Option<Self> {
+        let Pose { rotation, position } = frame.pose_base_tool;
+        Some(Self {
+            name: frame.name.clone(),
+            word: frame.word.to_string(),
+            base_line: posture(base_line, frame, scratch)?,
+            synthesised: posture(synthesised, frame, scratch)?,
+            desired: [position.x, position.y, rotation.m21.atan2(rotation.m11)],
+        })
     }
 }
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use darm_papers::identify::{self, Equations, HeldOut, Kind, LinkMass, Missing, Noise, Unknown, WRENCH_COMPONENTS};
 use darm_robot::robot::Robot;
-use darm_robot::robot::base_parameters::{BaseParameters, Inertial};
+use darm_robot::robot::base_parameters::{BaseParameter, BaseParameters, Inertial};
 use serde::Serialize;
 
 use crate::commands::subject::floating;
@@ -177,21 +177,24 @@ impl Identify {
 }
 
 fn base_rows(robot: &Robot, equations: &Equations, fit: &identify::Fit) -> Vec<BaseRow> {
-    let index = |inertial: &Inertial| equations.unknowns.iter().position(|u| *u == Unknown::Inertial(*inertial));
-    let row = |parameter: &darm_robot::robot::base_parameters::BaseParameter| {
-        let terms = std::iter::once((1.0, parameter.leading)).chain(parameter.grouped.iter().copied());
-        let terms: Vec<(f64, usize)> = terms.filter_map(|(c, inertial)| Some((c, index(&inertial)?))).collect();
-        let sum = |of: &dyn Fn(usize) -> f64| terms.iter().map(|(c, k)| c * of(*k)).sum::<f64>();
-        let variance: f64 = terms.iter().map(|(a, i)| sum(&|j| a * fit.covariance[(*i, j)])).sum();
-        BaseRow {
-            parameter: BaseParameters::words(parameter, robot),
-            unit: parameter.leading.unit(),
-            nominal: sum(&|k| equations.nominal[k]),
-            identified: sum(&|k| fit.values[k]),
-            sd: variance.max(0.0).sqrt(),
-        }
-    };
+    let row = |parameter| base_row(robot, equations, fit, parameter);
     equations.base_parameters().base.iter().map(row).collect()
+}
+
+/// A base parameter, as the file has it and as identified.
+fn base_row(robot: &Robot, equations: &Equations, fit: &identify::Fit, parameter: &BaseParameter) -> BaseRow {
+    let index = |inertial: &Inertial| equations.unknowns.iter().position(|u| *u == Unknown::Inertial(*inertial));
+    let terms = std::iter::once((1.0, parameter.leading)).chain(parameter.grouped.iter().copied());
+    let terms: Vec<(f64, usize)> = terms.filter_map(|(c, inertial)| Some((c, index(&inertial)?))).collect();
+    let sum = |of: &dyn Fn(usize) -> f64| terms.iter().map(|(c, k)| c * of(*k)).sum::<f64>();
+    let variance: f64 = terms.iter().map(|(a, i)| sum(&|j| a * fit.covariance[(*i, j)])).sum();
+    BaseRow {
+        parameter: BaseParameters::words(parameter, robot),
+        unit: parameter.leading.unit(),
+        nominal: sum(&|k| equations.nominal[k]),
+        identified: sum(&|k| fit.values[k]),
+        sd: variance.max(0.0).sqrt(),
+    }
 }
 
 fn friction(robot: &Robot, equations: &Equations, fit: &identify::Fit) -> Vec<FrictionRow> {

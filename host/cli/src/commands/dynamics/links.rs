@@ -62,18 +62,7 @@ fn row(robot: &Robot, state: &LinkState) -> LinkRow {
 
 /// Three tables, of velocities, of accelerations and of forces and moments.
 pub(super) fn text(links: &[LinkRow]) -> String {
-    type Column = (&'static str, fn(&LinkRow) -> [f64; 3]);
-    let degrees = |v: [f64; 3]| v.map(f64::to_degrees);
-    let table = |head: [Column; 2], is_angular: bool| {
-        let title = std::iter::once("link").chain(head.iter().flat_map(|(name, _)| [*name, "", ""]));
-        let rows = links.iter().map(|link| {
-            let [first, second] = head.map(|(_, of)| of(link));
-            let first = if is_angular { degrees(first) } else { first };
-            let numbers = first.into_iter().chain(second).map(|x| number(x, 3));
-            std::iter::once(link.link.clone()).chain(numbers).collect::<Vec<_>>()
-        });
-        columns(&std::iter::once(title.map(str::to_owned).collect()).chain(rows).collect::<Vec<_>>())
-    };
+    let table = |head, is_angular| table(links, head, is_angular);
     let outward = [
         table([("ω, deg/s", |l| l.angular_velocity_rad_s), ("v, m/s", |l| l.velocity_m_s)], true),
         table(
@@ -96,4 +85,19 @@ pub(super) fn text(links: &[LinkRow]) -> String {
         "\n\nlinks, each along its own axes; accelerations without gravity, F with the weight\n{}\n\n{inward}",
         outward.join("\n\n")
     )
+}
+
+/// A vector of a link, with its name and unit.
+type Column = (&'static str, fn(&LinkRow) -> [f64; 3]);
+
+/// A table of two vectors of each link; where the first is angular, in degrees.
+fn table(links: &[LinkRow], head: [Column; 2], is_angular: bool) -> String {
+    let title = std::iter::once("link").chain(head.iter().flat_map(|(name, _)| [*name, "", ""]));
+    let rows = links.iter().map(|link| {
+        let [first, second] = head.map(|(_, of)| of(link));
+        let first = if is_angular { first.map(f64::to_degrees) } else { first };
+        let numbers = first.into_iter().chain(second).map(|x| number(x, 3));
+        std::iter::once(link.link.clone()).chain(numbers).collect::<Vec<_>>()
+    });
+    columns(&std::iter::once(title.map(str::to_owned).collect()).chain(rows).collect::<Vec<_>>())
 }

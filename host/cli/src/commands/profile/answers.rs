@@ -78,6 +78,17 @@ impl LimitReport {
         };
         outputs.filter_map(|(number, output)| Some((number, output.as_ref()?.limit))).map(report).collect()
     }
+
+    /// Its cells in the table of limits.
+    fn cells(&self) -> Vec<String> {
+        vec![
+            self.output.to_string(),
+            format!("{:.3} s", self.max_on_s),
+            format!("{} %", self.duty_percent),
+            format!("{:.3} s", self.window_s),
+            format!("{:.3} s", self.longest_on_s),
+        ]
+    }
 }
 
 impl Answer for Checked {
@@ -87,16 +98,7 @@ impl Answer for Checked {
             Made { file: None, done: "", name: self.made.name.clone(), digest: self.made.digest.clone(), ..self.made };
         let head = format!("{} is valid: {}", path.display(), made.text().trim_end_matches("; "));
         let titles = ["output", "max on-time", "duty", "window", "effective max on-time"].map(str::to_owned).to_vec();
-        let row = |limit: &LimitReport| {
-            vec![
-                limit.output.to_string(),
-                format!("{:.3} s", limit.max_on_s),
-                format!("{} %", limit.duty_percent),
-                format!("{:.3} s", limit.window_s),
-                format!("{:.3} s", limit.longest_on_s),
-            ]
-        };
-        let rows: Vec<_> = std::iter::once(titles).chain(self.limits.iter().map(row)).collect();
+        let rows: Vec<_> = std::iter::once(titles).chain(self.limits.iter().map(LimitReport::cells)).collect();
         format!("{head}\n\nlimits in force, after derating:\n{}", columns(&rows))
     }
 }
@@ -132,6 +134,20 @@ impl From<&OutputState> for OutputReport {
     }
 }
 
+impl OutputReport {
+    /// Its cells in the table of outputs.
+    fn cells(&self) -> Vec<String> {
+        vec![
+            self.output.to_string(),
+            format!("{:.1} s", self.max_on_s),
+            format!("{} %", self.duty_percent),
+            format!("{:.1} s", self.window_s),
+            format!("{:.1} s", self.left_s),
+            format!("{:.0} s", self.recovery_s),
+        ]
+    }
+}
+
 impl Answer for Shown {
     fn text(&self) -> String {
         let head = match self.built_in {
@@ -140,17 +156,7 @@ impl Answer for Shown {
         };
         let titles =
             ["output", "max on-time", "duty", "window", "left now", "recovered in"].map(str::to_owned).to_vec();
-        let row = |output: &OutputReport| {
-            vec![
-                output.output.to_string(),
-                format!("{:.1} s", output.max_on_s),
-                format!("{} %", output.duty_percent),
-                format!("{:.1} s", output.window_s),
-                format!("{:.1} s", output.left_s),
-                format!("{:.0} s", output.recovery_s),
-            ]
-        };
-        let rows: Vec<_> = std::iter::once(titles).chain(self.outputs.iter().map(row)).collect();
+        let rows: Vec<_> = std::iter::once(titles).chain(self.outputs.iter().map(OutputReport::cells)).collect();
         format!("{head}\n\n{}", columns(&rows))
     }
 }

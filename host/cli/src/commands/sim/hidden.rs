@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use darm_arm::arm::frames::{DesiredFrame, Weights};
 use darm_arm::arm::{Arm, ArmScratch};
-use darm_diagnose::measurement_plan::candidates;
+use darm_diagnose::measurement_plan::{Step, candidates};
 use darm_diagnose::truth::{Kind, Truth, TruthError};
 
 /// Number of words at whose frames the effect's size is set.
@@ -41,16 +41,18 @@ impl Effect {
 /// The arm's own frames for a few words.
 fn frames(arm: &Arm, seed: u64) -> Vec<DesiredFrame> {
     let mut scratch = ArmScratch::default();
-    let frame = |step: darm_diagnose::measurement_plan::Step| {
-        let pose = arm.model.predict(&arm.model.nominal(step.word, &step.servos_rad), &mut scratch).ok()?;
-        Some(DesiredFrame {
-            name: step.word.to_string(),
-            word: step.word,
-            previous: step.previous,
-            servos_rad: step.servos_rad,
-            pose_base_tool: pose,
-            weights: Weights::default(),
-        })
-    };
-    candidates(arm, seed).into_iter().take(WORDS).filter_map(frame).collect()
+    candidates(arm, seed).into_iter().take(WORDS).filter_map(|step| frame(arm, step, &mut scratch)).collect()
+}
+
+/// The arm's own frame for a step; `None` where it has no pose.
+fn frame(arm: &Arm, step: Step, scratch: &mut ArmScratch) -> Option<DesiredFrame> {
+    let pose = arm.model.predict(&arm.model.nominal(step.word, &step.servos_rad), scratch).ok()?;
+    Some(DesiredFrame {
+        name: step.word.to_string(),
+        word: step.word,
+        previous: step.previous,
+        servos_rad: step.servos_rad,
+        pose_base_tool: pose,
+        weights: Weights::default(),
+    })
 }

@@ -145,19 +145,7 @@ impl Shown {
 
     fn outputs(&self) -> String {
         let titles = ["output", "drive", "lines", "pulse", "max on-time", "duty", "window"].map(str::to_owned).to_vec();
-        let row = |output: &OutputReport| {
-            let lines: Vec<String> = output.lines.iter().map(u8::to_string).collect();
-            vec![
-                output.output.to_string(),
-                output.drive.to_owned(),
-                lines.join(" "),
-                output.pulse_s.map_or(String::new(), |pulse_s| format!("{pulse_s:.3} s")),
-                format!("{:.3} s", output.max_on_s),
-                format!("{} %", output.duty_percent),
-                format!("{:.3} s", output.window_s),
-            ]
-        };
-        columns(&std::iter::once(titles).chain(self.outputs.iter().map(row)).collect::<Vec<_>>())
+        columns(&std::iter::once(titles).chain(self.outputs.iter().map(OutputReport::cells)).collect::<Vec<_>>())
     }
 
     fn actuators(&self) -> String {
@@ -194,6 +182,22 @@ impl Shown {
             0 => text,
             more => text + &format!("\n… {more} more rows; --all shows them"),
         }
+    }
+}
+
+impl OutputReport {
+    /// Its cells in the table of outputs.
+    fn cells(&self) -> Vec<String> {
+        let lines: Vec<String> = self.lines.iter().map(u8::to_string).collect();
+        vec![
+            self.output.to_string(),
+            self.drive.to_owned(),
+            lines.join(" "),
+            self.pulse_s.map_or(String::new(), |pulse_s| format!("{pulse_s:.3} s")),
+            format!("{:.3} s", self.max_on_s),
+            format!("{} %", self.duty_percent),
+            format!("{:.3} s", self.window_s),
+        ]
     }
 }
 
