@@ -1,5 +1,7 @@
 //! Makes the script of a failing run smaller while it still fails.
 
+use std::ops::Range;
+
 use crate::run::run;
 use crate::script::Script;
 
@@ -33,18 +35,19 @@ pub fn shrink(script: &Script, rule: &str) -> Script {
 
 /// The script without each run of `part` entries.
 fn cuts(script: &Script, part: usize) -> Vec<Script> {
-    let without = |entries: usize, cut: &dyn Fn(&mut Script, std::ops::Range<usize>)| -> Vec<Script> {
-        let starts = (0..entries).step_by(part);
-        starts
-            .map(|from| {
-                let mut smaller = script.clone();
-                cut(&mut smaller, from..(from + part).min(entries));
-                smaller
-            })
-            .collect()
-    };
-    let mut all = without(script.world.len(), &|script, range| drop(script.world.drain(range)));
-    all.extend(without(script.host.len(), &|script, range| drop(script.host.drain(range))));
-    all.extend(without(script.second.len(), &|script, range| drop(script.second.drain(range))));
+    let (world, host, second) = (script.world.len(), script.host.len(), script.second.len());
+    let mut all = without(script, world, part, |script, range| drop(script.world.drain(range)));
+    all.extend(without(script, host, part, |script, range| drop(script.host.drain(range))));
+    all.extend(without(script, second, part, |script, range| drop(script.second.drain(range))));
     all
+}
+
+/// The script without each run of `part` of its `entries` of a kind, which `cut` takes out.
+fn without(script: &Script, entries: usize, part: usize, cut: impl Fn(&mut Script, Range<usize>)) -> Vec<Script> {
+    let smaller = |from: usize| {
+        let mut smaller = script.clone();
+        cut(&mut smaller, from..(from + part).min(entries));
+        smaller
+    };
+    (0..entries).step_by(part).map(smaller).collect()
 }

@@ -49,18 +49,20 @@ pub(crate) fn own_frames(file: &str, words: &[&str]) -> Result<Own> {
 /// component of v_p in ±s m and of v_ω in ±s/3 rad.
 pub(crate) fn moved(frames: &[DesiredFrame], size: f64, planar: bool, seed: u64) -> Vec<DesiredFrame> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut within = |limit: f64| rng.random_range(-limit..limit);
-    let mut motion = || {
-        if planar {
-            let linear = Vector3::new(within(size), within(size), 0.0);
-            return Twist { angular: Vector3::new(0.0, 0.0, within(size / 2.0)), linear };
-        }
-        let linear = Vector3::from_fn(|_, _| within(size));
-        Twist { angular: Vector3::from_fn(|_, _| within(size / 3.0)), linear }
-    };
     let moved = |frame: &DesiredFrame| {
-        let pose_base_tool = frame.pose_base_tool * Pose::exp(&motion());
+        let pose_base_tool = frame.pose_base_tool * Pose::exp(&motion(size, planar, &mut rng));
         DesiredFrame { pose_base_tool, ..frame.clone() }
     };
     frames.iter().map(moved).collect()
+}
+
+/// A random motion in the plane or in space, m and rad, with parts up to `size`.
+fn motion(size: f64, planar: bool, rng: &mut ChaCha8Rng) -> Twist<f64> {
+    let mut within = |limit: f64| rng.random_range(-limit..limit);
+    if planar {
+        let linear = Vector3::new(within(size), within(size), 0.0);
+        return Twist { angular: Vector3::new(0.0, 0.0, within(size / 2.0)), linear };
+    }
+    let linear = Vector3::from_fn(|_, _| within(size));
+    Twist { angular: Vector3::from_fn(|_, _| within(size / 3.0)), linear }
 }

@@ -40,17 +40,7 @@ pub(super) const WRONG: [S<PoseLog>; 22] = [
         let n = log.arm.n_actuators();
         let first = rng.random_range(0..n);
         let second = (first + rng.random_range(1..n)) % n;
-        words(log, |word| {
-            exchanged(word, |k| {
-                if k == first {
-                    second
-                } else if k == second {
-                    first
-                } else {
-                    k
-                }
-            })
-        });
+        words(log, |word| exchanged(word, |k| other_of_two(first, second, k)));
     }),
     S::wrong("two modules are exchanged", |log, rng| {
         let stages = &log.arm.model.chain.stages;
@@ -58,15 +48,7 @@ pub(super) const WRONG: [S<PoseLog>; 22] = [
         let modules = log.arm.n_actuators() / of_module;
         let first = rng.random_range(0..modules);
         let second = (first + rng.random_range(1..modules)) % modules;
-        let module = |m: usize| {
-            if m == first {
-                second
-            } else if m == second {
-                first
-            } else {
-                m
-            }
-        };
+        let module = |m: usize| other_of_two(first, second, m);
         words(log, |word| exchanged(word, |k| module(k / of_module) * of_module + k % of_module));
     }),
     S::wrong("all sockets are shuffled", |log, rng| {
@@ -185,6 +167,15 @@ fn words(log: &mut PoseLog, change: impl Fn(&str) -> String) {
 fn exchanged(word: &str, of: impl Fn(usize) -> usize) -> String {
     let digits: Vec<char> = word.chars().collect();
     (0..digits.len()).map(|k| digits[of(k)]).collect()
+}
+
+/// The other one of `first` and `second`; any other place stays.
+fn other_of_two(first: usize, second: usize, place: usize) -> usize {
+    match place {
+        _ if place == first => second,
+        _ if place == second => first,
+        _ => place,
+    }
 }
 
 fn shifted(log: &mut PoseLog, by: isize) {

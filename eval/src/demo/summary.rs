@@ -68,29 +68,34 @@ fn stop_figure(setting: &Setting) -> StopFigure {
 
 fn closures(course: &Course) -> Vec<Closure> {
     let Some(closed) = &course.closed else { return Vec::new() };
-    let goal_m = course.goal_m();
-    let closure = |name: &str, note: &str, words: &[DesiredFrame], after: &FrameErrors| Closure {
-        name: name.to_owned(),
-        note: note.to_owned(),
-        frames: closed_frames(&course.wanted, words, &course.before, after),
-        before_m: course.before.rms_m(),
-        after_m: after.rms_m(),
-        goal_m,
-    };
     vec![
         closure(
+            course,
             "stops",
             "The geometry is synthesised again with the corrected model, and the stops are turned to it.",
             &course.wanted,
             &closed.restopped,
         ),
         closure(
+            course,
             "table only",
             "The metal stays as it is; the corrected model chooses the nearest words.",
             &closed.words,
             &closed.table_only,
         ),
     ]
+}
+
+/// The loop closed by `words`, with the errors `after` it.
+fn closure(course: &Course, name: &str, note: &str, words: &[DesiredFrame], after: &FrameErrors) -> Closure {
+    Closure {
+        name: name.to_owned(),
+        note: note.to_owned(),
+        frames: closed_frames(&course.wanted, words, &course.before, after),
+        before_m: course.before.rms_m(),
+        after_m: after.rms_m(),
+        goal_m: course.goal_m(),
+    }
 }
 
 fn closed_frames(

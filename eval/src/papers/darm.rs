@@ -196,18 +196,20 @@ fn read(example: &Example) -> Result<(Arm, Task)> {
 
 /// Orientation error over position error of the paper's scheme, rad/m, on frames of the planar arm moved at random.
 fn ratios(turns: bool) -> Result<Vec<f64>> {
-    let Own { arm, frames } = own_frames("planar4.toml", &PLANAR_WORDS)?;
+    let own = own_frames("planar4.toml", &PLANAR_WORDS)?;
+    (0..DRAWS).map(|seed| ratio(&own, turns, seed)).collect()
+}
+
+/// Orientation error over position error on the frames of one seed, rad/m; the frames turn only where `turns`.
+fn ratio(Own { arm, frames }: &Own, turns: bool, seed: u64) -> Result<f64> {
     let options = Options { method: Method::Paper(Scheme::of(DRAW_STEPS)), ..Options::default() };
-    let ratio = |seed| {
-        let mut desired = moved(&frames, DRAW_SIZE, true, seed);
-        for (frame, own) in desired.iter_mut().zip(&frames).filter(|_| !turns) {
-            frame.pose_base_tool = Pose { rotation: own.pose_base_tool.rotation, ..frame.pose_base_tool };
-        }
-        let found = synthesize(&arm, &desired, &options)?;
-        let run = Run::new(&found, Feedback::Actual, 0.0);
-        Ok(run.orientation_rad.unwrap_or(0.0) / run.position_m)
-    };
-    (0..DRAWS).map(ratio).collect()
+    let mut desired = moved(frames, DRAW_SIZE, true, seed);
+    for (frame, own) in desired.iter_mut().zip(frames).filter(|_| !turns) {
+        frame.pose_base_tool = Pose { rotation: own.pose_base_tool.rotation, ..frame.pose_base_tool };
+    }
+    let found = synthesize(arm, &desired, &options)?;
+    let run = Run::new(&found, Feedback::Actual, 0.0);
+    Ok(run.orientation_rad.unwrap_or(0.0) / run.position_m)
 }
 
 fn ratio_figures(turns: bool, ratios: &[f64]) -> Result<Vec<Figure>> {
@@ -247,26 +249,29 @@ fn own_frames_of(arm: &Arm, word: &str) -> Result<Vec<DesiredFrame>> {
 /// The rows of one example: names of runs of 1000 steps leave the steps out.
 fn rows_of(Runs { example, paper, default }: &Runs) -> Result<Vec<Figure>> {
     let mut figures = Vec::new();
-    let mut add = |name: String, run: &Run| -> Result<()> {
-        let mut push = |what: &str, value: f64, unit: &str| -> Result<()> {
-            figures.push(Figure::new(&format!("{name}: {what}"), value, unit)?);
-            Ok(())
-        };
-        push("position error", run.position_m, "m")?;
-        run.orientation_rad.map_or(Ok(()), |rad| push("orientation error", rad.to_degrees(), "deg"))?;
-        if example.is_redundant {
-            push("alteration", run.alteration_m, "m")?;
-        }
-        push("steps", run.steps.into(), "")?;
-        push("time", 1e3 * run.time_s, "ms")
-    };
     for run in paper {
         let reading = if run.is_interpolated { ", interpolated frames" } else { "" };
         let steps = if run.steps == MAIN_STEPS { String::new() } else { format!(", {} steps", run.steps) };
-        add(format!("{}, paper's method{reading}{steps}", example.name), run)?;
+        let name = format!("{}, paper's method{reading}{steps}", example.name);
+        figures.extend(rows_of_run(&name, run, example.is_redundant)?);
     }
-    add(format!("{}, default", example.name), default)?;
+    figures.extend(rows_of_run(&format!("{}, default", example.name), default, example.is_redundant)?);
     Ok(figures)
+}
+
+/// The rows of one run; those of a redundant arm have the alteration too.
+fn rows_of_run(name: &str, run: &Run, is_redundant: bool) -> Result<Vec<Figure>> {
+    let row = |what: &str, value: f64, unit: &str| Figure::new(&format!("{name}: {what}"), value, unit);
+    let mut rows = vec![row("position error", run.position_m, "m")?];
+    if let Some(rad) = run.orientation_rad {
+        rows.push(row("orientation error", rad.to_degrees(), "deg")?);
+    }
+    if is_redundant {
+        rows.push(row("alteration", run.alteration_m, "m")?);
+    }
+    rows.push(row("steps", run.steps.into(), "")?);
+    rows.push(row("time", 1e3 * run.time_s, "ms")?);
+    Ok(rows)
 }
 
 fn print_trade_off(points: &[[f64; 3]]) {

@@ -191,22 +191,9 @@ pub(super) fn from_motions(figures: &mut Vec<Figure>, robots: &Robots, seed: u64
         (joint.friction, joint.damping) = (coulomb, viscous);
     }
     let mut random = ChaCha8Rng::seed_from_u64(seed + 1);
-    let samples = |random: &mut ChaCha8Rng| -> Vec<Sample> {
-        let waves: Vec<[f64; 6]> =
-            real.joints.iter().map(|_| std::array::from_fn(|_| random.random_range(-1.0..1.0))).collect();
-        (0..400)
-            .map(|k| {
-                let state = moving(&waves, f64::from(k) * 0.02);
-                Sample {
-                    line: k as usize + 2,
-                    ..simulated(&real, BodyMotion::resting(&real.gravity), state, &NOISE, random)
-                }
-            })
-            .collect()
-    };
-    let fitted = equations(&robots.cad, &samples(&mut random), Kind::Moving)?;
+    let fitted = equations(&robots.cad, &samples(&real, &mut random), Kind::Moving)?;
     let fit = fitted.fit(Kind::Moving);
-    let other = equations(&robots.cad, &samples(&mut random), Kind::Moving)?;
+    let other = equations(&robots.cad, &samples(&real, &mut random), Kind::Moving)?;
     let all: Vec<usize> = (0..other.samples.len()).collect();
     let [own, _] = identify::rms_cop(&other, &fit.values, &all);
     let [cad, _] = identify::rms_cop(&other, &other.nominal, &all);
@@ -228,21 +215,32 @@ pub(super) fn from_motions(figures: &mut Vec<Figure>, robots: &Robots, seed: u64
     Ok(())
 }
 
+/// Samples of `real` on the spot, with its joints in waves.
+fn samples(real: &Robot, random: &mut ChaCha8Rng) -> Vec<Sample> {
+    let waves: Vec<[f64; 6]> =
+        real.joints.iter().map(|_| std::array::from_fn(|_| random.random_range(-1.0..1.0))).collect();
+    let sample = |k: u32| {
+        let (base, state) = (BodyMotion::resting(&real.gravity), moving(&waves, f64::from(k) * 0.02));
+        Sample { line: k as usize + 2, ..simulated(real, base, state, &NOISE, random) }
+    };
+    (0..400).map(sample).collect()
+}
+
 /// Positions, velocities and accelerations of three waves in each joint.
 fn moving(waves: &[[f64; 6]], time_s: f64) -> [Vec<f64>; 3] {
+    std::array::from_fn(|order| waves.iter().map(|wave| derivative(wave, order, time_s)).collect())
+}
+
+/// The derivative of this order of three waves of a joint, rad per second to that power.
+fn derivative(wave: &[f64; 6], order: usize, time_s: f64) -> f64 {
     const RATES: [f64; 3] = [2.1, 3.7, 6.3];
-    std::array::from_fn(|order| {
-        let of = |wave: &[f64; 6]| {
-            let part = |k: usize| {
-                let (w, size) = (RATES[k], 0.35 / RATES[k] * 2.1);
-                let phase = w * time_s + 3.0 * wave[k + 3];
-                let turned = phase + order as f64 * std::f64::consts::FRAC_PI_2;
-                size * wave[k] * w.powi(order as i32) * turned.sin()
-            };
-            (0..3).map(part).sum()
-        };
-        waves.iter().map(of).collect()
-    })
+    let part = |k: usize| {
+        let (w, size) = (RATES[k], 0.35 / RATES[k] * 2.1);
+        let phase = w * time_s + 3.0 * wave[k + 3];
+        let turned = phase + order as f64 * std::f64::consts::FRAC_PI_2;
+        size * wave[k] * w.powi(order as i32) * turned.sin()
+    };
+    (0..3).map(part).sum()
 }
 
 /// Samples as `darm com identify` reads them.

@@ -53,34 +53,41 @@ pub(super) fn count_standing(
     let cad = &robots.first().context("no robot is drawn")?.cad;
     let by_cad = map(cad, setup, person, capture)?;
     let bar = progress.bar("robots", robots.len() as u64);
-    let one = |robots: &Robots| -> Result<Run> {
-        let plan = map(&robots.identified, setup, person, capture)?;
-        let run = Run {
-            identified: executed(&robots.real, &robots.identified, setup, &plan)?,
-            loops_alone: execute(&robots.real, setup, &plan, (Gains::default(), &[]))?,
-            cad: executed(&robots.real, cad, setup, &by_cad)?,
-            moved_m: plan.moved_m,
-        };
-        bar.inc(1);
-        Ok(run)
-    };
+    let one = |robots| run(robots, (cad, &by_cad), followed).inspect(|_| bar.inc(1));
     let runs = robots.par_iter().map(one).collect::<Result<Vec<_>>>()?;
     bar.finish_and_clear();
     let of = robots.len();
-    let mut push = |what: &str, own: &dyn Fn(&Run) -> &Executed| -> Result<()> {
-        let standing = runs.iter().filter(|run| !own(run).fell).count();
-        figures.push(figure(&format!("{name}: robots that stand, {what}, of {of}"), standing as f64, "")?);
-        let mut margins: Vec<f64> = runs.iter().map(|run| 1e3 * own(run).cop_margin_m).collect();
-        margins.sort_by(f64::total_cmp);
-        let (smallest, median) = (margins[0], margins[of / 2]);
-        figures.push(figure(&format!("{name}: margin of the centre of pressure, {what}, median"), median, "mm")?);
-        figures.push(figure(&format!("{name}: margin of the centre of pressure, {what}, smallest"), smallest, "mm")?);
-        Ok(())
-    };
-    push("identified", &|run| &run.identified)?;
-    push("CAD", &|run| &run.cad)?;
-    push("identified, PD alone", &|run| &run.loops_alone)?;
+    let each = |own: fn(&Run) -> &Executed| runs.iter().map(own).collect::<Vec<_>>();
+    figures.extend(standing(name, "identified", &each(|run| &run.identified))?);
+    figures.extend(standing(name, "CAD", &each(|run| &run.cad))?);
+    figures.extend(standing(name, "identified, PD alone", &each(|run| &run.loops_alone))?);
     let moved = runs.iter().map(|run| run.moved_m).fold(0.0, f64::max);
     figures.push(figure(&format!("{name}: centre of mass moved for balance, most of {of}"), 1e3 * moved, "mm")?);
     Ok(())
+}
+
+/// One robot follows the demonstration by what was identified, and by `cad` with its plan.
+fn run(robots: &Robots, (cad, by_cad): (&Robot, &Mapped), followed: &Followed<'_>) -> Result<Run> {
+    let Followed { setup, person, capture, .. } = *followed;
+    let plan = map(&robots.identified, setup, person, capture)?;
+    Ok(Run {
+        identified: executed(&robots.real, &robots.identified, setup, &plan)?,
+        loops_alone: execute(&robots.real, setup, &plan, (Gains::default(), &[]))?,
+        cad: executed(&robots.real, cad, setup, by_cad)?,
+        moved_m: plan.moved_m,
+    })
+}
+
+/// How many stand, and the median and the smallest margin of the centre of pressure, mm.
+fn standing(name: &str, what: &str, all: &[&Executed]) -> Result<[Figure; 3]> {
+    let standing = all.iter().filter(|own| !own.fell).count();
+    let of = all.len();
+    let mut margins: Vec<f64> = all.iter().map(|own| 1e3 * own.cop_margin_m).collect();
+    margins.sort_by(f64::total_cmp);
+    let (smallest, median) = (margins[0], margins[of / 2]);
+    Ok([
+        figure(&format!("{name}: robots that stand, {what}, of {of}"), standing as f64, "")?,
+        figure(&format!("{name}: margin of the centre of pressure, {what}, median"), median, "mm")?,
+        figure(&format!("{name}: margin of the centre of pressure, {what}, smallest"), smallest, "mm")?,
+    ])
 }
