@@ -12,6 +12,8 @@ const MAX_MEDIAN_LINES: usize = 9;
 const MAX_90TH_PERCENTILE_LINES: usize = 25;
 /// Without `self`; formulas of the core may take more.
 const MAX_PARAMETERS: usize = 5;
+/// Of the body of a closure with a name, between its first and its last line.
+const MAX_CLOSURE_LINES: usize = 5;
 
 fn parsed(source: &Source) -> syn::File {
     syn::parse_file(&source.text).unwrap_or_else(|error| panic!("{}: {error}", source.path))
@@ -118,6 +120,58 @@ fn functions_are_short_and_take_few_parameters() {
     assert!(lines.len() > 4000, "{} functions", lines.len());
     assert!(median <= MAX_MEDIAN_LINES, "half of the functions have more than {median} lines");
     assert!(high <= MAX_90TH_PERCENTILE_LINES, "a tenth of the functions have more than {high} lines");
+}
+
+/// The closures with a name in a source that are too long; those of its tests are left out.
+struct Closures<'a> {
+    file: &'a str,
+    too_long: Vec<String>,
+}
+
+impl<'ast> Visit<'ast> for Closures<'_> {
+    fn visit_local(&mut self, local: &'ast syn::Local) {
+        if let Some(init) = &local.init
+            && let syn::Expr::Closure(closure) = &*init.expr
+        {
+            let body = closure.body.span();
+            let lines = (body.end().line - body.start().line).saturating_sub(1);
+            if lines > MAX_CLOSURE_LINES {
+                let (line, name) = (local.span().start().line, name_of(&local.pat));
+                self.too_long.push(format!("{}:{line}: `{name}` has {lines} lines", self.file));
+            }
+        }
+        visit::visit_local(self, local);
+    }
+
+    fn visit_item_fn(&mut self, function: &'ast syn::ItemFn) {
+        if !is_of_tests(&function.attrs) {
+            visit::visit_item_fn(self, function);
+        }
+    }
+
+    fn visit_item_mod(&mut self, module: &'ast syn::ItemMod) {
+        if !is_of_tests(&module.attrs) {
+            visit::visit_item_mod(self, module);
+        }
+    }
+}
+
+/// The name that a pattern binds, without its type; empty of other patterns.
+fn name_of(pattern: &syn::Pat) -> String {
+    match pattern {
+        syn::Pat::Ident(of) => of.ident.to_string(),
+        syn::Pat::Type(of) => name_of(&of.pat),
+        _ => String::new(),
+    }
+}
+
+#[test]
+fn closures_with_a_name_are_short() {
+    assert_none(sources().iter().filter(|source| !source.is_test()).flat_map(|source| {
+        let mut closures = Closures { file: &source.path, too_long: Vec::new() };
+        closures.visit_file(&parsed(source));
+        closures.too_long
+    }));
 }
 
 /// A module by the names on its path.
