@@ -57,3 +57,42 @@ fn main() -> ExitCode {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use clap::{CommandFactory as _, Parser as _};
+
+    use super::Arguments;
+
+    /// The command lines that the documents print, behind their `cargo xtask`, with numbers for placeholders.
+    fn documented() -> Vec<String> {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let docs = std::fs::read_dir(root.join("docs")).unwrap().map(|entry| entry.unwrap().path());
+        let pages = docs.filter(|path| path.extension().is_some_and(|extension| extension == "md"));
+        let pages = pages.chain([root.join("README.md")]).map(|page| std::fs::read_to_string(page).unwrap());
+        let lines = |page: String| -> Vec<String> {
+            let starts = page.split("cargo xtask ").skip(1);
+            let line = starts.map(|rest| rest.split(['`', '\n', '#']).next().unwrap_or_default().trim());
+            line.map(|line| line.replace(" N", " 1")).collect()
+        };
+        pages.flat_map(lines).collect()
+    }
+
+    #[test]
+    fn command_lines_of_the_documents_are_valid() {
+        let tasks: Vec<String> =
+            Arguments::command().get_subcommands().map(|task| task.get_name().to_owned()).collect();
+        let all = documented();
+        let own =
+            all.iter().filter(|line| line.split(' ').next().is_some_and(|task| tasks.iter().any(|own| own == task)));
+        let parsed = own
+            .map(|line| (line, Arguments::try_parse_from(["cargo xtask"].into_iter().chain(line.split_whitespace()))));
+        let (valid, invalid): (Vec<_>, Vec<_>) = parsed.partition(|(_, parsed)| parsed.is_ok());
+        let invalid: Vec<String> =
+            invalid.into_iter().filter_map(|(line, parsed)| Some(format!("{line}: {}", parsed.err()?))).collect();
+        assert!(invalid.is_empty(), "{}", invalid.join("\n"));
+        assert!(valid.len() > 30, "{} command lines", valid.len());
+    }
+}

@@ -1,8 +1,8 @@
 //! The closest geometry, where the frames cannot be met: the sum of squares of their distances is made small.
 //!
 //! Here the error does not vanish at the end, so that the model of Gauss–Newton is wrong by as much as the error and the
-//! arm are curved. Steps are damped, and the gradient decides when the search has settled. That gradient is exact: the
-//! error of a frame is written by parts (see `by_parts` of its target).
+//! arm are curved. Steps are therefore damped, until the sum of squares falls no further. Its gradient is exact: the error
+//! of a frame is written by parts (see `by_parts` of its target).
 
 use nalgebra::DVector;
 
