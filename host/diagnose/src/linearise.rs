@@ -1,7 +1,7 @@
 //! Stage 2: the residuals of the model as it is, and how each value of each candidate effect moves them.
 //!
 //! A new kind of measurement is one file here that makes an [`experiment::Experiment`] and names the laws that can act on
-//! what it observes, and its line in the list of kinds below.
+//! what it observes, and its line in the list of kinds in [`model`].
 
 pub mod arm_candidates;
 pub mod bodies;

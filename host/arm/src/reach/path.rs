@@ -187,11 +187,15 @@ impl fmt::Display for PathError {
             Self::NoPose(reason) => write!(f, "a word gives the arm no pose: {reason}"),
             Self::Narrow { next_m } => write!(
                 f,
-                "no order of switching keeps the tool within the tube: take a wider one, more than {:.1} mm, or switch more at once",
+                "no order of switching keeps the tool so near the straight line: allow a deviation of more than {:.1} mm, or more switches \
+                 at once",
                 1e3 * next_m
             ),
             Self::Unknown => {
-                write!(f, "{MAX_STATES} states were tried without an end: take a wider tube or switch more at once")
+                write!(
+                    f,
+                    "{MAX_STATES} states were tried without an end: allow a larger deviation, or more switches at once"
+                )
             }
         }
     }

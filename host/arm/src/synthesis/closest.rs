@@ -6,6 +6,7 @@
 
 use nalgebra::DVector;
 
+use super::SearchHandle;
 use super::newton::{Damping, Search};
 
 /// The best ends of all starts are improved.
@@ -20,15 +21,17 @@ const EQUAL: f64 = 1e-9;
 
 impl Search<'_, '_> {
     /// The closest geometry from the ends of several searches, of which the first began at the base-line; of equally close
-    /// ones that with the least changes. `None` where none of them can be assembled.
-    pub(super) fn closest(&mut self, ends: &[(f64, DVector<f64>)]) -> Option<DVector<f64>> {
+    /// ones that with the least changes. `None` where none of them can be assembled. From here on errors are written by parts,
+    /// those by which the answer is judged too.
+    pub(super) fn closest(&mut self, ends: &[(f64, DVector<f64>)], handle: &SearchHandle) -> Option<DVector<f64>> {
         self.problem.targets.iter_mut().for_each(|target| target.by_parts = true);
-        let mut by_distance: Vec<(f64, &DVector<f64>)> =
-            ends.iter().filter_map(|(_, end)| Some((self.problem.residual(end).ok()?.norm(), end))).collect();
+        let distances = ends.iter().enumerate();
+        let mut by_distance: Vec<(f64, usize)> =
+            distances.filter_map(|(at, (_, end))| Some((self.problem.residual(end).ok()?.norm(), at))).collect();
         by_distance.sort_by(|a, b| a.0.total_cmp(&b.0));
-        by_distance.truncate(IMPROVED);
-        let candidates = by_distance.iter().map(|(_, end)| *end).chain(ends.first().map(|(_, end)| end));
-        let improved: Vec<(f64, DVector<f64>)> = candidates.filter_map(|end| self.improve(end)).collect();
+        let candidates = by_distance.iter().enumerate().filter(|(rank, (_, at))| *rank < IMPROVED || *at == 0);
+        let improved = candidates.filter_map(|(_, (_, at))| self.improve(&ends[*at].1, handle));
+        let improved: Vec<(f64, DVector<f64>)> = improved.collect();
         let min = improved.iter().map(|(distance, _)| *distance).min_by(f64::total_cmp)?;
         let equal = improved.into_iter().filter(|(distance, _)| *distance <= (1.0 + EQUAL) * min);
         equal
@@ -36,12 +39,15 @@ impl Search<'_, '_> {
             .min_by(|a, b| self.problem.alteration(a).total_cmp(&self.problem.alteration(b)))
     }
 
-    /// Lowers the sum of squares until it settles; its root and the unknowns.
-    fn improve(&mut self, start: &DVector<f64>) -> Option<(f64, DVector<f64>)> {
+    /// Lowers the sum of squares until it settles, or somebody ends the search; its root and the unknowns.
+    fn improve(&mut self, start: &DVector<f64>, handle: &SearchHandle) -> Option<(f64, DVector<f64>)> {
         let mut unknowns = start.clone();
         let (mut residual, mut jacobian) = self.problem.linearise(&unknowns).ok()?;
         let (mut damping, mut settled) = (Damping::default(), 0);
         for _ in 0..MAX_STEPS {
+            if handle.is_ended() {
+                break;
+            }
             self.iterations += 1;
             let next = &unknowns + self.step(&jacobian, &residual, &unknowns, None, damping.value());
             let lower = self.problem.linearise(&next).ok().filter(|(next, _)| next.norm() < residual.norm());

@@ -68,7 +68,7 @@ pub(super) fn solve(problem: &mut Problem, options: &Options) -> Result<Found, S
     };
     let unknowns = match *error < SOLVED {
         true => search.minimise_change(unknowns.clone()),
-        false => search.closest(&ends).unwrap_or_else(|| unknowns.clone()),
+        false => search.closest(&ends, &options.handle).unwrap_or_else(|| unknowns.clone()),
     };
     Ok(Found { unknowns, iterations: search.iterations, starts })
 }
@@ -140,7 +140,9 @@ fn scattered(
 ) -> DVector<f64> {
     let mut unknowns = base_line.clone();
     // The poses of the platforms are sought with the anchors where they are.
-    for (index, value) in unknowns.iter_mut().enumerate().filter(|(index, _)| !problem.is_anchor(*index)) {
+    let n_scattered = if problem.servos_fixed { problem.n_stops() } else { base_line.len() };
+    let scattered = unknowns.iter_mut().take(n_scattered).enumerate();
+    for (index, value) in scattered.filter(|(index, _)| !problem.is_anchor(*index)) {
         let size = if problem.is_angle(index) { angle_rad } else { length * value.abs().max(0.1) };
         if let Ok(normal) = Normal::new(0.0, size) {
             *value += normal.sample(rng);

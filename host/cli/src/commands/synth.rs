@@ -66,7 +66,7 @@ pub(crate) struct Synth {
     /// Minimise the sensitivity of the frames to errors of stops and anchors of this size, mm
     #[arg(long, alias = "tolerance", value_name = "STOP[,ANCHOR]", value_parser = tolerance, group = "task")]
     part_error: Option<Tolerance>,
-    /// Stop adjustment (RSS, mm) worth halving the sensitivity
+    /// Adjustment of the stops that is accepted for halving the sensitivity (RSS, mm)
     #[arg(long, alias = "worth", value_name = "MM", default_value_t = 1000.0, requires = "part_error")]
     adjustment_per_halving: f64,
     /// Repair: repeat the synthesis with an actuator that is stuck in one state

@@ -53,7 +53,8 @@ impl<const BEAM: usize, const WIDTH: usize, const FRAMES: usize> Search<BEAM, WI
                     continue;
                 }
                 let Some(frame) = self.frames.get(last.first + third) else { continue };
-                // θ² = 4·arcsin²(s), s the sine of half the angle, by its series in s².
+                // θ² = 4·arcsin²(s), s the sine of half the angle, by its series in s²: to 2 % up to a quarter turn, beyond
+                // which no good word is.
                 let sine2 = (frame.turn().conjugate() * turn.into_inner()).imag().norm_squared();
                 let arc = 4.0 * sine2 * (1.0 + sine2 * (1.0 / 3.0 + sine2 * (8.0 / 45.0)));
                 let square = square + self.length_scale_m * self.length_scale_m * arc;
