@@ -75,7 +75,8 @@ mod tests {
         let pages = pages.chain([root.join("README.md")]).map(|page| std::fs::read_to_string(page).unwrap());
         let lines = |page: String| -> Vec<String> {
             let starts = page.split("cargo xtask ").skip(1);
-            let line = starts.map(|rest| rest.split(['`', '\n', '#']).next().unwrap_or_default().trim());
+            let line =
+                starts.map(|rest| rest.split(['`', '\n', '#']).next().expect("a split text has a first part").trim());
             line.filter(|line| line.contains(' ')).map(|line| line.replace(" N", " 1")).collect()
         };
         pages.flat_map(lines).collect()

@@ -2,6 +2,7 @@
 //! and the examples of the synthesis.
 
 pub mod convergence;
+mod convex_hull;
 pub mod grasp;
 pub mod identify;
 pub mod lecture;

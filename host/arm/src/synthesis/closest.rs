@@ -7,7 +7,7 @@
 use nalgebra::DVector;
 
 use super::SearchHandle;
-use super::newton::{Damping, Search};
+use super::newton::{EXACT, Search};
 
 /// The best ends of all starts are improved.
 const IMPROVED: usize = 8;
@@ -41,31 +41,12 @@ impl Search<'_, '_> {
 
     /// Lowers the sum of squares until it settles, or somebody ends the search; its root and the unknowns.
     fn improve(&mut self, start: &DVector<f64>, handle: &SearchHandle) -> Option<(f64, DVector<f64>)> {
-        let mut unknowns = start.clone();
-        let (mut residual, mut jacobian) = self.problem.linearise(&unknowns).ok()?;
-        let (mut damping, mut settled) = (Damping::default(), 0);
-        for _ in 0..MAX_STEPS {
-            if handle.is_ended() {
-                break;
-            }
-            self.iterations += 1;
-            let next = &unknowns + self.step(&jacobian, &residual, &unknowns, None, damping.value());
-            let lower = self.problem.linearise(&next).ok().filter(|(next, _)| next.norm() < residual.norm());
-            let Some((lower, steeper)) = lower else {
-                if damping.is_exhausted() {
-                    break;
-                }
-                damping.raise();
-                continue;
-            };
-            let fell = 1.0 - (lower.norm_squared() / residual.norm_squared());
-            (unknowns, residual, jacobian) = (next, lower, steeper);
-            damping.lower();
-            settled = if fell < SETTLED { settled + 1 } else { 0 };
-            if settled == SETTLED_STEPS {
-                break;
-            }
-        }
+        let mut settled = 0;
+        let has_settled = |before: f64, after: f64, _| {
+            settled = if 1.0 - (after / before).powi(2) < SETTLED { settled + 1 } else { 0 };
+            settled == SETTLED_STEPS || handle.is_ended()
+        };
+        let (residual, unknowns) = self.lower(start, MAX_STEPS, EXACT, has_settled).ok()?;
         Some((residual.norm(), unknowns))
     }
 }

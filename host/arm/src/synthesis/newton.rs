@@ -62,10 +62,25 @@ pub(super) struct Search<'p, 'a> {
 impl Search<'_, '_> {
     /// Lowers the residual from `start` until it is below `enough` or does not fall any more.
     pub(super) fn descend(&mut self, start: &DVector<f64>, enough: f64) -> Result<(f64, DVector<f64>), SynthesisError> {
+        let has_settled =
+            |before: f64, after: f64, damping: Damping| before - after < 1e-12 * before && damping.value() == 0.0;
+        let (residual, unknowns) = self.lower(start, MAX_STEPS, enough, has_settled)?;
+        Ok((residual.amax(), unknowns))
+    }
+
+    /// Steps that lower |r|, at most `max_steps`, until r is below `enough` or no step lowers it any more, or `has_settled` by
+    /// the norms before and after a step and its damping; the last residual and the unknowns.
+    pub(super) fn lower(
+        &mut self,
+        start: &DVector<f64>,
+        max_steps: u32,
+        enough: f64,
+        mut has_settled: impl FnMut(f64, f64, Damping) -> bool,
+    ) -> Result<(DVector<f64>, DVector<f64>), SynthesisError> {
         let mut unknowns = start.clone();
         let (mut residual, mut jacobian) = self.problem.linearise(&unknowns)?;
         let mut damping = Damping::default();
-        for _ in 0..MAX_STEPS {
+        for _ in 0..max_steps {
             if residual.amax() < enough {
                 break;
             }
@@ -79,14 +94,14 @@ impl Search<'_, '_> {
                 damping.raise();
                 continue;
             };
-            let settled = residual.norm() - lower.norm() < 1e-12 * residual.norm() && damping.value() == 0.0;
+            let settled = has_settled(residual.norm(), lower.norm(), damping);
             (unknowns, residual, jacobian) = (next, lower, steeper);
             damping.lower();
             if settled {
                 break;
             }
         }
-        Ok((residual.amax(), unknowns))
+        Ok((residual, unknowns))
     }
 
     /// Leads the frames from where the arm at `start` holds them to where they are desired.
@@ -153,7 +168,7 @@ impl Search<'_, '_> {
 
     /// The step from `unknowns` that takes the residual away within the bounds; the smallest one, or the one that ends
     /// nearest to `anchor`.
-    pub(super) fn step(
+    fn step(
         &self,
         jacobian: &DMatrix<f64>,
         residual: &DVector<f64>,

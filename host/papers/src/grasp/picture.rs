@@ -8,6 +8,7 @@ use maud::{Markup, PreEscaped, html};
 use super::contact::{Configuration, Contacts};
 use super::hand::Hand;
 use super::layout::{FINGERS, joints_of};
+use crate::convex_hull::convex_hull;
 use darm_robot::shape::{Geometry, LinkShape};
 
 /// The colours of the fingers.
@@ -168,7 +169,7 @@ fn draw(on: &Projection<'_>, solids: &[Solid], arrows: &[[Vec3<f64>; 2]]) -> Mar
     html! {
         rect.view x=(left + 4.0) y=(top + 4.0) width=(EDGE - 8.0) height=(EDGE - 8.0) {}
         @for solid in sorted {
-            @let corners = hull(solid.points.iter().map(|point| on.at(point)).collect());
+            @let corners = convex_hull(solid.points.iter().map(|point| on.at(point)).collect());
             @let corners = corners.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect::<Vec<_>>();
             polygon.shape points=(corners.join(" ")) fill=(solid.color) {}
         }
@@ -179,29 +180,6 @@ fn draw(on: &Projection<'_>, solids: &[Solid], arrows: &[[Vec3<f64>; 2]]) -> Mar
         }
         text x=(left + 12.0) y=(top + 22.0) { (name) }
     }
-}
-
-/// The corners of the convex hull of points in a plane, in order: Andrew's monotone chain.
-fn hull(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
-    points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-    let mut lower = chain(points.iter().copied());
-    lower.extend(chain(points.iter().rev().copied()));
-    lower
-}
-
-/// One side of the hull of points in order, without the last point.
-fn chain(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
-    let turns =
-        |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0;
-    let mut chain: Vec<[f64; 2]> = Vec::new();
-    for point in points {
-        while chain.len() > 1 && !turns(chain[chain.len() - 2], chain[chain.len() - 1], point) {
-            chain.pop();
-        }
-        chain.push(point);
-    }
-    chain.pop();
-    chain
 }
 
 /// A coordinate in an SVG.

@@ -6,6 +6,7 @@ use nalgebra::{DVector, SVector};
 use serde::Serialize;
 
 use super::banded::Banded;
+use crate::convex_hull::{convex_hull, turn};
 
 /// A plan keeps the zero-moment point this far from the edge of what bears it, m.
 pub(super) const MARGIN_M: f64 = 0.03;
@@ -39,13 +40,9 @@ pub struct Balance {
 }
 
 impl Polygon {
-    /// The convex hull of these points: Andrew's chains.
+    /// The convex hull of these points.
     pub fn hull(points: &[[f64; 2]]) -> Self {
-        let mut sorted = points.to_vec();
-        sorted.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-        let mut corners = chain(sorted.iter().copied());
-        corners.extend(chain(sorted.iter().rev().copied()));
-        Self { corners }
+        Self { corners: convex_hull(points.to_vec()) }
     }
 
     /// Distance of a point from the nearest edge, m: positive inside, negative outside.
@@ -75,25 +72,6 @@ impl Polygon {
             (turn(a, b, point) / length, [(a[1] - b[1]) / length, (b[0] - a[0]) / length])
         })
     }
-}
-
-/// One side of the hull of points in order, without the last point.
-fn chain(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
-    let mut chain: Vec<[f64; 2]> = Vec::new();
-    for point in points {
-        while let [.., a, b] = chain[..]
-            && turn(a, b, point) <= 0.0
-        {
-            chain.pop();
-        }
-        chain.push(point);
-    }
-    chain.pop();
-    chain
-}
-
-fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
-    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
 /// What bears a motion on its way.

@@ -80,8 +80,8 @@ fn reported(robot: &Robot, fault: Fault, pair: Option<(String, f64)>) -> String 
 fn wrong(pair: Option<(String, f64)>) -> Vec<(&'static str, String)> {
     let robot = panda();
     let all = cases();
-    let reported = all.par_iter().map(|(right, fault)| (*right, reported(&robot, *fault, pair.clone())));
-    reported.filter(|(right, reported)| right != reported).collect()
+    let outcomes = all.par_iter().map(|(right, fault)| (*right, reported(&robot, *fault, pair.clone())));
+    outcomes.filter(|(right, found)| right != found).collect()
 }
 
 #[test]
