@@ -10,8 +10,9 @@ use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, SVector};
 
 use super::inertia::{self, project_physically_consistent};
 
-/// The first μ, and by how much it falls.
+/// The first μ where the optimum is near, the first one at most, and by how much it falls.
 const MAX_WEIGHT: f64 = 1e2;
+const LARGEST_WEIGHT: f64 = 1e12;
 const WEIGHT_RATIO: f64 = 0.1;
 /// Steps of Newton's method for each μ, and halvings of one.
 const NEWTON: usize = 40;
@@ -21,6 +22,8 @@ const MIN_FALL: f64 = 1e-6;
 const LARGE_WEIGHT: f64 = 1e-3;
 /// Share of a body's inertia that is added to begin inside the cone.
 const INSIDE: f64 = 1e-2;
+/// A body of 1 kg, 0.1 m large.
+const SOME_BODY: [f64; 10] = [1.0, 0.0, 0.0, 0.0, 0.01, 0.0, 0.01, 0.0, 0.0, 0.01];
 /// Share of its diagonal that is added to a Hessian, so that what nothing determines stays.
 const RIDGE: f64 = 1e-14;
 
@@ -72,9 +75,11 @@ impl Cone {
         project_physically_consistent(&body, &self.offset) == body
     }
 
-    /// Sets the values to those of the body at its offset, made consistent, so far inside that Newton's method can begin.
+    /// Sets the values to those of the body at its offset, made consistent, so far inside that Newton's method can begin; without
+    /// a mass to those of [`SOME_BODY`].
     pub fn start(&self, values: &mut DVector<f64>) {
-        let mut body = project_physically_consistent(&self.offset, &self.offset);
+        let nominal = if self.offset[0] > 0.0 { &self.offset } else { &SOME_BODY };
+        let mut body = project_physically_consistent(nominal, nominal);
         let inside = INSIDE * (body[4] + body[6] + body[9] + f64::MIN_POSITIVE);
         [4, 6, 9].iter().for_each(|&k| body[k] += inside);
         (0..10).for_each(|k| values[self.first + k] = body[k] - self.offset[k]);
@@ -112,6 +117,10 @@ impl ConicLeastSquares {
     /// The least values u, from values inside all cones and floors, with μ down to `min_weight`.
     pub fn solve(&self, start: DVector<f64>, min_weight: f64) -> DVector<f64> {
         let (mut values, mut weight) = (start, MAX_WEIGHT);
+        // With a smaller μ the first step would end at the border of a cone, and all later ones beside it.
+        while weight < LARGEST_WEIGHT && self.fall(weight, &values).is_some_and(|fall| fall > weight) {
+            weight /= WEIGHT_RATIO;
+        }
         while weight > 0.9 * min_weight {
             values = self.solve_at(weight, values);
             weight *= WEIGHT_RATIO;
@@ -165,11 +174,23 @@ impl ConicLeastSquares {
         })
     }
 
-    /// One step of Newton's method on ½uᵀAu + gᵀu + μ·barriers, short enough to stay inside and to fall; `None` at the end.
-    fn newton(&self, weight: f64, values: &DVector<f64>) -> Option<DVector<f64>> {
+    /// By how much a step of Newton's method would lower all; a fall of μ is as far as the barriers are about quadratic.
+    fn fall(&self, weight: f64, values: &DVector<f64>) -> Option<f64> {
+        let (slope, step) = self.step(weight, values)?;
+        Some(-slope.dot(&step))
+    }
+
+    /// The slope of ½uᵀAu + gᵀu + μ·barriers, and the step of Newton's method.
+    fn step(&self, weight: f64, values: &DVector<f64>) -> Option<(DVector<f64>, DVector<f64>)> {
         let (of_barriers, curvature) = self.slopes(values)?;
         let slope = &self.information * values + &self.gradient + of_barriers * weight;
         let step = -solved(&self.information + curvature * weight, &slope);
+        Some((slope, step))
+    }
+
+    /// One step of Newton's method on ½uᵀAu + gᵀu + μ·barriers, short enough to stay inside and to fall; `None` at the end.
+    fn newton(&self, weight: f64, values: &DVector<f64>) -> Option<DVector<f64>> {
+        let (slope, step) = self.step(weight, values)?;
         let fall = -slope.dot(&step);
         if fall < MIN_FALL * (weight / LARGE_WEIGHT).min(1.0) {
             return None;
@@ -248,5 +269,33 @@ mod tests {
         let found = &turned * problem.solve(turned.tr_mul(&start), 1e-9);
         // μ/λ over the distance to the border is 1e-9/1e4/0.01 = 1e-11 inside, √(μ/λ) = 3e-7 on the border.
         assert!((found[0] - 1.0).abs() < 1e-6 && (0.0..1e-5).contains(&found[10]), "{found}");
+    }
+
+    #[test]
+    fn a_body_far_heavier_than_the_nominal_one_is_found() {
+        // A wrist of 0.2 kg to which the data bolt 2 kg, with 0.1 kg·m² less about z than a body can have; they determine
+        // combinations of the parameters to between 1e-2 and 1e-5 of their units.
+        let wrist = [0.2, 0.0, 0.0, 0.0084, 3.5e-4, 0.0, 3.5e-4, 0.0, 0.0, 4e-5];
+        let bolted = [2.0, 0.06, 0.0, 0.2, 0.02, 0.0, 0.0218, -0.006, 0.0, -0.1];
+        let n = 10;
+        let turned = DMatrix::from_fn(n, n, |a, b| ((3 * a + b * b) as f64).sin()).qr().q();
+        let certain = DMatrix::from_diagonal(&DVector::from_fn(n, |k, _| 10f64.powf(4.0 + 6.0 * k as f64 / 9.0)));
+        let information = turned.tr_mul(&certain) * &turned;
+        let gradient = -(&information * DVector::from_row_slice(&bolted));
+        let height = |values: &DVector<f64>| 0.5 * values.dot(&(&information * values)) + values.dot(&gradient);
+        let cone = Cone::around(0, wrist);
+        let solved_from = |start: &DVector<f64>| {
+            let (information, gradient) = (information.clone(), gradient.clone());
+            let problem = ConicLeastSquares { information, gradient, map: None, cones: vec![cone], floors: Vec::new() };
+            height(&problem.solve(start.clone(), 1e-3))
+        };
+        let mut nominal = DVector::zeros(n);
+        cone.start(&mut nominal);
+        let mut near = DVector::zeros(n);
+        let consistent = [2.2, 0.06, 0.0, 0.2084, 0.05, 0.0, 0.06, -0.006, 0.0, 0.03];
+        (0..n).for_each(|k| near[k] = consistent[k] - wrist[k]);
+        let (from_nominal, from_near) = (solved_from(&nominal), solved_from(&near));
+        // Both are within 4·μ of the least, and that is far below a unit of the log-likelihood.
+        assert!((from_nominal - from_near).abs() < 0.05, "{from_nominal} {from_near}");
     }
 }
