@@ -58,7 +58,7 @@ pub(crate) fn agreement(model: &Model, data: &Prepared, experiment: &Experiment)
     if is_near {
         return Agreement::AsRead;
     }
-    let (columns, error) = (columns(model, data), training.error(experiment));
+    let columns = columns(model, data);
     if let Some((factor, error)) = training.other_unit(experiment) {
         // Of a wrench the norm is the centre of pressure, which moments are in.
         let columns = columns.measured.iter().filter_map(|group| group.last().cloned()).collect();
@@ -70,20 +70,20 @@ pub(crate) fn agreement(model: &Model, data: &Prepared, experiment: &Experiment)
         Some((error, misreading)) => otherwise(misreading, error, experiment),
         None if !tests_the_model => {
             // A constant error that is larger than all that was measured is no effect: the model is another robot's.
-            let all = experiment.norm(&training.measured).unwrap_or(f64::INFINITY);
-            if error > all { Agreement::Hardly(0) } else { Agreement::AsRead }
+            let is_worse = size(experiment, &training.residuals) > size(experiment, &training.measured);
+            if is_worse { Agreement::Hardly(0) } else { Agreement::AsRead }
         }
-        None if explained(experiment, error) < WORSE_THAN_NONE => Agreement::Hardly(FEW),
+        None if training.explained(experiment, &training.residuals) < WORSE_THAN_NONE => Agreement::Hardly(FEW),
         None => Agreement::AsRead,
     }
 }
 
-/// Share of the variance of the training rows that a model with this error explains, by the norm; 1 where nothing but
-/// differences is measured, or nothing is predicted but a constant.
-pub(crate) fn explained(experiment: &Experiment, error: f64) -> f64 {
+/// Share of the variance of the training rows that a model explains which leaves these residuals, by the norm, without what is
+/// far off in both; 1 where nothing but differences is measured, or nothing is predicted but a constant.
+pub(crate) fn explained(experiment: &Experiment, residuals: &[f64]) -> f64 {
     match Training::of(experiment).filter(|training| training.tests_the_model(experiment)) {
         None => 1.0,
-        Some(training) => training.explained(experiment, error),
+        Some(training) => training.explained(experiment, residuals),
     }
 }
 
@@ -112,15 +112,15 @@ impl Training {
         varies(experiment, &predicted) > MIN_VARIATION * varies(experiment, &self.residuals)
     }
 
-    /// Share of the variance that a model with this error explains.
-    fn explained(&self, experiment: &Experiment, error: f64) -> f64 {
-        1.0 - (error / varies(experiment, &self.measured).max(f64::MIN_POSITIVE)).powi(2)
+    /// Share of the variance that a model explains which leaves these residuals.
+    fn explained(&self, experiment: &Experiment, residuals: &[f64]) -> f64 {
+        1.0 - (size(experiment, residuals) / varies(experiment, &self.measured).max(f64::MIN_POSITIVE)).powi(2)
     }
 
     /// The error of an axis as a share of how much it varies.
     fn share(&self, experiment: &Experiment, axis: usize) -> f64 {
-        let varies = experiment.mean_square(&variation(experiment, &self.measured), axis);
-        (experiment.mean_square(&self.residuals, axis) / varies).sqrt()
+        let of = |rows: &[f64]| trimmed_of_axis(rows, axis, experiment.axes.len());
+        of(&self.residuals) / of(&variation(experiment, &self.measured))
     }
 
     /// How many times larger the numbers of the log are where it is in another unit, and the error without that; most of what
@@ -165,9 +165,12 @@ fn varies(experiment: &Experiment, rows: &[f64]) -> f64 {
 /// Root mean square of the norm of rows × axes, without what is far off on each axis.
 fn size(experiment: &Experiment, rows: &[f64]) -> f64 {
     let n_axes = experiment.axes.len();
-    let of_axis =
-        |axis: usize| trimmed_root_mean_square(rows.iter().skip(axis).step_by(n_axes).copied().collect()).powi(2);
-    (0..experiment.n_norm).map(of_axis).sum::<f64>().sqrt()
+    (0..experiment.n_norm).map(|axis| trimmed_of_axis(rows, axis, n_axes).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Root mean square of one axis of rows × axes, without what is far off.
+fn trimmed_of_axis(rows: &[f64], axis: usize, n_axes: usize) -> f64 {
+    trimmed_root_mean_square(rows.iter().skip(axis).step_by(n_axes).copied().collect())
 }
 
 fn otherwise(misreading: Misreading, error: f64, experiment: &Experiment) -> Agreement {
@@ -266,9 +269,7 @@ impl Comparison<'_> {
             Laws::All => predicted_in_turn(experiment, groups, None),
             Laws::AllBut(law) => predicted_in_turn(experiment, groups, Some(law)),
         };
-        let of = |numbers: &[f64], axis: usize| {
-            trimmed_root_mean_square(numbers.iter().skip(axis).step_by(n_axes).copied().collect())
-        };
+        let of = |numbers: &[f64], axis: usize| trimmed_of_axis(numbers, axis, n_axes);
         let axes: Vec<AxisLeft> = (0..n_norm)
             .map(|axis| AxisLeft { axis, left: of(&residuals, axis), measured: of(&measured, axis) })
             .filter(|axis| axis.measured > 0.0)

@@ -58,7 +58,7 @@ pub(crate) fn judge(selected: &SelectedSignals, pooled: Option<&HeldOut>, is_fil
     let after = problem.experiment.at(&best.fit.values);
     let repeatability = scatter::scatter(&problem.experiment, &after, is_filtered);
     let sigma = &best.weighting.sigma;
-    let explained = agreement::signals::explained(&problem.experiment, best.error);
+    let explained = agreement::signals::explained(&problem.experiment, &best.predicted);
     let evidence = Evidence {
         agrees: selected.agreement.allows(effects.len(), explained),
         named: effects.len(),
