@@ -177,5 +177,10 @@ fn answer(diagnosis: &Diagnosis) -> String {
     let others = diagnosis.alternatives.iter().map(|o| format!("({}) {} {}", o.instead_of, o.law, o.site));
     let terms = diagnosis.remaining.depends_on.iter();
     let terms = terms.map(|term| format!("[{}: {term}]", term.axis.as_deref().unwrap_or_default()));
-    format!("{}: {}", diagnosis.verdict, effects.chain(others).chain(terms).collect::<Vec<_>>().join(" + "))
+    let reading = diagnosis.other_reading.iter().map(|other| other.misreading.to_string());
+    format!(
+        "{}: {}",
+        diagnosis.verdict,
+        effects.chain(others).chain(terms).chain(reading).collect::<Vec<_>>().join(" + ")
+    )
 }

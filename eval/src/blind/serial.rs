@@ -6,6 +6,8 @@ use std::f64::consts::TAU;
 use anyhow::{Context, Result};
 use darm_core::effect::basis::Law;
 use darm_core::effect::law_name::LawName;
+use darm_core::real::Vec3;
+use darm_core::se::rotation_exp;
 use darm_diagnose::effect::{Place, Site};
 use darm_diagnose::linearise::model_effects::ModelEffect;
 use darm_diagnose::linearise::torque;
@@ -29,8 +31,17 @@ const STEP_S: f64 = 1e-3;
 /// Speed below which dry friction falls, rad/s.
 const CREEP_RAD_S: f64 = 0.02;
 /// Mechanisms inside the list, the lump among them.
-const MECHANISMS: usize = 7;
+const MECHANISMS: usize = 11;
 const LUMP: usize = 5;
+/// Where a lump is in the frame of its link.
+const LUMP_OFF_M: Vec3<f64> = Vec3::new(0.1, 0.05, 0.08);
+/// From here on mechanisms of the entire robot, which have sizes of their own.
+const ENTIRE: usize = 7;
+/// Size of what is misplaced, rad; of a delay, s; of a payload, kg, and how far off the last link's origin it is, m.
+const MISPLACED_RAD: std::ops::Range<f64> = 0.03..0.1;
+const DELAY_S: std::ops::Range<f64> = 0.01..0.04;
+const PAYLOAD_KG: std::ops::Range<f64> = 0.5..2.0;
+const PAYLOAD_OFF_M: std::ops::Range<f64> = 0.05..0.15;
 
 /// Measures one serial arm; the mechanisms are not yet spoiled by noise.
 pub(super) fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Result<Bench> {
@@ -76,10 +87,15 @@ pub(super) fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Resul
         }
     };
     for mechanism in mechanisms {
+        if mechanism >= ENTIRE {
+            let changed = Changed { robot, motion: &motion, times: &times };
+            add_of_entire_robot(&mut bench, mechanism, &changed, rng)?;
+            continue;
+        }
         if mechanism == LUMP {
             // On the first link, whose axis is upright, a lump is a heavy motor.
             let joint = rng.random_range(1..n);
-            let shape = lump(robot, joint, &times, &|time_s| motion.at(time_s))?;
+            let shape = point_mass(robot, (joint, LUMP_OFF_M), &times, &|time_s| motion.at(time_s))?;
             bench.add(Cause::Law(LawName::MassDistribution, Place::Link(joint)), shape, rng);
             continue;
         }
@@ -92,6 +108,74 @@ pub(super) fn serial(robot: &Robot, class: Class, rng: &mut ChaCha8Rng) -> Resul
     let elsewhere = Swings::draw(robot, &mut ChaCha8Rng::seed_from_u64(rng.random()));
     bench.elsewhere = Some(Box::new(Motions { robot: robot.clone(), run: motion, elsewhere }));
     Ok(bench)
+}
+
+/// A robot in motion whose torques something changes.
+struct Changed<'a> {
+    robot: &'a Robot,
+    motion: &'a Swings,
+    times: &'a [f64],
+}
+
+impl Changed<'_> {
+    /// What the torques of a robot, in the state at some time, are more than those of the model, joint by joint.
+    fn more(&self, at: impl Fn(f64) -> Result<Vec<f64>>) -> Result<Vec<Vec<f64>>> {
+        let rows = self.times.iter().map(|&time_s| {
+            let nominal = torques(self.robot, self.motion.at(time_s))?;
+            Ok(at(time_s)?.iter().zip(&nominal).map(|(with, without)| with - without).collect())
+        });
+        let rows = rows.collect::<Result<Vec<Vec<f64>>>>()?;
+        Ok((0..self.robot.joints.len()).map(|joint| rows.iter().map(|row| row[joint]).collect()).collect())
+    }
+}
+
+fn torques(robot: &Robot, [q, v, a]: [Vec<f64>; 3]) -> Result<Vec<f64>> {
+    Ok(robot.dynamics(&Motion { state: [&q, &v, &a], load: None })?.torque)
+}
+
+/// Adds a joint that is not where its encoder shows it, a base that is not level, a delay of all torques, or a payload.
+fn add_of_entire_robot(bench: &mut Bench, mechanism: usize, changed: &Changed<'_>, rng: &mut ChaCha8Rng) -> Result<()> {
+    let Changed { robot, motion, times } = *changed;
+    let n = robot.joints.len();
+    let angle_rad = rng.random_range(MISPLACED_RAD) * [-1.0, 1.0][rng.random_range(0..2)];
+    let (cause, shape) = match mechanism - ENTIRE {
+        0 => {
+            // The first axis is upright, and the last link even about its own: their offsets change no torque.
+            let joint = rng.random_range(1..n - 1);
+            let shape = changed.more(|time_s| {
+                let [mut q, v, a] = motion.at(time_s);
+                q[joint] += angle_rad;
+                torques(robot, [q, v, a])
+            })?;
+            (Cause::Law(LawName::JointOffset, Place::Joint(joint)), shape)
+        }
+        1 => {
+            let (sin, cos) = rng.random_range(0.0..TAU).sin_cos();
+            let mut tilted = robot.clone();
+            tilted.gravity = rotation_exp(&(Vec3::new(cos, sin, 0.0) * angle_rad)).transpose() * robot.gravity;
+            let shape = changed.more(|time_s| torques(&tilted, motion.at(time_s)))?;
+            (Cause::Law(LawName::BaseTilt, Place::Base), shape)
+        }
+        2 => {
+            let late_s = rng.random_range(DELAY_S);
+            let shape = changed.more(|time_s| torques(robot, motion.at(time_s - late_s)))?;
+            (Cause::Law(LawName::Delay, Place::AllJoints), shape)
+        }
+        _ => {
+            let place = Vec3::new(0.0, rng.random_range(PAYLOAD_OFF_M), rng.random_range(PAYLOAD_OFF_M));
+            let of_one_kg = point_mass(robot, (n - 1, place), times, &|time_s| motion.at(time_s))?;
+            let (kg, from) = (rng.random_range(PAYLOAD_KG), times.len() / 2);
+            let in_half = |torques: Vec<f64>| {
+                let of_row = |(row, torque): (usize, f64)| if row < from { 0.0 } else { kg * torque };
+                torques.into_iter().enumerate().map(of_row).collect()
+            };
+            bench.names.push("payload".into());
+            bench.given.push((0..times.len()).map(|row| if row < from { 0.0 } else { 1.0 }).collect());
+            (Cause::Law(LawName::MassDistribution, Place::Payload(1)), of_one_kg.into_iter().map(in_half).collect())
+        }
+    };
+    bench.add_as_it_is(cause, shape);
+    Ok(())
 }
 
 /// The law that is right, and the shape of a mechanism at one joint.
@@ -109,12 +193,15 @@ fn of_joint(mechanism: usize, joint: usize, n: usize, given: &[Vec<f64>]) -> (La
     }
 }
 
-/// Torques of a mass of 1 kg bolted to the frame of a joint's link, 0.1 m off its origin.
-fn lump(robot: &Robot, joint: usize, times: &[f64], state: &dyn Fn(f64) -> [Vec<f64>; 3]) -> Result<Vec<Vec<f64>>> {
+/// Torques of a mass of 1 kg bolted to a joint's link, there in its frame: virtual work of its weight and inertia.
+fn point_mass(
+    robot: &Robot,
+    (joint, off): (usize, Vec3<f64>),
+    times: &[f64],
+    state: &dyn Fn(f64) -> [Vec<f64>; 3],
+) -> Result<Vec<Vec<f64>>> {
     let n = robot.joints.len();
-    let link = &robot.joints[joint].link;
-    let frame = robot.frame(link).context("a link without a frame")?;
-    let off = darm_core::real::Vec3::new(0.1, 0.05, 0.08);
+    let frame = robot.frame(&robot.joints[joint].link).context("a link without a frame")?;
     let point = |q: &[f64]| robot.kinematics(frame, q).map(|k| k.pose_base_frame * off);
     let mut torques = vec![Vec::new(); n];
     for &time_s in times {
@@ -160,6 +247,8 @@ struct Motions {
 impl Elsewhere for Motions {
     fn columns(&self, law: LawName, site: &Site, elsewhere: bool) -> Result<Option<DMatrix<f64>>> {
         let names: Vec<&str> = match (law, Law::named(law, None)) {
+            (LawName::JointOffset, _) => vec!["offset"],
+            (LawName::BaseTilt, _) => vec!["first turn across", "second turn across"],
             (LawName::MassDistribution, _) => INERTIAL_PARAMETERS.iter().map(|(name, _)| *name).collect(),
             (_, Some(law)) => vec![law.basis_law().coefficient()],
             // Laws with separate constants are not known elsewhere.

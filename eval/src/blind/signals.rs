@@ -12,6 +12,9 @@
 //! | a heavy motor | J·a |
 //! | a lump bolted to a link | m·(p̈ − g) by virtual work, p̈ by differences of the forward kinematics |
 //! | cogging | c·sin(7·q) |
+//! | a joint beside its encoder, a base that is not level | torques of the robot that is so, less those of the model |
+//! | torques that are recorded late | τ(t − δ) less τ(t) |
+//! | a payload in the second half of the rows | as a lump, on the last link |
 //! | a hose that another joint pulls taut, outside the list | c·max(q of the other less the middle of its range, 0)² |
 //! | a backpack on a link, held postures | weight of a point, by statics |
 //! | a plate that drifts, outside the list | Δ(cop x) = c·sin(2πt/P) |
@@ -162,7 +165,11 @@ impl Bench {
         let noises = shape.iter().zip(&self.noise).map(|(column, noise)| root_mean_square(column) / noise);
         let largest = noises.fold(f64::MIN_POSITIVE, f64::max);
         let size = rng.random_range(TIMES_NOISE) / largest;
-        let shape: Vec<Vec<f64>> = shape.into_iter().map(|axis| axis.iter().map(|x| size * x).collect()).collect();
+        self.add_as_it_is(cause, shape.into_iter().map(|axis| axis.iter().map(|x| size * x).collect()).collect());
+    }
+
+    /// Adds a mechanism that has a size of its own.
+    pub(super) fn add_as_it_is(&mut self, cause: Cause, shape: Vec<Vec<f64>>) {
         for (channel, column) in self.measured.iter_mut().zip(&shape) {
             channel.iter_mut().zip(column).for_each(|(value, more)| *value += more);
         }

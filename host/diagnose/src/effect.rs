@@ -26,8 +26,12 @@ pub enum Place {
     JointWithLast(usize),
     /// The difference of the motions of a joint and of the one before it.
     JointAgainstLast(usize),
+    /// All joints at once.
+    AllJoints,
     /// The link behind a joint, counted from 0.
     Link(usize),
+    /// What the tool carries, by the number that the log has for it.
+    Payload(u32),
     /// The floating base.
     Base,
     /// The frame that touches.

@@ -31,6 +31,7 @@ names! {
     BacklashByLoad = "backlash-by-load",
     BaseDrift = "base-drift",
     BaseOffset = "base-offset",
+    BaseTilt = "base-tilt",
     CoulombFriction = "coulomb-friction",
     Crowding = "crowding",
     Delay = "delay",

@@ -1,5 +1,6 @@
 //! The robot that a calibration found: its joints and its tool where the effects put them.
 
+use darm_core::actuator::JointKind;
 use darm_core::real::Vec3;
 use darm_core::se::Pose;
 use darm_robot::robot::Robot;
@@ -83,6 +84,30 @@ pub fn calibrated(robot: &Robot, tool: Option<&str>, effects: &[ModelEffect]) ->
     Ok(calibrated)
 }
 
+/// The robot with the joint offsets that its torques showed, and nothing else of a model of torques: of those no friction and no
+/// tilt of the base moves the tool in the base's frame.
+///
+/// # Errors
+///
+/// An offset at a joint that the robot does not have.
+pub fn with_joint_offsets(robot: &Robot, effects: &[ModelEffect]) -> Result<Robot, NotRigid> {
+    let mut moved = robot.clone();
+    for effect in effects.iter().filter(|effect| effect.law == Law::JointOffset) {
+        let is_meant = |&joint: &usize| site_of_joint(robot, joint, joint).code == effect.place;
+        let none = || NotRigid::NoSuchPlace { law: effect.law, place: effect.place.clone() };
+        let joint = (0..robot.joints.len()).find(is_meant).ok_or_else(none)?;
+        let [offset] = effect.numbers(OFFSET)?;
+        let own = &mut moved.joints[joint].joint;
+        let along = own.axis.direction * offset;
+        own.placement = own.placement
+            * match own.axis.kind {
+                JointKind::Revolute => Pose::new(&along, Vec3::zeros()),
+                JointKind::Prismatic => Pose::at(along),
+            };
+    }
+    Ok(moved)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -132,5 +157,29 @@ mod tests {
         effects[1].values.insert("ofset".into(), 0.01);
         let error = calibrated(&robot, Some("ball_link"), &effects).unwrap_err().to_string();
         assert!(error.starts_with("joint-offset at joint 1 (panda_joint1) has no value \"ofset\""), "{error}");
+    }
+
+    #[test]
+    fn an_offset_that_torques_showed_moves_the_tool_as_its_joint_would() {
+        let robot = panda();
+        let (tool, joint, offset) = (robot.frame("ball_link").unwrap(), 3, 0.02);
+        let q = vec![0.1; robot.joints.len()];
+        let mut moved = q.clone();
+        moved[joint] += offset;
+        let effect = |law, place: String| ModelEffect {
+            law,
+            place,
+            constant: None,
+            values: [("offset".to_owned(), offset)].into(),
+            along: None,
+            points: Vec::new(),
+        };
+        let code = site_of_joint(&robot, joint, joint).code;
+        let friction = effect(Law::CoulombFriction, code.clone());
+        let found = with_joint_offsets(&robot, &[friction, effect(Law::JointOffset, code)]).unwrap();
+        let pose = |robot: &Robot, q: &[f64]| robot.kinematics(tool, q).unwrap().pose_base_frame.position;
+        assert!((pose(&found, &q) - pose(&robot, &moved)).norm() < 1e-12);
+        let elsewhere = with_joint_offsets(&robot, &[effect(Law::JointOffset, "joint 9 (x)".into())]);
+        assert!(matches!(elsewhere, Err(NotRigid::NoSuchPlace { .. })));
     }
 }

@@ -23,6 +23,9 @@ use crate::effect::{Law, as_str};
 use crate::error::{DiagnoseError, UnknownValue};
 use crate::linearise::experiment::{Candidate, Experiment};
 
+/// The place of what the tool carries is this word and its number in the log.
+pub(crate) const PAYLOAD: &str = "payload";
+
 /// One effect with all its values, in SI units and radians.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -105,6 +108,16 @@ impl ModelEffect {
             (Some([_, end]), None) | (None, Some(&[_, end])) => end,
             (None, None) => 0.0,
         }
+    }
+
+    /// The number of the payload that it is of; `None` of what the robot itself has.
+    pub(crate) fn payload(&self) -> Option<u32> {
+        self.place.strip_prefix(PAYLOAD)?.trim().parse().ok()
+    }
+
+    /// Whether it is of what the tool carries in some rows, not of the robot itself.
+    pub fn is_carried(&self) -> bool {
+        self.payload().is_some()
     }
 
     fn is(&self, candidate: &Candidate) -> bool {

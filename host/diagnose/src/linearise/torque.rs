@@ -1,17 +1,24 @@
 //! Joint torques along motions: predicted by inverse dynamics of the robot, beside the motors' torque at the joints.
 
+mod couplings;
+mod payload;
+mod placement;
+#[cfg(test)]
+mod tests;
+
 use darm_core::effect::basis::Law;
-use darm_core::effect::basis::rotor_inertia::RotorInertia;
 use darm_core::tree::Body;
 use nalgebra::DMatrix;
 
+use self::couplings::{Clock, common_delay, couplings};
 use crate::effect::{Place, Site};
 use crate::error::DiagnoseError;
-use crate::linearise::bodies::candidate;
+use crate::linearise::bodies;
 use crate::linearise::experiment::{Axis, BodyCandidate, Candidate, Columns, Experiment, Moving};
 use crate::linearise::laws::Coordinate;
 use crate::linearise::model_effects::{self, ModelEffect};
 use crate::linearise::ripple::periods_a_turn;
+use crate::linearise::serial_chain::site_of_joint;
 use crate::measured::Measured;
 use crate::prepare::groups::Row;
 use crate::prepare::signals::{PrepareError, Prepared};
@@ -33,11 +40,14 @@ pub struct Transmission {
 }
 
 /// Positions, velocities, accelerations and torques of all joints, by joint.
+#[derive(Default)]
 struct Motion {
     q: Vec<Vec<f64>>,
     v: Vec<Vec<f64>>,
     a: Vec<Vec<f64>>,
     tau: Vec<Vec<f64>>,
+    /// The number of what the tool carries in each row, 0 nothing.
+    payload: Vec<u32>,
 }
 
 /// The experiment of a robot on a fixed base.
@@ -52,7 +62,8 @@ pub(crate) fn experiment(
         Some(transmission) if data.raw("qm1").is_some() => of_motors(data, transmission, n)?,
         _ => of_joints(data, robot)?,
     };
-    Ok(of_motion(data.rows.clone(), robot, transmission, known, &motion))
+    let motion = Motion { payload: payload::carried(data)?, ..motion };
+    of_motion(data.rows.clone(), robot, transmission, known, &motion)
 }
 
 /// What effects add to the torques of a robot along a motion, N·m or N: for each row of it one number a joint.
@@ -77,8 +88,8 @@ pub fn added(
     let row =
         |(k, &time_s): (usize, &f64)| Row { line: k + 1, time_s, series: 0, motion: 0, key: None, held_out: false };
     let rows: Vec<Row> = times_s.iter().enumerate().map(row).collect();
-    let motion = Motion { q, v, a, tau: vec![vec![0.0; rows.len()]; n] };
-    let mut experiment = of_motion(rows, robot, transmission, known, &motion);
+    let motion = Motion { q, v, a, tau: vec![vec![0.0; rows.len()]; n], payload: vec![0; rows.len()] };
+    let mut experiment = of_motion(rows, robot, transmission, known, &motion)?;
     let nominal = experiment.residuals.clone();
     model_effects::apply(&mut experiment, known)?;
     let more: Vec<f64> = experiment.residuals.iter().zip(&nominal).map(|(with, without)| with - without).collect();
@@ -92,24 +103,17 @@ fn of_motion(
     transmission: Option<&Transmission>,
     known: &[ModelEffect],
     motion: &Motion,
-) -> Experiment {
+) -> Result<Experiment, PrepareError> {
     let n = robot.joints.len();
     let clock = Clock::new(&rows);
     let (nominal, regressor) = regressor(robot, motion, rows.len());
     let measured: Vec<f64> = (0..rows.len() * n).map(|k| motion.tau[k % n][k / n]).collect();
     let residuals: Vec<f64> = nominal.iter().zip(&measured).map(|(nominal, measured)| nominal - measured).collect();
-    let robot_kg = robot.mass();
-    let (mut candidates, mut bodies): (Vec<Candidate>, Vec<BodyCandidate>) = (Vec::new(), Vec::new());
-    for (joint, columns) in robot.joints.iter().zip(regressor) {
-        let ten = Body::from(&joint.joint.inertia).parameters();
-        let site = Site::new(Place::Link(candidates.len()), &joint.link);
-        let (candidate, body) = candidate(candidates.len(), site, &ten, robot_kg, columns);
-        candidates.push(candidate);
-        bodies.push(body);
-    }
-    for joint in 0..n {
+    let (mut candidates, bodies) =
+        all_bodies(robot, motion, known, regressor)?.into_iter().unzip::<_, _, Vec<_>, Vec<_>>();
+    let sites: Vec<Site> = (0..n).map(|joint| site_of_joint(robot, joint, joint)).collect();
+    for (joint, site) in sites.iter().enumerate() {
         let load: Vec<f64> = (0..rows.len()).map(|row| nominal[row * n + joint]).collect();
-        let site = Site::new(Place::Joint(joint), format!("joint {} ({})", joint + 1, robot.joints[joint].name));
         let shares: Vec<f64> = (0..n).map(|k| f64::from(u8::from(k == joint))).collect();
         let [q, v, a] = [&motion.q, &motion.v, &motion.a].map(|channels| &channels[joint][..]);
         let coordinate = clock.coordinate([q, v, a], Some(&load));
@@ -120,15 +124,17 @@ fn of_motion(
                 periods_a_turn(&coordinate, &own, |row| !rows[row].held_out, RIPPLES)
             }
         };
-        candidates.extend(coordinate.candidates(of_joint_laws(&coordinate, &periods), &site, &shares, known));
+        candidates.extend(coordinate.candidates(of_joint_laws(&coordinate, &periods), site, &shares, known));
     }
     candidates.extend(couplings(&clock, motion, transmission, known));
+    candidates.push(common_delay(&clock, &nominal, n));
     candidates.iter_mut().for_each(bound);
+    candidates.extend(misplaced(robot, motion, &sites)?);
     let channel = |name: &str, of: &[Vec<f64>]| -> Vec<(String, Vec<f64>)> {
         of.iter().enumerate().map(|(k, values)| (format!("{name} of joint {}", k + 1), values.clone())).collect()
     };
     let channels = [channel("position", &motion.q), channel("velocity", &motion.v), channel("acceleration", &motion.a)];
-    Experiment {
+    Ok(Experiment {
         kind: Measured::JointTorque,
         axes: (1..=n).map(|k| Axis::new(format!("joint {k}"), "N·m")).collect(),
         n_norm: n,
@@ -140,7 +146,35 @@ fn of_motion(
         bodies,
         findings: Vec::new(),
         relinearise: None,
-    }
+    })
+}
+
+/// The links and what the tool carries, as candidates numbered from 0.
+fn all_bodies(
+    robot: &Robot,
+    motion: &Motion,
+    known: &[ModelEffect],
+    columns: Vec<[Vec<f64>; 10]>,
+) -> Result<Vec<(Candidate, BodyCandidate)>, PrepareError> {
+    let carried = payload::candidates(robot, motion, known, &columns)?;
+    let with_tool = robot.tool().and_then(|tool| tool.joint);
+    let of_link = |(link, (joint, columns)): (usize, (&RobotJoint, [Vec<f64>; 10]))| {
+        let ten = Body::from(&joint.joint.inertia).parameters();
+        let site = Site::new(Place::Link(link), &joint.link);
+        let of_body = if Some(link) == with_tool { bodies::carrying } else { bodies::candidate };
+        of_body(link, site, &ten, robot.mass(), columns)
+    };
+    let links = robot.joints.iter().zip(columns).enumerate().map(of_link);
+    Ok(links.chain(carried).collect())
+}
+
+/// Joints and a base that are not where the model has them.
+fn misplaced(robot: &Robot, motion: &Motion, sites: &[Site]) -> Result<Vec<Candidate>, PrepareError> {
+    let rows = motion.payload.len();
+    let state =
+        |row: usize| [&motion.q, &motion.v, &motion.a].map(|of| of.iter().map(|channel| channel[row]).collect());
+    let states: Vec<[Vec<f64>; 3]> = (0..rows).map(state).collect();
+    placement::candidates(robot, &states, sites).map_err(|error| PrepareError::Nothing(error.to_string()))
 }
 
 /// Bounds the values of a law: the torques are those of the motors, so what takes power never lowers them.
@@ -185,7 +219,7 @@ fn of_joints(data: &Prepared, robot: &Robot) -> Result<Motion, PrepareError> {
         let what = "the robot of the model has no moving joint, so it has no torques; give the model of these data";
         return Err(PrepareError::Nothing(what.into()));
     }
-    let mut motion = Motion { q: Vec::new(), v: Vec::new(), a: Vec::new(), tau: Vec::new() };
+    let mut motion = Motion::default();
     for [position, velocity, acceleration, torque] in columns_of_joints(data, robot) {
         let [q, v, a] = data.motion(&position, false)?;
         motion.v.push(data.optional(&velocity).unwrap_or(v));
@@ -213,7 +247,7 @@ fn of_motors(data: &Prepared, transmission: &Transmission, n: usize) -> Result<M
         let length = of.first().map_or(0, Vec::len);
         (0..length).map(|at| of.iter().enumerate().map(|(k, channel)| row(k) * channel[at]).sum()).collect()
     };
-    let mut motion = Motion { q: Vec::new(), v: Vec::new(), a: Vec::new(), tau: Vec::new() };
+    let mut motion = Motion::default();
     for joint in 0..n {
         let offset = transmission.offset.get(joint).copied().unwrap_or(0.0);
         let position = mixed(&|k| inverse[(joint, k)], &motors).iter().map(|q| q + offset).collect();
@@ -256,31 +290,6 @@ fn regressor(robot: &Robot, motion: &Motion, rows: usize) -> (Vec<f64>, Vec<[Vec
     (nominal, columns)
 }
 
-/// When the rows were, and how they hang together.
-struct Clock {
-    time_s: Vec<f64>,
-    series: Vec<usize>,
-    motion: Vec<usize>,
-}
-
-impl Clock {
-    fn new(rows: &[Row]) -> Self {
-        let [series, motion] =
-            [|row: &Row| row.series, |row: &Row| row.motion].map(|of| rows.iter().map(of).collect::<Vec<usize>>());
-        Self { time_s: rows.iter().map(|row| row.time_s).collect(), series, motion }
-    }
-
-    fn coordinate<'a>(
-        &'a self,
-        [position, velocity, acceleration]: [&'a [f64]; 3],
-        load: Option<&'a [f64]>,
-    ) -> Coordinate<'a> {
-        let (time_s, series, motion) = (&self.time_s[..], &self.series[..], &self.motion[..]);
-        let units = ["rad", "N·m", "N·m"];
-        Coordinate { position, velocity, acceleration, load, temperature: None, time_s, series, motion, units }
-    }
-}
-
 /// Friction, the motor's own inertia, springs and offsets of one joint.
 fn of_joint_laws(coordinate: &Coordinate, periods_a_turn: &[f64]) -> Vec<Law<f64>> {
     let mut laws = coordinate.friction();
@@ -294,59 +303,4 @@ fn of_joint_laws(coordinate: &Coordinate, periods_a_turn: &[f64]) -> Vec<Law<f64
     laws.extend(coordinate.others());
     laws.extend(coordinate.of_motor(periods_a_turn));
     laws
-}
-
-/// Friction and inertia of a motor that turns with a sum of neighbouring joints: by the transmission where it is known,
-/// else the sum and the difference of each two.
-fn couplings(
-    clock: &Clock,
-    motion: &Motion,
-    transmission: Option<&Transmission>,
-    known: &[ModelEffect],
-) -> Vec<Candidate> {
-    let n = motion.q.len();
-    let mut candidates = Vec::new();
-    let mixes: Vec<(Site, Vec<f64>)> = match transmission {
-        Some(transmission) => {
-            let row = |k: usize| -> Vec<f64> {
-                let largest = transmission.matrix.row(k).amax().max(f64::MIN_POSITIVE);
-                (0..n).map(|joint| transmission.matrix[(k, joint)] / largest).collect()
-            };
-            let several = (0..n).map(|k| (Site::new(Place::Motor(k), format!("motor {}", k + 1)), row(k)));
-            several.filter(|(_, mix)| mix.iter().filter(|share| **share != 0.0).count() > 1).collect()
-        }
-        None => (1..n)
-            .flat_map(|k| {
-                let places = [(1.0, "with", Place::JointWithLast(k)), (-1.0, "against", Place::JointAgainstLast(k))];
-                places.map(|(sign, word, place)| {
-                    let mix = (0..n)
-                        .map(|j| {
-                            if j == k - 1 {
-                                1.0
-                            } else if j == k {
-                                sign
-                            } else {
-                                0.0
-                            }
-                        })
-                        .collect();
-                    (Site::new(place, format!("joint {} {word} joint {k}", k + 1)), mix)
-                })
-            })
-            .collect(),
-    };
-    for (site, mix) in mixes {
-        let sum = |of: &[Vec<f64>]| -> Vec<f64> {
-            (0..clock.time_s.len())
-                .map(|row| mix.iter().zip(of).map(|(share, channel)| share * channel[row]).sum())
-                .collect()
-        };
-        let (q, v, a) = (sum(&motion.q), sum(&motion.v), sum(&motion.a));
-        let coordinate = clock.coordinate([&q, &v, &a], None);
-        let mut laws = coordinate.friction();
-        laws.retain(|law| matches!(law, Law::CoulombFriction(_) | Law::ViscousFriction(_)));
-        laws.push(Law::RotorInertia(RotorInertia));
-        candidates.extend(coordinate.candidates(laws, &site, &mix, known));
-    }
-    candidates
 }

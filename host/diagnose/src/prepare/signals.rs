@@ -188,6 +188,11 @@ impl Prepared {
         self.raw(quantity).map(|numbers| self.thin(&self.full(&numbers, false)))
     }
 
+    /// The numbers of a quantity at the kept rows as the table has them, through no low-pass; `None` where there is none.
+    pub fn unfiltered(&self, quantity: &str) -> Option<Vec<f64>> {
+        self.raw(quantity).map(|numbers| self.thin(&numbers))
+    }
+
     fn required(&self, quantity: &str) -> Result<Cow<'_, [f64]>, ReadError> {
         self.raw(quantity)
             .map_or_else(|| self.all.table.required(quantity).map(|column| Cow::Borrowed(&column.numbers[..])), Ok)
@@ -288,7 +293,8 @@ fn low_pass(corner_hz: f64, rate_hz: f64) -> Result<(LowPass, usize), PrepareErr
     Ok((LowPass::new(corner_hz, rate_hz).ok_or_else(none)?, 2 * (rate_hz / corner_hz).ceil() as usize))
 }
 
-/// The motion of each row: a new one where a column of `segment_by` changes, where time runs back, and at gaps.
+/// The motion of each row: a new one where a column of `segment_by`, the run or the payload changes, where time runs back, and
+/// at gaps.
 fn motions(
     table: &Table,
     segment_by: &[String],
@@ -296,7 +302,8 @@ fn motions(
     findings: &mut Vec<Finding>,
 ) -> Result<Vec<usize>, PrepareError> {
     let mut parts = Vec::new();
-    for name in segment_by.iter().map(String::as_str).chain(table.quantity("run").map(|column| column.name.as_str())) {
+    let own = ["run", "payload"].into_iter().filter_map(|quantity| table.quantity(quantity));
+    for name in segment_by.iter().chain(own.map(|column| &column.name)) {
         parts.push(&table.chosen(name)?.words);
     }
     let steps_s: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();

@@ -4,9 +4,10 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use darm_diagnose::effect::Law;
-use darm_diagnose::linearise::calibrated::calibrated;
+use darm_diagnose::linearise::calibrated::{calibrated, with_joint_offsets};
 use darm_diagnose::linearise::measured_tool::MeasuredTool;
 use darm_diagnose::linearise::model::What;
+use darm_diagnose::linearise::model_effects::ModelEffect;
 use darm_diagnose::linearise::point_contact::Points;
 use darm_robot::robot::Robot;
 
@@ -14,7 +15,7 @@ use super::Locked;
 use crate::failure::Usage;
 
 /// The robot of a model; `None` of another file, such as an arm. Effects of a point-contact calibration are in its joints
-/// and its tool; those of torques move nothing.
+/// and its tool; of those of torques the joint offsets.
 pub(super) fn robot(path: &Path, locks: Locked) -> anyhow::Result<Option<Robot>> {
     let Some((model, _)) = locks.read_model(path)? else { return Ok(None) };
     let shown = path.display();
@@ -24,12 +25,13 @@ pub(super) fn robot(path: &Path, locks: Locked) -> anyhow::Result<Option<Robot>>
             calibrated.map(Some).with_context(|| shown.to_string())
         }
         What::Torque(robot, _) | What::Wrench(robot) | What::Any(robot) => {
-            if model.effects.iter().any(|effect| effect.law == Law::MassDistribution) {
+            let is_of_link = |effect: &ModelEffect| effect.law == Law::MassDistribution && !effect.is_carried();
+            if model.effects.iter().any(is_of_link) {
                 let text =
                     format!("{shown}: its effect mass-distribution changes masses: use `darm dynamics`, or the URDF");
                 return Err(Usage(text).into());
             }
-            Ok(Some(robot))
+            with_joint_offsets(&robot, &model.effects).map(Some).with_context(|| shown.to_string())
         }
         What::Cylinder { .. } | What::Servo => {
             Err(Usage(format!("{shown}: a model of one actuator, this command needs an arm or a robot")).into())

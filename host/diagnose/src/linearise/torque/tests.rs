@@ -1,0 +1,189 @@
+//! Robots with one thing that their model does not have: what the columns are, and what a diagnosis names.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use darm_core::real::{Mat3, Vec3};
+use darm_core::se::{Pose, rotation_exp};
+use darm_robot::description;
+use darm_robot::robot::{Motion, Robot};
+
+use super::placement;
+use crate::diagnosis::{SignalOptions, diagnose_table};
+use crate::effect::{Law, Place, Site};
+use crate::linearise::model::{Model, What};
+use crate::linearise::serial_chain::site_of_joint;
+use crate::measurement::table::{Names, Table};
+use crate::outcome::{Diagnosis, Verdict};
+use crate::prepare::signals::Preparation;
+
+const JOINTS: usize = 4;
+const ROWS: u32 = 240;
+const STEP_S: f64 = 0.1;
+/// Noise of each torque, N·m, peak to peak.
+const NOISE_NM: f64 = 0.2;
+
+/// A TX40 whose fourth and sixth joints are locked, so that the tests take less time.
+fn tx40() -> Robot {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/measured/tx40.urdf");
+    let locks = ["joint_4", "joint_6"].map(|joint| (joint.to_owned(), 0.0));
+    description::read(&path, &BTreeMap::from(locks)).unwrap()
+}
+
+/// The robot with a joint that is `offset` further than its encoder shows.
+fn with_offset(joint: usize, offset: f64) -> Robot {
+    let mut robot = tx40();
+    let own = &mut robot.joints[joint].joint;
+    own.placement = own.placement * Pose::new(&(own.axis.direction * offset), Vec3::zeros());
+    robot
+}
+
+/// The robot on a base that is turned by this vector.
+fn tilted(turn: Vec3<f64>) -> Robot {
+    let mut robot = tx40();
+    robot.gravity = rotation_exp(&turn).transpose() * robot.gravity;
+    robot
+}
+
+/// The robot with a point mass on its last link, there in its frame.
+fn loaded(mass_kg: f64, place: Vec3<f64>) -> Robot {
+    let mut robot = tx40();
+    let own = &mut robot.joints.last_mut().unwrap().joint.inertia;
+    let both_kg = own.mass + mass_kg;
+    let com = (own.com * own.mass + place * mass_kg) / both_kg;
+    // The parallel axis theorem for each of the two.
+    let of_mass = |m: f64, off: Vec3<f64>| (Mat3::identity() * off.dot(&off) - off * off.transpose()) * m;
+    own.about_com += of_mass(own.mass, own.com - com) + of_mass(mass_kg, place - com);
+    (own.mass, own.com) = (both_kg, com);
+    robot
+}
+
+fn torque(robot: &Robot, [q, v, a]: &[Vec<f64>; 3]) -> Vec<f64> {
+    robot.dynamics(&Motion { state: [q, v, a], load: None }).unwrap().torque
+}
+
+/// A motion of the joints at this time, each at two frequencies.
+fn state(time_s: f64) -> [Vec<f64>; 3] {
+    let wave = |order: u32| {
+        let joint = |k: usize| {
+            let of = |size: f64, rate: f64| {
+                let turn = rate * time_s + k as f64 + f64::from(order) * std::f64::consts::FRAC_PI_2;
+                size * rate.powi(order as i32) * turn.sin()
+            };
+            of(0.7, 0.9 + 0.13 * k as f64) + of(0.3, 2.3 - 0.17 * k as f64)
+        };
+        (0..JOINTS).map(joint).collect()
+    };
+    [wave(0), wave(1), wave(2)]
+}
+
+/// The diagnosis of the model of the robot as it is with torques that were measured, and with the number of a payload.
+fn diagnosed(measured: impl Fn(f64) -> (Vec<f64>, u32)) -> Diagnosis {
+    let of_joints =
+        ["q", "v", "a", "tau"].map(|letter| (1..=JOINTS).map(|k| format!("{letter}{k},")).collect::<String>());
+    let mut text = format!("t,{}payload\n", of_joints.concat());
+    let mut noise = 12345u64;
+    for row in 0..ROWS {
+        let time_s = f64::from(row) * STEP_S;
+        let (torques, payload) = measured(time_s);
+        let noisy = torques.into_iter().map(|torque| {
+            noise = noise.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            torque + NOISE_NM * ((noise >> 40) as f64 / f64::from(1 << 24) - 0.5)
+        });
+        let numbers = std::iter::once(time_s).chain(state(time_s).concat()).chain(noisy);
+        let cells: Vec<String> = numbers.map(|number| format!("{number:.7}")).collect();
+        text += &format!("{},{payload}\n", cells.join(","));
+    }
+    let table = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0;
+    let options = SignalOptions { preparation: Preparation::default(), always: Vec::new(), seed: 1 };
+    diagnose_table(&Model::from(What::Torque(tx40(), None)), &table, &options).unwrap().diagnosis
+}
+
+/// Intervals of the values of the only effect that is named, by their names.
+fn alone(found: &Diagnosis, law: Law, place: Place) -> BTreeMap<String, [f64; 2]> {
+    assert_eq!(found.verdict, Verdict::EffectFound, "{:?}", found.plain);
+    let named: Vec<(Law, Place)> = found.effects.iter().map(|effect| (effect.law, effect.site.place)).collect();
+    assert_eq!(named, [(law, place)], "{:?}", found.plain);
+    found.effects[0].values.iter().map(|value| (value.name.clone(), value.ci95.unwrap())).collect()
+}
+
+fn holds([low, high]: [f64; 2], value: f64, within: f64) {
+    assert!(low < value && value < high && high - low < within, "{low} to {high} for {value}");
+}
+
+#[test]
+fn columns_are_the_first_order_of_what_moved_robots_need() {
+    let (robot, size) = (tx40(), 1e-4);
+    let states: Vec<[Vec<f64>; 3]> = (0..5).map(|k| state(0.37 * f64::from(k))).collect();
+    let sites: Vec<Site> = (0..JOINTS).map(|joint| site_of_joint(&robot, joint, joint)).collect();
+    let candidates = placement::candidates(&robot, &states, &sites).unwrap();
+    let all = |robot: &Robot| states.iter().flat_map(|state| torque(robot, state)).collect::<Vec<_>>();
+    let nominal = all(&robot);
+    let largest = nominal.iter().fold(0.0, |largest: f64, torque| largest.max(torque.abs()));
+    let check = |moved: &Robot, column: &[f64]| {
+        for ((moved, nominal), slope) in all(moved).iter().zip(&nominal).zip(column) {
+            // The second order: size² times the torque, by a factor of a few.
+            assert!((moved - nominal - slope * size).abs() < 10.0 * size * size * largest, "{moved} {nominal}");
+        }
+    };
+    // The first joint turns about gravity: its place changes no torque.
+    let offsets: Vec<Place> = candidates.iter().map(|candidate| candidate.site.place).collect();
+    assert_eq!(offsets, [Place::Joint(1), Place::Joint(2), Place::Joint(3), Place::Base]);
+    for joint in 1..JOINTS {
+        check(&with_offset(joint, size), &candidates[joint - 1].values[0].column);
+    }
+    for (axis, value) in [Vec3::x(), Vec3::y()].iter().zip(&candidates[3].values) {
+        check(&tilted(axis * size), &value.column);
+    }
+}
+
+#[test]
+fn an_offset_of_a_joint_is_named_alone_with_its_size() {
+    let real = with_offset(1, 0.01);
+    let values = alone(&diagnosed(|t| (torque(&real, &state(t)), 0)), Law::JointOffset, Place::Joint(1));
+    holds(values["offset"], 0.01, 0.003);
+}
+
+#[test]
+fn a_tilted_base_is_named_alone_with_its_size() {
+    let real = tilted(Vec3::new(0.0, 0.01, 0.0));
+    let values = alone(&diagnosed(|t| (torque(&real, &state(t)), 0)), Law::BaseTilt, Place::Base);
+    holds(values["first turn across"], 0.0, 0.003);
+    holds(values["second turn across"], 0.01, 0.003);
+}
+
+#[test]
+fn what_is_carried_in_a_part_of_the_rows_is_named_alone_with_its_mass() {
+    let (empty, full) = (tx40(), loaded(2.0, Vec3::new(0.03, 0.0, 0.1)));
+    let half_s = STEP_S * f64::from(ROWS / 2);
+    let measured = |t: f64| if t < half_s { (&empty, 0) } else { (&full, 3) };
+    let found = diagnosed(|t| (torque(measured(t).0, &state(t)), measured(t).1));
+    let values = alone(&found, Law::MassDistribution, Place::Payload(3));
+    holds(values["m"], 2.0, 0.3);
+    holds(values["m·cz"], 0.2, 0.1);
+}
+
+#[test]
+fn what_is_carried_in_all_rows_is_a_part_of_the_link_that_carries_it() {
+    let full = loaded(2.0, Vec3::new(0.03, 0.0, 0.1));
+    let values = alone(&diagnosed(|t| (torque(&full, &state(t)), 1)), Law::MassDistribution, Place::Link(3));
+    holds(values["m"], 2.0, 0.3);
+}
+
+#[test]
+fn torques_that_all_come_late_have_one_delay() {
+    let (real, late_s) = (tx40(), 0.02);
+    let values = alone(&diagnosed(|t| (torque(&real, &state(t - late_s)), 0)), Law::Delay, Place::AllJoints);
+    holds(values["delay"], late_s, 0.003);
+}
+
+#[test]
+fn rows_that_are_far_off_make_no_wrong_log() {
+    let real = tx40();
+    let found = diagnosed(|t| {
+        let mut measured = torque(&real, &state(t));
+        measured[1] += if (t / STEP_S).round() % 40.0 == 7.0 { 100.0 } else { 0.0 };
+        (measured, 0)
+    });
+    assert_eq!(found.verdict, Verdict::NoEffect, "{:?}", found.plain);
+}
