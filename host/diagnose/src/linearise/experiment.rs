@@ -3,7 +3,7 @@
 use darm_core::actuator::JointKind;
 use darm_robot::robot::RobotJoint;
 
-use crate::effect::{Law, Site};
+use crate::effect::{Law, Place, Site};
 use crate::measured::Measured;
 use crate::measurement::Finding;
 use crate::prepare::groups::Row;
@@ -135,6 +135,11 @@ impl Candidate {
     /// Whether both are the same law at the same place, whatever their shapes.
     pub fn is_same(&self, other: &Self) -> bool {
         self.law == other.law && self.site == other.site
+    }
+
+    /// Whether it is what all joints have in common.
+    pub fn is_common(&self) -> bool {
+        self.site.place == Place::AllJoints
     }
 
     /// Whether it has values with priors.

@@ -71,12 +71,14 @@ fn unless_empty_is_as_good(
     if problem.under(&best).reduction(&empty, &best).p < DISCOVERY_LEVEL { (best, path) } else { (empty, Vec::new()) }
 }
 
-/// One candidate for each law at each place, the middle one of its shapes, after those that are known.
+/// One candidate for each law at each place, the middle one of its shapes, after those that are known; not what all joints have in
+/// common, which is the sum of what each of them has.
 pub(crate) fn every_law(problem: &Signals, known: &[usize]) -> Vec<usize> {
     let candidates = &problem.experiment.candidates;
     let mut active = known.to_vec();
     for k in 0..candidates.len() {
-        if !active.iter().any(|&other| candidates[other].is_same(&candidates[k])) {
+        let is_in = active.iter().any(|&other| candidates[other].is_same(&candidates[k]));
+        if !is_in && !candidates[k].is_common() {
             let shapes: Vec<usize> =
                 (k..candidates.len()).filter(|&other| candidates[other].is_same(&candidates[k])).collect();
             active.push(shapes[shapes.len() / 2]);

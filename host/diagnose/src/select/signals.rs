@@ -304,11 +304,11 @@ fn training(groups: &Groups, n_axes: usize, all: &[f64]) -> Vec<f64> {
     groups.training.iter().flat_map(|row| &all[row * n_axes..(row + 1) * n_axes]).copied().collect()
 }
 
-/// Each candidate by itself, then each law that has several places at all of them; of a law with several shapes the first
+/// Each candidate by itself, then each law that has several places at all of them, but for what they have in common; of a law with several shapes the first
 /// of each place together, the second, and so on.
 fn moves(candidates: &[Candidate]) -> Vec<Vec<usize>> {
     let mut shapes: BTreeMap<(Law, usize), Vec<usize>> = BTreeMap::new();
-    for (k, candidate) in candidates.iter().enumerate() {
+    for (k, candidate) in candidates.iter().enumerate().filter(|(_, candidate)| !candidate.is_common()) {
         let shape = candidates[..k].iter().filter(|other| other.is_same(candidate)).count();
         shapes.entry((candidate.law, shape)).or_default().push(k);
     }
@@ -328,5 +328,18 @@ pub(crate) fn solve(mut information: DMatrix<f64>, gradient: &DVector<f64>) -> D
     match information.cholesky() {
         Some(root) => root.solve(&gradient.component_mul(&scale)).component_mul(&scale),
         None => DVector::zeros(gradient.len()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::{Place, Site};
+
+    #[test]
+    fn a_law_at_all_its_places_leaves_out_what_they_have_in_common() {
+        let delay = |place| Candidate::one(Law::Delay, Site::new(place, "here"), ("delay", "s"), Vec::new());
+        let candidates = [Place::Joint(0), Place::Joint(1), Place::AllJoints].map(delay);
+        assert_eq!(moves(&candidates), [vec![0], vec![1], vec![2], vec![0, 1]]);
     }
 }
