@@ -1,9 +1,12 @@
-//! Stage 6: the outcome as plain data, and in sentences.
+//! Stage 6: the outcome as plain data, in sentences, and as tables and plots.
 
 pub mod numbers;
+mod plots;
 pub mod poses;
+mod residuals;
 pub mod sentences;
 pub mod signals;
+pub mod tables;
 
 use crate::judge::Judgement;
 use crate::measurement::Finding;

@@ -2,11 +2,11 @@
 
 use maud::{Markup, html};
 
-use super::diagnosis::tables_and_plots;
-use super::numbers::mm;
 use super::skeleton::skeleton;
 use super::{Closure, LoopReport, PaperFigures, SynthesisFigures, drawing};
 use darm_diagnose::outcome::Verdict;
+use darm_diagnose::report::numbers::mm;
+use darm_diagnose::report::tables::tables_and_plots;
 
 /// The page, self-contained.
 pub fn page(report: &LoopReport) -> Markup {

@@ -7,9 +7,6 @@ mod diagnosis;
 mod drawing;
 mod html;
 mod motion;
-mod numbers;
-mod plots;
-mod residuals;
 mod skeleton;
 mod terminal;
 

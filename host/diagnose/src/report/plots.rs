@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use crate::outcome::{Dependence, Diagnosis, Point, Visit};
 use darm_arm::draw::chart::{Axis, Chart, Scale, Series, Shape};
 use darm_arm::draw::palette::{BLUE, Color, MUTED, ORANGE};
-use darm_diagnose::outcome::{Dependence, Diagnosis, Point, Visit};
 use maud::{Markup, PreEscaped};
 
 /// Errors before the correction.

@@ -1,6 +1,6 @@
 //! The plots of a diagnosis: errors of words and against suspects, residuals of signals along the rows.
 
-use darm_diagnose::outcome::{Dependence, Diagnosis, Visit};
+use crate::outcome::{Dependence, Diagnosis, Visit};
 use maud::{Markup, html};
 
 use super::numbers::short;
