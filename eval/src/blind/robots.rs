@@ -113,7 +113,7 @@ impl Robots {
 pub(super) fn diagnosed(which: Which, what: What, table: &Table, seed: u64) -> Result<Diagnosis> {
     let segment_by = if which == Which::Floating { vec!["posture".to_string()] } else { Vec::new() };
     let preparation = Preparation { segment_by, ..Preparation::default() };
-    let options = SignalOptions { preparation, always: Vec::new(), seed };
+    let options = SignalOptions { preparation, seed, ..SignalOptions::default() };
     Ok(diagnose_table(&Model::from(what), table, &options)?.diagnosis)
 }
 

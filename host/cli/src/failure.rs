@@ -163,18 +163,7 @@ pub(crate) fn in_table(path: &Path, line: Option<usize>, error: impl Into<anyhow
 
 /// One sentence without a full stop: what failed, where, what to do.
 pub(crate) fn sentence(error: &anyhow::Error) -> String {
-    let mut sentence = String::new();
-    for part in error.chain().map(ToString::to_string) {
-        // Some errors contain the text of their source, or begin with the file that the context names.
-        if part.starts_with(&sentence) {
-            sentence.clear();
-        }
-        if !sentence.contains(&part) {
-            sentence.push_str(if sentence.is_empty() { "" } else { ": " });
-            sentence.push_str(part.trim_end_matches('.'));
-        }
-    }
-    sentence
+    darm_diagnose::error::sentence(&**error)
 }
 
 /// The error as JSON.

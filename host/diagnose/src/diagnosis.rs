@@ -32,6 +32,7 @@ use crate::prepare::groups::Groups;
 use crate::prepare::observations::{NoPose, Observations};
 use crate::prepare::repeatability::{self, Noise};
 use crate::prepare::signals::{Preparation, PrepareError, Prepared};
+use crate::progress::{Progress, Stage};
 use crate::project::{Projected, project};
 use crate::report::{self, Summary, sentences};
 use crate::select::cross_validation::folds;
@@ -47,22 +48,24 @@ pub use crate::report::sentences::effect_sentence;
 const LARGEST: f64 = 1e100;
 
 /// How tool poses are diagnosed.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Options {
     /// Shuffles the words into folds.
     pub seed: u64,
     /// How many words a proposed measurement has.
     pub next_words: usize,
+    /// How far it is.
+    pub progress: Progress,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { seed: 1, next_words: 12 }
+        Self { seed: 1, next_words: 12, progress: Progress::default() }
     }
 }
 
 /// How signals are diagnosed.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct SignalOptions {
     /// How the table is made ready.
     pub preparation: Preparation,
@@ -70,6 +73,8 @@ pub struct SignalOptions {
     pub always: Vec<String>,
     /// Reported; nothing is drawn by chance.
     pub seed: u64,
+    /// How far it is.
+    pub progress: Progress,
 }
 
 /// What `run` says about what the model of `arm` is missing, with what is suspicious about its rows.
@@ -79,6 +84,7 @@ pub struct SignalOptions {
 /// A run that does not fit the arm, or has too few words.
 pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCorrection>, DiagnoseError> {
     let no_pose = |NoPose { sample, error }| DiagnoseError::NoPose { line: run.line(sample), error };
+    options.progress.enter(Stage::Prepare)?;
     let findings = check(arm, run);
     if let Some(finding) = findings.iter().find(|finding| finding.severity == Severity::Error) {
         return Err(DiagnoseError::Row(finding.clone()));
@@ -86,6 +92,7 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
     let repeats = repeatability::repeated(arm, run);
     let problem = prepare_poses(arm, run, repeats.as_ref().filter(|noise| noise.is_known()), options)?;
     let start = problem.fitted(&arm.model).map_err(no_pose)?;
+    options.progress.enter(Stage::Select)?;
     let agreement = agreement::poses::agreement(arm, run);
     let Selection { best, rivals, path } = match &agreement {
         Agreement::Otherwise(_) => Selection { best: start.clone(), rivals: Vec::new(), path: Vec::new() },
@@ -93,10 +100,12 @@ pub fn diagnose(arm: &Arm, run: &Run, options: &Options) -> Result<Outcome<ArmCo
             forward_selection(&problem, start.clone(), Vec::new()).map_err(no_pose)?
         }
     };
+    options.progress.enter(Stage::Judge)?;
     let repeatability = repeats.as_ref();
     let selected = SelectedPoses { arm, run, problem: &problem, repeatability, best: &best, agreement: &agreement };
     let how = Proposal { seed: options.seed, words: options.next_words };
     let (judgement, with_terms) = judge::poses::judge(&selected, &start, rivals, how).map_err(no_pose)?;
+    options.progress.check()?;
     let summary = report::poses::summary(&selected, path, options.seed).map_err(no_pose)?;
     let summary = Summary { findings, ..summary };
     let diagnosis = report::diagnosis(summary, judgement, |diagnosis| {
@@ -132,7 +141,7 @@ fn prepare_poses(arm: &Arm, run: &Run, repeats: Option<&Noise>, options: &Option
     if folds.iter().all(|fold| *fold == folds[0]) {
         return Err(DiagnoseError::OneGroup { selection: run.choice.description.clone() });
     }
-    let problem = ToolPoses::new(training, held_out, folds);
+    let problem = ToolPoses::new(training, held_out, folds).with_progress(options.progress.clone());
     if repeats.is_some() {
         return Ok(problem);
     }
@@ -186,6 +195,7 @@ fn diagnose_table_read(
 ) -> Result<Outcome<SignalCorrection>, DiagnoseError> {
     let pooled = held_out_in_turn(model, table, options)?;
     let mut selected = select(model, table, options, None)?;
+    options.progress.enter(Stage::Judge)?;
     selected.findings.splice(0..0, findings);
     Ok(conclude(model, &selected, pooled.as_ref(), options))
 }
@@ -211,6 +221,7 @@ fn select(
     options: &SignalOptions,
     each: Option<&str>,
 ) -> Result<SelectedSignals, DiagnoseError> {
+    options.progress.enter(Stage::Prepare)?;
     let data = Prepared::new(table.clone(), &options.preparation, each)?;
     let mut experiment = linearise(model, &data)?;
     check_numbers(&experiment)?;
@@ -230,11 +241,13 @@ fn select(
         None => agreement::signals::agreement(model, &data, &experiment),
         Some(_) => Agreement::AsRead,
     };
-    let problem = Signals::new(experiment, groups);
+    options.progress.enter(Stage::Select)?;
+    let problem = Signals::new(experiment, groups).with_progress(options.progress.clone());
     let (best, path) = match &agreement {
         Agreement::Otherwise(_) => (problem.fitted(always), Vec::new()),
         Agreement::AsRead | Agreement::Hardly(_) => search::select(&problem, always),
     };
+    options.progress.check()?;
     let Projected { best, impossible } = project(&problem, best, n_known);
     let (held_out, mut findings) = (data.held_out, data.findings);
     findings.extend(problem.experiment.findings.iter().cloned());

@@ -1,5 +1,8 @@
 //! Why there is no diagnosis.
 
+use std::error::Error;
+use std::iter;
+
 use darm_core::chain::ChainError;
 
 use crate::effect::Law;
@@ -91,6 +94,9 @@ pub enum DiagnoseError {
     /// A value that a law of the model does not have.
     #[error(transparent)]
     UnknownValue(#[from] UnknownValue),
+    /// Whoever waited for it has given it up.
+    #[error("the diagnosis was given up; start it again")]
+    Cancelled,
     /// The model predicts NaN or infinity.
     #[error("the model predicts NaN or infinity; check that this is the right model, and the units of the columns")]
     NotANumber {
@@ -109,4 +115,20 @@ impl DiagnoseError {
             _ => None,
         }
     }
+}
+
+/// An error with its causes as one sentence without a full stop: what failed, where, what to do.
+pub fn sentence(error: &(dyn Error + 'static)) -> String {
+    let mut sentence = String::new();
+    for part in iter::successors(Some(error), |&error| error.source()).map(ToString::to_string) {
+        // Some errors contain the text of their source, or begin with the file that the context names.
+        if part.starts_with(&sentence) {
+            sentence.clear();
+        }
+        if !sentence.contains(&part) {
+            sentence.push_str(if sentence.is_empty() { "" } else { ": " });
+            sentence.push_str(part.trim_end_matches('.'));
+        }
+    }
+    sentence
 }

@@ -56,12 +56,18 @@ impl ModelFile {
         self
     }
 
+    /// Its number; 0 where it has none.
+    pub fn number(&self) -> u64 {
+        let number = self.keys.get("number").and_then(toml::Value::as_integer);
+        number.and_then(|number| u64::try_from(number).ok()).unwrap_or(0)
+    }
+
     /// The next model: with these effects in place of those that it has.
     #[must_use]
     pub(crate) fn with_effects<'a>(&self, effects: impl Iterator<Item = &'a ModelEffect>) -> Self {
         let mut next = self.clone();
-        let number = next.keys.get("number").and_then(toml::Value::as_integer).unwrap_or(0);
-        next.keys.insert("number".into(), toml::Value::Integer(number + 1));
+        let number = toml::Value::try_from(self.number() + 1).expect("a number of a model is small");
+        next.keys.insert("number".into(), number);
         let tables = effects.map(|effect| toml::Value::try_from(effect).expect("an effect is names and numbers"));
         next.keys.insert("effect".into(), toml::Value::Array(tables.collect()));
         next

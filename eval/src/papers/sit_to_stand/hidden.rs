@@ -118,7 +118,8 @@ pub(super) fn person(figures: &mut Vec<Figure>) -> Result<()> {
         interpolate: Some("fresh".into()),
         ..Preparation::default()
     };
-    let options = SignalOptions { preparation, always: vec!["mass-distribution".into()], seed: 1 };
+    let options =
+        SignalOptions { preparation, always: vec!["mass-distribution".into()], seed: 1, ..SignalOptions::default() };
     let model = Model::from(What::Wrench(robot));
     let diagnosis =
         diagnose_file(&model, &folder.join("human_wholebody_30hz.csv.gz"), &Names::new(), &options)?.diagnosis;

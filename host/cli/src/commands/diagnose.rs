@@ -5,14 +5,11 @@ use std::path::PathBuf;
 use darm::report::diagnosis_page;
 use darm_arm::arm::Arm;
 use darm_diagnose::correction::Keep;
-use darm_diagnose::diagnosis::{Options, SignalOptions, diagnose, diagnose_file};
-use darm_diagnose::linearise::model::Model;
+use darm_diagnose::diagnosis::SignalOptions;
+use darm_diagnose::files::{FileOptions, Files, Subject};
 use darm_diagnose::measurement::hold_out::HoldOut;
-use darm_diagnose::measurement::origin::Origin;
-use darm_diagnose::measurement::poses::{self, Which};
 use darm_diagnose::measurement::select::Selection;
-use darm_diagnose::measurement::{self, Finding, about};
-use darm_diagnose::model_file::{LockedJoint, ModelFile};
+use darm_diagnose::measurement::{self, Finding};
 use darm_diagnose::outcome::{Diagnosis, Effect, ErrorFigure, Number};
 use darm_diagnose::prepare::signals::Preparation;
 use darm_diagnose::report::numbers::with_interval;
@@ -21,7 +18,7 @@ use serde::Serialize;
 
 use super::subject::Locked;
 use crate::exchanged;
-use crate::failure::{Usage, in_table};
+use crate::failure::Usage;
 use crate::output_file::{self, Syntax};
 use crate::ui::{Answer, Ui, columns};
 
@@ -141,11 +138,15 @@ impl Diagnose {
         if let Some(path) = &self.report {
             output_file::refuse_other_than_page(path)?;
         }
-        let report = match Locked(&self.locks).read_model(&self.model)? {
-            Some((model, locked)) => self.signals(&model, &locked, ui)?,
+        let subject = match Locked(&self.locks).read_model(&self.model)? {
+            Some((model, locked)) => Subject::Signals(Box::new(model), locked),
             None if !self.locks.is_empty() => return Err(Usage("--lock needs a robot, not an arm file".into()).into()),
-            None => self.poses(ui)?,
+            None => {
+                self.rows.refuse_those_of_signals()?;
+                Subject::Arm(Box::new(Arm::read(&self.model)?))
+            }
         };
+        let report = self.diagnose(subject, ui)?;
         if let (Some(_), None) = (&self.output, &report.output) {
             ui.note(NOTHING_TO_WRITE);
         }
@@ -156,55 +157,25 @@ impl Diagnose {
         ui.print(&report)
     }
 
-    fn signals(&self, model: &Model, locked: &[LockedJoint], ui: Ui) -> anyhow::Result<Report> {
-        let (names, options) = (self.rows.names()?, self.rows.options(self.seed)?);
+    fn diagnose(&self, subject: Subject, ui: Ui) -> anyhow::Result<Report> {
+        let how = FileOptions {
+            names: self.rows.names()?,
+            rows: self.rows.options(self.seed)?,
+            accepts_other_model: self.other_model,
+        };
         let spinner = ui.spinner("diagnosing");
-        let outcome = diagnose_file(model, &self.data, &names, &options);
+        let found = Files { model: &self.model, data: &self.data }.diagnose(subject, &how);
         spinner.finish_and_clear();
-        let outcome = outcome.map_err(|error| in_table(&self.data, error.line(), error))?;
-        let mut output = None;
-        if let Some(path) = &self.output
-            && let file = ModelFile::read(&self.model, outcome.diagnosis.kind)?
-            && let Some(corrected) = outcome.correction.corrected(&file, &outcome.diagnosis, self.keep())
-        {
-            corrected.with_locked(locked).write(path)?;
-            output = Some(path.clone());
-        }
-        Ok(Report { diagnosis: outcome.diagnosis, output })
-    }
-
-    fn poses(&self, ui: Ui) -> anyhow::Result<Report> {
-        self.rows.refuse_those_of_signals()?;
-        let arm = Arm::read(&self.model)?;
-        let which = Which { keep: self.rows.keep.clone(), hold_out: self.rows.held_out()? };
-        let (run, read) = poses::read(&self.data, &self.rows.names()?, &which)?;
-        let origin = self.origin(&arm)?;
-        let spinner = ui.spinner("diagnosing");
-        let outcome = diagnose(&arm, &run, &Options { seed: self.seed, ..Options::default() });
-        spinner.finish_and_clear();
-        let outcome = outcome.map_err(|error| in_table(&self.data, error.line(), error))?;
-        let mut output = None;
-        if let Some(path) = &self.output
-            && let Some(corrected) = outcome.correction.corrected(&arm, &run, self.keep())
-        {
-            corrected.write(path)?;
-            output = Some(path.clone());
-        }
-        let findings = read.into_iter().chain(origin).chain(outcome.diagnosis.findings).collect();
-        Ok(Report { diagnosis: Diagnosis { findings, ..outcome.diagnosis }, output })
+        let found = found?;
+        let output = match &self.output {
+            Some(path) => found.write_corrected(path, self.keep())?.map(|_| path.clone()),
+            None => None,
+        };
+        Ok(Report { diagnosis: found.diagnosis, output })
     }
 
     fn keep(&self) -> Keep {
         if self.keep_terms { Keep::EffectsAndTerms } else { Keep::Effects }
-    }
-
-    /// Compares the model of a recording with the arm.
-    fn origin(&self, arm: &Arm) -> anyhow::Result<Option<Finding>> {
-        let Some(origin) = Origin::find(&about(&self.data)?) else { return Ok(None) };
-        if self.other_model || origin.fits(arm) {
-            return Ok(origin.finding(arm));
-        }
-        Err(origin.refusal(&self.data, &self.model, arm).into())
     }
 }
 
@@ -268,7 +239,7 @@ impl RowOptions {
             interpolate: self.interpolate.clone(),
             skip_after_change_s: self.skip_after_change,
         };
-        Ok(SignalOptions { preparation, always: self.always.clone(), seed })
+        Ok(SignalOptions { preparation, always: self.always.clone(), seed, ..SignalOptions::default() })
     }
 }
 

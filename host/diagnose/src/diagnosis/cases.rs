@@ -14,7 +14,6 @@ use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::linearise::model::{Model, What};
 use crate::measurement::table::{Names, Table};
 use crate::outcome::Verdict;
-use crate::prepare::signals::Preparation;
 
 const ROWS: u32 = 1200;
 const STEP_S: f64 = 0.05;
@@ -138,7 +137,7 @@ fn rows(case: &Case, position: fn(f64) -> f64, row: impl Fn(&Now, f64) -> String
 /// The laws that a diagnosis of a table names.
 fn named(model: &Model, text: &str) -> String {
     let table = Table::read_text(Path::new("a.csv"), text.as_bytes(), &Names::new()).unwrap().0;
-    let options = SignalOptions { preparation: Preparation::default(), always: Vec::new(), seed: 1 };
+    let options = SignalOptions { seed: 1, ..SignalOptions::default() };
     let found = diagnose_table(model, &table, &options).unwrap().diagnosis;
     let laws: Vec<&str> = found.effects.iter().map(|effect| effect.law.as_str()).collect();
     let others: Vec<&str> = found.alternatives.iter().map(|other| other.law.as_str()).collect();

@@ -17,7 +17,8 @@ use crate::select::problem::{Neighbours as _, RegressionProblem as _, Trial};
 fn options(hold_out: HoldOut, keep: Option<&str>, always: &[&str]) -> SignalOptions {
     let keep = keep.map(|text| text.parse().unwrap());
     let preparation = Preparation { keep, hold_out, ..Preparation::default() };
-    SignalOptions { preparation, always: always.iter().map(ToString::to_string).collect(), seed: 1 }
+    let always = always.iter().map(ToString::to_string).collect();
+    SignalOptions { preparation, always, seed: 1, ..SignalOptions::default() }
 }
 
 fn measured(name: &str) -> std::path::PathBuf {

@@ -9,6 +9,7 @@ use maud::{Markup, html};
 
 use super::numbers::{chance, short, shown, with_unit};
 use super::residuals;
+use crate::prepare::sampling::usual_step_s;
 use crate::select::significance::DISCOVERY_LEVEL;
 
 /// Outliers that are listed by line.
@@ -28,6 +29,36 @@ pub fn tables_and_plots(d: &Diagnosis) -> Markup {
         h3 { "Selection path" }
         p { "Cross-validated error with each effect added; the best of each step, of all that were tried." }
         (selection_path(d, unit))
+    }
+}
+
+/// What was measured: rows, times, what was held out, and how well the measurement repeats.
+pub fn sampling_table(d: &Diagnosis) -> Markup {
+    let mut times: Vec<f64> = d.points.iter().map(|point| point.time_s).collect();
+    times.sort_by(f64::total_cmp);
+    let steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    // Of many rows the points are one in several.
+    let every = ((d.rows.train + d.rows.held_out) as f64 / times.len().max(1) as f64).round().max(1.0);
+    let (step_s, over_s) =
+        (usual_step_s(&steps) / every, times.last().zip(times.first()).map_or(0.0, |(last, first)| last - first));
+    let visits = d.points.iter().filter_map(|point| point.visit.as_ref());
+    let words: BTreeSet<&str> = visits.map(|visit| &visit.word[..]).collect();
+    let noise = d.repeatability.as_ref().map_or("not measured".to_owned(), |r| {
+        format!("{}, {} degrees of freedom", with_unit(r.norm.value, r.norm.unit), r.dof)
+    });
+    html! {
+        table {
+            tbody {
+                tr { th scope="row" { "Measured" } td { (d.kind) } }
+                tr { th scope="row" { "Rows" } td { (d.rows.train) " fitted, " (d.rows.held_out) " held out" } }
+                @if !words.is_empty() { tr { th scope="row" { "Words" } td { (words.len()) " different" } } }
+                @if over_s > 0.0 { tr { th scope="row" { "Time" } td { (short(over_s)) " s, usually " (short(step_s)) " s from row to row" } } }
+                tr { th scope="row" { "Held out" } td { (d.held_out) } }
+                tr { th scope="row" { "Cross-validated over" } td { (d.left_out) } }
+                tr { th scope="row" { "Repeatability" } td { (noise) } }
+                @if let Some(model) = d.model { tr { th scope="row" { "Model" } td { (model) } } }
+            }
+        }
     }
 }
 

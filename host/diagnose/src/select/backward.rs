@@ -31,6 +31,9 @@ pub(super) fn backward_elimination(problem: &Signals, start: &Trial<Signals>) ->
     let n_tried = shaped.fit.active.len() - known.len();
     let (mut best, mut path) = (shaped, Vec::new());
     for _ in 0..SWEEPS {
+        if problem.progress.is_cancelled() {
+            break;
+        }
         let Ok(reweighted) = problem.reweight_until_converged(best);
         let n_before = reweighted.fit.active.len();
         (best, path) = sweep(problem, reweighted, known.len(), n_tried);
@@ -141,6 +144,10 @@ fn sweep(
     order.sort_by(|(_, a), (_, b)| a.total_cmp(b));
     let (mut best, mut path) = (start.clone(), Vec::new());
     for (effect, _) in order {
+        if problem.progress.is_cancelled() {
+            break;
+        }
+        problem.progress.add_tried(1);
         let without = model.without(&[effect]);
         let kept = under.reduction(&without, &best).p <= FALSE_SHARE * n_left as f64 / n_tried as f64;
         path.push(step(problem, &[effect], &best, &without, kept));

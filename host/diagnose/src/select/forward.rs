@@ -73,7 +73,7 @@ pub fn forward_selection<P: RegressionProblem>(
     let mut best = problem.reweight_until_converged(start)?;
     let (mut rivals, mut exchanges) = (Vec::new(), 0);
     for _ in 0..MAX_STEPS {
-        if problem.n_effects(&best.fit) >= policy.max_effects {
+        if problem.n_effects(&best.fit) >= policy.max_effects || problem.progress().is_cancelled() {
             break;
         }
         let step = problem.n_effects(&best.fit) - n_known;
@@ -107,6 +107,7 @@ pub fn forward_selection<P: RegressionProblem>(
 fn try_candidates<P: RegressionProblem>(problem: &P, current: &Trial<P>, step: usize) -> Result<Tried<P>, P::Error> {
     let under = problem.under(current);
     let screened = under.sorted(problem.neighbours(current).with_one_more()?);
+    problem.progress().add_tried(screened.len());
     let n_tried = screened.len() as f64;
     let chance = |trial: &Trial<P>| (under.reduction(current, trial).p * n_tried).min(1.0);
     let promising = screened.iter().filter(|trial| chance(trial) < 1.0);

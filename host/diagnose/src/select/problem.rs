@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use super::significance::LossReduction;
 use crate::effect::{Law, Place, as_str};
+use crate::progress::Progress;
 
 /// How a selection proceeds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +64,9 @@ pub trait RegressionProblem: Sized {
 
     /// How the selection proceeds.
     fn policy(&self) -> Policy;
+
+    /// How far the selection is, and whether it is given up.
+    fn progress(&self) -> &Progress;
 
     /// How many effects the model has.
     fn n_effects(&self, fit: &Self::Fit) -> usize;

@@ -7,6 +7,7 @@ use super::factored::Factored;
 use super::problem::{CandidateName, Loss, Neighbours, Policy, RegressionProblem, Trial, Under};
 use super::signals::{Fit, Signals, Weighting, in_noise};
 use super::significance::{LossReduction, paired_t_test};
+use crate::progress::Progress;
 
 /// The most effects of one model.
 const MAX_EFFECTS: usize = 60;
@@ -69,6 +70,10 @@ impl RegressionProblem for Signals {
     fn policy(&self) -> Policy {
         let exchanges = self.moves.len() * self.groups.n_folds < MAX_TO_EXCHANGE;
         Policy { max_effects: MAX_EFFECTS, laws_overlap: true, exchanges }
+    }
+
+    fn progress(&self) -> &Progress {
+        &self.progress
     }
 
     fn n_effects(&self, fit: &Fit) -> usize {

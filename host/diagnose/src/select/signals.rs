@@ -22,6 +22,7 @@ use crate::effect::Law;
 use crate::linearise::experiment::{Candidate, Experiment};
 use crate::prepare::groups::Groups;
 use crate::prepare::repeatability::MEDIAN_OF_NORMAL;
+use crate::progress::Progress;
 
 /// Share of the information that is added to each value's own, so that what is not determined stays small.
 const RIDGE: f64 = 1e-9;
@@ -48,6 +49,7 @@ pub struct Signals {
     pub moves: Vec<Vec<usize>>,
     /// How many values all candidates have together.
     pub(super) n_values: usize,
+    pub(super) progress: Progress,
     offsets: Vec<usize>,
     /// 1/σ² of the prior of each value.
     priors: Vec<f64>,
@@ -119,6 +121,7 @@ impl Signals {
         };
         Self {
             n_values,
+            progress: Progress::default(),
             offsets,
             priors: values().map(|value| 1.0 / (value.prior * value.prior)).collect(),
             linearised: Arc::new(linearised),
@@ -126,6 +129,11 @@ impl Signals {
             moves: moves(&experiment.candidates),
             experiment,
         }
+    }
+
+    /// The same, reporting how far the selection is.
+    pub fn with_progress(self, progress: Progress) -> Self {
+        Self { progress, ..self }
     }
 
     /// The model with these candidates, not fitted yet, without a weighting that it could be compared under.

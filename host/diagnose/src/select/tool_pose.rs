@@ -17,6 +17,7 @@ use crate::linearise::arm_candidates;
 use crate::linearise::sensitivity::Sensitivity;
 use crate::measurement::root_mean_square;
 use crate::prepare::observations::{NoPose, Observations, Value};
+use crate::progress::Progress;
 use darm_arm::arm::{ArmModel, ArmScratch};
 
 /// A fall expected to be less than this many standard errors may not be seen on the rows held out.
@@ -34,6 +35,7 @@ pub struct ToolPoses {
     pub held_out: Observations,
     /// The fold of each training row.
     pub folds: Vec<usize>,
+    progress: Progress,
 }
 
 /// The values of all effects of a model.
@@ -45,12 +47,18 @@ pub fn values(model: &ArmModel) -> Vec<Value> {
 impl ToolPoses {
     /// Training rows with their folds, and held-out rows, both in units of the same noise.
     pub fn new(training: Observations, held_out: Observations, folds: Vec<usize>) -> Self {
-        Self { training, held_out, folds }
+        Self { training, held_out, folds, progress: Progress::default() }
+    }
+
+    /// The same, reporting how far the selection is.
+    pub fn with_progress(self, progress: Progress) -> Self {
+        Self { progress, ..self }
     }
 
     /// The same rows in units of another noise.
     pub fn with_noise(self, sigma: Noise) -> Self {
-        Self::new(self.training.with_noise(sigma), self.held_out.with_noise(sigma), self.folds)
+        let (training, held_out) = (self.training.with_noise(sigma), self.held_out.with_noise(sigma));
+        Self { training, held_out, ..self }
     }
 
     /// A model with all its values fitted in full.
@@ -229,6 +237,10 @@ impl RegressionProblem for ToolPoses {
 
     fn policy(&self) -> Policy {
         Policy { max_effects: MAX_EFFECTS, laws_overlap: false, exchanges: true }
+    }
+
+    fn progress(&self) -> &Progress {
+        &self.progress
     }
 
     fn n_effects(&self, fit: &Fit) -> usize {

@@ -11,7 +11,6 @@ use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::linearise::faulty_robot_cases::{Fault, Faulty, JOINTS, cases, named, normal, panda};
 use crate::linearise::model::{Model, What};
 use crate::measurement::table::{Names, Table};
-use crate::prepare::signals::Preparation;
 
 const POSTURES: usize = 150;
 const NOISE_M: f64 = 1e-4;
@@ -39,7 +38,7 @@ fn wrong(base: Pose<f64>, in_base_frame: bool) -> Vec<(&'static str, String)> {
         Model::from(What::Tool(robot.clone(), how))
     };
     let reported = |fault: Fault| {
-        let options = SignalOptions { preparation: Preparation::default(), always: Vec::new(), seed: 1 };
+        let options = SignalOptions { seed: 1, ..SignalOptions::default() };
         named(&diagnose_table(&model(&robot), &table(&robot, fault, &base), &options).unwrap().diagnosis)
     };
     let all = cases();

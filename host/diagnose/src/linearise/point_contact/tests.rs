@@ -12,7 +12,6 @@ use crate::diagnosis::{SignalOptions, diagnose_table};
 use crate::linearise::faulty_robot_cases::{Fault, Faulty, JOINTS, cases, named, normal, panda};
 use crate::linearise::model::{Model, What};
 use crate::measurement::table::{Names, Table};
-use crate::prepare::signals::Preparation;
 
 /// Pairs of points, this far apart, m.
 const PAIRS: usize = 4;
@@ -67,7 +66,7 @@ fn table(robot: &Robot, fault: Fault, seed: u64) -> Table {
 fn reported(robot: &Robot, fault: Fault, pair: Option<(String, f64)>) -> String {
     let point = ["place", "socket"].map(String::from).to_vec();
     let model = Model::from(What::PointContact(robot.clone(), Points { point, pair, tool: Some("ball_link".into()) }));
-    let options = SignalOptions { preparation: Preparation::default(), always: Vec::new(), seed: 1 };
+    let options = SignalOptions { seed: 1, ..SignalOptions::default() };
     let found = diagnose_table(&model, &table(robot, fault, SEED), &options).unwrap().diagnosis;
     // What turns or moves all points alike.
     for value in ["offset of joint-offset", "x of link-error"] {
